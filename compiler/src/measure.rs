@@ -1,0 +1,35 @@
+//! What an energy can be a function of.
+
+/// A measure of deformation of one interaction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Measure {
+    /// `l`: length of a bond, one-neighbour interaction, in m.
+    Length,
+    /// `a`: area measure of a triangle, two-neighbour interaction, `|xi1 x xi2|` in m^2.
+    Area,
+    /// `v`: volume measure of a tetrahedron, three-neighbour interaction, in m^3.
+    Volume,
+}
+
+impl Measure {
+    /// All measures, in the order of their number of neighbours.
+    pub const ALL: [Measure; 3] = [Measure::Length, Measure::Area, Measure::Volume];
+
+    /// As written in `psi(..)`.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Measure::Length => "l",
+            Measure::Area => "a",
+            Measure::Volume => "v",
+        }
+    }
+
+    /// Its value at rest, as written.
+    pub fn reference_symbol(self) -> &'static str {
+        match self {
+            Measure::Length => "L",
+            Measure::Area => "A",
+            Measure::Volume => "V",
+        }
+    }
+}

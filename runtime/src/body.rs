@@ -1,0 +1,105 @@
+//! A body: points with volumes, in two or three dimensions.
+
+/// Points with volumes.
+///
+/// Points are kept sorted along the body's longest axis (ties in the user's order), so that a
+/// range of indices is a slab of the body; [`Body::user_index`] leads back to the user's order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Body {
+    dimension: usize,
+    /// Reference positions, `n x d` row by row, in m.
+    positions: Vec<f64>,
+    /// Point volumes in m^d.
+    volumes: Vec<f64>,
+    /// Lattice spacing in m, if the points are a lattice.
+    spacing: Option<f64>,
+    /// Place of each point in the user's order.
+    user_index: Vec<u32>,
+    /// The axis along which the points are sorted.
+    sorted_axis: usize,
+}
+
+impl Body {
+    /// Takes points in the user's order: `positions` is `n x d`, `volumes` has `n` entries.
+    pub fn new(dimension: usize, positions: &[f64], volumes: &[f64], spacing: Option<f64>) -> Body {
+        let n = volumes.len();
+        assert_eq!(positions.len(), n * dimension, "positions are n x d");
+        let extent = |axis: usize| {
+            let column = || positions.iter().skip(axis).step_by(dimension).copied();
+            column().fold(f64::NEG_INFINITY, f64::max) - column().fold(f64::INFINITY, f64::min)
+        };
+        let mut sorted_axis = 0;
+        for axis in 1..dimension {
+            if extent(axis) > extent(sorted_axis) * (1.0 + 1e-9) {
+                sorted_axis = axis;
+            }
+        }
+        let mut user_index: Vec<u32> = (0..n as u32).collect();
+        let key = |p: &u32| positions[*p as usize * dimension + sorted_axis];
+        user_index.sort_by(|p, q| key(p).total_cmp(&key(q)));
+        let gather = |p: &u32| &positions[*p as usize * dimension..(*p as usize + 1) * dimension];
+        Body {
+            dimension,
+            positions: user_index.iter().flat_map(gather).copied().collect(),
+            volumes: user_index.iter().map(|p| volumes[*p as usize]).collect(),
+            spacing,
+            user_index,
+            sorted_axis,
+        }
+    }
+
+    /// 2 or 3.
+    pub fn dimension(&self) -> usize {
+        self.dimension
+    }
+
+    /// How many points there are.
+    pub fn n_points(&self) -> usize {
+        self.volumes.len()
+    }
+
+    /// Reference position of a point, `d` numbers in m.
+    pub fn position(&self, point: usize) -> &[f64] {
+        &self.positions[point * self.dimension..(point + 1) * self.dimension]
+    }
+
+    /// All reference positions, `n x d` row by row, in m.
+    pub fn positions(&self) -> &[f64] {
+        &self.positions
+    }
+
+    /// Point volumes in m^d.
+    pub fn volumes(&self) -> &[f64] {
+        &self.volumes
+    }
+
+    /// Lattice spacing in m, if the points are a lattice.
+    pub fn spacing(&self) -> Option<f64> {
+        self.spacing
+    }
+
+    /// The axis along which the points are sorted.
+    pub fn sorted_axis(&self) -> usize {
+        self.sorted_axis
+    }
+
+    /// Place of each point in the order in which the user listed them.
+    pub fn user_index(&self) -> &[u32] {
+        &self.user_index
+    }
+
+    /// Rearranges per-point rows of `width` numbers from the body's order into the user's.
+    pub fn to_user_order(&self, rows: &[f64], width: usize) -> Vec<f64> {
+        let mut out = vec![0.0; rows.len()];
+        for (row, &user) in rows.chunks_exact(width).zip(&self.user_index) {
+            out[user as usize * width..(user as usize + 1) * width].copy_from_slice(row);
+        }
+        out
+    }
+
+    /// Rearranges per-point rows of `width` numbers from the user's order into the body's.
+    pub fn from_user_order(&self, rows: &[f64], width: usize) -> Vec<f64> {
+        let row = |&user: &u32| &rows[user as usize * width..(user as usize + 1) * width];
+        self.user_index.iter().flat_map(row).copied().collect()
+    }
+}

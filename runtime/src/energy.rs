@@ -1,0 +1,77 @@
+//! The discrete total energy as the solvers see it.
+
+use std::sync::Arc;
+
+use crate::kernel::Measure;
+use crate::matrix::{BlockMatrix, BlockPattern};
+
+/// Total energy by kind of interaction, in J (per metre of thickness in two dimensions).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct EnergyParts {
+    /// One-neighbour interactions, `psi(l)`.
+    pub bonds: f64,
+    /// Two-neighbour interactions, `psi(a)`.
+    pub triangles: f64,
+    /// Three-neighbour interactions, `psi(v)`.
+    pub tetrahedra: f64,
+}
+
+impl EnergyParts {
+    /// The total energy.
+    pub fn total(&self) -> f64 {
+        self.bonds + self.triangles + self.tetrahedra
+    }
+}
+
+/// An interaction whose energy or derivatives are not finite numbers.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{}", self.message())]
+pub struct NonFinite {
+    /// Which measure.
+    pub measure: Measure,
+    /// Its points in the body's order: 2, 3 or 4.
+    pub points: Vec<usize>,
+    /// Current value of the measure.
+    pub value: f64,
+    /// Reference value of the measure.
+    pub reference: f64,
+}
+
+impl NonFinite {
+    fn message(&self) -> String {
+        let kind = match self.measure {
+            Measure::Length => "bond",
+            Measure::Area => "triangle",
+            Measure::Volume => "tetrahedron",
+        };
+        format!(
+            "the energy of the {kind} of points {:?} is not finite: measure {:e}, reference {:e}",
+            self.points, self.value, self.reference
+        )
+    }
+}
+
+/// `E(u)`, its gradient and its Hessian; all are exact derivatives of one energy.
+///
+/// Displacements `u` are `n x d` row by row, in m, in the body's order.
+pub trait TotalEnergy: Sync {
+    /// 2 or 3.
+    fn dimension(&self) -> usize;
+
+    /// Where the Hessian has blocks.
+    fn pattern(&self) -> &Arc<BlockPattern>;
+
+    /// The energy alone.
+    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite>;
+
+    /// The energy; `gradient` (`n x d`) becomes `dE/du` in N.
+    fn gradient(&self, u: &[f64], gradient: &mut [f64]) -> Result<EnergyParts, NonFinite>;
+
+    /// The energy; `gradient` becomes `dE/du` in N and `tangent` becomes `d2E/du2` in N/m.
+    fn tangent(
+        &self,
+        u: &[f64],
+        gradient: &mut [f64],
+        tangent: &mut BlockMatrix,
+    ) -> Result<EnergyParts, NonFinite>;
+}

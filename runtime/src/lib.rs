@@ -1,0 +1,6 @@
+//! From compiled kernels to solved bodies.
+
+pub mod body;
+pub mod energy;
+pub mod kernel;
+pub mod matrix;

@@ -1,0 +1,227 @@
+//! From the parts of one statement, as the grammar found them, to the tree.
+
+use pest::iterators::{Pair, Pairs};
+
+use super::Builder;
+use super::parser::Rule;
+use crate::ast::{
+    Bound, Definition, Domain, Energy, ExprId, ExprKind, Parameter, Statement, Text, UnaryOperator,
+    Unit, UnitFactor,
+};
+use crate::names;
+use crate::{Diagnostic, Span};
+
+/// What a logical line holds.
+pub(super) enum Line {
+    /// `potential NAME ["title"]`
+    Potential { name: crate::ast::Ident, title: Option<Text>, span: Span },
+    /// Any other statement.
+    Statement(Statement),
+}
+
+impl Builder {
+    /// Builds a statement; `None` only if the grammar did not make the pair.
+    pub(super) fn statement(&mut self, pair: Pair<'_, Rule>) -> Option<Line> {
+        let rule = pair.as_rule();
+        let span = self.span(&pair);
+        let mut parts = pair.into_inner();
+        let statement = match rule {
+            Rule::potential => {
+                let name = take(&mut parts, Rule::name)?;
+                let name = self.ident(&name);
+                let title = self.optional_text(&mut parts);
+                return Some(Line::Potential { name, title, span });
+            }
+            Rule::source => Statement::Source(self.text(&take(&mut parts, Rule::string)?)),
+            Rule::dimensions => Statement::Dimensions(self.dimensions(parts)),
+            Rule::parameter => Statement::Parameter(self.parameter(parts)?),
+            Rule::domain => Statement::Domain(self.domain(span.start, parts)?),
+            Rule::energy => Statement::Energy(self.energy(parts)?),
+            Rule::definition => Statement::Definition(self.definition(parts)?),
+            _ => return None,
+        };
+        Some(Line::Statement(statement))
+    }
+
+    fn dimensions(&mut self, parts: Pairs<'_, Rule>) -> Vec<(u8, Span)> {
+        let mut dimensions = Vec::new();
+        for part in parts.filter(|part| part.as_rule() == Rule::dimension) {
+            let span = self.span(&part);
+            match part.as_str() {
+                "2" => dimensions.push((2, span)),
+                "3" => dimensions.push((3, span)),
+                other => self.findings.push(
+                    Diagnostic::error("syntax", span, format!("there is no dimension {other}"))
+                        .help("write `dimensions 2`, `dimensions 3` or `dimensions 2, 3`"),
+                ),
+            }
+        }
+        dimensions
+    }
+
+    fn parameter(&mut self, mut parts: Pairs<'_, Rule>) -> Option<Parameter> {
+        let name = take(&mut parts, Rule::name)?;
+        let name = self.ident(&name);
+        self.refuse_psi(&name.name, name.span);
+        let mut parameter = Parameter {
+            name,
+            default: None,
+            unit: None,
+            constraints: Vec::new(),
+            description: None,
+        };
+        let mut after_comma = false;
+        for part in parts {
+            match part.as_rule() {
+                Rule::expression => {
+                    let id = self.expression(part)?.id;
+                    if after_comma {
+                        parameter.constraints.push(id);
+                    } else {
+                        parameter.default = Some(id);
+                    }
+                }
+                Rule::unit => parameter.unit = Some(self.unit(part)?),
+                Rule::comma => after_comma = true,
+                Rule::string => parameter.description = Some(self.text(&part)),
+                _ => {}
+            }
+        }
+        Some(parameter)
+    }
+
+    fn definition(&mut self, mut parts: Pairs<'_, Rule>) -> Option<Definition> {
+        let name = take(&mut parts, Rule::name)?;
+        let name = self.ident(&name);
+        self.refuse_psi(&name.name, name.span);
+        let mut parameters = None;
+        for part in parts {
+            match part.as_rule() {
+                Rule::formals => {
+                    let names = part.into_inner().filter(|part| part.as_rule() == Rule::name);
+                    parameters = Some(names.map(|name| self.ident(&name)).collect());
+                }
+                Rule::expression => {
+                    let body = self.expression(part)?.id;
+                    return Some(Definition { name, parameters, body });
+                }
+                _ => {}
+            }
+        }
+        None
+    }
+
+    /// `psi` is what a potential defines; it is not free for anything else.
+    fn refuse_psi(&mut self, name: &str, span: Span) {
+        if name == "psi" {
+            let finding = Diagnostic::error(
+                "reserved-word",
+                span,
+                "`psi` is always the energy of one measure",
+            )
+            .label("expected the one measure of an energy")
+            .help("write `psi(l) = ...`, `psi(a) = ...` or `psi(v) = ...`");
+            self.findings.push(finding);
+        }
+    }
+
+    fn energy(&mut self, mut parts: Pairs<'_, Rule>) -> Option<Energy> {
+        let head = take(&mut parts, Rule::energy_head)?;
+        let span = self.span(&head);
+        let measure = take(&mut head.into_inner(), Rule::name)?;
+        let measure = self.ident(&measure);
+        let body = self.expression(take(&mut parts, Rule::expression)?)?.id;
+        Some(Energy { measure, body, head: span })
+    }
+
+    fn domain(&mut self, start: u32, mut parts: Pairs<'_, Rule>) -> Option<Domain> {
+        let quantity = self.expression(take(&mut parts, Rule::expression)?)?.id;
+        let opening = take(&mut parts, Rule::open_bound)?;
+        let lower = self.expression(take(&mut parts, Rule::expression)?)?.id;
+        let upper = self.expression(take(&mut parts, Rule::expression)?)?.id;
+        let closing = take(&mut parts, Rule::close_bound)?;
+        Some(Domain {
+            quantity,
+            lower: Bound { value: lower, inclusive: opening.as_str() == "[" },
+            upper: Bound { value: upper, inclusive: closing.as_str() == "]" },
+            span: Span { start, end: self.span(&closing).end },
+        })
+    }
+
+    /// Builds a product of powers of units.
+    pub(super) fn unit(&mut self, pair: Pair<'_, Rule>) -> Option<Unit> {
+        let start = self.span(&pair);
+        let mut span = Span { start: start.start, end: start.start };
+        let mut factors = Vec::new();
+        let mut divided = false;
+        for part in pair.into_inner() {
+            match part.as_rule() {
+                Rule::unit_one => span = span.to(self.span(&part)),
+                Rule::unit_operator => divided = part.as_str().starts_with('/'),
+                Rule::unit_factor => {
+                    let (factor, end) = self.unit_factor(part, divided)?;
+                    span.end = end;
+                    factors.push(factor);
+                }
+                _ => {}
+            }
+        }
+        Some(Unit { factors, span })
+    }
+
+    /// One factor and where it ends.
+    fn unit_factor(&mut self, pair: Pair<'_, Rule>, divided: bool) -> Option<(UnitFactor, u32)> {
+        let mut parts = pair.into_inner();
+        let unit = take(&mut parts, Rule::name)?;
+        let mut name = self.ident(&unit);
+        // In front of a unit the letter is the prefix micro: `µm` is `um`, not `mum`.
+        if let Some(rest) = unit.as_str().strip_prefix(['μ', '\u{00B5}']) {
+            name.name = format!("u{}", names::spell_out(rest));
+        }
+        let mut end = name.span.end;
+        let mut exponent = None;
+        if let Some(power) = parts.find(|part| part.as_rule() == Rule::exponent) {
+            let (id, exponent_end) = self.exponent(power)?;
+            exponent = Some(id);
+            end = exponent_end;
+        }
+        Some((UnitFactor { name, exponent, divided }, end))
+    }
+
+    fn exponent(&mut self, pair: Pair<'_, Rule>) -> Option<(ExprId, u32)> {
+        let mut sign = None;
+        for part in pair.into_inner() {
+            if part.as_rule() == Rule::minus {
+                sign = Some(self.span(&part));
+                continue;
+            }
+            let operand = self.operand(part)?;
+            let end = operand.outer.end;
+            let id = match sign {
+                None => operand.id,
+                Some(sign) => {
+                    let operator = UnaryOperator::Negate;
+                    let kind = ExprKind::Unary { operator, operand: operand.id };
+                    self.arena.push(kind, sign.to(operand.outer))
+                }
+            };
+            return Some((id, end));
+        }
+        None
+    }
+
+    fn optional_text(&self, parts: &mut Pairs<'_, Rule>) -> Option<Text> {
+        take(parts, Rule::string).map(|pair| self.text(&pair))
+    }
+
+    fn text(&self, pair: &Pair<'_, Rule>) -> Text {
+        let quoted = pair.as_str();
+        let text = quoted.get(1..quoted.len().saturating_sub(1)).unwrap_or_default().to_string();
+        Text { text, span: self.span(pair) }
+    }
+}
+
+/// The next part made by this rule.
+pub(super) fn take<'t>(parts: &mut Pairs<'t, Rule>, rule: Rule) -> Option<Pair<'t, Rule>> {
+    parts.find(|part| part.as_rule() == rule)
+}

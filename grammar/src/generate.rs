@@ -1,1 +1,308 @@
+//! Valid programs from arbitrary bytes, for property tests and fuzz targets.
+//!
+//! The bytes decide everything and the same bytes give the same text, so a failure found by a fuzzer
+//! is a test case and a shrunk byte string is a smaller program. Any bytes give a program that
+//! parses and whose names, numbers of arguments and types are right; most have no units, and those
+//! that have get the dimensions right. The energies are arbitrary: they need not be real numbers
+//! everywhere, stable, or zero at rest. A parameter without a default wants any positive number.
 
+/// A potential file made from these bytes.
+pub fn potential_text(bytes: &[u8]) -> String {
+    let mut writer = Writer::new(bytes);
+    writer.file();
+    writer.out
+}
+
+/// An expression made from these bytes: a number that depends on some of `names`.
+pub fn number_text(bytes: &[u8], names: &[&str]) -> String {
+    let mut writer = Writer::new(bytes);
+    let scope = Scope { leaves: names.iter().map(|name| name.to_string()).collect() };
+    writer.body(&scope)
+}
+
+/// A condition made from these bytes, on some of `names`.
+pub fn condition_text(bytes: &[u8], names: &[&str]) -> String {
+    let mut writer = Writer::new(bytes);
+    let scope = Scope { leaves: names.iter().map(|name| name.to_string()).collect() };
+    writer.fuel = FUEL;
+    writer.condition(&scope, DEPTH)
+}
+
+/// Operations in one definition or energy; few, because functions are expanded where they are called.
+const FUEL: usize = 24;
+
+/// How deep an expression may nest.
+const DEPTH: usize = 6;
+
+const PARAMETER_NAMES: [&str; 8] = ["C", "k", "n", "λ", "mu", "κ_", "r_c", "Θ"];
+const FUNCTION_NAMES: [&str; 4] = ["S", "f", "g", "φ"];
+const NUMBERS: [&str; 12] =
+    ["1", "2", "0.5", "3", ".25", "1.5", "2e-3", "1e2", "0", "7.125", "1.0E+1", "0.1"];
+
+/// What may stand at the leaves of an expression.
+#[derive(Clone, Default)]
+struct Scope {
+    leaves: Vec<String>,
+}
+
+impl Scope {
+    fn with(&self, more: &[&str]) -> Scope {
+        let mut leaves = self.leaves.clone();
+        leaves.extend(more.iter().map(|leaf| leaf.to_string()));
+        Scope { leaves }
+    }
+}
+
+struct Writer<'b> {
+    bytes: &'b [u8],
+    out: String,
+    /// User functions: name and number of arguments.
+    functions: Vec<(String, usize)>,
+    fuel: usize,
+    /// Calls of user functions in one body: more than one each would grow exponentially.
+    calls: usize,
+}
+
+impl<'b> Writer<'b> {
+    fn new(bytes: &'b [u8]) -> Self {
+        Writer { bytes, out: String::new(), functions: Vec::new(), fuel: FUEL, calls: 0 }
+    }
+
+    /// The next choice out of `n`; 0, the simplest one, when the bytes are used up.
+    fn pick(&mut self, n: usize) -> usize {
+        match self.bytes.split_first() {
+            Some((&byte, rest)) => {
+                self.bytes = rest;
+                byte as usize % n
+            }
+            None => 0,
+        }
+    }
+
+    fn pick_of(&mut self, choices: &[&'static str]) -> &'static str {
+        choices[self.pick(choices.len())]
+    }
+
+    fn line(&mut self, text: &str) {
+        self.out.push_str(text);
+        let end =
+            self.pick_of(&["\n", "\n", "\n", " # a remark (with a bracket\n", "\r\n", "\n\n"]);
+        self.out.push_str(end);
+    }
+
+    fn file(&mut self) {
+        let head = self.pick_of(&["potential p", "potential p \"title\"", "potential λ1 \"(#\""]);
+        self.line(head);
+        let extra = self.pick_of(&["", "source \"a, eq. (1)\"", "dimensions 2, 3", "dimensions 3"]);
+        if !extra.is_empty() {
+            self.line(extra);
+        }
+        let units = self.pick(8) == 7;
+        let mut scope = Scope { leaves: vec!["pi".into(), "d".into()] };
+        self.parameters(&mut scope);
+        self.definitions(&mut scope);
+        for _ in 0..=self.pick(3) {
+            let measure = self.pick(3);
+            if units {
+                self.energy_with_units(&scope, measure)
+            } else {
+                self.energy(&scope, measure)
+            }
+        }
+        let domain = self.pick_of(&[
+            "",
+            "domain l/L in (0, 10]",
+            "domain a in (0, inf)",
+            "domain v/V in [-1 - 1/2, 2^2)",
+        ]);
+        if !domain.is_empty() {
+            self.line(domain);
+        }
+    }
+
+    fn parameters(&mut self, scope: &mut Scope) {
+        for i in 0..=self.pick(4) {
+            let name = format!("{}{i}", self.pick_of(&PARAMETER_NAMES));
+            let default = self.pick_of(&[" = 1", " = 2", " = 1/2", " = .5", " = 1e-3 + 2*pi", ""]);
+            let constraint = match self.pick(4) {
+                3 => format!(", {name} > 0, {name} < 1e6"),
+                2 => format!(", {name} > 0"),
+                _ => String::new(),
+            };
+            let description = self.pick_of(&["", " \"what it is\""]);
+            self.line(&format!("parameter {name}{default}{constraint}{description}"));
+            scope.leaves.push(name);
+        }
+    }
+
+    fn definitions(&mut self, scope: &mut Scope) {
+        for i in 0..self.pick(4) {
+            let name = format!("{}_{i}", self.pick_of(&FUNCTION_NAMES));
+            match self.pick(3) {
+                0 => {
+                    let body = self.body(scope);
+                    self.line(&format!("{name} = {body}"));
+                    scope.leaves.push(name);
+                }
+                1 => {
+                    let body = self.body(&scope.with(&["x"]));
+                    self.line(&format!("{name}(x) = {body}"));
+                    self.functions.push((name, 1));
+                }
+                _ => {
+                    let body = self.body(&scope.with(&["x", "y", "x"]));
+                    self.line(&format!("{name}(x,y)={body}"));
+                    self.functions.push((name, 2));
+                }
+            }
+        }
+    }
+
+    fn energy(&mut self, scope: &Scope, measure: usize) {
+        let (now, rest) = [("l", "L"), ("a", "A"), ("v", "V")][measure];
+        let stretch = format!("{now}/{rest}");
+        let mut scope = scope.with(&[now, rest, &stretch, now, "delta"]);
+        if self.pick(4) == 3 {
+            let name = format!("strain_{now}{}", self.out.len());
+            self.line(&format!("{name} = {stretch} - 1"));
+            scope.leaves.push(name);
+        }
+        let body = self.body(&scope);
+        self.line(&format!("psi({now}) = {body}"));
+    }
+
+    /// An energy density in J/m^(2d), J/m^(3d) or J/m^(4d), times an arbitrary pure number.
+    fn energy_with_units(&mut self, scope: &Scope, measure: usize) {
+        let (now, rest, unit) =
+            [("l", "L", "J/m^(2*d+1)"), ("a", "A", "J/m^(3*d + 2)"), ("v", "V", "N*m/m^(4*d)/m^3")]
+                [measure];
+        let stiffness = format!("stiffness_{}", self.out.len());
+        self.line(&format!("parameter {stiffness} = 2 in {unit}, {stiffness} > 0"));
+        let body = self.body(&scope.with(&[&format!("{now}/{rest}")]));
+        self.line(&format!("psi({now}) = 1/2*{stiffness}*{rest}*({body})"));
+    }
+
+    /// A whole expression with its own budget.
+    fn body(&mut self, scope: &Scope) -> String {
+        self.fuel = FUEL;
+        self.calls = 0;
+        self.number(scope, DEPTH)
+    }
+
+    fn number(&mut self, scope: &Scope, depth: usize) -> String {
+        if depth == 0 || self.fuel == 0 {
+            return self.leaf(scope);
+        }
+        self.fuel -= 1;
+        match self.pick(12) {
+            0 => self.leaf(scope),
+            1..=5 => self.arithmetic(scope, depth - 1),
+            6 => self.power(scope, depth - 1),
+            7 => format!("-{}", self.enclosed(scope, depth - 1)),
+            8 => self.unary_call(scope, depth - 1),
+            9 => self.binary_call(scope, depth - 1),
+            10 => self.conditional(scope, depth - 1),
+            _ => self.user_call(scope, depth - 1),
+        }
+    }
+
+    fn leaf(&mut self, scope: &Scope) -> String {
+        if scope.leaves.is_empty() || self.pick(3) == 2 {
+            return self.pick_of(&NUMBERS).to_string();
+        }
+        let choice = self.pick(scope.leaves.len());
+        // The last names of a scope are the ones it was made for.
+        scope.leaves[scope.leaves.len() - 1 - choice].clone()
+    }
+
+    fn arithmetic(&mut self, scope: &Scope, depth: usize) -> String {
+        let operator = self.pick_of(&["*", " + ", " - ", "/", "-", " * ", "+"]);
+        let left = self.enclosed(scope, depth);
+        let right = self.enclosed(scope, depth);
+        format!("{left}{operator}{right}")
+    }
+
+    fn power(&mut self, scope: &Scope, depth: usize) -> String {
+        let base = self.enclosed(scope, depth);
+        let exponent = match self.pick(8) {
+            6 => "2^2".to_string(),
+            7 => self.enclosed(scope, depth),
+            constant => ["2", "3", "-1", "0.5", "-2", "(1/3)"][constant].to_string(),
+        };
+        format!("{base}^{exponent}")
+    }
+
+    fn unary_call(&mut self, scope: &Scope, depth: usize) -> String {
+        let function = self.pick_of(&crate::names::UNARY_FUNCTIONS);
+        let argument = self.number(scope, depth);
+        let (open, close) =
+            [("(", ")"), ("( ", " )"), ("(\n", ") "), ("( # why not (\n", "\r\n)")][self.pick(4)];
+        format!("{function}{open}{argument}{close}")
+    }
+
+    fn binary_call(&mut self, scope: &Scope, depth: usize) -> String {
+        let function = self.pick_of(&crate::names::BINARY_FUNCTIONS);
+        let left = self.number(scope, depth);
+        let right = self.number(scope, depth);
+        format!("{function}({left}, {right})")
+    }
+
+    fn user_call(&mut self, scope: &Scope, depth: usize) -> String {
+        if self.functions.is_empty() || self.calls > 0 {
+            return self.leaf(scope);
+        }
+        self.calls += 1;
+        let choice = self.pick(self.functions.len());
+        let (name, arity) = self.functions[choice].clone();
+        let arguments: Vec<String> = (0..arity).map(|_| self.number(scope, depth)).collect();
+        format!("{name}({})", arguments.join(", "))
+    }
+
+    /// Always in parentheses, or an operator behind it would belong to its last branch.
+    fn conditional(&mut self, scope: &Scope, depth: usize) -> String {
+        let condition = self.condition(scope, depth);
+        let then = self.number(scope, depth);
+        let otherwise = self.number(scope, depth);
+        format!("(if {condition} then {then} else {otherwise})")
+    }
+
+    fn condition(&mut self, scope: &Scope, depth: usize) -> String {
+        let kind = if depth == 0 || self.fuel == 0 { 0 } else { self.pick(6) };
+        self.fuel = self.fuel.saturating_sub(1);
+        match kind {
+            3 => {
+                let operator = self.pick_of(&["and", "or"]);
+                let left = self.condition(scope, depth - 1);
+                let right = self.condition(scope, depth - 1);
+                format!("{left} {operator} {right}")
+            }
+            4 => format!("not {}", self.condition(scope, depth - 1)),
+            5 => format!("({})", self.condition(scope, depth - 1)),
+            _ => {
+                let operator = self.pick_of(&["<", " > ", " == ", "<=", " >= ", " != "]);
+                let depth = depth.saturating_sub(1);
+                let left = self.number(scope, depth);
+                let right = self.number(scope, depth);
+                format!("{left}{operator}{right}")
+            }
+        }
+    }
+
+    /// A number, in parentheses or not: both are valid, the trees differ.
+    fn enclosed(&mut self, scope: &Scope, depth: usize) -> String {
+        let inner = self.number(scope, depth);
+        if self.pick(2) == 0 { inner } else { format!("({inner})") }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_bytes_give_the_simplest_program() {
+        assert!(crate::parse(&potential_text(&[])).is_ok());
+        assert_eq!(number_text(&[], &["X"]), "X");
+        assert_eq!(condition_text(&[], &["X"]), "X<X");
+    }
+}

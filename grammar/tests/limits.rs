@@ -95,6 +95,8 @@ fn many_statements_and_many_mistakes_take_linear_time() {
         let text = format!("potential p\nk = {}", long.repeat(1_000_000 / long.len()));
         assert!(parse(&text).is_err(), "{long}");
     }
+    let text = format!("potential p\nk = ({}{}", "if ".repeat(150_000), "\n".repeat(500_000));
+    assert_eq!(parse(&text).unwrap_err().len(), 1);
 }
 
 #[test]

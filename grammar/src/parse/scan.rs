@@ -171,9 +171,13 @@ impl Scanner<'_> {
     }
 
     fn open(&mut self, length: usize, what: Open) -> usize {
-        self.open.push(what);
         self.after_operand = false;
-        if self.open.len() > MAX_NESTING && self.problem.is_none() {
+        let too_deep = self.open.len() >= MAX_NESTING;
+        // Beyond the limit only brackets still matter: they say where the line ends.
+        if !too_deep || matches!(what, Open::Bracket(_)) {
+            self.open.push(what);
+        }
+        if too_deep && self.problem.is_none() {
             let span = Span::new(self.at, self.at + length);
             let message = format!("this nests deeper than {MAX_NESTING} levels");
             self.problem = Some(
@@ -207,10 +211,11 @@ impl Scanner<'_> {
 
     fn string(&mut self) -> usize {
         let rest = &self.text[self.at + 1..];
-        let line = &rest[..rest.find(['\n', '\r']).unwrap_or(rest.len())];
-        if let Some(length) = line.find('"') {
-            return length + 2;
+        let end = rest.find(['"', '\n', '\r']).unwrap_or(rest.len());
+        if rest[end..].starts_with('"') {
+            return end + 2;
         }
+        let line = &rest[..end];
         let span = Span::new(self.at, self.at + 1 + line.trim_end().len());
         let finding = Diagnostic::error("syntax", span, "this text has no closing quote")
             .label("opened here")

@@ -1,33 +1,94 @@
 //! Expressions outside potentials: plain numbers of a few named variables.
 
-use piola_grammar::Diagnostic;
+use piola_grammar::{Diagnostic, Span, parse_expression};
+
+use crate::check::elaborate_formula;
+use crate::expression::interpret::Interpreter;
+use crate::expression::{ExprGraph, Input, NodeId};
 
 /// An expression of a scene file, e.g. `0.1*t` or `X < 0.125 and Y > 0`; no dimensions are checked.
 #[derive(Clone, Debug)]
-pub struct Formula {}
+pub struct Formula {
+    graph: ExprGraph,
+    root: NodeId,
+}
 
 impl Formula {
     /// Parses an expression with a number as its value; spans count from the start of `text`.
+    ///
+    /// # Errors
+    /// Every mistake in the text, and a condition where a number is expected.
     pub fn number(text: &str, variables: &[&str]) -> Result<Formula, Vec<Diagnostic>> {
-        let _ = (text, variables);
-        Ok(Formula {})
+        let help = "choose between numbers with `if .. then .. else ..`";
+        Formula::parse(text, variables, false, "a number is expected, this is a condition", help)
     }
 
     /// Parses an expression with a truth value; spans count from the start of `text`.
+    ///
+    /// # Errors
+    /// Every mistake in the text, and a number where a condition is expected.
     pub fn condition(text: &str, variables: &[&str]) -> Result<Formula, Vec<Diagnostic>> {
-        let _ = (text, variables);
-        Ok(Formula {})
+        let help = "compare it with something, for instance `X < 0.5`";
+        Formula::parse(text, variables, true, "a condition is expected, this is a number", help)
+    }
+
+    fn parse(
+        text: &str,
+        variables: &[&str],
+        wanted_truth: bool,
+        message: &str,
+        help: &str,
+    ) -> Result<Formula, Vec<Diagnostic>> {
+        let ast = parse_expression(text)?;
+        let (graph, root, truth) = elaborate_formula(&ast, variables)?;
+        if truth != wanted_truth {
+            let span = Span::new(0, text.len());
+            return Err(vec![Diagnostic::error("type-mismatch", span, message).help(help)]);
+        }
+        Ok(Formula { graph, root })
     }
 
     /// Its number for these values of the variables, in the order in which they were named.
     pub fn value(&self, values: &[f64]) -> f64 {
-        let _ = values;
-        0.0
+        self.run(values).number(self.root)
     }
 
     /// Its truth for these values of the variables, in the order in which they were named.
     pub fn holds(&self, values: &[f64]) -> bool {
-        let _ = values;
-        false
+        self.run(values).truth(self.root)
+    }
+
+    fn run(&self, values: &[f64]) -> Interpreter<f64> {
+        let mut interpreter = Interpreter::new();
+        interpreter.run(&self.graph, |input| match input {
+            Input::Parameter(i) => values[usize::from(i)],
+            _ => f64::NAN,
+        });
+        interpreter
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const XYZT: &[&str] = &["X", "Y", "Z", "t"];
+
+    #[test]
+    fn formulas_evaluate() {
+        let f = Formula::number("0.1*t + X^2", XYZT).unwrap();
+        assert_eq!(f.value(&[2.0, 0.0, 0.0, 1.0]), 0.1 + 4.0);
+        let c = Formula::condition("max(abs(X-0.5), abs(Y-0.5)) < 0.2 - 1e-9", XYZT).unwrap();
+        assert!(c.holds(&[0.6, 0.4, 0.0, 0.0]));
+        assert!(!c.holds(&[0.8, 0.4, 0.0, 0.0]));
+    }
+
+    #[test]
+    fn wrong_formulas_say_why() {
+        let code = |r: Result<Formula, Vec<Diagnostic>>| r.unwrap_err()[0].code;
+        assert_eq!(code(Formula::number("X < 1", XYZT)), "type-mismatch");
+        assert_eq!(code(Formula::condition("X", XYZT)), "type-mismatch");
+        assert_eq!(code(Formula::number("0.1*T", XYZT)), "unknown-name");
+        assert_eq!(code(Formula::number("0.1*", XYZT)), "syntax");
     }
 }

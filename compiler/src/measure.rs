@@ -24,6 +24,34 @@ impl Measure {
         }
     }
 
+    /// How many points the interaction joins: 2, 3 or 4.
+    pub fn points(self) -> usize {
+        match self {
+            Measure::Length => 2,
+            Measure::Area => 3,
+            Measure::Volume => 4,
+        }
+    }
+
+    /// Dimension of the measure: m, m^2, m^3.
+    pub fn length_exponent(self) -> i64 {
+        self.points() as i64 - 1
+    }
+
+    /// The measure with this symbol.
+    pub fn from_symbol(symbol: &str) -> Option<Measure> {
+        Measure::ALL.into_iter().find(|m| m.symbol() == symbol)
+    }
+
+    /// The interaction it belongs to: "bond", "triangle", "tetrahedron".
+    pub fn interaction(self) -> &'static str {
+        match self {
+            Measure::Length => "bond",
+            Measure::Area => "triangle",
+            Measure::Volume => "tetrahedron",
+        }
+    }
+
     /// Its value at rest, as written.
     pub fn reference_symbol(self) -> &'static str {
         match self {

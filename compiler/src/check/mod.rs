@@ -1,0 +1,31 @@
+//! From a syntax tree to a checked model.
+//!
+//! | pass | what |
+//! |---|---|
+//! | [`names`] | every name is known, used as what it is, and defined before its use |
+//! | [`elaborate`] | once per dimension: `d` folds, types and dimensions are checked, the graph is built |
+//!
+//! Before: any tree. After: a [`Model`], or every error of the file at once.
+
+pub mod dimension;
+mod elaborate;
+mod names;
+mod statement;
+pub mod unit;
+mod value;
+
+use piola_grammar::{Ast, Diagnostic};
+
+use crate::model::Model;
+
+/// Checks a potential. Every error of the file is reported in one run.
+pub fn check(ast: &Ast) -> Result<Model, Vec<Diagnostic>> {
+    let symbols = names::resolve(ast)?;
+    statement::model(ast, &symbols)
+}
+
+/// Elaboration of a lone expression, for formulas outside potentials.
+pub(crate) use elaborate::elaborate_formula;
+
+#[cfg(test)]
+mod tests;

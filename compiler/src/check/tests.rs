@@ -1,0 +1,155 @@
+//! What the checker accepts, and what it says of the rest.
+
+use crate::test_support::{SETH_HILL, codes, model};
+use crate::{Measure, Setting};
+use piola_grammar::Diagnostic;
+
+fn errors(text: &str) -> Vec<Diagnostic> {
+    super::check(&piola_grammar::parse(text).unwrap()).expect_err("an error was expected")
+}
+
+#[test]
+fn the_first_file_of_the_design_is_checked_in_both_dimensions() {
+    let model = model(SETH_HILL);
+    assert_eq!(model.dimensions().collect::<Vec<_>>(), [2, 3]);
+    assert_eq!(model.measures(), Measure::ALL);
+    assert_eq!(model.variant(2).unwrap().units[1].dimension.unit(), "J/m^8");
+    assert_eq!(model.variant(3).unwrap().units[2].dimension.unit(), "J/m^15");
+    assert_eq!(model.variant(2).unwrap().defaults, [None, Some(0.0), Some(0.0), Some(1.0)]);
+}
+
+#[test]
+fn dimensions_are_named_in_words_and_units() {
+    let found = errors("potential p\nparameter C in J/m^5\ndimensions 2\npsi(a) = C*(a - L)");
+    assert_eq!(found[0].code, "dimension-mismatch");
+    assert_eq!(found[0].message, "cannot subtract a length (m) from an area (m^2)");
+    assert!(found[0].helps[0].contains("`a/A`"), "{:?}", found[0].helps);
+}
+
+#[test]
+fn an_energy_in_the_wrong_unit_says_what_is_missing() {
+    let found = errors("potential p\nparameter C in J/m^5\ndimensions 2\npsi(l) = C*(l/L - 1)^2");
+    assert!(found[0].message.contains("J/m^4"), "{}", found[0].message);
+    assert!(found[0].helps[0].contains("a factor in m is missing"), "{:?}", found[0].helps);
+}
+
+#[test]
+fn functions_are_checked_at_their_calls() {
+    let found = errors(
+        "potential p\nparameter C in J/m^5\ndimensions 2\nS(x) = ln(x)\npsi(l) = C*L*S(l)^2",
+    );
+    assert_eq!(found[0].code, "dimension-mismatch");
+    assert_eq!(found[0].message, "`ln` needs a pure number, not a length (m)");
+    assert!(found[0].notes[0].label.contains("call of `S`, with `x` a length (m)"));
+}
+
+#[test]
+fn d_folds_before_dimensions_are_checked() {
+    let text = "potential p\nparameter C in J/m^(2*d)\n\
+        psi(l) = C*(if d == 3 then l*(1/L) else (l/L)^2)\n";
+    assert_eq!(codes(text), Vec::<&str>::new());
+    assert_eq!(codes(&text.replace("l*(1/L)", "l")), ["dimension-mismatch"]);
+    // The branch for three dimensions is never looked at in two.
+    let two = text.replace("l*(1/L)", "l").replace("potential p", "potential p\ndimensions 2");
+    assert_eq!(codes(&two), Vec::<&str>::new());
+}
+
+#[test]
+fn a_file_without_units_is_unchecked() {
+    assert_eq!(codes("potential p\npsi(l) = l + L^2"), Vec::<&str>::new());
+}
+
+#[test]
+fn names_are_resolved() {
+    for (text, code) in [
+        ("psi(l) = k*l", "unknown-name"),
+        ("psi(l) = k*l\nk = 2", "unknown-name"),
+        ("k = 2\nk = 3\npsi(l) = l", "duplicate-name"),
+        ("L = 2\npsi(l) = l", "reserved-name"),
+        ("exp(x) = x\npsi(l) = l", "reserved-name"),
+        ("S(x, x) = x\npsi(l) = l", "duplicate-name"),
+        ("S(x) = x\npsi(l) = S(l, L)", "wrong-number-of-arguments"),
+        ("psi(l) = exp(l, L)", "wrong-number-of-arguments"),
+        ("psi(l) = max(l)", "wrong-number-of-arguments"),
+        ("psi(l) = sqrt*l", "function-without-arguments"),
+        ("k = 2\npsi(l) = k(l)", "not-a-function"),
+        ("psi(l) = log(l)", "unknown-name"),
+        ("psi(l) = t*l", "unknown-name"),
+        ("psi(l) = a*l", "wrong-measure"),
+        ("s = a/A\npsi(l) = s", "wrong-measure"),
+        ("psi(L) = l", "unknown-measure"),
+        ("psi(F) = 1", "unknown-measure"),
+        ("psi(l) = if l then 1 else 2", "type-mismatch"),
+        ("psi(l) = l > 1", "type-mismatch"),
+        ("psi(l) = if l > 1 then l else l > 1", "type-mismatch"),
+        ("parameter c = l\npsi(l) = l", "not-a-constant"),
+        ("domain l/A in (0, 1)\npsi(l) = l", "wrong-measure"),
+        ("domain l/L in (1, 1)\npsi(l) = l", "empty-domain"),
+        ("parameter c in furlong\npsi(l) = l", "unknown-unit"),
+        ("k = 2", "no-energy"),
+    ] {
+        assert_eq!(codes(&format!("potential p\n{text}")), [code], "{text}");
+    }
+}
+
+#[test]
+fn all_errors_of_a_file_come_at_once() {
+    let found = codes("potential p\npsi(l) = k*l\npsi(a) = m*a + exp(a, A)\npsi(v) = w");
+    assert_eq!(
+        found,
+        ["unknown-name", "unknown-name", "wrong-number-of-arguments", "unknown-name"]
+    );
+}
+
+#[test]
+fn exponents_of_quantities_are_known_numbers() {
+    let file = |energy: &str| {
+        format!("potential p\ndimensions 2\nparameter C in J/m^4\nparameter n\npsi(l) = C*{energy}")
+    };
+    assert_eq!(codes(&file("l^n/L^2")), ["dimension-mismatch"]);
+    assert_eq!(codes(&file("l^2/L^2")), Vec::<&str>::new());
+    assert_eq!(codes(&file("sqrt(l/L)")), Vec::<&str>::new());
+    assert_eq!(codes(&file("sqrt(l)*sqrt(L)/L")), Vec::<&str>::new());
+    assert_eq!(codes(&file("(l/L)^L")), ["dimension-mismatch"]);
+}
+
+#[test]
+fn expansion_is_bounded() {
+    // Each function doubles the work of the one before: 2^40 nodes if expanded blindly.
+    let mut text = "potential p\nf0(x) = x + 1\n".to_string();
+    for i in 1..40 {
+        text.push_str(&format!("f{i}(x) = f{}(x + {i}) * f{}(x - {i})\n", i - 1, i - 1));
+    }
+    text.push_str("psi(l) = f39(l)\n");
+    assert_eq!(codes(&text), ["too-large"]);
+    // A chain of calls deeper than any stack.
+    let mut text = "potential p\nf0(x) = x + 1\n".to_string();
+    for i in 1..2000 {
+        text.push_str(&format!("f{i}(x) = f{}(x) + 1\n", i - 1));
+    }
+    text.push_str("psi(l) = f1999(l)\n");
+    assert_eq!(codes(&text), ["too-large"]);
+}
+
+#[test]
+fn parameter_values_are_converted_and_checked() {
+    let model = model(
+        "potential p\ndimensions 3\nparameter E = 200 in GPa, E > 0\nparameter k = 2\n\
+         psi(l) = k*E*l/L/L^3",
+    );
+    let values = |settings: &[(&str, Setting)]| {
+        let settings: Vec<_> = settings.iter().map(|(n, s)| (n.to_string(), s.clone())).collect();
+        model.values(3, &settings, None)
+    };
+    assert_eq!(values(&[]).unwrap().parameters, [200e9, 2.0]);
+    assert_eq!(values(&[("E", Setting::Number(1.0))]).unwrap().parameters[0], 1e9);
+    let megapascal = Setting::Text("500 MPa".into());
+    assert_eq!(values(&[("E", megapascal)]).unwrap().parameters[0], 5e8);
+    let code = |settings: &[(&str, Setting)]| values(settings).unwrap_err()[0].code;
+    assert_eq!(code(&[("E", Setting::Text("3 m".into()))]), "dimension-mismatch");
+    assert_eq!(code(&[("E", Setting::Number(-1.0))]), "constraint-violated");
+    assert_eq!(code(&[("E", Setting::Number(f64::NAN))]), "not-a-number");
+    assert_eq!(code(&[("E", Setting::Text("much".into()))]), "not-a-number");
+    assert_eq!(code(&[("G", Setting::Number(1.0))]), "unknown-parameter");
+    assert_eq!(model.values(2, &[], None).unwrap_err()[0].code, "wrong-dimensions");
+}

@@ -1,0 +1,81 @@
+//! What is known of an expression while it is checked.
+
+use super::dimension::Dimension;
+use crate::expression::NodeId;
+
+/// What a value measures, as far as that is checked.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Quantity {
+    /// Fits anything: a literal 0, or anything in a file without units.
+    Any,
+    /// A quantity of this dimension.
+    Known(Dimension),
+}
+
+impl Quantity {
+    pub(crate) const NUMBER: Quantity = Quantity::Known(Dimension::NONE);
+
+    /// The common dimension of two sides; `None` if they differ.
+    pub(crate) fn unify(self, other: Quantity) -> Option<Quantity> {
+        match (self, other) {
+            (Quantity::Any, known) | (known, Quantity::Any) => Some(known),
+            (x, y) if x == y => Some(x),
+            _ => None,
+        }
+    }
+
+    /// Of a product or quotient.
+    pub(crate) fn combine(
+        self,
+        other: Quantity,
+        f: impl Fn(Dimension, Dimension) -> Dimension,
+    ) -> Quantity {
+        match (self, other) {
+            (Quantity::Known(x), Quantity::Known(y)) => Quantity::Known(f(x, y)),
+            _ => Quantity::Any,
+        }
+    }
+
+    /// The dimension if it is known and not a pure number.
+    pub(crate) fn with_unit(self) -> Option<Dimension> {
+        match self {
+            Quantity::Known(d) if !d.is_none() => Some(d),
+            _ => None,
+        }
+    }
+
+    /// In words.
+    pub(crate) fn describe(self) -> String {
+        match self {
+            Quantity::Any => "a number".to_string(),
+            Quantity::Known(d) => d.describe(),
+        }
+    }
+}
+
+/// A number or a truth value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) enum Kind {
+    Number(Quantity),
+    Truth,
+}
+
+/// An elaborated expression.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Value {
+    /// Its node in the graph under construction.
+    pub(crate) node: NodeId,
+    /// What it is.
+    pub(crate) kind: Kind,
+    /// Which measures it depends on, a bit per measure.
+    pub(crate) uses: u8,
+    /// Its bits, if it is a number known before any parameter has a value.
+    pub(crate) constant: Option<u64>,
+}
+
+/// A value known before any parameter is: built from numbers, `d` and `pi`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Constant {
+    Number(f64),
+    Truth(bool),
+}

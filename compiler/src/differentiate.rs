@@ -1,0 +1,234 @@
+//! Exact derivatives with respect to a measure, by the rules of calculus, one node at a time.
+//!
+//! Before: a simplified graph with a root. After: the same graph with the derivative's nodes added.
+//! A node that does not depend on the measure has no derivative at all (rather than the number 0),
+//! so no product with a zero is ever written. Both branches of `if` are differentiated and stay
+//! under the same condition.
+
+use crate::expression::{Comparison, Function, Input, Node, NodeId, Operator, TooManyNodes};
+use crate::measure::Measure;
+use crate::simplify::Simplifier;
+
+/// The derivative of `root` with respect to the current measure.
+///
+/// The relative change `e = (l - L)/L` counts as the function of `l` that it is.
+pub fn differentiate(
+    graph: &mut Simplifier,
+    root: NodeId,
+    measure: Measure,
+) -> Result<NodeId, TooManyNodes> {
+    let n = root.0 as usize + 1;
+    let needed = graph.graph().reachable(&[root]);
+    let mut derivatives: Vec<Option<NodeId>> = vec![None; n];
+    for index in 0..n {
+        if needed[index] {
+            let id = NodeId(index as u32);
+            derivatives[index] = derivative_of(graph, id, &derivatives, measure)?;
+        }
+    }
+    match derivatives[root.0 as usize] {
+        Some(id) => Ok(id),
+        None => graph.number(0.0),
+    }
+}
+
+type Derivative = Result<Option<NodeId>, TooManyNodes>;
+
+fn derivative_of(
+    graph: &mut Simplifier,
+    id: NodeId,
+    known: &[Option<NodeId>],
+    measure: Measure,
+) -> Derivative {
+    let of = |x: NodeId| known[x.0 as usize];
+    match graph.graph()[id] {
+        Node::Input(Input::Current(m)) if m == measure => graph.number(1.0).map(Some),
+        Node::Input(Input::Change(m)) if m == measure => {
+            let one = graph.number(1.0)?;
+            let reference = graph.input(Input::Reference(m))?;
+            graph.divide(one, reference).map(Some)
+        }
+        Node::Number(_) | Node::Truth(_) | Node::Input(_) => Ok(None),
+        Node::Compare(..) | Node::And(..) | Node::Or(..) | Node::Not(_) => Ok(None),
+        Node::Unary(function, x) => match of(x) {
+            Some(dx) => unary(graph, function, id, x, dx),
+            None => Ok(None),
+        },
+        Node::PowerConstant(x, bits) => match of(x) {
+            Some(dx) => power_constant(graph, x, dx, f64::from_bits(bits)),
+            None => Ok(None),
+        },
+        Node::Binary(operator, x, y) => binary(graph, operator, id, (x, of(x)), (y, of(y))),
+        Node::Select(c, x, y) => match (of(x), of(y)) {
+            (None, None) => Ok(None),
+            (dx, dy) => {
+                let zero = graph.number(0.0)?;
+                let node = Node::Select(c, dx.unwrap_or(zero), dy.unwrap_or(zero));
+                graph.make(node).map(Some)
+            }
+        },
+    }
+}
+
+/// `f(x)' = f'(x)*x'`; `id` is `f(x)` itself.
+fn unary(
+    graph: &mut Simplifier,
+    function: Function,
+    id: NodeId,
+    x: NodeId,
+    dx: NodeId,
+) -> Derivative {
+    let one = graph.number(1.0)?;
+    let two = graph.number(2.0)?;
+    let derivative = match function {
+        Function::Negate => graph.negate(dx)?,
+        Function::Abs => {
+            let sign = graph.unary(Function::Sign, x)?;
+            graph.multiply(sign, dx)?
+        }
+        Function::Sign => return Ok(None),
+        Function::Sqrt => {
+            let twice = graph.multiply(two, id)?;
+            graph.divide(dx, twice)?
+        }
+        Function::Exp => graph.multiply(id, dx)?,
+        Function::Expm1 => {
+            let exp = graph.unary(Function::Exp, x)?;
+            graph.multiply(exp, dx)?
+        }
+        Function::Ln => graph.divide(dx, x)?,
+        Function::Log1p => {
+            let sum = graph.add(one, x)?;
+            graph.divide(dx, sum)?
+        }
+        Function::Sin => {
+            let cos = graph.unary(Function::Cos, x)?;
+            graph.multiply(cos, dx)?
+        }
+        Function::Cos => {
+            let sin = graph.unary(Function::Sin, x)?;
+            let product = graph.multiply(sin, dx)?;
+            graph.negate(product)?
+        }
+        Function::Tan => {
+            let square = graph.power(id, 2.0)?;
+            let sum = graph.add(one, square)?;
+            graph.multiply(sum, dx)?
+        }
+        Function::Asin | Function::Acos => {
+            let square = graph.power(x, 2.0)?;
+            let difference = graph.subtract(one, square)?;
+            let root = graph.unary(Function::Sqrt, difference)?;
+            let quotient = graph.divide(dx, root)?;
+            if function == Function::Asin { quotient } else { graph.negate(quotient)? }
+        }
+        Function::Atan => {
+            let square = graph.power(x, 2.0)?;
+            let sum = graph.add(one, square)?;
+            graph.divide(dx, sum)?
+        }
+        Function::Sinh => {
+            let cosh = graph.unary(Function::Cosh, x)?;
+            graph.multiply(cosh, dx)?
+        }
+        Function::Cosh => {
+            let sinh = graph.unary(Function::Sinh, x)?;
+            graph.multiply(sinh, dx)?
+        }
+        Function::Tanh => {
+            // 1/cosh^2 keeps its digits where 1 - tanh^2 cancels.
+            let cosh = graph.unary(Function::Cosh, x)?;
+            let square = graph.power(cosh, 2.0)?;
+            graph.divide(dx, square)?
+        }
+    };
+    Ok(Some(derivative))
+}
+
+/// `(x^c)' = c*x^(c-1)*x'`
+fn power_constant(graph: &mut Simplifier, x: NodeId, dx: NodeId, c: f64) -> Derivative {
+    if c == 0.0 {
+        return Ok(None);
+    }
+    let lower = graph.power(x, c - 1.0)?;
+    let exponent = graph.number(c)?;
+    let product = graph.multiply(exponent, lower)?;
+    graph.multiply(product, dx).map(Some)
+}
+
+fn binary(
+    graph: &mut Simplifier,
+    operator: Operator,
+    id: NodeId,
+    (x, dx): (NodeId, Option<NodeId>),
+    (y, dy): (NodeId, Option<NodeId>),
+) -> Derivative {
+    if dx.is_none() && dy.is_none() {
+        return Ok(None);
+    }
+    match operator {
+        Operator::Add => sum(graph, dx, dy),
+        Operator::Subtract => {
+            let negated = dy.map(|dy| graph.negate(dy)).transpose()?;
+            sum(graph, dx, negated)
+        }
+        Operator::Multiply => {
+            let left = dx.map(|dx| graph.multiply(dx, y)).transpose()?;
+            let right = dy.map(|dy| graph.multiply(x, dy)).transpose()?;
+            sum(graph, left, right)
+        }
+        // (x/y)' = (x' - (x/y)*y')/y
+        Operator::Divide => {
+            let right = dy.map(|dy| graph.multiply(id, dy)).transpose()?;
+            let right = right.map(|right| graph.negate(right)).transpose()?;
+            let numerator = sum(graph, dx, right)?.expect("one of both varies");
+            graph.divide(numerator, y).map(Some)
+        }
+        Operator::Power => power(graph, id, (x, dx), (y, dy)),
+        Operator::Min | Operator::Max => {
+            let comparison = if operator == Operator::Min {
+                Comparison::LessEqual
+            } else {
+                Comparison::GreaterEqual
+            };
+            let first = graph.make(Node::Compare(comparison, x, y))?;
+            let zero = graph.number(0.0)?;
+            graph.make(Node::Select(first, dx.unwrap_or(zero), dy.unwrap_or(zero))).map(Some)
+        }
+    }
+}
+
+/// `(x^y)' = y*x^(y-1)*x' + x^y*ln(x)*y'`; the logarithm appears only if the exponent varies.
+fn power(
+    graph: &mut Simplifier,
+    id: NodeId,
+    (x, dx): (NodeId, Option<NodeId>),
+    (y, dy): (NodeId, Option<NodeId>),
+) -> Derivative {
+    let base = match dx {
+        None => None,
+        Some(dx) => {
+            let one = graph.number(1.0)?;
+            let lower = graph.subtract(y, one)?;
+            let power = graph.binary(Operator::Power, x, lower)?;
+            let product = graph.multiply(y, power)?;
+            Some(graph.multiply(product, dx)?)
+        }
+    };
+    let exponent = match dy {
+        None => None,
+        Some(dy) => {
+            let ln = graph.unary(Function::Ln, x)?;
+            let product = graph.multiply(id, ln)?;
+            Some(graph.multiply(product, dy)?)
+        }
+    };
+    sum(graph, base, exponent)
+}
+
+fn sum(graph: &mut Simplifier, x: Option<NodeId>, y: Option<NodeId>) -> Derivative {
+    match (x, y) {
+        (Some(x), Some(y)) => graph.add(x, y).map(Some),
+        (only, None) | (None, only) => Ok(only),
+    }
+}

@@ -1,0 +1,193 @@
+//! Elementary functions and operators: one list, which every reading of a graph goes through.
+
+/// Functions of one number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Function {
+    /// `-x`
+    Negate,
+    /// Absolute value.
+    Abs,
+    /// -1, 0 or 1; not a number where `x` is none.
+    Sign,
+    /// Square root.
+    Sqrt,
+    /// Exponential.
+    Exp,
+    /// Natural logarithm.
+    Ln,
+    /// `ln(1 + x)`, accurate near 0.
+    Log1p,
+    /// `exp(x) - 1`, accurate near 0.
+    Expm1,
+    /// Sine of an angle in rad.
+    Sin,
+    /// Cosine of an angle in rad.
+    Cos,
+    /// Tangent of an angle in rad.
+    Tan,
+    /// Inverse sine.
+    Asin,
+    /// Inverse cosine.
+    Acos,
+    /// Inverse tangent.
+    Atan,
+    /// Hyperbolic sine.
+    Sinh,
+    /// Hyperbolic cosine.
+    Cosh,
+    /// Hyperbolic tangent.
+    Tanh,
+}
+
+impl Function {
+    /// All functions that have a name in the language (negation is an operator there).
+    pub const NAMED: [Function; 16] = [
+        Function::Abs,
+        Function::Sign,
+        Function::Sqrt,
+        Function::Exp,
+        Function::Ln,
+        Function::Log1p,
+        Function::Expm1,
+        Function::Sin,
+        Function::Cos,
+        Function::Tan,
+        Function::Asin,
+        Function::Acos,
+        Function::Atan,
+        Function::Sinh,
+        Function::Cosh,
+        Function::Tanh,
+    ];
+
+    /// As written in a potential file.
+    pub fn name(self) -> &'static str {
+        match self {
+            Function::Negate => "-",
+            Function::Abs => "abs",
+            Function::Sign => "sign",
+            Function::Sqrt => "sqrt",
+            Function::Exp => "exp",
+            Function::Ln => "ln",
+            Function::Log1p => "log1p",
+            Function::Expm1 => "expm1",
+            Function::Sin => "sin",
+            Function::Cos => "cos",
+            Function::Tan => "tan",
+            Function::Asin => "asin",
+            Function::Acos => "acos",
+            Function::Atan => "atan",
+            Function::Sinh => "sinh",
+            Function::Cosh => "cosh",
+            Function::Tanh => "tanh",
+        }
+    }
+
+    /// The function with this name.
+    pub fn named(name: &str) -> Option<Function> {
+        Function::NAMED.into_iter().find(|f| f.name() == name)
+    }
+
+    /// The body at the strict level for the functions that are not single machine instructions:
+    /// interpreter and machine code both call it, so they agree to the last bit.
+    pub fn libm(self) -> Option<fn(f64) -> f64> {
+        Some(match self {
+            Function::Negate | Function::Abs | Function::Sign | Function::Sqrt => return None,
+            Function::Exp => libm::exp,
+            Function::Ln => libm::log,
+            Function::Log1p => libm::log1p,
+            Function::Expm1 => libm::expm1,
+            Function::Sin => libm::sin,
+            Function::Cos => libm::cos,
+            Function::Tan => libm::tan,
+            Function::Asin => libm::asin,
+            Function::Acos => libm::acos,
+            Function::Atan => libm::atan,
+            Function::Sinh => libm::sinh,
+            Function::Cosh => libm::cosh,
+            Function::Tanh => libm::tanh,
+        })
+    }
+}
+
+/// Operators with two numbers.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Operator {
+    /// `x + y`
+    Add,
+    /// `x - y`
+    Subtract,
+    /// `x * y`
+    Multiply,
+    /// `x / y`
+    Divide,
+    /// `x^y` with an exponent that is not a known number.
+    Power,
+    /// The smaller; not a number if either is none, `-0 < +0`.
+    Min,
+    /// The larger; not a number if either is none, `-0 < +0`.
+    Max,
+}
+
+impl Operator {
+    /// Whether the operands may be exchanged without changing a bit.
+    pub fn commutes(self) -> bool {
+        matches!(self, Operator::Add | Operator::Multiply | Operator::Min | Operator::Max)
+    }
+
+    /// As written.
+    pub fn name(self) -> &'static str {
+        match self {
+            Operator::Add => "+",
+            Operator::Subtract => "-",
+            Operator::Multiply => "*",
+            Operator::Divide => "/",
+            Operator::Power => "^",
+            Operator::Min => "min",
+            Operator::Max => "max",
+        }
+    }
+}
+
+/// Comparisons of two numbers; every one but `!=` is false if either is not a number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Comparison {
+    /// `==`
+    Equal,
+    /// `!=`
+    NotEqual,
+    /// `<`
+    Less,
+    /// `<=`
+    LessEqual,
+    /// `>`
+    Greater,
+    /// `>=`
+    GreaterEqual,
+}
+
+impl Comparison {
+    /// Whether it holds.
+    pub fn holds(self, x: f64, y: f64) -> bool {
+        match self {
+            Comparison::Equal => x == y,
+            Comparison::NotEqual => x != y,
+            Comparison::Less => x < y,
+            Comparison::LessEqual => x <= y,
+            Comparison::Greater => x > y,
+            Comparison::GreaterEqual => x >= y,
+        }
+    }
+
+    /// As written.
+    pub fn name(self) -> &'static str {
+        match self {
+            Comparison::Equal => "==",
+            Comparison::NotEqual => "!=",
+            Comparison::Less => "<",
+            Comparison::LessEqual => "<=",
+            Comparison::Greater => ">",
+            Comparison::GreaterEqual => ">=",
+        }
+    }
+}

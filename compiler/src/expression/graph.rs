@@ -1,0 +1,186 @@
+//! Nodes of an expression, each stored once, operands before users.
+//!
+//! Equal nodes get equal ids (hash-consing), so common subexpressions are found by construction and
+//! a comparison of expressions is a comparison of integers. Passes are loops over the arena.
+
+use rustc_hash::FxHashMap;
+
+use super::{Comparison, Function, Operator};
+use crate::measure::Measure;
+
+/// Most nodes a graph may hold.
+pub const MAX_NODES: usize = 20_000;
+
+/// The graph would need more than [`MAX_NODES`] nodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("the expression needs more than {MAX_NODES} operations in its graph")]
+pub struct TooManyNodes;
+
+/// Index of a node in its graph.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct NodeId(pub u32);
+
+/// A value that comes from outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Input {
+    /// Current measure: `l`, `a`, `v`.
+    Current(Measure),
+    /// Reference measure: `L`, `A`, `V`; finite and > 0.
+    Reference(Measure),
+    /// Relative change `(l - L)/L` of the measure, as the runtime computes it from displacements.
+    Change(Measure),
+    /// The horizon `delta`, finite and > 0.
+    Horizon,
+    /// A parameter of the potential, or a variable of a formula, by its number.
+    Parameter(u16),
+}
+
+/// One operation. Numbers are stored by their bits so that nodes can be hashed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Node {
+    /// A number.
+    Number(u64),
+    /// A truth value.
+    Truth(bool),
+    /// A value from outside.
+    Input(Input),
+    /// A function of one number.
+    Unary(Function, NodeId),
+    /// `x^c` with a constant exponent, given by its bits.
+    PowerConstant(NodeId, u64),
+    /// An operator with two numbers.
+    Binary(Operator, NodeId, NodeId),
+    /// A comparison; a truth value.
+    Compare(Comparison, NodeId, NodeId),
+    /// Both hold.
+    And(NodeId, NodeId),
+    /// At least one holds.
+    Or(NodeId, NodeId),
+    /// Does not hold.
+    Not(NodeId),
+    /// `if condition then x else y`; both are evaluated, one is taken.
+    Select(NodeId, NodeId, NodeId),
+}
+
+impl Node {
+    /// A number's node.
+    pub fn number(value: f64) -> Node {
+        Node::Number(value.to_bits())
+    }
+
+    /// The nodes it reads.
+    pub fn operands(self) -> impl Iterator<Item = NodeId> {
+        let (x, y, z) = match self {
+            Node::Number(_) | Node::Truth(_) | Node::Input(_) => (None, None, None),
+            Node::Unary(_, x) | Node::PowerConstant(x, _) | Node::Not(x) => (Some(x), None, None),
+            Node::Binary(_, x, y) | Node::Compare(_, x, y) | Node::And(x, y) | Node::Or(x, y) => {
+                (Some(x), Some(y), None)
+            }
+            Node::Select(c, x, y) => (Some(c), Some(x), Some(y)),
+        };
+        [x, y, z].into_iter().flatten()
+    }
+
+    /// The same operation on other operands.
+    pub fn map_operands(self, mut map: impl FnMut(NodeId) -> NodeId) -> Node {
+        match self {
+            Node::Number(_) | Node::Truth(_) | Node::Input(_) => self,
+            Node::Unary(f, x) => Node::Unary(f, map(x)),
+            Node::PowerConstant(x, c) => Node::PowerConstant(map(x), c),
+            Node::Binary(o, x, y) => Node::Binary(o, map(x), map(y)),
+            Node::Compare(o, x, y) => Node::Compare(o, map(x), map(y)),
+            Node::And(x, y) => Node::And(map(x), map(y)),
+            Node::Or(x, y) => Node::Or(map(x), map(y)),
+            Node::Not(x) => Node::Not(map(x)),
+            Node::Select(c, x, y) => Node::Select(map(c), map(x), map(y)),
+        }
+    }
+}
+
+/// A graph of operations.
+#[derive(Clone, Debug, Default)]
+pub struct ExprGraph {
+    nodes: Vec<Node>,
+    ids: FxHashMap<Node, NodeId>,
+}
+
+impl ExprGraph {
+    /// An empty graph.
+    pub fn new() -> ExprGraph {
+        ExprGraph::default()
+    }
+
+    /// The id of this node, which is stored if it is new. Operands must be here already.
+    pub fn intern(&mut self, node: Node) -> Result<NodeId, TooManyNodes> {
+        if let Some(&id) = self.ids.get(&node) {
+            return Ok(id);
+        }
+        if self.nodes.len() >= MAX_NODES {
+            return Err(TooManyNodes);
+        }
+        let id = NodeId(self.nodes.len() as u32);
+        self.nodes.push(node);
+        self.ids.insert(node, id);
+        Ok(id)
+    }
+
+    /// How many nodes there are.
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// All nodes, operands before users.
+    pub fn nodes(&self) -> impl DoubleEndedIterator<Item = (NodeId, Node)> {
+        self.nodes.iter().enumerate().map(|(i, &node)| (NodeId(i as u32), node))
+    }
+
+    /// The number a node is, if it is one.
+    pub fn as_number(&self, id: NodeId) -> Option<f64> {
+        match self[id] {
+            Node::Number(bits) => Some(f64::from_bits(bits)),
+            _ => None,
+        }
+    }
+
+    /// Which nodes the roots need, themselves included.
+    pub fn reachable(&self, roots: &[NodeId]) -> Vec<bool> {
+        let mut needed = vec![false; self.nodes.len()];
+        for root in roots {
+            needed[root.0 as usize] = true;
+        }
+        for (id, node) in self.nodes().rev() {
+            if needed[id.0 as usize] {
+                for operand in node.operands() {
+                    needed[operand.0 as usize] = true;
+                }
+            }
+        }
+        needed
+    }
+
+    /// A graph with only what the roots need, and the roots in it; the order is kept.
+    pub fn extract(&self, roots: &[NodeId]) -> (ExprGraph, Vec<NodeId>) {
+        let needed = self.reachable(roots);
+        let mut graph = ExprGraph::new();
+        let mut place = vec![NodeId(0); self.nodes.len()];
+        for (id, node) in self.nodes() {
+            if needed[id.0 as usize] {
+                let moved = node.map_operands(|x| place[x.0 as usize]);
+                place[id.0 as usize] = graph.intern(moved).expect("no larger than its source");
+            }
+        }
+        (graph, roots.iter().map(|r| place[r.0 as usize]).collect())
+    }
+}
+
+impl std::ops::Index<NodeId> for ExprGraph {
+    type Output = Node;
+    fn index(&self, id: NodeId) -> &Node {
+        &self.nodes[id.0 as usize]
+    }
+}

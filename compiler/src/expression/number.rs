@@ -1,0 +1,200 @@
+//! What a number type must offer so that a graph can be evaluated over it.
+
+use num_dual::{Dual2_64, DualNum, HyperDual64};
+
+use super::power::{PowerOps, PowerPlan};
+use super::{Function, Operator};
+
+/// A number over which a graph can be evaluated.
+///
+/// `f64` is the strict level, bit for bit what the machine code computes; the dual numbers carry
+/// first and second derivatives and are independent of the symbolic ones.
+pub trait Number: Copy {
+    /// A constant.
+    fn constant(value: f64) -> Self;
+    /// Its value, on which comparisons decide.
+    fn value(self) -> f64;
+    /// A function of it.
+    fn unary(function: Function, x: Self) -> Self;
+    /// An operator with two of them.
+    fn binary(operator: Operator, x: Self, y: Self) -> Self;
+    /// `x^c`
+    fn power_constant(x: Self, exponent: f64) -> Self;
+}
+
+/// The smaller of two numbers; not a number if either is none, `-0 < +0`.
+pub fn min(x: f64, y: f64) -> f64 {
+    if x.is_nan() || y.is_nan() {
+        f64::NAN
+    } else if x < y || (x == y && x.is_sign_negative()) {
+        x
+    } else {
+        y
+    }
+}
+
+/// The larger of two numbers; not a number if either is none, `-0 < +0`.
+pub fn max(x: f64, y: f64) -> f64 {
+    if x.is_nan() || y.is_nan() {
+        f64::NAN
+    } else if x > y || (x == y && y.is_sign_negative()) {
+        x
+    } else {
+        y
+    }
+}
+
+/// -1, 0 or 1; zeros and non-numbers stay what they are.
+pub fn sign(x: f64) -> f64 {
+    if x > 0.0 {
+        1.0
+    } else if x < 0.0 {
+        -1.0
+    } else {
+        x
+    }
+}
+
+impl Number for f64 {
+    fn constant(value: f64) -> f64 {
+        value
+    }
+
+    fn value(self) -> f64 {
+        self
+    }
+
+    fn unary(function: Function, x: f64) -> f64 {
+        match function {
+            Function::Negate => -x,
+            Function::Abs => x.abs(),
+            Function::Sign => sign(x),
+            Function::Sqrt => x.sqrt(),
+            other => (other.libm().expect("every other function has a body"))(x),
+        }
+    }
+
+    fn binary(operator: Operator, x: f64, y: f64) -> f64 {
+        match operator {
+            Operator::Add => x + y,
+            Operator::Subtract => x - y,
+            Operator::Multiply => x * y,
+            Operator::Divide => x / y,
+            Operator::Power => libm::pow(x, y),
+            Operator::Min => min(x, y),
+            Operator::Max => max(x, y),
+        }
+    }
+
+    fn power_constant(x: f64, exponent: f64) -> f64 {
+        PowerPlan::new(exponent).apply(&mut Strict, x)
+    }
+}
+
+/// The strict level's arithmetic for power plans.
+struct Strict;
+
+impl PowerOps for Strict {
+    type Value = f64;
+    fn one(&mut self) -> f64 {
+        1.0
+    }
+    fn multiply(&mut self, x: f64, y: f64) -> f64 {
+        x * y
+    }
+    fn reciprocal(&mut self, x: f64) -> f64 {
+        1.0 / x
+    }
+    fn sqrt(&mut self, x: f64) -> f64 {
+        x.sqrt()
+    }
+    fn pow(&mut self, x: f64, c: f64) -> f64 {
+        libm::pow(x, c)
+    }
+}
+
+/// Derivative parts of a dual number.
+pub trait DualParts {
+    /// Whether all derivative parts are zero.
+    fn is_constant(&self) -> bool;
+}
+
+impl DualParts for HyperDual64 {
+    fn is_constant(&self) -> bool {
+        self.eps1 == 0.0 && self.eps2 == 0.0 && self.eps1eps2 == 0.0
+    }
+}
+
+impl DualParts for Dual2_64 {
+    fn is_constant(&self) -> bool {
+        self.v1 == 0.0 && self.v2 == 0.0
+    }
+}
+
+macro_rules! dual_number {
+    ($type:ty) => {
+        impl Number for $type {
+            fn constant(value: f64) -> Self {
+                <$type>::from_re(value)
+            }
+
+            fn value(self) -> f64 {
+                self.re
+            }
+
+            fn unary(function: Function, x: Self) -> Self {
+                match function {
+                    Function::Negate => -x,
+                    Function::Abs => x * sign(x.re),
+                    Function::Sign => Self::from_re(sign(x.re)),
+                    Function::Sqrt => x.sqrt(),
+                    Function::Exp => x.exp(),
+                    Function::Ln => x.ln(),
+                    Function::Log1p => x.ln_1p(),
+                    Function::Expm1 => x.exp_m1(),
+                    Function::Sin => x.sin(),
+                    Function::Cos => x.cos(),
+                    Function::Tan => x.tan(),
+                    Function::Asin => x.asin(),
+                    Function::Acos => x.acos(),
+                    Function::Atan => x.atan(),
+                    Function::Sinh => x.sinh(),
+                    Function::Cosh => x.cosh(),
+                    Function::Tanh => x.tanh(),
+                }
+            }
+
+            fn binary(operator: Operator, x: Self, y: Self) -> Self {
+                match operator {
+                    Operator::Add => x + y,
+                    Operator::Subtract => x - y,
+                    Operator::Multiply => x * y,
+                    Operator::Divide => {
+                        // x*(1/y) would round the value twice.
+                        let mut quotient = x / y;
+                        quotient.re = x.re / y.re;
+                        quotient
+                    }
+                    // exp(y ln x) would fail for x <= 0 although the exponent does not vary.
+                    Operator::Power if y.is_constant() => Self::power_constant(x, y.re),
+                    Operator::Power => x.powd(y),
+                    Operator::Min if min(x.re, y.re).to_bits() == x.re.to_bits() => x,
+                    Operator::Max if max(x.re, y.re).to_bits() == x.re.to_bits() => x,
+                    Operator::Min | Operator::Max if x.re.is_nan() => x,
+                    Operator::Min | Operator::Max => y,
+                }
+            }
+
+            fn power_constant(x: Self, exponent: f64) -> Self {
+                if exponent == exponent.trunc() && exponent.abs() <= 1024.0 {
+                    x.powi(exponent as i32)
+                } else {
+                    x.powf(exponent)
+                }
+            }
+        }
+    };
+}
+
+dual_number!(HyperDual64);
+dual_number!(Dual2_64);

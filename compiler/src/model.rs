@@ -1,0 +1,157 @@
+//! A checked potential: names resolved, types and dimensions right, still exactly what was written.
+//!
+//! Only [`crate::check`] makes a [`Model`]; later stages trust it. Its graphs are not simplified and
+//! parameters are inputs, so a model evaluated over dual numbers is an independent witness for
+//! everything the later stages do.
+
+use piola_grammar::Span;
+
+use crate::check::dimension::Dimension;
+use crate::check::unit::UnitValue;
+use crate::expression::{ExprGraph, NodeId};
+use crate::measure::Measure;
+
+/// A checked potential.
+#[derive(Clone, Debug)]
+pub struct Model {
+    pub(crate) name: String,
+    pub(crate) title: Option<String>,
+    pub(crate) sources: Vec<String>,
+    pub(crate) has_units: bool,
+    pub(crate) parameters: Vec<Parameter>,
+    pub(crate) constraints: Vec<Constraint>,
+    pub(crate) constraint_graph: ExprGraph,
+    pub(crate) variants: Vec<Variant>,
+}
+
+/// A parameter as declared.
+#[derive(Clone, Debug)]
+pub struct Parameter {
+    /// Its name.
+    pub name: String,
+    /// What it is.
+    pub description: Option<String>,
+    /// The unit as written.
+    pub unit: Option<String>,
+    /// Where it is declared.
+    pub span: Span,
+}
+
+/// A condition on parameter values.
+#[derive(Clone, Debug)]
+pub struct Constraint {
+    /// Whose declaration holds it.
+    pub parameter: usize,
+    /// As written.
+    pub text: String,
+    /// Its truth value in the model's constraint graph, over values in declared units.
+    pub(crate) root: NodeId,
+}
+
+/// The potential in two or in three dimensions.
+#[derive(Clone, Debug)]
+pub struct Variant {
+    /// 2 or 3.
+    pub dimension: usize,
+    /// Default values in declared units.
+    pub defaults: Vec<Option<f64>>,
+    /// Declared units.
+    pub units: Vec<UnitValue>,
+    /// The energies as written.
+    pub energies: Vec<Energy>,
+    /// Declared intervals of use.
+    pub domains: Vec<Interval>,
+    /// Holds the roots of energies and intervals.
+    pub graph: ExprGraph,
+}
+
+/// One energy statement.
+#[derive(Clone, Debug)]
+pub struct Energy {
+    /// What it is a function of.
+    pub measure: Measure,
+    /// The energy density in the variant's graph.
+    pub root: NodeId,
+    /// Place of the energy's expression.
+    pub span: Span,
+    /// The expression as written, in canonical spelling.
+    pub text: String,
+}
+
+/// A declared interval of use of one measure.
+#[derive(Clone, Debug)]
+pub struct Interval {
+    /// Which measure the quantity depends on.
+    pub measure: Measure,
+    /// The quantity in the variant's graph.
+    pub root: NodeId,
+    /// Lower end and whether it belongs to the interval.
+    pub lower: (f64, bool),
+    /// Upper end and whether it belongs to the interval.
+    pub upper: (f64, bool),
+    /// The quantity as written.
+    pub text: String,
+}
+
+impl Interval {
+    /// Whether a value of the quantity lies in the interval.
+    pub fn contains(&self, value: f64) -> bool {
+        let above = value > self.lower.0 || (self.lower.1 && value == self.lower.0);
+        let below = value < self.upper.0 || (self.upper.1 && value == self.upper.0);
+        above && below
+    }
+}
+
+impl Model {
+    /// The name after `potential`.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The title after the name.
+    pub fn title(&self) -> Option<&str> {
+        self.title.as_deref()
+    }
+
+    /// The texts of `source` statements.
+    pub fn sources(&self) -> &[String] {
+        &self.sources
+    }
+
+    /// The parameters in the order of their declaration.
+    pub fn parameters(&self) -> &[Parameter] {
+        &self.parameters
+    }
+
+    /// The conditions on parameter values.
+    pub fn constraints(&self) -> &[Constraint] {
+        &self.constraints
+    }
+
+    /// Whether any parameter states a unit, so that dimensions are checked.
+    pub fn has_units(&self) -> bool {
+        self.has_units
+    }
+
+    /// The dimensions in which the potential is defined, ascending.
+    pub fn dimensions(&self) -> impl Iterator<Item = usize> {
+        self.variants.iter().map(|v| v.dimension)
+    }
+
+    /// The potential in `dimension` dimensions, if it is defined there.
+    pub fn variant(&self, dimension: usize) -> Option<&Variant> {
+        self.variants.iter().find(|v| v.dimension == dimension)
+    }
+
+    /// The measures that have an energy, ascending.
+    pub fn measures(&self) -> Vec<Measure> {
+        let first = &self.variants[0];
+        let has = |m: &Measure| first.energies.iter().any(|e| e.measure == *m);
+        Measure::ALL.into_iter().filter(has).collect()
+    }
+
+    /// The unit of an energy density of this measure, e.g. `J/m^4`.
+    pub fn energy_unit(measure: Measure, dimension: usize) -> String {
+        Dimension::energy_density(measure.points(), dimension).unit()
+    }
+}

@@ -1,0 +1,185 @@
+//! Graphs as text: the piola language, LaTeX, C, and a plain listing of nodes.
+//!
+//! Expressions are printed once each: a part that is used more than once, or that grows too long for
+//! a line, gets a name of its own (`t1 = ..`), so the text is never larger than the graph.
+
+mod c;
+mod latex;
+mod listing;
+mod text;
+
+pub use c::c_source;
+pub use latex::latex;
+pub use listing::{graph_listing, model_listing};
+pub use text::text;
+
+use crate::expression::{Comparison, ExprGraph, Function, Input, Node, NodeId, Operator};
+use crate::measure::Measure;
+use crate::model::Model;
+
+/// Longest piece that is written in place where it is used more than once.
+const LONGEST_REPEATED: usize = 16;
+/// Longest piece that is written in place at all.
+const LONGEST_PIECE: usize = 400;
+
+/// How tightly the outermost operation of a piece binds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Binding {
+    Condition,
+    Or,
+    And,
+    Not,
+    Comparison,
+    Sum,
+    Product,
+    Negation,
+    Power,
+    Atom,
+}
+
+/// A printed part of an expression.
+#[derive(Clone, Debug)]
+struct Piece {
+    text: String,
+    binding: Binding,
+}
+
+impl Piece {
+    fn atom(text: impl Into<String>) -> Piece {
+        Piece { text: text.into(), binding: Binding::Atom }
+    }
+}
+
+/// How operations are written.
+trait Notation {
+    fn number(&self, value: f64) -> Piece;
+    fn input(&self, input: Input) -> Piece;
+    fn temporary(&self, number: usize) -> Piece;
+    fn unary(&self, function: Function, x: Piece) -> Piece;
+    fn power(&self, x: Piece, y: Piece) -> Piece;
+    fn binary(&self, operator: Operator, x: Piece, y: Piece) -> Piece;
+    fn compare(&self, comparison: Comparison, x: Piece, y: Piece) -> Piece;
+    fn and(&self, x: Piece, y: Piece) -> Piece;
+    fn or(&self, x: Piece, y: Piece) -> Piece;
+    fn not(&self, x: Piece) -> Piece;
+    fn select(&self, c: Piece, x: Piece, y: Piece) -> Piece;
+}
+
+/// Lines `(name, expression)`: temporaries in order, then one line per root.
+fn lines(
+    graph: &ExprGraph,
+    roots: &[(String, NodeId)],
+    notation: &impl Notation,
+) -> Vec<(String, String)> {
+    let needed = graph.reachable(&roots.iter().map(|r| r.1).collect::<Vec<_>>());
+    let mut uses = vec![0_usize; graph.len()];
+    for (id, node) in graph.nodes() {
+        if needed[id.0 as usize] {
+            node.operands().for_each(|x| uses[x.0 as usize] += 1);
+        }
+    }
+    for (_, root) in roots {
+        uses[root.0 as usize] += 1;
+    }
+    let mut lines = Vec::new();
+    let mut pieces: Vec<Option<Piece>> = vec![None; graph.len()];
+    for (id, node) in graph.nodes() {
+        if !needed[id.0 as usize] {
+            continue;
+        }
+        let mut piece = print_node(node, &mut pieces, &uses, notation);
+        let length = piece.text.chars().count();
+        let repeated = uses[id.0 as usize] > 1 && length > LONGEST_REPEATED;
+        if repeated || length > LONGEST_PIECE {
+            let name = notation.temporary(lines.len() + 1);
+            lines.push((name.text.clone(), std::mem::replace(&mut piece, name).text));
+        }
+        pieces[id.0 as usize] = Some(piece);
+    }
+    for (name, root) in roots {
+        let piece = pieces[root.0 as usize].clone().expect("roots are needed");
+        lines.push((name.clone(), piece.text));
+    }
+    lines
+}
+
+fn print_node(
+    node: Node,
+    pieces: &mut [Option<Piece>],
+    uses: &[usize],
+    notation: &impl Notation,
+) -> Piece {
+    // The last reader of a piece takes it: long chains are not copied.
+    let mut take = |x: NodeId| {
+        let slot = &mut pieces[x.0 as usize];
+        let piece = if uses[x.0 as usize] == 1 { slot.take() } else { slot.clone() };
+        piece.expect("operands come first")
+    };
+    match node {
+        Node::Number(bits) => notation.number(f64::from_bits(bits)),
+        Node::Truth(true) => notation.compare(Comparison::Less, number("0"), number("1")),
+        Node::Truth(false) => notation.compare(Comparison::Less, number("1"), number("0")),
+        Node::Input(input) => notation.input(input),
+        Node::Unary(function, x) => notation.unary(function, take(x)),
+        Node::PowerConstant(x, bits) => {
+            let base = take(x);
+            notation.power(base, notation.number(f64::from_bits(bits)))
+        }
+        Node::Binary(operator, x, y) => {
+            let (x, y) = take_both(&mut take, x, y);
+            match operator {
+                Operator::Power => notation.power(x, y),
+                _ => notation.binary(operator, x, y),
+            }
+        }
+        Node::Compare(comparison, x, y) => {
+            let (x, y) = take_both(&mut take, x, y);
+            notation.compare(comparison, x, y)
+        }
+        Node::And(x, y) => {
+            let (x, y) = take_both(&mut take, x, y);
+            notation.and(x, y)
+        }
+        Node::Or(x, y) => {
+            let (x, y) = take_both(&mut take, x, y);
+            notation.or(x, y)
+        }
+        Node::Not(x) => notation.not(take(x)),
+        Node::Select(c, x, y) => {
+            let (x, y) = take_both(&mut take, x, y);
+            notation.select(take(c), x, y)
+        }
+    }
+}
+
+fn take_both(take: &mut impl FnMut(NodeId) -> Piece, x: NodeId, y: NodeId) -> (Piece, Piece) {
+    let first = take(x);
+    let second = take(y);
+    (first, second)
+}
+
+fn number(text: &str) -> Piece {
+    Piece::atom(text)
+}
+
+/// The names of a potential's inputs.
+struct Names<'a> {
+    model: &'a Model,
+}
+
+impl Names<'_> {
+    fn input(&self, input: Input) -> String {
+        match input {
+            Input::Current(m) => m.symbol().to_string(),
+            Input::Reference(m) => m.reference_symbol().to_string(),
+            Input::Change(m) => format!("({}/{} - 1)", m.symbol(), m.reference_symbol()),
+            Input::Horizon => "delta".to_string(),
+            Input::Parameter(i) => self.model.parameters()[usize::from(i)].name.clone(),
+        }
+    }
+}
+
+/// `psi(l)`, `psi'(l)`, `psi''(l)`.
+fn root_names(measure: Measure) -> [String; 3] {
+    ["", "'", "''"].map(|primes| format!("psi{primes}({})", measure.symbol()))
+}

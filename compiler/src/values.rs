@@ -1,0 +1,257 @@
+//! Values for the parameters of a potential: defaults, settings with units, conditions.
+
+use piola_grammar::suggest;
+
+use crate::check::dimension::Dimension;
+use crate::check::unit::named_unit;
+use crate::expression::Input;
+use crate::expression::interpret::Interpreter;
+use crate::model::{Model, Variant};
+
+/// A value a user gives to a parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Setting {
+    /// A number in the declared unit.
+    Number(f64),
+    /// A number with a unit, `200 GPa`, or a plain number as text.
+    Text(String),
+}
+
+/// All inputs of a potential but the measures, in SI units.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Values {
+    /// 2 or 3.
+    pub dimension: usize,
+    /// One per parameter, in SI units.
+    pub parameters: Vec<f64>,
+    /// The horizon in m; not a number where none is given.
+    pub horizon: f64,
+}
+
+/// Why a setting cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{message}")]
+pub struct ValueError {
+    /// Stable kebab-case name.
+    pub code: &'static str,
+    /// The parameter it is about.
+    pub parameter: String,
+    /// What is wrong.
+    pub message: String,
+    /// What to write instead.
+    pub help: String,
+}
+
+impl Model {
+    /// The values in `dimension` dimensions with these settings; defaults elsewhere.
+    ///
+    /// # Errors
+    /// All of: a dimension the potential is not defined in, unknown names, units that do not fit,
+    /// numbers that are not finite, missing values, conditions that do not hold.
+    pub fn values(
+        &self,
+        dimension: usize,
+        settings: &[(String, Setting)],
+        horizon: Option<f64>,
+    ) -> Result<Values, Vec<ValueError>> {
+        let Some(variant) = self.variant(dimension) else {
+            let stated: Vec<String> = self.dimensions().map(|d| d.to_string()).collect();
+            let stated = stated.join(" and ");
+            return Err(vec![ValueError {
+                code: "wrong-dimensions",
+                parameter: String::new(),
+                message: format!("`{}` is not defined in {dimension} dimensions", self.name),
+                help: format!("it is defined in {stated} dimensions"),
+            }]);
+        };
+        let mut declared: Vec<Option<f64>> = variant.defaults.clone();
+        let mut errors = Vec::new();
+        for (name, setting) in settings {
+            match self.parameters.iter().position(|p| p.name == *name) {
+                None => errors.push(self.unknown_parameter(name)),
+                Some(i) => match self.declared_value(i, variant, setting) {
+                    Ok(value) => declared[i] = Some(value),
+                    Err(error) => {
+                        // A value of any kind is there: it is not missing as well.
+                        declared[i] = Some(f64::NAN);
+                        errors.push(error);
+                    }
+                },
+            }
+        }
+        for (parameter, value) in self.parameters.iter().zip(&declared) {
+            if value.is_none() {
+                errors.push(ValueError {
+                    code: "missing-parameter",
+                    parameter: parameter.name.clone(),
+                    message: format!("parameter `{}` has no value and no default", parameter.name),
+                    help: format!("set it, for instance `{} = 1`", parameter.name),
+                });
+            }
+        }
+        if !errors.is_empty() {
+            return Err(errors);
+        }
+        let declared: Vec<f64> = declared.into_iter().flatten().collect();
+        errors.extend(self.broken_constraints(&declared));
+        if !errors.is_empty() {
+            return Err(errors);
+        }
+        let parameters = declared.iter().zip(&variant.units).map(|(x, unit)| x * unit.scale);
+        Ok(Values {
+            dimension,
+            parameters: parameters.collect(),
+            horizon: horizon.unwrap_or(f64::NAN),
+        })
+    }
+
+    fn unknown_parameter(&self, name: &str) -> ValueError {
+        let names: Vec<&str> = self.parameters.iter().map(|p| p.name.as_str()).collect();
+        let help = match suggest(name, names.iter().copied()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None if names.is_empty() => "it has no parameters".to_string(),
+            None => format!("its parameters are {}", names.join(", ")),
+        };
+        ValueError {
+            code: "unknown-parameter",
+            parameter: name.to_string(),
+            message: format!("`{}` has no parameter `{name}`", self.name),
+            help,
+        }
+    }
+
+    /// A setting in the parameter's declared unit.
+    fn declared_value(
+        &self,
+        number: usize,
+        variant: &Variant,
+        setting: &Setting,
+    ) -> Result<f64, ValueError> {
+        let parameter = &self.parameters[number];
+        let error = |code, message: String, help: String| ValueError {
+            code,
+            parameter: parameter.name.clone(),
+            message: format!("parameter `{}`: {message}", parameter.name),
+            help,
+        };
+        let value = match setting {
+            Setting::Number(value) => *value,
+            Setting::Text(text) => {
+                let (value, unit) = split_quantity(text).ok_or_else(|| {
+                    let message = format!("`{text}` is not a number with a unit");
+                    error("not-a-number", message, "write for instance \"200 GPa\"".into())
+                })?;
+                if unit.is_empty() {
+                    value
+                } else {
+                    let own = variant.units[number];
+                    let (dimension, scale) = unit_product(unit).ok_or_else(|| {
+                        let help = "units are products of powers such as J/m^4".to_string();
+                        error("unknown-unit", format!("unknown unit `{unit}`"), help)
+                    })?;
+                    if dimension != own.dimension {
+                        let message = format!(
+                            "`{text}` is {}, the parameter is {}",
+                            dimension.describe(),
+                            own.dimension.describe()
+                        );
+                        let help = format!("give it in {}", own.dimension.unit());
+                        return Err(error("dimension-mismatch", message, help));
+                    }
+                    value * (scale / own.scale)
+                }
+            }
+        };
+        if value.is_finite() {
+            Ok(value)
+        } else {
+            let help = "give a finite number".to_string();
+            Err(error("not-a-number", format!("{value} is not a finite number"), help))
+        }
+    }
+
+    fn broken_constraints(&self, declared: &[f64]) -> Vec<ValueError> {
+        let mut interpreter = Interpreter::<f64>::new();
+        interpreter.run(&self.constraint_graph, |input| match input {
+            Input::Parameter(i) => declared[usize::from(i)],
+            _ => f64::NAN,
+        });
+        let broken = self.constraints.iter().filter(|c| !interpreter.truth(c.root));
+        broken
+            .map(|c| {
+                let name = &self.parameters[c.parameter].name;
+                ValueError {
+                    code: "constraint-violated",
+                    parameter: name.clone(),
+                    message: format!(
+                        "parameter `{name}` = {} breaks `{}`",
+                        declared[c.parameter], c.text
+                    ),
+                    help: format!("choose values for which `{}` holds", c.text),
+                }
+            })
+            .collect()
+    }
+}
+
+/// "200 GPa" into 200 and "GPa".
+fn split_quantity(text: &str) -> Option<(f64, &str)> {
+    let text = text.trim();
+    // The longest prefix that is a number: "2e3 m" must not end at the `e`.
+    let end = (1..=text.len()).rev().filter(|&end| text.is_char_boundary(end)).find(|&end| {
+        text[..end].ends_with(|c: char| c.is_ascii_digit() || c == '.')
+            && text[..end].parse::<f64>().is_ok()
+    })?;
+    Some((text[..end].parse().ok()?, text[end..].trim()))
+}
+
+/// The dimension and scale of a product such as `J/m^4`.
+fn unit_product(text: &str) -> Option<(Dimension, f64)> {
+    let (unit, arena) = piola_grammar::parse_unit(text).ok()?;
+    let mut dimension = Dimension::NONE;
+    let mut scale = 1.0;
+    for factor in &unit.factors {
+        let base = named_unit(&factor.name.name)?;
+        let exponent = match factor.exponent {
+            None => 1.0,
+            Some(id) => literal(&arena, id)?,
+        };
+        let exponent = if factor.divided { -exponent } else { exponent };
+        dimension = dimension.times(base.dimension.power(exponent)?);
+        scale *= libm::pow(base.scale, exponent);
+    }
+    Some((dimension, scale))
+}
+
+fn literal(arena: &piola_grammar::ast::Arena, id: piola_grammar::ast::ExprId) -> Option<f64> {
+    use piola_grammar::ast::{ExprKind, UnaryOperator};
+    match &arena[id].kind {
+        ExprKind::Number(x) => Some(*x),
+        ExprKind::Unary { operator: UnaryOperator::Negate, operand } => {
+            literal(arena, *operand).map(|x| -x)
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantities_split_at_the_unit() {
+        assert_eq!(split_quantity("200 GPa"), Some((200.0, "GPa")));
+        assert_eq!(split_quantity("2e3m"), Some((2e3, "m")));
+        assert_eq!(split_quantity(" -1.5 "), Some((-1.5, "")));
+        assert_eq!(split_quantity("3.J/m^4"), Some((3.0, "J/m^4")));
+        assert_eq!(split_quantity("GPa"), None);
+    }
+
+    #[test]
+    fn units_multiply() {
+        let (dimension, scale) = unit_product("kJ/mm^2").unwrap();
+        assert_eq!(dimension.unit(), "J/m^2");
+        assert!((scale - 1e9).abs() < 1e-3);
+        assert!(unit_product("furlong").is_none());
+    }
+}

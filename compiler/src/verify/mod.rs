@@ -1,0 +1,149 @@
+//! Generated derivatives against independent ones, over the declared domain.
+//!
+//! Machine code must equal the interpreter bit for bit; both must agree with hyper-dual numbers of
+//! the energy as written to `1e-14 + 8 u/|l/L - 1|` of the value: the second term is what the formula
+//! as written loses by subtracting numbers that are nearly equal.
+
+pub mod sample;
+
+use crate::kernel::{Batch, Derivatives, Mode};
+use crate::measure::Measure;
+use crate::model::Model;
+use crate::specialise::{CompileError, Dropped};
+use crate::values::Values;
+use sample::Point;
+
+/// Half the distance from 1 to the next number.
+const UNIT_ROUNDOFF: f64 = f64::EPSILON / 2.0;
+
+/// What was found for one energy.
+#[derive(Clone, Debug)]
+pub struct Verification {
+    /// The energy's measure.
+    pub measure: Measure,
+    /// How many points were tried.
+    pub n_points: usize,
+    /// Where machine code and interpreter differ in some bit.
+    pub different_bits: Vec<Point>,
+    /// Where psi, psi' or psi'' misses its tolerance.
+    pub misses: Vec<Miss>,
+    /// Largest error over tolerance of psi, psi', psi''; at most 1 where nothing misses.
+    pub worst: [f64; 3],
+}
+
+/// A value outside its tolerance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Miss {
+    /// Where.
+    pub point: Point,
+    /// 0, 1, 2 for psi, psi', psi''.
+    pub order: usize,
+    /// The compiled value.
+    pub compiled: f64,
+    /// The hyper-dual value of the energy as written.
+    pub expected: f64,
+    /// Largest difference allowed.
+    pub tolerance: f64,
+}
+
+impl Verification {
+    /// Whether nothing was found.
+    pub fn passed(&self) -> bool {
+        self.n_points > 0 && self.different_bits.is_empty() && self.misses.is_empty()
+    }
+}
+
+/// Verifies every energy of a model for these values at about `2 n` points each.
+///
+/// # Errors
+/// Energies that cannot be compiled.
+pub fn verify(
+    model: &Model,
+    values: &Values,
+    n: usize,
+) -> Result<(Vec<Verification>, Vec<Dropped>), CompileError> {
+    let compiled = model.compile(values, Mode::Jit)?;
+    let interpreted = model.compile(values, Mode::Interpreter)?;
+    let variant =
+        model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+    let mut found = Vec::new();
+    for (code, graph) in compiled.kernels.iter().zip(&interpreted.kernels) {
+        let measure = code.measure();
+        let points = sample::points(variant, measure, values, n);
+        let columns = Columns::new(&points);
+        let (mut machine, mut reference) = (Derivatives::default(), Derivatives::default());
+        code.evaluate(columns.batch(), &mut machine);
+        graph.evaluate(columns.batch(), &mut reference);
+        let written = model.written(values, measure);
+        let mut verification = Verification {
+            measure,
+            n_points: points.len(),
+            different_bits: Vec::new(),
+            misses: Vec::new(),
+            worst: [0.0; 3],
+        };
+        for (i, &point) in points.iter().enumerate() {
+            let compiled = [machine.psi[i], machine.dpsi[i], machine.d2psi[i]];
+            let interpreted = [reference.psi[i], reference.dpsi[i], reference.d2psi[i]];
+            if !compiled.iter().zip(&interpreted).all(|(x, y)| same_bits(*x, *y)) {
+                verification.different_bits.push(point);
+            }
+            let expected: [f64; 3] = written.derivatives(point.measure, point.reference).into();
+            // A term that was dropped for its zero coefficient is 0 or, outside the domain, not a
+            // number in the written form; points lie in the domain, so the values can be compared.
+            compare(&mut verification, point, compiled, expected);
+        }
+        found.push(verification);
+    }
+    Ok((found, compiled.dropped))
+}
+
+fn compare(found: &mut Verification, point: Point, compiled: [f64; 3], expected: [f64; 3]) {
+    let relative = 1e-14 + 8.0 * UNIT_ROUNDOFF / point.change().abs();
+    let m = point.measure.abs();
+    let size = |order: usize| expected[order].abs().max(compiled[order].abs());
+    // Where a derivative passes through zero its rounding is set by the order below it.
+    let scales = [size(0), size(1) + size(0) / m, size(2) + size(1) / m];
+    for order in 0..3 {
+        let (x, y) = (compiled[order], expected[order]);
+        let tolerance = relative * scales[order] + f64::MIN_POSITIVE;
+        let error = if same_bits(x, y) || tolerance.is_infinite() { 0.0 } else { (x - y).abs() };
+        let ratio = if error.is_nan() { f64::INFINITY } else { error / tolerance };
+        found.worst[order] = found.worst[order].max(ratio);
+        if ratio > 1.0 {
+            found.misses.push(Miss { point, order, compiled: x, expected: y, tolerance });
+        }
+    }
+}
+
+/// Equal to the last bit, or both not a number.
+pub fn same_bits(x: f64, y: f64) -> bool {
+    x.to_bits() == y.to_bits() || (x.is_nan() && y.is_nan())
+}
+
+/// Points as the columns a kernel reads.
+#[derive(Clone, Debug, Default)]
+pub struct Columns {
+    measure: Vec<f64>,
+    reference: Vec<f64>,
+    change: Vec<f64>,
+}
+
+impl Columns {
+    /// The columns of these points.
+    pub fn new(points: &[Point]) -> Columns {
+        Columns {
+            measure: points.iter().map(|p| p.measure).collect(),
+            reference: points.iter().map(|p| p.reference).collect(),
+            change: points.iter().map(|p| p.change()).collect(),
+        }
+    }
+
+    /// As the input of a kernel.
+    pub fn batch(&self) -> Batch<'_> {
+        Batch { measure: &self.measure, reference: &self.reference, change: &self.change }
+    }
+}
+
+#[cfg(test)]
+mod tests;

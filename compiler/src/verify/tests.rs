@@ -1,0 +1,111 @@
+//! Derivatives of the Seth-Hill family and of one energy per function, against hyper-dual numbers.
+
+use super::verify;
+use crate::expression::Function;
+use crate::print::text;
+use crate::test_support::{SETH_HILL, model, values};
+
+#[test]
+fn seth_hill_over_its_exponents() {
+    let model = model(SETH_HILL);
+    for n in [-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 2.7, 4.0, 10.0] {
+        for d in [2, 3] {
+            let values = values(&model, d, &[("C1", 1.5), ("C2", 40.0), ("C3", 7.0), ("n", n)]);
+            let (found, dropped) = verify(&model, &values, 200).unwrap();
+            assert_eq!(found.len(), if d == 3 { 3 } else { 2 });
+            assert_eq!(dropped.len(), if d == 3 { 0 } else { 1 });
+            for v in found {
+                assert!(v.n_points > 300, "{}", v.n_points);
+                assert!(v.different_bits.is_empty(), "n = {n}: {:?}", v.different_bits);
+                // (x^n - 1)/n as written divides the rounding of x^n by n.
+                let allowed = if n == 0.0 { 1.0 } else { (1.25 / f64::abs(n)).max(1.0) };
+                let shown = &v.misses[..v.misses.len().min(3)];
+                let worst = v.worst.into_iter().fold(0.0, f64::max);
+                assert!(worst <= allowed, "n = {n}, {:?}: {:?} {shown:#?}", v.measure, v.worst);
+            }
+        }
+    }
+}
+
+#[test]
+fn every_function_has_the_right_derivatives() {
+    for function in Function::NAMED {
+        let argument = match function {
+            Function::Asin | Function::Acos => "l/(l + L)",
+            Function::Sign | Function::Abs => "l/L - 1.5",
+            _ => "l/L",
+        };
+        let text = format!(
+            "potential p\ndomain l/L in (0.1, 10)\npsi(l) = L*({}({argument}) + (l/L)^2)",
+            function.name()
+        );
+        let model = model(&text);
+        let (found, _) = verify(&model, &values(&model, 3, &[]), 200).unwrap();
+        assert!(
+            found[0].passed(),
+            "{text}\n{:#?}",
+            &found[0].misses[..found[0].misses.len().min(3)]
+        );
+    }
+}
+
+#[test]
+fn conditions_extremes_and_powers_have_the_right_derivatives() {
+    for energy in [
+        "if l > L then (l/L - 1)^2 else (l/L - 1)^4",
+        "min(l/L, 2)^3",
+        "max(l/L, 0.5, L)^2",
+        "(l/L)^(l/L)",
+        "if l > L and not (l > 2*L) or l < L/2 then l^2 else l^3",
+        "(l/L)^C",
+        "abs(l/L)^2.5",
+    ] {
+        let text =
+            format!("potential p\nparameter C = 1.5\ndomain l/L in (0.1, 10)\npsi(l) = {energy}");
+        let model = model(&text);
+        let (found, _) = verify(&model, &values(&model, 3, &[]), 200).unwrap();
+        assert!(
+            found[0].passed(),
+            "{text}\n{:#?}",
+            &found[0].misses[..found[0].misses.len().min(3)]
+        );
+    }
+}
+
+/// A wrong derivative must be found: here the energy as written differs from the compiled one.
+#[test]
+fn a_wrong_derivative_is_found() {
+    let (right, wrong) = ("(l/L - 1)^2", "(l/L - 1)^2 + 1e-9*(l/L)^3");
+    let model = model(&format!(
+        "potential p\nparameter k = 0\npsi(l) = if k > 0 then {wrong} else {right}"
+    ));
+    let good = values(&model, 3, &[]);
+    let bad = values(&model, 3, &[("k", 1.0)]);
+    let kernel = &model.compile(&good, crate::Mode::Jit).unwrap().kernels[0];
+    let point = super::sample::Point { measure: 1.5, reference: 1.0 };
+    let mut out = crate::Derivatives::default();
+    kernel.evaluate(super::Columns::new(&[point]).batch(), &mut out);
+    let mut found = super::Verification {
+        measure: crate::Measure::Length,
+        n_points: 1,
+        different_bits: Vec::new(),
+        misses: Vec::new(),
+        worst: [0.0; 3],
+    };
+    let expected = model.written(&bad, crate::Measure::Length).derivatives(1.5, 1.0);
+    super::compare(&mut found, point, [out.psi[0], out.dpsi[0], out.d2psi[0]], expected.into());
+    assert_eq!(found.misses.len(), 3);
+    assert!(!found.passed());
+}
+
+#[test]
+fn derivatives_read_as_one_would_write_them() {
+    let model = model(SETH_HILL);
+    let values = values(&model, 2, &[("C1", 3.0)]);
+    let specialised = model.specialise(&values).unwrap();
+    assert_eq!(specialised.energies.len(), 1, "C2 = C3 = 0 leave the bonds alone");
+    assert_eq!(
+        text(&model, &specialised.energies[0]),
+        "psi(l) = 1.5*L*(l/L - 1)^2\npsi'(l) = 3*(l/L - 1)\npsi''(l) = 3/L\n"
+    );
+}

@@ -55,7 +55,7 @@ mod parser {
 ///
 /// The error holds every mistake in the text, in the order of the text.
 pub fn parse(text: &str) -> Result<Ast, Vec<Diagnostic>> {
-    let scan = scan(text, Layout::Statements).map_err(|finding| vec![finding])?;
+    let scan = scan(text, Layout::Statements)?;
     let mut builder = Builder { findings: scan.findings, ..Builder::default() };
     let mut file = File::default();
     for line in &scan.lines {
@@ -71,10 +71,10 @@ pub fn parse(text: &str) -> Result<Ast, Vec<Diagnostic>> {
 
 /// Reads an expression, e.g. of a string in a scene file; newlines in it are blanks.
 pub fn parse_expression(text: &str) -> Result<ExpressionAst, Vec<Diagnostic>> {
-    let (pair_root, builder) = lone(text, Rule::lone_expression, |builder, pair| {
+    let (root, builder) = lone(text, Rule::lone_expression, |builder, pair| {
         builder.expression(pair).map(|operand| operand.id)
     })?;
-    Ok(ExpressionAst { root: pair_root, arena: builder.arena })
+    Ok(ExpressionAst { root, arena: builder.arena })
 }
 
 /// Reads a unit, e.g. the `J/m^4` of a scene's `"2 J/m^4"`; exponents are in the arena.
@@ -89,7 +89,7 @@ fn lone<T>(
     rule: Rule,
     build: impl FnOnce(&mut Builder, Pair<'_, Rule>) -> Option<T>,
 ) -> Result<(T, Builder), Vec<Diagnostic>> {
-    let scan = scan(text, Layout::Lone).map_err(|finding| vec![finding])?;
+    let scan = scan(text, Layout::Lone)?;
     let mut builder = Builder { findings: scan.findings, ..Builder::default() };
     if builder.findings.is_empty() {
         let goal = if rule == Rule::lone_unit { Goal::Unit } else { Goal::Expression };
@@ -156,11 +156,16 @@ impl File {
     fn finish(self, builder: Builder) -> Result<Ast, Vec<Diagnostic>> {
         let mut findings = builder.findings;
         if self.potential.is_none() && !self.doubtful {
-            let place = self.first.unwrap_or_default();
+            let label =
+                if self.first.is_some() { "the first statement is not `potential`" } else { "" };
             findings.push(
-                Diagnostic::error("missing-potential", place, "this file names no potential")
-                    .label("the first statement is not `potential`")
-                    .help("begin the file with `potential my_name \"what it is\"`"),
+                Diagnostic::error(
+                    "missing-potential",
+                    self.first.unwrap_or_default(),
+                    "this file names no potential",
+                )
+                .label(label)
+                .help("begin the file with `potential my_name \"what it is\"`"),
             );
         }
         findings.sort_by_key(|finding| finding.span);

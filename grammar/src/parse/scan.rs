@@ -41,11 +41,11 @@ pub(super) struct Scan {
 }
 
 /// Scans `text`; the error is the one about its size.
-pub(super) fn scan(text: &str, layout: Layout) -> Result<Scan, Diagnostic> {
+pub(super) fn scan(text: &str, layout: Layout) -> Result<Scan, Vec<Diagnostic>> {
     if text.len() > MAX_BYTES {
         let message = format!("this text has {} bytes; at most {MAX_BYTES} are read", text.len());
-        return Err(Diagnostic::error("file-too-large", Span::new(0, 0), message)
-            .label("1 MiB is the limit of a piola file"));
+        let finding = Diagnostic::error("file-too-large", Span::new(0, 0), message);
+        return Err(vec![finding.label("1 MiB is the limit of a piola file")]);
     }
     let mut scanner = Scanner {
         text,
@@ -384,7 +384,7 @@ mod tests {
     #[test]
     fn too_large_a_text_is_refused() {
         let text = " ".repeat(MAX_BYTES + 1);
-        assert_eq!(scan(&text, Layout::Lone).err().unwrap().code, "file-too-large");
+        assert_eq!(scan(&text, Layout::Lone).err().unwrap()[0].code, "file-too-large");
         assert!(scan(&text[1..], Layout::Lone).is_ok());
     }
 }

@@ -108,6 +108,9 @@ pub(super) fn explain_missing_operand(failure: &Failure<'_>) -> Option<Diagnosti
     Some(match (found, failure.found_kind()) {
         ("[", _) => finding.help("write parentheses `( )`"),
         (_, Some(Kind::String)) => finding.help("texts are no values"),
+        (_, None) if failure.goal == Goal::Statement => {
+            finding.help("a statement ends with its line, unless a parenthesis is open")
+        }
         _ => finding,
     })
 }

@@ -52,10 +52,16 @@ fn beginning(failure: &Failure<'_>) -> Diagnostic {
     let named = failure.after().is_some_and(|next| next.text == "=");
     let reserved = if named { failure.reserved() } else { None };
     reserved.or_else(|| super::spelling::explain(failure)).unwrap_or_else(|| {
-        failure
+        let finding = failure
             .error(format!("a statement cannot begin with {}", failure.described()))
-            .label("expected a statement")
-            .help("an expression needs a name: `k = ...`, or a measure: `psi(l) = ...`")
+            .label("expected a statement");
+        match failure.found_text() {
+            "then" | "else" | "and" | "or" | "+" | "-" | "*" | "/" | "^" | "<" | ">" | "="
+            | ")" => finding.help("a statement ends with its line, unless a parenthesis is open"),
+            _ => {
+                finding.help("an expression needs a name: `k = ...`, or a measure: `psi(l) = ...`")
+            }
+        }
     })
 }
 

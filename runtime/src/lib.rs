@@ -4,3 +4,4 @@ pub mod body;
 pub mod energy;
 pub mod kernel;
 pub mod matrix;
+pub mod solve;

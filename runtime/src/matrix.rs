@@ -42,4 +42,106 @@ impl BlockMatrix {
         let size = pattern.n_blocks() * pattern.dimension * pattern.dimension;
         BlockMatrix { pattern: Arc::clone(pattern), values: vec![0.0; size] }
     }
+    /// The product `K x`, summed block by block in the pattern's order: the same bits always.
+    ///
+    /// `x` has one entry per degree of freedom (`n_rows * dimension`).
+    pub fn multiply(&self, x: &[f64]) -> Vec<f64> {
+        self.product(x, |entry, x| entry * x)
+    }
+
+    /// The product `|K| |x|` of absolute values: the scale of the rounding errors of `K x`.
+    pub fn multiply_absolute(&self, x: &[f64]) -> Vec<f64> {
+        self.product(x, |entry, x| (entry * x).abs())
+    }
+
+    fn product(&self, x: &[f64], term: impl Fn(f64, f64) -> f64) -> Vec<f64> {
+        let d = self.pattern.dimension;
+        assert_eq!(x.len(), self.pattern.n_rows() * d, "x has one entry per degree of freedom");
+        let mut y = vec![0.0; x.len()];
+        for i in 0..self.pattern.n_rows() {
+            for block in self.pattern.row_start[i]..self.pattern.row_start[i + 1] {
+                let j = self.pattern.columns[block] as usize;
+                let values = &self.values[block * d * d..(block + 1) * d * d];
+                for a in 0..d {
+                    for b in 0..d {
+                        let entry = values[a * d + b];
+                        y[i * d + a] += term(entry, x[j * d + b]);
+                        if i != j {
+                            y[j * d + b] += term(entry, x[i * d + a]);
+                        }
+                    }
+                }
+            }
+        }
+        y
+    }
+
+    /// All entries of both triangles as `(row, column, value)`, rows and columns being
+    /// `dimension * point + component`; each entry appears once, in no particular order.
+    pub fn entries(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+        let d = self.pattern.dimension;
+        (0..self.pattern.n_rows())
+            .flat_map(|i| {
+                let blocks = self.pattern.row_start[i]..self.pattern.row_start[i + 1];
+                blocks.map(move |block| (i, block))
+            })
+            .flat_map(move |(i, block)| {
+                let j = self.pattern.columns[block] as usize;
+                (0..d * d).flat_map(move |k| {
+                    let (row, column) = (i * d + k / d, j * d + k % d);
+                    let value = self.values[block * d * d + k];
+                    let mirrored = (i != j).then_some((column, row, value));
+                    std::iter::once((row, column, value)).chain(mirrored)
+                })
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rows 0-1, 0-2 coupled, 1-2 not; entries distinct so that a transposed block shows.
+    fn example() -> BlockMatrix {
+        let pattern = Arc::new(BlockPattern {
+            dimension: 2,
+            row_start: vec![0, 3, 4, 5],
+            columns: vec![0, 1, 2, 1, 2],
+        });
+        let values = vec![
+            2.0, 1.0, 1.0, 3.0, // 0,0
+            4.0, -5.0, 6.0, 7.0, // 0,1
+            8.0, 9.0, -10.0, 11.0, // 0,2
+            12.0, 0.5, 0.5, 13.0, // 1,1
+            14.0, 0.0, 0.0, 15.0, // 2,2
+        ];
+        BlockMatrix { pattern, values }
+    }
+
+    fn dense(matrix: &BlockMatrix) -> nalgebra::DMatrix<f64> {
+        let n = matrix.pattern.n_rows() * matrix.pattern.dimension;
+        let mut dense = nalgebra::DMatrix::zeros(n, n);
+        for (row, column, value) in matrix.entries() {
+            dense[(row, column)] += value;
+        }
+        dense
+    }
+
+    #[test]
+    fn entries_mirror_the_blocks_off_the_diagonal() {
+        let k = dense(&example());
+        assert_eq!(k, k.transpose());
+        assert_eq!((k[(0, 3)], k[(1, 2)], k[(3, 0)]), (-5.0, 6.0, -5.0));
+        assert_eq!(example().entries().count(), 3 * 4 + 2 * 2 * 4);
+    }
+
+    #[test]
+    fn products_agree_with_the_dense_matrix() {
+        let matrix = example();
+        let x: Vec<f64> = (0..6).map(|i| f64::from(i) - 2.5).collect();
+        let expected = dense(&matrix) * nalgebra::DVector::from_column_slice(&x);
+        assert_eq!(matrix.multiply(&x), expected.as_slice());
+        let expected = dense(&matrix).abs() * nalgebra::DVector::from_column_slice(&x).abs();
+        assert_eq!(matrix.multiply_absolute(&x), expected.as_slice());
+    }
 }

@@ -1,0 +1,26 @@
+//! Equilibrium: constraints, linear systems, Newton's method, load steps.
+//!
+//! | module | does |
+//! |---|---|
+//! | [`constraint`] | says which degrees of freedom are fixed |
+//! | [`rigid_modes`] | finds motions that nothing holds, before step 1 |
+//! | [`linear`] | solves `K_ff x = b` by Cholesky, LDLT, LU or conjugate gradients |
+//! | [`newton`] | finds the stationary point of `E(u) - f.u` at fixed prescribed values |
+//! | [`steps`] | goes from `t = 0` to the end, with smaller increments where Newton's method fails |
+//!
+//! Everything works on any [`TotalEnergy`](crate::energy::TotalEnergy). The bits of the results do
+//! not depend on the number of threads.
+
+pub mod constraint;
+pub mod rigid_modes;
+pub mod linear;
+mod line_search;
+pub mod newton;
+pub mod steps;
+mod clock;
+mod vector;
+
+pub use clock::{Counters, PhaseTimes};
+
+#[cfg(test)]
+pub(crate) mod testing;

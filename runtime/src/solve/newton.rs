@@ -1,0 +1,414 @@
+//! Newton's method: a stationary point of the potential `Pi(u) = E(u) - f.u` over the free degrees
+//! of freedom, the fixed ones having their prescribed values already.
+//!
+//! The residual is `dE/du - f`: on free degrees of freedom it must vanish, on fixed ones it is the
+//! reaction. The state is converged when the 2-norm of the free residual is at most `tolerance`
+//! times the larger of the 2-norms of the reactions and of the loads.
+//!
+//! A full step is tried first, and its tangent assembled at once: in benign cases it is the next
+//! iteration's, and at convergence it is the one that is judged. See [`LineSearch`] for what
+//! happens otherwise.
+
+use super::clock::{Counters, PhaseTimes, timed};
+use super::constraint::Constraints;
+use super::line_search::{LineSearch, Trial};
+use super::linear::{
+    Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport, LinearSolver,
+};
+use super::vector::{dot, norm, norm_of};
+use crate::energy::{EnergyParts, NonFinite, TotalEnergy};
+use crate::matrix::BlockMatrix;
+
+/// Unit roundoff of f64.
+const ROUNDOFF: f64 = f64::EPSILON / 2.0;
+
+/// A residual is taken as rounding below this multiple of `u |K| |u|`: rounding the displacements
+/// alone changes the forces by that much, and sums of some 100 terms by a few times more.
+const ROUNDING_MULTIPLE: f64 = 8.0;
+
+/// Choices for Newton's method.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NewtonSettings {
+    /// Free residual over the larger of reactions and loads (2-norms) at convergence.
+    pub tolerance: f64,
+    /// More iterations than this are a failure.
+    pub max_iterations: usize,
+}
+
+impl Default for NewtonSettings {
+    fn default() -> Self {
+        NewtonSettings { tolerance: 1e-10, max_iterations: 25 }
+    }
+}
+
+/// How the residual fell; the first entries belong to the state before any iteration.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct History {
+    /// 2-norm of the free residual in N.
+    pub residual: Vec<f64>,
+    /// The same over the larger of the 2-norms of reactions and loads; infinite where both are 0.
+    pub residual_over_reaction: Vec<f64>,
+}
+
+/// A converged state.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NewtonReport {
+    /// Iterations, that is, linear systems solved.
+    pub iterations: usize,
+    /// How the residual fell.
+    pub history: History,
+    /// Energy of the converged state.
+    pub energy: EnergyParts,
+    /// The linear systems, one per iteration.
+    pub linear: Vec<LinearReport>,
+    /// The accepted parts of the Newton steps; 1 for a full step.
+    pub step_lengths: Vec<f64>,
+    /// What the reader should know.
+    pub notes: Vec<String>,
+}
+
+/// Why Newton's method stopped short.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum NewtonFailure {
+    /// Too many iterations.
+    #[error("no convergence in {limit} iterations")]
+    Iterations {
+        /// The limit.
+        limit: usize,
+    },
+    /// The residual has reached what rounding permits, above the tolerance.
+    #[error(
+        "the residual {residual:.2e} N has reached its rounding floor ({floor:.1e} N), above the tolerance: \
+         the tolerance is smaller than double precision allows here"
+    )]
+    RoundingFloor {
+        /// 2-norm of the free residual in N.
+        residual: f64,
+        /// Estimated rounding error of the residual in N.
+        floor: f64,
+    },
+    /// No part of the Newton step decreases the potential or the residual.
+    #[error("no part of the Newton step lowers the potential or the residual{}", indefinite(*.negative_pivots))]
+    LineSearch {
+        /// Negative eigenvalues of the tangent, if known.
+        negative_pivots: Option<usize>,
+    },
+    /// The energy is not finite at the start of the step, or along the whole Newton step.
+    #[error(transparent)]
+    NonFinite(#[from] NonFinite),
+    /// A linear system could not be solved.
+    #[error(transparent)]
+    Linear(#[from] LinearError),
+}
+
+fn indefinite(negative_pivots: Option<usize>) -> String {
+    match negative_pivots {
+        Some(n) if n > 0 => format!("; the tangent has {n} negative eigenvalues: the state is unstable"),
+        _ => String::new(),
+    }
+}
+
+/// Newton's method failed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{failure}{}", last_residual(.history))]
+pub struct NewtonError {
+    /// Why.
+    pub failure: NewtonFailure,
+    /// How far it came.
+    pub history: History,
+}
+
+fn last_residual(history: &History) -> String {
+    match (history.residual.last(), history.residual_over_reaction.last()) {
+        (Some(residual), Some(ratio)) => format!(
+            " (residual {residual:.2e} N, {ratio:.1e} of the reaction, after {} iterations)",
+            history.residual.len() - 1
+        ),
+        _ => String::new(),
+    }
+}
+
+/// Newton's method for one energy and one set of fixed degrees of freedom.
+///
+/// Keeps the tangent, its factors and the state they belong to from one solve to the next.
+pub struct Newton<'a> {
+    energy: &'a dyn TotalEnergy,
+    constraints: Constraints,
+    settings: NewtonSettings,
+    linear: LinearSolver,
+    tangent: BlockMatrix,
+    gradient: Vec<f64>,
+    parts: EnergyParts,
+    /// The displacements of `gradient` and `tangent`.
+    evaluated_at: Option<Vec<f64>>,
+    /// Whether the linear solver holds the factors of `tangent`.
+    factorized: bool,
+    counters: Counters,
+    times: PhaseTimes,
+}
+
+impl<'a> Newton<'a> {
+    /// Does the symbolic part of the linear solver's work.
+    pub fn new(
+        energy: &'a dyn TotalEnergy,
+        constraints: &Constraints,
+        settings: NewtonSettings,
+        linear: LinearOptions,
+    ) -> Result<Newton<'a>, LinearError> {
+        Ok(Newton {
+            energy,
+            constraints: constraints.clone(),
+            settings,
+            linear: LinearSolver::new(energy.pattern(), constraints, linear)?,
+            tangent: BlockMatrix::zeros(energy.pattern()),
+            gradient: vec![0.0; constraints.n_dofs()],
+            parts: EnergyParts::default(),
+            evaluated_at: None,
+            factorized: false,
+            counters: Counters::default(),
+            times: PhaseTimes::default(),
+        })
+    }
+
+    /// The linear solver: its method and its estimate.
+    pub fn linear(&self) -> &LinearSolver {
+        &self.linear
+    }
+
+    /// `dE/du` in N at the displacements of the last solve, if that converged.
+    pub fn internal_forces(&self) -> &[f64] {
+        &self.gradient
+    }
+
+    /// What was evaluated and solved so far.
+    pub fn counters(&self) -> Counters {
+        Counters { factorizations: self.linear.n_factorizations(), ..self.counters }
+    }
+
+    /// Time by phase since the last call.
+    pub fn take_times(&mut self) -> PhaseTimes {
+        std::mem::take(&mut self.times)
+    }
+
+    /// Moves the free entries of `u` to equilibrium with `loads` (both `n x d`).
+    ///
+    /// After a failure `u` is undefined.
+    pub fn solve(&mut self, u: &mut Vec<f64>, loads: &[f64]) -> Result<NewtonReport, NewtonError> {
+        let mut history = History::default();
+        match self.iterate(u, loads, &mut history) {
+            Ok(mut report) => {
+                report.history = history;
+                Ok(report)
+            }
+            Err(failure) => Err(NewtonError { failure, history }),
+        }
+    }
+
+    fn iterate(
+        &mut self,
+        u: &mut Vec<f64>,
+        loads: &[f64],
+        history: &mut History,
+    ) -> Result<NewtonReport, NewtonFailure> {
+        let mut report = NewtonReport {
+            iterations: 0,
+            history: History::default(),
+            energy: EnergyParts::default(),
+            linear: Vec::new(),
+            step_lengths: Vec::new(),
+            notes: Vec::new(),
+        };
+        self.evaluate(u)?;
+        loop {
+            if self.is_converged(u, loads, history, &mut report.notes)? {
+                report.energy = self.parts;
+                return Ok(report);
+            }
+            if report.iterations == self.settings.max_iterations {
+                return Err(NewtonFailure::Iterations { limit: self.settings.max_iterations });
+            }
+            let (direction, linear) = self.direction(loads)?;
+            let negative_pivots = linear.negative_pivots;
+            report.linear.push(linear);
+            let length = self.step(u, &direction, loads, negative_pivots)?;
+            report.step_lengths.push(length);
+            report.iterations += 1;
+        }
+    }
+
+    /// Records the residual of the present state and compares it with the tolerance.
+    fn is_converged(
+        &self,
+        u: &[f64],
+        loads: &[f64],
+        history: &mut History,
+        notes: &mut Vec<String>,
+    ) -> Result<bool, NewtonFailure> {
+        let residual = self.residual_norm(loads);
+        let force = self.reaction_norm(loads).max(norm_of(loads));
+        let previous = history.residual.last().copied();
+        history.residual.push(residual);
+        history.residual_over_reaction.push(if residual == 0.0 { 0.0 } else { residual / force });
+        if residual <= self.settings.tolerance * force {
+            return Ok(true);
+        }
+        let floor = ROUNDING_MULTIPLE * self.rounding(u);
+        if residual > floor {
+            return Ok(false);
+        }
+        if force <= floor {
+            notes.push("no forces: residual and reactions are rounding".to_string());
+            return Ok(true);
+        }
+        // Within rounding, but it may fall further.
+        match previous {
+            Some(previous) if residual >= 0.5 * previous => {
+                Err(NewtonFailure::RoundingFloor { residual, floor })
+            }
+            _ => Ok(false),
+        }
+    }
+
+    /// The change of the forces when the displacements are rounded, as a 2-norm over the free ones.
+    fn rounding(&self, u: &[f64]) -> f64 {
+        let forces = self.tangent.multiply_absolute(u);
+        ROUNDOFF * norm(self.constraints.free().iter().map(|&dof| forces[dof]))
+    }
+
+    /// The Newton step `-K_ff^-1 R_f`, 0 on the fixed degrees of freedom.
+    fn direction(&mut self, loads: &[f64]) -> Result<(Vec<f64>, LinearReport), LinearError> {
+        let minus_residual: Vec<f64> =
+            loads.iter().zip(&self.gradient).map(|(f, g)| f - g).collect();
+        let mut direction = vec![0.0; minus_residual.len()];
+        let (linear, tangent) = (&mut self.linear, &self.tangent);
+        let factorized = std::mem::replace(&mut self.factorized, true);
+        self.counters.linear_solves += 1;
+        let report = timed(&mut self.times.linear, || {
+            if !factorized {
+                linear.factorize(tangent)?;
+            }
+            linear.solve_factorized(tangent, &minus_residual, &mut direction)
+        })?;
+        Ok((direction, report))
+    }
+
+    /// Goes along `direction` as far as the line search allows; the part of the full step taken.
+    fn step(
+        &mut self,
+        u: &mut Vec<f64>,
+        direction: &[f64],
+        loads: &[f64],
+        negative_pivots: Option<usize>,
+    ) -> Result<f64, NewtonFailure> {
+        let start = self.trial(u, direction, loads, &self.gradient, self.parts);
+        let noise = 100.0 * ROUNDOFF * self.energy_scale(u, loads);
+        let floor = ROUNDING_MULTIPLE * self.rounding(u);
+        let mut search = LineSearch::new(start, noise, floor);
+        let mut not_finite = None;
+        let origin = u.clone();
+        let mut gradient = vec![0.0; u.len()];
+        while let Some(length) = search.next_length() {
+            for (u, (origin, d)) in u.iter_mut().zip(origin.iter().zip(direction)) {
+                *u = origin + length * d;
+            }
+            let is_full = length == 1.0;
+            let parts = if is_full {
+                self.evaluate(u)
+            } else {
+                self.counters.gradients += 1;
+                let energy = self.energy;
+                timed(&mut self.times.line_search, || energy.gradient(u, &mut gradient))
+            };
+            let trial = match parts {
+                Ok(parts) => {
+                    let gradient = if is_full { &self.gradient } else { &gradient };
+                    Some(self.trial(u, direction, loads, gradient, parts))
+                }
+                Err(error) => {
+                    not_finite = Some(error);
+                    None
+                }
+            };
+            if search.accepts(trial) {
+                self.evaluate(u)?;
+                return Ok(length);
+            }
+        }
+        Err(match not_finite.filter(|_| search.all_not_finite()) {
+            Some(error) => error.into(),
+            None => NewtonFailure::LineSearch { negative_pivots },
+        })
+    }
+
+    /// What the line search needs to know of a state.
+    fn trial(
+        &self,
+        u: &[f64],
+        direction: &[f64],
+        loads: &[f64],
+        gradient: &[f64],
+        parts: EnergyParts,
+    ) -> Trial {
+        let residual = |&dof: &usize| gradient[dof] - loads[dof];
+        let free = self.constraints.free();
+        Trial {
+            potential: parts.total() - dot(loads, u),
+            slope: free.iter().fold(0.0, |sum, dof| sum + residual(dof) * direction[*dof]),
+            residual: norm(free.iter().map(residual)),
+        }
+    }
+
+    /// The size of the terms whose difference is the potential.
+    fn energy_scale(&self, u: &[f64], loads: &[f64]) -> f64 {
+        let parts = &self.parts;
+        let work = loads.iter().zip(u).fold(0.0, |sum, (f, u)| sum + (f * u).abs());
+        parts.bonds.abs() + parts.triangles.abs() + parts.tetrahedra.abs() + work
+    }
+
+    /// Energy, gradient and tangent at `u`, unless they are at hand.
+    fn evaluate(&mut self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
+        if self.evaluated_at.as_deref() == Some(u) {
+            return Ok(self.parts);
+        }
+        self.evaluated_at = None;
+        self.factorized = false;
+        self.counters.tangents += 1;
+        let (energy, gradient, tangent) = (self.energy, &mut self.gradient, &mut self.tangent);
+        let parts =
+            timed(&mut self.times.assembly, || energy.tangent(u, gradient, tangent))?;
+        self.parts = parts;
+        self.evaluated_at = Some(u.to_vec());
+        Ok(parts)
+    }
+
+    fn residual_norm(&self, loads: &[f64]) -> f64 {
+        norm(self.constraints.free().iter().map(|&dof| self.gradient[dof] - loads[dof]))
+    }
+
+    fn reaction_norm(&self, loads: &[f64]) -> f64 {
+        norm(self.constraints.fixed().iter().map(|&dof| self.gradient[dof] - loads[dof]))
+    }
+
+    /// Whether the tangent of the state reached by `report` is positive definite.
+    ///
+    /// Direct methods factorise the tangent at hand; if the next solve starts from the same state,
+    /// it uses these factors. Conjugate gradients know only of negative curvature they met; then
+    /// a factorisation has been made in this solve already, and one more judges the state reached.
+    pub fn judge(&mut self, report: &NewtonReport) -> Result<Definiteness, LinearError> {
+        let by_iteration = self.linear.method() == LinearMethod::Cg;
+        let factorized_before = report.linear.iter().any(|l| l.method != LinearMethod::Cg);
+        if by_iteration && !factorized_before {
+            let method = "conjugate gradients: no negative curvature met".to_string();
+            return Ok(Definiteness { positive_definite: None, negative_pivots: None, method });
+        }
+        let (linear, tangent) = (&mut self.linear, &self.tangent);
+        let definiteness = timed(&mut self.times.linear, || linear.judge(tangent))?;
+        // Explicitly chosen LU and LDLT, and conjugate gradients, start their own way next time.
+        self.factorized = self.linear.method() == LinearMethod::Cholesky;
+        Ok(definiteness)
+    }
+}
+
+#[cfg(test)]
+#[path = "newton_tests.rs"]
+mod tests;

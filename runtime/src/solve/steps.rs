@@ -1,0 +1,427 @@
+//! Load steps: `t` from 0 to the end, one equilibrium after another.
+//!
+//! Nominal times divide the way evenly and are reached exactly. Where Newton's method fails the
+//! increment is halved, down to 1/1024 of the nominal one, and it doubles again after two easy
+//! steps. Times within an increment are counted in its 1024ths, so no rounding accumulates.
+
+use std::ops::ControlFlow;
+
+use super::clock::{Counters, PhaseTimes};
+use super::constraint::{ConstraintError, Constraints};
+use super::linear::{Definiteness, LinearError, LinearOptions, LinearReport};
+use super::newton::{Newton, NewtonError, NewtonFailure, NewtonReport, NewtonSettings};
+use crate::energy::{EnergyParts, TotalEnergy};
+
+/// The smallest part of a nominal increment is one of this many.
+const TICKS: u32 = 1024;
+
+/// A step of at most this many iterations is easy.
+const EASY_ITERATIONS: usize = 6;
+
+/// What drives the body: prescribed values and loads as functions of `t`.
+pub trait Drive: Sync {
+    /// The fixed degrees of freedom, ascending; the same for all `t`.
+    fn fixed(&self) -> &[usize];
+
+    /// Fills in the displacements of the fixed degrees of freedom at `t`, in m.
+    fn prescribed(&self, t: f64, values: &mut [f64]);
+
+    /// Fills in the loads (`n x d`) at `t`, in N.
+    fn loads(&self, t: f64, loads: &mut [f64]);
+}
+
+/// Where Newton's method starts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Start {
+    /// Free points keep their last displacements, the fixed ones jump to their new values.
+    #[default]
+    Last,
+    /// Free points continue on the line through the last two converged states.
+    Extrapolate,
+}
+
+/// Choices for a run of load steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepSettings {
+    /// The last `t`; positive.
+    pub end: f64,
+    /// How many nominal increments lead there; at least 1.
+    pub increments: usize,
+    /// Where Newton's method starts.
+    pub start: Start,
+    /// Newton's method.
+    pub newton: NewtonSettings,
+    /// Linear systems.
+    pub linear: LinearOptions,
+}
+
+impl Default for StepSettings {
+    fn default() -> Self {
+        StepSettings {
+            end: 1.0,
+            increments: 1,
+            start: Start::Last,
+            newton: NewtonSettings::default(),
+            linear: LinearOptions::default(),
+        }
+    }
+}
+
+/// One converged step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepRecord {
+    /// The time of the step.
+    pub t: f64,
+    /// Whether it is a nominal time; if not, a cut-back led here.
+    pub nominal: bool,
+    /// Iterations of Newton's method.
+    pub iterations: usize,
+    /// 2-norm of the free residual in N, before any iteration and after each.
+    pub residual: Vec<f64>,
+    /// The same over the larger of the 2-norms of reactions and loads.
+    pub residual_over_reaction: Vec<f64>,
+    /// Energy by kind of interaction.
+    pub energy_parts: EnergyParts,
+    /// Whether the tangent is positive definite, and how that is known.
+    pub definiteness: Definiteness,
+    /// The linear systems, one per iteration.
+    pub linear: Vec<LinearReport>,
+    /// The accepted parts of the Newton steps; 1 for a full step.
+    pub step_lengths: Vec<f64>,
+    /// How often the increment was halved on the way from the last converged step.
+    pub cut_backs: usize,
+    /// What the reader should know.
+    pub notes: Vec<String>,
+    /// Time by phase, failed attempts included.
+    pub times: PhaseTimes,
+}
+
+/// The state at a converged step; all are `n x d`, in the body's order.
+#[derive(Clone, Copy, Debug)]
+pub struct State<'a> {
+    /// The time.
+    pub t: f64,
+    /// Displacements in m.
+    pub displacements: &'a [f64],
+    /// `dE/du` in N; minus the loads they are the reactions of fixed degrees of freedom.
+    pub internal_forces: &'a [f64],
+    /// Loads in N.
+    pub loads: &'a [f64],
+    /// Energy by kind of interaction.
+    pub energy: EnergyParts,
+}
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// The converged steps, sub-steps included.
+    pub records: Vec<StepRecord>,
+    /// Displacements of the last one in m.
+    pub displacements: Vec<f64>,
+    /// What was evaluated and solved.
+    pub counters: Counters,
+    /// Whether the observer ended the run before its end.
+    pub stopped: bool,
+}
+
+/// A run that did not reach its end.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum StepError {
+    /// The settings cannot be used.
+    #[error("{what} must be {must} (it is {value})")]
+    Settings {
+        /// The setting.
+        what: &'static str,
+        /// What it must be.
+        must: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// The drive's list of fixed degrees of freedom cannot be used.
+    #[error(transparent)]
+    Constraint(#[from] ConstraintError),
+    /// A prescribed value or a load is not finite.
+    #[error("the {what} of component {component} of point {point} is {value} at t = {t}")]
+    Drive {
+        /// "prescribed displacement" or "load".
+        what: &'static str,
+        /// The point in the body's order.
+        point: usize,
+        /// The component, from 0.
+        component: usize,
+        /// The number that is not finite.
+        value: f64,
+        /// The time.
+        t: f64,
+    },
+    /// The linear solver cannot start.
+    #[error(transparent)]
+    Linear(#[from] LinearError),
+    /// Newton's method failed, also with the smallest increment where smaller ones may help.
+    #[error("no equilibrium at t = {t_failed}, the last is at t = {t_converged} ({cut_backs} cut-backs): {cause}")]
+    NotConverged {
+        /// The last converged time.
+        t_converged: f64,
+        /// The time that was tried last.
+        t_failed: f64,
+        /// How often the increment was halved since the last converged step.
+        cut_backs: usize,
+        /// The last failure, with its residuals.
+        cause: NewtonError,
+        /// What was evaluated and solved.
+        counters: Counters,
+    },
+}
+
+/// Follows the drive from rest at `t = 0` to the end; `observer` sees each converged step and may
+/// end the run.
+pub fn run_steps(
+    energy: &dyn TotalEnergy,
+    drive: &dyn Drive,
+    settings: &StepSettings,
+    observer: &mut dyn FnMut(&StepRecord, &State<'_>) -> ControlFlow<()>,
+) -> Result<Outcome, StepError> {
+    check(settings)?;
+    let n_dofs = energy.pattern().n_rows() * energy.dimension();
+    let constraints = Constraints::new(n_dofs, drive.fixed())?;
+    let mut run = Run {
+        newton: Newton::new(energy, &constraints, settings.newton, settings.linear)?,
+        dimension: energy.dimension(),
+        constraints,
+        drive,
+        settings,
+        t: 0.0,
+        u: vec![0.0; n_dofs],
+        before: None,
+        records: Vec::new(),
+        cut_backs: 0,
+        times: PhaseTimes::default(),
+    };
+    let stopped = run.follow(observer)?.is_break();
+    let counters = run.newton.counters();
+    Ok(Outcome { records: run.records, displacements: run.u, counters, stopped })
+}
+
+fn check(settings: &StepSettings) -> Result<(), StepError> {
+    let requirements = [
+        (settings.end.is_finite() && settings.end > 0.0, "end", "positive", settings.end),
+        (settings.increments > 0, "increments", "at least 1", settings.increments as f64),
+        (
+            settings.newton.tolerance > 0.0 && settings.newton.tolerance < 1.0,
+            "tolerance",
+            "between 0 and 1",
+            settings.newton.tolerance,
+        ),
+    ];
+    for (holds, what, must, value) in requirements {
+        if !holds {
+            return Err(StepError::Settings { what, must, value });
+        }
+    }
+    Ok(())
+}
+
+/// A run in progress.
+struct Run<'a> {
+    newton: Newton<'a>,
+    dimension: usize,
+    constraints: Constraints,
+    drive: &'a dyn Drive,
+    settings: &'a StepSettings,
+    /// The last converged state.
+    t: f64,
+    u: Vec<f64>,
+    /// The converged state before the last.
+    before: Option<(f64, Vec<f64>)>,
+    records: Vec<StepRecord>,
+    /// Since the last converged step.
+    cut_backs: usize,
+    times: PhaseTimes,
+}
+
+/// The length of the next attempts in ticks, and the easy steps since it last changed.
+struct Increment {
+    ticks: u32,
+    easy: usize,
+}
+
+impl Increment {
+    /// `false` when it cannot be halved any more.
+    fn halve(&mut self, tried: u32) -> bool {
+        self.ticks = tried / 2;
+        self.easy = 0;
+        self.ticks > 0
+    }
+
+    fn note_success(&mut self, iterations: usize) {
+        self.easy = if iterations <= EASY_ITERATIONS { self.easy + 1 } else { 0 };
+        if self.easy >= 2 && self.ticks < TICKS {
+            self.ticks *= 2;
+            self.easy = 0;
+        }
+    }
+}
+
+impl Run<'_> {
+    fn follow(
+        &mut self,
+        observer: &mut dyn FnMut(&StepRecord, &State<'_>) -> ControlFlow<()>,
+    ) -> Result<ControlFlow<()>, StepError> {
+        let mut increment = Increment { ticks: TICKS, easy: 0 };
+        for nominal in 0..self.settings.increments {
+            let (from, to) = (self.nominal_time(nominal), self.nominal_time(nominal + 1));
+            let mut position = 0;
+            while position < TICKS {
+                let ticks = increment.ticks.min(TICKS - position);
+                let end = position + ticks;
+                let t = if end == TICKS {
+                    to
+                } else {
+                    from + (to - from) * (f64::from(end) / f64::from(TICKS))
+                };
+                match self.attempt(t, end == TICKS, observer)? {
+                    Attempt::Converged { iterations, flow } => {
+                        position = end;
+                        increment.note_success(iterations);
+                        if flow.is_break() {
+                            return Ok(flow);
+                        }
+                    }
+                    Attempt::Failed(cause) => {
+                        if !smaller_may_help(&cause.failure) || !increment.halve(ticks) {
+                            return Err(self.not_converged(t, cause));
+                        }
+                        self.cut_backs += 1;
+                    }
+                }
+            }
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn nominal_time(&self, number: usize) -> f64 {
+        if number == self.settings.increments {
+            return self.settings.end;
+        }
+        self.settings.end * (number as f64 / self.settings.increments as f64)
+    }
+
+    /// One equilibrium at `t`; the state changes only if it is found.
+    fn attempt(
+        &mut self,
+        t: f64,
+        nominal: bool,
+        observer: &mut dyn FnMut(&StepRecord, &State<'_>) -> ControlFlow<()>,
+    ) -> Result<Attempt, StepError> {
+        let loads = self.loads(t)?;
+        let mut u = self.start(t)?;
+        let solved = self.newton.solve(&mut u, &loads);
+        let judged = solved.and_then(|report| match self.newton.judge(&report) {
+            Ok(definiteness) => Ok((report, definiteness)),
+            Err(error) => Err(NewtonError { failure: error.into(), history: report.history }),
+        });
+        self.times.add(&self.newton.take_times());
+        let (report, definiteness) = match judged {
+            Ok(judged) => judged,
+            Err(cause) => return Ok(Attempt::Failed(cause)),
+        };
+        let iterations = report.iterations;
+        let record = self.record(t, nominal, report, definiteness);
+        self.before = Some((self.t, std::mem::replace(&mut self.u, u)));
+        self.t = t;
+        let state = State {
+            t,
+            displacements: &self.u,
+            internal_forces: self.newton.internal_forces(),
+            loads: &loads,
+            energy: record.energy_parts,
+        };
+        let flow = observer(&record, &state);
+        self.records.push(record);
+        Ok(Attempt::Converged { iterations, flow })
+    }
+
+    fn record(
+        &mut self,
+        t: f64,
+        nominal: bool,
+        report: NewtonReport,
+        definiteness: Definiteness,
+    ) -> StepRecord {
+        StepRecord {
+            t,
+            nominal,
+            iterations: report.iterations,
+            residual: report.history.residual,
+            residual_over_reaction: report.history.residual_over_reaction,
+            energy_parts: report.energy,
+            definiteness,
+            linear: report.linear,
+            step_lengths: report.step_lengths,
+            cut_backs: std::mem::take(&mut self.cut_backs),
+            notes: report.notes,
+            times: std::mem::take(&mut self.times),
+        }
+    }
+
+    fn loads(&self, t: f64) -> Result<Vec<f64>, StepError> {
+        let mut loads = vec![0.0; self.u.len()];
+        self.drive.loads(t, &mut loads);
+        match loads.iter().position(|x| !x.is_finite()) {
+            Some(dof) => Err(self.drive_error("load", dof, loads[dof], t)),
+            None => Ok(loads),
+        }
+    }
+
+    /// The displacements at which Newton's method starts.
+    fn start(&self, t: f64) -> Result<Vec<f64>, StepError> {
+        let fixed = self.constraints.fixed();
+        let mut values = vec![0.0; fixed.len()];
+        self.drive.prescribed(t, &mut values);
+        if let Some(k) = values.iter().position(|x| !x.is_finite()) {
+            return Err(self.drive_error("prescribed displacement", fixed[k], values[k], t));
+        }
+        let mut u = self.u.clone();
+        if let (Start::Extrapolate, Some((t_before, before))) = (self.settings.start, &self.before) {
+            let factor = (t - self.t) / (self.t - t_before);
+            for (u, before) in u.iter_mut().zip(before) {
+                *u += factor * (*u - before);
+            }
+        }
+        self.constraints.scatter_fixed(&values, &mut u);
+        Ok(u)
+    }
+
+    fn drive_error(&self, what: &'static str, dof: usize, value: f64, t: f64) -> StepError {
+        let (point, component) = (dof / self.dimension, dof % self.dimension);
+        StepError::Drive { what, point, component, value, t }
+    }
+
+    fn not_converged(&self, t_failed: f64, cause: NewtonError) -> StepError {
+        StepError::NotConverged {
+            t_converged: self.t,
+            t_failed,
+            cut_backs: self.cut_backs,
+            cause,
+            counters: self.newton.counters(),
+        }
+    }
+}
+
+enum Attempt {
+    Converged { iterations: usize, flow: ControlFlow<()> },
+    Failed(NewtonError),
+}
+
+/// Rounding and memory do not improve with smaller increments.
+fn smaller_may_help(failure: &NewtonFailure) -> bool {
+    !matches!(
+        failure,
+        NewtonFailure::RoundingFloor { .. }
+            | NewtonFailure::Linear(LinearError::TooLarge { .. } | LinearError::OutOfMemory)
+    )
+}
+
+#[cfg(test)]
+#[path = "steps_tests.rs"]
+mod tests;

@@ -1,0 +1,315 @@
+use super::*;
+use crate::solve::linear::LinearMethod;
+use crate::solve::testing::{PEAK, SpringLaw, SpringNetwork, linear, logarithmic, softening};
+
+/// Prescribed values and loads that grow in proportion to `t`.
+struct Proportional {
+    fixed: Vec<usize>,
+    values: Vec<f64>,
+    loads: Vec<(usize, f64)>,
+}
+
+impl Drive for Proportional {
+    fn fixed(&self) -> &[usize] {
+        &self.fixed
+    }
+
+    fn prescribed(&self, t: f64, values: &mut [f64]) {
+        for (value, full) in values.iter_mut().zip(&self.values) {
+            *value = t * full;
+        }
+    }
+
+    fn loads(&self, t: f64, loads: &mut [f64]) {
+        for &(dof, full) in &self.loads {
+            loads[dof] = t * full;
+        }
+    }
+}
+
+/// All degrees of freedom in `prescribed` are fixed, with their displacements at `t = 1`.
+fn displaced(prescribed: &[(usize, f64)]) -> Proportional {
+    Proportional {
+        fixed: prescribed.iter().map(|p| p.0).collect(),
+        values: prescribed.iter().map(|p| p.1).collect(),
+        loads: Vec::new(),
+    }
+}
+
+fn settings(increments: usize) -> StepSettings {
+    StepSettings { increments, ..StepSettings::default() }
+}
+
+fn run(
+    network: &SpringNetwork,
+    drive: &Proportional,
+    settings: &StepSettings,
+) -> Result<Outcome, StepError> {
+    run_steps(network, drive, settings, &mut |_, _| ControlFlow::Continue(()))
+}
+
+/// A chain of `n` springs along x, lateral displacements held.
+fn chain(n: usize, law: SpringLaw) -> (SpringNetwork, Vec<(usize, f64)>) {
+    let network = SpringNetwork::lattice(&[n + 1, 1], 1.0, law);
+    let held = (0..2 * (n + 1)).filter(|dof| *dof == 0 || dof % 2 == 1);
+    (network, held.map(|dof| (dof, 0.0)).collect())
+}
+
+#[test]
+fn nominal_times_are_exact_and_the_observer_sees_equilibria() {
+    let network = SpringNetwork::lattice(&[5, 4], 2.0, linear);
+    let end: Vec<(usize, f64)> = network
+        .dofs_where(|x| x[0] == 0.0 || x[0] == 4.0)
+        .into_iter()
+        .map(|dof| (dof, if dof >= 32 && dof % 2 == 0 { 1.0 } else { 0.0 }))
+        .collect();
+    let mut times = Vec::new();
+    let outcome = run_steps(&network, &displaced(&end), &settings(7), &mut |record, state| {
+        assert!(record.nominal && record.cut_backs == 0);
+        assert_eq!(record.definiteness.positive_definite, Some(true));
+        assert_eq!(record.residual.len(), record.iterations + 1);
+        assert_eq!(record.linear.len(), record.iterations);
+        assert_eq!(state.displacements[32], state.t);
+        let free = |dof: &usize| end.iter().all(|(fixed, _)| fixed != dof);
+        let residual: f64 =
+            (0..40).filter(free).map(|dof| state.internal_forces[dof].abs()).sum();
+        assert!(residual < 1e-8, "{residual:e}");
+        let sum: f64 = state.internal_forces.iter().step_by(2).sum();
+        assert!(sum.abs() < 1e-12);
+        times.push(state.t);
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    let expected: Vec<f64> = (1..8).map(|k| f64::from(k) / 7.0).collect();
+    assert_eq!(times, expected);
+    assert_eq!(outcome.records.len(), 7);
+    assert!(!outcome.stopped);
+    let iterations: usize = outcome.records.iter().map(|record| record.iterations).sum();
+    assert_eq!(outcome.counters.linear_solves, iterations);
+    assert_eq!(outcome.counters.tangents, iterations + 7);
+}
+
+#[test]
+fn the_observer_can_stop_the_run() {
+    let (network, mut held) = chain(3, linear);
+    held.push((6, 0.5));
+    held.sort_unstable_by_key(|p| p.0);
+    let outcome = run_steps(&network, &displaced(&held), &settings(10), &mut |record, _| {
+        if record.t > 0.35 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    })
+    .unwrap();
+    assert!(outcome.stopped);
+    assert_eq!(outcome.records.len(), 4);
+}
+
+#[test]
+fn extrapolation_saves_iterations() {
+    let network = SpringNetwork::lattice(&[6, 5], 2.0, linear);
+    let fixed = network.dofs_where(|x| x[0] == 0.0 || x[0] == 5.0);
+    let ends: Vec<_> =
+        fixed.iter().map(|&dof| (dof, if dof >= 50 { 2.0 } else { 0.0 })).collect();
+    let count = |start| {
+        let settings = StepSettings { start, ..settings(20) };
+        let outcome = run(&network, &displaced(&ends), &settings).unwrap();
+        (outcome.counters.linear_solves, outcome.displacements, outcome.records)
+    };
+    let (last, u_last, _) = count(Start::Last);
+    let (extrapolated, u_extrapolated, records) = count(Start::Extrapolate);
+    assert!(extrapolated < last, "{extrapolated} {last}");
+    // The first guess is much better from the second step on (the state at rest is the first).
+    assert!(records[5].residual_over_reaction[0] < 1e-2);
+    for (a, b) in u_last.iter().zip(&u_extrapolated) {
+        assert!((a - b).abs() < 1e-9);
+    }
+}
+
+#[test]
+fn cut_backs_recover_and_land_on_the_nominal_times() {
+    // One increment compresses the last spring by 2.4 at once: not finite, so the way is taken in
+    // pieces; each piece lets the chain relax.
+    let (network, mut held) = chain(6, logarithmic);
+    held.push((12, -2.4));
+    held.sort_unstable_by_key(|p| p.0);
+    let outcome = run(&network, &displaced(&held), &settings(1)).unwrap();
+    let records = &outcome.records;
+    let last = records.last().unwrap();
+    assert!(last.nominal && last.t == 1.0);
+    assert!(records.len() >= 3 && records[..records.len() - 1].iter().all(|r| !r.nominal));
+    assert!(records[0].cut_backs >= 2 && records[0].t == 0.25, "{}", records[0].t);
+    // It grows again after easy steps.
+    let steps: Vec<f64> = std::iter::once(records[0].t)
+        .chain(records.windows(2).map(|pair| pair[1].t - pair[0].t))
+        .collect();
+    assert!(steps.windows(2).any(|pair| pair[1] == 2.0 * pair[0]), "{steps:?}");
+    for point in 0..=6 {
+        assert!((outcome.displacements[2 * point] + 0.4 * point as f64).abs() < 1e-9);
+    }
+    // Several nominal increments: each is reached exactly, whatever lies between.
+    let outcome = run(&network, &displaced(&held), &settings(3)).unwrap();
+    let nominal: Vec<f64> =
+        outcome.records.iter().filter(|record| record.nominal).map(|record| record.t).collect();
+    assert_eq!(nominal, [1.0 / 3.0, 2.0 / 3.0, 1.0]);
+}
+
+#[test]
+fn too_few_iterations_cut_back_too() {
+    let network = SpringNetwork::lattice(&[5, 4], 2.0, linear);
+    let fixed = network.dofs_where(|x| x[0] == 0.0 || x[0] == 4.0);
+    let ends: Vec<_> =
+        fixed.iter().map(|&dof| (dof, if dof >= 32 { 2.0 } else { 0.0 })).collect();
+    let newton = NewtonSettings { max_iterations: 3, tolerance: 1e-8 };
+    let outcome = run(&network, &displaced(&ends), &StepSettings { newton, ..settings(1) });
+    let outcome = outcome.unwrap();
+    assert!(outcome.records[0].cut_backs > 0);
+    assert!(outcome.records.iter().all(|record| record.iterations <= 3));
+    assert_eq!(outcome.records.last().unwrap().t, 1.0);
+}
+
+#[test]
+fn a_load_beyond_the_peak_ends_in_a_typed_error_close_to_it() {
+    let (network, held) = chain(1, softening);
+    let peak_force = PEAK * libm::exp(-1.0);
+    let drive = Proportional { loads: vec![(2, 1.3 * peak_force)], ..displaced(&held) };
+    let mut seen = 0;
+    let error = run_steps(&network, &drive, &settings(10), &mut |record, state| {
+        assert!(state.displacements[2] < PEAK, "{record:?}");
+        seen += 1;
+        ControlFlow::Continue(())
+    })
+    .unwrap_err();
+    let StepError::NotConverged { t_converged, t_failed, cut_backs, cause, .. } = error else {
+        panic!("{error}")
+    };
+    let limit = 1.0 / 1.3;
+    let smallest = 0.1 / 1024.0;
+    assert!(t_converged <= limit && t_converged > limit - 2.0 * smallest, "{t_converged}");
+    assert!(t_failed > t_converged && t_failed <= t_converged + 1.01 * smallest);
+    assert!(cut_backs >= 1);
+    assert!(!cause.history.residual.is_empty());
+    assert!(seen > 7);
+}
+
+#[test]
+fn displacements_pass_the_peak_and_unstable_states_are_reported() {
+    // Two softening springs in series: beyond the peak the uniform state is an equilibrium, but a
+    // small push would let one spring close and the other open.
+    let (network, mut held) = chain(2, softening);
+    held.push((4, 4.0 * PEAK));
+    held.sort_unstable_by_key(|p| p.0);
+    for method in [LinearMethod::Cholesky, LinearMethod::Ldlt, LinearMethod::Cg] {
+        let linear = LinearOptions { method, ..LinearOptions::default() };
+        let outcome =
+            run(&network, &displaced(&held), &StepSettings { linear, ..settings(8) }).unwrap();
+        for record in &outcome.records {
+            // Strain 2 PEAK t in each spring.
+            let stable = 2.0 * record.t < 1.0;
+            let peak = (2.0 * record.t - 1.0).abs() < 1e-9;
+            let found = &record.definiteness;
+            match (method, stable) {
+                _ if peak => {}
+                (LinearMethod::Cg, true) => assert_eq!(found.positive_definite, None),
+                (_, true) => assert_eq!(found.positive_definite, Some(true), "{record:?}"),
+                (_, false) => {
+                    assert_eq!(found.positive_definite, Some(false), "{record:?}");
+                    assert_eq!(found.negative_pivots, Some(1), "{record:?}");
+                }
+            }
+        }
+        assert!((outcome.displacements[2] - 2.0 * PEAK).abs() < 1e-9, "{method:?}");
+    }
+}
+
+/// Two bars that meet in an apex at height `h`, feet at x = -1 and 1.
+fn truss(h: f64) -> SpringNetwork {
+    let positions = vec![-1.0, 0.0, 0.0, h, 1.0, 0.0];
+    SpringNetwork::new(2, positions, vec![(0, 1), (1, 2)], linear)
+}
+
+#[test]
+fn a_steep_truss_pushed_through_is_unstable_on_the_way() {
+    let drive = displaced(&[(0, 0.0), (1, 0.0), (3, -4.0), (4, 0.0), (5, 0.0)]);
+    let mut forces = Vec::new();
+    let outcome = run_steps(&truss(2.0), &drive, &settings(20), &mut |_, state| {
+        forces.push(state.internal_forces[3]);
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    let signs: Vec<bool> = outcome
+        .records
+        .iter()
+        .map(|record| record.definiteness.positive_definite.unwrap())
+        .collect();
+    // Stable while the bars are hardly compressed, at the beginning and at the end.
+    assert!(signs[0] && signs[19] && !signs[9], "{signs:?}");
+    assert_eq!(outcome.records[9].definiteness.negative_pivots, Some(1));
+    assert_eq!(outcome.records[9].definiteness.method, "LDLT: 1 negative pivots");
+    // Analytic: vertical force 2 (l - L)/L * y/l at height y.
+    for (k, force) in forces.iter().enumerate() {
+        let y = 2.0 - 0.2 * (k + 1) as f64;
+        let (l, reference) = ((1.0 + y * y).sqrt(), 5.0_f64.sqrt());
+        let expected = 2.0 * (l - reference) / reference * y / l;
+        assert!((force - expected).abs() < 1e-12, "{k}: {force} {expected}");
+    }
+}
+
+#[test]
+fn a_shallow_truss_under_a_load_snaps_through_or_fails() {
+    // The load exceeds the limit load; the next equilibrium hangs below the feet.
+    let h = 0.2;
+    let drive = Proportional {
+        loads: vec![(3, -0.01)],
+        ..displaced(&[(0, 0.0), (1, 0.0), (4, 0.0), (5, 0.0)])
+    };
+    let mut heights = Vec::new();
+    let outcome = run_steps(&truss(h), &drive, &settings(10), &mut |record, state| {
+        assert_eq!(record.definiteness.positive_definite, Some(true), "{record:?}");
+        heights.push(h + state.displacements[3]);
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    // It jumps: heights fall gently, then below the feet, and every state is an equilibrium.
+    assert!(heights[0] > 0.15 && *heights.last().unwrap() < -0.2, "{heights:?}");
+    let reference = (1.0 + h * h).sqrt();
+    for (record, y) in outcome.records.iter().zip(&heights) {
+        let l = (1.0 + y * y).sqrt();
+        let force = 2.0 * (l - reference) / reference * y / l;
+        assert!((force + 0.01 * record.t).abs() < 1e-11, "{y}: {force}");
+    }
+}
+
+#[test]
+fn bad_drives_and_settings_are_refused() {
+    let (network, held) = chain(2, linear);
+    let run = |drive: &Proportional, settings: &StepSettings| {
+        run(&network, drive, settings).unwrap_err().to_string()
+    };
+    let mut drive = displaced(&held);
+    drive.values[1] = f64::NAN;
+    assert_eq!(
+        run(&drive, &settings(2)),
+        "the prescribed displacement of component 1 of point 0 is NaN at t = 0.5"
+    );
+    let drive = Proportional { loads: vec![(4, f64::INFINITY)], ..displaced(&held) };
+    assert_eq!(
+        run(&drive, &settings(4)),
+        "the load of component 0 of point 2 is inf at t = 0.25"
+    );
+    let drive = displaced(&held);
+    assert_eq!(run(&drive, &settings(0)), "increments must be at least 1 (it is 0)");
+    let backwards = StepSettings { end: -1.0, ..settings(1) };
+    assert_eq!(run(&drive, &backwards), "end must be positive (it is -1)");
+    let outside = displaced(&[(77, 0.0)]);
+    assert!(run(&outside, &settings(1)).contains("degree of freedom 77"));
+}
+
+#[test]
+fn a_mechanism_is_a_typed_error() {
+    // Nothing holds the chain's middle points sideways, and a load pushes there.
+    let network = SpringNetwork::lattice(&[4, 1], 1.0, linear);
+    let held = [(0, 0.0), (1, 0.0), (6, 0.0), (7, 0.0)];
+    let drive = Proportional { loads: vec![(3, 1e-3)], ..displaced(&held) };
+    let error = run(&network, &drive, &settings(1)).unwrap_err();
+    let StepError::NotConverged { cause, t_converged, .. } = error else { panic!("{error}") };
+    assert_eq!(cause.failure, NewtonFailure::Linear(LinearError::Singular { free: 4 }));
+    assert_eq!(t_converged, 0.0);
+}

@@ -11,13 +11,13 @@
 //! Everything works on any [`TotalEnergy`](crate::energy::TotalEnergy). The bits of the results do
 //! not depend on the number of threads.
 
-pub mod constraint;
-pub mod rigid_modes;
-pub mod linear;
-mod line_search;
-pub mod newton;
-pub mod steps;
 mod clock;
+pub mod constraint;
+mod line_search;
+pub mod linear;
+pub mod newton;
+pub mod rigid_modes;
+pub mod steps;
 mod vector;
 
 pub use clock::{Counters, PhaseTimes};

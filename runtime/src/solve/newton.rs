@@ -103,7 +103,9 @@ pub enum NewtonFailure {
 
 fn indefinite(negative_pivots: Option<usize>) -> String {
     match negative_pivots {
-        Some(n) if n > 0 => format!("; the tangent has {n} negative eigenvalues: the state is unstable"),
+        Some(n) if n > 0 => {
+            format!("; the tangent has {n} negative eigenvalues: the state is unstable")
+        }
         _ => String::new(),
     }
 }
@@ -374,8 +376,7 @@ impl<'a> Newton<'a> {
         self.factorized = false;
         self.counters.tangents += 1;
         let (energy, gradient, tangent) = (self.energy, &mut self.gradient, &mut self.tangent);
-        let parts =
-            timed(&mut self.times.assembly, || energy.tangent(u, gradient, tangent))?;
+        let parts = timed(&mut self.times.assembly, || energy.tangent(u, gradient, tangent))?;
         self.parts = parts;
         self.evaluated_at = Some(u.to_vec());
         Ok(parts)

@@ -152,9 +152,7 @@ fn a_tolerance_below_rounding_is_a_typed_error() {
     let (network, fixed, mut u) = pulled(&[8, 7], 0.1);
     let loads = vec![0.0; u.len()];
     let error = newton(&network, &fixed, 1e-18).solve(&mut u, &loads).unwrap_err();
-    let NewtonFailure::RoundingFloor { residual, floor } = error.failure else {
-        panic!("{error}")
-    };
+    let NewtonFailure::RoundingFloor { residual, floor } = error.failure else { panic!("{error}") };
     assert!(residual <= floor);
     let ratios = &error.history.residual_over_reaction;
     assert!(*ratios.last().unwrap() < 1e-14, "{ratios:?}");
@@ -169,7 +167,7 @@ fn rigid_motions_of_the_fixed_points_need_no_forces() {
     for turn in [false, true] {
         let mut u = vec![0.0; 60];
         let moved = |x: &[f64]| match turn {
-            false => [0.25, -0.125],
+            false => [0.3, -0.1],
             true => [cos * x[0] - sin * x[1] - x[0], sin * x[0] + cos * x[1] - x[1]],
         };
         for &dof in &fixed {
@@ -180,7 +178,10 @@ fn rigid_motions_of_the_fixed_points_need_no_forces() {
             assert!((u[dof] - moved(network.position(dof / 2))[dof % 2]).abs() < 1e-12);
         }
         assert!(report.energy.total() < 1e-26);
-        assert_eq!(report.notes.len(), 1, "{:?}", report.history);
+        // Either rounding spared every bond, or it is said why the state counts as converged.
+        let exact = report.history.residual.last() == Some(&0.0);
+        assert_eq!(report.notes.is_empty(), exact, "{:?}", report.history);
+        assert!(!(exact && turn), "a rotation by 0.2 is not free of rounding");
     }
 }
 
@@ -238,8 +239,7 @@ fn the_judged_tangent_and_its_factors_serve_the_next_load() {
 
 #[test]
 fn every_method_finds_the_same_state_with_the_same_bits_for_any_threads() {
-    let methods =
-        [LinearMethod::Cholesky, LinearMethod::Ldlt, LinearMethod::Lu, LinearMethod::Cg];
+    let methods = [LinearMethod::Cholesky, LinearMethod::Ldlt, LinearMethod::Lu, LinearMethod::Cg];
     let (network, fixed, start) = pulled(&[6, 5, 5], 0.2);
     let constraints = Constraints::new(start.len(), &fixed).unwrap();
     let loads = vec![0.0; start.len()];

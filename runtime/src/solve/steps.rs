@@ -158,13 +158,15 @@ pub enum StepError {
     #[error(transparent)]
     Linear(#[from] LinearError),
     /// Newton's method failed, also with the smallest increment where smaller ones may help.
-    #[error("no equilibrium at t = {t_failed}, the last is at t = {t_converged} ({cut_backs} cut-backs): {cause}")]
+    #[error(
+        "no equilibrium at t = {t_failed}, the last is at t = {t_converged} ({cut_backs} cut-backs): {cause}"
+    )]
     NotConverged {
         /// The last converged time.
         t_converged: f64,
         /// The time that was tried last.
         t_failed: f64,
-        /// How often the increment was halved since the last converged step.
+        /// How often the increment was halved during the run.
         cut_backs: usize,
         /// The last failure, with its residuals.
         cause: NewtonError,
@@ -195,6 +197,7 @@ pub fn run_steps(
         before: None,
         records: Vec::new(),
         cut_backs: 0,
+        all_cut_backs: 0,
         times: PhaseTimes::default(),
     };
     let stopped = run.follow(observer)?.is_break();
@@ -234,8 +237,9 @@ struct Run<'a> {
     /// The converged state before the last.
     before: Option<(f64, Vec<f64>)>,
     records: Vec<StepRecord>,
-    /// Since the last converged step.
+    /// Since the last converged step, and in all.
     cut_backs: usize,
+    all_cut_backs: usize,
     times: PhaseTimes,
 }
 
@@ -292,6 +296,7 @@ impl Run<'_> {
                             return Err(self.not_converged(t, cause));
                         }
                         self.cut_backs += 1;
+                        self.all_cut_backs += 1;
                     }
                 }
             }
@@ -382,7 +387,8 @@ impl Run<'_> {
             return Err(self.drive_error("prescribed displacement", fixed[k], values[k], t));
         }
         let mut u = self.u.clone();
-        if let (Start::Extrapolate, Some((t_before, before))) = (self.settings.start, &self.before) {
+        if let (Start::Extrapolate, Some((t_before, before))) = (self.settings.start, &self.before)
+        {
             let factor = (t - self.t) / (self.t - t_before);
             for (u, before) in u.iter_mut().zip(before) {
                 *u += factor * (*u - before);
@@ -401,7 +407,7 @@ impl Run<'_> {
         StepError::NotConverged {
             t_converged: self.t,
             t_failed,
-            cut_backs: self.cut_backs,
+            cut_backs: self.all_cut_backs,
             cause,
             counters: self.newton.counters(),
         }

@@ -195,7 +195,7 @@ impl<'a> Newton<'a> {
     /// Moves the free entries of `u` to equilibrium with `loads` (both `n x d`).
     ///
     /// After a failure `u` is undefined.
-    pub fn solve(&mut self, u: &mut Vec<f64>, loads: &[f64]) -> Result<NewtonReport, NewtonError> {
+    pub fn solve(&mut self, u: &mut [f64], loads: &[f64]) -> Result<NewtonReport, NewtonError> {
         let mut history = History::default();
         match self.iterate(u, loads, &mut history) {
             Ok(mut report) => {
@@ -208,7 +208,7 @@ impl<'a> Newton<'a> {
 
     fn iterate(
         &mut self,
-        u: &mut Vec<f64>,
+        u: &mut [f64],
         loads: &[f64],
         history: &mut History,
     ) -> Result<NewtonReport, NewtonFailure> {
@@ -297,7 +297,7 @@ impl<'a> Newton<'a> {
     /// Goes along `direction` as far as the line search allows; the part of the full step taken.
     fn step(
         &mut self,
-        u: &mut Vec<f64>,
+        u: &mut [f64],
         direction: &[f64],
         loads: &[f64],
         negative_pivots: Option<usize>,
@@ -307,7 +307,7 @@ impl<'a> Newton<'a> {
         let floor = ROUNDING_MULTIPLE * self.rounding(u);
         let mut search = LineSearch::new(start, noise, floor);
         let mut not_finite = None;
-        let origin = u.clone();
+        let origin = u.to_vec();
         let mut gradient = vec![0.0; u.len()];
         while let Some(length) = search.next_length() {
             for (u, (origin, d)) in u.iter_mut().zip(origin.iter().zip(direction)) {

@@ -136,7 +136,7 @@ const PEAK_FORCE: f64 = 0.1 * 0.367_879_441_171_442_33;
 fn a_load_beyond_the_peak_has_no_equilibrium() {
     let (network, fixed) = chain(1, softening);
     let load = [0.0, 0.0, 1.05 * PEAK_FORCE, 0.0];
-    let error = newton(&network, &fixed, 1e-12).solve(&mut vec![0.0; 4], &load).unwrap_err();
+    let error = newton(&network, &fixed, 1e-12).solve(&mut [0.0; 4], &load).unwrap_err();
     assert!(
         matches!(
             error.failure,

@@ -120,7 +120,7 @@ pub struct Outcome {
     pub displacements: Vec<f64>,
     /// What was evaluated and solved.
     pub counters: Counters,
-    /// Whether the observer ended the run before its end.
+    /// Whether the run ended before its end: by the observer, or without convergence.
     pub stopped: bool,
 }
 
@@ -158,21 +158,26 @@ pub enum StepError {
     #[error(transparent)]
     Linear(#[from] LinearError),
     /// Newton's method failed, also with the smallest increment where smaller ones may help.
-    #[error(
-        "no equilibrium at t = {t_failed}, the last is at t = {t_converged} ({cut_backs} cut-backs): {cause}"
-    )]
-    NotConverged {
-        /// The last converged time.
-        t_converged: f64,
-        /// The time that was tried last.
-        t_failed: f64,
-        /// How often the increment was halved during the run.
-        cut_backs: usize,
-        /// The last failure, with its residuals.
-        cause: NewtonError,
-        /// What was evaluated and solved.
-        counters: Counters,
-    },
+    #[error(transparent)]
+    NotConverged(Box<NotConverged>),
+}
+
+/// No equilibrium was found at some time, however small the increment.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "no equilibrium at t = {t_failed}, the last is at t = {t_converged} ({cut_backs} cut-backs): {cause}"
+)]
+pub struct NotConverged {
+    /// The last converged time.
+    pub t_converged: f64,
+    /// The time that was tried last.
+    pub t_failed: f64,
+    /// How often the increment was halved during the run.
+    pub cut_backs: usize,
+    /// The last failure, with its residuals.
+    pub cause: NewtonError,
+    /// The run up to the last converged time.
+    pub outcome: Outcome,
 }
 
 /// Follows the drive from rest at `t = 0` to the end; `observer` sees each converged step and may
@@ -201,8 +206,7 @@ pub fn run_steps(
         times: PhaseTimes::default(),
     };
     let stopped = run.follow(observer)?.is_break();
-    let counters = run.newton.counters();
-    Ok(Outcome { records: run.records, displacements: run.u, counters, stopped })
+    Ok(run.outcome(stopped))
 }
 
 fn check(settings: &StepSettings) -> Result<(), StepError> {
@@ -403,14 +407,24 @@ impl Run<'_> {
         StepError::Drive { what, point, component, value, t }
     }
 
-    fn not_converged(&self, t_failed: f64, cause: NewtonError) -> StepError {
-        StepError::NotConverged {
+    /// Hands the run over; nothing is left to follow.
+    fn outcome(&mut self, stopped: bool) -> Outcome {
+        Outcome {
+            records: std::mem::take(&mut self.records),
+            displacements: std::mem::take(&mut self.u),
+            counters: self.newton.counters(),
+            stopped,
+        }
+    }
+
+    fn not_converged(&mut self, t_failed: f64, cause: NewtonError) -> StepError {
+        StepError::NotConverged(Box::new(NotConverged {
             t_converged: self.t,
             t_failed,
             cut_backs: self.all_cut_backs,
             cause,
-            counters: self.newton.counters(),
-        }
+            outcome: self.outcome(true),
+        }))
     }
 }
 

@@ -12,7 +12,7 @@ use crate::solve::constraint::Constraints;
 ///
 /// 2e10 take about half a second on one core; a run of some 50 load steps factorises some 200
 /// times, so beyond it a run waits minutes for factorisations. Measured for bonds with a horizon of
-/// three spacings: 12^3 points 1.1e10, 20^3 points 2.5e11.
+/// three spacings: 12^3 points 5.7e9, 20^3 points 2.3e11.
 pub const AUTO_OPERATIONS_3D: f64 = 2e10;
 
 /// In two dimensions `auto` factorises up to this many operations (a minute each): the fill grows

@@ -18,6 +18,7 @@ mod conjugate_gradients;
 mod direct;
 mod estimate;
 mod extraction;
+mod report;
 
 use std::sync::Arc;
 
@@ -31,6 +32,7 @@ use extraction::FreeTriangle;
 pub use estimate::{
     AUTO_OPERATIONS_2D, AUTO_OPERATIONS_3D, FactorizationEstimate, estimate_factorization,
 };
+pub use report::{Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport};
 
 /// A direct solution with a larger relative residual is refined once: a few units of rounding.
 const ROUNDING_RESIDUAL: f64 = 1e-14;
@@ -38,119 +40,6 @@ const ROUNDING_RESIDUAL: f64 = 1e-14;
 /// A direct solution is inaccurate when its residual exceeds this times `|K| |x| + |b|` (norms).
 /// Backward stable solves reach 1e-15; what is 1e5 times worse has lost its pivots.
 const INACCURATE: f64 = 1e-10;
-
-/// How to solve linear systems.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum LinearMethod {
-    /// Cholesky, or conjugate gradients where factorisations would take minutes
-    /// ([`AUTO_OPERATIONS_2D`], [`AUTO_OPERATIONS_3D`]).
-    #[default]
-    Auto,
-    /// Sparse Cholesky.
-    Cholesky,
-    /// Sparse LDLT with Bunch-Kaufman pivots within supernodes.
-    Ldlt,
-    /// Sparse LU.
-    Lu,
-    /// Conjugate gradients with a block-Jacobi preconditioner.
-    Cg,
-}
-
-impl LinearMethod {
-    /// The name in prose.
-    pub fn name(self) -> &'static str {
-        match self {
-            LinearMethod::Auto => "auto",
-            LinearMethod::Cholesky => "Cholesky",
-            LinearMethod::Ldlt => "LDLT",
-            LinearMethod::Lu => "LU",
-            LinearMethod::Cg => "conjugate gradients",
-        }
-    }
-}
-
-/// Choices for the linear solver.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct LinearOptions {
-    /// The method to start with.
-    pub method: LinearMethod,
-    /// Conjugate gradients stop at this residual relative to the right-hand side. Newton's method
-    /// gains no more than this factor per iteration.
-    pub cg_tolerance: f64,
-    /// Factors that need more bytes than this are refused.
-    pub memory_limit: f64,
-}
-
-impl Default for LinearOptions {
-    fn default() -> Self {
-        LinearOptions {
-            method: LinearMethod::Auto,
-            cg_tolerance: 1e-12,
-            memory_limit: 8.0 * 1024.0 * 1024.0 * 1024.0,
-        }
-    }
-}
-
-/// How a linear system was solved.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LinearReport {
-    /// The method that gave the solution.
-    pub method: LinearMethod,
-    /// Iterations of conjugate gradients, also when another method had to finish.
-    pub iterations: usize,
-    /// `norm(K x - b)/norm(b)`, both 2-norms over the free degrees of freedom; 0 for `b = 0`.
-    pub relative_residual: f64,
-    /// Whether the matrix is positive definite, where the method tells.
-    pub positive_definite: Option<bool>,
-    /// How many eigenvalues are negative, where the method tells.
-    pub negative_pivots: Option<usize>,
-    /// Stored numbers of the factor, where there is one.
-    pub factor_nonzeros: Option<usize>,
-    /// Fallbacks and what caused them.
-    pub notes: Vec<String>,
-}
-
-/// A linear system that could not be solved.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum LinearError {
-    /// No factorisation of the tangent gives an accurate solution.
-    #[error(
-        "the tangent stiffness is singular ({free} free degrees of freedom): the points can move without force, \
-         as in a mechanism or at a limit point"
-    )]
-    Singular {
-        /// How many degrees of freedom are free.
-        free: usize,
-    },
-    /// The factor exceeds the memory limit.
-    #[error("a factorisation needs {needed:.1e} bytes, more than the limit of {limit:.1e} bytes")]
-    TooLarge {
-        /// Bytes of the factor.
-        needed: f64,
-        /// The limit.
-        limit: f64,
-    },
-    /// The machine refused memory for a factorisation.
-    #[error("there is not enough memory for the factorisation")]
-    OutOfMemory,
-    /// Entries of the matrix or of the right-hand side are not finite.
-    #[error("the {what} of the linear system holds a number that is not finite")]
-    NotFinite {
-        /// "tangent stiffness" or "residual".
-        what: &'static str,
-    },
-}
-
-/// Whether the tangent is positive definite, and how that is known.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Definiteness {
-    /// `None`: unknown.
-    pub positive_definite: Option<bool>,
-    /// How many eigenvalues are negative, if known.
-    pub negative_pivots: Option<usize>,
-    /// The method, and what it found.
-    pub method: String,
-}
 
 /// What the solver holds for the matrix it was last given.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -360,13 +249,21 @@ impl LinearSolver {
 
     fn check_memory(&self) -> Result<(), LinearError> {
         let (needed, limit) = (self.estimate.bytes(), self.options.memory_limit);
-        if needed > limit { Err(LinearError::TooLarge { needed, limit }) } else { Ok(()) }
+        if needed <= limit {
+            return Ok(());
+        }
+        let because = self.notes.last().map(|note| format!("{note}: ")).unwrap_or_default();
+        Err(LinearError::TooLarge { because, needed, limit })
     }
 
     fn singular(&self) -> LinearError {
         LinearError::Singular { free: self.constraints.n_free() }
     }
 }
+
+/// The residual that conjugate gradients carry along drifts from the true one in ill-conditioned
+/// systems; a true relative residual above this is of no use to Newton's method.
+const CG_LOST: f64 = 1e-4;
 
 const CHOLESKY_FAILED: &str = "Cholesky met a pivot that is not positive";
 
@@ -390,13 +287,12 @@ impl LinearSolver {
         &mut self,
         matrix: &BlockMatrix,
     ) -> Result<(&FreeTriangle, &mut SymmetricFactors), LinearError> {
+        if self.symmetric.is_none() {
+            self.check_memory()?;
+        }
         self.triangle(matrix)?;
         let triangle = self.triangle.as_ref().expect("built in the line above");
         if self.symmetric.is_none() {
-            let (needed, limit) = (self.estimate.bytes(), self.options.memory_limit);
-            if needed > limit {
-                return Err(LinearError::TooLarge { needed, limit });
-            }
             let d = self.pattern.dimension;
             let factors = SymmetricFactors::new(triangle, &self.estimate, &self.constraints, d)?;
             self.symmetric = Some(factors);
@@ -486,7 +382,11 @@ impl LinearSolver {
         match cg.solve(rhs, solution)? {
             CgOutcome::Converged { iterations } => {
                 let residual = self.residual(matrix, &self.constraints.free_part(rhs), solution).0;
-                return Ok(Some((iterations, residual)));
+                if residual <= CG_LOST {
+                    return Ok(Some((iterations, residual)));
+                }
+                self.notes.push(format!("conjugate gradients lost the residual ({residual:.1e})"));
+                self.factorize_cholesky(matrix)?;
             }
             CgOutcome::NegativeCurvature => {
                 self.notes.push("conjugate gradients met negative curvature".to_string());

@@ -1,0 +1,119 @@
+//! What goes into the linear solver besides the matrix, and what comes out besides the solution.
+
+/// How to solve linear systems.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum LinearMethod {
+    /// Cholesky, or conjugate gradients where factorisations would take minutes
+    /// ([`AUTO_OPERATIONS_2D`](super::AUTO_OPERATIONS_2D),
+    /// [`AUTO_OPERATIONS_3D`](super::AUTO_OPERATIONS_3D)).
+    #[default]
+    Auto,
+    /// Sparse Cholesky.
+    Cholesky,
+    /// Sparse LDLT with Bunch-Kaufman pivots within supernodes.
+    Ldlt,
+    /// Sparse LU.
+    Lu,
+    /// Conjugate gradients with a block-Jacobi preconditioner.
+    Cg,
+}
+
+impl LinearMethod {
+    /// The name in prose.
+    pub fn name(self) -> &'static str {
+        match self {
+            LinearMethod::Auto => "auto",
+            LinearMethod::Cholesky => "Cholesky",
+            LinearMethod::Ldlt => "LDLT",
+            LinearMethod::Lu => "LU",
+            LinearMethod::Cg => "conjugate gradients",
+        }
+    }
+}
+
+/// Choices for the linear solver.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinearOptions {
+    /// The method to start with.
+    pub method: LinearMethod,
+    /// Conjugate gradients stop at this residual relative to the right-hand side. Newton's method
+    /// gains no more than this factor per iteration.
+    pub cg_tolerance: f64,
+    /// Factors that need more bytes than this are refused.
+    pub memory_limit: f64,
+}
+
+impl Default for LinearOptions {
+    fn default() -> Self {
+        LinearOptions {
+            method: LinearMethod::Auto,
+            cg_tolerance: 1e-12,
+            memory_limit: 8.0 * 1024.0 * 1024.0 * 1024.0,
+        }
+    }
+}
+
+/// How a linear system was solved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearReport {
+    /// The method that gave the solution.
+    pub method: LinearMethod,
+    /// Iterations of conjugate gradients, also when another method had to finish.
+    pub iterations: usize,
+    /// `norm(K x - b)/norm(b)`, both 2-norms over the free degrees of freedom; 0 for `b = 0`.
+    pub relative_residual: f64,
+    /// Whether the matrix is positive definite, where the method tells.
+    pub positive_definite: Option<bool>,
+    /// How many eigenvalues are negative, where the method tells.
+    pub negative_pivots: Option<usize>,
+    /// Stored numbers of the factor, where there is one.
+    pub factor_nonzeros: Option<usize>,
+    /// Fallbacks and what caused them.
+    pub notes: Vec<String>,
+}
+
+/// A linear system that could not be solved.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LinearError {
+    /// No factorisation of the tangent gives an accurate solution.
+    #[error(
+        "the tangent stiffness is singular ({free} free degrees of freedom): the points can move without force, \
+         as in a mechanism or at a limit point"
+    )]
+    Singular {
+        /// How many degrees of freedom are free.
+        free: usize,
+    },
+    /// The factor exceeds the memory limit.
+    #[error(
+        "{because}a factorisation needs {needed:.1e} bytes, more than the limit of {limit:.1e}"
+    )]
+    TooLarge {
+        /// What made a factorisation necessary, if it was not the first choice; ends in a colon.
+        because: String,
+        /// Bytes of the factor.
+        needed: f64,
+        /// The limit.
+        limit: f64,
+    },
+    /// The machine refused memory for a factorisation.
+    #[error("there is not enough memory for the factorisation")]
+    OutOfMemory,
+    /// Entries of the matrix or of the right-hand side are not finite.
+    #[error("the {what} of the linear system holds a number that is not finite")]
+    NotFinite {
+        /// "tangent stiffness" or "residual".
+        what: &'static str,
+    },
+}
+
+/// Whether the tangent is positive definite, and how that is known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Definiteness {
+    /// `None`: unknown.
+    pub positive_definite: Option<bool>,
+    /// How many eigenvalues are negative, if known.
+    pub negative_pivots: Option<usize>,
+    /// The method, and what it found.
+    pub method: String,
+}

@@ -6,7 +6,7 @@
 //! times the larger of the 2-norms of the reactions and of the loads.
 //!
 //! A full step is tried first, and its tangent assembled at once: in benign cases it is the next
-//! iteration's, and at convergence it is the one that is judged. See [`LineSearch`] for what
+//! iteration's, and at convergence it is the one that is judged. The module `line_search` says what
 //! happens otherwise.
 
 use super::clock::{Counters, PhaseTimes, timed};

@@ -331,7 +331,7 @@ fn a_mechanism_is_a_typed_error() {
 /// outside each x end, bonds up to two spacings, the two layers at each end follow
 /// `x = (1 + g) X`, increments of 2 %; residuals over the first in the increment that ends at 20 %.
 #[test]
-#[ignore = "takes a minute; also measures time"]
+#[ignore = "takes ten seconds; also measures time"]
 fn the_published_residuals_are_reproduced_by_full_steps() {
     let network = SpringNetwork::lattice(&[23, 21, 21], 2.0, linear);
     let held = network.dofs_where(|x| x[0] <= 1.0 || x[0] >= 21.0);

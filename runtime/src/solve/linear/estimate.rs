@@ -10,7 +10,7 @@ use crate::solve::constraint::Constraints;
 
 /// In three dimensions `auto` factorises up to this many operations and iterates beyond.
 ///
-/// 2e10 take about half a second on one core; a run of some 50 load steps factorises some 200
+/// 2e10 take half a second to a second on one core; a run of some 50 load steps factorises some 200
 /// times, so beyond it a run waits minutes for factorisations. Measured for bonds with a horizon of
 /// three spacings: 12^3 points 5.7e9, 20^3 points 2.3e11.
 pub const AUTO_OPERATIONS_3D: f64 = 2e10;

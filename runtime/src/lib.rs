@@ -5,3 +5,5 @@ pub mod energy;
 pub mod kernel;
 pub mod matrix;
 pub mod solve;
+pub mod plan;
+pub mod scene;

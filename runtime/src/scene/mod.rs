@@ -1,0 +1,401 @@
+//! Scenes: what a user writes in TOML about a body and what is done to it.
+//!
+//! | stage | input | output |
+//! |---|---|---|
+//! | [`Scene::read`] | text of the file, overrides | [`Scene`], or every mistake as a [`SceneReport`] |
+//! | [`selection::kept`] | conditions of `remove`, points | which points stay |
+//! | [`selection::select`] | [`Scene`], body | point sets, probes |
+//! | [`boundary::BoundaryConditions::new`] | [`Scene`], body, point sets | fixed components, loads |
+//!
+//! A [`Scene`] is complete: every default is filled in, every name of a set is known, every
+//! expression is compiled, numbers are finite and in range, vectors have one entry per dimension.
+//! [`Scene::resolved_toml`] writes it down, and that text reads back to an equal scene.
+
+pub mod boundary;
+mod check;
+mod expression;
+mod overrides;
+mod potential;
+mod read;
+mod reader;
+pub mod selection;
+mod source;
+mod suggest;
+mod tree;
+mod write;
+
+use piola_grammar::{Diagnostic, Span};
+
+pub use expression::Expression;
+pub use potential::PotentialText;
+pub use source::{Finding, SceneReport, SourceText, Sources};
+
+/// The coordinates as expressions and messages name them.
+pub const AXES: [&str; 3] = ["X", "Y", "Z"];
+
+/// A scene file may have this many bytes, overrides included.
+pub const MAX_SCENE_BYTES: usize = 1 << 20;
+
+/// A scene as it was read: complete, checked, with every default filled in.
+///
+/// Two scenes are equal if they describe the same computation; where things stand in which file
+/// does not count.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// `[body]`
+    pub body: BodyShape,
+    /// `[horizon]`
+    pub horizon: Horizon,
+    /// `[material]`
+    pub material: Material,
+    /// `[sets]`, in the order of the file.
+    pub sets: Vec<SetDefinition>,
+    /// `[[prescribe]]`
+    pub prescriptions: Vec<Prescription>,
+    /// `[[load]]`
+    pub loads: Vec<Load>,
+    /// `[[probe]]`
+    pub probes: Vec<Probe>,
+    /// `[steps]`
+    pub steps: Steps,
+    /// `[solver]`
+    pub solver: SolverSettings,
+    /// `[output]`
+    pub output: OutputSettings,
+    /// Findings that do not stop the work; spans as in [`Sources::report`].
+    pub warnings: Vec<Diagnostic>,
+    /// The texts from which the scene was read.
+    pub sources: Sources,
+}
+
+impl PartialEq for Scene {
+    fn eq(&self, other: &Scene) -> bool {
+        // Taken apart so that a new field cannot be forgotten here.
+        let Scene {
+            body,
+            horizon,
+            material,
+            sets,
+            prescriptions,
+            loads,
+            probes,
+            steps,
+            solver,
+            output,
+            warnings: _,
+            sources: _,
+        } = self;
+        *body == other.body
+            && *horizon == other.horizon
+            && *material == other.material
+            && *sets == other.sets
+            && *prescriptions == other.prescriptions
+            && *loads == other.loads
+            && *probes == other.probes
+            && *steps == other.steps
+            && *solver == other.solver
+            && *output == other.output
+    }
+}
+
+impl Scene {
+    /// The horizon in m.
+    pub fn horizon_radius(&self) -> f64 {
+        match (self.horizon.extent, &self.body.points) {
+            (HorizonExtent::Radius(radius), _) => radius,
+            (HorizonExtent::Spacings(count), Points::Lattice(lattice)) => count * lattice.spacing,
+            // The reader refuses this combination; no neighbours is the harmless reading.
+            (HorizonExtent::Spacings(_), Points::Cloud { .. }) => 0.0,
+        }
+    }
+
+    /// Leads findings about this scene back to its texts.
+    pub fn report(&self, diagnostics: Vec<Diagnostic>) -> SceneReport {
+        self.sources.report(diagnostics)
+    }
+}
+
+/// A value and where it stands. Equal if the values are.
+#[derive(Clone, Copy, Debug)]
+pub struct Located<T> {
+    /// The value.
+    pub value: T,
+    /// Its place in the scene's texts.
+    pub span: Span,
+}
+
+impl<T: PartialEq> PartialEq for Located<T> {
+    fn eq(&self, other: &Located<T>) -> bool {
+        self.value == other.value
+    }
+}
+
+/// `[body]`: where the points are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyShape {
+    /// 2 or 3.
+    pub dimension: usize,
+    /// Where the points come from.
+    pub points: Points,
+    /// Points where one of these conditions holds are left out.
+    pub remove: Vec<Expression>,
+}
+
+/// Where the points of a body come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Points {
+    /// A box filled with a lattice.
+    Lattice(LatticeShape),
+    /// A file of points.
+    Cloud {
+        /// Its path, relative to the scene's folder.
+        path: Located<String>,
+    },
+}
+
+/// A box filled with a lattice of points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LatticeShape {
+    /// The corner with the least coordinates, in m; one entry per dimension.
+    pub low: Vec<f64>,
+    /// The corner with the greatest coordinates, in m.
+    pub high: Vec<f64>,
+    /// Distance of neighbouring points in m; every extent is a whole multiple of it.
+    pub spacing: f64,
+    /// Where in the cells the points are.
+    pub nodes: Nodes,
+}
+
+impl LatticeShape {
+    /// How many points lie along each axis before any are removed.
+    pub fn counts(&self) -> Vec<usize> {
+        let cells = |axis: usize| ((self.high[axis] - self.low[axis]) / self.spacing).round();
+        let extra = match self.nodes {
+            Nodes::Corners => 1,
+            Nodes::Cells => 0,
+        };
+        (0..self.low.len()).map(|axis| cells(axis) as usize + extra).collect()
+    }
+}
+
+/// Where in the cells of a lattice the points are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Nodes {
+    /// At the corners, the box's faces included.
+    Corners,
+    /// At the centres.
+    Cells,
+}
+
+/// `[horizon]`: who interacts, and with which weight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Horizon {
+    /// How far the interactions reach.
+    pub extent: HorizonExtent,
+    /// How neighbours are weighted.
+    pub weights: WeightScheme,
+}
+
+/// How far the interactions reach.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum HorizonExtent {
+    /// In lattice spacings.
+    Spacings(f64),
+    /// In m.
+    Radius(f64),
+}
+
+/// How the neighbour volumes of an interaction are weighted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum WeightScheme {
+    /// The effective volumes of a bulk point with the full ball at every point; lattices only.
+    Uniform,
+    /// The ball's volume reduced in proportion to the missing neighbours.
+    Truncated,
+    /// Products of the point volumes.
+    Volumes,
+    /// One.
+    Unit,
+}
+
+/// `[material]`: the energy and its parameters.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// A file beside the scene if it ends in `.piola`, else a name in the library.
+    pub potential: Located<String>,
+    /// The given parameters, in the order of the file.
+    pub parameters: Vec<ParameterSetting>,
+}
+
+/// The value of one parameter of a potential.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterSetting {
+    /// Its name in the potential.
+    pub name: Located<String>,
+    /// Its value.
+    pub value: Located<ParameterText>,
+}
+
+/// A parameter's value as it was written.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ParameterText {
+    /// A finite number in the unit that the potential declares.
+    Number(f64),
+    /// A number with a unit, such as `200 GPa`; the compiler converts it.
+    Quantity(String),
+}
+
+/// One entry of `[sets]`: a named set of points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SetDefinition {
+    /// Its name.
+    pub name: Located<String>,
+    /// What is true for its points, and only for them.
+    pub condition: Expression,
+}
+
+/// One `[[prescribe]]`: displacements that are given.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prescription {
+    /// Index into [`Scene::sets`].
+    pub set: usize,
+    /// One entry per dimension, in m; `None` leaves the component free.
+    pub components: Vec<Located<Option<Quantity>>>,
+    /// Place of the entry's header.
+    pub span: Span,
+}
+
+/// One `[[load]]`: forces that are given.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Load {
+    /// Index into [`Scene::sets`].
+    pub set: usize,
+    /// What the components mean.
+    pub kind: LoadKind,
+    /// One entry per dimension.
+    pub components: Vec<Located<Quantity>>,
+    /// Place of the entry's header.
+    pub span: Span,
+}
+
+/// What the components of a load mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LoadKind {
+    /// The total on the set in N, shared in proportion to the point volumes.
+    Force,
+    /// Force per volume, in N/m^d.
+    Density,
+}
+
+impl LoadKind {
+    /// Its key in a scene file.
+    pub fn key(self) -> &'static str {
+        match self {
+            LoadKind::Force => "force",
+            LoadKind::Density => "density",
+        }
+    }
+}
+
+/// A number or an expression of X, Y, Z, t.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Quantity {
+    /// A finite number.
+    Number(f64),
+    /// An expression.
+    Expression(Expression),
+}
+
+impl Quantity {
+    /// Its value at a reference position (2 or 3 numbers, in m) and a time.
+    pub fn value(&self, position: &[f64], t: f64) -> f64 {
+        match self {
+            Quantity::Number(number) => *number,
+            Quantity::Expression(expression) => expression.value(position, t),
+        }
+    }
+
+    /// Whether it is the number 0.
+    pub fn is_zero(&self) -> bool {
+        matches!(self, Quantity::Number(number) if *number == 0.0)
+    }
+}
+
+/// One `[[probe]]`: a place whose displacement is recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Probe {
+    /// Its name.
+    pub name: Located<String>,
+    /// The place in m, one entry per dimension.
+    pub at: Located<Vec<f64>>,
+}
+
+/// `[steps]`: t runs from 0 to `end` in equal increments.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Steps {
+    /// The last t.
+    pub end: f64,
+    /// How many increments there are, unless the solver cuts back.
+    pub increments: usize,
+}
+
+/// `[solver]`: how equilibrium is found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SolverSettings {
+    /// 2-norm of the free residual over the larger of the 2-norms of reactions and applied loads.
+    pub tolerance: f64,
+    /// Where an increment starts.
+    pub start: Start,
+    /// How linear systems are solved.
+    pub linear: LinearChoice,
+    /// Where the derivatives come from.
+    pub derivatives: DerivativeSource,
+    /// Newton iterations per increment.
+    pub max_iterations: usize,
+    /// Whether a Newton step may be shortened.
+    pub line_search: bool,
+}
+
+/// Where the free points of an increment start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// At the last equilibrium.
+    Last,
+    /// On the line through the last two.
+    Extrapolate,
+}
+
+/// How linear systems are solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LinearChoice {
+    /// Cholesky, or conjugate gradients where a factorisation would take minutes.
+    Auto,
+    /// `L L^T`; positive definite tangents only.
+    Cholesky,
+    /// `L D L^T`.
+    Ldlt,
+    /// `L U`.
+    Lu,
+    /// Conjugate gradients.
+    ConjugateGradients,
+}
+
+/// Where psi' and psi'' come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DerivativeSource {
+    /// Machine code of the symbolic derivatives.
+    Jit,
+    /// The symbolic derivatives, interpreted.
+    Interpreter,
+    /// Hyper-dual numbers of the measure.
+    Hyperdual,
+    /// Hyper-dual numbers of the points' coordinates, as in firooz2023.
+    HyperdualCoordinates,
+}
+
+/// `[output]`: what is written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OutputSettings {
+    /// How many frames the run writes after the undeformed one.
+    pub frames: usize,
+}

@@ -1,0 +1,80 @@
+//! The text of the potential that a scene names.
+
+use std::path::{Path, PathBuf};
+
+use piola_grammar::Diagnostic;
+
+use super::suggest::suggest;
+use super::{Points, Scene, SceneReport};
+
+/// A potential file may have this many bytes.
+const MAX_POTENTIAL_BYTES: u64 = 1 << 20;
+
+/// A potential's text and where it comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PotentialText {
+    /// The path as the scene writes it, or the name in the library.
+    pub name: String,
+    /// The file, unless it comes from the library.
+    pub path: Option<PathBuf>,
+    /// The whole text.
+    pub text: String,
+}
+
+impl Scene {
+    /// The text of the scene's potential: a file relative to `folder` if its name ends in `.piola`,
+    /// else whatever `library` has under that name. `names` are offered where it has nothing.
+    pub fn potential(
+        &self,
+        folder: &Path,
+        library: &dyn Fn(&str) -> Option<&'static str>,
+        names: &[&str],
+    ) -> Result<PotentialText, SceneReport> {
+        let potential = &self.material.potential;
+        let name = potential.value.clone();
+        if name.ends_with(".piola") {
+            let path = folder.join(&name);
+            return match read(&path) {
+                Ok(text) => Ok(PotentialText { name, path: Some(path), text }),
+                Err(reason) => {
+                    let message = format!("cannot read the potential {}: {reason}", path.display());
+                    let diagnostic = Diagnostic::error("unreadable-file", potential.span, message);
+                    Err(self.report(vec![diagnostic]))
+                }
+            };
+        }
+        if let Some(text) = library(&name) {
+            return Ok(PotentialText { name, path: None, text: text.into() });
+        }
+        let message = format!("the library has no potential `{name}`");
+        let diagnostic = Diagnostic::error("unknown-potential", potential.span, message)
+            .help(format!("a file beside the scene is written with its ending: {name}.piola"));
+        Err(self.report(vec![match suggest(&name, names) {
+            Some(near) => diagnostic.label(format!("did you mean `{near}`?")),
+            None if names.is_empty() => diagnostic,
+            None => diagnostic.help(format!("the library has {}", names.join(", "))),
+        }]))
+    }
+
+    /// The file of a cloud of points, relative to the scene's `folder`.
+    pub fn cloud_path(&self, folder: &Path) -> Option<PathBuf> {
+        match &self.body.points {
+            Points::Cloud { path } => Some(folder.join(&path.value)),
+            Points::Lattice(_) => None,
+        }
+    }
+}
+
+/// Reads a file of bounded size; the reason of a failure is in words.
+fn read(path: &Path) -> Result<String, String> {
+    use std::io::Read;
+    let file = std::fs::File::open(path).map_err(|error| error.to_string())?;
+    let mut bytes = Vec::new();
+    // One byte more than allowed shows that a file is too long, whatever its metadata say.
+    let mut limited = file.take(MAX_POTENTIAL_BYTES + 1);
+    limited.read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    if bytes.len() as u64 > MAX_POTENTIAL_BYTES {
+        return Err(format!("it has more than {MAX_POTENTIAL_BYTES} bytes"));
+    }
+    String::from_utf8(bytes).map_err(|_| "it is not UTF-8 text".into())
+}

@@ -1,0 +1,189 @@
+//! `[sets]`, `[[prescribe]]`, `[[load]]`, `[[probe]]`.
+
+use piola_grammar::{Diagnostic, Span};
+
+use super::Context;
+use crate::scene::expression::Role;
+use crate::scene::reader::{Field, Reader, Schema, Table};
+use crate::scene::suggest::suggest;
+use crate::scene::tree::{Kind, Node};
+use crate::scene::{Load, LoadKind, Located, Prescription, Probe, Quantity, SetDefinition};
+
+/// Sets have names of the user's; the example stands for any of them.
+static SETS: Schema = Schema { title: "[sets]", keys: &[] };
+static PRESCRIBE: Schema =
+    Schema { title: "[[prescribe]]", keys: &[("set", "\"left\""), ("u", "[0, \"0.1*t\"]")] };
+static LOAD: Schema = Schema {
+    title: "[[load]]",
+    keys: &[("set", "\"right\""), ("force", "[\"0.1*t\", 0]"), ("density", "[0, -9.81]")],
+};
+static PROBE: Schema =
+    Schema { title: "[[probe]]", keys: &[("name", "\"tip\""), ("at", "[1.0, 0.5]")] };
+
+/// Words that stand for something else where names of sets and probes appear.
+const RESERVED: [&str; 8] = ["X", "Y", "Z", "t", "u", "v", "w", "free"];
+
+impl Reader {
+    /// The point sets, and the names of all of them, readable or not: a set with a wrong condition
+    /// is not reported again where it is used.
+    pub(super) fn sets(
+        &mut self,
+        node: Option<&Node>,
+        dimension: Option<usize>,
+    ) -> (Vec<String>, Vec<SetDefinition>) {
+        let (mut names, mut sets) = (Vec::new(), Vec::new());
+        let entries = match node.map(|node| (&node.kind, node)) {
+            None => return (names, sets),
+            Some((Kind::Table(entries), _)) => entries,
+            Some((_, node)) => {
+                let message = format!("expected the table [sets], found {}", node.kind_name());
+                self.error(Diagnostic::error("wrong-type", node.span, message));
+                return (names, sets);
+            }
+        };
+        for entry in entries {
+            self.check_name("set", &entry.key, entry.key_span);
+            names.push(entry.key.clone());
+            let field = Field { schema: &SETS, key: &entry.key, node: &entry.node };
+            let name = Located { value: entry.key.clone(), span: entry.key_span };
+            let condition = self.expression(field, Role::Condition, dimension);
+            sets.extend(condition.map(|condition| SetDefinition { name, condition }));
+        }
+        (names, sets)
+    }
+
+    /// Names become columns of tables, so they are plain words that mean nothing else there.
+    fn check_name(&mut self, what: &str, name: &str, span: Span) {
+        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+        let message = if RESERVED.contains(&name) {
+            format!("a {what} cannot be called `{name}`: that name is taken")
+        } else if name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(plain) {
+            return;
+        } else {
+            format!("a {what} cannot be called `{name}`")
+        };
+        let help = "a name starts with a letter and goes on with letters, digits, _ and -";
+        self.error(Diagnostic::error("bad-name", span, message).help(help));
+    }
+
+    fn known_set(&mut self, table: &Table<'_>, context: &Context) -> Option<usize> {
+        let field = self.required(table, "set")?;
+        let text = self.text(field)?;
+        let index = context.sets.iter().position(|name| *name == text.value);
+        if index.is_none() {
+            let names: Vec<&str> = context.sets.iter().map(String::as_str).collect();
+            let message = format!("there is no set `{}`", text.value);
+            let diagnostic = Diagnostic::error("unknown-set", field.node.span, message);
+            self.error(match suggest(&text.value, &names) {
+                Some(near) => diagnostic.label(format!("did you mean `{near}`?")),
+                None if names.is_empty() => {
+                    diagnostic.help(format!("define it under [sets]: {} = \"X < 0.1\"", text.value))
+                }
+                None => diagnostic.help(format!("the sets are {}", names.join(", "))),
+            });
+        }
+        index
+    }
+
+    pub(super) fn prescriptions(
+        &mut self,
+        node: Option<&Node>,
+        context: &Context,
+    ) -> Vec<Prescription> {
+        let tables = self.tables(&PRESCRIBE, node);
+        let read = tables.iter().filter_map(|table| {
+            let set = self.known_set(table, context);
+            let components = self.required(table, "u").and_then(|field| {
+                let items = self.components(field, context.dimension)?;
+                let read: Vec<_> =
+                    items.iter().map(|item| self.displacement(field.item(item), context)).collect();
+                read.into_iter().collect()
+            });
+            Some(Prescription { set: set?, components: components?, span: table.span })
+        });
+        read.collect()
+    }
+
+    fn displacement(
+        &mut self,
+        field: Field<'_>,
+        context: &Context,
+    ) -> Option<Located<Option<Quantity>>> {
+        if let Kind::Text(text) = &field.node.kind
+            && text.value == "free"
+        {
+            return Some(Located { value: None, span: field.node.span });
+        }
+        let quantity = self.quantity(field, context)?;
+        Some(Located { value: Some(quantity.value), span: quantity.span })
+    }
+
+    fn quantity(&mut self, field: Field<'_>, context: &Context) -> Option<Located<Quantity>> {
+        let value = match field.node.kind {
+            Kind::Text(_) => {
+                Quantity::Expression(self.expression(field, Role::Number, context.dimension)?)
+            }
+            Kind::Number { .. } => Quantity::Number(self.number(field)?),
+            _ => {
+                self.wrong_type(field, "a number or an expression in a string");
+                return None;
+            }
+        };
+        Some(Located { value, span: field.node.span })
+    }
+
+    pub(super) fn loads(&mut self, node: Option<&Node>, context: &Context) -> Vec<Load> {
+        let tables = self.tables(&LOAD, node);
+        let read = tables.iter().filter_map(|table| {
+            let set = self.known_set(table, context);
+            let key = self.either(table, "force", "density");
+            let components = key.and_then(|key| table.field(key)).and_then(|field| {
+                let items = self.components(field, context.dimension)?;
+                let read: Vec<_> =
+                    items.iter().map(|item| self.force(field.item(item), context)).collect();
+                read.into_iter().collect()
+            });
+            let kind = match key? {
+                "force" => LoadKind::Force,
+                _ => LoadKind::Density,
+            };
+            Some(Load { set: set?, kind, components: components?, span: table.span })
+        });
+        read.collect()
+    }
+
+    fn force(&mut self, field: Field<'_>, context: &Context) -> Option<Located<Quantity>> {
+        if let Kind::Text(text) = &field.node.kind
+            && text.value == "free"
+        {
+            let message = "a load is a number or an expression, never \"free\"";
+            let diagnostic = Diagnostic::error("free-load", field.node.span, message);
+            self.error(diagnostic.help("write 0 where nothing acts"));
+            return None;
+        }
+        self.quantity(field, context)
+    }
+
+    pub(super) fn probes(&mut self, node: Option<&Node>, context: &Context) -> Vec<Probe> {
+        let tables = self.tables(&PROBE, node);
+        let mut probes: Vec<Probe> = Vec::new();
+        for table in &tables {
+            let name = self.required(table, "name").and_then(|field| self.name(field));
+            let at = self.required(table, "at").and_then(|field| {
+                let value = self.vector(field, context.dimension)?;
+                Some(Located { value, span: field.node.span })
+            });
+            let Some(name) = name else { continue };
+            self.check_name("probe", &name.value, name.span);
+            if let Some(first) = probes.iter().find(|probe| probe.name == name) {
+                let message = format!("two probes are called `{}`", name.value);
+                self.error(
+                    Diagnostic::error("duplicate-probe", name.span, message)
+                        .note(first.name.span, "the first stands here"),
+                );
+            }
+            probes.extend(at.map(|at| Probe { name, at }));
+        }
+        probes
+    }
+}

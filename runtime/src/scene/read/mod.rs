@@ -1,0 +1,317 @@
+//! From the tree of a scene to a [`Scene`]: one function per table.
+
+mod body;
+mod conditions;
+
+use piola_grammar::{Diagnostic, Span};
+
+use super::check;
+use super::expression::{Expression, Role};
+use super::overrides;
+use super::reader::{Field, Reader, Schema, Table};
+use super::source::Sources;
+use super::tree::{self, Kind, Node};
+use super::{
+    DerivativeSource, LinearChoice, Located, MAX_SCENE_BYTES, Material, Nodes, OutputSettings,
+    ParameterSetting, ParameterText, Points, Scene, SceneReport, SolverSettings, Start, Steps,
+    WeightScheme,
+};
+
+static SCENE: Schema = Schema {
+    title: "a scene",
+    keys: &[
+        ("body", "{ .. }"),
+        ("horizon", "{ .. }"),
+        ("material", "{ .. }"),
+        ("sets", "{ .. }"),
+        ("prescribe", "[{ .. }]"),
+        ("load", "[{ .. }]"),
+        ("probe", "[{ .. }]"),
+        ("steps", "{ .. }"),
+        ("solver", "{ .. }"),
+        ("output", "{ .. }"),
+    ],
+};
+static MATERIAL: Schema = Schema {
+    title: "[material]",
+    keys: &[("potential", "\"law.piola\""), ("parameters", "{ C1 = 1.0, E = \"200 GPa\" }")],
+};
+static STEPS: Schema = Schema { title: "[steps]", keys: &[("end", "1.0"), ("increments", "25")] };
+static SOLVER: Schema = Schema {
+    title: "[solver]",
+    keys: &[
+        ("tolerance", "1e-10"),
+        ("start", "\"last\""),
+        ("linear", "\"auto\""),
+        ("derivatives", "\"jit\""),
+        ("max_iterations", "25"),
+        ("line_search", "true"),
+    ],
+};
+static OUTPUT: Schema = Schema { title: "[output]", keys: &[("frames", "25")] };
+
+/// The words of the scene's choices; the first is the default (weights: on a lattice).
+pub(super) const NODES: &[(&str, Nodes)] = &[("corners", Nodes::Corners), ("cells", Nodes::Cells)];
+pub(super) const WEIGHTS: &[(&str, WeightScheme)] = &[
+    ("uniform", WeightScheme::Uniform),
+    ("truncated", WeightScheme::Truncated),
+    ("volumes", WeightScheme::Volumes),
+    ("unit", WeightScheme::Unit),
+];
+pub(super) const STARTS: &[(&str, Start)] =
+    &[("last", Start::Last), ("extrapolate", Start::Extrapolate)];
+pub(super) const LINEAR: &[(&str, LinearChoice)] = &[
+    ("auto", LinearChoice::Auto),
+    ("cholesky", LinearChoice::Cholesky),
+    ("ldlt", LinearChoice::Ldlt),
+    ("lu", LinearChoice::Lu),
+    ("cg", LinearChoice::ConjugateGradients),
+];
+pub(super) const DERIVATIVES: &[(&str, DerivativeSource)] = &[
+    ("jit", DerivativeSource::Jit),
+    ("interpreter", DerivativeSource::Interpreter),
+    ("hyperdual", DerivativeSource::Hyperdual),
+    ("hyperdual-coordinates", DerivativeSource::HyperdualCoordinates),
+];
+
+impl Scene {
+    /// Reads a scene and applies overrides (`solver.tolerance=1e-8`, see `--set`) to it.
+    ///
+    /// `name` is how messages call the file. All mistakes of the file and the overrides are
+    /// reported at once. No file is opened.
+    pub fn read(text: &str, name: &str, overrides: &[String]) -> Result<Scene, SceneReport> {
+        let mut sources = Sources::new(name, text);
+        let size = text.len() + overrides.iter().map(String::len).sum::<usize>();
+        if size > MAX_SCENE_BYTES {
+            let message = format!("the scene has {size} bytes; at most {MAX_SCENE_BYTES} are read");
+            let span = Span::new(0, text.len().min(1));
+            return Err(sources.report(vec![Diagnostic::error("scene-too-large", span, message)]));
+        }
+        let mut entries = tree::parse_document(text).map_err(|found| sources.report(found))?;
+        let mut reader = Reader::default();
+        for text in overrides {
+            if let Err(diagnostic) = overrides::apply(text, &mut entries, &mut sources) {
+                reader.error(diagnostic);
+            }
+        }
+        let root = Node { span: Span::new(0, 0), kind: Kind::Table(entries) };
+        match reader.scene(&root, &sources) {
+            Some(scene) if reader.found.is_empty() => Ok(scene),
+            _ => Err(sources.report(reader.found)),
+        }
+    }
+}
+
+/// What the tables need to know of each other.
+struct Context {
+    dimension: Option<usize>,
+    /// The spacing of a lattice, 0 for a cloud, `None` if the body could not be read.
+    spacing: Option<f64>,
+    sets: Vec<String>,
+}
+
+impl Reader {
+    fn scene(&mut self, root: &Node, sources: &Sources) -> Option<Scene> {
+        let root = self.table(&SCENE, root)?;
+        let section = |reader: &mut Reader, schema: &'static Schema, key| {
+            root.get(key).map(|entry| reader.table(schema, &entry.node))
+        };
+        let body_table = section(self, &body::BODY, "body");
+        let horizon_table = section(self, &body::HORIZON, "horizon");
+        let material_table = section(self, &MATERIAL, "material");
+        let steps_table = section(self, &STEPS, "steps").flatten();
+        let solver_table = section(self, &SOLVER, "solver").flatten();
+        let output_table = section(self, &OUTPUT, "output").flatten();
+
+        let (dimension, body) = self.needed("body", body_table, Reader::body).unwrap_or_default();
+        let (names, sets) = self.sets(root.get("sets").map(|entry| &entry.node), dimension);
+        let spacing = body.as_ref().map(|body| match &body.points {
+            Points::Lattice(lattice) => lattice.spacing,
+            Points::Cloud { .. } => 0.0,
+        });
+        let context = Context { dimension, spacing, sets: names };
+        let horizon =
+            self.needed("horizon", horizon_table, |reader, table| reader.horizon(table, &context));
+        let material = self.needed("material", material_table, Reader::material);
+        let nodes = |key| root.get(key).map(|entry| &entry.node);
+        let prescriptions = self.prescriptions(nodes("prescribe"), &context);
+        let loads = self.loads(nodes("load"), &context);
+        let probes = self.probes(nodes("probe"), &context);
+        let steps = self.steps(steps_table.as_ref());
+        let solver = self.solver(solver_table.as_ref());
+        let output = self.output(output_table.as_ref());
+        let warnings = check::warnings(&prescriptions, &loads, &sets);
+        Some(Scene {
+            body: body?,
+            horizon: horizon?,
+            material: material?,
+            sets,
+            prescriptions,
+            loads,
+            probes,
+            steps: steps?,
+            solver: solver?,
+            output: output?,
+            warnings,
+            sources: sources.clone(),
+        })
+    }
+
+    /// Reads a table that every scene has; `None` within `Some` is a table of the wrong type.
+    fn needed<'t, T>(
+        &mut self,
+        name: &str,
+        table: Option<Option<Table<'t>>>,
+        read: impl FnOnce(&mut Reader, &Table<'t>) -> Option<T>,
+    ) -> Option<T> {
+        match table {
+            Some(table) => table.and_then(|table| read(self, &table)),
+            None => {
+                let message = format!("the scene has no [{name}]");
+                self.error(Diagnostic::error("missing-table", Span::new(0, 0), message));
+                None
+            }
+        }
+    }
+
+    /// Of two keys that exclude each other, the one that is there.
+    pub(super) fn either<'k>(
+        &mut self,
+        table: &Table<'_>,
+        one: &'k str,
+        other: &'k str,
+    ) -> Option<&'k str> {
+        let title = table.schema.title;
+        match (table.get(one), table.get(other)) {
+            (Some(_), None) => Some(one),
+            (None, Some(_)) => Some(other),
+            (None, None) => {
+                let message = format!("{title} has neither `{one}` nor `{other}`");
+                self.error(Diagnostic::error("missing-key", table.span, message));
+                None
+            }
+            (Some(first), Some(second)) => {
+                let message = format!("{title} has both `{one}` and `{other}`");
+                let (early, late) = match first.key_span < second.key_span {
+                    true => (first, second),
+                    false => (second, first),
+                };
+                self.error(
+                    Diagnostic::error("conflicting-keys", late.key_span, message)
+                        .note(early.key_span, "one of the two is enough"),
+                );
+                None
+            }
+        }
+    }
+
+    /// A string that is not empty.
+    pub(super) fn name(&mut self, field: Field<'_>) -> Option<Located<String>> {
+        let text = self.text(field)?;
+        if text.value.trim().is_empty() {
+            self.out_of_range(field, "a name");
+            return None;
+        }
+        Some(Located { value: text.value.clone(), span: field.node.span })
+    }
+
+    pub(super) fn expression(
+        &mut self,
+        field: Field<'_>,
+        role: Role,
+        dimension: Option<usize>,
+    ) -> Option<Expression> {
+        let Kind::Text(text) = &field.node.kind else {
+            self.wrong_type(field, "an expression in a string");
+            return None;
+        };
+        match Expression::compile(text, role, dimension) {
+            Ok(expression) => Some(expression),
+            Err(found) => {
+                self.found.extend(found);
+                None
+            }
+        }
+    }
+
+    fn material(&mut self, table: &Table<'_>) -> Option<Material> {
+        let potential = self.required(table, "potential").and_then(|field| self.name(field));
+        let parameters = self
+            .or(Some(table), "parameters", Vec::new(), |reader, field| reader.parameters(field));
+        Some(Material { potential: potential?, parameters: parameters? })
+    }
+
+    fn parameters(&mut self, field: Field<'_>) -> Option<Vec<ParameterSetting>> {
+        let Kind::Table(entries) = &field.node.kind else {
+            self.wrong_type(field, "a table");
+            return None;
+        };
+        let mut complete = true;
+        let mut parameters = Vec::new();
+        for entry in entries {
+            let item = Field { schema: field.schema, key: &entry.key, node: &entry.node };
+            let value = match &entry.node.kind {
+                Kind::Text(text) => Some(ParameterText::Quantity(text.value.clone())),
+                Kind::Number { .. } => self.number(item).map(ParameterText::Number),
+                _ => {
+                    let found = entry.node.kind_name();
+                    let message = format!("expected a number or a string, found {found}");
+                    let help = format!("write {0} = 1.0 or {0} = \"200 GPa\"", entry.key);
+                    let diagnostic = Diagnostic::error("wrong-type", entry.node.span, message);
+                    self.error(diagnostic.help(help));
+                    None
+                }
+            };
+            complete &= value.is_some();
+            parameters.extend(value.map(|value| ParameterSetting {
+                name: Located { value: entry.key.clone(), span: entry.key_span },
+                value: Located { value, span: content_span(&entry.node) },
+            }));
+        }
+        complete.then_some(parameters)
+    }
+
+    fn steps(&mut self, table: Option<&Table<'_>>) -> Option<Steps> {
+        let end = self.or(table, "end", 1.0, Reader::positive);
+        let increments = self.or(table, "increments", 25, |reader, field| reader.count(field, 1));
+        Some(Steps { end: end?, increments: increments? })
+    }
+
+    fn solver(&mut self, table: Option<&Table<'_>>) -> Option<SolverSettings> {
+        let tolerance = self.or(table, "tolerance", 1e-10, |reader, field| {
+            let tolerance = reader.positive(field)?;
+            if tolerance < 1.0 {
+                return Some(tolerance);
+            }
+            reader.out_of_range(field, "less than 1");
+            None
+        });
+        let start = self.or(table, "start", STARTS[0].1, |r, field| r.choice(field, STARTS));
+        let linear = self.or(table, "linear", LINEAR[0].1, |r, field| r.choice(field, LINEAR));
+        let derivatives = self
+            .or(table, "derivatives", DERIVATIVES[0].1, |r, field| r.choice(field, DERIVATIVES));
+        let max_iterations = self.or(table, "max_iterations", 25, |r, field| r.count(field, 1));
+        let line_search = self.or(table, "line_search", true, Reader::boolean);
+        Some(SolverSettings {
+            tolerance: tolerance?,
+            start: start?,
+            linear: linear?,
+            derivatives: derivatives?,
+            max_iterations: max_iterations?,
+            line_search: line_search?,
+        })
+    }
+
+    fn output(&mut self, table: Option<&Table<'_>>) -> Option<OutputSettings> {
+        let frames = self.or(table, "frames", 25, |reader, field| reader.count(field, 0));
+        Some(OutputSettings { frames: frames? })
+    }
+}
+
+/// What stands between the quotes of a string; all of any other value.
+fn content_span(node: &Node) -> Span {
+    match &node.kind {
+        Kind::Text(text) => text.content,
+        _ => node.span,
+    }
+}

@@ -1,0 +1,168 @@
+//! A complete scene as TOML.
+
+use std::fmt::Write;
+
+use super::read::{DERIVATIVES, LINEAR, NODES, STARTS, WEIGHTS};
+use super::{
+    BodyShape, Horizon, HorizonExtent, Load, Material, ParameterText, Points, Prescription, Probe,
+    Quantity, Scene, SetDefinition,
+};
+
+impl Scene {
+    /// The scene as TOML with every default written out; it reads back to an equal scene.
+    ///
+    /// Numbers are written with the fewest digits that read back to the same bits.
+    pub fn resolved_toml(&self) -> String {
+        let mut out = String::new();
+        write_body(&mut out, &self.body);
+        write_horizon(&mut out, &self.horizon);
+        write_material(&mut out, &self.material);
+        write_sets(&mut out, &self.sets);
+        for prescription in &self.prescriptions {
+            write_prescription(&mut out, prescription, &self.sets);
+        }
+        for load in &self.loads {
+            write_load(&mut out, load, &self.sets);
+        }
+        for probe in &self.probes {
+            write_probe(&mut out, probe);
+        }
+        section(&mut out, "[steps]");
+        pair(&mut out, "end", number(self.steps.end));
+        pair(&mut out, "increments", self.steps.increments);
+        section(&mut out, "[solver]");
+        let solver = &self.solver;
+        pair(&mut out, "tolerance", number(solver.tolerance));
+        pair(&mut out, "start", word(STARTS, solver.start));
+        pair(&mut out, "linear", word(LINEAR, solver.linear));
+        pair(&mut out, "derivatives", word(DERIVATIVES, solver.derivatives));
+        pair(&mut out, "max_iterations", solver.max_iterations);
+        pair(&mut out, "line_search", solver.line_search);
+        section(&mut out, "[output]");
+        pair(&mut out, "frames", self.output.frames);
+        out
+    }
+}
+
+fn write_body(out: &mut String, body: &BodyShape) {
+    section(out, "[body]");
+    pair(out, "dimension", body.dimension);
+    match &body.points {
+        Points::Lattice(lattice) => {
+            let corners = [vector(&lattice.low), vector(&lattice.high)];
+            pair(out, "box", format!("[{}]", corners.join(", ")));
+            pair(out, "spacing", number(lattice.spacing));
+            pair(out, "nodes", word(NODES, lattice.nodes));
+        }
+        Points::Cloud { path } => pair(out, "points", string(&path.value)),
+    }
+    let conditions: Vec<String> = body.remove.iter().map(|c| string(&c.text)).collect();
+    pair(out, "remove", format!("[{}]", conditions.join(", ")));
+}
+
+fn write_horizon(out: &mut String, horizon: &Horizon) {
+    section(out, "[horizon]");
+    match horizon.extent {
+        HorizonExtent::Spacings(count) => pair(out, "spacings", number(count)),
+        HorizonExtent::Radius(radius) => pair(out, "radius", number(radius)),
+    }
+    pair(out, "weights", word(WEIGHTS, horizon.weights));
+}
+
+fn write_material(out: &mut String, material: &Material) {
+    section(out, "[material]");
+    pair(out, "potential", string(&material.potential.value));
+    section(out, "[material.parameters]");
+    for parameter in &material.parameters {
+        let value = match &parameter.value.value {
+            ParameterText::Number(value) => number(*value),
+            ParameterText::Quantity(text) => string(text),
+        };
+        pair(out, &key(&parameter.name.value), value);
+    }
+}
+
+fn write_sets(out: &mut String, sets: &[SetDefinition]) {
+    section(out, "[sets]");
+    for set in sets {
+        pair(out, &key(&set.name.value), string(&set.condition.text));
+    }
+}
+
+fn write_prescription(out: &mut String, prescription: &Prescription, sets: &[SetDefinition]) {
+    section(out, "[[prescribe]]");
+    pair(out, "set", string(&sets[prescription.set].name.value));
+    let components: Vec<String> = prescription
+        .components
+        .iter()
+        .map(|component| component.value.as_ref().map_or("\"free\"".into(), quantity))
+        .collect();
+    pair(out, "u", format!("[{}]", components.join(", ")));
+}
+
+fn write_load(out: &mut String, load: &Load, sets: &[SetDefinition]) {
+    section(out, "[[load]]");
+    pair(out, "set", string(&sets[load.set].name.value));
+    let components: Vec<String> = load.components.iter().map(|c| quantity(&c.value)).collect();
+    pair(out, load.kind.key(), format!("[{}]", components.join(", ")));
+}
+
+fn write_probe(out: &mut String, probe: &Probe) {
+    section(out, "[[probe]]");
+    pair(out, "name", string(&probe.name.value));
+    pair(out, "at", vector(&probe.at.value));
+}
+
+fn section(out: &mut String, header: &str) {
+    let gap = if out.is_empty() { "" } else { "\n" };
+    // Writing to a string cannot fail.
+    let _ = writeln!(out, "{gap}{header}");
+}
+
+fn pair(out: &mut String, key: &str, value: impl std::fmt::Display) {
+    let _ = writeln!(out, "{key} = {value}");
+}
+
+/// Shortest decimals that read back to the same bits, as a TOML float.
+fn number(value: f64) -> String {
+    format!("{value:?}")
+}
+
+fn vector(values: &[f64]) -> String {
+    let numbers: Vec<String> = values.iter().map(|value| number(*value)).collect();
+    format!("[{}]", numbers.join(", "))
+}
+
+fn quantity(quantity: &Quantity) -> String {
+    match quantity {
+        Quantity::Number(value) => number(*value),
+        Quantity::Expression(expression) => string(&expression.text),
+    }
+}
+
+/// The word of a choice; every value of a choice has one.
+fn word<T: PartialEq>(choices: &[(&str, T)], value: T) -> String {
+    choices.iter().find(|(_, v)| *v == value).map_or(String::new(), |(word, _)| string(word))
+}
+
+/// A key, quoted unless it is plain.
+fn key(name: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if !name.is_empty() && name.chars().all(plain) { name.into() } else { string(name) }
+}
+
+/// A TOML basic string.
+fn string(text: &str) -> String {
+    let mut out = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => out.extend(['\\', c]),
+            c if c.is_control() => {
+                let _ = write!(out, "\\u{:04X}", c as u32);
+            }
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}

@@ -1,1 +1,305 @@
-//! What will be modelled and what it costs.
+//! What will be modelled and what it costs, before it is built.
+//!
+//! Bonds are counted exactly; triangles and tetrahedra are counted at a sample of points and scaled
+//! up ([`count_interactions`]). Times and memory are estimates, right within a factor of 3: they
+//! rest on the constants below, measured on one core of a 3 GHz server processor.
+
+mod count;
+mod factor;
+mod text;
+
+use serde::Serialize;
+
+use crate::body::Body;
+use crate::scene::{LinearChoice, Scene};
+pub use count::{Cliques, InteractionCount, count_interactions};
+pub use factor::{FactorEstimate, estimate_factor};
+
+/// Assembling the energy, gradient and tangent of one interaction on one core, in s.
+const BOND_SECONDS: f64 = 10e-9;
+const TRIANGLE_SECONDS: f64 = 55e-9;
+const TETRAHEDRON_SECONDS: f64 = 50e-9;
+
+/// Finding one bond and placing its block in the matrix, in s.
+const BOND_SETUP_SECONDS: f64 = 150e-9;
+
+/// How much each further thread adds to the speed of assembly.
+const THREAD_GAIN: f64 = 0.7;
+
+/// Sparse Cholesky, multiplications and additions per s: 2.3e10 in 2D, 4e10 in 3D; it does not gain
+/// from threads.
+const FACTOR_FLOPS_PER_SECOND: f64 = 2e10;
+
+/// Memory of a factorisation over that of its factor's numbers: padding, workspace, indices.
+const CHOLESKY_OVERHEAD: f64 = 1.6;
+/// The same for LU, which ignores symmetry and keeps two factors.
+const LU_OVERHEAD: f64 = 8.0;
+/// Work of LU over that of Cholesky.
+const LU_WORK: f64 = 4.0;
+
+/// Bytes of a matrix that pass through the processor per s in a product with a vector.
+const MATRIX_BYTES_PER_SECOND: f64 = 19e9;
+
+/// Iterations of conjugate gradients to 1e-10: so many per horizon that fits into the body's longest
+/// side (126 for 7 horizons in 3D, 442 for 33 in 2D).
+const CG_ITERATIONS_PER_HORIZON: f64 = 16.0;
+const CG_ITERATIONS: f64 = 20.0;
+
+/// Newton iterations that an increment usually takes.
+const NEWTON_ITERATIONS: f64 = 5.0;
+
+/// `auto` factorises as long as one factorisation takes at most this many s.
+pub const AUTO_FACTOR_SECONDS: f64 = 60.0;
+
+/// Vectors of displacements and forces that a run keeps.
+const STATE_VECTORS: usize = 14;
+
+/// What became of one energy of the potential.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct KernelNote {
+    /// The energy as the potential writes it, e.g. `psi(a)`.
+    pub energy: String,
+    /// Whether it is modelled.
+    pub modelled: bool,
+    /// Why, in words: `C2 = 0`, `no volumes in two dimensions`.
+    pub reason: String,
+}
+
+/// One item of memory.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MemoryItem {
+    /// What it holds.
+    pub item: &'static str,
+    /// How much, in bytes.
+    pub bytes: u64,
+}
+
+/// How linear systems will be solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum LinearMethod {
+    /// `L L^T` or `L D L^T`.
+    Cholesky,
+    /// `L U`.
+    Lu,
+    /// Conjugate gradients.
+    Cg,
+}
+
+/// Everything a plan is made from.
+#[derive(Clone, Debug)]
+pub struct PlanInput<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its body.
+    pub body: &'a Body,
+    /// What [`count_interactions`] found.
+    pub interactions: InteractionCount,
+    /// The energies of the potential.
+    pub kernels: Vec<KernelNote>,
+    /// How many displacement components are prescribed.
+    pub prescribed: usize,
+    /// How many threads will work.
+    pub threads: usize,
+    /// What the machine can give, in bytes; see [`available_memory`].
+    pub available_memory: Option<u64>,
+}
+
+/// What will be modelled and what it costs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Plan {
+    /// 2 or 3.
+    pub dimension: usize,
+    /// How many points.
+    pub points: usize,
+    /// How many displacement components are solved for.
+    pub unknowns: usize,
+    /// Bonds, triangles, tetrahedra.
+    pub interactions: InteractionCount,
+    /// What became of the energies.
+    pub kernels: Vec<KernelNote>,
+    /// How linear systems will be solved.
+    pub linear: LinearMethod,
+    /// Memory by item, in bytes.
+    pub memory: Vec<MemoryItem>,
+    /// All items together, in bytes.
+    pub memory_total: u64,
+    /// What the machine can give, in bytes, if it tells.
+    pub available_memory: Option<u64>,
+    /// How many threads will work.
+    pub threads: usize,
+    /// How many increments the scene has.
+    pub increments: usize,
+    /// Time by phase.
+    pub time: TimeEstimate,
+}
+
+/// Time by phase, in s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TimeEstimate {
+    /// Finding neighbours and laying out the matrix, once.
+    pub setup: f64,
+    /// Energy, forces and tangent, per Newton iteration.
+    pub assembly: f64,
+    /// The linear system, per Newton iteration.
+    pub linear: f64,
+    /// All of it, with 5 Newton iterations per increment.
+    pub total: f64,
+}
+
+impl Plan {
+    /// Estimates memory and time of a run.
+    pub fn new(input: PlanInput<'_>) -> Plan {
+        let PlanInput { scene, body, interactions, kernels, prescribed, threads, .. } = input;
+        let dimension = body.dimension();
+        let sides = sides(body);
+        let layers = scene.horizon_radius() / typical_spacing(body);
+        let factor = estimate_factor(&sides, layers, dimension);
+        let linear = choose(scene.solver.linear, factor, input.available_memory);
+        let memory = memory(body, &interactions, linear, factor);
+        let horizons = sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / layers;
+        let time = TimeEstimate::new(&interactions, body, linear, factor, horizons, threads)
+            .for_increments(scene.steps.increments);
+        Plan {
+            dimension,
+            points: body.n_points(),
+            unknowns: (body.n_points() * dimension).saturating_sub(prescribed),
+            interactions,
+            kernels,
+            linear,
+            memory_total: memory.iter().map(|item| item.bytes).sum(),
+            memory,
+            available_memory: input.available_memory,
+            threads,
+            increments: scene.steps.increments,
+            time,
+        }
+    }
+
+    /// Why this machine should not try, if it should not.
+    pub fn refusal(&self) -> Option<String> {
+        let available = self.available_memory.filter(|available| self.memory_total > *available)?;
+        let largest = self.memory.iter().max_by_key(|item| item.bytes)?;
+        Some(format!(
+            "this needs about {} of memory ({} for the {}), and {} are available",
+            text::bytes(self.memory_total),
+            text::bytes(largest.bytes),
+            largest.item,
+            text::bytes(available)
+        ))
+    }
+}
+
+/// Memory that a new process may use now, in bytes: the machine's, or its control group's if less.
+/// `None` on a system that does not tell.
+pub fn available_memory() -> Option<u64> {
+    let mut system = sysinfo::System::new().ok()?;
+    system.refresh_memory();
+    let machine = system.available_memory();
+    Some(match system.cgroup_limits() {
+        Some(limits) if limits.total_memory > 0 => machine.min(limits.free_memory),
+        _ => machine,
+    })
+}
+
+/// The body's bounding box in lattice spacings, one number per dimension, each at least 1.
+fn sides(body: &Body) -> Vec<f64> {
+    let spacing = typical_spacing(body);
+    let dimension = body.dimension();
+    let side = |axis: usize| {
+        let column = || body.positions().iter().skip(axis).step_by(dimension).copied();
+        let least = column().fold(f64::INFINITY, f64::min);
+        let most = column().fold(f64::NEG_INFINITY, f64::max);
+        ((most - least) / spacing + 1.0).max(1.0)
+    };
+    (0..dimension).map(side).collect()
+}
+
+/// The lattice spacing, or the edge of a point's mean volume.
+fn typical_spacing(body: &Body) -> f64 {
+    crate::scene::selection::typical_spacing(body.dimension(), body.volumes(), body.spacing())
+}
+
+fn choose(choice: LinearChoice, factor: FactorEstimate, available: Option<u64>) -> LinearMethod {
+    match choice {
+        LinearChoice::Cholesky | LinearChoice::Ldlt => LinearMethod::Cholesky,
+        LinearChoice::Lu => LinearMethod::Lu,
+        LinearChoice::ConjugateGradients => LinearMethod::Cg,
+        LinearChoice::Auto => {
+            let quick = factor.flops / FACTOR_FLOPS_PER_SECOND <= AUTO_FACTOR_SECONDS;
+            let bytes = factor.entries * 8.0 * CHOLESKY_OVERHEAD;
+            let small = available.is_none_or(|available| bytes <= 0.5 * available as f64);
+            if quick && small { LinearMethod::Cholesky } else { LinearMethod::Cg }
+        }
+    }
+}
+
+/// Memory of the parts of a run; a matrix block takes `8 d^2` bytes and a column number.
+fn memory(
+    body: &Body,
+    interactions: &InteractionCount,
+    linear: LinearMethod,
+    factor: FactorEstimate,
+) -> Vec<MemoryItem> {
+    let (n, d) = (body.n_points(), body.dimension());
+    let bonds = interactions.bonds as f64;
+    let blocks = n as f64 + bonds;
+    let block_entries = (d * d) as f64;
+    let mut items = vec![
+        ("points and displacements", (n * (8 * d + 12 + STATE_VECTORS * 8 * d)) as f64),
+        ("neighbourhood", 16.0 * bonds + 24.0 * n as f64),
+        ("tangent, upper blocks", blocks * (8.0 * block_entries + 4.0)),
+    ];
+    match linear {
+        LinearMethod::Cg => {
+            let both = n as f64 + 2.0 * bonds;
+            items.push(("tangent, all blocks", both * (8.0 * block_entries + 4.0)));
+        }
+        LinearMethod::Cholesky => {
+            items.push(("tangent, free components", blocks * block_entries * 16.0));
+            items.push(("factor", factor.entries * 8.0 * CHOLESKY_OVERHEAD));
+        }
+        LinearMethod::Lu => {
+            items.push(("tangent, free components", 2.0 * blocks * block_entries * 16.0));
+            items.push(("factor", factor.entries * 8.0 * LU_OVERHEAD));
+        }
+    }
+    items.into_iter().map(|(item, bytes)| MemoryItem { item, bytes: bytes as u64 }).collect()
+}
+
+impl TimeEstimate {
+    fn new(
+        interactions: &InteractionCount,
+        body: &Body,
+        linear: LinearMethod,
+        factor: FactorEstimate,
+        horizons: f64,
+        threads: usize,
+    ) -> TimeEstimate {
+        let speed = 1.0 + THREAD_GAIN * (threads.max(1) - 1) as f64;
+        let bonds = interactions.bonds as f64;
+        let one_core = bonds * BOND_SECONDS
+            + interactions.triangles as f64 * TRIANGLE_SECONDS
+            + interactions.tetrahedra as f64 * TETRAHEDRON_SECONDS;
+        let linear = match linear {
+            LinearMethod::Cholesky => factor.flops / FACTOR_FLOPS_PER_SECOND,
+            LinearMethod::Lu => LU_WORK * factor.flops / FACTOR_FLOPS_PER_SECOND,
+            LinearMethod::Cg => {
+                let blocks = body.n_points() as f64 + 2.0 * bonds;
+                let bytes = blocks * (body.dimension() * body.dimension() * 8) as f64;
+                let iterations = CG_ITERATIONS + CG_ITERATIONS_PER_HORIZON * horizons;
+                iterations * bytes / MATRIX_BYTES_PER_SECOND
+            }
+        };
+        let setup = bonds * BOND_SETUP_SECONDS;
+        TimeEstimate { setup, assembly: one_core / speed, linear, total: 0.0 }
+    }
+
+    fn for_increments(self, increments: usize) -> TimeEstimate {
+        let iterations = NEWTON_ITERATIONS * increments as f64;
+        TimeEstimate { total: self.setup + iterations * (self.assembly + self.linear), ..self }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -183,7 +183,7 @@ fn boundary_warning(
 }
 
 /// The lattice spacing, or the edge of a point's mean volume.
-fn typical_spacing(dimension: usize, volumes: &[f64], spacing: Option<f64>) -> f64 {
+pub(crate) fn typical_spacing(dimension: usize, volumes: &[f64], spacing: Option<f64>) -> f64 {
     spacing.unwrap_or_else(|| {
         let mean = volumes.iter().sum::<f64>() / volumes.len().max(1) as f64;
         if dimension == 2 { mean.sqrt() } else { libm::cbrt(mean) }

@@ -1,0 +1,109 @@
+//! A plan for people: aligned columns, units that fit.
+
+use std::fmt;
+
+use super::{LinearMethod, Plan};
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let count = |f: &mut fmt::Formatter<'_>, name: &str, n: u64| {
+            writeln!(f, "  {name:<26}{:>16}", grouped(n))
+        };
+        let estimated = if self.interactions.exact { "" } else { " (estimated)" };
+        writeln!(f, "model, {} dimensions", self.dimension)?;
+        count(f, "points", self.points as u64)?;
+        count(f, "unknowns", self.unknowns as u64)?;
+        count(f, "bonds", self.interactions.bonds)?;
+        count(f, &format!("triangles{estimated}"), self.interactions.triangles)?;
+        count(f, &format!("tetrahedra{estimated}"), self.interactions.tetrahedra)?;
+        if !self.kernels.is_empty() {
+            writeln!(f, "energies")?;
+        }
+        for kernel in &self.kernels {
+            let fate = if kernel.modelled { "modelled" } else { "dropped" };
+            let line = format!("  {:<26}{fate:>16}   {}", kernel.energy, kernel.reason);
+            writeln!(f, "{}", line.trim_end())?;
+        }
+        writeln!(f, "memory, within a factor of 3")?;
+        for item in &self.memory {
+            writeln!(f, "  {:<26}{:>16}", item.item, bytes(item.bytes))?;
+        }
+        writeln!(f, "  {:<26}{:>16}", "together", bytes(self.memory_total))?;
+        let available = self.available_memory.map_or("unknown".into(), bytes);
+        writeln!(f, "  {:<26}{available:>16}", "available")?;
+        let threads =
+            if self.threads == 1 { "1 thread" } else { &format!("{} threads", self.threads) };
+        writeln!(f, "time on {threads}, within a factor of 3")?;
+        let method = match self.linear {
+            LinearMethod::Cholesky => "linear system, Cholesky",
+            LinearMethod::Lu => "linear system, LU",
+            LinearMethod::Cg => "linear system, CG",
+        };
+        writeln!(f, "  {:<26}{:>16}", "setup", seconds(self.time.setup))?;
+        writeln!(f, "  {:<26}{:>16}   per iteration", "assembly", seconds(self.time.assembly))?;
+        writeln!(f, "  {method:<26}{:>16}   per iteration", seconds(self.time.linear))?;
+        let total = format!("run of {} increments", self.increments);
+        writeln!(f, "  {total:<26}{:>16}", seconds(self.time.total))
+    }
+}
+
+/// `1 234 567`
+fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(' ');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+/// Bytes with a decimal prefix: `512 B`, `3.2 MB`.
+pub(super) fn bytes(bytes: u64) -> String {
+    let units = ["kB", "MB", "GB", "TB", "PB"];
+    let mut value = bytes as f64;
+    let mut unit = "B";
+    for larger in units {
+        if value < 999.5 {
+            break;
+        }
+        value /= 1000.0;
+        unit = larger;
+    }
+    if unit == "B" || value >= 99.5 {
+        format!("{value:.0} {unit}")
+    } else {
+        format!("{value:.1} {unit}")
+    }
+}
+
+/// A duration with a unit that fits: `12 ms`, `3.4 s`, `2.5 min`, `7.1 h`, `3.0 days`.
+fn seconds(seconds: f64) -> String {
+    match seconds {
+        s if s < 1.0 => format!("{:.1} ms", s * 1e3),
+        s if s < 120.0 => format!("{s:.1} s"),
+        s if s < 7200.0 => format!("{:.1} min", s / 60.0),
+        s if s < 172_800.0 => format!("{:.1} h", s / 3600.0),
+        s => format!("{:.1} days", s / 86_400.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_fit() {
+        assert_eq!(bytes(512), "512 B");
+        assert_eq!(bytes(999_600), "1.0 MB");
+        assert_eq!(bytes(3_200_000), "3.2 MB");
+        assert_eq!(bytes(123_456_789_012), "123 GB");
+        assert_eq!(grouped(1_234_567), "1 234 567");
+        assert_eq!(grouped(123), "123");
+        assert_eq!(seconds(0.0123), "12.3 ms");
+        assert_eq!(seconds(150.0), "2.5 min");
+        assert_eq!(seconds(5e5), "5.8 days");
+    }
+}

@@ -39,16 +39,17 @@ pub struct Cliques {
     pub tetrahedra: u64,
 }
 
+/// Counts what a point owns among its neighbours with greater numbers, which are in ascending order.
+pub type CountCliques<'a> = dyn Fn(usize, &[u32]) -> Cliques + Sync + 'a;
+
 /// Counts bonds, and with `cliques` estimates triangles and tetrahedra.
 ///
-/// `cliques(owner, neighbours)` counts what a point owns among its neighbours with greater numbers,
-/// which it is given in ascending order. It is asked at up to 200 points spread evenly over the body,
-/// the same ones every time; the sums are scaled by the ratio of all bonds to those of the sample,
+/// `cliques` is asked at up to 200 points spread evenly over the body, the same ones every time; the sums are scaled by the ratio of all bonds to those of the sample,
 /// since the surface costs all kinds of interaction alike.
 pub fn count_interactions(
     body: &Body,
     horizon: f64,
-    cliques: Option<&(dyn Fn(usize, &[u32]) -> Cliques + Sync)>,
+    cliques: Option<&CountCliques<'_>>,
 ) -> InteractionCount {
     let cells = Cells::new(body, horizon * (1.0 + HORIZON_TOLERANCE));
     let n = body.n_points();

@@ -21,7 +21,7 @@ impl FactorEstimate {
     }
 }
 
-/// Nested dissection of a box of points, [george1973]: it is halved across its longest side by a
+/// Nested dissection of a box of points (George 1973): it is halved across its longest side by a
 /// separator as thick as the horizon, the halves are treated alike, and what is left when a side is
 /// two horizons long is dense. Each piece remembers how many of its faces are separators, for these
 /// are the unknowns its front is coupled to.
@@ -31,7 +31,7 @@ impl FactorEstimate {
 /// has `d` unknowns. Against minimum-degree orderings of lattices with 900 to 160,000 points the
 /// entries come out between 0.66 and 1.25 of the truth, the flops between 0.42 and 1.43.
 ///
-/// [george1973]: A. George, Nested dissection of a regular finite element mesh, SIAM J. Numer. Anal.
+/// A. George, Nested dissection of a regular finite element mesh, SIAM J. Numer. Anal.
 /// 10 (1973)
 pub fn estimate_factor(sides: &[f64], layers: f64, d: usize) -> FactorEstimate {
     let mut sides = sides.to_vec();

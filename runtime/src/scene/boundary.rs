@@ -26,14 +26,14 @@ pub struct BoundaryConditions<'a> {
 /// A displacement or load of a scene that is not a finite number.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error(
-    "the {quantity} along {axis} of `{set}` is {value} at point {point} {} and t = {t}: {expression}",
-    coordinates(.position)
+    "the {quantity} along {} of `{set}` is {value} at point {point} {} and t = {t}: {expression}",
+    AXES[*.axis], coordinates(.position)
 )]
 pub struct NonFiniteCondition {
     /// `displacement`, `force` or `density`.
     pub quantity: &'static str,
-    /// X, Y or Z.
-    pub axis: &'static str,
+    /// 0, 1, 2 for X, Y, Z.
+    pub axis: usize,
     /// The set's name.
     pub set: String,
     /// The point in the user's order.
@@ -81,7 +81,7 @@ impl<'a> BoundaryConditions<'a> {
             let (point, axis) = (dof / dimension, dof % dimension);
             match &prescription.components[axis].value {
                 Some(quantity) => {
-                    self.evaluate(quantity, "displacement", prescription.set, point, axis, t)
+                    self.evaluate(quantity, "displacement", prescription.set.value, point, axis, t)
                 }
                 // Only prescribed components own a degree of freedom.
                 None => Ok(0.0),
@@ -98,7 +98,7 @@ impl<'a> BoundaryConditions<'a> {
         let dimension = self.body.dimension();
         let mut forces = vec![0.0; self.body.n_points() * dimension];
         for load in &self.scene.loads {
-            let set = &self.selection.sets[load.set];
+            let set = &self.selection.sets[load.set.value];
             for &point in &set.points {
                 let share = match load.kind {
                     LoadKind::Force => self.body.volumes()[point] / set.volume,
@@ -106,7 +106,7 @@ impl<'a> BoundaryConditions<'a> {
                 };
                 for (axis, component) in load.components.iter().enumerate() {
                     let (quantity, kind) = (&component.value, load.kind.key());
-                    let value = self.evaluate(quantity, kind, load.set, point, axis, t)?;
+                    let value = self.evaluate(quantity, kind, load.set.value, point, axis, t)?;
                     forces[point * dimension + axis] += share * value;
                 }
             }
@@ -130,7 +130,7 @@ impl<'a> BoundaryConditions<'a> {
         }
         Err(NonFiniteCondition {
             quantity: what,
-            axis: AXES[axis],
+            axis,
             set: self.selection.sets[set].name.clone(),
             point: self.body.user_index()[point] as usize,
             position: position.to_vec(),
@@ -156,7 +156,7 @@ fn prescribe(scene: &Scene, body: &Body, selection: &Selection) -> (Vec<u32>, Ve
             }
             // For each earlier entry: how many points overlap, and the first of them.
             let mut overlaps: Vec<(u32, usize, usize)> = Vec::new();
-            for &point in &selection.sets[entry.set].points {
+            for &point in &selection.sets[entry.set.value].points {
                 let owner = &mut owners[point * dimension + axis];
                 if *owner == FREE {
                     *owner = index as u32;
@@ -184,7 +184,7 @@ fn prescribed_twice(
     count: usize,
     place: &str,
 ) -> Diagnostic {
-    let name = |entry: &Prescription| scene.sets[entry.set].name.value.clone();
+    let name = |entry: &Prescription| scene.sets[entry.set.value].name.value.clone();
     let (first, second) = (name(earlier), name(later));
     let points = if count == 1 { "1 point".into() } else { format!("{count} points") };
     let axis_name = AXES[axis];
@@ -207,7 +207,7 @@ fn idle_loads(
     let dimension = body.dimension();
     let warning = |load: &Load, axis: usize| {
         let component = &load.components[axis];
-        let set = &selection.sets[load.set];
+        let set = &selection.sets[load.set.value];
         let fixed = |point: &&usize| owners[**point * dimension + axis] != FREE;
         let mut on_fixed = set.points.iter().filter(fixed);
         let first = *on_fixed.next().filter(|_| !component.value.is_zero())?;

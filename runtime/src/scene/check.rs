@@ -10,18 +10,20 @@ const LATTICE_TOLERANCE: f64 = 1e-6;
 /// Point numbers are kept in 32 bits.
 const MAX_POINTS: f64 = 4_294_967_295.0;
 
-/// A lattice fills its box exactly and its points can be numbered.
+/// Why a lattice does not fill its box exactly, or has more points than can be numbered.
 pub(super) fn lattice(
     lattice: &LatticeShape,
     spacing_span: Span,
     box_span: Span,
-) -> Result<(), Diagnostic> {
+) -> Option<Diagnostic> {
     for axis in 0..lattice.low.len() {
         let extent = lattice.high[axis] - lattice.low[axis];
         if !extent.is_finite() || extent <= 0.0 {
             let message = format!("the box has no extent along {}", AXES[axis]);
-            return Err(Diagnostic::error("box-corners", box_span, message)
-                .help("give two opposite corners that differ in every coordinate"));
+            return Some(
+                Diagnostic::error("box-corners", box_span, message)
+                    .help("give two opposite corners that differ in every coordinate"),
+            );
         }
         let cells = extent / lattice.spacing;
         if (cells - cells.round()).abs() > LATTICE_TOLERANCE || cells.round() < 1.0 {
@@ -30,9 +32,11 @@ pub(super) fn lattice(
                 lattice.spacing, AXES[axis]
             );
             let near = extent / cells.round().max(1.0);
-            return Err(Diagnostic::error("extent-not-a-multiple", spacing_span, message)
-                .note(box_span, "the box")
-                .help(format!("the nearest that does is spacing = {near}")));
+            return Some(
+                Diagnostic::error("extent-not-a-multiple", spacing_span, message)
+                    .note(box_span, "the box")
+                    .help(format!("the nearest that does is spacing = {near}")),
+            );
         }
     }
     let total: f64 = (0..lattice.low.len())
@@ -41,35 +45,39 @@ pub(super) fn lattice(
     if total > MAX_POINTS {
         let message =
             format!("this spacing makes {total:.1e} points; at most 4.2e9 can be numbered");
-        return Err(Diagnostic::error("too-many-points", spacing_span, message));
+        return Some(Diagnostic::error("too-many-points", spacing_span, message));
     }
-    Ok(())
+    None
 }
 
-/// The horizon reaches the nearest neighbours of a lattice; `spacing` is 0 for a cloud.
+/// Why a horizon does not fit the points; `spacing` is 0 for a cloud.
 pub(super) fn horizon(
     extent: HorizonExtent,
     radius: f64,
     spacing: f64,
     span: Span,
-) -> Result<(), Diagnostic> {
+) -> Option<Diagnostic> {
     if spacing == 0.0 {
         return match extent {
-            HorizonExtent::Radius(_) => Ok(()),
+            HorizonExtent::Radius(_) => None,
             HorizonExtent::Spacings(_) => {
                 let message = "a cloud of points has no spacing to count the horizon in";
-                Err(Diagnostic::error("spacings-on-cloud", span, message)
-                    .help("write radius = 0.15, in m"))
+                Some(
+                    Diagnostic::error("spacings-on-cloud", span, message)
+                        .help("write radius = 0.15, in m"),
+                )
             }
         };
     }
     if radius < spacing * (1.0 - LATTICE_TOLERANCE) {
         let message = format!("the horizon {radius} is smaller than the spacing {spacing}");
-        return Err(Diagnostic::error("horizon-too-small", span, message)
-            .label("no point would have a neighbour")
-            .help("write spacings = 3"));
+        return Some(
+            Diagnostic::error("horizon-too-small", span, message)
+                .label("no point would have a neighbour")
+                .help("write spacings = 3"),
+        );
     }
-    Ok(())
+    None
 }
 
 /// Entries that have no effect.
@@ -83,8 +91,9 @@ pub(super) fn warnings(
         .iter()
         .filter(|entry| entry.components.iter().all(|component| component.value.is_none()))
         .map(|entry| {
-            let message = format!("every component of `{}` is left free here", name(entry.set));
-            Diagnostic::warning("idle-entry", entry.span, message)
+            let message =
+                format!("every component of `{}` is left free here", name(entry.set.value));
+            Diagnostic::warning("idle-entry", entry.set.span, message)
                 .help("leave the entry out, or prescribe a number")
         });
     let idle_loads = loads
@@ -92,8 +101,8 @@ pub(super) fn warnings(
         .filter(|load| load.components.iter().all(|component| component.value.is_zero()))
         .map(|load| {
             let message =
-                format!("nothing acts on `{}` here: every component is 0", name(load.set));
-            Diagnostic::warning("idle-entry", load.span, message)
+                format!("nothing acts on `{}` here: every component is 0", name(load.set.value));
+            Diagnostic::warning("idle-entry", load.set.span, message)
         });
     idle_prescriptions.chain(idle_loads).collect()
 }

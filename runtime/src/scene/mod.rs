@@ -24,6 +24,11 @@ mod suggest;
 mod tree;
 mod write;
 
+#[cfg(test)]
+mod formula_tests;
+#[cfg(test)]
+mod tests;
+
 use piola_grammar::{Diagnostic, Span};
 
 pub use expression::Expression;
@@ -257,25 +262,21 @@ pub struct SetDefinition {
 /// One `[[prescribe]]`: displacements that are given.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prescription {
-    /// Index into [`Scene::sets`].
-    pub set: usize,
+    /// Index into [`Scene::sets`], and where the set is named.
+    pub set: Located<usize>,
     /// One entry per dimension, in m; `None` leaves the component free.
     pub components: Vec<Located<Option<Quantity>>>,
-    /// Place of the entry's header.
-    pub span: Span,
 }
 
 /// One `[[load]]`: forces that are given.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Load {
-    /// Index into [`Scene::sets`].
-    pub set: usize,
+    /// Index into [`Scene::sets`], and where the set is named.
+    pub set: Located<usize>,
     /// What the components mean.
     pub kind: LoadKind,
     /// One entry per dimension.
     pub components: Vec<Located<Quantity>>,
-    /// Place of the entry's header.
-    pub span: Span,
 }
 
 /// What the components of a load mean.

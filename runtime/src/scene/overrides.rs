@@ -16,12 +16,11 @@ pub(super) fn apply(
     text: &str,
     root: &mut Vec<Entry>,
     sources: &mut Sources,
-) -> Result<(), Diagnostic> {
+) -> Result<(), Box<Diagnostic>> {
     let base = sources.push(&format!("--set {text}"), text);
     let whole = Span::new(base, base + text.len());
     let Some(equals) = text.find('=') else {
-        return Err(Diagnostic::error("bad-override", whole, "an override is KEY=VALUE")
-            .help("for example solver.tolerance=1e-8"));
+        return Err(bad(whole, "an override is KEY=VALUE"));
     };
     let path = path(&text[..equals], base)?;
     let value = value(text, equals + 1, base)?;
@@ -40,7 +39,12 @@ struct Part<'a> {
     span: Span,
 }
 
-fn path(key: &str, base: usize) -> Result<Vec<Part<'_>>, Diagnostic> {
+fn bad(span: Span, message: impl Into<String>) -> Box<Diagnostic> {
+    let diagnostic = Diagnostic::error("bad-override", span, message);
+    Box::new(diagnostic.help("overrides are like solver.tolerance=1e-8 or prescribe.0.u.1=free"))
+}
+
+fn path(key: &str, base: usize) -> Result<Vec<Part<'_>>, Box<Diagnostic>> {
     let mut start = base;
     let mut parts = Vec::new();
     for raw in key.split('.') {
@@ -49,26 +53,25 @@ fn path(key: &str, base: usize) -> Result<Vec<Part<'_>>, Diagnostic> {
         let span = Span::new(start + leading, start + leading + name.len());
         start += raw.len() + 1;
         if name.is_empty() {
-            return Err(Diagnostic::error("bad-override", span, "a key has no empty parts")
-                .help("for example solver.tolerance=1e-8"));
+            return Err(bad(span, "a key has no empty parts"));
         }
         let unquoted = name.strip_prefix('"').and_then(|name| name.strip_suffix('"'));
         parts.push(Part { name: unquoted.unwrap_or(name), span });
     }
     if parts.len() > 8 {
         let span = parts[0].span.to(parts[parts.len() - 1].span);
-        return Err(Diagnostic::error("bad-override", span, "this key has too many parts"));
+        return Err(bad(span, "this key has too many parts"));
     }
     Ok(parts)
 }
 
-fn value(text: &str, start: usize, base: usize) -> Result<Node, Diagnostic> {
+fn value(text: &str, start: usize, base: usize) -> Result<Node, Box<Diagnostic>> {
     let raw = &text[start..];
     let value = raw.trim();
     let from = base + start + (raw.len() - raw.trim_start().len());
     let span = Span::new(from, from + value.len());
     if value.is_empty() {
-        return Err(Diagnostic::error("bad-override", span, "the override has no value"));
+        return Err(bad(span, "the override has no value"));
     }
     match tree::parse_value(value, from) {
         Ok(node) => Ok(node),
@@ -83,38 +86,41 @@ fn insert(
     path: &[Part<'_>],
     value: Node,
     sources: &Sources,
-) -> Result<(), Diagnostic> {
+) -> Result<(), Box<Diagnostic>> {
     let Some((part, rest)) = path.split_first() else {
         *node = value;
         return Ok(());
     };
     let kind = node.kind_name();
     match &mut node.kind {
-        Kind::Table(entries) => insert(entry(entries, part, sources), rest, value, sources),
+        Kind::Table(entries) => insert(entry(entries, part, rest, sources), rest, value, sources),
         Kind::Array(items) => {
             let count = items.len();
             match part.name.parse::<usize>() {
                 Ok(index) if index < count => insert(&mut items[index], rest, value, sources),
                 Ok(index) if index == count => {
-                    items.push(empty_table(part.span));
+                    items.push(empty(part.span, rest));
                     insert(&mut items[index], rest, value, sources)
                 }
                 _ => {
-                    let message = format!("`{}` does not count one of {count} entries", part.name);
-                    Err(Diagnostic::error("bad-override", part.span, message)
-                        .help(format!("entries are counted from 0; {count} appends one")))
+                    Err(bad(part.span, format!("entries are counted from 0; {count} appends one")))
                 }
             }
         }
         _ => {
             let message = format!("there is no `{}` in {kind}", part.name);
-            Err(Diagnostic::error("bad-override", part.span, message))
+            Err(bad(part.span, message))
         }
     }
 }
 
-/// The value of a key, made if it is not there; its place is now the override.
-fn entry<'e>(entries: &'e mut Vec<Entry>, part: &Part<'_>, sources: &Sources) -> &'e mut Node {
+/// The value of a key, made if it is not there.
+fn entry<'e>(
+    entries: &'e mut Vec<Entry>,
+    part: &Part<'_>,
+    rest: &[Part<'_>],
+    sources: &Sources,
+) -> &'e mut Node {
     for pair in ALTERNATIVES.iter().filter(|pair| pair.contains(&part.name)) {
         let replaced = |e: &Entry| {
             e.key != part.name && pair.contains(&e.key.as_str()) && sources.is_in_file(e.key_span)
@@ -122,13 +128,15 @@ fn entry<'e>(entries: &'e mut Vec<Entry>, part: &Part<'_>, sources: &Sources) ->
         entries.retain(|entry| !replaced(entry));
     }
     let index = entries.iter().position(|entry| entry.key == part.name).unwrap_or_else(|| {
-        let node = empty_table(part.span);
+        let node = empty(part.span, rest);
         entries.push(Entry { key: part.name.into(), key_span: part.span, node });
         entries.len() - 1
     });
     &mut entries[index].node
 }
 
-fn empty_table(span: Span) -> Node {
-    Node { span, kind: Kind::Table(Vec::new()) }
+/// What a new key or entry starts as: an array if the key goes on with a number, else a table.
+fn empty(span: Span, rest: &[Part<'_>]) -> Node {
+    let counts = rest.first().is_some_and(|part| part.name.parse::<usize>().is_ok());
+    Node { span, kind: if counts { Kind::Array(Vec::new()) } else { Kind::Table(Vec::new()) } }
 }

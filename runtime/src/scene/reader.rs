@@ -13,14 +13,15 @@ use super::tree::{Entry, Kind, Node, Text};
 pub(super) struct Schema {
     /// How messages call the table, e.g. `[body]`.
     pub(super) title: &'static str,
-    /// Key and an example of its value.
+    /// Key and an example of its value; `*` stands for keys that the user chooses.
     pub(super) keys: &'static [(&'static str, &'static str)],
 }
 
 impl Schema {
     /// The line that a message offers for a key.
     fn line(&self, key: &str) -> String {
-        let example = self.keys.iter().find(|(name, _)| *name == key).map_or("..", |(_, e)| e);
+        let example = self.keys.iter().find(|(name, _)| *name == key || *name == "*");
+        let example = example.map_or("..", |(_, example)| example);
         format!("{key} = {example}")
     }
 }

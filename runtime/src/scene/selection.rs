@@ -143,7 +143,7 @@ fn membership(condition: &Expression, positions: &[f64], dimension: usize) -> Ve
     positions.par_chunks_exact(dimension).map(|position| condition.holds(position)).collect()
 }
 
-/// Warns if moving points by [`BOUNDARY_MARGIN`] spacings along an axis changes where they belong.
+/// Warns if a step of [`BOUNDARY_MARGIN`] spacings changes where a point belongs.
 fn boundary_warning(
     condition: &Expression,
     place: &str,
@@ -152,34 +152,59 @@ fn boundary_warning(
     spacing: f64,
     inside: &[bool],
 ) -> Option<Diagnostic> {
-    // The first axis along which a small step crosses the boundary.
-    let crossing = |(position, inside): (&[f64], &bool)| {
-        (0..dimension).find(|&axis| {
-            // Far from the origin a step must at least survive the rounding of coordinates.
-            let step = (BOUNDARY_MARGIN * spacing).max(4.0 * f64::EPSILON * position[axis].abs());
-            [-step, step].iter().any(|step| {
-                let mut moved = [0.0; 3];
-                moved[..dimension].copy_from_slice(position);
-                moved[axis] += step;
-                condition.holds(&moved[..dimension]) != *inside
-            })
-        })
+    let steps = steps(dimension);
+    let crossing = |(position, inside): (&[f64], &bool)| -> Option<[f64; 3]> {
+        let crosses = |step: &&[f64; 3]| {
+            let mut moved = [0.0; 3];
+            for axis in 0..dimension {
+                let x = position[axis];
+                // Far from the origin a step must at least survive the rounding of coordinates.
+                let length = (BOUNDARY_MARGIN * spacing).max(4.0 * f64::EPSILON * x.abs());
+                moved[axis] = x + step[axis] * length;
+            }
+            condition.holds(&moved[..dimension]) != *inside
+        };
+        steps.iter().find(crosses).copied()
     };
-    let crossings: Vec<Option<usize>> =
+    let crossings: Vec<Option<[f64; 3]>> =
         positions.par_chunks_exact(dimension).zip(inside).map(crossing).collect();
     let count = crossings.iter().flatten().count();
-    let (example, axis) =
-        crossings.iter().enumerate().find_map(|(point, axis)| axis.map(|axis| (point, axis)))?;
-    let example = coordinates(&positions[example * dimension..(example + 1) * dimension]);
+    let (point, step) =
+        crossings.iter().enumerate().find_map(|(point, step)| step.map(|step| (point, step)))?;
+    let example = coordinates(&positions[point * dimension..(point + 1) * dimension]);
     let points = if count == 1 { "a point" } else { "points" };
     let message = format!("the boundary {place} runs through {points}: rounding decides");
     let half = readable(spacing / 2.0);
     let n = if count == 1 { "1 point is".into() } else { format!("{count} points are") };
+    let along = match step.iter().filter(|component| **component != 0.0).count() {
+        1 => step.iter().position(|component| *component != 0.0).map_or("", |axis| AXES[axis]),
+        _ => "every axis",
+    };
     Some(
         Diagnostic::warning("boundary-on-points", condition.span, message)
             .label(format!("{n} within 1e-6 spacings of it, for example {example}"))
-            .help(format!("move the limit along {} by half a spacing, {half}", AXES[axis])),
+            .help(format!("move the limit along {along} by half a spacing, {half}")),
     )
+}
+
+/// Steps along the axes, then along the diagonals: only these cross a boundary at its corners.
+fn steps(dimension: usize) -> Vec<[f64; 3]> {
+    let mut steps = Vec::new();
+    for axis in 0..dimension {
+        for sign in [-1.0, 1.0] {
+            let mut step = [0.0; 3];
+            step[axis] = sign;
+            steps.push(step);
+        }
+    }
+    for corner in 0..1_u32 << dimension {
+        let mut step = [0.0; 3];
+        for (axis, component) in step[..dimension].iter_mut().enumerate() {
+            *component = if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
+        }
+        steps.push(step);
+    }
+    steps
 }
 
 /// The lattice spacing, or the edge of a point's mean volume.

@@ -5,7 +5,9 @@
 /// Near is at most a third of the name's letters wrong, in the sense of Levenshtein.
 pub(super) fn suggest<'a>(name: &str, candidates: &[&'a str]) -> Option<&'a str> {
     let allowed = (name.chars().count() / 3).max(1);
-    let distances = candidates.iter().map(|candidate| (distance(name, candidate), *candidate));
+    // Enough for every table of keys; keeps a file with thousands of sets readable in no time.
+    let distances =
+        candidates.iter().take(256).map(|candidate| (distance(name, candidate), *candidate));
     let (least, best) = distances.min_by_key(|(distance, _)| *distance)?;
     (least <= allowed).then_some(best)
 }

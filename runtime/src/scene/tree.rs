@@ -67,14 +67,13 @@ pub(super) fn bare_text(value: &str, content: Span) -> Node {
 /// More parts in one dotted key would nest deeper than the parser's recursion may go.
 const MAX_KEY_PARTS: usize = 256;
 
-/// Parses a document; every mistake of syntax is reported.
+/// Nobody reads more mistakes of syntax than these.
+const MAX_SYNTAX_ERRORS: usize = 100;
+
+/// Parses a document; the mistakes of syntax are reported, one per line.
 pub(super) fn parse_document(text: &str) -> Result<Vec<Entry>, Vec<Diagnostic>> {
-    if let Some(start) = endless_key(text) {
-        let span = Span::new(start, start + 1);
-        return Err(vec![
-            Diagnostic::error("toml-syntax", span, "this key has far too many parts")
-                .help("a scene nests three levels deep, as in `prescribe.0.u`"),
-        ]);
+    if let Some(diagnostic) = endless_key(text) {
+        return Err(vec![diagnostic]);
     }
     let (table, errors) = DeTable::parse_recoverable(text);
     if !errors.is_empty() {
@@ -84,16 +83,19 @@ pub(super) fn parse_document(text: &str) -> Result<Vec<Entry>, Vec<Diagnostic>> 
 }
 
 /// Parses one value that begins at `base` of the scene's spans.
-pub(super) fn parse_value(text: &str, base: usize) -> Result<Node, Diagnostic> {
+pub(super) fn parse_value(text: &str, base: usize) -> Result<Node, Box<Diagnostic>> {
+    if let Some(diagnostic) = endless_key(text) {
+        return Err(Box::new(diagnostic.shifted(base)));
+    }
     let (value, errors) = DeValue::parse_recoverable(text);
     match errors.first() {
-        Some(error) => Err(syntax_error(error, text).shifted(base)),
+        Some(error) => Err(Box::new(syntax_error(error, text).shifted(base))),
         None => Ok(node(&value, text, base)),
     }
 }
 
-/// Where a chain of more than [`MAX_KEY_PARTS`] dots without a separator begins.
-fn endless_key(text: &str) -> Option<usize> {
+/// Finds a chain of [`MAX_KEY_PARTS`] dots without a separator.
+fn endless_key(text: &str) -> Option<Diagnostic> {
     let (mut start, mut dots) = (0, 0);
     for (i, byte) in text.bytes().enumerate() {
         match byte {
@@ -102,23 +104,33 @@ fn endless_key(text: &str) -> Option<usize> {
             _ => {}
         }
         if dots >= MAX_KEY_PARTS {
-            return Some(start);
+            let span = Span::new(start, i + 1);
+            let message = "this key has far too many parts";
+            let diagnostic = Diagnostic::error("toml-syntax", span, message);
+            return Some(diagnostic.help("a scene nests three levels deep"));
         }
     }
     None
 }
 
 /// One mistake often brings others on its line: only the first is worth reading.
-fn first_per_line(text: &str, errors: Vec<Error>) -> Vec<Diagnostic> {
-    let mut found: Vec<Diagnostic> = errors.iter().map(|e| syntax_error(e, text)).collect();
-    found.sort_by_key(|diagnostic| diagnostic.span.start);
-    let line = |d: &Diagnostic| text.as_bytes()[..d.span.start as usize].split(is_newline).count();
-    found.dedup_by_key(|diagnostic| line(diagnostic));
+fn first_per_line(text: &str, mut errors: Vec<Error>) -> Vec<Diagnostic> {
+    errors.sort_by_key(|error| error.span().map_or(text.len(), |span| span.start));
+    let mut line_end = 0;
+    let mut found: Vec<Diagnostic> = Vec::new();
+    for error in &errors {
+        let diagnostic = syntax_error(error, text);
+        let start = diagnostic.span.start as usize;
+        if !found.is_empty() && start < line_end {
+            continue;
+        }
+        line_end = text[start..].find('\n').map_or(text.len(), |newline| start + newline) + 1;
+        found.push(diagnostic);
+        if found.len() == MAX_SYNTAX_ERRORS {
+            break;
+        }
+    }
     found
-}
-
-fn is_newline(byte: &u8) -> bool {
-    *byte == b'\n'
 }
 
 fn syntax_error(error: &Error, text: &str) -> Diagnostic {
@@ -263,11 +275,19 @@ mod tests {
     }
 
     #[test]
+    fn a_megabyte_of_mistakes_is_cut_short() {
+        let found = parse_document(&"= 1\n".repeat(250_000)).unwrap_err();
+        assert_eq!(found.len(), MAX_SYNTAX_ERRORS);
+    }
+
+    #[test]
     fn endless_nesting_is_refused_without_recursion() {
         let keys = format!("{} = 1", vec!["a"; 100_000].join("."));
         assert_eq!(parse_document(&keys).unwrap_err()[0].code, "toml-syntax");
         let header = format!("[{}]\nb = 1", vec!["a"; 100_000].join(" . "));
         assert_eq!(parse_document(&header).unwrap_err()[0].code, "toml-syntax");
+        let key = vec!["a"; 100_000].join(".");
+        assert_eq!(parse_value(&format!("{{{key} = 1}}"), 0).unwrap_err().code, "toml-syntax");
         let arrays = format!("a = {}{}", "[".repeat(100_000), "]".repeat(100_000));
         assert_eq!(parse_document(&arrays).unwrap_err()[0].code, "toml-syntax");
     }

@@ -91,7 +91,7 @@ fn write_sets(out: &mut String, sets: &[SetDefinition]) {
 
 fn write_prescription(out: &mut String, prescription: &Prescription, sets: &[SetDefinition]) {
     section(out, "[[prescribe]]");
-    pair(out, "set", string(&sets[prescription.set].name.value));
+    pair(out, "set", string(&sets[prescription.set.value].name.value));
     let components: Vec<String> = prescription
         .components
         .iter()
@@ -102,7 +102,7 @@ fn write_prescription(out: &mut String, prescription: &Prescription, sets: &[Set
 
 fn write_load(out: &mut String, load: &Load, sets: &[SetDefinition]) {
     section(out, "[[load]]");
-    pair(out, "set", string(&sets[load.set].name.value));
+    pair(out, "set", string(&sets[load.set.value].name.value));
     let components: Vec<String> = load.components.iter().map(|c| quantity(&c.value)).collect();
     pair(out, load.kind.key(), format!("[{}]", components.join(", ")));
 }

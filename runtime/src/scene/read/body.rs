@@ -125,9 +125,10 @@ impl Reader {
         if dimension != Some(lattice.low.len()) {
             return None;
         }
-        match check::lattice(&lattice, spacing_field?.node.span, table.field("box")?.node.span) {
-            Ok(()) => Some(lattice),
-            Err(diagnostic) => {
+        let spans = (spacing_field?.node.span, table.field("box")?.node.span);
+        match check::lattice(&lattice, spans.0, spans.1) {
+            None => Some(lattice),
+            Some(diagnostic) => {
                 self.error(diagnostic);
                 None
             }
@@ -155,7 +156,7 @@ impl Reader {
             "spacings" => (HorizonExtent::Spacings(size), size * spacing),
             _ => (HorizonExtent::Radius(size), size),
         };
-        if let Err(diagnostic) = check::horizon(extent, radius, spacing, field.node.span) {
+        if let Some(diagnostic) = check::horizon(extent, radius, spacing, field.node.span) {
             self.error(diagnostic);
             return None;
         }

@@ -9,8 +9,7 @@ use crate::scene::suggest::suggest;
 use crate::scene::tree::{Kind, Node};
 use crate::scene::{Load, LoadKind, Located, Prescription, Probe, Quantity, SetDefinition};
 
-/// Sets have names of the user's; the example stands for any of them.
-static SETS: Schema = Schema { title: "[sets]", keys: &[] };
+static SETS: Schema = Schema { title: "[sets]", keys: &[("*", "\"X < 0.1\"")] };
 static PRESCRIBE: Schema =
     Schema { title: "[[prescribe]]", keys: &[("set", "\"left\""), ("u", "[0, \"0.1*t\"]")] };
 static LOAD: Schema = Schema {
@@ -66,7 +65,7 @@ impl Reader {
         self.error(Diagnostic::error("bad-name", span, message).help(help));
     }
 
-    fn known_set(&mut self, table: &Table<'_>, context: &Context) -> Option<usize> {
+    fn known_set(&mut self, table: &Table<'_>, context: &Context) -> Option<Located<usize>> {
         let field = self.required(table, "set")?;
         let text = self.text(field)?;
         let index = context.sets.iter().position(|name| *name == text.value);
@@ -82,7 +81,7 @@ impl Reader {
                 None => diagnostic.help(format!("the sets are {}", names.join(", "))),
             });
         }
-        index
+        index.map(|value| Located { value, span: field.node.span })
     }
 
     pub(super) fn prescriptions(
@@ -99,7 +98,7 @@ impl Reader {
                     items.iter().map(|item| self.displacement(field.item(item), context)).collect();
                 read.into_iter().collect()
             });
-            Some(Prescription { set: set?, components: components?, span: table.span })
+            Some(Prescription { set: set?, components: components? })
         });
         read.collect()
     }
@@ -147,7 +146,7 @@ impl Reader {
                 "force" => LoadKind::Force,
                 _ => LoadKind::Density,
             };
-            Some(Load { set: set?, kind, components: components?, span: table.span })
+            Some(Load { set: set?, kind, components: components? })
         });
         read.collect()
     }

@@ -91,7 +91,7 @@ impl Scene {
         let mut reader = Reader::default();
         for text in overrides {
             if let Err(diagnostic) = overrides::apply(text, &mut entries, &mut sources) {
-                reader.error(diagnostic);
+                reader.error(*diagnostic);
             }
         }
         let root = Node { span: Span::new(0, 0), kind: Kind::Table(entries) };

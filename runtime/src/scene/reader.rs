@@ -60,6 +60,9 @@ impl<'t> Field<'t> {
     }
 }
 
+/// Nobody reads more mistakes than these; a file of nothing else must not take minutes.
+const MAX_FINDINGS: usize = 500;
+
 /// Notes mistakes.
 #[derive(Default)]
 pub(super) struct Reader {
@@ -69,7 +72,9 @@ pub(super) struct Reader {
 impl Reader {
     /// Notes an error.
     pub(super) fn error(&mut self, diagnostic: Diagnostic) {
-        self.found.push(diagnostic);
+        if self.found.len() < MAX_FINDINGS {
+            self.found.push(diagnostic);
+        }
     }
 
     /// A table with the keys of its schema.

@@ -484,6 +484,12 @@ fn findings_of_the_file_and_of_overrides_come_together() {
 }
 
 #[test]
+fn a_file_of_nothing_but_mistakes_is_cut_short() {
+    let keys: String = (0..100_000).map(|i| format!("k{i}=1\n")).collect();
+    assert_eq!(findings(&keys).len(), 500);
+}
+
+#[test]
 fn a_huge_file_is_refused() {
     let text = format!("{LEAST}# {}", "x".repeat(MAX_SCENE_BYTES));
     assert_eq!(findings(&text)[0].split(' ').next(), Some("scene-too-large"));

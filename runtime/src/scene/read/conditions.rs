@@ -78,7 +78,7 @@ impl Reader {
                 None if names.is_empty() => {
                     diagnostic.help(format!("define it under [sets]: {} = \"X < 0.1\"", text.value))
                 }
-                None => diagnostic.help(format!("the sets are {}", names.join(", "))),
+                None => diagnostic.help(format!("the sets are {}", some(&names))),
             });
         }
         index.map(|value| Located { value, span: field.node.span })
@@ -185,4 +185,11 @@ impl Reader {
         }
         probes
     }
+}
+
+/// The first names of a list.
+fn some(names: &[&str]) -> String {
+    const SHOWN: usize = 20;
+    let more = if names.len() > SHOWN { ", .." } else { "" };
+    format!("{}{more}", names[..names.len().min(SHOWN)].join(", "))
 }

@@ -228,7 +228,7 @@ impl Reader {
         match Expression::compile(text, role, dimension) {
             Ok(expression) => Some(expression),
             Err(found) => {
-                self.found.extend(found);
+                found.into_iter().for_each(|diagnostic| self.error(diagnostic));
                 None
             }
         }

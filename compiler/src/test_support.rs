@@ -18,4 +18,4 @@ pub(crate) fn values(model: &Model, dimension: usize, settings: &[(&str, f64)]) 
     model.values(dimension, &settings, Some(1.0)).unwrap()
 }
 
-pub(crate) const SETH_HILL: &str = include_str!("../../potentials/seth_hill.piola");
+pub(crate) const SETH_HILL: &str = include_str!("../../potentials/firooz2023.piola");

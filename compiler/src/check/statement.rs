@@ -200,7 +200,8 @@ impl<'a> Builder<'a> {
         let default = p.default.and_then(|default| self.elaborator.constant(default));
         self.variant.defaults.push(default);
         self.variant.units.push(unit);
-        let quantity = if self.has_units { Quantity::Known(unit.dimension) } else { Quantity::Any };
+        let known = self.has_units && understood;
+        let quantity = if known { Quantity::Known(unit.dimension) } else { Quantity::Any };
         self.elaborator.parameter_quantities.push(quantity);
     }
 

@@ -1,0 +1,224 @@
+//! What may be typed.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+/// Interaction potentials of peridynamics: one line of energy in, exact forces and solved bodies out.
+#[derive(Debug, Parser)]
+#[command(name = "piola", version, max_term_width = 100)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    pub(crate) command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Check potential files: syntax, names, dimensions; all errors in one run
+    Check(Check),
+    /// Print psi, psi', psi'' of a potential, or any stage of its compilation
+    Derive(Derive),
+    /// Compare generated derivatives with hyper-dual numbers and the interpreter
+    Verify(Verify),
+    /// Evaluate psi, psi', psi'' at given measures: CSV in, CSV out
+    Eval(Eval),
+    /// Energy, forces and tangent of a body for a given displacement
+    Energy(Energy),
+    /// Solve a scene and write frames, tables, a picture and a summary
+    Run(Run),
+    /// Say what a scene will model, what it drops and why, and what it costs
+    Plan(Plan),
+    /// List the library of potentials, or show one of them
+    Info(Info),
+    /// Print completions for a shell
+    Completions {
+        /// Which shell
+        shell: clap_complete::Shell,
+    },
+}
+
+/// How messages and results are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Format {
+    /// For people.
+    #[default]
+    Human,
+    /// For programs.
+    Json,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Check {
+    /// Potential files (.piola), or names of the library
+    #[arg(required = true)]
+    pub(crate) files: Vec<String>,
+    /// How findings are written
+    #[arg(long, default_value = "human")]
+    pub(crate) format: Format,
+}
+
+/// Values for a potential.
+#[derive(Debug, Args)]
+pub(crate) struct Inputs {
+    /// Parameter values, in the declared unit or with one: `n=2`, `E="200 GPa"`
+    #[arg(long = "set", value_name = "NAME=VALUE")]
+    pub(crate) settings: Vec<String>,
+    /// The horizon in m, for energies that depend on `delta`
+    #[arg(long, value_name = "METRES")]
+    pub(crate) delta: Option<f64>,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Emit {
+    /// psi, psi', psi'' in the piola language
+    #[default]
+    Text,
+    /// The same in LaTeX
+    Latex,
+    /// Kernels as C99
+    C,
+    /// The syntax tree
+    Ast,
+    /// What the checker made of it
+    Model,
+    /// The expression graph after simplification
+    Graph,
+    /// Cranelift's intermediate form
+    Clif,
+    /// Machine instructions of this computer
+    Asm,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Derive {
+    /// A potential file (.piola), or a name of the library
+    pub(crate) file: String,
+    /// What to print
+    #[arg(long, default_value = "text")]
+    pub(crate) emit: Emit,
+    /// Number of dimensions; the largest the potential is defined in if not given
+    #[arg(long, value_parser = clap::value_parser!(u8).range(2..=3))]
+    pub(crate) dim: Option<u8>,
+    #[command(flatten)]
+    pub(crate) inputs: Inputs,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Verify {
+    /// Potential files (.piola), or names of the library
+    #[arg(required = true)]
+    pub(crate) files: Vec<String>,
+    /// Number of dimensions; all the potential is defined in if not given
+    #[arg(long, value_parser = clap::value_parser!(u8).range(2..=3))]
+    pub(crate) dim: Option<u8>,
+    #[command(flatten)]
+    pub(crate) inputs: Inputs,
+    /// Points per energy, far from rest; as many again are near it
+    #[arg(long, default_value_t = 1000)]
+    pub(crate) points: usize,
+    /// How the report is written
+    #[arg(long, default_value = "human")]
+    pub(crate) format: Format,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Mode {
+    /// Machine code
+    #[default]
+    Jit,
+    /// The same graph, interpreted
+    Interpreter,
+    /// The energy as written, over hyper-dual numbers
+    Hyperdual,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+#[value(rename_all = "lower")]
+pub(crate) enum MeasureName {
+    /// Length of a bond
+    L,
+    /// Area measure of a triangle
+    A,
+    /// Volume measure of a tetrahedron
+    V,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Eval {
+    /// A potential file (.piola), or a name of the library
+    pub(crate) file: String,
+    /// Which energy
+    #[arg(long)]
+    pub(crate) measure: MeasureName,
+    /// Number of dimensions
+    #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=3))]
+    pub(crate) dim: u8,
+    #[command(flatten)]
+    pub(crate) inputs: Inputs,
+    /// CSV with the columns `l,L` (or `a,A`, `v,V`); `-` is the standard input
+    #[arg(long)]
+    pub(crate) points: String,
+    /// How it is computed
+    #[arg(long, default_value = "jit")]
+    pub(crate) mode: Mode,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Energy {
+    /// A scene file; only [body], [horizon] and [material] are needed
+    pub(crate) scene: PathBuf,
+    /// CSV with the columns `u,v[,w]` in the order of the points; no displacement if not given
+    #[arg(long)]
+    pub(crate) displacement: Option<PathBuf>,
+    /// Also give the tangent
+    #[arg(long)]
+    pub(crate) tangent: bool,
+    /// Override a value of the scene, e.g. `body.spacing=0.1`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) settings: Vec<String>,
+    /// How the result is written
+    #[arg(long, default_value = "json")]
+    pub(crate) format: Format,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Run {
+    /// A scene file
+    pub(crate) scene: PathBuf,
+    /// Where the results go; a new or empty folder
+    #[arg(long)]
+    pub(crate) out: PathBuf,
+    /// Override a value of the scene, e.g. `body.spacing=0.1`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) settings: Vec<String>,
+    /// How many threads work; all processors if not given
+    #[arg(long)]
+    pub(crate) threads: Option<usize>,
+    /// Replace the results of an earlier run in the folder
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Try even if the plan says that memory will not suffice
+    #[arg(long)]
+    pub(crate) yes: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Plan {
+    /// A scene file
+    pub(crate) scene: PathBuf,
+    /// Override a value of the scene, e.g. `body.spacing=0.1`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) settings: Vec<String>,
+    /// How many threads will work; all processors if not given
+    #[arg(long)]
+    pub(crate) threads: Option<usize>,
+    /// How the plan is written
+    #[arg(long, default_value = "human")]
+    pub(crate) format: Format,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Info {
+    /// A potential of the library, or a potential file
+    pub(crate) potential: Option<String>,
+}

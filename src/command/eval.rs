@@ -1,0 +1,157 @@
+//! `piola eval`: measures in, psi, psi', psi'' out, one row per row.
+
+use std::io::Read as _;
+
+use piola_compiler::{Batch, Derivatives, Measure, Mode};
+use piola_runtime::output::decimal;
+
+use super::Exit;
+use super::derive::print_compile_error;
+use crate::cli::{self, Eval, Format};
+use crate::potential;
+use crate::render;
+
+/// Largest table that is read, in bytes.
+const MAX_TABLE: usize = 1 << 30;
+
+pub(super) fn execute(arguments: &Eval) -> Exit {
+    let measure = match arguments.measure {
+        cli::MeasureName::L => Measure::Length,
+        cli::MeasureName::A => Measure::Area,
+        cli::MeasureName::V => Measure::Volume,
+    };
+    let mode = match arguments.mode {
+        cli::Mode::Jit => Mode::Jit,
+        cli::Mode::Interpreter => Mode::Interpreter,
+        cli::Mode::Hyperdual => Mode::HyperDual,
+    };
+    let Some(loaded) = potential::load(&arguments.file, Format::Human) else { return Exit::Input };
+    let Some(settings) = potential::settings(&arguments.inputs) else { return Exit::Input };
+    let dimension = usize::from(arguments.dim);
+    let delta = arguments.inputs.delta;
+    let Some(values) = potential::values(&loaded.model, dimension, &settings, delta) else {
+        return Exit::Input;
+    };
+    if !loaded.model.measures().contains(&measure) {
+        let symbol = measure.symbol();
+        let message = format!("`{}` has no energy psi({symbol})", loaded.model.name());
+        let has: Vec<String> =
+            loaded.model.measures().iter().map(|m| format!("--measure {}", m.symbol())).collect();
+        render::error(&message, Some(&format!("use {}", has.join(" or "))));
+        return Exit::Input;
+    }
+    let compiled = match loaded.model.compile(&values, mode) {
+        Ok(compiled) => compiled,
+        Err(error) => {
+            print_compile_error(&loaded, &error);
+            return Exit::Input;
+        }
+    };
+    let Some(text) = read_table(&arguments.points) else { return Exit::Input };
+    let columns = match parse(&text, measure) {
+        Ok(columns) => columns,
+        Err(message) => {
+            render::error(&format!("{}: {message}", arguments.points), None);
+            return Exit::Input;
+        }
+    };
+    for dropped in compiled.dropped.iter().filter(|d| d.measure == measure) {
+        eprintln!("note: {}", dropped.reason);
+    }
+    let mut out = Derivatives::default();
+    match compiled.kernels.iter().find(|kernel| kernel.measure() == measure) {
+        Some(kernel) => {
+            let change: Vec<f64> =
+                columns.0.iter().zip(&columns.1).map(|(l, rest)| (l - rest) / rest).collect();
+            let batch =
+                Batch { measure: &columns.0, reference: &columns.1, change: &change };
+            kernel.evaluate(batch, &mut out);
+        }
+        // An energy with coefficient 0 is not modelled: it is 0 everywhere.
+        None => out.resize(columns.0.len()),
+    }
+    print_rows(measure, &columns, &out)
+}
+
+fn read_table(path: &str) -> Option<String> {
+    if path != "-" {
+        return potential::read_limited(std::path::Path::new(path), MAX_TABLE);
+    }
+    let mut text = String::new();
+    match std::io::stdin().lock().take(MAX_TABLE as u64).read_to_string(&mut text) {
+        Ok(_) => Some(text),
+        Err(error) => {
+            render::error(&format!("cannot read the standard input: {error}"), None);
+            None
+        }
+    }
+}
+
+/// The columns of the measure and of its reference.
+fn parse(text: &str, measure: Measure) -> Result<(Vec<f64>, Vec<f64>), String> {
+    let names = [measure.symbol(), measure.reference_symbol()];
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
+    let header = reader.headers().map_err(|error| error.to_string())?.clone();
+    let column = |name: &str| {
+        header.iter().position(|h| h == name).ok_or_else(|| {
+            let found: Vec<&str> = header.iter().collect();
+            format!(
+                "there is no column `{name}` (found {}); the first line must be `{},{}`",
+                found.join(","),
+                names[0],
+                names[1]
+            )
+        })
+    };
+    let places = [column(names[0])?, column(names[1])?];
+    let mut columns = (Vec::new(), Vec::new());
+    for record in reader.records() {
+        let record = record.map_err(|error| error.to_string())?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let number = |k: usize| {
+            let text = record.get(places[k]).unwrap_or("");
+            text.parse::<f64>()
+                .map_err(|_| format!("line {line}, column {}: `{text}` is not a number", names[k]))
+        };
+        let (current, reference) = (number(0)?, number(1)?);
+        if !(reference.is_finite() && reference > 0.0) {
+            return Err(format!(
+                "line {line}, column {}: {reference}: a reference measure is finite and > 0",
+                names[1]
+            ));
+        }
+        columns.0.push(current);
+        columns.1.push(reference);
+    }
+    Ok(columns)
+}
+
+fn print_rows(measure: Measure, columns: &(Vec<f64>, Vec<f64>), out: &Derivatives) -> Exit {
+    let mut text =
+        format!("{},{},psi,dpsi,d2psi\n", measure.symbol(), measure.reference_symbol());
+    let mut not_finite = Vec::new();
+    for i in 0..columns.0.len() {
+        let row = [columns.0[i], columns.1[i], out.psi[i], out.dpsi[i], out.d2psi[i]];
+        text.push_str(&row.map(decimal).join(","));
+        text.push('\n');
+        if !row[2..].iter().all(|x| x.is_finite()) {
+            not_finite.push(i);
+        }
+    }
+    render::out(&text);
+    let Some(&first) = not_finite.first() else { return Exit::Done };
+    render::error(
+        &format!(
+            "{} of {} rows are not finite; the first is row {} ({} = {}, {} = {})",
+            not_finite.len(),
+            columns.0.len(),
+            first + 1,
+            measure.symbol(),
+            columns.0[first],
+            measure.reference_symbol(),
+            columns.1[first]
+        ),
+        None,
+    );
+    Exit::Findings
+}

@@ -1,0 +1,66 @@
+//! `piola info`: the library of potentials.
+
+use piola_compiler::{Model, print};
+
+use super::Exit;
+use crate::cli::{Format, Info};
+use crate::library::{self, LIBRARY};
+use crate::potential;
+use crate::render;
+
+pub(super) fn execute(arguments: &Info) -> Exit {
+    match &arguments.potential {
+        Some(name) => show(name),
+        None => list(),
+    }
+}
+
+fn list() -> Exit {
+    let mut text = format!("piola {}\n\nlibrary of potentials\n", env!("CARGO_PKG_VERSION"));
+    for entry in LIBRARY {
+        let Some(loaded) = potential::load(entry.name, Format::Human) else { return Exit::Input };
+        let title = loaded.model.title().unwrap_or("");
+        text.push_str(&format!("  {:26} {title}\n", entry.name));
+    }
+    text.push_str("\n`piola info NAME` shows formulas, parameters, units and sources\n");
+    render::out(&text);
+    Exit::Done
+}
+
+fn show(name: &str) -> Exit {
+    let Some(loaded) = potential::load(name, Format::Human) else { return Exit::Input };
+    render::out(&describe(&loaded.model));
+    if library::find(name).is_some() {
+        render::out(&format!("\nfile\n{}", indent(&loaded.text)));
+    }
+    Exit::Done
+}
+
+/// Formulas, sources, parameters and units of a potential.
+fn describe(model: &Model) -> String {
+    let mut text = format!("{}: {}\n", model.name(), model.title().unwrap_or("no title"));
+    for source in model.sources() {
+        text.push_str(&format!("source: {source}\n"));
+    }
+    let dimensions: Vec<String> = model.dimensions().map(|d| d.to_string()).collect();
+    text.push_str(&format!("dimensions: {}\n", dimensions.join(", ")));
+    text.push_str("\nparameters\n");
+    let variant = model.dimensions().next().and_then(|d| model.variant(d));
+    for (i, parameter) in model.parameters().iter().enumerate() {
+        let default = variant.and_then(|v| v.defaults[i]).map(|x| format!(" = {x}"));
+        let unit = parameter.unit.as_deref().unwrap_or("1");
+        text.push_str(&format!(
+            "  {}{} in {unit}: {}\n",
+            parameter.name,
+            default.unwrap_or_default(),
+            parameter.description.as_deref().unwrap_or("")
+        ));
+    }
+    text.push('\n');
+    text.push_str(&print::model_listing(model));
+    text
+}
+
+fn indent(text: &str) -> String {
+    text.lines().map(|line| format!("  {line}\n")).collect()
+}

@@ -1,0 +1,50 @@
+//! The commands, one file each.
+
+mod check;
+mod completions;
+mod derive;
+mod energy;
+mod eval;
+mod info;
+mod plan;
+mod run;
+mod scene;
+mod verify;
+
+use std::process::ExitCode;
+
+use crate::cli::Command;
+
+/// How a command ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Exit {
+    /// Done, also with warnings.
+    Done = 0,
+    /// A check, verification or evaluation found failures.
+    Findings = 1,
+    /// Wrong usage or input.
+    Input = 2,
+    /// The solver did not converge.
+    NotConverged = 3,
+}
+
+impl Exit {
+    pub(crate) fn code(self) -> ExitCode {
+        ExitCode::from(self as u8)
+    }
+}
+
+/// Executes a command.
+pub(crate) fn execute(command: Command) -> Exit {
+    match command {
+        Command::Check(arguments) => check::execute(&arguments),
+        Command::Derive(arguments) => derive::execute(&arguments),
+        Command::Verify(arguments) => verify::execute(&arguments),
+        Command::Eval(arguments) => eval::execute(&arguments),
+        Command::Energy(arguments) => energy::execute(&arguments),
+        Command::Run(arguments) => run::execute(&arguments),
+        Command::Plan(arguments) => plan::execute(&arguments),
+        Command::Info(arguments) => info::execute(&arguments),
+        Command::Completions { shell } => completions::execute(shell),
+    }
+}

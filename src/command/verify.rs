@@ -1,0 +1,102 @@
+//! `piola verify`: machine code against the interpreter and hyper-dual numbers.
+
+use piola_compiler::verify::{Miss, Verification, verify};
+use serde_json::json;
+
+use super::Exit;
+use super::derive::print_compile_error;
+use crate::cli::{Format, Verify};
+use crate::potential;
+use crate::render;
+
+const ORDERS: [&str; 3] = ["psi", "psi'", "psi''"];
+
+pub(super) fn execute(arguments: &Verify) -> Exit {
+    let Some(settings) = potential::settings(&arguments.inputs) else { return Exit::Input };
+    let mut exit = Exit::Done;
+    for file in &arguments.files {
+        let Some(loaded) = potential::load(file, Format::Human) else { return Exit::Input };
+        let dimensions: Vec<usize> = match arguments.dim {
+            Some(d) => vec![usize::from(d)],
+            None => loaded.model.dimensions().collect(),
+        };
+        for dimension in dimensions {
+            let mut settings = settings.clone();
+            let filled = potential::fill_with_one(&loaded.model, dimension, &mut settings);
+            if !filled.is_empty() {
+                eprintln!("note: {file}: {} = 1, for want of a value", filled.join(" = "));
+            }
+            let delta = arguments.inputs.delta.or(Some(1.0));
+            let Some(values) = potential::values(&loaded.model, dimension, &settings, delta) else {
+                return Exit::Input;
+            };
+            match verify(&loaded.model, &values, arguments.points) {
+                Ok((found, dropped)) => {
+                    for d in &dropped {
+                        eprintln!("note: {file}: {}", d.reason);
+                    }
+                    for verification in &found {
+                        report(file, dimension, verification, arguments.format);
+                        if !verification.passed() {
+                            exit = Exit::Findings;
+                        }
+                    }
+                }
+                Err(error) => {
+                    print_compile_error(&loaded, &error);
+                    return Exit::Input;
+                }
+            }
+        }
+    }
+    exit
+}
+
+fn report(file: &str, dimension: usize, found: &Verification, format: Format) {
+    let symbol = found.measure.symbol();
+    if format == Format::Json {
+        let line = json!({
+            "potential": file,
+            "dimension": dimension,
+            "measure": symbol,
+            "points": found.n_points,
+            "passed": found.passed(),
+            "different_bits": found.different_bits.len(),
+            "misses": found.misses.len(),
+            "worst_error_over_tolerance": found.worst,
+        });
+        render::out(&format!("{line}\n"));
+        return;
+    }
+    let verdict = if found.passed() { "passed" } else { "FAILED" };
+    let bits = match found.different_bits.len() {
+        0 => "machine code = interpreter to the last bit".to_string(),
+        n => format!("machine code differs from the interpreter at {n} points"),
+    };
+    let worst: Vec<String> =
+        ORDERS.iter().zip(found.worst).map(|(o, w)| format!("{o} {w:.2}")).collect();
+    render::out(&format!(
+        "{verdict}  {file} d = {dimension} psi({symbol}): {} points; {bits}; largest error over tolerance against hyper-dual numbers: {}\n",
+        found.n_points,
+        worst.join(", ")
+    ));
+    for miss in found.misses.iter().take(5) {
+        render::out(&describe(symbol, miss));
+    }
+    if found.misses.len() > 5 {
+        render::out(&format!("        .. and {} more\n", found.misses.len() - 5));
+    }
+}
+
+fn describe(symbol: &str, miss: &Miss) -> String {
+    format!(
+        "        {} at {symbol} = {:e}, {} = {:e}: {:e}, expected {:e} within {:.1e}\n",
+        ORDERS[miss.order],
+        miss.point.measure,
+        symbol.to_uppercase(),
+        miss.point.reference,
+        miss.compiled,
+        miss.expected,
+        miss.tolerance
+    )
+}

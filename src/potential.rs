@@ -1,0 +1,146 @@
+//! Potentials from files and from the library, and values for their parameters.
+
+use std::io::Read as _;
+
+use piola_compiler::{Model, Setting, ValueError, Values, check};
+use piola_grammar::{Ast, suggest};
+
+use crate::cli::{Format, Inputs};
+use crate::library;
+use crate::render::{self, Source};
+
+/// A potential that passed the checks.
+#[derive(Debug)]
+pub(crate) struct Loaded {
+    pub(crate) name: String,
+    pub(crate) text: String,
+    pub(crate) ast: Ast,
+    pub(crate) model: Model,
+}
+
+/// Reads and checks a potential; what is wrong is printed. `None` if it cannot be used.
+pub(crate) fn load(name: &str, format: Format) -> Option<Loaded> {
+    load_text(name, read(name)?, format)
+}
+
+/// Checks the text of a potential; what is wrong is printed. `None` if it cannot be used.
+pub(crate) fn load_text(name: &str, text: String, format: Format) -> Option<Loaded> {
+    let source = Source { name, text: &text };
+    let ast = match piola_grammar::parse(&text) {
+        Ok(ast) => ast,
+        Err(diagnostics) => {
+            render::print(source, &diagnostics, format);
+            return None;
+        }
+    };
+    match check(&ast) {
+        Ok(model) => Some(Loaded { name: name.to_string(), text, ast, model }),
+        Err(diagnostics) => {
+            render::print(source, &diagnostics, format);
+            None
+        }
+    }
+}
+
+/// The text of a file, or of a potential of the library if the name has no ending.
+pub(crate) fn read(name: &str) -> Option<String> {
+    if !name.contains(['.', '/', '\\']) {
+        if let Some(text) = library::find(name) {
+            return Some(text.to_string());
+        }
+        let help = match suggest(name, library::names()) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!("the library has {}", library::names().join(", ")),
+        };
+        render::error(&format!("the library has no potential `{name}`"), Some(&help));
+        return None;
+    }
+    read_limited(std::path::Path::new(name), piola_grammar::MAX_BYTES)
+}
+
+/// A whole text file of at most `limit` bytes; prints why not.
+pub(crate) fn read_limited(path: &std::path::Path, limit: usize) -> Option<String> {
+    let mut bytes = Vec::new();
+    let read = std::fs::File::open(path)
+        .and_then(|file| file.take(limit as u64 + 1).read_to_end(&mut bytes));
+    let problem = match read {
+        Err(error) => error.to_string(),
+        Ok(_) if bytes.len() > limit => format!("it has more than {limit} bytes"),
+        Ok(_) => match String::from_utf8(bytes) {
+            Ok(text) => return Some(text),
+            Err(_) => "it is not UTF-8 text".to_string(),
+        },
+    };
+    render::error(&format!("cannot read {}: {problem}", path.display()), None);
+    None
+}
+
+/// `NAME=VALUE` pairs; prints what is not one.
+pub(crate) fn settings(inputs: &Inputs) -> Option<Vec<(String, Setting)>> {
+    if let Some(delta) = inputs.delta
+        && !(delta.is_finite() && delta > 0.0)
+    {
+        render::error(&format!("--delta {delta}: the horizon must be a positive number"), None);
+        return None;
+    }
+    let parse = |setting: &String| match setting.split_once('=') {
+        Some((name, value)) => {
+            let (name, value) = (name.trim().to_string(), value.trim());
+            let value = match value.parse::<f64>() {
+                Ok(number) => Setting::Number(number),
+                Err(_) => Setting::Text(value.trim_matches('"').to_string()),
+            };
+            Some((name, value))
+        }
+        None => {
+            let message = format!("--set {setting}: this is not NAME=VALUE");
+            render::error(&message, Some("write for instance --set n=2"));
+            None
+        }
+    };
+    inputs.settings.iter().map(parse).collect()
+}
+
+/// Values for a potential; prints what is wrong with them.
+pub(crate) fn values(
+    model: &Model,
+    dimension: usize,
+    settings: &[(String, Setting)],
+    delta: Option<f64>,
+) -> Option<Values> {
+    match model.values(dimension, settings, delta) {
+        Ok(values) => Some(values),
+        Err(errors) => {
+            print_value_errors(&errors);
+            None
+        }
+    }
+}
+
+fn print_value_errors(errors: &[ValueError]) {
+    for error in errors {
+        let help = match error.code {
+            "missing-parameter" => format!("give it a value: --set {}=1", error.parameter),
+            _ => error.help.clone(),
+        };
+        render::error(&format!("[{}] {}", error.code, error.message), Some(&help));
+    }
+}
+
+/// Adds the value 1 for every parameter without default, and says so: for looking at derivatives
+/// any value serves.
+pub(crate) fn fill_with_one(
+    model: &Model,
+    dimension: usize,
+    settings: &mut Vec<(String, Setting)>,
+) -> Vec<String> {
+    let Some(variant) = model.variant(dimension) else { return Vec::new() };
+    let mut filled = Vec::new();
+    for (parameter, default) in model.parameters().iter().zip(&variant.defaults) {
+        if default.is_none() && !settings.iter().any(|(name, _)| *name == parameter.name) {
+            settings.push((parameter.name.clone(), Setting::Number(1.0)));
+            filled.push(parameter.name.clone());
+        }
+    }
+    filled
+}

@@ -2,8 +2,11 @@
 
 pub mod body;
 pub mod energy;
+pub mod geometry;
 pub mod kernel;
+pub mod lattice;
 pub mod matrix;
 pub mod solve;
 pub mod plan;
 pub mod scene;
+pub mod neighborhood;

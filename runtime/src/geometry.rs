@@ -1,0 +1,206 @@
+//! Measures of bonds, triangles and tetrahedra with their changes and derivatives.
+//!
+//! Everything is a function of vectors from one corner, the owner, to the others: reference vectors
+//! `Xi` and relative displacements `eta`, with `xi = Xi + eta`. Derivatives are compact, that is
+//! with respect to the other corners; the owner's follow because rigid translations change nothing
+//! (its row is minus the sum of the rows of the others).
+//!
+//! Each measure `m` is differentiated through a polynomial `s(xi)`, its *variable*: `s = m` for the
+//! signed measures, which are multilinear, and `s = m^2/2` for lengths and areas in space, which
+//! are roots. Derivatives of `s` never divide and exist at `m = 0`; [`Variable::slopes`] turns
+//! `psi'(m)`, `psi''(m)` into derivatives in `s`.
+
+pub mod bond;
+pub mod tetrahedron;
+pub mod triangle;
+
+use std::ops::{Add, Div, Mul, Neg, Sub};
+
+/// A number the geometry can be evaluated in: `f64` or several of them at once.
+pub trait Scalar:
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+{
+    /// The number `x` in every lane.
+    fn splat(x: f64) -> Self;
+    /// Correctly rounded square root.
+    fn sqrt(self) -> Self;
+    /// 1 with the sign of the number.
+    fn sign(self) -> Self;
+}
+
+impl Scalar for f64 {
+    #[inline(always)]
+    fn splat(x: f64) -> f64 {
+        x
+    }
+    #[inline(always)]
+    fn sqrt(self) -> f64 {
+        f64::sqrt(self)
+    }
+    #[inline(always)]
+    fn sign(self) -> f64 {
+        1f64.copysign(self)
+    }
+}
+
+/// Numbers in one [`Lanes`]; 128-bit registers exist on every 64-bit machine we know of.
+pub const WIDTH: usize = 2;
+
+/// Several interactions side by side, so that the compiler uses vector instructions. Every
+/// operation is the plain one of `f64`, lane by lane: the same bits as without lanes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lanes(pub [f64; WIDTH]);
+
+macro_rules! lane_operator {
+    ($trait:ident, $method:ident, $operator:tt) => {
+        impl $trait for Lanes {
+            type Output = Lanes;
+            #[inline(always)]
+            fn $method(self, other: Lanes) -> Lanes {
+                Lanes(std::array::from_fn(|lane| self.0[lane] $operator other.0[lane]))
+            }
+        }
+    };
+}
+lane_operator!(Add, add, +);
+lane_operator!(Sub, sub, -);
+lane_operator!(Mul, mul, *);
+lane_operator!(Div, div, /);
+
+impl Neg for Lanes {
+    type Output = Lanes;
+    #[inline(always)]
+    fn neg(self) -> Lanes {
+        Lanes(self.0.map(|x| -x))
+    }
+}
+
+impl Scalar for Lanes {
+    #[inline(always)]
+    fn splat(x: f64) -> Lanes {
+        Lanes([x; WIDTH])
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Lanes {
+        Lanes(self.0.map(f64::sqrt))
+    }
+    #[inline(always)]
+    fn sign(self) -> Lanes {
+        Lanes(self.0.map(Scalar::sign))
+    }
+}
+
+/// A measure now and at rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Change<T> {
+    /// Now, `m`.
+    pub measure: T,
+    /// At rest, `M > 0`.
+    pub reference: T,
+    /// `(m - M)/M`, computed from the displacements: it keeps its digits however small it is.
+    pub change: T,
+    /// 1 or -1: what makes the reference of a signed measure positive; 1 for roots.
+    pub orientation: T,
+}
+
+/// How the variable `s` of a measure follows from it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Variable {
+    /// `s = m`, for the signed measures.
+    Measure,
+    /// `s = m^2/2`, for the roots.
+    HalfSquare,
+}
+
+impl Variable {
+    /// `(dpsi/ds, d2psi/ds2)` from psi' and psi''.
+    ///
+    /// For roots these are `psi'/m` and `(psi'' - psi'/m)/m^2`. At `m = 0` an energy with
+    /// `psi'(0) = 0` is smooth and `psi'/m` tends to `psi''(0)`; the second slope then multiplies
+    /// `ds = 0` and is left out. An energy with `psi'(0) != 0` has a kink there: the slopes are
+    /// infinite, and the caller reports it.
+    #[inline(always)]
+    pub fn slopes(self, measure: f64, first: f64, second: f64) -> (f64, f64) {
+        match self {
+            Variable::Measure => (first, second),
+            Variable::HalfSquare if measure == 0.0 && first == 0.0 => (second, 0.0),
+            Variable::HalfSquare => {
+                let over = first / measure;
+                (over, (second - over) / (measure * measure))
+            }
+        }
+    }
+}
+
+/// One kind of measure in one dimension. `C` numbers hold the vectors to the other corners, one
+/// after the other.
+pub trait Geometry<const C: usize> {
+    /// The variable it is differentiated through.
+    const VARIABLE: Variable;
+
+    /// The measure and its change, from reference vectors and relative displacements.
+    fn change<T: Scalar>(reference: &[T; C], displacement: &[T; C]) -> Change<T>;
+
+    /// `ds/dxi` for positive orientation, from the current vectors.
+    fn gradient<T: Scalar>(current: &[T; C]) -> [T; C];
+
+    /// `first*d2s/dxi2 + second*(ds/dxi)(ds/dxi)` for positive orientation: hands each entry of
+    /// the upper triangle to `emit` with its [`packed`] place. `gradient` is `ds/dxi`.
+    fn hessian<T: Scalar>(
+        current: &[T; C],
+        gradient: &[T; C],
+        first: T,
+        second: T,
+        emit: impl FnMut(usize, T),
+    );
+}
+
+/// Place of entry `(row, column)`, `row <= column`, in the upper triangle of a symmetric matrix of
+/// `size` rows stored row by row.
+#[inline(always)]
+pub const fn packed(size: usize, row: usize, column: usize) -> usize {
+    row * size - row * (row + 1) / 2 + column
+}
+
+/// How many entries the upper triangle of a symmetric matrix of `size` rows has.
+pub const fn packed_len(size: usize) -> usize {
+    size * (size + 1) / 2
+}
+
+/// The vector number `index` of `C` numbers.
+#[inline(always)]
+fn vector<T: Scalar, const C: usize, const D: usize>(all: &[T; C], index: usize) -> [T; D] {
+    std::array::from_fn(|axis| all[index * D + axis])
+}
+
+#[inline(always)]
+fn add<T: Scalar, const D: usize>(p: &[T; D], q: &[T; D]) -> [T; D] {
+    std::array::from_fn(|axis| p[axis] + q[axis])
+}
+
+#[inline(always)]
+fn dot<T: Scalar, const D: usize>(p: &[T; D], q: &[T; D]) -> T {
+    let mut sum = p[0] * q[0];
+    for axis in 1..D {
+        sum = sum + p[axis] * q[axis];
+    }
+    sum
+}
+
+#[inline(always)]
+fn cross<T: Scalar>(p: &[T; 3], q: &[T; 3]) -> [T; 3] {
+    [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
+}
+
+#[inline(always)]
+fn cross_2d<T: Scalar>(p: &[T; 2], q: &[T; 2]) -> T {
+    p[0] * q[1] - p[1] * q[0]
+}
+
+#[cfg(test)]
+pub(crate) mod check;

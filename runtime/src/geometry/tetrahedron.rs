@@ -1,0 +1,124 @@
+//! Tetrahedra: `v = xi1.(xi2 x xi3)`, six times their volume (javili2020, Eq. (20), third line).
+
+use super::{Change, Geometry, Scalar, Variable, add, cross, dot, packed, vector};
+
+/// Volume measure of a tetrahedron, in m^3: signed by its orientation at rest, so that it is
+/// positive until the tetrahedron turns inside out (firooz2023); `s = v`.
+#[derive(Debug)]
+pub struct Tetrahedron;
+
+impl Geometry<9> for Tetrahedron {
+    const VARIABLE: Variable = Variable::Measure;
+
+    /// `v - V = eta1.(xi2 x xi3) + Xi1.(Xi2 x eta3 + eta2 x xi3)`: each term holds a displacement.
+    #[inline(always)]
+    fn change<T: Scalar>(reference: &[T; 9], displacement: &[T; 9]) -> Change<T> {
+        let current = add(reference, displacement);
+        let rest: [[T; 3]; 3] = std::array::from_fn(|corner| vector(reference, corner));
+        let eta: [[T; 3]; 3] = std::array::from_fn(|corner| vector(displacement, corner));
+        let x: [[T; 3]; 3] = std::array::from_fn(|corner| vector(&current, corner));
+        let normal = cross(&x[1], &x[2]);
+        let turned = add(&cross(&rest[1], &eta[2]), &cross(&eta[1], &x[2]));
+        let at_rest = dot(&rest[0], &cross(&rest[1], &rest[2]));
+        let orientation = at_rest.sign();
+        Change {
+            measure: orientation * dot(&x[0], &normal),
+            reference: orientation * at_rest,
+            change: (dot(&eta[0], &normal) + dot(&rest[0], &turned)) / at_rest,
+            orientation,
+        }
+    }
+
+    /// The normals of the three faces at the owner.
+    #[inline(always)]
+    fn gradient<T: Scalar>(current: &[T; 9]) -> [T; 9] {
+        let x: [[T; 3]; 3] = std::array::from_fn(|corner| vector(current, corner));
+        let (p, q, r) = (cross(&x[1], &x[2]), cross(&x[2], &x[0]), cross(&x[0], &x[1]));
+        [p[0], p[1], p[2], q[0], q[1], q[2], r[0], r[1], r[2]]
+    }
+
+    /// `d2s` has zero blocks on the diagonal; the others are the cross product with the vector to
+    /// the corner that the block does not name.
+    #[inline(always)]
+    fn hessian<T: Scalar>(
+        current: &[T; 9],
+        gradient: &[T; 9],
+        first: T,
+        second: T,
+        mut emit: impl FnMut(usize, T),
+    ) {
+        let scaled = gradient.map(|g| second * g);
+        let twist = current.map(|x| first * x);
+        for row in 0..9 {
+            for column in row..9 {
+                let rank_one = scaled[row] * gradient[column];
+                let (near, far) = (row / 3, column / 3);
+                let (i, j) = (row % 3, column % 3);
+                let entry = if near == far || i == j {
+                    rank_one
+                } else {
+                    // Rows (1,2) and (2,3) turn one way, (1,3) the other; so do the axes.
+                    let part = twist[(3 - near - far) * 3 + (3 - i - j)];
+                    let positive = ((j + 3 - i) % 3 == 1) == (far - near == 1);
+                    if positive { rank_one + part } else { rank_one - part }
+                };
+                emit(packed(9, row, column), entry);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::check::{check_derivatives, int_vectors};
+
+    #[test]
+    fn derivatives_agree_with_hyper_dual_numbers() {
+        check_derivatives::<Tetrahedron, 9>(|x, sign| {
+            let c0 = x[4] * x[8] - x[5] * x[7];
+            let c1 = x[5] * x[6] - x[3] * x[8];
+            let c2 = x[3] * x[7] - x[4] * x[6];
+            (x[0] * c0 + x[1] * c1 + x[2] * c2) * sign
+        });
+    }
+
+    #[test]
+    fn changes_are_exact_to_the_bar() {
+        // Integer vectors and displacements that are multiples of 2^-30: exact in 128-bit integers.
+        let shift = 30;
+        let unit = 1i128 << shift;
+        let (references, etas) = (int_vectors::<9>(300), int_vectors::<9>(301));
+        for (reference, eta) in references.iter().zip(&etas[1..]) {
+            let displacement = eta.map(|x| libm::scalbn(x, -shift));
+            let whole: [i128; 9] = std::array::from_fn(|k| reference[k] as i128);
+            let current: [i128; 9] = std::array::from_fn(|k| whole[k] * unit + eta[k] as i128);
+            let exact = (determinant(&current) - determinant(&whole) * unit * unit * unit) as f64
+                / (determinant(&whole) as f64 * libm::scalbn(1.0, 3 * shift));
+            let found = Tetrahedron::change(reference, &displacement);
+            let length = |p: &[f64; 9], k| dot(&vector::<f64, 9, 3>(p, k), &vector(p, k)).sqrt();
+            let terms = |k: usize| {
+                let (p, q) = ((k + 1) % 3, (k + 2) % 3);
+                length(&displacement, k) * length(reference, p) * length(reference, q)
+            };
+            let scale = (terms(0) + terms(1) + terms(2)) / found.reference;
+            let error = (found.change - exact).abs();
+            assert!(error <= 4.0 * f64::EPSILON * scale, "{found:?} {exact:e}");
+        }
+    }
+
+    fn determinant(x: &[i128; 9]) -> i128 {
+        x[0] * (x[4] * x[8] - x[5] * x[7])
+            + x[1] * (x[5] * x[6] - x[3] * x[8])
+            + x[2] * (x[3] * x[7] - x[4] * x[6])
+    }
+
+    #[test]
+    fn a_tetrahedron_turned_inside_out_is_negative() {
+        let reference = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        let mut displacement = [0.0; 9];
+        displacement[8] = -3.0;
+        let turned = Tetrahedron::change(&reference, &displacement);
+        assert_eq!((turned.measure, turned.reference, turned.change), (-2.0, 1.0, -3.0));
+    }
+}

@@ -1,0 +1,331 @@
+//! Lattice bodies: boxes filled with equally spaced points, and what an endless lattice would count.
+
+/// Where the points of a lattice sit in the cells of its box.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Nodes {
+    /// At the corners of the cells: coordinate `lo + i*spacing`, the faces of the box included.
+    Corners,
+    /// At the centres of the cells: coordinate `lo + (i + 1/2)*spacing`.
+    Cells,
+}
+
+/// A box on a lattice of equal cells.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lattice {
+    /// One corner of the box, `d` numbers in m.
+    pub lower: Vec<f64>,
+    /// The opposite corner, in m; each coordinate may be on either side of `lower`.
+    pub upper: Vec<f64>,
+    /// Edge of a cell in m; every extent is a whole number of cells to within 1e-6.
+    pub spacing: f64,
+    /// Where the points sit.
+    pub nodes: Nodes,
+}
+
+/// The points of a lattice in the user's order: the last axis runs fastest.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LatticePoints {
+    /// 2 or 3.
+    pub dimension: usize,
+    /// How many points there are along each axis.
+    pub counts: Vec<usize>,
+    /// Positions, `n x d` row by row, in m.
+    pub positions: Vec<f64>,
+    /// Volumes in m^d: `spacing^d` for every point.
+    pub volumes: Vec<f64>,
+}
+
+/// Why a box is not a lattice.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LatticeError {
+    /// The corners do not have two or three coordinates.
+    #[error(
+        "the corners of a box need two or three coordinates each, but have {lower} and {upper}: \
+         write box = [[x, y], [x, y]] or [[x, y, z], [x, y, z]]"
+    )]
+    Dimension {
+        /// Coordinates of the one corner.
+        lower: usize,
+        /// Coordinates of the other.
+        upper: usize,
+    },
+    /// The spacing is not a positive number.
+    #[error("the spacing is {spacing} m: it must be a positive finite length")]
+    Spacing {
+        /// What was given.
+        spacing: f64,
+    },
+    /// The box has no extent, or an endless one.
+    #[error(
+        "the box reaches from {lower} m to {upper} m along {axis}: its corners must be finite and apart"
+    )]
+    Extent {
+        /// `x`, `y` or `z`.
+        axis: char,
+        /// Coordinate of one corner.
+        lower: f64,
+        /// Coordinate of the other.
+        upper: f64,
+    },
+    /// The extent is not a whole number of cells.
+    #[error(
+        "the extent {extent} m along {axis} is {cells} times the spacing {spacing} m: make it a whole \
+         number of spacings, for example a spacing of {suggestion} m"
+    )]
+    Fraction {
+        /// `x`, `y` or `z`.
+        axis: char,
+        /// Extent of the box in m.
+        extent: f64,
+        /// Spacing in m.
+        spacing: f64,
+        /// Their ratio.
+        cells: f64,
+        /// The nearest spacing that divides the extent.
+        suggestion: f64,
+    },
+    /// More points than can be numbered.
+    #[error(
+        "the box holds {points:e} points, more than the {max} that can be numbered: take a larger spacing"
+    )]
+    TooMany {
+        /// How many points there would be.
+        points: f64,
+        /// The most that can be numbered.
+        max: u32,
+    },
+}
+
+/// How far the ratio of extent to spacing may be from a whole number.
+const WHOLE: f64 = 1e-6;
+
+impl Lattice {
+    /// How many points there are along each axis.
+    pub fn counts(&self) -> Result<Vec<usize>, LatticeError> {
+        let dimension = self.lower.len();
+        if dimension != self.upper.len() || !(2..=3).contains(&dimension) {
+            return Err(LatticeError::Dimension { lower: dimension, upper: self.upper.len() });
+        }
+        if !(self.spacing > 0.0 && self.spacing.is_finite()) {
+            return Err(LatticeError::Spacing { spacing: self.spacing });
+        }
+        let mut total = 1.0;
+        let mut counts = Vec::with_capacity(dimension);
+        for axis in 0..dimension {
+            let cells = self.cells(axis)?;
+            let nodes = if self.nodes == Nodes::Corners { cells + 1.0 } else { cells };
+            total *= nodes;
+            // A product is checked before any number is narrowed.
+            if total > f64::from(u32::MAX) {
+                return Err(LatticeError::TooMany { points: total, max: u32::MAX });
+            }
+            counts.push(nodes as usize);
+        }
+        Ok(counts)
+    }
+
+    /// All points of the box, last axis fastest.
+    pub fn points(&self) -> Result<LatticePoints, LatticeError> {
+        let counts = self.counts()?;
+        let dimension = counts.len();
+        let total: usize = counts.iter().product();
+        let shift = if self.nodes == Nodes::Corners { 0.0 } else { 0.5 };
+        let lower: Vec<f64> = (0..dimension).map(|a| self.lower[a].min(self.upper[a])).collect();
+        let mut positions = Vec::with_capacity(total * dimension);
+        let mut index = vec![0usize; dimension];
+        for _ in 0..total {
+            for axis in 0..dimension {
+                positions.push(lower[axis] + (index[axis] as f64 + shift) * self.spacing);
+            }
+            for axis in (0..dimension).rev() {
+                index[axis] += 1;
+                if index[axis] < counts[axis] {
+                    break;
+                }
+                index[axis] = 0;
+            }
+        }
+        let volume = (0..dimension).fold(1.0, |product, _| product * self.spacing);
+        Ok(LatticePoints { dimension, counts, positions, volumes: vec![volume; total] })
+    }
+
+    /// The whole number of cells along an axis.
+    fn cells(&self, axis: usize) -> Result<f64, LatticeError> {
+        let (lower, upper) = (self.lower[axis], self.upper[axis]);
+        let extent = (upper - lower).abs();
+        let name = ['x', 'y', 'z'][axis];
+        if !(extent > 0.0 && extent.is_finite()) {
+            return Err(LatticeError::Extent { axis: name, lower, upper });
+        }
+        let cells = extent / self.spacing;
+        let whole = cells.round();
+        if whole < 1.0 || (cells - whole).abs() > WHOLE {
+            let (spacing, suggestion) = (self.spacing, extent / whole.max(1.0));
+            return Err(LatticeError::Fraction { axis: name, extent, spacing, cells, suggestion });
+        }
+        Ok(whole)
+    }
+}
+
+/// Ordered neighbours, pairs and triples of a point of an endless lattice, as the papers count
+/// them: all members within the horizon of the point and of each other, collinear pairs and
+/// coplanar triples left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BulkCounts {
+    /// `#N1`: neighbours; each bond is counted by 2 points.
+    pub neighbors: u64,
+    /// `#N2`: ordered pairs; each triangle is counted 6 times.
+    pub pairs: u64,
+    /// `#N3`: ordered triples; each tetrahedron is counted 24 times.
+    pub triples: u64,
+}
+
+/// Counts of the endless lattice with `horizon = ratio*spacing`, in exact integer arithmetic; the
+/// horizon includes its shell as everywhere (see [`crate::neighborhood::HORIZON_TOLERANCE`]).
+pub fn bulk_counts(dimension: usize, ratio: f64) -> BulkCounts {
+    let bulk = BulkLattice::new(dimension, ratio);
+    let (triangles, tetrahedra) = bulk.cliques(dimension == 3);
+    BulkCounts {
+        neighbors: 2 * bulk.upper.len() as u64,
+        pairs: 6 * triangles,
+        triples: 24 * tetrahedra,
+    }
+}
+
+/// [`bulk_counts`] without the triples, whose count takes the longest.
+pub(crate) fn bulk_pairs(dimension: usize, ratio: f64) -> BulkCounts {
+    let bulk = BulkLattice::new(dimension, ratio);
+    let (triangles, _) = bulk.cliques(false);
+    BulkCounts { neighbors: 2 * bulk.upper.len() as u64, pairs: 6 * triangles, triples: 0 }
+}
+
+/// The half of a lattice point's family that follows it in lexicographic order. By translation,
+/// every clique of the lattice occurs exactly once with its lowest corner at the origin.
+struct BulkLattice {
+    upper: Vec<[i64; 3]>,
+    /// Largest squared distance of neighbours, in spacings.
+    reach: f64,
+}
+
+impl BulkLattice {
+    fn new(dimension: usize, ratio: f64) -> BulkLattice {
+        let radius = ratio * (1.0 + crate::neighborhood::HORIZON_TOLERANCE);
+        let reach = radius * radius;
+        let n = radius.floor() as i64;
+        let depth = if dimension == 3 { n } else { 0 };
+        let mut upper = Vec::new();
+        for x in 0..=n {
+            for y in -n..=n {
+                for z in -depth..=depth {
+                    let offset = [x, y, z];
+                    if offset > [0, 0, 0] && square(offset) as f64 <= reach {
+                        upper.push(offset);
+                    }
+                }
+            }
+        }
+        BulkLattice { upper, reach }
+    }
+
+    /// Triangles and tetrahedra per point, each once.
+    fn cliques(&self, with_tetrahedra: bool) -> (u64, u64) {
+        let near = |p: [i64; 3], q: [i64; 3]| square(minus(p, q)) as f64 <= self.reach;
+        let (mut triangles, mut tetrahedra) = (0, 0);
+        let mut common = Vec::new();
+        for (index, &p) in self.upper.iter().enumerate() {
+            let later: Vec<[i64; 3]> =
+                self.upper[index + 1..].iter().copied().filter(|&q| near(p, q)).collect();
+            for (place, &q) in later.iter().enumerate() {
+                let normal = cross(p, q);
+                if normal == [0, 0, 0] {
+                    continue;
+                }
+                triangles += 1;
+                if with_tetrahedra {
+                    common.clear();
+                    common.extend(later[place + 1..].iter().filter(|&&r| near(q, r)));
+                    tetrahedra += common.iter().filter(|&&r| dot(normal, r) != 0).count() as u64;
+                }
+            }
+        }
+        (triangles, tetrahedra)
+    }
+}
+
+fn minus(p: [i64; 3], q: [i64; 3]) -> [i64; 3] {
+    [p[0] - q[0], p[1] - q[1], p[2] - q[2]]
+}
+
+fn dot(p: [i64; 3], q: [i64; 3]) -> i64 {
+    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+}
+
+fn square(p: [i64; 3]) -> i64 {
+    dot(p, p)
+}
+
+fn cross(p: [i64; 3], q: [i64; 3]) -> [i64; 3] {
+    [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn square_lattice(spacing: f64, nodes: Nodes) -> Lattice {
+        Lattice { lower: vec![0.0, 0.0], upper: vec![1.0, 0.5], spacing, nodes }
+    }
+
+    #[test]
+    fn corners_include_the_faces_and_the_last_axis_is_fastest() {
+        let points = square_lattice(0.25, Nodes::Corners).points().unwrap();
+        assert_eq!(points.counts, [5, 3]);
+        assert_eq!(points.positions[..8], [0.0, 0.0, 0.0, 0.25, 0.0, 0.5, 0.25, 0.0]);
+        assert_eq!(points.positions[28..], [1.0, 0.5]);
+        assert!(points.volumes.iter().all(|&v| v == 0.0625));
+    }
+
+    #[test]
+    fn cells_have_their_centres() {
+        let points = square_lattice(0.25, Nodes::Cells).points().unwrap();
+        assert_eq!(points.counts, [4, 2]);
+        assert_eq!(points.positions[..4], [0.125, 0.125, 0.125, 0.375]);
+        assert_eq!(points.volumes.len(), 8);
+    }
+
+    #[test]
+    fn corners_may_be_given_in_any_order() {
+        let swapped = Lattice {
+            lower: vec![1.0, 0.0],
+            upper: vec![0.0, 0.5],
+            ..square_lattice(0.25, Nodes::Corners)
+        };
+        assert_eq!(swapped.points(), square_lattice(0.25, Nodes::Corners).points());
+    }
+
+    #[test]
+    fn wrong_boxes_are_named() {
+        let error = square_lattice(0.3, Nodes::Corners).points().unwrap_err();
+        assert!(matches!(error, LatticeError::Fraction { axis: 'x', .. }));
+        let text = error.to_string();
+        assert!(text.contains("extent 1 m") && text.contains("spacing 0.3 m"), "{text}");
+        for spacing in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let error = square_lattice(spacing, Nodes::Cells).points().unwrap_err();
+            assert!(matches!(error, LatticeError::Spacing { .. }));
+        }
+        let flat = Lattice { upper: vec![1.0, 0.0], ..square_lattice(0.25, Nodes::Corners) };
+        assert!(matches!(flat.points(), Err(LatticeError::Extent { axis: 'y', .. })));
+        let line = Lattice { upper: vec![1.0], ..square_lattice(0.25, Nodes::Corners) };
+        assert!(matches!(line.points(), Err(LatticeError::Dimension { lower: 2, upper: 1 })));
+        let huge = square_lattice(1.0 / 131072.0, Nodes::Cells);
+        assert!(matches!(huge.points(), Err(LatticeError::TooMany { .. })));
+    }
+
+    #[test]
+    fn an_extent_may_miss_a_whole_number_by_a_millionth() {
+        let nearly = Lattice { upper: vec![1.0 + 2e-7, 0.5], ..square_lattice(0.25, Nodes::Cells) };
+        assert_eq!(nearly.counts().unwrap(), [4, 2]);
+        let not = Lattice { upper: vec![1.0 + 3e-7, 0.5], ..square_lattice(0.25, Nodes::Cells) };
+        assert!(not.counts().is_err());
+    }
+}

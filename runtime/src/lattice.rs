@@ -192,11 +192,14 @@ pub fn bulk_counts(dimension: usize, ratio: f64) -> BulkCounts {
     }
 }
 
-/// [`bulk_counts`] without the triples, whose count takes the longest.
-pub(crate) fn bulk_pairs(dimension: usize, ratio: f64) -> BulkCounts {
-    let bulk = BulkLattice::new(dimension, ratio);
-    let (triangles, _) = bulk.cliques(false);
-    BulkCounts { neighbors: 2 * bulk.upper.len() as u64, pairs: 6 * triangles, triples: 0 }
+/// `#N1` alone, without the work of the others.
+pub(crate) fn bulk_neighbors(dimension: usize, ratio: f64) -> u64 {
+    2 * BulkLattice::new(dimension, ratio).upper.len() as u64
+}
+
+/// `#N2` alone, without the work of the triples.
+pub(crate) fn bulk_pairs(dimension: usize, ratio: f64) -> u64 {
+    6 * BulkLattice::new(dimension, ratio).cliques(false).0
 }
 
 /// The half of a lattice point's family that follows it in lexicographic order. By translation,

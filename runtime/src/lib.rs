@@ -3,6 +3,7 @@
 pub mod body;
 pub mod energy;
 pub mod geometry;
+pub mod interaction;
 pub mod kernel;
 pub mod lattice;
 pub mod matrix;
@@ -10,3 +11,4 @@ pub mod solve;
 pub mod plan;
 pub mod scene;
 pub mod neighborhood;
+pub mod weights;

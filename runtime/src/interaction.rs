@@ -1,0 +1,15 @@
+//! Interactions are the cliques of the neighbour graph: pairs, triples and quadruples of points
+//! that are pairwise within the horizon, each visited once, from its lowest point, its *owner*.
+//!
+//! Nothing is stored: an owner's cliques are enumerated whenever they are needed, through bit sets
+//! over its later neighbours. Cliques without area or volume at rest are dropped and counted.
+
+mod census;
+mod clique;
+mod degenerate;
+mod slab;
+
+pub use census::Census;
+pub use clique::OwnerCliques;
+pub use degenerate::Degeneracy;
+pub use slab::Slabs;

@@ -1,0 +1,238 @@
+//! Weights of the interactions: the volumes that turn energy densities into energy.
+//!
+//! The papers sum over ordered neighbours of every point; each unordered interaction here carries
+//! what its visits there add up to (the energy is the same, and only the energy defines forces):
+//!
+//! ```text
+//! bond {a,i}:             W = 1/2 * 1 * (V_a V1_a + V_i V1_i)
+//! triangle {a,i,j}:       W = 1/3 * 2 * (V_a V2_a + V_i V2_i + V_j V2_j)
+//! tetrahedron {a,i,j,k}:  W = 1/4 * 6 * (V_a V3_a + V_i V3_i + V_j V3_j + V_k V3_k)
+//! ```
+//!
+//! with effective neighbour volumes `Vk_a = VH_a^k/#Nk_a` (javili2020, section 3.1; `#Nk` counts
+//! ordered contributing neighbours, pairs, triples).
+
+use std::f64::consts::PI;
+
+use crate::body::Body;
+use crate::interaction::Census;
+use crate::kernel::Measure;
+use crate::lattice;
+
+/// How interactions are weighted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Weights {
+    /// `V1`, `V2`, `V3` of a point inside an endless lattice, with the volume of the full ball, at
+    /// every point. Lattices only.
+    Uniform,
+    /// `VH_a = ball*N1_a/max N1` with each point's own counts.
+    Truncated,
+    /// The product of the point volumes, times 1, 2, 6.
+    Volumes,
+    /// 1: spring networks, tests.
+    Unit,
+}
+
+/// Why interactions cannot be weighted.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum WeightsError {
+    /// Uniform weights of a cloud.
+    #[error(
+        "weights \"uniform\" need a lattice, but the points are a cloud: use \"truncated\" or \"volumes\""
+    )]
+    UniformCloud,
+    /// A point without volume.
+    #[error(
+        "the volume of point {point} (counted from 0 in the order of the input) at {position:?} m is \
+         {volume} m^{dimension}: volumes must be positive and finite"
+    )]
+    Volume {
+        /// In the user's order.
+        point: usize,
+        /// In m.
+        position: Vec<f64>,
+        /// As given.
+        volume: f64,
+        /// 2 or 3.
+        dimension: usize,
+    },
+}
+
+/// The weights of all interactions of one measure.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum CliqueWeights {
+    /// `factor*(s_a + s_i + ..)`.
+    Sum { factor: f64, shares: Vec<f64> },
+    /// `factor*V_a*V_i*..`.
+    Product { factor: f64, volumes: Vec<f64> },
+    /// 1.
+    Unit,
+}
+
+impl CliqueWeights {
+    /// The weight of one interaction, from its points in ascending order.
+    #[inline(always)]
+    pub(crate) fn of<const P: usize>(&self, points: [usize; P]) -> f64 {
+        match self {
+            CliqueWeights::Sum { factor, shares } => {
+                let mut sum = shares[points[0]];
+                for &point in &points[1..] {
+                    sum += shares[point];
+                }
+                factor * sum
+            }
+            CliqueWeights::Product { factor, volumes } => {
+                points.iter().fold(*factor, |product, &point| product * volumes[point])
+            }
+            CliqueWeights::Unit => 1.0,
+        }
+    }
+}
+
+/// How many neighbours of a point an interaction of this measure has.
+fn order(measure: Measure) -> usize {
+    match measure {
+        Measure::Length => 1,
+        Measure::Area => 2,
+        Measure::Volume => 3,
+    }
+}
+
+impl Weights {
+    /// The weights of the interactions of a measure; `census` has counted them.
+    pub(crate) fn of_measure(
+        self,
+        measure: Measure,
+        body: &Body,
+        horizon: f64,
+        census: &Census,
+    ) -> Result<CliqueWeights, WeightsError> {
+        check_volumes(body)?;
+        let order = order(measure);
+        let permutations = [1.0, 2.0, 6.0][order - 1];
+        let factor = permutations / (order + 1) as f64;
+        match self {
+            Weights::Unit => Ok(CliqueWeights::Unit),
+            Weights::Volumes => Ok(CliqueWeights::Product {
+                factor: permutations,
+                volumes: body.volumes().to_vec(),
+            }),
+            Weights::Uniform => {
+                let spacing = body.spacing().ok_or(WeightsError::UniformCloud)?;
+                let count = bulk_count(measure, body.dimension(), horizon / spacing);
+                let effective = effective(ball(body.dimension(), horizon), order, count);
+                let shares = body.volumes().iter().map(|volume| volume * effective).collect();
+                Ok(CliqueWeights::Sum { factor, shares })
+            }
+            Weights::Truncated => {
+                let most = census.neighbors.iter().copied().max().unwrap_or(1).max(1) as f64;
+                let counts = counts(measure, census);
+                let share = |point: usize| {
+                    let part = census.neighbors[point] as f64 / most;
+                    let family = ball(body.dimension(), horizon) * part;
+                    body.volumes()[point] * effective(family, order, counts[point])
+                };
+                Ok(CliqueWeights::Sum { factor, shares: (0..body.n_points()).map(share).collect() })
+            }
+        }
+    }
+}
+
+/// `VH^k/#Nk`; a point that no interaction of this kind contains has none to weight.
+fn effective(family: f64, order: usize, count: u64) -> f64 {
+    if count == 0 {
+        return 0.0;
+    }
+    (1..order).fold(family, |power, _| power * family) / count as f64
+}
+
+/// Volume of the full neighbourhood in m^d.
+fn ball(dimension: usize, horizon: f64) -> f64 {
+    if dimension == 2 {
+        PI * horizon * horizon
+    } else {
+        4.0 / 3.0 * PI * horizon * horizon * horizon
+    }
+}
+
+fn bulk_count(measure: Measure, dimension: usize, ratio: f64) -> u64 {
+    match measure {
+        Measure::Length => lattice::bulk_neighbors(dimension, ratio),
+        Measure::Area => lattice::bulk_pairs(dimension, ratio),
+        Measure::Volume => lattice::bulk_counts(dimension, ratio).triples,
+    }
+}
+
+fn counts(measure: Measure, census: &Census) -> &[u64] {
+    match measure {
+        Measure::Length => &census.neighbors,
+        Measure::Area => &census.pairs,
+        Measure::Volume => &census.triples,
+    }
+}
+
+fn check_volumes(body: &Body) -> Result<(), WeightsError> {
+    let is_bad = |volume: &f64| !(*volume > 0.0 && volume.is_finite());
+    match body.volumes().iter().position(is_bad) {
+        None => Ok(()),
+        Some(point) => Err(WeightsError::Volume {
+            point: body.user_index()[point] as usize,
+            position: body.position(point).to_vec(),
+            volume: body.volumes()[point],
+            dimension: body.dimension(),
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn pair(volumes: [f64; 2], spacing: Option<f64>) -> Body {
+        Body::new(2, &[0.0, 0.0, 1.0, 0.0], &volumes, spacing)
+    }
+
+    fn census() -> Census {
+        let counts = vec![1, 2];
+        Census {
+            neighbors: counts.clone(),
+            pairs: vec![0, 4],
+            triples: counts,
+            ..Census::default()
+        }
+    }
+
+    fn weight(weights: Weights, measure: Measure, body: &Body) -> f64 {
+        weights.of_measure(measure, body, 2.0, &census()).unwrap().of([0, 1])
+    }
+
+    #[test]
+    fn weights_follow_the_formulas() {
+        let body = pair([3.0, 5.0], Some(1.0));
+        assert_eq!(weight(Weights::Unit, Measure::Volume, &body), 1.0);
+        assert_eq!(weight(Weights::Volumes, Measure::Length, &body), 15.0);
+        assert_eq!(weight(Weights::Volumes, Measure::Area, &body), 30.0);
+        assert_eq!(weight(Weights::Volumes, Measure::Volume, &body), 90.0);
+        let ball = PI * 4.0;
+        // 12 neighbours and 48 ordered pairs at ratio 2.
+        let uniform = weight(Weights::Uniform, Measure::Length, &body);
+        assert!((uniform - 0.5 * 8.0 * ball / 12.0).abs() < 1e-13 * uniform);
+        let uniform = weight(Weights::Uniform, Measure::Area, &body);
+        assert!((uniform - 2.0 / 3.0 * 8.0 * ball * ball / 48.0).abs() < 1e-13 * uniform);
+        // Half a ball at the first point, and no pair.
+        let truncated = weight(Weights::Truncated, Measure::Length, &body);
+        assert!((truncated - 0.5 * ball * (3.0 * 0.5 + 5.0 / 2.0)).abs() < 1e-13 * truncated);
+        let truncated = weight(Weights::Truncated, Measure::Area, &body);
+        assert!((truncated - 2.0 / 3.0 * 5.0 * ball * ball / 4.0).abs() < 1e-13 * truncated);
+    }
+
+    #[test]
+    fn what_cannot_be_weighted_is_named() {
+        let of = |body: &Body| Weights::Uniform.of_measure(Measure::Length, body, 2.0, &census());
+        assert_eq!(of(&pair([1.0, 1.0], None)), Err(WeightsError::UniformCloud));
+        for volume in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let error = of(&pair([1.0, volume], Some(1.0))).unwrap_err();
+            assert!(matches!(error, WeightsError::Volume { point: 1, .. }), "{error}");
+        }
+    }
+}

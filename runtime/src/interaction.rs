@@ -11,5 +11,17 @@ mod slab;
 
 pub use census::Census;
 pub use clique::OwnerCliques;
+pub(crate) use clique::never_fails;
 pub use degenerate::Degeneracy;
 pub use slab::Slabs;
+
+use crate::kernel::Measure;
+
+/// How many neighbours an interaction has: its corners besides the owner.
+pub fn n_neighbors(measure: Measure) -> usize {
+    match measure {
+        Measure::Length => 1,
+        Measure::Area => 2,
+        Measure::Volume => 3,
+    }
+}

@@ -1,6 +1,8 @@
 //! From compiled kernels to solved bodies.
 
+pub mod assembly;
 pub mod body;
+pub mod element;
 pub mod energy;
 pub mod geometry;
 pub mod interaction;

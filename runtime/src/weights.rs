@@ -15,7 +15,7 @@
 use std::f64::consts::PI;
 
 use crate::body::Body;
-use crate::interaction::Census;
+use crate::interaction::{Census, n_neighbors};
 use crate::kernel::Measure;
 use crate::lattice;
 
@@ -89,15 +89,6 @@ impl CliqueWeights {
     }
 }
 
-/// How many neighbours of a point an interaction of this measure has.
-fn order(measure: Measure) -> usize {
-    match measure {
-        Measure::Length => 1,
-        Measure::Area => 2,
-        Measure::Volume => 3,
-    }
-}
-
 impl Weights {
     /// The weights of the interactions of a measure; `census` has counted them.
     pub(crate) fn of_measure(
@@ -108,7 +99,7 @@ impl Weights {
         census: &Census,
     ) -> Result<CliqueWeights, WeightsError> {
         check_volumes(body)?;
-        let order = order(measure);
+        let order = n_neighbors(measure);
         let permutations = [1.0, 2.0, 6.0][order - 1];
         let factor = permutations / (order + 1) as f64;
         match self {

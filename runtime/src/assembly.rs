@@ -1,0 +1,282 @@
+//! The discrete total energy of a body with its exact derivatives.
+//!
+//! `E(u) = sum over interactions of weight * psi(measure(u))`, each bond, triangle and tetrahedron
+//! once. Interactions are enumerated by their owners, slab by slab (see
+//! [`crate::interaction::Slabs`]): the even slabs at once, then the odd ones. Every number is summed
+//! in an order that the body alone decides, so results have the same bits for any number of threads.
+
+mod accumulate;
+mod error;
+mod rows;
+mod slab;
+
+pub use error::AssemblyError;
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use crate::body::Body;
+use crate::element::{Element, MeasureElement, Order};
+use crate::energy::{EnergyParts, NonFinite, TotalEnergy};
+use crate::interaction::{Census, Degeneracy, Slabs};
+use crate::kernel::{Law, Measure};
+use crate::matrix::{BlockMatrix, BlockPattern};
+use crate::neighborhood::Neighborhood;
+use crate::weights::{CliqueWeights, Weights};
+use rows::Rows;
+use slab::SlabTask;
+
+/// An energy density for each kind of interaction that is modelled.
+#[derive(Default)]
+pub struct Laws {
+    /// `psi(l)` in J/m^(2d).
+    pub bond: Option<Box<dyn Law>>,
+    /// `psi(a)` in J/m^(3d).
+    pub triangle: Option<Box<dyn Law>>,
+    /// `psi(v)` in J/m^(4d); in three dimensions only.
+    pub tetrahedron: Option<Box<dyn Law>>,
+}
+
+impl Laws {
+    /// These laws on the geometry of their measures.
+    pub fn into_elements(self, dimension: usize) -> Elements {
+        let element = |measure: Measure, law: Option<Box<dyn Law>>| {
+            law.map(|law| {
+                Box::new(MeasureElement::new(measure, dimension, law)) as Box<dyn Element>
+            })
+        };
+        Elements {
+            bond: element(Measure::Length, self.bond),
+            triangle: element(Measure::Area, self.triangle),
+            tetrahedron: element(Measure::Volume, self.tetrahedron),
+        }
+    }
+}
+
+/// An element for each kind of interaction that is modelled.
+#[derive(Default)]
+pub struct Elements {
+    /// One-neighbour interactions.
+    pub bond: Option<Box<dyn Element>>,
+    /// Two-neighbour interactions.
+    pub triangle: Option<Box<dyn Element>>,
+    /// Three-neighbour interactions; in three dimensions only.
+    pub tetrahedron: Option<Box<dyn Element>>,
+}
+
+/// One kind of interaction: what its members store and how much each counts.
+struct Kind {
+    element: Box<dyn Element>,
+    weights: CliqueWeights,
+}
+
+/// What a body consists of. Kinds of interaction that are not modelled count 0.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Report {
+    /// Points.
+    pub n_points: usize,
+    /// One-neighbour interactions.
+    pub bonds: u64,
+    /// Two-neighbour interactions.
+    pub triangles: u64,
+    /// Three-neighbour interactions.
+    pub tetrahedra: u64,
+    /// Collinear triples of points left out.
+    pub dropped_triangles: u64,
+    /// Coplanar quadruples of points left out.
+    pub dropped_tetrahedra: u64,
+    /// Pairs of points as far apart as the horizon to within 1e-6 of it.
+    pub shell_bonds: usize,
+    /// Blocks of the tangent on and above the diagonal.
+    pub pattern_blocks: usize,
+}
+
+/// The discrete total energy.
+pub struct DiscreteEnergy {
+    body: Arc<Body>,
+    neighborhood: Neighborhood,
+    degeneracy: Degeneracy,
+    slabs: Slabs,
+    pattern: Arc<BlockPattern>,
+    bonds: Option<Kind>,
+    triangles: Option<Kind>,
+    tetrahedra: Option<Kind>,
+    report: Report,
+}
+
+impl DiscreteEnergy {
+    /// The energy of laws of the measures. The horizon is in m.
+    pub fn new(
+        body: Arc<Body>,
+        horizon: f64,
+        weights: Weights,
+        laws: Laws,
+    ) -> Result<DiscreteEnergy, AssemblyError> {
+        let elements = laws.into_elements(body.dimension());
+        DiscreteEnergy::with_elements(body, horizon, weights, elements)
+    }
+
+    /// The energy of any elements.
+    pub fn with_elements(
+        body: Arc<Body>,
+        horizon: f64,
+        weights: Weights,
+        elements: Elements,
+    ) -> Result<DiscreteEnergy, AssemblyError> {
+        error::check_elements(&elements, body.dimension())?;
+        let neighborhood = Neighborhood::new(&body, horizon)?;
+        error::check_neighbors(&body, &neighborhood)?;
+        let slabs = Slabs::new(&neighborhood);
+        let degeneracy = Degeneracy::new(&body);
+        let needed = |measure: Measure| match measure {
+            Measure::Length => elements.bond.is_some(),
+            Measure::Area => elements.triangle.is_some(),
+            Measure::Volume => elements.tetrahedron.is_some(),
+        };
+        let census = Census::new(&body, &neighborhood, degeneracy, &slabs, needed);
+        let kind = |element: Option<Box<dyn Element>>| {
+            let with_weights = |element: Box<dyn Element>| {
+                let weights = weights.of_measure(element.measure(), &body, horizon, &census)?;
+                Ok::<Kind, AssemblyError>(Kind { element, weights })
+            };
+            element.map(with_weights).transpose()
+        };
+        let (bonds, triangles) = (kind(elements.bond)?, kind(elements.triangle)?);
+        let tetrahedra = kind(elements.tetrahedron)?;
+        let pattern = Arc::new(pattern(&neighborhood, body.dimension()));
+        let report = Report {
+            n_points: body.n_points(),
+            bonds: if bonds.is_some() { census.bonds } else { 0 },
+            triangles: census.triangles,
+            tetrahedra: census.tetrahedra,
+            dropped_triangles: census.dropped_triangles,
+            dropped_tetrahedra: census.dropped_tetrahedra,
+            shell_bonds: neighborhood.shell_bonds(),
+            pattern_blocks: pattern.n_blocks(),
+        };
+        Ok(DiscreteEnergy {
+            body,
+            neighborhood,
+            degeneracy,
+            slabs,
+            pattern,
+            bonds,
+            triangles,
+            tetrahedra,
+            report,
+        })
+    }
+
+    /// The body.
+    pub fn body(&self) -> &Arc<Body> {
+        &self.body
+    }
+
+    /// Who is within the horizon of whom.
+    pub fn neighborhood(&self) -> &Neighborhood {
+        &self.neighborhood
+    }
+
+    /// What the body consists of.
+    pub fn report(&self) -> &Report {
+        &self.report
+    }
+
+    /// How many cliques are turned inside out: triangles with `a < 0` in the plane, tetrahedra with
+    /// `v < 0` in space; kinds of interaction that are not modelled are not looked at.
+    pub fn inverted(&self, u: &[f64]) -> u64 {
+        let count = |slab: usize| match self.body.dimension() {
+            2 => slab::inverted_triangles(self, slab, u),
+            _ => slab::inverted_tetrahedra(self, slab, u),
+        };
+        let counts: Vec<u64> = (0..self.slabs.len()).into_par_iter().map(count).collect();
+        counts.iter().sum()
+    }
+
+    fn evaluate(
+        &self,
+        order: Order,
+        u: &[f64],
+        gradient: &mut [f64],
+        tangent: &mut [f64],
+    ) -> Result<EnergyParts, NonFinite> {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        gradient.fill(0.0);
+        tangent.fill(0.0);
+        let mut outcomes = Vec::with_capacity(self.slabs.len());
+        // The energy alone writes to no rows: all slabs can go at once.
+        let n_colors = if order == Order::Energy { 1 } else { 2 };
+        for color in 0..n_colors {
+            let tasks = self.tasks(color, n_colors, gradient, tangent);
+            let run = |task: SlabTask<'_>| (task.slab, task.assemble(self, order, u));
+            let done: Vec<_> = tasks.into_par_iter().with_max_len(1).map(run).collect();
+            outcomes.extend(done);
+        }
+        outcomes.sort_by_key(|(slab, _)| *slab);
+        slab::total(outcomes.into_iter().map(|(_, outcome)| outcome))
+    }
+
+    /// The slabs of one colour, each with the rows it touches.
+    fn tasks<'a>(
+        &'a self,
+        color: usize,
+        n_colors: usize,
+        gradient: &'a mut [f64],
+        tangent: &'a mut [f64],
+    ) -> Vec<SlabTask<'a>> {
+        let mut rest = Rows::whole(&self.pattern, gradient, tangent);
+        let mut tasks = Vec::new();
+        for slab in (color..self.slabs.len()).step_by(n_colors) {
+            let touched = self.slabs.touched(slab);
+            let rows = if n_colors == 1 { Rows::none(&self.pattern) } else { rest.take(touched) };
+            tasks.push(SlabTask { slab, rows });
+        }
+        tasks
+    }
+}
+
+/// Diagonal blocks and those of all bonds: members of a triangle or tetrahedron are neighbours.
+fn pattern(neighborhood: &Neighborhood, dimension: usize) -> BlockPattern {
+    let n = neighborhood.n_points();
+    let mut row_start = Vec::with_capacity(n + 1);
+    let mut columns = Vec::with_capacity(n + neighborhood.n_bonds());
+    row_start.push(0);
+    for point in 0..n {
+        columns.push(point as u32);
+        columns.extend_from_slice(neighborhood.upper(point));
+        row_start.push(columns.len());
+    }
+    BlockPattern { dimension, row_start, columns }
+}
+
+impl TotalEnergy for DiscreteEnergy {
+    fn dimension(&self) -> usize {
+        self.body.dimension()
+    }
+
+    fn pattern(&self) -> &Arc<BlockPattern> {
+        &self.pattern
+    }
+
+    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
+        self.evaluate(Order::Energy, u, &mut [], &mut [])
+    }
+
+    fn gradient(&self, u: &[f64], gradient: &mut [f64]) -> Result<EnergyParts, NonFinite> {
+        assert_eq!(gradient.len(), u.len(), "the gradient is n x d");
+        self.evaluate(Order::Gradient, u, gradient, &mut [])
+    }
+
+    fn tangent(
+        &self,
+        u: &[f64],
+        gradient: &mut [f64],
+        tangent: &mut BlockMatrix,
+    ) -> Result<EnergyParts, NonFinite> {
+        assert_eq!(gradient.len(), u.len(), "the gradient is n x d");
+        let block = self.pattern.dimension * self.pattern.dimension;
+        assert_eq!(tangent.values.len(), self.pattern.n_blocks() * block, "the energy's pattern");
+        self.evaluate(Order::Tangent, u, gradient, &mut tangent.values)
+    }
+}

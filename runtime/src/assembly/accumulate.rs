@@ -1,0 +1,293 @@
+//! What the interactions of one owner add to the rows of its members and to its own row.
+//!
+//! Elements return compact derivatives. The owner's gradient is minus the sum over the members; its
+//! coupling with a member is minus the column sum of that member, its diagonal block the sum of
+//! everything. So the members' sums are gathered first and the owner's row is written once.
+
+use super::rows::{Block, Rows};
+use crate::element::{CAPACITY, Contributions, Order};
+use crate::geometry::packed;
+use crate::interaction::OwnerCliques;
+
+/// A triangle of a batch: members `j < k` and where the block of their points starts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TriangleLane {
+    pub(super) j: u32,
+    pub(super) k: u32,
+    pub(super) block: usize,
+}
+
+/// A tetrahedron of a batch: members `j < k < l` and the numbers of their pairs.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TetrahedronLane {
+    pub(super) members: [u32; 3],
+    pub(super) pairs: [u32; 3],
+}
+
+/// Sums over the interactions of one owner, per member.
+#[derive(Default)]
+pub(super) struct OwnerSums<const D: usize> {
+    gradient: Vec<[f64; D]>,
+    /// Upper triangles of the members' own blocks.
+    diagonal: Vec<Block<D>>,
+    /// For member `j` the sum over the other members `k` of the blocks `(k, j)`.
+    column: Vec<Block<D>>,
+    /// Blocks of pairs of members, for tetrahedra: each pair lies in many of them.
+    pairs: Vec<Block<D>>,
+}
+
+impl<const D: usize> OwnerSums<D> {
+    /// Starts a new owner.
+    pub(super) fn reset(&mut self, order: Order, n_members: usize, n_pairs: usize) {
+        let zero = [[0.0; D]; D];
+        let restart = |blocks: &mut Vec<Block<D>>, n: usize| {
+            blocks.clear();
+            blocks.resize(n, zero);
+        };
+        if order >= Order::Gradient {
+            self.gradient.clear();
+            self.gradient.resize(n_members, [0.0; D]);
+        }
+        if order == Order::Tangent {
+            restart(&mut self.diagonal, n_members);
+            restart(&mut self.column, n_members);
+            restart(&mut self.pairs, n_pairs);
+        }
+    }
+
+    /// Adds a batch of triangles. Their pair blocks go straight to the tangent: each pair of members
+    /// lies in one triangle of the owner only.
+    pub(super) fn add_triangles(
+        &mut self,
+        lanes: &[TriangleLane],
+        out: &Contributions,
+        order: Order,
+        rows: &mut Rows<'_>,
+    ) {
+        let lanes = &lanes[..lanes.len().min(CAPACITY)];
+        if order >= Order::Gradient {
+            let gradient = &out.gradient[..2 * D];
+            for (p, lane) in lanes.iter().enumerate() {
+                for (corner, member) in [lane.j, lane.k].into_iter().enumerate() {
+                    let sum = &mut self.gradient[member as usize];
+                    for axis in 0..D {
+                        sum[axis] += gradient[corner * D + axis][p];
+                    }
+                }
+            }
+        }
+        if order == Order::Tangent {
+            self.add_triangle_blocks(lanes, out, rows);
+        }
+    }
+
+    fn add_triangle_blocks(
+        &mut self,
+        lanes: &[TriangleLane],
+        out: &Contributions,
+        rows: &mut Rows<'_>,
+    ) {
+        let h = &out.hessian[..packed(2 * D, 2 * D - 1, 2 * D - 1) + 1];
+        let mut p = 0;
+        while p < lanes.len() {
+            // Triangles on one edge (owner, j) follow each other: the sums of j stay in registers.
+            let j = lanes[p].j;
+            let (mut own, mut column) = ([[0.0; D]; D], [[0.0; D]; D]);
+            while p < lanes.len() && lanes[p].j == j {
+                let k = lanes[p].k as usize;
+                let block = rows.block::<D>(lanes[p].block);
+                let (own_k, column_k) = (&mut self.diagonal[k], &mut self.column[k]);
+                for r in 0..D {
+                    for c in 0..D {
+                        let mixed = h[packed(2 * D, r, D + c)][p];
+                        block[r * D + c] += mixed;
+                        column_k[r][c] += mixed;
+                        column[c][r] += mixed;
+                    }
+                    for c in r..D {
+                        own[r][c] += h[packed(2 * D, r, c)][p];
+                        own_k[r][c] += h[packed(2 * D, D + r, D + c)][p];
+                    }
+                }
+                p += 1;
+            }
+            add(&mut self.diagonal[j as usize], &own);
+            add(&mut self.column[j as usize], &column);
+        }
+    }
+
+    /// Adds a batch of tetrahedra.
+    pub(super) fn add_tetrahedra(
+        &mut self,
+        lanes: &[TetrahedronLane],
+        out: &Contributions,
+        order: Order,
+    ) {
+        let lanes = &lanes[..lanes.len().min(CAPACITY)];
+        if order >= Order::Gradient {
+            let gradient = &out.gradient[..3 * D];
+            for (p, lane) in lanes.iter().enumerate() {
+                for (corner, member) in lane.members.into_iter().enumerate() {
+                    let sum = &mut self.gradient[member as usize];
+                    for axis in 0..D {
+                        sum[axis] += gradient[corner * D + axis][p];
+                    }
+                }
+            }
+        }
+        if order == Order::Tangent {
+            self.add_tetrahedron_blocks(lanes, out);
+        }
+    }
+
+    fn add_tetrahedron_blocks(&mut self, lanes: &[TetrahedronLane], out: &Contributions) {
+        let h = &out.hessian[..packed(3 * D, 3 * D - 1, 3 * D - 1) + 1];
+        let mut p = 0;
+        while p < lanes.len() {
+            // Tetrahedra on one triangle (owner, j, k) follow each other.
+            let ([j, k, _], [jk, _, _]) = (lanes[p].members, lanes[p].pairs);
+            let mut base = [[[0.0; D]; D]; 3];
+            while p < lanes.len() && lanes[p].pairs[0] == jk {
+                let [_, jl, kl] = lanes[p].pairs;
+                let own_l = &mut self.diagonal[lanes[p].members[2] as usize];
+                for r in 0..D {
+                    for c in r..D {
+                        base[0][r][c] += h[packed(3 * D, r, c)][p];
+                        base[1][r][c] += h[packed(3 * D, D + r, D + c)][p];
+                        own_l[r][c] += h[packed(3 * D, 2 * D + r, 2 * D + c)][p];
+                    }
+                    for c in 0..D {
+                        base[2][r][c] += h[packed(3 * D, r, D + c)][p];
+                    }
+                }
+                for (pair, corner) in [(jl, 0), (kl, 1)] {
+                    let block = &mut self.pairs[pair as usize];
+                    for r in 0..D {
+                        for c in 0..D {
+                            block[r][c] += h[packed(3 * D, corner * D + r, 2 * D + c)][p];
+                        }
+                    }
+                }
+                p += 1;
+            }
+            add(&mut self.diagonal[j as usize], &base[0]);
+            add(&mut self.diagonal[k as usize], &base[1]);
+            add(&mut self.pairs[jk as usize], &base[2]);
+        }
+    }
+
+    /// Writes the sums of this owner to the rows of its points. With tetrahedra, `pairs` were
+    /// numbered in the order of [`OwnerCliques::for_each_pair`].
+    pub(super) fn write(
+        &mut self,
+        cliques: &OwnerCliques<'_, D>,
+        order: Order,
+        rows: &mut Rows<'_>,
+    ) {
+        let (owner, members) = (cliques.owner(), cliques.members());
+        if order >= Order::Gradient {
+            let mut total = [0.0; D];
+            for (part, &point) in self.gradient.iter().zip(members) {
+                rows.add_gradient(point as usize, part);
+                for axis in 0..D {
+                    total[axis] -= part[axis];
+                }
+            }
+            rows.add_gradient(owner, &total);
+        }
+        if order == Order::Tangent {
+            self.write_pairs(cliques, rows);
+            self.write_owner(owner, members, rows);
+        }
+    }
+
+    fn write_pairs(&mut self, cliques: &OwnerCliques<'_, D>, rows: &mut Rows<'_>) {
+        let (pairs, column) = (&self.pairs, &mut self.column);
+        if pairs.is_empty() {
+            return;
+        }
+        let mut number = 0;
+        cliques.for_each_pair(|j, k| {
+            let part = &pairs[number];
+            number += 1;
+            let start = rows.coupling::<D>(cliques.members()[j] as usize, cliques.place(j, k));
+            rows.add_block(start, part);
+            for r in 0..D {
+                for c in 0..D {
+                    column[k][r][c] += part[r][c];
+                    column[j][c][r] += part[r][c];
+                }
+            }
+        });
+    }
+
+    fn write_owner(&self, owner: usize, members: &[u32], rows: &mut Rows<'_>) {
+        let mut total = [[0.0; D]; D];
+        for (member, &point) in members.iter().enumerate() {
+            let own = symmetric(&self.diagonal[member]);
+            let mut sum = self.column[member];
+            add(&mut sum, &own);
+            add(&mut total, &sum);
+            rows.add_block(rows.diagonal::<D>(point as usize), &own);
+            rows.add_block(rows.coupling::<D>(owner, member), &sum.map(|row| row.map(|x| -x)));
+        }
+        // The sum of everything is symmetric but for rounding; the stored block is so exactly.
+        let mut symmetrised = total;
+        for r in 0..D {
+            for c in 0..D {
+                symmetrised[r][c] = 0.5 * (total[r][c] + total[c][r]);
+            }
+        }
+        rows.add_block(rows.diagonal::<D>(owner), &symmetrised);
+    }
+}
+
+/// Adds a batch of bonds `(owner, other, place of other in the owner's row)`.
+pub(super) fn add_bonds<const D: usize>(
+    lanes: &[(usize, usize, usize)],
+    out: &Contributions,
+    order: Order,
+    rows: &mut Rows<'_>,
+) {
+    let (gradient, h) = (&out.gradient[..D], &out.hessian[..packed(D, D - 1, D - 1) + 1]);
+    for (p, &(owner, other, place)) in lanes.iter().take(CAPACITY).enumerate() {
+        if order >= Order::Gradient {
+            let part: [f64; D] = std::array::from_fn(|axis| gradient[axis][p]);
+            rows.add_gradient(other, &part);
+            rows.add_gradient(owner, &part.map(|x| -x));
+        }
+        if order == Order::Tangent {
+            let mut upper = [[0.0; D]; D];
+            for r in 0..D {
+                for c in r..D {
+                    upper[r][c] = h[packed(D, r, c)][p];
+                }
+            }
+            let block = symmetric(&upper);
+            rows.add_block(rows.diagonal::<D>(owner), &block);
+            rows.add_block(rows.diagonal::<D>(other), &block);
+            rows.add_block(rows.coupling::<D>(owner, place), &block.map(|row| row.map(|x| -x)));
+        }
+    }
+}
+
+#[inline(always)]
+fn add<const D: usize>(sum: &mut Block<D>, part: &Block<D>) {
+    for r in 0..D {
+        for c in 0..D {
+            sum[r][c] += part[r][c];
+        }
+    }
+}
+
+/// The whole of a symmetric block from its upper triangle.
+#[inline(always)]
+fn symmetric<const D: usize>(upper: &Block<D>) -> Block<D> {
+    let mut whole = *upper;
+    for r in 1..D {
+        for c in 0..r {
+            whole[r][c] = upper[c][r];
+        }
+    }
+    whole
+}

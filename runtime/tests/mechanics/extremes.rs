@@ -1,0 +1,165 @@
+//! Tiny strains, far offsets, vanishing measures, uneven volumes.
+
+use std::sync::Arc;
+
+use piola_runtime::assembly::DiscreteEnergy;
+use piola_runtime::body::Body;
+use piola_runtime::energy::TotalEnergy;
+use piola_runtime::matrix::BlockMatrix;
+use piola_runtime::weights::Weights;
+
+use crate::common::{U, displacements, distance, lattice, laws, norm};
+
+fn gradient(energy: &DiscreteEnergy, u: &[f64]) -> Vec<f64> {
+    let mut gradient = vec![0.0; u.len()];
+    energy.gradient(u, &mut gradient).unwrap();
+    gradient
+}
+
+#[test]
+fn an_offset_changes_no_bit_when_differences_are_exact() {
+    // Spacing 2^-6: coordinates near 2^20 are exact.
+    for (dimension, cells) in [(2, vec![8, 6]), (3, vec![5, 4, 4])] {
+        let at = |offset: f64| {
+            let body = lattice(&vec![offset; dimension], &cells, 1.0 / 64.0);
+            let home = lattice(&vec![0.0; dimension], &cells, 1.0 / 64.0);
+            let u = displacements(&home, 1e-9, 2);
+            let laws = laws([1.0, 10.0, if dimension == 3 { 1e3 } else { 0.0 }], 1);
+            let energy = DiscreteEnergy::new(body, 2.0 / 64.0, Weights::Uniform, laws).unwrap();
+            gradient(&energy, &u)
+        };
+        assert_eq!(at(0.0), at(1048576.0));
+    }
+}
+
+#[test]
+fn forces_are_linear_down_to_the_smallest_strains() {
+    for (dimension, cells) in [(2, vec![8, 6]), (3, vec![5, 4, 4])] {
+        let body = lattice(&vec![0.0; dimension], &cells, 0.1);
+        let laws = laws([1.0, 100.0, if dimension == 3 { 1e6 } else { 0.0 }], 0);
+        let energy = DiscreteEnergy::new(Arc::clone(&body), 0.2, Weights::Truncated, laws).unwrap();
+        let unit = displacements(&body, 1.0, 9);
+        let at = |strain: f64| -> Vec<f64> {
+            let u: Vec<f64> = unit.iter().map(|x| x * strain).collect();
+            gradient(&energy, &u).iter().map(|g| g / strain).collect()
+        };
+        let expected = at(1e-14);
+        for strain in [1e-10, 1e-13, 1e-20, 1e-100] {
+            let error = distance(&at(strain), &expected);
+            assert!(error <= 10.0 * strain + 1e-13, "strain {strain:e}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn smooth_energies_survive_vanishing_measures() {
+    // Two points meet and a triangle collapses: n = 2 is a function of l^2 and a^2.
+    let body = Arc::new(Body::new(3, &[0., 0., 0., 1., 0., 0., 0., 1., 0.], &[1.0; 3], None));
+    let energy = DiscreteEnergy::new(body, 2.0, Weights::Unit, laws([1.0, 1.0, 0.0], 2)).unwrap();
+    let mut gradient = vec![0.0; 9];
+    let mut tangent = BlockMatrix::zeros(energy.pattern());
+    // Sorted along x, the user's point 1 comes last; it meets point 0 at the origin.
+    let u = [0., 0., 0., 0., 0., 0., -1., 0., 0.];
+    let parts = energy.tangent(&u, &mut gradient, &mut tangent).unwrap();
+    assert!(parts.bonds > 0.0 && parts.triangles > 0.0);
+    assert!(gradient.iter().chain(&tangent.values).all(|x| x.is_finite()));
+    // The limit from nearby states.
+    let mut near = BlockMatrix::zeros(energy.pattern());
+    let u = [0., 0., 0., 0., 0., 0., -1.0 + 1e-9, 2e-9, 1e-9];
+    energy.tangent(&u, &mut gradient, &mut near).unwrap();
+    assert!(distance(&tangent.values, &near.values) < 1e-8);
+}
+
+#[test]
+fn a_kink_is_refused_with_its_points() {
+    let body = Arc::new(Body::new(2, &[0., 0., 1., 0., 0., 1.], &[1.0; 3], None));
+    let energy = DiscreteEnergy::new(body, 2.0, Weights::Unit, laws([1.0, 0.0, 0.0], 1)).unwrap();
+    // Sorted along x: user points 0 and 2 at x = 0 come first, user point 1 is last.
+    let u = [0., 0., 0., 0., -1., 0.];
+    assert!(energy.energy(&u).is_ok(), "the energy itself is finite");
+    let error = energy.gradient(&u, &mut [0.0; 6]).unwrap_err();
+    assert_eq!((error.points, error.value, error.reference), (vec![0, 2], 0.0, 1.0));
+}
+
+#[test]
+fn the_lowest_refused_interaction_is_named_for_any_number_of_threads() {
+    let body = lattice(&[0.0, 0.0, 0.0], &[12, 3, 3], 1.0);
+    let energy =
+        DiscreteEnergy::new(Arc::clone(&body), 1.8, Weights::Uniform, laws([1.0, 1.0, 1.0], 0))
+            .unwrap();
+    // Mirroring the far half inverts tetrahedra there; a NaN spoils bonds at the end.
+    let mut u = vec![0.0; body.positions().len()];
+    for point in 0..body.n_points() {
+        if body.position(point)[0] > 6.0 {
+            u[3 * point + 1] = -2.0 * body.position(point)[1];
+        }
+    }
+    let name = |u: &[f64], threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| energy.energy(u)).unwrap_err()
+    };
+    let inverted = name(&u, 1);
+    assert!(inverted.value < 0.0 && inverted.points.len() == 4, "{inverted}");
+    assert_eq!(inverted, name(&u, 2));
+    let last = body.n_points() - 1;
+    u[3 * last] = f64::NAN;
+    let bond = name(&u, 1);
+    assert_eq!((bond.points.len(), bond.points[1]), (2, last), "bonds come first: {bond}");
+    assert_eq!(bond.points, name(&u, 4).points);
+}
+
+#[test]
+fn inverted_cliques_are_counted() {
+    let plane = lattice(&[0.0, 0.0], &[4, 4], 1.0);
+    let laws_2d = laws([0.0, 1.0, 0.0], 1);
+    let energy = DiscreteEnergy::new(Arc::clone(&plane), 1.5, Weights::Uniform, laws_2d).unwrap();
+    let mut u = vec![0.0; 50];
+    assert_eq!(energy.inverted(&u), 0);
+    let mirror = |body: &Body, u: &mut [f64]| {
+        for point in 0..body.n_points() {
+            u[point * body.dimension()] = -2.0 * body.position(point)[0];
+        }
+    };
+    mirror(&plane, &mut u);
+    assert_eq!(energy.inverted(&u), energy.report().triangles);
+    let solid = lattice(&[0.0, 0.0, 0.0], &[3, 3, 3], 1.0);
+    let laws_3d = laws([0.0, 1.0, 1.0], 1);
+    let energy = DiscreteEnergy::new(Arc::clone(&solid), 1.5, Weights::Uniform, laws_3d).unwrap();
+    let mut u = vec![0.0; 192];
+    assert_eq!(energy.inverted(&u), 0);
+    mirror(&solid, &mut u);
+    assert_eq!(energy.inverted(&u), energy.report().tetrahedra);
+    assert!(energy.report().tetrahedra > 100);
+}
+
+#[test]
+fn uneven_volumes_keep_the_balance() {
+    let regular = lattice(&[0.0, 0.0, 0.0], &[4, 4, 4], 0.1);
+    let volumes: Vec<f64> = (0..125).map(|k| if k % 3 == 0 { 1e-9 } else { 1e-3 }).collect();
+    let body = Arc::new(Body::new(3, regular.positions(), &volumes, None));
+    let u = displacements(&body, 0.02, 1);
+    let energy =
+        DiscreteEnergy::new(body, 0.2, Weights::Volumes, laws([1.0, 1e2, 1e5], 1)).unwrap();
+    let forces = gradient(&energy, &u);
+    let scale: f64 = forces.chunks_exact(3).map(norm).sum();
+    for axis in 0..3 {
+        let sum: f64 = forces.iter().skip(axis).step_by(3).sum();
+        assert!(sum.abs() <= 64.0 * U * scale, "{:e}", sum / scale);
+    }
+}
+
+#[test]
+fn denormal_displacements_give_denormal_forces() {
+    let body = lattice(&[0.0, 0.0], &[3, 3], 1.0);
+    let energy =
+        DiscreteEnergy::new(Arc::clone(&body), 1.5, Weights::Unit, laws([1.0, 0.0, 0.0], 1))
+            .unwrap();
+    let unit = displacements(&body, 1.0, 3);
+    for size in [1e-160, 1e-200] {
+        let u: Vec<f64> = unit.iter().map(|x| x * size).collect();
+        let found: Vec<f64> = gradient(&energy, &u).iter().map(|g| g / size).collect();
+        let small: Vec<f64> = unit.iter().map(|x| x * 1e-30).collect();
+        let expected: Vec<f64> = gradient(&energy, &small).iter().map(|g| g / 1e-30).collect();
+        assert!(distance(&found, &expected) <= 16.0 * U);
+    }
+}

@@ -1,0 +1,10 @@
+//! The mechanics of bodies against independent references and against physics.
+
+mod common;
+mod consistency;
+mod extremes;
+mod lattice_counts;
+mod moduli;
+mod refusals;
+mod small_clouds;
+mod timing;

@@ -14,3 +14,4 @@ pub mod plan;
 pub mod scene;
 pub mod neighborhood;
 pub mod weights;
+pub mod output;

@@ -15,6 +15,7 @@
 
 pub mod atomic;
 pub mod history;
+pub mod picture;
 pub mod pvd;
 pub mod read;
 pub mod summary;

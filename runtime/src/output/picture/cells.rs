@@ -1,0 +1,259 @@
+//! A lattice body as deformed cells.
+//!
+//! Every point of a lattice stands for a cell of the spacing's size. The cell's corners move with
+//! the mean of what the points around them say (their displacement and their displacement
+//! gradient from differences along the axes), so that neighbouring cells share their corners and
+//! the body looks like the solid it is. Large bodies are drawn in blocks of `k^d` points.
+
+use std::collections::HashMap;
+
+use super::body::Motion;
+
+/// Place of a cell on the lattice of blocks; the third is 0 in two dimensions.
+type Key = [i64; 3];
+
+/// The cells of a body.
+pub(super) struct Cells {
+    dimension: usize,
+    /// Points per block along each axis.
+    pub(super) block: usize,
+    /// Edge of a block in the reference, in m.
+    pub(super) size: f64,
+    origin: [f64; 3],
+    pub(super) cells: Vec<Cell>,
+    index: HashMap<Key, usize>,
+}
+
+/// One cell: the mean over the points of its block.
+pub(super) struct Cell {
+    key: Key,
+    reference: [f64; 3],
+    current: [f64; 3],
+    /// Columns of the deformation gradient.
+    gradient: [[f64; 3]; 3],
+    /// Magnitude of the mean displacement in m.
+    pub(super) magnitude: f64,
+    /// Bit `s` tells whether a point of set `s` is in the block.
+    pub(super) sets: u32,
+}
+
+/// A face of a cell with nothing before it, or a whole cell in two dimensions.
+pub(super) struct Facet {
+    /// Which cell.
+    pub(super) cell: usize,
+    /// Current positions of the corners, in m, around the face.
+    pub(super) corners: [[f64; 3]; 4],
+    /// Outward along this axis; `None` in two dimensions.
+    pub(super) outward: Option<[f64; 3]>,
+}
+
+/// An edge of a cell in two dimensions, with what is beyond it.
+pub(super) struct Edge {
+    pub(super) cell: usize,
+    pub(super) beyond: Option<usize>,
+    /// Ends in the reference, in m.
+    pub(super) reference: [[f64; 3]; 2],
+    /// Ends in the current configuration, in m.
+    pub(super) current: [[f64; 3]; 2],
+}
+
+impl Cells {
+    /// Cells of a lattice of this spacing, coarse enough for at most `most` facets.
+    pub(super) fn new(motion: &Motion, spacing: f64, most: usize) -> Cells {
+        let d = motion.points.dimension as f64;
+        let mut block = 1;
+        loop {
+            let mut cells = Cells::of_blocks(motion, spacing, block);
+            let facets = if motion.points.dimension == 2 {
+                cells.cells.len()
+            } else {
+                // About half of the faces point away from the viewer.
+                cells.exposed().count() / 2
+            };
+            if facets <= most {
+                cells.find_gradients();
+                return cells;
+            }
+            let ratio = facets as f64 / most as f64;
+            block = (block as f64 * ratio.sqrt().min(libm::pow(ratio, 1.0 / (d - 1.0))))
+                .ceil()
+                .max(block as f64 + 1.0) as usize;
+        }
+    }
+
+    fn of_blocks(motion: &Motion, spacing: f64, block: usize) -> Cells {
+        let size = spacing * block as f64;
+        // Cells begin half a spacing before the first point.
+        let origin = motion.lowest_reference().map(|x| x - 0.5 * spacing);
+        let mut cells: Vec<Cell> = Vec::new();
+        let mut counts: Vec<f64> = Vec::new();
+        let mut index: HashMap<Key, usize> = HashMap::new();
+        for point in motion.finite_points() {
+            let (reference, current) = (motion.reference(point), motion.current(point));
+            let mut key = [0; 3];
+            for axis in 0..motion.points.dimension {
+                key[axis] = ((reference[axis] - origin[axis]) / size).floor() as i64;
+            }
+            let place = *index.entry(key).or_insert_with(|| {
+                cells.push(Cell::empty(key));
+                counts.push(0.0);
+                cells.len() - 1
+            });
+            let cell = &mut cells[place];
+            counts[place] += 1.0;
+            for axis in 0..3 {
+                cell.reference[axis] += reference[axis];
+                cell.current[axis] += current[axis];
+            }
+            cell.magnitude += motion.magnitude(point);
+            cell.sets |= motion.sets_of(point);
+        }
+        for (cell, count) in cells.iter_mut().zip(counts) {
+            cell.reference = cell.reference.map(|x| x / count);
+            cell.current = cell.current.map(|x| x / count);
+            cell.magnitude /= count;
+        }
+        let dimension = motion.points.dimension;
+        Cells { dimension, block, size, origin, cells, index }
+    }
+
+    /// Deformation gradients from differences between neighbouring cells.
+    fn find_gradients(&mut self) {
+        for place in 0..self.cells.len() {
+            for axis in 0..self.dimension {
+                let before = self.neighbor(place, axis, -1).unwrap_or(place);
+                let after = self.neighbor(place, axis, 1).unwrap_or(place);
+                let (p, q) = (&self.cells[before], &self.cells[after]);
+                let distance = q.reference[axis] - p.reference[axis];
+                if before != after && distance > 0.0 {
+                    let column = difference(q.current, p.current).map(|x| x / distance);
+                    self.cells[place].gradient[axis] = column;
+                }
+            }
+        }
+    }
+
+    fn neighbor(&self, place: usize, axis: usize, step: i64) -> Option<usize> {
+        let mut key = self.cells[place].key;
+        key[axis] += step;
+        self.index.get(&key).copied()
+    }
+
+    /// Everything to fill: whole cells in two dimensions, exposed faces in three.
+    pub(super) fn facets(&self) -> Vec<Facet> {
+        if self.dimension == 2 {
+            let whole = |cell: usize| {
+                let corner = |i, j| self.corner(cell, [i, j, 0]);
+                let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+                Facet { cell, corners, outward: None }
+            };
+            return (0..self.cells.len()).map(whole).collect();
+        }
+        self.exposed().map(|(cell, axis, side)| self.face(cell, axis, side)).collect()
+    }
+
+    /// Cells, axes and sides (0 or 1) without a neighbour.
+    fn exposed(&self) -> impl Iterator<Item = (usize, usize, i64)> + '_ {
+        let sides = |cell| (0..3).flat_map(move |axis| [(cell, axis, 0), (cell, axis, 1)]);
+        (0..self.cells.len())
+            .flat_map(sides)
+            .filter(|&(cell, axis, side)| self.neighbor(cell, axis, 2 * side - 1).is_none())
+    }
+
+    fn face(&self, cell: usize, axis: usize, side: i64) -> Facet {
+        let corner = |i: i64, j: i64| {
+            let mut at = [0; 3];
+            at[axis] = side;
+            at[(axis + 1) % 3] = i;
+            at[(axis + 2) % 3] = j;
+            self.corner(cell, at)
+        };
+        let corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+        let normal = cross(difference(corners[2], corners[0]), difference(corners[3], corners[1]));
+        let sign = (2 * side - 1) as f64;
+        Facet { cell, corners, outward: Some(normal.map(|x| sign * x)) }
+    }
+
+    /// The edges of all cells in two dimensions.
+    pub(super) fn edges(&self) -> Vec<Edge> {
+        const SIDES: [(usize, i64, [[i64; 2]; 2]); 4] = [
+            (0, -1, [[0, 0], [0, 1]]),
+            (0, 1, [[1, 0], [1, 1]]),
+            (1, -1, [[0, 0], [1, 0]]),
+            (1, 1, [[0, 1], [1, 1]]),
+        ];
+        let edge = |cell: usize, (axis, step, ends): (usize, i64, [[i64; 2]; 2])| Edge {
+            cell,
+            beyond: self.neighbor(cell, axis, step),
+            reference: ends.map(|[i, j]| self.reference_corner(cell, [i, j, 0])),
+            current: ends.map(|[i, j]| self.corner(cell, [i, j, 0])),
+        };
+        let edges_of = |cell| SIDES.map(|side| edge(cell, side));
+        (0..self.cells.len()).flat_map(edges_of).collect()
+    }
+
+    fn reference_corner(&self, cell: usize, at: [i64; 3]) -> [f64; 3] {
+        let mut corner = [0.0; 3];
+        for axis in 0..self.dimension {
+            let steps = (self.cells[cell].key[axis] + at[axis]) as f64;
+            corner[axis] = self.origin[axis] + steps * self.size;
+        }
+        corner
+    }
+
+    /// Current position of a corner: the mean of what the cells around it say.
+    fn corner(&self, cell: usize, at: [i64; 3]) -> [f64; 3] {
+        let reference = self.reference_corner(cell, at);
+        let mut sum = [0.0; 3];
+        let mut count = 0.0;
+        let depth = if self.dimension == 3 { 2 } else { 1 };
+        for (i, j, k) in (0..2)
+            .flat_map(|i| (0..2).map(move |j| (i, j)))
+            .flat_map(|(i, j)| (0..depth).map(move |k| (i, j, k)))
+        {
+            let mut key = self.cells[cell].key;
+            for (axis, back) in [i, j, k].into_iter().enumerate().take(self.dimension) {
+                key[axis] += at[axis] - back;
+            }
+            if let Some(&around) = self.index.get(&key) {
+                let moved = self.cells[around].carried(reference);
+                for axis in 0..3 {
+                    sum[axis] += moved[axis];
+                }
+                count += 1.0;
+            }
+        }
+        sum.map(|x| x / count)
+    }
+}
+
+impl Cell {
+    fn empty(key: Key) -> Cell {
+        let gradient = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        Cell { key, reference: [0.0; 3], current: [0.0; 3], gradient, magnitude: 0.0, sets: 0 }
+    }
+
+    /// Where this cell's motion carries a reference position nearby.
+    fn carried(&self, reference: [f64; 3]) -> [f64; 3] {
+        let offset = difference(reference, self.reference);
+        let mut at = self.current;
+        for axis in 0..3 {
+            for component in 0..3 {
+                at[component] += self.gradient[axis][component] * offset[axis];
+            }
+        }
+        at
+    }
+}
+
+pub(super) fn difference(p: [f64; 3], q: [f64; 3]) -> [f64; 3] {
+    [p[0] - q[0], p[1] - q[1], p[2] - q[2]]
+}
+
+pub(super) fn dot(p: [f64; 3], q: [f64; 3]) -> f64 {
+    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
+}
+
+fn cross(p: [f64; 3], q: [f64; 3]) -> [f64; 3] {
+    [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
+}

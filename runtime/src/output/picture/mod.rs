@@ -1,0 +1,106 @@
+//! `picture.svg` and `picture.png`: what a run did, on one page.
+//!
+//! Left the deformed body coloured by the magnitude of the displacement; right top the reactions
+//! against the load parameter; right bottom the Newton residuals against the iteration. Both files
+//! are drawn from the same shapes. kuva turns shapes into SVG and pixels and brings the font; the
+//! shapes are placed here, because a body of deformed cells is none of its plots.
+//!
+//! However large the body, at most [`MOST_SHAPES`] cells or points are drawn; a note under the
+//! body says so.
+
+mod body;
+mod canvas;
+mod cells;
+mod chart;
+mod charts;
+mod discs;
+mod ticks;
+
+use super::{Frame, History, OutputError, OutputFile, OutputFolder, Points};
+use canvas::{Anchor, Canvas, DARK, GREY, Text};
+use chart::Area;
+
+/// Most cells, faces or points in a picture: an SVG of about two megabytes.
+pub const MOST_SHAPES: usize = 12_000;
+
+/// Width and height of the page in pixels.
+const PAGE: (f64, f64) = (1600.0, 800.0);
+
+/// Where the body goes, with its axes.
+const BODY: Area = Area { left: 80.0, top: 84.0, right: 760.0, bottom: 700.0 };
+/// Where the colour bar goes.
+const BAR: Area = Area { left: 815.0, top: 140.0, right: 837.0, bottom: 650.0 };
+/// Where the reactions go.
+const REACTIONS: Area = Area { left: 1020.0, top: 84.0, right: 1460.0, bottom: 345.0 };
+/// Where the residuals go.
+const RESIDUALS: Area = Area { left: 1020.0, top: 454.0, right: 1460.0, bottom: 715.0 };
+
+/// What a picture shows.
+#[derive(Clone, Copy, Debug)]
+pub struct Picture<'a> {
+    /// In the headline, for instance the scene's name.
+    pub title: &'a str,
+    /// The body.
+    pub points: &'a Points,
+    /// Its state, usually at the last converged step.
+    pub frame: &'a Frame,
+    /// Sets to mark on the body.
+    pub sets: &'a [NamedPoints],
+    /// The converged steps.
+    pub history: &'a History,
+    /// The solver's tolerance on the residual over the reaction.
+    pub tolerance: f64,
+}
+
+/// A named set of points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct NamedPoints {
+    /// The set's name.
+    pub name: String,
+    /// Its points, as places in the user's order.
+    pub points: Vec<usize>,
+}
+
+impl Picture<'_> {
+    /// The picture as SVG.
+    pub fn to_svg(&self) -> String {
+        self.draw().to_svg()
+    }
+
+    /// The picture as PNG, 1600 x 800 pixels.
+    pub fn to_png(&self) -> Result<Vec<u8>, OutputError> {
+        encode_png(&self.draw())
+    }
+
+    /// Writes `picture.svg` and `picture.png`.
+    pub fn write(&self, folder: &OutputFolder) -> Result<(), OutputError> {
+        let canvas = self.draw();
+        folder.write(OutputFile::PictureSvg, canvas.to_svg().as_bytes())?;
+        folder.write(OutputFile::PicturePng, &encode_png(&canvas)?)
+    }
+
+    fn draw(&self) -> Canvas {
+        let mut canvas = Canvas::new(PAGE.0, PAGE.1);
+        let t = ticks::short(self.frame.t);
+        let title = if self.title.is_empty() {
+            format!("t = {t}")
+        } else {
+            format!("{}, t = {t}", canvas::shortened(self.title, 60))
+        };
+        canvas.text(BODY.left, 38.0, &title, Text::new(20, Anchor::Start, DARK));
+        let view = body::BodyView::new(self.points, self.frame, self.sets);
+        view.draw(&mut canvas, BODY);
+        view.draw_colour_bar(&mut canvas, BAR);
+        canvas.text(BODY.left, 778.0, &view.note(), Text::new(13, Anchor::Start, GREY));
+        charts::reactions(&mut canvas, REACTIONS, self.history);
+        charts::residuals(&mut canvas, RESIDUALS, self.history, self.tolerance);
+        canvas
+    }
+}
+
+fn encode_png(canvas: &Canvas) -> Result<Vec<u8>, OutputError> {
+    canvas.to_png().map_err(|reason| OutputError::Picture { file: "picture.png", reason })
+}
+
+#[cfg(test)]
+mod tests;

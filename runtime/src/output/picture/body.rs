@@ -196,7 +196,7 @@ impl<'a> BodyView<'a> {
         }
         let missing = n - self.motion.finite_points().count();
         if missing > 0 {
-            note += &format!(", {missing} points left out: not finite");
+            note += &format!(", not finite and left out: {missing}");
         }
         note
     }

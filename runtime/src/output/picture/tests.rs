@@ -275,7 +275,7 @@ fn strange_runs_are_drawn_too() {
     odd.steps[0].reactions[0][0] = f64::INFINITY;
     odd.steps[0].residual_over_reaction = vec![f64::NAN, 0.0, 1e-300];
     let svg = draw(&points, &frame, &sets, &odd);
-    assert!(svg.contains("1 points left out: not finite"));
+    assert!(svg.contains("not finite and left out: 1"));
     frame.displacement.fill(f64::INFINITY);
     assert!(draw(&points, &frame, &sets, &odd).contains("no finite positions to draw"));
 }

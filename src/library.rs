@@ -19,13 +19,8 @@ macro_rules! entries {
 }
 
 /// Every file of `potentials/`, in alphabetical order.
-pub(crate) const LIBRARY: &[Entry] = entries![
-    "firooz2023",
-    "javili2020",
-    "logarithmic",
-    "miranda_modified_stretch",
-    "silling2000",
-];
+pub(crate) const LIBRARY: &[Entry] =
+    entries!["firooz2023", "javili2020", "logarithmic", "miranda_modified_stretch", "silling2000",];
 
 /// The text of a potential of the library.
 pub(crate) fn find(name: &str) -> Option<&'static str> {

@@ -40,8 +40,7 @@ fn report<'a>(source: Source<'a>, diagnostic: &'a Diagnostic) -> Vec<Group<'a>> 
     });
     for note in &diagnostic.notes {
         let span = visible(source.text, note.span.range());
-        snippet =
-            snippet.annotation(AnnotationKind::Context.span(span).label(note.label.as_str()));
+        snippet = snippet.annotation(AnnotationKind::Context.span(span).label(note.label.as_str()));
     }
     let title = level.primary_title(diagnostic.message.as_str()).id(diagnostic.code);
     let mut group = title.element(snippet);

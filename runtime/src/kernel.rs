@@ -21,3 +21,9 @@ where
         self(batch, out);
     }
 }
+
+impl Law for piola_compiler::Kernel {
+    fn evaluate(&self, batch: Batch<'_>, out: &mut Derivatives) {
+        piola_compiler::Kernel::evaluate(self, batch, out);
+    }
+}

@@ -1,4 +1,16 @@
 //! From compiled kernels to solved bodies.
+//!
+//! | part | modules |
+//! |---|---|
+//! | what is asked for | [`scene`], [`plan`] |
+//! | bodies and who interacts | [`body`], [`lattice`], [`neighborhood`], [`interaction`], [`weights`] |
+//! | one energy and its derivatives | [`kernel`], [`geometry`], [`element`], [`assembly`], [`energy`] |
+//! | equilibrium | [`matrix`], [`solve`] |
+//! | what is left behind | [`output`] |
+//! | all of it together | [`simulation`] |
+//!
+//! Per-point arrays are in the body's order inside, in the user's order at the edges
+//! ([`scene`] and [`output`] translate).
 
 pub mod assembly;
 pub mod body;
@@ -9,9 +21,10 @@ pub mod interaction;
 pub mod kernel;
 pub mod lattice;
 pub mod matrix;
-pub mod solve;
+pub mod neighborhood;
+pub mod output;
 pub mod plan;
 pub mod scene;
-pub mod neighborhood;
+pub mod simulation;
+pub mod solve;
 pub mod weights;
-pub mod output;

@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::body::Body;
 use crate::scene::{LinearChoice, Scene};
-pub use count::{Cliques, CountCliques, InteractionCount, count_interactions};
+pub use count::{InteractionCount, Needed, count_interactions};
 pub use factor::{FactorEstimate, estimate_factor};
 
 /// Assembling the energy, gradient and tangent of one interaction on one core, in s.

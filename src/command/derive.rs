@@ -75,7 +75,9 @@ fn emit(loaded: &Loaded, specialised: &Specialised, emit: Emit) -> Result<String
     for energy in &specialised.energies {
         parts.push(match emit {
             Emit::Latex => print::latex(model, energy),
-            Emit::Graph => print::graph_listing(model, energy.measure, &energy.graph, &energy.roots),
+            Emit::Graph => {
+                print::graph_listing(model, energy.measure, &energy.graph, &energy.roots)
+            }
             Emit::Clif => CompiledKernel::listing(energy)?.clif,
             Emit::Asm => CompiledKernel::listing(energy)?.assembly,
             _ => print::text(model, energy),

@@ -63,8 +63,7 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
         Some(kernel) => {
             let change: Vec<f64> =
                 columns.0.iter().zip(&columns.1).map(|(l, rest)| (l - rest) / rest).collect();
-            let batch =
-                Batch { measure: &columns.0, reference: &columns.1, change: &change };
+            let batch = Batch { measure: &columns.0, reference: &columns.1, change: &change };
             kernel.evaluate(batch, &mut out);
         }
         // An energy with coefficient 0 is not modelled: it is 0 everywhere.
@@ -127,8 +126,7 @@ fn parse(text: &str, measure: Measure) -> Result<(Vec<f64>, Vec<f64>), String> {
 }
 
 fn print_rows(measure: Measure, columns: &(Vec<f64>, Vec<f64>), out: &Derivatives) -> Exit {
-    let mut text =
-        format!("{},{},psi,dpsi,d2psi\n", measure.symbol(), measure.reference_symbol());
+    let mut text = format!("{},{},psi,dpsi,d2psi\n", measure.symbol(), measure.reference_symbol());
     let mut not_finite = Vec::new();
     for i in 0..columns.0.len() {
         let row = [columns.0[i], columns.1[i], out.psi[i], out.dpsi[i], out.d2psi[i]];

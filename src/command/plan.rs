@@ -1,0 +1,38 @@
+//! `piola plan`: what a scene will model, and what it costs.
+
+use super::{Exit, scene};
+use crate::cli::{Format, Plan};
+use crate::render;
+
+pub(super) fn execute(arguments: &Plan) -> Exit {
+    let Some(case) = scene::read(&arguments.scene, &arguments.settings) else {
+        return Exit::Input;
+    };
+    scene::print_warnings(&case, case.warnings.clone());
+    let threads = match arguments.threads {
+        Some(threads) => threads.max(1),
+        None => std::thread::available_parallelism().map_or(1, usize::from),
+    };
+    match case.plan(threads) {
+        Ok(plan) => {
+            render::out(&match arguments.format {
+                Format::Human => plan.to_string(),
+                Format::Json => match serde_json::to_string_pretty(&plan) {
+                    Ok(json) => json + "\n",
+                    Err(error) => {
+                        render::error(&error.to_string(), None);
+                        return Exit::Input;
+                    }
+                },
+            });
+            if let Some(refusal) = plan.refusal() {
+                render::warning(&format!("{refusal}; `piola run` will refuse unless told --yes"));
+            }
+            Exit::Done
+        }
+        Err(error) => {
+            scene::print_error(&error);
+            Exit::Input
+        }
+    }
+}

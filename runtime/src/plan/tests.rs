@@ -1,6 +1,8 @@
 //! Counts against brute force, estimates against measurements.
 
 use super::*;
+use crate::interaction::{Census, Degeneracy, Slabs};
+use crate::neighborhood::Neighborhood;
 
 fn lattice(counts: [usize; 3], d: usize) -> Body {
     let mut positions = Vec::new();
@@ -15,78 +17,46 @@ fn lattice(counts: [usize; 3], d: usize) -> Body {
     Body::new(d, &positions, &vec![libm::pow(0.1, d as f64); n], Some(0.1))
 }
 
-fn near(body: &Body, a: usize, b: usize, reach: f64) -> bool {
-    let pairs = body.position(a).iter().zip(body.position(b));
-    pairs.map(|(x, y)| (x - y) * (x - y)).sum::<f64>().sqrt() <= reach
+const ALL: Needed = Needed { triangles: true, tetrahedra: true };
+
+fn counted(body: &Body, horizon: f64, needed: Needed) -> InteractionCount {
+    count_interactions(body, &Neighborhood::new(body, horizon).unwrap(), needed)
 }
 
-/// Triangles and tetrahedra of an owner, collinear and coplanar ones included.
-fn cliques(body: &Body, reach: f64, upper: &[u32]) -> Cliques {
-    let near = |a: u32, b: u32| near(body, a as usize, b as usize, reach);
-    let mut found = Cliques::default();
-    for (i, &a) in upper.iter().enumerate() {
-        for (j, &b) in upper.iter().enumerate().skip(i + 1) {
-            if near(a, b) {
-                found.triangles += 1;
-                let thirds = upper[j + 1..].iter().filter(|&&c| near(a, c) && near(b, c));
-                found.tetrahedra += thirds.count() as u64;
-            }
-        }
-    }
-    found
-}
-
-#[test]
-fn bonds_are_those_of_brute_force() {
-    let reach = 0.3 * (1.0 + 1e-6);
-    for (counts, d) in [([9, 7, 1], 2), ([5, 6, 7], 3)] {
-        let body = lattice(counts, d);
-        let n = body.n_points();
-        let pairs = (0..n).flat_map(|a| (a + 1..n).map(move |b| (a, b)));
-        let expected = pairs.filter(|&(a, b)| near(&body, a, b, reach)).count() as u64;
-        assert_eq!(count_interactions(&body, 0.3, None).bonds, expected);
-    }
+/// Every interaction of a body, by the census that the assembly takes.
+fn census(body: &Body, horizon: f64) -> Census {
+    let neighborhood = Neighborhood::new(body, horizon).unwrap();
+    let slabs = Slabs::new(&neighborhood);
+    Census::new(body, &neighborhood, Degeneracy::new(body), &slabs, |_| true)
 }
 
 #[test]
 fn a_small_body_is_counted_exactly() {
-    let body = lattice([6, 6, 5], 3);
-    let reach = 0.2 * (1.0 + 1e-6);
-    let counted =
-        count_interactions(&body, 0.2, Some(&|_, upper: &[u32]| cliques(&body, reach, upper)));
-    let n = body.n_points() as u32;
-    let mut expected = Cliques::default();
-    for owner in 0..n {
-        let upper: Vec<u32> =
-            (owner + 1..n).filter(|&b| near(&body, owner as usize, b as usize, reach)).collect();
-        let owned = cliques(&body, reach, &upper);
-        expected.triangles += owned.triangles;
-        expected.tetrahedra += owned.tetrahedra;
+    for (counts, d) in [([9, 7, 1], 2), ([6, 6, 5], 3)] {
+        let body = lattice(counts, d);
+        let (found, exact) = (counted(&body, 0.2, ALL), census(&body, 0.2));
+        assert!(found.exact);
+        assert_eq!(found.bonds, exact.bonds);
+        assert_eq!(found.triangles, exact.triangles);
+        assert_eq!(found.tetrahedra, exact.tetrahedra);
     }
-    assert!(counted.exact);
-    assert_eq!(counted.triangles, expected.triangles);
-    assert_eq!(counted.tetrahedra, expected.tetrahedra);
 }
 
 #[test]
 fn a_sample_of_a_large_body_is_close() {
     let body = lattice([14, 13, 12], 3);
-    let reach = 0.2 * (1.0 + 1e-6);
-    let count = |_: usize, upper: &[u32]| cliques(&body, reach, upper);
-    let estimate = count_interactions(&body, 0.2, Some(&count));
-    let n = body.n_points() as u32;
-    let mut exact = Cliques::default();
-    for owner in 0..n {
-        let candidates = (owner + 1..n).take(13 * 12 * 3);
-        let upper: Vec<u32> =
-            candidates.filter(|&b| near(&body, owner as usize, b as usize, reach)).collect();
-        exact.triangles += cliques(&body, reach, &upper).triangles;
-        exact.tetrahedra += cliques(&body, reach, &upper).tetrahedra;
-    }
+    let (estimate, exact) = (counted(&body, 0.2, ALL), census(&body, 0.2));
     assert!(!estimate.exact);
+    assert_eq!(estimate.bonds, exact.bonds);
     let error = |estimate: u64, exact: u64| (estimate as f64 / exact as f64 - 1.0).abs();
     assert!(error(estimate.triangles, exact.triangles) < 0.1, "{estimate:?} {exact:?}");
     assert!(error(estimate.tetrahedra, exact.tetrahedra) < 0.1, "{estimate:?} {exact:?}");
+}
+
+#[test]
+fn what_is_not_needed_is_not_counted() {
+    let found = counted(&lattice([14, 13, 12], 3), 0.2, Needed::default());
+    assert_eq!((found.triangles, found.tetrahedra, found.exact), (0, 0, true));
 }
 
 /// Factors of lattices ordered by faer's approximate minimum degree: sides, horizon in spacings,
@@ -134,7 +104,7 @@ fn scene(settings: &str) -> Scene {
 
 fn plan(scene: &Scene, available_memory: Option<u64>) -> Plan {
     let body = lattice([20, 20, 20], 3);
-    let interactions = count_interactions(&body, scene.horizon_radius(), None);
+    let interactions = counted(&body, scene.horizon_radius(), Needed::default());
     Plan::new(PlanInput {
         scene,
         body: &body,

@@ -20,7 +20,6 @@ mod read;
 mod reader;
 pub mod selection;
 mod source;
-mod suggest;
 mod tree;
 mod write;
 
@@ -353,8 +352,6 @@ pub struct SolverSettings {
     pub derivatives: DerivativeSource,
     /// Newton iterations per increment.
     pub max_iterations: usize,
-    /// Whether a Newton step may be shortened.
-    pub line_search: bool,
 }
 
 /// Where the free points of an increment start.

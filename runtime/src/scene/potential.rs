@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use piola_grammar::Diagnostic;
 
-use super::suggest::suggest;
 use super::{Points, Scene, SceneReport};
+use piola_grammar::suggest;
 
 /// A potential file may have this many bytes.
 const MAX_POTENTIAL_BYTES: u64 = 1 << 20;
@@ -49,7 +49,7 @@ impl Scene {
         let message = format!("the library has no potential `{name}`");
         let diagnostic = Diagnostic::error("unknown-potential", potential.span, message)
             .help(format!("a file beside the scene is written with its ending: {name}.piola"));
-        Err(self.report(vec![match suggest(&name, names) {
+        Err(self.report(vec![match suggest(&name, names.iter().copied()) {
             Some(near) => diagnostic.label(format!("did you mean `{near}`?")),
             None if names.is_empty() => diagnostic,
             None => diagnostic.help(format!("the library has {}", names.join(", "))),

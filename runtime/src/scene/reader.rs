@@ -6,8 +6,8 @@
 
 use piola_grammar::{Diagnostic, Span};
 
-use super::suggest::suggest;
 use super::tree::{Entry, Kind, Node, Text};
+use piola_grammar::suggest;
 
 /// The keys of one kind of table.
 pub(super) struct Schema {
@@ -98,7 +98,7 @@ impl Reader {
         for entry in entries.iter().filter(|entry| !known.contains(&entry.key.as_str())) {
             let message = format!("{} has no key `{}`", schema.title, entry.key);
             let diagnostic = Diagnostic::error("unknown-key", entry.key_span, message);
-            self.error(match suggest(&entry.key, &known) {
+            self.error(match suggest(&entry.key, known.iter().copied()) {
                 Some(near) => diagnostic.label(format!("did you mean `{near}`?")),
                 None => diagnostic.help(format!("its keys are {}", known.join(", "))),
             });
@@ -235,7 +235,7 @@ impl Reader {
             let message = format!("`{}` cannot be \"{}\"", field.key, text.value);
             let diagnostic = Diagnostic::error("unknown-choice", field.node.span, message)
                 .help(format!("write {} = \"{}\"", field.key, words.join("\" or \"")));
-            self.error(match suggest(&text.value, &words) {
+            self.error(match suggest(&text.value, words.iter().copied()) {
                 Some(near) => diagnostic.label(format!("did you mean \"{near}\"?")),
                 None => diagnostic,
             });

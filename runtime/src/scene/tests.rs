@@ -45,7 +45,6 @@ start = "extrapolate"
 linear = "cg"
 derivatives = "hyperdual-coordinates"
 max_iterations = 7
-line_search = false
 [output]
 frames = 0
 "#;
@@ -130,7 +129,6 @@ fn every_key_is_read() {
         linear: LinearChoice::ConjugateGradients,
         derivatives: DerivativeSource::HyperdualCoordinates,
         max_iterations: 7,
-        line_search: false,
     };
     assert_eq!(scene.solver, solver);
     assert_eq!(scene.output, OutputSettings { frames: 0 });
@@ -157,7 +155,6 @@ fn every_default_is_filled_in() {
         linear: LinearChoice::Auto,
         derivatives: DerivativeSource::Jit,
         max_iterations: 25,
-        line_search: true,
     };
     assert_eq!(scene.solver, solver);
     assert_eq!(scene.output, OutputSettings { frames: 25 });
@@ -216,7 +213,6 @@ fn a_resolved_scene_holds_every_key() {
         "linear",
         "derivatives",
         "max_iterations",
-        "line_search",
         "frames",
     ] {
         assert!(text.contains(&format!("\n{key} = ")), "{key} is missing in\n{text}");
@@ -321,7 +317,6 @@ const WRONG: &[(&str, &str, &[&str])] = &[
     ("increments = 40", "increments = 0", &["out-of-range at 0"]),
     ("tolerance = 1e-9", "tolerance = 1.0", &["out-of-range at 1.0"]),
     ("\"extrapolate\"", "\"extrapolated\"", &["unknown-choice at \"extrapolated\""]),
-    ("line_search = false", "line_search = 0", &["wrong-type at 0"]),
     ("frames = 0", "frames = -1", &["out-of-range at -1"]),
     ("[[probe]]", "[probe]", &["wrong-type at [probe]"]),
     ("u = [0, \"free\"]", "u = [0, free]", &["toml-syntax at free"]),

@@ -37,7 +37,6 @@ impl Scene {
         pair(&mut out, "linear", word(LINEAR, solver.linear));
         pair(&mut out, "derivatives", word(DERIVATIVES, solver.derivatives));
         pair(&mut out, "max_iterations", solver.max_iterations);
-        pair(&mut out, "line_search", solver.line_search);
         section(&mut out, "[output]");
         pair(&mut out, "frames", self.output.frames);
         out

@@ -5,9 +5,9 @@ use piola_grammar::{Diagnostic, Span};
 use super::Context;
 use crate::scene::expression::Role;
 use crate::scene::reader::{Field, Reader, Schema, Table};
-use crate::scene::suggest::suggest;
 use crate::scene::tree::{Kind, Node};
 use crate::scene::{Load, LoadKind, Located, Prescription, Probe, Quantity, SetDefinition};
+use piola_grammar::suggest;
 
 static SETS: Schema = Schema { title: "[sets]", keys: &[("*", "\"X < 0.1\"")] };
 static PRESCRIBE: Schema =
@@ -73,7 +73,7 @@ impl Reader {
             let names: Vec<&str> = context.sets.iter().map(String::as_str).collect();
             let message = format!("there is no set `{}`", text.value);
             let diagnostic = Diagnostic::error("unknown-set", field.node.span, message);
-            self.error(match suggest(&text.value, &names) {
+            self.error(match suggest(&text.value, names.iter().copied().take(256)) {
                 Some(near) => diagnostic.label(format!("did you mean `{near}`?")),
                 None if names.is_empty() => {
                     diagnostic.help(format!("define it under [sets]: {} = \"X < 0.1\"", text.value))

@@ -45,7 +45,6 @@ static SOLVER: Schema = Schema {
         ("linear", "\"auto\""),
         ("derivatives", "\"jit\""),
         ("max_iterations", "25"),
-        ("line_search", "true"),
     ],
 };
 static OUTPUT: Schema = Schema { title: "[output]", keys: &[("frames", "25")] };
@@ -291,14 +290,12 @@ impl Reader {
         let derivatives = self
             .or(table, "derivatives", DERIVATIVES[0].1, |r, field| r.choice(field, DERIVATIVES));
         let max_iterations = self.or(table, "max_iterations", 25, |r, field| r.count(field, 1));
-        let line_search = self.or(table, "line_search", true, Reader::boolean);
         Some(SolverSettings {
             tolerance: tolerance?,
             start: start?,
             linear: linear?,
             derivatives: derivatives?,
             max_iterations: max_iterations?,
-            line_search: line_search?,
         })
     }
 

@@ -1,0 +1,83 @@
+//! What can be wrong with a scene and the files it names.
+
+use std::io::Read as _;
+use std::path::Path;
+
+use piola_compiler::CompileError;
+use piola_grammar::Diagnostic;
+
+use crate::output::read::TableError;
+use crate::scene::{PotentialText, SceneReport};
+
+/// Why a scene cannot be run.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum CaseError {
+    /// A file cannot be read.
+    #[error("cannot read {path}: {reason}")]
+    Unreadable {
+        /// The file.
+        path: String,
+        /// Why.
+        reason: String,
+    },
+    /// Mistakes in the scene.
+    #[error(transparent)]
+    Scene(#[from] SceneReport),
+    /// Mistakes in the potential, or in a table of points or displacements.
+    #[error("{}", diagnostics.first().map_or("", |d| d.message.as_str()))]
+    Text {
+        /// The file or the name in the library.
+        name: String,
+        /// Its text.
+        text: String,
+        /// What is wrong.
+        diagnostics: Vec<Diagnostic>,
+    },
+    /// A body that cannot be modelled.
+    #[error("{message}")]
+    Body {
+        /// What is wrong, and what to do.
+        message: String,
+    },
+}
+
+impl CaseError {
+    /// An energy that cannot be compiled, at its place in the potential.
+    pub(super) fn compile(potential: &PotentialText, error: &CompileError) -> CaseError {
+        let (code, span) = match error {
+            CompileError::TooLarge { span, .. } => ("too-large", *span),
+            CompileError::NoHorizon { span, .. } => ("no-horizon", *span),
+            CompileError::WrongDimension(_) | CompileError::Backend(_) => {
+                return CaseError::Body { message: error.to_string() };
+            }
+        };
+        CaseError::Text {
+            name: potential.name.clone(),
+            text: potential.text.clone(),
+            diagnostics: vec![Diagnostic::error(code, span, error.to_string())],
+        }
+    }
+
+    /// A mistake in a table, at its place.
+    pub fn table(path: &Path, text: &str, error: TableError) -> CaseError {
+        CaseError::Text {
+            name: path.display().to_string(),
+            text: text.to_string(),
+            diagnostics: vec![error.diagnostic],
+        }
+    }
+}
+
+/// A whole text file of at most `limit` bytes.
+pub(super) fn read_text(path: &Path, limit: u64) -> Result<String, CaseError> {
+    let unreadable =
+        |reason: String| CaseError::Unreadable { path: path.display().to_string(), reason };
+    let mut bytes = Vec::new();
+    let read =
+        std::fs::File::open(path).and_then(|file| file.take(limit + 1).read_to_end(&mut bytes));
+    read.map_err(|error| unreadable(error.to_string()))?;
+    if bytes.len() as u64 > limit {
+        return Err(unreadable(format!("it has more than {limit} bytes")));
+    }
+    String::from_utf8(bytes).map_err(|_| unreadable("it is not UTF-8 text".to_string()))
+}

@@ -1,0 +1,274 @@
+//! A scene made ready: body, compiled energies, discrete energy, boundary conditions.
+//!
+//! | stage | what |
+//! |---|---|
+//! | [`Case::read`] | scene, potential and parameter values checked together, body built |
+//! | [`Case::plan`] | what will be modelled and what it costs |
+//! | [`Case::energy`] | the discrete total energy |
+//! | [`run()`] | load steps, with everything they leave in the output folder |
+
+mod error;
+mod run;
+
+pub use error::CaseError;
+pub use run::{Ending, RunError, RunOptions, run};
+
+use std::path::Path;
+use std::sync::Arc;
+
+use num_dual::HyperDual64;
+use piola_compiler::{Dropped, Mode, Model, Setting, Values, check};
+use piola_grammar::Diagnostic;
+
+use crate::assembly::{DiscreteEnergy, Elements};
+use crate::body::Body;
+use crate::element::{CoordinateElement, Element, MeasureElement};
+use crate::kernel::Measure;
+use crate::lattice::{Lattice, Nodes};
+use crate::neighborhood::Neighborhood;
+use crate::output::read::read_cloud;
+use crate::plan::{KernelNote, Needed, Plan, PlanInput, available_memory, count_interactions};
+use crate::scene::boundary::BoundaryConditions;
+use crate::scene::selection::{self, Selection};
+use crate::scene::{
+    self, DerivativeSource, MAX_SCENE_BYTES, ParameterText, Points, PotentialText, Scene,
+    WeightScheme,
+};
+use crate::weights::Weights;
+
+/// Largest point cloud that is read, in bytes.
+const MAX_CLOUD_BYTES: u64 = 1 << 30;
+
+/// A library of potentials: text by name, and all names.
+pub struct Library<'a> {
+    /// The text of a potential.
+    pub find: &'a dyn Fn(&str) -> Option<&'static str>,
+    /// All names, offered where one is misspelt.
+    pub names: &'a [&'a str],
+}
+
+/// A scene with its potential and its body.
+#[derive(Debug)]
+pub struct Case {
+    /// The scene.
+    pub scene: Scene,
+    /// The text of its potential.
+    pub potential: PotentialText,
+    /// The checked potential.
+    pub model: Model,
+    /// Parameter values and horizon in SI units.
+    pub values: Values,
+    /// The points that are left after removals.
+    pub body: Arc<Body>,
+    /// Findings about the scene that do not stop the work; spans as in [`Scene::report`].
+    pub warnings: Vec<Diagnostic>,
+}
+
+/// Energies ready for assembly, and what is not modelled.
+pub struct Compiled {
+    /// One element per measure that has an energy.
+    pub elements: Elements,
+    /// Measures that have an energy, ascending.
+    pub measures: Vec<Measure>,
+    /// What is left out, and why.
+    pub dropped: Vec<Dropped>,
+}
+
+impl Case {
+    /// Reads a scene file and everything it names.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the first of scene, potential, parameters and points that has
+    /// anything wrong.
+    pub fn read(
+        path: &Path,
+        overrides: &[String],
+        library: &Library<'_>,
+    ) -> Result<Case, CaseError> {
+        let text = error::read_text(path, MAX_SCENE_BYTES as u64)?;
+        let scene = Scene::read(&text, &path.display().to_string(), overrides)?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        let potential = scene.potential(folder, library.find, library.names)?;
+        let model = checked(&potential)?;
+        let values = values(&scene, &model)?;
+        let (body, mut warnings) = body(&scene, folder)?;
+        warnings.splice(0..0, scene.warnings.iter().cloned());
+        Ok(Case { scene, potential, model, values, body: Arc::new(body), warnings })
+    }
+
+    /// Compiles the energies with the derivatives that the scene asks for.
+    ///
+    /// # Errors
+    /// Energies that are too large, or that need what is not there.
+    pub fn compile(&self) -> Result<Compiled, CaseError> {
+        let mode = match self.scene.solver.derivatives {
+            DerivativeSource::Jit => Mode::Jit,
+            DerivativeSource::Interpreter => Mode::Interpreter,
+            DerivativeSource::Hyperdual | DerivativeSource::HyperdualCoordinates => Mode::HyperDual,
+        };
+        let compiled = self
+            .model
+            .compile(&self.values, mode)
+            .map_err(|error| CaseError::compile(&self.potential, &error))?;
+        let dimension = self.body.dimension();
+        let in_coordinates =
+            self.scene.solver.derivatives == DerivativeSource::HyperdualCoordinates;
+        let mut elements = Elements::default();
+        let mut measures = Vec::new();
+        for kernel in compiled.kernels {
+            let measure = kernel.measure();
+            measures.push(measure);
+            let element: Box<dyn Element> = if in_coordinates {
+                let written = self.model.written(&self.values, measure);
+                let psi = move |m: HyperDual64, reference: f64| {
+                    written.evaluate(m, HyperDual64::from_re(reference))
+                };
+                Box::new(CoordinateElement::new(measure, dimension, psi))
+            } else {
+                Box::new(MeasureElement::new(measure, dimension, Box::new(kernel)))
+            };
+            match measure {
+                Measure::Length => elements.bond = Some(element),
+                Measure::Area => elements.triangle = Some(element),
+                Measure::Volume => elements.tetrahedron = Some(element),
+            }
+        }
+        Ok(Compiled { elements, measures, dropped: compiled.dropped })
+    }
+
+    /// The discrete total energy.
+    ///
+    /// # Errors
+    /// A body that cannot be assembled: isolated or coincident points, nothing to model.
+    pub fn energy(&self, elements: Elements) -> Result<DiscreteEnergy, CaseError> {
+        let weights = match self.scene.horizon.weights {
+            WeightScheme::Uniform => Weights::Uniform,
+            WeightScheme::Truncated => Weights::Truncated,
+            WeightScheme::Volumes => Weights::Volumes,
+            WeightScheme::Unit => Weights::Unit,
+        };
+        let horizon = self.scene.horizon_radius();
+        DiscreteEnergy::with_elements(Arc::clone(&self.body), horizon, weights, elements)
+            .map_err(|error| CaseError::Body { message: error.to_string() })
+    }
+
+    /// The points of sets and probes.
+    ///
+    /// # Errors
+    /// Sets without points, probes outside the body.
+    pub fn selection(&self) -> Result<Selection, CaseError> {
+        Ok(selection::select(&self.scene, &self.body)?)
+    }
+
+    /// What will be modelled and what it costs.
+    ///
+    /// # Errors
+    /// As [`Case::compile`], and points that have no neighbours.
+    pub fn plan(&self, threads: usize) -> Result<Plan, CaseError> {
+        let compiled = self.compile()?;
+        let selection = self.selection()?;
+        let boundary = BoundaryConditions::new(&self.scene, &self.body, &selection)?;
+        let neighborhood = Neighborhood::new(&self.body, self.scene.horizon_radius())
+            .map_err(|error| CaseError::Body { message: error.to_string() })?;
+        let needed = Needed {
+            triangles: compiled.measures.contains(&Measure::Area),
+            tetrahedra: compiled.measures.contains(&Measure::Volume),
+        };
+        let notes = kernel_notes(&compiled);
+        Ok(Plan::new(PlanInput {
+            scene: &self.scene,
+            body: &self.body,
+            interactions: count_interactions(&self.body, &neighborhood, needed),
+            kernels: notes,
+            prescribed: boundary.fixed_dofs().len(),
+            threads,
+            available_memory: available_memory(),
+        }))
+    }
+}
+
+fn kernel_notes(compiled: &Compiled) -> Vec<KernelNote> {
+    let modelled = compiled.measures.iter().map(|m| KernelNote {
+        energy: format!("psi({})", m.symbol()),
+        modelled: true,
+        reason: String::new(),
+    });
+    let dropped = compiled.dropped.iter().map(|d| KernelNote {
+        energy: format!("psi({})", d.measure.symbol()),
+        modelled: false,
+        reason: d.reason.clone(),
+    });
+    modelled.chain(dropped).collect()
+}
+
+fn checked(potential: &PotentialText) -> Result<Model, CaseError> {
+    let wrong = |diagnostics| CaseError::Text {
+        name: potential.name.clone(),
+        text: potential.text.clone(),
+        diagnostics,
+    };
+    check(&piola_grammar::parse(&potential.text).map_err(wrong)?).map_err(wrong)
+}
+
+/// Values of the parameters; what is wrong with one is shown at its place in the scene.
+fn values(scene: &Scene, model: &Model) -> Result<Values, CaseError> {
+    let setting = |text: &ParameterText| match text {
+        ParameterText::Number(number) => Setting::Number(*number),
+        ParameterText::Quantity(text) => Setting::Text(text.clone()),
+    };
+    let material = &scene.material;
+    let settings: Vec<(String, Setting)> = material
+        .parameters
+        .iter()
+        .map(|p| (p.name.value.clone(), setting(&p.value.value)))
+        .collect();
+    let horizon = Some(scene.horizon_radius());
+    model.values(scene.body.dimension, &settings, horizon).map_err(|errors| {
+        let diagnostics = errors.into_iter().map(|error| {
+            let given = material.parameters.iter().find(|p| p.name.value == error.parameter);
+            let span = match (given, error.code) {
+                (Some(given), "unknown-parameter") => given.name.span,
+                (Some(given), _) => given.value.span,
+                (None, _) => material.potential.span,
+            };
+            Diagnostic::error(error.code, span, error.message).help(error.help)
+        });
+        CaseError::Scene(scene.report(diagnostics.collect()))
+    })
+}
+
+/// The points of the scene without those that it removes.
+fn body(scene: &Scene, folder: &Path) -> Result<(Body, Vec<Diagnostic>), CaseError> {
+    let dimension = scene.body.dimension;
+    let (positions, volumes, spacing) = match &scene.body.points {
+        Points::Lattice(shape) => {
+            let lattice = Lattice {
+                lower: shape.low.clone(),
+                upper: shape.high.clone(),
+                spacing: shape.spacing,
+                nodes: match shape.nodes {
+                    scene::Nodes::Corners => Nodes::Corners,
+                    scene::Nodes::Cells => Nodes::Cells,
+                },
+            };
+            let points =
+                lattice.points().map_err(|error| CaseError::Body { message: error.to_string() })?;
+            (points.positions, points.volumes, Some(shape.spacing))
+        }
+        Points::Cloud { path } => {
+            let file = folder.join(&path.value);
+            let text = error::read_text(&file, MAX_CLOUD_BYTES)?;
+            let cloud = read_cloud(&text, dimension)
+                .map_err(|error| CaseError::table(&file, &text, error))?;
+            (cloud.positions, cloud.volumes, None)
+        }
+    };
+    let kept = selection::kept(scene, &positions, &volumes, spacing)?;
+    let rows = positions.chunks_exact(dimension).zip(&volumes).zip(&kept.keep);
+    let mut left = (Vec::new(), Vec::new());
+    for ((position, volume), _) in rows.filter(|(_, keep)| **keep) {
+        left.0.extend_from_slice(position);
+        left.1.push(*volume);
+    }
+    Ok((Body::new(dimension, &left.0, &left.1, spacing), kept.warnings))
+}

@@ -1,0 +1,372 @@
+//! A whole run: load steps, and everything they leave in the output folder.
+
+use std::ops::ControlFlow;
+use std::sync::Mutex;
+
+use super::{Case, CaseError, Compiled};
+use crate::assembly::{DiscreteEnergy, Report};
+use crate::energy::TotalEnergy;
+use crate::output::picture::{NamedPoints, Picture};
+use crate::output::pvd::FrameSeries;
+use crate::output::summary::{
+    ExitReason, InteractionCounts, MEMORY_SOURCE, Number, PhaseClock, Summary, memory, scene_hash,
+    step_summaries, versions,
+};
+use crate::output::{
+    self, Definiteness, Frame, History, OutputError, OutputFile, OutputFolder, Points, table,
+};
+use crate::plan::available_memory;
+use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
+use crate::scene::selection::Selection;
+use crate::scene::{LinearChoice, Scene, Start};
+use crate::solve::constraint::Constraints;
+use crate::solve::linear::{LinearMethod, LinearOptions};
+use crate::solve::newton::{NewtonFailure, NewtonSettings};
+use crate::solve::rigid_modes::check_rigid_motions;
+use crate::solve::steps::{self, Drive, State, StepError, StepRecord, StepSettings, run_steps};
+
+/// The part of the machine's memory that a factorisation may take.
+const FACTOR_SHARE: f64 = 0.7;
+
+/// What a run is told beside the scene.
+pub struct RunOptions<'a> {
+    /// In the headline of the picture.
+    pub title: &'a str,
+    /// What the user was warned of, for the summary.
+    pub warnings: Vec<String>,
+}
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ending {
+    /// Why it ended.
+    pub reason: ExitReason,
+    /// The reason in words; empty if all went well.
+    pub message: String,
+    /// Converged steps.
+    pub steps: usize,
+    /// How many of them are not stable equilibria.
+    pub indefinite: usize,
+}
+
+/// Why a run could not start or could not write.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum RunError {
+    /// The scene.
+    #[error(transparent)]
+    Case(#[from] CaseError),
+    /// The output.
+    #[error("{0}")]
+    Output(String),
+}
+
+impl From<OutputError> for RunError {
+    fn from(error: OutputError) -> Self {
+        let help = error.help().map(|help| format!("; {help}")).unwrap_or_default();
+        RunError::Output(format!("{error}{help}"))
+    }
+}
+
+/// Runs a case and fills the folder; `observer` sees every converged step.
+///
+/// # Errors
+/// A case that cannot start, a file that cannot be written. A solver that does not converge is no
+/// error: what converged is written and the ending says so.
+pub fn run(
+    case: &Case,
+    folder: &OutputFolder,
+    options: RunOptions<'_>,
+    observer: &mut dyn FnMut(&StepRecord),
+) -> Result<Ending, RunError> {
+    let mut clock = PhaseClock::new();
+    let resolved = case.scene.resolved_toml();
+    folder.write(OutputFile::ResolvedScene, resolved.as_bytes())?;
+
+    clock.enter("compile");
+    let Compiled { elements, .. } = case.compile()?;
+    clock.enter("interactions");
+    let energy = case.energy(elements)?;
+    let selection = case.selection()?;
+    let boundary =
+        BoundaryConditions::new(&case.scene, &case.body, &selection).map_err(CaseError::from)?;
+    let n_dofs = case.body.n_points() * case.body.dimension();
+    let message = |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
+    let constraints =
+        Constraints::new(n_dofs, boundary.fixed_dofs()).map_err(|error| message(&error))?;
+    check_rigid_motions(energy.pattern(), case.body.positions(), &constraints)
+        .map_err(|error| message(&error))?;
+
+    clock.enter("solve");
+    let drive = SceneDrive { boundary: &boundary, problem: Mutex::new(None) };
+    let points = Points::of(&case.body);
+    let mut recorder = Recorder::new(case, &selection, folder, &points, clock)?;
+    let result = run_steps(&energy, &drive, &settings(&case.scene), &mut |record, state| {
+        observer(record);
+        recorder.record(record, state)
+    });
+    if let Some(error) = recorder.failed.take() {
+        return Err(error.into());
+    }
+    let (ending, displacement) = ending(result, &drive, &recorder.history)?;
+    recorder.finish(&energy, &displacement, &ending, &resolved, options)?;
+    Ok(ending)
+}
+
+fn settings(scene: &Scene) -> StepSettings {
+    let solver = &scene.solver;
+    let method = match solver.linear {
+        LinearChoice::Auto => LinearMethod::Auto,
+        LinearChoice::Cholesky => LinearMethod::Cholesky,
+        LinearChoice::Ldlt => LinearMethod::Ldlt,
+        LinearChoice::Lu => LinearMethod::Lu,
+        LinearChoice::ConjugateGradients => LinearMethod::Cg,
+    };
+    let mut linear = LinearOptions { method, ..LinearOptions::default() };
+    if let Some(available) = available_memory() {
+        linear.memory_limit = FACTOR_SHARE * available as f64;
+    }
+    StepSettings {
+        end: scene.steps.end,
+        increments: scene.steps.increments,
+        start: match solver.start {
+            Start::Last => steps::Start::Last,
+            Start::Extrapolate => steps::Start::Extrapolate,
+        },
+        newton: NewtonSettings {
+            tolerance: solver.tolerance,
+            max_iterations: solver.max_iterations,
+        },
+        linear,
+    }
+}
+
+/// The boundary conditions of a scene as the solver asks for them.
+struct SceneDrive<'a> {
+    boundary: &'a BoundaryConditions<'a>,
+    /// The first condition that is not finite: the solver only sees the number.
+    problem: Mutex<Option<NonFiniteCondition>>,
+}
+
+impl SceneDrive<'_> {
+    fn fill(&self, values: &mut [f64], result: Result<Vec<f64>, NonFiniteCondition>) {
+        match result {
+            Ok(given) => values.copy_from_slice(&given),
+            Err(problem) => {
+                values.fill(f64::NAN);
+                *self.problem.lock().unwrap_or_else(|e| e.into_inner()) = Some(problem);
+            }
+        }
+    }
+}
+
+impl Drive for SceneDrive<'_> {
+    fn fixed(&self) -> &[usize] {
+        self.boundary.fixed_dofs()
+    }
+
+    fn prescribed(&self, t: f64, values: &mut [f64]) {
+        self.fill(values, self.boundary.prescribed(t));
+    }
+
+    fn loads(&self, t: f64, loads: &mut [f64]) {
+        self.fill(loads, self.boundary.loads(t));
+    }
+}
+
+/// How the steps ended, and the last displacement.
+fn ending(
+    result: Result<steps::Outcome, StepError>,
+    drive: &SceneDrive<'_>,
+    history: &History,
+) -> Result<(Ending, Vec<f64>), RunError> {
+    let indefinite =
+        history.steps.iter().filter(|s| s.definiteness.positive_definite == Some(false)).count();
+    let steps = history.steps.len();
+    let end = |reason, message| Ending { reason, message, steps, indefinite };
+    match result {
+        Ok(outcome) => Ok((end(ExitReason::Completed, String::new()), outcome.displacements)),
+        Err(StepError::NotConverged(failure)) => {
+            let reason = match failure.cause.failure {
+                NewtonFailure::NonFinite(_) => ExitReason::NonFinite,
+                _ => ExitReason::NotConverged,
+            };
+            let message = failure.to_string();
+            Ok((end(reason, message), failure.outcome.displacements))
+        }
+        Err(error) => {
+            let problem = drive.problem.lock().unwrap_or_else(|e| e.into_inner()).take();
+            let message = problem.map_or_else(|| error.to_string(), |problem| problem.to_string());
+            Err(CaseError::Body { message }.into())
+        }
+    }
+}
+
+/// Writes what the steps bring.
+struct Recorder<'a> {
+    case: &'a Case,
+    selection: &'a Selection,
+    folder: &'a OutputFolder,
+    points: &'a Points,
+    clock: PhaseClock,
+    frames: FrameSeries<'a>,
+    history: History,
+    last: Frame,
+    nominal: usize,
+    failed: Option<OutputError>,
+}
+
+impl<'a> Recorder<'a> {
+    fn new(
+        case: &'a Case,
+        selection: &'a Selection,
+        folder: &'a OutputFolder,
+        points: &'a Points,
+        clock: PhaseClock,
+    ) -> Result<Recorder<'a>, OutputError> {
+        let mut frames = FrameSeries::new(folder, points)?;
+        let zero = vec![0.0; points.positions.len()];
+        let last = Frame::of(&case.body, 0.0, &zero, &zero);
+        frames.push(&last)?;
+        let sets = selection.sets.iter().map(|set| set.name.clone()).collect();
+        let probes = selection.probes.iter().map(|probe| probe.name.clone()).collect();
+        let history = History::new(case.body.dimension(), sets, probes);
+        let nominal = 0;
+        Ok(Recorder {
+            case,
+            selection,
+            folder,
+            points,
+            clock,
+            frames,
+            history,
+            last,
+            nominal,
+            failed: None,
+        })
+    }
+
+    fn record(&mut self, record: &StepRecord, state: &State<'_>) -> ControlFlow<()> {
+        self.clock.enter("output");
+        let body = &self.case.body;
+        let d = body.dimension();
+        let residual: Vec<f64> =
+            state.internal_forces.iter().zip(state.loads).map(|(g, f)| g - f).collect();
+        let reaction = |points: &[usize]| {
+            let mut sum = vec![0.0; d];
+            for &point in points {
+                for axis in 0..d {
+                    sum[axis] += residual[d * point + axis];
+                }
+            }
+            sum
+        };
+        self.history.push(output::StepRecord {
+            t: record.t,
+            iterations: record.iterations,
+            residual: record.residual.clone(),
+            residual_over_reaction: record.residual_over_reaction.clone(),
+            energy_parts: record.energy_parts,
+            reactions: self.selection.sets.iter().map(|set| reaction(&set.points)).collect(),
+            probes: self
+                .selection
+                .probes
+                .iter()
+                .map(|probe| state.displacements[d * probe.point..d * (probe.point + 1)].to_vec())
+                .collect(),
+            definiteness: Definiteness {
+                positive_definite: record.definiteness.positive_definite,
+                method: record.definiteness.method.clone(),
+            },
+        });
+        self.last = Frame::of(body, record.t, state.displacements, &residual);
+        let written = self.write_step(record.nominal);
+        self.clock.enter("solve");
+        match written {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(error) => {
+                self.failed = Some(error);
+                ControlFlow::Break(())
+            }
+        }
+    }
+
+    fn write_step(&mut self, nominal: bool) -> Result<(), OutputError> {
+        if nominal {
+            self.nominal += 1;
+            // Frames are spread evenly over the increments.
+            let (frames, all) = (self.case.scene.output.frames, self.case.scene.steps.increments);
+            let due = |step: usize| step * frames.min(all) / all;
+            if due(self.nominal) > due(self.nominal - 1) {
+                self.frames.push(&self.last)?;
+            }
+        }
+        table::write_history(self.folder, &self.history)
+    }
+
+    fn finish(
+        mut self,
+        energy: &DiscreteEnergy,
+        displacement: &[f64],
+        ending: &Ending,
+        resolved: &str,
+        options: RunOptions<'_>,
+    ) -> Result<(), OutputError> {
+        self.clock.enter("output");
+        let body = &self.case.body;
+        if self.history.steps.is_empty() {
+            table::write_history(self.folder, &self.history)?;
+        }
+        let displacement = body.to_user_order(displacement, body.dimension());
+        table::write_displacement(self.folder, self.points, &displacement)?;
+        let sets: Vec<NamedPoints> = self
+            .selection
+            .sets
+            .iter()
+            .map(|set| NamedPoints {
+                name: set.name.clone(),
+                points: set.points.iter().map(|p| body.user_index()[*p] as usize).collect(),
+            })
+            .collect();
+        let picture = Picture {
+            title: options.title,
+            points: self.points,
+            frame: &self.last,
+            sets: &sets,
+            history: &self.history,
+            tolerance: self.case.scene.solver.tolerance,
+        };
+        picture.write(self.folder)?;
+        self.clock.leave();
+        let report = energy.report();
+        let summary = Summary {
+            versions: versions(),
+            scene_hash: scene_hash(resolved, &self.case.potential.text),
+            exit_reason: ending.reason,
+            exit_message: ending.message.clone(),
+            dimension: body.dimension(),
+            points: body.n_points(),
+            interactions: interactions(report),
+            dropped: InteractionCounts {
+                bonds: 0,
+                triangles: report.dropped_triangles as usize,
+                tetrahedra: report.dropped_tetrahedra as usize,
+            },
+            warnings: options.warnings,
+            threads: rayon::current_num_threads(),
+            wall_seconds: Number(self.clock.wall_seconds()),
+            phases: self.clock.phases().to_vec(),
+            peak_memory_bytes: memory().map(|memory| memory.peak),
+            memory_source: MEMORY_SOURCE,
+            steps: step_summaries(&self.history),
+        };
+        summary.write(self.folder)
+    }
+}
+
+fn interactions(report: &Report) -> InteractionCounts {
+    InteractionCounts {
+        bonds: report.bonds as usize,
+        triangles: report.triangles as usize,
+        tetrahedra: report.tetrahedra as usize,
+    }
+}

@@ -144,3 +144,32 @@ pub(crate) fn fill_with_one(
     }
     filled
 }
+
+/// Sets parameters with the default 0 to 1 where that brings back energies that would be dropped:
+/// a check must look at every energy. Gives back their names.
+pub(crate) fn switch_on(
+    model: &Model,
+    dimension: usize,
+    settings: &mut Vec<(String, Setting)>,
+    delta: Option<f64>,
+) -> Vec<String> {
+    let dropped = |settings: &[(String, Setting)]| {
+        let values = model.values(dimension, settings, delta).ok()?;
+        Some(model.specialise(&values).ok()?.dropped.len())
+    };
+    let Some(variant) = model.variant(dimension) else { return Vec::new() };
+    let mut switched = Vec::new();
+    for (parameter, default) in model.parameters().iter().zip(&variant.defaults) {
+        if *default != Some(0.0) || settings.iter().any(|(name, _)| *name == parameter.name) {
+            continue;
+        }
+        let before = dropped(settings);
+        settings.push((parameter.name.clone(), Setting::Number(1.0)));
+        if before.is_some() && dropped(settings) < before {
+            switched.push(parameter.name.clone());
+        } else {
+            settings.pop();
+        }
+    }
+    switched
+}

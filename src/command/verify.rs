@@ -27,6 +27,13 @@ pub(super) fn execute(arguments: &Verify) -> Exit {
                 eprintln!("note: {file}: {} = 1, for want of a value", filled.join(" = "));
             }
             let delta = arguments.inputs.delta.or(Some(1.0));
+            let switched_on = potential::switch_on(&loaded.model, dimension, &mut settings, delta);
+            if !switched_on.is_empty() {
+                eprintln!(
+                    "note: {file}: {} = 1, so that no energy is left out",
+                    switched_on.join(" = ")
+                );
+            }
             let Some(values) = potential::values(&loaded.model, dimension, &settings, delta) else {
                 return Exit::Input;
             };

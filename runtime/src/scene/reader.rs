@@ -204,15 +204,6 @@ impl Reader {
         }
     }
 
-    /// `true` or `false`.
-    pub(super) fn boolean(&mut self, field: Field<'_>) -> Option<bool> {
-        if let Kind::Boolean(boolean) = field.node.kind {
-            return Some(boolean);
-        }
-        self.wrong_type(field, "true or false");
-        None
-    }
-
     /// A string.
     pub(super) fn text<'t>(&mut self, field: Field<'t>) -> Option<&'t Text> {
         if let Kind::Text(text) = &field.node.kind {

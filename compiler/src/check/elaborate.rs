@@ -431,6 +431,9 @@ impl<'a> Elaborator<'a> {
         span: Span,
     ) -> Option<Value> {
         if let Some(Symbol::Function(number)) = self.symbols.get(&function.name) {
+            if !self.symbols.is_sound(number) {
+                return None;
+            }
             return self.expand(number, function, actual, span);
         }
         if let Some(builtin) = Function::named(&function.name) {

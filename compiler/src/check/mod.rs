@@ -20,8 +20,16 @@ use crate::model::Model;
 
 /// Checks a potential. Every error of the file is reported in one run.
 pub fn check(ast: &Ast) -> Result<Model, Vec<Diagnostic>> {
-    let symbols = names::resolve(ast)?;
-    statement::model(ast, &symbols)
+    let (symbols, mut errors) = names::resolve(ast);
+    match statement::model(ast, &symbols) {
+        Ok(model) if errors.is_empty() => Ok(model),
+        Ok(_) => Err(errors),
+        Err(more) => {
+            errors.extend(more);
+            errors.sort_by_key(|error| error.span);
+            Err(errors)
+        }
+    }
 }
 
 /// Elaboration of a lone expression, for formulas outside potentials.

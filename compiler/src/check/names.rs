@@ -1,6 +1,6 @@
 //! Every name is known, used as what it is, and defined before its use.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use piola_grammar::ast::{Arena, Ast, ExprId, ExprKind, Ident, Statement};
 use piola_grammar::{Diagnostic, Span, suggest};
@@ -32,8 +32,10 @@ pub(crate) enum Symbol {
 /// The names of a file, and which expressions each body consists of.
 pub(crate) struct Symbols<'a> {
     names: HashMap<&'a str, Symbol>,
-    /// Number of each parameter's statement, in order of declaration.
-    pub(crate) parameters: Vec<usize>,
+    /// Statements with a name that is wrong: reported already, not looked at again.
+    wrong: HashSet<usize>,
+    /// How many parameters there are so far.
+    n_parameters: usize,
 }
 
 /// Names that no potential may redefine.
@@ -67,12 +69,12 @@ pub(crate) struct Scope<'a> {
 impl<'a> Symbols<'a> {
     /// Only what every formula knows: no measures, no user's names.
     pub(crate) fn empty() -> Symbols<'static> {
-        Symbols { names: HashMap::new(), parameters: Vec::new() }
+        Symbols { names: HashMap::new(), wrong: HashSet::new(), n_parameters: 0 }
     }
 
     /// Declares variables, which count as parameters.
     pub(crate) fn with_variables(variables: &[&'a str]) -> Symbols<'a> {
-        let mut symbols = Symbols { names: HashMap::new(), parameters: Vec::new() };
+        let mut symbols = Symbols { names: HashMap::new(), wrong: HashSet::new(), n_parameters: 0 };
         for (number, name) in variables.iter().enumerate() {
             symbols.names.insert(name, Symbol::Parameter(number));
         }
@@ -92,57 +94,71 @@ impl<'a> Symbols<'a> {
         symbols
     }
 
+    /// Whether a statement's names were all right.
+    pub(crate) fn is_sound(&self, statement: usize) -> bool {
+        !self.wrong.contains(&statement)
+    }
+
     /// What a name stands for, formal parameters aside.
     pub(crate) fn get(&self, name: &str) -> Option<Symbol> {
         self.names.get(name).copied()
     }
 }
 
-/// Resolves the names of a file.
-pub(crate) fn resolve(ast: &Ast) -> Result<Symbols<'_>, Vec<Diagnostic>> {
+/// Resolves the names of a file. Statements with errors are marked, so that the rest can be checked.
+pub(crate) fn resolve(ast: &Ast) -> (Symbols<'_>, Vec<Diagnostic>) {
     let mut symbols = Symbols::with_measures();
     let mut places: HashMap<&str, Span> = HashMap::new();
     let mut errors = Vec::new();
     for (number, statement) in ast.statements.iter().enumerate() {
-        match statement {
-            Statement::Parameter(p) => {
-                if let Some(default) = p.default {
-                    check_body(&ast.arena, default, &symbols, &[], ast, &mut errors);
-                }
-                if define(&p.name, &mut places, &mut errors) {
-                    let index = symbols.parameters.len();
-                    symbols.names.insert(&p.name.name, Symbol::Parameter(index));
-                }
-                symbols.parameters.push(number);
-                for &constraint in &p.constraints {
-                    check_body(&ast.arena, constraint, &symbols, &[], ast, &mut errors);
-                }
-                for exponent in p.unit.iter().flat_map(|u| &u.factors).filter_map(|f| f.exponent) {
-                    check_body(&ast.arena, exponent, &symbols, &[], ast, &mut errors);
-                }
-            }
-            Statement::Definition(definition) => {
-                let formals = definition.parameters.as_deref().unwrap_or(&[]);
-                check_formals(formals, &mut errors);
-                check_body(&ast.arena, definition.body, &symbols, formals, ast, &mut errors);
-                if define(&definition.name, &mut places, &mut errors) {
-                    let symbol = match definition.parameters {
-                        Some(_) => Symbol::Function(number),
-                        None => Symbol::Value(number),
-                    };
-                    symbols.names.insert(&definition.name.name, symbol);
-                }
-            }
-            Statement::Energy(energy) => {
-                check_body(&ast.arena, energy.body, &symbols, &[], ast, &mut errors);
-            }
-            Statement::Domain(domain) => {
-                check_body(&ast.arena, domain.quantity, &symbols, &[], ast, &mut errors);
-            }
-            Statement::Source(_) | Statement::Dimensions(_) => {}
+        let before = errors.len();
+        statement_names(ast, statement, number, &mut symbols, &mut places, &mut errors);
+        if errors.len() > before {
+            symbols.wrong.insert(number);
         }
     }
-    if errors.is_empty() { Ok(symbols) } else { Err(errors) }
+    (symbols, errors)
+}
+
+fn statement_names<'a>(
+    ast: &'a Ast,
+    statement: &'a Statement,
+    number: usize,
+    symbols: &mut Symbols<'a>,
+    places: &mut HashMap<&'a str, Span>,
+    errors: &mut Vec<Diagnostic>,
+) {
+    let arena = &ast.arena;
+    match statement {
+        Statement::Parameter(p) => {
+            if let Some(default) = p.default {
+                check_body(arena, default, symbols, &[], ast, errors);
+            }
+            if define(&p.name, places, errors) {
+                symbols.names.insert(&p.name.name, Symbol::Parameter(symbols.n_parameters));
+            }
+            symbols.n_parameters += 1;
+            let exponents = p.unit.iter().flat_map(|u| &u.factors).filter_map(|f| f.exponent);
+            for id in p.constraints.iter().copied().chain(exponents) {
+                check_body(arena, id, symbols, &[], ast, errors);
+            }
+        }
+        Statement::Definition(definition) => {
+            let formals = definition.parameters.as_deref().unwrap_or(&[]);
+            check_formals(formals, errors);
+            check_body(arena, definition.body, symbols, formals, ast, errors);
+            if define(&definition.name, places, errors) {
+                let symbol = match definition.parameters {
+                    Some(_) => Symbol::Function(number),
+                    None => Symbol::Value(number),
+                };
+                symbols.names.insert(&definition.name.name, symbol);
+            }
+        }
+        Statement::Energy(energy) => check_body(arena, energy.body, symbols, &[], ast, errors),
+        Statement::Domain(domain) => check_body(arena, domain.quantity, symbols, &[], ast, errors),
+        Statement::Source(_) | Statement::Dimensions(_) => {}
+    }
 }
 
 /// Checks the names of a lone expression.

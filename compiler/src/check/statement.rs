@@ -131,8 +131,14 @@ fn constraints(
     let mut elaborator = Elaborator::new(&ast.arena, Some(ast), symbols, 0, false);
     elaborator.parameter_quantities = vec![Quantity::Any; declared.len()];
     let mut constraints = Vec::new();
+    let sound = |p: &ParameterAst| {
+        ast.statements.iter().enumerate().any(|(number, statement)| {
+            symbols.is_sound(number)
+                && matches!(statement, Statement::Parameter(q) if std::ptr::eq(p, q))
+        })
+    };
     for (number, p) in declared.iter().enumerate() {
-        for &id in &p.constraints {
+        for &id in p.constraints.iter().filter(|_| sound(p)) {
             let Some(value) = elaborator.expression(id) else { continue };
             if elaborator.truth(value, id).is_none() {
                 continue;
@@ -177,10 +183,11 @@ impl<'a> Builder<'a> {
     }
 
     fn statements(&mut self) {
-        let ast = self.ast;
+        let (ast, symbols) = (self.ast, self.elaborator.symbols);
         for (number, statement) in ast.statements.iter().enumerate() {
             match statement {
-                Statement::Parameter(p) => self.parameter(p),
+                Statement::Parameter(p) => self.parameter(p, symbols.is_sound(number)),
+                _ if !symbols.is_sound(number) => {}
                 Statement::Definition(d) if d.parameters.is_none() => {
                     self.elaborator.define_value(number, d.body);
                 }
@@ -191,8 +198,14 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn parameter(&mut self, p: &ParameterAst) {
+    fn parameter(&mut self, p: &ParameterAst, sound: bool) {
         let none = UnitValue { dimension: Dimension::NONE, scale: 1.0 };
+        if !sound {
+            self.variant.defaults.push(None);
+            self.variant.units.push(none);
+            self.elaborator.parameter_quantities.push(Quantity::Any);
+            return;
+        }
         let errors = self.elaborator.errors.len();
         let unit = p.unit.as_ref().map_or(none, |unit| self.unit(unit));
         // A unit that is not understood must not cause further errors.

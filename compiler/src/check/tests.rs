@@ -85,7 +85,7 @@ fn names_are_resolved() {
         ("parameter c = l\npsi(l) = l", "not-a-constant"),
         ("domain l/A in (0, 1)\npsi(l) = l", "wrong-measure"),
         ("domain l/L in (1, 1)\npsi(l) = l", "empty-domain"),
-        ("parameter c in furlong\npsi(l) = l", "unknown-unit"),
+        ("parameter c in furlong\npsi(l) = c*l", "unknown-unit"),
         ("k = 2", "no-energy"),
     ] {
         assert_eq!(codes(&format!("potential p\n{text}")), [code], "{text}");
@@ -98,6 +98,24 @@ fn all_errors_of_a_file_come_at_once() {
     assert_eq!(
         found,
         ["unknown-name", "unknown-name", "wrong-number-of-arguments", "unknown-name"]
+    );
+}
+
+#[test]
+fn errors_of_names_do_not_hide_errors_of_dimensions() {
+    let found = codes(
+        "potential p\ndimensions 2\nparameter C in J/m^5\nparameter k = q in m\nS(x) = x + y\n\
+         psi(l) = C*(l - A) + S(l)\npsi(a) = C*(a - L)\ns = k + w",
+    );
+    assert_eq!(
+        found,
+        [
+            "unknown-name",
+            "unknown-name",
+            "dimension-mismatch",
+            "dimension-mismatch",
+            "unknown-name"
+        ]
     );
 }
 

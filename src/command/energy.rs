@@ -58,7 +58,7 @@ fn evaluate(case: &Case, arguments: &Energy) -> Result<Option<Value>, CaseError>
         Some(tangent) => energy.tangent(&displacement, &mut gradient, tangent),
         None => energy.gradient(&displacement, &mut gradient),
     };
-    let parts = parts.map_err(|error| CaseError::Body { message: error.to_string() })?;
+    let parts = parts.map_err(|found| CaseError::Body { message: case.describe(&found) })?;
     let report = energy.report();
     let rows: Vec<Vec<f64>> =
         case.body.to_user_order(&gradient, d).chunks_exact(d).map(<[f64]>::to_vec).collect();

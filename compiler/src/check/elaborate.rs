@@ -5,16 +5,13 @@
 
 use std::collections::HashMap;
 
-use piola_grammar::ast::{
-    Arena, Ast, BinaryOperator, ExprId, ExprKind, Ident, Statement, UnaryOperator,
-};
+use piola_grammar::ast::{Arena, Ast, BinaryOperator, ExprId, ExprKind, Ident, UnaryOperator};
 use piola_grammar::{Diagnostic, ExpressionAst, Span};
 
 use super::dimension::Dimension;
 use super::names::{self, Symbol, Symbols, parts};
 use super::value::{Constant, Kind, Quantity, Value};
 use crate::expression::graph::MAX_NODES;
-use crate::expression::number::Number;
 use crate::expression::{Comparison, ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::measure::Measure;
 
@@ -22,7 +19,7 @@ use crate::measure::Measure;
 const MAX_VISITS: usize = 400_000;
 
 /// Deepest chain of functions that call each other.
-const MAX_CALL_DEPTH: usize = 256;
+pub(super) const MAX_CALL_DEPTH: usize = 256;
 
 /// Elaborates expressions of one file in one dimension.
 pub(crate) struct Elaborator<'a> {
@@ -35,15 +32,15 @@ pub(crate) struct Elaborator<'a> {
     pub(crate) parameter_quantities: Vec<Quantity>,
     pub(crate) graph: ExprGraph,
     pub(crate) errors: Vec<Diagnostic>,
-    values: HashMap<usize, Option<Value>>,
-    calls: HashMap<(usize, Vec<Value>), Option<Value>>,
-    call_sites: Vec<(Span, String)>,
+    pub(super) values: HashMap<usize, Option<Value>>,
+    pub(super) calls: HashMap<(usize, Vec<Value>), Option<Value>>,
+    pub(super) call_sites: Vec<(Span, String)>,
     visits: usize,
     exhausted: bool,
 }
 
 /// A function's formal parameters and what they stand for in one call.
-type Arguments<'b> = &'b [(&'b Ident, Value)];
+pub(super) type Arguments<'b> = &'b [(&'b Ident, Value)];
 
 impl<'a> Elaborator<'a> {
     pub(crate) fn new(
@@ -87,7 +84,7 @@ impl<'a> Elaborator<'a> {
         None
     }
 
-    fn body(&mut self, root: ExprId, arguments: Arguments<'_>) -> Option<Value> {
+    pub(super) fn body(&mut self, root: ExprId, arguments: Arguments<'_>) -> Option<Value> {
         let parts = parts(self.arena, root);
         self.visits += parts.len();
         if self.visits > MAX_VISITS {
@@ -107,88 +104,6 @@ impl<'a> Elaborator<'a> {
             }
         }
         values[&root]
-    }
-
-    /// What is known of the parts before any parameter has a value.
-    fn constants(
-        &mut self,
-        parts: &[ExprId],
-        arguments: Arguments<'_>,
-    ) -> HashMap<ExprId, Constant> {
-        let mut known = HashMap::new();
-        for &id in parts {
-            if let Some(constant) = self.constant_of(id, &known, arguments) {
-                known.insert(id, constant);
-            }
-        }
-        known
-    }
-
-    fn constant_of(
-        &mut self,
-        id: ExprId,
-        known: &HashMap<ExprId, Constant>,
-        arguments: Arguments<'_>,
-    ) -> Option<Constant> {
-        use Constant::{Number as Num, Truth};
-        match &self.arena[id].kind {
-            ExprKind::Number(x) => Some(Num(*x)),
-            ExprKind::Name(name) => {
-                if let Some((_, value)) = arguments.iter().find(|(formal, _)| formal.name == *name)
-                {
-                    return value.constant.map(|bits| Num(f64::from_bits(bits)));
-                }
-                match self.symbols.get(name)? {
-                    Symbol::Dimension => Some(Num(self.dimension as f64)),
-                    Symbol::Pi => Some(Num(std::f64::consts::PI)),
-                    Symbol::Value(number) => {
-                        let value = self.values.get(&number).copied().flatten()?;
-                        value.constant.map(|bits| Num(f64::from_bits(bits)))
-                    }
-                    _ => None,
-                }
-            }
-            ExprKind::Call { .. } => None,
-            ExprKind::Unary { operator, operand } => match (operator, known.get(operand)?) {
-                (UnaryOperator::Negate, Num(x)) => Some(Num(-x)),
-                (UnaryOperator::Not, Truth(c)) => Some(Truth(!c)),
-                _ => None,
-            },
-            ExprKind::Binary { operator, left, right } => {
-                match (known.get(left)?, known.get(right)?, meaning(*operator)) {
-                    (Num(x), Num(y), Meaning::Number(o)) => Some(Num(f64::binary(o, *x, *y))),
-                    (Num(x), Num(y), Meaning::Comparison(c)) => Some(Truth(c.holds(*x, *y))),
-                    (Truth(x), Truth(y), Meaning::And) => Some(Truth(*x && *y)),
-                    (Truth(x), Truth(y), Meaning::Or) => Some(Truth(*x || *y)),
-                    _ => None,
-                }
-            }
-            ExprKind::If { condition, then, otherwise } => match known.get(condition)? {
-                Truth(true) => known.get(then).copied(),
-                Truth(false) => known.get(otherwise).copied(),
-                Num(_) => None,
-            },
-        }
-    }
-
-    /// The parts that no condition on `d` rules out.
-    fn active(
-        &self,
-        parts: &[ExprId],
-        constants: &HashMap<ExprId, Constant>,
-    ) -> std::collections::HashSet<ExprId> {
-        let mut active = std::collections::HashSet::with_capacity(parts.len());
-        active.extend(parts.last());
-        for &id in parts.iter().rev() {
-            if !active.contains(&id) {
-                continue;
-            }
-            match taken_branch(&self.arena[id].kind, constants) {
-                Some(branch) => active.extend([branch]),
-                None => active.extend(names::children(&self.arena[id].kind)),
-            }
-        }
-        active
     }
 
     fn node(
@@ -236,7 +151,7 @@ impl<'a> Elaborator<'a> {
     }
 
     /// The quantity of plain numbers: checked files know them as pure numbers.
-    fn number_quantity(&self) -> Quantity {
+    pub(super) fn number_quantity(&self) -> Quantity {
         if self.checked { Quantity::NUMBER } else { Quantity::Any }
     }
 
@@ -324,73 +239,6 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    fn quantity_of(
-        &mut self,
-        operator: Operator,
-        (p, left): (Quantity, ExprId),
-        (q, right): (Quantity, ExprId),
-        exponent: Option<&Constant>,
-        span: Span,
-    ) -> Option<Quantity> {
-        match operator {
-            Operator::Multiply => Some(p.combine(q, Dimension::times)),
-            Operator::Divide => Some(p.combine(q, Dimension::over)),
-            Operator::Power => self.power_quantity((p, left), (q, right), exponent),
-            Operator::Add | Operator::Subtract | Operator::Min | Operator::Max => {
-                if let Some(common) = p.unify(q) {
-                    return Some(common);
-                }
-                let message = match operator {
-                    Operator::Add => {
-                        format!("cannot add {} to {}", q.describe(), p.describe())
-                    }
-                    Operator::Subtract => {
-                        format!("cannot subtract {} from {}", q.describe(), p.describe())
-                    }
-                    _ => format!("cannot compare {} with {}", p.describe(), q.describe()),
-                };
-                self.mismatch(span, message, (left, p), (right, q));
-                None
-            }
-        }
-    }
-
-    fn power_quantity(
-        &mut self,
-        (base, base_at): (Quantity, ExprId),
-        (exponent, exponent_at): (Quantity, ExprId),
-        constant: Option<&Constant>,
-    ) -> Option<Quantity> {
-        if let Some(dimension) = exponent.with_unit() {
-            let message = format!("an exponent must be a pure number, not {dimension}");
-            let error =
-                Diagnostic::error("dimension-mismatch", self.arena[exponent_at].span, message);
-            self.report(error.label("this has a unit").help("divide it by a reference value"));
-            return None;
-        }
-        let Some(dimension) = base.with_unit() else { return Some(base) };
-        let Some(Constant::Number(c)) = constant else {
-            let message = format!("cannot raise {dimension} to a power that is not a known number");
-            let error = Diagnostic::error("dimension-mismatch", self.arena[base_at].span, message);
-            let error = error
-                .label("this has a unit")
-                .note(self.arena[exponent_at].span, "the unit of the result would depend on this");
-            self.report(error.help("divide the base by its reference value, as in `(l/L)^n`"));
-            return None;
-        };
-        match dimension.power(*c) {
-            Some(result) => Some(Quantity::Known(result)),
-            None => {
-                let message = format!("{dimension} to the power {c} has no sensible unit");
-                let span = self.arena[exponent_at].span;
-                self.report(Diagnostic::error("dimension-mismatch", span, message).help(
-                    "exponents of quantities with units are fractions with a small denominator",
-                ));
-                None
-            }
-        }
-    }
-
     fn choice(
         &mut self,
         (c, condition): (Value, ExprId),
@@ -421,102 +269,6 @@ impl<'a> Elaborator<'a> {
         };
         let uses = c.uses | x.uses | y.uses;
         self.make(Node::Select(c.node, x.node, y.node), kind, uses, span)
-    }
-
-    fn call(
-        &mut self,
-        function: &Ident,
-        given: &[ExprId],
-        actual: Vec<Value>,
-        span: Span,
-    ) -> Option<Value> {
-        if let Some(Symbol::Function(number)) = self.symbols.get(&function.name) {
-            if !self.symbols.is_sound(number) {
-                return None;
-            }
-            return self.expand(number, function, actual, span);
-        }
-        if let Some(builtin) = Function::named(&function.name) {
-            let quantity = self.number(actual[0], given[0])?;
-            let quantity = self.builtin_quantity(builtin, quantity, given[0])?;
-            let node = Node::Unary(builtin, actual[0].node);
-            return self.make(node, Kind::Number(quantity), actual[0].uses, span);
-        }
-        let operator = if function.name == "min" { Operator::Min } else { Operator::Max };
-        let mut result = (actual[0], self.number(actual[0], given[0])?);
-        for (&value, &at) in actual.iter().zip(given).skip(1) {
-            let quantity = self.number(value, at)?;
-            let quantity =
-                self.quantity_of(operator, (result.1, given[0]), (quantity, at), None, span)?;
-            let node = Node::Binary(operator, result.0.node, value.node);
-            let uses = result.0.uses | value.uses;
-            result = (self.make(node, Kind::Number(quantity), uses, span)?, quantity);
-        }
-        Some(result.0)
-    }
-
-    fn expand(
-        &mut self,
-        number: usize,
-        function: &Ident,
-        actual: Vec<Value>,
-        span: Span,
-    ) -> Option<Value> {
-        let key = (number, actual);
-        if let Some(&known) = self.calls.get(&key) {
-            return known;
-        }
-        if self.call_sites.len() >= MAX_CALL_DEPTH {
-            self.out_of_room(span);
-            return None;
-        }
-        let ast: &'a Ast = self.ast?;
-        let Statement::Definition(definition) = &ast.statements[number] else { return None };
-        let formals = definition.parameters.as_deref().unwrap_or(&[]);
-        let arguments: Vec<(&Ident, Value)> = formals.iter().zip(key.1.iter().copied()).collect();
-        let described: Vec<String> = arguments
-            .iter()
-            .map(|(formal, value)| match value.kind {
-                Kind::Number(quantity) => format!("`{}` {}", formal.name, quantity.describe()),
-                Kind::Truth => format!("`{}` a condition", formal.name),
-            })
-            .collect();
-        let site = format!("in this call of `{}`, with {}", function.name, described.join(", "));
-        self.call_sites.push((span, site));
-        let value = self.body(definition.body, &arguments);
-        self.call_sites.pop();
-        self.calls.insert(key, value);
-        value
-    }
-
-    fn builtin_quantity(
-        &mut self,
-        function: Function,
-        quantity: Quantity,
-        at: ExprId,
-    ) -> Option<Quantity> {
-        match function {
-            Function::Negate | Function::Abs => Some(quantity),
-            Function::Sign => Some(self.number_quantity()),
-            Function::Sqrt => match quantity {
-                Quantity::Known(dimension) => Some(Quantity::Known(dimension.power(0.5)?)),
-                Quantity::Any => Some(Quantity::Any),
-            },
-            _ => {
-                let Some(dimension) = quantity.with_unit() else {
-                    return Some(self.number_quantity());
-                };
-                let name = function.name();
-                let message = format!("`{name}` needs a pure number, not {dimension}");
-                let error = Diagnostic::error("dimension-mismatch", self.arena[at].span, message)
-                    .label("this has a unit");
-                let help = self.stretch_help(at).unwrap_or_else(|| {
-                    "divide it by a reference value of the same unit".to_string()
-                });
-                self.report(error.help(help));
-                None
-            }
-        }
     }
 
     /// The quantity of a number, or an error where a condition stands.
@@ -553,35 +305,7 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    fn mismatch(
-        &mut self,
-        span: Span,
-        message: String,
-        (left, p): (ExprId, Quantity),
-        (right, q): (ExprId, Quantity),
-    ) {
-        let mut error = Diagnostic::error("dimension-mismatch", span, message)
-            .note(self.arena[left].span, p.describe())
-            .note(self.arena[right].span, q.describe());
-        let help = self.stretch_help(left).or_else(|| self.stretch_help(right));
-        error = error.help(help.unwrap_or_else(|| {
-            "both sides need the same unit; give the parameters units that make them equal"
-                .to_string()
-        }));
-        self.report(error);
-    }
-
-    /// Advice where a bare measure stands: its stretch is a pure number.
-    fn stretch_help(&self, at: ExprId) -> Option<String> {
-        let ExprKind::Name(name) = &self.arena[at].kind else { return None };
-        let measure = Measure::from_symbol(name)?;
-        let reference = measure.reference_symbol();
-        Some(format!(
-            "`{reference}` is the value of `{name}` at rest; for its stretch write `{name}/{reference}`"
-        ))
-    }
-
-    fn make(&mut self, node: Node, kind: Kind, uses: u8, span: Span) -> Option<Value> {
+    pub(super) fn make(&mut self, node: Node, kind: Kind, uses: u8, span: Span) -> Option<Value> {
         match self.graph.intern(node) {
             Ok(node) => Some(Value { node, kind, uses, constant: None }),
             Err(_) => {
@@ -591,7 +315,7 @@ impl<'a> Elaborator<'a> {
         }
     }
 
-    fn out_of_room(&mut self, span: Span) {
+    pub(super) fn out_of_room(&mut self, span: Span) {
         if !self.exhausted {
             self.exhausted = true;
             let message = format!("the file expands to more than {MAX_NODES} operations");
@@ -613,7 +337,10 @@ impl<'a> Elaborator<'a> {
 }
 
 /// The branch that a known condition takes.
-fn taken_branch(kind: &ExprKind, constants: &HashMap<ExprId, Constant>) -> Option<ExprId> {
+pub(super) fn taken_branch(
+    kind: &ExprKind,
+    constants: &HashMap<ExprId, Constant>,
+) -> Option<ExprId> {
     let ExprKind::If { condition, then, otherwise } = kind else { return None };
     match constants.get(condition)? {
         Constant::Truth(true) => Some(*then),
@@ -622,14 +349,14 @@ fn taken_branch(kind: &ExprKind, constants: &HashMap<ExprId, Constant>) -> Optio
     }
 }
 
-enum Meaning {
+pub(super) enum Meaning {
     Number(Operator),
     Comparison(Comparison),
     And,
     Or,
 }
 
-fn meaning(operator: BinaryOperator) -> Meaning {
+pub(super) fn meaning(operator: BinaryOperator) -> Meaning {
     match operator {
         BinaryOperator::Or => Meaning::Or,
         BinaryOperator::And => Meaning::And,

@@ -7,9 +7,12 @@
 //!
 //! Before: any tree. After: a [`Model`], or every error of the file at once.
 
+mod call;
+mod constant;
 pub mod dimension;
 mod elaborate;
 mod names;
+mod quantity;
 mod statement;
 pub mod unit;
 mod value;

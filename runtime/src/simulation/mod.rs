@@ -23,6 +23,7 @@ use piola_grammar::Diagnostic;
 use crate::assembly::{DiscreteEnergy, Elements};
 use crate::body::Body;
 use crate::element::{CoordinateElement, Element, MeasureElement};
+use crate::energy::NonFinite;
 use crate::kernel::Measure;
 use crate::lattice::{Lattice, Nodes};
 use crate::neighborhood::Neighborhood;
@@ -150,6 +151,24 @@ impl Case {
         let horizon = self.scene.horizon_radius();
         DiscreteEnergy::with_elements(Arc::clone(&self.body), horizon, weights, elements)
             .map_err(|error| CaseError::Body { message: error.to_string() })
+    }
+
+    /// An evaluation that is not finite, with points and positions as the user knows them.
+    pub fn describe(&self, found: &NonFinite) -> String {
+        let d = self.body.dimension();
+        let points = found.points.iter().map(|&point| {
+            let position: Vec<String> =
+                self.body.position(point)[..d].iter().map(f64::to_string).collect();
+            format!("{} at ({})", self.body.user_index()[point], position.join(", "))
+        });
+        let (symbol, twin) = (found.measure.symbol(), found.measure.reference_symbol());
+        format!(
+            "psi({symbol}) is not finite for the {} of the points {}: {symbol} = {:e}, {twin} = {:e}",
+            found.measure.interaction(),
+            points.collect::<Vec<_>>().join("; "),
+            found.value,
+            found.reference
+        )
     }
 
     /// The points of sets and probes.

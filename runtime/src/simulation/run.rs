@@ -107,7 +107,7 @@ pub fn run(
     if let Some(error) = recorder.failed.take() {
         return Err(error.into());
     }
-    let (ending, displacement) = ending(result, &drive, &recorder.history)?;
+    let (ending, displacement) = ending(case, result, &drive, &recorder.history)?;
     recorder.finish(&energy, &displacement, &ending, &resolved, options)?;
     Ok(ending)
 }
@@ -175,6 +175,7 @@ impl Drive for SceneDrive<'_> {
 
 /// How the steps ended, and the last displacement.
 fn ending(
+    case: &Case,
     result: Result<steps::Outcome, StepError>,
     drive: &SceneDrive<'_>,
     history: &History,
@@ -186,11 +187,17 @@ fn ending(
     match result {
         Ok(outcome) => Ok((end(ExitReason::Completed, String::new()), outcome.displacements)),
         Err(StepError::NotConverged(failure)) => {
-            let reason = match failure.cause.failure {
-                NewtonFailure::NonFinite(_) => ExitReason::NonFinite,
-                _ => ExitReason::NotConverged,
+            let (reason, message) = match &failure.cause.failure {
+                NewtonFailure::NonFinite(found) => {
+                    let place = case.describe(found);
+                    let (last, tried) = (failure.t_converged, failure.t_failed);
+                    let message = format!(
+                        "no equilibrium at t = {tried}, the last is at t = {last}: {place}"
+                    );
+                    (ExitReason::NonFinite, message)
+                }
+                _ => (ExitReason::NotConverged, failure.to_string()),
             };
-            let message = failure.to_string();
             Ok((end(reason, message), failure.outcome.displacements))
         }
         Err(error) => {

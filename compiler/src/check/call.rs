@@ -1,0 +1,77 @@
+//! Calls: built-in functions become nodes, a user's functions are expanded where they are called.
+
+use piola_grammar::Span;
+use piola_grammar::ast::{Ast, ExprId, Ident, Statement};
+
+use super::elaborate::{Elaborator, MAX_CALL_DEPTH};
+use super::names::Symbol;
+use super::value::{Kind, Value};
+use crate::expression::{Function, Node, Operator};
+
+impl<'a> Elaborator<'a> {
+    pub(super) fn call(
+        &mut self,
+        function: &Ident,
+        given: &[ExprId],
+        actual: Vec<Value>,
+        span: Span,
+    ) -> Option<Value> {
+        if let Some(Symbol::Function(number)) = self.symbols.get(&function.name) {
+            if !self.symbols.is_sound(number) {
+                return None;
+            }
+            return self.expand(number, function, actual, span);
+        }
+        if let Some(builtin) = Function::named(&function.name) {
+            let quantity = self.number(actual[0], given[0])?;
+            let quantity = self.builtin_quantity(builtin, quantity, given[0])?;
+            let node = Node::Unary(builtin, actual[0].node);
+            return self.make(node, Kind::Number(quantity), actual[0].uses, span);
+        }
+        let operator = if function.name == "min" { Operator::Min } else { Operator::Max };
+        let mut result = (actual[0], self.number(actual[0], given[0])?);
+        for (&value, &at) in actual.iter().zip(given).skip(1) {
+            let quantity = self.number(value, at)?;
+            let quantity =
+                self.quantity_of(operator, (result.1, given[0]), (quantity, at), None, span)?;
+            let node = Node::Binary(operator, result.0.node, value.node);
+            let uses = result.0.uses | value.uses;
+            result = (self.make(node, Kind::Number(quantity), uses, span)?, quantity);
+        }
+        Some(result.0)
+    }
+
+    fn expand(
+        &mut self,
+        number: usize,
+        function: &Ident,
+        actual: Vec<Value>,
+        span: Span,
+    ) -> Option<Value> {
+        let key = (number, actual);
+        if let Some(&known) = self.calls.get(&key) {
+            return known;
+        }
+        if self.call_sites.len() >= MAX_CALL_DEPTH {
+            self.out_of_room(span);
+            return None;
+        }
+        let ast: &'a Ast = self.ast?;
+        let Statement::Definition(definition) = &ast.statements[number] else { return None };
+        let formals = definition.parameters.as_deref().unwrap_or(&[]);
+        let arguments: Vec<(&Ident, Value)> = formals.iter().zip(key.1.iter().copied()).collect();
+        let described: Vec<String> = arguments
+            .iter()
+            .map(|(formal, value)| match value.kind {
+                Kind::Number(quantity) => format!("`{}` {}", formal.name, quantity.describe()),
+                Kind::Truth => format!("`{}` a condition", formal.name),
+            })
+            .collect();
+        let site = format!("in this call of `{}`, with {}", function.name, described.join(", "));
+        self.call_sites.push((span, site));
+        let value = self.body(definition.body, &arguments);
+        self.call_sites.pop();
+        self.calls.insert(key, value);
+        value
+    }
+}

@@ -41,7 +41,11 @@ pub const RULES: &[Rule] = &[
     rule("multiply_minus_one", "-1*x = -x", "always"),
     rule("multiply_zero", "0*x = 0", "x is an input"),
     rule("multiply_negated", "(-x)*y = -(x*y)", "always"),
-    rule("multiply_constants", "b*(c*x) = (b*c)*x", "b or c is a power of two"),
+    rule(
+        "multiply_constants",
+        "b*(c*x) = (b*c)*x, b*(c*x/y) = (b*c)*x/y",
+        "b or c is a power of two",
+    ),
     rule("multiply_reciprocal", "x*(1/y) = x/y", "always"),
     rule("divide_one", "x/1 = x", "always"),
     rule("divide_zero", "0/x = 0", "x is a reference measure or the horizon"),
@@ -49,6 +53,13 @@ pub const RULES: &[Rule] = &[
     rule("divide_negated", "(-x)/y = -(x/y)", "always"),
     rule("cancel_reference", "(x*L)*(y/L) = x*y", "L is a reference measure"),
     rule("divide_by_reference", "(x*L)/L = x", "L is a reference measure"),
+    rule("divide_power_of_two", "x/c = (1/c)*x", "c is a power of two: both are exact"),
+    rule("divide_own_factor", "(c*x)/c = x", "c is a number, finite and not 0"),
+    rule(
+        "reference_last",
+        "(x/L)*y = (x*y)/L, (x/L)/y = (x/y)/L",
+        "L is a reference measure, x not l",
+    ),
     rule("change_of_measure", "l - L = L*e, e the relative change", "always"),
     rule("change_of_stretch", "l/L - 1 = e, e the relative change", "always"),
     rule("constant_exponent", "x^y is a power with a constant exponent", "y is a number"),
@@ -220,11 +231,25 @@ impl Simplifier {
         if let Some(product) = self.gathered_constants(x, y) {
             return product;
         }
+        if let Some(c) = self.graph.as_number(x)
+            && let Node::Binary(Operator::Divide, numerator, denominator) = self.graph[y]
+            && let Some((b, _)) = self.leading_number(numerator)
+            && (is_moderate_power_of_two(b) || is_moderate_power_of_two(c))
+        {
+            let product = self.multiply(x, numerator)?;
+            return self.divide(product, denominator);
+        }
         if let Some(product) = self.cancelled_reference(x, y) {
             return product;
         }
         if let Some(product) = self.cancelled_reference(y, x) {
             return product;
+        }
+        for (quotient, other) in [(x, y), (y, x)] {
+            if let Some((numerator, reference)) = self.over_reference(quotient) {
+                let product = self.multiply(numerator, other)?;
+                return self.divide(product, reference);
+            }
         }
         self.ordered(Operator::Multiply, x, y)
     }
@@ -248,7 +273,22 @@ impl Simplifier {
             }
             _ if self.is_positive(y) && self.is(x, 0.0) => Ok(x),
             _ if self.is_positive(y) && x == y => self.number(1.0),
+            (_, Node::Number(bits)) if is_moderate_power_of_two(f64::from_bits(bits)) => {
+                let factor = self.number(1.0 / f64::from_bits(bits))?;
+                self.multiply(factor, x)
+            }
+            (Node::Binary(Operator::Multiply, c, rest), Node::Number(bits))
+                if c == y && f64::from_bits(bits).is_normal() =>
+            {
+                Ok(rest)
+            }
             _ => {
+                if !self.is_reference(y)
+                    && let Some((numerator, reference)) = self.over_reference(x)
+                {
+                    let quotient = self.divide(numerator, y)?;
+                    return self.divide(quotient, reference);
+                }
                 if self.is_reference(y)
                     && let Some(rest) = self.without_factor(x, y)
                 {
@@ -387,6 +427,15 @@ impl Simplifier {
         }
         let rest = self.without_factor(x, reference)?;
         Some(rest.and_then(|rest| self.multiply(rest, numerator)))
+    }
+
+    /// `x` and `L` of a quotient `x/L`, unless it is the stretch `l/L` itself.
+    fn over_reference(&self, quotient: NodeId) -> Option<(NodeId, NodeId)> {
+        let Node::Binary(Operator::Divide, numerator, reference) = self.graph[quotient] else {
+            return None;
+        };
+        let stretch = matches!(self.graph[numerator], Node::Input(Input::Current(_)));
+        (self.is_reference(reference) && !stretch).then_some((numerator, reference))
     }
 
     /// What remains of a product without one factor; looks two products deep.

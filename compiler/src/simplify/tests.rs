@@ -100,6 +100,7 @@ fn multiply_negated() {
 fn multiply_constants() {
     becomes("0.5*(2*l)", "l");
     becomes("4*(3*l)", "12*l");
+    becomes("0.5*(2*l/C)", "l/C");
     // 3*0.1 rounds: the product is kept as it was written.
     stays("0.1*(3*l)");
 }
@@ -144,6 +145,26 @@ fn cancel_reference() {
 fn divide_by_reference() {
     becomes("(C*L)/L*l", "C*l");
     stays("C*l/C");
+}
+
+#[test]
+fn divide_power_of_two() {
+    becomes("l/4", "0.25*l");
+    stays("l/3");
+}
+
+#[test]
+fn divide_own_factor() {
+    becomes("(3*l)/3", "l");
+    stays("0*ln(l)/0");
+}
+
+#[test]
+fn reference_last() {
+    becomes("(C/L)*l", "C*l/L");
+    becomes("(C/L)/n", "C/n/L");
+    // The stretch stays in one piece.
+    stays("l/L*C");
 }
 
 #[test]

@@ -108,4 +108,18 @@ fn derivatives_read_as_one_would_write_them() {
         text(&model, &specialised.energies[0]),
         "psi(l) = 1.5*L*(l/L - 1)^2\npsi'(l) = 3*(l/L - 1)\npsi''(l) = 3/L\n"
     );
+    let text_of = |n: f64| {
+        let values = crate::test_support::values(&model, 2, &[("C1", 1.0), ("n", n)]);
+        text(&model, &model.specialise(&values).unwrap().energies[0])
+    };
+    assert_eq!(
+        text_of(2.0),
+        "psi(l) = 0.5*L*(0.5*((l/L)^2 - 1))^2\npsi'(l) = 0.5*(l/L*((l/L)^2 - 1))\n\
+         psi''(l) = 0.5*(((l/L)^2 - 1)/L + l/L*(2*(l/L))/L)\n"
+    );
+    assert_eq!(
+        text_of(0.0),
+        "psi(l) = 0.5*L*ln(l/L)^2\npsi'(l) = ln(l/L)/(l/L)\n\
+         psi''(l) = (1/(l/L)/L - ln(l/L)/(l/L)/L)/(l/L)\n"
+    );
 }

@@ -76,7 +76,7 @@ impl Neg for Lanes {
     type Output = Lanes;
     #[inline(always)]
     fn neg(self) -> Lanes {
-        Lanes(self.0.map(|x| -x))
+        Lanes(std::array::from_fn(|lane| -self.0[lane]))
     }
 }
 
@@ -87,11 +87,11 @@ impl Scalar for Lanes {
     }
     #[inline(always)]
     fn sqrt(self) -> Lanes {
-        Lanes(self.0.map(f64::sqrt))
+        Lanes(std::array::from_fn(|lane| self.0[lane].sqrt()))
     }
     #[inline(always)]
     fn sign(self) -> Lanes {
-        Lanes(self.0.map(Scalar::sign))
+        Lanes(std::array::from_fn(|lane| self.0[lane].sign()))
     }
 }
 

@@ -70,19 +70,25 @@ pub(crate) enum CliqueWeights {
 }
 
 impl CliqueWeights {
-    /// The weight of one interaction, from its points in ascending order.
+    /// The share of each point in the weights of its interactions.
     #[inline(always)]
-    pub(crate) fn of<const P: usize>(&self, points: [usize; P]) -> f64 {
+    pub(crate) fn share(&self, point: usize) -> f64 {
         match self {
-            CliqueWeights::Sum { factor, shares } => {
-                let mut sum = shares[points[0]];
-                for &point in &points[1..] {
-                    sum += shares[point];
-                }
-                factor * sum
+            CliqueWeights::Sum { shares, .. } => shares[point],
+            CliqueWeights::Product { volumes, .. } => volumes[point],
+            CliqueWeights::Unit => 1.0,
+        }
+    }
+
+    /// The weight of one interaction from the shares of its owner and of the other corners.
+    #[inline(always)]
+    pub(crate) fn join<const K: usize>(&self, owner: f64, others: [f64; K]) -> f64 {
+        match self {
+            CliqueWeights::Sum { factor, .. } => {
+                factor * others.iter().fold(owner, |sum, share| sum + share)
             }
-            CliqueWeights::Product { factor, volumes } => {
-                points.iter().fold(*factor, |product, &point| product * volumes[point])
+            CliqueWeights::Product { factor, .. } => {
+                others.iter().fold(factor * owner, |product, share| product * share)
             }
             CliqueWeights::Unit => 1.0,
         }
@@ -194,7 +200,8 @@ mod tests {
     }
 
     fn weight(weights: Weights, measure: Measure, body: &Body) -> f64 {
-        weights.of_measure(measure, body, 2.0, &census()).unwrap().of([0, 1])
+        let weights = weights.of_measure(measure, body, 2.0, &census()).unwrap();
+        weights.join(weights.share(0), [weights.share(1)])
     }
 
     #[test]

@@ -9,12 +9,10 @@ use crate::element::{CAPACITY, Contributions, Order};
 use crate::geometry::packed;
 use crate::interaction::OwnerCliques;
 
-/// A triangle of a batch: members `j < k` and where the block of their points starts.
+/// A triangle of a batch: members `j < k`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TriangleLane {
-    pub(super) j: u32,
-    pub(super) k: u32,
-    pub(super) block: usize,
+    pub(super) members: [u32; 2],
 }
 
 /// A tetrahedron of a batch: members `j < k < l` and the numbers of their pairs.
@@ -62,13 +60,14 @@ impl<const D: usize> OwnerSums<D> {
         lanes: &[TriangleLane],
         out: &Contributions,
         order: Order,
+        cliques: &OwnerCliques<'_, D>,
         rows: &mut Rows<'_>,
     ) {
         let lanes = &lanes[..lanes.len().min(CAPACITY)];
         if order >= Order::Gradient {
             let gradient = &out.gradient[..2 * D];
             for (p, lane) in lanes.iter().enumerate() {
-                for (corner, member) in [lane.j, lane.k].into_iter().enumerate() {
+                for (corner, member) in lane.members.into_iter().enumerate() {
                     let sum = &mut self.gradient[member as usize];
                     for axis in 0..D {
                         sum[axis] += gradient[corner * D + axis][p];
@@ -77,7 +76,7 @@ impl<const D: usize> OwnerSums<D> {
             }
         }
         if order == Order::Tangent {
-            self.add_triangle_blocks(lanes, out, rows);
+            self.add_triangle_blocks(lanes, out, cliques, rows);
         }
     }
 
@@ -85,17 +84,18 @@ impl<const D: usize> OwnerSums<D> {
         &mut self,
         lanes: &[TriangleLane],
         out: &Contributions,
+        cliques: &OwnerCliques<'_, D>,
         rows: &mut Rows<'_>,
     ) {
         let h = &out.hessian[..packed(2 * D, 2 * D - 1, 2 * D - 1) + 1];
-        let mut p = 0;
-        while p < lanes.len() {
+        for run in runs(lanes, |lane| lane.members[0]) {
             // Triangles on one edge (owner, j) follow each other: the sums of j stay in registers.
-            let j = lanes[p].j;
+            let j = lanes[run.start].members[0] as usize;
+            let first_block = rows.coupling::<D>(cliques.members()[j] as usize, 0);
             let (mut own, mut column) = ([[0.0; D]; D], [[0.0; D]; D]);
-            while p < lanes.len() && lanes[p].j == j {
-                let k = lanes[p].k as usize;
-                let block = rows.block::<D>(lanes[p].block);
+            for p in run {
+                let k = lanes[p].members[1] as usize;
+                let block = rows.block::<D>(first_block + cliques.place(j, k) * D * D);
                 let (own_k, column_k) = (&mut self.diagonal[k], &mut self.column[k]);
                 for r in 0..D {
                     for c in 0..D {
@@ -109,10 +109,9 @@ impl<const D: usize> OwnerSums<D> {
                         own_k[r][c] += h[packed(2 * D, D + r, D + c)][p];
                     }
                 }
-                p += 1;
             }
-            add(&mut self.diagonal[j as usize], &own);
-            add(&mut self.column[j as usize], &column);
+            add(&mut self.diagonal[j], &own);
+            add(&mut self.column[j], &column);
         }
     }
 
@@ -142,12 +141,11 @@ impl<const D: usize> OwnerSums<D> {
 
     fn add_tetrahedron_blocks(&mut self, lanes: &[TetrahedronLane], out: &Contributions) {
         let h = &out.hessian[..packed(3 * D, 3 * D - 1, 3 * D - 1) + 1];
-        let mut p = 0;
-        while p < lanes.len() {
+        for run in runs(lanes, |lane| lane.pairs[0]) {
             // Tetrahedra on one triangle (owner, j, k) follow each other.
-            let ([j, k, _], [jk, _, _]) = (lanes[p].members, lanes[p].pairs);
+            let TetrahedronLane { members: [j, k, _], pairs: [jk, _, _] } = lanes[run.start];
             let mut base = [[[0.0; D]; D]; 3];
-            while p < lanes.len() && lanes[p].pairs[0] == jk {
+            for p in run {
                 let [_, jl, kl] = lanes[p].pairs;
                 let own_l = &mut self.diagonal[lanes[p].members[2] as usize];
                 for r in 0..D {
@@ -168,7 +166,6 @@ impl<const D: usize> OwnerSums<D> {
                         }
                     }
                 }
-                p += 1;
             }
             add(&mut self.diagonal[j as usize], &base[0]);
             add(&mut self.diagonal[k as usize], &base[1]);
@@ -269,6 +266,17 @@ pub(super) fn add_bonds<const D: usize>(
             rows.add_block(rows.coupling::<D>(owner, place), &block.map(|row| row.map(|x| -x)));
         }
     }
+}
+
+/// Ranges of consecutive lanes with the same key.
+fn runs<L>(lanes: &[L], key: impl Fn(&L) -> u32) -> impl Iterator<Item = std::ops::Range<usize>> {
+    let mut start = 0;
+    std::iter::from_fn(move || {
+        let first = key(lanes.get(start)?);
+        let len = lanes[start..].iter().take_while(|lane| key(lane) == first).count();
+        start += len;
+        Some(start - len..start)
+    })
 }
 
 #[inline(always)]

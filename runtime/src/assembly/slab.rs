@@ -3,7 +3,7 @@
 use super::accumulate::{OwnerSums, TetrahedronLane, TriangleLane, add_bonds};
 use super::rows::Rows;
 use super::{DiscreteEnergy, Kind};
-use crate::element::{Contributions, InteractionBatch, Order};
+use crate::element::{CAPACITY, Contributions, InteractionBatch, Order};
 use crate::energy::{EnergyParts, NonFinite};
 use crate::geometry::Geometry;
 use crate::geometry::tetrahedron::Tetrahedron;
@@ -130,26 +130,40 @@ struct Context<'a, const D: usize> {
 impl<'a, const D: usize> Context<'a, D> {
     fn bonds(&self, kind: &Kind, rows: &mut Rows<'_>) -> Result<Sum, NonFinite> {
         let (body, neighborhood) = (&self.energy.body, &self.energy.neighborhood);
-        let mut batch = Gathered::new(kind, D);
+        let mut batch = Gathered::<(usize, usize, usize), D>::new(kind);
         for owner in self.energy.slabs.owners(self.slab) {
             let (rest, now) = (row::<D>(body.positions(), owner), row::<D>(self.u, owner));
+            let share = kind.weights.share(owner);
             for (place, &other) in neighborhood.upper(owner).iter().enumerate() {
                 let other = other as usize;
-                let reference = minus(&row(body.positions(), other), &rest);
-                let displacement = minus(&row(self.u, other), &now);
-                let weight = kind.weights.of([owner, other]);
-                batch.batch.push([&reference], [&displacement], weight);
+                let lane = batch.lanes.len();
+                batch.reference.push(minus(&row(body.positions(), other), &rest));
+                batch.displacement.push(minus(&row(self.u, other), &now));
+                batch.batch.weight[lane] = kind.weights.join(share, [kind.weights.share(other)]);
                 batch.lanes.push((owner, other, place));
-                if batch.batch.is_full() {
-                    batch.evaluate(kind, self.order, |&(owner, other, _)| vec![owner, other])?;
-                    add_bonds::<D>(&batch.lanes, &batch.out, self.order, rows);
-                    batch.clear();
+                if batch.is_full() {
+                    self.add_bonds(kind, &mut batch, rows)?;
                 }
             }
         }
+        self.add_bonds(kind, &mut batch, rows)?;
+        Ok(batch.sum)
+    }
+
+    fn add_bonds(
+        &self,
+        kind: &Kind,
+        batch: &mut Gathered<(usize, usize, usize), D>,
+        rows: &mut Rows<'_>,
+    ) -> Result<(), NonFinite> {
+        let len = batch.lanes.len();
+        batch.batch.gather(len, &batch.reference, &batch.displacement, |lane| [lane]);
         batch.evaluate(kind, self.order, |&(owner, other, _)| vec![owner, other])?;
         add_bonds::<D>(&batch.lanes, &batch.out, self.order, rows);
-        Ok(batch.sum)
+        batch.lanes.clear();
+        batch.reference.clear();
+        batch.displacement.clear();
+        Ok(())
     }
 
     fn cliques(&self) -> OwnerCliques<'a, D> {
@@ -167,90 +181,145 @@ impl<'a, const D: usize> Context<'a, D> {
 
     fn triangles(&self, kind: &Kind, rows: &mut Rows<'_>) -> Result<Sum, NonFinite> {
         let mut cliques = self.cliques();
-        let mut batch = Gathered::<TriangleLane>::new(kind, D);
-        let (mut sums, mut eta) = (OwnerSums::<D>::default(), Vec::new());
+        let mut batch = Gathered::<TriangleLane, D>::new(kind);
+        let mut sums = OwnerSums::<D>::default();
         for owner in self.energy.slabs.owners(self.slab) {
             cliques.set(owner);
-            self.displacements(&cliques, &mut eta);
+            self.displacements(&cliques, &mut batch.displacement);
+            batch.set_shares(kind, &cliques);
             sums.reset(self.order, cliques.members().len(), 0);
-            let (members, reference) = (cliques.members(), cliques.reference());
-            let point = |member: u32| members[member as usize] as usize;
-            let points = |lane: &TriangleLane| vec![owner, point(lane.j), point(lane.k)];
-            let mut flush = |batch: &mut Gathered<TriangleLane>, rows: &mut Rows<'_>| {
-                batch.evaluate(kind, self.order, points)?;
-                sums.add_triangles(&batch.lanes, &batch.out, self.order, rows);
-                batch.clear();
-                Ok(())
-            };
             cliques.triangles(|j, k| {
-                let corners = [owner, members[j] as usize, members[k] as usize];
-                let weight = kind.weights.of(corners);
-                batch.batch.push([&reference[j], &reference[k]], [&eta[j], &eta[k]], weight);
-                let block = rows.coupling::<D>(corners[1], cliques.place(j, k));
-                batch.lanes.push(TriangleLane { j: j as u32, k: k as u32, block });
-                if batch.batch.is_full() { flush(&mut batch, rows) } else { Ok(()) }
+                batch.lanes.push(TriangleLane { members: [j as u32, k as u32] });
+                if batch.is_full() {
+                    self.add_triangles(kind, &cliques, &mut batch, &mut sums, rows)?;
+                }
+                Ok(())
             })?;
-            flush(&mut batch, rows)?;
+            self.add_triangles(kind, &cliques, &mut batch, &mut sums, rows)?;
             sums.write(&cliques, self.order, rows);
         }
         Ok(batch.sum)
+    }
+
+    fn add_triangles(
+        &self,
+        kind: &Kind,
+        cliques: &OwnerCliques<'_, D>,
+        batch: &mut Gathered<TriangleLane, D>,
+        sums: &mut OwnerSums<D>,
+        rows: &mut Rows<'_>,
+    ) -> Result<(), NonFinite> {
+        batch.gather(kind, cliques, |lane| lane.members);
+        batch.evaluate(kind, self.order, |lane| named(cliques, &lane.members))?;
+        sums.add_triangles(&batch.lanes, &batch.out, self.order, cliques, rows);
+        batch.lanes.clear();
+        Ok(())
     }
 
     fn tetrahedra(&self, kind: &Kind, rows: &mut Rows<'_>) -> Result<Sum, NonFinite> {
         let mut cliques = self.cliques();
-        let mut batch = Gathered::<TetrahedronLane>::new(kind, D);
-        let (mut sums, mut eta) = (OwnerSums::<D>::default(), Vec::new());
+        let mut batch = Gathered::<TetrahedronLane, D>::new(kind);
+        let mut sums = OwnerSums::<D>::default();
         let mut pairs = PairNumbers::default();
         for owner in self.energy.slabs.owners(self.slab) {
             cliques.set(owner);
-            self.displacements(&cliques, &mut eta);
+            self.displacements(&cliques, &mut batch.displacement);
+            batch.set_shares(kind, &cliques);
             pairs.set(&cliques);
             sums.reset(self.order, cliques.members().len(), pairs.count);
-            let (members, reference) = (cliques.members(), cliques.reference());
-            let points = |lane: &TetrahedronLane| {
-                let point = |member: u32| members[member as usize] as usize;
-                [&[owner], &lane.members.map(point)[..]].concat()
-            };
-            let mut flush = |batch: &mut Gathered<TetrahedronLane>| {
-                batch.evaluate(kind, self.order, points)?;
-                sums.add_tetrahedra(&batch.lanes, &batch.out, self.order);
-                batch.clear();
-                Ok(())
-            };
             cliques.tetrahedra(|j, k, l| {
-                let point = |member: usize| members[member] as usize;
-                let weight = kind.weights.of([owner, point(j), point(k), point(l)]);
-                let rest = [&reference[j], &reference[k], &reference[l]];
-                batch.batch.push(rest, [&eta[j], &eta[k], &eta[l]], weight);
                 batch.lanes.push(TetrahedronLane {
                     members: [j as u32, k as u32, l as u32],
                     pairs: [pairs.of(j, k), pairs.of(j, l), pairs.of(k, l)],
                 });
-                if batch.batch.is_full() { flush(&mut batch) } else { Ok(()) }
+                if batch.is_full() {
+                    self.add_tetrahedra(kind, &cliques, &mut batch, &mut sums)?;
+                }
+                Ok(())
             })?;
-            flush(&mut batch)?;
+            self.add_tetrahedra(kind, &cliques, &mut batch, &mut sums)?;
             sums.write(&cliques, self.order, rows);
         }
         Ok(batch.sum)
     }
+
+    fn add_tetrahedra(
+        &self,
+        kind: &Kind,
+        cliques: &OwnerCliques<'_, D>,
+        batch: &mut Gathered<TetrahedronLane, D>,
+        sums: &mut OwnerSums<D>,
+    ) -> Result<(), NonFinite> {
+        batch.gather(kind, cliques, |lane| lane.members);
+        batch.evaluate(kind, self.order, |lane| named(cliques, &lane.members))?;
+        sums.add_tetrahedra(&batch.lanes, &batch.out, self.order);
+        batch.lanes.clear();
+        Ok(())
+    }
 }
 
-/// A batch with what is known of each of its interactions, and the energy so far.
-struct Gathered<L> {
-    batch: InteractionBatch,
+/// The points of an interaction of an owner, from its members.
+fn named<const D: usize>(cliques: &OwnerCliques<'_, D>, members: &[u32]) -> Vec<usize> {
+    let point = |&member: &u32| cliques.members()[member as usize] as usize;
+    std::iter::once(cliques.owner()).chain(members.iter().map(point)).collect()
+}
+
+/// Interactions on their way through an element, and the energy so far.
+struct Gathered<L, const D: usize> {
+    /// What is known of each interaction.
     lanes: Vec<L>,
+    /// Vectors from owners at rest, for bonds; cliques have theirs.
+    reference: Vec<[f64; D]>,
+    /// Displacements relative to owners.
+    displacement: Vec<[f64; D]>,
+    /// Shares of the owner and of its members in the weights.
+    own_share: f64,
+    shares: Vec<f64>,
+    batch: InteractionBatch,
     out: Contributions,
     sum: Sum,
 }
 
-impl<L> Gathered<L> {
-    fn new(kind: &Kind, dimension: usize) -> Gathered<L> {
+impl<L, const D: usize> Gathered<L, D> {
+    fn new(kind: &Kind) -> Gathered<L, D> {
         let measure = kind.element.measure();
         Gathered {
-            batch: InteractionBatch::new(measure, dimension),
-            lanes: Vec::with_capacity(crate::element::CAPACITY),
-            out: Contributions::new(measure, dimension),
+            lanes: Vec::with_capacity(CAPACITY),
+            reference: Vec::new(),
+            displacement: Vec::new(),
+            own_share: 0.0,
+            shares: Vec::new(),
+            batch: InteractionBatch::new(measure, D),
+            out: Contributions::new(measure, D),
             sum: Sum::default(),
+        }
+    }
+
+    #[inline(always)]
+    fn is_full(&self) -> bool {
+        self.lanes.len() == CAPACITY
+    }
+
+    fn set_shares(&mut self, kind: &Kind, cliques: &OwnerCliques<'_, D>) {
+        self.own_share = kind.weights.share(cliques.owner());
+        self.shares.clear();
+        let members = cliques.members().iter();
+        self.shares.extend(members.map(|&member| kind.weights.share(member as usize)));
+    }
+
+    /// Fills the batch from the lanes of one owner.
+    fn gather<const K: usize>(
+        &mut self,
+        kind: &Kind,
+        cliques: &OwnerCliques<'_, D>,
+        members: impl Fn(&L) -> [u32; K],
+    ) {
+        let lanes = &self.lanes[..self.lanes.len().min(CAPACITY)];
+        let corners = |lane: usize| members(&lanes[lane]).map(|member| member as usize);
+        self.batch.gather(lanes.len(), cliques.reference(), &self.displacement, corners);
+        for lane in 0..lanes.len() {
+            let shares = corners(lane).map(|member| self.shares[member]);
+            self.batch.weight[lane] = kind.weights.join(self.own_share, shares);
         }
     }
 
@@ -274,11 +343,6 @@ impl<L> Gathered<L> {
             self.sum.add(energy);
         }
         Ok(())
-    }
-
-    fn clear(&mut self) {
-        self.batch.clear();
-        self.lanes.clear();
     }
 }
 

@@ -48,33 +48,32 @@ impl InteractionBatch {
         self.len == 0
     }
 
-    /// Whether it can hold no more.
-    pub fn is_full(&self) -> bool {
-        self.len == CAPACITY
-    }
-
-    /// Forgets all interactions.
-    pub fn clear(&mut self) {
-        self.len = 0;
-    }
-
-    /// Appends an interaction of `K + 1` corners; the batch must not be full.
+    /// Takes `len` interactions of `K` corners besides the owner: `corners(lane)` names the corners
+    /// by their places in `reference` and `displacement`, vectors from the owner in m.
+    ///
+    /// `len` is at most [`CAPACITY`]. The weights are left to the caller.
     #[inline(always)]
-    pub fn push<const K: usize, const D: usize>(
+    pub fn gather<const K: usize, const D: usize>(
         &mut self,
-        reference: [&[f64; D]; K],
-        displacement: [&[f64; D]; K],
-        weight: f64,
+        len: usize,
+        reference: &[[f64; D]],
+        displacement: &[[f64; D]],
+        corners: impl Fn(usize) -> [usize; K],
     ) {
-        let lane = self.len;
-        for corner in 0..K {
-            for axis in 0..D {
-                self.reference[corner * D + axis][lane] = reference[corner][axis];
-                self.displacement[corner * D + axis][lane] = displacement[corner][axis];
+        let len = len.min(CAPACITY);
+        let (to_reference, to_displacement) =
+            (&mut self.reference[..K * D], &mut self.displacement[..K * D]);
+        for lane in 0..len {
+            let corners = corners(lane);
+            for corner in 0..K {
+                let (rest, eta) = (&reference[corners[corner]], &displacement[corners[corner]]);
+                for axis in 0..D {
+                    to_reference[corner * D + axis][lane] = rest[axis];
+                    to_displacement[corner * D + axis][lane] = eta[axis];
+                }
             }
         }
-        self.weight[lane] = weight;
-        self.len += 1;
+        self.len = len;
     }
 }
 

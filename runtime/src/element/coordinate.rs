@@ -94,46 +94,53 @@ impl<E: CoordinateEnergy> CoordinateElement<E> {
         let signed = textbook_measure(self.measure, self.dimension, &at_rest).re;
         let rest = (signed.abs(), 1f64.copysign(signed));
         let corners = self.corners(batch, lane, true);
-        let (n, d) = ((n_neighbors(self.measure) + 1) * self.dimension, self.dimension);
-        let weight = batch.weight[lane];
+        let n = (n_neighbors(self.measure) + 1) * self.dimension;
         let mut finite = true;
         for row in 0..n {
-            for column in 0..=row {
-                let wanted = match order {
-                    Order::Energy => row == 0,
-                    Order::Gradient => row == column,
-                    Order::Tangent => true,
-                };
-                if !wanted {
-                    continue;
-                }
+            let columns = match order {
+                Order::Energy if row > 0 => continue,
+                Order::Energy | Order::Gradient => row..=row,
+                Order::Tangent => 0..=row,
+            };
+            for column in columns {
                 let result = self.run(&corners, rest, row, column);
-                let hessian = weight * result.eps1eps2;
-                if (row, column) == (0, 0) {
-                    out.energy[lane] = weight * result.re;
-                    finite &= out.energy[lane].is_finite();
-                }
-                if row == column && order >= Order::Gradient {
-                    finite &= result.eps1.is_finite();
-                    if row >= d {
-                        out.gradient[row - d][lane] = weight * result.eps1;
-                    }
-                }
-                if order == Order::Tangent {
-                    finite &= hessian.is_finite();
-                    // The owner's rows follow from the others, as in every element.
-                    if column >= d {
-                        out.hessian[packed(n - d, column - d, row - d)][lane] = hessian;
-                    }
-                }
+                finite &= self.keep((row, column), result * batch.weight[lane], lane, order, out);
             }
         }
         if finite {
             return Ok(());
         }
         let now = corners.map(|corner| corner.map(HyperDual64::from_re));
-        let value = textbook_measure(self.measure, d, &now).re * rest.1;
+        let value = textbook_measure(self.measure, self.dimension, &now).re * rest.1;
         Err(NonFiniteLane { lane, value, reference: rest.0 })
+    }
+
+    /// Stores what one run was made for; whether that is finite. The owner's rows are left out:
+    /// they follow from the others, as in every element.
+    fn keep(
+        &self,
+        (row, column): (usize, usize),
+        result: HyperDual64,
+        lane: usize,
+        order: Order,
+        out: &mut Contributions,
+    ) -> bool {
+        let (d, size) = (self.dimension, n_neighbors(self.measure) * self.dimension);
+        out.energy[lane] = result.re;
+        let mut finite = result.re.is_finite();
+        if order >= Order::Gradient && row == column {
+            finite &= result.eps1.is_finite();
+            if row >= d {
+                out.gradient[row - d][lane] = result.eps1;
+            }
+        }
+        if order == Order::Tangent {
+            finite &= result.eps1eps2.is_finite();
+            if column >= d {
+                out.hessian[packed(size, column - d, row - d)][lane] = result.eps1eps2;
+            }
+        }
+        finite
     }
 }
 

@@ -1,11 +1,11 @@
 //! The element that differentiates in the measure: psi', psi'' from a law, the rest by geometry.
 
-use super::batch::{Channel, Contributions, InteractionBatch, Measures, STRIDE};
+use super::batch::{CAPACITY, Channel, Contributions, InteractionBatch, Measures, STRIDE};
 use super::{Element, NonFiniteLane, Order};
 use crate::geometry::bond::Bond;
 use crate::geometry::tetrahedron::Tetrahedron;
 use crate::geometry::triangle::{PlaneTriangle, SpaceTriangle};
-use crate::geometry::{Geometry, Lanes, Variable, WIDTH};
+use crate::geometry::{Geometry, Lanes, Variable, WIDTH, packed_len};
 use crate::kernel::{Batch, Derivatives, Law, Measure};
 
 /// An energy density of one measure on the geometry of that measure.
@@ -135,13 +135,19 @@ impl Slopes<'_> {
 }
 
 #[inline(always)]
-fn load(channel: &Channel, lane: usize) -> Lanes {
-    Lanes(std::array::from_fn(|k| channel[lane + k]))
+fn load(channel: &Channel, group: usize) -> Lanes {
+    Lanes(channel.as_chunks().0[group])
 }
 
 #[inline(always)]
-fn store(channel: &mut Channel, lane: usize, value: Lanes) {
-    channel[lane..lane + WIDTH].copy_from_slice(&value.0);
+fn store(channel: &mut Channel, group: usize, value: Lanes) {
+    channel.as_chunks_mut().0[group] = value.0;
+}
+
+/// Groups of lanes that hold a batch. The last may hold an old interaction besides, or nothing;
+/// what comes of it is never read.
+fn groups(batch: &InteractionBatch) -> std::ops::Range<usize> {
+    0..batch.len().div_ceil(WIDTH).min(CAPACITY / WIDTH)
 }
 
 /// The channels as an array: their number is known where the geometry is.
@@ -150,26 +156,28 @@ fn channels<const C: usize>(all: &[Channel]) -> &[Channel; C] {
     all.first_chunk().expect("the batch was made for this measure")
 }
 
-/// Lanes beyond the batch's length hold old interactions; what comes of them is never read.
 fn measure_all<G: Geometry<C>, const C: usize>(batch: &InteractionBatch, out: &mut Measures) {
     let reference = channels::<C>(&batch.reference);
     let displacement = channels::<C>(&batch.displacement);
-    for lane in (0..batch.len()).step_by(WIDTH) {
-        let rest: [Lanes; C] = std::array::from_fn(|c| load(&reference[c], lane));
-        let eta: [Lanes; C] = std::array::from_fn(|c| load(&displacement[c], lane));
+    for group in groups(batch) {
+        let rest: [Lanes; C] = std::array::from_fn(|c| load(&reference[c], group));
+        let eta: [Lanes; C] = std::array::from_fn(|c| load(&displacement[c], group));
         let change = G::change(&rest, &eta);
-        store(&mut out.measure, lane, change.measure);
-        store(&mut out.reference, lane, change.reference);
-        store(&mut out.change, lane, change.change);
-        store(&mut out.orientation, lane, change.orientation);
+        store(&mut out.measure, group, change.measure);
+        store(&mut out.reference, group, change.reference);
+        store(&mut out.change, group, change.change);
+        store(&mut out.orientation, group, change.orientation);
     }
 }
 
+/// Current vectors.
 #[inline(always)]
-fn current<const C: usize>(batch: &InteractionBatch, lane: usize) -> [Lanes; C] {
-    let reference = channels::<C>(&batch.reference);
-    let displacement = channels::<C>(&batch.displacement);
-    std::array::from_fn(|c| load(&reference[c], lane) + load(&displacement[c], lane))
+fn current<const C: usize>(
+    reference: &[Channel; C],
+    displacement: &[Channel; C],
+    group: usize,
+) -> [Lanes; C] {
+    std::array::from_fn(|c| load(&reference[c], group) + load(&displacement[c], group))
 }
 
 fn gradient_all<G: Geometry<C>, const C: usize>(
@@ -177,11 +185,13 @@ fn gradient_all<G: Geometry<C>, const C: usize>(
     first: &Channel,
     out: &mut [Channel],
 ) {
-    for lane in (0..batch.len()).step_by(WIDTH) {
-        let gradient = G::gradient(&current::<C>(batch, lane));
-        let first = load(first, lane);
+    let (reference, displacement) = (channels(&batch.reference), channels(&batch.displacement));
+    let out = &mut out[..C];
+    for group in groups(batch) {
+        let gradient = G::gradient(&current::<C>(reference, displacement, group));
+        let first = load(first, group);
         for c in 0..C {
-            store(&mut out[c], lane, first * gradient[c]);
+            store(&mut out[c], group, first * gradient[c]);
         }
     }
 }
@@ -192,16 +202,17 @@ fn hessian_all<G: Geometry<C>, const C: usize>(
     second: &Channel,
     out: &mut Contributions,
 ) {
-    let (to_gradient, to_hessian) = (&mut out.gradient[..], &mut out.hessian[..]);
-    for lane in (0..batch.len()).step_by(WIDTH) {
-        let x = current::<C>(batch, lane);
+    let (reference, displacement) = (channels(&batch.reference), channels(&batch.displacement));
+    let (to_gradient, to_hessian) = (&mut out.gradient[..C], &mut out.hessian[..packed_len(C)]);
+    for group in groups(batch) {
+        let x = current::<C>(reference, displacement, group);
         let gradient = G::gradient(&x);
-        let (first, second) = (load(first, lane), load(second, lane));
+        let (first, second) = (load(first, group), load(second, group));
         for c in 0..C {
-            store(&mut to_gradient[c], lane, first * gradient[c]);
+            store(&mut to_gradient[c], group, first * gradient[c]);
         }
         G::hessian(&x, &gradient, first, second, |place, value| {
-            store(&mut to_hessian[place], lane, value);
+            store(&mut to_hessian[place], group, value);
         });
     }
 }

@@ -47,25 +47,54 @@ impl Geometry<9> for Tetrahedron {
         second: T,
         mut emit: impl FnMut(usize, T),
     ) {
-        let scaled = gradient.map(|g| second * g);
-        let twist = current.map(|x| first * x);
-        for row in 0..9 {
-            for column in row..9 {
-                let rank_one = scaled[row] * gradient[column];
-                let (near, far) = (row / 3, column / 3);
-                let (i, j) = (row % 3, column % 3);
-                let entry = if near == far || i == j {
-                    rank_one
-                } else {
-                    // Rows (1,2) and (2,3) turn one way, (1,3) the other; so do the axes.
-                    let part = twist[(3 - near - far) * 3 + (3 - i - j)];
-                    let positive = ((j + 3 - i) % 3 == 1) == (far - near == 1);
-                    if positive { rank_one + part } else { rank_one - part }
-                };
-                emit(packed(9, row, column), entry);
-            }
+        let scaled: [T; 9] = std::array::from_fn(|k| second * gradient[k]);
+        let twist: [T; 9] = std::array::from_fn(|k| first * current[k]);
+        own_block(0, &scaled, gradient, &mut emit);
+        own_block(1, &scaled, gradient, &mut emit);
+        own_block(2, &scaled, gradient, &mut emit);
+        // Blocks of corners (1,2) and (2,3) turn one way, (1,3) the other.
+        let (t1, t2, t3) = (vector(&twist, 0), vector(&twist, 1), vector(&twist, 2));
+        pair_block((0, 1), &t3, &scaled, gradient, &mut emit);
+        pair_block((0, 2), &t2.map(|t: T| -t), &scaled, gradient, &mut emit);
+        pair_block((1, 2), &t1, &scaled, gradient, &mut emit);
+    }
+}
+
+/// Upper triangle of a corner's own block.
+#[inline(always)]
+fn own_block<T: Scalar>(
+    corner: usize,
+    scaled: &[T; 9],
+    gradient: &[T; 9],
+    emit: &mut impl FnMut(usize, T),
+) {
+    for row in 3 * corner..3 * corner + 3 {
+        for column in row..3 * corner + 3 {
+            emit(packed(9, row, column), scaled[row] * gradient[column]);
         }
     }
+}
+
+/// The block of two corners; its loops are written out because the compiler leaves them rolled.
+#[inline(always)]
+fn pair_block<T: Scalar>(
+    (near, far): (usize, usize),
+    [x, y, z]: &[T; 3],
+    scaled: &[T; 9],
+    gradient: &[T; 9],
+    emit: &mut impl FnMut(usize, T),
+) {
+    let rank_one = |row: usize, column: usize| scaled[3 * near + row] * gradient[3 * far + column];
+    let place = |row: usize, column: usize| packed(9, 3 * near + row, 3 * far + column);
+    emit(place(0, 0), rank_one(0, 0));
+    emit(place(0, 1), rank_one(0, 1) + *z);
+    emit(place(0, 2), rank_one(0, 2) - *y);
+    emit(place(1, 0), rank_one(1, 0) - *z);
+    emit(place(1, 1), rank_one(1, 1));
+    emit(place(1, 2), rank_one(1, 2) + *x);
+    emit(place(2, 0), rank_one(2, 0) + *y);
+    emit(place(2, 1), rank_one(2, 1) - *x);
+    emit(place(2, 2), rank_one(2, 2));
 }
 
 #[cfg(test)]

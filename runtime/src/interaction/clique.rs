@@ -20,6 +20,8 @@ pub struct OwnerCliques<'a, const D: usize> {
     members: &'a [u32],
     /// Reference vectors from the owner to its members, in m.
     reference: Vec<[f64; D]>,
+    /// Their squares.
+    squares: Vec<f64>,
     /// Row `j` has a bit for each member `k > j` within the horizon of `j`, then a spare word.
     bits: Vec<u64>,
     /// 64-bit words of a row, without the spare.
@@ -47,6 +49,7 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
             owner: points.start,
             members: &[],
             reference: Vec::new(),
+            squares: Vec::new(),
             bits: Vec::new(),
             words: 0,
             place: Vec::new(),
@@ -65,6 +68,8 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
             let there = self.position(member as usize);
             self.reference.push(std::array::from_fn(|axis| there[axis] - here[axis]));
         }
+        self.squares.clear();
+        self.squares.extend(self.reference.iter().map(square));
         self.connect();
     }
 
@@ -94,6 +99,15 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
             let row = &row[..row.partition_point(|&k| k <= last)];
             let bits = &mut self.bits[j * stride..(j + 1) * stride];
             let place = &mut self.place[j * columns..(j + 1) * columns];
+            if let [only, _] = bits {
+                // One word, as on lattices of up to three spacings, stays in a register.
+                for (index, &k) in row.iter().enumerate() {
+                    let member = self.member_of[k as usize - self.first];
+                    *only |= u64::from(member < 64) << (member % 64);
+                    place[member as usize] = index as u32;
+                }
+                continue;
+            }
             for (index, &k) in row.iter().enumerate() {
                 let member = self.member_of[k as usize - self.first] as usize;
                 bits[member / 64] |= 1 << (member % 64);
@@ -147,16 +161,11 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
     ) -> Result<u64, E> {
         let mut dropped = 0;
         for j in 0..self.members.len() {
-            let first = &self.reference[j];
-            let first_squared = square(first);
             for (word, &row) in self.row(j).iter().enumerate() {
                 let mut bits = row;
                 while bits != 0 {
                     let k = next_bit(word, &mut bits);
-                    let second = &self.reference[k];
-                    let edge = square(second).max(first_squared).max(between(first, second));
-                    let normal = cross(first, second);
-                    if self.degeneracy.is_collinear(square(&normal), edge) {
+                    if self.is_collinear(j, k) {
                         dropped += 1;
                     } else {
                         visit(j, k)?;
@@ -165,6 +174,16 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
             }
         }
         Ok(dropped)
+    }
+
+    #[inline(always)]
+    fn is_collinear(&self, j: usize, k: usize) -> bool {
+        let (first, second) = (&self.reference[j], &self.reference[k]);
+        let edge = self.squares[j].max(self.squares[k]);
+        let area = square(&cross(first, second));
+        // No edge is longer than twice the longest at the owner: most triangles pass here.
+        self.degeneracy.is_collinear(area, 4.0 * edge)
+            && self.degeneracy.is_collinear(area, edge.max(between(first, second)))
     }
 
     /// Visits each tetrahedron of the owner once: members `j < k < l`, in lexicographic order.
@@ -196,17 +215,24 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         let mut dropped = 0;
         let (first, second) = (&self.reference[j], &self.reference[k]);
         let normal = cross(first, second);
-        let base = square(first).max(square(second)).max(between(first, second));
+        let longest = self.squares[j].max(self.squares[k]);
+        let base = longest.max(between(first, second));
         let (row_j, row_k) = (self.row(j), self.row(k));
         for word in 0..self.words {
             let mut bits = row_j[word] & row_k[word];
             while bits != 0 {
                 let l = next_bit(word, &mut bits);
                 let third = &self.reference[l];
-                let edge =
-                    base.max(square(third)).max(between(first, third)).max(between(second, third));
-                let volume = (0..D).fold(0.0, |sum, axis| sum + normal[axis] * third[axis]);
-                if self.degeneracy.is_coplanar(volume * volume, edge) {
+                let height = (0..D).fold(0.0, |sum, axis| sum + normal[axis] * third[axis]);
+                let volume = height * height;
+                // No edge is longer than twice the longest at the owner: most pass here.
+                let flat = self.degeneracy.is_coplanar(volume, 4.0 * longest.max(self.squares[l]))
+                    && {
+                        let edges = between(first, third).max(between(second, third));
+                        let edge = base.max(self.squares[l]).max(edges);
+                        self.degeneracy.is_coplanar(volume, edge)
+                    };
+                if flat {
                     dropped += 1;
                 } else {
                     visit(j, k, l)?;

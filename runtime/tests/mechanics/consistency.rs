@@ -130,7 +130,7 @@ fn a_rotation_turns_the_forces_and_keeps_the_energy() {
     for dimension in [2, 3] {
         let Strained { energy, u } = strained(dimension, Weights::Truncated);
         let (parts, forces) = gradient(&energy, &u);
-        for angle in [0.02, 1.0, 2.5, 3.14] {
+        for angle in [0.02, 1.0, 2.5, 3.1] {
             let matrix = rotation(dimension, angle);
             let rest = energy.body().positions();
             let current: Vec<f64> = rest.iter().zip(&u).map(|(x, u)| x + u).collect();
@@ -313,18 +313,11 @@ fn compare_units(metres: &Body, scale: f64) {
 
 #[test]
 fn results_do_not_depend_on_the_unit_of_length() {
-    // Millimetres, nanometres, kilometres. A lattice, because in a cloud a few nearly flat cliques
-    // magnify the rounding of the scaled coordinates.
-    for cells in [vec![6, 4], vec![4, 3, 3]] {
-        let body = lattice(&vec![0.0; cells.len()], &cells, 0.1);
-        for scale in [1e3, 1e9, 1e-3] {
-            compare_units(&body, scale);
-        }
-    }
-    // Powers of two round nothing: a cloud will do.
     for counts in [vec![7, 5], vec![5, 4, 4]] {
-        for scale in [1024.0, 1.0 / 1048576.0] {
-            compare_units(&cloud(&counts, 0.1, 3), scale);
+        let body = cloud(&counts, 0.1, 3);
+        // Millimetres, nanometres, kilometres, and units that round nothing.
+        for scale in [1e3, 1e9, 1e-3, 1024.0, 1.0 / 1048576.0] {
+            compare_units(&body, scale);
         }
     }
 }

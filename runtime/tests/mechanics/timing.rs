@@ -56,8 +56,18 @@ fn measure(name: &str, points: usize, laws: fn() -> Laws) {
 
 #[test]
 #[ignore = "a measurement"]
-fn tangent_assembly() {
+fn bonds() {
     measure("bonds 20^3", 20, || Laws { bond: linear(1.0), ..Laws::default() });
+}
+
+#[test]
+#[ignore = "a measurement"]
+fn triangles() {
     measure("triangles 20^3", 20, || Laws { triangle: linear(1.0), ..Laws::default() });
+}
+
+#[test]
+#[ignore = "a measurement"]
+fn tetrahedra() {
     measure("tetrahedra 12^3", 12, || Laws { tetrahedron: linear(1.0), ..Laws::default() });
 }

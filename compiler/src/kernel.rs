@@ -64,7 +64,7 @@ pub struct Kernel {
 /// The calling convention of each mode; [`Kernel::evaluate`] hides it.
 #[derive(Debug)]
 enum Body {
-    Code(CompiledKernel),
+    Code(Box<CompiledKernel>),
     Graph(ScalarEnergy),
     Dual(WrittenEnergy),
 }
@@ -166,7 +166,7 @@ impl Model {
         for energy in specialised.energies {
             let measure = energy.measure;
             let body = match mode {
-                Mode::Jit => Body::Code(CompiledKernel::new(&energy)?),
+                Mode::Jit => Body::Code(Box::new(CompiledKernel::new(&energy)?)),
                 Mode::Interpreter => Body::Graph(energy),
                 Mode::HyperDual => Body::Dual(self.written(values, measure)),
             };

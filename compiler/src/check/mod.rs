@@ -2,8 +2,8 @@
 //!
 //! | pass | what |
 //! |---|---|
-//! | [`names`] | every name is known, used as what it is, and defined before its use |
-//! | [`elaborate`] | once per dimension: `d` folds, types and dimensions are checked, the graph is built |
+//! | `names` | every name is known, used as what it is, and defined before its use |
+//! | `elaborate` | once per dimension: `d` folds, types and dimensions are checked, the graph is built |
 //!
 //! Before: any tree. After: a [`Model`], or every error of the file at once.
 

@@ -2,8 +2,8 @@
 //!
 //! | module | what |
 //! |---|---|
-//! | [`lower`] | a graph to Cranelift's intermediate form, operation by operation |
-//! | [`code`] | the owner of executable memory |
+//! | `lower` | a graph to Cranelift's intermediate form, operation by operation |
+//! | `code` | the owner of executable memory |
 
 mod code;
 mod lower;

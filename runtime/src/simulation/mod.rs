@@ -256,11 +256,30 @@ fn values(scene: &Scene, model: &Model) -> Result<Values, CaseError> {
     })
 }
 
+/// Memory that a point takes at least, before it has any neighbours: positions, volumes, orders.
+const BYTES_PER_POINT: f64 = 100.0;
+
+/// Refuses lattices that would exhaust the memory before anything can be planned.
+fn refuse_too_many_points(counts: &[usize]) -> Result<(), CaseError> {
+    let points: f64 = counts.iter().map(|&n| n as f64).product();
+    let available = available_memory().map_or(f64::INFINITY, |bytes| bytes as f64);
+    let most = (available / BYTES_PER_POINT).min(f64::from(u32::MAX));
+    if points <= most {
+        return Ok(());
+    }
+    let message = format!(
+        "the lattice has {points:.1e} points, and this machine can hold {most:.1e}: \
+         make the box smaller or the spacing larger"
+    );
+    Err(CaseError::Body { message })
+}
+
 /// The points of the scene without those that it removes.
 fn body(scene: &Scene, folder: &Path) -> Result<(Body, Vec<Diagnostic>), CaseError> {
     let dimension = scene.body.dimension;
     let (positions, volumes, spacing) = match &scene.body.points {
         Points::Lattice(shape) => {
+            refuse_too_many_points(&shape.counts())?;
             let lattice = Lattice {
                 lower: shape.low.clone(),
                 upper: shape.high.clone(),

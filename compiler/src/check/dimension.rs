@@ -106,6 +106,9 @@ impl Dimension {
     /// The unit in SI: `J/m^4`, `m^2`, `kg/(m*s)`; `1` for a pure number.
     pub fn unit(self) -> String {
         // Energies and forces read better in J and N.
+        if self == Dimension::of(1, 1, -2, 0) {
+            return "N".into();
+        }
         for (name, derived) in [("J", Dimension::ENERGY), ("N", Dimension::of(1, 1, -2, 0))] {
             let rest = self.over(derived);
             if rest.exponents[0] == 0 && rest.exponents[2] == 0 && rest.exponents[3] == 0 {
@@ -170,6 +173,7 @@ mod tests {
         assert_eq!(Dimension::LENGTH.describe(), "a length (m)");
         assert_eq!(Dimension::energy_density(2, 2).unit(), "J/m^4");
         assert_eq!(Dimension::energy_density(4, 3).unit(), "J/m^12");
+        assert_eq!(Dimension::of(1, 1, -2, 0).describe(), "a force (N)");
         assert_eq!(Dimension::of(1, 0, -1, 0).unit(), "kg/s");
         assert_eq!(Dimension::of(1, -1, -1, 0).unit(), "kg/(m*s)");
         assert_eq!(Dimension::NONE.describe(), "a pure number");

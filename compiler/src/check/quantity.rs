@@ -5,6 +5,7 @@ use piola_grammar::{Diagnostic, Span};
 
 use super::dimension::Dimension;
 use super::elaborate::Elaborator;
+use super::names::parts;
 use super::value::{Constant, Quantity};
 use crate::expression::{Function, Operator};
 use crate::measure::Measure;
@@ -98,10 +99,10 @@ impl Elaborator<'_> {
                 let message = format!("`{name}` needs a pure number, not {dimension}");
                 let error = Diagnostic::error("dimension-mismatch", self.arena[at].span, message)
                     .label("this has a unit");
-                let help = self.stretch_help(at).unwrap_or_else(|| {
+                let help = self.stretch_help(at).or_else(|| self.measure_help(at));
+                self.report(error.help(help.unwrap_or_else(|| {
                     "divide it by a reference value of the same unit".to_string()
-                });
-                self.report(error.help(help));
+                })));
                 None
             }
         }
@@ -132,6 +133,20 @@ impl Elaborator<'_> {
         let reference = measure.reference_symbol();
         Some(format!(
             "`{reference}` is the value of `{name}` at rest; for its stretch write `{name}/{reference}`"
+        ))
+    }
+
+    /// Advice where an expression with a unit holds a measure: its value at rest has that unit.
+    fn measure_help(&self, at: ExprId) -> Option<String> {
+        let measure = parts(self.arena, at).into_iter().find_map(|id| {
+            let ExprKind::Name(name) = &self.arena[id].kind else { return None };
+            Measure::from_symbol(name)
+        })?;
+        let (now, rest) = (measure.symbol(), measure.reference_symbol());
+        Some(format!(
+            "`{now}` is the measure of a {}, in {}; `{now}/{rest}` is a pure number",
+            measure.interaction(),
+            Dimension::of(0, measure.length_exponent(), 0, 0).unit()
         ))
     }
 }

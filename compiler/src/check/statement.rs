@@ -291,8 +291,7 @@ impl<'a> Builder<'a> {
             Diagnostic::error("dimension-mismatch", self.ast.arena[energy.body].span, message)
                 .label(quantity.describe());
         if let Quantity::Known(found) = quantity {
-            let missing = wanted.over(found).unit();
-            error = error.help(format!("a factor in {missing} is missing"));
+            error = error.help(missing_factor(measure, d, wanted, found));
         }
         let unit = format!("J/m^({}*d)", measure.points());
         error = error.help(format!(
@@ -328,7 +327,10 @@ impl<'a> Builder<'a> {
             Diagnostic::error("wrong-measure", span, message)
                 .label(format!("a measure of a {}", other.interaction()))
                 .note(energy.head, format!("an energy of `{own}`"))
-                .help(format!("write this part as an energy of its own: `psi({foreign}) = ..`")),
+                .help(format!("write this part as an energy of its own: `psi({foreign}) = ..`"))
+                .help(format!(
+                    "or, if it is meant as a parameter, choose another name than `{foreign}`"
+                )),
         );
         false
     }
@@ -372,14 +374,43 @@ impl<'a> Builder<'a> {
     }
 }
 
+/// How to bring an energy in `found` to the unit that is `wanted` in `d` dimensions.
+fn missing_factor(measure: Measure, d: usize, wanted: Dimension, found: Dimension) -> String {
+    let other = 5 - d;
+    if found == Dimension::energy_density(measure.points(), other) {
+        return format!(
+            "this is right in {other} dimensions only: write `dimensions {other}`, or let the units \
+             of the parameters depend on `d`"
+        );
+    }
+    let missing = wanted.over(found);
+    // What is missing in the unit of the measure is nearly always the measure at rest.
+    if missing == Dimension::of(0, measure.length_exponent(), 0, 0) {
+        let reference = measure.reference_symbol();
+        return format!("a factor in {} is missing, such as `{reference}`", missing.unit());
+    }
+    format!("a factor in {} is missing", missing.unit())
+}
+
 /// The unit after the number in "200 GPa", or why it is none.
 pub(crate) fn unknown_unit(name: &str, span: Span) -> Diagnostic {
     let error = Diagnostic::error("unknown-unit", span, format!("unknown unit `{name}`"))
         .label("not a unit");
+    if let Some((first, second)) = product_of_units(name) {
+        return error.help(format!("a product is written with `*`: `{first}*{second}`"));
+    }
     match suggest(name, unit_names()) {
         Some(near) => error.help(format!("did you mean `{near}`?")),
         None => error.help("units are m, kg, s, K, N, J, Pa, W, Hz with prefixes n u m k M G"),
     }
+}
+
+/// The two units that a name such as `Nm` runs together.
+fn product_of_units(name: &str) -> Option<(&str, &str)> {
+    let cuts = name.char_indices().skip(1).map(|(at, _)| name.split_at(at));
+    let mut products =
+        cuts.filter(|(first, second)| named_unit(first).is_some() && named_unit(second).is_some());
+    products.next()
 }
 
 fn unknown_measure(energy: &EnergyAst) -> Diagnostic {

@@ -30,7 +30,29 @@ fn dimensions_are_named_in_words_and_units() {
 fn an_energy_in_the_wrong_unit_says_what_is_missing() {
     let found = errors("potential p\nparameter C in J/m^5\ndimensions 2\npsi(l) = C*(l/L - 1)^2");
     assert!(found[0].message.contains("J/m^4"), "{}", found[0].message);
-    assert!(found[0].helps[0].contains("a factor in m is missing"), "{:?}", found[0].helps);
+    assert_eq!(found[0].helps[0], "a factor in m is missing, such as `L`");
+    // Right in the plane, and in space a factor 1/m^2 too much.
+    let found = errors("potential p\nparameter C in J/m^5\npsi(l) = C*L*(l/L - 1)^2");
+    assert!(found[0].message.contains("d = 3"), "{}", found[0].message);
+    assert!(found[0].helps[0].contains("write `dimensions 2`, or"), "{:?}", found[0].helps);
+}
+
+#[test]
+fn what_a_newcomer_writes_is_answered() {
+    let exponent = "potential p\nparameter D in J/m^(2*d)\nparameter b\n\
+        psi(l) = D*(1 - exp(-b*(l - L)))^2";
+    let found = errors(exponent);
+    assert_eq!(
+        found[0].helps,
+        ["`l` is the measure of a bond, in m; `l/L` is a pure number"],
+        "{found:#?}"
+    );
+    // `a` was meant as a parameter, and is the measure of a triangle.
+    let found =
+        errors(&exponent.replace("parameter b\n", "").replace("-b*(l - L)", "-a*(l/L - 1)"));
+    assert!(found[0].helps[0].contains("`a` is the measure of a triangle, in m^2"), "{found:#?}");
+    let found = errors("potential p\nparameter k in Nm\npsi(l) = k*l/L");
+    assert_eq!(found[0].helps, ["a product is written with `*`: `N*m`"]);
 }
 
 #[test]

@@ -20,10 +20,10 @@ pub(super) fn execute(arguments: &Verify) -> Exit {
             Some(d) => vec![usize::from(d)],
             None => loaded.model.dimensions().collect(),
         };
-        for dimension in dimensions {
+        for (number, &dimension) in dimensions.iter().enumerate() {
             let mut settings = settings.clone();
             let filled = potential::fill_with_one(&loaded.model, dimension, &mut settings);
-            if !filled.is_empty() {
+            if !filled.is_empty() && number == 0 {
                 eprintln!("note: {file}: {} = 1, for want of a value", filled.join(" = "));
             }
             let delta = arguments.inputs.delta.or(Some(1.0));

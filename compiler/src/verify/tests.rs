@@ -2,6 +2,7 @@
 
 use super::verify;
 use crate::expression::Function;
+use crate::measure::Measure;
 use crate::print::text;
 use crate::test_support::{SETH_HILL, model, values};
 
@@ -122,4 +123,24 @@ fn derivatives_read_as_one_would_write_them() {
         "psi(l) = 0.5*L*ln(l/L)^2\npsi'(l) = ln(l/L)/(l/L)\n\
          psi''(l) = (1/(l/L)/L - ln(l/L)/(l/L)/L)/(l/L)\n"
     );
+}
+
+#[test]
+fn rounding_that_the_energy_itself_magnifies_is_no_failure_and_errors_still_are() {
+    let model = model("potential p\nparameter D = 1\npsi(l) = D*L*(1 - exp(-3*(l/L - 1)))^2");
+    let values = values(&model, 3, &[]);
+    // The default domain goes far out, to psi'' of 1e-76 and less.
+    let (found, _) = verify(&model, &values, 1000).unwrap();
+    assert!(found[0].passed(), "{:?}", found[0].worst);
+
+    let written = model.written(&values, Measure::Length);
+    let far = super::Point { measure: 60.0, reference: 1.0 };
+    let expected: [f64; 3] = written.derivatives(far.measure, far.reference).into();
+    for order in 0..3 {
+        let mut compiled = expected;
+        compiled[order] *= 1.0 + 1e-11;
+        let mut found = found[0].clone();
+        super::compare(&mut found, &written, far, compiled, expected);
+        assert_eq!(found.misses.len(), 1, "order {order}");
+    }
 }

@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use crate::body::Body;
 use crate::scene::{LinearChoice, Scene};
+use crate::solve::linear::{AUTO_OPERATIONS_2D, AUTO_OPERATIONS_3D};
 pub use count::{InteractionCount, Needed, count_interactions};
 pub use factor::{FactorEstimate, estimate_factor};
 
@@ -47,9 +48,6 @@ const CG_ITERATIONS: f64 = 20.0;
 
 /// Newton iterations that an increment usually takes.
 const NEWTON_ITERATIONS: f64 = 5.0;
-
-/// `auto` factorises as long as one factorisation takes at most this many s.
-pub const AUTO_FACTOR_SECONDS: f64 = 60.0;
 
 /// Vectors of displacements and forces that a run keeps.
 const STATE_VECTORS: usize = 14;
@@ -155,7 +153,7 @@ impl Plan {
         let sides = sides(body);
         let layers = scene.horizon_radius() / typical_spacing(body);
         let factor = estimate_factor(&sides, layers, dimension);
-        let linear = choose(scene.solver.linear, factor, input.available_memory);
+        let linear = choose(scene.solver.linear, factor, dimension, input.available_memory);
         let memory = memory(body, &interactions, linear, factor);
         let horizons = sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / layers;
         let time = TimeEstimate::new(&interactions, body, linear, factor, horizons, threads)
@@ -220,13 +218,19 @@ fn typical_spacing(body: &Body) -> f64 {
     crate::scene::selection::typical_spacing(body.dimension(), body.volumes(), body.spacing())
 }
 
-fn choose(choice: LinearChoice, factor: FactorEstimate, available: Option<u64>) -> LinearMethod {
+fn choose(
+    choice: LinearChoice,
+    factor: FactorEstimate,
+    dimension: usize,
+    available: Option<u64>,
+) -> LinearMethod {
     match choice {
         LinearChoice::Cholesky | LinearChoice::Ldlt => LinearMethod::Cholesky,
         LinearChoice::Lu => LinearMethod::Lu,
         LinearChoice::ConjugateGradients => LinearMethod::Cg,
         LinearChoice::Auto => {
-            let quick = factor.flops / FACTOR_FLOPS_PER_SECOND <= AUTO_FACTOR_SECONDS;
+            let limit = if dimension == 2 { AUTO_OPERATIONS_2D } else { AUTO_OPERATIONS_3D };
+            let quick = factor.flops <= limit;
             let bytes = factor.entries * 8.0 * CHOLESKY_OVERHEAD;
             let small = available.is_none_or(|available| bytes <= 0.5 * available as f64);
             if quick && small { LinearMethod::Cholesky } else { LinearMethod::Cg }

@@ -4,9 +4,14 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+/// What scripts need to know.
+const EXIT_CODES: &str = "Data go to stdout, all else to stderr.
+Exit codes: 0 done, also with warnings; 1 a check, verification or evaluation found failures;
+2 wrong usage or input; 3 the solver did not converge.";
+
 /// Interaction potentials of peridynamics: one line of energy in, exact forces and solved bodies out.
 #[derive(Debug, Parser)]
-#[command(name = "piola", version, max_term_width = 100)]
+#[command(name = "piola", version, max_term_width = 100, after_help = EXIT_CODES)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     pub(crate) command: Command,

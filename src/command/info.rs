@@ -48,12 +48,14 @@ fn describe(model: &Model) -> String {
     let variant = model.dimensions().next().and_then(|d| model.variant(d));
     for (i, parameter) in model.parameters().iter().enumerate() {
         let default = variant.and_then(|v| v.defaults[i]).map(|x| format!(" = {x}"));
-        let unit = parameter.unit.as_deref().unwrap_or("1");
+        let unit = parameter.unit.as_ref().map(|unit| format!(" in {unit}"));
+        let description = parameter.description.as_ref().map(|text| format!(": {text}"));
         text.push_str(&format!(
-            "  {}{} in {unit}: {}\n",
+            "  {}{}{}{}\n",
             parameter.name,
             default.unwrap_or_default(),
-            parameter.description.as_deref().unwrap_or("")
+            unit.unwrap_or_default(),
+            description.unwrap_or_default()
         ));
     }
     text.push('\n');

@@ -58,12 +58,7 @@ fn solve(case: &Case, arguments: &Run) -> Exit {
             return Exit::Input;
         }
     };
-    let title = arguments
-        .scene
-        .parent()
-        .and_then(|folder| folder.file_name())
-        .map(|name| name.to_string_lossy().into_owned())
-        .unwrap_or_default();
+    let title = title(&arguments.scene);
     let progress = Progress::new(case.scene.steps.end);
     let options = RunOptions { title: &title, warnings };
     match run(case, &folder, options, &mut |record| progress.step(record)) {
@@ -82,6 +77,14 @@ fn solve(case: &Case, arguments: &Run) -> Exit {
             Exit::Input
         }
     }
+}
+
+/// The name of the scene's folder, also for a scene in the current one.
+fn title(scene: &std::path::Path) -> String {
+    std::path::absolute(scene)
+        .ok()
+        .and_then(|path| Some(path.parent()?.file_name()?.to_string_lossy().into_owned()))
+        .unwrap_or_default()
 }
 
 fn report(ending: &Ending, folder: &OutputFolder) -> Exit {

@@ -93,8 +93,15 @@ fn a_wrong_derivative_is_found() {
         misses: Vec::new(),
         worst: [0.0; 3],
     };
-    let expected = model.written(&bad, crate::Measure::Length).derivatives(1.5, 1.0);
-    super::compare(&mut found, point, [out.psi[0], out.dpsi[0], out.d2psi[0]], expected.into());
+    let written = model.written(&bad, crate::Measure::Length);
+    let expected = written.derivatives(1.5, 1.0);
+    super::compare(
+        &mut found,
+        &written,
+        point,
+        [out.psi[0], out.dpsi[0], out.d2psi[0]],
+        expected.into(),
+    );
     assert_eq!(found.misses.len(), 3);
     assert!(!found.passed());
 }

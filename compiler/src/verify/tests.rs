@@ -107,6 +107,19 @@ fn a_wrong_derivative_is_found() {
 }
 
 #[test]
+fn a_value_that_is_no_number_is_found() {
+    for (x, y, found) in [
+        (f64::INFINITY, 1.0, true),
+        (1.0, f64::NAN, true),
+        (f64::NAN, 1.0, true),
+        (f64::INFINITY, f64::NAN, false),
+        (1.0, 1.0, false),
+    ] {
+        assert_eq!(super::error_over_tolerance(x, y, f64::INFINITY) > 1.0, found, "{x} {y}");
+    }
+}
+
+#[test]
 fn derivatives_read_as_one_would_write_them() {
     let model = model(SETH_HILL);
     let values = values(&model, 2, &[("C1", 3.0)]);

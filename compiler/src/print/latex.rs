@@ -83,7 +83,7 @@ impl Notation for Latex<'_> {
     }
 
     fn temporary(&self, number: usize) -> Piece {
-        Piece::atom(format!("t_{{{number}}}"))
+        Piece::atom(Self::symbol(&self.names.temporary(number)))
     }
 
     fn unary(&self, function: Function, x: Piece) -> Piece {

@@ -19,8 +19,9 @@ use crate::model::Model;
 
 /// Longest piece that is written in place where it is used more than once.
 const LONGEST_REPEATED: usize = 16;
-/// Longest piece that is written in place at all.
-const LONGEST_PIECE: usize = 400;
+/// Longest piece that is written in place at all: what is densest, `l^-l^-l`, nests two levels in
+/// three characters and must stay below [`piola_grammar::MAX_NESTING`].
+const LONGEST_PIECE: usize = 300;
 
 /// How tightly the outermost operation of a piece binds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -177,6 +178,22 @@ impl Names<'_> {
             Input::Parameter(i) => self.model.parameters()[usize::from(i)].name.clone(),
         }
     }
+
+    /// The name of a part: `t1`, or `tt1` where a parameter is called `t1` or `t_1`, and so on.
+    fn temporary(&self, number: usize) -> String {
+        let mut stem = "t".to_string();
+        let parameters = self.model.parameters();
+        while parameters.iter().any(|p| is_numbered(&p.name, &stem)) {
+            stem.push('t');
+        }
+        format!("{stem}{number}")
+    }
+}
+
+/// Whether a name is this stem with a number behind it.
+fn is_numbered(name: &str, stem: &str) -> bool {
+    let rest = name.strip_prefix(stem).map(|rest| rest.trim_start_matches('_'));
+    rest.is_some_and(|rest| !rest.is_empty() && rest.bytes().all(|b| b.is_ascii_digit()))
 }
 
 /// `psi(l)`, `psi'(l)`, `psi''(l)`.

@@ -47,7 +47,7 @@ impl Notation for Text<'_> {
     }
 
     fn temporary(&self, number: usize) -> Piece {
-        Piece::atom(format!("t{number}"))
+        Piece::atom(self.names.temporary(number))
     }
 
     fn unary(&self, function: Function, x: Piece) -> Piece {

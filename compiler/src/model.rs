@@ -20,7 +20,6 @@ pub struct Model {
     pub(crate) has_units: bool,
     pub(crate) parameters: Vec<Parameter>,
     pub(crate) constraints: Vec<Constraint>,
-    pub(crate) constraint_graph: ExprGraph,
     pub(crate) variants: Vec<Variant>,
 }
 
@@ -44,8 +43,14 @@ pub struct Constraint {
     pub parameter: usize,
     /// As written.
     pub text: String,
-    /// Its truth value in the model's constraint graph, over values in declared units.
-    pub(crate) root: NodeId,
+}
+
+/// The conditions on parameter values as a graph over values in declared units.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Conditions {
+    pub(crate) graph: ExprGraph,
+    /// One truth value per constraint of the model.
+    pub(crate) roots: Vec<NodeId>,
 }
 
 /// The potential in two or in three dimensions.
@@ -63,6 +68,7 @@ pub struct Variant {
     pub domains: Vec<Interval>,
     /// Holds the roots of energies and intervals.
     pub graph: ExprGraph,
+    pub(crate) conditions: Conditions,
 }
 
 /// One energy statement.

@@ -6,7 +6,7 @@ use crate::check::dimension::Dimension;
 use crate::check::unit::named_unit;
 use crate::expression::Input;
 use crate::expression::interpret::Interpreter;
-use crate::model::{Model, Variant};
+use crate::model::{Conditions, Model, Variant};
 
 /// A value a user gives to a parameter.
 #[derive(Clone, Debug, PartialEq)]
@@ -93,16 +93,25 @@ impl Model {
             return Err(errors);
         }
         let declared: Vec<f64> = declared.into_iter().flatten().collect();
-        errors.extend(self.broken_constraints(&declared));
-        if !errors.is_empty() {
-            return Err(errors);
+        errors.extend(self.broken_constraints(variant, &declared, horizon));
+        let parameters: Vec<f64> =
+            declared.iter().zip(&variant.units).map(|(x, unit)| x * unit.scale).collect();
+        for (parameter, value) in self.parameters.iter().zip(&parameters) {
+            if !value.is_finite() {
+                let message = format!("parameter `{}` is {value} in SI units", parameter.name);
+                errors.push(ValueError {
+                    code: "not-a-number",
+                    parameter: parameter.name.clone(),
+                    message,
+                    help: "give a smaller number".into(),
+                });
+            }
         }
-        let parameters = declared.iter().zip(&variant.units).map(|(x, unit)| x * unit.scale);
-        Ok(Values {
-            dimension,
-            parameters: parameters.collect(),
-            horizon: horizon.unwrap_or(f64::NAN),
-        })
+        if errors.is_empty() {
+            Ok(Values { dimension, parameters, horizon: horizon.unwrap_or(f64::NAN) })
+        } else {
+            Err(errors)
+        }
     }
 
     fn unknown_parameter(&self, name: &str) -> ValueError {
@@ -170,14 +179,25 @@ impl Model {
         }
     }
 
-    fn broken_constraints(&self, declared: &[f64]) -> Vec<ValueError> {
+    /// Conditions that do not hold. One that needs a horizon where none is given stays open.
+    fn broken_constraints(
+        &self,
+        variant: &Variant,
+        declared: &[f64],
+        horizon: Option<f64>,
+    ) -> Vec<ValueError> {
+        let Conditions { graph, roots } = &variant.conditions;
         let mut interpreter = Interpreter::<f64>::new();
-        interpreter.run(&self.constraint_graph, |input| match input {
+        interpreter.run(graph, |input| match input {
             Input::Parameter(i) => declared[usize::from(i)],
+            Input::Horizon => horizon.unwrap_or(f64::NAN),
             _ => f64::NAN,
         });
-        let broken = self.constraints.iter().filter(|c| !interpreter.truth(c.root));
+        let open = |root| horizon.is_none() && graph.depends_on(&[root], Input::Horizon);
+        let broken = self.constraints.iter().zip(roots);
+        let broken = broken.filter(|(_, root)| !interpreter.truth(**root) && !open(**root));
         broken
+            .map(|(c, _)| c)
             .map(|c| {
                 let name = &self.parameters[c.parameter].name;
                 ValueError {

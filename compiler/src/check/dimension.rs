@@ -38,16 +38,19 @@ impl Dimension {
 
     /// Dimension of a product.
     pub fn times(self, other: Dimension) -> Dimension {
-        self.combine(other, |x, y| x.saturating_add(y))
+        self.combine(other, |x, y| x + y)
     }
 
     /// Dimension of a quotient.
     pub fn over(self, other: Dimension) -> Dimension {
-        self.combine(other, |x, y| x.saturating_sub(y))
+        self.combine(other, |x, y| x - y)
     }
 
     /// Dimension of a power; `None` if the exponent is too large or has no small denominator.
     pub fn power(self, exponent: f64) -> Option<Dimension> {
+        if !exponent.is_finite() {
+            return None;
+        }
         let mut exponents = [0; 4];
         for (result, &own) in exponents.iter_mut().zip(&self.exponents) {
             let exact = own as f64 * exponent;
@@ -70,7 +73,9 @@ impl Dimension {
     fn combine(self, other: Dimension, f: impl Fn(i64, i64) -> i64) -> Dimension {
         let mut exponents = [0; 4];
         for i in 0..4 {
-            exponents[i] = f(self.exponents[i], other.exponents[i]);
+            // Repeated squaring gets beyond any bound; sums of two that are bounded do not overflow.
+            let exponent = f(self.exponents[i], other.exponents[i]);
+            exponents[i] = exponent.clamp(-i64::MAX / 4, i64::MAX / 4);
         }
         Dimension { exponents }
     }
@@ -187,5 +192,18 @@ mod tests {
         assert_eq!(third.power(3.0), Some(Dimension::LENGTH));
         assert_eq!(Dimension::LENGTH.power(0.123456789), None);
         assert_eq!(Dimension::LENGTH.power(1e300), None);
+        assert_eq!(Dimension::LENGTH.power(f64::NAN), None);
+        assert_eq!(Dimension::NONE.power(f64::INFINITY), None);
+    }
+
+    #[test]
+    fn exponents_beyond_all_bounds_stay_printable() {
+        let mut huge = Dimension::LENGTH;
+        for _ in 0..80 {
+            huge = huge.times(huge);
+        }
+        let tiny = Dimension::NONE.over(huge).over(huge);
+        assert!(huge.describe().starts_with("a quantity in m^"), "{huge}");
+        assert!(tiny.unit().starts_with("1/m^"), "{tiny}");
     }
 }

@@ -3,11 +3,14 @@
 //! Functions are expanded at their calls, with the arguments' dimensions; equal calls are expanded
 //! once. A branch that a condition on `d` rules out is not looked at.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
-use piola_grammar::ast::{Arena, Ast, BinaryOperator, ExprId, ExprKind, Ident, UnaryOperator};
+use piola_grammar::ast::{
+    Arena, Ast, BinaryOperator, ExprId, ExprKind, Ident, UnaryOperator,
+};
 use piola_grammar::{Diagnostic, ExpressionAst, Span};
 
+use super::MAX_FINDINGS;
 use super::dimension::Dimension;
 use super::names::{self, Symbol, Symbols, parts};
 use super::value::{Constant, Kind, Quantity, Value};
@@ -32,11 +35,11 @@ pub(crate) struct Elaborator<'a> {
     pub(crate) parameter_quantities: Vec<Quantity>,
     pub(crate) graph: ExprGraph,
     pub(crate) errors: Vec<Diagnostic>,
-    pub(super) values: HashMap<usize, Option<Value>>,
-    pub(super) calls: HashMap<(usize, Vec<Value>), Option<Value>>,
+    pub(super) values: FxHashMap<usize, Option<Value>>,
+    pub(super) calls: FxHashMap<(usize, Vec<Value>), Option<Value>>,
     pub(super) call_sites: Vec<(Span, String)>,
     visits: usize,
-    exhausted: bool,
+    pub(super) exhausted: bool,
 }
 
 /// A function's formal parameters and what they stand for in one call.
@@ -59,8 +62,8 @@ impl<'a> Elaborator<'a> {
             parameter_quantities: Vec::new(),
             graph: ExprGraph::new(),
             errors: Vec::new(),
-            values: HashMap::new(),
-            calls: HashMap::new(),
+            values: FxHashMap::default(),
+            calls: FxHashMap::default(),
             call_sites: Vec::new(),
             visits: 0,
             exhausted: false,
@@ -74,6 +77,9 @@ impl<'a> Elaborator<'a> {
 
     /// A number known before any parameter is, or an error.
     pub(crate) fn constant(&mut self, root: ExprId) -> Option<f64> {
+        if !self.symbols.are_resolved(root) {
+            return None;
+        }
         let parts = parts(self.arena, root);
         if let Some(&Constant::Number(x)) = self.constants(&parts, &[]).get(&root) {
             return Some(x);
@@ -85,6 +91,10 @@ impl<'a> Elaborator<'a> {
     }
 
     pub(super) fn body(&mut self, root: ExprId, arguments: Arguments<'_>) -> Option<Value> {
+        // What is reported already is not looked at again.
+        if self.exhausted || !self.symbols.are_resolved(root) {
+            return None;
+        }
         let parts = parts(self.arena, root);
         self.visits += parts.len();
         if self.visits > MAX_VISITS {
@@ -93,8 +103,11 @@ impl<'a> Elaborator<'a> {
         }
         let constants = self.constants(&parts, arguments);
         let active = self.active(&parts, &constants);
-        let mut values: HashMap<ExprId, Option<Value>> = HashMap::with_capacity(parts.len());
+        let mut values: FxHashMap<ExprId, Option<Value>> = FxHashMap::default();
         for &id in &parts {
+            if self.exhausted {
+                return None;
+            }
             if active.contains(&id) {
                 let mut value = self.node(id, &values, &constants, arguments);
                 if let (Some(value), Some(Constant::Number(x))) = (&mut value, constants.get(&id)) {
@@ -109,8 +122,8 @@ impl<'a> Elaborator<'a> {
     fn node(
         &mut self,
         id: ExprId,
-        values: &HashMap<ExprId, Option<Value>>,
-        constants: &HashMap<ExprId, Constant>,
+        values: &FxHashMap<ExprId, Option<Value>>,
+        constants: &FxHashMap<ExprId, Constant>,
         arguments: Arguments<'_>,
     ) -> Option<Value> {
         let of = |x: &ExprId| values.get(x).copied().flatten();
@@ -329,6 +342,9 @@ impl<'a> Elaborator<'a> {
 
     /// Adds an error, with the calls that led to it.
     pub(crate) fn report(&mut self, mut error: Diagnostic) {
+        if self.errors.len() >= MAX_FINDINGS {
+            return;
+        }
         for (span, text) in self.call_sites.iter().rev().take(3) {
             error = error.note(*span, text.clone());
         }
@@ -337,10 +353,7 @@ impl<'a> Elaborator<'a> {
 }
 
 /// The branch that a known condition takes.
-pub(super) fn taken_branch(
-    kind: &ExprKind,
-    constants: &HashMap<ExprId, Constant>,
-) -> Option<ExprId> {
+pub(super) fn taken_branch(kind: &ExprKind, constants: &FxHashMap<ExprId, Constant>) -> Option<ExprId> {
     let ExprKind::If { condition, then, otherwise } = kind else { return None };
     match constants.get(condition)? {
         Constant::Truth(true) => Some(*then),

@@ -21,15 +21,23 @@ use piola_grammar::{Ast, Diagnostic};
 
 use crate::model::Model;
 
-/// Checks a potential. Every error of the file is reported in one run.
+/// After so many findings the rest of a file is not reported.
+pub const MAX_FINDINGS: usize = 100;
+
+/// Checks a potential. Every error of the file is reported in one run, in the order of the text;
+/// what depends on a name that is wrong is not looked at further.
 pub fn check(ast: &Ast) -> Result<Model, Vec<Diagnostic>> {
     let (symbols, mut errors) = names::resolve(ast);
-    match statement::model(ast, &symbols) {
-        Ok(model) if errors.is_empty() => Ok(model),
-        Ok(_) => Err(errors),
-        Err(more) => {
-            errors.extend(more);
+    let model = if errors.len() < MAX_FINDINGS {
+        statement::model(ast, &symbols, &mut errors)
+    } else {
+        None
+    };
+    match model {
+        Some(model) if errors.is_empty() => Ok(model),
+        _ => {
             errors.sort_by_key(|error| error.span);
+            errors.truncate(MAX_FINDINGS);
             Err(errors)
         }
     }

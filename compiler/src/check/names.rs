@@ -5,8 +5,15 @@ use std::collections::{HashMap, HashSet};
 use piola_grammar::ast::{Arena, Ast, ExprId, ExprKind, Ident, Statement};
 use piola_grammar::{Diagnostic, Span, suggest};
 
+use super::MAX_FINDINGS;
 use crate::expression::Function;
 use crate::measure::Measure;
+
+/// Most parameters a function may have; every call names them all in its messages.
+const MAX_FORMALS: usize = 100;
+
+/// Among more names than this none is looked for that may have been meant.
+const MAX_CANDIDATES: usize = 2000;
 
 /// What a name outside a function's formal parameters stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,13 +36,12 @@ pub(crate) enum Symbol {
     Function(usize),
 }
 
-/// The names of a file, and which expressions each body consists of.
+/// The names of a file.
+#[derive(Default)]
 pub(crate) struct Symbols<'a> {
     names: HashMap<&'a str, Symbol>,
-    /// Statements with a name that is wrong: reported already, not looked at again.
-    wrong: HashSet<usize>,
-    /// How many parameters there are so far.
-    n_parameters: usize,
+    /// Roots of the expressions in which some name is wrong: nothing more is said of them.
+    unresolved: HashSet<ExprId>,
 }
 
 /// Names that no potential may redefine.
@@ -67,14 +73,9 @@ pub(crate) struct Scope<'a> {
 }
 
 impl<'a> Symbols<'a> {
-    /// Only what every formula knows: no measures, no user's names.
-    pub(crate) fn empty() -> Symbols<'static> {
-        Symbols { names: HashMap::new(), wrong: HashSet::new(), n_parameters: 0 }
-    }
-
-    /// Declares variables, which count as parameters.
+    /// Declares variables, which count as parameters; no measures are known.
     pub(crate) fn with_variables(variables: &[&'a str]) -> Symbols<'a> {
-        let mut symbols = Symbols { names: HashMap::new(), wrong: HashSet::new(), n_parameters: 0 };
+        let mut symbols = Symbols::default();
         for (number, name) in variables.iter().enumerate() {
             symbols.names.insert(name, Symbol::Parameter(number));
         }
@@ -83,7 +84,7 @@ impl<'a> Symbols<'a> {
     }
 
     fn with_measures() -> Symbols<'a> {
-        let mut symbols = Symbols::empty();
+        let mut symbols = Symbols::default();
         for measure in Measure::ALL {
             symbols.names.insert(measure.symbol(), Symbol::Current(measure));
             symbols.names.insert(measure.reference_symbol(), Symbol::Reference(measure));
@@ -94,70 +95,114 @@ impl<'a> Symbols<'a> {
         symbols
     }
 
-    /// Whether a statement's names were all right.
-    pub(crate) fn is_sound(&self, statement: usize) -> bool {
-        !self.wrong.contains(&statement)
-    }
-
     /// What a name stands for, formal parameters aside.
     pub(crate) fn get(&self, name: &str) -> Option<Symbol> {
         self.names.get(name).copied()
     }
+
+    /// Whether all names of the expression with this root are right.
+    pub(crate) fn are_resolved(&self, root: ExprId) -> bool {
+        !self.unresolved.contains(&root)
+    }
 }
 
-/// Resolves the names of a file. Statements with errors are marked, so that the rest can be checked.
+/// Resolves the names of a file; the second part says which of them are wrong.
 pub(crate) fn resolve(ast: &Ast) -> (Symbols<'_>, Vec<Diagnostic>) {
-    let mut symbols = Symbols::with_measures();
-    let mut places: HashMap<&str, Span> = HashMap::new();
-    let mut errors = Vec::new();
+    let mut resolver = Resolver {
+        ast,
+        symbols: Symbols::with_measures(),
+        n_parameters: 0,
+        places: HashMap::new(),
+        errors: Vec::new(),
+    };
     for (number, statement) in ast.statements.iter().enumerate() {
-        let before = errors.len();
-        statement_names(ast, statement, number, &mut symbols, &mut places, &mut errors);
-        if errors.len() > before {
-            symbols.wrong.insert(number);
+        resolver.statement(number, statement);
+        if resolver.errors.len() >= MAX_FINDINGS {
+            break;
         }
     }
-    (symbols, errors)
+    (resolver.symbols, resolver.errors)
 }
 
-fn statement_names<'a>(
+/// Goes through a file from top to bottom.
+struct Resolver<'a> {
     ast: &'a Ast,
-    statement: &'a Statement,
-    number: usize,
-    symbols: &mut Symbols<'a>,
-    places: &mut HashMap<&'a str, Span>,
-    errors: &mut Vec<Diagnostic>,
-) {
-    let arena = &ast.arena;
-    match statement {
-        Statement::Parameter(p) => {
-            if let Some(default) = p.default {
-                check_body(arena, default, symbols, &[], ast, errors);
+    symbols: Symbols<'a>,
+    n_parameters: usize,
+    /// Where each name is defined.
+    places: HashMap<&'a str, Span>,
+    errors: Vec<Diagnostic>,
+}
+
+impl<'a> Resolver<'a> {
+    fn statement(&mut self, number: usize, statement: &'a Statement) {
+        match statement {
+            Statement::Parameter(p) => {
+                if let Some(default) = p.default {
+                    self.body(default, &[]);
+                }
+                if self.define(&p.name) {
+                    self.symbols.names.insert(&p.name.name, Symbol::Parameter(self.n_parameters));
+                }
+                self.n_parameters += 1;
+                let exponents = p.unit.iter().flat_map(|u| &u.factors).filter_map(|f| f.exponent);
+                for id in p.constraints.iter().copied().chain(exponents) {
+                    self.body(id, &[]);
+                }
             }
-            if define(&p.name, places, errors) {
-                symbols.names.insert(&p.name.name, Symbol::Parameter(symbols.n_parameters));
+            Statement::Definition(definition) => {
+                let formals = definition.parameters.as_deref().unwrap_or(&[]);
+                let before = self.errors.len();
+                check_formals(formals, &mut self.errors);
+                if self.errors.len() > before {
+                    self.symbols.unresolved.insert(definition.body);
+                } else {
+                    self.body(definition.body, formals);
+                }
+                if self.define(&definition.name) {
+                    let symbol = match definition.parameters {
+                        Some(_) => Symbol::Function(number),
+                        None => Symbol::Value(number),
+                    };
+                    self.symbols.names.insert(&definition.name.name, symbol);
+                }
             }
-            symbols.n_parameters += 1;
-            let exponents = p.unit.iter().flat_map(|u| &u.factors).filter_map(|f| f.exponent);
-            for id in p.constraints.iter().copied().chain(exponents) {
-                check_body(arena, id, symbols, &[], ast, errors);
-            }
+            Statement::Energy(energy) => self.body(energy.body, &[]),
+            Statement::Domain(domain) => self.body(domain.quantity, &[]),
+            Statement::Source(_) | Statement::Dimensions(_) => {}
         }
-        Statement::Definition(definition) => {
-            let formals = definition.parameters.as_deref().unwrap_or(&[]);
-            check_formals(formals, errors);
-            check_body(arena, definition.body, symbols, formals, ast, errors);
-            if define(&definition.name, places, errors) {
-                let symbol = match definition.parameters {
-                    Some(_) => Symbol::Function(number),
-                    None => Symbol::Value(number),
-                };
-                symbols.names.insert(&definition.name.name, symbol);
-            }
+    }
+
+    fn body(&mut self, root: ExprId, formals: &[Ident]) {
+        let scope = Scope { symbols: &self.symbols, formals };
+        let mut checker = Checker {
+            arena: &self.ast.arena,
+            scope,
+            ast: Some(self.ast),
+            errors: &mut self.errors,
+        };
+        if !checker.body(root) {
+            self.symbols.unresolved.insert(root);
         }
-        Statement::Energy(energy) => check_body(arena, energy.body, symbols, &[], ast, errors),
-        Statement::Domain(domain) => check_body(arena, domain.quantity, symbols, &[], ast, errors),
-        Statement::Source(_) | Statement::Dimensions(_) => {}
+    }
+
+    /// Whether the name is free; reports it if not.
+    fn define(&mut self, name: &'a Ident) -> bool {
+        if !may_be_named(name, &mut self.errors) {
+            return false;
+        }
+        if let Some(&first) = self.places.get(name.name.as_str()) {
+            let message = format!("`{}` is defined a second time", name.name);
+            self.errors.push(
+                Diagnostic::error("duplicate-name", name.span, message)
+                    .label("defined again here")
+                    .note(first, "first defined here")
+                    .help("give one of them another name"),
+            );
+            return false;
+        }
+        self.places.insert(&name.name, name.span);
+        true
     }
 }
 
@@ -171,32 +216,6 @@ pub(crate) fn check_formula(
     Checker { arena, scope: Scope { symbols, formals: &[] }, ast: None, errors: &mut errors }
         .body(root);
     if errors.is_empty() { Ok(()) } else { Err(errors) }
-}
-
-/// Whether the name is free; reports it if not.
-fn define<'a>(
-    name: &'a Ident,
-    places: &mut HashMap<&'a str, Span>,
-    errors: &mut Vec<Diagnostic>,
-) -> bool {
-    if !may_be_named(name, errors) {
-        return false;
-    }
-    if let Some(&first) = places.get(name.name.as_str()) {
-        errors.push(
-            Diagnostic::error(
-                "duplicate-name",
-                name.span,
-                format!("`{}` is defined a second time", name.name),
-            )
-            .label("defined again here")
-            .note(first, "first defined here")
-            .help("give one of them another name"),
-        );
-        return false;
-    }
-    places.insert(&name.name, name.span);
-    true
 }
 
 fn may_be_named(name: &Ident, errors: &mut Vec<Diagnostic>) -> bool {
@@ -220,6 +239,11 @@ fn may_be_named(name: &Ident, errors: &mut Vec<Diagnostic>) -> bool {
 }
 
 fn check_formals(formals: &[Ident], errors: &mut Vec<Diagnostic>) {
+    if let Some(first) = formals.get(MAX_FORMALS) {
+        let message = format!("a function has at most {MAX_FORMALS} parameters");
+        errors.push(Diagnostic::error("too-large", first.span, message));
+        return;
+    }
     for (i, formal) in formals.iter().enumerate() {
         if may_be_named(formal, errors)
             && let Some(first) = formals[..i].iter().find(|f| f.name == formal.name)
@@ -236,17 +260,6 @@ fn check_formals(formals: &[Ident], errors: &mut Vec<Diagnostic>) {
     }
 }
 
-fn check_body(
-    arena: &Arena,
-    root: ExprId,
-    symbols: &Symbols<'_>,
-    formals: &[Ident],
-    ast: &Ast,
-    errors: &mut Vec<Diagnostic>,
-) {
-    Checker { arena, scope: Scope { symbols, formals }, ast: Some(ast), errors }.body(root);
-}
-
 struct Checker<'a> {
     arena: &'a Arena,
     scope: Scope<'a>,
@@ -256,8 +269,13 @@ struct Checker<'a> {
 }
 
 impl Checker<'_> {
-    fn body(&mut self, root: ExprId) {
+    /// Whether nothing was found.
+    fn body(&mut self, root: ExprId) -> bool {
+        let before = self.errors.len();
         for id in parts(self.arena, root) {
+            if self.errors.len() >= MAX_FINDINGS {
+                break;
+            }
             let span = self.arena[id].span;
             match &self.arena[id].kind {
                 ExprKind::Name(name) => self.name(name, span),
@@ -267,6 +285,7 @@ impl Checker<'_> {
                 _ => {}
             }
         }
+        self.errors.len() == before
     }
 
     fn name(&mut self, name: &str, span: Span) {
@@ -347,20 +366,37 @@ impl Checker<'_> {
                 .note(later, "it is defined here, after its use")
                 .help("move the definition above the line that uses it");
         }
-        let known = self.scope.formals.iter().map(|f| f.name.as_str());
-        let known = known.chain(self.scope.symbols.names.keys().copied());
-        let known = known.chain(Function::NAMED.iter().map(|f| f.name())).chain(["min", "max"]);
-        let mut known: Vec<&str> = known.collect();
-        known.sort_unstable();
         if let Some((_, instead)) = FOREIGN.iter().find(|(foreign, _)| *foreign == name) {
-            error.help(instead.to_string())
-        } else if let Some(near) = suggest(name, known.iter().copied()) {
+            return error.help(instead.to_string());
+        }
+        let reserved = RESERVED.iter().find(|(reserved, _)| *reserved == name);
+        if let (Some((_, meaning)), true) = (reserved, self.ast.is_some()) {
+            return error.help(format!("`{name}` is {meaning} and cannot be used here"));
+        }
+        let known = self.known_names();
+        if let Some(near) = suggest(name, known.iter().copied()) {
             error.help(format!("did you mean `{near}`?"))
         } else if what == "name" && self.ast.is_some() {
             error.help(format!("declare it: `parameter {name}`, or define it: `{name} = ..`"))
+        } else if known.is_empty() {
+            error
         } else {
             error.help(format!("known names: {}", known.join(", ")))
         }
+    }
+
+    /// What may be used here, in alphabetical order; nothing if it is too much to look through.
+    fn known_names(&self) -> Vec<&str> {
+        let names = &self.scope.symbols.names;
+        if names.len() > MAX_CANDIDATES {
+            return Vec::new();
+        }
+        let known = self.scope.formals.iter().map(|f| f.name.as_str());
+        let known = known.chain(names.keys().copied());
+        let known = known.chain(Function::NAMED.iter().map(|f| f.name())).chain(["min", "max"]);
+        let mut known: Vec<&str> = known.collect();
+        known.sort_unstable();
+        known
     }
 
     fn defined_later(&self, name: &str) -> Option<Span> {
@@ -420,16 +456,14 @@ fn not_a_function(function: &Ident) -> Diagnostic {
 
 /// The expressions that a root consists of, operands before users.
 pub(crate) fn parts(arena: &Arena, root: ExprId) -> Vec<ExprId> {
-    let n = root.0 as usize + 1;
-    // Trees are written out as they are parsed: a root's parts stand right before it.
     let mut parts = Vec::new();
-    let mut wanted = std::collections::BTreeSet::from([root]);
-    while let Some(id) = wanted.pop_last() {
-        debug_assert!((id.0 as usize) < n);
+    let mut wanted = vec![root];
+    while let Some(id) = wanted.pop() {
         parts.push(id);
         wanted.extend(children(&arena[id].kind));
     }
-    parts.reverse();
+    // A tree is written to the arena as it is parsed, operands first.
+    parts.sort_unstable();
     parts
 }
 

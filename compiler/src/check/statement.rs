@@ -1,40 +1,48 @@
 //! Statements to a model, once per dimension.
 
 use piola_grammar::ast::{
-    Ast, Energy as EnergyAst, ExprKind, Parameter as ParameterAst, Statement,
+    Ast, Energy as EnergyAst, ExprId, ExprKind, Parameter as ParameterAst, Statement, UnaryOperator,
 };
 use piola_grammar::{Diagnostic, Span, print_expression, suggest};
 
+use super::MAX_FINDINGS;
 use super::dimension::Dimension;
 use super::elaborate::Elaborator;
 use super::names::{Symbols, parts};
-use super::unit::{UnitValue, named_unit, unit_names};
+use super::unit::{UnitValue, base_units, named_unit, prefixes, unit_names};
 use super::value::{Quantity, Value};
+use crate::expression::{ExprGraph, NodeId};
 use crate::measure::Measure;
-use crate::model::{Constraint, Energy, Interval, Model, Parameter, Variant};
+use crate::model::{Conditions, Constraint, Energy, Interval, Model, Parameter, Variant};
 
 /// Most parameters a potential may have: their numbers are 16 bits wide.
 const MAX_PARAMETERS: usize = 1000;
 
-/// Builds the model of a file whose names are resolved.
-pub(crate) fn model(ast: &Ast, symbols: &Symbols<'_>) -> Result<Model, Vec<Diagnostic>> {
-    let mut errors = Vec::new();
-    let dimensions = dimensions(ast, &mut errors);
+/// Builds the model of a file whose names are looked up; what is wrong is added to `errors`.
+pub(crate) fn model(
+    ast: &Ast,
+    symbols: &Symbols<'_>,
+    errors: &mut Vec<Diagnostic>,
+) -> Option<Model> {
+    let dimensions = dimensions(ast, errors);
     let declared = parameters(ast);
     if declared.len() > MAX_PARAMETERS {
         let message = format!("a potential has at most {MAX_PARAMETERS} parameters");
         errors.push(Diagnostic::error("too-large", declared[MAX_PARAMETERS].name.span, message));
-        return Err(errors);
+        return None;
     }
     let has_units = declared.iter().any(|p| p.unit.is_some());
     let mut variants = Vec::new();
+    let mut stated = Vec::new();
     for &dimension in &dimensions {
         let mut builder = Builder::new(ast, symbols, dimension, has_units);
         builder.statements();
-        merge(&mut errors, builder.elaborator.errors);
-        variants.push(Variant { graph: builder.elaborator.graph, ..builder.variant });
+        merge(errors, builder.elaborator.errors);
+        let conditions;
+        (stated, conditions) = constraints(ast, symbols, dimension, errors);
+        let graph = builder.elaborator.graph;
+        variants.push(Variant { graph, conditions, ..builder.variant });
     }
-    let (constraint_graph, constraints) = constraints(ast, symbols, &declared, &mut errors);
     if !ast.statements.iter().any(|s| matches!(s, Statement::Energy(_))) {
         errors.push(
             Diagnostic::error("no-energy", ast.name.span, "the potential has no energy")
@@ -42,16 +50,15 @@ pub(crate) fn model(ast: &Ast, symbols: &Symbols<'_>) -> Result<Model, Vec<Diagn
         );
     }
     if !errors.is_empty() {
-        return Err(errors);
+        return None;
     }
-    Ok(Model {
+    Some(Model {
         name: ast.name.name.clone(),
         title: ast.title.as_ref().map(|t| t.text.clone()),
         sources: sources(ast),
         has_units,
         parameters: declared.iter().map(|p| parameter(ast, p)).collect(),
-        constraints,
-        constraint_graph,
+        constraints: stated,
         variants,
     })
 }
@@ -59,20 +66,19 @@ pub(crate) fn model(ast: &Ast, symbols: &Symbols<'_>) -> Result<Model, Vec<Diagn
 /// Adds errors, each place and code once: what is wrong in 2D is mostly wrong in 3D too.
 fn merge(errors: &mut Vec<Diagnostic>, more: Vec<Diagnostic>) {
     for error in more {
-        if !errors.iter().any(|e| e.code == error.code && e.span == error.span) {
+        let known = errors.iter().any(|e| e.code == error.code && e.span == error.span);
+        if !known && errors.len() < MAX_FINDINGS {
             errors.push(error);
         }
     }
 }
 
 fn parameters(ast: &Ast) -> Vec<&ParameterAst> {
-    let mut declared = Vec::new();
-    for statement in &ast.statements {
-        if let Statement::Parameter(parameter) = statement {
-            declared.push(parameter);
-        }
-    }
-    declared
+    let of = |s| match s {
+        &Statement::Parameter(ref p) => Some(p),
+        _ => None,
+    };
+    ast.statements.iter().filter_map(of).collect()
 }
 
 fn sources(ast: &Ast) -> Vec<String> {
@@ -123,40 +129,51 @@ fn dimensions(ast: &Ast, errors: &mut Vec<Diagnostic>) -> Vec<usize> {
     }
 }
 
-/// Conditions on parameters hold for values in declared units and are not dimension-checked.
+/// The conditions on parameters, with their roots in a graph. They hold for values in declared
+/// units and are not dimension-checked, nor are definitions where conditions use them.
 fn constraints(
     ast: &Ast,
     symbols: &Symbols<'_>,
-    declared: &[&ParameterAst],
+    dimension: usize,
     errors: &mut Vec<Diagnostic>,
-) -> (crate::expression::ExprGraph, Vec<Constraint>) {
-    let mut elaborator = Elaborator::new(&ast.arena, Some(ast), symbols, 0, false);
-    elaborator.parameter_quantities = vec![Quantity::Any; declared.len()];
-    let mut constraints = Vec::new();
-    let sound = |p: &ParameterAst| {
-        ast.statements.iter().enumerate().any(|(number, statement)| {
-            symbols.is_sound(number)
-                && matches!(statement, Statement::Parameter(q) if std::ptr::eq(p, q))
-        })
-    };
-    for (number, p) in declared.iter().enumerate() {
-        for &id in p.constraints.iter().filter(|_| sound(p)) {
-            let Some(value) = elaborator.expression(id) else { continue };
-            if elaborator.truth(value, id).is_none() {
-                continue;
+) -> (Vec<Constraint>, Conditions) {
+    let mut elaborator = Elaborator::new(&ast.arena, Some(ast), symbols, dimension, false);
+    let (mut stated, mut roots) = (Vec::new(), Vec::new());
+    let mut n_parameters = 0;
+    for (number, statement) in ast.statements.iter().enumerate() {
+        match statement {
+            Statement::Definition(d) if d.parameters.is_none() => {
+                elaborator.define_value(number, d.body);
             }
-            if value.uses != 0 {
-                let span = ast.arena[id].span;
-                let message = "a condition on parameters cannot depend on the deformation";
-                elaborator.report(Diagnostic::error("wrong-measure", span, message));
-                continue;
+            Statement::Parameter(p) => {
+                for &id in &p.constraints {
+                    if let Some(root) = condition(&mut elaborator, id) {
+                        let text = print_expression(&ast.arena, id);
+                        stated.push(Constraint { parameter: n_parameters, text });
+                        roots.push(root);
+                    }
+                }
+                n_parameters += 1;
             }
-            let text = print_expression(&ast.arena, id);
-            constraints.push(Constraint { parameter: number, text, root: value.node });
+            _ => {}
         }
     }
     merge(errors, elaborator.errors);
-    (elaborator.graph, constraints)
+    let (graph, roots) = elaborator.graph.extract(&roots);
+    (stated, Conditions { graph, roots })
+}
+
+/// The node of a condition on parameters.
+fn condition(elaborator: &mut Elaborator<'_>, id: ExprId) -> Option<NodeId> {
+    let value = elaborator.expression(id)?;
+    elaborator.truth(value, id)?;
+    if value.uses == 0 {
+        return Some(value.node);
+    }
+    let span = elaborator.arena[id].span;
+    let message = "a condition on parameters cannot depend on the deformation";
+    elaborator.report(Diagnostic::error("wrong-measure", span, message));
+    None
 }
 
 /// Builds one variant.
@@ -179,17 +196,17 @@ impl<'a> Builder<'a> {
                 units: Vec::new(),
                 energies: Vec::new(),
                 domains: Vec::new(),
-                graph: crate::expression::ExprGraph::new(),
+                graph: ExprGraph::new(),
+                conditions: Conditions::default(),
             },
         }
     }
 
     fn statements(&mut self) {
-        let (ast, symbols) = (self.ast, self.elaborator.symbols);
+        let ast = self.ast;
         for (number, statement) in ast.statements.iter().enumerate() {
             match statement {
-                Statement::Parameter(p) => self.parameter(p, symbols.is_sound(number)),
-                _ if !symbols.is_sound(number) => {}
+                Statement::Parameter(p) => self.parameter(p),
                 Statement::Definition(d) if d.parameters.is_none() => {
                     self.elaborator.define_value(number, d.body);
                 }
@@ -200,53 +217,68 @@ impl<'a> Builder<'a> {
         }
     }
 
-    fn parameter(&mut self, p: &ParameterAst, sound: bool) {
+    fn parameter(&mut self, p: &ParameterAst) {
         let none = UnitValue { dimension: Dimension::NONE, scale: 1.0 };
-        if !sound {
-            self.variant.defaults.push(None);
-            self.variant.units.push(none);
-            self.elaborator.parameter_quantities.push(Quantity::Any);
-            return;
-        }
-        let errors = self.elaborator.errors.len();
-        let unit = p.unit.as_ref().map_or(none, |unit| self.unit(unit));
-        // A unit that is not understood must not cause further errors.
-        let understood = self.elaborator.errors.len() == errors;
-        let default = p.default.and_then(|default| self.elaborator.constant(default));
+        let unit = p.unit.as_ref().map_or(Some(none), |unit| self.unit(unit));
+        let default = p.default.and_then(|default| self.default_value(p, default));
         self.variant.defaults.push(default);
-        self.variant.units.push(unit);
-        let known = self.has_units && understood;
-        let quantity = if known { Quantity::Known(unit.dimension) } else { Quantity::Any };
+        self.variant.units.push(unit.unwrap_or(none));
+        let quantity = match unit {
+            Some(unit) if self.has_units => Quantity::Known(unit.dimension),
+            // A unit that is not understood must not cause further errors.
+            _ => Quantity::Any,
+        };
         self.elaborator.parameter_quantities.push(quantity);
     }
 
-    fn unit(&mut self, unit: &piola_grammar::ast::Unit) -> UnitValue {
-        let mut dimension = Dimension::NONE;
-        let mut scale = 1.0;
-        for factor in &unit.factors {
-            let name = &factor.name;
-            let Some(base) = named_unit(&name.name) else {
-                let error = unknown_unit(&name.name, name.span);
-                self.elaborator.report(error);
-                continue;
-            };
-            let exponent = match factor.exponent {
-                Some(exponent) => self.elaborator.constant(exponent).unwrap_or(1.0),
-                None => 1.0,
-            };
-            let exponent = if factor.divided { -exponent } else { exponent };
-            match base.dimension.power(exponent) {
-                Some(power) => dimension = dimension.times(power),
-                None => {
-                    let message =
-                        format!("{} to the power {exponent} has no sensible unit", name.name);
-                    let error = Diagnostic::error("unknown-unit", name.span, message);
-                    self.elaborator.report(error);
-                }
-            }
-            scale *= libm::pow(base.scale, exponent);
+    fn default_value(&mut self, p: &ParameterAst, root: ExprId) -> Option<f64> {
+        let value = self.elaborator.constant(root)?;
+        if value.is_finite() {
+            return Some(value);
         }
-        UnitValue { dimension, scale }
+        let message = format!("the default of `{}` is {value}, not a finite number", p.name.name);
+        let span = self.ast.arena[root].span;
+        self.elaborator.report(Diagnostic::error("not-a-constant", span, message));
+        None
+    }
+
+    /// What a unit means; `None` if some of it is not understood, which is reported.
+    fn unit(&mut self, unit: &piola_grammar::ast::Unit) -> Option<UnitValue> {
+        let mut product = Some(UnitValue { dimension: Dimension::NONE, scale: 1.0 });
+        for factor in &unit.factors {
+            let power = self.unit_factor(factor);
+            product = product.zip(power).map(|(x, y)| UnitValue {
+                dimension: x.dimension.times(y.dimension),
+                scale: x.scale * y.scale,
+            });
+        }
+        let product = product?;
+        if product.scale.is_normal() {
+            return Some(product);
+        }
+        let message = format!("this unit is {} SI units: too much to count in", product.scale);
+        self.elaborator.report(Diagnostic::error("unknown-unit", unit.span, message));
+        None
+    }
+
+    fn unit_factor(&mut self, factor: &piola_grammar::ast::UnitFactor) -> Option<UnitValue> {
+        let name = &factor.name;
+        let Some(base) = named_unit(&name.name) else {
+            let error = unknown_unit(&name.name, name.span);
+            self.elaborator.report(error);
+            return None;
+        };
+        let exponent = match factor.exponent {
+            Some(exponent) => self.elaborator.constant(exponent)?,
+            None => 1.0,
+        };
+        let exponent = if factor.divided { -exponent } else { exponent };
+        let Some(dimension) = base.dimension.power(exponent) else {
+            let message = format!("{} to the power {exponent} has no sensible unit", name.name);
+            self.elaborator.report(Diagnostic::error("unknown-unit", name.span, message));
+            return None;
+        };
+        Some(UnitValue { dimension, scale: libm::pow(base.scale, exponent) })
     }
 
     fn energy(&mut self, energy: &EnergyAst) {
@@ -353,7 +385,8 @@ impl<'a> Builder<'a> {
             );
             return;
         };
-        if lower.0 >= upper.0 {
+        // Ends that are no numbers make no domain either.
+        if lower.0.partial_cmp(&upper.0) != Some(std::cmp::Ordering::Less) {
             let message = format!("the domain is empty: {} is not below {}", lower.0, upper.0);
             self.elaborator.report(Diagnostic::error("empty-domain", domain.span, message));
             return;
@@ -366,7 +399,9 @@ impl<'a> Builder<'a> {
         let arena = &self.ast.arena;
         let infinite = |id| matches!(&arena[id].kind, ExprKind::Name(name) if name == "inf");
         let value = match &arena[bound.value].kind {
-            ExprKind::Unary { operand, .. } if infinite(*operand) => f64::NEG_INFINITY,
+            ExprKind::Unary { operator: UnaryOperator::Negate, operand } if infinite(*operand) => {
+                f64::NEG_INFINITY
+            }
             _ if infinite(bound.value) => f64::INFINITY,
             _ => self.elaborator.constant(bound.value)?,
         };
@@ -401,7 +436,11 @@ pub(crate) fn unknown_unit(name: &str, span: Span) -> Diagnostic {
     }
     match suggest(name, unit_names()) {
         Some(near) => error.help(format!("did you mean `{near}`?")),
-        None => error.help("units are m, kg, s, K, N, J, Pa, W, Hz with prefixes n u m k M G"),
+        None => error.help(format!(
+            "units are products of powers of {}, each with a prefix out of {}",
+            base_units().join(", "),
+            prefixes().join(" ")
+        )),
     }
 }
 

@@ -124,21 +124,65 @@ fn all_errors_of_a_file_come_at_once() {
 }
 
 #[test]
-fn errors_of_names_do_not_hide_errors_of_dimensions() {
+fn a_wrong_name_hides_no_other_mistake() {
     let found = codes(
-        "potential p\ndimensions 2\nparameter C in J/m^5\nparameter k = q in m\nS(x) = x + y\n\
-         psi(l) = C*(l - A) + S(l)\npsi(a) = C*(a - L)\ns = k + w",
+        "potential p\ndimensions 2\nparameter C in J/m^5\nparameter k in furlong\n\
+         w = zz*l\nf(x, x) = x\npsi(l) = C*(l - L^2)\npsi(l) = w + f(l, l)\npsi(a) = C < 1",
     );
-    assert_eq!(
-        found,
-        [
-            "unknown-name",
-            "unknown-name",
-            "dimension-mismatch",
-            "dimension-mismatch",
-            "unknown-name"
-        ]
+    let expected = [
+        "unknown-unit",
+        "unknown-name",
+        "duplicate-name",
+        "dimension-mismatch",
+        "dimension-mismatch",
+    ];
+    assert_eq!(found, expected);
+    let found = errors("potential p\npsi(l) = t*l");
+    assert!(found[0].helps[0].contains("load parameter of a scene"), "{:?}", found[0].helps);
+}
+
+#[test]
+fn conditions_may_use_definitions_and_the_dimension() {
+    let model = model(
+        "potential p\nk = 2\nfloor(x) = x + d\nparameter C, C > k, C != floor(7)\n\
+         parameter r = 1, r < delta\npsi(l) = C*r*l",
     );
+    assert_eq!(model.constraints().len(), 3);
+    let broken = |d, c, horizon| {
+        let set = [("C".to_string(), Setting::Number(c))];
+        match model.values(d, &set, horizon) {
+            Ok(_) => Vec::new(),
+            Err(errors) => errors.into_iter().map(|e| e.message).collect(),
+        }
+    };
+    assert_eq!(broken(2, 3.0, None), Vec::<String>::new());
+    assert_eq!(broken(2, 1.0, None), ["parameter `C` = 1 breaks `C > k`"]);
+    assert_eq!(broken(2, 9.0, None), ["parameter `C` = 9 breaks `C != floor(7)`"]);
+    assert_eq!(broken(3, 9.0, None), Vec::<String>::new());
+    assert_eq!(broken(3, 3.0, Some(2.0)), Vec::<String>::new());
+    assert_eq!(broken(3, 3.0, Some(0.5)), ["parameter `r` = 1 breaks `r < delta`"]);
+}
+
+#[test]
+fn numbers_beyond_all_bounds_are_refused() {
+    for (text, code) in [
+        ("parameter c = 1/0\npsi(l) = c*l", "not-a-constant"),
+        ("parameter c = 0/0\npsi(l) = c*l", "not-a-constant"),
+        ("parameter c in m^(0/0)\npsi(l) = c*l", "unknown-unit"),
+        ("parameter c in rad^(1/0)\npsi(l) = c*l", "unknown-unit"),
+        ("parameter c in kPa^200\npsi(l) = c*l", "unknown-unit"),
+        ("parameter c in nm^60\npsi(l) = c*l", "unknown-unit"),
+        ("domain l/L in (0/0, 1)\npsi(l) = l", "empty-domain"),
+        ("domain l/L in (not inf, 1)\npsi(l) = l", "not-a-constant"),
+    ] {
+        assert_eq!(codes(&format!("potential p\n{text}")), [code], "{text}");
+    }
+    let roots = "sqrt(".repeat(4) + "l" + &")".repeat(4);
+    let text = format!("potential p\nparameter c in m\ndimensions 2\npsi(l) = {roots}");
+    assert_eq!(codes(&text), ["dimension-mismatch"]);
+    let model = model("potential p\nparameter c in TPa\npsi(l) = 0*c*l^0");
+    let set = [("c".to_string(), Setting::Number(1e300))];
+    assert_eq!(model.values(3, &set, None).unwrap_err()[0].code, "not-a-number");
 }
 
 #[test]

@@ -57,6 +57,17 @@ pub fn named_unit(name: &str) -> Option<UnitValue> {
     })
 }
 
+/// The names that take prefixes.
+pub fn base_units() -> Vec<&'static str> {
+    NAMED.iter().map(|(name, ..)| *name).collect()
+}
+
+/// The prefixes, each in its shortest spelling.
+pub fn prefixes() -> Vec<&'static str> {
+    let short = |prefix: &&str| prefix.len() == 1;
+    PREFIXES.iter().map(|(prefix, _)| *prefix).filter(short).collect()
+}
+
 /// Names a misspelt unit may have meant.
 pub fn unit_names() -> impl Iterator<Item = &'static str> {
     const COMMON: &[&str] = &["mm", "nm", "um", "km", "kg", "ms", "kN", "kJ", "kPa", "MPa", "GPa"];

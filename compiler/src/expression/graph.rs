@@ -163,6 +163,12 @@ impl ExprGraph {
         needed
     }
 
+    /// Whether the roots need this input.
+    pub fn depends_on(&self, roots: &[NodeId], input: Input) -> bool {
+        let needed = self.reachable(roots);
+        self.ids.get(&Node::Input(input)).is_some_and(|id| needed[id.0 as usize])
+    }
+
     /// A graph with only what the roots need, and the roots in it; the order is kept.
     pub fn extract(&self, roots: &[NodeId]) -> (ExprGraph, Vec<NodeId>) {
         let needed = self.reachable(roots);

@@ -98,7 +98,9 @@ impl Model {
                 continue;
             }
             let span = span_of(variant, measure);
-            if values.horizon.is_nan() && needs_horizon(variant, measure) {
+            if values.horizon.is_nan()
+                && variant.graph.depends_on(&roots_of(variant, measure), Input::Horizon)
+            {
                 return Err(CompileError::NoHorizon { measure, span });
             }
             let too_large = |limit| CompileError::TooLarge { measure, span, limit };
@@ -137,12 +139,8 @@ fn span_of(variant: &Variant, measure: Measure) -> Span {
     energy.map_or(Span::default(), |e| e.span)
 }
 
-fn needs_horizon(variant: &Variant, measure: Measure) -> bool {
-    let energies = variant.energies.iter().filter(|e| e.measure == measure);
-    let roots: Vec<NodeId> = energies.map(|e| e.root).collect();
-    let needed = variant.graph.reachable(&roots);
-    let mut nodes = variant.graph.nodes();
-    nodes.any(|(id, node)| needed[id.0 as usize] && node == Node::Input(Input::Horizon))
+fn roots_of(variant: &Variant, measure: Measure) -> Vec<NodeId> {
+    variant.energies.iter().filter(|e| e.measure == measure).map(|e| e.root).collect()
 }
 
 /// The sum of a measure's energies with psi' and psi''; `None` if nothing is left of it.
@@ -152,36 +150,25 @@ fn scalar_energy(
     fold: &impl Fn(Input) -> Option<f64>,
     dropped: &mut Vec<Dropped>,
 ) -> Result<Option<ScalarEnergy>, TooManyNodes> {
-    let known = KnownValues::new(&variant.graph, fold);
-    let mut graph = Simplifier::new();
+    let mut rebuild = Rebuild::new(&variant.graph, fold);
+    let roots = roots_of(variant, measure);
+    rebuild.nodes(&roots)?;
     let mut total: Option<NodeId> = None;
-    for energy in variant.energies.iter().filter(|e| e.measure == measure) {
-        let mut terms = terms(&variant.graph, energy.root);
-        if !terms.iter().any(|(term, _)| known.has_zero_factor(&variant.graph, *term)) {
-            // Nothing to drop: keep the order of summation that was written.
-            terms = vec![(energy.root, false)];
-        }
-        for (term, negative) in terms {
-            if known.has_zero_factor(&variant.graph, term) {
-                dropped.push(Dropped {
-                    measure,
-                    reason: format!(
-                        "a term of psi({}) is dropped: its coefficient is 0",
-                        measure.symbol()
-                    ),
-                });
-                continue;
-            }
-            let node = rebuild(&mut graph, &variant.graph, term, fold)?;
-            total = Some(match (total, negative) {
-                (None, false) => node,
-                (None, true) => graph.negate(node)?,
-                (Some(sum), false) => graph.add(sum, node)?,
-                (Some(sum), true) => graph.subtract(sum, node)?,
+    for &root in &roots {
+        if let Some(node) = rebuild.modelled(root)? {
+            total = Some(match total {
+                None => node,
+                Some(sum) => rebuild.target.add(sum, node)?,
             });
         }
     }
+    if rebuild.has_dropped {
+        let symbol = measure.symbol();
+        let reason = format!("a term of psi({symbol}) is dropped: its coefficient is 0");
+        dropped.push(Dropped { measure, reason });
+    }
     let Some(psi) = total else { return Ok(None) };
+    let mut graph = rebuild.target;
     let dpsi = differentiate(&mut graph, psi, measure)?;
     let d2psi = differentiate(&mut graph, dpsi, measure)?;
     let (graph, roots) = graph.graph().extract(&[psi, dpsi, d2psi]);
@@ -189,47 +176,113 @@ fn scalar_energy(
     Ok(Some(ScalarEnergy { measure, graph, roots }))
 }
 
-/// Top-level terms of a sum, each with whether it is subtracted.
-fn terms(graph: &ExprGraph, root: NodeId) -> Vec<(NodeId, bool)> {
-    let mut result = Vec::new();
-    let mut stack = vec![(root, false)];
-    while let Some((id, negative)) = stack.pop() {
-        match graph[id] {
-            // A term shared many times would be split exponentially often: stop at a sane number.
-            _ if result.len() + stack.len() >= MAX_OPERATIONS => result.push((id, negative)),
-            Node::Binary(Operator::Add, x, y) => stack.extend([(y, negative), (x, negative)]),
-            Node::Binary(Operator::Subtract, x, y) => {
-                stack.extend([(y, !negative), (x, negative)]);
-            }
-            Node::Unary(Function::Negate, x) => stack.push((x, !negative)),
-            _ => result.push((id, negative)),
-        }
-    }
-    result
+/// A graph on its way to a simplified one, with known inputs as numbers.
+struct Rebuild<'a, F> {
+    source: &'a ExprGraph,
+    fold: &'a F,
+    target: Simplifier,
+    /// Which products have a factor that parameters make exactly zero.
+    zero: Vec<bool>,
+    /// The simplified form of each node that is needed.
+    place: Vec<Option<NodeId>>,
+    /// The same for sums, without their zero terms; the inner `None` where nothing is left.
+    modelled: Vec<Option<Option<NodeId>>>,
+    has_dropped: bool,
 }
 
-/// The part of a graph, simplified, with known inputs as numbers.
-fn rebuild(
-    target: &mut Simplifier,
-    source: &ExprGraph,
-    root: NodeId,
-    fold: &impl Fn(Input) -> Option<f64>,
-) -> Result<NodeId, TooManyNodes> {
-    let needed = source.reachable(&[root]);
-    let mut place = vec![NodeId(0); source.len()];
-    for (id, node) in source.nodes().take(root.0 as usize + 1) {
-        if !needed[id.0 as usize] {
-            continue;
+impl<'a, F: Fn(Input) -> Option<f64>> Rebuild<'a, F> {
+    fn new(source: &'a ExprGraph, fold: &'a F) -> Self {
+        Rebuild {
+            source,
+            fold,
+            target: Simplifier::new(),
+            zero: KnownValues::new(source, fold).zero_products(source),
+            place: vec![None; source.len()],
+            modelled: vec![None; source.len()],
+            has_dropped: false,
         }
-        place[id.0 as usize] = match node {
-            Node::Input(input) => match fold(input) {
-                Some(value) => target.number(value)?,
-                None => target.input(input)?,
-            },
-            _ => target.make(node.map_operands(|x| place[x.0 as usize]))?,
-        };
     }
-    Ok(place[root.0 as usize])
+
+    /// Makes the simplified form of everything the roots need.
+    fn nodes(&mut self, roots: &[NodeId]) -> Result<(), TooManyNodes> {
+        let needed = self.source.reachable(roots);
+        for (id, node) in self.source.nodes() {
+            if !needed[id.0 as usize] {
+                continue;
+            }
+            let made = match node {
+                Node::Input(input) => match (self.fold)(input) {
+                    Some(value) => self.target.number(value)?,
+                    None => self.target.input(input)?,
+                },
+                _ => self.target.make(node.map_operands(|x| self.at(x)))?,
+            };
+            self.place[id.0 as usize] = Some(made);
+        }
+        Ok(())
+    }
+
+    fn at(&self, id: NodeId) -> NodeId {
+        self.place[id.0 as usize].expect("operands are made before their users")
+    }
+
+    /// What is modelled of a sum: its terms but those with a zero factor, in the order written.
+    fn modelled(&mut self, root: NodeId) -> Result<Option<NodeId>, TooManyNodes> {
+        let mut stack = vec![root];
+        while let Some(&id) = stack.last() {
+            if self.modelled[id.0 as usize].is_some() {
+                stack.pop();
+                continue;
+            }
+            let parts: Vec<NodeId> = match self.source[id] {
+                _ if self.zero[id.0 as usize] => Vec::new(),
+                node if is_sum(node) => node.operands().collect(),
+                _ => Vec::new(),
+            };
+            let missing = parts.iter().filter(|part| self.modelled[part.0 as usize].is_none());
+            let missing: Vec<NodeId> = missing.copied().collect();
+            if missing.is_empty() {
+                self.modelled[id.0 as usize] = Some(self.sum_of_modelled(id)?);
+                stack.pop();
+            } else {
+                stack.extend(missing);
+            }
+        }
+        Ok(self.modelled[root.0 as usize].flatten())
+    }
+
+    /// A sum whose terms are known.
+    fn sum_of_modelled(&mut self, id: NodeId) -> Result<Option<NodeId>, TooManyNodes> {
+        if self.zero[id.0 as usize] {
+            self.has_dropped = true;
+            return Ok(None);
+        }
+        let of = |x: NodeId| self.modelled[x.0 as usize].flatten();
+        match self.source[id] {
+            Node::Binary(Operator::Add, x, y) => match (of(x), of(y)) {
+                (Some(x), Some(y)) => self.target.add(x, y).map(Some),
+                (only, None) | (None, only) => Ok(only),
+            },
+            Node::Binary(Operator::Subtract, x, y) => match (of(x), of(y)) {
+                (Some(x), Some(y)) => self.target.subtract(x, y).map(Some),
+                (x, None) => Ok(x),
+                (None, Some(y)) => self.target.negate(y).map(Some),
+            },
+            Node::Unary(Function::Negate, x) => match of(x) {
+                Some(x) => self.target.negate(x).map(Some),
+                None => Ok(None),
+            },
+            _ => Ok(Some(self.at(id))),
+        }
+    }
+}
+
+/// Whether a node adds up terms.
+fn is_sum(node: Node) -> bool {
+    matches!(
+        node,
+        Node::Binary(Operator::Add | Operator::Subtract, ..) | Node::Unary(Function::Negate, _)
+    )
 }
 
 /// Values of the nodes that are known once the parameters are.
@@ -260,30 +313,23 @@ impl KnownValues {
         KnownValues { values: graph.nodes().map(value).collect(), chosen }
     }
 
-    /// Whether a product or quotient has a factor that parameters make exactly zero.
-    fn has_zero_factor(&self, graph: &ExprGraph, term: NodeId) -> bool {
-        let mut stack = vec![term];
-        let mut seen = vec![false; graph.len()];
-        while let Some(id) = stack.pop() {
-            if std::mem::replace(&mut seen[id.0 as usize], true) {
-                continue;
-            }
-            if self.values[id.0 as usize] == Some(0.0) && self.chosen[id.0 as usize] {
-                return true;
-            }
-            match graph[id] {
-                Node::Binary(Operator::Multiply, x, y) => stack.extend([x, y]),
-                Node::Unary(Function::Negate, x) => stack.push(x),
+    /// Which nodes are products or quotients with a factor that parameters make exactly zero.
+    fn zero_products(&self, graph: &ExprGraph) -> Vec<bool> {
+        let mut zero: Vec<bool> = Vec::with_capacity(graph.len());
+        for (id, node) in graph.nodes() {
+            let i = id.0 as usize;
+            let of = |x: NodeId| zero[x.0 as usize];
+            let has_zero = match node {
+                Node::Binary(Operator::Multiply, x, y) => of(x) || of(y),
+                Node::Unary(Function::Negate, x) => of(x),
                 // 0/0 is no zero.
                 Node::Binary(Operator::Divide, x, y) => {
-                    let divisor = self.values[y.0 as usize];
-                    if divisor.is_none_or(|y| y != 0.0 && !y.is_nan()) {
-                        stack.push(x);
-                    }
+                    of(x) && self.values[y.0 as usize].is_none_or(|y| y != 0.0 && !y.is_nan())
                 }
-                _ => {}
-            }
+                _ => false,
+            };
+            zero.push(has_zero || (self.chosen[i] && self.values[i] == Some(0.0)));
         }
-        false
+        zero
     }
 }

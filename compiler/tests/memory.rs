@@ -1,0 +1,65 @@
+//! Code memory has an owner and is freed: ten thousand compilations leave nothing behind.
+
+use std::time::Instant;
+
+use piola_compiler::{Batch, Derivatives, Mode, Setting, check};
+use piola_grammar::parse;
+
+const COMPILATIONS: usize = 10_000;
+/// After so many compilations allocators and caches have their working size.
+const WARM_UP: usize = 500;
+/// One leaked kernel is at least a page of 4 KiB, so leaking every one would show 37 MiB.
+const ALLOWED_GROWTH_KIB: u64 = 8 << 10;
+
+/// The memory of this process that is in use, in KiB, where the system tells.
+fn resident_kib() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmRSS:"))?;
+    line.split_whitespace().nth(1)?.parse().ok()
+}
+
+/// Address space of this process in KiB.
+fn mapped_kib() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|line| line.starts_with("VmSize:"))?;
+    line.split_whitespace().nth(1)?.parse().ok()
+}
+
+#[test]
+fn ten_thousand_compilations_leave_nothing_behind() {
+    let (Some(_), Some(_)) = (resident_kib(), mapped_kib()) else {
+        println!("skipped: this system does not tell how much memory a process has");
+        return;
+    };
+    let text = include_str!("../../potentials/firooz2023.piola");
+    let model = check(&parse(text).unwrap()).unwrap();
+    let start = Instant::now();
+    let mut out = Derivatives::default();
+    let (mut compiled, mut warm) = (0, (0, 0));
+    while compiled < COMPILATIONS {
+        // Another exponent each time: no two kernels are equal.
+        let n = 0.5 + compiled as f64 / 1000.0;
+        let settings = [("C1", 1.0), ("C2", 1.0), ("C3", 1.0), ("n", n)];
+        let settings = settings.map(|(name, x)| (name.to_string(), Setting::Number(x)));
+        let values = model.values(3, &settings, None).unwrap();
+        for kernel in model.compile(&values, Mode::Jit).unwrap().kernels {
+            let batch = Batch { measure: &[1.5], reference: &[1.0], change: &[0.5] };
+            kernel.evaluate(batch, &mut out);
+            assert!(out.psi[0] > 0.0 && out.d2psi[0].is_finite());
+            compiled += 1;
+            if compiled == WARM_UP {
+                warm = (resident_kib().unwrap(), mapped_kib().unwrap());
+            }
+        }
+    }
+    let resident = resident_kib().unwrap().saturating_sub(warm.0);
+    let mapped = mapped_kib().unwrap().saturating_sub(warm.1);
+    println!(
+        "{compiled} kernels in {:.1} s; resident memory grew by {resident} KiB, address space by \
+         {mapped} KiB after the first {WARM_UP}",
+        start.elapsed().as_secs_f64()
+    );
+    assert!(resident <= ALLOWED_GROWTH_KIB, "{resident} KiB");
+    // A kernel reserves 4 MiB of addresses: leaking every one would show 37 GiB.
+    assert!(mapped <= 64 << 10, "{mapped} KiB of address space");
+}

@@ -17,9 +17,6 @@ impl<'a> Elaborator<'a> {
         span: Span,
     ) -> Option<Value> {
         if let Some(Symbol::Function(number)) = self.symbols.get(&function.name) {
-            if !self.symbols.is_sound(number) {
-                return None;
-            }
             return self.expand(number, function, actual, span);
         }
         if let Some(builtin) = Function::named(&function.name) {
@@ -58,6 +55,9 @@ impl<'a> Elaborator<'a> {
         }
         let ast: &'a Ast = self.ast?;
         let Statement::Definition(definition) = &ast.statements[number] else { return None };
+        if self.exhausted || !self.symbols.are_resolved(definition.body) {
+            return None;
+        }
         let formals = definition.parameters.as_deref().unwrap_or(&[]);
         let arguments: Vec<(&Ident, Value)> = formals.iter().zip(key.1.iter().copied()).collect();
         let described: Vec<String> = arguments

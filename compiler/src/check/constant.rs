@@ -1,8 +1,7 @@
 //! What is known before any parameter has a value: numbers, `d`, `pi`, and conditions on them.
 
-use std::collections::{HashMap, HashSet};
-
 use piola_grammar::ast::{ExprId, ExprKind, UnaryOperator};
+use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::elaborate::{Arguments, Elaborator, Meaning, meaning, taken_branch};
 use super::names::{self, Symbol};
@@ -15,8 +14,8 @@ impl Elaborator<'_> {
         &mut self,
         parts: &[ExprId],
         arguments: Arguments<'_>,
-    ) -> HashMap<ExprId, Constant> {
-        let mut known = HashMap::new();
+    ) -> FxHashMap<ExprId, Constant> {
+        let mut known = FxHashMap::default();
         for &id in parts {
             if let Some(constant) = self.constant_of(id, &known, arguments) {
                 known.insert(id, constant);
@@ -28,7 +27,7 @@ impl Elaborator<'_> {
     fn constant_of(
         &mut self,
         id: ExprId,
-        known: &HashMap<ExprId, Constant>,
+        known: &FxHashMap<ExprId, Constant>,
         arguments: Arguments<'_>,
     ) -> Option<Constant> {
         use Constant::{Number as Num, Truth};
@@ -76,9 +75,9 @@ impl Elaborator<'_> {
     pub(super) fn active(
         &self,
         parts: &[ExprId],
-        constants: &HashMap<ExprId, Constant>,
-    ) -> HashSet<ExprId> {
-        let mut active = HashSet::with_capacity(parts.len());
+        constants: &FxHashMap<ExprId, Constant>,
+    ) -> FxHashSet<ExprId> {
+        let mut active = FxHashSet::default();
         active.extend(parts.last());
         for &id in parts.iter().rev() {
             if !active.contains(&id) {

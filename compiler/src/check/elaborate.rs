@@ -5,9 +5,7 @@
 
 use rustc_hash::FxHashMap;
 
-use piola_grammar::ast::{
-    Arena, Ast, BinaryOperator, ExprId, ExprKind, Ident, UnaryOperator,
-};
+use piola_grammar::ast::{Arena, Ast, BinaryOperator, ExprId, ExprKind, Ident, UnaryOperator};
 use piola_grammar::{Diagnostic, ExpressionAst, Span};
 
 use super::MAX_FINDINGS;
@@ -353,7 +351,10 @@ impl<'a> Elaborator<'a> {
 }
 
 /// The branch that a known condition takes.
-pub(super) fn taken_branch(kind: &ExprKind, constants: &FxHashMap<ExprId, Constant>) -> Option<ExprId> {
+pub(super) fn taken_branch(
+    kind: &ExprKind,
+    constants: &FxHashMap<ExprId, Constant>,
+) -> Option<ExprId> {
     let ExprKind::If { condition, then, otherwise } = kind else { return None };
     match constants.get(condition)? {
         Constant::Truth(true) => Some(*then),

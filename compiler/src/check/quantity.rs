@@ -68,14 +68,18 @@ impl Elaborator<'_> {
         match dimension.power(*c) {
             Some(result) => Some(Quantity::Known(result)),
             None => {
-                let message = format!("{dimension} to the power {c} has no sensible unit");
-                let span = self.arena[exponent_at].span;
-                self.report(Diagnostic::error("dimension-mismatch", span, message).help(
-                    "exponents of quantities with units are fractions with a small denominator",
-                ));
+                self.no_sensible_unit(dimension, *c, self.arena[exponent_at].span);
                 None
             }
         }
+    }
+
+    fn no_sensible_unit(&mut self, dimension: Dimension, exponent: f64, span: Span) {
+        let message = format!("{dimension} to the power {exponent} has no sensible unit");
+        self.report(
+            Diagnostic::error("dimension-mismatch", span, message)
+                .help("exponents of quantities with units are fractions with a small denominator"),
+        );
     }
 
     pub(super) fn builtin_quantity(
@@ -87,10 +91,16 @@ impl Elaborator<'_> {
         match function {
             Function::Negate | Function::Abs => Some(quantity),
             Function::Sign => Some(self.number_quantity()),
-            Function::Sqrt => match quantity {
-                Quantity::Known(dimension) => Some(Quantity::Known(dimension.power(0.5)?)),
-                Quantity::Any => Some(Quantity::Any),
-            },
+            Function::Sqrt => {
+                let Quantity::Known(dimension) = quantity else { return Some(Quantity::Any) };
+                match dimension.power(0.5) {
+                    Some(root) => Some(Quantity::Known(root)),
+                    None => {
+                        self.no_sensible_unit(dimension, 0.5, self.arena[at].span);
+                        None
+                    }
+                }
+            }
             _ => {
                 let Some(dimension) = quantity.with_unit() else {
                     return Some(self.number_quantity());

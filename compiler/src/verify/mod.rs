@@ -114,17 +114,11 @@ fn compare(
     let scales = [size(0), size(1) + size(0) / m, size(2) + size(1) / m];
     for order in 0..3 {
         let (x, y) = (compiled[order], expected[order]);
-<<<<<<< HEAD
         let mut tolerance = relative * scales[order] + f64::MIN_POSITIVE;
-        let error = if same_bits(x, y) || tolerance.is_infinite() { 0.0 } else { (x - y).abs() };
-        if error > tolerance {
+        if error_over_tolerance(x, y, tolerance) > 1.0 {
             tolerance += conditioning(written, point, expected)[order];
         }
-        let ratio = if error.is_nan() { f64::INFINITY } else { error / tolerance };
-=======
-        let tolerance = relative * scales[order] + f64::MIN_POSITIVE;
         let ratio = error_over_tolerance(x, y, tolerance);
->>>>>>> 84ba246 (verify: a compiled value that is not finite is a miss)
         found.worst[order] = found.worst[order].max(ratio);
         if ratio > 1.0 {
             found.misses.push(Miss { point, order, compiled: x, expected: y, tolerance });
@@ -132,7 +126,6 @@ fn compare(
     }
 }
 
-<<<<<<< HEAD
 /// How much psi, psi' and psi'' change when the measure changes by `8 u` of itself; 0 where that is
 /// not a number, as beside a pole.
 fn conditioning(written: &WrittenEnergy, point: Point, expected: [f64; 3]) -> [f64; 3] {
@@ -148,7 +141,8 @@ fn conditioning(written: &WrittenEnergy, point: Point, expected: [f64; 3]) -> [f
         }
     }
     largest
-=======
+}
+
 fn error_over_tolerance(x: f64, y: f64, tolerance: f64) -> f64 {
     match (x.is_finite(), y.is_finite()) {
         (true, true) if tolerance.is_infinite() => 0.0,
@@ -157,7 +151,6 @@ fn error_over_tolerance(x: f64, y: f64, tolerance: f64) -> f64 {
         (false, false) => 0.0,
         _ => f64::INFINITY,
     }
->>>>>>> 84ba246 (verify: a compiled value that is not finite is a miss)
 }
 
 /// Equal to the last bit, or both not a number.

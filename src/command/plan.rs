@@ -8,7 +8,13 @@ pub(super) fn execute(arguments: &Plan) -> Exit {
     let Some(case) = scene::read(&arguments.scene, &arguments.settings) else {
         return Exit::Input;
     };
-    scene::print_warnings(&case, case.warnings.clone());
+    match scene::warnings(&case) {
+        Ok(warnings) => drop(scene::print_warnings(&case, warnings)),
+        Err(error) => {
+            scene::print_error(&error);
+            return Exit::Input;
+        }
+    }
     let threads = match arguments.threads {
         Some(threads) => threads.max(1),
         None => std::thread::available_parallelism().map_or(1, usize::from),

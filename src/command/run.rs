@@ -37,15 +37,13 @@ fn solve(case: &Case, arguments: &Run) -> Exit {
         }
         render::warning(&refusal);
     }
-    let selection = match case.selection() {
-        Ok(selection) => selection,
+    let warnings = match scene::warnings(case) {
+        Ok(warnings) => warnings,
         Err(error) => {
             scene::print_error(&error);
             return Exit::Input;
         }
     };
-    let mut warnings = case.warnings.clone();
-    warnings.extend(selection.warnings.iter().cloned());
     let mut warnings = scene::print_warnings(case, warnings);
     for note in plan.kernels.iter().filter(|note| !note.modelled) {
         eprintln!("note: {}", note.reason);

@@ -4,6 +4,7 @@ use std::io::IsTerminal as _;
 
 use piola_grammar::Diagnostic;
 use piola_runtime::scene::SceneReport;
+use piola_runtime::scene::boundary::BoundaryConditions;
 use piola_runtime::simulation::{Case, CaseError, Library};
 
 use crate::library;
@@ -20,6 +21,16 @@ pub(super) fn read(path: &std::path::Path, overrides: &[String]) -> Option<Case>
             None
         }
     }
+}
+
+/// Every warning about a scene: its text, its sets, its boundary conditions.
+pub(super) fn warnings(case: &Case) -> Result<Vec<Diagnostic>, CaseError> {
+    let selection = case.selection()?;
+    let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
+    let mut warnings = case.warnings.clone();
+    warnings.extend(selection.warnings.iter().cloned());
+    warnings.extend(boundary.warnings.iter().cloned());
+    Ok(warnings)
 }
 
 /// Prints an error at its place.

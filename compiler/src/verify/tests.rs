@@ -93,8 +93,12 @@ fn a_wrong_derivative_is_found() {
         misses: Vec::new(),
         worst: [0.0; 3],
     };
+<<<<<<< HEAD
     let written = model.written(&bad, crate::Measure::Length);
     let expected = written.derivatives(1.5, 1.0);
+=======
+    let expected = model.written(&bad, crate::Measure::Length).derivatives(1.5, 1.0);
+>>>>>>> 09f645e (README, changelog, notation, references, first transcript)
     super::compare(
         &mut found,
         &written,

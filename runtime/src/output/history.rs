@@ -7,7 +7,7 @@ use crate::energy::EnergyParts;
 pub struct History {
     /// 2 or 3: how many numbers a reaction has.
     pub dimension: usize,
-    /// Names of the sets with prescribed components, in the scene's order.
+    /// Names of the sets, in the scene's order.
     pub sets: Vec<String>,
     /// Names of the probes, in the scene's order.
     pub probes: Vec<String>,
@@ -41,7 +41,7 @@ pub struct StepRecord {
 pub struct Definiteness {
     /// `None` where nobody looked or the method cannot tell.
     pub positive_definite: Option<bool>,
-    /// For instance `cholesky`, `ldlt inertia`, `cg curvature`.
+    /// In words, for instance `Cholesky`.
     pub method: String,
 }
 

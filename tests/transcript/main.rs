@@ -1,0 +1,44 @@
+//! The pages that show commands and what they print: the commands are run, the output compared.
+//!
+//! `TRYCMD=overwrite cargo test --release --test transcript` writes what is printed now.
+
+use std::path::{Path, PathBuf};
+
+const PAGE: &str = "docs/new-potential.md";
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+#[test]
+fn commands_print_what_the_page_says() {
+    trycmd::TestCases::new()
+        .register_bin("piola", Path::new(env!("CARGO_BIN_EXE_piola")))
+        .register_bin("tail", Path::new("tail"))
+        .case(PAGE);
+}
+
+#[test]
+fn the_files_of_the_page_are_those_it_shows() {
+    let page = std::fs::read_to_string(root().join(PAGE)).unwrap();
+    let shown = blocks_with_files(&page);
+    assert!(shown.len() >= 6, "{} files are shown", shown.len());
+    for (file, text) in shown {
+        let path = root().join("docs/new-potential.in").join(file);
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), text, "{}", path.display());
+    }
+}
+
+/// The fenced blocks that name a file: `file=NAME` behind the language.
+fn blocks_with_files(page: &str) -> Vec<(&str, String)> {
+    let mut found = Vec::new();
+    let mut lines = page.lines();
+    while let Some(line) = lines.next() {
+        let Some((_, file)) = line.split_once(" file=").filter(|_| line.starts_with("```")) else {
+            continue;
+        };
+        let block: Vec<&str> = lines.by_ref().take_while(|line| *line != "```").collect();
+        found.push((file, block.join("\n") + "\n"));
+    }
+    found
+}

@@ -1,0 +1,133 @@
+//! Rules about documents: what they list is what there is.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use piola_compiler::expression::Function;
+
+use crate::{between, files, read, root};
+
+#[test]
+fn links_lead_somewhere() {
+    for path in files(".md") {
+        let folder = path.parent().unwrap();
+        for target in between(&read(&path), "](", ")") {
+            let file = target.split('#').next().unwrap();
+            if file.is_empty() || file.contains("://") || file.contains(' ') {
+                continue;
+            }
+            assert!(root().join(folder).join(file).exists(), "{}: {target}", path.display());
+        }
+    }
+}
+
+#[test]
+fn the_library_is_documented_as_it_is() {
+    let page = read("docs/library.md");
+    let library = read("src/library.rs");
+    let mut shown = BTreeSet::new();
+    let mut potentials = 0;
+    for path in files(".piola").iter().filter(|path| path.starts_with("potentials")) {
+        let name = path.file_stem().unwrap().to_str().unwrap();
+        let text = read(path);
+        potentials += 1;
+        assert!(library.contains(&format!("\"{name}\"")), "src/library.rs misses {name}");
+        let section = format!("## {name}\n\n");
+        assert!(page.contains(&section), "docs/library.md has no section {name}");
+        assert!(
+            page.contains(&format!("```piola\n{text}```")),
+            "docs/library.md does not show {name} as it is"
+        );
+        let ast = piola_grammar::parse(&text).unwrap();
+        assert_eq!(ast.name.name, name, "the potential is called as its file");
+        shown.insert(name.to_string());
+    }
+    assert!(potentials >= 5, "{potentials}");
+    let sections: BTreeSet<String> =
+        between(&page, "\n## ", "\n").into_iter().map(str::to_string).collect();
+    assert_eq!(sections, shown);
+}
+
+#[test]
+fn every_example_is_listed_and_timed() {
+    let page = read("examples/README.md");
+    for entry in std::fs::read_dir(root().join("examples")).unwrap() {
+        let folder = entry.unwrap().path();
+        if !folder.is_dir() {
+            continue;
+        }
+        let name = folder.file_name().unwrap().to_string_lossy().into_owned();
+        assert!(folder.join("scene.toml").exists(), "{name} has no scene.toml");
+        assert!(page.contains(&format!("]({name}/scene.toml)")), "{name} is not listed");
+        assert!(page.contains(&format!("\n| {name} | ")), "{name} has no times");
+    }
+}
+
+#[test]
+fn the_language_reference_knows_every_function() {
+    let page = read("grammar/LANGUAGE.md");
+    for function in Function::NAMED {
+        let name = function.name();
+        assert!(page.contains(&format!("`{name}(x")), "LANGUAGE.md does not mention {name}");
+    }
+}
+
+/// The keys of the scene reader's tables stand as `("key", "example")`.
+#[test]
+fn the_scene_reference_knows_every_key_and_code() {
+    let page = read("docs/scenes.md");
+    let mut keys = 0;
+    for path in files(".rs").iter().filter(|path| path.starts_with("runtime/src/scene/read")) {
+        for schema in between(&read(path), "keys: &[", "],\n") {
+            for key in between(schema, "(\"", "\"").into_iter().filter(|key| *key != "*") {
+                keys += 1;
+                let named = page.contains(&format!("`{key}`"))
+                    || page.contains(&format!("## `[{key}]`"))
+                    || page.contains(&format!("## `[[{key}]]`"));
+                assert!(named, "docs/scenes.md does not explain `{key}`");
+            }
+        }
+    }
+    assert!(keys > 25, "{keys}");
+    for path in files(".rs") {
+        let scene = path.starts_with("runtime/src/scene") && !path.ends_with("expression.rs");
+        if !(scene || path == Path::new("runtime/src/output/read.rs")) {
+            continue;
+        }
+        let text = read(&path);
+        let code = text.split("#[cfg(test)]").next().unwrap();
+        for kind in ["error(\"", "warning(\""] {
+            for code in between(code, kind, "\"") {
+                assert!(page.contains(&format!("`{code}`")), "docs/scenes.md misses `{code}`");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_output_reference_knows_every_field() {
+    let page = read("docs/output.md");
+    let source = read("runtime/src/output/summary.rs");
+    for structure in ["Summary", "StepSummary", "Phase", "InteractionCounts", "MeasureParts"] {
+        let body = between(&source, &format!("pub struct {structure} {{\n"), "\n}")[0];
+        for field in between(body, "pub ", ":") {
+            assert!(page.contains(&format!("`{field}`")), "docs/output.md misses {field}");
+        }
+    }
+    let names = read("runtime/src/output/atomic.rs");
+    let names = between(&names, "pub fn name(self)", "\n    }\n")[0];
+    for file in between(names, "\"", "\"") {
+        if file.contains('.') && !file.contains('{') && !file.contains('\n') {
+            assert!(page.contains(&format!("`{file}`")), "docs/output.md misses {file}");
+        }
+    }
+}
+
+#[test]
+fn the_readme_shows_the_law_of_its_run() {
+    let page = read("README.md");
+    let law = read("examples/first/law.piola");
+    assert!(page.contains(&format!("```piola\n{law}```")), "README.md shows another law");
+    let picture = std::fs::metadata(root().join("docs/first.png")).unwrap().len();
+    assert!(picture <= 200 * 1024, "docs/first.png has {picture} bytes");
+}

@@ -93,13 +93,8 @@ fn a_wrong_derivative_is_found() {
         misses: Vec::new(),
         worst: [0.0; 3],
     };
-<<<<<<< HEAD
-<<<<<<< HEAD
     let written = model.written(&bad, crate::Measure::Length);
     let expected = written.derivatives(1.5, 1.0);
-=======
-    let expected = model.written(&bad, crate::Measure::Length).derivatives(1.5, 1.0);
->>>>>>> 09f645e (README, changelog, notation, references, first transcript)
     super::compare(
         &mut found,
         &written,
@@ -107,12 +102,6 @@ fn a_wrong_derivative_is_found() {
         [out.psi[0], out.dpsi[0], out.d2psi[0]],
         expected.into(),
     );
-=======
-    let written = model.written(&bad, crate::Measure::Length);
-    let expected: [f64; 3] = written.derivatives(1.5, 1.0).into();
-    let compiled = [out.psi[0], out.dpsi[0], out.d2psi[0]];
-    super::compare(&mut found, &written, point, compiled, expected);
->>>>>>> 8927aba (docs: scene and output reference, examples, CI script)
     assert_eq!(found.misses.len(), 3);
     assert!(!found.passed());
 }

@@ -9,6 +9,15 @@ const EXIT_CODES: &str = "Data go to stdout, all else to stderr.
 Exit codes: 0 done, also with warnings; 1 a check, verification or evaluation found failures;
 2 wrong usage or input; 3 the solver did not converge.";
 
+const RUN_EXAMPLE: &str = "Example:
+  piola run examples/square/scene.toml --out out/square --set body.spacing=0.1";
+
+const EVAL_EXAMPLE: &str = "Example:
+  printf 'l,L\\n1.1,1\\n' | piola eval firooz2023 --measure l --set C1=1 --set n=2 --points -";
+
+const COMPLETIONS_EXAMPLE: &str = "Example:
+  piola completions bash > ~/.local/share/bash-completion/completions/piola";
+
 /// Interaction potentials of peridynamics: one line of energy in, exact forces and solved bodies out.
 #[derive(Debug, Parser)]
 #[command(name = "piola", version, max_term_width = 100, after_help = EXIT_CODES)]
@@ -26,16 +35,19 @@ pub(crate) enum Command {
     /// Compare generated derivatives with hyper-dual numbers and the interpreter
     Verify(Verify),
     /// Evaluate psi, psi', psi'' at given measures: CSV in, CSV out
+    #[command(after_help = EVAL_EXAMPLE)]
     Eval(Eval),
     /// Energy, forces and tangent of a body for a given displacement
     Energy(Energy),
     /// Solve a scene and write frames, tables, a picture and a summary
+    #[command(after_help = RUN_EXAMPLE)]
     Run(Run),
     /// Say what a scene will model, what it drops and why, and what it costs
     Plan(Plan),
     /// List the library of potentials, or show one of them
     Info(Info),
     /// Print completions for a shell
+    #[command(after_help = COMPLETIONS_EXAMPLE)]
     Completions {
         /// Which shell
         shell: clap_complete::Shell,

@@ -10,7 +10,7 @@ use crate::expression::graph::MAX_NODES;
 use crate::expression::interpret::Interpreter;
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
-use crate::model::{Model, Variant};
+use crate::model::{Model, Parameter, Variant};
 use crate::simplify::Simplifier;
 use crate::values::Values;
 
@@ -105,7 +105,7 @@ impl Model {
             }
             let too_large = |limit| CompileError::TooLarge { measure, span, limit };
             let mut dropped = Vec::new();
-            let energy = scalar_energy(variant, measure, &fold, &mut dropped)
+            let energy = scalar_energy(variant, &self.parameters, measure, &fold, &mut dropped)
                 .map_err(|TooManyNodes| too_large(MAX_NODES))?;
             if energy.as_ref().is_some_and(|e| e.graph.len() > MAX_OPERATIONS) {
                 return Err(too_large(MAX_OPERATIONS));
@@ -125,9 +125,13 @@ impl Model {
         let mut result = Specialised::default();
         for measure in self.measures() {
             let span = span_of(variant, measure);
-            let energy = scalar_energy(variant, measure, &|_| None, &mut result.dropped).map_err(
-                |TooManyNodes| CompileError::TooLarge { measure, span, limit: MAX_NODES },
-            )?;
+            let energy =
+                scalar_energy(variant, &self.parameters, measure, &|_| None, &mut result.dropped)
+                    .map_err(|TooManyNodes| CompileError::TooLarge {
+                    measure,
+                    span,
+                    limit: MAX_NODES,
+                })?;
             result.energies.extend(energy);
         }
         Ok(result)
@@ -146,6 +150,7 @@ fn roots_of(variant: &Variant, measure: Measure) -> Vec<NodeId> {
 /// The sum of a measure's energies with psi' and psi''; `None` if nothing is left of it.
 fn scalar_energy(
     variant: &Variant,
+    parameters: &[Parameter],
     measure: Measure,
     fold: &impl Fn(Input) -> Option<f64>,
     dropped: &mut Vec<Dropped>,
@@ -162,9 +167,10 @@ fn scalar_energy(
             });
         }
     }
-    if rebuild.has_dropped {
-        let symbol = measure.symbol();
-        let reason = format!("a term of psi({symbol}) is dropped: its coefficient is 0");
+    if !rebuild.dropped.is_empty() {
+        let what = if total.is_some() { "a term of psi" } else { "psi" };
+        let why = reasons(&variant.graph, parameters, &rebuild.dropped);
+        let reason = format!("{what}({}) is dropped: {why}", measure.symbol());
         dropped.push(Dropped { measure, reason });
     }
     let Some(psi) = total else { return Ok(None) };
@@ -176,18 +182,34 @@ fn scalar_energy(
     Ok(Some(ScalarEnergy { measure, graph, roots }))
 }
 
+/// Which zeros dropped something, in words: `C2 = 0`.
+fn reasons(graph: &ExprGraph, parameters: &[Parameter], factors: &[NodeId]) -> String {
+    let mut found: Vec<String> = Vec::new();
+    for &factor in factors {
+        let reason = match graph[factor] {
+            Node::Input(Input::Parameter(i)) => format!("{} = 0", parameters[usize::from(i)].name),
+            _ => "its coefficient is 0".to_string(),
+        };
+        if !found.contains(&reason) {
+            found.push(reason);
+        }
+    }
+    found.join(", ")
+}
+
 /// A graph on its way to a simplified one, with known inputs as numbers.
 struct Rebuild<'a, F> {
     source: &'a ExprGraph,
     fold: &'a F,
     target: Simplifier,
-    /// Which products have a factor that parameters make exactly zero.
-    zero: Vec<bool>,
+    /// For each product the factor that parameters make exactly zero.
+    zero: Vec<Option<NodeId>>,
     /// The simplified form of each node that is needed.
     place: Vec<Option<NodeId>>,
     /// The same for sums, without their zero terms; the inner `None` where nothing is left.
     modelled: Vec<Option<Option<NodeId>>>,
-    has_dropped: bool,
+    /// The factors that dropped a term.
+    dropped: Vec<NodeId>,
 }
 
 impl<'a, F: Fn(Input) -> Option<f64>> Rebuild<'a, F> {
@@ -196,10 +218,10 @@ impl<'a, F: Fn(Input) -> Option<f64>> Rebuild<'a, F> {
             source,
             fold,
             target: Simplifier::new(),
-            zero: KnownValues::new(source, fold).zero_products(source),
+            zero: KnownValues::new(source, fold).zero_factors(source),
             place: vec![None; source.len()],
             modelled: vec![None; source.len()],
-            has_dropped: false,
+            dropped: Vec::new(),
         }
     }
 
@@ -235,7 +257,7 @@ impl<'a, F: Fn(Input) -> Option<f64>> Rebuild<'a, F> {
                 continue;
             }
             let parts: Vec<NodeId> = match self.source[id] {
-                _ if self.zero[id.0 as usize] => Vec::new(),
+                _ if self.zero[id.0 as usize].is_some() => Vec::new(),
                 node if is_sum(node) => node.operands().collect(),
                 _ => Vec::new(),
             };
@@ -253,8 +275,8 @@ impl<'a, F: Fn(Input) -> Option<f64>> Rebuild<'a, F> {
 
     /// A sum whose terms are known.
     fn sum_of_modelled(&mut self, id: NodeId) -> Result<Option<NodeId>, TooManyNodes> {
-        if self.zero[id.0 as usize] {
-            self.has_dropped = true;
+        if let Some(factor) = self.zero[id.0 as usize] {
+            self.dropped.push(factor);
             return Ok(None);
         }
         let of = |x: NodeId| self.modelled[x.0 as usize].flatten();
@@ -313,22 +335,24 @@ impl KnownValues {
         KnownValues { values: graph.nodes().map(value).collect(), chosen }
     }
 
-    /// Which nodes are products or quotients with a factor that parameters make exactly zero.
-    fn zero_products(&self, graph: &ExprGraph) -> Vec<bool> {
-        let mut zero: Vec<bool> = Vec::with_capacity(graph.len());
+    /// For products and quotients the innermost factor that parameters make exactly zero.
+    fn zero_factors(&self, graph: &ExprGraph) -> Vec<Option<NodeId>> {
+        let mut zero: Vec<Option<NodeId>> = Vec::with_capacity(graph.len());
         for (id, node) in graph.nodes() {
             let i = id.0 as usize;
             let of = |x: NodeId| zero[x.0 as usize];
-            let has_zero = match node {
-                Node::Binary(Operator::Multiply, x, y) => of(x) || of(y),
+            let factor = match node {
+                Node::Binary(Operator::Multiply, x, y) => of(x).or(of(y)),
                 Node::Unary(Function::Negate, x) => of(x),
                 // 0/0 is no zero.
                 Node::Binary(Operator::Divide, x, y) => {
-                    of(x) && self.values[y.0 as usize].is_none_or(|y| y != 0.0 && !y.is_nan())
+                    let divisor = self.values[y.0 as usize];
+                    of(x).filter(|_| divisor.is_none_or(|y| y != 0.0 && !y.is_nan()))
                 }
-                _ => false,
+                _ => None,
             };
-            zero.push(has_zero || (self.chosen[i] && self.values[i] == Some(0.0)));
+            let itself = self.chosen[i] && self.values[i] == Some(0.0);
+            zero.push(factor.or(itself.then_some(id)));
         }
         zero
     }

@@ -66,6 +66,7 @@ fn solve(case: &Case, arguments: &Run) -> Exit {
         }
         Err(RunError::Case(error)) => {
             progress.finish();
+            folder.remove_if_empty();
             scene::print_error(&error);
             Exit::Input
         }

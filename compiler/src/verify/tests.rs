@@ -166,3 +166,22 @@ fn rounding_that_the_energy_itself_magnifies_is_no_failure_and_errors_still_are(
         assert_eq!(found.misses.len(), 1, "order {order}");
     }
 }
+
+#[test]
+fn what_is_dropped_says_which_parameter_did_it() {
+    let model = model(SETH_HILL);
+    let reasons = |settings: &[(&str, f64)]| -> Vec<String> {
+        let specialised = model.specialise(&values(&model, 3, settings)).unwrap();
+        specialised.dropped.into_iter().map(|dropped| dropped.reason).collect()
+    };
+    let both = ["psi(a) is dropped: C2 = 0", "psi(v) is dropped: C3 = 0"];
+    assert_eq!(reasons(&[("C1", 1.0)]), both);
+    assert_eq!(reasons(&[("C1", 1.0), ("C2", 1.0)]), both[1..]);
+
+    let two = crate::test_support::model(
+        "potential p\nparameter k = 0\npsi(l) = l^2 + k*(l - L)^2\npsi(a) = (2*k)*a^2",
+    );
+    let dropped = two.specialise(&values(&two, 2, &[])).unwrap().dropped;
+    assert_eq!(dropped[0].reason, "a term of psi(l) is dropped: k = 0");
+    assert_eq!(dropped[1].reason, "psi(a) is dropped: k = 0");
+}

@@ -200,6 +200,13 @@ impl OutputFolder {
         Ok(OutputFolder { path: path.to_owned() })
     }
 
+    /// Takes the folder away again if nothing was written into it.
+    pub fn remove_if_empty(&self) {
+        // Only empty folders can be removed so; what is left is what someone wants to keep.
+        let _ = fs::remove_dir(self.path.join(FRAMES));
+        let _ = fs::remove_dir(&self.path);
+    }
+
     /// Where the folder is.
     pub fn path(&self) -> &Path {
         &self.path
@@ -334,6 +341,18 @@ mod tests {
         assert!(error.to_string().contains("disk on fire"), "{error}");
         assert_eq!(fs::read(folder.path_of(OutputFile::Summary)).unwrap(), b"old");
         assert_eq!(names(folder.path()), ["frames", "summary.json"], "no partial is left");
+    }
+
+    #[test]
+    fn a_folder_without_results_goes_and_one_with_results_stays() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("run");
+        OutputFolder::create(&path, false).unwrap().remove_if_empty();
+        assert!(!path.exists());
+        let folder = OutputFolder::create(&path, false).unwrap();
+        folder.write(OutputFile::Summary, b"kept").unwrap();
+        folder.remove_if_empty();
+        assert_eq!(fs::read(folder.path_of(OutputFile::Summary)).unwrap(), b"kept");
     }
 
     #[test]

@@ -79,9 +79,6 @@ pub fn run(
     observer: &mut dyn FnMut(&StepRecord),
 ) -> Result<Ending, RunError> {
     let mut clock = PhaseClock::new();
-    let resolved = case.scene.resolved_toml();
-    folder.write(OutputFile::ResolvedScene, resolved.as_bytes())?;
-
     clock.enter("compile");
     let Compiled { elements, .. } = case.compile()?;
     clock.enter("interactions");
@@ -96,6 +93,9 @@ pub fn run(
     check_rigid_motions(energy.pattern(), case.body.positions(), &constraints)
         .map_err(|error| message(&error))?;
 
+    // From here on there is something to keep.
+    let resolved = case.scene.resolved_toml();
+    folder.write(OutputFile::ResolvedScene, resolved.as_bytes())?;
     clock.enter("solve");
     let drive = SceneDrive { boundary: &boundary, problem: Mutex::new(None) };
     let points = Points::of(&case.body);

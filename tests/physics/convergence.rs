@@ -1,0 +1,83 @@
+//! Newton's method converges quadratically on every example, down to the rounding floor.
+
+use serde_json::Value;
+
+use crate::examples;
+use crate::support::{number, numbers};
+
+/// Entries below this are rounding: the sum of some 100 forces per point, each rounded.
+const FLOOR: f64 = 1e-13;
+
+/// What is asserted of one example: `R_{k+1} <= c R_k^2` for residuals over the reaction.
+///
+/// The residual that a Newton step leaves is quadratic in the step, `K |du|^2/h`: the energy changes
+/// its curvature when points move by a length `h` against each other, a part of the horizon. With
+/// the reaction `K U`, `U` the end displacement, and `R K U` the residual that the step removes, the
+/// step is `|du| ~ R U` and `c ~ U/h`: of the order of 1, and larger where the energy is stiffer in
+/// some deformations (areas, volumes) than against the end displacement. Measured values are up to
+/// a half of those below.
+struct Expected {
+    example: &'static str,
+    overrides: &'static [&'static str],
+    c: f64,
+}
+
+const EXPECTED: [Expected; 7] = [
+    Expected { example: "cube_C1", overrides: &[], c: 0.7 },
+    Expected { example: "cube_C1_C2", overrides: &[], c: 1.1 },
+    Expected { example: "cube_C1_C3", overrides: &[], c: 2.5 },
+    Expected {
+        example: "firooz2023_table6",
+        overrides: &["steps.end=0.2", "steps.increments=10"],
+        c: 0.7,
+    },
+    Expected { example: "first", overrides: &[], c: 2.0 },
+    Expected { example: "square", overrides: &[], c: 1.5 },
+    Expected { example: "square_with_hole", overrides: &[], c: 1.8 },
+];
+
+/// The largest `R_{k+1}/R_k^2` of the steps, entries at the floor left out, and how many there are.
+fn largest_ratio(steps: &[Value]) -> (f64, usize) {
+    let (mut largest, mut pairs) = (0.0_f64, 0);
+    for step in steps {
+        let residual = numbers(&step["residual_over_reaction"]);
+        for pair in residual.windows(2).filter(|pair| pair[1] > FLOOR) {
+            largest = largest.max(pair[1] / (pair[0] * pair[0]));
+            pairs += 1;
+        }
+    }
+    (largest, pairs)
+}
+
+#[test]
+fn all_examples_converge_quadratically_down_to_rounding() {
+    let names: Vec<&str> = EXPECTED.iter().map(|expected| expected.example).collect();
+    assert_eq!(names, examples::all(), "every example is listed");
+    for Expected { example, overrides, c } in EXPECTED {
+        let run = examples::run(example, overrides);
+        let (ratio, pairs) = largest_ratio(run.steps());
+        let last = |step: &Value| *numbers(&step["residual_over_reaction"]).last().unwrap();
+        let floor = run.steps().iter().map(last).fold(0.0, f64::max);
+        println!("{example}: largest R_(k+1)/R_k^2 {ratio:.2} of {pairs}, floor {floor:.1e}");
+        assert!(pairs >= 2 * run.steps().len(), "{example}: {pairs} pairs show nothing");
+        assert!(ratio <= c, "{example}: {ratio}");
+        let resolved = std::fs::read_to_string(run.path().join("scene.resolved.toml")).unwrap();
+        if resolved.contains("tolerance = 1e-13") {
+            assert!(floor <= FLOOR, "{example}: floor {floor:e}");
+        }
+    }
+}
+
+#[test]
+fn the_floor_of_every_example_is_below_1e_13_of_the_reaction() {
+    // Two increments are enough to be somewhere where rounding matters.
+    for Expected { example, .. } in EXPECTED {
+        let settings = ["solver.tolerance=1e-13", "steps.end=0.08", "steps.increments=2"];
+        let run = examples::run(example, &settings);
+        for step in run.steps() {
+            let last = *numbers(&step["residual_over_reaction"]).last().unwrap();
+            println!("{example} t = {}: {last:.1e}", number(&step["t"]));
+            assert!(last <= 1e-13, "{example}: {last:e}");
+        }
+    }
+}

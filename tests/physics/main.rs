@@ -1,0 +1,14 @@
+//! Does the program compute the right thing? Published numbers, independent references, and the
+//! laws that every discrete energy obeys, through the program itself or the crates' public doors.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod assembly;
+mod convergence;
+mod examples;
+mod extension;
+mod small_clouds;
+mod subjects;
+mod table6;
+mod witness;

@@ -15,6 +15,7 @@ use crate::scene::{LinearChoice, Scene};
 use crate::solve::linear::{AUTO_OPERATIONS_2D, AUTO_OPERATIONS_3D};
 pub use count::{InteractionCount, Needed, count_interactions};
 pub use factor::{FactorEstimate, estimate_factor};
+pub(crate) use text::bytes as in_bytes;
 
 /// Assembling the energy, gradient and tangent of one interaction on one core, in s.
 const BOND_SECONDS: f64 = 10e-9;

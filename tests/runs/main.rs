@@ -1,1 +1,11 @@
-//! The program from outside.
+//! The program from outside: what its commands read, write, say and return, also when they are
+//! misused or killed.
+
+#[path = "../support/mod.rs"]
+mod support;
+
+mod contract;
+mod killed;
+mod picture;
+mod refusals;
+mod scenes;

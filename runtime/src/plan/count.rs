@@ -1,7 +1,5 @@
 //! How many interactions there will be.
 
-use std::convert::Infallible;
-
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -11,6 +9,10 @@ use crate::neighborhood::Neighborhood;
 
 /// Triangles and tetrahedra are counted at no more points than this.
 const MAX_SAMPLED_OWNERS: usize = 200;
+
+/// Of no point more cliques of a kind are counted than this, a second's work for all: where the
+/// horizon holds thousands of points there are billions. The estimate is too low then.
+const MAX_COUNTED: u64 = 2_000_000;
 
 /// How many interactions a body has, each unordered one once.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -61,12 +63,16 @@ pub fn count_interactions(
             [neighborhood.upper(owner).len() as u64, found[0], found[1]]
         })
         .collect();
+    let cut_off = counted.iter().any(|c| c[1].max(c[2]) >= MAX_COUNTED);
     let sum = |k: usize| counted.iter().map(|c| c[k]).sum::<u64>();
     let scale = if sum(0) == 0 { 0.0 } else { bonds as f64 / sum(0) as f64 };
     let scaled = |k: usize| (sum(k) as f64 * scale).round() as u64;
-    let exact = owners.len() == body.n_points();
+    let exact = owners.len() == body.n_points() && !cut_off;
     InteractionCount { bonds, triangles: scaled(1), tetrahedra: scaled(2), exact }
 }
+
+/// Stops the count at [`MAX_COUNTED`].
+struct Enough;
 
 /// Triangles and tetrahedra of which a point is the corner that comes first.
 fn owned<const D: usize>(
@@ -80,17 +86,16 @@ fn owned<const D: usize>(
     let mut cliques = OwnerCliques::<D>::new(body, neighborhood, degeneracy, points);
     cliques.set(owner);
     let mut found = [0, 0];
+    let count = |number: &mut u64| {
+        *number += 1;
+        if *number < MAX_COUNTED { Ok(()) } else { Err(Enough) }
+    };
+    // Being stopped early is no error here.
     if needed.triangles {
-        let Ok(_) = cliques.triangles(|_, _| {
-            found[0] += 1;
-            Ok::<(), Infallible>(())
-        });
+        let _ = cliques.triangles(|_, _| count(&mut found[0]));
     }
     if needed.tetrahedra && D == 3 {
-        let Ok(_) = cliques.tetrahedra(|_, _, _| {
-            found[1] += 1;
-            Ok::<(), Infallible>(())
-        });
+        let _ = cliques.tetrahedra(|_, _, _| count(&mut found[1]));
     }
     found
 }

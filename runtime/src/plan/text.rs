@@ -61,7 +61,7 @@ fn grouped(n: u64) -> String {
 }
 
 /// Bytes with a decimal prefix: `512 B`, `3.2 MB`.
-pub(super) fn bytes(bytes: u64) -> String {
+pub(crate) fn bytes(bytes: u64) -> String {
     let units = ["kB", "MB", "GB", "TB", "PB"];
     let mut value = bytes as f64;
     let mut unit = "B";

@@ -9,6 +9,7 @@
 
 mod error;
 mod run;
+mod size;
 
 pub use error::CaseError;
 pub use run::{Ending, RunError, RunOptions, run};
@@ -140,7 +141,8 @@ impl Case {
     /// The discrete total energy.
     ///
     /// # Errors
-    /// A body that cannot be assembled: isolated or coincident points, nothing to model.
+    /// A body that cannot be assembled: isolated or coincident points, nothing to model, more
+    /// neighbours than the machine's memory holds.
     pub fn energy(&self, elements: Elements) -> Result<DiscreteEnergy, CaseError> {
         let weights = match self.scene.horizon.weights {
             WeightScheme::Uniform => Weights::Uniform,
@@ -149,6 +151,7 @@ impl Case {
             WeightScheme::Unit => Weights::Unit,
         };
         let horizon = self.scene.horizon_radius();
+        size::check_neighbors(&self.body, horizon)?;
         DiscreteEnergy::with_elements(Arc::clone(&self.body), horizon, weights, elements)
             .map_err(|error| CaseError::Body { message: error.to_string() })
     }
@@ -182,8 +185,9 @@ impl Case {
     /// What will be modelled and what it costs.
     ///
     /// # Errors
-    /// As [`Case::compile`], and points that have no neighbours.
+    /// As [`Case::compile`], and more neighbours than the machine's memory holds.
     pub fn plan(&self, threads: usize) -> Result<Plan, CaseError> {
+        size::check_neighbors(&self.body, self.scene.horizon_radius())?;
         let compiled = self.compile()?;
         let selection = self.selection()?;
         let boundary = BoundaryConditions::new(&self.scene, &self.body, &selection)?;
@@ -256,30 +260,11 @@ fn values(scene: &Scene, model: &Model) -> Result<Values, CaseError> {
     })
 }
 
-/// Memory that a point takes at least, before it has any neighbours: positions, volumes, orders.
-const BYTES_PER_POINT: f64 = 100.0;
-
-/// Refuses lattices that would exhaust the memory before anything can be planned.
-fn refuse_too_many_points(counts: &[usize]) -> Result<(), CaseError> {
-    let points: f64 = counts.iter().map(|&n| n as f64).product();
-    let available = available_memory().map_or(f64::INFINITY, |bytes| bytes as f64);
-    let most = (available / BYTES_PER_POINT).min(f64::from(u32::MAX));
-    if points <= most {
-        return Ok(());
-    }
-    let message = format!(
-        "the lattice has {points:.1e} points, and this machine can hold {most:.1e}: \
-         make the box smaller or the spacing larger"
-    );
-    Err(CaseError::Body { message })
-}
-
 /// The points of the scene without those that it removes.
 fn body(scene: &Scene, folder: &Path) -> Result<(Body, Vec<Diagnostic>), CaseError> {
     let dimension = scene.body.dimension;
     let (positions, volumes, spacing) = match &scene.body.points {
         Points::Lattice(shape) => {
-            refuse_too_many_points(&shape.counts())?;
             let lattice = Lattice {
                 lower: shape.low.clone(),
                 upper: shape.high.clone(),
@@ -289,6 +274,7 @@ fn body(scene: &Scene, folder: &Path) -> Result<(Body, Vec<Diagnostic>), CaseErr
                     scene::Nodes::Cells => Nodes::Cells,
                 },
             };
+            size::check_lattice(shape)?;
             let points =
                 lattice.points().map_err(|error| CaseError::Body { message: error.to_string() })?;
             (points.positions, points.volumes, Some(shape.spacing))

@@ -14,8 +14,15 @@ fn root() -> PathBuf {
 fn commands_print_what_the_page_says() {
     trycmd::TestCases::new()
         .register_bin("piola", Path::new(env!("CARGO_BIN_EXE_piola")))
-        .register_bin("tail", Path::new("tail"))
+        .register_bin("tail", program("tail").as_path())
         .case(PAGE);
+}
+
+/// Where a program of the system is.
+fn program(name: &str) -> PathBuf {
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    let places = std::env::split_paths(&path).map(|folder| folder.join(name));
+    places.into_iter().find(|place| place.is_file()).unwrap_or_else(|| panic!("there is no {name}"))
 }
 
 #[test]

@@ -177,7 +177,11 @@ macro_rules! dual_number {
                     }
                     // exp(y ln x) would fail for x <= 0 although the exponent does not vary.
                     Operator::Power if y.is_constant() => Self::power_constant(x, y.re),
-                    Operator::Power => x.powd(y),
+                    Operator::Power => {
+                        let mut power = x.powd(y);
+                        power.re = libm::pow(x.re, y.re);
+                        power
+                    }
                     Operator::Min if min(x.re, y.re).to_bits() == x.re.to_bits() => x,
                     Operator::Max if max(x.re, y.re).to_bits() == x.re.to_bits() => x,
                     Operator::Min | Operator::Max if x.re.is_nan() => x,
@@ -186,11 +190,14 @@ macro_rules! dual_number {
             }
 
             fn power_constant(x: Self, exponent: f64) -> Self {
-                if exponent == exponent.trunc() && exponent.abs() <= 1024.0 {
+                let mut power = if exponent == exponent.trunc() && exponent.abs() <= 1024.0 {
                     x.powi(exponent as i32)
                 } else {
                     x.powf(exponent)
-                }
+                };
+                // As x^(n-3)*x*x*x it is rounded four times, and `x^n - 1` magnifies that.
+                power.re = libm::pow(x.re, exponent);
+                power
             }
         }
     };
@@ -198,3 +205,25 @@ macro_rules! dual_number {
 
 dual_number!(HyperDual64);
 dual_number!(Dual2_64);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The witness must not be less accurate than what it is a witness for.
+    #[test]
+    fn values_of_dual_powers_are_rounded_once() {
+        for x in [0.9, 1.0 - 1e-9, 1.0 + 3e-7, 2.7, -1.001] {
+            for n in [-2.0, -1.0, 3.0, 4.0, 30.0] {
+                let value = libm::pow(x, n);
+                let hyper = HyperDual64::power_constant(HyperDual64::new(x, 1.0, 1.0, 0.0), n);
+                let second = Dual2_64::power_constant(Dual2_64::new(x, 1.0, 0.0), n);
+                assert_eq!((hyper.re, second.re), (value, value), "{x}^{n}");
+                let varied = HyperDual64::new(x.abs(), 1.0, 1.0, 0.0);
+                let exponent = HyperDual64::new(n, 1.0, 1.0, 0.0);
+                let power = HyperDual64::binary(Operator::Power, varied, exponent);
+                assert_eq!(power.re, libm::pow(x.abs(), n), "{x}^{n}");
+            }
+        }
+    }
+}

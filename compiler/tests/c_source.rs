@@ -1,0 +1,244 @@
+//! Printed C compiles and gives the same numbers: algebraic kernels to the last bit, others within
+//! what the C library's elementary functions differ from `libm`.
+
+#[path = "support/library.rs"]
+mod library;
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use library::{Case, cases};
+use piola_compiler::expression::power::PowerPlan;
+use piola_compiler::expression::{Node, Operator};
+use piola_compiler::verify::sample::{Point, points};
+use piola_compiler::verify::{Columns, same_bits};
+use piola_compiler::{Derivatives, Measure, Mode, ScalarEnergy, check, print};
+use piola_grammar::parse;
+
+/// Points far from rest, and as many near it, for each energy.
+const POINTS: usize = 60;
+
+/// The strict level: no contraction, and a C99 compiler that may optimise.
+const FLAGS: [&str; 5] = ["-std=c99", "-O1", "-ffp-contract=off", "-Wall", "-Werror"];
+
+/// One function of the C program and what it must give.
+struct Function {
+    /// Of the case, for messages.
+    name: String,
+    /// In C.
+    symbol: String,
+    points: Vec<Point>,
+    expected: Derivatives,
+    algebraic: bool,
+    /// The Seth-Hill exponent or 1: `(x^n - 1)/n` magnifies errors of `x^n`.
+    exponent: f64,
+}
+
+#[test]
+fn printed_c_gives_the_same_numbers() {
+    if Command::new("cc").arg("--version").output().is_err() {
+        println!("skipped: there is no C compiler `cc`");
+        return;
+    }
+    let folder = Folder::new("piola_c_source");
+    let mut all: Vec<Case> = cases();
+    all.extend(every_operation());
+    let mut functions = Vec::new();
+    let mut sources = Vec::new();
+    for (number, case) in all.iter().enumerate() {
+        // One C file per case, its functions named after the case.
+        let specialised = case.model.specialise(&case.values).unwrap();
+        let potential = case.model.name();
+        let text = print::c_source(&case.model, &specialised.energies);
+        let text = text.replace(&format!("void {potential}_"), &format!("void case{number}_"));
+        let path = folder.0.join(format!("case{number}.c"));
+        std::fs::write(&path, text).unwrap();
+        sources.push(path);
+        for energy in &specialised.energies {
+            functions.push(function(number, case, energy));
+        }
+    }
+    let main = folder.0.join("main.c");
+    std::fs::write(&main, main_c(&functions)).unwrap();
+    sources.push(main);
+    let program = folder.0.join("program");
+    let mut compiler = Command::new("cc");
+    compiler.args(FLAGS).args(&sources).arg("-o").arg(&program).arg("-lm");
+    let built = compiler.output().unwrap();
+    assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
+    let ran = Command::new(&program).output().unwrap();
+    assert!(ran.status.success());
+    let printed = String::from_utf8(ran.stdout).unwrap();
+    compare(&functions, &printed);
+}
+
+/// Reads one line of three numbers, as bits, per point.
+fn compare(functions: &[Function], printed: &str) {
+    let mut lines = printed.lines();
+    let (mut n_exact, mut n_other, mut worst) = (0, 0, 0.0_f64);
+    for f in functions {
+        for (i, point) in f.points.iter().enumerate() {
+            let line = lines.next().expect("one line per point");
+            let found: Vec<f64> = line
+                .split(' ')
+                .map(|bits| f64::from_bits(u64::from_str_radix(bits, 16).unwrap()))
+                .collect();
+            let expected = [f.expected.psi[i], f.expected.dpsi[i], f.expected.d2psi[i]];
+            for order in 0..3 {
+                let (x, y) = (found[order], expected[order]);
+                let place =
+                    format!("{} {} order {order} at {point:?}: {x:e} {y:e}", f.name, f.symbol);
+                if f.algebraic {
+                    assert!(same_bits(x, y), "{place}");
+                    n_exact += 1;
+                    continue;
+                }
+                n_other += 1;
+                if same_bits(x, y) {
+                    continue;
+                }
+                let below = if order == 0 { 0.0 } else { expected[order - 1].abs() };
+                let scale = y.abs() + below / point.measure.abs();
+                let allowed = four_ulp(point.change(), f.exponent) * scale;
+                let ratio = (x - y).abs() / (allowed + f64::MIN_POSITIVE);
+                assert!(ratio <= 1.0, "{place}: {ratio} times what is allowed");
+                worst = worst.max(ratio);
+            }
+        }
+    }
+    assert!(lines.next().is_none());
+    println!(
+        "{n_exact} values of algebraic kernels equal to the last bit; {n_other} values of others, \
+         largest error over tolerance {worst:.2}"
+    );
+    assert!(n_exact > 10_000 && n_other > 10_000);
+}
+
+fn function(number: usize, case: &Case, energy: &ScalarEnergy) -> Function {
+    let variant = case.model.variant(case.values.dimension).unwrap();
+    let points = points(variant, energy.measure, &case.values, POINTS);
+    let mut expected = Derivatives::default();
+    let compiled = case.model.compile(&case.values, Mode::Jit).unwrap();
+    let kernel = compiled.kernels.iter().find(|k| k.measure() == energy.measure).unwrap();
+    kernel.evaluate(Columns::new(&points).batch(), &mut expected);
+    let of_n = case.model.parameters().iter().position(|p| p.name == "n");
+    Function {
+        name: case.name.clone(),
+        symbol: format!("case{number}_{}", energy.measure.symbol()),
+        points,
+        expected,
+        algebraic: is_algebraic(energy),
+        exponent: of_n.map_or(1.0, |i| case.values.parameters[i]),
+    }
+}
+
+/// 4 units in the last place, magnified near rest as the formula magnifies the error of `ln(l/L)` or
+/// of `(l/L)^n`.
+fn four_ulp(change: f64, exponent: f64) -> f64 {
+    let magnified = if exponent == 0.0 { 1.0 } else { 1.0 + 1.0 / (exponent * change).abs() };
+    4.0 * f64::EPSILON * magnified
+}
+
+/// Whether only operations occur that every IEEE 754 system rounds alike.
+fn is_algebraic(energy: &ScalarEnergy) -> bool {
+    !energy.graph.nodes().any(|(_, node)| match node {
+        Node::Unary(function, _) => function.libm().is_some(),
+        Node::Binary(operator, ..) => operator == Operator::Power,
+        Node::PowerConstant(_, bits) => {
+            matches!(PowerPlan::new(f64::from_bits(bits)), PowerPlan::General(_))
+        }
+        _ => false,
+    })
+}
+
+/// Potentials that together hold every algebraic operation, every number that is hard to print, and
+/// every function of the C library.
+fn every_operation() -> Vec<Case> {
+    let algebraic = "\
+        k = if not (l > 2*L) and l/L < 0.9 or l == L then 5e-324*1e300*1e20 else 1/3\n\
+        psi(l) = min(l, 2*L, 1.7) - max(-l, k, 0.1)*sign(l - L) + abs(l - 1.5*L)^1.5\n\
+        psi(l) = sqrt(l)^-3 + (l/L)^-0.5 + (if l > 1e300 then 1/0 else -(0/0)*0)*0\n\
+        psi(v) = min(v, V)/max(v, -V) + sqrt(v) + 123456789012345680000*v^-14.5\n";
+    let functions = "\
+        x = l/L\n\
+        psi(l) = exp(-x) + ln(x) + log1p(x) + expm1(-x) + sin(x) + cos(x) + atan(x)\n\
+        psi(a) = sinh(A/(a + A)) + cosh(A/(a + A)) + tanh(a/A) + (a/A)^(-A/(a + A)) + (a/A)^0.3\n\
+        domain l/L in (0.5, 3)\ndomain a/A in (0.5, 3)\n";
+    let case = |name: &str, body: &str| {
+        let model = check(&parse(&format!("potential {name}\n{body}")).unwrap()).unwrap();
+        let values = model.values(3, &[], None).unwrap();
+        Case { name: name.to_string(), model, values }
+    };
+    let cases = vec![case("every_algebraic_operation", algebraic), case("functions", functions)];
+    let algebraic = cases[0].model.specialise(&cases[0].values).unwrap();
+    assert!(algebraic.energies.iter().all(is_algebraic));
+    assert_eq!(algebraic.energies[1].measure, Measure::Volume);
+    cases
+}
+
+/// A program that runs every function at its points and prints the bits of what comes out.
+fn main_c(functions: &[Function]) -> String {
+    let mut out = String::from(
+        "#include <stddef.h>\n#include <stdint.h>\n#include <stdio.h>\n#include <string.h>\n",
+    );
+    for f in functions {
+        let _ = writeln!(
+            out,
+            "void {}(size_t, const double *, const double *, const double *, double *, double *, \
+             double *);",
+            f.symbol
+        );
+    }
+    out.push_str(
+        "typedef void kernel(size_t, const double *, const double *, const double *, double *,\n\
+         \x20   double *, double *);\n\
+         static void run(kernel *f, size_t n, const uint64_t *bits) {\n\
+         \x20 double in[3][1024], out[3][1024];\n\
+         \x20 for (size_t k = 0; k < 3; k++) memcpy(in[k], bits + k * n, n * sizeof(double));\n\
+         \x20 f(n, in[0], in[1], in[2], out[0], out[1], out[2]);\n\
+         \x20 for (size_t i = 0; i < n; i++)\n\
+         \x20   for (size_t k = 0; k < 3; k++) {\n\
+         \x20     uint64_t u;\n\
+         \x20     memcpy(&u, &out[k][i], sizeof u);\n\
+         \x20     printf(\"%016llx%c\", (unsigned long long)u, k < 2 ? ' ' : '\\n');\n\
+         \x20   }\n\
+         }\n\
+         int main(void) {\n",
+    );
+    for f in functions {
+        assert!(f.points.len() <= 1024);
+        let mut bits = Vec::new();
+        bits.extend(f.points.iter().map(|p| p.measure.to_bits()));
+        bits.extend(f.points.iter().map(|p| p.reference.to_bits()));
+        bits.extend(f.points.iter().map(|p| p.change().to_bits()));
+        let bits: Vec<String> = bits.iter().map(|b| format!("{b:#x}u")).collect();
+        let _ = writeln!(
+            out,
+            "  {{ static const uint64_t bits[] = {{{}}};\n    run({}, {}, bits); }}",
+            bits.join(","),
+            f.symbol,
+            f.points.len()
+        );
+    }
+    out.push_str("  return 0;\n}\n");
+    out
+}
+
+/// A folder of one's own, gone at the end.
+struct Folder(PathBuf);
+
+impl Folder {
+    fn new(name: &str) -> Folder {
+        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+        let _ = std::fs::remove_dir_all(&path);
+        std::fs::create_dir_all(&path).unwrap();
+        Folder(path)
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}

@@ -74,11 +74,13 @@ fn merge(errors: &mut Vec<Diagnostic>, more: Vec<Diagnostic>) {
 }
 
 fn parameters(ast: &Ast) -> Vec<&ParameterAst> {
-    let of = |s| match s {
-        &Statement::Parameter(ref p) => Some(p),
-        _ => None,
-    };
-    ast.statements.iter().filter_map(of).collect()
+    let mut declared = Vec::new();
+    for statement in &ast.statements {
+        if let Statement::Parameter(parameter) = statement {
+            declared.push(parameter);
+        }
+    }
+    declared
 }
 
 fn sources(ast: &Ast) -> Vec<String> {

@@ -182,7 +182,7 @@ pub(crate) struct Eval {
 
 #[derive(Debug, Args)]
 pub(crate) struct Energy {
-    /// A scene file; only [body], [horizon] and [material] are needed
+    /// A scene file; only body, horizon and material are needed
     pub(crate) scene: PathBuf,
     /// CSV with the columns `u,v[,w]` in the order of the points; no displacement if not given
     #[arg(long)]

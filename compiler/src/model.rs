@@ -1,6 +1,6 @@
 //! A checked potential: names resolved, types and dimensions right, still exactly what was written.
 //!
-//! Only [`crate::check`] makes a [`Model`]; later stages trust it. Its graphs are not simplified and
+//! Only [`crate::check()`] makes a [`Model`]; later stages trust it. Its graphs are not simplified and
 //! parameters are inputs, so a model evaluated over dual numbers is an independent witness for
 //! everything the later stages do.
 

@@ -2,7 +2,7 @@
 //!
 //! | stage | input | output |
 //! |---|---|---|
-//! | [`parse`] | text of a potential file | [`Ast`], or every [`Diagnostic`] |
+//! | [`parse()`] | text of a potential file | [`Ast`], or every [`Diagnostic`] |
 //! | [`parse_expression`] | an expression of a scene file | [`ExpressionAst`], or every [`Diagnostic`] |
 //! | [`parse_unit`] | the unit after a number | [`ast::Unit`], or every [`Diagnostic`] |
 //! | [`print()`] | [`Ast`] | canonical text, which parses to the same tree |

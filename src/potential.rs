@@ -2,7 +2,7 @@
 
 use std::io::Read as _;
 
-use piola_compiler::{Model, Setting, ValueError, Values, check};
+use piola_compiler::{Model, Setting, ValueError, Values, check_text};
 use piola_grammar::{Ast, suggest};
 
 use crate::cli::{Format, Inputs};
@@ -26,15 +26,8 @@ pub(crate) fn load(name: &str, format: Format) -> Option<Loaded> {
 /// Checks the text of a potential; what is wrong is printed. `None` if it cannot be used.
 pub(crate) fn load_text(name: &str, text: String, format: Format) -> Option<Loaded> {
     let source = Source { name, text: &text };
-    let ast = match piola_grammar::parse(&text) {
-        Ok(ast) => ast,
-        Err(diagnostics) => {
-            render::print(source, &diagnostics, format);
-            return None;
-        }
-    };
-    match check(&ast) {
-        Ok(model) => Some(Loaded { name: name.to_string(), text, ast, model }),
+    match check_text(&text) {
+        Ok((ast, model)) => Some(Loaded { name: name.to_string(), text, ast, model }),
         Err(diagnostics) => {
             render::print(source, &diagnostics, format);
             None

@@ -24,7 +24,7 @@ pub mod specialise;
 mod values;
 pub mod verify;
 
-pub use check::check;
+pub use check::{CODES, check, check_text};
 pub use formula::Formula;
 pub use kernel::{Batch, CompiledPotential, Derivatives, Kernel, Mode, WrittenEnergy};
 pub use measure::Measure;

@@ -34,8 +34,11 @@ mod suggest;
 
 pub use ast::{Ast, ExpressionAst};
 pub use diagnostic::{Diagnostic, Severity};
+pub use names::spell_out;
 pub use operator::Binding;
-pub use parse::{CODES, MAX_BYTES, MAX_NESTING, parse, parse_expression, parse_unit};
+pub use parse::{
+    CODES, MAX_BYTES, MAX_NESTING, Reading, parse, parse_expression, parse_unit, read,
+};
 pub use print::{print, print_expression, print_unit};
 pub use same::{same_expression, same_tree};
 pub use span::Span;

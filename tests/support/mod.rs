@@ -61,7 +61,12 @@ pub(crate) fn piola<S: AsRef<OsStr>>(arguments: &[S]) -> Outcome {
 /// The same with something on the standard input.
 #[track_caller]
 pub(crate) fn piola_with_input<S: AsRef<OsStr>>(arguments: &[S], input: &[u8]) -> Outcome {
-    let mut command = command(arguments);
+    run_to_end(command(arguments), input)
+}
+
+/// Runs a command of piola, with this on its standard input.
+#[track_caller]
+pub(crate) fn run_to_end(mut command: Command, input: &[u8]) -> Outcome {
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("piola starts");
     let mut stdin = child.stdin.take().expect("stdin is piped");

@@ -131,3 +131,25 @@ fn the_readme_shows_the_law_of_its_run() {
     let picture = std::fs::metadata(root().join("docs/first.png")).unwrap().len();
     assert!(picture <= 200 * 1024, "docs/first.png has {picture} bytes");
 }
+
+#[test]
+fn every_code_of_the_compiler_is_listed() {
+    let mut n_codes = 0;
+    for path in files(".rs").iter().filter(|path| path.starts_with("compiler/src")) {
+        let text = read(path);
+        let text = text.split("#[cfg(test)]").next().unwrap();
+        let flat: String = text.split_whitespace().collect();
+        for before in ["Diagnostic::error(\"", "code:\"", "error(\"", "=>(\""] {
+            for code in between(&flat, before, "\"") {
+                let is_code = !code.is_empty()
+                    && code.contains('-')
+                    && code.chars().all(|c| c.is_ascii_lowercase() || c == '-');
+                if is_code {
+                    n_codes += 1;
+                    assert!(piola_compiler::CODES.contains(&code), "{}: {code}", path.display());
+                }
+            }
+        }
+    }
+    assert!(n_codes > 30, "{n_codes}");
+}

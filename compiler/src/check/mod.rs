@@ -17,12 +17,70 @@ mod statement;
 pub mod unit;
 mod value;
 
-use piola_grammar::{Ast, Diagnostic};
+use piola_grammar::{Ast, Diagnostic, Reading, Span, read, spell_out};
 
 use crate::model::Model;
 
+/// The codes of all findings of this crate, those about values and sizes included.
+pub const CODES: [&str; 22] = [
+    "constraint-violated",
+    "dimension-mismatch",
+    "duplicate-name",
+    "duplicate-statement",
+    "empty-domain",
+    "function-without-arguments",
+    "missing-parameter",
+    "no-energy",
+    "no-horizon",
+    "not-a-constant",
+    "not-a-function",
+    "not-a-number",
+    "reserved-name",
+    "too-large",
+    "type-mismatch",
+    "unknown-measure",
+    "unknown-name",
+    "unknown-parameter",
+    "unknown-unit",
+    "wrong-dimensions",
+    "wrong-measure",
+    "wrong-number-of-arguments",
+];
+
 /// After so many findings the rest of a file is not reported.
 pub const MAX_FINDINGS: usize = 100;
+
+/// Reads and checks the text of a potential. Every mistake is reported in one run: what is wrong
+/// with the lines that can be read comes with what is wrong with the others.
+pub fn check_text(text: &str) -> Result<(Ast, Model), Vec<Diagnostic>> {
+    let Reading { ast, mut findings, unread } = read(text);
+    if findings.is_empty() {
+        return check(&ast).map(|model| (ast, model));
+    }
+    let lost: Vec<String> = unread.iter().map(|line| spell_out(&text[line.range()])).collect();
+    // What is right in two dimensions may be wrong in three.
+    let checkable = !lost.iter().any(|line| line.starts_with("dimensions"));
+    if let Err(more) = if checkable { check(&ast).map(drop) } else { Ok(()) } {
+        findings.extend(more.into_iter().filter(|finding| !follows(finding, text, &lost)));
+    }
+    findings.sort_by_key(|finding| finding.span);
+    findings.truncate(MAX_FINDINGS);
+    Err(findings)
+}
+
+/// Whether a finding may only be there because lines are lost.
+fn follows(finding: &Diagnostic, text: &str, lost: &[String]) -> bool {
+    let Span { start, end } = finding.span;
+    let name = spell_out(&text[start as usize..end as usize]);
+    let word = |c: char| c.is_alphanumeric() || c == '_';
+    match finding.code {
+        "no-energy" => true,
+        "unknown-name" => {
+            lost.iter().any(|line| line.split(|c| !word(c)).any(|written| written == name))
+        }
+        _ => false,
+    }
+}
 
 /// Checks a potential. Every error of the file is reported in one run, in the order of the text;
 /// what depends on a name that is wrong is not looked at further.

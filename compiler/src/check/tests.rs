@@ -1,7 +1,7 @@
 //! What the checker accepts, and what it says of the rest.
 
 use crate::test_support::{SETH_HILL, codes, model};
-use crate::{Measure, Setting};
+use crate::{Measure, Setting, check_text};
 use piola_grammar::Diagnostic;
 
 fn errors(text: &str) -> Vec<Diagnostic> {
@@ -236,4 +236,24 @@ fn parameter_values_are_converted_and_checked() {
     assert_eq!(code(&[("E", Setting::Text("much".into()))]), "not-a-number");
     assert_eq!(code(&[("G", Setting::Number(1.0))]), "unknown-parameter");
     assert_eq!(model.values(2, &[], None).unwrap_err()[0].code, "wrong-dimensions");
+}
+
+#[test]
+fn lines_that_cannot_be_read_hide_no_other_mistake() {
+    let found = |text: &str| -> Vec<&str> {
+        check_text(text).unwrap_err().iter().map(|finding| finding.code).collect()
+    };
+    let text =
+        "potential p\nparamter λ in J/m^5\npsi(l) = lambda*l\npsi(l) = k*l\npsi(a) = exp(a, A)";
+    assert_eq!(found(text), ["syntax", "unknown-name", "wrong-number-of-arguments"]);
+    // What may be missing only because its line was not read is not called missing.
+    assert_eq!(found("potential p\nS(x) = = x\npsi(l) = S(l)"), ["syntax"]);
+    assert_eq!(found("potential p\npsi(l) = 1 +"), ["syntax"]);
+    assert_eq!(found("potential p\ndimensions 2 3\npsi(l) = k*l"), ["syntax"]);
+    assert_eq!(found("psi(l) = k*l"), ["missing-potential", "unknown-name"]);
+    assert_eq!(found(&"#".repeat(piola_grammar::MAX_BYTES + 1)), ["file-too-large"]);
+    assert_eq!(
+        found(&format!("potential p\npsi(l) = {}l", "(".repeat(300)))[0],
+        "nesting-too-deep"
+    );
 }

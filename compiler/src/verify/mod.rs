@@ -3,8 +3,8 @@
 //! Machine code must equal the interpreter bit for bit; both must agree with hyper-dual numbers of
 //! the energy as written to `1e-14 + 8 u/|l/L - 1|` of the value: the second term is what the formula
 //! as written loses by subtracting numbers that are nearly equal. Where that is missed, a value may
-//! also be off by as much as it changes when the measure changes by `8 u` of itself: far out,
-//! `exp(-3*(l/L - 1))` magnifies the rounding of its argument a hundred times.
+//! also be off by as much as it changes when the measure, or its change from rest, changes by `8 u`
+//! of itself: far out, `exp(-3*(l/L - 1))` magnifies the rounding of its argument a hundred times.
 
 pub mod sample;
 
@@ -126,17 +126,19 @@ fn compare(
     }
 }
 
-/// How much psi, psi' and psi'' change when the measure changes by `8 u` of itself; 0 where that is
-/// not a number, as beside a pole.
+/// How much psi, psi' and psi'' change when the measure changes by `8 u` of itself, or by `8 u` of
+/// its change from rest; 0 where that is not a number, as beside a pole.
 fn conditioning(written: &WrittenEnergy, point: Point, expected: [f64; 3]) -> [f64; 3] {
     let mut largest = [0.0_f64; 3];
-    for step in [-8.0 * UNIT_ROUNDOFF, 8.0 * UNIT_ROUNDOFF] {
-        let moved: [f64; 3] =
-            written.derivatives(point.measure * (1.0 + step), point.reference).into();
-        for order in 0..3 {
-            let change = (moved[order] - expected[order]).abs();
-            if change.is_finite() {
-                largest[order] = largest[order].max(change);
+    for size in [point.measure, point.measure - point.reference] {
+        for step in [-8.0 * UNIT_ROUNDOFF, 8.0 * UNIT_ROUNDOFF] {
+            let moved: [f64; 3] =
+                written.derivatives(point.measure + step * size, point.reference).into();
+            for order in 0..3 {
+                let change = (moved[order] - expected[order]).abs();
+                if change.is_finite() {
+                    largest[order] = largest[order].max(change);
+                }
             }
         }
     }

@@ -5,7 +5,7 @@
 use piola_compiler::verify::same_bits;
 use piola_compiler::{
     Batch, CompileError, Derivatives, Kernel, Mode, Model, ScalarEnergy, Setting, Specialised,
-    Values, check, print,
+    Values, check, check_text, print,
 };
 use piola_grammar::{Diagnostic, parse};
 
@@ -46,18 +46,11 @@ const POINTS: [[f64; 3]; 14] = [
 /// # Panics
 /// Where something does not hold, which is what a test wants.
 pub(crate) fn follow(text: &str) -> Outcome {
-    let ast = match parse(text) {
-        Ok(ast) => ast,
+    let model = match check_text(text) {
+        Ok((_, model)) => model,
         Err(found) => {
             findings(text, &found);
-            return Outcome::Unreadable;
-        }
-    };
-    let model = match check(&ast) {
-        Ok(model) => model,
-        Err(found) => {
-            findings(text, &found);
-            return Outcome::Refused;
+            return if parse(text).is_err() { Outcome::Unreadable } else { Outcome::Refused };
         }
     };
     let mut outcome = Outcome::NotCompiled;
@@ -192,7 +185,7 @@ fn run(kernel: &Kernel) -> Vec<[f64; 3]> {
 }
 
 /// What is printed means the same: read again, each root gives the same bits.
-fn round_trip(model: &Model, energy: &ScalarEnergy, dimension: usize) {
+pub(crate) fn round_trip(model: &Model, energy: &ScalarEnergy, dimension: usize) {
     let original = interpret(energy);
     for root in 0..3 {
         let text = potential_of(model, energy, dimension, root);

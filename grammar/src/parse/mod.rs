@@ -51,11 +51,37 @@ mod parser {
     pub(super) struct PiolaParser;
 }
 
+/// What could be read of a file.
+#[derive(Clone, Debug)]
+pub struct Reading {
+    /// The statements that could be read; without a `potential` line the name is empty.
+    pub ast: Ast,
+    /// Every mistake, in the order of the text. If there is none, the tree is that of the file.
+    pub findings: Vec<Diagnostic>,
+    /// The lines that could not be read.
+    pub unread: Vec<Span>,
+}
+
 /// Reads a potential file.
 ///
 /// The error holds every mistake in the text, in the order of the text.
 pub fn parse(text: &str) -> Result<Ast, Vec<Diagnostic>> {
-    let scan = scan(text, Layout::Statements)?;
+    let reading = read(text);
+    if reading.findings.is_empty() { Ok(reading.ast) } else { Err(reading.findings) }
+}
+
+/// Reads as much of a potential file as can be read, so that its other lines can be checked too.
+pub fn read(text: &str) -> Reading {
+    let scan = match scan(text, Layout::Statements) {
+        Ok(scan) => scan,
+        Err(findings) => {
+            return Reading {
+                findings,
+                unread: vec![Span::new(0, text.len())],
+                ..File::default().finish(Builder::default())
+            };
+        }
+    };
     let mut builder = Builder { findings: scan.findings, ..Builder::default() };
     let mut file = File::default();
     for line in &scan.lines {
@@ -114,6 +140,7 @@ struct File {
     doubtful: bool,
     first: Option<Span>,
     statements: Vec<crate::ast::Statement>,
+    unread: Vec<Span>,
 }
 
 impl File {
@@ -129,7 +156,10 @@ impl File {
         let place = Span { start: place.start + lead as u32, end: place.end };
         self.first.get_or_insert(place);
         match line {
-            None => self.doubtful |= is_first || text.trim_start().starts_with("potential"),
+            None => {
+                self.doubtful |= is_first || text.trim_start().starts_with("potential");
+                self.unread.push(place);
+            }
             Some(statement::Line::Statement(statement)) => self.statements.push(statement),
             Some(statement::Line::Potential { name, title, span }) => {
                 let span = Span { start: span.start, end: name.span.end };
@@ -153,7 +183,7 @@ impl File {
         }
     }
 
-    fn finish(self, builder: Builder) -> Result<Ast, Vec<Diagnostic>> {
+    fn finish(self, builder: Builder) -> Reading {
         let mut findings = builder.findings;
         if self.potential.is_none() && !self.doubtful {
             let label =
@@ -170,12 +200,10 @@ impl File {
         }
         findings.sort_by_key(|finding| finding.span);
         findings.truncate(MAX_FINDINGS);
-        match self.potential {
-            Some((name, title)) if findings.is_empty() => {
-                Ok(Ast { name, title, statements: self.statements, arena: builder.arena })
-            }
-            _ => Err(findings),
-        }
+        let nameless = || (Ident { name: String::new(), span: Span::default() }, None);
+        let (name, title) = self.potential.unwrap_or_else(nameless);
+        let ast = Ast { name, title, statements: self.statements, arena: builder.arena };
+        Reading { ast, findings, unread: self.unread }
     }
 }
 

@@ -18,7 +18,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use num_dual::HyperDual64;
-use piola_compiler::{Dropped, Mode, Model, Setting, Values, check};
+use piola_compiler::{Dropped, Mode, Model, Setting, Values, check_text};
 use piola_grammar::Diagnostic;
 
 use crate::assembly::{DiscreteEnergy, Elements};
@@ -230,7 +230,7 @@ fn checked(potential: &PotentialText) -> Result<Model, CaseError> {
         text: potential.text.clone(),
         diagnostics,
     };
-    check(&piola_grammar::parse(&potential.text).map_err(wrong)?).map_err(wrong)
+    check_text(&potential.text).map(|(_, model)| model).map_err(wrong)
 }
 
 /// Values of the parameters; what is wrong with one is shown at its place in the scene.

@@ -14,6 +14,7 @@ fn printed_derivatives_read_again_give_the_same_bits() {
     let mut n_energies = 0;
     for case in cases() {
         let specialised = case.model.specialise(&case.values).unwrap();
+        println!("{}", case.name);
         for energy in &specialised.energies {
             property::round_trip(&case.model, energy, case.values.dimension);
             n_energies += 1;

@@ -4,11 +4,11 @@ use num_dual::HyperDual64;
 
 use crate::expression::interpret::Interpreter;
 use crate::expression::number::Number;
-use crate::expression::{ExprGraph, Input, NodeId};
+use crate::expression::{ExprGraph, Input, NodeId, Operator};
 use crate::jit::CompiledKernel;
 use crate::measure::Measure;
 use crate::model::Model;
-use crate::specialise::{CompileError, Dropped, ScalarEnergy};
+use crate::specialise::{CompileError, Dropped, Form, ScalarEnergy};
 use crate::values::Values;
 
 /// Inputs of a kernel, one entry per interaction; the three slices have one length.
@@ -124,18 +124,18 @@ pub struct WrittenEnergy {
 
 impl WrittenEnergy {
     /// The energy over any number type, as a function of the measure and its reference.
-    pub fn evaluate<N: Number + std::ops::Add<Output = N>>(&self, measure: N, reference: N) -> N {
+    pub fn evaluate<N: Number>(&self, measure: N, reference: N) -> N {
         let mut interpreter = Interpreter::new();
         interpreter.run(&self.graph, |input| match input {
-            Input::Current(_) => measure,
-            Input::Reference(_) => reference,
+            Input::Current(_) => measure.clone(),
+            Input::Reference(_) => reference.clone(),
             Input::Parameter(i) => N::constant(self.values.parameters[usize::from(i)]),
             Input::Horizon => N::constant(self.values.horizon),
             // The checker makes no such input; only the simplifier does.
             Input::Change(_) => N::constant(f64::NAN),
         });
         let terms = self.roots.iter().map(|root| interpreter.number(*root));
-        terms.reduce(|sum, term| sum + term).unwrap_or(N::constant(0.0))
+        terms.reduce(|sum, term| N::binary(Operator::Add, sum, term)).unwrap_or(N::constant(0.0))
     }
 
     /// psi, psi' and psi'' by one evaluation over hyper-dual numbers (firooz2023, eq. (27)).
@@ -161,7 +161,20 @@ impl Model {
     /// # Errors
     /// An energy that is too large, or a horizon that is needed and not given.
     pub fn compile(&self, values: &Values, mode: Mode) -> Result<CompiledPotential, CompileError> {
-        let specialised = self.specialise(values)?;
+        self.compile_as(values, mode, Form::Accurate)
+    }
+
+    /// The same in a chosen form; hyper-dual numbers always take the energy as written.
+    ///
+    /// # Errors
+    /// As for [`Self::compile`].
+    pub fn compile_as(
+        &self,
+        values: &Values,
+        mode: Mode,
+        form: Form,
+    ) -> Result<CompiledPotential, CompileError> {
+        let specialised = self.specialise_as(values, form)?;
         let mut kernels = Vec::new();
         for energy in specialised.energies {
             let measure = energy.measure;

@@ -3,13 +3,14 @@
 //! | stage | input | output | module |
 //! |---|---|---|---|
 //! | [`check()`] | syntax tree | [`Model`]: names, types, dimensions are right | [`mod@check`] |
-//! | [`Model::specialise`] | model, [`Values`] | simplified psi, psi', psi'' per measure | [`specialise`], [`simplify`], [`mod@differentiate`] |
+//! | [`Model::specialise`] | model, [`Values`] | simplified psi, psi', psi'' per measure | [`specialise`], [`simplify`], [`mod@rewrite`], [`mod@differentiate`] |
 //! | [`Model::compile`] | model, values, [`Mode`] | [`Kernel`]s over arrays | [`kernel`], [`jit`] |
 //!
 //! Only the checker makes a [`Model`]; later stages trust it. Every stage can be printed
 //! ([`mod@print`]). [`WrittenEnergy`] evaluates the model as it was written, over any number type:
 //! [`mod@verify`] holds everything else against it.
 
+pub mod audit;
 pub mod check;
 pub mod differentiate;
 pub mod expression;
@@ -19,6 +20,7 @@ pub mod kernel;
 mod measure;
 mod model;
 pub mod print;
+pub mod rewrite;
 pub mod simplify;
 pub mod specialise;
 mod values;
@@ -29,7 +31,7 @@ pub use formula::Formula;
 pub use kernel::{Batch, CompiledPotential, Derivatives, Kernel, Mode, WrittenEnergy};
 pub use measure::Measure;
 pub use model::{Constraint, Energy, Interval, Model, Parameter, Variant};
-pub use specialise::{CompileError, Dropped, ScalarEnergy, Specialised};
+pub use specialise::{CompileError, Dropped, Form, ScalarEnergy, Specialised};
 pub use values::{Setting, ValueError, Values};
 
 #[cfg(test)]

@@ -35,6 +35,7 @@ pub const RULES: &[Rule] = &[
     rule("subtract_from_zero", "0 - x = -x", "always"),
     rule("add_negated", "x + (-y) = x - y", "always"),
     rule("subtract_negated", "x - (-y) = x + y", "always"),
+    rule("subtract_own_term", "(c + x) - c = x", "c is a number"),
     rule("subtract_self", "x - x = 0", "x is an input"),
     rule("negate_negated", "-(-x) = x", "always"),
     rule("multiply_one", "1*x = x", "always"),
@@ -106,6 +107,7 @@ impl Simplifier {
             Node::Unary(function, x) => self.unary(function, x),
             Node::PowerConstant(x, bits) => self.power(x, f64::from_bits(bits)),
             Node::Binary(operator, x, y) => self.binary(operator, x, y),
+            Node::Strain(..) => self.graph.intern(node),
             Node::Compare(_, x, y) if self.numbers(x, y).is_some() => self.fold(node),
             Node::Compare(..) => self.graph.intern(node),
             Node::And(x, y) => self.junction(node, x, y, true),
@@ -168,6 +170,7 @@ impl Simplifier {
             _ if self.is(y, 0.0) => Ok(x),
             _ if self.is(x, 0.0) => self.negate(y),
             (Node::Input(_), _) if x == y => self.number(0.0),
+            (Node::Binary(Operator::Add, c, rest), Node::Number(_)) if c == y => Ok(rest),
             (_, Node::Unary(Function::Negate, b)) => self.add(x, b),
             (Node::Input(Input::Current(m)), Node::Input(Input::Reference(n))) if m == n => {
                 self.change_of_measure(m, y)

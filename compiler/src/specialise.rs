@@ -11,6 +11,7 @@ use crate::expression::interpret::Interpreter;
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
 use crate::model::{Model, Parameter, Variant};
+use crate::rewrite::{Applied, expand, rewrite};
 use crate::simplify::Simplifier;
 use crate::values::Values;
 
@@ -26,6 +27,16 @@ pub struct ScalarEnergy {
     pub graph: ExprGraph,
     /// psi, psi', psi''.
     pub roots: [NodeId; 3],
+}
+
+/// In which form an energy is evaluated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Form {
+    /// Rewritten so that it keeps its digits; see [`mod@crate::rewrite`].
+    #[default]
+    Accurate,
+    /// Simplified and differentiated as it was written, to compare with.
+    Textbook,
 }
 
 /// A term of an energy that is left out because its coefficient is exactly zero.
@@ -81,6 +92,14 @@ impl Model {
     /// # Errors
     /// An energy that needs too many operations, or the horizon where none is given.
     pub fn specialise(&self, values: &Values) -> Result<Specialised, CompileError> {
+        self.specialise_as(values, Form::Accurate)
+    }
+
+    /// The same in a chosen form.
+    ///
+    /// # Errors
+    /// As for [`Self::specialise`].
+    pub fn specialise_as(&self, values: &Values, form: Form) -> Result<Specialised, CompileError> {
         let variant =
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
         let fold = |input| match input {
@@ -105,8 +124,10 @@ impl Model {
             }
             let too_large = |limit| CompileError::TooLarge { measure, span, limit };
             let mut dropped = Vec::new();
-            let energy = scalar_energy(variant, &self.parameters, measure, &fold, &mut dropped)
-                .map_err(|TooManyNodes| too_large(MAX_NODES))?;
+            let energy = energy(variant, &self.parameters, measure, &fold, &mut dropped)
+                .and_then(|energy| energy.map(|energy| energy.derivatives(form)).transpose())
+                .map_err(|TooManyNodes| too_large(MAX_NODES))?
+                .map(|derived| derived.scalar_energy());
             if energy.as_ref().is_some_and(|e| e.graph.len() > MAX_OPERATIONS) {
                 return Err(too_large(MAX_OPERATIONS));
             }
@@ -125,14 +146,14 @@ impl Model {
         let mut result = Specialised::default();
         for measure in self.measures() {
             let span = span_of(variant, measure);
-            let energy =
-                scalar_energy(variant, &self.parameters, measure, &|_| None, &mut result.dropped)
-                    .map_err(|TooManyNodes| CompileError::TooLarge {
+            let energy = energy(variant, &self.parameters, measure, &|_| None, &mut result.dropped)
+                .and_then(|energy| energy.map(|e| e.derivatives(Form::Textbook)).transpose())
+                .map_err(|TooManyNodes| CompileError::TooLarge {
                     measure,
                     span,
                     limit: MAX_NODES,
                 })?;
-            result.energies.extend(energy);
+            result.energies.extend(energy.map(|derived| derived.scalar_energy()));
         }
         Ok(result)
     }
@@ -147,14 +168,56 @@ fn roots_of(variant: &Variant, measure: Measure) -> Vec<NodeId> {
     variant.energies.iter().filter(|e| e.measure == measure).map(|e| e.root).collect()
 }
 
-/// The sum of a measure's energies with psi' and psi''; `None` if nothing is left of it.
-fn scalar_energy(
+/// The simplified energy of a measure.
+struct SimpleEnergy {
+    measure: Measure,
+    graph: Simplifier,
+    psi: NodeId,
+}
+
+/// psi, psi' and psi'' in one graph, with what led to their form.
+pub(crate) struct Derived {
+    pub(crate) measure: Measure,
+    pub(crate) graph: Simplifier,
+    pub(crate) roots: [NodeId; 3],
+    pub(crate) applied: Vec<Applied>,
+}
+
+impl SimpleEnergy {
+    fn derivatives(self, form: Form) -> Result<Derived, TooManyNodes> {
+        let SimpleEnergy { measure, mut graph, mut psi } = self;
+        let mut applied = Vec::new();
+        if form == Form::Textbook {
+            let dpsi = differentiate(&mut graph, psi, measure)?;
+            let d2psi = differentiate(&mut graph, dpsi, measure)?;
+            return Ok(Derived { measure, graph, roots: [psi, dpsi, d2psi], applied });
+        }
+        psi = rewrite(&mut graph, psi, measure, &mut applied)?;
+        // A derivative may be a difference of its own: 1 - L/l of a logarithmic barrier.
+        let dpsi = differentiate(&mut graph, psi, measure)?;
+        let dpsi = rewrite(&mut graph, dpsi, measure, &mut applied)?;
+        let d2psi = differentiate(&mut graph, dpsi, measure)?;
+        let d2psi = rewrite(&mut graph, d2psi, measure, &mut applied)?;
+        let roots = expand(&mut graph, [psi, dpsi, d2psi], measure, &mut applied)?;
+        Ok(Derived { measure, graph, roots, applied })
+    }
+}
+
+impl Derived {
+    fn scalar_energy(&self) -> ScalarEnergy {
+        let (graph, roots) = self.graph.graph().extract(&self.roots);
+        ScalarEnergy { measure: self.measure, graph, roots: [roots[0], roots[1], roots[2]] }
+    }
+}
+
+/// The sum of a measure's energies; `None` if nothing is left of it.
+fn energy(
     variant: &Variant,
     parameters: &[Parameter],
     measure: Measure,
     fold: &impl Fn(Input) -> Option<f64>,
     dropped: &mut Vec<Dropped>,
-) -> Result<Option<ScalarEnergy>, TooManyNodes> {
+) -> Result<Option<SimpleEnergy>, TooManyNodes> {
     let mut rebuild = Rebuild::new(&variant.graph, fold);
     let roots = roots_of(variant, measure);
     rebuild.nodes(&roots)?;
@@ -173,13 +236,7 @@ fn scalar_energy(
         let reason = format!("{what}({}) is dropped: {why}", measure.symbol());
         dropped.push(Dropped { measure, reason });
     }
-    let Some(psi) = total else { return Ok(None) };
-    let mut graph = rebuild.target;
-    let dpsi = differentiate(&mut graph, psi, measure)?;
-    let d2psi = differentiate(&mut graph, dpsi, measure)?;
-    let (graph, roots) = graph.graph().extract(&[psi, dpsi, d2psi]);
-    let roots = [roots[0], roots[1], roots[2]];
-    Ok(Some(ScalarEnergy { measure, graph, roots }))
+    Ok(total.map(|psi| SimpleEnergy { measure, graph: rebuild.target, psi }))
 }
 
 /// Which zeros dropped something, in words: `C2 = 0`.

@@ -21,9 +21,9 @@ pub const STATEMENT_KEYWORDS: [&str; 5] =
     ["potential", "source", "parameter", "dimensions", "domain"];
 
 /// Functions of one number.
-pub const UNARY_FUNCTIONS: [&str; 16] = [
-    "sqrt", "exp", "ln", "log1p", "expm1", "sin", "cos", "tan", "asin", "acos", "atan", "sinh",
-    "cosh", "tanh", "abs", "sign",
+pub const UNARY_FUNCTIONS: [&str; 17] = [
+    "sqrt", "exp", "ln", "log1p", "expm1", "log1pmx", "sin", "cos", "tan", "asin", "acos", "atan",
+    "sinh", "cosh", "tanh", "abs", "sign",
 ];
 
 /// Functions of two numbers.

@@ -60,6 +60,9 @@ pub enum Node {
     Not(NodeId),
     /// `if condition then x else y`; both are evaluated, one is taken.
     Select(NodeId, NodeId, NodeId),
+    /// `(x^n - 1)/n`, and `ln(x)` for `n = 0`, of the stretch `x`, with `n` given by its bits. It stands
+    /// only between rewriting and the end of differentiation; see [`mod@crate::rewrite`].
+    Strain(NodeId, u64),
 }
 
 impl Node {
@@ -72,7 +75,9 @@ impl Node {
     pub fn operands(self) -> impl Iterator<Item = NodeId> {
         let (x, y, z) = match self {
             Node::Number(_) | Node::Truth(_) | Node::Input(_) => (None, None, None),
-            Node::Unary(_, x) | Node::PowerConstant(x, _) | Node::Not(x) => (Some(x), None, None),
+            Node::Unary(_, x) | Node::PowerConstant(x, _) | Node::Strain(x, _) | Node::Not(x) => {
+                (Some(x), None, None)
+            }
             Node::Binary(_, x, y) | Node::Compare(_, x, y) | Node::And(x, y) | Node::Or(x, y) => {
                 (Some(x), Some(y), None)
             }
@@ -87,6 +92,7 @@ impl Node {
             Node::Number(_) | Node::Truth(_) | Node::Input(_) => self,
             Node::Unary(f, x) => Node::Unary(f, map(x)),
             Node::PowerConstant(x, c) => Node::PowerConstant(map(x), c),
+            Node::Strain(x, n) => Node::Strain(map(x), n),
             Node::Binary(o, x, y) => Node::Binary(o, map(x), map(y)),
             Node::Compare(o, x, y) => Node::Compare(o, map(x), map(y)),
             Node::And(x, y) => Node::And(map(x), map(y)),

@@ -1,10 +1,10 @@
 //! Evaluation of a graph over any number type: the reading all others are compared with.
 
 use super::number::Number;
-use super::{ExprGraph, Input, Node, NodeId};
+use super::{ExprGraph, Function, Input, Node, NodeId, Operator};
 
 /// A value during evaluation.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 enum Value<N> {
     Number(N),
     Truth(bool),
@@ -34,8 +34,8 @@ impl<N: Number> Interpreter<N> {
 
     /// The number at a node of the graph last run; NaN where it holds a truth value.
     pub fn number(&self, id: NodeId) -> N {
-        match self.values[id.0 as usize] {
-            Value::Number(x) => x,
+        match &self.values[id.0 as usize] {
+            Value::Number(x) => x.clone(),
             Value::Truth(_) => N::constant(f64::NAN),
         }
     }
@@ -67,10 +67,21 @@ impl<N: Number> Interpreter<N> {
             Node::Not(x) => Value::Truth(!truth(x)),
             Node::Select(c, x, y) => {
                 let taken = if truth(c) { x } else { y };
-                self.values[taken.0 as usize]
+                self.values[taken.0 as usize].clone()
             }
+            Node::Strain(x, bits) => Value::Number(strain(number(x), f64::from_bits(bits))),
         }
     }
+}
+
+/// A strain by its definition.
+fn strain<N: Number>(stretch: N, order: f64) -> N {
+    if order == 0.0 {
+        return N::unary(Function::Ln, stretch);
+    }
+    let power = N::power_constant(stretch, order);
+    let difference = N::binary(Operator::Subtract, power, N::constant(1.0));
+    N::binary(Operator::Divide, difference, N::constant(order))
 }
 
 impl<N: Number> Default for Interpreter<N> {

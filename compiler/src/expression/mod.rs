@@ -6,6 +6,7 @@
 //! | [`function`] | the elementary functions, one list for all readings |
 //! | [`number`] | what a number type must offer so that a graph can be evaluated over it |
 //! | [`interpret`] | evaluation over any such type |
+//! | [`precise`] | numbers of any precision with two derivatives |
 //! | [`power`] | one plan for `x^c`, followed by interpreter and machine code alike |
 
 pub mod function;
@@ -13,6 +14,7 @@ pub mod graph;
 pub mod interpret;
 pub mod number;
 pub mod power;
+pub mod precise;
 
 pub use function::{Comparison, Function, Operator};
 pub use graph::{ExprGraph, Input, Node, NodeId, TooManyNodes};

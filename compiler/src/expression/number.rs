@@ -2,6 +2,7 @@
 
 use num_dual::{Dual2_64, DualNum, HyperDual64};
 
+use super::function::log1pmx;
 use super::power::{PowerOps, PowerPlan};
 use super::{Function, Operator};
 
@@ -9,11 +10,11 @@ use super::{Function, Operator};
 ///
 /// `f64` is the strict level, bit for bit what the machine code computes; the dual numbers carry
 /// first and second derivatives and are independent of the symbolic ones.
-pub trait Number: Copy {
+pub trait Number: Clone {
     /// A constant.
     fn constant(value: f64) -> Self;
     /// Its value, on which comparisons decide.
-    fn value(self) -> f64;
+    fn value(&self) -> f64;
     /// A function of it.
     fn unary(function: Function, x: Self) -> Self;
     /// An operator with two of them.
@@ -60,8 +61,8 @@ impl Number for f64 {
         value
     }
 
-    fn value(self) -> f64 {
-        self
+    fn value(&self) -> f64 {
+        *self
     }
 
     fn unary(function: Function, x: f64) -> f64 {
@@ -138,7 +139,7 @@ macro_rules! dual_number {
                 <$type>::from_re(value)
             }
 
-            fn value(self) -> f64 {
+            fn value(&self) -> f64 {
                 self.re
             }
 
@@ -152,6 +153,11 @@ macro_rules! dual_number {
                     Function::Ln => x.ln(),
                     Function::Log1p => x.ln_1p(),
                     Function::Expm1 => x.exp_m1(),
+                    Function::Log1pmx => {
+                        let mut difference = x.ln_1p() - x;
+                        difference.re = log1pmx(x.re);
+                        difference
+                    }
                     Function::Sin => x.sin(),
                     Function::Cos => x.cos(),
                     Function::Tan => x.tan(),

@@ -14,6 +14,7 @@ use cranelift_module::{Linkage, Module, default_libcall_names};
 
 use super::lower::{self, Called, POINTERS};
 use crate::expression::Function;
+use crate::expression::function::log1pmx;
 use crate::kernel::{Batch, Derivatives};
 use crate::specialise::{CompileError, ScalarEnergy};
 
@@ -226,6 +227,12 @@ fn address_of(function: Function) -> Option<*const u8> {
         Function::Ln => address!(log),
         Function::Log1p => address!(log1p),
         Function::Expm1 => address!(expm1),
+        Function::Log1pmx => {
+            extern "C" fn call(x: f64) -> f64 {
+                log1pmx(x)
+            }
+            Some(call as *const u8)
+        }
         Function::Sin => address!(sin),
         Function::Cos => address!(cos),
         Function::Tan => address!(tan),

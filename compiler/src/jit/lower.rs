@@ -121,8 +121,8 @@ impl Lowering<'_, '_> {
             Node::Input(Input::Current(_)) => self.load(MEASURE),
             Node::Input(Input::Reference(_)) => self.load(REFERENCE),
             Node::Input(Input::Change(_)) => self.load(CHANGE),
-            // Specialisation has put numbers in their place.
-            Node::Input(Input::Horizon | Input::Parameter(_)) => {
+            // Specialisation has put numbers, and accurate forms, in their place.
+            Node::Input(Input::Horizon | Input::Parameter(_)) | Node::Strain(..) => {
                 self.builder.ins().f64const(f64::NAN)
             }
             Node::Unary(function, x) => self.unary(function, of(x)),

@@ -26,7 +26,7 @@ pub fn c_source(model: &Model, energies: &[ScalarEnergy]) -> String {
     out
 }
 
-/// min, max and sign as the language defines them.
+/// min, max, sign and log1pmx as the language defines them.
 const HELPERS: &str = "
 static inline double piola_min(double x, double y) {
   if (isnan(x) || isnan(y)) return NAN;
@@ -37,6 +37,13 @@ static inline double piola_max(double x, double y) {
   return x > y || (x == y && signbit(y)) ? x : y;
 }
 static inline double piola_sign(double x) { return x > 0 ? 1.0 : x < 0 ? -1.0 : x; }
+static inline double piola_log1pmx(double x) {
+  if (fabs(x) >= 0.3 || isnan(x)) return log1p(x) - x;
+  const double r = x / (2.0 + x), square = r * r;
+  double sum = 0.0;
+  for (int k = 11; k >= 1; k--) sum = square * (sum + 1.0 / (2 * k + 1));
+  return r * (2.0 * sum - x);
+}
 ";
 
 fn function(out: &mut String, model: &Model, energy: &ScalarEnergy) {
@@ -83,8 +90,8 @@ impl Writer<'_> {
             Node::Input(Input::Current(_)) => "measure[i]".into(),
             Node::Input(Input::Reference(_)) => "reference[i]".into(),
             Node::Input(Input::Change(_)) => "change[i]".into(),
-            // Specialisation has put numbers in their place.
-            Node::Input(Input::Horizon | Input::Parameter(_)) => "NAN".into(),
+            // Specialisation has put numbers, and accurate forms, in their place.
+            Node::Input(Input::Horizon | Input::Parameter(_)) | Node::Strain(..) => "NAN".into(),
             Node::Unary(Function::Negate, x) => format!("-t{}", of(x)),
             Node::Unary(function, x) => format!("{}(t{})", c_name(function), of(x)),
             Node::PowerConstant(x, bits) => {
@@ -153,6 +160,7 @@ fn c_name(function: Function) -> &'static str {
         Function::Abs => "fabs",
         Function::Ln => "log",
         Function::Sign => "piola_sign",
+        Function::Log1pmx => "piola_log1pmx",
         other => other.name(),
     }
 }

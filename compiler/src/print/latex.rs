@@ -94,7 +94,7 @@ impl Notation for Latex<'_> {
             }
             Function::Sqrt => return Piece::atom(format!(r"\sqrt{{{}}}", x.text)),
             Function::Abs => return Piece::atom(format!(r"\left|{}\right|", x.text)),
-            Function::Sign | Function::Log1p | Function::Expm1 => {
+            Function::Sign | Function::Log1p | Function::Expm1 | Function::Log1pmx => {
                 format!(r"\operatorname{{{}}}", function.name())
             }
             Function::Asin | Function::Acos | Function::Atan => {

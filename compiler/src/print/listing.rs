@@ -58,6 +58,7 @@ pub fn graph_listing(
             Node::Input(input) => names.input(input),
             Node::Unary(f, x) => format!("{} %{}", f.name(), x.0),
             Node::PowerConstant(x, bits) => format!("%{} ^ {:?}", x.0, f64::from_bits(bits)),
+            Node::Strain(x, bits) => format!("strain %{} {:?}", x.0, f64::from_bits(bits)),
             Node::Binary(o, x, y) => format!("%{} {} %{}", x.0, o.name(), y.0),
             Node::Compare(o, x, y) => format!("%{} {} %{}", x.0, o.name(), y.0),
             Node::And(x, y) => format!("%{} and %{}", x.0, y.0),

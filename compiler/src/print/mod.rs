@@ -126,6 +126,15 @@ fn print_node(
             let base = take(x);
             notation.power(base, notation.number(f64::from_bits(bits)))
         }
+        Node::Strain(x, bits) if f64::from_bits(bits) == 0.0 => {
+            notation.unary(Function::Ln, take(x))
+        }
+        Node::Strain(x, bits) => {
+            let order = || notation.number(f64::from_bits(bits));
+            let power = notation.power(take(x), order());
+            let difference = notation.binary(Operator::Subtract, power, number("1"));
+            notation.binary(Operator::Divide, difference, order())
+        }
         Node::Binary(operator, x, y) => {
             let (x, y) = take_both(&mut take, x, y);
             match operator {

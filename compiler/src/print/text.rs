@@ -43,7 +43,13 @@ impl Notation for Text<'_> {
     }
 
     fn input(&self, input: Input) -> Piece {
-        Piece::atom(self.names.input(input))
+        match input {
+            Input::Change(m) => {
+                let text = format!("{}/{} - 1", m.symbol(), m.reference_symbol());
+                Piece { text, binding: Binding::Sum }
+            }
+            other => Piece::atom(self.names.input(other)),
+        }
     }
 
     fn temporary(&self, number: usize) -> Piece {

@@ -132,13 +132,13 @@ fn derivatives_read_as_one_would_write_them() {
     };
     assert_eq!(
         text_of(2.0),
-        "psi(l) = 0.5*L*(0.5*((l/L)^2 - 1))^2\npsi'(l) = 0.5*(l/L*((l/L)^2 - 1))\n\
-         psi''(l) = 0.5*(((l/L)^2 - 1)/L + l/L*(2*(l/L))/L)\n"
+        "t1 = 0.5*((l/L - 1)*(1 + l/L))\npsi(l) = 0.5*L*t1^2\npsi'(l) = l/L*t1\n\
+         psi''(l) = (-0.5 + 1.5*(l/L)^2)/L\n"
     );
     assert_eq!(
         text_of(0.0),
-        "psi(l) = 0.5*L*ln(l/L)^2\npsi'(l) = ln(l/L)/(l/L)\n\
-         psi''(l) = (1/(l/L)/L - ln(l/L)/(l/L)/L)/(l/L)\n"
+        "t1 = if abs(l/L - 1) < 0.5 then log1p(l/L - 1) else ln(l/L)\npsi(l) = 0.5*L*t1^2\n\
+         psi'(l) = (l/L)^-1*t1\npsi''(l) = (l/L)^-2*(1 - t1)/L\n"
     );
 }
 

@@ -1,0 +1,257 @@
+//! How many digits of psi, psi' and psi'' are right: compiled energies against numbers of any precision,
+//! regime by regime over the declared domain.
+//!
+//! An error counts in `u = 2^-53` of the true value. Where that is large because the value passes
+//! through zero, it counts in `u` of the value and of what it changes when the strain changes by its
+//! own size: no formula can do better for a measure that is rounded.
+
+use crate::expression::interpret::Interpreter;
+use crate::expression::{Comparison, Input, Node, NodeId};
+use crate::kernel::{Derivatives, Mode, WrittenEnergy};
+use crate::measure::Measure;
+use crate::model::{Model, Variant};
+use crate::specialise::{CompileError, Dropped, Form, ScalarEnergy};
+use crate::values::Values;
+use crate::verify::Columns;
+use crate::verify::sample::{Point, Random, contains};
+use crate::verify::truth::truth;
+
+/// Half the distance from 1 to the next number.
+pub const UNIT_ROUNDOFF: f64 = f64::EPSILON / 2.0;
+
+/// Below this a true value may be lost to underflow.
+const SMALLEST: f64 = 1e-290;
+
+/// What an audit looks at.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// The form of the energies.
+    pub form: Form,
+    /// Points per regime.
+    pub points: usize,
+    /// Largest error in `u` that passes; smaller errors are not looked at more closely.
+    pub bar: f64,
+}
+
+/// Errors in one regime.
+#[derive(Clone, Debug)]
+pub struct Regime {
+    /// What its points have in common: `strain 1e-8`, `stretch 1e3`, ..
+    pub name: String,
+    /// The decade of the strain, where the regime is one near rest.
+    pub strain: Option<f64>,
+    /// How many points lie in the domain and have true values.
+    pub n_points: usize,
+    /// Largest error of psi, psi', psi'' in units of [`UNIT_ROUNDOFF`].
+    pub worst: [f64; 3],
+    /// Where it occurred.
+    pub at: [Point; 3],
+}
+
+/// Errors of one energy.
+#[derive(Clone, Debug)]
+pub struct Audit {
+    /// What it is a function of.
+    pub measure: Measure,
+    /// Regimes with points in the domain.
+    pub regimes: Vec<Regime>,
+}
+
+impl Audit {
+    /// Largest error of psi, psi', psi'' in units of [`UNIT_ROUNDOFF`].
+    pub fn worst(&self) -> [f64; 3] {
+        let mut worst = [0.0_f64; 3];
+        for regime in &self.regimes {
+            for order in 0..3 {
+                worst[order] = worst[order].max(regime.worst[order]);
+            }
+        }
+        worst
+    }
+}
+
+/// Audits every energy of a model for these values.
+///
+/// # Errors
+/// Energies that cannot be compiled.
+pub fn audit(
+    model: &Model,
+    values: &Values,
+    settings: &Settings,
+) -> Result<(Vec<Audit>, Vec<Dropped>), CompileError> {
+    let compiled = model.compile_as(values, Mode::Jit, settings.form)?;
+    let specialised = model.specialise_as(values, settings.form)?;
+    let variant =
+        model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+    let mut audits = Vec::new();
+    for (kernel, energy) in compiled.kernels.iter().zip(&specialised.energies) {
+        let measure = kernel.measure();
+        let written = model.written(values, measure);
+        let mut regimes = Vec::new();
+        for (name, strain, stretches) in stretches(energy, measure, settings.points) {
+            let mut points = points_of(&stretches);
+            points.retain(|&point| contains(variant, measure, values, point));
+            let columns = Columns::new(&points);
+            let mut out = Derivatives::default();
+            kernel.evaluate(columns.batch(), &mut out);
+            let mut regime = Regime { name, strain, n_points: 0, worst: [0.0; 3], at: [REST; 3] };
+            for (i, &point) in points.iter().enumerate() {
+                let found = [out.psi[i], out.dpsi[i], out.d2psi[i]];
+                measure_errors(&mut regime, &written, point, found, settings.bar);
+            }
+            if regime.n_points > 0 {
+                regimes.push(regime);
+            }
+        }
+        audits.push(Audit { measure, regimes });
+    }
+    let _: &Variant = variant;
+    Ok((audits, compiled.dropped))
+}
+
+const REST: Point = Point { measure: 1.0, reference: 1.0 };
+
+fn measure_errors(
+    regime: &mut Regime,
+    written: &WrittenEnergy,
+    point: Point,
+    found: [f64; 3],
+    bar: f64,
+) {
+    let Some(expected) = truth(written, point) else { return };
+    regime.n_points += 1;
+    for order in 0..3 {
+        let mut error = in_units(found[order], expected[order], expected[order].abs());
+        if error > bar {
+            let scale = expected[order].abs() + change(written, point, expected, order);
+            error = in_units(found[order], expected[order], scale);
+        }
+        if error > regime.worst[order] {
+            regime.worst[order] = error;
+            regime.at[order] = point;
+        }
+    }
+}
+
+/// How much a value changes when the strain changes by its own size, from its derivative.
+fn change(written: &WrittenEnergy, point: Point, expected: [f64; 3], order: usize) -> f64 {
+    let strain = point.measure - point.reference;
+    if order < 2 {
+        return (strain * expected[order + 1]).abs();
+    }
+    // psi''' from differences of true values.
+    let step = point.measure * 2.0_f64.powi(-20);
+    let moved = |measure: f64| truth(written, Point { measure, ..point });
+    match (moved(point.measure + step), moved(point.measure - step)) {
+        (Some(right), Some(left)) => (point.measure * (right[2] - left[2]) / (2.0 * step)).abs(),
+        _ => 0.0,
+    }
+}
+
+fn in_units(found: f64, expected: f64, scale: f64) -> f64 {
+    if found == expected || (expected.is_infinite() && !found.is_finite()) {
+        return 0.0;
+    }
+    if !found.is_finite() {
+        return f64::INFINITY;
+    }
+    if expected.abs() < SMALLEST {
+        return if found.abs() < 2.0 * SMALLEST { 0.0 } else { f64::INFINITY };
+    }
+    (found - expected).abs() / scale / UNIT_ROUNDOFF
+}
+
+/// Regimes: name, decade of the strain near rest, stretches.
+type Stretches = Vec<(String, Option<f64>, Vec<f64>)>;
+
+fn stretches(energy: &ScalarEnergy, measure: Measure, n: usize) -> Stretches {
+    let mut random = Random::new(0x6175_6469_7400 ^ measure as u64);
+    let mut regimes: Stretches = Vec::new();
+    for decade in 1..=15 {
+        let strain = 10.0_f64.powi(-decade);
+        let around = |random: &mut Random, k: usize| {
+            let size = strain * libm::pow(10.0, random.uniform(-0.5, 0.5)).min(9.0);
+            if k % 2 == 0 { 1.0 + size } else { 1.0 - size.min(0.9) }
+        };
+        let stretches = (0..n).map(|k| around(&mut random, k)).collect();
+        regimes.push((format!("strain 1e-{decade}"), Some(strain), stretches));
+    }
+    for decade in [-8_i32, -6, -4, -2, -1, 0, 1, 2, 4, 6, 8] {
+        let low = f64::from(decade) - 0.5;
+        let stretches = (0..n).map(|_| libm::pow(10.0, random.uniform(low, low + 1.0))).collect();
+        regimes.push((format!("stretch 1e{decade}"), None, stretches));
+    }
+    if measure == Measure::Volume {
+        let inverted = (0..n).map(|_| -libm::pow(10.0, random.uniform(-4.0, 4.0))).collect();
+        regimes.push(("inverted".to_string(), None, inverted));
+    }
+    regimes.push(("guards".to_string(), None, guards(energy)));
+    regimes.push(("zeros of psi''".to_string(), None, zeros(energy)));
+    regimes
+}
+
+/// References that are no powers of two, in turn.
+fn points_of(stretches: &[f64]) -> Vec<Point> {
+    const REFERENCES: [f64; 3] = [1.0, 0.037, 5.3];
+    let point = |(i, stretch): (usize, &f64)| {
+        let reference = REFERENCES[i % 3];
+        Point { measure: stretch * reference, reference }
+    };
+    stretches.iter().enumerate().map(point).collect()
+}
+
+/// Evaluates a node of an energy at a stretch of a bond of length 1.
+fn at(energy: &ScalarEnergy, stretch: f64, read: impl Fn(&Interpreter<f64>) -> bool) -> bool {
+    let mut interpreter = Interpreter::<f64>::new();
+    interpreter.run(&energy.graph, |input| match input {
+        Input::Current(_) => stretch,
+        Input::Reference(_) => 1.0,
+        Input::Change(_) => stretch - 1.0,
+        Input::Horizon | Input::Parameter(_) => f64::NAN,
+    });
+    read(&interpreter)
+}
+
+/// Stretches on both sides of every place where a comparison changes its mind, one rounding apart.
+fn guards(energy: &ScalarEnergy) -> Vec<f64> {
+    let mut found = Vec::new();
+    for (id, node) in energy.graph.nodes() {
+        if matches!(node, Node::Compare(Comparison::Less | Comparison::Greater, ..)) {
+            found.extend(switches(energy, |interpreter| interpreter.truth(id)));
+        }
+    }
+    // With reference 1 every third point is exact.
+    found.into_iter().flat_map(|stretch| [stretch; 3]).collect()
+}
+
+/// Stretches around the zeros of psi''.
+fn zeros(energy: &ScalarEnergy) -> Vec<f64> {
+    let root: NodeId = energy.roots[2];
+    let found = switches(energy, |interpreter| interpreter.number(root) < 0.0);
+    let around = |stretch: f64| [1.0, 1.0 - 1e-12, 1.0 + 1e-8, 1.0 - 1e-4].map(|f| f * stretch);
+    found.into_iter().flat_map(around).collect()
+}
+
+/// Pairs of neighbouring stretches between which a truth value changes, found on a grid.
+fn switches(energy: &ScalarEnergy, read: impl Fn(&Interpreter<f64>) -> bool) -> Vec<f64> {
+    let mut grid: Vec<f64> = (-80..=80).map(|k| libm::pow(10.0, f64::from(k) / 10.0)).collect();
+    for decade in 1..=15 {
+        let strain = 10.0_f64.powi(-decade);
+        grid.extend([1.0 - strain, 1.0 + strain]);
+    }
+    grid.sort_by(f64::total_cmp);
+    let mut found = Vec::new();
+    for pair in grid.windows(2) {
+        let (mut low, mut high) = (pair[0], pair[1]);
+        let left = at(energy, low, &read);
+        if left == at(energy, high, &read) {
+            continue;
+        }
+        while low.next_up() < high {
+            let middle = 0.5 * (low + high);
+            if at(energy, middle, &read) == left { low = middle } else { high = middle }
+        }
+        found.extend([low, high]);
+    }
+    found
+}

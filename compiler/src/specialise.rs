@@ -137,6 +137,29 @@ impl Model {
         Ok(result)
     }
 
+    /// The energies for these values in one graph each, with what was rewritten.
+    pub(crate) fn derived(&self, values: &Values) -> Result<Vec<Derived>, CompileError> {
+        let variant =
+            self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+        let fold = |input| match input {
+            Input::Parameter(i) => Some(values.parameters[usize::from(i)]),
+            Input::Horizon => Some(values.horizon),
+            _ => None,
+        };
+        let mut all = Vec::new();
+        for energy in self.specialise(values)?.energies {
+            let measure = energy.measure;
+            let simple = self::energy(variant, &self.parameters, measure, &fold, &mut Vec::new());
+            let derived = simple.and_then(|e| e.map(|e| e.derivatives(Form::Accurate)).transpose());
+            all.extend(derived.map_err(|TooManyNodes| CompileError::TooLarge {
+                measure,
+                span: span_of(variant, measure),
+                limit: MAX_NODES,
+            })?);
+        }
+        Ok(all)
+    }
+
     /// The energies with parameters left as symbols, as `derive` prints them.
     ///
     /// # Errors

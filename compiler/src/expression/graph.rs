@@ -5,6 +5,7 @@
 
 use rustc_hash::FxHashMap;
 
+use super::power::PowerPlan;
 use super::{Comparison, Function, Operator};
 use crate::measure::Measure;
 
@@ -151,6 +152,19 @@ impl ExprGraph {
             Node::Number(bits) => Some(f64::from_bits(bits)),
             _ => None,
         }
+    }
+
+    /// How many elementary functions it calls.
+    pub fn calls(&self) -> usize {
+        let called = |node: Node| match node {
+            Node::Unary(function, _) => function.libm().is_some(),
+            Node::Binary(Operator::Power, ..) => true,
+            Node::PowerConstant(_, bits) => {
+                matches!(PowerPlan::new(f64::from_bits(bits)), PowerPlan::General(_))
+            }
+            _ => false,
+        };
+        self.nodes.iter().filter(|node| called(**node)).count()
     }
 
     /// Which nodes the roots need, themselves included.

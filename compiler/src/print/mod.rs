@@ -11,7 +11,7 @@ mod text;
 pub use c::c_source;
 pub use latex::latex;
 pub use listing::{graph_listing, model_listing};
-pub use text::text;
+pub use text::{expression, text};
 
 use crate::expression::{Comparison, ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::measure::Measure;

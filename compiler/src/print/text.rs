@@ -1,7 +1,7 @@
 //! Graphs in the piola language; what is printed parses, and means the same.
 
 use super::{Binding, Names, Notation, Piece, lines, root_names};
-use crate::expression::{Comparison, Function, Input, Operator};
+use crate::expression::{Comparison, ExprGraph, Function, Input, NodeId, Operator};
 use crate::model::Model;
 use crate::specialise::ScalarEnergy;
 
@@ -24,6 +24,17 @@ impl Text<'_> {
     fn wrap(&self, piece: Piece, least: Binding) -> String {
         if piece.binding < least { format!("({})", piece.text) } else { piece.text }
     }
+}
+
+/// One expression; parts that are used more than once stand before it, `t1 = ..; `.
+pub fn expression(model: &Model, graph: &ExprGraph, root: NodeId) -> String {
+    let notation = Text { names: Names { model } };
+    let lines = lines(graph, &[(String::new(), root)], &notation);
+    let parts = lines.iter().map(|(name, text)| match name.as_str() {
+        "" => text.clone(),
+        name => format!("{name} = {text}"),
+    });
+    parts.collect::<Vec<_>>().join("; ")
 }
 
 impl Notation for Text<'_> {

@@ -8,11 +8,13 @@
 //! [`REWRITES`] lists the identities; a test of the same name shows each at work.
 
 mod expand;
+mod explain;
 mod monomial;
 mod rules;
 mod values;
 
 pub use expand::expand;
+pub use explain::{Explanation, Side, explain};
 pub(crate) use monomial::{Base, Monomial, Monomials, strain, stretch};
 
 use crate::expression::{NodeId, TooManyNodes};

@@ -107,11 +107,7 @@ fn change_minus_logarithm(graph: &mut Simplifier, measure: Measure, change: Node
 }
 
 /// `log1p(-y^2)`
-fn logarithm_of_square(
-    graph: &mut Simplifier,
-    x: NodeId,
-    at: &impl Fn(NodeId) -> NodeId,
-) -> Named {
+fn logarithm_of_square(graph: &mut Simplifier, x: NodeId, at: &impl Fn(NodeId) -> NodeId) -> Named {
     let Node::Unary(Function::Negate, square) = graph.graph()[x] else { return Ok(None) };
     let Some(y) = root_of(graph, square)? else { return Ok(None) };
     let one = graph.number(1.0)?;

@@ -1,0 +1,197 @@
+//! What was rewritten, and what it gained: before, after, errors and cost, all measured.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use super::{Applied, expand};
+use crate::audit::UNIT_ROUNDOFF;
+use crate::expression::interpret::Interpreter;
+use crate::expression::number::Number;
+use crate::expression::precise::Precise;
+use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
+use crate::jit::CompiledKernel;
+use crate::kernel::{Batch, Derivatives};
+use crate::measure::Measure;
+use crate::model::Model;
+use crate::print;
+use crate::simplify::{Rule, Simplifier};
+use crate::specialise::{CompileError, ScalarEnergy};
+use crate::values::Values;
+
+/// Precision of the true values, in binary digits.
+const BITS: usize = 512;
+/// Evaluations per timed run.
+const BATCH: usize = 2000;
+/// Timed runs of each form, in turn; the fastest counts.
+const RUNS: usize = 15;
+
+/// One use of a rule, with what it gained.
+#[derive(Clone, Debug)]
+pub struct Explanation {
+    /// The energy it belongs to.
+    pub measure: Measure,
+    /// Which rule.
+    pub rule: &'static Rule,
+    /// What was there.
+    pub before: Side,
+    /// What took its place.
+    pub after: Side,
+}
+
+/// An expression with its errors and its cost.
+#[derive(Clone, Debug)]
+pub struct Side {
+    /// In the piola language.
+    pub text: String,
+    /// Largest error in `u = 2^-53` at strains from 1e-1 to 1e-14.
+    pub near: f64,
+    /// Largest error in `u` at stretches from 1e-6 to 1e6.
+    pub far: f64,
+    /// Operations, calls included.
+    pub operations: usize,
+    /// Calls of elementary functions.
+    pub calls: usize,
+    /// Time of one evaluation in ns on this machine.
+    pub nanoseconds: f64,
+}
+
+/// Every rewrite of the energies for these values, each pair of expressions once.
+///
+/// # Errors
+/// As for [`Model::specialise`].
+pub fn explain(model: &Model, values: &Values) -> Result<Vec<Explanation>, CompileError> {
+    let mut explanations: Vec<Explanation> = Vec::new();
+    for derived in model.derived(values)? {
+        let mut graph = derived.graph;
+        for Applied { rule, before, after } in derived.applied {
+            let pair = pair(&mut graph, before, after, derived.measure);
+            let Ok((before, after)) = pair else { continue };
+            let (before, after) = sides(model, graph.graph(), before, after, derived.measure)?;
+            let known =
+                |e: &Explanation| e.before.text == before.text && e.after.text == after.text;
+            if before.text != after.text && !explanations.iter().any(known) {
+                explanations.push(Explanation { measure: derived.measure, rule, before, after });
+            }
+        }
+    }
+    Ok(explanations)
+}
+
+/// The two forms without strains: by definition, and accurate.
+fn pair(
+    graph: &mut Simplifier,
+    before: NodeId,
+    after: NodeId,
+    measure: Measure,
+) -> Result<(NodeId, NodeId), TooManyNodes> {
+    let before = by_definition(graph, before)?;
+    let [after, ..] = expand(graph, [after; 3], measure, &mut Vec::new())?;
+    Ok((before, after))
+}
+
+/// The same root with every strain as `(x^n - 1)/n`.
+fn by_definition(graph: &mut Simplifier, root: NodeId) -> Result<NodeId, TooManyNodes> {
+    let needed = graph.graph().reachable(&[root]);
+    let mut place: Vec<NodeId> = Vec::with_capacity(needed.len());
+    for index in 0..=root.0 as usize {
+        let id = NodeId(index as u32);
+        let made = match graph.graph()[id] {
+            _ if !needed[index] => id,
+            Node::Strain(x, bits) if f64::from_bits(bits) == 0.0 => {
+                graph.unary(Function::Ln, place[x.0 as usize])?
+            }
+            Node::Strain(x, bits) => {
+                let order = graph.number(f64::from_bits(bits))?;
+                let one = graph.number(1.0)?;
+                let power = graph.power(place[x.0 as usize], f64::from_bits(bits))?;
+                let difference = graph.subtract(power, one)?;
+                graph.divide(difference, order)?
+            }
+            node => graph.make(node.map_operands(|x| place[x.0 as usize]))?,
+        };
+        place.push(made);
+    }
+    Ok(place[root.0 as usize])
+}
+
+fn sides(
+    model: &Model,
+    graph: &ExprGraph,
+    before: NodeId,
+    after: NodeId,
+    measure: Measure,
+) -> Result<(Side, Side), CompileError> {
+    let forms = [form(graph, before, measure), form(graph, after, measure)];
+    let times = times([&forms[0], &forms[1]])?;
+    let side = |k: usize| {
+        let (near, far) = errors(&forms[k], &forms[0]);
+        let (operations, calls) = cost(&forms[k].graph);
+        let text = print::expression(model, &forms[k].graph, forms[k].roots[0]);
+        Side { text, near, far, operations, calls, nanoseconds: times[k] }
+    };
+    Ok((side(0), side(1)))
+}
+
+/// A lone expression in the shape of an energy.
+fn form(graph: &ExprGraph, root: NodeId, measure: Measure) -> ScalarEnergy {
+    let (graph, roots) = graph.extract(&[root; 3]);
+    ScalarEnergy { measure, graph, roots: [roots[0], roots[1], roots[2]] }
+}
+
+fn evaluate<N: Number>(form: &ScalarEnergy, stretch: f64, change: N) -> N {
+    let mut interpreter = Interpreter::<N>::new();
+    interpreter.run(&form.graph, |input| match input {
+        Input::Current(_) => N::constant(stretch),
+        Input::Reference(_) => N::constant(1.0),
+        Input::Change(_) => change.clone(),
+        Input::Horizon | Input::Parameter(_) => N::constant(f64::NAN),
+    });
+    interpreter.number(form.roots[0])
+}
+
+/// Largest errors near rest and far from it, against the true values of another form.
+fn errors(form: &ScalarEnergy, truth: &ScalarEnergy) -> (f64, f64) {
+    let largest = |stretches: Vec<f64>| {
+        let error = |stretch: f64| {
+            let exact = Precise::<BITS>::constant(stretch);
+            let one = Precise::<BITS>::constant(1.0);
+            let change = Precise::binary(Operator::Subtract, exact, one);
+            let expected = evaluate(truth, stretch, change).rounded()[0];
+            let found = evaluate(form, stretch, stretch - 1.0);
+            let relative = (found - expected).abs() / expected.abs() / UNIT_ROUNDOFF;
+            // Outside the domain of both there is nothing to compare.
+            if relative.is_nan() { 0.0 } else { relative }
+        };
+        stretches.into_iter().map(error).fold(0.0, f64::max)
+    };
+    let strains = (1..=14).flat_map(|k| [1.1, 2.3, 5.7].map(|x| x * 10.0_f64.powi(-k - 1)));
+    let near = strains.flat_map(|strain| [1.0 + strain, 1.0 - strain]).collect();
+    let far = (-60..=60).map(|k| libm::pow(10.0, f64::from(k) / 10.0)).collect();
+    (largest(near), largest(far))
+}
+
+fn cost(graph: &ExprGraph) -> (usize, usize) {
+    let works = |node: &Node| !matches!(node, Node::Number(_) | Node::Truth(_) | Node::Input(_));
+    let operations = graph.nodes().filter(|(_, node)| works(node)).count();
+    (operations, graph.calls())
+}
+
+/// Time of one evaluation of each form in ns: runs in turn, the fastest of each.
+fn times(forms: [&ScalarEnergy; 2]) -> Result<[f64; 2], CompileError> {
+    let kernels = [CompiledKernel::new(forms[0])?, CompiledKernel::new(forms[1])?];
+    let measure: Vec<f64> = (0..BATCH).map(|k| 0.5 + k as f64 / BATCH as f64).collect();
+    let reference = vec![1.0; BATCH];
+    let change: Vec<f64> = measure.iter().map(|l| l - 1.0).collect();
+    let batch = Batch { measure: &measure, reference: &reference, change: &change };
+    let mut out = Derivatives::default();
+    let mut fastest = [f64::INFINITY; 2];
+    for _ in 0..RUNS {
+        for (kernel, fastest) in kernels.iter().zip(&mut fastest) {
+            let start = Instant::now();
+            kernel.evaluate(black_box(batch), &mut out);
+            black_box(&out);
+            *fastest = fastest.min(start.elapsed().as_secs_f64() * 1e9 / BATCH as f64);
+        }
+    }
+    Ok(fastest)
+}

@@ -181,6 +181,8 @@ pub struct ExpressionAst {
 pub enum Statement {
     /// `source "Silling 2000, eq. (1)"`
     Source(Text),
+    /// `allow "no-bond-energy" "bonds are another file"`
+    Allow(Allow),
     /// `dimensions 2, 3`: where the energy is defined.
     Dimensions(Vec<(u8, Span)>),
     /// `parameter C = 1 in Pa, C > 0 "stiffness"`
@@ -191,6 +193,15 @@ pub enum Statement {
     Energy(Energy),
     /// `domain l/L in (0, 10]`
     Domain(Domain),
+}
+
+/// A lint that is not to be reported.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Allow {
+    /// The code of the lint.
+    pub code: Text,
+    /// Why the energy is right as it is.
+    pub reason: Option<Text>,
 }
 
 /// A parameter declaration.

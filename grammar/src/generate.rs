@@ -118,6 +118,14 @@ impl<'b> Writer<'b> {
         if !domain.is_empty() {
             self.line(domain);
         }
+        let allow = self.pick_of(&[
+            "",
+            "allow \"no-bond-energy\"",
+            "allow \"not-stress-free\" \"it is (so\"",
+        ]);
+        if !allow.is_empty() {
+            self.line(allow);
+        }
     }
 
     fn parameters(&mut self, scope: &mut Scope) {

@@ -1,9 +1,10 @@
 //! Words the language knows by itself, and Greek letters spelled out.
 
 /// Words with a meaning in the grammar; they cannot name anything.
-pub const KEYWORDS: [&str; 12] = [
+pub const KEYWORDS: [&str; 13] = [
     "potential",
     "source",
+    "allow",
     "parameter",
     "dimensions",
     "domain",
@@ -17,8 +18,8 @@ pub const KEYWORDS: [&str; 12] = [
 ];
 
 /// Keywords a statement begins with.
-pub const STATEMENT_KEYWORDS: [&str; 5] =
-    ["potential", "source", "parameter", "dimensions", "domain"];
+pub const STATEMENT_KEYWORDS: [&str; 6] =
+    ["potential", "source", "allow", "parameter", "dimensions", "domain"];
 
 /// Functions of one number.
 pub const UNARY_FUNCTIONS: [&str; 17] = [

@@ -6,8 +6,8 @@
 //! long.
 
 use crate::ast::{
-    Arena, Ast, BinaryOperator, Bound, Definition, Energy, ExprId, ExprKind, Ident, Parameter,
-    Statement, Text, UnaryOperator, Unit,
+    Allow, Arena, Ast, BinaryOperator, Bound, Definition, Energy, ExprId, ExprKind, Ident,
+    Parameter, Statement, Text, UnaryOperator, Unit,
 };
 use crate::operator::Binding;
 
@@ -62,6 +62,11 @@ impl<'a> Printer<'a> {
             Statement::Source(text) => {
                 self.push("source");
                 self.text(" ", text);
+            }
+            Statement::Allow(Allow { code, reason }) => {
+                self.push("allow");
+                self.text(" ", code);
+                self.text_after(" ", reason);
             }
             Statement::Dimensions(dimensions) => {
                 self.push("dimensions ");

@@ -32,6 +32,9 @@ impl Pair<'_> {
         use Statement as S;
         match (left, right) {
             (S::Source(a), S::Source(b)) => a.text == b.text,
+            (S::Allow(a), S::Allow(b)) => {
+                a.code.text == b.code.text && same_text(&a.reason, &b.reason)
+            }
             (S::Dimensions(a), S::Dimensions(b)) => {
                 a.iter().map(|(d, _)| d).eq(b.iter().map(|(d, _)| d))
             }
@@ -154,7 +157,7 @@ mod tests {
     #[test]
     fn places_do_not_count_and_all_else_does() {
         let base = "potential p \"t\"\nparameter C = 1 in N/m^2, C > 0 \"c\"\nS(x) = -x\n\
-                    psi(l) = if C > 1 then C*S(l) else 2\ndomain l in (0, 1]";
+                    psi(l) = if C > 1 then C*S(l) else 2\ndomain l in (0, 1]\nallow \"x\" \"y\"";
         let ast = parse(base).unwrap();
         let respaced =
             base.replace(' ', "  ").replace("(l)", "((l))").replace("psi((l))", "psi(l)");
@@ -174,6 +177,9 @@ mod tests {
             ("S(l)", "S(l, l)"),
             ("else 2", "else l"),
             ("(0, 1]", "[0, 1]"),
+            ("\"x\"", "\"z\""),
+            ("\"y\"", "\"z\""),
+            (" \"y\"", ""),
             ("\nS(x) = -x", ""),
         ] {
             let other = base.replacen(old, new, 1);

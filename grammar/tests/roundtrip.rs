@@ -94,6 +94,7 @@ const PIECES: &[&str] = &[
     "potential",
     "parameter",
     "source",
+    "allow",
     "dimensions",
     "domain",
     "psi",

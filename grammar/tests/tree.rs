@@ -157,6 +157,8 @@ fn every_form_of_a_statement() {
         ("ψ ( whatever ) = 1", "psi(whatever) = 1"),
         ("S(x, y) = x", "S(x, y) = x"),
         ("iffy = 1", "iffy = 1"),
+        ("allow \"no-bond-energy\"", "allow \"no-bond-energy\""),
+        ("allow\"x\"\"why\" # (", "allow \"x\" \"why\""),
         ("source \"#(\" # (", "source \"#(\""),
     ] {
         let (ast, _) = one_statement(text);

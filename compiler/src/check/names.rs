@@ -169,7 +169,7 @@ impl<'a> Resolver<'a> {
             }
             Statement::Energy(energy) => self.body(energy.body, &[]),
             Statement::Domain(domain) => self.body(domain.quantity, &[]),
-            Statement::Source(_) | Statement::Dimensions(_) => {}
+            Statement::Source(_) | Statement::Allow(_) | Statement::Dimensions(_) => {}
         }
     }
 

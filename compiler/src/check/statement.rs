@@ -214,7 +214,10 @@ impl<'a> Builder<'a> {
                 }
                 Statement::Energy(energy) => self.energy(energy),
                 Statement::Domain(domain) => self.domain(domain),
-                Statement::Definition(_) | Statement::Source(_) | Statement::Dimensions(_) => {}
+                Statement::Definition(_)
+                | Statement::Source(_)
+                | Statement::Allow(_)
+                | Statement::Dimensions(_) => {}
             }
         }
     }

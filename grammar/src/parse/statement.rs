@@ -5,8 +5,8 @@ use pest::iterators::{Pair, Pairs};
 use super::Builder;
 use super::parser::Rule;
 use crate::ast::{
-    Bound, Definition, Domain, Energy, ExprId, ExprKind, Parameter, Statement, Text, UnaryOperator,
-    Unit, UnitFactor,
+    Allow, Bound, Definition, Domain, Energy, ExprId, ExprKind, Parameter, Statement, Text,
+    UnaryOperator, Unit, UnitFactor,
 };
 use crate::names;
 use crate::{Diagnostic, Span};
@@ -33,6 +33,10 @@ impl Builder {
                 return Some(Line::Potential { name, title, span });
             }
             Rule::source => Statement::Source(self.text(&take(&mut parts, Rule::string)?)),
+            Rule::allow => {
+                let code = self.text(&take(&mut parts, Rule::string)?);
+                Statement::Allow(Allow { code, reason: self.optional_text(&mut parts) })
+            }
             Rule::dimensions => Statement::Dimensions(self.dimensions(parts)),
             Rule::parameter => Statement::Parameter(self.parameter(parts)?),
             Rule::domain => Statement::Domain(self.domain(span.start, parts)?),

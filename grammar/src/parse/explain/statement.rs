@@ -17,6 +17,10 @@ const FOREIGN_HEADS: &[(&[&str], &str)] = &[
     (&["energy", "psi", "ψ", "phi", "w", "U"], "write `psi(l) = ...`"),
     (&["title", "name", "law", "model"], "write `potential NAME \"title\"`"),
     (&["ref", "reference", "paper", "cite"], "write `source \"...\"`"),
+    (
+        &["ignore", "silence", "suppress", "disable", "nolint", "expect"],
+        "write `allow \"code\" \"why\"`, with the code of a lint",
+    ),
     (&["dim", "dims"], "write `dimensions 2, 3`"),
     (&["unit", "units"], "units stand behind parameters: `parameter C in Pa`"),
     (&["range", "where", "for", "assume"], "write `domain l/L in (0, 10)`"),
@@ -38,6 +42,7 @@ pub(super) fn explain(failure: &Failure<'_>) -> Option<Diagnostic> {
     let explained = match head.text {
         "potential" => potential(failure),
         "source" => source(failure),
+        "allow" => allow(failure),
         "dimensions" => dimensions(failure),
         "parameter" => parameter(failure),
         "domain" => domain(failure),
@@ -91,6 +96,22 @@ fn source(failure: &Failure<'_>) -> Option<Diagnostic> {
     super::spelling::explain(failure).or_else(|| {
         let finding = failure.error("the source stands in quotes").label("expected `\"`");
         Some(finding.help("write `source \"author year, eq. (1)\"`"))
+    })
+}
+
+fn allow(failure: &Failure<'_>) -> Option<Diagnostic> {
+    let what = match failure.index {
+        2.. if failure.found_text() == "," => {
+            let finding = failure.error("a line allows one lint").label("only a reason may follow");
+            return Some(finding.help("write a line with `allow` for each"));
+        }
+        1 => "the code of a lint stands in quotes",
+        2 => "the reason stands in quotes",
+        _ => return None,
+    };
+    super::spelling::explain(failure).or_else(|| {
+        let finding = failure.error(what).label("expected `\"`");
+        Some(finding.help("write `allow \"no-bond-energy\" \"why it is right\"`"))
     })
 }
 
@@ -271,8 +292,8 @@ fn unknown_head(failure: &Failure<'_>, head: Token<'_>) -> Diagnostic {
     match foreign {
         Some((_, help)) if failure.found_kind() != Some(Kind::Mark) => finding.help(*help),
         _ => finding.help(format!("to define it, write `{} = ...`", head.text)).help(
-            "a statement begins with `potential`, `source`, `parameter`, `dimensions`, `domain`, \
-             `psi(..) =` or `name =`",
+            "a statement begins with `potential`, `source`, `allow`, `parameter`, `dimensions`, \
+             `domain`, `psi(..) =` or `name =`",
         ),
     }
 }

@@ -28,7 +28,7 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Check potential files: syntax, names, dimensions; all errors in one run
+    /// Check potential files: syntax, names, dimensions, probable mistakes; all in one run
     Check(Check),
     /// Print psi, psi', psi'' of a potential, or any stage of its compilation
     Derive(Derive),
@@ -69,6 +69,9 @@ pub(crate) struct Check {
     /// Potential files (.piola), or names of the library
     #[arg(required = true)]
     pub(crate) files: Vec<String>,
+    /// Also tell of what proven potentials do: energies that do not resist collapse or inversion
+    #[arg(long)]
+    pub(crate) pedantic: bool,
     /// How findings are written
     #[arg(long, default_value = "human")]
     pub(crate) format: Format,

@@ -7,16 +7,18 @@
 //! | [`Model::compile`] | model, values, [`Mode`] | [`Kernel`]s over arrays | [`kernel`], [`jit`] |
 //!
 //! Only the checker makes a [`Model`]; later stages trust it. Every stage can be printed
-//! ([`mod@print`]). [`WrittenEnergy`] evaluates the model as it was written, over any number type:
+//! ([`mod@print`]); [`mod@lint`] looks at it for probable mistakes. [`WrittenEnergy`] evaluates the model as it was written, over any number type:
 //! [`mod@verify`] holds everything else against it.
 
 pub mod audit;
 pub mod check;
 pub mod differentiate;
+mod example;
 pub mod expression;
 mod formula;
 pub mod jit;
 pub mod kernel;
+pub mod lint;
 mod measure;
 mod model;
 pub mod print;
@@ -29,6 +31,7 @@ pub mod verify;
 pub use check::{CODES, check, check_text};
 pub use formula::Formula;
 pub use kernel::{Batch, CompiledPotential, Derivatives, Kernel, Mode, WrittenEnergy};
+pub use lint::{LINTS, Lint};
 pub use measure::Measure;
 pub use model::{Constraint, Energy, Interval, Model, Parameter, Variant};
 pub use specialise::{CompileError, Dropped, Form, ScalarEnergy, Specialised};

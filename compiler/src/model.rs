@@ -17,6 +17,7 @@ pub struct Model {
     pub(crate) name: String,
     pub(crate) title: Option<String>,
     pub(crate) sources: Vec<String>,
+    pub(crate) allowed: Vec<String>,
     pub(crate) has_units: bool,
     pub(crate) parameters: Vec<Parameter>,
     pub(crate) constraints: Vec<Constraint>,
@@ -132,6 +133,11 @@ impl Model {
     /// The conditions on parameter values.
     pub fn constraints(&self) -> &[Constraint] {
         &self.constraints
+    }
+
+    /// The codes of the lints that are not to be reported.
+    pub fn allowed(&self) -> &[String] {
+        &self.allowed
     }
 
     /// Whether any parameter states a unit, so that dimensions are checked.

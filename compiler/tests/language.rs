@@ -1,5 +1,6 @@
 //! The programs in LANGUAGE.md mean something: the right ones pass `check` and `verify` in every
-//! dimension, the wrong ones are refused with the code they state.
+//! dimension without lints, the wrong ones are refused with the code they state, and those with a
+//! lint have it.
 
 #[path = "support/property.rs"]
 #[allow(dead_code)] // the rest is for the other tests
@@ -8,7 +9,7 @@ mod property;
 use std::collections::BTreeSet;
 
 use piola_compiler::verify::verify;
-use piola_compiler::{CODES, check_text};
+use piola_compiler::{CODES, LINTS, check_text};
 use property::some_values;
 
 const LANGUAGE: &str = include_str!("../../grammar/LANGUAGE.md");
@@ -31,6 +32,7 @@ fn right_programs_are_compiled_and_verified() {
     let mut n_programs = 0;
     for (line, _, text) in blocks().into_iter().filter(|(_, info, _)| *info == "piola") {
         let (_, model) = check_text(&text).unwrap_or_else(|e| panic!("LANGUAGE.md:{line}: {e:#?}"));
+        assert_eq!(model.lint(false), [], "LANGUAGE.md:{line}");
         for dimension in model.dimensions().collect::<Vec<_>>() {
             let values = some_values(&model, dimension).unwrap();
             for energy in verify(&model, &values, 200).unwrap().0 {
@@ -56,8 +58,21 @@ fn wrong_programs_are_refused_as_they_say() {
 }
 
 #[test]
+fn doubtful_programs_have_the_lint_they_state() {
+    let mut n_programs = 0;
+    for (line, info, text) in blocks() {
+        let Some(code) = info.strip_prefix("piola-lint code=") else { continue };
+        let (_, model) = check_text(&text).unwrap_or_else(|e| panic!("LANGUAGE.md:{line}: {e:#?}"));
+        let codes: Vec<&str> = model.lint(false).iter().map(|warning| warning.code).collect();
+        assert_eq!(codes, [code], "LANGUAGE.md:{line}");
+        n_programs += 1;
+    }
+    assert!(n_programs >= 2, "{n_programs}");
+}
+
+#[test]
 fn every_code_is_explained() {
-    for code in CODES {
+    for code in CODES.into_iter().chain(LINTS.map(|lint| lint.code)) {
         assert!(LANGUAGE.contains(&format!("| `{code}` |")), "LANGUAGE.md misses `{code}`");
     }
 }

@@ -57,7 +57,7 @@ fn specialise(
     if symbols_allowed && settings.is_empty() && arguments.inputs.delta.is_none() {
         return Some(loaded.model.symbolic(dimension));
     }
-    let filled = potential::fill_with_one(&loaded.model, dimension, &mut settings);
+    let filled = loaded.model.fill_with_one(dimension, &mut settings);
     if !filled.is_empty() {
         eprintln!("note: {} = 1, for want of a value", filled.join(" = "));
     }

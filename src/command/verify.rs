@@ -22,12 +22,12 @@ pub(super) fn execute(arguments: &Verify) -> Exit {
         };
         for (number, &dimension) in dimensions.iter().enumerate() {
             let mut settings = settings.clone();
-            let filled = potential::fill_with_one(&loaded.model, dimension, &mut settings);
+            let filled = loaded.model.fill_with_one(dimension, &mut settings);
             if !filled.is_empty() && number == 0 {
                 eprintln!("note: {file}: {} = 1, for want of a value", filled.join(" = "));
             }
             let delta = arguments.inputs.delta.or(Some(1.0));
-            let switched_on = potential::switch_on(&loaded.model, dimension, &mut settings, delta);
+            let switched_on = loaded.model.switch_on(dimension, &mut settings, delta);
             if !switched_on.is_empty() {
                 eprintln!(
                     "note: {file}: {} = 1, so that no energy is left out",

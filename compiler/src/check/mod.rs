@@ -22,7 +22,7 @@ use piola_grammar::{Ast, Diagnostic, Reading, Span, read, spell_out};
 use crate::model::Model;
 
 /// The codes of all findings of this crate, those about values and sizes included.
-pub const CODES: [&str; 22] = [
+pub const CODES: [&str; 23] = [
     "constraint-violated",
     "dimension-mismatch",
     "duplicate-name",
@@ -38,6 +38,7 @@ pub const CODES: [&str; 22] = [
     "reserved-name",
     "too-large",
     "type-mismatch",
+    "unknown-lint",
     "unknown-measure",
     "unknown-name",
     "unknown-parameter",

@@ -1,7 +1,8 @@
 //! Statements to a model, once per dimension.
 
 use piola_grammar::ast::{
-    Ast, Energy as EnergyAst, ExprId, ExprKind, Parameter as ParameterAst, Statement, UnaryOperator,
+    Allow, Ast, Energy as EnergyAst, ExprId, ExprKind, Parameter as ParameterAst, Statement, Text,
+    UnaryOperator,
 };
 use piola_grammar::{Diagnostic, Span, print_expression, suggest};
 
@@ -12,6 +13,7 @@ use super::names::{Symbols, parts};
 use super::unit::{UnitValue, base_units, named_unit, prefixes, unit_names};
 use super::value::{Quantity, Value};
 use crate::expression::{ExprGraph, NodeId};
+use crate::lint::LINTS;
 use crate::measure::Measure;
 use crate::model::{Conditions, Constraint, Energy, Interval, Model, Parameter, Variant};
 
@@ -25,6 +27,7 @@ pub(crate) fn model(
     errors: &mut Vec<Diagnostic>,
 ) -> Option<Model> {
     let dimensions = dimensions(ast, errors);
+    let allowed = allowed(ast, errors);
     let declared = parameters(ast);
     if declared.len() > MAX_PARAMETERS {
         let message = format!("a potential has at most {MAX_PARAMETERS} parameters");
@@ -56,6 +59,7 @@ pub(crate) fn model(
         name: ast.name.name.clone(),
         title: ast.title.as_ref().map(|t| t.text.clone()),
         sources: sources(ast),
+        allowed,
         has_units,
         parameters: declared.iter().map(|p| parameter(ast, p)).collect(),
         constraints: stated,
@@ -89,6 +93,30 @@ fn sources(ast: &Ast) -> Vec<String> {
         _ => None,
     };
     ast.statements.iter().filter_map(of).collect()
+}
+
+/// The codes of the lints that are not to be reported; reports those that are none.
+fn allowed(ast: &Ast, errors: &mut Vec<Diagnostic>) -> Vec<String> {
+    let mut codes = Vec::new();
+    for statement in &ast.statements {
+        let Statement::Allow(Allow { code, .. }) = statement else { continue };
+        if LINTS.iter().any(|lint| lint.code == code.text) {
+            codes.push(code.text.clone());
+        } else if errors.len() < MAX_FINDINGS {
+            errors.push(unknown_lint(code));
+        }
+    }
+    codes
+}
+
+fn unknown_lint(code: &Text) -> Diagnostic {
+    let known = || LINTS.iter().map(|lint| lint.code);
+    let message = format!("there is no lint `{}`", code.text);
+    let error = Diagnostic::error("unknown-lint", code.span, message);
+    match suggest(&code.text, known()) {
+        Some(near) => error.help(format!("did you mean `\"{near}\"`?")),
+        None => error.help(format!("the lints are {}", known().collect::<Vec<_>>().join(", "))),
+    }
 }
 
 fn parameter(ast: &Ast, p: &ParameterAst) -> Parameter {

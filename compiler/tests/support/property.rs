@@ -53,6 +53,10 @@ pub(crate) fn follow(text: &str) -> Outcome {
             return if parse(text).is_err() { Outcome::Unreadable } else { Outcome::Refused };
         }
     };
+    let lints = model.lint(true);
+    if !lints.is_empty() {
+        findings(text, &lints);
+    }
     let mut outcome = Outcome::NotCompiled;
     for dimension in model.dimensions().collect::<Vec<_>>() {
         let symbolic = model.symbolic(dimension);

@@ -1,0 +1,145 @@
+//! What is probably a mistake in an energy, though the language allows it.
+//!
+//! | code | an energy that |
+//! |---|---|
+//! | `not-stress-free` | has a force at rest |
+//! | `not-stiff-at-rest` | gives a small deformation no stiffness |
+//! | `singular-in-domain` | is no finite number somewhere inside its domain |
+//! | `jump-in-energy`, `jump-in-force` | has branches that do not meet |
+//! | `no-bond-energy` | stands without one of bonds |
+//! | `no-collapse-resistance`, `no-inversion-resistance` | stays finite where an interaction collapses, or is turned inside out |
+//!
+//! Before: a model. After: warnings. The energies are looked at for the defaults of their
+//! parameters, at points of their declared domains: what is not found may still be there. The last
+//! two are true of proven potentials, among them the quadratic bond, and so only told on request.
+
+mod domain;
+mod jump;
+mod rest;
+mod subject;
+
+use piola_grammar::Diagnostic;
+
+use crate::measure::Measure;
+use crate::model::Model;
+use subject::Subject;
+
+/// One kind of thing that is probably a mistake.
+#[derive(Clone, Copy, Debug)]
+pub struct Lint {
+    /// Stable kebab-case name.
+    pub code: &'static str,
+    /// Whether it is only told on request, because proven potentials have it too.
+    pub pedantic: bool,
+    look: Look,
+}
+
+/// What a lint looks at.
+#[derive(Clone, Copy, Debug)]
+enum Look {
+    /// The whole potential; gives the measure whose energy is to be pointed at.
+    Model(fn(&Model) -> Option<(Measure, Finding)>),
+    /// One energy with values.
+    Energy(fn(&Subject<'_>) -> Option<Finding>),
+}
+
+/// What a lint has to say.
+struct Finding {
+    /// What is seen, and where.
+    message: String,
+    /// What to write instead.
+    help: String,
+}
+
+/// All lints.
+pub const LINTS: [Lint; 8] = [
+    lint("not-stress-free", Look::Energy(rest::not_stress_free)),
+    lint("not-stiff-at-rest", Look::Energy(rest::not_stiff)),
+    lint("singular-in-domain", Look::Energy(domain::singular)),
+    lint("jump-in-energy", Look::Energy(jump::in_energy)),
+    lint("jump-in-force", Look::Energy(jump::in_force)),
+    lint("no-bond-energy", Look::Model(no_bond_energy)),
+    pedantic("no-collapse-resistance", Look::Energy(domain::no_collapse_resistance)),
+    pedantic("no-inversion-resistance", Look::Energy(domain::no_inversion_resistance)),
+];
+
+const fn lint(code: &'static str, look: Look) -> Lint {
+    Lint { code, pedantic: false, look }
+}
+
+const fn pedantic(code: &'static str, look: Look) -> Lint {
+    Lint { code, pedantic: true, look }
+}
+
+impl Model {
+    /// What is probably a mistake, as warnings in the order of the text: each lint at most once for
+    /// the energies of a measure, and not what the file allows.
+    pub fn lint(&self, with_pedantic: bool) -> Vec<Diagnostic> {
+        let mut wanted: Vec<Lint> = LINTS.to_vec();
+        wanted.retain(|lint| with_pedantic || !lint.pedantic);
+        wanted.retain(|lint| !self.allowed.iter().any(|code| code == lint.code));
+        let mut found: Vec<Diagnostic> = Vec::new();
+        for lint in &wanted {
+            if let Look::Model(look) = lint.look {
+                found.extend(look(self).map(|(measure, finding)| {
+                    self.diagnostic(lint.code, measure, finding, String::new())
+                }));
+            }
+        }
+        for subjects in self.dimensions().flat_map(|dimension| Subject::all(self, dimension)) {
+            for lint in &wanted {
+                let Look::Energy(look) = lint.look else { continue };
+                let seen = subjects.iter().find_map(|subject| Some((subject, look(subject)?)));
+                let Some((subject, finding)) = seen else { continue };
+                let measure = subject.measure();
+                let warning =
+                    self.diagnostic(lint.code, measure, finding, subject.values_in_words());
+                // What is found in two dimensions is mostly found in three too.
+                if !found.iter().any(|f| f.code == warning.code && f.span == warning.span) {
+                    found.push(warning);
+                }
+            }
+        }
+        found.sort_by_key(|warning| warning.span);
+        found
+    }
+
+    /// A finding at the energies of a measure.
+    fn diagnostic(
+        &self,
+        code: &'static str,
+        measure: Measure,
+        finding: Finding,
+        label: String,
+    ) -> Diagnostic {
+        let energies = self.variants[0].energies.iter().filter(|e| e.measure == measure);
+        let mut spans = energies.map(|energy| energy.span);
+        let span = spans.next().unwrap_or_default();
+        let mut warning = Diagnostic::warning(code, span, finding.message).label(label);
+        for more in spans {
+            warning = warning.note(more, "and this is added");
+        }
+        warning.help(finding.help).help(format!("if it is meant so: `allow \"{code}\" \"why\"`"))
+    }
+}
+
+fn no_bond_energy(model: &Model) -> Option<(Measure, Finding)> {
+    let first = *model.measures().first()?;
+    if first == Measure::Length {
+        return None;
+    }
+    let what = match first {
+        Measure::Area => "triangles can be sheared without changing their area",
+        _ => "tetrahedra can be sheared without changing their volume",
+    };
+    Some((
+        first,
+        Finding {
+            message: format!("no energy of bonds: {what}, so a body deforms freely"),
+            help: "add an energy of bonds, for instance `psi(l) = 1/2*C1*L*(l/L - 1)^2`".into(),
+        },
+    ))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,60 @@
+//! At rest: no force, and a stiffness.
+
+use super::Finding;
+use super::subject::{Subject, short};
+
+/// How much smaller than around it a value must be to count as 0.
+const NOTHING: f64 = 1e-9;
+
+/// psi' at rest, if it is a force and no rounding.
+pub(super) fn not_stress_free(subject: &Subject<'_>) -> Option<Finding> {
+    let (force, around) = at_rest(subject, 1)?;
+    if force.abs() <= NOTHING * around {
+        return None;
+    }
+    let symbol = subject.symbol();
+    let rest = subject.measure().reference_symbol();
+    Some(Finding {
+        message: format!(
+            "psi({symbol}) is not stress-free: psi'({symbol}) = {} at {}",
+            short(force),
+            subject.place(1.0)
+        ),
+        help: format!(
+            "let the energy have its minimum at rest, as `({symbol}/{rest} - 1)^2` and \
+             `ln({symbol}/{rest})^2` have"
+        ),
+    })
+}
+
+/// psi'' at rest, if it is not positive.
+pub(super) fn not_stiff(subject: &Subject<'_>) -> Option<Finding> {
+    let (stiffness, around) = at_rest(subject, 2)?;
+    if stiffness > NOTHING * around {
+        return None;
+    }
+    let symbol = subject.symbol();
+    let rest = subject.measure().reference_symbol();
+    Some(Finding {
+        message: format!(
+            "psi({symbol}) is not stiff at rest: psi''({symbol}) = {} at {}",
+            short(stiffness),
+            subject.place(1.0)
+        ),
+        help: format!(
+            "it stiffens no small deformation: add a term that is quadratic at rest, such as \
+             `({symbol}/{rest} - 1)^2`"
+        ),
+    })
+}
+
+/// psi' or psi'' at rest, and its largest absolute value a tenth around it. None where rest does not
+/// belong to the domain or the value is no number.
+fn at_rest(subject: &Subject<'_>, order: usize) -> Option<(f64, f64)> {
+    let value = subject.at_stretch(1.0)[order];
+    if !subject.declares(1.0) || !value.is_finite() {
+        return None;
+    }
+    let around = [0.9, 1.1].map(|stretch| subject.at_stretch(stretch)[order].abs());
+    Some((value, around.into_iter().filter(|x| x.is_finite()).fold(value.abs(), f64::max)))
+}

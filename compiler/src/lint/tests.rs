@@ -1,0 +1,119 @@
+//! One energy for every lint, and one beside it that is right.
+
+use super::LINTS;
+use crate::test_support::model;
+
+/// Codes of the warnings for these statements.
+fn found(statements: &str) -> Vec<&'static str> {
+    let model = model(&format!("potential p\n{statements}\n"));
+    model.lint(true).into_iter().map(|warning| warning.code).collect()
+}
+
+fn message(statements: &str, code: &str) -> String {
+    let model = model(&format!("potential p\n{statements}\n"));
+    let warnings = model.lint(true);
+    let warning = warnings.iter().find(|warning| warning.code == code);
+    let warning = warning.unwrap_or_else(|| panic!("no {code}: {warnings:#?}"));
+    format!("{}; {}", warning.message, warning.label)
+}
+
+/// Code, an energy that has it, an energy that has not.
+const PAIRS: [(&str, &str, &str); 22] = [
+    ("not-stress-free", "psi(l) = (l/L)^2", "psi(l) = (l/L - 1)^2"),
+    ("not-stress-free", "psi(l) = ln(l)^2", "psi(l) = ln(l/L)^2"),
+    (
+        "not-stress-free",
+        "psi(l) = 12*((L/l)^12 - (L/l)^6)",
+        "psi(l) = (L/l)^12 - 2*(L/l)^6\npsi(l) = 0.1*(l/L - 1)^2",
+    ),
+    ("not-stiff-at-rest", "psi(l) = (l/L - 1)^4", "psi(l) = (l/L - 1)^4 + (l/L - 1)^2"),
+    ("not-stiff-at-rest", "psi(a) = -(a/A - 1)^2", "psi(a) = (a/A - 1)^2"),
+    ("not-stiff-at-rest", "psi(l) = l/L", "psi(l) = cosh(l/L - 1)"),
+    ("singular-in-domain", "psi(v) = ln(v/V)^2", "psi(v) = ln(v/V)^2\ndomain v/V in (0, inf)"),
+    ("singular-in-domain", "psi(l) = abs(l/L - 1)^1.5", "psi(l) = abs(l/L - 1)^2.5"),
+    (
+        "singular-in-domain",
+        "psi(l) = -ln(1 - (l/L - 1)^2)",
+        "psi(l) = -ln(1 - (l/L - 1)^2)\ndomain l/L in (0, 2)",
+    ),
+    ("singular-in-domain", "psi(l) = (2 - l/L)^-2", "psi(l) = (12 - l/L)^-2"),
+    ("singular-in-domain", "psi(l) = sqrt(l/L - 1)", "psi(l) = exp(30*(l/L - 1)^2)"),
+    (
+        "jump-in-energy",
+        "psi(l) = if l/L < 1.1 then (l/L - 1)^2 else 0",
+        "psi(l) = if l/L < 1.1 then (l/L - 1)^2 else 0.01",
+    ),
+    (
+        "jump-in-energy",
+        "psi(l) = (l/L - 1)^2*(2 + sign(l/L - 1.5))",
+        "psi(l) = (l/L - 1)^2*(2 + sign(l/L - 1))",
+    ),
+    (
+        "jump-in-force",
+        "psi(l) = if l/L < 1.1 then (l/L - 1)^2 else 0.01",
+        "psi(l) = if l > L then (l/L - 1)^2 else 2*(l/L - 1)^2",
+    ),
+    ("jump-in-force", "psi(l) = abs(l/L - 1)", "psi(l) = abs(l/L - 1)^2"),
+    (
+        "jump-in-force",
+        "psi(l) = (l/L - 1)^2 + max(0, l/L - 1.3)",
+        "psi(l) = (l/L - 1)^2 + max(0, l/L - 1.3)^2",
+    ),
+    ("jump-in-force", "psi(l) = min((l/L - 1)^2, 0.04)", "psi(l) = (l/L - 1)^2"),
+    ("no-bond-energy", "psi(a) = (a/A - 1)^2", "psi(a) = (a/A - 1)^2\npsi(l) = (l/L - 1)^2"),
+    ("no-collapse-resistance", "psi(l) = (l/L - 1)^2", "psi(l) = ln(l/L)^2"),
+    (
+        "no-collapse-resistance",
+        "psi(l) = (l/L - 1)^2",
+        "psi(l) = (l/L - 1)^2\ndomain l/L in (1/2, 2)",
+    ),
+    (
+        "no-inversion-resistance",
+        "psi(v) = (v/V - 1)^2",
+        "psi(v) = ln(v/V)^2\ndomain v/V in (0, inf)",
+    ),
+    ("no-inversion-resistance", "dimensions 2\npsi(a) = (a/A - 1)^2", "psi(a) = (a/A - A/a)^2"),
+];
+
+#[test]
+fn every_lint_finds_what_it_is_for_and_nothing_beside_it() {
+    for lint in LINTS {
+        assert!(PAIRS.iter().any(|(code, ..)| *code == lint.code), "{}", lint.code);
+    }
+    for (code, wrong, right) in PAIRS {
+        assert!(found(wrong).contains(&code), "{code} is not found in\n{wrong}");
+        assert!(!found(right).contains(&code), "{code} is found in\n{right}");
+    }
+}
+
+#[test]
+fn a_silent_lint_stays_silent_for_its_code_alone() {
+    let text = "psi(a) = (a/A - 1)^4";
+    assert_eq!(found(text).len(), 3 + 1, "{:?}", found(text));
+    let allowed = format!("allow \"no-bond-energy\" \"bonds are elsewhere\"\n{text}");
+    assert!(!found(&allowed).contains(&"no-bond-energy"));
+    assert!(found(&allowed).contains(&"not-stiff-at-rest"));
+}
+
+#[test]
+fn what_proven_potentials_do_is_told_on_request() {
+    let spring = model("potential spring\npsi(l) = (l/L - 1)^2");
+    assert!(spring.lint(false).is_empty());
+    assert_eq!(spring.lint(true)[0].code, "no-collapse-resistance");
+}
+
+#[test]
+fn coefficients_that_are_zero_and_conditions_hide_nothing() {
+    let text = "parameter C = 0, C >= 0\npsi(l) = (l/L - 1)^2\npsi(a) = C*(a/A)^2";
+    assert!(message(text, "not-stress-free").ends_with("; with C = 1"));
+    let text = "parameter n, n < 0\npsi(l) = n*(l/L - 1)^2";
+    assert!(message(text, "not-stiff-at-rest").ends_with("; with n = -1"));
+}
+
+#[test]
+fn messages_are_short_and_name_the_place() {
+    let text = "parameter E = 2 in GPa\nparameter c = 1/(2^0.5)\ndimensions 3\n\
+                psi(l) = if l/L < 1 + c then 1/2*E*L*L^-3*(l/L - 1)^2/L else 0*E/L^3";
+    let found = message(text, "jump-in-energy");
+    assert_eq!(found, "psi(l) jumps by -5e8 at l/L = 1.71 (L = 1); with E = 2, c = 0.707");
+}

@@ -46,6 +46,8 @@ pub(crate) enum Command {
     Plan(Plan),
     /// List the library of potentials, or show one of them
     Info(Info),
+    /// Say what the code of a message means, with examples; list all codes
+    Explain(Explain),
     /// Print completions for a shell
     #[command(after_help = COMPLETIONS_EXAMPLE)]
     Completions {
@@ -241,4 +243,10 @@ pub(crate) struct Plan {
 pub(crate) struct Info {
     /// A potential of the library, or a potential file
     pub(crate) potential: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Explain {
+    /// The code in the brackets of a message, e.g. `not-stress-free`; all codes if not given
+    pub(crate) code: Option<String>,
 }

@@ -4,6 +4,7 @@
 //! 2 wrong usage or input, 3 the solver did not converge.
 
 mod cli;
+mod codes;
 mod command;
 mod library;
 mod potential;

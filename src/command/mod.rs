@@ -5,6 +5,7 @@ mod completions;
 mod derive;
 mod energy;
 mod eval;
+mod explain;
 mod info;
 mod plan;
 mod run;
@@ -45,6 +46,7 @@ pub(crate) fn execute(command: Command) -> Exit {
         Command::Run(arguments) => run::execute(&arguments),
         Command::Plan(arguments) => plan::execute(&arguments),
         Command::Info(arguments) => info::execute(&arguments),
+        Command::Explain(arguments) => explain::execute(&arguments),
         Command::Completions { shell } => completions::execute(shell),
     }
 }

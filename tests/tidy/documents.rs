@@ -104,6 +104,23 @@ fn the_scene_reference_knows_every_key_and_code() {
     }
 }
 
+/// Codes of scenes stand in the tables of `docs/scenes.md`, which the test above holds complete.
+#[test]
+fn every_code_is_explained_on_its_page() {
+    let page = read("docs/codes.md");
+    let explained: Vec<&str> = between(&page, "\n### `", "`\n");
+    let mut codes: BTreeSet<&str> = piola_grammar::CODES.into_iter().collect();
+    codes.extend(piola_compiler::CODES);
+    codes.extend(piola_compiler::LINTS.map(|lint| lint.code));
+    let scenes = read("docs/scenes.md");
+    let messages = scenes.split_once("\n## Messages\n").unwrap().1;
+    let quoted = messages.split('`').skip(1).step_by(2);
+    codes.extend(quoted.filter(|code| code.contains('-')));
+    let listed: BTreeSet<&str> = explained.iter().copied().collect();
+    assert_eq!(listed.len(), explained.len(), "a code is explained twice");
+    assert_eq!(listed, codes);
+}
+
 #[test]
 fn the_output_reference_knows_every_field() {
     let page = read("docs/output.md");

@@ -1,0 +1,95 @@
+//! The examples of `docs/codes.md`: what is called wrong is answered with the code of its section,
+//! what is called right without it.
+
+use crate::support::{SceneFolder, piola, repository};
+
+/// A cloud for the examples of tables, in place of the body of the page's scene.
+const CLOUD: &str = "[body]\ndimension = 2\npoints = \"points.csv\"\n\n[horizon]\nradius = 1.5\n";
+
+const POINTS: &str = "x,y,volume\n0,0,1\n1,0,1\n0,1,1\n1,1,1\n";
+
+/// A fenced block: its language and its text.
+type Block<'p> = (&'p str, &'p str);
+
+fn blocks(text: &str) -> Vec<Block<'_>> {
+    let fenced = text.split("\n```").skip(1).step_by(2);
+    fenced.filter_map(|block| block.split_once('\n')).collect()
+}
+
+/// The tables of a scene or of a part of one, each with its header.
+fn tables(scene: &str) -> Vec<String> {
+    let mut tables: Vec<String> = Vec::new();
+    for line in scene.lines() {
+        if line.starts_with('[') || tables.is_empty() {
+            tables.push(String::new());
+        }
+        let table = tables.last_mut().unwrap();
+        table.push_str(line);
+        table.push('\n');
+    }
+    tables
+}
+
+/// A scene with those of its tables replaced that a fragment names.
+fn with_tables(scene: &str, fragment: &str) -> String {
+    let head = |table: &String| table.lines().next().map(str::to_string);
+    let fragment = tables(fragment);
+    let mut kept = tables(scene);
+    kept.retain(|table| !fragment.iter().any(|other| head(other) == head(table)));
+    kept.into_iter().chain(fragment).collect()
+}
+
+/// Everything piola says to an example; `None` where nothing can be run.
+fn said((language, text): Block<'_>, scene: &str) -> Option<String> {
+    let outcome = match language {
+        "piola" => {
+            let folder = tempfile::tempdir().unwrap();
+            let file = folder.path().join("law.piola");
+            std::fs::write(&file, text).unwrap();
+            piola(&["check", "--pedantic", file.to_str().unwrap()])
+        }
+        "toml" | "csv" => {
+            let cloud = with_tables(scene, CLOUD);
+            let (scene, points) = match language {
+                "toml" => (with_tables(scene, text), POINTS),
+                _ => (cloud, text),
+            };
+            let folder = SceneFolder::new(&scene);
+            folder.file("points.csv", points);
+            piola(&["plan", &folder.scene()])
+        }
+        _ => return None,
+    };
+    Some(outcome.stderr)
+}
+
+#[test]
+fn examples_are_as_right_and_as_wrong_as_the_page_says() {
+    let page = std::fs::read_to_string(repository("docs/codes.md")).unwrap();
+    let scenes = page.split_once("\n## Scenes\n").unwrap().1;
+    let scene = blocks(scenes)[0].1;
+    let mut n_sections = 0;
+    for section in page.split("\n### `").skip(1) {
+        let section = section.split("\n## ").next().unwrap();
+        let code = section.split('`').next().unwrap();
+        let [wrong, right] = blocks(section)[..] else { panic!("{code} has not two examples") };
+        let (Some(wrong), Some(right)) = (said(wrong, scene), said(right, scene)) else { continue };
+        assert!(wrong.contains(&format!("[{code}]")), "{code}, wrong:\n{wrong}");
+        assert!(!right.contains(&format!("[{code}]")), "{code}, right:\n{right}");
+        assert!(!right.contains("error"), "{code}, right:\n{right}");
+        n_sections += 1;
+    }
+    assert!(n_sections > 70, "{n_sections}");
+}
+
+#[test]
+fn explain_prints_the_page() {
+    let list = piola(&["explain"]).expect(0).stdout;
+    for code in ["syntax", "unknown-lint", "no-bond-energy", "points-coincide"] {
+        assert!(list.contains(&format!("\n  {code} ")), "{list}");
+    }
+    let found = piola(&["explain", "not-stress-free"]).expect(0);
+    assert!(found.stderr.is_empty());
+    assert!(found.stdout.contains("\nWrong:\n\n    potential spring\n    psi(l) = (l/L)^2\n"));
+    piola(&["explain", "not-stres-free"]).expect(2).says(&["did you mean `not-stress-free`?"]);
+}

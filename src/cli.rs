@@ -34,6 +34,8 @@ pub(crate) enum Command {
     Derive(Derive),
     /// Compare generated derivatives with hyper-dual numbers and the interpreter
     Verify(Verify),
+    /// Count the right digits of psi, psi', psi'' from tiny strains to huge stretches
+    Audit(Audit),
     /// Evaluate psi, psi', psi'' at given measures: CSV in, CSV out
     #[command(after_help = EVAL_EXAMPLE)]
     Eval(Eval),
@@ -123,6 +125,47 @@ pub(crate) struct Derive {
     pub(crate) dim: Option<u8>,
     #[command(flatten)]
     pub(crate) inputs: Inputs,
+    /// Say what was rewritten so that the energy keeps its digits, and what that gained
+    #[arg(long)]
+    pub(crate) explain: bool,
+}
+
+/// How an audit is written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum AuditFormat {
+    /// A table for people.
+    #[default]
+    Human,
+    /// A row per regime and derivative.
+    Csv,
+    /// An object per energy.
+    Json,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Audit {
+    /// A potential file (.piola), or a name of the library
+    pub(crate) file: String,
+    /// Number of dimensions; the largest the potential is defined in if not given
+    #[arg(long, value_parser = clap::value_parser!(u8).range(2..=3))]
+    pub(crate) dim: Option<u8>,
+    #[command(flatten)]
+    pub(crate) inputs: Inputs,
+    /// Points per regime
+    #[arg(long, default_value_t = 12)]
+    pub(crate) points: usize,
+    /// Largest error that passes, in units of 2^-53 of the value
+    #[arg(long, default_value_t = 64.0)]
+    pub(crate) bar: f64,
+    /// Look at the energy as it was written, without the rewrites that keep its digits
+    #[arg(long)]
+    pub(crate) textbook: bool,
+    /// How the table is written
+    #[arg(long, default_value = "human")]
+    pub(crate) format: AuditFormat,
+    /// Draw error against strain: FILE.svg or FILE.png
+    #[arg(long, value_name = "FILE")]
+    pub(crate) picture: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

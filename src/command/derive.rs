@@ -1,7 +1,8 @@
 //! `piola derive`: derivatives as text, and every stage on the way to machine code.
 
 use piola_compiler::jit::CompiledKernel;
-use piola_compiler::{CompileError, Specialised, print};
+use piola_compiler::rewrite::{self, Explanation, Side};
+use piola_compiler::{CompileError, Specialised, Values, print};
 
 use super::Exit;
 use crate::cli::{Derive, Emit, Format};
@@ -22,6 +23,9 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
             return Exit::Done;
         }
         _ => {}
+    }
+    if arguments.explain {
+        return explain(&loaded, dimension, arguments);
     }
     let specialised = match specialise(&loaded, dimension, arguments) {
         Some(Ok(specialised)) => specialised,
@@ -52,18 +56,69 @@ fn specialise(
     dimension: usize,
     arguments: &Derive,
 ) -> Option<Result<Specialised, CompileError>> {
-    let mut settings = potential::settings(&arguments.inputs)?;
+    let settings = potential::settings(&arguments.inputs)?;
     let symbols_allowed = matches!(arguments.emit, Emit::Text | Emit::Latex | Emit::Graph);
     if symbols_allowed && settings.is_empty() && arguments.inputs.delta.is_none() {
         return Some(loaded.model.symbolic(dimension));
     }
+    let values = filled_values(loaded, dimension, arguments)?;
+    Some(loaded.model.specialise(&values))
+}
+
+/// Values for every parameter: 1 for want of one, which is said.
+fn filled_values(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Option<Values> {
+    let mut settings = potential::settings(&arguments.inputs)?;
     let filled = loaded.model.fill_with_one(dimension, &mut settings);
     if !filled.is_empty() {
         eprintln!("note: {} = 1, for want of a value", filled.join(" = "));
     }
     let delta = arguments.inputs.delta.or(Some(1.0));
-    let values = potential::values(&loaded.model, dimension, &settings, delta)?;
-    Some(loaded.model.specialise(&values))
+    potential::values(&loaded.model, dimension, &settings, delta)
+}
+
+/// Prints what was rewritten, and what it gained.
+fn explain(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Exit {
+    let Some(values) = filled_values(loaded, dimension, arguments) else { return Exit::Input };
+    match rewrite::explain(&loaded.model, &values) {
+        Ok(found) if found.is_empty() => {
+            render::out("nothing is rewritten: no difference of nearly equal numbers was found\n");
+            Exit::Done
+        }
+        Ok(found) => {
+            let parts: Vec<String> = found.iter().map(explanation).collect();
+            render::out(&parts.join("\n"));
+            Exit::Done
+        }
+        Err(error) => {
+            print_compile_error(loaded, &error);
+            Exit::Input
+        }
+    }
+}
+
+fn explanation(e: &Explanation) -> String {
+    let units = |error: f64| {
+        if error < 1e4 { format!("{error:.1} u") } else { format!("{error:.1e} u") }
+    };
+    let cost = |side: &Side| {
+        format!("{} operations, {} calls, {:.1} ns", side.operations, side.calls, side.nanoseconds)
+    };
+    format!(
+        "psi({}): {}\n  identity  {}\n  valid     {}\n  before    {}\n  after     {}\n\
+         \x20 error     near rest {} -> {}, far from it {} -> {}\n  cost      {} -> {}\n",
+        e.measure.symbol(),
+        e.rule.name,
+        e.rule.identity,
+        e.rule.condition,
+        e.before.text,
+        e.after.text,
+        units(e.before.near),
+        units(e.after.near),
+        units(e.before.far),
+        units(e.after.far),
+        cost(&e.before),
+        cost(&e.after),
+    )
 }
 
 fn emit(loaded: &Loaded, specialised: &Specialised, emit: Emit) -> Result<String, CompileError> {

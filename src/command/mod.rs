@@ -1,5 +1,6 @@
 //! The commands, one file each.
 
+mod audit;
 mod check;
 mod completions;
 mod derive;
@@ -40,6 +41,7 @@ pub(crate) fn execute(command: Command) -> Exit {
     match command {
         Command::Check(arguments) => check::execute(&arguments),
         Command::Derive(arguments) => derive::execute(&arguments),
+        Command::Audit(arguments) => audit::execute(&arguments),
         Command::Verify(arguments) => verify::execute(&arguments),
         Command::Eval(arguments) => eval::execute(&arguments),
         Command::Energy(arguments) => energy::execute(&arguments),

@@ -4,7 +4,7 @@ use crate::expression::Input;
 use crate::expression::interpret::Interpreter;
 use crate::measure::Measure;
 use crate::model::{Model, Variant};
-use crate::specialise::ScalarEnergy;
+use crate::specialise::{Form, ScalarEnergy};
 use crate::values::{Setting, Values};
 use crate::verify::sample::{Point, contains};
 
@@ -37,7 +37,9 @@ impl<'m> Subject<'m> {
     pub(super) fn all(model: &'m Model, dimension: usize) -> Vec<Vec<Subject<'m>>> {
         let Some(variant) = model.variant(dimension) else { return Vec::new() };
         let Some(values) = example(model, dimension) else { return Vec::new() };
-        let Ok(specialised) = model.specialise(&values) else { return Vec::new() };
+        let Ok(specialised) = model.specialise_as(&values, Form::Textbook) else {
+            return Vec::new();
+        };
         let subjects = specialised.energies.into_iter().map(|energy| {
             let of = |reference| {
                 let (energy, values) = (energy.clone(), values.clone());

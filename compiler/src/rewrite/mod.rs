@@ -122,3 +122,6 @@ pub fn rewrite(
     applied.append(&mut rules.applied);
     Ok(place[root.0 as usize])
 }
+
+#[cfg(test)]
+mod tests;

@@ -69,6 +69,12 @@ fn subtract_self() {
 }
 
 #[test]
+fn subtract_own_term() {
+    becomes("1 + l^2 - 1", "l^2");
+    stays("2 + l^2 - 1");
+}
+
+#[test]
 fn negate_negated() {
     becomes("-(-l)", "l");
 }
@@ -169,16 +175,16 @@ fn reference_last() {
 
 #[test]
 fn change_of_measure() {
-    becomes("(l - L)/L", "(l/L - 1)");
+    becomes("(l - L)/L", "l/L - 1");
     becomes("l - L", "L*(l/L - 1)");
     becomes("(L - l)/L", "-(l/L - 1)");
 }
 
 #[test]
 fn change_of_stretch() {
-    becomes("l/L - 1", "(l/L - 1)");
+    becomes("l/L - 1", "l/L - 1");
     becomes("1 - l/L", "-(l/L - 1)");
-    becomes("-1 + l/L", "(l/L - 1)");
+    becomes("-1 + l/L", "l/L - 1");
     stays("l/L - 2");
 }
 

@@ -6,7 +6,7 @@ use super::ticks;
 use crate::output::History;
 
 /// Colours that differ for all kinds of colour vision (Okabe and Ito 2008), dark ones first.
-const LINES: [Rgb; 7] = [
+pub(super) const LINES: [Rgb; 7] = [
     [0, 114, 178],
     [213, 94, 0],
     [0, 158, 115],
@@ -161,7 +161,13 @@ pub(super) fn residuals(canvas: &mut Canvas, area: Area, history: &History, tole
 }
 
 /// A line with a dot at every point, unless there are more than `most_dots`.
-fn draw_line(canvas: &mut Canvas, places: &[[f64; 2]], colour: Rgb, width: f64, most_dots: usize) {
+pub(super) fn draw_line(
+    canvas: &mut Canvas,
+    places: &[[f64; 2]],
+    colour: Rgb,
+    width: f64,
+    most_dots: usize,
+) {
     if places.len() > 1 {
         canvas.polyline(places, colour, width);
     }

@@ -14,7 +14,10 @@ mod cells;
 mod chart;
 mod charts;
 mod discs;
+mod logarithmic;
 mod ticks;
+
+pub use logarithmic::{LogarithmicPanel, LogarithmicPlot};
 
 use super::{Frame, History, OutputError, OutputFile, OutputFolder, Points};
 use canvas::{Anchor, Canvas, DARK, GREY, Text};

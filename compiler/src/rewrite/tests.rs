@@ -1,0 +1,157 @@
+//! One test per rule, of the same name: where it applies, what it gains, where it does not apply.
+
+use super::{Explanation, REWRITES, explain};
+use crate::check::check_text;
+use crate::model::Model;
+use crate::values::Values;
+
+/// Largest error in u that a rewritten expression may have, unless what was written has more: no
+/// form of `exp(1e6)` is right to the last digit.
+const BAR: f64 = 16.0;
+
+fn model(energy: &str) -> (Model, Values) {
+    let text = format!("potential p\nparameter n = 1\npsi(l) = {energy}\n");
+    let (_, model) = check_text(&text).unwrap_or_else(|e| panic!("{e:#?}"));
+    let values = model.values(3, &[], None).unwrap();
+    (model, values)
+}
+
+/// What was done to an energy.
+fn explanations(energy: &str) -> Vec<Explanation> {
+    let (model, values) = model(energy);
+    explain(&model, &values).unwrap()
+}
+
+/// The rule applies to the first energy, not to the others; the form it leads to is right to
+/// [`BAR`], and better by `gain` than what was written.
+#[track_caller]
+fn rule(name: &str, energy: &str, gain: f64, others: &[&str]) {
+    let found = explanations(energy);
+    let used: Vec<&Explanation> = found.iter().filter(|e| e.rule.name == name).collect();
+    assert!(!used.is_empty(), "{name} is not used for {energy}: {found:#?}");
+    for e in &found {
+        assert!(e.after.near <= BAR, "{e:#?}");
+        assert!(e.after.far <= BAR.max(e.before.far), "{e:#?}");
+    }
+    let gained = used.iter().map(|e| e.before.near.max(e.before.far)).fold(0.0, f64::max);
+    assert!(gained >= gain, "{gained} u before: {used:#?}");
+    for other in others {
+        let found = explanations(other);
+        assert!(found.iter().all(|e| e.rule.name != name), "{other}: {found:#?}");
+    }
+}
+
+#[test]
+fn every_rule_has_a_test() {
+    let tests = include_str!("tests.rs");
+    for rule in REWRITES {
+        assert!(tests.contains(&format!("fn {}()", rule.name)), "{}", rule.name);
+    }
+}
+
+#[test]
+fn rebuild_stretch() {
+    // 1 + e has lost what is left of a bond that is compressed to 1e-6 of its length.
+    rule("rebuild_stretch", "(1 + (l/L - 1))^2", 1e4, &["(2 + (l/L - 1))^2"]);
+}
+
+#[test]
+fn difference_of_powers() {
+    rule("difference_of_powers", "((l/L)^3 - 1)^2", 1e13, &["((l/L)^3 - 2)^2", "((l/L)^3 + 1)^2"]);
+    rule("difference_of_powers", "(l^2 - L^2)^2", 1e13, &["(l^2 - 2*L^2)^2", "(l^3 - L^2)^2"]);
+    rule("difference_of_powers", "((L/l)^6 - (L/l)^12)^2", 1e13, &[]);
+    rule("difference_of_powers", "(2 - 2*(l/L)^0.37)^2", 1e13, &[]);
+}
+
+#[test]
+fn difference_of_exponentials() {
+    rule("difference_of_exponentials", "(exp(l/L - 1) - 1)^2", 1e13, &["exp(l/L - 1) - 2"]);
+    rule("difference_of_exponentials", "(1 - exp(-2*(l/L - 1)))^2", 1e13, &["exp(l/L) + 1"]);
+}
+
+#[test]
+fn perfect_square() {
+    let morse = "exp(-2*(l/L - 1)) - 2*exp(-(l/L - 1)) + 1";
+    rule("perfect_square", morse, 1e13, &["exp(-2*(l/L - 1)) - 2*exp(-(l/L - 1)) + 2"]);
+    let lennard_jones = "(L/l)^12 - 2*(L/l)^6 + 1";
+    rule("perfect_square", lennard_jones, 1e13, &["(L/l)^12 - 2*(L/l)^5 + 1"]);
+}
+
+#[test]
+fn logarithm_of_stretch() {
+    rule("logarithm_of_stretch", "ln(l/L)^2", 1e11, &["ln((l/L)^2)^2", "ln(2*l/L)^2"]);
+    rule("logarithm_of_stretch", "ln((l/L)^3)^2", 1e11, &["ln(l)^2"]);
+}
+
+#[test]
+fn difference_of_logarithms() {
+    rule("difference_of_logarithms", "(ln(l) - ln(L))^2", 1e11, &["(ln(l) - ln(2*L))^2"]);
+}
+
+#[test]
+fn logarithm_of_sum() {
+    rule("logarithm_of_sum", "ln(1 + (l/L - 1)^2)", 1e13, &["ln(2 + (l/L - 1)^2)"]);
+    rule("logarithm_of_sum", "log1p(l/L - 1)^2", 1e4, &["log1p(2*(l/L - 1)^2)"]);
+}
+
+#[test]
+fn logarithm_of_square() {
+    // Defined for l < 2 L: beyond, neither form has a value.
+    rule("logarithm_of_square", "ln(1 - (l/L - 1)^2)", 1e4, &["ln(2 - (l/L - 1)^2)"]);
+}
+
+#[test]
+fn logarithmic_barrier() {
+    rule("logarithmic_barrier", "l/L - 1 - ln(l/L)", 1e13, &["l/L - 2 - ln(l/L)"]);
+    let other = "(l/L - 1)^2 - log1p((l/L - 1)^2)";
+    rule("logarithmic_barrier", other, 1e13, &["(l/L)^2 - log1p((l/L - 1)^2)"]);
+}
+
+#[test]
+fn strain_minus_logarithm() {
+    let energy = "1/2*((l/L)^2 - 1) - ln(l/L)";
+    rule("strain_minus_logarithm", energy, 1e13, &["((l/L)^2 - 1) - ln(l/L)"]);
+}
+
+#[test]
+fn difference_of_squares() {
+    let energy = "(exp(l/L)^2 - 4)^2";
+    let found = explanations(energy);
+    assert!(found.iter().any(|e| e.rule.name == "difference_of_squares"), "{found:#?}");
+    rule("difference_of_squares", "1 - (l/L - 1)^2", 1e4, &["3 - (l/L - 1)^2"]);
+}
+
+#[test]
+fn difference_of_roots() {
+    let energy = "sqrt(1 + (l/L - 1)^2) - 1";
+    rule("difference_of_roots", energy, 1e13, &["sqrt(1 + (l/L - 1)^2) + 1"]);
+}
+
+#[test]
+fn hyperbolic_cosine() {
+    rule("hyperbolic_cosine", "cosh(0.001*(l/L - 1)) - 1", 1e13, &["cosh(l/L - 1) - 2"]);
+}
+
+#[test]
+fn cosine() {
+    rule("cosine", "1 - cos(1e-6*(l/L - 1))", 1e13, &["2 - cos(l/L - 1)"]);
+}
+
+#[test]
+fn strain_of_whole_order() {
+    for n in [-16, -7, -4, -3, -2, -1, 2, 3, 4, 5, 6, 8, 10, 12, 15] {
+        let found = explanations(&format!("((l/L)^({n}) - 1)^2"));
+        let whole = found.iter().find(|e| e.rule.name == "strain_of_whole_order").unwrap();
+        let worst = whole.after.near.max(whole.after.far);
+        assert!(worst <= 8.0 + f64::from(n).abs(), "n = {n}: {worst} u");
+        assert_eq!(whole.after.calls, 0, "n = {n}");
+    }
+    rule("strain_of_whole_order", "((l/L)^(-3/2) - 1)^2", 1e13, &["((l/L)^0.37 - 1)^2"]);
+}
+
+#[test]
+fn strain_of_any_order() {
+    rule("strain_of_any_order", "((l/L)^0.37 - 1)^2", 1e13, &["((l/L)^2 - 1)^2"]);
+    rule("strain_of_any_order", "((l/L)^1e-9 - 1)^2", 1e13, &[]);
+    rule("strain_of_any_order", "(((l/L)^1e-300 - 1)/1e-300)^2", 0.0, &[]);
+}

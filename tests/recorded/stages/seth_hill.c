@@ -11,6 +11,13 @@ static inline double piola_max(double x, double y) {
   return x > y || (x == y && signbit(y)) ? x : y;
 }
 static inline double piola_sign(double x) { return x > 0 ? 1.0 : x < 0 ? -1.0 : x; }
+static inline double piola_log1pmx(double x) {
+  if (fabs(x) >= 0.3 || isnan(x)) return log1p(x) - x;
+  const double r = x / (2.0 + x), square = r * r;
+  double sum = 0.0;
+  for (int k = 11; k >= 1; k--) sum = square * (sum + 1.0 / (2 * k + 1));
+  return r * (2.0 * sum - x);
+}
 
 void seth_hill_l(size_t n, const double *measure, const double *reference,
     const double *change, double *psi, double *dpsi, double *d2psi) {
@@ -22,19 +29,22 @@ void seth_hill_l(size_t n, const double *measure, const double *reference,
     const double t4 = measure[i];
     const double t5 = t4 / t3;
     const double t6 = t5 * t5;
-    const double t7 = t6 - t0;
-    const double t8 = t2 * t7;
-    const double t9 = t8 * t8;
-    const double t10 = t3 * t9;
-    const double t11 = t1 * t5;
-    const double t12 = t5 * t7;
-    const double t13 = t7 / t3;
-    const double t14 = t5 * t11;
-    const double t15 = t14 / t3;
-    const double t16 = t13 + t15;
-    psi[i] = t10;
-    dpsi[i] = t12;
-    d2psi[i] = t16;
+    const double t7 = 1.5;
+    const double t8 = t7 * t6;
+    const double t9 = -0.5;
+    const double t10 = t9 + t8;
+    const double t11 = t1 * t10;
+    const double t12 = t11 / t3;
+    const double t13 = change[i];
+    const double t14 = t0 + t5;
+    const double t15 = t13 * t14;
+    const double t16 = t2 * t15;
+    const double t17 = t16 * t16;
+    const double t18 = t3 * t17;
+    const double t19 = t5 * t15;
+    psi[i] = t18;
+    dpsi[i] = t19;
+    d2psi[i] = t12;
   }
 }
 
@@ -42,28 +52,30 @@ void seth_hill_a(size_t n, const double *measure, const double *reference,
     const double *change, double *psi, double *dpsi, double *d2psi) {
   for (size_t i = 0; i < n; i++) {
     const double t0 = 1.0;
-    const double t1 = 2.0;
-    const double t2 = 0.5;
+    const double t1 = 0.5;
+    const double t2 = 40.0;
     const double t3 = 20.0;
     const double t4 = reference[i];
     const double t5 = t3 * t4;
     const double t6 = measure[i];
     const double t7 = t6 / t4;
     const double t8 = t7 * t7;
-    const double t9 = t8 - t0;
-    const double t10 = t2 * t9;
-    const double t11 = t10 * t10;
-    const double t12 = t5 * t11;
-    const double t13 = t1 * t7;
-    const double t14 = t7 * t9;
-    const double t15 = t3 * t14;
-    const double t16 = t9 / t4;
-    const double t17 = t7 * t13;
-    const double t18 = t17 / t4;
-    const double t19 = t16 + t18;
-    const double t20 = t3 * t19;
-    psi[i] = t12;
-    dpsi[i] = t15;
-    d2psi[i] = t20;
+    const double t9 = 1.5;
+    const double t10 = t9 * t8;
+    const double t11 = -0.5;
+    const double t12 = t11 + t10;
+    const double t13 = t2 * t12;
+    const double t14 = t13 / t4;
+    const double t15 = change[i];
+    const double t16 = t0 + t7;
+    const double t17 = t15 * t16;
+    const double t18 = t1 * t17;
+    const double t19 = t18 * t18;
+    const double t20 = t5 * t19;
+    const double t21 = t7 * t17;
+    const double t22 = t3 * t21;
+    psi[i] = t20;
+    dpsi[i] = t22;
+    d2psi[i] = t14;
   }
 }

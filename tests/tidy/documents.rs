@@ -170,3 +170,12 @@ fn every_code_of_the_compiler_is_listed() {
     }
     assert!(n_codes > 30, "{n_codes}");
 }
+
+#[test]
+fn every_rewrite_is_documented() {
+    let page = read("docs/accuracy.md");
+    for rule in piola_compiler::rewrite::REWRITES {
+        let row = format!("| {} | `{}` | {} |", rule.name, rule.identity, rule.condition);
+        assert!(page.contains(&row), "docs/accuracy.md misses {row}");
+    }
+}

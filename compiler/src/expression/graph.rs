@@ -154,6 +154,12 @@ impl ExprGraph {
         }
     }
 
+    /// How many nodes are operations: neither numbers nor inputs.
+    pub fn operations(&self) -> usize {
+        let given = |node: &Node| matches!(node, Node::Number(_) | Node::Truth(_) | Node::Input(_));
+        self.nodes.iter().filter(|node| !given(node)).count()
+    }
+
     /// How many elementary functions it calls.
     pub fn calls(&self) -> usize {
         let called = |node: Node| match node {

@@ -128,7 +128,7 @@ fn sides(
     let times = times([&forms[0], &forms[1]])?;
     let side = |k: usize| {
         let (near, far) = errors(&forms[k], &forms[0]);
-        let (operations, calls) = cost(&forms[k].graph);
+        let (operations, calls) = (forms[k].graph.operations(), forms[k].graph.calls());
         let text = print::expression(model, &forms[k].graph, forms[k].roots[0]);
         Side { text, near, far, operations, calls, nanoseconds: times[k] }
     };
@@ -180,12 +180,6 @@ fn errors(form: &ScalarEnergy, truth: &ScalarEnergy) -> (f64, f64) {
     let near = strains.flat_map(|strain| [1.0 + strain, 1.0 - strain]).collect();
     let far = (-60..=60).map(|k| libm::pow(10.0, f64::from(k) / 10.0)).collect();
     (largest(near), largest(far))
-}
-
-fn cost(graph: &ExprGraph) -> (usize, usize) {
-    let works = |node: &Node| !matches!(node, Node::Number(_) | Node::Truth(_) | Node::Input(_));
-    let operations = graph.nodes().filter(|(_, node)| works(node)).count();
-    (operations, graph.calls())
 }
 
 /// Time of one evaluation of each form in ns: runs in turn, the fastest of each.

@@ -1,0 +1,75 @@
+//! `piola audit` and `piola derive --explain`: what is promised about digits, from outside.
+
+use crate::support::{SceneFolder, number, piola};
+
+/// Options that keep an audit short.
+const QUICK: [&str; 4] = ["--points", "2", "--dim", "2"];
+
+fn audit(file: &str, more: &[&str]) -> crate::support::Outcome {
+    let mut arguments = vec!["audit", file];
+    arguments.extend(QUICK);
+    arguments.extend(more);
+    piola(&arguments)
+}
+
+#[test]
+fn the_library_keeps_its_digits() {
+    for name in ["firooz2023", "javili2020", "logarithmic"] {
+        audit(name, &[]).expect(0);
+    }
+    audit("firooz2023", &["--set", "n=1e-8"]).expect(0);
+    for name in ["silling2000", "miranda_modified_stretch"] {
+        piola(&["audit", name, "--points", "2"]).expect(0);
+    }
+}
+
+#[test]
+fn a_missed_bar_is_exit_1_and_names_the_input() {
+    let outcome = audit("firooz2023", &["--set", "n=-0.5", "--textbook"]).expect(1);
+    assert!(outcome.stdout.contains("  missed: psi' at l = "), "{}", outcome.stdout);
+    audit("firooz2023", &["--set", "n=1", "--bar", "0.1"]).expect(1);
+}
+
+#[test]
+fn an_audit_is_csv_json_and_a_picture() {
+    let csv = audit("firooz2023", &["--set", "n=1", "--format", "csv"]).expect(0).stdout;
+    let mut lines = csv.lines();
+    assert_eq!(lines.next(), Some("measure,regime,points,order,error,at,at_reference"));
+    assert!(lines.clone().count() > 100 && lines.all(|line| line.split(',').count() == 7));
+
+    let json = audit("javili2020", &["--format", "json"]).expect(0).stdout;
+    let objects: Vec<serde_json::Value> =
+        json.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!(objects.len(), 2, "bonds and triangles");
+    assert_eq!((&objects[0]["measure"], &objects[0]["passed"]), (&"l".into(), &true.into()));
+    assert!(number(&objects[0]["regimes"][0]["errors"][0]) < 64.0);
+
+    let folder = SceneFolder::new("");
+    for name in ["audit.png", "audit.svg"] {
+        audit("javili2020", &["--picture", &folder.path(name)]).expect(0);
+        assert!(std::fs::metadata(folder.path(name)).unwrap().len() > 5000);
+    }
+    audit("javili2020", &["--picture", &folder.path("no/folder.png")]).expect(2);
+}
+
+#[test]
+fn rewrites_are_explained_with_what_they_gain() {
+    let explain = |file: &str, set: &str| {
+        piola(&["derive", file, "--explain", "--set", set]).expect(0).stdout
+    };
+    let text = explain("firooz2023", "n=-0.5");
+    for part in ["difference_of_powers", "  before    (l/L)^-0.5 - 1\n", "  error     near rest "] {
+        assert!(text.contains(part), "no `{part}` in\n{text}");
+    }
+    assert!(explain("firooz2023", "n=1").contains("nothing is rewritten"));
+}
+
+/// A barrier loses its digits twice as written; hyper-dual numbers of it cannot decide.
+#[test]
+fn verify_decides_where_the_written_energy_has_no_digits() {
+    let folder = SceneFolder::new("");
+    let file = folder.file("b.piola", "potential b\npsi(l) = L*(l/L - 1 - ln(l/L))\n");
+    piola(&["verify", &file]).expect(0);
+    audit(&file, &[]).expect(0);
+    audit(&file, &["--textbook"]).expect(1);
+}

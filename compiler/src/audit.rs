@@ -140,7 +140,7 @@ fn change(written: &WrittenEnergy, point: Point, expected: [f64; 3], order: usiz
         return (strain * expected[order + 1]).abs();
     }
     // psi''' from differences of true values.
-    let step = point.measure * 2.0_f64.powi(-20);
+    let step = point.measure * libm::ldexp(1.0, -20);
     let moved = |measure: f64| truth(written, Point { measure, ..point });
     match (moved(point.measure + step), moved(point.measure - step)) {
         (Some(right), Some(left)) => (point.measure * (right[2] - left[2]) / (2.0 * step)).abs(),
@@ -168,7 +168,7 @@ fn stretches(energy: &ScalarEnergy, measure: Measure, n: usize) -> Stretches {
     let mut random = Random::new(0x6175_6469_7400 ^ measure as u64);
     let mut regimes: Stretches = Vec::new();
     for decade in 1..=15 {
-        let strain = 10.0_f64.powi(-decade);
+        let strain = libm::pow(10.0, -f64::from(decade));
         let around = |random: &mut Random, k: usize| {
             let size = strain * libm::pow(10.0, random.uniform(-0.5, 0.5)).min(9.0);
             if k % 2 == 0 { 1.0 + size } else { 1.0 - size.min(0.9) }
@@ -236,7 +236,7 @@ fn zeros(energy: &ScalarEnergy) -> Vec<f64> {
 fn switches(energy: &ScalarEnergy, read: impl Fn(&Interpreter<f64>) -> bool) -> Vec<f64> {
     let mut grid: Vec<f64> = (-80..=80).map(|k| libm::pow(10.0, f64::from(k) / 10.0)).collect();
     for decade in 1..=15 {
-        let strain = 10.0_f64.powi(-decade);
+        let strain = libm::pow(10.0, -f64::from(decade));
         grid.extend([1.0 - strain, 1.0 + strain]);
     }
     grid.sort_by(f64::total_cmp);

@@ -11,6 +11,7 @@
 //! `psi'(m)`, `psi''(m)` into derivatives in `s`.
 
 pub mod bond;
+pub mod double;
 pub mod tetrahedron;
 pub mod triangle;
 

@@ -176,7 +176,8 @@ fn errors(form: &ScalarEnergy, truth: &ScalarEnergy) -> (f64, f64) {
         };
         stretches.into_iter().map(error).fold(0.0, f64::max)
     };
-    let strains = (1..=14).flat_map(|k| [1.1, 2.3, 5.7].map(|x| x * 10.0_f64.powi(-k - 1)));
+    let strains =
+        (1..=14).flat_map(|k| [1.1, 2.3, 5.7].map(|x| x * libm::pow(10.0, f64::from(-k - 1))));
     let near = strains.flat_map(|strain| [1.0 + strain, 1.0 - strain]).collect();
     let far = (-60..=60).map(|k| libm::pow(10.0, f64::from(k) / 10.0)).collect();
     (largest(near), largest(far))

@@ -59,7 +59,7 @@ impl LogarithmicPlot {
 
 impl LogarithmicPanel {
     fn draw(&self, canvas: &mut Canvas, area: Area) {
-        let exponents = |(x, y): &(f64, f64)| (x.log10(), y.log10());
+        let exponents = |(x, y): &(f64, f64)| (libm::log10(*x), libm::log10(*y));
         let lines: Vec<(&str, Vec<(f64, f64)>)> = self
             .lines
             .iter()

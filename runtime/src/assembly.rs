@@ -7,10 +7,12 @@
 
 mod accumulate;
 mod error;
+mod inversion;
 mod rows;
 mod slab;
 
 pub use error::AssemblyError;
+pub use inversion::Inverted;
 
 use std::sync::Arc;
 
@@ -18,7 +20,7 @@ use rayon::prelude::*;
 
 use crate::body::Body;
 use crate::element::{Element, MeasureElement, Order};
-use crate::energy::{EnergyParts, NonFinite, TotalEnergy};
+use crate::energy::{EnergyParts, Inversion, NonFinite, TotalEnergy};
 use crate::interaction::{Census, Degeneracy, Slabs};
 use crate::kernel::{Law, Measure};
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -183,15 +185,24 @@ impl DiscreteEnergy {
         &self.report
     }
 
-    /// How many cliques are turned inside out: triangles with `a < 0` in the plane, tetrahedra with
-    /// `v < 0` in space; kinds of interaction that are not modelled are not looked at.
-    pub fn inverted(&self, u: &[f64]) -> u64 {
-        let count = |slab: usize| match self.body.dimension() {
-            2 => slab::inverted_triangles(self, slab, u),
-            _ => slab::inverted_tetrahedra(self, slab, u),
-        };
-        let counts: Vec<u64> = (0..self.slabs.len()).into_par_iter().map(count).collect();
-        counts.iter().sum()
+    /// How many interactions are turned inside out; kinds that are not modelled count 0.
+    pub fn inverted(&self, u: &[f64]) -> Inverted {
+        if self.signed().is_none() {
+            return Inverted::default();
+        }
+        let slabs = (0..self.slabs.len()).into_par_iter();
+        if self.body.dimension() == 2 {
+            let triangles = slabs.map(|slab| inversion::count::<2>(self, slab, u)).sum();
+            Inverted { triangles, tetrahedra: 0 }
+        } else {
+            let tetrahedra = slabs.map(|slab| inversion::count::<3>(self, slab, u)).sum();
+            Inverted { triangles: 0, tetrahedra }
+        }
+    }
+
+    /// The kind of interaction whose measure has a sign, if it is modelled.
+    fn signed(&self) -> Option<&Kind> {
+        if self.body.dimension() == 2 { self.triangles.as_ref() } else { self.tetrahedra.as_ref() }
     }
 
     fn evaluate(
@@ -278,5 +289,16 @@ impl TotalEnergy for DiscreteEnergy {
         let block = self.pattern.dimension * self.pattern.dimension;
         assert_eq!(tangent.values.len(), self.pattern.n_blocks() * block, "the energy's pattern");
         self.evaluate(Order::Tangent, u, gradient, &mut tangent.values)
+    }
+
+    fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {
+        let kind = self.signed().filter(|kind| kind.element.forbids_inversion())?;
+        let end: Vec<f64> = u.iter().zip(step).map(|(u, step)| u + step).collect();
+        let first = |slab: usize| match self.body.dimension() {
+            2 => inversion::first::<2>(self, kind, slab, (u, &end)),
+            _ => inversion::first::<3>(self, kind, slab, (u, &end)),
+        };
+        let found: Vec<_> = (0..self.slabs.len()).into_par_iter().map(first).collect();
+        found.into_iter().flatten().min_by(|p, q| p.part.total_cmp(&q.part))
     }
 }

@@ -14,6 +14,7 @@ pub use batch::{CAPACITY, Channel, Contributions, InteractionBatch, STRIDE};
 pub use coordinate::{CoordinateElement, CoordinateEnergy};
 pub use measure::MeasureElement;
 
+use crate::interaction::n_neighbors;
 use crate::kernel::Measure;
 
 /// How many derivatives are wanted.
@@ -27,7 +28,8 @@ pub enum Order {
     Tangent,
 }
 
-/// The first interaction of a batch whose energy or derivatives are not finite.
+/// The first interaction of a batch whose energy or derivatives are not finite, or that is turned
+/// inside out where the energy forbids it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NonFiniteLane {
     /// Its place in the batch.
@@ -38,6 +40,17 @@ pub struct NonFiniteLane {
     pub reference: f64,
 }
 
+/// Whether a measure can change its sign: volumes, and areas in the plane.
+fn is_signed(measure: Measure, dimension: usize) -> bool {
+    n_neighbors(measure) == dimension
+}
+
+/// Whether an energy density is not finite at collapse or beyond, from its values at `m/M = 0` and
+/// at `m/M = -1`. An energy may be finite beyond a collapse that is infinitely dear, as `M/m` is.
+fn breaks_down(mut psi: impl FnMut(f64) -> f64) -> bool {
+    !(psi(0.0).is_finite() && psi(-1.0).is_finite())
+}
+
 /// Energy and compact derivatives of a batch of interactions.
 pub trait Element: Send + Sync {
     /// The kind of interaction.
@@ -46,10 +59,15 @@ pub trait Element: Send + Sync {
     /// 2 or 3.
     fn dimension(&self) -> usize;
 
+    /// Whether the energy of a signed measure keeps it positive: interactions that have turned
+    /// inside out are refused, and no step may turn one.
+    fn forbids_inversion(&self) -> bool;
+
     /// Fills `out` for the interactions of the batch: weight times energy, and for the orders that
     /// ask for it weight times gradient and Hessian.
     ///
-    /// An energy or derivative that was asked for and is not finite is an error.
+    /// An energy or derivative that was asked for and is not finite is an error, and so is an
+    /// interaction turned inside out where [`Element::forbids_inversion`].
     fn evaluate(
         &self,
         batch: &InteractionBatch,

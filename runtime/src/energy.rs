@@ -23,7 +23,8 @@ impl EnergyParts {
     }
 }
 
-/// An interaction whose energy or derivatives are not finite numbers.
+/// An interaction whose energy or derivatives are not finite numbers, or that is turned inside out
+/// where its energy forbids that.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{}", self.message())]
 pub struct NonFinite {
@@ -31,24 +32,36 @@ pub struct NonFinite {
     pub measure: Measure,
     /// Its points in the body's order: 2, 3 or 4.
     pub points: Vec<usize>,
+    /// Their displacements in m, one after the other.
+    pub displacements: Vec<f64>,
     /// Current value of the measure.
     pub value: f64,
     /// Reference value of the measure.
     pub reference: f64,
+    /// Whether it is turned inside out where its energy forbids that.
+    pub inverted: bool,
 }
 
 impl NonFinite {
     fn message(&self) -> String {
-        let kind = match self.measure {
-            Measure::Length => "bond",
-            Measure::Area => "triangle",
-            Measure::Volume => "tetrahedron",
-        };
+        let what = if self.inverted { "turned inside out" } else { "not finite" };
         format!(
-            "the energy of the {kind} of points {:?} is not finite: measure {:e}, reference {:e}",
-            self.points, self.value, self.reference
+            "the energy of the {} of points {:?} is {what}: measure {:e}, reference {:e}",
+            self.measure.interaction(),
+            self.points,
+            self.value,
+            self.reference
         )
     }
+}
+
+/// An interaction on its way to be turned inside out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Inversion {
+    /// The part of the way, between 0 and 1, up to which no interaction is turned.
+    pub part: f64,
+    /// The interaction that is turned first, where it has collapsed.
+    pub first: NonFinite,
 }
 
 /// `E(u)`, its gradient and its Hessian; all are exact derivatives of one energy.
@@ -74,4 +87,10 @@ pub trait TotalEnergy: Sync {
         gradient: &mut [f64],
         tangent: &mut BlockMatrix,
     ) -> Result<EnergyParts, NonFinite>;
+
+    /// What is turned inside out first on the straight way from `u` to `u + step`, among the
+    /// interactions whose energies forbid it.
+    fn first_inversion(&self, _u: &[f64], _step: &[f64]) -> Option<Inversion> {
+        None
+    }
 }

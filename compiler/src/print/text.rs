@@ -15,6 +15,16 @@ pub fn text(model: &Model, energy: &ScalarEnergy) -> String {
     out
 }
 
+/// One expression of a graph, named parts first: `t1 = ..; t1*t1`.
+pub fn expression(model: &Model, graph: &ExprGraph, root: NodeId) -> String {
+    let notation = Text { names: Names { model } };
+    let named = |(name, text): (String, String)| {
+        if name.is_empty() { text } else { format!("{name} = {text}") }
+    };
+    let lines = lines(graph, &[(String::new(), root)], &notation);
+    lines.into_iter().map(named).collect::<Vec<_>>().join("; ")
+}
+
 struct Text<'a> {
     names: Names<'a>,
 }

@@ -5,10 +5,7 @@ use super::rows::Rows;
 use super::{DiscreteEnergy, Kind};
 use crate::element::{CAPACITY, Contributions, InteractionBatch, Order};
 use crate::energy::{EnergyParts, NonFinite};
-use crate::geometry::Geometry;
-use crate::geometry::tetrahedron::Tetrahedron;
-use crate::geometry::triangle::PlaneTriangle;
-use crate::interaction::{OwnerCliques, never_fails};
+use crate::interaction::OwnerCliques;
 
 /// A slab with the rows it may write to.
 pub(super) struct SlabTask<'a> {
@@ -158,7 +155,7 @@ impl<'a, const D: usize> Context<'a, D> {
     ) -> Result<(), NonFinite> {
         let len = batch.lanes.len();
         batch.batch.gather(len, &batch.reference, &batch.displacement, |lane| [lane]);
-        batch.evaluate(kind, self.order, |&(owner, other, _)| vec![owner, other])?;
+        batch.evaluate(kind, self, |&(owner, other, _)| vec![owner, other])?;
         add_bonds::<D>(&batch.lanes, &batch.out, self.order, rows);
         batch.lanes.clear();
         batch.reference.clear();
@@ -210,7 +207,7 @@ impl<'a, const D: usize> Context<'a, D> {
         rows: &mut Rows<'_>,
     ) -> Result<(), NonFinite> {
         batch.gather(kind, cliques, |lane| lane.members);
-        batch.evaluate(kind, self.order, |lane| named(cliques, &lane.members))?;
+        batch.evaluate(kind, self, |lane| named(cliques, &lane.members))?;
         sums.add_triangles(&batch.lanes, &batch.out, self.order, cliques, rows);
         batch.lanes.clear();
         Ok(())
@@ -251,15 +248,20 @@ impl<'a, const D: usize> Context<'a, D> {
         sums: &mut OwnerSums<D>,
     ) -> Result<(), NonFinite> {
         batch.gather(kind, cliques, |lane| lane.members);
-        batch.evaluate(kind, self.order, |lane| named(cliques, &lane.members))?;
+        batch.evaluate(kind, self, |lane| named(cliques, &lane.members))?;
         sums.add_tetrahedra(&batch.lanes, &batch.out, self.order);
         batch.lanes.clear();
         Ok(())
     }
 }
 
+/// Displacements of some points, one after the other.
+fn displacements<const D: usize>(u: &[f64], points: &[usize]) -> Vec<f64> {
+    points.iter().flat_map(|&point| row::<D>(u, point)).collect()
+}
+
 /// The points of an interaction of an owner, from its members.
-fn named<const D: usize>(cliques: &OwnerCliques<'_, D>, members: &[u32]) -> Vec<usize> {
+pub(super) fn named<const D: usize>(cliques: &OwnerCliques<'_, D>, members: &[u32]) -> Vec<usize> {
     let point = |&member: &u32| cliques.members()[member as usize] as usize;
     std::iter::once(cliques.owner()).chain(members.iter().map(point)).collect()
 }
@@ -326,18 +328,24 @@ impl<L, const D: usize> Gathered<L, D> {
     fn evaluate(
         &mut self,
         kind: &Kind,
-        order: Order,
+        context: &Context<'_, D>,
         points: impl Fn(&L) -> Vec<usize>,
     ) -> Result<(), NonFinite> {
         if self.batch.is_empty() {
             return Ok(());
         }
-        let result = kind.element.evaluate(&self.batch, order, &mut self.out);
-        result.map_err(|refused| NonFinite {
-            measure: kind.element.measure(),
-            points: points(&self.lanes[refused.lane]),
-            value: refused.value,
-            reference: refused.reference,
+        let element = &kind.element;
+        let result = element.evaluate(&self.batch, context.order, &mut self.out);
+        result.map_err(|refused| {
+            let points = points(&self.lanes[refused.lane]);
+            NonFinite {
+                measure: element.measure(),
+                displacements: displacements::<D>(context.u, &points),
+                points,
+                value: refused.value,
+                reference: refused.reference,
+                inverted: element.forbids_inversion() && refused.value <= 0.0,
+            }
         })?;
         for &energy in &self.out.energy[..self.batch.len()] {
             self.sum.add(energy);
@@ -372,57 +380,11 @@ impl PairNumbers {
 }
 
 #[inline(always)]
-fn row<const D: usize>(rows: &[f64], point: usize) -> [f64; D] {
+pub(super) fn row<const D: usize>(rows: &[f64], point: usize) -> [f64; D] {
     std::array::from_fn(|axis| rows[point * D + axis])
 }
 
 #[inline(always)]
-fn minus<const D: usize>(p: &[f64; D], q: &[f64; D]) -> [f64; D] {
+pub(super) fn minus<const D: usize>(p: &[f64; D], q: &[f64; D]) -> [f64; D] {
     std::array::from_fn(|axis| p[axis] - q[axis])
-}
-
-/// Triangles of a slab with `a < 0`, in the plane.
-pub(super) fn inverted_triangles(energy: &DiscreteEnergy, slab: usize, u: &[f64]) -> u64 {
-    if energy.triangles.is_none() {
-        return 0;
-    }
-    let context = Context::<2> { energy, slab, order: Order::Energy, u };
-    let (mut cliques, mut eta, mut inverted) = (context.cliques(), Vec::new(), 0);
-    for owner in energy.slabs.owners(slab) {
-        cliques.set(owner);
-        context.displacements(&cliques, &mut eta);
-        let rest = cliques.reference();
-        never_fails(cliques.triangles(|j, k| {
-            let change = PlaneTriangle::change(&join([rest[j], rest[k]]), &join([eta[j], eta[k]]));
-            inverted += u64::from(change.measure < 0.0);
-            Ok(())
-        }));
-    }
-    inverted
-}
-
-/// Tetrahedra of a slab with `v < 0`.
-pub(super) fn inverted_tetrahedra(energy: &DiscreteEnergy, slab: usize, u: &[f64]) -> u64 {
-    if energy.tetrahedra.is_none() {
-        return 0;
-    }
-    let context = Context::<3> { energy, slab, order: Order::Energy, u };
-    let (mut cliques, mut eta, mut inverted) = (context.cliques(), Vec::new(), 0);
-    for owner in energy.slabs.owners(slab) {
-        cliques.set(owner);
-        context.displacements(&cliques, &mut eta);
-        let rest = cliques.reference();
-        never_fails(cliques.tetrahedra(|j, k, l| {
-            let reference = join([rest[j], rest[k], rest[l]]);
-            let change = Tetrahedron::change(&reference, &join([eta[j], eta[k], eta[l]]));
-            inverted += u64::from(change.measure < 0.0);
-            Ok(())
-        }));
-    }
-    inverted
-}
-
-/// Vectors one after the other.
-fn join<const K: usize, const D: usize, const C: usize>(vectors: [[f64; D]; K]) -> [f64; C] {
-    std::array::from_fn(|index| vectors[index / D][index % D])
 }

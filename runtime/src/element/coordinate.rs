@@ -8,7 +8,7 @@
 use num_dual::{DualNum, HyperDual64};
 
 use super::batch::{Contributions, InteractionBatch};
-use super::{Element, NonFiniteLane, Order};
+use super::{Element, NonFiniteLane, Order, breaks_down, is_signed};
 use crate::geometry::packed;
 use crate::interaction::n_neighbors;
 use crate::kernel::Measure;
@@ -34,15 +34,24 @@ pub struct CoordinateElement<E> {
     measure: Measure,
     dimension: usize,
     energy: E,
+    forbids_inversion: bool,
 }
 
 /// Up to four corners of up to three coordinates each.
 type Corners<T> = [[T; 3]; 4];
 
 impl<E: CoordinateEnergy> CoordinateElement<E> {
-    /// The interactions of a measure in 2 or 3 dimensions.
+    /// The interactions of a measure in 2 or 3 dimensions. A signed measure stays positive if the
+    /// energy is not finite at 0 or at minus the reference.
     pub fn new(measure: Measure, dimension: usize, energy: E) -> CoordinateElement<E> {
-        CoordinateElement { measure, dimension, energy }
+        let psi = |stretch: f64| energy.psi(HyperDual64::from_re(stretch), 1.0).re;
+        let forbids_inversion = is_signed(measure, dimension) && breaks_down(psi);
+        CoordinateElement { measure, dimension, energy, forbids_inversion }
+    }
+
+    /// A signed measure stays positive, whatever the energy says.
+    pub fn forbid_inversion(&mut self) {
+        self.forbids_inversion = is_signed(self.measure, self.dimension);
     }
 
     /// Positions of the corners, counted from the owner's reference position.
@@ -107,11 +116,11 @@ impl<E: CoordinateEnergy> CoordinateElement<E> {
                 finite &= self.keep((row, column), result * batch.weight[lane], lane, order, out);
             }
         }
-        if finite {
-            return Ok(());
-        }
         let now = corners.map(|corner| corner.map(HyperDual64::from_re));
         let value = textbook_measure(self.measure, self.dimension, &now).re * rest.1;
+        if finite && !(self.forbids_inversion && value <= 0.0) {
+            return Ok(());
+        }
         Err(NonFiniteLane { lane, value, reference: rest.0 })
     }
 
@@ -151,6 +160,10 @@ impl<E: CoordinateEnergy> Element for CoordinateElement<E> {
 
     fn dimension(&self) -> usize {
         self.dimension
+    }
+
+    fn forbids_inversion(&self) -> bool {
+        self.forbids_inversion
     }
 
     fn evaluate(

@@ -1,7 +1,7 @@
 //! The element that differentiates in the measure: psi', psi'' from a law, the rest by geometry.
 
 use super::batch::{CAPACITY, Channel, Contributions, InteractionBatch, Measures, STRIDE};
-use super::{Element, NonFiniteLane, Order};
+use super::{Element, NonFiniteLane, Order, breaks_down, is_signed};
 use crate::geometry::bond::Bond;
 use crate::geometry::tetrahedron::Tetrahedron;
 use crate::geometry::triangle::{PlaneTriangle, SpaceTriangle};
@@ -16,12 +16,27 @@ pub struct MeasureElement {
     measure: Measure,
     dimension: usize,
     law: Box<dyn Law>,
+    forbids_inversion: bool,
 }
 
 impl MeasureElement {
-    /// The interactions of a measure in 2 or 3 dimensions.
+    /// The interactions of a measure in 2 or 3 dimensions. A signed measure stays positive if the
+    /// law is not finite at 0 or at minus the reference.
     pub fn new(measure: Measure, dimension: usize, law: Box<dyn Law>) -> MeasureElement {
-        MeasureElement { measure, dimension, law }
+        let mut out = Derivatives::default();
+        let psi = |stretch: f64| {
+            out.resize(1);
+            let (measure, change) = (&[stretch], &[stretch - 1.0]);
+            law.evaluate(Batch { measure, reference: &[1.0], change }, &mut out);
+            out.psi[0]
+        };
+        let forbids_inversion = is_signed(measure, dimension) && breaks_down(psi);
+        MeasureElement { measure, dimension, law, forbids_inversion }
+    }
+
+    /// A signed measure stays positive, whatever the law says.
+    pub fn forbid_inversion(&mut self) {
+        self.forbids_inversion = is_signed(self.measure, self.dimension);
     }
 }
 
@@ -34,6 +49,10 @@ impl Element for MeasureElement {
         self.dimension
     }
 
+    fn forbids_inversion(&self) -> bool {
+        self.forbids_inversion
+    }
+
     fn evaluate(
         &self,
         batch: &InteractionBatch,
@@ -41,18 +60,20 @@ impl Element for MeasureElement {
         out: &mut Contributions,
     ) -> Result<(), NonFiniteLane> {
         let law = &*self.law;
+        let least = if self.forbids_inversion { f64::MIN_POSITIVE } else { f64::NEG_INFINITY };
         match (self.measure, self.dimension) {
-            (Measure::Length, 2) => evaluate::<Bond, 2>(law, batch, order, out),
-            (Measure::Length, _) => evaluate::<Bond, 3>(law, batch, order, out),
-            (Measure::Area, 2) => evaluate::<PlaneTriangle, 4>(law, batch, order, out),
-            (Measure::Area, _) => evaluate::<SpaceTriangle, 6>(law, batch, order, out),
-            (Measure::Volume, _) => evaluate::<Tetrahedron, 9>(law, batch, order, out),
+            (Measure::Length, 2) => evaluate::<Bond, 2>(law, least, batch, order, out),
+            (Measure::Length, _) => evaluate::<Bond, 3>(law, least, batch, order, out),
+            (Measure::Area, 2) => evaluate::<PlaneTriangle, 4>(law, least, batch, order, out),
+            (Measure::Area, _) => evaluate::<SpaceTriangle, 6>(law, least, batch, order, out),
+            (Measure::Volume, _) => evaluate::<Tetrahedron, 9>(law, least, batch, order, out),
         }
     }
 }
 
 fn evaluate<G: Geometry<C>, const C: usize>(
     law: &dyn Law,
+    least: f64,
     batch: &InteractionBatch,
     order: Order,
     out: &mut Contributions,
@@ -68,7 +89,7 @@ fn evaluate<G: Geometry<C>, const C: usize>(
     };
     law.evaluate(inputs, &mut out.derivatives);
     let (mut first, mut second) = ([0.0; STRIDE], [0.0; STRIDE]);
-    let slopes = Slopes { energy: &mut out.energy, first: &mut first, second: &mut second };
+    let slopes = Slopes { least, energy: &mut out.energy, first: &mut first, second: &mut second };
     slopes.fill(G::VARIABLE, batch, order, measures, &out.derivatives)?;
     match order {
         Order::Energy => {}
@@ -80,6 +101,8 @@ fn evaluate<G: Geometry<C>, const C: usize>(
 
 /// Weighted energies and their derivatives in the variable.
 struct Slopes<'a> {
+    /// Smaller measures are refused.
+    least: f64,
     energy: &'a mut Channel,
     first: &'a mut Channel,
     second: &'a mut Channel,
@@ -99,6 +122,7 @@ impl Slopes<'_> {
             let weight = batch.weight[lane];
             self.energy[lane] = weight * derivatives.psi[lane];
             finite &= self.energy[lane].is_finite() & measures.change[lane].is_finite();
+            finite &= measures.measure[lane] >= self.least;
             if order == Order::Energy {
                 continue;
             }
@@ -125,6 +149,7 @@ impl Slopes<'_> {
         let is_fine = |&lane: &usize| {
             self.energy[lane].is_finite()
                 && measures.change[lane].is_finite()
+                && measures.measure[lane] >= self.least
                 && (order == Order::Energy || self.first[lane].is_finite())
                 && (order != Order::Tangent || self.second[lane].is_finite())
         };

@@ -8,6 +8,7 @@
 //! | [`run()`] | load steps, with everything they leave in the output folder |
 
 mod error;
+mod explain;
 mod run;
 mod size;
 
@@ -18,7 +19,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use num_dual::HyperDual64;
-use piola_compiler::{Dropped, Mode, Model, Setting, Values, check_text};
+use piola_compiler::expression::Input;
+use piola_compiler::expression::interpret::Interpreter;
+use piola_compiler::{Dropped, Interval, Mode, Model, Setting, Values, check_text};
 use piola_grammar::Diagnostic;
 
 use crate::assembly::{DiscreteEnergy, Elements};
@@ -125,9 +128,17 @@ impl Case {
                 let psi = move |m: HyperDual64, reference: f64| {
                     written.evaluate(m, HyperDual64::from_re(reference))
                 };
-                Box::new(CoordinateElement::new(measure, dimension, psi))
+                let mut element = CoordinateElement::new(measure, dimension, psi);
+                if self.declares_positive(measure) {
+                    element.forbid_inversion();
+                }
+                Box::new(element)
             } else {
-                Box::new(MeasureElement::new(measure, dimension, Box::new(kernel)))
+                let mut element = MeasureElement::new(measure, dimension, Box::new(kernel));
+                if self.declares_positive(measure) {
+                    element.forbid_inversion();
+                }
+                Box::new(element)
             };
             match measure {
                 Measure::Length => elements.bond = Some(element),
@@ -136,6 +147,27 @@ impl Case {
             }
         }
         Ok(Compiled { elements, measures, dropped: compiled.dropped })
+    }
+
+    /// Whether the potential declares a domain that a measure leaves at 0 or before it is negative.
+    fn declares_positive(&self, measure: Measure) -> bool {
+        let Some(variant) = self.model.variant(self.body.dimension()) else { return false };
+        let written = |stretch: f64| {
+            let mut interpreter = Interpreter::<f64>::new();
+            interpreter.run(&variant.graph, |input| match input {
+                Input::Current(_) => stretch,
+                Input::Reference(_) => 1.0,
+                Input::Change(_) => stretch - 1.0,
+                Input::Horizon => self.values.horizon,
+                Input::Parameter(i) => self.values.parameters[usize::from(i)],
+            });
+            interpreter
+        };
+        let (collapsed, mirrored) = (written(0.0), written(-1.0));
+        let leaves = |domain: &Interval| {
+            [&collapsed, &mirrored].iter().any(|read| !domain.contains(read.number(domain.root)))
+        };
+        variant.domains.iter().any(|domain| domain.measure == measure && leaves(domain))
     }
 
     /// The discrete total energy.
@@ -156,22 +188,10 @@ impl Case {
             .map_err(|error| CaseError::Body { message: error.to_string() })
     }
 
-    /// An evaluation that is not finite, with points and positions as the user knows them.
+    /// An interaction that cannot be evaluated, in the user's words: points, positions, the energy
+    /// and the operation that failed, in several lines.
     pub fn describe(&self, found: &NonFinite) -> String {
-        let d = self.body.dimension();
-        let points = found.points.iter().map(|&point| {
-            let position: Vec<String> =
-                self.body.position(point)[..d].iter().map(f64::to_string).collect();
-            format!("{} at ({})", self.body.user_index()[point], position.join(", "))
-        });
-        let (symbol, twin) = (found.measure.symbol(), found.measure.reference_symbol());
-        format!(
-            "psi({symbol}) is not finite for the {} of the points {}: {symbol} = {:e}, {twin} = {:e}",
-            found.measure.interaction(),
-            points.collect::<Vec<_>>().join("; "),
-            found.value,
-            found.reference
-        )
+        explain::explain(self, found)
     }
 
     /// The points of sets and probes.

@@ -44,6 +44,11 @@ impl LineSearch {
         LineSearch { start, noise, floor, next: 1.0, any_finite: false }
     }
 
+    /// Tries no more than this part of the step.
+    pub(super) fn no_further_than(&mut self, part: f64) {
+        self.next = self.next.min(part);
+    }
+
     /// The part of the step to try next, 1 first; `None` when the search has failed.
     pub(super) fn next_length(&self) -> Option<f64> {
         (self.next >= SHORTEST).then_some(self.next)

@@ -120,6 +120,12 @@ pub struct NewtonError {
     pub history: History,
 }
 
+/// A step made longer, so that no interaction turns inside out on more than 0.9 of the way to the
+/// turn: the part of the longer step to the turn is the part of the step that may be gone.
+fn beyond(step: &[f64]) -> Vec<f64> {
+    step.iter().map(|x| x / 0.9).collect()
+}
+
 fn last_residual(history: &History) -> String {
     match (history.residual.last(), history.residual_over_reaction.last()) {
         (Some(residual), Some(ratio)) => format!(
@@ -190,6 +196,18 @@ impl<'a> Newton<'a> {
     /// Time by phase since the last call.
     pub fn take_times(&mut self) -> PhaseTimes {
         std::mem::take(&mut self.times)
+    }
+
+    /// Refuses a jump from `from` to `to` that goes more than 0.9 of the way to where an interaction
+    /// is turned inside out that may not be.
+    pub fn check_jump(&self, from: &[f64], to: &[f64]) -> Result<(), NewtonError> {
+        let jump: Vec<f64> = to.iter().zip(from).map(|(to, from)| to - from).collect();
+        match self.energy.first_inversion(from, &beyond(&jump)) {
+            None => Ok(()),
+            Some(inversion) => {
+                Err(NewtonError { failure: inversion.first.into(), history: History::default() })
+            }
+        }
     }
 
     /// Moves the free entries of `u` to equilibrium with `loads` (both `n x d`).
@@ -305,8 +323,12 @@ impl<'a> Newton<'a> {
         let start = self.trial(u, direction, loads, &self.gradient, self.parts);
         let noise = 100.0 * ROUNDOFF * self.energy_scale(u, loads);
         let floor = ROUNDING_MULTIPLE * self.rounding(u);
+        let inversion = self.energy.first_inversion(u, &beyond(direction));
         let mut search = LineSearch::new(start, noise, floor);
-        let mut not_finite = None;
+        if let Some(inversion) = &inversion {
+            search.no_further_than(inversion.part);
+        }
+        let mut not_finite = inversion.map(|inversion| inversion.first);
         let origin = u.to_vec();
         let mut gradient = vec![0.0; u.len()];
         while let Some(length) = search.next_length() {

@@ -324,7 +324,8 @@ impl Run<'_> {
     ) -> Result<Attempt, StepError> {
         let loads = self.loads(t)?;
         let mut u = self.start(t)?;
-        let solved = self.newton.solve(&mut u, &loads);
+        let jumped = self.newton.check_jump(&self.u, &u);
+        let solved = jumped.and_then(|()| self.newton.solve(&mut u, &loads));
         let judged = solved.and_then(|report| match self.newton.judge(&report) {
             Ok(definiteness) => Ok((report, definiteness)),
             Err(error) => Err(NewtonError { failure: error.into(), history: report.history }),

@@ -149,7 +149,17 @@ impl SpringNetwork {
             let (psi, force, stiffness) = (self.law)(strain, reference);
             if !psi.is_finite() {
                 let (measure, points) = (Measure::Length, vec![i, j]);
-                return Err(NonFinite { measure, points, value: length, reference });
+                let displacements = [&u[i * d..(i + 1) * d], &u[j * d..(j + 1) * d]].concat();
+                let inverted = false;
+                let value = length;
+                return Err(NonFinite {
+                    measure,
+                    points,
+                    displacements,
+                    value,
+                    reference,
+                    inverted,
+                });
             }
             energy.bonds += psi;
             if let Some(gradient) = gradient.as_deref_mut() {

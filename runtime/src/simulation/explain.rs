@@ -1,0 +1,186 @@
+//! Why the energy of an interaction is not a finite number: the interaction is evaluated once more,
+//! in the open, down to the operation that failed.
+
+use std::fmt::Write as _;
+
+use piola_compiler::expression::interpret::Interpreter;
+use piola_compiler::expression::{ExprGraph, Input, Node, NodeId};
+use piola_compiler::print::expression;
+use piola_compiler::{Measure, Model, Values, Variant};
+
+use super::Case;
+use crate::energy::NonFinite;
+
+/// A message of several lines: what, the points, the energy as written with its parameters, the
+/// operation that failed.
+pub(super) fn explain(case: &Case, found: &NonFinite) -> String {
+    let (symbol, twin) = (found.measure.symbol(), found.measure.reference_symbol());
+    let kind = found.measure.interaction();
+    let points: Vec<String> =
+        found.points.iter().map(|&p| case.body.user_index()[p].to_string()).collect();
+    let what = if found.inverted {
+        format!("psi({symbol}) forbids that a {kind} turns inside out, as that")
+    } else {
+        format!("psi({symbol}) or a derivative is not finite for the {kind}")
+    };
+    let mut text = format!(
+        "{what} of the points {}: {symbol} = {:e}, {twin} = {:e}",
+        points.join(", "),
+        found.value,
+        found.reference
+    );
+    let d = case.body.dimension();
+    for (number, displacement) in found.points.iter().zip(found.displacements.chunks_exact(d)) {
+        let place = case.body.user_index()[*number];
+        let position = tuple(&case.body.position(*number)[..d]);
+        let _ = write!(
+            text,
+            "\n  point {place} at {position} m, displaced by {} m",
+            tuple(displacement)
+        );
+    }
+    if let Some(variant) = case.model.variant(d) {
+        let energy = Reading { model: &case.model, values: &case.values, variant, found };
+        energy.write_statements(&mut text);
+        let _ = write!(text, "\n  {}", energy.reason());
+    }
+    text
+}
+
+fn tuple(numbers: &[f64]) -> String {
+    let numbers: Vec<String> = numbers.iter().map(f64::to_string).collect();
+    format!("({})", numbers.join(", "))
+}
+
+/// The energy of one interaction, read again.
+struct Reading<'a> {
+    model: &'a Model,
+    values: &'a Values,
+    variant: &'a Variant,
+    found: &'a NonFinite,
+}
+
+impl Reading<'_> {
+    fn measure(&self) -> Measure {
+        self.found.measure
+    }
+
+    /// The roots of the energy as written.
+    fn roots(&self) -> Vec<NodeId> {
+        let energies = self.variant.energies.iter().filter(|e| e.measure == self.measure());
+        energies.map(|energy| energy.root).collect()
+    }
+
+    /// The energy as written, and the parameters it depends on in SI units.
+    fn write_statements(&self, text: &mut String) {
+        for energy in self.variant.energies.iter().filter(|e| e.measure == self.measure()) {
+            let _ = write!(text, "\n  psi({}) = {}", self.measure().symbol(), energy.text);
+        }
+        let roots = self.roots();
+        let names = self.model.parameters().iter().zip(&self.values.parameters).enumerate();
+        let used = names
+            .filter(|(i, _)| self.variant.graph.depends_on(&roots, Input::Parameter(*i as u16)))
+            .map(|(_, (parameter, value))| format!("{} = {value:e}", parameter.name));
+        let used: Vec<String> = used.collect();
+        if !used.is_empty() {
+            let _ = write!(text, "\n  with {} in SI units", used.join(", "));
+        }
+    }
+
+    /// What failed: in the energy as written, else in its derivatives, else beyond them.
+    fn reason(&self) -> String {
+        let (value, reference) = (self.found.value, self.found.reference);
+        let mut places = vec![value];
+        if self.found.inverted {
+            places.extend([0.0, -reference]);
+        }
+        let failed = places.iter().find_map(|&place| self.failed_as_written(place));
+        failed.unwrap_or_else(|| {
+            if self.found.inverted { self.declared_domain() } else { self.failed_derivative() }
+        })
+    }
+
+    fn failed_as_written(&self, value: f64) -> Option<String> {
+        let read = self.read(&self.variant.graph, value);
+        self.roots().iter().find_map(|&root| self.failed(&self.variant.graph, root, &read))
+    }
+
+    fn declared_domain(&self) -> String {
+        let domain = self.variant.domains.iter().find(|d| d.measure == self.measure());
+        match domain {
+            Some(domain) => format!("the declared domain of {} ends before", domain.text),
+            None => "its energy is not finite beyond".to_string(),
+        }
+    }
+
+    /// The energy is finite, so a derivative is not, or what is made of them.
+    fn failed_derivative(&self) -> String {
+        let symbol = self.measure().symbol();
+        let specialised = self.model.specialise(self.values).ok();
+        let energy = specialised
+            .and_then(|all| all.energies.into_iter().find(|e| e.measure == self.measure()));
+        let Some(energy) = energy else { return format!("psi({symbol}) itself is finite") };
+        let read = self.read(&energy.graph, self.found.value);
+        for (name, root) in ["psi", "psi'", "psi''"].iter().zip(energy.roots) {
+            if let Some(failed) = self.failed(&energy.graph, root, &read) {
+                return format!("in {name}({symbol}), {failed}");
+            }
+        }
+        let [psi, first, second] = energy.roots.map(|root| read.number(root));
+        if self.found.value == 0.0 && first != 0.0 {
+            return format!(
+                "psi'({symbol}) = {first:e} at {symbol} = 0, where a force has no direction"
+            );
+        }
+        format!(
+            "psi = {psi:e}, psi' = {first:e}, psi'' = {second:e}: their products with the weight of \
+             the interaction and with its shape are not finite"
+        )
+    }
+
+    fn read(&self, graph: &ExprGraph, value: f64) -> Interpreter<f64> {
+        let reference = self.found.reference;
+        let mut interpreter = Interpreter::new();
+        interpreter.run(graph, |input| match input {
+            Input::Current(_) => value,
+            Input::Reference(_) => reference,
+            Input::Change(_) => (value - reference) / reference,
+            Input::Horizon => self.values.horizon,
+            Input::Parameter(i) => self.values.parameters[usize::from(i)],
+        });
+        interpreter
+    }
+
+    /// The operation that made a root a number that is not finite: from the root to an operand that
+    /// is not finite, as long as there is one. Of a choice only the branch taken counts.
+    fn failed(&self, graph: &ExprGraph, root: NodeId, read: &Interpreter<f64>) -> Option<String> {
+        let is_number = |id: NodeId| {
+            !matches!(
+                graph[id],
+                Node::Truth(_) | Node::Compare(..) | Node::And(..) | Node::Or(..) | Node::Not(_)
+            )
+        };
+        let operands = |id: NodeId| -> Vec<NodeId> {
+            match graph[id] {
+                Node::Select(condition, x, y) => vec![if read.truth(condition) { x } else { y }],
+                node => node.operands().filter(|&x| is_number(x)).collect(),
+            }
+        };
+        let mut node = root;
+        if read.number(node).is_finite() {
+            return None;
+        }
+        while let Some(&cause) = operands(node).iter().find(|&&x| !read.number(x).is_finite()) {
+            node = cause;
+        }
+        let print = |id: NodeId| expression(self.model, graph, id);
+        let given: Vec<String> = operands(node)
+            .iter()
+            .filter(|&&x| graph.as_number(x).is_none())
+            .map(|&x| format!("{} = {:e}", print(x), read.number(x)))
+            .collect();
+        let with =
+            if given.is_empty() { String::new() } else { format!(" with {}", given.join(", ")) };
+        Some(format!("{} is {:e}{with}", print(node), read.number(node)))
+    }
+}

@@ -3,6 +3,7 @@
 use std::io::IsTerminal as _;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use piola_runtime::assembly::Inverted;
 use piola_runtime::output::OutputFolder;
 use piola_runtime::output::summary::ExitReason;
 use piola_runtime::simulation::{Case, Ending, RunError, RunOptions, run};
@@ -91,6 +92,16 @@ fn report(ending: &Ending, folder: &OutputFolder) -> Exit {
         render::warning(&format!(
             "{} of {} equilibria are not stable: their tangent is not positive definite",
             ending.indefinite, ending.steps
+        ));
+    }
+    for warning in &ending.warnings {
+        render::warning(warning);
+    }
+    let inverted = ending.inverted;
+    if inverted != Inverted::default() {
+        render::warning(&format!(
+            "at the last step {} triangles and {} tetrahedra are turned inside out",
+            inverted.triangles, inverted.tetrahedra
         ));
     }
     let path = folder.path().display();

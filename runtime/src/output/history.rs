@@ -1,5 +1,6 @@
 //! What the solver reports, step by step: the input of the tables, the picture and the summary.
 
+use crate::assembly::Inverted;
 use crate::energy::EnergyParts;
 
 /// The converged steps of a run.
@@ -34,6 +35,11 @@ pub struct StepRecord {
     pub probes: Vec<Vec<f64>>,
     /// Whether the equilibrium is stable.
     pub definiteness: Definiteness,
+    /// Estimated condition of the tangent on the free degrees of freedom (1-norm); `None` where it
+    /// was not factorised.
+    pub condition: Option<f64>,
+    /// Interactions turned inside out.
+    pub inverted: Inverted,
 }
 
 /// Whether the tangent at an equilibrium is positive definite, and how that is known.

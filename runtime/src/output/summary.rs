@@ -10,6 +10,7 @@ use serde::ser::{SerializeMap, SerializeSeq};
 use serde::{Serialize, Serializer};
 
 use super::{History, OutputError, OutputFile, OutputFolder, StepRecord};
+use crate::assembly::Inverted;
 
 /// The summary of a run; the names of the fields are the names in the file.
 #[derive(Clone, Debug, Serialize)]
@@ -111,7 +112,16 @@ pub struct StepSummary {
     pub positive_definite: Option<bool>,
     /// How that is known.
     pub positive_definite_by: String,
+    /// Estimated condition of the tangent on the free degrees of freedom; `null` if unknown.
+    pub condition: Option<Number>,
+    /// The relative error of the displacements that rounding implies: condition times 2^-53.
+    pub displacement_error: Option<Number>,
+    /// Interactions turned inside out.
+    pub inverted: Inverted,
 }
+
+/// Unit roundoff of f64.
+const ROUNDOFF: f64 = f64::EPSILON / 2.0;
 
 /// Energy by measure, in J.
 #[derive(Clone, Copy, Debug, Serialize)]
@@ -146,6 +156,9 @@ fn step_summary(sets: &[String], step: &StepRecord) -> StepSummary {
         reactions: sets.iter().cloned().zip(step.reactions.iter().map(|r| numbers(r))).collect(),
         positive_definite: step.definiteness.positive_definite,
         positive_definite_by: step.definiteness.method.clone(),
+        condition: step.condition.map(Number),
+        displacement_error: step.condition.map(|condition| Number(condition * ROUNDOFF)),
+        inverted: step.inverted,
     }
 }
 
@@ -328,6 +341,8 @@ mod tests {
                 positive_definite: Some(true),
                 method: "cholesky".to_owned(),
             },
+            condition: Some(1.0 / ROUNDOFF),
+            inverted: Inverted { triangles: 3, tetrahedra: 0 },
         });
         Summary {
             versions: versions(),
@@ -367,6 +382,9 @@ mod tests {
             "reactions": {"right": [1.0, -2.0], "left": ["-inf", 1e300]},
             "positive_definite": true,
             "positive_definite_by": "cholesky",
+            "condition": 9007199254740992.0,
+            "displacement_error": 1.0,
+            "inverted": {"triangles": 3, "tetrahedra": 0},
         });
         assert_eq!(json["steps"], json!([expected]));
         assert!(text.contains("0.30000000000000004"), "{text}");

@@ -109,6 +109,7 @@ fn quoted(field: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::assembly::Inverted;
     use crate::energy::EnergyParts;
     use crate::output::read::read_displacement;
     use crate::output::{Definiteness, StepRecord};
@@ -125,6 +126,8 @@ mod tests {
             reactions: vec![vec![-1.5, 0.1 + 0.2], vec![f64::NAN, f64::NEG_INFINITY]],
             probes: vec![vec![1e-7, -0.0]],
             definiteness: Definiteness { positive_definite: None, method: "none".to_owned() },
+            condition: None,
+            inverted: Inverted::default(),
         });
         history
     }

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 
 use super::{Case, CaseError, Compiled};
-use crate::assembly::{DiscreteEnergy, Report};
+use crate::assembly::{DiscreteEnergy, Inverted, Report};
 use crate::energy::TotalEnergy;
 use crate::output::picture::{NamedPoints, Picture};
 use crate::output::pvd::FrameSeries;
@@ -47,6 +47,10 @@ pub struct Ending {
     pub steps: usize,
     /// How many of them are not stable equilibria.
     pub indefinite: usize,
+    /// Interactions turned inside out at the last of them.
+    pub inverted: Inverted,
+    /// What the user was warned of during the run; the summary has it, too.
+    pub warnings: Vec<String>,
 }
 
 /// Why a run could not start or could not write.
@@ -99,7 +103,7 @@ pub fn run(
     clock.enter("solve");
     let drive = SceneDrive { boundary: &boundary, problem: Mutex::new(None) };
     let points = Points::of(&case.body);
-    let mut recorder = Recorder::new(case, &selection, folder, &points, clock)?;
+    let mut recorder = Recorder::new(case, &energy, &selection, folder, &points, clock)?;
     let result = run_steps(&energy, &drive, &settings(&case.scene), &mut |record, state| {
         observer(record);
         recorder.record(record, state)
@@ -107,8 +111,9 @@ pub fn run(
     if let Some(error) = recorder.failed.take() {
         return Err(error.into());
     }
-    let (ending, displacement) = ending(case, result, &drive, &recorder.history)?;
-    recorder.finish(&energy, &displacement, &ending, &resolved, options)?;
+    let (ending, displacement) =
+        ending(case, result, &drive, &recorder.history, &recorder.warnings)?;
+    recorder.finish(&displacement, &ending, &resolved, options)?;
     Ok(ending)
 }
 
@@ -179,11 +184,16 @@ fn ending(
     result: Result<steps::Outcome, StepError>,
     drive: &SceneDrive<'_>,
     history: &History,
+    warnings: &[String],
 ) -> Result<(Ending, Vec<f64>), RunError> {
     let indefinite =
         history.steps.iter().filter(|s| s.definiteness.positive_definite == Some(false)).count();
     let steps = history.steps.len();
-    let end = |reason, message| Ending { reason, message, steps, indefinite };
+    let inverted = history.steps.last().map_or(Inverted::default(), |step| step.inverted);
+    let end = |reason, message| {
+        let warnings = warnings.to_vec();
+        Ending { reason, message, steps, indefinite, inverted, warnings }
+    };
     match result {
         Ok(outcome) => Ok((end(ExitReason::Completed, String::new()), outcome.displacements)),
         Err(StepError::NotConverged(failure)) => {
@@ -211,12 +221,14 @@ fn ending(
 /// Writes what the steps bring.
 struct Recorder<'a> {
     case: &'a Case,
+    energy: &'a DiscreteEnergy,
     selection: &'a Selection,
     folder: &'a OutputFolder,
     points: &'a Points,
     clock: PhaseClock,
     frames: FrameSeries<'a>,
     history: History,
+    warnings: Vec<String>,
     last: Frame,
     nominal: usize,
     failed: Option<OutputError>,
@@ -225,6 +237,7 @@ struct Recorder<'a> {
 impl<'a> Recorder<'a> {
     fn new(
         case: &'a Case,
+        energy: &'a DiscreteEnergy,
         selection: &'a Selection,
         folder: &'a OutputFolder,
         points: &'a Points,
@@ -240,12 +253,14 @@ impl<'a> Recorder<'a> {
         let nominal = 0;
         Ok(Recorder {
             case,
+            energy,
             selection,
             folder,
             points,
             clock,
             frames,
             history,
+            warnings: Vec::new(),
             last,
             nominal,
             failed: None,
@@ -284,7 +299,10 @@ impl<'a> Recorder<'a> {
                 positive_definite: record.definiteness.positive_definite,
                 method: record.definiteness.method.clone(),
             },
+            condition: record.condition,
+            inverted: self.energy.inverted(state.displacements),
         });
+        self.warn_of_rounding(record);
         self.last = Frame::of(body, record.t, state.displacements, &residual);
         let written = self.write_step(record.nominal);
         self.clock.enter("solve");
@@ -294,6 +312,17 @@ impl<'a> Recorder<'a> {
                 self.failed = Some(error);
                 ControlFlow::Break(())
             }
+        }
+    }
+
+    /// Warns once of a tolerance that rounding does not let the residual meet but by luck.
+    fn warn_of_rounding(&mut self, record: &StepRecord) {
+        let (tolerance, floor) = (self.case.scene.solver.tolerance, record.rounding_floor);
+        if tolerance < floor && self.warnings.is_empty() {
+            self.warnings.push(format!(
+                "the tolerance {tolerance:e} is below the rounding of the forces, {floor:.0e} of the                  reaction at t = {}: a smaller residual is luck and makes nothing more exact",
+                record.t
+            ));
         }
     }
 
@@ -312,7 +341,6 @@ impl<'a> Recorder<'a> {
 
     fn finish(
         mut self,
-        energy: &DiscreteEnergy,
         displacement: &[f64],
         ending: &Ending,
         resolved: &str,
@@ -344,7 +372,8 @@ impl<'a> Recorder<'a> {
         };
         picture.write(self.folder)?;
         self.clock.leave();
-        let report = energy.report();
+        let report = self.energy.report();
+        let warnings = [options.warnings.as_slice(), &ending.warnings].concat();
         let summary = Summary {
             versions: versions(),
             scene_hash: scene_hash(resolved, &self.case.potential.text),
@@ -358,7 +387,7 @@ impl<'a> Recorder<'a> {
                 triangles: report.dropped_triangles as usize,
                 tetrahedra: report.dropped_tetrahedra as usize,
             },
-            warnings: options.warnings,
+            warnings,
             threads: rayon::current_num_threads(),
             wall_seconds: Number(self.clock.wall_seconds()),
             phases: self.clock.phases().to_vec(),

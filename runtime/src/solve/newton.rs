@@ -63,6 +63,9 @@ pub struct NewtonReport {
     pub linear: Vec<LinearReport>,
     /// The accepted parts of the Newton steps; 1 for a full step.
     pub step_lengths: Vec<f64>,
+    /// What rounding leaves of the residual, over the larger of the 2-norms of reactions and loads:
+    /// smaller tolerances are met by luck.
+    pub rounding_floor: f64,
     /// What the reader should know.
     pub notes: Vec<String>,
 }
@@ -236,12 +239,14 @@ impl<'a> Newton<'a> {
             energy: EnergyParts::default(),
             linear: Vec::new(),
             step_lengths: Vec::new(),
+            rounding_floor: 0.0,
             notes: Vec::new(),
         };
         self.evaluate(u)?;
         loop {
             if self.is_converged(u, loads, history, &mut report.notes)? {
                 report.energy = self.parts;
+                report.rounding_floor = self.rounding_floor(u, loads);
                 return Ok(report);
             }
             if report.iterations == self.settings.max_iterations {
@@ -265,7 +270,7 @@ impl<'a> Newton<'a> {
         notes: &mut Vec<String>,
     ) -> Result<bool, NewtonFailure> {
         let residual = self.residual_norm(loads);
-        let force = self.reaction_norm(loads).max(norm_of(loads));
+        let force = self.force(loads);
         let previous = history.residual.last().copied();
         history.residual.push(residual);
         history.residual_over_reaction.push(if residual == 0.0 { 0.0 } else { residual / force });
@@ -404,6 +409,17 @@ impl<'a> Newton<'a> {
         Ok(parts)
     }
 
+    /// What the residual is compared with: the larger of the 2-norms of reactions and loads.
+    fn force(&self, loads: &[f64]) -> f64 {
+        self.reaction_norm(loads).max(norm_of(loads))
+    }
+
+    /// The rounding of the residual, relative to the forces; 0 where there are none.
+    fn rounding_floor(&self, u: &[f64], loads: &[f64]) -> f64 {
+        let (floor, force) = (ROUNDING_MULTIPLE * self.rounding(u), self.force(loads));
+        if force <= floor { 0.0 } else { floor / force }
+    }
+
     fn residual_norm(&self, loads: &[f64]) -> f64 {
         norm(self.constraints.free().iter().map(|&dof| self.gradient[dof] - loads[dof]))
     }
@@ -429,6 +445,13 @@ impl<'a> Newton<'a> {
         // Explicitly chosen LU and LDLT, and conjugate gradients, start their own way next time.
         self.factorized = self.linear.method() == LinearMethod::Cholesky;
         Ok(definiteness)
+    }
+
+    /// The condition of the tangent just judged, on the free degrees of freedom, where there are
+    /// factors.
+    pub fn condition(&mut self) -> Result<Option<f64>, LinearError> {
+        let (linear, tangent) = (&mut self.linear, &self.tangent);
+        timed(&mut self.times.linear, || linear.condition(tangent))
     }
 }
 

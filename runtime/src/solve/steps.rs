@@ -84,6 +84,11 @@ pub struct StepRecord {
     pub energy_parts: EnergyParts,
     /// Whether the tangent is positive definite, and how that is known.
     pub definiteness: Definiteness,
+    /// An estimate of the condition of the tangent on the free degrees of freedom (1-norm), where
+    /// there are factors of it.
+    pub condition: Option<f64>,
+    /// What rounding leaves of the residual, relative to reactions or loads.
+    pub rounding_floor: f64,
     /// The linear systems, one per iteration.
     pub linear: Vec<LinearReport>,
     /// The accepted parts of the Newton steps; 1 for a full step.
@@ -326,17 +331,17 @@ impl Run<'_> {
         let mut u = self.start(t)?;
         let jumped = self.newton.check_jump(&self.u, &u);
         let solved = jumped.and_then(|()| self.newton.solve(&mut u, &loads));
-        let judged = solved.and_then(|report| match self.newton.judge(&report) {
-            Ok(definiteness) => Ok((report, definiteness)),
+        let judged = solved.and_then(|report| match self.judge(&report) {
+            Ok(judged) => Ok((report, judged)),
             Err(error) => Err(NewtonError { failure: error.into(), history: report.history }),
         });
         self.times.add(&self.newton.take_times());
-        let (report, definiteness) = match judged {
+        let (report, judged) = match judged {
             Ok(judged) => judged,
             Err(cause) => return Ok(Attempt::Failed(cause)),
         };
         let iterations = report.iterations;
-        let record = self.record(t, nominal, report, definiteness);
+        let record = self.record(t, nominal, report, judged);
         self.before = Some((self.t, std::mem::replace(&mut self.u, u)));
         self.t = t;
         let state = State {
@@ -351,12 +356,17 @@ impl Run<'_> {
         Ok(Attempt::Converged { iterations, flow })
     }
 
+    /// Definiteness and condition of the tangent at the equilibrium found.
+    fn judge(&mut self, report: &NewtonReport) -> Result<(Definiteness, Option<f64>), LinearError> {
+        Ok((self.newton.judge(report)?, self.newton.condition()?))
+    }
+
     fn record(
         &mut self,
         t: f64,
         nominal: bool,
         report: NewtonReport,
-        definiteness: Definiteness,
+        (definiteness, condition): (Definiteness, Option<f64>),
     ) -> StepRecord {
         StepRecord {
             t,
@@ -366,6 +376,8 @@ impl Run<'_> {
             residual_over_reaction: report.history.residual_over_reaction,
             energy_parts: report.energy,
             definiteness,
+            condition,
+            rounding_floor: report.rounding_floor,
             linear: report.linear,
             step_lengths: report.step_lengths,
             cut_backs: std::mem::take(&mut self.cut_backs),

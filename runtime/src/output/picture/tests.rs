@@ -3,6 +3,7 @@
 use std::collections::HashSet;
 
 use super::*;
+use crate::assembly::Inverted;
 use crate::energy::EnergyParts;
 use crate::output::{Definiteness, StepRecord};
 
@@ -66,6 +67,8 @@ fn history(dimension: usize, n_steps: usize) -> History {
             reactions: vec![left, right],
             probes: Vec::new(),
             definiteness: Definiteness { positive_definite: None, method: "none".to_owned() },
+            condition: None,
+            inverted: Inverted::default(),
         });
     }
     history

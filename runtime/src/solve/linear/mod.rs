@@ -14,6 +14,7 @@
 //! Every fallback is noted in the [`LinearReport`]. The bits do not depend on the number of
 //! threads.
 
+mod condition;
 mod conjugate_gradients;
 mod direct;
 mod estimate;
@@ -34,8 +35,11 @@ pub use estimate::{
 };
 pub use report::{Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport};
 
-/// A direct solution with a larger relative residual is refined once: a few units of rounding.
+/// A direct solution with a larger relative residual is refined: a few units of rounding.
 const ROUNDING_RESIDUAL: f64 = 1e-14;
+
+/// Steps of refinement. The first brings the backward error to rounding, where it was not.
+const REFINEMENTS: usize = 2;
 
 /// A direct solution is inaccurate when its residual exceeds this times `|K| |x| + |b|` (norms).
 /// Backward stable solves reach 1e-15; what is 1e5 times worse has lost its pivots.
@@ -424,8 +428,8 @@ impl LinearSolver {
         }
     }
 
-    /// One solve and, if the residual is above rounding, one step of iterative refinement, kept if
-    /// it helps. Returns the residual relative to `b` and the backward error.
+    /// One solve and, while the residual is above rounding, steps of iterative refinement, kept if
+    /// they help. Returns the residual relative to `b` and the backward error.
     fn solve_and_refine(
         &mut self,
         matrix: &BlockMatrix,
@@ -435,18 +439,23 @@ impl LinearSolver {
         let mut x = b.to_vec();
         self.apply_factors(&mut x)?;
         self.constraints.scatter_free(&x, solution);
-        let (relative, backward, mut correction) = self.residual(matrix, b, solution);
-        if relative <= ROUNDING_RESIDUAL || !relative.is_finite() {
-            return Ok((relative, backward));
+        let (mut relative, mut backward, mut residual) = self.residual(matrix, b, solution);
+        for _ in 0..REFINEMENTS {
+            if relative <= ROUNDING_RESIDUAL || !relative.is_finite() {
+                break;
+            }
+            self.apply_factors(&mut residual)?;
+            let refined: Vec<f64> = x.iter().zip(&residual).map(|(x, c)| x + c).collect();
+            self.constraints.scatter_free(&refined, solution);
+            let found = self.residual(matrix, b, solution);
+            // Not a number is not smaller.
+            if !(found.0 < relative) {
+                self.constraints.scatter_free(&x, solution);
+                break;
+            }
+            x = refined;
+            (relative, backward, residual) = found;
         }
-        self.apply_factors(&mut correction)?;
-        let refined: Vec<f64> = x.iter().zip(&correction).map(|(x, c)| x + c).collect();
-        self.constraints.scatter_free(&refined, solution);
-        let (relative_refined, backward_refined, _) = self.residual(matrix, b, solution);
-        if relative_refined < relative {
-            return Ok((relative_refined, backward_refined));
-        }
-        self.constraints.scatter_free(&x, solution);
         Ok((relative, backward))
     }
 

@@ -3,6 +3,7 @@
 mod common;
 mod consistency;
 mod extremes;
+mod extremes_solved;
 mod lattice_counts;
 mod moduli;
 mod refusals;

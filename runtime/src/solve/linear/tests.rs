@@ -187,6 +187,24 @@ fn not_a_number_and_too_large_are_errors() {
 }
 
 #[test]
+fn the_condition_is_that_of_the_dense_inverse() {
+    let norm = |matrix: &DMatrix<f64>| {
+        matrix.column_iter().map(|column| column.lp_norm(1)).fold(0.0, f64::max)
+    };
+    for (counts, shift) in [(&[7, 6][..], 0.0), (&[5, 4, 4][..], 0.0), (&[7, 6][..], -0.5)] {
+        let (_, constraints, matrix) = clamped(counts, 2.0);
+        let matrix = shifted(&matrix, shift);
+        let dense = dense_free(&matrix, &constraints);
+        let expected = norm(&dense) * norm(&dense.clone().try_inverse().unwrap());
+        let mut solver =
+            LinearSolver::new(&matrix.pattern, &constraints, LinearOptions::default()).unwrap();
+        solver.factorize(&matrix).unwrap();
+        let found = solver.condition(&matrix).unwrap().unwrap();
+        assert!((0.5..=1.0 + 1e-10).contains(&(found / expected)), "{found:e} {expected:e}");
+    }
+}
+
+#[test]
 fn extreme_scales_change_nothing_but_the_scale() {
     let (_, constraints, matrix) = clamped(&[5, 4], 2.0);
     let rhs = pseudo_random(constraints.n_dofs(), 5);

@@ -6,6 +6,7 @@ mod support;
 
 mod accuracy;
 mod contract;
+mod extremes;
 mod killed;
 mod picture;
 mod refusals;

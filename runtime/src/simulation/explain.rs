@@ -18,17 +18,13 @@ pub(super) fn explain(case: &Case, found: &NonFinite) -> String {
     let kind = found.measure.interaction();
     let points: Vec<String> =
         found.points.iter().map(|&p| case.body.user_index()[p].to_string()).collect();
-    let what = if found.inverted {
-        format!("psi({symbol}) forbids that a {kind} turns inside out, as that")
+    let named = format!("{kind} of the points {}", points.join(", "));
+    let mut text = if found.inverted {
+        format!("psi({symbol}) forbids that the {named} turns inside out")
     } else {
-        format!("psi({symbol}) or a derivative is not finite for the {kind}")
+        format!("psi({symbol}) or a derivative is not finite for the {named}")
     };
-    let mut text = format!(
-        "{what} of the points {}: {symbol} = {:e}, {twin} = {:e}",
-        points.join(", "),
-        found.value,
-        found.reference
-    );
+    let _ = write!(text, ": {symbol} = {:e}, {twin} = {:e}", found.value, found.reference);
     let d = case.body.dimension();
     for (number, displacement) in found.points.iter().zip(found.displacements.chunks_exact(d)) {
         let place = case.body.user_index()[*number];

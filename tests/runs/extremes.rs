@@ -1,0 +1,202 @@
+//! Collapse, inversion, overflow and input that is no number, as the user meets them.
+
+use crate::scenes::{STRIP, strip_with};
+use crate::support::{Outcome, SceneFolder, number, numbers, piola};
+
+/// A tetrahedron with edges of 1 m along the axes, listed so that the body sorts its points anew.
+const POINTS: &str = "x,y,z,volume\n1,0,0,1\n0,0,0,1\n0,1,0,1\n0,0,1,1\n";
+
+/// `piola energy` of a tetrahedron; `rows` are displacements of its points.
+#[track_caller]
+fn energy(potential: &str, parameters: &str, rows: &str, code: i32) -> Outcome {
+    let folder = SceneFolder::new(&format!(
+        "[body]\ndimension = 3\npoints = \"p.csv\"\n[horizon]\nradius = 2\nweights = \"unit\"\n\
+         [material]\npotential = \"{potential}\"\nparameters = {{ {parameters} }}\n"
+    ));
+    folder.file("p.csv", POINTS);
+    folder.file("own.piola", "potential own\nparameter k = 1\npsi(v) = k*V*(V/v - 1)^2\n");
+    folder.file("bound.piola", "potential bound\ndomain v/V in [0.5, 2]\npsi(v) = V*(v/V - 1)^2\n");
+    let (scene, table) = (folder.scene(), folder.file("u.csv", format!("u,v,w\n{rows}")));
+    piola(&["energy", &scene, "--displacement", &table, "--tangent"]).expect(code)
+}
+
+/// Point 0 moves onto point 1.
+const MEET: &str = "-1,0,0\n0,0,0\n0,0,0\n0,0,0\n";
+
+/// Point 3 moves onto the edge of points 0 and 1: their triangle has no area.
+const COLLINEAR: &str = "0,0,0\n0,0,0\n0,0,0\n0.5,0,-1\n";
+
+/// Point 3 moves through the plane of the others.
+const MIRRORED: &str = "0,0,0\n0,0,0\n0,0,0\n0,0,-2\n";
+
+#[test]
+fn e07_points_that_meet_are_named_unless_the_energy_is_smooth() {
+    for n in [2, 4] {
+        let smooth = energy("firooz2023", &format!("C1 = 1.0, n = {n}"), MEET, 0).json();
+        let all = [numbers(&smooth["gradient"]), numbers(&smooth["tangent"]["values"])].concat();
+        assert!(all.iter().all(|x| x.is_finite()), "n = {n}");
+        // The bond of the two points does not pull, and the others of point 1 are as at rest.
+        assert_eq!(numbers(&smooth["gradient"])[3..6], [0.0; 3]);
+    }
+    let said = [
+        "bond of the points 1, 0",
+        "l = 0e0, L = 1e0",
+        "point 0 at (1, 0, 0) m, displaced by (-1, 0, 0) m",
+    ];
+    let kink = energy("firooz2023", "C1 = 3.0", MEET, 2).says(&said);
+    kink.says(&["psi(l) = 1/2*C1*L*S(l/L)^2", "C1 = 3e0, n = 1e0", "psi'(l) = -3e0 at l = 0"]);
+    energy("firooz2023", "C1 = 1.0, n = 0", MEET, 2)
+        .says(&said)
+        .says(&["ln(l/L) is -inf with l/L = 0e0"]);
+    energy("firooz2023", "C1 = 1.0, n = -1", MEET, 2)
+        .says(&said)
+        .says(&["(l/L)^n is inf with l/L = 0e0"]);
+}
+
+#[test]
+fn e08_a_triangle_without_area_is_named_unless_the_energy_is_smooth() {
+    for n in [2, 4] {
+        let parameters = format!("C1 = 1.0, C2 = 1.0, n = {n}");
+        let smooth = energy("firooz2023", &parameters, COLLINEAR, 0).json();
+        let all = [numbers(&smooth["gradient"]), numbers(&smooth["tangent"]["values"])].concat();
+        assert!(all.iter().all(|x| x.is_finite()), "n = {n}");
+    }
+    let said = ["triangle of the points 1, 3, 0", "a = 0e0, A = 1e0", "psi(a)"];
+    energy("firooz2023", "C1 = 1.0, C2 = 1.0", COLLINEAR, 2)
+        .says(&said)
+        .says(&["psi'(a) = -1e0 at a = 0"]);
+    energy("firooz2023", "C1 = 1.0, C2 = 1.0, n = 0", COLLINEAR, 2)
+        .says(&said)
+        .says(&["ln(a/A) is -inf"]);
+}
+
+#[test]
+fn e10_a_tetrahedron_turned_inside_out_is_named_where_the_energy_forbids_it() {
+    for n in [1, 2, 4] {
+        let parameters = format!("C1 = 1.0, C3 = 1.0, n = {n}");
+        let mirrored = energy("firooz2023", &parameters, MIRRORED, 0).json();
+        // n = 2 and n = 4 have a second minimum at v/V = -1.
+        assert_eq!(number(&mirrored["energy_parts"]["v"]) == 0.0, n != 1, "{n}");
+    }
+    let said = ["psi(v) forbids that the tetrahedron", "turns inside out: v = -1e0, V = 1e0"];
+    let points = ["of the points 1, 2, 3, 0", "point 3 at (0, 0, 1) m, displaced by (0, 0, -2) m"];
+    for (n, why) in [
+        ("0", "ln(v/V) is NaN with v/V = -1e0"),
+        ("0.5", "is NaN"),
+        ("-1", "(v/V)^n is inf with v/V = 0e0"),
+    ] {
+        let parameters = format!("C1 = 1.0, C3 = 1.0, n = {n}");
+        energy("firooz2023", &parameters, MIRRORED, 2).says(&said).says(&points).says(&[why]);
+    }
+    energy("own.piola", "k = 2", MIRRORED, 2)
+        .says(&said)
+        .says(&["V/v is inf with V = 1e0, v = 0e0"]);
+    energy("bound.piola", "", MIRRORED, 2).says(&said).says(&["the declared domain of v/V"]);
+}
+
+#[test]
+fn e13_an_overflow_is_named_and_finite_numbers_are_kept() {
+    let far = "1e60,0,0\n0,0,0\n0,0,0\n0,0,0\n";
+    energy("firooz2023", "C1 = 1.0, n = 4", far, 2).says(&[
+        "bond of the points",
+        "l = 1e60",
+        "is inf",
+    ]);
+    let kept = energy("firooz2023", "C1 = 1.0", "1e150,0,0\n0,0,0\n0,0,0\n0,0,0\n", 0).json();
+    assert!(numbers(&kept["gradient"]).iter().all(|x| x.is_finite()));
+}
+
+/// The apex of the tetrahedron is moved through its base.
+fn crossing(n: &str) -> SceneFolder {
+    let folder = SceneFolder::new(&format!(
+        "[body]\ndimension = 3\npoints = \"p.csv\"\n[horizon]\nradius = 2\nweights = \"unit\"\n\
+         [material]\npotential = \"firooz2023\"\nparameters = {{ C1 = 1.0, C3 = 1.0, n = {n} }}\n\
+         [sets]\nbase = \"Z < 0.5\"\napex = \"Z > 0.5\"\n\
+         [[prescribe]]\nset = \"base\"\nu = [0, 0, 0]\n\
+         [[prescribe]]\nset = \"apex\"\nu = [0, 0, \"-2*t\"]\n[steps]\nincrements = 4\n"
+    ));
+    folder.file("p.csv", POINTS);
+    folder
+}
+
+#[test]
+fn e10_a_run_ends_before_the_turn_or_counts_it() {
+    let through = crossing("2");
+    through.run(&[]).expect(0).says(&["0 triangles and 1 tetrahedra are turned inside out"]);
+    let steps = through.summary()["steps"].as_array().unwrap().clone();
+    let turned: Vec<f64> = steps.iter().map(|s| number(&s["inverted"]["tetrahedra"])).collect();
+    assert_eq!(turned, [0.0, 0.0, 1.0, 1.0]);
+    for n in ["0", "-1"] {
+        let stopped = crossing(n);
+        stopped.run(&[]).expect(3).says(&[
+            "forbids that the tetrahedron",
+            "turns inside out",
+            "is ",
+        ]);
+        let summary = stopped.summary();
+        assert_eq!(summary["exit_reason"], "non_finite");
+        let steps = summary["steps"].as_array().unwrap();
+        let last = number(&steps.last().unwrap()["t"]);
+        // Every step went at most 0.9 of the way to the turn at t = 1/2.
+        assert!((0.49..0.5).contains(&last), "n = {n}: {last}");
+        let times: Vec<f64> = steps.iter().map(|step| number(&step["t"])).collect();
+        let before = std::iter::once(&0.0).chain(&times);
+        assert!(times.iter().zip(before).all(|(t, from)| t - from <= 0.901 * (0.5 - from)));
+    }
+}
+
+#[test]
+fn the_condition_of_the_tangent_is_in_the_summary() {
+    let folder = strip_with("frames = 4", "frames = 1");
+    folder.run(&[]).expect(0);
+    let summary = folder.summary();
+    let last = summary["steps"].as_array().unwrap().last().unwrap().clone();
+    let condition = number(&last["condition"]);
+    assert!((1.0..1e6).contains(&condition), "{condition}");
+    assert_eq!(number(&last["displacement_error"]), condition * f64::EPSILON / 2.0);
+    assert_eq!(numbers(&serde_json::json!([last["inverted"]["triangles"]])), [0.0]);
+    folder.run(&["--force", "--set", "solver.linear=\"cg\""]).expect(0);
+    assert!(folder.summary()["steps"][0]["condition"].is_null());
+}
+
+#[test]
+fn a_tolerance_below_rounding_is_a_warning() {
+    let folder = strip_with("increments = 4", "increments = 1");
+    let outcome = folder.run(&["--set", "solver.tolerance=1e-15"]);
+    let warned = outcome.code == 0 && outcome.stderr.contains("below the rounding of the forces");
+    let failed = outcome.code == 3 && outcome.stderr.contains("smaller than double precision");
+    assert!(warned || failed, "{}", outcome.stderr);
+    if warned {
+        assert!(folder.summary()["warnings"].to_string().contains("below the rounding"));
+    }
+}
+
+#[test]
+fn e20_what_is_no_number_or_not_positive_is_refused_with_its_place() {
+    for (old, new, said) in [
+        ("spacing = 0.1", "spacing = nan", "spacing"),
+        ("spacing = 0.1", "spacing = -0.1", "spacing"),
+        ("[1.0, 0.4]", "[inf, 0.4]", "box"),
+        ("spacings = 2", "spacings = nan", "spacings"),
+        ("spacings = 2", "radius = 0.0", "radius"),
+        ("C2 = 5.0", "C2 = nan", "C2"),
+        ("C1 = 1.0, ", "C1 = inf, ", "C1"),
+        ("0.2*t", "0/0*t", "is NaN at point"),
+        ("increments = 4", "end = inf", "end"),
+    ] {
+        let folder = strip_with(old, new);
+        let outcome = folder.run(&[]).expect(2).says(&[said]);
+        assert!(outcome.stderr.contains("error"), "{new}");
+        assert!(!folder.out().join("summary.json").exists(), "{new}");
+    }
+    for (row, said) in
+        [("0,0,0", "volume"), ("0,0,-1", "volume"), ("nan,0,1", "p.csv:2"), ("0,inf,1", "p.csv:2")]
+    {
+        let scene =
+            STRIP.replace("box = [[0.0, 0.0], [1.0, 0.4]]\nspacing = 0.1", "points = \"p.csv\"");
+        let scene = scene.replace("spacings = 2", "radius = 2\nweights = \"unit\"");
+        let folder = SceneFolder::new(&scene.replace("X > 0.85", "X > 0.45"));
+        folder.file("p.csv", format!("x,y,volume\n{row}\n0.5,0,1\n1,0,1\n1,1,1\n"));
+        folder.run(&[]).expect(2).says(&[said]);
+    }
+}

@@ -179,6 +179,7 @@ fn e20_what_is_no_number_or_not_positive_is_refused_with_its_place() {
         ("[1.0, 0.4]", "[inf, 0.4]", "box"),
         ("spacings = 2", "spacings = nan", "spacings"),
         ("spacings = 2", "radius = 0.0", "radius"),
+        ("\"javili2020\"\nparameters = { C1 = 1.0, ", "\"firooz2023\"\nparameters = { ", "C1"),
         ("C2 = 5.0", "C2 = nan", "C2"),
         ("C1 = 1.0, ", "C1 = inf, ", "C1"),
         ("0.2*t", "0/0*t", "is NaN at point"),

@@ -68,7 +68,7 @@ fn every_listed_frame_can_be_read_after_a_kill() {
     let out = folder.out();
     let begin = Instant::now();
     assert!(start(&folder).wait().unwrap().success());
-    let whole = begin.elapsed();
+    let mut whole = begin.elapsed();
     assert_eq!(check(&out), 61);
     let mut random = Random(20);
     let mut lengths = Vec::new();
@@ -76,11 +76,16 @@ fn every_listed_frame_can_be_read_after_a_kill() {
         // Spread over the run, at random within each part.
         let part = (kill as f64 + 0.5 + 0.5 * random.next()) / KILLS as f64;
         let mut child = start(&folder);
-        std::thread::sleep(Duration::from_secs_f64(part * whole.as_secs_f64()));
+        let wait = Duration::from_secs_f64(part * whole.as_secs_f64());
+        std::thread::sleep(wait);
         // SIGKILL on Unix; a run that is done already is no failure of the test.
         child.kill().unwrap();
         child.wait().unwrap();
         lengths.push(check(&out));
+        if lengths.last() == Some(&61) {
+            // The first run was slow because other tests had begun with it.
+            whole = whole.min(wait);
+        }
     }
     println!("a whole run takes {whole:.1?}; frames after each kill: {lengths:?}");
     let cut_short = lengths.iter().filter(|n| (1..61).contains(*n)).count();

@@ -135,16 +135,7 @@ impl Reading<'_> {
     }
 
     fn read(&self, graph: &ExprGraph, value: f64) -> Interpreter<f64> {
-        let reference = self.found.reference;
-        let mut interpreter = Interpreter::new();
-        interpreter.run(graph, |input| match input {
-            Input::Current(_) => value,
-            Input::Reference(_) => reference,
-            Input::Change(_) => (value - reference) / reference,
-            Input::Horizon => self.values.horizon,
-            Input::Parameter(i) => self.values.parameters[usize::from(i)],
-        });
-        interpreter
+        read(graph, self.values, value, self.found.reference)
     }
 
     /// The operation that made a root a number that is not finite: from the root to an operand that
@@ -179,4 +170,22 @@ impl Reading<'_> {
             if given.is_empty() { String::new() } else { format!(" with {}", given.join(", ")) };
         Some(format!("{} is {:e}{with}", print(node), read.number(node)))
     }
+}
+
+/// A graph evaluated at a measure and its value at rest.
+pub(super) fn read(
+    graph: &ExprGraph,
+    values: &Values,
+    measure: f64,
+    reference: f64,
+) -> Interpreter<f64> {
+    let mut interpreter = Interpreter::new();
+    interpreter.run(graph, |input| match input {
+        Input::Current(_) => measure,
+        Input::Reference(_) => reference,
+        Input::Change(_) => (measure - reference) / reference,
+        Input::Horizon => values.horizon,
+        Input::Parameter(i) => values.parameters[usize::from(i)],
+    });
+    interpreter
 }

@@ -19,8 +19,6 @@ use std::path::Path;
 use std::sync::Arc;
 
 use num_dual::HyperDual64;
-use piola_compiler::expression::Input;
-use piola_compiler::expression::interpret::Interpreter;
 use piola_compiler::{Dropped, Interval, Mode, Model, Setting, Values, check_text};
 use piola_grammar::Diagnostic;
 
@@ -152,21 +150,9 @@ impl Case {
     /// Whether the potential declares a domain that a measure leaves at 0 or before it is negative.
     fn declares_positive(&self, measure: Measure) -> bool {
         let Some(variant) = self.model.variant(self.body.dimension()) else { return false };
-        let written = |stretch: f64| {
-            let mut interpreter = Interpreter::<f64>::new();
-            interpreter.run(&variant.graph, |input| match input {
-                Input::Current(_) => stretch,
-                Input::Reference(_) => 1.0,
-                Input::Change(_) => stretch - 1.0,
-                Input::Horizon => self.values.horizon,
-                Input::Parameter(i) => self.values.parameters[usize::from(i)],
-            });
-            interpreter
-        };
-        let (collapsed, mirrored) = (written(0.0), written(-1.0));
-        let leaves = |domain: &Interval| {
-            [&collapsed, &mirrored].iter().any(|read| !domain.contains(read.number(domain.root)))
-        };
+        let read = [0.0, -1.0].map(|m| explain::read(&variant.graph, &self.values, m, 1.0));
+        let leaves =
+            |domain: &Interval| read.iter().any(|r| !domain.contains(r.number(domain.root)));
         variant.domains.iter().any(|domain| domain.measure == measure && leaves(domain))
     }
 

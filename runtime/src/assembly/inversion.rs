@@ -26,11 +26,16 @@ const NEAREST: f64 = 1.0 / 4096.0;
 
 /// How many of the cliques that a slab owns are turned inside out.
 pub(super) fn count<const D: usize>(energy: &DiscreteEnergy, slab: usize, u: &[f64]) -> u64 {
-    let mut inverted = 0;
-    visit::<D>(energy, slab, |cliques, members| {
-        let (rest, now) = corners(cliques, members, u);
-        inverted += u64::from(determinant(&now) * determinant(&rest) < 0.0);
-    });
+    let (mut cliques, mut inverted) = (cliques::<D>(energy, slab), 0);
+    for owner in energy.slabs.owners(slab) {
+        cliques.set(owner);
+        let now = vectors(&cliques, u);
+        for_each(&cliques, |members| {
+            let rest = members.map(|member| cliques.reference()[member]);
+            let now = members.map(|member| now[member]);
+            inverted += u64::from(determinant(&now) * determinant(&rest) < 0.0);
+        });
+    }
     inverted
 }
 
@@ -41,23 +46,36 @@ pub(super) fn first<const D: usize>(
     slab: usize,
     (start, end): (&[f64], &[f64]),
 ) -> Option<Inversion> {
+    let mut cliques = cliques::<D>(energy, slab);
     let mut first: Option<(f64, Vec<usize>)> = None;
-    visit::<D>(energy, slab, |cliques, members| {
-        let (rest, from) = corners(cliques, members, start);
-        let (_, to) = corners(cliques, members, end);
-        let path = along(&from, &to).map(|x| x * determinant(&rest).signum());
-        let limit = first.as_ref().map_or(1.0, |known| known.0);
-        if let Some(part) = first_zero(&path[..=D], 0.0, 1.0).filter(|part| *part < limit) {
-            first = Some((part, named(cliques, &members.map(|member| member as u32))));
-        }
-    });
-    first.map(|(part, points)| Inversion {
-        part,
-        first: turned(energy, kind, points, |point| -> [f64; D] {
-            let (start, end) = (row::<D>(start, point), row::<D>(end, point));
-            std::array::from_fn(|axis| start[axis] + part * (end[axis] - start[axis]))
-        }),
-    })
+    for owner in energy.slabs.owners(slab) {
+        cliques.set(owner);
+        let (from, to) = (vectors(&cliques, start), vectors(&cliques, end));
+        let near: Vec<f64> = from.iter().map(size).collect();
+        let ways = from.iter().zip(&to).map(|(from, to)| size(&minus(to, from)));
+        let reach: Vec<f64> = near.iter().zip(ways).map(|(near, way)| near + way).collect();
+        for_each(&cliques, |members| {
+            let begin = members.map(|member| from[member]);
+            // Short ways change a determinant by no more than this (Hadamard, term by term).
+            let product = |sizes: &[f64]| members.iter().fold(1.0, |p, &member| p * sizes[member]);
+            if determinant(&begin).abs() > product(&reach) - product(&near) {
+                return;
+            }
+            let rest = members.map(|member| cliques.reference()[member]);
+            let path = along(&begin, &members.map(|member| to[member]));
+            let path = path.map(|x| x * determinant(&rest).signum());
+            let limit = first.as_ref().map_or(1.0, |known| known.0);
+            if let Some(part) = first_zero(&path[..=D], 0.0, 1.0).filter(|part| *part < limit) {
+                first = Some((part, named(&cliques, &members.map(|member| member as u32))));
+            }
+        });
+    }
+    let (part, points) = first?;
+    let there = |point: usize| -> [f64; D] {
+        let (start, end) = (row::<D>(start, point), row::<D>(end, point));
+        std::array::from_fn(|axis| start[axis] + part * (end[axis] - start[axis]))
+    };
+    Some(Inversion { part, first: turned(energy, kind, points, there) })
 }
 
 /// The clique of these points at some displacements.
@@ -85,45 +103,41 @@ fn turned<const D: usize>(
     }
 }
 
-/// Shows the cliques that a slab owns.
-fn visit<const D: usize>(
-    energy: &DiscreteEnergy,
-    slab: usize,
-    mut see: impl FnMut(&OwnerCliques<'_, D>, [usize; D]),
-) {
+fn cliques<const D: usize>(energy: &DiscreteEnergy, slab: usize) -> OwnerCliques<'_, D> {
     let touched = energy.slabs.touched(slab);
-    let mut cliques =
-        OwnerCliques::new(&energy.body, &energy.neighborhood, energy.degeneracy, touched);
-    for owner in energy.slabs.owners(slab) {
-        cliques.set(owner);
-        let mut see = |members: [usize; 3]| see(&cliques, std::array::from_fn(|i| members[i]));
-        if D == 2 {
-            never_fails(cliques.triangles(|j, k| {
-                see([j, k, 0]);
-                Ok(())
-            }));
-        } else {
-            never_fails(cliques.tetrahedra(|j, k, l| {
-                see([j, k, l]);
-                Ok(())
-            }));
-        }
+    OwnerCliques::new(&energy.body, &energy.neighborhood, energy.degeneracy, touched)
+}
+
+/// Shows the members of the owner's cliques of `D + 1` points.
+fn for_each<const D: usize>(cliques: &OwnerCliques<'_, D>, mut see: impl FnMut([usize; D])) {
+    let mut show = |members: [usize; 3]| see(std::array::from_fn(|corner| members[corner]));
+    if D == 2 {
+        never_fails(cliques.triangles(|j, k| {
+            show([j, k, 0]);
+            Ok(())
+        }));
+    } else {
+        never_fails(cliques.tetrahedra(|j, k, l| {
+            show([j, k, l]);
+            Ok(())
+        }));
     }
 }
 
-/// Vectors from the owner to some of its members, at rest and at the displacements `u`.
-fn corners<const D: usize>(
-    cliques: &OwnerCliques<'_, D>,
-    members: [usize; D],
-    u: &[f64],
-) -> ([[f64; D]; D], [[f64; D]; D]) {
+/// Vectors from the owner to its members at the displacements `u`.
+fn vectors<const D: usize>(cliques: &OwnerCliques<'_, D>, u: &[f64]) -> Vec<[f64; D]> {
     let own = row::<D>(u, cliques.owner());
-    let rest = members.map(|member| cliques.reference()[member]);
-    let now = members.map(|member| {
-        let eta = minus(&row(u, cliques.members()[member] as usize), &own);
-        std::array::from_fn(|axis| cliques.reference()[member][axis] + eta[axis])
-    });
-    (rest, now)
+    let members = cliques.members().iter().zip(cliques.reference());
+    let vector = |(&member, rest): (&u32, &[f64; D])| {
+        let eta = minus(&row(u, member as usize), &own);
+        std::array::from_fn(|axis| rest[axis] + eta[axis])
+    };
+    members.map(vector).collect()
+}
+
+/// A bound of the length of a vector.
+fn size<const D: usize>(x: &[f64; D]) -> f64 {
+    x.iter().fold(0.0, |sum, x| sum + x.abs())
 }
 
 fn determinant<const D: usize>(x: &[[f64; D]; D]) -> f64 {

@@ -320,7 +320,8 @@ impl<'a> Recorder<'a> {
         let (tolerance, floor) = (self.case.scene.solver.tolerance, record.rounding_floor);
         if tolerance < floor && self.warnings.is_empty() {
             self.warnings.push(format!(
-                "the tolerance {tolerance:e} is below the rounding of the forces, {floor:.0e} of the                  reaction at t = {}: a smaller residual is luck and makes nothing more exact",
+                "the tolerance {tolerance:e} is below the rounding of the forces, {floor:.0e} of the \
+                 reaction at t = {}: a smaller residual is luck and makes nothing more exact",
                 record.t
             ));
         }

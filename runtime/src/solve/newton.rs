@@ -63,8 +63,8 @@ pub struct NewtonReport {
     pub linear: Vec<LinearReport>,
     /// The accepted parts of the Newton steps; 1 for a full step.
     pub step_lengths: Vec<f64>,
-    /// What rounding leaves of the residual, over the larger of the 2-norms of reactions and loads:
-    /// smaller tolerances are met by luck.
+    /// How far rounding the displacements changes the forces, over the larger of the 2-norms of
+    /// reactions and loads: smaller tolerances are met by luck.
     pub rounding_floor: f64,
     /// What the reader should know.
     pub notes: Vec<String>,
@@ -414,9 +414,10 @@ impl<'a> Newton<'a> {
         self.reaction_norm(loads).max(norm_of(loads))
     }
 
-    /// The rounding of the residual, relative to the forces; 0 where there are none.
+    /// How far rounding the displacements changes the forces, relative to these; 0 where there are
+    /// none. Residuals come to rest a little below.
     fn rounding_floor(&self, u: &[f64], loads: &[f64]) -> f64 {
-        let (floor, force) = (ROUNDING_MULTIPLE * self.rounding(u), self.force(loads));
+        let (floor, force) = (self.rounding(u), self.force(loads));
         if force <= floor { 0.0 } else { floor / force }
     }
 

@@ -87,7 +87,7 @@ pub struct StepRecord {
     /// An estimate of the condition of the tangent on the free degrees of freedom (1-norm), where
     /// there are factors of it.
     pub condition: Option<f64>,
-    /// What rounding leaves of the residual, relative to reactions or loads.
+    /// How far rounding the displacements changes the forces, relative to reactions or loads.
     pub rounding_floor: f64,
     /// The linear systems, one per iteration.
     pub linear: Vec<LinearReport>,

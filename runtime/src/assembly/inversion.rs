@@ -172,7 +172,8 @@ fn first_zero(coefficients: &[f64], from: f64, to: f64) -> Option<f64> {
         return None;
     }
     let found = to - from <= RESOLUTION * from || to <= NEAREST;
-    if found || coefficients.first().is_none_or(|&b| !(b > 0.0)) {
+    let starts_positive = coefficients.first().is_some_and(|&b| b > 0.0);
+    if found || !starts_positive {
         return Some(from);
     }
     let middle = 0.5 * (from + to);

@@ -448,13 +448,13 @@ impl LinearSolver {
             let refined: Vec<f64> = x.iter().zip(&residual).map(|(x, c)| x + c).collect();
             self.constraints.scatter_free(&refined, solution);
             let found = self.residual(matrix, b, solution);
-            // Not a number is not smaller.
-            if !(found.0 < relative) {
+            if found.0 < relative {
+                x = refined;
+                (relative, backward, residual) = found;
+            } else {
                 self.constraints.scatter_free(&x, solution);
                 break;
             }
-            x = refined;
-            (relative, backward, residual) = found;
         }
         Ok((relative, backward))
     }

@@ -36,17 +36,6 @@ impl Text<'_> {
     }
 }
 
-/// One expression; parts that are used more than once stand before it, `t1 = ..; `.
-pub fn expression(model: &Model, graph: &ExprGraph, root: NodeId) -> String {
-    let notation = Text { names: Names { model } };
-    let lines = lines(graph, &[(String::new(), root)], &notation);
-    let parts = lines.iter().map(|(name, text)| match name.as_str() {
-        "" => text.clone(),
-        name => format!("{name} = {text}"),
-    });
-    parts.collect::<Vec<_>>().join("; ")
-}
-
 impl Notation for Text<'_> {
     fn number(&self, value: f64) -> Piece {
         let negative = value.is_sign_negative() && !value.is_nan();

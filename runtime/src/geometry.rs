@@ -144,6 +144,10 @@ pub trait Geometry<const C: usize> {
     /// The variable it is differentiated through.
     const VARIABLE: Variable;
 
+    /// The square of the largest measure that vectors of these lengths can span; nothing where a
+    /// measure holds no difference of products. A measure far below it has lost digits.
+    fn largest_square<T: Scalar>(vectors: &[T; C]) -> Option<T>;
+
     /// The measure and its change, from reference vectors and relative displacements.
     fn change<T: Scalar>(reference: &[T; C], displacement: &[T; C]) -> Change<T>;
 

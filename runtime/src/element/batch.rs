@@ -100,6 +100,8 @@ pub(super) struct Measures {
     pub(super) reference: Channel,
     pub(super) change: Channel,
     pub(super) orientation: Channel,
+    /// Lanes whose interactions are thin: see `measure_all`.
+    pub(super) thin: Vec<usize>,
 }
 
 impl Contributions {
@@ -111,7 +113,13 @@ impl Contributions {
             energy: zero,
             gradient: vec![zero; channels],
             hessian: vec![zero; packed_len(channels)],
-            measures: Measures { measure: zero, reference: zero, change: zero, orientation: zero },
+            measures: Measures {
+                measure: zero,
+                reference: zero,
+                change: zero,
+                orientation: zero,
+                thin: Vec::new(),
+            },
             derivatives: Derivatives::default(),
         }
     }

@@ -9,6 +9,10 @@ pub struct Bond;
 impl<const D: usize> Geometry<D> for Bond {
     const VARIABLE: Variable = Variable::HalfSquare;
 
+    fn largest_square<T: Scalar>(_vectors: &[T; D]) -> Option<T> {
+        None
+    }
+
     /// `(l - L)/L = eta.(2*Xi + eta)/(L*(l + L))`: no difference of nearly equal numbers.
     #[inline(always)]
     fn change<T: Scalar>(reference: &[T; D], displacement: &[T; D]) -> Change<T> {

@@ -10,6 +10,12 @@ pub struct Tetrahedron;
 impl Geometry<9> for Tetrahedron {
     const VARIABLE: Variable = Variable::Measure;
 
+    #[inline(always)]
+    fn largest_square<T: Scalar>(vectors: &[T; 9]) -> Option<T> {
+        let x: [[T; 3]; 3] = std::array::from_fn(|corner| vector(vectors, corner));
+        Some(dot(&x[0], &x[0]) * dot(&x[1], &x[1]) * dot(&x[2], &x[2]))
+    }
+
     /// `v - V = eta1.(xi2 x xi3) + Xi1.(Xi2 x eta3 + eta2 x xi3)`: each term holds a displacement.
     #[inline(always)]
     fn change<T: Scalar>(reference: &[T; 9], displacement: &[T; 9]) -> Change<T> {

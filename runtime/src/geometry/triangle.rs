@@ -10,6 +10,12 @@ pub struct PlaneTriangle;
 impl Geometry<4> for PlaneTriangle {
     const VARIABLE: Variable = Variable::Measure;
 
+    #[inline(always)]
+    fn largest_square<T: Scalar>(vectors: &[T; 4]) -> Option<T> {
+        let x: [[T; 2]; 2] = std::array::from_fn(|corner| vector(vectors, corner));
+        Some(dot(&x[0], &x[0]) * dot(&x[1], &x[1]))
+    }
+
     /// `a - A = Xi1 x eta2 + eta1 x xi2`.
     #[inline(always)]
     fn change<T: Scalar>(reference: &[T; 4], displacement: &[T; 4]) -> Change<T> {
@@ -58,14 +64,19 @@ impl Geometry<4> for PlaneTriangle {
 
 /// Area measure of a triangle in space, in m^2, never negative; `s = a^2/2`.
 ///
-/// Areas are plain differences of products: their error is below `8u |xi1||xi2|`, as small as that
-/// of the rounded points of a body away from the origin. A thinner triangle than the neighbourhood
-/// keeps would need fused products, which are a library call on machines without them.
+/// Areas are plain differences of products: their error is below `8u |xi1||xi2|`. Thin triangles are
+/// worked out in twice the digits ([`super::double`]).
 #[derive(Debug)]
 pub struct SpaceTriangle;
 
 impl Geometry<6> for SpaceTriangle {
     const VARIABLE: Variable = Variable::HalfSquare;
+
+    #[inline(always)]
+    fn largest_square<T: Scalar>(vectors: &[T; 6]) -> Option<T> {
+        let x: [[T; 3]; 2] = std::array::from_fn(|corner| vector(vectors, corner));
+        Some(dot(&x[0], &x[0]) * dot(&x[1], &x[1]))
+    }
 
     /// `(a - A)/A = (c - C).(c + C)/(A*(a + A))` with the normals `C = Xi1 x Xi2`, `c = xi1 x xi2`
     /// and `c - C = Xi1 x eta2 + eta1 x xi2`.

@@ -8,4 +8,5 @@ mod lattice_counts;
 mod moduli;
 mod refusals;
 mod small_clouds;
+mod thin;
 mod timing;

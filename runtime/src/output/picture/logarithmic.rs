@@ -6,15 +6,19 @@ use super::charts::{LINES, draw_line};
 use super::encode_png;
 use crate::output::OutputError;
 
-/// Width of a panel with its labels, and height of the page, in pixels.
-const PANEL: (f64, f64) = (760.0, 560.0);
+/// Width and height of a panel with its labels, in pixels.
+const PANEL: (f64, f64) = (760.0, 510.0);
+/// Height of the headline in pixels.
+const HEAD: f64 = 50.0;
+/// Most panels in a row.
+const ROW: usize = 3;
 
-/// A page with charts side by side; both axes of each count powers of ten.
+/// A page of charts; both axes of each count powers of ten.
 #[derive(Clone, Debug, Default)]
 pub struct LogarithmicPlot {
     /// The headline.
     pub title: String,
-    /// From left to right.
+    /// From left to right, in rows of up to three and of equal length where they can be.
     pub panels: Vec<LogarithmicPanel>,
 }
 
@@ -46,12 +50,16 @@ impl LogarithmicPlot {
     }
 
     fn draw(&self) -> Canvas {
-        let mut canvas = Canvas::new(PANEL.0 * self.panels.len().max(1) as f64, PANEL.1);
+        let rows = self.panels.len().div_ceil(ROW).max(1);
+        let columns = self.panels.len().div_ceil(rows).max(1);
+        let size = (PANEL.0 * columns as f64, HEAD + PANEL.1 * rows as f64);
+        let mut canvas = Canvas::new(size.0, size.1);
         canvas.text(80.0, 38.0, &self.title, Text::new(20, Anchor::Start, DARK));
         for (number, panel) in self.panels.iter().enumerate() {
-            let left = PANEL.0 * number as f64 + 80.0;
-            let area = Area { left, top: 120.0, right: left + 470.0, bottom: PANEL.1 - 80.0 };
-            panel.draw(&mut canvas, area);
+            let left = PANEL.0 * (number % columns) as f64 + 80.0;
+            let top = PANEL.1 * (number / columns) as f64 + HEAD;
+            let bottom = top + PANEL.1 - 80.0;
+            panel.draw(&mut canvas, Area { left, top: top + 70.0, right: left + 470.0, bottom });
         }
         canvas
     }
@@ -83,12 +91,14 @@ impl LogarithmicPanel {
             y: axis(self.y, all().map(|point| point.1).collect()),
             grid: true,
         };
-        canvas.text(area.left, 76.0, &self.title, Text::new(15, Anchor::Start, DARK));
+        canvas.text(area.left, area.top - 44.0, &self.title, Text::new(15, Anchor::Start, DARK));
         chart.draw_axes(canvas);
         let mut labels = Vec::new();
-        for ((name, points), colour) in lines.iter().zip(LINES) {
+        for (number, ((name, points), colour)) in lines.iter().zip(LINES).enumerate() {
             let places: Vec<[f64; 2]> = points.iter().map(|&(x, y)| chart.place(x, y)).collect();
-            draw_line(canvas, &places, colour, 2.0, 60);
+            // What lies under others is wider than they are, and so can be seen.
+            let width = 2.0 + 0.5 * (lines.len() - 1 - number) as f64;
+            draw_line(canvas, &places, colour, width, 60);
             let last = places.iter().max_by(|p, q| p[0].total_cmp(&q[0]));
             if let Some(last) = last {
                 labels.push(EndLabel { y: last[1], text: name.to_string(), colour });

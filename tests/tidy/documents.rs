@@ -57,8 +57,10 @@ fn every_example_is_listed_and_timed() {
             continue;
         }
         let name = folder.file_name().unwrap().to_string_lossy().into_owned();
-        assert!(folder.join("scene.toml").exists(), "{name} has no scene.toml");
-        assert!(page.contains(&format!("]({name}/scene.toml)")), "{name} is not listed");
+        // A scene, or a program.
+        let file = ["scene.toml", "main.rs"].into_iter().find(|file| folder.join(file).exists());
+        let file = file.unwrap_or_else(|| panic!("{name} has neither scene.toml nor main.rs"));
+        assert!(page.contains(&format!("]({name}/{file})")), "{name} is not listed");
         assert!(page.contains(&format!("\n| {name} | ")), "{name} has no times");
     }
 }
@@ -145,8 +147,14 @@ fn the_readme_shows_the_law_of_its_run() {
     let page = read("README.md");
     let law = read("examples/first/law.piola");
     assert!(page.contains(&format!("```piola\n{law}```")), "README.md shows another law");
-    let picture = std::fs::metadata(root().join("docs/first.png")).unwrap().len();
-    assert!(picture <= 200 * 1024, "docs/first.png has {picture} bytes");
+}
+
+#[test]
+fn pictures_are_small() {
+    for path in files(".png") {
+        let size = std::fs::metadata(root().join(&path)).unwrap().len();
+        assert!(size <= 200 * 1024, "{} has {size} bytes", path.display());
+    }
 }
 
 #[test]

@@ -9,7 +9,7 @@ use crate::expression::interpret::Interpreter;
 use crate::expression::{Comparison, Input, Node, NodeId};
 use crate::kernel::{Derivatives, Mode, WrittenEnergy};
 use crate::measure::Measure;
-use crate::model::{Model, Variant};
+use crate::model::Model;
 use crate::specialise::{CompileError, Dropped, Form, ScalarEnergy};
 use crate::values::Values;
 use crate::verify::Columns;
@@ -105,7 +105,6 @@ pub fn audit(
         }
         audits.push(Audit { measure, regimes });
     }
-    let _: &Variant = variant;
     Ok((audits, compiled.dropped))
 }
 
@@ -171,7 +170,7 @@ fn stretches(energy: &ScalarEnergy, measure: Measure, n: usize) -> Stretches {
         let strain = libm::pow(10.0, -f64::from(decade));
         let around = |random: &mut Random, k: usize| {
             let size = strain * libm::pow(10.0, random.uniform(-0.5, 0.5)).min(9.0);
-            if k % 2 == 0 { 1.0 + size } else { 1.0 - size.min(0.9) }
+            if k.is_multiple_of(2) { 1.0 + size } else { 1.0 - size.min(0.9) }
         };
         let stretches = (0..n).map(|k| around(&mut random, k)).collect();
         regimes.push((format!("strain 1e-{decade}"), Some(strain), stretches));

@@ -12,7 +12,7 @@ use crate::kernel::WrittenEnergy;
 /// what is exactly zero never gets that far, and takes the highest.
 pub fn truth(written: &WrittenEnergy, point: Point) -> Option<[f64; 3]> {
     let mut last = None;
-    let levels: [(bool, fn(&WrittenEnergy, Point) -> Evaluation); 4] = [
+    let levels: [(bool, Level); 4] = [
         (false, evaluate::<256>),
         (false, evaluate::<512>),
         // With 128 of so many digits left no function can have been that unlucky.
@@ -30,6 +30,10 @@ pub fn truth(written: &WrittenEnergy, point: Point) -> Option<[f64; 3]> {
     last
 }
 
+/// An evaluation at some precision.
+type Level = fn(&WrittenEnergy, Point) -> Evaluation;
+
+/// Rounded values, and whether digits may be missing.
 type Evaluation = (Option<[f64; 3]>, bool);
 
 fn evaluate<const BITS: usize>(written: &WrittenEnergy, point: Point) -> Evaluation {

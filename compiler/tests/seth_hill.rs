@@ -160,6 +160,27 @@ fn e03_continuous_through_the_logarithm() {
     }
 }
 
+/// One bond at stretches of 1e-6 and 1e6: finite, with the digits of E1, for every exponent whose powers
+/// fit into a number.
+#[test]
+fn e06_a_bond_at_a_millionth_and_a_million_times_its_length() {
+    let model = seth_hill();
+    for n in EXPONENTS.into_iter().filter(|n| n.abs() <= 10.0) {
+        let written = model.written(&values(&model, n), Measure::Length);
+        let bar = (16.0 + 2.0 * n.abs()) * f64::EPSILON / 2.0;
+        for stretch in [1e-6, 1e6] {
+            let out = evaluate(n, &[(stretch, 1.0)], &[stretch - 1.0]);
+            let expected = truth(&written, Point { measure: stretch, reference: 1.0 }).unwrap();
+            for (found, expected) in
+                [out.psi[0], out.dpsi[0], out.d2psi[0]].into_iter().zip(expected)
+            {
+                assert!(found.is_finite(), "n = {n} at {stretch:e}");
+                assert!((found - expected).abs() <= bar * expected.abs(), "n = {n}: {found:e}");
+            }
+        }
+    }
+}
+
 /// Displacements of 1e-160 and 1e-200 on a bond of length 1: psi' is right, psi may underflow to 0.
 #[test]
 fn e12_denormal_displacements() {

@@ -6,18 +6,15 @@
 //! own size: no formula can do better for a measure that is rounded.
 
 use crate::expression::interpret::Interpreter;
-use crate::expression::{Comparison, Input, Node, NodeId};
+use crate::expression::{Comparison, Node, NodeId};
 use crate::kernel::{Derivatives, Mode, WrittenEnergy};
 use crate::measure::Measure;
 use crate::model::Model;
 use crate::specialise::{CompileError, Dropped, Form, ScalarEnergy};
 use crate::values::Values;
-use crate::verify::Columns;
 use crate::verify::sample::{Point, Random, contains};
 use crate::verify::truth::truth;
-
-/// Half the distance from 1 to the next number.
-pub const UNIT_ROUNDOFF: f64 = f64::EPSILON / 2.0;
+use crate::verify::{Columns, UNIT_ROUNDOFF};
 
 /// Below this a true value may be lost to underflow.
 const SMALLEST: f64 = 1e-290;
@@ -202,12 +199,7 @@ fn points_of(stretches: &[f64]) -> Vec<Point> {
 /// Evaluates a node of an energy at a stretch of a bond of length 1.
 fn at(energy: &ScalarEnergy, stretch: f64, read: impl Fn(&Interpreter<f64>) -> bool) -> bool {
     let mut interpreter = Interpreter::<f64>::new();
-    interpreter.run(&energy.graph, |input| match input {
-        Input::Current(_) => stretch,
-        Input::Reference(_) => 1.0,
-        Input::Change(_) => stretch - 1.0,
-        Input::Horizon | Input::Parameter(_) => f64::NAN,
-    });
+    energy.run(&mut interpreter, &stretch, &1.0, &(stretch - 1.0));
     read(&interpreter)
 }
 

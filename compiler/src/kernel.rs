@@ -100,13 +100,8 @@ fn interpret(energy: &ScalarEnergy, batch: Batch<'_>, out: &mut Derivatives) {
     out.resize(n);
     let mut interpreter = Interpreter::<f64>::new();
     for i in 0..n {
-        interpreter.run(&energy.graph, |input| match input {
-            Input::Current(_) => batch.measure[i],
-            Input::Reference(_) => batch.reference[i],
-            Input::Change(_) => batch.change[i],
-            // Specialisation has put numbers in their place.
-            Input::Horizon | Input::Parameter(_) => f64::NAN,
-        });
+        let (measure, reference) = (&batch.measure[i], &batch.reference[i]);
+        energy.run(&mut interpreter, measure, reference, &batch.change[i]);
         let [psi, dpsi, d2psi] = energy.roots.map(|root| interpreter.number(root));
         (out.psi[i], out.dpsi[i], out.d2psi[i]) = (psi, dpsi, d2psi);
     }

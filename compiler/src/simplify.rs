@@ -23,7 +23,11 @@ pub struct Rule {
     pub condition: &'static str,
 }
 
-const fn rule(name: &'static str, identity: &'static str, condition: &'static str) -> Rule {
+pub(crate) const fn rule(
+    name: &'static str,
+    identity: &'static str,
+    condition: &'static str,
+) -> Rule {
     Rule { name, identity, condition }
 }
 

@@ -8,6 +8,7 @@ use piola_grammar::Span;
 use crate::differentiate::differentiate;
 use crate::expression::graph::MAX_NODES;
 use crate::expression::interpret::Interpreter;
+use crate::expression::number::Number;
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
 use crate::model::{Model, Parameter, Variant};
@@ -37,6 +38,25 @@ pub enum Form {
     Accurate,
     /// Simplified and differentiated as it was written, to compare with.
     Textbook,
+}
+
+impl ScalarEnergy {
+    /// Evaluates every node at a measure, its value at rest and the relative change between them.
+    pub fn run<N: Number>(
+        &self,
+        interpreter: &mut Interpreter<N>,
+        measure: &N,
+        reference: &N,
+        change: &N,
+    ) {
+        interpreter.run(&self.graph, |input| match input {
+            Input::Current(_) => measure.clone(),
+            Input::Reference(_) => reference.clone(),
+            Input::Change(_) => change.clone(),
+            // Specialisation has put numbers in their place.
+            Input::Horizon | Input::Parameter(_) => N::constant(f64::NAN),
+        });
+    }
 }
 
 /// A term of an energy that is left out because its coefficient is exactly zero.
@@ -100,6 +120,19 @@ impl Model {
     /// # Errors
     /// As for [`Self::specialise`].
     pub fn specialise_as(&self, values: &Values, form: Form) -> Result<Specialised, CompileError> {
+        let mut energies = Vec::new();
+        let dropped = self.derive(values, form, |_, energy| energies.push(energy))?;
+        Ok(Specialised { energies, dropped })
+    }
+
+    /// Hands over psi, psi' and psi'' of every measure, in the graph they were made in and alone; gives
+    /// back what is left out.
+    pub(crate) fn derive(
+        &self,
+        values: &Values,
+        form: Form,
+        mut take: impl FnMut(Derived, ScalarEnergy),
+    ) -> Result<Vec<Dropped>, CompileError> {
         let variant =
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
         let fold = |input| match input {
@@ -107,10 +140,10 @@ impl Model {
             Input::Horizon => Some(values.horizon),
             _ => None,
         };
-        let mut result = Specialised::default();
+        let mut all_dropped = Vec::new();
         for measure in self.measures() {
             if measure == Measure::Volume && values.dimension == 2 {
-                result.dropped.push(Dropped {
+                all_dropped.push(Dropped {
                     measure,
                     reason: "psi(v) is dropped: there are no tetrahedra in two dimensions".into(),
                 });
@@ -124,40 +157,19 @@ impl Model {
             }
             let too_large = |limit| CompileError::TooLarge { measure, span, limit };
             let mut dropped = Vec::new();
-            let energy = energy(variant, &self.parameters, measure, &fold, &mut dropped)
+            let derived = energy(variant, &self.parameters, measure, &fold, &mut dropped)
                 .and_then(|energy| energy.map(|energy| energy.derivatives(form)).transpose())
-                .map_err(|TooManyNodes| too_large(MAX_NODES))?
-                .map(|derived| derived.scalar_energy());
-            if energy.as_ref().is_some_and(|e| e.graph.len() > MAX_OPERATIONS) {
-                return Err(too_large(MAX_OPERATIONS));
+                .map_err(|TooManyNodes| too_large(MAX_NODES))?;
+            if let Some(derived) = derived {
+                let energy = derived.scalar_energy();
+                if energy.graph.len() > MAX_OPERATIONS {
+                    return Err(too_large(MAX_OPERATIONS));
+                }
+                take(derived, energy);
             }
-            result.dropped.extend(dropped);
-            result.energies.extend(energy);
+            all_dropped.extend(dropped);
         }
-        Ok(result)
-    }
-
-    /// The energies for these values in one graph each, with what was rewritten.
-    pub(crate) fn derived(&self, values: &Values) -> Result<Vec<Derived>, CompileError> {
-        let variant =
-            self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
-        let fold = |input| match input {
-            Input::Parameter(i) => Some(values.parameters[usize::from(i)]),
-            Input::Horizon => Some(values.horizon),
-            _ => None,
-        };
-        let mut all = Vec::new();
-        for energy in self.specialise(values)?.energies {
-            let measure = energy.measure;
-            let simple = self::energy(variant, &self.parameters, measure, &fold, &mut Vec::new());
-            let derived = simple.and_then(|e| e.map(|e| e.derivatives(Form::Accurate)).transpose());
-            all.extend(derived.map_err(|TooManyNodes| CompileError::TooLarge {
-                measure,
-                span: span_of(variant, measure),
-                limit: MAX_NODES,
-            })?);
-        }
-        Ok(all)
+        Ok(all_dropped)
     }
 
     /// The energies with parameters left as symbols, as `derive` prints them.

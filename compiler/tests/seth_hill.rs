@@ -3,7 +3,6 @@
 
 use num_dual::HyperDual64;
 use piola_compiler::audit::{Settings, audit};
-use piola_compiler::expression::Input;
 use piola_compiler::expression::interpret::Interpreter;
 use piola_compiler::verify::sample::Point;
 use piola_compiler::verify::truth::truth;
@@ -113,12 +112,9 @@ fn e02_hyper_dual_numbers_of_the_accurate_form() {
             let point = Point { measure: stretch, reference: 1.0 };
             let Some(expected) = truth(&written, point) else { continue };
             let mut interpreter = Interpreter::<HyperDual64>::new();
-            interpreter.run(&energy.graph, |input| match input {
-                Input::Current(_) => HyperDual64::new(stretch, 1.0, 1.0, 0.0),
-                Input::Change(_) => HyperDual64::new(point.change(), 1.0, 1.0, 0.0),
-                Input::Reference(_) => HyperDual64::from_re(1.0),
-                Input::Horizon | Input::Parameter(_) => HyperDual64::from_re(f64::NAN),
-            });
+            let varied = |x: f64| HyperDual64::new(x, 1.0, 1.0, 0.0);
+            let (measure, change) = (varied(stretch), varied(point.change()));
+            energy.run(&mut interpreter, &measure, &HyperDual64::from_re(1.0), &change);
             let dual = interpreter.number(energy.roots[0]);
             for (order, found) in [dual.re, dual.eps1, dual.eps1eps2].into_iter().enumerate() {
                 let usable = expected[order].is_normal() && expected[order].abs() > 1e-290;

@@ -159,7 +159,7 @@ fn picture(path: &Path, name: &str, audits: &[Audit]) -> Result<(), String> {
     let panel = |audit: &Audit| {
         let line = |order: usize| {
             let near = audit.regimes.iter().filter_map(|regime| {
-                let error = regime.worst[order] * piola_compiler::audit::UNIT_ROUNDOFF;
+                let error = regime.worst[order] * piola_compiler::verify::UNIT_ROUNDOFF;
                 Some((regime.strain?, error))
             });
             (ORDERS[order].to_string(), near.collect())

@@ -76,13 +76,7 @@ impl<'m> Subject<'m> {
     pub(super) fn evaluate(&self, measure: f64) -> Interpreter<f64> {
         let mut interpreter = Interpreter::new();
         let change = (measure - self.reference) / self.reference;
-        interpreter.run(&self.energy.graph, |input| match input {
-            Input::Current(_) => measure,
-            Input::Reference(_) => self.reference,
-            Input::Change(_) => change,
-            // Specialisation has put numbers in their place.
-            Input::Horizon | Input::Parameter(_) => f64::NAN,
-        });
+        self.energy.run(&mut interpreter, &measure, &self.reference, &change);
         interpreter
     }
 

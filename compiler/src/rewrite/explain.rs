@@ -4,19 +4,19 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use super::{Applied, expand};
-use crate::audit::UNIT_ROUNDOFF;
 use crate::expression::interpret::Interpreter;
 use crate::expression::number::Number;
 use crate::expression::precise::Precise;
-use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
+use crate::expression::{ExprGraph, Function, Node, NodeId, Operator, TooManyNodes};
 use crate::jit::CompiledKernel;
 use crate::kernel::{Batch, Derivatives};
 use crate::measure::Measure;
 use crate::model::Model;
 use crate::print;
 use crate::simplify::{Rule, Simplifier};
-use crate::specialise::{CompileError, ScalarEnergy};
+use crate::specialise::{CompileError, Form, ScalarEnergy};
 use crate::values::Values;
+use crate::verify::UNIT_ROUNDOFF;
 use crate::verify::sample::Point;
 
 /// Precision of the true values, in binary digits.
@@ -63,8 +63,10 @@ pub struct Side {
 /// # Errors
 /// As for [`Model::specialise`].
 pub fn explain(model: &Model, values: &Values) -> Result<Vec<Explanation>, CompileError> {
+    let mut all = Vec::new();
+    model.derive(values, Form::Accurate, |derived, _| all.push(derived))?;
     let mut explanations: Vec<Explanation> = Vec::new();
-    for derived in model.derived(values)? {
+    for derived in all {
         let mut graph = derived.graph;
         for Applied { rule, before, after } in derived.applied {
             let pair = pair(&mut graph, before, after, derived.measure);
@@ -143,12 +145,8 @@ fn form(graph: &ExprGraph, root: NodeId, measure: Measure) -> ScalarEnergy {
 
 fn evaluate<N: Number>(form: &ScalarEnergy, point: Point, change: N) -> N {
     let mut interpreter = Interpreter::<N>::new();
-    interpreter.run(&form.graph, |input| match input {
-        Input::Current(_) => N::constant(point.measure),
-        Input::Reference(_) => N::constant(point.reference),
-        Input::Change(_) => change.clone(),
-        Input::Horizon | Input::Parameter(_) => N::constant(f64::NAN),
-    });
+    let [measure, reference] = [point.measure, point.reference].map(N::constant);
+    form.run(&mut interpreter, &measure, &reference, &change);
     interpreter.number(form.roots[0])
 }
 

@@ -19,55 +19,47 @@ pub(crate) use monomial::{Base, Monomial, Monomials, strain, stretch};
 
 use crate::expression::{NodeId, TooManyNodes};
 use crate::measure::Measure;
-use crate::simplify::{Rule, Simplifier};
+use crate::simplify::{Rule, Simplifier, rule};
 use rules::Rules;
-
-const fn rewrite_rule(name: &'static str, identity: &'static str, condition: &'static str) -> Rule {
-    Rule { name, identity, condition }
-}
 
 /// Every identity in use. `x` is the stretch `l/L`, `e` the relative change, `S_n` the strain.
 pub const REWRITES: &[Rule] = &[
-    rewrite_rule("rebuild_stretch", "1 + e = l/L", "always"),
-    rewrite_rule(
+    rule("rebuild_stretch", "1 + e = l/L", "always"),
+    rule(
         "difference_of_powers",
         "c*x^p - c*x^q = c*(p - q)*x^q*S_(p-q), also times powers of L",
         "p, q and c are numbers",
     ),
-    rewrite_rule(
+    rule(
         "difference_of_exponentials",
         "c*exp(p*y) - c*exp(q*y) = c*exp(q*y)*expm1((p - q)*y)",
         "p, q and c are numbers",
     ),
-    rewrite_rule(
+    rule(
         "perfect_square",
         "c*t^2 - 2*c*t*u + c*u^2 = c*(t - u)^2",
         "t and u are powers of the stretch or exponentials",
     ),
-    rewrite_rule("logarithm_of_stretch", "ln(x^p) = p*S_0", "p is no even number"),
-    rewrite_rule("difference_of_logarithms", "ln(l) - ln(L) = S_0", "always"),
-    rewrite_rule("logarithm_of_sum", "ln(1 + y) = log1p(y), log1p(e) = S_0", "always"),
-    rewrite_rule("difference_of_squares", "y^2 - z^2 = (y - z)*(y + z)", "always"),
-    rewrite_rule(
+    rule("logarithm_of_stretch", "ln(x^p) = p*S_0", "p is no even number"),
+    rule("difference_of_logarithms", "ln(l) - ln(L) = S_0", "always"),
+    rule("logarithm_of_sum", "ln(1 + y) = log1p(y), log1p(e) = S_0", "always"),
+    rule("difference_of_squares", "y^2 - z^2 = (y - z)*(y + z)", "always"),
+    rule(
         "difference_of_roots",
         "sqrt(y) - c = (y - c^2)/(sqrt(y) + c)",
         "c > 0 is a number whose square is exact",
     ),
-    rewrite_rule("hyperbolic_cosine", "cosh(y) - 1 = 2*sinh(y/2)^2", "always"),
-    rewrite_rule("cosine", "1 - cos(y) = 2*sin(y/2)^2", "always"),
-    rewrite_rule(
-        "logarithm_of_square",
-        "log1p(-y^2) = ln((1 - y)*(1 + y))",
-        "y^2 >= 0.5, else it stays",
-    ),
-    rewrite_rule("logarithmic_barrier", "y - log1p(y) = -log1pmx(y)", "abs(y) < 0.3 if y is e"),
-    rewrite_rule("strain_minus_logarithm", "S_2 - S_0 = (e - S_0) + e^2/2", "always"),
-    rewrite_rule(
+    rule("hyperbolic_cosine", "cosh(y) - 1 = 2*sinh(y/2)^2", "always"),
+    rule("cosine", "1 - cos(y) = 2*sin(y/2)^2", "always"),
+    rule("logarithm_of_square", "log1p(-y^2) = ln((1 - y)*(1 + y))", "y^2 >= 0.5, else it stays"),
+    rule("logarithmic_barrier", "y - log1p(y) = -log1pmx(y)", "abs(y) < 0.3 if y is e"),
+    rule("strain_minus_logarithm", "S_2 - S_0 = (e - S_0) + e^2/2", "always"),
+    rule(
         "strain_of_whole_order",
         "S_2n = S_n*(x^n + 1)/2, S_m = e*(1 + x + .. + x^(m-1))/m, S_-m from 1/x, S_(m/2) from sqrt(x)",
         "2*abs(n) is a whole number up to 32",
     ),
-    rewrite_rule(
+    rule(
         "strain_of_any_order",
         "S_n = lg if abs(n*lg) < 1e-16, expm1(n*lg)/n if < 0.5, else (x^n - 1)/n; lg = log1p(e) if abs(e) < 0.5, else ln(x)",
         "always",

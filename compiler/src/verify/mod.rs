@@ -19,7 +19,7 @@ use crate::values::Values;
 use sample::Point;
 
 /// Half the distance from 1 to the next number.
-const UNIT_ROUNDOFF: f64 = f64::EPSILON / 2.0;
+pub const UNIT_ROUNDOFF: f64 = f64::EPSILON / 2.0;
 
 /// Largest relative error where hyper-dual numbers of the energy as written have lost the digits.
 const PRECISE: f64 = 1e-14;

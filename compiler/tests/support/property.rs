@@ -213,16 +213,10 @@ pub(crate) fn round_trip(model: &Model, energy: &ScalarEnergy, dimension: usize)
 
 /// psi, psi', psi'' of a specialised energy at every point.
 fn interpret(energy: &ScalarEnergy) -> Vec<[f64; 3]> {
-    use piola_compiler::expression::Input;
     use piola_compiler::expression::interpret::Interpreter;
     let mut interpreter = Interpreter::<f64>::new();
     let at = |point: &[f64; 3]| {
-        interpreter.run(&energy.graph, |input| match input {
-            Input::Current(_) => point[0],
-            Input::Reference(_) => point[1],
-            Input::Change(_) => point[2],
-            Input::Horizon | Input::Parameter(_) => f64::NAN,
-        });
+        energy.run(&mut interpreter, &point[0], &point[1], &point[2]);
         energy.roots.map(|root| interpreter.number(root))
     };
     POINTS.iter().map(at).collect()

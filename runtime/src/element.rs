@@ -10,7 +10,7 @@ mod batch;
 mod coordinate;
 mod measure;
 
-pub use batch::{CAPACITY, Channel, Contributions, InteractionBatch, STRIDE};
+pub use batch::{CAPACITY, Channel, Contributions, InteractionBatch};
 pub use coordinate::{CoordinateElement, CoordinateEnergy};
 pub use measure::MeasureElement;
 

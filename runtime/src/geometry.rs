@@ -12,6 +12,7 @@
 
 pub mod bond;
 pub mod double;
+pub mod lanes;
 pub mod tetrahedron;
 pub mod triangle;
 
@@ -26,17 +27,19 @@ pub trait Scalar:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
-    /// The number `x` in every lane.
-    fn splat(x: f64) -> Self;
+    /// The number `x`, in every lane that this one has.
+    fn alike(self, x: f64) -> Self;
     /// Correctly rounded square root.
     fn sqrt(self) -> Self;
     /// 1 with the sign of the number.
     fn sign(self) -> Self;
+    /// `yes` in the lanes where `self == other`, `no` in all others.
+    fn where_equal(self, other: Self, yes: Self, no: Self) -> Self;
 }
 
 impl Scalar for f64 {
     #[inline(always)]
-    fn splat(x: f64) -> f64 {
+    fn alike(self, x: f64) -> f64 {
         x
     }
     #[inline(always)]
@@ -47,52 +50,9 @@ impl Scalar for f64 {
     fn sign(self) -> f64 {
         1f64.copysign(self)
     }
-}
-
-/// Numbers in one [`Lanes`]; 128-bit registers exist on every 64-bit machine we know of.
-pub const WIDTH: usize = 2;
-
-/// Several interactions side by side, so that the compiler uses vector instructions. Every
-/// operation is the plain one of `f64`, lane by lane: the same bits as without lanes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lanes(pub [f64; WIDTH]);
-
-macro_rules! lane_operator {
-    ($trait:ident, $method:ident, $operator:tt) => {
-        impl $trait for Lanes {
-            type Output = Lanes;
-            #[inline(always)]
-            fn $method(self, other: Lanes) -> Lanes {
-                Lanes(std::array::from_fn(|lane| self.0[lane] $operator other.0[lane]))
-            }
-        }
-    };
-}
-lane_operator!(Add, add, +);
-lane_operator!(Sub, sub, -);
-lane_operator!(Mul, mul, *);
-lane_operator!(Div, div, /);
-
-impl Neg for Lanes {
-    type Output = Lanes;
     #[inline(always)]
-    fn neg(self) -> Lanes {
-        Lanes(std::array::from_fn(|lane| -self.0[lane]))
-    }
-}
-
-impl Scalar for Lanes {
-    #[inline(always)]
-    fn splat(x: f64) -> Lanes {
-        Lanes([x; WIDTH])
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Lanes {
-        Lanes(std::array::from_fn(|lane| self.0[lane].sqrt()))
-    }
-    #[inline(always)]
-    fn sign(self) -> Lanes {
-        Lanes(std::array::from_fn(|lane| self.0[lane].sign()))
+    fn where_equal(self, other: f64, yes: f64, no: f64) -> f64 {
+        if self == other { yes } else { no }
     }
 }
 
@@ -126,13 +86,15 @@ impl Variable {
     /// `ds = 0` and is left out. An energy with `psi'(0) != 0` has a kink there: the slopes are
     /// infinite, and the caller reports it.
     #[inline(always)]
-    pub fn slopes(self, measure: f64, first: f64, second: f64) -> (f64, f64) {
+    pub fn slopes<T: Scalar>(self, measure: T, first: T, second: T) -> (T, T) {
         match self {
             Variable::Measure => (first, second),
-            Variable::HalfSquare if measure == 0.0 && first == 0.0 => (second, 0.0),
             Variable::HalfSquare => {
-                let over = first / measure;
-                (over, (second - over) / (measure * measure))
+                let (zero, one) = (measure.alike(0.0), measure.alike(1.0));
+                let is_smooth = measure.where_equal(zero, first.where_equal(zero, one, zero), zero);
+                let over = is_smooth.where_equal(one, second, first / measure);
+                let rest = (second - over) / (measure * measure);
+                (over, is_smooth.where_equal(one, zero, rest))
             }
         }
     }
@@ -177,15 +139,26 @@ pub const fn packed_len(size: usize) -> usize {
     size * (size + 1) / 2
 }
 
+/// `number(0), number(1), ..`. Unlike the standard library's functions it always becomes part of its
+/// caller, and only so do the numbers of a vector register stay in registers.
+#[inline(always)]
+pub(crate) fn each<T: Copy, const N: usize>(number: impl Fn(usize) -> T) -> [T; N] {
+    let mut all = [number(0); N];
+    for k in 1..N {
+        all[k] = number(k);
+    }
+    all
+}
+
 /// The vector number `index` of `C` numbers.
 #[inline(always)]
 fn vector<T: Scalar, const C: usize, const D: usize>(all: &[T; C], index: usize) -> [T; D] {
-    std::array::from_fn(|axis| all[index * D + axis])
+    each(|axis| all[index * D + axis])
 }
 
 #[inline(always)]
 fn add<T: Scalar, const D: usize>(p: &[T; D], q: &[T; D]) -> [T; D] {
-    std::array::from_fn(|axis| p[axis] + q[axis])
+    each(|axis| p[axis] + q[axis])
 }
 
 #[inline(always)]

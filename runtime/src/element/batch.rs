@@ -4,15 +4,15 @@ use crate::geometry::packed_len;
 use crate::interaction::n_neighbors;
 use crate::kernel::{Derivatives, Measure};
 
-/// How many interactions fit into a batch.
-pub const CAPACITY: usize = 128;
+/// How many interactions fit into a batch: their numbers stay in the first-level cache. A multiple of
+/// [`WIDEST`].
+pub const CAPACITY: usize = 32;
 
-/// Length of a channel: a little more than the capacity, because channels whose distance is a power
-/// of two would share a few sets of the cache.
-pub const STRIDE: usize = CAPACITY + 8;
+/// As many interactions as the widest registers hold.
+pub(super) const WIDEST: usize = 8;
 
 /// One number of every interaction of a batch.
-pub type Channel = [f64; STRIDE];
+pub type Channel = [f64; CAPACITY];
 
 /// A batch of interactions of one kind.
 #[derive(Clone, Debug)]
@@ -32,15 +32,21 @@ impl InteractionBatch {
         let channels = n_neighbors(measure) * dimension;
         InteractionBatch {
             len: 0,
-            reference: vec![[0.0; STRIDE]; channels],
-            displacement: vec![[0.0; STRIDE]; channels],
-            weight: [0.0; STRIDE],
+            reference: vec![[0.0; CAPACITY]; channels],
+            displacement: vec![[0.0; CAPACITY]; channels],
+            weight: [0.0; CAPACITY],
         }
     }
 
     /// How many interactions it holds.
     pub fn len(&self) -> usize {
         self.len
+    }
+
+    /// How many lanes are computed: whole groups of the widest registers. Lanes beyond [`Self::len`]
+    /// repeat the last interaction with weight 0.
+    pub fn padded_len(&self) -> usize {
+        self.len.next_multiple_of(WIDEST)
     }
 
     /// Whether it holds none.
@@ -51,7 +57,7 @@ impl InteractionBatch {
     /// Takes `len` interactions of `K` corners besides the owner: `corners(lane)` names the corners
     /// by their places in `reference` and `displacement`, vectors from the owner in m.
     ///
-    /// `len` is at most [`CAPACITY`]. The weights are left to the caller.
+    /// `len` is at most [`CAPACITY`]. The weights of these lanes are left to the caller.
     #[inline(always)]
     pub fn gather<const K: usize, const D: usize>(
         &mut self,
@@ -61,10 +67,12 @@ impl InteractionBatch {
         corners: impl Fn(usize) -> [usize; K],
     ) {
         let len = len.min(CAPACITY);
+        self.len = len;
+        let padded = self.padded_len();
         let (to_reference, to_displacement) =
             (&mut self.reference[..K * D], &mut self.displacement[..K * D]);
-        for lane in 0..len {
-            let corners = corners(lane);
+        for lane in 0..padded {
+            let corners = corners(lane.min(len - 1));
             for corner in 0..K {
                 let (rest, eta) = (&reference[corners[corner]], &displacement[corners[corner]]);
                 for axis in 0..D {
@@ -73,7 +81,7 @@ impl InteractionBatch {
                 }
             }
         }
-        self.len = len;
+        self.weight[len..].fill(0.0);
     }
 }
 
@@ -87,6 +95,10 @@ pub struct Contributions {
     /// Upper triangles of the weighted compact Hessians in N/m, row by row (see
     /// [`crate::geometry::packed`]).
     pub hessian: Vec<Channel>,
+    /// Weighted derivatives in the variable of the measure.
+    pub(super) first: Channel,
+    /// Weighted second derivatives in the variable of the measure.
+    pub(super) second: Channel,
     /// Room for the measures of the batch.
     pub(super) measures: Measures,
     /// Room for the derivatives in the measure.
@@ -100,7 +112,7 @@ pub(super) struct Measures {
     pub(super) reference: Channel,
     pub(super) change: Channel,
     pub(super) orientation: Channel,
-    /// Lanes whose interactions are thin: see `measure_all`.
+    /// Lanes whose interactions are thin: see `Measuring`.
     pub(super) thin: Vec<usize>,
 }
 
@@ -108,11 +120,13 @@ impl Contributions {
     /// Room for the interactions of this measure.
     pub fn new(measure: Measure, dimension: usize) -> Contributions {
         let channels = n_neighbors(measure) * dimension;
-        let zero = [0.0; STRIDE];
+        let zero = [0.0; CAPACITY];
         Contributions {
             energy: zero,
             gradient: vec![zero; channels],
             hessian: vec![zero; packed_len(channels)],
+            first: zero,
+            second: zero,
             measures: Measures {
                 measure: zero,
                 reference: zero,

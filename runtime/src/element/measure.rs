@@ -1,12 +1,17 @@
 //! The element that differentiates in the measure: psi', psi'' from a law, the rest by geometry.
 
-use super::batch::{CAPACITY, Channel, Contributions, InteractionBatch, Measures, STRIDE};
+use std::marker::PhantomData;
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::batch::{Channel, Contributions, InteractionBatch, Measures};
 use super::{Element, NonFiniteLane, Order, breaks_down, is_signed};
 use crate::geometry::bond::Bond;
 use crate::geometry::double::Double;
 use crate::geometry::tetrahedron::Tetrahedron;
 use crate::geometry::triangle::{PlaneTriangle, SpaceTriangle};
-use crate::geometry::{Geometry, Lanes, Scalar, Variable, WIDTH, packed_len};
+use crate::geometry::lanes::Lanes;
+use crate::geometry::{Geometry, Scalar, each, packed_len};
 use crate::kernel::{Batch, Derivatives, Law, Measure};
 
 /// An energy density of one measure on the geometry of that measure.
@@ -18,6 +23,8 @@ pub struct MeasureElement {
     dimension: usize,
     law: Box<dyn Law>,
     forbids_inversion: bool,
+    /// The widest registers of this machine.
+    arch: Arch,
 }
 
 impl MeasureElement {
@@ -32,7 +39,7 @@ impl MeasureElement {
             out.psi[0]
         };
         let forbids_inversion = is_signed(measure, dimension) && breaks_down(psi);
-        MeasureElement { measure, dimension, law, forbids_inversion }
+        MeasureElement { measure, dimension, law, forbids_inversion, arch: Arch::new() }
     }
 
     /// A signed measure stays positive, whatever the law says.
@@ -60,162 +67,196 @@ impl Element for MeasureElement {
         order: Order,
         out: &mut Contributions,
     ) -> Result<(), NonFiniteLane> {
-        let law = &*self.law;
-        let least = if self.forbids_inversion { f64::MIN_POSITIVE } else { f64::NEG_INFINITY };
         match (self.measure, self.dimension) {
-            (Measure::Length, 2) => evaluate::<Bond, 2>(law, least, batch, order, out),
-            (Measure::Length, _) => evaluate::<Bond, 3>(law, least, batch, order, out),
-            (Measure::Area, 2) => evaluate::<PlaneTriangle, 4>(law, least, batch, order, out),
-            (Measure::Area, _) => evaluate::<SpaceTriangle, 6>(law, least, batch, order, out),
-            (Measure::Volume, _) => evaluate::<Tetrahedron, 9>(law, least, batch, order, out),
+            (Measure::Length, 2) => self.evaluate_as::<Bond, 2>(batch, order, out),
+            (Measure::Length, _) => self.evaluate_as::<Bond, 3>(batch, order, out),
+            (Measure::Area, 2) => self.evaluate_as::<PlaneTriangle, 4>(batch, order, out),
+            (Measure::Area, _) => self.evaluate_as::<SpaceTriangle, 6>(batch, order, out),
+            (Measure::Volume, _) => self.evaluate_as::<Tetrahedron, 9>(batch, order, out),
         }
     }
 }
 
-fn evaluate<G: Geometry<C>, const C: usize>(
-    law: &dyn Law,
-    least: f64,
-    batch: &InteractionBatch,
-    order: Order,
-    out: &mut Contributions,
-) -> Result<(), NonFiniteLane> {
-    let n = batch.len();
-    measure_all::<G, C>(batch, &mut out.measures);
-    let measures = &mut out.measures;
-    out.derivatives.resize(n);
-    let inputs = Batch {
-        measure: &measures.measure[..n],
-        reference: &measures.reference[..n],
-        change: &measures.change[..n],
-    };
-    law.evaluate(inputs, &mut out.derivatives);
-    let (mut first, mut second) = ([0.0; STRIDE], [0.0; STRIDE]);
-    let slopes = Slopes { least, energy: &mut out.energy, first: &mut first, second: &mut second };
-    slopes.fill(G::VARIABLE, batch, order, measures, &out.derivatives)?;
-    match order {
-        Order::Energy => {}
-        Order::Gradient => {
-            gradient_all::<G, C>(batch, &out.measures.thin, &first, &mut out.gradient);
-        }
-        Order::Tangent => hessian_all::<G, C>(batch, &first, &second, out),
-    }
-    Ok(())
-}
-
-/// Weighted energies and their derivatives in the variable.
-struct Slopes<'a> {
-    /// Smaller measures are refused.
-    least: f64,
-    energy: &'a mut Channel,
-    first: &'a mut Channel,
-    second: &'a mut Channel,
-}
-
-impl Slopes<'_> {
-    fn fill(
-        self,
-        variable: Variable,
-        batch: &InteractionBatch,
-        order: Order,
-        measures: &Measures,
-        derivatives: &Derivatives,
-    ) -> Result<(), NonFiniteLane> {
-        let mut finite = true;
-        for lane in 0..batch.len() {
-            let weight = batch.weight[lane];
-            self.energy[lane] = weight * derivatives.psi[lane];
-            finite &= self.energy[lane].is_finite() & measures.change[lane].is_finite();
-            finite &= measures.measure[lane] >= self.least;
-            if order == Order::Energy {
-                continue;
-            }
-            // Without a Hessian psi'' has no say, not even at a kink of the measure.
-            let curvature = if order == Order::Tangent { derivatives.d2psi[lane] } else { 0.0 };
-            let (first, second) =
-                variable.slopes(measures.measure[lane], derivatives.dpsi[lane], curvature);
-            self.first[lane] = weight * first * measures.orientation[lane];
-            finite &= self.first[lane].is_finite();
-            if order == Order::Tangent {
-                self.second[lane] = weight * second;
-                finite &= self.second[lane].is_finite();
-            }
-        }
-        if finite { Ok(()) } else { Err(self.first_refused(batch, order, measures)) }
-    }
-
-    fn first_refused(
+impl MeasureElement {
+    fn evaluate_as<G: Geometry<C>, const C: usize>(
         &self,
         batch: &InteractionBatch,
         order: Order,
-        measures: &Measures,
-    ) -> NonFiniteLane {
-        let is_fine = |&lane: &usize| {
-            self.energy[lane].is_finite()
-                && measures.change[lane].is_finite()
-                && measures.measure[lane] >= self.least
-                && (order == Order::Energy || self.first[lane].is_finite())
-                && (order != Order::Tangent || self.second[lane].is_finite())
+        out: &mut Contributions,
+    ) -> Result<(), NonFiniteLane> {
+        self.arch.dispatch(Measuring::<G, C> { batch, out: &mut out.measures, shape: PhantomData });
+        measure_thin::<G, C>(batch, &mut out.measures);
+        let n = batch.padded_len();
+        let measures = &out.measures;
+        let inputs = Batch {
+            measure: &measures.measure[..n],
+            reference: &measures.reference[..n],
+            change: &measures.change[..n],
         };
-        let lane = (0..batch.len()).find(|lane| !is_fine(lane)).unwrap_or(0);
-        let (value, reference) = (measures.measure[lane], measures.reference[lane]);
-        NonFiniteLane { lane, value, reference }
+        out.derivatives.resize(n);
+        self.law.evaluate(inputs, &mut out.derivatives);
+        let least = if self.forbids_inversion { f64::MIN_POSITIVE } else { f64::NEG_INFINITY };
+        let differentiating =
+            Differentiating::<G, C> { batch, order, least, out, shape: PhantomData };
+        if !self.arch.dispatch(differentiating) {
+            return Err(first_refused(batch, order, least, out));
+        }
+        differentiate_thin::<G, C>(batch, order, out);
+        Ok(())
     }
-}
-
-#[inline(always)]
-fn load(channel: &Channel, group: usize) -> Lanes {
-    Lanes(channel.as_chunks().0[group])
-}
-
-#[inline(always)]
-fn store(channel: &mut Channel, group: usize, value: Lanes) {
-    channel.as_chunks_mut().0[group] = value.0;
-}
-
-/// Groups of lanes that hold a batch. The last may hold an old interaction besides, or nothing;
-/// what comes of it is never read.
-fn groups(batch: &InteractionBatch) -> std::ops::Range<usize> {
-    0..batch.len().div_ceil(WIDTH).min(CAPACITY / WIDTH)
-}
-
-/// The channels as an array: their number is known where the geometry is.
-#[inline(always)]
-fn channels<const C: usize>(all: &[Channel]) -> &[Channel; C] {
-    all.first_chunk().expect("the batch was made for this measure")
 }
 
 /// Below this part of what its edges could span a measure is worked out in twice the digits: above,
 /// it has lost at most six bits. On lattices of up to three spacings nothing is that thin.
 const THIN: f64 = 1.0 / 64.0;
 
-fn measure_all<G: Geometry<C>, const C: usize>(batch: &InteractionBatch, out: &mut Measures) {
-    let reference = channels::<C>(&batch.reference);
-    let displacement = channels::<C>(&batch.displacement);
-    out.thin.clear();
-    for group in groups(batch) {
-        let rest: [Lanes; C] = std::array::from_fn(|c| load(&reference[c], group));
-        let eta: [Lanes; C] = std::array::from_fn(|c| load(&displacement[c], group));
-        let change = G::change(&rest, &eta);
-        store(&mut out.measure, group, change.measure);
-        store(&mut out.reference, group, change.reference);
-        store(&mut out.change, group, change.change);
-        store(&mut out.orientation, group, change.orientation);
-        let now = current::<C>(reference, displacement, group);
-        let pair = [(change.reference, &rest), (change.measure, &now)];
-        for (measure, vectors) in pair {
-            let Some(largest) = G::largest_square(vectors) else { continue };
-            for lane in 0..WIDTH {
-                let place = group * WIDTH + lane;
-                let thin = measure.0[lane] * measure.0[lane] < THIN * THIN * largest.0[lane];
-                if thin && place < batch.len() && out.thin.last() != Some(&place) {
-                    out.thin.push(place);
-                }
+/// The measures of a batch; lists the thin ones, which have lost digits.
+struct Measuring<'a, G, const C: usize> {
+    batch: &'a InteractionBatch,
+    out: &'a mut Measures,
+    shape: PhantomData<G>,
+}
+
+impl<G: Geometry<C>, const C: usize> WithSimd for Measuring<'_, G, C> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let (batch, out) = (self.batch, self.out);
+        let (reference, displacement) = vectors::<C>(batch);
+        let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
+        let thin_part = Lanes::splat(simd, THIN * THIN);
+        out.thin.clear();
+        for group in groups(simd, batch) {
+            let rest: [Lanes<S>; C] =
+                each(|c| Lanes::load(simd, &reference[c], group));
+            let eta: [Lanes<S>; C] =
+                each(|c| Lanes::load(simd, &displacement[c], group));
+            let change = G::change(&rest, &eta);
+            change.measure.store(&mut out.measure, group);
+            change.reference.store(&mut out.reference, group);
+            change.change.store(&mut out.change, group);
+            change.orientation.store(&mut out.orientation, group);
+            let now: [Lanes<S>; C] = each(|c| rest[c] + eta[c]);
+            let (Some(largest_at_rest), Some(largest)) =
+                (G::largest_square(&rest), G::largest_square(&now))
+            else {
+                continue;
+            };
+            let square_at_rest = change.reference * change.reference;
+            let square = change.measure * change.measure;
+            let thin = square_at_rest.where_less(thin_part * largest_at_rest, one, zero);
+            let thin = square.where_less(thin_part * largest, one, thin);
+            if thin.largest() > 0.0 {
+                let mut marks = [0.0; super::batch::WIDEST];
+                thin.store(&mut marks, 0);
+                let lanes = (0..Lanes::<S>::WIDTH).filter(|&lane| marks[lane] > 0.0);
+                let places = lanes.map(|lane| group * Lanes::<S>::WIDTH + lane);
+                out.thin.extend(places.filter(|&place| place < batch.len()));
             }
         }
     }
-    for index in 0..out.thin.len() {
-        let lane = out.thin[index];
-        let change = G::change(&doubles(reference, lane), &doubles(displacement, lane));
+}
+
+/// Weighted energies and their derivatives from the derivatives in the measure. Returns whether all
+/// that was asked for is finite and no measure is below `least`.
+struct Differentiating<'a, G, const C: usize> {
+    batch: &'a InteractionBatch,
+    order: Order,
+    /// Smaller measures are refused.
+    least: f64,
+    out: &'a mut Contributions,
+    shape: PhantomData<G>,
+}
+
+impl<G: Geometry<C>, const C: usize> WithSimd for Differentiating<'_, G, C> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> bool {
+        let Differentiating { batch, order, least, out, .. } = self;
+        let (reference, displacement) = vectors::<C>(batch);
+        let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
+        let (least, nothing) = (Lanes::splat(simd, least), Lanes::splat(simd, f64::NAN));
+        let (measures, derivatives) = (&out.measures, &out.derivatives);
+        // 0 as long as all is well: the difference of a number and itself is 0 if it is finite.
+        let mut refused = zero;
+        for group in groups(simd, batch) {
+            let load = |channel: &[f64]| Lanes::load(simd, channel, group);
+            let weight = load(&batch.weight);
+            let measure = load(&measures.measure);
+            let energy = weight * load(&derivatives.psi);
+            energy.store(&mut out.energy, group);
+            let change = load(&measures.change);
+            refused = refused + (energy - energy) + (change - change);
+            refused = measure.where_less(least, nothing, refused);
+            if order == Order::Energy {
+                continue;
+            }
+            // Without a Hessian psi'' has no say, not even at a kink of the measure.
+            let curvature = if order == Order::Tangent { load(&derivatives.d2psi) } else { zero };
+            let (first, second) = G::VARIABLE.slopes(measure, load(&derivatives.dpsi), curvature);
+            let first = weight * first * load(&measures.orientation);
+            first.store(&mut out.first, group);
+            refused = refused + (first - first);
+            let x: [Lanes<S>; C] =
+                each(|c| load(&reference[c]) + load(&displacement[c]));
+            let gradient = G::gradient(&x);
+            for c in 0..C {
+                (first * gradient[c]).store(&mut out.gradient[c], group);
+            }
+            if order == Order::Tangent {
+                let second = weight * second;
+                second.store(&mut out.second, group);
+                refused = refused + (second - second);
+                let hessian = &mut out.hessian[..packed_len(C)];
+                G::hessian(&x, &gradient, first, second, |place, value| {
+                    value.store(&mut hessian[place], group);
+                });
+            }
+        }
+        refused.where_equal(zero, zero, one).largest() == 0.0
+    }
+}
+
+/// The lane that made a batch refused.
+fn first_refused(
+    batch: &InteractionBatch,
+    order: Order,
+    least: f64,
+    out: &Contributions,
+) -> NonFiniteLane {
+    let measures = &out.measures;
+    let is_fine = |&lane: &usize| {
+        out.energy[lane].is_finite()
+            && measures.change[lane].is_finite()
+            && measures.measure[lane] >= least
+            && (order == Order::Energy || out.first[lane].is_finite())
+            && (order != Order::Tangent || out.second[lane].is_finite())
+    };
+    let lane = (0..batch.len()).find(|lane| !is_fine(lane)).unwrap_or(0);
+    let (value, reference) = (measures.measure[lane], measures.reference[lane]);
+    NonFiniteLane { lane, value, reference }
+}
+
+/// Groups of lanes that hold a batch, its padding included.
+#[inline(always)]
+fn groups<S: Simd>(_: S, batch: &InteractionBatch) -> std::ops::Range<usize> {
+    0..batch.padded_len() / Lanes::<S>::WIDTH
+}
+
+/// Reference vectors and displacements as arrays: their number is known where the geometry is.
+#[inline(always)]
+fn vectors<const C: usize>(batch: &InteractionBatch) -> (&[Channel; C], &[Channel; C]) {
+    let found = batch.reference.first_chunk().zip(batch.displacement.first_chunk());
+    found.expect("the batch was made for this measure")
+}
+
+/// The thin interactions of a batch in twice the digits.
+fn measure_thin<G: Geometry<C>, const C: usize>(batch: &InteractionBatch, out: &mut Measures) {
+    let (reference, displacement) = vectors::<C>(batch);
+    for &lane in &out.thin {
+        let change = G::change(&doubles::<C>(reference, lane), &doubles(displacement, lane));
         out.measure[lane] = change.measure.rounded();
         out.reference[lane] = change.reference.rounded();
         out.change[lane] = change.change.rounded();
@@ -223,84 +264,33 @@ fn measure_all<G: Geometry<C>, const C: usize>(batch: &InteractionBatch, out: &m
     }
 }
 
-/// One lane in twice the digits.
-fn doubles<const C: usize>(channels: &[Channel; C], lane: usize) -> [Double; C] {
-    std::array::from_fn(|c| Double::splat(channels[c][lane]))
-}
-
-/// Current vectors of one lane in twice the digits.
-fn current_doubles<const C: usize>(
-    reference: &[Channel; C],
-    displacement: &[Channel; C],
-    lane: usize,
-) -> [Double; C] {
-    std::array::from_fn(|c| {
-        Double::splat(reference[c][lane]) + Double::splat(displacement[c][lane])
-    })
-}
-
-/// Current vectors.
-#[inline(always)]
-fn current<const C: usize>(
-    reference: &[Channel; C],
-    displacement: &[Channel; C],
-    group: usize,
-) -> [Lanes; C] {
-    std::array::from_fn(|c| load(&reference[c], group) + load(&displacement[c], group))
-}
-
-fn gradient_all<G: Geometry<C>, const C: usize>(
+/// The derivatives of the thin interactions of a batch in twice the digits.
+fn differentiate_thin<G: Geometry<C>, const C: usize>(
     batch: &InteractionBatch,
-    thin: &[usize],
-    first: &Channel,
-    out: &mut [Channel],
-) {
-    let (reference, displacement) = (channels(&batch.reference), channels(&batch.displacement));
-    let out = &mut out[..C];
-    for group in groups(batch) {
-        let gradient = G::gradient(&current::<C>(reference, displacement, group));
-        let first = load(first, group);
-        for c in 0..C {
-            store(&mut out[c], group, first * gradient[c]);
-        }
-    }
-    for &lane in thin {
-        let gradient = G::gradient(&current_doubles::<C>(reference, displacement, lane));
-        for c in 0..C {
-            out[c][lane] = (Double::splat(first[lane]) * gradient[c]).rounded();
-        }
-    }
-}
-
-fn hessian_all<G: Geometry<C>, const C: usize>(
-    batch: &InteractionBatch,
-    first: &Channel,
-    second: &Channel,
+    order: Order,
     out: &mut Contributions,
 ) {
-    let (reference, displacement) = (channels(&batch.reference), channels(&batch.displacement));
-    let (to_gradient, to_hessian) = (&mut out.gradient[..C], &mut out.hessian[..packed_len(C)]);
-    for group in groups(batch) {
-        let x = current::<C>(reference, displacement, group);
-        let gradient = G::gradient(&x);
-        let (first, second) = (load(first, group), load(second, group));
-        for c in 0..C {
-            store(&mut to_gradient[c], group, first * gradient[c]);
-        }
-        G::hessian(&x, &gradient, first, second, |place, value| {
-            store(&mut to_hessian[place], group, value);
-        });
+    if order == Order::Energy {
+        return;
     }
-    for index in 0..out.measures.thin.len() {
-        let lane = out.measures.thin[index];
-        let x = current_doubles::<C>(reference, displacement, lane);
+    let (reference, displacement) = vectors::<C>(batch);
+    for &lane in &out.measures.thin {
+        let (rest, eta) = (doubles::<C>(reference, lane), doubles::<C>(displacement, lane));
+        let x: [Double; C] = each(|c| rest[c] + eta[c]);
         let gradient = G::gradient(&x);
-        let (first, second) = (Double::splat(first[lane]), Double::splat(second[lane]));
+        let (first, second) = (Double::new(out.first[lane]), Double::new(out.second[lane]));
         for c in 0..C {
-            to_gradient[c][lane] = (first * gradient[c]).rounded();
+            out.gradient[c][lane] = (first * gradient[c]).rounded();
         }
-        G::hessian(&x, &gradient, first, second, |place, value| {
-            to_hessian[place][lane] = value.rounded();
-        });
+        if order == Order::Tangent {
+            G::hessian(&x, &gradient, first, second, |place, value| {
+                out.hessian[place][lane] = value.rounded();
+            });
+        }
     }
+}
+
+/// One lane in twice the digits.
+fn doubles<const C: usize>(channels: &[Channel; C], lane: usize) -> [Double; C] {
+    each(|c| Double::new(channels[c][lane]))
 }

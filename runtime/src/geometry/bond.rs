@@ -24,7 +24,7 @@ impl<const D: usize> Geometry<D> for Bond {
             measure: now,
             reference: at_rest,
             change: grown / (at_rest * (now + at_rest)),
-            orientation: T::splat(1.0),
+            orientation: at_rest.alike(1.0),
         }
     }
 

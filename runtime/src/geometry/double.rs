@@ -16,6 +16,11 @@ pub struct Double {
 }
 
 impl Double {
+    /// This number and nothing behind it.
+    pub fn new(x: f64) -> Double {
+        Double { high: x, low: 0.0 }
+    }
+
     /// The nearest `f64`.
     pub fn rounded(self) -> f64 {
         self.high
@@ -78,20 +83,24 @@ impl Div for Double {
     type Output = Double;
     fn div(self, other: Double) -> Double {
         let first = self.high / other.high;
-        let rest = self - other * Double::splat(first);
+        let rest = self - other * Double::new(first);
         Double::canonical(first, rest.high / other.high)
     }
 }
 
 impl Scalar for Double {
-    fn splat(x: f64) -> Double {
-        Double { high: x, low: 0.0 }
+    fn alike(self, x: f64) -> Double {
+        Double::new(x)
+    }
+
+    fn where_equal(self, other: Double, yes: Double, no: Double) -> Double {
+        if self == other { yes } else { no }
     }
 
     fn sqrt(self) -> Double {
         let root = self.high.sqrt();
         if root == 0.0 || !root.is_finite() {
-            return Double::splat(root);
+            return Double::new(root);
         }
         let (square, error) = two_product(root, root);
         let rest = self - Double::canonical(square, error);
@@ -99,7 +108,7 @@ impl Scalar for Double {
     }
 
     fn sign(self) -> Double {
-        Double::splat(1f64.copysign(self.high))
+        Double::new(1f64.copysign(self.high))
     }
 }
 
@@ -108,7 +117,7 @@ mod tests {
     use super::*;
 
     fn of(x: f64) -> Double {
-        Double::splat(x)
+        Double::new(x)
     }
 
     #[test]

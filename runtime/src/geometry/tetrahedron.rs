@@ -1,6 +1,6 @@
 //! Tetrahedra: `v = xi1.(xi2 x xi3)`, six times their volume (javili2020, Eq. (20), third line).
 
-use super::{Change, Geometry, Scalar, Variable, add, cross, dot, packed, vector};
+use super::{Change, Geometry, Scalar, Variable, add, cross, dot, each, packed, vector};
 
 /// Volume measure of a tetrahedron, in m^3: signed by its orientation at rest, so that it is
 /// positive until the tetrahedron turns inside out (firooz2023); `s = v`.
@@ -12,7 +12,7 @@ impl Geometry<9> for Tetrahedron {
 
     #[inline(always)]
     fn largest_square<T: Scalar>(vectors: &[T; 9]) -> Option<T> {
-        let x: [[T; 3]; 3] = std::array::from_fn(|corner| vector(vectors, corner));
+        let x: [[T; 3]; 3] = each(|corner| vector(vectors, corner));
         Some(dot(&x[0], &x[0]) * dot(&x[1], &x[1]) * dot(&x[2], &x[2]))
     }
 
@@ -20,9 +20,9 @@ impl Geometry<9> for Tetrahedron {
     #[inline(always)]
     fn change<T: Scalar>(reference: &[T; 9], displacement: &[T; 9]) -> Change<T> {
         let current = add(reference, displacement);
-        let rest: [[T; 3]; 3] = std::array::from_fn(|corner| vector(reference, corner));
-        let eta: [[T; 3]; 3] = std::array::from_fn(|corner| vector(displacement, corner));
-        let x: [[T; 3]; 3] = std::array::from_fn(|corner| vector(&current, corner));
+        let rest: [[T; 3]; 3] = each(|corner| vector(reference, corner));
+        let eta: [[T; 3]; 3] = each(|corner| vector(displacement, corner));
+        let x: [[T; 3]; 3] = each(|corner| vector(&current, corner));
         let normal = cross(&x[1], &x[2]);
         let turned = add(&cross(&rest[1], &eta[2]), &cross(&eta[1], &x[2]));
         let at_rest = dot(&rest[0], &cross(&rest[1], &rest[2]));
@@ -38,7 +38,7 @@ impl Geometry<9> for Tetrahedron {
     /// The normals of the three faces at the owner.
     #[inline(always)]
     fn gradient<T: Scalar>(current: &[T; 9]) -> [T; 9] {
-        let x: [[T; 3]; 3] = std::array::from_fn(|corner| vector(current, corner));
+        let x: [[T; 3]; 3] = each(|corner| vector(current, corner));
         let (p, q, r) = (cross(&x[1], &x[2]), cross(&x[2], &x[0]), cross(&x[0], &x[1]));
         [p[0], p[1], p[2], q[0], q[1], q[2], r[0], r[1], r[2]]
     }
@@ -53,16 +53,16 @@ impl Geometry<9> for Tetrahedron {
         second: T,
         mut emit: impl FnMut(usize, T),
     ) {
-        let scaled: [T; 9] = std::array::from_fn(|k| second * gradient[k]);
-        let twist: [T; 9] = std::array::from_fn(|k| first * current[k]);
+        let scaled: [T; 9] = each(|k| second * gradient[k]);
+        let twist: [T; 9] = each(|k| first * current[k]);
         own_block(0, &scaled, gradient, &mut emit);
         own_block(1, &scaled, gradient, &mut emit);
         own_block(2, &scaled, gradient, &mut emit);
         // Blocks of corners (1,2) and (2,3) turn one way, (1,3) the other.
-        let (t1, t2, t3) = (vector(&twist, 0), vector(&twist, 1), vector(&twist, 2));
-        pair_block((0, 1), &t3, &scaled, gradient, &mut emit);
-        pair_block((0, 2), &t2.map(|t: T| -t), &scaled, gradient, &mut emit);
-        pair_block((1, 2), &t1, &scaled, gradient, &mut emit);
+        let t: [[T; 3]; 3] = each(|corner| vector(&twist, corner));
+        pair_block((0, 1), &t[2], &scaled, gradient, &mut emit);
+        pair_block((0, 2), &[-t[1][0], -t[1][1], -t[1][2]], &scaled, gradient, &mut emit);
+        pair_block((1, 2), &t[0], &scaled, gradient, &mut emit);
     }
 }
 

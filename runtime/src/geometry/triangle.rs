@@ -1,6 +1,6 @@
 //! Triangles: `a = |xi1 x xi2|`, twice their area (javili2020, Eq. (20), second line).
 
-use super::{Change, Geometry, Scalar, Variable, add, cross, cross_2d, dot, packed, vector};
+use super::{Change, Geometry, Scalar, Variable, add, cross, cross_2d, dot, each, packed, vector};
 
 /// Area measure of a triangle in the plane, in m^2: signed by its orientation at rest, so that it
 /// is positive until the triangle turns inside out; `s = a`.
@@ -12,7 +12,7 @@ impl Geometry<4> for PlaneTriangle {
 
     #[inline(always)]
     fn largest_square<T: Scalar>(vectors: &[T; 4]) -> Option<T> {
-        let x: [[T; 2]; 2] = std::array::from_fn(|corner| vector(vectors, corner));
+        let x: [[T; 2]; 2] = each(|corner| vector(vectors, corner));
         Some(dot(&x[0], &x[0]) * dot(&x[1], &x[1]))
     }
 
@@ -74,7 +74,7 @@ impl Geometry<6> for SpaceTriangle {
 
     #[inline(always)]
     fn largest_square<T: Scalar>(vectors: &[T; 6]) -> Option<T> {
-        let x: [[T; 3]; 2] = std::array::from_fn(|corner| vector(vectors, corner));
+        let x: [[T; 3]; 2] = each(|corner| vector(vectors, corner));
         Some(dot(&x[0], &x[0]) * dot(&x[1], &x[1]))
     }
 
@@ -95,7 +95,7 @@ impl Geometry<6> for SpaceTriangle {
             measure: now,
             reference: at_rest,
             change: dot(&grown, &add(&normal, &normal_at_rest)) / (at_rest * (now + at_rest)),
-            orientation: T::splat(1.0),
+            orientation: at_rest.alike(1.0),
         }
     }
 
@@ -119,9 +119,9 @@ impl Geometry<6> for SpaceTriangle {
         mut emit: impl FnMut(usize, T),
     ) {
         let (x1, x2) = (vector::<T, 6, 3>(current, 0), vector::<T, 6, 3>(current, 1));
-        let (f1, f2) = (x1.map(|x| first * x), x2.map(|x| first * x));
+        let (f1, f2): ([T; 3], [T; 3]) = (each(|k| first * x1[k]), each(|k| first * x2[k]));
         let (square1, square2, product) = (dot(&f1, &x1), dot(&f2, &x2), dot(&f1, &x2));
-        let scaled = gradient.map(|g| second * g);
+        let scaled: [T; 6] = each(|k| second * gradient[k]);
         for row in 0..3 {
             for column in row..3 {
                 let near = scaled[row] * gradient[column] - f2[row] * x2[column];

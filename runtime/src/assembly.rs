@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use crate::body::Body;
 use crate::element::{Element, MeasureElement, Order};
 use crate::energy::{EnergyParts, Inversion, NonFinite, TotalEnergy};
-use crate::interaction::{Census, Degeneracy, Slabs};
+use crate::interaction::{Census, ContributingPairs, Degeneracy, Slabs};
 use crate::kernel::{Law, Measure};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
@@ -100,6 +100,7 @@ pub struct DiscreteEnergy {
     neighborhood: Neighborhood,
     degeneracy: Degeneracy,
     slabs: Slabs,
+    contributing: Option<ContributingPairs>,
     pattern: Arc<BlockPattern>,
     bonds: Option<Kind>,
     triangles: Option<Kind>,
@@ -147,6 +148,12 @@ impl DiscreteEnergy {
         let (bonds, triangles) = (kind(elements.bond)?, kind(elements.triangle)?);
         let tetrahedra = kind(elements.tetrahedron)?;
         let pattern = Arc::new(pattern(&neighborhood, body.dimension()));
+        let matrix_bytes = 8 * pattern.n_blocks() * body.dimension() * body.dimension();
+        let fits = ContributingPairs::bytes(&neighborhood) <= matrix_bytes / 2;
+        let contributing = (triangles.is_some() && fits).then(|| match body.dimension() {
+            2 => ContributingPairs::new::<2>(&body, &neighborhood, degeneracy, &slabs),
+            _ => ContributingPairs::new::<3>(&body, &neighborhood, degeneracy, &slabs),
+        });
         let report = Report {
             n_points: body.n_points(),
             bonds: if bonds.is_some() { census.bonds } else { 0 },
@@ -162,6 +169,7 @@ impl DiscreteEnergy {
             neighborhood,
             degeneracy,
             slabs,
+            contributing,
             pattern,
             bonds,
             triangles,

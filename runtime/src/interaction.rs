@@ -10,7 +10,7 @@ mod degenerate;
 mod slab;
 
 pub use census::Census;
-pub use clique::OwnerCliques;
+pub use clique::{ContributingPairs, OwnerCliques};
 pub(crate) use clique::never_fails;
 pub use degenerate::Degeneracy;
 pub use slab::Slabs;

@@ -137,6 +137,11 @@ impl Neighborhood {
         &self.neighbors[self.upper_start[point]..self.row_start[point + 1]]
     }
 
+    /// The most later neighbours that any point has.
+    pub fn most_later(&self) -> usize {
+        (0..self.n_points()).map(|point| self.upper(point).len()).max().unwrap_or(0)
+    }
+
     /// Points without any neighbour, ascending.
     pub fn isolated(&self) -> Vec<usize> {
         (0..self.n_points()).filter(|&i| self.row(i).is_empty()).collect()

@@ -9,10 +9,11 @@ use crate::element::{CAPACITY, Contributions, Order};
 use crate::geometry::packed;
 use crate::interaction::OwnerCliques;
 
-/// A triangle of a batch: members `j < k`.
+/// A triangle of a batch: members `j < k`, and the place of `k` in the row of later neighbours of `j`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct TriangleLane {
     pub(super) members: [u32; 2],
+    pub(super) place: u32,
 }
 
 /// A tetrahedron of a batch: members `j < k < l` and the numbers of their pairs.
@@ -95,7 +96,7 @@ impl<const D: usize> OwnerSums<D> {
             let (mut own, mut column) = ([[0.0; D]; D], [[0.0; D]; D]);
             for p in run {
                 let k = lanes[p].members[1] as usize;
-                let block = rows.block::<D>(first_block + cliques.place(j, k) * D * D);
+                let block = rows.block::<D>(first_block + lanes[p].place as usize * D * D);
                 let (own_k, column_k) = (&mut self.diagonal[k], &mut self.column[k]);
                 for r in 0..D {
                     for c in 0..D {
@@ -174,7 +175,7 @@ impl<const D: usize> OwnerSums<D> {
     }
 
     /// Writes the sums of this owner to the rows of its points. With tetrahedra, `pairs` were
-    /// numbered in the order of [`OwnerCliques::for_each_pair`].
+    /// numbered member by member in the order of [`OwnerCliques::later`].
     pub(super) fn write(
         &mut self,
         cliques: &OwnerCliques<'_, D>,
@@ -204,18 +205,20 @@ impl<const D: usize> OwnerSums<D> {
             return;
         }
         let mut number = 0;
-        cliques.for_each_pair(|j, k| {
-            let part = &pairs[number];
-            number += 1;
-            let start = rows.coupling::<D>(cliques.members()[j] as usize, cliques.place(j, k));
-            rows.add_block(start, part);
-            for r in 0..D {
-                for c in 0..D {
-                    column[k][r][c] += part[r][c];
-                    column[j][c][r] += part[r][c];
+        for j in 0..cliques.members().len() {
+            for (k, place) in cliques.later(j) {
+                let part = &pairs[number];
+                number += 1;
+                let start = rows.coupling::<D>(cliques.members()[j] as usize, place);
+                rows.add_block(start, part);
+                for r in 0..D {
+                    for c in 0..D {
+                        column[k][r][c] += part[r][c];
+                        column[j][c][r] += part[r][c];
+                    }
                 }
             }
-        });
+        }
     }
 
     fn write_owner(&self, owner: usize, members: &[u32], rows: &mut Rows<'_>) {

@@ -112,7 +112,7 @@ fn cliques<const D: usize>(energy: &DiscreteEnergy, slab: usize) -> OwnerCliques
 fn for_each<const D: usize>(cliques: &OwnerCliques<'_, D>, mut see: impl FnMut([usize; D])) {
     let mut show = |members: [usize; 3]| see(std::array::from_fn(|corner| members[corner]));
     if D == 2 {
-        never_fails(cliques.triangles(|j, k| {
+        never_fails(cliques.triangles(|j, k, _| {
             show([j, k, 0]);
             Ok(())
         }));

@@ -167,6 +167,7 @@ impl<'a, const D: usize> Context<'a, D> {
         let energy = self.energy;
         let touched = energy.slabs.touched(self.slab);
         OwnerCliques::new(&energy.body, &energy.neighborhood, energy.degeneracy, touched)
+            .with_contributing(energy.contributing.as_ref())
     }
 
     /// Displacements of the members relative to the owner.
@@ -185,8 +186,9 @@ impl<'a, const D: usize> Context<'a, D> {
             self.displacements(&cliques, &mut batch.displacement);
             batch.set_shares(kind, &cliques);
             sums.reset(self.order, cliques.members().len(), 0);
-            cliques.triangles(|j, k| {
-                batch.lanes.push(TriangleLane { members: [j as u32, k as u32] });
+            cliques.triangles(|j, k, place| {
+                let members = [j as u32, k as u32];
+                batch.lanes.push(TriangleLane { members, place: place as u32 });
                 if batch.is_full() {
                     self.add_triangles(kind, &cliques, &mut batch, &mut sums, rows)?;
                 }
@@ -367,10 +369,12 @@ impl PairNumbers {
         self.n_members = cliques.members().len();
         self.count = 0;
         self.number.resize(self.number.len().max(self.n_members * self.n_members), 0);
-        cliques.for_each_pair(|j, k| {
-            self.number[j * self.n_members + k] = self.count as u32;
-            self.count += 1;
-        });
+        for j in 0..self.n_members {
+            for (k, _) in cliques.later(j) {
+                self.number[j * self.n_members + k] = self.count as u32;
+                self.count += 1;
+            }
+        }
     }
 
     #[inline(always)]

@@ -71,14 +71,29 @@ impl InteractionBatch {
         let padded = self.padded_len();
         let (to_reference, to_displacement) =
             (&mut self.reference[..K * D], &mut self.displacement[..K * D]);
-        for lane in 0..padded {
-            let corners = corners(lane.min(len - 1));
-            for corner in 0..K {
-                let (rest, eta) = (&reference[corners[corner]], &displacement[corners[corner]]);
-                for axis in 0..D {
-                    to_reference[corner * D + axis][lane] = rest[axis];
-                    to_displacement[corner * D + axis][lane] = eta[axis];
+        let corner_of = |lane: usize, corner: usize| corners(lane.min(len - 1))[corner];
+        // Neighbouring interactions share all corners but the last: those are written once for all.
+        for corner in 0..K - 1 {
+            let mut lane = 0;
+            while lane < padded {
+                let shared = corner_of(lane, corner);
+                let start = lane;
+                while lane < padded && corner_of(lane, corner) == shared {
+                    lane += 1;
                 }
+                for axis in 0..D {
+                    let channel = corner * D + axis;
+                    to_reference[channel][start..lane].fill(reference[shared][axis]);
+                    to_displacement[channel][start..lane].fill(displacement[shared][axis]);
+                }
+            }
+        }
+        for lane in 0..padded {
+            let last = corner_of(lane, K - 1);
+            let (rest, eta) = (&reference[last], &displacement[last]);
+            for axis in 0..D {
+                to_reference[(K - 1) * D + axis][lane] = rest[axis];
+                to_displacement[(K - 1) * D + axis][lane] = eta[axis];
             }
         }
         self.weight[len..].fill(0.0);

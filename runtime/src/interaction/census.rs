@@ -103,7 +103,7 @@ impl SlabCount {
             let place = |member: usize| cliques.members()[member] as usize - first;
             if !self.triangles_at.is_empty() {
                 let (at, mut found) = (&mut self.triangles_at, 0);
-                self.dropped_triangles += never_fails(cliques.triangles(|j, k| {
+                self.dropped_triangles += never_fails(cliques.triangles(|j, k, _| {
                     at[place(j)] += 1;
                     at[place(k)] += 1;
                     found += 1;

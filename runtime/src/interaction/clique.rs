@@ -2,7 +2,9 @@
 
 use std::convert::Infallible;
 
-use super::Degeneracy;
+use rayon::prelude::*;
+
+use super::{Degeneracy, Slabs};
 use crate::body::Body;
 use crate::neighborhood::Neighborhood;
 
@@ -22,16 +24,22 @@ pub struct OwnerCliques<'a, const D: usize> {
     reference: Vec<[f64; D]>,
     /// Their squares.
     squares: Vec<f64>,
-    /// Row `j` has a bit for each member `k > j` within the horizon of `j`, then a spare word.
+    /// Row `j` has a bit for each member `k > j` within the horizon of `j`, then, from a new word on,
+    /// a bit for the place of each of them in the neighbourhood's row of later neighbours of `j`.
     bits: Vec<u64>,
-    /// 64-bit words of a row, without the spare.
+    /// 64-bit words of the first part of a row.
     words: usize,
-    /// Place of `k` in the row of later neighbours of `j`, at `j*columns + k`.
-    place: Vec<u32>,
-    /// Member number of a point (`point - first`); the first bit of the spare word for all others.
+    /// 64-bit words of the second part.
+    place_words: usize,
+    /// Member number of a point (`point - first`), [`NO_MEMBER`] for all others.
     member_of: Vec<u32>,
     first: usize,
+    /// Rows of all owners, without collinear pairs.
+    contributing: Option<&'a ContributingPairs>,
 }
+
+/// What stands for the number of a point that is no member.
+const NO_MEMBER: u32 = u32::MAX;
 
 impl<'a, const D: usize> OwnerCliques<'a, D> {
     /// For owners whose cliques stay within `points`.
@@ -52,10 +60,17 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
             squares: Vec::new(),
             bits: Vec::new(),
             words: 0,
-            place: Vec::new(),
-            member_of: vec![0; points.len()],
+            place_words: neighborhood.most_later().div_ceil(64),
+            member_of: vec![NO_MEMBER; points.len()],
             first: points.start,
+            contributing: None,
         }
+    }
+
+    /// Takes pairs from a table: no triangle has to be tested again, and members that are collinear
+    /// with the owner no longer count as pairs. Tetrahedra on them are coplanar.
+    pub fn with_contributing(self, contributing: Option<&'a ContributingPairs>) -> Self {
+        OwnerCliques { contributing, ..self }
     }
 
     /// Moves to another owner.
@@ -78,18 +93,17 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         std::array::from_fn(|axis| position[axis])
     }
 
-    /// Fills `bits` and `place`. Points that are no members land in the spare word: the loop needs
-    /// no branch.
+    /// Fills `bits`.
     fn connect(&mut self) {
         let n = self.members.len();
-        if n != 0 && n.div_ceil(64) != self.words {
-            self.words = n.div_ceil(64);
-            self.member_of.fill(64 * self.words as u32);
-        }
-        let (stride, columns) = (self.words + 1, self.columns());
+        self.words = n.div_ceil(64);
+        let stride = self.stride();
         self.bits.clear();
+        if let Some(contributing) = self.contributing {
+            self.bits.extend_from_slice(contributing.rows(self.owner));
+            return;
+        }
         self.bits.resize(n * stride, 0);
-        self.place.resize(self.place.len().max(n * columns), 0);
         for (member, &point) in self.members.iter().enumerate() {
             self.member_of[point as usize - self.first] = member as u32;
         }
@@ -98,29 +112,44 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
             let row = self.neighborhood.upper(point as usize);
             let row = &row[..row.partition_point(|&k| k <= last)];
             let bits = &mut self.bits[j * stride..(j + 1) * stride];
-            let place = &mut self.place[j * columns..(j + 1) * columns];
-            if let [only, _] = bits {
-                // One word, as on lattices of up to three spacings, stays in a register.
+            if let [members, places] = bits {
+                // One word each, as on lattices of up to three spacings: no branch.
                 for (index, &k) in row.iter().enumerate() {
                     let member = self.member_of[k as usize - self.first];
-                    *only |= u64::from(member < 64) << (member % 64);
-                    place[member as usize] = index as u32;
+                    let is_member = u64::from(member != NO_MEMBER);
+                    *members |= is_member << (member % 64);
+                    *places |= is_member << (index % 64);
                 }
                 continue;
             }
+            let (members, places) = bits.split_at_mut(self.words);
             for (index, &k) in row.iter().enumerate() {
-                let member = self.member_of[k as usize - self.first] as usize;
-                bits[member / 64] |= 1 << (member % 64);
-                place[member] = index as u32;
+                let member = self.member_of[k as usize - self.first];
+                if member != NO_MEMBER {
+                    members[member as usize / 64] |= 1 << (member % 64);
+                    places[index / 64] |= 1 << (index % 64);
+                }
             }
         }
         for &point in self.members {
-            self.member_of[point as usize - self.first] = 64 * self.words as u32;
+            self.member_of[point as usize - self.first] = NO_MEMBER;
         }
     }
 
-    fn columns(&self) -> usize {
-        64 * self.words + 1
+    fn stride(&self) -> usize {
+        self.words + self.place_words
+    }
+
+    /// Clears the bits of pairs that are collinear with the owner.
+    fn drop_collinear(&mut self) {
+        for j in 0..self.members.len() {
+            let dropped: Vec<_> = self.later(j).filter(|&(k, _)| self.is_collinear(j, k)).collect();
+            let (start, words) = (j * self.stride(), self.words);
+            for (k, place) in dropped {
+                self.bits[start + k / 64] &= !(1 << (k % 64));
+                self.bits[start + words + place / 64] &= !(1 << (place % 64));
+            }
+        }
     }
 
     /// The owner: the lowest point of its cliques.
@@ -138,39 +167,36 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         &self.reference
     }
 
-    /// Place of member `k` in the row of later neighbours of member `j < k`, for neighbours only.
+    /// The members `k > j` that are neighbours of member `j`, ascending, each with its place in the
+    /// row of later neighbours of `j`.
     #[inline(always)]
-    pub fn place(&self, j: usize, k: usize) -> usize {
-        self.place[j * self.columns() + k] as usize
+    pub fn later(&self, j: usize) -> impl Iterator<Item = (usize, usize)> {
+        let (members, places) = self.bits[j * self.stride()..][..self.stride()].split_at(self.words);
+        ones(members).zip(ones(places))
     }
 
-    /// Visits pairs `j < k` of members that are neighbours, in lexicographic order.
-    pub fn for_each_pair(&self, mut visit: impl FnMut(usize, usize)) {
-        for j in 0..self.members.len() {
-            for (word, &bits) in self.row(j).iter().enumerate() {
-                for_each_bit(word, bits, |k| visit(j, k));
-            }
-        }
-    }
-
-    /// Visits each triangle of the owner once: members `j < k`, in lexicographic order. Stops at
-    /// the visitor's first error; otherwise returns how many collinear ones were dropped.
+    /// Visits each triangle of the owner once: members `j < k` and the place of `k` in the row of
+    /// later neighbours of `j`, in lexicographic order. Stops at the visitor's first error; otherwise
+    /// returns how many collinear ones were dropped.
     pub fn triangles<E>(
         &self,
-        mut visit: impl FnMut(usize, usize) -> Result<(), E>,
+        mut visit: impl FnMut(usize, usize, usize) -> Result<(), E>,
     ) -> Result<u64, E> {
         let mut dropped = 0;
         for j in 0..self.members.len() {
-            for (word, &row) in self.row(j).iter().enumerate() {
-                let mut bits = row;
-                while bits != 0 {
-                    let k = next_bit(word, &mut bits);
-                    if self.is_collinear(j, k) {
-                        dropped += 1;
-                    } else {
-                        visit(j, k)?;
-                    }
+            let mut see = |k: usize, place: usize| {
+                if self.contributing.is_none() && self.is_collinear(j, k) {
+                    dropped += 1;
+                    return Ok(());
                 }
+                visit(j, k, place)
+            };
+            if let &[mut members, mut places] = &self.bits[j * self.stride()..][..self.stride()] {
+                while members != 0 {
+                    see(next_bit(0, &mut members), next_bit(0, &mut places))?;
+                }
+            } else {
+                self.later(j).try_for_each(|(k, place)| see(k, place))?;
             }
         }
         Ok(dropped)
@@ -194,12 +220,8 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
     ) -> Result<u64, E> {
         let mut dropped = 0;
         for j in 0..self.members.len() {
-            for (word, &row) in self.row(j).iter().enumerate() {
-                let mut bits = row;
-                while bits != 0 {
-                    let k = next_bit(word, &mut bits);
-                    dropped += self.tetrahedra_on(j, k, &mut visit)?;
-                }
+            for k in ones(self.row(j)) {
+                dropped += self.tetrahedra_on(j, k, &mut visit)?;
             }
         }
         Ok(dropped)
@@ -243,7 +265,62 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
     }
 
     fn row(&self, j: usize) -> &[u64] {
-        &self.bits[j * (self.words + 1)..][..self.words]
+        &self.bits[j * self.stride()..][..self.words]
+    }
+}
+
+/// Which triangles every owner has, for bodies that have them: two bits per pair of neighbours are
+/// read faster than neighbours are compared and areas computed.
+#[derive(Debug)]
+pub struct ContributingPairs {
+    /// Where the words of each owner start.
+    start: Vec<usize>,
+    words: Vec<u64>,
+}
+
+impl ContributingPairs {
+    /// Finds them, slab by slab.
+    pub fn new<const D: usize>(
+        body: &Body,
+        neighborhood: &Neighborhood,
+        degeneracy: Degeneracy,
+        slabs: &Slabs,
+    ) -> ContributingPairs {
+        let of_slab = |slab: usize| {
+            let touched = slabs.touched(slab);
+            let mut cliques = OwnerCliques::<D>::new(body, neighborhood, degeneracy, touched);
+            let (mut lengths, mut words) = (Vec::new(), Vec::new());
+            for owner in slabs.owners(slab) {
+                cliques.set(owner);
+                cliques.drop_collinear();
+                lengths.push(cliques.bits.len());
+                words.extend_from_slice(&cliques.bits);
+            }
+            (lengths, words)
+        };
+        let found: Vec<_> = (0..slabs.len()).into_par_iter().map(of_slab).collect();
+        let mut start = vec![0];
+        let lengths = found.iter().flat_map(|(lengths, _)| lengths);
+        start.extend(lengths.scan(0, |end, length| {
+            *end += length;
+            Some(*end)
+        }));
+        let words = found.into_iter().flat_map(|(_, words)| words).collect();
+        ContributingPairs { start, words }
+    }
+
+    /// Bytes that the table of a body takes.
+    pub fn bytes(neighborhood: &Neighborhood) -> usize {
+        let place_words = neighborhood.most_later().div_ceil(64);
+        let of_owner = |owner: usize| {
+            let n = neighborhood.upper(owner).len();
+            8 * n * (n.div_ceil(64) + place_words)
+        };
+        (0..neighborhood.n_points()).map(of_owner).sum()
+    }
+
+    fn rows(&self, owner: usize) -> &[u64] {
+        &self.words[self.start[owner]..self.start[owner + 1]]
     }
 }
 
@@ -262,10 +339,19 @@ fn next_bit(word: usize, bits: &mut u64) -> usize {
     word * 64 + bit
 }
 
-fn for_each_bit(word: usize, mut bits: u64, mut visit: impl FnMut(usize)) {
-    while bits != 0 {
-        visit(next_bit(word, &mut bits));
-    }
+/// The places of the bits that are set, ascending.
+#[inline(always)]
+fn ones(words: &[u64]) -> impl Iterator<Item = usize> {
+    let mut rest = words.iter();
+    let mut bits = rest.next().copied().unwrap_or(0);
+    let mut word = 0;
+    std::iter::from_fn(move || {
+        while bits == 0 {
+            bits = *rest.next()?;
+            word += 1;
+        }
+        Some(next_bit(word, &mut bits))
+    })
 }
 
 #[inline(always)]
@@ -339,9 +425,8 @@ mod tests {
             for owner in 0..n {
                 cliques.set(owner);
                 let point = |member: usize| cliques.members()[member] as usize;
-                never_fails(cliques.triangles(|j, k| {
+                never_fails(cliques.triangles(|j, k, place| {
                     triangles.push(vec![owner, point(j), point(k)]);
-                    let place = cliques.place(j, k);
                     assert_eq!(neighborhood.upper(point(j))[place] as usize, point(k));
                     Ok(())
                 }));
@@ -368,7 +453,7 @@ mod tests {
             OwnerCliques::<3>::new(&body, &neighborhood, Degeneracy::new(&body), 0..40);
         cliques.set(0);
         let mut visits = 0;
-        let result = cliques.triangles(|_, _| {
+        let result = cliques.triangles(|_, _, _| {
             visits += 1;
             if visits == 3 { Err("enough") } else { Ok(()) }
         });

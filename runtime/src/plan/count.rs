@@ -92,7 +92,7 @@ fn owned<const D: usize>(
     };
     // Being stopped early is no error here.
     if needed.triangles {
-        let _ = cliques.triangles(|_, _| count(&mut found[0]));
+        let _ = cliques.triangles(|_, _, _| count(&mut found[0]));
     }
     if needed.tetrahedra && D == 3 {
         let _ = cliques.tetrahedra(|_, _, _| count(&mut found[1]));

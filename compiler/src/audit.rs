@@ -7,7 +7,7 @@
 
 use crate::expression::interpret::Interpreter;
 use crate::expression::{Comparison, Node, NodeId};
-use crate::kernel::{Derivatives, Mode, WrittenEnergy};
+use crate::kernel::{Mode, WrittenEnergy};
 use crate::measure::Measure;
 use crate::model::Model;
 use crate::specialise::{CompileError, Dropped, Form, ScalarEnergy};
@@ -89,8 +89,7 @@ pub fn audit(
             let mut points = points_of(&stretches);
             points.retain(|&point| contains(variant, measure, values, point));
             let columns = Columns::new(&points);
-            let mut out = Derivatives::default();
-            kernel.evaluate(columns.batch(), &mut out);
+            let out = kernel.derivatives(columns.batch());
             let mut regime = Regime { name, strain, n_points: 0, worst: [0.0; 3], at: [REST; 3] };
             for (i, &point) in points.iter().enumerate() {
                 let found = [out.psi[i], out.dpsi[i], out.d2psi[i]];

@@ -22,6 +22,50 @@ pub struct Batch<'a> {
     pub change: &'a [f64],
 }
 
+impl Batch<'_> {
+    /// Whether the slices have one length.
+    pub(crate) fn is_even(&self) -> bool {
+        self.reference.len() == self.measure.len() && self.change.len() == self.measure.len()
+    }
+}
+
+/// How many derivatives are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Order {
+    /// The energy.
+    Energy,
+    /// And the first derivative.
+    Gradient,
+    /// And the second derivative.
+    Tangent,
+}
+
+impl Order {
+    /// All orders, ascending.
+    pub const ALL: [Order; 3] = [Order::Energy, Order::Gradient, Order::Tangent];
+}
+
+/// Where a kernel writes. What an order asks for has room for every entry of the batch; the rest is
+/// left alone and may be empty.
+#[derive(Debug)]
+pub struct Outputs<'a> {
+    /// The energy density.
+    pub psi: &'a mut [f64],
+    /// Its derivative with respect to the measure, from [`Order::Gradient`].
+    pub dpsi: &'a mut [f64],
+    /// Its second derivative with respect to the measure, at [`Order::Tangent`].
+    pub d2psi: &'a mut [f64],
+}
+
+impl Outputs<'_> {
+    /// Whether `n` entries of this order fit.
+    pub(crate) fn hold(&self, n: usize, order: Order) -> bool {
+        self.psi.len() >= n
+            && (order < Order::Gradient || self.dpsi.len() >= n)
+            && (order < Order::Tangent || self.d2psi.len() >= n)
+    }
+}
+
 /// Outputs of a kernel, one entry per interaction.
 #[derive(Clone, Debug, Default)]
 pub struct Derivatives {
@@ -34,11 +78,14 @@ pub struct Derivatives {
 }
 
 impl Derivatives {
-    /// Makes room for `n` interactions.
-    pub fn resize(&mut self, n: usize) {
-        self.psi.resize(n, 0.0);
-        self.dpsi.resize(n, 0.0);
-        self.d2psi.resize(n, 0.0);
+    /// Zeros for `n` interactions.
+    pub fn zeros(n: usize) -> Derivatives {
+        Derivatives { psi: vec![0.0; n], dpsi: vec![0.0; n], d2psi: vec![0.0; n] }
+    }
+
+    /// All of them, for a kernel to fill.
+    pub fn outputs(&mut self) -> Outputs<'_> {
+        Outputs { psi: &mut self.psi, dpsi: &mut self.dpsi, d2psi: &mut self.d2psi }
     }
 }
 
@@ -75,35 +122,54 @@ impl Kernel {
         self.measure
     }
 
+    /// psi and the derivatives that the order asks for, for every entry of the batch.
+    ///
+    /// # Panics
+    /// If the slices of the batch differ in length or an output is too short.
+    pub fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>) {
+        match &self.body {
+            Body::Code(code) => code.evaluate(batch, order, out),
+            Body::Graph(energy) => {
+                let mut interpreter = Interpreter::<f64>::new();
+                fill(batch, order, out, |measure, reference, change| {
+                    energy.run(&mut interpreter, &measure, &reference, &change);
+                    energy.roots.map(|root| interpreter.number(root))
+                });
+            }
+            Body::Dual(energy) => fill(batch, order, out, |measure, reference, _| {
+                energy.derivatives(measure, reference).into()
+            }),
+        }
+    }
+
     /// psi, psi' and psi'' for every entry of the batch.
     ///
     /// # Panics
     /// If the slices of the batch differ in length.
-    pub fn evaluate(&self, batch: Batch<'_>, out: &mut Derivatives) {
-        match &self.body {
-            Body::Code(code) => code.evaluate(batch, out),
-            Body::Graph(energy) => interpret(energy, batch, out),
-            Body::Dual(energy) => {
-                out.resize(batch.measure.len());
-                for i in 0..batch.measure.len() {
-                    let psi = energy.derivatives(batch.measure[i], batch.reference[i]);
-                    (out.psi[i], out.dpsi[i], out.d2psi[i]) = psi;
-                }
-            }
-        }
+    pub fn derivatives(&self, batch: Batch<'_>) -> Derivatives {
+        let mut out = Derivatives::zeros(batch.measure.len());
+        self.evaluate(batch, Order::Tangent, out.outputs());
+        out
     }
 }
 
-fn interpret(energy: &ScalarEnergy, batch: Batch<'_>, out: &mut Derivatives) {
-    let n = batch.measure.len();
-    assert!(batch.reference.len() == n && batch.change.len() == n, "one entry per interaction");
-    out.resize(n);
-    let mut interpreter = Interpreter::<f64>::new();
-    for i in 0..n {
-        let (measure, reference) = (&batch.measure[i], &batch.reference[i]);
-        energy.run(&mut interpreter, measure, reference, &batch.change[i]);
-        let [psi, dpsi, d2psi] = energy.roots.map(|root| interpreter.number(root));
-        (out.psi[i], out.dpsi[i], out.d2psi[i]) = (psi, dpsi, d2psi);
+/// Writes what the order asks for of psi, psi', psi'' entry by entry.
+fn fill(
+    batch: Batch<'_>,
+    order: Order,
+    out: Outputs<'_>,
+    mut at: impl FnMut(f64, f64, f64) -> [f64; 3],
+) {
+    assert!(batch.is_even() && out.hold(batch.measure.len(), order), "one entry per interaction");
+    for i in 0..batch.measure.len() {
+        let [psi, dpsi, d2psi] = at(batch.measure[i], batch.reference[i], batch.change[i]);
+        out.psi[i] = psi;
+        if order >= Order::Gradient {
+            out.dpsi[i] = dpsi;
+        }
+        if order == Order::Tangent {
+            out.d2psi[i] = d2psi;
+        }
     }
 }
 

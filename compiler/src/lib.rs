@@ -30,7 +30,9 @@ pub mod verify;
 
 pub use check::{CODES, check, check_text};
 pub use formula::Formula;
-pub use kernel::{Batch, CompiledPotential, Derivatives, Kernel, Mode, WrittenEnergy};
+pub use kernel::{
+    Batch, CompiledPotential, Derivatives, Kernel, Mode, Order, Outputs, WrittenEnergy,
+};
 pub use lint::{LINTS, Lint};
 pub use measure::Measure;
 pub use model::{Constraint, Energy, Interval, Model, Parameter, Variant};

@@ -7,7 +7,7 @@ mod library;
 use library::cases;
 use num_dual::Dual2_64;
 use piola_compiler::verify::{Columns, sample, verify};
-use piola_compiler::{Derivatives, Mode};
+use piola_compiler::{Derivatives, Mode, Order};
 
 /// Half the distance from 1 to the next number.
 const U: f64 = f64::EPSILON / 2.0;
@@ -36,6 +36,32 @@ fn every_energy_agrees_with_hyperdual_numbers_of_what_was_written() {
     assert!(n_energies > 100, "{n_energies}");
 }
 
+/// What is asked for has the same bits whatever else is; what is not asked for is left alone.
+#[test]
+fn every_order_gives_the_same_bits() {
+    for case in cases() {
+        let variant = case.model.variant(case.values.dimension).unwrap();
+        for kernel in case.model.compile(&case.values, Mode::Jit).unwrap().kernels {
+            let points = sample::points(variant, kernel.measure(), &case.values, 20);
+            let columns = Columns::new(&points);
+            let all = kernel.derivatives(columns.batch());
+            let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+            for order in Order::ALL {
+                let mut out = Derivatives::zeros(points.len());
+                kernel.evaluate(columns.batch(), order, out.outputs());
+                let [psi, dpsi, d2psi] = [&out.psi, &out.dpsi, &out.d2psi].map(|x| bits(x));
+                let none = vec![0; points.len()];
+                let asked = |least, values: &[f64]| {
+                    if order >= least { bits(values) } else { none.clone() }
+                };
+                assert_eq!(psi, bits(&all.psi), "{}", case.name);
+                assert_eq!(dpsi, asked(Order::Gradient, &all.dpsi), "{}", case.name);
+                assert_eq!(d2psi, asked(Order::Tangent, &all.d2psi), "{}", case.name);
+            }
+        }
+    }
+}
+
 /// `Dual2_64` carries value, first and second derivative by rules of their own.
 #[test]
 fn second_order_duals_agree_too() {
@@ -46,8 +72,7 @@ fn second_order_duals_agree_too() {
         for kernel in &compiled.kernels {
             let measure = kernel.measure();
             let points = sample::points(variant, measure, &case.values, POINTS);
-            let mut out = Derivatives::default();
-            kernel.evaluate(Columns::new(&points).batch(), &mut out);
+            let out = kernel.derivatives(Columns::new(&points).batch());
             let written = case.model.written(&case.values, measure);
             for (i, point) in points.iter().enumerate() {
                 let varied = Dual2_64::new(point.measure, 1.0, 0.0);

@@ -6,8 +6,7 @@ use piola_compiler::expression::interpret::Interpreter;
 use piola_compiler::expression::number::Number;
 use piola_compiler::verify::sample::Point;
 use piola_compiler::{
-    Batch, Derivatives, Form, Kernel, Measure, Mode, ScalarEnergy, Setting, WrittenEnergy,
-    check_text,
+    Batch, Form, Kernel, Measure, Mode, ScalarEnergy, Setting, WrittenEnergy, check_text,
 };
 
 use crate::numbers::{Complex, Double, HyperComplex};
@@ -140,7 +139,6 @@ pub(crate) fn symbolic_textbook(energy: &Energy, at: Point, _: f64) -> [f64; 2] 
 fn run(kernel: &Kernel, at: Point) -> [f64; 2] {
     let batch =
         Batch { measure: &[at.measure], reference: &[at.reference], change: &[at.change()] };
-    let mut out = Derivatives::default();
-    kernel.evaluate(batch, &mut out);
+    let out = kernel.derivatives(batch);
     [out.dpsi[0], out.d2psi[0]]
 }

@@ -16,17 +16,7 @@ pub use measure::MeasureElement;
 
 use crate::interaction::n_neighbors;
 use crate::kernel::Measure;
-
-/// How many derivatives are wanted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Order {
-    /// The energy.
-    Energy,
-    /// And the gradient.
-    Gradient,
-    /// And the Hessian.
-    Tangent,
-}
+pub use crate::kernel::Order;
 
 /// The first interaction of a batch whose energy or derivatives are not finite, or that is turned
 /// inside out where the energy forbids it.

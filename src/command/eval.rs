@@ -58,17 +58,16 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
     for dropped in compiled.dropped.iter().filter(|d| d.measure == measure) {
         eprintln!("note: {}", dropped.reason);
     }
-    let mut out = Derivatives::default();
-    match compiled.kernels.iter().find(|kernel| kernel.measure() == measure) {
+    let out = match compiled.kernels.iter().find(|kernel| kernel.measure() == measure) {
         Some(kernel) => {
             let change: Vec<f64> =
                 columns.0.iter().zip(&columns.1).map(|(l, rest)| (l - rest) / rest).collect();
             let batch = Batch { measure: &columns.0, reference: &columns.1, change: &change };
-            kernel.evaluate(batch, &mut out);
+            kernel.derivatives(batch)
         }
         // An energy with coefficient 0 is not modelled: it is 0 everywhere.
-        None => out.resize(columns.0.len()),
-    }
+        None => Derivatives::zeros(columns.0.len()),
+    };
     print_rows(measure, &columns, &out)
 }
 

@@ -15,7 +15,7 @@ use cranelift_module::{Linkage, Module, default_libcall_names};
 use super::lower::{self, Called, POINTERS};
 use crate::expression::Function;
 use crate::expression::function::log1pmx;
-use crate::kernel::{Batch, Derivatives};
+use crate::kernel::{Batch, Order, Outputs};
 use crate::specialise::{CompileError, ScalarEnergy};
 
 /// Address space reserved for one kernel; pages are used as needed. A kernel of the largest
@@ -25,11 +25,12 @@ const ARENA: usize = 4 << 20;
 type Entry =
     unsafe extern "C" fn(*const f64, *const f64, *const f64, *mut f64, *mut f64, *mut f64, i64);
 
-/// psi, psi' and psi'' of one measure as machine code.
+/// psi, psi' and psi'' of one measure as machine code, one function per order.
 pub struct CompiledKernel {
     /// Only taken out when dropped.
     module: Option<JITModule>,
-    entry: Entry,
+    /// By order; each computes nothing that its order does not need.
+    entries: [Entry; 3],
 }
 
 // SAFETY: the code is immutable once finalised and reads nothing but its arguments.
@@ -61,11 +62,13 @@ impl CompiledKernel {
         let mut module = new_module()?;
         let result = define(&mut module, energy);
         match result {
-            Ok(address) => {
-                // SAFETY: `address` is the entry of the function that `define` has just compiled
-                // with exactly this signature and calling convention, and `module` keeps it mapped.
-                let entry = unsafe { std::mem::transmute::<*const u8, Entry>(address) };
-                Ok(CompiledKernel { module: Some(module), entry })
+            Ok(addresses) => {
+                let entries = addresses.map(|address| {
+                    // SAFETY: `address` is the entry of a function that `define` has just compiled
+                    // with exactly this signature and calling convention, and `module` keeps it mapped.
+                    unsafe { std::mem::transmute::<*const u8, Entry>(address) }
+                });
+                Ok(CompiledKernel { module: Some(module), entries })
             }
             Err(error) => {
                 // SAFETY: no function of this module was ever handed out.
@@ -78,16 +81,16 @@ impl CompiledKernel {
     /// Runs the kernel over a batch.
     ///
     /// # Panics
-    /// If the slices of the batch differ in length: a mistake of the caller, not of a user.
-    pub fn evaluate(&self, batch: Batch<'_>, out: &mut Derivatives) {
+    /// If the slices of the batch differ in length or an output is too short: a mistake of the
+    /// caller, not of a user.
+    pub fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>) {
         let n = batch.measure.len();
-        assert!(batch.reference.len() == n && batch.change.len() == n, "one entry per interaction");
-        out.resize(n);
-        // SAFETY: the three inputs and three outputs hold `n` numbers each, as checked above and by
-        // `resize`; outputs are borrowed mutably and so do not overlap the inputs; the code lives
-        // as long as `self`.
+        assert!(batch.is_even() && out.hold(n, order), "one entry per interaction");
+        // SAFETY: the inputs, and the outputs of this order, hold `n` numbers each, as checked above;
+        // the function of an order writes no other output; outputs are borrowed mutably and so do
+        // not overlap the inputs; the code lives as long as `self`.
         unsafe {
-            (self.entry)(
+            (self.entries[order as usize])(
                 batch.measure.as_ptr(),
                 batch.reference.as_ptr(),
                 batch.change.as_ptr(),
@@ -99,7 +102,7 @@ impl CompiledKernel {
         }
     }
 
-    /// The intermediate form and the machine instructions of an energy's kernel.
+    /// The intermediate form and the machine instructions of an energy's kernel for all derivatives.
     ///
     /// # Errors
     /// What the code generator reports.
@@ -115,7 +118,7 @@ impl CompiledKernel {
 impl Drop for CompiledKernel {
     fn drop(&mut self) {
         if let Some(module) = self.module.take() {
-            // SAFETY: `entry` is private, is called only through `&self`, and `self` ends here.
+            // SAFETY: `entries` are private, are called only through `&self`, and `self` ends here.
             unsafe { module.free_memory() };
         }
     }
@@ -150,19 +153,22 @@ fn new_module() -> Result<JITModule, CompileError> {
     Ok(JITModule::new(builder))
 }
 
-/// Compiles and finalises the kernel; its address stays valid as long as the module.
-fn define(module: &mut JITModule, energy: &ScalarEnergy) -> Result<*const u8, CompileError> {
-    let mut context = build(module, energy)?;
-    let id = module
-        .declare_function("kernel", Linkage::Export, &context.func.signature)
-        .map_err(backend)?;
-    module.define_function(id, &mut context).map_err(|e| backend(format!("{e:?}")))?;
+/// Compiles and finalises the functions of all orders; their addresses stay valid as long as the
+/// module.
+fn define(module: &mut JITModule, energy: &ScalarEnergy) -> Result<[*const u8; 3], CompileError> {
+    let mut ids = Vec::new();
+    for order in Order::ALL {
+        let mut context = build(module, energy, order)?;
+        let id = module.declare_anonymous_function(&context.func.signature).map_err(backend)?;
+        module.define_function(id, &mut context).map_err(|e| backend(format!("{e:?}")))?;
+        ids.push(id);
+    }
     module.finalize_definitions().map_err(backend)?;
-    Ok(module.get_finalized_function(id))
+    Ok([0, 1, 2].map(|order| module.get_finalized_function(ids[order])))
 }
 
 fn list(module: &mut JITModule, energy: &ScalarEnergy) -> Result<Listing, CompileError> {
-    let mut context = build(module, energy)?;
+    let mut context = build(module, energy, Order::Tangent)?;
     let clif = context.func.display().to_string();
     context.set_disasm(true);
     let compiled = context
@@ -172,7 +178,11 @@ fn list(module: &mut JITModule, energy: &ScalarEnergy) -> Result<Listing, Compil
     Ok(Listing { clif, assembly })
 }
 
-fn build(module: &mut JITModule, energy: &ScalarEnergy) -> Result<Context, CompileError> {
+fn build(
+    module: &mut JITModule,
+    energy: &ScalarEnergy,
+    order: Order,
+) -> Result<Context, CompileError> {
     let mut context = module.make_context();
     let pointer = module.target_config().pointer_type();
     for _ in 0..POINTERS {
@@ -183,7 +193,7 @@ fn build(module: &mut JITModule, energy: &ScalarEnergy) -> Result<Context, Compi
     let functions = import(module, &mut context.func, energy)?;
     let mut builder_context = FunctionBuilderContext::new();
     let mut builder = FunctionBuilder::new(&mut context.func, &mut builder_context);
-    lower::emit(&mut builder, energy, &functions);
+    lower::emit(&mut builder, energy, order, &functions);
     builder.finalize(module.target_config());
     Ok(context)
 }

@@ -1,8 +1,8 @@
 //! A graph to Cranelift's intermediate form (CLIF), operation by operation.
 //!
 //! Before: a simplified graph with the roots psi, psi', psi''. After: a function
-//! `fn(measure, reference, change, psi, dpsi, d2psi: *f64, count: i64)` that runs the graph for every
-//! entry. Every operation becomes the instruction, or the call of the function of `libm`, that the
+//! `fn(measure, reference, change, psi, dpsi, d2psi: *f64, count: i64)` that computes, for every entry,
+//! what an order asks for. Every operation becomes the instruction, or the call of the function of `libm`, that the
 //! interpreter uses, in the same order: both give the same bits.
 
 use std::collections::HashMap;
@@ -13,6 +13,7 @@ use cranelift_frontend::FunctionBuilder;
 
 use crate::expression::power::{PowerOps, PowerPlan};
 use crate::expression::{Comparison, Function, Input, Node, NodeId, Operator};
+use crate::kernel::Order;
 use crate::specialise::ScalarEnergy;
 
 /// Which arguments of the function are which.
@@ -66,8 +67,11 @@ impl Called {
 pub(super) fn emit(
     builder: &mut FunctionBuilder<'_>,
     energy: &ScalarEnergy,
+    order: Order,
     functions: &HashMap<Called, FuncRef>,
 ) {
+    let roots = &energy.roots[..=order as usize];
+    let needed = energy.graph.reachable(roots);
     let entry = builder.create_block();
     let head = builder.create_block();
     let body = builder.create_block();
@@ -89,11 +93,12 @@ pub(super) fn emit(
     builder.switch_to_block(body);
     let mut lowering =
         Lowering { builder, functions, arguments: &arguments, offset, values: Vec::new() };
-    for (_, node) in energy.graph.nodes() {
-        let value = lowering.node(node);
-        lowering.values.push(value);
+    for (id, node) in energy.graph.nodes() {
+        let value = needed[id.0 as usize].then(|| lowering.node(node));
+        // What is not needed has no needed user, which would read this.
+        lowering.values.push(value.unwrap_or(offset));
     }
-    for (output, root) in energy.roots.iter().enumerate() {
+    for (output, root) in roots.iter().enumerate() {
         lowering.store(OUTPUTS + output, *root);
     }
     let next = builder.ins().iadd(offset, eight);

@@ -11,7 +11,7 @@
 pub mod sample;
 pub mod truth;
 
-use crate::kernel::{Batch, Derivatives, Mode, WrittenEnergy};
+use crate::kernel::{Batch, Mode, WrittenEnergy};
 use crate::measure::Measure;
 use crate::model::Model;
 use crate::specialise::{CompileError, Dropped};
@@ -79,9 +79,8 @@ pub fn verify(
         let measure = code.measure();
         let points = sample::points(variant, measure, values, n);
         let columns = Columns::new(&points);
-        let (mut machine, mut reference) = (Derivatives::default(), Derivatives::default());
-        code.evaluate(columns.batch(), &mut machine);
-        graph.evaluate(columns.batch(), &mut reference);
+        let machine = code.derivatives(columns.batch());
+        let reference = graph.derivatives(columns.batch());
         let written = model.written(values, measure);
         let mut verification = Verification {
             measure,

@@ -81,8 +81,7 @@ fn a_wrong_derivative_is_found() {
     let bad = values(&model, 3, &[("k", 1.0)]);
     let kernel = &model.compile(&good, crate::Mode::Jit).unwrap().kernels[0];
     let point = super::sample::Point { measure: 1.5, reference: 1.0 };
-    let mut out = crate::Derivatives::default();
-    kernel.evaluate(super::Columns::new(&[point]).batch(), &mut out);
+    let out = kernel.derivatives(super::Columns::new(&[point]).batch());
     let mut found = super::Verification {
         measure: crate::Measure::Length,
         n_points: 1,

@@ -4,8 +4,8 @@
 
 use piola_compiler::verify::same_bits;
 use piola_compiler::{
-    Batch, CompileError, Derivatives, Form, Kernel, Mode, Model, ScalarEnergy, Setting,
-    Specialised, Values, check, check_text, print,
+    Batch, CompileError, Form, Kernel, Mode, Model, ScalarEnergy, Setting, Specialised, Values,
+    check, check_text, print,
 };
 use piola_grammar::{Diagnostic, parse};
 
@@ -182,9 +182,8 @@ fn evaluates(model: &Model, values: &Values) {
 fn run(kernel: &Kernel) -> Vec<[f64; 3]> {
     let column = |k: usize| POINTS.iter().map(|p| p[k]).collect::<Vec<f64>>();
     let (measure, reference, change) = (column(0), column(1), column(2));
-    let mut out = Derivatives::default();
     let batch = Batch { measure: &measure, reference: &reference, change: &change };
-    kernel.evaluate(batch, &mut out);
+    let out = kernel.derivatives(batch);
     (0..POINTS.len()).map(|i| [out.psi[i], out.dpsi[i], out.d2psi[i]]).collect()
 }
 

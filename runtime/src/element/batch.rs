@@ -2,7 +2,7 @@
 
 use crate::geometry::packed_len;
 use crate::interaction::n_neighbors;
-use crate::kernel::{Derivatives, Measure};
+use crate::kernel::{Measure, Outputs};
 
 /// How many interactions fit into a batch: their numbers stay in the first-level cache. A multiple of
 /// [`WIDEST`].
@@ -120,6 +120,20 @@ pub struct Contributions {
     pub(super) derivatives: Derivatives,
 }
 
+/// psi, psi' and psi'' of a batch, as far as they were asked for.
+#[derive(Clone, Debug)]
+pub(super) struct Derivatives {
+    pub(super) psi: Channel,
+    pub(super) dpsi: Channel,
+    pub(super) d2psi: Channel,
+}
+
+impl Derivatives {
+    pub(super) fn outputs(&mut self) -> Outputs<'_> {
+        Outputs { psi: &mut self.psi, dpsi: &mut self.dpsi, d2psi: &mut self.d2psi }
+    }
+}
+
 /// The measures of a batch.
 #[derive(Clone, Debug)]
 pub(super) struct Measures {
@@ -149,7 +163,7 @@ impl Contributions {
                 orientation: zero,
                 thin: Vec::new(),
             },
-            derivatives: Derivatives::default(),
+            derivatives: Derivatives { psi: zero, dpsi: zero, d2psi: zero },
         }
     }
 }

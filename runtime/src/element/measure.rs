@@ -12,7 +12,7 @@ use crate::geometry::tetrahedron::Tetrahedron;
 use crate::geometry::triangle::{PlaneTriangle, SpaceTriangle};
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{Geometry, Scalar, each, packed_len};
-use crate::kernel::{Batch, Derivatives, Law, Measure};
+use crate::kernel::{Batch, Law, Measure, Outputs};
 
 /// An energy density of one measure on the geometry of that measure.
 ///
@@ -31,12 +31,12 @@ impl MeasureElement {
     /// The interactions of a measure in 2 or 3 dimensions. A signed measure stays positive if the
     /// law is not finite at 0 or at minus the reference.
     pub fn new(measure: Measure, dimension: usize, law: Box<dyn Law>) -> MeasureElement {
-        let mut out = Derivatives::default();
         let psi = |stretch: f64| {
-            out.resize(1);
-            let (measure, change) = (&[stretch], &[stretch - 1.0]);
-            law.evaluate(Batch { measure, reference: &[1.0], change }, &mut out);
-            out.psi[0]
+            let (measure, change, mut psi) = (&[stretch], &[stretch - 1.0], [0.0]);
+            let batch = Batch { measure, reference: &[1.0], change };
+            let out = Outputs { psi: &mut psi, dpsi: &mut [], d2psi: &mut [] };
+            law.evaluate(batch, Order::Energy, out);
+            psi[0]
         };
         let forbids_inversion = is_signed(measure, dimension) && breaks_down(psi);
         MeasureElement { measure, dimension, law, forbids_inversion, arch: Arch::new() }
@@ -93,8 +93,7 @@ impl MeasureElement {
             reference: &measures.reference[..n],
             change: &measures.change[..n],
         };
-        out.derivatives.resize(n);
-        self.law.evaluate(inputs, &mut out.derivatives);
+        self.law.evaluate(inputs, order, out.derivatives.outputs());
         let least = if self.forbids_inversion { f64::MIN_POSITIVE } else { f64::NEG_INFINITY };
         let differentiating =
             Differentiating::<G, C> { batch, order, least, out, shape: PhantomData };

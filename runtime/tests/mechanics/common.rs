@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use piola_runtime::assembly::Laws;
 use piola_runtime::body::Body;
-use piola_runtime::kernel::{Batch, Derivatives, Law};
+use piola_runtime::kernel::{Batch, Law, Order, Outputs};
 use piola_runtime::lattice::{Lattice, Nodes};
 use piola_runtime::matrix::BlockMatrix;
 
@@ -15,7 +15,7 @@ pub(crate) const U: f64 = f64::EPSILON / 2.0;
 /// The Seth-Hill energy `C/2 M S^2` of an integer exponent, in its accurate forms (firooz2023,
 /// Eqs. (40)-(42)).
 pub(crate) fn seth_hill(c: f64, n: i32) -> Box<dyn Law> {
-    Box::new(move |batch: Batch<'_>, out: &mut Derivatives| {
+    Box::new(move |batch: Batch<'_>, order: Order, out: Outputs<'_>| {
         for p in 0..batch.measure.len() {
             let (big, e) = (batch.reference[p], batch.change[p]);
             let x = batch.measure[p] / big;
@@ -30,7 +30,13 @@ pub(crate) fn seth_hill(c: f64, n: i32) -> Box<dyn Law> {
             };
             let power = |k: i32| if k == 0 { 1.0 } else { libm::pow(x, f64::from(k)) };
             out.psi[p] = 0.5 * c * big * strain * strain;
+            if order == Order::Energy {
+                continue;
+            }
             out.dpsi[p] = c * strain * power(n - 1);
+            if order == Order::Gradient {
+                continue;
+            }
             let bent = if n == 1 { 0.0 } else { f64::from(n - 1) * strain * power(n - 2) };
             out.d2psi[p] = c / big * (power(2 * n - 2) + bent);
         }

@@ -5,7 +5,7 @@
 //! one part in a hundred.
 
 use piola_runtime::element::{Contributions, Element, InteractionBatch, MeasureElement, Order};
-use piola_runtime::kernel::{Batch, Derivatives, Measure};
+use piola_runtime::kernel::{Batch, Measure, Outputs};
 
 /// Half the distance from 1 to the next number.
 const U: f64 = f64::EPSILON / 2.0;
@@ -43,10 +43,9 @@ fn corners(n: usize) -> (Vec<Vector>, Vec<Vector>) {
 
 /// Energy and gradient of one interaction; the energy is the measure, or its change.
 fn evaluate(measure: Measure, dimension: usize, change: bool) -> (f64, Vec<f64>) {
-    let law = move |batch: Batch<'_>, out: &mut Derivatives| {
+    let law = move |batch: Batch<'_>, _: Order, out: Outputs<'_>| {
         let n = batch.measure.len();
-        out.resize(n);
-        out.psi.copy_from_slice(if change { batch.change } else { batch.measure });
+        out.psi[..n].copy_from_slice(if change { batch.change } else { batch.measure });
         out.dpsi.fill(1.0);
         out.d2psi.fill(0.0);
     };

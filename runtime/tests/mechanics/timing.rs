@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use piola_runtime::assembly::{DiscreteEnergy, Laws};
 use piola_runtime::energy::TotalEnergy;
-use piola_runtime::kernel::{Batch, Derivatives, Law};
+use piola_runtime::kernel::{Batch, Law, Order, Outputs};
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::weights::Weights;
 
@@ -13,13 +13,20 @@ use crate::common::{displacements, lattice};
 
 /// Seth-Hill with n = 1, as plain as a compiled kernel.
 fn linear(c: f64) -> Option<Box<dyn Law>> {
-    Some(Box::new(move |batch: Batch<'_>, out: &mut Derivatives| {
+    Some(Box::new(move |batch: Batch<'_>, order: Order, out: Outputs<'_>| {
         let n = batch.change.len();
-        let (psi, dpsi, d2psi) = (&mut out.psi[..n], &mut out.dpsi[..n], &mut out.d2psi[..n]);
         for p in 0..n {
-            psi[p] = 0.5 * c * batch.reference[p] * batch.change[p] * batch.change[p];
-            dpsi[p] = c * batch.change[p];
-            d2psi[p] = c / batch.reference[p];
+            out.psi[p] = 0.5 * c * batch.reference[p] * batch.change[p] * batch.change[p];
+        }
+        if order >= Order::Gradient {
+            for p in 0..n {
+                out.dpsi[p] = c * batch.change[p];
+            }
+        }
+        if order == Order::Tangent {
+            for p in 0..n {
+                out.d2psi[p] = c / batch.reference[p];
+            }
         }
     }))
 }

@@ -13,9 +13,13 @@ mod measure;
 pub use batch::{CAPACITY, Channel, Contributions, InteractionBatch};
 pub use coordinate::{CoordinateElement, CoordinateEnergy};
 pub use measure::MeasureElement;
+pub(crate) use batch::WIDEST;
+pub(crate) use measure::THIN;
+
+use pulp::Arch;
 
 use crate::interaction::n_neighbors;
-use crate::kernel::Measure;
+use crate::kernel::{Law, Measure};
 pub use crate::kernel::Order;
 
 /// The first interaction of a batch whose energy or derivatives are not finite, or that is turned
@@ -52,6 +56,17 @@ pub trait Element: Send + Sync {
     /// Whether the energy of a signed measure keeps it positive: interactions that have turned
     /// inside out are refused, and no step may turn one.
     fn forbids_inversion(&self) -> bool;
+
+    /// The law of the measure and the registers to use, if the element is nothing but that law on the
+    /// geometry of the measure: an assembly may then sum over the geometry in its own way.
+    fn law(&self) -> Option<(&dyn Law, Arch)> {
+        None
+    }
+
+    /// The smallest measure that is not refused.
+    fn least(&self) -> f64 {
+        if self.forbids_inversion() { f64::MIN_POSITIVE } else { f64::NEG_INFINITY }
+    }
 
     /// Fills `out` for the interactions of the batch: weight times energy, and for the orders that
     /// ask for it weight times gradient and Hessian.

@@ -162,7 +162,7 @@ fn add<T: Scalar, const D: usize>(p: &[T; D], q: &[T; D]) -> [T; D] {
 }
 
 #[inline(always)]
-fn dot<T: Scalar, const D: usize>(p: &[T; D], q: &[T; D]) -> T {
+pub(crate) fn dot<T: Scalar, const D: usize>(p: &[T; D], q: &[T; D]) -> T {
     let mut sum = p[0] * q[0];
     for axis in 1..D {
         sum = sum + p[axis] * q[axis];
@@ -171,7 +171,7 @@ fn dot<T: Scalar, const D: usize>(p: &[T; D], q: &[T; D]) -> T {
 }
 
 #[inline(always)]
-fn cross<T: Scalar>(p: &[T; 3], q: &[T; 3]) -> [T; 3] {
+pub(crate) fn cross<T: Scalar>(p: &[T; 3], q: &[T; 3]) -> [T; 3] {
     [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
 }
 

@@ -54,6 +54,23 @@ impl<const D: usize> OwnerSums<D> {
         }
     }
 
+    /// Adds to the gradient of a member.
+    pub(super) fn add_gradient(&mut self, member: usize, part: &[f64; D]) {
+        for axis in 0..D {
+            self.gradient[member][axis] += part[axis];
+        }
+    }
+
+    /// Adds to the own block of a member, of which the upper triangle counts.
+    pub(super) fn add_diagonal(&mut self, member: usize, part: &Block<D>) {
+        add(&mut self.diagonal[member], part);
+    }
+
+    /// Adds to the block of a pair.
+    pub(super) fn add_pair(&mut self, number: usize, part: &Block<D>) {
+        add(&mut self.pairs[number], part);
+    }
+
     /// Adds a batch of triangles. Their pair blocks go straight to the tangent: each pair of members
     /// lies in one triangle of the owner only.
     pub(super) fn add_triangles(

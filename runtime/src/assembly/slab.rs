@@ -2,6 +2,7 @@
 
 use super::accumulate::{OwnerSums, TetrahedronLane, TriangleLane, add_bonds};
 use super::rows::Rows;
+use super::tetrahedra::{Owner, Rules, TetrahedronSums};
 use super::{DiscreteEnergy, Kind};
 use crate::element::{CAPACITY, Contributions, InteractionBatch, Order};
 use crate::energy::{EnergyParts, NonFinite};
@@ -23,14 +24,14 @@ pub(super) struct SlabEnergy {
 
 /// A sum that carries its rounding error along (Neumaier): as good as one with twice the digits.
 #[derive(Clone, Copy, Debug, Default)]
-struct Sum {
+pub(super) struct Sum {
     sum: f64,
     error: f64,
 }
 
 impl Sum {
     #[inline(always)]
-    fn add(&mut self, x: f64) {
+    pub(super) fn add(&mut self, x: f64) {
         let sum = self.sum + x;
         let lost =
             if self.sum.abs() >= x.abs() { (self.sum - sum) + x } else { (x - sum) + self.sum };
@@ -88,27 +89,12 @@ impl SlabTask<'_> {
         order: Order,
         u: &[f64],
     ) -> Result<SlabEnergy, NonFinite> {
-        match energy.body.dimension() {
-            2 => self.assemble_in::<2>(energy, order, u),
-            _ => self.assemble_in::<3>(energy, order, u),
-        }
-    }
-
-    fn assemble_in<const D: usize>(
-        self,
-        energy: &DiscreteEnergy,
-        order: Order,
-        u: &[f64],
-    ) -> Result<SlabEnergy, NonFinite> {
         let SlabTask { slab, mut rows } = self;
-        let mut total = SlabEnergy::default();
-        let context = Context::<D> { energy, slab, order, u };
-        if let Some(kind) = &energy.bonds {
-            total.bonds = context.bonds(kind, &mut rows)?;
+        if energy.body.dimension() == 2 {
+            return Context::<2> { energy, slab, order, u }.bonds_and_triangles(&mut rows);
         }
-        if let Some(kind) = &energy.triangles {
-            total.triangles = context.triangles(kind, &mut rows)?;
-        }
+        let context = Context::<3> { energy, slab, order, u };
+        let mut total = context.bonds_and_triangles(&mut rows)?;
         if let Some(kind) = &energy.tetrahedra {
             total.tetrahedra = context.tetrahedra(kind, &mut rows)?;
         }
@@ -125,6 +111,17 @@ struct Context<'a, const D: usize> {
 }
 
 impl<'a, const D: usize> Context<'a, D> {
+    fn bonds_and_triangles(&self, rows: &mut Rows<'_>) -> Result<SlabEnergy, NonFinite> {
+        let mut total = SlabEnergy::default();
+        if let Some(kind) = &self.energy.bonds {
+            total.bonds = self.bonds(kind, rows)?;
+        }
+        if let Some(kind) = &self.energy.triangles {
+            total.triangles = self.triangles(kind, rows)?;
+        }
+        Ok(total)
+    }
+
     fn bonds(&self, kind: &Kind, rows: &mut Rows<'_>) -> Result<Sum, NonFinite> {
         let (body, neighborhood) = (&self.energy.body, &self.energy.neighborhood);
         let mut batch = Gathered::<(usize, usize, usize), D>::new(kind);
@@ -214,41 +211,97 @@ impl<'a, const D: usize> Context<'a, D> {
         batch.lanes.clear();
         Ok(())
     }
+}
 
+impl Context<'_, 3> {
     fn tetrahedra(&self, kind: &Kind, rows: &mut Rows<'_>) -> Result<Sum, NonFinite> {
         let mut cliques = self.cliques();
-        let mut batch = Gathered::<TetrahedronLane, D>::new(kind);
-        let mut sums = OwnerSums::<D>::default();
+        let mut batch = Gathered::<TetrahedronLane, 3>::new(kind);
+        let mut sums = OwnerSums::<3>::default();
         let mut pairs = PairNumbers::default();
+        let mut by_pairs = TetrahedronSums::default();
         for owner in self.energy.slabs.owners(self.slab) {
             cliques.set(owner);
             self.displacements(&cliques, &mut batch.displacement);
             batch.set_shares(kind, &cliques);
             pairs.set(&cliques);
             sums.reset(self.order, cliques.members().len(), pairs.count);
-            cliques.tetrahedra(|j, k, l| {
-                batch.lanes.push(TetrahedronLane {
-                    members: [j as u32, k as u32, l as u32],
-                    pairs: [pairs.of(j, k), pairs.of(j, l), pairs.of(k, l)],
-                });
-                if batch.is_full() {
-                    self.add_tetrahedra(kind, &cliques, &mut batch, &mut sums)?;
-                }
-                Ok(())
-            })?;
-            self.add_tetrahedra(kind, &cliques, &mut batch, &mut sums)?;
+            if !self.sum_by_pairs(kind, &cliques, &pairs, &mut by_pairs, &mut batch, &mut sums)? {
+                self.sum_one_by_one(kind, &cliques, &pairs, &mut batch, &mut sums)?;
+            }
             sums.write(&cliques, self.order, rows);
         }
         Ok(batch.sum)
     }
 
+    /// Sums the tetrahedra of an owner over pairs of corners; `false` where that is not possible:
+    /// with elements that know no law, and where a tetrahedron is refused.
+    fn sum_by_pairs(
+        &self,
+        kind: &Kind,
+        cliques: &OwnerCliques<'_, 3>,
+        pairs: &PairNumbers,
+        by_pairs: &mut TetrahedronSums,
+        batch: &mut Gathered<TetrahedronLane, 3>,
+        sums: &mut OwnerSums<3>,
+    ) -> Result<bool, NonFinite> {
+        let Some((law, arch)) = kind.element.law() else { return Ok(false) };
+        let (weights, order, least) = (&kind.weights, self.order, kind.element.least());
+        let rules = Rules { law, arch, weights, order, least };
+        let owner = Owner {
+            cliques,
+            displacement: &batch.displacement,
+            own_share: batch.own_share,
+            shares: &batch.shares,
+            pairs,
+        };
+        if !by_pairs.fill(&rules, &owner) {
+            return Ok(false);
+        }
+        by_pairs.derive(&owner, order, sums);
+        by_pairs.add_energy(&mut batch.sum);
+        for &lane in &by_pairs.thin {
+            batch.lanes.push(lane);
+            if batch.is_full() {
+                self.add_tetrahedra(kind, cliques, batch, sums)?;
+            }
+        }
+        self.add_tetrahedra(kind, cliques, batch, sums)?;
+        Ok(true)
+    }
+
+    /// Sums the tetrahedra of an owner in the order of their corners, as the element gives them.
+    fn sum_one_by_one(
+        &self,
+        kind: &Kind,
+        cliques: &OwnerCliques<'_, 3>,
+        pairs: &PairNumbers,
+        batch: &mut Gathered<TetrahedronLane, 3>,
+        sums: &mut OwnerSums<3>,
+    ) -> Result<(), NonFinite> {
+        cliques.tetrahedra(|j, k, l| {
+            batch.lanes.push(TetrahedronLane {
+                members: [j as u32, k as u32, l as u32],
+                pairs: [pairs.of(j, k), pairs.of(j, l), pairs.of(k, l)],
+            });
+            if batch.is_full() {
+                self.add_tetrahedra(kind, cliques, batch, sums)?;
+            }
+            Ok(())
+        })?;
+        self.add_tetrahedra(kind, cliques, batch, sums)
+    }
+
     fn add_tetrahedra(
         &self,
         kind: &Kind,
-        cliques: &OwnerCliques<'_, D>,
-        batch: &mut Gathered<TetrahedronLane, D>,
-        sums: &mut OwnerSums<D>,
+        cliques: &OwnerCliques<'_, 3>,
+        batch: &mut Gathered<TetrahedronLane, 3>,
+        sums: &mut OwnerSums<3>,
     ) -> Result<(), NonFinite> {
+        if batch.lanes.is_empty() {
+            return Ok(());
+        }
         batch.gather(kind, cliques, |lane| lane.members);
         batch.evaluate(kind, self, |lane| named(cliques, &lane.members))?;
         sums.add_tetrahedra(&batch.lanes, &batch.out, self.order);
@@ -358,7 +411,7 @@ impl<L, const D: usize> Gathered<L, D> {
 
 /// Numbers of the pairs of an owner's members that are neighbours, in lexicographic order.
 #[derive(Default)]
-struct PairNumbers {
+pub(super) struct PairNumbers {
     number: Vec<u32>,
     n_members: usize,
     count: usize,
@@ -377,8 +430,13 @@ impl PairNumbers {
         }
     }
 
+    /// How many pairs there are.
+    pub(super) fn count(&self) -> usize {
+        self.count
+    }
+
     #[inline(always)]
-    fn of(&self, j: usize, k: usize) -> u32 {
+    pub(super) fn of(&self, j: usize, k: usize) -> u32 {
         self.number[j * self.n_members + k]
     }
 }

@@ -9,7 +9,7 @@ use crate::kernel::{Measure, Outputs};
 pub const CAPACITY: usize = 32;
 
 /// As many interactions as the widest registers hold.
-pub(super) const WIDEST: usize = 8;
+pub(crate) const WIDEST: usize = 8;
 
 /// One number of every interaction of a batch.
 pub type Channel = [f64; CAPACITY];

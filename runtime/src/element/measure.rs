@@ -61,6 +61,10 @@ impl Element for MeasureElement {
         self.forbids_inversion
     }
 
+    fn law(&self) -> Option<(&dyn Law, Arch)> {
+        Some((&*self.law, self.arch))
+    }
+
     fn evaluate(
         &self,
         batch: &InteractionBatch,
@@ -94,7 +98,7 @@ impl MeasureElement {
             change: &measures.change[..n],
         };
         self.law.evaluate(inputs, order, out.derivatives.outputs());
-        let least = if self.forbids_inversion { f64::MIN_POSITIVE } else { f64::NEG_INFINITY };
+        let least = self.least();
         let differentiating =
             Differentiating::<G, C> { batch, order, least, out, shape: PhantomData };
         if !self.arch.dispatch(differentiating) {
@@ -107,7 +111,7 @@ impl MeasureElement {
 
 /// Below this part of what its edges could span a measure is worked out in twice the digits: above,
 /// it has lost at most six bits. On lattices of up to three spacings nothing is that thin.
-const THIN: f64 = 1.0 / 64.0;
+pub(crate) const THIN: f64 = 1.0 / 64.0;
 
 /// The measures of a batch; lists the thin ones, which have lost digits.
 struct Measuring<'a, G, const C: usize> {

@@ -227,8 +227,14 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         Ok(dropped)
     }
 
-    /// The tetrahedra on one triangle.
-    fn tetrahedra_on<E>(
+    /// Whether members `j < k` are neighbours.
+    #[inline(always)]
+    pub fn are_neighbors(&self, j: usize, k: usize) -> bool {
+        self.row(j)[k / 64] >> (k % 64) & 1 == 1
+    }
+
+    /// Visits the tetrahedra on one triangle of the owner, as [`Self::tetrahedra`] does.
+    pub fn tetrahedra_on<E>(
         &self,
         j: usize,
         k: usize,

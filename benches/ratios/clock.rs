@@ -1,0 +1,82 @@
+//! Times taken in turn.
+
+use std::time::Instant;
+
+/// Times of one candidate, in s, in the order in which they were taken.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Times(Vec<f64>);
+
+impl Times {
+    /// The shortest.
+    pub(crate) fn least(&self) -> f64 {
+        self.0.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+
+    /// The one in the middle.
+    pub(crate) fn median(&self) -> f64 {
+        let mut sorted = self.0.clone();
+        sorted.sort_by(f64::total_cmp);
+        sorted[sorted.len() / 2]
+    }
+}
+
+/// Which clock.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Clock {
+    /// Time on the wall.
+    Wall,
+    /// Time that the calling thread had a processor, where the system tells (Linux, to within a
+    /// tick of some milliseconds); else time on the wall.
+    Thread,
+}
+
+/// Runs the candidates in turn, `rounds` times after one run each that is not counted: whatever
+/// disturbs the machine disturbs all of them.
+pub(crate) fn in_turn<const N: usize>(
+    rounds: usize,
+    clock: Clock,
+    mut candidates: [&mut dyn FnMut(); N],
+) -> [Times; N] {
+    let mut times = [const { Times(Vec::new()) }; N];
+    for round in 0..=rounds {
+        for (candidate, times) in candidates.iter_mut().zip(&mut times) {
+            let start = Now::new(clock);
+            candidate();
+            let taken = start.elapsed();
+            if round > 0 {
+                times.0.push(taken);
+            }
+        }
+    }
+    times
+}
+
+/// A moment on both clocks.
+struct Now {
+    wall: Instant,
+    thread: Option<f64>,
+}
+
+impl Now {
+    fn new(clock: Clock) -> Now {
+        let thread = match clock {
+            Clock::Wall => None,
+            Clock::Thread => thread_time(),
+        };
+        Now { wall: Instant::now(), thread }
+    }
+
+    fn elapsed(&self) -> f64 {
+        match (self.thread, thread_time()) {
+            (Some(start), Some(end)) => end - start,
+            _ => self.wall.elapsed().as_secs_f64(),
+        }
+    }
+}
+
+/// Seconds that this thread has had a processor.
+fn thread_time() -> Option<f64> {
+    let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+    let nanoseconds: f64 = text.split_whitespace().next()?.parse().ok()?;
+    Some(nanoseconds * 1e-9)
+}

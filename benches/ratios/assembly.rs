@@ -53,5 +53,8 @@ fn assert_close(what: &str, found: &[f64], expected: &[f64]) {
     let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>().sqrt();
     let apart = norm(&mut found.iter().zip(expected).map(|(f, e)| f - e));
     let size = norm(&mut expected.iter().copied());
-    assert!(found.len() == expected.len() && apart <= 1e-11 * size, "{what}: {apart:e} of {size:e}");
+    assert!(
+        found.len() == expected.len() && apart <= 1e-11 * size,
+        "{what}: {apart:e} of {size:e}"
+    );
 }

@@ -46,8 +46,7 @@ impl SethHill {
         horizon: f64,
         measures: &[Measure],
     ) -> DiscreteEnergy {
-        let element =
-            |measure: Measure| measures.contains(&measure).then(|| self.element(measure));
+        let element = |measure: Measure| measures.contains(&measure).then(|| self.element(measure));
         let elements = Elements {
             bond: element(Measure::Length),
             triangle: element(Measure::Area),

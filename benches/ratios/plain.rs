@@ -35,9 +35,8 @@ impl Plain {
     pub(crate) fn new(body: &Body, horizon: f64, u: &[f64]) -> Plain {
         let neighborhood = Neighborhood::new(body, horizon).expect("a cube has neighbours");
         let n = body.n_points();
-        let rows = |x: &[f64]| -> Vec<Vector> {
-            x.chunks_exact(3).map(|x| [x[0], x[1], x[2]]).collect()
-        };
+        let rows =
+            |x: &[f64]| -> Vec<Vector> { x.chunks_exact(3).map(|x| [x[0], x[1], x[2]]).collect() };
         let at_rest = rows(body.positions());
         let now = at_rest.iter().zip(rows(u)).map(|(x, u)| sum(x, &u)).collect();
         let (mut row_start, mut columns) = (vec![0], Vec::new());
@@ -90,22 +89,27 @@ impl Plain {
         count
     }
 
-    fn scatter_triangles(&mut self, owner: &mut Owner, batch: &Triangles, lanes: &[(usize, usize)]) {
+    fn scatter_triangles(
+        &mut self,
+        owner: &mut Owner,
+        batch: &Triangles,
+        lanes: &[(usize, usize)],
+    ) {
         for (lane, &(j, k)) in lanes.iter().enumerate() {
             for axis in 0..3 {
-                owner.gradient[j][axis] += batch.gradient[axis][lane];
-                owner.gradient[k][axis] += batch.gradient[3 + axis][lane];
+                owner.gradient[j][axis] += batch.out.gradient[axis][lane];
+                owner.gradient[k][axis] += batch.out.gradient[3 + axis][lane];
             }
             let block = &mut self.tangent[owner.place[j * 64 + k] as usize];
             for entry in 0..9 {
-                let mixed = batch.mixed[entry][lane];
+                let mixed = batch.out.mixed[entry][lane];
                 block[entry] += mixed;
                 owner.column[k][entry] += mixed;
                 owner.column[j][entry % 3 * 3 + entry / 3] += mixed;
             }
             for (part, entry) in UPPER.into_iter().enumerate() {
-                owner.diagonal[j][entry] += batch.first[part][lane];
-                owner.diagonal[k][entry] += batch.second[part][lane];
+                owner.diagonal[j][entry] += batch.out.own[0][part][lane];
+                owner.diagonal[k][entry] += batch.out.own[1][part][lane];
             }
         }
     }
@@ -279,15 +283,15 @@ impl Owner {
         for (lane, &(j, k, l)) in lanes.iter().enumerate() {
             for (corner, member) in [j, k, l].into_iter().enumerate() {
                 for axis in 0..3 {
-                    self.gradient[member][axis] += batch.gradient[3 * corner + axis][lane];
+                    self.gradient[member][axis] += batch.out.gradient[3 * corner + axis][lane];
                 }
                 for (part, entry) in UPPER.into_iter().enumerate() {
-                    self.diagonal[member][entry] += batch.own[corner][part][lane];
+                    self.diagonal[member][entry] += batch.out.own[corner][part][lane];
                 }
             }
             for (number, pair) in [j * 64 + k, j * 64 + l, k * 64 + l].into_iter().enumerate() {
                 for entry in 0..9 {
-                    self.pairs[pair][entry] += batch.pairs[number][entry][lane];
+                    self.pairs[pair][entry] += batch.out.pairs[number][entry][lane];
                 }
             }
         }

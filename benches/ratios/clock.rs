@@ -75,7 +75,7 @@ impl Now {
 }
 
 /// Seconds that this thread has had a processor.
-fn thread_time() -> Option<f64> {
+pub(crate) fn thread_time() -> Option<f64> {
     let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
     let nanoseconds: f64 = text.split_whitespace().next()?.parse().ok()?;
     Some(nanoseconds * 1e-9)

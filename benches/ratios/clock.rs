@@ -7,16 +7,9 @@ use std::time::Instant;
 pub(crate) struct Times(Vec<f64>);
 
 impl Times {
-    /// The shortest.
+    /// The shortest: what the least disturbed run took.
     pub(crate) fn least(&self) -> f64 {
         self.0.iter().copied().fold(f64::INFINITY, f64::min)
-    }
-
-    /// The one in the middle.
-    pub(crate) fn median(&self) -> f64 {
-        let mut sorted = self.0.clone();
-        sorted.sort_by(f64::total_cmp);
-        sorted[sorted.len() / 2]
     }
 }
 

@@ -6,15 +6,24 @@
 
 mod assembly;
 mod clock;
+mod foreign;
+mod hyperdual;
+mod kernels;
 mod ours;
 mod plain;
+mod samples;
 mod table;
 mod threads;
 
 /// A section: its name on the command line and what it measures.
 type Section = (&'static str, fn());
 
-const SECTIONS: [Section; 2] = [("assembly", assembly::run), ("threads", threads::run)];
+const SECTIONS: [Section; 4] = [
+    ("kernels", kernels::against_hyper_dual),
+    ("foreign", kernels::against_foreign),
+    ("assembly", assembly::run),
+    ("threads", threads::run),
+];
 
 fn main() {
     // Cargo adds `--bench`; all that does not look like an option is the name of a section.

@@ -1,0 +1,258 @@
+//! Kernels: compact gradient and tangent of one interaction, against hyper-dual numbers and against
+//! the same formulas in C and Rust.
+
+use std::collections::BTreeMap;
+use std::hint::black_box;
+
+use num_dual::HyperDual64;
+use piola_compiler::Measure;
+use piola_runtime::element::{Contributions, CoordinateElement, Element, InteractionBatch, Order};
+
+use crate::clock::{Clock, Times, in_turn};
+use crate::foreign::{self, Program};
+use crate::hyperdual::{self, Linear, Logarithm, Power, Quadratic, Strain};
+use crate::ours::SethHill;
+use crate::samples::{COUNT, Samples, measure};
+use crate::table::{Bar, head, row};
+
+const ROUNDS: usize = 31;
+/// An interpreted pass takes some thousand times as long.
+const FEW_ROUNDS: usize = 3;
+/// Runs of each foreign program, in turn with ours.
+const TURNS: usize = 5;
+
+/// One kernel of ours with its interactions.
+struct Case {
+    name: String,
+    element: Box<dyn Element>,
+    batches: Vec<InteractionBatch>,
+    out: Contributions,
+}
+
+impl Case {
+    fn new<S: Strain, const C: usize, const K: usize>() -> Case {
+        let kind = Measure::ALL[K - 1];
+        Case {
+            name: format!("{} {}", kind.interaction(), exponent(S::N)),
+            element: SethHill::new(S::N).element(kind),
+            batches: Samples::<C>::new().batches::<K>(),
+            out: Contributions::new(kind, 3),
+        }
+    }
+
+    fn run(&mut self) {
+        for batch in &self.batches {
+            self.element.evaluate(black_box(batch), Order::Tangent, &mut self.out).expect("finite");
+            black_box(&self.out);
+        }
+    }
+
+    /// Sums of squares of energies, gradients and upper triangles of the tangents.
+    fn sums(&mut self) -> [f64; 3] {
+        let mut sums = [0.0; 3];
+        for batch in &self.batches {
+            self.element.evaluate(batch, Order::Tangent, &mut self.out).expect("finite");
+            let n = batch.len();
+            let square = |x: &[f64]| x[..n].iter().map(|x| x * x).sum::<f64>();
+            sums[0] += square(&self.out.energy);
+            sums[1] += self.out.gradient.iter().map(|x| square(x)).sum::<f64>();
+            sums[2] += self.out.hessian.iter().map(|x| square(x)).sum::<f64>();
+        }
+        sums
+    }
+}
+
+fn exponent(n: f64) -> String {
+    if n == 0.0 { "ln".to_string() } else { format!("{n}") }
+}
+
+/// In ns per interaction.
+fn each(seconds: f64) -> f64 {
+    seconds / COUNT as f64 * 1e9
+}
+
+/// Against hyper-dual numbers.
+pub(crate) fn against_hyper_dual() {
+    head(
+        "Kernels against hyper-dual numbers",
+        "Energy, compact gradient and tangent of one interaction in space. Theirs: num-dual's `HyperDual64`, \
+         compiled for each energy, on relative vectors, one pass per entry of the tangent (6, 21, 45). \
+         Least of the times of runs in turn.",
+        "ours, ns",
+        "hyper-dual, ns",
+    );
+    by_strain::<3, 1>(Bar::AtLeast(4.0, 8.0));
+    by_strain::<6, 2>(Bar::AtLeast(15.0, 30.0));
+    by_strain::<9, 3>(Bar::AtLeast(30.0, 60.0));
+    head(
+        "Kernels against interpreted hyper-dual numbers",
+        "The same; theirs: `derivatives = \"hyperdual-coordinates\"`, an interpreted energy on the \
+         coordinates of all corners (21, 45, 78 passes).",
+        "ours, ns",
+        "interpreted, ns",
+    );
+    interpreted::<3, 1>();
+    interpreted::<6, 2>();
+    interpreted::<9, 3>();
+}
+
+fn by_strain<const C: usize, const K: usize>(bar: Bar) {
+    let mut ratios = [
+        compiled::<Linear, C, K>(),
+        compiled::<Quadratic, C, K>(),
+        compiled::<Power, C, K>(),
+        compiled::<Logarithm, C, K>(),
+    ];
+    let [ours, theirs] = [0, 1].map(|k| median(ratios.map(|r: [f64; 3]| r[k])));
+    ratios.sort_by(|p, q| p[2].total_cmp(&q[2]));
+    let name = format!("**{}, median**", Measure::ALL[K - 1].interaction());
+    row(&name, ours, theirs, median(ratios.map(|r| r[2])), bar);
+}
+
+/// Ours, theirs in ns, and the ratio; printed.
+fn compiled<S: Strain, const C: usize, const K: usize>() -> [f64; 3] {
+    let mut case = Case::new::<S, C, K>();
+    let samples = Samples::<C>::new();
+    let now: Vec<[f64; C]> = samples
+        .reference
+        .iter()
+        .zip(&samples.displacement)
+        .map(|(x, u)| std::array::from_fn(|c| x[c] + u[c]))
+        .collect();
+    let reference: Vec<f64> = samples.reference.iter().map(measure).collect();
+    let zero = || hyperdual::Result { energy: 0.0, gradient: [0.0; C], tangent: [[0.0; C]; C] };
+    let mut out = zero();
+    let mut theirs = || {
+        for sample in 0..COUNT {
+            let (x, weight) = (black_box(&now[sample]), samples.weight[sample]);
+            hyperdual::evaluate::<S, C>(x, reference[sample], weight, &mut out);
+            black_box(&out);
+        }
+    };
+    let [ours, theirs] = in_turn(ROUNDS, Clock::Wall, [&mut || case.run(), &mut theirs]);
+    let mut sums = [0.0; 3];
+    for sample in 0..COUNT {
+        let weight = samples.weight[sample];
+        hyperdual::evaluate::<S, C>(&now[sample], reference[sample], weight, &mut out);
+        sums[0] += out.energy * out.energy;
+        sums[1] += out.gradient.iter().map(|x| x * x).sum::<f64>();
+        sums[2] += out.tangent.iter().flatten().map(|x| x * x).sum::<f64>();
+    }
+    let found = case.sums();
+    assert_same(&case.name, found, sums);
+    let (ours, theirs) = (each(ours.least()), each(theirs.least()));
+    row(&case.name, ours, theirs, theirs / ours, Bar::None);
+    [ours, theirs, theirs / ours]
+}
+
+fn interpreted<const C: usize, const K: usize>() {
+    let kind = Measure::ALL[K - 1];
+    let mut case = Case::new::<Linear, C, K>();
+    let material = SethHill::new(1.0);
+    let written = material.model.written(&material.values, kind);
+    let psi =
+        move |m: HyperDual64, reference: f64| written.evaluate(m, HyperDual64::from_re(reference));
+    let element = CoordinateElement::new(kind, 3, psi);
+    let batches = Samples::<C>::new().batches::<K>();
+    let mut out = Contributions::new(kind, 3);
+    let mut theirs = || {
+        for batch in &batches {
+            element.evaluate(black_box(batch), Order::Tangent, &mut out).expect("finite");
+        }
+    };
+    let [ours, theirs] = in_turn(FEW_ROUNDS, Clock::Wall, [&mut || case.run(), &mut theirs]);
+    let (ours, theirs) = (each(ours.least()), each(theirs.least()));
+    row(&case.name, ours, theirs, theirs / ours, Bar::None);
+}
+
+/// Both computed the same, to rounding.
+fn assert_same(name: &str, found: [f64; 3], expected: [f64; 3]) {
+    for (found, expected) in found.iter().zip(expected) {
+        assert!((found / expected - 1.0).abs() < 1e-11, "{name}: {found} is not {expected}");
+    }
+}
+
+fn median<const N: usize>(mut values: [f64; N]) -> f64 {
+    values.sort_by(f64::total_cmp);
+    0.5 * (values[(N - 1) / 2] + values[N / 2])
+}
+
+/// Against the same formulas in C and Rust.
+pub(crate) fn against_foreign() {
+    let programs = foreign::compile();
+    if programs.is_empty() {
+        println!("\nNo C compiler `cc` and no `rustc` here: kernels are not compared with theirs.");
+        return;
+    }
+    head(
+        "Kernels against C and Rust",
+        "Energy, compact gradient and tangent; the same formulas written by hand without guards \
+         (`benches/ratios/foreign`), ns per interaction, least of the runs, median over n = 1, 2, 2.7, ln. Each is a program of its \
+         own, run in turn with ours. Without `-fno-math-errno` gcc does not vectorise square roots.",
+        "ours, ns",
+        "theirs, ns",
+    );
+    let mut cases = all_cases();
+    let mut ours: BTreeMap<String, Vec<f64>> = BTreeMap::new();
+    let mut theirs: BTreeMap<(usize, String), Vec<f64>> = BTreeMap::new();
+    let input = foreign::write_inputs();
+    for _ in 0..TURNS {
+        for case in &mut cases {
+            let [times]: [Times; 1] = in_turn(ROUNDS, Clock::Wall, [&mut || case.run()]);
+            ours.entry(case.name.clone()).or_default().push(each(times.least()));
+        }
+        for (number, program) in programs.iter().enumerate() {
+            for found in program.run(&input) {
+                let case = cases.iter_mut().find(|case| case.name == found.name);
+                assert_same(&found.name, case.expect("a kernel of ours").sums(), found.sums);
+                theirs.entry((number, found.name)).or_default().push(found.least);
+            }
+        }
+    }
+    for (number, program) in programs.iter().enumerate() {
+        print_program(number, program, &cases, &ours, &theirs);
+    }
+}
+
+/// A row per measure: medians over the exponents.
+fn print_program(
+    number: usize,
+    program: &Program,
+    cases: &[Case],
+    ours: &BTreeMap<String, Vec<f64>>,
+    theirs: &BTreeMap<(usize, String), Vec<f64>>,
+) {
+    let least = |times: &[f64]| times.iter().copied().fold(f64::INFINITY, f64::min);
+    for of_measure in cases.chunks(4) {
+        let pairs: [[f64; 2]; 4] = std::array::from_fn(|k| {
+            let name = &of_measure[k].name;
+            [least(&ours[name]), least(&theirs[&(number, name.clone())])]
+        });
+        let measure = of_measure[0].name.split(' ').next().unwrap_or_default();
+        let bar = if program.is_barred { Bar::AtMost(2.0, 1.1) } else { Bar::None };
+        row(
+            &format!("{measure}, {}", program.name),
+            median(pairs.map(|p| p[0])),
+            median(pairs.map(|p| p[1])),
+            median(pairs.map(|p| p[0] / p[1])),
+            bar,
+        );
+    }
+}
+
+fn all_cases() -> Vec<Case> {
+    vec![
+        Case::new::<Linear, 3, 1>(),
+        Case::new::<Quadratic, 3, 1>(),
+        Case::new::<Power, 3, 1>(),
+        Case::new::<Logarithm, 3, 1>(),
+        Case::new::<Linear, 6, 2>(),
+        Case::new::<Quadratic, 6, 2>(),
+        Case::new::<Power, 6, 2>(),
+        Case::new::<Logarithm, 6, 2>(),
+        Case::new::<Linear, 9, 3>(),
+        Case::new::<Quadratic, 9, 3>(),
+        Case::new::<Power, 9, 3>(),
+        Case::new::<Logarithm, 9, 3>(),
+    ]
+}

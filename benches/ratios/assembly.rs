@@ -49,7 +49,7 @@ fn compare(what: &str, points: usize, measure: Measure, theirs: fn(&mut Plain) -
 }
 
 /// Both compute the same, to rounding.
-fn assert_close(what: &str, found: &[f64], expected: &[f64]) {
+pub(crate) fn assert_close(what: &str, found: &[f64], expected: &[f64]) {
     let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>().sqrt();
     let apart = norm(&mut found.iter().zip(expected).map(|(f, e)| f - e));
     let size = norm(&mut expected.iter().copied());

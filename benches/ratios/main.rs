@@ -9,7 +9,9 @@ mod clock;
 mod foreign;
 mod hyperdual;
 mod kernels;
+mod memory_bound;
 mod ours;
+mod papers;
 mod plain;
 mod samples;
 mod table;
@@ -18,11 +20,13 @@ mod threads;
 /// A section: its name on the command line and what it measures.
 type Section = (&'static str, fn());
 
-const SECTIONS: [Section; 4] = [
+const SECTIONS: [Section; 6] = [
     ("kernels", kernels::against_hyper_dual),
     ("foreign", kernels::against_foreign),
+    ("papers", papers::run),
     ("assembly", assembly::run),
     ("threads", threads::run),
+    ("bonds", memory_bound::run),
 ];
 
 fn main() {

@@ -4,9 +4,8 @@
 use std::collections::BTreeMap;
 use std::hint::black_box;
 
-use num_dual::HyperDual64;
 use piola_compiler::Measure;
-use piola_runtime::element::{Contributions, CoordinateElement, Element, InteractionBatch, Order};
+use piola_runtime::element::{Contributions, Element, InteractionBatch, Order};
 
 use crate::clock::{Clock, Times, in_turn};
 use crate::foreign::{self, Program};
@@ -148,11 +147,7 @@ fn compiled<S: Strain, const C: usize, const K: usize>() -> [f64; 3] {
 fn interpreted<const C: usize, const K: usize>() {
     let kind = Measure::ALL[K - 1];
     let mut case = Case::new::<Linear, C, K>();
-    let material = SethHill::new(1.0);
-    let written = material.model.written(&material.values, kind);
-    let psi =
-        move |m: HyperDual64, reference: f64| written.evaluate(m, HyperDual64::from_re(reference));
-    let element = CoordinateElement::new(kind, 3, psi);
+    let element = SethHill::new(1.0).coordinate_element(kind);
     let batches = Samples::<C>::new().batches::<K>();
     let mut out = Contributions::new(kind, 3);
     let mut theirs = || {

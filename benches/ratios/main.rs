@@ -6,10 +6,13 @@
 
 mod assembly;
 mod clock;
+mod compile;
 mod foreign;
 mod hyperdual;
 mod kernels;
+mod memory;
 mod memory_bound;
+mod newton;
 mod ours;
 mod papers;
 mod plain;
@@ -20,13 +23,16 @@ mod threads;
 /// A section: its name on the command line and what it measures.
 type Section = (&'static str, fn());
 
-const SECTIONS: [Section; 6] = [
+const SECTIONS: [Section; 9] = [
     ("kernels", kernels::against_hyper_dual),
     ("foreign", kernels::against_foreign),
     ("papers", papers::run),
     ("assembly", assembly::run),
     ("threads", threads::run),
     ("bonds", memory_bound::run),
+    ("newton", newton::run),
+    ("memory", memory::run),
+    ("compile", compile::run),
 ];
 
 fn main() {
@@ -37,6 +43,9 @@ fn main() {
         let names: Vec<&str> = SECTIONS.iter().map(|(name, _)| *name).collect();
         eprintln!("there is no section `{unknown}`: {}", names.join(", "));
         std::process::exit(2);
+    }
+    if std::env::var_os(memory::CHILD).is_some() {
+        return memory::child();
     }
     for (name, run) in SECTIONS {
         if wanted.is_empty() || wanted.iter().any(|w| w == name) {

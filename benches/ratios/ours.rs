@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use num_dual::HyperDual64;
 use piola_compiler::{Kernel, Measure, Mode, Model, Setting, Values, check_text};
 use piola_runtime::assembly::{DiscreteEnergy, Elements};
 use piola_runtime::body::Body;
-use piola_runtime::element::{Element, MeasureElement};
+use piola_runtime::element::{CoordinateElement, Element, MeasureElement};
 use piola_runtime::lattice::{Lattice, Nodes};
 use piola_runtime::weights::Weights;
 
@@ -18,10 +19,15 @@ pub(crate) struct SethHill {
 impl SethHill {
     /// In three dimensions, all stiffnesses 1.
     pub(crate) fn new(n: f64) -> SethHill {
+        SethHill::with_stiffness(n, [1.0; 3])
+    }
+
+    /// In three dimensions, with C1, C2, C3.
+    pub(crate) fn with_stiffness(n: f64, c: [f64; 3]) -> SethHill {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/potentials/firooz2023.piola");
         let text = std::fs::read_to_string(path).expect("the library is there");
         let (_, model) = check_text(&text).expect("the library is right");
-        let settings = [("C1", 1.0), ("C2", 1.0), ("C3", 1.0), ("n", n)]
+        let settings = [("C1", c[0]), ("C2", c[1]), ("C3", c[2]), ("n", n)]
             .map(|(name, value)| (name.to_string(), Setting::Number(value)));
         let values = model.values(3, &settings, None).expect("these values are allowed");
         SethHill { model, values }
@@ -34,27 +40,48 @@ impl SethHill {
         kernels.find(|kernel| kernel.measure() == measure).expect("all three are modelled")
     }
 
+    /// The energy over hyper-dual coordinates, interpreted.
+    pub(crate) fn coordinate_element(&self, measure: Measure) -> Box<dyn Element> {
+        let written = self.model.written(&self.values, measure);
+        let psi = move |m: HyperDual64, reference: f64| {
+            written.evaluate(m, HyperDual64::from_re(reference))
+        };
+        Box::new(CoordinateElement::new(measure, 3, psi))
+    }
+
     /// The compiled energy on the geometry of its measure.
     pub(crate) fn element(&self, measure: Measure) -> Box<dyn Element> {
         Box::new(MeasureElement::new(measure, 3, Box::new(self.kernel(measure))))
     }
 
-    /// The discrete energy of these measures.
+    /// The discrete energy of these measures, every interaction with weight 1.
     pub(crate) fn energy(
         &self,
         body: &Arc<Body>,
         horizon: f64,
         measures: &[Measure],
     ) -> DiscreteEnergy {
-        let element = |measure: Measure| measures.contains(&measure).then(|| self.element(measure));
-        let elements = Elements {
-            bond: element(Measure::Length),
-            triangle: element(Measure::Area),
-            tetrahedron: element(Measure::Volume),
-        };
-        DiscreteEnergy::with_elements(Arc::clone(body), horizon, Weights::Unit, elements)
-            .expect("a cube can be assembled")
+        let element = |measure| self.element(measure);
+        discrete(body, horizon, Weights::Unit, measures, element)
     }
+}
+
+/// The discrete energy of some measures with an element each.
+pub(crate) fn discrete(
+    body: &Arc<Body>,
+    horizon: f64,
+    weights: Weights,
+    measures: &[Measure],
+    element: impl Fn(Measure) -> Box<dyn Element>,
+) -> DiscreteEnergy {
+    let element = |measure: Measure| measures.contains(&measure).then(|| element(measure));
+    let elements = Elements {
+        bond: element(Measure::Length),
+        triangle: element(Measure::Area),
+        tetrahedron: element(Measure::Volume),
+    };
+    DiscreteEnergy::with_elements(Arc::clone(body), horizon, weights, elements)
+        .expect("a cube can be assembled")
 }
 
 /// A cube of `n^3` points a unit apart.

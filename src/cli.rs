@@ -15,6 +15,10 @@ const RUN_EXAMPLE: &str = "Example:
 const EVAL_EXAMPLE: &str = "Example:
   printf 'l,L\\n1.1,1\\n' | piola eval firooz2023 --measure l --set C1=1 --set n=2 --points -";
 
+const BENCH_EXAMPLE: &str = "Examples:
+  piola bench firooz2023 --set n=2.7
+  piola bench examples/first/scene.toml --threads 1";
+
 const COMPLETIONS_EXAMPLE: &str = "Example:
   piola completions bash > ~/.local/share/bash-completion/completions/piola";
 
@@ -46,6 +50,9 @@ pub(crate) enum Command {
     Run(Run),
     /// Say what a scene will model, what it drops and why, and what it costs
     Plan(Plan),
+    /// Time an energy in all its ways, or the phases of a scene
+    #[command(after_help = BENCH_EXAMPLE)]
+    Bench(Bench),
     /// List the library of potentials, or show one of them
     Info(Info),
     /// Say what the code of a message means, with examples; list all codes
@@ -278,6 +285,25 @@ pub(crate) struct Plan {
     #[arg(long)]
     pub(crate) threads: Option<usize>,
     /// How the plan is written
+    #[arg(long, default_value = "human")]
+    pub(crate) format: Format,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Bench {
+    /// A potential file (.piola), a name of the library, or a scene (.toml); firooz2023 if not given
+    #[arg(value_name = "FILE|SCENE")]
+    pub(crate) subject: Option<String>,
+    /// Number of dimensions of a potential; the largest it is defined in if not given
+    #[arg(long, value_parser = clap::value_parser!(u8).range(2..=3))]
+    pub(crate) dim: Option<u8>,
+    /// Parameters of a potential, or values of a scene (`body.spacing=0.1`)
+    #[command(flatten)]
+    pub(crate) inputs: Inputs,
+    /// How many threads work on a scene; all processors if not given
+    #[arg(long)]
+    pub(crate) threads: Option<usize>,
+    /// How the times are written
     #[arg(long, default_value = "human")]
     pub(crate) format: Format,
 }

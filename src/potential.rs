@@ -110,6 +110,26 @@ pub(crate) fn values(
     }
 }
 
+/// Values with which every energy of a potential is modelled, in the given dimension or the largest:
+/// parameters without a value, and those whose 0 drops an energy, are 1; a note says which, `so that
+/// every energy can be` what `purpose` says. Prints what is wrong.
+pub(crate) fn every_energy(
+    model: &Model,
+    dimension: Option<u8>,
+    inputs: &Inputs,
+    purpose: &str,
+) -> Option<Values> {
+    let mut settings = settings(inputs)?;
+    let dimension = dimension.map(usize::from).or(model.dimensions().max())?;
+    let delta = inputs.delta.or(Some(1.0));
+    let mut chosen = model.fill_with_one(dimension, &mut settings);
+    chosen.extend(model.switch_on(dimension, &mut settings, delta));
+    if !chosen.is_empty() {
+        eprintln!("note: {} = 1, so that every energy can be {purpose}", chosen.join(" = "));
+    }
+    values(model, dimension, &settings, delta)
+}
+
 fn print_value_errors(errors: &[ValueError]) {
     for error in errors {
         let help = match error.code {

@@ -8,6 +8,7 @@
 
 mod batch;
 mod coordinate;
+pub mod cost;
 mod measure;
 
 pub use batch::{CAPACITY, Channel, Contributions, InteractionBatch};

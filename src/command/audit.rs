@@ -22,21 +22,13 @@ pub(super) fn execute(arguments: &cli::Audit) -> Exit {
     let Some(loaded) = potential::load(&arguments.file, cli::Format::Human) else {
         return Exit::Input;
     };
-    let Some(mut settings) = potential::settings(&arguments.inputs) else { return Exit::Input };
-    let defined: Vec<usize> = loaded.model.dimensions().collect();
-    let dimension = arguments.dim.map_or(defined[defined.len() - 1], usize::from);
-    let delta = arguments.inputs.delta.or(Some(1.0));
-    let mut chosen = loaded.model.fill_with_one(dimension, &mut settings);
-    chosen.extend(loaded.model.switch_on(dimension, &mut settings, delta));
-    if !chosen.is_empty() {
-        eprintln!("note: {} = 1, so that every energy can be audited", chosen.join(" = "));
-    }
-    let Some(values) = potential::values(&loaded.model, dimension, &settings, delta) else {
+    let (model, inputs) = (&loaded.model, &arguments.inputs);
+    let Some(values) = potential::every_energy(model, arguments.dim, inputs, "audited") else {
         return Exit::Input;
     };
     let form = if arguments.textbook { Form::Textbook } else { Form::Accurate };
     let settings = Settings { form, points: arguments.points, bar: arguments.bar };
-    let audits = match audit(&loaded.model, &values, &settings) {
+    let audits = match audit(model, &values, &settings) {
         Ok((audits, dropped)) => {
             dropped.iter().for_each(|dropped| eprintln!("note: {}", dropped.reason));
             audits
@@ -49,7 +41,7 @@ pub(super) fn execute(arguments: &cli::Audit) -> Exit {
     render::out(&match arguments.format {
         AuditFormat::Human => human(&audits, arguments.bar),
         AuditFormat::Csv => csv(&audits),
-        AuditFormat::Json => json_lines(&loaded.name, dimension, &audits, arguments.bar),
+        AuditFormat::Json => json_lines(&loaded.name, values.dimension, &audits, arguments.bar),
     });
     if let Some(path) = &arguments.picture
         && let Err(message) = picture(path, &loaded.name, &audits)

@@ -1,6 +1,7 @@
 //! The commands, one file each.
 
 mod audit;
+mod bench;
 mod check;
 mod completions;
 mod derive;
@@ -47,6 +48,7 @@ pub(crate) fn execute(command: Command) -> Exit {
         Command::Energy(arguments) => energy::execute(&arguments),
         Command::Run(arguments) => run::execute(&arguments),
         Command::Plan(arguments) => plan::execute(&arguments),
+        Command::Bench(arguments) => bench::execute(&arguments),
         Command::Info(arguments) => info::execute(&arguments),
         Command::Explain(arguments) => explain::execute(&arguments),
         Command::Completions { shell } => completions::execute(shell),

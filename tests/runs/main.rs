@@ -5,6 +5,7 @@
 mod support;
 
 mod accuracy;
+mod bench;
 mod contract;
 mod extremes;
 mod killed;

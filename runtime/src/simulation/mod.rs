@@ -6,12 +6,15 @@
 //! | [`Case::plan`] | what will be modelled and what it costs |
 //! | [`Case::energy`] | the discrete total energy |
 //! | [`run()`] | load steps, with everything they leave in the output folder |
+//! | [`cost()`] | time and memory of every phase up to the first linear system |
 
+mod cost;
 mod error;
 mod explain;
 mod run;
 mod size;
 
+pub use cost::{LinearCost, PassCost, SceneCost, cost};
 pub use error::CaseError;
 pub use run::{Ending, RunError, RunOptions, run};
 

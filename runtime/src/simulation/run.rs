@@ -117,7 +117,8 @@ pub fn run(
     Ok(ending)
 }
 
-fn settings(scene: &Scene) -> StepSettings {
+/// How the steps are solved.
+pub(super) fn settings(scene: &Scene) -> StepSettings {
     let solver = &scene.solver;
     let method = match solver.linear {
         LinearChoice::Auto => LinearMethod::Auto,

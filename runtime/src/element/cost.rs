@@ -1,0 +1,240 @@
+//! What an interaction costs: the ways to get its derivatives, timed side by side.
+//!
+//! Each time is the least of several runs in turn over interactions that stay in the caches: what
+//! disturbs the machine makes no run faster.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use num_dual::HyperDual64;
+use piola_compiler::{CompileError, Mode, Model, Values};
+
+use super::{
+    CAPACITY, Contributions, CoordinateElement, Element, InteractionBatch, MeasureElement,
+    NonFiniteLane, Order,
+};
+use crate::interaction::n_neighbors;
+use crate::kernel::Measure;
+
+/// A way to get the derivatives of an energy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Way {
+    /// Its name in tables.
+    pub name: &'static str,
+    /// How psi, psi', psi'' are computed.
+    pub mode: Mode,
+    /// Whether it differentiates in the coordinates instead of the measure.
+    pub in_coordinates: bool,
+    /// Whether it is an accuracy level of the compiled code: these are audited.
+    pub is_level: bool,
+    /// Batches of interactions that a run evaluates.
+    batches: usize,
+    /// Runs.
+    rounds: usize,
+}
+
+/// All ways, the fastest first.
+pub const WAYS: [Way; 4] = [
+    Way {
+        name: "strict",
+        mode: Mode::Jit,
+        in_coordinates: false,
+        is_level: true,
+        batches: 8,
+        rounds: 31,
+    },
+    Way {
+        name: "interpreter",
+        mode: Mode::Interpreter,
+        in_coordinates: false,
+        is_level: false,
+        batches: 2,
+        rounds: 9,
+    },
+    Way {
+        name: "hyper-dual",
+        mode: Mode::HyperDual,
+        in_coordinates: false,
+        is_level: false,
+        batches: 2,
+        rounds: 9,
+    },
+    Way {
+        name: "hyper-dual coordinates",
+        mode: Mode::HyperDual,
+        in_coordinates: true,
+        is_level: false,
+        batches: 1,
+        rounds: 3,
+    },
+];
+
+/// What a way costs for the energies of a potential.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WayCost {
+    /// The way.
+    pub way: Way,
+    /// Seconds from the checked potential to something that can be evaluated, all energies together.
+    pub compile_seconds: f64,
+    /// One entry per energy, measures ascending.
+    pub energies: Vec<EnergyCost>,
+}
+
+/// What an interaction of one kind costs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EnergyCost {
+    /// Its measure.
+    pub measure: Measure,
+    /// Nanoseconds per interaction: energy; and gradient; and tangent.
+    pub nanoseconds: [f64; 3],
+}
+
+/// Why nothing was measured.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum CostError {
+    /// An energy that cannot be compiled.
+    #[error(transparent)]
+    Compile(#[from] CompileError),
+    /// An energy that is not finite a few percent from rest.
+    #[error(
+        "psi({}) is not finite, or turned inside out, at {} = {:e}, {} = {:e}: there is nothing to time",
+        .measure.symbol(), .measure.symbol(), .at.value, .measure.reference_symbol(), .at.reference
+    )]
+    NonFinite {
+        /// The energy.
+        measure: Measure,
+        /// The interaction.
+        at: NonFiniteLane,
+    },
+}
+
+/// Times every way for every energy of a potential.
+///
+/// # Errors
+/// Energies that cannot be compiled or evaluated near rest.
+pub fn cost(model: &Model, values: &Values) -> Result<Vec<WayCost>, CostError> {
+    WAYS.into_iter().map(|way| cost_of(way, model, values)).collect()
+}
+
+fn cost_of(way: Way, model: &Model, values: &Values) -> Result<WayCost, CostError> {
+    let mut compile_seconds = f64::INFINITY;
+    for _ in 0..way.rounds {
+        let start = Instant::now();
+        black_box(model.compile(black_box(values), way.mode)?);
+        compile_seconds = compile_seconds.min(start.elapsed().as_secs_f64());
+    }
+    let dimension = values.dimension;
+    let mut energies = Vec::new();
+    for kernel in model.compile(values, way.mode)?.kernels {
+        let measure = kernel.measure();
+        let element: Box<dyn Element> = if way.in_coordinates {
+            let written = model.written(values, measure);
+            let psi = move |m: HyperDual64, reference: f64| {
+                written.evaluate(m, HyperDual64::from_re(reference))
+            };
+            Box::new(CoordinateElement::new(measure, dimension, psi))
+        } else {
+            Box::new(MeasureElement::new(measure, dimension, Box::new(kernel)))
+        };
+        let nanoseconds =
+            time(&*element, way).map_err(|at| CostError::NonFinite { measure, at })?;
+        energies.push(EnergyCost { measure, nanoseconds });
+    }
+    Ok(WayCost { way, compile_seconds, energies })
+}
+
+/// Nanoseconds per interaction for each order.
+fn time(element: &dyn Element, way: Way) -> Result<[f64; 3], NonFiniteLane> {
+    let (measure, dimension) = (element.measure(), element.dimension());
+    let mut random = Random(0x7069_6f6c_6100 ^ measure as u64);
+    let batches: Vec<InteractionBatch> =
+        (0..way.batches).map(|_| random.batch(measure, dimension)).collect();
+    let mut out = Contributions::new(measure, dimension);
+    let mut least = [f64::INFINITY; 3];
+    for _ in 0..=way.rounds {
+        for (order, least) in
+            [Order::Energy, Order::Gradient, Order::Tangent].iter().zip(&mut least)
+        {
+            let start = Instant::now();
+            for batch in &batches {
+                element.evaluate(black_box(batch), *order, &mut out)?;
+                black_box(&out);
+            }
+            *least = least.min(start.elapsed().as_secs_f64());
+        }
+    }
+    Ok(least.map(|seconds| seconds / (way.batches * CAPACITY) as f64 * 1e9))
+}
+
+/// Reproducible interactions.
+struct Random(u64);
+
+impl Random {
+    /// Between -1 and 1.
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    /// A full batch of well-shaped interactions: vectors near the axes, strains of some percent.
+    fn batch(&mut self, measure: Measure, dimension: usize) -> InteractionBatch {
+        let mut batch = InteractionBatch::new(measure, dimension);
+        match (n_neighbors(measure), dimension) {
+            (1, 2) => self.fill::<1, 2>(&mut batch),
+            (1, _) => self.fill::<1, 3>(&mut batch),
+            (2, 2) => self.fill::<2, 2>(&mut batch),
+            (2, _) => self.fill::<2, 3>(&mut batch),
+            _ => self.fill::<3, 3>(&mut batch),
+        }
+        for weight in &mut batch.weight {
+            *weight = 1.0 + 0.5 * self.next();
+        }
+        batch
+    }
+
+    fn fill<const K: usize, const D: usize>(&mut self, batch: &mut InteractionBatch) {
+        let mut near_axis = |corner: usize| -> [f64; D] {
+            std::array::from_fn(|axis| f64::from(axis == corner % K) + 0.2 * self.next())
+        };
+        let reference: Vec<[f64; D]> = (0..K * CAPACITY).map(&mut near_axis).collect();
+        let displacement: Vec<[f64; D]> =
+            (0..K * CAPACITY).map(|_| std::array::from_fn(|_| 0.02 * self.next())).collect();
+        batch.gather::<K, D>(CAPACITY, &reference, &displacement, |lane| {
+            std::array::from_fn(|corner| K * lane + corner)
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use piola_compiler::{Setting, check_text};
+
+    use super::*;
+
+    fn cost_of_text(text: &str, dimension: usize) -> Result<Vec<WayCost>, CostError> {
+        let (_, model) = check_text(text).unwrap();
+        let settings: [(String, Setting); 0] = [];
+        cost(&model, &model.values(dimension, &settings, None).unwrap())
+    }
+
+    #[test]
+    fn every_way_and_energy_has_times() {
+        let text = "potential p\npsi(l) = (l/L - 1)^2\npsi(a) = ln(a/A)^2\npsi(v) = V/v + v/V\n";
+        for (dimension, measures) in [(2, 2), (3, 3)] {
+            let found = cost_of_text(text, dimension).unwrap();
+            assert_eq!(found.len(), WAYS.len());
+            for (cost, way) in found.iter().zip(WAYS) {
+                assert_eq!((cost.way, cost.energies.len()), (way, measures));
+                assert!(cost.compile_seconds > 0.0);
+                let times = cost.energies.iter().flat_map(|energy| energy.nanoseconds);
+                assert!(times.clone().all(|x| x > 0.0 && x.is_finite()), "{found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn an_energy_that_is_nowhere_finite_is_refused() {
+        let error = cost_of_text("potential p\npsi(l) = ln(0*l)\n", 3).unwrap_err();
+        assert!(error.to_string().starts_with("psi(l) is not finite"), "{error}");
+    }
+}

@@ -1,0 +1,210 @@
+//! What a scene costs: time and memory of every phase, from its energies to the first linear system.
+
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::{Case, CaseError, Compiled, run};
+use crate::assembly::{DiscreteEnergy, Report};
+use crate::element::Order;
+use crate::energy::TotalEnergy;
+use crate::matrix::BlockMatrix;
+use crate::output::summary::{Phase, PhaseClock, memory};
+use crate::scene::boundary::BoundaryConditions;
+use crate::solve::constraint::Constraints;
+use crate::solve::linear::{LinearReport, LinearSolver};
+use crate::solve::rigid_modes::check_rigid_motions;
+
+/// Runs of every pass over the interactions; the least time counts.
+const ROUNDS: usize = 5;
+
+/// Passes end early after so many seconds.
+const PATIENCE: f64 = 10.0;
+
+/// What a scene costs.
+#[derive(Clone, Debug, Serialize)]
+pub struct SceneCost {
+    /// How many threads worked.
+    pub threads: usize,
+    /// Points.
+    pub points: usize,
+    /// Displacement components that are solved for.
+    pub unknowns: usize,
+    /// Bonds, triangles and tetrahedra that were visited.
+    pub interactions: [u64; 3],
+    /// Time and memory, in the order of the work.
+    pub phases: Vec<Phase>,
+    /// Passes over all interactions: energy; and gradient; and tangent.
+    pub passes: [PassCost; 3],
+    /// Bytes of the tangent, the blocks on and above the diagonal.
+    pub matrix_bytes: u64,
+    /// The linear system; nothing if it cannot be posed or solved.
+    pub linear: Option<LinearCost>,
+    /// Why there is no linear system, or why the passes were made at rest.
+    pub notes: Vec<String>,
+    /// Largest memory of the process, in bytes.
+    pub peak_memory_bytes: Option<u64>,
+}
+
+/// A pass over all interactions.
+#[derive(Clone, Debug, Serialize)]
+pub struct PassCost {
+    /// `energy`, `gradient` or `tangent`.
+    pub name: &'static str,
+    /// Wall time in s.
+    pub seconds: f64,
+    /// The same per interaction, in ns.
+    pub nanoseconds_per_interaction: f64,
+}
+
+/// The linear system of the first step.
+#[derive(Clone, Debug, Serialize)]
+pub struct LinearCost {
+    /// Which method gave the solution.
+    pub method: &'static str,
+    /// Iterations of conjugate gradients.
+    pub iterations: usize,
+    /// `norm(K x - b)/norm(b)`.
+    pub relative_residual: f64,
+    /// Bytes of the factor's values, where there is a factor.
+    pub factor_bytes: Option<u64>,
+    /// Fallbacks and what caused them.
+    pub notes: Vec<String>,
+}
+
+/// Measures a case. `clock` has the phases before this one, that is the reading of the scene.
+///
+/// The tangent at rest and the conditions of the first increment make the linear system; its
+/// solution is the displacement of the passes.
+///
+/// # Errors
+/// What is wrong with the body, the energies or the conditions.
+pub fn cost(case: &Case, mut clock: PhaseClock) -> Result<SceneCost, CaseError> {
+    let message = |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
+    clock.enter("compile");
+    let Compiled { elements, .. } = case.compile()?;
+    clock.enter("interactions");
+    let energy = case.energy(elements)?;
+    clock.enter("conditions");
+    let selection = case.selection()?;
+    let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
+    let n_dofs = case.body.n_points() * case.body.dimension();
+    let constraints =
+        Constraints::new(n_dofs, boundary.fixed_dofs()).map_err(|error| message(&error))?;
+    let first = case.scene.steps.end / case.scene.steps.increments.max(1) as f64;
+    let mut moved = vec![0.0; n_dofs];
+    let prescribed = boundary.prescribed(first).map_err(|error| message(&error))?;
+    constraints.scatter_fixed(&prescribed, &mut moved);
+    let loads = boundary.loads(first).map_err(|error| message(&error))?;
+
+    clock.enter("tangent at rest");
+    let mut gradient = vec![0.0; n_dofs];
+    let mut tangent = BlockMatrix::zeros(energy.pattern());
+    energy
+        .tangent(&vec![0.0; n_dofs], &mut gradient, &mut tangent)
+        .map_err(|found| CaseError::Body { message: case.describe(&found) })?;
+    let forced = tangent.multiply(&moved);
+    let rhs: Vec<f64> = (0..n_dofs).map(|dof| loads[dof] - gradient[dof] - forced[dof]).collect();
+    let mut notes = Vec::new();
+    let linear = match solve(case, &energy, &constraints, &tangent, &rhs, &mut moved, &mut clock) {
+        Ok(report) => Some(report),
+        Err(reason) => {
+            notes.push(format!("no linear system was solved: {reason}"));
+            None
+        }
+    };
+    clock.leave();
+    if linear.is_none() || energy.tangent(&moved, &mut gradient, &mut tangent).is_err() {
+        notes.push("the passes are at rest".to_string());
+        moved.fill(0.0);
+    }
+    let passes = passes(&energy, &moved, &mut gradient, &mut tangent);
+    let report = energy.report();
+    Ok(SceneCost {
+        threads: rayon::current_num_threads(),
+        points: report.n_points,
+        unknowns: constraints.n_free(),
+        interactions: [report.bonds, report.triangles, report.tetrahedra],
+        phases: clock.phases().to_vec(),
+        passes: passes.map(|(name, seconds)| pass(name, seconds, report)),
+        matrix_bytes: size_of_val(tangent.values.as_slice()) as u64,
+        linear,
+        notes,
+        peak_memory_bytes: memory().map(|memory| memory.peak),
+    })
+}
+
+fn pass(name: &'static str, seconds: f64, report: &Report) -> PassCost {
+    let interactions = (report.bonds + report.triangles + report.tetrahedra).max(1);
+    PassCost { name, seconds, nanoseconds_per_interaction: seconds / interactions as f64 * 1e9 }
+}
+
+/// Adds the solution of the first linear system to `moved`; the reason if there is none.
+fn solve(
+    case: &Case,
+    energy: &DiscreteEnergy,
+    constraints: &Constraints,
+    tangent: &BlockMatrix,
+    rhs: &[f64],
+    moved: &mut [f64],
+    clock: &mut PhaseClock,
+) -> Result<LinearCost, String> {
+    clock.enter("linear system: set up");
+    check_rigid_motions(energy.pattern(), case.body.positions(), constraints)
+        .map_err(|error| error.to_string())?;
+    let options = run::settings(&case.scene).linear;
+    let mut solver = LinearSolver::new(energy.pattern(), constraints, options)
+        .map_err(|error| error.to_string())?;
+    clock.enter("linear system: prepare");
+    solver.factorize(tangent).map_err(|error| error.to_string())?;
+    clock.enter("linear system: solve");
+    let mut solution = vec![0.0; rhs.len()];
+    let report =
+        solver.solve_factorized(tangent, rhs, &mut solution).map_err(|error| error.to_string())?;
+    clock.leave();
+    for (u, step) in moved.iter_mut().zip(&solution) {
+        *u += step;
+    }
+    Ok(linear_cost(report))
+}
+
+fn linear_cost(report: LinearReport) -> LinearCost {
+    LinearCost {
+        method: report.method.name(),
+        iterations: report.iterations,
+        relative_residual: report.relative_residual,
+        factor_bytes: report.factor_nonzeros.map(|n| (n * size_of::<f64>()) as u64),
+        notes: report.notes,
+    }
+}
+
+/// The least times of passes in turn, in s.
+fn passes(
+    energy: &DiscreteEnergy,
+    u: &[f64],
+    gradient: &mut [f64],
+    tangent: &mut BlockMatrix,
+) -> [(&'static str, f64); 3] {
+    let mut found = [
+        ("energy", Order::Energy, f64::INFINITY),
+        ("gradient", Order::Gradient, f64::INFINITY),
+        ("tangent", Order::Tangent, f64::INFINITY),
+    ];
+    let begin = Instant::now();
+    for round in 0..ROUNDS {
+        if round > 0 && begin.elapsed().as_secs_f64() > PATIENCE {
+            break;
+        }
+        for (_, order, least) in &mut found {
+            let start = Instant::now();
+            // All of it was evaluated at `u` before.
+            let _ = match order {
+                Order::Energy => energy.energy(u),
+                Order::Gradient => energy.gradient(u, gradient),
+                Order::Tangent => energy.tangent(u, gradient, tangent),
+            };
+            *least = least.min(start.elapsed().as_secs_f64());
+        }
+    }
+    found.map(|(name, _, seconds)| (name, seconds))
+}

@@ -1,0 +1,220 @@
+//! `piola bench`: what an energy or a scene costs on this machine.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use piola_compiler::Form;
+use piola_compiler::audit::{Audit, Settings, audit};
+use piola_runtime::element::cost::{self, CostError, EnergyCost, WayCost};
+use piola_runtime::output::summary::PhaseClock;
+use piola_runtime::simulation::{self, Case, SceneCost};
+use serde_json::{Value, json};
+
+use super::derive::print_compile_error;
+use super::{Exit, scene};
+use crate::cli::{Bench, Format};
+use crate::potential::{self, Loaded};
+use crate::render;
+
+/// What is timed if nothing is named: the family whose exponent decides what an energy costs.
+const DEFAULT: &str = "firooz2023";
+
+/// Errors are measured at so many points per regime.
+const AUDIT: Settings = Settings { form: Form::Accurate, points: 4, bar: 64.0 };
+
+pub(super) fn execute(arguments: &Bench) -> Exit {
+    let subject = arguments.subject.as_deref().unwrap_or(DEFAULT);
+    let exit = scene::with_threads(arguments.threads, || {
+        if subject.ends_with(".toml") {
+            of_scene(Path::new(subject), arguments)
+        } else {
+            of_potential(subject, arguments)
+        }
+    });
+    exit.unwrap_or(Exit::Input)
+}
+
+fn of_potential(name: &str, arguments: &Bench) -> Exit {
+    let Some(loaded) = potential::load(name, Format::Human) else { return Exit::Input };
+    let model = &loaded.model;
+    let values = potential::every_energy(model, arguments.dim, &arguments.inputs, "timed");
+    let Some(values) = values else { return Exit::Input };
+    let costs = match cost::cost(model, &values) {
+        Ok(costs) => costs,
+        Err(CostError::Compile(error)) => {
+            print_compile_error(&loaded, &error);
+            return Exit::Input;
+        }
+        Err(error) => {
+            render::error(&error.to_string(), None);
+            return Exit::Input;
+        }
+    };
+    let audits = match audit(model, &values, &AUDIT) {
+        Ok((audits, dropped)) => {
+            dropped.iter().for_each(|dropped| eprintln!("note: {}", dropped.reason));
+            audits
+        }
+        Err(error) => {
+            print_compile_error(&loaded, &error);
+            return Exit::Input;
+        }
+    };
+    render::out(&match arguments.format {
+        Format::Human => potential_text(&loaded, values.dimension, &costs, &audits),
+        Format::Json => {
+            format!("{}\n", potential_json(&loaded, values.dimension, &costs, &audits))
+        }
+    });
+    Exit::Done
+}
+
+/// Largest errors of psi, psi', psi'' in units of 2^-53, for the levels of compiled code.
+fn errors(cost: &WayCost, energy: &EnergyCost, audits: &[Audit]) -> Option<[f64; 3]> {
+    let audit = audits.iter().find(|audit| audit.measure == energy.measure)?;
+    cost.way.is_level.then(|| audit.worst())
+}
+
+fn potential_text(
+    loaded: &Loaded,
+    dimension: usize,
+    costs: &[WayCost],
+    audits: &[Audit],
+) -> String {
+    let mut out = format!(
+        "{} in {dimension} dimensions: ns per interaction on one thread, least of several runs\n\n\
+         {:24} {:8} {:>10} {:>10} {:>10}   largest errors of psi, psi', psi'' in u\n",
+        loaded.name, "way", "energy", "energy", "gradient", "tangent"
+    );
+    for cost in costs {
+        for energy in &cost.energies {
+            let psi = format!("psi({})", energy.measure.symbol());
+            let _ = write!(out, "{:24} {psi:8}", cost.way.name);
+            for nanoseconds in energy.nanoseconds {
+                let _ = write!(out, " {nanoseconds:>10.1}");
+            }
+            if let Some(errors) = errors(cost, energy, audits) {
+                let _ = write!(out, "   {}", errors.map(|error| format!("{error:.1}")).join(", "));
+            }
+            out.push('\n');
+        }
+    }
+    let _ = writeln!(out, "\n{:24} {:>10}", "compiling all energies", "ms");
+    for cost in costs {
+        let _ = writeln!(out, "{:24} {:>10.3}", cost.way.name, cost.compile_seconds * 1e3);
+    }
+    out.push_str("\nu = 1.1e-16 of the value; `piola audit` says where the largest errors are\n");
+    out
+}
+
+fn potential_json(loaded: &Loaded, dimension: usize, costs: &[WayCost], audits: &[Audit]) -> Value {
+    let energy = |cost: &WayCost, energy: &EnergyCost| {
+        let [only, gradient, tangent] = energy.nanoseconds;
+        json!({
+            "measure": energy.measure.symbol(),
+            "nanoseconds": { "energy": only, "gradient": gradient, "tangent": tangent },
+            // JSON has no infinity: an error without end is null.
+            "errors": errors(cost, energy, audits)
+                .map(|errors| errors.map(|x| if x.is_finite() { json!(x) } else { Value::Null })),
+        })
+    };
+    let way = |cost: &WayCost| {
+        json!({
+            "way": cost.way.name,
+            "compile_seconds": cost.compile_seconds,
+            "energies": cost.energies.iter().map(|e| energy(cost, e)).collect::<Vec<_>>(),
+        })
+    };
+    json!({
+        "potential": loaded.name,
+        "dimension": dimension,
+        "ways": costs.iter().map(way).collect::<Vec<_>>(),
+    })
+}
+
+fn of_scene(path: &Path, arguments: &Bench) -> Exit {
+    if arguments.dim.is_some() || arguments.inputs.delta.is_some() {
+        render::error("--dim and --delta are for potentials: a scene has its own", None);
+        return Exit::Input;
+    }
+    let mut clock = PhaseClock::new();
+    clock.enter("read");
+    let Some(case) = scene::read(path, &arguments.inputs.settings) else { return Exit::Input };
+    clock.leave();
+    match measure(&case, clock) {
+        Ok(cost) => {
+            render::out(&match arguments.format {
+                Format::Human => scene_text(path, &cost),
+                Format::Json => format!("{}\n", json!(cost)),
+            });
+            Exit::Done
+        }
+        Err(exit) => exit,
+    }
+}
+
+/// Refuses what the memory does not hold, as `piola run` does; prints what is wrong.
+fn measure(case: &Case, clock: PhaseClock) -> Result<SceneCost, Exit> {
+    let print = |error| {
+        scene::print_error(&error);
+        Exit::Input
+    };
+    let plan = case.plan(rayon::current_num_threads()).map_err(print)?;
+    if let Some(refusal) = plan.refusal() {
+        render::error(&refusal, Some("make the body smaller"));
+        return Err(Exit::Input);
+    }
+    let warnings = scene::warnings(case).map_err(print)?;
+    scene::print_warnings(case, warnings);
+    simulation::cost(case, clock).map_err(print)
+}
+
+fn scene_text(path: &Path, cost: &SceneCost) -> String {
+    let mb = |bytes: Option<u64>| match bytes {
+        Some(bytes) => format!("{:.1}", bytes as f64 * 1e-6),
+        None => "-".to_string(),
+    };
+    let [bonds, triangles, tetrahedra] = cost.interactions;
+    let mut out = format!(
+        "{}: {} points, {} unknowns; {bonds} bonds, {triangles} triangles, {tetrahedra} tetrahedra; \
+         threads: {}\n\n{:26} {:>12} {:>12} {:>12}\n",
+        path.display(),
+        cost.points,
+        cost.unknowns,
+        cost.threads,
+        "phase",
+        "ms",
+        "MB after",
+        "MB at most"
+    );
+    for phase in &cost.phases {
+        let _ = writeln!(
+            out,
+            "{:26} {:>12.3} {:>12} {:>12}",
+            phase.name,
+            phase.wall_seconds.0 * 1e3,
+            mb(phase.memory_bytes),
+            mb(phase.peak_memory_bytes)
+        );
+    }
+    let _ = writeln!(out, "\n{:26} {:>12} {:>18}", "one pass", "ms", "ns per interaction");
+    for pass in &cost.passes {
+        let nanoseconds = pass.nanoseconds_per_interaction;
+        let _ = writeln!(out, "{:26} {:>12.3} {nanoseconds:>18.1}", pass.name, pass.seconds * 1e3);
+    }
+    let _ = writeln!(out, "\n{:26} {:>12} MB", "matrix, upper blocks", mb(Some(cost.matrix_bytes)));
+    if let Some(factor) = cost.linear.as_ref().and_then(|linear| linear.factor_bytes) {
+        let _ = writeln!(out, "{:26} {:>12} MB", "factor", mb(Some(factor)));
+    }
+    let _ = writeln!(out, "{:26} {:>12} MB\n", "peak", mb(cost.peak_memory_bytes));
+    if let Some(linear) = &cost.linear {
+        let _ = writeln!(
+            out,
+            "linear system by {}, {} iterations, relative residual {:.1e}",
+            linear.method, linear.iterations, linear.relative_residual
+        );
+        linear.notes.iter().for_each(|note| out.push_str(&format!("note: {note}\n")));
+    }
+    cost.notes.iter().for_each(|note| out.push_str(&format!("note: {note}\n")));
+    out
+}

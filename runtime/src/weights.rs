@@ -15,6 +15,7 @@
 use std::f64::consts::PI;
 
 use crate::body::Body;
+use crate::geometry::Scalar;
 use crate::interaction::{Census, n_neighbors};
 use crate::kernel::Measure;
 use crate::lattice;
@@ -83,14 +84,28 @@ impl CliqueWeights {
     /// The weight of one interaction from the shares of its owner and of the other corners.
     #[inline(always)]
     pub(crate) fn join<const K: usize>(&self, owner: f64, others: [f64; K]) -> f64 {
+        self.join_last(self.begin(owner, &others[..K - 1]), others[K - 1])
+    }
+
+    /// The part of a weight that the owner and all other corners but the last have.
+    #[inline(always)]
+    pub(crate) fn begin(&self, owner: f64, others: &[f64]) -> f64 {
         match self {
-            CliqueWeights::Sum { factor, .. } => {
-                factor * others.iter().fold(owner, |sum, share| sum + share)
-            }
+            CliqueWeights::Sum { .. } => others.iter().fold(owner, |sum, share| sum + share),
             CliqueWeights::Product { factor, .. } => {
                 others.iter().fold(factor * owner, |product, share| product * share)
             }
             CliqueWeights::Unit => 1.0,
+        }
+    }
+
+    /// The weight, from what [`CliqueWeights::begin`] gave and the shares of last corners.
+    #[inline(always)]
+    pub(crate) fn join_last<T: Scalar>(&self, begun: f64, last: T) -> T {
+        match self {
+            CliqueWeights::Sum { factor, .. } => last.alike(*factor) * (last.alike(begun) + last),
+            CliqueWeights::Product { .. } => last.alike(begun) * last,
+            CliqueWeights::Unit => last.alike(1.0),
         }
     }
 }

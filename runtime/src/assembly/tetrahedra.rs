@@ -29,8 +29,8 @@ use super::accumulate::{OwnerSums, TetrahedronLane};
 use super::slab::{PairNumbers, Sum};
 use crate::element::{Order, THIN, WIDEST};
 use crate::geometry::lanes::Lanes;
-use crate::geometry::{Scalar, cross, dot};
-use crate::interaction::{OwnerCliques, never_fails};
+use crate::geometry::{Scalar, cross, dot, each};
+use crate::interaction::OwnerCliques;
 use crate::kernel::{Batch, Law, Outputs};
 use crate::weights::CliqueWeights;
 
@@ -127,7 +127,9 @@ impl TetrahedronSums {
             return true;
         }
         let n = block.make_room();
-        if rules.arch.dispatch(Measuring { block, thirds: &self.thirds }) {
+        let measuring =
+            Measuring { block, thirds: &self.thirds, weights: rules.weights, cliques: owner.cliques };
+        if rules.arch.dispatch(measuring) {
             block.set_thin_apart(&self.thirds, owner, &mut self.thin);
         }
         let inputs = Batch {
@@ -230,6 +232,7 @@ struct Thirds {
     moments: [Vec<f64>; 9],
     square_at_rest: Vec<f64>,
     square: Vec<f64>,
+    shares: Vec<f64>,
     /// Place of each member among the thirds, where it is one.
     place: Vec<u32>,
     /// Moments of the pairs `(k, l)`.
@@ -256,6 +259,7 @@ impl Thirds {
         channels.chain(&mut self.moments).for_each(|channel| channel.resize(width, 0.0));
         self.square_at_rest.resize(width, 0.0);
         self.square.resize(width, 0.0);
+        self.shares.resize(width, 0.0);
         for place in 0..width {
             let l = self.members[place.min(n - 1)] as usize;
             let (rest, eta, now) = (owner.rest(l), owner.displacement[l], owner.now(l));
@@ -268,6 +272,7 @@ impl Thirds {
             }
             self.square_at_rest[place] = dot(&rest, &rest);
             self.square[place] = dot(&now, &now);
+            self.shares[place] = owner.shares[l];
         }
         for sums in &mut self.sums {
             sums.clear();
@@ -299,10 +304,16 @@ struct Row {
     normal_at_rest: Vector,
     normal: Vector,
     turned: Vector,
+    /// `Xj` and `Xk`.
+    rest: [Vector; 2],
+    /// The longest of `|Xj|^2` and `|Xk|^2`, and of these and `|Xj - Xk|^2`.
+    longest: [f64; 2],
     /// `|Xj|^2 |Xk|^2` and `|xj|^2 |xk|^2`.
     squares: [f64; 2],
-    /// The volume of some tetrahedron: lanes without one are evaluated as if it were theirs.
+    /// A volume such as tetrahedra here have: lanes without one are evaluated as if it were theirs.
     some_volume: f64,
+    /// What `j`, `k` and the owner add to the weights.
+    weight: f64,
     moments: Moments,
 }
 
@@ -310,9 +321,9 @@ struct Row {
 #[derive(Default)]
 struct Block {
     rows: Vec<Row>,
-    /// Lane of each tetrahedron, and the number of its pair `(j, l)`.
+    /// Lane of each clique of four, and the number of its pair `(j, l)`.
     lanes: Vec<(u32, u32)>,
-    /// 0 in lanes without a tetrahedron.
+    /// 1 in lanes with a clique, then the weight of its tetrahedron; else 0.
     weight: Vec<f64>,
     sign: Vec<f64>,
     measure: Vec<f64>,
@@ -342,35 +353,34 @@ impl Block {
         let start = self.weight.len();
         let first = self.lanes.len();
         self.weight.resize(start + thirds.width(), 0.0);
-        let (rest, normal_at_rest) = (owner.rest(j), cross(&owner.rest(j), &owner.rest(k)));
-        let mut some_volume = 0.0;
-        never_fails(owner.cliques.tetrahedra_on(j, k, &mut |j: usize, k: usize, l: usize| {
+        for l in owner.cliques.common(j, k) {
             let lane = start + thirds.place[l] as usize;
-            let shares = [owner.shares[j], owner.shares[k], owner.shares[l]];
-            self.weight[lane] = rules.weights.join(owner.own_share, shares);
+            self.weight[lane] = 1.0;
             self.lanes.push((lane as u32, owner.pairs.of(j, l)));
-            some_volume = dot(&normal_at_rest, &owner.rest(l)).abs();
-            Ok(())
-        }));
+        }
         if self.lanes.len() == first {
             self.weight.truncate(start);
             return;
         }
+        let rest = [owner.rest(j), owner.rest(k)];
         let (xj, xk) = (owner.now(j), owner.now(k));
         let (eta_j, eta_k) = (owner.displacement[j], owner.displacement[k]);
-        let turned = plus(&cross(&rest, &eta_k), &cross(&eta_j, &xk));
-        let rest_k = owner.rest(k);
-        let squares = [dot(&rest, &rest) * dot(&rest_k, &rest_k), dot(&xj, &xj) * dot(&xk, &xk)];
+        let (square_j, square_k) = (owner.cliques.squares()[j], owner.cliques.squares()[k]);
+        let longest = square_j.max(square_k);
+        let edge: Vector = std::array::from_fn(|axis| rest[1][axis] - rest[0][axis]);
         self.rows.push(Row {
             j,
             k,
             pair: owner.pairs.of(j, k),
             first,
-            normal_at_rest,
+            normal_at_rest: cross(&rest[0], &rest[1]),
             normal: cross(&xj, &xk),
-            turned,
-            squares,
-            some_volume,
+            turned: plus(&cross(&rest[0], &eta_k), &cross(&eta_j, &xk)),
+            rest,
+            longest: [longest, longest.max(dot(&edge, &edge))],
+            squares: [square_j * square_k, dot(&xj, &xj) * dot(&xk, &xk)],
+            some_volume: longest * longest.sqrt(),
+            weight: rules.weights.begin(owner.own_share, &[owner.shares[j], owner.shares[k]]),
             moments: moments(&xj),
         });
     }
@@ -401,7 +411,9 @@ impl Block {
                 let (now, rest) = (self.measure[lane], self.reference[lane]);
                 let largest = row.squares[0] * thirds.square_at_rest[place];
                 let largest_now = row.squares[1] * thirds.square[place];
-                if rest * rest < THIN * THIN * largest || now * now < THIN * THIN * largest_now {
+                let is_thin = rest * rest < THIN * THIN * largest
+                    || now * now < THIN * THIN * largest_now;
+                if self.weight[lane] != 0.0 && is_thin {
                     self.weight[lane] = 0.0;
                     let l = thirds.members[place];
                     thin.push(TetrahedronLane {
@@ -431,10 +443,13 @@ impl Block {
     }
 }
 
-/// The volumes of a block; whether some have lost digits.
+/// The volumes and weights of a block; coplanar cliques get none. Returns whether some tetrahedra have
+/// lost digits.
 struct Measuring<'a> {
     block: &'a mut Block,
     thirds: &'a Thirds,
+    weights: &'a CliqueWeights,
+    cliques: &'a OwnerCliques<'a, 3>,
 }
 
 impl WithSimd for Measuring<'_> {
@@ -442,20 +457,22 @@ impl WithSimd for Measuring<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let Measuring { block, thirds } = self;
+        let Measuring { block, thirds, weights, cliques } = self;
+        let degeneracy = cliques.degeneracy();
         let splat = |x: f64| Lanes::splat(simd, x);
         let (zero, one) = (splat(0.0), splat(1.0));
         let groups = thirds.width() / Lanes::<S>::WIDTH;
         let mut thin = zero;
         for (number, row) in block.rows.iter().enumerate() {
-            let normal_at_rest = row.normal_at_rest.map(splat);
-            let (normal, turned) = (row.normal.map(splat), row.turned.map(splat));
-            let squares = row.squares.map(|square| splat(THIN * THIN * square));
+            let splat_all = |x: &Vector| -> [Lanes<S>; 3] { each(|axis| splat(x[axis])) };
+            let normal_at_rest = splat_all(&row.normal_at_rest);
+            let (normal, turned) = (splat_all(&row.normal), splat_all(&row.turned));
+            let squares: [Lanes<S>; 2] = each(|k| splat(THIN * THIN * row.squares[k]));
             let some_volume = splat(row.some_volume);
             for group in 0..groups {
                 let lanes = number * groups + group;
                 let load = |channels: &[Vec<f64>]| -> [Lanes<S>; 3] {
-                    [0, 1, 2].map(|axis| Lanes::load(simd, &channels[axis], group))
+                    each(|axis| Lanes::load(simd, &channels[axis], group))
                 };
                 let (rest, eta) = (load(&thirds.rest), load(&thirds.displacement));
                 let now = load(&thirds.moments[6..]);
@@ -463,13 +480,29 @@ impl WithSimd for Measuring<'_> {
                 let volume = dot(&normal, &now);
                 let grown = dot(&turned, &now) + dot(&normal_at_rest, &eta);
                 let sign = at_rest.sign();
-                let weight = Lanes::load(simd, &block.weight, lanes);
+                let share = Lanes::load(simd, &thirds.shares, group);
+                let is_clique = Lanes::load(simd, &block.weight, lanes);
+                let mut weight = is_clique * weights.join_last(row.weight, share);
+                let square = Lanes::load(simd, &thirds.square_at_rest, group);
+                let edge = splat(4.0) * splat(row.longest[0]).max(square);
+                let coplanar = is_clique * degeneracy.coplanar(at_rest * at_rest, edge);
+                if coplanar.largest() > 0.0 {
+                    // No edge is longer than twice the longest at the owner: now the edges themselves.
+                    let mut edge = splat(row.longest[1]).max(square);
+                    for corner in row.rest {
+                        let away: [Lanes<S>; 3] = each(|axis| rest[axis] - splat(corner[axis]));
+                        edge = edge.max(dot(&away, &away));
+                    }
+                    let coplanar = coplanar * degeneracy.coplanar(at_rest * at_rest, edge);
+                    weight = coplanar.where_equal(zero, weight, zero);
+                }
+                weight.store(&mut block.weight, lanes);
                 let used = |value: Lanes<S>, other: Lanes<S>| weight.where_equal(zero, other, value);
                 used(sign * volume, some_volume).store(&mut block.measure, lanes);
                 used(sign * at_rest, some_volume).store(&mut block.reference, lanes);
                 used(grown / at_rest, zero).store(&mut block.change, lanes);
                 sign.store(&mut block.sign, lanes);
-                let largest = squares[0] * Lanes::load(simd, &thirds.square_at_rest, group);
+                let largest = squares[0] * square;
                 let largest_now = squares[1] * Lanes::load(simd, &thirds.square, group);
                 let is_thin = (at_rest * at_rest).where_less(largest, one, zero);
                 let is_thin = (volume * volume).where_less(largest_now, one, is_thin);

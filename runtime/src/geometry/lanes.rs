@@ -45,6 +45,12 @@ impl<S: Simd> Lanes<S> {
         Lanes { numbers: self.simd.select_f64s(mask, yes.numbers, no.numbers), ..self }
     }
 
+    /// The larger of two numbers in each lane, where both are numbers.
+    #[inline(always)]
+    pub fn max(self, other: Self) -> Self {
+        Lanes { numbers: self.simd.max_f64s(self.numbers, other.numbers), ..self }
+    }
+
     /// The largest of them, where all are numbers.
     #[inline(always)]
     pub fn largest(self) -> f64 {

@@ -233,8 +233,33 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         self.row(j)[k / 64] >> (k % 64) & 1 == 1
     }
 
-    /// Visits the tetrahedra on one triangle of the owner, as [`Self::tetrahedra`] does.
-    pub fn tetrahedra_on<E>(
+    /// The members that are neighbours of both `j < k` and come after them, ascending.
+    #[inline(always)]
+    pub fn common(&self, j: usize, k: usize) -> impl Iterator<Item = usize> {
+        let mut words = self.row(j).iter().zip(self.row(k)).map(|(p, q)| p & q);
+        let mut bits = words.next().unwrap_or(0);
+        let mut word = 0;
+        std::iter::from_fn(move || {
+            while bits == 0 {
+                bits = words.next()?;
+                word += 1;
+            }
+            Some(next_bit(word, &mut bits))
+        })
+    }
+
+    /// Squared lengths of the reference vectors.
+    pub fn squares(&self) -> &[f64] {
+        &self.squares
+    }
+
+    /// What counts as coplanar.
+    pub fn degeneracy(&self) -> Degeneracy {
+        self.degeneracy
+    }
+
+    /// The tetrahedra on one triangle.
+    fn tetrahedra_on<E>(
         &self,
         j: usize,
         k: usize,

@@ -1,6 +1,10 @@
 //! Which triangles count as collinear and which tetrahedra as coplanar.
 
+use pulp::Simd;
+
 use crate::body::Body;
+use crate::geometry::Scalar;
+use crate::geometry::lanes::Lanes;
 
 /// The relative tolerance of `A <= tol*h^2` and `V <= tol*h^3`, with `h` the longest edge and
 /// `tol = max(1e-8, 64u x_max/h)`: below it, rounding of the coordinates decides the measure.
@@ -38,6 +42,17 @@ impl Degeneracy {
     pub fn is_coplanar(&self, volume_squared: f64, edge_squared: f64) -> bool {
         let scale = (TOLERANCE_SQUARED * edge_squared).max(self.rounding_squared);
         volume_squared <= scale * edge_squared * edge_squared
+    }
+}
+
+impl Degeneracy {
+    /// 1 where [`Degeneracy::is_coplanar`], else 0.
+    #[inline(always)]
+    pub fn coplanar<S: Simd>(&self, volume_squared: Lanes<S>, edge_squared: Lanes<S>) -> Lanes<S> {
+        let relative = edge_squared.alike(TOLERANCE_SQUARED) * edge_squared;
+        let scale = relative.max(edge_squared.alike(self.rounding_squared));
+        let (zero, one) = (edge_squared.alike(0.0), edge_squared.alike(1.0));
+        (scale * edge_squared * edge_squared).where_less(volume_squared, zero, one)
     }
 }
 

@@ -10,6 +10,7 @@ mod error;
 mod inversion;
 mod rows;
 mod slab;
+mod sum;
 mod tetrahedra;
 
 pub use error::AssemblyError;

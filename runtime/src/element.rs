@@ -11,17 +11,17 @@ mod coordinate;
 pub mod cost;
 mod measure;
 
+pub(crate) use batch::WIDEST;
 pub use batch::{CAPACITY, Channel, Contributions, InteractionBatch};
 pub use coordinate::{CoordinateElement, CoordinateEnergy};
 pub use measure::MeasureElement;
-pub(crate) use batch::WIDEST;
 pub(crate) use measure::THIN;
 
 use pulp::Arch;
 
 use crate::interaction::n_neighbors;
-use crate::kernel::{Law, Measure};
 pub use crate::kernel::Order;
+use crate::kernel::{Law, Measure};
 
 /// The first interaction of a batch whose energy or derivatives are not finite, or that is turned
 /// inside out where the energy forbids it.

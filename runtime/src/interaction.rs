@@ -10,8 +10,8 @@ mod degenerate;
 mod slab;
 
 pub use census::Census;
-pub use clique::{ContributingPairs, OwnerCliques};
 pub(crate) use clique::never_fails;
+pub use clique::{ContributingPairs, OwnerCliques};
 pub use degenerate::Degeneracy;
 pub use slab::Slabs;
 

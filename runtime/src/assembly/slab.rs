@@ -2,11 +2,12 @@
 
 use super::accumulate::{OwnerSums, TetrahedronLane, TriangleLane, add_bonds};
 use super::rows::Rows;
+use super::sum::Sum;
 use super::tetrahedra::{Owner, Rules, TetrahedronSums};
 use super::{DiscreteEnergy, Kind};
 use crate::element::{CAPACITY, Contributions, InteractionBatch, Order};
 use crate::energy::{EnergyParts, NonFinite};
-use crate::interaction::OwnerCliques;
+use crate::interaction::{OwnerCliques, never_fails};
 
 /// A slab with the rows it may write to.
 pub(super) struct SlabTask<'a> {
@@ -22,33 +23,6 @@ pub(super) struct SlabEnergy {
     tetrahedra: Sum,
 }
 
-/// A sum that carries its rounding error along (Neumaier): as good as one with twice the digits.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Sum {
-    sum: f64,
-    error: f64,
-}
-
-impl Sum {
-    #[inline(always)]
-    pub(super) fn add(&mut self, x: f64) {
-        let sum = self.sum + x;
-        let lost =
-            if self.sum.abs() >= x.abs() { (self.sum - sum) + x } else { (x - sum) + self.sum };
-        self.sum = sum;
-        self.error += lost;
-    }
-
-    fn join(&mut self, other: Sum) {
-        self.add(other.sum);
-        self.add(other.error);
-    }
-
-    fn value(self) -> f64 {
-        self.sum + self.error
-    }
-}
-
 /// Adds the slabs in their order; an error is the lowest of all: bonds before triangles before
 /// tetrahedra, then by points.
 pub(super) fn total(
@@ -59,9 +33,9 @@ pub(super) fn total(
     for outcome in outcomes {
         match outcome {
             Ok(part) => {
-                total.bonds.join(part.bonds);
-                total.triangles.join(part.triangles);
-                total.tetrahedra.join(part.tetrahedra);
+                total.bonds.join(&part.bonds);
+                total.triangles.join(&part.triangles);
+                total.tetrahedra.join(&part.tetrahedra);
             }
             Err(error) => {
                 let key = |error: &NonFinite| (error.measure, error.points.clone());
@@ -178,20 +152,21 @@ impl<'a, const D: usize> Context<'a, D> {
         let mut cliques = self.cliques();
         let mut batch = Gathered::<TriangleLane, D>::new(kind);
         let mut sums = OwnerSums::<D>::default();
+        let mut lanes = Vec::new();
         for owner in self.energy.slabs.owners(self.slab) {
             cliques.set(owner);
             self.displacements(&cliques, &mut batch.displacement);
             batch.set_shares(kind, &cliques);
             sums.reset(self.order, cliques.members().len(), 0);
-            cliques.triangles(|j, k, place| {
-                let members = [j as u32, k as u32];
-                batch.lanes.push(TriangleLane { members, place: place as u32 });
-                if batch.is_full() {
-                    self.add_triangles(kind, &cliques, &mut batch, &mut sums, rows)?;
-                }
+            lanes.clear();
+            never_fails(cliques.triangles(|j, k, place| {
+                lanes.push(TriangleLane { members: [j as u32, k as u32], place: place as u32 });
                 Ok(())
-            })?;
-            self.add_triangles(kind, &cliques, &mut batch, &mut sums, rows)?;
+            }));
+            for lanes in lanes.chunks(CAPACITY) {
+                batch.lanes.extend_from_slice(lanes);
+                self.add_triangles(kind, &cliques, &mut batch, &mut sums, rows)?;
+            }
             sums.write(&cliques, self.order, rows);
         }
         Ok(batch.sum)
@@ -259,7 +234,7 @@ impl Context<'_, 3> {
             return Ok(false);
         }
         by_pairs.derive(&owner, order, sums);
-        by_pairs.add_energy(&mut batch.sum);
+        batch.sum.join(&by_pairs.energy);
         for &lane in &by_pairs.thin {
             batch.lanes.push(lane);
             if batch.is_full() {
@@ -374,9 +349,15 @@ impl<L, const D: usize> Gathered<L, D> {
         let lanes = &self.lanes[..self.lanes.len().min(CAPACITY)];
         let corners = |lane: usize| members(&lanes[lane]).map(|member| member as usize);
         self.batch.gather(lanes.len(), cliques.reference(), &self.displacement, corners);
+        let (shares, mut known) = (&self.shares, ([usize::MAX; K], 0.0));
         for lane in 0..lanes.len() {
-            let shares = corners(lane).map(|member| self.shares[member]);
-            self.batch.weight[lane] = kind.weights.join(self.own_share, shares);
+            let corners = corners(lane);
+            // Neighbouring interactions share all corners but the last.
+            if corners[..K - 1] != known.0[..K - 1] || lane == 0 {
+                let begun = corners.map(|member| shares[member]);
+                known = (corners, kind.weights.begin(self.own_share, &begun[..K - 1]));
+            }
+            self.batch.weight[lane] = kind.weights.join_last(known.1, shares[corners[K - 1]]);
         }
     }
 
@@ -402,9 +383,9 @@ impl<L, const D: usize> Gathered<L, D> {
                 inverted: element.forbids_inversion() && refused.value <= 0.0,
             }
         })?;
-        for &energy in &self.out.energy[..self.batch.len()] {
-            self.sum.add(energy);
-        }
+        let (len, padded) = (self.batch.len(), self.batch.padded_len());
+        self.out.energy[len..padded].fill(0.0);
+        self.sum.add(&self.out.energy[..padded]);
         Ok(())
     }
 }
@@ -433,6 +414,12 @@ impl PairNumbers {
     /// How many pairs there are.
     pub(super) fn count(&self) -> usize {
         self.count
+    }
+
+    /// Those of the pairs of `j` with each member after it that is its neighbour.
+    #[inline(always)]
+    pub(super) fn row(&self, j: usize) -> &[u32] {
+        &self.number[j * self.n_members..(j + 1) * self.n_members]
     }
 
     #[inline(always)]

@@ -26,7 +26,8 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::accumulate::{OwnerSums, TetrahedronLane};
-use super::slab::{PairNumbers, Sum};
+use super::slab::PairNumbers;
+use super::sum::Sum;
 use crate::element::{Order, THIN, WIDEST};
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{Scalar, cross, dot, each};
@@ -37,7 +38,7 @@ use crate::weights::CliqueWeights;
 /// Lanes evaluated at once: their numbers stay in the first-level cache.
 const CAPACITY: usize = 256;
 
-/// `xx, xy, xz, yy, yz, zz` of `M`, then `p`.
+/// `p`, then `xx, xy, xz, yy, yz, zz` of `M`.
 type Moments = [f64; 9];
 
 type Vector = [f64; 3];
@@ -62,26 +63,37 @@ pub(super) struct Owner<'a> {
     pub(super) pairs: &'a PairNumbers,
 }
 
-impl Owner<'_> {
-    fn rest(&self, member: usize) -> Vector {
-        self.cliques.reference()[member]
-    }
+/// The members of an owner now.
+#[derive(Default)]
+struct Members {
+    now: Vec<Vector>,
+    square: Vec<f64>,
+    moments: Vec<Moments>,
+}
 
-    fn now(&self, member: usize) -> Vector {
-        plus(&self.rest(member), &self.displacement[member])
+impl Members {
+    fn set(&mut self, owner: &Owner<'_>) {
+        self.now.clear();
+        let rest = owner.cliques.reference().iter();
+        self.now.extend(rest.zip(owner.displacement).map(|(rest, eta)| plus(rest, eta)));
+        self.square.clear();
+        self.square.extend(self.now.iter().map(|x| dot(x, x)));
+        self.moments.clear();
+        self.moments.extend(self.now.iter().map(moments));
     }
 }
 
 /// Room for the tetrahedra of one owner after the other.
 #[derive(Default)]
 pub(super) struct TetrahedronSums {
+    members: Members,
     pairs: Vec<Moments>,
     thirds: Thirds,
     block: Block,
     /// Tetrahedra that have lost digits and need another treatment.
     pub(super) thin: Vec<TetrahedronLane>,
-    energy: [f64; WIDEST],
-    energy_error: [f64; WIDEST],
+    /// The energy of the owner.
+    pub(super) energy: Sum,
 }
 
 impl TetrahedronSums {
@@ -91,9 +103,10 @@ impl TetrahedronSums {
         self.pairs.clear();
         self.pairs.resize(owner.pairs.count(), [0.0; 9]);
         self.thin.clear();
-        (self.energy, self.energy_error) = ([0.0; WIDEST], [0.0; WIDEST]);
+        self.energy = Sum::default();
+        self.members.set(owner);
         for k in 0..owner.cliques.members().len() {
-            self.thirds.set(owner, k);
+            self.thirds.set(owner, &self.members, k);
             let width = self.thirds.width();
             if width == 0 {
                 continue;
@@ -103,7 +116,7 @@ impl TetrahedronSums {
                 if self.block.weight.len() + width > CAPACITY && !self.run(rules, owner) {
                     return false;
                 }
-                self.block.add_row(rules, owner, (j, k), &self.thirds);
+                self.block.add_row(rules, owner, &self.members, &self.thirds, j);
             }
             if !self.run(rules, owner) {
                 return false;
@@ -115,11 +128,6 @@ impl TetrahedronSums {
         true
     }
 
-    /// Adds the energy to a sum.
-    pub(super) fn add_energy(&self, sum: &mut Sum) {
-        self.energy.iter().chain(&self.energy_error).for_each(|&part| sum.add(part));
-    }
-
     /// Evaluates the block and empties it.
     fn run(&mut self, rules: &Rules<'_>, owner: &Owner<'_>) -> bool {
         let block = &mut self.block;
@@ -127,8 +135,8 @@ impl TetrahedronSums {
             return true;
         }
         let n = block.make_room();
-        let measuring =
-            Measuring { block, thirds: &self.thirds, weights: rules.weights, cliques: owner.cliques };
+        let (members, thirds) = (&self.members, &self.thirds);
+        let measuring = Measuring { block, thirds, members, weights: rules.weights, owner };
         if rules.arch.dispatch(measuring) {
             block.set_thin_apart(&self.thirds, owner, &mut self.thin);
         }
@@ -142,15 +150,16 @@ impl TetrahedronSums {
         rules.law.evaluate(inputs, rules.order, outputs);
         let summing = Summing {
             block,
+            members: &self.members,
             thirds: &mut self.thirds,
             pairs: &mut self.pairs,
-            energy: (&mut self.energy, &mut self.energy_error),
+            energy: &mut self.energy,
             order: rules.order,
             least: rules.least,
         };
         let is_fine = rules.arch.dispatch(summing);
         if rules.order >= Order::Gradient {
-            block.scatter(&self.thirds.middle_moments, rules.order, &mut self.pairs);
+            block.scatter(&self.members.moments[self.thirds.k], rules.order, &mut self.pairs);
         }
         block.restart();
         is_fine
@@ -163,11 +172,11 @@ impl TetrahedronSums {
         }
         let mut number = 0;
         for a in 0..owner.cliques.members().len() {
-            let xa = owner.now(a);
+            let xa = self.members.now[a];
             for (b, _) in owner.cliques.later(a) {
-                let xb = owner.now(b);
+                let xb = self.members.now[b];
                 let moments = &self.pairs[number];
-                let p = [moments[6], moments[7], moments[8]];
+                let p = [moments[0], moments[1], moments[2]];
                 sums.add_gradient(a, &cross(&xb, &p).map(|g| 0.5 * g));
                 sums.add_gradient(b, &cross(&xa, &p).map(|g| -0.5 * g));
                 if order == Order::Tangent {
@@ -187,7 +196,7 @@ fn add_blocks(
     number: usize,
     sums: &mut OwnerSums<3>,
 ) {
-    let &[xx, xy, xz, yy, yz, zz, px, py, pz] = moments;
+    let &[px, py, pz, xx, xy, xz, yy, yz, zz] = moments;
     let rows = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]];
     // M [x]^T has the rows x x (row of M): M is symmetric.
     let (from_a, from_b) = (rows.map(|row| cross(xa, &row)), rows.map(|row| cross(xb, &row)));
@@ -215,20 +224,25 @@ fn plus(p: &Vector, q: &Vector) -> Vector {
     std::array::from_fn(|axis| p[axis] + q[axis])
 }
 
-/// `x x^T` and `x`.
+/// `x` and `x x^T`.
 fn moments(x: &Vector) -> Moments {
     let [a, b, c] = *x;
-    [a * a, a * b, a * c, b * b, b * c, c * c, a, b, c]
+    [a, b, c, a * a, a * b, a * c, b * b, b * c, c * c]
 }
 
 /// The third corners of the tetrahedra on all pairs `(j, k)` of one `k`: the later neighbours `l` of
 /// `k`, side by side. Repeats the last to fill whole registers.
 #[derive(Default)]
 struct Thirds {
+    k: usize,
     members: Vec<u32>,
+    /// `Xl`.
     rest: [Vec<f64>; 3],
-    displacement: [Vec<f64>; 3],
-    /// `xl xl^T` and `xl`.
+    /// `Xk x Xl`, `xk x xl`, and their difference from displacements.
+    normal_at_rest: [Vec<f64>; 3],
+    normal: [Vec<f64>; 3],
+    turned: [Vec<f64>; 3],
+    /// `xl` and `xl xl^T`.
     moments: [Vec<f64>; 9],
     square_at_rest: Vec<f64>,
     square: Vec<f64>,
@@ -237,8 +251,6 @@ struct Thirds {
     place: Vec<u32>,
     /// Moments of the pairs `(k, l)`.
     sums: [Vec<f64>; 9],
-    /// `xk xk^T` and `xk`.
-    middle_moments: Moments,
 }
 
 impl Thirds {
@@ -246,7 +258,8 @@ impl Thirds {
         self.square.len()
     }
 
-    fn set(&mut self, owner: &Owner<'_>, k: usize) {
+    fn set(&mut self, owner: &Owner<'_>, members: &Members, k: usize) {
+        self.k = k;
         self.members.clear();
         self.place.resize(owner.cliques.members().len(), 0);
         for (l, _) in owner.cliques.later(k) {
@@ -255,30 +268,35 @@ impl Thirds {
         }
         let n = self.members.len();
         let width = n.next_multiple_of(WIDEST);
-        let channels = self.rest.iter_mut().chain(&mut self.displacement);
-        channels.chain(&mut self.moments).for_each(|channel| channel.resize(width, 0.0));
-        self.square_at_rest.resize(width, 0.0);
-        self.square.resize(width, 0.0);
-        self.shares.resize(width, 0.0);
+        let vectors =
+            [&mut self.rest, &mut self.normal_at_rest, &mut self.normal, &mut self.turned];
+        let channels = vectors.into_iter().flatten().chain(&mut self.moments);
+        let channels = channels.chain([&mut self.square_at_rest, &mut self.square]);
+        channels.chain([&mut self.shares]).for_each(|channel| channel.resize(width, 0.0));
+        let (rest, displacement) = (owner.cliques.reference(), owner.displacement);
         for place in 0..width {
             let l = self.members[place.min(n - 1)] as usize;
-            let (rest, eta, now) = (owner.rest(l), owner.displacement[l], owner.now(l));
+            let turned =
+                plus(&cross(&rest[k], &displacement[l]), &cross(&displacement[k], &members.now[l]));
+            let (at_rest, now) =
+                (cross(&rest[k], &rest[l]), cross(&members.now[k], &members.now[l]));
             for axis in 0..3 {
-                self.rest[axis][place] = rest[axis];
-                self.displacement[axis][place] = eta[axis];
+                self.rest[axis][place] = rest[l][axis];
+                self.normal_at_rest[axis][place] = at_rest[axis];
+                self.normal[axis][place] = now[axis];
+                self.turned[axis][place] = turned[axis];
             }
-            for (channel, moment) in self.moments.iter_mut().zip(moments(&now)) {
+            for (channel, moment) in self.moments.iter_mut().zip(members.moments[l]) {
                 channel[place] = moment;
             }
-            self.square_at_rest[place] = dot(&rest, &rest);
-            self.square[place] = dot(&now, &now);
+            self.square_at_rest[place] = owner.cliques.squares()[l];
+            self.square[place] = members.square[l];
             self.shares[place] = owner.shares[l];
         }
         for sums in &mut self.sums {
             sums.clear();
             sums.resize(width, 0.0);
         }
-        self.middle_moments = moments(&owner.now(k));
     }
 
     /// Adds the moments of the pairs `(k, l)`.
@@ -295,26 +313,16 @@ impl Thirds {
 /// The tetrahedra on one pair `(j, k)`: one lane for each of the [`Thirds`].
 struct Row {
     j: usize,
-    k: usize,
     /// Number of the pair.
     pair: u32,
     /// Number of the first tetrahedron in [`Block::lanes`].
     first: usize,
-    /// `Xj x Xk`, `xj x xk`, and their difference from displacements.
-    normal_at_rest: Vector,
-    normal: Vector,
-    turned: Vector,
-    /// `Xj` and `Xk`.
-    rest: [Vector; 2],
     /// The longest of `|Xj|^2` and `|Xk|^2`, and of these and `|Xj - Xk|^2`.
     longest: [f64; 2],
     /// `|Xj|^2 |Xk|^2` and `|xj|^2 |xk|^2`.
     squares: [f64; 2],
-    /// A volume such as tetrahedra here have: lanes without one are evaluated as if it were theirs.
-    some_volume: f64,
     /// What `j`, `k` and the owner add to the weights.
     weight: f64,
-    moments: Moments,
 }
 
 /// Rows that are evaluated at once.
@@ -347,41 +355,37 @@ impl Block {
         &mut self,
         rules: &Rules<'_>,
         owner: &Owner<'_>,
-        (j, k): (usize, usize),
+        members: &Members,
         thirds: &Thirds,
+        j: usize,
     ) {
-        let start = self.weight.len();
-        let first = self.lanes.len();
+        let (k, start, first) = (thirds.k, self.weight.len(), self.lanes.len());
         self.weight.resize(start + thirds.width(), 0.0);
-        for l in owner.cliques.common(j, k) {
-            let lane = start + thirds.place[l] as usize;
-            self.weight[lane] = 1.0;
-            self.lanes.push((lane as u32, owner.pairs.of(j, l)));
-        }
-        if self.lanes.len() == first {
+        self.lanes.resize(first + thirds.width(), (0, 0));
+        let (is_clique, lanes) = (&mut self.weight[start..], &mut self.lanes[first..]);
+        let pairs = owner.pairs.row(j);
+        let mut count = 0;
+        owner.cliques.for_each_common(j, k, |l| {
+            let place = thirds.place[l];
+            is_clique[place as usize] = 1.0;
+            lanes[count] = (start as u32 + place, pairs[l]);
+            count += 1;
+        });
+        self.lanes.truncate(first + count);
+        if count == 0 {
             self.weight.truncate(start);
             return;
         }
-        let rest = [owner.rest(j), owner.rest(k)];
-        let (xj, xk) = (owner.now(j), owner.now(k));
-        let (eta_j, eta_k) = (owner.displacement[j], owner.displacement[k]);
-        let (square_j, square_k) = (owner.cliques.squares()[j], owner.cliques.squares()[k]);
-        let longest = square_j.max(square_k);
-        let edge: Vector = std::array::from_fn(|axis| rest[1][axis] - rest[0][axis]);
+        let (rest, squares) = (owner.cliques.reference(), owner.cliques.squares());
+        let edge: Vector = each(|axis| rest[k][axis] - rest[j][axis]);
+        let longest = squares[j].max(squares[k]);
         self.rows.push(Row {
             j,
-            k,
-            pair: owner.pairs.of(j, k),
+            pair: pairs[k],
             first,
-            normal_at_rest: cross(&rest[0], &rest[1]),
-            normal: cross(&xj, &xk),
-            turned: plus(&cross(&rest[0], &eta_k), &cross(&eta_j, &xk)),
-            rest,
             longest: [longest, longest.max(dot(&edge, &edge))],
-            squares: [square_j * square_k, dot(&xj, &xj) * dot(&xk, &xk)],
-            some_volume: longest * longest.sqrt(),
+            squares: [squares[j] * squares[k], members.square[j] * members.square[k]],
             weight: rules.weights.begin(owner.own_share, &[owner.shares[j], owner.shares[k]]),
-            moments: moments(&xj),
         });
     }
 
@@ -411,14 +415,14 @@ impl Block {
                 let (now, rest) = (self.measure[lane], self.reference[lane]);
                 let largest = row.squares[0] * thirds.square_at_rest[place];
                 let largest_now = row.squares[1] * thirds.square[place];
-                let is_thin = rest * rest < THIN * THIN * largest
-                    || now * now < THIN * THIN * largest_now;
+                let is_thin =
+                    rest * rest < THIN * THIN * largest || now * now < THIN * THIN * largest_now;
                 if self.weight[lane] != 0.0 && is_thin {
                     self.weight[lane] = 0.0;
                     let l = thirds.members[place];
                     thin.push(TetrahedronLane {
-                        members: [row.j as u32, row.k as u32, l],
-                        pairs: [row.pair, pair, owner.pairs.of(row.k, l as usize)],
+                        members: [row.j as u32, thirds.k as u32, l],
+                        pairs: [row.pair, pair, owner.pairs.of(thirds.k, l as usize)],
                     });
                 }
             }
@@ -430,12 +434,12 @@ impl Block {
         for &(lane, pair) in &self.lanes {
             let sums = &mut pairs[pair as usize];
             let first = self.first[lane as usize];
-            for part in 6..9 {
+            for part in 0..3 {
                 sums[part] -= first * middle[part];
             }
             if order == Order::Tangent {
                 let second = self.second[lane as usize];
-                for part in 0..6 {
+                for part in 3..9 {
                     sums[part] += second * middle[part];
                 }
             }
@@ -448,8 +452,9 @@ impl Block {
 struct Measuring<'a> {
     block: &'a mut Block,
     thirds: &'a Thirds,
+    members: &'a Members,
     weights: &'a CliqueWeights,
-    cliques: &'a OwnerCliques<'a, 3>,
+    owner: &'a Owner<'a>,
 }
 
 impl WithSimd for Measuring<'_> {
@@ -457,54 +462,61 @@ impl WithSimd for Measuring<'_> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let Measuring { block, thirds, weights, cliques } = self;
-        let degeneracy = cliques.degeneracy();
+        let Measuring { block, thirds, members, weights, owner } = self;
+        let degeneracy = owner.cliques.degeneracy();
         let splat = |x: f64| Lanes::splat(simd, x);
+        let splat_all = |x: &Vector| -> [Lanes<S>; 3] { each(|axis| splat(x[axis])) };
         let (zero, one) = (splat(0.0), splat(1.0));
         let groups = thirds.width() / Lanes::<S>::WIDTH;
         let mut thin = zero;
         for (number, row) in block.rows.iter().enumerate() {
-            let splat_all = |x: &Vector| -> [Lanes<S>; 3] { each(|axis| splat(x[axis])) };
-            let normal_at_rest = splat_all(&row.normal_at_rest);
-            let (normal, turned) = (splat_all(&row.normal), splat_all(&row.turned));
+            let rest = splat_all(&owner.cliques.reference()[row.j]);
+            let eta = splat_all(&owner.displacement[row.j]);
+            let now = splat_all(&members.now[row.j]);
             let squares: [Lanes<S>; 2] = each(|k| splat(THIN * THIN * row.squares[k]));
-            let some_volume = splat(row.some_volume);
+            // Lanes without a tetrahedron are evaluated as if they had this volume, unstrained.
+            let some_volume = splat(row.longest[0] * row.longest[0].sqrt());
             for group in 0..groups {
                 let lanes = number * groups + group;
-                let load = |channels: &[Vec<f64>]| -> [Lanes<S>; 3] {
-                    each(|axis| Lanes::load(simd, &channels[axis], group))
+                let load = |channel: &[f64]| Lanes::load(simd, channel, group);
+                let load_all = |channels: &[Vec<f64>; 3]| -> [Lanes<S>; 3] {
+                    each(|axis| load(&channels[axis]))
                 };
-                let (rest, eta) = (load(&thirds.rest), load(&thirds.displacement));
-                let now = load(&thirds.moments[6..]);
-                let at_rest = dot(&normal_at_rest, &rest);
-                let volume = dot(&normal, &now);
-                let grown = dot(&turned, &now) + dot(&normal_at_rest, &eta);
+                let (normal_at_rest, normal) =
+                    (load_all(&thirds.normal_at_rest), load_all(&thirds.normal));
+                let at_rest = dot(&rest, &normal_at_rest);
+                let volume = dot(&now, &normal);
+                let grown = dot(&eta, &normal) + dot(&rest, &load_all(&thirds.turned));
                 let sign = at_rest.sign();
-                let share = Lanes::load(simd, &thirds.shares, group);
                 let is_clique = Lanes::load(simd, &block.weight, lanes);
-                let mut weight = is_clique * weights.join_last(row.weight, share);
-                let square = Lanes::load(simd, &thirds.square_at_rest, group);
-                let edge = splat(4.0) * splat(row.longest[0]).max(square);
-                let coplanar = is_clique * degeneracy.coplanar(at_rest * at_rest, edge);
-                if coplanar.largest() > 0.0 {
-                    // No edge is longer than twice the longest at the owner: now the edges themselves.
-                    let mut edge = splat(row.longest[1]).max(square);
-                    for corner in row.rest {
-                        let away: [Lanes<S>; 3] = each(|axis| rest[axis] - splat(corner[axis]));
+                let square = load(&thirds.square_at_rest);
+                let volume_squared = at_rest * at_rest;
+                // No edge is longer than twice the longest at the owner, and those are edges: nearly
+                // always that decides.
+                let bound = splat(4.0) * splat(row.longest[0]).max(square);
+                let mut edge = splat(row.longest[1]).max(square);
+                let mut coplanar = degeneracy.coplanar(volume_squared, edge);
+                let possible = degeneracy.coplanar(volume_squared, bound);
+                if (is_clique * (possible - coplanar)).largest() > 0.0 {
+                    let third = load_all(&thirds.rest);
+                    for corner in [row.j, thirds.k] {
+                        let corner = splat_all(&owner.cliques.reference()[corner]);
+                        let away: [Lanes<S>; 3] = each(|axis| third[axis] - corner[axis]);
                         edge = edge.max(dot(&away, &away));
                     }
-                    let coplanar = coplanar * degeneracy.coplanar(at_rest * at_rest, edge);
-                    weight = coplanar.where_equal(zero, weight, zero);
+                    coplanar = possible * degeneracy.coplanar(volume_squared, edge);
                 }
+                let weight = is_clique * weights.join_last(row.weight, load(&thirds.shares));
+                let weight = coplanar.where_equal(zero, weight, zero);
                 weight.store(&mut block.weight, lanes);
-                let used = |value: Lanes<S>, other: Lanes<S>| weight.where_equal(zero, other, value);
+                let used =
+                    |value: Lanes<S>, other: Lanes<S>| weight.where_equal(zero, other, value);
                 used(sign * volume, some_volume).store(&mut block.measure, lanes);
                 used(sign * at_rest, some_volume).store(&mut block.reference, lanes);
                 used(grown / at_rest, zero).store(&mut block.change, lanes);
                 sign.store(&mut block.sign, lanes);
-                let largest = squares[0] * square;
-                let largest_now = squares[1] * Lanes::load(simd, &thirds.square, group);
-                let is_thin = (at_rest * at_rest).where_less(largest, one, zero);
+                let is_thin = volume_squared.where_less(squares[0] * square, one, zero);
+                let largest_now = squares[1] * load(&thirds.square);
                 let is_thin = (volume * volume).where_less(largest_now, one, is_thin);
                 thin = thin + used(is_thin, zero);
             }
@@ -517,9 +529,10 @@ impl WithSimd for Measuring<'_> {
 /// and no volume below the least.
 struct Summing<'a> {
     block: &'a mut Block,
+    members: &'a Members,
     thirds: &'a mut Thirds,
     pairs: &'a mut [Moments],
-    energy: (&'a mut [f64; WIDEST], &'a mut [f64; WIDEST]),
+    energy: &'a mut Sum,
     order: Order,
     least: f64,
 }
@@ -528,68 +541,86 @@ impl WithSimd for Summing<'_> {
     type Output = bool;
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let Summing { block, thirds, pairs, energy, order, least } = self;
+    fn with_simd<S: Simd>(mut self, simd: S) -> bool {
+        let is_fine = self.weigh(simd);
+        match self.order {
+            Order::Energy => {}
+            Order::Gradient => self.sum_moments::<S, 3>(simd),
+            Order::Tangent => self.sum_moments::<S, 9>(simd),
+        }
+        is_fine
+    }
+}
+
+impl Summing<'_> {
+    /// Sums the energies and turns psi' and psi'' into `f` and `s`.
+    #[inline(always)]
+    fn weigh<S: Simd>(&mut self, simd: S) -> bool {
+        let (block, energy, order) = (&mut *self.block, &mut *self.energy, self.order);
         let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
-        let (least, nothing) = (Lanes::splat(simd, least), Lanes::splat(simd, f64::NAN));
-        let groups = thirds.width() / Lanes::<S>::WIDTH;
-        // Sums over lanes have one order, whatever the width: that of the widest registers.
-        let registers = WIDEST / Lanes::<S>::WIDTH;
-        let channels = match order {
-            Order::Energy => 0..0,
-            Order::Gradient => 6..9,
-            Order::Tangent => 0..9,
-        };
+        let (least, nothing) = (Lanes::splat(simd, self.least), Lanes::splat(simd, f64::NAN));
         // 0 as long as all is well: the difference of a number and itself is 0 if it is finite.
         let mut refused = zero;
-        for (number, row) in block.rows.iter().enumerate() {
-            let start = number * groups;
-            for group in 0..groups {
-                let lanes = start + group;
-                let weight = Lanes::load(simd, &block.weight, lanes);
-                let part = weight * Lanes::load(simd, &block.psi, lanes);
-                let measure = Lanes::load(simd, &block.measure, lanes);
-                let change = Lanes::load(simd, &block.change, lanes);
-                refused = refused + (part - part) + (change - change);
-                refused = measure.where_less(least, nothing, refused);
-                let register = group % registers;
-                let sum = Lanes::load(simd, energy.0, register);
-                let error = Lanes::load(simd, energy.1, register);
-                let total = sum + part;
-                let taken = total - sum;
-                let lost = (sum - (total - taken)) + (part - taken);
-                total.store(energy.0, register);
-                (error + lost).store(energy.1, register);
-                if order >= Order::Gradient {
-                    let sign = Lanes::load(simd, &block.sign, lanes);
-                    let first = weight * sign * Lanes::load(simd, &block.first, lanes);
-                    first.store(&mut block.first, lanes);
-                    refused = refused + (first - first);
-                }
-                if order == Order::Tangent {
-                    let second = weight * Lanes::load(simd, &block.second, lanes);
-                    second.store(&mut block.second, lanes);
-                    refused = refused + (second - second);
-                }
+        for lanes in 0..block.weight.len() / Lanes::<S>::WIDTH {
+            let load = |channel: &[f64]| Lanes::load(simd, channel, lanes);
+            let weight = load(&block.weight);
+            let part = weight * load(&block.psi);
+            part.store(&mut block.psi, lanes);
+            let change = load(&block.change);
+            refused = refused + (part - part) + (change - change);
+            refused = load(&block.measure).where_less(least, nothing, refused);
+            if order >= Order::Gradient {
+                let first = weight * load(&block.sign) * load(&block.first);
+                first.store(&mut block.first, lanes);
+                refused = refused + (first - first);
             }
-            for channel in channels.clone() {
-                let factors = if channel < 6 { &block.second } else { &block.first };
-                let near = Lanes::splat(simd, row.moments[channel]);
-                let mut total = [0.0; WIDEST];
-                for register in 0..registers {
-                    let mut sum = zero;
-                    for group in (register..groups).step_by(registers) {
-                        let factor = Lanes::load(simd, factors, start + group);
-                        sum = sum + factor * Lanes::load(simd, &thirds.moments[channel], group);
-                        let outer = Lanes::load(simd, &thirds.sums[channel], group);
-                        (outer + factor * near).store(&mut thirds.sums[channel], group);
-                    }
-                    sum.store(&mut total, register);
-                }
-                let [a, b, c, d, e, f, g, h] = total;
-                pairs[row.pair as usize][channel] += ((a + e) + (c + g)) + ((b + f) + (d + h));
+            if order == Order::Tangent {
+                let second = weight * load(&block.second);
+                second.store(&mut block.second, lanes);
+                refused = refused + (second - second);
             }
         }
+        energy.add(&block.psi[..block.weight.len()]);
         refused.where_equal(zero, zero, one).largest() == 0.0
+    }
+
+    /// Sums the first `PARTS` moments. Sums over lanes have one order, whatever the width of the
+    /// registers: that of the widest.
+    #[inline(always)]
+    fn sum_moments<S: Simd, const PARTS: usize>(&mut self, simd: S) {
+        let (block, thirds) = (&*self.block, &mut *self.thirds);
+        let groups = thirds.width() / Lanes::<S>::WIDTH;
+        let registers = WIDEST / Lanes::<S>::WIDTH;
+        for (number, row) in block.rows.iter().enumerate() {
+            let near = &self.members.moments[row.j];
+            let mut totals = [[0.0; WIDEST]; PARTS];
+            for register in 0..registers {
+                let mut sums: [Lanes<S>; PARTS] = each(|_| Lanes::splat(simd, 0.0));
+                for group in (register..groups).step_by(registers) {
+                    let lanes = number * groups + group;
+                    let first = Lanes::load(simd, &block.first, lanes);
+                    let second = match PARTS {
+                        3 => first,
+                        _ => Lanes::load(simd, &block.second, lanes),
+                    };
+                    for part in 0..PARTS {
+                        let factor = if part < 3 { first } else { second };
+                        let far = Lanes::load(simd, &thirds.moments[part], group);
+                        sums[part] = sums[part] + factor * far;
+                        let outer = Lanes::load(simd, &thirds.sums[part], group);
+                        let outer = outer + factor * Lanes::splat(simd, near[part]);
+                        outer.store(&mut thirds.sums[part], group);
+                    }
+                }
+                for part in 0..PARTS {
+                    sums[part].store(&mut totals[part], register);
+                }
+            }
+            let pair = &mut self.pairs[row.pair as usize];
+            for part in 0..PARTS {
+                let [a, b, c, d, e, f, g, h] = totals[part];
+                pair[part] += ((a + e) + (c + g)) + ((b + f) + (d + h));
+            }
+        }
     }
 }

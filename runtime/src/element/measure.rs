@@ -8,9 +8,9 @@ use super::batch::{Channel, Contributions, InteractionBatch, Measures};
 use super::{Element, NonFiniteLane, Order, breaks_down, is_signed};
 use crate::geometry::bond::Bond;
 use crate::geometry::double::Double;
+use crate::geometry::lanes::Lanes;
 use crate::geometry::tetrahedron::Tetrahedron;
 use crate::geometry::triangle::{PlaneTriangle, SpaceTriangle};
-use crate::geometry::lanes::Lanes;
 use crate::geometry::{Geometry, Scalar, each, packed_len};
 use crate::kernel::{Batch, Law, Measure, Outputs};
 
@@ -131,10 +131,8 @@ impl<G: Geometry<C>, const C: usize> WithSimd for Measuring<'_, G, C> {
         let thin_part = Lanes::splat(simd, THIN * THIN);
         out.thin.clear();
         for group in groups(simd, batch) {
-            let rest: [Lanes<S>; C] =
-                each(|c| Lanes::load(simd, &reference[c], group));
-            let eta: [Lanes<S>; C] =
-                each(|c| Lanes::load(simd, &displacement[c], group));
+            let rest: [Lanes<S>; C] = each(|c| Lanes::load(simd, &reference[c], group));
+            let eta: [Lanes<S>; C] = each(|c| Lanes::load(simd, &displacement[c], group));
             let change = G::change(&rest, &eta);
             change.measure.store(&mut out.measure, group);
             change.reference.store(&mut out.reference, group);
@@ -202,8 +200,7 @@ impl<G: Geometry<C>, const C: usize> WithSimd for Differentiating<'_, G, C> {
             let first = weight * first * load(&measures.orientation);
             first.store(&mut out.first, group);
             refused = refused + (first - first);
-            let x: [Lanes<S>; C] =
-                each(|c| load(&reference[c]) + load(&displacement[c]));
+            let x: [Lanes<S>; C] = each(|c| load(&reference[c]) + load(&displacement[c]));
             let gradient = G::gradient(&x);
             for c in 0..C {
                 (first * gradient[c]).store(&mut out.gradient[c], group);

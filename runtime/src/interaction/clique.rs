@@ -171,7 +171,8 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
     /// row of later neighbours of `j`.
     #[inline(always)]
     pub fn later(&self, j: usize) -> impl Iterator<Item = (usize, usize)> {
-        let (members, places) = self.bits[j * self.stride()..][..self.stride()].split_at(self.words);
+        let (members, places) =
+            self.bits[j * self.stride()..][..self.stride()].split_at(self.words);
         ones(members).zip(ones(places))
     }
 
@@ -184,19 +185,25 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
     ) -> Result<u64, E> {
         let mut dropped = 0;
         for j in 0..self.members.len() {
-            let mut see = |k: usize, place: usize| {
-                if self.contributing.is_none() && self.is_collinear(j, k) {
-                    dropped += 1;
-                    return Ok(());
+            let row = &self.bits[j * self.stride()..][..self.stride()];
+            match (self.contributing, row) {
+                (Some(_), &[mut members, mut places]) => {
+                    while members != 0 {
+                        visit(j, next_bit(0, &mut members), next_bit(0, &mut places))?;
+                    }
                 }
-                visit(j, k, place)
-            };
-            if let &[mut members, mut places] = &self.bits[j * self.stride()..][..self.stride()] {
-                while members != 0 {
-                    see(next_bit(0, &mut members), next_bit(0, &mut places))?;
+                (Some(_), _) => {
+                    self.later(j).try_for_each(|(k, place)| visit(j, k, place))?;
                 }
-            } else {
-                self.later(j).try_for_each(|(k, place)| see(k, place))?;
+                (None, _) => {
+                    for (k, place) in self.later(j) {
+                        if self.is_collinear(j, k) {
+                            dropped += 1;
+                        } else {
+                            visit(j, k, place)?;
+                        }
+                    }
+                }
             }
         }
         Ok(dropped)
@@ -233,19 +240,16 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         self.row(j)[k / 64] >> (k % 64) & 1 == 1
     }
 
-    /// The members that are neighbours of both `j < k` and come after them, ascending.
+    /// Visits the members that are neighbours of both `j < k` and come after them, ascending.
     #[inline(always)]
-    pub fn common(&self, j: usize, k: usize) -> impl Iterator<Item = usize> {
-        let mut words = self.row(j).iter().zip(self.row(k)).map(|(p, q)| p & q);
-        let mut bits = words.next().unwrap_or(0);
-        let mut word = 0;
-        std::iter::from_fn(move || {
-            while bits == 0 {
-                bits = words.next()?;
-                word += 1;
+    pub fn for_each_common(&self, j: usize, k: usize, mut visit: impl FnMut(usize)) {
+        let words = self.row(j).iter().zip(self.row(k));
+        for (word, (of_j, of_k)) in words.enumerate() {
+            let mut bits = of_j & of_k;
+            while bits != 0 {
+                visit(next_bit(word, &mut bits));
             }
-            Some(next_bit(word, &mut bits))
-        })
+        }
     }
 
     /// Squared lengths of the reference vectors.

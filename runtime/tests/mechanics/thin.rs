@@ -76,10 +76,11 @@ fn evaluate(measure: Measure, dimension: usize, change: bool) -> (f64, Vec<f64>)
 
 /// Takes what stands in the channels as `len` interactions.
 fn set_len(batch: &mut InteractionBatch, len: usize, dimension: usize, n_corners: usize) {
-    let lane = |channels: &[[f64; piola_runtime::element::CAPACITY]], lane: usize, corner: usize| {
-        let at = |axis: usize| channels[corner * dimension + axis.min(dimension - 1)][lane];
-        [at(0), at(1), at(2)]
-    };
+    let lane =
+        |channels: &[[f64; piola_runtime::element::CAPACITY]], lane: usize, corner: usize| {
+            let at = |axis: usize| channels[corner * dimension + axis.min(dimension - 1)][lane];
+            [at(0), at(1), at(2)]
+        };
     let vectors = |channels: &[[f64; piola_runtime::element::CAPACITY]]| -> Vec<[f64; 3]> {
         (0..len)
             .flat_map(|l| (0..n_corners).map(move |c| (l, c)))

@@ -1,0 +1,65 @@
+//! Sums of energies that do not lose what is small.
+
+use crate::element::WIDEST;
+
+/// Sums side by side, each with its rounding error carried along (Knuth's exact sum of two numbers):
+/// together as good as one sum with twice the digits.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sum {
+    pub(super) sum: [f64; WIDEST],
+    pub(super) error: [f64; WIDEST],
+}
+
+impl Sum {
+    /// Adds whole groups of terms, the first of a group to the first of the sums.
+    #[inline(always)]
+    pub(super) fn add(&mut self, terms: &[f64]) {
+        for group in terms.as_chunks::<WIDEST>().0 {
+            for lane in 0..WIDEST {
+                let (sum, term) = (self.sum[lane], group[lane]);
+                let total = sum + term;
+                let taken = total - sum;
+                self.sum[lane] = total;
+                self.error[lane] += (sum - (total - taken)) + (term - taken);
+            }
+        }
+    }
+
+    /// Adds another sum, lane by lane.
+    pub(super) fn join(&mut self, other: &Sum) {
+        self.add(&other.sum);
+        self.add(&other.error);
+    }
+
+    /// The sum of all lanes.
+    pub(super) fn value(&self) -> f64 {
+        let mut whole = Sum::default();
+        for part in self.sum.iter().chain(&self.error) {
+            let mut group = [0.0; WIDEST];
+            group[0] = *part;
+            whole.add(&group);
+        }
+        whole.sum[0] + whole.error[0]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_small_is_not_lost() {
+        let mut sum = Sum::default();
+        let mut terms = [1.0; 2 * WIDEST];
+        terms[0] = 1e100;
+        terms[WIDEST] = -1e100;
+        sum.add(&terms);
+        assert_eq!(sum.value(), (2 * WIDEST - 2) as f64);
+        let mut other = Sum::default();
+        let tiny = libm::ldexp(1.0, -80);
+        other.add(&[tiny; WIDEST]);
+        sum.join(&other);
+        sum.add(&[-(2.0 * WIDEST as f64 - 2.0) / WIDEST as f64; WIDEST]);
+        assert_eq!(sum.value(), WIDEST as f64 * tiny);
+    }
+}

@@ -7,7 +7,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use piola_compiler::{
-    Batch, Derivatives, Form, Kernel, Measure, Mode, Model, Order, ScalarEnergy, Setting,
+    Batch, Derivatives, Form, Kernel, Level, Measure, Mode, Model, Order, ScalarEnergy, Setting,
     check_text,
 };
 
@@ -48,7 +48,8 @@ fn of(model: &Model, n: f64, form: Form) -> (Kernel, ScalarEnergy) {
     let settings = [("C1", 1.0), ("C2", 0.0), ("C3", 0.0), ("n", n)]
         .map(|(name, value)| (name.to_string(), Setting::Number(value)));
     let values = model.values(3, &settings, None).expect("these values are allowed");
-    let kernels = model.compile_as(&values, Mode::Jit, form).expect("it compiles").kernels;
+    let kernels =
+        model.compile_as(&values, Mode::Jit(Level::Strict), form).expect("it compiles").kernels;
     let energies = model.specialise_as(&values, form).expect("it compiles").energies;
     let kernel = kernels.into_iter().find(|kernel| kernel.measure() == Measure::Length);
     let energy = energies.into_iter().find(|energy| energy.measure == Measure::Length);

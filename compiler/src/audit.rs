@@ -7,7 +7,7 @@
 
 use crate::expression::interpret::Interpreter;
 use crate::expression::{Comparison, Node, NodeId};
-use crate::kernel::{Mode, WrittenEnergy};
+use crate::kernel::{Level, Mode, WrittenEnergy};
 use crate::measure::Measure;
 use crate::model::Model;
 use crate::specialise::{CompileError, Dropped, Form, ScalarEnergy};
@@ -76,7 +76,7 @@ pub fn audit(
     values: &Values,
     settings: &Settings,
 ) -> Result<(Vec<Audit>, Vec<Dropped>), CompileError> {
-    let compiled = model.compile_as(values, Mode::Jit, settings.form)?;
+    let compiled = model.compile_as(values, Mode::Jit(Level::Strict), settings.form)?;
     let specialised = model.specialise_as(values, settings.form)?;
     let variant =
         model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;

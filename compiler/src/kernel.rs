@@ -89,13 +89,36 @@ impl Derivatives {
     }
 }
 
-/// How psi, psi' and psi'' are computed.
+/// How exactly machine code follows the interpreter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Level {
+    /// To the last bit: elementary functions are those of `libm`, called for one entry after the other.
+    #[default]
+    Strict,
+    /// exp, ln, expm1, log1p, log1pmx and powers with general exponents are inlined, each within 2
+    /// units in the last place; all else is the same.
+    Fast,
+}
+
+impl Level {
+    /// All levels, the exact one first.
+    pub const ALL: [Level; 2] = [Level::Strict, Level::Fast];
+
+    /// As written in a scene.
+    pub fn name(self) -> &'static str {
+        match self {
+            Level::Strict => "strict",
+            Level::Fast => "fast",
+        }
+    }
+}
+
+/// How psi, psi' and psi'' are computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Mode {
     /// Machine code of the symbolic derivatives.
-    #[default]
-    Jit,
-    /// The same graph, interpreted; the same bits as [`Mode::Jit`].
+    Jit(Level),
+    /// The same graph, interpreted; the same bits as machine code at [`Level::Strict`].
     Interpreter,
     /// The energy as written, over hyper-dual numbers of the measure.
     HyperDual,
@@ -240,7 +263,7 @@ impl Model {
         for energy in specialised.energies {
             let measure = energy.measure;
             let body = match mode {
-                Mode::Jit => Body::Code(Box::new(CompiledKernel::new(&energy)?)),
+                Mode::Jit(level) => Body::Code(Box::new(CompiledKernel::new(&energy, level)?)),
                 Mode::Interpreter => Body::Graph(energy),
                 Mode::HyperDual => Body::Dual(self.written(values, measure)),
             };

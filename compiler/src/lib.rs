@@ -31,7 +31,7 @@ pub mod verify;
 pub use check::{CODES, check, check_text};
 pub use formula::Formula;
 pub use kernel::{
-    Batch, CompiledPotential, Derivatives, Kernel, Mode, Order, Outputs, WrittenEnergy,
+    Batch, CompiledPotential, Derivatives, Kernel, Level, Mode, Order, Outputs, WrittenEnergy,
 };
 pub use lint::{LINTS, Lint};
 pub use measure::Measure;

@@ -7,7 +7,7 @@ mod library;
 use library::cases;
 use num_dual::Dual2_64;
 use piola_compiler::verify::{Columns, sample, verify};
-use piola_compiler::{Derivatives, Mode, Order};
+use piola_compiler::{Batch, Derivatives, Level, Mode, Order};
 
 /// Half the distance from 1 to the next number.
 const U: f64 = f64::EPSILON / 2.0;
@@ -41,7 +41,7 @@ fn every_energy_agrees_with_hyperdual_numbers_of_what_was_written() {
 fn every_order_gives_the_same_bits() {
     for case in cases() {
         let variant = case.model.variant(case.values.dimension).unwrap();
-        for kernel in case.model.compile(&case.values, Mode::Jit).unwrap().kernels {
+        for kernel in case.model.compile(&case.values, Mode::Jit(Level::Strict)).unwrap().kernels {
             let points = sample::points(variant, kernel.measure(), &case.values, 20);
             let columns = Columns::new(&points);
             let all = kernel.derivatives(columns.batch());
@@ -67,7 +67,7 @@ fn every_order_gives_the_same_bits() {
 fn second_order_duals_agree_too() {
     let mut worst = (0.0_f64, String::new());
     for case in cases() {
-        let compiled = case.model.compile(&case.values, Mode::Jit).unwrap();
+        let compiled = case.model.compile(&case.values, Mode::Jit(Level::Strict)).unwrap();
         let variant = case.model.variant(case.values.dimension).unwrap();
         for kernel in &compiled.kernels {
             let measure = kernel.measure();
@@ -113,4 +113,41 @@ fn second_order_duals_agree_too() {
 /// tetrahedron is turned inside out, at `v = -V`.
 fn tolerance(change: f64) -> f64 {
     1e-14 + 8.0 * U / change.abs() + 8.0 * U / (change + 2.0).abs()
+}
+
+/// Kernels work on two entries at a time; what they give does not depend on how many there are, and
+/// nothing is written beyond them.
+#[test]
+fn batches_of_every_length_give_the_same_bits() {
+    const ROOM: usize = 12;
+    for case in cases().into_iter().step_by(5) {
+        let variant = case.model.variant(case.values.dimension).unwrap();
+        for level in Level::ALL {
+            for kernel in case.model.compile(&case.values, Mode::Jit(level)).unwrap().kernels {
+                let points = sample::points(variant, kernel.measure(), &case.values, ROOM);
+                let columns = Columns::new(&points);
+                let all = columns.batch();
+                let expected = kernel.derivatives(all);
+                for length in 0..points.len().min(ROOM) {
+                    for order in Order::ALL {
+                        let batch = Batch {
+                            measure: &all.measure[..length],
+                            reference: &all.reference[..length],
+                            change: &all.change[..length],
+                        };
+                        let mut out = Derivatives::zeros(ROOM);
+                        kernel.evaluate(batch, order, out.outputs());
+                        let columns = [&out.psi, &out.dpsi, &out.d2psi];
+                        let expected = [&expected.psi, &expected.dpsi, &expected.d2psi];
+                        for (k, (found, expected)) in columns.into_iter().zip(expected).enumerate() {
+                            let asked = if k <= order as usize { length } else { 0 };
+                            let bits = |x: &[f64]| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+                            assert_eq!(bits(&found[..asked]), bits(&expected[..asked]));
+                            assert!(found[asked..].iter().all(|x| *x == 0.0), "{}", case.name);
+                        }
+                    }
+                }
+            }
+        }
+    }
 }

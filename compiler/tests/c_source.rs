@@ -13,7 +13,7 @@ use piola_compiler::expression::power::PowerPlan;
 use piola_compiler::expression::{Node, Operator};
 use piola_compiler::verify::sample::{Point, points};
 use piola_compiler::verify::{Columns, same_bits};
-use piola_compiler::{Derivatives, Measure, Mode, ScalarEnergy, check, print};
+use piola_compiler::{Derivatives, Level, Measure, Mode, ScalarEnergy, check, print};
 use piola_grammar::parse;
 
 /// Points far from rest, and as many near it, for each energy.
@@ -118,7 +118,7 @@ fn compare(functions: &[Function], printed: &str) {
 fn function(number: usize, case: &Case, energy: &ScalarEnergy) -> Function {
     let variant = case.model.variant(case.values.dimension).unwrap();
     let points = points(variant, energy.measure, &case.values, POINTS);
-    let compiled = case.model.compile(&case.values, Mode::Jit).unwrap();
+    let compiled = case.model.compile(&case.values, Mode::Jit(Level::Strict)).unwrap();
     let kernel = compiled.kernels.iter().find(|k| k.measure() == energy.measure).unwrap();
     let expected = kernel.derivatives(Columns::new(&points).batch());
     let of_n = case.model.parameters().iter().position(|p| p.name == "n");

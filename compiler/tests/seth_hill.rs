@@ -6,7 +6,9 @@ use piola_compiler::audit::{Settings, audit};
 use piola_compiler::expression::interpret::Interpreter;
 use piola_compiler::verify::sample::Point;
 use piola_compiler::verify::truth::truth;
-use piola_compiler::{Batch, Derivatives, Form, Measure, Mode, Model, Setting, Values, check_text};
+use piola_compiler::{
+    Batch, Derivatives, Form, Level, Measure, Mode, Model, Setting, Values, check_text,
+};
 
 /// The exponents of the extreme.
 const EXPONENTS: [f64; 17] = [
@@ -84,7 +86,7 @@ fn e01_the_textbook_form_does_not() {
 /// psi, psi', psi'' of the bond as compiled.
 fn evaluate(n: f64, points: &[(f64, f64)], change: &[f64]) -> Derivatives {
     let model = seth_hill();
-    let compiled = model.compile(&values(&model, n), Mode::Jit).unwrap();
+    let compiled = model.compile(&values(&model, n), Mode::Jit(Level::Strict)).unwrap();
     let (measure, reference): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
     let batch = Batch { measure: &measure, reference: &reference, change };
     compiled.kernels[0].derivatives(batch)

@@ -6,7 +6,7 @@ use piola_compiler::expression::interpret::Interpreter;
 use piola_compiler::expression::number::Number;
 use piola_compiler::verify::sample::Point;
 use piola_compiler::{
-    Batch, Form, Kernel, Measure, Mode, ScalarEnergy, Setting, WrittenEnergy, check_text,
+    Batch, Form, Kernel, Level, Measure, Mode, ScalarEnergy, Setting, WrittenEnergy, check_text,
 };
 
 use crate::numbers::{Complex, Double, HyperComplex};
@@ -31,7 +31,9 @@ impl Energy {
             settings.iter().map(|&(name, x)| (name.to_string(), Setting::Number(x))).collect();
         let values = model.values(3, &settings, None).map_err(|errors| format!("{errors:?}"))?;
         let kernel = |form| {
-            let compiled = model.compile_as(&values, Mode::Jit, form).map_err(|e| e.to_string())?;
+            let compiled = model
+                .compile_as(&values, Mode::Jit(Level::Strict), form)
+                .map_err(|e| e.to_string())?;
             let mut bonds = compiled.kernels.into_iter();
             bonds.find(|kernel| kernel.measure() == Measure::Length).ok_or("no psi(l)".to_string())
         };

@@ -4,18 +4,18 @@
 use std::collections::HashMap;
 
 use cranelift_codegen::control::ControlPlane;
-use cranelift_codegen::ir::{AbiParam, FuncRef, Signature, UserFuncName, types};
-use cranelift_codegen::isa::OwnedTargetIsa;
+use cranelift_codegen::ir::{AbiParam, Signature, UserFuncName, types};
+use cranelift_codegen::isa::{OwnedTargetIsa, TargetIsa};
 use cranelift_codegen::settings::{self, Configurable};
 use cranelift_codegen::{Context, ir};
 use cranelift_frontend::{FunctionBuilder, FunctionBuilderContext};
 use cranelift_jit::{ArenaMemoryProvider, JITBuilder, JITModule};
-use cranelift_module::{Linkage, Module, default_libcall_names};
+use cranelift_module::{FuncId, Linkage, Module, default_libcall_names};
 
-use super::lower::{self, Called, POINTERS};
-use crate::expression::Function;
-use crate::expression::function::log1pmx;
-use crate::kernel::{Batch, Order, Outputs};
+use super::called::Called;
+use super::log_table::LOGARITHMS;
+use super::lower::{self, Fast, Linked, POINTERS};
+use crate::kernel::{Batch, Level, Order, Outputs};
 use crate::specialise::{CompileError, ScalarEnergy};
 
 /// Address space reserved for one kernel; pages are used as needed. A kernel of the largest
@@ -58,9 +58,17 @@ impl CompiledKernel {
     ///
     /// # Errors
     /// What the code generator reports; the message is Cranelift's.
-    pub fn new(energy: &ScalarEnergy) -> Result<CompiledKernel, CompileError> {
-        let mut module = new_module()?;
-        let result = define(&mut module, energy);
+    pub fn new(energy: &ScalarEnergy, level: Level) -> Result<CompiledKernel, CompileError> {
+        CompiledKernel::with_isa(energy, level, isa(true)?)
+    }
+
+    fn with_isa(
+        energy: &ScalarEnergy,
+        level: Level,
+        isa: OwnedTargetIsa,
+    ) -> Result<CompiledKernel, CompileError> {
+        let mut module = new_module(isa)?;
+        let result = define(&mut module, energy, level);
         match result {
             Ok(addresses) => {
                 let entries = addresses.map(|address| {
@@ -86,6 +94,9 @@ impl CompiledKernel {
     pub fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>) {
         let n = batch.measure.len();
         assert!(batch.is_even() && out.hold(n, order), "one entry per interaction");
+        if n == 1 {
+            return self.evaluate_one(batch, order, out);
+        }
         // SAFETY: the inputs, and the outputs of this order, hold `n` numbers each, as checked above;
         // the function of an order writes no other output; outputs are borrowed mutably and so do
         // not overlap the inputs; the code lives as long as `self`.
@@ -102,13 +113,33 @@ impl CompiledKernel {
         }
     }
 
+    /// Code works on two entries at a time: a single one goes through as two.
+    fn evaluate_one(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>) {
+        let twice = |x: &[f64]| [x[0]; 2];
+        let pair = Batch {
+            measure: &twice(batch.measure),
+            reference: &twice(batch.reference),
+            change: &twice(batch.change),
+        };
+        let [mut psi, mut dpsi, mut d2psi] = [[0.0; 2]; 3];
+        let room = Outputs { psi: &mut psi, dpsi: &mut dpsi, d2psi: &mut d2psi };
+        self.evaluate(pair, order, room);
+        out.psi[0] = psi[0];
+        if order >= Order::Gradient {
+            out.dpsi[0] = dpsi[0];
+        }
+        if order == Order::Tangent {
+            out.d2psi[0] = d2psi[0];
+        }
+    }
+
     /// The intermediate form and the machine instructions of an energy's kernel for all derivatives.
     ///
     /// # Errors
     /// What the code generator reports.
-    pub fn listing(energy: &ScalarEnergy) -> Result<Listing, CompileError> {
-        let mut module = new_module()?;
-        let result = list(&mut module, energy);
+    pub fn listing(energy: &ScalarEnergy, level: Level) -> Result<Listing, CompileError> {
+        let mut module = new_module(isa(true)?)?;
+        let result = list(&mut module, energy, level);
         // SAFETY: no function of this module was finalised or handed out.
         unsafe { module.free_memory() };
         result
@@ -128,47 +159,92 @@ fn backend(error: impl std::fmt::Display) -> CompileError {
     CompileError::Backend(error.to_string())
 }
 
-fn native_isa() -> Result<OwnedTargetIsa, CompileError> {
+/// The instructions of this computer, or only those that every computer of its kind has.
+fn isa(native: bool) -> Result<OwnedTargetIsa, CompileError> {
     let mut flags = settings::builder();
     for (name, value) in
         [("opt_level", "speed"), ("use_colocated_libcalls", "false"), ("is_pic", "false")]
     {
         flags.set(name, value).map_err(backend)?;
     }
-    let isa = cranelift_native::builder().map_err(backend)?;
+    let isa = cranelift_native::builder_with_options(native).map_err(backend)?;
     isa.finish(settings::Flags::new(flags)).map_err(backend)
 }
 
-fn new_module() -> Result<JITModule, CompileError> {
-    let mut builder = JITBuilder::with_isa(native_isa()?, default_libcall_names());
+/// Whether the processor multiplies and adds vectors with one rounding.
+fn has_fma(isa: &dyn TargetIsa) -> bool {
+    let flags = isa.isa_flags();
+    let flag = flags.iter().find(|flag| flag.name == "has_fma");
+    flag.and_then(|flag| flag.as_bool()).unwrap_or(isa.name() == "aarch64")
+}
+
+/// The symbol of the table of logarithms.
+const LOGARITHMS_SYMBOL: &str = "piola_logarithms";
+
+fn new_module(isa: OwnedTargetIsa) -> Result<JITModule, CompileError> {
+    let mut builder = JITBuilder::with_isa(isa, default_libcall_names());
     let arena = ArenaMemoryProvider::new_with_size(ARENA).map_err(backend)?;
     builder.memory_provider(Box::new(arena));
-    // Every function is registered: a name that is not would be looked up in the process.
-    for function in Function::NAMED {
-        if let Some(address) = address_of(function) {
-            builder.symbol(Called::Unary(function).symbol(), address);
+    // Everything is registered: a name that is not would be looked up in the process.
+    for called in Called::all() {
+        if let Some(address) = called.address() {
+            builder.symbol(called.symbol(), address);
         }
     }
-    builder.symbol(Called::Pow.symbol(), pow as *const u8);
+    builder.symbol(LOGARITHMS_SYMBOL, (&raw const LOGARITHMS).cast());
     Ok(JITModule::new(builder))
 }
 
 /// Compiles and finalises the functions of all orders; their addresses stay valid as long as the
 /// module.
-fn define(module: &mut JITModule, energy: &ScalarEnergy) -> Result<[*const u8; 3], CompileError> {
+fn define(
+    module: &mut JITModule,
+    energy: &ScalarEnergy,
+    level: Level,
+) -> Result<[*const u8; 3], CompileError> {
+    let strict = match level {
+        Level::Fast if inlines(energy) => Some(function(module, energy, Order::Tangent, None)?),
+        _ => None,
+    };
     let mut ids = Vec::new();
     for order in Order::ALL {
-        let mut context = build(module, energy, order)?;
-        let id = module.declare_anonymous_function(&context.func.signature).map_err(backend)?;
-        module.define_function(id, &mut context).map_err(|e| backend(format!("{e:?}")))?;
-        ids.push(id);
+        ids.push(function(module, energy, order, strict)?);
     }
     module.finalize_definitions().map_err(backend)?;
     Ok([0, 1, 2].map(|order| module.get_finalized_function(ids[order])))
 }
 
-fn list(module: &mut JITModule, energy: &ScalarEnergy) -> Result<Listing, CompileError> {
-    let mut context = build(module, energy, Order::Tangent)?;
+/// Whether the fast level differs from the strict one.
+fn inlines(energy: &ScalarEnergy) -> bool {
+    energy.graph.nodes().any(|(_, node)| Called::of(node).is_some_and(Called::is_inlined))
+}
+
+/// Defines the function of one order: at the fast level if there is a strict one beside it.
+fn function(
+    module: &mut JITModule,
+    energy: &ScalarEnergy,
+    order: Order,
+    strict: Option<FuncId>,
+) -> Result<FuncId, CompileError> {
+    let mut context = build(module, energy, order, strict)?;
+    let id = module.declare_anonymous_function(&context.func.signature).map_err(backend)?;
+    module.define_function(id, &mut context).map_err(|e| backend(format!("{e:?}")))?;
+    Ok(id)
+}
+
+fn list(
+    module: &mut JITModule,
+    energy: &ScalarEnergy,
+    level: Level,
+) -> Result<Listing, CompileError> {
+    let strict = match level {
+        Level::Fast if inlines(energy) => {
+            let signature = signature(module);
+            Some(module.declare_anonymous_function(&signature).map_err(backend)?)
+        }
+        _ => None,
+    };
+    let mut context = build(module, energy, Order::Tangent, strict)?;
     let clif = context.func.display().to_string();
     context.set_disasm(true);
     let compiled = context
@@ -178,79 +254,61 @@ fn list(module: &mut JITModule, energy: &ScalarEnergy) -> Result<Listing, Compil
     Ok(Listing { clif, assembly })
 }
 
+fn signature(module: &JITModule) -> Signature {
+    let mut signature = module.make_signature();
+    let pointer = AbiParam::new(module.target_config().pointer_type());
+    signature.params = vec![pointer; POINTERS];
+    signature.params.push(AbiParam::new(types::I64));
+    signature
+}
+
 fn build(
     module: &mut JITModule,
     energy: &ScalarEnergy,
     order: Order,
+    strict: Option<FuncId>,
 ) -> Result<Context, CompileError> {
     let mut context = module.make_context();
-    let pointer = module.target_config().pointer_type();
-    for _ in 0..POINTERS {
-        context.func.signature.params.push(AbiParam::new(pointer));
-    }
-    context.func.signature.params.push(AbiParam::new(types::I64));
+    context.func.signature = signature(module);
     context.func.name = UserFuncName::user(0, 0);
-    let functions = import(module, &mut context.func, energy)?;
+    let linked = link(module, &mut context.func, energy, strict)?;
     let mut builder_context = FunctionBuilderContext::new();
     let mut builder = FunctionBuilder::new(&mut context.func, &mut builder_context);
-    lower::emit(&mut builder, energy, order, &functions);
+    lower::emit(&mut builder, energy, order, &linked);
     builder.finalize(module.target_config());
     Ok(context)
 }
 
-fn import(
+fn link(
     module: &mut JITModule,
     function: &mut ir::Function,
     energy: &ScalarEnergy,
-) -> Result<HashMap<Called, FuncRef>, CompileError> {
+    strict: Option<FuncId>,
+) -> Result<Linked, CompileError> {
     let mut functions = HashMap::new();
-    for called in lower::called_functions(energy) {
+    for called in energy.graph.nodes().filter_map(|(_, node)| Called::of(node)) {
+        let inlined = strict.is_some() && called.is_inlined();
+        if inlined || functions.contains_key(&called) {
+            continue;
+        }
         let mut signature: Signature = module.make_signature();
-        let arity = if called == Called::Pow { 2 } else { 1 };
-        signature.params = vec![AbiParam::new(types::F64); arity];
+        signature.params = vec![AbiParam::new(types::F64); called.arity()];
         signature.returns = vec![AbiParam::new(types::F64)];
         let id = module
             .declare_function(&called.symbol(), Linkage::Import, &signature)
             .map_err(backend)?;
         functions.insert(called, module.declare_func_in_func(id, function));
     }
-    Ok(functions)
-}
-
-extern "C" fn pow(x: f64, y: f64) -> f64 {
-    libm::pow(x, y)
-}
-
-/// `libm`'s bodies under the calling convention of machine code.
-fn address_of(function: Function) -> Option<*const u8> {
-    macro_rules! address {
-        ($name:ident) => {{
-            extern "C" fn call(x: f64) -> f64 {
-                libm::$name(x)
-            }
-            Some(call as *const u8)
-        }};
+    let mut fast = None;
+    if let Some(strict) = strict {
+        let table = module
+            .declare_data(LOGARITHMS_SYMBOL, Linkage::Import, false, false)
+            .map_err(backend)?;
+        fast = Some(Fast {
+            strict: module.declare_func_in_func(strict, function),
+            logarithms: module.declare_data_in_func(table, function),
+            fma: has_fma(module.isa()),
+        });
     }
-    match function {
-        Function::Negate | Function::Abs | Function::Sign | Function::Sqrt => None,
-        Function::Exp => address!(exp),
-        Function::Ln => address!(log),
-        Function::Log1p => address!(log1p),
-        Function::Expm1 => address!(expm1),
-        Function::Log1pmx => {
-            extern "C" fn call(x: f64) -> f64 {
-                log1pmx(x)
-            }
-            Some(call as *const u8)
-        }
-        Function::Sin => address!(sin),
-        Function::Cos => address!(cos),
-        Function::Tan => address!(tan),
-        Function::Asin => address!(asin),
-        Function::Acos => address!(acos),
-        Function::Atan => address!(atan),
-        Function::Sinh => address!(sinh),
-        Function::Cosh => address!(cosh),
-        Function::Tanh => address!(tanh),
-    }
+    Ok(Linked { functions, fast })
 }

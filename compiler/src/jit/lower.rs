@@ -2,15 +2,25 @@
 //!
 //! Before: a simplified graph with the roots psi, psi', psi''. After: a function
 //! `fn(measure, reference, change, psi, dpsi, d2psi: *f64, count: i64)` that computes, for every entry,
-//! what an order asks for. Every operation becomes the instruction, or the call of the function of `libm`, that the
-//! interpreter uses, in the same order: both give the same bits.
+//! what an order asks for; `count` is not 1. Two entries stand side by side. Every operation becomes
+//! the instruction, or the call of the function of `libm` for each entry, that the interpreter uses,
+//! in the same order: both give the same bits. At the fast level some functions are code of their own.
+//!
+//! What only one side of a choice needs is skipped if neither entry takes that side.
 
 use std::collections::HashMap;
 
 use cranelift_codegen::ir::condcodes::{FloatCC, IntCC};
-use cranelift_codegen::ir::{FuncRef, InstBuilder, MemFlagsData, Value, types};
-use cranelift_frontend::FunctionBuilder;
+use cranelift_codegen::ir::{
+    Block, FuncRef, GlobalValue, InstBuilder, MemFlagsData, StackSlotData, StackSlotKind, Value,
+    types,
+};
+use cranelift_frontend::{FunctionBuilder, Variable};
 
+use super::called::Called;
+use super::elementary::Partial;
+use super::lanes::{LANES, Lanes};
+use super::region::{ALWAYS, Regions};
 use crate::expression::power::{PowerOps, PowerPlan};
 use crate::expression::{Comparison, Function, Input, Node, NodeId, Operator};
 use crate::kernel::Order;
@@ -26,82 +36,75 @@ const COUNT: usize = 6;
 /// How many pointers come before the count.
 pub(super) const POINTERS: usize = COUNT;
 
-/// The functions of `libm` that an energy calls.
-pub(super) fn called_functions(energy: &ScalarEnergy) -> Vec<Called> {
-    let mut called = Vec::new();
-    for (_, node) in energy.graph.nodes() {
-        let function = match node {
-            Node::Unary(f, _) if f.libm().is_some() => Called::Unary(f),
-            Node::Binary(Operator::Power, ..) => Called::Pow,
-            Node::PowerConstant(_, bits) => match PowerPlan::new(f64::from_bits(bits)) {
-                PowerPlan::General(_) => Called::Pow,
-                PowerPlan::Chain { .. } => continue,
-            },
-            _ => continue,
-        };
-        if !called.contains(&function) {
-            called.push(function);
-        }
-    }
-    called
+/// Bytes of a number, and of what stands side by side.
+const SIZE: i64 = 8;
+const STEP: i64 = LANES * SIZE;
+
+/// What the code of a kernel refers to.
+pub(super) struct Linked {
+    /// The functions that are called.
+    pub(super) functions: HashMap<Called, FuncRef>,
+    /// At the fast level, what inlined functions need.
+    pub(super) fast: Option<Fast>,
 }
 
-/// A function of `libm`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) enum Called {
-    Unary(Function),
-    Pow,
+/// What inlined functions need.
+pub(super) struct Fast {
+    /// The same kernel at the strict level, for all outputs.
+    pub(super) strict: FuncRef,
+    /// The table of logarithms.
+    pub(super) logarithms: GlobalValue,
+    /// Whether the processor multiplies and adds with one rounding.
+    pub(super) fma: bool,
 }
 
-impl Called {
-    /// The symbol under which the code generator knows it; never a name of the C library.
-    pub(super) fn symbol(self) -> String {
-        match self {
-            Called::Unary(f) => format!("piola_{}", f.name()),
-            Called::Pow => "piola_pow".to_string(),
-        }
-    }
-}
-
-/// Emits the whole function: a loop over the entries around the graph.
+/// Emits the whole function: a loop over the entries, two at a time, around the graph.
 pub(super) fn emit(
     builder: &mut FunctionBuilder<'_>,
     energy: &ScalarEnergy,
     order: Order,
-    functions: &HashMap<Called, FuncRef>,
+    linked: &Linked,
 ) {
     let roots = &energy.roots[..=order as usize];
-    let needed = energy.graph.reachable(roots);
     let entry = builder.create_block();
-    let head = builder.create_block();
-    let body = builder.create_block();
-    let done = builder.create_block();
+    let [head, body, done] = [(); 3].map(|()| builder.create_block());
     builder.append_block_params_for_function_params(entry);
     builder.switch_to_block(entry);
     let arguments = builder.block_params(entry).to_vec();
+    let end = builder.ins().imul_imm_s(arguments[COUNT], SIZE);
+    let last = builder.ins().iadd_imm_s(end, -STEP);
     let zero = builder.ins().iconst(types::I64, 0);
     builder.append_block_param(head, types::I64);
     builder.ins().jump(head, &[zero.into()]);
 
     builder.switch_to_block(head);
-    let offset = builder.block_params(head)[0];
-    let eight = builder.ins().iconst(types::I64, 8);
-    let end = builder.ins().imul(arguments[COUNT], eight);
-    let more = builder.ins().icmp(IntCC::SignedLessThan, offset, end);
+    let next = builder.block_params(head)[0];
+    let more = builder.ins().icmp(IntCC::SignedLessThan, next, end);
     builder.ins().brif(more, body, &[], done, &[]);
 
     builder.switch_to_block(body);
-    let mut lowering =
-        Lowering { builder, functions, arguments: &arguments, offset, values: Vec::new() };
-    for (id, node) in energy.graph.nodes() {
-        let value = needed[id.0 as usize].then(|| lowering.node(node));
-        // What is not needed has no needed user, which would read this.
-        lowering.values.push(value.unwrap_or(offset));
-    }
+    // Of an odd number the last two entries are worked out together: one of them twice, which changes
+    // nothing, because inputs and outputs are apart.
+    let offset = builder.ins().smin(next, last);
+    let fma = linked.fast.as_ref().is_some_and(|fast| fast.fma);
+    let mut lowering = Lowering {
+        lanes: Lanes { builder, fma },
+        energy,
+        regions: Regions::new(&energy.graph, roots),
+        linked,
+        arguments: &arguments,
+        offset,
+        values: vec![None; energy.graph.len()],
+        taken: None,
+        holds: None,
+    };
+    lowering.start();
+    lowering.region(ALWAYS);
     for (output, root) in roots.iter().enumerate() {
         lowering.store(OUTPUTS + output, *root);
     }
-    let next = builder.ins().iadd(offset, eight);
+    lowering.finish(roots.len());
+    let next = builder.ins().iadd_imm_s(offset, STEP);
     builder.ins().jump(head, &[next.into()]);
 
     builder.switch_to_block(done);
@@ -110,25 +113,74 @@ pub(super) fn emit(
 }
 
 struct Lowering<'a, 'b> {
-    builder: &'a mut FunctionBuilder<'b>,
-    functions: &'a HashMap<Called, FuncRef>,
+    lanes: Lanes<'a, 'b>,
+    energy: &'a ScalarEnergy,
+    regions: Regions,
+    linked: &'a Linked,
     arguments: &'a [Value],
     offset: Value,
-    values: Vec<Value>,
+    values: Vec<Option<Value>>,
+    /// The mask of the entries that need the region being emitted, unless all do.
+    taken: Option<Value>,
+    /// The mask of the entries for which every inlined function holds; none if there is none.
+    holds: Option<Variable>,
 }
 
 impl Lowering<'_, '_> {
+    fn start(&mut self) {
+        let graph = &self.energy.graph;
+        let inlined = |id: NodeId| Called::of(graph[id]).is_some_and(Called::is_inlined);
+        if self.linked.fast.is_some() && self.regions.all().any(inlined) {
+            let holds = self.lanes.builder.declare_var(types::I64X2);
+            let all = self.lanes.truth(true);
+            self.lanes.builder.def_var(holds, all);
+            self.holds = Some(holds);
+        }
+    }
+
+    /// Emits the operations of a region and of the regions in it.
+    fn region(&mut self, region: usize) {
+        for place in 0..self.regions.nodes(region).len() {
+            let id = self.regions.nodes(region)[place];
+            let value = match self.energy.graph[id] {
+                Node::Select(condition, x, y) => self.choice(id, [condition, x, y]),
+                node => self.node(node),
+            };
+            self.values[id.0 as usize] = Some(value);
+        }
+    }
+
+    fn value(&self, id: NodeId) -> Value {
+        self.values[id.0 as usize].expect("operands are emitted before their users")
+    }
+
+    fn is_truth(&self, mut id: NodeId) -> bool {
+        loop {
+            match self.energy.graph[id] {
+                Node::Select(_, x, _) => id = x,
+                Node::Truth(_)
+                | Node::Compare(..)
+                | Node::And(..)
+                | Node::Or(..)
+                | Node::Not(_) => {
+                    return true;
+                }
+                _ => return false,
+            }
+        }
+    }
+
     fn node(&mut self, node: Node) -> Value {
-        let of = |x: NodeId| self.values[x.0 as usize];
+        let of = |x: NodeId| self.value(x);
         match node {
-            Node::Number(bits) => self.builder.ins().f64const(f64::from_bits(bits)),
-            Node::Truth(holds) => self.builder.ins().iconst(types::I8, i64::from(holds)),
+            Node::Number(bits) => self.lanes.number(f64::from_bits(bits)),
+            Node::Truth(holds) => self.lanes.truth(holds),
             Node::Input(Input::Current(_)) => self.load(MEASURE),
             Node::Input(Input::Reference(_)) => self.load(REFERENCE),
             Node::Input(Input::Change(_)) => self.load(CHANGE),
             // Specialisation has put numbers, and accurate forms, in their place.
             Node::Input(Input::Horizon | Input::Parameter(_)) | Node::Strain(..) => {
-                self.builder.ins().f64const(f64::NAN)
+                self.lanes.number(f64::NAN)
             }
             Node::Unary(function, x) => self.unary(function, of(x)),
             Node::PowerConstant(x, bits) => PowerPlan::new(f64::from_bits(bits)).apply(self, of(x)),
@@ -142,88 +194,230 @@ impl Lowering<'_, '_> {
                     Comparison::Greater => FloatCC::GreaterThan,
                     Comparison::GreaterEqual => FloatCC::GreaterThanOrEqual,
                 };
-                self.builder.ins().fcmp(condition, of(x), of(y))
+                let (x, y) = (of(x), of(y));
+                self.lanes.compare(condition, x, y)
             }
-            Node::And(x, y) => self.builder.ins().band(of(x), of(y)),
-            Node::Or(x, y) => self.builder.ins().bor(of(x), of(y)),
+            Node::And(x, y) => {
+                let (x, y) = (of(x), of(y));
+                self.lanes.builder.ins().band(x, y)
+            }
+            Node::Or(x, y) => {
+                let (x, y) = (of(x), of(y));
+                self.lanes.builder.ins().bor(x, y)
+            }
             Node::Not(x) => {
-                let one = self.builder.ins().iconst(types::I8, 1);
-                self.builder.ins().bxor(of(x), one)
+                let x = of(x);
+                self.lanes.builder.ins().bnot(x)
             }
-            Node::Select(c, x, y) => self.builder.ins().select(of(c), of(x), of(y)),
+            Node::Select(condition, x, y) => {
+                let (condition, x, y) = (of(condition), of(x), of(y));
+                self.lanes.choose(condition, x, y)
+            }
         }
+    }
+
+    /// `if condition then x else y`: a side of its own is skipped where neither entry takes it.
+    fn choice(&mut self, id: NodeId, [condition, x, y]: [NodeId; 3]) -> Value {
+        let sides = self.regions.sides(id);
+        if sides == [None; 2] {
+            return self.node(self.energy.graph[id]);
+        }
+        let mask = self.value(condition);
+        let set = self.lanes.lanes_set(mask);
+        let x = match sides[0] {
+            None => self.value(x),
+            Some(region) => {
+                // Stands in for a side that no entry takes.
+                let nothing = if self.is_truth(x) { mask } else { self.lanes.as_numbers(mask) };
+                self.skipped_if(set, 0, nothing, |lowering| {
+                    lowering.side(region, mask);
+                    lowering.value(x)
+                })
+            }
+        };
+        if sides[1].is_none() {
+            let y = self.value(y);
+            return self.lanes.choose(mask, x, y);
+        }
+        self.skipped_if(set, (1 << LANES) - 1, x, |lowering| {
+            if let Some(region) = sides[1] {
+                let other = lowering.lanes.builder.ins().bnot(mask);
+                lowering.side(region, other);
+            }
+            let y = lowering.value(y);
+            lowering.lanes.choose(mask, x, y)
+        })
+    }
+
+    /// `otherwise` if `number` is as given, else what `emit` makes; both are of one type.
+    fn skipped_if(
+        &mut self,
+        number: Value,
+        given: i64,
+        otherwise: Value,
+        emit: impl FnOnce(&mut Self) -> Value,
+    ) -> Value {
+        let [inside, after] = [(); 2].map(|()| self.lanes.builder.create_block());
+        let made = self.lanes.builder.func.dfg.value_type(otherwise);
+        let result = self.lanes.builder.append_block_param(after, made);
+        self.lanes.branch_if(number, given, (after, &[otherwise]), (inside, &[]));
+        self.lanes.builder.switch_to_block(inside);
+        let value = emit(self);
+        self.lanes.builder.ins().jump(after, &[value.into()]);
+        self.lanes.builder.switch_to_block(after);
+        result
+    }
+
+    /// A region that only the entries of a mask need.
+    fn side(&mut self, region: usize, mask: Value) {
+        let around = self.taken;
+        self.taken = Some(match around {
+            None => mask,
+            Some(around) => self.lanes.builder.ins().band(around, mask),
+        });
+        self.region(region);
+        self.taken = around;
     }
 
     fn unary(&mut self, function: Function, x: Value) -> Value {
         match function {
-            Function::Negate => self.builder.ins().fneg(x),
-            Function::Abs => self.builder.ins().fabs(x),
-            Function::Sqrt => self.builder.ins().sqrt(x),
+            Function::Negate => self.lanes.builder.ins().fneg(x),
+            Function::Abs => self.lanes.builder.ins().fabs(x),
+            Function::Sqrt => self.lanes.builder.ins().sqrt(x),
             Function::Sign => {
                 // Zeros and non-numbers stay what they are.
-                let zero = self.builder.ins().f64const(0.0);
-                let one = self.builder.ins().f64const(1.0);
-                let minus_one = self.builder.ins().f64const(-1.0);
-                let below = self.builder.ins().fcmp(FloatCC::LessThan, x, zero);
-                let above = self.builder.ins().fcmp(FloatCC::GreaterThan, x, zero);
-                let rest = self.builder.ins().select(below, minus_one, x);
-                self.builder.ins().select(above, one, rest)
+                let [zero, one, minus_one] = [0.0, 1.0, -1.0].map(|x| self.lanes.number(x));
+                let below = self.lanes.compare(FloatCC::LessThan, x, zero);
+                let above = self.lanes.compare(FloatCC::GreaterThan, x, zero);
+                let rest = self.lanes.choose(below, minus_one, x);
+                self.lanes.choose(above, one, rest)
             }
             called => self.call(Called::Unary(called), &[x]),
         }
     }
 
     fn binary(&mut self, operator: Operator, x: Value, y: Value) -> Value {
+        let ins = self.lanes.builder.ins();
         match operator {
-            Operator::Add => self.builder.ins().fadd(x, y),
-            Operator::Subtract => self.builder.ins().fsub(x, y),
-            Operator::Multiply => self.builder.ins().fmul(x, y),
-            Operator::Divide => self.builder.ins().fdiv(x, y),
+            Operator::Add => ins.fadd(x, y),
+            Operator::Subtract => ins.fsub(x, y),
+            Operator::Multiply => ins.fmul(x, y),
+            Operator::Divide => ins.fdiv(x, y),
             Operator::Power => self.call(Called::Pow, &[x, y]),
-            Operator::Min => self.builder.ins().fmin(x, y),
-            Operator::Max => self.builder.ins().fmax(x, y),
+            Operator::Min => ins.fmin(x, y),
+            Operator::Max => ins.fmax(x, y),
         }
     }
 
+    /// An elementary function: inlined, or called for one entry after the other.
     fn call(&mut self, called: Called, arguments: &[Value]) -> Value {
-        let call = self.builder.ins().call(self.functions[&called], arguments);
-        self.builder.inst_results(call)[0]
+        if let Some(partial) = self.inlined(called, arguments) {
+            return self.noted(partial);
+        }
+        let function = self.linked.functions[&called];
+        let results = [0, 1].map(|lane| {
+            let arguments: Vec<Value> =
+                arguments.iter().map(|x| self.lanes.lane(*x, lane)).collect();
+            let call = self.lanes.builder.ins().call(function, &arguments);
+            self.lanes.builder.inst_results(call)[0]
+        });
+        self.lanes.join(results)
+    }
+
+    fn inlined(&mut self, called: Called, arguments: &[Value]) -> Option<Partial> {
+        let fast = self.linked.fast.as_ref()?;
+        let table = self.lanes.builder.ins().symbol_value(types::I64, fast.logarithms);
+        match called {
+            Called::Pow => Some(self.lanes.power(table, arguments[0], arguments[1])),
+            Called::Unary(function) => self.lanes.elementary(function, table, arguments[0]),
+        }
+    }
+
+    /// The value of an inlined function; entries that need it, and for which it does not hold, are
+    /// remembered.
+    fn noted(&mut self, Partial { value, mut holds }: Partial) -> Value {
+        if let Some(taken) = self.taken {
+            let idle = self.lanes.builder.ins().bnot(taken);
+            holds = self.lanes.builder.ins().bor(holds, idle);
+        }
+        if let Some(all) = self.holds {
+            let before = self.lanes.builder.use_var(all);
+            let both = self.lanes.builder.ins().band(before, holds);
+            self.lanes.builder.def_var(all, both);
+        }
+        value
+    }
+
+    /// Entries for which an inlined function does not hold take the results of the strict level. So the
+    /// results of an entry never depend on the one beside it.
+    fn finish(&mut self, n_outputs: usize) {
+        let (Some(holds), Some(fast)) = (self.holds, &self.linked.fast) else { return };
+        let holds = self.lanes.builder.use_var(holds);
+        let set = self.lanes.lanes_set(holds);
+        let [again, after] = [(); 2].map(|()| self.lanes.builder.create_block());
+        self.lanes.branch_if(set, (1 << LANES) - 1, (after, &[]), (again, &[]));
+        self.lanes.builder.set_cold_block(again);
+        self.lanes.builder.switch_to_block(again);
+        self.repeat(fast.strict, holds, n_outputs, after);
+        self.lanes.builder.switch_to_block(after);
+    }
+
+    /// Overwrites the entries outside the mask by the strict level's.
+    fn repeat(&mut self, strict: FuncRef, holds: Value, n_outputs: usize, after: Block) {
+        let mut arguments: Vec<Value> = (MEASURE..OUTPUTS).map(|k| self.address(k)).collect();
+        let slots = [(); 3].map(|()| {
+            let data = StackSlotData::new(StackSlotKind::ExplicitSlot, STEP as u32, 4);
+            let slot = self.lanes.builder.create_sized_stack_slot(data);
+            self.lanes.builder.ins().stack_addr(types::I64, slot, 0)
+        });
+        arguments.extend(slots);
+        arguments.push(self.lanes.builder.ins().iconst(types::I64, LANES));
+        self.lanes.builder.ins().call(strict, &arguments);
+        let flags = MemFlagsData::new().with_notrap();
+        for (output, slot) in slots.into_iter().enumerate().take(n_outputs) {
+            let address = self.address(OUTPUTS + output);
+            let fast = self.lanes.builder.ins().load(types::F64X2, flags, address, 0);
+            let exact = self.lanes.builder.ins().load(types::F64X2, flags, slot, 0);
+            let value = self.lanes.choose(holds, fast, exact);
+            self.lanes.builder.ins().store(flags, value, address, 0);
+        }
+        self.lanes.builder.ins().jump(after, &[]);
     }
 
     fn address(&mut self, argument: usize) -> Value {
-        self.builder.ins().iadd(self.arguments[argument], self.offset)
+        self.lanes.builder.ins().iadd(self.arguments[argument], self.offset)
     }
 
     fn load(&mut self, argument: usize) -> Value {
         let address = self.address(argument);
         let flags = MemFlagsData::new().with_notrap().with_readonly();
-        self.builder.ins().load(types::F64, flags, address, 0)
+        self.lanes.builder.ins().load(types::F64X2, flags, address, 0)
     }
 
     fn store(&mut self, argument: usize, root: NodeId) {
         let address = self.address(argument);
-        let value = self.values[root.0 as usize];
-        self.builder.ins().store(MemFlagsData::new().with_notrap(), value, address, 0);
+        let value = self.value(root);
+        self.lanes.builder.ins().store(MemFlagsData::new().with_notrap(), value, address, 0);
     }
 }
 
 impl PowerOps for Lowering<'_, '_> {
     type Value = Value;
     fn one(&mut self) -> Value {
-        self.builder.ins().f64const(1.0)
+        self.lanes.number(1.0)
     }
     fn multiply(&mut self, x: Value, y: Value) -> Value {
-        self.builder.ins().fmul(x, y)
+        self.lanes.builder.ins().fmul(x, y)
     }
     fn reciprocal(&mut self, x: Value) -> Value {
-        let one = self.builder.ins().f64const(1.0);
-        self.builder.ins().fdiv(one, x)
+        let one = self.lanes.number(1.0);
+        self.lanes.builder.ins().fdiv(one, x)
     }
     fn sqrt(&mut self, x: Value) -> Value {
-        self.builder.ins().sqrt(x)
+        self.lanes.builder.ins().sqrt(x)
     }
     fn pow(&mut self, x: Value, c: f64) -> Value {
-        let exponent = self.builder.ins().f64const(c);
+        let exponent = self.lanes.number(c);
         self.call(Called::Pow, &[x, exponent])
     }
 }

@@ -2,10 +2,19 @@
 //!
 //! | module | what |
 //! |---|---|
-//! | `lower` | a graph to Cranelift's intermediate form, operation by operation |
+//! | `region` | which operations are worked out only where a choice needs them |
+//! | `lower` | a graph to Cranelift's intermediate form, operation by operation, two entries at a time |
+//! | `called` | the elementary functions that are called |
+//! | `elementary`, `log_table` | the elementary functions that the fast level inlines |
+//! | `lanes` | instructions on two numbers side by side |
 //! | `code` | the owner of executable memory |
 
+mod called;
 mod code;
+mod elementary;
+mod lanes;
+mod log_table;
 mod lower;
+mod region;
 
 pub use code::{CompiledKernel, Listing};

@@ -9,7 +9,7 @@ use crate::expression::number::Number;
 use crate::expression::precise::Precise;
 use crate::expression::{ExprGraph, Function, Node, NodeId, Operator, TooManyNodes};
 use crate::jit::CompiledKernel;
-use crate::kernel::{Batch, Derivatives, Order};
+use crate::kernel::{Batch, Derivatives, Level, Order};
 use crate::measure::Measure;
 use crate::model::Model;
 use crate::print;
@@ -183,7 +183,10 @@ fn errors(form: &ScalarEnergy, truth: &ScalarEnergy) -> (f64, f64) {
 
 /// Time of one evaluation of each form in ns: runs in turn, the fastest of each.
 fn times(forms: [&ScalarEnergy; 2]) -> Result<[f64; 2], CompileError> {
-    let kernels = [CompiledKernel::new(forms[0])?, CompiledKernel::new(forms[1])?];
+    let kernels = [
+        CompiledKernel::new(forms[0], Level::Strict)?,
+        CompiledKernel::new(forms[1], Level::Strict)?,
+    ];
     let measure: Vec<f64> = (0..BATCH).map(|k| 0.5 + k as f64 / BATCH as f64).collect();
     let reference = vec![1.0; BATCH];
     let change: Vec<f64> = measure.iter().map(|l| l - 1.0).collect();

@@ -11,7 +11,7 @@
 pub mod sample;
 pub mod truth;
 
-use crate::kernel::{Batch, Mode, WrittenEnergy};
+use crate::kernel::{Batch, Level, Mode, WrittenEnergy};
 use crate::measure::Measure;
 use crate::model::Model;
 use crate::specialise::{CompileError, Dropped};
@@ -70,7 +70,7 @@ pub fn verify(
     values: &Values,
     n: usize,
 ) -> Result<(Vec<Verification>, Vec<Dropped>), CompileError> {
-    let compiled = model.compile(values, Mode::Jit)?;
+    let compiled = model.compile(values, Mode::Jit(Level::Strict))?;
     let interpreted = model.compile(values, Mode::Interpreter)?;
     let variant =
         model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;

@@ -79,7 +79,7 @@ fn a_wrong_derivative_is_found() {
     ));
     let good = values(&model, 3, &[]);
     let bad = values(&model, 3, &[("k", 1.0)]);
-    let kernel = &model.compile(&good, crate::Mode::Jit).unwrap().kernels[0];
+    let kernel = &model.compile(&good, crate::Mode::Jit(crate::Level::Strict)).unwrap().kernels[0];
     let point = super::sample::Point { measure: 1.5, reference: 1.0 };
     let out = kernel.derivatives(super::Columns::new(&[point]).batch());
     let mut found = super::Verification {

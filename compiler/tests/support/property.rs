@@ -4,8 +4,8 @@
 
 use piola_compiler::verify::same_bits;
 use piola_compiler::{
-    Batch, CompileError, Form, Kernel, Mode, Model, ScalarEnergy, Setting, Specialised, Values,
-    check, check_text, print,
+    Batch, CompileError, Form, Kernel, Level, Mode, Model, ScalarEnergy, Setting, Specialised,
+    Values, check, check_text, print,
 };
 use piola_grammar::{Diagnostic, parse};
 
@@ -158,7 +158,7 @@ pub(crate) fn potential_of(
 
 /// Machine code gives the interpreter's bits, at any point.
 fn evaluates(model: &Model, values: &Values) {
-    let compiled = model.compile(values, Mode::Jit).unwrap();
+    let compiled = model.compile(values, Mode::Jit(Level::Strict)).unwrap();
     let interpreted = model.compile(values, Mode::Interpreter).unwrap();
     let dual = model.compile(values, Mode::HyperDual).unwrap();
     assert_eq!(compiled.kernels.len(), interpreted.kernels.len());

@@ -139,9 +139,11 @@ fn batches_of_every_length_give_the_same_bits() {
                         kernel.evaluate(batch, order, out.outputs());
                         let columns = [&out.psi, &out.dpsi, &out.d2psi];
                         let expected = [&expected.psi, &expected.dpsi, &expected.d2psi];
-                        for (k, (found, expected)) in columns.into_iter().zip(expected).enumerate() {
+                        for (k, (found, expected)) in columns.into_iter().zip(expected).enumerate()
+                        {
                             let asked = if k <= order as usize { length } else { 0 };
-                            let bits = |x: &[f64]| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+                            let bits =
+                                |x: &[f64]| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
                             assert_eq!(bits(&found[..asked]), bits(&expected[..asked]));
                             assert!(found[asked..].iter().all(|x| *x == 0.0), "{}", case.name);
                         }

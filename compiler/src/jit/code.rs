@@ -10,7 +10,7 @@ use cranelift_codegen::settings::{self, Configurable};
 use cranelift_codegen::{Context, ir};
 use cranelift_frontend::{FunctionBuilder, FunctionBuilderContext};
 use cranelift_jit::{ArenaMemoryProvider, JITBuilder, JITModule};
-use cranelift_module::{FuncId, Linkage, Module, default_libcall_names};
+use cranelift_module::{DataDescription, DataId, FuncId, Linkage, Module, default_libcall_names};
 
 use super::called::Called;
 use super::log_table::LOGARITHMS;
@@ -62,7 +62,7 @@ impl CompiledKernel {
         CompiledKernel::with_isa(energy, level, isa(true)?)
     }
 
-    fn with_isa(
+    pub(super) fn with_isa(
         energy: &ScalarEnergy,
         level: Level,
         isa: OwnedTargetIsa,
@@ -160,7 +160,7 @@ fn backend(error: impl std::fmt::Display) -> CompileError {
 }
 
 /// The instructions of this computer, or only those that every computer of its kind has.
-fn isa(native: bool) -> Result<OwnedTargetIsa, CompileError> {
+pub(super) fn isa(native: bool) -> Result<OwnedTargetIsa, CompileError> {
     let mut flags = settings::builder();
     for (name, value) in
         [("opt_level", "speed"), ("use_colocated_libcalls", "false"), ("is_pic", "false")]
@@ -226,7 +226,14 @@ fn function(
     order: Order,
     strict: Option<FuncId>,
 ) -> Result<FuncId, CompileError> {
-    let mut context = build(module, energy, order, strict)?;
+    let (mut context, pool) = build(module, energy, order, strict)?;
+    if let Some((id, constants)) = pool {
+        let mut data = DataDescription::new();
+        let twice = constants.iter().flat_map(|bits| [bits.to_ne_bytes(); 2]).flatten();
+        data.define(twice.collect());
+        data.set_align(16);
+        module.define_data(id, &data).map_err(backend)?;
+    }
     let id = module.declare_anonymous_function(&context.func.signature).map_err(backend)?;
     module.define_function(id, &mut context).map_err(|e| backend(format!("{e:?}")))?;
     Ok(id)
@@ -244,7 +251,7 @@ fn list(
         }
         _ => None,
     };
-    let mut context = build(module, energy, Order::Tangent, strict)?;
+    let (mut context, _) = build(module, energy, Order::Tangent, strict)?;
     let clif = context.func.display().to_string();
     context.set_disasm(true);
     let compiled = context
@@ -267,27 +274,31 @@ fn build(
     energy: &ScalarEnergy,
     order: Order,
     strict: Option<FuncId>,
-) -> Result<Context, CompileError> {
+) -> Result<(Context, Option<(DataId, Vec<u64>)>), CompileError> {
     let mut context = module.make_context();
     context.func.signature = signature(module);
     context.func.name = UserFuncName::user(0, 0);
-    let linked = link(module, &mut context.func, energy, strict)?;
+    let pool = match strict {
+        Some(_) => Some(module.declare_anonymous_data(false, false).map_err(backend)?),
+        None => None,
+    };
+    let linked = link(module, &mut context.func, energy, strict.zip(pool))?;
     let mut builder_context = FunctionBuilderContext::new();
     let mut builder = FunctionBuilder::new(&mut context.func, &mut builder_context);
-    lower::emit(&mut builder, energy, order, &linked);
+    let constants = lower::emit(&mut builder, energy, order, &linked);
     builder.finalize(module.target_config());
-    Ok(context)
+    Ok((context, pool.map(|pool| (pool, constants))))
 }
 
 fn link(
     module: &mut JITModule,
     function: &mut ir::Function,
     energy: &ScalarEnergy,
-    strict: Option<FuncId>,
+    fast: Option<(FuncId, DataId)>,
 ) -> Result<Linked, CompileError> {
     let mut functions = HashMap::new();
     for called in energy.graph.nodes().filter_map(|(_, node)| Called::of(node)) {
-        let inlined = strict.is_some() && called.is_inlined();
+        let inlined = fast.is_some() && called.is_inlined();
         if inlined || functions.contains_key(&called) {
             continue;
         }
@@ -299,16 +310,17 @@ fn link(
             .map_err(backend)?;
         functions.insert(called, module.declare_func_in_func(id, function));
     }
-    let mut fast = None;
-    if let Some(strict) = strict {
+    let mut linked = Linked { functions, fast: None };
+    if let Some((strict, pool)) = fast {
         let table = module
             .declare_data(LOGARITHMS_SYMBOL, Linkage::Import, false, false)
             .map_err(backend)?;
-        fast = Some(Fast {
+        linked.fast = Some(Fast {
             strict: module.declare_func_in_func(strict, function),
             logarithms: module.declare_data_in_func(table, function),
+            pool: module.declare_data_in_func(pool, function),
             fma: has_fma(module.isa()),
         });
     }
-    Ok(Linked { functions, fast })
+    Ok(linked)
 }

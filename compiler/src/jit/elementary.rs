@@ -68,9 +68,17 @@ pub(super) struct Partial {
 }
 
 /// A number as a sum of two.
-struct Double {
-    high: Value,
-    low: Value,
+#[derive(Clone, Copy)]
+pub(super) struct Double {
+    pub(super) high: Value,
+    pub(super) low: Value,
+}
+
+/// A logarithm before it is summed: `start + rest + ln(1 + r)`, where `start` is exact.
+struct Reduction {
+    start: Value,
+    rest: Value,
+    r: Value,
 }
 
 /// `exp(r) - 1` and the power of two that goes with it.
@@ -96,11 +104,13 @@ impl Lanes<'_, '_> {
             }
             Function::Expm1 => self.expm1(x),
             Function::Ln => {
-                let value = self.logarithm(table, x, None).high;
+                let reduction = self.reduction(table, x, None);
+                let value = self.rounded(&reduction);
                 Partial { value, holds: self.is_normal_and_positive(x) }
             }
             Function::Log1p => {
-                let Partial { value, holds } = self.log1p(table, x).0;
+                let (reduction, holds) = self.log1p(table, x);
+                let value = self.rounded(&reduction);
                 // Only the zeros have another sign by now.
                 Partial { value: self.with_sign_of(value, x), holds }
             }
@@ -109,45 +119,48 @@ impl Lanes<'_, '_> {
         })
     }
 
-    /// `x^y`
-    pub(super) fn power(&mut self, table: Value, x: Value, y: Value) -> Partial {
-        let logarithm = self.logarithm(table, x, None);
+    /// `x^y` from the logarithm of `x`.
+    pub(super) fn power(&mut self, logarithm: Double, y: Value) -> Partial {
         let exponent = self.times(y, &logarithm);
         let exponential = self.exponential(exponent.high, Some(exponent.low));
         let value = self.scaled(&exponential);
-        let base = self.is_normal_and_positive(x);
-        let moderate = self.is_at_most(exponent.high, LARGEST_EXPONENT);
-        Partial { value, holds: self.builder.ins().band(base, moderate) }
+        Partial { value, holds: self.is_at_most(exponent.high, LARGEST_EXPONENT) }
+    }
+
+    /// `ln(x)` with a relative error of some `2^-65`, and where it holds.
+    pub(super) fn logarithm(&mut self, table: Value, x: Value) -> (Double, Value) {
+        let reduction = self.reduction(table, x, None);
+        (self.double(&reduction), self.is_normal_and_positive(x))
     }
 
     fn expm1(&mut self, x: Value) -> Partial {
         let Exponential { shifted, minus_one } = self.exponential(x, None);
         let power = self.power_of_two(shifted);
-        let one = self.number(1.0);
+        let one = self.constant(1.0);
         let rest = self.builder.ins().fsub(power, one);
         let value = self.multiply_add(power, minus_one, rest);
         let value = self.with_sign_of(value, x);
         Partial { value, holds: self.is_at_most(x, LARGEST_EXPONENT) }
     }
 
-    /// `ln(1 + x)`, and the rest of it that a number cannot hold.
-    fn log1p(&mut self, table: Value, x: Value) -> (Partial, Value) {
-        let one = self.number(1.0);
+    /// `ln(1 + x)`, and where it holds.
+    fn log1p(&mut self, table: Value, x: Value) -> (Reduction, Value) {
+        let one = self.constant(1.0);
         let sum = self.builder.ins().fadd(one, x);
+        let one = self.constant(1.0);
         let back = self.builder.ins().fsub(sum, one);
         let lost = self.builder.ins().fsub(x, back);
-        let Double { high, low } = self.logarithm(table, sum, Some(lost));
         // 1 + x is at least 2^-53 for all x > -1.
-        let (least, most) = (self.number(1e-17), self.number(1e300));
+        let (least, most) = (self.constant(1e-17), self.constant(1e300));
         let above = self.compare(FloatCC::GreaterThan, sum, least);
         let below = self.compare(FloatCC::LessThan, sum, most);
         let holds = self.builder.ins().band(above, below);
-        (Partial { value: high, holds }, low)
+        (self.reduction(table, sum, Some(lost)), holds)
     }
 
     /// `ln(1 + x) - x`: see [`crate::expression::function::log1pmx`].
     fn log1pmx(&mut self, table: Value, x: Value) -> Partial {
-        let two = self.number(2.0);
+        let two = self.constant(2.0);
         let sum = self.builder.ins().fadd(two, x);
         let r = self.builder.ins().fdiv(x, sum);
         let square = self.builder.ins().fmul(r, r);
@@ -157,44 +170,49 @@ impl Lanes<'_, '_> {
         let series = self.builder.ins().fmul(series, square);
         let series = self.builder.ins().fsub(series, x);
         let near = self.builder.ins().fmul(r, series);
-        let (Partial { value, holds }, low) = self.log1p(table, x);
-        let far = self.builder.ins().fsub(value, x);
-        let far = self.builder.ins().fadd(far, low);
+        let (reduction, holds) = self.log1p(table, x);
+        let logarithm = self.double(&reduction);
+        let far = self.builder.ins().fsub(logarithm.high, x);
+        let far = self.builder.ins().fadd(far, logarithm.low);
         let is_near = self.is_at_most(x, 0.3);
         let holds = self.builder.ins().bor(is_near, holds);
         Partial { value: self.choose(is_near, near, far), holds }
     }
 
-    /// `ln(x + tail)` with a relative error of some `2^-65` for a normal `x > 0`; `tail` is at most a
-    /// rounding error of `x`, or `x` is 1.
+    /// `ln(x + tail)` for a normal `x > 0`; `tail` is at most a rounding error of `x`, or `x` is 1.
     ///
     /// With `x = 2^k z` and a number `c` of the table near `z`: `k ln(2) + ln(c) + ln(1 + r)` where
-    /// `r = z/c - 1`.
-    fn logarithm(&mut self, table: Value, x: Value, tail: Option<Value>) -> Double {
+    /// `r = z/c - 1`. Near 1, `c` is 1 and `r` is all there is.
+    fn reduction(&mut self, table: Value, x: Value, tail: Option<Value>) -> Reduction {
         let bits = self.as_bits(x);
         // The exponent of `shifted` is that of 2^k, its leading digits are the number of the piece.
-        let offset = self.bits(ONE - FIRST);
+        let offset = self.mask(ONE - FIRST);
         let shifted = self.builder.ins().iadd(bits, offset);
-        let exponent = self.bits(EXPONENT);
+        let exponent = self.mask(EXPONENT);
         let exponent = self.builder.ins().band(shifted, exponent);
         let [inverse, high, low] = self.row(table, shifted);
         let k = self.exponent_of(shifted);
 
-        let one = self.bits(ONE);
+        let one = self.mask(ONE);
         let z = self.builder.ins().iadd(bits, one);
         let z = self.builder.ins().isub(z, exponent);
         let mut r = self.ratio_minus_one(z, inverse);
         if let Some(tail) = tail {
-            let twice = self.bits(2 * (ONE >> 52) << 52);
+            let twice = self.mask(2 * (ONE >> 52) << 52);
             let reciprocal = self.builder.ins().isub(twice, exponent);
             let reciprocal = self.as_numbers(reciprocal);
             let tail = self.builder.ins().fmul(tail, reciprocal);
             r = self.multiply_add(tail, inverse, r);
         }
 
-        let [ln2, ln2_rest] = LN2.map(|x| self.number(x));
+        let [ln2, ln2_rest] = LN2.map(|x| self.constant(x));
         let start = self.multiply_add(k, ln2, high);
         let rest = self.multiply_add(k, ln2_rest, low);
+        Reduction { start, rest, r }
+    }
+
+    /// The logarithm with a relative error of some `2^-65`.
+    fn double(&mut self, &Reduction { start, rest, r }: &Reduction) -> Double {
         let first = self.sum(start, r);
         let (half_square, square_rest, square) = self.half_square(r);
         let second = self.sum(first.high, half_square);
@@ -205,6 +223,17 @@ impl Lanes<'_, '_> {
         let small = self.builder.ins().fadd(small, smaller);
         let low = self.multiply_add(cube, series, small);
         self.sum(second.high, low)
+    }
+
+    /// The logarithm as one number.
+    fn rounded(&mut self, &Reduction { start, rest, r }: &Reduction) -> Value {
+        let square = self.builder.ins().fmul(r, r);
+        let series = self.polynomial(&LOGARITHM, r, square);
+        let half = self.constant(-0.5);
+        let series = self.multiply_add(r, series, half);
+        let small = self.multiply_add(square, series, rest);
+        let small = self.builder.ins().fadd(small, r);
+        self.builder.ins().fadd(start, small)
     }
 
     /// `x + y` and its rounding error, for `abs(x) > abs(y)` or `x = 0`.
@@ -219,34 +248,32 @@ impl Lanes<'_, '_> {
         const SIZE: u64 = size_of::<[f64; 4]>() as u64;
         // A row has 2^5 bytes, and the number of the piece begins at digit 45.
         let places = self.shifted_down(shifted, 45 - i64::from(SIZE.trailing_zeros()));
-        let within = self.bits((PIECES as u64 - 1) * SIZE);
+        let within = self.mask((PIECES as u64 - 1) * SIZE);
         let places = self.builder.ins().band(places, within);
         let flags = MemFlagsData::trusted().with_readonly().with_can_move();
         let rows = [0, 1].map(|lane| {
             let place = self.lane(places, lane);
             let row = self.builder.ins().iadd(table, place);
-            let inverse = self.builder.ins().load(types::F64, flags, row, 0);
-            let logarithm = self.builder.ins().load(types::F64X2, flags, row, 16);
-            (inverse, logarithm)
+            [0, 16].map(|half| self.builder.ins().load(types::F64X2, flags, row, half))
         });
-        let inverse = self.join(rows.map(|row| row.0));
-        let logarithms = rows.map(|row| row.1);
+        let inverse = self.unzip(rows.map(|row| row[0]), false);
+        let logarithms = rows.map(|row| row[1]);
         [inverse, self.unzip(logarithms, false), self.unzip(logarithms, true)]
     }
 
     /// The exponent of 2 in the leading digits, as a number.
     fn exponent_of(&mut self, bits: Value) -> Value {
         let biased = self.shifted_down(bits, 52);
-        let whole = self.bits(WHOLE);
+        let whole = self.mask(WHOLE);
         let sum = self.builder.ins().bor(biased, whole);
         let sum = self.as_numbers(sum);
-        let bias = self.number(f64::from_bits(WHOLE) + 1023.0);
+        let bias = self.constant(f64::from_bits(WHOLE) + 1023.0);
         self.builder.ins().fsub(sum, bias)
     }
 
     /// `z*inverse - 1`, exactly, from the bits of `z`.
     fn ratio_minus_one(&mut self, z: Value, inverse: Value) -> Value {
-        let minus_one = self.number(-1.0);
+        let minus_one = self.constant(-1.0);
         let number = self.as_numbers(z);
         if self.fma {
             return self.builder.ins().fma(number, inverse, minus_one);
@@ -260,7 +287,7 @@ impl Lanes<'_, '_> {
     /// `-r^2/2` as a sum of two, and `r^2`.
     fn half_square(&mut self, r: Value) -> (Value, Value, Value) {
         let square = self.builder.ins().fmul(r, r);
-        let half = self.number(-0.5);
+        let half = self.constant(-0.5);
         if self.fma {
             let negative = self.builder.ins().fneg(square);
             let lost = self.builder.ins().fma(r, r, negative);
@@ -279,7 +306,7 @@ impl Lanes<'_, '_> {
     /// The leading digits, and the rest.
     fn split(&mut self, x: Value, digits: u64) -> (Value, Value) {
         let bits = self.as_bits(x);
-        let mask = self.bits(digits);
+        let mask = self.mask(digits);
         let leading = self.builder.ins().band(bits, mask);
         let leading = self.as_numbers(leading);
         (leading, self.builder.ins().fsub(x, leading))
@@ -304,11 +331,11 @@ impl Lanes<'_, '_> {
 
     /// `exp(x + low)` in two factors: `x = k ln(2) + r`.
     fn exponential(&mut self, x: Value, low: Option<Value>) -> Exponential {
-        let per_ln2 = self.number(std::f64::consts::LOG2_E);
-        let rounder = self.number(ROUNDER);
+        let per_ln2 = self.constant(std::f64::consts::LOG2_E);
+        let rounder = self.constant(ROUNDER);
         let shifted = self.multiply_add(x, per_ln2, rounder);
         let k = self.builder.ins().fsub(shifted, rounder);
-        let [ln2, ln2_rest] = LN2_SHORT.map(|x| self.number(-x));
+        let [ln2, ln2_rest] = LN2_SHORT.map(|x| self.constant(-x));
         let high = self.multiply_add(k, ln2, x);
         let low = match low {
             Some(low) => self.multiply_add(k, ln2_rest, low),
@@ -322,7 +349,7 @@ impl Lanes<'_, '_> {
     }
 
     fn scaled(&mut self, exponential: &Exponential) -> Value {
-        let one = self.number(1.0);
+        let one = self.constant(1.0);
         let value = self.builder.ins().fadd(one, exponential.minus_one);
         let value = self.as_bits(value);
         let exponent = self.exponent_bits(exponential.shifted);
@@ -332,7 +359,7 @@ impl Lanes<'_, '_> {
 
     /// `2^k`
     fn power_of_two(&mut self, shifted: Value) -> Value {
-        let one = self.bits(ONE);
+        let one = self.mask(ONE);
         let exponent = self.exponent_bits(shifted);
         let bits = self.builder.ins().iadd(one, exponent);
         self.as_numbers(bits)
@@ -351,14 +378,14 @@ impl Lanes<'_, '_> {
 
     fn with_sign_of(&mut self, value: Value, x: Value) -> Value {
         let (value, x) = (self.as_bits(value), self.as_bits(x));
-        let sign = self.bits(SIGN);
+        let sign = self.mask(SIGN);
         let sign = self.builder.ins().band(x, sign);
         let signed = self.builder.ins().bor(value, sign);
         self.as_numbers(signed)
     }
 
     fn is_normal_and_positive(&mut self, x: Value) -> Value {
-        let (least, most) = (self.number(f64::MIN_POSITIVE), self.number(f64::MAX));
+        let (least, most) = (self.constant(f64::MIN_POSITIVE), self.constant(f64::MAX));
         let above = self.compare(FloatCC::GreaterThanOrEqual, x, least);
         let below = self.compare(FloatCC::LessThanOrEqual, x, most);
         self.builder.ins().band(above, below)
@@ -367,7 +394,7 @@ impl Lanes<'_, '_> {
     /// `abs(x) <= bound`, false if `x` is not a number.
     fn is_at_most(&mut self, x: Value, bound: f64) -> Value {
         let size = self.builder.ins().fabs(x);
-        let bound = self.number(bound);
+        let bound = self.constant(bound);
         self.compare(FloatCC::LessThanOrEqual, size, bound)
     }
 }

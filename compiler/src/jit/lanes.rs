@@ -15,6 +15,10 @@ pub(super) struct Lanes<'a, 'b> {
     pub(super) builder: &'a mut FunctionBuilder<'b>,
     /// Whether the processor multiplies and adds with one rounding.
     pub(super) fma: bool,
+    /// Where the constants of inlined functions stand.
+    pub(super) pool: Option<Value>,
+    /// Those constants by their bits, one entry per use.
+    pub(super) constants: Vec<u64>,
 }
 
 impl Lanes<'_, '_> {
@@ -22,6 +26,26 @@ impl Lanes<'_, '_> {
     pub(super) fn number(&mut self, x: f64) -> Value {
         let scalar = self.builder.ins().f64const(x);
         self.builder.ins().splat(types::F64X2, scalar)
+    }
+
+    /// The same number in every lane, for an inlined function: a load that belongs to its one use, so
+    /// that it becomes an operand in memory. Written as a literal it would be shared, hoisted out of
+    /// the loop and, as there are more of them than registers, spilled.
+    pub(super) fn constant(&mut self, x: f64) -> Value {
+        self.pooled(types::F64X2, x.to_bits())
+    }
+
+    /// The same for bits.
+    pub(super) fn mask(&mut self, bits: u64) -> Value {
+        self.pooled(types::I64X2, bits)
+    }
+
+    fn pooled(&mut self, as_type: Type, bits: u64) -> Value {
+        let Some(pool) = self.pool else { unreachable!() };
+        let place = self.constants.len() as i32 * 16;
+        self.constants.push(bits);
+        let flags = MemFlagsData::trusted().with_readonly().with_can_move();
+        self.builder.ins().load(as_type, flags, pool, place)
     }
 
     /// The same 64 bits in every lane.
@@ -62,13 +86,14 @@ impl Lanes<'_, '_> {
         }
     }
 
-    /// `c[0] + c[1] x + c[2] x^2 + ..`, with `square = x^2`; pairs of terms are independent.
+    /// `c[0] + c[1] x + c[2] x^2 + ..` for at least one coefficient, with `square = x^2`; pairs of terms
+    /// are independent.
     pub(super) fn polynomial(&mut self, coefficients: &[f64], x: Value, square: Value) -> Value {
         let mut sum = None;
         for pair in coefficients.chunks(2).rev() {
-            let mut term = self.number(pair[0]);
+            let mut term = self.constant(pair[0]);
             if let Some(&odd) = pair.get(1) {
-                let odd = self.number(odd);
+                let odd = self.constant(odd);
                 term = self.multiply_add(odd, x, term);
             }
             sum = Some(match sum {
@@ -76,7 +101,7 @@ impl Lanes<'_, '_> {
                 Some(sum) => self.multiply_add(sum, square, term),
             });
         }
-        sum.unwrap_or_else(|| self.number(0.0))
+        sum.unwrap_or(x)
     }
 
     /// The mask of a comparison.

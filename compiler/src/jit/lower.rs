@@ -18,7 +18,7 @@ use cranelift_codegen::ir::{
 use cranelift_frontend::{FunctionBuilder, Variable};
 
 use super::called::Called;
-use super::elementary::Partial;
+use super::elementary::{Double, Partial};
 use super::lanes::{LANES, Lanes};
 use super::region::{ALWAYS, Regions};
 use crate::expression::power::{PowerOps, PowerPlan};
@@ -54,17 +54,20 @@ pub(super) struct Fast {
     pub(super) strict: FuncRef,
     /// The table of logarithms.
     pub(super) logarithms: GlobalValue,
+    /// The constants of this function.
+    pub(super) pool: GlobalValue,
     /// Whether the processor multiplies and adds with one rounding.
     pub(super) fma: bool,
 }
 
-/// Emits the whole function: a loop over the entries, two at a time, around the graph.
+/// Emits the whole function: a loop over the entries, two at a time, around the graph. Gives back the
+/// constants of its pool.
 pub(super) fn emit(
     builder: &mut FunctionBuilder<'_>,
     energy: &ScalarEnergy,
     order: Order,
     linked: &Linked,
-) {
+) -> Vec<u64> {
     let roots = &energy.roots[..=order as usize];
     let entry = builder.create_block();
     let [head, body, done] = [(); 3].map(|()| builder.create_block());
@@ -86,9 +89,16 @@ pub(super) fn emit(
     // Of an odd number the last two entries are worked out together: one of them twice, which changes
     // nothing, because inputs and outputs are apart.
     let offset = builder.ins().smin(next, last);
+    // What does not depend on the entry would be hoisted: see `Lanes::constant`.
+    let pool = linked.fast.as_ref().map(|fast| {
+        let pool = builder.ins().symbol_value(types::I64, fast.pool);
+        let by = builder.ins().iconst(types::I64, 63);
+        let zero = builder.ins().sshr(offset, by);
+        builder.ins().iadd(pool, zero)
+    });
     let fma = linked.fast.as_ref().is_some_and(|fast| fast.fma);
     let mut lowering = Lowering {
-        lanes: Lanes { builder, fma },
+        lanes: Lanes { builder, fma, pool, constants: Vec::new() },
         energy,
         regions: Regions::new(&energy.graph, roots),
         linked,
@@ -97,6 +107,7 @@ pub(super) fn emit(
         values: vec![None; energy.graph.len()],
         taken: None,
         holds: None,
+        shared: Shared::default(),
     };
     lowering.start();
     lowering.region(ALWAYS);
@@ -104,12 +115,14 @@ pub(super) fn emit(
         lowering.store(OUTPUTS + output, *root);
     }
     lowering.finish(roots.len());
+    let constants = lowering.lanes.constants;
     let next = builder.ins().iadd_imm_s(offset, STEP);
     builder.ins().jump(head, &[next.into()]);
 
     builder.switch_to_block(done);
     builder.ins().return_(&[]);
     builder.seal_all_blocks();
+    constants
 }
 
 struct Lowering<'a, 'b> {
@@ -124,6 +137,16 @@ struct Lowering<'a, 'b> {
     taken: Option<Value>,
     /// The mask of the entries for which every inlined function holds; none if there is none.
     holds: Option<Variable>,
+    shared: Shared,
+}
+
+/// What inlined functions leave for others of the same number, in the regions around.
+#[derive(Default)]
+struct Shared {
+    /// Numbers and their logarithms.
+    logarithms: Vec<(Value, Double)>,
+    /// Numbers, exponents and powers.
+    powers: Vec<(Value, f64, Value)>,
 }
 
 impl Lowering<'_, '_> {
@@ -275,7 +298,10 @@ impl Lowering<'_, '_> {
             None => mask,
             Some(around) => self.lanes.builder.ins().band(around, mask),
         });
+        let shared = (self.shared.logarithms.len(), self.shared.powers.len());
         self.region(region);
+        self.shared.logarithms.truncate(shared.0);
+        self.shared.powers.truncate(shared.1);
         self.taken = around;
     }
 
@@ -311,8 +337,8 @@ impl Lowering<'_, '_> {
 
     /// An elementary function: inlined, or called for one entry after the other.
     fn call(&mut self, called: Called, arguments: &[Value]) -> Value {
-        if let Some(partial) = self.inlined(called, arguments) {
-            return self.noted(partial);
+        if let Some(value) = self.inlined(called, arguments) {
+            return value;
         }
         let function = self.linked.functions[&called];
         let results = [0, 1].map(|lane| {
@@ -324,13 +350,42 @@ impl Lowering<'_, '_> {
         self.lanes.join(results)
     }
 
-    fn inlined(&mut self, called: Called, arguments: &[Value]) -> Option<Partial> {
+    fn inlined(&mut self, called: Called, arguments: &[Value]) -> Option<Value> {
         let fast = self.linked.fast.as_ref()?;
         let table = self.lanes.builder.ins().symbol_value(types::I64, fast.logarithms);
-        match called {
-            Called::Pow => Some(self.lanes.power(table, arguments[0], arguments[1])),
-            Called::Unary(function) => self.lanes.elementary(function, table, arguments[0]),
+        let x = arguments[0];
+        let partial = match called {
+            Called::Pow => {
+                let logarithm = self.logarithm(table, x);
+                self.lanes.power(logarithm, arguments[1])
+            }
+            Called::Unary(function) => self.lanes.elementary(function, table, x)?,
+        };
+        Some(self.noted(partial))
+    }
+
+    fn logarithm(&mut self, table: Value, x: Value) -> Double {
+        if let Some((_, known)) = self.shared.logarithms.iter().find(|(of, _)| *of == x) {
+            return *known;
         }
+        let (logarithm, holds) = self.lanes.logarithm(table, x);
+        self.noted(Partial { value: logarithm.high, holds });
+        self.shared.logarithms.push((x, logarithm));
+        logarithm
+    }
+
+    /// `x^c` from a power whose exponent differs by 1, as those of psi, psi' and psi'' do.
+    fn neighbouring_power(&mut self, x: Value, c: f64) -> Option<Value> {
+        self.linked.fast.as_ref()?;
+        let known = self.shared.powers.iter().rev().find(|(of, other, _)| {
+            // The exponent of a derivative may have been rounded.
+            *of == x && ((c - other).abs() - 1.0).abs() <= f64::EPSILON * c.abs().max(1.0)
+        });
+        let &(_, other, power) = known?;
+        Some(match other > c {
+            true => self.lanes.builder.ins().fdiv(power, x),
+            false => self.lanes.builder.ins().fmul(power, x),
+        })
     }
 
     /// The value of an inlined function; entries that need it, and for which it does not hold, are
@@ -417,7 +472,11 @@ impl PowerOps for Lowering<'_, '_> {
         self.lanes.builder.ins().sqrt(x)
     }
     fn pow(&mut self, x: Value, c: f64) -> Value {
-        let exponent = self.lanes.number(c);
-        self.call(Called::Pow, &[x, exponent])
+        let power = self.neighbouring_power(x, c).unwrap_or_else(|| {
+            let exponent = self.lanes.number(c);
+            self.call(Called::Pow, &[x, exponent])
+        });
+        self.shared.powers.push((x, c, power));
+        power
     }
 }

@@ -16,5 +16,7 @@ mod lanes;
 mod log_table;
 mod lower;
 mod region;
+#[cfg(test)]
+mod tests;
 
 pub use code::{CompiledKernel, Listing};

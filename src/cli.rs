@@ -132,6 +132,9 @@ pub(crate) struct Derive {
     pub(crate) dim: Option<u8>,
     #[command(flatten)]
     pub(crate) inputs: Inputs,
+    /// Level of the machine code, for `--emit clif` and `asm`
+    #[arg(long, default_value = "strict")]
+    pub(crate) level: Level,
     /// Say what was rewritten so that the energy keeps its digits, and what that gained
     #[arg(long)]
     pub(crate) explain: bool,
@@ -164,6 +167,9 @@ pub(crate) struct Audit {
     /// Largest error that passes, in units of 2^-53 of the value
     #[arg(long, default_value_t = 64.0)]
     pub(crate) bar: f64,
+    /// Level of the machine code
+    #[arg(long, default_value = "strict")]
+    pub(crate) level: Level,
     /// Look at the energy as it was written, without the rewrites that keep its digits
     #[arg(long)]
     pub(crate) textbook: bool,
@@ -191,6 +197,24 @@ pub(crate) struct Verify {
     /// How the report is written
     #[arg(long, default_value = "human")]
     pub(crate) format: Format,
+}
+
+/// How closely machine code follows the interpreter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Level {
+    /// To the last bit
+    Strict,
+    /// With elementary functions of its own, within 2 units in the last place
+    Fast,
+}
+
+impl From<Level> for piola_compiler::Level {
+    fn from(level: Level) -> Self {
+        match level {
+            Level::Strict => piola_compiler::Level::Strict,
+            Level::Fast => piola_compiler::Level::Fast,
+        }
+    }
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -233,6 +257,9 @@ pub(crate) struct Eval {
     /// How it is computed
     #[arg(long, default_value = "jit")]
     pub(crate) mode: Mode,
+    /// Level of the machine code
+    #[arg(long, default_value = "strict")]
+    pub(crate) level: Level,
 }
 
 #[derive(Debug, Args)]

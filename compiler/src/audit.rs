@@ -24,6 +24,8 @@ const SMALLEST: f64 = 1e-290;
 pub struct Settings {
     /// The form of the energies.
     pub form: Form,
+    /// The level of their code.
+    pub level: Level,
     /// Points per regime.
     pub points: usize,
     /// Largest error in `u` that passes; smaller errors are not looked at more closely.
@@ -76,7 +78,7 @@ pub fn audit(
     values: &Values,
     settings: &Settings,
 ) -> Result<(Vec<Audit>, Vec<Dropped>), CompileError> {
-    let compiled = model.compile_as(values, Mode::Jit(Level::Strict), settings.form)?;
+    let compiled = model.compile_as(values, Mode::Jit(settings.level), settings.form)?;
     let specialised = model.specialise_as(values, settings.form)?;
     let variant =
         model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;

@@ -46,8 +46,8 @@ fn values(model: &Model, n: f64) -> Values {
 }
 
 /// Largest errors of psi, psi', psi'' over all regimes, in u; what misses the bar is printed.
-fn worst(model: &Model, n: f64, form: Form, bar: f64) -> [f64; 3] {
-    let settings = Settings { form, points: 8, bar };
+fn worst(model: &Model, n: f64, (form, level): (Form, Level), bar: f64) -> [f64; 3] {
+    let settings = Settings { form, level, points: 8, bar };
     let (audits, _) = audit(model, &values(model, n), &settings).unwrap();
     let length = audits.iter().find(|audit| audit.measure == Measure::Length).unwrap();
     for regime in &length.regimes {
@@ -58,14 +58,13 @@ fn worst(model: &Model, n: f64, form: Form, bar: f64) -> [f64; 3] {
     length.worst()
 }
 
-#[test]
-fn e01_seth_hill_keeps_its_digits() {
+fn keeps_its_digits(level: Level) {
     let model = seth_hill();
     let mut missed = Vec::new();
     for n in EXPONENTS {
         let bar = 16.0 + 2.0 * n.abs();
-        let found = worst(&model, n, Form::Accurate, bar);
-        println!("n = {n:e}: {found:.1?} u, bar {bar}");
+        let found = worst(&model, n, (Form::Accurate, level), bar);
+        println!("{level:?}: n = {n:e}: {found:.1?} u, bar {bar}");
         if found.iter().any(|error| *error > bar) {
             missed.push(n);
         }
@@ -73,20 +72,30 @@ fn e01_seth_hill_keeps_its_digits() {
     assert!(missed.is_empty(), "{missed:?}");
 }
 
+#[test]
+fn e01_seth_hill_keeps_its_digits() {
+    keeps_its_digits(Level::Strict);
+}
+
+#[test]
+fn e01_seth_hill_keeps_its_digits_at_the_fast_level() {
+    keeps_its_digits(Level::Fast);
+}
+
 /// What is repaired: the textbook form of the same energy misses its bar by ten decades.
 #[test]
 fn e01_the_textbook_form_does_not() {
     let model = seth_hill();
     for n in [-0.5, 1e-12, 1.0 / 3.0] {
-        let [_, dpsi, _] = worst(&model, n, Form::Textbook, 64.0);
+        let [_, dpsi, _] = worst(&model, n, (Form::Textbook, Level::Strict), 64.0);
         assert!(dpsi > 1e12, "n = {n}: {dpsi}");
     }
 }
 
 /// psi, psi', psi'' of the bond as compiled.
-fn evaluate(n: f64, points: &[(f64, f64)], change: &[f64]) -> Derivatives {
+fn evaluate(level: Level, n: f64, points: &[(f64, f64)], change: &[f64]) -> Derivatives {
     let model = seth_hill();
-    let compiled = model.compile(&values(&model, n), Mode::Jit(Level::Strict)).unwrap();
+    let compiled = model.compile(&values(&model, n), Mode::Jit(level)).unwrap();
     let (measure, reference): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
     let batch = Batch { measure: &measure, reference: &reference, change };
     compiled.kernels[0].derivatives(batch)
@@ -141,17 +150,19 @@ fn e03_continuous_through_the_logarithm() {
     let points: Vec<(f64, f64)> = stretches.iter().map(|x| (*x, 1.0)).collect();
     let change: Vec<f64> = stretches.iter().map(|x| x - 1.0).collect();
     // psi' = C1 S x^(n-1), so S follows without a root.
-    let strain = |n: f64| -> Vec<f64> {
-        let out = evaluate(n, &points, &change);
+    let strain = |level, n: f64| -> Vec<f64> {
+        let out = evaluate(level, n, &points, &change);
         let of = |(x, dpsi): (&f64, &f64)| dpsi / 1.7 * libm::pow(*x, 1.0 - n);
         stretches.iter().zip(&out.dpsi).map(of).collect()
     };
-    let logarithm = strain(0.0);
-    for n in [1e-300, 1e-16, -1e-12, 1e-8, -1e-3, 0.02] {
-        for ((x, s), s0) in stretches.iter().zip(strain(n)).zip(&logarithm) {
-            let ln = libm::log(*x);
-            let bar = n.abs() * ln * ln + 16.0 * f64::EPSILON / 2.0 * s0.abs();
-            assert!((n * ln).abs() >= 1.0 || (s - s0).abs() <= bar, "n = {n}, {x}: {s} {s0}");
+    for level in Level::ALL {
+        let logarithm = strain(level, 0.0);
+        for n in [1e-300, 1e-16, -1e-12, 1e-8, -1e-3, 0.02] {
+            for ((x, s), s0) in stretches.iter().zip(strain(level, n)).zip(&logarithm) {
+                let ln = libm::log(*x);
+                let bar = n.abs() * ln * ln + 16.0 * f64::EPSILON / 2.0 * s0.abs();
+                assert!((n * ln).abs() >= 1.0 || (s - s0).abs() <= bar, "n = {n}, {x}: {s} {s0}");
+            }
         }
     }
 }
@@ -164,8 +175,8 @@ fn e06_a_bond_at_a_millionth_and_a_million_times_its_length() {
     for n in EXPONENTS.into_iter().filter(|n| n.abs() <= 10.0) {
         let written = model.written(&values(&model, n), Measure::Length);
         let bar = (16.0 + 2.0 * n.abs()) * f64::EPSILON / 2.0;
-        for stretch in [1e-6, 1e6] {
-            let out = evaluate(n, &[(stretch, 1.0)], &[stretch - 1.0]);
+        for (stretch, level) in [1e-6, 1e6].into_iter().flat_map(|x| Level::ALL.map(|l| (x, l))) {
+            let out = evaluate(level, n, &[(stretch, 1.0)], &[stretch - 1.0]);
             let expected = truth(&written, Point { measure: stretch, reference: 1.0 }).unwrap();
             for (found, expected) in
                 [out.psi[0], out.dpsi[0], out.d2psi[0]].into_iter().zip(expected)
@@ -180,9 +191,9 @@ fn e06_a_bond_at_a_millionth_and_a_million_times_its_length() {
 /// Displacements of 1e-160 and 1e-200 on a bond of length 1: psi' is right, psi may underflow to 0.
 #[test]
 fn e12_denormal_displacements() {
-    for n in EXPONENTS {
+    for (n, level) in EXPONENTS.into_iter().flat_map(|n| Level::ALL.map(|level| (n, level))) {
         let change = [1e-160, -1e-200, 1e-300];
-        let out = evaluate(n, &[(1.0, 1.0); 3], &change);
+        let out = evaluate(level, n, &[(1.0, 1.0); 3], &change);
         for (e, (psi, dpsi)) in change.iter().zip(out.psi.iter().zip(&out.dpsi)) {
             let expected = 1.7 * e;
             assert!((dpsi - expected).abs() <= 16.0 * f64::EPSILON / 2.0 * expected.abs(), "{n}");
@@ -194,8 +205,12 @@ fn e12_denormal_displacements() {
 /// Powers that overflow are infinite, never not a number, and what is finite stays.
 #[test]
 fn e13_overflow_is_infinite() {
+    Level::ALL.into_iter().for_each(overflow_is_infinite);
+}
+
+fn overflow_is_infinite(level: Level) {
     let at = |n: f64, stretch: f64| {
-        let out = evaluate(n, &[(stretch, 1.0)], &[stretch - 1.0]);
+        let out = evaluate(level, n, &[(stretch, 1.0)], &[stretch - 1.0]);
         [out.psi[0], out.dpsi[0], out.d2psi[0]]
     };
     assert_eq!(at(4.0, 1e60), [f64::INFINITY; 3]);

@@ -1,6 +1,6 @@
 //! The one door to the compiler: everything the runtime needs of an energy is a [`Law`].
 
-pub use piola_compiler::{Batch, Measure, Order, Outputs};
+pub use piola_compiler::{Batch, Level, Measure, Order, Outputs};
 
 /// An energy density of one measure with its first two derivatives, evaluated over arrays.
 ///

@@ -27,7 +27,12 @@ pub(super) fn execute(arguments: &cli::Audit) -> Exit {
         return Exit::Input;
     };
     let form = if arguments.textbook { Form::Textbook } else { Form::Accurate };
-    let settings = Settings { form, points: arguments.points, bar: arguments.bar };
+    let settings = Settings {
+        form,
+        level: arguments.level.into(),
+        points: arguments.points,
+        bar: arguments.bar,
+    };
     let audits = match audit(model, &values, &settings) {
         Ok((audits, dropped)) => {
             dropped.iter().for_each(|dropped| eprintln!("note: {}", dropped.reason));

@@ -38,7 +38,7 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
     for dropped in &specialised.dropped {
         eprintln!("note: {}", dropped.reason);
     }
-    match emit(&loaded, &specialised, arguments.emit) {
+    match emit(&loaded, &specialised, arguments) {
         Ok(text) => {
             render::out(&text);
             Exit::Done
@@ -121,20 +121,25 @@ fn explanation(e: &Explanation) -> String {
     )
 }
 
-fn emit(loaded: &Loaded, specialised: &Specialised, emit: Emit) -> Result<String, CompileError> {
+fn emit(
+    loaded: &Loaded,
+    specialised: &Specialised,
+    arguments: &Derive,
+) -> Result<String, CompileError> {
     let model = &loaded.model;
-    if emit == Emit::C {
+    let listing = |energy| CompiledKernel::listing(energy, arguments.level.into());
+    if arguments.emit == Emit::C {
         return Ok(print::c_source(model, &specialised.energies));
     }
     let mut parts = Vec::new();
     for energy in &specialised.energies {
-        parts.push(match emit {
+        parts.push(match arguments.emit {
             Emit::Latex => print::latex(model, energy),
             Emit::Graph => {
                 print::graph_listing(model, energy.measure, &energy.graph, &energy.roots)
             }
-            Emit::Clif => CompiledKernel::listing(energy)?.clif,
-            Emit::Asm => CompiledKernel::listing(energy)?.assembly,
+            Emit::Clif => listing(energy)?.clif,
+            Emit::Asm => listing(energy)?.assembly,
             _ => print::text(model, energy),
         });
     }

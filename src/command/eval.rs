@@ -2,7 +2,7 @@
 
 use std::io::Read as _;
 
-use piola_compiler::{Batch, Derivatives, Level, Measure, Mode};
+use piola_compiler::{Batch, Derivatives, Measure, Mode};
 use piola_runtime::output::decimal;
 
 use super::Exit;
@@ -21,7 +21,7 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
         cli::MeasureName::V => Measure::Volume,
     };
     let mode = match arguments.mode {
-        cli::Mode::Jit => Mode::Jit(Level::Strict),
+        cli::Mode::Jit => Mode::Jit(arguments.level.into()),
         cli::Mode::Interpreter => Mode::Interpreter,
         cli::Mode::Hyperdual => Mode::HyperDual,
     };

@@ -16,10 +16,12 @@ use cranelift_codegen::ir::{
     types,
 };
 use cranelift_frontend::{FunctionBuilder, Variable};
+use rustc_hash::FxHashMap;
 
 use super::called::Called;
 use super::elementary::{Double, Partial};
 use super::lanes::{LANES, Lanes};
+use super::powers::{Share, shares};
 use super::region::{ALWAYS, Regions};
 use crate::expression::power::{PowerOps, PowerPlan};
 use crate::expression::{Comparison, Function, Input, Node, NodeId, Operator};
@@ -101,6 +103,7 @@ pub(super) fn emit(
         lanes: Lanes { builder, fma, pool, constants: Vec::new() },
         energy,
         regions: Regions::new(&energy.graph, roots),
+        shares: linked.fast.as_ref().map_or_else(FxHashMap::default, |_| shares(&energy.graph)),
         linked,
         arguments: &arguments,
         offset,
@@ -129,6 +132,7 @@ struct Lowering<'a, 'b> {
     lanes: Lanes<'a, 'b>,
     energy: &'a ScalarEnergy,
     regions: Regions,
+    shares: FxHashMap<NodeId, Share>,
     linked: &'a Linked,
     arguments: &'a [Value],
     offset: Value,
@@ -167,6 +171,9 @@ impl Lowering<'_, '_> {
             let id = self.regions.nodes(region)[place];
             let value = match self.energy.graph[id] {
                 Node::Select(condition, x, y) => self.choice(id, [condition, x, y]),
+                Node::PowerConstant(x, _) if self.shares.contains_key(&id) => {
+                    self.shared_power(self.value(x), self.shares[&id])
+                }
                 node => self.node(node),
             };
             self.values[id.0 as usize] = Some(value);
@@ -374,18 +381,23 @@ impl Lowering<'_, '_> {
         logarithm
     }
 
-    /// `x^c` from a power whose exponent differs by 1, as those of psi, psi' and psi'' do.
-    fn neighbouring_power(&mut self, x: Value, c: f64) -> Option<Value> {
-        self.linked.fast.as_ref()?;
-        let known = self.shared.powers.iter().rev().find(|(of, other, _)| {
-            // The exponent of a derivative may have been rounded.
-            *of == x && ((c - other).abs() - 1.0).abs() <= f64::EPSILON * c.abs().max(1.0)
+    /// A power that may share its elementary functions with others of the same base.
+    fn shared_power(&mut self, x: Value, Share { exponent, steps }: Share) -> Value {
+        let same = |&&(base, c, _): &&(Value, f64, Value)| base == x && c == exponent;
+        let known = self.shared.powers.iter().find(same).map(|(.., power)| *power);
+        let mut power = known.unwrap_or_else(|| {
+            let c = self.lanes.number(exponent);
+            let power = self.call(Called::Pow, &[x, c]);
+            self.shared.powers.push((x, exponent, power));
+            power
         });
-        let &(_, other, power) = known?;
-        Some(match other > c {
-            true => self.lanes.builder.ins().fdiv(power, x),
-            false => self.lanes.builder.ins().fmul(power, x),
-        })
+        for _ in 0..steps.abs() {
+            power = match steps > 0 {
+                true => self.lanes.builder.ins().fmul(power, x),
+                false => self.lanes.builder.ins().fdiv(power, x),
+            };
+        }
+        power
     }
 
     /// The value of an inlined function; entries that need it, and for which it does not hold, are
@@ -472,11 +484,7 @@ impl PowerOps for Lowering<'_, '_> {
         self.lanes.builder.ins().sqrt(x)
     }
     fn pow(&mut self, x: Value, c: f64) -> Value {
-        let power = self.neighbouring_power(x, c).unwrap_or_else(|| {
-            let exponent = self.lanes.number(c);
-            self.call(Called::Pow, &[x, exponent])
-        });
-        self.shared.powers.push((x, c, power));
-        power
+        let exponent = self.lanes.number(c);
+        self.call(Called::Pow, &[x, exponent])
     }
 }

@@ -6,6 +6,7 @@
 //! | `lower` | a graph to Cranelift's intermediate form, operation by operation, two entries at a time |
 //! | `called` | the elementary functions that are called |
 //! | `elementary`, `log_table` | the elementary functions that the fast level inlines |
+//! | `powers` | which powers share their elementary functions |
 //! | `lanes` | instructions on two numbers side by side |
 //! | `code` | the owner of executable memory |
 
@@ -15,6 +16,7 @@ mod elementary;
 mod lanes;
 mod log_table;
 mod lower;
+mod powers;
 mod region;
 #[cfg(test)]
 mod tests;

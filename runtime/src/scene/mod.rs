@@ -30,6 +30,8 @@ mod tests;
 
 use piola_grammar::{Diagnostic, Span};
 
+use crate::kernel::Level;
+
 pub use expression::Expression;
 pub use potential::PotentialText;
 pub use source::{Finding, SceneReport, SourceText, Sources};
@@ -350,6 +352,8 @@ pub struct SolverSettings {
     pub linear: LinearChoice,
     /// Where the derivatives come from.
     pub derivatives: DerivativeSource,
+    /// Level of the machine code.
+    pub level: Level,
     /// Newton iterations per increment.
     pub max_iterations: usize,
 }

@@ -44,6 +44,7 @@ tolerance = 1e-9
 start = "extrapolate"
 linear = "cg"
 derivatives = "hyperdual-coordinates"
+level = "fast"
 max_iterations = 7
 [output]
 frames = 0
@@ -128,6 +129,7 @@ fn every_key_is_read() {
         start: Start::Extrapolate,
         linear: LinearChoice::ConjugateGradients,
         derivatives: DerivativeSource::HyperdualCoordinates,
+        level: Level::Fast,
         max_iterations: 7,
     };
     assert_eq!(scene.solver, solver);
@@ -154,6 +156,7 @@ fn every_default_is_filled_in() {
         start: Start::Last,
         linear: LinearChoice::Auto,
         derivatives: DerivativeSource::Jit,
+        level: Level::default(),
         max_iterations: 25,
     };
     assert_eq!(scene.solver, solver);
@@ -212,6 +215,7 @@ fn a_resolved_scene_holds_every_key() {
         "start",
         "linear",
         "derivatives",
+        "level",
         "max_iterations",
         "frames",
     ] {
@@ -236,6 +240,7 @@ fn scenes_differ_if_any_value_differs() {
         ("[1.0, 0.5]", "[1.0, 0.6]"),
         ("end = 2.0", "end = 3.0"),
         ("1e-9\nstart", "1e-8\nstart"),
+        ("level = \"fast\"", "level = \"strict\""),
         ("frames = 0", "frames = 1"),
     ] {
         let changed = FULL.replacen(from, to, 1);

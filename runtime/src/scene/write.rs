@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::read::{DERIVATIVES, LINEAR, NODES, STARTS, WEIGHTS};
+use super::read::{DERIVATIVES, LEVELS, LINEAR, NODES, STARTS, WEIGHTS};
 use super::{
     BodyShape, Horizon, HorizonExtent, Load, Material, ParameterText, Points, Prescription, Probe,
     Quantity, Scene, SetDefinition,
@@ -36,6 +36,7 @@ impl Scene {
         pair(&mut out, "start", word(STARTS, solver.start));
         pair(&mut out, "linear", word(LINEAR, solver.linear));
         pair(&mut out, "derivatives", word(DERIVATIVES, solver.derivatives));
+        pair(&mut out, "level", word(LEVELS, solver.level));
         pair(&mut out, "max_iterations", solver.max_iterations);
         section(&mut out, "[output]");
         pair(&mut out, "frames", self.output.frames);

@@ -22,7 +22,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use num_dual::HyperDual64;
-use piola_compiler::{Dropped, Interval, Level, Mode, Model, Setting, Values, check_text};
+use piola_compiler::{Dropped, Interval, Mode, Model, Setting, Values, check_text};
 use piola_grammar::Diagnostic;
 
 use crate::assembly::{DiscreteEnergy, Elements};
@@ -108,7 +108,7 @@ impl Case {
     /// Energies that are too large, or that need what is not there.
     pub fn compile(&self) -> Result<Compiled, CaseError> {
         let mode = match self.scene.solver.derivatives {
-            DerivativeSource::Jit => Mode::Jit(Level::Strict),
+            DerivativeSource::Jit => Mode::Jit(self.scene.solver.level),
             DerivativeSource::Interpreter => Mode::Interpreter,
             DerivativeSource::Hyperdual | DerivativeSource::HyperdualCoordinates => Mode::HyperDual,
         };

@@ -11,6 +11,8 @@ use super::overrides;
 use super::reader::{Field, Reader, Schema, Table};
 use super::source::Sources;
 use super::tree::{self, Kind, Node};
+use crate::kernel::Level;
+
 use super::{
     DerivativeSource, LinearChoice, Located, MAX_SCENE_BYTES, Material, Nodes, OutputSettings,
     ParameterSetting, ParameterText, Points, Scene, SceneReport, SolverSettings, Start, Steps,
@@ -44,12 +46,14 @@ static SOLVER: Schema = Schema {
         ("start", "\"last\""),
         ("linear", "\"auto\""),
         ("derivatives", "\"jit\""),
+        ("level", "\"strict\""),
         ("max_iterations", "25"),
     ],
 };
 static OUTPUT: Schema = Schema { title: "[output]", keys: &[("frames", "25")] };
 
-/// The words of the scene's choices; the first is the default (weights: on a lattice).
+/// The words of the scene's choices; the first is the default (weights: on a lattice; levels: of the
+/// compiler).
 pub(super) const NODES: &[(&str, Nodes)] = &[("corners", Nodes::Corners), ("cells", Nodes::Cells)];
 pub(super) const WEIGHTS: &[(&str, WeightScheme)] = &[
     ("uniform", WeightScheme::Uniform),
@@ -72,6 +76,7 @@ pub(super) const DERIVATIVES: &[(&str, DerivativeSource)] = &[
     ("hyperdual", DerivativeSource::Hyperdual),
     ("hyperdual-coordinates", DerivativeSource::HyperdualCoordinates),
 ];
+pub(super) const LEVELS: &[(&str, Level)] = &[("strict", Level::Strict), ("fast", Level::Fast)];
 
 impl Scene {
     /// Reads a scene and applies overrides (`solver.tolerance=1e-8`, see `--set`) to it.
@@ -289,12 +294,14 @@ impl Reader {
         let linear = self.or(table, "linear", LINEAR[0].1, |r, field| r.choice(field, LINEAR));
         let derivatives = self
             .or(table, "derivatives", DERIVATIVES[0].1, |r, field| r.choice(field, DERIVATIVES));
+        let level = self.or(table, "level", Level::default(), |r, field| r.choice(field, LEVELS));
         let max_iterations = self.or(table, "max_iterations", 25, |r, field| r.count(field, 1));
         Some(SolverSettings {
             tolerance: tolerance?,
             start: start?,
             linear: linear?,
             derivatives: derivatives?,
+            level: level?,
             max_iterations: max_iterations?,
         })
     }

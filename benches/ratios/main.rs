@@ -8,6 +8,7 @@ mod assembly;
 mod clock;
 mod compile;
 mod foreign;
+mod growth;
 mod hyperdual;
 mod kernels;
 mod memory;
@@ -17,13 +18,14 @@ mod ours;
 mod papers;
 mod plain;
 mod samples;
+mod solve;
 mod table;
 mod threads;
 
 /// A section: its name on the command line and what it measures.
 type Section = (&'static str, fn());
 
-const SECTIONS: [Section; 9] = [
+const SECTIONS: [Section; 11] = [
     ("kernels", kernels::against_hyper_dual),
     ("foreign", kernels::against_foreign),
     ("papers", papers::run),
@@ -31,8 +33,10 @@ const SECTIONS: [Section; 9] = [
     ("threads", threads::run),
     ("bonds", memory_bound::run),
     ("newton", newton::run),
+    ("solve", solve::run),
     ("memory", memory::run),
     ("compile", compile::run),
+    ("growth", growth::run),
 ];
 
 fn main() {

@@ -17,8 +17,10 @@ use crate::table::number;
 
 const KINDS: [Measure; 2] = [Measure::Length, Measure::Volume];
 const HORIZON: f64 = 3.0;
-/// `k3 = C3 delta^8/C1 = 1.7` of firooz2023, Fig. 6, for points a unit apart.
-const STIFFNESS: [f64; 3] = [1.0, 0.0, 1.7 / 6561.0];
+/// C3 for `k3 = C3 delta^8/C1 = 1` at this horizon and C1 = 1.
+pub(crate) const STIFFNESS_PER_K3: f64 = 1.0 / 6561.0;
+/// firooz2023, Fig. 6.
+const STIFFNESS: [f64; 3] = [1.0, 0.0, 1.7 * STIFFNESS_PER_K3];
 
 pub(crate) fn run() {
     println!("\n### One Newton step\n");

@@ -11,6 +11,7 @@ mod foreign;
 mod growth;
 mod hyperdual;
 mod kernels;
+mod machine;
 mod memory;
 mod memory_bound;
 mod newton;
@@ -51,6 +52,7 @@ fn main() {
     if std::env::var_os(memory::CHILD).is_some() {
         return memory::child();
     }
+    machine::print();
     for (name, run) in SECTIONS {
         if wanted.is_empty() || wanted.iter().any(|w| w == name) {
             run();

@@ -8,6 +8,7 @@
 mod accumulate;
 mod error;
 mod inversion;
+mod product;
 mod rows;
 mod slab;
 mod sum;
@@ -276,6 +277,10 @@ impl TotalEnergy for DiscreteEnergy {
         self.body.dimension()
     }
 
+    fn positions(&self) -> &[f64] {
+        self.body.positions()
+    }
+
     fn pattern(&self) -> &Arc<BlockPattern> {
         &self.pattern
     }
@@ -299,6 +304,22 @@ impl TotalEnergy for DiscreteEnergy {
         let block = self.pattern.dimension * self.pattern.dimension;
         assert_eq!(tangent.values.len(), self.pattern.n_blocks() * block, "the energy's pattern");
         self.evaluate(Order::Tangent, u, gradient, &mut tangent.values)
+    }
+
+    fn tangent_diagonal(
+        &self,
+        u: &[f64],
+        gradient: &mut [f64],
+        diagonal: &mut [f64],
+    ) -> Result<EnergyParts, NonFinite> {
+        assert_eq!(gradient.len(), u.len(), "the gradient is n x d");
+        assert_eq!(diagonal.len(), u.len() * self.body.dimension(), "the diagonal is n x d x d");
+        self.diagonal(u, gradient, diagonal)
+    }
+
+    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
+        assert!(p.len() == u.len() && product.len() == u.len(), "vectors are n x d");
+        self.multiply(u, p, product)
     }
 
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {

@@ -71,6 +71,9 @@ pub trait TotalEnergy: Sync {
     /// 2 or 3.
     fn dimension(&self) -> usize;
 
+    /// Positions at rest, `n x d`, in m.
+    fn positions(&self) -> &[f64];
+
     /// Where the Hessian has blocks.
     fn pattern(&self) -> &Arc<BlockPattern>;
 
@@ -87,6 +90,18 @@ pub trait TotalEnergy: Sync {
         gradient: &mut [f64],
         tangent: &mut BlockMatrix,
     ) -> Result<EnergyParts, NonFinite>;
+
+    /// The energy; `gradient` becomes `dE/du` in N and `diagonal` (`n x d x d`) the diagonal blocks of
+    /// `d2E/du2` in N/m, row by row.
+    fn tangent_diagonal(
+        &self,
+        u: &[f64],
+        gradient: &mut [f64],
+        diagonal: &mut [f64],
+    ) -> Result<EnergyParts, NonFinite>;
+
+    /// `product` becomes `d2E/du2 p` in N, for `p` in m: the Hessian is never stored.
+    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite>;
 
     /// What is turned inside out first on the straight way from `u` to `u + step`, among the
     /// interactions whose energies forbid it.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 /// Row `i` holds first its diagonal block, then the columns `j > i` in ascending order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BlockPattern {
-    /// Block size, 2 or 3.
+    /// Block size: the dimension of the body; of coarse systems the functions per piece.
     pub dimension: usize,
     /// Row `i` owns the blocks `row_start[i]..row_start[i + 1]`.
     pub row_start: Vec<usize>,

@@ -11,8 +11,8 @@ mod text;
 use serde::Serialize;
 
 use crate::body::Body;
-use crate::scene::{LinearChoice, Scene};
-use crate::solve::linear::{AUTO_OPERATIONS_2D, AUTO_OPERATIONS_3D};
+use crate::scene::{LinearChoice, PreconditionerChoice, Scene};
+use crate::solve::linear::{self, AUTO_UNKNOWNS_3D, Circumstances, MEMORY_SHARE};
 pub use count::{InteractionCount, Needed, count_interactions};
 pub use factor::{FactorEstimate, estimate_factor};
 pub(crate) use text::bytes as in_bytes;
@@ -42,10 +42,18 @@ const LU_WORK: f64 = 4.0;
 /// Bytes of a matrix that pass through the processor per s in a product with a vector.
 const MATRIX_BYTES_PER_SECOND: f64 = 19e9;
 
-/// Iterations of conjugate gradients to 1e-10: so many per horizon that fits into the body's longest
-/// side (126 for 7 horizons in 3D, 442 for 33 in 2D).
+/// Iterations of conjugate gradients to 1e-10 with block Jacobi: so many per horizon that fits into
+/// the body's longest side (126 for 7 horizons in 3D, 442 for 33 in 2D).
 const CG_ITERATIONS_PER_HORIZON: f64 = 16.0;
 const CG_ITERATIONS: f64 = 20.0;
+
+/// The same with two levels, for bodies of any size: 27 for bonds in 3D, 60 for a nearly
+/// incompressible cube. The coarse system adds half to the time of each.
+const TWO_LEVEL_ITERATIONS: f64 = 50.0;
+const TWO_LEVEL_TIME: f64 = 1.5;
+
+/// Numbers per point of the preconditioner: diagonal blocks and linear functions.
+const PRECONDITIONER_NUMBERS: usize = 24;
 
 /// Newton iterations that an increment usually takes.
 const NEWTON_ITERATIONS: f64 = 5.0;
@@ -83,6 +91,8 @@ pub enum LinearMethod {
     Lu,
     /// Conjugate gradients.
     Cg,
+    /// Conjugate gradients without a stored tangent.
+    MatrixFree,
 }
 
 /// Everything a plan is made from.
@@ -119,6 +129,8 @@ pub struct Plan {
     pub kernels: Vec<KernelNote>,
     /// How linear systems will be solved.
     pub linear: LinearMethod,
+    /// Why so, a sentence without its full stop.
+    pub linear_reason: String,
     /// Memory by item, in bytes.
     pub memory: Vec<MemoryItem>,
     /// All items together, in bytes.
@@ -154,18 +166,29 @@ impl Plan {
         let sides = sides(body);
         let layers = scene.horizon_radius() / typical_spacing(body);
         let factor = estimate_factor(&sides, layers, dimension);
-        let linear = choose(scene.solver.linear, factor, dimension, input.available_memory);
+        let unknowns = (body.n_points() * dimension).saturating_sub(prescribed);
+        let circumstances = Circumstances {
+            dimension,
+            unknowns,
+            factorization: None,
+            matrix_bytes: matrix_bytes(body, &interactions).0,
+            memory_limit: input.available_memory.map_or(f64::INFINITY, |m| MEMORY_SHARE * m as f64),
+        };
+        let (linear, linear_reason) = choose(scene.solver.linear, factor, circumstances);
         let memory = memory(body, &interactions, linear, factor);
         let horizons = sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / layers;
+        let jacobi = scene.solver.preconditioner == PreconditionerChoice::BlockJacobi;
+        let horizons = (jacobi || linear == LinearMethod::MatrixFree).then_some(horizons);
         let time = TimeEstimate::new(&interactions, body, linear, factor, horizons, threads)
             .for_increments(scene.steps.increments);
         Plan {
             dimension,
             points: body.n_points(),
-            unknowns: (body.n_points() * dimension).saturating_sub(prescribed),
+            unknowns,
             interactions,
             kernels,
             linear,
+            linear_reason,
             memory_total: memory.iter().map(|item| item.bytes).sum(),
             memory,
             available_memory: input.available_memory,
@@ -219,27 +242,40 @@ fn typical_spacing(body: &Body) -> f64 {
     crate::scene::selection::typical_spacing(body.dimension(), body.volumes(), body.spacing())
 }
 
+/// The scene's method, or what `auto` will take if the estimates hold, and why.
 fn choose(
     choice: LinearChoice,
     factor: FactorEstimate,
-    dimension: usize,
-    available: Option<u64>,
-) -> LinearMethod {
+    circumstances: Circumstances,
+) -> (LinearMethod, String) {
+    let asked = |method| (method, "the scene says so".to_string());
     match choice {
-        LinearChoice::Cholesky | LinearChoice::Ldlt => LinearMethod::Cholesky,
-        LinearChoice::Lu => LinearMethod::Lu,
-        LinearChoice::ConjugateGradients => LinearMethod::Cg,
+        LinearChoice::Cholesky | LinearChoice::Ldlt => asked(LinearMethod::Cholesky),
+        LinearChoice::Lu => asked(LinearMethod::Lu),
+        LinearChoice::ConjugateGradients => asked(LinearMethod::Cg),
+        LinearChoice::MatrixFree => asked(LinearMethod::MatrixFree),
         LinearChoice::Auto => {
-            let limit = if dimension == 2 { AUTO_OPERATIONS_2D } else { AUTO_OPERATIONS_3D };
-            let quick = factor.flops <= limit;
-            let bytes = factor.entries * 8.0 * CHOLESKY_OVERHEAD;
-            let small = available.is_none_or(|available| bytes <= 0.5 * available as f64);
-            if quick && small { LinearMethod::Cholesky } else { LinearMethod::Cg }
+            let Circumstances { dimension, unknowns, .. } = circumstances;
+            let may_be_cheap = dimension == 2 || unknowns <= AUTO_UNKNOWNS_3D;
+            let factorization = may_be_cheap.then_some((factor.flops, 8.0 * factor.entries));
+            let choice = linear::choose(&Circumstances { factorization, ..circumstances });
+            let method = match choice.method {
+                linear::LinearMethod::Cholesky => LinearMethod::Cholesky,
+                linear::LinearMethod::MatrixFree => LinearMethod::MatrixFree,
+                _ => LinearMethod::Cg,
+            };
+            (method, choice.reason)
         }
     }
 }
 
-/// Memory of the parts of a run; a matrix block takes `8 d^2` bytes and a column number.
+/// Bytes of the upper triangle of the tangent, and a column number for each block.
+fn matrix_bytes(body: &Body, interactions: &InteractionCount) -> (f64, f64) {
+    let blocks = body.n_points() as f64 + interactions.bonds as f64;
+    (blocks * (8 * body.dimension() * body.dimension()) as f64, 4.0 * blocks)
+}
+
+/// Memory of the parts of a run.
 fn memory(
     body: &Body,
     interactions: &InteractionCount,
@@ -248,24 +284,23 @@ fn memory(
 ) -> Vec<MemoryItem> {
     let (n, d) = (body.n_points(), body.dimension());
     let bonds = interactions.bonds as f64;
-    let blocks = n as f64 + bonds;
-    let block_entries = (d * d) as f64;
+    let (values, columns) = matrix_bytes(body, interactions);
     let mut items = vec![
         ("points and displacements", (n * (8 * d + 12 + STATE_VECTORS * 8 * d)) as f64),
         ("neighbourhood", 16.0 * bonds + 24.0 * n as f64),
-        ("tangent, upper blocks", blocks * (8.0 * block_entries + 4.0)),
     ];
+    let stored = if linear == LinearMethod::MatrixFree { 0.0 } else { values };
+    items.push(("tangent, upper blocks", stored + columns));
     match linear {
-        LinearMethod::Cg => {
-            let both = n as f64 + 2.0 * bonds;
-            items.push(("tangent, all blocks", both * (8.0 * block_entries + 4.0)));
+        LinearMethod::Cg | LinearMethod::MatrixFree => {
+            items.push(("preconditioner", (n * 8 * PRECONDITIONER_NUMBERS) as f64));
         }
         LinearMethod::Cholesky => {
-            items.push(("tangent, free components", blocks * block_entries * 16.0));
+            items.push(("tangent, free components", 2.0 * values));
             items.push(("factor", factor.entries * 8.0 * CHOLESKY_OVERHEAD));
         }
         LinearMethod::Lu => {
-            items.push(("tangent, free components", 2.0 * blocks * block_entries * 16.0));
+            items.push(("tangent, free components", 4.0 * values));
             items.push(("factor", factor.entries * 8.0 * LU_OVERHEAD));
         }
     }
@@ -273,12 +308,14 @@ fn memory(
 }
 
 impl TimeEstimate {
+    /// `horizons` that fit into the body's longest side decide how conjugate gradients converge;
+    /// `None` with two levels, where they do not.
     fn new(
         interactions: &InteractionCount,
         body: &Body,
         linear: LinearMethod,
         factor: FactorEstimate,
-        horizons: f64,
+        horizons: Option<f64>,
         threads: usize,
     ) -> TimeEstimate {
         let speed = 1.0 + THREAD_GAIN * (threads.max(1) - 1) as f64;
@@ -286,18 +323,20 @@ impl TimeEstimate {
         let one_core = bonds * BOND_SECONDS
             + interactions.triangles as f64 * TRIANGLE_SECONDS
             + interactions.tetrahedra as f64 * TETRAHEDRON_SECONDS;
+        let assembly = one_core / speed;
+        let iterations =
+            horizons.map(|horizons| CG_ITERATIONS + CG_ITERATIONS_PER_HORIZON * horizons);
         let linear = match linear {
             LinearMethod::Cholesky => factor.flops / FACTOR_FLOPS_PER_SECOND,
             LinearMethod::Lu => LU_WORK * factor.flops / FACTOR_FLOPS_PER_SECOND,
+            LinearMethod::MatrixFree => iterations.unwrap_or(TWO_LEVEL_ITERATIONS) * assembly,
             LinearMethod::Cg => {
-                let blocks = body.n_points() as f64 + 2.0 * bonds;
-                let bytes = blocks * (body.dimension() * body.dimension() * 8) as f64;
-                let iterations = CG_ITERATIONS + CG_ITERATIONS_PER_HORIZON * horizons;
-                iterations * bytes / MATRIX_BYTES_PER_SECOND
+                let iterations = iterations.unwrap_or(TWO_LEVEL_ITERATIONS * TWO_LEVEL_TIME);
+                iterations * matrix_bytes(body, interactions).0 / MATRIX_BYTES_PER_SECOND
             }
         };
         let setup = bonds * BOND_SETUP_SECONDS;
-        TimeEstimate { setup, assembly: one_core / speed, linear, total: 0.0 }
+        TimeEstimate { setup, assembly, linear, total: 0.0 }
     }
 
     fn for_increments(self, increments: usize) -> TimeEstimate {

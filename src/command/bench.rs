@@ -20,7 +20,12 @@ use crate::render;
 const DEFAULT: &str = "firooz2023";
 
 /// Errors are measured at so many points per regime.
-const AUDIT: Settings = Settings { form: Form::Accurate, points: 4, bar: 64.0 };
+const fn settings(level: Level) -> Settings {
+    Settings { form: Form::Accurate, level, points: 4, bar: 64.0 }
+}
+
+/// The audits of each accuracy level.
+type Audits = Vec<(Level, Vec<Audit>)>;
 
 pub(super) fn execute(arguments: &Bench) -> Exit {
     let subject = arguments.subject.as_deref().unwrap_or(DEFAULT);
@@ -50,16 +55,21 @@ fn of_potential(name: &str, arguments: &Bench) -> Exit {
             return Exit::Input;
         }
     };
-    let audits = match audit(model, &values, &AUDIT) {
-        Ok((audits, dropped)) => {
-            dropped.iter().for_each(|dropped| eprintln!("note: {}", dropped.reason));
-            audits
+    let mut audits = Audits::new();
+    for level in Level::ALL {
+        match audit(model, &values, &settings(level)) {
+            Ok((of_level, dropped)) => {
+                if audits.is_empty() {
+                    dropped.iter().for_each(|dropped| eprintln!("note: {}", dropped.reason));
+                }
+                audits.push((level, of_level));
+            }
+            Err(error) => {
+                print_compile_error(&loaded, &error);
+                return Exit::Input;
+            }
         }
-        Err(error) => {
-            print_compile_error(&loaded, &error);
-            return Exit::Input;
-        }
-    };
+    }
     render::out(&match arguments.format {
         Format::Human => potential_text(&loaded, values.dimension, &costs, &audits),
         Format::Json => {
@@ -70,16 +80,18 @@ fn of_potential(name: &str, arguments: &Bench) -> Exit {
 }
 
 /// Largest errors of psi, psi', psi'' in units of 2^-53, for the levels of compiled code.
-fn errors(cost: &WayCost, energy: &EnergyCost, audits: &[Audit]) -> Option<[f64; 3]> {
+fn errors(cost: &WayCost, energy: &EnergyCost, audits: &Audits) -> Option<[f64; 3]> {
+    let Mode::Jit(level) = cost.way.mode else { return None };
+    let (_, audits) = audits.iter().find(|(audited, _)| *audited == level)?;
     let audit = audits.iter().find(|audit| audit.measure == energy.measure)?;
-    cost.way.is_level.then(|| audit.worst())
+    Some(audit.worst())
 }
 
 fn potential_text(
     loaded: &Loaded,
     dimension: usize,
     costs: &[WayCost],
-    audits: &[Audit],
+    audits: &Audits,
 ) -> String {
     let mut out = format!(
         "{} in {dimension} dimensions: ns per interaction on one thread, least of several runs\n\n\
@@ -107,7 +119,7 @@ fn potential_text(
     out
 }
 
-fn potential_json(loaded: &Loaded, dimension: usize, costs: &[WayCost], audits: &[Audit]) -> Value {
+fn potential_json(loaded: &Loaded, dimension: usize, costs: &[WayCost], audits: &Audits) -> Value {
     let energy = |cost: &WayCost, energy: &EnergyCost| {
         let [only, gradient, tangent] = energy.nanoseconds;
         json!({

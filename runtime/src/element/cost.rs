@@ -7,7 +7,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use num_dual::HyperDual64;
-use piola_compiler::{CompileError, Mode, Model, Values};
+use piola_compiler::{CompileError, Level, Mode, Model, Values};
 
 use super::{
     CAPACITY, Contributions, CoordinateElement, Element, InteractionBatch, MeasureElement,
@@ -25,8 +25,6 @@ pub struct Way {
     pub mode: Mode,
     /// Whether it differentiates in the coordinates instead of the measure.
     pub in_coordinates: bool,
-    /// Whether it is an accuracy level of the compiled code: these are audited.
-    pub is_level: bool,
     /// Batches of interactions that a run evaluates.
     batches: usize,
     /// Runs.
@@ -34,12 +32,18 @@ pub struct Way {
 }
 
 /// All ways, the fastest first.
-pub const WAYS: [Way; 4] = [
+pub const WAYS: [Way; 5] = [
+    Way {
+        name: "fast",
+        mode: Mode::Jit(Level::Fast),
+        in_coordinates: false,
+        batches: 8,
+        rounds: 31,
+    },
     Way {
         name: "strict",
-        mode: Mode::Jit,
+        mode: Mode::Jit(Level::Strict),
         in_coordinates: false,
-        is_level: true,
         batches: 8,
         rounds: 31,
     },
@@ -47,7 +51,6 @@ pub const WAYS: [Way; 4] = [
         name: "interpreter",
         mode: Mode::Interpreter,
         in_coordinates: false,
-        is_level: false,
         batches: 2,
         rounds: 9,
     },
@@ -55,7 +58,6 @@ pub const WAYS: [Way; 4] = [
         name: "hyper-dual",
         mode: Mode::HyperDual,
         in_coordinates: false,
-        is_level: false,
         batches: 2,
         rounds: 9,
     },
@@ -63,7 +65,6 @@ pub const WAYS: [Way; 4] = [
         name: "hyper-dual coordinates",
         mode: Mode::HyperDual,
         in_coordinates: true,
-        is_level: false,
         batches: 1,
         rounds: 3,
     },

@@ -20,7 +20,13 @@ impl Slabs {
     /// The thinnest slabs: each ends where the one before it cannot reach, that is about one
     /// horizon further.
     pub fn new(neighborhood: &Neighborhood) -> Slabs {
-        let n = neighborhood.n_points();
+        Slabs::reaching(neighborhood.n_points(), |point| {
+            neighborhood.upper(point).last().map_or(point, |&last| last as usize)
+        })
+    }
+
+    /// The thinnest slabs of `n` points of which each reaches no further than to `last(point)`.
+    pub fn reaching(n: usize, last: impl Fn(usize) -> usize) -> Slabs {
         let mut bounds = vec![0];
         let mut reach = 0;
         let mut point = 0;
@@ -28,8 +34,7 @@ impl Slabs {
             let end = bounds[bounds.len() - 1];
             let seen = if bounds.len() == 1 { 1 } else { end };
             while point < seen {
-                let last = neighborhood.upper(point).last().map_or(point, |&last| last as usize);
-                reach = reach.max(last + 1);
+                reach = reach.max(last(point) + 1);
                 point += 1;
             }
             bounds.push(reach.max(end + 1));

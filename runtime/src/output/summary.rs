@@ -34,6 +34,8 @@ pub struct Summary {
     pub dropped: InteractionCounts,
     /// What the user was warned of.
     pub warnings: Vec<String>,
+    /// How the equations were solved.
+    pub solver: SolverSummary,
     /// Threads that worked.
     pub threads: usize,
     /// Wall time of the run in s.
@@ -61,6 +63,27 @@ impl Summary {
     pub fn write(&self, folder: &OutputFolder) -> Result<(), OutputError> {
         folder.write(OutputFile::Summary, self.to_json().as_bytes())
     }
+}
+
+/// How the equations of a run were solved.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct SolverSummary {
+    /// The method for linear systems, in words.
+    pub linear: String,
+    /// Why this one.
+    pub linear_reason: String,
+    /// The preconditioner of conjugate gradients; `null` where none was made.
+    pub preconditioner: Option<String>,
+    /// Iterations of conjugate gradients and minimum residuals for the converged steps.
+    pub linear_iterations: usize,
+    /// Linear systems solved.
+    pub linear_solves: usize,
+    /// Factorisations tried, those that judge an equilibrium included.
+    pub factorizations: usize,
+    /// How often energy, forces and tangent were assembled.
+    pub tangents: usize,
+    /// How often energy and forces alone were.
+    pub gradients: usize,
 }
 
 /// Why a run ended.
@@ -354,6 +377,7 @@ mod tests {
             interactions: InteractionCounts { bonds: 3, triangles: 2, tetrahedra: 0 },
             dropped: InteractionCounts::default(),
             warnings: vec!["a set boundary is close to points".to_owned()],
+            solver: SolverSummary { linear: "Cholesky".to_owned(), ..SolverSummary::default() },
             threads: 2,
             wall_seconds: Number(0.5),
             phases: Vec::new(),
@@ -372,6 +396,8 @@ mod tests {
         assert_eq!(json["points"], 441);
         assert_eq!(json["interactions"], json!({"bonds": 3, "triangles": 2, "tetrahedra": 0}));
         assert_eq!(json["peak_memory_bytes"], Value::Null);
+        assert_eq!(json["solver"]["linear"], "Cholesky");
+        assert_eq!(json["solver"]["preconditioner"], Value::Null);
         let expected = json!({
             "t": 0.04,
             "iterations": 2,

@@ -38,13 +38,37 @@ impl fmt::Display for Plan {
             LinearMethod::Cholesky => "linear system, Cholesky",
             LinearMethod::Lu => "linear system, LU",
             LinearMethod::Cg => "linear system, CG",
+            LinearMethod::MatrixFree => "linear system, free CG",
         };
         writeln!(f, "  {:<26}{:>16}", "setup", seconds(self.time.setup))?;
         writeln!(f, "  {:<26}{:>16}   per iteration", "assembly", seconds(self.time.assembly))?;
         writeln!(f, "  {method:<26}{:>16}   per iteration", seconds(self.time.linear))?;
         let total = format!("run of {} increments", self.increments);
-        writeln!(f, "  {total:<26}{:>16}", seconds(self.time.total))
+        writeln!(f, "  {total:<26}{:>16}", seconds(self.time.total))?;
+        let method = match self.linear {
+            LinearMethod::Cholesky => "Cholesky",
+            LinearMethod::Lu => "LU",
+            LinearMethod::Cg => "conjugate gradients",
+            LinearMethod::MatrixFree => "conjugate gradients without a stored tangent",
+        };
+        writeln!(f, "linear systems by {method}:")?;
+        wrapped(&self.linear_reason).iter().try_for_each(|line| writeln!(f, "  {line}"))
     }
+}
+
+/// Lines of at most 76 characters.
+fn wrapped(text: &str) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.len() + 1 + word.len() <= 76 => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_string()),
+        }
+    }
+    lines
 }
 
 /// `1 234 567`

@@ -348,8 +348,12 @@ pub struct SolverSettings {
     pub tolerance: f64,
     /// Where an increment starts.
     pub start: Start,
+    /// How much of each Newton step is new.
+    pub newton: NewtonChoice,
     /// How linear systems are solved.
     pub linear: LinearChoice,
+    /// What makes conjugate gradients converge.
+    pub preconditioner: PreconditionerChoice,
     /// Where the derivatives come from.
     pub derivatives: DerivativeSource,
     /// Level of the machine code.
@@ -367,10 +371,32 @@ pub enum Start {
     Extrapolate,
 }
 
+/// How much of each Newton step is new.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NewtonChoice {
+    /// A new tangent for every step, and an exact solution.
+    Full,
+    /// Linear systems are solved only as exactly as pays.
+    Inexact,
+    /// Tangent and factors are kept as long as they serve.
+    Modified,
+}
+
+/// What makes conjugate gradients converge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PreconditionerChoice {
+    /// Two levels where that is possible.
+    Auto,
+    /// The inverses of the diagonal blocks.
+    BlockJacobi,
+    /// Block Jacobi and a coarse system.
+    TwoLevel,
+}
+
 /// How linear systems are solved.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LinearChoice {
-    /// Cholesky, or conjugate gradients where a factorisation would take minutes.
+    /// By size, dimension, memory and conditioning.
     Auto,
     /// `L L^T`; positive definite tangents only.
     Cholesky,
@@ -380,6 +406,8 @@ pub enum LinearChoice {
     Lu,
     /// Conjugate gradients.
     ConjugateGradients,
+    /// Conjugate gradients without storing the tangent.
+    MatrixFree,
 }
 
 /// Where psi' and psi'' come from.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::read::{DERIVATIVES, LEVELS, LINEAR, NODES, STARTS, WEIGHTS};
+use super::read::{DERIVATIVES, LEVELS, LINEAR, NEWTON, NODES, PRECONDITIONERS, STARTS, WEIGHTS};
 use super::{
     BodyShape, Horizon, HorizonExtent, Load, Material, ParameterText, Points, Prescription, Probe,
     Quantity, Scene, SetDefinition,
@@ -34,7 +34,9 @@ impl Scene {
         let solver = &self.solver;
         pair(&mut out, "tolerance", number(solver.tolerance));
         pair(&mut out, "start", word(STARTS, solver.start));
+        pair(&mut out, "newton", word(NEWTON, solver.newton));
         pair(&mut out, "linear", word(LINEAR, solver.linear));
+        pair(&mut out, "preconditioner", word(PRECONDITIONERS, solver.preconditioner));
         pair(&mut out, "derivatives", word(DERIVATIVES, solver.derivatives));
         pair(&mut out, "level", word(LEVELS, solver.level));
         pair(&mut out, "max_iterations", solver.max_iterations);

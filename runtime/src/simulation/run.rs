@@ -9,8 +9,8 @@ use crate::energy::TotalEnergy;
 use crate::output::picture::{NamedPoints, Picture};
 use crate::output::pvd::FrameSeries;
 use crate::output::summary::{
-    ExitReason, InteractionCounts, MEMORY_SOURCE, Number, PhaseClock, Summary, memory, scene_hash,
-    step_summaries, versions,
+    ExitReason, InteractionCounts, MEMORY_SOURCE, Number, PhaseClock, SolverSummary, Summary,
+    memory, scene_hash, step_summaries, versions,
 };
 use crate::output::{
     self, Definiteness, Frame, History, OutputError, OutputFile, OutputFolder, Points, table,
@@ -18,15 +18,12 @@ use crate::output::{
 use crate::plan::available_memory;
 use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
 use crate::scene::selection::Selection;
-use crate::scene::{LinearChoice, Scene, Start};
+use crate::scene::{LinearChoice, NewtonChoice, PreconditionerChoice, Scene, Start};
 use crate::solve::constraint::Constraints;
-use crate::solve::linear::{LinearMethod, LinearOptions};
-use crate::solve::newton::{NewtonFailure, NewtonSettings};
+use crate::solve::linear::{self, LinearMethod, LinearOptions};
+use crate::solve::newton::{NewtonFailure, NewtonSettings, NewtonVariant};
 use crate::solve::rigid_modes::check_rigid_motions;
 use crate::solve::steps::{self, Drive, State, StepError, StepRecord, StepSettings, run_steps};
-
-/// The part of the machine's memory that a factorisation may take.
-const FACTOR_SHARE: f64 = 0.7;
 
 /// What a run is told beside the scene.
 pub struct RunOptions<'a> {
@@ -111,9 +108,10 @@ pub fn run(
     if let Some(error) = recorder.failed.take() {
         return Err(error.into());
     }
-    let (ending, displacement) =
+    let (mut ending, outcome) =
         ending(case, result, &drive, &recorder.history, &recorder.warnings)?;
-    recorder.finish(&displacement, &ending, &resolved, options)?;
+    ending.warnings.extend(idle_choices(&case.scene, &outcome));
+    recorder.finish(&outcome, &ending, &resolved, options)?;
     Ok(ending)
 }
 
@@ -126,10 +124,16 @@ pub(super) fn settings(scene: &Scene) -> StepSettings {
         LinearChoice::Ldlt => LinearMethod::Ldlt,
         LinearChoice::Lu => LinearMethod::Lu,
         LinearChoice::ConjugateGradients => LinearMethod::Cg,
+        LinearChoice::MatrixFree => LinearMethod::MatrixFree,
     };
-    let mut linear = LinearOptions { method, ..LinearOptions::default() };
+    let preconditioner = match solver.preconditioner {
+        PreconditionerChoice::Auto => linear::PreconditionerChoice::Auto,
+        PreconditionerChoice::BlockJacobi => linear::PreconditionerChoice::BlockJacobi,
+        PreconditionerChoice::TwoLevel => linear::PreconditionerChoice::TwoLevel,
+    };
+    let mut options = LinearOptions { method, preconditioner, ..LinearOptions::default() };
     if let Some(available) = available_memory() {
-        linear.memory_limit = FACTOR_SHARE * available as f64;
+        options.memory_limit = linear::MEMORY_SHARE * available as f64;
     }
     StepSettings {
         end: scene.steps.end,
@@ -141,8 +145,13 @@ pub(super) fn settings(scene: &Scene) -> StepSettings {
         newton: NewtonSettings {
             tolerance: solver.tolerance,
             max_iterations: solver.max_iterations,
+            variant: match solver.newton {
+                NewtonChoice::Full => NewtonVariant::Full,
+                NewtonChoice::Inexact => NewtonVariant::Inexact,
+                NewtonChoice::Modified => NewtonVariant::Modified,
+            },
         },
-        linear,
+        linear: options,
     }
 }
 
@@ -179,14 +188,50 @@ impl Drive for SceneDrive<'_> {
     }
 }
 
-/// How the steps ended, and the last displacement.
+/// Choices of the scene that made no difference.
+fn idle_choices(scene: &Scene, outcome: &steps::Outcome) -> Vec<String> {
+    let mut found = Vec::new();
+    let method = outcome.linear.method;
+    let iterates = matches!(method, LinearMethod::Cg | LinearMethod::MatrixFree);
+    let solver = &scene.solver;
+    if solver.newton == NewtonChoice::Inexact && !iterates {
+        let name = method.name();
+        found.push(format!(
+            "newton = \"inexact\" makes no difference with {name}: its solutions are exact"
+        ));
+    }
+    if solver.preconditioner == PreconditionerChoice::TwoLevel && method == LinearMethod::MatrixFree
+    {
+        found.push(
+            "preconditioner = \"two-level\" needs a stored tangent: block Jacobi was used"
+                .to_string(),
+        );
+    }
+    found
+}
+
+fn solver_summary(outcome: &steps::Outcome) -> SolverSummary {
+    let (linear, counters) = (&outcome.linear, outcome.counters);
+    SolverSummary {
+        linear: linear.method.name().to_string(),
+        linear_reason: linear.reason.clone(),
+        preconditioner: linear.preconditioner.clone(),
+        linear_iterations: linear.iterations,
+        linear_solves: counters.linear_solves,
+        factorizations: counters.factorizations,
+        tangents: counters.tangents,
+        gradients: counters.gradients,
+    }
+}
+
+/// How the steps ended, and what they left.
 fn ending(
     case: &Case,
     result: Result<steps::Outcome, StepError>,
     drive: &SceneDrive<'_>,
     history: &History,
     warnings: &[String],
-) -> Result<(Ending, Vec<f64>), RunError> {
+) -> Result<(Ending, steps::Outcome), RunError> {
     let indefinite =
         history.steps.iter().filter(|s| s.definiteness.positive_definite == Some(false)).count();
     let steps = history.steps.len();
@@ -196,7 +241,7 @@ fn ending(
         Ending { reason, message, steps, indefinite, inverted, warnings }
     };
     match result {
-        Ok(outcome) => Ok((end(ExitReason::Completed, String::new()), outcome.displacements)),
+        Ok(outcome) => Ok((end(ExitReason::Completed, String::new()), outcome)),
         Err(StepError::NotConverged(failure)) => {
             let (reason, message) = match &failure.cause.failure {
                 NewtonFailure::NonFinite(found) => {
@@ -209,7 +254,7 @@ fn ending(
                 }
                 _ => (ExitReason::NotConverged, failure.to_string()),
             };
-            Ok((end(reason, message), failure.outcome.displacements))
+            Ok((end(reason, message), failure.outcome))
         }
         Err(error) => {
             let problem = drive.problem.lock().unwrap_or_else(|e| e.into_inner()).take();
@@ -343,7 +388,7 @@ impl<'a> Recorder<'a> {
 
     fn finish(
         mut self,
-        displacement: &[f64],
+        outcome: &steps::Outcome,
         ending: &Ending,
         resolved: &str,
         options: RunOptions<'_>,
@@ -353,7 +398,7 @@ impl<'a> Recorder<'a> {
         if self.history.steps.is_empty() {
             table::write_history(self.folder, &self.history)?;
         }
-        let displacement = body.to_user_order(displacement, body.dimension());
+        let displacement = body.to_user_order(&outcome.displacements, body.dimension());
         table::write_displacement(self.folder, self.points, &displacement)?;
         let sets: Vec<NamedPoints> = self
             .selection
@@ -390,6 +435,7 @@ impl<'a> Recorder<'a> {
                 tetrahedra: report.dropped_tetrahedra as usize,
             },
             warnings,
+            solver: solver_summary(outcome),
             threads: rayon::current_num_threads(),
             wall_seconds: Number(self.clock.wall_seconds()),
             phases: self.clock.phases().to_vec(),

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`constraint`] | says which degrees of freedom are fixed |
 //! | [`rigid_modes`] | finds motions that nothing holds, before step 1 |
-//! | [`linear`] | solves `K_ff x = b` by Cholesky, LDLT, LU or conjugate gradients |
+//! | [`linear`] | solves `K_ff x = b` by Cholesky, LDLT, LU or preconditioned conjugate gradients |
 //! | [`newton`] | finds the stationary point of `E(u) - f.u` at fixed prescribed values |
 //! | [`steps`] | goes from `t = 0` to the end, with smaller increments where Newton's method fails |
 //!
@@ -13,6 +13,8 @@
 
 mod clock;
 pub mod constraint;
+mod forcing;
+mod held;
 mod line_search;
 pub mod linear;
 pub mod newton;

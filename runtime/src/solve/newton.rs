@@ -7,17 +7,19 @@
 //!
 //! A full step is tried first, and its tangent assembled at once: in benign cases it is the next
 //! iteration's, and at convergence it is the one that is judged. The module `line_search` says what
-//! happens otherwise.
+//! happens otherwise. Modified Newton assembles forces alone and goes on with the tangent it has,
+//! as long as that serves.
 
 use super::clock::{Counters, PhaseTimes, timed};
 use super::constraint::Constraints;
+use super::forcing::Forcing;
+use super::held::HeldTangent;
 use super::line_search::{LineSearch, Trial};
 use super::linear::{
     Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport, LinearSolver,
 };
 use super::vector::{dot, norm, norm_of};
 use crate::energy::{EnergyParts, NonFinite, TotalEnergy};
-use crate::matrix::BlockMatrix;
 
 /// Unit roundoff of f64.
 const ROUNDOFF: f64 = f64::EPSILON / 2.0;
@@ -26,6 +28,22 @@ const ROUNDOFF: f64 = f64::EPSILON / 2.0;
 /// alone changes the forces by that much, and sums of some 100 terms by a few times more.
 const ROUNDING_MULTIPLE: f64 = 8.0;
 
+/// Modified Newton takes a new tangent where a step left more than this of the residual: three such
+/// steps cost about what a tangent costs, and then it gains more.
+const SERVES: f64 = 0.2;
+
+/// How much of each Newton step is new.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NewtonVariant {
+    /// A tangent and an exact solution for every step: converges quadratically.
+    #[default]
+    Full,
+    /// Linear systems are solved only as exactly as pays (conjugate gradients only).
+    Inexact,
+    /// The tangent and its factors are kept as long as the residual falls by a factor of 5 a step.
+    Modified,
+}
+
 /// Choices for Newton's method.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NewtonSettings {
@@ -33,11 +51,13 @@ pub struct NewtonSettings {
     pub tolerance: f64,
     /// More iterations than this are a failure.
     pub max_iterations: usize,
+    /// What a step takes.
+    pub variant: NewtonVariant,
 }
 
 impl Default for NewtonSettings {
     fn default() -> Self {
-        NewtonSettings { tolerance: 1e-10, max_iterations: 25 }
+        NewtonSettings { tolerance: 1e-10, max_iterations: 25, variant: NewtonVariant::Full }
     }
 }
 
@@ -61,7 +81,8 @@ pub struct NewtonReport {
     pub energy: EnergyParts,
     /// The linear systems, one per iteration.
     pub linear: Vec<LinearReport>,
-    /// The accepted parts of the Newton steps; 1 for a full step.
+    /// The accepted parts of the Newton steps; 1 for a full step, 0 for one that a tangent kept too
+    /// long led nowhere.
     pub step_lengths: Vec<f64>,
     /// How far rounding the displacements changes the forces, over the larger of the 2-norms of
     /// reactions and loads: smaller tolerances are met by luck.
@@ -147,11 +168,12 @@ pub struct Newton<'a> {
     constraints: Constraints,
     settings: NewtonSettings,
     linear: LinearSolver,
-    tangent: BlockMatrix,
+    tangent: HeldTangent,
     gradient: Vec<f64>,
     parts: EnergyParts,
-    /// The displacements of `gradient` and `tangent`.
+    /// The displacements of `gradient`.
     evaluated_at: Option<Vec<f64>>,
+    forcing: Forcing,
     /// Whether the linear solver holds the factors of `tangent`.
     factorized: bool,
     counters: Counters,
@@ -166,12 +188,15 @@ impl<'a> Newton<'a> {
         settings: NewtonSettings,
         linear: LinearOptions,
     ) -> Result<Newton<'a>, LinearError> {
+        let (pattern, positions) = (energy.pattern(), energy.positions());
+        let linear = LinearSolver::new(pattern, positions, constraints, linear)?;
         Ok(Newton {
             energy,
             constraints: constraints.clone(),
             settings,
-            linear: LinearSolver::new(energy.pattern(), constraints, linear)?,
-            tangent: BlockMatrix::zeros(energy.pattern()),
+            tangent: HeldTangent::new(energy, linear.method() != LinearMethod::MatrixFree),
+            linear,
+            forcing: Forcing::new(settings.variant, settings.tolerance),
             gradient: vec![0.0; constraints.n_dofs()],
             parts: EnergyParts::default(),
             evaluated_at: None,
@@ -242,7 +267,9 @@ impl<'a> Newton<'a> {
             rounding_floor: 0.0,
             notes: Vec::new(),
         };
-        self.evaluate(u)?;
+        self.forcing = Forcing::new(self.settings.variant, self.settings.tolerance);
+        // Modified Newton begins with the factors that it has.
+        self.evaluate(u, !(self.is_modified() && self.factorized))?;
         loop {
             if self.is_converged(u, loads, history, &mut report.notes)? {
                 report.energy = self.parts;
@@ -255,10 +282,41 @@ impl<'a> Newton<'a> {
             let (direction, linear) = self.direction(loads)?;
             let negative_pivots = linear.negative_pivots;
             report.linear.push(linear);
-            let length = self.step(u, &direction, loads, negative_pivots)?;
-            report.step_lengths.push(length);
             report.iterations += 1;
+            let length = if self.is_modified() {
+                self.modified_step(u, &direction, loads, negative_pivots)?
+            } else {
+                self.step(u, &direction, loads, negative_pivots)?
+            };
+            report.step_lengths.push(length);
         }
+    }
+
+    fn is_modified(&self) -> bool {
+        self.settings.variant == NewtonVariant::Modified
+    }
+
+    /// A step with a tangent that may be of another state; a new one where it does not serve. 0 if
+    /// the step led nowhere.
+    fn modified_step(
+        &mut self,
+        u: &mut [f64],
+        direction: &[f64],
+        loads: &[f64],
+        negative_pivots: Option<usize>,
+    ) -> Result<f64, NewtonFailure> {
+        let is_own = self.tangent.is_at(u);
+        let (start, before) = (u.to_vec(), self.residual_norm(loads));
+        let length = match self.step(u, direction, loads, negative_pivots) {
+            Err(_) if !is_own => {
+                u.copy_from_slice(&start);
+                0.0
+            }
+            stepped => stepped?,
+        };
+        let serves = length > 0.0 && self.residual_norm(loads) <= SERVES * before;
+        self.evaluate(u, !serves)?;
+        Ok(length)
     }
 
     /// Records the residual of the present state and compares it with the tolerance.
@@ -296,7 +354,7 @@ impl<'a> Newton<'a> {
 
     /// The change of the forces when the displacements are rounded, as a 2-norm over the free ones.
     fn rounding(&self, u: &[f64]) -> f64 {
-        let forces = self.tangent.multiply_absolute(u);
+        let forces = self.tangent.tangent(self.energy).multiply_absolute(u);
         ROUNDOFF * norm(self.constraints.free().iter().map(|&dof| forces[dof]))
     }
 
@@ -305,7 +363,9 @@ impl<'a> Newton<'a> {
         let minus_residual: Vec<f64> =
             loads.iter().zip(&self.gradient).map(|(f, g)| f - g).collect();
         let mut direction = vec![0.0; minus_residual.len()];
-        let (linear, tangent) = (&mut self.linear, &self.tangent);
+        let tolerance = self.forcing.next(self.residual_norm(loads), self.force(loads));
+        self.linear.set_tolerance(tolerance);
+        let (linear, tangent) = (&mut self.linear, self.tangent.tangent(self.energy));
         let factorized = std::mem::replace(&mut self.factorized, true);
         self.counters.linear_solves += 1;
         let report = timed(&mut self.times.linear, || {
@@ -342,7 +402,7 @@ impl<'a> Newton<'a> {
             }
             let is_full = length == 1.0;
             let parts = if is_full {
-                self.evaluate(u)
+                self.evaluate(u, !self.is_modified())
             } else {
                 self.counters.gradients += 1;
                 let energy = self.energy;
@@ -359,7 +419,7 @@ impl<'a> Newton<'a> {
                 }
             };
             if search.accepts(trial) {
-                self.evaluate(u)?;
+                self.evaluate(u, !self.is_modified())?;
                 return Ok(length);
             }
         }
@@ -394,16 +454,23 @@ impl<'a> Newton<'a> {
         parts.bonds.abs() + parts.triangles.abs() + parts.tetrahedra.abs() + work
     }
 
-    /// Energy, gradient and tangent at `u`, unless they are at hand.
-    fn evaluate(&mut self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
-        if self.evaluated_at.as_deref() == Some(u) {
+    /// Energy and gradient at `u`, and the tangent if asked for, unless they are at hand.
+    fn evaluate(&mut self, u: &[f64], with_tangent: bool) -> Result<EnergyParts, NonFinite> {
+        let at_hand = self.evaluated_at.as_deref() == Some(u);
+        if at_hand && (!with_tangent || self.tangent.is_at(u)) {
             return Ok(self.parts);
         }
         self.evaluated_at = None;
-        self.factorized = false;
-        self.counters.tangents += 1;
-        let (energy, gradient, tangent) = (self.energy, &mut self.gradient, &mut self.tangent);
-        let parts = timed(&mut self.times.assembly, || energy.tangent(u, gradient, tangent))?;
+        let (energy, gradient) = (self.energy, &mut self.gradient);
+        let parts = if with_tangent {
+            self.factorized = false;
+            self.counters.tangents += 1;
+            let tangent = &mut self.tangent;
+            timed(&mut self.times.assembly, || tangent.evaluate(energy, u, gradient))?
+        } else {
+            self.counters.gradients += 1;
+            timed(&mut self.times.assembly, || energy.gradient(u, gradient))?
+        };
         self.parts = parts;
         self.evaluated_at = Some(u.to_vec());
         Ok(parts)
@@ -429,29 +496,25 @@ impl<'a> Newton<'a> {
         norm(self.constraints.fixed().iter().map(|&dof| self.gradient[dof] - loads[dof]))
     }
 
-    /// Whether the tangent of the state reached by `report` is positive definite.
+    /// Whether the tangent of the last state is positive definite.
     ///
-    /// Direct methods factorise the tangent at hand; if the next solve starts from the same state,
-    /// it uses these factors. Conjugate gradients know only of negative curvature they met; then
-    /// a factorisation has been made in this solve already, and one more judges the state reached.
-    pub fn judge(&mut self, report: &NewtonReport) -> Result<Definiteness, LinearError> {
-        let by_iteration = self.linear.method() == LinearMethod::Cg;
-        let factorized_before = report.linear.iter().any(|l| l.method != LinearMethod::Cg);
-        if by_iteration && !factorized_before {
-            let method = "conjugate gradients: no negative curvature met".to_string();
-            return Ok(Definiteness { positive_definite: None, negative_pivots: None, method });
+    /// Modified Newton has no tangent of that state yet and assembles it. Factors and preconditioner
+    /// serve the next solve if it starts from the same state, and with modified Newton any.
+    pub fn judge(&mut self) -> Result<Definiteness, NewtonFailure> {
+        if let Some(u) = self.evaluated_at.clone() {
+            self.evaluate(&u, true)?;
         }
-        let (linear, tangent) = (&mut self.linear, &self.tangent);
+        let (linear, tangent) = (&mut self.linear, self.tangent.tangent(self.energy));
         let definiteness = timed(&mut self.times.linear, || linear.judge(tangent))?;
-        // Explicitly chosen LU and LDLT, and conjugate gradients, start their own way next time.
-        self.factorized = self.linear.method() == LinearMethod::Cholesky;
+        // Explicitly chosen LU and LDLT start their own way next time.
+        self.factorized = !matches!(self.linear.method(), LinearMethod::Ldlt | LinearMethod::Lu);
         Ok(definiteness)
     }
 
-    /// The condition of the tangent just judged, on the free degrees of freedom, where there are
-    /// factors.
+    /// The condition of the tangent just judged, on the free degrees of freedom, where it can be
+    /// estimated.
     pub fn condition(&mut self) -> Result<Option<f64>, LinearError> {
-        let (linear, tangent) = (&mut self.linear, &self.tangent);
+        let (linear, tangent) = (&mut self.linear, self.tangent.tangent(self.energy));
         timed(&mut self.times.linear, || linear.condition(tangent))
     }
 }

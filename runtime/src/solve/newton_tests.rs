@@ -226,7 +226,7 @@ fn the_judged_tangent_and_its_factors_serve_the_next_load() {
         loads[58] = load;
         let before = solver.counters();
         let report = solver.solve(&mut u, &loads).unwrap();
-        let definiteness = solver.judge(&report).unwrap();
+        let definiteness = solver.judge().unwrap();
         assert_eq!(definiteness.positive_definite, Some(true));
         let after = solver.counters();
         // One tangent and one factorisation per iteration, once one more of the state at rest.
@@ -264,4 +264,84 @@ fn every_method_finds_the_same_state_with_the_same_bits_for_any_threads() {
         let difference: Vec<f64> = u.iter().zip(&reference).map(|(a, b)| a - b).collect();
         assert!(norm_of(&difference) <= 1e-11 * norm_of(&reference), "{}", method.name());
     }
+}
+
+fn with(variant: NewtonVariant, method: LinearMethod) -> (NewtonSettings, LinearOptions) {
+    let settings = NewtonSettings { tolerance: 1e-11, max_iterations: 40, variant };
+    (settings, LinearOptions { method, ..LinearOptions::default() })
+}
+
+#[test]
+fn all_variants_reach_the_tolerance_at_the_same_state() {
+    let (network, fixed, start) = pulled(&[9, 5, 5], 0.2);
+    let constraints = Constraints::new(start.len(), &fixed).unwrap();
+    let loads = vec![0.0; start.len()];
+    let solve = |variant, method| {
+        let (settings, options) = with(variant, method);
+        let mut newton = Newton::new(&network, &constraints, settings, options).unwrap();
+        let mut u = start.clone();
+        let report = newton.solve(&mut u, &loads).unwrap();
+        let definiteness = newton.judge().unwrap();
+        assert_eq!(definiteness.positive_definite, Some(true), "{definiteness:?}");
+        assert!(newton.condition().unwrap().unwrap() > 1.0);
+        (u, report, newton.counters())
+    };
+    let (reference, full, _) = solve(NewtonVariant::Full, LinearMethod::Cholesky);
+    let mut linear_iterations = Vec::new();
+    for variant in [NewtonVariant::Full, NewtonVariant::Inexact, NewtonVariant::Modified] {
+        for method in [LinearMethod::Cholesky, LinearMethod::Cg, LinearMethod::MatrixFree] {
+            let (u, report, counters) = solve(variant, method);
+            let what = format!("{variant:?} {}", method.name());
+            assert!(*report.history.residual_over_reaction.last().unwrap() <= 1e-11, "{what}");
+            let difference: Vec<f64> = u.iter().zip(&reference).map(|(a, b)| a - b).collect();
+            assert!(norm_of(&difference) <= 1e-9 * norm_of(&reference), "{what}");
+            let r = &report.history.residual_over_reaction;
+            if variant == NewtonVariant::Full {
+                assert_eq!(report.iterations, full.iterations, "{what}");
+            }
+            if variant == NewtonVariant::Modified {
+                assert!(counters.tangents < full.iterations, "{what} {counters:?}");
+                assert!(counters.factorizations <= counters.tangents, "{what} {counters:?}");
+                assert!(report.iterations > full.iterations, "{what} {r:?}");
+            }
+            if method == LinearMethod::Cg {
+                linear_iterations.push(report.linear.iter().map(|l| l.iterations).sum::<usize>());
+            }
+        }
+    }
+    assert!(linear_iterations[1] < linear_iterations[0], "{linear_iterations:?}");
+}
+
+#[test]
+fn full_newton_is_quadratic_by_conjugate_gradients_too() {
+    let (network, fixed, mut u) = pulled(&[9, 5, 5], 0.3);
+    let constraints = Constraints::new(u.len(), &fixed).unwrap();
+    let (settings, options) = with(NewtonVariant::Full, LinearMethod::Cg);
+    let mut newton = Newton::new(&network, &constraints, settings, options).unwrap();
+    let report = newton.solve(&mut u, &vec![0.0; network.positions.len()]).unwrap();
+    let r = &report.history.residual_over_reaction;
+    let quadratic = |k: &usize| r[k + 1] <= (2.0 * r[*k] * r[*k]).max(1e-11);
+    assert!((1..r.len() - 1).filter(|&k| r[k] < 0.3).all(|k| quadratic(&k)), "{r:?}");
+    let tolerances: Vec<usize> = report.linear.iter().map(|l| l.iterations).collect();
+    assert!(tolerances.last() < tolerances.first(), "{tolerances:?}");
+}
+
+/// A jump so far that the old tangent leads nowhere: a new one is taken.
+#[test]
+fn modified_newton_renews_a_tangent_that_does_not_serve() {
+    let (network, fixed) = chain(4, logarithmic);
+    let constraints = Constraints::new(10, &fixed).unwrap();
+    let (settings, options) = with(NewtonVariant::Modified, LinearMethod::Cholesky);
+    let mut newton = Newton::new(&network, &constraints, settings, options).unwrap();
+    let mut u = vec![0.0; 10];
+    let mut loads = vec![0.0; 10];
+    let mut tangents = 0;
+    for stretch in [1.0 + 1e-3, 1.0 + 2e-3, 2.2] {
+        loads[8] = libm::log(stretch) / stretch;
+        let report = newton.solve(&mut u, &loads).unwrap();
+        assert!((u[8] - 4.0 * (stretch - 1.0)).abs() < 1e-8, "{stretch}: {u:?} {report:?}");
+        tangents = newton.counters().tangents - tangents;
+        newton.judge().unwrap();
+    }
+    assert!(tangents > 2, "{tangents}");
 }

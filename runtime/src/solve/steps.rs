@@ -8,7 +8,7 @@ use std::ops::ControlFlow;
 
 use super::clock::{Counters, PhaseTimes};
 use super::constraint::{ConstraintError, Constraints};
-use super::linear::{Definiteness, LinearError, LinearOptions, LinearReport};
+use super::linear::{Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport};
 use super::newton::{Newton, NewtonError, NewtonFailure, NewtonReport, NewtonSettings};
 use crate::energy::{EnergyParts, TotalEnergy};
 
@@ -85,7 +85,7 @@ pub struct StepRecord {
     /// Whether the tangent is positive definite, and how that is known.
     pub definiteness: Definiteness,
     /// An estimate of the condition of the tangent on the free degrees of freedom (1-norm), where
-    /// there are factors of it.
+    /// it was factorised or conjugate gradients converged.
     pub condition: Option<f64>,
     /// How far rounding the displacements changes the forces, relative to reactions or loads.
     pub rounding_floor: f64,
@@ -125,8 +125,23 @@ pub struct Outcome {
     pub displacements: Vec<f64>,
     /// What was evaluated and solved.
     pub counters: Counters,
+    /// How linear systems were solved.
+    pub linear: LinearSummary,
     /// Whether the run ended before its end: by the observer, or without convergence.
     pub stopped: bool,
+}
+
+/// How the linear systems of a run were solved, and why so.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LinearSummary {
+    /// The method that the last one started with.
+    pub method: LinearMethod,
+    /// Why, a sentence without its full stop.
+    pub reason: String,
+    /// The preconditioner in words, where one was made.
+    pub preconditioner: Option<String>,
+    /// Iterations of all systems that belong to converged steps.
+    pub iterations: usize,
 }
 
 /// A run that did not reach its end.
@@ -331,9 +346,9 @@ impl Run<'_> {
         let mut u = self.start(t)?;
         let jumped = self.newton.check_jump(&self.u, &u);
         let solved = jumped.and_then(|()| self.newton.solve(&mut u, &loads));
-        let judged = solved.and_then(|report| match self.judge(&report) {
+        let judged = solved.and_then(|report| match self.judge() {
             Ok(judged) => Ok((report, judged)),
-            Err(error) => Err(NewtonError { failure: error.into(), history: report.history }),
+            Err(failure) => Err(NewtonError { failure, history: report.history }),
         });
         self.times.add(&self.newton.take_times());
         let (report, judged) = match judged {
@@ -357,8 +372,8 @@ impl Run<'_> {
     }
 
     /// Definiteness and condition of the tangent at the equilibrium found.
-    fn judge(&mut self, report: &NewtonReport) -> Result<(Definiteness, Option<f64>), LinearError> {
-        Ok((self.newton.judge(report)?, self.newton.condition()?))
+    fn judge(&mut self) -> Result<(Definiteness, Option<f64>), NewtonFailure> {
+        Ok((self.newton.judge()?, self.newton.condition()?))
     }
 
     fn record(
@@ -422,7 +437,15 @@ impl Run<'_> {
 
     /// Hands the run over; nothing is left to follow.
     fn outcome(&mut self, stopped: bool) -> Outcome {
+        let linear = self.newton.linear();
+        let systems = self.records.iter().flat_map(|record| &record.linear);
         Outcome {
+            linear: LinearSummary {
+                method: linear.method(),
+                reason: linear.choice().reason.clone(),
+                preconditioner: linear.preconditioner(),
+                iterations: systems.map(|system| system.iterations).sum(),
+            },
             records: std::mem::take(&mut self.records),
             displacements: std::mem::take(&mut self.u),
             counters: self.newton.counters(),

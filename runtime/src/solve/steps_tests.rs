@@ -173,7 +173,7 @@ fn too_few_iterations_cut_back_too() {
     let network = SpringNetwork::lattice(&[5, 4], 2.0, linear);
     let fixed = network.dofs_where(|x| x[0] == 0.0 || x[0] == 4.0);
     let ends: Vec<_> = fixed.iter().map(|&dof| (dof, if dof >= 32 { 2.0 } else { 0.0 })).collect();
-    let newton = NewtonSettings { max_iterations: 3, tolerance: 1e-8 };
+    let newton = NewtonSettings { max_iterations: 3, tolerance: 1e-8, ..NewtonSettings::default() };
     let outcome = run(&network, &displaced(&ends), &StepSettings { newton, ..settings(1) });
     let outcome = outcome.unwrap();
     assert!(outcome.records[0].cut_backs > 0);
@@ -223,7 +223,6 @@ fn displacements_pass_the_peak_and_unstable_states_are_reported() {
             let found = &record.definiteness;
             match (method, stable) {
                 _ if peak => {}
-                (LinearMethod::Cg, true) => assert_eq!(found.positive_definite, None),
                 (_, true) => assert_eq!(found.positive_definite, Some(true), "{record:?}"),
                 (_, false) => {
                     assert_eq!(found.positive_definite, Some(false), "{record:?}");

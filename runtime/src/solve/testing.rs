@@ -192,6 +192,10 @@ impl TotalEnergy for SpringNetwork {
         self.dimension
     }
 
+    fn positions(&self) -> &[f64] {
+        &self.positions
+    }
+
     fn pattern(&self) -> &Arc<BlockPattern> {
         &self.pattern
     }
@@ -211,6 +215,28 @@ impl TotalEnergy for SpringNetwork {
         tangent: &mut BlockMatrix,
     ) -> Result<EnergyParts, NonFinite> {
         self.evaluate(u, Some(gradient), Some(tangent))
+    }
+
+    fn tangent_diagonal(
+        &self,
+        u: &[f64],
+        gradient: &mut [f64],
+        diagonal: &mut [f64],
+    ) -> Result<EnergyParts, NonFinite> {
+        let mut tangent = BlockMatrix::zeros(&self.pattern);
+        let parts = self.evaluate(u, Some(gradient), Some(&mut tangent))?;
+        let block = self.dimension * self.dimension;
+        for (row, out) in self.pattern.row_start.iter().zip(diagonal.chunks_exact_mut(block)) {
+            out.copy_from_slice(&tangent.values[row * block..(row + 1) * block]);
+        }
+        Ok(parts)
+    }
+
+    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
+        let mut tangent = BlockMatrix::zeros(&self.pattern);
+        self.evaluate(u, None, Some(&mut tangent))?;
+        product.copy_from_slice(&tangent.multiply(p));
+        Ok(())
     }
 }
 

@@ -20,14 +20,32 @@ pub(crate) fn norm_of(values: &[f64]) -> f64 {
     norm(values.iter().copied())
 }
 
-/// The scalar product.
+/// The scalar product, in eight sums side by side: one sum would wait for each of its additions.
 pub(crate) fn dot(x: &[f64], y: &[f64]) -> f64 {
-    x.iter().zip(y).fold(0.0, |sum, (x, y)| sum + x * y)
+    let (x, y) = (x.chunks_exact(8), y.chunks_exact(8));
+    let tail = x.remainder().iter().zip(y.remainder()).fold(0.0, |sum, (x, y)| sum + x * y);
+    let mut sums = [0.0; 8];
+    for (x, y) in x.zip(y) {
+        for k in 0..8 {
+            sums[k] += x[k] * y[k];
+        }
+    }
+    sums.iter().fold(tail, |sum, x| sum + x)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn scalar_products_miss_no_entry() {
+        for n in 0..30 {
+            let x: Vec<f64> = (0..n).map(f64::from).collect();
+            let expected: i32 = (0..n).map(|k| k * (k + 1)).sum();
+            let y: Vec<f64> = x.iter().map(|x| x + 1.0).collect();
+            assert_eq!(dot(&x, &y), f64::from(expected), "{n} entries");
+        }
+    }
 
     #[test]
     fn norms_neither_overflow_nor_underflow() {

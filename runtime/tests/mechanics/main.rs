@@ -5,6 +5,7 @@ mod consistency;
 mod extremes;
 mod extremes_solved;
 mod lattice_counts;
+mod matrix_free;
 mod moduli;
 mod refusals;
 mod small_clouds;

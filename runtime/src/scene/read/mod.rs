@@ -14,9 +14,9 @@ use super::tree::{self, Kind, Node};
 use crate::kernel::Level;
 
 use super::{
-    DerivativeSource, LinearChoice, Located, MAX_SCENE_BYTES, Material, Nodes, OutputSettings,
-    ParameterSetting, ParameterText, Points, Scene, SceneReport, SolverSettings, Start, Steps,
-    WeightScheme,
+    DerivativeSource, LinearChoice, Located, MAX_SCENE_BYTES, Material, NewtonChoice, Nodes,
+    OutputSettings, ParameterSetting, ParameterText, Points, PreconditionerChoice, Scene,
+    SceneReport, SolverSettings, Start, Steps, WeightScheme,
 };
 
 static SCENE: Schema = Schema {
@@ -44,7 +44,9 @@ static SOLVER: Schema = Schema {
     keys: &[
         ("tolerance", "1e-10"),
         ("start", "\"last\""),
+        ("newton", "\"full\""),
         ("linear", "\"auto\""),
+        ("preconditioner", "\"auto\""),
         ("derivatives", "\"jit\""),
         ("level", "\"strict\""),
         ("max_iterations", "25"),
@@ -69,6 +71,17 @@ pub(super) const LINEAR: &[(&str, LinearChoice)] = &[
     ("ldlt", LinearChoice::Ldlt),
     ("lu", LinearChoice::Lu),
     ("cg", LinearChoice::ConjugateGradients),
+    ("matrix-free", LinearChoice::MatrixFree),
+];
+pub(super) const NEWTON: &[(&str, NewtonChoice)] = &[
+    ("full", NewtonChoice::Full),
+    ("inexact", NewtonChoice::Inexact),
+    ("modified", NewtonChoice::Modified),
+];
+pub(super) const PRECONDITIONERS: &[(&str, PreconditionerChoice)] = &[
+    ("auto", PreconditionerChoice::Auto),
+    ("block-jacobi", PreconditionerChoice::BlockJacobi),
+    ("two-level", PreconditionerChoice::TwoLevel),
 ];
 pub(super) const DERIVATIVES: &[(&str, DerivativeSource)] = &[
     ("jit", DerivativeSource::Jit),
@@ -291,7 +304,11 @@ impl Reader {
             None
         });
         let start = self.or(table, "start", STARTS[0].1, |r, field| r.choice(field, STARTS));
+        let newton = self.or(table, "newton", NEWTON[0].1, |r, field| r.choice(field, NEWTON));
         let linear = self.or(table, "linear", LINEAR[0].1, |r, field| r.choice(field, LINEAR));
+        let preconditioner = self.or(table, "preconditioner", PRECONDITIONERS[0].1, |r, field| {
+            r.choice(field, PRECONDITIONERS)
+        });
         let derivatives = self
             .or(table, "derivatives", DERIVATIVES[0].1, |r, field| r.choice(field, DERIVATIVES));
         let level = self.or(table, "level", Level::default(), |r, field| r.choice(field, LEVELS));
@@ -299,7 +316,9 @@ impl Reader {
         Some(SolverSettings {
             tolerance: tolerance?,
             start: start?,
+            newton: newton?,
             linear: linear?,
+            preconditioner: preconditioner?,
             derivatives: derivatives?,
             level: level?,
             max_iterations: max_iterations?,

@@ -8,17 +8,6 @@ use super::LinearError;
 use crate::matrix::BlockPattern;
 use crate::solve::constraint::Constraints;
 
-/// In three dimensions `auto` factorises up to this many operations and iterates beyond.
-///
-/// 2e10 take half a second to a second on one core; a run of some 50 load steps factorises some 200
-/// times, so beyond it a run waits minutes for factorisations. Measured for bonds with a horizon of
-/// three spacings: 12^3 points 5.7e9, 20^3 points 2.3e11.
-pub const AUTO_OPERATIONS_3D: f64 = 2e10;
-
-/// In two dimensions `auto` factorises up to this many operations (a minute each): the fill grows
-/// slowly and conjugate gradients need many iterations.
-pub const AUTO_OPERATIONS_2D: f64 = 2e12;
-
 /// An ordering of the points that keeps the factor sparse, and the cost of the factorisation.
 #[derive(Clone, Debug)]
 pub struct FactorizationEstimate {

@@ -9,41 +9,49 @@
 //! | Cholesky | positive definite | LDLT when a pivot is not positive |
 //! | LDLT | indefinite: its pivots count the negative eigenvalues | LU when a pivot vanishes or the solution is inaccurate |
 //! | LU | the last resort | nothing |
-//! | conjugate gradients | large in three dimensions | LDLT at negative curvature, Cholesky without convergence |
+//! | conjugate gradients | large in three dimensions | LDLT at negative curvature, minimum residuals where that would be too large, Cholesky without convergence |
+//! | the same, matrix-free | too large to be stored | minimum residuals at negative curvature |
 //!
 //! Every fallback is noted in the [`LinearReport`]. The bits do not depend on the number of
 //! threads.
 
+mod aggregates;
+mod choice;
 mod condition;
 mod conjugate_gradients;
 mod direct;
 mod estimate;
 mod extraction;
+mod fallback;
+mod iterative;
+mod judgement;
+mod lanczos;
+mod minimum_residual;
+mod operator;
+mod preconditioner;
 mod report;
+mod tangent;
+mod two_level;
 
 use std::sync::Arc;
 
 use super::constraint::Constraints;
-use super::vector::norm_of;
-use crate::matrix::{BlockMatrix, BlockPattern};
-use conjugate_gradients::{CgOutcome, ConjugateGradients};
+use crate::matrix::BlockPattern;
+use conjugate_gradients::CgLimits;
 use direct::{Inertia, LuFactors, SymmetricFactors};
 use extraction::FreeTriangle;
+use iterative::Iterative;
 
-pub use estimate::{
-    AUTO_OPERATIONS_2D, AUTO_OPERATIONS_3D, FactorizationEstimate, estimate_factorization,
+pub use choice::{
+    AUTO_OPERATIONS_2D, AUTO_OPERATIONS_3D, AUTO_UNKNOWNS_3D, Choice, Circumstances, MEMORY_SHARE,
+    choose,
 };
-pub use report::{Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport};
-
-/// A direct solution with a larger relative residual is refined: a few units of rounding.
-const ROUNDING_RESIDUAL: f64 = 1e-14;
-
-/// Steps of refinement. The first brings the backward error to rounding, where it was not.
-const REFINEMENTS: usize = 2;
-
-/// A direct solution is inaccurate when its residual exceeds this times `|K| |x| + |b|` (norms).
-/// Backward stable solves reach 1e-15; what is 1e5 times worse has lost its pivots.
-const INACCURATE: f64 = 1e-10;
+pub use estimate::{FactorizationEstimate, estimate_factorization};
+pub use lanczos::RitzValues;
+pub use report::{
+    Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport, PreconditionerChoice,
+};
+pub use tangent::Tangent;
 
 /// What the solver holds for the matrix it was last given.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -55,66 +63,129 @@ enum Factor {
     Ldlt(Inertia),
     Lu,
     Cg,
+    MinimumResidual,
 }
 
 /// Solves systems with one pattern and one set of free degrees of freedom.
 pub struct LinearSolver {
     pattern: Arc<BlockPattern>,
+    positions: Vec<f64>,
     constraints: Constraints,
     options: LinearOptions,
     /// `Auto` decided.
-    method: LinearMethod,
-    estimate: FactorizationEstimate,
+    choice: Choice,
+    limits: CgLimits,
+    /// The cost of a factorisation, once it is asked for.
+    estimate: Option<FactorizationEstimate>,
     triangle: Option<FreeTriangle>,
     symmetric: Option<SymmetricFactors>,
     lu: Option<LuFactors>,
-    cg: Option<ConjugateGradients>,
+    iterative: Option<Iterative>,
     factor: Factor,
+    /// What conjugate gradients saw in the last run with the present matrix.
+    seen: Option<(usize, Option<RitzValues>)>,
+    /// The probe of the last judgement and the solution for it.
+    probe: Option<(Vec<f64>, Vec<f64>)>,
     notes: Vec<String>,
     n_factorizations: usize,
 }
 
 impl LinearSolver {
-    /// Orders the points, decides on the method and, for a direct one, refuses what exceeds the
-    /// memory limit.
+    /// Decides on the method and, for a direct one, orders the points and refuses what exceeds the
+    /// memory limit. `positions` are those at rest, `n x d`, in m.
     pub fn new(
         pattern: &Arc<BlockPattern>,
+        positions: &[f64],
         constraints: &Constraints,
         options: LinearOptions,
     ) -> Result<LinearSolver, LinearError> {
-        let estimate = estimate_factorization(pattern, constraints)?;
-        let method = match options.method {
-            LinearMethod::Auto => automatic(pattern.dimension, &estimate, &options),
-            method => method,
-        };
-        let solver = LinearSolver {
+        let mut solver = LinearSolver {
             pattern: Arc::clone(pattern),
+            positions: positions.to_vec(),
             constraints: constraints.clone(),
             options,
-            method,
-            estimate,
+            choice: Choice { method: options.method, reason: "the scene says so".to_string() },
+            limits: CgLimits {
+                tolerance: options.cg_tolerance,
+                // Twice the unknowns cover the loss of orthogonality of ill-conditioned systems.
+                max_iterations: (2 * constraints.n_free()).clamp(1000, 20_000),
+            },
+            estimate: None,
             triangle: None,
             symmetric: None,
             lu: None,
-            cg: None,
+            iterative: None,
             factor: Factor::None,
+            seen: None,
+            probe: None,
             notes: Vec::new(),
             n_factorizations: 0,
         };
-        if method != LinearMethod::Cg {
+        if options.method == LinearMethod::Auto {
+            solver.choose()?;
+        }
+        if !solver.iterates() {
             solver.check_memory()?;
         }
         Ok(solver)
     }
 
-    /// The method it starts with; never `Auto`.
-    pub fn method(&self) -> LinearMethod {
-        self.method
+    /// `Auto` decides.
+    fn choose(&mut self) -> Result<(), LinearError> {
+        let (dimension, unknowns) = (self.pattern.dimension, self.constraints.n_free());
+        let matrix_bytes = self.matrix_bytes();
+        let may_be_cheap = dimension == 2 || unknowns <= AUTO_UNKNOWNS_3D;
+        let factorization = if may_be_cheap && matrix_bytes <= self.options.memory_limit {
+            let estimate = self.estimate()?;
+            Some((estimate.operations, estimate.bytes()))
+        } else {
+            None
+        };
+        self.choice = choose(&Circumstances {
+            dimension,
+            unknowns,
+            factorization,
+            matrix_bytes,
+            memory_limit: self.options.memory_limit,
+        });
+        if let Some((operations, _)) = factorization {
+            let worth = choice::iterations_worth(operations, matrix_bytes) as usize;
+            self.limits.max_iterations = self.limits.max_iterations.min(worth.max(100));
+        }
+        Ok(())
     }
 
-    /// Cost of one factorisation.
-    pub fn estimate(&self) -> &FactorizationEstimate {
-        &self.estimate
+    /// The method it starts with, never `Auto`, and why.
+    pub fn choice(&self) -> &Choice {
+        &self.choice
+    }
+
+    /// The method it starts with; never `Auto`.
+    pub fn method(&self) -> LinearMethod {
+        self.choice.method
+    }
+
+    /// The preconditioner in words, once there is one.
+    pub fn preconditioner(&self) -> Option<String> {
+        self.iterative.as_ref().map(Iterative::preconditioner)
+    }
+
+    /// Whether it starts with conjugate gradients.
+    pub fn iterates(&self) -> bool {
+        matches!(self.method(), LinearMethod::Cg | LinearMethod::MatrixFree)
+    }
+
+    /// From now on conjugate gradients stop at this residual relative to the right-hand side.
+    pub fn set_tolerance(&mut self, tolerance: f64) {
+        self.limits.tolerance = tolerance;
+    }
+
+    /// Cost of one factorisation; orders the points at the first call.
+    pub fn estimate(&mut self) -> Result<&FactorizationEstimate, LinearError> {
+        if self.estimate.is_none() {
+            self.estimate = Some(estimate_factorization(&self.pattern, &self.constraints)?);
+        }
+        Ok(self.estimate.as_ref().expect("made in the lines above"))
     }
 
     /// How many factorisations were tried.
@@ -122,62 +193,81 @@ impl LinearSolver {
         self.n_factorizations
     }
 
+    fn matrix_bytes(&self) -> f64 {
+        (8 * self.pattern.n_blocks() * self.pattern.dimension * self.pattern.dimension) as f64
+    }
+
     /// Factorises and solves.
-    pub fn solve(
+    pub fn solve<'a>(
         &mut self,
-        matrix: &BlockMatrix,
+        tangent: impl Into<Tangent<'a>>,
         rhs: &[f64],
         solution: &mut [f64],
     ) -> Result<LinearReport, LinearError> {
-        self.factorize(matrix)?;
-        self.solve_factorized(matrix, rhs, solution)
+        let tangent = tangent.into();
+        self.factorize(tangent)?;
+        self.solve_factorized(tangent, rhs, solution)
     }
 
-    /// Prepares `matrix`, the method's fallbacks included.
-    pub fn factorize(&mut self, matrix: &BlockMatrix) -> Result<(), LinearError> {
+    /// Prepares a tangent, the method's fallbacks included.
+    pub fn factorize<'a>(&mut self, tangent: impl Into<Tangent<'a>>) -> Result<(), LinearError> {
+        let tangent = tangent.into();
+        if self.start(tangent)? {
+            return Ok(());
+        }
+        match (self.method(), tangent) {
+            (LinearMethod::Ldlt, Tangent::Stored(matrix)) => self.factorize_ldlt(matrix),
+            (LinearMethod::Lu, Tangent::Stored(matrix)) => self.factorize_lu(matrix),
+            (LinearMethod::Cholesky | LinearMethod::Auto, Tangent::Stored(matrix)) => {
+                self.factorize_cholesky(matrix)
+            }
+            _ => self.prepare_iterations(tangent),
+        }
+    }
+
+    /// Forgets the matrix before; whether there is nothing to do for this one.
+    fn start(&mut self, tangent: Tangent<'_>) -> Result<bool, LinearError> {
         self.notes.clear();
         self.factor = Factor::None;
-        if !matrix.values.iter().all(|x| x.is_finite()) {
+        (self.seen, self.probe) = (None, None);
+        if !tangent.is_finite() {
             return Err(LinearError::NotFinite { what: "tangent stiffness" });
         }
         if self.constraints.n_free() == 0 {
             self.factor = Factor::Nothing;
-            return Ok(());
+            return Ok(true);
         }
-        if let Some(triangle) = &mut self.triangle {
+        if let (Some(triangle), Tangent::Stored(matrix)) = (&mut self.triangle, tangent) {
             triangle.update(matrix);
         }
-        match self.method {
-            LinearMethod::Auto | LinearMethod::Cholesky => self.factorize_cholesky(matrix),
-            LinearMethod::Ldlt => self.factorize_ldlt(matrix),
-            LinearMethod::Lu => self.factorize_lu(matrix),
-            LinearMethod::Cg => self.prepare_cg(matrix),
-        }
+        Ok(false)
     }
 
-    /// Solves with the `matrix` last given to [`LinearSolver::factorize`].
-    pub fn solve_factorized(
+    /// Solves with the tangent last given to [`LinearSolver::factorize`].
+    pub fn solve_factorized<'a>(
         &mut self,
-        matrix: &BlockMatrix,
+        tangent: impl Into<Tangent<'a>>,
         rhs: &[f64],
         solution: &mut [f64],
     ) -> Result<LinearReport, LinearError> {
+        let tangent = tangent.into();
         solution.fill(0.0);
         let b = self.constraints.free_part(rhs);
         if !b.iter().all(|x| x.is_finite()) {
             return Err(LinearError::NotFinite { what: "residual" });
         }
-        let mut iterations = 0;
-        let mut residual = f64::INFINITY;
+        let (mut iterations, mut residual) = (0, 0.0);
         if self.factor == Factor::Cg {
-            match self.solve_cg(matrix, rhs, solution)? {
-                Some((count, relative)) => (iterations, residual) = (count, relative),
-                None => solution.fill(0.0),
-            }
+            (iterations, residual) = self.solve_cg(tangent, rhs, solution)?;
         }
-        if self.factor == Factor::Nothing {
-            residual = 0.0;
-        } else if self.factor != Factor::Cg {
+        if self.factor == Factor::MinimumResidual {
+            let more;
+            (more, residual) = self.solve_minimum_residual(tangent, rhs, solution)?;
+            iterations += more;
+        }
+        if let (Factor::Cholesky | Factor::Ldlt(_) | Factor::Lu, Tangent::Stored(matrix)) =
+            (self.factor, tangent)
+        {
             residual = self.solve_direct(matrix, &b, solution)?;
         }
         Ok(self.report(iterations, residual))
@@ -190,10 +280,11 @@ impl LinearSolver {
                 Factor::Cholesky => LinearMethod::Cholesky,
                 Factor::Ldlt(_) => LinearMethod::Ldlt,
                 Factor::Lu => LinearMethod::Lu,
-                Factor::Cg => LinearMethod::Cg,
-                Factor::None | Factor::Nothing => self.method,
+                Factor::MinimumResidual => LinearMethod::MinimumResidual,
+                Factor::Cg | Factor::None | Factor::Nothing => self.method(),
             },
             iterations,
+            ritz: self.seen.and_then(|(_, ritz)| ritz),
             relative_residual,
             positive_definite: definiteness.positive_definite,
             negative_pivots: definiteness.negative_pivots,
@@ -207,52 +298,8 @@ impl LinearSolver {
         }
     }
 
-    /// What the factorisation of the current matrix says about the signs of its eigenvalues.
-    pub fn definiteness(&self) -> Definiteness {
-        let (positive_definite, negative_pivots, method) = match self.factor {
-            Factor::Cholesky => (Some(true), Some(0), "Cholesky".to_string()),
-            Factor::Nothing => (Some(true), Some(0), "nothing is free".to_string()),
-            Factor::Ldlt(Inertia { negative, zero }) => {
-                let singular = zero > 0 || (negative == 0 && self.cholesky_failed());
-                let definite = negative == 0 && !singular;
-                let found = if singular && negative == 0 {
-                    "LDLT: singular to rounding".to_string()
-                } else {
-                    format!("LDLT: {negative} negative pivots")
-                };
-                (Some(definite), Some(negative), found)
-            }
-            Factor::Lu => (None, None, "LU: signs unknown".to_string()),
-            Factor::Cg => {
-                (None, None, "conjugate gradients: no negative curvature met".to_string())
-            }
-            Factor::None => (None, None, "no factorisation".to_string()),
-        };
-        Definiteness { positive_definite, negative_pivots, method }
-    }
-
-    /// Judges `matrix` by factorisation: Cholesky, then the inertia of LDLT.
-    ///
-    /// With a direct method the factors serve the next [`LinearSolver::solve_factorized`] as well.
-    pub fn judge(&mut self, matrix: &BlockMatrix) -> Result<Definiteness, LinearError> {
-        self.notes.clear();
-        if self.constraints.n_free() == 0 {
-            self.factor = Factor::Nothing;
-            return Ok(self.definiteness());
-        }
-        if let Some(triangle) = &mut self.triangle {
-            triangle.update(matrix);
-        }
-        self.factorize_cholesky_or_ldlt(matrix)?;
-        Ok(self.definiteness())
-    }
-
-    fn cholesky_failed(&self) -> bool {
-        self.notes.iter().any(|note| note == CHOLESKY_FAILED)
-    }
-
-    fn check_memory(&self) -> Result<(), LinearError> {
-        let (needed, limit) = (self.estimate.bytes(), self.options.memory_limit);
+    fn check_memory(&mut self) -> Result<(), LinearError> {
+        let (needed, limit) = (self.estimate()?.bytes(), self.options.memory_limit);
         if needed <= limit {
             return Ok(());
         }
@@ -265,222 +312,7 @@ impl LinearSolver {
     }
 }
 
-/// The residual that conjugate gradients carry along drifts from the true one in ill-conditioned
-/// systems; a true relative residual above this is of no use to Newton's method.
-const CG_LOST: f64 = 1e-4;
-
-const CHOLESKY_FAILED: &str = "Cholesky met a pivot that is not positive";
-
-fn automatic(
-    dimension: usize,
-    estimate: &FactorizationEstimate,
-    options: &LinearOptions,
-) -> LinearMethod {
-    let limit = if dimension == 2 { AUTO_OPERATIONS_2D } else { AUTO_OPERATIONS_3D };
-    if estimate.operations <= limit && estimate.bytes() <= options.memory_limit {
-        LinearMethod::Cholesky
-    } else {
-        LinearMethod::Cg
-    }
-}
-
-/// The steps of the methods and of their fallbacks.
-impl LinearSolver {
-    /// Builds the free triangle and the symbolic factorisation at the first need.
-    fn symmetric(
-        &mut self,
-        matrix: &BlockMatrix,
-    ) -> Result<(&FreeTriangle, &mut SymmetricFactors), LinearError> {
-        if self.symmetric.is_none() {
-            self.check_memory()?;
-        }
-        self.triangle(matrix)?;
-        let triangle = self.triangle.as_ref().expect("built in the line above");
-        if self.symmetric.is_none() {
-            let d = self.pattern.dimension;
-            let factors = SymmetricFactors::new(triangle, &self.estimate, &self.constraints, d)?;
-            self.symmetric = Some(factors);
-        }
-        Ok((triangle, self.symmetric.as_mut().expect("built in the lines above")))
-    }
-
-    fn triangle(&mut self, matrix: &BlockMatrix) -> Result<&FreeTriangle, LinearError> {
-        if self.triangle.is_none() {
-            let mut triangle = FreeTriangle::new(&self.pattern, &self.constraints)?;
-            triangle.update(matrix);
-            self.triangle = Some(triangle);
-        }
-        Ok(self.triangle.as_ref().expect("built in the lines above"))
-    }
-
-    fn factorize_cholesky(&mut self, matrix: &BlockMatrix) -> Result<(), LinearError> {
-        self.factorize_cholesky_or_ldlt(matrix)?;
-        self.lu_if_pivots_vanish(matrix)
-    }
-
-    fn factorize_cholesky_or_ldlt(&mut self, matrix: &BlockMatrix) -> Result<(), LinearError> {
-        self.n_factorizations += 1;
-        let (triangle, factors) = self.symmetric(matrix)?;
-        if factors.cholesky(triangle) {
-            self.factor = Factor::Cholesky;
-            return Ok(());
-        }
-        self.notes.push(CHOLESKY_FAILED.to_string());
-        self.n_factorizations += 1;
-        let (triangle, factors) = self.symmetric(matrix)?;
-        self.factor = Factor::Ldlt(factors.ldlt(triangle));
-        Ok(())
-    }
-
-    fn factorize_ldlt(&mut self, matrix: &BlockMatrix) -> Result<(), LinearError> {
-        self.n_factorizations += 1;
-        let (triangle, factors) = self.symmetric(matrix)?;
-        self.factor = Factor::Ldlt(factors.ldlt(triangle));
-        self.lu_if_pivots_vanish(matrix)
-    }
-
-    fn lu_if_pivots_vanish(&mut self, matrix: &BlockMatrix) -> Result<(), LinearError> {
-        if matches!(self.factor, Factor::Ldlt(inertia) if inertia.zero > 0) {
-            self.notes.push("LDLT met a pivot that is zero".to_string());
-            self.factorize_lu(matrix)?;
-        }
-        Ok(())
-    }
-
-    fn factorize_lu(&mut self, matrix: &BlockMatrix) -> Result<(), LinearError> {
-        self.n_factorizations += 1;
-        self.triangle(matrix)?;
-        let triangle = self.triangle.as_ref().expect("built in the line above");
-        if self.lu.is_none() {
-            self.lu = Some(LuFactors::new(triangle)?);
-        }
-        let lu = self.lu.as_mut().expect("built in the lines above");
-        if !lu.factorize(triangle)? {
-            return Err(self.singular());
-        }
-        self.factor = Factor::Lu;
-        Ok(())
-    }
-
-    fn prepare_cg(&mut self, matrix: &BlockMatrix) -> Result<(), LinearError> {
-        let tolerance = self.options.cg_tolerance;
-        let cg = self.cg.get_or_insert_with(|| {
-            ConjugateGradients::new(&self.pattern, &self.constraints, tolerance)
-        });
-        if cg.update(matrix) {
-            self.factor = Factor::Cg;
-            return Ok(());
-        }
-        self.notes.push("a diagonal block of the tangent is not positive definite".to_string());
-        self.factorize_ldlt(matrix)
-    }
-
-    /// Iterations and relative residual; or `None` after factorising where iterating failed.
-    fn solve_cg(
-        &mut self,
-        matrix: &BlockMatrix,
-        rhs: &[f64],
-        solution: &mut [f64],
-    ) -> Result<Option<(usize, f64)>, LinearError> {
-        let cg = self.cg.as_ref().expect("prepared by factorize");
-        match cg.solve(rhs, solution)? {
-            CgOutcome::Converged { iterations } => {
-                let residual = self.residual(matrix, &self.constraints.free_part(rhs), solution).0;
-                if residual <= CG_LOST {
-                    return Ok(Some((iterations, residual)));
-                }
-                self.notes.push(format!("conjugate gradients lost the residual ({residual:.1e})"));
-                self.factorize_cholesky(matrix)?;
-            }
-            CgOutcome::NegativeCurvature => {
-                self.notes.push("conjugate gradients met negative curvature".to_string());
-                self.factorize_ldlt(matrix)?;
-            }
-            CgOutcome::NotConverged => {
-                self.notes.push("conjugate gradients did not converge".to_string());
-                self.factorize_cholesky(matrix)?;
-            }
-        }
-        Ok(None)
-    }
-
-    /// Solves with the factors at hand, LU after an inaccurate LDLT; the relative residual.
-    fn solve_direct(
-        &mut self,
-        matrix: &BlockMatrix,
-        b: &[f64],
-        solution: &mut [f64],
-    ) -> Result<f64, LinearError> {
-        loop {
-            let (relative, backward) = self.solve_and_refine(matrix, b, solution)?;
-            // Not a number fails, too.
-            if backward <= INACCURATE {
-                return Ok(relative);
-            }
-            match self.factor {
-                Factor::Lu => return Err(self.singular()),
-                _ => {
-                    let name = self.report(0, relative).method.name();
-                    self.notes.push(format!("the solution by {name} was inaccurate"));
-                    self.factorize_lu(matrix)?;
-                }
-            }
-        }
-    }
-
-    /// One solve and, while the residual is above rounding, steps of iterative refinement, kept if
-    /// they help. Returns the residual relative to `b` and the backward error.
-    fn solve_and_refine(
-        &mut self,
-        matrix: &BlockMatrix,
-        b: &[f64],
-        solution: &mut [f64],
-    ) -> Result<(f64, f64), LinearError> {
-        let mut x = b.to_vec();
-        self.apply_factors(&mut x)?;
-        self.constraints.scatter_free(&x, solution);
-        let (mut relative, mut backward, mut residual) = self.residual(matrix, b, solution);
-        for _ in 0..REFINEMENTS {
-            if relative <= ROUNDING_RESIDUAL || !relative.is_finite() {
-                break;
-            }
-            self.apply_factors(&mut residual)?;
-            let refined: Vec<f64> = x.iter().zip(&residual).map(|(x, c)| x + c).collect();
-            self.constraints.scatter_free(&refined, solution);
-            let found = self.residual(matrix, b, solution);
-            if found.0 < relative {
-                x = refined;
-                (relative, backward, residual) = found;
-            } else {
-                self.constraints.scatter_free(&x, solution);
-                break;
-            }
-        }
-        Ok((relative, backward))
-    }
-
-    fn apply_factors(&mut self, x: &mut [f64]) -> Result<(), LinearError> {
-        match self.factor {
-            Factor::Lu => self.lu.as_mut().expect("factorised").solve_in_place(x),
-            _ => {
-                self.symmetric.as_mut().expect("factorised").solve_in_place(x);
-                Ok(())
-            }
-        }
-    }
-
-    /// `norm(b - K x)/norm(b)`, `norm(b - K x)/norm(|K| |x| + |b|)` and `b - K x` on the free
-    /// degrees of freedom; 0 where there is nothing to divide by.
-    fn residual(&self, matrix: &BlockMatrix, b: &[f64], x: &[f64]) -> (f64, f64, Vec<f64>) {
-        let product = self.constraints.free_part(&matrix.multiply(x));
-        let magnitude = self.constraints.free_part(&matrix.multiply_absolute(x));
-        let residual: Vec<f64> = b.iter().zip(&product).map(|(b, p)| b - p).collect();
-        let scale: Vec<f64> = b.iter().zip(&magnitude).map(|(b, m)| b.abs() + m).collect();
-        let norm = norm_of(&residual);
-        let over = |scale: f64| if norm == 0.0 { 0.0 } else { norm / scale };
-        (over(norm_of(b)), over(norm_of(&scale)), residual)
-    }
-}
-
+#[cfg(test)]
+mod iterative_tests;
 #[cfg(test)]
 mod tests;

@@ -1,11 +1,11 @@
 //! What goes into the linear solver besides the matrix, and what comes out besides the solution.
 
+use super::lanczos::RitzValues;
+
 /// How to solve linear systems.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LinearMethod {
-    /// Cholesky, or conjugate gradients where factorisations would take minutes
-    /// ([`AUTO_OPERATIONS_2D`](super::AUTO_OPERATIONS_2D),
-    /// [`AUTO_OPERATIONS_3D`](super::AUTO_OPERATIONS_3D)).
+    /// The method that suits the size, dimension and memory: see [`choose`](super::choose).
     #[default]
     Auto,
     /// Sparse Cholesky.
@@ -14,8 +14,14 @@ pub enum LinearMethod {
     Ldlt,
     /// Sparse LU.
     Lu,
-    /// Conjugate gradients with a block-Jacobi preconditioner.
+    /// Preconditioned conjugate gradients.
     Cg,
+    /// Conjugate gradients with a tangent that is never stored: each product visits every
+    /// interaction.
+    MatrixFree,
+    /// Minimum residuals, the fallback of the two methods before where the tangent is indefinite and
+    /// too large to be factorised.
+    MinimumResidual,
 }
 
 impl LinearMethod {
@@ -27,8 +33,23 @@ impl LinearMethod {
             LinearMethod::Ldlt => "LDLT",
             LinearMethod::Lu => "LU",
             LinearMethod::Cg => "conjugate gradients",
+            LinearMethod::MatrixFree => "matrix-free conjugate gradients",
+            LinearMethod::MinimumResidual => "minimum residuals",
         }
     }
+}
+
+/// What makes conjugate gradients converge.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PreconditionerChoice {
+    /// Two levels, where the tangent is stored and the body is large enough to be cut into pieces;
+    /// else block Jacobi.
+    #[default]
+    Auto,
+    /// The inverses of the diagonal blocks.
+    BlockJacobi,
+    /// Block Jacobi and a coarse system of linear displacement fields on pieces of the body.
+    TwoLevel,
 }
 
 /// Choices for the linear solver.
@@ -36,10 +57,12 @@ impl LinearMethod {
 pub struct LinearOptions {
     /// The method to start with.
     pub method: LinearMethod,
-    /// Conjugate gradients stop at this residual relative to the right-hand side. Newton's method
-    /// gains no more than this factor per iteration.
+    /// The preconditioner of conjugate gradients.
+    pub preconditioner: PreconditionerChoice,
+    /// Conjugate gradients stop at this residual relative to the right-hand side (2-norms), unless
+    /// [`set_tolerance`](super::LinearSolver::set_tolerance) says otherwise.
     pub cg_tolerance: f64,
-    /// Factors that need more bytes than this are refused.
+    /// Factors that need more bytes than this are refused; `Auto` stores no matrix that does.
     pub memory_limit: f64,
 }
 
@@ -47,6 +70,7 @@ impl Default for LinearOptions {
     fn default() -> Self {
         LinearOptions {
             method: LinearMethod::Auto,
+            preconditioner: PreconditionerChoice::Auto,
             cg_tolerance: 1e-12,
             memory_limit: 8.0 * 1024.0 * 1024.0 * 1024.0,
         }
@@ -58,11 +82,15 @@ impl Default for LinearOptions {
 pub struct LinearReport {
     /// The method that gave the solution.
     pub method: LinearMethod,
-    /// Iterations of conjugate gradients, also when another method had to finish.
+    /// Iterations of conjugate gradients and minimum residuals, also when another method had to
+    /// finish.
     pub iterations: usize,
+    /// What conjugate gradients saw of the spectrum of the preconditioned matrix.
+    pub ritz: Option<RitzValues>,
     /// `norm(K x - b)/norm(b)`, both 2-norms over the free degrees of freedom; 0 for `b = 0`.
     pub relative_residual: f64,
-    /// Whether the matrix is positive definite, where the method tells.
+    /// Whether the matrix is positive definite, where the method tells: factorisations prove it,
+    /// conjugate gradients have seen curvatures of one sign only.
     pub positive_definite: Option<bool>,
     /// How many eigenvalues are negative, where the method tells.
     pub negative_pivots: Option<usize>,
@@ -96,6 +124,19 @@ pub enum LinearError {
         /// The limit.
         limit: f64,
     },
+    /// Iterating reached no solution, and a factorisation is not to be had.
+    #[error(
+        "{because}: {iterations} iterations left a residual of {residual:.1e} of the right-hand side, and the \
+         tangent is too large to be factorised"
+    )]
+    NotConverged {
+        /// What happened.
+        because: String,
+        /// How many iterations were made.
+        iterations: usize,
+        /// 2-norm of the residual over that of the right-hand side.
+        residual: f64,
+    },
     /// The machine refused memory for a factorisation.
     #[error("there is not enough memory for the factorisation")]
     OutOfMemory,
@@ -107,7 +148,7 @@ pub enum LinearError {
     },
 }
 
-/// Whether the tangent is positive definite, and how that is known.
+/// Whether the tangent is positive definite, and how that was seen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Definiteness {
     /// `None`: unknown.

@@ -1,0 +1,310 @@
+//! The tangent without its matrix: products with a vector, and the diagonal blocks.
+//!
+//! Each interaction's compact Hessian is used where it is evaluated and not added up. Rows of the
+//! Hessian add up to zero over the corners of an interaction, so that only displacements relative
+//! to the owner enter, and the owner's part is minus the sum of the others'. Slabs and their order
+//! are those of the assembly.
+
+use rayon::prelude::*;
+
+use super::slab::{minus, named, row};
+use super::{DiscreteEnergy, Kind};
+use crate::element::{CAPACITY, Contributions, InteractionBatch, Order};
+use crate::energy::{EnergyParts, NonFinite};
+use crate::geometry::packed;
+use crate::interaction::OwnerCliques;
+
+/// What becomes of the interactions of a slab: `take` gets the points of one, the owner first, and
+/// its place in the contributions.
+trait Sink<const D: usize>: Send {
+    fn take(&mut self, points: &[usize], out: &Contributions, lane: usize);
+}
+
+/// Rows of `K p` from `first` on.
+struct Product<'a, const D: usize> {
+    p: &'a [f64],
+    first: usize,
+    rows: &'a mut [f64],
+}
+
+impl<const D: usize> Sink<D> for Product<'_, D> {
+    fn take(&mut self, points: &[usize], out: &Contributions, lane: usize) {
+        let n = (points.len() - 1) * D;
+        let own = row::<D>(self.p, points[0]);
+        let mut relative = [0.0; 9];
+        for (corner, &point) in points[1..].iter().enumerate() {
+            let difference = minus(&row::<D>(self.p, point), &own);
+            relative[corner * D..(corner + 1) * D].copy_from_slice(&difference);
+        }
+        let mut force = [0.0; 9];
+        for r in 0..n {
+            force[r] += out.hessian[packed(n, r, r)][lane] * relative[r];
+            for c in r + 1..n {
+                let entry = out.hessian[packed(n, r, c)][lane];
+                force[r] += entry * relative[c];
+                force[c] += entry * relative[r];
+            }
+        }
+        let owner = (points[0] - self.first) * D;
+        for (corner, &point) in points[1..].iter().enumerate() {
+            for axis in 0..D {
+                let part = force[corner * D + axis];
+                self.rows[(point - self.first) * D + axis] += part;
+                self.rows[owner + axis] -= part;
+            }
+        }
+    }
+}
+
+/// Rows of the gradient and diagonal blocks from `first` on.
+struct Diagonal<'a, const D: usize> {
+    first: usize,
+    gradient: &'a mut [f64],
+    blocks: &'a mut [f64],
+}
+
+impl<const D: usize> Sink<D> for Diagonal<'_, D> {
+    fn take(&mut self, points: &[usize], out: &Contributions, lane: usize) {
+        let n = (points.len() - 1) * D;
+        let entry = |r: usize, c: usize| out.hessian[packed(n, r.min(c), r.max(c))][lane];
+        let owner = points[0] - self.first;
+        for (corner, &point) in points[1..].iter().enumerate() {
+            let place = point - self.first;
+            for a in 0..D {
+                let part = out.gradient[corner * D + a][lane];
+                self.gradient[place * D + a] += part;
+                self.gradient[owner * D + a] -= part;
+                for b in 0..D {
+                    let row = corner * D + a;
+                    self.blocks[(place * D + a) * D + b] += entry(row, corner * D + b);
+                    let all = (0..points.len() - 1).fold(0.0, |sum, k| sum + entry(row, k * D + b));
+                    self.blocks[(owner * D + a) * D + b] += all;
+                }
+            }
+        }
+    }
+}
+
+/// The interactions of one owner on their way through an element.
+struct Batch<const D: usize> {
+    lanes: Vec<[u32; 3]>,
+    displacement: Vec<[f64; D]>,
+    shares: Vec<f64>,
+    interactions: InteractionBatch,
+    out: Contributions,
+}
+
+/// A slab whose interactions go to a sink.
+struct Visit<'a, const D: usize, S> {
+    energy: &'a DiscreteEnergy,
+    slab: usize,
+    u: &'a [f64],
+    sink: S,
+}
+
+impl<const D: usize, S: Sink<D>> Visit<'_, D, S> {
+    /// All kinds; the energies of each.
+    fn all(mut self) -> Result<EnergyParts, NonFinite> {
+        let energy = self.energy;
+        let mut parts = EnergyParts::default();
+        if let Some(kind) = &energy.bonds {
+            parts.bonds = self.kind::<1>(kind)?;
+        }
+        if let Some(kind) = &energy.triangles {
+            parts.triangles = self.kind::<2>(kind)?;
+        }
+        if let Some(kind) = &energy.tetrahedra {
+            parts.tetrahedra = self.kind::<3>(kind)?;
+        }
+        Ok(parts)
+    }
+
+    /// One kind, of `K` corners besides the owner; its energy.
+    fn kind<const K: usize>(&mut self, kind: &Kind) -> Result<f64, NonFinite> {
+        let (energy, measure) = (self.energy, kind.element.measure());
+        let touched = energy.slabs.touched(self.slab);
+        let mut cliques =
+            OwnerCliques::<D>::new(&energy.body, &energy.neighborhood, energy.degeneracy, touched);
+        let mut batch = Batch {
+            lanes: Vec::with_capacity(CAPACITY),
+            displacement: Vec::new(),
+            shares: Vec::new(),
+            interactions: InteractionBatch::new(measure, D),
+            out: Contributions::new(measure, D),
+        };
+        let mut total = 0.0;
+        for owner in energy.slabs.owners(self.slab) {
+            cliques.set(owner);
+            let (own, members) = (row::<D>(self.u, owner), cliques.members());
+            let relative = |&member: &u32| minus(&row(self.u, member as usize), &own);
+            batch.displacement.clear();
+            batch.displacement.extend(members.iter().map(relative));
+            batch.shares.clear();
+            batch.shares.extend(members.iter().map(|&m| kind.weights.share(m as usize)));
+            let mut push = |lane: [u32; 3]| {
+                batch.lanes.push(lane);
+                if batch.lanes.len() == CAPACITY {
+                    total += self.flush::<K>(kind, &cliques, &mut batch)?;
+                }
+                Ok(())
+            };
+            match K {
+                1 => (0..members.len()).try_for_each(|j| push([j as u32, 0, 0]))?,
+                2 => {
+                    cliques.triangles(|j, k| push([j as u32, k as u32, 0]))?;
+                }
+                _ => {
+                    cliques.tetrahedra(|j, k, l| push([j as u32, k as u32, l as u32]))?;
+                }
+            }
+            total += self.flush::<K>(kind, &cliques, &mut batch)?;
+        }
+        Ok(total)
+    }
+
+    /// Evaluates what has been gathered and hands it on; its energy.
+    fn flush<const K: usize>(
+        &mut self,
+        kind: &Kind,
+        cliques: &OwnerCliques<'_, D>,
+        batch: &mut Batch<D>,
+    ) -> Result<f64, NonFinite> {
+        let Batch { lanes, displacement, shares, interactions, out } = batch;
+        if lanes.is_empty() {
+            return Ok(0.0);
+        }
+        let corners = |lane: usize| -> [usize; K] {
+            std::array::from_fn(|corner| lanes[lane][corner] as usize)
+        };
+        interactions.gather(lanes.len(), cliques.reference(), displacement, corners);
+        let own = kind.weights.share(cliques.owner());
+        for lane in 0..lanes.len() {
+            let others = corners(lane).map(|member| shares[member]);
+            interactions.weight[lane] = kind.weights.join(own, others);
+        }
+        let element = &kind.element;
+        element.evaluate(interactions, Order::Tangent, out).map_err(|refused| {
+            let points = named(cliques, &lanes[refused.lane][..K]);
+            let displacements = points.iter().flat_map(|&p| row::<D>(self.u, p)).collect();
+            NonFinite {
+                measure: element.measure(),
+                displacements,
+                points,
+                value: refused.value,
+                reference: refused.reference,
+                inverted: element.forbids_inversion() && refused.value <= 0.0,
+            }
+        })?;
+        let mut points = [cliques.owner(); 4];
+        for lane in 0..lanes.len() {
+            for (point, member) in points[1..].iter_mut().zip(corners(lane)) {
+                *point = cliques.members()[member] as usize;
+            }
+            self.sink.take(&points[..=K], out, lane);
+        }
+        let energy = out.energy[..lanes.len()].iter().fold(0.0, |sum, x| sum + x);
+        lanes.clear();
+        Ok(energy)
+    }
+}
+
+impl DiscreteEnergy {
+    /// See [`crate::energy::TotalEnergy::tangent_product`].
+    pub(super) fn multiply(&self, u: &[f64], p: &[f64], out: &mut [f64]) -> Result<(), NonFinite> {
+        match self.body.dimension() {
+            2 => self.multiply_in::<2>(u, p, out),
+            _ => self.multiply_in::<3>(u, p, out),
+        }
+    }
+
+    fn multiply_in<const D: usize>(
+        &self,
+        u: &[f64],
+        p: &[f64],
+        out: &mut [f64],
+    ) -> Result<(), NonFinite> {
+        out.fill(0.0);
+        let mut energies = vec![EnergyParts::default(); self.slabs.len()];
+        for color in 0..2 {
+            let rows = self.cut(color, D, out).into_iter();
+            let sinks = rows.map(|(slab, first, rows)| (slab, Product::<D> { p, first, rows }));
+            self.visit(u, sinks.collect(), &mut energies)?;
+        }
+        Ok(())
+    }
+
+    /// See [`crate::energy::TotalEnergy::tangent_diagonal`].
+    pub(super) fn diagonal(
+        &self,
+        u: &[f64],
+        gradient: &mut [f64],
+        blocks: &mut [f64],
+    ) -> Result<EnergyParts, NonFinite> {
+        match self.body.dimension() {
+            2 => self.diagonal_in::<2>(u, gradient, blocks),
+            _ => self.diagonal_in::<3>(u, gradient, blocks),
+        }
+    }
+
+    fn diagonal_in<const D: usize>(
+        &self,
+        u: &[f64],
+        gradient: &mut [f64],
+        blocks: &mut [f64],
+    ) -> Result<EnergyParts, NonFinite> {
+        gradient.fill(0.0);
+        blocks.fill(0.0);
+        let mut energies = vec![EnergyParts::default(); self.slabs.len()];
+        for color in 0..2 {
+            let rows = self.cut(color, D, gradient).into_iter();
+            let blocks = self.cut(color, D * D, blocks).into_iter();
+            let sinks = rows.zip(blocks).map(|((slab, first, gradient), (_, _, blocks))| {
+                (slab, Diagonal::<D> { first, gradient, blocks })
+            });
+            self.visit(u, sinks.collect(), &mut energies)?;
+        }
+        Ok(energies.iter().fold(EnergyParts::default(), |sum, part| EnergyParts {
+            bonds: sum.bonds + part.bonds,
+            triangles: sum.triangles + part.triangles,
+            tetrahedra: sum.tetrahedra + part.tetrahedra,
+        }))
+    }
+
+    /// Sends the interactions of some slabs to their sinks and keeps the energies by slab; the
+    /// error of the lowest slab counts.
+    fn visit<const D: usize, S: Sink<D>>(
+        &self,
+        u: &[f64],
+        sinks: Vec<(usize, S)>,
+        energies: &mut [EnergyParts],
+    ) -> Result<(), NonFinite> {
+        let run = |(slab, sink)| (slab, Visit { energy: self, slab, u, sink }.all());
+        let done: Vec<_> = sinks.into_par_iter().with_max_len(1).map(run).collect();
+        for (slab, part) in done {
+            energies[slab] = part?;
+        }
+        Ok(())
+    }
+
+    /// The slabs of a colour, each with the first point that it touches and the rows of all these,
+    /// `width` numbers a point.
+    fn cut<'a>(
+        &self,
+        color: usize,
+        width: usize,
+        rows: &'a mut [f64],
+    ) -> Vec<(usize, usize, &'a mut [f64])> {
+        let (mut rest, mut at) = (rows, 0);
+        let slabs = (color..self.slabs.len()).step_by(2);
+        slabs
+            .map(|slab| {
+                let touched = self.slabs.touched(slab);
+                let (_, tail) =
+                    std::mem::take(&mut rest).split_at_mut((touched.start - at) * width);
+                let (mine, tail) = tail.split_at_mut(touched.len() * width);
+                (rest, at) = (tail, touched.end);
+                (slab, touched.start, mine)
+            })
+            .collect()
+    }
+}

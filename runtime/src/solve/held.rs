@@ -1,0 +1,61 @@
+//! The tangent that Newton's method holds: its matrix, or what products without a matrix need.
+
+use super::linear::Tangent;
+use crate::energy::{EnergyParts, NonFinite, TotalEnergy};
+use crate::matrix::BlockMatrix;
+
+enum Storage {
+    Matrix(BlockMatrix),
+    /// The diagonal blocks.
+    Diagonal(Vec<f64>),
+}
+
+/// A tangent and where it was evaluated.
+pub(super) struct HeldTangent {
+    storage: Storage,
+    at: Vec<f64>,
+    is_valid: bool,
+}
+
+impl HeldTangent {
+    /// Room for a tangent, stored or not.
+    pub(super) fn new(energy: &dyn TotalEnergy, stored: bool) -> HeldTangent {
+        let n = energy.positions().len();
+        let storage = if stored {
+            Storage::Matrix(BlockMatrix::zeros(energy.pattern()))
+        } else {
+            Storage::Diagonal(vec![0.0; n * energy.dimension()])
+        };
+        HeldTangent { storage, at: vec![0.0; n], is_valid: false }
+    }
+
+    /// Takes the tangent at `u`; also the energy and its gradient.
+    pub(super) fn evaluate(
+        &mut self,
+        energy: &dyn TotalEnergy,
+        u: &[f64],
+        gradient: &mut [f64],
+    ) -> Result<EnergyParts, NonFinite> {
+        self.is_valid = false;
+        let parts = match &mut self.storage {
+            Storage::Matrix(matrix) => energy.tangent(u, gradient, matrix)?,
+            Storage::Diagonal(diagonal) => energy.tangent_diagonal(u, gradient, diagonal)?,
+        };
+        self.at.copy_from_slice(u);
+        self.is_valid = true;
+        Ok(parts)
+    }
+
+    /// Whether it is the tangent at `u`.
+    pub(super) fn is_at(&self, u: &[f64]) -> bool {
+        self.is_valid && self.at == u
+    }
+
+    /// As the linear solver takes it.
+    pub(super) fn tangent<'a>(&'a self, energy: &'a dyn TotalEnergy) -> Tangent<'a> {
+        match &self.storage {
+            Storage::Matrix(matrix) => Tangent::Stored(matrix),
+            Storage::Diagonal(diagonal) => Tangent::MatrixFree { energy, u: &self.at, diagonal },
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! What the iterative methods keep from one matrix to the next, and their steps.
+
+use super::LinearError;
+use super::conjugate_gradients::{CgLimits, CgOutcome, CgReport, conjugate_gradients};
+use super::minimum_residual::minimum_residual;
+use super::operator::{MatrixFree, Operator, StoredMatrix, slabs_of};
+use super::preconditioner::{BlockJacobi, Blocks, Preconditioner};
+use super::report::PreconditionerChoice;
+use super::tangent::Tangent;
+use super::two_level::{CoarseSystem, TwoLevel};
+use crate::interaction::Slabs;
+use crate::matrix::BlockPattern;
+use crate::solve::constraint::Constraints;
+
+/// How a matrix turned out while its preconditioner was made.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Prepared {
+    Ready,
+    /// A proof that the matrix is not positive definite.
+    Indefinite(&'static str),
+}
+
+/// Preconditioners and work arrays of one pattern and one set of fixed degrees of freedom.
+pub(super) struct Iterative {
+    dimension: usize,
+    is_free: Vec<bool>,
+    constraints: Constraints,
+    slabs: Slabs,
+    coarse: Option<CoarseSystem>,
+    jacobi: Option<BlockJacobi>,
+    /// Block Jacobi with absolute values, for indefinite matrices.
+    absolute: Option<BlockJacobi>,
+}
+
+impl Iterative {
+    pub(super) fn new(
+        pattern: &BlockPattern,
+        positions: &[f64],
+        constraints: &Constraints,
+        choice: PreconditionerChoice,
+        stored: bool,
+    ) -> Result<Iterative, LinearError> {
+        let coarse = if stored && choice != PreconditionerChoice::BlockJacobi {
+            CoarseSystem::new(pattern, positions, constraints)?
+        } else {
+            None
+        };
+        Ok(Iterative {
+            dimension: pattern.dimension,
+            is_free: (0..constraints.n_dofs()).map(|dof| !constraints.is_fixed(dof)).collect(),
+            constraints: constraints.clone(),
+            slabs: slabs_of(pattern),
+            coarse,
+            jacobi: None,
+            absolute: None,
+        })
+    }
+
+    /// The preconditioner in words.
+    pub(super) fn preconditioner(&self) -> String {
+        match &self.coarse {
+            Some(coarse) => {
+                let (unknowns, pieces) = coarse.size();
+                format!(
+                    "block Jacobi and a coarse system of {unknowns} unknowns on {pieces} pieces"
+                )
+            }
+            None => "block Jacobi".to_string(),
+        }
+    }
+
+    /// Makes the preconditioner of a matrix.
+    pub(super) fn prepare(&mut self, tangent: Tangent<'_>) -> Prepared {
+        let diagonal = tangent.diagonal();
+        self.jacobi =
+            BlockJacobi::new(self.dimension, &diagonal, &self.constraints, Blocks::AsTheyAre);
+        if self.jacobi.is_none() {
+            return Prepared::Indefinite(
+                "a diagonal block of the tangent is not positive definite",
+            );
+        }
+        if let (Some(coarse), Tangent::Stored(matrix)) = (&mut self.coarse, tangent)
+            && !coarse.update(matrix)
+        {
+            return Prepared::Indefinite(
+                "the tangent is not positive definite for linear displacements of pieces of the body",
+            );
+        }
+        Prepared::Ready
+    }
+
+    /// Makes the preconditioner of a matrix that may be indefinite; `false` where a diagonal block
+    /// is 0.
+    pub(super) fn prepare_indefinite(&mut self, tangent: Tangent<'_>) -> bool {
+        let diagonal = tangent.diagonal();
+        self.absolute =
+            BlockJacobi::new(self.dimension, &diagonal, &self.constraints, Blocks::Absolute);
+        self.absolute.is_some()
+    }
+
+    /// Conjugate gradients with the matrix last prepared. Entries of `rhs` at fixed degrees of
+    /// freedom are taken as 0.
+    pub(super) fn conjugate_gradients(
+        &mut self,
+        tangent: Tangent<'_>,
+        rhs: &[f64],
+        limits: CgLimits,
+        x: &mut [f64],
+    ) -> CgReport {
+        let rhs = self.free(rhs);
+        let jacobi = self.jacobi.as_mut().expect("prepared");
+        let mut two_level;
+        let preconditioner: &mut dyn Preconditioner = match &mut self.coarse {
+            Some(coarse) => {
+                two_level = TwoLevel { jacobi, coarse };
+                &mut two_level
+            }
+            None => jacobi,
+        };
+        let is_free = &self.is_free;
+        with_operator(tangent, &self.slabs, |operator| {
+            conjugate_gradients(operator, preconditioner, is_free, &rhs, limits, x)
+        })
+    }
+
+    /// Minimum residuals with the matrix last prepared as indefinite: iterations and the relative
+    /// residual.
+    pub(super) fn minimum_residual(
+        &mut self,
+        tangent: Tangent<'_>,
+        rhs: &[f64],
+        limits: CgLimits,
+        x: &mut [f64],
+    ) -> (usize, f64) {
+        let rhs = self.free(rhs);
+        let preconditioner = self.absolute.as_mut().expect("prepared");
+        let is_free = &self.is_free;
+        with_operator(tangent, &self.slabs, |operator| {
+            minimum_residual(operator, preconditioner, is_free, &rhs, limits, x)
+        })
+    }
+
+    fn free(&self, x: &[f64]) -> Vec<f64> {
+        x.iter().zip(&self.is_free).map(|(&x, &free)| if free { x } else { 0.0 }).collect()
+    }
+}
+
+fn with_operator<T>(
+    tangent: Tangent<'_>,
+    slabs: &Slabs,
+    work: impl FnOnce(&dyn Operator) -> T,
+) -> T {
+    match tangent {
+        Tangent::Stored(matrix) => work(&StoredMatrix { matrix, slabs }),
+        Tangent::MatrixFree { energy, u, .. } => work(&MatrixFree { energy, u }),
+    }
+}
+
+/// The residual of a run that came to rest far above the tolerance.
+pub(super) fn lost(report: &CgReport, limits: CgLimits) -> Option<f64> {
+    match report.outcome {
+        // Not a number is lost, too.
+        CgOutcome::Converged { residual } if residual <= CG_LOST.max(2.0 * limits.tolerance) => {
+            None
+        }
+        CgOutcome::Converged { residual } => Some(residual),
+        _ => None,
+    }
+}
+
+/// In ill-conditioned systems the true residual may come to rest above the tolerance; relative to
+/// the right-hand side, one above this is of no use to Newton's method.
+const CG_LOST: f64 = 1e-4;

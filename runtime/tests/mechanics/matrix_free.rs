@@ -1,0 +1,72 @@
+//! Products with the tangent and its diagonal without the matrix, against the matrix.
+
+use std::sync::Arc;
+
+use piola_runtime::assembly::{DiscreteEnergy, Laws};
+use piola_runtime::energy::TotalEnergy;
+use piola_runtime::matrix::BlockMatrix;
+use piola_runtime::weights::Weights;
+
+use crate::common::{cloud, displacements, distance, norm, seth_hill};
+
+fn energy(dimension: usize, laws: [bool; 3]) -> (DiscreteEnergy, Vec<f64>) {
+    let counts: &[usize] = if dimension == 2 { &[11, 6] } else { &[8, 4, 4] };
+    let body = cloud(counts, 0.1, 3);
+    let u = displacements(&body, 0.05, 5);
+    let laws = Laws {
+        bond: laws[0].then(|| seth_hill(1.0, 0)),
+        triangle: laws[1].then(|| seth_hill(300.0, 2)),
+        tetrahedron: (dimension == 3 && laws[2]).then(|| seth_hill(1e6, -1)),
+    };
+    (DiscreteEnergy::new(Arc::clone(&body), 0.21, Weights::Truncated, laws).unwrap(), u)
+}
+
+#[test]
+fn products_and_diagonal_are_those_of_the_matrix() {
+    for dimension in [2, 3] {
+        for laws in [[true, false, false], [true, true, false], [true, false, true], [true; 3]] {
+            let (energy, u) = energy(dimension, laws);
+            let p = displacements(energy.body(), 0.3, 17);
+            let (mut gradient, mut forces) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+            let mut tangent = BlockMatrix::zeros(energy.pattern());
+            let parts = energy.tangent(&u, &mut gradient, &mut tangent).unwrap();
+            let mut product = vec![f64::NAN; u.len()];
+            energy.tangent_product(&u, &p, &mut product).unwrap();
+            let expected = tangent.multiply(&p);
+            let scale = norm(&tangent.multiply_absolute(&p));
+            assert!(distance(&product, &expected) <= 1e-14 * scale, "{dimension} {laws:?}");
+            let block = dimension * dimension;
+            let mut diagonal = vec![f64::NAN; u.len() * dimension];
+            let again = energy.tangent_diagonal(&u, &mut forces, &mut diagonal).unwrap();
+            assert!((again.total() / parts.total() - 1.0).abs() < 1e-13);
+            assert!(distance(&forces, &gradient) <= 1e-13 * norm(&gradient));
+            let rows = energy.pattern().row_start.iter();
+            let blocks: Vec<f64> = rows
+                .take(u.len() / dimension)
+                .flat_map(|row| &tangent.values[row * block..(row + 1) * block])
+                .copied()
+                .collect();
+            assert!(distance(&diagonal, &blocks) <= 1e-14 * norm(&blocks), "{dimension} {laws:?}");
+        }
+    }
+}
+
+#[test]
+fn the_bits_do_not_depend_on_the_number_of_threads() {
+    for dimension in [2, 3] {
+        let (energy, u) = energy(dimension, [true; 3]);
+        let p = displacements(energy.body(), 0.3, 17);
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let mut out = [vec![0.0; u.len()], vec![0.0; u.len()], vec![0.0; 3 * u.len()]];
+                let [product, gradient, diagonal] = &mut out;
+                energy.tangent_product(&u, &p, product).unwrap();
+                let diagonal = &mut diagonal[..u.len() * dimension];
+                energy.tangent_diagonal(&u, gradient, diagonal).unwrap();
+                out
+            })
+        };
+        assert!(run(1) == run(2) && run(1) == run(4));
+    }
+}

@@ -66,7 +66,7 @@ fn compile(criterion: &mut Criterion) {
         let law = SethHill::new(n);
         group.bench_function(BenchmarkId::from_parameter(n), |bencher| {
             bencher.iter(|| {
-                law.model.compile(black_box(&law.values), Mode::Jit).expect("it compiles")
+                law.model.compile(black_box(&law.values), Mode::Jit(Level::Strict)).expect("it compiles")
             });
         });
     }

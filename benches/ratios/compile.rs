@@ -1,6 +1,6 @@
 //! How long it takes until an energy is machine code.
 
-use piola_compiler::Mode;
+use piola_compiler::{Level, Mode};
 
 use crate::clock::{Clock, in_turn};
 use crate::ours::SethHill;
@@ -22,7 +22,7 @@ pub(crate) fn run() {
         let energy = SethHill::new(n);
         let mut kernels = 0;
         let mut compile = || {
-            let compiled = energy.model.compile(&energy.values, Mode::Jit).expect("it compiles");
+            let compiled = energy.model.compile(&energy.values, Mode::Jit(Level::Strict)).expect("it compiles");
             kernels = compiled.kernels.len();
         };
         let [times] = in_turn(ROUNDS, Clock::Wall, [&mut compile]);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use num_dual::HyperDual64;
-use piola_compiler::{Kernel, Measure, Mode, Model, Setting, Values, check_text};
+use piola_compiler::{Kernel, Level, Measure, Mode, Model, Setting, Values, check_text};
 use piola_runtime::assembly::{DiscreteEnergy, Elements};
 use piola_runtime::body::Body;
 use piola_runtime::element::{CoordinateElement, Element, MeasureElement};
@@ -35,7 +35,7 @@ impl SethHill {
 
     /// The compiled energy of a measure.
     pub(crate) fn kernel(&self, measure: Measure) -> Kernel {
-        let compiled = self.model.compile(&self.values, Mode::Jit).expect("it compiles");
+        let compiled = self.model.compile(&self.values, Mode::Jit(Level::Strict)).expect("it compiles");
         let mut kernels = compiled.kernels.into_iter();
         kernels.find(|kernel| kernel.measure() == measure).expect("all three are modelled")
     }

@@ -26,6 +26,8 @@ const RUNS: usize = 5;
 fn main() {
     println!("| body | tangent MB | method | iterations | preparation, s | solution, s | ratio |");
     println!("|---|---|---|---|---|---|---|");
+    compare("8^3 points, bonds", 8, 0.0);
+    compare("10^3 points, bonds", 10, 0.0);
     compare("20^3 points, bonds", 20, 0.0);
     compare("14^3 points, k3 = 26", 14, 26.0);
 }

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use piola_compiler::Form;
+use piola_compiler::{Form, Level, Mode};
 use piola_compiler::audit::{Audit, Settings, audit};
 use piola_runtime::element::cost::{self, CostError, EnergyCost, WayCost};
 use piola_runtime::output::summary::PhaseClock;

@@ -10,6 +10,8 @@
 //! happens otherwise. Modified Newton assembles forces alone and goes on with the tangent it has,
 //! as long as that serves.
 
+use std::cell::Cell;
+
 use super::clock::{Counters, PhaseTimes, timed};
 use super::constraint::Constraints;
 use super::forcing::Forcing;
@@ -173,6 +175,8 @@ pub struct Newton<'a> {
     parts: EnergyParts,
     /// The displacements of `gradient`.
     evaluated_at: Option<Vec<f64>>,
+    /// The rounding error of the forces there, once it is asked for.
+    rounding: Cell<Option<f64>>,
     forcing: Forcing,
     /// Whether the linear solver holds the factors of `tangent`.
     factorized: bool,
@@ -196,6 +200,7 @@ impl<'a> Newton<'a> {
             settings,
             tangent: HeldTangent::new(energy, linear.method() != LinearMethod::MatrixFree),
             linear,
+            rounding: Cell::new(None),
             forcing: Forcing::new(settings.variant, settings.tolerance),
             gradient: vec![0.0; constraints.n_dofs()],
             parts: EnergyParts::default(),
@@ -271,9 +276,9 @@ impl<'a> Newton<'a> {
         // Modified Newton begins with the factors that it has.
         self.evaluate(u, !(self.is_modified() && self.factorized))?;
         loop {
-            if self.is_converged(u, loads, history, &mut report.notes)? {
+            if self.is_converged(loads, history, &mut report.notes)? {
                 report.energy = self.parts;
-                report.rounding_floor = self.rounding_floor(u, loads);
+                report.rounding_floor = self.rounding_floor(loads);
                 return Ok(report);
             }
             if report.iterations == self.settings.max_iterations {
@@ -322,7 +327,6 @@ impl<'a> Newton<'a> {
     /// Records the residual of the present state and compares it with the tolerance.
     fn is_converged(
         &self,
-        u: &[f64],
         loads: &[f64],
         history: &mut History,
         notes: &mut Vec<String>,
@@ -335,7 +339,7 @@ impl<'a> Newton<'a> {
         if residual <= self.settings.tolerance * force {
             return Ok(true);
         }
-        let floor = ROUNDING_MULTIPLE * self.rounding(u);
+        let floor = ROUNDING_MULTIPLE * self.rounding();
         if residual > floor {
             return Ok(false);
         }
@@ -353,9 +357,15 @@ impl<'a> Newton<'a> {
     }
 
     /// The change of the forces when the displacements are rounded, as a 2-norm over the free ones.
-    fn rounding(&self, u: &[f64]) -> f64 {
+    fn rounding(&self) -> f64 {
+        if let Some(rounding) = self.rounding.get() {
+            return rounding;
+        }
+        let Some(u) = self.evaluated_at.as_deref() else { return 0.0 };
         let forces = self.tangent.tangent(self.energy).multiply_absolute(u);
-        ROUNDOFF * norm(self.constraints.free().iter().map(|&dof| forces[dof]))
+        let rounding = ROUNDOFF * norm(self.constraints.free().iter().map(|&dof| forces[dof]));
+        self.rounding.set(Some(rounding));
+        rounding
     }
 
     /// The Newton step `-K_ff^-1 R_f`, 0 on the fixed degrees of freedom.
@@ -363,7 +373,8 @@ impl<'a> Newton<'a> {
         let minus_residual: Vec<f64> =
             loads.iter().zip(&self.gradient).map(|(f, g)| f - g).collect();
         let mut direction = vec![0.0; minus_residual.len()];
-        let tolerance = self.forcing.next(self.residual_norm(loads), self.force(loads));
+        let (residual, force) = (self.residual_norm(loads), self.force(loads));
+        let tolerance = self.forcing.next(residual, force, self.rounding());
         self.linear.set_tolerance(tolerance);
         let (linear, tangent) = (&mut self.linear, self.tangent.tangent(self.energy));
         let factorized = std::mem::replace(&mut self.factorized, true);
@@ -387,7 +398,7 @@ impl<'a> Newton<'a> {
     ) -> Result<f64, NewtonFailure> {
         let start = self.trial(u, direction, loads, &self.gradient, self.parts);
         let noise = 100.0 * ROUNDOFF * self.energy_scale(u, loads);
-        let floor = ROUNDING_MULTIPLE * self.rounding(u);
+        let floor = ROUNDING_MULTIPLE * self.rounding();
         let inversion = self.energy.first_inversion(u, &beyond(direction));
         let mut search = LineSearch::new(start, noise, floor);
         if let Some(inversion) = &inversion {
@@ -461,6 +472,7 @@ impl<'a> Newton<'a> {
             return Ok(self.parts);
         }
         self.evaluated_at = None;
+        self.rounding.set(None);
         let (energy, gradient) = (self.energy, &mut self.gradient);
         let parts = if with_tangent {
             self.factorized = false;
@@ -483,8 +495,8 @@ impl<'a> Newton<'a> {
 
     /// How far rounding the displacements changes the forces, relative to these; 0 where there are
     /// none. Residuals come to rest a little below.
-    fn rounding_floor(&self, u: &[f64], loads: &[f64]) -> f64 {
-        let (floor, force) = (self.rounding(u), self.force(loads));
+    fn rounding_floor(&self, loads: &[f64]) -> f64 {
+        let (floor, force) = (self.rounding(), self.force(loads));
         if force <= floor { 0.0 } else { floor / force }
     }
 

@@ -7,8 +7,8 @@
 //!
 //! With conjugate gradients the climb starts at the probe by which the tangent was judged and takes
 //! two more solves, to a thousandth each. The estimate is then right to the same factor, but for
-//! what the rough solutions add or leave out. (The bound `cond(M^-1 K) cond(M)` that the Ritz values
-//! give for nothing is up to a thousand times too large with a coarse system in `M`.)
+//! what the rough solutions add or leave out. (The Ritz values bound `cond(K)` by
+//! `cond(M^-1 K) cond(M)`, but with a coarse system in `M` the second factor is as hard to get.)
 
 use super::{Factor, LinearError, LinearSolver, Tangent};
 

@@ -14,7 +14,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use piola_compiler::{Measure, Mode};
+use piola_compiler::{Level, Measure, Mode};
 use piola_runtime::element::{Contributions, InteractionBatch, Order};
 use piola_runtime::energy::TotalEnergy;
 use piola_runtime::matrix::BlockMatrix;
@@ -66,7 +66,9 @@ fn compile(criterion: &mut Criterion) {
         let law = SethHill::new(n);
         group.bench_function(BenchmarkId::from_parameter(n), |bencher| {
             bencher.iter(|| {
-                law.model.compile(black_box(&law.values), Mode::Jit(Level::Strict)).expect("it compiles")
+                law.model
+                    .compile(black_box(&law.values), Mode::Jit(Level::Strict))
+                    .expect("it compiles")
             });
         });
     }
@@ -127,7 +129,8 @@ fn solvers(criterion: &mut Criterion) {
     for method in [LinearMethod::Cholesky, LinearMethod::Ldlt, LinearMethod::Cg] {
         let options = LinearOptions { method, ..LinearOptions::default() };
         let mut solver =
-            LinearSolver::new(energy.pattern(), &constraints, options).expect("it fits");
+            LinearSolver::new(energy.pattern(), energy.body().positions(), &constraints, options)
+                .expect("it fits");
         let mut solution = vec![0.0; u.len()];
         group.bench_function(BenchmarkId::from_parameter(method.name()), |bencher| {
             bencher

@@ -22,7 +22,10 @@ pub(crate) fn run() {
         let energy = SethHill::new(n);
         let mut kernels = 0;
         let mut compile = || {
-            let compiled = energy.model.compile(&energy.values, Mode::Jit(Level::Strict)).expect("it compiles");
+            let compiled = energy
+                .model
+                .compile(&energy.values, Mode::Jit(Level::Strict))
+                .expect("it compiles");
             kernels = compiled.kernels.len();
         };
         let [times] = in_turn(ROUNDS, Clock::Wall, [&mut compile]);

@@ -49,8 +49,13 @@ pub(crate) fn child() {
     let matrix = size_of_val(tangent.values.as_slice());
     print_peak("assembled", matrix);
     let constraints = Constraints::new(u.len(), &clamped(energy.body())).expect("ascending");
-    let mut solver = LinearSolver::new(energy.pattern(), &constraints, LinearOptions::default())
-        .expect("it fits");
+    let mut solver = LinearSolver::new(
+        energy.pattern(),
+        energy.body().positions(),
+        &constraints,
+        LinearOptions::default(),
+    )
+    .expect("it fits");
     let mut solution = vec![0.0; u.len()];
     let report = solver.solve(&tangent, &gradient, &mut solution).expect("it can be solved");
     print_peak(&format!("and solved by {}", report.method.name()), matrix);

@@ -57,8 +57,13 @@ fn step(points: usize, hyper_dual: f64) {
     let constraints = Constraints::new(u.len(), &clamped(energy.body())).expect("ascending");
     let mut solution = vec![0.0; u.len()];
     let start = Instant::now();
-    let mut solver = LinearSolver::new(energy.pattern(), &constraints, LinearOptions::default())
-        .expect("it fits");
+    let mut solver = LinearSolver::new(
+        energy.pattern(),
+        energy.body().positions(),
+        &constraints,
+        LinearOptions::default(),
+    )
+    .expect("it fits");
     let report = solver.solve(&tangent, &gradient, &mut solution).expect("it can be solved");
     let solve = start.elapsed().as_secs_f64();
     let theirs = hyper_dual * interactions(&energy);

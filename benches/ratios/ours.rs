@@ -35,7 +35,8 @@ impl SethHill {
 
     /// The compiled energy of a measure.
     pub(crate) fn kernel(&self, measure: Measure) -> Kernel {
-        let compiled = self.model.compile(&self.values, Mode::Jit(Level::Strict)).expect("it compiles");
+        let compiled =
+            self.model.compile(&self.values, Mode::Jit(Level::Strict)).expect("it compiles");
         let mut kernels = compiled.kernels.into_iter();
         kernels.find(|kernel| kernel.measure() == measure).expect("all three are modelled")
     }

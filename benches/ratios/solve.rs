@@ -68,7 +68,9 @@ fn solve(
     let constraints = Constraints::new(rhs.len(), &clamped(energy.body())).expect("ascending");
     let mut solution = vec![0.0; rhs.len()];
     let start = Instant::now();
-    let mut solver = LinearSolver::new(energy.pattern(), &constraints, options).expect("it fits");
+    let mut solver =
+        LinearSolver::new(energy.pattern(), energy.body().positions(), &constraints, options)
+            .expect("it fits");
     let report = solver.solve(tangent, rhs, &mut solution).expect("it can be solved");
     (start.elapsed().as_secs_f64(), report)
 }

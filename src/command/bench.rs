@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use piola_compiler::{Form, Level, Mode};
 use piola_compiler::audit::{Audit, Settings, audit};
+use piola_compiler::{Form, Level, Mode};
 use piola_runtime::element::cost::{self, CostError, EnergyCost, WayCost};
 use piola_runtime::output::summary::PhaseClock;
 use piola_runtime::simulation::{self, Case, SceneCost};
@@ -87,12 +87,7 @@ fn errors(cost: &WayCost, energy: &EnergyCost, audits: &Audits) -> Option<[f64; 
     Some(audit.worst())
 }
 
-fn potential_text(
-    loaded: &Loaded,
-    dimension: usize,
-    costs: &[WayCost],
-    audits: &Audits,
-) -> String {
+fn potential_text(loaded: &Loaded, dimension: usize, costs: &[WayCost], audits: &Audits) -> String {
     let mut out = format!(
         "{} in {dimension} dimensions: ns per interaction on one thread, least of several runs\n\n\
          {:24} {:8} {:>10} {:>10} {:>10}   largest errors of psi, psi', psi'' in u\n",

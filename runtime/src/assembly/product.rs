@@ -124,7 +124,8 @@ impl<const D: usize, S: Sink<D>> Visit<'_, D, S> {
         let (energy, measure) = (self.energy, kind.element.measure());
         let touched = energy.slabs.touched(self.slab);
         let mut cliques =
-            OwnerCliques::<D>::new(&energy.body, &energy.neighborhood, energy.degeneracy, touched);
+            OwnerCliques::<D>::new(&energy.body, &energy.neighborhood, energy.degeneracy, touched)
+                .with_contributing(energy.contributing.as_ref());
         let mut batch = Batch {
             lanes: Vec::with_capacity(CAPACITY),
             displacement: Vec::new(),
@@ -151,7 +152,7 @@ impl<const D: usize, S: Sink<D>> Visit<'_, D, S> {
             match K {
                 1 => (0..members.len()).try_for_each(|j| push([j as u32, 0, 0]))?,
                 2 => {
-                    cliques.triangles(|j, k| push([j as u32, k as u32, 0]))?;
+                    cliques.triangles(|j, k, _| push([j as u32, k as u32, 0]))?;
                 }
                 _ => {
                     cliques.tetrahedra(|j, k, l| push([j as u32, k as u32, l as u32]))?;

@@ -54,13 +54,7 @@ pub const WAYS: [Way; 5] = [
         batches: 2,
         rounds: 9,
     },
-    Way {
-        name: "hyper-dual",
-        mode: Mode::HyperDual,
-        in_coordinates: false,
-        batches: 2,
-        rounds: 9,
-    },
+    Way { name: "hyper-dual", mode: Mode::HyperDual, in_coordinates: false, batches: 2, rounds: 9 },
     Way {
         name: "hyper-dual coordinates",
         mode: Mode::HyperDual,

@@ -153,8 +153,9 @@ fn solve(
     check_rigid_motions(energy.pattern(), case.body.positions(), constraints)
         .map_err(|error| error.to_string())?;
     let options = run::settings(&case.scene).linear;
-    let mut solver = LinearSolver::new(energy.pattern(), constraints, options)
-        .map_err(|error| error.to_string())?;
+    let mut solver =
+        LinearSolver::new(energy.pattern(), case.body.positions(), constraints, options)
+            .map_err(|error| error.to_string())?;
     clock.enter("linear system: prepare");
     solver.factorize(tangent).map_err(|error| error.to_string())?;
     clock.enter("linear system: solve");

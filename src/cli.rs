@@ -133,7 +133,7 @@ pub(crate) struct Derive {
     #[command(flatten)]
     pub(crate) inputs: Inputs,
     /// Level of the machine code, for `--emit clif` and `asm`
-    #[arg(long, default_value = "strict")]
+    #[arg(long, default_value = "fast")]
     pub(crate) level: Level,
     /// Say what was rewritten so that the energy keeps its digits, and what that gained
     #[arg(long)]
@@ -168,7 +168,7 @@ pub(crate) struct Audit {
     #[arg(long, default_value_t = 64.0)]
     pub(crate) bar: f64,
     /// Level of the machine code
-    #[arg(long, default_value = "strict")]
+    #[arg(long, default_value = "fast")]
     pub(crate) level: Level,
     /// Look at the energy as it was written, without the rewrites that keep its digits
     #[arg(long)]
@@ -258,7 +258,7 @@ pub(crate) struct Eval {
     #[arg(long, default_value = "jit")]
     pub(crate) mode: Mode,
     /// Level of the machine code
-    #[arg(long, default_value = "strict")]
+    #[arg(long, default_value = "fast")]
     pub(crate) level: Level,
 }
 

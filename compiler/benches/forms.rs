@@ -49,7 +49,7 @@ fn of(model: &Model, n: f64, form: Form) -> (Kernel, ScalarEnergy) {
         .map(|(name, value)| (name.to_string(), Setting::Number(value)));
     let values = model.values(3, &settings, None).expect("these values are allowed");
     let kernels =
-        model.compile_as(&values, Mode::Jit(Level::Strict), form).expect("it compiles").kernels;
+        model.compile_as(&values, Mode::Jit(Level::default()), form).expect("it compiles").kernels;
     let energies = model.specialise_as(&values, form).expect("it compiles").energies;
     let kernel = kernels.into_iter().find(|kernel| kernel.measure() == Measure::Length);
     let energy = energies.into_iter().find(|energy| energy.measure == Measure::Length);

@@ -93,10 +93,10 @@ impl Derivatives {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Level {
     /// To the last bit: elementary functions are those of `libm`, called for one entry after the other.
-    #[default]
     Strict,
     /// exp, ln, expm1, log1p, log1pmx and powers with general exponents are inlined, each within 2
-    /// units in the last place; all else is the same.
+    /// units in the last place; all else is the same, and so are the bits of an energy without them.
+    #[default]
     Fast,
 }
 

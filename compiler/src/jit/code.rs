@@ -13,6 +13,7 @@ use cranelift_jit::{ArenaMemoryProvider, JITBuilder, JITModule};
 use cranelift_module::{DataDescription, DataId, FuncId, Linkage, Module, default_libcall_names};
 
 use super::called::Called;
+use super::lanes::LANES;
 use super::log_table::LOGARITHMS;
 use super::lower::{self, Fast, Linked, POINTERS};
 use crate::kernel::{Batch, Level, Order, Outputs};
@@ -162,9 +163,17 @@ fn backend(error: impl std::fmt::Display) -> CompileError {
 /// The instructions of this computer, or only those that every computer of its kind has.
 pub(super) fn isa(native: bool) -> Result<OwnedTargetIsa, CompileError> {
     let mut flags = settings::builder();
-    for (name, value) in
-        [("opt_level", "speed"), ("use_colocated_libcalls", "false"), ("is_pic", "false")]
-    {
+    // The verifier takes a fifth of the time; tests run it.
+    let verified = if cfg!(any(test, debug_assertions)) { "true" } else { "false" };
+    for (name, value) in [
+        ("opt_level", "speed"),
+        ("enable_verifier", verified),
+        ("use_colocated_libcalls", "false"),
+        ("is_pic", "false"),
+        // Nobody unwinds through a kernel, and it loads nothing twice.
+        ("unwind_info", "false"),
+        ("enable_alias_analysis", "false"),
+    ] {
         flags.set(name, value).map_err(backend)?;
     }
     let isa = cranelift_native::builder_with_options(native).map_err(backend)?;
@@ -226,11 +235,11 @@ fn function(
     order: Order,
     strict: Option<FuncId>,
 ) -> Result<FuncId, CompileError> {
-    let (mut context, pool) = build(module, energy, order, strict)?;
+    let Built { mut context, pool } = build(module, energy, order, strict)?;
     if let Some((id, constants)) = pool {
         let mut data = DataDescription::new();
-        let twice = constants.iter().flat_map(|bits| [bits.to_ne_bytes(); 2]).flatten();
-        data.define(twice.collect());
+        let lanes = constants.iter().flat_map(|bits| [bits.to_ne_bytes(); LANES as usize]);
+        data.define(lanes.flatten().collect());
         data.set_align(16);
         module.define_data(id, &data).map_err(backend)?;
     }
@@ -251,7 +260,7 @@ fn list(
         }
         _ => None,
     };
-    let (mut context, _) = build(module, energy, Order::Tangent, strict)?;
+    let Built { mut context, .. } = build(module, energy, Order::Tangent, strict)?;
     let clif = context.func.display().to_string();
     context.set_disasm(true);
     let compiled = context
@@ -269,12 +278,19 @@ fn signature(module: &JITModule) -> Signature {
     signature
 }
 
+/// A function in Cranelift's intermediate form.
+struct Built {
+    context: Context,
+    /// The data that it loads its constants from, and those constants.
+    pool: Option<(DataId, Vec<u64>)>,
+}
+
 fn build(
     module: &mut JITModule,
     energy: &ScalarEnergy,
     order: Order,
     strict: Option<FuncId>,
-) -> Result<(Context, Option<(DataId, Vec<u64>)>), CompileError> {
+) -> Result<Built, CompileError> {
     let mut context = module.make_context();
     context.func.signature = signature(module);
     context.func.name = UserFuncName::user(0, 0);
@@ -287,7 +303,7 @@ fn build(
     let mut builder = FunctionBuilder::new(&mut context.func, &mut builder_context);
     let constants = lower::emit(&mut builder, energy, order, &linked);
     builder.finalize(module.target_config());
-    Ok((context, pool.map(|pool| (pool, constants))))
+    Ok(Built { context, pool: pool.map(|pool| (pool, constants)) })
 }
 
 fn link(

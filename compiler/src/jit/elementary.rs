@@ -16,6 +16,8 @@ use crate::expression::Function;
 
 /// The bits of 1.
 const ONE: u64 = 0x3ff0_0000_0000_0000;
+/// An exponent's bits taken from these are those of the reciprocal's power of two.
+const TWICE_BIAS: u64 = 2046 << 52;
 const SIGN: u64 = 1 << 63;
 const EXPONENT: u64 = 0xfff0_0000_0000_0000;
 /// The 26 leading digits of a number: products of two such numbers are exact.
@@ -198,7 +200,7 @@ impl Lanes<'_, '_> {
         let z = self.builder.ins().isub(z, exponent);
         let mut r = self.ratio_minus_one(z, inverse);
         if let Some(tail) = tail {
-            let twice = self.mask(2 * (ONE >> 52) << 52);
+            let twice = self.mask(TWICE_BIAS);
             let reciprocal = self.builder.ins().isub(twice, exponent);
             let reciprocal = self.as_numbers(reciprocal);
             let tail = self.builder.ins().fmul(tail, reciprocal);

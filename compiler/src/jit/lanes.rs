@@ -15,7 +15,7 @@ pub(super) struct Lanes<'a, 'b> {
     pub(super) builder: &'a mut FunctionBuilder<'b>,
     /// Whether the processor multiplies and adds with one rounding.
     pub(super) fma: bool,
-    /// Where the constants of inlined functions stand.
+    /// Where the constants of inlined functions stand; without one they are literals.
     pub(super) pool: Option<Value>,
     /// Those constants by their bits, one entry per use.
     pub(super) constants: Vec<u64>,
@@ -41,7 +41,10 @@ impl Lanes<'_, '_> {
     }
 
     fn pooled(&mut self, as_type: Type, bits: u64) -> Value {
-        let Some(pool) = self.pool else { unreachable!() };
+        let Some(pool) = self.pool else {
+            let literal = self.bits(bits);
+            return self.cast(as_type, literal);
+        };
         let place = self.constants.len() as i32 * 16;
         self.constants.push(bits);
         let flags = MemFlagsData::trusted().with_readonly().with_can_move();

@@ -184,8 +184,8 @@ fn errors(form: &ScalarEnergy, truth: &ScalarEnergy) -> (f64, f64) {
 /// Time of one evaluation of each form in ns: runs in turn, the fastest of each.
 fn times(forms: [&ScalarEnergy; 2]) -> Result<[f64; 2], CompileError> {
     let kernels = [
-        CompiledKernel::new(forms[0], Level::Strict)?,
-        CompiledKernel::new(forms[1], Level::Strict)?,
+        CompiledKernel::new(forms[0], Level::default())?,
+        CompiledKernel::new(forms[1], Level::default())?,
     ];
     let measure: Vec<f64> = (0..BATCH).map(|k| 0.5 + k as f64 / BATCH as f64).collect();
     let reference = vec![1.0; BATCH];

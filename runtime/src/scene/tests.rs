@@ -46,7 +46,7 @@ newton = "inexact"
 linear = "matrix-free"
 preconditioner = "block-jacobi"
 derivatives = "hyperdual-coordinates"
-level = "fast"
+level = "strict"
 max_iterations = 7
 [output]
 frames = 0
@@ -133,7 +133,7 @@ fn every_key_is_read() {
         linear: LinearChoice::MatrixFree,
         preconditioner: PreconditionerChoice::BlockJacobi,
         derivatives: DerivativeSource::HyperdualCoordinates,
-        level: Level::Fast,
+        level: Level::Strict,
         max_iterations: 7,
     };
     assert_eq!(scene.solver, solver);
@@ -246,7 +246,7 @@ fn scenes_differ_if_any_value_differs() {
         ("[1.0, 0.5]", "[1.0, 0.6]"),
         ("end = 2.0", "end = 3.0"),
         ("1e-9\nstart", "1e-8\nstart"),
-        ("level = \"fast\"", "level = \"strict\""),
+        ("level = \"strict\"", "level = \"fast\""),
         ("frames = 0", "frames = 1"),
     ] {
         let changed = FULL.replacen(from, to, 1);

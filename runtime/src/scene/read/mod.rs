@@ -48,7 +48,7 @@ static SOLVER: Schema = Schema {
         ("linear", "\"auto\""),
         ("preconditioner", "\"auto\""),
         ("derivatives", "\"jit\""),
-        ("level", "\"strict\""),
+        ("level", "\"fast\""),
         ("max_iterations", "25"),
     ],
 };

@@ -19,6 +19,10 @@ const BENCH_EXAMPLE: &str = "Examples:
   piola bench firooz2023 --set n=2.7
   piola bench examples/first/scene.toml --threads 1";
 
+const TRADE_EXAMPLE: &str = "Example:
+  piola trade examples/square/scene.toml --out out/trade
+  piola trade examples/square/scene.toml --axes tolerance,start --quantity energy,probe:edge";
+
 const COMPLETIONS_EXAMPLE: &str = "Example:
   piola completions bash > ~/.local/share/bash-completion/completions/piola";
 
@@ -53,6 +57,9 @@ pub(crate) enum Command {
     /// Time an energy in all its ways, or the phases of a scene
     #[command(after_help = BENCH_EXAMPLE)]
     Bench(Bench),
+    /// Measure error and time of a scene over its settings; pick the cheapest that is accurate enough
+    #[command(after_help = TRADE_EXAMPLE)]
+    Trade(Trade),
     /// List the library of potentials, or show one of them
     Info(Info),
     /// Say what the code of a message means, with examples; list all codes
@@ -333,6 +340,48 @@ pub(crate) struct Bench {
     /// How the times are written
     #[arg(long, default_value = "human")]
     pub(crate) format: Format,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Trade {
+    /// A scene file
+    #[arg(required_unless_present = "list")]
+    pub(crate) scene: Option<PathBuf>,
+    /// What is compared: energy, reaction[:SET], probe[:NAME], displacement, residual; energy, all
+    /// reactions and probes and the residual if not given
+    #[arg(long = "quantity", value_name = "NAME", value_delimiter = ',')]
+    pub(crate) quantities: Vec<String>,
+    /// Axes whose settings are combined with each other; the usual ones one at a time, and some
+    /// combinations, if not given
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    pub(crate) axes: Vec<String>,
+    /// List the axes, or the settings of a scene, and do nothing
+    #[arg(long)]
+    pub(crate) list: bool,
+    /// Time for everything, in s
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
+    pub(crate) budget: f64,
+    /// Runs of each setting, as far as the budget allows
+    #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub(crate) repeats: u16,
+    /// The relative error that is small enough; a tenth of the discretisation error if not given
+    #[arg(long, value_name = "ERROR")]
+    pub(crate) accuracy: Option<f64>,
+    /// Override a value of the scene, e.g. `body.spacing=0.1`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) settings: Vec<String>,
+    /// How many threads work; all processors if not given
+    #[arg(long)]
+    pub(crate) threads: Option<usize>,
+    /// A new or empty folder for trade.csv, trade.json, trade.svg and trade.png
+    #[arg(long)]
+    pub(crate) out: Option<PathBuf>,
+    /// Replace the results of an earlier run in the folder
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// How the table is written
+    #[arg(long, default_value = "human")]
+    pub(crate) format: AuditFormat,
 }
 
 #[derive(Debug, Args)]

@@ -1,5 +1,9 @@
 //! The discrete total energy as the solvers see it.
 
+mod positions;
+
+pub use positions::FromPositions;
+
 use std::sync::Arc;
 
 use crate::kernel::Measure;

@@ -8,6 +8,7 @@
 //! | equilibrium | [`matrix`], [`solve`] |
 //! | what is left behind | [`output`] |
 //! | all of it together | [`simulation`] |
+//! | what accuracy costs | [`trade`] |
 //!
 //! Per-point arrays are in the body's order inside, in the user's order at the edges
 //! ([`scene`] and [`output`] translate).
@@ -27,4 +28,5 @@ pub mod plan;
 pub mod scene;
 pub mod simulation;
 pub mod solve;
+pub mod trade;
 pub mod weights;

@@ -12,6 +12,7 @@ mod info;
 mod plan;
 mod run;
 mod scene;
+mod trade;
 mod verify;
 
 use std::process::ExitCode;
@@ -49,6 +50,7 @@ pub(crate) fn execute(command: Command) -> Exit {
         Command::Run(arguments) => run::execute(&arguments),
         Command::Plan(arguments) => plan::execute(&arguments),
         Command::Bench(arguments) => bench::execute(&arguments),
+        Command::Trade(arguments) => trade::execute(&arguments),
         Command::Info(arguments) => info::execute(&arguments),
         Command::Explain(arguments) => explain::execute(&arguments),
         Command::Completions { shell } => completions::execute(shell),

@@ -80,7 +80,7 @@ fn solve(case: &Case, arguments: &Run) -> Exit {
 }
 
 /// The name of the scene's folder, also for a scene in the current one.
-fn title(scene: &std::path::Path) -> String {
+pub(super) fn title(scene: &std::path::Path) -> String {
     std::path::absolute(scene)
         .ok()
         .and_then(|path| Some(path.parent()?.file_name()?.to_string_lossy().into_owned()))

@@ -12,15 +12,20 @@ use crate::render::{self, Source};
 
 /// Reads a scene and prints what is wrong with it, or what its user should know.
 pub(super) fn read(path: &std::path::Path, overrides: &[String]) -> Option<Case> {
-    let names = library::names();
-    let library = Library { find: &library::find, names: &names };
-    match Case::read(path, overrides, &library) {
+    match try_read(path, overrides) {
         Ok(case) => Some(case),
         Err(error) => {
             print_error(&error);
             None
         }
     }
+}
+
+/// Reads a scene.
+pub(super) fn try_read(path: &std::path::Path, overrides: &[String]) -> Result<Case, CaseError> {
+    let names = library::names();
+    let library = Library { find: &library::find, names: &names };
+    Case::read(path, overrides, &library)
 }
 
 /// Every warning about a scene: its text, its sets, its boundary conditions.

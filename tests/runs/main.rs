@@ -12,3 +12,4 @@ mod killed;
 mod picture;
 mod refusals;
 mod scenes;
+mod trade;

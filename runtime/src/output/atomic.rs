@@ -121,6 +121,14 @@ pub enum OutputFile {
     PicturePng,
     /// `summary.json`.
     Summary,
+    /// `trade.csv`.
+    TradeTable,
+    /// `trade.json`.
+    TradeSummary,
+    /// `trade.svg`.
+    TradeSvg,
+    /// `trade.png`.
+    TradePng,
 }
 
 /// The folder of the frames inside the output folder.
@@ -129,7 +137,7 @@ const FRAMES: &str = "frames";
 impl OutputFile {
     /// All files but the frames; `run.pvd` first, so that a removal that is cut short leaves no
     /// list of frames that are gone.
-    const SINGLE: [OutputFile; 9] = [
+    const SINGLE: [OutputFile; 13] = [
         OutputFile::Collection,
         OutputFile::Displacement,
         OutputFile::Reactions,
@@ -139,6 +147,10 @@ impl OutputFile {
         OutputFile::PictureSvg,
         OutputFile::PicturePng,
         OutputFile::Summary,
+        OutputFile::TradeTable,
+        OutputFile::TradeSummary,
+        OutputFile::TradeSvg,
+        OutputFile::TradePng,
     ];
 
     /// The file's name without its folder.
@@ -154,6 +166,10 @@ impl OutputFile {
             OutputFile::PictureSvg => "picture.svg".to_owned(),
             OutputFile::PicturePng => "picture.png".to_owned(),
             OutputFile::Summary => "summary.json".to_owned(),
+            OutputFile::TradeTable => "trade.csv".to_owned(),
+            OutputFile::TradeSummary => "trade.json".to_owned(),
+            OutputFile::TradeSvg => "trade.svg".to_owned(),
+            OutputFile::TradePng => "trade.png".to_owned(),
         }
     }
 
@@ -178,6 +194,18 @@ impl OutputFolder {
     /// An existing folder with anything in it is refused unless `force`; then the files of an
     /// earlier run, and only those, are removed first.
     pub fn create(path: &Path, force: bool) -> Result<OutputFolder, OutputError> {
+        let folder = OutputFolder::create_without_frames(path, force)?;
+        let frames = path.join(FRAMES);
+        match fs::symlink_metadata(&frames) {
+            Ok(found) if !found.is_dir() => return Err(OutputError::NotAFolder { path: frames }),
+            Ok(_) => {}
+            Err(_) => fs::create_dir(&frames).map_err(Operation::CreateFolder.on(&frames))?,
+        }
+        Ok(folder)
+    }
+
+    /// The same for what leaves no frames.
+    pub fn create_without_frames(path: &Path, force: bool) -> Result<OutputFolder, OutputError> {
         fs::create_dir_all(path).map_err(|source| match source.kind() {
             io::ErrorKind::AlreadyExists | io::ErrorKind::NotADirectory => {
                 OutputError::NotAFolder { path: path.to_owned() }
@@ -190,12 +218,6 @@ impl OutputFolder {
                 return Err(OutputError::NotEmpty { path: path.to_owned(), example });
             }
             remove_earlier_run(path)?;
-        }
-        let frames = path.join(FRAMES);
-        match fs::symlink_metadata(&frames) {
-            Ok(found) if !found.is_dir() => return Err(OutputError::NotAFolder { path: frames }),
-            Ok(_) => {}
-            Err(_) => fs::create_dir(&frames).map_err(Operation::CreateFolder.on(&frames))?,
         }
         Ok(OutputFolder { path: path.to_owned() })
     }

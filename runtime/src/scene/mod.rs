@@ -358,6 +358,10 @@ pub struct SolverSettings {
     pub derivatives: DerivativeSource,
     /// Level of the machine code.
     pub level: Level,
+    /// In which form energies are evaluated.
+    pub form: FormChoice,
+    /// What strain is computed from.
+    pub strain: StrainSource,
     /// Newton iterations per increment.
     pub max_iterations: usize,
 }
@@ -421,6 +425,24 @@ pub enum DerivativeSource {
     Hyperdual,
     /// Hyper-dual numbers of the points' coordinates, as in firooz2023.
     HyperdualCoordinates,
+}
+
+/// In which form energies are evaluated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FormChoice {
+    /// Rewritten so that they keep their digits.
+    Accurate,
+    /// Differentiated as they were written, to compare with.
+    Textbook,
+}
+
+/// What strain is computed from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StrainSource {
+    /// Displacements.
+    Displacements,
+    /// Current positions, rounded as a program that stores them has them; to compare with.
+    Positions,
 }
 
 /// `[output]`: what is written.

@@ -47,6 +47,8 @@ linear = "matrix-free"
 preconditioner = "block-jacobi"
 derivatives = "hyperdual-coordinates"
 level = "strict"
+form = "textbook"
+strain = "positions"
 max_iterations = 7
 [output]
 frames = 0
@@ -134,6 +136,8 @@ fn every_key_is_read() {
         preconditioner: PreconditionerChoice::BlockJacobi,
         derivatives: DerivativeSource::HyperdualCoordinates,
         level: Level::Strict,
+        form: FormChoice::Textbook,
+        strain: StrainSource::Positions,
         max_iterations: 7,
     };
     assert_eq!(scene.solver, solver);
@@ -163,6 +167,8 @@ fn every_default_is_filled_in() {
         preconditioner: PreconditionerChoice::Auto,
         derivatives: DerivativeSource::Jit,
         level: Level::default(),
+        form: FormChoice::Accurate,
+        strain: StrainSource::Displacements,
         max_iterations: 25,
     };
     assert_eq!(scene.solver, solver);
@@ -222,6 +228,8 @@ fn a_resolved_scene_holds_every_key() {
         "linear",
         "derivatives",
         "level",
+        "form",
+        "strain",
         "max_iterations",
         "frames",
     ] {

@@ -2,7 +2,9 @@
 
 use std::fmt::Write;
 
-use super::read::{DERIVATIVES, LEVELS, LINEAR, NEWTON, NODES, PRECONDITIONERS, STARTS, WEIGHTS};
+use super::read::{
+    DERIVATIVES, FORMS, LEVELS, LINEAR, NEWTON, NODES, PRECONDITIONERS, STARTS, STRAINS, WEIGHTS,
+};
 use super::{
     BodyShape, Horizon, HorizonExtent, Load, Material, ParameterText, Points, Prescription, Probe,
     Quantity, Scene, SetDefinition,
@@ -39,6 +41,8 @@ impl Scene {
         pair(&mut out, "preconditioner", word(PRECONDITIONERS, solver.preconditioner));
         pair(&mut out, "derivatives", word(DERIVATIVES, solver.derivatives));
         pair(&mut out, "level", word(LEVELS, solver.level));
+        pair(&mut out, "form", word(FORMS, solver.form));
+        pair(&mut out, "strain", word(STRAINS, solver.strain));
         pair(&mut out, "max_iterations", solver.max_iterations);
         section(&mut out, "[output]");
         pair(&mut out, "frames", self.output.frames);

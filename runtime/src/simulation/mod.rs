@@ -7,14 +7,17 @@
 //! | [`Case::energy`] | the discrete total energy |
 //! | [`run()`] | load steps, with everything they leave in the output folder |
 //! | [`cost()`] | time and memory of every phase up to the first linear system |
+//! | [`solve()`] | load steps, and only the last equilibrium |
 
 mod cost;
+mod equilibrium;
 mod error;
 mod explain;
 mod run;
 mod size;
 
 pub use cost::{LinearCost, PassCost, SceneCost, cost};
+pub use equilibrium::{Attempt, Equilibrium, NamedVector, solve};
 pub use error::CaseError;
 pub use run::{Ending, RunError, RunOptions, run};
 
@@ -22,7 +25,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use num_dual::HyperDual64;
-use piola_compiler::{Dropped, Interval, Mode, Model, Setting, Values, check_text};
+use piola_compiler::{Dropped, Form, Interval, Mode, Model, Setting, Values, check_text};
 use piola_grammar::Diagnostic;
 
 use crate::assembly::{DiscreteEnergy, Elements};
@@ -37,8 +40,8 @@ use crate::plan::{KernelNote, Needed, Plan, PlanInput, available_memory, count_i
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{self, Selection};
 use crate::scene::{
-    self, DerivativeSource, MAX_SCENE_BYTES, ParameterText, Points, PotentialText, Scene,
-    WeightScheme,
+    self, DerivativeSource, FormChoice, MAX_SCENE_BYTES, ParameterText, Points, PotentialText,
+    Scene, WeightScheme,
 };
 use crate::weights::Weights;
 
@@ -112,9 +115,13 @@ impl Case {
             DerivativeSource::Interpreter => Mode::Interpreter,
             DerivativeSource::Hyperdual | DerivativeSource::HyperdualCoordinates => Mode::HyperDual,
         };
+        let form = match self.scene.solver.form {
+            FormChoice::Accurate => Form::Accurate,
+            FormChoice::Textbook => Form::Textbook,
+        };
         let compiled = self
             .model
-            .compile(&self.values, mode)
+            .compile_as(&self.values, mode, form)
             .map_err(|error| CaseError::compile(&self.potential, &error))?;
         let dimension = self.body.dimension();
         let in_coordinates =

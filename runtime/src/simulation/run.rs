@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use super::{Case, CaseError, Compiled};
 use crate::assembly::{DiscreteEnergy, Inverted, Report};
-use crate::energy::TotalEnergy;
+use crate::energy::{FromPositions, TotalEnergy};
 use crate::output::picture::{NamedPoints, Picture};
 use crate::output::pvd::FrameSeries;
 use crate::output::summary::{
@@ -18,12 +18,14 @@ use crate::output::{
 use crate::plan::available_memory;
 use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
 use crate::scene::selection::Selection;
-use crate::scene::{LinearChoice, NewtonChoice, PreconditionerChoice, Scene, Start};
+use crate::scene::{LinearChoice, NewtonChoice, PreconditionerChoice, Scene, Start, StrainSource};
 use crate::solve::constraint::Constraints;
 use crate::solve::linear::{self, LinearMethod, LinearOptions};
 use crate::solve::newton::{NewtonFailure, NewtonSettings, NewtonVariant};
 use crate::solve::rigid_modes::check_rigid_motions;
-use crate::solve::steps::{self, Drive, State, StepError, StepRecord, StepSettings, run_steps};
+use crate::solve::steps::{
+    self, Drive, NotConverged, State, StepError, StepRecord, StepSettings, run_steps,
+};
 
 /// What a run is told beside the scene.
 pub struct RunOptions<'a> {
@@ -87,21 +89,18 @@ pub fn run(
     let selection = case.selection()?;
     let boundary =
         BoundaryConditions::new(&case.scene, &case.body, &selection).map_err(CaseError::from)?;
-    let n_dofs = case.body.n_points() * case.body.dimension();
-    let message = |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
-    let constraints =
-        Constraints::new(n_dofs, boundary.fixed_dofs()).map_err(|error| message(&error))?;
-    check_rigid_motions(energy.pattern(), case.body.positions(), &constraints)
-        .map_err(|error| message(&error))?;
+    check_held(case, &energy, &boundary)?;
 
     // From here on there is something to keep.
     let resolved = case.scene.resolved_toml();
     folder.write(OutputFile::ResolvedScene, resolved.as_bytes())?;
     clock.enter("solve");
-    let drive = SceneDrive { boundary: &boundary, problem: Mutex::new(None) };
+    let drive = SceneDrive::new(&boundary);
     let points = Points::of(&case.body);
     let mut recorder = Recorder::new(case, &energy, &selection, folder, &points, clock)?;
-    let result = run_steps(&energy, &drive, &settings(&case.scene), &mut |record, state| {
+    let rounded = FromPositions::new(&energy, case.body.positions());
+    let whole = strained(case, &energy, &rounded);
+    let result = run_steps(whole, &drive, &settings(&case.scene), &mut |record, state| {
         observer(record);
         recorder.record(record, state)
     });
@@ -113,6 +112,43 @@ pub fn run(
     ending.warnings.extend(idle_choices(&case.scene, &outcome));
     recorder.finish(&outcome, &ending, &resolved, options)?;
     Ok(ending)
+}
+
+/// Refuses a body that can move without force.
+pub(super) fn check_held(
+    case: &Case,
+    energy: &DiscreteEnergy,
+    boundary: &BoundaryConditions<'_>,
+) -> Result<(), CaseError> {
+    let n_dofs = case.body.n_points() * case.body.dimension();
+    let message = |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
+    let constraints =
+        Constraints::new(n_dofs, boundary.fixed_dofs()).map_err(|error| message(&error))?;
+    check_rigid_motions(energy.pattern(), case.body.positions(), &constraints)
+        .map_err(|error| message(&error))
+}
+
+/// The energy with its strain from what the scene says.
+pub(super) fn strained<'a>(
+    case: &Case,
+    energy: &'a DiscreteEnergy,
+    from_positions: &'a FromPositions<'a>,
+) -> &'a dyn TotalEnergy {
+    match case.scene.solver.strain {
+        StrainSource::Displacements => energy,
+        StrainSource::Positions => from_positions,
+    }
+}
+
+/// The sum over some points of a force per point, `n x d`.
+pub(super) fn sum_over(points: &[usize], forces: &[f64], d: usize) -> Vec<f64> {
+    let mut sum = vec![0.0; d];
+    for &point in points {
+        for axis in 0..d {
+            sum[axis] += forces[d * point + axis];
+        }
+    }
+    sum
 }
 
 /// How the steps are solved.
@@ -156,13 +192,24 @@ pub(super) fn settings(scene: &Scene) -> StepSettings {
 }
 
 /// The boundary conditions of a scene as the solver asks for them.
-struct SceneDrive<'a> {
+pub(super) struct SceneDrive<'a> {
     boundary: &'a BoundaryConditions<'a>,
     /// The first condition that is not finite: the solver only sees the number.
     problem: Mutex<Option<NonFiniteCondition>>,
 }
 
-impl SceneDrive<'_> {
+impl<'a> SceneDrive<'a> {
+    pub(super) fn new(boundary: &'a BoundaryConditions<'a>) -> SceneDrive<'a> {
+        SceneDrive { boundary, problem: Mutex::new(None) }
+    }
+
+    /// What the solver could not start with, in the scene's words where it is a condition.
+    pub(super) fn explain(&self, error: &StepError) -> CaseError {
+        let problem = self.problem.lock().unwrap_or_else(|e| e.into_inner()).take();
+        let message = problem.map_or_else(|| error.to_string(), |problem| problem.to_string());
+        CaseError::Body { message }
+    }
+
     fn fill(&self, values: &mut [f64], result: Result<Vec<f64>, NonFiniteCondition>) {
         match result {
             Ok(given) => values.copy_from_slice(&given),
@@ -243,24 +290,24 @@ fn ending(
     match result {
         Ok(outcome) => Ok((end(ExitReason::Completed, String::new()), outcome)),
         Err(StepError::NotConverged(failure)) => {
-            let (reason, message) = match &failure.cause.failure {
-                NewtonFailure::NonFinite(found) => {
-                    let place = case.describe(found);
-                    let (last, tried) = (failure.t_converged, failure.t_failed);
-                    let message = format!(
-                        "no equilibrium at t = {tried}, the last is at t = {last}: {place}"
-                    );
-                    (ExitReason::NonFinite, message)
-                }
-                _ => (ExitReason::NotConverged, failure.to_string()),
-            };
+            let (reason, message) = failed(case, &failure);
             Ok((end(reason, message), failure.outcome))
         }
-        Err(error) => {
-            let problem = drive.problem.lock().unwrap_or_else(|e| e.into_inner()).take();
-            let message = problem.map_or_else(|| error.to_string(), |problem| problem.to_string());
-            Err(CaseError::Body { message }.into())
+        Err(error) => Err(drive.explain(&error).into()),
+    }
+}
+
+/// Why no equilibrium was found, in words.
+pub(super) fn failed(case: &Case, failure: &NotConverged) -> (ExitReason, String) {
+    match &failure.cause.failure {
+        NewtonFailure::NonFinite(found) => {
+            let place = case.describe(found);
+            let (last, tried) = (failure.t_converged, failure.t_failed);
+            let message =
+                format!("no equilibrium at t = {tried}, the last is at t = {last}: {place}");
+            (ExitReason::NonFinite, message)
         }
+        _ => (ExitReason::NotConverged, failure.to_string()),
     }
 }
 
@@ -319,22 +366,18 @@ impl<'a> Recorder<'a> {
         let d = body.dimension();
         let residual: Vec<f64> =
             state.internal_forces.iter().zip(state.loads).map(|(g, f)| g - f).collect();
-        let reaction = |points: &[usize]| {
-            let mut sum = vec![0.0; d];
-            for &point in points {
-                for axis in 0..d {
-                    sum[axis] += residual[d * point + axis];
-                }
-            }
-            sum
-        };
         self.history.push(output::StepRecord {
             t: record.t,
             iterations: record.iterations,
             residual: record.residual.clone(),
             residual_over_reaction: record.residual_over_reaction.clone(),
             energy_parts: record.energy_parts,
-            reactions: self.selection.sets.iter().map(|set| reaction(&set.points)).collect(),
+            reactions: self
+                .selection
+                .sets
+                .iter()
+                .map(|set| sum_over(&set.points, &residual, d))
+                .collect(),
             probes: self
                 .selection
                 .probes

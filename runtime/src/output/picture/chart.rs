@@ -54,6 +54,8 @@ pub(super) enum AxisKind {
     Whole,
     /// By powers of ten: `low` and `high` are exponents, and so is what is placed.
     Decades,
+    /// The same over few powers of ten: ticks at 1, 2 and 5 times each, written out.
+    Logarithmic,
 }
 
 impl Axis {
@@ -81,6 +83,12 @@ impl Axis {
                 let decades = ticks::decades(self.low.ceil() as i32, self.high.floor() as i32, 6);
                 let labels = decades.iter().map(|&decade| power_of_ten(decade)).collect();
                 let values = decades.into_iter().map(f64::from).collect();
+                (values, labels, with_unit(self.name, self.unit, 0))
+            }
+            AxisKind::Logarithmic => {
+                let ticks = ticks::one_two_five(self.low, self.high, 7);
+                let labels = ticks.iter().map(|&tick| ticks::short(tick)).collect();
+                let values = ticks.iter().map(|&tick| libm::log10(tick)).collect();
                 (values, labels, with_unit(self.name, self.unit, 0))
             }
         }

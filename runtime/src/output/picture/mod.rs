@@ -14,9 +14,11 @@ mod cells;
 mod chart;
 mod charts;
 mod discs;
+mod front;
 mod logarithmic;
 mod ticks;
 
+pub use front::{Dot, DotKind, FrontPicture};
 pub use logarithmic::{LogarithmicPanel, LogarithmicPlot};
 
 use super::{Frame, History, OutputError, OutputFile, OutputFolder, Points};

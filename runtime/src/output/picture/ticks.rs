@@ -41,6 +41,22 @@ pub(super) fn decades(low: i32, high: i32, most: i32) -> Vec<i32> {
     (low..=high).filter(|decade| decade.rem_euclid(step) == 0).collect()
 }
 
+/// Numbers between `10^low` and `10^high`: 1, 2 and 5 times powers of ten, or these powers alone if
+/// there were more than `most`.
+pub(super) fn one_two_five(low: f64, high: f64, most: usize) -> Vec<f64> {
+    let powers = low.floor() as i32..=high.ceil() as i32;
+    let inside = |x: &f64| (low - 1e-9..=high + 1e-9).contains(&libm::log10(*x));
+    let times = |factors: &'static [f64]| {
+        let power = |exponent: i32| {
+            let power = libm::pow(10.0, f64::from(exponent));
+            factors.iter().map(move |factor| factor * power)
+        };
+        powers.clone().flat_map(power).filter(inside).collect::<Vec<f64>>()
+    };
+    let all = times(&[1.0, 2.0, 5.0]);
+    if all.len() <= most { all } else { times(&[1.0]) }
+}
+
 /// 1, 2 or 5 times a power of ten, at least `raw`.
 pub(super) fn round_step(raw: f64) -> f64 {
     if !(raw.is_finite() && raw > 0.0) {
@@ -135,6 +151,13 @@ mod tests {
         assert_eq!(decades(-2, 1, 6), [-2, -1, 0, 1]);
         assert_eq!(decades(-14, 0, 6), [-12, -9, -6, -3, 0]);
         assert!(decades(-320, 300, 6).len() < 10);
+    }
+
+    #[test]
+    fn few_powers_of_ten_have_ticks_between() {
+        assert_eq!(one_two_five(-1.0, 0.1, 7), [0.1, 0.2, 0.5, 1.0]);
+        assert_eq!(one_two_five(0.31, 0.69, 7), [5.0]);
+        assert_eq!(one_two_five(-2.0, 2.0, 7), [0.01, 0.1, 1.0, 10.0, 100.0]);
     }
 
     #[test]

@@ -14,9 +14,9 @@ use super::tree::{self, Kind, Node};
 use crate::kernel::Level;
 
 use super::{
-    DerivativeSource, LinearChoice, Located, MAX_SCENE_BYTES, Material, NewtonChoice, Nodes,
-    OutputSettings, ParameterSetting, ParameterText, Points, PreconditionerChoice, Scene,
-    SceneReport, SolverSettings, Start, Steps, WeightScheme,
+    DerivativeSource, FormChoice, LinearChoice, Located, MAX_SCENE_BYTES, Material, NewtonChoice,
+    Nodes, OutputSettings, ParameterSetting, ParameterText, Points, PreconditionerChoice, Scene,
+    SceneReport, SolverSettings, Start, Steps, StrainSource, WeightScheme,
 };
 
 static SCENE: Schema = Schema {
@@ -49,6 +49,8 @@ static SOLVER: Schema = Schema {
         ("preconditioner", "\"auto\""),
         ("derivatives", "\"jit\""),
         ("level", "\"fast\""),
+        ("form", "\"accurate\""),
+        ("strain", "\"displacements\""),
         ("max_iterations", "25"),
     ],
 };
@@ -90,6 +92,10 @@ pub(super) const DERIVATIVES: &[(&str, DerivativeSource)] = &[
     ("hyperdual-coordinates", DerivativeSource::HyperdualCoordinates),
 ];
 pub(super) const LEVELS: &[(&str, Level)] = &[("strict", Level::Strict), ("fast", Level::Fast)];
+pub(super) const FORMS: &[(&str, FormChoice)] =
+    &[("accurate", FormChoice::Accurate), ("textbook", FormChoice::Textbook)];
+pub(super) const STRAINS: &[(&str, StrainSource)] =
+    &[("displacements", StrainSource::Displacements), ("positions", StrainSource::Positions)];
 
 impl Scene {
     /// Reads a scene and applies overrides (`solver.tolerance=1e-8`, see `--set`) to it.
@@ -312,6 +318,8 @@ impl Reader {
         let derivatives = self
             .or(table, "derivatives", DERIVATIVES[0].1, |r, field| r.choice(field, DERIVATIVES));
         let level = self.or(table, "level", Level::default(), |r, field| r.choice(field, LEVELS));
+        let form = self.or(table, "form", FORMS[0].1, |r, field| r.choice(field, FORMS));
+        let strain = self.or(table, "strain", STRAINS[0].1, |r, field| r.choice(field, STRAINS));
         let max_iterations = self.or(table, "max_iterations", 25, |r, field| r.count(field, 1));
         Some(SolverSettings {
             tolerance: tolerance?,
@@ -321,6 +329,8 @@ impl Reader {
             preconditioner: preconditioner?,
             derivatives: derivatives?,
             level: level?,
+            form: form?,
+            strain: strain?,
             max_iterations: max_iterations?,
         })
     }

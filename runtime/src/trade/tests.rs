@@ -1,0 +1,178 @@
+//! Studies of a small strip, and the table of axes against the scenes it is for.
+
+use std::time::Duration;
+
+use super::axes::{COMBINATIONS, DEFAULT, OWN, available, reference_overrides, settings, word_of};
+use super::front::Standing;
+use super::*;
+use crate::simulation::Library;
+
+const LAW: &str = "potential law\nparameter C1 = 1\npsi(l) = 1/2*C1*L*(l/L - 1)^2\n";
+const STRIP: &str = "
+[body]
+dimension = 2
+box = [[0.0, 0.0], [1.0, 0.4]]
+spacing = 0.1
+[horizon]
+spacings = 3
+[material]
+potential = \"law\"
+[sets]
+left = \"X < 0.25\"
+right = \"X > 0.75\"
+[[prescribe]]
+set = \"left\"
+u = [0, 0]
+[[prescribe]]
+set = \"right\"
+u = [\"0.2*t\", 0]
+[[probe]]
+name = \"middle\"
+at = [0.5, 0.2]
+[steps]
+increments = 3
+";
+
+/// A folder with the strip, and a reader of it.
+struct Strip {
+    folder: tempfile::TempDir,
+}
+
+impl Strip {
+    fn new(text: &str) -> Strip {
+        let folder = tempfile::tempdir().unwrap();
+        std::fs::write(folder.path().join("scene.toml"), text).unwrap();
+        Strip { folder }
+    }
+
+    fn read(&self, overrides: &[String]) -> Result<Case, CaseError> {
+        let find = |name: &str| (name == "law").then_some(LAW);
+        let library = Library { find: &find, names: &["law"] };
+        Case::read(&self.folder.path().join("scene.toml"), overrides, &library)
+    }
+
+    fn study(&self, options: &Options) -> Result<Study, TradeError> {
+        study(&|overrides| self.read(overrides), options, &mut |_| {})
+    }
+}
+
+fn options() -> Options {
+    Options {
+        quantities: Vec::new(),
+        axes: Vec::new(),
+        repeats: 2,
+        budget: Duration::from_secs(60),
+        accuracy: None,
+    }
+}
+
+#[test]
+fn every_axis_is_known_to_the_scene_or_waits_for_its_key() {
+    let strip = Strip::new(STRIP);
+    let resolved = strip.read(&[]).unwrap().scene.resolved_toml();
+    let known = available(&resolved);
+    assert!(known.len() >= 8, "{known:?}");
+    for axis in &known {
+        if !axis.default.is_empty() {
+            // A scene that says nothing gets the default.
+            let found = word_of(&resolved, axis.key).unwrap();
+            let same = found == axis.default || found.parse::<f64>() == axis.default.parse::<f64>();
+            assert!(same, "{}: {found}", axis.key);
+        }
+        let readable = |word: &&str| strip.read(&[format!("{}={word}", axis.key)]).is_ok();
+        let n_readable = axis.words.iter().filter(|word| readable(word)).count();
+        assert!(n_readable >= 2, "{}: {n_readable} of its words are read", axis.name);
+        assert!(axis.reference.is_empty() || readable(&axis.reference), "{}", axis.name);
+    }
+    let names = |name: &str| AXES.iter().filter(|axis| axis.name == name).count();
+    for row in COMBINATIONS {
+        for (name, word) in *row {
+            assert_eq!(names(name), 1, "{name}");
+            assert!(!word.is_empty());
+        }
+    }
+    assert!(reference_overrides(&resolved).contains(&"solver.linear=cholesky".to_string()));
+}
+
+#[test]
+fn settings_are_different_scenes() {
+    let strip = Strip::new(STRIP);
+    let read = |overrides: &[String]| strip.read(overrides);
+    let usual = settings(&read, &[]).unwrap();
+    assert_eq!(usual[0].name, OWN);
+    // The strip's own setting is that of the defaults, so there is no second one.
+    assert!(usual.iter().all(|setting| setting.name != DEFAULT));
+    for (i, setting) in usual.iter().enumerate() {
+        for other in &usual[..i] {
+            assert_ne!(setting.case.scene, other.case.scene, "{} {}", setting.name, other.name);
+        }
+    }
+    let tight = Strip::new(&format!("{STRIP}[solver]\ntolerance = 1e-13\n"));
+    let read = |overrides: &[String]| tight.read(overrides);
+    let names: Vec<String> =
+        settings(&read, &[]).unwrap().into_iter().map(|setting| setting.name).collect();
+    assert!(names.contains(&DEFAULT.to_string()), "{names:?}");
+
+    // Two axes give all their combinations: 7 tolerances by 2 starts.
+    let axes = ["tolerance", "start", "start"].map(str::to_string);
+    let names: Vec<String> =
+        settings(&read, &axes).unwrap().into_iter().map(|setting| setting.name).collect();
+    assert_eq!(names.len(), 14, "{names:?}");
+    assert!(names.contains(&"tolerance=1e-6 start=extrapolate".to_string()), "{names:?}");
+    let error = settings(&read, &["speed".to_string()]).unwrap_err();
+    assert!(error.help().unwrap().contains("tolerance"), "{error}");
+    let all: Vec<String> =
+        ["tolerance", "linear", "derivatives", "increments", "start"].map(str::to_string).to_vec();
+    assert!(matches!(settings(&read, &all), Err(TradeError::TooManySettings { .. })));
+}
+
+#[test]
+fn a_study_knows_what_is_exact() {
+    let strip = Strip::new(STRIP);
+    let mut options = options();
+    options.axes = ["tolerance", "strain"].map(str::to_string).to_vec();
+    let study = strip.study(&options).unwrap();
+    let find = |name: &str| {
+        let found = study.outcomes.iter().find(|outcome| outcome.setting.name == name);
+        found.unwrap_or_else(|| panic!("no {name}")).result.as_ref().unwrap()
+    };
+    // A loose tolerance errs, a tight one does not, the residual agrees.
+    let (loose, tight) = (find("tolerance=1e-2"), find("tolerance=1e-12"));
+    assert!(loose.worst > 1e-7 && loose.worst < 1e-1, "{:e}", loose.worst);
+    assert!(tight.worst <= 1e-11, "{:e}", tight.worst);
+    let residual = study.quantities.iter().position(|q| *q == Quantity::Residual).unwrap();
+    assert!(loose.errors[residual] > tight.errors[residual]);
+    assert!(study.reference.level < 1e-12, "{:e}", study.reference.level);
+    assert!(study.reference.witnesses.len() == 2, "{:?}", study.reference.witnesses);
+    // The lattice of 0.1 has an error that no arithmetic has.
+    let (_, error) = study.least_resolution().unwrap();
+    assert!(error > 1e-3 && error < 1.0, "{error:e}");
+    let cheapest = &study.outcomes[study.verdict.cheapest.unwrap()];
+    assert!(cheapest.result.as_ref().unwrap().worst <= 0.1 * error);
+    assert!(study.solver_toml(0).contains("tolerance = 1e-10"));
+    assert!(matches!(
+        study.outcomes[0].result.as_ref().unwrap().standing,
+        Some(Standing::Front | Standing::Near | Standing::Dominated(_))
+    ));
+}
+
+#[test]
+fn what_cannot_be_compared_says_so() {
+    let strip = Strip::new(STRIP);
+    let mut wrong = options();
+    wrong.quantities = vec!["heat".to_string()];
+    let error = strip.study(&wrong).unwrap_err();
+    assert!(error.help().unwrap().contains("reaction:right"), "{error}");
+    let mut short = options();
+    short.budget = Duration::ZERO;
+    assert!(matches!(strip.study(&short), Err(TradeError::NoReference { .. })));
+    // The demand of the user replaces that of the lattice.
+    let mut asked = options();
+    asked.axes = vec!["tolerance".to_string()];
+    asked.accuracy = Some(1e-30);
+    let study = strip.study(&asked).unwrap();
+    assert!(
+        study.verdict.cheapest.is_none()
+            || study.outcomes.iter().any(|o| { o.result.as_ref().is_ok_and(|m| m.worst == 0.0) })
+    );
+}

@@ -1,11 +1,14 @@
 //! The last equilibrium of a case, and nothing written: what comparisons of settings run.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::run::{SceneDrive, check_held, failed, settings, strained, sum_over};
 use super::{Case, CaseError};
-use crate::energy::{EnergyParts, FromPositions};
+use crate::energy::{EnergyParts, FromPositions, Inversion, NonFinite, TotalEnergy};
+use crate::kernel::Measure;
+use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::scene::boundary::BoundaryConditions;
 use crate::solve::steps::{State, StepError, StepRecord, run_steps};
 
@@ -54,8 +57,7 @@ pub enum Attempt {
     OutOfTime(f64),
 }
 
-/// Compiles and assembles a case and follows its load steps; gives up after the first step that
-/// ends later than `limit`.
+/// Compiles and assembles a case and follows its load steps; gives up soon after `limit`.
 ///
 /// # Errors
 /// A case that cannot start, as for [`run`](super::run()).
@@ -96,8 +98,9 @@ pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
             .collect();
         ControlFlow::Continue(())
     };
-    let whole = strained(case, &energy, &rounded);
-    match run_steps(whole, &drive, &settings(&case.scene), &mut observer) {
+    let watched = Watched { energy: strained(case, &energy, &rounded), start, limit };
+    let result = run_steps(&watched, &drive, &settings(&case.scene), &mut observer);
+    match result {
         Ok(outcome) => Ok(match late {
             Some(t) => Attempt::OutOfTime(t),
             None => {
@@ -105,10 +108,75 @@ pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
                 Attempt::Reached(Box::new(reached))
             }
         }),
-        Err(StepError::NotConverged(failure)) => {
-            Ok(Attempt::NotConverged(failed(case, &failure).1))
-        }
+        Err(StepError::NotConverged(failure)) => Ok(if watched.is_late() {
+            Attempt::OutOfTime(failure.t_converged)
+        } else {
+            Attempt::NotConverged(failed(case, &failure).1)
+        }),
         Err(error) => Err(drive.explain(&error)),
+    }
+}
+
+/// An energy that cannot be evaluated any more once the time is up: the solver then gives up, also
+/// in the middle of a step that does not converge.
+struct Watched<'a> {
+    energy: &'a dyn TotalEnergy,
+    start: Instant,
+    limit: Duration,
+}
+
+impl Watched<'_> {
+    fn is_late(&self) -> bool {
+        self.start.elapsed() > self.limit
+    }
+
+    fn check(&self) -> Result<(), NonFinite> {
+        if !self.is_late() {
+            return Ok(());
+        }
+        // Never shown: who sees that the time is up asks no further.
+        Err(NonFinite {
+            measure: Measure::Length,
+            points: Vec::new(),
+            displacements: Vec::new(),
+            value: f64::NAN,
+            reference: f64::NAN,
+            inverted: false,
+        })
+    }
+}
+
+impl TotalEnergy for Watched<'_> {
+    fn dimension(&self) -> usize {
+        self.energy.dimension()
+    }
+
+    fn pattern(&self) -> &Arc<BlockPattern> {
+        self.energy.pattern()
+    }
+
+    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
+        self.check()?;
+        self.energy.energy(u)
+    }
+
+    fn gradient(&self, u: &[f64], gradient: &mut [f64]) -> Result<EnergyParts, NonFinite> {
+        self.check()?;
+        self.energy.gradient(u, gradient)
+    }
+
+    fn tangent(
+        &self,
+        u: &[f64],
+        gradient: &mut [f64],
+        tangent: &mut BlockMatrix,
+    ) -> Result<EnergyParts, NonFinite> {
+        self.check()?;
+        self.energy.tangent(u, gradient, tangent)
+    }
+
+    fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {
+        self.energy.first_inversion(u, step)
     }
 }
 

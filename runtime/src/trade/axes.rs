@@ -250,6 +250,9 @@ pub fn settings(read: &ReadCase<'_>, axes: &[String]) -> Result<Vec<Setting>, Tr
     } else {
         product(&chosen(&available, axes)?, &resolved)?
     };
+    // What is slow comes last: the budget may end before.
+    let mut wanted = wanted;
+    wanted.sort_by_key(|words| words.iter().any(|(axis, _)| axis.name == "derivatives"));
     let defaults: Words = available
         .iter()
         .filter(|axis| axis.changes == Changes::Solution && !axis.default.is_empty())
@@ -279,6 +282,30 @@ pub fn settings(read: &ReadCase<'_>, axes: &[String]) -> Result<Vec<Setting>, Tr
         });
     }
     Ok(settings)
+}
+
+/// The setting with looser tolerances, the loosest first; those of [`AXES`].
+pub fn relaxed(read: &ReadCase<'_>, setting: &Setting) -> Vec<Setting> {
+    let own = setting.case.scene.solver.tolerance;
+    let value = |word: &str| word.parse().unwrap_or(0.0);
+    let others = |prefix: &str, parts: &[&str]| -> Vec<String> {
+        parts.iter().filter(|part| !part.starts_with(prefix)).map(|part| part.to_string()).collect()
+    };
+    let with = |axis: &Axis, word: &str| {
+        let words: Vec<&str> = setting.name.split(' ').collect();
+        let mut name = others("tolerance=", &words);
+        name.push(format!("tolerance={word}"));
+        let set: Vec<&str> = setting.overrides.iter().map(String::as_str).collect();
+        let mut overrides = others("solver.tolerance=", &set);
+        overrides.push(format!("{}={word}", axis.key));
+        let case = read(&overrides).ok()?;
+        Some(Setting { name: name.join(" "), overrides, changes: setting.changes, case })
+    };
+    let Some(axis) = AXES.iter().find(|axis| axis.name == "tolerance") else { return Vec::new() };
+    let mut looser: Vec<&str> =
+        axis.words.iter().copied().filter(|word| value(word) > own).collect();
+    looser.sort_by(|p, q| f64::total_cmp(&value(q), &value(p)));
+    looser.into_iter().filter_map(|word| with(axis, word)).collect()
 }
 
 fn name_of(words: &Words) -> String {

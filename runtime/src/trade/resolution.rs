@@ -9,11 +9,12 @@
 use std::time::{Duration, Instant};
 
 use super::{Quantity, ReadCase};
+use crate::output::decimal;
 use crate::scene::{LatticeShape, Nodes, Points};
 use crate::simulation::{Attempt, Case, Equilibrium, solve};
 
 /// Spacings differ by at least this factor: closer lattices often have the same neighbours.
-const LEAST_FACTOR: f64 = 1.25;
+const LEAST_FACTOR: f64 = 1.2;
 
 /// Factors that differ by less are the same.
 const ROUNDED: f64 = 1e-9;
@@ -77,7 +78,8 @@ pub fn resolution(
             continue;
         };
         let left = limit.saturating_sub(start.elapsed());
-        progress(&format!("the scene on a {which} lattice, spacing {spacing}"));
+        let size = decimal(spacing);
+        progress(&format!("the scene on a {which} lattice, spacing {size}"));
         let overrides =
             [format!("body.spacing={spacing:?}"), format!("horizon.radius={horizon:?}")];
         let ratio = horizon / spacing;
@@ -90,7 +92,7 @@ pub fn resolution(
                 found.alternates.push(Alternate { spacing, ratio, seconds, differences, errors });
             }
             Err(reason) => {
-                found.notes.push(format!("the {which} lattice, spacing {spacing}: {reason}"));
+                found.notes.push(format!("the {which} lattice, spacing {size}: {reason}"));
             }
         }
     }
@@ -175,7 +177,7 @@ mod tests {
         };
         let square = lattice(&[1.0, 1.0], 0.05, Nodes::Corners);
         near(coarser(&square, 0.15), 1.0 / 16.0);
-        near(finer(&square), 0.04);
+        near(finer(&square), 1.0 / 24.0);
         // Two spacings in the horizon leave no coarser lattice.
         assert_eq!(coarser(&square, 0.1), None);
         // Sides of 20 and 8 cells: spacings are parts of their common quarter.

@@ -17,7 +17,7 @@ pub struct Times {
 
 /// Fewer runs than this show no noise, and it is taken to be [`UNSEEN_NOISE`].
 const ENOUGH: usize = 3;
-const UNSEEN_NOISE: f64 = 1.5;
+const UNSEEN_NOISE: f64 = 2.0;
 
 impl Times {
     /// From where to where the time may be: the shortest and the longest run, and more where there

@@ -1,8 +1,8 @@
-//! The study of a scene: reference, other lattices, every setting once, then interleaved repeats.
+//! The study of a scene: reference, every setting once, other lattices, then interleaved repeats.
 
 use std::time::{Duration, Instant};
 
-use super::axes::{Changes, OWN, settings};
+use super::axes::{Changes, OWN, relaxed, settings};
 use super::front::{Dot, Standing, standings};
 use super::quantity::{quantities, worst};
 use super::reference::{Reference, reference};
@@ -10,15 +10,15 @@ use super::resolution::{Resolution, resolution};
 use super::statistics::{Times, allot};
 use super::verdict::{Verdict, verdict};
 use super::{Quantity, ReadCase, Setting, TradeError};
-use crate::simulation::{Attempt, Case, Equilibrium, solve};
+use crate::simulation::{Attempt, Case, CaseError, Equilibrium, solve};
 
-/// A setting that takes this many times as long as the scene's own, and more than a part of the
-/// budget, is given up.
+/// A setting that takes this many times as long as the scene's own is given up, though not before
+/// the first part of the budget is gone, and at the latest after the second.
 const PATIENCE: f64 = 10.0;
-const PATIENCE_SHARE: f64 = 1.0 / 30.0;
+const PATIENCE_SHARES: [f64; 2] = [1.0 / 30.0, 1.0 / 10.0];
 
-/// The part of the budget that other lattices may take.
-const RESOLUTION_SHARE: f64 = 0.25;
+/// The part of the time that is left after every setting ran once that other lattices may take.
+const RESOLUTION_SHARE: f64 = 0.4;
 
 /// What a study is asked for.
 #[derive(Clone, Debug)]
@@ -104,23 +104,32 @@ pub fn study(
     let own = read(&[])?;
     let quantities = quantities(&own.scene, &options.quantities)?;
     let reference = reference(read, &quantities, left(), progress)?;
-    let limit = left().min(options.budget.mul_f64(RESOLUTION_SHARE));
-    let end = &reference.equilibrium;
-    let seconds = reference.seconds;
-    let resolution = resolution(read, &own, &quantities, end, seconds, limit, progress);
-
     let mut running: Vec<Running> = Vec::new();
-    let mut own_time = Duration::from_secs_f64(seconds);
+    let mut own_time = Duration::from_secs_f64(reference.seconds);
     for setting in settings {
         progress(&setting.name);
-        let patience = own_time.mul_f64(PATIENCE).max(options.budget.mul_f64(PATIENCE_SHARE));
-        let limit = left().min(patience);
-        let (end, time) = first_run(&setting.case, limit);
+        let [least, most] = PATIENCE_SHARES.map(|share| options.budget.mul_f64(share));
+        // The scene's own setting, and what is as fast, is always waited for.
+        let most = most.max(2 * own_time);
+        let patience = own_time.mul_f64(PATIENCE).clamp(least, most);
+        let (end, time) = first_run(&setting.case, left().min(patience));
         if setting.name == OWN && end.is_ok() {
             own_time = time;
         }
+        let rescued = match &end {
+            Err(failure) if failure.is_a_stall() => {
+                rescued(read, &setting, &running, &mut || left().min(patience))
+            }
+            _ => None,
+        };
+        let end = end.map_err(|failure| failure.to_string());
         running.push(Running { setting, end, times: vec![time] });
+        running.extend(rescued);
     }
+    let limit = left().mul_f64(RESOLUTION_SHARE);
+    let end = &reference.equilibrium;
+    let seconds = own_time.as_secs_f64();
+    let resolution = resolution(read, &own, &quantities, end, seconds, limit, progress);
     repeat(&mut running, options.repeats, left(), progress);
 
     let mut outcomes: Vec<Outcome> =
@@ -131,18 +140,58 @@ pub fn study(
     Ok(Study { quantities, outcomes, reference, resolution, verdict, seconds })
 }
 
-fn first_run(case: &Case, limit: Duration) -> (Result<Equilibrium, String>, Duration) {
+/// What does not converge may do so to a looser tolerance, and the tightest is its accuracy: goes
+/// from loose to tight until one fails.
+fn rescued(
+    read: &ReadCase<'_>,
+    setting: &Setting,
+    running: &[Running],
+    limit: &mut dyn FnMut() -> Duration,
+) -> Option<Running> {
+    let is_new = |next: &Setting| running.iter().all(|r| r.setting.case.scene != next.case.scene);
+    let mut tightest = None;
+    for looser in relaxed(read, setting) {
+        let (end, time) = first_run(&looser.case, limit());
+        let Ok(end) = end else { break };
+        tightest = Some(Running { setting: looser, end: Ok(end), times: vec![time] });
+    }
+    tightest.filter(|run| is_new(&run.setting))
+}
+
+/// Why a setting has no numbers.
+#[derive(Debug, thiserror::Error)]
+enum Failure {
+    #[error("not run: the budget was spent")]
+    NoTime,
+    #[error("given up at t = {0} after {1:.1} s")]
+    TooSlow(f64, f64),
+    #[error("{0}")]
+    NotConverged(String),
+    #[error(transparent)]
+    Case(#[from] CaseError),
+}
+
+impl Failure {
+    /// Whether the first step was not reached: that may be for a tolerance below the rounding.
+    fn is_a_stall(&self) -> bool {
+        match self {
+            Failure::NotConverged(_) => true,
+            Failure::TooSlow(t, _) => *t == 0.0,
+            Failure::NoTime | Failure::Case(_) => false,
+        }
+    }
+}
+
+fn first_run(case: &Case, limit: Duration) -> (Result<Equilibrium, Failure>, Duration) {
     if limit.is_zero() {
-        return (Err("not run: the budget was spent".to_string()), Duration::ZERO);
+        return (Err(Failure::NoTime), Duration::ZERO);
     }
     let start = Instant::now();
     let end = match solve(case, limit) {
         Ok(Attempt::Reached(end)) => Ok(*end),
-        Ok(Attempt::NotConverged(message)) => Err(message),
-        Ok(Attempt::OutOfTime(t)) => {
-            Err(format!("given up at t = {t} after {:.1} s", start.elapsed().as_secs_f64()))
-        }
-        Err(error) => Err(error.to_string()),
+        Ok(Attempt::NotConverged(message)) => Err(Failure::NotConverged(message)),
+        Ok(Attempt::OutOfTime(t)) => Err(Failure::TooSlow(t, start.elapsed().as_secs_f64())),
+        Err(error) => Err(Failure::Case(error)),
     };
     (end, start.elapsed())
 }

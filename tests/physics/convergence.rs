@@ -27,7 +27,7 @@ struct Expected {
     floor: f64,
 }
 
-const EXPECTED: [Expected; 10] = [
+const EXPECTED: [Expected; 11] = [
     Expected { example: "cube_C1", overrides: &[], c: 0.7, floor: FLOOR },
     Expected { example: "cube_C1_C2", overrides: &[], c: 1.1, floor: FLOOR },
     Expected { example: "cube_C1_C3", overrides: &[], c: 2.5, floor: FLOOR },
@@ -44,6 +44,7 @@ const EXPECTED: [Expected; 10] = [
         floor: FLOOR,
     },
     Expected { example: "first", overrides: &[], c: 36.0, floor: FLOOR },
+    Expected { example: "nanostrip", overrides: &[], c: 2.5, floor: FLOOR },
     Expected { example: "square", overrides: &[], c: 1.5, floor: FLOOR },
     // Its points start on the line through the last two equilibria, so near the next that the
     // curvature of the whole path shows.

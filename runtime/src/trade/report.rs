@@ -12,6 +12,9 @@ use super::{Quantity, ROUNDOFF};
 use crate::output::picture::{Dot, DotKind, FrontPicture};
 use crate::output::{OutputError, OutputFile, OutputFolder, decimal};
 
+/// Characters of a reason in a table; the files have all of it.
+const MOST_OF_A_REASON: usize = 100;
+
 impl Study {
     /// Writes `trade.csv`, `trade.json`, `trade.svg` and `trade.png`.
     ///
@@ -107,7 +110,9 @@ impl Study {
                     let _ = writeln!(out, " {iterations:>9}  {}", self.standing_words(measured));
                 }
                 Err(reason) => {
-                    let reason = reason.lines().next().unwrap_or_default();
+                    let line = reason.lines().next().unwrap_or_default();
+                    let reason: String = line.chars().take(MOST_OF_A_REASON).collect();
+                    let reason = if reason == line { reason } else { reason + " .." };
                     let _ = writeln!(out, "{name:widest$} failed: {reason}");
                 }
             }

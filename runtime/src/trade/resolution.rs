@@ -19,6 +19,9 @@ const LEAST_FACTOR: f64 = 1.2;
 /// Factors that differ by less are the same.
 const ROUNDED: f64 = 1e-9;
 
+/// How other lattices are solved: differences are of 1e-3 and more.
+const QUICK: [&str; 2] = ["solver.tolerance=1e-6", "solver.start=extrapolate"];
+
 /// Fewer spacings than this in a horizon are no neighbourhood.
 const LEAST_RATIO: f64 = 1.99;
 
@@ -80,8 +83,8 @@ pub fn resolution(
         let left = limit.saturating_sub(start.elapsed());
         let size = decimal(spacing);
         progress(&format!("the scene on a {which} lattice, spacing {size}"));
-        let overrides =
-            [format!("body.spacing={spacing:?}"), format!("horizon.radius={horizon:?}")];
+        let lattice = [format!("body.spacing={spacing:?}"), format!("horizon.radius={horizon:?}")];
+        let overrides = [&lattice[..], &QUICK.map(str::to_string)].concat();
         let ratio = horizon / spacing;
         match attempt(read, case, &overrides, own_seconds, left) {
             Ok((end, seconds)) => {

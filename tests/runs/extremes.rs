@@ -156,7 +156,9 @@ fn the_condition_of_the_tangent_is_in_the_summary() {
     assert_eq!(number(&last["displacement_error"]), condition * f64::EPSILON / 2.0);
     assert_eq!(numbers(&serde_json::json!([last["inverted"]["triangles"]])), [0.0]);
     folder.run(&["--force", "--set", "solver.linear=\"cg\""]).expect(0);
-    assert!(folder.summary()["steps"][0]["condition"].is_null());
+    let last = folder.summary()["steps"].as_array().unwrap().last().unwrap().clone();
+    let ratio = number(&last["condition"]) / condition;
+    assert!((0.3..1.1).contains(&ratio), "{ratio}");
 }
 
 #[test]

@@ -12,4 +12,5 @@ mod killed;
 mod picture;
 mod refusals;
 mod scenes;
+mod solvers;
 mod trade;

@@ -33,6 +33,10 @@ impl TotalEnergy for FromPositions<'_> {
         self.energy.dimension()
     }
 
+    fn positions(&self) -> &[f64] {
+        self.positions
+    }
+
     fn pattern(&self) -> &Arc<BlockPattern> {
         self.energy.pattern()
     }
@@ -52,6 +56,19 @@ impl TotalEnergy for FromPositions<'_> {
         tangent: &mut BlockMatrix,
     ) -> Result<EnergyParts, NonFinite> {
         self.energy.tangent(&self.held(u), gradient, tangent)
+    }
+
+    fn tangent_diagonal(
+        &self,
+        u: &[f64],
+        gradient: &mut [f64],
+        diagonal: &mut [f64],
+    ) -> Result<EnergyParts, NonFinite> {
+        self.energy.tangent_diagonal(&self.held(u), gradient, diagonal)
+    }
+
+    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
+        self.energy.tangent_product(&self.held(u), p, product)
     }
 
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {

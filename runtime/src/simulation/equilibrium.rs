@@ -151,6 +151,10 @@ impl TotalEnergy for Watched<'_> {
         self.energy.dimension()
     }
 
+    fn positions(&self) -> &[f64] {
+        self.energy.positions()
+    }
+
     fn pattern(&self) -> &Arc<BlockPattern> {
         self.energy.pattern()
     }
@@ -173,6 +177,21 @@ impl TotalEnergy for Watched<'_> {
     ) -> Result<EnergyParts, NonFinite> {
         self.check()?;
         self.energy.tangent(u, gradient, tangent)
+    }
+
+    fn tangent_diagonal(
+        &self,
+        u: &[f64],
+        gradient: &mut [f64],
+        diagonal: &mut [f64],
+    ) -> Result<EnergyParts, NonFinite> {
+        self.check()?;
+        self.energy.tangent_diagonal(u, gradient, diagonal)
+    }
+
+    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
+        self.check()?;
+        self.energy.tangent_product(u, p, product)
     }
 
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {

@@ -18,6 +18,7 @@ mod held;
 mod line_search;
 pub mod linear;
 pub mod newton;
+mod newton_outcome;
 pub mod rigid_modes;
 pub mod steps;
 mod vector;

@@ -1,0 +1,70 @@
+//! The choices of `[solver]`, as they show in what a run leaves.
+
+use serde_json::Value;
+
+use crate::scenes::strip;
+use crate::support::{SceneFolder, number};
+
+/// Total energy at the end, and what the summary says of the solver.
+fn solved(folder: &SceneFolder, choices: &[&str]) -> (f64, Value, Value) {
+    let mut arguments = vec!["--force"];
+    for choice in choices {
+        arguments.extend(["--set", choice]);
+    }
+    folder.run(&arguments).expect(0);
+    let summary = folder.summary();
+    let last = summary["steps"].as_array().unwrap().last().unwrap().clone();
+    (number(&last["energy"]), last, summary)
+}
+
+#[test]
+fn every_choice_leads_to_the_same_equilibria() {
+    let folder = strip();
+    let (expected, direct, summary) = solved(&folder, &[]);
+    assert_eq!(summary["solver"]["linear"], "Cholesky");
+    let reason = summary["solver"]["linear_reason"].as_str().unwrap();
+    assert!(reason.contains("in two dimensions"), "{reason}");
+    assert_eq!(summary["solver"]["linear_iterations"], 0);
+    let condition = number(&direct["condition"]);
+    for linear in ["cholesky", "ldlt", "lu", "cg", "matrix-free"] {
+        for newton in ["full", "inexact", "modified"] {
+            let choices = [
+                format!("solver.linear={linear}"),
+                format!("solver.newton={newton}"),
+                "solver.max_iterations=60".to_string(),
+            ];
+            let choices: Vec<&str> = choices.iter().map(String::as_str).collect();
+            let (energy, last, summary) = solved(&folder, &choices);
+            assert!((energy / expected - 1.0).abs() < 1e-9, "{choices:?}: {energy} {expected}");
+            assert_eq!(last["positive_definite"], true, "{choices:?}");
+            let by = last["positive_definite_by"].as_str().unwrap();
+            let iterates = linear == "cg" || linear == "matrix-free";
+            assert_eq!(by.starts_with("conjugate gradients: "), iterates, "{choices:?}: {by}");
+            assert_eq!(number(&summary["solver"]["linear_iterations"]) > 0.0, iterates);
+            assert_eq!(summary["solver"]["preconditioner"].is_null(), !iterates);
+            assert_eq!(number(&summary["solver"]["gradients"]) > 0.0, newton == "modified");
+            let ratio = number(&last["condition"]) / condition;
+            assert!((0.2..1.2).contains(&ratio), "{choices:?}: {ratio}");
+            let warned = summary["warnings"].to_string().contains("makes no difference");
+            assert_eq!(warned, newton == "inexact" && !iterates, "{choices:?}");
+        }
+    }
+}
+
+#[test]
+fn preconditioners_are_named() {
+    let folder = strip();
+    let named = |choices: &[&str]| {
+        let (_, _, summary) = solved(&folder, choices);
+        summary["solver"]["preconditioner"].as_str().unwrap().to_string()
+    };
+    let two_level = named(&["solver.linear=cg"]);
+    assert!(two_level.contains("coarse system of"), "{two_level}");
+    assert_eq!(named(&["solver.linear=cg", "solver.preconditioner=two-level"]), two_level);
+    let jacobi = named(&["solver.linear=cg", "solver.preconditioner=block-jacobi"]);
+    assert_eq!(jacobi, "block Jacobi");
+    let choices = ["solver.linear=matrix-free", "solver.preconditioner=two-level"];
+    assert_eq!(named(&choices), "block Jacobi");
+    let warnings = folder.summary()["warnings"].to_string();
+    assert!(warnings.contains("needs a stored tangent"), "{warnings}");
+}

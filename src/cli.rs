@@ -347,7 +347,7 @@ pub(crate) struct Trade {
     /// A scene file
     #[arg(required_unless_present = "list")]
     pub(crate) scene: Option<PathBuf>,
-    /// What is compared: energy, reaction[:SET], probe[:NAME], displacement, residual; energy, all
+    /// What is compared: energy, `reaction[:SET]`, `probe[:NAME]`, displacement, residual; energy, all
     /// reactions and probes and the residual if not given
     #[arg(long = "quantity", value_name = "NAME", value_delimiter = ',')]
     pub(crate) quantities: Vec<String>,

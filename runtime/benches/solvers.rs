@@ -11,7 +11,7 @@ use std::time::Instant;
 use piola_runtime::assembly::{DiscreteEnergy, Laws};
 use piola_runtime::body::Body;
 use piola_runtime::energy::TotalEnergy;
-use piola_runtime::kernel::{Batch, Derivatives, Law};
+use piola_runtime::kernel::{Batch, Law, Order, Outputs};
 use piola_runtime::lattice::{Lattice, Nodes};
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::solve::constraint::Constraints;
@@ -37,11 +37,15 @@ fn linear(c: f64) -> Option<Box<dyn Law>> {
     if c == 0.0 {
         return None;
     }
-    Some(Box::new(move |batch: Batch<'_>, out: &mut Derivatives| {
+    Some(Box::new(move |batch: Batch<'_>, order: Order, out: Outputs<'_>| {
         for p in 0..batch.change.len() {
             out.psi[p] = 0.5 * c * batch.reference[p] * batch.change[p] * batch.change[p];
-            out.dpsi[p] = c * batch.change[p];
-            out.d2psi[p] = c / batch.reference[p];
+            if order >= Order::Gradient {
+                out.dpsi[p] = c * batch.change[p];
+            }
+            if order == Order::Tangent {
+                out.d2psi[p] = c / batch.reference[p];
+            }
         }
     }))
 }

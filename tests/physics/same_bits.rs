@@ -97,7 +97,7 @@ fn threads_do_not_change_a_cube_with_conjugate_gradients() {
 fn the_interpreter_runs_as_machine_code_does() {
     let source = |source: &str| {
         let setting = format!("solver.derivatives={source}");
-        run("first", &[&FIRST[..], &[&setting]].concat(), 2)
+        run("first", &[&FIRST[..], &["solver.level=strict", &setting]].concat(), 2)
     };
     let (compiled, interpreted) = (source("jit"), source("interpreter"));
     // These name the source.

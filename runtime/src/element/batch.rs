@@ -5,7 +5,7 @@ use crate::interaction::n_neighbors;
 use crate::kernel::{Measure, Outputs};
 
 /// How many interactions fit into a batch: their numbers stay in the first-level cache. A multiple of
-/// [`WIDEST`].
+/// `WIDEST`.
 pub const CAPACITY: usize = 32;
 
 /// As many interactions as the widest registers hold.

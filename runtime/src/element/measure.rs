@@ -180,7 +180,7 @@ impl<G: Geometry<C>, const C: usize> WithSimd for Differentiating<'_, G, C> {
         let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
         let (least, nothing) = (Lanes::splat(simd, least), Lanes::splat(simd, f64::NAN));
         let (measures, derivatives) = (&out.measures, &out.derivatives);
-        // 0 as long as all is well: the difference of a number and itself is 0 if it is finite.
+        // 0 as long as all is well.
         let mut refused = zero;
         for group in groups(simd, batch) {
             let load = |channel: &[f64]| Lanes::load(simd, channel, group);
@@ -189,7 +189,7 @@ impl<G: Geometry<C>, const C: usize> WithSimd for Differentiating<'_, G, C> {
             let energy = weight * load(&derivatives.psi);
             energy.store(&mut out.energy, group);
             let change = load(&measures.change);
-            refused = refused + (energy - energy) + (change - change);
+            refused = refused + energy.zero_or_nan() + change.zero_or_nan();
             refused = measure.where_less(least, nothing, refused);
             if order == Order::Energy {
                 continue;
@@ -199,7 +199,7 @@ impl<G: Geometry<C>, const C: usize> WithSimd for Differentiating<'_, G, C> {
             let (first, second) = G::VARIABLE.slopes(measure, load(&derivatives.dpsi), curvature);
             let first = weight * first * load(&measures.orientation);
             first.store(&mut out.first, group);
-            refused = refused + (first - first);
+            refused = refused + first.zero_or_nan();
             let x: [Lanes<S>; C] = each(|c| load(&reference[c]) + load(&displacement[c]));
             let gradient = G::gradient(&x);
             for c in 0..C {
@@ -208,7 +208,7 @@ impl<G: Geometry<C>, const C: usize> WithSimd for Differentiating<'_, G, C> {
             if order == Order::Tangent {
                 let second = weight * second;
                 second.store(&mut out.second, group);
-                refused = refused + (second - second);
+                refused = refused + second.zero_or_nan();
                 let hessian = &mut out.hessian[..packed_len(C)];
                 G::hessian(&x, &gradient, first, second, |place, value| {
                     value.store(&mut hessian[place], group);

@@ -45,6 +45,12 @@ impl<S: Simd> Lanes<S> {
         Lanes { numbers: self.simd.select_f64s(mask, yes.numbers, no.numbers), ..self }
     }
 
+    /// 0 in the lanes whose number is finite, not a number in all others.
+    #[inline(always)]
+    pub fn zero_or_nan(self) -> Self {
+        self * self.alike(0.0)
+    }
+
     /// The larger of two numbers in each lane, where both are numbers.
     #[inline(always)]
     pub fn max(self, other: Self) -> Self {

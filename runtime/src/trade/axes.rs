@@ -84,7 +84,7 @@ pub const AXES: &[Axis] = &[
         key: "solver.preconditioner",
         about: "what makes conjugate gradients converge sooner",
         changes: Changes::Solution,
-        words: &["block-jacobi", "incomplete-cholesky", "two-level"],
+        words: &["block-jacobi", "two-level"],
         reference: "",
         default: "auto",
         usual: false,

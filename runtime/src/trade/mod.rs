@@ -4,11 +4,11 @@
 //! |---|---|
 //! | what can be varied | [`axes`]: a table of axes and a table of combinations |
 //! | what is compared | [`quantity`]: energy, reactions, probes, displacements, residual |
-//! | what is right | [`reference`]: strict, direct, the tightest tolerance that converges; and how far equally exact runs differ |
+//! | what is right | [`mod@reference`]: strict, direct, the tightest tolerance that converges; and how far equally exact runs differ |
 //! | what the scene can see | [`resolution`]: the same scene on another lattice |
 //! | how long it takes | [`statistics`]: interleaved repeats within a budget |
 //! | who is beaten | [`front`]: by less time that noise does not explain, and no larger error |
-//! | all of it | [`study`], and [`verdict`], which picks a setting |
+//! | all of it | [`mod@study`], and [`verdict`], which picks a setting |
 //! | what is written | [`report`] |
 //!
 //! Times are those of [`solve`](crate::simulation::solve()): compiling kernels, finding

@@ -156,7 +156,7 @@ mod tests {
     #[test]
     fn few_powers_of_ten_have_ticks_between() {
         assert_eq!(one_two_five(-1.0, 0.1, 7), [0.1, 0.2, 0.5, 1.0]);
-        assert_eq!(one_two_five(0.31, 0.69, 7), [5.0]);
+        assert_eq!(one_two_five(0.31, 0.7, 7), [5.0]);
         assert_eq!(one_two_five(-2.0, 2.0, 7), [0.01, 0.1, 1.0, 10.0, 100.0]);
     }
 

@@ -36,7 +36,7 @@ impl SethHill {
     /// The compiled energy of a measure.
     pub(crate) fn kernel(&self, measure: Measure) -> Kernel {
         let compiled =
-            self.model.compile(&self.values, Mode::Jit(Level::Strict)).expect("it compiles");
+            self.model.compile(&self.values, Mode::Jit(Level::default())).expect("it compiles");
         let mut kernels = compiled.kernels.into_iter();
         kernels.find(|kernel| kernel.measure() == measure).expect("all three are modelled")
     }

@@ -33,7 +33,7 @@ use registers::{Measuring, Summing};
 use super::accumulate::{OwnerSums, TetrahedronLane};
 use super::slab::PairNumbers;
 use super::sum::Sum;
-use crate::element::Order;
+use crate::element::{Order, WIDEST};
 use crate::geometry::{cross, dot};
 use crate::interaction::OwnerCliques;
 use crate::kernel::{Batch, Law, Outputs};
@@ -117,7 +117,7 @@ impl TetrahedronSums {
             }
             self.block.restart();
             for j in (0..k).filter(|&j| owner.cliques.are_neighbors(j, k)) {
-                if self.block.weight.len() + width > CAPACITY && !self.run(rules, owner) {
+                if WIDEST * self.block.weight.len() + width > CAPACITY && !self.run(rules, owner) {
                     return false;
                 }
                 self.block.add_row(rules, owner, &self.members, &self.thirds, j);
@@ -138,19 +138,22 @@ impl TetrahedronSums {
         if block.rows.is_empty() {
             return true;
         }
-        let n = block.make_room();
+        block.make_room();
         let (members, thirds) = (&self.members, &self.thirds);
         let measuring = Measuring { block, thirds, members, weights: rules.weights, owner };
         if rules.arch.dispatch(measuring) {
             block.set_thin_apart(&self.thirds, owner, &mut self.thin);
         }
         let inputs = Batch {
-            measure: &block.measure[..n],
-            reference: &block.reference[..n],
-            change: &block.change[..n],
+            measure: block.measure.as_flattened(),
+            reference: block.reference.as_flattened(),
+            change: block.change.as_flattened(),
         };
-        let outputs =
-            Outputs { psi: &mut block.psi, dpsi: &mut block.first, d2psi: &mut block.second };
+        let outputs = Outputs {
+            psi: block.psi.as_flattened_mut(),
+            dpsi: block.first.as_flattened_mut(),
+            d2psi: block.second.as_flattened_mut(),
+        };
         rules.law.evaluate(inputs, rules.order, outputs);
         let summing = Summing {
             block,

@@ -5,32 +5,41 @@ use super::{Members, Moments, Owner, Rules, Vector, plus};
 use crate::element::{Order, THIN, WIDEST};
 use crate::geometry::{cross, dot, each};
 
+/// One number of as many interactions as the widest registers hold.
+pub(super) type Eight = [f64; WIDEST];
+
 /// The third corners of the tetrahedra on all pairs `(j, k)` of one `k`: the later neighbours `l` of
 /// `k`, side by side. Repeats the last to fill whole registers.
 #[derive(Default)]
 pub(super) struct Thirds {
     pub(super) k: usize,
     pub(super) members: Vec<u32>,
-    /// `Xl`.
-    pub(super) rest: [Vec<f64>; 3],
-    /// `Xk x Xl`, `xk x xl`, and their difference from displacements.
-    pub(super) normal_at_rest: [Vec<f64>; 3],
-    pub(super) normal: [Vec<f64>; 3],
-    pub(super) turned: [Vec<f64>; 3],
-    /// `xl` and `xl xl^T`.
-    pub(super) moments: [Vec<f64>; 9],
-    pub(super) square_at_rest: Vec<f64>,
-    pub(super) square: Vec<f64>,
-    pub(super) shares: Vec<f64>,
+    pub(super) groups: Vec<Group>,
+    /// Moments of the pairs `(k, l)`, group by group.
+    pub(super) sums: Vec<[Eight; 9]>,
     /// Place of each member among the thirds, where it is one.
     pub(super) place: Vec<u32>,
-    /// Moments of the pairs `(k, l)`.
-    pub(super) sums: [Vec<f64>; 9],
+}
+
+/// What is known of some thirds.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Group {
+    /// `Xl`.
+    pub(super) rest: [Eight; 3],
+    /// `Xk x Xl`, `xk x xl`, and their difference from displacements.
+    pub(super) normal_at_rest: [Eight; 3],
+    pub(super) normal: [Eight; 3],
+    pub(super) turned: [Eight; 3],
+    /// `xl` and `xl xl^T`.
+    pub(super) moments: [Eight; 9],
+    pub(super) square_at_rest: Eight,
+    pub(super) square: Eight,
+    pub(super) share: Eight,
 }
 
 impl Thirds {
     pub(super) fn width(&self) -> usize {
-        self.square.len()
+        WIDEST * self.groups.len()
     }
 
     pub(super) fn set(&mut self, owner: &Owner<'_>, members: &Members, k: usize) {
@@ -41,45 +50,44 @@ impl Thirds {
             self.place[l] = self.members.len() as u32;
             self.members.push(l as u32);
         }
-        let n = self.members.len();
-        let width = n.next_multiple_of(WIDEST);
-        let vectors =
-            [&mut self.rest, &mut self.normal_at_rest, &mut self.normal, &mut self.turned];
-        let channels = vectors.into_iter().flatten().chain(&mut self.moments);
-        let channels = channels.chain([&mut self.square_at_rest, &mut self.square]);
-        channels.chain([&mut self.shares]).for_each(|channel| channel.resize(width, 0.0));
+        let n_groups = self.members.len().div_ceil(WIDEST);
+        self.groups.resize(n_groups, Group::default());
+        self.sums.clear();
+        self.sums.resize(n_groups, [[0.0; WIDEST]; 9]);
         let (rest, displacement) = (owner.cliques.reference(), owner.displacement);
-        for place in 0..width {
-            let l = self.members[place.min(n - 1)] as usize;
-            let turned =
-                plus(&cross(&rest[k], &displacement[l]), &cross(&displacement[k], &members.now[l]));
-            let (at_rest, now) =
-                (cross(&rest[k], &rest[l]), cross(&members.now[k], &members.now[l]));
-            for axis in 0..3 {
-                self.rest[axis][place] = rest[l][axis];
-                self.normal_at_rest[axis][place] = at_rest[axis];
-                self.normal[axis][place] = now[axis];
-                self.turned[axis][place] = turned[axis];
+        let (rest_k, eta_k, now_k) = (rest[k], displacement[k], members.now[k]);
+        for (group, part) in self.groups.iter_mut().zip(self.members.chunks(WIDEST)) {
+            for lane in 0..WIDEST {
+                let l = part[lane.min(part.len() - 1)] as usize;
+                let now = members.now[l];
+                let at_rest = cross(&rest_k, &rest[l]);
+                let normal = cross(&now_k, &now);
+                let turned = plus(&cross(&rest_k, &displacement[l]), &cross(&eta_k, &now));
+                for axis in 0..3 {
+                    group.rest[axis][lane] = rest[l][axis];
+                    group.normal_at_rest[axis][lane] = at_rest[axis];
+                    group.normal[axis][lane] = normal[axis];
+                    group.turned[axis][lane] = turned[axis];
+                }
+                let moments = &members.moments[l];
+                for k in 0..9 {
+                    group.moments[k][lane] = moments[k];
+                }
+                group.square_at_rest[lane] = owner.cliques.squares()[l];
+                group.square[lane] = members.square[l];
+                group.share[lane] = owner.shares[l];
             }
-            for (channel, moment) in self.moments.iter_mut().zip(members.moments[l]) {
-                channel[place] = moment;
-            }
-            self.square_at_rest[place] = owner.cliques.squares()[l];
-            self.square[place] = members.square[l];
-            self.shares[place] = owner.shares[l];
-        }
-        for sums in &mut self.sums {
-            sums.clear();
-            sums.resize(width, 0.0);
         }
     }
 
     /// Adds the moments of the pairs `(k, l)`.
     pub(super) fn add_to(&self, pairs: &mut [Moments], owner: &Owner<'_>, k: usize) {
+        let numbers = owner.pairs.row(k);
         for (place, &l) in self.members.iter().enumerate() {
-            let pair = &mut pairs[owner.pairs.of(k, l as usize) as usize];
-            for (moment, sums) in pair.iter_mut().zip(&self.sums) {
-                *moment += sums[place];
+            let (sums, lane) = (&self.sums[place / WIDEST], place % WIDEST);
+            let pair = &mut pairs[numbers[l as usize] as usize];
+            for part in 0..9 {
+                pair[part] += sums[part][lane];
             }
         }
     }
@@ -107,16 +115,16 @@ pub(super) struct Block {
     /// Lane of each clique of four, and the number of its pair `(j, l)`.
     pub(super) lanes: Vec<(u32, u32)>,
     /// 1 in lanes with a clique, then the weight of its tetrahedron; else 0.
-    pub(super) weight: Vec<f64>,
-    pub(super) sign: Vec<f64>,
-    pub(super) measure: Vec<f64>,
-    pub(super) reference: Vec<f64>,
-    pub(super) change: Vec<f64>,
-    pub(super) psi: Vec<f64>,
+    pub(super) weight: Vec<Eight>,
+    pub(super) sign: Vec<Eight>,
+    pub(super) measure: Vec<Eight>,
+    pub(super) reference: Vec<Eight>,
+    pub(super) change: Vec<Eight>,
+    pub(super) psi: Vec<Eight>,
     /// psi', then `f`.
-    pub(super) first: Vec<f64>,
+    pub(super) first: Vec<Eight>,
     /// psi'', then `s`.
-    pub(super) second: Vec<f64>,
+    pub(super) second: Vec<Eight>,
 }
 
 impl Block {
@@ -134,16 +142,18 @@ impl Block {
         thirds: &Thirds,
         j: usize,
     ) {
-        let (k, start, first) = (thirds.k, self.weight.len(), self.lanes.len());
-        self.weight.resize(start + thirds.width(), 0.0);
+        let (k, first) = (thirds.k, self.lanes.len());
+        let (start, groups) = (self.weight.len(), thirds.groups.len());
+        self.weight.resize(start + groups, [0.0; WIDEST]);
         self.lanes.resize(first + thirds.width(), (0, 0));
-        let (is_clique, lanes) = (&mut self.weight[start..], &mut self.lanes[first..]);
+        let is_clique = self.weight[start..].as_flattened_mut();
+        let lanes = &mut self.lanes[first..];
         let pairs = owner.pairs.row(j);
         let mut count = 0;
         owner.cliques.for_each_common(j, k, |l| {
             let place = thirds.place[l];
             is_clique[place as usize] = 1.0;
-            lanes[count] = (start as u32 + place, pairs[l]);
+            lanes[count] = ((WIDEST * start) as u32 + place, pairs[l]);
             count += 1;
         });
         self.lanes.truncate(first + count);
@@ -165,13 +175,12 @@ impl Block {
     }
 
     /// Makes all arrays as long as there are lanes.
-    pub(super) fn make_room(&mut self) -> usize {
+    pub(super) fn make_room(&mut self) {
         let n = self.weight.len();
         let arrays = [&mut self.sign, &mut self.measure, &mut self.reference, &mut self.change];
-        arrays.into_iter().for_each(|array| array.resize(n, 0.0));
-        let arrays = [&mut self.psi, &mut self.first, &mut self.second];
-        arrays.into_iter().for_each(|array| array.resize(n, 0.0));
-        n
+        let others = [&mut self.psi, &mut self.first, &mut self.second];
+        let arrays = arrays.into_iter().chain(others);
+        arrays.for_each(|array| array.resize(n, [0.0; WIDEST]));
     }
 
     /// Takes thin tetrahedra out of the block.
@@ -187,13 +196,16 @@ impl Block {
             for &(lane, pair) in &self.lanes[row.first..end] {
                 let lane = lane as usize;
                 let place = lane - number * width;
-                let (now, rest) = (self.measure[lane], self.reference[lane]);
-                let largest = row.squares[0] * thirds.square_at_rest[place];
-                let largest_now = row.squares[1] * thirds.square[place];
+                let (group, part) = (&thirds.groups[place / WIDEST], place % WIDEST);
+                let now = self.measure.as_flattened()[lane];
+                let rest = self.reference.as_flattened()[lane];
+                let largest = row.squares[0] * group.square_at_rest[part];
+                let largest_now = row.squares[1] * group.square[part];
                 let is_thin =
                     rest * rest < THIN * THIN * largest || now * now < THIN * THIN * largest_now;
-                if self.weight[lane] != 0.0 && is_thin {
-                    self.weight[lane] = 0.0;
+                let weight = &mut self.weight.as_flattened_mut()[lane];
+                if *weight != 0.0 && is_thin {
+                    *weight = 0.0;
                     let l = thirds.members[place];
                     thin.push(TetrahedronLane {
                         members: [row.j as u32, thirds.k as u32, l],
@@ -206,14 +218,15 @@ impl Block {
 
     /// Adds to the moments of the pairs `(j, l)`; their third corner lies between them.
     pub(super) fn scatter(&self, middle: &Moments, order: Order, pairs: &mut [Moments]) {
+        let (firsts, seconds) = (self.first.as_flattened(), self.second.as_flattened());
         for &(lane, pair) in &self.lanes {
             let sums = &mut pairs[pair as usize];
-            let first = self.first[lane as usize];
+            let first = firsts[lane as usize];
             for part in 0..3 {
                 sums[part] -= first * middle[part];
             }
             if order == Order::Tangent {
-                let second = self.second[lane as usize];
+                let second = seconds[lane as usize];
                 for part in 3..9 {
                     sums[part] += second * middle[part];
                 }

@@ -3,7 +3,7 @@
 use pulp::{Simd, WithSimd};
 
 use super::super::sum::Sum;
-use super::block::{Block, Thirds};
+use super::block::{Block, Eight, Thirds};
 use super::{Members, Moments, Owner, Vector};
 use crate::element::{Order, THIN, WIDEST};
 use crate::geometry::lanes::Lanes;
@@ -30,58 +30,63 @@ impl WithSimd for Measuring<'_> {
         let splat = |x: f64| Lanes::splat(simd, x);
         let splat_all = |x: &Vector| -> [Lanes<S>; 3] { each(|axis| splat(x[axis])) };
         let (zero, one) = (splat(0.0), splat(1.0));
-        let groups = thirds.width() / Lanes::<S>::WIDTH;
+        let n = block.weight.len();
+        let (weight_of, sign_of) = (&mut block.weight[..n], &mut block.sign[..n]);
+        let (measure_of, reference_of) = (&mut block.measure[..n], &mut block.reference[..n]);
+        let change_of = &mut block.change[..n];
         let mut thin = zero;
-        for (number, row) in block.rows.iter().enumerate() {
+        let mut at = 0;
+        for row in &block.rows {
             let rest = splat_all(&owner.cliques.reference()[row.j]);
             let eta = splat_all(&owner.displacement[row.j]);
             let now = splat_all(&members.now[row.j]);
             let squares: [Lanes<S>; 2] = each(|k| splat(THIN * THIN * row.squares[k]));
             // Lanes without a tetrahedron are evaluated as if they had this volume, unstrained.
             let some_volume = splat(row.longest[0] * row.longest[0].sqrt());
-            for group in 0..groups {
-                let lanes = number * groups + group;
-                let load = |channel: &[f64]| Lanes::load(simd, channel, group);
-                let load_all = |channels: &[Vec<f64>; 3]| -> [Lanes<S>; 3] {
-                    each(|axis| load(&channels[axis]))
-                };
-                let (normal_at_rest, normal) =
-                    (load_all(&thirds.normal_at_rest), load_all(&thirds.normal));
-                let at_rest = dot(&rest, &normal_at_rest);
-                let volume = dot(&now, &normal);
-                let grown = dot(&eta, &normal) + dot(&rest, &load_all(&thirds.turned));
-                let sign = at_rest.sign();
-                let is_clique = Lanes::load(simd, &block.weight, lanes);
-                let square = load(&thirds.square_at_rest);
-                let volume_squared = at_rest * at_rest;
-                // No edge is longer than twice the longest at the owner, and those are edges: nearly
-                // always that decides.
-                let bound = splat(4.0) * splat(row.longest[0]).max(square);
-                let mut edge = splat(row.longest[1]).max(square);
-                let mut coplanar = degeneracy.coplanar(volume_squared, edge);
-                let possible = degeneracy.coplanar(volume_squared, bound);
-                if (is_clique * (possible - coplanar)).largest() > 0.0 {
-                    let third = load_all(&thirds.rest);
-                    for corner in [row.j, thirds.k] {
-                        let corner = splat_all(&owner.cliques.reference()[corner]);
-                        let away: [Lanes<S>; 3] = each(|axis| third[axis] - corner[axis]);
-                        edge = edge.max(dot(&away, &away));
+            for third in &thirds.groups {
+                for register in 0..WIDEST / Lanes::<S>::WIDTH {
+                    let load = |channel: &Eight| Lanes::load(simd, channel, register);
+                    let load_all =
+                        |all: &[Eight; 3]| -> [Lanes<S>; 3] { each(|axis| load(&all[axis])) };
+                    let (normal_at_rest, normal) =
+                        (load_all(&third.normal_at_rest), load_all(&third.normal));
+                    let at_rest = dot(&rest, &normal_at_rest);
+                    let volume = dot(&now, &normal);
+                    let grown = dot(&eta, &normal) + dot(&rest, &load_all(&third.turned));
+                    let sign = at_rest.sign();
+                    let is_clique = load(&weight_of[at]);
+                    let square = load(&third.square_at_rest);
+                    let volume_squared = at_rest * at_rest;
+                    // No edge is longer than twice the longest at the owner, and those are edges:
+                    // nearly always that decides.
+                    let bound = splat(4.0) * splat(row.longest[0]).max(square);
+                    let mut edge = splat(row.longest[1]).max(square);
+                    let mut coplanar = degeneracy.coplanar(volume_squared, edge);
+                    let possible = degeneracy.coplanar(volume_squared, bound);
+                    if (is_clique * (possible - coplanar)).largest() > 0.0 {
+                        let corner_l = load_all(&third.rest);
+                        for corner in [row.j, thirds.k] {
+                            let corner = splat_all(&owner.cliques.reference()[corner]);
+                            let away: [Lanes<S>; 3] = each(|axis| corner_l[axis] - corner[axis]);
+                            edge = edge.max(dot(&away, &away));
+                        }
+                        coplanar = possible * degeneracy.coplanar(volume_squared, edge);
                     }
-                    coplanar = possible * degeneracy.coplanar(volume_squared, edge);
+                    let weight = is_clique * weights.join_last(row.weight, load(&third.share));
+                    let weight = coplanar.where_equal(zero, weight, zero);
+                    weight.store(&mut weight_of[at], register);
+                    let used =
+                        |value: Lanes<S>, other: Lanes<S>| weight.where_equal(zero, other, value);
+                    used(sign * volume, some_volume).store(&mut measure_of[at], register);
+                    used(sign * at_rest, some_volume).store(&mut reference_of[at], register);
+                    used(grown / at_rest, zero).store(&mut change_of[at], register);
+                    sign.store(&mut sign_of[at], register);
+                    let is_thin = volume_squared.where_less(squares[0] * square, one, zero);
+                    let largest_now = squares[1] * load(&third.square);
+                    let is_thin = (volume * volume).where_less(largest_now, one, is_thin);
+                    thin = thin + used(is_thin, zero);
                 }
-                let weight = is_clique * weights.join_last(row.weight, load(&thirds.shares));
-                let weight = coplanar.where_equal(zero, weight, zero);
-                weight.store(&mut block.weight, lanes);
-                let used =
-                    |value: Lanes<S>, other: Lanes<S>| weight.where_equal(zero, other, value);
-                used(sign * volume, some_volume).store(&mut block.measure, lanes);
-                used(sign * at_rest, some_volume).store(&mut block.reference, lanes);
-                used(grown / at_rest, zero).store(&mut block.change, lanes);
-                sign.store(&mut block.sign, lanes);
-                let is_thin = volume_squared.where_less(squares[0] * square, one, zero);
-                let largest_now = squares[1] * load(&thirds.square);
-                let is_thin = (volume * volume).where_less(largest_now, one, is_thin);
-                thin = thin + used(is_thin, zero);
+                at += 1;
             }
         }
         thin.largest() > 0.0
@@ -124,26 +129,32 @@ impl Summing<'_> {
         let (least, nothing) = (Lanes::splat(simd, self.least), Lanes::splat(simd, f64::NAN));
         // 0 as long as all is well.
         let mut refused = zero;
-        for lanes in 0..block.weight.len() / Lanes::<S>::WIDTH {
-            let load = |channel: &[f64]| Lanes::load(simd, channel, lanes);
-            let weight = load(&block.weight);
-            let part = weight * load(&block.psi);
-            part.store(&mut block.psi, lanes);
-            let change = load(&block.change);
-            refused = refused + part.zero_or_nan() + change.zero_or_nan();
-            refused = load(&block.measure).where_less(least, nothing, refused);
-            if order >= Order::Gradient {
-                let first = weight * load(&block.sign) * load(&block.first);
-                first.store(&mut block.first, lanes);
-                refused = refused + first.zero_or_nan();
-            }
-            if order == Order::Tangent {
-                let second = weight * load(&block.second);
-                second.store(&mut block.second, lanes);
-                refused = refused + second.zero_or_nan();
+        let n = block.weight.len();
+        let (weight_of, sign_of, measure_of) =
+            (&block.weight[..n], &block.sign[..n], &block.measure[..n]);
+        let (change_of, psi_of) = (&block.change[..n], &mut block.psi[..n]);
+        let (first_of, second_of) = (&mut block.first[..n], &mut block.second[..n]);
+        for at in 0..n {
+            for register in 0..WIDEST / Lanes::<S>::WIDTH {
+                let load = |channel: &Eight| Lanes::load(simd, channel, register);
+                let weight = load(&weight_of[at]);
+                let part = weight * load(&psi_of[at]);
+                part.store(&mut psi_of[at], register);
+                refused = refused + part.zero_or_nan() + load(&change_of[at]).zero_or_nan();
+                refused = load(&measure_of[at]).where_less(least, nothing, refused);
+                if order >= Order::Gradient {
+                    let first = weight * load(&sign_of[at]) * load(&first_of[at]);
+                    first.store(&mut first_of[at], register);
+                    refused = refused + first.zero_or_nan();
+                }
+                if order == Order::Tangent {
+                    let second = weight * load(&second_of[at]);
+                    second.store(&mut second_of[at], register);
+                    refused = refused + second.zero_or_nan();
+                }
             }
         }
-        energy.add(&block.psi[..block.weight.len()]);
+        energy.add(block.psi.as_flattened());
         refused.where_equal(zero, zero, one).largest() == 0.0
     }
 
@@ -152,27 +163,25 @@ impl Summing<'_> {
     #[inline(always)]
     fn sum_moments<S: Simd, const PARTS: usize>(&mut self, simd: S) {
         let (block, thirds) = (&*self.block, &mut *self.thirds);
-        let groups = thirds.width() / Lanes::<S>::WIDTH;
-        let registers = WIDEST / Lanes::<S>::WIDTH;
+        let groups = thirds.groups.len();
+        let (third_groups, third_sums) = (&thirds.groups[..groups], &mut thirds.sums[..groups]);
         for (number, row) in block.rows.iter().enumerate() {
             let near = &self.members.moments[row.j];
+            let lanes = number * groups..(number + 1) * groups;
+            let (firsts, seconds) = (&block.first[lanes.clone()], &block.second[lanes]);
             let mut totals = [[0.0; WIDEST]; PARTS];
-            for register in 0..registers {
+            for register in 0..WIDEST / Lanes::<S>::WIDTH {
                 let mut sums: [Lanes<S>; PARTS] = each(|_| Lanes::splat(simd, 0.0));
-                for group in (register..groups).step_by(registers) {
-                    let lanes = number * groups + group;
-                    let first = Lanes::load(simd, &block.first, lanes);
-                    let second = match PARTS {
-                        3 => first,
-                        _ => Lanes::load(simd, &block.second, lanes),
-                    };
+                for group in 0..groups {
+                    let first = Lanes::load(simd, &firsts[group], register);
+                    let second = Lanes::load(simd, &seconds[group], register);
+                    let (far, outer) = (&third_groups[group].moments, &mut third_sums[group]);
                     for part in 0..PARTS {
                         let factor = if part < 3 { first } else { second };
-                        let far = Lanes::load(simd, &thirds.moments[part], group);
-                        sums[part] = sums[part] + factor * far;
-                        let outer = Lanes::load(simd, &thirds.sums[part], group);
-                        let outer = outer + factor * Lanes::splat(simd, near[part]);
-                        outer.store(&mut thirds.sums[part], group);
+                        sums[part] = sums[part] + factor * Lanes::load(simd, &far[part], register);
+                        let sum = Lanes::load(simd, &outer[part], register)
+                            + factor * Lanes::splat(simd, near[part]);
+                        sum.store(&mut outer[part], register);
                     }
                 }
                 for part in 0..PARTS {

@@ -180,6 +180,7 @@ impl<G: Geometry<C>, const C: usize> WithSimd for Differentiating<'_, G, C> {
         let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
         let (least, nothing) = (Lanes::splat(simd, least), Lanes::splat(simd, f64::NAN));
         let (measures, derivatives) = (&out.measures, &out.derivatives);
+        let (to_gradient, to_hessian) = (&mut out.gradient[..C], &mut out.hessian[..packed_len(C)]);
         // 0 as long as all is well.
         let mut refused = zero;
         for group in groups(simd, batch) {
@@ -203,15 +204,14 @@ impl<G: Geometry<C>, const C: usize> WithSimd for Differentiating<'_, G, C> {
             let x: [Lanes<S>; C] = each(|c| load(&reference[c]) + load(&displacement[c]));
             let gradient = G::gradient(&x);
             for c in 0..C {
-                (first * gradient[c]).store(&mut out.gradient[c], group);
+                (first * gradient[c]).store(&mut to_gradient[c], group);
             }
             if order == Order::Tangent {
                 let second = weight * second;
                 second.store(&mut out.second, group);
                 refused = refused + second.zero_or_nan();
-                let hessian = &mut out.hessian[..packed_len(C)];
                 G::hessian(&x, &gradient, first, second, |place, value| {
-                    value.store(&mut hessian[place], group);
+                    value.store(&mut to_hessian[place], group);
                 });
             }
         }

@@ -20,7 +20,7 @@ fn an_energy_is_timed_in_every_way() {
     assert_eq!((&found["potential"], &found["dimension"]), (&"firooz2023".into(), &2.into()));
     let ways: Vec<&str> =
         list(&found["ways"]).iter().map(|way| way["way"].as_str().unwrap()).collect();
-    for way in ["strict", "interpreter", "hyper-dual", "hyper-dual coordinates"] {
+    for way in ["fast", "strict", "interpreter", "hyper-dual", "hyper-dual coordinates"] {
         assert!(ways.contains(&way), "{ways:?}");
     }
     for way in list(&found["ways"]) {
@@ -32,11 +32,11 @@ fn an_energy_is_timed_in_every_way() {
                 assert!(number(&energy["nanoseconds"][order]) > 0.0);
             }
             let errors = &energy["errors"];
-            if way["way"] == "strict" {
+            if way["way"] == "fast" || way["way"] == "strict" {
                 let errors = numbers(errors);
                 assert!(errors.len() == 3 && errors.iter().all(|e| *e <= 64.0), "{errors:?}");
-            } else if !errors.is_null() {
-                assert_eq!(numbers(errors).len(), 3);
+            } else {
+                assert!(errors.is_null(), "only levels are audited: {way}");
             }
         }
     }

@@ -330,7 +330,6 @@ fn a_mechanism_is_a_typed_error() {
 /// outside each x end, bonds up to two spacings, the two layers at each end follow
 /// `x = (1 + g) X`, increments of 2 %; residuals over the first in the increment that ends at 20 %.
 #[test]
-#[ignore = "takes ten seconds; also measures time"]
 fn the_published_residuals_are_reproduced_by_full_steps() {
     let network = SpringNetwork::lattice(&[23, 21, 21], 2.0, linear);
     let held = network.dofs_where(|x| x[0] <= 1.0 || x[0] >= 21.0);
@@ -339,17 +338,12 @@ fn the_published_residuals_are_reproduced_by_full_steps() {
     let drive = displaced(&held.iter().map(|&dof| (dof, pulled(dof))).collect::<Vec<_>>());
     let newton = NewtonSettings { tolerance: 1e-13, ..NewtonSettings::default() };
     let settings = StepSettings { end: 0.2, newton, ..settings(10) };
-    let mut times = PhaseTimes::default();
     let outcome = run_steps(&network, &drive, &settings, &mut |record, _| {
-        times.add(&record.times);
         assert!(record.step_lengths.iter().all(|&length| length == 1.0));
         ControlFlow::Continue(())
     })
     .unwrap();
     let residual = &outcome.records.last().unwrap().residual;
-    let iterations: Vec<usize> =
-        outcome.records[9].linear.iter().map(|report| report.iterations).collect();
-    println!("{times:?} {iterations:?} {:?}", outcome.records[9].linear[0].method);
     for (found, printed) in residual.iter().zip([1.0, 3.99e-2, 7.66e-5, 3.79e-10]) {
         let ratio = found / residual[0] / printed;
         assert!((ratio - 1.0).abs() < 5e-3, "{residual:?}");

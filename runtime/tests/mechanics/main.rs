@@ -10,4 +10,3 @@ mod moduli;
 mod refusals;
 mod small_clouds;
 mod thin;
-mod timing;

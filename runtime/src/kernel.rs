@@ -1,4 +1,5 @@
-//! The one door to the compiler: everything the runtime needs of an energy is a [`Law`].
+//! The one door to the compiler: everything the runtime needs of an energy is a [`Law`] or, where it
+//! has several variables, a [`VariablesLaw`].
 
 pub use piola_compiler::{Batch, Level, Measure, Order, Outputs};
 
@@ -26,4 +27,30 @@ impl Law for piola_compiler::Kernel {
     fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>) {
         piola_compiler::Kernel::evaluate(self, batch, order, out);
     }
+}
+
+/// Variables of `n` places, variable by variable: entry `k*n + p` is variable `k` at place `p`.
+#[derive(Clone, Copy, Debug)]
+pub struct Variables<'a> {
+    /// How many places there are.
+    pub n: usize,
+    /// The variables. Of a deformation gradient: `F`, row by row.
+    pub current: &'a [f64],
+    /// Their changes from rest, as exact as displacements are. Of a deformation gradient: `F - I`.
+    pub change: &'a [f64],
+}
+
+/// An energy density of several variables with its derivatives, evaluated over arrays.
+///
+/// All arrays are laid out like [`Variables`].
+pub trait VariablesLaw: Send + Sync {
+    /// How many variables there are: `d*d` for a deformation gradient.
+    fn n_variables(&self) -> usize;
+
+    /// Fills `psi` and, unless it is empty, `gradient` with the derivatives by each variable. For a
+    /// deformation gradient `psi` is in J/m^3 and its derivative the first Piola-Kirchhoff stress.
+    fn evaluate(&self, at: Variables<'_>, psi: &mut [f64], gradient: &mut [f64]);
+
+    /// Fills `product` with the second derivatives times `direction`.
+    fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]);
 }

@@ -85,6 +85,8 @@ pub enum UnaryOperator {
     Negate,
     /// `not c`.
     Not,
+    /// `F'`, the transpose; stands behind its operand.
+    Transpose,
 }
 
 /// Operators with two operands, loosest first in the comments of their groups.
@@ -114,6 +116,8 @@ pub enum BinaryOperator {
     Multiply,
     /// `/`
     Divide,
+    /// `A : B`, the double contraction of two tensors
+    Contract,
     /// `^`, right associative
     Power,
 }

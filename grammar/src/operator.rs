@@ -15,12 +15,14 @@ pub enum Binding {
     Comparison,
     /// `+ -`
     Sum,
-    /// `* /`
+    /// `* / :`
     Product,
     /// `-x`
     Sign,
     /// `^`, from right to left
     Power,
+    /// `x'`
+    Transpose,
 }
 
 impl UnaryOperator {
@@ -29,6 +31,7 @@ impl UnaryOperator {
         match self {
             UnaryOperator::Negate => Binding::Sign,
             UnaryOperator::Not => Binding::Not,
+            UnaryOperator::Transpose => Binding::Transpose,
         }
     }
 
@@ -37,13 +40,14 @@ impl UnaryOperator {
         match self {
             UnaryOperator::Negate => "-",
             UnaryOperator::Not => "not",
+            UnaryOperator::Transpose => "'",
         }
     }
 }
 
 impl BinaryOperator {
     /// All of them, loosest first.
-    pub const ALL: [BinaryOperator; 13] = [
+    pub const ALL: [BinaryOperator; 14] = [
         BinaryOperator::Or,
         BinaryOperator::And,
         BinaryOperator::Equal,
@@ -56,6 +60,7 @@ impl BinaryOperator {
         BinaryOperator::Subtract,
         BinaryOperator::Multiply,
         BinaryOperator::Divide,
+        BinaryOperator::Contract,
         BinaryOperator::Power,
     ];
 
@@ -79,6 +84,7 @@ impl BinaryOperator {
             BinaryOperator::Subtract => "-",
             BinaryOperator::Multiply => "*",
             BinaryOperator::Divide => "/",
+            BinaryOperator::Contract => ":",
             BinaryOperator::Power => "^",
         }
     }
@@ -95,7 +101,9 @@ impl BinaryOperator {
             | BinaryOperator::Greater
             | BinaryOperator::GreaterEqual => Binding::Comparison,
             BinaryOperator::Add | BinaryOperator::Subtract => Binding::Sum,
-            BinaryOperator::Multiply | BinaryOperator::Divide => Binding::Product,
+            BinaryOperator::Multiply | BinaryOperator::Divide | BinaryOperator::Contract => {
+                Binding::Product
+            }
             BinaryOperator::Power => Binding::Power,
         }
     }

@@ -203,6 +203,11 @@ impl<'a> Printer<'a> {
                     }
                 }
             }
+            ExprKind::Unary { operator: UnaryOperator::Transpose, operand } => {
+                stack.push(Work::Text(UnaryOperator::Transpose.symbol()));
+                let bare = binding(arena, *operand).is_none_or(|inner| inner == Binding::Transpose);
+                stack.push(enclosed_unless(bare && !is_if(arena, *operand), *operand));
+            }
             ExprKind::Unary { operator, operand } => {
                 self.push(operator.symbol());
                 if *operator == UnaryOperator::Not {
@@ -278,6 +283,7 @@ fn spaced(operator: BinaryOperator) -> &'static str {
         BinaryOperator::Subtract => " - ",
         BinaryOperator::Multiply => "*",
         BinaryOperator::Divide => "/",
+        BinaryOperator::Contract => " : ",
         BinaryOperator::Power => "^",
     }
 }
@@ -312,6 +318,10 @@ mod tests {
             ("a*(-b)", "a*-b"),
             ("a-(-b)", "a - -b"),
             ("not (a < b)", "not a < b"),
+            ("(F')*(F)", "F'*F"),
+            ("((F')')^2", "F''^2"),
+            ("mu*((E):E)", "mu*(E : E)"),
+            ("(mu*E):E", "mu*E : E"),
             ("(a and b) or (not c)", "a and b or not c"),
             (
                 "if (a < b) then (1) else (if c then 2 else 3)",
@@ -338,6 +348,13 @@ mod tests {
             "2*(if a then 1 else 2)",
             "-(if a then 1 else 2)",
             "(2^-x)^3",
+            "(A*B)'",
+            "(-A)'",
+            "-A'",
+            "2^A'",
+            "(2^x)'",
+            "A : B/2",
+            "A*(B : C)",
             "2^(x + 1)",
         ] {
             assert_eq!(canonical(text), text);

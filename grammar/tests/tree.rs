@@ -28,6 +28,9 @@ fn explicit(arena: &Arena, id: ExprId) -> String {
             let arguments: Vec<String> = arguments.iter().map(|&id| of(id)).collect();
             format!("{}({})", function.name, arguments.join(" "))
         }
+        ExprKind::Unary { operator: UnaryOperator::Transpose, operand } => {
+            format!("({}')", of(*operand))
+        }
         ExprKind::Unary { operator, operand } => {
             let sign = if *operator == UnaryOperator::Negate { "-" } else { "not " };
             format!("({sign}{})", of(*operand))
@@ -55,6 +58,10 @@ fn operators_group_as_the_table_says() {
         ("a*-b", "(a * (-b))"),
         ("-a*b", "((-a) * b)"),
         ("--x", "(-(-x))"),
+        ("-F'*F", "((-(F')) * F)"),
+        ("x^F''", "(x ^ ((F')'))"),
+        ("(A*B)'", "((A * B)')"),
+        ("1/2*E:C*B", "((((1 / 2) * E) : C) * B)"),
         ("a - -b", "(a - (-b))"),
         ("1/2*C*S(l/L)^2", "(((1 / 2) * C) * (S((l / L)) ^ 2))"),
         ("a < b and c or not d == e", "(((a < b) and c) or (not (d == e)))"),

@@ -46,6 +46,7 @@ impl Builder {
         for part in pair.into_inner() {
             let span = self.span(&part);
             match part.as_rule() {
+                Rule::transpose => self.transpose(&mut row, span)?,
                 Rule::prefix => self.prefix(&mut row, part.as_str(), span),
                 Rule::infix => {
                     let operator = BinaryOperator::from_symbol(part.as_str())?;
@@ -76,6 +77,15 @@ impl Builder {
             self.findings.push(finding);
         }
         row.operators.push((Operator::Prefix(operator), span));
+    }
+
+    /// Binds the operand before it, more tightly than any other operator.
+    fn transpose(&mut self, row: &mut Row, mark: Span) -> Option<()> {
+        let Operand { id: operand, outer } = row.operands.pop()?;
+        let kind = ExprKind::Unary { operator: UnaryOperator::Transpose, operand };
+        let outer = outer.to(mark);
+        row.operands.push(Operand { id: self.arena.push(kind, outer), outer });
+        Some(())
     }
 
     fn infix(&mut self, row: &mut Row, operator: BinaryOperator, span: Span) -> Option<()> {

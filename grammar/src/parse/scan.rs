@@ -130,7 +130,7 @@ impl Scanner<'_> {
             ',' => self.separator(),
             '-' if !self.after_operand => self.open(1, Open::Operator),
             '^' => self.open(1, Open::Operator),
-            '+' | '-' | '*' | '/' | '<' | '>' | '=' | '!' => self.infix(1),
+            '+' | '-' | '*' | '/' | ':' | '<' | '>' | '=' | '!' => self.infix(1),
             '.' | '0'..='9' => {
                 self.after_operand = true;
                 number_length(&self.text[self.at..])

@@ -130,7 +130,7 @@ impl<'t> Failure<'t> {
         let mut wanted: Vec<&str> = Vec::new();
         for &rule in &self.expected {
             // A name could also have been a call: true, but no help.
-            if self.expects(Rule::infix) && matches!(rule, Rule::open | Rule::caret) {
+            if self.expects(Rule::infix) && matches!(rule, Rule::open | Rule::caret | Rule::transpose) {
                 continue;
             }
             let words = match rule {
@@ -180,7 +180,7 @@ fn in_words(rule: Rule) -> &'static str {
     use Rule as R;
     match rule {
         R::EOI => "the end of the line",
-        R::infix => "an operator",
+        R::infix | R::transpose => "an operator",
         R::equals => "`=`",
         R::comma => "a comma",
         R::open => "`(`",

@@ -29,7 +29,15 @@ pub fn differentiate(
                 Some(monomial) if monomial.strain.is_some() => {
                     Some(strain_product(graph, monomial, measure)?)
                 }
-                _ => derivative_of(graph, id, &derivatives, measure)?,
+                _ => derivative_of(graph, id, &derivatives, &|graph, input| match input {
+                    Input::Current(m) if m == measure => graph.number(1.0).map(Some),
+                    Input::Change(m) if m == measure => {
+                        let one = graph.number(1.0)?;
+                        let reference = graph.input(Input::Reference(m))?;
+                        graph.divide(one, reference).map(Some)
+                    }
+                    _ => Ok(None),
+                })?,
             };
         }
     }
@@ -91,23 +99,20 @@ fn strain_product(
     graph.divide(product, divisor)
 }
 
-type Derivative = Result<Option<NodeId>, TooManyNodes>;
+/// A derivative; nothing where a node does not vary.
+pub(crate) type Derivative = Result<Option<NodeId>, TooManyNodes>;
 
-fn derivative_of(
+/// The derivative of a node from those of its operands and of the inputs.
+pub(crate) fn derivative_of(
     graph: &mut Simplifier,
     id: NodeId,
     known: &[Option<NodeId>],
-    measure: Measure,
+    of_input: &dyn Fn(&mut Simplifier, Input) -> Derivative,
 ) -> Derivative {
     let of = |x: NodeId| known[x.0 as usize];
     match graph.graph()[id] {
-        Node::Input(Input::Current(m)) if m == measure => graph.number(1.0).map(Some),
-        Node::Input(Input::Change(m)) if m == measure => {
-            let one = graph.number(1.0)?;
-            let reference = graph.input(Input::Reference(m))?;
-            graph.divide(one, reference).map(Some)
-        }
-        Node::Number(_) | Node::Truth(_) | Node::Input(_) => Ok(None),
+        Node::Input(input) => of_input(graph, input),
+        Node::Number(_) | Node::Truth(_) => Ok(None),
         Node::Compare(..) | Node::And(..) | Node::Or(..) | Node::Not(_) => Ok(None),
         Node::Unary(function, x) => match of(x) {
             Some(dx) => unary(graph, function, id, x, dx),
@@ -138,7 +143,7 @@ fn derivative_of(
 }
 
 /// `f(x)' = f'(x)*x'`; `id` is `f(x)` itself.
-fn unary(
+pub(crate) fn unary(
     graph: &mut Simplifier,
     function: Function,
     id: NodeId,
@@ -220,7 +225,7 @@ fn unary(
 }
 
 /// `(x^c)' = c*x^(c-1)*x'`
-fn power_constant(graph: &mut Simplifier, x: NodeId, dx: NodeId, c: f64) -> Derivative {
+pub(crate) fn power_constant(graph: &mut Simplifier, x: NodeId, dx: NodeId, c: f64) -> Derivative {
     if c == 0.0 {
         return Ok(None);
     }
@@ -230,7 +235,7 @@ fn power_constant(graph: &mut Simplifier, x: NodeId, dx: NodeId, c: f64) -> Deri
     graph.multiply(product, dx).map(Some)
 }
 
-fn binary(
+pub(crate) fn binary(
     graph: &mut Simplifier,
     operator: Operator,
     id: NodeId,

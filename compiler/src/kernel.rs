@@ -217,6 +217,10 @@ impl WrittenEnergy {
             Input::Horizon => N::constant(self.values.horizon),
             // The checker makes no such input; only the simplifier does.
             Input::Change(_) => N::constant(f64::NAN),
+            // A measure knows nothing of the deformation gradient.
+            Input::Variable(_) | Input::VariableChange(_) | Input::Direction(_) => {
+                N::constant(f64::NAN)
+            }
         });
         let terms = self.roots.iter().map(|root| interpreter.number(*root));
         terms.reduce(|sum, term| N::binary(Operator::Add, sum, term)).unwrap_or(N::constant(0.0))

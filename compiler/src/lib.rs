@@ -21,7 +21,9 @@ pub mod kernel;
 pub mod lint;
 mod measure;
 mod model;
+pub mod point;
 pub mod print;
+mod program;
 pub mod rewrite;
 pub mod simplify;
 pub mod specialise;
@@ -35,7 +37,8 @@ pub use kernel::{
 };
 pub use lint::{LINTS, Lint};
 pub use measure::Measure;
-pub use model::{Constraint, Energy, Interval, Model, Parameter, Variant};
+pub use model::{Constraint, Energy, GradientEnergy, Interval, Model, Parameter, Variant};
+pub use point::{GradientBatch, GradientEnergyForms, GradientKernel};
 pub use specialise::{CompileError, Dropped, Form, ScalarEnergy, Specialised};
 pub use values::{Setting, ValueError, Values};
 

@@ -65,6 +65,8 @@ pub struct Variant {
     pub units: Vec<UnitValue>,
     /// The energies as written.
     pub energies: Vec<Energy>,
+    /// The energies of the deformation gradient as written.
+    pub gradient_energies: Vec<GradientEnergy>,
     /// Declared intervals of use.
     pub domains: Vec<Interval>,
     /// Holds the roots of energies and intervals.
@@ -78,6 +80,17 @@ pub struct Energy {
     /// What it is a function of.
     pub measure: Measure,
     /// The energy density in the variant's graph.
+    pub root: NodeId,
+    /// Place of the energy's expression.
+    pub span: Span,
+    /// The expression as written, in canonical spelling.
+    pub text: String,
+}
+
+/// One energy statement `psi(F)`.
+#[derive(Clone, Debug)]
+pub struct GradientEnergy {
+    /// The energy density in the variant's graph, in J/m^3.
     pub root: NodeId,
     /// Place of the energy's expression.
     pub span: Span,
@@ -160,6 +173,17 @@ impl Model {
         let first = &self.variants[0];
         let has = |m: &Measure| first.energies.iter().any(|e| e.measure == *m);
         Measure::ALL.into_iter().filter(has).collect()
+    }
+
+    /// Whether there is an energy of the deformation gradient, `psi(F)`.
+    pub fn has_gradient_energy(&self) -> bool {
+        !self.variants[0].gradient_energies.is_empty()
+    }
+
+    /// What its energies are functions of, as written: `l`, `a`, `v`, `F`.
+    pub fn arguments(&self) -> Vec<&'static str> {
+        let measures = self.measures().into_iter().map(Measure::symbol);
+        measures.chain(self.has_gradient_energy().then_some("F")).collect()
     }
 
     /// The unit of an energy density of this measure, e.g. `J/m^4`.

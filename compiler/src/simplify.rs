@@ -75,7 +75,7 @@ pub const RULES: &[Rule] = &[
 ];
 
 /// A graph under construction, simplified as it grows.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Simplifier {
     graph: ExprGraph,
 }

@@ -55,6 +55,10 @@ impl ScalarEnergy {
             Input::Change(_) => change.clone(),
             // Specialisation has put numbers in their place.
             Input::Horizon | Input::Parameter(_) => N::constant(f64::NAN),
+            // A measure knows nothing of the deformation gradient.
+            Input::Variable(_) | Input::VariableChange(_) | Input::Direction(_) => {
+                N::constant(f64::NAN)
+            }
         });
     }
 }
@@ -62,8 +66,8 @@ impl ScalarEnergy {
 /// A term of an energy that is left out because its coefficient is exactly zero.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Dropped {
-    /// The measure it is a function of.
-    pub measure: Measure,
+    /// What it is a function of: `l`, `a`, `v` or `F`.
+    pub argument: &'static str,
     /// Why it is left out, in a sentence.
     pub reason: String,
 }
@@ -72,10 +76,10 @@ pub struct Dropped {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum CompileError {
     /// The graph or the kernel would be too large.
-    #[error("psi({}) needs more than {limit} operations", measure.symbol())]
+    #[error("psi({argument}) needs more than {limit} operations")]
     TooLarge {
-        /// Which energy.
-        measure: Measure,
+        /// Which energy: `l`, `a`, `v` or `F`.
+        argument: &'static str,
         /// Where it stands.
         span: Span,
         /// The limit that is passed.
@@ -85,10 +89,10 @@ pub enum CompileError {
     #[error("the potential is not defined in {0} dimensions")]
     WrongDimension(usize),
     /// The energy depends on the horizon, and none is given.
-    #[error("psi({}) depends on the horizon `delta`, which has no value", measure.symbol())]
+    #[error("psi({argument}) depends on the horizon `delta`, which has no value")]
     NoHorizon {
-        /// Which energy.
-        measure: Measure,
+        /// Which energy: `l`, `a`, `v` or `F`.
+        argument: &'static str,
         /// Where it stands.
         span: Span,
     },
@@ -144,7 +148,7 @@ impl Model {
         for measure in self.measures() {
             if measure == Measure::Volume && values.dimension == 2 {
                 all_dropped.push(Dropped {
-                    measure,
+                    argument: measure.symbol(),
                     reason: "psi(v) is dropped: there are no tetrahedra in two dimensions".into(),
                 });
                 continue;
@@ -153,9 +157,10 @@ impl Model {
             if values.horizon.is_nan()
                 && variant.graph.depends_on(&roots_of(variant, measure), Input::Horizon)
             {
-                return Err(CompileError::NoHorizon { measure, span });
+                return Err(CompileError::NoHorizon { argument: measure.symbol(), span });
             }
-            let too_large = |limit| CompileError::TooLarge { measure, span, limit };
+            let argument = measure.symbol();
+            let too_large = |limit| CompileError::TooLarge { argument, span, limit };
             let mut dropped = Vec::new();
             let derived = energy(variant, &self.parameters, measure, &fold, &mut dropped)
                 .and_then(|energy| energy.map(|energy| energy.derivatives(form)).transpose())
@@ -184,7 +189,7 @@ impl Model {
             let energy = energy(variant, &self.parameters, measure, &|_| None, &mut result.dropped)
                 .and_then(|energy| energy.map(|e| e.derivatives(Form::Textbook)).transpose())
                 .map_err(|TooManyNodes| CompileError::TooLarge {
-                    measure,
+                    argument: measure.symbol(),
                     span,
                     limit: MAX_NODES,
                 })?;
@@ -253,11 +258,23 @@ fn energy(
     fold: &impl Fn(Input) -> Option<f64>,
     dropped: &mut Vec<Dropped>,
 ) -> Result<Option<SimpleEnergy>, TooManyNodes> {
-    let mut rebuild = Rebuild::new(&variant.graph, fold);
     let roots = roots_of(variant, measure);
-    rebuild.nodes(&roots)?;
+    let sum = sum(&variant.graph, parameters, (measure.symbol(), &roots), fold, dropped)?;
+    Ok(sum.map(|(graph, psi)| SimpleEnergy { measure, graph, psi }))
+}
+
+/// The simplified sum of some energies of one argument; `None` if nothing is left of it.
+pub(crate) fn sum(
+    graph: &ExprGraph,
+    parameters: &[Parameter],
+    (argument, roots): (&'static str, &[NodeId]),
+    fold: &impl Fn(Input) -> Option<f64>,
+    dropped: &mut Vec<Dropped>,
+) -> Result<Option<(Simplifier, NodeId)>, TooManyNodes> {
+    let mut rebuild = Rebuild::new(graph, fold);
+    rebuild.nodes(roots)?;
     let mut total: Option<NodeId> = None;
-    for &root in &roots {
+    for &root in roots {
         if let Some(node) = rebuild.modelled(root)? {
             total = Some(match total {
                 None => node,
@@ -267,11 +284,10 @@ fn energy(
     }
     if !rebuild.dropped.is_empty() {
         let what = if total.is_some() { "a term of psi" } else { "psi" };
-        let why = reasons(&variant.graph, parameters, &rebuild.dropped);
-        let reason = format!("{what}({}) is dropped: {why}", measure.symbol());
-        dropped.push(Dropped { measure, reason });
+        let why = reasons(graph, parameters, &rebuild.dropped);
+        dropped.push(Dropped { argument, reason: format!("{what}({argument}) is dropped: {why}") });
     }
-    Ok(total.map(|psi| SimpleEnergy { measure, graph: rebuild.target, psi }))
+    Ok(total.map(|psi| (rebuild.target, psi)))
 }
 
 /// Which zeros dropped something, in words: `C2 = 0`.

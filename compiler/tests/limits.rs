@@ -206,12 +206,12 @@ fn a_horizon_that_is_needed_and_missing_is_named_at_its_energy() {
     let text = "potential p\npsi(a) = a\npsi(l) = l*delta\npsi(l) = l";
     let model = model(text);
     let values = model.values(3, &[], None).unwrap();
-    let Err(CompileError::NoHorizon { measure, span }) =
+    let Err(CompileError::NoHorizon { argument, span }) =
         model.compile(&values, Mode::Jit(Level::Strict))
     else {
         panic!("the horizon is missing")
     };
-    assert_eq!((measure.symbol(), &text[span.range()]), ("l", "l*delta"));
+    assert_eq!((argument, &text[span.range()]), ("l", "l*delta"));
     let values = model.values(3, &[], Some(0.1)).unwrap();
     assert_eq!(model.compile(&values, Mode::Jit(Level::Strict)).unwrap().kernels.len(), 2);
 }

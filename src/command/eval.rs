@@ -55,7 +55,7 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
             return Exit::Input;
         }
     };
-    for dropped in compiled.dropped.iter().filter(|d| d.measure == measure) {
+    for dropped in compiled.dropped.iter().filter(|d| d.argument == measure.symbol()) {
         eprintln!("note: {}", dropped.reason);
     }
     let out = match compiled.kernels.iter().find(|kernel| kernel.measure() == measure) {

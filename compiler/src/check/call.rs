@@ -5,6 +5,7 @@ use piola_grammar::ast::{Ast, ExprId, Ident, Statement};
 
 use super::elaborate::{Elaborator, MAX_CALL_DEPTH};
 use super::names::Symbol;
+use super::tensor::TensorFunction;
 use super::value::{Kind, Value};
 use crate::expression::{Function, Node, Operator};
 
@@ -24,6 +25,9 @@ impl<'a> Elaborator<'a> {
             let quantity = self.builtin_quantity(builtin, quantity, given[0])?;
             let node = Node::Unary(builtin, actual[0].node);
             return self.make(node, Kind::Number(quantity), actual[0].uses, span);
+        }
+        if let Some(tensor_function) = TensorFunction::named(&function.name) {
+            return self.tensor_call(tensor_function, (function, actual[0], given[0]), span);
         }
         let operator = if function.name == "min" { Operator::Min } else { Operator::Max };
         let mut result = (actual[0], self.number(actual[0], given[0])?);
@@ -64,7 +68,9 @@ impl<'a> Elaborator<'a> {
             .iter()
             .map(|(formal, value)| match value.kind {
                 Kind::Number(quantity) => format!("`{}` {}", formal.name, quantity.describe()),
-                Kind::Truth => format!("`{}` a condition", formal.name),
+                Kind::Truth | Kind::Tensor(..) => {
+                    format!("`{}` {}", formal.name, self.shape(*value))
+                }
             })
             .collect();
         let site = format!("in this call of `{}`, with {}", function.name, described.join(", "));

@@ -11,7 +11,8 @@ use piola_grammar::{Diagnostic, ExpressionAst, Span};
 use super::MAX_FINDINGS;
 use super::dimension::Dimension;
 use super::names::{self, Symbol, Symbols, parts};
-use super::value::{Constant, Kind, Quantity, Value};
+use super::tensor::Components;
+use super::value::{Constant, Kind, Quantity, TensorId, Value};
 use crate::expression::graph::MAX_NODES;
 use crate::expression::{Comparison, ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::measure::Measure;
@@ -33,6 +34,8 @@ pub(crate) struct Elaborator<'a> {
     pub(crate) parameter_quantities: Vec<Quantity>,
     pub(crate) graph: ExprGraph,
     pub(crate) errors: Vec<Diagnostic>,
+    pub(super) tensors: Vec<Components>,
+    pub(super) tensor_ids: FxHashMap<Components, TensorId>,
     pub(super) values: FxHashMap<usize, Option<Value>>,
     pub(super) calls: FxHashMap<(usize, Vec<Value>), Option<Value>>,
     pub(super) call_sites: Vec<(Span, String)>,
@@ -60,6 +63,8 @@ impl<'a> Elaborator<'a> {
             parameter_quantities: Vec::new(),
             graph: ExprGraph::new(),
             errors: Vec::new(),
+            tensors: Vec::new(),
+            tensor_ids: FxHashMap::default(),
             values: FxHashMap::default(),
             calls: FxHashMap::default(),
             call_sites: Vec::new(),
@@ -134,6 +139,9 @@ impl<'a> Elaborator<'a> {
             ExprKind::Name(name) => self.name(name, span, arguments),
             ExprKind::Unary { operator: UnaryOperator::Negate, operand } => {
                 let x = of(operand)?;
+                if let Kind::Tensor(id, _) = x.kind {
+                    return self.negative(x, id, span);
+                }
                 let quantity = self.number(x, *operand)?;
                 let node = Node::Unary(Function::Negate, x.node);
                 self.make(node, Kind::Number(quantity), x.uses, span)
@@ -142,6 +150,9 @@ impl<'a> Elaborator<'a> {
                 let x = of(operand)?;
                 self.truth(x, *operand)?;
                 self.make(Node::Not(x.node), Kind::Truth, x.uses, span)
+            }
+            ExprKind::Unary { operator: UnaryOperator::Transpose, operand } => {
+                self.transpose(of(operand)?, *operand)
             }
             ExprKind::Binary { operator, left, right } => {
                 let (x, y) = (of(left), of(right));
@@ -202,6 +213,7 @@ impl<'a> Elaborator<'a> {
                 let node = Node::Input(Input::Parameter(i as u16));
                 self.make(node, Kind::Number(quantity), 0, span)
             }
+            Symbol::Kinematic(which) => self.kinematic(which, span),
             Symbol::Value(number) => self.values.get(&number).copied().flatten(),
             Symbol::Function(_) => None,
         }
@@ -240,6 +252,14 @@ impl<'a> Elaborator<'a> {
                 }
                 self.make(Node::Compare(comparison, x.node, y.node), Kind::Truth, uses, span)
             }
+            Meaning::Contraction => self.contract((x, left), (y, right), span),
+            Meaning::Number(operator) if x.is_tensor() || y.is_tensor() => {
+                let exponent = match exponent {
+                    Some(Constant::Number(n)) => Some(*n),
+                    _ => None,
+                };
+                self.tensor_binary(operator, (x, left), (y, right), exponent, span)
+            }
             Meaning::Number(operator) => {
                 let (p, q) = (self.number(x, left), self.number(y, right));
                 let quantity =
@@ -272,8 +292,12 @@ impl<'a> Elaborator<'a> {
                     return None;
                 }
             },
+            (Kind::Tensor(..), Kind::Tensor(..)) => {
+                return self.choose_tensor(c, (x, then), (y, otherwise), span);
+            }
             _ => {
-                let message = "one branch of `if` is a number, the other a condition";
+                let (p, q) = (self.shape(x), self.shape(y));
+                let message = format!("one branch of `if` is {p}, the other {q}");
                 self.report(Diagnostic::error("type-mismatch", span, message));
                 return None;
             }
@@ -286,6 +310,16 @@ impl<'a> Elaborator<'a> {
     pub(crate) fn number(&mut self, value: Value, at: ExprId) -> Option<Quantity> {
         match value.kind {
             Kind::Number(quantity) => Some(quantity),
+            Kind::Tensor(..) => {
+                let shape = self.shape(value);
+                let message = format!("a number is expected here, this is {shape}");
+                self.report(
+                    Diagnostic::error("wrong-shape", self.arena[at].span, message)
+                        .label(shape)
+                        .help("take an invariant: `tr(A)`, `det(A)` or `A : B`"),
+                );
+                None
+            }
             Kind::Truth => {
                 let span = self.arena[at].span;
                 let message = "a number is expected here, this is a condition";
@@ -303,12 +337,13 @@ impl<'a> Elaborator<'a> {
     pub(crate) fn truth(&mut self, value: Value, at: ExprId) -> Option<()> {
         match value.kind {
             Kind::Truth => Some(()),
-            Kind::Number(_) => {
+            Kind::Number(_) | Kind::Tensor(..) => {
                 let span = self.arena[at].span;
-                let message = "a condition is expected here, this is a number";
+                let shape = self.shape(value);
+                let message = format!("a condition is expected here, this is {shape}");
                 self.report(
                     Diagnostic::error("type-mismatch", span, message)
-                        .label("a number")
+                        .label(shape)
                         .help("compare it with something, for instance `x > 0`"),
                 );
                 None
@@ -366,6 +401,7 @@ pub(super) fn taken_branch(
 pub(super) enum Meaning {
     Number(Operator),
     Comparison(Comparison),
+    Contraction,
     And,
     Or,
 }
@@ -385,6 +421,7 @@ pub(super) fn meaning(operator: BinaryOperator) -> Meaning {
         BinaryOperator::Multiply => Meaning::Number(Operator::Multiply),
         BinaryOperator::Divide => Meaning::Number(Operator::Divide),
         BinaryOperator::Power => Meaning::Number(Operator::Power),
+        BinaryOperator::Contract => Meaning::Contraction,
     }
 }
 

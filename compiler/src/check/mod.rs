@@ -14,6 +14,7 @@ mod elaborate;
 mod names;
 mod quantity;
 mod statement;
+mod tensor;
 pub mod unit;
 mod value;
 
@@ -22,7 +23,7 @@ use piola_grammar::{Ast, Diagnostic, Reading, Span, read, spell_out};
 use crate::model::Model;
 
 /// The codes of all findings of this crate, those about values and sizes included.
-pub const CODES: [&str; 23] = [
+pub const CODES: [&str; 24] = [
     "constraint-violated",
     "dimension-mismatch",
     "duplicate-name",
@@ -46,6 +47,7 @@ pub const CODES: [&str; 23] = [
     "wrong-dimensions",
     "wrong-measure",
     "wrong-number-of-arguments",
+    "wrong-shape",
 ];
 
 /// After so many findings the rest of a file is not reported.

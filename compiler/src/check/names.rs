@@ -6,6 +6,7 @@ use piola_grammar::ast::{Arena, Ast, ExprId, ExprKind, Ident, Statement};
 use piola_grammar::{Diagnostic, Span, suggest};
 
 use super::MAX_FINDINGS;
+use super::tensor::{Kinematic, TensorFunction};
 use crate::expression::Function;
 use crate::measure::Measure;
 
@@ -28,6 +29,8 @@ pub(crate) enum Symbol {
     Dimension,
     /// `pi`
     Pi,
+    /// `F`, `I`, `J`, `C` or `E`, in a file with an energy of `F`.
+    Kinematic(Kinematic),
     /// A parameter, by number.
     Parameter(usize),
     /// A definition without parameters, by number of its statement.
@@ -40,6 +43,8 @@ pub(crate) enum Symbol {
 #[derive(Default)]
 pub(crate) struct Symbols<'a> {
     names: HashMap<&'a str, Symbol>,
+    /// Whether functions of tensors are known.
+    tensors: bool,
     /// Roots of the expressions in which some name is wrong: nothing more is said of them.
     unresolved: HashSet<ExprId>,
 }
@@ -83,8 +88,16 @@ impl<'a> Symbols<'a> {
         symbols
     }
 
-    fn with_measures() -> Symbols<'a> {
+    fn of_potentials(ast: &Ast) -> Symbols<'a> {
         let mut symbols = Symbols::default();
+        let of_gradient =
+            |s: &Statement| matches!(s, Statement::Energy(e) if e.measure.name == "F");
+        symbols.tensors = ast.statements.iter().any(of_gradient);
+        if symbols.tensors {
+            for (name, which) in Kinematic::NAMED {
+                symbols.names.insert(name, Symbol::Kinematic(which));
+            }
+        }
         for measure in Measure::ALL {
             symbols.names.insert(measure.symbol(), Symbol::Current(measure));
             symbols.names.insert(measure.reference_symbol(), Symbol::Reference(measure));
@@ -110,7 +123,7 @@ impl<'a> Symbols<'a> {
 pub(crate) fn resolve(ast: &Ast) -> (Symbols<'_>, Vec<Diagnostic>) {
     let mut resolver = Resolver {
         ast,
-        symbols: Symbols::with_measures(),
+        symbols: Symbols::of_potentials(ast),
         n_parameters: 0,
         places: HashMap::new(),
         errors: Vec::new(),
@@ -298,7 +311,7 @@ impl Checker<'_> {
                 self.errors.push(not_called(name, arity, span));
             }
             Some(_) => {}
-            None if is_builtin(name) => {
+            None if self.is_builtin(name) => {
                 self.errors.push(not_called(name, builtin_arity(name), span));
             }
             None => {
@@ -331,7 +344,7 @@ impl Checker<'_> {
                 }
                 return;
             }
-            None if is_builtin(name) => Some(1),
+            None if self.is_builtin(name) => Some(1),
             None => None,
         };
         match arity {
@@ -349,6 +362,11 @@ impl Checker<'_> {
             ),
             Some(_) => {}
         }
+    }
+
+    fn is_builtin(&self, name: &str) -> bool {
+        let tensors = self.scope.symbols.tensors && TensorFunction::named(name).is_some();
+        tensors || Function::named(name).is_some() || matches!(name, "min" | "max")
     }
 
     fn arity(&self, number: usize) -> usize {
@@ -394,6 +412,8 @@ impl Checker<'_> {
         let known = self.scope.formals.iter().map(|f| f.name.as_str());
         let known = known.chain(names.keys().copied());
         let known = known.chain(Function::NAMED.iter().map(|f| f.name())).chain(["min", "max"]);
+        let tensors = if self.scope.symbols.tensors { &TensorFunction::NAMES[..] } else { &[] };
+        let known = known.chain(tensors.iter().copied());
         let mut known: Vec<&str> = known.collect();
         known.sort_unstable();
         known
@@ -427,10 +447,6 @@ const FOREIGN: &[(&str, &str)] = &[
     ("true", "write a comparison that holds, for instance `0 < 1`"),
     ("false", "write a comparison that does not hold, for instance `1 < 0`"),
 ];
-
-fn is_builtin(name: &str) -> bool {
-    Function::named(name).is_some() || matches!(name, "min" | "max")
-}
 
 fn builtin_arity(name: &str) -> usize {
     if matches!(name, "min" | "max") { 2 } else { 1 }

@@ -11,11 +11,13 @@ use super::dimension::Dimension;
 use super::elaborate::Elaborator;
 use super::names::{Symbols, parts};
 use super::unit::{UnitValue, base_units, named_unit, prefixes, unit_names};
-use super::value::{Quantity, Value};
+use super::value::{GRADIENT, Quantity, Value};
 use crate::expression::{ExprGraph, NodeId};
 use crate::lint::LINTS;
 use crate::measure::Measure;
-use crate::model::{Conditions, Constraint, Energy, Interval, Model, Parameter, Variant};
+use crate::model::{
+    Conditions, Constraint, Energy, GradientEnergy, Interval, Model, Parameter, Variant,
+};
 
 /// Most parameters a potential may have: their numbers are 16 bits wide.
 const MAX_PARAMETERS: usize = 1000;
@@ -225,6 +227,7 @@ impl<'a> Builder<'a> {
                 defaults: Vec::new(),
                 units: Vec::new(),
                 energies: Vec::new(),
+                gradient_energies: Vec::new(),
                 domains: Vec::new(),
                 graph: ExprGraph::new(),
                 conditions: Conditions::default(),
@@ -315,6 +318,10 @@ impl<'a> Builder<'a> {
     }
 
     fn energy(&mut self, energy: &EnergyAst) {
+        if energy.measure.name == "F" {
+            self.gradient_energy(energy);
+            return;
+        }
         let Some(measure) = Measure::from_symbol(&energy.measure.name) else {
             let error = unknown_measure(energy);
             self.elaborator.report(error);
@@ -322,7 +329,7 @@ impl<'a> Builder<'a> {
         };
         let Some(value) = self.elaborator.expression(energy.body) else { return };
         let Some(quantity) = self.elaborator.number(value, energy.body) else { return };
-        if !self.only_measure(measure, value, energy) {
+        if !self.depends_on_only(&Argument::of(measure), value, energy) {
             return;
         }
         let wanted = Dimension::energy_density(measure.points(), self.variant.dimension);
@@ -336,6 +343,30 @@ impl<'a> Builder<'a> {
             span: self.ast.arena[energy.body].span,
             text: print_expression(&self.ast.arena, energy.body),
         });
+    }
+
+    fn gradient_energy(&mut self, energy: &EnergyAst) {
+        let Some(value) = self.elaborator.expression(energy.body) else { return };
+        let Some(quantity) = self.elaborator.number(value, energy.body) else { return };
+        if !self.depends_on_only(&Argument::GRADIENT, value, energy) {
+            return;
+        }
+        let span = self.ast.arena[energy.body].span;
+        let wanted = Dimension::of(1, -1, -2, 0);
+        if self.has_units && Quantity::Known(wanted).unify(quantity).is_none() {
+            let message = format!(
+                "psi(F) must be an energy per volume in J/m^3, not {}",
+                quantity.describe()
+            );
+            self.elaborator.report(
+                Diagnostic::error("dimension-mismatch", span, message)
+                    .label(quantity.describe())
+                    .help("moduli are in Pa, which is J/m^3, in two dimensions too"),
+            );
+            return;
+        }
+        let text = print_expression(&self.ast.arena, energy.body);
+        self.variant.gradient_energies.push(GradientEnergy { root: value.node, span, text });
     }
 
     fn wrong_energy_unit(
@@ -367,31 +398,24 @@ impl<'a> Builder<'a> {
         self.elaborator.report(error);
     }
 
-    /// Whether the energy depends on no other measure; reports the first place where it does.
-    fn only_measure(&mut self, measure: Measure, value: Value, energy: &EnergyAst) -> bool {
-        let others = value.uses & !(1 << (measure as u8));
-        if others == 0 {
+    /// Whether the energy depends on nothing else; reports the first place where it does.
+    fn depends_on_only(&mut self, own: &Argument, value: Value, energy: &EnergyAst) -> bool {
+        let Some(other) = Argument::all().find(|other| value.uses & !own.bit & other.bit != 0)
+        else {
             return true;
-        }
-        let other = Measure::ALL
-            .into_iter()
-            .find(|m| others & (1 << (*m as u8)) != 0)
-            .expect("a bit is set");
+        };
         let arena = &self.ast.arena;
-        let is_other = |name: &str| name == other.symbol() || name == other.reference_symbol();
-        let place = parts(arena, energy.body)
-            .into_iter()
-            .find(|id| matches!(&arena[*id].kind, ExprKind::Name(name) if is_other(name)));
-        let span = arena[place.unwrap_or(energy.body)].span;
-        let (own, foreign) = (measure.symbol(), other.symbol());
-        let message = format!(
-            "psi({own}) is the energy of a {} and cannot depend on `{foreign}`",
-            measure.interaction()
+        let place = parts(arena, energy.body).into_iter().find(
+            |id| matches!(&arena[*id].kind, ExprKind::Name(name) if other.names.contains(&&**name)),
         );
+        let span = arena[place.unwrap_or(energy.body)].span;
+        let (symbol, foreign) = (own.names[0], other.names[0]);
+        let message =
+            format!("psi({symbol}) is the energy of a {} and cannot depend on `{foreign}`", own.of);
         self.elaborator.report(
             Diagnostic::error("wrong-measure", span, message)
-                .label(format!("a measure of a {}", other.interaction()))
-                .note(energy.head, format!("an energy of `{own}`"))
+                .label(format!("a measure of a {}", other.of))
+                .note(energy.head, format!("an energy of `{symbol}`"))
                 .help(format!("write this part as an energy of its own: `psi({foreign}) = ..`"))
                 .help(format!(
                     "or, if it is meant as a parameter, choose another name than `{foreign}`"
@@ -439,6 +463,33 @@ impl<'a> Builder<'a> {
             _ => self.elaborator.constant(bound.value)?,
         };
         Some((value, bound.inclusive))
+    }
+}
+
+/// What an energy may be a function of.
+struct Argument {
+    bit: u8,
+    /// The names by which an energy depends on it.
+    names: &'static [&'static str],
+    /// Whose energy it is.
+    of: &'static str,
+}
+
+impl Argument {
+    const GRADIENT: Argument =
+        Argument { bit: GRADIENT, names: &["F", "J", "C", "E"], of: "point" };
+
+    fn of(measure: Measure) -> Argument {
+        let names: &[&str] = match measure {
+            Measure::Length => &["l", "L"],
+            Measure::Area => &["a", "A"],
+            Measure::Volume => &["v", "V"],
+        };
+        Argument { bit: 1 << (measure as u8), names, of: measure.interaction() }
+    }
+
+    fn all() -> impl Iterator<Item = Argument> {
+        Measure::ALL.into_iter().map(Argument::of).chain([Argument::GRADIENT])
     }
 }
 
@@ -492,10 +543,13 @@ fn unknown_measure(energy: &EnergyAst) -> Diagnostic {
         energy.measure.span,
         format!("`{name}` is not a measure of an interaction"),
     )
-    .label("psi is a function of `l`, `a` or `v`");
+    .label("psi is a function of `l`, `a`, `v` or `F`");
     match name.as_str() {
         "L" | "A" | "V" => error
             .help(format!("`{name}` is the value at rest; write `psi({})`", name.to_lowercase())),
-        _ => error.help("l: length of a bond, a: area of a triangle, v: volume of a tetrahedron"),
+        _ => error.help(
+            "l: length of a bond, a: area of a triangle, v: volume of a tetrahedron, F: deformation \
+             gradient",
+        ),
     }
 }

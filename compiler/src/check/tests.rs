@@ -82,6 +82,54 @@ fn a_file_without_units_is_unchecked() {
 }
 
 #[test]
+fn tensors_have_shapes() {
+    for text in [
+        "psi(F) = F",
+        "psi(F) = tr(F + 1)",
+        "psi(F) = tr(1 - F)",
+        "psi(F) = tr(2)",
+        "psi(F) = det(J)",
+        "psi(F) = tr(F/F)",
+        "psi(F) = tr(2/F)",
+        "psi(F) = ln(F)",
+        "psi(F) = tr(F^0.5)",
+        "psi(F) = tr(2^F)",
+        "psi(F) = J'",
+        "psi(F) = F : 2",
+        "psi(F) = F*F",
+        "psi(F) = max(F, F)",
+        "psi(F) = if F < 2 then 1 else 2",
+    ] {
+        assert_eq!(codes(&format!("potential p\n{text}")), ["wrong-shape"], "{text}");
+    }
+    for (text, code) in [
+        ("psi(F) = if J > 1 then C else 2", "type-mismatch"),
+        ("psi(F) = if F then 1 else 2", "type-mismatch"),
+        ("psi(F) = J*l", "wrong-measure"),
+        ("psi(F) = J\npsi(l) = l*tr(C)", "wrong-measure"),
+        ("psi(l) = l*tr(C)", "unknown-name"),
+        ("psi(l) = l*J", "unknown-name"),
+        ("F = 2\npsi(l) = l*F", "reserved-name"),
+        ("parameter mu in Pa\npsi(F) = mu*ln(J)*J + 2*J", "dimension-mismatch"),
+        ("parameter mu in Pa\npsi(F) = mu^2*J", "dimension-mismatch"),
+        ("parameter mu in Pa\npsi(F) = tr(mu*C + C)", "dimension-mismatch"),
+    ] {
+        assert_eq!(codes(&format!("potential p\n{text}")), [code], "{text}");
+    }
+    // A file's own names win, and the tensor's names are free where there is no energy of F.
+    for text in [
+        "parameter C = 2\nI = 3\ntr(x) = x*x\npsi(F) = C*tr(I) + det(F'*F)",
+        "parameter mu in Pa\nE = (F'*F - I)/2\npsi(F) = mu*(E : E)/det(inv(dev(sym(E)) + I))",
+        "E = 2\ntr(x) = E*x\npsi(l) = tr(l)",
+        "f(x) = tr(x)\npsi(F) = f(C) + f(-F^3*2/J) + f(if J > 1 then C else I)",
+        "parameter J in Pa\npsi(F) = J*tr(F)",
+    ] {
+        let found = codes(&format!("potential p\n{text}"));
+        assert!(found.is_empty(), "{text}: {found:?}");
+    }
+}
+
+#[test]
 fn names_are_resolved() {
     for (text, code) in [
         ("psi(l) = k*l", "unknown-name"),
@@ -100,7 +148,7 @@ fn names_are_resolved() {
         ("psi(l) = a*l", "wrong-measure"),
         ("s = a/A\npsi(l) = s", "wrong-measure"),
         ("psi(L) = l", "unknown-measure"),
-        ("psi(F) = 1", "unknown-measure"),
+        ("psi(x) = 1", "unknown-measure"),
         ("psi(l) = if l then 1 else 2", "type-mismatch"),
         ("psi(l) = l > 1", "type-mismatch"),
         ("psi(l) = if l > 1 then l else l > 1", "type-mismatch"),

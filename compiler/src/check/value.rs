@@ -53,24 +53,39 @@ impl Quantity {
     }
 }
 
-/// A number or a truth value.
+/// The bit of [`Value::uses`] for the deformation gradient; the measures have those below.
+pub(crate) const GRADIENT: u8 = 1 << 3;
+
+/// Which of the tensors of a file a value is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct TensorId(pub(crate) u32);
+
+/// A number, a truth value or a tensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Kind {
     Number(Quantity),
     Truth,
+    Tensor(TensorId, Quantity),
 }
 
 /// An elaborated expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Value {
-    /// Its node in the graph under construction.
+    /// Its node in the graph under construction; of a tensor only its components count.
     pub(crate) node: NodeId,
     /// What it is.
     pub(crate) kind: Kind,
-    /// Which measures it depends on, a bit per measure.
+    /// Which measures it depends on, a bit per measure, and whether on [`GRADIENT`].
     pub(crate) uses: u8,
     /// Its bits, if it is a number known before any parameter has a value.
     pub(crate) constant: Option<u64>,
+}
+
+impl Value {
+    /// Whether it is a tensor.
+    pub(crate) fn is_tensor(&self) -> bool {
+        matches!(self.kind, Kind::Tensor(..))
+    }
 }
 
 /// A value known before any parameter is: built from numbers, `d` and `pi`.

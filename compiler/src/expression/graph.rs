@@ -34,6 +34,22 @@ pub enum Input {
     Horizon,
     /// A parameter of the potential, or a variable of a formula, by its number.
     Parameter(u16),
+    /// One of several variables of an energy: the component of `F` with this [`component`] number.
+    Variable(u8),
+    /// Its change from rest, a component of `F - I`, as the runtime computes it from displacements.
+    VariableChange(u8),
+    /// What a variable changes by in the direction of a product with second derivatives.
+    Direction(u8),
+}
+
+/// The number of a component of a tensor, the same in two dimensions and in three.
+pub fn component(row: usize, column: usize) -> u8 {
+    (3 * row + column) as u8
+}
+
+/// The numbers of the components of a d x d tensor, row by row.
+pub fn components(d: usize) -> Vec<u8> {
+    (0..d * d).map(|k| component(k / d, k % d)).collect()
 }
 
 /// One operation. Numbers are stored by their bits so that nodes can be hashed.

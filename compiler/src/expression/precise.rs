@@ -27,6 +27,13 @@ impl<const BITS: usize> Precise<BITS> {
         Self::new(float::<BITS>(value).map(|x| [x, exact::<BITS>(1), exact::<BITS>(0)]), false)
     }
 
+    /// `value + more`, added exactly, on a line with this slope.
+    pub fn line(value: f64, slope: f64, more: f64) -> Self {
+        let parts = [float::<BITS>(value), float::<BITS>(slope), float::<BITS>(more)];
+        let [Some(value), Some(slope), Some(more)] = parts else { return Self::new(None, false) };
+        Self::new(Some([value + more, slope, exact::<BITS>(0)]), false)
+    }
+
     fn new(parts: Option<[Float; 3]>, doubtful: bool) -> Self {
         Precise { parts, doubtful }
     }

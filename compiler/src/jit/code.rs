@@ -16,32 +16,36 @@ use super::called::Called;
 use super::lanes::LANES;
 use super::log_table::LOGARITHMS;
 use super::lower::{self, Fast, Linked, POINTERS};
-use crate::kernel::{Batch, Level, Order, Outputs};
-use crate::specialise::{CompileError, ScalarEnergy};
+use crate::kernel::Level;
+use crate::program::Program;
+use crate::specialise::CompileError;
 
-/// Address space reserved for one kernel; pages are used as needed. A kernel of the largest
+/// Address space reserved for one program; pages are used as needed. A kernel of the largest
 /// allowed size takes some 300 kB.
 const ARENA: usize = 4 << 20;
 
-type Entry =
-    unsafe extern "C" fn(*const f64, *const f64, *const f64, *mut f64, *mut f64, *mut f64, i64);
+/// Most arrays that go in, or out, of one program.
+const MAX_ARRAYS: usize = 64;
 
-/// psi, psi' and psi'' of one measure as machine code, one function per order.
-pub struct CompiledKernel {
+type Entry = unsafe extern "C" fn(*const *const f64, *const *mut f64, i64);
+
+/// A program as machine code.
+pub(crate) struct Code {
     /// Only taken out when dropped.
     module: Option<JITModule>,
-    /// By order; each computes nothing that its order does not need.
-    entries: [Entry; 3],
+    n_inputs: usize,
+    /// How many of the first roots each function computes, and the function.
+    entries: Vec<(usize, Entry)>,
 }
 
 // SAFETY: the code is immutable once finalised and reads nothing but its arguments.
-unsafe impl Send for CompiledKernel {}
+unsafe impl Send for Code {}
 // SAFETY: as above; the module is never touched between construction and drop.
-unsafe impl Sync for CompiledKernel {}
+unsafe impl Sync for Code {}
 
-impl std::fmt::Debug for CompiledKernel {
+impl std::fmt::Debug for Code {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("CompiledKernel").finish_non_exhaustive()
+        f.debug_struct("Code").finish_non_exhaustive()
     }
 }
 
@@ -54,30 +58,32 @@ pub struct Listing {
     pub assembly: String,
 }
 
-impl CompiledKernel {
-    /// Compiles an energy for this computer.
+impl Code {
+    /// Compiles functions that compute the first roots of a program, one for each of `counts`, and
+    /// nothing that these do not need.
     ///
     /// # Errors
     /// What the code generator reports; the message is Cranelift's.
-    pub fn new(energy: &ScalarEnergy, level: Level) -> Result<CompiledKernel, CompileError> {
-        CompiledKernel::with_isa(energy, level, isa(true)?)
-    }
-
-    pub(super) fn with_isa(
-        energy: &ScalarEnergy,
+    pub(crate) fn new(
+        program: Program<'_>,
+        counts: &[usize],
         level: Level,
         isa: OwnedTargetIsa,
-    ) -> Result<CompiledKernel, CompileError> {
+    ) -> Result<Code, CompileError> {
+        let n_inputs = program.inputs.len();
+        if n_inputs == 0 || n_inputs.max(program.roots.len()) > MAX_ARRAYS {
+            return Err(backend(format!("a kernel has 1 to {MAX_ARRAYS} inputs and outputs")));
+        }
         let mut module = new_module(isa)?;
-        let result = define(&mut module, energy, level);
-        match result {
+        match define(&mut module, program, counts, level) {
             Ok(addresses) => {
-                let entries = addresses.map(|address| {
+                let entry = |address| {
                     // SAFETY: `address` is the entry of a function that `define` has just compiled
                     // with exactly this signature and calling convention, and `module` keeps it mapped.
                     unsafe { std::mem::transmute::<*const u8, Entry>(address) }
-                });
-                Ok(CompiledKernel { module: Some(module), entries })
+                };
+                let entries = counts.iter().copied().zip(addresses.into_iter().map(entry));
+                Ok(Code { n_inputs, entries: entries.collect(), module: Some(module) })
             }
             Err(error) => {
                 // SAFETY: no function of this module was ever handed out.
@@ -87,67 +93,63 @@ impl CompiledKernel {
         }
     }
 
-    /// Runs the kernel over a batch.
+    /// Runs one of the functions over arrays of one length: the inputs in the order of the program,
+    /// and its first outputs.
     ///
     /// # Panics
-    /// If the slices of the batch differ in length or an output is too short: a mistake of the
+    /// If an array is missing, inputs differ in length, or an output is too short: a mistake of the
     /// caller, not of a user.
-    pub fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>) {
-        let n = batch.measure.len();
-        assert!(batch.is_even() && out.hold(n, order), "one entry per interaction");
+    pub(crate) fn run(&self, function: usize, inputs: &[&[f64]], outputs: &mut [&mut [f64]]) {
+        let (n_outputs, entry) = self.entries[function];
+        assert!(inputs.len() == self.n_inputs && outputs.len() >= n_outputs, "one array for each");
+        let n = inputs[0].len();
+        let outputs = &mut outputs[..n_outputs];
+        assert!(inputs.iter().all(|array| array.len() == n), "inputs have one length");
+        assert!(outputs.iter().all(|array| array.len() >= n), "outputs have room");
         if n == 1 {
-            return self.evaluate_one(batch, order, out);
+            return self.run_one(function, inputs, outputs);
         }
-        // SAFETY: the inputs, and the outputs of this order, hold `n` numbers each, as checked above;
-        // the function of an order writes no other output; outputs are borrowed mutably and so do
-        // not overlap the inputs; the code lives as long as `self`.
-        unsafe {
-            (self.entries[order as usize])(
-                batch.measure.as_ptr(),
-                batch.reference.as_ptr(),
-                batch.change.as_ptr(),
-                out.psi.as_mut_ptr(),
-                out.dpsi.as_mut_ptr(),
-                out.d2psi.as_mut_ptr(),
-                n as i64,
-            );
+        let mut sources = [std::ptr::null(); MAX_ARRAYS];
+        let mut targets = [std::ptr::null_mut(); MAX_ARRAYS];
+        for (source, array) in sources.iter_mut().zip(inputs) {
+            *source = array.as_ptr();
         }
+        for (target, array) in targets.iter_mut().zip(outputs) {
+            *target = array.as_mut_ptr();
+        }
+        // SAFETY: the function reads one entry of `sources` for each input of the program and one of
+        // `targets` for each root it computes; there are as many, none beyond `MAX_ARRAYS`, and each
+        // holds `n` numbers, as checked above and in `new`; outputs are borrowed mutably and so do
+        // not overlap the inputs or each other; the code lives as long as `self`.
+        unsafe { entry(sources.as_ptr(), targets.as_ptr(), n as i64) };
     }
 
     /// Code works on two entries at a time: a single one goes through as two.
-    fn evaluate_one(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>) {
-        let twice = |x: &[f64]| [x[0]; 2];
-        let pair = Batch {
-            measure: &twice(batch.measure),
-            reference: &twice(batch.reference),
-            change: &twice(batch.change),
-        };
-        let [mut psi, mut dpsi, mut d2psi] = [[0.0; 2]; 3];
-        let room = Outputs { psi: &mut psi, dpsi: &mut dpsi, d2psi: &mut d2psi };
-        self.evaluate(pair, order, room);
-        out.psi[0] = psi[0];
-        if order >= Order::Gradient {
-            out.dpsi[0] = dpsi[0];
-        }
-        if order == Order::Tangent {
-            out.d2psi[0] = d2psi[0];
+    fn run_one(&self, function: usize, inputs: &[&[f64]], outputs: &mut [&mut [f64]]) {
+        let twice: Vec<[f64; 2]> = inputs.iter().map(|array| [array[0]; 2]).collect();
+        let twice: Vec<&[f64]> = twice.iter().map(|pair| pair.as_slice()).collect();
+        let mut room = vec![[0.0; 2]; outputs.len()];
+        let mut pairs: Vec<&mut [f64]> = room.iter_mut().map(|pair| pair.as_mut_slice()).collect();
+        self.run(function, &twice, &mut pairs);
+        for (output, pair) in outputs.iter_mut().zip(&room) {
+            output[0] = pair[0];
         }
     }
 
-    /// The intermediate form and the machine instructions of an energy's kernel for all derivatives.
+    /// The intermediate form and the machine instructions of the function for all roots.
     ///
     /// # Errors
     /// What the code generator reports.
-    pub fn listing(energy: &ScalarEnergy, level: Level) -> Result<Listing, CompileError> {
+    pub(crate) fn listing(program: Program<'_>, level: Level) -> Result<Listing, CompileError> {
         let mut module = new_module(isa(true)?)?;
-        let result = list(&mut module, energy, level);
+        let result = list(&mut module, program, level);
         // SAFETY: no function of this module was finalised or handed out.
         unsafe { module.free_memory() };
         result
     }
 }
 
-impl Drop for CompiledKernel {
+impl Drop for Code {
     fn drop(&mut self) {
         if let Some(module) = self.module.take() {
             // SAFETY: `entries` are private, are called only through `&self`, and `self` ends here.
@@ -161,7 +163,7 @@ fn backend(error: impl std::fmt::Display) -> CompileError {
 }
 
 /// The instructions of this computer, or only those that every computer of its kind has.
-pub(super) fn isa(native: bool) -> Result<OwnedTargetIsa, CompileError> {
+pub(crate) fn isa(native: bool) -> Result<OwnedTargetIsa, CompileError> {
     let mut flags = settings::builder();
     // The verifier takes a fifth of the time; tests run it.
     let verified = if cfg!(any(test, debug_assertions)) { "true" } else { "false" };
@@ -204,38 +206,42 @@ fn new_module(isa: OwnedTargetIsa) -> Result<JITModule, CompileError> {
     Ok(JITModule::new(builder))
 }
 
-/// Compiles and finalises the functions of all orders; their addresses stay valid as long as the
-/// module.
+/// Compiles and finalises the functions; their addresses stay valid as long as the module.
 fn define(
     module: &mut JITModule,
-    energy: &ScalarEnergy,
+    program: Program<'_>,
+    counts: &[usize],
     level: Level,
-) -> Result<[*const u8; 3], CompileError> {
+) -> Result<Vec<*const u8>, CompileError> {
     let strict = match level {
-        Level::Fast if inlines(energy) => Some(function(module, energy, Order::Tangent, None)?),
+        Level::Fast if inlines(program) => {
+            Some((function(module, program, None)?, program.roots.len()))
+        }
         _ => None,
     };
     let mut ids = Vec::new();
-    for order in Order::ALL {
-        ids.push(function(module, energy, order, strict)?);
+    for &count in counts {
+        ids.push(function(module, program.first(count), strict)?);
     }
     module.finalize_definitions().map_err(backend)?;
-    Ok([0, 1, 2].map(|order| module.get_finalized_function(ids[order])))
+    Ok(ids.into_iter().map(|id| module.get_finalized_function(id)).collect())
 }
 
 /// Whether the fast level differs from the strict one.
-fn inlines(energy: &ScalarEnergy) -> bool {
-    energy.graph.nodes().any(|(_, node)| Called::of(node).is_some_and(Called::is_inlined))
+fn inlines(program: Program<'_>) -> bool {
+    program.graph.nodes().any(|(_, node)| Called::of(node).is_some_and(Called::is_inlined))
 }
 
-/// Defines the function of one order: at the fast level if there is a strict one beside it.
+/// A function at the strict level and how many outputs it has.
+type Strict = Option<(FuncId, usize)>;
+
+/// Defines a function: at the fast level if there is a strict one beside it.
 fn function(
     module: &mut JITModule,
-    energy: &ScalarEnergy,
-    order: Order,
-    strict: Option<FuncId>,
+    program: Program<'_>,
+    strict: Strict,
 ) -> Result<FuncId, CompileError> {
-    let Built { mut context, pool } = build(module, energy, order, strict)?;
+    let Built { mut context, pool } = build(module, program, strict)?;
     if let Some((id, constants)) = pool {
         let mut data = DataDescription::new();
         let lanes = constants.iter().flat_map(|bits| [bits.to_ne_bytes(); LANES as usize]);
@@ -250,17 +256,18 @@ fn function(
 
 fn list(
     module: &mut JITModule,
-    energy: &ScalarEnergy,
+    program: Program<'_>,
     level: Level,
 ) -> Result<Listing, CompileError> {
     let strict = match level {
-        Level::Fast if inlines(energy) => {
+        Level::Fast if inlines(program) => {
             let signature = signature(module);
-            Some(module.declare_anonymous_function(&signature).map_err(backend)?)
+            let id = module.declare_anonymous_function(&signature).map_err(backend)?;
+            Some((id, program.roots.len()))
         }
         _ => None,
     };
-    let Built { mut context, .. } = build(module, energy, Order::Tangent, strict)?;
+    let Built { mut context, .. } = build(module, program, strict)?;
     let clif = context.func.display().to_string();
     context.set_disasm(true);
     let compiled = context
@@ -287,9 +294,8 @@ struct Built {
 
 fn build(
     module: &mut JITModule,
-    energy: &ScalarEnergy,
-    order: Order,
-    strict: Option<FuncId>,
+    program: Program<'_>,
+    strict: Strict,
 ) -> Result<Built, CompileError> {
     let mut context = module.make_context();
     context.func.signature = signature(module);
@@ -298,10 +304,10 @@ fn build(
         Some(_) => Some(module.declare_anonymous_data(false, false).map_err(backend)?),
         None => None,
     };
-    let linked = link(module, &mut context.func, energy, strict.zip(pool))?;
+    let linked = link(module, &mut context.func, program, strict.zip(pool))?;
     let mut builder_context = FunctionBuilderContext::new();
     let mut builder = FunctionBuilder::new(&mut context.func, &mut builder_context);
-    let constants = lower::emit(&mut builder, energy, order, &linked);
+    let constants = lower::emit(&mut builder, program, &linked);
     builder.finalize(module.target_config());
     Ok(Built { context, pool: pool.map(|pool| (pool, constants)) })
 }
@@ -309,11 +315,11 @@ fn build(
 fn link(
     module: &mut JITModule,
     function: &mut ir::Function,
-    energy: &ScalarEnergy,
-    fast: Option<(FuncId, DataId)>,
+    program: Program<'_>,
+    fast: Option<((FuncId, usize), DataId)>,
 ) -> Result<Linked, CompileError> {
     let mut functions = HashMap::new();
-    for called in energy.graph.nodes().filter_map(|(_, node)| Called::of(node)) {
+    for called in program.graph.nodes().filter_map(|(_, node)| Called::of(node)) {
         let inlined = fast.is_some() && called.is_inlined();
         if inlined || functions.contains_key(&called) {
             continue;
@@ -327,12 +333,13 @@ fn link(
         functions.insert(called, module.declare_func_in_func(id, function));
     }
     let mut linked = Linked { functions, fast: None };
-    if let Some((strict, pool)) = fast {
+    if let Some(((strict, n_outputs), pool)) = fast {
         let table = module
             .declare_data(LOGARITHMS_SYMBOL, Linkage::Import, false, false)
             .map_err(backend)?;
         linked.fast = Some(Fast {
             strict: module.declare_func_in_func(strict, function),
+            n_outputs,
             logarithms: module.declare_data_in_func(table, function),
             pool: module.declare_data_in_func(pool, function),
             fma: has_fma(module.isa()),

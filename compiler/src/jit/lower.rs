@@ -1,8 +1,8 @@
 //! A graph to Cranelift's intermediate form (CLIF), operation by operation.
 //!
-//! Before: a simplified graph with the roots psi, psi', psi''. After: a function
-//! `fn(measure, reference, change, psi, dpsi, d2psi: *f64, count: i64)` that computes, for every entry,
-//! what an order asks for; `count` is not 1. Two entries stand side by side. Every operation becomes
+//! Before: a simplified graph with its roots. After: a function
+//! `fn(inputs: **f64, outputs: **f64, count: i64)` with one array for each input and each root, which
+//! computes every entry of the outputs; `count` is not 1. Two entries stand side by side. Every operation becomes
 //! the instruction, or the call of the function of `libm` for each entry, that the interpreter uses,
 //! in the same order: both give the same bits. At the fast level some functions are code of their own.
 //!
@@ -25,15 +25,12 @@ use super::powers::{Share, shares};
 use super::region::{ALWAYS, Regions};
 use crate::expression::power::{PowerOps, PowerPlan};
 use crate::expression::{Comparison, Function, Input, Node, NodeId, Operator};
-use crate::kernel::Order;
-use crate::specialise::ScalarEnergy;
+use crate::program::Program;
 
 /// Which arguments of the function are which.
-const MEASURE: usize = 0;
-const REFERENCE: usize = 1;
-const CHANGE: usize = 2;
-const OUTPUTS: usize = 3;
-const COUNT: usize = 6;
+const INPUTS: usize = 0;
+const OUTPUTS: usize = 1;
+const COUNT: usize = 2;
 
 /// How many pointers come before the count.
 pub(super) const POINTERS: usize = COUNT;
@@ -52,8 +49,10 @@ pub(super) struct Linked {
 
 /// What inlined functions need.
 pub(super) struct Fast {
-    /// The same kernel at the strict level, for all outputs.
+    /// The same program at the strict level, for all outputs.
     pub(super) strict: FuncRef,
+    /// How many outputs that has.
+    pub(super) n_outputs: usize,
     /// The table of logarithms.
     pub(super) logarithms: GlobalValue,
     /// The constants of this function.
@@ -66,16 +65,21 @@ pub(super) struct Fast {
 /// constants of its pool.
 pub(super) fn emit(
     builder: &mut FunctionBuilder<'_>,
-    energy: &ScalarEnergy,
-    order: Order,
+    program: Program<'_>,
     linked: &Linked,
 ) -> Vec<u64> {
-    let roots = &energy.roots[..=order as usize];
+    let Program { graph, inputs, roots } = program;
     let entry = builder.create_block();
     let [head, body, done] = [(); 3].map(|()| builder.create_block());
     builder.append_block_params_for_function_params(entry);
     builder.switch_to_block(entry);
     let arguments = builder.block_params(entry).to_vec();
+    let flags = MemFlagsData::trusted().with_readonly();
+    let mut arrays = |table: usize, n: usize| -> Vec<Value> {
+        let array = |k| builder.ins().load(types::I64, flags, arguments[table], k as i32 * 8);
+        (0..n).map(array).collect()
+    };
+    let (sources, targets) = (arrays(INPUTS, inputs.len()), arrays(OUTPUTS, roots.len()));
     let end = builder.ins().imul_imm_s(arguments[COUNT], SIZE);
     let last = builder.ins().iadd_imm_s(end, -STEP);
     let zero = builder.ins().iconst(types::I64, 0);
@@ -101,13 +105,14 @@ pub(super) fn emit(
     let fma = linked.fast.as_ref().is_some_and(|fast| fast.fma);
     let mut lowering = Lowering {
         lanes: Lanes { builder, fma, pool, constants: Vec::new() },
-        energy,
-        regions: Regions::new(&energy.graph, roots),
-        shares: linked.fast.as_ref().map_or_else(FxHashMap::default, |_| shares(&energy.graph)),
+        program,
+        regions: Regions::new(graph, roots),
+        shares: linked.fast.as_ref().map_or_else(FxHashMap::default, |_| shares(graph)),
         linked,
-        arguments: &arguments,
+        sources: &sources,
+        targets: &targets,
         offset,
-        values: vec![None; energy.graph.len()],
+        values: vec![None; graph.len()],
         taken: None,
         holds: None,
         shared: Shared::default(),
@@ -115,9 +120,9 @@ pub(super) fn emit(
     lowering.start();
     lowering.region(ALWAYS);
     for (output, root) in roots.iter().enumerate() {
-        lowering.store(OUTPUTS + output, *root);
+        lowering.store(output, *root);
     }
-    lowering.finish(roots.len());
+    lowering.finish();
     let constants = lowering.lanes.constants;
     let next = builder.ins().iadd_imm_s(offset, STEP);
     builder.ins().jump(head, &[next.into()]);
@@ -130,11 +135,13 @@ pub(super) fn emit(
 
 struct Lowering<'a, 'b> {
     lanes: Lanes<'a, 'b>,
-    energy: &'a ScalarEnergy,
+    program: Program<'a>,
     regions: Regions,
     shares: FxHashMap<NodeId, Share>,
     linked: &'a Linked,
-    arguments: &'a [Value],
+    /// The arrays of the inputs and of the outputs.
+    sources: &'a [Value],
+    targets: &'a [Value],
     offset: Value,
     values: Vec<Option<Value>>,
     /// The mask of the entries that need the region being emitted, unless all do.
@@ -155,7 +162,7 @@ struct Shared {
 
 impl Lowering<'_, '_> {
     fn start(&mut self) {
-        let graph = &self.energy.graph;
+        let graph = self.program.graph;
         let inlined = |id: NodeId| Called::of(graph[id]).is_some_and(Called::is_inlined);
         if self.linked.fast.is_some() && self.regions.all().any(inlined) {
             let holds = self.lanes.builder.declare_var(types::I64X2);
@@ -169,7 +176,7 @@ impl Lowering<'_, '_> {
     fn region(&mut self, region: usize) {
         for place in 0..self.regions.nodes(region).len() {
             let id = self.regions.nodes(region)[place];
-            let value = match self.energy.graph[id] {
+            let value = match self.program.graph[id] {
                 Node::Select(condition, x, y) => self.choice(id, [condition, x, y]),
                 Node::PowerConstant(x, _) if self.shares.contains_key(&id) => {
                     self.shared_power(self.value(x), self.shares[&id])
@@ -186,7 +193,7 @@ impl Lowering<'_, '_> {
 
     fn is_truth(&self, mut id: NodeId) -> bool {
         loop {
-            match self.energy.graph[id] {
+            match self.program.graph[id] {
                 Node::Select(_, x, _) => id = x,
                 Node::Truth(_)
                 | Node::Compare(..)
@@ -205,13 +212,9 @@ impl Lowering<'_, '_> {
         match node {
             Node::Number(bits) => self.lanes.number(f64::from_bits(bits)),
             Node::Truth(holds) => self.lanes.truth(holds),
-            Node::Input(Input::Current(_)) => self.load(MEASURE),
-            Node::Input(Input::Reference(_)) => self.load(REFERENCE),
-            Node::Input(Input::Change(_)) => self.load(CHANGE),
-            // Specialisation has put numbers, and accurate forms, in their place.
-            Node::Input(Input::Horizon | Input::Parameter(_)) | Node::Strain(..) => {
-                self.lanes.number(f64::NAN)
-            }
+            Node::Input(input) => self.load(input),
+            // Specialisation has put accurate forms in its place.
+            Node::Strain(..) => self.lanes.number(f64::NAN),
             Node::Unary(function, x) => self.unary(function, of(x)),
             Node::PowerConstant(x, bits) => PowerPlan::new(f64::from_bits(bits)).apply(self, of(x)),
             Node::Binary(operator, x, y) => self.binary(operator, of(x), of(y)),
@@ -250,7 +253,7 @@ impl Lowering<'_, '_> {
     fn choice(&mut self, id: NodeId, [condition, x, y]: [NodeId; 3]) -> Value {
         let sides = self.regions.sides(id);
         if sides == [None; 2] {
-            return self.node(self.energy.graph[id]);
+            return self.node(self.program.graph[id]);
         }
         let mask = self.value(condition);
         let set = self.lanes.lanes_set(mask);
@@ -417,7 +420,7 @@ impl Lowering<'_, '_> {
 
     /// Entries for which an inlined function does not hold take the results of the strict level. So the
     /// results of an entry never depend on the one beside it.
-    fn finish(&mut self, n_outputs: usize) {
+    fn finish(&mut self) {
         let (Some(holds), Some(fast)) = (self.holds, &self.linked.fast) else { return };
         let holds = self.lanes.builder.use_var(holds);
         let set = self.lanes.lanes_set(holds);
@@ -425,24 +428,20 @@ impl Lowering<'_, '_> {
         self.lanes.branch_if(set, (1 << LANES) - 1, (after, &[]), (again, &[]));
         self.lanes.builder.set_cold_block(again);
         self.lanes.builder.switch_to_block(again);
-        self.repeat(fast.strict, holds, n_outputs, after);
+        self.repeat(fast, holds, after);
         self.lanes.builder.switch_to_block(after);
     }
 
     /// Overwrites the entries outside the mask by the strict level's.
-    fn repeat(&mut self, strict: FuncRef, holds: Value, n_outputs: usize, after: Block) {
-        let mut arguments: Vec<Value> = (MEASURE..OUTPUTS).map(|k| self.address(k)).collect();
-        let slots = [(); 3].map(|()| {
-            let data = StackSlotData::new(StackSlotKind::ExplicitSlot, STEP as u32, 4);
-            let slot = self.lanes.builder.create_sized_stack_slot(data);
-            self.lanes.builder.ins().stack_addr(types::I64, slot, 0)
-        });
-        arguments.extend(slots);
-        arguments.push(self.lanes.builder.ins().iconst(types::I64, LANES));
-        self.lanes.builder.ins().call(strict, &arguments);
+    fn repeat(&mut self, fast: &Fast, holds: Value, after: Block) {
+        let inputs: Vec<Value> = self.sources.iter().map(|array| self.address(*array)).collect();
+        let slots: Vec<Value> = (0..fast.n_outputs).map(|_| self.room(STEP)).collect();
+        let tables = [self.table(&inputs), self.table(&slots)];
+        let count = self.lanes.builder.ins().iconst(types::I64, LANES);
+        self.lanes.builder.ins().call(fast.strict, &[tables[0], tables[1], count]);
         let flags = MemFlagsData::new().with_notrap();
-        for (output, slot) in slots.into_iter().enumerate().take(n_outputs) {
-            let address = self.address(OUTPUTS + output);
+        for (&target, &slot) in self.targets.iter().zip(&slots) {
+            let address = self.address(target);
             let fast = self.lanes.builder.ins().load(types::F64X2, flags, address, 0);
             let exact = self.lanes.builder.ins().load(types::F64X2, flags, slot, 0);
             let value = self.lanes.choose(holds, fast, exact);
@@ -451,18 +450,39 @@ impl Lowering<'_, '_> {
         self.lanes.builder.ins().jump(after, &[]);
     }
 
-    fn address(&mut self, argument: usize) -> Value {
-        self.lanes.builder.ins().iadd(self.arguments[argument], self.offset)
+    /// The address of that many bytes on the stack.
+    fn room(&mut self, bytes: i64) -> Value {
+        let data = StackSlotData::new(StackSlotKind::ExplicitSlot, bytes as u32, 4);
+        let slot = self.lanes.builder.create_sized_stack_slot(data);
+        self.lanes.builder.ins().stack_addr(types::I64, slot, 0)
     }
 
-    fn load(&mut self, argument: usize) -> Value {
-        let address = self.address(argument);
+    /// The address of a table of addresses.
+    fn table(&mut self, addresses: &[Value]) -> Value {
+        let table = self.room(SIZE * addresses.len() as i64);
+        for (k, &address) in addresses.iter().enumerate() {
+            let place = k as i32 * SIZE as i32;
+            self.lanes.builder.ins().store(MemFlagsData::trusted(), address, table, place);
+        }
+        table
+    }
+
+    /// The address of the entries of an array that are worked out.
+    fn address(&mut self, array: Value) -> Value {
+        self.lanes.builder.ins().iadd(array, self.offset)
+    }
+
+    fn load(&mut self, input: Input) -> Value {
+        let place = self.program.inputs.iter().position(|known| *known == input);
+        // Specialisation has put numbers in the place of all others.
+        let Some(place) = place else { return self.lanes.number(f64::NAN) };
+        let address = self.address(self.sources[place]);
         let flags = MemFlagsData::new().with_notrap().with_readonly();
         self.lanes.builder.ins().load(types::F64X2, flags, address, 0)
     }
 
-    fn store(&mut self, argument: usize, root: NodeId) {
-        let address = self.address(argument);
+    fn store(&mut self, output: usize, root: NodeId) {
+        let address = self.address(self.targets[output]);
         let value = self.value(root);
         self.lanes.builder.ins().store(MemFlagsData::new().with_notrap(), value, address, 0);
     }

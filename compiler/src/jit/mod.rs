@@ -8,7 +8,8 @@
 //! | `elementary`, `log_table` | the elementary functions that the fast level inlines |
 //! | `powers` | which powers share their elementary functions |
 //! | `lanes` | instructions on two numbers side by side |
-//! | `code` | the owner of executable memory |
+//! | `code` | the owner of executable memory: any number of arrays in and out |
+//! | `scalar` | the energy of one measure on top of it |
 
 mod called;
 mod code;
@@ -18,7 +19,10 @@ mod log_table;
 mod lower;
 mod powers;
 mod region;
+mod scalar;
 #[cfg(test)]
 mod tests;
 
-pub use code::{CompiledKernel, Listing};
+pub use code::Listing;
+pub(crate) use code::{Code, isa};
+pub use scalar::CompiledKernel;

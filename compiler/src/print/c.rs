@@ -91,7 +91,7 @@ impl Writer<'_> {
             Node::Input(Input::Reference(_)) => "reference[i]".into(),
             Node::Input(Input::Change(_)) => "change[i]".into(),
             // Specialisation has put numbers, and accurate forms, in their place.
-            Node::Input(Input::Horizon | Input::Parameter(_)) | Node::Strain(..) => "NAN".into(),
+            Node::Input(_) | Node::Strain(..) => "NAN".into(),
             Node::Unary(Function::Negate, x) => format!("-t{}", of(x)),
             Node::Unary(function, x) => format!("{}(t{})", c_name(function), of(x)),
             Node::PowerConstant(x, bits) => {

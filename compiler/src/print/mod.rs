@@ -184,6 +184,9 @@ impl Names<'_> {
             Input::Reference(m) => m.reference_symbol().to_string(),
             Input::Change(m) => format!("({}/{} - 1)", m.symbol(), m.reference_symbol()),
             Input::Horizon => "delta".to_string(),
+            Input::Variable(k) => component("F", k),
+            Input::VariableChange(k) => component("H", k),
+            Input::Direction(k) => component("dF", k),
             Input::Parameter(i) => self.model.parameters()[usize::from(i)].name.clone(),
         }
     }
@@ -197,6 +200,11 @@ impl Names<'_> {
         }
         format!("{stem}{number}")
     }
+}
+
+/// `F12`
+fn component(tensor: &str, k: u8) -> String {
+    format!("{tensor}{}{}", k / 3 + 1, k % 3 + 1)
 }
 
 /// Whether a name is this stem with a number behind it.

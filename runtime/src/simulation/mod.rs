@@ -233,7 +233,7 @@ fn kernel_notes(compiled: &Compiled) -> Vec<KernelNote> {
         reason: String::new(),
     });
     let dropped = compiled.dropped.iter().map(|d| KernelNote {
-        energy: format!("psi({})", d.measure.symbol()),
+        energy: format!("psi({})", d.argument),
         modelled: false,
         reason: d.reason.clone(),
     });

@@ -130,7 +130,9 @@ impl<'t> Failure<'t> {
         let mut wanted: Vec<&str> = Vec::new();
         for &rule in &self.expected {
             // A name could also have been a call: true, but no help.
-            if self.expects(Rule::infix) && matches!(rule, Rule::open | Rule::caret | Rule::transpose) {
+            if self.expects(Rule::infix)
+                && matches!(rule, Rule::open | Rule::caret | Rule::transpose)
+            {
                 continue;
             }
             let words = match rule {

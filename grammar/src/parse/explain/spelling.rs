@@ -32,7 +32,10 @@ const FOREIGN_MARKS: &[(&str, &str)] = &[
     ("}", "write parentheses `( )`"),
     ("%", "a comment begins with `#`"),
     ("\\", "write the name without the backslash, e.g. `psi` or `ψ`"),
-    ("'", "a transpose stands behind its tensor, `F'`; texts stand in double quotes `\"...\"`; derivatives are taken by the tool"),
+    (
+        "'",
+        "a transpose stands behind its tensor, `F'`; texts stand in double quotes `\"...\"`; derivatives are taken by the tool",
+    ),
     ("`", "texts stand in double quotes `\"...\"`"),
     ("·", "write `*`"),
     ("⋅", "write `*`"),

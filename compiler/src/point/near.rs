@@ -1,0 +1,493 @@
+//! An energy of `F` near rest as a function of `H = F - I`, with its digits.
+//!
+//! As written, `tr(C) - 3 - 2*ln(J)` is a difference of numbers near 3 and 0 whose constant and linear
+//! parts cancel: at strain 1e-8 nothing of it is left. So every node becomes `value + slope . H + rest`:
+//! value and slope are numbers, found here, and only the rest, of second order in `H`, is a graph. What
+//! cancels cancels in the numbers, once, and the rests add up to the energy
+//! (`mu*(H:H/2 - I2(H) - det(H) + x - ln(1 + x))`, x = J - 1, for the neo-Hookean one).
+//!
+//! Before: the simplified graph in `F`. After: the energy as a graph in `H`, right up to
+//! `max |H| = 0.25`, or nothing where it has no value at rest.
+
+use crate::expression::interpret::Interpreter;
+use crate::expression::{Comparison, Function, Input, Node, NodeId, Operator, TooManyNodes};
+use crate::simplify::Simplifier;
+
+/// A node near rest: `value + slope . H + rest`.
+#[derive(Clone, Debug)]
+struct Expansion {
+    value: f64,
+    /// By the place of the variable.
+    slope: Vec<f64>,
+    /// Of second order in `H`; `None` where it is 0.
+    rest: Option<NodeId>,
+    /// How far rounding may have moved value and slope.
+    noise: f64,
+}
+
+impl Expansion {
+    fn constant(value: f64, n: usize) -> Expansion {
+        Expansion { value, slope: vec![0.0; n], rest: None, noise: 0.0 }
+    }
+
+    fn steepest(&self) -> f64 {
+        self.slope.iter().fold(0.0, |most, x| x.abs().max(most))
+    }
+
+    /// Whether it is the same at every `H`.
+    fn is_constant(&self) -> bool {
+        self.rest.is_none() && self.slope.iter().all(|x| *x == 0.0)
+    }
+
+    fn size(&self) -> f64 {
+        self.value.abs() + self.steepest()
+    }
+}
+
+/// A node near rest, or a condition.
+#[derive(Clone, Debug)]
+enum Near {
+    Number(Expansion),
+    Truth(NodeId),
+}
+
+type Rest = Result<Option<NodeId>, TooManyNodes>;
+
+/// Half a unit in the last place of 1.
+const U: f64 = f64::EPSILON / 2.0;
+
+/// A value or a slope at rest counts as 0 within this many times its possible rounding.
+const NOTHING: f64 = 4.0;
+
+/// Largest whole exponent that is worked out by products.
+const LARGEST_EXPONENT: f64 = 16.0;
+
+/// The energy `root` near rest; `None` where it is no number there.
+pub(super) fn near(
+    graph: &mut Simplifier,
+    root: NodeId,
+    variables: &[u8],
+) -> Result<Option<NodeId>, TooManyNodes> {
+    let mut expander = Expander::new(graph, root, variables);
+    let Some(energy) = expander.run(root)? else { return Ok(None) };
+    let zeroed = |x: f64| if x.abs() <= NOTHING * energy.noise { 0.0 } else { x };
+    let energy = Expansion {
+        value: zeroed(energy.value),
+        slope: energy.slope.iter().map(|x| zeroed(*x)).collect(),
+        ..energy
+    };
+    let change = expander.change(&energy)?;
+    let value = expander.graph.number(energy.value)?;
+    Ok(Some(match change {
+        None => value,
+        Some(change) => expander.graph.add(value, change)?,
+    }))
+}
+
+struct Expander<'a> {
+    graph: &'a mut Simplifier,
+    variables: &'a [u8],
+    /// Values of the nodes at rest.
+    at_rest: Interpreter<f64>,
+    known: Vec<Option<Near>>,
+}
+
+impl<'a> Expander<'a> {
+    fn new(graph: &'a mut Simplifier, root: NodeId, variables: &'a [u8]) -> Expander<'a> {
+        let mut at_rest = Interpreter::new();
+        at_rest.run(graph.graph(), |input| match input {
+            // Components on the diagonal: 0, 4, 8.
+            Input::Variable(k) => f64::from(u8::from(k % 4 == 0)),
+            _ => 0.0,
+        });
+        Expander { graph, variables, at_rest, known: vec![None; root.0 as usize + 1] }
+    }
+
+    fn run(&mut self, root: NodeId) -> Result<Option<Expansion>, TooManyNodes> {
+        let needed = self.graph.graph().reachable(&[root]);
+        for index in (0..self.known.len()).filter(|index| needed[*index]) {
+            let id = NodeId(index as u32);
+            let near = self.node(id)?;
+            if let Near::Number(expansion) = &near
+                && !(expansion.value.is_finite() && expansion.steepest().is_finite())
+            {
+                return Ok(None);
+            }
+            self.known[index] = Some(near);
+        }
+        Ok(Some(self.number(root)))
+    }
+
+    fn number(&self, id: NodeId) -> Expansion {
+        match &self.known[id.0 as usize] {
+            Some(Near::Number(expansion)) => expansion.clone(),
+            _ => Expansion::constant(f64::NAN, self.variables.len()),
+        }
+    }
+
+    fn truth(&self, id: NodeId) -> NodeId {
+        match self.known[id.0 as usize] {
+            Some(Near::Truth(condition)) => condition,
+            _ => id,
+        }
+    }
+
+    fn node(&mut self, id: NodeId) -> Result<Near, TooManyNodes> {
+        let n = self.variables.len();
+        Ok(Near::Number(match self.graph.graph()[id] {
+            Node::Number(bits) => Expansion::constant(f64::from_bits(bits), n),
+            Node::Input(Input::Variable(k)) => {
+                let place = self.variables.iter().position(|known| *known == k);
+                let mut slope = vec![0.0; n];
+                slope[place.expect("one of the components")] = 1.0;
+                let value = f64::from(u8::from(k % 4 == 0));
+                Expansion { value, slope, rest: None, noise: 0.0 }
+            }
+            Node::Unary(function, x) => self.unary(id, function, x)?,
+            Node::PowerConstant(x, bits) => self.power(id, x, f64::from_bits(bits))?,
+            Node::Binary(operator, x, y) => self.binary(id, operator, x, y)?,
+            Node::Select(c, x, y) => {
+                let condition = self.truth(c);
+                if matches!(self.known[x.0 as usize], Some(Near::Truth(_))) {
+                    let node = Node::Select(condition, self.truth(x), self.truth(y));
+                    return self.graph.make(node).map(Near::Truth);
+                }
+                self.choice(id, condition, x, y)?
+            }
+            Node::Compare(comparison, x, y) => {
+                return self.compare(id, comparison, x, y).map(Near::Truth);
+            }
+            node @ (Node::And(..) | Node::Or(..) | Node::Not(_)) => {
+                let node = node.map_operands(|x| self.truth(x));
+                return self.graph.make(node).map(Near::Truth);
+            }
+            Node::Truth(_) => return Ok(Near::Truth(id)),
+            Node::Input(_) | Node::Strain(..) => self.opaque(id)?,
+        }))
+    }
+
+    /// `slope . H + rest`, what a node changes by.
+    fn change(&mut self, x: &Expansion) -> Rest {
+        let linear = self.linear(&x.slope)?;
+        self.sum(linear, x.rest)
+    }
+
+    /// Components with one slope are added first: `a*(H11 + H22 + H33)`.
+    fn linear(&mut self, slope: &[f64]) -> Rest {
+        let mut seen: Vec<f64> = Vec::new();
+        let mut total = None;
+        for &a in slope.iter().filter(|a| **a != 0.0) {
+            if seen.contains(&a.abs()) {
+                continue;
+            }
+            seen.push(a.abs());
+            let mut sum = None;
+            for (place, b) in slope.iter().enumerate().filter(|(_, b)| b.abs() == a.abs()) {
+                let input = self.graph.input(Input::VariableChange(self.variables[place]))?;
+                let signed =
+                    if (*b < 0.0) == (a < 0.0) { input } else { self.graph.negate(input)? };
+                sum = self.sum(sum, Some(signed))?;
+            }
+            let term = self.scaled(sum, a)?;
+            total = self.sum(total, term)?;
+        }
+        Ok(total)
+    }
+
+    fn sum(&mut self, x: Option<NodeId>, y: Option<NodeId>) -> Rest {
+        match (x, y) {
+            (Some(x), Some(y)) => self.graph.add(x, y).map(Some),
+            (only, None) | (None, only) => Ok(only),
+        }
+    }
+
+    fn scaled(&mut self, x: Option<NodeId>, by: f64) -> Rest {
+        match x {
+            Some(x) if by != 0.0 => {
+                let by = self.graph.number(by)?;
+                self.graph.multiply(by, x).map(Some)
+            }
+            _ => Ok(None),
+        }
+    }
+
+    fn times(&mut self, x: Option<NodeId>, y: Option<NodeId>) -> Rest {
+        match (x, y) {
+            (Some(x), Some(y)) => self.graph.multiply(x, y).map(Some),
+            _ => Ok(None),
+        }
+    }
+
+    fn binary(
+        &mut self,
+        id: NodeId,
+        operator: Operator,
+        x: NodeId,
+        y: NodeId,
+    ) -> Result<Expansion, TooManyNodes> {
+        let (p, q) = (self.number(x), self.number(y));
+        match operator {
+            Operator::Add => self.combination(&p, &q, 1.0),
+            Operator::Subtract => self.combination(&p, &q, -1.0),
+            Operator::Multiply => self.product(&p, &q),
+            Operator::Divide if q.is_constant() => {
+                let divisor = self.graph.number(q.value)?;
+                let rest = p.rest.map(|rest| self.graph.divide(rest, divisor)).transpose()?;
+                let slope: Vec<f64> = p.slope.iter().map(|a| a / q.value).collect();
+                let noise = (p.noise + U * p.size()) / q.value.abs();
+                Ok(Expansion { value: p.value / q.value, slope, rest, noise })
+            }
+            Operator::Divide => {
+                let reciprocal = self.reciprocal(&q)?;
+                self.product(&p, &reciprocal)
+            }
+            Operator::Min | Operator::Max => {
+                let comparison = match operator {
+                    Operator::Min => Comparison::LessEqual,
+                    _ => Comparison::GreaterEqual,
+                };
+                let condition = self.compare(id, comparison, x, y)?;
+                self.choice(id, condition, x, y)
+            }
+            Operator::Power => self.opaque(id),
+        }
+    }
+
+    /// `x + sign*y`
+    fn combination(
+        &mut self,
+        x: &Expansion,
+        y: &Expansion,
+        sign: f64,
+    ) -> Result<Expansion, TooManyNodes> {
+        let value = x.value + sign * y.value;
+        let slope: Vec<f64> = x.slope.iter().zip(&y.slope).map(|(a, b)| a + sign * b).collect();
+        let rest = match (x.rest, y.rest) {
+            (Some(p), Some(q)) if sign < 0.0 => Some(self.graph.subtract(p, q)?),
+            (Some(p), Some(q)) => Some(self.graph.add(p, q)?),
+            (None, Some(q)) if sign < 0.0 => Some(self.graph.negate(q)?),
+            (only, None) | (None, only) => only,
+        };
+        let noise = x.noise + y.noise + U * x.size().max(y.size());
+        Ok(Expansion { value, slope, rest, noise })
+    }
+
+    /// `(a + p)*(b + q) = a*b + (a*q + b*p) + p*q` with the changes `p` and `q`.
+    fn product(&mut self, x: &Expansion, y: &Expansion) -> Result<Expansion, TooManyNodes> {
+        let slopes = x.slope.iter().zip(&y.slope);
+        let slope: Vec<f64> = slopes.map(|(a, b)| x.value * b + y.value * a).collect();
+        let (first, second) = (self.scaled(y.rest, x.value)?, self.scaled(x.rest, y.value)?);
+        let single = self.sum(first, second)?;
+        let (p, q) = (self.change(x)?, self.change(y)?);
+        let both = self.times(p, q)?;
+        let rest = self.sum(single, both)?;
+        let noise = x.size() * y.noise + y.size() * x.noise + 2.0 * U * x.size() * y.size();
+        let noise = if x.is_constant() || y.is_constant() { noise / 2.0 } else { noise };
+        Ok(Expansion { value: x.value * y.value, slope, rest, noise })
+    }
+
+    /// `f(x)` from `f` and `f'` at the value of `x`, and what `f` has beyond its tangent there.
+    fn composed(
+        &mut self,
+        x: &Expansion,
+        (value, derivative): (f64, f64),
+        beyond: Option<NodeId>,
+    ) -> Result<Expansion, TooManyNodes> {
+        let slope: Vec<f64> = x.slope.iter().map(|a| derivative * a).collect();
+        let straight = self.scaled(x.rest, derivative)?;
+        let rest = self.sum(straight, beyond)?;
+        let noise = derivative.abs() * (x.noise + 2.0 * U * x.steepest()) + 2.0 * U * value.abs();
+        Ok(Expansion { value, slope, rest, noise })
+    }
+
+    fn unary(
+        &mut self,
+        id: NodeId,
+        function: Function,
+        x: NodeId,
+    ) -> Result<Expansion, TooManyNodes> {
+        let p = self.number(x);
+        let c = p.value;
+        let Some(change) = self.change(&p)? else {
+            let value = self.at_rest.number(id);
+            let noise = if p.noise == 0.0 { U * value.abs() } else { f64::INFINITY };
+            return Ok(Expansion { noise, ..Expansion::constant(value, self.variables.len()) });
+        };
+        match function {
+            Function::Negate => {
+                let zero = Expansion::constant(0.0, self.variables.len());
+                self.combination(&zero, &p, -1.0)
+            }
+            Function::Sqrt if c > 0.0 => self.root(&p, change),
+            Function::Exp | Function::Expm1 => {
+                let factor = libm::exp(c);
+                let beyond = self.exponential_beyond(change)?;
+                let beyond = self.scaled(Some(beyond), factor)?;
+                let value = if function == Function::Exp { factor } else { libm::expm1(c) };
+                self.composed(&p, (value, factor), beyond)
+            }
+            Function::Ln if c > 0.0 => {
+                let ratio = self.divided(change, c)?;
+                let beyond = self.graph.unary(Function::Log1pmx, ratio)?;
+                self.composed(&p, (libm::log(c), 1.0 / c), Some(beyond))
+            }
+            Function::Log1p if c > -1.0 => {
+                let ratio = self.divided(change, 1.0 + c)?;
+                let beyond = self.graph.unary(Function::Log1pmx, ratio)?;
+                self.composed(&p, (libm::log1p(c), 1.0 / (1.0 + c)), Some(beyond))
+            }
+            _ => self.opaque(id),
+        }
+    }
+
+    fn divided(&mut self, x: NodeId, by: f64) -> Result<NodeId, TooManyNodes> {
+        let by = self.graph.number(by)?;
+        self.graph.divide(x, by)
+    }
+
+    /// `exp(x) - 1 - x`: by its series where the difference would cancel.
+    fn exponential_beyond(&mut self, x: NodeId) -> Result<NodeId, TooManyNodes> {
+        let one = self.graph.number(1.0)?;
+        let mut sum = one;
+        // x^2/2*(1 + x/3*(1 + x/4*(..))): with |x| < 1/2 the terms left out are below u/8.
+        for k in (3..=14).rev() {
+            let term = self.divided(x, f64::from(k))?;
+            let term = self.graph.multiply(term, sum)?;
+            sum = self.graph.add(one, term)?;
+        }
+        let square = self.graph.multiply(x, x)?;
+        let half = self.divided(square, 2.0)?;
+        let series = self.graph.multiply(half, sum)?;
+        let expm1 = self.graph.unary(Function::Expm1, x)?;
+        let difference = self.graph.subtract(expm1, x)?;
+        let size = self.graph.unary(Function::Abs, x)?;
+        let limit = self.graph.number(0.5)?;
+        let small = self.graph.make(Node::Compare(Comparison::Less, size, limit))?;
+        self.graph.make(Node::Select(small, series, difference))
+    }
+
+    /// `sqrt(c + p) - sqrt(c) - p/(2 sqrt(c)) = -p^2/(2 sqrt(c) (sqrt(c + p) + sqrt(c))^2)`
+    fn root(&mut self, x: &Expansion, change: NodeId) -> Result<Expansion, TooManyNodes> {
+        let root = x.value.sqrt();
+        let value = self.graph.number(x.value)?;
+        let moved = self.graph.add(value, change)?;
+        let moved = self.graph.unary(Function::Sqrt, moved)?;
+        let at_rest = self.graph.number(root)?;
+        let sum = self.graph.add(moved, at_rest)?;
+        let ratio = self.graph.divide(change, sum)?;
+        let square = self.graph.multiply(ratio, ratio)?;
+        let beyond = self.scaled(Some(square), -0.5 / root)?;
+        self.composed(x, (root, 0.5 / root), beyond)
+    }
+
+    /// `1/(c + p) - 1/c + p/c^2 = (p/c)^2/(c + p)`
+    fn reciprocal(&mut self, x: &Expansion) -> Result<Expansion, TooManyNodes> {
+        let c = x.value;
+        let Some(change) = self.change(x)? else {
+            return self.composed(x, (1.0 / c, 0.0), None);
+        };
+        let ratio = self.divided(change, c)?;
+        let square = self.graph.multiply(ratio, ratio)?;
+        let value = self.graph.number(c)?;
+        let moved = self.graph.add(value, change)?;
+        let beyond = self.graph.divide(square, moved)?;
+        self.composed(x, (1.0 / c, -1.0 / (c * c)), Some(beyond))
+    }
+
+    fn power(&mut self, id: NodeId, x: NodeId, c: f64) -> Result<Expansion, TooManyNodes> {
+        let p = self.number(x);
+        let whole = c.fract() == 0.0 && c.abs() <= LARGEST_EXPONENT;
+        if whole {
+            let power = self.whole_power(&p, c.abs() as u32)?;
+            return if c < 0.0 { self.reciprocal(&power) } else { Ok(power) };
+        }
+        let Some(change) = self.change(&p)? else {
+            let value = self.at_rest.number(id);
+            return Ok(Expansion {
+                noise: U * value.abs(),
+                ..Expansion::constant(value, p.slope.len())
+            });
+        };
+        if c == 0.5 && p.value > 0.0 {
+            return self.root(&p, change);
+        }
+        if p.value <= 0.0 {
+            return self.opaque(id);
+        }
+        // (1 + r)^c - 1 - c*r = (exp(y) - 1 - y) + c*(ln(1 + r) - r) with y = c*ln(1 + r)
+        let ratio = self.divided(change, p.value)?;
+        let logarithm = self.graph.unary(Function::Log1p, ratio)?;
+        let exponent = self.scaled(Some(logarithm), c)?.unwrap_or(logarithm);
+        let first = self.exponential_beyond(exponent)?;
+        let second = self.graph.unary(Function::Log1pmx, ratio)?;
+        let second = self.scaled(Some(second), c)?;
+        let both = self.sum(Some(first), second)?;
+        let value = libm::pow(p.value, c);
+        let beyond = self.scaled(both, value)?;
+        self.composed(&p, (value, c * value / p.value), beyond)
+    }
+
+    fn whole_power(&mut self, x: &Expansion, n: u32) -> Result<Expansion, TooManyNodes> {
+        let mut power = Expansion::constant(1.0, self.variables.len());
+        let (mut square, mut left) = (x.clone(), n);
+        while left > 0 {
+            if left % 2 == 1 {
+                power = self.product(&power, &square)?;
+            }
+            left /= 2;
+            if left > 0 {
+                square = self.product(&square.clone(), &square)?;
+            }
+        }
+        Ok(power)
+    }
+
+    /// Equal values at rest are told apart by what they change by.
+    fn compare(
+        &mut self,
+        id: NodeId,
+        comparison: Comparison,
+        x: NodeId,
+        y: NodeId,
+    ) -> Result<NodeId, TooManyNodes> {
+        let (p, q) = (self.number(x), self.number(y));
+        if (p.value - q.value).abs() > NOTHING * (p.noise + q.noise) {
+            let same = Node::Compare(comparison, x, y);
+            return if self.graph.graph()[id] == same { Ok(id) } else { self.graph.make(same) };
+        }
+        let (p, q) = (self.change(&p)?, self.change(&q)?);
+        let zero = self.graph.number(0.0)?;
+        let node = Node::Compare(comparison, p.unwrap_or(zero), q.unwrap_or(zero));
+        self.graph.make(node)
+    }
+
+    /// Branches that agree to first order at rest differ by their rests.
+    fn choice(
+        &mut self,
+        id: NodeId,
+        condition: NodeId,
+        x: NodeId,
+        y: NodeId,
+    ) -> Result<Expansion, TooManyNodes> {
+        let (p, q) = (self.number(x), self.number(y));
+        let noise = p.noise + q.noise;
+        let agree = |a: f64, b: f64| (a - b).abs() <= NOTHING * noise;
+        let slopes = p.slope.iter().zip(&q.slope).all(|(a, b)| agree(*a, *b));
+        if !(agree(p.value, q.value) && slopes) {
+            return self.opaque(id);
+        }
+        let zero = self.graph.number(0.0)?;
+        let node = Node::Select(condition, p.rest.unwrap_or(zero), q.rest.unwrap_or(zero));
+        let rest = if p.rest == q.rest { p.rest } else { Some(self.graph.make(node)?) };
+        Ok(Expansion { rest, noise, ..p })
+    }
+
+    /// A node of which nothing better is known: its change is a difference, as exact as that is.
+    fn opaque(&mut self, id: NodeId) -> Result<Expansion, TooManyNodes> {
+        let value = self.at_rest.number(id);
+        let at_rest = self.graph.number(value)?;
+        let rest = Some(self.graph.subtract(id, at_rest)?);
+        let n = self.variables.len();
+        Ok(Expansion { rest, noise: U * value.abs(), ..Expansion::constant(value, n) })
+    }
+}

@@ -1,0 +1,20 @@
+//! What machine code is made of: arrays in, arrays out, entry by entry.
+
+use crate::expression::{ExprGraph, Input, NodeId};
+
+/// Some roots of a graph as functions of some inputs. Inputs that are not named are not numbers.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Program<'a> {
+    pub(crate) graph: &'a ExprGraph,
+    /// What the arrays that come in hold.
+    pub(crate) inputs: &'a [Input],
+    /// What the arrays that go out hold.
+    pub(crate) roots: &'a [NodeId],
+}
+
+impl<'a> Program<'a> {
+    /// The same for the first roots alone.
+    pub(crate) fn first(self, n_roots: usize) -> Program<'a> {
+        Program { roots: &self.roots[..n_roots], ..self }
+    }
+}

@@ -6,12 +6,12 @@
 //! in an order that the body alone decides, so results have the same bits for any number of threads.
 
 mod accumulate;
-mod error;
+pub(crate) mod error;
 mod inversion;
 mod product;
 mod rows;
 mod slab;
-mod sum;
+pub(crate) mod sum;
 mod tetrahedra;
 
 pub use error::AssemblyError;

@@ -18,29 +18,53 @@ pub struct EnergyParts {
     pub triangles: f64,
     /// Three-neighbour interactions, `psi(v)`.
     pub tetrahedra: f64,
+    /// Deformation gradients at points or, with bond quadrature, at bonds, `psi(F)`.
+    pub deformation: f64,
+    /// What the neighbours' displacements deviate from a point's deformation gradient, where that
+    /// is stabilised.
+    pub stabilisation: f64,
 }
 
 impl EnergyParts {
     /// The total energy.
     pub fn total(&self) -> f64 {
-        self.bonds + self.triangles + self.tetrahedra
+        self.values().iter().fold(0.0, |sum, part| sum + part)
+    }
+
+    /// The sum of the absolute values: the scale of the rounding error of the total.
+    pub fn magnitude(&self) -> f64 {
+        self.values().iter().fold(0.0, |sum, part| sum + part.abs())
+    }
+
+    fn values(&self) -> [f64; 5] {
+        [self.bonds, self.triangles, self.tetrahedra, self.deformation, self.stabilisation]
     }
 }
 
-/// An interaction whose energy or derivatives are not finite numbers, or that is turned inside out
-/// where its energy forbids that.
+/// What an energy density depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Argument {
+    /// The measure of an interaction.
+    Measure(Measure),
+    /// The deformation gradient at a point or at a bond.
+    DeformationGradient,
+}
+
+/// An interaction or a deformation gradient whose energy or derivatives are not finite numbers, or
+/// that is turned inside out where its energy forbids that.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{}", self.message())]
 pub struct NonFinite {
-    /// Which measure.
-    pub measure: Measure,
-    /// Its points in the body's order: 2, 3 or 4.
+    /// What the energy depends on.
+    pub argument: Argument,
+    /// Its points in the body's order: 2, 3 or 4 of an interaction, the point or the two ends of the
+    /// bond of a deformation gradient.
     pub points: Vec<usize>,
     /// Their displacements in m, one after the other.
     pub displacements: Vec<f64>,
-    /// Current value of the measure.
+    /// Current value of the measure; the determinant of a deformation gradient.
     pub value: f64,
-    /// Reference value of the measure.
+    /// Reference value of the measure; 1 for a deformation gradient.
     pub reference: f64,
     /// Whether it is turned inside out where its energy forbids that.
     pub inverted: bool,
@@ -49,13 +73,21 @@ pub struct NonFinite {
 impl NonFinite {
     fn message(&self) -> String {
         let what = if self.inverted { "turned inside out" } else { "not finite" };
-        format!(
-            "the energy of the {} of points {:?} is {what}: measure {:e}, reference {:e}",
-            self.measure.interaction(),
-            self.points,
-            self.value,
-            self.reference
-        )
+        let (points, value) = (&self.points, self.value);
+        match (self.argument, &points[..]) {
+            (Argument::Measure(measure), _) => format!(
+                "the energy of the {} of points {points:?} is {what}: measure {value:e}, reference {:e}",
+                measure.interaction(),
+                self.reference
+            ),
+            (Argument::DeformationGradient, [point]) => format!(
+                "the energy of the deformation gradient at point {point} is {what}: determinant {value:e}"
+            ),
+            (Argument::DeformationGradient, _) => format!(
+                "the energy of the deformation gradient at the bond of points {points:?} is {what}: \
+                 determinant {value:e}"
+            ),
+        }
     }
 }
 

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | what is asked for | [`scene`], [`plan`] |
 //! | bodies and who interacts | [`body`], [`lattice`], [`neighborhood`], [`interaction`], [`weights`] |
-//! | one energy and its derivatives | [`kernel`], [`geometry`], [`element`], [`assembly`], [`energy`] |
+//! | one energy and its derivatives | [`kernel`], [`geometry`], [`element`], [`assembly`], [`correspondence`], [`energy`] |
 //! | equilibrium | [`matrix`], [`solve`] |
 //! | what is left behind | [`output`] |
 //! | all of it together | [`simulation`] |
@@ -15,6 +15,7 @@
 
 pub mod assembly;
 pub mod body;
+pub mod correspondence;
 pub mod element;
 pub mod energy;
 pub mod geometry;

@@ -4,6 +4,8 @@
 //! points at one place. Distances come from differences of coordinates, so that a body far from the
 //! origin has the same neighbours as at the origin, up to the rounding of its coordinates.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::body::Body;
@@ -132,6 +134,11 @@ impl Neighborhood {
         &self.neighbors[self.row_start[point]..self.row_start[point + 1]]
     }
 
+    /// Where a point's neighbours stand among those of all points, one row after the other.
+    pub fn places(&self, point: usize) -> Range<usize> {
+        self.row_start[point]..self.row_start[point + 1]
+    }
+
     /// The neighbours `j > point`, ascending.
     pub fn upper(&self, point: usize) -> &[u32] {
         &self.neighbors[self.upper_start[point]..self.row_start[point + 1]]
@@ -241,7 +248,7 @@ impl CellList {
         (cell[0] * self.counts[1] + cell[1]) * self.counts[2] + cell[2]
     }
 
-    fn search(&self, body: &Body, horizon: f64, points: std::ops::Range<usize>) -> Rows {
+    fn search(&self, body: &Body, horizon: f64, points: Range<usize>) -> Rows {
         let mut rows = Rows::default();
         let reach = horizon * (1.0 + HORIZON_TOLERANCE);
         let shell = horizon * (1.0 - HORIZON_TOLERANCE);

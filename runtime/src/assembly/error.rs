@@ -97,7 +97,7 @@ pub(super) fn check_elements(elements: &Elements, dimension: usize) -> Result<()
     Ok(())
 }
 
-pub(super) fn check_neighbors(
+pub(crate) fn check_neighbors(
     body: &Body,
     neighborhood: &Neighborhood,
 ) -> Result<(), AssemblyError> {

@@ -6,7 +6,7 @@
 
 use super::slab::{minus, named, row};
 use super::{DiscreteEnergy, Kind};
-use crate::energy::{Inversion, NonFinite};
+use crate::energy::{Argument, Inversion, NonFinite};
 use crate::interaction::{OwnerCliques, never_fails};
 
 /// Numbers of interactions turned inside out.
@@ -94,7 +94,7 @@ fn turned<const D: usize>(
         std::array::from_fn(|c| std::array::from_fn(|axis| rest[c][axis] + eta[c][axis]));
     let reference = determinant(&rest);
     NonFinite {
-        measure: kind.element.measure(),
+        argument: Argument::Measure(kind.element.measure()),
         displacements: points.iter().flat_map(|&point| u(point)).collect(),
         value: determinant(&now) * reference.signum(),
         reference: reference.abs(),

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::slab::{minus, named, row};
 use super::{DiscreteEnergy, Kind};
 use crate::element::{CAPACITY, Contributions, InteractionBatch, Order};
-use crate::energy::{EnergyParts, NonFinite};
+use crate::energy::{Argument, EnergyParts, NonFinite};
 use crate::geometry::packed;
 use crate::interaction::OwnerCliques;
 
@@ -188,7 +188,7 @@ impl<const D: usize, S: Sink<D>> Visit<'_, D, S> {
             let points = named(cliques, &lanes[refused.lane][..K]);
             let displacements = points.iter().flat_map(|&p| row::<D>(self.u, p)).collect();
             NonFinite {
-                measure: element.measure(),
+                argument: Argument::Measure(element.measure()),
                 displacements,
                 points,
                 value: refused.value,
@@ -268,6 +268,7 @@ impl DiscreteEnergy {
             bonds: sum.bonds + part.bonds,
             triangles: sum.triangles + part.triangles,
             tetrahedra: sum.tetrahedra + part.tetrahedra,
+            ..sum
         }))
     }
 

@@ -6,7 +6,7 @@ use super::sum::Sum;
 use super::tetrahedra::{Owner, Rules, TetrahedronSums};
 use super::{DiscreteEnergy, Kind};
 use crate::element::{CAPACITY, Contributions, InteractionBatch, Order};
-use crate::energy::{EnergyParts, NonFinite};
+use crate::energy::{Argument, EnergyParts, NonFinite};
 use crate::interaction::{OwnerCliques, never_fails};
 
 /// A slab with the rows it may write to.
@@ -38,7 +38,7 @@ pub(super) fn total(
                 total.tetrahedra.join(&part.tetrahedra);
             }
             Err(error) => {
-                let key = |error: &NonFinite| (error.measure, error.points.clone());
+                let key = |error: &NonFinite| (error.argument, error.points.clone());
                 if lowest.as_ref().is_none_or(|known| key(&error) < key(known)) {
                     lowest = Some(error);
                 }
@@ -51,6 +51,7 @@ pub(super) fn total(
             bonds: total.bonds.value(),
             triangles: total.triangles.value(),
             tetrahedra: total.tetrahedra.value(),
+            ..EnergyParts::default()
         }),
     }
 }
@@ -375,7 +376,7 @@ impl<L, const D: usize> Gathered<L, D> {
         result.map_err(|refused| {
             let points = points(&self.lanes[refused.lane]);
             NonFinite {
-                measure: element.measure(),
+                argument: Argument::Measure(element.measure()),
                 displacements: displacements::<D>(context.u, &points),
                 points,
                 value: refused.value,

@@ -5,15 +5,15 @@ use crate::element::WIDEST;
 /// Sums side by side, each with its rounding error carried along (Knuth's exact sum of two numbers):
 /// together as good as one sum with twice the digits.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Sum {
-    pub(super) sum: [f64; WIDEST],
-    pub(super) error: [f64; WIDEST],
+pub(crate) struct Sum {
+    pub(crate) sum: [f64; WIDEST],
+    pub(crate) error: [f64; WIDEST],
 }
 
 impl Sum {
     /// Adds whole groups of terms, the first of a group to the first of the sums.
     #[inline(always)]
-    pub(super) fn add(&mut self, terms: &[f64]) {
+    pub(crate) fn add(&mut self, terms: &[f64]) {
         for group in terms.as_chunks::<WIDEST>().0 {
             for lane in 0..WIDEST {
                 let (sum, term) = (self.sum[lane], group[lane]);
@@ -26,13 +26,13 @@ impl Sum {
     }
 
     /// Adds another sum, lane by lane.
-    pub(super) fn join(&mut self, other: &Sum) {
+    pub(crate) fn join(&mut self, other: &Sum) {
         self.add(&other.sum);
         self.add(&other.error);
     }
 
     /// The sum of all lanes.
-    pub(super) fn value(&self) -> f64 {
+    pub(crate) fn value(&self) -> f64 {
         let mut whole = Sum::default();
         for part in self.sum.iter().chain(&self.error) {
             let mut group = [0.0; WIDEST];

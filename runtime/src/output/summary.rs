@@ -357,7 +357,12 @@ mod tests {
             iterations: 2,
             residual: vec![0.1 + 0.2, 1e-7, f64::NAN],
             residual_over_reaction: vec![f64::INFINITY, 1e-12, 0.0],
-            energy_parts: EnergyParts { bonds: 1.0, triangles: 0.5, tetrahedra: 0.25 },
+            energy_parts: EnergyParts {
+                bonds: 1.0,
+                triangles: 0.5,
+                tetrahedra: 0.25,
+                ..EnergyParts::default()
+            },
             reactions: vec![vec![1.0, -2.0], vec![f64::NEG_INFINITY, 1e300]],
             probes: Vec::new(),
             definiteness: Definiteness {

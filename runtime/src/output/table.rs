@@ -122,7 +122,7 @@ mod tests {
             iterations: 2,
             residual: vec![1.0, 1e-3, 1e-9],
             residual_over_reaction: vec![0.5, 5e-4, 5e-10],
-            energy_parts: EnergyParts { bonds: 0.5, triangles: 0.25, tetrahedra: 0.0 },
+            energy_parts: EnergyParts { bonds: 0.5, triangles: 0.25, ..EnergyParts::default() },
             reactions: vec![vec![-1.5, 0.1 + 0.2], vec![f64::NAN, f64::NEG_INFINITY]],
             probes: vec![vec![1e-7, -0.0]],
             definiteness: Definiteness { positive_definite: None, method: "none".to_owned() },

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use super::run::{SceneDrive, check_held, failed, settings, strained, sum_over};
 use super::{Case, CaseError};
-use crate::energy::{EnergyParts, FromPositions, Inversion, NonFinite, TotalEnergy};
+use crate::energy::{Argument, EnergyParts, FromPositions, Inversion, NonFinite, TotalEnergy};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::scene::boundary::BoundaryConditions;
@@ -136,7 +136,7 @@ impl Watched<'_> {
         }
         // Never shown: who sees that the time is up asks no further.
         Err(NonFinite {
-            measure: Measure::Length,
+            argument: Argument::Measure(Measure::Length),
             points: Vec::new(),
             displacements: Vec::new(),
             value: f64::NAN,

@@ -9,15 +9,23 @@ use piola_compiler::print::expression;
 use piola_compiler::{Measure, Model, Values, Variant};
 
 use super::Case;
-use crate::energy::NonFinite;
+use crate::energy::{Argument, NonFinite};
 
 /// A message of several lines: what, the points, the energy as written with its parameters, the
 /// operation that failed.
 pub(super) fn explain(case: &Case, found: &NonFinite) -> String {
-    let (symbol, twin) = (found.measure.symbol(), found.measure.reference_symbol());
-    let kind = found.measure.interaction();
     let points: Vec<String> =
         found.points.iter().map(|&p| case.body.user_index()[p].to_string()).collect();
+    let Argument::Measure(measure) = found.argument else {
+        let place = if points.len() == 1 { "the point" } else { "the bond of the points" };
+        return format!(
+            "psi(F) or a derivative is not finite for {place} {}: det F = {:e}",
+            points.join(", "),
+            found.value
+        ) + &displaced(case, found);
+    };
+    let (symbol, twin) = (measure.symbol(), measure.reference_symbol());
+    let kind = measure.interaction();
     let named = format!("{kind} of the points {}", points.join(", "));
     let mut text = if found.inverted {
         format!("psi({symbol}) forbids that the {named} turns inside out")
@@ -25,6 +33,18 @@ pub(super) fn explain(case: &Case, found: &NonFinite) -> String {
         format!("psi({symbol}) or a derivative is not finite for the {named}")
     };
     let _ = write!(text, ": {symbol} = {:e}, {twin} = {:e}", found.value, found.reference);
+    text += &displaced(case, found);
+    if let Some(variant) = case.model.variant(case.body.dimension()) {
+        let energy = Reading { model: &case.model, values: &case.values, variant, measure, found };
+        energy.write_statements(&mut text);
+        let _ = write!(text, "\n  {}", energy.reason());
+    }
+    text
+}
+
+/// A line for each point: where it was and how far it moved.
+fn displaced(case: &Case, found: &NonFinite) -> String {
+    let mut text = String::new();
     let d = case.body.dimension();
     for (number, displacement) in found.points.iter().zip(found.displacements.chunks_exact(d)) {
         let place = case.body.user_index()[*number];
@@ -34,11 +54,6 @@ pub(super) fn explain(case: &Case, found: &NonFinite) -> String {
             "\n  point {place} at {position} m, displaced by {} m",
             tuple(displacement)
         );
-    }
-    if let Some(variant) = case.model.variant(d) {
-        let energy = Reading { model: &case.model, values: &case.values, variant, found };
-        energy.write_statements(&mut text);
-        let _ = write!(text, "\n  {}", energy.reason());
     }
     text
 }
@@ -53,24 +68,21 @@ struct Reading<'a> {
     model: &'a Model,
     values: &'a Values,
     variant: &'a Variant,
+    measure: Measure,
     found: &'a NonFinite,
 }
 
 impl Reading<'_> {
-    fn measure(&self) -> Measure {
-        self.found.measure
-    }
-
     /// The roots of the energy as written.
     fn roots(&self) -> Vec<NodeId> {
-        let energies = self.variant.energies.iter().filter(|e| e.measure == self.measure());
+        let energies = self.variant.energies.iter().filter(|e| e.measure == self.measure);
         energies.map(|energy| energy.root).collect()
     }
 
     /// The energy as written, and the parameters it depends on in SI units.
     fn write_statements(&self, text: &mut String) {
-        for energy in self.variant.energies.iter().filter(|e| e.measure == self.measure()) {
-            let _ = write!(text, "\n  psi({}) = {}", self.measure().symbol(), energy.text);
+        for energy in self.variant.energies.iter().filter(|e| e.measure == self.measure) {
+            let _ = write!(text, "\n  psi({}) = {}", self.measure.symbol(), energy.text);
         }
         let roots = self.roots();
         let names = self.model.parameters().iter().zip(&self.values.parameters).enumerate();
@@ -102,7 +114,7 @@ impl Reading<'_> {
     }
 
     fn declared_domain(&self) -> String {
-        let domain = self.variant.domains.iter().find(|d| d.measure == self.measure());
+        let domain = self.variant.domains.iter().find(|d| d.measure == self.measure);
         match domain {
             Some(domain) => format!("the declared domain of {} ends before", domain.text),
             None => "its energy is not finite beyond".to_string(),
@@ -111,10 +123,10 @@ impl Reading<'_> {
 
     /// The energy is finite, so a derivative is not, or what is made of them.
     fn failed_derivative(&self) -> String {
-        let symbol = self.measure().symbol();
+        let symbol = self.measure.symbol();
         let specialised = self.model.specialise(self.values).ok();
         let energy = specialised
-            .and_then(|all| all.energies.into_iter().find(|e| e.measure == self.measure()));
+            .and_then(|all| all.energies.into_iter().find(|e| e.measure == self.measure));
         let Some(energy) = energy else { return format!("psi({symbol}) itself is finite") };
         let read = self.read(&energy.graph, self.found.value);
         for (name, root) in ["psi", "psi'", "psi''"].iter().zip(energy.roots) {

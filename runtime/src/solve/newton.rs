@@ -368,9 +368,8 @@ impl<'a> Newton<'a> {
 
     /// The size of the terms whose difference is the potential.
     fn energy_scale(&self, u: &[f64], loads: &[f64]) -> f64 {
-        let parts = &self.parts;
         let work = loads.iter().zip(u).fold(0.0, |sum, (f, u)| sum + (f * u).abs());
-        parts.bonds.abs() + parts.triangles.abs() + parts.tetrahedra.abs() + work
+        self.parts.magnitude() + work
     }
 
     /// Energy and gradient at `u`, and the tangent if asked for, unless they are at hand.

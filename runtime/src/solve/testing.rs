@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::energy::{EnergyParts, NonFinite, TotalEnergy};
+use crate::energy::{Argument, EnergyParts, NonFinite, TotalEnergy};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
 
@@ -148,12 +148,12 @@ impl SpringNetwork {
             let strain = twice / (reference * (length + reference));
             let (psi, force, stiffness) = (self.law)(strain, reference);
             if !psi.is_finite() {
-                let (measure, points) = (Measure::Length, vec![i, j]);
+                let (argument, points) = (Argument::Measure(Measure::Length), vec![i, j]);
                 let displacements = [&u[i * d..(i + 1) * d], &u[j * d..(j + 1) * d]].concat();
                 let inverted = false;
                 let value = length;
                 return Err(NonFinite {
-                    measure,
+                    argument,
                     points,
                     displacements,
                     value,

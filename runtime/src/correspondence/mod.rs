@@ -1,0 +1,366 @@
+//! Energies of deformation gradients, `psi(F)`: correspondence peridynamics.
+//!
+//! | module | does |
+//! |---|---|
+//! | [`influence`] | influence functions `w(L)` |
+//! | `moments`, `operator` | `F_i - I = sum_j V_j (u_j - u_i) x Psi_ij`, and the transpose |
+//! | `sweep`, `batch` | what is asked of an energy of the fields `u` and `H`, at points and at bonds; laws over batches |
+//! | `stabilisation` | energies of what neighbours deviate from a point's deformation gradient |
+//! | `quadrature` | deformation gradients at bonds |
+//! | `tangent` | the exact Hessian, stored |
+//!
+//! There is one way from displacements to an energy and back: displacements give `H = F - I` at the
+//! points, laws and bonds give derivatives by `H` and by `u`, and the transpose of the first map
+//! takes the former to forces. Products with the Hessian go the same way with the displacements
+//! replaced by a direction. Strain comes from displacements, never from positions.
+//!
+//! Ganzenmueller, Hiermaier, May 2015 (correspondence models are total Lagrangian SPH); Partmann,
+//! Wieners, Weinberg 2026 for the models and their names (CC, CS, CW, BAQP). Equation (4.33) there
+//! is not the gradient of the energy, (4.31) is.
+
+mod batch;
+mod error;
+pub mod influence;
+mod moments;
+mod operator;
+mod quadrature;
+mod stabilisation;
+mod sweep;
+mod tangent;
+
+use std::sync::{Arc, OnceLock};
+
+use rayon::prelude::*;
+
+use crate::assembly::error::check_neighbors;
+use crate::assembly::{AssemblyError, sum::Sum};
+use crate::body::Body;
+use crate::energy::{Argument, EnergyParts, NonFinite, TotalEnergy};
+use crate::interaction::Slabs;
+use crate::kernel::VariablesLaw;
+use crate::matrix::{BlockMatrix, BlockPattern};
+use crate::neighborhood::Neighborhood;
+pub use error::CorrespondenceError;
+use influence::Influence;
+pub use moments::OperatorOrder;
+use operator::{GradientOperator, Tensor};
+use quadrature::BondQuadrature;
+use stabilisation::Deviations;
+pub use stabilisation::Stabilisation;
+use sweep::{Duals, Failure, Fields, Pass, over_bonds, over_points};
+use tangent::{Bonds, FieldStiffness};
+
+/// Where the energy density is evaluated, and what keeps displacements that it does not see.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Discretisation {
+    /// `W = sum_i V_i psi(F_i)` (CC; total Lagrangian SPH). Displacements that alternate from point
+    /// to point may leave every `F_i` as it is.
+    #[default]
+    Nodal,
+    /// The same with the energy of the deviations from `F_i` (CS, CW).
+    Stabilised(Stabilisation),
+    /// `psi` at the bonds (BAQP, partmann2026 4.21 to 4.31): nothing alternates for free.
+    BondQuadrature,
+}
+
+/// How a body gets its deformation gradients.
+#[derive(Clone, Copy)]
+pub struct Formulation<'a> {
+    /// In m.
+    pub horizon: f64,
+    /// Which polynomials are differentiated exactly.
+    pub order: OperatorOrder,
+    /// Where the energy density is evaluated.
+    pub discretisation: Discretisation,
+    /// How much a neighbour counts.
+    pub influence: &'a dyn Influence,
+}
+
+/// The discrete total energy of an energy density of the deformation gradient.
+///
+/// Every sum has an order that the body alone decides: the bits do not depend on the number of
+/// threads.
+pub struct Correspondence {
+    body: Arc<Body>,
+    operator: GradientOperator,
+    law: Box<dyn VariablesLaw>,
+    places: Places,
+    slabs: Slabs,
+    pattern: OnceLock<Arc<BlockPattern>>,
+}
+
+/// The discretisation with its weights.
+enum Places {
+    Points,
+    Stabilised(Deviations),
+    Bonds(BondQuadrature),
+}
+
+impl Correspondence {
+    /// Finds the neighbours and the weights of all families. `law` is `psi(F)` in J/m^d with its
+    /// derivatives.
+    ///
+    /// # Errors
+    ///
+    /// Points without neighbours, shape tensors that are singular or nearly so (condition above
+    /// 1e12), influence functions that are not finite, a law of other variables.
+    pub fn new(
+        body: Arc<Body>,
+        formulation: Formulation<'_>,
+        law: Box<dyn VariablesLaw>,
+    ) -> Result<Correspondence, CorrespondenceError> {
+        let Formulation { horizon, order, discretisation, influence } = formulation;
+        let d = body.dimension();
+        if law.n_variables() != d * d {
+            return Err(CorrespondenceError::WrongLaw { found: law.n_variables(), dimension: d });
+        }
+        let neighborhood = Neighborhood::new(&body, horizon).map_err(AssemblyError::from)?;
+        check_neighbors(&body, &neighborhood)?;
+        let influence = influences(&body, &neighborhood, influence)?;
+        let operator = GradientOperator::new(&body, neighborhood, order, &influence)?;
+        let neighborhood = operator.neighborhood();
+        let places = match discretisation {
+            Discretisation::Nodal => Places::Points,
+            Discretisation::Stabilised(kind) => Places::Stabilised(Deviations::new(
+                &body,
+                neighborhood,
+                &influence,
+                &*law,
+                kind,
+                order == OperatorOrder::First,
+            )?),
+            Discretisation::BondQuadrature => {
+                Places::Bonds(BondQuadrature::new(&body, neighborhood, &influence)?)
+            }
+        };
+        let slabs = Slabs::new(neighborhood);
+        Ok(Correspondence { body, operator, law, places, slabs, pattern: OnceLock::new() })
+    }
+
+    /// The body.
+    pub fn body(&self) -> &Arc<Body> {
+        &self.body
+    }
+
+    /// Who is within the horizon of whom.
+    pub fn neighborhood(&self) -> &Neighborhood {
+        self.operator.neighborhood()
+    }
+
+    /// The largest condition number of a shape tensor, of lengths in horizons.
+    pub fn condition(&self) -> f64 {
+        self.operator.condition()
+    }
+
+    /// `F_i - I` of all points at displacements `u` (`n x d`, m): `n x d x d`, row by row.
+    pub fn displacement_gradients(&self, u: &[f64]) -> Vec<f64> {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        match self.body.dimension() {
+            2 => self.gradients::<2>(u).into_flattened().into_flattened(),
+            _ => self.gradients::<3>(u).into_flattened().into_flattened(),
+        }
+    }
+
+    fn gradients<const D: usize>(&self, u: &[f64]) -> Vec<Tensor<D>> {
+        let mut h = vec![[[0.0; D]; D]; self.body.n_points()];
+        self.operator.gradient(u, &mut h);
+        h
+    }
+
+    /// The energy of the fields; `duals` become its derivatives, or products.
+    fn sweep<const D: usize>(
+        &self,
+        fields: Fields<'_, D>,
+        pass: Pass<'_, D>,
+        duals: Option<Duals<'_, D>>,
+    ) -> Result<EnergyParts, Failure> {
+        let (law, volumes) = (&*self.law, self.body.volumes());
+        let whole = (&*self.body, self.operator.neighborhood(), &self.slabs);
+        let mut stabilisation = Sum::default();
+        let deformation = match (&self.places, duals) {
+            (Places::Bonds(bonds), duals) => over_bonds(&self.slabs, duals, |slab, duals| {
+                bonds.visit(law, whole, slab, (fields, pass), duals)
+            })?,
+            (places, mut duals) => {
+                let stress = duals.as_mut().map_or(&mut [][..], |duals| &mut *duals.stress);
+                let deformation = over_points(law, volumes, fields, pass, stress)?;
+                if let Places::Stabilised(deviations) = places {
+                    stabilisation = over_bonds(&self.slabs, duals, |slab, duals| {
+                        Ok(deviations.visit(whole, slab, (fields, pass), duals))
+                    })?;
+                }
+                deformation
+            }
+        };
+        Ok(EnergyParts {
+            deformation: deformation.value(),
+            stabilisation: stabilisation.value(),
+            ..EnergyParts::default()
+        })
+    }
+
+    /// Energy and, unless `out` is absent, its derivative at `u`, or the product with `direction`.
+    fn evaluate<const D: usize>(
+        &self,
+        u: &[f64],
+        direction: Option<&[f64]>,
+        out: Option<&mut [f64]>,
+    ) -> Result<EnergyParts, NonFinite> {
+        let h = self.gradients::<D>(u);
+        let fields = Fields { u: u.as_chunks::<D>().0, h: &h };
+        let named = |failure: Failure| self.named(failure, u);
+        let Some(out) = out else {
+            return self.sweep(fields, Pass::Energy, None).map_err(named);
+        };
+        let along = direction.map(|p| (p, self.gradients::<D>(p)));
+        let pass = match &along {
+            Some((p, dh)) => Pass::Product(Fields { u: p.as_chunks::<D>().0, h: dh }),
+            None => Pass::Gradient,
+        };
+        out.fill(0.0);
+        let mut stress = vec![[[0.0; D]; D]; h.len()];
+        let duals = Duals { first: 0, stress: &mut stress, force: out.as_chunks_mut::<D>().0 };
+        let parts = self.sweep(fields, pass, Some(duals)).map_err(named)?;
+        self.operator.add_transpose(&stress, out);
+        Ok(parts)
+    }
+
+    /// Second derivatives by the fields.
+    fn stiffness<const D: usize>(&self, u: &[f64]) -> Result<FieldStiffness<'_, D>, NonFinite> {
+        let h = self.gradients::<D>(u);
+        let fields = Fields { u: u.as_chunks::<D>().0, h: &h };
+        let make = || {
+            let (law, bonds) = match &self.places {
+                Places::Points => (Some(&*self.law), Bonds::None),
+                Places::Stabilised(deviations) => (Some(&*self.law), Bonds::Deviations(deviations)),
+                Places::Bonds(bonds) => {
+                    let place = (&*self.body, self.operator.neighborhood());
+                    (None, Bonds::Quadrature(bonds.stiffness(&*self.law, place, fields)?))
+                }
+            };
+            FieldStiffness::new(&self.body, &self.operator, law, fields, bonds)
+        };
+        make().map_err(|failure| self.named(failure, u))
+    }
+
+    fn named(&self, failure: Failure, u: &[f64]) -> NonFinite {
+        let d = self.body.dimension();
+        NonFinite {
+            argument: Argument::DeformationGradient,
+            displacements: failure
+                .points
+                .iter()
+                .flat_map(|&point| &u[point * d..(point + 1) * d])
+                .copied()
+                .collect(),
+            points: failure.points,
+            value: failure.determinant,
+            reference: 1.0,
+            inverted: false,
+        }
+    }
+}
+
+/// The influence function at each directed bond.
+fn influences(
+    body: &Body,
+    neighborhood: &Neighborhood,
+    influence: &dyn Influence,
+) -> Result<Vec<f64>, CorrespondenceError> {
+    let length = |i: usize, j: usize| {
+        let ends = body.position(i).iter().zip(body.position(j));
+        ends.fold(0.0, |sum, (x, y)| sum + (y - x) * (y - x)).sqrt()
+    };
+    let row = |i: usize| {
+        let row = neighborhood.row(i).iter();
+        row.map(move |&j| influence.value(length(i, j as usize)))
+    };
+    let values: Vec<f64> =
+        (0..neighborhood.n_points()).into_par_iter().flat_map_iter(row).collect();
+    match values.iter().position(|value| !value.is_finite()) {
+        None => Ok(values),
+        Some(place) => {
+            let rows = 0..neighborhood.n_points();
+            let point =
+                rows.into_iter().find(|&i| neighborhood.places(i).contains(&place)).unwrap_or(0);
+            let k = place - neighborhood.places(point).start;
+            let length = length(point, neighborhood.row(point)[k] as usize);
+            Err(CorrespondenceError::Influence { length, value: values[place] })
+        }
+    }
+}
+
+impl TotalEnergy for Correspondence {
+    fn dimension(&self) -> usize {
+        self.body.dimension()
+    }
+
+    fn positions(&self) -> &[f64] {
+        self.body.positions()
+    }
+
+    fn pattern(&self) -> &Arc<BlockPattern> {
+        let reach = if matches!(self.places, Places::Bonds(_)) { 3 } else { 2 };
+        self.pattern.get_or_init(|| {
+            Arc::new(tangent::pattern(self.operator.neighborhood(), self.dimension(), reach))
+        })
+    }
+
+    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        match self.dimension() {
+            2 => self.evaluate::<2>(u, None, None),
+            _ => self.evaluate::<3>(u, None, None),
+        }
+    }
+
+    fn gradient(&self, u: &[f64], gradient: &mut [f64]) -> Result<EnergyParts, NonFinite> {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        assert_eq!(gradient.len(), u.len(), "the gradient is n x d");
+        match self.dimension() {
+            2 => self.evaluate::<2>(u, None, Some(gradient)),
+            _ => self.evaluate::<3>(u, None, Some(gradient)),
+        }
+    }
+
+    fn tangent(
+        &self,
+        u: &[f64],
+        gradient: &mut [f64],
+        tangent: &mut BlockMatrix,
+    ) -> Result<EnergyParts, NonFinite> {
+        let parts = self.gradient(u, gradient)?;
+        let block = self.dimension() * self.dimension();
+        assert_eq!(tangent.values.len(), self.pattern().n_blocks() * block, "the energy's pattern");
+        match self.dimension() {
+            2 => self.stiffness::<2>(u)?.tangent(tangent),
+            _ => self.stiffness::<3>(u)?.tangent(tangent),
+        }
+        Ok(parts)
+    }
+
+    fn tangent_diagonal(
+        &self,
+        u: &[f64],
+        gradient: &mut [f64],
+        diagonal: &mut [f64],
+    ) -> Result<EnergyParts, NonFinite> {
+        let parts = self.gradient(u, gradient)?;
+        assert_eq!(diagonal.len(), u.len() * self.dimension(), "the diagonal is n x d x d");
+        match self.dimension() {
+            2 => self.stiffness::<2>(u)?.diagonal(diagonal),
+            _ => self.stiffness::<3>(u)?.diagonal(diagonal),
+        }
+        Ok(parts)
+    }
+
+    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        assert!(p.len() == u.len() && product.len() == u.len(), "vectors are n x d");
+        match self.dimension() {
+            2 => self.evaluate::<2>(u, Some(p), Some(product)),
+            _ => self.evaluate::<3>(u, Some(p), Some(product)),
+        }
+        .map(|_| ())
+    }
+}

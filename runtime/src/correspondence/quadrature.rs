@@ -1,0 +1,297 @@
+//! Bond-associated quadrature points (partmann2026 4.21 to 4.33): the energy of deformation gradients
+//! at the bonds.
+//!
+//! `W = sum over bonds of 2 V_i V_j wb_ij psi(F_ij)`, each bond once, with
+//! `F_ij = (F_i + F_j)/2 (I - M) + (x_j - x_i) x dX/L^2`, `M = dX x dX/L^2` and
+//! `wb_ij = w_ij/2 (1/w0_i + 1/w0_j)`, `w0_i = sum_j V_j w_ij`. The weights of all bonds sum up to the
+//! volume of the body, so that affine displacements have the energy of the continuum.
+
+use rayon::prelude::*;
+
+use super::batch::{CAPACITY, LawBatch, determinant};
+use super::error::CorrespondenceError;
+use super::operator::Tensor;
+use super::stabilisation::{bond_starts, check_sums, sums};
+use super::sweep::{Duals, Failure, Fields, Pass, weighted};
+use crate::assembly::sum::Sum;
+use crate::body::Body;
+use crate::interaction::Slabs;
+use crate::kernel::VariablesLaw;
+use crate::neighborhood::Neighborhood;
+
+/// The weights of all bonds.
+pub(super) struct BondQuadrature {
+    /// `2 V_i V_j wb_ij` in m^d, of each bond once.
+    weight: Vec<f64>,
+    /// Where the bonds of each owner begin.
+    bond_start: Vec<usize>,
+}
+
+/// A bond with its deformation gradient.
+struct Bond<const D: usize> {
+    points: [usize; 2],
+    /// `X_j - X_i`.
+    dx: [f64; D],
+    /// `dX/L^2`.
+    along: [f64; D],
+}
+
+impl<const D: usize> Bond<D> {
+    fn new(positions: &[[f64; D]], i: usize, j: usize) -> Bond<D> {
+        let dx: [f64; D] = std::array::from_fn(|c| positions[j][c] - positions[i][c]);
+        let squared = dx.iter().fold(0.0, |sum, x| sum + x * x);
+        Bond { points: [i, j], dx, along: dx.map(|x| x / squared) }
+    }
+
+    /// `F_ij - I` from the fields.
+    fn gradient(&self, fields: Fields<'_, D>) -> Tensor<D> {
+        let [i, j] = self.points;
+        let mut h = fields.h[i];
+        for r in 0..D {
+            for c in 0..D {
+                h[r][c] = 0.5 * (h[r][c] + fields.h[j][r][c]);
+            }
+            let change = fields.u[j][r] - fields.u[i][r];
+            let missing = (0..D).fold(change, |sum, c| sum - h[r][c] * self.dx[c]);
+            for c in 0..D {
+                h[r][c] += missing * self.along[c];
+            }
+        }
+        h
+    }
+
+    /// Adds the transpose.
+    fn scatter(&self, stress: &Tensor<D>, duals: &mut Duals<'_, D>) {
+        let [i, j] = self.points.map(|point| point - duals.first);
+        for r in 0..D {
+            let pull = (0..D).fold(0.0, |sum, c| sum + stress[r][c] * self.along[c]);
+            duals.force[j][r] += pull;
+            duals.force[i][r] -= pull;
+            for c in 0..D {
+                let half = 0.5 * (stress[r][c] - pull * self.dx[c]);
+                duals.stress[i][r][c] += half;
+                duals.stress[j][r][c] += half;
+            }
+        }
+    }
+}
+
+impl<const D: usize> Bond<D> {
+    /// From `weight*d2psi/dF2` (`d^2 x d^2`, row by row) the blocks of [`BondStiffness`].
+    fn pull_back(&self, weight: f64, second: &[f64], out: &mut [f64]) {
+        let (size, hh) = (D * D, D * D * D * D);
+        // `(I - M)_ec`, by which half of the mean of `H` enters.
+        let half = |e: usize, c: usize| {
+            let one = if e == c { 1.0 } else { 0.0 };
+            0.5 * (one - self.along[e] * self.dx[c])
+        };
+        // The last index contracted with `(I - M)/2` and with `dX/L^2`.
+        let (mut mean, mut bond) = (vec![0.0; size * size], vec![0.0; size * D]);
+        for rc in 0..size {
+            for s in 0..D {
+                let row = &second[rc * size + s * D..rc * size + (s + 1) * D];
+                for f in 0..D {
+                    let sum = (0..D).fold(0.0, |sum, e| sum + row[e] * half(f, e));
+                    mean[rc * size + s * D + f] = weight * sum;
+                }
+                let sum = (0..D).fold(0.0, |sum, e| sum + row[e] * self.along[e]);
+                bond[rc * D + s] = weight * sum;
+            }
+        }
+        for r in 0..D {
+            for f in 0..D {
+                let rf = r * D + f;
+                for se in 0..size {
+                    let term = |c: usize| mean[(r * D + c) * size + se] * half(f, c);
+                    out[rf * size + se] = (0..D).fold(0.0, |sum, c| sum + term(c));
+                }
+                for s in 0..D {
+                    let term = |c: usize| bond[(r * D + c) * D + s] * half(f, c);
+                    out[hh + rf * D + s] = (0..D).fold(0.0, |sum, c| sum + term(c));
+                }
+            }
+            for s in 0..D {
+                let term = |c: usize| bond[(r * D + c) * D + s] * self.along[c];
+                out[hh + size * D + r * D + s] = (0..D).fold(0.0, |sum, c| sum + term(c));
+            }
+        }
+    }
+}
+
+/// Second derivatives of the bonds' energies by the fields: by `H_i` and `H_j`, by either and
+/// `u_j - u_i`, by the latter twice.
+pub(super) struct BondStiffness {
+    dimension: usize,
+    bond_start: Vec<usize>,
+    values: Vec<f64>,
+}
+
+impl BondStiffness {
+    fn entries(d: usize) -> usize {
+        d * d * (d * d + d + 1)
+    }
+
+    /// The three blocks of the bond of an owner with its `k`-th later neighbour: `d^2 x d^2`, the
+    /// same for each pair of ends; `d^2 x d`; `d x d`.
+    pub(super) fn bond(&self, owner: usize, k: usize) -> [&[f64]; 3] {
+        let d = self.dimension;
+        let (entries, number) = (BondStiffness::entries(d), self.bond_start[owner] + k);
+        let values = &self.values[number * entries..(number + 1) * entries];
+        let (hh, rest) = values.split_at(d * d * d * d);
+        let (hd, dd) = rest.split_at(d * d * d);
+        [hh, hd, dd]
+    }
+}
+
+impl BondQuadrature {
+    /// `influence` has a value for each directed bond.
+    pub(super) fn new(
+        body: &Body,
+        neighborhood: &Neighborhood,
+        influence: &[f64],
+    ) -> Result<BondQuadrature, CorrespondenceError> {
+        let sums = sums(body, neighborhood, influence);
+        check_sums(body, &sums, "bond quadrature")?;
+        let volumes = body.volumes();
+        let mut weight = Vec::with_capacity(neighborhood.n_bonds());
+        for i in 0..neighborhood.n_points() {
+            let skipped = neighborhood.row(i).len() - neighborhood.upper(i).len();
+            let influence = &influence[neighborhood.places(i)][skipped..];
+            for (&j, w) in neighborhood.upper(i).iter().zip(influence) {
+                let j = j as usize;
+                weight.push(volumes[i] * volumes[j] * (w / sums[i] + w / sums[j]));
+            }
+        }
+        Ok(BondQuadrature { weight, bond_start: bond_starts(neighborhood) })
+    }
+
+    /// The weights of an owner's bonds with later points.
+    pub(super) fn weights(&self, owner: usize) -> &[f64] {
+        &self.weight[self.bond_start[owner]..self.bond_start[owner + 1]]
+    }
+
+    /// The second derivatives of all bonds' energies by the fields, from those by `F_ij`.
+    pub(super) fn stiffness<const D: usize>(
+        &self,
+        law: &dyn VariablesLaw,
+        (body, neighborhood): (&Body, &Neighborhood),
+        fields: Fields<'_, D>,
+    ) -> Result<BondStiffness, Failure> {
+        let positions = body.positions().as_chunks::<D>().0;
+        let bonds = |i: usize| {
+            neighborhood.upper(i).iter().map(move |&j| Bond::new(positions, i, j as usize))
+        };
+        let entries = BondStiffness::entries(D);
+        let mut values = vec![0.0; self.weight.len() * entries];
+        let mut rows = Vec::with_capacity(neighborhood.n_points());
+        let mut rest = &mut values[..];
+        for i in 0..neighborhood.n_points() {
+            let (row, tail) =
+                std::mem::take(&mut rest).split_at_mut(neighborhood.upper(i).len() * entries);
+            rows.push((i, row));
+            rest = tail;
+        }
+        let fill = |batch: &mut LawBatch<D>, (i, row): (usize, &mut [f64])| {
+            for ((bond, weight), out) in
+                bonds(i).zip(self.weights(i)).zip(row.chunks_exact_mut(entries))
+            {
+                let second = batch
+                    .second(law, &bond.gradient(fields))
+                    .map_err(|determinant| Failure { points: bond.points.to_vec(), determinant })?;
+                bond.pull_back(*weight, second, out);
+            }
+            Ok(())
+        };
+        let done: Vec<Result<(), Failure>> =
+            rows.into_par_iter().map_init(LawBatch::new, fill).collect();
+        done.into_iter().collect::<Result<(), Failure>>()?;
+        Ok(BondStiffness { dimension: D, bond_start: self.bond_start.clone(), values })
+    }
+
+    /// The bonds of one slab.
+    pub(super) fn visit<const D: usize>(
+        &self,
+        law: &dyn VariablesLaw,
+        (body, neighborhood, slabs): (&Body, &Neighborhood, &Slabs),
+        slab: usize,
+        (fields, pass): (Fields<'_, D>, Pass<'_, D>),
+        duals: Option<Duals<'_, D>>,
+    ) -> Result<Sum, Failure> {
+        let positions = body.positions().as_chunks::<D>().0;
+        let mut run = Run {
+            law,
+            pass,
+            duals,
+            bonds: Vec::with_capacity(CAPACITY),
+            weights: Vec::with_capacity(CAPACITY),
+            h: Vec::with_capacity(CAPACITY),
+            directions: Vec::with_capacity(CAPACITY),
+            batch: LawBatch::new(),
+            sum: Sum::default(),
+        };
+        for i in slabs.owners(slab) {
+            for (&j, &weight) in neighborhood.upper(i).iter().zip(self.weights(i)) {
+                // Bonds as long as the horizon have no weight where the influence ends there.
+                if weight == 0.0 {
+                    continue;
+                }
+                let bond = Bond::new(positions, i, j as usize);
+                run.h.push(bond.gradient(fields));
+                if let Pass::Product(direction) = pass {
+                    run.directions.push(bond.gradient(direction));
+                }
+                run.bonds.push(bond);
+                run.weights.push(weight);
+                if run.h.len() == CAPACITY {
+                    run.flush()?;
+                }
+            }
+        }
+        run.flush()?;
+        Ok(run.sum)
+    }
+}
+
+/// Bonds on their way through the law.
+struct Run<'a, const D: usize> {
+    law: &'a dyn VariablesLaw,
+    pass: Pass<'a, D>,
+    duals: Option<Duals<'a, D>>,
+    bonds: Vec<Bond<D>>,
+    weights: Vec<f64>,
+    h: Vec<Tensor<D>>,
+    directions: Vec<Tensor<D>>,
+    batch: LawBatch<D>,
+    sum: Sum,
+}
+
+impl<const D: usize> Run<'_, D> {
+    fn flush(&mut self) -> Result<(), Failure> {
+        if self.h.is_empty() {
+            return Ok(());
+        }
+        let done = match self.pass {
+            Pass::Energy => self.batch.evaluate(self.law, &self.h, false),
+            Pass::Gradient => self.batch.evaluate(self.law, &self.h, true),
+            Pass::Product(_) => self.batch.multiply(self.law, &self.h, &self.directions),
+        };
+        done.map_err(|lane| Failure {
+            points: self.bonds[lane].points.to_vec(),
+            determinant: determinant(&self.h[lane]),
+        })?;
+        if !matches!(self.pass, Pass::Product(_)) {
+            self.sum.join(&weighted(self.batch.psi(), &self.weights));
+        }
+        if let Some(duals) = &mut self.duals {
+            for (lane, (bond, weight)) in self.bonds.iter().zip(&self.weights).enumerate() {
+                let stress = self.batch.tensor(lane).map(|row| row.map(|x| weight * x));
+                bond.scatter(&stress, duals);
+            }
+        }
+        self.bonds.clear();
+        self.weights.clear();
+        self.h.clear();
+        self.directions.clear();
+        Ok(())
+    }
+}

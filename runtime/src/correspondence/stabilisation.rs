@@ -1,0 +1,250 @@
+//! Energies of what the neighbours' displacements deviate from a point's deformation gradient.
+//!
+//! `1/2 sum_i V_i sum_j V_j w_ij z_ij . A_i z_ij` with `z_ij = (u_j - u_i) - H_i (X_j - X_i)`, the
+//! deviation `x_j - x_i - F_i (X_j - X_i)` from displacements. With the operator of first order and
+//! the same influence function `sum_j V_j w_ij z_ij x dX_ij = 0`, so that the force is
+//! `w_ij A_i z_ij`, as printed (partmann2026 4.11, 4.13); with others it is the gradient all the
+//! same, by the chain rule.
+
+use nalgebra::DMatrix;
+
+use super::error::CorrespondenceError;
+use super::operator::Tensor;
+use super::sweep::{Duals, Fields, Pass};
+use crate::assembly::sum::Sum;
+use crate::body::Body;
+use crate::interaction::Slabs;
+use crate::kernel::{Variables, VariablesLaw};
+use crate::neighborhood::Neighborhood;
+
+/// The stiffness `A_i` against deviations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stabilisation {
+    /// `A_i = stiffness/(sum_j V_j w_ij) I` (partmann2026 4.11), objective. The stiffness is
+    /// `C_s C_b`, the literal `C_s` having the unit m^2 and `C_b = 18K/(pi delta^4)`.
+    Silling {
+        /// In Pa/m^2.
+        stiffness: f64,
+    },
+    /// `A_i = C : K_i^-1` with the elasticity tensor `C` of the law at rest (4.13, 4.14). It is
+    /// not objective: `K_i^-1` does not rotate with the body.
+    Wan,
+    /// `A_i = tr(C : K_i^-1)/d I`, the isotropic part of the one before: objective.
+    Isotropic,
+}
+
+/// The stiffness of all points.
+pub(super) struct Deviations {
+    /// `V_i V_j w_ij` of each bond once.
+    strength: Vec<f64>,
+    /// Where the bonds of each owner begin.
+    bond_start: Vec<usize>,
+    /// `A_i`, `d x d` row by row.
+    stiffness: Vec<f64>,
+    /// Whether the deviations of a family are orthogonal to its offsets, so that the energy is
+    /// stationary with respect to `H`.
+    is_stationary: bool,
+}
+
+/// Where the bonds of each point with later ones begin.
+pub(super) fn bond_starts(neighborhood: &Neighborhood) -> Vec<usize> {
+    let mut start = vec![0];
+    for point in 0..neighborhood.n_points() {
+        start.push(start[point] + neighborhood.upper(point).len());
+    }
+    start
+}
+
+/// `sum_j V_j w_ij` around every point.
+pub(super) fn sums(body: &Body, neighborhood: &Neighborhood, influence: &[f64]) -> Vec<f64> {
+    let sum = |point: usize| {
+        let influence = &influence[neighborhood.places(point)];
+        let row = neighborhood.row(point).iter().zip(influence);
+        row.fold(0.0, |sum, (&j, w)| sum + body.volumes()[j as usize] * w)
+    };
+    (0..neighborhood.n_points()).map(sum).collect()
+}
+
+/// Refuses sums that are not positive.
+pub(super) fn check_sums(
+    body: &Body,
+    sums: &[f64],
+    what: &'static str,
+) -> Result<(), CorrespondenceError> {
+    match sums.iter().position(|sum| !(*sum > 0.0 && sum.is_finite())) {
+        None => Ok(()),
+        Some(point) => Err(CorrespondenceError::NoInfluence {
+            point: body.user_index()[point] as usize,
+            sum: sums[point],
+            what,
+        }),
+    }
+}
+
+impl Deviations {
+    /// `influence` has a value for each directed bond.
+    pub(super) fn new(
+        body: &Body,
+        neighborhood: &Neighborhood,
+        influence: &[f64],
+        law: &dyn VariablesLaw,
+        kind: Stabilisation,
+        is_stationary: bool,
+    ) -> Result<Deviations, CorrespondenceError> {
+        let (d, volumes) = (body.dimension(), body.volumes());
+        let mut strength = Vec::with_capacity(neighborhood.n_bonds());
+        for i in 0..neighborhood.n_points() {
+            let skipped = neighborhood.row(i).len() - neighborhood.upper(i).len();
+            let influence = &influence[neighborhood.places(i)][skipped..];
+            for (&j, w) in neighborhood.upper(i).iter().zip(influence) {
+                strength.push(volumes[i] * volumes[j as usize] * w);
+            }
+        }
+        let stiffness = match kind {
+            Stabilisation::Silling { stiffness } => {
+                let sums = sums(body, neighborhood, influence);
+                check_sums(body, &sums, "the stabilisation")?;
+                sums.iter().flat_map(|sum| isotropic(d, stiffness / sum)).collect()
+            }
+            Stabilisation::Wan | Stabilisation::Isotropic => {
+                let wan = wan(body, neighborhood, influence, law)?;
+                if kind == Stabilisation::Wan {
+                    wan
+                } else {
+                    let trace = |a: &[f64]| a.iter().step_by(d + 1).fold(0.0, |sum, x| sum + x);
+                    let mean = |a: &[f64]| isotropic(d, trace(a) / d as f64);
+                    wan.chunks_exact(d * d).flat_map(mean).collect()
+                }
+            }
+        };
+        let bond_start = bond_starts(neighborhood);
+        Ok(Deviations { strength, bond_start, stiffness, is_stationary })
+    }
+
+    /// `A_i`.
+    pub(super) fn stiffness<const D: usize>(&self, point: usize) -> Tensor<D> {
+        let entries = &self.stiffness[point * D * D..(point + 1) * D * D];
+        std::array::from_fn(|r| std::array::from_fn(|c| entries[r * D + c]))
+    }
+
+    /// `V_i V_j w_ij` of an owner's bonds with later points.
+    pub(super) fn strengths(&self, owner: usize) -> &[f64] {
+        &self.strength[self.bond_start[owner]..self.bond_start[owner + 1]]
+    }
+
+    /// The bonds of one slab; the energy is quadratic, so that products are derivatives along the
+    /// direction.
+    pub(super) fn visit<const D: usize>(
+        &self,
+        (body, neighborhood, slabs): (&Body, &Neighborhood, &Slabs),
+        slab: usize,
+        (fields, pass): (Fields<'_, D>, Pass<'_, D>),
+        mut duals: Option<Duals<'_, D>>,
+    ) -> Sum {
+        let Fields { u, h } = if let Pass::Product(direction) = pass { direction } else { fields };
+        let positions = body.positions().as_chunks::<D>().0;
+        let mut sum = Sum::default();
+        for i in slabs.owners(slab) {
+            let a_i = self.stiffness::<D>(i);
+            for (&j, strength) in neighborhood.upper(i).iter().zip(self.strengths(i)) {
+                let j = j as usize;
+                let dx: [f64; D] = std::array::from_fn(|c| positions[j][c] - positions[i][c]);
+                let du: [f64; D] = std::array::from_fn(|r| u[j][r] - u[i][r]);
+                let deviation = |point: usize| -> [f64; D] {
+                    let h = &h[point];
+                    std::array::from_fn(|r| (0..D).fold(du[r], |z, c| z - h[r][c] * dx[c]))
+                };
+                // Seen from j both the offset and the difference of displacements change sign.
+                let (z_i, z_j) = (deviation(i), deviation(j));
+                let t_i = times(&a_i, &z_i).map(|x| strength * x);
+                let t_j = times(&self.stiffness::<D>(j), &z_j).map(|x| strength * x);
+                let dot = |z: &[f64; D], t: &[f64; D]| (0..D).fold(0.0, |s, r| s + z[r] * t[r]);
+                let mut terms = [0.0; crate::element::WIDEST];
+                (terms[0], terms[1]) = (0.5 * dot(&z_i, &t_i), 0.5 * dot(&z_j, &t_j));
+                sum.add(&terms);
+                let Some(Duals { first, stress, force }) = &mut duals else { continue };
+                for r in 0..D {
+                    force[j - *first][r] += t_i[r] + t_j[r];
+                    force[i - *first][r] -= t_i[r] + t_j[r];
+                    if !self.is_stationary {
+                        for c in 0..D {
+                            stress[i - *first][r][c] -= t_i[r] * dx[c];
+                            stress[j - *first][r][c] -= t_j[r] * dx[c];
+                        }
+                    }
+                }
+            }
+        }
+        sum
+    }
+}
+
+fn isotropic(d: usize, value: f64) -> Vec<f64> {
+    (0..d * d).map(|k| if k % (d + 1) == 0 { value } else { 0.0 }).collect()
+}
+
+fn times<const D: usize>(a: &Tensor<D>, z: &[f64; D]) -> [f64; D] {
+    std::array::from_fn(|r| (0..D).fold(0.0, |sum, c| sum + a[r][c] * z[c]))
+}
+
+/// `C : K_i^-1` of all points, `C` being the second derivative of the law at `F = I`.
+fn wan(
+    body: &Body,
+    neighborhood: &Neighborhood,
+    influence: &[f64],
+    law: &dyn VariablesLaw,
+) -> Result<Vec<f64>, CorrespondenceError> {
+    let d = body.dimension();
+    let elasticity = elasticity(law, d);
+    let n = neighborhood.n_points();
+    let mut all = Vec::with_capacity(n * d * d);
+    for point in 0..n {
+        let influence = &influence[neighborhood.places(point)];
+        let mut shape = DMatrix::<f64>::zeros(d, d);
+        for (&j, w) in neighborhood.row(point).iter().zip(influence) {
+            let strength = body.volumes()[j as usize] * w;
+            let (here, there) = (body.position(point), body.position(j as usize));
+            for r in 0..d {
+                for c in 0..d {
+                    shape[(r, c)] += strength * (there[r] - here[r]) * (there[c] - here[c]);
+                }
+            }
+        }
+        let size = shape.amax();
+        let inverse = (shape / size).try_inverse().filter(|k| k.iter().all(|x| x.is_finite()));
+        let Some(inverse) = inverse else {
+            return Err(CorrespondenceError::ShapeTensor {
+                point: body.user_index()[point] as usize,
+                position: body.position(point).to_vec(),
+                neighbors: neighborhood.row(point).len(),
+                functions: d,
+                condition: f64::INFINITY,
+                count: 1,
+            });
+        };
+        for rc in 0..d * d {
+            let row = &elasticity[rc * d * d..(rc + 1) * d * d];
+            let entry = |(k, c): (usize, &f64)| c * inverse[(k / d, k % d)] / size;
+            all.push(row.iter().enumerate().map(entry).fold(0.0, |sum, x| sum + x));
+        }
+    }
+    Ok(all)
+}
+
+/// The elasticity tensor at rest, `d^2 x d^2` row by row: entry `(rc, se)` is `dP_rc/dF_se`.
+pub(super) fn elasticity(law: &dyn VariablesLaw, d: usize) -> Vec<f64> {
+    let size = d * d;
+    let rest: Vec<f64> = (0..size).map(|k| if k % (d + 1) == 0 { 1.0 } else { 0.0 }).collect();
+    // One place for each unit direction.
+    let spread = |x: &[f64]| x.iter().flat_map(|&x| vec![x; size]).collect::<Vec<f64>>();
+    let (current, change) = (spread(&rest), vec![0.0; size * size]);
+    let direction: Vec<f64> =
+        (0..size * size).map(|k| if k / size == k % size { 1.0 } else { 0.0 }).collect();
+    let mut product = vec![0.0; size * size];
+    law.product(
+        Variables { n: size, current: &current, change: &change },
+        &direction,
+        &mut product,
+    );
+    product
+}

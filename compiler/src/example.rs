@@ -1,6 +1,7 @@
 //! Values for looking at a potential that no scene gives values to yet.
 
 use crate::model::Model;
+use crate::specialise::Form;
 use crate::values::Setting;
 
 impl Model {
@@ -32,7 +33,8 @@ impl Model {
     ) -> Vec<String> {
         let dropped = |settings: &[(String, Setting)]| {
             let values = self.values(dimension, settings, horizon).ok()?;
-            Some(self.specialise(&values).ok()?.dropped.len())
+            let gradient = self.specialise_gradient(&values, Form::Textbook).ok()?.1;
+            Some(self.specialise(&values).ok()?.dropped.len() + gradient.len())
         };
         let Some(variant) = self.variant(dimension) else { return Vec::new() };
         let mut switched = Vec::new();

@@ -150,7 +150,7 @@ impl DiscreteEnergy {
         };
         let (bonds, triangles) = (kind(elements.bond)?, kind(elements.triangle)?);
         let tetrahedra = kind(elements.tetrahedron)?;
-        let pattern = Arc::new(pattern(&neighborhood, body.dimension()));
+        let pattern = Arc::new(BlockPattern::of_bonds(&neighborhood, body.dimension()));
         let matrix_bytes = 8 * pattern.n_blocks() * body.dimension() * body.dimension();
         let fits = ContributingPairs::bytes(&neighborhood) <= matrix_bytes / 2;
         let contributing = (triangles.is_some() && fits).then(|| match body.dimension() {
@@ -256,20 +256,6 @@ impl DiscreteEnergy {
         }
         tasks
     }
-}
-
-/// Diagonal blocks and those of all bonds: members of a triangle or tetrahedron are neighbours.
-fn pattern(neighborhood: &Neighborhood, dimension: usize) -> BlockPattern {
-    let n = neighborhood.n_points();
-    let mut row_start = Vec::with_capacity(n + 1);
-    let mut columns = Vec::with_capacity(n + neighborhood.n_bonds());
-    row_start.push(0);
-    for point in 0..n {
-        columns.push(point as u32);
-        columns.extend_from_slice(neighborhood.upper(point));
-        row_start.push(columns.len());
-    }
-    BlockPattern { dimension, row_start, columns }
 }
 
 impl TotalEnergy for DiscreteEnergy {

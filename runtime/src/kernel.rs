@@ -54,3 +54,21 @@ pub trait VariablesLaw: Send + Sync {
     /// Fills `product` with the second derivatives times `direction`.
     fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]);
 }
+
+impl VariablesLaw for piola_compiler::GradientKernel {
+    fn n_variables(&self) -> usize {
+        self.dimension() * self.dimension()
+    }
+
+    fn evaluate(&self, at: Variables<'_>, psi: &mut [f64], gradient: &mut [f64]) {
+        piola_compiler::GradientKernel::evaluate(self, batch(at), psi, gradient);
+    }
+
+    fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]) {
+        piola_compiler::GradientKernel::product(self, batch(at), direction, product);
+    }
+}
+
+fn batch(at: Variables<'_>) -> piola_compiler::GradientBatch<'_> {
+    piola_compiler::GradientBatch { n: at.n, gradient: at.current, change: at.change }
+}

@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use crate::neighborhood::Neighborhood;
+
 /// The blocks of a symmetric matrix on and above the diagonal.
 ///
 /// Row `i` holds first its diagonal block, then the columns `j > i` in ascending order.
@@ -16,6 +18,20 @@ pub struct BlockPattern {
 }
 
 impl BlockPattern {
+    /// Diagonal blocks and those of all bonds: members of a triangle or tetrahedron are neighbours.
+    pub fn of_bonds(neighborhood: &Neighborhood, dimension: usize) -> BlockPattern {
+        let n = neighborhood.n_points();
+        let mut row_start = Vec::with_capacity(n + 1);
+        let mut columns = Vec::with_capacity(n + neighborhood.n_bonds());
+        row_start.push(0);
+        for point in 0..n {
+            columns.push(point as u32);
+            columns.extend_from_slice(neighborhood.upper(point));
+            row_start.push(columns.len());
+        }
+        BlockPattern { dimension, row_start, columns }
+    }
+
     /// How many rows of blocks there are.
     pub fn n_rows(&self) -> usize {
         self.row_start.len() - 1

@@ -27,7 +27,7 @@ pub(super) fn execute(arguments: &Check) -> Exit {
 fn describe(loaded: &Loaded) -> String {
     let model = &loaded.model;
     let energies: Vec<String> =
-        model.measures().iter().map(|m| format!("psi({})", m.symbol())).collect();
+        model.arguments().iter().map(|argument| format!("psi({argument})")).collect();
     let dimensions: Vec<String> = model.dimensions().map(|d| d.to_string()).collect();
     let units = if model.has_units() {
         "dimensions agree"

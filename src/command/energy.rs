@@ -1,6 +1,5 @@
 //! `piola energy`: energy, forces and tangent of a given displacement.
 
-use piola_runtime::energy::TotalEnergy as _;
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::output::read::read_displacement;
 use piola_runtime::simulation::{Case, CaseError};
@@ -51,7 +50,8 @@ fn evaluate(case: &Case, arguments: &Energy) -> Result<Option<Value>, CaseError>
     for dropped in &compiled.dropped {
         eprintln!("note: {}", dropped.reason);
     }
-    let energy = case.energy(compiled.elements)?;
+    let modelled = case.energy(compiled)?;
+    let energy = modelled.total();
     let mut gradient = vec![0.0; n * d];
     let mut tangent = arguments.tangent.then(|| BlockMatrix::zeros(energy.pattern()));
     let parts = match &mut tangent {
@@ -59,7 +59,7 @@ fn evaluate(case: &Case, arguments: &Energy) -> Result<Option<Value>, CaseError>
         None => energy.gradient(&displacement, &mut gradient),
     };
     let parts = parts.map_err(|found| CaseError::Body { message: case.describe(&found) })?;
-    let report = energy.report();
+    let report = modelled.report();
     let rows: Vec<Vec<f64>> =
         case.body.to_user_order(&gradient, d).chunks_exact(d).map(<[f64]>::to_vec).collect();
     let mut result = json!({
@@ -71,7 +71,13 @@ fn evaluate(case: &Case, arguments: &Energy) -> Result<Option<Value>, CaseError>
             "tetrahedra": report.tetrahedra,
         },
         "energy": parts.total(),
-        "energy_parts": { "l": parts.bonds, "a": parts.triangles, "v": parts.tetrahedra },
+        "energy_parts": {
+            "l": parts.bonds,
+            "a": parts.triangles,
+            "v": parts.tetrahedra,
+            "F": parts.deformation,
+            "stabilisation": parts.stabilisation,
+        },
         "gradient": rows,
     });
     if let Some(tangent) = tangent {
@@ -99,7 +105,7 @@ fn human(result: &Value) -> String {
     let parts = &result["energy_parts"];
     format!(
         "{} points in {} dimensions; {} bonds, {} triangles, {} tetrahedra\n\
-         energy {} J: {} in l, {} in a, {} in v\n",
+         energy {} J: {} in l, {} in a, {} in v, {} in F, {} in stabilisation\n",
         result["points"],
         result["dimension"],
         interactions["bonds"],
@@ -108,6 +114,8 @@ fn human(result: &Value) -> String {
         result["energy"],
         parts["l"],
         parts["a"],
-        parts["v"]
+        parts["v"],
+        parts["F"],
+        parts["stabilisation"]
     )
 }

@@ -1,5 +1,6 @@
 //! `piola verify`: machine code against the interpreter and hyper-dual numbers.
 
+use piola_compiler::point::{BAR_FAR, BAR_NEAR, GradientVerification, verify_gradient};
 use piola_compiler::verify::{Miss, Verification, verify};
 use serde_json::json;
 
@@ -54,6 +55,19 @@ pub(super) fn execute(arguments: &Verify) -> Exit {
                     return Exit::Input;
                 }
             }
+            match verify_gradient(&loaded.model, &values, arguments.points) {
+                Ok(None) => {}
+                Ok(Some(found)) => {
+                    report_gradient(file, dimension, &found, arguments.format);
+                    if !found.passed() {
+                        exit = Exit::Findings;
+                    }
+                }
+                Err(error) => {
+                    print_compile_error(&loaded, &error);
+                    return Exit::Input;
+                }
+            }
         }
     }
     exit
@@ -92,6 +106,48 @@ fn report(file: &str, dimension: usize, found: &Verification, format: Format) {
     }
     if found.misses.len() > 5 {
         render::out(&format!("        .. and {} more\n", found.misses.len() - 5));
+    }
+}
+
+fn report_gradient(file: &str, dimension: usize, found: &GradientVerification, format: Format) {
+    if format == Format::Json {
+        let worst = [0, 1, 2].map(|k| (found.near[k] / BAR_NEAR).max(found.far[k] / BAR_FAR));
+        let line = json!({
+            "potential": file,
+            "dimension": dimension,
+            "measure": "F",
+            "points": found.n_points,
+            "passed": found.passed(),
+            "different_bits": found.different_bits,
+            "misses": found.misses.len(),
+            "worst_error_over_tolerance": worst,
+            "worst_near_in_u": found.near,
+            "worst_far_in_u": found.far,
+            "worst_against_hyper_dual_in_u": found.dual,
+        });
+        render::out(&format!("{line}\n"));
+        return;
+    }
+    let verdict = if found.passed() { "passed" } else { "FAILED" };
+    let bits = match found.different_bits {
+        0 => "machine code = interpreter to the last bit".to_string(),
+        n => format!("machine code differs from the interpreter at {n} gradients"),
+    };
+    let named = |worst: [f64; 3]| {
+        let parts = ["psi", "P", "dP"].iter().zip(worst).map(|(name, w)| format!("{name} {w:.0}"));
+        parts.collect::<Vec<_>>().join(", ")
+    };
+    render::out(&format!(
+        "{verdict}  {file} d = {dimension} psi(F): {} gradients; {bits}; largest errors in u = 2^-53 \
+         of the norm: near rest {}; far from it {}; against hyper-dual numbers {}\n",
+        found.n_points,
+        named(found.near),
+        named(found.far),
+        named(found.dual)
+    ));
+    for gradient in &found.misses {
+        let numbers: Vec<String> = gradient.iter().map(|x| format!("{x:e}")).collect();
+        render::out(&format!("        missed at F = ({})\n", numbers.join(", ")));
     }
 }
 

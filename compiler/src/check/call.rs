@@ -27,6 +27,9 @@ impl<'a> Elaborator<'a> {
             return self.make(node, Kind::Number(quantity), actual[0].uses, span);
         }
         if let Some(tensor_function) = TensorFunction::named(&function.name) {
+            if tensor_function == TensorFunction::Dyad {
+                return self.dyad(&actual, given, span);
+            }
             return self.tensor_call(tensor_function, (function, actual[0], given[0]), span);
         }
         let operator = if function.name == "min" { Operator::Min } else { Operator::Max };

@@ -344,6 +344,8 @@ impl Checker<'_> {
                 }
                 return;
             }
+            // Its components are counted once the dimension is known.
+            None if name == "dyad" && self.is_builtin(name) => return,
             None if self.is_builtin(name) => Some(1),
             None => None,
         };

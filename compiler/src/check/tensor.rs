@@ -25,10 +25,12 @@ pub(crate) enum TensorFunction {
     Inverse,
     Deviator,
     Symmetric,
+    /// The only one of numbers: `dyad(x, y, z)`, the tensor `n n` of a vector `n`.
+    Dyad,
 }
 
 impl TensorFunction {
-    pub(crate) const NAMES: [&str; 5] = ["tr", "det", "inv", "dev", "sym"];
+    pub(crate) const NAMES: [&str; 6] = ["tr", "det", "inv", "dev", "sym", "dyad"];
 
     pub(crate) fn named(name: &str) -> Option<TensorFunction> {
         Some(match name {
@@ -37,6 +39,7 @@ impl TensorFunction {
             "inv" => TensorFunction::Inverse,
             "dev" => TensorFunction::Deviator,
             "sym" => TensorFunction::Symmetric,
+            "dyad" => TensorFunction::Dyad,
             _ => return None,
         })
     }
@@ -169,6 +172,8 @@ impl Elaborator<'_> {
                     self.componentwise(Operator::Subtract, &tensor, &spherical, quantity, span)?;
                 Some(self.tensor(deviator))
             }
+            // Handled where its arguments are numbers.
+            TensorFunction::Dyad => None,
             TensorFunction::Symmetric => {
                 let transposed = self.transposed(&tensor);
                 let quantity = tensor.quantity;
@@ -179,6 +184,39 @@ impl Elaborator<'_> {
                 Some(self.tensor(symmetric))
             }
         }
+    }
+
+    /// `dyad(x, y, z)`: components of a vector in as many dimensions as there are.
+    pub(super) fn dyad(
+        &mut self,
+        actual: &[Value],
+        given: &[ExprId],
+        span: Span,
+    ) -> Option<Value> {
+        let d = self.dimension;
+        if actual.len() != d {
+            let message = format!("`dyad` takes the {d} components of a vector");
+            self.report(
+                Diagnostic::error("wrong-number-of-arguments", span, message)
+                    .label(format!("{} given in {d} dimensions", actual.len()))
+                    .help(format!("say for which dimensions the file is: `dimensions {}`", 5 - d)),
+            );
+            return None;
+        }
+        let mut quantity = self.number(actual[0], given[0])?;
+        for (value, at) in actual.iter().zip(given).skip(1) {
+            let next = self.number(*value, *at)?;
+            let both = ((quantity, given[0]), (next, *at));
+            quantity = self.quantity_of(Operator::Add, both.0, both.1, None, span)?;
+        }
+        let mut components = Vec::with_capacity(d * d);
+        for k in 0..d * d {
+            let node = Node::Binary(Operator::Multiply, actual[k / d].node, actual[k % d].node);
+            components.push(Some(self.operation(node, span)?));
+        }
+        let quantity = quantity.combine(quantity, |p, q| p.times(q));
+        let uses = actual.iter().fold(0, |uses, value| uses | value.uses);
+        Some(self.tensor(Tensor { components, quantity, uses }))
     }
 
     /// `-A`

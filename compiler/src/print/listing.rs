@@ -29,6 +29,9 @@ pub fn model_listing(model: &Model) -> String {
             let unit = Model::energy_unit(energy.measure, d);
             let _ = writeln!(out, "  psi({}) in {unit} = {}", energy.measure.symbol(), energy.text);
         }
+        for energy in &variant.gradient_energies {
+            let _ = writeln!(out, "  psi(F) in J/m^3 = {}", energy.text);
+        }
         for domain in &variant.domains {
             let (open, close) =
                 (if domain.lower.1 { '[' } else { '(' }, if domain.upper.1 { ']' } else { ')' });

@@ -155,6 +155,11 @@ pub struct MeasureParts {
     pub a: Number,
     /// Three-neighbour interactions.
     pub v: Number,
+    /// Deformation gradients.
+    #[serde(rename = "F")]
+    pub f: Number,
+    /// Deviations of neighbours from them, where these are stabilised.
+    pub stabilisation: Number,
 }
 
 /// The steps of a history as the summary shows them.
@@ -175,6 +180,8 @@ fn step_summary(sets: &[String], step: &StepRecord) -> StepSummary {
             l: Number(parts.bonds),
             a: Number(parts.triangles),
             v: Number(parts.tetrahedra),
+            f: Number(parts.deformation),
+            stabilisation: Number(parts.stabilisation),
         },
         reactions: sets.iter().cloned().zip(step.reactions.iter().map(|r| numbers(r))).collect(),
         positive_definite: step.definiteness.positive_definite,
@@ -409,7 +416,7 @@ mod tests {
             "residual": [0.30000000000000004, 1e-7, "nan"],
             "residual_over_reaction": ["inf", 1e-12, 0.0],
             "energy": 1.75,
-            "energy_parts": {"l": 1.0, "a": 0.5, "v": 0.25},
+            "energy_parts": {"l": 1.0, "a": 0.5, "v": 0.25, "F": 0.0, "stabilisation": 0.0},
             "reactions": {"right": [1.0, -2.0], "left": ["-inf", 1e300]},
             "positive_definite": true,
             "positive_definite_by": "cholesky",

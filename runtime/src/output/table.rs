@@ -32,12 +32,21 @@ pub fn reactions_table(history: &History) -> String {
     table.text
 }
 
-/// `energy.csv`: `t,total,l,a,v` in J, by the measure of the interaction.
+/// `energy.csv`: `t,total,l,a,v,F,stabilisation` in J, by what an energy is a function of.
 pub fn energy_table(history: &History) -> String {
-    let mut table = Table::new(["t", "total", "l", "a", "v"].map(str::to_owned));
+    let mut table =
+        Table::new(["t", "total", "l", "a", "v", "F", "stabilisation"].map(str::to_owned));
     for step in &history.steps {
         let parts = step.energy_parts;
-        table.row(&[step.t, parts.total(), parts.bonds, parts.triangles, parts.tetrahedra]);
+        table.row(&[
+            step.t,
+            parts.total(),
+            parts.bonds,
+            parts.triangles,
+            parts.tetrahedra,
+            parts.deformation,
+            parts.stabilisation,
+        ]);
     }
     table.text
 }
@@ -140,7 +149,10 @@ mod tests {
             "t,left_x,left_y,\"a,\"\"b_x\",\"a,\"\"b_y\"\n\
              0.1,-1.5,0.30000000000000004,nan,-inf\n"
         );
-        assert_eq!(energy_table(&history), "t,total,l,a,v\n0.1,0.75,0.5,0.25,0\n");
+        assert_eq!(
+            energy_table(&history),
+            "t,total,l,a,v,F,stabilisation\n0.1,0.75,0.5,0.25,0,0,0\n"
+        );
         assert_eq!(probes_table(&history), "t,tip_u,tip_v\n0.1,1e-7,-0\n");
         let empty = History::new(3, vec!["s".to_owned()], Vec::new());
         assert_eq!(reactions_table(&empty), "t,s_x,s_y,s_z\n");

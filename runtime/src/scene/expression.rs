@@ -8,6 +8,9 @@ use super::tree::Text;
 /// What an expression of a scene may name.
 const VARIABLES: [&str; 4] = ["X", "Y", "Z", "t"];
 
+/// What an influence function may name.
+const LENGTHS: [&str; 2] = ["L", "delta"];
+
 /// A compiled expression of X, Y, Z, t and where it stands. Equal if the texts are.
 #[derive(Clone, Debug)]
 pub struct Expression {
@@ -31,6 +34,8 @@ pub(super) enum Role {
     Condition,
     /// A number of X, Y, Z, t.
     Number,
+    /// A number of L, delta.
+    Influence,
 }
 
 impl Expression {
@@ -41,7 +46,7 @@ impl Expression {
         dimension: Option<usize>,
     ) -> Result<Expression, Vec<Diagnostic>> {
         let mut found: Vec<Diagnostic> = Vec::new();
-        if dimension == Some(2) {
+        if dimension == Some(2) && role != Role::Influence {
             found.extend(names(&text.value, "Z").map(|span| {
                 Diagnostic::error("no-third-dimension", span, "there is no Z in two dimensions")
                     .help("use X and Y, or write dimension = 3")
@@ -56,6 +61,7 @@ impl Expression {
         let compiled = match role {
             Role::Condition => Formula::condition(&text.value, &VARIABLES),
             Role::Number => Formula::number(&text.value, &VARIABLES),
+            Role::Influence => Formula::number(&text.value, &LENGTHS),
         };
         match compiled {
             Ok(formula) if found.is_empty() => {
@@ -70,6 +76,11 @@ impl Expression {
     /// Its number at a reference position (2 or 3 coordinates, in m) and a time.
     pub fn value(&self, position: &[f64], t: f64) -> f64 {
         self.formula.value(&arguments(position, t))
+    }
+
+    /// Its number for the length of a bond at rest and the horizon, both in m; for influence functions.
+    pub fn influence(&self, length: f64, horizon: f64) -> f64 {
+        self.formula.value(&[length, horizon])
     }
 
     /// Its truth at a reference position (2 or 3 coordinates, in m).

@@ -54,6 +54,8 @@ pub struct Scene {
     pub horizon: Horizon,
     /// `[material]`
     pub material: Material,
+    /// `[correspondence]`, for potentials with an energy of `F`; filled in for them.
+    pub correspondence: Option<CorrespondenceSettings>,
     /// `[sets]`, in the order of the file.
     pub sets: Vec<SetDefinition>,
     /// `[[prescribe]]`
@@ -81,6 +83,7 @@ impl PartialEq for Scene {
             body,
             horizon,
             material,
+            correspondence,
             sets,
             prescriptions,
             loads,
@@ -94,6 +97,7 @@ impl PartialEq for Scene {
         *body == other.body
             && *horizon == other.horizon
             && *material == other.material
+            && *correspondence == other.correspondence
             && *sets == other.sets
             && *prescriptions == other.prescriptions
             && *loads == other.loads
@@ -249,6 +253,71 @@ pub enum ParameterText {
     Number(f64),
     /// A number with a unit, such as `200 GPa`; the compiler converts it.
     Quantity(String),
+}
+
+/// `[correspondence]`: how a body gets its deformation gradients, and what is made of them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CorrespondenceSettings {
+    /// Where the energy density is evaluated.
+    pub discretisation: DiscretisationChoice,
+    /// What the stabilised discretisation resists with.
+    pub stabilisation: StabilisationChoice,
+    /// Stiffness of the Silling stabilisation, `C_s C_b`, in Pa/m^2.
+    pub stiffness: Option<f64>,
+    /// Which polynomials are differentiated exactly.
+    pub order: OrderChoice,
+    /// How much a neighbour counts.
+    pub influence: InfluenceChoice,
+}
+
+/// Where an energy density of the deformation gradient is evaluated.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DiscretisationChoice {
+    /// At the bonds.
+    #[default]
+    BondQuadrature,
+    /// At the points.
+    Nodal,
+    /// At the points, with an energy of what neighbours deviate from the gradient.
+    Stabilised,
+}
+
+/// What a stabilised discretisation resists with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StabilisationChoice {
+    /// The isotropic part of Wan's stiffness; objective.
+    #[default]
+    Isotropic,
+    /// The elasticity tensor times the inverse shape tensor; not objective.
+    Wan,
+    /// One given stiffness.
+    Silling,
+}
+
+/// Which polynomials the deformation gradient differentiates exactly.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum OrderChoice {
+    /// Linear ones; the fit passes through the point.
+    #[default]
+    First,
+    /// Linear ones; the fit need not pass through the point.
+    FirstWithConstant,
+    /// Quadratic ones.
+    Second,
+}
+
+/// An influence function.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum InfluenceChoice {
+    /// A cubic B-spline that ends at the horizon.
+    #[default]
+    CubicSpline,
+    /// 1.
+    Constant,
+    /// One over the length of the bond.
+    Inverse,
+    /// An expression of `L` and `delta`.
+    Expression(Expression),
 }
 
 /// One entry of `[sets]`: a named set of points.

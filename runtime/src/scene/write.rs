@@ -2,12 +2,14 @@
 
 use std::fmt::Write;
 
+use super::read::correspondence::{DISCRETISATIONS, INFLUENCES, ORDERS, STABILISATIONS};
 use super::read::{
     DERIVATIVES, FORMS, LEVELS, LINEAR, NEWTON, NODES, PRECONDITIONERS, STARTS, STRAINS, WEIGHTS,
 };
 use super::{
-    BodyShape, Horizon, HorizonExtent, Load, Material, ParameterText, Points, Prescription, Probe,
-    Quantity, Scene, SetDefinition,
+    BodyShape, CorrespondenceSettings, DiscretisationChoice, Horizon, HorizonExtent,
+    InfluenceChoice, Load, Material, ParameterText, Points, Prescription, Probe, Quantity, Scene,
+    SetDefinition,
 };
 
 impl Scene {
@@ -19,6 +21,9 @@ impl Scene {
         write_body(&mut out, &self.body);
         write_horizon(&mut out, &self.horizon);
         write_material(&mut out, &self.material);
+        if let Some(settings) = &self.correspondence {
+            write_correspondence(&mut out, settings);
+        }
         write_sets(&mut out, &self.sets);
         for prescription in &self.prescriptions {
             write_prescription(&mut out, prescription, &self.sets);
@@ -86,6 +91,40 @@ fn write_material(out: &mut String, material: &Material) {
         };
         pair(out, &key(&parameter.name.value), value);
     }
+}
+
+impl std::fmt::Display for CorrespondenceSettings {
+    /// In a few words, for a plan.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let bare = |quoted: String| quoted.trim_matches('"').to_string();
+        let stabilised = self.discretisation == DiscretisationChoice::Stabilised;
+        write!(f, "{}", bare(word(DISCRETISATIONS, self.discretisation)))?;
+        if stabilised {
+            write!(f, " ({})", bare(word(STABILISATIONS, self.stabilisation)))?;
+        }
+        let influence = match &self.influence {
+            InfluenceChoice::Expression(expression) => expression.text.clone(),
+            named => bare(word(INFLUENCES, named.clone())),
+        };
+        write!(f, ", order {}, influence {influence}", bare(word(ORDERS, self.order)))
+    }
+}
+
+fn write_correspondence(out: &mut String, settings: &CorrespondenceSettings) {
+    section(out, "[correspondence]");
+    pair(out, "discretisation", word(DISCRETISATIONS, settings.discretisation));
+    if settings.discretisation == DiscretisationChoice::Stabilised {
+        pair(out, "stabilisation", word(STABILISATIONS, settings.stabilisation));
+    }
+    if let Some(stiffness) = settings.stiffness {
+        pair(out, "stiffness", number(stiffness));
+    }
+    pair(out, "order", word(ORDERS, settings.order));
+    let influence = match &settings.influence {
+        InfluenceChoice::Expression(expression) => string(&expression.text),
+        named => word(INFLUENCES, named.clone()),
+    };
+    pair(out, "influence", influence);
 }
 
 fn write_sets(out: &mut String, sets: &[SetDefinition]) {

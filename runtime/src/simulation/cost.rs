@@ -4,8 +4,8 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::{Case, CaseError, Compiled, run};
-use crate::assembly::{DiscreteEnergy, Report};
+use super::{Case, CaseError, ModelledEnergy, run};
+use crate::assembly::Report;
 use crate::element::Order;
 use crate::energy::TotalEnergy;
 use crate::matrix::BlockMatrix;
@@ -82,9 +82,10 @@ pub struct LinearCost {
 pub fn cost(case: &Case, mut clock: PhaseClock) -> Result<SceneCost, CaseError> {
     let message = |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
     clock.enter("compile");
-    let Compiled { elements, .. } = case.compile()?;
+    let compiled = case.compile()?;
     clock.enter("interactions");
-    let energy = case.energy(elements)?;
+    let modelled = case.energy(compiled)?;
+    let energy = modelled.total();
     clock.enter("conditions");
     let selection = case.selection()?;
     let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
@@ -106,7 +107,8 @@ pub fn cost(case: &Case, mut clock: PhaseClock) -> Result<SceneCost, CaseError> 
     let forced = tangent.multiply(&moved);
     let rhs: Vec<f64> = (0..n_dofs).map(|dof| loads[dof] - gradient[dof] - forced[dof]).collect();
     let mut notes = Vec::new();
-    let linear = match solve(case, &energy, &constraints, &tangent, &rhs, &mut moved, &mut clock) {
+    let linear = match solve(case, &modelled, &constraints, &tangent, &rhs, &mut moved, &mut clock)
+    {
         Ok(report) => Some(report),
         Err(reason) => {
             notes.push(format!("no linear system was solved: {reason}"));
@@ -118,15 +120,15 @@ pub fn cost(case: &Case, mut clock: PhaseClock) -> Result<SceneCost, CaseError> 
         notes.push("the passes are at rest".to_string());
         moved.fill(0.0);
     }
-    let passes = passes(&energy, &moved, &mut gradient, &mut tangent);
-    let report = energy.report();
+    let passes = passes(energy, &moved, &mut gradient, &mut tangent);
+    let report = modelled.report();
     Ok(SceneCost {
         threads: rayon::current_num_threads(),
         points: report.n_points,
         unknowns: constraints.n_free(),
         interactions: [report.bonds, report.triangles, report.tetrahedra],
         phases: clock.phases().to_vec(),
-        passes: passes.map(|(name, seconds)| pass(name, seconds, report)),
+        passes: passes.map(|(name, seconds)| pass(name, seconds, &report)),
         matrix_bytes: size_of_val(tangent.values.as_slice()) as u64,
         linear,
         notes,
@@ -142,7 +144,7 @@ fn pass(name: &'static str, seconds: f64, report: &Report) -> PassCost {
 /// Adds the solution of the first linear system to `moved`; the reason if there is none.
 fn solve(
     case: &Case,
-    energy: &DiscreteEnergy,
+    modelled: &ModelledEnergy,
     constraints: &Constraints,
     tangent: &BlockMatrix,
     rhs: &[f64],
@@ -150,7 +152,8 @@ fn solve(
     clock: &mut PhaseClock,
 ) -> Result<LinearCost, String> {
     clock.enter("linear system: set up");
-    check_rigid_motions(energy.pattern(), case.body.positions(), constraints)
+    let energy = modelled.total();
+    check_rigid_motions(&modelled.bonds(), case.body.positions(), constraints)
         .map_err(|error| error.to_string())?;
     let options = run::settings(&case.scene).linear;
     let mut solver =
@@ -181,7 +184,7 @@ fn linear_cost(report: LinearReport) -> LinearCost {
 
 /// The least times of passes in turn, in s.
 fn passes(
-    energy: &DiscreteEnergy,
+    energy: &dyn TotalEnergy,
     u: &[f64],
     gradient: &mut [f64],
     tangent: &mut BlockMatrix,

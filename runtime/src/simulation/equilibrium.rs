@@ -63,12 +63,12 @@ pub enum Attempt {
 /// A case that cannot start, as for [`run`](super::run()).
 pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
     let start = Instant::now();
-    let energy = case.energy(case.compile()?.elements)?;
+    let energy = case.energy(case.compile()?)?;
     let selection = case.selection()?;
     let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
     check_held(case, &energy, &boundary)?;
     let drive = SceneDrive::new(&boundary);
-    let rounded = FromPositions::new(&energy, case.body.positions());
+    let rounded = FromPositions::new(energy.total(), case.body.positions());
     let mut reached = Equilibrium::default();
     let mut late = None;
     let mut observer = |record: &StepRecord, state: &State<'_>| {
@@ -98,7 +98,7 @@ pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
             .collect();
         ControlFlow::Continue(())
     };
-    let watched = Watched { energy: strained(case, &energy, &rounded), start, limit };
+    let watched = Watched { energy: strained(case, energy.total(), &rounded), start, limit };
     let result = run_steps(&watched, &drive, &settings(&case.scene), &mut observer);
     match result {
         Ok(outcome) => Ok(match late {

@@ -198,6 +198,8 @@ pub(super) fn read(
         Input::Change(_) => (measure - reference) / reference,
         Input::Horizon => values.horizon,
         Input::Parameter(i) => values.parameters[usize::from(i)],
+        // A measure knows nothing of the deformation gradient.
+        Input::Variable(_) | Input::VariableChange(_) | Input::Direction(_) => f64::NAN,
     });
     interpreter
 }

@@ -13,22 +13,26 @@ mod cost;
 mod equilibrium;
 mod error;
 mod explain;
+mod model;
 mod run;
 mod size;
 
 pub use cost::{LinearCost, PassCost, SceneCost, cost};
 pub use equilibrium::{Attempt, Equilibrium, NamedVector, solve};
 pub use error::CaseError;
+pub use model::ModelledEnergy;
 pub use run::{Ending, RunError, RunOptions, run};
 
 use std::path::Path;
 use std::sync::Arc;
 
 use num_dual::HyperDual64;
-use piola_compiler::{Dropped, Form, Interval, Mode, Model, Setting, Values, check_text};
+use piola_compiler::{
+    Dropped, Form, GradientKernel, Interval, Mode, Model, Setting, Values, check_text,
+};
 use piola_grammar::Diagnostic;
 
-use crate::assembly::{DiscreteEnergy, Elements};
+use crate::assembly::Elements;
 use crate::body::Body;
 use crate::element::{CoordinateElement, Element, MeasureElement};
 use crate::energy::NonFinite;
@@ -41,9 +45,8 @@ use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{self, Selection};
 use crate::scene::{
     self, DerivativeSource, FormChoice, MAX_SCENE_BYTES, ParameterText, Points, PotentialText,
-    Scene, WeightScheme,
+    Scene,
 };
-use crate::weights::Weights;
 
 /// Largest point cloud that is read, in bytes.
 const MAX_CLOUD_BYTES: u64 = 1 << 30;
@@ -79,6 +82,8 @@ pub struct Compiled {
     pub elements: Elements,
     /// Measures that have an energy, ascending.
     pub measures: Vec<Measure>,
+    /// The energy of the deformation gradient.
+    pub gradient: Option<GradientKernel>,
     /// What is left out, and why.
     pub dropped: Vec<Dropped>,
 }
@@ -95,11 +100,21 @@ impl Case {
         library: &Library<'_>,
     ) -> Result<Case, CaseError> {
         let text = error::read_text(path, MAX_SCENE_BYTES as u64)?;
-        let scene = Scene::read(&text, &path.display().to_string(), overrides)?;
+        let mut scene = Scene::read(&text, &path.display().to_string(), overrides)?;
         let folder = path.parent().unwrap_or(Path::new("."));
         let potential = scene.potential(folder, library.find, library.names)?;
         let model = checked(&potential)?;
         let values = values(&scene, &model)?;
+        if model.has_gradient_energy() {
+            scene.correspondence.get_or_insert_default();
+        } else if scene.correspondence.is_some() {
+            let message = format!("[correspondence] needs a psi(F), and {} has none", model.name());
+            let place = scene.material.potential.span;
+            let found = Diagnostic::error("no-gradient-energy", place, message)
+                .label("its energies are of other arguments")
+                .help("leave [correspondence] out, or take a potential with psi(F)");
+            return Err(CaseError::Scene(scene.report(vec![found])));
+        }
         let (body, mut warnings) = body(&scene, folder)?;
         warnings.splice(0..0, scene.warnings.iter().cloned());
         Ok(Case { scene, potential, model, values, body: Arc::new(body), warnings })
@@ -154,7 +169,12 @@ impl Case {
                 Measure::Volume => elements.tetrahedron = Some(element),
             }
         }
-        Ok(Compiled { elements, measures, dropped: compiled.dropped })
+        let (gradient, more) = self
+            .model
+            .compile_gradient(&self.values, mode, form)
+            .map_err(|error| CaseError::compile(&self.potential, &error))?;
+        let dropped = [compiled.dropped, more].concat();
+        Ok(Compiled { elements, measures, gradient, dropped })
     }
 
     /// Whether the potential declares a domain that a measure leaves at 0 or before it is negative.
@@ -164,24 +184,6 @@ impl Case {
         let leaves =
             |domain: &Interval| read.iter().any(|r| !domain.contains(r.number(domain.root)));
         variant.domains.iter().any(|domain| domain.measure == measure && leaves(domain))
-    }
-
-    /// The discrete total energy.
-    ///
-    /// # Errors
-    /// A body that cannot be assembled: isolated or coincident points, nothing to model, more
-    /// neighbours than the machine's memory holds.
-    pub fn energy(&self, elements: Elements) -> Result<DiscreteEnergy, CaseError> {
-        let weights = match self.scene.horizon.weights {
-            WeightScheme::Uniform => Weights::Uniform,
-            WeightScheme::Truncated => Weights::Truncated,
-            WeightScheme::Volumes => Weights::Volumes,
-            WeightScheme::Unit => Weights::Unit,
-        };
-        let horizon = self.scene.horizon_radius();
-        size::check_neighbors(&self.body, horizon)?;
-        DiscreteEnergy::with_elements(Arc::clone(&self.body), horizon, weights, elements)
-            .map_err(|error| CaseError::Body { message: error.to_string() })
     }
 
     /// An interaction that cannot be evaluated, in the user's words: points, positions, the energy
@@ -213,7 +215,7 @@ impl Case {
             triangles: compiled.measures.contains(&Measure::Area),
             tetrahedra: compiled.measures.contains(&Measure::Volume),
         };
-        let notes = kernel_notes(&compiled);
+        let notes = kernel_notes(&compiled, &self.scene);
         Ok(Plan::new(PlanInput {
             scene: &self.scene,
             body: &self.body,
@@ -226,7 +228,7 @@ impl Case {
     }
 }
 
-fn kernel_notes(compiled: &Compiled) -> Vec<KernelNote> {
+fn kernel_notes(compiled: &Compiled, scene: &Scene) -> Vec<KernelNote> {
     let modelled = compiled.measures.iter().map(|m| KernelNote {
         energy: format!("psi({})", m.symbol()),
         modelled: true,
@@ -237,7 +239,12 @@ fn kernel_notes(compiled: &Compiled) -> Vec<KernelNote> {
         modelled: false,
         reason: d.reason.clone(),
     });
-    modelled.chain(dropped).collect()
+    let gradient = compiled.gradient.iter().map(|_| KernelNote {
+        energy: "psi(F)".to_string(),
+        modelled: true,
+        reason: scene.correspondence.as_ref().map_or_else(String::new, |c| c.to_string()),
+    });
+    modelled.chain(gradient).chain(dropped).collect()
 }
 
 fn checked(potential: &PotentialText) -> Result<Model, CaseError> {

@@ -3,8 +3,8 @@
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 
-use super::{Case, CaseError, Compiled};
-use crate::assembly::{DiscreteEnergy, Inverted, Report};
+use super::{Case, CaseError, ModelledEnergy};
+use crate::assembly::{Inverted, Report};
 use crate::energy::{FromPositions, TotalEnergy};
 use crate::output::picture::{NamedPoints, Picture};
 use crate::output::pvd::FrameSeries;
@@ -83,9 +83,9 @@ pub fn run(
 ) -> Result<Ending, RunError> {
     let mut clock = PhaseClock::new();
     clock.enter("compile");
-    let Compiled { elements, .. } = case.compile()?;
+    let compiled = case.compile()?;
     clock.enter("interactions");
-    let energy = case.energy(elements)?;
+    let energy = case.energy(compiled)?;
     let selection = case.selection()?;
     let boundary =
         BoundaryConditions::new(&case.scene, &case.body, &selection).map_err(CaseError::from)?;
@@ -98,8 +98,8 @@ pub fn run(
     let drive = SceneDrive::new(&boundary);
     let points = Points::of(&case.body);
     let mut recorder = Recorder::new(case, &energy, &selection, folder, &points, clock)?;
-    let rounded = FromPositions::new(&energy, case.body.positions());
-    let whole = strained(case, &energy, &rounded);
+    let rounded = FromPositions::new(energy.total(), case.body.positions());
+    let whole = strained(case, energy.total(), &rounded);
     let result = run_steps(whole, &drive, &settings(&case.scene), &mut |record, state| {
         observer(record);
         recorder.record(record, state)
@@ -117,21 +117,21 @@ pub fn run(
 /// Refuses a body that can move without force.
 pub(super) fn check_held(
     case: &Case,
-    energy: &DiscreteEnergy,
+    energy: &ModelledEnergy,
     boundary: &BoundaryConditions<'_>,
 ) -> Result<(), CaseError> {
     let n_dofs = case.body.n_points() * case.body.dimension();
     let message = |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
     let constraints =
         Constraints::new(n_dofs, boundary.fixed_dofs()).map_err(|error| message(&error))?;
-    check_rigid_motions(energy.pattern(), case.body.positions(), &constraints)
+    check_rigid_motions(&energy.bonds(), case.body.positions(), &constraints)
         .map_err(|error| message(&error))
 }
 
 /// The energy with its strain from what the scene says.
 pub(super) fn strained<'a>(
     case: &Case,
-    energy: &'a DiscreteEnergy,
+    energy: &'a dyn TotalEnergy,
     from_positions: &'a FromPositions<'a>,
 ) -> &'a dyn TotalEnergy {
     match case.scene.solver.strain {
@@ -314,7 +314,7 @@ pub(super) fn failed(case: &Case, failure: &NotConverged) -> (ExitReason, String
 /// Writes what the steps bring.
 struct Recorder<'a> {
     case: &'a Case,
-    energy: &'a DiscreteEnergy,
+    energy: &'a ModelledEnergy,
     selection: &'a Selection,
     folder: &'a OutputFolder,
     points: &'a Points,
@@ -330,7 +330,7 @@ struct Recorder<'a> {
 impl<'a> Recorder<'a> {
     fn new(
         case: &'a Case,
-        energy: &'a DiscreteEnergy,
+        energy: &'a ModelledEnergy,
         selection: &'a Selection,
         folder: &'a OutputFolder,
         points: &'a Points,
@@ -471,7 +471,7 @@ impl<'a> Recorder<'a> {
             exit_message: ending.message.clone(),
             dimension: body.dimension(),
             points: body.n_points(),
-            interactions: interactions(report),
+            interactions: interactions(&report),
             dropped: InteractionCounts {
                 bonds: 0,
                 triangles: report.dropped_triangles as usize,

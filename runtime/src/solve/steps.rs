@@ -209,7 +209,7 @@ pub fn run_steps(
     observer: &mut dyn FnMut(&StepRecord, &State<'_>) -> ControlFlow<()>,
 ) -> Result<Outcome, StepError> {
     check(settings)?;
-    let n_dofs = energy.pattern().n_rows() * energy.dimension();
+    let n_dofs = energy.positions().len();
     let constraints = Constraints::new(n_dofs, drive.fixed())?;
     let mut run = Run {
         newton: Newton::new(energy, &constraints, settings.newton, settings.linear)?,

@@ -2,6 +2,7 @@
 
 mod body;
 mod conditions;
+pub(super) mod correspondence;
 
 use piola_grammar::{Diagnostic, Span};
 
@@ -25,6 +26,7 @@ static SCENE: Schema = Schema {
         ("body", "{ .. }"),
         ("horizon", "{ .. }"),
         ("material", "{ .. }"),
+        ("correspondence", "{ .. }"),
         ("sets", "{ .. }"),
         ("prescribe", "[{ .. }]"),
         ("load", "[{ .. }]"),
@@ -142,6 +144,8 @@ impl Reader {
         let body_table = section(self, &body::BODY, "body");
         let horizon_table = section(self, &body::HORIZON, "horizon");
         let material_table = section(self, &MATERIAL, "material");
+        let correspondence_table =
+            section(self, &correspondence::CORRESPONDENCE, "correspondence").flatten();
         let steps_table = section(self, &STEPS, "steps").flatten();
         let solver_table = section(self, &SOLVER, "solver").flatten();
         let output_table = section(self, &OUTPUT, "output").flatten();
@@ -156,6 +160,10 @@ impl Reader {
         let horizon =
             self.needed("horizon", horizon_table, |reader, table| reader.horizon(table, &context));
         let material = self.needed("material", material_table, Reader::material);
+        let correspondence = match &correspondence_table {
+            Some(table) => Some(self.correspondence(table)?),
+            None => None,
+        };
         let nodes = |key| root.get(key).map(|entry| &entry.node);
         let prescriptions = self.prescriptions(nodes("prescribe"), &context);
         let loads = self.loads(nodes("load"), &context);
@@ -168,6 +176,7 @@ impl Reader {
             body: body?,
             horizon: horizon?,
             material: material?,
+            correspondence,
             sets,
             prescriptions,
             loads,

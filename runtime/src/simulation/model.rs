@@ -1,0 +1,155 @@
+//! What a scene models: interactions or deformation gradients, behind one face.
+
+use std::sync::Arc;
+
+use super::{Case, CaseError, Compiled, size};
+use crate::assembly::{DiscreteEnergy, Inverted, Report};
+use crate::correspondence::influence::{Constant, CubicSpline, Influence, InverseLength};
+use crate::correspondence::{
+    Correspondence, Discretisation, Formulation, OperatorOrder, Stabilisation,
+};
+use crate::energy::TotalEnergy;
+use crate::matrix::BlockPattern;
+use crate::scene::{
+    CorrespondenceSettings, DiscretisationChoice, InfluenceChoice, OrderChoice,
+    StabilisationChoice, WeightScheme,
+};
+use crate::weights::Weights;
+
+/// The discrete total energy of a scene.
+pub enum ModelledEnergy {
+    /// Energies of lengths, areas and volumes.
+    Interactions(Box<DiscreteEnergy>),
+    /// An energy of deformation gradients.
+    Gradients(Box<Correspondence>),
+}
+
+impl ModelledEnergy {
+    /// As the solvers see it.
+    pub fn total(&self) -> &dyn TotalEnergy {
+        match self {
+            ModelledEnergy::Interactions(energy) => &**energy,
+            ModelledEnergy::Gradients(energy) => &**energy,
+        }
+    }
+
+    /// What the body consists of.
+    pub fn report(&self) -> Report {
+        match self {
+            ModelledEnergy::Interactions(energy) => energy.report().clone(),
+            ModelledEnergy::Gradients(energy) => {
+                let neighborhood = energy.neighborhood();
+                Report {
+                    n_points: energy.body().n_points(),
+                    bonds: neighborhood.n_bonds() as u64,
+                    shell_bonds: neighborhood.shell_bonds(),
+                    ..Report::default()
+                }
+            }
+        }
+    }
+
+    /// How many interactions are turned inside out.
+    pub fn inverted(&self, u: &[f64]) -> Inverted {
+        match self {
+            ModelledEnergy::Interactions(energy) => energy.inverted(u),
+            ModelledEnergy::Gradients(_) => Inverted::default(),
+        }
+    }
+
+    /// Which points are neighbours, as blocks.
+    pub fn bonds(&self) -> Arc<BlockPattern> {
+        match self {
+            ModelledEnergy::Interactions(energy) => Arc::clone(energy.pattern()),
+            ModelledEnergy::Gradients(energy) => {
+                let d = energy.body().dimension();
+                Arc::new(BlockPattern::of_bonds(energy.neighborhood(), d))
+            }
+        }
+    }
+}
+
+impl Case {
+    /// The discrete total energy.
+    ///
+    /// # Errors
+    /// A body that cannot be assembled: isolated or coincident points, nothing to model, more
+    /// neighbours than the machine's memory holds, neighbours that determine no deformation gradient.
+    pub fn energy(&self, compiled: Compiled) -> Result<ModelledEnergy, CaseError> {
+        let horizon = self.scene.horizon_radius();
+        size::check_neighbors(&self.body, horizon)?;
+        let Some(law) = compiled.gradient else { return self.interactions(compiled, horizon) };
+        if let Some(measure) = compiled.measures.first() {
+            let message = format!(
+                "the potential has energies of F and of {}: a scene models one kind; put them into \
+                 two potentials, or drop one by a coefficient 0",
+                measure.symbol()
+            );
+            return Err(CaseError::Body { message });
+        }
+        let settings = self.scene.correspondence.clone().unwrap_or_default();
+        let influence = influence(&settings.influence, self.body.dimension(), horizon);
+        let formulation = Formulation {
+            horizon,
+            order: order(settings.order),
+            discretisation: discretisation(&settings),
+            influence: &*influence,
+        };
+        let energy = Correspondence::new(Arc::clone(&self.body), formulation, Box::new(law));
+        match energy {
+            Ok(energy) => Ok(ModelledEnergy::Gradients(Box::new(energy))),
+            Err(error) => Err(CaseError::Body { message: error.to_string() }),
+        }
+    }
+
+    fn interactions(&self, compiled: Compiled, horizon: f64) -> Result<ModelledEnergy, CaseError> {
+        let weights = match self.scene.horizon.weights {
+            WeightScheme::Uniform => Weights::Uniform,
+            WeightScheme::Truncated => Weights::Truncated,
+            WeightScheme::Volumes => Weights::Volumes,
+            WeightScheme::Unit => Weights::Unit,
+        };
+        let elements = compiled.elements;
+        DiscreteEnergy::with_elements(Arc::clone(&self.body), horizon, weights, elements)
+            .map(|energy| ModelledEnergy::Interactions(Box::new(energy)))
+            .map_err(|error| CaseError::Body { message: error.to_string() })
+    }
+}
+
+fn order(choice: OrderChoice) -> OperatorOrder {
+    match choice {
+        OrderChoice::First => OperatorOrder::First,
+        OrderChoice::FirstWithConstant => OperatorOrder::FirstWithConstant,
+        OrderChoice::Second => OperatorOrder::Second,
+    }
+}
+
+fn discretisation(settings: &CorrespondenceSettings) -> Discretisation {
+    match (settings.discretisation, settings.stabilisation) {
+        (DiscretisationChoice::BondQuadrature, _) => Discretisation::BondQuadrature,
+        (DiscretisationChoice::Nodal, _) => Discretisation::Nodal,
+        (DiscretisationChoice::Stabilised, StabilisationChoice::Isotropic) => {
+            Discretisation::Stabilised(Stabilisation::Isotropic)
+        }
+        (DiscretisationChoice::Stabilised, StabilisationChoice::Wan) => {
+            Discretisation::Stabilised(Stabilisation::Wan)
+        }
+        (DiscretisationChoice::Stabilised, StabilisationChoice::Silling) => {
+            // The reader asks for the stiffness.
+            let stiffness = settings.stiffness.unwrap_or(0.0);
+            Discretisation::Stabilised(Stabilisation::Silling { stiffness })
+        }
+    }
+}
+
+fn influence(choice: &InfluenceChoice, dimension: usize, horizon: f64) -> Box<dyn Influence> {
+    match choice {
+        InfluenceChoice::CubicSpline => Box::new(CubicSpline { dimension, horizon }),
+        InfluenceChoice::Constant => Box::new(Constant),
+        InfluenceChoice::Inverse => Box::new(InverseLength),
+        InfluenceChoice::Expression(expression) => {
+            let expression = expression.clone();
+            Box::new(move |length: f64| expression.influence(length, horizon))
+        }
+    }
+}

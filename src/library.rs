@@ -19,21 +19,20 @@ macro_rules! entries {
 }
 
 /// Every file of `potentials/`, in alphabetical order.
-pub(crate) const LIBRARY: &[Entry] =
-    entries![
-        "fibre_reinforced",
-        "firooz2023",
-        "fung",
-        "javili2020",
-        "logarithmic",
-        "miranda_modified_stretch",
-        "mooney_rivlin",
-        "neo_hooke",
-        "neo_hooke_stable",
-        "silling2000",
-        "st_venant_kirchhoff",
-        "yeoh",
-    ];
+pub(crate) const LIBRARY: &[Entry] = entries![
+    "fibre_reinforced",
+    "firooz2023",
+    "fung",
+    "javili2020",
+    "logarithmic",
+    "miranda_modified_stretch",
+    "mooney_rivlin",
+    "neo_hooke",
+    "neo_hooke_stable",
+    "silling2000",
+    "st_venant_kirchhoff",
+    "yeoh",
+];
 
 /// The text of a potential of the library.
 pub(crate) fn find(name: &str) -> Option<&'static str> {

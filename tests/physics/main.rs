@@ -8,6 +8,7 @@ mod assembly;
 mod convergence;
 mod examples;
 mod extension;
+mod gradients;
 mod same_bits;
 mod small_clouds;
 mod subjects;

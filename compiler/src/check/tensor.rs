@@ -187,12 +187,7 @@ impl Elaborator<'_> {
     }
 
     /// `dyad(x, y, z)`: components of a vector in as many dimensions as there are.
-    pub(super) fn dyad(
-        &mut self,
-        actual: &[Value],
-        given: &[ExprId],
-        span: Span,
-    ) -> Option<Value> {
+    pub(super) fn dyad(&mut self, actual: &[Value], given: &[ExprId], span: Span) -> Option<Value> {
         let d = self.dimension;
         if actual.len() != d {
             let message = format!("`dyad` takes the {d} components of a vector");

@@ -110,7 +110,7 @@ impl Case {
         } else if scene.correspondence.is_some() {
             let message = format!("[correspondence] needs a psi(F), and {} has none", model.name());
             let place = scene.material.potential.span;
-            let found = Diagnostic::error("no-gradient-energy", place, message)
+            let found = Diagnostic::error("conflicting-keys", place, message)
                 .label("its energies are of other arguments")
                 .help("leave [correspondence] out, or take a potential with psi(F)");
             return Err(CaseError::Scene(scene.report(vec![found])));

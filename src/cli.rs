@@ -244,6 +244,9 @@ pub(crate) enum MeasureName {
     A,
     /// Volume measure of a tetrahedron
     V,
+    /// Deformation gradient
+    #[value(name = "F")]
+    F,
 }
 
 #[derive(Debug, Args)]
@@ -258,7 +261,7 @@ pub(crate) struct Eval {
     pub(crate) dim: u8,
     #[command(flatten)]
     pub(crate) inputs: Inputs,
-    /// CSV with the columns `l,L` (or `a,A`, `v,V`); `-` is the standard input
+    /// CSV with the columns `l,L` (or `a,A`, `v,V`, `F11,F12,..`); `-` is the standard input
     #[arg(long)]
     pub(crate) points: String,
     /// How it is computed

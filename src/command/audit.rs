@@ -26,6 +26,9 @@ pub(super) fn execute(arguments: &cli::Audit) -> Exit {
     let Some(values) = potential::every_energy(model, arguments.dim, inputs, "audited") else {
         return Exit::Input;
     };
+    if model.has_gradient_energy() {
+        eprintln!("note: psi(F) is not audited: `piola verify` counts its errors in u");
+    }
     let form = if arguments.textbook { Form::Textbook } else { Form::Accurate };
     let settings = Settings {
         form,

@@ -1,8 +1,9 @@
 //! `piola derive`: derivatives as text, and every stage on the way to machine code.
 
 use piola_compiler::jit::CompiledKernel;
+use piola_compiler::point::gradient_listing;
 use piola_compiler::rewrite::{self, Explanation, Side};
-use piola_compiler::{CompileError, Specialised, Values, print};
+use piola_compiler::{CompileError, Form, GradientEnergyForms, Specialised, Values, print};
 
 use super::Exit;
 use crate::cli::{Derive, Emit, Format};
@@ -38,7 +39,22 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
     for dropped in &specialised.dropped {
         eprintln!("note: {}", dropped.reason);
     }
-    match emit(&loaded, &specialised, arguments) {
+    let gradient = match specialise_gradient(&loaded, dimension, arguments) {
+        Some(Ok(gradient)) => gradient,
+        Some(Err(error)) => {
+            print_compile_error(&loaded, &error);
+            return Exit::Input;
+        }
+        None => return Exit::Input,
+    };
+    if arguments.emit == Emit::C && gradient.is_some() {
+        render::error(
+            "psi(F) is not printed as C",
+            Some("use --emit text, latex, graph, clif or asm"),
+        );
+        return Exit::Input;
+    }
+    match emit(&loaded, &specialised, gradient.as_ref(), arguments) {
         Ok(text) => {
             render::out(&text);
             Exit::Done
@@ -65,6 +81,25 @@ fn specialise(
     Some(loaded.model.specialise(&values))
 }
 
+/// The same for the energy of the deformation gradient.
+fn specialise_gradient(
+    loaded: &Loaded,
+    dimension: usize,
+    arguments: &Derive,
+) -> Option<Result<Option<GradientEnergyForms>, CompileError>> {
+    let settings = potential::settings(&arguments.inputs)?;
+    let symbols_allowed = matches!(arguments.emit, Emit::Text | Emit::Latex | Emit::Graph);
+    if symbols_allowed && settings.is_empty() && arguments.inputs.delta.is_none() {
+        return Some(loaded.model.symbolic_gradient(dimension));
+    }
+    let values = filled_values(loaded, dimension, arguments)?;
+    let found = loaded.model.specialise_gradient(&values, Form::Accurate);
+    Some(found.map(|(forms, dropped)| {
+        dropped.iter().for_each(|dropped| eprintln!("note: {}", dropped.reason));
+        forms
+    }))
+}
+
 /// Values for every parameter: 1 for want of one, which is said.
 fn filled_values(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Option<Values> {
     let mut settings = potential::settings(&arguments.inputs)?;
@@ -80,6 +115,12 @@ fn filled_values(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Optio
 fn explain(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Exit {
     let Some(values) = filled_values(loaded, dimension, arguments) else { return Exit::Input };
     match rewrite::explain(&loaded.model, &values) {
+        Ok(found) if found.is_empty() && loaded.model.has_gradient_energy() => {
+            render::out(
+                "near rest psi(F) is a function of F - I: `piola derive` with values prints it\n",
+            );
+            Exit::Done
+        }
         Ok(found) if found.is_empty() => {
             render::out("nothing is rewritten: no difference of nearly equal numbers was found\n");
             Exit::Done
@@ -124,6 +165,7 @@ fn explanation(e: &Explanation) -> String {
 fn emit(
     loaded: &Loaded,
     specialised: &Specialised,
+    gradient: Option<&GradientEnergyForms>,
     arguments: &Derive,
 ) -> Result<String, CompileError> {
     let model = &loaded.model;
@@ -142,6 +184,16 @@ fn emit(
             Emit::Asm => listing(energy)?.assembly,
             _ => print::text(model, energy),
         });
+    }
+    if let Some(forms) = gradient {
+        let listings = || gradient_listing(forms, arguments.level.into());
+        match arguments.emit {
+            Emit::Latex => parts.push(print::gradient_latex(model, forms)),
+            Emit::Graph => parts.push(print::gradient_listing(model, forms)),
+            Emit::Clif => parts.extend(listings()?.into_iter().map(|listing| listing.clif)),
+            Emit::Asm => parts.extend(listings()?.into_iter().map(|listing| listing.assembly)),
+            _ => parts.push(print::gradient_text(model, forms)),
+        }
     }
     Ok(parts.join("\n"))
 }

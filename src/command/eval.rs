@@ -16,9 +16,10 @@ const MAX_TABLE: usize = 1 << 30;
 
 pub(super) fn execute(arguments: &Eval) -> Exit {
     let measure = match arguments.measure {
-        cli::MeasureName::L => Measure::Length,
-        cli::MeasureName::A => Measure::Area,
-        cli::MeasureName::V => Measure::Volume,
+        cli::MeasureName::L => Some(Measure::Length),
+        cli::MeasureName::A => Some(Measure::Area),
+        cli::MeasureName::V => Some(Measure::Volume),
+        cli::MeasureName::F => None,
     };
     let mode = match arguments.mode {
         cli::Mode::Jit => Mode::Jit(arguments.level.into()),
@@ -32,14 +33,17 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
     let Some(values) = potential::values(&loaded.model, dimension, &settings, delta) else {
         return Exit::Input;
     };
-    if !loaded.model.measures().contains(&measure) {
-        let symbol = measure.symbol();
+    let symbol = measure.map_or("F", Measure::symbol);
+    let arguments_of = loaded.model.arguments();
+    if !arguments_of.contains(&symbol) {
         let message = format!("`{}` has no energy psi({symbol})", loaded.model.name());
-        let has: Vec<String> =
-            loaded.model.measures().iter().map(|m| format!("--measure {}", m.symbol())).collect();
+        let has: Vec<String> = arguments_of.iter().map(|a| format!("--measure {a}")).collect();
         render::error(&message, Some(&format!("use {}", has.join(" or "))));
         return Exit::Input;
     }
+    let Some(measure) = measure else {
+        return super::eval_gradient::execute(&loaded, &values, mode, &arguments.points);
+    };
     let compiled = match loaded.model.compile(&values, mode) {
         Ok(compiled) => compiled,
         Err(error) => {
@@ -71,7 +75,7 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
     print_rows(measure, &columns, &out)
 }
 
-fn read_table(path: &str) -> Option<String> {
+pub(super) fn read_table(path: &str) -> Option<String> {
     if path != "-" {
         return potential::read_limited(std::path::Path::new(path), MAX_TABLE);
     }

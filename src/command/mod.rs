@@ -7,6 +7,7 @@ mod completions;
 mod derive;
 mod energy;
 mod eval;
+mod eval_gradient;
 mod explain;
 mod info;
 mod plan;

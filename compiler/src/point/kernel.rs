@@ -7,7 +7,7 @@ use crate::expression::graph;
 use crate::expression::interpret::Interpreter;
 use crate::expression::number::Number;
 use crate::expression::{ExprGraph, Input, NodeId, Operator};
-use crate::jit::{Code, isa};
+use crate::jit::{Code, Listing, isa};
 use crate::kernel::{Level, Mode};
 use crate::model::Model;
 use crate::program::Program;
@@ -131,6 +131,28 @@ fn interpret(
         });
         at(p, &|root| interpreter.number(root));
     }
+}
+
+/// The intermediate form and the machine instructions of both programs of the form as written, and of
+/// those near rest.
+///
+/// # Errors
+/// What the code generator reports.
+pub fn gradient_listing(
+    forms: &GradientEnergyForms,
+    level: Level,
+) -> Result<Vec<Listing>, CompileError> {
+    let mut listings = Vec::new();
+    for form in [Some(&forms.far), forms.near.as_ref()].into_iter().flatten() {
+        let value: Vec<NodeId> = [form.psi].iter().chain(&form.stress).copied().collect();
+        for (roots, with_direction) in [(&value, false), (&form.product, true)] {
+            let inputs = inputs(forms.dimension, with_direction);
+            let (graph, roots) = form.graph.extract(roots);
+            let program = Program { graph: &graph, inputs: &inputs, roots: &roots };
+            listings.push(Code::listing(program, level)?);
+        }
+    }
+    Ok(listings)
 }
 
 impl GradientKernel {

@@ -16,7 +16,7 @@ mod kernel;
 mod near;
 mod verify;
 
-pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy};
+pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy, gradient_listing};
 pub use verify::{BAR_FAR, BAR_NEAR, GradientVerification, verify_gradient};
 
 use crate::expression::graph::{self, MAX_NODES};

@@ -17,8 +17,8 @@ pub fn latex(model: &Model, energy: &ScalarEnergy) -> String {
     format!("\\begin{{align*}}\n{}\n\\end{{align*}}\n", rows.join(" \\\\\n"))
 }
 
-struct Latex<'a> {
-    names: Names<'a>,
+pub(super) struct Latex<'a> {
+    pub(super) names: Names<'a>,
 }
 
 const GREEK: &[&str] = &[

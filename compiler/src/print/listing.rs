@@ -52,8 +52,17 @@ pub fn graph_listing(
     graph: &ExprGraph,
     roots: &[NodeId],
 ) -> String {
-    let names = Names { model };
     let mut out = String::new();
+    nodes(&mut out, model, graph);
+    for (name, root) in super::root_names(measure).iter().zip(roots) {
+        let _ = writeln!(out, "{name} = %{}", root.0);
+    }
+    out
+}
+
+/// A line for every node.
+pub(super) fn nodes(out: &mut String, model: &Model, graph: &ExprGraph) {
+    let names = Names { model };
     for (id, node) in graph.nodes() {
         let text = match node {
             Node::Number(bits) => format!("{:?}", f64::from_bits(bits)),
@@ -71,8 +80,4 @@ pub fn graph_listing(
         };
         let _ = writeln!(out, "%{} = {text}", id.0);
     }
-    for (name, root) in super::root_names(measure).iter().zip(roots) {
-        let _ = writeln!(out, "{name} = %{}", root.0);
-    }
-    out
 }

@@ -4,11 +4,13 @@
 //! a line, gets a name of its own (`t1 = ..`), so the text is never larger than the graph.
 
 mod c;
+mod gradient;
 mod latex;
 mod listing;
 mod text;
 
 pub use c::c_source;
+pub use gradient::{gradient_latex, gradient_listing, gradient_text};
 pub use latex::latex;
 pub use listing::{graph_listing, model_listing};
 pub use text::{expression, text};

@@ -25,8 +25,8 @@ pub fn expression(model: &Model, graph: &ExprGraph, root: NodeId) -> String {
     lines.into_iter().map(named).collect::<Vec<_>>().join("; ")
 }
 
-struct Text<'a> {
-    names: Names<'a>,
+pub(super) struct Text<'a> {
+    pub(super) names: Names<'a>,
 }
 
 impl Text<'_> {

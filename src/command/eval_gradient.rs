@@ -1,0 +1,95 @@
+//! `piola eval --measure F`: deformation gradients in, psi and P out, one row per row.
+
+use piola_compiler::{Form, GradientBatch, Mode, Values};
+use piola_runtime::output::decimal;
+
+use super::Exit;
+use super::derive::print_compile_error;
+use super::eval::read_table;
+use crate::potential::Loaded;
+use crate::render;
+
+/// Evaluates every row of a table with the columns `F11,F12,..`.
+pub(super) fn execute(loaded: &Loaded, values: &Values, mode: Mode, points: &str) -> Exit {
+    let kernel = match loaded.model.compile_gradient(values, mode, Form::Accurate) {
+        Ok((kernel, dropped)) => {
+            dropped.iter().for_each(|dropped| eprintln!("note: {}", dropped.reason));
+            kernel
+        }
+        Err(error) => {
+            print_compile_error(loaded, &error);
+            return Exit::Input;
+        }
+    };
+    let Some(text) = read_table(points) else { return Exit::Input };
+    let d = values.dimension;
+    let rows = match parse(&text, d) {
+        Ok(rows) => rows,
+        Err(message) => {
+            render::error(&format!("{points}: {message}"), None);
+            return Exit::Input;
+        }
+    };
+    let (n, n_components) = (rows.len(), d * d);
+    let component = |k: usize| rows.iter().map(move |row| row[k]);
+    let gradient: Vec<f64> = (0..n_components).flat_map(component).collect();
+    let rest = |k: usize| if k / d == k % d { 1.0 } else { 0.0 };
+    let change: Vec<f64> =
+        (0..n_components).flat_map(|k| component(k).map(move |f| f - rest(k))).collect();
+    let (mut psi, mut stress) = (vec![0.0; n], vec![0.0; n * n_components]);
+    // An energy with coefficient 0 is not modelled: it is 0 everywhere.
+    if let Some(kernel) = kernel {
+        let at = GradientBatch { n, gradient: &gradient, change: &change };
+        kernel.evaluate(at, &mut psi, &mut stress);
+    }
+    print_rows(d, &rows, &psi, &stress)
+}
+
+/// `F11`, `F12`, .. of a tensor.
+fn names(tensor: &str, d: usize) -> Vec<String> {
+    (0..d * d).map(|k| format!("{tensor}{}{}", k / d + 1, k % d + 1)).collect()
+}
+
+fn parse(text: &str, d: usize) -> Result<Vec<Vec<f64>>, String> {
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
+    let header = reader.headers().map_err(|error| error.to_string())?.clone();
+    let wanted = names("F", d);
+    let place = |name: &String| {
+        header.iter().position(|h| h == name).ok_or_else(|| {
+            format!("there is no column `{name}`; the first line must be `{}`", wanted.join(","))
+        })
+    };
+    let places: Vec<usize> = wanted.iter().map(place).collect::<Result<_, _>>()?;
+    let mut rows = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|error| error.to_string())?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let number = |(k, place): (usize, &usize)| {
+            let text = record.get(*place).unwrap_or("");
+            let wrong = |_| format!("line {line}, column {}: `{text}` is not a number", wanted[k]);
+            text.parse::<f64>().map_err(wrong)
+        };
+        rows.push(places.iter().enumerate().map(number).collect::<Result<Vec<f64>, String>>()?);
+    }
+    Ok(rows)
+}
+
+fn print_rows(d: usize, rows: &[Vec<f64>], psi: &[f64], stress: &[f64]) -> Exit {
+    let header = [names("F", d), vec!["psi".to_string()], names("P", d)].concat();
+    let mut text = header.join(",") + "\n";
+    let mut first = None;
+    for (p, row) in rows.iter().enumerate() {
+        let mut numbers = row.clone();
+        numbers.push(psi[p]);
+        numbers.extend((0..d * d).map(|k| stress[k * rows.len() + p]));
+        if first.is_none() && !numbers[d * d..].iter().all(|x| x.is_finite()) {
+            first = Some(p);
+        }
+        text.push_str(&numbers.into_iter().map(decimal).collect::<Vec<_>>().join(","));
+        text.push('\n');
+    }
+    render::out(&text);
+    let Some(first) = first else { return Exit::Done };
+    render::error(&format!("psi or P is not finite in row {}", first + 1), None);
+    Exit::Findings
+}

@@ -161,6 +161,27 @@ impl Correspondence {
         }
     }
 
+    /// The energy per volume at every point in J/m^d, stabilisation included; a bond belongs half to
+    /// either end. `u` are displacements (`n x d`, m).
+    pub fn energy_densities(&self, u: &[f64]) -> Result<Vec<f64>, NonFinite> {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        let mut shares = vec![0.0; self.body.n_points()];
+        match self.body.dimension() {
+            2 => self.share::<2>(u, &mut shares)?,
+            _ => self.share::<3>(u, &mut shares)?,
+        }
+        shares.iter_mut().zip(self.body.volumes()).for_each(|(share, volume)| *share /= volume);
+        Ok(shares)
+    }
+
+    fn share<const D: usize>(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
+        let h = self.gradients::<D>(u);
+        let fields = Fields { u: u.as_chunks::<D>().0, h: &h };
+        let duals = Duals { shares, ..Duals::default() };
+        let done = self.sweep(fields, Pass::Energy, duals);
+        done.map(|_| ()).map_err(|failure| self.named(failure, u))
+    }
+
     fn gradients<const D: usize>(&self, u: &[f64]) -> Vec<Tensor<D>> {
         let mut h = vec![[[0.0; D]; D]; self.body.n_points()];
         self.operator.gradient(u, &mut h);
@@ -172,18 +193,17 @@ impl Correspondence {
         &self,
         fields: Fields<'_, D>,
         pass: Pass<'_, D>,
-        duals: Option<Duals<'_, D>>,
+        mut duals: Duals<'_, D>,
     ) -> Result<EnergyParts, Failure> {
         let (law, volumes) = (&*self.law, self.body.volumes());
         let whole = (&*self.body, self.operator.neighborhood(), &self.slabs);
         let mut stabilisation = Sum::default();
-        let deformation = match (&self.places, duals) {
-            (Places::Bonds(bonds), duals) => over_bonds(&self.slabs, duals, |slab, duals| {
+        let deformation = match &self.places {
+            Places::Bonds(bonds) => over_bonds(&self.slabs, duals, |slab, duals| {
                 bonds.visit(law, whole, slab, (fields, pass), duals)
             })?,
-            (places, mut duals) => {
-                let stress = duals.as_mut().map_or(&mut [][..], |duals| &mut *duals.stress);
-                let deformation = over_points(law, volumes, fields, pass, stress)?;
+            places => {
+                let deformation = over_points(law, volumes, fields, pass, &mut duals)?;
                 if let Places::Stabilised(deviations) = places {
                     stabilisation = over_bonds(&self.slabs, duals, |slab, duals| {
                         Ok(deviations.visit(whole, slab, (fields, pass), duals))
@@ -210,7 +230,7 @@ impl Correspondence {
         let fields = Fields { u: u.as_chunks::<D>().0, h: &h };
         let named = |failure: Failure| self.named(failure, u);
         let Some(out) = out else {
-            return self.sweep(fields, Pass::Energy, None).map_err(named);
+            return self.sweep(fields, Pass::Energy, Duals::default()).map_err(named);
         };
         let along = direction.map(|p| (p, self.gradients::<D>(p)));
         let pass = match &along {
@@ -219,8 +239,9 @@ impl Correspondence {
         };
         out.fill(0.0);
         let mut stress = vec![[[0.0; D]; D]; h.len()];
-        let duals = Duals { first: 0, stress: &mut stress, force: out.as_chunks_mut::<D>().0 };
-        let parts = self.sweep(fields, pass, Some(duals)).map_err(named)?;
+        let force = out.as_chunks_mut::<D>().0;
+        let duals = Duals { stress: &mut stress, force, ..Duals::default() };
+        let parts = self.sweep(fields, pass, duals).map_err(named)?;
         self.operator.add_transpose(&stress, out);
         Ok(parts)
     }

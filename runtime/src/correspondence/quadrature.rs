@@ -215,7 +215,7 @@ impl BondQuadrature {
         (body, neighborhood, slabs): (&Body, &Neighborhood, &Slabs),
         slab: usize,
         (fields, pass): (Fields<'_, D>, Pass<'_, D>),
-        duals: Option<Duals<'_, D>>,
+        duals: Duals<'_, D>,
     ) -> Result<Sum, Failure> {
         let positions = body.positions().as_chunks::<D>().0;
         let mut run = Run {
@@ -256,7 +256,7 @@ impl BondQuadrature {
 struct Run<'a, const D: usize> {
     law: &'a dyn VariablesLaw,
     pass: Pass<'a, D>,
-    duals: Option<Duals<'a, D>>,
+    duals: Duals<'a, D>,
     bonds: Vec<Bond<D>>,
     weights: Vec<f64>,
     h: Vec<Tensor<D>>,
@@ -282,10 +282,16 @@ impl<const D: usize> Run<'_, D> {
         if !matches!(self.pass, Pass::Product(_)) {
             self.sum.join(&weighted(self.batch.psi(), &self.weights));
         }
-        if let Some(duals) = &mut self.duals {
-            for (lane, (bond, weight)) in self.bonds.iter().zip(&self.weights).enumerate() {
+        let duals = &mut self.duals;
+        for (lane, (bond, weight)) in self.bonds.iter().zip(&self.weights).enumerate() {
+            if !duals.stress.is_empty() {
                 let stress = self.batch.tensor(lane).map(|row| row.map(|x| weight * x));
                 bond.scatter(&stress, duals);
+            }
+            if !duals.shares.is_empty() {
+                for point in bond.points {
+                    duals.shares[point - duals.first] += 0.5 * weight * self.batch.psi()[lane];
+                }
             }
         }
         self.bonds.clear();

@@ -139,9 +139,10 @@ impl Deviations {
         (body, neighborhood, slabs): (&Body, &Neighborhood, &Slabs),
         slab: usize,
         (fields, pass): (Fields<'_, D>, Pass<'_, D>),
-        mut duals: Option<Duals<'_, D>>,
+        duals: Duals<'_, D>,
     ) -> Sum {
         let Fields { u, h } = if let Pass::Product(direction) = pass { direction } else { fields };
+        let Duals { first, shares, stress, force } = duals;
         let positions = body.positions().as_chunks::<D>().0;
         let mut sum = Sum::default();
         for i in slabs.owners(slab) {
@@ -162,14 +163,20 @@ impl Deviations {
                 let mut terms = [0.0; crate::element::WIDEST];
                 (terms[0], terms[1]) = (0.5 * dot(&z_i, &t_i), 0.5 * dot(&z_j, &t_j));
                 sum.add(&terms);
-                let Some(Duals { first, stress, force }) = &mut duals else { continue };
+                if !shares.is_empty() {
+                    shares[i - first] += terms[0];
+                    shares[j - first] += terms[1];
+                }
+                if force.is_empty() {
+                    continue;
+                }
                 for r in 0..D {
-                    force[j - *first][r] += t_i[r] + t_j[r];
-                    force[i - *first][r] -= t_i[r] + t_j[r];
+                    force[j - first][r] += t_i[r] + t_j[r];
+                    force[i - first][r] -= t_i[r] + t_j[r];
                     if !self.is_stationary {
                         for c in 0..D {
-                            stress[i - *first][r][c] -= t_i[r] * dx[c];
-                            stress[j - *first][r][c] -= t_j[r] * dx[c];
+                            stress[i - first][r][c] -= t_i[r] * dx[c];
+                            stress[j - first][r][c] -= t_j[r] * dx[c];
                         }
                     }
                 }

@@ -27,13 +27,16 @@ pub(super) enum Pass<'a, const D: usize> {
     Product(Fields<'a, D>),
 }
 
-/// Derivatives of an energy by the fields, or products with the second ones; of some points.
+/// What a pass leaves behind at some points; arrays that are not wanted are empty.
+#[derive(Default)]
 pub(super) struct Duals<'a, const D: usize> {
     /// The first of the points.
     pub(super) first: usize,
-    /// By `H`.
+    /// The energy by points in J: half of a bond's for either end. Only of [`Pass::Energy`].
+    pub(super) shares: &'a mut [f64],
+    /// Derivatives by `H`, or products.
     pub(super) stress: &'a mut [Tensor<D>],
-    /// By `u`, as far as the energy depends on it other than by `H`.
+    /// Derivatives by `u`, as far as the energy depends on it other than by `H`, or products.
     pub(super) force: &'a mut [[f64; D]],
 }
 
@@ -43,13 +46,13 @@ pub(super) struct Failure {
     pub(super) determinant: f64,
 }
 
-/// `sum_i V_i psi(F_i)` over all points; `stress` becomes the derivative.
+/// `sum_i V_i psi(F_i)` over all points.
 pub(super) fn over_points<const D: usize>(
     law: &dyn VariablesLaw,
     volumes: &[f64],
     fields: Fields<'_, D>,
     pass: Pass<'_, D>,
-    stress: &mut [Tensor<D>],
+    duals: &mut Duals<'_, D>,
 ) -> Result<Sum, Failure> {
     let chunks = volumes.len().div_ceil(CAPACITY);
     let range = |chunk: usize| chunk * CAPACITY..volumes.len().min((chunk + 1) * CAPACITY);
@@ -69,9 +72,7 @@ pub(super) fn over_points<const D: usize>(
             _ => weighted(batch.psi(), &volumes[range(chunk)]),
         })
     };
-    let sums: Vec<Result<Sum, Failure>> = if matches!(pass, Pass::Energy) {
-        (0..chunks).into_par_iter().map_init(LawBatch::new, evaluate).collect()
-    } else {
+    let sums: Vec<Result<Sum, Failure>> = if !duals.stress.is_empty() {
         let run = |batch: &mut LawBatch<D>, (chunk, out): (usize, &mut [Tensor<D>])| {
             let sum = evaluate(batch, chunk)?;
             for (lane, (out, volume)) in out.iter_mut().zip(&volumes[range(chunk)]).enumerate() {
@@ -79,8 +80,22 @@ pub(super) fn over_points<const D: usize>(
             }
             Ok(sum)
         };
-        let stress = stress.par_chunks_mut(CAPACITY).enumerate();
+        let stress = duals.stress.par_chunks_mut(CAPACITY).enumerate();
         stress.map_init(LawBatch::new, run).collect()
+    } else if !duals.shares.is_empty() {
+        let run = |batch: &mut LawBatch<D>, (chunk, out): (usize, &mut [f64])| {
+            let sum = evaluate(batch, chunk)?;
+            for (out, (psi, volume)) in
+                out.iter_mut().zip(batch.psi().iter().zip(&volumes[range(chunk)]))
+            {
+                *out = volume * psi;
+            }
+            Ok(sum)
+        };
+        let shares = duals.shares.par_chunks_mut(CAPACITY).enumerate();
+        shares.map_init(LawBatch::new, run).collect()
+    } else {
+        (0..chunks).into_par_iter().map_init(LawBatch::new, evaluate).collect()
     };
     joined(sums)
 }
@@ -109,31 +124,33 @@ pub(super) fn joined(parts: Vec<Result<Sum, Failure>>) -> Result<Sum, Failure> {
 
 /// Visits the bonds slab by slab: even slabs at once, then the odd ones. A slab's bonds belong to
 /// their lower points and touch its own points and those of the next slab, whose part of `duals` the
-/// visit gets. Without derivatives all slabs go at once.
+/// visit gets. Where nothing is left behind all slabs go at once.
 pub(super) fn over_bonds<const D: usize>(
     slabs: &Slabs,
-    duals: Option<Duals<'_, D>>,
-    visit: impl Fn(usize, Option<Duals<'_, D>>) -> Result<Sum, Failure> + Sync,
+    duals: Duals<'_, D>,
+    visit: impl Fn(usize, Duals<'_, D>) -> Result<Sum, Failure> + Sync,
 ) -> Result<Sum, Failure> {
-    let Some(Duals { stress, force, .. }) = duals else {
-        let slabs = (0..slabs.len()).into_par_iter().with_max_len(1);
-        return joined(slabs.map(|slab| visit(slab, None)).collect());
-    };
     let mut parts: Vec<(usize, Result<Sum, Failure>)> = Vec::with_capacity(slabs.len());
-    for color in 0..2 {
-        let (mut stress, mut force, mut at) = (&mut *stress, &mut *force, 0);
+    let Duals { shares, stress, force, .. } = duals;
+    let n_colors = if shares.is_empty() && stress.is_empty() { 1 } else { 2 };
+    for color in 0..n_colors {
+        let (mut shares, mut stress, mut force) = (&mut *shares, &mut *stress, &mut *force);
+        let mut at = 0;
         let mut tasks = Vec::new();
-        for slab in (color..slabs.len()).step_by(2) {
+        for slab in (color..slabs.len()).step_by(n_colors) {
             let touched = slabs.touched(slab);
+            // Empty arrays may be cut more than once.
+            let skip = touched.start.saturating_sub(at);
             let own = Duals {
                 first: touched.start,
-                stress: cut(&mut stress, touched.start - at, touched.len()),
-                force: cut(&mut force, touched.start - at, touched.len()),
+                shares: cut(&mut shares, skip, touched.len()),
+                stress: cut(&mut stress, skip, touched.len()),
+                force: cut(&mut force, skip, touched.len()),
             };
             tasks.push((slab, own));
             at = touched.end;
         }
-        let run = |(slab, own)| (slab, visit(slab, Some(own)));
+        let run = |(slab, own)| (slab, visit(slab, own));
         let done: Vec<_> = tasks.into_par_iter().with_max_len(1).map(run).collect();
         parts.extend(done);
     }
@@ -141,8 +158,11 @@ pub(super) fn over_bonds<const D: usize>(
     joined(parts.into_iter().map(|(_, part)| part).collect())
 }
 
-/// Leaves out `skip` entries and takes `length`.
+/// Leaves out `skip` entries and takes `length`; of an empty array nothing.
 fn cut<'a, T>(rest: &mut &'a mut [T], skip: usize, length: usize) -> &'a mut [T] {
+    if rest.is_empty() {
+        return &mut [];
+    }
     let (_, tail) = std::mem::take(rest).split_at_mut(skip);
     let (taken, tail) = tail.split_at_mut(length);
     *rest = tail;

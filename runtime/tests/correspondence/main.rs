@@ -1,4 +1,9 @@
 //! Energies of deformation gradients against independent references and against mechanics.
 
+mod checkerboard;
 mod common;
+mod consistency;
+mod exactness;
+mod mechanics;
 mod reference;
+mod refusals;

@@ -45,6 +45,8 @@ fn energies_forces_and_products_are_those_of_the_reference() {
             ];
             println!("{model}: {errors:?}");
             assert!(errors.iter().all(|&e| e < 1e-12), "{model}: {errors:?}");
+            let densities = body.to_user_order(&energy.energy_densities(&u).unwrap(), 1);
+            assert!(error(&densities, &numbers(&expected["w"])) < 1e-12, "{model}");
             if let Some(of_gradients) = expected["W_F_only"].as_f64() {
                 assert!((parts.deformation / of_gradients - 1.0).abs() < 1e-12, "{model}");
             }

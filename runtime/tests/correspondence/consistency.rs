@@ -1,0 +1,128 @@
+//! Gradient, products, tangent and diagonal are derivatives of one energy, with the same bits for
+//! any number of threads.
+//!
+//! The energy of St Venant-Kirchhoff material is a polynomial of fourth degree along every line:
+//! differences over five points have no truncation error, whatever the step.
+
+use piola_runtime::correspondence::Correspondence;
+use piola_runtime::energy::TotalEnergy;
+use piola_runtime::matrix::BlockMatrix;
+
+use crate::common::{DISCRETISATIONS, ORDERS, cloud, displacements, energy, error, h_of, norm};
+
+/// All combinations on a cloud in the plane and one in space.
+fn for_each(check: impl Fn(&Correspondence, &[f64], &str)) {
+    for counts in [&[7, 6][..], &[4, 4, 4]] {
+        let d = counts.len();
+        let body = cloud(counts, 3);
+        let u = displacements(&body, &h_of(d), 0.05, 5);
+        for order in ORDERS {
+            for discretisation in DISCRETISATIONS {
+                for kernel in ["one", "cubic"] {
+                    let horizon = if d == 2 { 3.2 } else { 2.8 };
+                    let energy = energy(&body, horizon, order, discretisation, kernel);
+                    check(&energy, &u, &format!("{d} {order:?} {discretisation:?} {kernel}"));
+                }
+            }
+        }
+    }
+}
+
+fn along(u: &[f64], p: &[f64], t: f64) -> Vec<f64> {
+    u.iter().zip(p).map(|(u, p)| u + t * p).collect()
+}
+
+/// `f'(0)` of a polynomial of fourth degree.
+fn derivative(f: impl Fn(f64) -> Vec<f64>) -> Vec<f64> {
+    let values = [-2.0, -1.0, 1.0, 2.0].map(f);
+    let slope =
+        |k: usize| (values[0][k] - values[3][k] + 8.0 * (values[2][k] - values[1][k])) / 12.0;
+    (0..values[0].len()).map(slope).collect()
+}
+
+#[test]
+fn the_gradient_is_the_derivative_of_the_energy() {
+    for_each(|energy, u, name| {
+        let p = displacements(energy.body(), &h_of(energy.dimension()), 0.03, 17);
+        let mut gradient = vec![0.0; u.len()];
+        let parts = energy.gradient(u, &mut gradient).unwrap();
+        assert_eq!(parts, energy.energy(u).unwrap(), "{name}");
+        let slope: f64 = gradient.iter().zip(&p).map(|(g, p)| g * p).sum();
+        let expected = derivative(|t| vec![energy.energy(&along(u, &p, t)).unwrap().total()])[0];
+        assert!((slope / expected - 1.0).abs() < 2e-13, "{name}: {slope} {expected}");
+    });
+}
+
+#[test]
+fn products_are_derivatives_of_the_gradient() {
+    for_each(|energy, u, name| {
+        let p = displacements(energy.body(), &h_of(energy.dimension()), 0.03, 17);
+        let mut product = vec![0.0; u.len()];
+        energy.tangent_product(u, &p, &mut product).unwrap();
+        let expected = derivative(|t| {
+            let mut gradient = vec![0.0; u.len()];
+            energy.gradient(&along(u, &p, t), &mut gradient).unwrap();
+            gradient
+        });
+        let error = error(&product, &expected);
+        assert!(error < 1e-12, "{name}: {error:e}");
+    });
+}
+
+#[test]
+fn the_tangent_has_the_products_with_unit_vectors_as_columns() {
+    for_each(|energy, u, name| {
+        let (d, n) = (energy.dimension(), u.len());
+        let mut tangent = BlockMatrix::zeros(energy.pattern());
+        let mut gradient = vec![0.0; n];
+        energy.tangent(u, &mut gradient, &mut tangent).unwrap();
+        let mut dense = vec![0.0; n * n];
+        tangent.entries().for_each(|(row, column, value)| dense[column * n + row] = value);
+        let mut columns = Vec::with_capacity(n * n);
+        for dof in 0..n {
+            let mut unit = vec![0.0; n];
+            unit[dof] = 1.0;
+            let mut product = vec![0.0; n];
+            energy.tangent_product(u, &unit, &mut product).unwrap();
+            columns.extend(product);
+        }
+        let wrong = error(&dense, &columns);
+        assert!(wrong < 2e-13, "{name}: {wrong:e}");
+        let skew: Vec<f64> = (0..n * n).map(|k| columns[k] - columns[k % n * n + k / n]).collect();
+        assert!(norm(&skew) < 1e-13 * norm(&columns), "{name}");
+        let mut diagonal = vec![0.0; n * d];
+        let mut again = vec![0.0; n];
+        energy.tangent_diagonal(u, &mut again, &mut diagonal).unwrap();
+        assert_eq!(again, gradient);
+        let blocks: Vec<f64> = (0..n * d)
+            .map(|k| {
+                let (point, r, c) = (k / (d * d), k / d % d, k % d);
+                dense[(point * d + c) * n + point * d + r]
+            })
+            .collect();
+        assert!(error(&diagonal, &blocks) < 1e-13, "{name}");
+    });
+}
+
+#[test]
+fn the_bits_do_not_depend_on_the_number_of_threads() {
+    let body = cloud(&[17, 9, 8], 11);
+    let u = displacements(&body, &h_of(3), 0.05, 5);
+    let p = displacements(&body, &h_of(3), 0.5, 6);
+    for order in ORDERS {
+        for discretisation in DISCRETISATIONS {
+            let run = |threads: usize| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+                pool.install(|| {
+                    let energy = energy(&body, 2.8, order, discretisation, "cubic");
+                    let mut out = [vec![0.0; u.len()], vec![0.0; u.len()]];
+                    let parts = energy.gradient(&u, &mut out[0]).unwrap();
+                    energy.tangent_product(&u, &p, &mut out[1]).unwrap();
+                    (energy.energy(&u).unwrap(), parts, energy.energy_densities(&u).unwrap(), out)
+                })
+            };
+            let one = run(1);
+            assert!(one == run(2) && one == run(4), "{order:?} {discretisation:?}");
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! What cannot be modelled is named in the user's order.
+
+use std::sync::Arc;
+
+use piola_runtime::assembly::AssemblyError;
+use piola_runtime::body::Body;
+use piola_runtime::correspondence::influence::{Constant, Influence};
+use piola_runtime::correspondence::{
+    Correspondence, CorrespondenceError, Discretisation, Formulation, OperatorOrder,
+};
+use piola_runtime::energy::{Argument, TotalEnergy};
+use piola_runtime::kernel::{Variables, VariablesLaw};
+
+use crate::common::{StVenantKirchhoff, cloud, displacements};
+
+fn make(
+    body: &Arc<Body>,
+    order: OperatorOrder,
+    discretisation: Discretisation,
+    influence: &dyn Influence,
+    law: impl VariablesLaw + 'static,
+) -> Result<Correspondence, CorrespondenceError> {
+    let formulation = Formulation { horizon: 1.6, order, discretisation, influence };
+    Correspondence::new(Arc::clone(body), formulation, Box::new(law))
+}
+
+fn refused(body: &Body, order: OperatorOrder, influence: &dyn Influence) -> CorrespondenceError {
+    let law = StVenantKirchhoff::new(3, 210.0, 0.3);
+    make(&Arc::new(body.clone()), order, Discretisation::BondQuadrature, influence, law)
+        .err()
+        .unwrap()
+}
+
+/// A cube of 3^3 points and behind it a plate of 3^2, the plate listed first.
+fn cube_and_plate() -> Body {
+    let mut positions: Vec<f64> = Vec::new();
+    for p in 0..9 {
+        positions.extend([9.0, f64::from(p / 3), f64::from(p % 3)]);
+    }
+    for p in 0..27 {
+        positions.extend([f64::from(p / 9), f64::from(p / 3 % 3), f64::from(p % 3)]);
+    }
+    Body::new(3, &positions, &[1.0; 36], None)
+}
+
+#[test]
+fn flat_families_are_named_with_their_condition() {
+    let error = refused(&cube_and_plate(), OperatorOrder::First, &Constant);
+    let CorrespondenceError::ShapeTensor { point, neighbors, condition, count, .. } = &error else {
+        panic!("{error}");
+    };
+    assert!(*point < 9 && *count == 9 && *condition > 1e15, "{error}");
+    assert!(*neighbors == 3 || *neighbors == 5 || *neighbors == 8);
+    let text = error.to_string();
+    assert!(text.contains(&format!("shape tensor of point {point} ")), "{text}");
+    assert!(text.contains("condition number is") && text.contains("9 points have"), "{text}");
+}
+
+#[test]
+fn too_few_neighbours_for_second_order_are_named() {
+    let cube: Vec<f64> = cube_and_plate().positions()[..].to_vec();
+    let cube: Vec<f64> = cube.chunks_exact(3).filter(|x| x[0] < 5.0).flatten().copied().collect();
+    let error = refused(&Body::new(3, &cube, &[1.0; 27], None), OperatorOrder::Second, &Constant);
+    let few = matches!(error, CorrespondenceError::ShapeTensor { functions: 9, neighbors: 6, .. });
+    assert!(few, "{error}");
+}
+
+#[test]
+fn influence_functions_must_be_finite_and_count_something() {
+    let body = cloud(&[4, 4, 4], 2);
+    let infinite = |length: f64| 1.0 / (length - length);
+    let error = refused(&body, OperatorOrder::First, &infinite);
+    assert!(matches!(error, CorrespondenceError::Influence { .. }), "{error}");
+    let error = refused(&body, OperatorOrder::First, &|_: f64| 0.0);
+    assert!(matches!(error, CorrespondenceError::ShapeTensor { .. }), "{error}");
+    let error = refused(&body, OperatorOrder::First, &|_: f64| -1.0);
+    assert!(matches!(error, CorrespondenceError::NoInfluence { .. }), "{error}");
+}
+
+#[test]
+fn bodies_and_laws_must_fit() {
+    let lonely = Body::new(3, &[0.0, 0.0, 0.0, 5.0, 0.0, 0.0], &[1.0; 2], None);
+    let error = refused(&lonely, OperatorOrder::First, &Constant);
+    assert!(matches!(error, CorrespondenceError::Body(AssemblyError::Isolated { .. })), "{error}");
+    let plane = cloud(&[4, 4], 1);
+    let error = refused(&plane, OperatorOrder::First, &Constant);
+    assert!(matches!(error, CorrespondenceError::WrongLaw { found: 9, dimension: 2 }), "{error}");
+}
+
+/// A law that ends at a stretch of 1.5.
+struct Limited(StVenantKirchhoff);
+
+impl VariablesLaw for Limited {
+    fn n_variables(&self) -> usize {
+        self.0.n_variables()
+    }
+
+    fn evaluate(&self, at: Variables<'_>, psi: &mut [f64], gradient: &mut [f64]) {
+        self.0.evaluate(at, psi, gradient);
+        for p in 0..at.n {
+            if at.change[p] > 0.5 {
+                psi[p] = f64::INFINITY;
+            }
+        }
+    }
+
+    fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]) {
+        self.0.product(at, direction, product);
+        for p in 0..at.n {
+            if at.change[p] > 0.5 {
+                product[p] = f64::NAN;
+            }
+        }
+    }
+}
+
+#[test]
+fn the_place_whose_energy_is_not_finite_is_named() {
+    let body = cloud(&[6, 6], 1);
+    let mut u = displacements(&body, &[0.0; 4], 0.0, 1);
+    let far = body.n_points() - 1;
+    u[2 * far] = 3.0;
+    for (discretisation, n_points) in
+        [(Discretisation::Nodal, 1), (Discretisation::BondQuadrature, 2)]
+    {
+        let law = Limited(StVenantKirchhoff::new(2, 210.0, 0.3));
+        let energy = make(&body, OperatorOrder::First, discretisation, &Constant, law).unwrap();
+        let mut out = vec![0.0; u.len()];
+        let errors = [
+            energy.energy(&u).unwrap_err(),
+            energy.gradient(&u, &mut out).unwrap_err(),
+            energy.tangent_product(&u, &u, &mut out).unwrap_err(),
+        ];
+        for error in errors {
+            assert_eq!(error.argument, Argument::DeformationGradient);
+            assert_eq!((error.points.len(), error.displacements.len()), (n_points, 2 * n_points));
+            assert!(error.value > 1.0, "{error}");
+            assert!(error.to_string().contains("determinant"), "{error}");
+        }
+    }
+}

@@ -113,6 +113,16 @@ pub trait TotalEnergy: Sync {
     /// Where the Hessian has blocks.
     fn pattern(&self) -> &Arc<BlockPattern>;
 
+    /// Where [`TotalEnergy::bond_tangent`] has blocks, if there is one: for energies whose Hessian
+    /// reaches so much further than their bonds that it is rather not stored.
+    fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
+        None
+    }
+
+    /// Fills `tangent` with a positive semi-definite matrix like the Hessian at `u`, in N/m, that
+    /// couples bonded points only: products with the Hessian are preconditioned by it.
+    fn bond_tangent(&self, _u: &[f64], _tangent: &mut BlockMatrix) {}
+
     /// The energy alone.
     fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite>;
 

@@ -8,6 +8,7 @@
 //! | `stabilisation` | energies of what neighbours deviate from a point's deformation gradient |
 //! | `quadrature` | deformation gradients at bonds |
 //! | `tangent` | the exact Hessian, stored |
+//! | `bonds` | a sparse matrix like the Hessian, by which iterations are preconditioned |
 //!
 //! There is one way from displacements to an energy and back: displacements give `H = F - I` at the
 //! points, laws and bonds give derivatives by `H` and by `u`, and the transpose of the first map
@@ -19,6 +20,7 @@
 //! is not the gradient of the energy, (4.31) is.
 
 mod batch;
+mod bonds;
 mod error;
 pub mod influence;
 mod moments;
@@ -27,6 +29,8 @@ mod quadrature;
 mod stabilisation;
 mod sweep;
 mod tangent;
+#[cfg(test)]
+mod tests;
 
 use std::sync::{Arc, OnceLock};
 
@@ -87,6 +91,7 @@ pub struct Correspondence {
     places: Places,
     slabs: Slabs,
     pattern: OnceLock<Arc<BlockPattern>>,
+    bond_pattern: OnceLock<Arc<BlockPattern>>,
 }
 
 /// The discretisation with its weights.
@@ -134,7 +139,8 @@ impl Correspondence {
             }
         };
         let slabs = Slabs::new(neighborhood);
-        Ok(Correspondence { body, operator, law, places, slabs, pattern: OnceLock::new() })
+        let (pattern, bond_pattern) = (OnceLock::new(), OnceLock::new());
+        Ok(Correspondence { body, operator, law, places, slabs, pattern, bond_pattern })
     }
 
     /// The body.
@@ -325,6 +331,20 @@ impl TotalEnergy for Correspondence {
         self.pattern.get_or_init(|| {
             Arc::new(tangent::pattern(self.operator.neighborhood(), self.dimension(), reach))
         })
+    }
+
+    fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
+        Some(self.bond_pattern.get_or_init(|| {
+            Arc::new(bonds::pattern(self.operator.neighborhood(), self.dimension()))
+        }))
+    }
+
+    fn bond_tangent(&self, u: &[f64], tangent: &mut BlockMatrix) {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        match self.dimension() {
+            2 => bonds::assemble::<2>(&self.body, &self.operator, &*self.law, u, tangent),
+            _ => bonds::assemble::<3>(&self.body, &self.operator, &*self.law, u, tangent),
+        }
     }
 
     fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {

@@ -22,6 +22,8 @@ pub(super) struct GradientOperator {
     neighborhood: Neighborhood,
     /// `G_ij` in 1/m, `d` numbers for each directed bond, in the order of the neighbours.
     weights: Vec<f64>,
+    /// `-sum_j G_ij`, `d` numbers for each point: its weight in its own family.
+    own: Vec<f64>,
     /// For each directed bond `(i, j)` the place of `(j, i)`.
     reverse: Vec<u32>,
     /// The largest condition number of a moment matrix.
@@ -58,8 +60,14 @@ impl GradientOperator {
         };
         let conditions: Vec<_> = rows.into_par_iter().with_min_len(POINTS).map(family).collect();
         let condition = check(body, &neighborhood, order, &conditions)?;
+        let sum = |point: usize, axis: usize| {
+            let row = &weights[neighborhood.places(point).start * d..];
+            let row = row[..neighborhood.row(point).len() * d].chunks_exact(d);
+            row.fold(0.0, |sum, g| sum - g[axis])
+        };
+        let own = (0..n * d).into_par_iter().map(|k| sum(k / d, k % d)).collect();
         let reverse = reverse(&neighborhood);
-        Ok(GradientOperator { neighborhood, weights, reverse, condition })
+        Ok(GradientOperator { neighborhood, weights, own, reverse, condition })
     }
 
     /// Who belongs to whose family.
@@ -91,13 +99,7 @@ impl GradientOperator {
 
     /// `-sum_j G_ij`: the weight of a point in its own family.
     pub(super) fn own<const D: usize>(&self, point: usize) -> [f64; D] {
-        let mut own = [0.0; D];
-        for g in self.family::<D>(point).1 {
-            for c in 0..D {
-                own[c] -= g[c];
-            }
-        }
-        own
+        self.own.as_chunks::<D>().0[point]
     }
 
     /// `h` becomes the displacement gradients `H` of the displacements `u`.

@@ -41,6 +41,14 @@ impl TotalEnergy for FromPositions<'_> {
         self.energy.pattern()
     }
 
+    fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
+        self.energy.bond_pattern()
+    }
+
+    fn bond_tangent(&self, u: &[f64], tangent: &mut BlockMatrix) {
+        self.energy.bond_tangent(&self.held(u), tangent);
+    }
+
     fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
         self.energy.energy(&self.held(u))
     }

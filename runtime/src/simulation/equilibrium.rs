@@ -159,6 +159,14 @@ impl TotalEnergy for Watched<'_> {
         self.energy.pattern()
     }
 
+    fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
+        self.energy.bond_pattern()
+    }
+
+    fn bond_tangent(&self, u: &[f64], tangent: &mut BlockMatrix) {
+        self.energy.bond_tangent(u, tangent);
+    }
+
     fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
         self.check()?;
         self.energy.energy(u)

@@ -8,6 +8,8 @@ enum Storage {
     Matrix(BlockMatrix),
     /// The diagonal blocks.
     Diagonal(Vec<f64>),
+    /// What couples bonded points.
+    Bonds(BlockMatrix),
 }
 
 /// A tangent and where it was evaluated.
@@ -21,10 +23,10 @@ impl HeldTangent {
     /// Room for a tangent, stored or not.
     pub(super) fn new(energy: &dyn TotalEnergy, stored: bool) -> HeldTangent {
         let n = energy.positions().len();
-        let storage = if stored {
-            Storage::Matrix(BlockMatrix::zeros(energy.pattern()))
-        } else {
-            Storage::Diagonal(vec![0.0; n * energy.dimension()])
+        let storage = match (stored, energy.bond_pattern()) {
+            (true, _) => Storage::Matrix(BlockMatrix::zeros(energy.pattern())),
+            (false, Some(pattern)) => Storage::Bonds(BlockMatrix::zeros(pattern)),
+            (false, None) => Storage::Diagonal(vec![0.0; n * energy.dimension()]),
         };
         HeldTangent { storage, at: vec![0.0; n], is_valid: false }
     }
@@ -40,6 +42,10 @@ impl HeldTangent {
         let parts = match &mut self.storage {
             Storage::Matrix(matrix) => energy.tangent(u, gradient, matrix)?,
             Storage::Diagonal(diagonal) => energy.tangent_diagonal(u, gradient, diagonal)?,
+            Storage::Bonds(bonds) => {
+                energy.bond_tangent(u, bonds);
+                energy.gradient(u, gradient)?
+            }
         };
         self.at.copy_from_slice(u);
         self.is_valid = true;
@@ -56,6 +62,7 @@ impl HeldTangent {
         match &self.storage {
             Storage::Matrix(matrix) => Tangent::Stored(matrix),
             Storage::Diagonal(diagonal) => Tangent::MatrixFree { energy, u: &self.at, diagonal },
+            Storage::Bonds(bonds) => Tangent::Bonds { energy, u: &self.at, bonds },
         }
     }
 }

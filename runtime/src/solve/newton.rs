@@ -100,8 +100,18 @@ impl<'a> Newton<'a> {
         settings: NewtonSettings,
         linear: LinearOptions,
     ) -> Result<Newton<'a>, LinearError> {
-        let (pattern, positions) = (energy.pattern(), energy.positions());
-        let linear = LinearSolver::new(pattern, positions, constraints, linear)?;
+        let positions = energy.positions();
+        let without = matches!(linear.method, LinearMethod::Auto | LinearMethod::MatrixFree);
+        let linear = match energy.bond_pattern() {
+            Some(pattern) if without => {
+                let reason = match linear.method {
+                    LinearMethod::Auto => "the tangent reaches further than the bonds",
+                    _ => "the scene says so",
+                };
+                LinearSolver::without_matrix(pattern, positions, constraints, linear, reason)?
+            }
+            _ => LinearSolver::new(energy.pattern(), positions, constraints, linear)?,
+        };
         Ok(Newton {
             energy,
             constraints: constraints.clone(),

@@ -9,7 +9,7 @@ use piola_runtime::correspondence::{
 };
 use piola_runtime::energy::{EnergyParts, TotalEnergy};
 
-use crate::common::StVenantKirchhoff;
+use crate::common::st_venant_kirchhoff;
 
 /// Points per side: the middle is out of reach of the surface, 6 spacings deep.
 const SIDE: usize = 15;
@@ -22,14 +22,14 @@ fn middle(discretisation: Discretisation) -> (f64, EnergyParts) {
     let positions: Vec<f64> = (0..n * n * n).flat_map(cell).map(|k| k as f64 * SPACING).collect();
     let volume = SPACING * SPACING * SPACING;
     let body = Arc::new(Body::new(3, &positions, &vec![volume; n * n * n], Some(SPACING)));
-    let law = StVenantKirchhoff::new(3, 210e9, 0.25);
+    let law = st_venant_kirchhoff(3, 210e9, 0.25);
     let formulation = Formulation {
         horizon: 3.015 * SPACING,
         order: OperatorOrder::First,
         discretisation,
         influence: &Constant,
     };
-    let energy = Correspondence::new(Arc::clone(&body), formulation, Box::new(law)).unwrap();
+    let energy = Correspondence::new(Arc::clone(&body), formulation, law).unwrap();
     let mut u = Vec::new();
     for x in body.positions().chunks_exact(3) {
         // cos(pi k) of the number of the layer.

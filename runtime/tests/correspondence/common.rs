@@ -12,66 +12,68 @@ use piola_runtime::correspondence::{
 };
 use piola_runtime::kernel::{Variables, VariablesLaw};
 
+type Tensor<const D: usize> = [[f64; D]; D];
+
 /// St Venant-Kirchhoff: `psi = lambda/2 tr(E)^2 + mu E:E`, from `H = F - I`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct StVenantKirchhoff {
-    pub(crate) dimension: usize,
-    pub(crate) lambda: f64,
-    pub(crate) mu: f64,
+pub(crate) struct StVenantKirchhoff<const D: usize> {
+    lambda: f64,
+    mu: f64,
 }
 
-impl StVenantKirchhoff {
-    /// In plane strain, for two dimensions.
-    pub(crate) fn new(dimension: usize, young: f64, poisson: f64) -> StVenantKirchhoff {
-        let mu = young / (2.0 * (1.0 + poisson));
-        StVenantKirchhoff { dimension, lambda: 2.0 * mu * poisson / (1.0 - 2.0 * poisson), mu }
+/// St Venant-Kirchhoff material of Young's modulus and Poisson's ratio, in plane strain in two
+/// dimensions.
+pub(crate) fn st_venant_kirchhoff(
+    dimension: usize,
+    young: f64,
+    poisson: f64,
+) -> Box<dyn VariablesLaw> {
+    let mu = young / (2.0 * (1.0 + poisson));
+    let lambda = 2.0 * mu * poisson / (1.0 - 2.0 * poisson);
+    match dimension {
+        2 => Box::new(StVenantKirchhoff::<2> { lambda, mu }),
+        _ => Box::new(StVenantKirchhoff::<3> { lambda, mu }),
     }
+}
 
-    /// Strain and second Piola-Kirchhoff stress.
-    fn state(&self, h: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        let d = self.dimension;
-        let e: Vec<f64> = (0..d * d)
-            .map(|k| {
-                let (r, c) = (k / d, k % d);
-                let square: f64 = (0..d).map(|s| h[s * d + r] * h[s * d + c]).sum();
-                0.5 * (h[r * d + c] + h[c * d + r] + square)
-            })
-            .collect();
-        let s = self.stress(&e);
-        (e, s)
-    }
-
-    fn stress(&self, e: &[f64]) -> Vec<f64> {
-        let d = self.dimension;
-        let trace: f64 = (0..d).map(|r| e[r * d + r]).sum();
-        let on_diagonal =
-            |k: usize| if k.is_multiple_of(d + 1) { self.lambda * trace } else { 0.0 };
-        e.iter().enumerate().map(|(k, e)| 2.0 * self.mu * e + on_diagonal(k)).collect()
-    }
+fn tensor<const D: usize>(entry: impl Fn(usize, usize) -> f64) -> Tensor<D> {
+    std::array::from_fn(|r| std::array::from_fn(|c| entry(r, c)))
 }
 
 /// `a b`.
-fn product(d: usize, a: &[f64], b: &[f64]) -> Vec<f64> {
-    (0..d * d).map(|k| (0..d).map(|s| a[k / d * d + s] * b[s * d + k % d]).sum()).collect()
+fn product<const D: usize>(a: &Tensor<D>, b: &Tensor<D>) -> Tensor<D> {
+    tensor(|r, c| (0..D).fold(0.0, |sum, s| sum + a[r][s] * b[s][c]))
 }
 
-fn transposed(d: usize, a: &[f64]) -> Vec<f64> {
-    (0..d * d).map(|k| a[k % d * d + k / d]).collect()
+impl<const D: usize> StVenantKirchhoff<D> {
+    /// Strain and second Piola-Kirchhoff stress.
+    fn state(&self, h: &Tensor<D>) -> (Tensor<D>, Tensor<D>) {
+        let square = |r: usize, c: usize| (0..D).fold(0.0, |sum, s| sum + h[s][r] * h[s][c]);
+        let e = tensor(|r, c| 0.5 * (h[r][c] + h[c][r] + square(r, c)));
+        (e, self.stress(&e))
+    }
+
+    fn stress(&self, e: &Tensor<D>) -> Tensor<D> {
+        let trace = (0..D).fold(0.0, |sum, r| sum + e[r][r]);
+        let diagonal = self.lambda * trace;
+        tensor(|r, c| 2.0 * self.mu * e[r][c] + if r == c { diagonal } else { 0.0 })
+    }
 }
 
-impl VariablesLaw for StVenantKirchhoff {
+impl<const D: usize> VariablesLaw for StVenantKirchhoff<D> {
     fn n_variables(&self) -> usize {
-        self.dimension * self.dimension
+        D * D
     }
 
     fn evaluate(&self, at: Variables<'_>, psi: &mut [f64], gradient: &mut [f64]) {
-        let (d, n) = (self.dimension, at.n);
+        let n = at.n;
         for p in 0..n {
-            let take = |from: &[f64]| (0..d * d).map(|k| from[k * n + p]).collect::<Vec<f64>>();
-            let (e, s) = self.state(&take(at.change));
-            psi[p] = 0.5 * e.iter().zip(&s).map(|(e, s)| e * s).sum::<f64>();
+            let (e, s) = self.state(&tensor::<D>(|r, c| at.change[(r * D + c) * n + p]));
+            let terms = e.as_flattened().iter().zip(s.as_flattened());
+            psi[p] = 0.5 * terms.fold(0.0, |sum, (e, s)| sum + e * s);
             if !gradient.is_empty() {
-                for (k, x) in product(d, &take(at.current), &s).iter().enumerate() {
+                let stress = product(&tensor::<D>(|r, c| at.current[(r * D + c) * n + p]), &s);
+                for (k, x) in stress.as_flattened().iter().enumerate() {
                     gradient[k * n + p] = *x;
                 }
             }
@@ -79,18 +81,17 @@ impl VariablesLaw for StVenantKirchhoff {
     }
 
     fn product(&self, at: Variables<'_>, direction: &[f64], out: &mut [f64]) {
-        let (d, n) = (self.dimension, at.n);
+        let n = at.n;
         for p in 0..n {
-            let take = |from: &[f64]| (0..d * d).map(|k| from[k * n + p]).collect::<Vec<f64>>();
+            let take = |from: &[f64]| tensor::<D>(|r, c| from[(r * D + c) * n + p]);
             let (f, df) = (take(at.current), take(direction));
             let (_, s) = self.state(&take(at.change));
-            let half = product(d, &transposed(d, &f), &df);
-            let de: Vec<f64> =
-                half.iter().zip(transposed(d, &half)).map(|(x, y)| 0.5 * (x + y)).collect();
-            let ds = self.stress(&de);
-            let (first, second) = (product(d, &df, &s), product(d, &f, &ds));
-            for k in 0..d * d {
-                out[k * n + p] = first[k] + second[k];
+            let half = |r: usize, c: usize| (0..D).fold(0.0, |sum, t| sum + f[t][r] * df[t][c]);
+            let half = tensor::<D>(half);
+            let ds = self.stress(&tensor(|r, c| 0.5 * (half[r][c] + half[c][r])));
+            let (first, second) = (product(&df, &s), product(&f, &ds));
+            for k in 0..D * D {
+                out[k * n + p] = first.as_flattened()[k] + second.as_flattened()[k];
             }
         }
     }
@@ -129,8 +130,8 @@ pub(crate) fn energy(
 ) -> Correspondence {
     let influence = influence(kernel, body.dimension(), horizon);
     let formulation = Formulation { horizon, order, discretisation, influence: &*influence };
-    let law = StVenantKirchhoff::new(body.dimension(), 210.0, 0.3);
-    Correspondence::new(Arc::clone(body), formulation, Box::new(law)).unwrap()
+    let law = st_venant_kirchhoff(body.dimension(), 210.0, 0.3);
+    Correspondence::new(Arc::clone(body), formulation, law).unwrap()
 }
 
 /// Reproducible pseudo-random numbers in -1..1.

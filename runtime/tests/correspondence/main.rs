@@ -7,3 +7,5 @@ mod exactness;
 mod mechanics;
 mod reference;
 mod refusals;
+mod traction;
+mod traction_bar;

@@ -127,10 +127,9 @@ impl LinearSolver {
 
     fn iterative(&mut self, tangent: Tangent<'_>) -> Result<&mut Iterative, LinearError> {
         if self.iterative.is_none() {
-            let stored = matches!(tangent, Tangent::Stored(_));
-            let (choice, positions) = (self.options.preconditioner, &self.positions);
+            let (positions, constraints) = (&self.positions, &self.constraints);
             let iterative =
-                Iterative::new(&self.pattern, positions, &self.constraints, choice, stored)?;
+                Iterative::new(&self.pattern, positions, constraints, &self.options, tangent)?;
             self.iterative = Some(iterative);
         }
         Ok(self.iterative.as_mut().expect("made in the lines above"))
@@ -200,7 +199,7 @@ impl LinearSolver {
                 }
                 self.factorize_cholesky(matrix)
             }
-            Tangent::MatrixFree { .. } => {
+            Tangent::MatrixFree { .. } | Tangent::Bonds { .. } => {
                 let residual = lost.unwrap_or(f64::INFINITY);
                 Err(LinearError::NotConverged { because, iterations, residual })
             }

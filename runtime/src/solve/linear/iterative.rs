@@ -2,10 +2,11 @@
 
 use super::LinearError;
 use super::conjugate_gradients::{CgLimits, CgOutcome, CgReport, conjugate_gradients};
+use super::factor_of_bonds::FactorOfBonds;
 use super::minimum_residual::minimum_residual;
 use super::operator::{MatrixFree, Operator, StoredMatrix, slabs_of};
 use super::preconditioner::{BlockJacobi, Blocks, Preconditioner};
-use super::report::PreconditionerChoice;
+use super::report::{LinearOptions, PreconditionerChoice};
 use super::tangent::Tangent;
 use super::two_level::{CoarseSystem, TwoLevel};
 use crate::interaction::Slabs;
@@ -26,6 +27,10 @@ pub(super) struct Iterative {
     is_free: Vec<bool>,
     constraints: Constraints,
     slabs: Slabs,
+    /// The factors of a matrix like the tangent.
+    factor: Option<FactorOfBonds>,
+    /// Whether the matrix like the tangent could be factorised.
+    has_factor: bool,
     coarse: Option<CoarseSystem>,
     jacobi: Option<BlockJacobi>,
     /// Block Jacobi with absolute values, for indefinite matrices.
@@ -37,19 +42,29 @@ impl Iterative {
         pattern: &BlockPattern,
         positions: &[f64],
         constraints: &Constraints,
-        choice: PreconditionerChoice,
-        stored: bool,
+        options: &LinearOptions,
+        tangent: Tangent<'_>,
     ) -> Result<Iterative, LinearError> {
-        let coarse = if stored && choice != PreconditionerChoice::BlockJacobi {
-            CoarseSystem::new(pattern, positions, constraints)?
-        } else {
-            None
+        let choice = options.preconditioner;
+        let factor = match tangent {
+            Tangent::Bonds { .. } if choice == PreconditionerChoice::Auto => {
+                FactorOfBonds::new(pattern, constraints, options.memory_limit)?
+            }
+            _ => None,
         };
+        let two_levels = match tangent {
+            Tangent::MatrixFree { .. } => false,
+            _ => choice != PreconditionerChoice::BlockJacobi && factor.is_none(),
+        };
+        let coarse =
+            if two_levels { CoarseSystem::new(pattern, positions, constraints)? } else { None };
         Ok(Iterative {
             dimension: pattern.dimension,
             is_free: (0..constraints.n_dofs()).map(|dof| !constraints.is_fixed(dof)).collect(),
             constraints: constraints.clone(),
             slabs: slabs_of(pattern),
+            factor,
+            has_factor: false,
             coarse,
             jacobi: None,
             absolute: None,
@@ -58,6 +73,9 @@ impl Iterative {
 
     /// The preconditioner in words.
     pub(super) fn preconditioner(&self) -> String {
+        if self.has_factor {
+            return "the factors of a bond-based body".to_string();
+        }
         match &self.coarse {
             Some(coarse) => {
                 let (unknowns, pieces) = coarse.size();
@@ -71,6 +89,12 @@ impl Iterative {
 
     /// Makes the preconditioner of a matrix.
     pub(super) fn prepare(&mut self, tangent: Tangent<'_>) -> Prepared {
+        if let (Some(factor), Tangent::Bonds { bonds, .. }) = (&mut self.factor, tangent) {
+            self.has_factor = factor.update(bonds);
+            if self.has_factor {
+                return Prepared::Ready;
+            }
+        }
         let diagonal = tangent.diagonal();
         self.jacobi =
             BlockJacobi::new(self.dimension, &diagonal, &self.constraints, Blocks::AsTheyAre);
@@ -79,7 +103,11 @@ impl Iterative {
                 "a diagonal block of the tangent is not positive definite",
             );
         }
-        if let (Some(coarse), Tangent::Stored(matrix)) = (&mut self.coarse, tangent)
+        let matrix = match tangent {
+            Tangent::Stored(matrix) | Tangent::Bonds { bonds: matrix, .. } => Some(matrix),
+            Tangent::MatrixFree { .. } => None,
+        };
+        if let (Some(coarse), Some(matrix)) = (&mut self.coarse, matrix)
             && !coarse.update(matrix)
         {
             return Prepared::Indefinite(
@@ -92,6 +120,9 @@ impl Iterative {
     /// Makes the preconditioner of a matrix that may be indefinite; `false` where a diagonal block
     /// is 0.
     pub(super) fn prepare_indefinite(&mut self, tangent: Tangent<'_>) -> bool {
+        if self.has_factor {
+            return true;
+        }
         let diagonal = tangent.diagonal();
         self.absolute =
             BlockJacobi::new(self.dimension, &diagonal, &self.constraints, Blocks::Absolute);
@@ -108,15 +139,16 @@ impl Iterative {
         x: &mut [f64],
     ) -> CgReport {
         let rhs = self.free(rhs);
-        let jacobi = self.jacobi.as_mut().expect("prepared");
         let mut two_level;
-        let preconditioner: &mut dyn Preconditioner = match &mut self.coarse {
-            Some(coarse) => {
-                two_level = TwoLevel { jacobi, coarse };
-                &mut two_level
-            }
-            None => jacobi,
-        };
+        let preconditioner: &mut dyn Preconditioner =
+            match (&mut self.factor, &mut self.coarse, &mut self.jacobi) {
+                (Some(factor), ..) if self.has_factor => factor,
+                (_, Some(coarse), Some(jacobi)) => {
+                    two_level = TwoLevel { jacobi, coarse };
+                    &mut two_level
+                }
+                (.., jacobi) => jacobi.as_mut().expect("prepared"),
+            };
         let is_free = &self.is_free;
         with_operator(tangent, &self.slabs, |operator| {
             conjugate_gradients(operator, preconditioner, is_free, &rhs, limits, x)
@@ -133,7 +165,10 @@ impl Iterative {
         x: &mut [f64],
     ) -> (usize, f64) {
         let rhs = self.free(rhs);
-        let preconditioner = self.absolute.as_mut().expect("prepared");
+        let preconditioner: &mut dyn Preconditioner = match &mut self.factor {
+            Some(factor) if self.has_factor => factor,
+            _ => self.absolute.as_mut().expect("prepared"),
+        };
         let is_free = &self.is_free;
         with_operator(tangent, &self.slabs, |operator| {
             minimum_residual(operator, preconditioner, is_free, &rhs, limits, x)
@@ -152,7 +187,9 @@ fn with_operator<T>(
 ) -> T {
     match tangent {
         Tangent::Stored(matrix) => work(&StoredMatrix { matrix, slabs }),
-        Tangent::MatrixFree { energy, u, .. } => work(&MatrixFree { energy, u }),
+        Tangent::MatrixFree { energy, u, .. } | Tangent::Bonds { energy, u, .. } => {
+            work(&MatrixFree { energy, u })
+        }
     }
 }
 

@@ -10,7 +10,7 @@
 //! | LDLT | indefinite: its pivots count the negative eigenvalues | LU when a pivot vanishes or the solution is inaccurate |
 //! | LU | the last resort | nothing |
 //! | conjugate gradients | large in three dimensions | LDLT at negative curvature, minimum residuals where that would be too large, Cholesky without convergence |
-//! | the same, matrix-free | too large to be stored | minimum residuals at negative curvature |
+//! | the same, matrix-free | too large to be stored, or an energy that reaches beyond its bonds | minimum residuals at negative curvature |
 //!
 //! Every fallback is noted in the [`LinearReport`]. The bits do not depend on the number of
 //! threads.
@@ -22,6 +22,7 @@ mod conjugate_gradients;
 mod direct;
 mod estimate;
 mod extraction;
+mod factor_of_bonds;
 mod fallback;
 mod iterative;
 mod judgement;
@@ -127,6 +128,20 @@ impl LinearSolver {
         if !solver.iterates() {
             solver.check_memory()?;
         }
+        Ok(solver)
+    }
+
+    /// The same without a matrix, for a reason; `pattern` is that of the bonds.
+    pub fn without_matrix(
+        pattern: &Arc<BlockPattern>,
+        positions: &[f64],
+        constraints: &Constraints,
+        options: LinearOptions,
+        reason: &str,
+    ) -> Result<LinearSolver, LinearError> {
+        let options = LinearOptions { method: LinearMethod::MatrixFree, ..options };
+        let mut solver = LinearSolver::new(pattern, positions, constraints, options)?;
+        solver.choice.reason = reason.to_string();
         Ok(solver)
     }
 

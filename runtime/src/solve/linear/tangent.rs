@@ -20,6 +20,15 @@ pub enum Tangent<'a> {
         /// As [`TotalEnergy::tangent_diagonal`] gives them.
         diagonal: &'a [f64],
     },
+    /// The energy that multiplies with it, at displacements `u` (`n x d`, m), and a matrix like it.
+    Bonds {
+        /// Whose tangent it is.
+        energy: &'a dyn TotalEnergy,
+        /// Where.
+        u: &'a [f64],
+        /// As [`TotalEnergy::bond_tangent`] gives it.
+        bonds: &'a BlockMatrix,
+    },
 }
 
 impl<'a> From<&'a BlockMatrix> for Tangent<'a> {
@@ -29,10 +38,10 @@ impl<'a> From<&'a BlockMatrix> for Tangent<'a> {
 }
 
 impl<'a> Tangent<'a> {
-    /// The diagonal blocks, `d x d` row by row.
+    /// The diagonal blocks, `d x d` row by row; of the matrix like it where that is at hand.
     pub(super) fn diagonal(self) -> Cow<'a, [f64]> {
         match self {
-            Tangent::Stored(matrix) => {
+            Tangent::Stored(matrix) | Tangent::Bonds { bonds: matrix, .. } => {
                 let pattern = &matrix.pattern;
                 let block = pattern.dimension * pattern.dimension;
                 let rows = pattern.row_start[..pattern.n_rows()].iter();
@@ -46,17 +55,21 @@ impl<'a> Tangent<'a> {
     /// Whether all numbers that are at hand are finite.
     pub(super) fn is_finite(self) -> bool {
         match self {
-            Tangent::Stored(matrix) => matrix.values.iter().all(|x| x.is_finite()),
+            Tangent::Stored(matrix) | Tangent::Bonds { bonds: matrix, .. } => {
+                matrix.values.iter().all(|x| x.is_finite())
+            }
             Tangent::MatrixFree { diagonal, .. } => diagonal.iter().all(|x| x.is_finite()),
         }
     }
 
     /// `|K| |x|`, the scale of the rounding errors of `K x`; of a tangent that is not stored an
-    /// estimate, twice the same with the diagonal blocks alone: the others of a row sum up to
-    /// them, and displacements of neighbours are alike.
+    /// estimate: that of the matrix like it, or twice the same with the diagonal blocks alone, since
+    /// the others of a row sum up to them, and displacements of neighbours are alike.
     pub fn multiply_absolute(self, x: &[f64]) -> Vec<f64> {
         match self {
-            Tangent::Stored(matrix) => matrix.multiply_absolute(x),
+            Tangent::Stored(matrix) | Tangent::Bonds { bonds: matrix, .. } => {
+                matrix.multiply_absolute(x)
+            }
             Tangent::MatrixFree { energy, diagonal, .. } => {
                 let d = energy.dimension();
                 let rows = diagonal.chunks_exact(d).enumerate();

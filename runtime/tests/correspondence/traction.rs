@@ -1,0 +1,90 @@
+//! Newton's method without a stored tangent on the traction bar.
+
+use piola_runtime::correspondence::{Discretisation, Stabilisation};
+use piola_runtime::energy::TotalEnergy;
+use piola_runtime::matrix::BlockMatrix;
+use piola_runtime::solve::linear::{
+    LinearMethod, LinearOptions, LinearSolver, PreconditionerChoice, Tangent,
+};
+
+use crate::common::{error, norm};
+use crate::traction_bar::Bar;
+
+#[test]
+fn elongations_are_those_recomputed_from_the_paper() {
+    let wan = Discretisation::Stabilised(Stabilisation::Wan);
+    for (discretisation, horizon, expected) in [
+        (Discretisation::BondQuadrature, 2, -0.469e-2),
+        (Discretisation::BondQuadrature, 3, -0.1839e-2),
+        (wan, 2, -1.471e-2),
+        (wan, 3, -1.530e-2),
+    ] {
+        let solved = Bar::new(5, horizon, discretisation).solve(LinearOptions::default());
+        println!(
+            "{discretisation:?} m = {horizon}: {:+.4} %, {:?} iterations, {:.2} s, {}",
+            100.0 * solved.error,
+            solved.linear_iterations,
+            solved.seconds,
+            solved.preconditioner
+        );
+        assert!((solved.error - expected).abs() < 1e-5, "{discretisation:?} {horizon}");
+        assert!(solved.newton_iterations <= 6);
+        assert!(solved.linear_iterations.iter().all(|&n| n < 60));
+    }
+}
+
+#[test]
+fn indefinite_tangents_are_solved_by_minimum_residuals() {
+    let bar = Bar::new(3, 2, Discretisation::BondQuadrature);
+    let energy = &bar.energy;
+    // Pressed together to a half: St Venant-Kirchhoff material has lost its stability.
+    let squeeze = |(dof, x): (usize, &f64)| if dof % 3 == 0 { -0.5 * x } else { 0.0 };
+    let u: Vec<f64> = energy.positions().iter().enumerate().map(squeeze).collect();
+    let pattern = energy.bond_pattern().unwrap();
+    let mut bonds = BlockMatrix::zeros(pattern);
+    energy.bond_tangent(&u, &mut bonds);
+    let options = LinearOptions { cg_tolerance: 1e-6, ..LinearOptions::default() };
+    let mut solver = LinearSolver::without_matrix(
+        pattern,
+        energy.positions(),
+        &bar.constraints,
+        options,
+        "there is none",
+    )
+    .unwrap();
+    let mut x = vec![0.0; u.len()];
+    let tangent = Tangent::Bonds { energy, u: &u, bonds: &bonds };
+    let report = solver.solve(tangent, &bar.loads, &mut x).unwrap();
+    assert_eq!(report.method, LinearMethod::MinimumResidual, "{report:?}");
+    assert_eq!(report.positive_definite, Some(false));
+    let mut product = vec![0.0; u.len()];
+    energy.tangent_product(&u, &x, &mut product).unwrap();
+    let left = |x: &[f64]| norm(&bar.constraints.free_part(x));
+    let residual: Vec<f64> = product.iter().zip(&bar.loads).map(|(p, f)| p - f).collect();
+    println!("{} iterations, {:.1e}", report.iterations, left(&residual) / left(&bar.loads));
+    assert!(left(&residual) < 1e-5 * left(&bar.loads), "{:e}", left(&residual));
+}
+
+#[test]
+fn stored_and_not_stored_tangents_lead_to_the_same_equilibrium() {
+    for discretisation in
+        [Discretisation::BondQuadrature, Discretisation::Stabilised(Stabilisation::Isotropic)]
+    {
+        let bar = Bar::new(3, 2, discretisation);
+        let of = |method, preconditioner| {
+            bar.solve(LinearOptions { method, preconditioner, ..LinearOptions::default() })
+        };
+        let direct = of(LinearMethod::Cholesky, PreconditionerChoice::Auto);
+        for preconditioner in [
+            PreconditionerChoice::Auto,
+            PreconditionerChoice::TwoLevel,
+            PreconditionerChoice::BlockJacobi,
+        ] {
+            let free = of(LinearMethod::Auto, preconditioner);
+            println!("{preconditioner:?}: {:?} {}", free.linear_iterations, free.preconditioner);
+            assert!(error(&free.u, &direct.u) < 1e-8, "{preconditioner:?}");
+        }
+        assert_eq!(direct.linear_iterations, vec![0; direct.newton_iterations]);
+        assert!(bar.energy.bond_pattern().is_some());
+    }
+}

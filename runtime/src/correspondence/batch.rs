@@ -93,9 +93,18 @@ impl<const D: usize> LawBatch<D> {
     fn check(&self, with_out: bool, with_psi: bool) -> Result<(), usize> {
         let size = if with_out { D * D * self.n } else { 0 };
         let psi = &self.psi[..if with_psi { self.n } else { 0 }];
-        // 0 times a number that is not finite is not 0: one sum tells of all.
-        let sum = psi.iter().chain(&self.out[..size]).fold(0.0, |sum, x| sum + 0.0 * x);
-        if sum == 0.0 {
+        // 0 times a number that is not finite is not 0: sums tell of all.
+        let mut sums = [0.0; 8];
+        for values in [psi, &self.out[..size]] {
+            let (groups, rest) = values.as_chunks::<8>();
+            for group in groups {
+                for k in 0..8 {
+                    sums[k] += 0.0 * group[k];
+                }
+            }
+            rest.iter().for_each(|x| sums[0] += 0.0 * x);
+        }
+        if sums == [0.0; 8] {
             return Ok(());
         }
         let bad = |lane: &usize| {
@@ -111,6 +120,7 @@ impl<const D: usize> LawBatch<D> {
     }
 
     /// The stress, or the product, of a lane.
+    #[inline(always)]
     pub(super) fn tensor(&self, lane: usize) -> Tensor<D> {
         std::array::from_fn(|r| std::array::from_fn(|c| self.out[(r * D + c) * self.n + lane]))
     }

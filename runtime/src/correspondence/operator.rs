@@ -4,6 +4,7 @@
 //! ascending order. The transpose gathers, too: every point sums over its own family, so that all
 //! points go at once and the order of every sum is that of the body.
 
+use pulp::Arch;
 use rayon::prelude::*;
 
 use super::error::CorrespondenceError;
@@ -20,7 +21,8 @@ const POINTS: usize = 256;
 /// The gradient weights of all families.
 pub(super) struct GradientOperator {
     neighborhood: Neighborhood,
-    /// `G_ij` in 1/m, `d` numbers for each directed bond, in the order of the neighbours.
+    /// `G_ij` in 1/m, `d` numbers for each directed bond, in the order of the neighbours; then
+    /// [`PADDING`].
     weights: Vec<f64>,
     /// `-sum_j G_ij`, `d` numbers for each point: its weight in its own family.
     own: Vec<f64>,
@@ -43,7 +45,7 @@ impl GradientOperator {
         if u32::try_from(influence.len()).is_err() {
             return Err(CorrespondenceError::TooManyBonds { bonds: influence.len() / 2 });
         }
-        let mut weights = vec![0.0; influence.len() * d];
+        let mut weights = vec![0.0; influence.len() * d + PADDING];
         let mut rows = Vec::with_capacity(n);
         let mut rest = &mut weights[..];
         for point in 0..n {
@@ -105,45 +107,110 @@ impl GradientOperator {
     /// `h` becomes the displacement gradients `H` of the displacements `u`.
     pub(super) fn gradient<const D: usize>(&self, u: &[f64], h: &mut [Tensor<D>]) {
         let u = u.as_chunks::<D>().0;
-        let of_point = |(point, h): (usize, &mut Tensor<D>)| {
-            let (row, weights) = self.family::<D>(point);
-            let here = u[point];
-            let mut sum = [[0.0; D]; D];
-            for (&j, g) in row.iter().zip(weights) {
-                let there = u[j as usize];
-                for r in 0..D {
-                    let change = there[r] - here[r];
-                    for c in 0..D {
-                        sum[r][c] += change * g[c];
+        let arch = Arch::new();
+        h.par_chunks_mut(POINTS).enumerate().for_each(|(chunk, h)| {
+            arch.dispatch(
+                #[inline(always)]
+                || {
+                    for (k, h) in h.iter_mut().enumerate() {
+                        *h = match D {
+                            2 => self.gradient_at::<D, 2>(u, chunk * POINTS + k),
+                            _ => self.gradient_at::<D, 4>(u, chunk * POINTS + k),
+                        };
                     }
+                },
+            );
+        });
+    }
+
+    /// One point's; rows of `W >= D` numbers fill a register, those beyond `D` are of no use.
+    #[inline(always)]
+    fn gradient_at<const D: usize, const W: usize>(
+        &self,
+        u: &[[f64; D]],
+        point: usize,
+    ) -> Tensor<D> {
+        let row = self.neighborhood.row(point);
+        let weights = &self.weights[self.neighborhood.places(point).start * D..];
+        let here = u[point];
+        let mut sum = [[0.0; W]; D];
+        for (k, &j) in row.iter().enumerate() {
+            let there = u[j as usize];
+            let g = window::<W>(weights, k * D);
+            for r in 0..D {
+                let change = there[r] - here[r];
+                for c in 0..W {
+                    sum[r][c] += change * g[c];
                 }
             }
-            *h = sum;
-        };
-        h.par_iter_mut().with_min_len(POINTS).enumerate().for_each(of_point);
+        }
+        std::array::from_fn(|r| std::array::from_fn(|c| sum[r][c]))
     }
 
     /// Adds to `forces` (`n x d`) the transpose: what `sum_i stress_i : H_i` changes by with the
     /// displacements.
     pub(super) fn add_transpose<const D: usize>(&self, stress: &[Tensor<D>], forces: &mut [f64]) {
-        let of_point = |(point, force): (usize, &mut [f64; D])| {
-            let mut sum = [0.0; D];
-            for (i, g) in self.in_families::<D>(point) {
-                let stress = &stress[i];
+        // Column by column.
+        let mut columns = vec![0.0; stress.len() * D * D + PADDING];
+        let turn = |(columns, stress): (&mut [f64], &Tensor<D>)| {
+            for c in 0..D {
                 for r in 0..D {
-                    for c in 0..D {
-                        sum[r] += stress[r][c] * g[c];
-                    }
+                    columns[c * D + r] = stress[r][c];
                 }
             }
-            let (own, here) = (self.own::<D>(point), &stress[point]);
-            for r in 0..D {
-                force[r] += (0..D).fold(sum[r], |sum, c| sum + here[r][c] * own[c]);
-            }
         };
+        let points = columns.par_chunks_exact_mut(D * D).with_min_len(POINTS);
+        points.zip(stress.par_iter().with_min_len(POINTS)).for_each(turn);
+        let arch = Arch::new();
         let forces = forces.as_chunks_mut::<D>().0;
-        forces.par_iter_mut().with_min_len(POINTS).enumerate().for_each(of_point);
+        forces.par_chunks_mut(POINTS).enumerate().for_each(|(chunk, forces)| {
+            arch.dispatch(
+                #[inline(always)]
+                || {
+                    for (k, force) in forces.iter_mut().enumerate() {
+                        let sum: [f64; D] = match D {
+                            2 => self.force_at::<D, 2>(&columns, chunk * POINTS + k),
+                            _ => self.force_at::<D, 4>(&columns, chunk * POINTS + k),
+                        };
+                        for r in 0..D {
+                            force[r] += sum[r];
+                        }
+                    }
+                },
+            );
+        });
     }
+
+    #[inline(always)]
+    fn force_at<const D: usize, const W: usize>(&self, columns: &[f64], point: usize) -> [f64; D] {
+        let mut sum = [0.0; W];
+        for (i, g) in self.in_families::<D>(point) {
+            for c in 0..D {
+                let column = window::<W>(columns, i * D * D + c * D);
+                for r in 0..W {
+                    sum[r] += column[r] * g[c];
+                }
+            }
+        }
+        let own = self.own::<D>(point);
+        for c in 0..D {
+            let column = window::<W>(columns, point * D * D + c * D);
+            for r in 0..W {
+                sum[r] += column[r] * own[c];
+            }
+        }
+        std::array::from_fn(|r| sum[r])
+    }
+}
+
+/// Numbers beyond the end of an array that is read by windows.
+const PADDING: usize = 2;
+
+/// `W` numbers from a place on.
+#[inline(always)]
+fn window<const W: usize>(values: &[f64], start: usize) -> [f64; W] {
+    let window = &values[start..start + W];
+    std::array::from_fn(|k| window[k])
 }
 
 /// `V_j w_ij` and the offsets in horizons of one family.

@@ -6,6 +6,7 @@
 //! `wb_ij = w_ij/2 (1/w0_i + 1/w0_j)`, `w0_i = sum_j V_j w_ij`. The weights of all bonds sum up to the
 //! volume of the body, so that affine displacements have the energy of the continuum.
 
+use pulp::Arch;
 use rayon::prelude::*;
 
 use super::batch::{CAPACITY, LawBatch, determinant};
@@ -44,6 +45,7 @@ impl<const D: usize> Bond<D> {
     }
 
     /// `F_ij - I` from the fields.
+    #[inline(always)]
     fn gradient(&self, fields: Fields<'_, D>) -> Tensor<D> {
         let [i, j] = self.points;
         let mut h = fields.h[i];
@@ -61,8 +63,10 @@ impl<const D: usize> Bond<D> {
     }
 
     /// Adds the transpose.
-    fn scatter(&self, stress: &Tensor<D>, duals: &mut Duals<'_, D>) {
+    #[inline(always)]
+    fn scatter(&self, stress: &Tensor<D>, weight: f64, duals: &mut Duals<'_, D>) {
         let [i, j] = self.points.map(|point| point - duals.first);
+        let stress = stress.map(|row| row.map(|x| weight * x));
         for r in 0..D {
             let pull = (0..D).fold(0.0, |sum, c| sum + stress[r][c] * self.along[c]);
             duals.force[j][r] += pull;
@@ -217,9 +221,11 @@ impl BondQuadrature {
         (fields, pass): (Fields<'_, D>, Pass<'_, D>),
         duals: Duals<'_, D>,
     ) -> Result<Sum, Failure> {
+        let arch = Arch::new();
         let positions = body.positions().as_chunks::<D>().0;
         let mut run = Run {
             law,
+            fields,
             pass,
             duals,
             bonds: Vec::with_capacity(CAPACITY),
@@ -228,6 +234,7 @@ impl BondQuadrature {
             directions: Vec::with_capacity(CAPACITY),
             batch: LawBatch::new(),
             sum: Sum::default(),
+            arch,
         };
         for i in slabs.owners(slab) {
             for (&j, &weight) in neighborhood.upper(i).iter().zip(self.weights(i)) {
@@ -235,14 +242,9 @@ impl BondQuadrature {
                 if weight == 0.0 {
                     continue;
                 }
-                let bond = Bond::new(positions, i, j as usize);
-                run.h.push(bond.gradient(fields));
-                if let Pass::Product(direction) = pass {
-                    run.directions.push(bond.gradient(direction));
-                }
-                run.bonds.push(bond);
+                run.bonds.push(Bond::new(positions, i, j as usize));
                 run.weights.push(weight);
-                if run.h.len() == CAPACITY {
+                if run.bonds.len() == CAPACITY {
                     run.flush()?;
                 }
             }
@@ -255,6 +257,7 @@ impl BondQuadrature {
 /// Bonds on their way through the law.
 struct Run<'a, const D: usize> {
     law: &'a dyn VariablesLaw,
+    fields: Fields<'a, D>,
     pass: Pass<'a, D>,
     duals: Duals<'a, D>,
     bonds: Vec<Bond<D>>,
@@ -263,13 +266,24 @@ struct Run<'a, const D: usize> {
     directions: Vec<Tensor<D>>,
     batch: LawBatch<D>,
     sum: Sum,
+    arch: Arch,
 }
 
 impl<const D: usize> Run<'_, D> {
     fn flush(&mut self) -> Result<(), Failure> {
-        if self.h.is_empty() {
+        if self.bonds.is_empty() {
             return Ok(());
         }
+        let arch = self.arch;
+        arch.dispatch(
+            #[inline(always)]
+            || {
+                self.h.extend(self.bonds.iter().map(|bond| bond.gradient(self.fields)));
+                if let Pass::Product(direction) = self.pass {
+                    self.directions.extend(self.bonds.iter().map(|bond| bond.gradient(direction)));
+                }
+            },
+        );
         let done = match self.pass {
             Pass::Energy => self.batch.evaluate(self.law, &self.h, false),
             Pass::Gradient => self.batch.evaluate(self.law, &self.h, true),
@@ -282,15 +296,22 @@ impl<const D: usize> Run<'_, D> {
         if !matches!(self.pass, Pass::Product(_)) {
             self.sum.join(&weighted(self.batch.psi(), &self.weights));
         }
-        let duals = &mut self.duals;
-        for (lane, (bond, weight)) in self.bonds.iter().zip(&self.weights).enumerate() {
-            if !duals.stress.is_empty() {
-                let stress = self.batch.tensor(lane).map(|row| row.map(|x| weight * x));
-                bond.scatter(&stress, duals);
-            }
-            if !duals.shares.is_empty() {
+        let (duals, batch) = (&mut self.duals, &self.batch);
+        let lanes = || self.bonds.iter().zip(&self.weights).enumerate();
+        if !duals.stress.is_empty() {
+            arch.dispatch(
+                #[inline(always)]
+                || {
+                    for (lane, (bond, weight)) in lanes() {
+                        bond.scatter(&batch.tensor(lane), *weight, duals);
+                    }
+                },
+            );
+        }
+        if !duals.shares.is_empty() {
+            for (lane, (bond, weight)) in lanes() {
                 for point in bond.points {
-                    duals.shares[point - duals.first] += 0.5 * weight * self.batch.psi()[lane];
+                    duals.shares[point - duals.first] += 0.5 * weight * batch.psi()[lane];
                 }
             }
         }

@@ -7,12 +7,14 @@
 //! same, by the chain rule.
 
 use nalgebra::DMatrix;
+use pulp::Arch;
 
 use super::error::CorrespondenceError;
 use super::operator::Tensor;
 use super::sweep::{Duals, Fields, Pass};
 use crate::assembly::sum::Sum;
 use crate::body::Body;
+use crate::element::WIDEST;
 use crate::interaction::Slabs;
 use crate::kernel::{Variables, VariablesLaw};
 use crate::neighborhood::Neighborhood;
@@ -122,6 +124,7 @@ impl Deviations {
     }
 
     /// `A_i`.
+    #[inline(always)]
     pub(super) fn stiffness<const D: usize>(&self, point: usize) -> Tensor<D> {
         let entries = &self.stiffness[point * D * D..(point + 1) * D * D];
         std::array::from_fn(|r| std::array::from_fn(|c| entries[r * D + c]))
@@ -136,6 +139,20 @@ impl Deviations {
     /// direction.
     pub(super) fn visit<const D: usize>(
         &self,
+        whole: (&Body, &Neighborhood, &Slabs),
+        slab: usize,
+        (fields, pass): (Fields<'_, D>, Pass<'_, D>),
+        duals: Duals<'_, D>,
+    ) -> Sum {
+        Arch::new().dispatch(
+            #[inline(always)]
+            || self.visit_bonds(whole, slab, (fields, pass), duals),
+        )
+    }
+
+    #[inline(always)]
+    fn visit_bonds<const D: usize>(
+        &self,
         (body, neighborhood, slabs): (&Body, &Neighborhood, &Slabs),
         slab: usize,
         (fields, pass): (Fields<'_, D>, Pass<'_, D>),
@@ -145,6 +162,7 @@ impl Deviations {
         let Duals { first, shares, stress, force } = duals;
         let positions = body.positions().as_chunks::<D>().0;
         let mut sum = Sum::default();
+        let (mut terms, mut n_terms) = ([0.0; WIDEST], 0);
         for i in slabs.owners(slab) {
             let a_i = self.stiffness::<D>(i);
             for (&j, strength) in neighborhood.upper(i).iter().zip(self.strengths(i)) {
@@ -160,12 +178,16 @@ impl Deviations {
                 let t_i = times(&a_i, &z_i).map(|x| strength * x);
                 let t_j = times(&self.stiffness::<D>(j), &z_j).map(|x| strength * x);
                 let dot = |z: &[f64; D], t: &[f64; D]| (0..D).fold(0.0, |s, r| s + z[r] * t[r]);
-                let mut terms = [0.0; crate::element::WIDEST];
-                (terms[0], terms[1]) = (0.5 * dot(&z_i, &t_i), 0.5 * dot(&z_j, &t_j));
-                sum.add(&terms);
+                let (of_i, of_j) = (0.5 * dot(&z_i, &t_i), 0.5 * dot(&z_j, &t_j));
+                terms[n_terms] = of_i + of_j;
+                n_terms += 1;
+                if n_terms == WIDEST {
+                    sum.add(&terms);
+                    n_terms = 0;
+                }
                 if !shares.is_empty() {
-                    shares[i - first] += terms[0];
-                    shares[j - first] += terms[1];
+                    shares[i - first] += of_i;
+                    shares[j - first] += of_j;
                 }
                 if force.is_empty() {
                     continue;
@@ -182,6 +204,8 @@ impl Deviations {
                 }
             }
         }
+        terms[n_terms..].fill(0.0);
+        sum.add(&terms);
         sum
     }
 }
@@ -190,6 +214,7 @@ fn isotropic(d: usize, value: f64) -> Vec<f64> {
     (0..d * d).map(|k| if k % (d + 1) == 0 { value } else { 0.0 }).collect()
 }
 
+#[inline(always)]
 fn times<const D: usize>(a: &Tensor<D>, z: &[f64; D]) -> [f64; D] {
     std::array::from_fn(|r| (0..D).fold(0.0, |sum, c| sum + a[r][c] * z[c]))
 }

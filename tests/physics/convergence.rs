@@ -27,7 +27,7 @@ struct Expected {
     floor: f64,
 }
 
-const EXPECTED: [Expected; 11] = [
+const EXPECTED: [Expected; 12] = [
     Expected { example: "cube_C1", overrides: &[], c: 0.7, floor: FLOOR },
     Expected { example: "cube_C1_C2", overrides: &[], c: 1.1, floor: FLOOR },
     Expected { example: "cube_C1_C3", overrides: &[], c: 2.5, floor: FLOOR },
@@ -61,6 +61,8 @@ const EXPECTED: [Expected; 11] = [
         c: 3.0,
         floor: FLOOR,
     },
+    // One percent of strain: far from where curvature changes.
+    Expected { example: "traction_bar", overrides: &["steps.increments=1"], c: 0.2, floor: FLOOR },
 ];
 
 /// The largest `R_{k+1}/R_k^2` of the steps, entries at the floor left out, and how many there are.

@@ -157,7 +157,7 @@ pub struct MeasureParts {
     pub v: Number,
     /// Deformation gradients.
     #[serde(rename = "F")]
-    pub f: Number,
+    pub deformation: Number,
     /// Deviations of neighbours from them, where these are stabilised.
     pub stabilisation: Number,
 }
@@ -180,7 +180,7 @@ fn step_summary(sets: &[String], step: &StepRecord) -> StepSummary {
             l: Number(parts.bonds),
             a: Number(parts.triangles),
             v: Number(parts.tetrahedra),
-            f: Number(parts.deformation),
+            deformation: Number(parts.deformation),
             stabilisation: Number(parts.stabilisation),
         },
         reactions: sets.iter().cloned().zip(step.reactions.iter().map(|r| numbers(r))).collect(),

@@ -1,5 +1,8 @@
-use super::verify_gradient;
+use super::verify::{Sample, plus_identity, truth};
+use super::{GradientBatch, verify_gradient};
 use crate::test_support::{model, values};
+use crate::{Form, Level, Mode};
+use crate::{Model, Values};
 
 const ST_VENANT: &str = "potential svk
 parameter lambda = 3
@@ -17,6 +20,11 @@ parameter lambda = 100
 parameter mu = 1
 alpha = 1 + mu/lambda
 psi(F) = mu/2*(tr(C) - d) + lambda/2*(J - alpha)^2 - mu^2/lambda/2";
+
+const SMOOTH: &str = "potential smooth
+parameter lambda = 1
+parameter mu = 1
+psi(F) = mu/2*(tr(C) - d) - mu*(J - 1) + lambda/2*(J - 1)^2";
 
 const MOONEY: &str = "potential mooney
 dimensions 3
@@ -50,5 +58,75 @@ fn energies_of_the_gradient_have_right_digits_near_rest_and_far_from_it() {
             println!("{} {dimension} {found:?}", model.name());
             assert!(found.passed(), "{} in {dimension} dimensions: {found:?}", model.name());
         }
+    }
+}
+
+/// Inverted, nearly flat, turned by 90 degrees: diagonals, alone and before a rotation.
+fn extreme_gradients() -> Vec<(&'static str, Vec<f64>)> {
+    let diagonal = |x: f64, y: f64, z: f64| vec![x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z];
+    let turned = |x: f64, y: f64, z: f64| vec![0.0, -y, 0.0, x, 0.0, 0.0, 0.0, 0.0, z];
+    vec![
+        ("inverted", diagonal(-0.5, 1.2, 0.9)),
+        ("inside out", diagonal(-1.0, -1.0, -1.0)),
+        ("flat", diagonal(1e-9, 1.0, 1.0)),
+        ("flat and turned", turned(1e-9, 1.1, 0.8)),
+        ("turned", turned(1.0, 1.0, 1.0)),
+        // Powers of 2: the rounding of a volume of 1 is magnified by lambda/mu, as in any formula.
+        ("turned and stretched", turned(1024.0, 1.0 / 1024.0, 1.0)),
+        ("stretched", diagonal(1e6, 1e6, 1e6)),
+        ("pressed", diagonal(1e-6, 1e-6, 1e-6)),
+    ]
+}
+
+/// psi, P and dP of one gradient, at a level.
+fn at(model: &Model, values: &Values, sample: &Sample, level: Level) -> Vec<f64> {
+    let (kernel, _) = model.compile_gradient(values, Mode::Jit(level), Form::Accurate).unwrap();
+    let kernel = kernel.unwrap();
+    let batch = GradientBatch { n: 1, gradient: &sample.gradient, change: &sample.change };
+    let (mut psi, mut stress, mut product) = ([0.0], [0.0; 9], [0.0; 9]);
+    kernel.evaluate(batch, &mut psi, &mut stress);
+    kernel.product(batch, &sample.direction, &mut product);
+    psi.into_iter().chain(stress).chain(product).collect()
+}
+
+/// E19: St Venant-Kirchhoff and stable neo-Hookean energies are finite and right for every gradient,
+/// also with lambda/mu = 1e8; the logarithm is no number where a body is turned inside out.
+#[test]
+fn e19_extreme_gradients_have_right_digits_or_none() {
+    for text in [ST_VENANT, SMOOTH, NEO_HOOKE] {
+        let model = model(text);
+        // With lambda = mu the stable energy of a body pressed to nothing happens to vanish.
+        for ratio in [2.0, 1e8] {
+            let values = values(&model, 3, &[("lambda", ratio), ("mu", 1.0)]);
+            let written = model.written_gradient(&values);
+            for (name, gradient) in extreme_gradients() {
+                let change = plus_identity(&gradient, 3, -1.0);
+                let direction = vec![0.5, 0.25, -0.125, 1.0, -0.5, 0.75, 0.375, -1.0, 0.625];
+                let sample = Sample { gradient, change, direction };
+                let label = format!("{} {ratio:e} {name}", model.name());
+                for level in Level::ALL {
+                    let found = at(&model, &values, &sample, level);
+                    match truth(&written, &sample) {
+                        Some(truth) => close(&label, &found, &truth),
+                        None => {
+                            assert_eq!(model.name(), "nh", "{label}");
+                            assert!(found.iter().all(|x| !x.is_finite()), "{label}: {found:?}");
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// psi, P and dP within 64 u of their norms.
+fn close(label: &str, found: &[f64], truth: &[f64]) {
+    let norm = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
+    for (what, part) in [("psi", 0..1), ("P", 1..10), ("dP", 10..19)] {
+        let difference: Vec<f64> = part.clone().map(|k| found[k] - truth[k]).collect();
+        let size = norm(&truth[part]) * f64::EPSILON / 2.0;
+        let error = norm(&difference) / size.max(f64::MIN_POSITIVE);
+        println!("{label} {what}: {error:.1} u");
+        assert!(error <= 64.0, "{label} {what}: {error} u");
     }
 }

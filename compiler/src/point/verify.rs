@@ -55,10 +55,10 @@ impl GradientVerification {
 }
 
 /// One gradient, a direction, and what a kernel says there.
-struct Sample {
-    gradient: Vec<f64>,
-    change: Vec<f64>,
-    direction: Vec<f64>,
+pub(super) struct Sample {
+    pub(super) gradient: Vec<f64>,
+    pub(super) change: Vec<f64>,
+    pub(super) direction: Vec<f64>,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -171,7 +171,7 @@ impl GradientVerification {
 
 /// psi, P and dP of the energy as written for exactly these numbers; nothing where one of them is no
 /// finite number. P along each unit direction, dP by polarisation of second derivatives.
-fn truth(written: &WrittenGradientEnergy, sample: &Sample) -> Option<Vec<f64>> {
+pub(super) fn truth(written: &WrittenGradientEnergy, sample: &Sample) -> Option<Vec<f64>> {
     let n = sample.gradient.len();
     let components = graph::components(if n == 4 { 2 } else { 3 });
     let along = |direction: &dyn Fn(usize) -> f64| -> Option<[f64; 3]> {
@@ -229,7 +229,7 @@ fn samples(dimension: usize, n: usize) -> Vec<Sample> {
     samples
 }
 
-fn plus_identity(tensor: &[f64], d: usize, factor: f64) -> Vec<f64> {
+pub(super) fn plus_identity(tensor: &[f64], d: usize, factor: f64) -> Vec<f64> {
     let on_diagonal = |k: usize| if k / d == k % d { factor } else { 0.0 };
     tensor.iter().enumerate().map(|(k, x)| x + on_diagonal(k)).collect()
 }

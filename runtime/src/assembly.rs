@@ -6,6 +6,7 @@
 //! in an order that the body alone decides, so results have the same bits for any number of threads.
 
 mod accumulate;
+mod bonds;
 pub(crate) mod error;
 mod inversion;
 mod product;
@@ -225,7 +226,6 @@ impl DiscreteEnergy {
     ) -> Result<EnergyParts, NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         gradient.fill(0.0);
-        tangent.fill(0.0);
         let mut outcomes = Vec::with_capacity(self.slabs.len());
         // The energy alone writes to no rows: all slabs can go at once.
         let n_colors = if order == Order::Energy { 1 } else { 2 };
@@ -252,7 +252,8 @@ impl DiscreteEnergy {
         for slab in (color..self.slabs.len()).step_by(n_colors) {
             let touched = self.slabs.touched(slab);
             let rows = if n_colors == 1 { Rows::none(&self.pattern) } else { rest.take(touched) };
-            tasks.push(SlabTask { slab, rows });
+            // Even slabs and their successors are all rows.
+            tasks.push(SlabTask { slab, rows, is_first: color == 0 });
         }
         tasks
     }

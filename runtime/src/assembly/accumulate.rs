@@ -259,35 +259,6 @@ impl<const D: usize> OwnerSums<D> {
     }
 }
 
-/// Adds a batch of bonds `(owner, other, place of other in the owner's row)`.
-pub(super) fn add_bonds<const D: usize>(
-    lanes: &[(usize, usize, usize)],
-    out: &Contributions,
-    order: Order,
-    rows: &mut Rows<'_>,
-) {
-    let (gradient, h) = (&out.gradient[..D], &out.hessian[..packed(D, D - 1, D - 1) + 1]);
-    for (p, &(owner, other, place)) in lanes.iter().take(CAPACITY).enumerate() {
-        if order >= Order::Gradient {
-            let part: [f64; D] = std::array::from_fn(|axis| gradient[axis][p]);
-            rows.add_gradient(other, &part);
-            rows.add_gradient(owner, &part.map(|x| -x));
-        }
-        if order == Order::Tangent {
-            let mut upper = [[0.0; D]; D];
-            for r in 0..D {
-                for c in r..D {
-                    upper[r][c] = h[packed(D, r, c)][p];
-                }
-            }
-            let block = symmetric(&upper);
-            rows.add_block(rows.diagonal::<D>(owner), &block);
-            rows.add_block(rows.diagonal::<D>(other), &block);
-            rows.add_block(rows.coupling::<D>(owner, place), &block.map(|row| row.map(|x| -x)));
-        }
-    }
-}
-
 /// Ranges of consecutive lanes with the same key.
 fn runs<L>(lanes: &[L], key: impl Fn(&L) -> u32) -> impl Iterator<Item = std::ops::Range<usize>> {
     let mut start = 0;

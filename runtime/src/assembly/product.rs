@@ -7,10 +7,10 @@
 
 use rayon::prelude::*;
 
-use super::slab::{minus, named, row};
+use super::slab::{Refusal, minus, named, row};
 use super::{DiscreteEnergy, Kind};
 use crate::element::{CAPACITY, Contributions, InteractionBatch, Order};
-use crate::energy::{Argument, EnergyParts, NonFinite};
+use crate::energy::{EnergyParts, NonFinite};
 use crate::geometry::packed;
 use crate::interaction::OwnerCliques;
 
@@ -183,18 +183,10 @@ impl<const D: usize, S: Sink<D>> Visit<'_, D, S> {
             let others = corners(lane).map(|member| shares[member]);
             interactions.weight[lane] = kind.weights.join(own, others);
         }
-        let element = &kind.element;
-        element.evaluate(interactions, Order::Tangent, out).map_err(|refused| {
-            let points = named(cliques, &lanes[refused.lane][..K]);
-            let displacements = points.iter().flat_map(|&p| row::<D>(self.u, p)).collect();
-            NonFinite {
-                argument: Argument::Measure(element.measure()),
-                displacements,
-                points,
-                value: refused.value,
-                reference: refused.reference,
-                inverted: element.forbids_inversion() && refused.value <= 0.0,
-            }
+        let element = &*kind.element;
+        element.evaluate(interactions, Order::Tangent, out).map_err(|lane| {
+            let points = named(cliques, &lanes[lane.lane][..K]);
+            Refusal { element, lane }.of::<D>(points, self.u)
         })?;
         let mut points = [cliques.owner(); 4];
         for lane in 0..lanes.len() {

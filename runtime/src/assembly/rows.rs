@@ -85,6 +85,17 @@ impl<'a> Rows<'a> {
         &mut self.tangent[start..start + D * D]
     }
 
+    /// The numbers of `count` blocks, the first of which starts there.
+    #[inline(always)]
+    pub(super) fn blocks<const D: usize>(&mut self, start: usize, count: usize) -> &mut [f64] {
+        &mut self.tangent[start..start + count * D * D]
+    }
+
+    /// Makes the tangent zero.
+    pub(super) fn clear_tangent(&mut self) {
+        self.tangent.fill(0.0);
+    }
+
     /// Adds to the block that starts there.
     #[inline(always)]
     pub(super) fn add_block<const D: usize>(&mut self, start: usize, part: &Block<D>) {

@@ -1,11 +1,12 @@
 //! The interactions that one slab owns: gathered into batches, evaluated, added up.
 
-use super::accumulate::{OwnerSums, TetrahedronLane, TriangleLane, add_bonds};
+use super::accumulate::{OwnerSums, TetrahedronLane, TriangleLane};
+use super::bonds::{BondSums, Untouched};
 use super::rows::Rows;
 use super::sum::Sum;
 use super::tetrahedra::{Owner, Rules, TetrahedronSums};
 use super::{DiscreteEnergy, Kind};
-use crate::element::{CAPACITY, Contributions, InteractionBatch, Order};
+use crate::element::{CAPACITY, Contributions, Element, InteractionBatch, NonFiniteLane, Order};
 use crate::energy::{Argument, EnergyParts, NonFinite};
 use crate::interaction::{OwnerCliques, never_fails};
 
@@ -13,6 +14,8 @@ use crate::interaction::{OwnerCliques, never_fails};
 pub(super) struct SlabTask<'a> {
     pub(super) slab: usize,
     pub(super) rows: Rows<'a>,
+    /// Whether no other slab has written to these rows yet.
+    pub(super) is_first: bool,
 }
 
 /// The energy of one slab.
@@ -64,11 +67,18 @@ impl SlabTask<'_> {
         order: Order,
         u: &[f64],
     ) -> Result<SlabEnergy, NonFinite> {
-        let SlabTask { slab, mut rows } = self;
-        if energy.body.dimension() == 2 {
-            return Context::<2> { energy, slab, order, u }.bonds_and_triangles(&mut rows);
+        let SlabTask { slab, mut rows, is_first } = self;
+        // Where bonds are alone each coupling is written once, and nothing need be cleared before.
+        let alone = energy.triangles.is_none() && energy.tetrahedra.is_none();
+        if is_first && !(alone && energy.bonds.is_some()) {
+            rows.clear_tangent();
         }
-        let context = Context::<3> { energy, slab, order, u };
+        let untouched = Untouched { couplings: alone, diagonal: alone && is_first };
+        if energy.body.dimension() == 2 {
+            let context = Context::<2> { energy, slab, order, u, untouched };
+            return context.bonds_and_triangles(&mut rows);
+        }
+        let context = Context::<3> { energy, slab, order, u, untouched };
         let mut total = context.bonds_and_triangles(&mut rows)?;
         if let Some(kind) = &energy.tetrahedra {
             total.tetrahedra = context.tetrahedra(kind, &mut rows)?;
@@ -83,13 +93,17 @@ struct Context<'a, const D: usize> {
     slab: usize,
     order: Order,
     u: &'a [f64],
+    untouched: Untouched,
 }
 
 impl<'a, const D: usize> Context<'a, D> {
     fn bonds_and_triangles(&self, rows: &mut Rows<'_>) -> Result<SlabEnergy, NonFinite> {
         let mut total = SlabEnergy::default();
         if let Some(kind) = &self.energy.bonds {
-            total.bonds = self.bonds(kind, rows)?;
+            total.bonds = match D {
+                2 => self.bonds::<5>(kind, rows)?,
+                _ => self.bonds::<9>(kind, rows)?,
+            };
         }
         if let Some(kind) = &self.energy.triangles {
             total.triangles = self.triangles(kind, rows)?;
@@ -97,42 +111,10 @@ impl<'a, const D: usize> Context<'a, D> {
         Ok(total)
     }
 
-    fn bonds(&self, kind: &Kind, rows: &mut Rows<'_>) -> Result<Sum, NonFinite> {
-        let (body, neighborhood) = (&self.energy.body, &self.energy.neighborhood);
-        let mut batch = Gathered::<(usize, usize, usize), D>::new(kind);
-        for owner in self.energy.slabs.owners(self.slab) {
-            let (rest, now) = (row::<D>(body.positions(), owner), row::<D>(self.u, owner));
-            let share = kind.weights.share(owner);
-            for (place, &other) in neighborhood.upper(owner).iter().enumerate() {
-                let other = other as usize;
-                let lane = batch.lanes.len();
-                batch.reference.push(minus(&row(body.positions(), other), &rest));
-                batch.displacement.push(minus(&row(self.u, other), &now));
-                batch.batch.weight[lane] = kind.weights.join(share, [kind.weights.share(other)]);
-                batch.lanes.push((owner, other, place));
-                if batch.is_full() {
-                    self.add_bonds(kind, &mut batch, rows)?;
-                }
-            }
-        }
-        self.add_bonds(kind, &mut batch, rows)?;
-        Ok(batch.sum)
-    }
-
-    fn add_bonds(
-        &self,
-        kind: &Kind,
-        batch: &mut Gathered<(usize, usize, usize), D>,
-        rows: &mut Rows<'_>,
-    ) -> Result<(), NonFinite> {
-        let len = batch.lanes.len();
-        batch.batch.gather(len, &batch.reference, &batch.displacement, |lane| [lane]);
-        batch.evaluate(kind, self, |&(owner, other, _)| vec![owner, other])?;
-        add_bonds::<D>(&batch.lanes, &batch.out, self.order, rows);
-        batch.lanes.clear();
-        batch.reference.clear();
-        batch.displacement.clear();
-        Ok(())
+    /// Bonds give `N` numbers each.
+    fn bonds<const N: usize>(&self, kind: &Kind, rows: &mut Rows<'_>) -> Result<Sum, NonFinite> {
+        BondSums::<D, N>::new(self.energy, kind, self.order, self.u, self.untouched)
+            .add(self.slab, rows)
     }
 
     fn cliques(&self) -> OwnerCliques<'a, D> {
@@ -286,9 +268,25 @@ impl Context<'_, 3> {
     }
 }
 
-/// Displacements of some points, one after the other.
-fn displacements<const D: usize>(u: &[f64], points: &[usize]) -> Vec<f64> {
-    points.iter().flat_map(|&point| row::<D>(u, point)).collect()
+/// An interaction that its element refused.
+pub(super) struct Refusal<'a> {
+    pub(super) element: &'a dyn Element,
+    pub(super) lane: NonFiniteLane,
+}
+
+impl Refusal<'_> {
+    /// What is known of it, from its points.
+    pub(super) fn of<const D: usize>(&self, points: Vec<usize>, u: &[f64]) -> NonFinite {
+        let (element, NonFiniteLane { value, reference, .. }) = (self.element, self.lane);
+        NonFinite {
+            argument: Argument::Measure(element.measure()),
+            displacements: points.iter().flat_map(|&point| row::<D>(u, point)).collect(),
+            points,
+            value,
+            reference,
+            inverted: element.forbids_inversion() && value <= 0.0,
+        }
+    }
 }
 
 /// The points of an interaction of an owner, from its members.
@@ -301,8 +299,6 @@ pub(super) fn named<const D: usize>(cliques: &OwnerCliques<'_, D>, members: &[u3
 struct Gathered<L, const D: usize> {
     /// What is known of each interaction.
     lanes: Vec<L>,
-    /// Vectors from owners at rest, for bonds; cliques have theirs.
-    reference: Vec<[f64; D]>,
     /// Displacements relative to owners.
     displacement: Vec<[f64; D]>,
     /// Shares of the owner and of its members in the weights.
@@ -318,7 +314,6 @@ impl<L, const D: usize> Gathered<L, D> {
         let measure = kind.element.measure();
         Gathered {
             lanes: Vec::with_capacity(CAPACITY),
-            reference: Vec::new(),
             displacement: Vec::new(),
             own_share: 0.0,
             shares: Vec::new(),
@@ -371,18 +366,10 @@ impl<L, const D: usize> Gathered<L, D> {
         if self.batch.is_empty() {
             return Ok(());
         }
-        let element = &kind.element;
-        let result = element.evaluate(&self.batch, context.order, &mut self.out);
-        result.map_err(|refused| {
-            let points = points(&self.lanes[refused.lane]);
-            NonFinite {
-                argument: Argument::Measure(element.measure()),
-                displacements: displacements::<D>(context.u, &points),
-                points,
-                value: refused.value,
-                reference: refused.reference,
-                inverted: element.forbids_inversion() && refused.value <= 0.0,
-            }
+        let element = &*kind.element;
+        element.evaluate(&self.batch, context.order, &mut self.out).map_err(|lane| {
+            let points = points(&self.lanes[lane.lane]);
+            Refusal { element, lane }.of::<D>(points, context.u)
         })?;
         let (len, padded) = (self.batch.len(), self.batch.padded_len());
         self.out.energy[len..padded].fill(0.0);

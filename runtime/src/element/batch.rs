@@ -54,6 +54,34 @@ impl InteractionBatch {
         self.len == 0
     }
 
+    /// Takes `len` bonds: `bond(lane)` is the vector from the owner at rest, the relative
+    /// displacement, both in m, and the weight. `len` is at least 1 and at most [`CAPACITY`].
+    #[inline(always)]
+    pub fn fill<const D: usize>(
+        &mut self,
+        len: usize,
+        bond: impl Fn(usize) -> ([f64; D], [f64; D], f64),
+    ) {
+        let len = len.min(CAPACITY);
+        self.len = len;
+        let padded = self.padded_len();
+        let (to_reference, to_displacement) =
+            (&mut self.reference[..D], &mut self.displacement[..D]);
+        for lane in 0..len {
+            let (rest, eta, weight) = bond(lane);
+            for axis in 0..D {
+                to_reference[axis][lane] = rest[axis];
+                to_displacement[axis][lane] = eta[axis];
+            }
+            self.weight[lane] = weight;
+        }
+        for channel in to_reference.iter_mut().chain(to_displacement) {
+            let last = channel[len - 1];
+            channel[len..padded].fill(last);
+        }
+        self.weight[len..].fill(0.0);
+    }
+
     /// Takes `len` interactions of `K` corners besides the owner: `corners(lane)` names the corners
     /// by their places in `reference` and `displacement`, vectors from the owner in m.
     ///

@@ -68,6 +68,29 @@ fn every_kind_of_interaction_takes_part() {
 }
 
 #[test]
+fn what_the_tangent_held_before_does_not_matter() {
+    for (dimension, counts) in [(2, &[9, 6][..]), (3, &[6, 4, 4])] {
+        let body = cloud(counts, 0.1, 7);
+        let u = displacements(&body, STRAIN, 11);
+        let all = mixed_laws(dimension);
+        let bonds = Laws { bond: Some(seth_hill(1.0, 0)), ..Laws::default() };
+        let others = Laws { bond: None, ..mixed_laws(dimension) };
+        for laws in [bonds, others, all] {
+            let energy =
+                DiscreteEnergy::new(Arc::clone(&body), 0.21, Weights::Truncated, laws).unwrap();
+            let (_, _, clean) = tangent(&energy, &u);
+            let mut used = BlockMatrix::zeros(energy.pattern());
+            used.values.fill(f64::NAN);
+            energy.tangent(&u, &mut vec![f64::NAN; u.len()], &mut used).unwrap();
+            assert_eq!(clean.values, used.values);
+            let n = u.len();
+            let k = dense(&clean);
+            assert!((0..n * n).all(|at| k[at] == k[at % n * n + at / n]), "symmetric");
+        }
+    }
+}
+
+#[test]
 fn forces_and_moments_sum_to_zero() {
     for (dimension, weights) in [
         (2, Weights::Truncated),

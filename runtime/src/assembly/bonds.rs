@@ -1,0 +1,222 @@
+//! The bonds of one slab.
+//!
+//! An owner's later neighbours stand side by side in a batch, and their coupling blocks are one piece
+//! of its row. Diagonal blocks of other points lie a row apart, each in a page of memory of its own:
+//! what they get waits in an array of the slab's points until their row is written.
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::rows::Rows;
+use super::slab::{Refusal, minus};
+use super::sum::Sum;
+use super::{DiscreteEnergy, Kind};
+use crate::element::{CAPACITY, Channel, Contributions, InteractionBatch, Order};
+use crate::energy::NonFinite;
+use crate::geometry::{each, packed};
+
+/// What the rows hold before the bonds are added.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Untouched {
+    /// Nothing that counts in the blocks beside the diagonal.
+    pub(super) couplings: bool,
+    /// Nothing that counts in the diagonal blocks.
+    pub(super) diagonal: bool,
+}
+
+/// The bonds of one slab on their way into its rows. A bond gives `N` numbers: the gradient at its
+/// other point and the upper triangle of the Hessian there.
+pub(super) struct BondSums<'a, const D: usize, const N: usize> {
+    energy: &'a DiscreteEnergy,
+    kind: &'a Kind,
+    order: Order,
+    u: &'a [f64],
+    untouched: Untouched,
+    arch: Arch,
+    batch: InteractionBatch,
+    out: Contributions,
+    sum: Sum,
+    /// The first point that the slab touches.
+    first: usize,
+    /// What the points from `first` on got from their lower neighbours.
+    waiting: Vec<[f64; N]>,
+}
+
+impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
+    pub(super) fn new(
+        energy: &'a DiscreteEnergy,
+        kind: &'a Kind,
+        order: Order,
+        u: &'a [f64],
+        untouched: Untouched,
+    ) -> BondSums<'a, D, N> {
+        let measure = kind.element.measure();
+        BondSums {
+            energy,
+            kind,
+            order,
+            u,
+            untouched,
+            arch: Arch::new(),
+            batch: InteractionBatch::new(measure, D),
+            out: Contributions::new(measure, D),
+            sum: Sum::default(),
+            first: 0,
+            waiting: Vec::new(),
+        }
+    }
+
+    /// Adds the bonds of a slab; their energy.
+    pub(super) fn add(mut self, slab: usize, rows: &mut Rows<'_>) -> Result<Sum, NonFinite> {
+        let energy = self.energy;
+        let touched = energy.slabs.touched(slab);
+        self.first = touched.start;
+        if self.order >= Order::Gradient {
+            self.waiting = vec![[0.0; N]; touched.len()];
+        }
+        let owners = energy.slabs.owners(slab);
+        for owner in owners.clone() {
+            let mut own = [0.0; N];
+            let mut place = 0;
+            for others in energy.neighborhood.upper(owner).chunks(CAPACITY) {
+                self.fill(owner, others);
+                self.evaluate(owner, others)?;
+                self.scatter(owner, others, place, &mut own, rows);
+                place += others.len();
+            }
+            self.write(owner, &own, rows);
+        }
+        for other in owners.end..touched.end {
+            self.write(other, &[0.0; N], rows);
+        }
+        Ok(self.sum)
+    }
+
+    fn fill(&mut self, owner: usize, others: &[u32]) {
+        let (positions, _) = self.energy.body.positions().as_chunks::<D>();
+        let (displacements, _) = self.u.as_chunks::<D>();
+        let (rest, eta, weights) = (positions[owner], displacements[owner], &self.kind.weights);
+        let begun = weights.begin(weights.share(owner), &[]);
+        self.batch.fill(others.len(), |lane| {
+            let other = others[lane] as usize;
+            let weight = weights.join_last(begun, weights.share(other));
+            (minus(&positions[other], &rest), minus(&displacements[other], &eta), weight)
+        });
+    }
+
+    fn evaluate(&mut self, owner: usize, others: &[u32]) -> Result<(), NonFinite> {
+        let element = &*self.kind.element;
+        element.evaluate(&self.batch, self.order, &mut self.out).map_err(|lane| {
+            let points = vec![owner, others[lane.lane] as usize];
+            Refusal { element, lane }.of::<D>(points, self.u)
+        })?;
+        let (len, padded) = (self.batch.len(), self.batch.padded_len());
+        self.out.energy[len..padded].fill(0.0);
+        self.sum.add(&self.out.energy[..padded]);
+        Ok(())
+    }
+
+    /// Adds a batch to the owner's sums, to what waits, and to the coupling blocks.
+    fn scatter(
+        &mut self,
+        owner: usize,
+        others: &[u32],
+        place: usize,
+        own: &mut [f64; N],
+        rows: &mut Rows<'_>,
+    ) {
+        if self.order < Order::Gradient {
+            return;
+        }
+        let couplings = match self.order {
+            Order::Tangent => rows.blocks::<D>(rows.coupling::<D>(owner, place), others.len()),
+            _ => &mut [],
+        };
+        let scattering = Scattering::<D, N> {
+            others,
+            first: self.first,
+            gradient: &self.out.gradient,
+            hessian: &self.out.hessian,
+            own,
+            waiting: &mut self.waiting,
+            couplings,
+            untouched: self.untouched.couplings,
+        };
+        self.arch.dispatch(scattering);
+    }
+
+    /// Writes the gradient and the diagonal block of a point: what waits for it and its own part.
+    fn write(&self, point: usize, own: &[f64; N], rows: &mut Rows<'_>) {
+        if self.order < Order::Gradient {
+            return;
+        }
+        let waiting = &self.waiting[point - self.first];
+        rows.add_gradient::<D>(point, &each(|axis| waiting[axis] - own[axis]));
+        if self.order < Order::Tangent {
+            return;
+        }
+        let block = rows.block::<D>(rows.diagonal::<D>(point));
+        for r in 0..D {
+            for c in 0..D {
+                let k = D + packed(D, r.min(c), r.max(c));
+                let part = waiting[k] + own[k];
+                let entry = &mut block[r * D + c];
+                *entry = if self.untouched.diagonal { part } else { *entry + part };
+            }
+        }
+    }
+}
+
+/// Adds the bonds of a batch to the sums of both ends and to their couplings.
+struct Scattering<'a, const D: usize, const N: usize> {
+    others: &'a [u32],
+    first: usize,
+    gradient: &'a [Channel],
+    hessian: &'a [Channel],
+    own: &'a mut [f64; N],
+    waiting: &'a mut [[f64; N]],
+    /// One block for each, or nothing where only the gradient is wanted.
+    couplings: &'a mut [f64],
+    untouched: bool,
+}
+
+impl<const D: usize, const N: usize> WithSimd for Scattering<'_, D, N> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Scattering { others, first, waiting, couplings, untouched, .. } = self;
+        let (gradient, hessian) = (&self.gradient[..D], &self.hessian[..N - D]);
+        let others = &others[..others.len().min(CAPACITY)];
+        let mut own = *self.own;
+        if couplings.is_empty() {
+            for (lane, &other) in others.iter().enumerate() {
+                let sums = &mut waiting[other as usize - first];
+                for axis in 0..D {
+                    own[axis] += gradient[axis][lane];
+                    sums[axis] += gradient[axis][lane];
+                }
+            }
+            *self.own = own;
+            return;
+        }
+        let blocks = couplings.chunks_exact_mut(D * D);
+        for (lane, (&other, block)) in others.iter().zip(blocks).enumerate() {
+            let parts: [f64; N] =
+                each(|k| if k < D { gradient[k][lane] } else { hessian[k - D][lane] });
+            let sums = &mut waiting[other as usize - first];
+            for k in 0..N {
+                own[k] += parts[k];
+                sums[k] += parts[k];
+            }
+            let mut coupling = [[0.0; D]; D];
+            for r in 0..D {
+                for c in 0..D {
+                    let before = if untouched { 0.0 } else { block[r * D + c] };
+                    coupling[r][c] = before - parts[D + packed(D, r.min(c), r.max(c))];
+                }
+            }
+            block.copy_from_slice(coupling.as_flattened());
+        }
+        *self.own = own;
+    }
+}

@@ -16,6 +16,14 @@ const SIDE: f64 = 5.0 / 3.0;
 /// the coarse system grows with the square of their number.
 const MOST_PIECES: f64 = 400.0;
 
+/// Beyond so many pieces each holds [`LEAST_POINTS`] on average: where the horizon is short, a coarse
+/// system of small pieces costs more than the products that it saves. 23 x 21 x 21 points with a
+/// horizon of 2 spacings: 252 pieces leave 29 iterations, 80 leave 38 and take half the time.
+const SMALL_PIECES: f64 = 64.0;
+
+/// See [`SMALL_PIECES`].
+const LEAST_POINTS: f64 = 100.0;
+
 /// A function is dropped when this little of it is not in the span of those before.
 const DEPENDENT: f64 = 1e-6;
 
@@ -155,7 +163,9 @@ fn cut(d: usize, positions: &[f64], horizon: f64) -> (Vec<u32>, usize) {
     let cells = |side: f64| -> Vec<f64> {
         extents.iter().map(|extent| (extent / side).round().clamp(1.0, 1e6)).collect()
     };
-    while cells(side).iter().product::<f64>() > MOST_PIECES {
+    let n_points = (positions.len() / d) as f64;
+    let most = (n_points / LEAST_POINTS).clamp(SMALL_PIECES, MOST_PIECES);
+    while cells(side).iter().product::<f64>() > most {
         side *= 1.05;
     }
     let counts = cells(side);

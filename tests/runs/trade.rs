@@ -152,7 +152,7 @@ fn quantities_axes_and_formats_are_chosen() {
 
     let listed = piola(&["trade", &path, "--axes", "start,form", "--list"]).expect(0).stdout;
     assert_eq!(listed.lines().count(), 4, "{listed}");
-    assert!(listed.contains("solver.start=extrapolate solver.form=textbook"), "{listed}");
+    assert!(listed.contains("solver.start=last solver.form=textbook"), "{listed}");
     let axes = piola(&["trade", "--list"]).expect(0).stdout;
     assert!(axes.contains("solver.tolerance") && axes.contains("positions"), "{axes}");
 

@@ -438,10 +438,10 @@ pub struct SolverSettings {
 /// Where the free points of an increment start.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
+    /// On the line through the last two equilibria; where none is found from there, at the last.
+    Extrapolate,
     /// At the last equilibrium.
     Last,
-    /// On the line through the last two.
-    Extrapolate,
 }
 
 /// How much of each Newton step is new.

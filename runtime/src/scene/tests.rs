@@ -161,7 +161,7 @@ fn every_default_is_filled_in() {
     assert_eq!(scene.steps, Steps { end: 1.0, increments: 25 });
     let solver = SolverSettings {
         tolerance: 1e-10,
-        start: Start::Last,
+        start: Start::Extrapolate,
         newton: NewtonChoice::Full,
         linear: LinearChoice::Auto,
         preconditioner: PreconditionerChoice::Auto,

@@ -86,6 +86,8 @@ pub struct Newton<'a> {
     /// The rounding error of the forces there, once it is asked for.
     rounding: Cell<Option<f64>>,
     forcing: Forcing,
+    /// Whether a shorter step ends a solve.
+    full_steps_only: bool,
     /// Whether the linear solver holds the factors of `tangent`.
     factorized: bool,
     counters: Counters,
@@ -120,6 +122,7 @@ impl<'a> Newton<'a> {
             linear,
             rounding: Cell::new(None),
             forcing: Forcing::new(settings.variant, settings.tolerance),
+            full_steps_only: false,
             gradient: vec![0.0; constraints.n_dofs()],
             parts: EnergyParts::default(),
             evaluated_at: None,
@@ -165,6 +168,26 @@ impl<'a> Newton<'a> {
     ///
     /// After a failure `u` is undefined.
     pub fn solve(&mut self, u: &mut [f64], loads: &[f64]) -> Result<NewtonReport, NewtonError> {
+        self.full_steps_only = false;
+        self.solve_with_history(u, loads)
+    }
+
+    /// The same, but gives up where a full step does not serve: the start is then not close, and
+    /// shorter steps may lead to an equilibrium of another branch.
+    pub fn solve_by_full_steps(
+        &mut self,
+        u: &mut [f64],
+        loads: &[f64],
+    ) -> Result<NewtonReport, NewtonError> {
+        self.full_steps_only = true;
+        self.solve_with_history(u, loads)
+    }
+
+    fn solve_with_history(
+        &mut self,
+        u: &mut [f64],
+        loads: &[f64],
+    ) -> Result<NewtonReport, NewtonError> {
         let mut history = History::default();
         match self.iterate(u, loads, &mut history) {
             Ok(mut report) => {
@@ -212,6 +235,9 @@ impl<'a> Newton<'a> {
                 self.step(u, &direction, loads, negative_pivots)?
             };
             report.step_lengths.push(length);
+            if self.full_steps_only && 0.0 < length && length < 1.0 {
+                return Err(NewtonFailure::LineSearch { negative_pivots });
+            }
         }
     }
 

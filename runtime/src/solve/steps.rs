@@ -33,11 +33,12 @@ pub trait Drive: Sync {
 /// Where Newton's method starts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Start {
-    /// Free points keep their last displacements, the fixed ones jump to their new values.
+    /// Free points continue on the line through the last two converged states; where full steps lead
+    /// to no equilibrium from there, they start at the last.
     #[default]
-    Last,
-    /// Free points continue on the line through the last two converged states.
     Extrapolate,
+    /// Free points keep their last displacements, the fixed ones jump to their new values.
+    Last,
 }
 
 /// Choices for a run of load steps.
@@ -60,7 +61,7 @@ impl Default for StepSettings {
         StepSettings {
             end: 1.0,
             increments: 1,
-            start: Start::Last,
+            start: Start::default(),
             newton: NewtonSettings::default(),
             linear: LinearOptions::default(),
         }
@@ -290,7 +291,7 @@ impl Increment {
     }
 }
 
-impl Run<'_> {
+impl<'a> Run<'a> {
     fn follow(
         &mut self,
         observer: &mut dyn FnMut(&StepRecord, &State<'_>) -> ControlFlow<()>,
@@ -343,16 +344,18 @@ impl Run<'_> {
         observer: &mut dyn FnMut(&StepRecord, &State<'_>) -> ControlFlow<()>,
     ) -> Result<Attempt, StepError> {
         let loads = self.loads(t)?;
-        let mut u = self.start(t)?;
-        let jumped = self.newton.check_jump(&self.u, &u);
-        let solved = jumped.and_then(|()| self.newton.solve(&mut u, &loads));
-        let judged = solved.and_then(|report| match self.judge() {
-            Ok(judged) => Ok((report, judged)),
-            Err(failure) => Err(NewtonError { failure, history: report.history }),
-        });
+        let near = self.start(t)?;
+        let far = self.extrapolated(&near, t);
+        let found = match far.map(|far| self.equilibrium(far, &loads, Newton::solve_by_full_steps))
+        {
+            // Where the way bends, the last state is closer than the line.
+            Some(Err(cause)) if !smaller_may_help(&cause.failure) => Err(cause),
+            None | Some(Err(_)) => self.equilibrium(near, &loads, Newton::solve),
+            Some(found) => found,
+        };
         self.times.add(&self.newton.take_times());
-        let (report, judged) = match judged {
-            Ok(judged) => judged,
+        let (u, report, judged) = match found {
+            Ok(found) => found,
             Err(cause) => return Ok(Attempt::Failed(cause)),
         };
         let iterations = report.iterations;
@@ -371,8 +374,23 @@ impl Run<'_> {
         Ok(Attempt::Converged { iterations, flow })
     }
 
+    /// The equilibrium with these loads from a start, and the judgement of its tangent.
+    fn equilibrium(
+        &mut self,
+        mut u: Vec<f64>,
+        loads: &[f64],
+        solve: impl Fn(&mut Newton<'a>, &mut [f64], &[f64]) -> Result<NewtonReport, NewtonError>,
+    ) -> Result<Found, NewtonError> {
+        self.newton.check_jump(&self.u, &u)?;
+        let report = solve(&mut self.newton, &mut u, loads)?;
+        match self.judge() {
+            Ok(judged) => Ok((u, report, judged)),
+            Err(failure) => Err(NewtonError { failure, history: report.history }),
+        }
+    }
+
     /// Definiteness and condition of the tangent at the equilibrium found.
-    fn judge(&mut self) -> Result<(Definiteness, Option<f64>), NewtonFailure> {
+    fn judge(&mut self) -> Result<Judged, NewtonFailure> {
         Ok((self.newton.judge()?, self.newton.condition()?))
     }
 
@@ -381,7 +399,7 @@ impl Run<'_> {
         t: f64,
         nominal: bool,
         report: NewtonReport,
-        (definiteness, condition): (Definiteness, Option<f64>),
+        (definiteness, condition): Judged,
     ) -> StepRecord {
         StepRecord {
             t,
@@ -410,7 +428,7 @@ impl Run<'_> {
         }
     }
 
-    /// The displacements at which Newton's method starts.
+    /// The last state with the fixed displacements of `t`.
     fn start(&self, t: f64) -> Result<Vec<f64>, StepError> {
         let fixed = self.constraints.fixed();
         let mut values = vec![0.0; fixed.len()];
@@ -419,15 +437,23 @@ impl Run<'_> {
             return Err(self.drive_error("prescribed displacement", fixed[k], values[k], t));
         }
         let mut u = self.u.clone();
-        if let (Start::Extrapolate, Some((t_before, before))) = (self.settings.start, &self.before)
-        {
-            let factor = (t - self.t) / (self.t - t_before);
-            for (u, before) in u.iter_mut().zip(before) {
-                *u += factor * (*u - before);
-            }
-        }
         self.constraints.scatter_fixed(&values, &mut u);
         Ok(u)
+    }
+
+    /// A start with its free displacements on the line through the last two states, where that is
+    /// wanted and there are two.
+    fn extrapolated(&self, start: &[f64], t: f64) -> Option<Vec<f64>> {
+        let (t_before, before) = self.before.as_ref()?;
+        if self.settings.start == Start::Last {
+            return None;
+        }
+        let factor = (t - self.t) / (self.t - t_before);
+        let mut u = start.to_vec();
+        for &dof in self.constraints.free() {
+            u[dof] += factor * (self.u[dof] - before[dof]);
+        }
+        Some(u)
     }
 
     fn drive_error(&self, what: &'static str, dof: usize, value: f64, t: f64) -> StepError {
@@ -463,6 +489,12 @@ impl Run<'_> {
         }))
     }
 }
+
+/// Definiteness and condition of a tangent.
+type Judged = (Definiteness, Option<f64>);
+
+/// Displacements of an equilibrium, how they were found, and what its tangent is.
+type Found = (Vec<f64>, NewtonReport, Judged);
 
 enum Attempt {
     Converged { iterations: usize, flow: ControlFlow<()> },

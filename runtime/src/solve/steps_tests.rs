@@ -128,6 +128,38 @@ fn extrapolation_saves_iterations() {
     }
 }
 
+/// Moves its prescribed values evenly up to `t = 1/2` and then holds them.
+struct Halting(Proportional);
+
+impl Drive for Halting {
+    fn fixed(&self) -> &[usize] {
+        self.0.fixed()
+    }
+
+    fn prescribed(&self, t: f64, values: &mut [f64]) {
+        self.0.prescribed(t.min(0.5), values);
+    }
+
+    fn loads(&self, _: f64, _: &mut [f64]) {}
+}
+
+#[test]
+fn where_the_line_leads_astray_a_step_starts_at_the_last_state() {
+    // Both springs are strained by 0.275 at t = 1/2. The line through the last two states would take
+    // the point between them on to 0.41, where the energy is not finite.
+    let (network, mut held) = chain(2, limited);
+    held.push((4, 1.1));
+    held.sort_unstable_by_key(|p| p.0);
+    let settings = StepSettings { start: Start::Extrapolate, ..settings(4) };
+    let drive = Halting(displaced(&held));
+    let go_on = &mut |_: &StepRecord, _: &State<'_>| ControlFlow::Continue(());
+    let outcome = run_steps(&network, &drive, &settings, go_on).unwrap();
+    assert_eq!(outcome.records.len(), 4);
+    assert!(outcome.records.iter().all(|record| record.cut_backs == 0 && record.nominal));
+    assert_eq!(outcome.records[2].iterations, 0);
+    assert!((outcome.displacements[2] - 0.275).abs() < 1e-9);
+}
+
 #[test]
 fn cut_backs_recover_and_land_on_the_nominal_times() {
     // One increment stretches the last spring by 2 at once, where the energy is not finite: the way
@@ -279,17 +311,22 @@ fn a_shallow_truss_under_a_load_fails_at_the_limit_load() {
         2.0 * (1.0 - l / reference) * y / l
     };
     let limit = (0..10_000).map(|k| carried(h * f64::from(k) * 1e-4)).fold(0.0, f64::max) / load;
-    let error = run_steps(&truss(h), &drive, &settings(10), &mut |record, state| {
-        assert_eq!(record.definiteness.positive_definite, Some(true), "{record:?}");
-        let y = h + state.displacements[3];
-        assert!((carried(y) - load * record.t).abs() < 1e-11, "{record:?}");
-        ControlFlow::Continue(())
-    })
-    .unwrap_err();
-    let NotConverged { t_converged, cut_backs, cause, .. } = not_converged(error);
-    assert!(t_converged <= limit && limit < t_converged + 2e-4, "{t_converged} {limit}");
-    assert!(cut_backs >= 10, "{cut_backs}");
-    assert!(matches!(cause.failure, NewtonFailure::LineSearch { .. }), "{cause}");
+    // Neither start may snap through to the equilibrium on the other side.
+    for start in [Start::Last, Start::Extrapolate] {
+        let settings = StepSettings { start, ..settings(10) };
+        let error = run_steps(&truss(h), &drive, &settings, &mut |record, state| {
+            assert_eq!(record.definiteness.positive_definite, Some(true), "{record:?}");
+            let y = h + state.displacements[3];
+            assert!(y > 0.0, "{record:?}");
+            assert!((carried(y) - load * record.t).abs() < 1e-11, "{record:?}");
+            ControlFlow::Continue(())
+        })
+        .unwrap_err();
+        let NotConverged { t_converged, cut_backs, cause, .. } = not_converged(error);
+        assert!(t_converged <= limit && limit < t_converged + 2e-4, "{t_converged} {limit}");
+        assert!(cut_backs >= 10, "{cut_backs}");
+        assert!(matches!(cause.failure, NewtonFailure::LineSearch { .. }), "{cause}");
+    }
 }
 
 #[test]
@@ -337,7 +374,7 @@ fn the_published_residuals_are_reproduced_by_full_steps() {
         |dof: usize| if dof.is_multiple_of(3) { network.position(dof / 3)[0] - 11.0 } else { 0.0 };
     let drive = displaced(&held.iter().map(|&dof| (dof, pulled(dof))).collect::<Vec<_>>());
     let newton = NewtonSettings { tolerance: 1e-13, ..NewtonSettings::default() };
-    let settings = StepSettings { end: 0.2, newton, ..settings(10) };
+    let settings = StepSettings { end: 0.2, start: Start::Last, newton, ..settings(10) };
     let outcome = run_steps(&network, &drive, &settings, &mut |record, _| {
         assert!(record.step_lengths.iter().all(|&length| length == 1.0));
         ControlFlow::Continue(())

@@ -62,11 +62,11 @@ pub const AXES: &[Axis] = &[
     Axis {
         name: "start",
         key: "solver.start",
-        about: "a step starts at the last equilibrium, or on the line through the last two",
+        about: "a step starts on the line through the last two equilibria, or at the last",
         changes: Changes::Solution,
-        words: &["last", "extrapolate"],
+        words: &["extrapolate", "last"],
         reference: "last",
-        default: "last",
+        default: "extrapolate",
         usual: true,
     },
     Axis {

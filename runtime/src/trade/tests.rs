@@ -118,7 +118,7 @@ fn settings_are_different_scenes() {
     let names: Vec<String> =
         settings(&read, &axes).unwrap().into_iter().map(|setting| setting.name).collect();
     assert_eq!(names.len(), 14, "{names:?}");
-    assert!(names.contains(&"tolerance=1e-6 start=extrapolate".to_string()), "{names:?}");
+    assert!(names.contains(&"tolerance=1e-6 start=last".to_string()), "{names:?}");
     let error = settings(&read, &["speed".to_string()]).unwrap_err();
     assert!(error.help().unwrap().contains("tolerance"), "{error}");
     let all: Vec<String> =

@@ -68,7 +68,7 @@ pub(super) const WEIGHTS: &[(&str, WeightScheme)] = &[
     ("unit", WeightScheme::Unit),
 ];
 pub(super) const STARTS: &[(&str, Start)] =
-    &[("last", Start::Last), ("extrapolate", Start::Extrapolate)];
+    &[("extrapolate", Start::Extrapolate), ("last", Start::Last)];
 pub(super) const LINEAR: &[(&str, LinearChoice)] = &[
     ("auto", LinearChoice::Auto),
     ("cholesky", LinearChoice::Cholesky),

@@ -15,6 +15,7 @@ mod clock;
 pub mod constraint;
 mod forcing;
 mod held;
+mod increment;
 mod line_search;
 pub mod linear;
 pub mod newton;

@@ -8,15 +8,10 @@ use std::ops::ControlFlow;
 
 use super::clock::{Counters, PhaseTimes};
 use super::constraint::{ConstraintError, Constraints};
+use super::increment::{Increment, TICKS};
 use super::linear::{Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport};
 use super::newton::{Newton, NewtonError, NewtonFailure, NewtonReport, NewtonSettings};
 use crate::energy::{EnergyParts, TotalEnergy};
-
-/// The smallest part of a nominal increment is one of this many.
-const TICKS: u32 = 1024;
-
-/// A step of at most this many iterations is easy.
-const EASY_ITERATIONS: usize = 6;
 
 /// What drives the body: prescribed values and loads as functions of `t`.
 pub trait Drive: Sync {
@@ -268,35 +263,12 @@ struct Run<'a> {
     times: PhaseTimes,
 }
 
-/// The length of the next attempts in ticks, and the easy steps since it last changed.
-struct Increment {
-    ticks: u32,
-    easy: usize,
-}
-
-impl Increment {
-    /// `false` when it cannot be halved any more.
-    fn halve(&mut self, tried: u32) -> bool {
-        self.ticks = tried / 2;
-        self.easy = 0;
-        self.ticks > 0
-    }
-
-    fn note_success(&mut self, iterations: usize) {
-        self.easy = if iterations <= EASY_ITERATIONS { self.easy + 1 } else { 0 };
-        if self.easy >= 2 && self.ticks < TICKS {
-            self.ticks *= 2;
-            self.easy = 0;
-        }
-    }
-}
-
 impl<'a> Run<'a> {
     fn follow(
         &mut self,
         observer: &mut dyn FnMut(&StepRecord, &State<'_>) -> ControlFlow<()>,
     ) -> Result<ControlFlow<()>, StepError> {
-        let mut increment = Increment { ticks: TICKS, easy: 0 };
+        let mut increment = Increment::nominal();
         for nominal in 0..self.settings.increments {
             let (from, to) = (self.nominal_time(nominal), self.nominal_time(nominal + 1));
             let mut position = 0;

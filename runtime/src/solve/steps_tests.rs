@@ -184,23 +184,6 @@ fn cut_backs_recover_and_land_on_the_nominal_times() {
 }
 
 #[test]
-fn increments_halve_to_a_limit_and_double_after_two_easy_steps() {
-    let mut increment = Increment { ticks: TICKS, easy: 0 };
-    for left in (0..10).rev() {
-        assert!(increment.halve(increment.ticks));
-        assert_eq!(increment.ticks, 1 << left);
-    }
-    assert!(!increment.halve(increment.ticks));
-    let mut increment = Increment { ticks: TICKS / 4, easy: 0 };
-    let mut sizes = Vec::new();
-    for iterations in [3, 3, 6, 7, 2, 2, 1, 1] {
-        increment.note_success(iterations);
-        sizes.push(increment.ticks * 4 / TICKS);
-    }
-    assert_eq!(sizes, [1, 2, 2, 2, 2, 4, 4, 4]);
-}
-
-#[test]
 fn too_few_iterations_cut_back_too() {
     let network = SpringNetwork::lattice(&[5, 4], 2.0, linear);
     let fixed = network.dofs_where(|x| x[0] == 0.0 || x[0] == 4.0);

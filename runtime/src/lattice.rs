@@ -202,6 +202,13 @@ pub(crate) fn bulk_pairs(dimension: usize, ratio: f64) -> u64 {
     6 * BulkLattice::new(dimension, ratio).cliques(false).0
 }
 
+/// The half of the family of a point at the origin that follows it in lexicographic order, in
+/// spacings: every clique of the endless lattice has exactly one translate that consists of the
+/// origin and of these. The last coordinate is 0 in two dimensions.
+pub(crate) fn upper_family(dimension: usize, ratio: f64) -> Vec<[i64; 3]> {
+    BulkLattice::new(dimension, ratio).upper
+}
+
 /// The half of a lattice point's family that follows it in lexicographic order. By translation,
 /// every clique of the lattice occurs exactly once with its lowest corner at the origin.
 struct BulkLattice {

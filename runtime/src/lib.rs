@@ -9,6 +9,7 @@
 //! | what is left behind | [`output`] |
 //! | all of it together | [`simulation`] |
 //! | what accuracy costs | [`trade`] |
+//! | which elastic moduli a body has | [`moduli`] |
 //!
 //! Per-point arrays are in the body's order inside, in the user's order at the edges
 //! ([`scene`] and [`output`] translate).
@@ -23,6 +24,7 @@ pub mod interaction;
 pub mod kernel;
 pub mod lattice;
 pub mod matrix;
+pub mod moduli;
 pub mod neighborhood;
 pub mod output;
 pub mod plan;

@@ -53,6 +53,13 @@ impl Scene {
         pair(&mut out, "frames", self.output.frames);
         out
     }
+
+    /// The part of it that says what the body is made of.
+    pub fn material_toml(&self) -> String {
+        let mut out = String::new();
+        write_material(&mut out, &self.material);
+        out
+    }
 }
 
 fn write_body(out: &mut String, body: &BodyShape) {

@@ -60,7 +60,7 @@ pub struct Library<'a> {
 }
 
 /// A scene with its potential and its body.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Case {
     /// The scene.
     pub scene: Scene,
@@ -256,18 +256,20 @@ fn checked(potential: &PotentialText) -> Result<Model, CaseError> {
     check_text(&potential.text).map(|(_, model)| model).map_err(wrong)
 }
 
-/// Values of the parameters; what is wrong with one is shown at its place in the scene.
-fn values(scene: &Scene, model: &Model) -> Result<Values, CaseError> {
+/// The parameters that a scene gives.
+pub(crate) fn settings(scene: &Scene) -> Vec<(String, Setting)> {
     let setting = |text: &ParameterText| match text {
         ParameterText::Number(number) => Setting::Number(*number),
         ParameterText::Quantity(text) => Setting::Text(text.clone()),
     };
+    let given = scene.material.parameters.iter();
+    given.map(|p| (p.name.value.clone(), setting(&p.value.value))).collect()
+}
+
+/// Values of the parameters; what is wrong with one is shown at its place in the scene.
+fn values(scene: &Scene, model: &Model) -> Result<Values, CaseError> {
     let material = &scene.material;
-    let settings: Vec<(String, Setting)> = material
-        .parameters
-        .iter()
-        .map(|p| (p.name.value.clone(), setting(&p.value.value)))
-        .collect();
+    let settings = settings(scene);
     let horizon = Some(scene.horizon_radius());
     model.values(scene.body.dimension, &settings, horizon).map_err(|errors| {
         let diagnostics = errors.into_iter().map(|error| {

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::{Case, CaseError, Compiled, size};
 use crate::assembly::{DiscreteEnergy, Inverted, Report};
+use crate::body::Body;
 use crate::correspondence::influence::{Constant, CubicSpline, Influence, InverseLength};
 use crate::correspondence::{
     Correspondence, Discretisation, Formulation, OperatorOrder, Stabilisation,
@@ -76,9 +77,24 @@ impl Case {
     /// A body that cannot be assembled: isolated or coincident points, nothing to model, more
     /// neighbours than the machine's memory holds, neighbours that determine no deformation gradient.
     pub fn energy(&self, compiled: Compiled) -> Result<ModelledEnergy, CaseError> {
+        self.energy_of(Arc::clone(&self.body), self.scene.horizon.weights, compiled)
+    }
+
+    /// The discrete total energy that another body, or another scheme of weights, would have.
+    ///
+    /// # Errors
+    /// As [`Case::energy`].
+    pub(crate) fn energy_of(
+        &self,
+        body: Arc<Body>,
+        weights: WeightScheme,
+        compiled: Compiled,
+    ) -> Result<ModelledEnergy, CaseError> {
         let horizon = self.scene.horizon_radius();
-        size::check_neighbors(&self.body, horizon)?;
-        let Some(law) = compiled.gradient else { return self.interactions(compiled, horizon) };
+        size::check_neighbors(&body, horizon)?;
+        let Some(law) = compiled.gradient else {
+            return interactions(body, horizon, weights, compiled);
+        };
         if let Some(measure) = compiled.measures.first() {
             let message = format!(
                 "the potential has energies of F and of {}: a scene models one kind; put them into \
@@ -88,32 +104,36 @@ impl Case {
             return Err(CaseError::Body { message });
         }
         let settings = self.scene.correspondence.clone().unwrap_or_default();
-        let influence = influence(&settings.influence, self.body.dimension(), horizon);
+        let influence = influence(&settings.influence, body.dimension(), horizon);
         let formulation = Formulation {
             horizon,
             order: order(settings.order),
             discretisation: discretisation(&settings),
             influence: &*influence,
         };
-        let energy = Correspondence::new(Arc::clone(&self.body), formulation, Box::new(law));
+        let energy = Correspondence::new(body, formulation, Box::new(law));
         match energy {
             Ok(energy) => Ok(ModelledEnergy::Gradients(Box::new(energy))),
             Err(error) => Err(CaseError::Body { message: error.to_string() }),
         }
     }
+}
 
-    fn interactions(&self, compiled: Compiled, horizon: f64) -> Result<ModelledEnergy, CaseError> {
-        let weights = match self.scene.horizon.weights {
-            WeightScheme::Uniform => Weights::Uniform,
-            WeightScheme::Truncated => Weights::Truncated,
-            WeightScheme::Volumes => Weights::Volumes,
-            WeightScheme::Unit => Weights::Unit,
-        };
-        let elements = compiled.elements;
-        DiscreteEnergy::with_elements(Arc::clone(&self.body), horizon, weights, elements)
-            .map(|energy| ModelledEnergy::Interactions(Box::new(energy)))
-            .map_err(|error| CaseError::Body { message: error.to_string() })
-    }
+fn interactions(
+    body: Arc<Body>,
+    horizon: f64,
+    weights: WeightScheme,
+    compiled: Compiled,
+) -> Result<ModelledEnergy, CaseError> {
+    let weights = match weights {
+        WeightScheme::Uniform => Weights::Uniform,
+        WeightScheme::Truncated => Weights::Truncated,
+        WeightScheme::Volumes => Weights::Volumes,
+        WeightScheme::Unit => Weights::Unit,
+    };
+    DiscreteEnergy::with_elements(body, horizon, weights, compiled.elements)
+        .map(|energy| ModelledEnergy::Interactions(Box::new(energy)))
+        .map_err(|error| CaseError::Body { message: error.to_string() })
 }
 
 fn order(choice: OrderChoice) -> OperatorOrder {

@@ -23,6 +23,12 @@ const TRADE_EXAMPLE: &str = "Example:
   piola trade examples/square/scene.toml --out out/trade
   piola trade examples/square/scene.toml --axes tolerance,start --quantity energy,probe:edge";
 
+const MODULI_EXAMPLE: &str = "Example:
+  piola moduli examples/cube_C1/scene.toml --density 7800";
+
+const CALIBRATE_EXAMPLE: &str = "Example:
+  piola calibrate examples/square/scene.toml --target E=200e9,nu=0.4 --vary C1,C2";
+
 const COMPLETIONS_EXAMPLE: &str = "Example:
   piola completions bash > ~/.local/share/bash-completion/completions/piola";
 
@@ -60,6 +66,12 @@ pub(crate) enum Command {
     /// Measure error and time of a scene over its settings; pick the cheapest that is accurate enough
     #[command(after_help = TRADE_EXAMPLE)]
     Trade(Trade),
+    /// Read the elastic moduli of a scene's material off its lattice and horizon
+    #[command(after_help = MODULI_EXAMPLE)]
+    Moduli(Moduli),
+    /// Find parameters of the potential for which the discrete body has given moduli
+    #[command(after_help = CALIBRATE_EXAMPLE)]
+    Calibrate(Calibrate),
     /// List the library of potentials, or show one of them
     Info(Info),
     /// Say what the code of a message means, with examples; list all codes
@@ -385,6 +397,40 @@ pub(crate) struct Trade {
     /// How the table is written
     #[arg(long, default_value = "human")]
     pub(crate) format: AuditFormat,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Moduli {
+    /// A scene file; only body, horizon and material are needed
+    pub(crate) scene: PathBuf,
+    /// Density of the solid in kg/m^3: adds wave speeds and the largest stable time step
+    #[arg(long, value_name = "KG/M^3")]
+    pub(crate) density: Option<f64>,
+    /// Override a value of the scene, e.g. `horizon.spacings=4`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) settings: Vec<String>,
+    /// How the result is written
+    #[arg(long, default_value = "human")]
+    pub(crate) format: Format,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Calibrate {
+    /// A scene file; only body, horizon and material are needed
+    pub(crate) scene: PathBuf,
+    /// Moduli that the body shall have, in Pa or with a unit: `E=200e9,nu=0.3`; names are E, nu, K, mu,
+    /// C11, C12, C44 and, in two dimensions, E_strain and nu_strain
+    #[arg(long = "target", value_name = "NAME=VALUE", value_delimiter = ',', required = true)]
+    pub(crate) targets: Vec<String>,
+    /// Parameters of the potential that may change
+    #[arg(long, value_name = "NAME", value_delimiter = ',', required = true)]
+    pub(crate) vary: Vec<String>,
+    /// Override a value of the scene, e.g. `horizon.spacings=4`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) settings: Vec<String>,
+    /// How the result is written
+    #[arg(long, default_value = "human")]
+    pub(crate) format: Format,
 }
 
 #[derive(Debug, Args)]

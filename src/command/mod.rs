@@ -2,6 +2,7 @@
 
 mod audit;
 mod bench;
+mod calibrate;
 mod check;
 mod completions;
 mod derive;
@@ -10,6 +11,7 @@ mod eval;
 mod eval_gradient;
 mod explain;
 mod info;
+mod moduli;
 mod plan;
 mod run;
 mod scene;
@@ -52,6 +54,8 @@ pub(crate) fn execute(command: Command) -> Exit {
         Command::Plan(arguments) => plan::execute(&arguments),
         Command::Bench(arguments) => bench::execute(&arguments),
         Command::Trade(arguments) => trade::execute(&arguments),
+        Command::Moduli(arguments) => moduli::execute(&arguments),
+        Command::Calibrate(arguments) => calibrate::execute(&arguments),
         Command::Info(arguments) => info::execute(&arguments),
         Command::Explain(arguments) => explain::execute(&arguments),
         Command::Completions { shell } => completions::execute(shell),

@@ -9,6 +9,7 @@ mod convergence;
 mod examples;
 mod extension;
 mod gradients;
+mod moduli;
 mod same_bits;
 mod small_clouds;
 mod subjects;

@@ -9,6 +9,7 @@ mod bench;
 mod contract;
 mod extremes;
 mod killed;
+mod moduli;
 mod picture;
 mod refusals;
 mod scenes;

@@ -1,0 +1,276 @@
+//! Elastic moduli of the discrete body against lattice sums computed elsewhere, continuum limits,
+//! differences of whole bodies, and eigenvalues; and calibration to all kinds of targets.
+
+use serde_json::Value;
+
+use crate::support::{SceneFolder, dense_tangent, norm, number, numbers, piola, reference};
+
+/// Quadratic energies whose coefficients may have any sign.
+const FREE: &str = "potential free\nparameter C1 = 1 in J/m^(2*d+1)\n\
+    parameter C2 = 0 in J/m^(3*d+2)\nparameter C3 = 0 in J/m^(4*d+3)\n\
+    psi(l) = 1/2*C1*L*(l/L - 1)^2\npsi(a) = 1/2*C2*A*(a/A - 1)^2\npsi(v) = 1/2*C3*V*(v/V - 1)^2\n";
+
+/// A scene on a lattice; `cells` along every axis.
+fn scene(d: usize, cells: &[usize], spacing: f64, horizon: &str, material: &str) -> SceneFolder {
+    let high: Vec<f64> = cells[..d].iter().map(|n| *n as f64 * spacing).collect();
+    let folder = SceneFolder::new(&format!(
+        "[body]\nbox = [{:?}, {high:?}]\nspacing = {spacing:?}\n[horizon]\n{horizon}\n[material]\n{material}\n",
+        vec![0.0; d]
+    ));
+    folder.file("free.piola", FREE);
+    folder
+}
+
+fn moduli(folder: &SceneFolder, more: &[&str]) -> Value {
+    let path = folder.scene();
+    piola(&[&["moduli", &path, "--format", "json"], more].concat()).expect(0).json()
+}
+
+#[track_caller]
+fn near(found: &Value, expected: f64, bar: f64) {
+    let error = (number(found) - expected).abs() / expected.abs().max(1.0);
+    assert!(error <= bar, "{found} is not {expected}: {error:.1e}");
+}
+
+/// Sums over the neighbours of a lattice point, by a program that shares nothing with this one.
+#[test]
+fn moduli_are_the_lattice_sums() {
+    let data = reference("lattice_constants.json");
+    for entry in data["poisson_bulk"].as_array().unwrap() {
+        let (d, ratio) = (number(&entry["D"]) as usize, number(&entry["ratio"]));
+        let material = "potential = \"javili2020\"\nparameters = { C1 = 1.0 }";
+        let folder = scene(d, &[8; 3], 1.0, &format!("spacings = {ratio}"), material);
+        let found = moduli(&folder, &[]);
+        for modulus in ["nu", "C11", "C12", "C44"] {
+            near(&found[modulus], number(&entry[modulus]), 1e-12);
+        }
+        assert!(numbers(&found["stress"]).iter().all(|s| s.abs() < 1e-12));
+    }
+    let tables = [("poisson_vs_k2_2d", 2, "k2", 3), ("poisson_vs_k3_3d", 3, "k3", 8)];
+    for (table, d, ratio_name, power) in tables {
+        for entry in data[table].as_array().unwrap() {
+            // Any spacing, so that units are seen to be right.
+            let (spacing, ratio) = (0.25, number(&entry["ratio"]));
+            let delta = ratio * spacing;
+            let coefficient = (0..power).fold(number(&entry[ratio_name]), |k, _| k / delta);
+            let material = format!(
+                "potential = \"javili2020\"\nparameters = {{ C1 = 1.0, {} = {coefficient:?} }}",
+                if d == 2 { "C2" } else { "C3" }
+            );
+            let folder = scene(d, &[8; 3], spacing, &format!("spacings = {ratio}"), &material);
+            near(&moduli(&folder, &[])["nu"], number(&entry["nu"]), 1e-12);
+        }
+    }
+}
+
+/// Published and recomputed numbers of the bond-based solid, to their digits.
+#[test]
+fn bond_based_solids_have_the_known_moduli() {
+    let solid = |ratio: f64| {
+        let horizon = format!("spacings = {ratio:?}\nweights = \"volumes\"");
+        let material = "potential = \"silling2000\"\nparameters = { K = 1.0 }";
+        moduli(&scene(3, &[8; 3], 0.1, &horizon, material), &["--density", "1"])
+    };
+    let found = solid(3.015);
+    near(&found["C11"], 1.8640, 5e-5);
+    near(&found["C12"], 0.7161, 5e-5);
+    near(&found["nu"], 0.2775, 5e-5);
+    // Cauchy's relation.
+    near(&found["C44"], number(&found["C12"]), 1e-13);
+    near(&found["waves"]["longitudinal"], number(&found["C11"]).sqrt(), 1e-13);
+    near(&found["waves"]["shear"], number(&found["C44"]).sqrt(), 1e-13);
+    let found = solid(2.0 * 3f64.sqrt());
+    near(&found["E"], 1.079 * 1.5, 1e-3);
+    near(&found["nu"], 0.2396, 5e-5);
+}
+
+#[test]
+fn fine_lattices_approach_the_continuum() {
+    // lambda = mu = pi delta^4 C1/30, Poisson's ratio 1/4.
+    for (ratio, bar) in [(4, 0.02), (8, 0.03)] {
+        let material = "potential = \"javili2020\"\nparameters = { C1 = 1.0 }";
+        let folder =
+            scene(3, &[16; 3], 1.0 / ratio as f64, &format!("spacings = {ratio}"), material);
+        let found = moduli(&folder, &[]);
+        let expected = std::f64::consts::PI / 30.0;
+        for modulus in ["C12", "C44", "mu"] {
+            let error = (number(&found[modulus]) / expected - 1.0).abs();
+            assert!(error < bar, "{modulus} at {ratio}: {error}");
+        }
+        near(&found["nu"], 0.25, bar);
+    }
+}
+
+#[test]
+fn energies_of_the_deformation_gradient_have_their_own_moduli() {
+    let (lambda, mu) = (3.0, 2.0);
+    let material = format!(
+        "potential = \"st_venant_kirchhoff\"\nparameters = {{ lambda = {lambda}, mu = {mu} }}"
+    );
+    for d in [2, 3] {
+        for discretisation in ["nodal", "bond-quadrature", "stabilised"] {
+            for order in ["first", "second"] {
+                // Quadratic fields take more neighbours at the corners of a body.
+                let horizon = if order == "second" { "spacings = 3" } else { "spacings = 2" };
+                let folder = scene(d, &[8; 3], 0.1, horizon, &material);
+                let set = format!("correspondence.discretisation={discretisation}");
+                let order = format!("correspondence.order={order}");
+                let found = moduli(&folder, &["--set", &set, "--set", &order]);
+                near(&found["C11"], lambda + 2.0 * mu, 1e-12);
+                near(&found["C12"], lambda, 1e-12);
+                near(&found["C44"], mu, 1e-12);
+                near(&found["zener"], 1.0, 1e-12);
+                near(&found["mu"], mu, 1e-12);
+                let nu = lambda / (2.0 * (lambda + mu));
+                near(&found[if d == 2 { "nu_strain" } else { "nu" }], nu, 1e-12);
+                let young = 2.0 * mu * (1.0 + nu);
+                near(&found[if d == 2 { "E_strain" } else { "E" }], young, 1e-12);
+                assert_eq!(found["stable"], true);
+            }
+        }
+    }
+}
+
+/// The energy of a box of n1 x n2 (x n3) cells is that of its corners, edges, faces and of its
+/// inside. Mixed differences of sizes leave the inside: with whole bodies, their surfaces and a
+/// displacement that is given to `piola energy`, the same number comes out.
+#[test]
+fn moduli_are_the_energy_of_what_larger_bodies_add() {
+    let triangles = "potential = \"free.piola\"\nparameters = { C1 = 1.0, C2 = 0.7 }";
+    let tetrahedra = "potential = \"free.piola\"\nparameters = { C1 = 1.0, C2 = 0.2, C3 = 0.6 }";
+    for (d, ratio, cells, material) in
+        [(2, 3.0, 7, triangles), (3, 1.5, 4, tetrahedra), (2, 1.5, 8, triangles)]
+    {
+        for weights in ["uniform", "volumes", "unit", "truncated"] {
+            if weights == "truncated" && ratio > 2.0 {
+                continue;
+            }
+            let horizon = format!("spacings = {ratio:?}\nweights = \"{weights}\"");
+            let folder = scene(d, &[9; 3], 1.0, &horizon, material);
+            let voigt = numbers(&moduli(&folder, &[])["voigt"]);
+            let strain: &[f64] =
+                if d == 2 { &[0.9, -0.4, 0.3] } else { &[0.9, -0.4, 0.2, 0.3, -0.1, 0.5] };
+            let n = strain.len();
+            let expected: f64 = (0..n * n).map(|k| strain[k / n] * voigt[k] * strain[k % n]).sum();
+            let mut found = 0.0;
+            for corner in 0..1usize << d {
+                let more = |axis: usize| (corner >> axis) & 1;
+                let size: Vec<usize> = (0..3).map(|axis| cells + more(axis)).collect();
+                let sign = if (0..d).map(more).sum::<usize>() % 2 == d % 2 { 1.0 } else { -1.0 };
+                found += sign * stiffness(&scene(d, &size, 1.0, &horizon, material), &size, strain);
+            }
+            let error = (found - expected).abs() / expected.abs();
+            assert!(error < 1e-10, "{d}D {weights}: {found} {expected} {error:.1e}");
+        }
+    }
+}
+
+/// `u' K u` of the body for the displacement of a homogeneous strain.
+fn stiffness(folder: &SceneFolder, cells: &[usize], strain: &[f64]) -> f64 {
+    let d = if strain.len() == 3 { 2 } else { 3 };
+    let counts: Vec<usize> = cells[..d].iter().map(|n| n + 1).collect();
+    let mut u = Vec::new();
+    for index in 0..counts.iter().product::<usize>() {
+        let (mut rest, mut x) = (index, [0.0; 3]);
+        for axis in (0..d).rev() {
+            x[axis] = (rest % counts[axis]) as f64;
+            rest /= counts[axis];
+        }
+        if d == 2 {
+            let half = 0.5 * strain[2];
+            u.extend([strain[0] * x[0] + half * x[1], half * x[0] + strain[1] * x[1]]);
+        } else {
+            let [yz, xz, xy] = [3, 4, 5].map(|k| 0.5 * strain[k]);
+            u.extend([
+                strain[0] * x[0] + xy * x[1] + xz * x[2],
+                xy * x[0] + strain[1] * x[1] + yz * x[2],
+                xz * x[0] + yz * x[1] + strain[2] * x[2],
+            ]);
+        }
+    }
+    let tangent = piola(&["energy", &folder.scene(), "--tangent"]).expect(0).json();
+    let dense = dense_tangent(&tangent);
+    let n = u.len();
+    (0..n).map(|r| u[r] * (0..n).map(|c| dense[r * n + c] * u[c]).sum::<f64>()).sum()
+}
+
+#[test]
+fn the_time_step_is_that_of_the_largest_eigenvalue() {
+    let material = "potential = \"javili2020\"\nparameters = { C1 = 2.0, C2 = 0.1 }";
+    let folder = scene(2, &[6, 4, 0], 0.5, "spacings = 2", material);
+    let step = &moduli(&folder, &["--density", "3"])["time_step"];
+    let tangent = piola(&["energy", &folder.scene(), "--tangent"]).expect(0).json();
+    let dense = dense_tangent(&tangent);
+    let n = 2 * 7 * 5;
+    let mut vector: Vec<f64> = (0..n).map(|k| 1.0 + ((k * k) % 7) as f64).collect();
+    let mut eigenvalue = 0.0;
+    for _ in 0..5000 {
+        let product: Vec<f64> =
+            (0..n).map(|r| (0..n).map(|c| dense[r * n + c] * vector[c]).sum()).collect();
+        eigenvalue = norm(&product) / norm(&vector);
+        vector = product.iter().map(|x| x / eigenvalue).collect();
+    }
+    let expected = 2.0 / (eigenvalue / (3.0 * 0.25)).sqrt();
+    let found = number(&step["seconds"]);
+    assert!(found <= expected * (1.0 + 1e-12) && found > expected * (1.0 - 1e-4), "{step}");
+    assert_eq!(step["points"], 35);
+}
+
+#[test]
+fn a_lattice_of_axial_bonds_has_no_shear_stiffness() {
+    let material = "potential = \"javili2020\"\nparameters = { C1 = 1.0 }";
+    let folder = scene(2, &[6; 3], 1.0, "spacings = 1\nweights = \"unit\"", material);
+    let found = moduli(&folder, &[]);
+    assert_eq!((&found["stable"], number(&found["C44"])), (&Value::Bool(false), 0.0));
+    assert_eq!(number(&found["C11"]), 1.0);
+    assert!(found["E"].is_null());
+}
+
+#[test]
+fn a_cloud_gives_the_energy_of_all_of_it() {
+    let folder = SceneFolder::new(
+        "[body]\ndimension = 2\npoints = \"p.csv\"\n[horizon]\nradius = 1.5\nweights = \"unit\"\n\
+         [material]\npotential = \"javili2020\"\nparameters = { C1 = 2.0 }\n",
+    );
+    folder.file("p.csv", "x,y,volume\n2,0,1\n1,0,1\n0,0,1\n");
+    // Two bonds along x, of length 1, in an area of 3.
+    let found = moduli(&folder, &[]);
+    assert_eq!(found["basis"], "cloud");
+    near(&found["C11"], 4.0 / 3.0, 1e-14);
+}
+
+/// The material that calibration prints is pasted into the scene, which then has the targets.
+#[test]
+fn calibrated_bodies_have_the_targets() {
+    let free = "potential = \"free.piola\"";
+    let library = "potential = \"javili2020\"";
+    let solid = "potential = \"st_venant_kirchhoff\"\nparameters = { lambda = 1.0, mu = 1.0 }";
+    let fung = "potential = \"fung\"\nparameters = { c = 3.0, g = 2.0, b = 1.0 }";
+    let cases: [(usize, &str, &str, &str, &[f64]); 7] = [
+        (2, free, "C1,C2", "nu", &[-0.8, -0.3, 0.0, 0.25, 1.0 / 3.0, 0.49, 0.9]),
+        (2, library, "C1,C2", "nu_strain", &[0.25, 0.3, 0.49, 0.4999]),
+        (3, free, "C1,C2", "nu", &[-0.7, -0.2, 0.0, 0.3, 0.34]),
+        (3, library, "C1,C3", "nu", &[0.3, 0.45, 0.49, 0.4999]),
+        (3, free, "C1,C3", "nu", &[-0.5, 0.1, 0.2]),
+        (3, solid, "lambda,mu", "nu", &[-0.9, 0.3, 0.49, 0.499999]),
+        (2, fung, "c,g", "nu_strain", &[0.3]),
+    ];
+    for (d, material, vary, ratio, targets) in cases {
+        for &target in targets {
+            let spacings = if d == 3 && ratio == "nu" && vary == "C1,C3" { "2" } else { "3" };
+            let folder = scene(d, &[8; 3], 1e-3, &format!("spacings = {spacings}"), material);
+            let young = if ratio == "nu" { "E" } else { "E_strain" };
+            let wanted = format!("{young}=200 GPa,{ratio}={target:?}");
+            let arguments = ["calibrate", &folder.scene(), "--target", &wanted, "--vary", vary];
+            let text = piola(&arguments).expect(0).stdout;
+            let text_of_scene = std::fs::read_to_string(folder.scene()).unwrap();
+            let (before, _) = text_of_scene.split_once("[material]").unwrap();
+            folder.file("scene.toml", format!("{before}{text}"));
+            let found = moduli(&folder, &[]);
+            let error = (number(&found[ratio]) - target).abs();
+            assert!(error < 1e-9, "{d}D {vary} {wanted}: {error:.1e}");
+            near(&found[young], 200e9, 1e-9);
+            assert_eq!(found["stable"], true);
+        }
+    }
+}

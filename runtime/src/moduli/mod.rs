@@ -5,7 +5,7 @@
 //! | [`affine`] | second derivatives of the energy density by homogeneous displacement gradients |
 //! | [`stiffness`] | the elasticity tensor and the numbers that are read off it, with derivatives |
 //! | [`time_step`] | the largest stable step of central differences |
-//! | [`calibrate`] | parameters of a potential for which the body has given moduli |
+//! | [`mod@calibrate`] | parameters of a potential for which the body has given moduli |
 //! | `text` | tables for people |
 //!
 //! Around a point of an endless lattice with one point per cell everything is symmetric under

@@ -63,7 +63,8 @@ pub(super) fn grid(variables: usize) -> Vec<Vec<f64>> {
     points
 }
 
-/// The points of the grid that miss the targets least, whether or not `admissible` alone.
+/// The points of the grid that miss the targets least; with `admissible`, of those whose values the
+/// potential allows.
 pub(super) fn explore(linear: &Linear, problem: &Problem<'_>, admissible: bool) -> Vec<Vec<f64>> {
     let mut ranked: Vec<(f64, Vec<f64>)> = grid(linear.len())
         .into_iter()

@@ -95,7 +95,10 @@ fn a_run_leaves_everything_the_contract_names() {
         table(&out.join("reactions.csv")).0,
         ["t", "left_x", "left_y", "right_x", "right_y"]
     );
-    assert_eq!(table(&out.join("energy.csv")).0, ["t", "total", "l", "a", "v"]);
+    assert_eq!(
+        table(&out.join("energy.csv")).0,
+        ["t", "total", "l", "a", "v", "F", "stabilisation"]
+    );
     assert_eq!(table(&out.join("probes.csv")).0, ["t", "middle_u", "middle_v"]);
     let summary = folder.summary();
     assert_eq!(summary["exit_reason"], "completed");

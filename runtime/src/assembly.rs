@@ -2,8 +2,9 @@
 //!
 //! `E(u) = sum over interactions of weight * psi(measure(u))`, each bond, triangle and tetrahedron
 //! once. Interactions are enumerated by their owners, slab by slab (see
-//! [`crate::interaction::Slabs`]): the even slabs at once, then the odd ones. Every number is summed
-//! in an order that the body alone decides, so results have the same bits for any number of threads.
+//! [`crate::interaction::Slabs`]): even slabs at once, odd ones after their neighbours. Every number is
+//! summed in an order that the body alone decides, so results have the same bits for any number of
+//! threads.
 
 mod accumulate;
 mod bonds;
@@ -11,6 +12,7 @@ pub(crate) mod error;
 mod inversion;
 mod product;
 mod rows;
+mod schedule;
 mod slab;
 pub(crate) mod sum;
 mod tetrahedra;
@@ -18,7 +20,7 @@ mod tetrahedra;
 pub use error::AssemblyError;
 pub use inversion::Inverted;
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 
 use rayon::prelude::*;
 
@@ -30,7 +32,8 @@ use crate::kernel::{Law, Measure};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use crate::weights::{CliqueWeights, Weights};
-use rows::Rows;
+use rows::{Part, Rows};
+use schedule::{even_before_odd, lock};
 use slab::SlabTask;
 
 /// An energy density for each kind of interaction that is modelled.
@@ -226,36 +229,25 @@ impl DiscreteEnergy {
     ) -> Result<EnergyParts, NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         gradient.fill(0.0);
-        let mut outcomes = Vec::with_capacity(self.slabs.len());
-        // The energy alone writes to no rows: all slabs can go at once.
-        let n_colors = if order == Order::Energy { 1 } else { 2 };
-        for color in 0..n_colors {
-            let tasks = self.tasks(color, n_colors, gradient, tangent);
-            let run = |task: SlabTask<'_>| (task.slab, task.assemble(self, order, u));
-            let done: Vec<_> = tasks.into_par_iter().with_max_len(1).map(run).collect();
-            outcomes.extend(done);
-        }
-        outcomes.sort_by_key(|(slab, _)| *slab);
-        slab::total(outcomes.into_iter().map(|(_, outcome)| outcome))
-    }
-
-    /// The slabs of one colour, each with the rows it touches.
-    fn tasks<'a>(
-        &'a self,
-        color: usize,
-        n_colors: usize,
-        gradient: &'a mut [f64],
-        tangent: &'a mut [f64],
-    ) -> Vec<SlabTask<'a>> {
-        let mut rest = Rows::whole(&self.pattern, gradient, tangent);
-        let mut tasks = Vec::new();
-        for slab in (color..self.slabs.len()).step_by(n_colors) {
-            let touched = self.slabs.touched(slab);
-            let rows = if n_colors == 1 { Rows::none(&self.pattern) } else { rest.take(touched) };
-            // Even slabs and their successors are all rows.
-            tasks.push(SlabTask { slab, rows, is_first: color == 0 });
-        }
-        tasks
+        let assemble = |slab: usize, rows: Rows<'_>| {
+            SlabTask { slab, rows, is_first: slab.is_multiple_of(2) }.assemble(self, order, u)
+        };
+        let n = self.slabs.len();
+        let outcomes: Vec<_> = if order == Order::Energy {
+            // It writes to no rows: all slabs can go at once.
+            let slabs = (0..n).into_par_iter().with_max_len(1);
+            slabs.map(|slab| assemble(slab, Rows::none(&self.pattern))).collect()
+        } else {
+            let parts = Part::of_slabs(&self.slabs, &self.pattern, gradient, tangent);
+            // Free whenever they are locked: the schedule sees to that.
+            let parts: Vec<Mutex<Part<'_>>> = parts.into_iter().map(Mutex::new).collect();
+            even_before_odd(n, |slab| {
+                let mut own = lock(&parts[slab]);
+                let mut next = parts.get(slab + 1).map(lock);
+                assemble(slab, Rows::new(&self.pattern, &mut own, next.as_deref_mut()))
+            })
+        };
+        slab::total(outcomes.into_iter())
     }
 }
 

@@ -109,11 +109,12 @@ impl<const D: usize> OwnerSums<D> {
         for run in runs(lanes, |lane| lane.members[0]) {
             // Triangles on one edge (owner, j) follow each other: the sums of j stay in registers.
             let j = lanes[run.start].members[0] as usize;
-            let first_block = rows.coupling::<D>(cliques.members()[j] as usize, 0);
+            let point = cliques.members()[j] as usize;
+            let blocks = rows.blocks::<D>(point, 0, rows.n_blocks(point));
             let (mut own, mut column) = ([[0.0; D]; D], [[0.0; D]; D]);
             for p in run {
                 let k = lanes[p].members[1] as usize;
-                let block = rows.block::<D>(first_block + lanes[p].place as usize * D * D);
+                let block = &mut blocks[(1 + lanes[p].place as usize) * D * D..][..D * D];
                 let (own_k, column_k) = (&mut self.diagonal[k], &mut self.column[k]);
                 for r in 0..D {
                     for c in 0..D {
@@ -226,8 +227,7 @@ impl<const D: usize> OwnerSums<D> {
             for (k, place) in cliques.later(j) {
                 let part = &pairs[number];
                 number += 1;
-                let start = rows.coupling::<D>(cliques.members()[j] as usize, place);
-                rows.add_block(start, part);
+                rows.add_block(cliques.members()[j] as usize, 1 + place, part);
                 for r in 0..D {
                     for c in 0..D {
                         column[k][r][c] += part[r][c];
@@ -245,8 +245,8 @@ impl<const D: usize> OwnerSums<D> {
             let mut sum = self.column[member];
             add(&mut sum, &own);
             add(&mut total, &sum);
-            rows.add_block(rows.diagonal::<D>(point as usize), &own);
-            rows.add_block(rows.coupling::<D>(owner, member), &sum.map(|row| row.map(|x| -x)));
+            rows.add_block(point as usize, 0, &own);
+            rows.add_block(owner, 1 + member, &sum.map(|row| row.map(|x| -x)));
         }
         // The sum of everything is symmetric but for rounding; the stored block is so exactly.
         let mut symmetrised = total;
@@ -255,7 +255,7 @@ impl<const D: usize> OwnerSums<D> {
                 symmetrised[r][c] = 0.5 * (total[r][c] + total[c][r]);
             }
         }
-        rows.add_block(rows.diagonal::<D>(owner), &symmetrised);
+        rows.add_block(owner, 0, &symmetrised);
     }
 }
 

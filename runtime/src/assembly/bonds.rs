@@ -128,7 +128,7 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
             return;
         }
         let couplings = match self.order {
-            Order::Tangent => rows.blocks::<D>(rows.coupling::<D>(owner, place), others.len()),
+            Order::Tangent => rows.blocks::<D>(owner, 1 + place, others.len()),
             _ => &mut [],
         };
         let scattering = Scattering::<D, N> {
@@ -154,7 +154,7 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
         if self.order < Order::Tangent {
             return;
         }
-        let block = rows.block::<D>(rows.diagonal::<D>(point));
+        let block = rows.blocks::<D>(point, 0, 1);
         for r in 0..D {
             for c in 0..D {
                 let k = D + packed(D, r.min(c), r.max(c));

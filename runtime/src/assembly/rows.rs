@@ -1,110 +1,129 @@
-//! The rows of gradient and tangent that one slab may write to.
+//! The rows of gradient and tangent that one slab may write to: its own and those of the next slab.
 
-use std::ops::Range;
-
+use crate::interaction::Slabs;
 use crate::matrix::BlockPattern;
 
 /// A square block, row by row.
 pub(super) type Block<const D: usize> = [[f64; D]; D];
 
-/// Consecutive rows of the gradient and the tangent. Either may be empty, where it is not wanted.
-pub(super) struct Rows<'a> {
-    row_start: &'a [usize],
-    dimension: usize,
+/// The rows of the points of one slab. Gradient or tangent may be empty, where it is not wanted.
+#[derive(Default)]
+pub(super) struct Part<'a> {
     first_point: usize,
     first_block: usize,
     gradient: &'a mut [f64],
     tangent: &'a mut [f64],
 }
 
+impl<'a> Part<'a> {
+    /// Cuts all rows into those of the slabs.
+    pub(super) fn of_slabs(
+        slabs: &Slabs,
+        pattern: &BlockPattern,
+        mut gradient: &'a mut [f64],
+        mut tangent: &'a mut [f64],
+    ) -> Vec<Part<'a>> {
+        let d = pattern.dimension;
+        let part = |slab: usize| {
+            let points = slabs.owners(slab);
+            let blocks = pattern.row_start[points.start]..pattern.row_start[points.end];
+            Part {
+                first_point: points.start,
+                first_block: blocks.start,
+                gradient: cut(&mut gradient, points.len() * d),
+                tangent: cut(&mut tangent, blocks.len() * d * d),
+            }
+        };
+        (0..slabs.len()).map(part).collect()
+    }
+
+    fn borrow(&mut self) -> Part<'_> {
+        Part { gradient: self.gradient, tangent: self.tangent, ..*self }
+    }
+}
+
+/// The rows that a slab may write to.
+pub(super) struct Rows<'a> {
+    row_start: &'a [usize],
+    own: Part<'a>,
+    next: Part<'a>,
+}
+
 impl<'a> Rows<'a> {
-    /// All rows.
-    pub(super) fn whole(
+    /// Those of a slab and of the next, if there is one.
+    pub(super) fn new(
         pattern: &'a BlockPattern,
-        gradient: &'a mut [f64],
-        tangent: &'a mut [f64],
+        own: &'a mut Part<'_>,
+        next: Option<&'a mut Part<'_>>,
     ) -> Rows<'a> {
-        Rows {
-            row_start: &pattern.row_start,
-            dimension: pattern.dimension,
-            first_point: 0,
-            first_block: 0,
-            gradient,
-            tangent,
-        }
+        // Without a next slab no point lies there.
+        let nothing = Part { first_point: usize::MAX, ..Part::default() };
+        let next = next.map_or(nothing, Part::borrow);
+        Rows { row_start: &pattern.row_start, own: own.borrow(), next }
     }
 
     /// No rows.
     pub(super) fn none(pattern: &'a BlockPattern) -> Rows<'a> {
-        Rows::whole(pattern, &mut [], &mut [])
+        Rows { row_start: &pattern.row_start, own: Part::default(), next: Part::default() }
     }
 
-    /// Cuts off the rows of these points; rows before them are given up.
-    pub(super) fn take(&mut self, points: Range<usize>) -> Rows<'a> {
-        let blocks = self.row_start[points.start]..self.row_start[points.end];
-        let (d, block) = (self.dimension, self.dimension * self.dimension);
-        cut(&mut self.gradient, (points.start - self.first_point) * d);
-        cut(&mut self.tangent, (blocks.start - self.first_block) * block);
-        self.first_point = points.end;
-        self.first_block = blocks.end;
-        Rows {
-            row_start: self.row_start,
-            dimension: d,
-            first_point: points.start,
-            first_block: blocks.start,
-            gradient: cut(&mut self.gradient, points.len() * d),
-            tangent: cut(&mut self.tangent, blocks.len() * block),
-        }
+    /// Makes the tangent zero.
+    pub(super) fn clear_tangent(&mut self) {
+        self.own.tangent.fill(0.0);
+        self.next.tangent.fill(0.0);
+    }
+
+    #[inline(always)]
+    fn part_of(&mut self, point: usize) -> &mut Part<'a> {
+        if point < self.next.first_point { &mut self.own } else { &mut self.next }
     }
 
     /// Adds to the gradient of a point.
     #[inline(always)]
     pub(super) fn add_gradient<const D: usize>(&mut self, point: usize, part: &[f64; D]) {
-        let start = (point - self.first_point) * D;
-        let row = &mut self.gradient[start..start + D];
+        let rows = self.part_of(point);
+        let start = (point - rows.first_point) * D;
+        let row = &mut rows.gradient[start..start + D];
         for axis in 0..D {
             row[axis] += part[axis];
         }
     }
 
-    /// Where the diagonal block of a point starts.
+    /// `count` blocks of a point from block `number` on: 0 is its diagonal block, `1 + place` that
+    /// with its later neighbour at `place`.
     #[inline(always)]
-    pub(super) fn diagonal<const D: usize>(&self, point: usize) -> usize {
-        (self.row_start[point] - self.first_block) * D * D
+    pub(super) fn blocks<const D: usize>(
+        &mut self,
+        point: usize,
+        number: usize,
+        count: usize,
+    ) -> &mut [f64] {
+        let first = self.row_start[point] + number;
+        let rows = self.part_of(point);
+        let start = (first - rows.first_block) * D * D;
+        &mut rows.tangent[start..start + count * D * D]
     }
 
-    /// Where the block of a point and its later neighbour at `place` starts.
+    /// Adds to block `number` of a point.
     #[inline(always)]
-    pub(super) fn coupling<const D: usize>(&self, point: usize, place: usize) -> usize {
-        self.diagonal::<D>(point) + (1 + place) * D * D
-    }
-
-    /// The numbers of the block that starts there.
-    #[inline(always)]
-    pub(super) fn block<const D: usize>(&mut self, start: usize) -> &mut [f64] {
-        &mut self.tangent[start..start + D * D]
-    }
-
-    /// The numbers of `count` blocks, the first of which starts there.
-    #[inline(always)]
-    pub(super) fn blocks<const D: usize>(&mut self, start: usize, count: usize) -> &mut [f64] {
-        &mut self.tangent[start..start + count * D * D]
-    }
-
-    /// Makes the tangent zero.
-    pub(super) fn clear_tangent(&mut self) {
-        self.tangent.fill(0.0);
-    }
-
-    /// Adds to the block that starts there.
-    #[inline(always)]
-    pub(super) fn add_block<const D: usize>(&mut self, start: usize, part: &Block<D>) {
-        let block = self.block::<D>(start);
+    pub(super) fn add_block<const D: usize>(
+        &mut self,
+        point: usize,
+        number: usize,
+        part: &Block<D>,
+    ) {
+        let block = self.blocks::<D>(point, number, 1);
         for row in 0..D {
             for column in 0..D {
                 block[row * D + column] += part[row][column];
             }
         }
+    }
+
+    /// How many blocks a point has.
+    #[inline(always)]
+    pub(super) fn n_blocks(&self, point: usize) -> usize {
+        self.row_start[point + 1] - self.row_start[point]
     }
 }
 

@@ -1,8 +1,8 @@
 //! Slabs: contiguous ranges of points whose cliques reach no further than the next slab.
 //!
 //! The points of a body are sorted along an axis and a clique belongs to its lowest point, so the
-//! cliques of slab `s` touch only rows of slabs `s` and `s + 1`. All even slabs can be assembled at
-//! once, then all odd ones, without two tasks writing to one row; the slabs follow from the body
+//! cliques of slab `s` touch only rows of slabs `s` and `s + 1`. Even slabs can be assembled at
+//! once, odd ones after them, without two tasks writing to one row; the slabs follow from the body
 //! alone, so every sum has one order for any number of threads.
 
 use std::ops::Range;

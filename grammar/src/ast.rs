@@ -254,11 +254,13 @@ pub struct Definition {
     pub body: ExprId,
 }
 
-/// An energy density of one measure.
+/// An energy density of one measure, or of values gathered over families.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Energy {
-    /// What stands in the parentheses of `psi(..)`.
+    /// What stands first in the parentheses of `psi(..)`.
     pub measure: Ident,
+    /// The gathered values named behind it.
+    pub gathered: Vec<Ident>,
     /// The energy.
     pub body: ExprId,
     /// Place of `psi(..)`.

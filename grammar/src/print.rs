@@ -75,8 +75,9 @@ impl<'a> Printer<'a> {
             }
             Statement::Parameter(parameter) => self.parameter(parameter),
             Statement::Definition(definition) => self.definition(definition),
-            Statement::Energy(Energy { measure, body, .. }) => {
-                self.push(&format!("psi({}) = ", measure.name));
+            Statement::Energy(Energy { measure, gathered, body, .. }) => {
+                let names = [measure].into_iter().chain(gathered).map(|name| name.name.as_str());
+                self.push(&format!("psi({}) = ", names.collect::<Vec<_>>().join(", ")));
                 self.expression(*body);
             }
             Statement::Domain(domain) => {

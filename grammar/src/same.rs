@@ -70,7 +70,10 @@ impl Pair<'_> {
     }
 
     fn energies(&self, a: &Energy, b: &Energy) -> bool {
-        a.measure.name == b.measure.name && self.expressions(a.body, b.body)
+        let (left, right) = (a.gathered.iter(), b.gathered.iter());
+        a.measure.name == b.measure.name
+            && left.map(|name| &name.name).eq(right.map(|name| &name.name))
+            && self.expressions(a.body, b.body)
     }
 
     fn domains(&self, a: &Domain, b: &Domain) -> bool {

@@ -5,11 +5,14 @@ use pest::iterators::{Pair, Pairs};
 use super::Builder;
 use super::parser::Rule;
 use crate::ast::{
-    Allow, Bound, Definition, Domain, Energy, ExprId, ExprKind, Parameter, Statement, Text,
+    Allow, Bound, Definition, Domain, Energy, ExprId, ExprKind, Ident, Parameter, Statement, Text,
     UnaryOperator, Unit, UnitFactor,
 };
 use crate::names;
 use crate::{Diagnostic, Span};
+
+/// Measures and their values at rest: no gathered value has such a name.
+const MEASURES: [&str; 7] = ["l", "L", "a", "A", "v", "V", "F"];
 
 /// What a logical line holds.
 pub(super) enum Line {
@@ -132,10 +135,18 @@ impl Builder {
     fn energy(&mut self, mut parts: Pairs<'_, Rule>) -> Option<Energy> {
         let head = take(&mut parts, Rule::energy_head)?;
         let span = self.span(&head);
-        let measure = take(&mut head.into_inner(), Rule::name)?;
-        let measure = self.ident(&measure);
+        let psi_length = if head.as_str().starts_with("psi") { 3 } else { "\u{03C8}".len() as u32 };
+        let names = head.into_inner().filter(|part| part.as_rule() == Rule::name);
+        let mut names = names.map(|name| self.ident(&name)).collect::<Vec<_>>().into_iter();
+        let measure = names.next()?;
+        let gathered: Vec<Ident> = names.collect();
+        // An energy has one measure.
+        let is_measure = |name: &Ident| MEASURES.contains(&name.name.as_str());
+        if gathered.iter().any(is_measure) {
+            self.refuse_psi("psi", Span { start: span.start, end: span.start + psi_length });
+        }
         let body = self.expression(take(&mut parts, Rule::expression)?)?.id;
-        Some(Energy { measure, body, head: span })
+        Some(Energy { measure, gathered, body, head: span })
     }
 
     fn domain(&mut self, start: u32, mut parts: Pairs<'_, Rule>) -> Option<Domain> {

@@ -140,6 +140,21 @@ enum Body {
 }
 
 impl Kernel {
+    /// An energy with its derivatives, or as `written` for hyper-dual numbers.
+    pub(crate) fn new(
+        energy: ScalarEnergy,
+        mode: Mode,
+        written: impl FnOnce() -> WrittenEnergy,
+    ) -> Result<Kernel, CompileError> {
+        let measure = energy.measure;
+        let body = match mode {
+            Mode::Jit(level) => Body::Code(Box::new(CompiledKernel::new(&energy, level)?)),
+            Mode::Interpreter => Body::Graph(energy),
+            Mode::HyperDual => Body::Dual(written()),
+        };
+        Ok(Kernel { measure, body })
+    }
+
     /// What it is a function of.
     pub fn measure(&self) -> Measure {
         self.measure
@@ -207,6 +222,12 @@ pub struct WrittenEnergy {
 }
 
 impl WrittenEnergy {
+    /// One root of a variant's graph.
+    pub(crate) fn of_root(graph: &ExprGraph, root: NodeId, values: &Values) -> WrittenEnergy {
+        let (graph, roots) = graph.extract(&[root]);
+        WrittenEnergy { graph, roots, values: values.clone() }
+    }
+
     /// The energy over any number type, as a function of the measure and its reference.
     pub fn evaluate<N: Number>(&self, measure: N, reference: N) -> N {
         let mut interpreter = Interpreter::new();
@@ -217,10 +238,11 @@ impl WrittenEnergy {
             Input::Horizon => N::constant(self.values.horizon),
             // The checker makes no such input; only the simplifier does.
             Input::Change(_) => N::constant(f64::NAN),
-            // A measure knows nothing of the deformation gradient.
-            Input::Variable(_) | Input::VariableChange(_) | Input::Direction(_) => {
-                N::constant(f64::NAN)
-            }
+            // A measure knows nothing of the deformation gradient, nor of families.
+            Input::Variable(_)
+            | Input::VariableChange(_)
+            | Input::Integral(_)
+            | Input::Direction(_) => N::constant(f64::NAN),
         });
         let terms = self.roots.iter().map(|root| interpreter.number(*root));
         terms.reduce(|sum, term| N::binary(Operator::Add, sum, term)).unwrap_or(N::constant(0.0))
@@ -266,12 +288,7 @@ impl Model {
         let mut kernels = Vec::new();
         for energy in specialised.energies {
             let measure = energy.measure;
-            let body = match mode {
-                Mode::Jit(level) => Body::Code(Box::new(CompiledKernel::new(&energy, level)?)),
-                Mode::Interpreter => Body::Graph(energy),
-                Mode::HyperDual => Body::Dual(self.written(values, measure)),
-            };
-            kernels.push(Kernel { measure, body });
+            kernels.push(Kernel::new(energy, mode, || self.written(values, measure))?);
         }
         Ok(CompiledPotential { kernels, dropped: specialised.dropped })
     }

@@ -16,6 +16,7 @@ pub mod differentiate;
 mod example;
 pub mod expression;
 mod formula;
+pub mod gathered;
 pub mod jit;
 pub mod kernel;
 pub mod lint;
@@ -32,12 +33,16 @@ pub mod verify;
 
 pub use check::{CODES, check, check_text};
 pub use formula::Formula;
+pub use gathered::{GatheredBatch, GatheredKernel, GatheredKernels};
 pub use kernel::{
     Batch, CompiledPotential, Derivatives, Kernel, Level, Mode, Order, Outputs, WrittenEnergy,
 };
 pub use lint::{LINTS, Lint};
 pub use measure::Measure;
-pub use model::{Constraint, Energy, GradientEnergy, Interval, Model, Parameter, Variant};
+pub use model::{
+    Constraint, Energy, GatheredEnergy, GradientEnergy, Integral, Interval, Model, Parameter,
+    Variant,
+};
 pub use point::{GradientBatch, GradientEnergyForms, GradientKernel};
 pub use specialise::{CompileError, Dropped, Form, ScalarEnergy, Specialised};
 pub use values::{Setting, ValueError, Values};

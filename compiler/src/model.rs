@@ -67,6 +67,10 @@ pub struct Variant {
     pub energies: Vec<Energy>,
     /// The energies of the deformation gradient as written.
     pub gradient_energies: Vec<GradientEnergy>,
+    /// What is summed up over families, as written.
+    pub integrals: Vec<Integral>,
+    /// The energies of gathered values as written.
+    pub gathered_energies: Vec<GatheredEnergy>,
     /// Declared intervals of use.
     pub domains: Vec<Interval>,
     /// Holds the roots of energies and intervals.
@@ -91,6 +95,32 @@ pub struct Energy {
 #[derive(Clone, Debug)]
 pub struct GradientEnergy {
     /// The energy density in the variant's graph, in J/m^3.
+    pub root: NodeId,
+    /// Place of the energy's expression.
+    pub span: Span,
+    /// The expression as written, in canonical spelling.
+    pub text: String,
+}
+
+/// One integral over the family of a point, `sum_j V_j g(l_ij, L_ij)`.
+#[derive(Clone, Debug)]
+pub struct Integral {
+    /// The integrand `g` in the variant's graph, a function of `l` and `L`.
+    pub root: NodeId,
+    /// Its place.
+    pub span: Span,
+    /// The integrand as written, in canonical spelling.
+    pub text: String,
+}
+
+/// One energy statement of gathered values, `psi(theta)` or `psi(l, m)`.
+#[derive(Clone, Debug)]
+pub struct GatheredEnergy {
+    /// What stands in its head, e.g. `l, m`.
+    pub head: String,
+    /// Whether it is an energy of bonds, in J/m^(2d); else of points, in J/m^3.
+    pub of_bonds: bool,
+    /// The energy density in the variant's graph.
     pub root: NodeId,
     /// Place of the energy's expression.
     pub span: Span,
@@ -180,10 +210,22 @@ impl Model {
         !self.variants[0].gradient_energies.is_empty()
     }
 
-    /// What its energies are functions of, as written: `l`, `a`, `v`, `F`.
-    pub fn arguments(&self) -> Vec<&'static str> {
+    /// Whether there is an energy of gathered values, such as `psi(theta)` or `psi(l, m)`.
+    pub fn has_gathered_energy(&self) -> bool {
+        !self.variants[0].gathered_energies.is_empty()
+    }
+
+    /// What its energies are functions of, as written: `l`, `a`, `v`, `F`, `l, m`.
+    pub fn arguments(&self) -> Vec<&str> {
         let measures = self.measures().into_iter().map(Measure::symbol);
-        measures.chain(self.has_gradient_energy().then_some("F")).collect()
+        let mut arguments: Vec<&str> =
+            measures.chain(self.has_gradient_energy().then_some("F")).collect();
+        for energy in &self.variants[0].gathered_energies {
+            if !arguments.contains(&energy.head.as_str()) {
+                arguments.push(&energy.head);
+            }
+        }
+        arguments
     }
 
     /// The unit of an energy density of this measure, e.g. `J/m^4`.

@@ -55,10 +55,11 @@ impl ScalarEnergy {
             Input::Change(_) => change.clone(),
             // Specialisation has put numbers in their place.
             Input::Horizon | Input::Parameter(_) => N::constant(f64::NAN),
-            // A measure knows nothing of the deformation gradient.
-            Input::Variable(_) | Input::VariableChange(_) | Input::Direction(_) => {
-                N::constant(f64::NAN)
-            }
+            // A measure knows nothing of the deformation gradient, nor of families.
+            Input::Variable(_)
+            | Input::VariableChange(_)
+            | Input::Integral(_)
+            | Input::Direction(_) => N::constant(f64::NAN),
         });
     }
 }
@@ -238,7 +239,8 @@ impl SimpleEnergy {
         let dpsi = rewrite(&mut graph, dpsi, measure, &mut applied)?;
         let d2psi = differentiate(&mut graph, dpsi, measure)?;
         let d2psi = rewrite(&mut graph, d2psi, measure, &mut applied)?;
-        let roots = expand(&mut graph, [psi, dpsi, d2psi], measure, &mut applied)?;
+        let roots = expand(&mut graph, &[psi, dpsi, d2psi], measure, &mut applied)?;
+        let roots = [roots[0], roots[1], roots[2]];
         Ok(Derived { measure, graph, roots, applied })
     }
 }
@@ -261,6 +263,26 @@ fn energy(
     let roots = roots_of(variant, measure);
     let sum = sum(&variant.graph, parameters, (measure.symbol(), &roots), fold, dropped)?;
     Ok(sum.map(|(graph, psi)| SimpleEnergy { measure, graph, psi }))
+}
+
+/// A function of one bond with its derivatives by the length; what parameters make zero is 0.
+pub(crate) fn of_bonds(
+    graph: &ExprGraph,
+    parameters: &[Parameter],
+    root: NodeId,
+    fold: &impl Fn(Input) -> Option<f64>,
+    form: Form,
+) -> Result<ScalarEnergy, TooManyNodes> {
+    let measure = Measure::Length;
+    let (graph, psi) = match sum(graph, parameters, ("l", &[root]), fold, &mut Vec::new())? {
+        Some(made) => made,
+        None => {
+            let mut graph = Simplifier::new();
+            let zero = graph.number(0.0)?;
+            (graph, zero)
+        }
+    };
+    Ok(SimpleEnergy { measure, graph, psi }.derivatives(form)?.scalar_energy())
 }
 
 /// The simplified sum of some energies of one argument; `None` if nothing is left of it.

@@ -29,6 +29,9 @@ pub(super) fn execute(arguments: &cli::Audit) -> Exit {
     if model.has_gradient_energy() {
         eprintln!("note: psi(F) is not audited: `piola verify` counts its errors in u");
     }
+    if model.has_gathered_energy() {
+        eprintln!("note: energies of gathered values are not audited: see `piola verify`");
+    }
     let form = if arguments.textbook { Form::Textbook } else { Form::Accurate };
     let settings = Settings {
         form,

@@ -25,6 +25,9 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
         }
         _ => {}
     }
+    if loaded.model.has_gathered_energy() {
+        eprintln!("note: derivatives of energies of gathered values are not printed");
+    }
     if arguments.explain {
         return explain(&loaded, dimension, arguments);
     }

@@ -37,8 +37,13 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
     let arguments_of = loaded.model.arguments();
     if !arguments_of.contains(&symbol) {
         let message = format!("`{}` has no energy psi({symbol})", loaded.model.name());
-        let has: Vec<String> = arguments_of.iter().map(|a| format!("--measure {a}")).collect();
-        render::error(&message, Some(&format!("use {}", has.join(" or "))));
+        let known = arguments_of.iter().filter(|a| matches!(**a, "l" | "a" | "v" | "F"));
+        let has: Vec<String> = known.map(|a| format!("--measure {a}")).collect();
+        let help = match has.is_empty() {
+            true => "energies of gathered values need a body: `piola energy SCENE`".to_string(),
+            false => format!("use {}", has.join(" or ")),
+        };
+        render::error(&message, Some(&help));
         return Exit::Input;
     }
     let Some(measure) = measure else {

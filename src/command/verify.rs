@@ -1,5 +1,6 @@
 //! `piola verify`: machine code against the interpreter and hyper-dual numbers.
 
+use piola_compiler::gathered::{BAR, GatheredVerification, verify_gathered};
 use piola_compiler::point::{BAR_FAR, BAR_NEAR, GradientVerification, verify_gradient};
 use piola_compiler::verify::{Miss, Verification, verify};
 use serde_json::json;
@@ -45,6 +46,20 @@ pub(super) fn execute(arguments: &Verify) -> Exit {
                     }
                     for verification in &found {
                         report(file, dimension, verification, arguments.format);
+                        if !verification.passed() {
+                            exit = Exit::Findings;
+                        }
+                    }
+                }
+                Err(error) => {
+                    print_compile_error(&loaded, &error);
+                    return Exit::Input;
+                }
+            }
+            match verify_gathered(&loaded.model, &values, arguments.points) {
+                Ok(found) => {
+                    for verification in &found {
+                        report_gathered(file, dimension, verification, arguments.format);
                         if !verification.passed() {
                             exit = Exit::Findings;
                         }
@@ -149,6 +164,34 @@ fn report_gradient(file: &str, dimension: usize, found: &GradientVerification, f
         let numbers: Vec<String> = gradient.iter().map(|x| format!("{x:e}")).collect();
         render::out(&format!("        missed at F = ({})\n", numbers.join(", ")));
     }
+}
+
+fn report_gathered(file: &str, dimension: usize, found: &GatheredVerification, format: Format) {
+    let argument = if found.of_bonds { "l, gathered" } else { "gathered" };
+    if format == Format::Json {
+        let line = json!({
+            "potential": file,
+            "dimension": dimension,
+            "measure": argument,
+            "points": found.n_points,
+            "passed": found.passed(),
+            "different_bits": found.different_bits,
+            "worst_error_over_tolerance": found.worst.map(|worst| worst / BAR),
+        });
+        render::out(&format!("{line}\n"));
+        return;
+    }
+    let verdict = if found.passed() { "passed" } else { "FAILED" };
+    let bits = match found.different_bits {
+        0 => "machine code = interpreter to the last bit".to_string(),
+        n => format!("machine code differs from the interpreter at {n} points"),
+    };
+    let [psi, gradient, product] = found.worst;
+    render::out(&format!(
+        "{verdict}  {file} d = {dimension} psi({argument}): {} points; {bits}; largest errors against \
+         hyper-dual numbers in u = 2^-53: psi {psi:.0}, gradient {gradient:.0}, product {product:.0}\n",
+        found.n_points
+    ));
 }
 
 fn describe(symbol: &str, miss: &Miss) -> String {

@@ -32,6 +32,9 @@ impl<'a> Elaborator<'a> {
             }
             return self.tensor_call(tensor_function, (function, actual[0], given[0]), span);
         }
+        if !matches!(function.name.as_str(), "min" | "max") {
+            return self.integral(actual[0], given[0], span);
+        }
         let operator = if function.name == "min" { Operator::Min } else { Operator::Max };
         let mut result = (actual[0], self.number(actual[0], given[0])?);
         for (&value, &at) in actual.iter().zip(given).skip(1) {
@@ -45,7 +48,7 @@ impl<'a> Elaborator<'a> {
         Some(result.0)
     }
 
-    fn expand(
+    pub(super) fn expand(
         &mut self,
         number: usize,
         function: &Ident,

@@ -39,6 +39,8 @@ pub(crate) struct Elaborator<'a> {
     pub(super) values: FxHashMap<usize, Option<Value>>,
     pub(super) calls: FxHashMap<(usize, Vec<Value>), Option<Value>>,
     pub(super) call_sites: Vec<(Span, String)>,
+    /// The integrals met so far: integrands, where they stand, and their roots in the graph.
+    pub(super) integrals: Vec<(ExprId, NodeId)>,
     visits: usize,
     pub(super) exhausted: bool,
 }
@@ -68,6 +70,7 @@ impl<'a> Elaborator<'a> {
             values: FxHashMap::default(),
             calls: FxHashMap::default(),
             call_sites: Vec::new(),
+            integrals: Vec::new(),
             visits: 0,
             exhausted: false,
         }
@@ -215,7 +218,12 @@ impl<'a> Elaborator<'a> {
             }
             Symbol::Kinematic(which) => self.kinematic(which, span),
             Symbol::Value(number) => self.values.get(&number).copied().flatten(),
-            Symbol::Function(_) => None,
+            // `w` alone is `w(L)`.
+            Symbol::Function(number) => {
+                let rest = self.name("L", span, arguments)?;
+                let function = Ident { name: name.to_string(), span };
+                self.expand(number, &function, vec![rest], span)
+            }
         }
     }
 

@@ -11,6 +11,7 @@ mod call;
 mod constant;
 pub mod dimension;
 mod elaborate;
+mod gathered;
 mod names;
 mod quantity;
 mod statement;

@@ -13,6 +13,9 @@ use crate::measure::Measure;
 /// Most parameters a function may have; every call names them all in its messages.
 const MAX_FORMALS: usize = 100;
 
+/// What gathers over the family of a point.
+const INTEGRAL: &str = "integral";
+
 /// Among more names than this none is looked for that may have been meant.
 const MAX_CANDIDATES: usize = 2000;
 
@@ -258,7 +261,9 @@ fn check_formals(formals: &[Ident], errors: &mut Vec<Diagnostic>) {
         return;
     }
     for (i, formal) in formals.iter().enumerate() {
-        if may_be_named(formal, errors)
+        // `w(L) = ..` is a function of the length at rest.
+        let of_rest = formals.len() == 1 && formal.name == "L";
+        if (of_rest || may_be_named(formal, errors))
             && let Some(first) = formals[..i].iter().find(|f| f.name == formal.name)
         {
             errors.push(
@@ -306,6 +311,7 @@ impl Checker<'_> {
             return;
         }
         match self.scope.symbols.get(name) {
+            Some(Symbol::Function(number)) if self.is_of_rest(number) => {}
             Some(Symbol::Function(number)) => {
                 let arity = self.arity(number);
                 self.errors.push(not_called(name, arity, span));
@@ -368,7 +374,13 @@ impl Checker<'_> {
 
     fn is_builtin(&self, name: &str) -> bool {
         let tensors = self.scope.symbols.tensors && TensorFunction::named(name).is_some();
-        tensors || Function::named(name).is_some() || matches!(name, "min" | "max")
+        let integral = name == INTEGRAL && self.ast.is_some();
+        tensors || integral || Function::named(name).is_some() || matches!(name, "min" | "max")
+    }
+
+    /// Whether a function is one of `L` alone: without arguments it is taken at `L`.
+    fn is_of_rest(&self, number: usize) -> bool {
+        self.ast.is_some_and(|ast| is_of_rest(&ast.statements[number]))
     }
 
     fn arity(&self, number: usize) -> usize {
@@ -394,7 +406,8 @@ impl Checker<'_> {
             return error.help(format!("`{name}` is {meaning} and cannot be used here"));
         }
         let known = self.known_names();
-        if let Some(near) = suggest(name, known.iter().copied()) {
+        let integral = (what == "function" && self.ast.is_some()).then_some(INTEGRAL);
+        if let Some(near) = suggest(name, known.iter().copied().chain(integral)) {
             error.help(format!("did you mean `{near}`?"))
         } else if what == "name" && self.ast.is_some() {
             error.help(format!("declare it: `parameter {name}`, or define it: `{name} = ..`"))
@@ -470,6 +483,12 @@ fn not_a_function(function: &Ident) -> Diagnostic {
     Diagnostic::error("not-a-function", function.span, format!("`{name}` is not a function"))
         .label("called like one")
         .help(format!("to multiply write `{name}*(..)`"))
+}
+
+/// Whether a statement defines a function of `L` alone, such as `w(L) = 1/L`.
+pub(crate) fn is_of_rest(statement: &Statement) -> bool {
+    let Statement::Definition(definition) = statement else { return false };
+    matches!(definition.parameters.as_deref(), Some([only]) if only.name == "L")
 }
 
 /// The expressions that a root consists of, operands before users.

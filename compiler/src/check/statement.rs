@@ -1,17 +1,17 @@
 //! Statements to a model, once per dimension.
 
 use piola_grammar::ast::{
-    Allow, Ast, Energy as EnergyAst, ExprId, ExprKind, Parameter as ParameterAst, Statement, Text,
-    UnaryOperator,
+    Allow, Ast, Energy as EnergyAst, ExprId, ExprKind, Ident, Parameter as ParameterAst, Statement,
+    Text, UnaryOperator,
 };
 use piola_grammar::{Diagnostic, Span, print_expression, suggest};
 
 use super::MAX_FINDINGS;
 use super::dimension::Dimension;
 use super::elaborate::Elaborator;
-use super::names::{Symbols, parts};
+use super::names::{Symbol, Symbols, parts};
 use super::unit::{UnitValue, base_units, named_unit, prefixes, unit_names};
-use super::value::{GRADIENT, Quantity, Value};
+use super::value::{GRADIENT, INTEGRAL, Quantity, Value};
 use crate::expression::{ExprGraph, NodeId};
 use crate::lint::LINTS;
 use crate::measure::Measure;
@@ -42,6 +42,7 @@ pub(crate) fn model(
     for &dimension in &dimensions {
         let mut builder = Builder::new(ast, symbols, dimension, has_units);
         builder.statements();
+        builder.variant.integrals = builder.integrals();
         merge(errors, builder.elaborator.errors);
         let conditions;
         (stated, conditions) = constraints(ast, symbols, dimension, errors);
@@ -209,11 +210,11 @@ fn condition(elaborator: &mut Elaborator<'_>, id: ExprId) -> Option<NodeId> {
 }
 
 /// Builds one variant.
-struct Builder<'a> {
-    ast: &'a Ast,
-    has_units: bool,
-    elaborator: Elaborator<'a>,
-    variant: Variant,
+pub(super) struct Builder<'a> {
+    pub(super) ast: &'a Ast,
+    pub(super) has_units: bool,
+    pub(super) elaborator: Elaborator<'a>,
+    pub(super) variant: Variant,
 }
 
 impl<'a> Builder<'a> {
@@ -228,6 +229,8 @@ impl<'a> Builder<'a> {
                 units: Vec::new(),
                 energies: Vec::new(),
                 gradient_energies: Vec::new(),
+                integrals: Vec::new(),
+                gathered_energies: Vec::new(),
                 domains: Vec::new(),
                 graph: ExprGraph::new(),
                 conditions: Conditions::default(),
@@ -318,6 +321,20 @@ impl<'a> Builder<'a> {
     }
 
     fn energy(&mut self, energy: &EnergyAst) {
+        let is_defined = matches!(
+            self.elaborator.symbols.get(&energy.measure.name),
+            Some(Symbol::Value(_) | Symbol::Function(_) | Symbol::Parameter(_))
+        );
+        let of_bonds = energy.measure.name == "l";
+        if is_defined || (of_bonds && !energy.gathered.is_empty()) {
+            self.gathered_energy(energy);
+            return;
+        }
+        if let Some(name) = energy.gathered.first() {
+            let error = gathered_by_others(energy, name);
+            self.elaborator.report(error);
+            return;
+        }
         if energy.measure.name == "F" {
             self.gradient_energy(energy);
             return;
@@ -329,6 +346,9 @@ impl<'a> Builder<'a> {
         };
         let Some(value) = self.elaborator.expression(energy.body) else { return };
         let Some(quantity) = self.elaborator.number(value, energy.body) else { return };
+        if self.refuse_integrals(energy, value) {
+            return;
+        }
         if !self.depends_on_only(&Argument::of(measure), value, energy) {
             return;
         }
@@ -348,6 +368,9 @@ impl<'a> Builder<'a> {
     fn gradient_energy(&mut self, energy: &EnergyAst) {
         let Some(value) = self.elaborator.expression(energy.body) else { return };
         let Some(quantity) = self.elaborator.number(value, energy.body) else { return };
+        if self.refuse_integrals(energy, value) {
+            return;
+        }
         if !self.depends_on_only(&Argument::GRADIENT, value, energy) {
             return;
         }
@@ -433,7 +456,8 @@ impl<'a> Builder<'a> {
         let (Some(lower), Some(upper)) = bounds else { return };
         let measures: Vec<Measure> =
             Measure::ALL.into_iter().filter(|m| value.uses & (1 << (*m as u8)) != 0).collect();
-        let &[measure] = measures.as_slice() else {
+        let gathered = value.uses & INTEGRAL != 0;
+        let (&[measure], false) = (measures.as_slice(), gathered) else {
             let span = self.ast.arena[domain.quantity].span;
             let message = "a domain bounds a quantity of one measure";
             self.elaborator.report(
@@ -534,6 +558,14 @@ fn product_of_units(name: &str) -> Option<(&str, &str)> {
     let mut products =
         cuts.filter(|(first, second)| named_unit(first).is_some() && named_unit(second).is_some());
     products.next()
+}
+
+fn gathered_by_others(energy: &EnergyAst, name: &Ident) -> Diagnostic {
+    let measure = &energy.measure.name;
+    let message = format!("psi({measure}, {}) is no energy of bonds or points", name.name);
+    Diagnostic::error("wrong-measure", energy.measure.span, message)
+        .label("gathered values stand alone or behind `l`")
+        .help(format!("write `psi(l, {0}) = ..` or `psi({0}) = ..`", name.name))
 }
 
 fn unknown_measure(energy: &EnergyAst) -> Diagnostic {

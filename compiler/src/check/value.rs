@@ -56,6 +56,9 @@ impl Quantity {
 /// The bit of [`Value::uses`] for the deformation gradient; the measures have those below.
 pub(crate) const GRADIENT: u8 = 1 << 3;
 
+/// The same for integrals over families.
+pub(crate) const INTEGRAL: u8 = 1 << 4;
+
 /// Which of the tensors of a file a value is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct TensorId(pub(crate) u32);
@@ -75,7 +78,8 @@ pub(crate) struct Value {
     pub(crate) node: NodeId,
     /// What it is.
     pub(crate) kind: Kind,
-    /// Which measures it depends on, a bit per measure, and whether on [`GRADIENT`].
+    /// Which measures it depends on, a bit per measure, and whether on [`GRADIENT`] or
+    /// [`INTEGRAL`].
     pub(crate) uses: u8,
     /// Its bits, if it is a number known before any parameter has a value.
     pub(crate) constant: Option<u64>,

@@ -38,6 +38,8 @@ pub enum Input {
     Variable(u8),
     /// Its change from rest, a component of `F - I`, as the runtime computes it from displacements.
     VariableChange(u8),
+    /// An integral over the family of a point, by its number.
+    Integral(u8),
     /// What a variable changes by in the direction of a product with second derivatives.
     Direction(u8),
 }

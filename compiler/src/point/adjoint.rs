@@ -4,25 +4,85 @@
 
 use crate::differentiate::{Derivative, binary, derivative_of, power_constant, unary};
 use crate::expression::{Input, Node, NodeId, Operator, TooManyNodes};
+use crate::measure::Measure;
 use crate::simplify::Simplifier;
 
-/// The derivatives of `root` by each of the variables; a variable and its change from rest are one.
-pub(super) fn gradient(
+/// What an energy is differentiated by. An input and its change from rest are one variable.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Varied<'a> {
+    /// The components of a tensor with these numbers.
+    Components(&'a [u8]),
+    /// So many integrals over a family.
+    Integrals(usize),
+    /// The length of a bond, then so many integrals.
+    LengthAndIntegrals(usize),
+}
+
+impl Varied<'_> {
+    pub(crate) fn len(self) -> usize {
+        match self {
+            Varied::Components(components) => components.len(),
+            Varied::Integrals(n) => n,
+            Varied::LengthAndIntegrals(n) => n + 1,
+        }
+    }
+
+    /// Which variable an input stands for.
+    fn place(self, input: Input) -> Option<usize> {
+        match (self, input) {
+            (Varied::Components(known), Input::Variable(k) | Input::VariableChange(k)) => {
+                known.iter().position(|known| *known == k)
+            }
+            (Varied::Integrals(n), Input::Integral(k)) => Some(usize::from(k)).filter(|k| *k < n),
+            (Varied::LengthAndIntegrals(n), Input::Integral(k)) => {
+                Some(usize::from(k) + 1).filter(|k| *k <= n)
+            }
+            (
+                Varied::LengthAndIntegrals(_),
+                Input::Current(Measure::Length) | Input::Change(Measure::Length),
+            ) => Some(0),
+            _ => None,
+        }
+    }
+
+    /// The number of a variable's direction.
+    fn direction(self, place: usize) -> u8 {
+        match self {
+            Varied::Components(components) => components[place],
+            _ => place as u8,
+        }
+    }
+}
+
+/// `part` times the derivative of an input by its variable: 1, or `1/L` of `(l - L)/L`.
+fn slope(graph: &mut Simplifier, input: Input, part: NodeId) -> Result<NodeId, TooManyNodes> {
+    match input {
+        Input::Change(measure) => {
+            let reference = graph.input(Input::Reference(measure))?;
+            graph.divide(part, reference)
+        }
+        _ => Ok(part),
+    }
+}
+
+/// The derivatives of `root` by each of the variables.
+pub(crate) fn gradient(
     graph: &mut Simplifier,
     root: NodeId,
-    variables: &[u8],
+    variables: Varied<'_>,
 ) -> Result<Vec<NodeId>, TooManyNodes> {
-    let varies = varies(graph, root);
+    let varies = varies(graph, root, variables);
     let mut adjoint: Vec<Option<NodeId>> = vec![None; varies.len()];
     adjoint[root.0 as usize] = Some(graph.number(1.0)?);
     let mut gradient: Vec<Option<NodeId>> = vec![None; variables.len()];
     for index in (0..varies.len()).rev().filter(|index| varies[*index]) {
         let Some(outer) = adjoint[index] else { continue };
         let id = NodeId(index as u32);
-        if let Node::Input(Input::Variable(k) | Input::VariableChange(k)) = graph.graph()[id] {
-            let place = variables.iter().position(|known| *known == k);
-            let place = place.expect("the tensors of a file have the components of its dimension");
-            gradient[place] = Some(added(graph, gradient[place], outer)?);
+        if let Node::Input(input) = graph.graph()[id]
+            && let Some(place) = variables.place(input)
+        {
+            let part = slope(graph, input, outer)?;
+            gradient[place] = Some(added(graph, gradient[place], part)?);
         }
         for (operand, part) in parts(graph, id, outer)? {
             let known = adjoint[operand.0 as usize];
@@ -35,38 +95,37 @@ pub(super) fn gradient(
 }
 
 /// What the roots change by when every variable changes by its direction.
-pub(super) fn product(
+pub(crate) fn product(
     graph: &mut Simplifier,
     roots: &[NodeId],
+    variables: Varied<'_>,
 ) -> Result<Vec<NodeId>, TooManyNodes> {
     let n = roots.iter().map(|root| root.0 as usize + 1).max().unwrap_or(0);
     let needed = graph.graph().reachable(roots);
     let mut known: Vec<Option<NodeId>> = vec![None; n];
     for index in (0..n).filter(|index| needed[*index]) {
-        known[index] = derivative_of(graph, NodeId(index as u32), &known, &direction)?;
+        let of_input = |graph: &mut Simplifier, input| direction(graph, input, variables);
+        known[index] = derivative_of(graph, NodeId(index as u32), &known, &of_input)?;
     }
     let of = |root: &NodeId| known[root.0 as usize];
     roots.iter().map(|root| of(root).map_or_else(|| graph.number(0.0), Ok)).collect()
 }
 
-fn direction(graph: &mut Simplifier, input: Input) -> Derivative {
-    match input {
-        Input::Variable(k) | Input::VariableChange(k) => graph.input(Input::Direction(k)).map(Some),
-        _ => Ok(None),
-    }
+fn direction(graph: &mut Simplifier, input: Input, variables: Varied<'_>) -> Derivative {
+    let Some(place) = variables.place(input) else { return Ok(None) };
+    let direction = graph.input(Input::Direction(variables.direction(place)))?;
+    slope(graph, input, direction).map(Some)
 }
 
 /// Which of the nodes that the root needs depend on a variable.
-fn varies(graph: &Simplifier, root: NodeId) -> Vec<bool> {
+fn varies(graph: &Simplifier, root: NodeId, variables: Varied<'_>) -> Vec<bool> {
     let n = root.0 as usize + 1;
     let needed = graph.graph().reachable(&[root]);
     let mut varies = vec![false; n];
     for (id, node) in graph.graph().nodes().take(n) {
         varies[id.0 as usize] = needed[id.0 as usize]
             && match node {
-                Node::Input(input) => {
-                    matches!(input, Input::Variable(_) | Input::VariableChange(_))
-                }
+                Node::Input(input) => variables.place(input).is_some(),
                 _ => node.operands().any(|x| varies[x.0 as usize]),
             };
     }
@@ -88,6 +147,11 @@ fn parts(
         Node::Unary(function, x) => push(x, unary(graph, function, id, x, outer)?),
         Node::PowerConstant(x, bits) => {
             push(x, power_constant(graph, x, outer, f64::from_bits(bits))?);
+        }
+        // ((x^n - 1)/n)' = x^(n-1)
+        Node::Strain(x, bits) => {
+            let power = graph.power(x, f64::from_bits(bits) - 1.0)?;
+            push(x, Some(graph.multiply(power, outer)?));
         }
         Node::Binary(Operator::Multiply, x, y) if x == y => {
             // Twice the same operand: one product less.

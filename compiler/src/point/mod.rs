@@ -11,13 +11,15 @@
 //! | `kernel` | both forms over arrays, and the choice between them |
 //! | `verify` | against the interpreter, hyper-dual numbers and numbers of any precision |
 
-mod adjoint;
+pub(crate) mod adjoint;
 mod kernel;
 mod near;
 mod verify;
 
 pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy, gradient_listing};
 pub use verify::{BAR_FAR, BAR_NEAR, GradientVerification, verify_gradient};
+
+use adjoint::Varied;
 
 use crate::expression::graph::{self, MAX_NODES};
 use crate::expression::{ExprGraph, Input, NodeId, TooManyNodes};
@@ -54,8 +56,9 @@ impl GradientForm {
     fn new(graph: &Simplifier, psi: NodeId, variables: &[u8]) -> Result<Self, TooManyNodes> {
         // A graph of its own: derivatives of one form are no part of the other.
         let mut graph = graph.clone();
-        let stress = adjoint::gradient(&mut graph, psi, variables)?;
-        let product = adjoint::product(&mut graph, &stress)?;
+        let varied = Varied::Components(variables);
+        let stress = adjoint::gradient(&mut graph, psi, varied)?;
+        let product = adjoint::product(&mut graph, &stress, varied)?;
         let roots: Vec<NodeId> =
             [psi].into_iter().chain(stress.iter().copied()).chain(product).collect();
         let n = stress.len();

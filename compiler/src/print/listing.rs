@@ -32,6 +32,16 @@ pub fn model_listing(model: &Model) -> String {
         for energy in &variant.gradient_energies {
             let _ = writeln!(out, "  psi(F) in J/m^3 = {}", energy.text);
         }
+        for (number, integral) in variant.integrals.iter().enumerate() {
+            let _ = writeln!(out, "  I{} = integral({})", number + 1, integral.text);
+        }
+        for energy in &variant.gathered_energies {
+            let unit = match energy.of_bonds {
+                true => Model::energy_unit(Measure::Length, d),
+                false => "J/m^3".to_string(),
+            };
+            let _ = writeln!(out, "  psi({}) in {unit} = {}", energy.head, energy.text);
+        }
         for domain in &variant.domains {
             let (open, close) =
                 (if domain.lower.1 { '[' } else { '(' }, if domain.upper.1 { ']' } else { ')' });

@@ -188,6 +188,7 @@ impl Names<'_> {
             Input::Horizon => "delta".to_string(),
             Input::Variable(k) => component("F", k),
             Input::VariableChange(k) => component("H", k),
+            Input::Integral(k) => format!("I{}", k + 1),
             Input::Direction(k) => component("dF", k),
             Input::Parameter(i) => self.model.parameters()[usize::from(i)].name.clone(),
         }

@@ -1,6 +1,6 @@
 //! The accurate form of every strain, and the forms that matter only for values.
 //!
-//! Before: psi, psi' and psi'' with strains as nodes. After: none is left; every form is guarded where
+//! Before: psi and its derivatives with strains as nodes. After: none is left; every form is guarded where
 //! it holds only in part: near rest `e` keeps the digits, far from it the stretch does.
 
 use super::{Applied, monomial, named, values};
@@ -20,11 +20,11 @@ type Made = Result<NodeId, TooManyNodes>;
 /// The same roots without strains; what was done is added to `applied`.
 pub fn expand(
     graph: &mut Simplifier,
-    roots: [NodeId; 3],
+    roots: &[NodeId],
     measure: Measure,
     applied: &mut Vec<Applied>,
-) -> Result<[NodeId; 3], TooManyNodes> {
-    let needed = graph.graph().reachable(&roots);
+) -> Result<Vec<NodeId>, TooManyNodes> {
+    let needed = graph.graph().reachable(roots);
     let mut expansion = Expansion { measure, applied };
     let mut place: Vec<NodeId> = Vec::with_capacity(needed.len());
     for index in 0..needed.len() {
@@ -32,7 +32,7 @@ pub fn expand(
         let made = if needed[index] { expansion.node(graph, id, &place)? } else { id };
         place.push(made);
     }
-    Ok(roots.map(|root| place[root.0 as usize]))
+    Ok(roots.iter().map(|root| place[root.0 as usize]).collect())
 }
 
 struct Expansion<'a> {

@@ -90,7 +90,7 @@ fn pair(
     measure: Measure,
 ) -> Result<(NodeId, NodeId), TooManyNodes> {
     let before = by_definition(graph, before)?;
-    let [after, ..] = expand(graph, [after; 3], measure, &mut Vec::new())?;
+    let after = expand(graph, &[after], measure, &mut Vec::new())?[0];
     Ok((before, after))
 }
 

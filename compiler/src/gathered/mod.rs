@@ -1,0 +1,205 @@
+//! Energies of gathered states: integrals `I_k = sum_j V_j g_k(l_ij, L_ij)` over the family of a
+//! point, and energies of points `psi(I)` and of bonds `phi(l, I)`.
+//!
+//! Before: a model with values. After: the integrands with two derivatives by the length; `psi` and
+//! `phi` with their gradients by all their variables, and with what these change by in a direction;
+//! each as machine code over arrays.
+//!
+//! | module | what |
+//! |---|---|
+//! | `kernel` | one energy of gathered states over arrays |
+//! | `verify` | against the interpreter and hyper-dual numbers |
+
+mod kernel;
+mod verify;
+
+pub use kernel::{GatheredBatch, GatheredKernel, WrittenGatheredEnergy};
+pub use verify::{BAR, GatheredVerification, verify_gathered};
+
+use crate::expression::graph::MAX_NODES;
+use crate::expression::{ExprGraph, Input, NodeId, TooManyNodes};
+use crate::kernel::{Kernel, Mode, WrittenEnergy};
+use crate::measure::Measure;
+use crate::model::{GatheredEnergy, Model, Variant};
+use crate::point::adjoint::{self, Varied};
+use crate::rewrite::{expand, rewrite};
+use crate::simplify::Simplifier;
+use crate::specialise::{CompileError, Dropped, Form, MAX_OPERATIONS, of_bonds, sum};
+use crate::values::Values;
+
+/// psi, its gradient and its product with a direction in one graph. Variables are the length of the
+/// bond, for energies of bonds, then the integrals.
+#[derive(Clone, Debug)]
+pub struct GatheredForm {
+    /// Whether it is an energy of bonds.
+    pub of_bonds: bool,
+    /// How many integrals there are.
+    pub n_integrals: usize,
+    /// Only what the roots need.
+    pub graph: ExprGraph,
+    /// The energy density.
+    pub psi: NodeId,
+    /// Its derivative by each variable.
+    pub gradient: Vec<NodeId>,
+    /// What the gradient changes by in the direction.
+    pub product: Vec<NodeId>,
+}
+
+/// All that a potential gathers and the energies of it, compiled.
+#[derive(Debug, Default)]
+pub struct GatheredKernels {
+    /// The integrands, functions of the length of a bond.
+    pub integrals: Vec<Kernel>,
+    /// The energy of points in J/m^3.
+    pub points: Option<GatheredKernel>,
+    /// The energy of bonds in J/m^(2d).
+    pub bonds: Option<GatheredKernel>,
+}
+
+impl GatheredForm {
+    fn new(
+        mut graph: Simplifier,
+        psi: NodeId,
+        (of_bonds, n_integrals): (bool, usize),
+        form: Form,
+    ) -> Result<GatheredForm, TooManyNodes> {
+        let varied = match of_bonds {
+            true => Varied::LengthAndIntegrals(n_integrals),
+            false => Varied::Integrals(n_integrals),
+        };
+        let accurate = of_bonds && form == Form::Accurate;
+        let length = Measure::Length;
+        let mut applied = Vec::new();
+        let psi = if accurate { rewrite(&mut graph, psi, length, &mut applied)? } else { psi };
+        let mut gradient = adjoint::gradient(&mut graph, psi, varied)?;
+        if accurate {
+            for root in &mut gradient {
+                *root = rewrite(&mut graph, *root, length, &mut applied)?;
+            }
+        }
+        let product = adjoint::product(&mut graph, &gradient, varied)?;
+        let mut roots = vec![psi];
+        roots.extend(gradient);
+        roots.extend(product);
+        if accurate {
+            roots = expand(&mut graph, &roots, length, &mut applied)?;
+        }
+        let (graph, roots) = graph.graph().extract(&roots);
+        let n = varied.len();
+        let (gradient, product) = (roots[1..=n].to_vec(), roots[n + 1..].to_vec());
+        Ok(GatheredForm { of_bonds, n_integrals, graph, psi: roots[0], gradient, product })
+    }
+}
+
+/// The energies of points or of bonds.
+fn energies(variant: &Variant, of_bonds: bool) -> impl Iterator<Item = &GatheredEnergy> {
+    variant.gathered_energies.iter().filter(move |energy| energy.of_bonds == of_bonds)
+}
+
+/// What the energies are functions of, for messages.
+fn argument(of_bonds: bool) -> &'static str {
+    if of_bonds { "l, gathered" } else { "gathered" }
+}
+
+impl Model {
+    /// The energies of points, or of bonds, for these values, if something is left of them; and what is
+    /// left out.
+    ///
+    /// # Errors
+    /// As for [`Model::specialise`].
+    pub fn specialise_gathered(
+        &self,
+        values: &Values,
+        of_bonds: bool,
+        form: Form,
+    ) -> Result<(Option<GatheredForm>, Vec<Dropped>), CompileError> {
+        let variant =
+            self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+        let roots: Vec<NodeId> = energies(variant, of_bonds).map(|energy| energy.root).collect();
+        let Some(first) = energies(variant, of_bonds).next() else { return Ok((None, Vec::new())) };
+        let (argument, span) = (argument(of_bonds), first.span);
+        if values.horizon.is_nan() && variant.graph.depends_on(&roots, Input::Horizon) {
+            return Err(CompileError::NoHorizon { argument, span });
+        }
+        let too_large = |limit| CompileError::TooLarge { argument, span, limit };
+        let n_integrals = variant.integrals.len();
+        let mut dropped = Vec::new();
+        let fold = folded(values);
+        let made = sum(&variant.graph, &self.parameters, (argument, &roots), &fold, &mut dropped)
+            .and_then(|energy| {
+                let form =
+                    energy.map(|(g, psi)| GatheredForm::new(g, psi, (of_bonds, n_integrals), form));
+                form.transpose()
+            })
+            .map_err(|TooManyNodes| too_large(MAX_NODES))?;
+        match made {
+            Some(form) if form.graph.len() > MAX_OPERATIONS => Err(too_large(MAX_OPERATIONS)),
+            made => Ok((made, dropped)),
+        }
+    }
+
+    /// The integrals and the energies of them, if there are any; and what is left out.
+    ///
+    /// # Errors
+    /// An energy that is too large, or a horizon that is needed and not given.
+    pub fn compile_gathered(
+        &self,
+        values: &Values,
+        mode: Mode,
+        form: Form,
+    ) -> Result<(Option<GatheredKernels>, Vec<Dropped>), CompileError> {
+        let variant =
+            self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+        let mut kernels = GatheredKernels::default();
+        let mut all_dropped = Vec::new();
+        for of_bonds in [false, true] {
+            let (made, dropped) = self.specialise_gathered(values, of_bonds, form)?;
+            all_dropped.extend(dropped);
+            let Some(made) = made else { continue };
+            let written = || self.written_gathered(values, of_bonds);
+            let kernel = GatheredKernel::new(made, mode, written)?;
+            *(if of_bonds { &mut kernels.bonds } else { &mut kernels.points }) = Some(kernel);
+        }
+        if kernels.points.is_none() && kernels.bonds.is_none() {
+            return Ok((None, all_dropped));
+        }
+        let fold = folded(values);
+        for integral in &variant.integrals {
+            let (argument, span) = ("l", integral.span);
+            if values.horizon.is_nan() && variant.graph.depends_on(&[integral.root], Input::Horizon)
+            {
+                return Err(CompileError::NoHorizon { argument, span });
+            }
+            let too_large = |limit| CompileError::TooLarge { argument, span, limit };
+            let made = of_bonds(&variant.graph, &self.parameters, integral.root, &fold, form)
+                .map_err(|TooManyNodes| too_large(MAX_NODES))?;
+            if made.graph.len() > MAX_OPERATIONS {
+                return Err(too_large(MAX_OPERATIONS));
+            }
+            let written = || WrittenEnergy::of_root(&variant.graph, integral.root, values);
+            kernels.integrals.push(Kernel::new(made, mode, written)?);
+        }
+        Ok((Some(kernels), all_dropped))
+    }
+
+    /// The energy of points, or of bonds, as written; 0 where there is none.
+    pub fn written_gathered(&self, values: &Values, of_bonds: bool) -> WrittenGatheredEnergy {
+        let (n_integrals, (graph, roots)) = match self.variant(values.dimension) {
+            Some(variant) => {
+                let roots: Vec<NodeId> = energies(variant, of_bonds).map(|e| e.root).collect();
+                (variant.integrals.len(), variant.graph.extract(&roots))
+            }
+            None => (0, (ExprGraph::new(), Vec::new())),
+        };
+        let values = values.clone();
+        WrittenGatheredEnergy { graph, roots, values, of_bonds, n_integrals }
+    }
+}
+
+fn folded(values: &Values) -> impl Fn(Input) -> Option<f64> + '_ {
+    |input| match input {
+        Input::Parameter(i) => Some(values.parameters[usize::from(i)]),
+        Input::Horizon => Some(values.horizon),
+        _ => None,
+    }
+}

@@ -12,13 +12,14 @@ use crate::matrix::{BlockMatrix, BlockPattern};
 /// Total energy by kind of interaction, in J (per metre of thickness in two dimensions).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EnergyParts {
-    /// One-neighbour interactions, `psi(l)`.
+    /// One-neighbour interactions, `psi(l)`, also with gathered values, `psi(l, theta)`.
     pub bonds: f64,
     /// Two-neighbour interactions, `psi(a)`.
     pub triangles: f64,
     /// Three-neighbour interactions, `psi(v)`.
     pub tetrahedra: f64,
-    /// Deformation gradients at points or, with bond quadrature, at bonds, `psi(F)`.
+    /// Deformation gradients at points or, with bond quadrature, at bonds, `psi(F)`; gathered values at
+    /// points, `psi(theta)`.
     pub deformation: f64,
     /// What the neighbours' displacements deviate from a point's deformation gradient, where that
     /// is stabilised.
@@ -48,6 +49,8 @@ pub enum Argument {
     Measure(Measure),
     /// The deformation gradient at a point or at a bond.
     DeformationGradient,
+    /// What is gathered over the family of a point.
+    Gathered,
 }
 
 /// An interaction or a deformation gradient whose energy or derivatives are not finite numbers, or
@@ -58,13 +61,14 @@ pub struct NonFinite {
     /// What the energy depends on.
     pub argument: Argument,
     /// Its points in the body's order: 2, 3 or 4 of an interaction, the point or the two ends of the
-    /// bond of a deformation gradient.
+    /// bond of a deformation gradient, the point that gathers.
     pub points: Vec<usize>,
     /// Their displacements in m, one after the other.
     pub displacements: Vec<f64>,
-    /// Current value of the measure; the determinant of a deformation gradient.
+    /// Current value of the measure; the determinant of a deformation gradient; the first
+    /// integral of a point.
     pub value: f64,
-    /// Reference value of the measure; 1 for a deformation gradient.
+    /// Reference value of the measure; 1 otherwise.
     pub reference: f64,
     /// Whether it is turned inside out where its energy forbids that.
     pub inverted: bool,
@@ -80,6 +84,9 @@ impl NonFinite {
                 measure.interaction(),
                 self.reference
             ),
+            (Argument::Gathered, _) => {
+                format!("the energy of what is gathered around point {points:?} is {what}")
+            }
             (Argument::DeformationGradient, [point]) => format!(
                 "the energy of the deformation gradient at point {point} is {what}: determinant {value:e}"
             ),

@@ -34,10 +34,14 @@ impl Law for piola_compiler::Kernel {
 pub struct Variables<'a> {
     /// How many places there are.
     pub n: usize,
-    /// The variables. Of a deformation gradient: `F`, row by row.
+    /// The variables. Of a deformation gradient: `F`, row by row; of gathered states: the integrals,
+    /// behind the length for energies of bonds.
     pub current: &'a [f64],
-    /// Their changes from rest, as exact as displacements are. Of a deformation gradient: `F - I`.
+    /// Their changes from rest, as exact as displacements are. Of a deformation gradient: `F - I`;
+    /// of bonds with gathered states `(l - L)/L` alone, of points with such states nothing.
     pub change: &'a [f64],
+    /// What is given at each place. Of bonds with gathered states: their lengths at rest in m.
+    pub given: &'a [f64],
 }
 
 /// An energy density of several variables with its derivatives, evaluated over arrays.
@@ -66,6 +70,29 @@ impl VariablesLaw for piola_compiler::GradientKernel {
 
     fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]) {
         piola_compiler::GradientKernel::product(self, batch(at), direction, product);
+    }
+}
+
+impl VariablesLaw for piola_compiler::GatheredKernel {
+    fn n_variables(&self) -> usize {
+        piola_compiler::GatheredKernel::n_variables(self)
+    }
+
+    fn evaluate(&self, at: Variables<'_>, psi: &mut [f64], gradient: &mut [f64]) {
+        piola_compiler::GatheredKernel::evaluate(self, gathered(at), psi, gradient);
+    }
+
+    fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]) {
+        piola_compiler::GatheredKernel::product(self, gathered(at), direction, product);
+    }
+}
+
+fn gathered(at: Variables<'_>) -> piola_compiler::GatheredBatch<'_> {
+    piola_compiler::GatheredBatch {
+        n: at.n,
+        variables: at.current,
+        change: at.change,
+        reference: at.given,
     }
 }
 

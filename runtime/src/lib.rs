@@ -4,7 +4,7 @@
 //! |---|---|
 //! | what is asked for | [`scene`], [`plan`] |
 //! | bodies and who interacts | [`body`], [`lattice`], [`neighborhood`], [`interaction`], [`weights`] |
-//! | one energy and its derivatives | [`kernel`], [`geometry`], [`element`], [`assembly`], [`correspondence`], [`energy`] |
+//! | one energy and its derivatives | [`kernel`], [`geometry`], [`element`], [`assembly`], [`correspondence`], [`states`], [`energy`] |
 //! | equilibrium | [`matrix`], [`solve`] |
 //! | what is left behind | [`output`] |
 //! | all of it together | [`simulation`] |
@@ -31,5 +31,6 @@ pub mod plan;
 pub mod scene;
 pub mod simulation;
 pub mod solve;
+pub mod states;
 pub mod trade;
 pub mod weights;

@@ -39,8 +39,12 @@ impl<const D: usize> LawBatch<D> {
     ) -> Result<(), usize> {
         self.take(h);
         let size = D * D * self.n;
-        let at =
-            Variables { n: self.n, current: &self.current[..size], change: &self.change[..size] };
+        let at = Variables {
+            n: self.n,
+            current: &self.current[..size],
+            change: &self.change[..size],
+            given: &[],
+        };
         let out = &mut self.out[..if with_stress { size } else { 0 }];
         law.evaluate(at, &mut self.psi[..self.n], out);
         self.check(with_stress, true)
@@ -60,7 +64,12 @@ impl<const D: usize> LawBatch<D> {
                 self.direction[k * n + lane] = *x;
             }
         }
-        let at = Variables { n, current: &self.current[..size], change: &self.change[..size] };
+        let at = Variables {
+            n,
+            current: &self.current[..size],
+            change: &self.change[..size],
+            given: &[],
+        };
         law.product(at, &self.direction[..size], &mut self.out[..size]);
         self.check(true, false)
     }

@@ -24,7 +24,7 @@ const ACROSS: f64 = 1e-4;
 const SOFTEST: f64 = 1e-2;
 
 /// The diagonal blocks and those of all bonds.
-pub(super) fn pattern(neighborhood: &Neighborhood, dimension: usize) -> BlockPattern {
+pub(crate) fn pattern(neighborhood: &Neighborhood, dimension: usize) -> BlockPattern {
     let n = neighborhood.n_points();
     let mut row_start = Vec::with_capacity(n + 1);
     let mut columns = Vec::with_capacity(n + neighborhood.n_bonds());
@@ -46,13 +46,31 @@ pub(super) fn assemble<const D: usize>(
     matrix: &mut BlockMatrix,
 ) {
     let modulus = Modulus::<D>::new(law);
-    let (positions, u) = (body.positions().as_chunks::<D>().0, u.as_chunks::<D>().0);
-    let block = |i: usize, j: usize, g_ij: &[f64; D], g_ji: &[f64; D]| -> [[f64; D]; D] {
-        let dx: [f64; D] = std::array::from_fn(|c| positions[j][c] - positions[i][c]);
+    let stiffness = |i: usize, k: usize, j: usize, dx: &[f64; D]| {
+        let (g_ij, g_ji) = operator.both_ways::<D>(i, k);
         let along = |g: &[f64; D]| (0..D).fold(0.0, |sum, c| sum + g[c] * dx[c]);
-        let share = (body.volumes()[i] * along(g_ij) - body.volumes()[j] * along(g_ji)).abs();
+        let share = (body.volumes()[i] * along(&g_ij) - body.volumes()[j] * along(&g_ji)).abs();
         let squared = dx.iter().fold(0.0, |sum, x| sum + x * x);
-        let stiffness = share / squared * modulus.along(&dx, squared);
+        share / squared * modulus.along(dx, squared)
+    };
+    springs(body, operator.neighborhood(), u, stiffness, matrix);
+}
+
+/// Fills a matrix on [`pattern`] with springs along the bonds as they are at `u`. `stiffness` is that
+/// of the bond from `i` to its neighbour `j`, number `k` of its family, of this offset at rest; in N/m
+/// and the same from both ends.
+pub(crate) fn springs<const D: usize>(
+    body: &Body,
+    neighborhood: &Neighborhood,
+    u: &[f64],
+    stiffness: impl Fn(usize, usize, usize, &[f64; D]) -> f64 + Sync,
+    matrix: &mut BlockMatrix,
+) {
+    let (positions, u) = (body.positions().as_chunks::<D>().0, u.as_chunks::<D>().0);
+    let block = |i: usize, k: usize, j: usize| -> [[f64; D]; D] {
+        let dx: [f64; D] = std::array::from_fn(|c| positions[j][c] - positions[i][c]);
+        let squared = dx.iter().fold(0.0, |sum, x| sum + x * x);
+        let stiffness = stiffness(i, k, j, &dx);
         let now: [f64; D] = std::array::from_fn(|c| dx[c] + (u[j][c] - u[i][c]));
         let length = now.iter().fold(0.0, |sum, x| sum + x * x);
         let (n, length) = if length > 0.0 { (now, length) } else { (dx, squared) };
@@ -64,11 +82,10 @@ pub(super) fn assemble<const D: usize>(
         })
     };
     let row = |(i, out): (usize, &mut [f64])| {
-        let (row, weights) = operator.family::<D>(i);
         let mut diagonal = [[0.0; D]; D];
         let mut later = D * D;
-        for ((&j, g_ij), (_, g_ji)) in row.iter().zip(weights).zip(operator.in_families::<D>(i)) {
-            let block = block(i, j as usize, g_ij, &g_ji);
+        for (k, &j) in neighborhood.row(i).iter().enumerate() {
+            let block = block(i, k, j as usize);
             for (sum, x) in diagonal.as_flattened_mut().iter_mut().zip(block.as_flattened()) {
                 *sum += x;
             }

@@ -20,15 +20,15 @@
 //! is not the gradient of the energy, (4.31) is.
 
 mod batch;
-mod bonds;
+pub(crate) mod bonds;
 mod error;
 pub mod influence;
 mod moments;
-mod operator;
+pub(crate) mod operator;
 mod quadrature;
 mod stabilisation;
-mod sweep;
-mod tangent;
+pub(crate) mod sweep;
+pub(crate) mod tangent;
 #[cfg(test)]
 mod tests;
 

@@ -99,6 +99,13 @@ impl GradientOperator {
         row.iter().zip(places).map(|(&i, &place)| (i as usize, all[place as usize]))
     }
 
+    /// The weights of neighbour `k` in a point's family, and of the point in the neighbour's.
+    pub(super) fn both_ways<const D: usize>(&self, point: usize, k: usize) -> ([f64; D], [f64; D]) {
+        let all = self.weights.as_chunks::<D>().0;
+        let place = self.neighborhood.places(point).start + k;
+        (all[place], all[self.reverse[place] as usize])
+    }
+
     /// `-sum_j G_ij`: the weight of a point in its own family.
     pub(super) fn own<const D: usize>(&self, point: usize) -> [f64; D] {
         self.own.as_chunks::<D>().0[point]
@@ -260,7 +267,7 @@ fn check(
 
 /// Rows are symmetric and ascending: going through the points in order, each finds its place in a
 /// neighbour's row right after the point before.
-fn reverse(neighborhood: &Neighborhood) -> Vec<u32> {
+pub(crate) fn reverse(neighborhood: &Neighborhood) -> Vec<u32> {
     let n = neighborhood.n_points();
     let mut next: Vec<usize> = (0..n).map(|point| neighborhood.places(point).start).collect();
     let mut reverse = Vec::with_capacity(2 * neighborhood.n_bonds());

@@ -274,7 +274,7 @@ pub(super) fn elasticity(law: &dyn VariablesLaw, d: usize) -> Vec<f64> {
         (0..size * size).map(|k| if k / size == k % size { 1.0 } else { 0.0 }).collect();
     let mut product = vec![0.0; size * size];
     law.product(
-        Variables { n: size, current: &current, change: &change },
+        Variables { n: size, current: &current, change: &change, given: &[] },
         &direction,
         &mut product,
     );

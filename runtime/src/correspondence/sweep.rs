@@ -101,7 +101,7 @@ pub(super) fn over_points<const D: usize>(
 }
 
 /// The sum of the products of two arrays.
-pub(super) fn weighted(values: &[f64], weights: &[f64]) -> Sum {
+pub(crate) fn weighted(values: &[f64], weights: &[f64]) -> Sum {
     let mut sum = Sum::default();
     for (values, weights) in values.chunks(WIDEST).zip(weights.chunks(WIDEST)) {
         let mut terms = [0.0; WIDEST];

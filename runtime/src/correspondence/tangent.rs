@@ -21,7 +21,7 @@ use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 
 /// Points that are reached over so many bonds, as a pattern.
-pub(super) fn pattern(neighborhood: &Neighborhood, dimension: usize, reach: usize) -> BlockPattern {
+pub(crate) fn pattern(neighborhood: &Neighborhood, dimension: usize, reach: usize) -> BlockPattern {
     let n = neighborhood.n_points();
     let row = |seen: &mut Vec<u32>, point: usize| {
         let mut found = vec![point as u32];

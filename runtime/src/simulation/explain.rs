@@ -16,6 +16,14 @@ use crate::energy::{Argument, NonFinite};
 pub(super) fn explain(case: &Case, found: &NonFinite) -> String {
     let points: Vec<String> =
         found.points.iter().map(|&p| case.body.user_index()[p].to_string()).collect();
+    if found.argument == Argument::Gathered {
+        return format!(
+            "an energy of gathered values or a derivative is not finite for the point {}: its first \
+             integral is {:e}",
+            points.join(", "),
+            found.value
+        ) + &displaced(case, found);
+    }
     let Argument::Measure(measure) = found.argument else {
         let place = if points.len() == 1 { "the point" } else { "the bond of the points" };
         return format!(
@@ -198,8 +206,11 @@ pub(super) fn read(
         Input::Change(_) => (measure - reference) / reference,
         Input::Horizon => values.horizon,
         Input::Parameter(i) => values.parameters[usize::from(i)],
-        // A measure knows nothing of the deformation gradient.
-        Input::Variable(_) | Input::VariableChange(_) | Input::Direction(_) => f64::NAN,
+        // A measure knows nothing of the deformation gradient, nor of families.
+        Input::Variable(_)
+        | Input::VariableChange(_)
+        | Input::Integral(_)
+        | Input::Direction(_) => f64::NAN,
     });
     interpreter
 }

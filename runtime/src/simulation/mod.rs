@@ -28,7 +28,8 @@ use std::sync::Arc;
 
 use num_dual::HyperDual64;
 use piola_compiler::{
-    Dropped, Form, GradientKernel, Interval, Mode, Model, Setting, Values, check_text,
+    Dropped, Form, GatheredKernels, GradientKernel, Interval, Kernel, Mode, Model, Setting, Values,
+    check_text,
 };
 use piola_grammar::Diagnostic;
 
@@ -84,6 +85,10 @@ pub struct Compiled {
     pub measures: Vec<Measure>,
     /// The energy of the deformation gradient.
     pub gradient: Option<GradientKernel>,
+    /// Energies of what points gather over their families.
+    pub gathered: Option<GatheredKernels>,
+    /// psi(l) beside them: it is then no element.
+    pub plain: Option<Kernel>,
     /// What is left out, and why.
     pub dropped: Vec<Dropped>,
 }
@@ -143,9 +148,18 @@ impl Case {
             self.scene.solver.derivatives == DerivativeSource::HyperdualCoordinates;
         let mut elements = Elements::default();
         let mut measures = Vec::new();
+        let (gathered, from_families) = self
+            .model
+            .compile_gathered(&self.values, mode, form)
+            .map_err(|error| CaseError::compile(&self.potential, &error))?;
+        let mut plain = None;
         for kernel in compiled.kernels {
             let measure = kernel.measure();
             measures.push(measure);
+            if gathered.is_some() && measure == Measure::Length {
+                plain = Some(kernel);
+                continue;
+            }
             let element: Box<dyn Element> = if in_coordinates {
                 let written = self.model.written(&self.values, measure);
                 let psi = move |m: HyperDual64, reference: f64| {
@@ -173,8 +187,8 @@ impl Case {
             .model
             .compile_gradient(&self.values, mode, form)
             .map_err(|error| CaseError::compile(&self.potential, &error))?;
-        let dropped = [compiled.dropped, more].concat();
-        Ok(Compiled { elements, measures, gradient, dropped })
+        let dropped = [compiled.dropped, more, from_families].concat();
+        Ok(Compiled { elements, measures, gradient, gathered, plain, dropped })
     }
 
     /// Whether the potential declares a domain that a measure leaves at 0 or before it is negative.
@@ -215,7 +229,7 @@ impl Case {
             triangles: compiled.measures.contains(&Measure::Area),
             tetrahedra: compiled.measures.contains(&Measure::Volume),
         };
-        let notes = kernel_notes(&compiled, &self.scene);
+        let notes = kernel_notes(&compiled, &self.model, &self.scene);
         Ok(Plan::new(PlanInput {
             scene: &self.scene,
             body: &self.body,
@@ -228,7 +242,7 @@ impl Case {
     }
 }
 
-fn kernel_notes(compiled: &Compiled, scene: &Scene) -> Vec<KernelNote> {
+fn kernel_notes(compiled: &Compiled, model: &Model, scene: &Scene) -> Vec<KernelNote> {
     let modelled = compiled.measures.iter().map(|m| KernelNote {
         energy: format!("psi({})", m.symbol()),
         modelled: true,
@@ -244,7 +258,22 @@ fn kernel_notes(compiled: &Compiled, scene: &Scene) -> Vec<KernelNote> {
         modelled: true,
         reason: scene.correspondence.as_ref().map_or_else(String::new, |c| c.to_string()),
     });
-    modelled.chain(gradient).chain(dropped).collect()
+    let mut heads: Vec<&str> = Vec::new();
+    let gathered = compiled.gathered.as_ref();
+    let energies = model.variant(scene.body.dimension).map(|v| &v.gathered_energies);
+    for energy in energies.into_iter().flatten() {
+        let law = gathered
+            .and_then(|g| if energy.of_bonds { g.bonds.as_ref() } else { g.points.as_ref() });
+        if law.is_some() && !heads.contains(&energy.head.as_str()) {
+            heads.push(&energy.head);
+        }
+    }
+    let gathered = heads.into_iter().map(|head| KernelNote {
+        energy: format!("psi({head})"),
+        modelled: true,
+        reason: "gathered over families".to_string(),
+    });
+    modelled.chain(gradient).chain(gathered).chain(dropped).collect()
 }
 
 fn checked(potential: &PotentialText) -> Result<Model, CaseError> {

@@ -10,11 +10,14 @@ use crate::correspondence::{
     Correspondence, Discretisation, Formulation, OperatorOrder, Stabilisation,
 };
 use crate::energy::TotalEnergy;
+use crate::kernel::{Law, Measure, VariablesLaw};
 use crate::matrix::BlockPattern;
+use crate::neighborhood::Neighborhood;
 use crate::scene::{
     CorrespondenceSettings, DiscretisationChoice, InfluenceChoice, OrderChoice,
     StabilisationChoice, WeightScheme,
 };
+use crate::states::{StateEnergy, StateLaws};
 use crate::weights::Weights;
 
 /// The discrete total energy of a scene.
@@ -23,6 +26,8 @@ pub enum ModelledEnergy {
     Interactions(Box<DiscreteEnergy>),
     /// An energy of deformation gradients.
     Gradients(Box<Correspondence>),
+    /// Energies of what points gather over their families.
+    States(Box<StateEnergy>),
 }
 
 impl ModelledEnergy {
@@ -31,6 +36,7 @@ impl ModelledEnergy {
         match self {
             ModelledEnergy::Interactions(energy) => &**energy,
             ModelledEnergy::Gradients(energy) => &**energy,
+            ModelledEnergy::States(energy) => &**energy,
         }
     }
 
@@ -38,15 +44,8 @@ impl ModelledEnergy {
     pub fn report(&self) -> Report {
         match self {
             ModelledEnergy::Interactions(energy) => energy.report().clone(),
-            ModelledEnergy::Gradients(energy) => {
-                let neighborhood = energy.neighborhood();
-                Report {
-                    n_points: energy.body().n_points(),
-                    bonds: neighborhood.n_bonds() as u64,
-                    shell_bonds: neighborhood.shell_bonds(),
-                    ..Report::default()
-                }
-            }
+            ModelledEnergy::Gradients(energy) => of_families(energy.neighborhood()),
+            ModelledEnergy::States(energy) => of_families(energy.neighborhood()),
         }
     }
 
@@ -54,7 +53,7 @@ impl ModelledEnergy {
     pub fn inverted(&self, u: &[f64]) -> Inverted {
         match self {
             ModelledEnergy::Interactions(energy) => energy.inverted(u),
-            ModelledEnergy::Gradients(_) => Inverted::default(),
+            ModelledEnergy::Gradients(_) | ModelledEnergy::States(_) => Inverted::default(),
         }
     }
 
@@ -66,7 +65,21 @@ impl ModelledEnergy {
                 let d = energy.body().dimension();
                 Arc::new(BlockPattern::of_bonds(energy.neighborhood(), d))
             }
+            ModelledEnergy::States(energy) => {
+                let d = energy.body().dimension();
+                Arc::new(BlockPattern::of_bonds(energy.neighborhood(), d))
+            }
         }
+    }
+}
+
+/// What a body of families consists of.
+fn of_families(neighborhood: &Neighborhood) -> Report {
+    Report {
+        n_points: neighborhood.n_points(),
+        bonds: neighborhood.n_bonds() as u64,
+        shell_bonds: neighborhood.shell_bonds(),
+        ..Report::default()
     }
 }
 
@@ -92,6 +105,9 @@ impl Case {
     ) -> Result<ModelledEnergy, CaseError> {
         let horizon = self.scene.horizon_radius();
         size::check_neighbors(&body, horizon)?;
+        if compiled.gathered.is_some() {
+            return states(body, horizon, compiled);
+        }
         let Some(law) = compiled.gradient else {
             return interactions(body, horizon, weights, compiled);
         };
@@ -116,6 +132,29 @@ impl Case {
             Ok(energy) => Ok(ModelledEnergy::Gradients(Box::new(energy))),
             Err(error) => Err(CaseError::Body { message: error.to_string() }),
         }
+    }
+}
+
+fn states(body: Arc<Body>, horizon: f64, compiled: Compiled) -> Result<ModelledEnergy, CaseError> {
+    let other = compiled.measures.iter().find(|measure| **measure != Measure::Length);
+    let other = other.map(|measure| measure.symbol()).or(compiled.gradient.map(|_| "F"));
+    if let Some(other) = other {
+        let message = format!(
+            "the potential has energies of gathered values and of {other}: beside them there may \
+             be psi(l) only; put them into two potentials, or drop one by a coefficient 0"
+        );
+        return Err(CaseError::Body { message });
+    }
+    let kernels = compiled.gathered.unwrap_or_default();
+    let laws = StateLaws {
+        integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
+        points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
+        bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
+        plain: compiled.plain.map(|law| Box::new(law) as Box<dyn Law>),
+    };
+    match StateEnergy::new(body, horizon, laws) {
+        Ok(energy) => Ok(ModelledEnergy::States(Box::new(energy))),
+        Err(error) => Err(CaseError::Body { message: error.to_string() }),
     }
 }
 

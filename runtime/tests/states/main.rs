@@ -1,0 +1,52 @@
+//! Energies of gathered states: the ordinary state-based solid of the library against a reference, and
+//! the laws of mechanics for an energy that uses all there is.
+
+#[allow(dead_code)]
+#[path = "../correspondence/common.rs"]
+mod common;
+mod mechanics;
+mod reference;
+
+use std::sync::Arc;
+
+use piola_compiler::{Form, Level, Mode, Model, Setting, Values, check_text};
+use piola_runtime::body::Body;
+use piola_runtime::kernel::{Law, Measure, VariablesLaw};
+use piola_runtime::states::{StateEnergy, StateLaws};
+
+/// The library's solid with this influence function.
+pub(crate) fn solid(influence: &str) -> String {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../potentials/linear_peridynamic_solid.piola");
+    let text = std::fs::read_to_string(path).unwrap();
+    assert!(text.contains("w(L) = 1/L  "));
+    text.replace("w(L) = 1/L  ", &format!("w(L) = {influence}"))
+}
+
+pub(crate) fn values(text: &str, parameters: &[(&str, f64)], d: usize, h: f64) -> (Model, Values) {
+    let (_, model) = check_text(text).unwrap();
+    let settings: Vec<(String, Setting)> =
+        parameters.iter().map(|(name, x)| (name.to_string(), Setting::Number(*x))).collect();
+    let values = model.values(d, &settings, Some(h)).unwrap();
+    (model, values)
+}
+
+/// The energy of a text with these parameters.
+pub(crate) fn energy(
+    text: &str,
+    parameters: &[(&str, f64)],
+    body: &Arc<Body>,
+    horizon: f64,
+) -> StateEnergy {
+    let (model, values) = values(text, parameters, body.dimension(), horizon);
+    let mode = Mode::Jit(Level::Strict);
+    let kernels = model.compile_gathered(&values, mode, Form::Accurate).unwrap().0.unwrap();
+    let mut plain = model.compile(&values, mode).unwrap().kernels;
+    plain.retain(|kernel| kernel.measure() == Measure::Length);
+    let laws = StateLaws {
+        integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
+        points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
+        bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
+        plain: plain.pop().map(|law| Box::new(law) as Box<dyn Law>),
+    };
+    StateEnergy::new(Arc::clone(body), horizon, laws).unwrap()
+}

@@ -1,0 +1,165 @@
+//! Derivatives, momentum, rotations, threads.
+
+use piola_compiler::gathered::verify_gathered;
+use piola_runtime::energy::TotalEnergy;
+use piola_runtime::matrix::BlockMatrix;
+use std::sync::Arc;
+
+use crate::common::{cloud, displacements, error, h_of, largest};
+use crate::{energy, solid, values};
+
+/// Energies of points and bonds, mixed with each other and with plain bonds; in any dimension.
+const EVERYTHING: &str = "potential everything
+parameter c = 1
+w(L) = 1/L
+m = integral(w*L^2)
+s = integral(w*(l - L)*L)/m
+q = integral(w*ln(l/L)^2)/m
+k = 1 + s
+psi(s, q) = c*s^2 + exp(s)*q/(1 + q)
+psi(l, s, m) = (1 + s^2)*(l - L)^2/m + w*s*(l/L - 1)^3
+psi(l) = 0.3*(l - L)^2/L + 0.1*ln(l/L)^2
+";
+
+fn subjects() -> Vec<(&'static str, String, Vec<(&'static str, f64)>, Vec<usize>)> {
+    let moduli = vec![("K", 2.0), ("G", 0.7)];
+    vec![
+        ("solid", solid("1/L"), moduli.clone(), vec![5, 4, 4]),
+        ("solid, 1", solid("1"), moduli, vec![4, 4, 4]),
+        ("everything", EVERYTHING.into(), Vec::new(), vec![4, 4, 3]),
+        ("everything in the plane", EVERYTHING.into(), Vec::new(), vec![7, 6]),
+    ]
+}
+
+#[test]
+fn forces_and_products_are_derivatives_of_the_energy() {
+    for (name, text, parameters, counts) in subjects() {
+        let d = counts.len();
+        let body = cloud(&counts, 3);
+        let energy = energy(&text, &parameters, &body, 2.3);
+        let u = displacements(&body, &h_of(d), 0.05, 5);
+        let p = displacements(&body, &h_of(d), 1.0, 9);
+        let n = u.len();
+        let at = |t: f64| -> Vec<f64> { u.iter().zip(&p).map(|(u, p)| u + t * p).collect() };
+        let gradient = |u: &[f64]| {
+            let mut gradient = vec![0.0; n];
+            energy.gradient(u, &mut gradient).unwrap();
+            gradient
+        };
+        let h = 1e-5;
+        let total = |t: f64| energy.energy(&at(t)).unwrap().total();
+        let f = gradient(&u);
+        let slope: f64 = f.iter().zip(&p).map(|(f, p)| f * p).sum();
+        let differences = (total(h) - total(-h)) / (2.0 * h);
+        assert!((differences / slope - 1.0).abs() < 1e-7, "{name}: {slope} {differences}");
+        let mut product = vec![0.0; n];
+        energy.tangent_product(&u, &p, &mut product).unwrap();
+        let (after, before) = (gradient(&at(h)), gradient(&at(-h)));
+        let steps: Vec<f64> = after.iter().zip(&before).map(|(a, b)| (a - b) / (2.0 * h)).collect();
+        assert!(error(&product, &steps) < 1e-7, "{name}: {:e}", error(&product, &steps));
+        // The stored tangent says the same, and its diagonal too.
+        let pattern = Arc::clone(energy.pattern());
+        let blocks = vec![0.0; pattern.n_blocks() * d * d];
+        let mut tangent = BlockMatrix { pattern: Arc::clone(&pattern), values: blocks };
+        let (mut again, mut diagonal) = (vec![0.0; n], vec![0.0; n * d]);
+        energy.tangent(&u, &mut again, &mut tangent).unwrap();
+        let stored = tangent.multiply(&p);
+        assert!(error(&stored, &product) < 1e-12, "{name}: {:e}", error(&stored, &product));
+        energy.tangent_diagonal(&u, &mut again, &mut diagonal).unwrap();
+        let own: Vec<f64> = pattern.row_start[..body.n_points()]
+            .iter()
+            .flat_map(|&start| tangent.values[start * d * d..(start + 1) * d * d].to_vec())
+            .collect();
+        assert!(error(&diagonal, &own) < 1e-13, "{name}");
+        assert_eq!(again, f);
+    }
+}
+
+#[test]
+fn forces_sum_to_zero_turn_nothing_and_rotate_with_the_body() {
+    for (name, text, parameters, counts) in subjects() {
+        let d = counts.len();
+        let body = cloud(&counts, 3);
+        let energy = energy(&text, &parameters, &body, 2.3);
+        let u = displacements(&body, &h_of(d), 0.05, 5);
+        let mut f = vec![0.0; u.len()];
+        let before = energy.gradient(&u, &mut f).unwrap().total();
+        let x: Vec<f64> = u.iter().zip(body.positions()).map(|(u, x)| x + u).collect();
+        for r in 0..d {
+            let sum: f64 = f.iter().skip(r).step_by(d).sum();
+            assert!(sum.abs() < 1e-12 * largest(&f), "{name}: {sum:e}");
+            for s in 0..r {
+                let points = x.chunks_exact(d).zip(f.chunks_exact(d));
+                let turn: f64 = points.map(|(x, f)| x[r] * f[s] - x[s] * f[r]).sum();
+                assert!(turn.abs() < 1e-12 * largest(&f) * largest(&x), "{name}: {turn:e}");
+            }
+        }
+        let (sine, cosine) = (libm::sin(0.7), libm::cos(0.7));
+        let rotated = |x: &[f64]| -> Vec<f64> {
+            let turn = |x: &[f64]| {
+                let mut x = x.to_vec();
+                (x[0], x[1]) = (cosine * x[0] - sine * x[1], sine * x[0] + cosine * x[1]);
+                x
+            };
+            x.chunks_exact(d).flat_map(turn).collect()
+        };
+        let moved: Vec<f64> =
+            rotated(&x).iter().zip(body.positions()).map(|(x, rest)| x - rest).collect();
+        let mut turned = vec![0.0; u.len()];
+        let after = energy.gradient(&moved, &mut turned).unwrap().total();
+        assert!((after / before - 1.0).abs() < 1e-12, "{name}");
+        assert!(error(&turned, &rotated(&f)) < 1e-12, "{name}");
+    }
+}
+
+#[test]
+fn the_bits_do_not_depend_on_threads() {
+    for (name, text, parameters, counts) in subjects() {
+        let d = counts.len();
+        let body = cloud(&counts, 3);
+        let u = displacements(&body, &h_of(d), 0.05, 5);
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let energy = energy(&text, &parameters, &body, 2.3);
+                let (mut f, mut product) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+                let parts = energy.gradient(&u, &mut f).unwrap();
+                energy.tangent_product(&u, &f, &mut product).unwrap();
+                (parts.total().to_bits(), f, product)
+            })
+        };
+        assert!(run(1) == run(2) && run(1) == run(5), "{name}");
+    }
+}
+
+#[test]
+fn springs_like_the_tangent_are_positive() {
+    for (name, text, parameters, counts) in subjects() {
+        let d = counts.len();
+        let body = cloud(&counts, 3);
+        let energy = energy(&text, &parameters, &body, 2.3);
+        let u = displacements(&body, &h_of(d), 0.05, 5);
+        let pattern = Arc::clone(energy.bond_pattern().unwrap());
+        let values = vec![0.0; pattern.n_blocks() * d * d];
+        let mut springs = BlockMatrix { pattern, values };
+        energy.bond_tangent(&u, &mut springs);
+        for seed in 0..5 {
+            let p = displacements(&body, &vec![0.0; d * d], 1.0, 20 + seed);
+            let mut product = vec![0.0; u.len()];
+            energy.tangent_product(&vec![0.0; u.len()], &p, &mut product).unwrap();
+            let work = |q: &[f64]| p.iter().zip(q).map(|(p, q)| p * q).sum::<f64>();
+            let ratio = work(&springs.multiply(&p)) / work(&product);
+            assert!(ratio > 0.2 && ratio < 5.0, "{name}: {ratio}");
+        }
+    }
+}
+
+#[test]
+fn derivatives_are_verified_against_hyper_dual_numbers() {
+    for (name, text, parameters, counts) in subjects() {
+        let (model, values) = values(&text, &parameters, counts.len(), 1.3);
+        let found = verify_gathered(&model, &values, 200).unwrap();
+        assert_eq!(found.len(), 2, "{name}");
+        assert!(found.iter().all(|found| found.passed()), "{name}: {found:?}");
+    }
+}

@@ -24,6 +24,7 @@ pub(crate) const LIBRARY: &[Entry] = entries![
     "firooz2023",
     "fung",
     "javili2020",
+    "linear_peridynamic_solid",
     "logarithmic",
     "miranda_modified_stretch",
     "mooney_rivlin",

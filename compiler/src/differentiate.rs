@@ -26,7 +26,7 @@ pub fn differentiate(
         if needed[index] {
             let id = NodeId(index as u32);
             derivatives[index] = match monomials.of(graph.graph(), id) {
-                Some(monomial) if monomial.strain.is_some() => {
+                Some(monomial) if monomial.strain.is_some() && is_of_stretch(&monomial) => {
                     Some(strain_product(graph, monomial, measure)?)
                 }
                 _ => derivative_of(graph, id, &derivatives, &|graph, input| match input {
@@ -45,6 +45,11 @@ pub fn differentiate(
         Some(id) => Ok(id),
         None => graph.number(0.0),
     }
+}
+
+/// Whether its power, if it has one, is of the stretch: exponentials have other derivatives.
+fn is_of_stretch(monomial: &Monomial) -> bool {
+    matches!(monomial.base, None | Some(Base::Stretch))
 }
 
 /// The derivative of `f L^r x^p S_a^k` with the stretch `x = l/L` and its strain `S_a = (x^a - 1)/a`:

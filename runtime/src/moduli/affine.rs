@@ -28,6 +28,11 @@ impl Affine {
     /// # Errors
     /// As [`Case::compile`] and [`Case::energy`]; energies that are not finite at rest.
     pub fn new(case: &Case) -> Result<Affine, CaseError> {
+        if case.model.has_gathered_energy() {
+            let message = "the moduli of energies of gathered values, such as psi(theta), are not \
+                           worked out: only those of psi(l), psi(a), psi(v) and psi(F) are";
+            return Err(CaseError::Body { message: message.to_string() });
+        }
         let d = case.scene.body.dimension;
         let mut affine = Affine { stress: vec![0.0; d * d], tangent: DMatrix::zeros(d * d, d * d) };
         let Points::Lattice(shape) = &case.scene.body.points else {

@@ -28,7 +28,7 @@ struct Places {
 fn places(size: f64) -> Places {
     let number = |k: usize| size * (2.0 * (k as f64 * 0.618_033_988_749_894_9).fract() - 1.0);
     let change: Vec<f64> = (0..9 * PLACES).map(number).collect();
-    let rest = |k: usize| if k / PLACES % 4 == 0 { 1.0 } else { 0.0 };
+    let rest = |k: usize| if (k / PLACES).is_multiple_of(4) { 1.0 } else { 0.0 };
     let gradient = change.iter().enumerate().map(|(k, h)| rest(k) + h).collect();
     let direction = (0..9 * PLACES).map(|k| number(k + 7)).collect();
     Places { gradient, change, direction }

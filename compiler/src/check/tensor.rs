@@ -379,7 +379,7 @@ impl Elaborator<'_> {
             let operator = if column % 2 == 0 { Operator::Add } else { Operator::Subtract };
             sum = self.component(operator, sum, term, span)?;
         }
-        let Some(quantity) = self.quantity_power(a.quantity, d as f64) else { return None };
+        let quantity = self.quantity_power(a.quantity, d as f64)?;
         self.scalar(sum, quantity, a.uses, span)
     }
 

@@ -44,14 +44,15 @@ pub struct GradientKernel {
 
 #[derive(Debug)]
 enum Body {
-    Forms { far: Evaluator, near: Option<Evaluator> },
+    /// Far from rest and near it.
+    Forms(Box<Evaluator>, Option<Box<Evaluator>>),
     Dual(WrittenGradientEnergy),
 }
 
-/// One form, compiled or interpreted.
+/// One form: psi with P, and dP, compiled; or both interpreted.
 #[derive(Debug)]
 enum Evaluator {
-    Code { value: Code, product: Code },
+    Code(Box<[Code; 2]>),
     Graph(GradientForm),
 }
 
@@ -75,18 +76,18 @@ impl Evaluator {
         let roots: Vec<NodeId> = [form.psi].iter().chain(&form.stress).copied().collect();
         let value = code(&roots, &[1, roots.len()], false, level)?;
         let product = code(&form.product, &[form.product.len()], true, level)?;
-        Ok(Evaluator::Code { value, product })
+        Ok(Evaluator::Code(Box::new([value, product])))
     }
 
     /// psi and, unless there is no room for it, P.
     fn evaluate(&self, sources: &[&[f64]], psi: &mut [f64], stress: &mut [&mut [f64]]) {
         match self {
-            Evaluator::Code { value, .. } => {
+            Evaluator::Code(codes) => {
                 let function = usize::from(!stress.is_empty());
                 let mut outputs: Vec<&mut [f64]> = Vec::with_capacity(1 + MOST);
                 outputs.push(psi);
                 outputs.extend(stress.iter_mut().map(|array| &mut **array));
-                value.run(function, sources, &mut outputs);
+                codes[0].run(function, sources, &mut outputs);
             }
             Evaluator::Graph(form) => interpret(form, sources, |p, read| {
                 psi[p] = read(form.psi);
@@ -99,7 +100,7 @@ impl Evaluator {
 
     fn product(&self, sources: &[&[f64]], product: &mut [&mut [f64]]) {
         match self {
-            Evaluator::Code { product: code, .. } => code.run(0, sources, product),
+            Evaluator::Code(codes) => codes[1].run(0, sources, product),
             Evaluator::Graph(form) => interpret(form, sources, |p, read| {
                 for (array, root) in product.iter_mut().zip(&form.product) {
                     array[p] = read(*root);
@@ -164,7 +165,8 @@ impl GradientKernel {
         let dimension = forms.dimension;
         let far = Evaluator::new(forms.far, dimension, mode)?;
         let near = forms.near.map(|near| Evaluator::new(near, dimension, mode)).transpose()?;
-        Ok(GradientKernel { dimension, body: Body::Forms { far, near } })
+        let body = Body::Forms(Box::new(far), near.map(Box::new));
+        Ok(GradientKernel { dimension, body })
     }
 
     /// 2 or 3.
@@ -183,7 +185,7 @@ impl GradientKernel {
         assert!(stress.is_empty() || fits(stress), "one stress per place");
         match &self.body {
             Body::Dual(energy) => energy.evaluate(at, psi, stress),
-            Body::Forms { far, near } => {
+            Body::Forms(far, near) => {
                 let mut stress = split(stress, at.n);
                 let outputs = [psi].into_iter().chain(stress.iter_mut().map(|array| &mut **array));
                 let mut outputs: Vec<&mut [f64]> = outputs.collect();
@@ -206,7 +208,7 @@ impl GradientKernel {
         assert!(fits(direction) && fits(product), "one direction and one product per place");
         match &self.body {
             Body::Dual(energy) => energy.product(at, direction, product),
-            Body::Forms { far, near } => {
+            Body::Forms(far, near) => {
                 let mut outputs = split(product, at.n);
                 let has_near = near.is_some();
                 self.in_blocks(
@@ -265,8 +267,8 @@ impl GradientKernel {
     }
 }
 
-fn pick<'a>(far: &'a Evaluator, near: &'a Option<Evaluator>, is_near: bool) -> &'a Evaluator {
-    near.as_ref().filter(|_| is_near).unwrap_or(far)
+fn pick<'a>(far: &'a Evaluator, near: &'a Option<Box<Evaluator>>, is_near: bool) -> &'a Evaluator {
+    near.as_deref().filter(|_| is_near).unwrap_or(far)
 }
 
 /// The components of an array, one after the other.

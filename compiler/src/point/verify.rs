@@ -177,13 +177,12 @@ pub(super) fn truth(written: &WrittenGradientEnergy, sample: &Sample) -> Option<
     let along = |direction: &dyn Fn(usize) -> f64| -> Option<[f64; 3]> {
         let psi = written.psi(|c| {
             let k = components.iter().position(|known| *known == c).unwrap_or(0);
-            let line = if sample.change.iter().all(|h| h.abs() < super::kernel::NEAR) {
+            if sample.change.iter().all(|h| h.abs() < super::kernel::NEAR) {
                 let rest = f64::from(u8::from(c % 4 == 0));
                 Precise::<BITS>::line(sample.change[k], direction(k), rest)
             } else {
                 Precise::<BITS>::line(sample.gradient[k], direction(k), 0.0)
-            };
-            line
+            }
         });
         psi.parts().map(|_| psi.rounded())
     };

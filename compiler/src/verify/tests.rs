@@ -57,6 +57,9 @@ fn conditions_extremes_and_powers_have_the_right_derivatives() {
         "if l > L and not (l > 2*L) or l < L/2 then l^2 else l^3",
         "(l/L)^C",
         "abs(l/L)^2.5",
+        "exp(-L)*(l - L)*L",
+        "exp(-L/l)*(l - L)^2",
+        "exp(-l/L)*(l/L - 1)",
     ] {
         let text =
             format!("potential p\nparameter C = 1.5\ndomain l/L in (0.1, 10)\npsi(l) = {energy}");

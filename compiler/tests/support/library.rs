@@ -50,6 +50,10 @@ pub(crate) fn cases() -> Vec<Case> {
     let mut cases = Vec::new();
     for (name, text) in files() {
         let model = check(&parse(&text).unwrap()).unwrap_or_else(|e| panic!("{name}: {e:#?}"));
+        // Energies of F and of gathered values are verified in other ways.
+        if model.measures().is_empty() {
+            continue;
+        }
         let names: Vec<String> = model.parameters().iter().map(|p| p.name.clone()).collect();
         for dimension in model.dimensions().collect::<Vec<_>>() {
             for varied in &names {

@@ -73,7 +73,7 @@ fn affine_displacements_have_the_energy_of_the_continuum() {
             .collect();
         let mut psi = [0.0];
         let law = st_venant_kirchhoff(d, 210.0, 0.3);
-        law.evaluate(Variables { n: 1, current: &f, change: &h }, &mut psi, &mut []);
+        law.evaluate(Variables { n: 1, current: &f, change: &h, given: &[] }, &mut psi, &mut []);
         let expected = psi[0] * body.volumes().iter().sum::<f64>();
         for order in ORDERS {
             for discretisation in crate::common::DISCRETISATIONS {
@@ -126,7 +126,11 @@ fn sph_forces(body: &Body, horizon: f64, u: &[f64], law: &dyn VariablesLaw) -> V
             let row = |m: &DMatrix<f64>| m.transpose().as_slice().to_vec();
             let change = row(&(&f - DMatrix::identity(d, d)));
             let (mut psi, mut p) = ([0.0], vec![0.0; d * d]);
-            law.evaluate(Variables { n: 1, current: &row(&f), change: &change }, &mut psi, &mut p);
+            law.evaluate(
+                Variables { n: 1, current: &row(&f), change: &change, given: &[] },
+                &mut psi,
+                &mut p,
+            );
             DMatrix::from_row_slice(d, d, &p) * inverse
         })
         .collect();

@@ -11,7 +11,7 @@ use crate::{energy, solid, values};
 /// Energies of points and bonds, mixed with each other and with plain bonds; in any dimension.
 const EVERYTHING: &str = "potential everything
 parameter c = 1
-w(L) = 1/L
+w(L) = exp(-L/delta)
 m = integral(w*L^2)
 s = integral(w*(l - L)*L)/m
 q = integral(w*ln(l/L)^2)/m
@@ -21,7 +21,10 @@ psi(l, s, m) = (1 + s^2)*(l - L)^2/m + w*s*(l/L - 1)^3
 psi(l) = 0.3*(l - L)^2/L + 0.1*ln(l/L)^2
 ";
 
-fn subjects() -> Vec<(&'static str, String, Vec<(&'static str, f64)>, Vec<usize>)> {
+/// A name, a text, parameters, and dimensions.
+type Material = (&'static str, String, Vec<(&'static str, f64)>, Vec<usize>);
+
+fn subjects() -> Vec<Material> {
     let moduli = vec![("K", 2.0), ("G", 0.7)];
     vec![
         ("solid", solid("1/L"), moduli.clone(), vec![5, 4, 4]),

@@ -13,7 +13,7 @@ use super::operator::GradientOperator;
 use super::stabilisation::elasticity;
 use crate::body::Body;
 use crate::kernel::VariablesLaw;
-use crate::matrix::{BlockMatrix, BlockPattern};
+use crate::matrix::BlockMatrix;
 use crate::neighborhood::Neighborhood;
 
 /// The least part of the stiffness along a bond that is left across: bodies without triangles hold.
@@ -23,21 +23,7 @@ const ACROSS: f64 = 1e-4;
 /// directions.
 const SOFTEST: f64 = 1e-2;
 
-/// The diagonal blocks and those of all bonds.
-pub(crate) fn pattern(neighborhood: &Neighborhood, dimension: usize) -> BlockPattern {
-    let n = neighborhood.n_points();
-    let mut row_start = Vec::with_capacity(n + 1);
-    let mut columns = Vec::with_capacity(n + neighborhood.n_bonds());
-    row_start.push(0);
-    for point in 0..n {
-        columns.push(point as u32);
-        columns.extend_from_slice(neighborhood.upper(point));
-        row_start.push(columns.len());
-    }
-    BlockPattern { dimension, row_start, columns }
-}
-
-/// Fills a matrix on [`pattern`].
+/// Fills a matrix on [`crate::matrix::BlockPattern::of_bonds`].
 pub(super) fn assemble<const D: usize>(
     body: &Body,
     operator: &GradientOperator,
@@ -56,9 +42,9 @@ pub(super) fn assemble<const D: usize>(
     springs(body, operator.neighborhood(), u, stiffness, matrix);
 }
 
-/// Fills a matrix on [`pattern`] with springs along the bonds as they are at `u`. `stiffness` is that
-/// of the bond from `i` to its neighbour `j`, number `k` of its family, of this offset at rest; in N/m
-/// and the same from both ends.
+/// Fills a matrix on [`crate::matrix::BlockPattern::of_bonds`] with springs along the bonds as they
+/// are at `u`. `stiffness` is that of the bond from `i` to its neighbour `j`, number `k` of its
+/// family, of this offset at rest; in N/m and the same from both ends.
 pub(crate) fn springs<const D: usize>(
     body: &Body,
     neighborhood: &Neighborhood,

@@ -335,7 +335,7 @@ impl TotalEnergy for Correspondence {
 
     fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
         Some(self.bond_pattern.get_or_init(|| {
-            Arc::new(bonds::pattern(self.operator.neighborhood(), self.dimension()))
+            Arc::new(BlockPattern::of_bonds(self.operator.neighborhood(), self.dimension()))
         }))
     }
 

@@ -153,7 +153,7 @@ fn solve(
 ) -> Result<LinearCost, String> {
     clock.enter("linear system: set up");
     let energy = modelled.total();
-    check_rigid_motions(&modelled.bonds(), case.body.positions(), constraints)
+    check_rigid_motions(modelled.bonds(), case.body.positions(), constraints)
         .map_err(|error| error.to_string())?;
     let options = run::settings(&case.scene).linear;
     let mut solver =

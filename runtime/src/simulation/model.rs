@@ -1,4 +1,4 @@
-//! What a scene models: interactions or deformation gradients, behind one face.
+//! What a scene models: interactions, deformation gradients or gathered states, behind one face.
 
 use std::sync::Arc;
 
@@ -58,18 +58,9 @@ impl ModelledEnergy {
     }
 
     /// Which points are neighbours, as blocks.
-    pub fn bonds(&self) -> Arc<BlockPattern> {
-        match self {
-            ModelledEnergy::Interactions(energy) => Arc::clone(energy.pattern()),
-            ModelledEnergy::Gradients(energy) => {
-                let d = energy.body().dimension();
-                Arc::new(BlockPattern::of_bonds(energy.neighborhood(), d))
-            }
-            ModelledEnergy::States(energy) => {
-                let d = energy.body().dimension();
-                Arc::new(BlockPattern::of_bonds(energy.neighborhood(), d))
-            }
-        }
+    pub fn bonds(&self) -> &BlockPattern {
+        let total = self.total();
+        total.bond_pattern().unwrap_or_else(|| total.pattern())
     }
 }
 

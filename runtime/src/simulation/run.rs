@@ -124,7 +124,7 @@ pub(super) fn check_held(
     let message = |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
     let constraints =
         Constraints::new(n_dofs, boundary.fixed_dofs()).map_err(|error| message(&error))?;
-    check_rigid_motions(&energy.bonds(), case.body.positions(), &constraints)
+    check_rigid_motions(energy.bonds(), case.body.positions(), &constraints)
         .map_err(|error| message(&error))
 }
 

@@ -29,7 +29,7 @@ use crate::assembly::error::check_neighbors;
 use crate::body::Body;
 use crate::correspondence::operator::reverse;
 use crate::correspondence::sweep::weighted;
-use crate::correspondence::{bonds, tangent::pattern};
+use crate::correspondence::tangent::pattern;
 use crate::energy::{Argument, EnergyParts, NonFinite, TotalEnergy};
 use crate::kernel::{Law, Order, Variables, VariablesLaw};
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -460,7 +460,7 @@ impl TotalEnergy for StateEnergy {
     }
 
     fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
-        let make = || Arc::new(bonds::pattern(&self.neighborhood, self.dimension()));
+        let make = || Arc::new(BlockPattern::of_bonds(&self.neighborhood, self.dimension()));
         Some(self.bond_pattern.get_or_init(make))
     }
 

@@ -60,10 +60,11 @@ impl Now {
     }
 
     fn elapsed(&self) -> f64 {
-        match (self.thread, thread_time()) {
-            (Some(start), Some(end)) => end - start,
-            _ => self.wall.elapsed().as_secs_f64(),
-        }
+        // Asking for the time of the thread takes microseconds: never within a time on the wall.
+        let Some(start) = self.thread else {
+            return self.wall.elapsed().as_secs_f64();
+        };
+        thread_time().map_or_else(|| self.wall.elapsed().as_secs_f64(), |end| end - start)
     }
 }
 

@@ -59,6 +59,20 @@ pub trait VariablesLaw: Send + Sync {
     fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]);
 }
 
+impl VariablesLaw for Box<dyn VariablesLaw> {
+    fn n_variables(&self) -> usize {
+        (**self).n_variables()
+    }
+
+    fn evaluate(&self, at: Variables<'_>, psi: &mut [f64], gradient: &mut [f64]) {
+        (**self).evaluate(at, psi, gradient);
+    }
+
+    fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]) {
+        (**self).product(at, direction, product);
+    }
+}
+
 impl VariablesLaw for piola_compiler::GradientKernel {
     fn n_variables(&self) -> usize {
         self.dimension() * self.dimension()

@@ -29,6 +29,7 @@ pub mod neighborhood;
 pub mod output;
 pub mod plan;
 pub mod scene;
+pub mod sheet;
 pub mod simulation;
 pub mod solve;
 pub mod states;

@@ -10,6 +10,17 @@ const FREE: &str = "potential free\nparameter C1 = 1 in J/m^(2*d+1)\n\
     parameter C2 = 0 in J/m^(3*d+2)\nparameter C3 = 0 in J/m^(4*d+3)\n\
     psi(l) = 1/2*C1*L*(l/L - 1)^2\npsi(a) = 1/2*C2*A*(a/A - 1)^2\npsi(v) = 1/2*C3*V*(v/V - 1)^2\n";
 
+/// Energies of points and of bonds that know of what points gather, with forces at rest.
+const COUPLED: &str = "potential coupled
+w(L) = exp(-L/delta)
+m = integral(w*L^2)
+theta = 1/m*integral(w*(l - L)*L)
+q = integral(w*ln(l/L)^2)/m
+psi(theta, q) = theta^2 + exp(theta)*q + 0.1*theta
+psi(l, theta, m) = (1 + theta + theta^2)*(l - L)^2/m + 0.2*theta*(l - L)
+psi(l) = 0.3*(l - L)^2/L + 0.05*(l - L)
+";
+
 /// A scene on a lattice; `cells` along every axis.
 fn scene(d: usize, cells: &[usize], spacing: f64, horizon: &str, material: &str) -> SceneFolder {
     let high: Vec<f64> = cells[..d].iter().map(|n| *n as f64 * spacing).collect();
@@ -18,6 +29,7 @@ fn scene(d: usize, cells: &[usize], spacing: f64, horizon: &str, material: &str)
         vec![0.0; d]
     ));
     folder.file("free.piola", FREE);
+    folder.file("coupled.piola", COUPLED);
     folder
 }
 
@@ -146,23 +158,89 @@ fn moduli_are_the_energy_of_what_larger_bodies_add() {
                 continue;
             }
             let horizon = format!("spacings = {ratio:?}\nweights = \"{weights}\"");
-            let folder = scene(d, &[9; 3], 1.0, &horizon, material);
-            let voigt = numbers(&moduli(&folder, &[])["voigt"]);
-            let strain: &[f64] =
-                if d == 2 { &[0.9, -0.4, 0.3] } else { &[0.9, -0.4, 0.2, 0.3, -0.1, 0.5] };
-            let n = strain.len();
-            let expected: f64 = (0..n * n).map(|k| strain[k / n] * voigt[k] * strain[k % n]).sum();
-            let mut found = 0.0;
-            for corner in 0..1usize << d {
-                let more = |axis: usize| (corner >> axis) & 1;
-                let size: Vec<usize> = (0..3).map(|axis| cells + more(axis)).collect();
-                let sign = if (0..d).map(more).sum::<usize>() % 2 == d % 2 { 1.0 } else { -1.0 };
-                found += sign * stiffness(&scene(d, &size, 1.0, &horizon, material), &size, strain);
-            }
-            let error = (found - expected).abs() / expected.abs();
-            assert!(error < 1e-10, "{d}D {weights}: {found} {expected} {error:.1e}");
+            grown_bodies_say_the_same(d, cells, &horizon, material);
         }
     }
+}
+
+/// What a point gathers reaches two horizons, so that surfaces are thicker.
+#[test]
+fn moduli_of_gathered_states_are_the_energy_of_what_larger_bodies_add() {
+    let solid = "potential = \"linear_peridynamic_solid\"\nparameters = { K = 2.0, G = 0.7 }";
+    let coupled = "potential = \"coupled.piola\"";
+    for (d, ratio, cells, material) in
+        [(2, 1.5, 8, solid), (2, 1.5, 8, coupled), (3, 1.0, 4, solid), (3, 1.0, 4, coupled)]
+    {
+        grown_bodies_say_the_same(d, cells, &format!("spacings = {ratio:?}"), material);
+    }
+}
+
+/// Mixed differences of bodies of one more cell against `piola moduli`.
+fn grown_bodies_say_the_same(d: usize, cells: usize, horizon: &str, material: &str) {
+    let folder = scene(d, &[9; 3], 1.0, horizon, material);
+    let voigt = numbers(&moduli(&folder, &[])["voigt"]);
+    let strain: &[f64] = if d == 2 { &[0.9, -0.4, 0.3] } else { &[0.9, -0.4, 0.2, 0.3, -0.1, 0.5] };
+    let n = strain.len();
+    let expected: f64 = (0..n * n).map(|k| strain[k / n] * voigt[k] * strain[k % n]).sum();
+    let mut found = 0.0;
+    for corner in 0..1usize << d {
+        let more = |axis: usize| (corner >> axis) & 1;
+        let size: Vec<usize> = (0..3).map(|axis| cells + more(axis)).collect();
+        let sign = if (0..d).map(more).sum::<usize>() % 2 == d % 2 { 1.0 } else { -1.0 };
+        found += sign * stiffness(&scene(d, &size, 1.0, horizon, material), &size, strain);
+    }
+    let error = (found - expected).abs() / expected.abs();
+    assert!(error < 1e-10, "{d}D {horizon} {material}: {found} {expected} {error:.1e}");
+}
+
+/// The bulk modulus of the solid is that of the lattice, whatever its shear modulus: `theta` is the
+/// trace of a homogeneous strain. Where only bonds are left, the ratios are those of bonds.
+#[test]
+fn the_linear_peridynamic_solid_has_its_bulk_modulus() {
+    let (k, g) = (140e9, 84e9);
+    let solid = |d: usize, more: &str| {
+        let parameters = format!("parameters = {{ K = {k}, G = {g}{more} }}");
+        let material = format!("potential = \"linear_peridynamic_solid\"\n{parameters}");
+        moduli(&scene(d, &[8; 3], 0.1, "spacings = 3.015", &material), &[])
+    };
+    let space = solid(3, "");
+    near(&space["K"], k, 1e-13);
+    near(&space["nu"], 0.2775, 5e-5);
+    let slice = solid(2, "");
+    near(&slice["K"], k + g / 3.0, 1e-13);
+    near(&slice["nu"], 0.3182, 5e-5);
+    let sheet = solid(2, ", plane_stress = 1");
+    near(&sheet["K"], 9.0 * k * g / (3.0 * k + 4.0 * g), 1e-13);
+    near(&sheet["C44"], number(&slice["C44"]), 1e-13);
+}
+
+/// A sheet has Young's modulus and Poisson's ratio of its solid, whatever its thickness; a step in
+/// time does not know the thickness either.
+#[test]
+fn sheets_have_the_moduli_of_their_solid() {
+    let (young, nu) = (210e9, 0.3);
+    let mu = young / (2.0 * (1.0 + nu));
+    let lambda = 2.0 * mu * nu / (1.0 - 2.0 * nu);
+    let material = format!(
+        "potential = \"neo_hooke\"\nparameters = {{ lambda = {lambda:?}, mu = {mu:?} }}\n\
+         [correspondence]\nplane = \"stress\""
+    );
+    let folder = scene(2, &[8, 6, 0], 0.1, "spacings = 2", &material);
+    let density = ["--density", "7800"];
+    let plain = moduli(&folder, &density);
+    let thin = moduli(&folder, &[&density[..], &["--set", "body.thickness=0.003"]].concat());
+    for found in [&plain, &thin] {
+        near(&found["E"], young, 1e-12);
+        near(&found["nu"], nu, 1e-12);
+        near(&found["C44"], mu, 1e-12);
+    }
+    near(&thin["time_step"]["seconds"], number(&plain["time_step"]["seconds"]), 1e-12);
+    // What is solid only in space has a sheet, too.
+    let fibres = "potential = \"fibre_reinforced\"\n\
+                  parameters = { mu = 1.0, K = 5.0, k1 = 0.0 }\n\
+                  [correspondence]\nplane = \"stress\"";
+    let found = moduli(&scene(2, &[8, 6, 0], 0.1, "spacings = 2", fibres), &[]);
+    near(&found["E"], 9.0 * 5.0 / (3.0 * 5.0 + 1.0), 1e-12);
 }
 
 /// `u' K u` of the body for the displacement of a homogeneous strain.

@@ -95,7 +95,8 @@ impl Builder<'_> {
             .collect();
         let head = head.join(", ");
         let wanted = if of_bonds {
-            Dimension::energy_density(Measure::Length.points(), self.variant.dimension)
+            // Per volume of the point, as energies of points are, and per m^d of the neighbour.
+            Dimension::of(1, -1 - self.variant.dimension as i64, -2, 0)
         } else {
             Dimension::of(1, -1, -2, 0)
         };

@@ -9,7 +9,7 @@ use crate::energy::TotalEnergy;
 use crate::lattice::upper_family;
 use crate::neighborhood::Neighborhood;
 use crate::scene::{Points, WeightScheme};
-use crate::simulation::{Case, CaseError};
+use crate::simulation::{Case, CaseError, ModelledEnergy};
 
 /// Derivatives at rest of the energy density W by the displacement gradient G in `u = G X`.
 ///
@@ -28,27 +28,25 @@ impl Affine {
     /// # Errors
     /// As [`Case::compile`] and [`Case::energy`]; energies that are not finite at rest.
     pub fn new(case: &Case) -> Result<Affine, CaseError> {
-        if case.model.has_gathered_energy() {
-            let message = "the moduli of energies of gathered values, such as psi(theta), are not \
-                           worked out: only those of psi(l), psi(a), psi(v) and psi(F) are";
-            return Err(CaseError::Body { message: message.to_string() });
-        }
         let d = case.scene.body.dimension;
         let mut affine = Affine { stress: vec![0.0; d * d], tangent: DMatrix::zeros(d * d, d * d) };
         let Points::Lattice(shape) = &case.scene.body.points else {
-            let volume: f64 = case.body.volumes().iter().sum();
+            let volume = case.thickness() * case.body.volumes().iter().sum::<f64>();
             affine.add(case, &case.body, case.scene.horizon.weights, 1.0 / volume)?;
             return Ok(affine);
         };
         let spacing = shape.spacing;
         let ratio = case.scene.horizon_radius() / spacing;
         let cell = (0..d).fold(1.0, |volume, _| volume * spacing);
+        if case.model.has_gathered_energy() {
+            return Affine::of_states(case, spacing, ratio);
+        }
         if case.model.has_gradient_energy() {
             // The deformation gradient of a linear field is exact at every point of every body, and
             // so is the energy: any block has the density of the endless lattice.
             let reach = (ratio.floor() as i64).max(1);
             let block = body(d, spacing, &cube(d, reach));
-            let volume = cell * block.n_points() as f64;
+            let volume = case.thickness() * cell * block.n_points() as f64;
             affine.add(case, &block, case.scene.horizon.weights, 1.0 / volume)?;
             return Ok(affine);
         }
@@ -68,6 +66,32 @@ impl Affine {
             affine.add(case, &rest, weights, -1.0 / cell)?;
         }
         Ok(affine)
+    }
+
+    /// Of a point inside an endless lattice that gathers over its family: its energy is a function of
+    /// that family alone.
+    fn of_states(case: &Case, spacing: f64, ratio: f64) -> Result<Affine, CaseError> {
+        let d = case.scene.body.dimension;
+        let block = body(d, spacing, &cube(d, (ratio * (1.0 + 1e-6)).floor() as i64));
+        let centre = (0..block.n_points()).find(|&p| block.position(p).iter().all(|x| *x == 0.0));
+        let modelled =
+            case.energy_of(Arc::clone(&block), case.scene.horizon.weights, case.compile()?)?;
+        let (ModelledEnergy::States(energy), Some(centre)) = (modelled, centre) else {
+            let message = "nothing is gathered".to_string();
+            return Err(CaseError::Body { message });
+        };
+        let found = energy.homogeneous(centre);
+        let per_volume = 1.0 / case.thickness();
+        let stress: Vec<f64> = found.first.iter().map(|x| x * per_volume).collect();
+        let tangent = found.second * per_volume;
+        match stress.iter().chain(&tangent).all(|x| x.is_finite()) {
+            true => Ok(Affine { stress, tangent }),
+            false => {
+                let message = "at rest, inside the body: an energy of gathered values or a \
+                               derivative is not finite";
+                Err(CaseError::Body { message: message.to_string() })
+            }
+        }
     }
 
     /// Adds `factor` times the derivatives of the total energy of a body.

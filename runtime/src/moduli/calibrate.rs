@@ -216,9 +216,8 @@ impl<'a> Problem<'a> {
         &self,
         settings: &[(String, piola_compiler::Setting)],
     ) -> Result<piola_compiler::Values, ValueError> {
-        let scene = &self.case.scene;
-        let values =
-            self.case.model.values(scene.body.dimension, settings, Some(scene.horizon_radius()));
+        let (case, horizon) = (self.case, self.case.scene.horizon_radius());
+        let values = case.model.values(case.values.dimension, settings, Some(horizon));
         values.map_err(|mut errors| errors.swap_remove(0))
     }
 

@@ -108,7 +108,8 @@ pub fn moduli(case: &Case, density: Option<f64>) -> Result<Moduli, CaseError> {
 
 fn time_step(case: &Case, density: f64) -> Result<Option<TimeStep>, CaseError> {
     let energy = case.energy(case.compile()?)?;
-    let masses: Vec<f64> = case.body.volumes().iter().map(|volume| density * volume).collect();
+    let masses: Vec<f64> =
+        case.body.volumes().iter().map(|volume| density * case.thickness() * volume).collect();
     TimeStep::new(energy.total(), &masses)
         .map_err(|found| CaseError::Body { message: case.describe(&found) })
 }

@@ -149,6 +149,8 @@ pub struct BodyShape {
     pub points: Points,
     /// Points where one of these conditions holds are left out.
     pub remove: Vec<Expression>,
+    /// 2D: of the body in m, where the scene says it.
+    pub thickness: Option<Located<f64>>,
 }
 
 /// Where the points of a body come from.
@@ -268,6 +270,18 @@ pub struct CorrespondenceSettings {
     pub order: OrderChoice,
     /// How much a neighbour counts.
     pub influence: InfluenceChoice,
+    /// 2D: what happens across the plane.
+    pub plane: Plane,
+}
+
+/// What happens across the plane of a two-dimensional body with an energy of `F`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Plane {
+    /// Nothing: `psi(F)` is that of the plane.
+    #[default]
+    Strain,
+    /// The body gets thinner or thicker until nothing pulls it across.
+    Stress,
 }
 
 /// Where an energy density of the deformation gradient is evaluated.

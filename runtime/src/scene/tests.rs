@@ -366,6 +366,23 @@ fn clouds_refuse_what_belongs_to_lattices() {
 }
 
 #[test]
+fn the_plane_and_its_thickness_are_read() {
+    let plane = "[correspondence]\nplane = \"stress\"\n";
+    let text = LEAST.replace("spacing = 0.05", "spacing = 0.05\nthickness = 0.01") + plane;
+    let scene = read(&text);
+    assert_eq!(scene.body.thickness.map(|t| t.value), Some(0.01));
+    assert_eq!(scene.correspondence.as_ref().map(|c| c.plane), Some(Plane::Stress));
+    assert_ne!(read(&(LEAST.to_string() + plane)), scene);
+    assert_ne!(read(&text.replace("\"stress\"", "\"strain\"")), scene);
+    let resolved = scene.resolved_toml();
+    assert_eq!(read(&resolved), scene, "{resolved}");
+    assert_eq!(findings(&text.replace("0.01", "0")), ["out-of-range at 0"]);
+    let solid = text.replace("[[0, 0], [1, 1]]", "[[0, 0, 0], [1, 1, 1]]");
+    let expected = ["conflicting-keys at 0.01", "conflicting-keys at plane"];
+    assert_eq!(findings(&solid), expected);
+}
+
+#[test]
 fn all_mistakes_are_reported_in_one_run() {
     let text = "[body]\nbox = [[0, 0], [1, 1]]\nspaceing = 0.1\n[horizon]\nspacings = \"3\"\n\
                 [sets]\nleft = 1\n[[prescribe]]\nset = \"left\"\nu = [0]\n[solver]\nlinear = \"mumps\"\n";

@@ -2,14 +2,14 @@
 
 use std::fmt::Write;
 
-use super::read::correspondence::{DISCRETISATIONS, INFLUENCES, ORDERS, STABILISATIONS};
+use super::read::correspondence::{DISCRETISATIONS, INFLUENCES, ORDERS, PLANES, STABILISATIONS};
 use super::read::{
     DERIVATIVES, FORMS, LEVELS, LINEAR, NEWTON, NODES, PRECONDITIONERS, STARTS, STRAINS, WEIGHTS,
 };
 use super::{
     BodyShape, CorrespondenceSettings, DiscretisationChoice, Horizon, HorizonExtent,
-    InfluenceChoice, Load, Material, ParameterText, Points, Prescription, Probe, Quantity, Scene,
-    SetDefinition,
+    InfluenceChoice, Load, Material, ParameterText, Plane, Points, Prescription, Probe, Quantity,
+    Scene, SetDefinition,
 };
 
 impl Scene {
@@ -76,6 +76,9 @@ fn write_body(out: &mut String, body: &BodyShape) {
     }
     let conditions: Vec<String> = body.remove.iter().map(|c| string(&c.text)).collect();
     pair(out, "remove", format!("[{}]", conditions.join(", ")));
+    if let Some(thickness) = body.thickness {
+        pair(out, "thickness", number(thickness.value));
+    }
 }
 
 fn write_horizon(out: &mut String, horizon: &Horizon) {
@@ -113,7 +116,11 @@ impl std::fmt::Display for CorrespondenceSettings {
             InfluenceChoice::Expression(expression) => expression.text.clone(),
             named => bare(word(INFLUENCES, named.clone())),
         };
-        write!(f, ", order {}, influence {influence}", bare(word(ORDERS, self.order)))
+        write!(f, ", order {}, influence {influence}", bare(word(ORDERS, self.order)))?;
+        match self.plane {
+            Plane::Strain => Ok(()),
+            Plane::Stress => write!(f, ", plane stress"),
+        }
     }
 }
 
@@ -132,6 +139,9 @@ fn write_correspondence(out: &mut String, settings: &CorrespondenceSettings) {
         named => word(INFLUENCES, named.clone()),
     };
     pair(out, "influence", influence);
+    if settings.plane != Plane::default() {
+        pair(out, "plane", word(PLANES, settings.plane));
+    }
 }
 
 fn write_sets(out: &mut String, sets: &[SetDefinition]) {

@@ -27,9 +27,14 @@ pub(super) fn explain(case: &Case, found: &NonFinite) -> String {
     let Argument::Measure(measure) = found.argument else {
         let place = if points.len() == 1 { "the point" } else { "the bond of the points" };
         return format!(
-            "psi(F) or a derivative is not finite for {place} {}: det F = {:e}",
+            "psi(F) or a derivative is not finite for {place} {}: det F = {:e}{}",
             points.join(", "),
-            found.value
+            found.value,
+            if super::is_sheet(&case.scene) {
+                " in the plane (plane stress: or no thickness leaves the faces free)"
+            } else {
+                ""
+            }
         ) + &displaced(case, found);
     };
     let (symbol, twin) = (measure.symbol(), measure.reference_symbol());

@@ -28,8 +28,7 @@ use std::sync::Arc;
 
 use num_dual::HyperDual64;
 use piola_compiler::{
-    Dropped, Form, GatheredKernels, GradientKernel, Interval, Kernel, Mode, Model, Setting, Values,
-    check_text,
+    Dropped, Form, GatheredKernels, Interval, Kernel, Mode, Model, Setting, Values, check_text,
 };
 use piola_grammar::Diagnostic;
 
@@ -37,7 +36,7 @@ use crate::assembly::Elements;
 use crate::body::Body;
 use crate::element::{CoordinateElement, Element, MeasureElement};
 use crate::energy::NonFinite;
-use crate::kernel::Measure;
+use crate::kernel::{Measure, VariablesLaw};
 use crate::lattice::{Lattice, Nodes};
 use crate::neighborhood::Neighborhood;
 use crate::output::read::read_cloud;
@@ -45,9 +44,10 @@ use crate::plan::{KernelNote, Needed, Plan, PlanInput, available_memory, count_i
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{self, Selection};
 use crate::scene::{
-    self, DerivativeSource, FormChoice, MAX_SCENE_BYTES, ParameterText, Points, PotentialText,
-    Scene,
+    self, DerivativeSource, FormChoice, MAX_SCENE_BYTES, ParameterText, Plane, Points,
+    PotentialText, Scene,
 };
+use crate::sheet::PlaneStress;
 
 /// Largest point cloud that is read, in bytes.
 const MAX_CLOUD_BYTES: u64 = 1 << 30;
@@ -84,7 +84,7 @@ pub struct Compiled {
     /// Measures that have an energy, ascending.
     pub measures: Vec<Measure>,
     /// The energy of the deformation gradient.
-    pub gradient: Option<GradientKernel>,
+    pub gradient: Option<Box<dyn VariablesLaw>>,
     /// Energies of what points gather over their families.
     pub gathered: Option<GatheredKernels>,
     /// psi(l) beside them: it is then no element.
@@ -122,6 +122,15 @@ impl Case {
         }
         let (body, mut warnings) = body(&scene, folder)?;
         warnings.splice(0..0, scene.warnings.iter().cloned());
+        if let Some(thickness) = scene.body.thickness
+            && !has_thickness(&model)
+        {
+            let message = "the thickness changes nothing: all energies are of interactions";
+            warnings.push(Diagnostic::warning("idle-entry", thickness.span, message).help(
+                "energies of `l`, `a` and `v` are per product of areas; psi(F) and energies of \
+                 gathered values are per volume",
+            ));
+        }
         Ok(Case { scene, potential, model, values, body: Arc::new(body), warnings })
     }
 
@@ -183,12 +192,26 @@ impl Case {
                 Measure::Volume => elements.tetrahedron = Some(element),
             }
         }
-        let (gradient, more) = self
+        let (kernel, more) = self
             .model
             .compile_gradient(&self.values, mode, form)
             .map_err(|error| CaseError::compile(&self.potential, &error))?;
+        let gradient = kernel.map(|kernel| -> Box<dyn VariablesLaw> {
+            if is_sheet(&self.scene) {
+                Box::new(PlaneStress::new(kernel))
+            } else {
+                Box::new(kernel)
+            }
+        });
         let dropped = [compiled.dropped, more, from_families].concat();
         Ok(Compiled { elements, measures, gradient, gathered, plain, dropped })
+    }
+
+    /// The thickness of the body in m, by which energies per volume become energies per area; 1 where
+    /// there are none, and in three dimensions.
+    pub fn thickness(&self) -> f64 {
+        let stated = self.scene.body.thickness.filter(|_| has_thickness(&self.model));
+        stated.map_or(1.0, |thickness| thickness.value)
     }
 
     /// Whether the potential declares a domain that a measure leaves at 0 or before it is negative.
@@ -240,6 +263,16 @@ impl Case {
             available_memory: available_memory(),
         }))
     }
+}
+
+/// Whether a model has energies per volume, which a thickness multiplies.
+fn has_thickness(model: &Model) -> bool {
+    model.has_gradient_energy() || model.has_gathered_energy()
+}
+
+/// Whether the body is in plane stress: its energy is that of a solid.
+fn is_sheet(scene: &Scene) -> bool {
+    scene.correspondence.as_ref().is_some_and(|settings| settings.plane == Plane::Stress)
 }
 
 fn kernel_notes(compiled: &Compiled, model: &Model, scene: &Scene) -> Vec<KernelNote> {
@@ -300,7 +333,8 @@ fn values(scene: &Scene, model: &Model) -> Result<Values, CaseError> {
     let material = &scene.material;
     let settings = settings(scene);
     let horizon = Some(scene.horizon_radius());
-    model.values(scene.body.dimension, &settings, horizon).map_err(|errors| {
+    let dimension = if is_sheet(scene) { 3 } else { scene.body.dimension };
+    model.values(dimension, &settings, horizon).map_err(|errors| {
         let diagnostics = errors.into_iter().map(|error| {
             let given = material.parameters.iter().find(|p| p.name.value == error.parameter);
             let span = match (given, error.code) {

@@ -17,6 +17,7 @@ use crate::scene::{
     CorrespondenceSettings, DiscretisationChoice, InfluenceChoice, OrderChoice,
     StabilisationChoice, WeightScheme,
 };
+use crate::sheet::Thick;
 use crate::states::{StateEnergy, StateLaws};
 use crate::weights::Weights;
 
@@ -97,7 +98,7 @@ impl Case {
         let horizon = self.scene.horizon_radius();
         size::check_neighbors(&body, horizon)?;
         if compiled.gathered.is_some() {
-            return states(body, horizon, compiled);
+            return states(body, horizon, self.thickness(), compiled);
         }
         let Some(law) = compiled.gradient else {
             return interactions(body, horizon, weights, compiled);
@@ -110,15 +111,16 @@ impl Case {
             );
             return Err(CaseError::Body { message });
         }
+        let thickness = self.thickness();
         let settings = self.scene.correspondence.clone().unwrap_or_default();
         let influence = influence(&settings.influence, body.dimension(), horizon);
         let formulation = Formulation {
             horizon,
             order: order(settings.order),
-            discretisation: discretisation(&settings),
+            discretisation: discretisation(&settings, thickness),
             influence: &*influence,
         };
-        let energy = Correspondence::new(body, formulation, Box::new(law));
+        let energy = Correspondence::new(body, formulation, thick(law, thickness));
         match energy {
             Ok(energy) => Ok(ModelledEnergy::Gradients(Box::new(energy))),
             Err(error) => Err(CaseError::Body { message: error.to_string() }),
@@ -126,7 +128,17 @@ impl Case {
     }
 }
 
-fn states(body: Arc<Body>, horizon: f64, compiled: Compiled) -> Result<ModelledEnergy, CaseError> {
+/// A law per volume as one per volume of points: per area in two dimensions.
+fn thick(law: impl VariablesLaw + 'static, thickness: f64) -> Box<dyn VariablesLaw> {
+    if thickness == 1.0 { Box::new(law) } else { Box::new(Thick { law, thickness }) }
+}
+
+fn states(
+    body: Arc<Body>,
+    horizon: f64,
+    thickness: f64,
+    compiled: Compiled,
+) -> Result<ModelledEnergy, CaseError> {
     let other = compiled.measures.iter().find(|measure| **measure != Measure::Length);
     let other = other.map(|measure| measure.symbol()).or(compiled.gradient.map(|_| "F"));
     if let Some(other) = other {
@@ -139,8 +151,8 @@ fn states(body: Arc<Body>, horizon: f64, compiled: Compiled) -> Result<ModelledE
     let kernels = compiled.gathered.unwrap_or_default();
     let laws = StateLaws {
         integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
-        points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
-        bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
+        points: kernels.points.map(|law| thick(law, thickness)),
+        bonds: kernels.bonds.map(|law| thick(law, thickness)),
         plain: compiled.plain.map(|law| Box::new(law) as Box<dyn Law>),
     };
     match StateEnergy::new(body, horizon, laws) {
@@ -174,7 +186,7 @@ fn order(choice: OrderChoice) -> OperatorOrder {
     }
 }
 
-fn discretisation(settings: &CorrespondenceSettings) -> Discretisation {
+fn discretisation(settings: &CorrespondenceSettings, thickness: f64) -> Discretisation {
     match (settings.discretisation, settings.stabilisation) {
         (DiscretisationChoice::BondQuadrature, _) => Discretisation::BondQuadrature,
         (DiscretisationChoice::Nodal, _) => Discretisation::Nodal,
@@ -186,7 +198,7 @@ fn discretisation(settings: &CorrespondenceSettings) -> Discretisation {
         }
         (DiscretisationChoice::Stabilised, StabilisationChoice::Silling) => {
             // The reader asks for the stiffness.
-            let stiffness = settings.stiffness.unwrap_or(0.0);
+            let stiffness = settings.stiffness.unwrap_or(0.0) * thickness;
             Discretisation::Stabilised(Stabilisation::Silling { stiffness })
         }
     }

@@ -7,6 +7,7 @@
 //! | module | does |
 //! |---|---|
 //! | `family` | the bonds of one point, evaluated at once |
+//! | `homogeneous` | one point in a homogeneous displacement, for moduli |
 //! | `tangent` | the exact Hessian, stored, and springs like it |
 //!
 //! The derivative goes the way back (reverse mode): `a_i = dw_i/dI_i`, then each bond has
@@ -18,6 +19,7 @@
 //! Silling, Epton, Weckner, Xu, Askari 2007; Partmann, Wieners, Weinberg 2026, (3.17) to (3.23).
 
 mod family;
+mod homogeneous;
 mod tangent;
 
 use std::sync::{Arc, OnceLock};

@@ -7,7 +7,9 @@ use crate::scene::check;
 use crate::scene::expression::{Expression, Role};
 use crate::scene::reader::{Field, Reader, Schema, Table};
 use crate::scene::tree::Kind;
-use crate::scene::{BodyShape, Horizon, HorizonExtent, LatticeShape, Points, WeightScheme};
+use crate::scene::{
+    BodyShape, Horizon, HorizonExtent, LatticeShape, Located, Points, WeightScheme,
+};
 
 pub(super) static BODY: Schema = Schema {
     title: "[body]",
@@ -18,6 +20,7 @@ pub(super) static BODY: Schema = Schema {
         ("nodes", "\"corners\""),
         ("remove", "[\"(X-0.5)^2 + (Y-0.5)^2 < 0.2^2\"]"),
         ("points", "\"cloud.csv\""),
+        ("thickness", "0.01"),
     ],
 };
 pub(super) static HORIZON: Schema = Schema {
@@ -39,9 +42,19 @@ impl Reader {
             Some(_) => self.cloud(table),
             None => None,
         };
-        let body = match (dimension, points, remove) {
-            (Some(dimension), Some(points), Some(remove)) => {
-                Some(BodyShape { dimension, points, remove })
+        let thickness = self.or(Some(table), "thickness", None, |reader, field| {
+            let span = field.node.span;
+            if dimension == Some(3) {
+                let message = "`thickness` is of bodies in two dimensions";
+                let error = Diagnostic::error("conflicting-keys", span, message);
+                reader.error(error.help("leave it out: in three dimensions the points have it"));
+                return None;
+            }
+            reader.positive(field).map(|value| Some(Located { value, span }))
+        });
+        let body = match (dimension, points, remove, thickness) {
+            (Some(dimension), Some(points), Some(remove), Some(thickness)) => {
+                Some(BodyShape { dimension, points, remove, thickness })
             }
             _ => None,
         };

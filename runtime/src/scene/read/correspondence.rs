@@ -6,7 +6,8 @@ use super::super::expression::Role;
 use super::super::reader::{Field, Reader, Schema, Table};
 use super::super::tree::Kind;
 use super::super::{
-    CorrespondenceSettings, DiscretisationChoice, InfluenceChoice, OrderChoice, StabilisationChoice,
+    CorrespondenceSettings, DiscretisationChoice, InfluenceChoice, OrderChoice, Plane,
+    StabilisationChoice,
 };
 
 pub(super) static CORRESPONDENCE: Schema = Schema {
@@ -17,6 +18,7 @@ pub(super) static CORRESPONDENCE: Schema = Schema {
         ("stiffness", "1e12"),
         ("order", "\"first\""),
         ("influence", "\"cubic-spline\""),
+        ("plane", "\"strain\""),
     ],
 };
 
@@ -35,6 +37,8 @@ pub(in super::super) const ORDERS: &[(&str, OrderChoice)] = &[
     ("first-with-constant", OrderChoice::FirstWithConstant),
     ("second", OrderChoice::Second),
 ];
+pub(in super::super) const PLANES: &[(&str, Plane)] =
+    &[("strain", Plane::Strain), ("stress", Plane::Stress)];
 pub(in super::super) const INFLUENCES: &[(&str, InfluenceChoice)] = &[
     ("cubic-spline", InfluenceChoice::CubicSpline),
     ("constant", InfluenceChoice::Constant),
@@ -42,7 +46,11 @@ pub(in super::super) const INFLUENCES: &[(&str, InfluenceChoice)] = &[
 ];
 
 impl Reader {
-    pub(super) fn correspondence(&mut self, table: &Table<'_>) -> Option<CorrespondenceSettings> {
+    pub(super) fn correspondence(
+        &mut self,
+        table: &Table<'_>,
+        dimension: Option<usize>,
+    ) -> Option<CorrespondenceSettings> {
         let found = Some(table);
         let discretisation = self.or(found, "discretisation", DISCRETISATIONS[0].1, |r, field| {
             r.choice(field, DISCRETISATIONS)
@@ -53,14 +61,16 @@ impl Reader {
         let stiffness = self.or(found, "stiffness", None, |r, field| r.positive(field).map(Some));
         let order = self.or(found, "order", ORDERS[0].1, |r, field| r.choice(field, ORDERS));
         let influence = self.or(found, "influence", InfluenceChoice::default(), Reader::influence);
+        let plane = self.or(found, "plane", PLANES[0].1, |r, field| r.choice(field, PLANES));
         let settings = CorrespondenceSettings {
             discretisation: discretisation?,
             stabilisation: stabilisation?,
             stiffness: stiffness?,
             order: order?,
             influence: influence?,
+            plane: plane?,
         };
-        self.fits(table, &settings).then_some(settings)
+        self.fits(table, &settings, dimension).then_some(settings)
     }
 
     /// One of the names, or an expression of `L` and `delta`.
@@ -76,13 +86,19 @@ impl Reader {
     }
 
     /// Whether keys stand where they mean something.
-    fn fits(&mut self, table: &Table<'_>, settings: &CorrespondenceSettings) -> bool {
+    fn fits(
+        &mut self,
+        table: &Table<'_>,
+        settings: &CorrespondenceSettings,
+        dimension: Option<usize>,
+    ) -> bool {
         let stabilised = settings.discretisation == DiscretisationChoice::Stabilised;
         let silling = stabilised && settings.stabilisation == StabilisationChoice::Silling;
         let mut fits = true;
         for (key, belongs, to) in [
             ("stabilisation", stabilised, "discretisation = \"stabilised\""),
             ("stiffness", silling, "stabilisation = \"silling\""),
+            ("plane", dimension != Some(3), "bodies in two dimensions"),
         ] {
             if let Some(entry) = table.get(key).filter(|_| !belongs) {
                 let message = format!("`{key}` belongs to {to}");

@@ -160,10 +160,8 @@ impl Reader {
         let horizon =
             self.needed("horizon", horizon_table, |reader, table| reader.horizon(table, &context));
         let material = self.needed("material", material_table, Reader::material);
-        let correspondence = match &correspondence_table {
-            Some(table) => Some(self.correspondence(table)?),
-            None => None,
-        };
+        let correspondence =
+            correspondence_table.as_ref().map(|table| self.correspondence(table, dimension));
         let nodes = |key| root.get(key).map(|entry| &entry.node);
         let prescriptions = self.prescriptions(nodes("prescribe"), &context);
         let loads = self.loads(nodes("load"), &context);
@@ -176,7 +174,10 @@ impl Reader {
             body: body?,
             horizon: horizon?,
             material: material?,
-            correspondence,
+            correspondence: match correspondence {
+                Some(settings) => Some(settings?),
+                None => None,
+            },
             sets,
             prescriptions,
             loads,

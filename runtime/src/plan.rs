@@ -6,6 +6,7 @@
 
 mod count;
 mod factor;
+mod families;
 mod text;
 
 use serde::Serialize;
@@ -15,6 +16,7 @@ use crate::scene::{LinearChoice, PreconditionerChoice, Scene};
 use crate::solve::linear::{self, AUTO_UNKNOWNS_3D, Circumstances, MEMORY_SHARE};
 pub use count::{InteractionCount, Needed, count_interactions};
 pub use factor::{FactorEstimate, estimate_factor};
+pub use families::Families;
 pub(crate) use text::bytes as in_bytes;
 
 /// Assembling the energy, gradient and tangent of one interaction on one core, in s.
@@ -106,6 +108,8 @@ pub struct PlanInput<'a> {
     pub interactions: InteractionCount,
     /// The energies of the potential.
     pub kernels: Vec<KernelNote>,
+    /// What points know of their families, where energies need it.
+    pub families: Option<Families>,
     /// How many displacement components are prescribed.
     pub prescribed: usize,
     /// How many threads will work.
@@ -165,22 +169,34 @@ impl Plan {
         let dimension = body.dimension();
         let sides = sides(body);
         let layers = scene.horizon_radius() / typical_spacing(body);
-        let factor = estimate_factor(&sides, layers, dimension);
+        let families = input.families;
+        // Points share an entry of the tangent over so many bonds.
+        let reach = families.map_or(1, Families::reach);
+        let method = families::method(families, scene.solver.linear);
+        let stored = if method.is_some() { 1 } else { reach };
+        let factor = estimate_factor(&sides, layers * stored as f64, dimension);
+        let blocks = blocks(body, &interactions, stored);
         let unknowns = (body.n_points() * dimension).saturating_sub(prescribed);
         let circumstances = Circumstances {
             dimension,
             unknowns,
             factorization: None,
-            matrix_bytes: matrix_bytes(body, &interactions).0,
+            matrix_bytes: matrix_bytes(body, blocks).0,
             memory_limit: input.available_memory.map_or(f64::INFINITY, |m| MEMORY_SHARE * m as f64),
         };
-        let (linear, linear_reason) = choose(scene.solver.linear, factor, circumstances);
-        let memory = memory(body, &interactions, linear, factor);
+        let (linear, linear_reason) =
+            method.unwrap_or_else(|| choose(scene.solver.linear, factor, circumstances));
+        let memory = memory(body, &interactions, blocks, linear, factor, families);
         let horizons = sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / layers;
         let jacobi = scene.solver.preconditioner == PreconditionerChoice::BlockJacobi;
         let horizons = (jacobi || linear == LinearMethod::MatrixFree).then_some(horizons);
-        let time = TimeEstimate::new(&interactions, body, linear, factor, horizons, threads)
-            .for_increments(scene.steps.increments);
+        let time = match families {
+            None => {
+                TimeEstimate::new(&interactions, (body, blocks), linear, factor, horizons, threads)
+            }
+            Some(families) => families.time(&interactions, blocks, linear, factor, threads),
+        };
+        let time = time.for_increments(scene.steps.increments);
         Plan {
             dimension,
             points: body.n_points(),
@@ -269,9 +285,15 @@ fn choose(
     }
 }
 
-/// Bytes of the upper triangle of the tangent, and a column number for each block.
-fn matrix_bytes(body: &Body, interactions: &InteractionCount) -> (f64, f64) {
-    let blocks = body.n_points() as f64 + interactions.bonds as f64;
+/// Blocks of the upper triangle of a matrix that couples points over so many bonds.
+fn blocks(body: &Body, interactions: &InteractionCount, reach: usize) -> f64 {
+    let n = body.n_points() as f64;
+    let wider = (0..body.dimension()).fold(1.0, |wider, _| wider * reach as f64);
+    (n + interactions.bonds as f64 * wider).min(0.5 * n * (n + 1.0))
+}
+
+/// Bytes of so many blocks, and a column number for each.
+fn matrix_bytes(body: &Body, blocks: f64) -> (f64, f64) {
     (blocks * (8 * body.dimension() * body.dimension()) as f64, 4.0 * blocks)
 }
 
@@ -279,19 +301,35 @@ fn matrix_bytes(body: &Body, interactions: &InteractionCount) -> (f64, f64) {
 fn memory(
     body: &Body,
     interactions: &InteractionCount,
+    blocks: f64,
     linear: LinearMethod,
     factor: FactorEstimate,
+    families: Option<Families>,
 ) -> Vec<MemoryItem> {
     let (n, d) = (body.n_points(), body.dimension());
     let bonds = interactions.bonds as f64;
-    let (values, columns) = matrix_bytes(body, interactions);
+    let (values, columns) = matrix_bytes(body, blocks);
     let mut items = vec![
         ("points and displacements", (n * (8 * d + 12 + STATE_VECTORS * 8 * d)) as f64),
         ("neighbourhood", 16.0 * bonds + 24.0 * n as f64),
     ];
-    let stored = if linear == LinearMethod::MatrixFree { 0.0 } else { values };
-    items.push(("tangent, upper blocks", stored + columns));
+    if let Some(families) = families {
+        items.extend(families.memory(n, d, bonds));
+    }
+    match (linear, families) {
+        (LinearMethod::MatrixFree, Some(_)) => {
+            items.push(("springs like the tangent", values + columns));
+        }
+        (LinearMethod::MatrixFree, None) => items.push(("tangent, upper blocks", columns)),
+        _ => items.push(("tangent, upper blocks", values + columns)),
+    }
     match linear {
+        LinearMethod::MatrixFree
+            if families.is_some() && families::is_factorised(factor, blocks) =>
+        {
+            items.push(("their free components", 2.0 * values));
+            items.push(("their factor", factor.entries * 8.0 * CHOLESKY_OVERHEAD));
+        }
         LinearMethod::Cg | LinearMethod::MatrixFree => {
             items.push(("preconditioner", (n * 8 * PRECONDITIONER_NUMBERS) as f64));
         }
@@ -307,18 +345,23 @@ fn memory(
     items.into_iter().map(|(item, bytes)| MemoryItem { item, bytes: bytes as u64 }).collect()
 }
 
+/// How much faster assembly is on so many threads.
+fn speed(threads: usize) -> f64 {
+    1.0 + THREAD_GAIN * (threads.max(1) - 1) as f64
+}
+
 impl TimeEstimate {
     /// `horizons` that fit into the body's longest side decide how conjugate gradients converge;
     /// `None` with two levels, where they do not.
     fn new(
         interactions: &InteractionCount,
-        body: &Body,
+        (body, blocks): (&Body, f64),
         linear: LinearMethod,
         factor: FactorEstimate,
         horizons: Option<f64>,
         threads: usize,
     ) -> TimeEstimate {
-        let speed = 1.0 + THREAD_GAIN * (threads.max(1) - 1) as f64;
+        let speed = speed(threads);
         let bonds = interactions.bonds as f64;
         let one_core = bonds * BOND_SECONDS
             + interactions.triangles as f64 * TRIANGLE_SECONDS
@@ -332,7 +375,7 @@ impl TimeEstimate {
             LinearMethod::MatrixFree => iterations.unwrap_or(TWO_LEVEL_ITERATIONS) * assembly,
             LinearMethod::Cg => {
                 let iterations = iterations.unwrap_or(TWO_LEVEL_ITERATIONS * TWO_LEVEL_TIME);
-                iterations * matrix_bytes(body, interactions).0 / MATRIX_BYTES_PER_SECOND
+                iterations * matrix_bytes(body, blocks).0 / MATRIX_BYTES_PER_SECOND
             }
         };
         let setup = bonds * BOND_SETUP_SECONDS;

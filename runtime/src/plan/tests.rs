@@ -107,6 +107,15 @@ fn plan(scene: &Scene, available_memory: Option<u64>) -> Plan {
 }
 
 fn plan_of(body: Body, scene: &Scene, available_memory: Option<u64>) -> Plan {
+    plan_with(body, scene, None, available_memory)
+}
+
+fn plan_with(
+    body: Body,
+    scene: &Scene,
+    families: Option<Families>,
+    available_memory: Option<u64>,
+) -> Plan {
     let interactions = counted(&body, scene.horizon_radius(), Needed::default());
     Plan::new(PlanInput {
         scene,
@@ -116,6 +125,7 @@ fn plan_of(body: Body, scene: &Scene, available_memory: Option<u64>) -> Plan {
             KernelNote { energy: "psi(l)".into(), modelled: true, reason: String::new() },
             KernelNote { energy: "psi(v)".into(), modelled: false, reason: "C3 = 0".into() },
         ],
+        families,
         prescribed: 1200,
         threads: 1,
         available_memory,
@@ -202,4 +212,31 @@ fn a_plan_reads_well_and_is_json() {
 #[test]
 fn this_machine_has_memory() {
     assert!(available_memory().unwrap() > 1_000_000);
+}
+
+#[test]
+fn a_body_has_what_its_energies_need_and_nothing_else() {
+    let scene_of = |linear: &str| scene(&format!("[solver]\nlinear = \"{linear}\"\n"));
+    let items = |families, linear: &str| -> Vec<&str> {
+        let plan = plan_with(lattice([10, 10, 10], 3), &scene_of(linear), families, None);
+        plan.memory.iter().map(|item| item.item).collect()
+    };
+    let bonds = items(None, "auto");
+    for absent in ["deformation gradients", "bond quadrature", "gathered states", "stabilisation"] {
+        assert!(!bonds.contains(&absent), "{bonds:?}");
+    }
+    let nodal = items(Some(Families::Nodal), "auto");
+    assert!(nodal.contains(&"deformation gradients") && !nodal.contains(&"bond quadrature"));
+    assert!(!nodal.contains(&"tangent, upper blocks"), "{nodal:?}");
+    assert!(items(Some(Families::BondQuadrature), "auto").contains(&"bond quadrature"));
+    assert!(items(Some(Families::States(2)), "auto").contains(&"gathered states"));
+    assert!(items(Some(Families::Nodal), "cg").contains(&"tangent, upper blocks"));
+    // A stored tangent reaches three horizons: here all points are coupled.
+    let bytes = |families| {
+        let plan = plan_with(lattice([10, 10, 10], 3), &scene_of("cg"), families, None);
+        let tangent = plan.memory.iter().find(|item| item.item == "tangent, upper blocks");
+        tangent.unwrap().bytes
+    };
+    assert_eq!(bytes(Some(Families::BondQuadrature)), 1000 * 1001 / 2 * (72 + 4));
+    assert!(bytes(Some(Families::Nodal)) > 5 * bytes(None));
 }

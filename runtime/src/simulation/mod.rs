@@ -40,7 +40,9 @@ use crate::kernel::{Measure, VariablesLaw};
 use crate::lattice::{Lattice, Nodes};
 use crate::neighborhood::Neighborhood;
 use crate::output::read::read_cloud;
-use crate::plan::{KernelNote, Needed, Plan, PlanInput, available_memory, count_interactions};
+use crate::plan::{
+    Families, KernelNote, Needed, Plan, PlanInput, available_memory, count_interactions,
+};
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{self, Selection};
 use crate::scene::{
@@ -253,11 +255,15 @@ impl Case {
             tetrahedra: compiled.measures.contains(&Measure::Volume),
         };
         let notes = kernel_notes(&compiled, &self.model, &self.scene);
+        let gathered = compiled.gathered.as_ref().map(|g| Families::States(g.integrals.len()));
+        let settings = self.scene.correspondence.as_ref().filter(|_| compiled.gradient.is_some());
+        let families = gathered.or(settings.map(|settings| settings.discretisation.into()));
         Ok(Plan::new(PlanInput {
             scene: &self.scene,
             body: &self.body,
             interactions: count_interactions(&self.body, &neighborhood, needed),
             kernels: notes,
+            families,
             prescribed: boundary.fixed_dofs().len(),
             threads,
             available_memory: available_memory(),

@@ -12,7 +12,7 @@ use crate::solve::constraint::Constraints;
 /// A matrix is factorised up to this many operations for each of its blocks; beyond two levels take
 /// over. They need some 30 iterations more, a product takes some 150 ns for each block, and
 /// factorisations make 2e10 operations in a second.
-const OPERATIONS_PER_BLOCK: f64 = 3e4;
+pub(crate) const OPERATIONS_PER_BLOCK: f64 = 3e4;
 
 /// Cholesky factors of the matrix last given.
 pub(super) struct FactorOfBonds {

@@ -48,6 +48,7 @@ pub use choice::{
     choose,
 };
 pub use estimate::{FactorizationEstimate, estimate_factorization};
+pub(crate) use factor_of_bonds::OPERATIONS_PER_BLOCK;
 pub use lanczos::RitzValues;
 pub use report::{
     Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport, PreconditionerChoice,

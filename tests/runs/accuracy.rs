@@ -64,6 +64,22 @@ fn rewrites_are_explained_with_what_they_gain() {
     assert!(explain("firooz2023", "n=1").contains("nothing is rewritten"));
 }
 
+/// As many gradients as a user gets by default; exponentials pass the largest number at some.
+#[test]
+fn all_energies_of_the_deformation_gradient_are_verified() {
+    let names = [
+        "fibre_reinforced",
+        "fung",
+        "mooney_rivlin",
+        "neo_hooke",
+        "neo_hooke_stable",
+        "st_venant_kirchhoff",
+        "yeoh",
+    ];
+    let found = piola(&[&["verify"], &names[..]].concat()).expect(0).stdout;
+    assert!(names.iter().all(|name| found.contains(&format!("passed  {name} "))), "{found}");
+}
+
 /// A barrier loses its digits twice as written; hyper-dual numbers of it cannot decide.
 #[test]
 fn verify_decides_where_the_written_energy_has_no_digits() {

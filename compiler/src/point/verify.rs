@@ -23,8 +23,9 @@ pub const BAR_FAR: f64 = 1e4;
 /// Binary digits of true values.
 const BITS: usize = 384;
 
-/// Values beyond this are left out: on the way to them products may pass the largest number.
-const LARGEST: f64 = 1e200;
+/// Values beyond this are left out: the squares of their norms pass the largest number, and products
+/// on the way to them may.
+const LARGEST: f64 = 1e150;
 
 /// Most gradients that are tried: true values of all derivatives take milliseconds each.
 const MOST: usize = 200;

@@ -73,7 +73,7 @@ impl Families {
             Families::Stabilised => [47e-9, 49e-9],
             Families::BondQuadrature => [106e-9, 119e-9],
             Families::States(integrals) => {
-                [60e-9 + 40e-9 * integrals as f64, 180e-9 + 120e-9 * integrals as f64]
+                [80e-9 + 60e-9 * integrals as f64, 200e-9 + 120e-9 * integrals as f64]
             }
         }
     }

@@ -18,8 +18,8 @@ use piola_runtime::states::{StateEnergy, StateLaws};
 pub(crate) fn solid(influence: &str) -> String {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../potentials/linear_peridynamic_solid.piola");
     let text = std::fs::read_to_string(path).unwrap();
-    assert!(text.contains("w(L) = 1/L  "));
-    text.replace("w(L) = 1/L  ", &format!("w(L) = {influence}"))
+    assert!(text.contains("w(L) = (delta/L)^p"));
+    text.replace("w(L) = (delta/L)^p", &format!("w(L) = {influence}"))
 }
 
 pub(crate) fn values(text: &str, parameters: &[(&str, f64)], d: usize, h: f64) -> (Model, Values) {

@@ -55,30 +55,36 @@ pub(crate) const MODELS: [Model; 3] = [
 ];
 
 pub(crate) fn panels() -> Result<Vec<Panel>, String> {
-    let lines = |points: &dyn Fn(&Model) -> Vec<(f64, [usize; 2])>| -> Result<Vec<Line>, String> {
-        let line = |model: &Model| {
-            let errors = points(model).into_iter().map(|(x, [n, m])| Ok((x, model.error(n, m)?)));
-            Ok((model.name.to_string(), errors.collect::<Result<Vec<_>, String>>()?))
-        };
-        MODELS.iter().map(line).collect()
-    };
     Ok(vec![
         Panel {
             title: "partmann2026, Fig. 13",
             x: "horizon in spacings, 5 points over the width",
             y: "relative error",
-            lines: lines(&|model| (2..=model.horizon).map(|m| (m as f64, [5, m])).collect())?,
+            lines: lines(|model| (2..=model.horizon).map(|m| (m, [5, m])).collect())?,
         },
         Panel {
             title: "partmann2026, Fig. 14",
             x: "points over the width, horizon of 3 spacings",
             y: "relative error",
-            lines: lines(&|model| {
+            lines: lines(|model| {
                 let across = [3, 4, 5, 6, 8, 10].into_iter().filter(|n| *n <= model.across);
-                across.map(|n| (n as f64, [n, 3])).collect()
+                across.map(|n| (n, [n, 3])).collect()
             })?,
         },
     ])
+}
+
+/// A place on the axis, with the points over the width and the horizon in spacings there.
+type Body = (usize, [usize; 2]);
+
+/// The errors of all models, each for bodies of its own.
+fn lines(bodies: impl Fn(&Model) -> Vec<Body>) -> Result<Vec<Line>, String> {
+    let line = |model: &Model| {
+        let errors =
+            bodies(model).into_iter().map(|(x, [n, m])| Ok((x as f64, model.error(n, m)?)));
+        Ok((model.name.to_string(), errors.collect::<Result<Vec<_>, String>>()?))
+    };
+    MODELS.iter().map(line).collect()
 }
 
 impl Model {

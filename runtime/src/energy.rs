@@ -1,7 +1,9 @@
 //! The discrete total energy as the solvers see it.
 
+mod differences;
 mod positions;
 
+pub use differences::FiniteDifferences;
 pub use positions::FromPositions;
 
 use std::sync::Arc;
@@ -39,6 +41,41 @@ impl EnergyParts {
 
     fn values(&self) -> [f64; 5] {
         [self.bonds, self.triangles, self.tetrahedra, self.deformation, self.stabilisation]
+    }
+}
+
+/// How products with the Hessian come about.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Products {
+    /// By the derivatives of the energy.
+    #[default]
+    Exact,
+    /// By one-sided differences of forces, `(R(u + e v) - R(u))/e`.
+    OneSided,
+    /// By central differences of forces, `(R(u + e v) - R(u - e v))/(2 e)`: partmann2026 (3.73).
+    Central,
+}
+
+impl Products {
+    /// Their relative error for displacements that differ from point to point, to an order of
+    /// magnitude; of smooth ones, where most of a product cancels, it is larger.
+    pub fn error(self) -> f64 {
+        let step = self.balanced(f64::EPSILON / 2.0);
+        match self {
+            Products::Exact => 0.0,
+            Products::OneSided => step,
+            Products::Central => step * step,
+        }
+    }
+
+    /// The step, relative to what forces change over, by which rounding errors of this size over
+    /// the step are the same as the errors of the order.
+    pub(crate) fn balanced(self, rounding: f64) -> f64 {
+        match self {
+            Products::Exact => 0.0,
+            Products::OneSided => rounding.sqrt(),
+            Products::Central => libm::cbrt(rounding),
+        }
     }
 }
 
@@ -129,6 +166,12 @@ pub trait TotalEnergy: Sync {
     /// Fills `tangent` with a positive semi-definite matrix like the Hessian at `u`, in N/m, that
     /// couples bonded points only: products with the Hessian are preconditioned by it.
     fn bond_tangent(&self, _u: &[f64], _tangent: &mut BlockMatrix) {}
+
+    /// How [`TotalEnergy::tangent_product`] comes about. Where that is not exact, products are all that
+    /// solvers take of the Hessian, but for what they precondition by.
+    fn products(&self) -> Products {
+        Products::Exact
+    }
 
     /// The energy alone.
     fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite>;

@@ -12,6 +12,7 @@ mod text;
 use serde::Serialize;
 
 use crate::body::Body;
+use crate::energy::Products;
 use crate::scene::{LinearChoice, PreconditionerChoice, Scene};
 use crate::solve::linear::{self, AUTO_UNKNOWNS_3D, Circumstances, MEMORY_SHARE};
 pub use count::{InteractionCount, Needed, count_interactions};
@@ -95,6 +96,16 @@ pub enum LinearMethod {
     Cg,
     /// Conjugate gradients without a stored tangent.
     MatrixFree,
+    /// GMRES.
+    Gmres,
+    /// GMRES without a stored tangent.
+    MatrixFreeGmres,
+}
+
+impl LinearMethod {
+    fn is_matrix_free(self) -> bool {
+        matches!(self, LinearMethod::MatrixFree | LinearMethod::MatrixFreeGmres)
+    }
 }
 
 /// Everything a plan is made from.
@@ -172,7 +183,7 @@ impl Plan {
         let families = input.families;
         // Points share an entry of the tangent over so many bonds.
         let reach = families.map_or(1, Families::reach);
-        let method = families::method(families, scene.solver.linear);
+        let method = families::method(families, scene);
         let stored = if method.is_some() { 1 } else { reach };
         let factor = estimate_factor(&sides, layers * stored as f64, dimension);
         let blocks = blocks(body, &interactions, stored);
@@ -185,11 +196,11 @@ impl Plan {
             memory_limit: input.available_memory.map_or(f64::INFINITY, |m| MEMORY_SHARE * m as f64),
         };
         let (linear, linear_reason) =
-            method.unwrap_or_else(|| choose(scene.solver.linear, factor, circumstances));
+            method.unwrap_or_else(|| choose(scene, factor, circumstances));
         let memory = memory(body, &interactions, blocks, linear, factor, families);
         let horizons = sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / layers;
         let jacobi = scene.solver.preconditioner == PreconditionerChoice::BlockJacobi;
-        let horizons = (jacobi || linear == LinearMethod::MatrixFree).then_some(horizons);
+        let horizons = (jacobi || linear.is_matrix_free()).then_some(horizons);
         let time = match families {
             None => {
                 TimeEstimate::new(&interactions, (body, blocks), linear, factor, horizons, threads)
@@ -260,16 +271,23 @@ fn typical_spacing(body: &Body) -> f64 {
 
 /// The scene's method, or what `auto` will take if the estimates hold, and why.
 fn choose(
-    choice: LinearChoice,
+    scene: &Scene,
     factor: FactorEstimate,
     circumstances: Circumstances,
 ) -> (LinearMethod, String) {
     let asked = |method| (method, "the scene says so".to_string());
-    match choice {
+    let products_only = scene.solver.products != Products::Exact;
+    match scene.solver.linear {
         LinearChoice::Cholesky | LinearChoice::Ldlt => asked(LinearMethod::Cholesky),
         LinearChoice::Lu => asked(LinearMethod::Lu),
         LinearChoice::ConjugateGradients => asked(LinearMethod::Cg),
         LinearChoice::MatrixFree => asked(LinearMethod::MatrixFree),
+        LinearChoice::Gmres if products_only => asked(LinearMethod::MatrixFreeGmres),
+        LinearChoice::Gmres => asked(LinearMethod::Gmres),
+        LinearChoice::Auto if products_only => {
+            let reason = "products by finite differences are not symmetric";
+            (LinearMethod::MatrixFreeGmres, reason.to_string())
+        }
         LinearChoice::Auto => {
             let Circumstances { dimension, unknowns, .. } = circumstances;
             let may_be_cheap = dimension == 2 || unknowns <= AUTO_UNKNOWNS_3D;
@@ -316,22 +334,25 @@ fn memory(
     if let Some(families) = families {
         items.extend(families.memory(n, d, bonds));
     }
-    match (linear, families) {
-        (LinearMethod::MatrixFree, Some(_)) => {
-            items.push(("springs like the tangent", values + columns));
-        }
-        (LinearMethod::MatrixFree, None) => items.push(("tangent, upper blocks", columns)),
+    match (linear.is_matrix_free(), families) {
+        (true, Some(_)) => items.push(("springs like the tangent", values + columns)),
+        (true, None) => items.push(("tangent, upper blocks", columns)),
         _ => items.push(("tangent, upper blocks", values + columns)),
     }
     match linear {
-        LinearMethod::MatrixFree
-            if families.is_some() && families::is_factorised(factor, blocks) =>
+        _ if linear.is_matrix_free()
+            && families.is_some()
+            && families::is_factorised(factor, blocks) =>
         {
             items.push(("their free components", 2.0 * values));
             items.push(("their factor", factor.entries * 8.0 * CHOLESKY_OVERHEAD));
         }
         LinearMethod::Cg | LinearMethod::MatrixFree => {
             items.push(("preconditioner", (n * 8 * PRECONDITIONER_NUMBERS) as f64));
+        }
+        LinearMethod::Gmres | LinearMethod::MatrixFreeGmres => {
+            items.push(("preconditioner", (n * 8 * PRECONDITIONER_NUMBERS) as f64));
+            items.push(("vectors of GMRES", (n * 8 * d * (linear::RESTART + 1)) as f64));
         }
         LinearMethod::Cholesky => {
             items.push(("tangent, free components", 2.0 * values));
@@ -372,8 +393,10 @@ impl TimeEstimate {
         let linear = match linear {
             LinearMethod::Cholesky => factor.flops / FACTOR_FLOPS_PER_SECOND,
             LinearMethod::Lu => LU_WORK * factor.flops / FACTOR_FLOPS_PER_SECOND,
-            LinearMethod::MatrixFree => iterations.unwrap_or(TWO_LEVEL_ITERATIONS) * assembly,
-            LinearMethod::Cg => {
+            LinearMethod::MatrixFree | LinearMethod::MatrixFreeGmres => {
+                iterations.unwrap_or(TWO_LEVEL_ITERATIONS) * assembly
+            }
+            LinearMethod::Cg | LinearMethod::Gmres => {
                 let iterations = iterations.unwrap_or(TWO_LEVEL_ITERATIONS * TWO_LEVEL_TIME);
                 iterations * matrix_bytes(body, blocks).0 / MATRIX_BYTES_PER_SECOND
             }

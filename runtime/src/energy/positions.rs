@@ -7,7 +7,7 @@
 
 use std::sync::Arc;
 
-use super::{EnergyParts, Inversion, NonFinite, TotalEnergy};
+use super::{EnergyParts, Inversion, NonFinite, Products, TotalEnergy};
 use crate::matrix::{BlockMatrix, BlockPattern};
 
 /// An energy that sees of the displacements what positions in double precision hold of them.
@@ -47,6 +47,10 @@ impl TotalEnergy for FromPositions<'_> {
 
     fn bond_tangent(&self, u: &[f64], tangent: &mut BlockMatrix) {
         self.energy.bond_tangent(&self.held(u), tangent);
+    }
+
+    fn products(&self) -> Products {
+        self.energy.products()
     }
 
     fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {

@@ -7,7 +7,8 @@ use super::{
     FACTOR_FLOPS_PER_SECOND, FactorEstimate, InteractionCount, LU_WORK, LinearMethod, TimeEstimate,
     speed,
 };
-use crate::scene::{DiscretisationChoice, LinearChoice};
+use crate::energy::Products;
+use crate::scene::{DiscretisationChoice, LinearChoice, Scene};
 use crate::solve::linear::OPERATIONS_PER_BLOCK;
 
 /// Iterations of conjugate gradients to 1e-10 with the factor of the springs: 16 to 52 for bars.
@@ -43,16 +44,17 @@ impl From<DiscretisationChoice> for Families {
 }
 
 /// The method and its reason where the tangent is not stored.
-pub(super) fn method(
-    families: Option<Families>,
-    choice: LinearChoice,
-) -> Option<(LinearMethod, String)> {
-    let reason = match (families?, choice) {
-        (_, LinearChoice::Auto) => "the tangent reaches further than the bonds",
-        (_, LinearChoice::MatrixFree) => "the scene says so",
+pub(super) fn method(families: Option<Families>, scene: &Scene) -> Option<(LinearMethod, String)> {
+    let exact = scene.solver.products == Products::Exact;
+    let (method, reason) = match (families?, scene.solver.linear) {
+        (_, LinearChoice::Auto) if exact => {
+            (LinearMethod::MatrixFree, "the tangent reaches further than the bonds")
+        }
+        (_, LinearChoice::MatrixFree) => (LinearMethod::MatrixFree, "the scene says so"),
+        (_, LinearChoice::Gmres) => (LinearMethod::MatrixFreeGmres, "the scene says so"),
         _ => return None,
     };
-    Some((LinearMethod::MatrixFree, reason.to_string()))
+    Some((method, reason.to_string()))
 }
 
 /// Whether springs like the tangent are factorised.
@@ -108,11 +110,13 @@ impl Families {
         // The stored tangent is worked out entry by entry, over all that two points share.
         let stored = forces + blocks * product / bonds.max(1.0);
         let (assembly, linear) = match linear {
-            LinearMethod::MatrixFree if is_factorised(factor, blocks) => {
+            method if method.is_matrix_free() && is_factorised(factor, blocks) => {
                 (forces, factorisation + FACTOR_ITERATIONS * product)
             }
-            LinearMethod::MatrixFree => (forces, TWO_LEVEL_ITERATIONS * product),
-            LinearMethod::Cg => (stored, TWO_LEVEL_ITERATIONS * product),
+            LinearMethod::MatrixFree | LinearMethod::MatrixFreeGmres => {
+                (forces, TWO_LEVEL_ITERATIONS * product)
+            }
+            LinearMethod::Cg | LinearMethod::Gmres => (stored, TWO_LEVEL_ITERATIONS * product),
             LinearMethod::Cholesky => (stored, factorisation),
             LinearMethod::Lu => (stored, LU_WORK * factorisation),
         };

@@ -39,6 +39,8 @@ impl fmt::Display for Plan {
             LinearMethod::Lu => "linear system, LU",
             LinearMethod::Cg => "linear system, CG",
             LinearMethod::MatrixFree => "linear system, free CG",
+            LinearMethod::Gmres => "linear system, GMRES",
+            LinearMethod::MatrixFreeGmres => "linear system, free GMRES",
         };
         writeln!(f, "  {:<26}{:>16}", "setup", seconds(self.time.setup))?;
         writeln!(f, "  {:<26}{:>16}   per iteration", "assembly", seconds(self.time.assembly))?;
@@ -50,6 +52,8 @@ impl fmt::Display for Plan {
             LinearMethod::Lu => "LU",
             LinearMethod::Cg => "conjugate gradients",
             LinearMethod::MatrixFree => "conjugate gradients without a stored tangent",
+            LinearMethod::Gmres => "GMRES",
+            LinearMethod::MatrixFreeGmres => "GMRES without a stored tangent",
         };
         writeln!(f, "linear systems by {method}:")?;
         wrapped(&self.linear_reason).iter().try_for_each(|line| writeln!(f, "  {line}"))

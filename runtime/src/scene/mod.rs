@@ -30,6 +30,7 @@ mod tests;
 
 use piola_grammar::{Diagnostic, Span};
 
+use crate::energy::Products;
 use crate::kernel::Level;
 
 pub use expression::Expression;
@@ -435,8 +436,10 @@ pub struct SolverSettings {
     pub newton: NewtonChoice,
     /// How linear systems are solved.
     pub linear: LinearChoice,
-    /// What makes conjugate gradients converge.
+    /// What makes conjugate gradients and GMRES converge.
     pub preconditioner: PreconditionerChoice,
+    /// How products with the tangent come about.
+    pub products: Products,
     /// Where the derivatives come from.
     pub derivatives: DerivativeSource,
     /// Level of the machine code.
@@ -469,7 +472,7 @@ pub enum NewtonChoice {
     Modified,
 }
 
-/// What makes conjugate gradients converge.
+/// What makes conjugate gradients and GMRES converge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PreconditionerChoice {
     /// Two levels where that is possible.
@@ -495,6 +498,8 @@ pub enum LinearChoice {
     ConjugateGradients,
     /// Conjugate gradients without storing the tangent.
     MatrixFree,
+    /// GMRES; the tangent is stored where that of conjugate gradients would be.
+    Gmres,
 }
 
 /// Where psi' and psi'' come from.

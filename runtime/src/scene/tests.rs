@@ -45,6 +45,7 @@ start = "extrapolate"
 newton = "inexact"
 linear = "matrix-free"
 preconditioner = "block-jacobi"
+products = "central-difference"
 derivatives = "hyperdual-coordinates"
 level = "strict"
 form = "textbook"
@@ -134,6 +135,7 @@ fn every_key_is_read() {
         newton: NewtonChoice::Inexact,
         linear: LinearChoice::MatrixFree,
         preconditioner: PreconditionerChoice::BlockJacobi,
+        products: Products::Central,
         derivatives: DerivativeSource::HyperdualCoordinates,
         level: Level::Strict,
         form: FormChoice::Textbook,
@@ -165,6 +167,7 @@ fn every_default_is_filled_in() {
         newton: NewtonChoice::Full,
         linear: LinearChoice::Auto,
         preconditioner: PreconditionerChoice::Auto,
+        products: Products::Exact,
         derivatives: DerivativeSource::Jit,
         level: Level::default(),
         form: FormChoice::Accurate,
@@ -335,6 +338,9 @@ const WRONG: &[(&str, &str, &[&str])] = &[
     ("increments = 40", "increments = 2.5", &["out-of-range at 2.5"]),
     ("increments = 40", "increments = 0", &["out-of-range at 0"]),
     ("tolerance = 1e-9", "tolerance = 1.0", &["out-of-range at 1.0"]),
+    ("\"central-difference\"", "\"forward\"", &["unknown-choice at \"forward\""]),
+    ("\"matrix-free\"", "\"cg\"", &["conflicting-keys at products"]),
+    ("\"matrix-free\"", "\"ldlt\"", &["conflicting-keys at products"]),
     ("\"extrapolate\"", "\"extrapolated\"", &["unknown-choice at \"extrapolated\""]),
     ("frames = 0", "frames = -1", &["out-of-range at -1"]),
     ("[[probe]]", "[probe]", &["wrong-type at [probe]"]),

@@ -4,7 +4,8 @@ use std::fmt::Write;
 
 use super::read::correspondence::{DISCRETISATIONS, INFLUENCES, ORDERS, PLANES, STABILISATIONS};
 use super::read::{
-    DERIVATIVES, FORMS, LEVELS, LINEAR, NEWTON, NODES, PRECONDITIONERS, STARTS, STRAINS, WEIGHTS,
+    DERIVATIVES, FORMS, LEVELS, LINEAR, NEWTON, NODES, PRECONDITIONERS, PRODUCTS, STARTS, STRAINS,
+    WEIGHTS,
 };
 use super::{
     BodyShape, CorrespondenceSettings, DiscretisationChoice, Horizon, HorizonExtent,
@@ -44,6 +45,7 @@ impl Scene {
         pair(&mut out, "newton", word(NEWTON, solver.newton));
         pair(&mut out, "linear", word(LINEAR, solver.linear));
         pair(&mut out, "preconditioner", word(PRECONDITIONERS, solver.preconditioner));
+        pair(&mut out, "products", word(PRODUCTS, solver.products));
         pair(&mut out, "derivatives", word(DERIVATIVES, solver.derivatives));
         pair(&mut out, "level", word(LEVELS, solver.level));
         pair(&mut out, "form", word(FORMS, solver.form));
@@ -203,7 +205,7 @@ fn quantity(quantity: &Quantity) -> String {
 }
 
 /// The word of a choice; every value of a choice has one.
-fn word<T: PartialEq>(choices: &[(&str, T)], value: T) -> String {
+pub(super) fn word<T: PartialEq>(choices: &[(&str, T)], value: T) -> String {
     choices.iter().find(|(_, v)| *v == value).map_or(String::new(), |(word, _)| string(word))
 }
 

@@ -4,9 +4,11 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::run::{SceneDrive, check_held, failed, settings, strained, sum_over};
+use super::run::{SceneDrive, check_held, differences, failed, settings, strained, sum_over};
 use super::{Case, CaseError};
-use crate::energy::{Argument, EnergyParts, FromPositions, Inversion, NonFinite, TotalEnergy};
+use crate::energy::{
+    Argument, EnergyParts, FromPositions, Inversion, NonFinite, Products, TotalEnergy,
+};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::scene::boundary::BoundaryConditions;
@@ -40,7 +42,7 @@ pub struct Equilibrium {
     pub steps: usize,
     /// Iterations of Newton's method in all of them.
     pub iterations: usize,
-    /// Iterations of conjugate gradients in all of them.
+    /// Iterations of iterative methods in all of them.
     pub linear_iterations: usize,
     /// How often an increment was halved.
     pub cut_backs: usize,
@@ -98,7 +100,10 @@ pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
             .collect();
         ControlFlow::Continue(())
     };
-    let watched = Watched { energy: strained(case, energy.total(), &rounded), start, limit };
+    let strained = strained(case, energy.total(), &rounded);
+    let differences = differences(case, strained);
+    let energy = differences.as_ref().map_or(strained, |energy| energy as &dyn TotalEnergy);
+    let watched = Watched { energy, start, limit };
     let result = run_steps(&watched, &drive, &settings(&case.scene), &mut observer);
     match result {
         Ok(outcome) => Ok(match late {
@@ -165,6 +170,10 @@ impl TotalEnergy for Watched<'_> {
 
     fn bond_tangent(&self, u: &[f64], tangent: &mut BlockMatrix) {
         self.energy.bond_tangent(u, tangent);
+    }
+
+    fn products(&self) -> Products {
+        self.energy.products()
     }
 
     fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {

@@ -5,7 +5,7 @@ use std::sync::Mutex;
 
 use super::{Case, CaseError, ModelledEnergy};
 use crate::assembly::{Inverted, Report};
-use crate::energy::{FromPositions, TotalEnergy};
+use crate::energy::{FiniteDifferences, FromPositions, Products, TotalEnergy};
 use crate::output::picture::{NamedPoints, Picture};
 use crate::output::pvd::FrameSeries;
 use crate::output::summary::{
@@ -20,7 +20,7 @@ use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
 use crate::scene::selection::Selection;
 use crate::scene::{LinearChoice, NewtonChoice, PreconditionerChoice, Scene, Start, StrainSource};
 use crate::solve::constraint::Constraints;
-use crate::solve::linear::{self, LinearMethod, LinearOptions};
+use crate::solve::linear::{self, BLOCK_JACOBI, LinearMethod, LinearOptions};
 use crate::solve::newton::{NewtonFailure, NewtonSettings, NewtonVariant};
 use crate::solve::rigid_modes::check_rigid_motions;
 use crate::solve::steps::{
@@ -99,7 +99,9 @@ pub fn run(
     let points = Points::of(&case.body);
     let mut recorder = Recorder::new(case, &energy, &selection, folder, &points, clock)?;
     let rounded = FromPositions::new(energy.total(), case.body.positions());
-    let whole = strained(case, energy.total(), &rounded);
+    let strained = strained(case, energy.total(), &rounded);
+    let differences = differences(case, strained);
+    let whole = differences.as_ref().map_or(strained, |energy| energy as &dyn TotalEnergy);
     let result = run_steps(whole, &drive, &settings(&case.scene), &mut |record, state| {
         observer(record);
         recorder.record(record, state)
@@ -140,6 +142,15 @@ pub(super) fn strained<'a>(
     }
 }
 
+/// The energy with products by differences of its forces, where the scene says so.
+pub(super) fn differences<'a>(
+    case: &Case,
+    energy: &'a dyn TotalEnergy,
+) -> Option<FiniteDifferences<'a>> {
+    let products = case.scene.solver.products;
+    (products != Products::Exact).then(|| FiniteDifferences::new(energy, products))
+}
+
 /// The sum over some points of a force per point, `n x d`.
 pub(super) fn sum_over(points: &[usize], forces: &[f64], d: usize) -> Vec<f64> {
     let mut sum = vec![0.0; d];
@@ -161,6 +172,7 @@ pub(super) fn settings(scene: &Scene) -> StepSettings {
         LinearChoice::Lu => LinearMethod::Lu,
         LinearChoice::ConjugateGradients => LinearMethod::Cg,
         LinearChoice::MatrixFree => LinearMethod::MatrixFree,
+        LinearChoice::Gmres => LinearMethod::Gmres,
     };
     let preconditioner = match solver.preconditioner {
         PreconditionerChoice::Auto => linear::PreconditionerChoice::Auto,
@@ -239,7 +251,8 @@ impl Drive for SceneDrive<'_> {
 fn idle_choices(scene: &Scene, outcome: &steps::Outcome) -> Vec<String> {
     let mut found = Vec::new();
     let method = outcome.linear.method;
-    let iterates = matches!(method, LinearMethod::Cg | LinearMethod::MatrixFree);
+    let iterates =
+        matches!(method, LinearMethod::Cg | LinearMethod::MatrixFree | LinearMethod::Gmres);
     let solver = &scene.solver;
     if solver.newton == NewtonChoice::Inexact && !iterates {
         let name = method.name();
@@ -247,7 +260,9 @@ fn idle_choices(scene: &Scene, outcome: &steps::Outcome) -> Vec<String> {
             "newton = \"inexact\" makes no difference with {name}: its solutions are exact"
         ));
     }
-    if solver.preconditioner == PreconditionerChoice::TwoLevel && method == LinearMethod::MatrixFree
+    if solver.preconditioner == PreconditionerChoice::TwoLevel
+        && !outcome.linear.stores_matrix
+        && outcome.linear.preconditioner.as_deref() == Some(BLOCK_JACOBI)
     {
         found.push(
             "preconditioner = \"two-level\" needs a stored tangent: block Jacobi was used"

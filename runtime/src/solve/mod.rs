@@ -22,7 +22,7 @@ pub mod newton;
 mod newton_outcome;
 pub mod rigid_modes;
 pub mod steps;
-mod vector;
+pub(crate) mod vector;
 
 pub use clock::{Counters, PhaseTimes};
 

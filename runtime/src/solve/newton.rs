@@ -102,23 +102,12 @@ impl<'a> Newton<'a> {
         settings: NewtonSettings,
         linear: LinearOptions,
     ) -> Result<Newton<'a>, LinearError> {
-        let positions = energy.positions();
-        let without = matches!(linear.method, LinearMethod::Auto | LinearMethod::MatrixFree);
-        let linear = match energy.bond_pattern() {
-            Some(pattern) if without => {
-                let reason = match linear.method {
-                    LinearMethod::Auto => "the tangent reaches further than the bonds",
-                    _ => "the scene says so",
-                };
-                LinearSolver::without_matrix(pattern, positions, constraints, linear, reason)?
-            }
-            _ => LinearSolver::new(energy.pattern(), positions, constraints, linear)?,
-        };
+        let linear = LinearSolver::of_energy(energy, constraints, linear)?;
         Ok(Newton {
             energy,
             constraints: constraints.clone(),
             settings,
-            tangent: HeldTangent::new(energy, linear.method() != LinearMethod::MatrixFree),
+            tangent: HeldTangent::new(energy, linear.stores_matrix()),
             linear,
             rounding: Cell::new(None),
             forcing: Forcing::new(settings.variant, settings.tolerance),
@@ -319,7 +308,8 @@ impl<'a> Newton<'a> {
         let mut direction = vec![0.0; minus_residual.len()];
         let (residual, force) = (self.residual_norm(loads), self.force(loads));
         let tolerance = self.forcing.next(residual, force, self.rounding());
-        self.linear.set_tolerance(tolerance);
+        // No more exactly than products are.
+        self.linear.set_tolerance(tolerance.max(self.energy.products().error()));
         let (linear, tangent) = (&mut self.linear, self.tangent.tangent(self.energy));
         let factorized = std::mem::replace(&mut self.factorized, true);
         self.counters.linear_solves += 1;

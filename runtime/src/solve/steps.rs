@@ -134,6 +134,8 @@ pub struct LinearSummary {
     pub method: LinearMethod,
     /// Why, a sentence without its full stop.
     pub reason: String,
+    /// Whether it worked on a stored tangent.
+    pub stores_matrix: bool,
     /// The preconditioner in words, where one was made.
     pub preconditioner: Option<String>,
     /// Iterations of all systems that belong to converged steps.
@@ -441,6 +443,7 @@ impl<'a> Run<'a> {
             linear: LinearSummary {
                 method: linear.method(),
                 reason: linear.choice().reason.clone(),
+                stores_matrix: linear.stores_matrix(),
                 preconditioner: linear.preconditioner(),
                 iterations: systems.map(|system| system.iterations).sum(),
             },

@@ -3,9 +3,12 @@
 mod checkerboard;
 mod common;
 mod consistency;
+mod differences;
 mod exactness;
 mod mechanics;
 mod reference;
 mod refusals;
+#[path = "../shared/differences.rs"]
+mod shared;
 mod traction;
 mod traction_bar;

@@ -2,11 +2,14 @@
 
 mod common;
 mod consistency;
+mod differences;
 mod extremes;
 mod extremes_solved;
 mod lattice_counts;
 mod matrix_free;
 mod moduli;
 mod refusals;
+#[path = "../shared/differences.rs"]
+mod shared;
 mod small_clouds;
 mod thin;

@@ -4,8 +4,11 @@
 #[allow(dead_code)]
 #[path = "../correspondence/common.rs"]
 mod common;
+mod differences;
 mod mechanics;
 mod reference;
+#[path = "../shared/differences.rs"]
+mod shared;
 
 use std::sync::Arc;
 

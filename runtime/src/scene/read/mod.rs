@@ -12,6 +12,8 @@ use super::overrides;
 use super::reader::{Field, Reader, Schema, Table};
 use super::source::Sources;
 use super::tree::{self, Kind, Node};
+use super::write::word;
+use crate::energy::Products;
 use crate::kernel::Level;
 
 use super::{
@@ -49,6 +51,7 @@ static SOLVER: Schema = Schema {
         ("newton", "\"full\""),
         ("linear", "\"auto\""),
         ("preconditioner", "\"auto\""),
+        ("products", "\"exact\""),
         ("derivatives", "\"jit\""),
         ("level", "\"fast\""),
         ("form", "\"accurate\""),
@@ -76,6 +79,7 @@ pub(super) const LINEAR: &[(&str, LinearChoice)] = &[
     ("lu", LinearChoice::Lu),
     ("cg", LinearChoice::ConjugateGradients),
     ("matrix-free", LinearChoice::MatrixFree),
+    ("gmres", LinearChoice::Gmres),
 ];
 pub(super) const NEWTON: &[(&str, NewtonChoice)] = &[
     ("full", NewtonChoice::Full),
@@ -86,6 +90,11 @@ pub(super) const PRECONDITIONERS: &[(&str, PreconditionerChoice)] = &[
     ("auto", PreconditionerChoice::Auto),
     ("block-jacobi", PreconditionerChoice::BlockJacobi),
     ("two-level", PreconditionerChoice::TwoLevel),
+];
+pub(super) const PRODUCTS: &[(&str, Products)] = &[
+    ("exact", Products::Exact),
+    ("finite-difference", Products::OneSided),
+    ("central-difference", Products::Central),
 ];
 pub(super) const DERIVATIVES: &[(&str, DerivativeSource)] = &[
     ("jit", DerivativeSource::Jit),
@@ -325,6 +334,11 @@ impl Reader {
         let preconditioner = self.or(table, "preconditioner", PRECONDITIONERS[0].1, |r, field| {
             r.choice(field, PRECONDITIONERS)
         });
+        let products =
+            self.or(table, "products", PRODUCTS[0].1, |r, field| r.choice(field, PRODUCTS));
+        if let (Some(linear), Some(products)) = (linear, products) {
+            self.fits_products(table, linear, products)?;
+        }
         let derivatives = self
             .or(table, "derivatives", DERIVATIVES[0].1, |r, field| r.choice(field, DERIVATIVES));
         let level = self.or(table, "level", Level::default(), |r, field| r.choice(field, LEVELS));
@@ -337,12 +351,35 @@ impl Reader {
             newton: newton?,
             linear: linear?,
             preconditioner: preconditioner?,
+            products: products?,
             derivatives: derivatives?,
             level: level?,
             form: form?,
             strain: strain?,
             max_iterations: max_iterations?,
         })
+    }
+
+    /// Products by differences of forces serve methods that store no tangent.
+    fn fits_products(
+        &mut self,
+        table: Option<&Table<'_>>,
+        linear: LinearChoice,
+        products: Products,
+    ) -> Option<()> {
+        let without =
+            matches!(linear, LinearChoice::Auto | LinearChoice::MatrixFree | LinearChoice::Gmres);
+        let entry = table.and_then(|table| table.get("products"));
+        let Some(entry) = entry.filter(|_| products != Products::Exact && !without) else {
+            return Some(());
+        };
+        let (linear, products) = (word(LINEAR, linear), word(PRODUCTS, products));
+        let message =
+            format!("linear = {linear} needs the tangent, products = {products} has none");
+        let help = "write linear = \"gmres\", or \"matrix-free\" for conjugate gradients";
+        let diagnostic = Diagnostic::error("conflicting-keys", entry.key_span, message);
+        self.error(diagnostic.help(help));
+        None
     }
 
     fn output(&mut self, table: Option<&Table<'_>>) -> Option<OutputSettings> {

@@ -29,7 +29,9 @@ impl LinearSolver {
     ) -> Result<Option<f64>, LinearError> {
         let tangent = tangent.into();
         let inverse = match self.factor {
-            Factor::None | Factor::Nothing | Factor::MinimumResidual => return Ok(None),
+            Factor::None | Factor::Nothing | Factor::MinimumResidual | Factor::Gmres => {
+                return Ok(None);
+            }
             Factor::Ldlt(inertia) if inertia.zero > 0 => return Ok(Some(f64::INFINITY)),
             Factor::Cholesky | Factor::Ldlt(_) | Factor::Lu => Some(self.inverse_norm()?),
             Factor::Cg => self.inverse_norm_by_probe(tangent)?,

@@ -1,8 +1,9 @@
 //! The steps of the methods, and who takes over where one fails.
 
-use super::conjugate_gradients::{CgLimits, CgOutcome, CgReport};
+use super::conjugate_gradients::{CgLimits, CgOutcome};
 use super::direct::{LuFactors, SymmetricFactors};
 use super::extraction::FreeTriangle;
+use super::gmres::{GmresOutcome, GmresReport};
 use super::iterative::{Iterative, Prepared, lost};
 use super::{Choice, Factor, LinearError, LinearMethod, LinearSolver, Tangent};
 use crate::matrix::BlockMatrix;
@@ -22,9 +23,12 @@ const INACCURATE: f64 = 1e-10;
 /// solved by minimum residuals, without the number of its negative eigenvalues.
 const FALLBACK_OPERATIONS: f64 = 1e12;
 
-/// Indefinite systems converge slowly; Newton's method makes good use of a rough solution.
+/// Indefinite systems converge slowly.
 const MINIMUM_RESIDUAL_ITERATIONS: usize = 20_000;
-const MINIMUM_RESIDUAL_ENOUGH: f64 = 1e-3;
+
+/// Newton's method makes good use of a solution by minimum residuals or GMRES with no more than this
+/// residual, relative to the right-hand side.
+const ROUGH_ENOUGH: f64 = 1e-3;
 
 pub(super) const CHOLESKY_FAILED: &str = "Cholesky met a pivot that is not positive";
 
@@ -114,15 +118,14 @@ impl LinearSolver {
     /// tangent is not positive definite.
     pub(super) fn prepare_iterations(&mut self, tangent: Tangent<'_>) -> Result<(), LinearError> {
         match self.iterative(tangent)?.prepare(tangent) {
-            Prepared::Ready => {
-                self.factor = Factor::Cg;
-                Ok(())
-            }
+            Prepared::Ready if self.method() == LinearMethod::Gmres => self.factor = Factor::Gmres,
+            Prepared::Ready => self.factor = Factor::Cg,
             Prepared::Indefinite(why) => {
                 self.notes.push(why.to_string());
-                self.prepare_indefinite(tangent)
+                self.prepare_indefinite(tangent)?;
             }
         }
+        Ok(())
     }
 
     fn iterative(&mut self, tangent: Tangent<'_>) -> Result<&mut Iterative, LinearError> {
@@ -135,9 +138,12 @@ impl LinearSolver {
         Ok(self.iterative.as_mut().expect("made in the lines above"))
     }
 
-    /// LDLT, which counts negative eigenvalues, or minimum residuals where that is too large.
+    /// LDLT, which counts negative eigenvalues, or minimum residuals where that is too large. GMRES
+    /// stay, with another preconditioner.
     fn prepare_indefinite(&mut self, tangent: Tangent<'_>) -> Result<(), LinearError> {
+        let stays = self.method() == LinearMethod::Gmres;
         if let Tangent::Stored(matrix) = tangent
+            && !stays
             && self.may_factorize()?
         {
             return self.factorize_ldlt(matrix);
@@ -145,7 +151,7 @@ impl LinearSolver {
         if !self.iterative(tangent)?.prepare_indefinite(tangent) {
             return Err(self.singular());
         }
-        self.factor = Factor::MinimumResidual;
+        self.factor = if stays { Factor::Gmres } else { Factor::MinimumResidual };
         Ok(())
     }
 
@@ -172,24 +178,34 @@ impl LinearSolver {
                 self.notes.push("conjugate gradients met negative curvature".to_string());
                 self.prepare_indefinite(tangent)?;
             }
-            (_, lost) => self.factorize_instead(tangent, &report, lost)?,
+            (_, lost) => {
+                let because = match lost {
+                    Some(residual) => {
+                        format!("conjugate gradients lost the residual ({residual:.1e})")
+                    }
+                    None => {
+                        format!(
+                            "conjugate gradients did not converge in {} iterations",
+                            report.iterations
+                        )
+                    }
+                };
+                let residual = lost.unwrap_or(f64::INFINITY);
+                self.factorize_instead(tangent, because, report.iterations, residual)?;
+            }
         }
         solution.fill(0.0);
         Ok((report.iterations, f64::INFINITY))
     }
 
-    /// Cholesky where conjugate gradients failed; `auto` stays with it.
+    /// Cholesky where iterating failed, for a reason; `auto` stays with it.
     fn factorize_instead(
         &mut self,
         tangent: Tangent<'_>,
-        report: &CgReport,
-        lost: Option<f64>,
+        because: String,
+        iterations: usize,
+        residual: f64,
     ) -> Result<(), LinearError> {
-        let iterations = report.iterations;
-        let because = match lost {
-            Some(residual) => format!("conjugate gradients lost the residual ({residual:.1e})"),
-            None => format!("conjugate gradients did not converge in {iterations} iterations"),
-        };
         match tangent {
             Tangent::Stored(matrix) => {
                 self.notes.push(because.clone());
@@ -200,10 +216,33 @@ impl LinearSolver {
                 self.factorize_cholesky(matrix)
             }
             Tangent::MatrixFree { .. } | Tangent::Bonds { .. } => {
-                let residual = lost.unwrap_or(f64::INFINITY);
                 Err(LinearError::NotConverged { because, iterations, residual })
             }
         }
+    }
+
+    /// Iterations and relative residual; where GMRES failed another method is prepared.
+    pub(super) fn solve_gmres(
+        &mut self,
+        tangent: Tangent<'_>,
+        rhs: &[f64],
+        solution: &mut [f64],
+    ) -> Result<(usize, f64), LinearError> {
+        let limits = self.limits;
+        let GmresReport { outcome, iterations, residual } =
+            self.iterative(tangent)?.gmres(tangent, rhs, limits, solution);
+        if residual <= ROUGH_ENOUGH.max(2.0 * limits.tolerance) {
+            return Ok((iterations, residual));
+        }
+        let because = match outcome {
+            GmresOutcome::NotConverged => {
+                format!("GMRES did not converge in {iterations} iterations")
+            }
+            _ => format!("GMRES stagnated at a residual of {residual:.1e}"),
+        };
+        self.factorize_instead(tangent, because, iterations, residual)?;
+        solution.fill(0.0);
+        Ok((iterations, f64::INFINITY))
     }
 
     /// Iterations and relative residual.
@@ -217,7 +256,7 @@ impl LinearSolver {
         let (iterations, residual) =
             self.iterative(tangent)?.minimum_residual(tangent, rhs, limits, solution);
         // Not a number fails, too.
-        if residual <= MINIMUM_RESIDUAL_ENOUGH {
+        if residual <= ROUGH_ENOUGH {
             return Ok((iterations, residual));
         }
         let because = format!("minimum residuals, since {}", self.notes.join(", "));

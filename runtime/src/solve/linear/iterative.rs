@@ -3,6 +3,7 @@
 use super::LinearError;
 use super::conjugate_gradients::{CgLimits, CgOutcome, CgReport, conjugate_gradients};
 use super::factor_of_bonds::FactorOfBonds;
+use super::gmres::{GmresReport, RESTART, gmres};
 use super::minimum_residual::minimum_residual;
 use super::operator::{MatrixFree, Operator, StoredMatrix, slabs_of};
 use super::preconditioner::{BlockJacobi, Blocks, Preconditioner};
@@ -12,6 +13,9 @@ use super::two_level::{CoarseSystem, TwoLevel};
 use crate::interaction::Slabs;
 use crate::matrix::BlockPattern;
 use crate::solve::constraint::Constraints;
+
+/// The preconditioner of diagonal blocks alone, in words.
+pub const BLOCK_JACOBI: &str = "block Jacobi";
 
 /// How a matrix turned out while its preconditioner was made.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,7 +37,7 @@ pub(super) struct Iterative {
     has_factor: bool,
     coarse: Option<CoarseSystem>,
     jacobi: Option<BlockJacobi>,
-    /// Block Jacobi with absolute values, for indefinite matrices.
+    /// Block Jacobi with absolute values, where the matrix turned out to be indefinite.
     absolute: Option<BlockJacobi>,
 }
 
@@ -83,12 +87,13 @@ impl Iterative {
                     "block Jacobi and a coarse system of {unknowns} unknowns on {pieces} pieces"
                 )
             }
-            None => "block Jacobi".to_string(),
+            None => BLOCK_JACOBI.to_string(),
         }
     }
 
     /// Makes the preconditioner of a matrix.
     pub(super) fn prepare(&mut self, tangent: Tangent<'_>) -> Prepared {
+        self.absolute = None;
         if let (Some(factor), Tangent::Bonds { bonds, .. }) = (&mut self.factor, tangent) {
             self.has_factor = factor.update(bonds);
             if self.has_factor {
@@ -139,18 +144,7 @@ impl Iterative {
         x: &mut [f64],
     ) -> CgReport {
         let rhs = self.free(rhs);
-        let mut two_level;
-        let preconditioner: &mut dyn Preconditioner =
-            match (&mut self.factor, &mut self.coarse, &mut self.jacobi) {
-                (Some(factor), ..) if self.has_factor => factor,
-                (_, Some(coarse), Some(jacobi)) => {
-                    two_level = TwoLevel { jacobi, coarse };
-                    &mut two_level
-                }
-                (.., jacobi) => jacobi.as_mut().expect("prepared"),
-            };
-        let is_free = &self.is_free;
-        with_operator(tangent, &self.slabs, |operator| {
+        self.preconditioned(tangent, |operator, preconditioner, is_free| {
             conjugate_gradients(operator, preconditioner, is_free, &rhs, limits, x)
         })
     }
@@ -165,14 +159,44 @@ impl Iterative {
         x: &mut [f64],
     ) -> (usize, f64) {
         let rhs = self.free(rhs);
-        let preconditioner: &mut dyn Preconditioner = match &mut self.factor {
-            Some(factor) if self.has_factor => factor,
-            _ => self.absolute.as_mut().expect("prepared"),
-        };
-        let is_free = &self.is_free;
-        with_operator(tangent, &self.slabs, |operator| {
+        self.preconditioned(tangent, |operator, preconditioner, is_free| {
             minimum_residual(operator, preconditioner, is_free, &rhs, limits, x)
         })
+    }
+
+    /// GMRES with the matrix last prepared, as indefinite or not.
+    pub(super) fn gmres(
+        &mut self,
+        tangent: Tangent<'_>,
+        rhs: &[f64],
+        limits: CgLimits,
+        x: &mut [f64],
+    ) -> GmresReport {
+        let rhs = self.free(rhs);
+        self.preconditioned(tangent, |operator, preconditioner, is_free| {
+            gmres(operator, preconditioner, is_free, &rhs, (RESTART, limits), x)
+        })
+    }
+
+    /// Works with the tangent and the preconditioner last made.
+    fn preconditioned<T>(
+        &mut self,
+        tangent: Tangent<'_>,
+        work: impl FnOnce(&dyn Operator, &mut dyn Preconditioner, &[bool]) -> T,
+    ) -> T {
+        let mut two_level;
+        let preconditioner: &mut dyn Preconditioner =
+            match (&mut self.factor, &mut self.absolute, &mut self.coarse, &mut self.jacobi) {
+                (Some(factor), ..) if self.has_factor => factor,
+                (_, Some(absolute), ..) => absolute,
+                (.., Some(coarse), Some(jacobi)) => {
+                    two_level = TwoLevel { jacobi, coarse };
+                    &mut two_level
+                }
+                (.., jacobi) => jacobi.as_mut().expect("prepared"),
+            };
+        let is_free = &self.is_free;
+        with_operator(tangent, &self.slabs, |operator| work(operator, preconditioner, is_free))
     }
 
     fn free(&self, x: &[f64]) -> Vec<f64> {

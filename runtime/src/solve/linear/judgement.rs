@@ -3,7 +3,7 @@
 //! Factorisations prove it. Conjugate gradients prove the contrary where they meet negative
 //! curvature; where they do not, all that is known is what they have seen: the Ritz values lie
 //! within the spectrum, and the smallest comes close to its lower end when the solution for a
-//! right-hand side that favours no direction converges.
+//! right-hand side that favours no direction converges. GMRES see no signs at all.
 
 use super::conjugate_gradients::{CgLimits, CgOutcome};
 use super::fallback::CHOLESKY_FAILED;
@@ -39,6 +39,10 @@ impl LinearSolver {
                 }
                 _ => (None, None, "conjugate gradients: nothing solved".to_string()),
             },
+            Factor::Gmres => {
+                let unknown = ["GMRES: signs unknown".to_string()];
+                (None, None, [&unknown[..], &self.notes].concat().join(", "))
+            }
             Factor::MinimumResidual => (Some(false), None, self.notes.join(", ")),
             Factor::None => (None, None, "no factorisation".to_string()),
         };
@@ -46,7 +50,8 @@ impl LinearSolver {
     }
 
     /// Judges a tangent: by Cholesky and then the inertia of LDLT, or, where the solver iterates, by
-    /// the curvatures that conjugate gradients see on the way to the solution for a probe.
+    /// the curvatures that conjugate gradients see on the way to the solution for a probe. With GMRES
+    /// the answer is that nothing is known.
     ///
     /// Factors and preconditioner serve the next [`LinearSolver::solve_factorized`] as well.
     pub fn judge<'a>(

@@ -11,6 +11,7 @@
 //! | LU | the last resort | nothing |
 //! | conjugate gradients | large in three dimensions | LDLT at negative curvature, minimum residuals where that would be too large, Cholesky without convergence |
 //! | the same, matrix-free | too large to be stored, or an energy that reaches beyond its bonds | minimum residuals at negative curvature |
+//! | GMRES | products that are not symmetric; sees no signs | Cholesky without convergence, where the tangent is stored |
 //!
 //! Every fallback is noted in the [`LinearReport`]. The bits do not depend on the number of
 //! threads.
@@ -24,6 +25,7 @@ mod estimate;
 mod extraction;
 mod factor_of_bonds;
 mod fallback;
+mod gmres;
 mod iterative;
 mod judgement;
 mod lanczos;
@@ -37,6 +39,7 @@ mod two_level;
 use std::sync::Arc;
 
 use super::constraint::Constraints;
+use crate::energy::{Products, TotalEnergy};
 use crate::matrix::BlockPattern;
 use conjugate_gradients::CgLimits;
 use direct::{Inertia, LuFactors, SymmetricFactors};
@@ -49,6 +52,8 @@ pub use choice::{
 };
 pub use estimate::{FactorizationEstimate, estimate_factorization};
 pub(crate) use factor_of_bonds::OPERATIONS_PER_BLOCK;
+pub use gmres::RESTART;
+pub use iterative::BLOCK_JACOBI;
 pub use lanczos::RitzValues;
 pub use report::{
     Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport, PreconditionerChoice,
@@ -66,6 +71,7 @@ enum Factor {
     Lu,
     Cg,
     MinimumResidual,
+    Gmres,
 }
 
 /// Solves systems with one pattern and one set of free degrees of freedom.
@@ -76,6 +82,7 @@ pub struct LinearSolver {
     options: LinearOptions,
     /// `Auto` decided.
     choice: Choice,
+    stores_matrix: bool,
     limits: CgLimits,
     /// The cost of a factorisation, once it is asked for.
     estimate: Option<FactorizationEstimate>,
@@ -107,6 +114,7 @@ impl LinearSolver {
             constraints: constraints.clone(),
             options,
             choice: Choice { method: options.method, reason: "the scene says so".to_string() },
+            stores_matrix: true,
             limits: CgLimits {
                 tolerance: options.cg_tolerance,
                 // Twice the unknowns cover the loss of orthogonality of ill-conditioned systems.
@@ -126,13 +134,15 @@ impl LinearSolver {
         if options.method == LinearMethod::Auto {
             solver.choose()?;
         }
+        solver.stores_matrix = solver.method() != LinearMethod::MatrixFree;
         if !solver.iterates() {
             solver.check_memory()?;
         }
         Ok(solver)
     }
 
-    /// The same without a matrix, for a reason; `pattern` is that of the bonds.
+    /// The same without a matrix, for a reason; `pattern` is that of the bonds. Conjugate gradients,
+    /// unless GMRES are asked for.
     pub fn without_matrix(
         pattern: &Arc<BlockPattern>,
         positions: &[f64],
@@ -140,10 +150,54 @@ impl LinearSolver {
         options: LinearOptions,
         reason: &str,
     ) -> Result<LinearSolver, LinearError> {
-        let options = LinearOptions { method: LinearMethod::MatrixFree, ..options };
+        let method = match options.method {
+            LinearMethod::Gmres => LinearMethod::Gmres,
+            _ => LinearMethod::MatrixFree,
+        };
+        let options = LinearOptions { method, ..options };
         let mut solver = LinearSolver::new(pattern, positions, constraints, options)?;
         solver.choice.reason = reason.to_string();
+        solver.stores_matrix = false;
         Ok(solver)
+    }
+
+    /// The solver for the tangent of an energy: without a matrix where that reaches further than the
+    /// bonds, or where products are all there is of it.
+    ///
+    /// # Errors
+    /// As [`LinearSolver::new`], and a method that needs the matrix where there are products only.
+    pub fn of_energy(
+        energy: &dyn TotalEnergy,
+        constraints: &Constraints,
+        options: LinearOptions,
+    ) -> Result<LinearSolver, LinearError> {
+        let positions = energy.positions();
+        let products_only = energy.products() != Products::Exact;
+        let (method, reason) = match options.method {
+            LinearMethod::Auto if products_only => {
+                (LinearMethod::Gmres, "products by finite differences are not symmetric")
+            }
+            LinearMethod::Auto => (options.method, "the tangent reaches further than the bonds"),
+            method => (method, "the scene says so"),
+        };
+        let may_do_without = matches!(
+            options.method,
+            LinearMethod::Auto | LinearMethod::MatrixFree | LinearMethod::Gmres
+        );
+        let options = LinearOptions { method, ..options };
+        match energy.bond_pattern() {
+            Some(pattern) if may_do_without => {
+                LinearSolver::without_matrix(pattern, positions, constraints, options, reason)
+            }
+            _ if products_only && !may_do_without => {
+                Err(LinearError::ProductsOnly { method: method.name() })
+            }
+            _ if products_only => {
+                let pattern = energy.pattern();
+                LinearSolver::without_matrix(pattern, positions, constraints, options, reason)
+            }
+            _ => LinearSolver::new(energy.pattern(), positions, constraints, options),
+        }
     }
 
     /// `Auto` decides.
@@ -186,12 +240,17 @@ impl LinearSolver {
         self.iterative.as_ref().map(Iterative::preconditioner)
     }
 
-    /// Whether it starts with conjugate gradients.
+    /// Whether it starts with conjugate gradients or GMRES.
     pub fn iterates(&self) -> bool {
-        matches!(self.method(), LinearMethod::Cg | LinearMethod::MatrixFree)
+        matches!(self.method(), LinearMethod::Cg | LinearMethod::MatrixFree | LinearMethod::Gmres)
     }
 
-    /// From now on conjugate gradients stop at this residual relative to the right-hand side.
+    /// Whether it works on a stored tangent.
+    pub fn stores_matrix(&self) -> bool {
+        self.stores_matrix
+    }
+
+    /// From now on iterative methods stop at this residual relative to the right-hand side.
     pub fn set_tolerance(&mut self, tolerance: f64) {
         self.limits.tolerance = tolerance;
     }
@@ -281,6 +340,9 @@ impl LinearSolver {
             (more, residual) = self.solve_minimum_residual(tangent, rhs, solution)?;
             iterations += more;
         }
+        if self.factor == Factor::Gmres {
+            (iterations, residual) = self.solve_gmres(tangent, rhs, solution)?;
+        }
         if let (Factor::Cholesky | Factor::Ldlt(_) | Factor::Lu, Tangent::Stored(matrix)) =
             (self.factor, tangent)
         {
@@ -297,6 +359,7 @@ impl LinearSolver {
                 Factor::Ldlt(_) => LinearMethod::Ldlt,
                 Factor::Lu => LinearMethod::Lu,
                 Factor::MinimumResidual => LinearMethod::MinimumResidual,
+                Factor::Gmres => LinearMethod::Gmres,
                 Factor::Cg | Factor::None | Factor::Nothing => self.method(),
             },
             iterations,

@@ -9,7 +9,7 @@ use crate::energy::TotalEnergy;
 use crate::interaction::Slabs;
 use crate::matrix::{BlockMatrix, BlockPattern};
 
-/// A symmetric matrix that multiplies.
+/// A matrix that multiplies.
 pub(super) trait Operator: Sync {
     /// `y = K x`; both have one entry per degree of freedom.
     fn multiply(&self, x: &[f64], y: &mut [f64]);
@@ -113,7 +113,7 @@ pub(super) struct MatrixFree<'a> {
 
 impl Operator for MatrixFree<'_> {
     fn multiply(&self, x: &[f64], y: &mut [f64]) {
-        // The derivatives were finite when the diagonal was made; if not, conjugate gradients stop at
+        // The derivatives were finite when the preconditioner was made; if not, the methods stop at
         // what is not a number.
         if self.energy.tangent_product(self.u, x, y).is_err() {
             y.fill(f64::NAN);

@@ -19,9 +19,11 @@ pub enum LinearMethod {
     /// Conjugate gradients with a tangent that is never stored: each product visits every
     /// interaction.
     MatrixFree,
-    /// Minimum residuals, the fallback of the two methods before where the tangent is indefinite and
+    /// Minimum residuals, the fallback of conjugate gradients where the tangent is indefinite and
     /// too large to be factorised.
     MinimumResidual,
+    /// Restarted GMRES, on a stored tangent or, where there is none, without.
+    Gmres,
 }
 
 impl LinearMethod {
@@ -35,11 +37,12 @@ impl LinearMethod {
             LinearMethod::Cg => "conjugate gradients",
             LinearMethod::MatrixFree => "matrix-free conjugate gradients",
             LinearMethod::MinimumResidual => "minimum residuals",
+            LinearMethod::Gmres => "GMRES",
         }
     }
 }
 
-/// What makes conjugate gradients converge.
+/// What makes conjugate gradients and GMRES converge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PreconditionerChoice {
     /// Two levels, where the tangent is stored and the body is large enough to be cut into pieces;
@@ -57,9 +60,9 @@ pub enum PreconditionerChoice {
 pub struct LinearOptions {
     /// The method to start with.
     pub method: LinearMethod,
-    /// The preconditioner of conjugate gradients.
+    /// The preconditioner of conjugate gradients and GMRES.
     pub preconditioner: PreconditionerChoice,
-    /// Conjugate gradients stop at this residual relative to the right-hand side (2-norms), unless
+    /// Iterative methods stop at this residual relative to the right-hand side (2-norms), unless
     /// [`set_tolerance`](super::LinearSolver::set_tolerance) says otherwise.
     pub cg_tolerance: f64,
     /// Factors that need more bytes than this are refused; `Auto` stores no matrix that does.
@@ -82,7 +85,7 @@ impl Default for LinearOptions {
 pub struct LinearReport {
     /// The method that gave the solution.
     pub method: LinearMethod,
-    /// Iterations of conjugate gradients and minimum residuals, also when another method had to
+    /// Iterations of conjugate gradients, minimum residuals and GMRES, also when another method had to
     /// finish.
     pub iterations: usize,
     /// What conjugate gradients saw of the spectrum of the preconditioned matrix.
@@ -136,6 +139,15 @@ pub enum LinearError {
         iterations: usize,
         /// 2-norm of the residual over that of the right-hand side.
         residual: f64,
+    },
+    /// The method needs the tangent itself.
+    #[error(
+        "{method} needs a stored tangent, and products by finite differences are all there is: take GMRES or \
+         matrix-free conjugate gradients"
+    )]
+    ProductsOnly {
+        /// The method in prose.
+        method: &'static str,
     },
     /// The machine refused memory for a factorisation.
     #[error("there is not enough memory for the factorisation")]

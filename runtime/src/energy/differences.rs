@@ -1,0 +1,239 @@
+//! Products with the Hessian by differences of forces, as in Jacobian-free Newton-Krylov methods, to
+//! compare with exact ones.
+//!
+//! Central differences are equation (3.73) of partmann2026, one-sided ones take half the forces. The
+//! step there, (3.74), is `cbrt(eps) (|U| + 1)/|w|`: the 1 has a unit, so that the same body in
+//! nanometres gets another one, and 2-norms grow with the number of points. Here a step moves the
+//! point that moves most by a part of the smallest distance `h` of neighbours, which is what forces
+//! change over. With `u` the unit roundoff, differences of order `p` err by `(s/h)^p` since forces
+//! are not linear, and by `u max(|u|, h)/s` since displacements are rounded (maximum norms); both
+//! are the same at
+//!
+//! `s = h (u max(1, |u|/h))^(1/(p+1))`.
+//!
+//! Scaling all lengths, or all forces, changes no digit of what that step is relative to `h`.
+
+use std::sync::{Arc, Mutex};
+
+use super::{EnergyParts, Inversion, NonFinite, Products, TotalEnergy};
+use crate::matrix::{BlockMatrix, BlockPattern};
+
+/// Unit roundoff of f64.
+const ROUNDOFF: f64 = f64::EPSILON / 2.0;
+
+/// An energy whose Hessian is multiplied by differences of its forces.
+///
+/// Energies and forces are the energy's own, and so are the matrices by which products are
+/// preconditioned: its diagonal blocks and the matrix like it.
+pub struct FiniteDifferences<'a> {
+    energy: &'a dyn TotalEnergy,
+    products: Products,
+    /// The smallest distance of neighbours at rest, in m.
+    smallest: f64,
+    /// Displacements and the forces there, for one-sided differences.
+    last: Mutex<Option<(Vec<f64>, Vec<f64>)>>,
+}
+
+impl<'a> FiniteDifferences<'a> {
+    /// `products` says which differences; [`Products::Exact`] leaves products as they are.
+    pub fn new(energy: &'a dyn TotalEnergy, products: Products) -> FiniteDifferences<'a> {
+        let pattern = energy.bond_pattern().unwrap_or_else(|| energy.pattern());
+        let smallest = smallest_distance(pattern, energy.positions());
+        FiniteDifferences { energy, products, smallest, last: Mutex::new(None) }
+    }
+
+    /// How far the point that moves most is moved from displacements `u`, in m.
+    pub fn step(&self, u: &[f64]) -> f64 {
+        let largest = largest(u);
+        let rounding = ROUNDOFF * (largest / self.smallest).max(1.0);
+        self.smallest * self.products.balanced(rounding)
+    }
+
+    fn one_sided(&self, u: &[f64], ahead: &[f64], out: &mut [f64]) -> Result<(), NonFinite> {
+        let held = self.last.lock().unwrap_or_else(|e| e.into_inner()).take();
+        let (at, forces) = match held.filter(|(at, _)| at == u) {
+            Some(held) => held,
+            None => {
+                let mut forces = vec![0.0; u.len()];
+                self.energy.gradient(u, &mut forces)?;
+                (u.to_vec(), forces)
+            }
+        };
+        self.energy.gradient(ahead, out)?;
+        out.iter_mut().zip(&forces).for_each(|(out, forces)| *out -= forces);
+        *self.last.lock().unwrap_or_else(|e| e.into_inner()) = Some((at, forces));
+        Ok(())
+    }
+}
+
+/// The largest entry.
+fn largest(x: &[f64]) -> f64 {
+    x.iter().fold(0.0, |most: f64, x| most.max(x.abs()))
+}
+
+/// The smallest distance of coupled points; 1 where there are none.
+fn smallest_distance(pattern: &BlockPattern, positions: &[f64]) -> f64 {
+    let d = pattern.dimension;
+    let mut smallest = f64::INFINITY;
+    for i in 0..pattern.n_rows() {
+        for &j in &pattern.columns[pattern.row_start[i]..pattern.row_start[i + 1]] {
+            if i != j as usize {
+                let along = |a: usize| positions[i * d + a] - positions[j as usize * d + a];
+                let distance = (1..d).fold(along(0), |sum, a| libm::hypot(sum, along(a))).abs();
+                smallest = smallest.min(distance);
+            }
+        }
+    }
+    if smallest.is_finite() { smallest } else { 1.0 }
+}
+
+impl TotalEnergy for FiniteDifferences<'_> {
+    fn dimension(&self) -> usize {
+        self.energy.dimension()
+    }
+
+    fn positions(&self) -> &[f64] {
+        self.energy.positions()
+    }
+
+    fn pattern(&self) -> &Arc<BlockPattern> {
+        self.energy.pattern()
+    }
+
+    fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
+        self.energy.bond_pattern()
+    }
+
+    fn bond_tangent(&self, u: &[f64], tangent: &mut BlockMatrix) {
+        self.energy.bond_tangent(u, tangent);
+    }
+
+    fn products(&self) -> Products {
+        self.products
+    }
+
+    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
+        self.energy.energy(u)
+    }
+
+    fn gradient(&self, u: &[f64], gradient: &mut [f64]) -> Result<EnergyParts, NonFinite> {
+        self.energy.gradient(u, gradient)
+    }
+
+    fn tangent(
+        &self,
+        u: &[f64],
+        gradient: &mut [f64],
+        tangent: &mut BlockMatrix,
+    ) -> Result<EnergyParts, NonFinite> {
+        self.energy.tangent(u, gradient, tangent)
+    }
+
+    fn tangent_diagonal(
+        &self,
+        u: &[f64],
+        gradient: &mut [f64],
+        diagonal: &mut [f64],
+    ) -> Result<EnergyParts, NonFinite> {
+        self.energy.tangent_diagonal(u, gradient, diagonal)
+    }
+
+    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
+        let size = largest(p);
+        // What is not a number has no size, but makes no finite product either.
+        if size == 0.0 && p.iter().all(|p| *p == 0.0) {
+            product.fill(0.0);
+            return Ok(());
+        }
+        let step = self.step(u);
+        let moved = |way: f64| -> Vec<f64> {
+            u.iter().zip(p).map(|(u, p)| u + way * step * (p / size)).collect()
+        };
+        let factor = match self.products {
+            Products::Exact => return self.energy.tangent_product(u, p, product),
+            Products::OneSided => {
+                self.one_sided(u, &moved(1.0), product)?;
+                size / step
+            }
+            Products::Central => {
+                let mut behind = vec![0.0; u.len()];
+                self.energy.gradient(&moved(1.0), product)?;
+                self.energy.gradient(&moved(-1.0), &mut behind)?;
+                product.iter_mut().zip(&behind).for_each(|(ahead, behind)| *ahead -= behind);
+                size / (2.0 * step)
+            }
+        };
+        product.iter_mut().for_each(|x| *x *= factor);
+        Ok(())
+    }
+
+    fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {
+        self.energy.first_inversion(u, step)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solve::testing::{SpringNetwork, linear, pseudo_random};
+    use crate::solve::vector::norm_of;
+
+    /// The relative error of a product, and the step over the spacing.
+    fn error(products: Products, u: &[f64], p: &[f64], springs: &SpringNetwork) -> (f64, f64) {
+        let differences = FiniteDifferences::new(springs, products);
+        let (mut found, mut exact) = (vec![f64::NAN; p.len()], vec![0.0; p.len()]);
+        differences.tangent_product(u, p, &mut found).unwrap();
+        springs.tangent_product(u, p, &mut exact).unwrap();
+        let error: Vec<f64> = found.iter().zip(&exact).map(|(f, e)| f - e).collect();
+        (norm_of(&error) / norm_of(&exact), differences.step(u))
+    }
+
+    #[test]
+    fn errors_are_those_of_the_order_and_the_size_of_vectors_does_not_matter() {
+        let springs = SpringNetwork::lattice(&[6, 5], 2.0, linear);
+        let n = springs.positions.len();
+        let u: Vec<f64> = pseudo_random(n, 1).iter().map(|x| 0.05 * x).collect();
+        for (products, order) in [(Products::OneSided, 1e-8), (Products::Central, 2e-11)] {
+            for size in [1e-200, 1.0, 1e200] {
+                let p: Vec<f64> = pseudo_random(n, 2).iter().map(|x| size * x).collect();
+                let scaled: Vec<f64> = p.iter().map(|x| x / size).collect();
+                let differences = FiniteDifferences::new(&springs, products);
+                let (mut found, mut exact) = (vec![f64::NAN; n], vec![0.0; n]);
+                differences.tangent_product(&u, &p, &mut found).unwrap();
+                springs.tangent_product(&u, &scaled, &mut exact).unwrap();
+                let error: Vec<f64> = found.iter().zip(&exact).map(|(f, e)| f / size - e).collect();
+                let error = norm_of(&error) / norm_of(&exact);
+                assert!((0.01 * order..10.0 * order).contains(&error), "{products:?} {error:e}");
+            }
+        }
+    }
+
+    #[test]
+    fn steps_balance_both_errors_where_displacements_are_large() {
+        let springs = SpringNetwork::lattice(&[6, 5], 2.0, linear);
+        let n = springs.positions.len();
+        let p = pseudo_random(n, 2);
+        for (products, power) in [(Products::OneSided, 0.5), (Products::Central, 2.0 / 3.0)] {
+            let (_, near) = error(products, &vec![0.5; n], &p, &springs);
+            assert_eq!(near, products.balanced(ROUNDOFF));
+            // A body that has gone a million spacings has lost six digits of its strain.
+            let far: Vec<f64> = vec![1e6; n];
+            let (found, step) = error(products, &far, &p, &springs);
+            let expected = libm::pow(1e6 * ROUNDOFF, power);
+            assert!(step > near && found < 10.0 * expected, "{products:?} {found:e} {expected:e}");
+        }
+    }
+
+    #[test]
+    fn nothing_times_the_hessian_is_nothing() {
+        let springs = SpringNetwork::lattice(&[3, 3], 1.5, linear);
+        let mut product = [f64::NAN; 18];
+        let differences = FiniteDifferences::new(&springs, Products::OneSided);
+        differences.tangent_product(&[0.01; 18], &[0.0; 18], &mut product).unwrap();
+        assert_eq!(product, [0.0; 18]);
+        let mut not_a_number = [0.0; 18];
+        not_a_number[3] = f64::NAN;
+        let found = differences.tangent_product(&[0.01; 18], &not_a_number, &mut product);
+        assert!(found.is_err() || product.iter().any(|x| x.is_nan()));
+    }
+}

@@ -52,6 +52,44 @@ fn every_choice_leads_to_the_same_equilibria() {
 }
 
 #[test]
+fn gmres_and_differences_lead_to_the_same_equilibria_and_see_no_signs() {
+    let folder = strip();
+    let (expected, _, _) = solved(&folder, &[]);
+    for (choices, method) in [
+        (&["solver.linear=gmres"][..], "GMRES"),
+        (&["solver.linear=gmres", "solver.newton=modified"], "GMRES"),
+        (&["solver.products=finite-difference"], "GMRES"),
+        (&["solver.products=central-difference", "solver.newton=inexact"], "GMRES"),
+        (
+            &["solver.products=finite-difference", "solver.linear=matrix-free"],
+            "matrix-free conjugate gradients",
+        ),
+    ] {
+        let (energy, last, summary) =
+            solved(&folder, &[choices, &["solver.max_iterations=60"]].concat());
+        assert!((energy / expected - 1.0).abs() < 1e-9, "{choices:?}: {energy} {expected}");
+        assert_eq!(summary["solver"]["linear"], method, "{choices:?}");
+        assert!(number(&summary["solver"]["linear_iterations"]) > 0.0);
+        assert!(!summary["warnings"].to_string().contains("makes no difference"));
+        let by = last["positive_definite_by"].as_str().unwrap();
+        if method == "GMRES" {
+            assert!(last["positive_definite"].is_null() && last["condition"].is_null());
+            assert_eq!(by, "GMRES: signs unknown");
+        } else {
+            assert_eq!(last["positive_definite"], true);
+            assert!(by.starts_with("conjugate gradients: "), "{by}");
+        }
+    }
+    let refused =
+        ["--force", "--set", "solver.products=finite-difference", "--set", "solver.linear=cg"];
+    let message = folder.run(&refused).expect(2).stderr;
+    assert!(
+        message.contains("conflicting-keys") && message.contains("\"matrix-free\""),
+        "{message}"
+    );
+}
+
+#[test]
 fn preconditioners_are_named() {
     let folder = strip();
     let named = |choices: &[&str]| {

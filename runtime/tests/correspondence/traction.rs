@@ -1,11 +1,12 @@
 //! Newton's method without a stored tangent on the traction bar.
 
 use piola_runtime::correspondence::{Discretisation, Stabilisation};
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::{FiniteDifferences, Products, TotalEnergy};
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::solve::linear::{
     LinearMethod, LinearOptions, LinearSolver, PreconditionerChoice, Tangent,
 };
+use piola_runtime::solve::newton::NewtonSettings;
 
 use crate::common::{error, norm};
 use crate::traction_bar::Bar;
@@ -86,5 +87,20 @@ fn stored_and_not_stored_tangents_lead_to_the_same_equilibrium() {
         }
         assert_eq!(direct.linear_iterations, vec![0; direct.newton_iterations]);
         assert!(bar.energy.bond_pattern().is_some());
+    }
+}
+
+#[test]
+fn products_by_differences_lead_to_the_same_bar() {
+    let bar = Bar::new(5, 2, Discretisation::BondQuadrature);
+    let exact = bar.solve(LinearOptions::default());
+    for products in [Products::OneSided, Products::Central] {
+        let energy = FiniteDifferences::new(&bar.energy, products);
+        let settings = NewtonSettings::default();
+        let found = bar.solve_by(&energy, settings, LinearOptions::default()).unwrap();
+        println!("{products:?}: {:?} {:.1e}", found.linear_iterations, found.residual);
+        assert_eq!(found.newton_iterations, exact.newton_iterations);
+        assert_eq!(found.preconditioner, exact.preconditioner);
+        assert!(found.residual <= 1e-10 && error(&found.u, &exact.u) < 1e-8, "{products:?}");
     }
 }

@@ -8,9 +8,10 @@ use std::time::Instant;
 use piola_runtime::body::Body;
 use piola_runtime::correspondence::influence::CubicSpline;
 use piola_runtime::correspondence::{Correspondence, Discretisation, Formulation, OperatorOrder};
+use piola_runtime::energy::TotalEnergy;
 use piola_runtime::solve::constraint::Constraints;
 use piola_runtime::solve::linear::LinearOptions;
-use piola_runtime::solve::newton::{Newton, NewtonSettings};
+use piola_runtime::solve::newton::{Newton, NewtonError, NewtonSettings};
 
 use crate::common::st_venant_kirchhoff;
 
@@ -34,6 +35,8 @@ pub(crate) struct Solved {
     pub(crate) error: f64,
     pub(crate) newton_iterations: usize,
     pub(crate) linear_iterations: Vec<usize>,
+    /// Free residual over the larger of reactions and loads.
+    pub(crate) residual: f64,
     pub(crate) preconditioner: String,
     pub(crate) seconds: f64,
     pub(crate) u: Vec<f64>,
@@ -81,21 +84,31 @@ impl Bar {
 
     /// The equilibrium, from rest in one step.
     pub(crate) fn solve(&self, options: LinearOptions) -> Solved {
+        self.solve_by(&self.energy, NewtonSettings::default(), options).unwrap()
+    }
+
+    /// The same for this energy in another guise.
+    pub(crate) fn solve_by(
+        &self,
+        energy: &dyn TotalEnergy,
+        settings: NewtonSettings,
+        options: LinearOptions,
+    ) -> Result<Solved, NewtonError> {
         let start = Instant::now();
-        let settings = NewtonSettings::default();
-        let mut newton = Newton::new(&self.energy, &self.constraints, settings, options).unwrap();
+        let mut newton = Newton::new(energy, &self.constraints, settings, options).unwrap();
         let mut u = vec![0.0; self.loads.len()];
-        let report = newton.solve(&mut u, &self.loads).unwrap();
+        let report = newton.solve(&mut u, &self.loads)?;
         let moved = |&p: &usize| u[3 * p..3 * p + 3].iter().fold(0.0, |sum, x| sum + x * x).sqrt();
         let elongation = self.loaded.iter().map(moved).sum::<f64>() / self.loaded.len() as f64;
-        Solved {
+        Ok(Solved {
             error: elongation / elongation_of_the_continuum() - 1.0,
             newton_iterations: report.iterations,
             linear_iterations: report.linear.iter().map(|linear| linear.iterations).collect(),
             preconditioner: newton.linear().preconditioner().unwrap_or_default(),
             seconds: start.elapsed().as_secs_f64(),
+            residual: report.history.residual_over_reaction.last().copied().unwrap_or(0.0),
             u,
-        }
+        })
     }
 }
 

@@ -7,6 +7,7 @@ use super::*;
 use crate::energy::TotalEnergy;
 use crate::matrix::BlockMatrix;
 use crate::solve::testing::{SpringNetwork, linear, pseudo_random};
+use crate::solve::vector::norm_of;
 
 const CHOICES: [PreconditionerChoice; 2] =
     [PreconditionerChoice::BlockJacobi, PreconditionerChoice::TwoLevel];
@@ -274,5 +275,67 @@ fn looser_tolerances_take_fewer_iterations() {
         assert!(report.relative_residual <= 2.0 * tolerance, "{report:?}");
         assert!(report.iterations < before, "{report:?}");
         before = report.iterations;
+    }
+}
+
+#[test]
+fn gmres_solve_indefinite_systems_too_and_see_no_signs() {
+    let (network, constraints, definite) = clamped(&[12, 8, 8], 2.0);
+    let n = constraints.n_dofs();
+    let rhs = pseudo_random(n, 2);
+    // Restarts end above the tolerance where the matrix is indefinite, and say so.
+    let cases = [(definite.clone(), 2e-12, 1e-9), (shifted(&definite, -0.5), 1e-3, 1e-2)];
+    for (matrix, residual, error) in cases {
+        let mut direct = vec![0.0; n];
+        let new = |options| {
+            LinearSolver::new(network.pattern(), &network.positions, &constraints, options).unwrap()
+        };
+        new(options(LinearMethod::Ldlt)).solve(&matrix, &rhs, &mut direct).unwrap();
+        for preconditioner in CHOICES {
+            let chosen = LinearOptions { preconditioner, ..options(LinearMethod::Gmres) };
+            let mut solver = new(chosen);
+            let mut x = vec![0.0; n];
+            let report = solver.solve(&matrix, &rhs, &mut x).unwrap();
+            assert_eq!(report.method, LinearMethod::Gmres, "{report:?}");
+            println!("{preconditioner:?}: {}, {:e}", report.iterations, report.relative_residual);
+            assert!(report.relative_residual <= residual, "{report:?}");
+            assert_close(&x, &direct, error, "GMRES");
+            let product = constraints.free_part(&matrix.multiply(&x));
+            let left: Vec<f64> =
+                product.iter().zip(constraints.free_part(&rhs)).map(|(p, b)| p - b).collect();
+            let left = norm_of(&left) / norm_of(&constraints.free_part(&rhs));
+            assert!((left - report.relative_residual).abs() <= 1e-3 * left + 1e-14, "{left:e}");
+            assert_eq!((report.positive_definite, report.negative_pivots), (None, None));
+            let judged = solver.judge(&matrix).unwrap();
+            assert_eq!((judged.positive_definite, judged.negative_pivots), (None, None));
+            assert!(judged.method.starts_with("GMRES: signs unknown"), "{}", judged.method);
+            assert_eq!(solver.condition(&matrix).unwrap(), None);
+            assert_eq!(solver.n_factorizations(), 0);
+        }
+    }
+}
+
+#[test]
+fn where_gmres_fail_a_factorisation_takes_over() {
+    let (network, constraints, matrix) = clamped(&[12, 8, 8], 2.0);
+    let rhs = pseudo_random(constraints.n_dofs(), 2);
+    for (k, expected) in
+        [(matrix.clone(), LinearMethod::Cholesky), (shifted(&matrix, -0.5), LinearMethod::Ldlt)]
+    {
+        let options = options(LinearMethod::Gmres);
+        let mut solver =
+            LinearSolver::new(network.pattern(), &network.positions, &constraints, options)
+                .unwrap();
+        solver.limits.max_iterations = 3;
+        let mut x = vec![0.0; rhs.len()];
+        let report = solver.solve(&k, &rhs, &mut x).unwrap();
+        assert_eq!((report.method, report.iterations), (expected, 3));
+        let noted = |note: &String| note == "GMRES did not converge in 3 iterations";
+        assert!(report.notes.iter().any(noted), "{:?}", report.notes);
+        assert!(report.relative_residual < 1e-13);
+        // The next matrix is solved by GMRES again.
+        solver.limits.max_iterations = 1000;
+        let report = solver.solve(&matrix, &rhs, &mut x).unwrap();
+        assert_eq!(report.method, LinearMethod::Gmres, "{report:?}");
     }
 }

@@ -6,8 +6,13 @@ use crate::matrix::BlockMatrix;
 use crate::solve::testing::{SpringNetwork, linear, pseudo_random, softening};
 use crate::solve::vector::norm_of;
 
-const METHODS: [LinearMethod; 4] =
-    [LinearMethod::Cholesky, LinearMethod::Ldlt, LinearMethod::Lu, LinearMethod::Cg];
+const METHODS: [LinearMethod; 5] = [
+    LinearMethod::Cholesky,
+    LinearMethod::Ldlt,
+    LinearMethod::Lu,
+    LinearMethod::Cg,
+    LinearMethod::Gmres,
+];
 
 pub(super) fn options(method: LinearMethod) -> LinearOptions {
     LinearOptions { method, ..LinearOptions::default() }
@@ -72,11 +77,12 @@ fn all_methods_agree_with_a_dense_solve() {
             let report = solver.solve(&matrix, &rhs, &mut x).unwrap();
             assert_eq!(report.method, method, "{report:?}");
             assert_close(&x, &expected, 1e-11, method.name());
-            let bar = if method == LinearMethod::Cg { 2e-12 } else { 1e-14 };
+            let iterates = matches!(method, LinearMethod::Cg | LinearMethod::Gmres);
+            let bar = if iterates { 2e-12 } else { 1e-14 };
             assert!(report.relative_residual <= bar, "{report:?}");
-            assert_eq!(report.iterations > 0, method == LinearMethod::Cg);
+            assert_eq!(report.iterations > 0, iterates);
             let definite = match method {
-                LinearMethod::Lu => None,
+                LinearMethod::Lu | LinearMethod::Gmres => None,
                 _ => Some(true),
             };
             assert_eq!(report.positive_definite, definite, "{report:?}");

@@ -347,11 +347,11 @@ fn memory(
             items.push(("their free components", 2.0 * values));
             items.push(("their factor", factor.entries * 8.0 * CHOLESKY_OVERHEAD));
         }
-        LinearMethod::Cg | LinearMethod::MatrixFree => {
-            items.push(("preconditioner", (n * 8 * PRECONDITIONER_NUMBERS) as f64));
-        }
+        LinearMethod::Cholesky | LinearMethod::Lu => {}
+        _ => items.push(("preconditioner", (n * 8 * PRECONDITIONER_NUMBERS) as f64)),
+    }
+    match linear {
         LinearMethod::Gmres | LinearMethod::MatrixFreeGmres => {
-            items.push(("preconditioner", (n * 8 * PRECONDITIONER_NUMBERS) as f64));
             items.push(("vectors of GMRES", (n * 8 * d * (linear::RESTART + 1)) as f64));
         }
         LinearMethod::Cholesky => {
@@ -362,6 +362,7 @@ fn memory(
             items.push(("tangent, free components", 4.0 * values));
             items.push(("factor", factor.entries * 8.0 * LU_OVERHEAD));
         }
+        LinearMethod::Cg | LinearMethod::MatrixFree => {}
     }
     items.into_iter().map(|(item, bytes)| MemoryItem { item, bytes: bytes as u64 }).collect()
 }

@@ -209,7 +209,7 @@ fn scene_text(path: &Path, cost: &SceneCost) -> String {
         let nanoseconds = pass.nanoseconds_per_interaction;
         let _ = writeln!(out, "{:26} {:>12.3} {nanoseconds:>18.1}", pass.name, pass.seconds * 1e3);
     }
-    let _ = writeln!(out, "\n{:26} {:>12} MB", "matrix, upper blocks", mb(Some(cost.matrix_bytes)));
+    let _ = writeln!(out, "\n{:26} {:>12} MB", "matrix", mb(Some(cost.matrix_bytes)));
     if let Some(factor) = cost.linear.as_ref().and_then(|linear| linear.factor_bytes) {
         let _ = writeln!(out, "{:26} {:>12} MB", "factor", mb(Some(factor)));
     }

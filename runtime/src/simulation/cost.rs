@@ -6,13 +6,12 @@ use serde::Serialize;
 
 use super::{Case, CaseError, ModelledEnergy, run};
 use crate::assembly::Report;
-use crate::element::Order;
 use crate::energy::TotalEnergy;
-use crate::matrix::BlockMatrix;
 use crate::output::summary::{Phase, PhaseClock, memory};
 use crate::scene::boundary::BoundaryConditions;
+use crate::solve::HeldTangent;
 use crate::solve::constraint::Constraints;
-use crate::solve::linear::{LinearReport, LinearSolver};
+use crate::solve::linear::{LinearReport, LinearSolver, Tangent};
 use crate::solve::rigid_modes::check_rigid_motions;
 
 /// Runs of every pass over the interactions; the least time counts.
@@ -34,9 +33,11 @@ pub struct SceneCost {
     pub interactions: [u64; 3],
     /// Time and memory, in the order of the work.
     pub phases: Vec<Phase>,
-    /// Passes over all interactions: energy; and gradient; and tangent.
-    pub passes: [PassCost; 3],
-    /// Bytes of the tangent, the blocks on and above the diagonal.
+    /// Passes over all interactions: energy; and gradient; and tangent, or where that is not stored
+    /// what preconditions it, and a product with it.
+    pub passes: Vec<PassCost>,
+    /// Bytes of the tangent, or of springs like it where it is not stored: the blocks on and above
+    /// the diagonal.
     pub matrix_bytes: u64,
     /// The linear system; nothing if it cannot be posed or solved.
     pub linear: Option<LinearCost>,
@@ -49,7 +50,7 @@ pub struct SceneCost {
 /// A pass over all interactions.
 #[derive(Clone, Debug, Serialize)]
 pub struct PassCost {
-    /// `energy`, `gradient` or `tangent`.
+    /// `energy`, `gradient`, `tangent` or `product`.
     pub name: &'static str,
     /// Wall time in s.
     pub seconds: f64,
@@ -98,25 +99,32 @@ pub fn cost(case: &Case, mut clock: PhaseClock) -> Result<SceneCost, CaseError> 
     constraints.scatter_fixed(&prescribed, &mut moved);
     let loads = boundary.loads(first).map_err(|error| message(&error))?;
 
+    let (mut gradient, mut forced) = (vec![0.0; n_dofs], vec![0.0; n_dofs]);
+    let rest = vec![0.0; n_dofs];
+    let describe = |found| CaseError::Body { message: case.describe(&found) };
+    energy.tangent_product(&rest, &moved, &mut forced).map_err(describe)?;
+    clock.enter("linear system: set up");
+    let solver = set_up(case, &modelled, &constraints);
+    let stored = match &solver {
+        Ok(solver) => solver.stores_matrix(),
+        Err(_) => energy.bond_pattern().is_none(),
+    };
     clock.enter("tangent at rest");
-    let mut gradient = vec![0.0; n_dofs];
-    let mut tangent = BlockMatrix::zeros(energy.pattern());
-    energy
-        .tangent(&vec![0.0; n_dofs], &mut gradient, &mut tangent)
-        .map_err(|found| CaseError::Body { message: case.describe(&found) })?;
-    let forced = tangent.multiply(&moved);
+    let mut tangent = HeldTangent::new(energy, stored);
+    tangent.evaluate(energy, &rest, &mut gradient).map_err(describe)?;
     let rhs: Vec<f64> = (0..n_dofs).map(|dof| loads[dof] - gradient[dof] - forced[dof]).collect();
     let mut notes = Vec::new();
-    let linear = match solve(case, &modelled, &constraints, &tangent, &rhs, &mut moved, &mut clock)
-    {
+    let solved = solver
+        .and_then(|solver| solve(solver, tangent.tangent(energy), &rhs, &mut moved, &mut clock));
+    clock.leave();
+    let linear = match solved {
         Ok(report) => Some(report),
         Err(reason) => {
             notes.push(format!("no linear system was solved: {reason}"));
             None
         }
     };
-    clock.leave();
-    if linear.is_none() || energy.tangent(&moved, &mut gradient, &mut tangent).is_err() {
+    if linear.is_none() || tangent.evaluate(energy, &moved, &mut gradient).is_err() {
         notes.push("the passes are at rest".to_string());
         moved.fill(0.0);
     }
@@ -128,8 +136,8 @@ pub fn cost(case: &Case, mut clock: PhaseClock) -> Result<SceneCost, CaseError> 
         unknowns: constraints.n_free(),
         interactions: [report.bonds, report.triangles, report.tetrahedra],
         phases: clock.phases().to_vec(),
-        passes: passes.map(|(name, seconds)| pass(name, seconds, &report)),
-        matrix_bytes: size_of_val(tangent.values.as_slice()) as u64,
+        passes: passes.into_iter().map(|(name, seconds)| pass(name, seconds, &report)).collect(),
+        matrix_bytes: tangent.bytes(),
         linear,
         notes,
         peak_memory_bytes: memory().map(|memory| memory.peak),
@@ -141,31 +149,33 @@ fn pass(name: &'static str, seconds: f64, report: &Report) -> PassCost {
     PassCost { name, seconds, nanoseconds_per_interaction: seconds / interactions as f64 * 1e9 }
 }
 
-/// Adds the solution of the first linear system to `moved`; the reason if there is none.
-fn solve(
+/// The solver that a run would take; the reason if there is none.
+fn set_up(
     case: &Case,
     modelled: &ModelledEnergy,
     constraints: &Constraints,
-    tangent: &BlockMatrix,
+) -> Result<LinearSolver, String> {
+    check_rigid_motions(modelled.bonds(), case.body.positions(), constraints)
+        .map_err(|error| error.to_string())?;
+    let options = run::settings(&case.scene).linear;
+    LinearSolver::of_energy(modelled.total(), constraints, options)
+        .map_err(|error| error.to_string())
+}
+
+/// Adds the solution of the first linear system to `moved`; the reason if there is none.
+fn solve(
+    mut solver: LinearSolver,
+    tangent: Tangent<'_>,
     rhs: &[f64],
     moved: &mut [f64],
     clock: &mut PhaseClock,
 ) -> Result<LinearCost, String> {
-    clock.enter("linear system: set up");
-    let energy = modelled.total();
-    check_rigid_motions(modelled.bonds(), case.body.positions(), constraints)
-        .map_err(|error| error.to_string())?;
-    let options = run::settings(&case.scene).linear;
-    let mut solver =
-        LinearSolver::new(energy.pattern(), case.body.positions(), constraints, options)
-            .map_err(|error| error.to_string())?;
     clock.enter("linear system: prepare");
     solver.factorize(tangent).map_err(|error| error.to_string())?;
     clock.enter("linear system: solve");
     let mut solution = vec![0.0; rhs.len()];
     let report =
         solver.solve_factorized(tangent, rhs, &mut solution).map_err(|error| error.to_string())?;
-    clock.leave();
     for (u, step) in moved.iter_mut().zip(&solution) {
         *u += step;
     }
@@ -187,28 +197,30 @@ fn passes(
     energy: &dyn TotalEnergy,
     u: &[f64],
     gradient: &mut [f64],
-    tangent: &mut BlockMatrix,
-) -> [(&'static str, f64); 3] {
-    let mut found = [
-        ("energy", Order::Energy, f64::INFINITY),
-        ("gradient", Order::Gradient, f64::INFINITY),
-        ("tangent", Order::Tangent, f64::INFINITY),
-    ];
+    tangent: &mut HeldTangent,
+) -> Vec<(&'static str, f64)> {
+    let direction = energy.positions().to_vec();
+    let mut product = vec![0.0; u.len()];
+    let mut names = vec!["energy", "gradient", "tangent", "product"];
+    names.truncate(if tangent.is_stored() { 3 } else { 4 });
+    let mut found: Vec<(&'static str, f64)> =
+        names.into_iter().map(|name| (name, f64::INFINITY)).collect();
     let begin = Instant::now();
     for round in 0..ROUNDS {
         if round > 0 && begin.elapsed().as_secs_f64() > PATIENCE {
             break;
         }
-        for (_, order, least) in &mut found {
+        for (name, least) in &mut found {
             let start = Instant::now();
             // All of it was evaluated at `u` before.
-            let _ = match order {
-                Order::Energy => energy.energy(u),
-                Order::Gradient => energy.gradient(u, gradient),
-                Order::Tangent => energy.tangent(u, gradient, tangent),
+            let _ = match *name {
+                "energy" => energy.energy(u).map(|_| ()),
+                "gradient" => energy.gradient(u, gradient).map(|_| ()),
+                "tangent" => tangent.evaluate(energy, u, gradient).map(|_| ()),
+                _ => energy.tangent_product(u, &direction, &mut product),
             };
             *least = least.min(start.elapsed().as_secs_f64());
         }
     }
-    found.map(|(name, _, seconds)| (name, seconds))
+    found
 }

@@ -13,7 +13,7 @@ enum Storage {
 }
 
 /// A tangent and where it was evaluated.
-pub(super) struct HeldTangent {
+pub(crate) struct HeldTangent {
     storage: Storage,
     at: Vec<f64>,
     is_valid: bool,
@@ -21,7 +21,7 @@ pub(super) struct HeldTangent {
 
 impl HeldTangent {
     /// Room for a tangent, stored or not.
-    pub(super) fn new(energy: &dyn TotalEnergy, stored: bool) -> HeldTangent {
+    pub(crate) fn new(energy: &dyn TotalEnergy, stored: bool) -> HeldTangent {
         let n = energy.positions().len();
         let storage = match (stored, energy.bond_pattern()) {
             (true, _) => Storage::Matrix(BlockMatrix::zeros(energy.pattern())),
@@ -32,7 +32,7 @@ impl HeldTangent {
     }
 
     /// Takes the tangent at `u`; also the energy and its gradient.
-    pub(super) fn evaluate(
+    pub(crate) fn evaluate(
         &mut self,
         energy: &dyn TotalEnergy,
         u: &[f64],
@@ -58,11 +58,25 @@ impl HeldTangent {
     }
 
     /// As the linear solver takes it.
-    pub(super) fn tangent<'a>(&'a self, energy: &'a dyn TotalEnergy) -> Tangent<'a> {
+    pub(crate) fn tangent<'a>(&'a self, energy: &'a dyn TotalEnergy) -> Tangent<'a> {
         match &self.storage {
             Storage::Matrix(matrix) => Tangent::Stored(matrix),
             Storage::Diagonal(diagonal) => Tangent::MatrixFree { energy, u: &self.at, diagonal },
             Storage::Bonds(bonds) => Tangent::Bonds { energy, u: &self.at, bonds },
         }
+    }
+
+    /// Whether it is the tangent itself that is stored.
+    pub(crate) fn is_stored(&self) -> bool {
+        matches!(self.storage, Storage::Matrix(_))
+    }
+
+    /// What is stored of it, in bytes.
+    pub(crate) fn bytes(&self) -> u64 {
+        let numbers = match &self.storage {
+            Storage::Matrix(matrix) | Storage::Bonds(matrix) => &matrix.values[..],
+            Storage::Diagonal(diagonal) => diagonal,
+        };
+        size_of_val(numbers) as u64
     }
 }

@@ -25,6 +25,7 @@ pub mod steps;
 pub(crate) mod vector;
 
 pub use clock::{Counters, PhaseTimes};
+pub(crate) use held::HeldTangent;
 
 #[cfg(test)]
 pub(crate) mod testing;

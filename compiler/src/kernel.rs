@@ -129,6 +129,7 @@ pub enum Mode {
 pub struct Kernel {
     measure: Measure,
     body: Body,
+    squared: Option<Box<Kernel>>,
 }
 
 /// The calling convention of each mode; [`Kernel::evaluate`] hides it.
@@ -152,12 +153,19 @@ impl Kernel {
             Mode::Interpreter => Body::Graph(energy),
             Mode::HyperDual => Body::Dual(written()),
         };
-        Ok(Kernel { measure, body })
+        Ok(Kernel { measure, body, squared: None })
     }
 
     /// What it is a function of.
     pub fn measure(&self) -> Measure {
         self.measure
+    }
+
+    /// The same energy as a function of the square of its measure: it takes `m^2`, `M^2` and
+    /// `(m^2 - M^2)/M^2`, and its derivatives are those by `m^2`. See [`Model::squared`]; only
+    /// symbolic derivatives of the accurate form have one.
+    pub fn squared(&self) -> Option<&Kernel> {
+        self.squared.as_deref()
     }
 
     /// psi and the derivatives that the order asks for, for every entry of the batch.
@@ -288,7 +296,15 @@ impl Model {
         let mut kernels = Vec::new();
         for energy in specialised.energies {
             let measure = energy.measure;
-            kernels.push(Kernel::new(energy, mode, || self.written(values, measure))?);
+            let written = || self.written(values, measure);
+            let mut kernel = Kernel::new(energy, mode, written)?;
+            if form == Form::Accurate
+                && mode != Mode::HyperDual
+                && let Some(energy) = self.squared(values, measure)
+            {
+                kernel.squared = Some(Box::new(Kernel::new(energy, mode, written)?));
+            }
+            kernels.push(kernel);
         }
         Ok(CompiledPotential { kernels, dropped: specialised.dropped })
     }

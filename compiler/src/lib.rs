@@ -28,6 +28,7 @@ mod program;
 pub mod rewrite;
 pub mod simplify;
 pub mod specialise;
+mod squares;
 mod values;
 pub mod verify;
 

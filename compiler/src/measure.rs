@@ -38,6 +38,12 @@ impl Measure {
         self.points() as i64 - 1
     }
 
+    /// Whether it can change its sign in this many dimensions: volumes, and areas in the plane. All
+    /// others are roots: lengths, and areas in space.
+    pub fn is_signed(self, dimension: usize) -> bool {
+        self.points() == dimension + 1
+    }
+
     /// The measure with this symbol.
     pub fn from_symbol(symbol: &str) -> Option<Measure> {
         Measure::ALL.into_iter().find(|m| m.symbol() == symbol)

@@ -140,11 +140,7 @@ impl Model {
     ) -> Result<Vec<Dropped>, CompileError> {
         let variant =
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
-        let fold = |input| match input {
-            Input::Parameter(i) => Some(values.parameters[usize::from(i)]),
-            Input::Horizon => Some(values.horizon),
-            _ => None,
-        };
+        let fold = known(values);
         let mut all_dropped = Vec::new();
         for measure in self.measures() {
             if measure == Measure::Volume && values.dimension == 2 {
@@ -200,6 +196,15 @@ impl Model {
     }
 }
 
+/// What is known of the inputs once values are there.
+pub(crate) fn known(values: &Values) -> impl Fn(Input) -> Option<f64> {
+    |input| match input {
+        Input::Parameter(i) => Some(values.parameters[usize::from(i)]),
+        Input::Horizon => Some(values.horizon),
+        _ => None,
+    }
+}
+
 fn span_of(variant: &Variant, measure: Measure) -> Span {
     let energy = variant.energies.iter().find(|e| e.measure == measure);
     energy.map_or(Span::default(), |e| e.span)
@@ -210,10 +215,10 @@ fn roots_of(variant: &Variant, measure: Measure) -> Vec<NodeId> {
 }
 
 /// The simplified energy of a measure.
-struct SimpleEnergy {
+pub(crate) struct SimpleEnergy {
     measure: Measure,
-    graph: Simplifier,
-    psi: NodeId,
+    pub(crate) graph: Simplifier,
+    pub(crate) psi: NodeId,
 }
 
 /// psi, psi' and psi'' in one graph, with what led to their form.
@@ -225,7 +230,7 @@ pub(crate) struct Derived {
 }
 
 impl SimpleEnergy {
-    fn derivatives(self, form: Form) -> Result<Derived, TooManyNodes> {
+    pub(crate) fn derivatives(self, form: Form) -> Result<Derived, TooManyNodes> {
         let SimpleEnergy { measure, mut graph, mut psi } = self;
         let mut applied = Vec::new();
         if form == Form::Textbook {
@@ -246,14 +251,14 @@ impl SimpleEnergy {
 }
 
 impl Derived {
-    fn scalar_energy(&self) -> ScalarEnergy {
+    pub(crate) fn scalar_energy(&self) -> ScalarEnergy {
         let (graph, roots) = self.graph.graph().extract(&self.roots);
         ScalarEnergy { measure: self.measure, graph, roots: [roots[0], roots[1], roots[2]] }
     }
 }
 
 /// The sum of a measure's energies; `None` if nothing is left of it.
-fn energy(
+pub(crate) fn energy(
     variant: &Variant,
     parameters: &[Parameter],
     measure: Measure,

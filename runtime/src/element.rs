@@ -19,7 +19,6 @@ pub(crate) use measure::THIN;
 
 use pulp::Arch;
 
-use crate::interaction::n_neighbors;
 pub use crate::kernel::Order;
 use crate::kernel::{Law, Measure};
 
@@ -33,11 +32,6 @@ pub struct NonFiniteLane {
     pub value: f64,
     /// Reference value of its measure.
     pub reference: f64,
-}
-
-/// Whether a measure can change its sign: volumes, and areas in the plane.
-fn is_signed(measure: Measure, dimension: usize) -> bool {
-    n_neighbors(measure) == dimension
 }
 
 /// Whether an energy density is not finite at collapse or beyond, from its values at `m/M = 0` and

@@ -8,11 +8,13 @@
 //! Each measure `m` is differentiated through a polynomial `s(xi)`, its *variable*: `s = m` for the
 //! signed measures, which are multilinear, and `s = m^2/2` for lengths and areas in space, which
 //! are roots. Derivatives of `s` never divide and exist at `m = 0`; [`Variable::slopes`] turns
-//! `psi'(m)`, `psi''(m)` into derivatives in `s`.
+//! `psi'(m)`, `psi''(m)` into derivatives in `s`. Laws of squares have `m^2` for their measure, and
+//! then neither root nor division is needed ([`squares`]).
 
 pub mod bond;
 pub mod double;
 pub mod lanes;
+pub mod squares;
 pub mod tetrahedron;
 pub mod triangle;
 
@@ -76,6 +78,8 @@ pub enum Variable {
     Measure,
     /// `s = m^2/2`, for the roots.
     HalfSquare,
+    /// `s = m/2`, for the squares of roots.
+    Half,
 }
 
 impl Variable {
@@ -96,6 +100,24 @@ impl Variable {
                 let rest = (second - over) / (measure * measure);
                 (over, is_smooth.where_equal(one, zero, rest))
             }
+            Variable::Half => (first + first, measure.alike(4.0) * second),
+        }
+    }
+
+    /// The square of the length, area or volume that this measure stands for.
+    #[inline(always)]
+    pub fn square<T: Scalar>(self, measure: T) -> T {
+        match self {
+            Variable::Measure | Variable::HalfSquare => measure * measure,
+            Variable::Half => measure,
+        }
+    }
+
+    /// The length, area or volume that this measure stands for.
+    pub fn value(self, measure: f64) -> f64 {
+        match self {
+            Variable::Measure | Variable::HalfSquare => measure,
+            Variable::Half => measure.sqrt(),
         }
     }
 }

@@ -12,6 +12,12 @@ pub trait Law: Send + Sync {
     ///
     /// The unit of psi is J/m^(2d), J/m^(3d), J/m^(4d) for bonds, triangles, tetrahedra.
     fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>);
+
+    /// The same energy as a function of the squared measure, where it is one: it takes `m^2`, `M^2` and
+    /// `(m^2 - M^2)/M^2`, and its derivatives are those by `m^2`.
+    fn squared(&self) -> Option<&dyn Law> {
+        None
+    }
 }
 
 impl<F> Law for F
@@ -26,6 +32,10 @@ where
 impl Law for piola_compiler::Kernel {
     fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>) {
         piola_compiler::Kernel::evaluate(self, batch, order, out);
+    }
+
+    fn squared(&self) -> Option<&dyn Law> {
+        piola_compiler::Kernel::squared(self).map(|kernel| kernel as &dyn Law)
     }
 }
 

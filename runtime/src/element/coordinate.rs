@@ -8,7 +8,7 @@
 use num_dual::{DualNum, HyperDual64};
 
 use super::batch::{Contributions, InteractionBatch};
-use super::{Element, NonFiniteLane, Order, breaks_down, is_signed};
+use super::{Element, NonFiniteLane, Order, breaks_down};
 use crate::geometry::packed;
 use crate::interaction::n_neighbors;
 use crate::kernel::Measure;
@@ -45,13 +45,13 @@ impl<E: CoordinateEnergy> CoordinateElement<E> {
     /// energy is not finite at 0 or at minus the reference.
     pub fn new(measure: Measure, dimension: usize, energy: E) -> CoordinateElement<E> {
         let psi = |stretch: f64| energy.psi(HyperDual64::from_re(stretch), 1.0).re;
-        let forbids_inversion = is_signed(measure, dimension) && breaks_down(psi);
+        let forbids_inversion = measure.is_signed(dimension) && breaks_down(psi);
         CoordinateElement { measure, dimension, energy, forbids_inversion }
     }
 
     /// A signed measure stays positive, whatever the energy says.
     pub fn forbid_inversion(&mut self) {
-        self.forbids_inversion = is_signed(self.measure, self.dimension);
+        self.forbids_inversion = self.measure.is_signed(self.dimension);
     }
 
     /// Positions of the corners, counted from the owner's reference position.

@@ -5,13 +5,14 @@ use std::marker::PhantomData;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::batch::{Channel, Contributions, InteractionBatch, Measures};
-use super::{Element, NonFiniteLane, Order, breaks_down, is_signed};
+use super::{Element, NonFiniteLane, Order, breaks_down};
 use crate::geometry::bond::Bond;
 use crate::geometry::double::Double;
 use crate::geometry::lanes::Lanes;
+use crate::geometry::squares::{Root, Squared};
 use crate::geometry::tetrahedron::Tetrahedron;
 use crate::geometry::triangle::{PlaneTriangle, SpaceTriangle};
-use crate::geometry::{Geometry, Scalar, each, packed_len};
+use crate::geometry::{Geometry, Scalar, Variable, each, packed_len};
 use crate::kernel::{Batch, Law, Measure, Outputs};
 
 /// An energy density of one measure on the geometry of that measure.
@@ -38,13 +39,13 @@ impl MeasureElement {
             law.evaluate(batch, Order::Energy, out);
             psi[0]
         };
-        let forbids_inversion = is_signed(measure, dimension) && breaks_down(psi);
+        let forbids_inversion = measure.is_signed(dimension) && breaks_down(psi);
         MeasureElement { measure, dimension, law, forbids_inversion, arch: Arch::new() }
     }
 
     /// A signed measure stays positive, whatever the law says.
     pub fn forbid_inversion(&mut self) {
-        self.forbids_inversion = is_signed(self.measure, self.dimension);
+        self.forbids_inversion = self.measure.is_signed(self.dimension);
     }
 }
 
@@ -72,18 +73,36 @@ impl Element for MeasureElement {
         out: &mut Contributions,
     ) -> Result<(), NonFiniteLane> {
         match (self.measure, self.dimension) {
-            (Measure::Length, 2) => self.evaluate_as::<Bond, 2>(batch, order, out),
-            (Measure::Length, _) => self.evaluate_as::<Bond, 3>(batch, order, out),
-            (Measure::Area, 2) => self.evaluate_as::<PlaneTriangle, 4>(batch, order, out),
-            (Measure::Area, _) => self.evaluate_as::<SpaceTriangle, 6>(batch, order, out),
-            (Measure::Volume, _) => self.evaluate_as::<Tetrahedron, 9>(batch, order, out),
+            (Measure::Length, 2) => self.evaluate_root::<Bond, 2>(batch, order, out),
+            (Measure::Length, _) => self.evaluate_root::<Bond, 3>(batch, order, out),
+            (Measure::Area, 2) => {
+                self.evaluate_as::<PlaneTriangle, 4>(&*self.law, batch, order, out)
+            }
+            (Measure::Area, _) => self.evaluate_root::<SpaceTriangle, 6>(batch, order, out),
+            (Measure::Volume, _) => {
+                self.evaluate_as::<Tetrahedron, 9>(&*self.law, batch, order, out)
+            }
         }
     }
 }
 
 impl MeasureElement {
+    /// A measure that is a root: by its square where the law is a function of it.
+    fn evaluate_root<G: Root<C>, const C: usize>(
+        &self,
+        batch: &InteractionBatch,
+        order: Order,
+        out: &mut Contributions,
+    ) -> Result<(), NonFiniteLane> {
+        match self.law.squared() {
+            Some(law) => self.evaluate_as::<Squared<G>, C>(law, batch, order, out),
+            None => self.evaluate_as::<G, C>(&*self.law, batch, order, out),
+        }
+    }
+
     fn evaluate_as<G: Geometry<C>, const C: usize>(
         &self,
+        law: &dyn Law,
         batch: &InteractionBatch,
         order: Order,
         out: &mut Contributions,
@@ -97,12 +116,12 @@ impl MeasureElement {
             reference: &measures.reference[..n],
             change: &measures.change[..n],
         };
-        self.law.evaluate(inputs, order, out.derivatives.outputs());
+        law.evaluate(inputs, order, out.derivatives.outputs());
         let least = self.least();
         let differentiating =
             Differentiating::<G, C> { batch, order, least, out, shape: PhantomData };
         if !self.arch.dispatch(differentiating) {
-            return Err(first_refused(batch, order, least, out));
+            return Err(first_refused(batch, order, least, out, G::VARIABLE));
         }
         differentiate_thin::<G, C>(batch, order, out);
         Ok(())
@@ -144,8 +163,8 @@ impl<G: Geometry<C>, const C: usize> WithSimd for Measuring<'_, G, C> {
             else {
                 continue;
             };
-            let square_at_rest = change.reference * change.reference;
-            let square = change.measure * change.measure;
+            let square_at_rest = G::VARIABLE.square(change.reference);
+            let square = G::VARIABLE.square(change.measure);
             let thin = square_at_rest.where_less(thin_part * largest_at_rest, one, zero);
             let thin = square.where_less(thin_part * largest, one, thin);
             if thin.largest() > 0.0 {
@@ -225,6 +244,7 @@ fn first_refused(
     order: Order,
     least: f64,
     out: &Contributions,
+    variable: Variable,
 ) -> NonFiniteLane {
     let measures = &out.measures;
     let is_fine = |&lane: &usize| {
@@ -235,7 +255,8 @@ fn first_refused(
             && (order != Order::Tangent || out.second[lane].is_finite())
     };
     let lane = (0..batch.len()).find(|lane| !is_fine(lane)).unwrap_or(0);
-    let (value, reference) = (measures.measure[lane], measures.reference[lane]);
+    let value = variable.value(measures.measure[lane]);
+    let reference = variable.value(measures.reference[lane]);
     NonFiniteLane { lane, value, reference }
 }
 

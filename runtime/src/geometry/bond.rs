@@ -1,5 +1,6 @@
 //! Bonds: `l = |xi|`, the measure of one-neighbour interactions (javili2020, Eq. (20), first line).
 
+use super::squares::{Root, Squares};
 use super::{Change, Geometry, Scalar, Variable, add, dot, packed};
 
 /// Length of a bond in `D` dimensions, in m; `s = l^2/2`.
@@ -13,19 +14,9 @@ impl<const D: usize> Geometry<D> for Bond {
         None
     }
 
-    /// `(l - L)/L = eta.(2*Xi + eta)/(L*(l + L))`: no difference of nearly equal numbers.
     #[inline(always)]
     fn change<T: Scalar>(reference: &[T; D], displacement: &[T; D]) -> Change<T> {
-        let current = add(reference, displacement);
-        let at_rest = dot(reference, reference).sqrt();
-        let now = dot(&current, &current).sqrt();
-        let grown = dot(displacement, &add(reference, &current));
-        Change {
-            measure: now,
-            reference: at_rest,
-            change: grown / (at_rest * (now + at_rest)),
-            orientation: at_rest.alike(1.0),
-        }
+        Self::squares(reference, displacement).roots()
     }
 
     #[inline(always)]
@@ -47,6 +38,19 @@ impl<const D: usize> Geometry<D> for Bond {
             for column in row + 1..D {
                 emit(packed(D, row, column), scaled * gradient[column]);
             }
+        }
+    }
+}
+
+impl<const D: usize> Root<D> for Bond {
+    /// `l^2 - L^2 = eta.(2*Xi + eta)`: no difference of nearly equal numbers.
+    #[inline(always)]
+    fn squares<T: Scalar>(reference: &[T; D], displacement: &[T; D]) -> Squares<T> {
+        let current = add(reference, displacement);
+        Squares {
+            now: dot(&current, &current),
+            at_rest: dot(reference, reference),
+            grown: dot(displacement, &add(reference, &current)),
         }
     }
 }

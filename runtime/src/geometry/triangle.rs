@@ -1,5 +1,6 @@
 //! Triangles: `a = |xi1 x xi2|`, twice their area (javili2020, Eq. (20), second line).
 
+use super::squares::{Root, Squares};
 use super::{Change, Geometry, Scalar, Variable, add, cross, cross_2d, dot, each, packed, vector};
 
 /// Area measure of a triangle in the plane, in m^2: signed by its orientation at rest, so that it
@@ -78,25 +79,9 @@ impl Geometry<6> for SpaceTriangle {
         Some(dot(&x[0], &x[0]) * dot(&x[1], &x[1]))
     }
 
-    /// `(a - A)/A = (c - C).(c + C)/(A*(a + A))` with the normals `C = Xi1 x Xi2`, `c = xi1 x xi2`
-    /// and `c - C = Xi1 x eta2 + eta1 x xi2`.
     #[inline(always)]
     fn change<T: Scalar>(reference: &[T; 6], displacement: &[T; 6]) -> Change<T> {
-        let current = add(reference, displacement);
-        let (x1, x2) = (vector::<T, 6, 3>(&current, 0), vector::<T, 6, 3>(&current, 1));
-        let (rest1, rest2) = (vector::<T, 6, 3>(reference, 0), vector::<T, 6, 3>(reference, 1));
-        let (eta1, eta2) = (vector::<T, 6, 3>(displacement, 0), vector::<T, 6, 3>(displacement, 1));
-        let normal_at_rest = cross(&rest1, &rest2);
-        let normal = cross(&x1, &x2);
-        let grown = add(&cross(&rest1, &eta2), &cross(&eta1, &x2));
-        let at_rest = dot(&normal_at_rest, &normal_at_rest).sqrt();
-        let now = dot(&normal, &normal).sqrt();
-        Change {
-            measure: now,
-            reference: at_rest,
-            change: dot(&grown, &add(&normal, &normal_at_rest)) / (at_rest * (now + at_rest)),
-            orientation: at_rest.alike(1.0),
-        }
+        Self::squares(reference, displacement).roots()
     }
 
     /// `ds/dxi1 = xi2 x c`, `ds/dxi2 = c x xi1`.
@@ -140,6 +125,26 @@ impl Geometry<6> for SpaceTriangle {
                     if row == column { mixed - product } else { mixed },
                 );
             }
+        }
+    }
+}
+
+impl Root<6> for SpaceTriangle {
+    /// `a^2 - A^2 = (c - C).(c + C)` with the normals `C = Xi1 x Xi2`, `c = xi1 x xi2` and
+    /// `c - C = Xi1 x eta2 + eta1 x xi2`.
+    #[inline(always)]
+    fn squares<T: Scalar>(reference: &[T; 6], displacement: &[T; 6]) -> Squares<T> {
+        let current = add(reference, displacement);
+        let (x1, x2) = (vector::<T, 6, 3>(&current, 0), vector::<T, 6, 3>(&current, 1));
+        let (rest1, rest2) = (vector::<T, 6, 3>(reference, 0), vector::<T, 6, 3>(reference, 1));
+        let (eta1, eta2) = (vector::<T, 6, 3>(displacement, 0), vector::<T, 6, 3>(displacement, 1));
+        let normal_at_rest = cross(&rest1, &rest2);
+        let normal = cross(&x1, &x2);
+        let grown = add(&cross(&rest1, &eta2), &cross(&eta1, &x2));
+        Squares {
+            now: dot(&normal, &normal),
+            at_rest: dot(&normal_at_rest, &normal_at_rest),
+            grown: dot(&grown, &add(&normal, &normal_at_rest)),
         }
     }
 }

@@ -1,0 +1,175 @@
+//! Energies that are functions of the squared measure.
+//!
+//! Lengths, and areas in space, are roots: their squares come from vectors without one. An energy in
+//! which such a measure has even powers alone is a function of `q = m^2` and `Q = M^2`, and with the
+//! change `(q - Q)/Q` it is an energy like any other, one whose measure is `q`: it is rewritten,
+//! differentiated and compiled by the same code.
+//!
+//! Before: a simplified energy as written. After: the same energy with `q`, `Q` in the place of the
+//! inputs `m`, `M`; nothing where an odd power of `m` is left.
+
+use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
+use crate::measure::Measure;
+use crate::model::Model;
+use crate::simplify::Simplifier;
+use crate::specialise::{Form, MAX_OPERATIONS, ScalarEnergy, energy, known};
+use crate::values::Values;
+
+impl Model {
+    /// The energy of a measure as a function of its square, with derivatives by the square: the current
+    /// input is `m^2`, the reference `M^2`, the change `(m^2 - M^2)/M^2`. Nothing where the measure is
+    /// signed, where it has an odd power, and where the energy would be too large.
+    pub fn squared(&self, values: &Values, measure: Measure) -> Option<ScalarEnergy> {
+        if measure.is_signed(values.dimension) {
+            return None;
+        }
+        let variant = self.variant(values.dimension)?;
+        let found = energy(variant, self.parameters(), measure, &known(values), &mut Vec::new());
+        let mut energy = found.ok()??;
+        (energy.graph, energy.psi) = squared(energy.graph.graph(), energy.psi, measure).ok()??;
+        let derived = energy.derivatives(Form::Accurate).ok()?.scalar_energy();
+        (derived.graph.len() <= MAX_OPERATIONS).then_some(derived)
+    }
+}
+
+/// `rest * m^current * M^reference`, where the rest is a function of squares.
+#[derive(Clone, Copy)]
+struct Product {
+    rest: NodeId,
+    current: i32,
+    reference: i32,
+}
+
+impl Product {
+    fn plain(rest: NodeId) -> Product {
+        Product { rest, current: 0, reference: 0 }
+    }
+}
+
+/// The energy `psi` as a function of squares, if it is one.
+fn squared(
+    source: &ExprGraph,
+    psi: NodeId,
+    measure: Measure,
+) -> Result<Option<(Simplifier, NodeId)>, TooManyNodes> {
+    let needed = source.reachable(&[psi]);
+    let mut squares = Squares { measure, graph: Simplifier::new(), products: Vec::new() };
+    for (id, node) in source.nodes() {
+        let product = if needed[id.0 as usize] {
+            let Some(product) = squares.product(node)? else { return Ok(None) };
+            product
+        } else {
+            Product::plain(NodeId(0))
+        };
+        squares.products.push(product);
+    }
+    let root = squares.node(squares.of(psi))?;
+    Ok(root.map(|root| (squares.graph, root)))
+}
+
+struct Squares {
+    measure: Measure,
+    graph: Simplifier,
+    /// What each node of the source has become.
+    products: Vec<Product>,
+}
+
+/// Nothing where an odd power of the measure stands alone.
+type Made<T> = Result<Option<T>, TooManyNodes>;
+
+impl Squares {
+    fn of(&self, id: NodeId) -> Product {
+        self.products[id.0 as usize]
+    }
+
+    fn product(&mut self, node: Node) -> Made<Product> {
+        match node {
+            Node::Input(Input::Current(m)) if m == self.measure => {
+                let rest = self.graph.number(1.0)?;
+                Ok(Some(Product { rest, current: 1, reference: 0 }))
+            }
+            Node::Input(Input::Reference(m)) if m == self.measure => {
+                let rest = self.graph.number(1.0)?;
+                Ok(Some(Product { rest, current: 0, reference: 1 }))
+            }
+            // `(m - M)/M` is linear in `m`.
+            Node::Input(Input::Change(_)) | Node::Strain(..) => Ok(None),
+            Node::Unary(Function::Negate, x) => {
+                let x = self.of(x);
+                Ok(Some(Product { rest: self.graph.negate(x.rest)?, ..x }))
+            }
+            Node::PowerConstant(x, bits) => self.power(self.of(x), f64::from_bits(bits)),
+            Node::Binary(Operator::Multiply, x, y) => {
+                self.joined(Operator::Multiply, self.of(x), self.of(y))
+            }
+            Node::Binary(Operator::Divide, x, y) => {
+                self.joined(Operator::Divide, self.of(x), self.of(y))
+            }
+            _ => {
+                let mut operands = Vec::new();
+                for operand in node.operands() {
+                    let Some(made) = self.node(self.of(operand))? else { return Ok(None) };
+                    operands.push(made);
+                }
+                let mut operands = operands.into_iter();
+                let node = node.map_operands(|_| operands.next().expect("one per operand"));
+                Ok(Some(Product::plain(self.graph.make(node)?)))
+            }
+        }
+    }
+
+    /// `x^c`; for a whole `c` factor by factor.
+    fn power(&mut self, x: Product, c: f64) -> Made<Product> {
+        let whole = (c == c.trunc() && c.abs() <= f64::from(i16::MAX)).then_some(c as i32);
+        let times = |exponent: i32| whole.and_then(|c| exponent.checked_mul(c));
+        if let (Some(current), Some(reference)) = (times(x.current), times(x.reference)) {
+            return Ok(Some(Product { rest: self.graph.power(x.rest, c)?, current, reference }));
+        }
+        let Some(x) = self.node(x)? else { return Ok(None) };
+        Ok(Some(Product::plain(self.graph.power(x, c)?)))
+    }
+
+    /// `x*y` or `x/y`.
+    fn joined(&mut self, operator: Operator, x: Product, y: Product) -> Made<Product> {
+        let sign = if operator == Operator::Divide { -1 } else { 1 };
+        let exponents = || {
+            let of_y = (y.current.checked_mul(sign)?, y.reference.checked_mul(sign)?);
+            // What cancels is 0/0 at m = 0, and would not be any more.
+            let cancels = x.current.signum() * of_y.0.signum() < 0;
+            let current = x.current.checked_add(of_y.0).filter(|_| !cancels)?;
+            Some((current, x.reference.checked_add(of_y.1)?))
+        };
+        if let Some((current, reference)) = exponents() {
+            let rest = self.graph.binary(operator, x.rest, y.rest)?;
+            return Ok(Some(Product { rest, current, reference }));
+        }
+        let (Some(x), Some(y)) = (self.node(x)?, self.node(y)?) else { return Ok(None) };
+        Ok(Some(Product::plain(self.graph.binary(operator, x, y)?)))
+    }
+
+    /// The node of a product: what can be a power of `q/Q` is one.
+    fn node(&mut self, product: Product) -> Made<NodeId> {
+        let Product { rest, current, mut reference } = product;
+        if current % 2 != 0 {
+            return Ok(None);
+        }
+        let mut node = rest;
+        if current != 0 {
+            let mut base = self.graph.input(Input::Current(self.measure))?;
+            if i64::from(current.signum()) * i64::from(reference.signum()) < 0 {
+                let divisor = self.graph.input(Input::Reference(self.measure))?;
+                base = self.graph.divide(base, divisor)?;
+                reference += current;
+            }
+            let power = self.graph.power(base, f64::from(current / 2))?;
+            node = self.graph.multiply(node, power)?;
+        }
+        if reference == 0 {
+            return Ok(Some(node));
+        }
+        let base = self.graph.input(Input::Reference(self.measure))?;
+        let power = self.graph.power(base, f64::from(reference).abs() / 2.0)?;
+        let operator = if reference > 0 { Operator::Multiply } else { Operator::Divide };
+        self.graph.binary(operator, node, power).map(Some)
+    }
+}

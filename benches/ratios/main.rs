@@ -20,14 +20,16 @@ mod papers;
 mod plain;
 mod samples;
 mod solve;
+mod squares;
 mod table;
 mod threads;
 
 /// A section: its name on the command line and what it measures.
 type Section = (&'static str, fn());
 
-const SECTIONS: [Section; 11] = [
+const SECTIONS: [Section; 12] = [
     ("kernels", kernels::against_hyper_dual),
+    ("squares", squares::run),
     ("foreign", kernels::against_foreign),
     ("papers", papers::run),
     ("assembly", assembly::run),

@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use num_dual::HyperDual64;
-use piola_compiler::{Kernel, Level, Measure, Mode, Model, Setting, Values, check_text};
+use piola_compiler::{
+    Batch, Kernel, Level, Measure, Mode, Model, Order, Outputs, Setting, Values, check_text,
+};
 use piola_runtime::assembly::{DiscreteEnergy, Elements};
 use piola_runtime::body::Body;
 use piola_runtime::element::{CoordinateElement, Element, MeasureElement};
@@ -53,6 +55,15 @@ impl SethHill {
     /// The compiled energy on the geometry of its measure.
     pub(crate) fn element(&self, measure: Measure) -> Box<dyn Element> {
         Box::new(MeasureElement::new(measure, 3, Box::new(self.kernel(measure))))
+    }
+
+    /// The same as a function of the measure even where its square would do.
+    pub(crate) fn element_of_measure(&self, measure: Measure) -> Box<dyn Element> {
+        let kernel = self.kernel(measure);
+        let law = move |batch: Batch<'_>, order: Order, out: Outputs<'_>| {
+            kernel.evaluate(batch, order, out);
+        };
+        Box::new(MeasureElement::new(measure, 3, Box::new(law)))
     }
 
     /// The discrete energy of these measures, every interaction with weight 1.

@@ -161,9 +161,9 @@ impl Kernel {
         self.measure
     }
 
-    /// The same energy as a function of the square of its measure: it takes `m^2`, `M^2` and
-    /// `(m^2 - M^2)/M^2`, and its derivatives are those by `m^2`. See [`Model::squared`]; only
-    /// symbolic derivatives of the accurate form have one.
+    /// The same energy as a function of `q = m^2/M`, where it is one: it takes `q`, `M` and
+    /// `(q - M)/M`, and its derivatives are those by `q`. See [`Model::squared`]; only symbolic
+    /// derivatives of the accurate form have one.
     pub fn squared(&self) -> Option<&Kernel> {
         self.squared.as_deref()
     }

@@ -1,24 +1,25 @@
 //! Energies that are functions of the squared measure.
 //!
 //! Lengths, and areas in space, are roots: their squares come from vectors without one. An energy in
-//! which such a measure has even powers alone is a function of `q = m^2` and `Q = M^2`, and with the
-//! change `(q - Q)/Q` it is an energy like any other, one whose measure is `q`: it is rewritten,
-//! differentiated and compiled by the same code.
+//! which such a measure has even powers alone is a function of `q = m^2/M`, which is `M` at rest and
+//! has the unit of `m`. So it is an energy like any other, one whose measure is `q`: it is rewritten,
+//! differentiated and compiled by the same code, and its change is `(q - M)/M = m^2/M^2 - 1`.
 //!
-//! Before: a simplified energy as written. After: the same energy with `q`, `Q` in the place of the
-//! inputs `m`, `M`; nothing where an odd power of `m` is left.
+//! Before: a simplified energy as written. After: the same energy with `q` in the place of the input
+//! `m`; nothing where an odd power of `m` is left.
 
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
 use crate::model::Model;
+use crate::rewrite::stretch;
 use crate::simplify::Simplifier;
 use crate::specialise::{Form, MAX_OPERATIONS, ScalarEnergy, energy, known};
 use crate::values::Values;
 
 impl Model {
-    /// The energy of a measure as a function of its square, with derivatives by the square: the current
-    /// input is `m^2`, the reference `M^2`, the change `(m^2 - M^2)/M^2`. Nothing where the measure is
-    /// signed, where it has an odd power, and where the energy would be too large.
+    /// The energy of a measure `m` as a function of `q = m^2/M`, with derivatives by `q`: the current
+    /// input is `q`, the reference `M`, the change `(q - M)/M`. Nothing where the measure is signed,
+    /// where it has an odd power, and where the energy would be too large.
     pub fn squared(&self, values: &Values, measure: Measure) -> Option<ScalarEnergy> {
         if measure.is_signed(values.dimension) {
             return None;
@@ -32,7 +33,7 @@ impl Model {
     }
 }
 
-/// `rest * m^current * M^reference`, where the rest is a function of squares.
+/// `rest * m^current * M^reference`, where the rest is a function of `q` and `M`.
 #[derive(Clone, Copy)]
 struct Product {
     rest: NodeId,
@@ -46,7 +47,7 @@ impl Product {
     }
 }
 
-/// The energy `psi` as a function of squares, if it is one.
+/// The energy `psi` as a function of `q`, if it is one.
 fn squared(
     source: &ExprGraph,
     psi: NodeId,
@@ -56,7 +57,7 @@ fn squared(
     let mut squares = Squares { measure, graph: Simplifier::new(), products: Vec::new() };
     for (id, node) in source.nodes() {
         let product = if needed[id.0 as usize] {
-            let Some(product) = squares.product(node)? else { return Ok(None) };
+            let Some(product) = squares.product(source, node)? else { return Ok(None) };
             product
         } else {
             Product::plain(NodeId(0))
@@ -82,7 +83,7 @@ impl Squares {
         self.products[id.0 as usize]
     }
 
-    fn product(&mut self, node: Node) -> Made<Product> {
+    fn product(&mut self, source: &ExprGraph, node: Node) -> Made<Product> {
         match node {
             Node::Input(Input::Current(m)) if m == self.measure => {
                 let rest = self.graph.number(1.0)?;
@@ -91,6 +92,12 @@ impl Squares {
             Node::Input(Input::Reference(m)) if m == self.measure => {
                 let rest = self.graph.number(1.0)?;
                 Ok(Some(Product { rest, current: 0, reference: 1 }))
+            }
+            // At rest `q = M` holds to rounding only, and must not decide.
+            Node::Compare(_, x, y) | Node::Binary(Operator::Min | Operator::Max, x, y)
+                if source.depends_on(&[x, y], Input::Current(self.measure)) =>
+            {
+                Ok(None)
             }
             // `(m - M)/M` is linear in `m`.
             Node::Input(Input::Change(_)) | Node::Strain(..) => Ok(None),
@@ -147,29 +154,24 @@ impl Squares {
         Ok(Some(Product::plain(self.graph.binary(operator, x, y)?)))
     }
 
-    /// The node of a product: what can be a power of `q/Q` is one.
-    fn node(&mut self, product: Product) -> Made<NodeId> {
-        let Product { rest, current, mut reference } = product;
+    /// The node of a product: `m^i M^j = (q/M)^(i/2) M^(i + j)`.
+    fn node(&mut self, Product { rest, current, reference }: Product) -> Made<NodeId> {
         if current % 2 != 0 {
             return Ok(None);
         }
         let mut node = rest;
         if current != 0 {
-            let mut base = self.graph.input(Input::Current(self.measure))?;
-            if i64::from(current.signum()) * i64::from(reference.signum()) < 0 {
-                let divisor = self.graph.input(Input::Reference(self.measure))?;
-                base = self.graph.divide(base, divisor)?;
-                reference += current;
-            }
-            let power = self.graph.power(base, f64::from(current / 2))?;
+            let stretch = stretch(&mut self.graph, self.measure)?;
+            let power = self.graph.power(stretch, f64::from(current / 2))?;
             node = self.graph.multiply(node, power)?;
         }
-        if reference == 0 {
+        let exponent = f64::from(current) + f64::from(reference);
+        if exponent == 0.0 {
             return Ok(Some(node));
         }
         let base = self.graph.input(Input::Reference(self.measure))?;
-        let power = self.graph.power(base, f64::from(reference).abs() / 2.0)?;
-        let operator = if reference > 0 { Operator::Multiply } else { Operator::Divide };
+        let power = self.graph.power(base, exponent.abs())?;
+        let operator = if exponent > 0.0 { Operator::Multiply } else { Operator::Divide };
         self.graph.binary(operator, node, power).map(Some)
     }
 }

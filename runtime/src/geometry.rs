@@ -8,8 +8,8 @@
 //! Each measure `m` is differentiated through a polynomial `s(xi)`, its *variable*: `s = m` for the
 //! signed measures, which are multilinear, and `s = m^2/2` for lengths and areas in space, which
 //! are roots. Derivatives of `s` never divide and exist at `m = 0`; [`Variable::slopes`] turns
-//! `psi'(m)`, `psi''(m)` into derivatives in `s`. Laws of squares have `m^2` for their measure, and
-//! then neither root nor division is needed ([`squares`]).
+//! `psi'(m)`, `psi''(m)` into derivatives in `s`. Laws that are functions of `m^2` take it without its
+//! root ([`squares`]).
 
 pub mod bond;
 pub mod double;
@@ -67,32 +67,33 @@ pub struct Change<T> {
     pub reference: T,
     /// `(m - M)/M`, computed from the displacements: it keeps its digits however small it is.
     pub change: T,
-    /// 1 or -1: what makes the reference of a signed measure positive; 1 for roots.
-    pub orientation: T,
+    /// `dm/ds`, where it is the same for all `m`: 1 or -1, which makes the reference of a signed
+    /// measure positive, `2/M` for `q = m^2/M`; 1 for roots, whose slope [`Variable::slopes`] knows.
+    pub slope: T,
 }
 
 /// How the variable `s` of a measure follows from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Variable {
-    /// `s = m`, for the signed measures.
+    /// `s = m` or `s = -m`, for the signed measures.
     Measure,
     /// `s = m^2/2`, for the roots.
     HalfSquare,
-    /// `s = m/2`, for the squares of roots.
-    Half,
+    /// `s = M*q/2`, for the squares of roots: `q = m^2/M` has the place of the measure.
+    Square,
 }
 
 impl Variable {
-    /// `(dpsi/ds, d2psi/ds2)` from psi' and psi''.
+    /// `(dpsi/ds, d2psi/ds2)` from psi' and psi''; `slope` is that of [`Change`].
     ///
     /// For roots these are `psi'/m` and `(psi'' - psi'/m)/m^2`. At `m = 0` an energy with
     /// `psi'(0) = 0` is smooth and `psi'/m` tends to `psi''(0)`; the second slope then multiplies
     /// `ds = 0` and is left out. An energy with `psi'(0) != 0` has a kink there: the slopes are
     /// infinite, and the caller reports it.
     #[inline(always)]
-    pub fn slopes<T: Scalar>(self, measure: T, first: T, second: T) -> (T, T) {
+    pub fn slopes<T: Scalar>(self, measure: T, slope: T, first: T, second: T) -> (T, T) {
         match self {
-            Variable::Measure => (first, second),
+            Variable::Measure | Variable::Square => (first * slope, second * (slope * slope)),
             Variable::HalfSquare => {
                 let (zero, one) = (measure.alike(0.0), measure.alike(1.0));
                 let is_smooth = measure.where_equal(zero, first.where_equal(zero, one, zero), zero);
@@ -100,24 +101,23 @@ impl Variable {
                 let rest = (second - over) / (measure * measure);
                 (over, is_smooth.where_equal(one, zero, rest))
             }
-            Variable::Half => (first + first, measure.alike(4.0) * second),
         }
     }
 
-    /// The square of the length, area or volume that this measure stands for.
+    /// The square of the length, area or volume.
     #[inline(always)]
-    pub fn square<T: Scalar>(self, measure: T) -> T {
+    pub fn square<T: Scalar>(self, measure: T, reference: T) -> T {
         match self {
             Variable::Measure | Variable::HalfSquare => measure * measure,
-            Variable::Half => measure,
+            Variable::Square => measure * reference,
         }
     }
 
-    /// The length, area or volume that this measure stands for.
-    pub fn value(self, measure: f64) -> f64 {
+    /// The length, area or volume.
+    pub fn value(self, measure: f64, reference: f64) -> f64 {
         match self {
             Variable::Measure | Variable::HalfSquare => measure,
-            Variable::Half => measure.sqrt(),
+            Variable::Square => (measure * reference).sqrt(),
         }
     }
 }

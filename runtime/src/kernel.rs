@@ -13,8 +13,8 @@ pub trait Law: Send + Sync {
     /// The unit of psi is J/m^(2d), J/m^(3d), J/m^(4d) for bonds, triangles, tetrahedra.
     fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>);
 
-    /// The same energy as a function of the squared measure, where it is one: it takes `m^2`, `M^2` and
-    /// `(m^2 - M^2)/M^2`, and its derivatives are those by `m^2`.
+    /// The same energy as a function of the square of its measure, where it is one: it takes
+    /// `q = m^2/M`, `M` and `(q - M)/M`, and its derivatives are those by `q`.
     fn squared(&self) -> Option<&dyn Law> {
         None
     }

@@ -168,7 +168,7 @@ pub(super) struct Measures {
     pub(super) measure: Channel,
     pub(super) reference: Channel,
     pub(super) change: Channel,
-    pub(super) orientation: Channel,
+    pub(super) slope: Channel,
     /// Lanes whose interactions are thin: see `Measuring`.
     pub(super) thin: Vec<usize>,
 }
@@ -188,7 +188,7 @@ impl Contributions {
                 measure: zero,
                 reference: zero,
                 change: zero,
-                orientation: zero,
+                slope: zero,
                 thin: Vec::new(),
             },
             derivatives: Derivatives { psi: zero, dpsi: zero, d2psi: zero },

@@ -156,15 +156,15 @@ impl<G: Geometry<C>, const C: usize> WithSimd for Measuring<'_, G, C> {
             change.measure.store(&mut out.measure, group);
             change.reference.store(&mut out.reference, group);
             change.change.store(&mut out.change, group);
-            change.orientation.store(&mut out.orientation, group);
+            change.slope.store(&mut out.slope, group);
             let now: [Lanes<S>; C] = each(|c| rest[c] + eta[c]);
             let (Some(largest_at_rest), Some(largest)) =
                 (G::largest_square(&rest), G::largest_square(&now))
             else {
                 continue;
             };
-            let square_at_rest = G::VARIABLE.square(change.reference);
-            let square = G::VARIABLE.square(change.measure);
+            let square_at_rest = G::VARIABLE.square(change.reference, change.reference);
+            let square = G::VARIABLE.square(change.measure, change.reference);
             let thin = square_at_rest.where_less(thin_part * largest_at_rest, one, zero);
             let thin = square.where_less(thin_part * largest, one, thin);
             if thin.largest() > 0.0 {
@@ -216,8 +216,9 @@ impl<G: Geometry<C>, const C: usize> WithSimd for Differentiating<'_, G, C> {
             }
             // Without a Hessian psi'' has no say, not even at a kink of the measure.
             let curvature = if order == Order::Tangent { load(&derivatives.d2psi) } else { zero };
-            let (first, second) = G::VARIABLE.slopes(measure, load(&derivatives.dpsi), curvature);
-            let first = weight * first * load(&measures.orientation);
+            let (slope, first) = (load(&measures.slope), load(&derivatives.dpsi));
+            let (first, second) = G::VARIABLE.slopes(measure, slope, first, curvature);
+            let first = weight * first;
             first.store(&mut out.first, group);
             refused = refused + first.zero_or_nan();
             let x: [Lanes<S>; C] = each(|c| load(&reference[c]) + load(&displacement[c]));
@@ -255,8 +256,8 @@ fn first_refused(
             && (order != Order::Tangent || out.second[lane].is_finite())
     };
     let lane = (0..batch.len()).find(|lane| !is_fine(lane)).unwrap_or(0);
-    let value = variable.value(measures.measure[lane]);
-    let reference = variable.value(measures.reference[lane]);
+    let reference = measures.reference[lane];
+    let value = variable.value(measures.measure[lane], reference);
     NonFiniteLane { lane, value, reference }
 }
 
@@ -281,7 +282,7 @@ fn measure_thin<G: Geometry<C>, const C: usize>(batch: &InteractionBatch, out: &
         out.measure[lane] = change.measure.rounded();
         out.reference[lane] = change.reference.rounded();
         out.change[lane] = change.change.rounded();
-        out.orientation[lane] = change.orientation.rounded();
+        out.slope[lane] = change.slope.rounded();
     }
 }
 

@@ -1,8 +1,9 @@
 //! Squares of the measures that are roots: `l^2` and, in space, `a^2`.
 //!
-//! They and their change follow from vectors by sums and products. An energy that is a function of them
-//! needs no root of the current measure, and its derivatives in `s = m^2/2` are `2 dpsi/d(m^2)` and
-//! `4 d2psi/d(m^2)^2`: nothing is divided, and a measure of 0 is a number like any other.
+//! They and their change follow from vectors by sums and products. For an energy that is a function of
+//! them, `q = m^2/M` has the place of the measure: it needs no root of the current one, its variable
+//! `s = m^2/2` is proportional to it, so that no derivative is divided by a measure, and 0 is a number
+//! like any other.
 
 use super::{Change, Geometry, Scalar, Variable};
 
@@ -26,7 +27,7 @@ impl<T: Scalar> Squares<T> {
             measure: now,
             reference: at_rest,
             change: self.grown / (at_rest * (now + at_rest)),
-            orientation: at_rest.alike(1.0),
+            slope: at_rest.alike(1.0),
         }
     }
 }
@@ -37,12 +38,12 @@ pub trait Root<const C: usize>: Geometry<C> {
     fn squares<T: Scalar>(reference: &[T; C], displacement: &[T; C]) -> Squares<T>;
 }
 
-/// The geometry `G` for laws of the squared measure: what it calls the measure is `m^2`.
+/// The geometry `G` for laws of the squared measure: what it calls the measure is `q = m^2/M`.
 #[derive(Debug)]
 pub struct Squared<G>(G);
 
 impl<G: Root<C>, const C: usize> Geometry<C> for Squared<G> {
-    const VARIABLE: Variable = Variable::Half;
+    const VARIABLE: Variable = Variable::Square;
 
     #[inline(always)]
     fn largest_square<T: Scalar>(vectors: &[T; C]) -> Option<T> {
@@ -52,8 +53,15 @@ impl<G: Root<C>, const C: usize> Geometry<C> for Squared<G> {
     #[inline(always)]
     fn change<T: Scalar>(reference: &[T; C], displacement: &[T; C]) -> Change<T> {
         let Squares { now, at_rest, grown } = G::squares(reference, displacement);
-        let orientation = at_rest.alike(1.0);
-        Change { measure: now, reference: at_rest, change: grown / at_rest, orientation }
+        let over = at_rest.alike(1.0) / at_rest;
+        let reference = at_rest.sqrt();
+        let over_reference = reference * over;
+        Change {
+            measure: now * over_reference,
+            reference,
+            change: grown * over,
+            slope: over_reference + over_reference,
+        }
     }
 
     #[inline(always)]

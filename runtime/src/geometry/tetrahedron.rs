@@ -31,7 +31,7 @@ impl Geometry<9> for Tetrahedron {
             measure: orientation * dot(&x[0], &normal),
             reference: orientation * at_rest,
             change: (dot(&eta[0], &normal) + dot(&rest[0], &turned)) / at_rest,
-            orientation,
+            slope: orientation,
         }
     }
 

@@ -31,7 +31,7 @@ impl Geometry<4> for PlaneTriangle {
             measure: orientation * cross_2d(&x1, &x2),
             reference: orientation * at_rest,
             change: grown / at_rest,
-            orientation,
+            slope: orientation,
         }
     }
 
@@ -230,6 +230,6 @@ mod tests {
         let turned = PlaneTriangle::change(&[1.0, 0.0, 0.0, 1.0], &[0.0, 0.0, 0.0, -3.0]);
         assert_eq!((turned.measure, turned.reference, turned.change), (-2.0, 1.0, -3.0));
         let mirrored = PlaneTriangle::change(&[0.0, 1.0, 1.0, 0.0], &[0.0; 4]);
-        assert_eq!((mirrored.measure, mirrored.orientation), (1.0, -1.0));
+        assert_eq!((mirrored.measure, mirrored.slope), (1.0, -1.0));
     }
 }

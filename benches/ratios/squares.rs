@@ -13,8 +13,8 @@ use crate::ours::{SethHill, cube, discrete, displacement, with_threads};
 use crate::samples::{COUNT, Samples};
 use crate::table::{Bar, head, row};
 
-const ROUNDS: usize = 201;
-const FEW_ROUNDS: usize = 15;
+const ROUNDS: usize = 4001;
+const FEW_ROUNDS: usize = 101;
 
 pub(crate) fn run() {
     head(

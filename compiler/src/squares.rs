@@ -106,11 +106,11 @@ impl Squares {
                 Ok(Some(Product { rest: self.graph.negate(x.rest)?, ..x }))
             }
             Node::PowerConstant(x, bits) => self.power(self.of(x), f64::from_bits(bits)),
-            Node::Binary(Operator::Multiply, x, y) => {
-                self.joined(Operator::Multiply, self.of(x), self.of(y))
+            Node::Binary(operator @ (Operator::Add | Operator::Subtract), x, y) => {
+                self.sum(operator, self.of(x), self.of(y))
             }
-            Node::Binary(Operator::Divide, x, y) => {
-                self.joined(Operator::Divide, self.of(x), self.of(y))
+            Node::Binary(operator @ (Operator::Multiply | Operator::Divide), x, y) => {
+                self.joined(operator, self.of(x), self.of(y))
             }
             _ => {
                 let mut operands = Vec::new();
@@ -136,6 +136,19 @@ impl Squares {
         Ok(Some(Product::plain(self.graph.power(x, c)?)))
     }
 
+    /// `x + y` or `x - y`: a power of `M` that both have stays outside.
+    fn sum(&mut self, operator: Operator, x: Product, y: Product) -> Made<Product> {
+        let (Some(x), Some(y)) = (self.by_stretch(x)?, self.by_stretch(y)?) else {
+            return Ok(None);
+        };
+        if x.reference == y.reference {
+            let rest = self.graph.binary(operator, x.rest, y.rest)?;
+            return Ok(Some(Product { rest, ..x }));
+        }
+        let (Some(x), Some(y)) = (self.node(x)?, self.node(y)?) else { return Ok(None) };
+        Ok(Some(Product::plain(self.graph.binary(operator, x, y)?)))
+    }
+
     /// `x*y` or `x/y`.
     fn joined(&mut self, operator: Operator, x: Product, y: Product) -> Made<Product> {
         let sign = if operator == Operator::Divide { -1 } else { 1 };
@@ -154,24 +167,60 @@ impl Squares {
         Ok(Some(Product::plain(self.graph.binary(operator, x, y)?)))
     }
 
-    /// The node of a product: `m^i M^j = (q/M)^(i/2) M^(i + j)`.
-    fn node(&mut self, Product { rest, current, reference }: Product) -> Made<NodeId> {
-        if current % 2 != 0 {
+    /// `m^i M^j = (q/M)^(i/2) M^(i + j)`: the same product with a power of the stretch in the rest.
+    fn by_stretch(&mut self, Product { rest, current, reference }: Product) -> Made<Product> {
+        if current == 0 {
+            return Ok(Some(Product { rest, current, reference }));
+        }
+        let sum = current.checked_add(reference).filter(|_| current % 2 == 0);
+        let Some(reference) = sum else { return Ok(None) };
+        let stretch = stretch(&mut self.graph, self.measure)?;
+        let power = self.graph.power(stretch, f64::from(current / 2))?;
+        let rest = self.graph.multiply(rest, power)?;
+        Ok(Some(Product { rest, current: 0, reference }))
+    }
+
+    /// The node of a product.
+    fn node(&mut self, product: Product) -> Made<NodeId> {
+        let Some(Product { rest, reference, .. }) = self.by_stretch(product)? else {
             return Ok(None);
-        }
-        let mut node = rest;
-        if current != 0 {
-            let stretch = stretch(&mut self.graph, self.measure)?;
-            let power = self.graph.power(stretch, f64::from(current / 2))?;
-            node = self.graph.multiply(node, power)?;
-        }
-        let exponent = f64::from(current) + f64::from(reference);
-        if exponent == 0.0 {
-            return Ok(Some(node));
+        };
+        if reference == 0 {
+            return Ok(Some(rest));
         }
         let base = self.graph.input(Input::Reference(self.measure))?;
-        let power = self.graph.power(base, exponent.abs())?;
-        let operator = if exponent > 0.0 { Operator::Multiply } else { Operator::Divide };
-        self.graph.binary(operator, node, power).map(Some)
+        let power = self.graph.power(base, f64::from(reference).abs())?;
+        let operator = if reference > 0 { Operator::Multiply } else { Operator::Divide };
+        self.graph.binary(operator, rest, power).map(Some)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::print;
+    use crate::test_support::{model, values};
+
+    /// psi, psi', psi'' of `psi(l)` as functions of `q`, printed as `l`.
+    fn squared(psi: &str) -> [String; 3] {
+        let model = model(&format!("potential p\npsi(l) = {psi}"));
+        let energy = model.squared(&values(&model, 3, &[]), Measure::Length).unwrap();
+        energy.roots.map(|root| print::expression(&model, &energy.graph, root))
+    }
+
+    #[test]
+    fn strains_of_order_two_are_the_change() {
+        // The change `l/L - 1` is an input.
+        let expected = ["L*(0.5*(0.5*(l/L - 1))^2)", "0.25*(l/L - 1)", "0.25/L"];
+        assert_eq!(squared("1/2*L*(((l/L)^2 - 1)/2)^2"), expected);
+        assert_eq!(squared("1/2*L*((l^2 - L^2)/(2*L^2))^2"), expected);
+        assert_eq!(squared("1/2*L*((l*l - L*L)/(2*L*L))^2"), expected);
+    }
+
+    #[test]
+    fn powers_have_half_their_exponents() {
+        assert_eq!(squared("L*(l/L)^4")[0], "L*(l/L)^2");
+        assert_eq!(squared("L^3/l^2")[0], "L*(l/L)^-1");
+        assert_eq!(squared("(l^2)^1.3")[0], "(l/L*L^2)^1.3");
     }
 }

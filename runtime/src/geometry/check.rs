@@ -41,7 +41,7 @@ fn is_solid(x: &[f64]) -> bool {
 }
 
 /// Compares measure, gradient and Hessian with hyper-dual derivatives of the plain formula, which
-/// receives the current vectors and the sign of the reference.
+/// receives the current vectors and `dm/ds` where that is constant.
 pub(crate) fn check_derivatives<G: Geometry<C>, const C: usize>(
     plain: impl Fn(&[HyperDual64; C], f64) -> HyperDual64,
 ) {
@@ -51,11 +51,10 @@ pub(crate) fn check_derivatives<G: Geometry<C>, const C: usize>(
         let displacement = pair[1].map(|x| 0.003 * x);
         let current: [f64; C] = std::array::from_fn(|k| reference[k] + displacement[k]);
         let found = G::change(&reference, &displacement);
-        let sign = found.slope.signum();
         // psi = m and psi = m^2/2 tell gradient and Hessian apart.
         for (first, second) in [(1.0, 0.0), (found.measure, 1.0)] {
             let energy = |x: &[HyperDual64; C]| {
-                let measure = plain(x, sign);
+                let measure = plain(x, found.slope);
                 if second == 0.0 { measure } else { measure.powi(2) * 0.5 }
             };
             let (ds, d2s) = G::VARIABLE.slopes(found.measure, found.slope, first, second);
@@ -65,9 +64,10 @@ pub(crate) fn check_derivatives<G: Geometry<C>, const C: usize>(
             compare(&current, &energy, |row| ds * gradient[row], &hessian);
         }
         assert!(
-            relative(found.measure, plain(&current.map(HyperDual64::from_re), sign).re) < 1e-13
+            relative(found.measure, plain(&current.map(HyperDual64::from_re), found.slope).re)
+                < 1e-13
         );
-        let rest = plain(&reference.map(HyperDual64::from_re), sign).re;
+        let rest = plain(&reference.map(HyperDual64::from_re), found.slope).re;
         assert!(rest > 0.0 && relative(found.reference, rest) < 1e-13);
         assert!((found.change - (found.measure - rest) / rest).abs() < 1e-11);
     }

@@ -80,3 +80,50 @@ impl<G: Root<C>, const C: usize> Geometry<C> for Squared<G> {
         G::hessian(current, gradient, first, second, emit);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::bond::Bond;
+    use crate::geometry::check::{check_derivatives, int_vectors};
+    use crate::geometry::triangle::SpaceTriangle;
+
+    #[test]
+    fn derivatives_agree_with_hyper_dual_numbers() {
+        // m^2/M with 1/M from the slope 2/M.
+        check_derivatives::<Squared<Bond>, 2>(|x, slope| {
+            (x[0] * x[0] + x[1] * x[1]) * (0.5 * slope)
+        });
+        check_derivatives::<Squared<Bond>, 3>(|x, slope| {
+            (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) * (0.5 * slope)
+        });
+        check_derivatives::<Squared<SpaceTriangle>, 6>(|x, slope| {
+            let c0 = x[1] * x[5] - x[2] * x[4];
+            let c1 = x[2] * x[3] - x[0] * x[5];
+            let c2 = x[0] * x[4] - x[1] * x[3];
+            (c0 * c0 + c1 * c1 + c2 * c2) * (0.5 * slope)
+        });
+    }
+
+    #[test]
+    fn a_uniform_stretch_is_recovered_to_the_last_digits() {
+        let stretch = libm::scalbn(1.0, -47);
+        // (1 + e)^2 - 1
+        let exact = stretch * (2.0 + stretch);
+        for reference in int_vectors::<3>(200) {
+            let found = Squared::<Bond>::change(&reference, &reference.map(|x| x * stretch));
+            assert!((found.change - exact).abs() <= 6.0 * f64::EPSILON * exact, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn vectors_of_the_size_of_atoms_and_of_nothing() {
+        let small = [3e-10, -4e-10, 0.0, 1e-10, 5e-10, 2e-10];
+        let found = Squared::<SpaceTriangle>::change(&small, &[0.0; 6]);
+        let expected = SpaceTriangle::change(&small, &[0.0; 6]);
+        assert!((found.measure / expected.measure - 1.0).abs() <= 4.0 * f64::EPSILON);
+        assert_eq!((found.reference, found.change), (expected.reference, 0.0));
+        let collapsed = Squared::<Bond>::change(&[1.0, 2.0], &[-1.0, -2.0]);
+        assert_eq!((collapsed.measure, collapsed.change), (0.0, -1.0));
+    }
+}

@@ -12,4 +12,5 @@ mod refusals;
 #[path = "../shared/differences.rs"]
 mod shared;
 mod small_clouds;
+mod squares;
 mod thin;

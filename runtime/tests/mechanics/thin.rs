@@ -5,7 +5,7 @@
 //! one part in a hundred.
 
 use piola_runtime::element::{Contributions, Element, InteractionBatch, MeasureElement, Order};
-use piola_runtime::kernel::{Batch, Measure, Outputs};
+use piola_runtime::kernel::{Batch, Law, Measure, Outputs};
 
 /// Half the distance from 1 to the next number.
 const U: f64 = f64::EPSILON / 2.0;
@@ -41,15 +41,45 @@ fn corners(n: usize) -> (Vec<Vector>, Vec<Vector>) {
     (rest[..n].to_vec(), now[..n].to_vec())
 }
 
-/// Energy and gradient of one interaction; the energy is the measure, or its change.
-fn evaluate(measure: Measure, dimension: usize, change: bool) -> (f64, Vec<f64>) {
-    let law = move |batch: Batch<'_>, _: Order, out: Outputs<'_>| {
+/// An energy that is the measure, or its change.
+struct Linear {
+    change: bool,
+}
+
+impl Law for Linear {
+    fn evaluate(&self, batch: Batch<'_>, _: Order, out: Outputs<'_>) {
         let n = batch.measure.len();
-        out.psi[..n].copy_from_slice(if change { batch.change } else { batch.measure });
+        out.psi[..n].copy_from_slice(if self.change { batch.change } else { batch.measure });
         out.dpsi.fill(1.0);
         out.d2psi.fill(0.0);
-    };
-    let element = MeasureElement::new(measure, dimension, Box::new(law));
+    }
+}
+
+/// An energy that is this function of `q = m^2/M`, and knows no other form.
+struct OfSquare(Linear);
+
+impl Law for OfSquare {
+    fn evaluate(&self, _: Batch<'_>, _: Order, out: Outputs<'_>) {
+        out.psi.fill(f64::NAN);
+    }
+
+    fn squared(&self) -> Option<&dyn Law> {
+        Some(&self.0)
+    }
+}
+
+/// Energy and gradient of one interaction; the energy is the measure, or its change.
+fn evaluate(measure: Measure, dimension: usize, change: bool) -> (f64, Vec<f64>) {
+    evaluate_law(measure, dimension, change, Box::new(Linear { change }))
+}
+
+fn evaluate_law(
+    measure: Measure,
+    dimension: usize,
+    change: bool,
+    law: Box<dyn Law>,
+) -> (f64, Vec<f64>) {
+    let element = MeasureElement::new(measure, dimension, law);
     let mut batch = InteractionBatch::new(measure, dimension);
     let n_corners = if measure == Measure::Area { 2 } else { 3 };
     let (rest, _) = corners(n_corners);
@@ -133,6 +163,30 @@ fn thin_triangles_in_space() {
             .map(|g| sign * g)
     };
     let expected = [along(now[1], 1.0), along(now[0], -1.0)].concat();
+    let scale = expected.iter().map(|g| g.abs()).fold(0.0, f64::max);
+    for (found, expected) in gradient.iter().zip(expected) {
+        close(*found, expected, 2.0 * scale);
+    }
+}
+
+#[test]
+fn thin_triangles_in_space_by_their_squares() {
+    let (rest, now) = corners(2);
+    let normal = |x: &[Vector]| cross(x[0], minus(x[1], x[0]));
+    let [before, after] = [&rest, &now].map(|x| dot(normal(x), normal(x)));
+    let area = (before as f64).sqrt();
+    let evaluate = |change: bool| {
+        evaluate_law(Measure::Area, 3, change, Box::new(OfSquare(Linear { change })))
+    };
+    let (measure, gradient) = evaluate(false);
+    close(measure, after as f64 / area, after as f64 / area);
+    let change = (after - before) as f64 / before as f64;
+    close(evaluate(true).0, change, change.abs());
+    // With q = a^2/A: dq/dxi1 = 2 xi2 x n/A, dq/dxi2 = 2 n x xi1/A
+    let n = normal(&now);
+    let expected = [cross(now[1], n), cross(n, now[0])];
+    let expected: Vec<f64> =
+        expected.as_flattened().iter().map(|x| *x as f64 / area * 2.0).collect();
     let scale = expected.iter().map(|g| g.abs()).fold(0.0, f64::max);
     for (found, expected) in gradient.iter().zip(expected) {
         close(*found, expected, 2.0 * scale);

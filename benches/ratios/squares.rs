@@ -72,7 +72,7 @@ fn assembled() {
     let (mut other_gradient, mut other) = (gradient.clone(), tangent.clone());
     let [squares, measures] = in_turn(
         FEW_ROUNDS,
-        Clock::Thread,
+        Clock::Wall,
         [
             &mut || {
                 squares.tangent(&u, &mut gradient, &mut tangent).expect("finite");

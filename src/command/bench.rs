@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use piola_compiler::audit::{Audit, Settings, audit};
-use piola_compiler::{Form, Level, Mode};
+use piola_compiler::{Form, Level, Measure, Mode, Values};
 use piola_runtime::element::cost::{self, CostError, EnergyCost, WayCost};
 use piola_runtime::output::summary::PhaseClock;
 use piola_runtime::simulation::{self, Case, SceneCost};
@@ -71,10 +71,8 @@ fn of_potential(name: &str, arguments: &Bench) -> Exit {
         }
     }
     render::out(&match arguments.format {
-        Format::Human => potential_text(&loaded, values.dimension, &costs, &audits),
-        Format::Json => {
-            format!("{}\n", potential_json(&loaded, values.dimension, &costs, &audits))
-        }
+        Format::Human => potential_text(&loaded, &values, &costs, &audits),
+        Format::Json => format!("{}\n", potential_json(&loaded, &values, &costs, &audits)),
     });
     Exit::Done
 }
@@ -87,7 +85,8 @@ fn errors(cost: &WayCost, energy: &EnergyCost, audits: &Audits) -> Option<[f64; 
     Some(audit.worst())
 }
 
-fn potential_text(loaded: &Loaded, dimension: usize, costs: &[WayCost], audits: &Audits) -> String {
+fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &Audits) -> String {
+    let dimension = values.dimension;
     let mut out = format!(
         "{} in {dimension} dimensions: ns per interaction on one thread, least of several runs\n\n\
          {:24} {:8} {:>10} {:>10} {:>10}   largest errors of psi, psi', psi'' in u\n",
@@ -111,14 +110,25 @@ fn potential_text(loaded: &Loaded, dimension: usize, costs: &[WayCost], audits: 
         let _ = writeln!(out, "{:24} {:>10.3}", cost.way.name, cost.compile_seconds * 1e3);
     }
     out.push_str("\nu = 1.1e-16 of the value; `piola audit` says where the largest errors are\n");
+    for measure in Measure::ALL {
+        if loaded.model.squared(values, measure).is_some() {
+            let m = measure.symbol();
+            let _ = writeln!(
+                out,
+                "psi({m}) is a function of {m}^2: symbolic derivatives need no root of it; errors are \
+                 of the form in {m}"
+            );
+        }
+    }
     out
 }
 
-fn potential_json(loaded: &Loaded, dimension: usize, costs: &[WayCost], audits: &Audits) -> Value {
+fn potential_json(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &Audits) -> Value {
     let energy = |cost: &WayCost, energy: &EnergyCost| {
         let [only, gradient, tangent] = energy.nanoseconds;
         json!({
             "measure": energy.measure.symbol(),
+            "of_square": loaded.model.squared(values, energy.measure).is_some(),
             "nanoseconds": { "energy": only, "gradient": gradient, "tangent": tangent },
             // JSON has no infinity: an error without end is null.
             "errors": errors(cost, energy, audits)
@@ -134,7 +144,7 @@ fn potential_json(loaded: &Loaded, dimension: usize, costs: &[WayCost], audits: 
     };
     json!({
         "potential": loaded.name,
-        "dimension": dimension,
+        "dimension": values.dimension,
         "ways": costs.iter().map(way).collect::<Vec<_>>(),
     })
 }

@@ -31,6 +31,7 @@ fn an_energy_is_timed_in_every_way() {
             for order in ["energy", "gradient", "tangent"] {
                 assert!(number(&energy["nanoseconds"][order]) > 0.0);
             }
+            assert_eq!(energy["of_square"], false, "n = 2.7");
             let errors = &energy["errors"];
             if way["way"] == "fast" || way["way"] == "strict" {
                 let errors = numbers(errors);
@@ -40,6 +41,16 @@ fn an_energy_is_timed_in_every_way() {
             }
         }
     }
+}
+
+#[test]
+fn what_is_a_function_of_squares_is_told() {
+    let arguments = ["bench", "firooz2023", "--dim", "3", "--set", "n=2"];
+    let text = piola(&arguments).expect(0).stdout;
+    for part in ["psi(l) is a function of l^2", "psi(a) is a function of a^2"] {
+        assert!(text.contains(part), "no `{part}` in\n{text}");
+    }
+    assert!(!text.contains("of v^2"), "{text}");
 }
 
 #[test]

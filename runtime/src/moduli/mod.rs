@@ -73,7 +73,7 @@ pub struct Moduli {
 }
 
 /// Reads the moduli off a scene. With a density in kg/m^3 (of the solid, also in two dimensions:
-/// the thickness is 1 m) waves and the time step are added; the latter takes the whole body.
+/// the thickness is the scene's, or 1 m) waves and the time step are added; the latter takes the whole body.
 ///
 /// # Errors
 /// Energies that cannot be compiled or assembled, or are not finite at rest.

@@ -81,8 +81,8 @@ fn a_scene_is_timed_phase_by_phase() {
         "compile",
         "interactions",
         "conditions",
-        "tangent at rest",
         "linear system: set up",
+        "tangent at rest",
         "linear system: prepare",
         "linear system: solve",
     ];

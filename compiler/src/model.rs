@@ -67,6 +67,9 @@ pub struct Variant {
     pub energies: Vec<Energy>,
     /// The energies of the deformation gradient as written.
     pub gradient_energies: Vec<GradientEnergy>,
+    /// The functions of the right stretch tensor whose traces these hold, as functions of a principal
+    /// stretch.
+    pub traces: Vec<NodeId>,
     /// What is summed up over families, as written.
     pub integrals: Vec<Integral>,
     /// The energies of gathered values as written.

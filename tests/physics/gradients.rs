@@ -14,15 +14,17 @@ use piola_runtime::energy::TotalEnergy;
 use crate::support::{Random, repository};
 
 /// Every potential of the library with an energy of `F`, with values.
-pub(crate) const MATERIALS: [(&str, &[(&str, f64)]); 7] = [
+pub(crate) const MATERIALS: [(&str, &[(&str, f64)]); 9] = [
     (
         "fibre_reinforced",
         &[("mu", 1.0), ("K", 4.0), ("k1", 2.0), ("k2", 1.5), ("nx", 0.6), ("ny", 0.8)],
     ),
     ("fung", &[("c", 2.0), ("g", 0.5), ("b", 1.5)]),
+    ("hencky", &[("lambda", 3.0), ("mu", 1.0)]),
     ("mooney_rivlin", &[("C10", 0.7), ("C01", 0.3), ("K", 5.0)]),
     ("neo_hooke", &[("lambda", 3.0), ("mu", 1.0)]),
     ("neo_hooke_stable", &[("lambda", 3.0), ("mu", 1.0)]),
+    ("ogden", &[("mu1", 0.8), ("alpha1", 1.3), ("mu2", -0.4), ("mu3", 0.1), ("K", 5.0)]),
     ("st_venant_kirchhoff", &[("lambda", 1.5), ("mu", 1.0)]),
     ("yeoh", &[("C1", 0.5), ("C2", 0.1), ("C3", 0.2), ("K", 5.0)]),
 ];
@@ -97,7 +99,7 @@ fn everywhere(test: impl Fn(&str, &Correspondence, &[f64])) {
             }
         }
     }
-    assert_eq!(tried, 3 * (4 * 2 + 3), "potentials, dimensions and discretisations");
+    assert_eq!(tried, 3 * (5 * 2 + 4), "potentials, dimensions and discretisations");
 }
 
 fn gradient(energy: &Correspondence, u: &[f64]) -> Vec<f64> {

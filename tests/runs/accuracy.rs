@@ -70,9 +70,11 @@ fn all_energies_of_the_deformation_gradient_are_verified() {
     let names = [
         "fibre_reinforced",
         "fung",
+        "hencky",
         "mooney_rivlin",
         "neo_hooke",
         "neo_hooke_stable",
+        "ogden",
         "st_venant_kirchhoff",
         "yeoh",
     ];

@@ -21,6 +21,9 @@ impl<'a> Elaborator<'a> {
             return self.expand(number, function, actual, span);
         }
         if let Some(builtin) = Function::named(&function.name) {
+            if actual[0].is_tensor() {
+                return self.function_of_tensor(builtin, actual[0], given[0], span);
+            }
             let quantity = self.number(actual[0], given[0])?;
             let quantity = self.builtin_quantity(builtin, quantity, given[0])?;
             let node = Node::Unary(builtin, actual[0].node);
@@ -74,7 +77,7 @@ impl<'a> Elaborator<'a> {
             .iter()
             .map(|(formal, value)| match value.kind {
                 Kind::Number(quantity) => format!("`{}` {}", formal.name, quantity.describe()),
-                Kind::Truth | Kind::Tensor(..) => {
+                Kind::Truth | Kind::Tensor(..) | Kind::OfStretch(_) => {
                     format!("`{}` {}", formal.name, self.shape(*value))
                 }
             })

@@ -41,6 +41,8 @@ pub(crate) struct Elaborator<'a> {
     pub(super) call_sites: Vec<(Span, String)>,
     /// The integrals met so far: integrands, where they stand, and their roots in the graph.
     pub(super) integrals: Vec<(ExprId, NodeId)>,
+    /// The functions of `U` of which traces were met so far.
+    pub(super) traces: Vec<NodeId>,
     visits: usize,
     pub(super) exhausted: bool,
 }
@@ -71,6 +73,7 @@ impl<'a> Elaborator<'a> {
             calls: FxHashMap::default(),
             call_sites: Vec::new(),
             integrals: Vec::new(),
+            traces: Vec::new(),
             visits: 0,
             exhausted: false,
         }
@@ -144,6 +147,9 @@ impl<'a> Elaborator<'a> {
                 let x = of(operand)?;
                 if let Kind::Tensor(id, _) = x.kind {
                     return self.negative(x, id, span);
+                }
+                if x.is_of_stretch() {
+                    return self.make(Node::Unary(Function::Negate, x.node), x.kind, x.uses, span);
                 }
                 let quantity = self.number(x, *operand)?;
                 let node = Node::Unary(Function::Negate, x.node);
@@ -262,10 +268,6 @@ impl<'a> Elaborator<'a> {
             }
             Meaning::Contraction => self.contract((x, left), (y, right), span),
             Meaning::Number(operator) if x.is_tensor() || y.is_tensor() => {
-                let exponent = match exponent {
-                    Some(Constant::Number(n)) => Some(*n),
-                    _ => None,
-                };
                 self.tensor_binary(operator, (x, left), (y, right), exponent, span)
             }
             Meaning::Number(operator) => {
@@ -303,6 +305,10 @@ impl<'a> Elaborator<'a> {
             (Kind::Tensor(..), Kind::Tensor(..)) => {
                 return self.choose_tensor(c, (x, then), (y, otherwise), span);
             }
+            (Kind::OfStretch(_), Kind::OfStretch(_)) => {
+                self.no_choice_of_stretch(span);
+                return None;
+            }
             _ => {
                 let (p, q) = (self.shape(x), self.shape(y));
                 let message = format!("one branch of `if` is {p}, the other {q}");
@@ -318,7 +324,7 @@ impl<'a> Elaborator<'a> {
     pub(crate) fn number(&mut self, value: Value, at: ExprId) -> Option<Quantity> {
         match value.kind {
             Kind::Number(quantity) => Some(quantity),
-            Kind::Tensor(..) => {
+            Kind::Tensor(..) | Kind::OfStretch(_) => {
                 let shape = self.shape(value);
                 let message = format!("a number is expected here, this is {shape}");
                 self.report(
@@ -345,7 +351,7 @@ impl<'a> Elaborator<'a> {
     pub(crate) fn truth(&mut self, value: Value, at: ExprId) -> Option<()> {
         match value.kind {
             Kind::Truth => Some(()),
-            Kind::Number(_) | Kind::Tensor(..) => {
+            Kind::Number(_) | Kind::Tensor(..) | Kind::OfStretch(_) => {
                 let span = self.arena[at].span;
                 let shape = self.shape(value);
                 let message = format!("a condition is expected here, this is {shape}");

@@ -15,6 +15,7 @@ mod gathered;
 mod names;
 mod quantity;
 mod statement;
+mod stretch;
 mod tensor;
 pub mod unit;
 mod value;

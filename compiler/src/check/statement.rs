@@ -43,6 +43,7 @@ pub(crate) fn model(
         let mut builder = Builder::new(ast, symbols, dimension, has_units);
         builder.statements();
         builder.variant.integrals = builder.integrals();
+        builder.variant.traces = builder.elaborator.traces.clone();
         merge(errors, builder.elaborator.errors);
         let conditions;
         (stated, conditions) = constraints(ast, symbols, dimension, errors);
@@ -229,6 +230,7 @@ impl<'a> Builder<'a> {
                 units: Vec::new(),
                 energies: Vec::new(),
                 gradient_energies: Vec::new(),
+                traces: Vec::new(),
                 integrals: Vec::new(),
                 gathered_energies: Vec::new(),
                 domains: Vec::new(),

@@ -5,7 +5,7 @@ use piola_grammar::ast::{ExprId, Ident};
 use piola_grammar::{Diagnostic, Span};
 
 use super::elaborate::Elaborator;
-use super::value::{GRADIENT, Kind, Quantity, TensorId, Value};
+use super::value::{Constant, GRADIENT, Kind, Quantity, TensorId, Value};
 use crate::expression::{Function, Input, Node, NodeId, Operator, graph};
 
 /// A component; `None` where the unit tensor makes it 0, whatever the deformation.
@@ -58,15 +58,18 @@ pub(crate) enum Kinematic {
     CauchyGreen,
     /// `E = (C - I)/2`
     Strain,
+    /// `U`, of which `C` is the square.
+    Stretch,
 }
 
 impl Kinematic {
-    pub(crate) const NAMED: [(&str, Kinematic); 5] = [
+    pub(crate) const NAMED: [(&str, Kinematic); 6] = [
         ("F", Kinematic::Gradient),
         ("I", Kinematic::Identity),
         ("J", Kinematic::Jacobian),
         ("C", Kinematic::CauchyGreen),
         ("E", Kinematic::Strain),
+        ("U", Kinematic::Stretch),
     ];
 }
 
@@ -87,6 +90,7 @@ impl Elaborator<'_> {
             Kinematic::Identity => self.identity(span)?,
             Kinematic::Jacobian => return self.determinant(&gradient, span),
             Kinematic::CauchyGreen => self.cauchy_green(&gradient, span)?,
+            Kinematic::Stretch => return self.stretch(span),
             Kinematic::Strain => {
                 let (c, identity) = (self.cauchy_green(&gradient, span)?, self.identity(span)?);
                 let twice =
@@ -120,6 +124,9 @@ impl Elaborator<'_> {
 
     /// `A'`
     pub(super) fn transpose(&mut self, x: Value, at: ExprId) -> Option<Value> {
+        if x.is_of_stretch() {
+            return Some(x);
+        }
         let tensor = self.as_tensor(x, at, "has a transpose")?;
         let transposed = self.transposed(&tensor);
         Some(self.tensor(transposed))
@@ -132,6 +139,11 @@ impl Elaborator<'_> {
         (y, right): (Value, ExprId),
         span: Span,
     ) -> Option<Value> {
+        if x.is_of_stretch() || y.is_of_stretch() {
+            let product =
+                self.stretch_binary(Operator::Multiply, (x, left), (y, right), None, span)?;
+            return self.trace_of_stretch(product, span);
+        }
         let (x, y) = (
             self.as_tensor(x, left, "has a double contraction"),
             self.as_tensor(y, right, "has a double contraction"),
@@ -153,6 +165,9 @@ impl Elaborator<'_> {
         (name, x, at): (&Ident, Value, ExprId),
         span: Span,
     ) -> Option<Value> {
+        if x.is_of_stretch() {
+            return self.stretch_call(function, (name, x), span);
+        }
         let tensor = self.as_tensor(x, at, &format!("can be the argument of `{}`", name.name))?;
         match function {
             TensorFunction::Trace => self.trace(&tensor, span),
@@ -230,9 +245,12 @@ impl Elaborator<'_> {
         operator: Operator,
         (x, left): (Value, ExprId),
         (y, right): (Value, ExprId),
-        exponent: Option<f64>,
+        exponent: Option<&Constant>,
         span: Span,
     ) -> Option<Value> {
+        if x.is_of_stretch() || y.is_of_stretch() {
+            return self.stretch_binary(operator, (x, left), (y, right), exponent, span);
+        }
         let tensor = match (operator, self.known_tensor(x), self.known_tensor(y)) {
             (Operator::Add | Operator::Subtract, Some(a), Some(b)) => {
                 let quantity = self.quantity_of(
@@ -253,7 +271,13 @@ impl Elaborator<'_> {
                 let quotient = self.scaled(Operator::Divide, &a, y.node, span)?;
                 Tensor { quantity, uses: a.uses | y.uses, ..quotient }
             }
-            (Operator::Power, Some(a), None) => self.tensor_power(&a, exponent, span)?,
+            (Operator::Power, Some(a), None) => {
+                let exponent = match exponent {
+                    Some(Constant::Number(n)) => Some(*n),
+                    _ => None,
+                };
+                self.tensor_power(&a, exponent, span)?
+            }
             _ => {
                 self.wrong_shapes(operator, x, y, span);
                 return None;
@@ -319,7 +343,7 @@ impl Elaborator<'_> {
                 format!("the exponent of a tensor is a whole number between 1 and {LARGEST_POWER}");
             self.report(
                 Diagnostic::error("wrong-shape", span, message)
-                    .help("the inverse is `inv(A)`; other powers need principal stretches, which the language does not have"),
+                    .help("the inverse is `inv(A)`; other powers are those of the stretch tensor: `C^n` is `U^(2*n)`"),
             );
             return None;
         };
@@ -425,7 +449,7 @@ impl Elaborator<'_> {
         Some(Tensor { components, quantity, uses: a.uses })
     }
 
-    fn quantity_power(&self, quantity: Quantity, exponent: f64) -> Option<Quantity> {
+    pub(super) fn quantity_power(&self, quantity: Quantity, exponent: f64) -> Option<Quantity> {
         match quantity {
             Quantity::Known(dimension) => dimension.power(exponent).map(Quantity::Known),
             Quantity::Any => Some(Quantity::Any),
@@ -536,6 +560,7 @@ impl Elaborator<'_> {
         let d = self.dimension;
         match x.kind {
             Kind::Tensor(..) => format!("a {d} x {d} tensor"),
+            Kind::OfStretch(_) => "a function of `U`".into(),
             Kind::Number(_) => "a number".into(),
             Kind::Truth => "a condition".into(),
         }

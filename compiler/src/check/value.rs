@@ -63,12 +63,14 @@ pub(crate) const INTEGRAL: u8 = 1 << 4;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct TensorId(pub(crate) u32);
 
-/// A number, a truth value or a tensor.
+/// A number, a truth value, a tensor or a function of the right stretch tensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Kind {
     Number(Quantity),
     Truth,
     Tensor(TensorId, Quantity),
+    /// Its node is what it makes of a principal stretch.
+    OfStretch(Quantity),
 }
 
 /// An elaborated expression.
@@ -88,7 +90,12 @@ pub(crate) struct Value {
 impl Value {
     /// Whether it is a tensor.
     pub(crate) fn is_tensor(&self) -> bool {
-        matches!(self.kind, Kind::Tensor(..))
+        matches!(self.kind, Kind::Tensor(..) | Kind::OfStretch(_))
+    }
+
+    /// Whether it is a function of the right stretch tensor.
+    pub(crate) fn is_of_stretch(&self) -> bool {
+        matches!(self.kind, Kind::OfStretch(_))
     }
 }
 

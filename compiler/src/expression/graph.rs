@@ -38,6 +38,16 @@ pub enum Input {
     Variable(u8),
     /// Its change from rest, a component of `F - I`, as the runtime computes it from displacements.
     VariableChange(u8),
+    /// The trace of a function of the right stretch tensor `U`, by its number.
+    Trace(u8),
+    /// A principal stretch, an eigenvalue of `U`; in a function of `U` number 0 is the variable.
+    Stretch(u8),
+    /// Its change from rest, a principal stretch less 1, as it follows from `F - I`.
+    StretchChange(u8),
+    /// A component of a principal axis after deformation, by the [`component`] of axis and place.
+    LeftAxis(u8),
+    /// The same before deformation: `F = sum_i stretch_i left_i right_i`.
+    RightAxis(u8),
     /// An integral over the family of a point, by its number.
     Integral(u8),
     /// What a variable changes by in the direction of a product with second derivatives.

@@ -8,7 +8,7 @@ use dashu_float::round::mode::HalfEven;
 use super::number::Number;
 use super::{Function, Operator};
 
-type Float = FBig<HalfEven, 2>;
+pub(crate) type Float = FBig<HalfEven, 2>;
 
 /// Beyond `exp` of this the numbers here end; those of 64 bits end at 709.
 const LARGEST_EXPONENT: f64 = 1e5;
@@ -32,6 +32,21 @@ impl<const BITS: usize> Precise<BITS> {
         let parts = [float::<BITS>(value), float::<BITS>(slope), float::<BITS>(more)];
         let [Some(value), Some(slope), Some(more)] = parts else { return Self::new(None, false) };
         Self::new(Some([value + more, slope, exact::<BITS>(0)]), false)
+    }
+
+    /// A constant of all digits.
+    pub(crate) fn exactly(value: Float) -> Self {
+        Self::at(value, 0)
+    }
+
+    /// A value with this whole number as its first derivative.
+    pub(crate) fn at(value: Float, slope: i32) -> Self {
+        Self::new(Some([value, exact::<BITS>(slope), exact::<BITS>(0)]), false)
+    }
+
+    /// No number.
+    pub(crate) fn nothing() -> Self {
+        Self::new(None, false)
     }
 
     fn new(parts: Option<[Float; 3]>, doubtful: bool) -> Self {
@@ -97,6 +112,12 @@ impl<const BITS: usize> Precise<BITS> {
         self.chain(|x| {
             let power = |c: &Float| power::<BITS>(x, c);
             let lower = c - &one;
+            if !is_zero(x) {
+                let value = power(c)?;
+                let first = c * &value / x;
+                let second = &lower * &first / x;
+                return Some([value, first, second]);
+            }
             let least = &lower - &one;
             // Where a factor is 0 its power is not asked for: 0^-1 has no value.
             let first = if is_zero(c) { exact::<BITS>(0) } else { c * power(&lower)? };
@@ -116,7 +137,7 @@ fn float<const BITS: usize>(value: f64) -> Option<Float> {
     Some(exact.with_precision(BITS).value())
 }
 
-fn exact<const BITS: usize>(value: i32) -> Float {
+pub(crate) fn exact<const BITS: usize>(value: i32) -> Float {
     Float::from(value).with_precision(BITS).value()
 }
 

@@ -2,6 +2,7 @@
 //! its change in a direction by one sweep forward. Neither grows with the number of variables as
 //! derivatives taken one by one would.
 
+use super::principal::trace_direction;
 use crate::differentiate::{Derivative, binary, derivative_of, power_constant, unary};
 use crate::expression::{Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
@@ -10,8 +11,10 @@ use crate::simplify::Simplifier;
 /// What an energy is differentiated by. An input and its change from rest are one variable.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Varied<'a> {
-    /// The components of a tensor with these numbers.
-    Components(&'a [u8]),
+    /// The components of a tensor with these numbers, then so many traces.
+    ComponentsAndTraces(&'a [u8], usize),
+    /// A principal stretch, the variable of a function of `U`.
+    Stretch,
     /// So many integrals over a family.
     Integrals(usize),
     /// The length of a bond, then so many integrals.
@@ -21,7 +24,8 @@ pub(crate) enum Varied<'a> {
 impl Varied<'_> {
     pub(crate) fn len(self) -> usize {
         match self {
-            Varied::Components(components) => components.len(),
+            Varied::ComponentsAndTraces(components, n) => components.len() + n,
+            Varied::Stretch => 1,
             Varied::Integrals(n) => n,
             Varied::LengthAndIntegrals(n) => n + 1,
         }
@@ -30,9 +34,14 @@ impl Varied<'_> {
     /// Which variable an input stands for.
     fn place(self, input: Input) -> Option<usize> {
         match (self, input) {
-            (Varied::Components(known), Input::Variable(k) | Input::VariableChange(k)) => {
-                known.iter().position(|known| *known == k)
+            (
+                Varied::ComponentsAndTraces(known, _),
+                Input::Variable(k) | Input::VariableChange(k),
+            ) => known.iter().position(|known| *known == k),
+            (Varied::ComponentsAndTraces(known, n), Input::Trace(k)) => {
+                Some(known.len() + usize::from(k)).filter(|_| usize::from(k) < n)
             }
+            (Varied::Stretch, Input::Stretch(_) | Input::StretchChange(_)) => Some(0),
             (Varied::Integrals(n), Input::Integral(k)) => Some(usize::from(k)).filter(|k| *k < n),
             (Varied::LengthAndIntegrals(n), Input::Integral(k)) => {
                 Some(usize::from(k) + 1).filter(|k| *k <= n)
@@ -48,7 +57,10 @@ impl Varied<'_> {
     /// The number of a variable's direction.
     fn direction(self, place: usize) -> u8 {
         match self {
-            Varied::Components(components) => components[place],
+            Varied::ComponentsAndTraces(components, _) => match components.get(place) {
+                Some(component) => *component,
+                None => trace_direction(place - components.len()),
+            },
             _ => place as u8,
         }
     }

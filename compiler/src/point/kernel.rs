@@ -1,7 +1,10 @@
 //! An energy of the deformation gradient over arrays, and the choice between its two forms.
 
 use num_dual::HyperDual64;
+use rustc_hash::FxHashMap;
 
+use super::principal::axes::{self, Axes};
+use super::principal::witness::{Principal, Products};
 use super::{GradientEnergyForms, GradientForm};
 use crate::expression::graph;
 use crate::expression::interpret::Interpreter;
@@ -23,6 +26,9 @@ const BLOCK: usize = 32;
 /// Most components of a tensor.
 const MOST: usize = 9;
 
+/// Most numbers that principal stretches and axes are.
+const AXES: usize = 24;
+
 /// Deformation gradients of `n` places, component by component: entry `k*n + p` of an array is
 /// component `k`, row by row, at place `p`.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +45,8 @@ pub struct GradientBatch<'a> {
 #[derive(Debug)]
 pub struct GradientKernel {
     dimension: usize,
+    /// Whether principal stretches and axes are found before machine code runs.
+    has_axes: bool,
     body: Body,
 }
 
@@ -56,19 +64,22 @@ enum Evaluator {
     Graph(GradientForm),
 }
 
-/// The inputs of the two programs of a form: `F` and `F - I`, and for products also the direction.
-fn inputs(dimension: usize, with_direction: bool) -> Vec<Input> {
+/// The inputs of the two programs of a form: `F` and `F - I`, for products also the direction, and
+/// principal stretches and axes if the form has them.
+fn inputs(form: &GradientForm, with_direction: bool) -> Vec<Input> {
+    let dimension = form.dimension();
     let components = graph::components(dimension);
     let all = |input: fn(u8) -> Input| components.iter().copied().map(input);
     let direction = all(Input::Direction).filter(|_| with_direction);
-    all(Input::Variable).chain(all(Input::VariableChange)).chain(direction).collect()
+    let axes = axes::inputs(dimension).filter(|_| form.has_axes);
+    all(Input::Variable).chain(all(Input::VariableChange)).chain(direction).chain(axes).collect()
 }
 
 impl Evaluator {
-    fn new(form: GradientForm, dimension: usize, mode: Mode) -> Result<Evaluator, CompileError> {
+    fn new(form: GradientForm, mode: Mode) -> Result<Evaluator, CompileError> {
         let Mode::Jit(level) = mode else { return Ok(Evaluator::Graph(form)) };
         let code = |roots: &[NodeId], counts: &[usize], with_direction: bool, level: Level| {
-            let inputs = inputs(dimension, with_direction);
+            let inputs = inputs(&form, with_direction);
             let (graph, roots) = form.graph.extract(roots);
             let program = Program { graph: &graph, inputs: &inputs, roots: &roots };
             Code::new(program, counts, level, isa(true)?)
@@ -89,7 +100,7 @@ impl Evaluator {
                 outputs.extend(stress.iter_mut().map(|array| &mut **array));
                 codes[0].run(function, sources, &mut outputs);
             }
-            Evaluator::Graph(form) => interpret(form, sources, |p, read| {
+            Evaluator::Graph(form) => interpret(form, false, sources, |p, read| {
                 psi[p] = read(form.psi);
                 for (array, root) in stress.iter_mut().zip(&form.stress) {
                     array[p] = read(*root);
@@ -101,7 +112,7 @@ impl Evaluator {
     fn product(&self, sources: &[&[f64]], product: &mut [&mut [f64]]) {
         match self {
             Evaluator::Code(codes) => codes[1].run(0, sources, product),
-            Evaluator::Graph(form) => interpret(form, sources, |p, read| {
+            Evaluator::Graph(form) => interpret(form, true, sources, |p, read| {
                 for (array, root) in product.iter_mut().zip(&form.product) {
                     array[p] = read(*root);
                 }
@@ -113,22 +124,17 @@ impl Evaluator {
 /// Runs a form's graph at every place.
 fn interpret(
     form: &GradientForm,
+    with_direction: bool,
     sources: &[&[f64]],
     mut at: impl FnMut(usize, &dyn Fn(NodeId) -> f64),
 ) {
-    let n_components = form.stress.len();
-    let order = graph::components(if n_components == 4 { 2 } else { 3 });
-    let place = |k: u8| order.iter().position(|known| *known == k).unwrap_or(0);
+    let places: FxHashMap<Input, usize> =
+        inputs(form, with_direction).into_iter().enumerate().map(|(k, input)| (input, k)).collect();
     let mut interpreter = Interpreter::<f64>::new();
     for p in 0..sources[0].len() {
-        interpreter.run(&form.graph, |input| match input {
-            Input::Variable(k) => sources[place(k)][p],
-            Input::VariableChange(k) => sources[n_components + place(k)][p],
-            Input::Direction(k) => {
-                sources.get(2 * n_components + place(k)).map_or(f64::NAN, |array| array[p])
-            }
-            // Specialisation has put numbers in the place of all others.
-            _ => f64::NAN,
+        // Specialisation has put numbers in the place of all others.
+        interpreter.run(&form.graph, |input| {
+            places.get(&input).map_or(f64::NAN, |place| sources[*place][p])
         });
         at(p, &|root| interpreter.number(root));
     }
@@ -147,7 +153,7 @@ pub fn gradient_listing(
     for form in [Some(&forms.far), forms.near.as_ref()].into_iter().flatten() {
         let value: Vec<NodeId> = [form.psi].iter().chain(&form.stress).copied().collect();
         for (roots, with_direction) in [(&value, false), (&form.product, true)] {
-            let inputs = inputs(forms.dimension, with_direction);
+            let inputs = inputs(form, with_direction);
             let (graph, roots) = form.graph.extract(roots);
             let program = Program { graph: &graph, inputs: &inputs, roots: &roots };
             listings.push(Code::listing(program, level)?);
@@ -163,10 +169,11 @@ impl GradientKernel {
     /// What the code generator reports.
     pub fn new(forms: GradientEnergyForms, mode: Mode) -> Result<GradientKernel, CompileError> {
         let dimension = forms.dimension;
-        let far = Evaluator::new(forms.far, dimension, mode)?;
-        let near = forms.near.map(|near| Evaluator::new(near, dimension, mode)).transpose()?;
+        let has_axes = forms.far.has_axes;
+        let far = Evaluator::new(forms.far, mode)?;
+        let near = forms.near.map(|near| Evaluator::new(near, mode)).transpose()?;
         let body = Body::Forms(Box::new(far), near.map(Box::new));
-        Ok(GradientKernel { dimension, body })
+        Ok(GradientKernel { dimension, has_axes, body })
     }
 
     /// 2 or 3.
@@ -237,18 +244,26 @@ impl GradientKernel {
         let n_components = self.dimension * self.dimension;
         let arrays = [Some(at.gradient), Some(at.change), direction];
         let mut room = [[0.0; BLOCK]; 1 + MOST];
+        let mut axes = [[0.0; BLOCK]; AXES];
         for start in (0..at.n).step_by(BLOCK) {
             let block = start..at.n.min(start + BLOCK);
-            let mut sources: Vec<&[f64]> = Vec::with_capacity(3 * MOST);
+            let near = block.clone().map(|p| {
+                has_near && (0..n_components).all(|k| at.change[k * at.n + p].abs() < NEAR)
+            });
+            let near: Vec<bool> = near.collect();
+            if self.has_axes {
+                self.find_axes(at, start, &near, &mut axes);
+            }
+            let mut sources: Vec<&[f64]> = Vec::with_capacity(3 * MOST + AXES);
             for array in arrays.iter().flatten() {
                 for k in 0..n_components {
                     sources.push(&array[k * at.n + block.start..k * at.n + block.end]);
                 }
             }
-            let near = block.clone().map(|p| {
-                has_near && (0..n_components).all(|k| at.change[k * at.n + p].abs() < NEAR)
-            });
-            let near: Vec<bool> = near.collect();
+            if self.has_axes {
+                let n_arrays = axes::inputs(self.dimension).count();
+                sources.extend(axes[..n_arrays].iter().map(|array| &array[..near.len()]));
+            }
             let some_near = near.contains(&true);
             let mut targets: Vec<&mut [f64]> =
                 outputs.iter_mut().map(|array| &mut array[block.clone()]).collect();
@@ -263,6 +278,28 @@ impl GradientKernel {
                     }
                 }
             }
+        }
+    }
+}
+
+impl GradientKernel {
+    /// Principal stretches and axes of the places of a block, each by the way of its form.
+    fn find_axes(
+        &self,
+        at: GradientBatch<'_>,
+        start: usize,
+        near: &[bool],
+        arrays: &mut [[f64; BLOCK]; AXES],
+    ) {
+        let d = self.dimension;
+        for (p, &near) in near.iter().enumerate() {
+            let source = if near { at.change } else { at.gradient };
+            let mut tensor = [0.0; MOST];
+            for (k, component) in graph::components(d).into_iter().enumerate() {
+                tensor[usize::from(component)] = source[k * at.n + start + p];
+            }
+            let found = if near { Axes::near(d, &tensor) } else { Axes::far(d, &tensor) };
+            found.write(d, p, arrays);
         }
     }
 }
@@ -283,22 +320,56 @@ fn split(array: &mut [f64], n: usize) -> Vec<&mut [f64]> {
 pub struct WrittenGradientEnergy {
     graph: ExprGraph,
     roots: Vec<NodeId>,
+    /// The functions of a principal stretch whose traces it holds.
+    traces: Vec<(ExprGraph, NodeId)>,
     values: Values,
 }
 
 impl WrittenGradientEnergy {
     /// The energy over any number type; components by [`graph::component`].
-    pub fn psi<N: Number>(&self, component: impl Fn(u8) -> N) -> N {
+    pub fn psi<N: Principal>(&self, component: impl Fn(u8) -> N) -> N {
+        let traces = self.traces(&component);
         let mut interpreter = Interpreter::new();
         interpreter.run(&self.graph, |input| match input {
             Input::Variable(k) => component(k),
-            Input::Parameter(i) => N::constant(self.values.parameters[usize::from(i)]),
-            Input::Horizon => N::constant(self.values.horizon),
-            // The checker makes no other inputs for energies of the deformation gradient.
-            _ => N::constant(f64::NAN),
+            Input::Trace(k) => traces[usize::from(k)].clone(),
+            _ => self.known(input),
         });
         let terms = self.roots.iter().map(|root| interpreter.number(*root));
         terms.reduce(|sum, term| N::binary(Operator::Add, sum, term)).unwrap_or(N::constant(0.0))
+    }
+
+    /// The traces of functions of `U`.
+    fn traces<N: Principal>(&self, component: &impl Fn(u8) -> N) -> Vec<N> {
+        if self.traces.is_empty() {
+            return Vec::new();
+        }
+        let d = self.values.dimension;
+        let mut gradient = vec![N::constant(0.0); MOST];
+        for k in graph::components(d) {
+            gradient[usize::from(k)] = component(k);
+        }
+        let products = Products::new(d, &gradient);
+        let of = |(graph, root): &(ExprGraph, NodeId)| {
+            products.trace(&|stretch: N| {
+                let mut interpreter = Interpreter::new();
+                interpreter.run(graph, |input| match input {
+                    Input::Stretch(_) => stretch.clone(),
+                    _ => self.known(input),
+                });
+                interpreter.number(*root)
+            })
+        };
+        self.traces.iter().map(of).collect()
+    }
+
+    /// The checker makes no other inputs for energies of the deformation gradient.
+    fn known<N: Number>(&self, input: Input) -> N {
+        N::constant(match input {
+            Input::Parameter(i) => self.values.parameters[usize::from(i)],
+            Input::Horizon => self.values.horizon,
+            _ => f64::NAN,
+        })
     }
 
     fn evaluate(&self, at: GradientBatch<'_>, psi: &mut [f64], stress: &mut [f64]) {
@@ -362,7 +433,7 @@ impl Model {
         let kernel = match mode {
             Mode::HyperDual => {
                 let body = Body::Dual(self.written_gradient(values));
-                GradientKernel { dimension: values.dimension, body }
+                GradientKernel { dimension: values.dimension, has_axes: false, body }
             }
             _ => GradientKernel::new(forms, mode)?,
         };
@@ -371,13 +442,17 @@ impl Model {
 
     /// The energy of the deformation gradient as written, for these values; 0 where there is none.
     pub fn written_gradient(&self, values: &Values) -> WrittenGradientEnergy {
-        let (graph, roots) = match self.variant(values.dimension) {
-            Some(variant) => {
-                let roots: Vec<NodeId> = variant.gradient_energies.iter().map(|e| e.root).collect();
-                variant.graph.extract(&roots)
-            }
-            None => (ExprGraph::new(), Vec::new()),
+        let Some(variant) = self.variant(values.dimension) else {
+            let (graph, values) = (ExprGraph::new(), values.clone());
+            return WrittenGradientEnergy { graph, roots: Vec::new(), traces: Vec::new(), values };
         };
-        WrittenGradientEnergy { graph, roots, values: values.clone() }
+        let roots: Vec<NodeId> = variant.gradient_energies.iter().map(|e| e.root).collect();
+        let (graph, roots) = variant.graph.extract(&roots);
+        let function = |root: &NodeId| {
+            let (graph, roots) = variant.graph.extract(&[*root]);
+            (graph, roots[0])
+        };
+        let traces = variant.traces.iter().map(function).collect();
+        WrittenGradientEnergy { graph, roots, traces, values: values.clone() }
     }
 }

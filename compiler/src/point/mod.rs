@@ -8,22 +8,25 @@
 //! |---|---|
 //! | `near` | an energy as a function of `H` |
 //! | `adjoint` | derivatives by several variables |
+//! | `principal` | functions of the right stretch tensor |
 //! | `kernel` | both forms over arrays, and the choice between them |
 //! | `verify` | against the interpreter, hyper-dual numbers and numbers of any precision |
 
 pub(crate) mod adjoint;
 mod kernel;
 mod near;
+mod principal;
 mod verify;
 
 pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy, gradient_listing};
 pub use verify::{BAR_FAR, BAR_NEAR, GradientVerification, verify_gradient};
 
 use adjoint::Varied;
+use principal::{Open, StretchFunction, axes};
 
 use crate::expression::graph::{self, MAX_NODES};
-use crate::expression::{ExprGraph, Input, NodeId, TooManyNodes};
-use crate::model::Model;
+use crate::expression::{ExprGraph, Input, Node, NodeId, TooManyNodes};
+use crate::model::{Model, Variant};
 use crate::simplify::Simplifier;
 use crate::specialise::{CompileError, Dropped, Form, MAX_OPERATIONS, sum};
 use crate::values::Values;
@@ -39,6 +42,8 @@ pub struct GradientForm {
     pub stress: Vec<NodeId>,
     /// `d2psi/dF2 : dF`, row by row.
     pub product: Vec<NodeId>,
+    /// Whether principal stretches and axes are among its inputs.
+    pub has_axes: bool,
 }
 
 /// An energy of the deformation gradient with values folded in.
@@ -53,18 +58,36 @@ pub struct GradientEnergyForms {
 }
 
 impl GradientForm {
-    fn new(graph: &Simplifier, psi: NodeId, variables: &[u8]) -> Result<Self, TooManyNodes> {
+    /// 2 or 3.
+    pub fn dimension(&self) -> usize {
+        if self.stress.len() == 4 { 2 } else { 3 }
+    }
+
+    fn new(
+        graph: &Simplifier,
+        psi: NodeId,
+        dimension: usize,
+        (functions, near): (&[StretchFunction], bool),
+    ) -> Result<Self, TooManyNodes> {
         // A graph of its own: derivatives of one form are no part of the other.
         let mut graph = graph.clone();
-        let varied = Varied::Components(variables);
-        let stress = adjoint::gradient(&mut graph, psi, varied)?;
-        let product = adjoint::product(&mut graph, &stress, varied)?;
-        let roots: Vec<NodeId> =
-            [psi].into_iter().chain(stress.iter().copied()).chain(product).collect();
-        let n = stress.len();
+        let components = graph::components(dimension);
+        let varied = Varied::ComponentsAndTraces(&components, functions.len());
+        let first = adjoint::gradient(&mut graph, psi, varied)?;
+        let second = adjoint::product(&mut graph, &first, varied)?;
+        let (graph, roots) = if !functions.is_empty() {
+            let open = Open { psi, first, second };
+            principal::closed(graph.graph(), &open, functions, (dimension, near))?
+        } else {
+            let roots = [psi].into_iter().chain(first).chain(second);
+            (graph, roots.collect())
+        };
+        let n = components.len();
         let (graph, roots) = graph.graph().extract(&roots);
         let (stress, product) = (roots[1..=n].to_vec(), roots[n + 1..].to_vec());
-        Ok(GradientForm { graph, psi: roots[0], stress, product })
+        let is_of_axes = |(_, node)| matches!(node, Node::Input(input) if axes::is_one(input));
+        let has_axes = graph.nodes().any(is_of_axes);
+        Ok(GradientForm { graph, psi: roots[0], stress, product, has_axes })
     }
 }
 
@@ -109,7 +132,8 @@ impl Model {
         let roots: Vec<NodeId> = variant.gradient_energies.iter().map(|e| e.root).collect();
         let Some(first) = variant.gradient_energies.first() else { return Ok((None, Vec::new())) };
         let (argument, span) = ("F", first.span);
-        if no_horizon && variant.graph.depends_on(&roots, Input::Horizon) {
+        let all: Vec<NodeId> = roots.iter().chain(&variant.traces).copied().collect();
+        if no_horizon && variant.graph.depends_on(&all, Input::Horizon) {
             return Err(CompileError::NoHorizon { argument, span });
         }
         let too_large = |limit| CompileError::TooLarge { argument, span, limit };
@@ -118,13 +142,15 @@ impl Model {
         let forms = sum(&variant.graph, &self.parameters, ("F", &roots), fold, &mut dropped)
             .and_then(|energy| {
                 let Some((mut graph, psi)) = energy else { return Ok(None) };
+                let functions = self.stretch_functions(variant, fold)?;
                 let near = match form {
-                    Form::Accurate => near::near(&mut graph, psi, &variables)?,
+                    Form::Accurate => near::near(&mut graph, psi, &variables, &functions)?,
                     Form::Textbook => None,
                 };
-                let far = GradientForm::new(&graph, psi, &variables)?;
-                let near = near.map(|near| GradientForm::new(&graph, near, &variables));
-                let near = near.transpose()?;
+                let far = GradientForm::new(&graph, psi, dimension, (&functions, false))?;
+                let near = near
+                    .map(|near| GradientForm::new(&graph, near, dimension, (&functions, true)))
+                    .transpose()?;
                 Ok(Some(GradientEnergyForms { dimension, far, near }))
             })
             .map_err(|TooManyNodes| too_large(MAX_NODES))?;
@@ -135,6 +161,31 @@ impl Model {
             }
         }
         Ok((forms, dropped))
+    }
+}
+
+impl Model {
+    /// The functions of `U` whose traces the energies hold, with values folded in.
+    fn stretch_functions(
+        &self,
+        variant: &Variant,
+        fold: &impl Fn(Input) -> Option<f64>,
+    ) -> Result<Vec<StretchFunction>, TooManyNodes> {
+        let function = |root: &NodeId| {
+            let roots = std::slice::from_ref(root);
+            let made = sum(&variant.graph, &self.parameters, ("F", roots), fold, &mut Vec::new())?;
+            let (graph, root) = match made {
+                Some(made) => made,
+                // Parameters make it zero.
+                None => {
+                    let mut graph = Simplifier::new();
+                    let zero = graph.number(0.0)?;
+                    (graph, zero)
+                }
+            };
+            StretchFunction::new(graph, root)
+        };
+        variant.traces.iter().map(function).collect()
     }
 }
 

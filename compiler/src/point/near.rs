@@ -9,6 +9,7 @@
 //! Before: the simplified graph in `F`. After: the energy as a graph in `H`, right up to
 //! `max |H| = 0.25`, or nothing where it has no value at rest.
 
+use super::principal::StretchFunction;
 use crate::expression::interpret::Interpreter;
 use crate::expression::{Comparison, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::simplify::Simplifier;
@@ -44,6 +45,16 @@ impl Expansion {
     }
 }
 
+/// In how many dimensions there are so many components.
+fn dimension(n_components: usize) -> f64 {
+    if n_components == 4 { 2.0 } else { 3.0 }
+}
+
+fn value_at_rest(traces: &[StretchFunction], k: u8, n_components: usize) -> f64 {
+    let function = traces.get(usize::from(k)).and_then(|f| f.at_rest.as_ref());
+    function.map_or(f64::NAN, |function| dimension(n_components) * function.value)
+}
+
 /// A node near rest, or a condition.
 #[derive(Clone, Debug)]
 enum Near {
@@ -62,13 +73,47 @@ const NOTHING: f64 = 4.0;
 /// Largest whole exponent that is worked out by products.
 const LARGEST_EXPONENT: f64 = 16.0;
 
-/// The energy `root` near rest; `None` where it is no number there.
+/// A function of a principal stretch at rest: `f(1 + e) = value + slope*e + rest(e)`.
+pub(super) struct FunctionAtRest {
+    value: f64,
+    pub(super) slope: f64,
+    /// How far rounding may have moved both.
+    noise: f64,
+    /// In `StretchChange(0)`; none where it is 0.
+    pub(super) rest: Option<NodeId>,
+}
+
+/// The function `root` of `Stretch(0)` at rest; `None` where it is no number there.
+pub(super) fn function_at_rest(
+    graph: &mut Simplifier,
+    root: NodeId,
+) -> Result<Option<FunctionAtRest>, TooManyNodes> {
+    let variables =
+        [Varying { variable: Input::Stretch(0), change: Input::StretchChange(0), at_rest: 1.0 }];
+    let mut expander = Expander::new(graph, root, &variables, &[]);
+    let Some(Expansion { value, slope, rest, noise }) = expander.run(root)? else {
+        return Ok(None);
+    };
+    Ok(Some(FunctionAtRest { value, slope: slope[0], noise, rest }))
+}
+
+/// The energy `root` near rest, where traces stand for what is beyond rest of their functions: see
+/// [`Expander::trace`]; `None` where it is no number there.
 pub(super) fn near(
     graph: &mut Simplifier,
     root: NodeId,
-    variables: &[u8],
+    components: &[u8],
+    traces: &[StretchFunction],
 ) -> Result<Option<NodeId>, TooManyNodes> {
-    let mut expander = Expander::new(graph, root, variables);
+    let variables: Vec<Varying> = components
+        .iter()
+        .map(|&k| Varying {
+            variable: Input::Variable(k),
+            change: Input::VariableChange(k),
+            at_rest: rest_of_component(k),
+        })
+        .collect();
+    let mut expander = Expander::new(graph, root, &variables, traces);
     let Some(energy) = expander.run(root)? else { return Ok(None) };
     let zeroed = |x: f64| if x.abs() <= NOTHING * energy.noise { 0.0 } else { x };
     let energy = Expansion {
@@ -84,23 +129,43 @@ pub(super) fn near(
     }))
 }
 
+/// A variable of an energy.
+#[derive(Clone, Copy)]
+struct Varying {
+    variable: Input,
+    change: Input,
+    at_rest: f64,
+}
+
+/// Components on the diagonal: 0, 4, 8.
+fn rest_of_component(k: u8) -> f64 {
+    f64::from(u8::from(k.is_multiple_of(4)))
+}
+
 struct Expander<'a> {
     graph: &'a mut Simplifier,
-    variables: &'a [u8],
+    variables: &'a [Varying],
+    traces: &'a [StretchFunction],
     /// Values of the nodes at rest.
     at_rest: Interpreter<f64>,
     known: Vec<Option<Near>>,
 }
 
 impl<'a> Expander<'a> {
-    fn new(graph: &'a mut Simplifier, root: NodeId, variables: &'a [u8]) -> Expander<'a> {
+    fn new(
+        graph: &'a mut Simplifier,
+        root: NodeId,
+        variables: &'a [Varying],
+        traces: &'a [StretchFunction],
+    ) -> Expander<'a> {
         let mut at_rest = Interpreter::new();
         at_rest.run(graph.graph(), |input| match input {
-            // Components on the diagonal: 0, 4, 8.
-            Input::Variable(k) => f64::from(u8::from(k % 4 == 0)),
+            Input::Variable(k) => rest_of_component(k),
+            Input::Stretch(_) => 1.0,
+            Input::Trace(k) => value_at_rest(traces, k, variables.len()),
             _ => 0.0,
         });
-        Expander { graph, variables, at_rest, known: vec![None; root.0 as usize + 1] }
+        Expander { graph, variables, traces, at_rest, known: vec![None; root.0 as usize + 1] }
     }
 
     fn run(&mut self, root: NodeId) -> Result<Option<Expansion>, TooManyNodes> {
@@ -136,13 +201,14 @@ impl<'a> Expander<'a> {
         let n = self.variables.len();
         Ok(Near::Number(match self.graph.graph()[id] {
             Node::Number(bits) => Expansion::constant(f64::from_bits(bits), n),
-            Node::Input(Input::Variable(k)) => {
-                let place = self.variables.iter().position(|known| *known == k);
+            Node::Input(input @ (Input::Variable(_) | Input::Stretch(_))) => {
+                let place = self.variables.iter().position(|known| known.variable == input);
+                let place = place.expect("one of the variables");
                 let mut slope = vec![0.0; n];
-                slope[place.expect("one of the components")] = 1.0;
-                let value = f64::from(u8::from(k % 4 == 0));
-                Expansion { value, slope, rest: None, noise: 0.0 }
+                slope[place] = 1.0;
+                Expansion { value: self.variables[place].at_rest, slope, rest: None, noise: 0.0 }
             }
+            Node::Input(Input::Trace(k)) => self.trace(k)?,
             Node::Unary(function, x) => self.unary(id, function, x)?,
             Node::PowerConstant(x, bits) => self.power(id, x, f64::from_bits(bits))?,
             Node::Binary(operator, x, y) => self.binary(id, operator, x, y)?,
@@ -183,7 +249,7 @@ impl<'a> Expander<'a> {
             seen.push(a.abs());
             let mut sum = None;
             for (place, b) in slope.iter().enumerate().filter(|(_, b)| b.abs() == a.abs()) {
-                let input = self.graph.input(Input::VariableChange(self.variables[place]))?;
+                let input = self.graph.input(self.variables[place].change)?;
                 let signed =
                     if (*b < 0.0) == (a < 0.0) { input } else { self.graph.negate(input)? };
                 sum = self.sum(sum, Some(signed))?;
@@ -216,6 +282,32 @@ impl<'a> Expander<'a> {
             (Some(x), Some(y)) => self.graph.multiply(x, y).map(Some),
             _ => Ok(None),
         }
+    }
+
+    /// With `e = s - 1`, `sum e = tr(H) + (H:H - sum e^2)/2`, because `U*U = C`. So the trace of a
+    /// function is `d f(1) + f'(1)*(tr(H) + H:H/2)`, and what is left are functions of second order,
+    /// `f(1 + e) - f(1) - f'(1)*(e + e^2/2)`: their trace is what a trace stands for near rest.
+    fn trace(&mut self, k: u8) -> Result<Expansion, TooManyNodes> {
+        let n = self.variables.len();
+        let Some(function) = self.traces.get(usize::from(k)).and_then(|f| f.at_rest.as_ref())
+        else {
+            return Ok(Expansion::constant(f64::NAN, n));
+        };
+        let mut squares = None;
+        for varying in self.variables {
+            let h = self.graph.input(varying.change)?;
+            let square = self.graph.multiply(h, h)?;
+            squares = self.sum(squares, Some(square))?;
+        }
+        let squares = self.scaled(squares, 0.5 * function.slope)?;
+        let beyond = self.graph.input(Input::Trace(k))?;
+        let rest = self.sum(squares, Some(beyond))?;
+        Ok(Expansion {
+            value: value_at_rest(self.traces, k, n),
+            slope: self.variables.iter().map(|v| v.at_rest * function.slope).collect(),
+            rest,
+            noise: dimension(n) * function.noise,
+        })
     }
 
     fn binary(

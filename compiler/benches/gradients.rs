@@ -15,6 +15,9 @@ use piola_compiler::{
 const PLACES: usize = 1024;
 const RUNS: usize = 101;
 
+/// The energy that is not written in Rust here: it needs principal stretches.
+const BY_STRETCHES: &str = "hencky";
+
 const LAMBDA: f64 = 3.0;
 const MU: f64 = 1.0;
 
@@ -40,7 +43,7 @@ fn main() {
         "| energy | where | of | fast | strict | textbook | Rust | hyper-dual | interpreter |"
     );
     println!("|---|---|---|---|---|---|---|---|---|");
-    for name in ["st_venant_kirchhoff", "neo_hooke"] {
+    for name in ["st_venant_kirchhoff", "neo_hooke", "hencky"] {
         let path = format!("{}/../potentials/{name}.piola", env!("CARGO_MANIFEST_DIR"));
         let text = std::fs::read_to_string(path).expect("the library is beside the compiler");
         let (_, model) = check_text(&text).expect("the library is right");
@@ -71,7 +74,7 @@ fn rows(name: &str, place: &str, model: &Model, values: &Values, places: &Places
         for round in 0..RUNS {
             for (way, least) in least.iter_mut().enumerate() {
                 // Interpreters take long enough to be timed by a few runs.
-                if way >= 4 && round >= 5 {
+                if way >= 4 && round >= 5 || way == 3 && name == BY_STRETCHES {
                     continue;
                 }
                 let start = Instant::now();
@@ -96,8 +99,9 @@ fn rows(name: &str, place: &str, model: &Model, values: &Values, places: &Places
         }
         let what = if product { "dP" } else { "psi, P" };
         let [fast, strict, textbook, rust, dual, interpreter] = least;
+        let rust = if rust.is_finite() { format!("{rust:.1}") } else { String::new() };
         println!(
-            "| {name} | {place} | {what} | {fast:.1} | {strict:.1} | {textbook:.1} | {rust:.1} | \
+            "| {name} | {place} | {what} | {fast:.1} | {strict:.1} | {textbook:.1} | {rust} | \
              {dual:.0} | {interpreter:.0} |"
         );
     }

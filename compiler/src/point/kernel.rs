@@ -3,7 +3,7 @@
 use num_dual::HyperDual64;
 use rustc_hash::FxHashMap;
 
-use super::principal::axes::{self, Axes};
+use super::principal::axes::{self, Axes, LANES};
 use super::principal::witness::{Principal, Products};
 use super::{GradientEnergyForms, GradientForm};
 use crate::expression::graph;
@@ -292,14 +292,26 @@ impl GradientKernel {
         arrays: &mut [[f64; BLOCK]; AXES],
     ) {
         let d = self.dimension;
-        for (p, &near) in near.iter().enumerate() {
-            let source = if near { at.change } else { at.gradient };
-            let mut tensor = [0.0; MOST];
-            for (k, component) in graph::components(d).into_iter().enumerate() {
-                tensor[usize::from(component)] = source[k * at.n + start + p];
+        for first in (0..near.len()).step_by(LANES) {
+            let group = first..near.len().min(first + LANES);
+            let read = |source: &[f64]| {
+                let mut tensor = [[0.0; LANES]; MOST];
+                for (k, component) in graph::components(d).into_iter().enumerate() {
+                    let from = k * at.n + start;
+                    tensor[usize::from(component)][..group.len()]
+                        .copy_from_slice(&source[from + group.start..from + group.end]);
+                }
+                tensor
+            };
+            for way in [false, true].into_iter().filter(|way| near[group.clone()].contains(way)) {
+                let found = match way {
+                    true => Axes::near(d, &read(at.change)),
+                    false => Axes::far(d, &read(at.gradient)),
+                };
+                let chosen: [bool; LANES] =
+                    std::array::from_fn(|k| near.get(first + k).is_some_and(|near| *near == way));
+                found.write(d, &chosen[..group.len()], first, arrays);
             }
-            let found = if near { Axes::near(d, &tensor) } else { Axes::far(d, &tensor) };
-            found.write(d, p, arrays);
         }
     }
 }

@@ -80,7 +80,7 @@ fn energies_of_the_gradient_have_right_digits_near_rest_and_far_from_it() {
         for dimension in model.dimensions() {
             let values = values(&model, dimension, &[]);
             // True values of many elementary functions take long.
-            let n = if text == ALL_OF_STRETCH { 6 } else { 24 };
+            let n = if text.contains('U') { 6 } else { 24 };
             let found = verify_gradient(&model, &values, n).unwrap().unwrap();
             println!("{} {dimension} {found:?}", model.name());
             assert!(found.passed(), "{} in {dimension} dimensions: {found:?}", model.name());
@@ -128,8 +128,7 @@ fn e19_extreme_gradients_have_right_digits_or_none() {
             let written = model.written_gradient(&values);
             for (name, gradient) in extreme_gradients() {
                 let change = plus_identity(&gradient, 3, -1.0);
-                let direction = vec![0.5, 0.25, -0.125, 1.0, -0.5, 0.75, 0.375, -1.0, 0.625];
-                let sample = Sample { gradient, change, direction };
+                let sample = Sample { gradient, change, direction: DIRECTION.to_vec() };
                 let label = format!("{} {ratio:e} {name}", model.name());
                 for level in Level::ALL {
                     let found = at(&model, &values, &sample, level);
@@ -151,7 +150,6 @@ fn e19_extreme_gradients_have_right_digits_or_none() {
 fn equal_stretches_lose_no_digits() {
     // Turned about two axes.
     let rotation = [0.36, 0.48, -0.8, -0.8, 0.6, 0.0, 0.48, 0.64, 0.6];
-    let direction = vec![0.5, 0.25, -0.125, 1.0, -0.5, 0.75, 0.375, -1.0, 0.625];
     for text in [HENCKY, OGDEN, BIOT] {
         let model = model(text);
         let values = values(&model, 3, &[]);
@@ -169,7 +167,7 @@ fn equal_stretches_lose_no_digits() {
                         })
                         .collect();
                     let change = plus_identity(&gradient, 3, -1.0);
-                    let sample = Sample { gradient, change, direction: direction.clone() };
+                    let sample = Sample { gradient, change, direction: DIRECTION.to_vec() };
                     let label = format!("{} {size} {apart:e} {turned}", model.name());
                     let truth = truth(&written, &sample).unwrap();
                     for level in Level::ALL {
@@ -181,48 +179,44 @@ fn equal_stretches_lose_no_digits() {
     }
 }
 
-/// The same energy by `U` and by `C`; isochoric powers 2 and -2 are Mooney's and Rivlin's.
+const DIRECTION: [f64; 9] = [0.5, 0.25, -0.125, 1.0, -0.5, 0.75, 0.375, -1.0, 0.625];
+
+/// The second energy at a gradient against true values of the first.
+fn the_same(texts: [&str; 2], name: &str, gradient: Vec<f64>) {
+    let [first, second] = texts.map(model);
+    let change = plus_identity(&gradient, 3, -1.0);
+    let sample = Sample { gradient, change, direction: DIRECTION.to_vec() };
+    let truth = truth(&first.written_gradient(&values(&first, 3, &[])), &sample).unwrap();
+    for level in Level::ALL {
+        close(name, &at(&second, &values(&second, 3, &[]), &sample, level), &truth);
+    }
+}
+
 #[test]
 fn powers_of_the_stretch_are_those_of_products() {
     let by_strain = "potential p\npsi(F) = E : E + tr(E)^2 + tr(C*C*C)";
     let by_stretch = "potential p\npsi(F) = tr((U^2 - I)^2)/4 + tr(U^2 - I)^2/4 + tr(U^6)";
+    for (name, gradient) in extreme_gradients() {
+        the_same([by_strain, by_stretch], name, gradient);
+    }
+    // Isochoric powers 2 and -2 are Mooney's and Rivlin's.
     let ogden = "potential p
 dimensions 3
 psi(F) = 0.3*(J^(-2/3)*tr(U^2) - 3) + 0.7*(J^(2/3)*tr(U^-2) - 3) + 11/2*(J - 1)^2";
-    let direction = vec![0.5, 0.25, -0.125, 1.0, -0.5, 0.75, 0.375, -1.0, 0.625];
-    let mut compared = 0;
-    for pair in [[by_strain, by_stretch], [MOONEY, ogden]] {
-        let models = pair.map(model);
-        for (name, gradient) in extreme_gradients() {
-            let change = plus_identity(&gradient, 3, -1.0);
-            let sample = Sample { gradient, change, direction: direction.clone() };
-            let [first, second] = models
-                .each_ref()
-                .map(|model| at(model, &values(model, 3, &[]), &sample, Level::Strict));
-            // Where a body is turned inside out J has no power.
-            if first.iter().all(|x| x.is_finite()) {
-                // Each has its own rounding.
-                within(128.0, name, &second, &first);
-                compared += 1;
-            }
-        }
-    }
-    assert_eq!(compared, 14);
+    let gradient = [0.36, 0.48, -0.8, -0.8, 0.6, 0.0, 0.48, 0.64, 0.6];
+    let gradient = (0..9).map(|k| gradient[k] * [0.8, 1.3, 1.1][k % 3]).collect();
+    the_same([MOONEY, ogden], "ogden", gradient);
+    the_same([MOONEY, ogden], "ogden", vec![1.02, 0.01, 0.0, -0.03, 0.97, 0.02, 0.01, 0.0, 1.04]);
 }
 
 /// psi, P and dP within 64 u of their norms.
 fn close(label: &str, found: &[f64], truth: &[f64]) {
-    within(64.0, label, found, truth);
-}
-
-/// psi, P and dP within so many u of their norms.
-fn within(bar: f64, label: &str, found: &[f64], truth: &[f64]) {
     let norm = |x: &[f64]| x.iter().map(|x| x * x).sum::<f64>().sqrt();
     for (what, part) in [("psi", 0..1), ("P", 1..10), ("dP", 10..19)] {
         let difference: Vec<f64> = part.clone().map(|k| found[k] - truth[k]).collect();
         let size = norm(&truth[part]) * f64::EPSILON / 2.0;
         let error = norm(&difference) / size.max(f64::MIN_POSITIVE);
         println!("{label} {what}: {error:.1} u");
-        assert!(error <= bar, "{label} {what}: {error} u");
+        assert!(error <= 64.0, "{label} {what}: {error} u");
     }
 }

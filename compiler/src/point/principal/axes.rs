@@ -4,6 +4,8 @@
 //! stretches that `C = F'*F` would lose; near rest by rotations of `C - I = H + H' + H'*H`, so that
 //! `s_i - 1` has the digits of `H`.
 
+use pulp::{Arch, Simd, WithSimd};
+
 use crate::expression::Input;
 use crate::expression::graph::{self, component};
 
@@ -13,15 +15,24 @@ const SWEEPS: usize = 30;
 /// Vectors count as perpendicular when their product is this small against their lengths.
 const PERPENDICULAR: f64 = f64::EPSILON;
 
-/// Numbers of one place: components by [`component`].
-pub(crate) type Components = [f64; 9];
+/// Squares below this are taken again without their underflow.
+const SMALL_SQUARE: f64 = 1e-280;
 
-/// Principal stretches and axes; axis `i` is row `i`.
+/// Places that are looked at side by side, in the same steps.
+pub(crate) const LANES: usize = 4;
+
+/// One number for each of the places.
+type Lanes = [f64; LANES];
+
+/// Components for each of the places, by [`component`].
+pub(crate) type Components = [Lanes; 9];
+
+/// Principal stretches and axes of some places; axis `i` is row `i`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Axes {
-    pub(crate) stretches: [f64; 3],
+    pub(crate) stretches: [Lanes; 3],
     /// Stretches less 1.
-    pub(crate) changes: [f64; 3],
+    pub(crate) changes: [Lanes; 3],
     pub(crate) left: Components,
     pub(crate) right: Components,
 }
@@ -47,108 +58,41 @@ pub(crate) fn is_one(input: Input) -> bool {
 impl Axes {
     /// Of `F`; what is no number anywhere in it is none in all of the result.
     pub(crate) fn far(d: usize, gradient: &Components) -> Axes {
-        let scale = power_of_two(gradient.iter().fold(0.0, |most: f64, x| most.max(x.abs())));
-        // Columns as rows.
-        let mut columns = [0.0; 9];
-        for (row, column) in pairs(d) {
-            columns[at(column, row)] = gradient[at(row, column)] / scale;
-        }
-        let mut right = identity(d);
-        for _ in 0..SWEEPS {
-            let mut turned = false;
-            for (p, q) in planes(d) {
-                let product = dot(&columns, p, q, d);
-                let (first, second) = (dot(&columns, p, p, d), dot(&columns, q, q, d));
-                let small = PERPENDICULAR * first.sqrt() * second.sqrt();
-                // Also where something is no number.
-                if product.abs() <= small || product.is_nan() || small.is_nan() {
-                    continue;
-                }
-                let turn = Turn::new((second - first) / (2.0 * product));
-                turn.rows(&mut columns, p, q, d);
-                turn.rows(&mut right, p, q, d);
-                turned = true;
-            }
-            if !turned {
-                break;
+        let arch = Arch::new();
+        let mut axes = match d {
+            2 => arch.dispatch(Far::<2>(gradient)),
+            _ => arch.dispatch(Far::<3>(gradient)),
+        };
+        for lane in 0..LANES {
+            if axes.stretches[..d].iter().any(|stretches| stretches[lane] == 0.0) {
+                axes.complete(d, lane);
             }
         }
-        let mut axes = Axes { stretches: [1.0; 3], changes: [0.0; 3], left: columns, right };
-        for i in 0..d {
-            // Squares of the smallest would be none.
-            let length = (0..d).fold(0.0, |sum, a| libm::hypot(sum, axes.left[at(i, a)]));
-            axes.stretches[i] = length * scale;
-            axes.changes[i] = axes.stretches[i] - 1.0;
-            for a in 0..d {
-                axes.left[at(i, a)] /= length;
-            }
-        }
-        axes.complete(d);
         axes
     }
 
     /// Of `F = I + H` for small `H`.
     pub(crate) fn near(d: usize, change: &Components) -> Axes {
-        // C - I
-        let mut strain = [0.0; 9];
-        for (i, j) in pairs(d) {
-            let product: f64 = (0..d).map(|k| change[at(k, i)] * change[at(k, j)]).sum();
-            strain[at(i, j)] = (change[at(i, j)] + change[at(j, i)]) + product;
+        let arch = Arch::new();
+        match d {
+            2 => arch.dispatch(Near::<2>(change)),
+            _ => arch.dispatch(Near::<3>(change)),
         }
-        let mut right = identity(d);
-        for _ in 0..SWEEPS {
-            let mut turned = false;
-            for (p, q) in planes(d) {
-                let product = strain[at(p, q)];
-                let (first, second) = (strain[at(p, p)], strain[at(q, q)]);
-                let small = 0.5 * PERPENDICULAR * first.abs().max(second.abs());
-                // Also where something is no number.
-                if product.abs() <= small || product.is_nan() || small.is_nan() {
-                    continue;
-                }
-                let turn = Turn::new((second - first) / (2.0 * product));
-                turn.rows(&mut strain, p, q, d);
-                turn.columns(&mut strain, p, q, d);
-                turn.rows(&mut right, p, q, d);
-                turned = true;
-            }
-            if !turned {
-                break;
-            }
-        }
-        let mut axes = Axes { stretches: [1.0; 3], changes: [0.0; 3], left: [0.0; 9], right };
-        for i in 0..d {
-            let square = strain[at(i, i)];
-            axes.changes[i] = square / (1.0 + (1.0 + square).sqrt());
-            axes.stretches[i] = 1.0 + axes.changes[i];
-            for a in 0..d {
-                let moved: f64 = (0..d).map(|b| change[at(a, b)] * right[at(i, b)]).sum();
-                axes.left[at(i, a)] = right[at(i, a)] + moved;
-            }
-            let length = dot(&axes.left, i, i, d).sqrt();
-            for a in 0..d {
-                axes.left[at(i, a)] /= length;
-            }
-        }
-        axes
     }
 
     /// Axes of stretches that are 0 have no direction of their own: any that is perpendicular to the
     /// others serves.
-    fn complete(&mut self, d: usize) {
-        for i in (0..d).filter(|i| self.stretches[*i] == 0.0).collect::<Vec<_>>() {
-            let done: Vec<usize> = (0..d)
-                .filter(|j| *j < i || self.stretches[*j] != 0.0)
-                .filter(|j| *j != i)
-                .collect();
+    fn complete(&mut self, d: usize, lane: usize) {
+        let vanishes = self.stretches.map(|stretch| stretch[lane] == 0.0);
+        for i in (0..d).filter(|i| vanishes[*i]) {
             let mut best = ([0.0; 3], 0.0);
             for unit in 0..d {
                 let mut candidate = [0.0; 3];
                 candidate[unit] = 1.0;
-                for &j in &done {
-                    let along = self.left[at(j, unit)];
+                for j in (0..d).filter(|j| *j < i || !vanishes[*j]) {
+                    let along = self.left[at(j, unit)][lane];
                     for (a, x) in candidate.iter_mut().enumerate().take(d) {
-                        *x -= along * self.left[at(j, a)];
+                        *x -= along * self.left[at(j, a)][lane];
                     }
                 }
                 let length = candidate.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -157,85 +101,255 @@ impl Axes {
                 }
             }
             for a in 0..d {
-                self.left[at(i, a)] = best.0[a] / best.1;
+                self.left[at(i, a)][lane] = best.0[a] / best.1;
             }
         }
     }
 
-    /// Writes its numbers to entry `p` of one array for each of [`inputs`].
-    pub(crate) fn write(&self, d: usize, p: usize, arrays: &mut [impl AsMut<[f64]>]) {
-        let numbers = self.stretches[..d].iter().chain(&self.changes[..d]).copied();
-        let axes = |tensor: &Components| {
-            let tensor = *tensor;
-            pairs(d).map(move |(i, a)| tensor[at(i, a)])
-        };
-        let numbers = numbers.chain(axes(&self.left)).chain(axes(&self.right));
-        for (array, number) in arrays.iter_mut().zip(numbers) {
-            array.as_mut()[p] = number;
+    /// Writes the numbers of the chosen lanes to the entries from `start` on of one array for each of
+    /// [`inputs`].
+    pub(crate) fn write(
+        &self,
+        d: usize,
+        chosen: &[bool],
+        start: usize,
+        arrays: &mut [impl AsMut<[f64]>],
+    ) {
+        let numbers = self.stretches[..d].iter().chain(&self.changes[..d]);
+        let components = pairs(d).map(|(i, a)| at(i, a));
+        let left = components.clone().map(|k| &self.left[k]);
+        let axes = left.chain(components.map(|k| &self.right[k]));
+        for (array, number) in arrays.iter_mut().zip(numbers.chain(axes)) {
+            let places = &mut array.as_mut()[start..start + chosen.len()];
+            for ((place, number), chosen) in places.iter_mut().zip(number).zip(chosen) {
+                if *chosen {
+                    *place = *number;
+                }
+            }
         }
     }
 }
 
-/// A rotation in a plane that makes two vectors perpendicular.
+/// In the widest registers of the machine; the bits are the same in any.
+struct Far<'a, const D: usize>(&'a Components);
+
+impl<const D: usize> WithSimd for Far<'_, D> {
+    type Output = Axes;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Axes {
+        far::<D>(self.0)
+    }
+}
+
+/// The same near rest.
+struct Near<'a, const D: usize>(&'a Components);
+
+impl<const D: usize> WithSimd for Near<'_, D> {
+    type Output = Axes;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Axes {
+        near::<D>(self.0)
+    }
+}
+
+/// Columns of `F` are turned until they are perpendicular.
+#[inline(always)]
+fn far<const D: usize>(gradient: &Components) -> Axes {
+    let scale = each(|k| {
+        let largest = gradient.iter().fold(0.0, |most: f64, x| most.max(x[k].abs()));
+        power_of_two(largest)
+    });
+    // Columns as rows.
+    let mut columns = [[0.0; LANES]; 9];
+    for (row, column) in pairs(D) {
+        columns[at(column, row)] = each(|k| gradient[at(row, column)][k] / scale[k]);
+    }
+    let mut right = identity::<D>();
+    sweep::<D>(
+        #[inline(always)]
+        |p, q| {
+            let product = dot::<D>(&columns, p, q);
+            let (first, second) = (dot::<D>(&columns, p, p), dot::<D>(&columns, q, q));
+            let small = each(|k| PERPENDICULAR * first[k].sqrt() * second[k].sqrt());
+            let Some(turn) = Turn::new(&product, &small, &first, &second) else { return false };
+            turn.rows::<D>(&mut columns, p, q);
+            turn.rows::<D>(&mut right, p, q);
+            true
+        },
+    );
+    let zero = [[0.0; LANES]; 3];
+    let mut axes = Axes { stretches: zero, changes: zero, left: columns, right };
+    for i in 0..D {
+        let lengths = lengths::<D>(&axes.left, i);
+        axes.stretches[i] = each(|k| lengths[k] * scale[k]);
+        axes.changes[i] = each(|k| axes.stretches[i][k] - 1.0);
+        for a in 0..D {
+            axes.left[at(i, a)] = each(|k| axes.left[at(i, a)][k] / lengths[k]);
+        }
+    }
+    axes
+}
+
+/// `C - I` is turned to its principal axes.
+#[inline(always)]
+fn near<const D: usize>(change: &Components) -> Axes {
+    let mut strain = [[0.0; LANES]; 9];
+    for (i, j) in pairs(D) {
+        strain[at(i, j)] = each(|k| {
+            let product: f64 = (0..D).map(|r| change[at(r, i)][k] * change[at(r, j)][k]).sum();
+            (change[at(i, j)][k] + change[at(j, i)][k]) + product
+        });
+    }
+    // Turning leaves as much by rounding.
+    let small =
+        each(|k| PERPENDICULAR * strain.iter().fold(0.0, |most: f64, x| most.max(x[k].abs())));
+    let mut right = identity::<D>();
+    sweep::<D>(
+        #[inline(always)]
+        |p, q| {
+            let (product, first, second) = (strain[at(p, q)], strain[at(p, p)], strain[at(q, q)]);
+            let Some(turn) = Turn::new(&product, &small, &first, &second) else { return false };
+            turn.rows::<D>(&mut strain, p, q);
+            turn.columns::<D>(&mut strain, p, q);
+            turn.rows::<D>(&mut right, p, q);
+            true
+        },
+    );
+    let zero = [[0.0; LANES]; 3];
+    let mut axes = Axes { stretches: zero, changes: zero, left: [[0.0; LANES]; 9], right };
+    for i in 0..D {
+        let square = strain[at(i, i)];
+        axes.changes[i] = each(|k| square[k] / (1.0 + (1.0 + square[k]).sqrt()));
+        axes.stretches[i] = each(|k| 1.0 + axes.changes[i][k]);
+        for a in 0..D {
+            axes.left[at(i, a)] = each(|k| {
+                let moved: f64 = (0..D).map(|b| change[at(a, b)][k] * right[at(i, b)][k]).sum();
+                right[at(i, a)][k] + moved
+            });
+        }
+        let lengths = dot::<D>(&axes.left, i, i).map(f64::sqrt);
+        for a in 0..D {
+            axes.left[at(i, a)] = each(|k| axes.left[at(i, a)][k] / lengths[k]);
+        }
+    }
+    axes
+}
+
+/// Rotations in a plane that make two vectors perpendicular; where they are so already, none.
 struct Turn {
-    cosine: f64,
-    sine: f64,
+    needed: [bool; LANES],
+    cosine: Lanes,
+    sine: Lanes,
 }
 
 impl Turn {
-    /// From the cotangent of twice the angle.
-    fn new(cotangent: f64) -> Turn {
-        let size = cotangent.abs() + libm::hypot(1.0, cotangent);
-        let tangent = libm::copysign(1.0 / size, cotangent);
-        let cosine = 1.0 / libm::sqrt(1.0 + tangent * tangent);
-        Turn { cosine, sine: cosine * tangent }
+    /// From products of the vectors with each other and with themselves, and what of the first counts
+    /// as nothing; none where nobody needs one.
+    #[inline(always)]
+    fn new(product: &Lanes, small: &Lanes, first: &Lanes, second: &Lanes) -> Option<Turn> {
+        // False where something is no number.
+        let needed: [bool; LANES] = std::array::from_fn(|k| product[k].abs() > small[k]);
+        if !needed.contains(&true) {
+            return None;
+        }
+        let tangent = each(|k| {
+            // Of twice the angle.
+            let cotangent = (second[k] - first[k]) / (2.0 * product[k]);
+            (1.0 / (cotangent.abs() + (1.0 + cotangent * cotangent).sqrt())).copysign(cotangent)
+        });
+        let cosine = each(|k| 1.0 / (1.0 + tangent[k] * tangent[k]).sqrt());
+        let sine = each(|k| cosine[k] * tangent[k]);
+        Some(Turn { needed, cosine, sine })
     }
 
-    fn pair(&self, x: f64, y: f64) -> (f64, f64) {
-        (self.cosine * x - self.sine * y, self.sine * x + self.cosine * y)
+    #[inline(always)]
+    fn pair(&self, x: &Lanes, y: &Lanes) -> (Lanes, Lanes) {
+        let (c, s) = (&self.cosine, &self.sine);
+        // A place whose turn is over keeps its bits, whatever the others do.
+        let turned =
+            |k: usize, turned: f64, before: f64| if self.needed[k] { turned } else { before };
+        (
+            each(|k| turned(k, c[k] * x[k] - s[k] * y[k], x[k])),
+            each(|k| turned(k, s[k] * x[k] + c[k] * y[k], y[k])),
+        )
     }
 
-    fn rows(&self, tensor: &mut Components, p: usize, q: usize, d: usize) {
-        for k in 0..d {
-            (tensor[at(p, k)], tensor[at(q, k)]) = self.pair(tensor[at(p, k)], tensor[at(q, k)]);
+    #[inline(always)]
+    fn rows<const D: usize>(&self, tensor: &mut Components, p: usize, q: usize) {
+        for k in 0..D {
+            (tensor[at(p, k)], tensor[at(q, k)]) = self.pair(&tensor[at(p, k)], &tensor[at(q, k)]);
         }
     }
 
-    fn columns(&self, tensor: &mut Components, p: usize, q: usize, d: usize) {
-        for k in 0..d {
-            (tensor[at(k, p)], tensor[at(k, q)]) = self.pair(tensor[at(k, p)], tensor[at(k, q)]);
+    #[inline(always)]
+    fn columns<const D: usize>(&self, tensor: &mut Components, p: usize, q: usize) {
+        for k in 0..D {
+            (tensor[at(k, p)], tensor[at(k, q)]) = self.pair(&tensor[at(k, p)], &tensor[at(k, q)]);
         }
     }
 }
 
+#[inline(always)]
+fn each(f: impl Fn(usize) -> f64) -> Lanes {
+    std::array::from_fn(f)
+}
+
+#[inline(always)]
 fn at(row: usize, column: usize) -> usize {
     usize::from(component(row, column))
 }
 
-fn pairs(d: usize) -> impl Iterator<Item = (usize, usize)> {
+#[inline(always)]
+fn pairs(d: usize) -> impl Iterator<Item = (usize, usize)> + Clone {
     (0..d * d).map(move |k| (k / d, k % d))
 }
 
-fn planes(d: usize) -> impl Iterator<Item = (usize, usize)> {
-    pairs(d).filter(|(p, q)| p < q)
+/// Turns in one plane after the other until none is needed; written out, so that places of components
+/// are known and stay in registers.
+#[inline(always)]
+fn sweep<const D: usize>(mut turn: impl FnMut(usize, usize) -> bool) {
+    for _ in 0..SWEEPS {
+        let mut turned = turn(0, 1);
+        if D == 3 {
+            turned |= turn(0, 2);
+            turned |= turn(1, 2);
+        }
+        if !turned {
+            break;
+        }
+    }
 }
 
-fn dot(rows: &Components, p: usize, q: usize, d: usize) -> f64 {
-    (0..d).map(|k| rows[at(p, k)] * rows[at(q, k)]).sum()
+#[inline(always)]
+fn dot<const D: usize>(rows: &Components, p: usize, q: usize) -> Lanes {
+    each(|k| (0..D).map(|a| rows[at(p, a)][k] * rows[at(q, a)][k]).sum())
 }
 
-fn identity(d: usize) -> Components {
-    let mut identity = [0.0; 9];
-    (0..d).for_each(|i| identity[at(i, i)] = 1.0);
+/// Lengths of a row.
+#[inline(always)]
+fn lengths<const D: usize>(rows: &Components, i: usize) -> Lanes {
+    let squares = dot::<D>(rows, i, i);
+    let mut lengths = squares.map(f64::sqrt);
+    for k in (0..LANES).filter(|k| squares[*k] < SMALL_SQUARE) {
+        lengths[k] = (0..D).fold(0.0, |sum, a| libm::hypot(sum, rows[at(i, a)][k]));
+    }
+    lengths
+}
+
+fn identity<const D: usize>() -> Components {
+    let mut identity = [[0.0; LANES]; 9];
+    (0..D).for_each(|i| identity[at(i, i)] = [1.0; LANES]);
     identity
 }
 
 /// The power of two below a size; 1 for 0 and for what is no finite number.
+#[inline(always)]
 fn power_of_two(size: f64) -> f64 {
-    if size == 0.0 || !size.is_finite() {
-        return 1.0;
-    }
-    libm::ldexp(1.0, libm::ilogb(size).clamp(-1000, 1000))
+    let exponent = size.to_bits() & 0x7ff0_0000_0000_0000;
+    let is_normal = exponent != 0 && exponent != 0x7ff0_0000_0000_0000;
+    if is_normal { f64::from_bits(exponent) } else { 1.0 }
 }
 
 #[cfg(test)]
@@ -253,14 +367,48 @@ mod tests {
         }
     }
 
-    fn tensor(d: usize, mut of: impl FnMut(usize, usize) -> f64) -> Components {
+    type Tensor = [f64; 9];
+
+    fn tensor(d: usize, mut of: impl FnMut(usize, usize) -> f64) -> Tensor {
         let mut tensor = [0.0; 9];
         pairs(d).for_each(|(i, j)| tensor[at(i, j)] = of(i, j));
         tensor
     }
 
+    /// The axes of one gradient.
+    struct Alone {
+        stretches: [f64; 3],
+        changes: [f64; 3],
+        left: Tensor,
+        right: Tensor,
+    }
+
+    /// The last lane, beside others that take as many steps as they please.
+    fn alone(tensor: &Tensor, of: impl Fn(&Components) -> Axes) -> Alone {
+        let axes = of(&tensor.map(|x| each(|k| if k + 1 == LANES { x } else { x * k as f64 })));
+        let last = LANES - 1;
+        Alone {
+            stretches: axes.stretches.map(|x| x[last]),
+            changes: axes.changes.map(|x| x[last]),
+            left: axes.left.map(|x| x[last]),
+            right: axes.right.map(|x| x[last]),
+        }
+    }
+
+    fn far(d: usize, gradient: &Tensor) -> Alone {
+        alone(gradient, |gradient| Axes::far(d, gradient))
+    }
+
+    fn near(d: usize, change: &Tensor) -> Alone {
+        alone(change, |change| Axes::near(d, change))
+    }
+
+    fn dot(rows: &Tensor, p: usize, q: usize, d: usize) -> f64 {
+        (0..d).map(|k| rows[at(p, k)] * rows[at(q, k)]).sum()
+    }
+
     /// Largest errors of `F = sum s n N`, and of the axes as perpendicular unit vectors.
-    fn errors(d: usize, gradient: &Components, axes: &Axes) -> [f64; 2] {
+    fn errors(d: usize, gradient: &Tensor, axes: &Alone) -> [f64; 2] {
         let mut errors = [0.0_f64; 2];
         let size = gradient.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
         for (a, b) in pairs(d) {
@@ -283,7 +431,7 @@ mod tests {
             for k in 0..2000 {
                 let size = libm::pow(10.0, f64::from(k % 13) - 6.0);
                 let gradient = tensor(d, |_, _| size * number());
-                let axes = Axes::far(d, &gradient);
+                let axes = far(d, &gradient);
                 let found = errors(d, &gradient, &axes);
                 assert!(found[0] < 4e-15 && found[1] < 4e-15, "{found:?} for {gradient:?}");
             }
@@ -297,14 +445,14 @@ mod tests {
             for k in 0..2000 {
                 let size = 0.25 * libm::pow(10.0, -f64::from(k % 16));
                 let change = tensor(d, |_, _| size * number());
-                let axes = Axes::near(d, &change);
+                let axes = near(d, &change);
                 // sum e^2 + 2 sum e = C:I - d, and the same from sums of products.
                 let e = axes.changes;
                 let trace: f64 = (0..d).map(|i| e[i] * e[i] + 2.0 * e[i]).sum();
                 let straight: f64 = (0..d).map(|i| 2.0 * change[at(i, i)]).sum();
                 let squares: f64 = change.iter().map(|h| h * h).sum();
                 assert!((trace - (straight + squares)).abs() < 8e-15 * size, "{change:?}");
-                let gradient = tensor(d, |i, j| change[at(i, j)] + identity(d)[at(i, j)]);
+                let gradient = tensor(d, |i, j| change[at(i, j)] + if i == j { 1.0 } else { 0.0 });
                 let found = errors(d, &gradient, &axes);
                 assert!(found[0] < 4e-15 && found[1] < 4e-15, "{found:?} for {change:?}");
             }
@@ -319,7 +467,7 @@ mod tests {
             let (c, s) = (libm::cos(angle), libm::sin(angle));
             let rotation = [c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0];
             let gradient = tensor(3, |i, j| rotation[at(i, j)] * stretches[j]);
-            let axes = Axes::far(3, &gradient);
+            let axes = far(3, &gradient);
             let mut found = axes.stretches;
             found.sort_by(f64::total_cmp);
             let mut expected = stretches;
@@ -334,10 +482,10 @@ mod tests {
     fn equal_and_vanishing_stretches_have_axes_too() {
         for diagonal in [[1.0, 1.0, 1.0], [0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 3.0, 3.0]] {
             let gradient = tensor(3, |i, j| if i == j { diagonal[i] } else { 0.0 });
-            let axes = Axes::far(3, &gradient);
+            let axes = far(3, &gradient);
             let found = errors(3, &tensor(3, |i, j| gradient[at(i, j)]), &axes);
-            assert!(found[1] == 0.0, "{diagonal:?}: {axes:?}");
+            assert!(found[1] == 0.0, "{diagonal:?}: {found:?}");
         }
-        assert!(Axes::far(3, &[f64::NAN; 9]).stretches[0].is_nan());
+        assert!(far(3, &[f64::NAN; 9]).stretches[0].is_nan());
     }
 }

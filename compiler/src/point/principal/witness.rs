@@ -8,7 +8,7 @@
 
 use num_dual::HyperDual64;
 
-use super::axes::{Axes, Components};
+use super::axes::{Axes, Components, LANES};
 use crate::expression::graph::component;
 use crate::expression::number::Number;
 use crate::expression::precise::{Float, Precise, exact};
@@ -89,11 +89,12 @@ const CLOSE: f64 = 1.3;
 
 impl Principal for HyperDual64 {
     fn right_axes(d: usize, gradient: &[Self]) -> Vec<Self> {
-        let mut values: Components = [0.0; 9];
+        let mut values: Components = [[0.0; LANES]; 9];
         for (value, x) in values.iter_mut().zip(gradient) {
-            *value = x.re;
+            value[0] = x.re;
         }
-        Axes::far(d, &values).right.map(HyperDual64::from_re).to_vec()
+        let axes = Axes::far(d, &values).right;
+        axes.map(|axis| HyperDual64::from_re(axis[0])).to_vec()
     }
 
     fn slope(g: &dyn Fn(Self) -> Self, a: &Self) -> Self {

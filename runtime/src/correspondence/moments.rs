@@ -58,6 +58,23 @@ pub(super) const MOST_CONDITION: f64 = 1e12;
 /// inverse.
 const REFINEMENTS: usize = 2;
 
+/// `sum_j s_j q_j x q_j` over rows of `m` functions with their strengths; at first order, of offsets
+/// in m and `V_j w_ij`, the shape tensor `K`.
+pub(super) fn moment_matrix<'a>(
+    m: usize,
+    rows: impl Iterator<Item = (&'a [f64], f64)>,
+) -> DMatrix<f64> {
+    let mut moments = DMatrix::zeros(m, m);
+    for (q, strength) in rows {
+        for a in 0..m {
+            for b in 0..m {
+                moments[(a, b)] += strength * q[a] * q[b];
+            }
+        }
+    }
+    moments
+}
+
 /// The weights of one family.
 ///
 /// `offsets` are in horizons (`n x d`), `strengths` are `V_j w_ij` in any unit; `weights` (`n x d`)
@@ -80,14 +97,7 @@ pub(super) fn weights(
         order.evaluate(offset, values);
     }
     let rows = || values.chunks_exact(m).zip(strengths.iter().map(|s| s / largest));
-    let mut moments = DMatrix::<f64>::zeros(m, m);
-    for (q, strength) in rows() {
-        for a in 0..m {
-            for b in 0..m {
-                moments[(a, b)] += strength * q[a] * q[b];
-            }
-        }
-    }
+    let moments = moment_matrix(m, rows());
     if !moments.iter().all(|x| x.is_finite()) {
         return Err(f64::INFINITY);
     }

@@ -221,7 +221,7 @@ fn window<const W: usize>(values: &[f64], start: usize) -> [f64; W] {
 }
 
 /// `V_j w_ij` and the offsets in horizons of one family.
-fn family(
+pub(super) fn family(
     body: &Body,
     neighborhood: &Neighborhood,
     influence: &[f64],

@@ -29,7 +29,7 @@ pub(super) struct BondQuadrature {
 }
 
 /// A bond with its deformation gradient.
-struct Bond<const D: usize> {
+pub(super) struct Bond<const D: usize> {
     points: [usize; 2],
     /// `X_j - X_i`.
     dx: [f64; D],
@@ -38,7 +38,7 @@ struct Bond<const D: usize> {
 }
 
 impl<const D: usize> Bond<D> {
-    fn new(positions: &[[f64; D]], i: usize, j: usize) -> Bond<D> {
+    pub(super) fn new(positions: &[[f64; D]], i: usize, j: usize) -> Bond<D> {
         let dx: [f64; D] = std::array::from_fn(|c| positions[j][c] - positions[i][c]);
         let squared = dx.iter().fold(0.0, |sum, x| sum + x * x);
         Bond { points: [i, j], dx, along: dx.map(|x| x / squared) }
@@ -46,7 +46,7 @@ impl<const D: usize> Bond<D> {
 
     /// `F_ij - I` from the fields.
     #[inline(always)]
-    fn gradient(&self, fields: Fields<'_, D>) -> Tensor<D> {
+    pub(super) fn gradient(&self, fields: Fields<'_, D>) -> Tensor<D> {
         let [i, j] = self.points;
         let mut h = fields.h[i];
         for r in 0..D {

@@ -97,7 +97,8 @@ fn error(found: &[f64], expected: &[f64]) -> f64 {
 
 #[test]
 fn shape_tensors_and_deformation_gradients_of_bonds_are_those_of_the_reference() {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/correspondence_cloud_A.json");
+    let path =
+        concat!(env!("CARGO_MANIFEST_DIR"), "/../tests/reference/correspondence_cloud_A.json");
     let file: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
     let data = &file["cloud_A"];

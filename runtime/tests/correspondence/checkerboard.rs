@@ -1,59 +1,97 @@
-//! Displacements that alternate from point to point (partmann2026 4.44): what sees them.
+//! Displacements that alternate from point to point (partmann2026 4.44): what sees them. Models of
+//! bonds and of gathered states are in the tests of states.
 
 use std::sync::Arc;
 
-use piola_runtime::body::Body;
 use piola_runtime::correspondence::influence::Constant;
 use piola_runtime::correspondence::{
     Correspondence, Discretisation, Formulation, OperatorOrder, Stabilisation,
 };
-use piola_runtime::energy::{EnergyParts, TotalEnergy};
+use piola_runtime::kernel::Variables;
 
-use crate::common::st_venant_kirchhoff;
+use crate::common::{Checkerboard, st_venant_kirchhoff};
 
-/// Points per side: the middle is out of reach of the surface, 6 spacings deep.
-const SIDE: usize = 15;
-const SPACING: f64 = 0.025;
+/// In Pa.
+const YOUNG: f64 = 210e9;
+const POISSON: f64 = 0.25;
 
-/// Energy density in the middle of the cube, and the energy of the whole.
-fn middle(discretisation: Discretisation) -> (f64, EnergyParts) {
-    let n = SIDE;
-    let cell = |p: usize| [p / (n * n), p / n % n, p % n];
-    let positions: Vec<f64> = (0..n * n * n).flat_map(cell).map(|k| k as f64 * SPACING).collect();
-    let volume = SPACING * SPACING * SPACING;
-    let body = Arc::new(Body::new(3, &positions, &vec![volume; n * n * n], Some(SPACING)));
-    let law = st_venant_kirchhoff(3, 210e9, 0.25);
+/// What the middle of the cube stores, in J/m^3: by its deformation gradient, and in all.
+fn middle(at: &Checkerboard, discretisation: Discretisation) -> [f64; 2] {
+    let law = || st_venant_kirchhoff(3, YOUNG, POISSON);
     let formulation = Formulation {
-        horizon: 3.015 * SPACING,
+        horizon: at.horizon,
         order: OperatorOrder::First,
         discretisation,
         influence: &Constant,
     };
-    let energy = Correspondence::new(Arc::clone(&body), formulation, law).unwrap();
-    let mut u = Vec::new();
-    for x in body.positions().chunks_exact(3) {
-        // cos(pi k) of the number of the layer.
-        let sign = |a: usize| if libm::round(x[a] / SPACING) % 2.0 == 0.0 { 1.0 } else { -1.0 };
-        for (p, q) in [(1, 2), (0, 2), (0, 1)] {
-            u.push(1e-3 * SPACING * sign(p) * sign(q));
-        }
-    }
-    let densities = body.to_user_order(&energy.energy_densities(&u).unwrap(), 1);
-    let centre = (n / 2 * n + n / 2) * n + n / 2;
-    (densities[centre], energy.energy(&u).unwrap())
+    let energy = Correspondence::new(Arc::clone(&at.body), formulation, law()).unwrap();
+    let h = &energy.displacement_gradients(&at.u)[9 * at.centre..9 * at.centre + 9];
+    let mut f = h.to_vec();
+    f.iter_mut().step_by(4).for_each(|f| *f += 1.0);
+    let mut of_gradient = [0.0];
+    law().evaluate(
+        Variables { n: 1, current: &f, change: h, given: &[] },
+        &mut of_gradient,
+        &mut [],
+    );
+    [of_gradient[0], energy.energy_densities(&at.u).unwrap()[at.centre]]
 }
 
 #[test]
-fn only_bonds_see_what_alternates() {
-    let (density, _) = middle(Discretisation::Nodal);
-    println!("CC {density:e}");
-    assert!(density < 1e-15);
-    // The energy of the deformation gradients is the same with stabilisation; that of the deviations
-    // is not zero.
-    let (density, parts) = middle(Discretisation::Stabilised(Stabilisation::Wan));
-    println!("CW {density:e}");
-    assert!(density > 1e5 && parts.stabilisation > parts.deformation);
-    let (density, _) = middle(Discretisation::BondQuadrature);
-    println!("BAQP {density:.6}");
-    assert!((density / 103766.447660 - 1.0).abs() < 1e-11, "{density}");
+fn deformation_gradients_of_points_do_not_see_what_alternates() {
+    let at = Checkerboard::new();
+    let bulk = YOUNG / (3.0 * (1.0 - 2.0 * POISSON));
+    // C_s C_b of (4.11), C_s = 0.5 m^2 and C_b = 18K/(pi delta^4).
+    let squared = at.horizon * at.horizon;
+    let stiffness = 0.5 * 18.0 * bulk / (std::f64::consts::PI * squared * squared);
+    for (name, discretisation) in [
+        ("CC", Discretisation::Nodal),
+        ("CS", Discretisation::Stabilised(Stabilisation::Silling { stiffness })),
+        ("CW", Discretisation::Stabilised(Stabilisation::Wan)),
+    ] {
+        let [of_gradient, whole] = middle(&at, discretisation);
+        println!("{name} {of_gradient:e} {whole:e}");
+        // Displacements are 25e-6 m: nothing but their rounding.
+        assert!(of_gradient < 1e-17, "{name}: {of_gradient:e}");
+        let deviations = match name {
+            "CC" => 0.0,
+            // Deviations are differences of displacements here: C_s C_b/2 times their mean square.
+            "CS" => 0.5 * stiffness * mean_square(&at),
+            // K is isotropic, (m/3) I with m the mean square of lengths times the sum of volumes.
+            _ => 0.5 * wan(bulk, at.horizon) * mean_square(&at),
+        };
+        assert!((whole - deviations).abs() <= 1e-12 * deviations.max(1e-5), "{name}: {whole}");
+    }
+}
+
+#[test]
+fn those_of_bonds_do() {
+    let [of_gradient, whole] = middle(&Checkerboard::new(), Discretisation::BondQuadrature);
+    println!("BAQP {whole:.6}");
+    assert!(of_gradient < 1e-17);
+    assert!((whole / 103766.447660 - 1.0).abs() < 1e-11, "{whole}");
+}
+
+/// Offsets of the neighbours of a point inside, in spacings.
+fn offsets() -> impl Iterator<Item = [i32; 3]> {
+    let all = (0..343).map(|k| [k / 49 - 3, k / 7 % 7 - 3, k % 7 - 3]);
+    // 3.015^2 = 9.09.
+    all.filter(|o| (1..=9).contains(&o.iter().map(|x| x * x).sum::<i32>()))
+}
+
+/// The mean square of `u_j - u_i` over a family inside.
+fn mean_square(at: &Checkerboard) -> f64 {
+    let flips = |o: [i32; 3]| {
+        let odd = |p: usize, q: usize| f64::from((o[p] + o[q]).rem_euclid(2));
+        4.0 * (odd(1, 2) + odd(0, 2) + odd(0, 1))
+    };
+    let sum: f64 = offsets().map(flips).sum();
+    at.amplitude * at.amplitude * sum / offsets().count() as f64
+}
+
+/// `A` of (4.13) times the sum of volumes: `(3 lambda + 2 mu) sum V/(m/3)`, `m` the sum of `V L^2`.
+fn wan(bulk: f64, horizon: f64) -> f64 {
+    let spacing = horizon / 3.015;
+    let squares: i32 = offsets().map(|o| o.iter().map(|x| x * x).sum::<i32>()).sum();
+    3.0 * bulk * 3.0 * offsets().count() as f64 / (f64::from(squares) * spacing * spacing)
 }

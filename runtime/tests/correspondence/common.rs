@@ -180,6 +180,43 @@ pub(crate) fn displacements(body: &Body, h: &[f64], noise: f64, seed: u64) -> Ve
     u
 }
 
+/// Displacements that alternate from point to point (partmann2026 4.44).
+pub(crate) struct Checkerboard {
+    pub(crate) body: Arc<Body>,
+    pub(crate) horizon: f64,
+    /// In m, in the body's order.
+    pub(crate) u: Vec<f64>,
+    /// Largest component of a displacement in m.
+    pub(crate) amplitude: f64,
+    /// The point in the middle, in the body's order.
+    pub(crate) centre: usize,
+}
+
+impl Checkerboard {
+    /// A cube of 15^3 points at integer multiples of 25 mm: its middle is out of reach of the surface,
+    /// 6 spacings deep.
+    pub(crate) fn new() -> Checkerboard {
+        let (n, spacing) = (15, 0.025);
+        let cell = |p: usize| [p / (n * n), p / n % n, p % n];
+        let positions: Vec<f64> =
+            (0..n * n * n).flat_map(cell).map(|k| k as f64 * spacing).collect();
+        let volumes = vec![spacing * spacing * spacing; n * n * n];
+        let body = Arc::new(Body::new(3, &positions, &volumes, Some(spacing)));
+        let amplitude = 1e-3 * spacing;
+        let mut u = Vec::new();
+        for x in body.positions().chunks_exact(3) {
+            // cos(pi k) of the number of the layer.
+            let sign = |a: usize| if libm::round(x[a] / spacing) % 2.0 == 0.0 { 1.0 } else { -1.0 };
+            for (p, q) in [(1, 2), (0, 2), (0, 1)] {
+                u.push(amplitude * sign(p) * sign(q));
+            }
+        }
+        let user = ((n / 2 * n + n / 2) * n + n / 2) as u32;
+        let centre = body.user_index().iter().position(|&p| p == user).unwrap();
+        Checkerboard { body, horizon: 3.015 * spacing, u, amplitude, centre }
+    }
+}
+
 /// A displacement gradient of about 0.1.
 pub(crate) const H: [f64; 9] = [0.1, 0.05, -0.08, 0.02, -0.06, 0.11, -0.03, 0.07, 0.04];
 

@@ -1,6 +1,7 @@
 //! Energies of gathered states: the ordinary state-based solid of the library against a reference, and
 //! the laws of mechanics for an energy that uses all there is.
 
+mod checkerboard;
 #[allow(dead_code)]
 #[path = "../correspondence/common.rs"]
 mod common;
@@ -12,15 +13,20 @@ mod shared;
 
 use std::sync::Arc;
 
-use piola_compiler::{Form, Level, Mode, Model, Setting, Values, check_text};
+use piola_compiler::{Form, Kernel, Level, Mode, Model, Setting, Values, check_text};
 use piola_runtime::body::Body;
 use piola_runtime::kernel::{Law, Measure, VariablesLaw};
 use piola_runtime::states::{StateEnergy, StateLaws};
 
+/// A potential of the library.
+pub(crate) fn library(name: &str) -> String {
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../potentials");
+    std::fs::read_to_string(format!("{folder}/{name}.piola")).unwrap()
+}
+
 /// The library's solid with this influence function.
 pub(crate) fn solid(influence: &str) -> String {
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../potentials/linear_peridynamic_solid.piola");
-    let text = std::fs::read_to_string(path).unwrap();
+    let text = library("linear_peridynamic_solid");
     assert!(text.contains("w(L) = (delta/L)^p"));
     text.replace("w(L) = (delta/L)^p", &format!("w(L) = {influence}"))
 }
@@ -43,13 +49,18 @@ pub(crate) fn energy(
     let (model, values) = values(text, parameters, body.dimension(), horizon);
     let mode = Mode::Jit(Level::Strict);
     let kernels = model.compile_gathered(&values, mode, Form::Accurate).unwrap().0.unwrap();
-    let mut plain = model.compile(&values, mode).unwrap().kernels;
-    plain.retain(|kernel| kernel.measure() == Measure::Length);
+    let plain = of_length(&model, &values);
     let laws = StateLaws {
         integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
         points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
         bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
-        plain: plain.pop().map(|law| Box::new(law) as Box<dyn Law>),
+        plain: plain.map(|law| Box::new(law) as Box<dyn Law>),
     };
     StateEnergy::new(Arc::clone(body), horizon, laws).unwrap()
+}
+
+/// The energy of bonds that gathers nothing.
+pub(crate) fn of_length(model: &Model, values: &Values) -> Option<Kernel> {
+    let kernels = model.compile(values, Mode::Jit(Level::Strict)).unwrap().kernels;
+    kernels.into_iter().find(|kernel| kernel.measure() == Measure::Length)
 }

@@ -1,12 +1,16 @@
-//! A cloud of 30 points, worked out by another program with complex steps, and the bond-based energy.
+//! A cloud of 30 points, worked out by another program with complex steps: solids of
+//! gathered states and of bonds alone.
 
 use std::sync::Arc;
 
+use piola_runtime::assembly::{DiscreteEnergy, Laws};
 use piola_runtime::body::Body;
 use piola_runtime::energy::TotalEnergy;
+use piola_runtime::matrix::BlockMatrix;
+use piola_runtime::weights::Weights;
 
 use crate::common::{cloud, displacements, error, h_of, numbers, reference};
-use crate::{energy, solid};
+use crate::{energy, library, of_length, solid, values};
 
 /// The cubic spline of (4.35) of unit integral in space.
 const CUBIC: &str = "8/(pi*delta^3)*(if L/delta < 1/2 then 1 - 6*(L/delta)^2 + 6*(L/delta)^3 \
@@ -45,6 +49,50 @@ fn the_solid_of_the_library_is_that_of_the_reference() {
             ),
             error(&m, &numbers(&expected["m"])),
             error(&theta, &numbers(&expected["theta"])),
+        ];
+        println!("{name}: {errors:?}");
+        assert!(errors.iter().all(|&e| e < 1e-12), "{name}: {errors:?}");
+    }
+}
+
+/// The modified stretch under the root: `c (l^3/(6 L^2) - l/2 + L/3)` per bond, each once.
+const UNIT: &str = "potential unit
+dimensions 3
+parameter K in Pa
+c = 18*K/(pi*delta^4)
+psi(l) = c*(l^3/(6*L^2) - l/2 + L/3)
+";
+
+#[test]
+fn the_bond_based_solids_are_those_of_the_reference() {
+    let file = reference("correspondence_cloud_A.json");
+    let data = &file["cloud_A"];
+    let take = |name: &str| numbers(&data[name]);
+    let horizon = data["delta"].as_f64().unwrap();
+    let body = Arc::new(Body::new(3, &take("X"), &take("V"), None));
+    let (u, v) = (body.from_user_order(&take("u"), 3), body.from_user_order(&take("v"), 3));
+    for (name, text) in [
+        ("BB_s", library("silling2000")),
+        ("BB_sbar_unit", UNIT.to_string()),
+        ("BB_sbar_fast", library("miranda_modified_stretch")),
+    ] {
+        let expected = &data["models"][name];
+        let (model, values) = values(&text, &[("K", file["K"].as_f64().unwrap())], 3, horizon);
+        let bond = of_length(&model, &values).map(|law| Box::new(law) as _);
+        let laws = Laws { bond, ..Laws::default() };
+        let energy =
+            DiscreteEnergy::new(Arc::clone(&body), horizon, Weights::Volumes, laws).unwrap();
+        let of_points = |x: &[f64]| {
+            let density = |(dof, x): (usize, &f64)| -x / body.volumes()[dof / 3];
+            body.to_user_order(&x.iter().enumerate().map(density).collect::<Vec<f64>>(), 3)
+        };
+        let mut gradient = vec![0.0; u.len()];
+        let mut tangent = BlockMatrix::zeros(energy.pattern());
+        let parts = energy.tangent(&u, &mut gradient, &mut tangent).unwrap();
+        let errors = [
+            (parts.total() / expected["W"].as_f64().unwrap() - 1.0).abs(),
+            error(&of_points(&gradient), &numbers(&expected["b"])),
+            error(&of_points(&tangent.multiply(&v)), &numbers(&expected["Hv"])),
         ];
         println!("{name}: {errors:?}");
         assert!(errors.iter().all(|&e| e < 1e-12), "{name}: {errors:?}");

@@ -1,0 +1,29 @@
+//! Displacements that alternate from point to point (partmann2026 4.44): bonds see them, and so does the
+//! dilatation's companion, the energy of lengths.
+
+use std::sync::Arc;
+
+use piola_runtime::states::{StateEnergy, StateLaws};
+
+use crate::common::Checkerboard;
+use crate::{energy, library, of_length, solid, values};
+
+/// In Pa: E = 210 GPa, nu = 1/4.
+const BULK: f64 = 140e9;
+const SHEAR: f64 = 84e9;
+
+#[test]
+fn lengths_see_what_alternates() {
+    let at = Checkerboard::new();
+    let (model, values) = values(&library("silling2000"), &[("K", BULK)], 3, at.horizon);
+    let plain = of_length(&model, &values).map(|law| Box::new(law) as _);
+    let laws = StateLaws { plain, ..StateLaws::default() };
+    let bonds = StateEnergy::new(Arc::clone(&at.body), at.horizon, laws).unwrap();
+    let moduli = [("K", BULK), ("G", SHEAR)];
+    let states = energy(&solid("1"), &moduli, &at.body, at.horizon);
+    for (name, energy, expected) in [("BB", bonds, 266456.623865), ("LPS", states, 215457.751279)] {
+        let found = energy.energy_densities(&at.u).unwrap()[at.centre];
+        println!("{name} {found:.6}");
+        assert!((found / expected - 1.0).abs() < 1e-11, "{name}: {found}");
+    }
+}

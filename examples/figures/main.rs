@@ -1,10 +1,12 @@
-//! Figures of the papers, drawn by this program: Figs. 8 and 9 of javili2020, Figs. 13 and 14 of
-//! partmann2026. What they show is said in `examples/README.md`.
+//! Figures of the papers, drawn by this program: Figs. 8 and 9 of javili2020, Figs. 13 and 14 and the
+//! checkerboard of partmann2026. What they show is said in `examples/README.md`.
 //!
 //! ```text
-//! cargo run --release --example figures -- out/figures
+//! cargo run --release --example figures -- out/figures                 # all
+//! cargo run --release --example figures -- out/figures checkerboard    # some, by name
 //! ```
 
+mod checkerboard;
 mod poisson;
 #[cfg(test)]
 mod tests;
@@ -13,6 +15,7 @@ mod traction;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use piola_runtime::output::OutputError;
 use piola_runtime::output::atomic::write_atomically;
 use piola_runtime::output::picture::{LogarithmicPanel, LogarithmicPlot};
 use piola_runtime::simulation::{Case, Library};
@@ -28,12 +31,37 @@ pub(crate) struct Panel {
 /// A name, and values with what was found there; signs are kept here, and lost in the picture.
 pub(crate) type Line = (String, Vec<(f64, f64)>);
 
+/// All figures by name.
+const FIGURES: [&str; 3] = ["checkerboard", "poisson", "traction"];
+
 fn main() -> Result<(), String> {
-    let folder = std::env::args().nth(1).unwrap_or("out/figures".to_string());
-    let folder = Path::new(&folder);
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let folder = Path::new(arguments.first().map_or("out/figures", String::as_str));
+    let wanted = arguments.get(1..).unwrap_or_default();
+    if let Some(unknown) = wanted.iter().find(|name| !FIGURES.contains(&name.as_str())) {
+        return Err(format!("there is no figure `{unknown}`: {}", FIGURES.join(", ")));
+    }
     std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    draw(folder, "poisson", "How far Poisson's ratio is from its limit", poisson::panels()?)?;
-    draw(folder, "traction", "A bar under tension: error of its elongation", traction::panels()?)
+    for name in FIGURES {
+        if !wanted.is_empty() && !wanted.iter().any(|w| w == name) {
+            continue;
+        }
+        match name {
+            "checkerboard" => {
+                let (picture, table) = checkerboard::slices()?;
+                write(folder, name, table, picture.to_svg(), picture.to_png())?;
+            }
+            "poisson" => {
+                let title = "How far Poisson's ratio is from its limit";
+                draw(folder, name, title, poisson::panels()?)?;
+            }
+            _ => {
+                let title = "A bar under tension: error of its elongation";
+                draw(folder, name, title, traction::panels()?)?;
+            }
+        }
+    }
+    Ok(())
 }
 
 /// A case of this folder.
@@ -83,10 +111,20 @@ fn draw(folder: &Path, name: &str, title: &str, panels: Vec<Panel>) -> Result<()
             })
             .collect(),
     };
+    write(folder, name, table, picture.to_svg(), picture.to_png())
+}
+
+fn write(
+    folder: &Path,
+    name: &str,
+    table: String,
+    svg: String,
+    png: Result<Vec<u8>, OutputError>,
+) -> Result<(), String> {
     let files = [
         (format!("{name}.csv"), table.into_bytes()),
-        (format!("{name}.svg"), picture.to_svg().into_bytes()),
-        (format!("{name}.png"), picture.to_png().map_err(|error| error.to_string())?),
+        (format!("{name}.svg"), svg.into_bytes()),
+        (format!("{name}.png"), png.map_err(|error| error.to_string())?),
     ];
     for (name, content) in files {
         write_atomically(&folder.join(name), |file| file.write_all(&content))

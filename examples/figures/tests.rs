@@ -1,6 +1,17 @@
 //! Numbers of the figures that independent programs found, too.
 
+use crate::checkerboard;
 use crate::traction::{MODELS, Model};
+
+/// Checkerboards recomputed elsewhere; those of deviations by hand.
+#[test]
+fn energies_of_checkerboards_are_those_recomputed_from_the_paper() {
+    let expected = [0.0, 683389.8305, 103766.447660, 215457.751279, 266456.623865];
+    for (model, expected) in checkerboard::MODELS.iter().zip(expected) {
+        let found = model.densities().unwrap().middle();
+        assert!((found - expected).abs() <= 1e-9 * expected + 1e-15, "{}: {found}", model.name);
+    }
+}
 
 /// The traction bar recomputed elsewhere: five points over the width.
 #[test]

@@ -2,7 +2,7 @@
 
 use super::canvas::{Anchor, Canvas, DARK, GREY, LIGHT, Rgb, Text, shaded, shortened, viridis};
 use super::cells::{Cells, Facet, dot};
-use super::chart::{Area, Axis, AxisKind, Chart};
+use super::chart::{Area, Axis, AxisKind, Chart, with_colour_bar};
 use super::discs::Discs;
 use super::{MOST_SHAPES, NamedPoints, ticks};
 use crate::output::{Frame, Points};
@@ -409,24 +409,8 @@ impl<'a> BodyView<'a> {
 
     /// The colours with their displacements.
     pub(super) fn draw_colour_bar(&self, canvas: &mut Canvas, bar: Area) {
-        const STRIPES: usize = 102; // five whole pixels each
         let top = if self.largest > 0.0 { self.largest } else { 1.0 };
-        let height = bar.height() / STRIPES as f64;
-        for stripe in (0..STRIPES).rev() {
-            let colour = viridis((stripe as f64 + 0.5) / STRIPES as f64);
-            let y = bar.bottom - (stripe + 1) as f64 * height;
-            // Each stripe reaches under the one below it, so that no seam shows.
-            let reach = if stripe > 0 { 1.0 } else { 0.0 };
-            canvas.rectangle(bar.left, y, bar.width(), height + reach, colour);
-        }
-        bar.frame(canvas, GREY);
-        let ticks = ticks::linear(0.0, top, 6);
-        for (value, label) in ticks.values.iter().zip(&ticks.labels) {
-            let y = bar.bottom - value / top * bar.height();
-            canvas.line([bar.right, y], [bar.right + 5.0, y], GREY, 1.0);
-            canvas.text(bar.right + 9.0, y + 4.5, label, Text::new(13, Anchor::Start, DARK));
-        }
-        let name = ticks::with_unit("displacement |u|", "m", ticks.exponent);
+        let name = with_colour_bar(canvas, bar, ("displacement |u|", "m"), [0.0, top], 6);
         canvas.text(bar.left - 40.0, bar.top - 16.0, &name, Text::new(15, Anchor::Start, DARK));
     }
 }

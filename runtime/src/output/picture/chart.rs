@@ -1,6 +1,6 @@
 //! A rectangle with two axes.
 
-use super::canvas::{Anchor, Canvas, DARK, GREY, LIGHT, Rgb, Text};
+use super::canvas::{Anchor, Canvas, DARK, GREY, LIGHT, Rgb, Text, viridis};
 use super::ticks::{self, power_of_ten, with_unit};
 
 /// A rectangle on the page, in pixels.
@@ -33,6 +33,33 @@ impl Area {
             canvas.line(corners[side], corners[(side + 1) % 4], stroke, 1.0);
         }
     }
+}
+
+/// Draws a bar of the colours from `low` to `high` with its ticks; its name with unit and power of ten.
+pub(super) fn with_colour_bar(
+    canvas: &mut Canvas,
+    bar: Area,
+    (name, unit): (&str, &str),
+    [low, high]: [f64; 2],
+    wanted: usize,
+) -> String {
+    const STRIPES: usize = 102; // five whole pixels each on the page of a run
+    let height = bar.height() / STRIPES as f64;
+    for stripe in (0..STRIPES).rev() {
+        let colour = viridis((stripe as f64 + 0.5) / STRIPES as f64);
+        let y = bar.bottom - (stripe + 1) as f64 * height;
+        // Each stripe reaches under the one below it, so that no seam shows.
+        let reach = if stripe > 0 { 1.0 } else { 0.0 };
+        canvas.rectangle(bar.left, y, bar.width(), height + reach, colour);
+    }
+    bar.frame(canvas, GREY);
+    let ticks = ticks::linear(low, high, wanted);
+    for (value, label) in ticks.values.iter().zip(&ticks.labels) {
+        let y = bar.bottom - (value - low) / (high - low) * bar.height();
+        canvas.line([bar.right, y], [bar.right + 5.0, y], GREY, 1.0);
+        canvas.text(bar.right + 9.0, y + 4.5, label, Text::new(13, Anchor::Start, DARK));
+    }
+    with_unit(name, unit, ticks.exponent)
 }
 
 /// What an axis measures, between which values.

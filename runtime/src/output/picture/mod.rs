@@ -16,10 +16,12 @@ mod charts;
 mod discs;
 mod front;
 mod logarithmic;
+mod slices;
 mod ticks;
 
 pub use front::{Dot, DotKind, FrontPicture};
 pub use logarithmic::{LogarithmicPanel, LogarithmicPlot};
+pub use slices::{Slice, SlicePlot};
 
 use super::{Frame, History, OutputError, OutputFile, OutputFolder, Points};
 use canvas::{Anchor, Canvas, DARK, GREY, Text};

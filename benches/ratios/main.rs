@@ -7,6 +7,7 @@
 mod assembly;
 mod clock;
 mod compile;
+mod families;
 mod foreign;
 mod growth;
 mod hyperdual;
@@ -27,12 +28,13 @@ mod threads;
 /// A section: its name on the command line and what it measures.
 type Section = (&'static str, fn());
 
-const SECTIONS: [Section; 12] = [
+const SECTIONS: [Section; 13] = [
     ("kernels", kernels::against_hyper_dual),
     ("squares", squares::run),
     ("foreign", kernels::against_foreign),
     ("papers", papers::run),
     ("assembly", assembly::run),
+    ("families", families::run),
     ("threads", threads::run),
     ("bonds", memory_bound::run),
     ("newton", newton::run),

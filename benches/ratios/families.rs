@@ -1,0 +1,199 @@
+//! Energies of deformation gradients and of gathered states: forces and products with the Hessian, per
+//! bond, against plain Rust and against hyper-dual numbers.
+
+mod bodies;
+mod laws;
+
+use std::sync::Arc;
+
+use piola_compiler::{Form, Level, Mode, Model, Setting, Values, check_text};
+use piola_runtime::body::Body;
+use piola_runtime::correspondence::influence::Constant;
+use piola_runtime::correspondence::{Correspondence, Discretisation, Formulation, OperatorOrder};
+use piola_runtime::energy::TotalEnergy;
+use piola_runtime::kernel::{Law, VariablesLaw};
+use piola_runtime::neighborhood::Neighborhood;
+use piola_runtime::states::{StateEnergy, StateLaws};
+
+use crate::assembly::assert_close;
+use crate::clock::{Clock, in_turn};
+use crate::ours::{cube, displacement, with_threads};
+use crate::table::{Bar, head, row};
+use bodies::{AtBonds, Nodal, Solid};
+use laws::{ByHand, ByNumbers};
+
+const ROUNDS: usize = 101;
+const POINTS: usize = 14;
+const HORIZON: f64 = 3.015;
+/// Lame parameters, with the moduli they make.
+pub(crate) const LAMBDA: f64 = 1.0;
+pub(crate) const MU: f64 = 1.0;
+pub(crate) const BULK: f64 = LAMBDA + 2.0 * MU / 3.0;
+
+/// Forces at displacements, which are kept, and products with the Hessian there.
+pub(crate) trait Plain {
+    /// The gradient of the energy at `u` (`n x 3`).
+    fn forces(&mut self, u: &[[f64; 3]], out: &mut [[f64; 3]]);
+
+    /// The Hessian at the `u` of the last forces times `p`.
+    fn product(&mut self, p: &[[f64; 3]], out: &mut [[f64; 3]]);
+}
+
+/// Times of one model, in ns per bond.
+struct Row {
+    name: &'static str,
+    ours: f64,
+    by_hand: f64,
+    by_numbers: f64,
+}
+
+pub(crate) fn run() {
+    let rows = with_threads(1, || {
+        let body = cube(POINTS);
+        let lists = Neighborhood::new(&body, HORIZON).expect("a cube has neighbours");
+        let nodal = correspondence(&body, Discretisation::Nodal);
+        let at_bonds = correspondence(&body, Discretisation::BondQuadrature);
+        let solid = solid(&body);
+        let mut rows = compare(
+            ["CC, forces", "CC, product"],
+            (&body, &nodal),
+            [&mut Nodal::<ByHand>::new(&body, &lists), &mut Nodal::<ByNumbers>::new(&body, &lists)],
+        );
+        rows.extend(compare(
+            ["BAQP, forces", "BAQP, product"],
+            (&body, &at_bonds),
+            [
+                &mut AtBonds::<ByHand>::new(&body, &lists),
+                &mut AtBonds::<ByNumbers>::new(&body, &lists),
+            ],
+        ));
+        rows.extend(compare(
+            ["LPS, forces", "LPS, product"],
+            (&body, &solid),
+            [&mut Solid::<ByHand>::new(&body, &lists), &mut Solid::<ByNumbers>::new(&body, &lists)],
+        ));
+        rows
+    });
+    let how = "Forces and products with the Hessian per bond (each once) of 14^3 points, horizon 3.015, constant \
+               influence, one thread; least of the times of runs in turn. St Venant-Kirchhoff material at points (CC) \
+               and at bonds (BAQP), the linear solid (LPS).";
+    head(
+        "Families against plain Rust",
+        &format!(
+            "{how} Theirs: loops for this one model with derivatives by hand, with the states of the last forces \
+             kept for products."
+        ),
+        "ours, ns",
+        "plain, ns",
+    );
+    for Row { name, ours, by_hand, .. } in &rows {
+        row(name, *ours, *by_hand, ours / by_hand, Bar::None);
+    }
+    median(rows.iter().map(|row| [row.ours, row.by_hand, row.ours / row.by_hand]).collect());
+    head(
+        "Families against hyper-dual numbers",
+        &format!(
+            "{how} Theirs: the same loops as plain Rust, with dual numbers for forces and hyper-dual ones for \
+             products, one pass per component of F, and per length and dilatation."
+        ),
+        "ours, ns",
+        "hyper-dual, ns",
+    );
+    for Row { name, ours, by_numbers, .. } in &rows {
+        row(name, *ours, *by_numbers, by_numbers / ours, Bar::None);
+    }
+    median(rows.iter().map(|row| [row.ours, row.by_numbers, row.by_numbers / row.ours]).collect());
+}
+
+/// The medians of three columns, each by itself.
+fn median(rows: Vec<[f64; 3]>) {
+    let middle = |column: usize| {
+        let mut values: Vec<f64> = rows.iter().map(|row| row[column]).collect();
+        values.sort_by(f64::total_cmp);
+        0.5 * (values[(values.len() - 1) / 2] + values[values.len() / 2])
+    };
+    row("**median**", middle(0), middle(1), middle(2), Bar::None);
+}
+
+fn compare(
+    names: [&'static str; 2],
+    (body, energy): (&Body, &dyn TotalEnergy),
+    [by_hand, by_numbers]: [&mut dyn Plain; 2],
+) -> Vec<Row> {
+    let u = displacement(body);
+    let p: Vec<f64> = u.iter().rev().copied().collect();
+    let (u_rows, p_rows) = (u.as_chunks::<3>().0, p.as_chunks::<3>().0);
+    let mut ours = [vec![0.0; u.len()], vec![0.0; u.len()]];
+    let mut theirs: [[Vec<[f64; 3]>; 2]; 2] =
+        std::array::from_fn(|_| std::array::from_fn(|_| vec![[0.0; 3]; u.len() / 3]));
+    let [[hand_force, hand_product], [number_force, number_product]] = &mut theirs;
+    let [force, product] = &mut ours;
+    let bonds = Neighborhood::new(body, HORIZON).expect("a cube has neighbours").n_bonds() as f64;
+    let forces = in_turn(
+        ROUNDS,
+        Clock::Wall,
+        [
+            &mut || {
+                energy.gradient(&u, force).expect("all is finite");
+            },
+            &mut || by_hand.forces(u_rows, hand_force),
+            &mut || by_numbers.forces(u_rows, number_force),
+        ],
+    );
+    let products = in_turn(
+        ROUNDS,
+        Clock::Wall,
+        [
+            &mut || energy.tangent_product(&u, &p, product).expect("all is finite"),
+            &mut || by_hand.product(p_rows, hand_product),
+            &mut || by_numbers.product(p_rows, number_product),
+        ],
+    );
+    for theirs in &theirs {
+        for ((name, ours), theirs) in names.iter().zip(&ours).zip(theirs) {
+            assert_close(name, ours, theirs.as_flattened());
+        }
+    }
+    let row = |(name, times): (&'static str, [crate::clock::Times; 3])| {
+        let [ours, by_hand, by_numbers] = times.map(|times| times.least() / bonds * 1e9);
+        Row { name, ours, by_hand, by_numbers }
+    };
+    names.into_iter().zip([forces, products]).map(row).collect()
+}
+
+fn library(name: &str, parameters: &[(&str, f64)]) -> (Model, Values) {
+    let path = format!("{}/potentials/{name}.piola", env!("CARGO_MANIFEST_DIR"));
+    let text = std::fs::read_to_string(path).expect("the library is there");
+    let (_, model) = check_text(&text).expect("the library is right");
+    let settings: Vec<(String, Setting)> =
+        parameters.iter().map(|(name, x)| (name.to_string(), Setting::Number(*x))).collect();
+    let values = model.values(3, &settings, Some(HORIZON)).expect("these values are allowed");
+    (model, values)
+}
+
+fn correspondence(body: &Arc<Body>, discretisation: Discretisation) -> Correspondence {
+    let (model, values) = library("st_venant_kirchhoff", &[("lambda", LAMBDA), ("mu", MU)]);
+    let compiled = model.compile_gradient(&values, Mode::Jit(Level::default()), Form::Accurate);
+    let law = compiled.expect("it compiles").0.expect("it has an energy of F");
+    let formulation = Formulation {
+        horizon: HORIZON,
+        order: OperatorOrder::First,
+        discretisation,
+        influence: &Constant,
+    };
+    Correspondence::new(Arc::clone(body), formulation, Box::new(law)).expect("a cube has families")
+}
+
+fn solid(body: &Arc<Body>) -> StateEnergy {
+    let moduli = [("K", BULK), ("G", MU), ("p", 0.0)];
+    let (model, values) = library("linear_peridynamic_solid", &moduli);
+    let compiled = model.compile_gathered(&values, Mode::Jit(Level::default()), Form::Accurate);
+    let kernels = compiled.expect("it compiles").0.expect("it gathers");
+    let laws = StateLaws {
+        integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
+        points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
+        bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
+        plain: None,
+    };
+    StateEnergy::new(Arc::clone(body), HORIZON, laws).expect("a cube has families")
+}

@@ -26,7 +26,7 @@ pub mod influence;
 mod moments;
 pub(crate) mod operator;
 mod quadrature;
-mod stabilisation;
+pub(crate) mod stabilisation;
 pub(crate) mod sweep;
 pub(crate) mod tangent;
 #[cfg(test)]

@@ -49,7 +49,7 @@ pub(super) struct Deviations {
 }
 
 /// Where the bonds of each point with later ones begin.
-pub(super) fn bond_starts(neighborhood: &Neighborhood) -> Vec<usize> {
+pub(crate) fn bond_starts(neighborhood: &Neighborhood) -> Vec<usize> {
     let mut start = vec![0];
     for point in 0..neighborhood.n_points() {
         start.push(start[point] + neighborhood.upper(point).len());

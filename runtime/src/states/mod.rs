@@ -6,6 +6,8 @@
 //!
 //! | module | does |
 //! |---|---|
+//! | `passes` | what points gather, energies, forces: each bond once |
+//! | `linear` | products with the Hessian from second derivatives at fixed displacements |
 //! | `family` | the bonds of one point, evaluated at once |
 //! | `homogeneous` | one point in a homogeneous displacement, for moduli |
 //! | `tangent` | the exact Hessian, stored, and springs like it |
@@ -13,34 +15,31 @@
 //! The derivative goes the way back (reverse mode): `a_i = dw_i/dI_i`, then each bond has
 //! `t_ij = 1/2 dphi(l, I_i)/dl + sum_k a_ik g_k'` from either end, and the force at a point is
 //! `sum_j V_i V_j (t_ij + t_ji) n_ij`. Products with the Hessian go through the same steps once more,
-//! forward. Every point sums over its own family in the order of the body, so that all points go at
-//! once and the bits do not depend on the number of threads.
+//! forward, with second derivatives that are worked out once at the same displacements.
 //!
 //! Silling, Epton, Weckner, Xu, Askari 2007; Partmann, Wieners, Weinberg 2026, (3.17) to (3.23).
 
 mod family;
 mod homogeneous;
+mod linear;
+mod passes;
 mod tangent;
 
-use std::sync::{Arc, OnceLock};
-
-use rayon::prelude::*;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use crate::assembly::AssemblyError;
 use crate::assembly::error::check_neighbors;
 use crate::body::Body;
-use crate::correspondence::operator::reverse;
+use crate::correspondence::stabilisation::bond_starts;
 use crate::correspondence::sweep::weighted;
 use crate::correspondence::tangent::pattern;
 use crate::energy::{Argument, EnergyParts, NonFinite, TotalEnergy};
+use crate::interaction::Slabs;
 use crate::kernel::{Law, Order, Variables, VariablesLaw};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
-use family::{Along, Family};
+use linear::Linear;
 use tangent::Stiffness;
-
-/// Points per task; fixed, so that results do not depend on threads.
-const POINTS: usize = 64;
 
 /// What a potential gathers, and its energies.
 #[derive(Default)]
@@ -81,33 +80,18 @@ pub enum StateError {
 pub struct StateEnergy {
     body: Arc<Body>,
     neighborhood: Neighborhood,
-    /// For each directed bond `(i, j)` the place of `(j, i)`.
-    reverse: Vec<u32>,
+    slabs: Slabs,
+    /// Where the bonds of each owner begin.
+    bond_start: Vec<usize>,
+    /// Lengths at rest of each bond once, in m.
+    rest: Vec<f64>,
     laws: StateLaws,
+    /// Second derivatives at the displacements of the last product.
+    linear: Mutex<Option<Arc<Linear>>>,
     pattern: OnceLock<Arc<BlockPattern>>,
     bond_pattern: OnceLock<Arc<BlockPattern>>,
     /// Stiffnesses of springs like the bonds at rest, for each directed bond, in N/m.
     springs: OnceLock<Vec<f64>>,
-}
-
-/// What points and bonds know of each other: integrals, `a_i` by points, and for each directed bond
-/// half the derivative of its energy by the length; or what these change by.
-struct States {
-    integrals: Vec<f64>,
-    adjoint: Vec<f64>,
-    half: Vec<f64>,
-    /// Energies per volume of points and of the bonds of points, in J/m^d.
-    points: Vec<f64>,
-    bonds: Vec<f64>,
-}
-
-/// One task's part of arrays by points and by directed bonds.
-struct Part<'a> {
-    first: usize,
-    adjoint: &'a mut [f64],
-    half: &'a mut [f64],
-    points: &'a mut [f64],
-    bonds: &'a mut [f64],
 }
 
 impl StateEnergy {
@@ -129,9 +113,18 @@ impl StateEnergy {
         if u32::try_from(2 * neighborhood.n_bonds()).is_err() {
             return Err(StateError::TooManyBonds { bonds: neighborhood.n_bonds() });
         }
-        let reverse = reverse(&neighborhood);
-        let (pattern, bond_pattern, springs) = (OnceLock::new(), OnceLock::new(), OnceLock::new());
-        Ok(StateEnergy { body, neighborhood, reverse, laws, pattern, bond_pattern, springs })
+        Ok(StateEnergy {
+            slabs: Slabs::new(&neighborhood),
+            bond_start: bond_starts(&neighborhood),
+            rest: rest_lengths(&body, &neighborhood),
+            body,
+            neighborhood,
+            laws,
+            linear: Mutex::new(None),
+            pattern: OnceLock::new(),
+            bond_pattern: OnceLock::new(),
+            springs: OnceLock::new(),
+        })
     }
 
     /// The body.
@@ -148,229 +141,36 @@ impl StateEnergy {
     pub fn integrals(&self, u: &[f64]) -> Vec<f64> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         match self.body.dimension() {
-            2 => self.gather::<2>(u, None),
-            _ => self.gather::<3>(u, None),
+            2 => self.gather::<2>(u, Order::Energy).0,
+            _ => self.gather::<3>(u, Order::Energy).0,
         }
     }
 
     /// The energy per volume at every point in J/m^d; a bond belongs to its ends as their states say.
     pub fn energy_densities(&self, u: &[f64]) -> Result<Vec<f64>, NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
-        let states = match self.body.dimension() {
-            2 => self.states::<2>(u, false)?,
-            _ => self.states::<3>(u, false)?,
+        let (points, bonds) = match self.body.dimension() {
+            2 => self.states::<2>(u, Order::Energy).map(|states| (states.points, states.bonds))?,
+            _ => self.states::<3>(u, Order::Energy).map(|states| (states.points, states.bonds))?,
         };
-        Ok(states.points.iter().zip(&states.bonds).map(|(x, y)| x + y).collect())
+        Ok(points.iter().zip(&bonds).map(|(x, y)| x + y).collect())
     }
 
     fn n_integrals(&self) -> usize {
         self.laws.integrals.len()
     }
 
-    /// The integrals, or what they change by along `p`.
-    fn gather<const D: usize>(&self, u: &[f64], p: Option<&[f64]>) -> Vec<f64> {
-        let m = self.n_integrals();
-        let mut integrals = vec![0.0; self.body.n_points() * m];
-        if m == 0 {
-            return integrals;
-        }
-        let point = |family: &mut Family<D>, (i, out): (usize, &mut [f64])| {
-            family.take(&self.body, &self.neighborhood, u, i);
-            if let Some(p) = p {
-                family.take_direction(&self.neighborhood, p, i);
-            }
-            for (law, out) in self.laws.integrals.iter().zip(out) {
-                if p.is_none() {
-                    family.law(&**law, Order::Energy);
-                    *out = family.integral(&family.psi);
-                    continue;
-                }
-                family.law(&**law, Order::Gradient);
-                let changes = family.first.iter().zip(&family.along).zip(&family.volumes);
-                *out = changes.fold(0.0, |sum, ((slope, along), v)| sum + v * slope * along);
-            }
-        };
-        let points = integrals.par_chunks_exact_mut(m).enumerate().with_min_len(POINTS);
-        points.map_init(Family::default, point).collect::<()>();
-        integrals
-    }
-
-    /// Energies and, if asked for, their derivatives.
-    fn states<const D: usize>(&self, u: &[f64], with_slopes: bool) -> Result<States, NonFinite> {
-        let mut states = self.empty(self.gather::<D>(u, None));
-        let m = self.n_integrals();
-        let integrals = std::mem::take(&mut states.integrals);
-        let fill = |family: &mut Family<D>, part: Part<'_>| {
-            let n = part.points.len();
-            if let Some(law) = &self.laws.points {
-                let current = by_variables(&integrals[part.first * m..(part.first + n) * m], m);
-                let mut slopes = vec![0.0; if with_slopes { m * n } else { 0 }];
-                law.evaluate(at_points(n, &current), part.points, &mut slopes);
-                for (place, x) in slopes.iter().enumerate() {
-                    part.adjoint[place % n * m + place / n] = *x;
-                }
-            }
-            let start = self.neighborhood.places(part.first).start;
-            for k in 0..n {
-                let i = part.first + k;
-                let places = self.neighborhood.places(i);
-                let half = &mut part.half[places.start - start..places.end - start];
-                family.take(&self.body, &self.neighborhood, u, i);
-                if let Some(law) = &self.laws.bonds {
-                    family.bonds(&**law, &integrals[i * m..(i + 1) * m], with_slopes);
-                    part.bonds[k] += 0.5 * family.integral(&family.psi);
-                    if with_slopes {
-                        add_halves(half, family.slope(0));
-                        for (v, a) in part.adjoint[k * m..(k + 1) * m].iter_mut().enumerate() {
-                            *a += 0.5 * family.integral(family.slope(v + 1));
-                        }
-                    }
-                }
-                if let Some(law) = &self.laws.plain {
-                    let order = if with_slopes { Order::Gradient } else { Order::Energy };
-                    family.law(&**law, order);
-                    part.bonds[k] += 0.5 * family.integral(&family.psi);
-                    if with_slopes {
-                        add_halves(half, &family.first);
-                    }
-                }
-            }
-        };
-        self.parts(&mut states).into_par_iter().map_init(Family::default, fill).collect::<()>();
-        states.integrals = integrals;
-        let bad = |i: &usize| {
-            let own = &states.adjoint[i * m..(i + 1) * m];
-            let bonds = &states.half[self.neighborhood.places(*i)];
-            let energies = [states.points[*i], states.bonds[*i]];
-            ![&energies[..], own, bonds].concat().iter().all(|x| x.is_finite())
-        };
-        match (0..self.body.n_points()).find(bad) {
-            None => Ok(states),
-            Some(i) => Err(self.named(i, states.integrals.get(i * m).copied(), u)),
-        }
-    }
-
-    /// What the derivatives of `states` change by along `p`.
-    fn changes<const D: usize>(&self, u: &[f64], p: &[f64], states: &States) -> States {
-        let mut changes = self.empty(self.gather::<D>(u, Some(p)));
-        let m = self.n_integrals();
-        let moved = std::mem::take(&mut changes.integrals);
-        let fill = |family: &mut Family<D>, part: Part<'_>| {
-            let n = part.points.len();
-            if let Some(law) = &self.laws.points {
-                let own = part.first * m..(part.first + n) * m;
-                let current = by_variables(&states.integrals[own.clone()], m);
-                let direction = by_variables(&moved[own], m);
-                let mut product = vec![0.0; m * n];
-                law.product(at_points(n, &current), &direction, &mut product);
-                for (place, x) in product.iter().enumerate() {
-                    part.adjoint[place % n * m + place / n] = *x;
-                }
-            }
-            let start = self.neighborhood.places(part.first).start;
-            for k in 0..n {
-                let i = part.first + k;
-                let places = self.neighborhood.places(i);
-                let half = &mut part.half[places.start - start..places.end - start];
-                family.take(&self.body, &self.neighborhood, u, i);
-                family.take_direction(&self.neighborhood, p, i);
-                if let Some(law) = &self.laws.bonds {
-                    let own = i * m..(i + 1) * m;
-                    let integrals = &states.integrals[own.clone()];
-                    family.multiply(&**law, integrals, Along::Direction, &moved[own]);
-                    add_halves(half, family.slope(0));
-                    for (v, a) in part.adjoint[k * m..(k + 1) * m].iter_mut().enumerate() {
-                        *a += 0.5 * family.integral(family.slope(v + 1));
-                    }
-                }
-                if let Some(law) = &self.laws.plain {
-                    family.law(&**law, Order::Tangent);
-                    for (half, (second, along)) in
-                        half.iter_mut().zip(family.second.iter().zip(&family.along))
-                    {
-                        *half += 0.5 * second * along;
-                    }
-                }
-            }
-        };
-        self.parts(&mut changes).into_par_iter().map_init(Family::default, fill).collect::<()>();
-        changes.integrals = moved;
-        changes
-    }
-
-    /// `force` (`n x d`) becomes the gradient or, with changes along a direction, the product.
-    fn forces<const D: usize>(
-        &self,
-        u: &[f64],
-        states: &States,
-        along: Option<(&[f64], &States)>,
-        force: &mut [f64],
-    ) {
-        let m = self.n_integrals();
-        let point = |(family, tension): &mut (Family<D>, Vec<[f64; 2]>),
-                     (i, force): (usize, &mut [f64; D])| {
-            family.take(&self.body, &self.neighborhood, u, i);
-            if let Some((p, _)) = along {
-                family.take_direction(&self.neighborhood, p, i);
-            }
-            tension.clear();
-            for place in self.neighborhood.places(i) {
-                let both = |of: &States| of.half[place] + of.half[self.reverse[place] as usize];
-                tension.push([both(states), along.map_or(0.0, |(_, changes)| both(changes))]);
-            }
-            for (k, law) in self.laws.integrals.iter().enumerate() {
-                let order = if along.is_some() { Order::Tangent } else { Order::Gradient };
-                family.law(&**law, order);
-                for (b, &j) in self.neighborhood.row(i).iter().enumerate() {
-                    let both = |of: &States| of.adjoint[i * m + k] + of.adjoint[j as usize * m + k];
-                    let slope = family.first[b];
-                    tension[b][0] += both(states) * slope;
-                    if let Some((_, changes)) = along {
-                        let bent = both(states) * family.second[b] * family.along[b];
-                        tension[b][1] += both(changes) * slope + bent;
-                    }
-                }
-            }
-            let mut sum = [0.0; D];
-            for (b, [now, change]) in tension.iter().enumerate() {
-                let (normal, volume) = (&family.normals[b], family.volumes[b]);
-                for c in 0..D {
-                    let part = match along {
-                        None => now * normal[c],
-                        Some(_) => {
-                            let across = family.differences[b][c] - family.along[b] * normal[c];
-                            change * normal[c] + now / family.length[b] * across
-                        }
-                    };
-                    sum[c] -= volume * part;
-                }
-            }
-            *force = sum.map(|x| self.body.volumes()[i] * x);
-        };
-        let points = force.as_chunks_mut::<D>().0.par_iter_mut().enumerate().with_min_len(POINTS);
-        points.map_init(Default::default, point).collect::<()>();
-    }
-
-    /// Energy and, unless `out` is absent, its derivative at `u`, or the product with `direction`.
+    /// Energy and, unless `out` is absent, its derivative at `u`.
     fn evaluate<const D: usize>(
         &self,
         u: &[f64],
-        direction: Option<&[f64]>,
         out: Option<&mut [f64]>,
     ) -> Result<EnergyParts, NonFinite> {
-        let states = self.states::<D>(u, out.is_some())?;
+        let order = if out.is_some() { Order::Gradient } else { Order::Energy };
+        let states = self.states::<D>(u, order)?;
         if let Some(out) = out {
-            match direction {
-                None => self.forces::<D>(u, &states, None, out),
-                Some(p) => {
-                    let changes = self.changes::<D>(u, p, &states);
-                    self.forces::<D>(u, &states, Some((p, &changes)), out);
-                }
-            }
-            if let Some(place) = out.iter().position(|x| !x.is_finite()) {
-                let (i, m) = (place / D, self.n_integrals());
-                return Err(self.named(i, states.integrals.get(i * m).copied(), u));
-            }
+            self.forces(&states, out);
+            self.check::<D>(&states.integrals, u, out)?;
         }
         Ok(EnergyParts {
             bonds: weighted(&states.bonds, self.body.volumes()).value(),
@@ -379,40 +179,46 @@ impl StateEnergy {
         })
     }
 
-    /// Zeros for everything but the integrals.
-    fn empty(&self, integrals: Vec<f64>) -> States {
-        let n = self.body.n_points();
-        States {
-            adjoint: vec![0.0; integrals.len()],
-            integrals,
-            half: vec![0.0; self.reverse.len()],
-            points: vec![0.0; n],
-            bonds: vec![0.0; n],
-        }
+    fn product<const D: usize>(
+        &self,
+        u: &[f64],
+        p: &[f64],
+        product: &mut [f64],
+    ) -> Result<(), NonFinite> {
+        let linear = self.linear_at::<D>(u)?;
+        self.multiply::<D>(&linear, p, product);
+        self.check::<D>(&[], u, product)
     }
 
-    /// Cuts arrays into the parts of tasks.
-    fn parts<'a>(&self, states: &'a mut States) -> Vec<Part<'a>> {
-        let (n, m) = (self.body.n_points(), self.n_integrals());
-        let mut adjoint = &mut states.adjoint[..];
-        let mut half = &mut states.half[..];
-        let mut points = &mut states.points[..];
-        let mut bonds = &mut states.bonds[..];
-        let mut parts = Vec::with_capacity(n.div_ceil(POINTS));
-        for first in (0..n).step_by(POINTS) {
-            let last = n.min(first + POINTS) - 1;
-            let count = last + 1 - first;
-            let directed =
-                self.neighborhood.places(last).end - self.neighborhood.places(first).start;
-            parts.push(Part {
-                first,
-                adjoint: cut(&mut adjoint, count * m),
-                half: cut(&mut half, directed),
-                points: cut(&mut points, count),
-                bonds: cut(&mut bonds, count),
-            });
+    /// The second derivatives at `u`, those of the last product if it was there.
+    fn linear_at<const D: usize>(&self, u: &[f64]) -> Result<Arc<Linear>, NonFinite> {
+        // Nothing panics while it is held, and what it holds is whole.
+        let last = || self.linear.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = last().as_ref().filter(|kept| kept.u == u).map(Arc::clone);
+        if let Some(kept) = kept {
+            return Ok(kept);
         }
-        parts
+        // Those before go first: there is room for one.
+        *last() = None;
+        let linear = Arc::new(self.linear::<D>(u)?);
+        *last() = Some(Arc::clone(&linear));
+        Ok(linear)
+    }
+
+    /// Refuses forces that are not finite.
+    fn check<const D: usize>(
+        &self,
+        integrals: &[f64],
+        u: &[f64],
+        out: &[f64],
+    ) -> Result<(), NonFinite> {
+        match out.iter().position(|x| !x.is_finite()) {
+            None => Ok(()),
+            Some(place) => {
+                let (i, m) = (place / D, self.n_integrals());
+                Err(self.named(i, integrals.get(i * m).copied(), u))
+            }
+        }
     }
 
     fn named(&self, point: usize, integral: Option<f64>, u: &[f64]) -> NonFinite {
@@ -428,11 +234,14 @@ impl StateEnergy {
     }
 }
 
-/// Takes `length` entries from the front.
-fn cut<'a>(rest: &mut &'a mut [f64], length: usize) -> &'a mut [f64] {
-    let (taken, tail) = std::mem::take(rest).split_at_mut(length);
-    *rest = tail;
-    taken
+/// Lengths at rest of each bond once, in m.
+fn rest_lengths(body: &Body, neighborhood: &Neighborhood) -> Vec<f64> {
+    let length = |i: usize, j: usize| {
+        let ends = body.position(i).iter().zip(body.position(j));
+        ends.fold(0.0, |sum, (x, y)| sum + (y - x) * (y - x)).sqrt()
+    };
+    let owners = 0..neighborhood.n_points();
+    owners.flat_map(|i| neighborhood.upper(i).iter().map(move |&j| length(i, j as usize))).collect()
 }
 
 fn add_halves(half: &mut [f64], slopes: &[f64]) {
@@ -477,8 +286,8 @@ impl TotalEnergy for StateEnergy {
     fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         match self.dimension() {
-            2 => self.evaluate::<2>(u, None, None),
-            _ => self.evaluate::<3>(u, None, None),
+            2 => self.evaluate::<2>(u, None),
+            _ => self.evaluate::<3>(u, None),
         }
     }
 
@@ -486,8 +295,8 @@ impl TotalEnergy for StateEnergy {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         assert_eq!(gradient.len(), u.len(), "the gradient is n x d");
         match self.dimension() {
-            2 => self.evaluate::<2>(u, None, Some(gradient)),
-            _ => self.evaluate::<3>(u, None, Some(gradient)),
+            2 => self.evaluate::<2>(u, Some(gradient)),
+            _ => self.evaluate::<3>(u, Some(gradient)),
         }
     }
 
@@ -526,9 +335,8 @@ impl TotalEnergy for StateEnergy {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         assert!(p.len() == u.len() && product.len() == u.len(), "vectors are n x d");
         match self.dimension() {
-            2 => self.evaluate::<2>(u, Some(p), Some(product)),
-            _ => self.evaluate::<3>(u, Some(p), Some(product)),
+            2 => self.product::<2>(u, p, product),
+            _ => self.product::<3>(u, p, product),
         }
-        .map(|_| ())
     }
 }

@@ -10,8 +10,10 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::family::{Along, Family};
-use super::{StateEnergy, States, at_points, by_variables};
+use super::passes::States;
+use super::{StateEnergy, at_points, by_variables};
 use crate::correspondence::bonds;
+use crate::correspondence::operator::reverse;
 use crate::energy::NonFinite;
 use crate::kernel::Order;
 use crate::matrix::BlockMatrix;
@@ -22,6 +24,8 @@ const SOFTEST: f64 = 1e-2;
 /// Second derivatives by bonds and by families.
 pub(super) struct Stiffness<'a, const D: usize> {
     energy: &'a StateEnergy,
+    /// For each directed bond `(i, j)` the place of `(j, i)`.
+    reverse: Vec<u32>,
     /// `G_k`, `B_k`, `R_k` for each directed bond and integral.
     bonds: Vec<[[f64; D]; 3]>,
     /// The same at the points themselves.
@@ -45,19 +49,26 @@ struct Row<const D: usize> {
 
 impl<'a, const D: usize> Stiffness<'a, D> {
     pub(super) fn new(energy: &'a StateEnergy, u: &[f64]) -> Result<Self, NonFinite> {
-        let states = energy.states::<D>(u, true)?;
+        let states = energy.states::<D>(u, Order::Gradient)?;
+        let reverse = reverse(&energy.neighborhood);
+        let tension = energy.directed(&states.tension, &reverse);
         // Second derivatives of the energy of each bond by its length.
         let second: Vec<Vec<f64>> = (0..energy.body.n_points())
             .into_par_iter()
             .map_init(Family::<D>::default, |family, i| energy.by_length(family, u, &states, i))
             .collect();
         let second = second.concat();
+        let along: Vec<f64> =
+            reverse.iter().zip(&second).map(|(&back, x)| x + second[back as usize]).collect();
         let rows: Vec<Row<D>> = (0..energy.body.n_points())
             .into_par_iter()
-            .map_init(Family::default, |family, i| energy.row(family, u, (&states, &second), i))
+            .map_init(Family::default, |family, i| {
+                energy.row(family, u, (&states, &tension, &along), i)
+            })
             .collect();
         let mut all = Stiffness {
             energy,
+            reverse,
             bonds: Vec::new(),
             own: Vec::new(),
             direct: Vec::new(),
@@ -98,7 +109,7 @@ impl<'a, const D: usize> Stiffness<'a, D> {
     /// The blocks of a row at some columns, ascending.
     fn row(&self, point: usize, columns: &[u32], out: &mut [f64]) {
         out.fill(0.0);
-        let StateEnergy { neighborhood, reverse, .. } = self.energy;
+        let (neighborhood, reverse) = (&self.energy.neighborhood, &self.reverse);
         let m = self.energy.n_integrals();
         let mut add = |column: usize, block: &[[f64; D]; D], factor: f64| {
             let Ok(place) = columns.binary_search(&(column as u32)) else { return };
@@ -147,12 +158,26 @@ impl<'a, const D: usize> Stiffness<'a, D> {
 }
 
 impl StateEnergy {
+    /// From each bond once to each directed bond.
+    fn directed(&self, once: &[f64], reverse: &[u32]) -> Vec<f64> {
+        let mut both = vec![0.0; reverse.len()];
+        for i in 0..self.body.n_points() {
+            let places = self.neighborhood.places(i);
+            let later = places.end - self.neighborhood.upper(i).len();
+            for (place, x) in (later..places.end).zip(&once[self.bond_start[i]..]) {
+                both[place] = *x;
+                both[reverse[place] as usize] = *x;
+            }
+        }
+        both
+    }
+
     /// Half the second derivative of the energy of each bond by its length, at the states of `i`.
     fn by_length<const D: usize>(
         &self,
         family: &mut Family<D>,
         u: &[f64],
-        states: &States,
+        states: &States<D>,
         i: usize,
     ) -> Vec<f64> {
         let m = self.n_integrals();
@@ -174,7 +199,7 @@ impl StateEnergy {
         &self,
         family: &mut Family<D>,
         u: &[f64],
-        (states, second): (&States, &[f64]),
+        (states, tension, along): (&States<D>, &[f64], &[f64]),
         i: usize,
     ) -> Row<D> {
         let m = self.n_integrals();
@@ -185,12 +210,8 @@ impl StateEnergy {
         let own_volume = self.body.volumes()[i];
         let integrals = &states.integrals[i * m..(i + 1) * m];
         // Tension and stiffness of each bond, from both ends; slopes of the integrands.
-        let both = |of: &[f64], b: usize| {
-            let place = places.start + b;
-            of[place] + of[self.reverse[place] as usize]
-        };
-        let mut tension: Vec<f64> = (0..n).map(|b| both(&states.half, b)).collect();
-        let mut along: Vec<f64> = (0..n).map(|b| both(second, b)).collect();
+        let mut tension = tension[places.clone()].to_vec();
+        let mut along = along[places].to_vec();
         let mut slopes: Vec<Vec<f64>> = Vec::with_capacity(m);
         for (k, law) in self.laws.integrals.iter().enumerate() {
             family.law(&**law, Order::Tangent);
@@ -285,21 +306,20 @@ impl StateEnergy {
     fn at_rest<const D: usize>(&self) -> Vec<f64> {
         let u = vec![0.0; self.body.positions().len()];
         let whole = Stiffness::<D>::new(self, &u).ok().map(|stiffness| {
-            let both = |place: usize| {
-                let shared =
-                    stiffness.spread[place] + stiffness.spread[self.reverse[place] as usize];
+            let both = |(place, &back): (usize, &u32)| {
+                let shared = stiffness.spread[place] + stiffness.spread[back as usize];
                 let along = stiffness.along[place];
                 // Less than nothing is no spring: what a bond has by itself sets the least.
                 (along + shared).max(0.1 * along)
             };
-            (0..self.reverse.len()).map(both).collect::<Vec<f64>>()
+            stiffness.reverse.iter().enumerate().map(both).collect::<Vec<f64>>()
         });
         let springs = whole.unwrap_or_default();
         let stiffest = springs.iter().fold(0.0, |most: f64, k| most.max(*k));
         if stiffest > 0.0 && springs.iter().all(|k| k.is_finite()) {
             springs.iter().map(|k| k.max(SOFTEST * stiffest)).collect()
         } else {
-            vec![1.0; self.reverse.len()]
+            vec![1.0; 2 * self.rest.len()]
         }
     }
 }

@@ -1,0 +1,336 @@
+//! What products with the Hessian need at fixed displacements, worked out once.
+//!
+//! Of integrals that do not change to first order nothing is kept. With `x = n.(p_j - p_i)` for each
+//! bond the others change by `dI_i = sum_j V_j g' x`, their adjoints by
+//! `dA_i = S_i dI_i + sum_j V_j c_i x` with `S = d2w/dI2` and `c_i = 1/2 d2phi/dl dI`, and the tension of
+//! a bond by `k x + c_i.dI_i + c_j.dI_j + (dA_i + dA_j).g'`.
+
+use std::ops::Range;
+
+use pulp::Arch;
+use rayon::prelude::*;
+
+use super::passes::{Ends, Piece, States};
+use super::{StateEnergy, at_points, by_variables};
+use crate::energy::NonFinite;
+use crate::kernel::{Batch, Order, Outputs, Variables};
+
+/// Points per task; fixed, so that results do not depend on threads.
+const POINTS: usize = 64;
+
+/// Second derivatives at some displacements.
+pub(super) struct Linear {
+    /// Where, `n x d`.
+    pub(super) u: Vec<f64>,
+    /// Integrals that change.
+    active: Vec<usize>,
+    /// Whether energies of bonds have mixed derivatives.
+    is_mixed: bool,
+    /// Of each bond: the unit vector, `V_i V_j` times stiffness less tension over length and times the
+    /// latter; then `g'` and, where mixed, `c_i`, `c_j` of the active integrals.
+    bonds: Vec<f64>,
+    /// `S_i`, row by row.
+    by_states: Vec<f64>,
+}
+
+impl Linear {
+    /// Numbers per bond before those of integrals.
+    fn fixed(d: usize) -> usize {
+        d + 2
+    }
+
+    fn width(&self, d: usize) -> usize {
+        Linear::fixed(d) + self.active.len() * if self.is_mixed { 3 } else { 1 }
+    }
+}
+
+/// Second derivatives of the bonds' energies by themselves, as laws give them.
+struct Seconds {
+    /// By the length, the mean over both ends.
+    stiffness: Vec<f64>,
+    /// `c_i`, `c_j` of the active integrals of each bond.
+    mixed: Vec<f64>,
+    by_states: Vec<f64>,
+}
+
+impl StateEnergy {
+    /// Works out the second derivatives at `u`.
+    pub(super) fn linear<const D: usize>(&self, u: &[f64]) -> Result<Linear, NonFinite> {
+        let states = self.states::<D>(u, Order::Tangent)?;
+        let slopes = &states.of_bonds.slopes;
+        let active: Vec<usize> =
+            (0..self.n_integrals()).filter(|&k| slopes[k].iter().any(|x| *x != 0.0)).collect();
+        let seconds = self.seconds(&states, &active);
+        let is_mixed = seconds.mixed.iter().any(|c| *c != 0.0);
+        let by_states = seconds.by_states;
+        let mut linear = Linear { u: u.to_vec(), active, is_mixed, bonds: Vec::new(), by_states };
+        linear.bonds = self.pack(&states, &linear, &seconds.stiffness, &seconds.mixed);
+        Ok(linear)
+    }
+
+    fn seconds<const D: usize>(&self, states: &States<D>, active: &[usize]) -> Seconds {
+        let (n, a) = (self.rest.len(), active.len());
+        let has_mixed = self.laws.bonds.is_some();
+        let mut stiffness = vec![0.0; n];
+        let mut mixed = vec![0.0; if has_mixed { 2 * a * n } else { 0 }];
+        let mut by_states = self.seconds_of_points(states, active);
+        self.over_slabs(
+            vec![(&mut by_states, a * a)],
+            vec![(&mut stiffness, 1), (&mut mixed, 2 * a)],
+            |piece| self.seconds_of_slab(states, active, piece),
+        );
+        Seconds { stiffness, mixed, by_states }
+    }
+
+    fn seconds_of_points<const D: usize>(&self, states: &States<D>, active: &[usize]) -> Vec<f64> {
+        let (m, a) = (self.n_integrals(), active.len());
+        let mut by_states = vec![0.0; self.body.n_points() * a * a];
+        let Some(law) = self.laws.points.as_ref().filter(|_| a > 0) else { return by_states };
+        let work = |(rows, out): (&[f64], &mut [f64])| {
+            let n = rows.len() / m;
+            let current = by_variables(rows, m);
+            let mut product = vec![0.0; m * n];
+            for (row, &k) in active.iter().enumerate() {
+                let mut unit = vec![0.0; m * n];
+                unit[k * n..(k + 1) * n].fill(1.0);
+                law.product(at_points(n, &current), &unit, &mut product);
+                for (column, &l) in active.iter().enumerate() {
+                    for (p, x) in product[l * n..(l + 1) * n].iter().enumerate() {
+                        out[(p * a + row) * a + column] = *x;
+                    }
+                }
+            }
+        };
+        let rows = states.integrals.par_chunks(POINTS * m);
+        rows.zip(by_states.par_chunks_mut(POINTS * a * a)).for_each(work);
+        by_states
+    }
+
+    fn seconds_of_slab<const D: usize>(
+        &self,
+        states: &States<D>,
+        active: &[usize],
+        piece: Piece<'_>,
+    ) {
+        let Piece { first, owners, mut points, mut bonds } = piece;
+        let (volumes, m, a) = (self.body.volumes(), self.n_integrals(), active.len());
+        let by_states = &mut *points[0];
+        let [stiffness, mixed] = &mut bonds[..] else { return };
+        let start = self.bond_start[owners.start];
+        let (mut work, mut direction) = (Ends::default(), Vec::new());
+        for (owners, all) in self.chunks(owners) {
+            let now = &states.of_bonds;
+            let (length, change) = (&now.length[all.clone()], &now.change[all.clone()]);
+            let rest = &self.rest[all.clone()];
+            let (n, own) = (all.len(), all.start - start..all.end - start);
+            let stiffness = &mut stiffness[own.clone()];
+            for end in 0..2 {
+                let Some(law) = &self.laws.bonds else { break };
+                let ends = || {
+                    let ends = self.ends(owners.clone());
+                    ends.map(move |(i, j)| if end == 0 { (i, j) } else { (j, i) })
+                };
+                work.take(length, &states.integrals, m, ends().map(|(point, _)| point));
+                work.slopes.resize((1 + m) * n, 0.0);
+                let at = Variables { n, current: &work.variables, change, given: rest };
+                direction.clear();
+                direction.resize((1 + m) * n, 0.0);
+                direction[..n].fill(1.0);
+                law.product(at, &direction, &mut work.slopes);
+                stiffness.iter_mut().zip(&work.slopes).for_each(|(k, x)| *k += 0.5 * x);
+                for (place, &k) in active.iter().enumerate() {
+                    for b in 0..n {
+                        let out = (own.start + b) * 2 * a + end * a + place;
+                        mixed[out] = 0.5 * work.slopes[(1 + k) * n + b];
+                    }
+                }
+                for (row, &k) in active.iter().enumerate() {
+                    direction.fill(0.0);
+                    direction[(1 + k) * n..(2 + k) * n].fill(1.0);
+                    law.product(at, &direction, &mut work.slopes);
+                    for (b, (point, other)) in ends().enumerate() {
+                        for (column, &l) in active.iter().enumerate() {
+                            by_states[((point - first) * a + row) * a + column] +=
+                                0.5 * volumes[other] * work.slopes[(1 + l) * n + b];
+                        }
+                    }
+                }
+            }
+            if let Some(law) = &self.laws.plain {
+                work.psi.resize(n, 0.0);
+                work.variables.resize(n, 0.0);
+                work.slopes.resize(n, 0.0);
+                let (psi, dpsi) = (&mut work.psi[..], &mut work.variables[..]);
+                let out = Outputs { psi, dpsi, d2psi: &mut work.slopes };
+                let batch = Batch { measure: length, reference: rest, change };
+                law.evaluate(batch, Order::Tangent, out);
+                stiffness.iter_mut().zip(&work.slopes).for_each(|(k, x)| *k += x);
+            }
+        }
+    }
+
+    /// All that is kept of the bonds.
+    fn pack<const D: usize>(
+        &self,
+        states: &States<D>,
+        linear: &Linear,
+        stiffness: &[f64],
+        mixed: &[f64],
+    ) -> Vec<f64> {
+        let (m, a, width) = (self.n_integrals(), linear.active.len(), linear.width(D));
+        let (volumes, now) = (self.body.volumes(), &states.of_bonds);
+        let mut bonds = vec![0.0; self.rest.len() * width];
+        self.over_slabs(Vec::new(), vec![(&mut bonds, width)], |mut piece| {
+            let first = self.bond_start[piece.owners.start];
+            let rows = piece.bonds[0].chunks_exact_mut(width);
+            for ((k, row), (i, j)) in rows.enumerate().zip(self.ends(piece.owners.clone())) {
+                let b = first + k;
+                let (mut tension, mut along) = (states.tension[b], stiffness[b]);
+                for k in 0..m {
+                    let both = states.adjoint[i * m + k] + states.adjoint[j * m + k];
+                    tension += both * now.slopes[k][b];
+                    along += both * now.bends[k][b];
+                }
+                let weight = volumes[i] * volumes[j];
+                let across = tension / now.length[b];
+                row[..D].copy_from_slice(&now.normal[b]);
+                row[D] = weight * (along - across);
+                row[D + 1] = weight * across;
+                for (place, &k) in linear.active.iter().enumerate() {
+                    row[D + 2 + place] = now.slopes[k][b];
+                }
+                if linear.is_mixed {
+                    row[D + 2 + a..].copy_from_slice(&mixed[b * 2 * a..(b + 1) * 2 * a]);
+                }
+            }
+        });
+        bonds
+    }
+
+    /// `product` becomes the Hessian times `p`, both `n x d`.
+    pub(super) fn multiply<const D: usize>(&self, at: &Linear, p: &[f64], product: &mut [f64]) {
+        let changes = self.changes::<D>(at, p);
+        let p = p.as_chunks::<D>().0;
+        product.fill(0.0);
+        let arch = Arch::new();
+        self.over_slabs(vec![(product, D)], Vec::new(), |mut piece| {
+            let out = piece.points[0].as_chunks_mut::<D>().0;
+            let (first, owners) = (piece.first, piece.owners);
+            arch.dispatch(
+                #[inline(always)]
+                || match (at.active.len(), at.is_mixed) {
+                    (1, false) => {
+                        self.multiply_slab((1, false), at, (p, &changes), first, owners, out)
+                    }
+                    shape => self.multiply_slab(shape, at, (p, &changes), first, owners, out),
+                },
+            );
+        });
+    }
+
+    /// Of each point what its active integrals change by, then what their adjoints do.
+    fn changes<const D: usize>(&self, at: &Linear, p: &[f64]) -> Vec<f64> {
+        let a = at.active.len();
+        let mut changes = vec![0.0; self.body.n_points() * 2 * a];
+        if a == 0 {
+            return changes;
+        }
+        let p = p.as_chunks::<D>().0;
+        let arch = Arch::new();
+        self.over_slabs(vec![(&mut changes, 2 * a)], Vec::new(), |mut piece| {
+            let out = &mut *piece.points[0];
+            let (first, owners) = (piece.first, piece.owners);
+            arch.dispatch(
+                #[inline(always)]
+                || match (a, at.is_mixed) {
+                    (1, false) => self.changes_of_slab((1, false), at, p, first, owners, out),
+                    shape => self.changes_of_slab(shape, at, p, first, owners, out),
+                },
+            );
+        });
+        let points = changes.par_chunks_exact_mut(2 * a).zip(at.by_states.par_chunks_exact(a * a));
+        points.with_min_len(POINTS).for_each(|(change, by_states)| {
+            let (integrals, adjoint) = change.split_at_mut(a);
+            for (adjoint, row) in adjoint.iter_mut().zip(by_states.chunks_exact(a)) {
+                *adjoint += row.iter().zip(&*integrals).fold(0.0, |sum, (s, x)| sum + s * x);
+            }
+        });
+        changes
+    }
+
+    #[inline(always)]
+    fn changes_of_slab<const D: usize>(
+        &self,
+        (a, is_mixed): (usize, bool),
+        at: &Linear,
+        p: &[[f64; D]],
+        first: usize,
+        owners: Range<usize>,
+        out: &mut [f64],
+    ) {
+        let volumes = self.body.volumes();
+        let width = Linear::fixed(D) + a * if is_mixed { 3 } else { 1 };
+        for i in owners {
+            let (start, end) = (self.bond_start[i], self.bond_start[i + 1]);
+            let bonds = at.bonds[start * width..end * width].chunks_exact(width);
+            for (bond, &j) in bonds.zip(self.neighborhood.upper(i)) {
+                let j = j as usize;
+                let along = (0..D).fold(0.0, |sum, c| sum + bond[c] * (p[j][c] - p[i][c]));
+                let (of_i, of_j) = ((i - first) * 2 * a, (j - first) * 2 * a);
+                for k in 0..a {
+                    let part = bond[D + 2 + k] * along;
+                    out[of_i + k] += volumes[j] * part;
+                    out[of_j + k] += volumes[i] * part;
+                    if is_mixed {
+                        let (here, there) = (bond[D + 2 + a + k], bond[D + 2 + 2 * a + k]);
+                        out[of_i + a + k] += volumes[j] * here * along;
+                        out[of_j + a + k] += volumes[i] * there * along;
+                    }
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn multiply_slab<const D: usize>(
+        &self,
+        (a, is_mixed): (usize, bool),
+        at: &Linear,
+        (p, changes): (&[[f64; D]], &[f64]),
+        first: usize,
+        owners: Range<usize>,
+        out: &mut [[f64; D]],
+    ) {
+        let volumes = self.body.volumes();
+        let width = Linear::fixed(D) + a * if is_mixed { 3 } else { 1 };
+        for i in owners {
+            let (start, end) = (self.bond_start[i], self.bond_start[i + 1]);
+            let bonds = at.bonds[start * width..end * width].chunks_exact(width);
+            let here = &changes[i * 2 * a..(i + 1) * 2 * a];
+            let mut sum = [0.0; D];
+            for (bond, &j) in bonds.zip(self.neighborhood.upper(i)) {
+                let j = j as usize;
+                let there = &changes[j * 2 * a..(j + 1) * 2 * a];
+                let moved: [f64; D] = std::array::from_fn(|c| p[j][c] - p[i][c]);
+                let along = (0..D).fold(0.0, |sum, c| sum + bond[c] * moved[c]);
+                let mut shared = 0.0;
+                for k in 0..a {
+                    shared += (here[a + k] + there[a + k]) * bond[D + 2 + k];
+                    if is_mixed {
+                        shared +=
+                            here[k] * bond[D + 2 + a + k] + there[k] * bond[D + 2 + 2 * a + k];
+                    }
+                }
+                let pull = bond[D] * along + volumes[i] * volumes[j] * shared;
+                for c in 0..D {
+                    let part = pull * bond[c] + bond[D + 1] * moved[c];
+                    out[j - first][c] += part;
+                    sum[c] += part;
+                }
+            }
+            for c in 0..D {
+                out[i - first][c] -= sum[c];
+            }
+        }
+    }
+}

@@ -102,18 +102,7 @@ impl<const D: usize> LawBatch<D> {
     fn check(&self, with_out: bool, with_psi: bool) -> Result<(), usize> {
         let size = if with_out { D * D * self.n } else { 0 };
         let psi = &self.psi[..if with_psi { self.n } else { 0 }];
-        // 0 times a number that is not finite is not 0: sums tell of all.
-        let mut sums = [0.0; 8];
-        for values in [psi, &self.out[..size]] {
-            let (groups, rest) = values.as_chunks::<8>();
-            for group in groups {
-                for k in 0..8 {
-                    sums[k] += 0.0 * group[k];
-                }
-            }
-            rest.iter().for_each(|x| sums[0] += 0.0 * x);
-        }
-        if sums == [0.0; 8] {
+        if are_finite(psi) && are_finite(&self.out[..size]) {
             return Ok(());
         }
         let bad = |lane: &usize| {
@@ -133,6 +122,20 @@ impl<const D: usize> LawBatch<D> {
     pub(super) fn tensor(&self, lane: usize) -> Tensor<D> {
         std::array::from_fn(|r| std::array::from_fn(|c| self.out[(r * D + c) * self.n + lane]))
     }
+}
+
+/// Whether all numbers are finite.
+pub(crate) fn are_finite(values: &[f64]) -> bool {
+    // 0 times a number that is not finite is not 0: sums tell of all.
+    let mut sums = [0.0; 8];
+    let (groups, rest) = values.as_chunks::<8>();
+    for group in groups {
+        for k in 0..8 {
+            sums[k] += 0.0 * group[k];
+        }
+    }
+    rest.iter().for_each(|x| sums[0] += 0.0 * x);
+    sums == [0.0; 8]
 }
 
 /// The determinant of `I + H`.

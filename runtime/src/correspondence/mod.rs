@@ -19,7 +19,7 @@
 //! Wieners, Weinberg 2026 for the models and their names (CC, CS, CW, BAQP). Equation (4.33) there
 //! is not the gradient of the energy, (4.31) is.
 
-mod batch;
+pub(crate) mod batch;
 pub(crate) mod bonds;
 mod error;
 pub mod influence;

@@ -119,6 +119,7 @@ impl StateEnergy {
         let start = self.bond_start[owners.start];
         let (mut work, mut direction) = (Ends::default(), Vec::new());
         for (owners, all) in self.chunks(owners) {
+            self.ends(owners, &mut work.ends);
             let now = &states.of_bonds;
             let (length, change) = (&now.length[all.clone()], &now.change[all.clone()]);
             let rest = &self.rest[all.clone()];
@@ -126,11 +127,7 @@ impl StateEnergy {
             let stiffness = &mut stiffness[own.clone()];
             for end in 0..2 {
                 let Some(law) = &self.laws.bonds else { break };
-                let ends = || {
-                    let ends = self.ends(owners.clone());
-                    ends.map(move |(i, j)| if end == 0 { (i, j) } else { (j, i) })
-                };
-                work.take(length, &states.integrals, m, ends().map(|(point, _)| point));
+                work.take(length, &states.integrals, m, end);
                 work.slopes.resize((1 + m) * n, 0.0);
                 let at = Variables { n, current: &work.variables, change, given: rest };
                 direction.clear();
@@ -148,7 +145,8 @@ impl StateEnergy {
                     direction.fill(0.0);
                     direction[(1 + k) * n..(2 + k) * n].fill(1.0);
                     law.product(at, &direction, &mut work.slopes);
-                    for (b, (point, other)) in ends().enumerate() {
+                    for (b, ends) in work.ends.iter().enumerate() {
+                        let (point, other) = (ends[end] as usize, ends[1 - end] as usize);
                         for (column, &l) in active.iter().enumerate() {
                             by_states[((point - first) * a + row) * a + column] +=
                                 0.5 * volumes[other] * work.slopes[(1 + l) * n + b];
@@ -182,9 +180,11 @@ impl StateEnergy {
         let mut bonds = vec![0.0; self.rest.len() * width];
         self.over_slabs(Vec::new(), vec![(&mut bonds, width)], |mut piece| {
             let first = self.bond_start[piece.owners.start];
+            let mut ends = Vec::new();
+            self.ends(piece.owners, &mut ends);
             let rows = piece.bonds[0].chunks_exact_mut(width);
-            for ((k, row), (i, j)) in rows.enumerate().zip(self.ends(piece.owners.clone())) {
-                let b = first + k;
+            for ((k, row), ends) in rows.enumerate().zip(&ends) {
+                let (b, [i, j]) = (first + k, ends.map(|end| end as usize));
                 let (mut tension, mut along) = (states.tension[b], stiffness[b]);
                 for k in 0..m {
                     let both = states.adjoint[i * m + k] + states.adjoint[j * m + k];

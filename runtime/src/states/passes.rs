@@ -10,6 +10,7 @@ use pulp::Arch;
 use rayon::prelude::*;
 
 use super::{StateEnergy, by_variables};
+use crate::correspondence::batch::are_finite;
 use crate::energy::NonFinite;
 use crate::geometry::Geometry;
 use crate::geometry::bond::Bond;
@@ -111,10 +112,12 @@ impl StateEnergy {
         })
     }
 
-    /// The ends of the bonds of some owners.
-    #[inline(always)]
-    pub(super) fn ends(&self, owners: Range<usize>) -> impl Iterator<Item = (usize, usize)> + '_ {
-        owners.flat_map(|i| self.neighborhood.upper(i).iter().map(move |&j| (i, j as usize)))
+    /// `ends` become those of the bonds of some owners: the owner, and the other one.
+    pub(super) fn ends(&self, owners: Range<usize>, ends: &mut Vec<[u32; 2]>) {
+        ends.clear();
+        for i in owners {
+            ends.extend(self.neighborhood.upper(i).iter().map(|&j| [i as u32, j]));
+        }
     }
 
     /// The integrals, and the bonds with what the order asks for.
@@ -146,11 +149,12 @@ impl StateEnergy {
         let (volumes, arch, m) = (self.body.volumes(), Arch::new(), self.n_integrals());
         let [length, change, normal, derivatives @ ..] = &mut bonds[..] else { return };
         let normal = normal.as_chunks_mut::<D>().0;
-        let mut unused = [Vec::new(), Vec::new(), Vec::new()];
+        let (mut unused, mut ends) = ([Vec::new(), Vec::new(), Vec::new()], Vec::new());
         let start = self.bond_start[owners.start];
         for (owners, all) in self.chunks(owners) {
             let own = all.start - start..all.end - start;
             let rest = &self.rest[all];
+            self.ends(owners, &mut ends);
             let (length, change) = (&mut length[own.clone()], &mut change[own.clone()]);
             let is_normal_wanted = !normal.is_empty();
             let normal =
@@ -158,7 +162,8 @@ impl StateEnergy {
             arch.dispatch(
                 #[inline(always)]
                 || {
-                    for (b, (i, j)) in self.ends(owners.clone()).enumerate() {
+                    for (b, &[i, j]) in ends.iter().enumerate() {
+                        let (i, j) = (i as usize, j as usize);
                         let at_rest: [f64; D] =
                             std::array::from_fn(|c| positions[j][c] - positions[i][c]);
                         let moved: [f64; D] = std::array::from_fn(|c| u[j][c] - u[i][c]);
@@ -187,7 +192,8 @@ impl StateEnergy {
                 let batch = Batch { measure: length, reference: rest, change };
                 law.evaluate(batch, order, Outputs { psi: &mut psi[..], dpsi, d2psi });
                 let integrals = &mut *points[0];
-                for (value, (i, j)) in psi.iter().zip(self.ends(owners.clone())) {
+                for (value, &[i, j]) in psi.iter().zip(&ends) {
+                    let (i, j) = (i as usize, j as usize);
                     integrals[(i - first) * m + k] += volumes[j] * value;
                     integrals[(j - first) * m + k] += volumes[i] * value;
                 }
@@ -259,6 +265,7 @@ impl StateEnergy {
         let mut fail = |point: usize| failed = Some(failed.map_or(point, |p| p.min(point)));
         let mut work = Ends::default();
         for (owners, all) in self.chunks(owners) {
+            self.ends(owners, &mut work.ends);
             let (length, change) = (&of_bonds.length[all.clone()], &of_bonds.change[all.clone()]);
             let rest = &self.rest[all.clone()];
             let n = all.len();
@@ -266,32 +273,28 @@ impl StateEnergy {
             let tension = if with_slopes { &mut tension[own] } else { &mut tension[0..0] };
             if let Some(law) = &self.laws.bonds {
                 for end in 0..2 {
-                    let ends = || {
-                        let ends = self.ends(owners.clone());
-                        ends.map(move |(i, j)| if end == 0 { (i, j) } else { (j, i) })
-                    };
-                    work.take(length, integrals, m, ends().map(|(point, _)| point));
+                    work.take(length, integrals, m, end);
                     work.slopes.resize(if with_slopes { (1 + m) * n } else { 0 }, 0.0);
                     work.psi.resize(n, 0.0);
                     let at = Variables { n, current: &work.variables, change, given: rest };
                     law.evaluate(at, &mut work.psi, &mut work.slopes);
-                    if !work.is_finite() {
-                        let bad = ends().enumerate().filter(|(b, _)| !work.is_finite_at(*b));
-                        bad.for_each(|(_, (point, _))| fail(point));
+                    if !(are_finite(&work.psi) && are_finite(&work.slopes)) {
+                        let bad = (0..n).filter(|&b| !work.is_finite_at(b));
+                        bad.for_each(|b| fail(work.ends[b][end] as usize));
                     }
-                    for (psi, (point, other)) in work.psi.iter().zip(ends()) {
-                        energies[point - first] += 0.5 * volumes[other] * psi;
-                    }
-                    if with_slopes {
-                        let slopes = &work.slopes;
-                        tension.iter_mut().zip(slopes).for_each(|(t, x)| *t += 0.5 * x);
-                        for (b, (point, other)) in ends().enumerate() {
+                    let (psi, slopes) = (&work.psi[..n], &work.slopes[..]);
+                    for (b, ends) in work.ends.iter().enumerate() {
+                        let (point, other) = (ends[end] as usize, ends[1 - end] as usize);
+                        let half = 0.5 * volumes[other];
+                        energies[point - first] += half * psi[b];
+                        if with_slopes {
+                            let adjoint = &mut adjoint[(point - first) * m..][..m];
                             for k in 0..m {
-                                adjoint[(point - first) * m + k] +=
-                                    0.5 * volumes[other] * slopes[(1 + k) * n + b];
+                                adjoint[k] += half * slopes[(1 + k) * n + b];
                             }
                         }
                     }
+                    tension.iter_mut().zip(slopes).for_each(|(t, x)| *t += 0.5 * x);
                 }
             }
             if let Some(law) = &self.laws.plain {
@@ -303,7 +306,8 @@ impl StateEnergy {
                 let (psi, dpsi) = (&mut work.psi[..], &mut work.slopes[..n]);
                 let out = Outputs { psi, dpsi, d2psi: &mut work.variables[..n] };
                 law.evaluate(Batch { measure: length, reference: rest, change }, order, out);
-                for (b, (i, j)) in self.ends(owners.clone()).enumerate() {
+                for (b, ends) in work.ends.iter().enumerate() {
+                    let [i, j] = ends.map(|end| end as usize);
                     energies[i - first] += 0.5 * volumes[j] * work.psi[b];
                     energies[j - first] += 0.5 * volumes[i] * work.psi[b];
                     if !work.is_finite_at(b) {
@@ -370,6 +374,7 @@ impl StateEnergy {
 /// Work arrays for the energies of a chunk's bonds at one of their ends.
 #[derive(Default)]
 pub(super) struct Ends {
+    pub(super) ends: Vec<[u32; 2]>,
     pub(super) variables: Vec<f64>,
     pub(super) psi: Vec<f64>,
     /// Derivatives by the variables, variable by variable.
@@ -377,29 +382,18 @@ pub(super) struct Ends {
 }
 
 impl Ends {
-    /// The variables: lengths, and the integrals at the ends.
-    pub(super) fn take(
-        &mut self,
-        length: &[f64],
-        integrals: &[f64],
-        m: usize,
-        ends: impl Iterator<Item = usize>,
-    ) {
+    /// The variables: lengths, and the integrals at one of the ends.
+    pub(super) fn take(&mut self, length: &[f64], integrals: &[f64], m: usize, end: usize) {
         let n = length.len();
         self.variables.clear();
         self.variables.extend_from_slice(length);
         self.variables.resize((1 + m) * n, 0.0);
-        for (b, point) in ends.enumerate() {
+        for (b, ends) in self.ends.iter().enumerate() {
+            let own = &integrals[ends[end] as usize * m..][..m];
             for k in 0..m {
-                self.variables[(1 + k) * n + b] = integrals[point * m + k];
+                self.variables[(1 + k) * n + b] = own[k];
             }
         }
-    }
-
-    fn is_finite(&self) -> bool {
-        // 0 times a number that is not finite is not 0.
-        let sum = |values: &[f64]| values.iter().fold(0.0, |sum, x| sum + 0.0 * x);
-        sum(&self.psi) + sum(&self.slopes) == 0.0
     }
 
     fn is_finite_at(&self, b: usize) -> bool {

@@ -70,6 +70,11 @@ fn add_product(a: &mut Tensor, x: &Vector, y: &Vector) {
     }
 }
 
+#[inline(always)]
+fn scale(a: &mut Tensor, factor: f64) {
+    a.as_flattened_mut().iter_mut().for_each(|x| *x *= factor);
+}
+
 /// `F` from displacements, and forces from stresses: `F = sum_j V_j (u_j - u_i) x K^-1 dX`.
 struct Gradients {
     start: Vec<usize>,
@@ -165,7 +170,8 @@ impl<L: Derivatives> Plain for Nodal<L> {
         out.fill([0.0; 3]);
         for i in 0..self.f.len() {
             self.f[i] = sum(&self.gradients.at(u, i), &ONE);
-            let stress = L::stress(&self.f[i]).map(|row| row.map(|x| self.volumes[i] * x));
+            let mut stress = L::stress(&self.f[i]);
+            scale(&mut stress, self.volumes[i]);
             self.gradients.scatter(i, &stress, out);
         }
     }
@@ -173,8 +179,8 @@ impl<L: Derivatives> Plain for Nodal<L> {
     fn product(&mut self, p: &[Vector], out: &mut [Vector]) {
         out.fill([0.0; 3]);
         for i in 0..self.f.len() {
-            let change = L::stress_change(&self.f[i], &self.gradients.at(p, i));
-            let change = change.map(|row| row.map(|x| self.volumes[i] * x));
+            let mut change = L::stress_change(&self.f[i], &self.gradients.at(p, i));
+            scale(&mut change, self.volumes[i]);
             self.gradients.scatter(i, &change, out);
         }
     }
@@ -250,7 +256,8 @@ impl<L> AtBonds<L> {
                 let bond = &self.bonds.bonds[place];
                 let (weight, along) = &self.weights[place];
                 let j = bond.other as usize;
-                let stress = stress(self, i, j, bond, along).map(|row| row.map(|x| weight * x));
+                let mut stress = stress(self, i, j, bond, along);
+                scale(&mut stress, *weight);
                 let pull = apply(&stress, along);
                 for r in 0..3 {
                     out[j][r] += pull[r];

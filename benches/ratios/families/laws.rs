@@ -30,7 +30,8 @@ impl ByHand {
     #[inline(always)]
     fn second(e: &Tensor) -> Tensor {
         let trace = LAMBDA * (e[0][0] + e[1][1] + e[2][2]);
-        let mut s = e.map(|row| row.map(|x| 2.0 * MU * x));
+        let mut s = *e;
+        s.as_flattened_mut().iter_mut().for_each(|x| *x *= 2.0 * MU);
         (0..3).for_each(|k| s[k][k] += trace);
         s
     }

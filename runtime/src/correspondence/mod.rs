@@ -32,7 +32,7 @@ pub(crate) mod tangent;
 #[cfg(test)]
 mod tests;
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use rayon::prelude::*;
 
@@ -92,7 +92,12 @@ pub struct Correspondence {
     slabs: Slabs,
     pattern: OnceLock<Arc<BlockPattern>>,
     bond_pattern: OnceLock<Arc<BlockPattern>>,
+    /// Of the last product.
+    kept: Mutex<Option<Arc<Kept>>>,
 }
+
+/// Displacements and their gradients at the points, row by row.
+type Kept = (Vec<f64>, Vec<f64>);
 
 /// The discretisation with its weights.
 enum Places {
@@ -139,8 +144,8 @@ impl Correspondence {
             }
         };
         let slabs = Slabs::new(neighborhood);
-        let (pattern, bond_pattern) = (OnceLock::new(), OnceLock::new());
-        Ok(Correspondence { body, operator, law, places, slabs, pattern, bond_pattern })
+        let (pattern, bond_pattern, kept) = (OnceLock::new(), OnceLock::new(), Mutex::new(None));
+        Ok(Correspondence { body, operator, law, places, slabs, pattern, bond_pattern, kept })
     }
 
     /// The body.
@@ -194,6 +199,23 @@ impl Correspondence {
         h
     }
 
+    /// Displacements with their gradients, those of the last product if it was there; of products they
+    /// are kept.
+    fn kept_gradients<const D: usize>(&self, u: &[f64], is_product: bool) -> Arc<Kept> {
+        // Nothing panics while it is held, and what it holds is whole.
+        let last = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let kept = last().as_ref().filter(|kept| is_product && kept.0 == u).map(Arc::clone);
+        kept.unwrap_or_else(|| {
+            let h = self.gradients::<D>(u).into_flattened().into_flattened();
+            if !is_product {
+                return Arc::new((Vec::new(), h));
+            }
+            let kept = Arc::new((u.to_vec(), h));
+            *last() = Some(Arc::clone(&kept));
+            kept
+        })
+    }
+
     /// The energy of the fields; `duals` become its derivatives, or products.
     fn sweep<const D: usize>(
         &self,
@@ -232,8 +254,9 @@ impl Correspondence {
         direction: Option<&[f64]>,
         out: Option<&mut [f64]>,
     ) -> Result<EnergyParts, NonFinite> {
-        let h = self.gradients::<D>(u);
-        let fields = Fields { u: u.as_chunks::<D>().0, h: &h };
+        let kept = self.kept_gradients::<D>(u, direction.is_some());
+        let h = kept.1.as_chunks::<D>().0.as_chunks::<D>().0;
+        let fields = Fields { u: u.as_chunks::<D>().0, h };
         let named = |failure: Failure| self.named(failure, u);
         let Some(out) = out else {
             return self.sweep(fields, Pass::Energy, Duals::default()).map_err(named);

@@ -66,13 +66,14 @@ impl<const D: usize> Bond<D> {
     #[inline(always)]
     fn scatter(&self, stress: &Tensor<D>, weight: f64, duals: &mut Duals<'_, D>) {
         let [i, j] = self.points.map(|point| point - duals.first);
-        let stress = stress.map(|row| row.map(|x| weight * x));
         for r in 0..D {
-            let pull = (0..D).fold(0.0, |sum, c| sum + stress[r][c] * self.along[c]);
+            let mut row = stress[r];
+            row.iter_mut().for_each(|x| *x *= weight);
+            let pull = (0..D).fold(0.0, |sum, c| sum + row[c] * self.along[c]);
             duals.force[j][r] += pull;
             duals.force[i][r] -= pull;
             for c in 0..D {
-                let half = 0.5 * (stress[r][c] - pull * self.dx[c]);
+                let half = 0.5 * (row[c] - pull * self.dx[c]);
                 duals.stress[i][r][c] += half;
                 duals.stress[j][r][c] += half;
             }
@@ -278,9 +279,14 @@ impl<const D: usize> Run<'_, D> {
         arch.dispatch(
             #[inline(always)]
             || {
-                self.h.extend(self.bonds.iter().map(|bond| bond.gradient(self.fields)));
+                // Loops, not iterators over closures, which would not be compiled for these registers.
+                for bond in &self.bonds {
+                    self.h.push(bond.gradient(self.fields));
+                }
                 if let Pass::Product(direction) = self.pass {
-                    self.directions.extend(self.bonds.iter().map(|bond| bond.gradient(direction)));
+                    for bond in &self.bonds {
+                        self.directions.push(bond.gradient(direction));
+                    }
                 }
             },
         );

@@ -76,7 +76,8 @@ pub(super) fn over_points<const D: usize>(
         let run = |batch: &mut LawBatch<D>, (chunk, out): (usize, &mut [Tensor<D>])| {
             let sum = evaluate(batch, chunk)?;
             for (lane, (out, volume)) in out.iter_mut().zip(&volumes[range(chunk)]).enumerate() {
-                *out = batch.tensor(lane).map(|row| row.map(|x| volume * x));
+                *out = batch.tensor(lane);
+                out.as_flattened_mut().iter_mut().for_each(|x| *x *= volume);
             }
             Ok(sum)
         };

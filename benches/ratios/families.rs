@@ -80,8 +80,7 @@ pub(crate) fn run() {
     head(
         "Families against plain Rust",
         &format!(
-            "{how} Theirs: loops for this one model with derivatives by hand, with the states of the last forces \
-             kept for products."
+            "{how} Theirs: loops for this one model with derivatives by hand, with the states of the last forces kept for products; before a first product they work out the forces."
         ),
         "ours, ns",
         "plain, ns",

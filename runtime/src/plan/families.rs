@@ -20,6 +20,23 @@ const TWO_LEVEL_ITERATIONS: f64 = 65.0;
 /// Finding one bond with its weights, in s.
 const BOND_SETUP_SECONDS: f64 = 400e-9;
 
+/// What bonds cost, in s per bond on one core: measured on 14^3 and 20^3 points.
+struct Seconds {
+    forces: f64,
+    /// What is worked out once for all products at the same displacements.
+    once: f64,
+    /// One product with the tangent.
+    product: f64,
+    /// One block of a stored tangent.
+    stored: f64,
+}
+
+impl Seconds {
+    fn of_gradients(forces: f64, product: f64) -> Seconds {
+        Seconds { forces, once: 0.0, product, stored: product }
+    }
+}
+
 /// What points know of their families.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Families {
@@ -68,14 +85,19 @@ impl Families {
         if self == Families::BondQuadrature { 3 } else { 2 }
     }
 
-    /// Forces and one product with the tangent, in s per bond on one core: measured on 20^3 points.
-    fn seconds(self) -> [f64; 2] {
+    fn seconds(self) -> Seconds {
         match self {
-            Families::Nodal => [29e-9, 37e-9],
-            Families::Stabilised => [47e-9, 49e-9],
-            Families::BondQuadrature => [106e-9, 119e-9],
+            Families::Nodal => Seconds::of_gradients(25e-9, 25e-9),
+            Families::Stabilised => Seconds::of_gradients(47e-9, 45e-9),
+            Families::BondQuadrature => Seconds::of_gradients(100e-9, 115e-9),
             Families::States(integrals) => {
-                [80e-9 + 60e-9 * integrals as f64, 200e-9 + 120e-9 * integrals as f64]
+                let m = integrals as f64;
+                Seconds {
+                    forces: 25e-9 + 18e-9 * m,
+                    once: 40e-9 + 40e-9 * m,
+                    product: 8e-9 + 2e-9 * m,
+                    stored: 200e-9 + 120e-9 * m,
+                }
             }
         }
     }
@@ -84,14 +106,19 @@ impl Families {
     pub(super) fn memory(self, n: usize, d: usize, bonds: f64) -> Vec<(&'static str, f64)> {
         let directed = 2.0 * bonds;
         let tensor = (8 * n * d * d) as f64;
-        let gradients = ("deformation gradients", directed * (8 * d + 4) as f64 + 4.0 * tensor);
+        let gradients = ("deformation gradients", directed * (8 * d + 4) as f64 + 5.0 * tensor);
         match self {
             Families::Nodal => vec![gradients],
             Families::Stabilised => vec![gradients, ("stabilisation", 8.0 * bonds + tensor)],
             Families::BondQuadrature => vec![gradients, ("bond quadrature", 8.0 * bonds)],
             Families::States(integrals) => {
-                let kept = (4 + 3 * 8) as f64 * directed + (8 * 6 * n * (1 + integrals)) as f64;
-                vec![("gathered states", kept)]
+                // Lengths at rest; for products unit vectors, two stiffnesses, slopes and mixed
+                // derivatives at either end, as many as there can be.
+                let kept = 8 * (1 + d + 2 + 3 * integrals);
+                // While they are worked out: the bonds as they are, tensions and second derivatives.
+                let passing = 8 * (4 + d + 4 * integrals);
+                let points = 8 * n * (d + (3 + integrals) * (2 + integrals));
+                vec![("gathered states", (kept + passing) as f64 * bonds + points as f64)]
             }
         }
     }
@@ -105,16 +132,19 @@ impl Families {
         threads: usize,
     ) -> TimeEstimate {
         let bonds = interactions.bonds as f64;
-        let [forces, product] = self.seconds().map(|seconds| seconds * bonds / speed(threads));
+        let per_bond = self.seconds();
+        let whole = |seconds: f64| seconds * bonds / speed(threads);
+        let (forces, product) = (whole(per_bond.forces), whole(per_bond.product));
+        let once = forces + whole(per_bond.once);
         let factorisation = factor.flops / FACTOR_FLOPS_PER_SECOND;
         // The stored tangent is worked out entry by entry, over all that two points share.
-        let stored = forces + blocks * product / bonds.max(1.0);
+        let stored = forces + blocks * whole(per_bond.stored) / bonds.max(1.0);
         let (assembly, linear) = match linear {
             method if method.is_matrix_free() && is_factorised(factor, blocks) => {
-                (forces, factorisation + FACTOR_ITERATIONS * product)
+                (once, factorisation + FACTOR_ITERATIONS * product)
             }
             LinearMethod::MatrixFree | LinearMethod::MatrixFreeGmres => {
-                (forces, TWO_LEVEL_ITERATIONS * product)
+                (once, TWO_LEVEL_ITERATIONS * product)
             }
             LinearMethod::Cg | LinearMethod::Gmres => (stored, TWO_LEVEL_ITERATIONS * product),
             LinearMethod::Cholesky => (stored, factorisation),

@@ -136,6 +136,44 @@ fn the_bits_do_not_depend_on_threads() {
 }
 
 #[test]
+fn products_do_not_depend_on_what_was_asked_before() {
+    for (name, text, parameters, counts) in subjects() {
+        let d = counts.len();
+        let body = cloud(&counts, 3);
+        let kept = energy(&text, &parameters, &body, 2.3);
+        let p = displacements(&body, &h_of(d), 1.0, 9);
+        let fields = [5, 6, 5].map(|seed| displacements(&body, &h_of(d), 0.05, seed));
+        for u in fields.iter().flat_map(|u| [u, u]) {
+            let (mut found, mut expected) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+            kept.tangent_product(u, &p, &mut found).unwrap();
+            let fresh = energy(&text, &parameters, &body, 2.3);
+            fresh.tangent_product(u, &p, &mut expected).unwrap();
+            assert!(found == expected && found.iter().any(|x| *x != 0.0), "{name}");
+        }
+    }
+}
+
+#[test]
+fn energies_that_are_not_finite_name_their_point() {
+    // Beyond a third of stretch the logarithm has no value.
+    let text = "potential broken\nm = integral(L^2)\npsi(l, m) = ln(4/3 - l/L)*L/m\n";
+    let body = cloud(&[5, 4, 4], 3);
+    let energy = energy(text, &[], &body, 1.8);
+    let mut u = vec![0.0; 3 * body.n_points()];
+    let point = body.n_points() / 2;
+    u[3 * point] = 1.5;
+    let found = energy.gradient(&u, &mut vec![0.0; u.len()]).unwrap_err();
+    let near = energy.neighborhood().row(point);
+    let named = found.points[0];
+    assert!(named == point || near.contains(&(named as u32)), "{found:?}");
+    assert!(
+        energy.energy(&u).is_err()
+            && energy.tangent_product(&u, &u.clone(), &mut u.clone()).is_err()
+    );
+    assert!(energy.energy(&vec![0.0; u.len()]).is_ok());
+}
+
+#[test]
 fn springs_like_the_tangent_are_positive() {
     for (name, text, parameters, counts) in subjects() {
         let d = counts.len();

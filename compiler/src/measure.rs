@@ -67,3 +67,30 @@ impl Measure {
         }
     }
 }
+
+/// What an energy is a function of, where measures and deformation gradients are treated alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Argument {
+    /// A measure of an interaction.
+    Measure(Measure),
+    /// The deformation gradient `F` of a place.
+    Gradient,
+}
+
+impl Argument {
+    /// As written in `psi(..)`.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Argument::Measure(measure) => measure.symbol(),
+            Argument::Gradient => "F",
+        }
+    }
+
+    /// The energy and what it is differentiated to.
+    pub fn orders(self) -> [&'static str; 3] {
+        match self {
+            Argument::Measure(_) => ["psi", "psi'", "psi''"],
+            Argument::Gradient => ["psi", "P", "dP"],
+        }
+    }
+}

@@ -7,7 +7,7 @@ use piola_compiler::expression::interpret::Interpreter;
 use piola_compiler::verify::sample::Point;
 use piola_compiler::verify::truth::truth;
 use piola_compiler::{
-    Batch, Derivatives, Form, Level, Measure, Mode, Model, Setting, Values, check_text,
+    Argument, Batch, Derivatives, Form, Level, Measure, Mode, Model, Setting, Values, check_text,
 };
 
 /// The exponents of the extreme.
@@ -49,7 +49,8 @@ fn values(model: &Model, n: f64) -> Values {
 fn worst(model: &Model, n: f64, (form, level): (Form, Level), bar: f64) -> [f64; 3] {
     let settings = Settings { form, level, points: 8, bar };
     let (audits, _) = audit(model, &values(model, n), &settings).unwrap();
-    let length = audits.iter().find(|audit| audit.measure == Measure::Length).unwrap();
+    let length =
+        audits.iter().find(|audit| audit.argument == Argument::Measure(Measure::Length)).unwrap();
     for regime in &length.regimes {
         if form == Form::Accurate && regime.worst.iter().any(|error| *error > bar) {
             println!("n = {n:e}: {}: {:.0?} at {:?}", regime.name, regime.worst, regime.at);

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use piola_compiler::audit::{Audit, Settings, audit};
-use piola_compiler::{Form, Level, Measure, Mode, Values};
+use piola_compiler::{Argument, Form, Level, Measure, Mode, Values};
 use piola_runtime::element::cost::{self, CostError, EnergyCost, WayCost};
 use piola_runtime::output::summary::PhaseClock;
 use piola_runtime::simulation::{self, Case, SceneCost};
@@ -81,7 +81,7 @@ fn of_potential(name: &str, arguments: &Bench) -> Exit {
 fn errors(cost: &WayCost, energy: &EnergyCost, audits: &Audits) -> Option<[f64; 3]> {
     let Mode::Jit(level) = cost.way.mode else { return None };
     let (_, audits) = audits.iter().find(|(audited, _)| *audited == level)?;
-    let audit = audits.iter().find(|audit| audit.measure == energy.measure)?;
+    let audit = audits.iter().find(|audit| audit.argument == Argument::Measure(energy.measure))?;
     Some(audit.worst())
 }
 

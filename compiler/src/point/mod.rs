@@ -9,11 +9,14 @@
 //! | `near` | an energy as a function of `H` |
 //! | `adjoint` | derivatives by several variables |
 //! | `kernel` | both forms over arrays, and the choice between them |
+//! | `sample`, `truth` | gradients to try an energy at, and its values there to any precision |
 //! | `verify` | against the interpreter, hyper-dual numbers and numbers of any precision |
 
 pub(crate) mod adjoint;
 mod kernel;
 mod near;
+pub(crate) mod sample;
+pub(crate) mod truth;
 mod verify;
 
 pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy, gradient_listing};

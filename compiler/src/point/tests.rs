@@ -1,4 +1,5 @@
-use super::verify::{Sample, plus_identity, truth};
+use super::sample::{Sample, plus_identity};
+use super::truth::truth;
 use super::{GradientBatch, verify_gradient};
 use crate::test_support::{model, values};
 use crate::{Form, Level, Mode};
@@ -100,7 +101,7 @@ fn e19_extreme_gradients_have_right_digits_or_none() {
             let values = values(&model, 3, &[("lambda", ratio), ("mu", 1.0)]);
             let written = model.written_gradient(&values);
             for (name, gradient) in extreme_gradients() {
-                let change = plus_identity(&gradient, 3, -1.0);
+                let change = plus_identity(&gradient, -1.0);
                 let direction = vec![0.5, 0.25, -0.125, 1.0, -0.5, 0.75, 0.375, -1.0, 0.625];
                 let sample = Sample { gradient, change, direction };
                 let label = format!("{} {ratio:e} {name}", model.name());

@@ -81,7 +81,7 @@ fn of_potential(name: &str, arguments: &Bench) -> Exit {
 fn errors(cost: &WayCost, energy: &EnergyCost, audits: &Audits) -> Option<[f64; 3]> {
     let Mode::Jit(level) = cost.way.mode else { return None };
     let (_, audits) = audits.iter().find(|(audited, _)| *audited == level)?;
-    let audit = audits.iter().find(|audit| audit.argument == Argument::Measure(energy.measure))?;
+    let audit = audits.iter().find(|audit| audit.argument == energy.argument)?;
     Some(audit.worst())
 }
 
@@ -94,7 +94,7 @@ fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &
     );
     for cost in costs {
         for energy in &cost.energies {
-            let psi = format!("psi({})", energy.measure.symbol());
+            let psi = format!("psi({})", energy.argument.symbol());
             let _ = write!(out, "{:24} {psi:8}", cost.way.name);
             for nanoseconds in energy.nanoseconds {
                 let _ = write!(out, " {nanoseconds:>10.1}");
@@ -110,6 +110,12 @@ fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &
         let _ = writeln!(out, "{:24} {:>10.3}", cost.way.name, cost.compile_seconds * 1e3);
     }
     out.push_str("\nu = 1.1e-16 of the value; `piola audit` says where the largest errors are\n");
+    if loaded.model.has_gradient_energy() {
+        out.push_str(
+            "psi(F): ns per place a few percent from rest for psi, for psi and P, and for dP; errors of \
+             these in u of the norm\n",
+        );
+    }
     for measure in Measure::ALL {
         if loaded.model.squared(values, measure).is_some() {
             let m = measure.symbol();
@@ -124,12 +130,24 @@ fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &
 }
 
 fn potential_json(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &Audits) -> Value {
+    let of_square = |argument: Argument| match argument {
+        Argument::Measure(measure) => loaded.model.squared(values, measure).is_some(),
+        Argument::Gradient => false,
+    };
     let energy = |cost: &WayCost, energy: &EnergyCost| {
-        let [only, gradient, tangent] = energy.nanoseconds;
+        let [only, gradient, second] = energy.nanoseconds;
+        let nanoseconds = match energy.argument {
+            Argument::Measure(_) => {
+                json!({ "energy": only, "gradient": gradient, "tangent": second })
+            }
+            Argument::Gradient => {
+                json!({ "energy": only, "gradient": gradient, "product": second })
+            }
+        };
         json!({
-            "measure": energy.measure.symbol(),
-            "of_square": loaded.model.squared(values, energy.measure).is_some(),
-            "nanoseconds": { "energy": only, "gradient": gradient, "tangent": tangent },
+            "measure": energy.argument.symbol(),
+            "of_square": of_square(energy.argument),
+            "nanoseconds": nanoseconds,
             // JSON has no infinity: an error without end is null.
             "errors": errors(cost, energy, audits)
                 .map(|errors| errors.map(|x| if x.is_finite() { json!(x) } else { Value::Null })),

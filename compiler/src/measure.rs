@@ -73,15 +73,20 @@ impl Measure {
 pub enum Argument {
     /// A measure of an interaction.
     Measure(Measure),
+    /// `m^2/M` of a measure `m`, for energies in which it has even powers alone.
+    Square(Measure),
     /// The deformation gradient `F` of a place.
     Gradient,
 }
 
 impl Argument {
-    /// As written in `psi(..)`.
+    /// As written in `psi(..)`; a square as made of the measure.
     pub fn symbol(self) -> &'static str {
         match self {
             Argument::Measure(measure) => measure.symbol(),
+            Argument::Square(Measure::Length) => "l^2/L",
+            Argument::Square(Measure::Area) => "a^2/A",
+            Argument::Square(Measure::Volume) => "v^2/V",
             Argument::Gradient => "F",
         }
     }
@@ -89,7 +94,7 @@ impl Argument {
     /// The energy and what it is differentiated to.
     pub fn orders(self) -> [&'static str; 3] {
         match self {
-            Argument::Measure(_) => ["psi", "psi'", "psi''"],
+            Argument::Measure(_) | Argument::Square(_) => ["psi", "psi'", "psi''"],
             Argument::Gradient => ["psi", "P", "dP"],
         }
     }

@@ -71,6 +71,11 @@ fn human(audits: &[Audit], bar: f64) -> String {
         let of = if audit.argument == Argument::Gradient { "norm" } else { "value" };
         let width = audit.regimes.iter().map(|regime| regime.name.len()).fold(16, usize::max);
         let [psi, first, second] = orders;
+        if let Argument::Square(measure) = audit.argument {
+            let m = measure.symbol();
+            let _ =
+                writeln!(out, "psi({m}) runs as a function of {symbol}, with derivatives by it:");
+        }
         let _ = writeln!(
             out,
             "psi({symbol}): largest errors in u = 1.1e-16 of the {of}, bar {bar}\n\
@@ -101,10 +106,12 @@ fn units(error: f64) -> String {
 fn input(audit: &Audit, regime: &Regime, order: usize) -> String {
     match &regime.at[order] {
         Some(Place::Interaction(point)) => {
-            let Argument::Measure(measure) = audit.argument else { return String::new() };
+            let (Argument::Measure(measure) | Argument::Square(measure)) = audit.argument else {
+                return String::new();
+            };
             format!(
                 "{} = {}, {} = {}",
-                measure.symbol(),
+                audit.argument.symbol(),
                 decimal(point.measure),
                 measure.reference_symbol(),
                 decimal(point.reference)

@@ -77,12 +77,17 @@ fn of_potential(name: &str, arguments: &Bench) -> Exit {
     Exit::Done
 }
 
-/// Largest errors of psi, psi', psi'' in units of 2^-53, for the levels of compiled code.
+/// Largest errors of what was timed, in units of 2^-53, for the levels of compiled code: an energy
+/// that runs as a function of the squared measure is timed as one.
 fn errors(cost: &WayCost, energy: &EnergyCost, audits: &Audits) -> Option<[f64; 3]> {
     let Mode::Jit(level) = cost.way.mode else { return None };
     let (_, audits) = audits.iter().find(|(audited, _)| *audited == level)?;
-    let audit = audits.iter().find(|audit| audit.argument == energy.argument)?;
-    Some(audit.worst())
+    let find = |argument| audits.iter().find(|audit| audit.argument == argument);
+    let of_square = match energy.argument {
+        Argument::Measure(measure) => find(Argument::Square(measure)),
+        _ => None,
+    };
+    Some(of_square.or_else(|| find(energy.argument))?.worst())
 }
 
 fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &Audits) -> String {
@@ -121,8 +126,8 @@ fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &
             let m = measure.symbol();
             let _ = writeln!(
                 out,
-                "psi({m}) is a function of {m}^2: symbolic derivatives need no root of it; errors are \
-                 of the form in {m}"
+                "psi({m}) is a function of {m}^2: symbolic derivatives need no root of it; times and \
+                 errors are of that form"
             );
         }
     }
@@ -132,18 +137,12 @@ fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &
 fn potential_json(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &Audits) -> Value {
     let of_square = |argument: Argument| match argument {
         Argument::Measure(measure) => loaded.model.squared(values, measure).is_some(),
-        Argument::Gradient => false,
+        _ => false,
     };
     let energy = |cost: &WayCost, energy: &EnergyCost| {
         let [only, gradient, second] = energy.nanoseconds;
-        let nanoseconds = match energy.argument {
-            Argument::Measure(_) => {
-                json!({ "energy": only, "gradient": gradient, "tangent": second })
-            }
-            Argument::Gradient => {
-                json!({ "energy": only, "gradient": gradient, "product": second })
-            }
-        };
+        let third = if energy.argument == Argument::Gradient { "product" } else { "tangent" };
+        let nanoseconds = json!({ "energy": only, "gradient": gradient, third: second });
         json!({
             "measure": energy.argument.symbol(),
             "of_square": of_square(energy.argument),

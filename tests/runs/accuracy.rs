@@ -52,6 +52,22 @@ fn an_audit_is_csv_json_and_a_picture() {
     audit("javili2020", &["--picture", &folder.path("no/folder.png")]).expect(2);
 }
 
+/// A run takes even energies by squares: those kernels are verified and audited like the others.
+#[test]
+fn kernels_of_squares_are_verified_and_audited() {
+    let even = ["firooz2023", "--dim", "3", "--set", "n=2", "--points", "20"];
+    let found = piola(&[&["verify"], &even[..]].concat()).expect(0).stdout;
+    for measure in ["l", "l^2/L", "a", "a^2/A", "v"] {
+        assert!(found.contains(&format!("passed  firooz2023 d = 3 psi({measure}): ")), "{found}");
+    }
+    assert!(!found.contains("v^2"), "{found}");
+    let text = piola(&[&["audit"], &even[..]].concat()).expect(0).stdout;
+    assert!(text.contains("psi(l) runs as a function of l^2/L"), "{text}");
+    let bar = [&["audit"], &even[..], &["--bar", "0.1"]].concat();
+    let text = piola(&bar).expect(1).stdout;
+    assert!(text.contains("  missed: psi at a^2/A = "), "{text}");
+}
+
 #[test]
 fn rewrites_are_explained_with_what_they_gain() {
     let explain = |file: &str, set: &str| {

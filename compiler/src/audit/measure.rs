@@ -4,7 +4,7 @@ use super::{Place, Regime, Settings, in_units};
 use crate::expression::interpret::Interpreter;
 use crate::expression::{Comparison, Node, NodeId};
 use crate::kernel::{Kernel, WrittenEnergy};
-use crate::measure::Measure;
+use crate::measure::{Argument, Measure};
 use crate::model::Variant;
 use crate::specialise::ScalarEnergy;
 use crate::values::Values;
@@ -16,14 +16,19 @@ use crate::verify::truth::truth;
 pub(super) fn regimes(
     variant: &Variant,
     values: &Values,
+    argument: Argument,
     (kernel, energy, written): (&Kernel, &ScalarEnergy, &WrittenEnergy),
     settings: &Settings,
 ) -> Vec<Regime> {
     let measure = kernel.measure();
+    let of_square = argument == Argument::Square(measure);
     let mut regimes = Vec::new();
-    for (name, strain, stretches) in stretches(energy, measure, settings.points) {
+    for (name, strain, stretches) in stretches(energy, argument, settings.points) {
         let mut points = points_of(&stretches);
-        points.retain(|&point| contains(variant, measure, values, point));
+        points.retain(|&point| {
+            let point = if of_square { point.root() } else { point };
+            contains(variant, measure, values, point)
+        });
         let columns = Columns::new(&points);
         let out = kernel.derivatives(columns.batch());
         let mut regime = Regime::new(name, strain);
@@ -73,7 +78,13 @@ fn change(written: &WrittenEnergy, point: Point, expected: [f64; 3], order: usiz
 /// Regimes: name, decade of the strain near rest, stretches.
 type Stretches = Vec<(String, Option<f64>, Vec<f64>)>;
 
-fn stretches(energy: &ScalarEnergy, measure: Measure, n: usize) -> Stretches {
+fn stretches(energy: &ScalarEnergy, argument: Argument, n: usize) -> Stretches {
+    let measure = energy.measure;
+    // Strains and stretches are those of the measure, also where its square is given.
+    let given = |stretch: f64| match argument {
+        Argument::Square(_) => stretch * stretch,
+        _ => stretch,
+    };
     let mut random = Random::new(0x6175_6469_7400 ^ measure as u64);
     let mut regimes: Stretches = Vec::new();
     for decade in 1..=15 {
@@ -82,12 +93,13 @@ fn stretches(energy: &ScalarEnergy, measure: Measure, n: usize) -> Stretches {
             let size = strain * libm::pow(10.0, random.uniform(-0.5, 0.5)).min(9.0);
             if k.is_multiple_of(2) { 1.0 + size } else { 1.0 - size.min(0.9) }
         };
-        let stretches = (0..n).map(|k| around(&mut random, k)).collect();
+        let stretches = (0..n).map(|k| given(around(&mut random, k))).collect();
         regimes.push((format!("strain 1e-{decade}"), Some(strain), stretches));
     }
     for decade in [-8_i32, -6, -4, -2, -1, 0, 1, 2, 4, 6, 8] {
         let low = f64::from(decade) - 0.5;
-        let stretches = (0..n).map(|_| libm::pow(10.0, random.uniform(low, low + 1.0))).collect();
+        let stretch = |_| given(libm::pow(10.0, random.uniform(low, low + 1.0)));
+        let stretches = (0..n).map(stretch).collect();
         regimes.push((format!("stretch 1e{decade}"), None, stretches));
     }
     if measure == Measure::Volume {

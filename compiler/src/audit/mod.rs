@@ -10,10 +10,10 @@
 mod gradient;
 mod measure;
 
-use crate::kernel::{Level, Mode};
+use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};
 use crate::measure::Argument;
 use crate::model::Model;
-use crate::specialise::{CompileError, Dropped, Form};
+use crate::specialise::{CompileError, Dropped, Form, ScalarEnergy};
 use crate::values::Values;
 use crate::verify::UNIT_ROUNDOFF;
 use crate::verify::sample::Point;
@@ -105,7 +105,8 @@ impl Audit {
     }
 }
 
-/// Audits every energy of a measure or of the deformation gradient for these values.
+/// Audits every energy of a measure or of the deformation gradient for these values; where an energy
+/// runs as a function of the squared measure, that form as well.
 ///
 /// # Errors
 /// Energies that cannot be compiled.
@@ -124,8 +125,14 @@ pub fn audit(
     for (kernel, energy) in compiled.kernels.iter().zip(&specialised.energies) {
         let measure = kernel.measure();
         let written = model.written(values, measure);
-        let regimes = measure::regimes(variant, values, (kernel, energy, &written), settings);
-        audits.push(Audit::new(Argument::Measure(measure), regimes));
+        let mut look_at = |argument, of: (&Kernel, &ScalarEnergy, &WrittenEnergy)| {
+            let regimes = measure::regimes(variant, values, argument, of, settings);
+            audits.push(Audit::new(argument, regimes));
+        };
+        look_at(Argument::Measure(measure), (kernel, energy, &written));
+        if let Some((kernel, energy)) = kernel.squared().zip(model.squared(values, measure)) {
+            look_at(Argument::Square(measure), (kernel, &energy, &written.of_square()));
+        }
     }
     let (kernel, more) = model.compile_gradient(values, mode, settings.form)?;
     dropped.extend(more);

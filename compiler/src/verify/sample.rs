@@ -20,6 +20,17 @@ impl Point {
     pub fn change(self) -> f64 {
         (self.measure - self.reference) / self.reference
     }
+
+    /// The same interaction with `q = m^2/M` in the place of its measure `m`.
+    pub fn squared(self) -> Point {
+        let stretch = self.measure / self.reference;
+        Point { measure: stretch * stretch * self.reference, ..self }
+    }
+
+    /// The same with `m = sqrt(q*M)` in the place of `q`.
+    pub fn root(self) -> Point {
+        Point { measure: libm::sqrt(self.measure * self.reference), ..self }
+    }
 }
 
 /// SplitMix64: a few lines, the same numbers everywhere (Steele, Lea, Flood 2014, fig. 16).

@@ -19,7 +19,7 @@ fn seth_hill_over_its_exponents() {
                 assert!(v.n_points > 300, "{}", v.n_points);
                 assert!(v.different_bits.is_empty(), "n = {n}: {:?}", v.different_bits);
                 let shown = &v.misses[..v.misses.len().min(3)];
-                assert!(v.passed(), "n = {n}, {:?}: {:?} {shown:#?}", v.measure, v.worst);
+                assert!(v.passed(), "n = {n}, {:?}: {:?} {shown:#?}", v.argument, v.worst);
             }
         }
     }

@@ -14,7 +14,8 @@ pub(super) fn regimes(
     settings: &Settings,
 ) -> Vec<Regime> {
     let mut regimes = Vec::new();
-    for (name, strain, samples) in samples(kernel.dimension(), settings.points) {
+    for (name, strain, mut samples) in samples(kernel.dimension(), settings.points) {
+        samples.retain(|sample| kernel.admits(&sample.gradient));
         let mut regime = Regime::new(name, strain);
         for (sample, found) in samples.iter().zip(sample::evaluate(kernel, &samples)) {
             measure_errors(&mut regime, written, sample, &found, settings.bar);

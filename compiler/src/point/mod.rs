@@ -9,10 +9,12 @@
 //! | `near` | an energy as a function of `H` |
 //! | `adjoint` | derivatives by several variables |
 //! | `kernel` | both forms over arrays, and the choice between them |
+//! | `domain` | declared bounds of `J` |
 //! | `sample`, `truth` | gradients to try an energy at, and its values there to any precision |
 //! | `verify` | against the interpreter, hyper-dual numbers and numbers of any precision |
 
 pub(crate) mod adjoint;
+mod domain;
 mod kernel;
 mod near;
 pub(crate) mod sample;

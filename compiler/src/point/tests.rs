@@ -62,6 +62,36 @@ fn energies_of_the_gradient_have_right_digits_near_rest_and_far_from_it() {
     }
 }
 
+#[test]
+fn outside_the_declared_domain_psi_is_no_number() {
+    let text = "potential p\nparameter mu = 1\npsi(F) = mu/2*(E : E)\ndomain J in (0.5, 2]\n";
+    let model = model(text);
+    assert!(crate::print::model_listing(&model).contains("  domain J in (0.5, 2]\n"));
+    for dimension in [2, 3] {
+        let values = values(&model, dimension, &[]);
+        for mode in [Mode::Jit(Level::Fast), Mode::Interpreter, Mode::HyperDual] {
+            let kernel = model.compile_gradient(&values, mode, Form::Accurate).unwrap().0.unwrap();
+            let psi = |j: f64| {
+                let mut gradient = plus_identity(&vec![0.0; dimension * dimension], 1.0);
+                gradient[0] = j;
+                let change = plus_identity(&gradient, -1.0);
+                let mut psi = [0.0];
+                let at = GradientBatch { n: 1, gradient: &gradient, change: &change };
+                kernel.evaluate(at, &mut psi, &mut []);
+                psi[0]
+            };
+            for inside in [0.6, 0.9, 1.0, 2.0] {
+                assert!(psi(inside).is_finite(), "{mode:?} {inside}");
+            }
+            for outside in [-1.0, 0.0, 0.5, 2.1, f64::NAN] {
+                assert!(psi(outside).is_nan(), "{mode:?} {outside}");
+            }
+        }
+        let found = verify_gradient(&model, &values, 40).unwrap().unwrap();
+        assert!(found.passed() && found.n_points < 80, "{found:?}");
+    }
+}
+
 /// Inverted, nearly flat, turned by 90 degrees: diagonals, alone and before a rotation.
 fn extreme_gradients() -> Vec<(&'static str, Vec<f64>)> {
     let diagonal = |x: f64, y: f64, z: f64| vec![x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z];

@@ -2,7 +2,7 @@
 
 use crate::expression::Input;
 use crate::expression::interpret::Interpreter;
-use crate::measure::Measure;
+use crate::measure::{Argument, Measure};
 use crate::model::Variant;
 use crate::values::Values;
 
@@ -87,7 +87,8 @@ pub fn points(variant: &Variant, measure: Measure, values: &Values, n: usize) ->
 
 /// Whether a point lies in the declared domain.
 pub fn contains(variant: &Variant, measure: Measure, values: &Values, point: Point) -> bool {
-    let mut declared = variant.domains.iter().filter(|d| d.measure == measure).peekable();
+    let mut declared =
+        variant.domains.iter().filter(|d| d.argument == Argument::Measure(measure)).peekable();
     if declared.peek().is_none() {
         return measure == Measure::Volume || point.measure > 0.0;
     }

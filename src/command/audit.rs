@@ -98,7 +98,8 @@ fn human(audits: &[Audit], bar: f64) -> String {
     out
 }
 
-fn units(error: f64) -> String {
+/// An error in `u`.
+pub(super) fn units(error: f64) -> String {
     if error < 1e4 { format!("{error:.1}") } else { format!("{error:.1e}") }
 }
 

@@ -10,6 +10,7 @@ use piola_runtime::output::summary::PhaseClock;
 use piola_runtime::simulation::{self, Case, SceneCost};
 use serde_json::{Value, json};
 
+use super::audit::units;
 use super::derive::print_compile_error;
 use super::{Exit, scene};
 use crate::cli::{Bench, Format};
@@ -105,7 +106,7 @@ fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &
                 let _ = write!(out, " {nanoseconds:>10.1}");
             }
             if let Some(errors) = errors(cost, energy, audits) {
-                let _ = write!(out, "   {}", errors.map(|error| format!("{error:.1}")).join(", "));
+                let _ = write!(out, "   {}", errors.map(units).join(", "));
             }
             out.push('\n');
         }

@@ -64,8 +64,10 @@ fn in_units(difference: f64, size: f64, scale: f64) -> f64 {
 /// Regimes: name, decade of the strain near rest, gradients.
 type Samples = Vec<(String, Option<f64>, Vec<Sample>)>;
 
-/// Kinds of stretches along the axes, of one size, in two and three dimensions.
-const KINDS: [(&str, fn(f64, usize) -> Vec<f64>); 4] = [
+/// A kind of stretches along the axes, of one size, in two and three dimensions.
+type Kind = (&'static str, fn(f64, usize) -> Vec<f64>);
+
+const KINDS: [Kind; 4] = [
     ("uniaxial", |s, d| [s, 1.0, 1.0][..d].to_vec()),
     ("equibiaxial", |s, d| [s, s, 1.0][..d].to_vec()),
     ("isochoric", |s, d| if d == 2 { vec![s, 1.0 / s] } else { vec![s, 1.0, 1.0 / s] }),

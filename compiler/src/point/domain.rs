@@ -3,38 +3,51 @@
 use super::kernel::GradientBatch;
 use super::sample::dimension;
 use crate::measure::Argument;
-use crate::model::{Interval, Variant};
+use crate::model::Variant;
 
-/// The bounds of `J`; without any, every deformation gradient is inside.
-#[derive(Clone, Debug, Default)]
+/// So many places are looked at together.
+const PLACES: usize = 64;
+
+/// The open interval of `J` that is inside; without one, every gradient is.
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct VolumeDomain {
-    bounds: Vec<Interval>,
+    between: Option<(f64, f64)>,
 }
 
 impl VolumeDomain {
-    /// The bounds that a potential declares.
+    /// What all declared intervals hold.
     pub(crate) fn of(variant: &Variant) -> VolumeDomain {
-        let bounds = variant.domains.iter().filter(|d| d.argument == Argument::Gradient);
-        VolumeDomain { bounds: bounds.cloned().collect() }
+        let declared = variant.domains.iter().filter(|d| d.argument == Argument::Gradient);
+        let between = declared.map(|interval| {
+            let ((lower, with_lower), (upper, with_upper)) = (interval.lower, interval.upper);
+            let lower = if with_lower { lower.next_down() } else { lower };
+            (lower, if with_upper { upper.next_up() } else { upper })
+        });
+        VolumeDomain { between: between.reduce(|x, y| (x.0.max(y.0), x.1.min(y.1))) }
     }
 
     /// Whether a gradient, row by row, is inside.
     pub(crate) fn contains(&self, gradient: &[f64]) -> bool {
-        self.holds(determinant(dimension(gradient.len()), |k| gradient[k]))
-    }
-
-    fn holds(&self, j: f64) -> bool {
-        self.bounds.iter().all(|interval| interval.contains(j))
+        let j = determinant(dimension(gradient.len()), |k| gradient[k]);
+        self.between.is_none_or(|(lower, upper)| lower < j && j < upper)
     }
 
     /// Makes psi no number at the places outside.
     pub(crate) fn restrict(&self, d: usize, at: GradientBatch<'_>, psi: &mut [f64]) {
-        if self.bounds.is_empty() {
-            return;
-        }
-        for (p, psi) in psi.iter_mut().enumerate() {
-            if !self.holds(determinant(d, |k| at.gradient[k * at.n + p])) {
-                *psi = f64::NAN;
+        let Some((lower, upper)) = self.between else { return };
+        // Few places at a time, component by component: loops without branches.
+        let mut j = [0.0; PLACES];
+        for start in (0..at.n).step_by(PLACES) {
+            let n = PLACES.min(at.n - start);
+            let columns: [&[f64]; 9] = std::array::from_fn(|k| {
+                let first = if k < d * d { k * at.n + start } else { start };
+                &at.gradient[first..first + n]
+            });
+            for (p, j) in j[..n].iter_mut().enumerate() {
+                *j = determinant(d, |k| columns[k][p]);
+            }
+            for (psi, j) in psi[start..start + n].iter_mut().zip(&j) {
+                *psi = if (lower < *j) & (*j < upper) { *psi } else { f64::NAN };
             }
         }
     }

@@ -4,7 +4,7 @@ use num_dual::HyperDual64;
 
 use crate::expression::interpret::Interpreter;
 use crate::expression::number::Number;
-use crate::expression::{ExprGraph, Input, NodeId, Operator};
+use crate::expression::{ExprGraph, Function, Input, NodeId, Operator};
 use crate::jit::CompiledKernel;
 use crate::measure::Measure;
 use crate::model::Model;
@@ -227,17 +227,28 @@ pub struct WrittenEnergy {
     graph: ExprGraph,
     roots: Vec<NodeId>,
     values: Values,
+    of_square: bool,
 }
 
 impl WrittenEnergy {
     /// One root of a variant's graph.
     pub(crate) fn of_root(graph: &ExprGraph, root: NodeId, values: &Values) -> WrittenEnergy {
         let (graph, roots) = graph.extract(&[root]);
-        WrittenEnergy { graph, roots, values: values.clone() }
+        WrittenEnergy { graph, roots, values: values.clone(), of_square: false }
+    }
+
+    /// The same energy as a function of `q = m^2/M` and `M`, by `m = sqrt(q*M)`.
+    pub fn of_square(self) -> WrittenEnergy {
+        WrittenEnergy { of_square: true, ..self }
     }
 
     /// The energy over any number type, as a function of the measure and its reference.
     pub fn evaluate<N: Number>(&self, measure: N, reference: N) -> N {
+        let measure = if self.of_square {
+            N::unary(Function::Sqrt, N::binary(Operator::Multiply, measure, reference.clone()))
+        } else {
+            measure
+        };
         let mut interpreter = Interpreter::new();
         interpreter.run(&self.graph, |input| match input {
             Input::Current(_) => measure.clone(),
@@ -316,6 +327,6 @@ impl Model {
             }
             None => (ExprGraph::new(), Vec::new()),
         };
-        WrittenEnergy { graph, roots, values: values.clone() }
+        WrittenEnergy { graph, roots, values: values.clone(), of_square: false }
     }
 }

@@ -39,7 +39,7 @@ pub use kernel::{
     Batch, CompiledPotential, Derivatives, Kernel, Level, Mode, Order, Outputs, WrittenEnergy,
 };
 pub use lint::{LINTS, Lint};
-pub use measure::Measure;
+pub use measure::{Argument, Measure};
 pub use model::{
     Constraint, Energy, GatheredEnergy, GradientEnergy, Integral, Interval, Model, Parameter,
     Variant,

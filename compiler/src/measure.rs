@@ -67,3 +67,35 @@ impl Measure {
         }
     }
 }
+
+/// What an energy is a function of, where measures and deformation gradients are treated alike.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Argument {
+    /// A measure of an interaction.
+    Measure(Measure),
+    /// `m^2/M` of a measure `m`, for energies in which it has even powers alone.
+    Square(Measure),
+    /// The deformation gradient `F` of a place.
+    Gradient,
+}
+
+impl Argument {
+    /// As written in `psi(..)`; a square as made of the measure.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Argument::Measure(measure) => measure.symbol(),
+            Argument::Square(Measure::Length) => "l^2/L",
+            Argument::Square(Measure::Area) => "a^2/A",
+            Argument::Square(Measure::Volume) => "v^2/V",
+            Argument::Gradient => "F",
+        }
+    }
+
+    /// The energy and what it is differentiated to.
+    pub fn orders(self) -> [&'static str; 3] {
+        match self {
+            Argument::Measure(_) | Argument::Square(_) => ["psi", "psi'", "psi''"],
+            Argument::Gradient => ["psi", "P", "dP"],
+        }
+    }
+}

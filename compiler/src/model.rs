@@ -4,12 +4,14 @@
 //! parameters are inputs, so a model evaluated over dual numbers is an independent witness for
 //! everything the later stages do.
 
+use std::fmt;
+
 use piola_grammar::Span;
 
 use crate::check::dimension::Dimension;
 use crate::check::unit::UnitValue;
 use crate::expression::{ExprGraph, NodeId};
-use crate::measure::Measure;
+use crate::measure::{Argument, Measure};
 
 /// A checked potential.
 #[derive(Clone, Debug)]
@@ -131,11 +133,11 @@ pub struct GatheredEnergy {
     pub text: String,
 }
 
-/// A declared interval of use of one measure.
+/// A declared interval of use of one measure, or of `J`.
 #[derive(Clone, Debug)]
 pub struct Interval {
-    /// Which measure the quantity depends on.
-    pub measure: Measure,
+    /// What the quantity depends on: a measure, or the deformation gradient of which it is `J`.
+    pub argument: Argument,
     /// The quantity in the variant's graph.
     pub root: NodeId,
     /// Lower end and whether it belongs to the interval.
@@ -152,6 +154,15 @@ impl Interval {
         let above = value > self.lower.0 || (self.lower.1 && value == self.lower.0);
         let below = value < self.upper.0 || (self.upper.1 && value == self.upper.0);
         above && below
+    }
+}
+
+impl fmt::Display for Interval {
+    /// `l/L in (0, 10]`
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (open, close) =
+            (if self.lower.1 { '[' } else { '(' }, if self.upper.1 { ']' } else { ')' });
+        write!(f, "{} in {open}{}, {}{close}", self.text, self.lower.0, self.upper.0)
     }
 }
 

@@ -10,10 +10,13 @@ use std::process::Command;
 
 use library::{Case, cases};
 use piola_compiler::expression::power::PowerPlan;
-use piola_compiler::expression::{Node, Operator};
-use piola_compiler::verify::sample::{Point, points};
-use piola_compiler::verify::{Columns, same_bits};
-use piola_compiler::{Derivatives, Level, Measure, Mode, ScalarEnergy, check, print};
+use piola_compiler::expression::{ExprGraph, Node, Operator};
+use piola_compiler::verify::sample::{Point, Random, points};
+use piola_compiler::verify::{Columns, UNIT_ROUNDOFF, same_bits};
+use piola_compiler::{
+    Derivatives, Form, GradientBatch, GradientEnergyForms, Level, Measure, Mode, Model,
+    ScalarEnergy, Setting, Values, check, print,
+};
 use piola_grammar::parse;
 
 /// Points far from rest, and as many near it, for each energy.
@@ -50,7 +53,7 @@ fn printed_c_gives_the_same_numbers() {
         // One C file per case, its functions named after the case.
         let specialised = case.model.specialise(&case.values).unwrap();
         let potential = case.model.name();
-        let text = print::c_source(&case.model, &specialised.energies);
+        let text = print::c_source(&case.model, &specialised.energies, None);
         let text = text.replace(&format!("void {potential}_"), &format!("void case{number}_"));
         let path = folder.0.join(format!("case{number}.c"));
         std::fs::write(&path, text).unwrap();
@@ -59,8 +62,13 @@ fn printed_c_gives_the_same_numbers() {
             functions.push(function(number, case, energy));
         }
     }
+    compare(&functions, &run(&folder, sources, &main_c(&functions)));
+}
+
+/// What a program of these files and a `main` prints.
+fn run(folder: &Folder, mut sources: Vec<PathBuf>, main_c: &str) -> String {
     let main = folder.0.join("main.c");
-    std::fs::write(&main, main_c(&functions)).unwrap();
+    std::fs::write(&main, main_c).unwrap();
     sources.push(main);
     let program = folder.0.join("program");
     let mut compiler = Command::new("cc");
@@ -69,8 +77,165 @@ fn printed_c_gives_the_same_numbers() {
     assert!(built.status.success(), "{}", String::from_utf8_lossy(&built.stderr));
     let ran = Command::new(&program).output().unwrap();
     assert!(ran.status.success());
-    let printed = String::from_utf8(ran.stdout).unwrap();
-    compare(&functions, &printed);
+    String::from_utf8(ran.stdout).unwrap()
+}
+
+/// An energy of the deformation gradient at places near rest and far from it.
+struct Gradients {
+    name: String,
+    symbol: String,
+    dimension: usize,
+    /// `F`, `F - I` and `dF`, component after component.
+    inputs: [Vec<f64>; 3],
+    /// psi, P and dP of our kernel.
+    expected: [Vec<f64>; 3],
+    algebraic: bool,
+}
+
+/// Elementary functions differ from those of `libm` by an ulp; energies magnify that as they magnify
+/// the rounding of their arguments. In 2^-53 of the norm.
+const GRADIENT_BAR: f64 = 64.0;
+
+#[test]
+fn printed_c_of_the_gradient_gives_the_same_numbers() {
+    if Command::new("cc").arg("--version").output().is_err() {
+        println!("skipped: there is no C compiler `cc`");
+        return;
+    }
+    let folder = Folder::new("piola_c_source_gradient");
+    let (mut all, mut sources) = (Vec::new(), Vec::new());
+    for (file, text) in library::files() {
+        let model = check(&parse(&text).unwrap()).unwrap();
+        for dimension in model.dimensions().filter(|_| model.has_gradient_energy()) {
+            let unset = model.parameters().iter().enumerate().filter(|(i, _)| {
+                model.variant(dimension).unwrap().defaults[*i].is_none_or(|x| x == 0.0)
+            });
+            let set = unset.map(|(_, p)| (p.name.clone(), Setting::Number(1.5)));
+            let values = model.values(dimension, &set.collect::<Vec<_>>(), None).unwrap();
+            let (forms, _) = model.specialise_gradient(&values, Form::Accurate).unwrap();
+            let forms = forms.unwrap();
+            let symbol = format!("case{}", all.len());
+            let text = print::c_source(&model, &[], Some(&forms));
+            let path = folder.0.join(format!("{symbol}.c"));
+            let text = text.replace(&format!("void {}_F", model.name()), &format!("void {symbol}"));
+            std::fs::write(&path, text).unwrap();
+            sources.push(path);
+            all.push(gradients(format!("{file} in {dimension}D"), symbol, &model, &values, &forms));
+        }
+    }
+    assert!(all.len() >= 10, "{}", all.len());
+    let printed = run(&folder, sources, &gradients_main(&all));
+    let mut numbers =
+        printed.lines().map(|bits| f64::from_bits(u64::from_str_radix(bits, 16).unwrap()));
+    let (mut n_exact, mut worst) = (0, 0.0_f64);
+    for case in &all {
+        let found = case.expected.each_ref().map(|e| -> Vec<f64> {
+            (0..e.len()).map(|_| numbers.next().expect("one line per number")).collect()
+        });
+        for (found, expected) in found.iter().zip(&case.expected) {
+            if case.algebraic {
+                assert!(
+                    found.iter().zip(expected).all(|(x, y)| same_bits(*x, *y)),
+                    "{}",
+                    case.name
+                );
+                n_exact += 1;
+                continue;
+            }
+            for p in 0..PLACES {
+                let of =
+                    |x: &[f64]| -> Vec<f64> { x.iter().skip(p).step_by(PLACES).copied().collect() };
+                let (found, expected) = (of(found), of(expected));
+                let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>().sqrt();
+                let error = norm(&mut found.iter().zip(&expected).map(|(x, y)| x - y))
+                    / (norm(&mut expected.iter().copied()) * UNIT_ROUNDOFF);
+                assert!(error <= GRADIENT_BAR, "{} at place {p}: {error} u", case.name);
+                worst = worst.max(error);
+            }
+        }
+    }
+    assert!(numbers.next().is_none());
+    println!("{n_exact} arrays equal to the last bit, others within {worst:.1} u");
+    assert!(n_exact >= 9 && worst > 0.0, "St Venant-Kirchhoff and stable energies are algebraic");
+}
+
+/// Places of each energy, as many near rest as far from it.
+const PLACES: usize = 96;
+
+fn gradients(
+    name: String,
+    symbol: String,
+    model: &Model,
+    values: &Values,
+    forms: &GradientEnergyForms,
+) -> Gradients {
+    let d = values.dimension;
+    let mut random = Random::new(0x6320_4600);
+    let mut change = vec![0.0; d * d * PLACES];
+    for p in 0..PLACES {
+        // Far from rest: dominated by the diagonal, so never turned inside out.
+        let size = if p % 2 == 0 { libm::pow(10.0, -((p / 2 % 12) as f64) - 1.0) } else { 0.4 };
+        for k in 0..d * d {
+            let stretch = if k / d == k % d && p % 2 == 1 { 2.0 } else { 0.0 };
+            change[k * PLACES + p] = stretch + size * random.uniform(-1.0, 1.0);
+        }
+    }
+    let rest = |k: usize| f64::from(u8::from(k / PLACES / d == k / PLACES % d));
+    let gradient: Vec<f64> = change.iter().enumerate().map(|(k, h)| rest(k) + h).collect();
+    let direction: Vec<f64> = change.iter().map(|_| random.uniform(-1.0, 1.0)).collect();
+    let mode = Mode::Jit(Level::Strict);
+    let kernel = model.compile_gradient(values, mode, Form::Accurate).unwrap().0.unwrap();
+    let at = GradientBatch { n: PLACES, gradient: &gradient, change: &change };
+    let mut expected = [PLACES, d * d * PLACES, d * d * PLACES].map(|n| vec![0.0; n]);
+    let [psi, stress, product] = &mut expected;
+    kernel.evaluate(at, psi, stress);
+    kernel.product(at, &direction, product);
+    let near = forms.near.as_ref().expect("a form near rest");
+    let algebraic = [&forms.far, near].iter().all(|form| has_only_exact_operations(&form.graph));
+    let inputs = [gradient, change, direction];
+    Gradients { name, symbol, dimension: d, inputs, expected, algebraic }
+}
+
+/// A program that runs both functions of every energy and prints the bits of psi, P and dP.
+fn gradients_main(all: &[Gradients]) -> String {
+    let mut out = String::from(
+        "#include <stddef.h>\n#include <stdint.h>\n#include <stdio.h>\n#include <string.h>\n",
+    );
+    let _ = writeln!(
+        out,
+        "typedef void value(size_t, const double *, const double *, double *, double *);\n\
+         typedef void product(size_t, const double *, const double *, const double *, double *);\n\
+         static double in[3][9 * {PLACES}], out[3][9 * {PLACES}];\n\
+         static void run(value *f, product *g, size_t m, const uint64_t *bits) {{\n\
+         \x20 const size_t sizes[3] = {{{PLACES}, m, m}};\n\
+         \x20 for (size_t k = 0; k < 3; k++) memcpy(in[k], bits + k * m, m * sizeof(double));\n\
+         \x20 f({PLACES}, in[0], in[1], out[0], out[1]);\n\
+         \x20 g({PLACES}, in[0], in[1], in[2], out[2]);\n\
+         \x20 for (size_t k = 0; k < 3; k++)\n\
+         \x20   for (size_t i = 0; i < sizes[k]; i++) {{\n\
+         \x20     uint64_t u;\n\
+         \x20     memcpy(&u, &out[k][i], sizeof u);\n\
+         \x20     printf(\"%016llx\\n\", (unsigned long long)u);\n\
+         \x20   }}\n\
+         }}"
+    );
+    for case in all {
+        let _ = writeln!(out, "value {0};\nproduct {0}_product;", case.symbol);
+    }
+    out.push_str("int main(void) {\n");
+    for case in all {
+        let bits: Vec<String> =
+            case.inputs.iter().flatten().map(|x| format!("{:#x}u", x.to_bits())).collect();
+        let _ = writeln!(
+            out,
+            "  {{ static const uint64_t bits[] = {{{}}};\n    run({1}, {1}_product, {2}, bits); }}",
+            bits.join(","),
+            case.symbol,
+            case.dimension * case.dimension * PLACES
+        );
+    }
+    out.push_str("  return 0;\n}\n");
+    out
 }
 
 /// Reads one line of three numbers, as bits, per point.
@@ -141,7 +306,11 @@ fn four_ulp(change: f64, exponent: f64) -> f64 {
 
 /// Whether only operations occur that every IEEE 754 system rounds alike.
 fn is_algebraic(energy: &ScalarEnergy) -> bool {
-    !energy.graph.nodes().any(|(_, node)| match node {
+    has_only_exact_operations(&energy.graph)
+}
+
+fn has_only_exact_operations(graph: &ExprGraph) -> bool {
+    !graph.nodes().any(|(_, node)| match node {
         Node::Unary(function, _) => function.libm().is_some(),
         Node::Binary(operator, ..) => operator == Operator::Power,
         Node::PowerConstant(_, bits) => {

@@ -54,7 +54,7 @@ fn compiled(text: String) -> Result<Vec<usize>, CompileError> {
             print::text(&model, energy);
             print::latex(&model, energy);
         }
-        print::c_source(&model, &specialised.energies);
+        print::c_source(&model, &specialised.energies, None);
         Ok(specialised.energies.iter().map(|e| e.graph.len()).collect())
     })
 }

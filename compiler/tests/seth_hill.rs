@@ -7,7 +7,7 @@ use piola_compiler::expression::interpret::Interpreter;
 use piola_compiler::verify::sample::Point;
 use piola_compiler::verify::truth::truth;
 use piola_compiler::{
-    Batch, Derivatives, Form, Level, Measure, Mode, Model, Setting, Values, check_text,
+    Argument, Batch, Derivatives, Form, Level, Measure, Mode, Model, Setting, Values, check_text,
 };
 
 /// The exponents of the extreme.
@@ -45,17 +45,23 @@ fn values(model: &Model, n: f64) -> Values {
     model.values(3, &settings, None).unwrap()
 }
 
-/// Largest errors of psi, psi', psi'' over all regimes, in u; what misses the bar is printed.
+/// Largest errors of psi, psi', psi'' over all regimes, in u, also by the squared length; what misses the bar is printed.
 fn worst(model: &Model, n: f64, (form, level): (Form, Level), bar: f64) -> [f64; 3] {
     let settings = Settings { form, level, points: 8, bar };
     let (audits, _) = audit(model, &values(model, n), &settings).unwrap();
-    let length = audits.iter().find(|audit| audit.measure == Measure::Length).unwrap();
-    for regime in &length.regimes {
-        if form == Form::Accurate && regime.worst.iter().any(|error| *error > bar) {
-            println!("n = {n:e}: {}: {:.0?} at {:?}", regime.name, regime.worst, regime.at);
+    let of_bonds = [Argument::Measure(Measure::Length), Argument::Square(Measure::Length)];
+    let mut worst = [0.0_f64; 3];
+    for audit in audits.iter().filter(|audit| of_bonds.contains(&audit.argument)) {
+        for regime in &audit.regimes {
+            if form == Form::Accurate && regime.worst.iter().any(|error| *error > bar) {
+                let (of, at) = (audit.argument.symbol(), &regime.at);
+                println!("n = {n:e}, {of}: {}: {:.0?} at {at:?}", regime.name, regime.worst);
+            }
         }
+        let of_all = audit.worst();
+        (0..3).for_each(|order| worst[order] = worst[order].max(of_all[order]));
     }
-    length.worst()
+    worst
 }
 
 fn keeps_its_digits(level: Level) {

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use piola_compiler::Form;
-use piola_compiler::audit::{Audit, Regime, Settings, audit};
+use piola_compiler::audit::{Audit, Place, Regime, Settings, audit};
+use piola_compiler::{Argument, Form};
 use piola_runtime::output::atomic::write_atomically;
 use piola_runtime::output::decimal;
 use piola_runtime::output::picture::{LogarithmicPanel, LogarithmicPlot};
@@ -16,8 +16,6 @@ use crate::cli::{self, AuditFormat};
 use crate::potential;
 use crate::render;
 
-const ORDERS: [&str; 3] = ["psi", "psi'", "psi''"];
-
 pub(super) fn execute(arguments: &cli::Audit) -> Exit {
     let Some(loaded) = potential::load(&arguments.file, cli::Format::Human) else {
         return Exit::Input;
@@ -26,9 +24,6 @@ pub(super) fn execute(arguments: &cli::Audit) -> Exit {
     let Some(values) = potential::every_energy(model, arguments.dim, inputs, "audited") else {
         return Exit::Input;
     };
-    if model.has_gradient_energy() {
-        eprintln!("note: psi(F) is not audited: `piola verify` counts its errors in u");
-    }
     if model.has_gathered_energy() {
         eprintln!("note: energies of gathered values are not audited: see `piola verify`");
     }
@@ -72,21 +67,30 @@ fn passes(worst: &[f64; 3], bar: f64) -> bool {
 fn human(audits: &[Audit], bar: f64) -> String {
     let mut out = String::new();
     for audit in audits {
-        let symbol = audit.measure.symbol();
+        let (symbol, orders) = (audit.argument.symbol(), audit.argument.orders());
+        let of = if audit.argument == Argument::Gradient { "norm" } else { "value" };
+        let width = audit.regimes.iter().map(|regime| regime.name.len()).fold(16, usize::max);
+        let [psi, first, second] = orders;
+        if let Argument::Square(measure) = audit.argument {
+            let m = measure.symbol();
+            let _ =
+                writeln!(out, "psi({m}) runs as a function of {symbol}, with derivatives by it:");
+        }
         let _ = writeln!(
             out,
-            "psi({symbol}): largest errors in u = 1.1e-16 of the value, bar {bar}\n\
-             {:16} {:>7} {:>11} {:>11} {:>11}",
-            "regime", "points", "psi", "psi'", "psi''"
+            "psi({symbol}): largest errors in u = 1.1e-16 of the {of}, bar {bar}\n\
+             {:width$} {:>7} {psi:>11} {first:>11} {second:>11}",
+            "regime", "points"
         );
         for regime in &audit.regimes {
-            let _ = write!(out, "{:16} {:>7}", regime.name, regime.n_points);
+            let _ = write!(out, "{:width$} {:>7}", regime.name, regime.n_points);
             for error in regime.worst {
                 let _ = write!(out, " {:>11}", units(error));
             }
             out.push('\n');
             for order in (0..3).filter(|&order| regime.worst[order] > bar) {
-                let _ = writeln!(out, "  missed: {}", worst_input(audit, regime, order));
+                let _ =
+                    writeln!(out, "  missed: {} at {}", orders[order], input(audit, regime, order));
             }
         }
         out.push('\n');
@@ -94,35 +98,61 @@ fn human(audits: &[Audit], bar: f64) -> String {
     out
 }
 
-fn units(error: f64) -> String {
+/// An error in `u`.
+pub(super) fn units(error: f64) -> String {
     if error < 1e4 { format!("{error:.1}") } else { format!("{error:.1e}") }
 }
 
-fn worst_input(audit: &Audit, regime: &Regime, order: usize) -> String {
-    let point = regime.at[order];
-    let (symbol, reference) = (audit.measure.symbol(), audit.measure.reference_symbol());
-    format!(
-        "{} at {symbol} = {}, {reference} = {}",
-        ORDERS[order],
-        decimal(point.measure),
-        decimal(point.reference)
-    )
+/// Where the largest error is.
+fn input(audit: &Audit, regime: &Regime, order: usize) -> String {
+    match &regime.at[order] {
+        Some(Place::Interaction(point)) => {
+            let (Argument::Measure(measure) | Argument::Square(measure)) = audit.argument else {
+                return String::new();
+            };
+            format!(
+                "{} = {}, {} = {}",
+                audit.argument.symbol(),
+                decimal(point.measure),
+                measure.reference_symbol(),
+                decimal(point.reference)
+            )
+        }
+        Some(Place::Gradient { change, is_near: true, .. }) => {
+            format!("F - I = ({})", listed(change, ", "))
+        }
+        Some(Place::Gradient { gradient, .. }) => format!("F = ({})", listed(gradient, ", ")),
+        None => String::new(),
+    }
 }
 
+fn listed(numbers: &[f64], separator: &str) -> String {
+    numbers.iter().map(|x| decimal(*x)).collect::<Vec<_>>().join(separator)
+}
+
+/// The input and what it is at rest; of `F` all components, and `F - I`.
 fn csv(audits: &[Audit]) -> String {
-    let mut out = "measure,regime,points,order,error,at,at_reference\n".to_string();
+    let mut out = "measure,regime,points,order,error,at,at_reference,at_change\n".to_string();
     for audit in audits {
         for regime in &audit.regimes {
             for order in 0..3 {
+                let at = match &regime.at[order] {
+                    Some(Place::Interaction(point)) => {
+                        [point.measure, point.reference, point.change()].map(decimal)
+                    }
+                    Some(Place::Gradient { gradient, change, .. }) => {
+                        [listed(gradient, " "), String::new(), listed(change, " ")]
+                    }
+                    None => [const { String::new() }; 3],
+                };
                 let _ = writeln!(
                     out,
-                    "{},{},{},{order},{},{},{}",
-                    audit.measure.symbol(),
+                    "{},{},{},{order},{},{}",
+                    audit.argument.symbol(),
                     regime.name,
                     regime.n_points,
                     decimal(regime.worst[order]),
-                    decimal(regime.at[order].measure),
-                    decimal(regime.at[order].reference)
+                    at.join(",")
                 );
             }
         }
@@ -133,13 +163,17 @@ fn csv(audits: &[Audit]) -> String {
 fn json_lines(file: &str, dimension: usize, audits: &[Audit], bar: f64) -> String {
     // JSON has no infinity: an error without end is null.
     let number = |x: f64| if x.is_finite() { json!(x) } else { Value::Null };
+    let at = |place: &Option<Place>| match place {
+        Some(Place::Interaction(point)) => json!([point.measure, point.reference]),
+        Some(Place::Gradient { gradient, change, .. }) => json!({ "F": gradient, "F-I": change }),
+        None => Value::Null,
+    };
     let regime = |regime: &Regime| {
-        let at = |order: usize| json!([regime.at[order].measure, regime.at[order].reference]);
         json!({
             "regime": regime.name,
             "points": regime.n_points,
             "errors": regime.worst.map(number),
-            "at": [at(0), at(1), at(2)],
+            "at": regime.at.each_ref().map(at),
         })
     };
     let mut out = String::new();
@@ -147,7 +181,7 @@ fn json_lines(file: &str, dimension: usize, audits: &[Audit], bar: f64) -> Strin
         let line = json!({
             "file": file,
             "dimension": dimension,
-            "measure": audit.measure.symbol(),
+            "measure": audit.argument.symbol(),
             "bar": bar,
             "passed": passes(&audit.worst(), bar),
             "regimes": audit.regimes.iter().map(regime).collect::<Vec<_>>(),
@@ -165,10 +199,10 @@ fn picture(path: &Path, name: &str, audits: &[Audit]) -> Result<(), String> {
                 let error = regime.worst[order] * piola_compiler::verify::UNIT_ROUNDOFF;
                 Some((regime.strain?, error))
             });
-            (ORDERS[order].to_string(), near.collect())
+            (audit.argument.orders()[order].to_string(), near.collect())
         };
         LogarithmicPanel {
-            title: format!("psi({})", audit.measure.symbol()),
+            title: format!("psi({})", audit.argument.symbol()),
             x: "strain",
             y: "largest relative error",
             lines: (0..3).map(line).collect(),

@@ -4,12 +4,13 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use piola_compiler::audit::{Audit, Settings, audit};
-use piola_compiler::{Form, Level, Measure, Mode, Values};
+use piola_compiler::{Argument, Form, Level, Measure, Mode, Values};
 use piola_runtime::element::cost::{self, CostError, EnergyCost, WayCost};
 use piola_runtime::output::summary::PhaseClock;
 use piola_runtime::simulation::{self, Case, SceneCost};
 use serde_json::{Value, json};
 
+use super::audit::units;
 use super::derive::print_compile_error;
 use super::{Exit, scene};
 use crate::cli::{Bench, Format};
@@ -77,12 +78,17 @@ fn of_potential(name: &str, arguments: &Bench) -> Exit {
     Exit::Done
 }
 
-/// Largest errors of psi, psi', psi'' in units of 2^-53, for the levels of compiled code.
+/// Largest errors of what was timed, in units of 2^-53, for the levels of compiled code: an energy
+/// that runs as a function of the squared measure is timed as one.
 fn errors(cost: &WayCost, energy: &EnergyCost, audits: &Audits) -> Option<[f64; 3]> {
     let Mode::Jit(level) = cost.way.mode else { return None };
     let (_, audits) = audits.iter().find(|(audited, _)| *audited == level)?;
-    let audit = audits.iter().find(|audit| audit.measure == energy.measure)?;
-    Some(audit.worst())
+    let find = |argument| audits.iter().find(|audit| audit.argument == argument);
+    let of_square = match energy.argument {
+        Argument::Measure(measure) => find(Argument::Square(measure)),
+        _ => None,
+    };
+    Some(of_square.or_else(|| find(energy.argument))?.worst())
 }
 
 fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &Audits) -> String {
@@ -94,13 +100,13 @@ fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &
     );
     for cost in costs {
         for energy in &cost.energies {
-            let psi = format!("psi({})", energy.measure.symbol());
+            let psi = format!("psi({})", energy.argument.symbol());
             let _ = write!(out, "{:24} {psi:8}", cost.way.name);
             for nanoseconds in energy.nanoseconds {
                 let _ = write!(out, " {nanoseconds:>10.1}");
             }
             if let Some(errors) = errors(cost, energy, audits) {
-                let _ = write!(out, "   {}", errors.map(|error| format!("{error:.1}")).join(", "));
+                let _ = write!(out, "   {}", errors.map(units).join(", "));
             }
             out.push('\n');
         }
@@ -110,13 +116,19 @@ fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &
         let _ = writeln!(out, "{:24} {:>10.3}", cost.way.name, cost.compile_seconds * 1e3);
     }
     out.push_str("\nu = 1.1e-16 of the value; `piola audit` says where the largest errors are\n");
+    if loaded.model.has_gradient_energy() {
+        out.push_str(
+            "psi(F): ns per place a few percent from rest for psi, for psi and P, and for dP; errors of \
+             these in u of the norm\n",
+        );
+    }
     for measure in Measure::ALL {
         if loaded.model.squared(values, measure).is_some() {
             let m = measure.symbol();
             let _ = writeln!(
                 out,
-                "psi({m}) is a function of {m}^2: symbolic derivatives need no root of it; errors are \
-                 of the form in {m}"
+                "psi({m}) is a function of {m}^2: symbolic derivatives need no root of it; times and \
+                 errors are of that form"
             );
         }
     }
@@ -124,12 +136,18 @@ fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &
 }
 
 fn potential_json(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &Audits) -> Value {
+    let of_square = |argument: Argument| match argument {
+        Argument::Measure(measure) => loaded.model.squared(values, measure).is_some(),
+        _ => false,
+    };
     let energy = |cost: &WayCost, energy: &EnergyCost| {
-        let [only, gradient, tangent] = energy.nanoseconds;
+        let [only, gradient, second] = energy.nanoseconds;
+        let third = if energy.argument == Argument::Gradient { "product" } else { "tangent" };
+        let nanoseconds = json!({ "energy": only, "gradient": gradient, third: second });
         json!({
-            "measure": energy.measure.symbol(),
-            "of_square": loaded.model.squared(values, energy.measure).is_some(),
-            "nanoseconds": { "energy": only, "gradient": gradient, "tangent": tangent },
+            "measure": energy.argument.symbol(),
+            "of_square": of_square(energy.argument),
+            "nanoseconds": nanoseconds,
             // JSON has no infinity: an error without end is null.
             "errors": errors(cost, energy, audits)
                 .map(|errors| errors.map(|x| if x.is_finite() { json!(x) } else { Value::Null })),

@@ -50,13 +50,6 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
         }
         None => return Exit::Input,
     };
-    if arguments.emit == Emit::C && gradient.is_some() {
-        render::error(
-            "psi(F) is not printed as C",
-            Some("use --emit text, latex, graph, clif or asm"),
-        );
-        return Exit::Input;
-    }
     match emit(&loaded, &specialised, gradient.as_ref(), arguments) {
         Ok(text) => {
             render::out(&text);
@@ -174,7 +167,7 @@ fn emit(
     let model = &loaded.model;
     let listing = |energy| CompiledKernel::listing(energy, arguments.level.into());
     if arguments.emit == Emit::C {
-        return Ok(print::c_source(model, &specialised.energies));
+        return Ok(print::c_source(model, &specialised.energies, gradient));
     }
     let mut parts = Vec::new();
     for energy in &specialised.energies {

@@ -1,5 +1,6 @@
 //! `piola verify`: machine code against the interpreter and hyper-dual numbers.
 
+use piola_compiler::Argument;
 use piola_compiler::gathered::{BAR, GatheredVerification, verify_gathered};
 use piola_compiler::point::{BAR_FAR, BAR_NEAR, GradientVerification, verify_gradient};
 use piola_compiler::verify::{Miss, Verification, verify};
@@ -89,7 +90,7 @@ pub(super) fn execute(arguments: &Verify) -> Exit {
 }
 
 fn report(file: &str, dimension: usize, found: &Verification, format: Format) {
-    let symbol = found.measure.symbol();
+    let symbol = found.argument.symbol();
     if format == Format::Json {
         let line = json!({
             "potential": file,
@@ -117,7 +118,7 @@ fn report(file: &str, dimension: usize, found: &Verification, format: Format) {
         worst.join(", ")
     ));
     for miss in found.misses.iter().take(5) {
-        render::out(&describe(symbol, miss));
+        render::out(&describe(found.argument, miss));
     }
     if found.misses.len() > 5 {
         render::out(&format!("        .. and {} more\n", found.misses.len() - 5));
@@ -194,12 +195,16 @@ fn report_gathered(file: &str, dimension: usize, found: &GatheredVerification, f
     ));
 }
 
-fn describe(symbol: &str, miss: &Miss) -> String {
+fn describe(argument: Argument, miss: &Miss) -> String {
+    let symbol = argument.symbol();
+    let rest = match argument {
+        Argument::Measure(measure) | Argument::Square(measure) => measure.reference_symbol(),
+        Argument::Gradient => "I",
+    };
     format!(
-        "        {} at {symbol} = {:e}, {} = {:e}: {:e}, expected {:e} within {:.1e}\n",
+        "        {} at {symbol} = {:e}, {rest} = {:e}: {:e}, expected {:e} within {:.1e}\n",
         ORDERS[miss.order],
         miss.point.measure,
-        symbol.to_uppercase(),
         miss.point.reference,
         miss.compiled,
         miss.expected,

@@ -44,6 +44,33 @@ fn an_energy_is_timed_in_every_way() {
 }
 
 #[test]
+fn energies_of_the_deformation_gradient_are_timed_with_their_errors() {
+    let arguments = ["--dim", "2", "--set", "lambda=100", "--set", "mu=1"];
+    let found = bench("st_venant_kirchhoff", &arguments);
+    for way in list(&found["ways"]) {
+        let energies = list(&way["energies"]);
+        if way["way"] == "hyper-dual coordinates" {
+            assert!(energies.is_empty(), "{way}");
+            continue;
+        }
+        assert_eq!((energies.len(), &energies[0]["measure"]), (1, &"F".into()));
+        for order in ["energy", "gradient", "product"] {
+            assert!(number(&energies[0]["nanoseconds"][order]) > 0.0);
+        }
+        let errors = &energies[0]["errors"];
+        if way["way"] == "fast" || way["way"] == "strict" {
+            assert!(numbers(errors).iter().all(|e| *e > 0.0 && *e <= 64.0), "{errors:?}");
+        } else {
+            assert!(errors.is_null(), "{way}");
+        }
+    }
+    let text = piola(&[&["bench", "st_venant_kirchhoff"], &arguments[..]].concat()).expect(0);
+    for part in ["psi(F)", "ns per place", "hyper-dual  "] {
+        assert!(text.stdout.contains(part), "no `{part}` in\n{}", text.stdout);
+    }
+}
+
+#[test]
 fn what_is_a_function_of_squares_is_told() {
     let arguments = ["bench", "firooz2023", "--dim", "3", "--set", "n=2"];
     let text = piola(&arguments).expect(0).stdout;

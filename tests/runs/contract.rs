@@ -179,6 +179,11 @@ fn every_stage_can_be_printed() {
     for stage in ["text", "latex", "c", "ast", "model", "graph", "clif", "asm"] {
         let outcome = piola(&["derive", "firooz2023", "--emit", stage]).expect(0);
         assert!(outcome.stdout.len() > 100, "{stage}");
+        let outcome = piola(&["derive", "neo_hooke", "--emit", stage]).expect(0);
+        assert!(outcome.stdout.len() > 100, "{stage}");
+        if stage == "c" {
+            assert!(outcome.stdout.contains("void neo_hooke_F_product(size_t n,"));
+        }
     }
     piola(&["completions", "bash"]).expect(0);
     piola(&["info"]).expect(0);

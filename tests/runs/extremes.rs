@@ -94,6 +94,38 @@ fn e10_a_tetrahedron_turned_inside_out_is_named_where_the_energy_forbids_it() {
     energy("bound.piola", "", MIRRORED, 2).says(&said).says(&["the declared domain of v/V"]);
 }
 
+/// St Venant-Kirchhoff is finite for a body in its mirror; a declared domain of J refuses it.
+#[test]
+fn e19_a_place_outside_the_declared_domain_of_j_is_named() {
+    let body = |domain: &str, energy: &str| {
+        let folder = SceneFolder::new(
+            "[body]\ndimension = 2\npoints = \"p.csv\"\n[horizon]\nradius = 1.6\n\
+             [material]\npotential = \"own.piola\"\nparameters = { mu = 1.0 }\n",
+        );
+        let own = format!("potential own\nparameter mu in Pa\npsi(F) = {energy}\n{domain}");
+        folder.file("own.piola", own);
+        let places = || (0..4).flat_map(|i| (0..4).map(move |j| (i, j)));
+        let points: String = places().map(|(i, j)| format!("{i},{j},1\n")).collect();
+        folder.file("p.csv", format!("x,y,volume\n{points}"));
+        let mirror: String = places().map(|(i, _)| format!("{},0\n", -2 * i)).collect();
+        let table = folder.file("u.csv", format!("u,v\n{mirror}"));
+        piola(&["energy", &folder.scene(), "--displacement", &table])
+    };
+    let energy = "mu*(E : E)";
+    body("", energy).expect(0);
+    body("domain J in [-2, 2)\n", energy).expect(0);
+    let refused = body("domain J in (0, inf)\n", energy).expect(2);
+    refused.says(&[
+        "psi(F) is declared for J in (0, inf) alone, and J = -",
+        "for the bond of the points ",
+        "displaced by",
+    ]);
+    body("domain J in (0, inf)\n", "mu/2*(tr(C) - d - 2*ln(J))")
+        .expect(2)
+        .says(&["declared for J"]);
+    body("", "mu/2*(tr(C) - d - 2*ln(J))").expect(2).says(&["is not finite for the bond"]);
+}
+
 #[test]
 fn e13_an_overflow_is_named_and_finite_numbers_are_kept() {
     let far = "1e60,0,0\n0,0,0\n0,0,0\n0,0,0\n";

@@ -10,11 +10,12 @@ use super::MAX_FINDINGS;
 use super::dimension::Dimension;
 use super::elaborate::Elaborator;
 use super::names::{Symbol, Symbols, parts};
+use super::tensor::Kinematic;
 use super::unit::{UnitValue, base_units, named_unit, prefixes, unit_names};
 use super::value::{GRADIENT, INTEGRAL, Quantity, Value};
 use crate::expression::{ExprGraph, NodeId};
 use crate::lint::LINTS;
-use crate::measure::Measure;
+use crate::measure::{Argument as Of, Measure};
 use crate::model::{
     Conditions, Constraint, Energy, GradientEnergy, Interval, Model, Parameter, Variant,
 };
@@ -458,16 +459,27 @@ impl<'a> Builder<'a> {
         let (Some(lower), Some(upper)) = bounds else { return };
         let measures: Vec<Measure> =
             Measure::ALL.into_iter().filter(|m| value.uses & (1 << (*m as u8)) != 0).collect();
-        let gathered = value.uses & INTEGRAL != 0;
-        let (&[measure], false) = (measures.as_slice(), gathered) else {
-            let span = self.ast.arena[domain.quantity].span;
-            let message = "a domain bounds a quantity of one measure";
-            self.elaborator.report(
-                Diagnostic::error("wrong-measure", span, message)
-                    .help("write for instance `domain l/L in (0, 10]`"),
-            );
-            return;
-        };
+        let is_jacobian = matches!(
+            &self.ast.arena[domain.quantity].kind,
+            ExprKind::Name(name)
+                if self.elaborator.symbols.get(name) == Some(Symbol::Kinematic(Kinematic::Jacobian))
+        );
+        let argument =
+            match (measures.as_slice(), value.uses & (GRADIENT | INTEGRAL)) {
+                (&[measure], 0) => Of::Measure(measure),
+                ([], GRADIENT) if is_jacobian => Of::Gradient,
+                (_, others) => {
+                    let span = self.ast.arena[domain.quantity].span;
+                    let message = match others {
+                        0 | INTEGRAL => "a domain bounds a quantity of one measure",
+                        _ => "a domain of `F` bounds `J`",
+                    };
+                    self.elaborator.report(Diagnostic::error("wrong-measure", span, message).help(
+                        "write for instance `domain l/L in (0, 10]` or `domain J in (0, inf)`",
+                    ));
+                    return;
+                }
+            };
         // Ends that are no numbers make no domain either.
         if lower.0.partial_cmp(&upper.0) != Some(std::cmp::Ordering::Less) {
             let message = format!("the domain is empty: {} is not below {}", lower.0, upper.0);
@@ -475,7 +487,7 @@ impl<'a> Builder<'a> {
             return;
         }
         let text = print_expression(&self.ast.arena, domain.quantity);
-        self.variant.domains.push(Interval { measure, root: value.node, lower, upper, text });
+        self.variant.domains.push(Interval { argument, root: value.node, lower, upper, text });
     }
 
     fn bound(&mut self, bound: &piola_grammar::ast::Bound) -> Option<(f64, bool)> {

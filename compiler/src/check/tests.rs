@@ -155,6 +155,11 @@ fn names_are_resolved() {
         ("parameter c = l\npsi(l) = l", "not-a-constant"),
         ("domain l/A in (0, 1)\npsi(l) = l", "wrong-measure"),
         ("domain l/L in (1, 1)\npsi(l) = l", "empty-domain"),
+        ("domain J in (0, inf)\npsi(l) = l", "unknown-name"),
+        ("domain J^2 in (0, inf)\npsi(F) = J", "wrong-measure"),
+        ("domain tr(C) in (0, inf)\npsi(F) = J", "wrong-measure"),
+        ("J = 2*det(F)\ndomain J in (0, inf)\npsi(F) = J", "wrong-measure"),
+        ("domain J in (1, 1)\npsi(F) = J", "empty-domain"),
         ("parameter c in furlong\npsi(l) = c*l", "unknown-unit"),
         ("k = 2", "no-energy"),
     ] {

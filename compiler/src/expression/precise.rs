@@ -112,21 +112,20 @@ impl<const BITS: usize> Precise<BITS> {
         self.chain(|x| {
             let power = |c: &Float| power::<BITS>(x, c);
             let lower = c - &one;
+            let value = power(c)?;
             if !is_zero(x) {
-                let value = power(c)?;
                 let first = c * &value / x;
                 let second = &lower * &first / x;
                 return Some([value, first, second]);
             }
-            let least = &lower - &one;
             // Where a factor is 0 its power is not asked for: 0^-1 has no value.
             let first = if is_zero(c) { exact::<BITS>(0) } else { c * power(&lower)? };
             let second = if is_zero(c) || is_zero(&lower) {
                 exact::<BITS>(0)
             } else {
-                c * &lower * power(&least)?
+                c * &lower * power(&(&lower - &one))?
             };
-            Some([power(c)?, first, second])
+            Some([value, first, second])
         })
     }
 }

@@ -3,6 +3,7 @@
 use num_dual::HyperDual64;
 use rustc_hash::FxHashMap;
 
+use super::domain::VolumeDomain;
 use super::principal::axes::{self, Axes, LANES};
 use super::principal::witness::{Principal, Products};
 use super::{GradientEnergyForms, GradientForm};
@@ -48,6 +49,7 @@ pub struct GradientKernel {
     /// Whether principal stretches and axes are found before machine code runs.
     has_axes: bool,
     body: Body,
+    domain: VolumeDomain,
 }
 
 #[derive(Debug)]
@@ -173,7 +175,7 @@ impl GradientKernel {
         let far = Evaluator::new(forms.far, mode)?;
         let near = forms.near.map(|near| Evaluator::new(near, mode)).transpose()?;
         let body = Body::Forms(Box::new(far), near.map(Box::new));
-        Ok(GradientKernel { dimension, has_axes, body })
+        Ok(GradientKernel { dimension, has_axes, body, domain: VolumeDomain::default() })
     }
 
     /// 2 or 3.
@@ -181,7 +183,13 @@ impl GradientKernel {
         self.dimension
     }
 
-    /// psi in J/m^3 and, unless `stress` is empty, P in Pa.
+    /// Whether the declared domain holds a gradient, row by row.
+    pub(crate) fn admits(&self, gradient: &[f64]) -> bool {
+        self.domain.contains(gradient)
+    }
+
+    /// psi in J/m^3 and, unless `stress` is empty, P in Pa; psi is no number outside the declared
+    /// domain.
     ///
     /// # Panics
     /// If an array does not have the length of its kind: a mistake of the caller, not of a user.
@@ -194,7 +202,8 @@ impl GradientKernel {
             Body::Dual(energy) => energy.evaluate(at, psi, stress),
             Body::Forms(far, near) => {
                 let mut stress = split(stress, at.n);
-                let outputs = [psi].into_iter().chain(stress.iter_mut().map(|array| &mut **array));
+                let outputs =
+                    [&mut *psi].into_iter().chain(stress.iter_mut().map(|array| &mut **array));
                 let mut outputs: Vec<&mut [f64]> = outputs.collect();
                 self.in_blocks(at, near.is_some(), None, &mut outputs, |is_near, sources, out| {
                     let (psi, stress) = out.split_first_mut().expect("psi is first");
@@ -202,6 +211,7 @@ impl GradientKernel {
                 });
             }
         }
+        self.domain.restrict(self.dimension, at, psi);
     }
 
     /// dP in Pa for directions dF.
@@ -442,13 +452,15 @@ impl Model {
     ) -> Result<(Option<GradientKernel>, Vec<Dropped>), CompileError> {
         let (forms, dropped) = self.specialise_gradient(values, form)?;
         let Some(forms) = forms else { return Ok((None, dropped)) };
-        let kernel = match mode {
+        let mut kernel = match mode {
             Mode::HyperDual => {
                 let body = Body::Dual(self.written_gradient(values));
-                GradientKernel { dimension: values.dimension, has_axes: false, body }
+                let domain = VolumeDomain::default();
+                GradientKernel { dimension: values.dimension, has_axes: false, body, domain }
             }
             _ => GradientKernel::new(forms, mode)?,
         };
+        kernel.domain = self.variant(values.dimension).map(VolumeDomain::of).unwrap_or_default();
         Ok((Some(kernel), dropped))
     }
 

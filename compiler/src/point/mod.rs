@@ -10,12 +10,17 @@
 //! | `adjoint` | derivatives by several variables |
 //! | `principal` | functions of the right stretch tensor |
 //! | `kernel` | both forms over arrays, and the choice between them |
+//! | `domain` | declared bounds of `J` |
+//! | `sample`, `truth` | gradients to try an energy at, and its values there to any precision |
 //! | `verify` | against the interpreter, hyper-dual numbers and numbers of any precision |
 
 pub(crate) mod adjoint;
+mod domain;
 mod kernel;
 mod near;
 mod principal;
+pub(crate) mod sample;
+pub(crate) mod truth;
 mod verify;
 
 pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy, gradient_listing};

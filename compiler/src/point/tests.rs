@@ -1,4 +1,5 @@
-use super::verify::{Sample, plus_identity, truth};
+use super::sample::{Sample, plus_identity};
+use super::truth::truth;
 use super::{GradientBatch, verify_gradient};
 use crate::test_support::{model, values};
 use crate::{Form, Level, Mode};
@@ -88,6 +89,36 @@ fn energies_of_the_gradient_have_right_digits_near_rest_and_far_from_it() {
     }
 }
 
+#[test]
+fn outside_the_declared_domain_psi_is_no_number() {
+    let text = "potential p\nparameter mu = 1\npsi(F) = mu/2*(E : E)\ndomain J in (0.5, 2]\n";
+    let model = model(text);
+    assert!(crate::print::model_listing(&model).contains("  domain J in (0.5, 2]\n"));
+    for dimension in [2, 3] {
+        let values = values(&model, dimension, &[]);
+        for mode in [Mode::Jit(Level::Fast), Mode::Interpreter, Mode::HyperDual] {
+            let kernel = model.compile_gradient(&values, mode, Form::Accurate).unwrap().0.unwrap();
+            let psi = |j: f64| {
+                let mut gradient = plus_identity(&vec![0.0; dimension * dimension], 1.0);
+                gradient[0] = j;
+                let change = plus_identity(&gradient, -1.0);
+                let mut psi = [0.0];
+                let at = GradientBatch { n: 1, gradient: &gradient, change: &change };
+                kernel.evaluate(at, &mut psi, &mut []);
+                psi[0]
+            };
+            for inside in [0.6, 0.9, 1.0, 2.0] {
+                assert!(psi(inside).is_finite(), "{mode:?} {inside}");
+            }
+            for outside in [-1.0, 0.0, 0.5, 2.1, f64::NAN] {
+                assert!(psi(outside).is_nan(), "{mode:?} {outside}");
+            }
+        }
+        let found = verify_gradient(&model, &values, 40).unwrap().unwrap();
+        assert!(found.passed() && found.n_points < 80, "{found:?}");
+    }
+}
+
 /// Inverted, nearly flat, turned by 90 degrees: diagonals, alone and before a rotation.
 fn extreme_gradients() -> Vec<(&'static str, Vec<f64>)> {
     let diagonal = |x: f64, y: f64, z: f64| vec![x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z];
@@ -127,7 +158,7 @@ fn e19_extreme_gradients_have_right_digits_or_none() {
             let values = values(&model, 3, &[("lambda", ratio), ("mu", 1.0)]);
             let written = model.written_gradient(&values);
             for (name, gradient) in extreme_gradients() {
-                let change = plus_identity(&gradient, 3, -1.0);
+                let change = plus_identity(&gradient, -1.0);
                 let sample = Sample { gradient, change, direction: DIRECTION.to_vec() };
                 let label = format!("{} {ratio:e} {name}", model.name());
                 for level in Level::ALL {
@@ -166,7 +197,7 @@ fn equal_stretches_lose_no_digits() {
                             false => 0.0,
                         })
                         .collect();
-                    let change = plus_identity(&gradient, 3, -1.0);
+                    let change = plus_identity(&gradient, -1.0);
                     let sample = Sample { gradient, change, direction: DIRECTION.to_vec() };
                     let label = format!("{} {size} {apart:e} {turned}", model.name());
                     let truth = truth(&written, &sample).unwrap();
@@ -184,7 +215,7 @@ const DIRECTION: [f64; 9] = [0.5, 0.25, -0.125, 1.0, -0.5, 0.75, 0.375, -1.0, 0.
 /// The second energy at a gradient against true values of the first.
 fn the_same(texts: [&str; 2], name: &str, gradient: Vec<f64>) {
     let [first, second] = texts.map(model);
-    let change = plus_identity(&gradient, 3, -1.0);
+    let change = plus_identity(&gradient, -1.0);
     let sample = Sample { gradient, change, direction: DIRECTION.to_vec() };
     let truth = truth(&first.written_gradient(&values(&first, 3, &[])), &sample).unwrap();
     for level in Level::ALL {

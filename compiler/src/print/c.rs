@@ -5,23 +5,38 @@
 
 use std::fmt::Write as _;
 
+use crate::expression::graph::components;
 use crate::expression::power::{PowerOps, PowerPlan};
-use crate::expression::{Function, Input, Node, NodeId, Operator};
+use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::model::Model;
+use crate::point::{GradientEnergyForms, GradientForm, NEAR};
 use crate::specialise::ScalarEnergy;
 
-/// A C99 file with one function per energy:
+/// A C99 file with one function per energy of a measure:
 /// `void NAME_l(size_t n, const double *measure, const double *reference, const double *change,
-/// double *psi, double *dpsi, double *d2psi)`.
-pub fn c_source(model: &Model, energies: &[ScalarEnergy]) -> String {
+/// double *psi, double *dpsi, double *d2psi)`,
+/// and two for the energy of the deformation gradient, whose arrays hold component after component,
+/// row by row, of `n` places (`change` is `F - I`):
+/// `void NAME_F(size_t n, const double *gradient, const double *change, double *psi,
+/// double *stress)` and
+/// `void NAME_F_product(size_t n, const double *gradient, const double *change,
+/// const double *direction, double *product)`.
+pub fn c_source(
+    model: &Model,
+    energies: &[ScalarEnergy],
+    gradient: Option<&GradientEnergyForms>,
+) -> String {
     let mut out = format!(
-        "/* {}: psi, psi' and psi'' over arrays. Compile without contraction of a*b + c. */\n",
+        "/* {}: energies and their derivatives over arrays. Compile without contraction of a*b + c. */\n",
         model.name()
     );
     out.push_str("#include <math.h>\n#include <stddef.h>\n");
     out.push_str(HELPERS);
     for energy in energies {
         function(&mut out, model, energy);
+    }
+    if let Some(forms) = gradient {
+        gradient_functions(&mut out, model, forms);
     }
     out
 }
@@ -55,20 +70,88 @@ fn function(out: &mut String, model: &Model, energy: &ScalarEnergy) {
         model.name(),
         energy.measure.symbol()
     );
-    let mut writer = Writer { out, next: 0, names: Vec::new() };
-    for (_, node) in energy.graph.nodes() {
+    let input = |input| match input {
+        Input::Current(_) => "measure[i]".into(),
+        Input::Reference(_) => "reference[i]".into(),
+        Input::Change(_) => "change[i]".into(),
+        // Specialisation has put numbers in their place.
+        _ => "NAN".into(),
+    };
+    let targets = ["psi[i]", "dpsi[i]", "d2psi[i]"].map(str::to_string);
+    statements(out, &energy.graph, &input, targets.into_iter().zip(energy.roots));
+    out.push_str("  }\n}\n");
+}
+
+/// psi with P, and dP: near rest by the form in `F - I`, as our kernels choose.
+fn gradient_functions(out: &mut String, model: &Model, forms: &GradientEnergyForms) {
+    let order = components(forms.dimension);
+    let entry = |array: &str, k: usize| format!("{array}[{k} * n + i]");
+    let of = |array: &str, c: u8| entry(array, order.iter().position(|x| *x == c).unwrap_or(0));
+    let input = |input| match input {
+        Input::Variable(c) => of("gradient", c),
+        Input::VariableChange(c) => of("change", c),
+        Input::Direction(c) => of("direction", c),
+        _ => "NAN".into(),
+    };
+    let write = |out: &mut String, form: &GradientForm, with_direction: bool| {
+        let (array, tensor) = match with_direction {
+            true => ("product", &form.product),
+            false => ("stress", &form.stress),
+        };
+        let psi = Some(("psi[i]".to_string(), form.psi)).filter(|_| !with_direction);
+        let all = tensor.iter().enumerate().map(|(k, root)| (entry(array, k), *root));
+        let (targets, roots): (Vec<String>, Vec<NodeId>) = psi.into_iter().chain(all).unzip();
+        let (graph, roots) = form.graph.extract(&roots);
+        statements(out, &graph, &input, targets.into_iter().zip(roots));
+    };
+    for (name, arrays, with_direction) in [
+        ("F", "double *psi, double *stress", false),
+        ("F_product", "const double *direction, double *product", true),
+    ] {
+        let _ = write!(
+            out,
+            "\nvoid {}_{name}(size_t n, const double *gradient, const double *change,\n\
+             \x20   {arrays}) {{\n\
+             \x20 for (size_t i = 0; i < n; i++) {{\n",
+            model.name()
+        );
+        if let Some(near) = &forms.near {
+            out.push_str("    int near = 1;\n");
+            let _ = writeln!(
+                out,
+                "    for (int k = 0; k < {}; k++) near = near && fabs(change[k * n + i]) < {NEAR:?};\n\
+                 \x20   if (near) {{",
+                order.len()
+            );
+            write(out, near, with_direction);
+            out.push_str("    continue;\n    }\n");
+        }
+        write(out, &forms.far, with_direction);
+        out.push_str("  }\n}\n");
+    }
+}
+
+/// Every operation of a graph, then what is wanted of them.
+fn statements(
+    out: &mut String,
+    graph: &ExprGraph,
+    input: &dyn Fn(Input) -> String,
+    roots: impl Iterator<Item = (String, NodeId)>,
+) {
+    let mut writer = Writer { out, input, next: 0, names: Vec::new() };
+    for (_, node) in graph.nodes() {
         let name = writer.node(node);
         writer.names.push(name);
     }
-    let names = writer.names;
-    for (output, root) in ["psi", "dpsi", "d2psi"].into_iter().zip(energy.roots) {
-        let _ = writeln!(out, "    {output}[i] = t{};", names[root.0 as usize]);
+    for (target, root) in roots {
+        let _ = writeln!(writer.out, "    {target} = t{};", writer.names[root.0 as usize]);
     }
-    out.push_str("  }\n}\n");
 }
 
 struct Writer<'a> {
     out: &'a mut String,
+    /// Where an input is read.
+    input: &'a dyn Fn(Input) -> String,
     next: usize,
     /// Number of each node's variable.
     names: Vec<usize>,
@@ -87,11 +170,9 @@ impl Writer<'_> {
         let value = match node {
             Node::Number(bits) => number(f64::from_bits(bits)),
             Node::Truth(holds) => return self.assign("int", if holds { "1" } else { "0" }),
-            Node::Input(Input::Current(_)) => "measure[i]".into(),
-            Node::Input(Input::Reference(_)) => "reference[i]".into(),
-            Node::Input(Input::Change(_)) => "change[i]".into(),
-            // Specialisation has put numbers, and accurate forms, in their place.
-            Node::Input(_) | Node::Strain(..) => "NAN".into(),
+            Node::Input(input) => (self.input)(input),
+            // Specialisation has put accurate forms in its place.
+            Node::Strain(..) => "NAN".into(),
             Node::Unary(Function::Negate, x) => format!("-t{}", of(x)),
             Node::Unary(function, x) => format!("{}(t{})", c_name(function), of(x)),
             Node::PowerConstant(x, bits) => {

@@ -43,10 +43,7 @@ pub fn model_listing(model: &Model) -> String {
             let _ = writeln!(out, "  psi({}) in {unit} = {}", energy.head, energy.text);
         }
         for domain in &variant.domains {
-            let (open, close) =
-                (if domain.lower.1 { '[' } else { '(' }, if domain.upper.1 { ']' } else { ')' });
-            let (lower, upper) = (domain.lower.0, domain.upper.0);
-            let _ = writeln!(out, "  domain {} in {open}{lower}, {upper}{close}", domain.text);
+            let _ = writeln!(out, "  domain {domain}");
         }
     }
     for constraint in model.constraints() {

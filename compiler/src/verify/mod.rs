@@ -1,4 +1,5 @@
-//! Generated derivatives against independent ones, over the declared domain.
+//! Generated derivatives against independent ones, over the declared domain; where an energy also runs
+//! as a function of the squared measure, that form as well, against the same energy as written.
 //!
 //! Machine code at the strict level must equal the interpreter bit for bit; machine code at every level
 //! must agree with hyper-dual numbers of the energy as written to `1e-14 + 8 u/|l/L - 1|` of the value: the second term is what the formula
@@ -11,8 +12,8 @@
 pub mod sample;
 pub mod truth;
 
-use crate::kernel::{Batch, Level, Mode, WrittenEnergy};
-use crate::measure::Measure;
+use crate::kernel::{Batch, Kernel, Level, Mode, WrittenEnergy};
+use crate::measure::Argument;
 use crate::model::Model;
 use crate::specialise::{CompileError, Dropped};
 use crate::values::Values;
@@ -27,8 +28,8 @@ const PRECISE: f64 = 1e-14;
 /// What was found for one energy.
 #[derive(Clone, Debug)]
 pub struct Verification {
-    /// The energy's measure.
-    pub measure: Measure,
+    /// What it is a function of: a measure, or the square of one.
+    pub argument: Argument,
     /// How many points were tried.
     pub n_points: usize,
     /// Where machine code at the strict level and interpreter differ in some bit.
@@ -61,7 +62,8 @@ impl Verification {
     }
 }
 
-/// Verifies every energy of a model for these values at about `2 n` points each.
+/// Verifies every energy of a model for these values at about `2 n` points each, and once more where
+/// it has a kernel for the squared measure.
 ///
 /// # Errors
 /// Energies that cannot be compiled.
@@ -79,34 +81,51 @@ pub fn verify(
     for (k, graph) in interpreted.kernels.iter().enumerate() {
         let measure = graph.measure();
         let points = sample::points(variant, measure, values, n);
-        let columns = Columns::new(&points);
-        let [strict, fast, interpreted] = [&strict.kernels[k], &fast.kernels[k], graph]
-            .map(|kernel| kernel.derivatives(columns.batch()));
         let written = model.written(values, measure);
-        let mut verification = Verification {
-            measure,
-            n_points: points.len(),
-            different_bits: Vec::new(),
-            misses: Vec::new(),
-            worst: [0.0; 3],
+        let kernels = [&strict.kernels[k], &fast.kernels[k], graph];
+        found.push(verify_kernels(Argument::Measure(measure), kernels, &written, &points));
+        let [Some(strict), Some(fast), Some(graph)] = kernels.map(Kernel::squared) else {
+            continue;
         };
-        for (i, &point) in points.iter().enumerate() {
-            let [strict, fast, interpreted] =
-                [&strict, &fast, &interpreted].map(|all| [all.psi[i], all.dpsi[i], all.d2psi[i]]);
-            if !strict.iter().zip(&interpreted).all(|(x, y)| same_bits(*x, *y)) {
-                verification.different_bits.push(point);
-            }
-            let expected: [f64; 3] = written.derivatives(point.measure, point.reference).into();
-            // A term that was dropped for its zero coefficient is 0 or, outside the domain, not a
-            // number in the written form; points lie in the domain, so the values can be compared.
-            compare(&mut verification, &written, point, strict, expected);
-            if !fast.iter().zip(&strict).all(|(x, y)| same_bits(*x, *y)) {
-                compare(&mut verification, &written, point, fast, expected);
-            }
-        }
-        found.push(verification);
+        let points: Vec<Point> = points.into_iter().map(Point::squared).collect();
+        let kernels = [strict, fast, graph];
+        let written = written.of_square();
+        found.push(verify_kernels(Argument::Square(measure), kernels, &written, &points));
     }
     Ok((found, interpreted.dropped))
+}
+
+/// Verifies machine code at the strict level, at the fast one, and the interpreter.
+fn verify_kernels(
+    argument: Argument,
+    kernels: [&Kernel; 3],
+    written: &WrittenEnergy,
+    points: &[Point],
+) -> Verification {
+    let columns = Columns::new(points);
+    let [strict, fast, interpreted] = kernels.map(|kernel| kernel.derivatives(columns.batch()));
+    let mut verification = Verification {
+        argument,
+        n_points: points.len(),
+        different_bits: Vec::new(),
+        misses: Vec::new(),
+        worst: [0.0; 3],
+    };
+    for (i, &point) in points.iter().enumerate() {
+        let [strict, fast, interpreted] =
+            [&strict, &fast, &interpreted].map(|all| [all.psi[i], all.dpsi[i], all.d2psi[i]]);
+        if !strict.iter().zip(&interpreted).all(|(x, y)| same_bits(*x, *y)) {
+            verification.different_bits.push(point);
+        }
+        let expected: [f64; 3] = written.derivatives(point.measure, point.reference).into();
+        // A term that was dropped for its zero coefficient is 0 or, outside the domain, not a
+        // number in the written form; points lie in the domain, so the values can be compared.
+        compare(&mut verification, written, point, strict, expected);
+        if !fast.iter().zip(&strict).all(|(x, y)| same_bits(*x, *y)) {
+            compare(&mut verification, written, point, fast, expected);
+        }
+    }
+    verification
 }
 
 fn compare(

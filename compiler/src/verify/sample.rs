@@ -2,7 +2,7 @@
 
 use crate::expression::Input;
 use crate::expression::interpret::Interpreter;
-use crate::measure::Measure;
+use crate::measure::{Argument, Measure};
 use crate::model::Variant;
 use crate::values::Values;
 
@@ -19,6 +19,17 @@ impl Point {
     /// `(l - L)/L`
     pub fn change(self) -> f64 {
         (self.measure - self.reference) / self.reference
+    }
+
+    /// The same interaction with `q = m^2/M` in the place of its measure `m`.
+    pub fn squared(self) -> Point {
+        let stretch = self.measure / self.reference;
+        Point { measure: stretch * stretch * self.reference, ..self }
+    }
+
+    /// The same with `m = sqrt(q*M)` in the place of `q`.
+    pub fn root(self) -> Point {
+        Point { measure: libm::sqrt(self.measure * self.reference), ..self }
     }
 }
 
@@ -76,7 +87,8 @@ pub fn points(variant: &Variant, measure: Measure, values: &Values, n: usize) ->
 
 /// Whether a point lies in the declared domain.
 pub fn contains(variant: &Variant, measure: Measure, values: &Values, point: Point) -> bool {
-    let mut declared = variant.domains.iter().filter(|d| d.measure == measure).peekable();
+    let mut declared =
+        variant.domains.iter().filter(|d| d.argument == Argument::Measure(measure)).peekable();
     if declared.peek().is_none() {
         return measure == Measure::Volume || point.measure > 0.0;
     }

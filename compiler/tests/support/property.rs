@@ -116,7 +116,7 @@ fn prints(model: &Model, specialised: &Specialised, dimension: usize) {
         assert!(balanced(&latex), "{latex}");
         print::graph_listing(model, energy.measure, &energy.graph, &energy.roots);
     }
-    print::c_source(model, &specialised.energies);
+    print::c_source(model, &specialised.energies, None);
 }
 
 /// Whether braces match, and every `\left` has its `\right`.

@@ -7,7 +7,9 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use num_dual::HyperDual64;
-use piola_compiler::{CompileError, Level, Mode, Model, Values};
+use piola_compiler::{
+    Argument, CompileError, Form, GradientBatch, GradientKernel, Level, Mode, Model, Values,
+};
 
 use super::{
     CAPACITY, Contributions, CoordinateElement, Element, InteractionBatch, MeasureElement,
@@ -71,16 +73,16 @@ pub struct WayCost {
     pub way: Way,
     /// Seconds from the checked potential to something that can be evaluated, all energies together.
     pub compile_seconds: f64,
-    /// One entry per energy, measures ascending.
+    /// One entry per energy that the way can evaluate, measures ascending, then `F`.
     pub energies: Vec<EnergyCost>,
 }
 
-/// What an interaction of one kind costs.
+/// What an interaction of one kind costs, or a place with a deformation gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EnergyCost {
-    /// Its measure.
-    pub measure: Measure,
-    /// Nanoseconds per interaction: energy; and gradient; and tangent.
+    /// Its measure, or `F`.
+    pub argument: Argument,
+    /// Nanoseconds per interaction: energy; and gradient; and tangent. Per place: psi; psi and P; dP.
     pub nanoseconds: [f64; 3],
 }
 
@@ -101,6 +103,9 @@ pub enum CostError {
         /// The interaction.
         at: NonFiniteLane,
     },
+    /// An energy of the deformation gradient that is not finite a few percent from rest.
+    #[error("psi(F) is not finite a few percent from rest: there is nothing to time")]
+    NonFiniteGradient,
 }
 
 /// Times every way for every energy of a potential.
@@ -116,6 +121,7 @@ fn cost_of(way: Way, model: &Model, values: &Values) -> Result<WayCost, CostErro
     for _ in 0..way.rounds {
         let start = Instant::now();
         black_box(model.compile(black_box(values), way.mode)?);
+        black_box(model.compile_gradient(black_box(values), way.mode, Form::Accurate)?);
         compile_seconds = compile_seconds.min(start.elapsed().as_secs_f64());
     }
     let dimension = values.dimension;
@@ -133,7 +139,13 @@ fn cost_of(way: Way, model: &Model, values: &Values) -> Result<WayCost, CostErro
         };
         let nanoseconds =
             time(&*element, way).map_err(|at| CostError::NonFinite { measure, at })?;
-        energies.push(EnergyCost { measure, nanoseconds });
+        energies.push(EnergyCost { argument: Argument::Measure(measure), nanoseconds });
+    }
+    if !way.in_coordinates
+        && let (Some(kernel), _) = model.compile_gradient(values, way.mode, Form::Accurate)?
+    {
+        let nanoseconds = time_gradient(&kernel, way).ok_or(CostError::NonFiniteGradient)?;
+        energies.push(EnergyCost { argument: Argument::Gradient, nanoseconds });
     }
     Ok(WayCost { way, compile_seconds, energies })
 }
@@ -159,6 +171,35 @@ fn time(element: &dyn Element, way: Way) -> Result<[f64; 3], NonFiniteLane> {
         }
     }
     Ok(least.map(|seconds| seconds / (way.batches * CAPACITY) as f64 * 1e9))
+}
+
+/// Nanoseconds per place for psi, for psi and P, and for dP, at strains of some percent; nothing where
+/// one of them is not finite.
+fn time_gradient(kernel: &GradientKernel, way: Way) -> Option<[f64; 3]> {
+    let (d, n) = (kernel.dimension(), way.batches * CAPACITY);
+    let mut random = Random(0x7069_6f6c_6146);
+    let mut numbers = |size: f64| (0..d * d * n).map(|_| size * random.next()).collect();
+    let (change, direction): (Vec<f64>, Vec<f64>) = (numbers(0.04), numbers(1.0));
+    let rest = |k: usize| f64::from(u8::from(k / n / d == k / n % d));
+    let gradient: Vec<f64> = change.iter().enumerate().map(|(k, h)| rest(k) + h).collect();
+    let at = GradientBatch { n, gradient: &gradient, change: &change };
+    let mut psi = vec![0.0; n];
+    let (mut stress, mut product) = (vec![0.0; d * d * n], vec![0.0; d * d * n]);
+    let mut least = [f64::INFINITY; 3];
+    for _ in 0..=way.rounds {
+        for (order, least) in least.iter_mut().enumerate() {
+            let start = Instant::now();
+            match order {
+                0 => kernel.evaluate(black_box(at), &mut psi, &mut []),
+                1 => kernel.evaluate(black_box(at), &mut psi, &mut stress),
+                _ => kernel.product(black_box(at), &direction, &mut product),
+            }
+            black_box((&psi, &stress, &product));
+            *least = least.min(start.elapsed().as_secs_f64());
+        }
+    }
+    let finite = [&psi, &stress, &product].iter().all(|all| all.iter().all(|x| x.is_finite()));
+    finite.then(|| least.map(|seconds| seconds / n as f64 * 1e9))
 }
 
 /// Reproducible interactions.
@@ -225,6 +266,23 @@ mod tests {
                 assert!(times.clone().all(|x| x > 0.0 && x.is_finite()), "{found:?}");
             }
         }
+    }
+
+    #[test]
+    fn energies_of_the_gradient_have_times_in_all_ways_but_coordinates() {
+        let text = "potential p\npsi(l) = (l/L - 1)^2\npsi(F) = E : E\n";
+        for dimension in [2, 3] {
+            let found = cost_of_text(text, dimension).unwrap();
+            for cost in &found {
+                let arguments: Vec<Argument> = cost.energies.iter().map(|e| e.argument).collect();
+                let both = [Argument::Measure(Measure::Length), Argument::Gradient];
+                assert_eq!(arguments, both[..if cost.way.in_coordinates { 1 } else { 2 }]);
+                let times = cost.energies.iter().flat_map(|energy| energy.nanoseconds);
+                assert!(times.clone().all(|x| x > 0.0 && x.is_finite()), "{found:?}");
+            }
+        }
+        let error = cost_of_text("potential p\npsi(F) = ln(0*J)\n", 3).unwrap_err();
+        assert!(error.to_string().starts_with("psi(F) is not finite"), "{error}");
     }
 
     #[test]

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use piola_compiler::expression::interpret::Interpreter;
 use piola_compiler::expression::{ExprGraph, Input, Node, NodeId};
 use piola_compiler::print::expression;
-use piola_compiler::{Measure, Model, Values, Variant};
+use piola_compiler::{Interval, Measure, Model, Values, Variant};
 
 use super::Case;
 use crate::energy::{Argument, NonFinite};
@@ -26,6 +26,13 @@ pub(super) fn explain(case: &Case, found: &NonFinite) -> String {
     }
     let Argument::Measure(measure) = found.argument else {
         let place = if points.len() == 1 { "the point" } else { "the bond of the points" };
+        if let Some(bound) = left_domain(case, found.value) {
+            return format!(
+                "psi(F) is declared for {bound} alone, and J = {:e} for {place} {}",
+                found.value,
+                points.join(", ")
+            ) + &displaced(case, found);
+        }
         return format!(
             "psi(F) or a derivative is not finite for {place} {}: det F = {:e}{}",
             points.join(", "),
@@ -53,6 +60,13 @@ pub(super) fn explain(case: &Case, found: &NonFinite) -> String {
         let _ = write!(text, "\n  {}", energy.reason());
     }
     text
+}
+
+/// The declared domain of psi(F) that does not hold this volume ratio.
+fn left_domain(case: &Case, j: f64) -> Option<&Interval> {
+    let domains = &case.model.variant(case.body.dimension())?.domains;
+    let of_gradient = piola_compiler::Argument::Gradient;
+    domains.iter().find(|domain| domain.argument == of_gradient && !domain.contains(j))
 }
 
 /// A line for each point: where it was and how far it moved.
@@ -127,7 +141,8 @@ impl Reading<'_> {
     }
 
     fn declared_domain(&self) -> String {
-        let domain = self.variant.domains.iter().find(|d| d.measure == self.measure);
+        let own = piola_compiler::Argument::Measure(self.measure);
+        let domain = self.variant.domains.iter().find(|d| d.argument == own);
         match domain {
             Some(domain) => format!("the declared domain of {} ends before", domain.text),
             None => "its energy is not finite beyond".to_string(),

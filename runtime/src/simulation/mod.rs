@@ -222,7 +222,8 @@ impl Case {
         let read = [0.0, -1.0].map(|m| explain::read(&variant.graph, &self.values, m, 1.0));
         let leaves =
             |domain: &Interval| read.iter().any(|r| !domain.contains(r.number(domain.root)));
-        variant.domains.iter().any(|domain| domain.measure == measure && leaves(domain))
+        let own = piola_compiler::Argument::Measure(measure);
+        variant.domains.iter().any(|domain| domain.argument == own && leaves(domain))
     }
 
     /// An interaction that cannot be evaluated, in the user's words: points, positions, the energy

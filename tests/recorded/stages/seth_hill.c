@@ -1,4 +1,4 @@
-/* seth_hill: psi, psi' and psi'' over arrays. Compile without contraction of a*b + c. */
+/* seth_hill: energies and their derivatives over arrays. Compile without contraction of a*b + c. */
 #include <math.h>
 #include <stddef.h>
 

@@ -1,112 +1,45 @@
-//! How many digits of psi, psi' and psi'' are right: compiled energies against numbers of any precision,
-//! regime by regime over the declared domain.
-//!
-//! An error counts in `u = 2^-53` of the true value. Where that is large because the value passes
-//! through zero, it counts in `u` of the value and of what it changes when the strain changes by its
-//! own size: no formula can do better for a measure that is rounded.
+//! Energies of a measure: regimes over the declared domain, and what an error counts in.
 
+use super::{Place, Regime, Settings, in_units};
 use crate::expression::interpret::Interpreter;
 use crate::expression::{Comparison, Node, NodeId};
-use crate::kernel::{Level, Mode, WrittenEnergy};
-use crate::measure::Measure;
-use crate::model::Model;
-use crate::specialise::{CompileError, Dropped, Form, ScalarEnergy};
+use crate::kernel::{Kernel, WrittenEnergy};
+use crate::measure::{Argument, Measure};
+use crate::model::Variant;
+use crate::specialise::ScalarEnergy;
 use crate::values::Values;
+use crate::verify::Columns;
 use crate::verify::sample::{Point, Random, contains};
 use crate::verify::truth::truth;
-use crate::verify::{Columns, UNIT_ROUNDOFF};
 
-/// Below this a true value may be lost to underflow.
-const SMALLEST: f64 = 1e-290;
-
-/// What an audit looks at.
-#[derive(Clone, Copy, Debug)]
-pub struct Settings {
-    /// The form of the energies.
-    pub form: Form,
-    /// The level of their code.
-    pub level: Level,
-    /// Points per regime.
-    pub points: usize,
-    /// Largest error in `u` that passes; smaller errors are not looked at more closely.
-    pub bar: f64,
-}
-
-/// Errors in one regime.
-#[derive(Clone, Debug)]
-pub struct Regime {
-    /// What its points have in common: `strain 1e-8`, `stretch 1e3`, ..
-    pub name: String,
-    /// The decade of the strain, where the regime is one near rest.
-    pub strain: Option<f64>,
-    /// How many points lie in the domain and have true values.
-    pub n_points: usize,
-    /// Largest error of psi, psi', psi'' in units of [`UNIT_ROUNDOFF`].
-    pub worst: [f64; 3],
-    /// Where it occurred.
-    pub at: [Point; 3],
-}
-
-/// Errors of one energy.
-#[derive(Clone, Debug)]
-pub struct Audit {
-    /// What it is a function of.
-    pub measure: Measure,
-    /// Regimes with points in the domain.
-    pub regimes: Vec<Regime>,
-}
-
-impl Audit {
-    /// Largest error of psi, psi', psi'' in units of [`UNIT_ROUNDOFF`].
-    pub fn worst(&self) -> [f64; 3] {
-        let mut worst = [0.0_f64; 3];
-        for regime in &self.regimes {
-            for order in 0..3 {
-                worst[order] = worst[order].max(regime.worst[order]);
-            }
-        }
-        worst
-    }
-}
-
-/// Audits every energy of a model for these values.
-///
-/// # Errors
-/// Energies that cannot be compiled.
-pub fn audit(
-    model: &Model,
+/// Errors of a kernel in every regime.
+pub(super) fn regimes(
+    variant: &Variant,
     values: &Values,
+    argument: Argument,
+    (kernel, energy, written): (&Kernel, &ScalarEnergy, &WrittenEnergy),
     settings: &Settings,
-) -> Result<(Vec<Audit>, Vec<Dropped>), CompileError> {
-    let compiled = model.compile_as(values, Mode::Jit(settings.level), settings.form)?;
-    let specialised = model.specialise_as(values, settings.form)?;
-    let variant =
-        model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
-    let mut audits = Vec::new();
-    for (kernel, energy) in compiled.kernels.iter().zip(&specialised.energies) {
-        let measure = kernel.measure();
-        let written = model.written(values, measure);
-        let mut regimes = Vec::new();
-        for (name, strain, stretches) in stretches(energy, measure, settings.points) {
-            let mut points = points_of(&stretches);
-            points.retain(|&point| contains(variant, measure, values, point));
-            let columns = Columns::new(&points);
-            let out = kernel.derivatives(columns.batch());
-            let mut regime = Regime { name, strain, n_points: 0, worst: [0.0; 3], at: [REST; 3] };
-            for (i, &point) in points.iter().enumerate() {
-                let found = [out.psi[i], out.dpsi[i], out.d2psi[i]];
-                measure_errors(&mut regime, &written, point, found, settings.bar);
-            }
-            if regime.n_points > 0 {
-                regimes.push(regime);
-            }
+) -> Vec<Regime> {
+    let measure = kernel.measure();
+    let of_square = argument == Argument::Square(measure);
+    let mut regimes = Vec::new();
+    for (name, strain, stretches) in stretches(energy, argument, settings.points) {
+        let mut points = points_of(&stretches);
+        points.retain(|&point| {
+            let point = if of_square { point.root() } else { point };
+            contains(variant, measure, values, point)
+        });
+        let columns = Columns::new(&points);
+        let out = kernel.derivatives(columns.batch());
+        let mut regime = Regime::new(name, strain);
+        for (i, &point) in points.iter().enumerate() {
+            let found = [out.psi[i], out.dpsi[i], out.d2psi[i]];
+            measure_errors(&mut regime, written, point, found, settings.bar);
         }
-        audits.push(Audit { measure, regimes });
+        regimes.push(regime);
     }
-    Ok((audits, compiled.dropped))
+    regimes
 }
-
-const REST: Point = Point { measure: 1.0, reference: 1.0 };
 
 fn measure_errors(
     regime: &mut Regime,
@@ -123,10 +56,7 @@ fn measure_errors(
             let scale = expected[order].abs() + change(written, point, expected, order);
             error = in_units(found[order], expected[order], scale);
         }
-        if error > regime.worst[order] {
-            regime.worst[order] = error;
-            regime.at[order] = point;
-        }
+        regime.see(order, error, || Place::Interaction(point));
     }
 }
 
@@ -145,23 +75,16 @@ fn change(written: &WrittenEnergy, point: Point, expected: [f64; 3], order: usiz
     }
 }
 
-fn in_units(found: f64, expected: f64, scale: f64) -> f64 {
-    if found == expected || (expected.is_infinite() && !found.is_finite()) {
-        return 0.0;
-    }
-    if !found.is_finite() {
-        return f64::INFINITY;
-    }
-    if expected.abs() < SMALLEST {
-        return if found.abs() < 2.0 * SMALLEST { 0.0 } else { f64::INFINITY };
-    }
-    (found - expected).abs() / scale / UNIT_ROUNDOFF
-}
-
 /// Regimes: name, decade of the strain near rest, stretches.
 type Stretches = Vec<(String, Option<f64>, Vec<f64>)>;
 
-fn stretches(energy: &ScalarEnergy, measure: Measure, n: usize) -> Stretches {
+fn stretches(energy: &ScalarEnergy, argument: Argument, n: usize) -> Stretches {
+    let measure = energy.measure;
+    // Strains and stretches are those of the measure, also where its square is given.
+    let given = |stretch: f64| match argument {
+        Argument::Square(_) => stretch * stretch,
+        _ => stretch,
+    };
     let mut random = Random::new(0x6175_6469_7400 ^ measure as u64);
     let mut regimes: Stretches = Vec::new();
     for decade in 1..=15 {
@@ -170,12 +93,13 @@ fn stretches(energy: &ScalarEnergy, measure: Measure, n: usize) -> Stretches {
             let size = strain * libm::pow(10.0, random.uniform(-0.5, 0.5)).min(9.0);
             if k.is_multiple_of(2) { 1.0 + size } else { 1.0 - size.min(0.9) }
         };
-        let stretches = (0..n).map(|k| around(&mut random, k)).collect();
+        let stretches = (0..n).map(|k| given(around(&mut random, k))).collect();
         regimes.push((format!("strain 1e-{decade}"), Some(strain), stretches));
     }
     for decade in [-8_i32, -6, -4, -2, -1, 0, 1, 2, 4, 6, 8] {
         let low = f64::from(decade) - 0.5;
-        let stretches = (0..n).map(|_| libm::pow(10.0, random.uniform(low, low + 1.0))).collect();
+        let stretch = |_| given(libm::pow(10.0, random.uniform(low, low + 1.0)));
+        let stretches = (0..n).map(stretch).collect();
         regimes.push((format!("stretch 1e{decade}"), None, stretches));
     }
     if measure == Measure::Volume {

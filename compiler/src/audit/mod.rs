@@ -1,0 +1,158 @@
+//! How many digits of an energy and its derivatives are right: compiled energies against numbers of
+//! any precision, regime by regime over the declared domain.
+//!
+//! An error counts in `u = 2^-53` of the true value; of tensors, P and dP of energies of the
+//! deformation gradient, in `u` of their norm. Where that is large because the value passes through
+//! zero, it counts in `u` of the value and of what it changes when the strain changes by its own size
+//! (every component of `F`, near rest of `F - I`): no formula can do better for an argument that is
+//! rounded.
+
+mod gradient;
+mod measure;
+
+use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};
+use crate::measure::Argument;
+use crate::model::Model;
+use crate::specialise::{CompileError, Dropped, Form, ScalarEnergy};
+use crate::values::Values;
+use crate::verify::UNIT_ROUNDOFF;
+use crate::verify::sample::Point;
+
+/// Below this a true value may be lost to underflow.
+const SMALLEST: f64 = 1e-290;
+
+/// What an audit looks at.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// The form of the energies.
+    pub form: Form,
+    /// The level of their code.
+    pub level: Level,
+    /// Points per regime.
+    pub points: usize,
+    /// Largest error in `u` that passes; smaller errors are not looked at more closely.
+    pub bar: f64,
+}
+
+/// An input of an energy.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Place {
+    /// Of an energy of a measure.
+    Interaction(Point),
+    /// Of an energy of the deformation gradient.
+    Gradient {
+        /// `F`, row by row.
+        gradient: Vec<f64>,
+        /// `F - I`
+        change: Vec<f64>,
+        /// Whether it is `F - I` that is given, and `F` is rounded.
+        is_near: bool,
+    },
+}
+
+/// Errors in one regime.
+#[derive(Clone, Debug)]
+pub struct Regime {
+    /// What its points have in common: `strain 1e-8`, `stretch 1e3`, ..
+    pub name: String,
+    /// The decade of the strain, where the regime is one near rest.
+    pub strain: Option<f64>,
+    /// How many points lie in the domain and have true values.
+    pub n_points: usize,
+    /// Largest error of psi and its derivatives in units of [`UNIT_ROUNDOFF`].
+    pub worst: [f64; 3],
+    /// Where it occurred, if there is one.
+    pub at: [Option<Place>; 3],
+}
+
+impl Regime {
+    fn new(name: String, strain: Option<f64>) -> Regime {
+        Regime { name, strain, n_points: 0, worst: [0.0; 3], at: [None, None, None] }
+    }
+
+    fn see(&mut self, order: usize, error: f64, place: impl FnOnce() -> Place) {
+        if error > self.worst[order] {
+            self.worst[order] = error;
+            self.at[order] = Some(place());
+        }
+    }
+}
+
+/// Errors of one energy.
+#[derive(Clone, Debug)]
+pub struct Audit {
+    /// What it is a function of.
+    pub argument: Argument,
+    /// Regimes with points in the domain.
+    pub regimes: Vec<Regime>,
+}
+
+impl Audit {
+    fn new(argument: Argument, mut regimes: Vec<Regime>) -> Audit {
+        regimes.retain(|regime| regime.n_points > 0);
+        Audit { argument, regimes }
+    }
+
+    /// Largest error of psi and its derivatives in units of [`UNIT_ROUNDOFF`].
+    pub fn worst(&self) -> [f64; 3] {
+        let mut worst = [0.0_f64; 3];
+        for regime in &self.regimes {
+            for order in 0..3 {
+                worst[order] = worst[order].max(regime.worst[order]);
+            }
+        }
+        worst
+    }
+}
+
+/// Audits every energy of a measure or of the deformation gradient for these values; where an energy
+/// runs as a function of the squared measure, that form as well.
+///
+/// # Errors
+/// Energies that cannot be compiled.
+pub fn audit(
+    model: &Model,
+    values: &Values,
+    settings: &Settings,
+) -> Result<(Vec<Audit>, Vec<Dropped>), CompileError> {
+    let mode = Mode::Jit(settings.level);
+    let compiled = model.compile_as(values, mode, settings.form)?;
+    let specialised = model.specialise_as(values, settings.form)?;
+    let variant =
+        model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+    let mut dropped = compiled.dropped;
+    let mut audits = Vec::new();
+    for (kernel, energy) in compiled.kernels.iter().zip(&specialised.energies) {
+        let measure = kernel.measure();
+        let written = model.written(values, measure);
+        let mut look_at = |argument, of: (&Kernel, &ScalarEnergy, &WrittenEnergy)| {
+            let regimes = measure::regimes(variant, values, argument, of, settings);
+            audits.push(Audit::new(argument, regimes));
+        };
+        look_at(Argument::Measure(measure), (kernel, energy, &written));
+        if let Some((kernel, energy)) = kernel.squared().zip(model.squared(values, measure)) {
+            look_at(Argument::Square(measure), (kernel, &energy, &written.of_square()));
+        }
+    }
+    let (kernel, more) = model.compile_gradient(values, mode, settings.form)?;
+    dropped.extend(more);
+    if let Some(kernel) = kernel {
+        let regimes = gradient::regimes(&kernel, &model.written_gradient(values), settings);
+        audits.push(Audit::new(Argument::Gradient, regimes));
+    }
+    Ok((audits, dropped))
+}
+
+/// The size of a difference in `u` of a scale.
+fn in_units(found: f64, expected: f64, scale: f64) -> f64 {
+    if found == expected || (expected.is_infinite() && !found.is_finite()) {
+        return 0.0;
+    }
+    if !found.is_finite() {
+        return f64::INFINITY;
+    }
+    if expected.abs() < SMALLEST {
+        return if found.abs() < 2.0 * SMALLEST { 0.0 } else { f64::INFINITY };
+    }
+    (found - expected).abs() / scale / UNIT_ROUNDOFF
+}

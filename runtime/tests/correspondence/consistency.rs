@@ -41,6 +41,20 @@ fn derivative(f: impl Fn(f64) -> Vec<f64>) -> Vec<f64> {
 }
 
 #[test]
+fn products_do_not_depend_on_what_was_asked_before() {
+    for_each(|kept, u, name| {
+        let other: Vec<f64> = u.iter().map(|u| 1.1 * u).collect();
+        let product = |u: &[f64]| {
+            let mut product = vec![0.0; u.len()];
+            kept.tangent_product(u, &other, &mut product).unwrap();
+            product
+        };
+        let (first, between, again) = (product(u), product(&other), product(u));
+        assert!(first == again && first == product(u) && first != between, "{name}");
+    });
+}
+
+#[test]
 fn the_gradient_is_the_derivative_of_the_energy() {
     for_each(|energy, u, name| {
         let p = displacements(energy.body(), &h_of(energy.dimension()), 0.03, 17);

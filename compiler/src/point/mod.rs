@@ -27,7 +27,8 @@ pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy, gra
 pub use verify::{BAR_FAR, BAR_NEAR, GradientVerification, verify_gradient};
 
 use adjoint::Varied;
-use principal::{Open, StretchFunction, axes};
+pub(crate) use principal::axes;
+use principal::{Open, StretchFunction};
 
 use crate::expression::graph::{self, MAX_NODES};
 use crate::expression::{ExprGraph, Input, Node, NodeId, TooManyNodes};

@@ -9,7 +9,7 @@ use crate::expression::graph::components;
 use crate::expression::power::{PowerOps, PowerPlan};
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::model::Model;
-use crate::point::{GradientEnergyForms, GradientForm, NEAR};
+use crate::point::{GradientEnergyForms, GradientForm, NEAR, axes};
 use crate::specialise::ScalarEnergy;
 
 /// A C99 file with one function per energy of a measure:
@@ -36,6 +36,9 @@ pub fn c_source(
         function(&mut out, model, energy);
     }
     if let Some(forms) = gradient {
+        if forms.far.has_axes {
+            out.push_str(AXES);
+        }
         gradient_functions(&mut out, model, forms);
     }
     out
@@ -60,6 +63,9 @@ static inline double piola_log1pmx(double x) {
   return r * (2.0 * sum - x);
 }
 ";
+
+/// What kernels find before they run, in the same steps.
+const AXES: &str = include_str!("axes.c");
 
 fn function(out: &mut String, model: &Model, energy: &ScalarEnergy) {
     let _ = write!(
@@ -87,11 +93,16 @@ fn gradient_functions(out: &mut String, model: &Model, forms: &GradientEnergyFor
     let order = components(forms.dimension);
     let entry = |array: &str, k: usize| format!("{array}[{k} * n + i]");
     let of = |array: &str, c: u8| entry(array, order.iter().position(|x| *x == c).unwrap_or(0));
+    let axes: Vec<Input> = axes::inputs(forms.dimension).collect();
     let input = |input| match input {
         Input::Variable(c) => of("gradient", c),
         Input::VariableChange(c) => of("change", c),
         Input::Direction(c) => of("direction", c),
-        _ => "NAN".into(),
+        // Specialisation has put numbers in the place of all others.
+        _ => match axes.iter().position(|known| *known == input) {
+            Some(k) => format!("axes[{k}]"),
+            None => "NAN".into(),
+        },
     };
     let write = |out: &mut String, form: &GradientForm, with_direction: bool| {
         let (array, tensor) = match with_direction {
@@ -102,6 +113,17 @@ fn gradient_functions(out: &mut String, model: &Model, forms: &GradientEnergyFor
         let all = tensor.iter().enumerate().map(|(k, root)| (entry(array, k), *root));
         let (targets, roots): (Vec<String>, Vec<NodeId>) = psi.into_iter().chain(all).unzip();
         let (graph, roots) = form.graph.extract(&roots);
+        if form.has_axes {
+            let near = forms.near.as_ref().is_some_and(|near| std::ptr::eq(near, form));
+            let _ = writeln!(
+                out,
+                "    double axes[{}];\n    piola_axes({}, {}, {} + i, n, axes);",
+                axes.len(),
+                forms.dimension,
+                u8::from(near),
+                if near { "change" } else { "gradient" }
+            );
+        }
         statements(out, &graph, &input, targets.into_iter().zip(roots));
     };
     for (name, arrays, with_direction) in [

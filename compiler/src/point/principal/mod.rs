@@ -14,7 +14,7 @@
 //! | `axes` | principal stretches and axes of a deformation gradient |
 //! | `witness` | the trace over other number types, as independent of this as can be |
 
-pub(super) mod axes;
+pub(crate) mod axes;
 mod divided;
 pub(super) mod witness;
 

@@ -64,8 +64,8 @@ impl ScalarEnergy {
 /// A term of an energy that is left out because its coefficient is exactly zero.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Dropped {
-    /// What it is a function of: `l`, `a`, `v` or `F`.
-    pub argument: &'static str,
+    /// What it is a function of: `l`, `a`, `v`, `F` or what is gathered, `theta`, `l, m`.
+    pub argument: String,
     /// Why it is left out, in a sentence.
     pub reason: String,
 }
@@ -76,8 +76,8 @@ pub enum CompileError {
     /// The graph or the kernel would be too large.
     #[error("psi({argument}) needs more than {limit} operations")]
     TooLarge {
-        /// Which energy: `l`, `a`, `v` or `F`.
-        argument: &'static str,
+        /// Which energy: `l`, `a`, `v`, `F` or what is gathered.
+        argument: String,
         /// Where it stands.
         span: Span,
         /// The limit that is passed.
@@ -89,8 +89,8 @@ pub enum CompileError {
     /// The energy depends on the horizon, and none is given.
     #[error("psi({argument}) depends on the horizon `delta`, which has no value")]
     NoHorizon {
-        /// Which energy: `l`, `a`, `v` or `F`.
-        argument: &'static str,
+        /// Which energy: `l`, `a`, `v`, `F` or what is gathered.
+        argument: String,
         /// Where it stands.
         span: Span,
     },
@@ -142,7 +142,7 @@ impl Model {
         for measure in self.measures() {
             if measure == Measure::Volume && values.dimension == 2 {
                 all_dropped.push(Dropped {
-                    argument: measure.symbol(),
+                    argument: measure.symbol().to_string(),
                     reason: "psi(v) is dropped: there are no tetrahedra in two dimensions".into(),
                 });
                 continue;
@@ -151,10 +151,14 @@ impl Model {
             if values.horizon.is_nan()
                 && variant.graph.depends_on(&roots_of(variant, measure), Input::Horizon)
             {
-                return Err(CompileError::NoHorizon { argument: measure.symbol(), span });
+                return Err(CompileError::NoHorizon {
+                    argument: measure.symbol().to_string(),
+                    span,
+                });
             }
             let argument = measure.symbol();
-            let too_large = |limit| CompileError::TooLarge { argument, span, limit };
+            let too_large =
+                |limit| CompileError::TooLarge { argument: argument.to_string(), span, limit };
             let mut dropped = Vec::new();
             let derived = energy(variant, &self.parameters, measure, &fold, &mut dropped)
                 .and_then(|energy| energy.map(|energy| energy.derivatives(form)).transpose())
@@ -183,7 +187,7 @@ impl Model {
             let energy = energy(variant, &self.parameters, measure, &|_| None, &mut result.dropped)
                 .and_then(|energy| energy.map(|e| e.derivatives(Form::Textbook)).transpose())
                 .map_err(|TooManyNodes| CompileError::TooLarge {
-                    argument: measure.symbol(),
+                    argument: measure.symbol().to_string(),
                     span,
                     limit: MAX_NODES,
                 })?;
@@ -291,7 +295,7 @@ pub(crate) fn of_bonds(
 pub(crate) fn sum(
     graph: &ExprGraph,
     parameters: &[Parameter],
-    (argument, roots): (&'static str, &[NodeId]),
+    (argument, roots): (&str, &[NodeId]),
     fold: &impl Fn(Input) -> Option<f64>,
     dropped: &mut Vec<Dropped>,
 ) -> Result<Option<(Simplifier, NodeId)>, TooManyNodes> {
@@ -309,7 +313,8 @@ pub(crate) fn sum(
     if !rebuild.dropped.is_empty() {
         let what = if total.is_some() { "a term of psi" } else { "psi" };
         let why = reasons(graph, parameters, &rebuild.dropped);
-        dropped.push(Dropped { argument, reason: format!("{what}({argument}) is dropped: {why}") });
+        let reason = format!("{what}({argument}) is dropped: {why}");
+        dropped.push(Dropped { argument: argument.to_string(), reason });
     }
     Ok(total.map(|psi| (rebuild.target, psi)))
 }

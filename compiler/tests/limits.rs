@@ -211,7 +211,7 @@ fn a_horizon_that_is_needed_and_missing_is_named_at_its_energy() {
     else {
         panic!("the horizon is missing")
     };
-    assert_eq!((argument, &text[span.range()]), ("l", "l*delta"));
+    assert_eq!((argument.as_str(), &text[span.range()]), ("l", "l*delta"));
     let values = model.values(3, &[], Some(0.1)).unwrap();
     assert_eq!(model.compile(&values, Mode::Jit(Level::Strict)).unwrap().kernels.len(), 2);
 }

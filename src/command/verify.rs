@@ -168,7 +168,7 @@ fn report_gradient(file: &str, dimension: usize, found: &GradientVerification, f
 }
 
 fn report_gathered(file: &str, dimension: usize, found: &GatheredVerification, format: Format) {
-    let argument = if found.of_bonds { "l, gathered" } else { "gathered" };
+    let argument = &found.argument;
     if format == Format::Json {
         let line = json!({
             "potential": file,

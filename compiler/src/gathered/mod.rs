@@ -96,9 +96,15 @@ fn energies(variant: &Variant, of_bonds: bool) -> impl Iterator<Item = &Gathered
     variant.gathered_energies.iter().filter(move |energy| energy.of_bonds == of_bonds)
 }
 
-/// What the energies are functions of, for messages.
-fn argument(of_bonds: bool) -> &'static str {
-    if of_bonds { "l, gathered" } else { "gathered" }
+/// What the energies are functions of, as written: `theta`, `l, m`.
+pub(super) fn argument(variant: &Variant, of_bonds: bool) -> String {
+    let mut heads: Vec<&str> = Vec::new();
+    for energy in energies(variant, of_bonds) {
+        if !heads.contains(&energy.head.as_str()) {
+            heads.push(&energy.head);
+        }
+    }
+    heads.join("), psi(")
 }
 
 impl Model {
@@ -117,15 +123,16 @@ impl Model {
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
         let roots: Vec<NodeId> = energies(variant, of_bonds).map(|energy| energy.root).collect();
         let Some(first) = energies(variant, of_bonds).next() else { return Ok((None, Vec::new())) };
-        let (argument, span) = (argument(of_bonds), first.span);
+        let (argument, span) = (argument(variant, of_bonds), first.span);
         if values.horizon.is_nan() && variant.graph.depends_on(&roots, Input::Horizon) {
-            return Err(CompileError::NoHorizon { argument, span });
+            return Err(CompileError::NoHorizon { argument: argument.to_string(), span });
         }
-        let too_large = |limit| CompileError::TooLarge { argument, span, limit };
+        let too_large =
+            |limit| CompileError::TooLarge { argument: argument.to_string(), span, limit };
         let n_integrals = variant.integrals.len();
         let mut dropped = Vec::new();
         let fold = folded(values);
-        let made = sum(&variant.graph, &self.parameters, (argument, &roots), &fold, &mut dropped)
+        let made = sum(&variant.graph, &self.parameters, (&argument, &roots), &fold, &mut dropped)
             .and_then(|energy| {
                 let form =
                     energy.map(|(g, psi)| GatheredForm::new(g, psi, (of_bonds, n_integrals), form));
@@ -168,9 +175,10 @@ impl Model {
             let (argument, span) = ("l", integral.span);
             if values.horizon.is_nan() && variant.graph.depends_on(&[integral.root], Input::Horizon)
             {
-                return Err(CompileError::NoHorizon { argument, span });
+                return Err(CompileError::NoHorizon { argument: argument.to_string(), span });
             }
-            let too_large = |limit| CompileError::TooLarge { argument, span, limit };
+            let too_large =
+                |limit| CompileError::TooLarge { argument: argument.to_string(), span, limit };
             let made = of_bonds(&variant.graph, &self.parameters, integral.root, &fold, form)
                 .map_err(|TooManyNodes| too_large(MAX_NODES))?;
             if made.graph.len() > MAX_OPERATIONS {

@@ -1,6 +1,7 @@
 //! Energies of gathered states against the interpreter, bit for bit, and against hyper-dual numbers of
 //! the energy as written, at random lengths and integrals.
 
+use super::argument;
 use super::kernel::GatheredBatch;
 use crate::kernel::{Level, Mode};
 use crate::model::Model;
@@ -16,8 +17,8 @@ pub const BAR: f64 = 1e4;
 /// What was found for the energies of points, or of bonds.
 #[derive(Clone, Debug)]
 pub struct GatheredVerification {
-    /// Whether these are energies of bonds.
-    pub of_bonds: bool,
+    /// What they are functions of, as written: `theta`, `l, m`.
+    pub argument: String,
     /// How many places were tried.
     pub n_points: usize,
     /// At how many of them machine code at the strict level and interpreter differ in some bit.
@@ -79,14 +80,16 @@ pub fn verify_gathered(
         }
     }
     let each = found.iter().enumerate().filter(|(_, found)| !found.is_empty());
-    Ok(each.map(|(of_bonds, found)| compared(of_bonds == 1, n, found)).collect())
+    let variant = model.variant(values.dimension);
+    let named = |of_bonds| variant.map_or_else(String::new, |variant| argument(variant, of_bonds));
+    Ok(each.map(|(of_bonds, found)| compared(named(of_bonds == 1), n, found)).collect())
 }
 
-fn compared(of_bonds: bool, n: usize, found: &[Found]) -> GatheredVerification {
+fn compared(argument: String, n: usize, found: &[Found]) -> GatheredVerification {
     let [strict, fast, interpreted, dual] = [0, 1, 2, 3].map(|mode| &found[mode]);
     let column = |array: &[f64], p: usize| array.iter().skip(p).step_by(n).copied().collect();
     let mut result =
-        GatheredVerification { of_bonds, n_points: n, different_bits: 0, worst: [0.0; 3] };
+        GatheredVerification { argument, n_points: n, different_bits: 0, worst: [0.0; 3] };
     for p in 0..n {
         let mut differs = false;
         for part in 0..3 {

@@ -140,9 +140,10 @@ impl Model {
         let (argument, span) = ("F", first.span);
         let all: Vec<NodeId> = roots.iter().chain(&variant.traces).copied().collect();
         if no_horizon && variant.graph.depends_on(&all, Input::Horizon) {
-            return Err(CompileError::NoHorizon { argument, span });
+            return Err(CompileError::NoHorizon { argument: argument.to_string(), span });
         }
-        let too_large = |limit| CompileError::TooLarge { argument, span, limit };
+        let too_large =
+            |limit| CompileError::TooLarge { argument: argument.to_string(), span, limit };
         let mut dropped = Vec::new();
         let variables = graph::components(dimension);
         let forms = sum(&variant.graph, &self.parameters, ("F", &roots), fold, &mut dropped)

@@ -184,6 +184,13 @@ fn every_stage_can_be_printed() {
         if stage == "c" {
             assert!(outcome.stdout.contains("void neo_hooke_F_product(size_t n,"));
         }
+        let outcome = piola(&["derive", "hencky", "--emit", stage]).expect(0);
+        match stage {
+            "text" => assert!(outcome.stdout.starts_with("# F_ab = sum_i s_i n_ia N_ib: ")),
+            "latex" => assert!(outcome.stdout.starts_with("% F_ab = sum_i s_i n_ia N_ib: ")),
+            "c" => assert!(outcome.stdout.contains("piola_axes(3, 1, change + i, n, axes);")),
+            _ => assert!(outcome.stdout.len() > 100, "{stage}"),
+        }
     }
     piola(&["completions", "bash"]).expect(0);
     piola(&["info"]).expect(0);

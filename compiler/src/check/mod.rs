@@ -10,6 +10,7 @@
 mod call;
 mod constant;
 pub mod dimension;
+mod domain;
 mod elaborate;
 mod gathered;
 mod names;

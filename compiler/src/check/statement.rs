@@ -2,7 +2,7 @@
 
 use piola_grammar::ast::{
     Allow, Ast, Energy as EnergyAst, ExprId, ExprKind, Ident, Parameter as ParameterAst, Statement,
-    Text, UnaryOperator,
+    Text,
 };
 use piola_grammar::{Diagnostic, Span, print_expression, suggest};
 
@@ -10,15 +10,12 @@ use super::MAX_FINDINGS;
 use super::dimension::Dimension;
 use super::elaborate::Elaborator;
 use super::names::{Symbol, Symbols, parts};
-use super::tensor::Kinematic;
 use super::unit::{UnitValue, base_units, named_unit, prefixes, unit_names};
-use super::value::{GRADIENT, INTEGRAL, Quantity, Value};
+use super::value::{GRADIENT, Quantity, Value};
 use crate::expression::{ExprGraph, NodeId};
 use crate::lint::LINTS;
-use crate::measure::{Argument as Of, Measure};
-use crate::model::{
-    Conditions, Constraint, Energy, GradientEnergy, Interval, Model, Parameter, Variant,
-};
+use crate::measure::Measure;
+use crate::model::{Conditions, Constraint, Energy, GradientEnergy, Model, Parameter, Variant};
 
 /// Most parameters a potential may have: their numbers are 16 bits wide.
 const MAX_PARAMETERS: usize = 1000;
@@ -449,59 +446,6 @@ impl<'a> Builder<'a> {
         );
         false
     }
-
-    fn domain(&mut self, domain: &piola_grammar::ast::Domain) {
-        let bounds = (self.bound(&domain.lower), self.bound(&domain.upper));
-        let Some(value) = self.elaborator.expression(domain.quantity) else { return };
-        if self.elaborator.number(value, domain.quantity).is_none() {
-            return;
-        }
-        let (Some(lower), Some(upper)) = bounds else { return };
-        let measures: Vec<Measure> =
-            Measure::ALL.into_iter().filter(|m| value.uses & (1 << (*m as u8)) != 0).collect();
-        let is_jacobian = matches!(
-            &self.ast.arena[domain.quantity].kind,
-            ExprKind::Name(name)
-                if self.elaborator.symbols.get(name) == Some(Symbol::Kinematic(Kinematic::Jacobian))
-        );
-        let argument =
-            match (measures.as_slice(), value.uses & (GRADIENT | INTEGRAL)) {
-                (&[measure], 0) => Of::Measure(measure),
-                ([], GRADIENT) if is_jacobian => Of::Gradient,
-                (_, others) => {
-                    let span = self.ast.arena[domain.quantity].span;
-                    let message = match others {
-                        0 | INTEGRAL => "a domain bounds a quantity of one measure",
-                        _ => "a domain of `F` bounds `J`",
-                    };
-                    self.elaborator.report(Diagnostic::error("wrong-measure", span, message).help(
-                        "write for instance `domain l/L in (0, 10]` or `domain J in (0, inf)`",
-                    ));
-                    return;
-                }
-            };
-        // Ends that are no numbers make no domain either.
-        if lower.0.partial_cmp(&upper.0) != Some(std::cmp::Ordering::Less) {
-            let message = format!("the domain is empty: {} is not below {}", lower.0, upper.0);
-            self.elaborator.report(Diagnostic::error("empty-domain", domain.span, message));
-            return;
-        }
-        let text = print_expression(&self.ast.arena, domain.quantity);
-        self.variant.domains.push(Interval { argument, root: value.node, lower, upper, text });
-    }
-
-    fn bound(&mut self, bound: &piola_grammar::ast::Bound) -> Option<(f64, bool)> {
-        let arena = &self.ast.arena;
-        let infinite = |id| matches!(&arena[id].kind, ExprKind::Name(name) if name == "inf");
-        let value = match &arena[bound.value].kind {
-            ExprKind::Unary { operator: UnaryOperator::Negate, operand } if infinite(*operand) => {
-                f64::NEG_INFINITY
-            }
-            _ if infinite(bound.value) => f64::INFINITY,
-            _ => self.elaborator.constant(bound.value)?,
-        };
-        Some((value, bound.inclusive))
-    }
 }
 
 /// What an energy may be a function of.
@@ -515,7 +459,7 @@ struct Argument {
 
 impl Argument {
     const GRADIENT: Argument =
-        Argument { bit: GRADIENT, names: &["F", "J", "C", "E"], of: "point" };
+        Argument { bit: GRADIENT, names: &["F", "J", "C", "E", "U"], of: "point" };
 
     fn of(measure: Measure) -> Argument {
         let names: &[&str] = match measure {

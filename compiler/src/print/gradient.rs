@@ -23,10 +23,21 @@ fn roots(form: &GradientForm, dimension: usize, psi: &str) -> Vec<(String, NodeI
     all
 }
 
+/// What the letters of principal stretches and axes mean, where a form has them.
+fn legend(forms: &GradientEnergyForms, comment: char) -> String {
+    if !forms.far.has_axes {
+        return String::new();
+    }
+    format!(
+        "{comment} F_ab = sum_i s_i n_ia N_ib: principal stretches s, e = s - 1, principal axes n after \
+         and N before deformation\n"
+    )
+}
+
 /// psi, P = dpsi/dF and dP = d2psi/dF2 : dF as lines of text, named parts first: as written, and near
 /// rest in `H = F - I` if there is such a form.
 pub fn gradient_text(model: &Model, forms: &GradientEnergyForms) -> String {
-    let mut out = String::new();
+    let mut out = legend(forms, '#');
     let notation = Text { names: Names { model } };
     let both = [("psi(F)", Some(&forms.far)), ("psi(H)", forms.near.as_ref())];
     for (psi, form) in both {
@@ -54,7 +65,8 @@ pub fn gradient_latex(model: &Model, forms: &GradientEnergyForms) -> String {
         .into_iter()
         .map(|(name, text)| format!("  {name} &= {text}"))
         .collect();
-    format!("\\begin{{align*}}\n{}\n\\end{{align*}}\n", rows.join(" \\\\\n"))
+    let legend = legend(forms, '%');
+    format!("{legend}\\begin{{align*}}\n{}\n\\end{{align*}}\n", rows.join(" \\\\\n"))
 }
 
 /// Every node of both forms with its number, then the roots.

@@ -255,9 +255,8 @@ impl WrittenEnergy {
             Input::Reference(_) => reference.clone(),
             Input::Parameter(i) => N::constant(self.values.parameters[usize::from(i)]),
             Input::Horizon => N::constant(self.values.horizon),
-            // The checker makes no such input; only the simplifier does.
-            Input::Change(_) => N::constant(f64::NAN),
-            // A measure knows nothing of the deformation gradient, nor of families.
+            // The simplifier alone makes changes; a measure knows nothing of the deformation gradient,
+            // nor of families.
             _ => N::constant(f64::NAN),
         });
         let terms = self.roots.iter().map(|root| interpreter.number(*root));

@@ -53,9 +53,8 @@ impl ScalarEnergy {
             Input::Current(_) => measure.clone(),
             Input::Reference(_) => reference.clone(),
             Input::Change(_) => change.clone(),
-            // Specialisation has put numbers in their place.
-            Input::Horizon | Input::Parameter(_) => N::constant(f64::NAN),
-            // A measure knows nothing of the deformation gradient, nor of families.
+            // Specialisation has put numbers in the place of parameters and the horizon; a measure
+            // knows nothing of the deformation gradient, nor of families.
             _ => N::constant(f64::NAN),
         });
     }

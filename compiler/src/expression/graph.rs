@@ -64,6 +64,11 @@ pub fn components(d: usize) -> Vec<u8> {
     (0..d * d).map(|k| component(k / d, k % d)).collect()
 }
 
+/// In how many dimensions a tensor has so many components.
+pub(crate) fn dimension(n_components: usize) -> usize {
+    if n_components == 4 { 2 } else { 3 }
+}
+
 /// One operation. Numbers are stored by their bits so that nodes can be hashed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Node {

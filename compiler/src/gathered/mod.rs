@@ -125,10 +125,9 @@ impl Model {
         let Some(first) = energies(variant, of_bonds).next() else { return Ok((None, Vec::new())) };
         let (argument, span) = (argument(variant, of_bonds), first.span);
         if values.horizon.is_nan() && variant.graph.depends_on(&roots, Input::Horizon) {
-            return Err(CompileError::NoHorizon { argument: argument.to_string(), span });
+            return Err(CompileError::NoHorizon { argument: argument.clone(), span });
         }
-        let too_large =
-            |limit| CompileError::TooLarge { argument: argument.to_string(), span, limit };
+        let too_large = |limit| CompileError::TooLarge { argument: argument.clone(), span, limit };
         let n_integrals = variant.integrals.len();
         let mut dropped = Vec::new();
         let fold = folded(values);

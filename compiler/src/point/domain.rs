@@ -1,7 +1,7 @@
 //! Where an energy of the deformation gradient may be used: the declared bounds of `J = det F`.
 
 use super::kernel::GradientBatch;
-use super::sample::dimension;
+use crate::expression::graph::dimension;
 use crate::measure::Argument;
 use crate::model::Variant;
 

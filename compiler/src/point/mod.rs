@@ -66,7 +66,7 @@ pub struct GradientEnergyForms {
 impl GradientForm {
     /// 2 or 3.
     pub fn dimension(&self) -> usize {
-        if self.stress.len() == 4 { 2 } else { 3 }
+        graph::dimension(self.stress.len())
     }
 
     fn new(
@@ -149,7 +149,7 @@ impl Model {
         let forms = sum(&variant.graph, &self.parameters, ("F", &roots), fold, &mut dropped)
             .and_then(|energy| {
                 let Some((mut graph, psi)) = energy else { return Ok(None) };
-                let functions = self.stretch_functions(variant, fold)?;
+                let functions = self.stretch_functions(variant, (graph.graph(), psi), fold)?;
                 let near = match form {
                     Form::Accurate => near::near(&mut graph, psi, &variables, &functions)?,
                     Form::Textbook => None,
@@ -172,18 +172,20 @@ impl Model {
 }
 
 impl Model {
-    /// The functions of `U` whose traces the energies hold, with values folded in.
+    /// The functions of `U` whose traces the energies may hold, with values folded in; 0 where the
+    /// energy `psi` of these values holds none.
     fn stretch_functions(
         &self,
         variant: &Variant,
+        (graph, psi): (&ExprGraph, NodeId),
         fold: &impl Fn(Input) -> Option<f64>,
     ) -> Result<Vec<StretchFunction>, TooManyNodes> {
-        let function = |root: &NodeId| {
-            let roots = std::slice::from_ref(root);
+        let function = |(k, root): (usize, &NodeId)| {
+            let held = graph.depends_on(&[psi], Input::Trace(k as u8)).then_some(*root);
+            let roots = held.as_slice();
             let made = sum(&variant.graph, &self.parameters, ("F", roots), fold, &mut Vec::new())?;
             let (graph, root) = match made {
                 Some(made) => made,
-                // Parameters make it zero.
                 None => {
                     let mut graph = Simplifier::new();
                     let zero = graph.number(0.0)?;
@@ -192,7 +194,7 @@ impl Model {
             };
             StretchFunction::new(graph, root)
         };
-        variant.traces.iter().map(function).collect()
+        variant.traces.iter().enumerate().map(function).collect()
     }
 }
 

@@ -1,6 +1,7 @@
 //! Deformation gradients at which an energy is tried: near rest, turned, stretched, random.
 
 use super::kernel::{GradientBatch, GradientKernel, NEAR};
+use crate::expression::graph::dimension;
 use crate::verify::sample::Random;
 
 /// One gradient and a direction.
@@ -77,11 +78,6 @@ pub(crate) fn plus_identity(tensor: &[f64], factor: f64) -> Vec<f64> {
     let d = dimension(tensor.len());
     let on_diagonal = |k: usize| if k / d == k % d { factor } else { 0.0 };
     tensor.iter().enumerate().map(|(k, x)| x + on_diagonal(k)).collect()
-}
-
-/// Of a tensor with so many components.
-pub(crate) fn dimension(n_components: usize) -> usize {
-    if n_components == 4 { 2 } else { 3 }
 }
 
 fn direction(n_components: usize, random: &mut Random) -> Vec<f64> {

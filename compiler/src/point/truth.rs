@@ -1,8 +1,8 @@
 //! True values of psi, P and dP, and the errors of others.
 
 use super::kernel::WrittenGradientEnergy;
-use super::sample::{Sample, dimension};
-use crate::expression::graph;
+use super::sample::Sample;
+use crate::expression::graph::{self, dimension};
 use crate::expression::precise::Precise;
 
 /// Binary digits of true values.

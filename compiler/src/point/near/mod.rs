@@ -12,6 +12,7 @@
 mod functions;
 
 use super::principal::StretchFunction;
+use crate::expression::graph::dimension;
 use crate::expression::interpret::Interpreter;
 use crate::expression::{Comparison, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::simplify::Simplifier;
@@ -47,14 +48,9 @@ impl Expansion {
     }
 }
 
-/// In how many dimensions there are so many components.
-fn dimension(n_components: usize) -> f64 {
-    if n_components == 4 { 2.0 } else { 3.0 }
-}
-
 fn value_at_rest(traces: &[StretchFunction], k: u8, n_components: usize) -> f64 {
     let function = traces.get(usize::from(k)).and_then(|f| f.at_rest.as_ref());
-    function.map_or(f64::NAN, |function| dimension(n_components) * function.value)
+    function.map_or(f64::NAN, |function| dimension(n_components) as f64 * function.value)
 }
 
 /// A node near rest, or a condition.
@@ -305,7 +301,7 @@ impl<'a> Expander<'a> {
             value: value_at_rest(self.traces, k, n),
             slope: self.variables.iter().map(|v| v.at_rest * function.slope).collect(),
             rest,
-            noise: dimension(n) * function.noise,
+            noise: dimension(n) as f64 * function.noise,
         })
     }
 

@@ -130,7 +130,7 @@ impl Axes {
     }
 }
 
-/// In the widest registers of the machine; the bits are the same in any.
+/// In one register of 256 bits where the machine has them; the bits are the same in any.
 struct Far<'a, const D: usize>(&'a Components);
 
 impl<const D: usize> WithSimd for Far<'_, D> {

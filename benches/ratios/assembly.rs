@@ -7,26 +7,33 @@ use piola_runtime::matrix::BlockMatrix;
 use crate::clock::{Clock, in_turn};
 use crate::ours::{SethHill, cube, displacement, with_threads};
 use crate::plain::Plain;
-use crate::table::{Bar, head, row};
+use crate::record::{Bar, Division, Statistic, Table};
 
 const ROUNDS: usize = 5;
 const HORIZON: f64 = 3.0;
 
-pub(crate) fn run() {
-    head(
-        "Assembled tangent against plain code",
+pub(crate) fn run() -> Vec<Table> {
+    let mut table = Table::of_ratios(
+        "assembly",
         "Gradient and tangent of n = 1 per interaction, horizon 3, one thread, time of the thread; \
-         least of the times of runs in turn. The plain code knows neither displacements nor guards nor energies.",
-        "ours, ns",
-        "plain, ns",
+         runs in turn. The plain code knows neither displacements nor guards nor energies.",
+        ["ours, ns", "plain, ns"],
+        Division::OursByTheirs,
     );
     with_threads(1, || {
-        compare("triangles, 20^3 points", 20, Measure::Area, Plain::triangles);
-        compare("tetrahedra, 12^3 points", 12, Measure::Volume, Plain::tetrahedra);
+        compare(&mut table, "triangles, 20^3 points", 20, Measure::Area, Plain::triangles);
+        compare(&mut table, "tetrahedra, 12^3 points", 12, Measure::Volume, Plain::tetrahedra);
     });
+    vec![table]
 }
 
-fn compare(what: &str, points: usize, measure: Measure, theirs: fn(&mut Plain) -> u64) {
+fn compare(
+    table: &mut Table,
+    what: &str,
+    points: usize,
+    measure: Measure,
+    theirs: fn(&mut Plain) -> u64,
+) {
     let body = cube(points);
     let u = displacement(&body);
     let energy = SethHill::new(1.0).energy(&body, HORIZON, &[measure]);
@@ -45,7 +52,7 @@ fn compare(what: &str, points: usize, measure: Measure, theirs: fn(&mut Plain) -
     assert_close("tangent", &tangent.values, plain.tangent.as_flattened());
     let each = |seconds: f64| seconds / count as f64 * 1e9;
     let (ours, theirs) = (each(ours.least()), each(theirs.least()));
-    row(what, ours, theirs, ours / theirs, Bar::AtMost(1.0, 0.55));
+    table.ratio(what, [ours, theirs], Statistic::Least(ROUNDS), Bar::AtMost(1.0, 0.55));
 }
 
 /// Both compute the same, to rounding.

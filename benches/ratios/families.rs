@@ -18,7 +18,7 @@ use piola_runtime::states::{StateEnergy, StateLaws};
 use crate::assembly::assert_close;
 use crate::clock::{Clock, in_turn};
 use crate::ours::{cube, displacement, with_threads};
-use crate::table::{Bar, head, row};
+use crate::record::{Bar, Division, Statistic, Table};
 use bodies::{AtBonds, Nodal, Solid};
 use laws::{ByHand, ByNumbers};
 
@@ -47,7 +47,7 @@ struct Row {
     by_numbers: f64,
 }
 
-pub(crate) fn run() {
+pub(crate) fn run() -> Vec<Table> {
     let rows = with_threads(1, || {
         let body = cube(POINTS);
         let lists = Neighborhood::new(&body, HORIZON).expect("a cube has neighbours");
@@ -75,43 +75,31 @@ pub(crate) fn run() {
         rows
     });
     let how = "Forces and products with the Hessian per bond (each once) of 14^3 points, horizon 3.015, constant \
-               influence, one thread; least of the times of runs in turn. St Venant-Kirchhoff material at points (CC) \
+               influence, one thread; runs in turn. St Venant-Kirchhoff material at points (CC) \
                and at bonds (BAQP), the linear solid (LPS).";
-    head(
-        "Families against plain Rust",
-        &format!(
-            "{how} Theirs: loops for this one model with derivatives by hand, with the states of the last forces kept for products; before a first product they work out the forces."
+    let mut plain = Table::of_ratios(
+        "families",
+        format!(
+            "{how} Theirs: loops for this one model with derivatives by hand, with the states of the last forces \
+             kept for products; before a first product they work out the forces."
         ),
-        "ours, ns",
-        "plain, ns",
+        ["ours, ns", "plain, ns"],
+        Division::OursByTheirs,
     );
-    for Row { name, ours, by_hand, .. } in &rows {
-        row(name, *ours, *by_hand, ours / by_hand, Bar::None);
-    }
-    median(rows.iter().map(|row| [row.ours, row.by_hand, row.ours / row.by_hand]).collect());
-    head(
-        "Families against hyper-dual numbers",
-        &format!(
+    let mut numbers = Table::of_ratios(
+        "families-hyper-dual",
+        format!(
             "{how} Theirs: the same loops as plain Rust, with dual numbers for forces and hyper-dual ones for \
              products, one pass per component of F, and per length and dilatation."
         ),
-        "ours, ns",
-        "hyper-dual, ns",
+        ["ours, ns", "hyper-dual, ns"],
+        Division::TheirsByOurs,
     );
-    for Row { name, ours, by_numbers, .. } in &rows {
-        row(name, *ours, *by_numbers, by_numbers / ours, Bar::None);
+    for Row { name, ours, by_hand, by_numbers } in rows {
+        plain.ratio(name, [ours, by_hand], Statistic::Least(ROUNDS), Bar::None);
+        numbers.ratio(name, [ours, by_numbers], Statistic::Least(ROUNDS), Bar::None);
     }
-    median(rows.iter().map(|row| [row.ours, row.by_numbers, row.by_numbers / row.ours]).collect());
-}
-
-/// The medians of three columns, each by itself.
-fn median(rows: Vec<[f64; 3]>) {
-    let middle = |column: usize| {
-        let mut values: Vec<f64> = rows.iter().map(|row| row[column]).collect();
-        values.sort_by(f64::total_cmp);
-        0.5 * (values[(values.len() - 1) / 2] + values[values.len() / 2])
-    };
-    row("**median**", middle(0), middle(1), middle(2), Bar::None);
+    vec![plain, numbers]
 }
 
 fn compare(

@@ -2,16 +2,37 @@
 
 use std::process::Command;
 
-/// Prints processors, vector instructions and compilers.
-pub(crate) fn print() {
-    let processors = std::thread::available_parallelism().map_or(1, usize::from);
-    println!(
-        "{processors} processor(s), {}, with {}; {}; {}.",
-        std::env::consts::ARCH,
-        vectors().join(", "),
-        first_line("rustc"),
-        first_line("cc")
-    );
+use crate::record::Circumstances;
+
+/// Of this checkout, now, on this machine.
+pub(crate) fn circumstances() -> Circumstances {
+    let root = env!("CARGO_MANIFEST_DIR");
+    Circumstances {
+        commit: said("git", &["-C", root, "describe", "--always", "--dirty", "--abbrev=10"])
+            .unwrap_or_else(|| "unknown".into()),
+        date: said("date", &["-u", "+%Y-%m-%d"]).unwrap_or_else(|| "unknown".into()),
+        processor: processor().unwrap_or_else(|| std::env::consts::ARCH.into()),
+        processors: std::thread::available_parallelism().map_or(1, usize::from),
+        vectors: vectors().into_iter().map(str::to_string).collect(),
+        compilers: ["rustc", "cc", "clang"]
+            .into_iter()
+            .filter_map(|compiler| said(compiler, &["--version"]))
+            .collect(),
+    }
+}
+
+/// The first line that a program prints.
+fn said(program: &str, arguments: &[&str]) -> Option<String> {
+    let output = Command::new(program).args(arguments).output().ok()?;
+    let text = String::from_utf8(output.stdout).ok()?;
+    text.lines().next().map(|line| line.trim().to_string())
+}
+
+/// What Linux calls the processor.
+fn processor() -> Option<String> {
+    let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;
+    let line = text.lines().find(|line| line.starts_with("model name"))?;
+    Some(line.split_once(':')?.1.trim().to_string())
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -28,13 +49,4 @@ fn vectors() -> Vec<&'static str> {
 #[cfg(not(target_arch = "x86_64"))]
 fn vectors() -> Vec<&'static str> {
     vec!["vectors of 128 bits"]
-}
-
-fn first_line(compiler: &str) -> String {
-    let output = Command::new(compiler).arg("--version").output();
-    let text = output.map(|output| String::from_utf8_lossy(&output.stdout).into_owned());
-    match text.ok().and_then(|text| text.lines().next().map(str::to_string)) {
-        Some(line) => line,
-        None => format!("no {compiler}"),
-    }
 }

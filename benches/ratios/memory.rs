@@ -11,19 +11,19 @@ use piola_runtime::solve::linear::{LinearOptions, LinearSolver};
 
 use crate::newton::{clamped, firooz_cube};
 use crate::ours::displacement;
-use crate::table::{Bar, head, row};
+use crate::record::{Bar, Division, Statistic, Table};
 
 /// Set for the process that is measured.
 pub(crate) const CHILD: &str = "PIOLA_BENCH_MEMORY";
 const POINTS: usize = 30;
 
-pub(crate) fn run() {
-    head(
-        "Memory",
+pub(crate) fn run() -> Vec<Table> {
+    let mut table = Table::of_ratios(
+        "memory",
         "Peak of resident memory of a process that assembles the tangent of 30^3 points, C1 + C3, horizon 3, and \
          then solves one linear system, relative to the stored half of the matrix.",
-        "peak, MB",
-        "matrix, MB",
+        ["peak, MB", "matrix, MB"],
+        Division::OursByTheirs,
     );
     let program = std::env::current_exe().expect("this program has a path");
     let output = Command::new(program).env(CHILD, "1").output().expect("it is running");
@@ -34,9 +34,11 @@ pub(crate) fn run() {
         let mut numbers = numbers.split_whitespace().map(|x| x.parse().expect("a number"));
         if let (Some(peak), Some(matrix)) = (numbers.next(), numbers.next()) {
             let mb = |bytes: f64| bytes * 1e-6;
-            row(what, mb(peak), mb(matrix), peak / matrix, Bar::AtMost(2.5, 0.3));
+            let bar = Bar::AtMost(2.5, 0.3);
+            table.ratio(what, [mb(peak), mb(matrix)], Statistic::Once, bar);
         }
     }
+    vec![table]
 }
 
 /// Does the work and prints the peaks.

@@ -7,27 +7,28 @@ use rayon::prelude::*;
 
 use crate::clock::{Clock, in_turn};
 use crate::ours::{SethHill, cube, displacement, with_threads};
-use crate::table::{Bar, head, row};
+use crate::record::{Bar, Division, Statistic, Table};
 
 const ROUNDS: usize = 9;
 /// Numbers in each array of the triad: 64 MB, more than the caches hold.
 const TRIAD: usize = 1 << 23;
 
-pub(crate) fn run() {
-    head(
-        "Assembly of bonds against the memory",
+pub(crate) fn run() -> Vec<Table> {
+    let mut table = Table::of_ratios(
+        "bonds",
         "Gradient and tangent of bonds, n = 1, 30^3 points, horizon 3, against the bytes of the matrix over the \
-         bandwidth of a triad `a = b + s*c` (24 bytes an entry) on as many threads; time on the wall, least of the \
-         times of runs in turn.",
-        "ours, ms",
-        "memory, ms",
+         bandwidth of a triad `a = b + s*c` (24 bytes an entry) on as many threads; time on the wall, \
+         runs in turn.",
+        ["ours, ms", "memory, ms"],
+        Division::OursByTheirs,
     );
     for threads in [1, 2] {
-        with_threads(threads, || compare(threads));
+        with_threads(threads, || compare(&mut table, threads));
     }
+    vec![table]
 }
 
-fn compare(threads: usize) {
+fn compare(table: &mut Table, threads: usize) {
     let body = cube(30);
     let u = displacement(&body);
     let energy = SethHill::new(1.0).energy(&body, 3.0, &[Measure::Length]);
@@ -43,7 +44,7 @@ fn compare(threads: usize) {
     let bandwidth = 24.0 * TRIAD as f64 / theirs.least();
     let (ours, bound) = (ours.least() * 1e3, bytes / bandwidth * 1e3);
     let what = format!("{threads} thread(s), {:.1} GB/s", bandwidth * 1e-9);
-    row(&what, ours, bound, ours / bound, Bar::AtMost(3.0, 1.5));
+    table.ratio(what, [ours, bound], Statistic::Least(ROUNDS), Bar::AtMost(3.0, 1.5));
 }
 
 fn triad([a, b, c]: &mut [Vec<f64>; 3], threads: usize) {

@@ -13,7 +13,7 @@ use piola_runtime::weights::Weights;
 
 use crate::clock::{Clock, in_turn};
 use crate::ours::{SethHill, cube, discrete, displacement, with_threads};
-use crate::table::number;
+use crate::record::Table;
 
 const KINDS: [Measure; 2] = [Measure::Length, Measure::Volume];
 const HORIZON: f64 = 3.0;
@@ -22,28 +22,35 @@ pub(crate) const STIFFNESS_PER_K3: f64 = 1.0 / 6561.0;
 /// firooz2023, Fig. 6.
 const STIFFNESS: [f64; 3] = [1.0, 0.0, 1.7 * STIFFNESS_PER_K3];
 
-pub(crate) fn run() {
-    println!("\n### One Newton step\n");
-    println!(
+pub(crate) fn run() -> Vec<Table> {
+    let mut table = Table::plain(
+        "newton",
         "Cube of firooz2023, Fig. 6 (k3 = 1.7), C1 + C3, n = 1, horizon 3, one thread: the tangent assembled and \
          one linear system solved by the default method, in s. *Hyper-dual* is `derivatives = \
          \"hyperdual-coordinates\"`, scaled from 4^3 points with horizon 2 by the number of interactions. The paper's \
-         Fig. 3 plots assembly over solution.\n"
+         Fig. 3 plots assembly over solution.",
+        &[
+            "unknowns",
+            "assembly",
+            "solution",
+            "by",
+            "assembly/solution",
+            "share of assembly",
+            "hyper-dual assembly",
+            "over solution",
+            "Newton step, times faster",
+        ],
     );
-    println!(
-        "| unknowns | assembly | solution | by | assembly/solution | share of assembly | hyper-dual assembly | \
-         over solution | Newton step, times faster |"
-    );
-    println!("|---|---|---|---|---|---|---|---|---|");
     with_threads(1, || {
         let hyper_dual = hyper_dual_interaction();
         for points in [9, 13, 17, 21] {
-            step(points, hyper_dual);
+            step(&mut table, points, hyper_dual);
         }
     });
+    vec![table]
 }
 
-fn step(points: usize, hyper_dual: f64) {
+fn step(table: &mut Table, points: usize, hyper_dual: f64) {
     let energy = firooz_cube(points, &KINDS);
     let u = displacement(energy.body());
     let mut gradient = vec![0.0; u.len()];
@@ -67,18 +74,17 @@ fn step(points: usize, hyper_dual: f64) {
     let report = solver.solve(&tangent, &gradient, &mut solution).expect("it can be solved");
     let solve = start.elapsed().as_secs_f64();
     let theirs = hyper_dual * interactions(&energy);
-    println!(
-        "| {} | {} | {} | {} | {} | {} % | {} | {} | {} |",
-        u.len(),
-        number(assembly),
-        number(solve),
-        report.method.name(),
-        number(assembly / solve),
-        number(100.0 * assembly / (assembly + solve)),
-        number(theirs),
-        number(theirs / solve),
-        number((theirs + solve) / (assembly + solve)),
-    );
+    table.row([
+        u.len().to_string().into(),
+        assembly.into(),
+        solve.into(),
+        report.method.name().into(),
+        (assembly / solve).into(),
+        format!("{:.1} %", 100.0 * assembly / (assembly + solve)).into(),
+        theirs.into(),
+        (theirs / solve).into(),
+        ((theirs + solve) / (assembly + solve)).into(),
+    ]);
 }
 
 /// Seconds that an interaction takes with hyper-dual coordinates, from a body that is small enough.

@@ -10,31 +10,32 @@ use piola_runtime::matrix::BlockMatrix;
 use crate::assembly::assert_close;
 use crate::clock::{Clock, in_turn};
 use crate::ours::{SethHill, cube, displacement, with_threads};
-use crate::table::{Bar, head, row};
+use crate::record::{Bar, Division, Statistic, Table};
 use ordered::Ordered;
 
 const ROUNDS: usize = 3;
 const HORIZON: f64 = 3.0;
 const KINDS: [Measure; 2] = [Measure::Length, Measure::Volume];
 
-pub(crate) fn run() {
+pub(crate) fn run() -> Vec<Table> {
     with_threads(1, || {
         check();
-        head(
-            "Assembled tangent against the papers' way",
+        let mut table = Table::of_ratios(
+            "papers",
             "Energy, gradient and tangent of bonds and tetrahedra, n = 1, on one thread, in ms per point far from \
              the surface. Theirs: every point, its ordered neighbours and triples of neighbours (2 visits of a \
              bond, 24 of a tetrahedron), one pass of compiled hyper-dual numbers per entry of the compact tangent, \
              added to a dense matrix; measured on the middle point of 7^3 (a whole body takes hours). Ours: 12^3 \
              points, time per interaction times the interactions of a point of the bulk.",
-            "ours, ms",
-            "ordered loops, ms",
+            ["ours, ms", "ordered loops, ms"],
+            Division::TheirsByOurs,
         );
-        compare();
-    });
+        compare(&mut table);
+        vec![table]
+    })
 }
 
-fn compare() {
+fn compare(table: &mut Table) {
     let middle = cube(7);
     let mut theirs = Ordered::new(&middle, HORIZON, &displacement(&middle));
     let body = cube(12);
@@ -54,7 +55,8 @@ fn compare() {
     let report = energy.report();
     let each = ours.least() / (report.bonds + report.tetrahedra) as f64;
     let (ours, theirs) = (each * per_point * 1e3, theirs.least() * 1e3);
-    row("cube, C1 + C3, horizon 3", ours, theirs, theirs / ours, Bar::AtLeast(300.0, 1000.0));
+    let (of, bar) = (Statistic::Least(ROUNDS), Bar::AtLeast(300.0, 1000.0));
+    table.ratio("cube, C1 + C3, horizon 3", [ours, theirs], of, bar);
 }
 
 /// Both ways give one tangent on a body that is small enough.

@@ -12,27 +12,28 @@ use piola_runtime::weights::Weights;
 
 use crate::newton::{STIFFNESS_PER_K3, clamped};
 use crate::ours::{SethHill, cube, discrete, displacement, with_threads};
-use crate::table::{Bar, head, row};
+use crate::record::{Bar, Division, Statistic, Table};
 
 const POINTS: usize = 20;
 const HORIZON: f64 = 3.0;
 const TOLERANCE: f64 = 1e-10;
 
-pub(crate) fn run() {
-    head(
-        "Linear solution in 3D",
+pub(crate) fn run() -> Vec<Table> {
+    let mut table = Table::of_ratios(
+        "solve",
         "20^3 points (24,000 unknowns), horizon 3, two faces held, one thread: a system with the tangent at rest \
          solved to 1e-10 by the default method, set-up included, against faer's Cholesky factorisation.",
-        "ours, s",
-        "Cholesky, s",
+        ["ours, s", "Cholesky, s"],
+        Division::TheirsByOurs,
     );
     with_threads(1, || {
-        compare("bonds", 0.0);
-        compare("C1 + C3, k3 = 26", 26.0);
+        compare(&mut table, "bonds", 0.0);
+        compare(&mut table, "C1 + C3, k3 = 26", 26.0);
     });
+    vec![table]
 }
 
-fn compare(what: &str, k3: f64) {
+fn compare(table: &mut Table, what: &str, k3: f64) {
     let (kinds, c3): (&[Measure], f64) = match k3 {
         0.0 => (&[Measure::Length], 1.0),
         _ => (&[Measure::Length, Measure::Volume], k3 * STIFFNESS_PER_K3),
@@ -55,7 +56,7 @@ fn compare(what: &str, k3: f64) {
         report.iterations,
         report.relative_residual
     );
-    row(&what, ours, theirs, theirs / ours, Bar::AtLeast(15.0, 30.0));
+    table.ratio(what, [ours, theirs], Statistic::Once, Bar::AtLeast(15.0, 30.0));
 }
 
 fn solve(

@@ -10,31 +10,32 @@ use piola_runtime::weights::Weights;
 
 use crate::clock::{Clock, in_turn};
 use crate::ours::{SethHill, cube, discrete, displacement, with_threads};
+use crate::record::{Bar, Division, Statistic, Table};
 use crate::samples::{COUNT, Samples};
-use crate::table::{Bar, head, row};
 
 const ROUNDS: usize = 4001;
 const FEW_ROUNDS: usize = 101;
 
-pub(crate) fn run() {
-    head(
-        "Squares against roots",
+pub(crate) fn run() -> Vec<Table> {
+    let mut table = Table::of_ratios(
+        "squares",
         "Even energies as functions of the squared measure, against the same energies as functions of the \
          measure: energy, compact gradient and tangent of one interaction in space, and bonds assembled on \
-         one thread. Least of the times of runs in turn.",
-        "squares, ns",
-        "measures, ns",
+         one thread; runs in turn.",
+        ["squares, ns", "measures, ns"],
+        Division::OursByTheirs,
     );
     for n in [2.0, -2.0, 4.0] {
-        kernels::<3, 1>(n);
+        kernels::<3, 1>(&mut table, n);
     }
     for n in [2.0, -2.0, 4.0] {
-        kernels::<6, 2>(n);
+        kernels::<6, 2>(&mut table, n);
     }
-    with_threads(1, assembled);
+    with_threads(1, || assembled(&mut table));
+    vec![table]
 }
 
-fn kernels<const C: usize, const K: usize>(n: f64) {
+fn kernels<const C: usize, const K: usize>(table: &mut Table, n: f64) {
     let kind = Measure::ALL[K - 1];
     let energy = SethHill::new(n);
     let batches = Samples::<C>::new().batches::<K>();
@@ -54,10 +55,10 @@ fn kernels<const C: usize, const K: usize>(n: f64) {
     );
     let [squares, measures] = [squares, measures].map(|x| x.least() / COUNT as f64 * 1e9);
     let name = format!("{} {n}", kind.interaction());
-    row(&name, squares, measures, squares / measures, Bar::None);
+    table.ratio(name, [squares, measures], Statistic::Least(ROUNDS), Bar::None);
 }
 
-fn assembled() {
+fn assembled(table: &mut Table) {
     let body = cube(20);
     let u = displacement(&body);
     let energy = SethHill::new(2.0);
@@ -86,5 +87,6 @@ fn assembled() {
     let norm = other.values.iter().map(|x| x * x).sum::<f64>();
     assert!(difference.sum::<f64>() < 1e-24 * norm, "both assemble the same");
     let [squares, measures] = [squares, measures].map(|x| x.least() / n_bonds * 1e9);
-    row("bonds assembled, 20^3 points, 2", squares, measures, squares / measures, Bar::None);
+    let of = Statistic::Least(FEW_ROUNDS);
+    table.ratio("bonds assembled, 20^3 points, 2", [squares, measures], of, Bar::None);
 }

@@ -1,64 +1,65 @@
-//! Tables in the form of `docs/performance.md`.
+//! Tables while they are filled.
 
-/// What a ratio is held to.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Bar {
-    /// At least the bar; better still the second number.
-    AtLeast(f64, f64),
-    /// At most the bar; better still the second number.
-    AtMost(f64, f64),
-    /// Nothing: shown for comparison.
-    None,
-}
+use crate::record::{Bar, Cell, Division, Ratios, Row, Rows, Statistic, Table};
 
-impl Bar {
-    fn text(self) -> String {
-        match self {
-            Bar::AtLeast(bar, stretch) => format!(">= {bar} ({stretch})"),
-            Bar::AtMost(bar, stretch) => format!("<= {bar} ({stretch})"),
-            Bar::None => String::new(),
-        }
+impl Table {
+    /// A table of ratios without rows: how documents call it, how it is measured, the heads of the two
+    /// columns of numbers with their unit, and which way they are divided.
+    pub(crate) fn of_ratios(
+        name: &str,
+        how: impl Into<String>,
+        columns: [&str; 2],
+        ratio: Division,
+    ) -> Table {
+        let columns = columns.map(str::to_string);
+        let rows = Rows::Ratios(Ratios { columns, ratio, rows: Vec::new() });
+        Table { name: name.into(), how: how.into(), rows }
     }
 
-    fn verdict(self, ratio: f64) -> &'static str {
-        let (bar, stretch) = match self {
-            Bar::AtLeast(bar, stretch) => (ratio >= bar, ratio >= stretch),
-            Bar::AtMost(bar, stretch) => (ratio <= bar, ratio <= stretch),
-            Bar::None => return "",
+    /// A table of any columns, without rows.
+    pub(crate) fn plain(name: &str, how: impl Into<String>, columns: &[&str]) -> Table {
+        let columns = columns.iter().map(|column| (*column).to_string()).collect();
+        let rows = Rows::Plain { columns, rows: Vec::new() };
+        Table { name: name.into(), how: how.into(), rows }
+    }
+
+    /// Adds a row of a table of ratios.
+    pub(crate) fn ratio(
+        &mut self,
+        what: impl Into<String>,
+        [ours, theirs]: [f64; 2],
+        of: Statistic,
+        bar: Bar,
+    ) {
+        let Rows::Ratios(ratios) = &mut self.rows else {
+            unreachable!("{} is no table of ratios", self.name)
         };
-        match (bar, stretch) {
-            (_, true) => "stretch met",
-            (true, false) => "met",
-            (false, false) => "not met",
-        }
+        ratios.rows.push(Row { what: what.into(), ours, theirs, of, bar });
+    }
+
+    /// Adds a row of a plain table.
+    pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = Cell>) {
+        let Rows::Plain { rows, .. } = &mut self.rows else {
+            unreachable!("{} is a table of ratios", self.name)
+        };
+        rows.push(cells.into_iter().collect());
     }
 }
 
-/// Prints a heading, a line that says how it was measured, and the head of a table. `ours` and
-/// `theirs` name the two columns of numbers with their unit.
-pub(crate) fn head(title: &str, how: &str, ours: &str, theirs: &str) {
-    println!("\n### {title}\n\n{how}\n");
-    println!("| what | {ours} | {theirs} | ratio | bar (stretch) | |");
-    println!("|---|---|---|---|---|---|");
-}
-
-/// Prints a row.
-pub(crate) fn row(what: &str, ours: f64, theirs: f64, ratio: f64, bar: Bar) {
-    let verdict = bar.verdict(ratio);
-    println!(
-        "| {what} | {} | {} | {} | {} | {verdict} |",
-        number(ours),
-        number(theirs),
-        number(ratio),
-        bar.text()
-    );
-}
-
-/// Three significant digits.
-pub(crate) fn number(x: f64) -> String {
-    if !x.is_finite() || x == 0.0 {
-        return format!("{x}");
+impl From<f64> for Cell {
+    fn from(x: f64) -> Cell {
+        Cell::Number(x)
     }
-    let digits = 2 - libm::floor(libm::log10(x.abs())) as i32;
-    format!("{x:.*}", digits.clamp(0, 9) as usize)
+}
+
+impl From<&str> for Cell {
+    fn from(text: &str) -> Cell {
+        Cell::Text(text.into())
+    }
+}
+
+impl From<String> for Cell {
+    fn from(text: String) -> Cell {
+        Cell::Text(text)
+    }
 }

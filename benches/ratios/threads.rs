@@ -8,24 +8,25 @@ use rayon::ThreadPool;
 
 use crate::clock::{Clock, in_turn, thread_time};
 use crate::ours::{SethHill, cube, displacement};
-use crate::table::{Bar, head, row};
+use crate::record::{Bar, Division, Statistic, Table};
 
-const ROUNDS: usize = 4;
+const ROUNDS: usize = 9;
 
-pub(crate) fn run() {
-    head(
-        "Two threads",
-        "Assembled gradient and tangent, horizon 3; least of the times of runs in turn. The second row of a body counts \
+pub(crate) fn run() -> Vec<Table> {
+    let mut table = Table::of_ratios(
+        "threads",
+        "Assembled gradient and tangent, horizon 3; runs in turn. The second row of a body counts \
          processor time, of the one thread and of the busier of the two: what the balance of the load allows, \
          however busy the machine is.",
-        "2 threads, s",
-        "1 thread, s",
+        ["2 threads, s", "1 thread, s"],
+        Division::TheirsByOurs,
     );
-    measure("triangles, 30^3 points", 30, Measure::Area);
-    measure("tetrahedra, 16^3 points", 16, Measure::Volume);
+    measure(&mut table, "triangles, 30^3 points", 30, Measure::Area);
+    measure(&mut table, "tetrahedra, 16^3 points", 16, Measure::Volume);
+    vec![table]
 }
 
-fn measure(what: &str, points: usize, measure: Measure) {
+fn measure(table: &mut Table, what: &str, points: usize, measure: Measure) {
     let body = cube(points);
     let u = displacement(&body);
     let energy = SethHill::new(1.0).energy(&body, 3.0, &[measure]);
@@ -36,9 +37,10 @@ fn measure(what: &str, points: usize, measure: Measure) {
     assert!(one.tangent.values == two.tangent.values, "the same bits for any number of threads");
     let bar = Bar::AtLeast(1.8, 1.95);
     let (alone, both) = (alone.least(), both.least());
-    row(what, both, alone, alone / both, bar);
+    let of = Statistic::Least(ROUNDS);
+    table.ratio(what, [both, alone], of, bar);
     if let (Some(alone), Some(both)) = (one.busiest(), two.busiest()) {
-        row("the same, processor time", both, alone, alone / both, Bar::None);
+        table.ratio(format!("{what}, processor time"), [both, alone], of, Bar::None);
     }
 }
 

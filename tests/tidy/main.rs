@@ -1,6 +1,10 @@
 //! Rules of the repository that no compiler checks.
 
 mod documents;
+mod measured;
+#[allow(dead_code)] // The benchmark fills the record, here it is only read.
+#[path = "../../benches/ratios/record.rs"]
+mod record;
 mod sources;
 
 use std::path::{Path, PathBuf};

@@ -13,7 +13,7 @@ use piola_runtime::solve::constraint::Constraints;
 use piola_runtime::solve::linear::LinearOptions;
 use piola_runtime::solve::newton::{Newton, NewtonError, NewtonSettings};
 
-use crate::common::st_venant_kirchhoff;
+use super::common::st_venant_kirchhoff;
 
 const LENGTH: f64 = 0.1;
 const WIDTH: f64 = 0.01;

@@ -9,7 +9,7 @@ use crate::matrix::BlockPattern;
 use crate::solve::constraint::Constraints;
 
 /// Side of a piece in horizons. Smaller pieces leave fewer iterations and a larger coarse system;
-/// between 4/3 and 2 the time hardly changes (measured, see `benches/solvers.rs`).
+/// between 4/3 and 2 the time hardly changes (measured, see `benches/ratios/preconditioners.rs`).
 const SIDE: f64 = 5.0 / 3.0;
 
 /// More pieces than this are not made; larger bodies have larger ones, since the factorisation of

@@ -4,8 +4,8 @@ use super::report::LinearMethod;
 
 /// In three dimensions `auto` factorises up to this many operations and iterates beyond.
 ///
-/// 2e9 take a tenth of a second on one core. Conjugate gradients with two levels are faster from
-/// 1e8 operations on (measured for bonds, see `benches/solvers.rs`), but a factorisation proves
+/// 2e9 take a tenth of a second on one core. Conjugate gradients with two levels are faster from less
+/// than that on (`docs/performance.md`, "Linear solution in 3D"), but a factorisation proves
 /// whether an equilibrium is stable and does not mind how the tangent is conditioned. For bonds with
 /// a horizon of three spacings 10^3 points take 1.6e9 operations, 20^3 points 2.3e11.
 pub const AUTO_OPERATIONS_3D: f64 = 2e9;

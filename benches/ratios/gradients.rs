@@ -1,19 +1,20 @@
 //! What an energy of the deformation gradient costs: psi with its stress, and a product with the tangent,
 //! near rest and far from it, against hyper-dual numbers and the same energy written in Rust.
-//!
-//! `cargo bench -p piola-compiler --bench gradients` prints a table. All ways of a row run in turn in one
-//! process, so that ratios hold on a busy machine too; the fastest of the runs is shown.
 
 use std::hint::black_box;
-use std::time::Instant;
 
 use piola_compiler::{
     Form, GradientBatch, GradientKernel, Level, Mode, Model, Setting, Values, check_text,
 };
 
+use crate::clock::{Clock, Times, in_turn};
+use crate::record::{Cell, Table};
+
 /// Places per measurement.
 const PLACES: usize = 1024;
-const RUNS: usize = 101;
+const ROUNDS: usize = 101;
+/// Interpreters take long enough to be timed by a few runs.
+const FEW_ROUNDS: usize = 3;
 
 /// The energy that is not written in Rust here: it needs principal stretches.
 const BY_STRETCHES: &str = "hencky";
@@ -37,80 +38,120 @@ fn places(size: f64) -> Places {
     Places { gradient, change, direction }
 }
 
-fn main() {
-    println!("ns per place in three dimensions, fastest of {RUNS}; all components of P and dP");
-    println!(
-        "| energy | where | of | fast | strict | textbook | Rust | hyper-dual | interpreter |"
+pub(crate) fn run() -> Vec<Table> {
+    let mut table = Table::plain(
+        "gradients",
+        format!(
+            "One place (point or bond) in three dimensions, all components of P or dP, ns, in batches of {PLACES}; least of \
+             {ROUNDS} runs in turn, for the last two columns of {FEW_ROUNDS}. *Near rest*: max|F - I| < 0.25 everywhere; *some \
+             far*: a third of the places beyond it. *Rust* is the same energy by hand in F as in a book, compiled by rustc; \
+             the last two columns are ours without machine code, walking the graph of the energy."
+        ),
+        &[
+            "energy",
+            "where",
+            "of",
+            "ours",
+            "ours, strict",
+            "ours, textbook form",
+            "Rust",
+            "hyper-dual numbers, interpreted",
+            "our derivatives, interpreted",
+        ],
     );
-    println!("|---|---|---|---|---|---|---|---|---|");
     for name in ["st_venant_kirchhoff", "neo_hooke", "hencky"] {
-        let path = format!("{}/../potentials/{name}.piola", env!("CARGO_MANIFEST_DIR"));
-        let text = std::fs::read_to_string(path).expect("the library is beside the compiler");
+        let path = format!("{}/potentials/{name}.piola", env!("CARGO_MANIFEST_DIR"));
+        let text = std::fs::read_to_string(path).expect("the library is there");
         let (_, model) = check_text(&text).expect("the library is right");
         let settings = [("lambda", LAMBDA), ("mu", MU)]
             .map(|(name, value)| (name.to_string(), Setting::Number(value)));
         let values = model.values(3, &settings, None).expect("two parameters");
         // max |F - I| < 0.25, and a third of the places beyond it.
         for (place, size) in [("near rest", 0.2), ("some far", 0.3)] {
-            rows(name, place, &model, &values, &places(size));
+            rows(&mut table, [name, place], &model, &values, &places(size));
         }
     }
+    vec![table]
 }
 
-fn rows(name: &str, place: &str, model: &Model, values: &Values, places: &Places) {
+fn rows(
+    table: &mut Table,
+    [name, place]: [&str; 2],
+    model: &Model,
+    values: &Values,
+    places: &Places,
+) {
     let kernel = |mode, form| -> GradientKernel {
-        model.compile_gradient(values, mode, form).unwrap().0.expect("it has an energy")
+        model
+            .compile_gradient(values, mode, form)
+            .expect("it compiles")
+            .0
+            .expect("it has an energy")
     };
-    let kernels = [
+    let compiled = [
         kernel(Mode::Jit(Level::Fast), Form::Accurate),
         kernel(Mode::Jit(Level::Strict), Form::Accurate),
         kernel(Mode::Jit(Level::Fast), Form::Textbook),
-        kernel(Mode::HyperDual, Form::Textbook),
-        kernel(Mode::Interpreter, Form::Accurate),
     ];
+    let interpreted =
+        [kernel(Mode::HyperDual, Form::Textbook), kernel(Mode::Interpreter, Form::Accurate)];
     for product in [false, true] {
-        let mut least = [f64::INFINITY; 6];
-        let (mut psi, mut out) = (vec![0.0; PLACES], vec![0.0; 9 * PLACES]);
-        for round in 0..RUNS {
-            for (way, least) in least.iter_mut().enumerate() {
-                // Interpreters take long enough to be timed by a few runs.
-                if way >= 4 && round >= 5 || way == 3 && name == BY_STRETCHES {
-                    continue;
-                }
-                let start = Instant::now();
-                if way == 3 {
-                    written(name, product, black_box(places), &mut psi, &mut out);
-                } else {
-                    let kernel = &kernels[if way < 3 { way } else { way - 1 }];
-                    let at = GradientBatch {
-                        n: PLACES,
-                        gradient: black_box(&places.gradient),
-                        change: &places.change,
-                    };
-                    if product {
-                        kernel.product(at, &places.direction, &mut out);
-                    } else {
-                        kernel.evaluate(at, &mut psi, &mut out);
-                    }
-                }
-                black_box((&psi, &out));
-                *least = least.min(start.elapsed().as_secs_f64() * 1e9 / PLACES as f64);
-            }
-        }
-        let what = if product { "dP" } else { "psi, P" };
-        let [fast, strict, textbook, rust, dual, interpreter] = least;
-        let rust = if rust.is_finite() { format!("{rust:.1}") } else { String::new() };
-        println!(
-            "| {name} | {place} | {what} | {fast:.1} | {strict:.1} | {textbook:.1} | {rust} | \
-             {dual:.0} | {interpreter:.0} |"
+        let ours = |kernel: &GradientKernel| evaluate(kernel, product, places);
+        let [fast, strict, textbook, rust] = in_turn(
+            ROUNDS,
+            Clock::Wall,
+            [
+                &mut || ours(&compiled[0]),
+                &mut || ours(&compiled[1]),
+                &mut || ours(&compiled[2]),
+                &mut || written(name, product, places),
+            ],
         );
+        let [dual, interpreter] = in_turn(
+            FEW_ROUNDS,
+            Clock::Wall,
+            [&mut || ours(&interpreted[0]), &mut || ours(&interpreted[1])],
+        );
+        let each = |times: &Times| Cell::Number(times.least() * 1e9 / PLACES as f64);
+        let rust = if name == BY_STRETCHES { "".into() } else { each(&rust) };
+        let what = if product { "dP" } else { "psi, P" };
+        let name = format!("`{name}`");
+        table.row([
+            name.into(),
+            place.into(),
+            what.into(),
+            each(&fast),
+            each(&strict),
+            each(&textbook),
+            rust,
+            each(&dual),
+            each(&interpreter),
+        ]);
     }
+}
+
+/// All places by a kernel.
+fn evaluate(kernel: &GradientKernel, product: bool, places: &Places) {
+    let (mut psi, mut out) = ([0.0; PLACES], [0.0; 9 * PLACES]);
+    let at =
+        GradientBatch { n: PLACES, gradient: black_box(&places.gradient), change: &places.change };
+    if product {
+        kernel.product(at, &places.direction, &mut out);
+    } else {
+        kernel.evaluate(at, &mut psi, &mut out);
+    }
+    black_box((&psi, &out));
 }
 
 type Tensor = [[f64; 3]; 3];
 
 /// The energies by hand, place by place, in F as in a book.
-fn written(name: &str, product: bool, places: &Places, psi: &mut [f64], out: &mut [f64]) {
+fn written(name: &str, product: bool, places: &Places) {
+    if name == BY_STRETCHES {
+        return;
+    }
+    let (mut psi, mut out) = ([0.0; PLACES], [0.0; 9 * PLACES]);
+    let places = black_box(places);
     let tensor = |array: &[f64], p: usize| -> Tensor {
         std::array::from_fn(|r| std::array::from_fn(|c| array[(3 * r + c) * PLACES + p]))
     };
@@ -128,6 +169,7 @@ fn written(name: &str, product: bool, places: &Places, psi: &mut [f64], out: &mu
             out[k * PLACES + p] = result[k / 3][k % 3];
         }
     }
+    black_box((&psi, &out));
 }
 
 fn each(f: impl Fn(usize, usize) -> f64) -> Tensor {

@@ -1,12 +1,16 @@
 //! What an energy of the deformation gradient costs: psi with its stress, and a product with the tangent,
 //! near rest and far from it, against hyper-dual numbers and the same energy written in Rust.
 
+mod by_hand;
+mod numbers;
+
 use std::hint::black_box;
 
 use piola_compiler::{
     Form, GradientBatch, GradientKernel, Level, Mode, Model, Setting, Values, check_text,
 };
 
+use crate::assembly::assert_close;
 use crate::clock::{Clock, Times, in_turn};
 use crate::record::{Cell, Table};
 
@@ -16,11 +20,47 @@ const ROUNDS: usize = 101;
 /// Interpreters take long enough to be timed by a few runs.
 const FEW_ROUNDS: usize = 3;
 
-/// The energy that is not written in Rust here: it needs principal stretches.
-const BY_STRETCHES: &str = "hencky";
-
 const LAMBDA: f64 = 3.0;
 const MU: f64 = 1.0;
+
+type Tensor = [[f64; 3]; 3];
+
+/// An energy of F written for this benchmark alone.
+trait Law {
+    /// psi and P.
+    fn stress(f: &Tensor) -> (f64, Tensor);
+    /// The change of P along `df`.
+    fn product(f: &Tensor, df: &Tensor) -> Tensor;
+}
+
+/// All places by a law: P or its change along the directions.
+type Pass = fn(bool, &Places, &mut Out);
+
+/// By hand, and over dual numbers; hencky needs principal stretches.
+fn passes(name: &str) -> Option<[Pass; 2]> {
+    match name {
+        "st_venant_kirchhoff" => Some([
+            pass::<by_hand::StVenantKirchhoff>,
+            pass::<numbers::Compiled<numbers::StVenantKirchhoff>>,
+        ]),
+        "neo_hooke" => {
+            Some([pass::<by_hand::NeoHooke>, pass::<numbers::Compiled<numbers::NeoHooke>>])
+        }
+        _ => None,
+    }
+}
+
+/// Room for the results at all places, component by component.
+struct Out {
+    psi: Vec<f64>,
+    tensor: Vec<f64>,
+}
+
+impl Out {
+    fn new() -> Out {
+        Out { psi: vec![0.0; PLACES], tensor: vec![0.0; 9 * PLACES] }
+    }
+}
 
 /// Gradients component by component.
 struct Places {
@@ -44,8 +84,9 @@ pub(crate) fn run() -> Vec<Table> {
         format!(
             "One place (point or bond) in three dimensions, all components of P or dP, ns, in batches of {PLACES}; least of \
              {ROUNDS} runs in turn, for the last two columns of {FEW_ROUNDS}. *Near rest*: max|F - I| < 0.25 everywhere; *some \
-             far*: a third of the places beyond it. *Rust* is the same energy by hand in F as in a book, compiled by rustc; \
-             the last two columns are ours without machine code, walking the graph of the energy."
+             far*: a third of the places beyond it. *Rust* is the same energy by hand in F as in a book, *dual numbers* the \
+             energy over num-dual's `Dual64` and `HyperDual64`, one pass for each component of P or dP, both \
+             compiled by rustc; the last two columns are ours without machine code, walking the graph of the energy."
         ),
         &[
             "energy",
@@ -55,6 +96,7 @@ pub(crate) fn run() -> Vec<Table> {
             "ours, strict",
             "ours, textbook form",
             "Rust",
+            "dual numbers",
             "hyper-dual numbers, interpreted",
             "our derivatives, interpreted",
         ],
@@ -95,35 +137,55 @@ fn rows(
     ];
     let interpreted =
         [kernel(Mode::HyperDual, Form::Textbook), kernel(Mode::Interpreter, Form::Accurate)];
+    let theirs = passes(name);
     for product in [false, true] {
-        let ours = |kernel: &GradientKernel| evaluate(kernel, product, places);
-        let [fast, strict, textbook, rust] = in_turn(
+        let mut outs: [Out; 7] = std::array::from_fn(|_| Out::new());
+        let [out_fast, out_strict, out_textbook, out_hand, out_numbers, out_dual, out_graph] =
+            &mut outs;
+        let ours = |kernel, out: &mut Out| evaluate(kernel, product, places, out);
+        let other = |which: usize, out: &mut Out| {
+            if let Some(passes) = theirs {
+                passes[which](product, black_box(places), out);
+                black_box(out);
+            }
+        };
+        let [fast, strict, textbook, by_hand, numbers] = in_turn(
             ROUNDS,
             Clock::Wall,
             [
-                &mut || ours(&compiled[0]),
-                &mut || ours(&compiled[1]),
-                &mut || ours(&compiled[2]),
-                &mut || written(name, product, places),
+                &mut || ours(&compiled[0], out_fast),
+                &mut || ours(&compiled[1], out_strict),
+                &mut || ours(&compiled[2], out_textbook),
+                &mut || other(0, out_hand),
+                &mut || other(1, out_numbers),
             ],
         );
         let [dual, interpreter] = in_turn(
             FEW_ROUNDS,
             Clock::Wall,
-            [&mut || ours(&interpreted[0]), &mut || ours(&interpreted[1])],
+            [&mut || ours(&interpreted[0], out_dual), &mut || ours(&interpreted[1], out_graph)],
         );
-        let each = |times: &Times| Cell::Number(times.least() * 1e9 / PLACES as f64);
-        let rust = if name == BY_STRETCHES { "".into() } else { each(&rust) };
         let what = if product { "dP" } else { "psi, P" };
-        let name = format!("`{name}`");
+        for (number, out) in outs.iter().enumerate() {
+            if theirs.is_some() || ![3, 4].contains(&number) {
+                assert_close(
+                    &format!("{name}, {what}, way {number}"),
+                    &out.tensor,
+                    &outs[6].tensor,
+                );
+            }
+        }
+        let each = |times: &Times| Cell::Number(times.least() * 1e9 / PLACES as f64);
+        let written = |times: &Times| if theirs.is_some() { each(times) } else { "".into() };
         table.row([
-            name.into(),
+            format!("`{name}`").into(),
             place.into(),
             what.into(),
             each(&fast),
             each(&strict),
             each(&textbook),
-            rust,
+            written(&by_hand),
+            written(&numbers),
             each(&dual),
             each(&interpreter),
         ]);
@@ -131,120 +193,33 @@ fn rows(
 }
 
 /// All places by a kernel.
-fn evaluate(kernel: &GradientKernel, product: bool, places: &Places) {
-    let (mut psi, mut out) = ([0.0; PLACES], [0.0; 9 * PLACES]);
+fn evaluate(kernel: &GradientKernel, product: bool, places: &Places, out: &mut Out) {
     let at =
         GradientBatch { n: PLACES, gradient: black_box(&places.gradient), change: &places.change };
     if product {
-        kernel.product(at, &places.direction, &mut out);
+        kernel.product(at, &places.direction, &mut out.tensor);
     } else {
-        kernel.evaluate(at, &mut psi, &mut out);
+        kernel.evaluate(at, &mut out.psi, &mut out.tensor);
     }
-    black_box((&psi, &out));
+    black_box(out);
 }
 
-type Tensor = [[f64; 3]; 3];
-
-/// The energies by hand, place by place, in F as in a book.
-fn written(name: &str, product: bool, places: &Places) {
-    if name == BY_STRETCHES {
-        return;
-    }
-    let (mut psi, mut out) = ([0.0; PLACES], [0.0; 9 * PLACES]);
-    let places = black_box(places);
+/// All places by a law that is written for one.
+fn pass<L: Law>(product: bool, places: &Places, out: &mut Out) {
     let tensor = |array: &[f64], p: usize| -> Tensor {
         std::array::from_fn(|r| std::array::from_fn(|c| array[(3 * r + c) * PLACES + p]))
     };
     for p in 0..PLACES {
         let f = tensor(&places.gradient, p);
         let result = if product {
-            let df = tensor(&places.direction, p);
-            if name == "neo_hooke" { neo_hooke_product(&f, &df) } else { svk_product(&f, &df) }
+            L::product(&f, &tensor(&places.direction, p))
         } else {
-            let (energy, stress) = if name == "neo_hooke" { neo_hooke(&f) } else { svk(&f) };
-            psi[p] = energy;
+            let (psi, stress) = L::stress(&f);
+            out.psi[p] = psi;
             stress
         };
         for k in 0..9 {
-            out[k * PLACES + p] = result[k / 3][k % 3];
+            out.tensor[k * PLACES + p] = result[k / 3][k % 3];
         }
     }
-    black_box((&psi, &out));
-}
-
-fn each(f: impl Fn(usize, usize) -> f64) -> Tensor {
-    let mut tensor = [[0.0; 3]; 3];
-    for (r, row) in tensor.iter_mut().enumerate() {
-        for (c, x) in row.iter_mut().enumerate() {
-            *x = f(r, c);
-        }
-    }
-    tensor
-}
-
-fn times(a: &Tensor, b: &Tensor) -> Tensor {
-    each(|r, c| a[r][0] * b[0][c] + a[r][1] * b[1][c] + a[r][2] * b[2][c])
-}
-
-fn transposed(a: &Tensor) -> Tensor {
-    each(|r, c| a[c][r])
-}
-
-fn trace(a: &Tensor) -> f64 {
-    a[0][0] + a[1][1] + a[2][2]
-}
-
-fn dot(a: &Tensor, b: &Tensor) -> f64 {
-    (0..9).map(|k| a[k / 3][k % 3] * b[k / 3][k % 3]).sum()
-}
-
-fn unit(r: usize, c: usize) -> f64 {
-    if r == c { 1.0 } else { 0.0 }
-}
-
-fn second_stress(e: &Tensor) -> Tensor {
-    let trace = trace(e);
-    each(|r, c| LAMBDA * trace * unit(r, c) + 2.0 * MU * e[r][c])
-}
-
-fn svk(f: &Tensor) -> (f64, Tensor) {
-    let c = times(&transposed(f), f);
-    let e = each(|r, k| 0.5 * (c[r][k] - unit(r, k)));
-    let energy = 0.5 * LAMBDA * trace(&e) * trace(&e) + MU * dot(&e, &e);
-    (energy, times(f, &second_stress(&e)))
-}
-
-fn svk_product(f: &Tensor, df: &Tensor) -> Tensor {
-    let c = times(&transposed(f), f);
-    let e = each(|r, k| 0.5 * (c[r][k] - unit(r, k)));
-    let mixed = times(&transposed(f), df);
-    let de = each(|r, k| 0.5 * (mixed[r][k] + mixed[k][r]));
-    let (first, second) = (times(df, &second_stress(&e)), times(f, &second_stress(&de)));
-    each(|r, k| first[r][k] + second[r][k])
-}
-
-/// `F^-T` and the determinant.
-fn inverse_transposed(f: &Tensor) -> (Tensor, f64) {
-    let cofactor = each(|r, c| {
-        let (r1, r2, c1, c2) = ((r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3);
-        f[r1][c1] * f[r2][c2] - f[r1][c2] * f[r2][c1]
-    });
-    let j = f[0][0] * cofactor[0][0] + f[0][1] * cofactor[0][1] + f[0][2] * cofactor[0][2];
-    (each(|r, c| cofactor[r][c] / j), j)
-}
-
-fn neo_hooke(f: &Tensor) -> (f64, Tensor) {
-    let (g, j) = inverse_transposed(f);
-    let ln = libm::log(j);
-    let energy = 0.5 * MU * (dot(f, f) - 3.0 - 2.0 * ln) + 0.5 * LAMBDA * ln * ln;
-    (energy, each(|r, c| MU * f[r][c] + (LAMBDA * ln - MU) * g[r][c]))
-}
-
-fn neo_hooke_product(f: &Tensor, df: &Tensor) -> Tensor {
-    let (g, j) = inverse_transposed(f);
-    let ln = libm::log(j);
-    let along = dot(&g, df);
-    let turned = times(&times(&g, &transposed(df)), &g);
-    let a = LAMBDA * ln - MU;
-    each(|r, c| MU * df[r][c] + LAMBDA * along * g[r][c] - a * turned[r][c])
 }

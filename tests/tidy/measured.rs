@@ -30,7 +30,11 @@ fn every_measured_table_is_shown_once() {
         let text = read(&path);
         let names = between(&text, "<!-- measured: ", " -->");
         let rendered = DOCUMENTS.iter().any(|document| path.as_os_str() == *document);
-        assert!(names.is_empty() || rendered, "{} shows tables and is not rendered", path.display());
+        assert!(
+            names.is_empty() || rendered,
+            "{} shows tables and is not rendered",
+            path.display()
+        );
         shown.extend(names.into_iter().map(str::to_string));
     }
     let once: BTreeSet<String> = shown.iter().cloned().collect();

@@ -30,8 +30,16 @@ pub(crate) enum Clock {
     Thread,
 }
 
+/// Candidates that are through sooner are run so long, in s, before each run that counts.
+const WARMING: f64 = 2e-4;
+
 /// Runs the candidates in turn, `rounds` times after one run each that is not counted: whatever
 /// disturbs the machine disturbs all of them.
+///
+/// What takes less than [`WARMING`] is measured warm: with its code, its data and the predictions of
+/// its branches where its own runs left them, whatever the other candidates did since. Else a kernel
+/// would take thrice its time in turn with one that fills the caches. Longer runs begin as the others
+/// left the caches.
 pub(crate) fn in_turn<const N: usize>(
     rounds: usize,
     clock: Clock,
@@ -40,15 +48,31 @@ pub(crate) fn in_turn<const N: usize>(
     let mut times = [const { Times(Vec::new()) }; N];
     for round in 0..=rounds {
         for (candidate, times) in candidates.iter_mut().zip(&mut times) {
-            let start = Now::new(clock);
-            candidate();
-            let taken = start.elapsed();
+            let taken = warm(clock, candidate);
             if round > 0 {
                 times.0.push(taken);
             }
         }
     }
     times
+}
+
+/// What a run takes, after others if it is short.
+fn warm(clock: Clock, run: &mut dyn FnMut()) -> f64 {
+    let begun = Instant::now();
+    let timed = |run: &mut dyn FnMut()| {
+        let start = Now::new(clock);
+        run();
+        start.elapsed()
+    };
+    let mut taken = timed(run);
+    if begun.elapsed().as_secs_f64() < WARMING {
+        while begun.elapsed().as_secs_f64() < WARMING {
+            run();
+        }
+        taken = timed(run);
+    }
+    taken
 }
 
 /// A moment on both clocks.

@@ -1,24 +1,26 @@
 //! Kernels: compact gradient and tangent of one interaction, against hyper-dual numbers and against
 //! the same formulas in C and Rust.
 
-use std::collections::BTreeMap;
 use std::hint::black_box;
 
 use piola_compiler::Measure;
-use piola_runtime::element::{Contributions, Element, InteractionBatch, Order};
+use piola_runtime::element::{CAPACITY, Contributions, Element, InteractionBatch, Order};
+use pulp::Arch;
 
-use crate::clock::{Clock, Times, in_turn};
+use crate::clock::{Clock, in_turn};
 use crate::foreign::{self, Program};
-use crate::hyperdual::{self, Linear, Logarithm, Power, Quadratic, Strain};
+use crate::hyperdual::{self, Block, LANES, Linear, Logarithm, Power, Quadratic, Results, Strain};
 use crate::ours::SethHill;
+use crate::record::{Bar, Division, Statistic, Table};
 use crate::samples::{COUNT, Samples, measure};
-use crate::table::{Bar, head, row};
 
-const ROUNDS: usize = 31;
+const ROUNDS: usize = 101;
 /// An interpreted pass takes some thousand times as long.
-const FEW_ROUNDS: usize = 3;
+const FEW_ROUNDS: usize = 5;
 /// Runs of each foreign program, in turn with ours.
-const TURNS: usize = 5;
+const TURNS: usize = 9;
+/// As many as a foreign program takes of each kernel.
+const FOREIGN_ROUNDS: usize = 61;
 
 /// One kernel of ours with its interactions.
 struct Case {
@@ -71,80 +73,76 @@ fn each(seconds: f64) -> f64 {
 }
 
 /// Against hyper-dual numbers.
-pub(crate) fn against_hyper_dual() {
-    head(
-        "Kernels against hyper-dual numbers",
+pub(crate) fn against_hyper_dual() -> Vec<Table> {
+    let mut table = Table::of_ratios(
+        "kernels",
         "Energy, compact gradient and tangent of one interaction in space. Theirs: num-dual's `HyperDual64`, \
-         compiled for each energy, on relative vectors, one pass per entry of the tangent (6, 21, 45). \
-         Least of the times of runs in turn.",
-        "ours, ns",
-        "hyper-dual, ns",
+         compiled for each energy, on relative vectors, one pass per entry of the tangent (6, 21, 45), \
+         eight interactions side by side in the same registers as ours (`benches/ratios/hyperdual.rs`, with what \
+         was slower). Runs in turn, all with warm caches.",
+        ["ours, ns", "hyper-dual, ns"],
+        Division::TheirsByOurs,
     );
-    by_strain::<3, 1>(Bar::AtLeast(4.0, 8.0));
-    by_strain::<6, 2>(Bar::AtLeast(15.0, 30.0));
-    by_strain::<9, 3>(Bar::AtLeast(30.0, 60.0));
-    head(
-        "Kernels against interpreted hyper-dual numbers",
-        "The same; theirs: `derivatives = \"hyperdual-coordinates\"`, an interpreted energy on the \
-         coordinates of all corners (21, 45, 78 passes).",
-        "ours, ns",
-        "interpreted, ns",
+    by_strain::<3, 1>(&mut table, Bar::AtLeast(4.0, 8.0));
+    by_strain::<6, 2>(&mut table, Bar::AtLeast(15.0, 30.0));
+    by_strain::<9, 3>(&mut table, Bar::AtLeast(30.0, 60.0));
+    let mut by_interpreter = Table::of_ratios(
+        "interpreted",
+        "The same; theirs: `derivatives = \"hyperdual-coordinates\"`, the energy as written, interpreted on the \
+         coordinates of all corners (21, 45, 78 passes): what checks our derivatives, no rival.",
+        ["ours, ns", "interpreted, ns"],
+        Division::TheirsByOurs,
     );
-    interpreted::<3, 1>();
-    interpreted::<6, 2>();
-    interpreted::<9, 3>();
+    interpreted::<3, 1>(&mut by_interpreter);
+    interpreted::<6, 2>(&mut by_interpreter);
+    interpreted::<9, 3>(&mut by_interpreter);
+    vec![table, by_interpreter]
 }
 
-fn by_strain<const C: usize, const K: usize>(bar: Bar) {
-    let mut ratios = [
-        compiled::<Linear, C, K>(),
-        compiled::<Quadratic, C, K>(),
-        compiled::<Power, C, K>(),
-        compiled::<Logarithm, C, K>(),
-    ];
-    let [ours, theirs] = [0, 1].map(|k| median(ratios.map(|r: [f64; 3]| r[k])));
-    ratios.sort_by(|p, q| p[2].total_cmp(&q[2]));
-    let name = format!("**{}, median**", Measure::ALL[K - 1].interaction());
-    row(&name, ours, theirs, median(ratios.map(|r| r[2])), bar);
+fn by_strain<const C: usize, const K: usize>(table: &mut Table, bar: Bar) {
+    compiled::<Linear, C, K>(table, bar);
+    compiled::<Quadratic, C, K>(table, bar);
+    compiled::<Power, C, K>(table, bar);
+    compiled::<Logarithm, C, K>(table, bar);
 }
 
-/// Ours, theirs in ns, and the ratio; printed.
-fn compiled<S: Strain, const C: usize, const K: usize>() -> [f64; 3] {
+fn compiled<S: Strain, const C: usize, const K: usize>(table: &mut Table, bar: Bar) {
     let mut case = Case::new::<S, C, K>();
     let samples = Samples::<C>::new();
-    let now: Vec<[f64; C]> = samples
-        .reference
-        .iter()
-        .zip(&samples.displacement)
-        .map(|(x, u)| std::array::from_fn(|c| x[c] + u[c]))
-        .collect();
-    let reference: Vec<f64> = samples.reference.iter().map(measure).collect();
-    let zero = || hyperdual::Result { energy: 0.0, gradient: [0.0; C], tangent: [[0.0; C]; C] };
-    let mut out = zero();
+    let mut blocks = [Block::<C>::EMPTY; COUNT / LANES];
+    for sample in 0..COUNT {
+        let (at_rest, u) = (&samples.reference[sample], &samples.displacement[sample]);
+        let now = std::array::from_fn(|c| at_rest[c] + u[c]);
+        let block = &mut blocks[sample / LANES];
+        block.set(sample % LANES, &now, measure(at_rest), samples.weight[sample]);
+    }
+    let arch = Arch::new();
+    // As many as one of our batches has.
+    let mut out = [Results::<C>::ZERO; CAPACITY / LANES];
     let mut theirs = || {
-        for sample in 0..COUNT {
-            let (x, weight) = (black_box(&now[sample]), samples.weight[sample]);
-            hyperdual::evaluate::<S, C>(x, reference[sample], weight, &mut out);
+        for blocks in blocks.chunks(out.len()) {
+            hyperdual::evaluate::<S, C>(arch, black_box(blocks), &mut out);
             black_box(&out);
         }
     };
     let [ours, theirs] = in_turn(ROUNDS, Clock::Wall, [&mut || case.run(), &mut theirs]);
     let mut sums = [0.0; 3];
-    for sample in 0..COUNT {
-        let weight = samples.weight[sample];
-        hyperdual::evaluate::<S, C>(&now[sample], reference[sample], weight, &mut out);
-        sums[0] += out.energy * out.energy;
-        sums[1] += out.gradient.iter().map(|x| x * x).sum::<f64>();
-        sums[2] += out.tangent.iter().flatten().map(|x| x * x).sum::<f64>();
+    for blocks in blocks.chunks(out.len()) {
+        hyperdual::evaluate::<S, C>(arch, blocks, &mut out);
+        for out in &out[..blocks.len()] {
+            let square = |x: &[f64; LANES]| x.iter().map(|x| x * x).sum::<f64>();
+            sums[0] += square(&out.energy);
+            sums[1] += out.gradient.iter().map(square).sum::<f64>();
+            sums[2] += out.tangent.iter().flatten().map(square).sum::<f64>();
+        }
     }
     let found = case.sums();
     assert_same(&case.name, found, sums);
-    let (ours, theirs) = (each(ours.least()), each(theirs.least()));
-    row(&case.name, ours, theirs, theirs / ours, Bar::None);
-    [ours, theirs, theirs / ours]
+    let times = [each(ours.least()), each(theirs.least())];
+    table.ratio(case.name, times, Statistic::Least(ROUNDS), bar);
 }
 
-fn interpreted<const C: usize, const K: usize>() {
+fn interpreted<const C: usize, const K: usize>(table: &mut Table) {
     let kind = Measure::ALL[K - 1];
     let mut case = Case::new::<Linear, C, K>();
     let element = SethHill::new(1.0).coordinate_element(kind);
@@ -156,8 +154,8 @@ fn interpreted<const C: usize, const K: usize>() {
         }
     };
     let [ours, theirs] = in_turn(FEW_ROUNDS, Clock::Wall, [&mut || case.run(), &mut theirs]);
-    let (ours, theirs) = (each(ours.least()), each(theirs.least()));
-    row(&case.name, ours, theirs, theirs / ours, Bar::None);
+    let times = [each(ours.least()), each(theirs.least())];
+    table.ratio(case.name, times, Statistic::Least(FEW_ROUNDS), Bar::None);
 }
 
 /// Both computed the same, to rounding.
@@ -167,72 +165,72 @@ fn assert_same(name: &str, found: [f64; 3], expected: [f64; 3]) {
     }
 }
 
-fn median<const N: usize>(mut values: [f64; N]) -> f64 {
-    values.sort_by(f64::total_cmp);
-    0.5 * (values[(N - 1) / 2] + values[N / 2])
-}
-
 /// Against the same formulas in C and Rust.
-pub(crate) fn against_foreign() {
+pub(crate) fn against_foreign() -> Vec<Table> {
     let programs = foreign::compile();
-    if programs.is_empty() {
-        println!("\nNo C compiler `cc` and no `rustc` here: kernels are not compared with theirs.");
-        return;
-    }
-    head(
-        "Kernels against C and Rust",
-        "Energy, compact gradient and tangent; the same formulas written by hand without guards \
-         (`benches/ratios/foreign`), ns per interaction, least of the runs, median over n = 1, 2, 2.7, ln. Each is a program of its \
-         own, run in turn with ours. Without `-fno-math-errno` gcc does not vectorise square roots.",
-        "ours, ns",
-        "theirs, ns",
-    );
     let mut cases = all_cases();
-    let mut ours: BTreeMap<String, Vec<f64>> = BTreeMap::new();
-    let mut theirs: BTreeMap<(usize, String), Vec<f64>> = BTreeMap::new();
+    // In ns: ours for each case, theirs for each program and case.
+    let mut ours = vec![f64::INFINITY; cases.len()];
+    let mut theirs = vec![vec![f64::INFINITY; cases.len()]; programs.len()];
     let input = foreign::write_inputs();
     for _ in 0..TURNS {
-        for case in &mut cases {
-            let [times]: [Times; 1] = in_turn(ROUNDS, Clock::Wall, [&mut || case.run()]);
-            ours.entry(case.name.clone()).or_default().push(each(times.least()));
+        for (case, least) in cases.iter_mut().zip(&mut ours) {
+            let [times] = in_turn(FOREIGN_ROUNDS, Clock::Wall, [&mut || case.run()]);
+            *least = least.min(each(times.least()));
         }
-        for (number, program) in programs.iter().enumerate() {
+        for (program, theirs) in programs.iter().zip(&mut theirs) {
             for found in program.run(&input) {
-                let case = cases.iter_mut().find(|case| case.name == found.name);
-                assert_same(&found.name, case.expect("a kernel of ours").sums(), found.sums);
-                theirs.entry((number, found.name)).or_default().push(found.least);
+                let number = cases.iter().position(|case| case.name == found.name);
+                let number = number.expect("a kernel of ours");
+                assert_same(&found.name, cases[number].sums(), found.sums);
+                theirs[number] = theirs[number].min(found.least);
             }
         }
     }
-    for (number, program) in programs.iter().enumerate() {
-        print_program(number, program, &cases, &ours, &theirs);
+    let how = format!(
+        "Energy, compact gradient and tangent; the same formulas written by hand without guards \
+         (`benches/ratios/foreign`), ns per interaction. Both write to a ring of as many results as one of our batches \
+         has. Each is a program of its own, run {TURNS} times in turn with ours."
+    );
+    let of = Statistic::Least(TURNS * FOREIGN_ROUNDS);
+    let table = |name: &str, how: String| {
+        Table::of_ratios(name, how, ["ours, ns", "theirs, ns"], Division::OursByTheirs)
+    };
+    let fast_names = names(&programs, |program| program.is_fast);
+    let mut fast = table("foreign", format!("{how} For each kernel the best of {fast_names}."));
+    for (number, case) in cases.iter().enumerate() {
+        let programs = programs.iter().zip(&theirs).filter(|(program, _)| program.is_fast);
+        let best = programs.min_by(|p, q| p.1[number].total_cmp(&q.1[number]));
+        if let Some((program, theirs)) = best {
+            let name = format!("{}, {}", case.name, program.name);
+            fast.ratio(name, [ours[number], theirs[number]], of, Bar::AtMost(1.0, 0.8));
+        }
     }
+    let mut exact = table(
+        "foreign-exact",
+        format!(
+            "{how} Without leave to reorder sums, n = 1. Square roots that may set `errno` are not vectorised."
+        ),
+    );
+    for (number, case) in cases.iter().enumerate().step_by(4) {
+        for (program, theirs) in
+            programs.iter().zip(&theirs).filter(|(program, _)| !program.is_fast)
+        {
+            let name = format!("{}, {}", case.name, program.name);
+            exact.ratio(name, [ours[number], theirs[number]], of, Bar::None);
+        }
+    }
+    vec![fast, exact]
 }
 
-/// A row per measure: medians over the exponents.
-fn print_program(
-    number: usize,
-    program: &Program,
-    cases: &[Case],
-    ours: &BTreeMap<String, Vec<f64>>,
-    theirs: &BTreeMap<(usize, String), Vec<f64>>,
-) {
-    let least = |times: &[f64]| times.iter().copied().fold(f64::INFINITY, f64::min);
-    for of_measure in cases.chunks(4) {
-        let pairs: [[f64; 2]; 4] = std::array::from_fn(|k| {
-            let name = &of_measure[k].name;
-            [least(&ours[name]), least(&theirs[&(number, name.clone())])]
-        });
-        let measure = of_measure[0].name.split(' ').next().unwrap_or_default();
-        let bar = if program.is_barred { Bar::AtMost(2.0, 1.1) } else { Bar::None };
-        row(
-            &format!("{measure}, {}", program.name),
-            median(pairs.map(|p| p[0])),
-            median(pairs.map(|p| p[1])),
-            median(pairs.map(|p| p[0] / p[1])),
-            bar,
-        );
-    }
+/// The programs of a kind, by their recipes.
+fn names(programs: &[Program], wanted: impl Fn(&Program) -> bool) -> String {
+    let names: Vec<&str> = programs
+        .iter()
+        .filter(|program| wanted(program))
+        .map(|program| program.name.as_str())
+        .collect();
+    names.join(", ")
 }
 
 fn all_cases() -> Vec<Case> {

@@ -10,10 +10,12 @@ mod bar;
 mod clock;
 mod compile;
 mod families;
+mod foreign;
 mod forms;
 mod gradients;
 mod growth;
 mod hyperdual;
+mod kernels;
 mod levels;
 mod machine;
 mod memory;
@@ -40,8 +42,10 @@ const RENDER: &str = "render";
 /// A section: its name on the command line and what it measures.
 type Measurement = (&'static str, fn() -> Vec<Table>);
 
-const SECTIONS: [Measurement; 16] = [
+const SECTIONS: [Measurement; 18] = [
+    ("kernels", kernels::against_hyper_dual),
     ("squares", squares::run),
+    ("foreign", kernels::against_foreign),
     ("forms", forms::run),
     ("levels", levels::run),
     ("gradients", gradients::run),

@@ -5,6 +5,8 @@ use std::time::Instant;
 
 const LANES: usize = 8;
 const BLOCKS: usize = 128;
+/// Blocks of results that are kept.
+const RING: usize = 4;
 const SAMPLES: usize = 61;
 
 type Channel = [f64; LANES];
@@ -177,14 +179,22 @@ fn tetrahedron<const N: i32>(x: &[Channel; 19], out: &mut [Channel; 55]) {
 macro_rules! measure {
     ($name:literal, $kernel:expr, $input:ident, $inputs:literal, $gradients:literal, $outputs:literal) => {{
         #[inline(never)]
-        fn all(input: &[[Channel; $inputs]], out: &mut [[Channel; $outputs]]) {
-            for (input, out) in input.iter().zip(out) {
-                $kernel(input, out);
+        fn all(input: &[[Channel; $inputs]], out: &mut [[Channel; $outputs]; RING]) {
+            for (block, input) in input.iter().enumerate() {
+                $kernel(input, &mut out[block % RING]);
             }
         }
         let input: Vec<[Channel; $inputs]> =
             $input.chunks_exact($inputs).map(|block| block.try_into().unwrap()).collect();
-        let mut out = vec![[[0.0; LANES]; $outputs]; BLOCKS];
+        let mut out = [[[0.0; LANES]; $outputs]; RING];
+        let mut sums = [0.0; 3];
+        for input in input.chunks_exact(RING) {
+            all(input, &mut out);
+            for (channel, values) in out.iter().flat_map(|block| block.iter().enumerate()) {
+                let kind = if channel == 0 { 0 } else { 1 + usize::from(channel > $gradients) };
+                sums[kind] += values.iter().map(|x| x * x).sum::<f64>();
+            }
+        }
         all(&input, &mut out);
         let mut times: Vec<f64> = (0..SAMPLES)
             .map(|_| {
@@ -195,13 +205,6 @@ macro_rules! measure {
             })
             .collect();
         times.sort_by(f64::total_cmp);
-        let mut sums = [0.0; 3];
-        for block in &out {
-            for (channel, values) in block.iter().enumerate() {
-                let kind = if channel == 0 { 0 } else { 1 + usize::from(channel > $gradients) };
-                sums[kind] += values.iter().map(|x| x * x).sum::<f64>();
-            }
-        }
         let [energy, gradient, tangent] = sums;
         println!("{} {} {} {energy} {gradient} {tangent}", $name, times[0], times[SAMPLES / 2]);
     }};

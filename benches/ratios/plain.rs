@@ -1,6 +1,10 @@
 //! The assembly as plain code would do it: n = 1, current positions instead of displacements, no
 //! guards against thin or inverted interactions, no energies, one thread.
 //!
+//! Who of an owner's later neighbours are neighbours of each other, where their blocks stand and which
+//! triangles are collinear at rest is found once for the body, as in ours. All loops are compiled for
+//! the widest registers of the machine, as ours.
+//!
 //! Triangles send the block of their two members straight to the matrix and add up the rest per
 //! owner; tetrahedra add up everything in a dense array per owner. Both were the fastest of five
 //! designs when the assembly was laid out.
@@ -9,6 +13,7 @@ mod kernel;
 
 use piola_runtime::body::Body;
 use piola_runtime::neighborhood::Neighborhood;
+use pulp::{Arch, Simd, WithSimd};
 
 use kernel::{LANES, Tetrahedra, Triangles};
 
@@ -19,6 +24,32 @@ type Block = [f64; 9];
 /// Measures below this are no interactions; points are a unit apart.
 const FLAT: f64 = 1e-9;
 
+/// The members that make triangles with the owner and one of its members.
+#[derive(Clone, Copy, Default)]
+struct Pairs {
+    /// Bit `k`: member `k`.
+    members: u64,
+    /// As many bits: the places of these members in the row of the one.
+    places: u64,
+}
+
+impl Pairs {
+    /// Members with the places of their blocks, from where the row of the one begins.
+    #[inline(always)]
+    fn each(self, row: usize) -> impl Iterator<Item = (usize, usize)> {
+        let Pairs { mut members, mut places } = self;
+        std::iter::from_fn(move || {
+            if members == 0 {
+                return None;
+            }
+            let (k, place) = (members.trailing_zeros(), places.trailing_zeros());
+            members &= members - 1;
+            places &= places - 1;
+            Some((k as usize, row + 1 + place as usize))
+        })
+    }
+}
+
 /// Points with their later neighbours, and room for the gradient and the upper blocks of the tangent.
 pub(crate) struct Plain {
     at_rest: Vec<Vector>,
@@ -26,6 +57,10 @@ pub(crate) struct Plain {
     /// Blocks `row_start[i]..row_start[i + 1]`: the diagonal one, then those of `columns`.
     row_start: Vec<usize>,
     columns: Vec<u32>,
+    /// For every block but diagonal ones, that of owner `i` and member `j`: bit `k` is set if members
+    /// `j < k` are neighbours and not collinear with the owner.
+    pairs: Vec<Pairs>,
+    arch: Arch,
     pub(crate) gradient: Vec<Vector>,
     pub(crate) tangent: Vec<Block>,
 }
@@ -47,30 +82,59 @@ impl Plain {
             row_start.push(columns.len());
         }
         let (gradient, tangent) = (vec![[0.0; 3]; n], vec![[0.0; 9]; columns.len()]);
-        Plain { at_rest, now, row_start, columns, gradient, tangent }
+        let (pairs, arch) = (vec![Pairs::default(); columns.len()], Arch::new());
+        let mut plain = Plain { at_rest, now, row_start, columns, pairs, arch, gradient, tangent };
+        plain.find_pairs();
+        plain
+    }
+
+    fn find_pairs(&mut self) {
+        let mut member_of = vec![None; self.now.len()];
+        for point in 0..self.now.len() {
+            let upper = |point: usize| self.row_start[point] + 1..self.row_start[point + 1];
+            for (member, place) in upper(point).enumerate() {
+                member_of[self.columns[place] as usize] = Some(member);
+            }
+            let from_owner = |k: usize| {
+                difference(&self.at_rest[self.columns[k] as usize], &self.at_rest[point])
+            };
+            for place in upper(point) {
+                let (first, mut pairs) = (from_owner(place), Pairs::default());
+                for (number, other) in upper(self.columns[place] as usize).enumerate() {
+                    let Some(k) = member_of[self.columns[other] as usize] else { continue };
+                    let normal = cross(&first, &from_owner(upper(point).start + k));
+                    if dot(&normal, &normal) >= FLAT * FLAT {
+                        pairs.members |= 1 << k;
+                        pairs.places |= 1 << number;
+                    }
+                }
+                self.pairs[place] = pairs;
+            }
+            for place in upper(point) {
+                member_of[self.columns[place] as usize] = None;
+            }
+        }
     }
 
     /// Gradient and tangent of all triangles; how many there are.
     pub(crate) fn triangles(&mut self) -> u64 {
+        self.arch.dispatch(AllTriangles(self))
+    }
+
+    #[inline(always)]
+    fn add_triangles(&mut self) -> u64 {
         self.clear();
         let mut count = 0;
         let mut owner = Owner::default();
         for point in 0..self.now.len() {
             owner.set(self, point);
-            let (mut batch, mut lanes) = (Triangles::default(), [(0, 0); LANES]);
+            let (mut batch, mut lanes) = (Triangles::default(), [(0, 0, 0); LANES]);
             let mut filled = 0;
             for j in 0..owner.members.len() {
-                let mut bits = owner.bits[j];
-                while bits != 0 {
-                    let k = bits.trailing_zeros() as usize;
-                    bits &= bits - 1;
+                for (k, place) in owner.pairs[j].each(owner.rows[j]) {
                     let normal = cross(&owner.at_rest[j], &owner.at_rest[k]);
-                    let area = dot(&normal, &normal).sqrt();
-                    if area < FLAT {
-                        continue;
-                    }
-                    batch.set(filled, &owner.now[j], &owner.now[k], 1.0 / area);
-                    lanes[filled] = (j, k);
+                    batch.set(filled, &owner.now[j], &owner.now[k], dot(&normal, &normal));
+                    lanes[filled] = (j, k, place);
                     filled += 1;
                     count += 1;
                     if filled == LANES {
@@ -89,18 +153,19 @@ impl Plain {
         count
     }
 
+    #[inline(always)]
     fn scatter_triangles(
         &mut self,
         owner: &mut Owner,
         batch: &Triangles,
-        lanes: &[(usize, usize)],
+        lanes: &[(usize, usize, usize)],
     ) {
-        for (lane, &(j, k)) in lanes.iter().enumerate() {
+        for (lane, &(j, k, place)) in lanes.iter().enumerate() {
             for axis in 0..3 {
                 owner.gradient[j][axis] += batch.out.gradient[axis][lane];
                 owner.gradient[k][axis] += batch.out.gradient[3 + axis][lane];
             }
-            let block = &mut self.tangent[owner.place[j * 64 + k] as usize];
+            let block = &mut self.tangent[place];
             for entry in 0..9 {
                 let mixed = batch.out.mixed[entry][lane];
                 block[entry] += mixed;
@@ -116,20 +181,22 @@ impl Plain {
 
     /// Gradient and tangent of all tetrahedra; how many there are.
     pub(crate) fn tetrahedra(&mut self) -> u64 {
+        self.arch.dispatch(AllTetrahedra(self))
+    }
+
+    #[inline(always)]
+    fn add_tetrahedra(&mut self) -> u64 {
         self.clear();
         let mut count = 0;
-        let mut owner = Owner { pairs: vec![[0.0; 9]; 64 * 64], ..Owner::default() };
+        let mut owner = Owner { blocks: vec![[0.0; 9]; 64 * 64], ..Owner::default() };
         for point in 0..self.now.len() {
             owner.set(self, point);
             let (mut batch, mut lanes) = (Tetrahedra::default(), [(0, 0, 0); LANES]);
             let mut filled = 0;
             for j in 0..owner.members.len() {
-                let mut bits = owner.bits[j];
-                while bits != 0 {
-                    let k = bits.trailing_zeros() as usize;
-                    bits &= bits - 1;
+                for (k, _) in owner.pairs[j].each(0) {
                     let normal = cross(&owner.at_rest[j], &owner.at_rest[k]);
-                    let mut common = owner.bits[j] & owner.bits[k];
+                    let mut common = owner.pairs[j].members & owner.pairs[k].members;
                     while common != 0 {
                         let l = common.trailing_zeros() as usize;
                         common &= common - 1;
@@ -161,14 +228,12 @@ impl Plain {
     }
 
     /// Sends the blocks of pairs of members to the matrix and adds them to the columns.
+    #[inline(always)]
     fn write_pairs(&mut self, owner: &mut Owner) {
         for j in 0..owner.members.len() {
-            let mut bits = owner.bits[j];
-            while bits != 0 {
-                let k = bits.trailing_zeros() as usize;
-                bits &= bits - 1;
-                let part = std::mem::take(&mut owner.pairs[j * 64 + k]);
-                let block = &mut self.tangent[owner.place[j * 64 + k] as usize];
+            for (k, place) in owner.pairs[j].each(owner.rows[j]) {
+                let part = std::mem::take(&mut owner.blocks[j * 64 + k]);
+                let block = &mut self.tangent[place];
                 for entry in 0..9 {
                     block[entry] += part[entry];
                     owner.column[k][entry] += part[entry];
@@ -179,6 +244,7 @@ impl Plain {
     }
 
     /// The members' own blocks, and the owner's row: minus the sum of the others.
+    #[inline(always)]
     fn write_owner(&mut self, owner: &mut Owner) {
         let row = self.row_start[owner.point];
         let mut total = [0.0; 9];
@@ -208,6 +274,7 @@ impl Plain {
         }
     }
 
+    #[inline(always)]
     fn clear(&mut self) {
         self.gradient.fill([0.0; 3]);
         self.tangent.fill([0.0; 9]);
@@ -217,6 +284,30 @@ impl Plain {
 /// Places of the upper triangle in a block.
 const UPPER: [usize; 6] = [0, 1, 2, 4, 5, 8];
 
+/// All triangles, in registers of whatever width.
+struct AllTriangles<'a>(&'a mut Plain);
+
+impl WithSimd for AllTriangles<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> u64 {
+        self.0.add_triangles()
+    }
+}
+
+/// All tetrahedra, in registers of whatever width.
+struct AllTetrahedra<'a>(&'a mut Plain);
+
+impl WithSimd for AllTetrahedra<'_> {
+    type Output = u64;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> u64 {
+        self.0.add_tetrahedra()
+    }
+}
+
 /// What is known of and added up for the owner at hand.
 #[derive(Default)]
 struct Owner {
@@ -225,24 +316,28 @@ struct Owner {
     /// From the owner to its members.
     at_rest: Vec<Vector>,
     now: Vec<Vector>,
-    /// Bit `k` of row `j`: members `j < k` are neighbours.
-    bits: Vec<u64>,
-    /// Where the block of members `j`, `k` stands.
-    place: Vec<u32>,
-    /// Member number of a point, plus one.
-    member: Vec<u32>,
+    /// The triangles of each member.
+    pairs: Vec<Pairs>,
+    /// Where the rows of the members begin.
+    rows: Vec<usize>,
     gradient: Vec<Vector>,
     diagonal: Vec<Block>,
     column: Vec<Block>,
-    pairs: Vec<Block>,
+    /// Blocks of pairs of members, 64 to a row.
+    blocks: Vec<Block>,
 }
 
 impl Owner {
+    #[inline(always)]
     fn set(&mut self, plain: &Plain, point: usize) {
         self.point = point;
-        let upper = |point: usize| plain.row_start[point] + 1..plain.row_start[point + 1];
+        let row = plain.row_start[point] + 1..plain.row_start[point + 1];
         self.members.clear();
-        self.members.extend_from_slice(&plain.columns[upper(point)]);
+        self.members.extend_from_slice(&plain.columns[row.clone()]);
+        self.pairs.clear();
+        self.pairs.extend_from_slice(&plain.pairs[row]);
+        self.rows.clear();
+        self.rows.extend(self.members.iter().map(|&m| plain.row_start[m as usize]));
         let n = self.members.len();
         let relative = |all: &[Vector], to: &mut Vec<Vector>| {
             to.clear();
@@ -251,26 +346,6 @@ impl Owner {
         };
         relative(&plain.at_rest, &mut self.at_rest);
         relative(&plain.now, &mut self.now);
-        self.member.resize(plain.now.len(), 0);
-        self.place.resize(64 * 64, 0);
-        for (number, &point) in self.members.iter().enumerate() {
-            self.member[point as usize] = number as u32 + 1;
-        }
-        self.bits.clear();
-        for (j, &point) in self.members.iter().enumerate() {
-            let mut bits = 0;
-            for place in upper(point as usize) {
-                let k = self.member[plain.columns[place] as usize];
-                if k > 0 {
-                    bits |= 1 << (k - 1);
-                    self.place[j * 64 + k as usize - 1] = place as u32;
-                }
-            }
-            self.bits.push(bits);
-        }
-        for &point in &self.members {
-            self.member[point as usize] = 0;
-        }
         self.gradient.clear();
         self.gradient.resize(n, [0.0; 3]);
         for blocks in [&mut self.diagonal, &mut self.column] {
@@ -279,6 +354,7 @@ impl Owner {
         }
     }
 
+    #[inline(always)]
     fn add_tetrahedra(&mut self, batch: &Tetrahedra, lanes: &[(usize, usize, usize)]) {
         for (lane, &(j, k, l)) in lanes.iter().enumerate() {
             for (corner, member) in [j, k, l].into_iter().enumerate() {
@@ -291,7 +367,7 @@ impl Owner {
             }
             for (number, pair) in [j * 64 + k, j * 64 + l, k * 64 + l].into_iter().enumerate() {
                 for entry in 0..9 {
-                    self.pairs[pair][entry] += batch.out.pairs[number][entry][lane];
+                    self.blocks[pair][entry] += batch.out.pairs[number][entry][lane];
                 }
             }
         }

@@ -15,8 +15,8 @@ type Channel = [f64; LANES];
 #[derive(Default)]
 pub(super) struct Triangles {
     x: [Channel; 6],
-    /// `1/A`.
-    inverse: Channel,
+    /// `A^2`.
+    squared: Channel,
     pub(super) out: TriangleSums,
 }
 
@@ -30,28 +30,29 @@ pub(super) struct TriangleSums {
 
 impl Triangles {
     #[inline(always)]
-    pub(super) fn set(&mut self, lane: usize, first: &Vector, second: &Vector, inverse: f64) {
+    pub(super) fn set(&mut self, lane: usize, first: &Vector, second: &Vector, squared: f64) {
         for axis in 0..3 {
             self.x[axis][lane] = first[axis];
             self.x[3 + axis][lane] = second[axis];
         }
-        self.inverse[lane] = inverse;
+        self.squared[lane] = squared;
     }
 
+    #[inline(always)]
     pub(super) fn evaluate(&mut self) {
-        triangles(&self.x, &self.inverse, &mut self.out);
+        triangles(&self.x, &self.squared, &mut self.out);
     }
 }
 
 /// With `s = a^2/2`: `dpsi/ds = 1/A - 1/a`, `d2psi/ds2 = 1/a^3`.
-#[inline(never)]
-fn triangles(x: &[Channel; 6], inverse: &Channel, out: &mut TriangleSums) {
+#[inline(always)]
+fn triangles(x: &[Channel; 6], squared: &Channel, out: &mut TriangleSums) {
     for lane in 0..LANES {
         let p = [x[0][lane], x[1][lane], x[2][lane]];
         let q = [x[3][lane], x[4][lane], x[5][lane]];
         let c = cross(&p, &q);
         let root = 1.0 / dot(&c, &c).sqrt();
-        let slope = inverse[lane] - root;
+        let slope = 1.0 / squared[lane].sqrt() - root;
         let bend = root * root * root;
         let (gp, gq) = (cross(&q, &c), cross(&c, &p));
         let (bp, bq) = (times(bend, &gp), times(bend, &gq));
@@ -103,9 +104,8 @@ fn own_block(
 #[derive(Default)]
 pub(super) struct Tetrahedra {
     x: [Channel; 9],
-    /// `1/V` with the sign of the tetrahedron.
-    inverse: Channel,
-    sign: Channel,
+    /// `V` with the sign of the tetrahedron.
+    volume: Channel,
     pub(super) out: TetrahedronSums,
 }
 
@@ -125,25 +125,26 @@ impl Tetrahedra {
                 self.x[3 * corner + axis][lane] = vector[axis];
             }
         }
-        self.inverse[lane] = 1.0 / volume;
-        self.sign[lane] = 1f64.copysign(volume);
+        self.volume[lane] = volume;
     }
 
+    #[inline(always)]
     pub(super) fn evaluate(&mut self) {
-        tetrahedra(&self.x, &self.inverse, &self.sign, &mut self.out);
+        tetrahedra(&self.x, &self.volume, &mut self.out);
     }
 }
 
 /// With the signed `v`: `dpsi/dv = v/V - 1` times the sign, `d2psi/dv2 = 1/abs(V)`.
-#[inline(never)]
-fn tetrahedra(x: &[Channel; 9], inverse: &Channel, sign: &Channel, out: &mut TetrahedronSums) {
+#[inline(always)]
+fn tetrahedra(x: &[Channel; 9], volume: &Channel, out: &mut TetrahedronSums) {
     for lane in 0..LANES {
+        let (inverse, sign) = (1.0 / volume[lane], 1f64.copysign(volume[lane]));
         let p = [x[0][lane], x[1][lane], x[2][lane]];
         let q = [x[3][lane], x[4][lane], x[5][lane]];
         let r = [x[6][lane], x[7][lane], x[8][lane]];
         let (gp, gq, gr) = (cross(&q, &r), cross(&r, &p), cross(&p, &q));
-        let slope = sign[lane] * (dot(&p, &gp) * inverse[lane] - 1.0);
-        let bend = sign[lane] * inverse[lane];
+        let slope = sign * (dot(&p, &gp) * inverse - 1.0);
+        let bend = sign * inverse;
         let (bp, bq, br) = (times(bend, &gp), times(bend, &gq), times(bend, &gr));
         let gradient = &mut out.gradient;
         gradient[0][lane] = slope * gp[0];

@@ -11,13 +11,6 @@ impl Times {
     pub(crate) fn least(&self) -> f64 {
         self.0.iter().copied().fold(f64::INFINITY, f64::min)
     }
-
-    /// The one in the middle, or the mean of the two there.
-    pub(crate) fn median(&self) -> f64 {
-        let mut times = self.0.clone();
-        times.sort_by(f64::total_cmp);
-        0.5 * (times[(times.len() - 1) / 2] + times[times.len() / 2])
-    }
 }
 
 /// Which clock.

@@ -95,14 +95,12 @@ pub(crate) struct Row {
     pub(crate) bar: Bar,
 }
 
-/// Which of how many runs a number is of, the same for both numbers of a row.
+/// Of how many runs a number is the least, the same for both numbers of a row.
 #[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Statistic {
     /// The least of so many: what the least disturbed run took.
     Least(usize),
-    /// The one in the middle of so many.
-    Median(usize),
     /// The only run.
     Once,
 }
@@ -226,7 +224,6 @@ impl Ratios {
         let ratio = self.ratio(row);
         let runs = match row.of {
             Statistic::Least(runs) => format!("least of {runs}"),
-            Statistic::Median(runs) => format!("median of {runs}"),
             Statistic::Once => "once".into(),
         };
         let mut cells =

@@ -14,6 +14,7 @@ use piola_runtime::energy::TotalEnergy;
 use piola_runtime::kernel::{Law, VariablesLaw};
 use piola_runtime::neighborhood::Neighborhood;
 use piola_runtime::states::{StateEnergy, StateLaws};
+use pulp::{Arch, Simd, WithSimd};
 
 use crate::assembly::assert_close;
 use crate::clock::{Clock, in_turn};
@@ -30,13 +31,43 @@ pub(crate) const LAMBDA: f64 = 1.0;
 pub(crate) const MU: f64 = 1.0;
 pub(crate) const BULK: f64 = LAMBDA + 2.0 * MU / 3.0;
 
-/// Forces at displacements, which are kept, and products with the Hessian there.
-pub(crate) trait Plain {
+/// Forces at displacements, which are kept, and products with the Hessian there: loops that become
+/// part of their caller.
+pub(crate) trait Loops {
     /// The gradient of the energy at `u` (`n x 3`).
     fn forces(&mut self, u: &[[f64; 3]], out: &mut [[f64; 3]]);
 
     /// The Hessian at the `u` of the last forces times `p`.
     fn product(&mut self, p: &[[f64; 3]], out: &mut [[f64; 3]]);
+}
+
+/// The same, compiled for the widest registers of the machine, as ours.
+trait Plain {
+    fn forces(&mut self, u: &[[f64; 3]], out: &mut [[f64; 3]]);
+    fn product(&mut self, p: &[[f64; 3]], out: &mut [[f64; 3]]);
+}
+
+impl<B: Loops> Plain for B {
+    fn forces(&mut self, u: &[[f64; 3]], out: &mut [[f64; 3]]) {
+        Arch::new().dispatch(Wide::<B, false>(self, u, out));
+    }
+
+    fn product(&mut self, p: &[[f64; 3]], out: &mut [[f64; 3]]) {
+        Arch::new().dispatch(Wide::<B, true>(self, p, out));
+    }
+}
+
+/// Forces, or products, of a body in registers of whatever width.
+struct Wide<'a, B, const IS_PRODUCT: bool>(&'a mut B, &'a [[f64; 3]], &'a mut [[f64; 3]]);
+
+impl<B: Loops, const IS_PRODUCT: bool> WithSimd for Wide<'_, B, IS_PRODUCT> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Wide(body, x, out) = self;
+        if IS_PRODUCT { body.product(x, out) } else { body.forces(x, out) }
+    }
 }
 
 /// Times of one model, in ns per bond.
@@ -80,8 +111,8 @@ pub(crate) fn run() -> Vec<Table> {
     let mut plain = Table::of_ratios(
         "families",
         format!(
-            "{how} Theirs: loops for this one model with derivatives by hand, with the states of the last forces \
-             kept for products; before a first product they work out the forces."
+            "{how} Theirs: loops for this one model in the same registers as ours, with derivatives by hand, with the \
+             states of the last forces kept for products; before a first product they work out the forces."
         ),
         ["ours, ns", "plain, ns"],
         Division::OursByTheirs,
@@ -90,7 +121,8 @@ pub(crate) fn run() -> Vec<Table> {
         "families-hyper-dual",
         format!(
             "{how} Theirs: the same loops as plain Rust, with dual numbers for forces and hyper-dual ones for \
-             products, one pass per component of F, and per length and dilatation."
+             products, one pass per component of F for eight tensors side by side (`benches/ratios/families/laws.rs`, with what \
+             was slower), and per length and dilatation."
         ),
         ["ours, ns", "hyper-dual, ns"],
         Division::TheirsByOurs,

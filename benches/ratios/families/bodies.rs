@@ -1,13 +1,15 @@
 //! Bodies as a program for one model would have them: lists of neighbours, reference data worked out
-//! beforehand, loops over bonds that add to both ends. One thread, no energies, no checks.
+//! beforehand, loops over bonds that add to both ends, all compiled for the widest registers of the
+//! machine. One thread, no energies, no checks.
 
 use std::marker::PhantomData;
+use std::ops::Range;
 
 use piola_runtime::body::Body;
 use piola_runtime::neighborhood::Neighborhood;
 
-use super::laws::{Derivatives, Tensor};
-use super::{MU, Plain};
+use super::laws::{Derivatives, LANES, NO_TENSORS, Tensor, Tensors, lane_of, set_lane};
+use super::{Loops, MU};
 
 type Vector = [f64; 3];
 
@@ -146,6 +148,7 @@ fn inverse(a: &Tensor) -> Tensor {
     std::array::from_fn(|r| std::array::from_fn(|c| minor(c, r) / determinant))
 }
 
+#[inline(always)]
 fn sum(a: &Tensor, b: &Tensor) -> Tensor {
     std::array::from_fn(|r| std::array::from_fn(|c| a[r][c] + b[r][c]))
 }
@@ -163,25 +166,45 @@ impl<L> Nodal<L> {
         let (volumes, f) = (body.volumes().to_vec(), vec![ZERO; body.n_points()]);
         Nodal { gradients: Gradients::new(body, lists), volumes, f, law: PhantomData }
     }
-}
 
-impl<L: Derivatives> Plain for Nodal<L> {
-    fn forces(&mut self, u: &[Vector], out: &mut [Vector]) {
-        out.fill([0.0; 3]);
-        for i in 0..self.f.len() {
-            self.f[i] = sum(&self.gradients.at(u, i), &ONE);
-            let mut stress = L::stress(&self.f[i]);
+    #[inline(always)]
+    fn scatter(&self, points: Range<usize>, stresses: &Tensors, out: &mut [Vector]) {
+        for (lane, i) in points.enumerate() {
+            let mut stress = lane_of(stresses, lane);
             scale(&mut stress, self.volumes[i]);
             self.gradients.scatter(i, &stress, out);
         }
     }
+}
 
+impl<L: Derivatives> Loops for Nodal<L> {
+    #[inline(always)]
+    fn forces(&mut self, u: &[Vector], out: &mut [Vector]) {
+        out.fill([0.0; 3]);
+        let n = self.f.len();
+        for start in (0..n).step_by(LANES) {
+            let points = start..n.min(start + LANES);
+            let mut f = NO_TENSORS;
+            for i in points.clone() {
+                self.f[i] = sum(&self.gradients.at(u, i), &ONE);
+                set_lane(&mut f, i - start, &self.f[i]);
+            }
+            self.scatter(points, &L::stress(&f), out);
+        }
+    }
+
+    #[inline(always)]
     fn product(&mut self, p: &[Vector], out: &mut [Vector]) {
         out.fill([0.0; 3]);
-        for i in 0..self.f.len() {
-            let mut change = L::stress_change(&self.f[i], &self.gradients.at(p, i));
-            scale(&mut change, self.volumes[i]);
-            self.gradients.scatter(i, &change, out);
+        let n = self.f.len();
+        for start in (0..n).step_by(LANES) {
+            let points = start..n.min(start + LANES);
+            let (mut f, mut change) = (NO_TENSORS, NO_TENSORS);
+            for i in points.clone() {
+                set_lane(&mut f, i - start, &self.f[i]);
+                set_lane(&mut change, i - start, &self.gradients.at(p, i));
+            }
+            self.scatter(points, &L::stress_change(&f, &change), out);
         }
     }
 }
@@ -242,31 +265,31 @@ impl<L> AtBonds<L> {
         mean
     }
 
-    /// All bonds: `stress` of each goes to the ends and, by `H`, to their families.
+    /// All bonds: `stress` of `at` of each goes to the ends and, by `H`, to their families.
     #[inline(always)]
-    fn visit(
+    fn visit<const N: usize>(
         &mut self,
         out: &mut [Vector],
-        stress: impl Fn(&Self, usize, usize, &Bond, &Vector) -> Tensor,
+        at: impl Fn(&Self, usize, usize, &Bond, &Vector) -> [Tensor; N],
+        stress: impl Fn(&[Tensors; N]) -> Tensors,
     ) {
         out.fill([0.0; 3]);
         self.duals.fill(ZERO);
         for i in 0..self.bonds.n_points() {
-            for place in self.bonds.start[i]..self.bonds.start[i + 1] {
-                let bond = &self.bonds.bonds[place];
-                let (weight, along) = &self.weights[place];
-                let j = bond.other as usize;
-                let mut stress = stress(self, i, j, bond, along);
-                scale(&mut stress, *weight);
-                let pull = apply(&stress, along);
-                for r in 0..3 {
-                    out[j][r] += pull[r];
-                    out[i][r] -= pull[r];
-                    for c in 0..3 {
-                        let half = 0.5 * (stress[r][c] - pull[r] * bond.dx[c]);
-                        self.duals[i][r][c] += half;
-                        self.duals[j][r][c] += half;
+            let end = self.bonds.start[i + 1];
+            for first in (self.bonds.start[i]..end).step_by(LANES) {
+                let places = first..end.min(first + LANES);
+                let mut tensors = [NO_TENSORS; N];
+                for place in places.clone() {
+                    let bond = &self.bonds.bonds[place];
+                    let found = at(self, i, bond.other as usize, bond, &self.weights[place].1);
+                    for (tensors, found) in tensors.iter_mut().zip(&found) {
+                        set_lane(tensors, place - first, found);
                     }
+                }
+                let stresses = stress(&tensors);
+                for place in places {
+                    self.scatter(i, place, lane_of(&stresses, place - first), out);
                 }
             }
         }
@@ -274,31 +297,63 @@ impl<L> AtBonds<L> {
             self.gradients.scatter(i, &self.duals[i], out);
         }
     }
+
+    #[inline(always)]
+    fn scatter(&mut self, i: usize, place: usize, mut stress: Tensor, out: &mut [Vector]) {
+        let bond = &self.bonds.bonds[place];
+        let (weight, along) = &self.weights[place];
+        let j = bond.other as usize;
+        scale(&mut stress, *weight);
+        let pull = apply(&stress, along);
+        for r in 0..3 {
+            out[j][r] += pull[r];
+            out[i][r] -= pull[r];
+            for c in 0..3 {
+                let half = 0.5 * (stress[r][c] - pull[r] * bond.dx[c]);
+                self.duals[i][r][c] += half;
+                self.duals[j][r][c] += half;
+            }
+        }
+    }
 }
 
-impl<L: Derivatives> Plain for AtBonds<L> {
+impl<L: Derivatives> Loops for AtBonds<L> {
+    #[inline(always)]
     fn forces(&mut self, u: &[Vector], out: &mut [Vector]) {
         self.u.copy_from_slice(u);
         for i in 0..u.len() {
             self.h[i] = self.gradients.at(u, i);
         }
-        self.visit(out, |body, i, j, bond, along| {
-            let h = Self::at([&body.h[i], &body.h[j]], [&u[i], &u[j]], &bond.dx, along);
-            L::stress(&sum(&h, &ONE))
-        });
+        self.visit(
+            out,
+            #[inline(always)]
+            |body, i, j, bond, along| {
+                let h = Self::at([&body.h[i], &body.h[j]], [&u[i], &u[j]], &bond.dx, along);
+                [sum(&h, &ONE)]
+            },
+            #[inline(always)]
+            |[f]| L::stress(f),
+        );
     }
 
+    #[inline(always)]
     fn product(&mut self, p: &[Vector], out: &mut [Vector]) {
         for i in 0..p.len() {
             self.change[i] = self.gradients.at(p, i);
         }
-        self.visit(out, |body, i, j, bond, along| {
-            let u = [&body.u[i], &body.u[j]];
-            let h = Self::at([&body.h[i], &body.h[j]], u, &bond.dx, along);
-            let change = [&body.change[i], &body.change[j]];
-            let change = Self::at(change, [&p[i], &p[j]], &bond.dx, along);
-            L::stress_change(&sum(&h, &ONE), &change)
-        });
+        self.visit(
+            out,
+            #[inline(always)]
+            |body, i, j, bond, along| {
+                let u = [&body.u[i], &body.u[j]];
+                let h = Self::at([&body.h[i], &body.h[j]], u, &bond.dx, along);
+                let change = [&body.change[i], &body.change[j]];
+                let change = Self::at(change, [&p[i], &p[j]], &bond.dx, along);
+                [sum(&h, &ONE), change]
+            },
+            #[inline(always)]
+            |[f, change]| L::stress_change(f, change),
+        );
     }
 }
 
@@ -371,15 +426,20 @@ impl<L> Solid<L> {
     }
 }
 
-impl<L: Derivatives> Plain for Solid<L> {
+impl<L: Derivatives> Loops for Solid<L> {
+    #[inline(always)]
     fn forces(&mut self, u: &[Vector], out: &mut [Vector]) {
-        self.theta = self.gather(u, |now, moved, rest, dx| {
-            let y: Vector = std::array::from_fn(|c| dx[c] + moved[c]);
-            now.length = dot(&y, &y).sqrt();
-            let inverse = 1.0 / now.length;
-            now.normal = y.map(|y| y * inverse);
-            now.length - rest
-        });
+        self.theta = self.gather(
+            u,
+            #[inline(always)]
+            |now, moved, rest, dx| {
+                let y = [dx[0] + moved[0], dx[1] + moved[1], dx[2] + moved[2]];
+                now.length = dot(&y, &y).sqrt();
+                let inverse = 1.0 / now.length;
+                now.normal = y.map(|y| y * inverse);
+                now.length - rest
+            },
+        );
         let pressure = |(theta, third): (&f64, &f64)| third * L::pressure(*theta);
         self.pressure = self.theta.iter().zip(&self.thirds).map(pressure).collect();
         out.fill([0.0; 3]);
@@ -403,11 +463,16 @@ impl<L: Derivatives> Plain for Solid<L> {
         }
     }
 
+    #[inline(always)]
     fn product(&mut self, p: &[Vector], out: &mut [Vector]) {
-        let changes = self.gather(p, |now, moved, _, _| {
-            now.change = dot(&now.normal, &moved);
-            now.change
-        });
+        let changes = self.gather(
+            p,
+            #[inline(always)]
+            |now, moved, _, _| {
+                now.change = dot(&now.normal, &moved);
+                now.change
+            },
+        );
         let change = |i: usize| self.thirds[i] * L::pressure_change(self.theta[i], changes[i]);
         let changes: Vec<f64> = (0..p.len()).map(change).collect();
         out.fill([0.0; 3]);

@@ -20,15 +20,14 @@ use crate::assembly::assert_close;
 use crate::clock::{Clock, in_turn};
 use crate::ours::{cube, displacement, with_threads};
 use crate::record::{Bar, Division, Statistic, Table};
+use crate::tensors::{LAMBDA, MU};
 use bodies::{AtBonds, Nodal, Solid};
 use laws::{ByHand, ByNumbers};
 
 const ROUNDS: usize = 101;
 const POINTS: usize = 14;
 const HORIZON: f64 = 3.015;
-/// Lame parameters, with the moduli they make.
-pub(crate) const LAMBDA: f64 = 1.0;
-pub(crate) const MU: f64 = 1.0;
+/// The bulk modulus of the Lame parameters.
 pub(crate) const BULK: f64 = LAMBDA + 2.0 * MU / 3.0;
 
 /// Forces at displacements, which are kept, and products with the Hessian there: loops that become

@@ -1,18 +1,19 @@
 //! What an energy of the deformation gradient costs: psi with its stress, and a product with the tangent,
 //! near rest and far from it, against hyper-dual numbers and the same energy written in Rust.
 
-mod by_hand;
-mod numbers;
-
 use std::hint::black_box;
+use std::marker::PhantomData;
 
 use piola_compiler::{
     Form, GradientBatch, GradientKernel, Level, Mode, Model, Setting, Values, check_text,
 };
+use pulp::{Arch, Simd, WithSimd};
 
 use crate::assembly::assert_close;
 use crate::clock::{Clock, Times, in_turn};
 use crate::record::{Cell, Table};
+use crate::tensors::numbers::ByNumbers;
+use crate::tensors::{LAMBDA, LANES, MU, Material, NO_TENSORS, Tensors, by_hand, numbers};
 
 /// Places per measurement.
 const PLACES: usize = 1024;
@@ -20,32 +21,62 @@ const ROUNDS: usize = 101;
 /// Interpreters take long enough to be timed by a few runs.
 const FEW_ROUNDS: usize = 3;
 
-const LAMBDA: f64 = 3.0;
-const MU: f64 = 1.0;
-
-type Tensor = [[f64; 3]; 3];
-
-/// An energy of F written for this benchmark alone.
-trait Law {
-    /// psi and P.
-    fn stress(f: &Tensor) -> (f64, Tensor);
-    /// The change of P along `df`.
-    fn product(f: &Tensor, df: &Tensor) -> Tensor;
+/// All places by a material, in the widest registers of the machine.
+struct Pass<'a, M> {
+    is_product: bool,
+    places: &'a Places,
+    out: &'a mut Out,
+    material: PhantomData<M>,
 }
 
-/// All places by a law: P or its change along the directions.
-type Pass = fn(bool, &Places, &mut Out);
+impl<M: Material> WithSimd for Pass<'_, M> {
+    type Output = ();
 
-/// By hand, and over dual numbers; hencky needs principal stretches.
-fn passes(name: &str) -> Option<[Pass; 2]> {
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Pass { is_product, places, out, .. } = self;
+        for first in (0..PLACES).step_by(LANES) {
+            let f = tensors(&places.gradient, first);
+            let result = if is_product {
+                M::stress_change(&f, &tensors(&places.direction, first))
+            } else {
+                let (psi, stress) = M::stress(&f);
+                out.psi[first..first + LANES].copy_from_slice(&psi);
+                stress
+            };
+            for k in 0..9 {
+                let place = k * PLACES + first;
+                out.tensor[place..place + LANES].copy_from_slice(&result[k / 3][k % 3]);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn tensors(array: &[f64], first: usize) -> Tensors {
+    let mut tensors = NO_TENSORS;
+    for k in 0..9 {
+        let place = k * PLACES + first;
+        tensors[k / 3][k % 3].copy_from_slice(&array[place..place + LANES]);
+    }
+    tensors
+}
+
+fn pass<M: Material>(is_product: bool, places: &Places, out: &mut Out) {
+    Arch::new().dispatch(Pass::<M> { is_product, places, out, material: PhantomData });
+}
+
+/// All places by a material: P or its change along the directions.
+type Way = fn(bool, &Places, &mut Out);
+
+/// By hand, and over dual numbers; `hencky` needs principal stretches.
+fn ways(name: &str) -> Option<[Way; 2]> {
     match name {
         "st_venant_kirchhoff" => Some([
             pass::<by_hand::StVenantKirchhoff>,
-            pass::<numbers::Compiled<numbers::StVenantKirchhoff>>,
+            pass::<ByNumbers<numbers::StVenantKirchhoff>>,
         ]),
-        "neo_hooke" => {
-            Some([pass::<by_hand::NeoHooke>, pass::<numbers::Compiled<numbers::NeoHooke>>])
-        }
+        "neo_hooke" => Some([pass::<by_hand::NeoHooke>, pass::<ByNumbers<numbers::NeoHooke>>]),
         _ => None,
     }
 }
@@ -85,7 +116,7 @@ pub(crate) fn run() -> Vec<Table> {
             "One place (point or bond) in three dimensions, all components of P or dP, ns, in batches of {PLACES}; least of \
              {ROUNDS} runs in turn, for the last two columns of {FEW_ROUNDS}. *Near rest*: max|F - I| < 0.25 everywhere; *some \
              far*: a third of the places beyond it. *Rust* is the same energy by hand in F as in a book, *dual numbers* the \
-             energy over num-dual's `Dual64` and `HyperDual64`, one pass for each component of P or dP, both \
+             energy over num-dual's `Dual64` and `HyperDual64`, one pass for each component of P or dP, both eight places side by side and \
              compiled by rustc; the last two columns are ours without machine code, walking the graph of the energy."
         ),
         &[
@@ -137,15 +168,15 @@ fn rows(
     ];
     let interpreted =
         [kernel(Mode::HyperDual, Form::Textbook), kernel(Mode::Interpreter, Form::Accurate)];
-    let theirs = passes(name);
+    let theirs = ways(name);
     for product in [false, true] {
         let mut outs: [Out; 7] = std::array::from_fn(|_| Out::new());
         let [out_fast, out_strict, out_textbook, out_hand, out_numbers, out_dual, out_graph] =
             &mut outs;
         let ours = |kernel, out: &mut Out| evaluate(kernel, product, places, out);
         let other = |which: usize, out: &mut Out| {
-            if let Some(passes) = theirs {
-                passes[which](product, black_box(places), out);
+            if let Some(ways) = theirs {
+                ways[which](product, black_box(places), out);
                 black_box(out);
             }
         };
@@ -202,24 +233,4 @@ fn evaluate(kernel: &GradientKernel, product: bool, places: &Places, out: &mut O
         kernel.evaluate(at, &mut out.psi, &mut out.tensor);
     }
     black_box(out);
-}
-
-/// All places by a law that is written for one.
-fn pass<L: Law>(product: bool, places: &Places, out: &mut Out) {
-    let tensor = |array: &[f64], p: usize| -> Tensor {
-        std::array::from_fn(|r| std::array::from_fn(|c| array[(3 * r + c) * PLACES + p]))
-    };
-    for p in 0..PLACES {
-        let f = tensor(&places.gradient, p);
-        let result = if product {
-            L::product(&f, &tensor(&places.direction, p))
-        } else {
-            let (psi, stress) = L::stress(&f);
-            out.psi[p] = psi;
-            stress
-        };
-        for k in 0..9 {
-            out.tensor[k * PLACES + p] = result[k / 3][k % 3];
-        }
-    }
 }

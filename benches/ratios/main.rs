@@ -30,6 +30,7 @@ mod samples;
 mod solve;
 mod squares;
 mod table;
+mod tensors;
 mod threads;
 
 use std::path::Path;

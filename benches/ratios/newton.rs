@@ -13,6 +13,7 @@ use piola_runtime::solve::linear::{LinearOptions, LinearSolver};
 use piola_runtime::weights::Weights;
 
 use crate::assembly::assert_close;
+use crate::clock::{Clock, in_turn};
 use crate::hyperdual::{HyperDualElement, Linear};
 use crate::ours::{SethHill, cube, discrete, displacement, with_threads};
 use crate::record::Table;

@@ -8,8 +8,9 @@ use std::ops::Range;
 use piola_runtime::body::Body;
 use piola_runtime::neighborhood::Neighborhood;
 
-use super::laws::{Derivatives, LANES, NO_TENSORS, Tensor, Tensors, lane_of, set_lane};
-use super::{Loops, MU};
+use super::Loops;
+use super::laws::Derivatives;
+use crate::tensors::{LANES, MU, Material, NO_TENSORS, Tensor, Tensors, lane_of, set_lane};
 
 type Vector = [f64; 3];
 
@@ -189,7 +190,7 @@ impl<L: Derivatives> Loops for Nodal<L> {
                 self.f[i] = sum(&self.gradients.at(u, i), &ONE);
                 set_lane(&mut f, i - start, &self.f[i]);
             }
-            self.scatter(points, &L::stress(&f), out);
+            self.scatter(points, &L::Solid::stress(&f).1, out);
         }
     }
 
@@ -204,7 +205,7 @@ impl<L: Derivatives> Loops for Nodal<L> {
                 set_lane(&mut f, i - start, &self.f[i]);
                 set_lane(&mut change, i - start, &self.gradients.at(p, i));
             }
-            self.scatter(points, &L::stress_change(&f, &change), out);
+            self.scatter(points, &L::Solid::stress_change(&f, &change), out);
         }
     }
 }
@@ -332,7 +333,7 @@ impl<L: Derivatives> Loops for AtBonds<L> {
                 [sum(&h, &ONE)]
             },
             #[inline(always)]
-            |[f]| L::stress(f),
+            |[f]| L::Solid::stress(f).1,
         );
     }
 
@@ -352,7 +353,7 @@ impl<L: Derivatives> Loops for AtBonds<L> {
                 [sum(&h, &ONE), change]
             },
             #[inline(always)]
-            |[f, change]| L::stress_change(f, change),
+            |[f, change]| L::Solid::stress_change(f, change),
         );
     }
 }

@@ -1,33 +1,55 @@
-//! The energies by hand, in F as in a book.
+//! Derivatives by hand, in F as in a book.
 
-use super::{LAMBDA, Law, MU, Tensor};
+use super::{Channel, LAMBDA, LANES, MU, Material, NO_TENSORS, Tensor, Tensors, lane_of, set_lane};
 
-pub(super) struct StVenantKirchhoff;
+pub(crate) struct StVenantKirchhoff;
 
-impl Law for StVenantKirchhoff {
+impl Material for StVenantKirchhoff {
     #[inline(always)]
-    fn stress(f: &Tensor) -> (f64, Tensor) {
-        svk(f)
+    fn stress(f: &Tensors) -> (Channel, Tensors) {
+        stresses(f, svk)
     }
 
     #[inline(always)]
-    fn product(f: &Tensor, df: &Tensor) -> Tensor {
-        svk_product(f, df)
+    fn stress_change(f: &Tensors, df: &Tensors) -> Tensors {
+        changes(f, df, svk_product)
     }
 }
 
-pub(super) struct NeoHooke;
+pub(crate) struct NeoHooke;
 
-impl Law for NeoHooke {
+impl Material for NeoHooke {
     #[inline(always)]
-    fn stress(f: &Tensor) -> (f64, Tensor) {
-        neo_hooke(f)
+    fn stress(f: &Tensors) -> (Channel, Tensors) {
+        stresses(f, neo_hooke)
     }
 
     #[inline(always)]
-    fn product(f: &Tensor, df: &Tensor) -> Tensor {
-        neo_hooke_product(f, df)
+    fn stress_change(f: &Tensors, df: &Tensors) -> Tensors {
+        changes(f, df, neo_hooke_product)
     }
+}
+
+/// Lane by lane.
+#[inline(always)]
+fn stresses(f: &Tensors, stress: impl Fn(&Tensor) -> (f64, Tensor)) -> (Channel, Tensors) {
+    let (mut psi, mut out) = ([0.0; LANES], NO_TENSORS);
+    for lane in 0..LANES {
+        let (energy, stress) = stress(&lane_of(f, lane));
+        psi[lane] = energy;
+        set_lane(&mut out, lane, &stress);
+    }
+    (psi, out)
+}
+
+/// Lane by lane.
+#[inline(always)]
+fn changes(f: &Tensors, df: &Tensors, change: impl Fn(&Tensor, &Tensor) -> Tensor) -> Tensors {
+    let mut out = NO_TENSORS;
+    for lane in 0..LANES {
+        set_lane(&mut out, lane, &change(&lane_of(f, lane), &lane_of(df, lane)));
+    }
+    out
 }
 
 #[inline(always)]

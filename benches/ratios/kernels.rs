@@ -167,14 +167,59 @@ fn assert_same(name: &str, found: [f64; 3], expected: [f64; 3]) {
 /// Against the same formulas in C and Rust.
 pub(crate) fn against_foreign() {
     let programs = foreign::compile();
-    if programs.is_empty() {
+    let mut cases = all_cases();
+    let (ours, theirs) = in_turn_with(&programs, &mut cases);
+    let how = format!(
+        "Energy, compact gradient and tangent; the same formulas written by hand without guards \
+         (`benches/ratios/foreign`), ns per interaction. Both write to a ring of as many results as one of our batches \
+         has. Each is a program of its own, run {TURNS} times in turn with ours; least of {} runs of {COUNT} \
+         interactions.",
+        TURNS * FOREIGN_ROUNDS
+    );
+    let of_kind = |is_fast: bool| -> Vec<(&Program, &Vec<f64>)> {
+        programs.iter().zip(&theirs).filter(|(program, _)| program.is_fast == is_fast).collect()
+    };
+    let (fast, strict) = (of_kind(true), of_kind(false));
+    if fast.is_empty() {
+        println!(
+            "\nNo C compiler here that takes `-ffast-math`: kernels are held to no program in C."
+        );
+    } else {
+        let names: Vec<&str> = fast.iter().map(|(program, _)| program.name.as_str()).collect();
+        let how = format!("{how} For each kernel the best of {}.", names.join(", "));
+        head("Kernels against C", &how, "ours, ns", "theirs, ns");
+    }
+    for (number, case) in cases.iter().enumerate() {
+        let best = fast.iter().min_by(|p, q| p.1[number].total_cmp(&q.1[number]));
+        if let Some((program, theirs)) = best {
+            let (ours, theirs) = (ours[number], theirs[number]);
+            let name = format!("{}, {}", case.name, program.name);
+            row(&name, ours, theirs, ours / theirs, Bar::AtMost(1.0, 0.8));
+        }
+    }
+    if strict.is_empty() {
         println!("\nNo `cc`, `clang` or `rustc` here: kernels are not compared with theirs.");
         return;
     }
-    let mut cases = all_cases();
-    // In ns: ours for each case, theirs for each program and case.
+    let how = format!(
+        "{how} Without leave to compute as if numbers were real, n = 1. Square roots that may set `errno` are not \
+         vectorised."
+    );
+    head("Kernels against C and Rust without `-ffast-math`", &how, "ours, ns", "theirs, ns");
+    // The first of each measure.
+    for (number, case) in cases.iter().enumerate().step_by(4) {
+        for (program, theirs) in &strict {
+            let (ours, theirs) = (ours[number], theirs[number]);
+            let name = format!("{}, {}", case.name, program.name);
+            row(&name, ours, theirs, ours / theirs, Bar::None);
+        }
+    }
+}
+
+/// In ns per interaction: ours for each case, theirs for each program and case.
+fn in_turn_with(programs: &[Program], cases: &mut [Case]) -> (Vec<f64>, Vec<Vec<f64>>) {
     let mut ours = vec![f64::INFINITY; cases.len()];
-    let mut theirs = vec![vec![f64::INFINITY; cases.len()]; programs.len()];
+    let mut theirs = vec![ours.clone(); programs.len()];
     let input = foreign::write_inputs();
     for _ in 0..TURNS {
         for (case, least) in cases.iter_mut().zip(&mut ours) {
@@ -190,62 +235,7 @@ pub(crate) fn against_foreign() {
             }
         }
     }
-    let how = format!(
-        "Energy, compact gradient and tangent; the same formulas written by hand without guards \
-         (`benches/ratios/foreign`), ns per interaction. Both write to a ring of as many results as one of our batches \
-         has. Each is a program of its own, run {TURNS} times in turn with ours; least of {} runs of 1024 interactions.",
-        TURNS * FOREIGN_ROUNDS
-    );
-    head(
-        "Kernels against C",
-        &format!(
-            "{how} For each kernel the best of {}.",
-            names(&programs, |program| program.is_fast)
-        ),
-        "ours, ns",
-        "theirs, ns",
-    );
-    for (number, case) in cases.iter().enumerate() {
-        let fast = programs.iter().zip(&theirs).filter(|(program, _)| program.is_fast);
-        let best = fast.min_by(|p, q| p.1[number].total_cmp(&q.1[number]));
-        if let Some((program, theirs)) = best {
-            let (ours, theirs) = (ours[number], theirs[number]);
-            let name = format!("{}, {}", case.name, program.name);
-            row(&name, ours, theirs, ours / theirs, Bar::AtMost(1.0, 0.8));
-        }
-    }
-    head(
-        "Kernels against C and Rust with all their rounding",
-        &format!(
-            "{how} Without leave to reorder sums, n = 1. Square roots that may set `errno` are not vectorised."
-        ),
-        "ours, ns",
-        "theirs, ns",
-    );
-    for (number, case) in cases.iter().enumerate().step_by(4) {
-        for (program, theirs) in
-            programs.iter().zip(&theirs).filter(|(program, _)| !program.is_fast)
-        {
-            let (ours, theirs) = (ours[number], theirs[number]);
-            row(
-                &format!("{}, {}", case.name, program.name),
-                ours,
-                theirs,
-                ours / theirs,
-                Bar::None,
-            );
-        }
-    }
-}
-
-/// The programs of a kind, by their recipes.
-fn names(programs: &[Program], wanted: impl Fn(&Program) -> bool) -> String {
-    let names: Vec<&str> = programs
-        .iter()
-        .filter(|program| wanted(program))
-        .map(|program| program.name.as_str())
-        .collect();
-    names.join(", ")
+    (ours, theirs)
 }
 
 fn all_cases() -> Vec<Case> {

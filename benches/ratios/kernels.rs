@@ -169,9 +169,49 @@ fn assert_same(name: &str, found: [f64; 3], expected: [f64; 3]) {
 pub(crate) fn against_foreign() -> Vec<Table> {
     let programs = foreign::compile();
     let mut cases = all_cases();
-    // In ns: ours for each case, theirs for each program and case.
+    let (ours, theirs) = in_turn_with(&programs, &mut cases);
+    let how = format!(
+        "Energy, compact gradient and tangent; the same formulas written by hand without guards \
+         (`benches/ratios/foreign`), ns per interaction. Both write to a ring of as many results as one of our batches \
+         has. Each is a program of its own, run {TURNS} times in turn with ours."
+    );
+    let of_kind = |is_fast: bool| -> Vec<(&Program, &Vec<f64>)> {
+        programs.iter().zip(&theirs).filter(|(program, _)| program.is_fast == is_fast).collect()
+    };
+    let of = Statistic::Least(TURNS * FOREIGN_ROUNDS);
+    let table = |name: &str, how: String| {
+        Table::of_ratios(name, how, ["ours, ns", "theirs, ns"], Division::OursByTheirs)
+    };
+    let (fast, strict) = (of_kind(true), of_kind(false));
+    let names: Vec<&str> = fast.iter().map(|(program, _)| program.name.as_str()).collect();
+    let of_all = format!("{how} For each kernel the best of {}.", names.join(", "));
+    let mut best_of_all = table("foreign", of_all);
+    for (number, case) in cases.iter().enumerate() {
+        let best = fast.iter().min_by(|p, q| p.1[number].total_cmp(&q.1[number]));
+        if let Some((program, theirs)) = best {
+            let name = format!("{}, {}", case.name, program.name);
+            best_of_all.ratio(name, [ours[number], theirs[number]], of, Bar::AtMost(1.0, 0.8));
+        }
+    }
+    let how = format!(
+        "{how} Without leave to compute as if numbers were real, n = 1. Square roots that may set `errno` are not \
+         vectorised."
+    );
+    let mut exact = table("foreign-exact", how);
+    // The first of each measure.
+    for (number, case) in cases.iter().enumerate().step_by(4) {
+        for (program, theirs) in &strict {
+            let name = format!("{}, {}", case.name, program.name);
+            exact.ratio(name, [ours[number], theirs[number]], of, Bar::None);
+        }
+    }
+    vec![best_of_all, exact]
+}
+
+/// In ns per interaction: ours for each case, theirs for each program and case.
+fn in_turn_with(programs: &[Program], cases: &mut [Case]) -> (Vec<f64>, Vec<Vec<f64>>) {
     let mut ours = vec![f64::INFINITY; cases.len()];
-    let mut theirs = vec![vec![f64::INFINITY; cases.len()]; programs.len()];
+    let mut theirs = vec![ours.clone(); programs.len()];
     let input = foreign::write_inputs();
     for _ in 0..TURNS {
         for (case, least) in cases.iter_mut().zip(&mut ours) {
@@ -187,50 +227,7 @@ pub(crate) fn against_foreign() -> Vec<Table> {
             }
         }
     }
-    let how = format!(
-        "Energy, compact gradient and tangent; the same formulas written by hand without guards \
-         (`benches/ratios/foreign`), ns per interaction. Both write to a ring of as many results as one of our batches \
-         has. Each is a program of its own, run {TURNS} times in turn with ours."
-    );
-    let of = Statistic::Least(TURNS * FOREIGN_ROUNDS);
-    let table = |name: &str, how: String| {
-        Table::of_ratios(name, how, ["ours, ns", "theirs, ns"], Division::OursByTheirs)
-    };
-    let fast_names = names(&programs, |program| program.is_fast);
-    let mut fast = table("foreign", format!("{how} For each kernel the best of {fast_names}."));
-    for (number, case) in cases.iter().enumerate() {
-        let programs = programs.iter().zip(&theirs).filter(|(program, _)| program.is_fast);
-        let best = programs.min_by(|p, q| p.1[number].total_cmp(&q.1[number]));
-        if let Some((program, theirs)) = best {
-            let name = format!("{}, {}", case.name, program.name);
-            fast.ratio(name, [ours[number], theirs[number]], of, Bar::AtMost(1.0, 0.8));
-        }
-    }
-    let mut exact = table(
-        "foreign-exact",
-        format!(
-            "{how} Without leave to reorder sums, n = 1. Square roots that may set `errno` are not vectorised."
-        ),
-    );
-    for (number, case) in cases.iter().enumerate().step_by(4) {
-        for (program, theirs) in
-            programs.iter().zip(&theirs).filter(|(program, _)| !program.is_fast)
-        {
-            let name = format!("{}, {}", case.name, program.name);
-            exact.ratio(name, [ours[number], theirs[number]], of, Bar::None);
-        }
-    }
-    vec![fast, exact]
-}
-
-/// The programs of a kind, by their recipes.
-fn names(programs: &[Program], wanted: impl Fn(&Program) -> bool) -> String {
-    let names: Vec<&str> = programs
-        .iter()
-        .filter(|program| wanted(program))
-        .map(|program| program.name.as_str())
-        .collect();
-    names.join(", ")
+    (ours, theirs)
 }
 
 fn all_cases() -> Vec<Case> {

@@ -25,7 +25,7 @@ pub(crate) fn run() -> Vec<Table> {
             "Energy, gradient and tangent of bonds and tetrahedra, n = 1, on one thread, in ms per point far from \
              the surface. Theirs: every point, its ordered neighbours and triples of neighbours (2 visits of a \
              bond, 24 of a tetrahedron), one pass of compiled hyper-dual numbers per entry of the compact tangent \
-             (eight interactions side by side, as in `kernels`), added to a dense matrix; measured on the middle point of 7^3 (a whole body takes hours). Ours: 12^3 \
+             (eight interactions side by side, as in `kernels`), added to a dense matrix; measured on the middle point of 7^3 (a body takes some minutes). Ours: 12^3 \
              points, time per interaction times the interactions of a point of the bulk.",
             ["ours, ms", "ordered loops, ms"],
             Division::TheirsByOurs,

@@ -76,6 +76,10 @@ impl<N: Parts> Number for Noisy<N> {
 
     fn binary(operator: Operator, x: Self, y: Self) -> Self {
         match operator {
+            // Either one: operands stand in any order, and both may touch where they are equal.
+            Operator::Min | Operator::Max if x.value() == y.value() => {
+                if RANDOM.with_borrow_mut(Random::bits) & 1 == 0 { x } else { y }
+            }
             Operator::Min | Operator::Max => Noisy(N::binary(operator, x.0, y.0)),
             Operator::Power => {
                 let power = N::binary(operator, disturbed(x.0, 1.0), disturbed(y.0, 1.0));

@@ -147,6 +147,9 @@ pub(crate) fn derivative_of(
     }
 }
 
+/// Beyond, `1/cosh(x)^2` is below 1e-303, and a little further `cosh(x)^2` overflows.
+const FLAT: f64 = 350.0;
+
 /// `f(x)' = f'(x)*x'`; `id` is `f(x)` itself.
 pub(crate) fn unary(
     graph: &mut Simplifier,
@@ -220,10 +223,15 @@ pub(crate) fn unary(
             graph.multiply(sinh, dx)?
         }
         Function::Tanh => {
-            // 1/cosh^2 keeps its digits where 1 - tanh^2 cancels.
+            // 1/cosh^2 keeps its digits where 1 - tanh^2 cancels; where the square overflows it is 0.
             let cosh = graph.unary(Function::Cosh, x)?;
             let square = graph.power(cosh, 2.0)?;
-            graph.divide(dx, square)?
+            let quotient = graph.divide(dx, square)?;
+            let size = graph.unary(Function::Abs, x)?;
+            let limit = graph.number(FLAT)?;
+            let flat = graph.make(Node::Compare(Comparison::Greater, size, limit))?;
+            let zero = graph.number(0.0)?;
+            graph.make(Node::Select(flat, zero, quotient))?
         }
     };
     Ok(Some(derivative))

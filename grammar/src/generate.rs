@@ -39,6 +39,23 @@ const FUNCTION_NAMES: [&str; 4] = ["S", "f", "g", "φ"];
 const NUMBERS: [&str; 12] =
     ["1", "2", "0.5", "3", ".25", "1.5", "2e-3", "1e2", "0", "7.125", "1.0E+1", "0.1"];
 
+/// Strains of a stretch `S` that are 0 at rest, where they are differences of nearly equal numbers.
+const STRAINS: [&str; 13] = [
+    "S - 1",
+    "(S^2 - 1)/2",
+    "(S^1.5 - 1)/1.5",
+    "S^3 - S",
+    "S - 1/S",
+    "ln(S)",
+    "ln(S^3)",
+    "S - 1 - ln(S)",
+    "exp(-2*(S - 1)) - 2*exp(-1*(S - 1)) + 1",
+    "exp(3*S) - exp(S)",
+    "S^2 - 2 + S^-2",
+    "cosh(S - 1) - 1",
+    "S^0.5 - 1",
+];
+
 /// What may stand at the leaves of an expression.
 #[derive(Clone, Default)]
 struct Scope {
@@ -97,16 +114,16 @@ impl<'b> Writer<'b> {
         if !extra.is_empty() {
             self.line(extra);
         }
-        let units = self.pick(8) == 7;
+        let kind = self.pick(8);
         let mut scope = Scope { leaves: vec!["pi".into(), "d".into()] };
         self.parameters(&mut scope);
         self.definitions(&mut scope);
         for _ in 0..=self.pick(3) {
             let measure = self.pick(3);
-            if units {
-                self.energy_with_units(&scope, measure)
-            } else {
-                self.energy(&scope, measure)
+            match kind {
+                7 => self.energy_with_units(&scope, measure),
+                6 => self.gradient_energy(&scope),
+                _ => self.energy(&scope, measure),
             }
         }
         let domain = self.pick_of(&[
@@ -169,10 +186,11 @@ impl<'b> Writer<'b> {
     fn energy(&mut self, scope: &Scope, measure: usize) {
         let (now, rest) = [("l", "L"), ("a", "A"), ("v", "V")][measure];
         let stretch = format!("{now}/{rest}");
-        let mut scope = scope.with(&[now, rest, &stretch, now, "delta"]);
-        if self.pick(4) == 3 {
+        let mut scope = scope.with(&["delta", rest, now, &stretch]);
+        if self.pick(4) >= 2 {
             let name = format!("strain_{now}{}", self.out.len());
-            self.line(&format!("{name} = {stretch} - 1"));
+            let strain = self.pick_of(&STRAINS).replace('S', &format!("({stretch})"));
+            self.line(&format!("{name} = {strain}"));
             scope.leaves.push(name);
         }
         let body = self.body(&scope);
@@ -188,6 +206,61 @@ impl<'b> Writer<'b> {
         self.line(&format!("parameter {stiffness} = 2 in {unit}, {stiffness} > 0"));
         let body = self.body(&scope.with(&[&format!("{now}/{rest}")]));
         self.line(&format!("psi({now}) = 1/2*{stiffness}*{rest}*({body})"));
+    }
+
+    /// An energy of the deformation gradient: an arbitrary function of a few numbers made of it.
+    fn gradient_energy(&mut self, scope: &Scope) {
+        let mut scope = scope.with(&["d", "J"]);
+        for _ in 0..=self.pick(2) {
+            let name = format!("i_{}", self.out.len());
+            let invariant = self.invariant();
+            self.line(&format!("{name} = {invariant}"));
+            scope.leaves.push(name);
+        }
+        let body = self.body(&scope);
+        self.line(&format!("psi(F) = {body}"));
+    }
+
+    fn invariant(&mut self) -> String {
+        match self.pick(10) {
+            0 => "tr(C) - d".to_string(),
+            1 => "E : E".to_string(),
+            2 => "J^(-2/d)*tr(C)".to_string(),
+            3 => "ln(J)".to_string(),
+            4 => format!("det({})", self.tensor(1)),
+            5 | 6 => format!("{} : {}", self.factor(2), self.factor(1)),
+            7 => {
+                let of_stretch =
+                    ["tr(U) - d", "tr(ln(U)^2)", "tr(U^1.5)", "U : ln(U)", "tr((U - I)^2)"];
+                self.pick_of(&of_stretch).to_string()
+            }
+            _ => format!("tr({})", self.tensor(3)),
+        }
+    }
+
+    fn tensor(&mut self, depth: usize) -> String {
+        if depth == 0 {
+            return self.pick_of(&["F", "C", "E", "I", "F'"]).to_string();
+        }
+        let depth = depth - 1;
+        match self.pick(9) {
+            0 | 1 => self.tensor(0),
+            2 => format!("dev({})", self.tensor(depth)),
+            3 => format!("sym({})", self.tensor(depth)),
+            4 => "inv(C)".to_string(),
+            5 => format!("{}*{}", self.factor(depth), self.factor(depth)),
+            6 => format!("{}^{}", self.factor(depth), self.pick_of(&["2", "3"])),
+            7 => format!("{}*{}", self.pick_of(&["2", "J", "1/3"]), self.factor(depth)),
+            _ => {
+                let operator = self.pick_of(&[" + ", " - "]);
+                format!("{}{operator}{}", self.tensor(depth), self.factor(depth))
+            }
+        }
+    }
+
+    /// A tensor that binds as tightly as a name.
+    fn factor(&mut self, depth: usize) -> String {
+        format!("({})", self.tensor(depth))
     }
 
     /// A whole expression with its own budget.
@@ -218,9 +291,11 @@ impl<'b> Writer<'b> {
         if scope.leaves.is_empty() || self.pick(3) == 2 {
             return self.pick_of(&NUMBERS).to_string();
         }
-        let choice = self.pick(scope.leaves.len());
-        // The last names of a scope are the ones it was made for.
-        scope.leaves[scope.leaves.len() - 1 - choice].clone()
+        // The last names of a scope are the ones it was made for: every other leaf is one of them.
+        let n = scope.leaves.len();
+        let choice = self.pick(2 * n);
+        let choice = if choice < n { choice } else { choice % n.min(3) };
+        scope.leaves[n - 1 - choice].clone()
     }
 
     fn arithmetic(&mut self, scope: &Scope, depth: usize) -> String {

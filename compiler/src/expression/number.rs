@@ -166,6 +166,12 @@ macro_rules! dual_number {
                     Function::Atan => x.atan(),
                     Function::Sinh => x.sinh(),
                     Function::Cosh => x.cosh(),
+                    // As sinh/cosh both overflow.
+                    Function::Tanh if x.re.abs() > 20.0 => {
+                        let side = sign(x.re);
+                        let small = (x * (-2.0 * side)).exp();
+                        (small * -2.0 / (small + 1.0) + 1.0) * side
+                    }
                     Function::Tanh => x.tanh(),
                 }
             }
@@ -215,6 +221,17 @@ dual_number!(Dual2_64);
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_hyperbolic_tangent_of_a_dual_number_does_not_overflow() {
+        for (x, slope) in [(25.0, 4.0 * libm::exp(-50.0)), (800.0, 0.0), (-1e9, 0.0)] {
+            let tanh = HyperDual64::unary(Function::Tanh, HyperDual64::new(x, 1.0, 1.0, 0.0));
+            assert_eq!(tanh.re, libm::tanh(x));
+            assert!((tanh.eps1 - slope).abs() <= 1e-14 * slope, "{x}: {tanh}");
+            let second = -2.0 * tanh.re * slope;
+            assert!((tanh.eps1eps2 - second).abs() <= 1e-14 * slope, "{x}: {tanh}");
+        }
+    }
 
     /// The witness must not be less accurate than what it is a witness for.
     #[test]

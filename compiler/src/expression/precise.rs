@@ -50,7 +50,10 @@ impl<const BITS: usize> Precise<BITS> {
     }
 
     fn new(parts: Option<[Float; 3]>, doubtful: bool) -> Self {
-        Precise { parts, doubtful }
+        // An exact result, as ln(1) = 0, has no precision of its own, and functions of it would have none.
+        let limited =
+            |x: Float| if x.precision() == 0 { x.with_precision(BITS).value() } else { x };
+        Precise { parts: parts.map(|parts| parts.map(limited)), doubtful }
     }
 
     /// Whether a difference on the way had fewer than 128 digits left: it may be none.

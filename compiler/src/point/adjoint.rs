@@ -4,7 +4,7 @@
 
 use super::principal::trace_direction;
 use crate::differentiate::{Derivative, binary, derivative_of, power_constant, unary};
-use crate::expression::{Input, Node, NodeId, Operator, TooManyNodes};
+use crate::expression::{Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
 use crate::simplify::Simplifier;
 
@@ -84,26 +84,143 @@ pub(crate) fn gradient(
     variables: Varied<'_>,
 ) -> Result<Vec<NodeId>, TooManyNodes> {
     let varies = varies(graph, root, variables);
-    let mut adjoint: Vec<Option<NodeId>> = vec![None; varies.len()];
-    adjoint[root.0 as usize] = Some(graph.number(1.0)?);
+    let finite = finite(graph, root);
+    let mut adjoint: Vec<Adjoint> = vec![Adjoint::default(); varies.len()];
+    let one = graph.number(1.0)?;
+    adjoint[root.0 as usize].add(graph, one, true)?;
     let mut gradient: Vec<Option<NodeId>> = vec![None; variables.len()];
     for index in (0..varies.len()).rev().filter(|index| varies[*index]) {
-        let Some(outer) = adjoint[index] else { continue };
         let id = NodeId(index as u32);
-        if let Node::Input(input) = graph.graph()[id]
-            && let Some(place) = variables.place(input)
-        {
-            let part = slope(graph, input, outer)?;
-            gradient[place] = Some(added(graph, gradient[place], part)?);
-        }
-        for (operand, part) in parts(graph, id, outer)? {
-            let known = adjoint[operand.0 as usize];
-            if varies[operand.0 as usize] {
-                adjoint[operand.0 as usize] = Some(added(graph, known, part)?);
+        for outer in std::mem::take(&mut adjoint[index]).terms {
+            if let Node::Input(input) = graph.graph()[id]
+                && let Some(place) = variables.place(input)
+            {
+                let part = slope(graph, input, outer)?;
+                gradient[place] = Some(added(graph, gradient[place], part)?);
+            }
+            let parts =
+                if finite[index] { parts(graph, id, outer)? } else { guarded(graph, id, outer)? };
+            for (operand, part) in parts {
+                let operand = operand.0 as usize;
+                if varies[operand] {
+                    adjoint[operand].add(graph, part, finite[operand])?;
+                }
             }
         }
     }
     gradient.into_iter().map(|part| part.map_or_else(|| graph.number(0.0), Ok)).collect()
+}
+
+/// What the root changes by with a node, as a sum of terms.
+#[derive(Clone, Debug, Default)]
+struct Adjoint {
+    terms: Vec<NodeId>,
+}
+
+/// Most terms: beyond, nested choices would make more and more of them.
+const MOST_TERMS: usize = 4;
+
+impl Adjoint {
+    /// Adds a term. Terms with one guard become one; a term and one with the opposite guard become a
+    /// choice between both, which has none. Where everything is finite guards do not matter.
+    fn add(
+        &mut self,
+        graph: &mut Simplifier,
+        term: NodeId,
+        finite: bool,
+    ) -> Result<(), TooManyNodes> {
+        for known in &mut self.terms {
+            let joined = match (guard(graph, *known), guard(graph, term)) {
+                (Some((c, side, x)), Some((other, other_side, y))) if c == other => {
+                    if side == other_side {
+                        let sum = graph.add(x, y)?;
+                        chosen(graph, c, side, sum)?
+                    } else {
+                        let (x, y) = if side { (x, y) } else { (y, x) };
+                        graph.make(Node::Select(c, x, y))?
+                    }
+                }
+                (None, None) => graph.add(*known, term)?,
+                _ if finite => graph.add(*known, term)?,
+                _ => continue,
+            };
+            *known = joined;
+            return Ok(());
+        }
+        self.terms.push(term);
+        if self.terms.len() > MOST_TERMS {
+            let mut sum = self.terms[0];
+            for term in &self.terms[1..] {
+                sum = graph.add(sum, *term)?;
+            }
+            self.terms = vec![sum];
+        }
+        Ok(())
+    }
+}
+
+/// A term that counts on one side of a condition and is 0 on the other: the condition, the side, what
+/// it is there.
+fn guard(graph: &Simplifier, term: NodeId) -> Option<(NodeId, bool, NodeId)> {
+    let Node::Select(c, x, y) = graph.graph()[term] else { return None };
+    let is_zero = |id| graph.graph().as_number(id) == Some(0.0);
+    match (is_zero(x), is_zero(y)) {
+        (false, true) => Some((c, true, x)),
+        (true, false) => Some((c, false, y)),
+        _ => None,
+    }
+}
+
+/// `x` on one side of a condition, 0 on the other.
+fn chosen(
+    graph: &mut Simplifier,
+    c: NodeId,
+    side: bool,
+    x: NodeId,
+) -> Result<NodeId, TooManyNodes> {
+    let zero = graph.number(0.0)?;
+    graph.make(if side { Node::Select(c, x, zero) } else { Node::Select(c, zero, x) })
+}
+
+/// Parts of a node that may be no number where its branch is not taken: guards stay outside, because 0
+/// times what is no number is none.
+fn guarded(
+    graph: &mut Simplifier,
+    id: NodeId,
+    outer: NodeId,
+) -> Result<Vec<(NodeId, NodeId)>, TooManyNodes> {
+    let mut guards = Vec::new();
+    let mut inner = outer;
+    while let Some((c, side, x)) = guard(graph, inner) {
+        guards.push((c, side));
+        inner = x;
+    }
+    let mut parts = parts(graph, id, inner)?;
+    for (_, part) in &mut parts {
+        for &(c, side) in guards.iter().rev() {
+            *part = chosen(graph, c, side, *part)?;
+        }
+    }
+    Ok(parts)
+}
+
+/// Which nodes that the root needs are finite wherever the inputs are, short of overflow.
+fn finite(graph: &Simplifier, root: NodeId) -> Vec<bool> {
+    let mut finite: Vec<bool> = Vec::with_capacity(root.0 as usize + 1);
+    for (_, node) in graph.graph().nodes().take(root.0 as usize + 1) {
+        let kept = match node {
+            Node::Number(bits) => f64::from_bits(bits).is_finite(),
+            Node::Input(_) | Node::Unary(Function::Negate, _) => true,
+            Node::Binary(Operator::Add | Operator::Subtract | Operator::Multiply, ..) => true,
+            Node::PowerConstant(_, bits) => {
+                let exponent = f64::from_bits(bits);
+                exponent >= 2.0 && exponent.fract() == 0.0
+            }
+            _ => false,
+        };
+        finite.push(kept && node.operands().all(|x| finite[x.0 as usize]));
+    }
+    finite
 }
 
 /// What the roots change by when every variable changes by its direction.

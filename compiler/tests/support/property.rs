@@ -2,12 +2,23 @@
 //!
 //! Used by the property tests and, with more time, by the fuzz target `check_derive_compile`.
 
-use piola_compiler::verify::same_bits;
+#[path = "held.rs"]
+mod held;
+#[path = "noise.rs"]
+mod noise;
+
+use piola_compiler::point::NEAR;
+use piola_compiler::verify::sample::{Point, Random};
+use piola_compiler::verify::{Columns, same_bits};
 use piola_compiler::{
-    Batch, CompileError, Form, Kernel, Level, Mode, Model, ScalarEnergy, Setting, Specialised,
-    Values, check, check_text, print,
+    Batch, CompileError, Form, GradientEnergyForms, Kernel, Level, Mode, Model, ScalarEnergy,
+    Setting, Specialised, Values, check, check_text, print,
 };
+use piola_grammar::generate::potential_text;
 use piola_grammar::{Diagnostic, parse};
+
+pub(crate) use held::Held;
+use held::{OfGradient, OfMeasure, hold};
 
 /// How far a text came.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,16 +52,36 @@ const POINTS: [[f64; 3]; 14] = [
     [2.0, 1.0, f64::NAN],
 ];
 
+/// What a fuzzer's bytes are: the first one chooses, the rest is taken as text, or as the choices of
+/// the program generator, whose programs must all parse.
+///
+/// # Panics
+/// As for [`follow`].
+pub(crate) fn input(bytes: &[u8]) -> (Outcome, Held) {
+    let Some((&choice, rest)) = bytes.split_first() else {
+        return (Outcome::Unreadable, Held::default());
+    };
+    if choice % 2 == 0 {
+        return follow(&String::from_utf8_lossy(rest));
+    }
+    let text = potential_text(rest);
+    let (outcome, held) = follow(&text);
+    assert_ne!(outcome, Outcome::Unreadable, "{text}");
+    (outcome, held)
+}
+
 /// Follows a text as far as it goes and asserts what holds on the way.
 ///
 /// # Panics
 /// Where something does not hold, which is what a test wants.
-pub(crate) fn follow(text: &str) -> Outcome {
+pub(crate) fn follow(text: &str) -> (Outcome, Held) {
+    let mut held = Held::default();
     let model = match check_text(text) {
         Ok((_, model)) => model,
         Err(found) => {
             findings(text, &found);
-            return if parse(text).is_err() { Outcome::Unreadable } else { Outcome::Refused };
+            let unreadable = parse(text).is_err();
+            return (if unreadable { Outcome::Unreadable } else { Outcome::Refused }, held);
         }
     };
     let lints = model.lint(true);
@@ -59,20 +90,31 @@ pub(crate) fn follow(text: &str) -> Outcome {
     }
     let mut outcome = Outcome::NotCompiled;
     for dimension in model.dimensions().collect::<Vec<_>>() {
-        let symbolic = model.symbolic(dimension);
-        if let Ok(symbolic) = placed(text, symbolic) {
+        if let Ok(symbolic) = placed(text, model.symbolic(dimension)) {
             prints(&model, &symbolic, dimension);
+        }
+        if let Ok(Some(symbolic)) = placed(text, model.symbolic_gradient(dimension)) {
+            prints_gradient(&model, &symbolic);
         }
         let Some(values) = some_values(&model, dimension) else { continue };
         let Ok(specialised) = placed(text, model.specialise(&values)) else { continue };
         prints(&model, &specialised, dimension);
         evaluates(&model, &values);
+        held.add(holds(&model, &values, &specialised));
         for energy in &specialised.energies {
             round_trip(&model, energy, dimension);
         }
-        outcome = Outcome::Compiled;
+        let gradient = model.specialise_gradient(&values, Form::Accurate);
+        let Ok((forms, dropped)) = placed(text, gradient) else { continue };
+        if let Some(forms) = &forms {
+            prints_gradient(&model, forms);
+            held.add(holds_gradient(&model, &values, forms, dropped.is_empty()));
+        }
+        if forms.is_some() || !specialised.energies.is_empty() {
+            outcome = Outcome::Compiled;
+        }
     }
-    outcome
+    (outcome, held)
 }
 
 /// Findings can be shown: they lie inside the text, between characters.
@@ -117,6 +159,15 @@ fn prints(model: &Model, specialised: &Specialised, dimension: usize) {
         print::graph_listing(model, energy.measure, &energy.graph, &energy.roots);
     }
     print::c_source(model, &specialised.energies, None);
+}
+
+/// The same for the energy of the deformation gradient, whose text is not read again.
+fn prints_gradient(model: &Model, forms: &GradientEnergyForms) {
+    assert!(!print::gradient_text(model, forms).is_empty());
+    let latex = print::gradient_latex(model, forms);
+    assert!(balanced(&latex), "{latex}");
+    print::gradient_listing(model, forms);
+    print::c_source(model, &[], Some(forms));
 }
 
 /// Whether braces match, and every `\left` has its `\right`.
@@ -176,6 +227,108 @@ fn evaluates(model: &Model, values: &Values) {
         }
     }
     dual.kernels.iter().for_each(|kernel| drop(run(kernel)));
+}
+
+/// Places where compiled energies are held against what was written: stretches and sizes at rest.
+/// At rest the size is not 1, which would hide powers of it; near rest strains are exact.
+const PLACES: [[f64; 2]; 9] = [
+    [0.25, 0.7],
+    [0.81, 2.3],
+    [1.0 - 1.0 / 256.0, 1.5],
+    [1.0, 0.7],
+    [1.0 + 1.0 / 4096.0, 1.25],
+    [1.23, 0.4],
+    [2.9, 1.3],
+    [-0.6, 1.7],
+    [0.0, 0.9],
+];
+
+/// Machine code gives what was written, and no numbers where that is none.
+fn holds(model: &Model, values: &Values, specialised: &Specialised) -> Held {
+    let points =
+        PLACES.map(|[stretch, reference]| Point { measure: stretch * reference, reference });
+    let mut held = Held::default();
+    for level in Level::ALL {
+        let kernels = model.compile(values, Mode::Jit(level)).unwrap().kernels;
+        for (kernel, energy) in kernels.iter().zip(&specialised.energies) {
+            let measure = energy.measure;
+            let symbol = measure.symbol();
+            let whole = specialised.dropped.iter().all(|dropped| dropped.argument != symbol);
+            let mut compare = |kernel: &Kernel, energy, written: &_, points: &[Point]| {
+                let out = kernel.derivatives(Columns::new(points).batch());
+                for (i, &point) in points.iter().enumerate() {
+                    let found = [out.psi[i], out.dpsi[i], out.d2psi[i]];
+                    match hold(&OfMeasure { energy, written, point }, found, whole) {
+                        Ok(more) => held.add(more),
+                        Err(what) => panic!("psi({symbol}) at {point:?}, {level:?}: {what}"),
+                    }
+                }
+            };
+            let written = model.written(values, measure);
+            compare(kernel, energy, &written, &points);
+            if let Some((kernel, energy)) = kernel.squared().zip(model.squared(values, measure)) {
+                compare(kernel, &energy, &written.of_square(), &points.map(Point::squared));
+            }
+        }
+    }
+    held
+}
+
+/// Sizes of `F - I`: at rest, near it, and where the form as written is evaluated.
+const SIZES: [f64; 6] = [0.0, 1e-3, 0.05, 0.2, 0.5, 1.2];
+
+/// Machine code of an energy of the deformation gradient gives the interpreter's bits and what was
+/// written.
+fn holds_gradient(
+    model: &Model,
+    values: &Values,
+    forms: &GradientEnergyForms,
+    whole: bool,
+) -> Held {
+    let d = values.dimension;
+    let variant = model.variant(d).unwrap();
+    let written = model.written_gradient(values);
+    let kernel = |mode| model.compile_gradient(values, mode, Form::Accurate).unwrap().0.unwrap();
+    let interpreted = kernel(Mode::Interpreter);
+    let mut held = Held::default();
+    for level in Level::ALL {
+        let kernel = kernel(Mode::Jit(level));
+        let mut random = Random::new(d as u64);
+        for size in SIZES {
+            // Multiples of 2^-20: F is exact, and products with D have few digits.
+            let mut tensor = |size: f64| -> Vec<f64> {
+                let component =
+                    |_| (random.uniform(-size, size) * 1_048_576.0).round() / 1_048_576.0;
+                (0..d * d).map(component).collect()
+            };
+            let (change, direction) = (tensor(size), tensor(1.0));
+            let near = change.iter().all(|h| h.abs() < NEAR);
+            let form = forms.near.as_ref().filter(|_| near).unwrap_or(&forms.far);
+            let [change, direction] = [&change[..], &direction[..]];
+            let place = |kernel| OfGradient {
+                variant,
+                values,
+                kernel,
+                form,
+                written: &written,
+                change,
+                direction,
+            };
+            let found = place(&kernel).compiled();
+            if level == Level::Strict {
+                let expected = place(&interpreted).compiled();
+                let same = found.iter().zip(&expected).all(|(x, y)| same_bits(*x, *y));
+                assert!(same, "psi(F) at I + {change:?}: {found:?} {expected:?}");
+            }
+            match hold(&place(&kernel), found, whole) {
+                Ok(more) => held.add(more),
+                Err(what) => {
+                    panic!("psi(F) at I + {change:?} along {direction:?}, {level:?}: {what}")
+                }
+            }
+        }
+    }
+    held
 }
 
 /// psi, psi', psi'' at every point.

@@ -2,6 +2,7 @@
 //! digits.
 
 use super::{Expander, Expansion, U};
+use crate::expression::number::Number;
 use crate::expression::{Comparison, Function, Node, NodeId, TooManyNodes};
 
 /// Largest whole exponent that is worked out by products.
@@ -31,9 +32,7 @@ impl Expander<'_> {
         let p = self.number(x);
         let c = p.value;
         let Some(change) = self.change(&p)? else {
-            let value = self.at_rest.number(id);
-            let noise = if p.noise == 0.0 { U * value.abs() } else { f64::INFINITY };
-            return Ok(Expansion { noise, ..Expansion::constant(value, self.variables.len()) });
+            return Ok(self.of_constant(id, &p, |x| f64::unary(function, x)));
         };
         match function {
             Function::Negate => {
@@ -60,6 +59,16 @@ impl Expander<'_> {
             }
             _ => self.opaque(id),
         }
+    }
+
+    /// `f` of what does not vary: the noise of its argument moves it as far as `f` moves between both
+    /// ends of it, where it is a number there.
+    fn of_constant(&self, id: NodeId, x: &Expansion, f: impl Fn(f64) -> f64) -> Expansion {
+        let value = self.at_rest.number(id);
+        let ends = [x.value - x.noise, x.value + x.noise].map(|x| (f(x) - value).abs());
+        let moved = ends.into_iter().filter(|moved| moved.is_finite()).fold(0.0, f64::max);
+        let noise = moved + U * value.abs();
+        Expansion { noise, ..Expansion::constant(value, self.variables.len()) }
     }
 
     fn divided(&mut self, x: NodeId, by: f64) -> Result<NodeId, TooManyNodes> {
@@ -129,11 +138,7 @@ impl Expander<'_> {
             return if c < 0.0 { self.reciprocal(&power) } else { Ok(power) };
         }
         let Some(change) = self.change(&p)? else {
-            let value = self.at_rest.number(id);
-            return Ok(Expansion {
-                noise: U * value.abs(),
-                ..Expansion::constant(value, p.slope.len())
-            });
+            return Ok(self.of_constant(id, &p, |x| libm::pow(x, c)));
         };
         if c == 0.5 && p.value > 0.0 {
             return self.root(&p, change);

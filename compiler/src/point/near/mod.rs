@@ -144,6 +144,8 @@ struct Expander<'a> {
     /// Values of the nodes at rest.
     at_rest: Interpreter<f64>,
     known: Vec<Option<Near>>,
+    /// Which nodes depend on traces.
+    has_traces: Vec<bool>,
 }
 
 impl<'a> Expander<'a> {
@@ -160,7 +162,13 @@ impl<'a> Expander<'a> {
             Input::Trace(k) => value_at_rest(traces, k, variables.len()),
             _ => 0.0,
         });
-        Expander { graph, variables, traces, at_rest, known: vec![None; root.0 as usize + 1] }
+        let mut has_traces = Vec::with_capacity(graph.graph().len());
+        for (_, node) in graph.graph().nodes() {
+            let is_trace = matches!(node, Node::Input(Input::Trace(_)));
+            has_traces.push(is_trace || node.operands().any(|x: NodeId| has_traces[x.0 as usize]));
+        }
+        let known = vec![None; root.0 as usize + 1];
+        Expander { graph, variables, traces, at_rest, known, has_traces }
     }
 
     fn run(&mut self, root: NodeId) -> Result<Option<Expansion>, TooManyNodes> {
@@ -383,7 +391,7 @@ impl<'a> Expander<'a> {
     ) -> Result<NodeId, TooManyNodes> {
         let (p, q) = (self.number(x), self.number(y));
         if (p.value - q.value).abs() > NOTHING * (p.noise + q.noise) {
-            let same = Node::Compare(comparison, x, y);
+            let same = Node::Compare(comparison, self.whole(x)?, self.whole(y)?);
             return if self.graph.graph()[id] == same { Ok(id) } else { self.graph.make(same) };
         }
         let (p, q) = (self.change(&p)?, self.change(&q)?);
@@ -413,10 +421,34 @@ impl<'a> Expander<'a> {
         Ok(Expansion { rest, noise, ..p })
     }
 
+    /// A node as it was, with its own value. Where it holds traces, which stand for something else
+    /// near rest, that is its value at rest and its change.
+    fn whole(&mut self, id: NodeId) -> Result<NodeId, TooManyNodes> {
+        match self.known[id.0 as usize].clone() {
+            _ if !self.has_traces[id.0 as usize] => Ok(id),
+            Some(Near::Truth(condition)) => Ok(condition),
+            Some(Near::Number(near)) => {
+                let value = self.graph.number(near.value)?;
+                match self.change(&near)? {
+                    Some(change) => self.graph.add(value, change),
+                    None => Ok(value),
+                }
+            }
+            None => Ok(id),
+        }
+    }
+
     /// A node of which nothing better is known: its change is a difference, as exact as that is.
     fn opaque(&mut self, id: NodeId) -> Result<Expansion, TooManyNodes> {
         let value = self.at_rest.number(id);
         let at_rest = self.graph.number(value)?;
+        let node = self.graph.graph()[id];
+        let operands = node.operands().map(|x| self.whole(x));
+        let operands: Vec<NodeId> = operands.collect::<Result<_, _>>()?;
+        let same = node.operands().eq(operands.iter().copied());
+        let mut operands = operands.into_iter();
+        let node = node.map_operands(|_| operands.next().expect("one per operand"));
+        let id = if same { id } else { self.graph.make(node)? };
         let rest = Some(self.graph.subtract(id, at_rest)?);
         let n = self.variables.len();
         Ok(Expansion { rest, noise: U * value.abs(), ..Expansion::constant(value, n) })

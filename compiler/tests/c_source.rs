@@ -3,6 +3,8 @@
 
 #[path = "support/library.rs"]
 mod library;
+#[path = "support/machine.rs"]
+mod machine;
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -40,8 +42,7 @@ struct Function {
 
 #[test]
 fn printed_c_gives_the_same_numbers() {
-    if Command::new("cc").arg("--version").output().is_err() {
-        println!("skipped: there is no C compiler `cc`");
+    if !machine::has_c_compiler() {
         return;
     }
     let folder = Folder::new("piola_c_source");
@@ -93,13 +94,12 @@ struct Gradients {
 }
 
 /// Elementary functions differ from those of `libm` by an ulp; energies magnify that as they magnify
-/// the rounding of their arguments. In 2^-53 of the norm.
-const GRADIENT_BAR: f64 = 64.0;
+/// the rounding of their arguments. In 2^-53 of the norm; measured are 3 (glibc 2.36).
+const GRADIENT_BAR: f64 = 16.0;
 
 #[test]
 fn printed_c_of_the_gradient_gives_the_same_numbers() {
-    if Command::new("cc").arg("--version").output().is_err() {
-        println!("skipped: there is no C compiler `cc`");
+    if !machine::has_c_compiler() {
         return;
     }
     let folder = Folder::new("piola_c_source_gradient");

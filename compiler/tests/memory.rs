@@ -1,7 +1,11 @@
 //! Code memory has an owner and is freed: ten thousand compilations leave nothing behind.
 
+#[path = "support/machine.rs"]
+mod machine;
+
 use std::time::Instant;
 
+use machine::memory_kib;
 use piola_compiler::{Batch, Level, Mode, Setting, check};
 use piola_grammar::parse;
 
@@ -11,26 +15,13 @@ const WARM_UP: usize = 500;
 /// One leaked kernel is at least a page of 4 KiB, so leaking every one would show 37 MiB.
 const ALLOWED_GROWTH_KIB: u64 = 8 << 10;
 
-/// The memory of this process that is in use, in KiB, where the system tells.
-fn resident_kib() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmRSS:"))?;
-    line.split_whitespace().nth(1)?.parse().ok()
-}
-
-/// Address space of this process in KiB.
-fn mapped_kib() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|line| line.starts_with("VmSize:"))?;
-    line.split_whitespace().nth(1)?.parse().ok()
-}
-
 #[test]
 fn ten_thousand_compilations_leave_nothing_behind() {
-    let (Some(_), Some(_)) = (resident_kib(), mapped_kib()) else {
-        println!("skipped: this system does not tell how much memory a process has");
+    // What is in use, and the address space.
+    let now = || memory_kib("VmRSS").zip(memory_kib("VmSize"));
+    if now().is_none() {
         return;
-    };
+    }
     let text = include_str!("../../potentials/firooz2023.piola");
     let model = check(&parse(text).unwrap()).unwrap();
     let start = Instant::now();
@@ -47,12 +38,12 @@ fn ten_thousand_compilations_leave_nothing_behind() {
             assert!(out.psi[0] > 0.0 && out.d2psi[0].is_finite());
             compiled += 1;
             if compiled == WARM_UP {
-                warm = (resident_kib().unwrap(), mapped_kib().unwrap());
+                warm = now().unwrap();
             }
         }
     }
-    let resident = resident_kib().unwrap().saturating_sub(warm.0);
-    let mapped = mapped_kib().unwrap().saturating_sub(warm.1);
+    let (resident, mapped) = now().unwrap();
+    let (resident, mapped) = (resident.saturating_sub(warm.0), mapped.saturating_sub(warm.1));
     println!(
         "{compiled} kernels in {:.1} s; resident memory grew by {resident} KiB, address space by \
          {mapped} KiB after the first {WARM_UP}",

@@ -45,37 +45,67 @@ fn values(model: &Model, n: f64) -> Values {
     model.values(3, &settings, None).unwrap()
 }
 
-/// Largest errors of psi, psi', psi'' over all regimes, in u, also by the squared length; what misses the bar is printed.
-fn worst(model: &Model, n: f64, (form, level): (Form, Level), bar: f64) -> [f64; 3] {
+/// What exceeds `16 + 2 abs(n)` when errors count in the value alone, in u, rounded up. Beside its zero
+/// psi'' has the digits that the rounded stretch leaves it (strain 1e-1 for n = -10 and 10, 1e-2 for
+/// 100; stretches around 1 for -2 and 30, around 10 for 1/3). At the seams of n = 30 and 100 it is psi
+/// and psi', too: rounding the stretch by half a unit changes `S^2 ~ x^(2n)` by n of them.
+const MISSED: [(f64, [f64; 3]); 8] = [
+    (-10.0, [0.0, 0.0, 157.0]),
+    (-2.0, [0.0, 0.0, 23.0]),
+    (1e-12, [0.0, 0.0, 17.0]),
+    (1e-3, [0.0, 0.0, 20.0]),
+    (1.0 / 3.0, [0.0, 0.0, 23.0]),
+    (10.0, [0.0, 0.0, 68.0]),
+    (30.0, [122.0, 87.0, 259.0]),
+    (100.0, [341.0, 238.0, 2.2e4]),
+];
+
+/// psi'' passes through zero here, one rounding apart: some 1e16 u of the value are wrong.
+const ZEROS: &str = "zeros of psi''";
+
+/// Largest errors of psi, psi', psi'' in u, also by the squared length: in all regimes but the zeros of
+/// psi'', and there. Those above the bar count in what the value changes with the strain as well.
+fn worst(model: &Model, n: f64, (form, level): (Form, Level), bar: f64) -> [[f64; 3]; 2] {
     let settings = Settings { form, level, points: 8, bar };
     let (audits, _) = audit(model, &values(model, n), &settings).unwrap();
     let of_bonds = [Argument::Measure(Measure::Length), Argument::Square(Measure::Length)];
-    let mut worst = [0.0_f64; 3];
+    let mut worst = [[0.0_f64; 3]; 2];
     for audit in audits.iter().filter(|audit| of_bonds.contains(&audit.argument)) {
         for regime in &audit.regimes {
-            if form == Form::Accurate && regime.worst.iter().any(|error| *error > bar) {
-                let (of, at) = (audit.argument.symbol(), &regime.at);
-                println!("n = {n:e}, {of}: {}: {:.0?} at {at:?}", regime.name, regime.worst);
-            }
+            let of = &mut worst[usize::from(regime.name == ZEROS)];
+            (0..3).for_each(|order| of[order] = of[order].max(regime.worst[order]));
         }
-        let of_all = audit.worst();
-        (0..3).for_each(|order| worst[order] = worst[order].max(of_all[order]));
     }
     worst
 }
 
 fn keeps_its_digits(level: Level) {
     let model = seth_hill();
-    let mut missed = Vec::new();
+    let how = (Form::Accurate, level);
+    let mut failed = Vec::new();
     for n in EXPONENTS {
         let bar = 16.0 + 2.0 * n.abs();
-        let found = worst(&model, n, (Form::Accurate, level), bar);
-        println!("{level:?}: n = {n:e}: {found:.1?} u, bar {bar}");
-        if found.iter().any(|error| *error > bar) {
-            missed.push(n);
+        // With an infinite bar no error counts in anything but the value.
+        let [alone, at_zeros] = worst(&model, n, how, f64::INFINITY);
+        let rounded = worst(&model, n, how, bar);
+        let missed = MISSED.iter().find(|(missed, _)| *missed == n).map_or([0.0; 3], |m| m.1);
+        println!(
+            "{level:?}: n = {n:e}: {alone:.1?} u of the value, bar {bar}, missed {missed:?}; at zeros \
+             of psi'' {:.1e} u; {rounded:.1?} u with a rounded strain",
+            at_zeros[2]
+        );
+        let bars = missed.map(|missed| bar.max(missed));
+        let holds = (0..3).all(|order| alone[order] <= bars[order])
+            && at_zeros[..2].iter().all(|error| *error <= bar)
+            && rounded.iter().flatten().all(|error| *error <= bar);
+        // What is no miss any more is struck from the list.
+        let is_listed =
+            level == Level::Fast || (0..3).all(|order| missed[order] == 0.0 || alone[order] > bar);
+        if !holds || !is_listed {
+            failed.push(n);
         }
     }
-    assert!(missed.is_empty(), "{missed:?}");
+    assert!(failed.is_empty(), "{failed:?}");
 }
 
 #[test]
@@ -93,7 +123,7 @@ fn e01_seth_hill_keeps_its_digits_at_the_fast_level() {
 fn e01_the_textbook_form_does_not() {
     let model = seth_hill();
     for n in [-0.5, 1e-12, 1.0 / 3.0] {
-        let [_, dpsi, _] = worst(&model, n, (Form::Textbook, Level::Strict), 64.0);
+        let [[_, dpsi, _], _] = worst(&model, n, (Form::Textbook, Level::Strict), 64.0);
         assert!(dpsi > 1e12, "n = {n}: {dpsi}");
     }
 }

@@ -1,9 +1,10 @@
-//! Newton's method converges quadratically on every example, down to the rounding floor.
+//! Newton's method converges quadratically on every example, down to the rounding floor, which is that
+//! of the module `floor`.
 
 use serde_json::Value;
 
 use crate::examples;
-use crate::support::{number, numbers};
+use crate::support::numbers;
 
 /// Entries below this are rounding: the sum of some 100 forces per point, each rounded.
 const FLOOR: f64 = 1e-13;
@@ -24,7 +25,7 @@ const LAST: &str = "solver.start=last";
 /// step is `|du| ~ R U` and `c ~ U/h`: of the order of 1, and larger where the energy is stiffer in
 /// some deformations (areas, volumes) than against the end displacement. A logarithm changes its
 /// curvature over the fraction `a/A` of `h` where a triangle is pressed flat, as in `first` at 60 %.
-/// Measured values are up to a half of those below.
+/// Those below are two to five times what was measured.
 struct Expected {
     example: &'static str,
     overrides: &'static [&'static str],
@@ -42,21 +43,15 @@ const EXPECTED: [Expected; 12] = [
         c: 2.5,
         floor: FLOOR,
     },
-    Expected {
-        example: "firooz2023_table6",
-        overrides: &["steps.end=0.2", "steps.increments=10"],
-        c: 0.7,
-        floor: FLOOR,
-    },
+    Expected { example: "firooz2023_table6", overrides: &[], c: 0.7, floor: FLOOR },
     Expected { example: "first", overrides: &[], c: 36.0, floor: FLOOR },
     Expected { example: "nanostrip", overrides: &[], c: 2.5, floor: FLOOR },
     Expected { example: "square", overrides: &[], c: 1.5, floor: FLOOR },
-    // From the last equilibrium its triangles are too far off; on the line it starts so near the next
-    // that the curvature of the whole path shows.
+    // From the last equilibrium its triangles are too far off.
     Expected {
         example: "square_incompressible",
         overrides: &["steps.end=0.03", "steps.increments=3", LINE],
-        c: 400.0,
+        c: 11.0,
         floor: FLOOR_OF_FINE_SQUARE,
     },
     Expected { example: "square_with_hole", overrides: &[], c: 1.8, floor: FLOOR },
@@ -67,7 +62,7 @@ const EXPECTED: [Expected; 12] = [
         floor: FLOOR,
     },
     // One percent of strain: far from where curvature changes.
-    Expected { example: "traction_bar", overrides: &["steps.increments=1"], c: 0.2, floor: FLOOR },
+    Expected { example: "traction_bar", overrides: &["steps.increments=1"], c: 0.1, floor: FLOOR },
 ];
 
 /// The largest `R_{k+1}/R_k^2` of the steps, entries at the floor left out, and how many there are.
@@ -87,32 +82,12 @@ fn largest_ratio(steps: &[Value], floor: f64) -> (f64, usize) {
 fn all_examples_converge_quadratically_down_to_rounding() {
     let names: Vec<&str> = EXPECTED.iter().map(|expected| expected.example).collect();
     assert_eq!(names, examples::all(), "every example is listed");
-    for Expected { example, overrides, c, floor: expected_floor } in EXPECTED {
+    for Expected { example, overrides, c, floor } in EXPECTED {
         let start: &[&str] = if overrides.contains(&LINE) { &[] } else { &[LAST] };
         let run = examples::run(example, &[overrides, start].concat());
-        let (ratio, pairs) = largest_ratio(run.steps(), expected_floor);
-        let last = |step: &Value| *numbers(&step["residual_over_reaction"]).last().unwrap();
-        let floor = run.steps().iter().map(last).fold(0.0, f64::max);
-        println!("{example}: largest R_(k+1)/R_k^2 {ratio:.2} of {pairs}, floor {floor:.1e}");
+        let (ratio, pairs) = largest_ratio(run.steps(), floor);
+        println!("{example}: largest R_(k+1)/R_k^2 {ratio:.2} of {pairs}");
         assert!(pairs >= 2 * run.steps().len(), "{example}: {pairs} pairs show nothing");
         assert!(ratio <= c, "{example}: {ratio}");
-        let resolved = std::fs::read_to_string(run.path().join("scene.resolved.toml")).unwrap();
-        if resolved.contains("tolerance = 1e-13") {
-            assert!(floor <= FLOOR, "{example}: floor {floor:e}");
-        }
-    }
-}
-
-#[test]
-fn the_floor_of_every_example_is_below_1e_13_of_the_reaction() {
-    // Two increments are enough to be somewhere where rounding matters.
-    for Expected { example, .. } in EXPECTED.iter().filter(|expected| expected.floor == FLOOR) {
-        let settings = ["solver.tolerance=1e-13", "steps.end=0.08", "steps.increments=2"];
-        let run = examples::run(example, &settings);
-        for step in run.steps() {
-            let last = *numbers(&step["residual_over_reaction"]).last().unwrap();
-            println!("{example} t = {}: {last:.1e}", number(&step["t"]));
-            assert!(last <= 1e-13, "{example}: {last:e}");
-        }
     }
 }

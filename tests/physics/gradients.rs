@@ -128,7 +128,7 @@ fn forces_are_the_gradient_and_products_the_tangent() {
         let along: f64 = gradient(energy, u).iter().zip(&v).map(|(g, v)| g * v).sum();
         let differences = slope(1e-4, |by| energy.energy(&moved(u, &v, by)).unwrap().total());
         let scale = norm(&gradient(energy, u)) * norm(&v);
-        assert!((along - differences).abs() < 1e-8 * scale, "{label}: {along} {differences}");
+        assert!((along - differences).abs() < 6e-13 * scale, "{label}: {along} {differences}");
 
         let mut product = vec![0.0; u.len()];
         energy.tangent_product(u, &v, &mut product).unwrap();
@@ -136,14 +136,14 @@ fn forces_are_the_gradient_and_products_the_tangent() {
             .map(|k| slope(1e-4, |by| gradient(energy, &moved(u, &v, by))[k]))
             .collect();
         let error = norm(&moved(&product, &differences, -1.0));
-        assert!(error < 1e-8 * norm(&product), "{label}: {error:e}");
+        assert!(error < 5e-12 * norm(&product), "{label}: {error:e}");
         let w = Random(4).vector(u.len());
         let mut other = vec![0.0; u.len()];
         energy.tangent_product(u, &w, &mut other).unwrap();
         let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
         let (first, second) = (dot(&w, &product), dot(&v, &other));
         let scale = norm(&product) * norm(&w);
-        assert!((first - second).abs() < 1e-12 * scale, "{label}: {first} {second}");
+        assert!((first - second).abs() < 8e-16 * scale, "{label}: {first} {second}");
     });
 }
 
@@ -155,14 +155,14 @@ fn momentum_balances_and_rotations_cost_nothing() {
         let size: f64 = forces.iter().map(|f| f.abs()).sum();
         for axis in 0..d {
             let sum: f64 = forces.iter().skip(axis).step_by(d).sum();
-            assert!(sum.abs() < 1e-13 * size, "{label}: {sum:e} of {size:e}");
+            assert!(sum.abs() < 3e-16 * size, "{label}: {sum:e} of {size:e}");
         }
         let current = moved(u, energy.positions(), 1.0);
         let mut torque = 0.0;
         for (x, f) in current.chunks_exact(d).zip(forces.chunks_exact(d)) {
             torque += x[0] * f[1] - x[1] * f[0];
         }
-        assert!(torque.abs() < 1e-12 * size, "{label}: torque {torque:e} of {size:e}");
+        assert!(torque.abs() < 5e-16 * size, "{label}: torque {torque:e} of {size:e}");
 
         let (s, c) = (libm::sin(0.7), libm::cos(0.7));
         let mut turned = current.clone();
@@ -172,6 +172,6 @@ fn momentum_balances_and_rotations_cost_nothing() {
         let turned = moved(&turned, energy.positions(), -1.0);
         let (before, after) =
             (energy.energy(u).unwrap().total(), energy.energy(&turned).unwrap().total());
-        assert!((before - after).abs() < 1e-12 * before, "{label}: {before} {after}");
+        assert!((before - after).abs() < 5e-15 * before, "{label}: {before} {after}");
     });
 }

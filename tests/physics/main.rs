@@ -8,6 +8,7 @@ mod assembly;
 mod convergence;
 mod examples;
 mod extension;
+mod floor;
 mod gradients;
 mod moduli;
 mod same_bits;

@@ -54,7 +54,7 @@ fn moduli_are_the_lattice_sums() {
         let folder = scene(d, &[8; 3], 1.0, &format!("spacings = {ratio}"), material);
         let found = moduli(&folder, &[]);
         for modulus in ["nu", "C11", "C12", "C44"] {
-            near(&found[modulus], number(&entry[modulus]), 1e-12);
+            near(&found[modulus], number(&entry[modulus]), 1.4e-13);
         }
         assert!(numbers(&found["stress"]).iter().all(|s| s.abs() < 1e-12));
     }
@@ -70,7 +70,7 @@ fn moduli_are_the_lattice_sums() {
                 if d == 2 { "C2" } else { "C3" }
             );
             let folder = scene(d, &[8; 3], spacing, &format!("spacings = {ratio}"), &material);
-            near(&moduli(&folder, &[])["nu"], number(&entry["nu"]), 1e-12);
+            near(&moduli(&folder, &[])["nu"], number(&entry["nu"]), 4e-13);
         }
     }
 }
@@ -88,28 +88,43 @@ fn bond_based_solids_have_the_known_moduli() {
     near(&found["C12"], 0.7161, 5e-5);
     near(&found["nu"], 0.2775, 5e-5);
     // Cauchy's relation.
-    near(&found["C44"], number(&found["C12"]), 1e-13);
-    near(&found["waves"]["longitudinal"], number(&found["C11"]).sqrt(), 1e-13);
-    near(&found["waves"]["shear"], number(&found["C44"]).sqrt(), 1e-13);
+    near(&found["C44"], number(&found["C12"]), 1.6e-14);
+    near(&found["waves"]["longitudinal"], number(&found["C11"]).sqrt(), 1.6e-14);
+    near(&found["waves"]["shear"], number(&found["C44"]).sqrt(), 1.6e-14);
     let found = solid(2.0 * 3f64.sqrt());
     near(&found["E"], 1.079 * 1.5, 1e-3);
     near(&found["nu"], 0.2396, 5e-5);
 }
 
+/// C12 = C44 = C11/3 is pi delta^3 C1/24 in the plane and pi delta^4 C1/30 in space: the integral over
+/// the ball of the horizon, of which a lattice takes a sum. The number of lattice points in a disc of m
+/// spacings differs from its area by O(m^(2/3)) at most, in a ball from its volume by O(m^(3/2)), and
+/// so do such sums: relative errors fall as m^(-4/3) and m^(-3/2).
 #[test]
 fn fine_lattices_approach_the_continuum() {
-    // lambda = mu = pi delta^4 C1/30, Poisson's ratio 1/4.
-    for (ratio, bar) in [(4, 0.02), (8, 0.03)] {
-        let material = "potential = \"javili2020\"\nparameters = { C1 = 1.0 }";
-        let folder =
-            scene(3, &[16; 3], 1.0 / ratio as f64, &format!("spacings = {ratio}"), material);
-        let found = moduli(&folder, &[]);
-        let expected = std::f64::consts::PI / 30.0;
-        for modulus in ["C12", "C44", "mu"] {
-            let error = (number(&found[modulus]) / expected - 1.0).abs();
-            assert!(error < bar, "{modulus} at {ratio}: {error}");
+    // Measured factors are 0.3 to 1.1 and 0.17 to 0.32.
+    let cases: [(usize, &[u32], f64, f64, f64); 2] = [
+        (2, &[2, 4, 8, 16], 4.0 / 3.0, 1.3, std::f64::consts::PI / 24.0),
+        (3, &[2, 4, 8], 1.5, 0.4, std::f64::consts::PI / 30.0),
+    ];
+    for (d, ratios, rate, factor, expected) in cases {
+        let mut before = f64::INFINITY;
+        for ratio in ratios {
+            let material = "potential = \"javili2020\"\nparameters = { C1 = 1.0 }";
+            let m = f64::from(*ratio);
+            let folder = scene(d, &[16; 3], 1.0 / m, &format!("spacings = {ratio}"), material);
+            let found = moduli(&folder, &[]);
+            let of = |modulus: &str, expected: f64| number(&found[modulus]) / expected - 1.0;
+            let nu = [1.0 / 3.0, 0.25][d - 2];
+            let errors =
+                [of("C11", 3.0 * expected), of("C12", expected), of("C44", expected), of("nu", nu)];
+            let worst = errors.iter().fold(0.0, |worst: f64, error| worst.max(error.abs()));
+            let bar = libm::pow(m, -rate);
+            println!("{d}D, {ratio} spacings: {worst:.2e} = {:.2} m^(-{rate:.2})", worst / bar);
+            assert!(worst <= factor * bar, "{d}D, {ratio}: {errors:?}");
+            assert!(worst < before, "{d}D, {ratio}: {worst:e} after {before:e}");
+            before = worst;
         }
-        near(&found["nu"], 0.25, bar);
     }
 }
 
@@ -128,15 +143,15 @@ fn energies_of_the_deformation_gradient_have_their_own_moduli() {
                 let set = format!("correspondence.discretisation={discretisation}");
                 let order = format!("correspondence.order={order}");
                 let found = moduli(&folder, &["--set", &set, "--set", &order]);
-                near(&found["C11"], lambda + 2.0 * mu, 1e-12);
-                near(&found["C12"], lambda, 1e-12);
-                near(&found["C44"], mu, 1e-12);
-                near(&found["zener"], 1.0, 1e-12);
-                near(&found["mu"], mu, 1e-12);
+                near(&found["C11"], lambda + 2.0 * mu, 2.4e-14);
+                near(&found["C12"], lambda, 2.4e-14);
+                near(&found["C44"], mu, 2.4e-14);
+                near(&found["zener"], 1.0, 2.4e-14);
+                near(&found["mu"], mu, 2.4e-14);
                 let nu = lambda / (2.0 * (lambda + mu));
-                near(&found[if d == 2 { "nu_strain" } else { "nu" }], nu, 1e-12);
+                near(&found[if d == 2 { "nu_strain" } else { "nu" }], nu, 2.4e-14);
                 let young = 2.0 * mu * (1.0 + nu);
-                near(&found[if d == 2 { "E_strain" } else { "E" }], young, 1e-12);
+                near(&found[if d == 2 { "E_strain" } else { "E" }], young, 2.4e-14);
                 assert_eq!(found["stable"], true);
             }
         }
@@ -190,7 +205,8 @@ fn grown_bodies_say_the_same(d: usize, cells: usize, horizon: &str, material: &s
         found += sign * stiffness(&scene(d, &size, 1.0, horizon, material), &size, strain);
     }
     let error = (found - expected).abs() / expected.abs();
-    assert!(error < 1e-10, "{d}D {horizon} {material}: {found} {expected} {error:.1e}");
+    // Differences of bodies that are much larger than what is left: measured are 9.8e-13.
+    assert!(error < 4e-12, "{d}D {horizon} {material}: {found} {expected} {error:.1e}");
 }
 
 /// The bulk modulus of the solid is that of the lattice, whatever its shear modulus: `theta` is the
@@ -204,14 +220,14 @@ fn the_linear_peridynamic_solid_has_its_bulk_modulus() {
         moduli(&scene(d, &[8; 3], 0.1, "spacings = 3.015", &material), &[])
     };
     let space = solid(3, "");
-    near(&space["K"], k, 1e-13);
+    near(&space["K"], k, 3e-15);
     near(&space["nu"], 0.2775, 5e-5);
     let slice = solid(2, "");
-    near(&slice["K"], k + g / 3.0, 1e-13);
+    near(&slice["K"], k + g / 3.0, 3e-15);
     near(&slice["nu"], 0.3182, 5e-5);
     let sheet = solid(2, ", plane_stress = 1");
-    near(&sheet["K"], 9.0 * k * g / (3.0 * k + 4.0 * g), 1e-13);
-    near(&sheet["C44"], number(&slice["C44"]), 1e-13);
+    near(&sheet["K"], 9.0 * k * g / (3.0 * k + 4.0 * g), 3e-15);
+    near(&sheet["C44"], number(&slice["C44"]), 3e-15);
 }
 
 /// A sheet has Young's modulus and Poisson's ratio of its solid, whatever its thickness; a step in
@@ -230,17 +246,19 @@ fn sheets_have_the_moduli_of_their_solid() {
     let plain = moduli(&folder, &density);
     let thin = moduli(&folder, &[&density[..], &["--set", "body.thickness=0.003"]].concat());
     for found in [&plain, &thin] {
-        near(&found["E"], young, 1e-12);
-        near(&found["nu"], nu, 1e-12);
-        near(&found["C44"], mu, 1e-12);
+        near(&found["E"], young, 1.2e-15);
+        near(&found["nu"], nu, 1.2e-15);
+        near(&found["C44"], mu, 2.4e-14);
     }
-    near(&thin["time_step"]["seconds"], number(&plain["time_step"]["seconds"]), 1e-12);
+    let seconds = |found: &Value| number(&found["time_step"]["seconds"]);
+    let change = seconds(&thin) / seconds(&plain) - 1.0;
+    assert!(change.abs() <= 1e-14, "{change:e}");
     // What is solid only in space has a sheet, too.
     let fibres = "potential = \"fibre_reinforced\"\n\
                   parameters = { mu = 1.0, K = 5.0, k1 = 0.0 }\n\
                   [correspondence]\nplane = \"stress\"";
     let found = moduli(&scene(2, &[8, 6, 0], 0.1, "spacings = 2", fibres), &[]);
-    near(&found["E"], 9.0 * 5.0 / (3.0 * 5.0 + 1.0), 1e-12);
+    near(&found["E"], 9.0 * 5.0 / (3.0 * 5.0 + 1.0), 1.2e-15);
 }
 
 /// `u' K u` of the body for the displacement of a homogeneous strain.
@@ -346,8 +364,9 @@ fn calibrated_bodies_have_the_targets() {
             folder.file("scene.toml", format!("{before}{text}"));
             let found = moduli(&folder, &[]);
             let error = (number(&found[ratio]) - target).abs();
-            assert!(error < 1e-9, "{d}D {vary} {wanted}: {error:.1e}");
-            near(&found[young], 200e9, 1e-9);
+            // What docs/moduli.md says; measured are 1.5e-11.
+            assert!(error < 1e-10, "{d}D {vary} {wanted}: {error:.1e}");
+            near(&found[young], 200e9, 1e-10);
             assert_eq!(found["stable"], true);
         }
     }

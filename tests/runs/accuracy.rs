@@ -1,6 +1,6 @@
 //! `piola audit` and `piola derive --explain`: what is promised about digits, from outside.
 
-use crate::support::{SceneFolder, number, piola};
+use crate::support::{SceneFolder, number, numbers, piola};
 
 /// Options that keep an audit short.
 const QUICK: [&str; 4] = ["--points", "2", "--dim", "2"];
@@ -12,14 +12,57 @@ fn audit(file: &str, more: &[&str]) -> crate::support::Outcome {
     piola(&arguments)
 }
 
+/// A regime of an audit.
+struct Regime {
+    /// `strain 1e-8`: what it is, and its size.
+    label: String,
+    kind: String,
+    size: f64,
+    /// Largest errors of psi and its derivatives in u.
+    errors: Vec<f64>,
+}
+
+/// All regimes of an audit, whatever it is of. With an infinite bar errors count in the value alone,
+/// also where that passes through zero and rounded arguments decide.
+fn regimes(arguments: &[&str], bar: &str) -> Vec<Regime> {
+    let json = ["--format", "json", "--bar", bar];
+    let lines = piola(&[&["audit"], arguments, &json].concat()).stdout;
+    let audits = lines.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).unwrap());
+    let regime = |regime: &serde_json::Value| {
+        let label = regime["regime"].as_str().unwrap();
+        let (kind, size) = label.split_once(' ').unwrap_or((label, "1"));
+        Regime {
+            label: label.to_string(),
+            kind: kind.to_string(),
+            size: size.parse().unwrap_or(1.0),
+            errors: numbers(&regime["errors"]),
+        }
+    };
+    audits
+        .flat_map(|a| a["regimes"].as_array().unwrap().iter().map(regime).collect::<Vec<_>>())
+        .collect()
+}
+
+/// In the value alone but for where psi'' passes through zero: there it has no digits, 9e15 u.
 #[test]
 fn the_library_keeps_its_digits() {
-    for name in ["firooz2023", "javili2020", "logarithmic"] {
-        audit(name, &[]).expect(0);
+    let quick = |name, more: &[&'static str]| [&[name], &QUICK[..], more].concat();
+    let two = |name| quick(name, &[]);
+    let mut audits = vec![two("firooz2023"), two("javili2020"), two("logarithmic")];
+    audits.push(quick("firooz2023", &["--set", "n=1e-8"]));
+    for level in ["strict", "fast"] {
+        audits.push(quick("firooz2023", &["--set", "n=2.7", "--level", level]));
     }
-    audit("firooz2023", &["--set", "n=1e-8"]).expect(0);
-    for name in ["silling2000", "miranda_modified_stretch"] {
-        piola(&["audit", name, "--points", "2"]).expect(0);
+    audits.push(vec!["silling2000", "--points", "2"]);
+    audits.push(vec!["miranda_modified_stretch", "--points", "2"]);
+    for arguments in audits {
+        piola(&[&["audit"], &arguments[..]].concat()).expect(0);
+        let mut worst = [0.0_f64; 3];
+        for regime in regimes(&arguments, "inf").iter().filter(|regime| regime.kind != "zeros") {
+            (0..3).for_each(|order| worst[order] = worst[order].max(regime.errors[order]));
+        }
+        println!("{arguments:?}: {worst:.1?}");
+        assert!(worst.iter().all(|error| *error <= 32.0), "{arguments:?}: {worst:?}");
     }
 }
 
@@ -93,46 +136,113 @@ const OF_GRADIENTS: [(&str, &[&str]); 9] = [
     ("yeoh", &["C1=1", "C2=-0.1", "C3=0.01", "K=100"]),
 ];
 
-/// As many gradients as a user gets by default; exponentials pass the largest number at some.
+/// As many gradients as a user gets by default. `verify` leaves energies that it does not know 1e4 u far
+/// from rest; those of the library need less, and have four times what they were measured to need: 27
+/// and 14 u near rest, 960, 613 and 88 u far from it.
 #[test]
 fn all_energies_of_the_deformation_gradient_are_verified() {
     let names = OF_GRADIENTS.map(|(name, _)| name);
-    let found = piola(&[&["verify"], &names[..]].concat()).expect(0).stdout;
-    assert!(names.iter().all(|name| found.contains(&format!("passed  {name} "))), "{found}");
+    let arguments = [&["verify"], &names[..], &["--format", "json"]].concat();
+    let found = piola(&arguments).expect(0).stdout;
+    let mut verified = Vec::new();
+    for line in found.lines() {
+        let found: serde_json::Value = serde_json::from_str(line).unwrap();
+        assert_eq!((&found["measure"], &found["passed"]), (&"F".into(), &true.into()), "{found}");
+        let name = found["potential"].as_str().unwrap();
+        let worst = |of: &str| numbers(&found[of]).into_iter().fold(0.0, f64::max);
+        let (near, far) = (worst("worst_near_in_u"), worst("worst_far_in_u"));
+        println!("{name} {}: near {near:.1} u, far {far:.1} u", found["dimension"]);
+        let near_bar = if name == "mooney_rivlin" { 108.0 } else { 54.0 };
+        let far_bar = match name {
+            // Exponentials magnify the rounding of their argument.
+            "fung" | "fibre_reinforced" => 3840.0,
+            "mooney_rivlin" => 2450.0,
+            _ => 350.0,
+        };
+        assert!(near <= near_bar && far <= far_bar, "{found}");
+        verified.push(name.to_string());
+    }
+    assert!(names.iter().all(|name| verified.iter().any(|found| found == name)), "{verified:?}");
 }
 
-/// 64 u everywhere, but for what docs/accuracy.md says: psi of a body that is turned, where the bar is
-/// 64 u of the strain, and the second invariant of `mooney_rivlin` at stretches beyond 10.
+/// What exceeds 64 u when errors count in the norm alone, in u, rounded up. A change of volume alone has
+/// no stress but that of the volume, the small one where it is squeezed to J = 1e-18: rounding F leaves
+/// deviations in P. The others are gradients near which a norm passes through a minimum, and
+/// exponentials that magnify the rounding of their arguments.
+const MISSED: [(&str, &str, [f64; 3]); 15] = [
+    ("fibre_reinforced", "volumetric", [0.0, 2.0e15, 0.0]),
+    ("fibre_reinforced", "random", [314.0, 315.0, 314.0]),
+    ("fung", "inverted", [329.0, 329.0, 333.0]),
+    ("hencky", "random", [0.0, 0.0, 118.0]),
+    ("mooney_rivlin", "isochoric", [117.0, 153.0, 133.0]),
+    ("mooney_rivlin", "volumetric", [0.0, 888.0, 0.0]),
+    ("neo_hooke", "random", [0.0, 134.0, 170.0]),
+    ("neo_hooke_stable", "random", [0.0, 108.0, 0.0]),
+    ("ogden", "uniaxial", [0.0, 83.0, 0.0]),
+    ("ogden", "equibiaxial", [0.0, 74.0, 77.0]),
+    ("ogden", "volumetric", [0.0, 7.4e17, 0.0]),
+    ("ogden", "random", [0.0, 89.0, 116.0]),
+    ("yeoh", "volumetric", [0.0, 2.9e16, 0.0]),
+    ("yeoh", "random", [80.0, 97.0, 167.0]),
+    // Beyond 10, where the second invariant has no digits either.
+    ("mooney_rivlin", "far", [2.8e11, 3.7e18, 4.0e11]),
+];
+
+/// 64 u everywhere, but for what docs/accuracy.md says: `turned` bodies, whose F knows a strain to
+/// u/strain, the second invariant of `mooney_rivlin` at stretches beyond 10, and, where errors count in
+/// the norm alone, [`MISSED`].
 #[test]
 fn energies_of_the_deformation_gradient_keep_their_digits() {
+    let mut seen: Vec<(&str, String, [f64; 3])> = Vec::new();
     for (name, values) in OF_GRADIENTS {
         for dimension in ["2", "3"] {
-            let mut arguments = vec!["audit", name, "--points", "2", "--format", "json"];
-            arguments.extend(["--dim", dimension]);
+            let mut arguments = vec![name, "--points", "2", "--dim", dimension];
             arguments.extend(values.iter().flat_map(|value| ["--set", value]));
-            let outcome = piola(&arguments);
-            if outcome.stdout.is_empty() {
-                assert!(dimension == "2" && outcome.stderr.contains("dimensions"), "{name}");
+            let rounded = regimes(&arguments, "64");
+            if rounded.is_empty() {
+                let refused = piola(&[&["audit"], &arguments[..]].concat());
+                assert!(dimension == "2" && refused.stderr.contains("dimensions"), "{name}");
                 continue;
             }
-            let audit = outcome.json();
-            assert_eq!(audit["measure"], "F");
-            let regimes = audit["regimes"].as_array().unwrap();
-            assert!(regimes.len() > 30, "{name}: {}", regimes.len());
-            for regime in regimes {
-                let label = regime["regime"].as_str().unwrap();
-                let (kind, size) = label.split_once(' ').unwrap_or((label, "1"));
-                let size: f64 = size.parse().unwrap();
-                let far = !["strain", "turned"].contains(&kind) && !(0.05..20.0).contains(&size);
-                if name == "mooney_rivlin" && far {
-                    continue;
-                }
-                for (order, error) in regime["errors"].as_array().unwrap().iter().enumerate() {
-                    let bar = if (kind, order) == ("turned", 0) { 64.0 / size } else { 64.0 };
-                    assert!(number(error) <= bar, "{name} {dimension}, {label}: {regime}");
+            assert!(rounded.len() > 30, "{name}: {}", rounded.len());
+            for (rounded, alone) in rounded.iter().zip(&regimes(&arguments, "inf")) {
+                let Regime { label, kind, size, .. } = rounded;
+                let is_turned = kind == "turned";
+                let near = kind == "strain" || is_turned || (0.05..20.0).contains(size);
+                let kind = if name == "mooney_rivlin" && !near { "far" } else { kind };
+                let missed = MISSED.iter().find(|(n, k, _)| (*n, *k) == (name, kind));
+                for order in 0..3 {
+                    // psi grows with the square of the strain, P with the strain.
+                    let lost = if is_turned { [size * size, *size, 1.0][order] } else { 1.0 };
+                    let error = lost * alone.errors[order];
+                    let bar = if is_turned { 32.0 } else { 64.0 };
+                    let bar = missed.map_or(bar, |(_, _, missed)| missed[order].max(bar));
+                    assert!(error <= bar, "{name} {dimension}, {label}, order {order}: {error:e}");
+                    seen.push((name, kind.to_string(), [0.0; 3]));
+                    seen.last_mut().unwrap().2[order] = error;
+                    if kind != "far" {
+                        let bar = if is_turned && order == 0 { 64.0 / size } else { 64.0 };
+                        let error = rounded.errors[order];
+                        assert!(
+                            error <= bar,
+                            "{name} {dimension}, {label}, order {order}: {error}"
+                        );
+                    }
                 }
             }
         }
+    }
+    // What is no miss any more is struck from the list.
+    for (name, kind, missed) in MISSED {
+        let of = |order: usize| {
+            seen.iter()
+                .filter(|s| s.0 == name && s.1 == kind)
+                .map(move |s| s.2[order])
+                .fold(0.0, f64::max)
+        };
+        let worst = [of(0), of(1), of(2)];
+        println!("{name}, {kind}: {worst:.3?} u of the norm, bar 64");
+        assert!((0..3).all(|order| missed[order] == 0.0 || worst[order] > 64.0), "{name} {kind}");
     }
 }
 

@@ -239,6 +239,11 @@ pub(crate) fn error(found: &[f64], expected: &[f64]) -> f64 {
     largest(&difference) / largest(expected)
 }
 
+/// Errors for people: 1.6e-15, 3.0e-14.
+pub(crate) fn shown(errors: &[f64]) -> String {
+    errors.iter().map(|error| format!("{error:.1e}")).collect::<Vec<_>>().join(", ")
+}
+
 /// A reference file of the repository.
 pub(crate) fn reference(name: &str) -> serde_json::Value {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/reference").join(name);

@@ -63,7 +63,7 @@ fn the_gradient_is_the_derivative_of_the_energy() {
         assert_eq!(parts, energy.energy(u).unwrap(), "{name}");
         let slope: f64 = gradient.iter().zip(&p).map(|(g, p)| g * p).sum();
         let expected = derivative(|t| vec![energy.energy(&along(u, &p, t)).unwrap().total()])[0];
-        assert!((slope / expected - 1.0).abs() < 2e-13, "{name}: {slope} {expected}");
+        assert!((slope / expected - 1.0).abs() < 8e-15, "{name}: {slope} {expected}");
     });
 }
 
@@ -79,7 +79,7 @@ fn products_are_derivatives_of_the_gradient() {
             gradient
         });
         let error = error(&product, &expected);
-        assert!(error < 1e-12, "{name}: {error:e}");
+        assert!(error < 2e-14, "{name}: {error:e}");
     });
 }
 
@@ -101,9 +101,9 @@ fn the_tangent_has_the_products_with_unit_vectors_as_columns() {
             columns.extend(product);
         }
         let wrong = error(&dense, &columns);
-        assert!(wrong < 2e-13, "{name}: {wrong:e}");
+        assert!(wrong < 5e-15, "{name}: {wrong:e}");
         let skew: Vec<f64> = (0..n * n).map(|k| columns[k] - columns[k % n * n + k / n]).collect();
-        assert!(norm(&skew) < 1e-13 * norm(&columns), "{name}");
+        assert!(norm(&skew) < 1.5e-15 * norm(&columns), "{name}");
         let mut diagonal = vec![0.0; n * d];
         let mut again = vec![0.0; n];
         energy.tangent_diagonal(u, &mut again, &mut diagonal).unwrap();
@@ -114,7 +114,7 @@ fn the_tangent_has_the_products_with_unit_vectors_as_columns() {
                 dense[(point * d + c) * n + point * d + r]
             })
             .collect();
-        assert!(error(&diagonal, &blocks) < 1e-13, "{name}");
+        assert!(diagonal == blocks, "{name}: {:e}", error(&diagonal, &blocks));
     });
 }
 

@@ -23,7 +23,8 @@ fn linear_fields_have_their_gradient() {
                 let energy = energy(&body, 3.1, order, Discretisation::Nodal, kernel);
                 for h in energy.displacement_gradients(&u).chunks_exact(d * d) {
                     let wrong = error(h, &h_of(d));
-                    assert!(wrong < 2e-13, "{order:?} {kernel}: {wrong:e}");
+                    // Measured are 9.2e-15, here 3.6e-15 below and 4.4e-16 for the energies.
+                    assert!(wrong < 4e-14, "{order:?} {kernel}: {wrong:e}");
                 }
             }
         }
@@ -53,7 +54,7 @@ fn quadratic_fields_have_their_gradient_at_second_order() {
                 let energy = energy(&body, 3.1, order, Discretisation::Nodal, kernel);
                 error(&energy.displacement_gradients(&u), &expected)
             };
-            assert!(of(OperatorOrder::Second) < 2e-13, "{:e}", of(OperatorOrder::Second));
+            assert!(of(OperatorOrder::Second) < 1.5e-14, "{:e}", of(OperatorOrder::Second));
             assert!(of(OperatorOrder::First) > 1e-3);
         }
     }
@@ -80,7 +81,7 @@ fn affine_displacements_have_the_energy_of_the_continuum() {
                 for kernel in ["one", "cubic"] {
                     let energy = energy(&body, 3.1, order, discretisation, kernel);
                     let found = energy.energy(&u).unwrap().total();
-                    assert!((found / expected - 1.0).abs() < 1e-13, "{order:?} {discretisation:?}");
+                    assert!((found / expected - 1.0).abs() < 2e-15, "{order:?} {discretisation:?}");
                 }
             }
         }
@@ -168,6 +169,7 @@ fn nodal_correspondence_is_total_lagrangian_sph() {
         let wrong =
             error(&gradient, &sph_forces(&body, horizon, &u, &*st_venant_kirchhoff(d, 210.0, 0.3)));
         println!("{d}: {wrong:.1e}");
-        assert!(wrong < 1e-13, "{d}: {wrong:e}");
+        // Measured are 3.4e-15.
+        assert!(wrong < 1.4e-14, "{d}: {wrong:e}");
     }
 }

@@ -1,64 +1,151 @@
-//! All correspondence models of a cloud of 30 points, worked out by another program with complex
-//! steps.
+//! All correspondence models of clouds of points, worked out by other programs with complex steps: of
+//! 30 points in space, of 48 in the plane and of 64 in space.
 
 use std::sync::Arc;
 
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::{Discretisation, OperatorOrder, Stabilisation};
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::correspondence::{Correspondence, Discretisation, OperatorOrder, Stabilisation};
+use piola_runtime::energy::{EnergyParts, TotalEnergy};
+use serde_json::Value;
 
-use crate::common::{energy, error, numbers, reference};
+use crate::common::{energy, error, numbers, reference, shown};
+
+/// A cloud of a reference file.
+struct Cloud {
+    data: Value,
+    body: Arc<Body>,
+    horizon: f64,
+    /// Silling's stabilisation, `C_s = 0.5`.
+    silling: Discretisation,
+    /// Displacements and the direction of the product, in the body's order.
+    u: Vec<f64>,
+    v: Vec<f64>,
+}
+
+impl Cloud {
+    fn new(data: &Value, dimension: usize) -> Cloud {
+        let take = |name: &str| numbers(&data[name]);
+        let body = Arc::new(Body::new(dimension, &take("X"), &take("V"), None));
+        let stiffness = 0.5 * data["Cb"].as_f64().unwrap();
+        Cloud {
+            horizon: data["delta"].as_f64().unwrap(),
+            silling: Discretisation::Stabilised(Stabilisation::Silling { stiffness }),
+            u: body.from_user_order(&take("u"), dimension),
+            v: body.from_user_order(&take("v"), dimension),
+            data: data.clone(),
+            body,
+        }
+    }
+
+    fn energy(&self, order: OperatorOrder, kind: Discretisation, kernel: &str) -> Correspondence {
+        energy(&self.body, self.horizon, order, kind, kernel)
+    }
+
+    /// Errors of the energy relative to it, of forces and of products to their largest component.
+    fn errors(&self, energy: &Correspondence, model: &str) -> ([f64; 4], EnergyParts) {
+        let expected = &self.data["models"][model];
+        let d = self.body.dimension();
+        // Force densities: minus the derivative over the volume.
+        let of_points = |x: &[f64]| {
+            let density = |(dof, x): (usize, &f64)| -x / self.body.volumes()[dof / d];
+            self.body.to_user_order(&x.iter().enumerate().map(density).collect::<Vec<f64>>(), d)
+        };
+        let mut gradient = vec![0.0; self.u.len()];
+        let mut product = gradient.clone();
+        let parts = energy.gradient(&self.u, &mut gradient).unwrap();
+        energy.tangent_product(&self.u, &self.v, &mut product).unwrap();
+        let total = expected["W"].as_f64().unwrap();
+        let alone = energy.energy(&self.u).unwrap().total();
+        let errors = [
+            (parts.total() / total - 1.0).abs(),
+            (alone / total - 1.0).abs(),
+            error(&of_points(&gradient), &numbers(&expected["b"])),
+            error(&of_points(&product), &numbers(&expected["Hv"])),
+        ];
+        (errors, parts)
+    }
+}
 
 #[test]
 fn energies_forces_and_products_are_those_of_the_reference() {
-    let data = &reference("correspondence_cloud_A.json")["cloud_A"];
-    let take = |name: &str| numbers(&data[name]);
-    let horizon = data["delta"].as_f64().unwrap();
-    let bond_constant = data["Cb"].as_f64().unwrap();
-    let body = Arc::new(Body::new(3, &take("X"), &take("V"), None));
-    let (u, v) = (body.from_user_order(&take("u"), 3), body.from_user_order(&take("v"), 3));
-    let n = body.n_points();
+    let cloud = Cloud::new(&reference("correspondence_cloud_A.json")["cloud_A"], 3);
+    let body = &cloud.body;
+    let mut worst = [0.0_f64; 8];
     for kernel in ["one", "cubic"] {
-        let silling = Stabilisation::Silling { stiffness: 0.5 * bond_constant };
         for (model, discretisation) in [
             (format!("CC_{kernel}"), Discretisation::Nodal),
-            (format!("CS_{kernel}_Cs0.5"), Discretisation::Stabilised(silling)),
+            (format!("CS_{kernel}_Cs0.5"), cloud.silling),
             (format!("CW_{kernel}"), Discretisation::Stabilised(Stabilisation::Wan)),
             (format!("BAQP_{kernel}"), Discretisation::BondQuadrature),
         ] {
-            let expected = &data["models"][&model];
-            let energy = energy(&body, horizon, OperatorOrder::First, discretisation, kernel);
-            let of_points = |x: &[f64]| {
-                // Force densities: minus the derivative over the volume.
-                let density = |(dof, x): (usize, &f64)| -x / body.volumes()[dof / 3];
-                body.to_user_order(&x.iter().enumerate().map(density).collect::<Vec<f64>>(), 3)
-            };
-            let (mut gradient, mut product) = (vec![0.0; 3 * n], vec![0.0; 3 * n]);
-            let parts = energy.gradient(&u, &mut gradient).unwrap();
-            energy.tangent_product(&u, &v, &mut product).unwrap();
-            let total = expected["W"].as_f64().unwrap();
-            let errors = [
-                (parts.total() / total - 1.0).abs(),
-                (energy.energy(&u).unwrap().total() / total - 1.0).abs(),
-                error(&of_points(&gradient), &numbers(&expected["b"])),
-                error(&of_points(&product), &numbers(&expected["Hv"])),
-            ];
+            let expected = &cloud.data["models"][&model];
+            let energy = cloud.energy(OperatorOrder::First, discretisation, kernel);
+            let (errors, parts) = cloud.errors(&energy, &model);
             println!("{model}: {errors:?}");
-            assert!(errors.iter().all(|&e| e < 1e-12), "{model}: {errors:?}");
-            let densities = body.to_user_order(&energy.energy_densities(&u).unwrap(), 1);
-            assert!(error(&densities, &numbers(&expected["w"])) < 1e-12, "{model}");
+            (0..4).for_each(|k| worst[k] = worst[k].max(errors[k]));
+            let densities = body.to_user_order(&energy.energy_densities(&cloud.u).unwrap(), 1);
+            worst[4] = worst[4].max(error(&densities, &numbers(&expected["w"])));
             if let Some(of_gradients) = expected["W_F_only"].as_f64() {
-                assert!((parts.deformation / of_gradients - 1.0).abs() < 1e-12, "{model}");
+                worst[5] = worst[5].max((parts.deformation / of_gradients - 1.0).abs());
             }
             if let Some(condition) = expected["cond_max"].as_f64() {
-                assert!((energy.condition() / condition - 1.0).abs() < 1e-10, "{model}");
+                worst[6] = worst[6].max((energy.condition() / condition - 1.0).abs());
             }
             if expected["F0"].is_array() {
-                let h = body.to_user_order(&energy.displacement_gradients(&u), 9);
+                let h = body.to_user_order(&energy.displacement_gradients(&cloud.u), 9);
                 let one = |k: usize| if k.is_multiple_of(4) { 1.0 } else { 0.0 };
                 let f: Vec<f64> = h[..9].iter().enumerate().map(|(k, h)| h + one(k)).collect();
-                assert!(error(&f, &numbers(&expected["F0"])) < 1e-13, "{model}");
+                worst[7] = worst[7].max(error(&f, &numbers(&expected["F0"])));
             }
         }
     }
+    println!(
+        "energy, alone, forces, products, densities, of F alone, condition, F: {}",
+        shown(&worst)
+    );
+    // Four times what was measured.
+    const BARS: [f64; 8] = [7e-15, 7e-15, 1.2e-13, 8e-15, 6e-14, 2.8e-15, 3e-14, 5.2e-15];
+    assert!(worst.iter().zip(BARS).all(|(worst, bar)| *worst <= bar), "{worst:?}");
+}
+
+/// The plane, the other orders and the other influence functions, from another program.
+#[test]
+fn all_orders_in_the_plane_and_in_space_are_those_of_the_reference() {
+    const ORDERS: [(&str, OperatorOrder); 3] = [
+        ("", OperatorOrder::First),
+        ("_rk1c", OperatorOrder::FirstWithConstant),
+        ("_rk2", OperatorOrder::Second),
+    ];
+    let file = reference("correspondence_clouds_DE.json");
+    let (mut compared, mut worst) = (0, [[0.0_f64; 4]; 2]);
+    for (place, name) in ["D", "E"].into_iter().enumerate() {
+        let cloud = Cloud::new(&file["clouds"][name], 2 + place);
+        for kernel in ["one", "inv", "cubic"] {
+            for (label, order) in ORDERS {
+                for (kind, discretisation) in [
+                    ("CC", Discretisation::Nodal),
+                    ("BAQP", Discretisation::BondQuadrature),
+                    ("CW", Discretisation::Stabilised(Stabilisation::Wan)),
+                    ("CS", cloud.silling),
+                ] {
+                    let model = format!("{kind}{label}_{kernel}");
+                    if cloud.data["models"][&model].is_null() {
+                        continue;
+                    }
+                    let energy = cloud.energy(order, discretisation, kernel);
+                    let (errors, _) = cloud.errors(&energy, &model);
+                    println!("{name} {model}: {}", shown(&errors));
+                    (0..4).for_each(|k| worst[place][k] = worst[place][k].max(errors[k]));
+                    compared += 1;
+                }
+            }
+        }
+    }
+    println!("energy, alone, forces, products: {}, {}", shown(&worst[0]), shown(&worst[1]));
+    // Four times what was measured, in the plane and in space.
+    const BARS: [[f64; 4]; 2] =
+        [[4e-14, 4e-14, 2.4e-13, 5.6e-14], [6e-14, 6e-14, 3.6e-13, 8.4e-14]];
+    let mut held = worst.iter().flatten().zip(BARS.iter().flatten());
+    assert!(held.all(|(worst, bar)| worst <= bar), "{worst:?}");
+    assert_eq!(compared, 2 * 3 * (3 * 2 + 2), "all models but the state-based solid");
 }

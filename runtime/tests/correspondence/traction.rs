@@ -15,10 +15,10 @@ use crate::traction_bar::Bar;
 fn elongations_are_those_recomputed_from_the_paper() {
     let wan = Discretisation::Stabilised(Stabilisation::Wan);
     for (discretisation, horizon, expected) in [
-        (Discretisation::BondQuadrature, 2, -0.469e-2),
+        (Discretisation::BondQuadrature, 2, -0.4694e-2),
         (Discretisation::BondQuadrature, 3, -0.1839e-2),
-        (wan, 2, -1.471e-2),
-        (wan, 3, -1.530e-2),
+        (wan, 2, -1.4714e-2),
+        (wan, 3, -1.5304e-2),
     ] {
         let solved = Bar::new(5, horizon, discretisation).solve(LinearOptions::default());
         println!(
@@ -28,7 +28,8 @@ fn elongations_are_those_recomputed_from_the_paper() {
             solved.seconds,
             solved.preconditioner
         );
-        assert!((solved.error - expected).abs() < 1e-5, "{discretisation:?} {horizon}");
+        // Half a unit of the last digit.
+        assert!((solved.error - expected).abs() < 0.5e-6, "{discretisation:?} {horizon}");
         assert!(solved.newton_iterations <= 6);
         assert!(solved.linear_iterations.iter().all(|&n| n < 60));
     }
@@ -63,7 +64,7 @@ fn indefinite_tangents_are_solved_by_minimum_residuals() {
     let left = |x: &[f64]| norm(&bar.constraints.free_part(x));
     let residual: Vec<f64> = product.iter().zip(&bar.loads).map(|(p, f)| p - f).collect();
     println!("{} iterations, {:.1e}", report.iterations, left(&residual) / left(&bar.loads));
-    assert!(left(&residual) < 1e-5 * left(&bar.loads), "{:e}", left(&residual));
+    assert!(left(&residual) < options.cg_tolerance * left(&bar.loads), "{:e}", left(&residual));
 }
 
 #[test]
@@ -83,7 +84,8 @@ fn stored_and_not_stored_tangents_lead_to_the_same_equilibrium() {
         ] {
             let free = of(LinearMethod::Auto, preconditioner);
             println!("{preconditioner:?}: {:?} {}", free.linear_iterations, free.preconditioner);
-            assert!(error(&free.u, &direct.u) < 1e-8, "{preconditioner:?}");
+            // Both at the floor of Newton's method: measured are 1.3e-15.
+            assert!(error(&free.u, &direct.u) < 1e-14, "{preconditioner:?}");
         }
         assert_eq!(direct.linear_iterations, vec![0; direct.newton_iterations]);
         assert!(bar.energy.bond_pattern().is_some());
@@ -101,6 +103,6 @@ fn products_by_differences_lead_to_the_same_bar() {
         println!("{products:?}: {:?} {:.1e}", found.linear_iterations, found.residual);
         assert_eq!(found.newton_iterations, exact.newton_iterations);
         assert_eq!(found.preconditioner, exact.preconditioner);
-        assert!(found.residual <= 1e-10 && error(&found.u, &exact.u) < 1e-8, "{products:?}");
+        assert!(found.residual <= 1e-10 && error(&found.u, &exact.u) < 4e-13, "{products:?}");
     }
 }

@@ -119,8 +119,8 @@ fn forces_and_moments_sum_to_zero() {
             moment_scale += norm(&f) * norm(&x);
         }
         assert!(force_scale > 0.0);
-        assert!(norm(&force) <= 64.0 * U * force_scale, "{:e}", norm(&force) / force_scale);
-        assert!(norm(&moment) <= 64.0 * U * moment_scale, "{:e}", norm(&moment) / moment_scale);
+        assert!(norm(&force) <= 3.0 * U * force_scale, "{:e}", norm(&force) / force_scale);
+        assert!(norm(&moment) <= 3.0 * U * moment_scale, "{:e}", norm(&moment) / moment_scale);
     }
 }
 
@@ -164,11 +164,12 @@ fn a_rotation_turns_the_forces_and_keeps_the_energy() {
                 .collect();
             let (turned_parts, turned_forces) = gradient(&energy, &turned);
             // Rounding the turned positions strains each bond by u*size/bond.
-            let bar = 64.0 * U * (SIZE / BOND) / STRAIN;
+            // Measured are 0.6 u of that for the energy and 2.9 u for the forces.
+            let rounding = U * (SIZE / BOND) / STRAIN;
             let error = (turned_parts.total() - parts.total()).abs() / parts.total();
-            assert!(error <= bar, "energy {error:e}");
+            assert!(error <= 3.0 * rounding, "energy {error:e}");
             let error = distance(&turned_forces, &rotate(&matrix, &forces, dimension));
-            assert!(error <= bar, "forces {error:e}");
+            assert!(error <= 12.0 * rounding, "forces {error:e}");
         }
     }
 }
@@ -189,7 +190,7 @@ fn a_rotation_of_the_body_at_rest_costs_nothing() {
             let turned = rotate(&matrix, rest, dimension);
             let u: Vec<f64> = turned.iter().zip(rest).map(|(now, rest)| now - rest).collect();
             let (_, forces) = gradient(&energy, &u);
-            assert!(largest(&forces) <= 64.0 * U * scale, "{:e}", largest(&forces) / scale);
+            assert!(largest(&forces) <= 16.0 * U * scale, "{:e}", largest(&forces) / scale);
         }
     }
 }
@@ -217,7 +218,8 @@ fn the_tangent_is_the_derivative_of_the_gradient() {
         // The tangent is symmetric as stored: its rows are its columns.
         let differences: Vec<f64> = (0..u.len()).flat_map(column).collect();
         let error = distance(&whole, &differences);
-        assert!(error <= 1e-9, "{error:e}");
+        // `u h'/h` with lengths h' of 0.1 and the step h, over strains: measured are 3.4e-13.
+        assert!(error <= 1.5e-12, "{error:e}");
     }
 }
 
@@ -230,7 +232,8 @@ fn the_gradient_is_the_derivative_of_the_energy() {
         let slope = |index: usize| derivative(1e-5, |h| total(&moved(&u, index, h)))[0];
         let differences: Vec<f64> = (0..u.len()).map(slope).collect();
         let error = distance(&forces, &differences);
-        assert!(error <= 1e-9, "{error:e}");
+        // Measured are 3.2e-12: the energy of the whole body is rounded, forces are of one point.
+        assert!(error <= 1.5e-11, "{error:e}");
     }
 }
 
@@ -268,10 +271,10 @@ fn hyper_dual_coordinates_give_the_same_derivatives() {
         let dual = DiscreteEnergy::with_elements(body, 0.21, Weights::Truncated, elements).unwrap();
         let (parts, forces, stiffness) = tangent(&energy, &u);
         let (dual_parts, dual_forces, dual_stiffness) = tangent(&dual, &u);
-        assert!((parts.total() - dual_parts.total()).abs() <= 1e-12 * parts.total());
-        assert!(distance(&forces, &dual_forces) <= 1e-12);
+        assert!((parts.total() - dual_parts.total()).abs() <= 1.5e-15 * parts.total());
+        assert!(distance(&forces, &dual_forces) <= 1e-14);
         let error = distance(&stiffness.values, &dual_stiffness.values);
-        assert!(error <= 1e-12, "{error:e}");
+        assert!(error <= 8e-16, "{error:e}");
         assert_eq!(gradient(&dual, &u), (dual_parts, dual_forces));
         assert_eq!(dual.energy(&u).unwrap(), dual_parts);
     }
@@ -329,9 +332,9 @@ fn compare_units(metres: &Body, scale: f64) {
     let (parts, forces, stiffness) = in_other_units(metres, 1.0);
     let other = in_other_units(metres, scale);
     let error = (other.0.total() - parts.total()).abs() / parts.total();
-    assert!(error <= 1e-13, "scale {scale:e} energy {error:e}");
+    assert!(error <= 2e-15, "scale {scale:e} energy {error:e}");
     let errors = [distance(&other.1, &forces), distance(&other.2, &stiffness)];
-    assert!(errors.iter().all(|&error| error <= 1e-13), "scale {scale:e} {errors:?}");
+    assert!(errors.iter().all(|&error| error <= 4e-15), "scale {scale:e} {errors:?}");
 }
 
 #[test]

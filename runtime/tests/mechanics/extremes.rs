@@ -47,7 +47,8 @@ fn e05_forces_are_linear_down_to_the_smallest_strains() {
         let expected = at(1e-14);
         for strain in [1e-10, 1e-13, 1e-20, 1e-100] {
             let error = distance(&at(strain), &expected);
-            assert!(error <= 10.0 * strain + 1e-13, "strain {strain:e}: {error:e}");
+            // Measured are 1.9 strain + 1.8e-14.
+            assert!(error <= 8.0 * strain + 8e-14, "strain {strain:e}: {error:e}");
         }
     }
 }
@@ -135,7 +136,7 @@ fn e10_inverted_cliques_are_counted() {
     assert!(tetrahedra > 100);
 }
 
-/// Volumes of 1 to 1e6: neither forces nor torques have a resultant beyond 0.4u of the sum of
+/// Volumes of 1 to 1e6: neither forces nor torques have a resultant beyond 0.3u of the sum of
 /// their norms. Points without neighbours are named in the module `refusals`.
 #[test]
 fn e16_uneven_volumes_keep_the_balance_of_forces_and_torques() {
@@ -160,7 +161,7 @@ fn e16_uneven_volumes_keep_the_balance_of_forces_and_torques() {
     }
     let (force, torque) = (norm(&force) / scale, norm(&torque) / (lever * scale));
     println!("e16 force {} u torque {} u", force / U, torque / U);
-    assert!(force <= 64.0 * U && torque <= 64.0 * U, "{force:e} {torque:e}");
+    assert!(force <= U && torque <= U, "{force:e} {torque:e}");
 }
 
 /// Where the energy underflows to 0 the forces keep their digits: at displacements of 1e-160 and
@@ -223,7 +224,7 @@ fn e17_rigid_rotations_leave_forces_at_rounding() {
         }
     }
     println!("e17 {worst:e} = {} u", worst / U);
-    assert!(worst <= 64.0 * U, "{worst:e}");
+    assert!(worst <= 8.0 * U, "{worst:e}");
 }
 
 /// Energy, forces and stiffness of 1.2e6 interactions have the same bits for 1 to 16 threads, and
@@ -258,5 +259,5 @@ fn e21_sums_of_a_million_terms_do_not_depend_on_the_threads() {
         norm(&sums) / scale,
         norm(&sums) / scale / U
     );
-    assert!(norm(&sums) <= 8.0 * U * scale);
+    assert!(norm(&sums) <= 1.5 * U * scale);
 }

@@ -75,17 +75,17 @@ fn energy_gradient_and_hessian_agree() {
         for (k, part) in [parts.bonds, parts.triangles, parts.tetrahedra].into_iter().enumerate() {
             let key = (k + 1).to_string();
             let expected = case.json["energy_parts"][&key].as_f64().unwrap_or(0.0);
-            assert!((part - expected).abs() <= 1e-13 * expected, "{name} part {key}: {part:e}");
+            assert!((part - expected).abs() <= 1.2e-14 * expected, "{name} part {key}: {part:e}");
             let count = case.json["ncliques"][&key].as_u64().unwrap_or(0);
             assert_eq!(counts[k], count, "{name} cliques {key}");
         }
         let d = case.body.dimension();
         let found = case.body.to_user_order(&gradient, d);
         let error = distance(&found, &numbers(&case.json["gradient"]));
-        assert!(error <= 1e-13, "{name} gradient {error:e}");
+        assert!(error <= 1.5e-14, "{name} gradient {error:e}");
         let found = matrix_in_user_order(&case.body, &dense(&tangent));
         let error = distance(&found, &numbers(&case.json["hessian_rowmajor"]));
-        assert!(error <= 1e-13, "{name} hessian {error:e}");
+        assert!(error <= 4e-14, "{name} hessian {error:e}");
     }
 }
 
@@ -123,10 +123,10 @@ fn unit_weights_agree_kind_by_kind() {
             let mut gradient = vec![0.0; case.u.len()];
             let parts = energy.gradient(&case.u, &mut gradient).unwrap();
             let name = format!("{} {key}", case.name);
-            assert!((parts.total() - expected).abs() <= 1e-13 * expected, "{name}");
+            assert!((parts.total() - expected).abs() <= 1.2e-14 * expected, "{name}");
             let found = case.body.to_user_order(&gradient, case.body.dimension());
             let error = distance(&found, &numbers(&case.json["unit_weight_gradient"][&key]));
-            assert!(error <= 1e-13, "{name} {error:e}");
+            assert!(error <= 1.5e-14, "{name} {error:e}");
         }
     }
 }

@@ -95,12 +95,16 @@ fn bodies_are_those_of_measures_and_of_hyper_dual_numbers() {
             let squares = energy(&body, 0.21, kernels(FAST), by_square);
             let measures = energy(&body, 0.21, kernels(FAST), by_measure);
             let written = energy(&body, 0.21, kernels(Mode::HyperDual), by_square);
-            // As written an energy loses u/strain.
-            for (strain, bar) in [(0.05, 1e-13), (1e-3, 1e-12), (1e-6, 1e-9)] {
+            // As written an energy loses u/strain: measured are 2.4e-15, 1.2e-13, 1.1e-10, and 3.1e-16
+            // between squares and measures.
+            for (strain, bar) in [(0.05, 1e-14), (1e-3, 5e-13), (1e-6, 5e-10)] {
                 let u = displacements(&body, strain, 11);
                 let found = state(&squares, &u);
                 let error = errors(&found, &state(&measures, &u));
-                assert!(error.iter().all(|x| *x <= 1e-14), "{dimension}, {n}, {strain}: {error:?}");
+                assert!(
+                    error.iter().all(|x| *x <= 1.5e-15),
+                    "{dimension}, {n}, {strain}: {error:?}"
+                );
                 let error = errors(&found, &state(&written, &u));
                 assert!(error.iter().all(|x| *x <= bar), "{dimension}, {n}, {strain}: {error:?}");
             }

@@ -81,7 +81,8 @@ struct Judged {
 /// Differences lead to the equilibrium that exact products lead to, that is `u`.
 pub(crate) fn equilibria_are_the_same(energy: &dyn TotalEnergy, u: &[f64]) {
     let (exact, report, judged) = solve(energy, u, LinearMethod::Auto);
-    assert!(distance(&exact, u) < 1e-8, "{:e}", distance(&exact, u));
+    // Measured are 7.8e-15, and 1.8e-14 for the differences.
+    assert!(distance(&exact, u) < 4e-14, "{:e}", distance(&exact, u));
     assert_eq!(judged.positive_definite, Some(true));
     let iterations = report.iterations;
     let gmres = solve(energy, u, LinearMethod::Gmres);
@@ -92,7 +93,7 @@ pub(crate) fn equilibria_are_the_same(energy: &dyn TotalEnergy, u: &[f64]) {
             let (found, report, judged) = solve(&differences, u, method);
             let ratio = report.history.residual_over_reaction.last().unwrap();
             println!("{products:?} {method:?}: {} of {iterations}, {ratio:.1e}", report.iterations);
-            assert!(distance(&found, &exact) < 1e-8, "{products:?} {method:?}");
+            assert!(distance(&found, &exact) < 9e-14, "{products:?} {method:?}");
             assert!(report.iterations <= iterations + 1, "{products:?} {method:?}");
             let by_gmres = method != LinearMethod::MatrixFree;
             let by = report.linear.iter().all(|l| (l.method == LinearMethod::Gmres) == by_gmres);

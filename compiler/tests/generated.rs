@@ -83,7 +83,7 @@ fn generated_potentials_go_all_the_way() {
 }
 
 /// Programs that went wrong once, with what was wrong.
-const ONCE_WRONG: [(&str, &str); 7] = [
+const ONCE_WRONG: [(&str, &str); 8] = [
     (
         "derivatives took 0 times what is no number from the branch that is not chosen",
         "psi(F) = (if J > 2 then sqrt(J - 2)*J^0.3 else J^2)",
@@ -103,6 +103,10 @@ const ONCE_WRONG: [(&str, &str); 7] = [
     (
         "near rest a function of a constant that is a sum was as uncertain as can be, and the energy 0",
         "psi(F) = exp(tr(dev(F)))*tr(E) + 1",
+    ),
+    (
+        "near rest an energy that is another at rest alone had the digits of that one",
+        "psi(F) = expm1(if J + log1p((U : ln(U))^(1/3)) == J then 100 + J else tr(C) - d)",
     ),
     ("psi'' of tanh was inf/inf far out", "psi(l) = tanh(900*(l/L - 1.1)) + (l/L)^3"),
     (

@@ -146,6 +146,8 @@ struct Expander<'a> {
     known: Vec<Option<Near>>,
     /// Which nodes depend on traces.
     has_traces: Vec<bool>,
+    /// Conditions that compare what is equal at rest, so that another branch may hold beside it.
+    tied: Vec<bool>,
 }
 
 impl<'a> Expander<'a> {
@@ -167,8 +169,9 @@ impl<'a> Expander<'a> {
             let is_trace = matches!(node, Node::Input(Input::Trace(_)));
             has_traces.push(is_trace || node.operands().any(|x: NodeId| has_traces[x.0 as usize]));
         }
-        let known = vec![None; root.0 as usize + 1];
-        Expander { graph, variables, traces, at_rest, known, has_traces }
+        let n = root.0 as usize + 1;
+        let (known, tied) = (vec![None; n], vec![false; n]);
+        Expander { graph, variables, traces, at_rest, known, has_traces, tied }
     }
 
     fn run(&mut self, root: NodeId) -> Result<Option<Expansion>, TooManyNodes> {
@@ -191,6 +194,10 @@ impl<'a> Expander<'a> {
             Some(Near::Number(expansion)) => expansion.clone(),
             _ => Expansion::constant(f64::NAN, self.variables.len()),
         }
+    }
+
+    fn is_tied(&self, id: NodeId) -> bool {
+        self.tied[id.0 as usize]
     }
 
     fn truth(&self, id: NodeId) -> NodeId {
@@ -218,15 +225,17 @@ impl<'a> Expander<'a> {
             Node::Select(c, x, y) => {
                 let condition = self.truth(c);
                 if matches!(self.known[x.0 as usize], Some(Near::Truth(_))) {
+                    self.tied[id.0 as usize] = [c, x, y].into_iter().any(|x| self.is_tied(x));
                     let node = Node::Select(condition, self.truth(x), self.truth(y));
                     return self.graph.make(node).map(Near::Truth);
                 }
-                self.choice(id, condition, x, y)?
+                self.choice(id, condition, x, y, self.is_tied(c))?
             }
             Node::Compare(comparison, x, y) => {
                 return self.compare(id, comparison, x, y).map(Near::Truth);
             }
             node @ (Node::And(..) | Node::Or(..) | Node::Not(_)) => {
+                self.tied[id.0 as usize] = node.operands().any(|x| self.is_tied(x));
                 let node = node.map_operands(|x| self.truth(x));
                 return self.graph.make(node).map(Near::Truth);
             }
@@ -342,7 +351,7 @@ impl<'a> Expander<'a> {
                     _ => Comparison::GreaterEqual,
                 };
                 let condition = self.compare(id, comparison, x, y)?;
-                self.choice(id, condition, x, y)
+                self.choice(id, condition, x, y, self.is_tied(id))
             }
             Operator::Power => self.opaque(id),
         }
@@ -394,24 +403,30 @@ impl<'a> Expander<'a> {
             let same = Node::Compare(comparison, self.whole(x)?, self.whole(y)?);
             return if self.graph.graph()[id] == same { Ok(id) } else { self.graph.make(same) };
         }
+        self.tied[id.0 as usize] = true;
         let (p, q) = (self.change(&p)?, self.change(&q)?);
         let zero = self.graph.number(0.0)?;
         let node = Node::Compare(comparison, p.unwrap_or(zero), q.unwrap_or(zero));
         self.graph.make(node)
     }
 
-    /// Branches that agree to first order at rest differ by their rests.
+    /// Branches that agree to first order at rest differ by their rests. Where an energy jumps at rest its
+    /// value there says nothing of those beside it, and it has no form near rest.
     fn choice(
         &mut self,
         id: NodeId,
         condition: NodeId,
         x: NodeId,
         y: NodeId,
+        is_tied: bool,
     ) -> Result<Expansion, TooManyNodes> {
         let (p, q) = (self.number(x), self.number(y));
         let noise = p.noise + q.noise;
         let agree = |a: f64, b: f64| (a - b).abs() <= NOTHING * noise;
         let slopes = p.slope.iter().zip(&q.slope).all(|(a, b)| agree(*a, *b));
+        if is_tied && !agree(p.value, q.value) {
+            return Ok(Expansion::constant(f64::NAN, self.variables.len()));
+        }
         if !(agree(p.value, q.value) && slopes) {
             return self.opaque(id);
         }

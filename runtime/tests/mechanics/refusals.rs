@@ -145,8 +145,9 @@ fn energies_that_end_forbid_inversion() {
     for (name, expected, psi) in energies {
         for (measure, dimension) in [(Measure::Area, 2), (Measure::Volume, 3), (Measure::Area, 3)] {
             let law = move |batch: Batch<'_>, _: Order, out: Outputs<'_>| {
-                for (psi_of, m) in out.psi.iter_mut().zip(batch.measure) {
-                    *psi_of = psi(*m);
+                // By the change, as accurate forms are.
+                for (psi_of, e) in out.psi.iter_mut().zip(batch.change) {
+                    *psi_of = psi(1.0 + e);
                 }
             };
             let of_measure = MeasureElement::new(measure, dimension, Box::new(law));

@@ -298,6 +298,52 @@ mod tests {
     }
 
     #[test]
+    fn places_of_a_batch_are_as_they_are_alone() {
+        let sheet = PlaneStress::new(solid(NEO_HOOKE, 3, &[("lambda", 3.0), ("mu", 2.0)]));
+        // From nothing to a strain that takes many steps; nothing is known of places before others.
+        let places: [[f64; 4]; 5] = [
+            [4.0, 1.0, 0.0, -0.5],
+            [0.0; 4],
+            [1e-9, 2e-9, 0.0, -1e-9],
+            [-0.6, 0.0, 0.1, 0.4],
+            [0.5, 0.3, -0.2, 0.1],
+        ];
+        let n = places.len();
+        let columns = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
+            (0..4 * n).map(|k| of(k % n, k / n)).collect()
+        };
+        let change = columns(&|p, k| places[p][k]);
+        let current = columns(&|p, k| places[p][k] + if k % 3 == 0 { 1.0 } else { 0.0 });
+        let direction = columns(&|p, k| DIRECTION[k] * (1.0 + p as f64));
+        let batch = Variables { n, current: &current, change: &change, given: &[] };
+        let (mut psi, mut stress) = (vec![0.0; n], vec![0.0; 4 * n]);
+        let (mut psi_alone, mut product) = (vec![0.0; n], vec![0.0; 4 * n]);
+        sheet.evaluate(batch, &mut psi, &mut stress);
+        sheet.evaluate(batch, &mut psi_alone, &mut []);
+        sheet.product(batch, &direction, &mut product);
+        assert_eq!(psi, psi_alone);
+        for (p, h) in places.into_iter().enumerate() {
+            let along = DIRECTION.map(|x| x * (1.0 + p as f64));
+            let expected = at(&sheet, h, along);
+            let of = |array: &[f64]| std::array::from_fn(|k| array[k * n + p]);
+            assert_eq!((psi[p], of(&stress), of(&product)), expected, "{h:?}");
+        }
+    }
+
+    #[test]
+    fn a_thick_sheet_has_so_much_more_of_everything() {
+        let (law, thickness) = (|| solid(ST_VENANT, 2, &[("lambda", 3.0), ("mu", 2.0)]), 0.25);
+        let thick = Thick { law: law(), thickness };
+        let h = [0.3, -0.1, 0.2, -0.4];
+        let (psi, stress, product) = at(&*law(), h, DIRECTION);
+        // A quarter is exact.
+        let expected = (thickness * psi, stress.map(|x| thickness * x));
+        let (psi, stress, thick_product) = at(&thick, h, DIRECTION);
+        assert_eq!((psi, stress), expected);
+        assert_eq!(thick_product, product.map(|x| thickness * x));
+    }
+
+    #[test]
     fn where_no_thickness_is_free_of_stress_nothing_is_a_number() {
         // tr E > (lambda + 2 mu)/(2 lambda): E33 would be below -1/2.
         let sheet = PlaneStress::new(solid(ST_VENANT, 3, &[("lambda", 100.0), ("mu", 1.0)]));

@@ -7,6 +7,8 @@ mod c;
 mod gradient;
 mod latex;
 mod listing;
+#[cfg(test)]
+mod tests;
 mod text;
 
 pub use c::c_source;

@@ -105,6 +105,8 @@ fn logarithmic_barrier() {
     rule("logarithmic_barrier", "l/L - 1 - ln(l/L)", 1e13, &["l/L - 2 - ln(l/L)"]);
     let other = "(l/L - 1)^2 - log1p((l/L - 1)^2)";
     rule("logarithmic_barrier", other, 1e13, &["(l/L)^2 - log1p((l/L - 1)^2)"]);
+    let negative = "log1p((l/L - 1)^2) - (l/L - 1)^2";
+    rule("logarithmic_barrier", negative, 1e13, &["log1p((l/L - 1)^2) - (l/L)^2"]);
 }
 
 #[test]

@@ -5,6 +5,7 @@ use crate::expression::Function;
 use crate::measure::Measure;
 use crate::print::text;
 use crate::test_support::{SETH_HILL, model, values};
+use crate::{Batch, Mode};
 
 #[test]
 fn seth_hill_over_its_exponents() {
@@ -189,4 +190,50 @@ fn what_is_dropped_says_which_parameter_did_it() {
     let dropped = two.specialise(&values(&two, 2, &[])).unwrap().dropped;
     assert_eq!(dropped[0].reason, "a term of psi(l) is dropped: k = 0");
     assert_eq!(dropped[1].reason, "psi(a) is dropped: k = 0");
+}
+
+/// Products of a power with a strain, for all small orders of both, and energies that rules take for
+/// others of their kind when they look less closely: against hyper-dual numbers of what is written.
+#[test]
+fn rules_keep_the_values_of_what_is_written() {
+    let mut energies: Vec<String> = [
+        "L*((l/L - 1) + (l/L)^2)^2",
+        "L*((l/L)^2 + (l/L - 1))^2",
+        "L*ln(1 - (l/L - 1)^2)",
+        "L*((l/L)^2 - 1 - 2*ln(l/L))",
+        "L*(2*ln(l/L) - (l/L)^2 + 1)",
+    ]
+    .map(str::to_string)
+    .to_vec();
+    for p in [-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0] {
+        for a in [-2.0, -1.0, 0.5, 1.0, 2.0] {
+            for k in [1.0, 2.0, 3.0] {
+                energies.push(format!("L*(l/L)^({p:?})*((l/L)^({a:?}) - 1)^{k:?}"));
+            }
+        }
+    }
+    for energy in energies {
+        let model = model(&format!("potential p\npsi(l) = {energy}\n"));
+        let values = values(&model, 3, &[]);
+        let written = model.written(&values, Measure::Length);
+        let kernels = model.compile(&values, Mode::Interpreter).unwrap().kernels;
+        for x in [0.3, 0.9, 1.001, 1.3, 1.8] {
+            let reference = 0.5;
+            let batch =
+                Batch { measure: &[x * reference], reference: &[reference], change: &[x - 1.0] };
+            let found = kernels[0].derivatives(batch);
+            let expected = written.derivatives(x * reference, reference);
+            let pairs = [
+                (found.psi[0], expected.0),
+                (found.dpsi[0], expected.1),
+                (found.d2psi[0], expected.2),
+            ];
+            // What is written loses three digits at x - 1 = 1e-3, for each factor.
+            let scale = pairs.iter().fold(0.0_f64, |most, (_, x)| most.max(x.abs()));
+            for (found, expected) in pairs {
+                let close = (found - expected).abs() <= 1e-9 * scale;
+                assert!(close, "{energy} at {x}: {found} {expected}");
+            }
+        }
+    }
 }

@@ -76,6 +76,23 @@ mod tests {
     use super::*;
 
     #[test]
+    fn influence_functions_are_what_they_are_called() {
+        assert_eq!([0.25, 4.0].map(|length| Constant.value(length)), [1.0, 1.0]);
+        assert_eq!([0.25, 1.0, 4.0].map(|length| InverseLength.value(length)), [4.0, 1.0, 0.25]);
+        let gaussian = Gaussian { width: 0.5 };
+        assert_eq!([0.0, 0.5].map(|length| gaussian.value(length)), [1.0, libm::exp(-1.0)]);
+        // The cubic B-spline has a quarter of its largest value half way to the horizon, its pieces
+        // meet there with equal slopes, and a 32nd is left after three quarters.
+        let spline = CubicSpline { dimension: 3, horizon: 2.0 };
+        let of_largest = |length: f64| spline.value(length) / spline.value(0.0);
+        assert_eq!([1.0, 1.5, 2.0].map(of_largest), [0.25, 1.0 / 32.0, 0.0]);
+        // Second differences of a function with a continuous slope are of the second order.
+        let step = 1e-4;
+        let kink = of_largest(1.0 + step) - 2.0 * of_largest(1.0) + of_largest(1.0 - step);
+        assert!(kink.abs() < 10.0 * step * step, "{kink:e}");
+    }
+
+    #[test]
     fn the_spline_has_unit_integral_and_ends_at_the_horizon() {
         for dimension in [2usize, 3] {
             let spline = CubicSpline { dimension, horizon: 0.7 };

@@ -259,15 +259,53 @@ pub fn write_atomically(
     target: &Path,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), OutputError> {
+    write_on(&System, target, fill)
+}
+
+/// What the order of writing rests on; tests cut the power of another one.
+trait Disk {
+    type File: Write;
+
+    /// Makes a file that is not there yet; follows no link that someone may have put there.
+    fn create(&self, path: &Path) -> io::Result<Self::File>;
+    /// Returns when the content would survive a power cut.
+    fn synchronise(&self, file: Self::File) -> io::Result<()>;
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()>;
+}
+
+/// The operating system's.
+struct System;
+
+impl Disk for System {
+    type File = File;
+
+    fn create(&self, path: &Path) -> io::Result<File> {
+        OpenOptions::new().write(true).create_new(true).open(path)
+    }
+
+    fn synchronise(&self, file: File) -> io::Result<()> {
+        file.sync_data()
+    }
+
+    fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+        fs::rename(from, to)
+    }
+}
+
+fn write_on<D: Disk>(
+    disk: &D,
+    target: &Path,
+    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), OutputError> {
     let name = target.file_name().unwrap_or_default().to_string_lossy();
     let partial = target.with_file_name(partial_name(&name));
     // A leftover of a killed run; removing a link removes the link, not what it points to.
     if fs::symlink_metadata(&partial).is_ok() {
         fs::remove_file(&partial).map_err(Operation::Remove.on(&partial))?;
     }
-    let outcome = fill_new_file(&partial, fill)
+    let outcome = fill_new_file(disk, &partial, fill)
         .map_err(Operation::Write.on(target))
-        .and_then(|()| fs::rename(&partial, target).map_err(Operation::Rename.on(target)));
+        .and_then(|()| disk.rename(&partial, target).map_err(Operation::Rename.on(target)));
     if outcome.is_err() {
         // Nothing more can be done if this fails too; the first error is the one to report.
         let _ = fs::remove_file(&partial);
@@ -275,17 +313,16 @@ pub fn write_atomically(
     outcome
 }
 
-fn fill_new_file(
+fn fill_new_file<D: Disk>(
+    disk: &D,
     partial: &Path,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> io::Result<()> {
-    // `create_new` follows no link that someone may have put there.
-    let file: File = OpenOptions::new().write(true).create_new(true).open(partial)?;
-    let mut out = BufWriter::with_capacity(1 << 16, file);
+    let mut out = BufWriter::with_capacity(1 << 16, disk.create(partial)?);
     fill(&mut out)?;
     let file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
     // Without this a power cut after the rename could leave an empty file under the final name.
-    file.sync_data()
+    disk.synchronise(file)
 }
 
 fn partial_name(name: &str) -> String {
@@ -341,6 +378,9 @@ fn remove_if_there(path: &Path) -> Result<(), OutputError> {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::RefCell;
+    use std::collections::HashMap;
+
     use super::*;
 
     fn names(folder: &Path) -> Vec<String> {
@@ -363,6 +403,78 @@ mod tests {
         assert!(error.to_string().contains("disk on fire"), "{error}");
         assert_eq!(fs::read(folder.path_of(OutputFile::Summary)).unwrap(), b"old");
         assert_eq!(names(folder.path()), ["frames", "summary.json"], "no partial is left");
+    }
+
+    /// A disk that keeps the names of files at once and their content only when it is synchronised,
+    /// and what a power cut after each operation would leave under the name of the target.
+    struct Careless {
+        target: PathBuf,
+        /// Content that survives, by name.
+        kept: RefCell<HashMap<PathBuf, Vec<u8>>>,
+        left: RefCell<Vec<Vec<u8>>>,
+    }
+
+    struct CarelessFile<'a> {
+        disk: &'a Careless,
+        path: PathBuf,
+        written: Vec<u8>,
+    }
+
+    impl Careless {
+        fn cut_power(&self) {
+            self.left.borrow_mut().push(self.kept.borrow()[&self.target].clone());
+        }
+    }
+
+    impl Write for CarelessFile<'_> {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.written.extend(bytes);
+            self.disk.cut_power();
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    impl<'a> Disk for &'a Careless {
+        type File = CarelessFile<'a>;
+
+        fn create(&self, path: &Path) -> io::Result<CarelessFile<'a>> {
+            self.kept.borrow_mut().insert(path.to_owned(), Vec::new());
+            self.cut_power();
+            Ok(CarelessFile { disk: self, path: path.to_owned(), written: Vec::new() })
+        }
+
+        fn synchronise(&self, file: CarelessFile<'a>) -> io::Result<()> {
+            self.kept.borrow_mut().insert(file.path, file.written);
+            self.cut_power();
+            Ok(())
+        }
+
+        fn rename(&self, from: &Path, to: &Path) -> io::Result<()> {
+            let content = self.kept.borrow_mut().remove(from).unwrap();
+            self.kept.borrow_mut().insert(to.to_owned(), content);
+            self.cut_power();
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_power_cut_leaves_the_old_file_or_the_new_one() {
+        let target = PathBuf::from("nowhere/summary.json");
+        let (old, new) = (b"old".to_vec(), vec![b'n'; 200_000]);
+        let kept = RefCell::new(HashMap::from([(target.clone(), old.clone())]));
+        let disk = Careless { target: target.clone(), kept, left: RefCell::default() };
+        write_on(&&disk, &target, |out| {
+            new.chunks(50_000).try_for_each(|part| out.write_all(part))
+        })
+        .unwrap();
+        let left = disk.left.into_inner();
+        assert!(left.len() > 4, "{}", left.len());
+        assert!(left.iter().all(|content| *content == old || *content == new));
+        assert_eq!(left.last(), Some(&new));
     }
 
     #[test]

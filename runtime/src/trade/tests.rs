@@ -144,6 +144,18 @@ fn a_study_knows_what_is_exact() {
     assert!(loose.errors[residual] > tight.errors[residual]);
     assert!(study.reference.level < 1e-12, "{:e}", study.reference.level);
     assert!(study.reference.witnesses.len() == 2, "{:?}", study.reference.witnesses);
+    // Errors e that go with the spacing h differ between two lattices by e (h' - h)/h.
+    assert!(!study.resolution.alternates.is_empty(), "{:?}", study.resolution.notes);
+    for lattice in &study.resolution.alternates {
+        let numbers = lattice.differences.iter().zip(&lattice.errors);
+        // Residuals of different bodies are not compared.
+        for ((difference, error), _) in
+            numbers.zip(&study.quantities).filter(|(_, q)| **q != Quantity::Residual)
+        {
+            let expected = error * (lattice.spacing - 0.1).abs() / 0.1;
+            assert!((difference - expected).abs() <= 1e-12 * difference, "{lattice:?}");
+        }
+    }
     // The lattice of 0.1 has an error that no arithmetic has.
     let (_, error) = study.least_resolution().unwrap();
     assert!(error > 1e-3 && error < 1.0, "{error:e}");

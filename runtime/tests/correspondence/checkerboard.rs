@@ -48,6 +48,7 @@ fn deformation_gradients_of_points_do_not_see_what_alternates() {
         ("CC", Discretisation::Nodal),
         ("CS", Discretisation::Stabilised(Stabilisation::Silling { stiffness })),
         ("CW", Discretisation::Stabilised(Stabilisation::Wan)),
+        ("CI", Discretisation::Stabilised(Stabilisation::Isotropic)),
     ] {
         let [of_gradient, whole] = middle(&at, discretisation);
         println!("{name} {of_gradient:e} {whole:e}");
@@ -57,7 +58,8 @@ fn deformation_gradients_of_points_do_not_see_what_alternates() {
             "CC" => 0.0,
             // Deviations are differences of displacements here: C_s C_b/2 times their mean square.
             "CS" => 0.5 * stiffness * mean_square(&at),
-            // K is isotropic, (m/3) I with m the mean square of lengths times the sum of volumes.
+            // K is isotropic, (m/3) I with m the mean square of lengths times the sum of volumes, and
+            // with it A: it is its own isotropic part.
             _ => 0.5 * wan(bulk, at.horizon) * mean_square(&at),
         };
         // Measured are 2.3e-15.

@@ -4,11 +4,17 @@
 //! The energy of St Venant-Kirchhoff material is a polynomial of fourth degree along every line:
 //! differences over five points have no truncation error, whatever the step.
 
-use piola_runtime::correspondence::Correspondence;
+use std::sync::Arc;
+
+use piola_runtime::body::Body;
+use piola_runtime::correspondence::influence::Constant;
+use piola_runtime::correspondence::{Correspondence, Discretisation, Formulation, OperatorOrder};
 use piola_runtime::energy::TotalEnergy;
 use piola_runtime::matrix::BlockMatrix;
 
-use crate::common::{DISCRETISATIONS, ORDERS, cloud, displacements, energy, error, h_of, norm};
+use crate::common::{
+    DISCRETISATIONS, ORDERS, cloud, displacements, energy, error, h_of, norm, st_venant_kirchhoff,
+};
 
 /// All combinations on a cloud in the plane and one in space.
 fn for_each(check: impl Fn(&Correspondence, &[f64], &str)) {
@@ -137,6 +143,71 @@ fn the_bits_do_not_depend_on_the_number_of_threads() {
             };
             let one = run(1);
             assert!(one == run(2) && one == run(4), "{order:?} {discretisation:?}");
+        }
+    }
+}
+
+/// Springs in place of the tangent have the energy of the material for uniform strains where
+/// `lambda = mu`, as far as families of lattice points are alike in all directions, and a 1e-4th of
+/// their stiffness across.
+#[test]
+fn springs_are_as_stiff_as_the_material() {
+    for (counts, horizon) in [(&[12, 11][..], 3.2), (&[7, 6, 7], 3.2)] {
+        let d = counts.len();
+        let n: usize = counts.iter().product();
+        let place = |p: usize, axis: usize| {
+            let before: usize = counts[..axis].iter().product();
+            (p / before % counts[axis]) as f64
+        };
+        let positions: Vec<f64> = (0..n * d).map(|k| place(k / d, k % d)).collect();
+        let body = Arc::new(Body::new(d, &positions, &vec![1.0; n], Some(1.0)));
+        let formulation = Formulation {
+            horizon,
+            order: OperatorOrder::First,
+            discretisation: Discretisation::Nodal,
+            influence: &Constant,
+        };
+        // lambda = 2 mu nu/(1 - 2 nu)
+        let law = st_venant_kirchhoff(d, 210.0, 0.25);
+        let energy = Correspondence::new(Arc::clone(&body), formulation, law).unwrap();
+        let rest = vec![0.0; n * d];
+        let mut springs = BlockMatrix::zeros(energy.bond_pattern().unwrap());
+        energy.bond_tangent(&rest, &mut springs);
+        let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
+        let of_springs = |h: &[f64]| {
+            let p = displacements(&body, h, 0.0, 1);
+            dot(&p, &springs.multiply(&p))
+        };
+        let of_material = |h: &[f64]| {
+            let p = displacements(&body, h, 0.0, 1);
+            let mut product = vec![0.0; n * d];
+            energy.tangent_product(&rest, &p, &mut product).unwrap();
+            dot(&p, &product)
+        };
+        let strain = |entries: &[(usize, usize, f64)]| {
+            let mut h = vec![0.0; d * d];
+            entries.iter().for_each(|&(r, c, x)| h[r * d + c] = x);
+            h
+        };
+        let all: Vec<(usize, usize, f64)> = (0..d).map(|r| (r, r, 1.0)).collect();
+        let dilation = strain(&all);
+        for h in [
+            dilation.clone(),
+            strain(&[(0, 0, 1.0)]),
+            strain(&[(d - 1, d - 1, 1.0)]),
+            strain(&[(0, 1, 1.0), (1, 0, 1.0)]),
+            strain(&[(0, 0, 1.0), (1, 1, -1.0)]),
+        ] {
+            let ratio = of_springs(&h) / of_material(&h);
+            println!("{d} {h:?} {ratio}");
+            assert!((0.7..1.4).contains(&ratio), "{d} {h:?}: {ratio}");
+        }
+        if d == 2 {
+            // Turned about a point every difference is across, as long as it is along when the body
+            // swells.
+            let turned = strain(&[(0, 1, -1.0), (1, 0, 1.0)]);
+            let ratio = of_springs(&turned) / of_springs(&dilation);
+            assert!((ratio / (1e-4 / (1.0 + 1e-4)) - 1.0).abs() < 1e-9, "{ratio:e}");
         }
     }
 }

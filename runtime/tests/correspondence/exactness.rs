@@ -4,7 +4,9 @@
 use std::sync::Arc;
 
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::{Correspondence, Discretisation, Formulation, OperatorOrder};
+use piola_runtime::correspondence::{
+    Correspondence, Discretisation, Formulation, OperatorOrder, Stabilisation,
+};
 use piola_runtime::energy::TotalEnergy;
 use piola_runtime::kernel::{Variables, VariablesLaw};
 
@@ -27,6 +29,37 @@ fn linear_fields_have_their_gradient() {
                     assert!(wrong < 4e-14, "{order:?} {kernel}: {wrong:e}");
                 }
             }
+        }
+    }
+}
+
+/// A field along one axis deviates along it, `z = phi e_r`, and stores `phi^2/2 A_rr`: over all axes
+/// the sum is that of the trace, which `A` and its isotropic part have in common.
+#[test]
+fn the_isotropic_stabilisation_has_the_trace_of_the_one_it_is_part_of() {
+    for (counts, horizon) in [(&[8, 7][..], 3.1), (&[5, 5, 5], 2.6)] {
+        let d = counts.len();
+        let body = cloud(counts, 4);
+        let phi = Random(3).vector(body.n_points());
+        for kernel in ["one", "inv", "cubic"] {
+            let of = |discretisation| {
+                let energy = energy(&body, horizon, OperatorOrder::First, discretisation, kernel);
+                let along = |axis: usize| {
+                    let mut u = vec![0.0; d * phi.len()];
+                    u.iter_mut()
+                        .skip(axis)
+                        .step_by(d)
+                        .zip(&phi)
+                        .for_each(|(u, phi)| *u = 0.1 * phi);
+                    energy.energy(&u).unwrap().total()
+                };
+                (0..d).map(along).sum::<f64>()
+            };
+            let nodal = of(Discretisation::Nodal);
+            let [wan, isotropic] = [Stabilisation::Wan, Stabilisation::Isotropic]
+                .map(|kind| of(Discretisation::Stabilised(kind)) - nodal);
+            assert!(wan > 0.1 * nodal, "{wan} {nodal}");
+            assert!((isotropic / wan - 1.0).abs() < 1e-13, "{d} {kernel}: {isotropic} {wan}");
         }
     }
 }

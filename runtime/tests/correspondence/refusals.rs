@@ -71,6 +71,11 @@ fn influence_functions_must_be_finite_and_count_something() {
     let infinite = |length: f64| 1.0 / (length - length);
     let error = refused(&body, OperatorOrder::First, &infinite);
     assert!(matches!(error, CorrespondenceError::Influence { .. }), "{error}");
+    // The one that is not finite is named with the length of its bond.
+    let long = |length: f64| if length > 1.55 { f64::NAN } else { length };
+    let error = refused(&body, OperatorOrder::First, &long);
+    let CorrespondenceError::Influence { length, value } = error else { panic!("{error}") };
+    assert!(length > 1.55 && length <= 1.6 && value.is_nan(), "{length}");
     let error = refused(&body, OperatorOrder::First, &|_: f64| 0.0);
     assert!(matches!(error, CorrespondenceError::ShapeTensor { .. }), "{error}");
     let error = refused(&body, OperatorOrder::First, &|_: f64| -1.0);
@@ -134,8 +139,27 @@ fn the_place_whose_energy_is_not_finite_is_named() {
         for error in errors {
             assert_eq!(error.argument, Argument::DeformationGradient);
             assert_eq!((error.points.len(), error.displacements.len()), (n_points, 2 * n_points));
-            assert!(error.value > 1.0, "{error}");
+            assert!(error.value > 1.0 && error.reference == 1.0, "{error}");
             assert!(error.to_string().contains("determinant"), "{error}");
         }
+    }
+}
+
+/// A homogeneous deformation gradient, one triangular factor times another.
+#[test]
+fn the_determinant_of_the_place_is_named() {
+    let f = [1.6, 0.4, -0.3, 0.8, 1.7, 0.25, -0.32, 0.22, 1.11];
+    // Rows of (1 0 0, 0.5 1 0, -0.2 0.2 1) times rows of (1.6 0.4 -0.3, 0 1.5 0.4, 0 0 0.97).
+    let determinant = 1.6 * 1.5 * 0.97;
+    let h: Vec<f64> = (0..9).map(|k| f[k] - if k % 4 == 0 { 1.0 } else { 0.0 }).collect();
+    let body = cloud(&[4, 4, 4], 1);
+    let u = displacements(&body, &h, 0.0, 1);
+    for discretisation in [Discretisation::Nodal, Discretisation::BondQuadrature] {
+        let law = Box::new(Limited(st_venant_kirchhoff(3, 210.0, 0.3)));
+        let order = OperatorOrder::First;
+        let formulation = Formulation { horizon: 2.8, order, discretisation, influence: &Constant };
+        let energy = Correspondence::new(Arc::clone(&body), formulation, law).unwrap();
+        let error = energy.energy(&u).unwrap_err();
+        assert!((error.value / determinant - 1.0).abs() < 1e-12, "{error}");
     }
 }

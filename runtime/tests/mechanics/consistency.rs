@@ -357,3 +357,16 @@ fn a_bond_body_ignores_cliques() {
     assert_eq!((report.triangles, report.tetrahedra, report.dropped_triangles), (0, 0, 0));
     assert_eq!(report.pattern_blocks as u64, 125 + report.bonds);
 }
+
+#[test]
+fn the_magnitude_of_an_energy_is_that_of_its_parts() {
+    let parts = EnergyParts {
+        bonds: 1.0,
+        triangles: -2.0,
+        tetrahedra: 4.0,
+        deformation: -8.0,
+        stabilisation: 16.0,
+    };
+    assert_eq!((parts.total(), parts.magnitude()), (11.0, 31.0));
+    assert_eq!(EnergyParts::default().magnitude(), 0.0);
+}

@@ -79,6 +79,18 @@ fn evaluate_law(
     change: bool,
     law: Box<dyn Law>,
 ) -> (f64, Vec<f64>) {
+    let out = evaluate_lanes(measure, dimension, law, 1.0);
+    assert_eq!(out.energy[0], if change { 0.0 } else { 1.0 }, "the plain lane");
+    (out.energy[1], out.gradient.iter().map(|channel| channel[1]).collect())
+}
+
+/// Lane 1 of three is thin, all lengths are scaled.
+fn evaluate_lanes(
+    measure: Measure,
+    dimension: usize,
+    law: Box<dyn Law>,
+    scale: f64,
+) -> Contributions {
     let element = MeasureElement::new(measure, dimension, law);
     let mut batch = InteractionBatch::new(measure, dimension);
     let n_corners = if measure == Measure::Area { 2 } else { 3 };
@@ -91,8 +103,8 @@ fn evaluate_law(
                 let plain = if corner == axis { 1.0 } else { 0.0 };
                 let thin = lane == 1;
                 let (x, eta) = (rest[corner][axis] as f64, ETA[corner][axis] as f64);
-                batch.reference[channel][lane] = if thin { x } else { plain };
-                batch.displacement[channel][lane] = if thin { eta } else { 0.0 };
+                batch.reference[channel][lane] = scale * if thin { x } else { plain };
+                batch.displacement[channel][lane] = if thin { scale * eta } else { 0.0 };
             }
         }
         batch.weight[lane] = 1.0;
@@ -100,8 +112,7 @@ fn evaluate_law(
     set_len(&mut batch, 3, dimension, n_corners);
     let mut out = Contributions::new(measure, dimension);
     element.evaluate(&batch, Order::Tangent, &mut out).unwrap();
-    assert_eq!(out.energy[0], if change { 0.0 } else { 1.0 }, "the plain lane");
-    (out.energy[1], out.gradient.iter().map(|channel| channel[1]).collect())
+    out
 }
 
 /// Takes what stands in the channels as `len` interactions.
@@ -129,6 +140,32 @@ fn set_len(batch: &mut InteractionBatch, len: usize, dimension: usize, n_corners
 #[track_caller]
 fn close(found: f64, expected: f64, scale: f64) {
     assert!((found - expected).abs() <= 4.0 * U * scale, "{found:e}, expected {expected:e}");
+}
+
+/// Thinness has no unit: scaled by powers of two everything but the scale has the same bits.
+#[test]
+fn thin_interactions_are_thin_on_every_scale() {
+    for (measure, dimension) in [(Measure::Area, 2), (Measure::Area, 3), (Measure::Volume, 3)] {
+        for by_square in [false, true] {
+            let law = |change| -> Box<dyn Law> {
+                match by_square && measure == Measure::Area && dimension == 3 {
+                    true => Box::new(OfSquare(Linear { change })),
+                    false => Box::new(Linear { change }),
+                }
+            };
+            let degree = measure.points() as i32 - 1;
+            let energy = |change: bool, scale: f64| {
+                evaluate_lanes(measure, dimension, law(change), scale).energy[1]
+            };
+            for exponent in [-70, -40, 20] {
+                let scale = libm::ldexp(1.0, exponent);
+                // `q = m^2/M` goes with the measure, and changes do not scale.
+                let expected = libm::ldexp(energy(false, 1.0), degree * exponent);
+                assert_eq!(energy(false, scale), expected, "{measure:?} {scale:e}");
+                assert_eq!(energy(true, scale), energy(true, 1.0), "{measure:?} {scale:e}");
+            }
+        }
+    }
 }
 
 #[test]

@@ -173,6 +173,23 @@ fn energies_that_are_not_finite_name_their_point() {
     assert!(energy.energy(&vec![0.0; u.len()]).is_ok());
 }
 
+/// At rest psi and psi' of a bond vanish and psi'' is infinite: of all bonds only one is at rest.
+#[test]
+fn products_that_are_not_finite_name_their_point() {
+    let text = "potential pointed\nm = integral(L^2)\npsi(l, m) = L*abs(l/L - 1)^1.5/m\n";
+    let body = cloud(&[5, 4, 4], 3);
+    let energy = energy(text, &[], &body, 1.8);
+    let mut u = displacements(&body, &h_of(3), 0.05, 5);
+    let one = body.n_points() / 2;
+    let other = *energy.neighborhood().upper(one).last().unwrap() as usize;
+    [one, other].into_iter().for_each(|point| u[3 * point..3 * point + 3].fill(0.0));
+    energy.gradient(&u, &mut vec![0.0; u.len()]).unwrap();
+    let found = energy.tangent_product(&u, &u, &mut vec![0.0; u.len()]).unwrap_err();
+    // Rows of the two ends are not finite, the first is named.
+    assert_eq!(found.points, vec![one], "{found:?} {other}");
+    assert_eq!(found.displacements, vec![0.0; 3]);
+}
+
 #[test]
 fn springs_like_the_tangent_are_positive() {
     for (name, text, parameters, counts) in subjects() {
@@ -193,6 +210,19 @@ fn springs_like_the_tangent_are_positive() {
             assert!(ratio > 0.2 && ratio < 5.0, "{name}: {ratio}");
         }
     }
+}
+
+/// Strains of any order in energies of bonds, of gathered values beside them.
+#[test]
+fn strains_of_bonds_with_gathered_values_have_their_derivatives() {
+    let text = "potential strained
+m = integral(L^2)
+s = integral((l - L)*L)/m
+psi(l, s) = (((l/L)^3 - 1)^2 + s*((l/L)^-1 - 1)^2 + s^2*ln(l/L)^2)*L/m
+";
+    let (model, values) = values(text, &[], 3, 1.3);
+    let found = verify_gathered(&model, &values, 200).unwrap();
+    assert!(found.len() == 1 && found[0].passed(), "{found:?}");
 }
 
 #[test]

@@ -438,6 +438,22 @@ mod tests {
         }
     }
 
+    /// Also where squares of components are no numbers, or nothing.
+    #[test]
+    fn stretches_scale_with_the_gradient() {
+        let mut number = numbers();
+        for d in [2, 3] {
+            for k in 0..200 {
+                let gradient = tensor(d, |_, _| number());
+                let exponent = [-900, -600, 600, 900][k % 4];
+                let scaled = tensor(d, |i, j| libm::ldexp(gradient[at(i, j)], exponent));
+                let (axes, far) = (far(d, &gradient), far(d, &scaled));
+                assert_eq!(far.stretches, axes.stretches.map(|x| libm::ldexp(x, exponent)));
+                assert_eq!((far.left, far.right), (axes.left, axes.right));
+            }
+        }
+    }
+
     #[test]
     fn small_changes_keep_their_digits() {
         let mut number = numbers();

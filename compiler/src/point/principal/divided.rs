@@ -255,3 +255,87 @@ fn of_natural_power(graph: &mut Simplifier, ends: Ends, n: u32) -> Made {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::expression::interpret::Interpreter;
+
+    /// `f(y)` for every kind of node that has a rule, some with a parameter, and pairs of them, of
+    /// `y = (x + x^2)/2`.
+    fn functions(graph: &mut Simplifier, x: NodeId) -> Result<Vec<NodeId>, TooManyNodes> {
+        let square = graph.power(x, 2.0)?;
+        let (sum, half) = (graph.add(x, square)?, graph.number(0.5)?);
+        let x = graph.multiply(half, sum)?;
+        use Function::{Exp, Expm1, Ln, Log1p, Negate, Sqrt};
+        let mut all = Vec::new();
+        for function in [Sqrt, Ln, Log1p, Exp, Expm1, Negate] {
+            all.push(graph.unary(function, x)?);
+        }
+        for exponent in [2.0, 3.0, 4.0, 5.0, 7.0, 16.0, -1.0, -2.0, -5.0, 0.5, 2.5, -1.3, 17.0] {
+            all.push(graph.power(x, exponent)?);
+        }
+        let parameter = graph.input(Input::Parameter(0))?;
+        all.push(graph.binary(Operator::Power, x, parameter)?);
+        let mut products = Vec::new();
+        for (&f, &g) in all.iter().zip(all.iter().skip(5)) {
+            products.push(graph.multiply(f, g)?);
+            products.push(graph.divide(g, f)?);
+            products.push(graph.add(f, g)?);
+            products.push(graph.subtract(f, g)?);
+            products.push(graph.multiply(parameter, f)?);
+            products.push(graph.divide(f, parameter)?);
+            products.push(graph.divide(parameter, f)?);
+        }
+        all.extend(products);
+        Ok(all)
+    }
+
+    /// The divided difference between `a` and `b`, and `f(a)` and `f(b)` themselves.
+    fn at(number: usize, a: f64, b: f64) -> [f64; 3] {
+        let mut source = Simplifier::new();
+        let x = source.input(Input::Stretch(0)).unwrap();
+        let root = functions(&mut source, x).unwrap()[number];
+        let mut target = Simplifier::new();
+        let ends = [1, 2].map(|k| target.input(Input::Stretch(k)).unwrap());
+        let made = divided(&mut target, source.graph(), root, (ends[0], ends[1])).unwrap();
+        let mut interpreter = Interpreter::<f64>::new();
+        let mut run = |graph: &ExprGraph, node: NodeId, ends: [f64; 2]| {
+            interpreter.run(graph, |input| match input {
+                Input::Stretch(k) => ends[usize::from(k) / 2],
+                _ => 1.7,
+            });
+            interpreter.number(node)
+        };
+        let value = run(target.graph(), made, [a, b]);
+        [value, run(source.graph(), root, [a, a]), run(source.graph(), root, [b, b])]
+    }
+
+    #[test]
+    fn divided_differences_are_what_they_are_called() {
+        let mut graph = Simplifier::new();
+        let x = graph.input(Input::Stretch(0)).unwrap();
+        let n = functions(&mut graph, x).unwrap().len();
+        assert!(n > 100, "{n}");
+        for number in 0..n {
+            for (a, b) in [(3.1, 0.7), (0.7, 3.1), (1.6, 1.3)] {
+                let [value, f_a, f_b] = at(number, a, b);
+                // What the difference of the values has lost; parts of quotients are up to 1e6 times as
+                // large, and digits are for the tests of energies.
+                let scale = (f_a.abs() + f_b.abs()) / (a - b).abs() + value.abs();
+                let error = (value - (f_a - f_b) / (a - b)).abs();
+                assert!(error <= 1e-9 * scale, "{number} {a} {b}: {value} {f_a} {f_b}");
+            }
+            // Between equal ends it is the derivative, and near them, too.
+            let step = 1e-5;
+            let [_, ahead, behind] = at(number, 1.3 + step, 1.3 - step);
+            let derivative = (ahead - behind) / (2.0 * step);
+            for apart in [0.0, 1e-13] {
+                let [value, ..] = at(number, 1.3 * (1.0 + apart), 1.3);
+                // Third derivatives are at most 16^3 times as large as the functions.
+                let tolerance = 1e-6 * (derivative.abs() + ahead.abs());
+                assert!((value - derivative).abs() <= tolerance, "{number}: {value} {derivative}");
+            }
+        }
+    }
+}

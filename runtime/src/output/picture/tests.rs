@@ -108,6 +108,21 @@ impl Pixels {
         }
         (inked as f64 / all as f64, colours)
     }
+
+    /// Width over height of what is coloured inside an area: axes, outlines and text are grey.
+    fn aspect(&self, area: Area) -> f64 {
+        let (mut low, mut high) = ([usize::MAX; 2], [0; 2]);
+        for y in area.top as usize..area.bottom as usize {
+            for x in area.left as usize..area.right as usize {
+                let pixel = self.rgb[y * self.width + x];
+                if pixel.iter().max().unwrap() - pixel.iter().min().unwrap() > 60 {
+                    low = [low[0].min(x), low[1].min(y)];
+                    high = [high[0].max(x + 1), high[1].max(y + 1)];
+                }
+            }
+        }
+        (high[0] - low[0]) as f64 / (high[1] - low[1]) as f64
+    }
 }
 
 fn check_picture(picture: &Picture, least_ink: f64) -> (String, Vec<u8>) {
@@ -222,6 +237,34 @@ fn small_displacements_are_magnified_and_clouds_are_discs() {
         assert!(svg.matches("<circle").count() > if dimension == 2 { 135 } else { 200 });
         let (ink, colours) = Pixels::decode(&picture.to_png().unwrap()).look(BODY);
         assert!(ink > 0.1 && colours.len() > 40, "{ink} {}", colours.len());
+    }
+}
+
+#[test]
+fn the_deformed_body_is_drawn_as_long_as_it_is() {
+    for (stretch, drawn) in [(1.0, 2.0), (1e-4, 1.05)] {
+        let (mut points, frame, sets) = stretched([21, 11, 1], 2, stretch);
+        let history = history(2, 2);
+        for is_lattice in [true, false] {
+            points.spacing = points.spacing.filter(|_| is_lattice);
+            let picture = Picture {
+                title: "",
+                points: &points,
+                frame: &frame,
+                sets: &sets,
+                history: &history,
+                tolerance: 1e-10,
+            };
+            let found = Pixels::decode(&picture.to_png().unwrap()).aspect(BODY);
+            // Cells of the ends are stretched with the body, discs are not. The height is that of the
+            // ends; their cells bulge by half a spacing of 0.4*4*(stretch drawn), 4 % at the most. A
+            // pixel is a 150th of the height or less; discs end within half a spacing of their points.
+            let (expected, tolerance) = match is_lattice {
+                true => (21.0 * drawn / 11.0, 0.01 + 0.04 * (drawn - 1.0)),
+                false => (20.0 * drawn / 10.0, 0.1),
+            };
+            assert!((found / expected - 1.0).abs() < tolerance, "{stretch} {found} {expected}");
+        }
     }
 }
 

@@ -14,7 +14,7 @@ use crate::ours::SethHill;
 use crate::record::{Bar, Division, Statistic, Table};
 use crate::samples::{COUNT, Samples, measure};
 
-const ROUNDS: usize = 101;
+const ROUNDS: usize = 1001;
 /// An interpreted pass takes some thousand times as long.
 const FEW_ROUNDS: usize = 5;
 /// Runs of each foreign program, in turn with ours.

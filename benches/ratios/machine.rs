@@ -8,8 +8,7 @@ use crate::record::Circumstances;
 pub(crate) fn circumstances() -> Circumstances {
     let root = env!("CARGO_MANIFEST_DIR");
     Circumstances {
-        commit: said("git", &["-C", root, "describe", "--always", "--dirty", "--abbrev=10"])
-            .unwrap_or_else(|| "unknown".into()),
+        commit: commit(root).unwrap_or_else(|| "unknown".into()),
         date: said("date", &["-u", "+%Y-%m-%d"]).unwrap_or_else(|| "unknown".into()),
         processor: processor().unwrap_or_else(|| std::env::consts::ARCH.into()),
         processors: std::thread::available_parallelism().map_or(1, usize::from),
@@ -19,6 +18,14 @@ pub(crate) fn circumstances() -> Circumstances {
             .filter_map(|compiler| said(compiler, &["--version"]))
             .collect(),
     }
+}
+
+/// The commit, with a word where anything but documents and this record was changed since.
+fn commit(root: &str) -> Option<String> {
+    let commit = said("git", &["-C", root, "rev-parse", "--short=10", "HEAD"])?;
+    let changed =
+        said("git", &["-C", root, "status", "--porcelain", "--", ".", ":!docs", ":!*.md"]);
+    Some(if changed.is_some() { format!("{commit}, changed") } else { commit })
 }
 
 /// The first line that a program prints.

@@ -33,7 +33,7 @@ pub(crate) struct Section {
 /// What a section was measured with.
 #[derive(Clone, Debug, Deserialize, Eq, Ord, PartialEq, PartialOrd, Serialize)]
 pub(crate) struct Circumstances {
-    /// As `git describe --always --dirty` has it.
+    /// Its short name, and whether the code was changed since.
     pub(crate) commit: String,
     /// Year, month and day.
     pub(crate) date: String,

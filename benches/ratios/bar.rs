@@ -74,8 +74,13 @@ fn traction() -> Table {
     for (across, horizon) in [(5, 2), (5, 3), (5, 4), (5, 7), (10, 3)] {
         row("`bond-quadrature`", across, horizon, AT_BONDS, PreconditionerChoice::Auto);
     }
-    row("`bond-quadrature`", 10, 3, AT_BONDS, PreconditionerChoice::TwoLevel);
-    row("`bond-quadrature`", 10, 3, AT_BONDS, PreconditionerChoice::BlockJacobi);
+    for (across, preconditioner) in [
+        (5, PreconditionerChoice::TwoLevel),
+        (5, PreconditionerChoice::BlockJacobi),
+        (10, PreconditionerChoice::BlockJacobi),
+    ] {
+        row("`bond-quadrature`", across, 3, AT_BONDS, preconditioner);
+    }
     for horizon in [2, 3, 4] {
         row("`stabilised`, `wan`", 5, horizon, WAN, PreconditionerChoice::Auto);
     }

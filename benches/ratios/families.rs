@@ -120,7 +120,7 @@ pub(crate) fn run() -> Vec<Table> {
         "families-hyper-dual",
         format!(
             "{how} Theirs: the same loops as plain Rust, with dual numbers for forces and hyper-dual ones for \
-             products, one pass per component of F for eight tensors side by side (`benches/ratios/families/laws.rs`, with what \
+             products, one pass per component of F for eight tensors side by side (`benches/ratios/tensors/numbers.rs`, with what \
              was slower), and per length and dilatation."
         ),
         ["ours, ns", "hyper-dual, ns"],

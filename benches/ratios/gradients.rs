@@ -115,7 +115,7 @@ pub(crate) fn run() -> Vec<Table> {
         format!(
             "One place (point or bond) in three dimensions, all components of P or dP, ns, in batches of {PLACES}; least of \
              {ROUNDS} runs in turn, for the last two columns of {FEW_ROUNDS}. *Near rest*: max|F - I| < 0.25 everywhere; *some \
-             far*: a third of the places beyond it. *Rust* is the same energy by hand in F as in a book, *dual numbers* the \
+             far*: a third of the places beyond it. *Rust* is the same energy by hand in F, *dual numbers* the \
              energy over num-dual's `Dual64` and `HyperDual64`, one pass for each component of P or dP, both eight places side by side and \
              compiled by rustc; the last two columns are ours without machine code, walking the graph of the energy."
         ),

@@ -2,6 +2,7 @@
 
 use super::{Explanation, REWRITES, explain};
 use crate::check::check_text;
+use crate::kernel::{Batch, Mode, Order, Outputs};
 use crate::model::Model;
 use crate::values::Values;
 
@@ -75,6 +76,9 @@ fn perfect_square() {
     rule("perfect_square", morse, 1e13, &["exp(-2*(l/L - 1)) - 2*exp(-(l/L - 1)) + 2"]);
     let lennard_jones = "(L/l)^12 - 2*(L/l)^6 + 1";
     rule("perfect_square", lennard_jones, 1e13, &["(L/l)^12 - 2*(L/l)^5 + 1"]);
+    // Numbers go with powers of the stretch and with exponentials, which do not go with each other.
+    let mixed = ["1 - 2*(l/L) + exp(2*(l/L - 1))", "1 - 2*(L/l) + exp(-2*(l/L - 1))"];
+    rule("perfect_square", "exp(2*(l/L - 1)) - 2*exp(l/L - 1) + 1", 1e13, &mixed);
 }
 
 #[test]
@@ -103,6 +107,7 @@ fn logarithm_of_square() {
 #[test]
 fn logarithmic_barrier() {
     rule("logarithmic_barrier", "l/L - 1 - ln(l/L)", 1e13, &["l/L - 2 - ln(l/L)"]);
+    rule("logarithmic_barrier", "ln(l/L) - (l/L - 1)", 1e13, &["ln(l/L) - (l/L - 2)"]);
     let other = "(l/L - 1)^2 - log1p((l/L - 1)^2)";
     rule("logarithmic_barrier", other, 1e13, &["(l/L)^2 - log1p((l/L - 1)^2)"]);
     let negative = "log1p((l/L - 1)^2) - (l/L - 1)^2";
@@ -113,6 +118,8 @@ fn logarithmic_barrier() {
 fn strain_minus_logarithm() {
     let energy = "1/2*((l/L)^2 - 1) - ln(l/L)";
     rule("strain_minus_logarithm", energy, 1e13, &["((l/L)^2 - 1) - ln(l/L)"]);
+    let negative = "ln(l/L) - 1/2*((l/L)^2 - 1)";
+    rule("strain_minus_logarithm", negative, 1e13, &["ln(l/L) - ((l/L)^2 - 1)"]);
 }
 
 #[test]
@@ -156,4 +163,22 @@ fn strain_of_any_order() {
     rule("strain_of_any_order", "((l/L)^0.37 - 1)^2", 1e13, &["((l/L)^2 - 1)^2"]);
     rule("strain_of_any_order", "((l/L)^1e-9 - 1)^2", 1e13, &[]);
     rule("strain_of_any_order", "(((l/L)^1e-300 - 1)/1e-300)^2", 0.0, &[]);
+}
+
+/// `exp(0*y)` is 1 where `y` is a number, and no number elsewhere: the difference from a power must not
+/// forget it.
+#[test]
+fn no_rule_widens_the_domain() {
+    let (model, values) = model("(exp(0*ln(2 - l/L))^2 - l/L)^2");
+    let kernel = model.compile(&values, Mode::Interpreter).unwrap().kernels.remove(0);
+    let at = |stretch: f64| {
+        let mut psi = [0.0];
+        let (reference, change) = ([1.0], [stretch - 1.0]);
+        let batch = Batch { measure: &[stretch], reference: &reference, change: &change };
+        let out = Outputs { psi: &mut psi, dpsi: &mut [], d2psi: &mut [] };
+        kernel.evaluate(batch, Order::Energy, out);
+        psi[0]
+    };
+    assert_eq!(at(1.5), 0.25);
+    assert!(at(3.0).is_nan());
 }

@@ -256,6 +256,32 @@ mod tests {
         assert!(!isotropic(3, -2.0, 1.0).is_stable());
     }
 
+    /// What is a stress grows with the tensor; plain numbers do not.
+    #[test]
+    fn stresses_scale_with_the_tensor_and_ratios_do_not() {
+        for d in [2, 3] {
+            let here = isotropic(d, 3.0, 2.0);
+            let twice = Stiffness::from_voigt(2.0 * here.voigt());
+            for modulus in Modulus::ALL.into_iter().filter(|m| m.exists(d)) {
+                let found = twice.modulus(modulus).unwrap() / here.modulus(modulus).unwrap();
+                let expected = if modulus.is_stress() { 2.0 } else { 1.0 };
+                assert!((found - expected).abs() < 1e-14, "{modulus:?}: {found}");
+            }
+        }
+    }
+
+    /// Eigenvalues alone would show some numbers beside those that are none.
+    #[test]
+    fn one_component_that_is_no_number_leaves_no_kelvin_modulus() {
+        for place in 0..9 {
+            let mut voigt = isotropic(2, 3.0, 2.0).voigt().clone();
+            voigt[(place / 3, place % 3)] = f64::NAN;
+            let broken = Stiffness::from_voigt(voigt);
+            assert!(broken.kelvin().iter().all(|x| x.is_nan()), "{place}: {:?}", broken.kelvin());
+            assert!(!broken.is_stable());
+        }
+    }
+
     #[test]
     fn slopes_are_those_of_the_moduli() {
         for d in [2, 3] {

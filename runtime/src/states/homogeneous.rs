@@ -142,3 +142,88 @@ impl StateEnergy {
 fn products(x: &[f64], y: &[f64]) -> Vec<f64> {
     x.iter().zip(y).map(|(x, y)| x * y).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use piola_compiler::{Form, Level, Mode, check_text};
+
+    use super::*;
+    use crate::body::Body;
+    use crate::kernel::{Law, VariablesLaw};
+    use crate::states::StateLaws;
+
+    /// Every energy pulls at rest, that of bonds also by what its ends gather.
+    const TENSE: &str = "potential tense
+m = integral(L^2)
+s = integral((l - L)*L)/m
+psi(s) = s^2 + 0.3*s
+psi(l, s) = (0.4 + s)^2*l^2
+psi(l) = 0.2*l
+";
+
+    fn energy(d: usize) -> StateEnergy {
+        let positions: Vec<f64> = (0..5usize.pow(d as u32) * d)
+            .map(|k| (k / d / 5usize.pow((k % d) as u32) % 5) as f64)
+            .collect();
+        let n = positions.len() / d;
+        let body = Arc::new(Body::new(d, &positions, &vec![1.0; n], Some(1.0)));
+        let (_, model) = check_text(TENSE).unwrap();
+        let values = model.values(d, &[], Some(1.5)).unwrap();
+        let mode = Mode::Jit(Level::Strict);
+        let gathered = model.compile_gathered(&values, mode, Form::Accurate).unwrap().0.unwrap();
+        let plain = model.compile(&values, mode).unwrap().kernels.pop().unwrap();
+        let laws = StateLaws {
+            integrals: gathered
+                .integrals
+                .into_iter()
+                .map(|g| Box::new(g) as Box<dyn Law>)
+                .collect(),
+            points: gathered.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
+            bonds: gathered.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
+            plain: Some(Box::new(plain)),
+        };
+        StateEnergy::new(body, 1.5, laws).unwrap()
+    }
+
+    /// First and second derivatives against central differences of the energy density of the point,
+    /// steps h: off by h^2, and by 1e-16/h or 1e-16/h^2 of the energy.
+    #[test]
+    fn derivatives_are_those_of_the_energy_density() {
+        for d in [2, 3] {
+            let energy = energy(d);
+            let middle = |p: &usize| energy.body.position(*p).iter().all(|x| *x == 2.0);
+            let centre = (0..energy.body.n_points()).find(middle).unwrap();
+            let density = |g: &[f64]| {
+                let rows = energy.body.positions().chunks_exact(d);
+                let along = |x: &[f64], r: usize| (0..d).map(|c| g[r * d + c] * x[c]).sum::<f64>();
+                let u: Vec<f64> =
+                    rows.flat_map(|x| (0..d).map(|r| along(x, r)).collect::<Vec<f64>>()).collect();
+                energy.energy_densities(&u).unwrap()[centre]
+            };
+            let moved = |steps: &[(usize, f64)]| {
+                let mut g = vec![0.0; d * d];
+                steps.iter().for_each(|&(k, h)| g[k] += h);
+                density(&g)
+            };
+            let found = energy.homogeneous(centre);
+            let most = found.first.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            let stiffest = found.second.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            for i in 0..d * d {
+                let h = 1e-5;
+                let expected = (moved(&[(i, h)]) - moved(&[(i, -h)])) / (2.0 * h);
+                let error = (found.first[i] - expected).abs();
+                assert!(error < 1e-8 * most, "{d}: {i} {} {expected}", found.first[i]);
+                for j in 0..d * d {
+                    let h = 1e-4;
+                    let at = |a: f64, b: f64| moved(&[(i, a * h), (j, b * h)]);
+                    let mixed = at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0);
+                    let expected = mixed / (4.0 * h * h);
+                    let error = (found.second[(i, j)] - expected).abs();
+                    assert!(error < 1e-6 * stiffest, "{d}: {i} {j} {error:e} {stiffest:e}");
+                }
+            }
+        }
+    }
+}

@@ -10,10 +10,12 @@ use piola_runtime::body::Body;
 use piola_runtime::correspondence::influence::Constant;
 use piola_runtime::correspondence::{Correspondence, Discretisation, Formulation, OperatorOrder};
 use piola_runtime::energy::TotalEnergy;
+use piola_runtime::kernel::{Variables, VariablesLaw};
 use piola_runtime::matrix::BlockMatrix;
 
 use crate::common::{
-    DISCRETISATIONS, ORDERS, cloud, displacements, energy, error, h_of, norm, st_venant_kirchhoff,
+    DISCRETISATIONS, ORDERS, Random, cloud, displacements, energy, error, h_of, norm,
+    st_venant_kirchhoff,
 };
 
 /// All combinations on a cloud in the plane and one in space.
@@ -208,6 +210,106 @@ fn springs_are_as_stiff_as_the_material() {
             let turned = strain(&[(0, 1, -1.0), (1, 0, 1.0)]);
             let ratio = of_springs(&turned) / of_springs(&dilation);
             assert!((ratio / (1e-4 / (1.0 + 1e-4)) - 1.0).abs() < 1e-9, "{ratio:e}");
+        }
+    }
+}
+
+/// Springs turn with the body, whatever the unit of length: at a rotation they are those at rest, rotated.
+#[test]
+fn springs_turn_with_the_body() {
+    for (counts, scale) in
+        [(&[6, 5][..], 1.0), (&[6, 5], 1e-3), (&[4, 3, 4], 1.0), (&[4, 3, 4], 1e3)]
+    {
+        let d = counts.len();
+        let cloud = cloud(counts, 3);
+        let positions: Vec<f64> = cloud.positions().iter().map(|x| scale * x).collect();
+        let body = Arc::new(Body::new(d, &positions, cloud.volumes(), None));
+        let energy = energy(&body, 2.2 * scale, OperatorOrder::First, Discretisation::Nodal, "one");
+        let (sine, cosine) = (libm::sin(1.1), libm::cos(1.1));
+        let rotated = |x: &[f64]| -> Vec<f64> {
+            let turn = |x: &[f64]| {
+                let mut x = x.to_vec();
+                (x[0], x[1]) = (cosine * x[0] - sine * x[1], sine * x[0] + cosine * x[1]);
+                x
+            };
+            x.chunks_exact(d).flat_map(turn).collect()
+        };
+        let springs = |u: &[f64], p: &[f64]| {
+            let mut springs = BlockMatrix::zeros(energy.bond_pattern().unwrap());
+            energy.bond_tangent(u, &mut springs);
+            springs.multiply(p)
+        };
+        let x = body.positions();
+        let turned: Vec<f64> = rotated(x).iter().zip(x).map(|(now, rest)| now - rest).collect();
+        let p = Random(7).vector(x.len());
+        let expected = rotated(&springs(&vec![0.0; x.len()], &p));
+        let found = springs(&turned, &rotated(&p));
+        assert!(error(&found, &expected) < 1e-13, "{d} {scale}: {:e}", error(&found, &expected));
+        // All points in one: springs are as they were at rest.
+        let gathered: Vec<f64> = x.iter().map(|x| -x).collect();
+        let same = springs(&gathered, &p);
+        assert!(error(&same, &springs(&vec![0.0; x.len()], &p)) < 1e-15, "{d} {scale}");
+    }
+}
+
+/// `psi = (H:H)^2/4`, which has no stiffness at rest.
+struct Quartic(usize);
+
+impl VariablesLaw for Quartic {
+    fn n_variables(&self) -> usize {
+        self.0 * self.0
+    }
+
+    fn evaluate(&self, at: Variables<'_>, psi: &mut [f64], gradient: &mut [f64]) {
+        for p in 0..at.n {
+            let square: f64 = at.change.iter().skip(p).step_by(at.n).map(|h| h * h).sum();
+            psi[p] = 0.25 * square * square;
+            for k in (p..gradient.len()).step_by(at.n) {
+                gradient[k] = square * at.change[k];
+            }
+        }
+    }
+
+    fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]) {
+        for p in 0..at.n {
+            let places = || (p..product.len()).step_by(at.n);
+            let square: f64 = places().map(|k| at.change[k] * at.change[k]).sum();
+            let along: f64 = places().map(|k| at.change[k] * direction[k]).sum();
+            let places: Vec<usize> = places().collect();
+            for k in places {
+                product[k] = square * direction[k] + 2.0 * along * at.change[k];
+            }
+        }
+    }
+}
+
+/// A law without stiffness at rest has springs all the same, as stiff along one axis as along another.
+#[test]
+fn springs_without_stiffness_at_rest_prefer_no_axis() {
+    for d in [2, 3] {
+        let counts = vec![5usize; d];
+        let n: usize = counts.iter().product();
+        let place = |k: usize| (k / d / 5usize.pow((k % d) as u32) % 5) as f64;
+        let positions: Vec<f64> = (0..n * d).map(place).collect();
+        let body = Arc::new(Body::new(d, &positions, &vec![1.0; n], Some(1.0)));
+        let formulation = Formulation {
+            horizon: 1.5,
+            order: OperatorOrder::First,
+            discretisation: Discretisation::Nodal,
+            influence: &Constant,
+        };
+        let energy =
+            Correspondence::new(Arc::clone(&body), formulation, Box::new(Quartic(d))).unwrap();
+        let mut springs = BlockMatrix::zeros(energy.bond_pattern().unwrap());
+        energy.bond_tangent(&vec![0.0; n * d], &mut springs);
+        let work = |axis: usize| {
+            let mut h = vec![0.0; d * d];
+            h[axis * d + axis] = 1.0;
+            let p = displacements(&body, &h, 0.0, 1);
+            p.iter().zip(springs.multiply(&p)).map(|(p, q)| p * q).sum::<f64>()
+        };
+        for axis in 1..d {
+            assert!(work(0) > 0.0 && (work(axis) / work(0) - 1.0).abs() < 1e-13, "{d} {axis}");
         }
     }
 }

@@ -196,3 +196,36 @@ fn rotation<const BITS: usize>(d: usize, gradient: &[Float]) -> Vec<Float> {
     }
     axes
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BITS: usize = 256;
+
+    /// Axes are perpendicular and of unit length, and so much more than half the digits are right: nothing
+    /// else makes the trace of a function of `U` what it is.
+    #[test]
+    fn rotations_are_orthogonal_and_make_columns_perpendicular() {
+        for (d, gradient) in [(2, [9, 4, 0, -2, 7, 0, 0, 0, 0]), (3, [9, 4, 1, -2, 7, 3, 5, 0, 6])]
+        {
+            let gradient: Vec<Float> = gradient.map(exact::<BITS>).to_vec();
+            let axes = rotation::<BITS>(d, &gradient);
+            let at = |row, column| usize::from(component(row, column));
+            let turned = |i: usize, a: usize| {
+                (0..d).fold(Float::ZERO, |sum, b| sum + &gradient[at(a, b)] * &axes[at(i, b)])
+            };
+            let near = |x: Float, expected: i32| {
+                size(&(x - exact::<BITS>(expected))) << (BITS as isize - 32) < exact::<BITS>(1)
+            };
+            for (i, j) in pairs(d) {
+                let both = |a: usize| &axes[at(i, a)] * &axes[at(j, a)];
+                let product = (0..d).map(both).fold(Float::ZERO, |x, y| x + y);
+                assert!(near(product, i32::from(i == j)), "{d}: axes {i}, {j}");
+                let both = (0..d).map(|a| turned(i, a) * turned(j, a));
+                let product = both.fold(Float::ZERO, |x, y| x + y);
+                assert!(i == j || near(product, 0), "{d}: columns {i}, {j}");
+            }
+        }
+    }
+}

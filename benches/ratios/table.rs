@@ -37,6 +37,29 @@ impl Table {
         ratios.rows.push(Row { what: what.into(), ours, theirs, of, bar });
     }
 
+    /// The same for a row that may stand there already: of both numbers the least of all runs counts.
+    pub(crate) fn more_runs(
+        &mut self,
+        what: String,
+        [ours, theirs]: [f64; 2],
+        runs: usize,
+        bar: Bar,
+    ) {
+        let Rows::Ratios(ratios) = &mut self.rows else {
+            unreachable!("{} is no table of ratios", self.name)
+        };
+        match ratios.rows.iter_mut().find(|row| row.what == what) {
+            Some(Row {
+                ours: least, theirs: their_least, of: Statistic::Least(before), ..
+            }) => {
+                *least = least.min(ours);
+                *their_least = their_least.min(theirs);
+                *before += runs;
+            }
+            _ => self.ratio(what, [ours, theirs], Statistic::Least(runs), bar),
+        }
+    }
+
     /// Adds a row of a plain table.
     pub(crate) fn row(&mut self, cells: impl IntoIterator<Item = Cell>) {
         let Rows::Plain { rows, .. } = &mut self.rows else {

@@ -202,6 +202,9 @@ fn rules_keep_the_values_of_what_is_written() {
         "L*ln(1 - (l/L - 1)^2)",
         "L*((l/L)^2 - 1 - 2*ln(l/L))",
         "L*(2*ln(l/L) - (l/L)^2 + 1)",
+        "L*((l/L)^2 - 2*(l/L) + 1)",
+        "L*((l/L)^2 + 2*(l/L) + 1)",
+        "L*(exp(2*(l/L - 1)) + 2*exp(l/L - 1) + 1)",
     ]
     .map(str::to_string)
     .to_vec();

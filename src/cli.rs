@@ -2,12 +2,14 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+
+use crate::console::{Color, Verbosity};
 
 /// What scripts need to know.
 const EXIT_CODES: &str = "Data go to stdout, all else to stderr.
 Exit codes: 0 done, also with warnings; 1 a check, verification or evaluation found failures;
-2 wrong usage or input; 3 the solver did not converge.";
+2 wrong usage or input; 3 the solver did not converge; 130 or 143 interrupted or terminated.";
 
 const RUN_EXAMPLE: &str = "Example:
   piola run examples/square/scene.toml --out out/square --set body.spacing=0.1";
@@ -36,8 +38,35 @@ const COMPLETIONS_EXAMPLE: &str = "Example:
 #[derive(Debug, Parser)]
 #[command(name = "piola", version, max_term_width = 100, after_help = EXIT_CODES)]
 pub(crate) struct Cli {
+    #[command(flatten)]
+    pub(crate) voice: Voice,
     #[command(subcommand)]
     pub(crate) command: Command,
+}
+
+/// How much is said, and how it looks.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Messages")]
+pub(crate) struct Voice {
+    /// Say nothing but errors and warnings
+    #[arg(short, long, global = true, action = ArgAction::SetTrue, conflicts_with = "verbose")]
+    quiet: bool,
+    /// Also tell of every iteration
+    #[arg(short, long, global = true, action = ArgAction::SetTrue)]
+    verbose: bool,
+    /// Colours in messages; `auto` heeds NO_COLOR and TERM=dumb
+    #[arg(long, global = true, value_name = "WHEN", default_value = "auto")]
+    pub(crate) color: Color,
+}
+
+impl Voice {
+    pub(crate) fn verbosity(&self) -> Verbosity {
+        match (self.quiet, self.verbose) {
+            (true, _) => Verbosity::Quiet,
+            (_, true) => Verbosity::Verbose,
+            _ => Verbosity::Normal,
+        }
+    }
 }
 
 #[derive(Debug, Subcommand)]
@@ -307,7 +336,7 @@ pub(crate) struct Run {
     /// A scene file
     pub(crate) scene: PathBuf,
     /// Where the results go; a new or empty folder
-    #[arg(long)]
+    #[arg(short, long)]
     pub(crate) out: PathBuf,
     /// Override a value of the scene, e.g. `body.spacing=0.1`
     #[arg(long = "set", value_name = "KEY=VALUE")]
@@ -389,7 +418,7 @@ pub(crate) struct Trade {
     #[arg(long)]
     pub(crate) threads: Option<usize>,
     /// A new or empty folder for trade.csv, trade.json, trade.svg and trade.png
-    #[arg(long)]
+    #[arg(short, long)]
     pub(crate) out: Option<PathBuf>,
     /// Replace the results of an earlier run in the folder
     #[arg(long)]

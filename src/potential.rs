@@ -6,6 +6,7 @@ use piola_compiler::{Model, Setting, ValueError, Values, check_text};
 use piola_grammar::{Ast, suggest};
 
 use crate::cli::{Format, Inputs};
+use crate::console;
 use crate::library;
 use crate::render::{self, Source};
 
@@ -45,7 +46,7 @@ pub(crate) fn read(name: &str) -> Option<String> {
             Some(near) => format!("did you mean `{near}`?"),
             None => format!("the library has {}", library::names().join(", ")),
         };
-        render::error(&format!("the library has no potential `{name}`"), Some(&help));
+        render::error(&format!("the library has no potential `{name}`"), Some(help.as_str()));
         return None;
     }
     read_limited(std::path::Path::new(name), piola_grammar::MAX_BYTES)
@@ -125,7 +126,10 @@ pub(crate) fn every_energy(
     let mut chosen = model.fill_with_one(dimension, &mut settings);
     chosen.extend(model.switch_on(dimension, &mut settings, delta));
     if !chosen.is_empty() {
-        eprintln!("note: {} = 1, so that every energy can be {purpose}", chosen.join(" = "));
+        console::note(&format!(
+            "{} = 1, so that every energy can be {purpose}",
+            chosen.join(" = ")
+        ));
     }
     values(model, dimension, &settings, delta)
 }
@@ -136,6 +140,6 @@ fn print_value_errors(errors: &[ValueError]) {
             "missing-parameter" => format!("give it a value: --set {}=1", error.parameter),
             _ => error.help.clone(),
         };
-        render::error(&format!("[{}] {}", error.code, error.message), Some(&help));
+        render::error(&format!("[{}] {}", error.code, error.message), Some(help.as_str()));
     }
 }

@@ -1,12 +1,11 @@
 //! Findings for people and for programs.
 
-use std::io::{IsTerminal, Write};
-
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use piola_grammar::{Diagnostic, Severity};
 use serde_json::{Value, json};
 
 use crate::cli::Format;
+use crate::console;
 
 /// A text and its name.
 #[derive(Clone, Copy, Debug)]
@@ -16,7 +15,7 @@ pub(crate) struct Source<'a> {
 }
 
 /// Findings as rustc prints them.
-pub(crate) fn human(source: Source<'_>, diagnostics: &[Diagnostic], color: bool) -> String {
+fn human(source: Source<'_>, diagnostics: &[Diagnostic], color: bool) -> String {
     let renderer = if color { Renderer::styled() } else { Renderer::plain() };
     let mut out = String::new();
     for diagnostic in diagnostics {
@@ -58,7 +57,7 @@ fn visible(text: &str, range: std::ops::Range<usize>) -> std::ops::Range<usize> 
 }
 
 /// Findings as objects with file, line and column (both from 1, columns in characters).
-pub(crate) fn json(source: Source<'_>, diagnostics: &[Diagnostic]) -> Vec<Value> {
+fn json(source: Source<'_>, diagnostics: &[Diagnostic]) -> Vec<Value> {
     let place = |start: u32| {
         let start = visible(source.text, start as usize..start as usize).start;
         let before = &source.text[..start];
@@ -96,29 +95,30 @@ pub(crate) fn json(source: Source<'_>, diagnostics: &[Diagnostic]) -> Vec<Value>
 /// Prints findings: people read them on stderr, programs on stdout.
 pub(crate) fn print(source: Source<'_>, diagnostics: &[Diagnostic], format: Format) {
     match format {
-        Format::Human => eprint!("{}", human(source, diagnostics, std::io::stderr().is_terminal())),
+        Format::Human => findings(source, diagnostics),
         Format::Json => {
             for line in json(source, diagnostics) {
-                out(&format!("{line}\n"));
+                console::out(&format!("{line}\n"));
             }
         }
     }
 }
 
-/// Prints an error that has no place in a text.
-pub(crate) fn error(message: &str, help: Option<&str>) {
-    eprintln!("error: {message}");
-    if let Some(help) = help {
-        eprintln!("  help: {help}");
+/// Prints findings for people.
+pub(crate) fn findings(source: Source<'_>, diagnostics: &[Diagnostic]) {
+    console::say(&human(source, diagnostics, console::color()));
+}
+
+/// Prints an error that has no place in a text, and the ways out.
+pub(crate) fn error<'a>(message: &str, helps: impl IntoIterator<Item = &'a str>) {
+    let mut text = format!("error: {message}\n");
+    for help in helps {
+        text.push_str(&format!("  help: {help}\n"));
     }
+    console::say(&text);
 }
 
 /// Prints a warning that has no place in a text.
 pub(crate) fn warning(message: &str) {
-    eprintln!("warning: {message}");
-}
-
-/// Data for the standard output; a reader that has gone away is no error.
-pub(crate) fn out(text: &str) {
-    let _ = std::io::stdout().lock().write_all(text.as_bytes());
+    console::say(&format!("warning: {message}\n"));
 }

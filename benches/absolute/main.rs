@@ -22,6 +22,7 @@ use piola_runtime::neighborhood::Neighborhood;
 use piola_runtime::output::OutputFolder;
 use piola_runtime::output::summary::ExitReason;
 use piola_runtime::simulation::{Case, Library, RunOptions, run};
+use piola_runtime::solve::Watch;
 use piola_runtime::solve::constraint::Constraints;
 use piola_runtime::solve::linear::{LinearMethod, LinearOptions, LinearSolver};
 
@@ -153,7 +154,7 @@ fn scene(criterion: &mut Criterion) {
         bencher.iter(|| {
             let folder = OutputFolder::create(&out, true).expect("the build folder");
             let options = RunOptions { title: "first", warnings: Vec::new() };
-            let ending = run(&case, &folder, options, &mut |_| {}).expect("it runs");
+            let ending = run(&case, &folder, options, &Watch::default()).expect("it runs");
             assert_eq!(ending.reason, ExitReason::Completed);
         });
     });

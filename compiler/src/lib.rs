@@ -10,6 +10,9 @@
 //! ([`mod@print`]); [`mod@lint`] looks at it for probable mistakes. [`WrittenEnergy`] evaluates the model as it was written, over any number type:
 //! [`mod@verify`] holds everything else against it.
 
+// A library prints nothing; what its program prints goes through one module.
+#![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
+
 pub mod audit;
 pub mod check;
 pub mod differentiate;

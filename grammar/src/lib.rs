@@ -20,6 +20,9 @@
 //! assert_eq!(found[0].helps, ["did you mean `parameter`?"]);
 //! ```
 
+// A library prints nothing; what its program prints goes through one module.
+#![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
+
 pub mod ast;
 pub mod diagnostic;
 #[cfg(any(test, feature = "generate"))]

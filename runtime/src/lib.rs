@@ -14,6 +14,9 @@
 //! Per-point arrays are in the body's order inside, in the user's order at the edges
 //! ([`scene`] and [`output`] translate).
 
+// A library prints nothing; what its program prints goes through one module.
+#![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
+
 pub mod assembly;
 pub mod body;
 pub mod correspondence;

@@ -13,6 +13,7 @@ use serde_json::{Value, json};
 use super::Exit;
 use super::derive::print_compile_error;
 use crate::cli::{self, AuditFormat};
+use crate::console;
 use crate::potential;
 use crate::render;
 
@@ -25,7 +26,7 @@ pub(super) fn execute(arguments: &cli::Audit) -> Exit {
         return Exit::Input;
     };
     if model.has_gathered_energy() {
-        eprintln!("note: energies of gathered values are not audited: see `piola verify`");
+        console::note("energies of gathered values are not audited: see `piola verify`");
     }
     let form = if arguments.textbook { Form::Textbook } else { Form::Accurate };
     let settings = Settings {
@@ -36,7 +37,7 @@ pub(super) fn execute(arguments: &cli::Audit) -> Exit {
     };
     let audits = match audit(model, &values, &settings) {
         Ok((audits, dropped)) => {
-            dropped.iter().for_each(|dropped| eprintln!("note: {}", dropped.reason));
+            dropped.iter().for_each(|dropped| console::note(&dropped.reason));
             audits
         }
         Err(error) => {
@@ -44,7 +45,7 @@ pub(super) fn execute(arguments: &cli::Audit) -> Exit {
             return Exit::Input;
         }
     };
-    render::out(&match arguments.format {
+    console::out(&match arguments.format {
         AuditFormat::Human => human(&audits, arguments.bar),
         AuditFormat::Csv => csv(&audits),
         AuditFormat::Json => json_lines(&loaded.name, values.dimension, &audits, arguments.bar),

@@ -14,6 +14,7 @@ use super::audit::units;
 use super::derive::print_compile_error;
 use super::{Exit, scene};
 use crate::cli::{Bench, Format};
+use crate::console;
 use crate::potential::{self, Loaded};
 use crate::render;
 
@@ -61,7 +62,7 @@ fn of_potential(name: &str, arguments: &Bench) -> Exit {
         match audit(model, &values, &settings(level)) {
             Ok((of_level, dropped)) => {
                 if audits.is_empty() {
-                    dropped.iter().for_each(|dropped| eprintln!("note: {}", dropped.reason));
+                    dropped.iter().for_each(|dropped| console::note(&dropped.reason));
                 }
                 audits.push((level, of_level));
             }
@@ -71,7 +72,7 @@ fn of_potential(name: &str, arguments: &Bench) -> Exit {
             }
         }
     }
-    render::out(&match arguments.format {
+    console::out(&match arguments.format {
         Format::Human => potential_text(&loaded, &values, &costs, &audits),
         Format::Json => format!("{}\n", potential_json(&loaded, &values, &costs, &audits)),
     });
@@ -178,7 +179,7 @@ fn of_scene(path: &Path, arguments: &Bench) -> Exit {
     clock.leave();
     match measure(&case, clock) {
         Ok(cost) => {
-            render::out(&match arguments.format {
+            console::out(&match arguments.format {
                 Format::Human => scene_text(path, &cost),
                 Format::Json => format!("{}\n", json!(cost)),
             });

@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 
 use super::{Exit, scene};
 use crate::cli::{Calibrate, Format};
+use crate::console;
 use crate::render;
 
 pub(super) fn execute(arguments: &Calibrate) -> Exit {
@@ -19,7 +20,7 @@ pub(super) fn execute(arguments: &Calibrate) -> Exit {
     scene::print_warnings(&case, case.warnings.clone());
     match calibrate(&case, &targets, &arguments.vary) {
         Ok(found) => {
-            render::out(&match arguments.format {
+            console::out(&match arguments.format {
                 Format::Human => human(&found, &targets),
                 Format::Json => format!("{:#}\n", machine(&found, &targets)),
             });
@@ -30,14 +31,11 @@ pub(super) fn execute(arguments: &Calibrate) -> Exit {
             Exit::Input
         }
         Err(CalibrateError::Input { message, help }) => {
-            render::error(&message, Some(&help));
+            render::error(&message, Some(help.as_str()));
             Exit::Input
         }
         Err(CalibrateError::Unreachable { message, helps }) => {
-            render::error(&message, None);
-            for help in helps {
-                eprintln!("  help: {help}");
-            }
+            render::error(&message, helps.iter().map(String::as_str));
             Exit::Findings
         }
     }
@@ -52,7 +50,7 @@ fn target(text: &str) -> Option<Target> {
     };
     let Some(modulus) = Modulus::named(name.trim()) else {
         let message = format!("--target {text}: there is no modulus `{}`", name.trim());
-        render::error(&message, Some(&format!("there are {names}")));
+        render::error(&message, Some(format!("there are {names}").as_str()));
         return None;
     };
     let value = value.trim();

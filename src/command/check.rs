@@ -2,6 +2,7 @@
 
 use super::Exit;
 use crate::cli::{Check, Format};
+use crate::console;
 use crate::potential::{self, Loaded};
 use crate::render::{self, Source};
 
@@ -17,7 +18,7 @@ pub(super) fn execute(arguments: &Check) -> Exit {
         let source = Source { name: &loaded.name, text: &loaded.text };
         render::print(source, &warnings, arguments.format);
         if arguments.format == Format::Human {
-            eprintln!("{file}: {}", describe(&loaded));
+            console::tell(&format!("{file}: {}", describe(&loaded)));
         }
     }
     exit

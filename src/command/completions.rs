@@ -4,11 +4,11 @@ use clap::CommandFactory as _;
 
 use super::Exit;
 use crate::cli::Cli;
-use crate::render;
+use crate::console;
 
 pub(super) fn execute(shell: clap_complete::Shell) -> Exit {
     let mut buffer = Vec::new();
     clap_complete::generate(shell, &mut Cli::command(), "piola", &mut buffer);
-    render::out(&String::from_utf8_lossy(&buffer));
+    console::out(&String::from_utf8_lossy(&buffer));
     Exit::Done
 }

@@ -7,6 +7,7 @@ use piola_compiler::{CompileError, Form, GradientEnergyForms, Specialised, Value
 
 use super::Exit;
 use crate::cli::{Derive, Emit, Format};
+use crate::console;
 use crate::potential::{self, Loaded};
 use crate::render;
 
@@ -16,17 +17,17 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
     let dimension = arguments.dim.map_or(defined[defined.len() - 1], usize::from);
     match arguments.emit {
         Emit::Ast => {
-            render::out(&format!("{:#?}\n", loaded.ast));
+            console::out(&format!("{:#?}\n", loaded.ast));
             return Exit::Done;
         }
         Emit::Model => {
-            render::out(&print::model_listing(&loaded.model));
+            console::out(&print::model_listing(&loaded.model));
             return Exit::Done;
         }
         _ => {}
     }
     if loaded.model.has_gathered_energy() {
-        eprintln!("note: derivatives of energies of gathered values are not printed");
+        console::note("derivatives of energies of gathered values are not printed");
     }
     if arguments.explain {
         return explain(&loaded, dimension, arguments);
@@ -40,7 +41,7 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
         None => return Exit::Input,
     };
     for dropped in &specialised.dropped {
-        eprintln!("note: {}", dropped.reason);
+        console::note(&dropped.reason);
     }
     let gradient = match specialise_gradient(&loaded, dimension, arguments) {
         Some(Ok(gradient)) => gradient,
@@ -52,7 +53,7 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
     };
     match emit(&loaded, &specialised, gradient.as_ref(), arguments) {
         Ok(text) => {
-            render::out(&text);
+            console::out(&text);
             Exit::Done
         }
         Err(error) => {
@@ -91,7 +92,7 @@ fn specialise_gradient(
     let values = filled_values(loaded, dimension, arguments)?;
     let found = loaded.model.specialise_gradient(&values, Form::Accurate);
     Some(found.map(|(forms, dropped)| {
-        dropped.iter().for_each(|dropped| eprintln!("note: {}", dropped.reason));
+        dropped.iter().for_each(|dropped| console::note(&dropped.reason));
         forms
     }))
 }
@@ -101,7 +102,7 @@ fn filled_values(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Optio
     let mut settings = potential::settings(&arguments.inputs)?;
     let filled = loaded.model.fill_with_one(dimension, &mut settings);
     if !filled.is_empty() {
-        eprintln!("note: {} = 1, for want of a value", filled.join(" = "));
+        console::note(&format!("{} = 1, for want of a value", filled.join(" = ")));
     }
     let delta = arguments.inputs.delta.or(Some(1.0));
     potential::values(&loaded.model, dimension, &settings, delta)
@@ -112,18 +113,18 @@ fn explain(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Exit {
     let Some(values) = filled_values(loaded, dimension, arguments) else { return Exit::Input };
     match rewrite::explain(&loaded.model, &values) {
         Ok(found) if found.is_empty() && loaded.model.has_gradient_energy() => {
-            render::out(
+            console::out(
                 "near rest psi(F) is a function of F - I: `piola derive` with values prints it\n",
             );
             Exit::Done
         }
         Ok(found) if found.is_empty() => {
-            render::out("nothing is rewritten: no difference of nearly equal numbers was found\n");
+            console::out("nothing is rewritten: no difference of nearly equal numbers was found\n");
             Exit::Done
         }
         Ok(found) => {
             let parts: Vec<String> = found.iter().map(explanation).collect();
-            render::out(&parts.join("\n"));
+            console::out(&parts.join("\n"));
             Exit::Done
         }
         Err(error) => {

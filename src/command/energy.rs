@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 
 use super::{Exit, scene};
 use crate::cli::{Energy, Format};
+use crate::console;
 use crate::potential;
-use crate::render;
 
 /// Largest table of displacements that is read, in bytes.
 const MAX_TABLE: usize = 1 << 30;
@@ -20,7 +20,7 @@ pub(super) fn execute(arguments: &Energy) -> Exit {
     scene::print_warnings(&case, case.warnings.clone());
     match evaluate(&case, arguments) {
         Ok(Some(result)) => {
-            render::out(&match arguments.format {
+            console::out(&match arguments.format {
                 Format::Json => format!("{result}\n"),
                 Format::Human => human(&result),
             });
@@ -48,7 +48,7 @@ fn evaluate(case: &Case, arguments: &Energy) -> Result<Option<Value>, CaseError>
     };
     let compiled = case.compile()?;
     for dropped in &compiled.dropped {
-        eprintln!("note: {}", dropped.reason);
+        console::note(&dropped.reason);
     }
     let modelled = case.energy(compiled)?;
     let energy = modelled.total();

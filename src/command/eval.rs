@@ -8,6 +8,7 @@ use piola_runtime::output::decimal;
 use super::Exit;
 use super::derive::print_compile_error;
 use crate::cli::{self, Eval, Format};
+use crate::console;
 use crate::potential;
 use crate::render;
 
@@ -43,7 +44,7 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
             true => "energies of gathered values need a body: `piola energy SCENE`".to_string(),
             false => format!("use {}", has.join(" or ")),
         };
-        render::error(&message, Some(&help));
+        render::error(&message, Some(help.as_str()));
         return Exit::Input;
     }
     let Some(measure) = measure else {
@@ -65,7 +66,7 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
         }
     };
     for dropped in compiled.dropped.iter().filter(|d| d.argument == measure.symbol()) {
-        eprintln!("note: {}", dropped.reason);
+        console::note(&dropped.reason);
     }
     let out = match compiled.kernels.iter().find(|kernel| kernel.measure() == measure) {
         Some(kernel) => {
@@ -144,7 +145,7 @@ fn print_rows(measure: Measure, columns: &(Vec<f64>, Vec<f64>), out: &Derivative
             not_finite.push(i);
         }
     }
-    render::out(&text);
+    console::out(&text);
     let Some(&first) = not_finite.first() else { return Exit::Done };
     render::error(
         &format!(

@@ -6,6 +6,7 @@ use piola_runtime::output::decimal;
 use super::Exit;
 use super::derive::print_compile_error;
 use super::eval::read_table;
+use crate::console;
 use crate::potential::Loaded;
 use crate::render;
 
@@ -13,7 +14,7 @@ use crate::render;
 pub(super) fn execute(loaded: &Loaded, values: &Values, mode: Mode, points: &str) -> Exit {
     let kernel = match loaded.model.compile_gradient(values, mode, Form::Accurate) {
         Ok((kernel, dropped)) => {
-            dropped.iter().for_each(|dropped| eprintln!("note: {}", dropped.reason));
+            dropped.iter().for_each(|dropped| console::note(&dropped.reason));
             kernel
         }
         Err(error) => {
@@ -88,7 +89,7 @@ fn print_rows(d: usize, rows: &[Vec<f64>], psi: &[f64], stress: &[f64]) -> Exit 
         text.push_str(&numbers.into_iter().map(decimal).collect::<Vec<_>>().join(","));
         text.push('\n');
     }
-    render::out(&text);
+    console::out(&text);
     let Some(first) = first else { return Exit::Done };
     render::error(&format!("psi or P is not finite in row {}", first + 1), None);
     Exit::Findings

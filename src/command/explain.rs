@@ -5,17 +5,18 @@ use piola_grammar::suggest;
 use super::Exit;
 use crate::cli::Explain;
 use crate::codes::{Section, sections};
+use crate::console;
 use crate::render;
 
 pub(super) fn execute(arguments: &Explain) -> Exit {
     let sections = sections();
     let Some(code) = &arguments.code else {
-        render::out(&list(&sections));
+        console::out(&list(&sections));
         return Exit::Done;
     };
     match sections.iter().find(|section| section.code == code) {
         Some(section) => {
-            render::out(&section.plain());
+            console::out(&section.plain());
             Exit::Done
         }
         None => {
@@ -23,7 +24,7 @@ pub(super) fn execute(arguments: &Explain) -> Exit {
                 Some(near) => format!("did you mean `{near}`?"),
                 None => "`piola explain` lists all codes".to_string(),
             };
-            render::error(&format!("no message has the code `{code}`"), Some(&help));
+            render::error(&format!("no message has the code `{code}`"), Some(help.as_str()));
             Exit::Input
         }
     }

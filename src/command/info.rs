@@ -4,9 +4,9 @@ use piola_compiler::{Model, print};
 
 use super::Exit;
 use crate::cli::{Format, Info};
+use crate::console;
 use crate::library::{self, LIBRARY};
 use crate::potential;
-use crate::render;
 
 pub(super) fn execute(arguments: &Info) -> Exit {
     match &arguments.potential {
@@ -23,15 +23,15 @@ fn list() -> Exit {
         text.push_str(&format!("  {:26} {title}\n", entry.name));
     }
     text.push_str("\n`piola info NAME` shows formulas, parameters, units and sources\n");
-    render::out(&text);
+    console::out(&text);
     Exit::Done
 }
 
 fn show(name: &str) -> Exit {
     let Some(loaded) = potential::load(name, Format::Human) else { return Exit::Input };
-    render::out(&describe(&loaded.model));
+    console::out(&describe(&loaded.model));
     if library::find(name).is_some() {
-        render::out(&format!("\nfile\n{}", indent(&loaded.text)));
+        console::out(&format!("\nfile\n{}", indent(&loaded.text)));
     }
     Exit::Done
 }

@@ -33,6 +33,10 @@ pub(crate) enum Exit {
     Input = 2,
     /// The solver did not converge.
     NotConverged = 3,
+    /// SIGINT ended the run; what had converged is written.
+    Interrupted = 130,
+    /// SIGTERM did.
+    Terminated = 143,
 }
 
 impl Exit {

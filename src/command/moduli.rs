@@ -4,6 +4,7 @@ use piola_runtime::moduli::moduli;
 
 use super::{Exit, scene};
 use crate::cli::{Format, Moduli};
+use crate::console;
 use crate::render;
 
 pub(super) fn execute(arguments: &Moduli) -> Exit {
@@ -19,7 +20,7 @@ pub(super) fn execute(arguments: &Moduli) -> Exit {
     scene::print_warnings(&case, case.warnings.clone());
     match moduli(&case, arguments.density) {
         Ok(found) => {
-            render::out(&match arguments.format {
+            console::out(&match arguments.format {
                 Format::Human => found.to_string(),
                 Format::Json => format!("{:#}\n", found.json()),
             });

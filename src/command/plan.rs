@@ -2,6 +2,7 @@
 
 use super::{Exit, scene};
 use crate::cli::{Format, Plan};
+use crate::console;
 use crate::render;
 
 pub(super) fn execute(arguments: &Plan) -> Exit {
@@ -21,7 +22,7 @@ pub(super) fn execute(arguments: &Plan) -> Exit {
     };
     match case.plan(threads) {
         Ok(plan) => {
-            render::out(&match arguments.format {
+            console::out(&match arguments.format {
                 Format::Human => plan.to_string(),
                 Format::Json => match serde_json::to_string_pretty(&plan) {
                     Ok(json) => json + "\n",

@@ -1,16 +1,18 @@
 //! `piola run`: solves a scene.
 
-use std::io::IsTerminal as _;
+use std::sync::Arc;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use piola_runtime::assembly::Inverted;
 use piola_runtime::output::OutputFolder;
 use piola_runtime::output::summary::ExitReason;
 use piola_runtime::simulation::{Case, Ending, RunError, RunOptions, run};
-use piola_runtime::solve::steps::StepRecord;
+use piola_runtime::solve::Watch;
 
 use super::{Exit, scene};
 use crate::cli::Run;
+use crate::console;
+use crate::interrupt::{Interrupt, Signal};
+use crate::progress::Progress;
 use crate::render;
 
 pub(super) fn execute(arguments: &Run) -> Exit {
@@ -47,7 +49,7 @@ fn solve(case: &Case, arguments: &Run) -> Exit {
     };
     let mut warnings = scene::print_warnings(case, warnings);
     for note in plan.kernels.iter().filter(|note| !note.modelled) {
-        eprintln!("note: {}", note.reason);
+        console::note(&note.reason);
         warnings.push(note.reason.clone());
     }
     let folder = match OutputFolder::create(&arguments.out, arguments.force) {
@@ -58,21 +60,20 @@ fn solve(case: &Case, arguments: &Run) -> Exit {
         }
     };
     let title = title(&arguments.scene);
-    let progress = Progress::new(case.scene.steps.end);
+    let interrupt = Interrupt::listen();
+    let progress = Arc::new(Progress::new(case.scene.steps.end, interrupt.clone()));
+    let shown = progress.show();
     let options = RunOptions { title: &title, warnings };
-    match run(case, &folder, options, &mut |record| progress.step(record)) {
-        Ok(ending) => {
-            progress.finish();
-            report(&ending, &folder)
-        }
+    let ran = run(case, &folder, options, &Watch::by(progress));
+    drop(shown);
+    match ran {
+        Ok(ending) => report(&ending, &folder, interrupt.signal()),
         Err(RunError::Case(error)) => {
-            progress.finish();
             folder.remove_if_empty();
             scene::print_error(&error);
             Exit::Input
         }
         Err(RunError::Output(message)) => {
-            progress.finish();
             render::error(&message, None);
             Exit::Input
         }
@@ -87,7 +88,7 @@ pub(super) fn title(scene: &std::path::Path) -> String {
         .unwrap_or_default()
 }
 
-fn report(ending: &Ending, folder: &OutputFolder) -> Exit {
+fn report(ending: &Ending, folder: &OutputFolder, signal: Option<Signal>) -> Exit {
     if ending.indefinite > 0 {
         render::warning(&format!(
             "{} of {} equilibria are not stable: their tangent is not positive definite",
@@ -107,61 +108,19 @@ fn report(ending: &Ending, folder: &OutputFolder) -> Exit {
     let path = folder.path().display();
     match ending.reason {
         ExitReason::Completed => {
-            eprintln!(
+            console::tell(&format!(
                 "{} steps converged; results in {path}: picture.png, run.pvd, summary.json",
                 ending.steps
-            );
-            Exit::Done
+            ));
+            return Exit::Done;
         }
-        _ => {
-            render::error(&ending.message, None);
-            eprintln!("the {} steps that converged are in {path}", ending.steps);
-            Exit::NotConverged
-        }
+        ExitReason::Interrupted => render::warning(&ending.message),
+        _ => render::error(&ending.message, None),
     }
-}
-
-/// A bar on a terminal, a line per step in a pipe.
-struct Progress {
-    bar: ProgressBar,
-    end: f64,
-    plain: bool,
-}
-
-impl Progress {
-    fn new(end: f64) -> Progress {
-        let plain = !std::io::stderr().is_terminal();
-        let bar = ProgressBar::new(1000);
-        if plain {
-            bar.set_draw_target(ProgressDrawTarget::hidden());
-        }
-        let style =
-            ProgressStyle::with_template("{bar:30} {percent:>3} %  {elapsed} ({eta} left)  {msg}");
-        if let Ok(style) = style {
-            bar.set_style(style);
-        }
-        Progress { bar, end, plain }
-    }
-
-    fn step(&self, record: &StepRecord) {
-        let ratio = record.residual_over_reaction.last().copied().unwrap_or(0.0);
-        let stable = match record.definiteness.positive_definite {
-            Some(false) => ", NOT STABLE",
-            _ => "",
-        };
-        let line = format!(
-            "t = {:.6}: {} iterations, residual/reaction {ratio:.1e}{stable}",
-            record.t, record.iterations
-        );
-        if self.plain {
-            eprintln!("{line}");
-        } else {
-            self.bar.set_position((1000.0 * record.t / self.end) as u64);
-            self.bar.set_message(line);
-        }
-    }
-
-    fn finish(&self) {
-        self.bar.finish_and_clear();
+    console::tell(&format!("the {} steps that converged are in {path}", ending.steps));
+    match (ending.reason, signal) {
+        (ExitReason::Interrupted, Some(Signal::Terminate)) => Exit::Terminated,
+        (ExitReason::Interrupted, _) => Exit::Interrupted,
+        _ => Exit::NotConverged,
     }
 }

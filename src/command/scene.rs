@@ -1,7 +1,5 @@
 //! What the commands that take a scene share.
 
-use std::io::IsTerminal as _;
-
 use piola_grammar::Diagnostic;
 use piola_runtime::scene::SceneReport;
 use piola_runtime::scene::boundary::BoundaryConditions;
@@ -43,8 +41,7 @@ pub(super) fn print_error(error: &CaseError) {
     match error {
         CaseError::Scene(report) => print_report(report),
         CaseError::Text { name, text, diagnostics } => {
-            let color = std::io::stderr().is_terminal();
-            eprint!("{}", render::human(Source { name, text }, diagnostics, color));
+            render::findings(Source { name, text }, diagnostics);
         }
         CaseError::Unreadable { .. } | CaseError::Body { .. } => {
             render::error(&error.to_string(), None);
@@ -60,11 +57,10 @@ pub(super) fn print_warnings(case: &Case, warnings: Vec<Diagnostic>) -> Vec<Stri
 }
 
 fn print_report(report: &SceneReport) {
-    let color = std::io::stderr().is_terminal();
     for finding in &report.findings {
         let source = &report.sources[finding.source];
         let source = Source { name: &source.name, text: &source.text };
-        eprint!("{}", render::human(source, std::slice::from_ref(&finding.diagnostic), color));
+        render::findings(source, std::slice::from_ref(&finding.diagnostic));
     }
 }
 

@@ -1,7 +1,6 @@
 //! `piola trade`: error and time of a scene over its settings.
 
 use std::fmt::Write as _;
-use std::io::IsTerminal as _;
 use std::path::Path;
 use std::time::Duration;
 
@@ -12,11 +11,12 @@ use piola_runtime::trade::{AXES, Options, Study, TradeError, axes, study};
 
 use super::{Exit, run, scene};
 use crate::cli::{AuditFormat, Trade};
+use crate::console;
 use crate::render;
 
 pub(super) fn execute(arguments: &Trade) -> Exit {
     let Some(path) = &arguments.scene else {
-        render::out(&axes_text());
+        console::out(&axes_text());
         return Exit::Done;
     };
     if let Err(message) = check(arguments) {
@@ -71,7 +71,7 @@ fn list(read: &dyn Fn(&[String]) -> Result<Case, CaseError>, axes: &[String]) ->
     match axes::settings(read, axes) {
         Ok(settings) => {
             for setting in settings {
-                render::out(&format!("{:44} {}\n", setting.name, setting.overrides.join(" ")));
+                console::out(&format!("{:44} {}\n", setting.name, setting.overrides.join(" ")));
             }
             Exit::Done
         }
@@ -113,12 +113,12 @@ fn measure(path: &Path, case: &Case, arguments: &Trade) -> Exit {
         accuracy: arguments.accuracy,
     };
     let progress = Progress::new();
-    eprintln!(
+    console::tell(&format!(
         "up to {} runs of every setting in about {} s on {} threads; `--list` shows the settings",
         arguments.repeats,
         arguments.budget,
         rayon::current_num_threads()
-    );
+    ));
     let read = |more: &[String]| read(path, arguments, more);
     let studied = study(&read, &options, &mut |what| progress.say(what));
     progress.bar.finish_and_clear();
@@ -137,7 +137,9 @@ fn measure(path: &Path, case: &Case, arguments: &Trade) -> Exit {
     match study.write(&folder, &title) {
         Ok(()) => {
             let path = folder.path().display();
-            eprintln!("results in {path}: trade.png, trade.svg, trade.csv, trade.json");
+            console::tell(&format!(
+                "results in {path}: trade.png, trade.svg, trade.csv, trade.json"
+            ));
             Exit::Done
         }
         Err(error) => {
@@ -148,7 +150,7 @@ fn measure(path: &Path, case: &Case, arguments: &Trade) -> Exit {
 }
 
 fn print(study: &Study, title: &str, format: AuditFormat) {
-    render::out(&match format {
+    console::out(&match format {
         AuditFormat::Human => study.to_text(),
         AuditFormat::Csv => study.to_csv(),
         AuditFormat::Json => study.to_json(title),
@@ -163,14 +165,14 @@ struct Progress {
 
 impl Progress {
     fn new() -> Progress {
-        let plain = !std::io::stderr().is_terminal();
+        let plain = !console::moves_cursor();
         let bar = if plain { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
         Progress { bar, plain }
     }
 
     fn say(&self, what: &str) {
         if self.plain {
-            eprintln!("{what}");
+            console::tell(what);
         } else {
             self.bar.set_message(what.to_string());
             self.bar.tick();

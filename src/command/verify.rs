@@ -9,8 +9,8 @@ use serde_json::json;
 use super::Exit;
 use super::derive::print_compile_error;
 use crate::cli::{Format, Verify};
+use crate::console;
 use crate::potential;
-use crate::render;
 
 const ORDERS: [&str; 3] = ["psi", "psi'", "psi''"];
 
@@ -27,15 +27,15 @@ pub(super) fn execute(arguments: &Verify) -> Exit {
             let mut settings = settings.clone();
             let filled = loaded.model.fill_with_one(dimension, &mut settings);
             if !filled.is_empty() && number == 0 {
-                eprintln!("note: {file}: {} = 1, for want of a value", filled.join(" = "));
+                console::note(&format!("{file}: {} = 1, for want of a value", filled.join(" = ")));
             }
             let delta = arguments.inputs.delta.or(Some(1.0));
             let switched_on = loaded.model.switch_on(dimension, &mut settings, delta);
             if !switched_on.is_empty() {
-                eprintln!(
-                    "note: {file}: {} = 1, so that no energy is left out",
+                console::note(&format!(
+                    "{file}: {} = 1, so that no energy is left out",
                     switched_on.join(" = ")
-                );
+                ));
             }
             let Some(values) = potential::values(&loaded.model, dimension, &settings, delta) else {
                 return Exit::Input;
@@ -43,7 +43,7 @@ pub(super) fn execute(arguments: &Verify) -> Exit {
             match verify(&loaded.model, &values, arguments.points) {
                 Ok((found, dropped)) => {
                     for d in &dropped {
-                        eprintln!("note: {file}: {}", d.reason);
+                        console::note(&format!("{file}: {}", d.reason));
                     }
                     for verification in &found {
                         report(file, dimension, verification, arguments.format);
@@ -102,7 +102,7 @@ fn report(file: &str, dimension: usize, found: &Verification, format: Format) {
             "misses": found.misses.len(),
             "worst_error_over_tolerance": found.worst,
         });
-        render::out(&format!("{line}\n"));
+        console::out(&format!("{line}\n"));
         return;
     }
     let verdict = if found.passed() { "passed" } else { "FAILED" };
@@ -112,16 +112,16 @@ fn report(file: &str, dimension: usize, found: &Verification, format: Format) {
     };
     let worst: Vec<String> =
         ORDERS.iter().zip(found.worst).map(|(o, w)| format!("{o} {w:.2}")).collect();
-    render::out(&format!(
+    console::out(&format!(
         "{verdict}  {file} d = {dimension} psi({symbol}): {} points; {bits}; largest error over tolerance against hyper-dual numbers: {}\n",
         found.n_points,
         worst.join(", ")
     ));
     for miss in found.misses.iter().take(5) {
-        render::out(&describe(found.argument, miss));
+        console::out(&describe(found.argument, miss));
     }
     if found.misses.len() > 5 {
-        render::out(&format!("        .. and {} more\n", found.misses.len() - 5));
+        console::out(&format!("        .. and {} more\n", found.misses.len() - 5));
     }
 }
 
@@ -141,7 +141,7 @@ fn report_gradient(file: &str, dimension: usize, found: &GradientVerification, f
             "worst_far_in_u": found.far,
             "worst_against_hyper_dual_in_u": found.dual,
         });
-        render::out(&format!("{line}\n"));
+        console::out(&format!("{line}\n"));
         return;
     }
     let verdict = if found.passed() { "passed" } else { "FAILED" };
@@ -153,7 +153,7 @@ fn report_gradient(file: &str, dimension: usize, found: &GradientVerification, f
         let parts = ["psi", "P", "dP"].iter().zip(worst).map(|(name, w)| format!("{name} {w:.0}"));
         parts.collect::<Vec<_>>().join(", ")
     };
-    render::out(&format!(
+    console::out(&format!(
         "{verdict}  {file} d = {dimension} psi(F): {} gradients; {bits}; largest errors in u = 2^-53 \
          of the norm: near rest {}; far from it {}; against hyper-dual numbers {}\n",
         found.n_points,
@@ -163,7 +163,7 @@ fn report_gradient(file: &str, dimension: usize, found: &GradientVerification, f
     ));
     for gradient in &found.misses {
         let numbers: Vec<String> = gradient.iter().map(|x| format!("{x:e}")).collect();
-        render::out(&format!("        missed at F = ({})\n", numbers.join(", ")));
+        console::out(&format!("        missed at F = ({})\n", numbers.join(", ")));
     }
 }
 
@@ -179,7 +179,7 @@ fn report_gathered(file: &str, dimension: usize, found: &GatheredVerification, f
             "different_bits": found.different_bits,
             "worst_error_over_tolerance": found.worst.map(|worst| worst / BAR),
         });
-        render::out(&format!("{line}\n"));
+        console::out(&format!("{line}\n"));
         return;
     }
     let verdict = if found.passed() { "passed" } else { "FAILED" };
@@ -188,7 +188,7 @@ fn report_gathered(file: &str, dimension: usize, found: &GatheredVerification, f
         n => format!("machine code differs from the interpreter at {n} points"),
     };
     let [psi, gradient, product] = found.worst;
-    render::out(&format!(
+    console::out(&format!(
         "{verdict}  {file} d = {dimension} psi({argument}): {} points; {bits}; largest errors against \
          hyper-dual numbers in u = 2^-53: psi {psi:.0}, gradient {gradient:.0}, product {product:.0}\n",
         found.n_points

@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 
 use piola_runtime::scene::boundary::BoundaryConditions;
 use piola_runtime::simulation::{Case, Library};
+use piola_runtime::solve::Watch;
 use piola_runtime::solve::newton::NewtonSettings;
 use piola_runtime::solve::steps::{Drive, StepError, StepSettings, run_steps};
 
@@ -66,9 +67,10 @@ fn floor(example: &str) -> (f64, f64) {
     let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection).unwrap();
     let newton = NewtonSettings { tolerance: UNREACHABLE, ..NewtonSettings::default() };
     let settings = StepSettings { end: END, newton, ..StepSettings::default() };
-    let outcome = run_steps(energy.total(), &Driven(boundary), &settings, &mut |_, _| {
-        ControlFlow::Continue(())
-    });
+    let outcome =
+        run_steps(energy.total(), &Driven(boundary), &settings, &Watch::default(), &mut |_, _| {
+            ControlFlow::Continue(())
+        });
     let reached = match outcome {
         Ok(outcome) => outcome.records[0].residual_over_reaction.clone(),
         Err(StepError::NotConverged(failed)) => failed.cause.history.residual_over_reaction,

@@ -14,7 +14,7 @@ use crate::support::{Random, SceneFolder, command, json_file, table};
 const KILLS: usize = 20;
 
 /// A strip with so many small steps and frames that a run writes most of the time.
-fn many_frames() -> SceneFolder {
+pub(crate) fn many_frames() -> SceneFolder {
     let scene =
         STRIP.replace("increments = 4", "increments = 60").replace("frames = 4", "frames = 60");
     SceneFolder::new(&scene)

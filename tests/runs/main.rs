@@ -8,10 +8,14 @@ mod accuracy;
 mod bench;
 mod contract;
 mod extremes;
+#[cfg(unix)]
+mod interrupted;
 mod killed;
 mod moduli;
 mod picture;
 mod refusals;
 mod scenes;
 mod solvers;
+#[cfg(unix)]
+mod streams;
 mod trade;

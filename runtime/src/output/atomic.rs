@@ -1,14 +1,15 @@
-//! Files that appear whole or not at all, in a folder that piola owns.
+//! Files that appear whole or not at all.
 //!
-//! A file is written under a temporary name beside its place (`.summary.json.partial`), flushed
-//! and synchronised to disk, and then renamed: a reader, or a run killed at any moment, sees the
-//! old file or the new one. The names are a closed set ([`OutputFile`]), so nothing a user types
-//! can become part of a path inside the folder.
+//! A file is written under a temporary name beside its place (`.summary.json.4711.partial`, with the
+//! number of the process), flushed and synchronised to disk, and then renamed: a reader, or a run
+//! killed at any moment, sees the old file or the new one.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Something went wrong on the way to a file.
 #[derive(Debug, thiserror::Error)]
@@ -30,6 +31,12 @@ pub enum OutputError {
         path: PathBuf,
         /// One of its entries.
         example: String,
+    },
+    /// Another run holds the folder.
+    #[error("another run of piola is writing into `{}`", path.display())]
+    InUse {
+        /// The folder.
+        path: PathBuf,
     },
     /// A folder is needed, but a file (or a link) stands at its place.
     #[error("`{}` is not a folder", path.display())]
@@ -54,6 +61,7 @@ impl OutputError {
             OutputError::NotEmpty { .. } => {
                 Some("name another folder, or write `--force` to replace an earlier run in it")
             }
+            OutputError::InUse { .. } => Some("wait until it has ended, or name another folder"),
             OutputError::NotAFolder { .. } => Some("name another folder, or remove what is there"),
             OutputError::Io { .. } | OutputError::Picture { .. } => None,
         }
@@ -75,6 +83,8 @@ pub enum Operation {
     Rename,
     /// Removing a file of an earlier run.
     Remove,
+    /// Taking hold of a folder.
+    Lock,
 }
 
 impl fmt::Display for Operation {
@@ -86,6 +96,7 @@ impl fmt::Display for Operation {
             Operation::Write => "write",
             Operation::Rename => "move into place",
             Operation::Remove => "remove",
+            Operation::Lock => "lock",
         })
     }
 }
@@ -95,162 +106,6 @@ impl Operation {
     pub(super) fn on(self, path: &Path) -> impl FnOnce(io::Error) -> OutputError {
         let path = path.to_owned();
         move |source| OutputError::Io { operation: self, path, source }
-    }
-}
-
-/// The files of an output folder: these and no others are written or, with force, removed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum OutputFile {
-    /// `run.pvd`, the list of frames.
-    Collection,
-    /// `frames/frame_000000.vtu` and so on.
-    Frame(usize),
-    /// `displacement.csv`.
-    Displacement,
-    /// `reactions.csv`.
-    Reactions,
-    /// `energy.csv`.
-    Energy,
-    /// `probes.csv`.
-    Probes,
-    /// `scene.resolved.toml`.
-    ResolvedScene,
-    /// `picture.svg`.
-    PictureSvg,
-    /// `picture.png`.
-    PicturePng,
-    /// `summary.json`.
-    Summary,
-    /// `trade.csv`.
-    TradeTable,
-    /// `trade.json`.
-    TradeSummary,
-    /// `trade.svg`.
-    TradeSvg,
-    /// `trade.png`.
-    TradePng,
-}
-
-/// The folder of the frames inside the output folder.
-const FRAMES: &str = "frames";
-
-impl OutputFile {
-    /// All files but the frames; `run.pvd` first, so that a removal that is cut short leaves no
-    /// list of frames that are gone.
-    const SINGLE: [OutputFile; 13] = [
-        OutputFile::Collection,
-        OutputFile::Displacement,
-        OutputFile::Reactions,
-        OutputFile::Energy,
-        OutputFile::Probes,
-        OutputFile::ResolvedScene,
-        OutputFile::PictureSvg,
-        OutputFile::PicturePng,
-        OutputFile::Summary,
-        OutputFile::TradeTable,
-        OutputFile::TradeSummary,
-        OutputFile::TradeSvg,
-        OutputFile::TradePng,
-    ];
-
-    /// The file's name without its folder.
-    pub fn name(self) -> String {
-        match self {
-            OutputFile::Collection => "run.pvd".to_owned(),
-            OutputFile::Frame(index) => format!("frame_{index:06}.vtu"),
-            OutputFile::Displacement => "displacement.csv".to_owned(),
-            OutputFile::Reactions => "reactions.csv".to_owned(),
-            OutputFile::Energy => "energy.csv".to_owned(),
-            OutputFile::Probes => "probes.csv".to_owned(),
-            OutputFile::ResolvedScene => "scene.resolved.toml".to_owned(),
-            OutputFile::PictureSvg => "picture.svg".to_owned(),
-            OutputFile::PicturePng => "picture.png".to_owned(),
-            OutputFile::Summary => "summary.json".to_owned(),
-            OutputFile::TradeTable => "trade.csv".to_owned(),
-            OutputFile::TradeSummary => "trade.json".to_owned(),
-            OutputFile::TradeSvg => "trade.svg".to_owned(),
-            OutputFile::TradePng => "trade.png".to_owned(),
-        }
-    }
-
-    /// The path relative to the output folder, with `/` on every system as `run.pvd` needs it.
-    pub fn relative(self) -> String {
-        match self {
-            OutputFile::Frame(_) => format!("{FRAMES}/{}", self.name()),
-            _ => self.name(),
-        }
-    }
-}
-
-/// A folder that holds one run.
-#[derive(Clone, Debug)]
-pub struct OutputFolder {
-    path: PathBuf,
-}
-
-impl OutputFolder {
-    /// Creates the folder and its `frames`, or takes over an empty one.
-    ///
-    /// An existing folder with anything in it is refused unless `force`; then the files of an
-    /// earlier run, and only those, are removed first.
-    pub fn create(path: &Path, force: bool) -> Result<OutputFolder, OutputError> {
-        let folder = OutputFolder::create_without_frames(path, force)?;
-        let frames = path.join(FRAMES);
-        match fs::symlink_metadata(&frames) {
-            Ok(found) if !found.is_dir() => return Err(OutputError::NotAFolder { path: frames }),
-            Ok(_) => {}
-            Err(_) => fs::create_dir(&frames).map_err(Operation::CreateFolder.on(&frames))?,
-        }
-        Ok(folder)
-    }
-
-    /// The same for what leaves no frames.
-    pub fn create_without_frames(path: &Path, force: bool) -> Result<OutputFolder, OutputError> {
-        fs::create_dir_all(path).map_err(|source| match source.kind() {
-            io::ErrorKind::AlreadyExists | io::ErrorKind::NotADirectory => {
-                OutputError::NotAFolder { path: path.to_owned() }
-            }
-            _ => Operation::CreateFolder.on(path)(source),
-        })?;
-        if let Some(example) = entries(path)?.first() {
-            if !force {
-                let example = example.clone();
-                return Err(OutputError::NotEmpty { path: path.to_owned(), example });
-            }
-            remove_earlier_run(path)?;
-        }
-        Ok(OutputFolder { path: path.to_owned() })
-    }
-
-    /// Takes the folder away again if nothing was written into it.
-    pub fn remove_if_empty(&self) {
-        // Only empty folders can be removed so; what is left is what someone wants to keep.
-        let _ = fs::remove_dir(self.path.join(FRAMES));
-        let _ = fs::remove_dir(&self.path);
-    }
-
-    /// Where the folder is.
-    pub fn path(&self) -> &Path {
-        &self.path
-    }
-
-    /// Where a file of the folder is, or would be.
-    pub fn path_of(&self, file: OutputFile) -> PathBuf {
-        self.path.join(file.relative())
-    }
-
-    /// Writes a whole file.
-    pub fn write(&self, file: OutputFile, content: &[u8]) -> Result<(), OutputError> {
-        self.write_with(file, |out| out.write_all(content))
-    }
-
-    /// Writes a file through `fill`; if that fails, what stood there before stays as it was.
-    pub fn write_with(
-        &self,
-        file: OutputFile,
-        fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
-    ) -> Result<(), OutputError> {
-        write_atomically(&self.path_of(file), fill)
     }
 }
 
@@ -298,27 +153,23 @@ fn write_on<D: Disk>(
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), OutputError> {
     let name = target.file_name().unwrap_or_default().to_string_lossy();
-    let partial = target.with_file_name(partial_name(&name));
+    let path = target.with_file_name(partial_name(&name));
     // A leftover of a killed run; removing a link removes the link, not what it points to.
-    if fs::symlink_metadata(&partial).is_ok() {
-        fs::remove_file(&partial).map_err(Operation::Remove.on(&partial))?;
+    if fs::symlink_metadata(&path).is_ok() {
+        fs::remove_file(&path).map_err(Operation::Remove.on(&path))?;
     }
-    let outcome = fill_new_file(disk, &partial, fill)
-        .map_err(Operation::Write.on(target))
-        .and_then(|()| disk.rename(&partial, target).map_err(Operation::Rename.on(target)));
-    if outcome.is_err() {
-        // Nothing more can be done if this fails too; the first error is the one to report.
-        let _ = fs::remove_file(&partial);
-    }
-    outcome
+    let partial = Temporary::new(path);
+    let file = partial.create(|path| disk.create(path)).map_err(Operation::Write.on(target))?;
+    fill_file(disk, file, fill).map_err(Operation::Write.on(target))?;
+    disk.rename(&partial.path, target).map_err(Operation::Rename.on(target))
 }
 
-fn fill_new_file<D: Disk>(
+fn fill_file<D: Disk>(
     disk: &D,
-    partial: &Path,
+    file: D::File,
     fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> io::Result<()> {
-    let mut out = BufWriter::with_capacity(1 << 16, disk.create(partial)?);
+    let mut out = BufWriter::with_capacity(1 << 16, file);
     fill(&mut out)?;
     let file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
     // Without this a power cut after the rename could leave an empty file under the final name.
@@ -326,53 +177,62 @@ fn fill_new_file<D: Disk>(
 }
 
 fn partial_name(name: &str) -> String {
-    format!(".{name}.partial")
+    format!(".{name}.{}.partial", std::process::id())
 }
 
-/// The names in a folder, sorted.
-fn entries(folder: &Path) -> Result<Vec<String>, OutputError> {
-    let list = fs::read_dir(folder).map_err(Operation::ReadFolder.on(folder))?;
-    let mut names = Vec::new();
-    for entry in list {
-        let entry = entry.map_err(Operation::ReadFolder.on(folder))?;
-        names.push(entry.file_name().to_string_lossy().into_owned());
+/// The name of a file whose temporary name this is, of any process.
+pub(super) fn of_partial(name: &str) -> Option<&str> {
+    let inner = name.strip_prefix('.')?.strip_suffix(".partial")?;
+    match inner.rsplit_once('.') {
+        Some((file, process)) if process.bytes().all(|b| b.is_ascii_digit()) => Some(file),
+        _ => Some(inner),
     }
-    names.sort();
-    Ok(names)
 }
 
-fn remove_earlier_run(folder: &Path) -> Result<(), OutputError> {
-    for file in OutputFile::SINGLE {
-        remove_if_there(&folder.join(file.name()))?;
-        remove_if_there(&folder.join(partial_name(&file.name())))?;
+/// Files that shall not outlive the process.
+static TEMPORARY: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
+
+fn temporary() -> MutexGuard<'static, BTreeSet<PathBuf>> {
+    TEMPORARY.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes all temporary files and lets nobody make another: for a program about to exit in the
+/// middle of its work.
+pub fn abandon() {
+    let names = temporary();
+    for path in names.iter() {
+        let _ = fs::remove_file(path);
     }
-    let frames = folder.join(FRAMES);
-    // A link named `frames` may lead out of the folder: it is refused later, never followed.
-    if fs::symlink_metadata(&frames).is_ok_and(|found| found.is_dir()) {
-        for name in entries(&frames)?.iter().filter(|name| is_frame_name(name)) {
-            remove_if_there(&frames.join(name))?;
+    // Threads that write wait for the list, until the process is gone.
+    std::mem::forget(names);
+}
+
+/// A file that is removed when this is dropped, if it is still there, or by [`abandon`].
+#[derive(Debug)]
+pub(super) struct Temporary {
+    path: PathBuf,
+}
+
+impl Temporary {
+    pub(super) fn new(path: PathBuf) -> Temporary {
+        Temporary { path }
+    }
+
+    /// Makes the file, in one step with the entry in the list of those to be removed.
+    pub(super) fn create<F>(&self, make: impl FnOnce(&Path) -> io::Result<F>) -> io::Result<F> {
+        let mut names = temporary();
+        let file = make(&self.path)?;
+        names.insert(self.path.clone());
+        Ok(file)
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        // After a rename there is nothing left to remove; what cannot be removed stays.
+        if temporary().remove(&self.path) {
+            let _ = fs::remove_file(&self.path);
         }
-    }
-    Ok(())
-}
-
-/// `frame_000012.vtu`, or its temporary name.
-fn is_frame_name(name: &str) -> bool {
-    let partial = name.strip_prefix('.').and_then(|rest| rest.strip_suffix(".partial"));
-    let digits = partial
-        .unwrap_or(name)
-        .strip_prefix("frame_")
-        .and_then(|rest| rest.strip_suffix(".vtu"))
-        .unwrap_or("");
-    digits.len() >= 6 && digits.bytes().all(|b| b.is_ascii_digit())
-}
-
-fn remove_if_there(path: &Path) -> Result<(), OutputError> {
-    match fs::remove_file(path) {
-        Err(error) if error.kind() != io::ErrorKind::NotFound => {
-            Err(Operation::Remove.on(path)(error))
-        }
-        _ => Ok(()),
     }
 }
 
@@ -383,26 +243,13 @@ mod tests {
 
     use super::*;
 
-    fn names(folder: &Path) -> Vec<String> {
-        entries(folder).unwrap()
-    }
-
     #[test]
-    fn an_interrupted_write_leaves_the_old_file_whole() {
-        let dir = tempfile::tempdir().unwrap();
-        let folder = OutputFolder::create(&dir.path().join("run"), false).unwrap();
-        folder.write(OutputFile::Summary, b"old").unwrap();
-        let error = folder
-            .write_with(OutputFile::Summary, |out| {
-                out.write_all(&[b'n'; 200_000])?; // more than the buffer: some of it is on disk
-                Err(io::Error::other("disk on fire"))
-            })
-            .unwrap_err();
-        assert!(matches!(error, OutputError::Io { operation: Operation::Write, .. }));
-        assert!(error.to_string().contains("summary.json"), "{error}");
-        assert!(error.to_string().contains("disk on fire"), "{error}");
-        assert_eq!(fs::read(folder.path_of(OutputFile::Summary)).unwrap(), b"old");
-        assert_eq!(names(folder.path()), ["frames", "summary.json"], "no partial is left");
+    fn temporary_names_tell_the_file_and_the_process() {
+        let name = partial_name("frame_000001.vtu");
+        assert!(name.contains(&std::process::id().to_string()), "{name}");
+        assert_eq!(of_partial(&name), Some("frame_000001.vtu"));
+        assert_eq!(of_partial(".run.pvd.partial"), Some("run.pvd"));
+        assert_eq!(of_partial("run.pvd"), None);
     }
 
     /// A disk that keeps the names of files at once and their content only when it is synchronised,
@@ -475,89 +322,5 @@ mod tests {
         assert!(left.len() > 4, "{}", left.len());
         assert!(left.iter().all(|content| *content == old || *content == new));
         assert_eq!(left.last(), Some(&new));
-    }
-
-    #[test]
-    fn a_folder_without_results_goes_and_one_with_results_stays() {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("run");
-        OutputFolder::create(&path, false).unwrap().remove_if_empty();
-        assert!(!path.exists());
-        let folder = OutputFolder::create(&path, false).unwrap();
-        folder.write(OutputFile::Summary, b"kept").unwrap();
-        folder.remove_if_empty();
-        assert_eq!(fs::read(folder.path_of(OutputFile::Summary)).unwrap(), b"kept");
-    }
-
-    #[test]
-    fn a_leftover_partial_is_replaced_and_a_link_is_not_followed() {
-        let dir = tempfile::tempdir().unwrap();
-        let folder = OutputFolder::create(&dir.path().join("run"), false).unwrap();
-        let outside = dir.path().join("outside.txt");
-        fs::write(&outside, "mine").unwrap();
-        let partial = folder.path().join(".energy.csv.partial");
-        #[cfg(unix)]
-        std::os::unix::fs::symlink(&outside, &partial).unwrap();
-        #[cfg(not(unix))]
-        fs::write(&partial, "left by a killed run").unwrap();
-        folder.write(OutputFile::Energy, b"t\n").unwrap();
-        assert_eq!(fs::read_to_string(&outside).unwrap(), "mine");
-        assert_eq!(fs::read(folder.path_of(OutputFile::Energy)).unwrap(), b"t\n");
-        assert_eq!(names(folder.path()), ["energy.csv", "frames"]);
-    }
-
-    #[test]
-    fn a_non_empty_folder_needs_force_and_force_removes_only_our_files() {
-        let dir = tempfile::tempdir().unwrap();
-        let folder = OutputFolder::create(dir.path(), false).unwrap();
-        folder.write(OutputFile::Summary, b"{}").unwrap();
-        folder.write(OutputFile::Frame(7), b"frame").unwrap();
-        let ours = [".run.pvd.partial", "frames/.frame_000008.vtu.partial"];
-        let theirs = ["notes.txt", "other.csv", "frames/mine.vtu", "frames/frame_1.vtu"];
-        for name in ours.iter().chain(&theirs) {
-            fs::write(dir.path().join(name), "x").unwrap();
-        }
-        let error = OutputFolder::create(dir.path(), false).unwrap_err();
-        assert!(matches!(&error, OutputError::NotEmpty { .. }), "{error}");
-        assert!(error.help().unwrap().contains("--force"));
-
-        OutputFolder::create(dir.path(), true).unwrap();
-        assert_eq!(names(dir.path()), ["frames", "notes.txt", "other.csv"]);
-        assert_eq!(names(&dir.path().join("frames")), ["frame_1.vtu", "mine.vtu"]);
-    }
-
-    #[test]
-    fn a_file_in_the_place_of_a_folder_is_refused() {
-        let dir = tempfile::tempdir().unwrap();
-        let file = dir.path().join("file");
-        fs::write(&file, "x").unwrap();
-        for path in [file.clone(), file.join("below")] {
-            let error = OutputFolder::create(&path, true).unwrap_err();
-            assert!(matches!(error, OutputError::NotAFolder { .. }), "{error}");
-        }
-        assert_eq!(fs::read_to_string(&file).unwrap(), "x");
-    }
-
-    #[cfg(unix)]
-    #[test]
-    fn a_link_named_frames_is_refused_and_its_target_untouched() {
-        let dir = tempfile::tempdir().unwrap();
-        let elsewhere = dir.path().join("elsewhere");
-        let run = dir.path().join("run");
-        fs::create_dir(&elsewhere).unwrap();
-        fs::create_dir(&run).unwrap();
-        fs::write(elsewhere.join("frame_000001.vtu"), "precious").unwrap();
-        std::os::unix::fs::symlink(&elsewhere, run.join("frames")).unwrap();
-        let error = OutputFolder::create(&run, true).unwrap_err();
-        assert!(matches!(error, OutputError::NotAFolder { .. }), "{error}");
-        assert_eq!(names(&elsewhere), ["frame_000001.vtu"]);
-    }
-
-    #[test]
-    fn a_missing_folder_is_created_with_its_parents() {
-        let dir = tempfile::tempdir().unwrap();
-        let folder = OutputFolder::create(&dir.path().join("a/b/c"), false).unwrap();
-        folder.write(OutputFile::Frame(12), b"x").unwrap();
-        assert!(dir.path().join("a/b/c/frames/frame_000012.vtu").is_file());
     }
 }

@@ -6,14 +6,16 @@
 //! | `displacement.csv`, `reactions.csv`, `energy.csv`, `probes.csv` | [`table`] | numbers, one row per point or step |
 //! | `picture.svg`, `picture.png` | [`picture`] | deformed body, reactions, Newton residuals |
 //! | `summary.json` | [`summary`] | everything about the run that fits a page |
-//! | `scene.resolved.toml` | the caller, through [`atomic::OutputFolder::write`] | the scene with all defaults |
+//! | `scene.resolved.toml` | the caller, through [`OutputFolder::write`] | the scene with all defaults |
 //!
-//! Every file goes through [`atomic::OutputFolder`]: it appears whole or not at all.
+//! Every file goes through an [`OutputFolder`]: it appears whole or not at all, and one run at a time
+//! holds the folder.
 //! The types of this module ([`Points`], [`Frame`], [`History`]) are plain data in the user's
 //! order of points; nothing here knows about kernels, energies or solvers.
 //! [`read`] holds the readers of what users bring: displacement tables and point clouds.
 
 pub mod atomic;
+pub mod folder;
 pub mod history;
 pub mod picture;
 pub mod pvd;
@@ -24,7 +26,8 @@ pub mod vtu;
 
 use crate::body::Body;
 
-pub use atomic::{OutputError, OutputFile, OutputFolder};
+pub use atomic::OutputError;
+pub use folder::{OutputFile, OutputFolder};
 pub use history::{Definiteness, History, StepRecord};
 
 /// The points of a body in the user's order; they do not change during a run.

@@ -130,7 +130,8 @@ mod tests {
         let mut series = FrameSeries::new(&folder, &points).unwrap();
         series.push(&frame(0.0)).unwrap();
         // What a run killed in the middle of its second frame leaves behind.
-        fs::write(dir.path().join("frames/.frame_000001.vtu.partial"), b"<VTK").unwrap();
+        let partial = format!("frames/.frame_000001.vtu.{}.partial", std::process::id());
+        fs::write(dir.path().join(partial), b"<VTK").unwrap();
         assert_eq!(listed(&folder), [(0.0, "frames/frame_000000.vtu".to_owned())]);
         series.push(&frame(1.0)).unwrap();
         assert_eq!(listed(&folder).len(), 2);

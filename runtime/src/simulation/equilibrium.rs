@@ -6,13 +6,10 @@ use std::time::{Duration, Instant};
 
 use super::run::{SceneDrive, check_held, differences, failed, settings, strained, sum_over};
 use super::{Case, CaseError};
-use crate::energy::{
-    Argument, EnergyParts, FromPositions, Inversion, NonFinite, Products, TotalEnergy,
-};
-use crate::kernel::Measure;
-use crate::matrix::{BlockMatrix, BlockPattern};
+use crate::energy::{EnergyParts, FromPositions, TotalEnergy};
 use crate::scene::boundary::BoundaryConditions;
 use crate::solve::steps::{State, StepError, StepRecord, run_steps};
+use crate::solve::{Event, Observer, Watch};
 
 /// A vector of a set or a probe.
 #[derive(Clone, Debug, PartialEq)]
@@ -72,16 +69,10 @@ pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
     let drive = SceneDrive::new(&boundary);
     let rounded = FromPositions::new(energy.total(), case.body.positions());
     let mut reached = Equilibrium::default();
-    let mut late = None;
     let mut observer = |record: &StepRecord, state: &State<'_>| {
         reached.note(record);
         if record.t < case.scene.steps.end {
-            return if start.elapsed() <= limit {
-                ControlFlow::Continue(())
-            } else {
-                late = Some(record.t);
-                ControlFlow::Break(())
-            };
+            return ControlFlow::Continue(());
         }
         let d = case.body.dimension();
         let residual: Vec<f64> =
@@ -103,116 +94,33 @@ pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
     let strained = strained(case, energy.total(), &rounded);
     let differences = differences(case, strained);
     let energy = differences.as_ref().map_or(strained, |energy| energy as &dyn TotalEnergy);
-    let watched = Watched { energy, start, limit };
-    let result = run_steps(&watched, &drive, &settings(&case.scene), &mut observer);
-    match result {
-        Ok(outcome) => Ok(match late {
-            Some(t) => Attempt::OutOfTime(t),
-            None => {
-                reached.displacements = outcome.displacements;
-                Attempt::Reached(Box::new(reached))
-            }
-        }),
-        Err(StepError::NotConverged(failure)) => Ok(if watched.is_late() {
-            Attempt::OutOfTime(failure.t_converged)
-        } else {
-            Attempt::NotConverged(failed(case, &failure).1)
-        }),
+    let watch = Watch::by(Arc::new(Deadline { start, limit }));
+    match run_steps(energy, &drive, &settings(&case.scene), &watch, &mut observer) {
+        Ok(outcome) if outcome.stopped => {
+            Ok(Attempt::OutOfTime(outcome.records.last().map_or(0.0, |record| record.t)))
+        }
+        Ok(outcome) => {
+            reached.displacements = outcome.displacements;
+            Ok(Attempt::Reached(Box::new(reached)))
+        }
+        Err(StepError::NotConverged(failure)) => {
+            Ok(Attempt::NotConverged(failed(case, &failure).1))
+        }
         Err(error) => Err(drive.explain(&error)),
     }
 }
 
-/// An energy that cannot be evaluated any more once the time is up: the solver then gives up, also
-/// in the middle of a step that does not converge.
-struct Watched<'a> {
-    energy: &'a dyn TotalEnergy,
+/// Wants an end once the time is up, also in the middle of a step that does not converge.
+struct Deadline {
     start: Instant,
     limit: Duration,
 }
 
-impl Watched<'_> {
-    fn is_late(&self) -> bool {
+impl Observer for Deadline {
+    fn notice(&self, _: Event<'_>) {}
+
+    fn wants_end(&self) -> bool {
         self.start.elapsed() > self.limit
-    }
-
-    fn check(&self) -> Result<(), NonFinite> {
-        if !self.is_late() {
-            return Ok(());
-        }
-        // Never shown: who sees that the time is up asks no further.
-        Err(NonFinite {
-            argument: Argument::Measure(Measure::Length),
-            points: Vec::new(),
-            displacements: Vec::new(),
-            value: f64::NAN,
-            reference: f64::NAN,
-            inverted: false,
-        })
-    }
-}
-
-impl TotalEnergy for Watched<'_> {
-    fn dimension(&self) -> usize {
-        self.energy.dimension()
-    }
-
-    fn positions(&self) -> &[f64] {
-        self.energy.positions()
-    }
-
-    fn pattern(&self) -> &Arc<BlockPattern> {
-        self.energy.pattern()
-    }
-
-    fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
-        self.energy.bond_pattern()
-    }
-
-    fn bond_tangent(&self, u: &[f64], tangent: &mut BlockMatrix) {
-        self.energy.bond_tangent(u, tangent);
-    }
-
-    fn products(&self) -> Products {
-        self.energy.products()
-    }
-
-    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
-        self.check()?;
-        self.energy.energy(u)
-    }
-
-    fn gradient(&self, u: &[f64], gradient: &mut [f64]) -> Result<EnergyParts, NonFinite> {
-        self.check()?;
-        self.energy.gradient(u, gradient)
-    }
-
-    fn tangent(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        tangent: &mut BlockMatrix,
-    ) -> Result<EnergyParts, NonFinite> {
-        self.check()?;
-        self.energy.tangent(u, gradient, tangent)
-    }
-
-    fn tangent_diagonal(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        diagonal: &mut [f64],
-    ) -> Result<EnergyParts, NonFinite> {
-        self.check()?;
-        self.energy.tangent_diagonal(u, gradient, diagonal)
-    }
-
-    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
-        self.check()?;
-        self.energy.tangent_product(u, p, product)
-    }
-
-    fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {
-        self.energy.first_inversion(u, step)
     }
 }
 

@@ -26,6 +26,7 @@ use crate::solve::rigid_modes::check_rigid_motions;
 use crate::solve::steps::{
     self, Drive, NotConverged, State, StepError, StepRecord, StepSettings, run_steps,
 };
+use crate::solve::{Event, Watch};
 
 /// What a run is told beside the scene.
 pub struct RunOptions<'a> {
@@ -70,21 +71,21 @@ impl From<OutputError> for RunError {
     }
 }
 
-/// Runs a case and fills the folder; `observer` sees every converged step.
+/// Runs a case and fills the folder; `watch` sees what goes on and may end the run.
 ///
 /// # Errors
 /// A case that cannot start, a file that cannot be written. A solver that does not converge is no
-/// error: what converged is written and the ending says so.
+/// error, nor is one that was interrupted: what converged is written and the ending says so.
 pub fn run(
     case: &Case,
     folder: &OutputFolder,
     options: RunOptions<'_>,
-    observer: &mut dyn FnMut(&StepRecord),
+    watch: &Watch,
 ) -> Result<Ending, RunError> {
     let mut clock = PhaseClock::new();
-    clock.enter("compile");
+    enter(&mut clock, watch, "compile");
     let compiled = case.compile()?;
-    clock.enter("interactions");
+    enter(&mut clock, watch, "interactions");
     let energy = case.energy(compiled)?;
     let selection = case.selection()?;
     let boundary =
@@ -94,7 +95,7 @@ pub fn run(
     // From here on there is something to keep.
     let resolved = case.scene.resolved_toml();
     folder.write(OutputFile::ResolvedScene, resolved.as_bytes())?;
-    clock.enter("solve");
+    enter(&mut clock, watch, "solve");
     let drive = SceneDrive::new(&boundary);
     let points = Points::of(&case.body);
     let mut recorder = Recorder::new(case, &energy, &selection, folder, &points, clock)?;
@@ -102,10 +103,10 @@ pub fn run(
     let strained = strained(case, energy.total(), &rounded);
     let differences = differences(case, strained);
     let whole = differences.as_ref().map_or(strained, |energy| energy as &dyn TotalEnergy);
-    let result = run_steps(whole, &drive, &settings(&case.scene), &mut |record, state| {
-        observer(record);
+    let result = run_steps(whole, &drive, &settings(&case.scene), watch, &mut |record, state| {
         recorder.record(record, state)
     });
+    watch.notice(Event::Phase("output"));
     if let Some(error) = recorder.failed.take() {
         return Err(error.into());
     }
@@ -114,6 +115,11 @@ pub fn run(
     ending.warnings.extend(idle_choices(&case.scene, &outcome));
     recorder.finish(&outcome, &ending, &resolved, options)?;
     Ok(ending)
+}
+
+fn enter(clock: &mut PhaseClock, watch: &Watch, phase: &'static str) {
+    clock.enter(phase);
+    watch.notice(Event::Phase(phase));
 }
 
 /// Refuses a body that can move without force.
@@ -303,6 +309,12 @@ fn ending(
         Ending { reason, message, steps, indefinite, inverted, warnings }
     };
     match result {
+        // Only who looks on stops a run whose output could be written.
+        Ok(outcome) if outcome.stopped => {
+            let t = outcome.records.last().map_or(0.0, |record| record.t);
+            let message = format!("interrupted; the last equilibrium is at t = {t}");
+            Ok((end(ExitReason::Interrupted, message), outcome))
+        }
         Ok(outcome) => Ok((end(ExitReason::Completed, String::new()), outcome)),
         Err(StepError::NotConverged(failure)) => {
             let (reason, message) = failed(case, &failure);
@@ -458,24 +470,6 @@ impl<'a> Recorder<'a> {
         }
         let displacement = body.to_user_order(&outcome.displacements, body.dimension());
         table::write_displacement(self.folder, self.points, &displacement)?;
-        let sets: Vec<NamedPoints> = self
-            .selection
-            .sets
-            .iter()
-            .map(|set| NamedPoints {
-                name: set.name.clone(),
-                points: set.points.iter().map(|p| body.user_index()[*p] as usize).collect(),
-            })
-            .collect();
-        let picture = Picture {
-            title: options.title,
-            points: self.points,
-            frame: &self.last,
-            sets: &sets,
-            history: &self.history,
-            tolerance: self.case.scene.solver.tolerance,
-        };
-        picture.write(self.folder)?;
         self.clock.leave();
         let report = self.energy.report();
         let warnings = [options.warnings.as_slice(), &ending.warnings].concat();
@@ -501,7 +495,31 @@ impl<'a> Recorder<'a> {
             memory_source: MEMORY_SOURCE,
             steps: step_summaries(&self.history),
         };
-        summary.write(self.folder)
+        // Before the picture: that takes longer, and is the smaller loss.
+        summary.write(self.folder)?;
+        self.draw(options.title)
+    }
+
+    fn draw(&self, title: &str) -> Result<(), OutputError> {
+        let body = &self.case.body;
+        let sets: Vec<NamedPoints> = self
+            .selection
+            .sets
+            .iter()
+            .map(|set| NamedPoints {
+                name: set.name.clone(),
+                points: set.points.iter().map(|p| body.user_index()[*p] as usize).collect(),
+            })
+            .collect();
+        let picture = Picture {
+            title,
+            points: self.points,
+            frame: &self.last,
+            sets: &sets,
+            history: &self.history,
+            tolerance: self.case.scene.solver.tolerance,
+        };
+        picture.write(self.folder)
     }
 }
 

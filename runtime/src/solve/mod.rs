@@ -23,9 +23,11 @@ mod newton_outcome;
 pub mod rigid_modes;
 pub mod steps;
 pub(crate) mod vector;
+mod watch;
 
 pub use clock::{Counters, PhaseTimes};
 pub(crate) use held::HeldTangent;
+pub use watch::{Event, Observer, Watch};
 
 #[cfg(test)]
 pub(crate) mod testing;

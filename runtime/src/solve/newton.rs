@@ -22,6 +22,7 @@ use super::linear::{
 };
 pub use super::newton_outcome::{History, NewtonError, NewtonFailure, NewtonReport};
 use super::vector::{dot, norm, norm_of};
+use super::watch::{Event, Watch};
 use crate::energy::{EnergyParts, NonFinite, TotalEnergy};
 
 /// Unit roundoff of f64.
@@ -92,6 +93,7 @@ pub struct Newton<'a> {
     factorized: bool,
     counters: Counters,
     times: PhaseTimes,
+    watch: Watch,
 }
 
 impl<'a> Newton<'a> {
@@ -118,7 +120,14 @@ impl<'a> Newton<'a> {
             factorized: false,
             counters: Counters::default(),
             times: PhaseTimes::default(),
+            watch: Watch::default(),
         })
+    }
+
+    /// From now on someone looks on: sees residuals and products, and may end a solve.
+    pub fn watched(&mut self, watch: &Watch) {
+        self.watch = watch.clone();
+        self.linear.watched(watch.clone());
     }
 
     /// The linear solver: its method and its estimate.
@@ -206,13 +215,18 @@ impl<'a> Newton<'a> {
         // Modified Newton begins with the factors that it has.
         self.evaluate(u, !(self.is_modified() && self.factorized))?;
         loop {
-            if self.is_converged(loads, history, &mut report.notes)? {
+            let converged = self.is_converged(loads, history, &mut report.notes)?;
+            self.tell(report.iterations, history);
+            if converged {
                 report.energy = self.parts;
                 report.rounding_floor = self.rounding_floor(loads);
                 return Ok(report);
             }
             if report.iterations == self.settings.max_iterations {
                 return Err(NewtonFailure::Iterations { limit: self.settings.max_iterations });
+            }
+            if self.watch.wants_end() {
+                return Err(NewtonFailure::Interrupted);
             }
             let (direction, linear) = self.direction(loads)?;
             let negative_pivots = linear.negative_pivots;
@@ -227,6 +241,12 @@ impl<'a> Newton<'a> {
             if self.full_steps_only && 0.0 < length && length < 1.0 {
                 return Err(NewtonFailure::LineSearch { negative_pivots });
             }
+        }
+    }
+
+    fn tell(&self, iterations: usize, history: &History) {
+        if let Some(&over_reaction) = history.residual_over_reaction.last() {
+            self.watch.notice(Event::Residual { iterations, over_reaction });
         }
     }
 

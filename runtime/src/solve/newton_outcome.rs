@@ -64,7 +64,19 @@ pub enum NewtonFailure {
     NonFinite(#[from] NonFinite),
     /// A linear system could not be solved.
     #[error(transparent)]
-    Linear(#[from] LinearError),
+    Linear(LinearError),
+    /// Whoever looked on wanted an end.
+    #[error("the solution was interrupted")]
+    Interrupted,
+}
+
+impl From<LinearError> for NewtonFailure {
+    fn from(error: LinearError) -> NewtonFailure {
+        match error {
+            LinearError::Interrupted => NewtonFailure::Interrupted,
+            error => NewtonFailure::Linear(error),
+        }
+    }
 }
 
 fn indefinite(negative_pivots: Option<usize>) -> String {

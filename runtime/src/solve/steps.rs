@@ -11,6 +11,7 @@ use super::constraint::{ConstraintError, Constraints};
 use super::increment::{Increment, TICKS};
 use super::linear::{Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport};
 use super::newton::{Newton, NewtonError, NewtonFailure, NewtonReport, NewtonSettings};
+use super::watch::{Event, Watch};
 use crate::energy::{EnergyParts, TotalEnergy};
 
 /// What drives the body: prescribed values and loads as functions of `t`.
@@ -123,7 +124,7 @@ pub struct Outcome {
     pub counters: Counters,
     /// How linear systems were solved.
     pub linear: LinearSummary,
-    /// Whether the run ended before its end: by the observer, or without convergence.
+    /// Whether the run ended before its end: by who looked on, or without convergence.
     pub stopped: bool,
 }
 
@@ -199,18 +200,22 @@ pub struct NotConverged {
 }
 
 /// Follows the drive from rest at `t = 0` to the end; `observer` sees each converged step and may
-/// end the run.
+/// end the run, `watch` sees what goes on within steps and may end it there.
 pub fn run_steps(
     energy: &dyn TotalEnergy,
     drive: &dyn Drive,
     settings: &StepSettings,
+    watch: &Watch,
     observer: &mut dyn FnMut(&StepRecord, &State<'_>) -> ControlFlow<()>,
 ) -> Result<Outcome, StepError> {
     check(settings)?;
     let n_dofs = energy.positions().len();
     let constraints = Constraints::new(n_dofs, drive.fixed())?;
+    let mut newton = Newton::new(energy, &constraints, settings.newton, settings.linear)?;
+    newton.watched(watch);
     let mut run = Run {
-        newton: Newton::new(energy, &constraints, settings.newton, settings.linear)?,
+        newton,
+        watch: watch.clone(),
         dimension: energy.dimension(),
         constraints,
         drive,
@@ -249,6 +254,7 @@ fn check(settings: &StepSettings) -> Result<(), StepError> {
 /// A run in progress.
 struct Run<'a> {
     newton: Newton<'a>,
+    watch: Watch,
     dimension: usize,
     constraints: Constraints,
     drive: &'a dyn Drive,
@@ -275,6 +281,9 @@ impl<'a> Run<'a> {
             let (from, to) = (self.nominal_time(nominal), self.nominal_time(nominal + 1));
             let mut position = 0;
             while position < TICKS {
+                if self.watch.wants_end() {
+                    return Ok(ControlFlow::Break(()));
+                }
                 let ticks = increment.ticks.min(TICKS - position);
                 let end = position + ticks;
                 let t = if end == TICKS {
@@ -290,10 +299,14 @@ impl<'a> Run<'a> {
                             return Ok(flow);
                         }
                     }
+                    Attempt::Failed(cause) if cause.failure == NewtonFailure::Interrupted => {
+                        return Ok(ControlFlow::Break(()));
+                    }
                     Attempt::Failed(cause) => {
                         if !smaller_may_help(&cause.failure) || !increment.halve(ticks) {
                             return Err(self.not_converged(t, cause));
                         }
+                        self.watch.notice(Event::CutBack { t, cause: &cause });
                         self.cut_backs += 1;
                         self.all_cut_backs += 1;
                     }
@@ -317,6 +330,7 @@ impl<'a> Run<'a> {
         nominal: bool,
         observer: &mut dyn FnMut(&StepRecord, &State<'_>) -> ControlFlow<()>,
     ) -> Result<Attempt, StepError> {
+        self.watch.notice(Event::Attempt(t));
         let loads = self.loads(t)?;
         let near = self.start(t)?;
         let far = self.extrapolated(&near, t);
@@ -343,6 +357,7 @@ impl<'a> Run<'a> {
             loads: &loads,
             energy: record.energy_parts,
         };
+        self.watch.notice(Event::Step(&record));
         let flow = observer(&record, &state);
         self.records.push(record);
         Ok(Attempt::Converged { iterations, flow })
@@ -476,11 +491,12 @@ enum Attempt {
     Failed(NewtonError),
 }
 
-/// Rounding and memory do not improve with smaller increments.
+/// Rounding and memory do not improve with smaller increments, and an end that is wanted is one.
 fn smaller_may_help(failure: &NewtonFailure) -> bool {
     !matches!(
         failure,
         NewtonFailure::RoundingFloor { .. }
+            | NewtonFailure::Interrupted
             | NewtonFailure::Linear(LinearError::TooLarge { .. } | LinearError::OutOfMemory)
     )
 }

@@ -1,6 +1,9 @@
+use std::sync::Arc;
+
 use super::*;
 use crate::solve::linear::LinearMethod;
 use crate::solve::testing::{PEAK, SpringLaw, SpringNetwork, limited, linear, softening};
+use crate::solve::{Event, Observer};
 
 /// Prescribed values and loads that grow in proportion to `t`.
 struct Proportional {
@@ -45,7 +48,7 @@ fn run(
     drive: &Proportional,
     settings: &StepSettings,
 ) -> Result<Outcome, StepError> {
-    run_steps(network, drive, settings, &mut |_, _| ControlFlow::Continue(()))
+    run_steps(network, drive, settings, &Watch::default(), &mut |_, _| ControlFlow::Continue(()))
 }
 
 fn not_converged(error: StepError) -> NotConverged {
@@ -71,20 +74,27 @@ fn nominal_times_are_exact_and_the_observer_sees_equilibria() {
         .map(|dof| (dof, if dof >= 32 && dof % 2 == 0 { 1.0 } else { 0.0 }))
         .collect();
     let mut times = Vec::new();
-    let outcome = run_steps(&network, &displaced(&end), &settings(7), &mut |record, state| {
-        assert!(record.nominal && record.cut_backs == 0);
-        assert_eq!(record.definiteness.positive_definite, Some(true));
-        assert_eq!(record.residual.len(), record.iterations + 1);
-        assert_eq!(record.linear.len(), record.iterations);
-        assert_eq!(state.displacements[32], state.t);
-        let free = |dof: &usize| end.iter().all(|(fixed, _)| fixed != dof);
-        let residual: f64 = (0..40).filter(free).map(|dof| state.internal_forces[dof].abs()).sum();
-        assert!(residual < 1e-8, "{residual:e}");
-        let sum: f64 = state.internal_forces.iter().step_by(2).sum();
-        assert!(sum.abs() < 1e-12);
-        times.push(state.t);
-        ControlFlow::Continue(())
-    })
+    let outcome = run_steps(
+        &network,
+        &displaced(&end),
+        &settings(7),
+        &Watch::default(),
+        &mut |record, state| {
+            assert!(record.nominal && record.cut_backs == 0);
+            assert_eq!(record.definiteness.positive_definite, Some(true));
+            assert_eq!(record.residual.len(), record.iterations + 1);
+            assert_eq!(record.linear.len(), record.iterations);
+            assert_eq!(state.displacements[32], state.t);
+            let free = |dof: &usize| end.iter().all(|(fixed, _)| fixed != dof);
+            let residual: f64 =
+                (0..40).filter(free).map(|dof| state.internal_forces[dof].abs()).sum();
+            assert!(residual < 1e-8, "{residual:e}");
+            let sum: f64 = state.internal_forces.iter().step_by(2).sum();
+            assert!(sum.abs() < 1e-12);
+            times.push(state.t);
+            ControlFlow::Continue(())
+        },
+    )
     .unwrap();
     let expected: Vec<f64> = (1..8).map(|k| f64::from(k) / 7.0).collect();
     assert_eq!(times, expected);
@@ -100,9 +110,15 @@ fn the_observer_can_stop_the_run() {
     let (network, mut held) = chain(3, linear);
     held.push((6, 0.5));
     held.sort_unstable_by_key(|p| p.0);
-    let outcome = run_steps(&network, &displaced(&held), &settings(10), &mut |record, _| {
-        if record.t > 0.35 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    })
+    let outcome = run_steps(
+        &network,
+        &displaced(&held),
+        &settings(10),
+        &Watch::default(),
+        &mut |record, _| {
+            if record.t > 0.35 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        },
+    )
     .unwrap();
     assert!(outcome.stopped);
     assert_eq!(outcome.records.len(), 4);
@@ -153,7 +169,7 @@ fn where_the_line_leads_astray_a_step_starts_at_the_last_state() {
     let settings = StepSettings { start: Start::Extrapolate, ..settings(4) };
     let drive = Halting(displaced(&held));
     let go_on = &mut |_: &StepRecord, _: &State<'_>| ControlFlow::Continue(());
-    let outcome = run_steps(&network, &drive, &settings, go_on).unwrap();
+    let outcome = run_steps(&network, &drive, &settings, &Watch::default(), go_on).unwrap();
     assert_eq!(outcome.records.len(), 4);
     assert!(outcome.records.iter().all(|record| record.cut_backs == 0 && record.nominal));
     assert_eq!(outcome.records[2].iterations, 0);
@@ -202,12 +218,13 @@ fn a_load_beyond_the_peak_ends_in_a_typed_error_close_to_it() {
     let peak_force = PEAK * libm::exp(-1.0);
     let drive = Proportional { loads: vec![(2, 1.3 * peak_force)], ..displaced(&held) };
     let mut seen = 0;
-    let error = run_steps(&network, &drive, &settings(10), &mut |record, state| {
-        assert!(state.displacements[2] < PEAK, "{record:?}");
-        seen += 1;
-        ControlFlow::Continue(())
-    })
-    .unwrap_err();
+    let error =
+        run_steps(&network, &drive, &settings(10), &Watch::default(), &mut |record, state| {
+            assert!(state.displacements[2] < PEAK, "{record:?}");
+            seen += 1;
+            ControlFlow::Continue(())
+        })
+        .unwrap_err();
     let NotConverged { t_converged, t_failed, cut_backs, cause, outcome } = not_converged(error);
     assert_eq!(outcome.records.len(), seen);
     assert_eq!(outcome.records.last().unwrap().t, t_converged);
@@ -260,11 +277,12 @@ fn a_steep_truss_pushed_through_is_unstable_on_the_way() {
     let (h, reference) = (4.0, 17.0_f64.sqrt());
     let drive = displaced(&[(0, 0.0), (1, 0.0), (3, -2.0 * h), (4, 0.0), (5, 0.0)]);
     let mut forces = Vec::new();
-    let outcome = run_steps(&truss(h), &drive, &settings(40), &mut |_, state| {
-        forces.push(state.internal_forces[3]);
-        ControlFlow::Continue(())
-    })
-    .unwrap();
+    let outcome =
+        run_steps(&truss(h), &drive, &settings(40), &Watch::default(), &mut |_, state| {
+            forces.push(state.internal_forces[3]);
+            ControlFlow::Continue(())
+        })
+        .unwrap();
     for (k, (record, force)) in outcome.records.iter().zip(&forces).enumerate() {
         let y = h - 0.2 * (k + 1) as f64;
         let l = (1.0 + y * y).sqrt();
@@ -297,14 +315,15 @@ fn a_shallow_truss_under_a_load_fails_at_the_limit_load() {
     // Neither start may snap through to the equilibrium on the other side.
     for start in [Start::Last, Start::Extrapolate] {
         let settings = StepSettings { start, ..settings(10) };
-        let error = run_steps(&truss(h), &drive, &settings, &mut |record, state| {
-            assert_eq!(record.definiteness.positive_definite, Some(true), "{record:?}");
-            let y = h + state.displacements[3];
-            assert!(y > 0.0, "{record:?}");
-            assert!((carried(y) - load * record.t).abs() < 1e-11, "{record:?}");
-            ControlFlow::Continue(())
-        })
-        .unwrap_err();
+        let error =
+            run_steps(&truss(h), &drive, &settings, &Watch::default(), &mut |record, state| {
+                assert_eq!(record.definiteness.positive_definite, Some(true), "{record:?}");
+                let y = h + state.displacements[3];
+                assert!(y > 0.0, "{record:?}");
+                assert!((carried(y) - load * record.t).abs() < 1e-11, "{record:?}");
+                ControlFlow::Continue(())
+            })
+            .unwrap_err();
         let NotConverged { t_converged, cut_backs, cause, .. } = not_converged(error);
         assert!(t_converged <= limit && limit < t_converged + 2e-4, "{t_converged} {limit}");
         assert!(cut_backs >= 10, "{cut_backs}");
@@ -358,7 +377,7 @@ fn the_published_residuals_are_reproduced_by_full_steps() {
     let drive = displaced(&held.iter().map(|&dof| (dof, pulled(dof))).collect::<Vec<_>>());
     let newton = NewtonSettings { tolerance: 1e-13, ..NewtonSettings::default() };
     let settings = StepSettings { end: 0.2, start: Start::Last, newton, ..settings(10) };
-    let outcome = run_steps(&network, &drive, &settings, &mut |record, _| {
+    let outcome = run_steps(&network, &drive, &settings, &Watch::default(), &mut |record, _| {
         assert!(record.step_lengths.iter().all(|&length| length == 1.0));
         ControlFlow::Continue(())
     })
@@ -367,5 +386,62 @@ fn the_published_residuals_are_reproduced_by_full_steps() {
     for (found, printed) in residual.iter().zip([1.0, 3.99e-2, 7.66e-5, 3.79e-10]) {
         let ratio = found / residual[0] / printed;
         assert!((ratio - 1.0).abs() < 5e-3, "{residual:?}");
+    }
+}
+
+/// Wants an end after some products, and counts what it sees.
+struct Impatient {
+    most: usize,
+    products: std::sync::atomic::AtomicUsize,
+    steps: std::sync::atomic::AtomicUsize,
+}
+
+impl Observer for Impatient {
+    fn notice(&self, event: Event<'_>) {
+        use std::sync::atomic::Ordering::Relaxed;
+        match event {
+            Event::Product => drop(self.products.fetch_add(1, Relaxed)),
+            Event::Step(_) => drop(self.steps.fetch_add(1, Relaxed)),
+            _ => {}
+        }
+    }
+
+    fn wants_end(&self) -> bool {
+        self.products.load(std::sync::atomic::Ordering::Relaxed) >= self.most
+    }
+}
+
+/// Within a linear system the search ends with the product after which an end is wanted, and what
+/// converged before stays as it was; no other method takes over.
+#[test]
+fn whoever_looks_on_ends_the_search_within_a_step() {
+    let network = SpringNetwork::lattice(&[12, 5, 5], 2.0, linear);
+    let n = network.positions.len();
+    let fixed = network.dofs_where(|x| x[0] < 0.5 || x[0] > 10.5);
+    let held: Vec<(usize, f64)> = fixed
+        .iter()
+        .map(|&dof| (dof, if dof % 3 == 0 && dof > n / 2 { 0.4 } else { 0.0 }))
+        .collect();
+    for method in [LinearMethod::Cg, LinearMethod::MatrixFree, LinearMethod::Gmres] {
+        let linear = LinearOptions { method, ..LinearOptions::default() };
+        let settings = StepSettings { linear, ..settings(4) };
+        let watched = |most: usize| {
+            let observer = Arc::new(Impatient { most, products: 0.into(), steps: 0.into() });
+            let watch = Watch::by(Arc::clone(&observer) as Arc<dyn Observer>);
+            let go_on = &mut |_: &StepRecord, _: &State<'_>| ControlFlow::Continue(());
+            let outcome = run_steps(&network, &displaced(&held), &settings, &watch, go_on).unwrap();
+            (outcome, observer.products.load(std::sync::atomic::Ordering::Relaxed))
+        };
+        let (whole, products) = watched(usize::MAX);
+        assert!(!whole.stopped && whole.records.len() == 4 && products > 20, "{products}");
+        for most in [0, 1, products / 2, products - 1] {
+            let (cut, seen) = watched(most);
+            assert!(cut.stopped && seen == most, "{method:?}: {seen} products of {most}");
+            let steps = cut.records.len();
+            assert!(steps < 4 && (steps > 0) == (most > products / 4), "{steps}");
+            for (record, expected) in cut.records.iter().zip(&whole.records) {
+                assert_eq!(record.residual, expected.residual);
+            }
+        }
     }
 }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use piola_runtime::assembly::DiscreteEnergy;
 use piola_runtime::body::Body;
 use piola_runtime::energy::TotalEnergy;
+use piola_runtime::solve::Watch;
 use piola_runtime::solve::constraint::Constraints;
 use piola_runtime::solve::linear::{LinearError, LinearOptions};
 use piola_runtime::solve::newton::{Newton, NewtonFailure, NewtonSettings};
@@ -53,8 +54,10 @@ impl Drive for Pull {
 fn solve(energy: &DiscreteEnergy, drive: &Pull, tolerance: f64) -> (Vec<f64>, StepRecord) {
     let newton = NewtonSettings { tolerance, ..NewtonSettings::default() };
     let settings = StepSettings { newton, ..StepSettings::default() };
-    let outcome =
-        run_steps(energy, drive, &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
+    let outcome = run_steps(energy, drive, &settings, &Watch::default(), &mut |_, _| {
+        ControlFlow::Continue(())
+    })
+    .unwrap();
     let record = outcome.records.last().unwrap().clone();
     assert_eq!(outcome.records.len(), 1, "no cut-back");
     (outcome.displacements, record)
@@ -65,7 +68,9 @@ fn solve(energy: &DiscreteEnergy, drive: &Pull, tolerance: f64) -> (Vec<f64>, St
 fn floor(energy: &DiscreteEnergy, drive: &Pull) -> f64 {
     let newton = NewtonSettings { tolerance: 1e-17, ..NewtonSettings::default() };
     let settings = StepSettings { newton, ..StepSettings::default() };
-    match run_steps(energy, drive, &settings, &mut |_, _| ControlFlow::Continue(())) {
+    match run_steps(energy, drive, &settings, &Watch::default(), &mut |_, _| {
+        ControlFlow::Continue(())
+    }) {
         Ok(outcome) => last(outcome.records.last().unwrap()),
         Err(StepError::NotConverged(failed)) => {
             let reached = failed.cause.history.residual_over_reaction;

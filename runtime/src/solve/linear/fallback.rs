@@ -131,8 +131,14 @@ impl LinearSolver {
     fn iterative(&mut self, tangent: Tangent<'_>) -> Result<&mut Iterative, LinearError> {
         if self.iterative.is_none() {
             let (positions, constraints) = (&self.positions, &self.constraints);
-            let iterative =
-                Iterative::new(&self.pattern, positions, constraints, &self.options, tangent)?;
+            let iterative = Iterative::new(
+                &self.pattern,
+                positions,
+                constraints,
+                &self.options,
+                tangent,
+                self.watch.clone(),
+            )?;
             self.iterative = Some(iterative);
         }
         Ok(self.iterative.as_mut().expect("made in the lines above"))
@@ -170,7 +176,8 @@ impl LinearSolver {
         solution: &mut [f64],
     ) -> Result<(usize, f64), LinearError> {
         let limits = self.limits;
-        let report = self.iterative(tangent)?.conjugate_gradients(tangent, rhs, limits, solution);
+        let report =
+            self.iterative(tangent)?.conjugate_gradients(tangent, rhs, limits, solution)?;
         self.seen = Some((report.iterations, report.ritz));
         match (report.outcome, lost(&report, limits)) {
             (CgOutcome::Converged { residual }, None) => return Ok((report.iterations, residual)),
@@ -230,7 +237,7 @@ impl LinearSolver {
     ) -> Result<(usize, f64), LinearError> {
         let limits = self.limits;
         let GmresReport { outcome, iterations, residual } =
-            self.iterative(tangent)?.gmres(tangent, rhs, limits, solution);
+            self.iterative(tangent)?.gmres(tangent, rhs, limits, solution)?;
         if residual <= ROUGH_ENOUGH.max(2.0 * limits.tolerance) {
             return Ok((iterations, residual));
         }
@@ -254,7 +261,7 @@ impl LinearSolver {
     ) -> Result<(usize, f64), LinearError> {
         let limits = CgLimits { max_iterations: MINIMUM_RESIDUAL_ITERATIONS, ..self.limits };
         let (iterations, residual) =
-            self.iterative(tangent)?.minimum_residual(tangent, rhs, limits, solution);
+            self.iterative(tangent)?.minimum_residual(tangent, rhs, limits, solution)?;
         // Not a number fails, too.
         if residual <= ROUGH_ENOUGH {
             return Ok((iterations, residual));

@@ -13,6 +13,7 @@ use super::two_level::{CoarseSystem, TwoLevel};
 use crate::interaction::Slabs;
 use crate::matrix::BlockPattern;
 use crate::solve::constraint::Constraints;
+use crate::solve::watch::{Event, Watch};
 
 /// The preconditioner of diagonal blocks alone, in words.
 pub const BLOCK_JACOBI: &str = "block Jacobi";
@@ -39,6 +40,7 @@ pub(super) struct Iterative {
     jacobi: Option<BlockJacobi>,
     /// Block Jacobi with absolute values, where the matrix turned out to be indefinite.
     absolute: Option<BlockJacobi>,
+    watch: Watch,
 }
 
 impl Iterative {
@@ -48,6 +50,7 @@ impl Iterative {
         constraints: &Constraints,
         options: &LinearOptions,
         tangent: Tangent<'_>,
+        watch: Watch,
     ) -> Result<Iterative, LinearError> {
         let choice = options.preconditioner;
         let factor = match tangent {
@@ -72,6 +75,7 @@ impl Iterative {
             coarse,
             jacobi: None,
             absolute: None,
+            watch,
         })
     }
 
@@ -142,7 +146,7 @@ impl Iterative {
         rhs: &[f64],
         limits: CgLimits,
         x: &mut [f64],
-    ) -> CgReport {
+    ) -> Result<CgReport, LinearError> {
         let rhs = self.free(rhs);
         self.preconditioned(tangent, |operator, preconditioner, is_free| {
             conjugate_gradients(operator, preconditioner, is_free, &rhs, limits, x)
@@ -157,7 +161,7 @@ impl Iterative {
         rhs: &[f64],
         limits: CgLimits,
         x: &mut [f64],
-    ) -> (usize, f64) {
+    ) -> Result<(usize, f64), LinearError> {
         let rhs = self.free(rhs);
         self.preconditioned(tangent, |operator, preconditioner, is_free| {
             minimum_residual(operator, preconditioner, is_free, &rhs, limits, x)
@@ -171,7 +175,7 @@ impl Iterative {
         rhs: &[f64],
         limits: CgLimits,
         x: &mut [f64],
-    ) -> GmresReport {
+    ) -> Result<GmresReport, LinearError> {
         let rhs = self.free(rhs);
         self.preconditioned(tangent, |operator, preconditioner, is_free| {
             gmres(operator, preconditioner, is_free, &rhs, (RESTART, limits), x)
@@ -179,11 +183,14 @@ impl Iterative {
     }
 
     /// Works with the tangent and the preconditioner last made.
+    ///
+    /// # Errors
+    /// Whoever looks on wants an end.
     fn preconditioned<T>(
         &mut self,
         tangent: Tangent<'_>,
         work: impl FnOnce(&dyn Operator, &mut dyn Preconditioner, &[bool]) -> T,
-    ) -> T {
+    ) -> Result<T, LinearError> {
         let mut two_level;
         let preconditioner: &mut dyn Preconditioner =
             match (&mut self.factor, &mut self.absolute, &mut self.coarse, &mut self.jacobi) {
@@ -195,12 +202,33 @@ impl Iterative {
                 }
                 (.., jacobi) => jacobi.as_mut().expect("prepared"),
             };
-        let is_free = &self.is_free;
-        with_operator(tangent, &self.slabs, |operator| work(operator, preconditioner, is_free))
+        let (is_free, watch) = (&self.is_free, &self.watch);
+        let done = with_operator(tangent, &self.slabs, |operator| {
+            work(&Watched { operator, watch }, preconditioner, is_free)
+        });
+        if watch.wants_end() { Err(LinearError::Interrupted) } else { Ok(done) }
     }
 
     fn free(&self, x: &[f64]) -> Vec<f64> {
         x.iter().zip(&self.is_free).map(|(&x, &free)| if free { x } else { 0.0 }).collect()
+    }
+}
+
+/// An operator that tells of its products, and has none once an end is wanted: the methods stop at
+/// what is not a number.
+struct Watched<'a> {
+    operator: &'a dyn Operator,
+    watch: &'a Watch,
+}
+
+impl Operator for Watched<'_> {
+    fn multiply(&self, x: &[f64], y: &mut [f64]) {
+        if self.watch.wants_end() {
+            y.fill(f64::NAN);
+            return;
+        }
+        self.operator.multiply(x, y);
+        self.watch.notice(Event::Product);
     }
 }
 

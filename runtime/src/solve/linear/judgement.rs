@@ -102,7 +102,7 @@ impl LinearSolver {
         let limits = CgLimits { tolerance: ROUGH_TOLERANCE, ..self.limits };
         let Some(iterative) = &mut self.iterative else { return Ok(None) };
         let mut solution = vec![0.0; rhs.len()];
-        let report = iterative.conjugate_gradients(tangent, rhs, limits, &mut solution);
+        let report = iterative.conjugate_gradients(tangent, rhs, limits, &mut solution)?;
         let converged = matches!(report.outcome, CgOutcome::Converged { .. });
         Ok(converged.then_some(solution))
     }

@@ -39,6 +39,7 @@ mod two_level;
 use std::sync::Arc;
 
 use super::constraint::Constraints;
+use super::watch::Watch;
 use crate::energy::{Products, TotalEnergy};
 use crate::matrix::BlockPattern;
 use conjugate_gradients::CgLimits;
@@ -97,6 +98,7 @@ pub struct LinearSolver {
     probe: Option<(Vec<f64>, Vec<f64>)>,
     notes: Vec<String>,
     n_factorizations: usize,
+    watch: Watch,
 }
 
 impl LinearSolver {
@@ -130,6 +132,7 @@ impl LinearSolver {
             probe: None,
             notes: Vec::new(),
             n_factorizations: 0,
+            watch: Watch::default(),
         };
         if options.method == LinearMethod::Auto {
             solver.choose()?;
@@ -253,6 +256,11 @@ impl LinearSolver {
     /// From now on iterative methods stop at this residual relative to the right-hand side.
     pub fn set_tolerance(&mut self, tolerance: f64) {
         self.limits.tolerance = tolerance;
+    }
+
+    /// From now on someone looks on: sees every product, and may end iterations.
+    pub fn watched(&mut self, watch: Watch) {
+        self.watch = watch;
     }
 
     /// Cost of one factorisation; orders the points at the first call.

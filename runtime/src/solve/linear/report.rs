@@ -152,6 +152,9 @@ pub enum LinearError {
     /// The machine refused memory for a factorisation.
     #[error("there is not enough memory for the factorisation")]
     OutOfMemory,
+    /// Whoever looked on wanted an end.
+    #[error("the solution was interrupted")]
+    Interrupted,
     /// Entries of the matrix or of the right-hand side are not finite.
     #[error("the {what} of the linear system holds a number that is not finite")]
     NotFinite {

@@ -1,0 +1,112 @@
+//! The standard streams: the only place that writes to them.
+//!
+//! A message that cannot be written is lost and nothing else: no run ends because its terminal went
+//! away. Data are different: a reader that has seen enough and closed the pipe is no error, but data
+//! that a full disk cut short are, and [`finish`] says so.
+
+use std::io::{self, IsTerminal as _, Write as _};
+use std::sync::{Mutex, OnceLock, PoisonError};
+
+use clap::ValueEnum;
+
+/// When messages have colours.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Color {
+    /// On a terminal that knows them, unless NO_COLOR is set
+    #[default]
+    Auto,
+    /// Always
+    Always,
+    /// Never
+    Never,
+}
+
+/// How much is told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Verbosity {
+    /// Errors and warnings.
+    Quiet,
+    /// Also notes and progress.
+    #[default]
+    Normal,
+    /// Also every iteration.
+    Verbose,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Style {
+    color: bool,
+    verbosity: Verbosity,
+}
+
+static STYLE: OnceLock<Style> = OnceLock::new();
+
+/// Why data could not be written, once that happened.
+static LOST: Mutex<Option<io::Error>> = Mutex::new(None);
+
+/// Decides how messages look, once and before the first of them.
+pub(crate) fn set_up(color: Color, verbosity: Verbosity) {
+    let color = match color {
+        Color::Always => true,
+        Color::Never => false,
+        Color::Auto => moves_cursor() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty()),
+    };
+    let _ = STYLE.set(Style { color, verbosity });
+}
+
+fn style() -> Style {
+    let plain = Style { color: false, verbosity: Verbosity::Normal };
+    STYLE.get().copied().unwrap_or(plain)
+}
+
+/// Whether messages have colours.
+pub(crate) fn color() -> bool {
+    style().color
+}
+
+/// How much is told.
+pub(crate) fn verbosity() -> Verbosity {
+    style().verbosity
+}
+
+/// Whether messages go to a terminal that can overwrite a line.
+pub(crate) fn moves_cursor() -> bool {
+    io::stderr().is_terminal() && std::env::var_os("TERM").is_none_or(|term| term != "dumb")
+}
+
+/// Writes to stderr, as it is.
+pub(crate) fn say(text: &str) {
+    let _ = io::stderr().lock().write_all(text.as_bytes());
+}
+
+/// A line that is no warning; silent with `--quiet`.
+pub(crate) fn tell(line: &str) {
+    if verbosity() > Verbosity::Quiet {
+        say(&format!("{line}\n"));
+    }
+}
+
+/// What the user may want to know of what was done; silent with `--quiet`.
+pub(crate) fn note(message: &str) {
+    tell(&format!("note: {message}"));
+}
+
+/// Data for the standard output.
+pub(crate) fn out(text: &str) {
+    keep(io::stdout().lock().write_all(text.as_bytes()));
+}
+
+/// Remembers the first failure to write data.
+fn keep(written: io::Result<()>) {
+    if let Err(error) = written
+        && error.kind() != io::ErrorKind::BrokenPipe
+    {
+        LOST.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert(error);
+    }
+}
+
+/// Writes what is left of the data; why they are not whole, if they are not.
+pub(crate) fn finish() -> Result<(), io::Error> {
+    keep(io::stdout().lock().flush());
+    LOST.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
+}

@@ -1,0 +1,211 @@
+//! What a run is doing: a bar on a terminal, lines in a pipe.
+
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use indicatif::{ProgressBar, ProgressStyle};
+use piola_runtime::solve::steps::StepRecord;
+use piola_runtime::solve::{Event, Observer};
+
+use crate::console::{self, Verbosity};
+use crate::interrupt::Interrupt;
+
+/// Silence in a pipe before a line says what is going on; twice as long after each such line.
+const FIRST_SILENCE: Duration = Duration::from_secs(1);
+const LONGEST_SILENCE: Duration = Duration::from_secs(60);
+
+/// How often products change the bar.
+const REFRESH: Duration = Duration::from_millis(100);
+
+/// The observer of a run.
+pub(crate) struct Progress {
+    /// The last `t` of the scene.
+    end: f64,
+    interrupt: Interrupt,
+    bar: Option<ProgressBar>,
+    now: Mutex<Now>,
+    /// Products since the last iteration.
+    products: AtomicUsize,
+    start: Instant,
+    over: AtomicBool,
+}
+
+/// The present state of a run.
+struct Now {
+    doing: &'static str,
+    /// The time of the attempt, with its iterations and the last residual over the reaction.
+    t: Option<f64>,
+    newton: Option<(usize, f64)>,
+    /// When something was last shown.
+    shown: Instant,
+}
+
+impl Progress {
+    /// Nothing is shown yet; [`Progress::show`] begins.
+    pub(crate) fn new(end: f64, interrupt: Interrupt) -> Progress {
+        let shows_bar = console::moves_cursor() && console::verbosity() > Verbosity::Quiet;
+        let bar = shows_bar.then(|| {
+            let bar = ProgressBar::new(1000);
+            let template = "{bar:24} {percent:>3} %  {elapsed}  {msg}";
+            if let Ok(style) = ProgressStyle::with_template(template) {
+                bar.set_style(style);
+            }
+            bar.enable_steady_tick(REFRESH);
+            bar
+        });
+        let start = Instant::now();
+        let now = Now { doing: "start", t: None, newton: None, shown: start };
+        Progress {
+            end,
+            interrupt,
+            bar,
+            now: Mutex::new(now),
+            products: AtomicUsize::new(0),
+            start,
+            over: AtomicBool::new(false),
+        }
+    }
+
+    /// Breaks the silence of long steps in a pipe, until the guard is dropped.
+    pub(crate) fn show(self: &Arc<Self>) -> Shown {
+        let silent = self.bar.is_some() || console::verbosity() == Verbosity::Quiet;
+        let progress = Arc::clone(self);
+        let speak = move || {
+            let mut silence = FIRST_SILENCE;
+            while !progress.over.load(Ordering::Relaxed) {
+                std::thread::park_timeout(silence / 4);
+                let mut now = progress.now();
+                if now.shown.elapsed() >= silence {
+                    now.shown = Instant::now();
+                    let seconds = progress.start.elapsed().as_secs();
+                    console::tell(&format!("{seconds} s: {}", progress.line(&now)));
+                    silence = (2 * silence).min(LONGEST_SILENCE);
+                }
+            }
+        };
+        // Without a thread to be had the lines are missing, and nothing else.
+        let speaker = if silent { None } else { std::thread::Builder::new().spawn(speak).ok() };
+        Shown { progress: Arc::clone(self), speaker }
+    }
+
+    fn now(&self) -> MutexGuard<'_, Now> {
+        self.now.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What is going on.
+    fn line(&self, now: &Now) -> String {
+        let Some(t) = now.t else { return now.doing.to_string() };
+        let mut line = format!("t = {t:.6}:");
+        if let Some((iterations, over_reaction)) = now.newton {
+            line += &format!(" iteration {iterations}, residual/reaction {over_reaction:.1e}");
+        }
+        match self.products.load(Ordering::Relaxed) {
+            0 => {}
+            products => line += &format!(", {products} products"),
+        }
+        line
+    }
+
+    /// A line that stays.
+    fn tell(&self, now: &mut Now, line: &str) {
+        now.shown = Instant::now();
+        match &self.bar {
+            Some(bar) => bar.suspend(|| console::tell(line)),
+            None => console::tell(line),
+        }
+    }
+
+    fn refresh(&self, now: &mut Now) {
+        if let Some(bar) = &self.bar {
+            now.shown = Instant::now();
+            bar.set_message(self.line(now));
+        }
+    }
+
+    fn residual(&self, now: &mut Now, iterations: usize, over_reaction: f64) {
+        now.newton = Some((iterations, over_reaction));
+        if console::verbosity() == Verbosity::Verbose {
+            let line = self.line(now);
+            self.tell(now, &line);
+        }
+        self.products.store(0, Ordering::Relaxed);
+        self.refresh(now);
+    }
+
+    fn step(&self, now: &mut Now, record: &StepRecord) {
+        let ratio = record.residual_over_reaction.last().copied().unwrap_or(0.0);
+        let stable = match record.definiteness.positive_definite {
+            Some(false) => ", NOT STABLE",
+            _ => "",
+        };
+        let line = format!(
+            "t = {:.6}: {} iterations, residual/reaction {ratio:.1e}{stable}",
+            record.t, record.iterations
+        );
+        match &self.bar {
+            Some(bar) => {
+                bar.set_position((1000.0 * record.t / self.end) as u64);
+                bar.set_message(line);
+            }
+            None => self.tell(now, &line),
+        }
+    }
+}
+
+impl Observer for Progress {
+    fn notice(&self, event: Event<'_>) {
+        if let Event::Product = event {
+            self.products.fetch_add(1, Ordering::Relaxed);
+            if self.bar.is_none() {
+                return;
+            }
+        }
+        let now = &mut *self.now();
+        match event {
+            Event::Phase(doing) => {
+                (now.doing, now.t, now.newton) = (doing, None, None);
+                self.refresh(now);
+            }
+            Event::Attempt(t) => {
+                (now.t, now.newton) = (Some(t), None);
+                self.products.store(0, Ordering::Relaxed);
+                self.refresh(now);
+            }
+            Event::Residual { iterations, over_reaction } => {
+                self.residual(now, iterations, over_reaction);
+            }
+            Event::Product if now.shown.elapsed() >= REFRESH => self.refresh(now),
+            Event::Product => {}
+            Event::CutBack { t, cause } => {
+                let line = format!("t = {t:.6}: {cause}; half the increment is tried");
+                self.tell(now, &line);
+            }
+            Event::Step(record) => self.step(now, record),
+        }
+    }
+
+    fn wants_end(&self) -> bool {
+        self.interrupt.signal().is_some()
+    }
+}
+
+/// Progress is shown as long as this exists.
+pub(crate) struct Shown {
+    progress: Arc<Progress>,
+    speaker: Option<JoinHandle<()>>,
+}
+
+impl Drop for Shown {
+    fn drop(&mut self) {
+        if let Some(bar) = &self.progress.bar {
+            bar.finish_and_clear();
+        }
+        self.progress.over.store(true, Ordering::Relaxed);
+        if let Some(speaker) = self.speaker.take() {
+            speaker.thread().unpark();
+            let _ = speaker.join();
+        }
+    }
+}

@@ -71,7 +71,7 @@ impl Voice {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Check potential files: syntax, names, dimensions, probable mistakes; all in one run
+    /// Check potentials and scenes: syntax, names, dimensions, probable mistakes; all in one run
     Check(Check),
     /// Print psi, psi', psi'' of a potential, or any stage of its compilation
     Derive(Derive),
@@ -113,6 +113,25 @@ pub(crate) enum Command {
     },
 }
 
+/// A count from 1 to so many.
+fn count<const MOST: usize>(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(count) if (1..=MOST).contains(&count) => Ok(count),
+        _ => Err(format!("a whole number from 1 to {MOST}")),
+    }
+}
+
+/// A positive number, `inf` among them.
+fn bound(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(bound) if bound > 0.0 => Ok(bound),
+        _ => Err("a positive number, or inf".to_string()),
+    }
+}
+
+/// More threads than any machine has processors are a mistake.
+const MOST_THREADS: usize = 4096;
+
 /// How messages and results are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
 pub(crate) enum Format {
@@ -125,7 +144,7 @@ pub(crate) enum Format {
 
 #[derive(Debug, Args)]
 pub(crate) struct Check {
-    /// Potential files (.piola), or names of the library
+    /// Potential files (.piola), names of the library, or scenes (.toml)
     #[arg(required = true)]
     pub(crate) files: Vec<String>,
     /// Also tell of what proven potentials do: energies that do not resist collapse or inversion
@@ -210,10 +229,10 @@ pub(crate) struct Audit {
     #[command(flatten)]
     pub(crate) inputs: Inputs,
     /// Points per regime
-    #[arg(long, default_value_t = 12)]
+    #[arg(long, default_value_t = 12, value_parser = count::<100_000>)]
     pub(crate) points: usize,
     /// Largest error that passes, in units of 2^-53 of the value
-    #[arg(long, default_value_t = 64.0)]
+    #[arg(long, default_value_t = 64.0, value_parser = bound)]
     pub(crate) bar: f64,
     /// Level of the machine code
     #[arg(long, default_value = "fast")]
@@ -240,7 +259,7 @@ pub(crate) struct Verify {
     #[command(flatten)]
     pub(crate) inputs: Inputs,
     /// Points per energy, far from rest; as many again are near it
-    #[arg(long, default_value_t = 1000)]
+    #[arg(long, default_value_t = 1000, value_parser = count::<10_000_000>)]
     pub(crate) points: usize,
     /// How the report is written
     #[arg(long, default_value = "human")]
@@ -337,12 +356,12 @@ pub(crate) struct Run {
     pub(crate) scene: PathBuf,
     /// Where the results go; a new or empty folder
     #[arg(short, long)]
-    pub(crate) out: PathBuf,
+    pub(crate) out: Option<PathBuf>,
     /// Override a value of the scene, e.g. `body.spacing=0.1`
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) settings: Vec<String>,
     /// How many threads work; all processors if not given
-    #[arg(long)]
+    #[arg(long, value_parser = count::<MOST_THREADS>)]
     pub(crate) threads: Option<usize>,
     /// Replace the results of an earlier run in the folder
     #[arg(long)]
@@ -360,7 +379,7 @@ pub(crate) struct Plan {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) settings: Vec<String>,
     /// How many threads will work; all processors if not given
-    #[arg(long)]
+    #[arg(long, value_parser = count::<MOST_THREADS>)]
     pub(crate) threads: Option<usize>,
     /// How the plan is written
     #[arg(long, default_value = "human")]
@@ -379,7 +398,7 @@ pub(crate) struct Bench {
     #[command(flatten)]
     pub(crate) inputs: Inputs,
     /// How many threads work on a scene; all processors if not given
-    #[arg(long)]
+    #[arg(long, value_parser = count::<MOST_THREADS>)]
     pub(crate) threads: Option<usize>,
     /// How the times are written
     #[arg(long, default_value = "human")]
@@ -415,7 +434,7 @@ pub(crate) struct Trade {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) settings: Vec<String>,
     /// How many threads work; all processors if not given
-    #[arg(long)]
+    #[arg(long, value_parser = count::<MOST_THREADS>)]
     pub(crate) threads: Option<usize>,
     /// A new or empty folder for trade.csv, trade.json, trade.svg and trade.png
     #[arg(short, long)]

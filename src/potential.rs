@@ -49,6 +49,13 @@ pub(crate) fn read(name: &str) -> Option<String> {
         render::error(&format!("the library has no potential `{name}`"), Some(help.as_str()));
         return None;
     }
+    if name.ends_with(".toml") {
+        render::error(
+            &format!("`{name}` is a scene, and a potential is needed"),
+            ["name the potential: the one of the scene stands in its [material]"],
+        );
+        return None;
+    }
     read_limited(std::path::Path::new(name), piola_grammar::MAX_BYTES)
 }
 

@@ -1,7 +1,7 @@
 //! Findings for people and for programs.
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
-use piola_grammar::{Diagnostic, Severity};
+use piola_grammar::{Diagnostic, Severity, shortened};
 use serde_json::{Value, json};
 
 use crate::cli::Format;
@@ -109,16 +109,21 @@ pub(crate) fn findings(source: Source<'_>, diagnostics: &[Diagnostic]) {
     console::say(&human(source, diagnostics, console::color()));
 }
 
+/// A message with the user's words in it, for a terminal.
+fn plain(message: &str) -> String {
+    console::printable(&shortened(message))
+}
+
 /// Prints an error that has no place in a text, and the ways out.
 pub(crate) fn error<'a>(message: &str, helps: impl IntoIterator<Item = &'a str>) {
-    let mut text = format!("error: {message}\n");
+    let mut text = format!("error: {}\n", plain(message));
     for help in helps {
-        text.push_str(&format!("  help: {help}\n"));
+        text.push_str(&format!("  help: {}\n", plain(help)));
     }
     console::say(&text);
 }
 
 /// Prints a warning that has no place in a text.
 pub(crate) fn warning(message: &str) {
-    console::say(&format!("warning: {message}\n"));
+    console::say(&format!("warning: {}\n", plain(message)));
 }

@@ -41,13 +41,30 @@ pub struct Diagnostic {
     pub helps: Vec<String>,
 }
 
+/// A word longer than this is shortened in messages.
+const LONG_WORD: usize = 64;
+
+/// The text with words that are too long cut in their middle; paths stay whole.
+pub fn shortened(text: &str) -> String {
+    let short = |word: &str| {
+        let is_path = word.contains(['/', '\\']);
+        let letters: Vec<char> = word.chars().collect();
+        if letters.len() <= LONG_WORD || is_path {
+            return word.to_string();
+        }
+        let (first, last) = (&letters[..LONG_WORD / 2], &letters[letters.len() - LONG_WORD / 8..]);
+        first.iter().chain(&['.', '.']).chain(last).collect()
+    };
+    text.split(' ').map(short).collect::<Vec<String>>().join(" ")
+}
+
 impl Diagnostic {
     /// An error with this code at this place.
     pub fn error(code: &'static str, span: Span, message: impl Into<String>) -> Self {
         Diagnostic {
             code,
             severity: Severity::Error,
-            message: message.into(),
+            message: shortened(&message.into()),
             span,
             label: String::new(),
             notes: Vec::new(),
@@ -62,7 +79,7 @@ impl Diagnostic {
 
     /// Text under the caret.
     pub fn label(mut self, label: impl Into<String>) -> Self {
-        self.label = label.into();
+        self.label = shortened(&label.into());
         self
     }
 

@@ -36,7 +36,7 @@ mod span;
 mod suggest;
 
 pub use ast::{Ast, ExpressionAst};
-pub use diagnostic::{Diagnostic, Severity};
+pub use diagnostic::{Diagnostic, Severity, shortened};
 pub use names::spell_out;
 pub use operator::Binding;
 pub use parse::{

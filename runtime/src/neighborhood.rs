@@ -82,11 +82,45 @@ impl Neighborhood {
             let position = body.position(point).to_vec();
             return Err(NeighborhoodError::NonFinite { point: user(body, point), position });
         }
-        let n = body.n_points();
         let cells = CellList::new(body, horizon * (1.0 + HORIZON_TOLERANCE));
+        Neighborhood::search(body, horizon, &cells, |_| true)
+    }
+
+    /// The neighbours of some points, and the neighbours of those that come later: all that the
+    /// cliques of these points need. Rows of other points are empty. For estimates of large bodies.
+    pub(crate) fn around(
+        body: &Body,
+        horizon: f64,
+        owners: &[usize],
+        with_cliques: bool,
+    ) -> Result<Neighborhood, NeighborhoodError> {
+        let cells = CellList::new(body, horizon * (1.0 + HORIZON_TOLERANCE));
+        let mut wanted = vec![false; body.n_points()];
+        owners.iter().for_each(|&owner| wanted[owner] = true);
+        let own = Neighborhood::search(body, horizon, &cells, |point| wanted[point])?;
+        if !with_cliques {
+            return Ok(own);
+        }
+        for &owner in owners {
+            own.upper(owner).iter().for_each(|&point| wanted[point as usize] = true);
+        }
+        Neighborhood::search(body, horizon, &cells, |point| wanted[point])
+    }
+
+    /// The rows of the wanted points.
+    fn search(
+        body: &Body,
+        horizon: f64,
+        cells: &CellList,
+        wanted: impl Fn(usize) -> bool + Sync,
+    ) -> Result<Neighborhood, NeighborhoodError> {
+        let n = body.n_points();
         let rows: Vec<Rows> = (0..n.div_ceil(CHUNK))
             .into_par_iter()
-            .map(|chunk| cells.search(body, horizon, chunk * CHUNK..n.min((chunk + 1) * CHUNK)))
+            .map(|chunk| {
+                let points = chunk * CHUNK..n.min((chunk + 1) * CHUNK);
+                cells.search(body, horizon, points, &wanted)
+            })
             .collect();
         if let Some((i, j)) = rows.iter().find_map(|rows| rows.coincident) {
             return Err(coincident(body, horizon, i, j));
@@ -248,7 +282,13 @@ impl CellList {
         (cell[0] * self.counts[1] + cell[1]) * self.counts[2] + cell[2]
     }
 
-    fn search(&self, body: &Body, horizon: f64, points: Range<usize>) -> Rows {
+    fn search(
+        &self,
+        body: &Body,
+        horizon: f64,
+        points: Range<usize>,
+        wanted: &impl Fn(usize) -> bool,
+    ) -> Rows {
         let mut rows = Rows::default();
         let reach = horizon * (1.0 + HORIZON_TOLERANCE);
         let shell = horizon * (1.0 - HORIZON_TOLERANCE);
@@ -256,7 +296,7 @@ impl CellList {
         for i in points {
             let begin = rows.neighbors.len();
             let here = body.position(i);
-            self.for_each_candidate(here, |j| {
+            let mut take = |j: u32| {
                 let squared = distance_squared(here, body.position(j as usize));
                 if squared <= reach * reach && j as usize != i {
                     rows.neighbors.push(j);
@@ -267,7 +307,10 @@ impl CellList {
                         rows.coincident = Some(rows.coincident.map_or(pair, |old| old.min(pair)));
                     }
                 }
-            });
+            };
+            if wanted(i) {
+                self.for_each_candidate(here, &mut take);
+            }
             let row = &mut rows.neighbors[begin..];
             row.sort_unstable();
             rows.upper_start.push(begin + row.partition_point(|&j| (j as usize) < i));

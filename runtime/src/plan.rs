@@ -13,9 +13,11 @@ use serde::Serialize;
 
 use crate::body::Body;
 use crate::energy::Products;
-use crate::scene::{LinearChoice, PreconditionerChoice, Scene};
+use crate::scene::{LatticeShape, LinearChoice, PreconditionerChoice, Scene};
 use crate::solve::linear::{self, AUTO_UNKNOWNS_3D, Circumstances, MEMORY_SHARE};
-pub use count::{InteractionCount, Needed, count_interactions};
+pub use count::{
+    InteractionCount, Needed, count_in_box, count_interactions, estimate_interactions,
+};
 pub use factor::{FactorEstimate, estimate_factor};
 pub use families::Families;
 pub(crate) use text::bytes as in_bytes;
@@ -108,13 +110,50 @@ impl LinearMethod {
     }
 }
 
+/// The outline of a body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Extent {
+    /// 2 or 3.
+    pub dimension: usize,
+    /// How many points there are.
+    pub points: usize,
+    /// The bounding box in spacings, one number per dimension, each at least 1.
+    pub sides: Vec<f64>,
+    /// The lattice spacing, or the edge of a point's mean volume, in m.
+    pub spacing: f64,
+}
+
+impl Extent {
+    /// Of a body.
+    pub fn of(body: &Body) -> Extent {
+        let spacing = typical_spacing(body);
+        let dimension = body.dimension();
+        let side = |axis: usize| {
+            let column = || body.positions().iter().skip(axis).step_by(dimension).copied();
+            let least = column().fold(f64::INFINITY, f64::min);
+            let most = column().fold(f64::NEG_INFINITY, f64::max);
+            ((most - least) / spacing + 1.0).max(1.0)
+        };
+        let sides = (0..dimension).map(side).collect();
+        Extent { dimension, points: body.n_points(), sides, spacing }
+    }
+
+    /// Of a whole box.
+    pub fn of_box(shape: &LatticeShape) -> Extent {
+        let counts = shape.counts();
+        let points = counts.iter().fold(1, |points: usize, n| points.saturating_mul(*n));
+        let sides = counts.iter().map(|n| *n as f64).collect();
+        Extent { dimension: counts.len(), points, sides, spacing: shape.spacing }
+    }
+}
+
 /// Everything a plan is made from.
 #[derive(Clone, Debug)]
 pub struct PlanInput<'a> {
     /// The scene.
     pub scene: &'a Scene,
-    /// Its body.
-    pub body: &'a Body,
+    /// The outline of its body.
+    pub extent: Extent,
     /// What [`count_interactions`] found.
     pub interactions: InteractionCount,
     /// The energies of the potential.
@@ -123,6 +162,8 @@ pub struct PlanInput<'a> {
     pub families: Option<Families>,
     /// How many displacement components are prescribed.
     pub prescribed: usize,
+    /// What the plan does not know, in sentences.
+    pub notes: Vec<String>,
     /// How many threads will work.
     pub threads: usize,
     /// What the machine can give, in bytes; see [`available_memory`].
@@ -158,6 +199,8 @@ pub struct Plan {
     pub increments: usize,
     /// Time by phase.
     pub time: TimeEstimate,
+    /// What the plan does not know, in sentences.
+    pub notes: Vec<String>,
 }
 
 /// Time by phase, in s.
@@ -176,41 +219,46 @@ pub struct TimeEstimate {
 impl Plan {
     /// Estimates memory and time of a run.
     pub fn new(input: PlanInput<'_>) -> Plan {
-        let PlanInput { scene, body, interactions, kernels, prescribed, threads, .. } = input;
-        let dimension = body.dimension();
-        let sides = sides(body);
-        let layers = scene.horizon_radius() / typical_spacing(body);
+        let PlanInput { scene, interactions, kernels, prescribed, threads, .. } = input;
+        let extent = &input.extent;
+        let Extent { dimension, points, ref sides, spacing } = *extent;
+        let layers = scene.horizon_radius() / spacing;
         let families = input.families;
         // Points share an entry of the tangent over so many bonds.
         let reach = families.map_or(1, Families::reach);
         let method = families::method(families, scene);
         let stored = if method.is_some() { 1 } else { reach };
-        let factor = estimate_factor(&sides, layers * stored as f64, dimension);
-        let blocks = blocks(body, &interactions, stored);
-        let unknowns = (body.n_points() * dimension).saturating_sub(prescribed);
+        let factor = estimate_factor(sides, layers * stored as f64, dimension);
+        let blocks = blocks(extent, &interactions, stored);
+        let unknowns = points.saturating_mul(dimension).saturating_sub(prescribed);
         let circumstances = Circumstances {
             dimension,
             unknowns,
             factorization: None,
-            matrix_bytes: matrix_bytes(body, blocks).0,
+            matrix_bytes: matrix_bytes(dimension, blocks).0,
             memory_limit: input.available_memory.map_or(f64::INFINITY, |m| MEMORY_SHARE * m as f64),
         };
         let (linear, linear_reason) =
             method.unwrap_or_else(|| choose(scene, factor, circumstances));
-        let memory = memory(body, &interactions, blocks, linear, factor, families);
+        let memory = memory(extent, &interactions, blocks, linear, factor, families);
         let horizons = sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / layers;
         let jacobi = scene.solver.preconditioner == PreconditionerChoice::BlockJacobi;
         let horizons = (jacobi || linear.is_matrix_free()).then_some(horizons);
         let time = match families {
-            None => {
-                TimeEstimate::new(&interactions, (body, blocks), linear, factor, horizons, threads)
-            }
+            None => TimeEstimate::new(
+                &interactions,
+                (dimension, blocks),
+                linear,
+                factor,
+                horizons,
+                threads,
+            ),
             Some(families) => families.time(&interactions, blocks, linear, factor, threads),
         };
         let time = time.for_increments(scene.steps.increments);
         Plan {
             dimension,
-            points: body.n_points(),
+            points,
             unknowns,
             interactions,
             kernels,
@@ -222,6 +270,7 @@ impl Plan {
             threads,
             increments: scene.steps.increments,
             time,
+            notes: input.notes,
         }
     }
 
@@ -249,19 +298,6 @@ pub fn available_memory() -> Option<u64> {
         Some(limits) if limits.total_memory > 0 => machine.min(limits.free_memory),
         _ => machine,
     })
-}
-
-/// The body's bounding box in lattice spacings, one number per dimension, each at least 1.
-fn sides(body: &Body) -> Vec<f64> {
-    let spacing = typical_spacing(body);
-    let dimension = body.dimension();
-    let side = |axis: usize| {
-        let column = || body.positions().iter().skip(axis).step_by(dimension).copied();
-        let least = column().fold(f64::INFINITY, f64::min);
-        let most = column().fold(f64::NEG_INFINITY, f64::max);
-        ((most - least) / spacing + 1.0).max(1.0)
-    };
-    (0..dimension).map(side).collect()
 }
 
 /// The lattice spacing, or the edge of a point's mean volume.
@@ -304,29 +340,29 @@ fn choose(
 }
 
 /// Blocks of the upper triangle of a matrix that couples points over so many bonds.
-fn blocks(body: &Body, interactions: &InteractionCount, reach: usize) -> f64 {
-    let n = body.n_points() as f64;
-    let wider = (0..body.dimension()).fold(1.0, |wider, _| wider * reach as f64);
+fn blocks(extent: &Extent, interactions: &InteractionCount, reach: usize) -> f64 {
+    let n = extent.points as f64;
+    let wider = (0..extent.dimension).fold(1.0, |wider, _| wider * reach as f64);
     (n + interactions.bonds as f64 * wider).min(0.5 * n * (n + 1.0))
 }
 
 /// Bytes of so many blocks, and a column number for each.
-fn matrix_bytes(body: &Body, blocks: f64) -> (f64, f64) {
-    (blocks * (8 * body.dimension() * body.dimension()) as f64, 4.0 * blocks)
+fn matrix_bytes(dimension: usize, blocks: f64) -> (f64, f64) {
+    (blocks * (8 * dimension * dimension) as f64, 4.0 * blocks)
 }
 
 /// Memory of the parts of a run.
 fn memory(
-    body: &Body,
+    extent: &Extent,
     interactions: &InteractionCount,
     blocks: f64,
     linear: LinearMethod,
     factor: FactorEstimate,
     families: Option<Families>,
 ) -> Vec<MemoryItem> {
-    let (n, d) = (body.n_points(), body.dimension());
+    let (n, d) = (extent.points, extent.dimension);
     let bonds = interactions.bonds as f64;
-    let (values, columns) = matrix_bytes(body, blocks);
+    let (values, columns) = matrix_bytes(d, blocks);
     let mut items = vec![
         ("points and displacements", (n * (8 * d + 12 + STATE_VECTORS * 8 * d)) as f64),
         ("neighbourhood", 16.0 * bonds + 24.0 * n as f64),
@@ -377,7 +413,7 @@ impl TimeEstimate {
     /// `None` with two levels, where they do not.
     fn new(
         interactions: &InteractionCount,
-        (body, blocks): (&Body, f64),
+        (dimension, blocks): (usize, f64),
         linear: LinearMethod,
         factor: FactorEstimate,
         horizons: Option<f64>,
@@ -399,7 +435,7 @@ impl TimeEstimate {
             }
             LinearMethod::Cg | LinearMethod::Gmres => {
                 let iterations = iterations.unwrap_or(TWO_LEVEL_ITERATIONS * TWO_LEVEL_TIME);
-                iterations * matrix_bytes(body, blocks).0 / MATRIX_BYTES_PER_SECOND
+                iterations * matrix_bytes(dimension, blocks).0 / MATRIX_BYTES_PER_SECOND
             }
         };
         let setup = bonds * BOND_SETUP_SECONDS;

@@ -1,6 +1,10 @@
 //! `piola check`: every error of every file, and what is probably a mistake.
 
-use super::Exit;
+use std::path::Path;
+
+use piola_runtime::simulation::Case;
+
+use super::{Exit, scene};
 use crate::cli::{Check, Format};
 use crate::console;
 use crate::potential::{self, Loaded};
@@ -9,6 +13,16 @@ use crate::render::{self, Source};
 pub(super) fn execute(arguments: &Check) -> Exit {
     let mut exit = Exit::Done;
     for file in &arguments.files {
+        if file.ends_with(".toml") {
+            match scene::check(Path::new(file), arguments.format) {
+                Some(case) if arguments.format == Format::Human => {
+                    console::tell(&format!("{file}: {}", of_scene(&case)));
+                }
+                Some(_) => {}
+                None => exit = Exit::Findings,
+            }
+            continue;
+        }
         let Some(text) = potential::read(file) else { return Exit::Input };
         let Some(loaded) = potential::load_text(file, text, arguments.format) else {
             exit = Exit::Findings;
@@ -22,6 +36,18 @@ pub(super) fn execute(arguments: &Check) -> Exit {
         }
     }
     exit
+}
+
+/// What was checked of a scene, in one line.
+fn of_scene(case: &Case) -> String {
+    let points = case.body.n_points();
+    let (potential, dimension) = (&case.potential.name, case.body.dimension());
+    match case.large_box() {
+        Some(_) => {
+            format!("{potential} in {dimension} dimensions; too many points to be looked at")
+        }
+        None => format!("{points} points of {potential} in {dimension} dimensions"),
+    }
 }
 
 /// What was checked, in one line.

@@ -35,6 +35,7 @@ pub(super) fn execute(arguments: &Energy) -> Exit {
 }
 
 fn evaluate(case: &Case, arguments: &Energy) -> Result<Option<Value>, CaseError> {
+    case.check_rest()?;
     let d = case.body.dimension();
     let n = case.body.n_points();
     let displacement = match &arguments.displacement {

@@ -29,7 +29,7 @@ fn list() -> Exit {
 
 fn show(name: &str) -> Exit {
     let Some(loaded) = potential::load(name, Format::Human) else { return Exit::Input };
-    console::out(&describe(&loaded.model));
+    console::out(&console::printable(&describe(&loaded.model)));
     if library::find(name).is_some() {
         console::out(&format!("\nfile\n{}", indent(&loaded.text)));
     }

@@ -6,7 +6,7 @@ use crate::console;
 use crate::render;
 
 pub(super) fn execute(arguments: &Plan) -> Exit {
-    let Some(case) = scene::read(&arguments.scene, &arguments.settings) else {
+    let Some(case) = scene::read_for_plan(&arguments.scene, &arguments.settings) else {
         return Exit::Input;
     };
     match scene::warnings(&case) {

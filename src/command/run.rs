@@ -1,10 +1,12 @@
 //! `piola run`: solves a scene.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use piola_runtime::assembly::Inverted;
 use piola_runtime::output::OutputFolder;
 use piola_runtime::output::summary::ExitReason;
+use piola_runtime::plan::Plan;
 use piola_runtime::simulation::{Case, Ending, RunError, RunOptions, run};
 use piola_runtime::solve::Watch;
 
@@ -16,30 +18,56 @@ use crate::progress::Progress;
 use crate::render;
 
 pub(super) fn execute(arguments: &Run) -> Exit {
-    let Some(case) = scene::read(&arguments.scene, &arguments.settings) else {
+    let Some(out) = &arguments.out else {
+        let name = title(&arguments.scene);
+        let help = format!("name a new or empty one: `-o out/{name}`");
+        render::error("a run leaves files, and there is no folder for them", [help.as_str()]);
         return Exit::Input;
     };
-    match scene::with_threads(arguments.threads, || solve(&case, arguments)) {
-        Some(exit) => exit,
-        None => Exit::Input,
-    }
+    let Some(case) = scene::read_for_plan(&arguments.scene, &arguments.settings) else {
+        return Exit::Input;
+    };
+    scene::with_threads(arguments.threads, || solve(case, out, arguments)).unwrap_or(Exit::Input)
 }
 
-fn solve(case: &Case, arguments: &Run) -> Exit {
+/// What the case costs; nothing if it must not be tried, and what is wrong is printed.
+fn planned(case: &Case, arguments: &Run) -> Option<Plan> {
     let plan = match case.plan(rayon::current_num_threads()) {
         Ok(plan) => plan,
         Err(error) => {
             scene::print_error(&error);
-            return Exit::Input;
+            return None;
         }
     };
-    if let Some(refusal) = plan.refusal() {
-        if !arguments.yes {
+    match plan.refusal() {
+        Some(refusal) if !arguments.yes => {
             render::error(&refusal, Some("make the body smaller, or try all the same with --yes"));
+            None
+        }
+        Some(refusal) => {
+            render::warning(&refusal);
+            Some(plan)
+        }
+        None => Some(plan),
+    }
+}
+
+fn solve(mut case: Case, out: &Path, arguments: &Run) -> Exit {
+    if case.large_box().is_some() {
+        // Of removed points the box knows nothing: it may hold far fewer than it seems to.
+        if case.scene.body.remove.is_empty() && planned(&case, arguments).is_none() {
             return Exit::Input;
         }
-        render::warning(&refusal);
+        case = match case.with_points() {
+            Ok(case) => case,
+            Err(error) => {
+                scene::print_error(&error);
+                return Exit::Input;
+            }
+        };
     }
+    let case = &case;
+    let Some(plan) = planned(case, arguments) else { return Exit::Input };
     let warnings = match scene::warnings(case) {
         Ok(warnings) => warnings,
         Err(error) => {
@@ -52,7 +80,7 @@ fn solve(case: &Case, arguments: &Run) -> Exit {
         console::note(&note.reason);
         warnings.push(note.reason.clone());
     }
-    let folder = match OutputFolder::create(&arguments.out, arguments.force) {
+    let folder = match OutputFolder::create(out, arguments.force) {
         Ok(folder) => folder,
         Err(error) => {
             render::error(&error.to_string(), error.help());
@@ -81,7 +109,7 @@ fn solve(case: &Case, arguments: &Run) -> Exit {
 }
 
 /// The name of the scene's folder, also for a scene in the current one.
-pub(super) fn title(scene: &std::path::Path) -> String {
+pub(super) fn title(scene: &Path) -> String {
     std::path::absolute(scene)
         .ok()
         .and_then(|path| Some(path.parent()?.file_name()?.to_string_lossy().into_owned()))
@@ -107,6 +135,13 @@ fn report(ending: &Ending, folder: &OutputFolder, signal: Option<Signal>) -> Exi
     }
     let path = folder.path().display();
     match ending.reason {
+        ExitReason::Completed if ending.fails => render::error(
+            "the end state is not stable: its tangent is not positive definite, so no body stays in it",
+            [
+                "follow the load in smaller steps, or look at psi'' and the coefficients: `piola moduli`",
+                "if such states are what the scene is about: unstable = \"accept\" in [solver]",
+            ],
+        ),
         ExitReason::Completed => {
             console::tell(&format!(
                 "{} steps converged; results in {path}: picture.png, run.pvd, summary.json",
@@ -119,6 +154,7 @@ fn report(ending: &Ending, folder: &OutputFolder, signal: Option<Signal>) -> Exi
     }
     console::tell(&format!("the {} steps that converged are in {path}", ending.steps));
     match (ending.reason, signal) {
+        (ExitReason::Completed, _) => Exit::Findings,
         (ExitReason::Interrupted, Some(Signal::Terminate)) => Exit::Terminated,
         (ExitReason::Interrupted, _) => Exit::Interrupted,
         _ => Exit::NotConverged,

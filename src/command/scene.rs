@@ -5,6 +5,7 @@ use piola_runtime::scene::SceneReport;
 use piola_runtime::scene::boundary::BoundaryConditions;
 use piola_runtime::simulation::{Case, CaseError, Library};
 
+use crate::cli::Format;
 use crate::library;
 use crate::render::{self, Source};
 
@@ -21,13 +22,37 @@ pub(super) fn read(path: &std::path::Path, overrides: &[String]) -> Option<Case>
 
 /// Reads a scene.
 pub(super) fn try_read(path: &std::path::Path, overrides: &[String]) -> Result<Case, CaseError> {
+    outline(path, overrides)?.with_points()
+}
+
+/// The same without its points.
+fn outline(path: &std::path::Path, overrides: &[String]) -> Result<Case, CaseError> {
+    let name = path.display().to_string();
+    if name.ends_with(".piola") || (library::find(&name).is_some() && !path.exists()) {
+        let message = format!(
+            "`{name}` is a potential, and a scene is needed: a file that names the potential \
+             (`potential = \"{name}\"` in [material]) and says what body is made of it; \
+             `piola check {name}` checks the potential"
+        );
+        return Err(CaseError::Body { message });
+    }
     let names = library::names();
     let library = Library { find: &library::find, names: &names };
-    Case::read(path, overrides, &library)
+    Case::outline(path, overrides, &library)
+}
+
+/// A scene with its points, unless these are more than a plan needs.
+pub(super) fn read_for_plan(path: &std::path::Path, overrides: &[String]) -> Option<Case> {
+    let read = outline(path, overrides)
+        .and_then(|case| if case.large_box().is_some() { Ok(case) } else { case.with_points() });
+    read.map_err(|error| print_error(&error)).ok()
 }
 
 /// Every warning about a scene: its text, its sets, its boundary conditions.
 pub(super) fn warnings(case: &Case) -> Result<Vec<Diagnostic>, CaseError> {
+    if case.large_box().is_some() {
+        return Ok(case.warnings.clone());
+    }
     let selection = case.selection()?;
     let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
     let mut warnings = case.warnings.clone();
@@ -36,12 +61,32 @@ pub(super) fn warnings(case: &Case) -> Result<Vec<Diagnostic>, CaseError> {
     Ok(warnings)
 }
 
+/// Checks a scene as far as that is possible without a run: the text and all it names, its points,
+/// sets and conditions, and motions that nothing holds. Prints what is found; nothing if it cannot be
+/// run.
+pub(super) fn check(path: &std::path::Path, format: Format) -> Option<Case> {
+    let checked = || -> Result<Case, CaseError> {
+        let mut case = outline(path, &[])?;
+        if case.large_box().is_none() {
+            case = case.with_points()?;
+        }
+        print_findings(&case.scene.report(warnings(&case)?), format);
+        case.plan(1)?;
+        Ok(case)
+    };
+    checked().map_err(|error| print_case_error(&error, format)).ok()
+}
+
 /// Prints an error at its place.
 pub(super) fn print_error(error: &CaseError) {
+    print_case_error(error, Format::Human);
+}
+
+fn print_case_error(error: &CaseError, format: Format) {
     match error {
-        CaseError::Scene(report) => print_report(report),
+        CaseError::Scene(report) => print_findings(report, format),
         CaseError::Text { name, text, diagnostics } => {
-            render::findings(Source { name, text }, diagnostics);
+            render::print(Source { name, text }, diagnostics, format);
         }
         CaseError::Unreadable { .. } | CaseError::Body { .. } => {
             render::error(&error.to_string(), None);
@@ -52,15 +97,15 @@ pub(super) fn print_error(error: &CaseError) {
 /// Prints warnings about a scene and gives them back as sentences.
 pub(super) fn print_warnings(case: &Case, warnings: Vec<Diagnostic>) -> Vec<String> {
     let report = case.scene.report(warnings);
-    print_report(&report);
+    print_findings(&report, Format::Human);
     report.findings.iter().map(|finding| finding.diagnostic.message.clone()).collect()
 }
 
-fn print_report(report: &SceneReport) {
+fn print_findings(report: &SceneReport, format: Format) {
     for finding in &report.findings {
         let source = &report.sources[finding.source];
         let source = Source { name: &source.name, text: &source.text };
-        render::findings(source, std::slice::from_ref(&finding.diagnostic));
+        render::print(source, std::slice::from_ref(&finding.diagnostic), format);
     }
 }
 

@@ -158,8 +158,8 @@ fn an_unstable_equilibrium_is_reported() {
     let text =
         std::fs::read_to_string(crate::support::repository("examples/cube_C1_C2/scene.toml"));
     let text = text.unwrap().replace("C2 = 100.0", "C2 = 1000.0");
-    let outcome = SceneFolder::new(&text).run(&["--set", "output.frames=1"]).expect(0);
-    outcome.says(&["not stable"]);
+    let outcome = SceneFolder::new(&text).run(&["--set", "output.frames=1"]).expect(1);
+    outcome.says(&["not stable", "unstable = \"accept\""]);
 }
 
 #[test]

@@ -13,6 +13,7 @@ mod interrupted;
 mod killed;
 mod moduli;
 mod picture;
+mod plans;
 mod refusals;
 mod scenes;
 mod solvers;

@@ -18,10 +18,11 @@ mod jump;
 mod rest;
 mod subject;
 
-use piola_grammar::Diagnostic;
+use piola_grammar::{Diagnostic, Severity};
 
 use crate::measure::Measure;
 use crate::model::Model;
+use crate::values::Values;
 use subject::Subject;
 
 /// One kind of thing that is probably a mistake.
@@ -86,14 +87,8 @@ impl Model {
                 }));
             }
         }
-        for subjects in self.dimensions().flat_map(|dimension| Subject::all(self, dimension)) {
-            for lint in &wanted {
-                let Look::Energy(look) = lint.look else { continue };
-                let seen = subjects.iter().find_map(|subject| Some((subject, look(subject)?)));
-                let Some((subject, finding)) = seen else { continue };
-                let measure = subject.measure();
-                let warning =
-                    self.diagnostic(lint.code, measure, finding, subject.values_in_words());
+        for subjects in self.dimensions().flat_map(|dimension| Subject::examples(self, dimension)) {
+            for warning in wanted.iter().filter_map(|lint| self.look(lint, &subjects)) {
                 // What is found in two dimensions is mostly found in three too.
                 if !found.iter().any(|f| f.code == warning.code && f.span == warning.span) {
                     found.push(warning);
@@ -102,6 +97,42 @@ impl Model {
         }
         found.sort_by_key(|warning| warning.span);
         found
+    }
+
+    /// What makes a body with these values move without a load, or give way to any: energies with a
+    /// force at rest, bonds without stiffness there, no bonds at all; as errors, and not what the file
+    /// allows. Negative stiffness of triangles and tetrahedra is none: bonds may outweigh it.
+    pub fn unfit_at_rest(&self, values: &Values) -> Vec<Diagnostic> {
+        let subjects = Subject::all(self, values);
+        let others = self.has_gradient_energy() || self.has_gathered_energy();
+        let is_bond = |subjects: &[Subject<'_>]| subjects[0].measure() == Measure::Length;
+        let mut found = Vec::new();
+        for lint in LINTS.iter().filter(|l| !self.allowed.iter().any(|code| code == l.code)) {
+            let looks_at = |subjects: &[Subject<'_>]| match lint.code {
+                "not-stress-free" => true,
+                "not-stiff-at-rest" => is_bond(subjects) && !others,
+                _ => false,
+            };
+            let looked_at = subjects.iter().filter(|subjects| looks_at(subjects));
+            found.extend(looked_at.filter_map(|subjects| self.look(lint, subjects)));
+            if lint.code == "no-bond-energy" && !others && !subjects.iter().any(|s| is_bond(s)) {
+                let first = subjects.first().map(|subjects| subjects[0].measure());
+                found.extend(first.and_then(only_cliques).map(|(measure, finding)| {
+                    self.diagnostic(lint.code, measure, finding, String::new())
+                }));
+            }
+        }
+        found.sort_by_key(|error| error.span);
+        found.into_iter().map(|error| Diagnostic { severity: Severity::Error, ..error }).collect()
+    }
+
+    /// What a lint says of the energies of one measure.
+    fn look(&self, lint: &Lint, subjects: &[Subject<'_>]) -> Option<Diagnostic> {
+        let Look::Energy(look) = lint.look else { return None };
+        let (subject, finding) =
+            subjects.iter().find_map(|subject| Some((subject, look(subject)?)))?;
+        let values = subject.values_in_words();
+        Some(self.diagnostic(lint.code, subject.measure(), finding, values))
     }
 
     /// A finding at the energies of a measure.
@@ -124,11 +155,13 @@ impl Model {
 }
 
 fn no_bond_energy(model: &Model) -> Option<(Measure, Finding)> {
-    let first = *model.measures().first()?;
-    if first == Measure::Length {
-        return None;
-    }
+    only_cliques(*model.measures().first()?)
+}
+
+/// Energies that begin with those of this measure.
+fn only_cliques(first: Measure) -> Option<(Measure, Finding)> {
     let what = match first {
+        Measure::Length => return None,
         Measure::Area => "triangles can be sheared without changing their area",
         _ => "tetrahedra can be sheared without changing their volume",
     };

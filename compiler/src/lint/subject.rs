@@ -8,10 +8,10 @@ use crate::specialise::{Form, ScalarEnergy};
 use crate::values::{Setting, Values};
 use crate::verify::sample::{Point, contains};
 
-/// The horizon in m.
+/// The horizon in m, where values name none.
 const HORIZON: f64 = 1.0;
 
-/// Measures at rest that are tried. With 1 alone `ln(l)^2` would pass for `ln(l/L)^2`.
+/// Measures at rest that are tried, over those of the horizon. With 1 alone `ln(l)^2` would pass for `ln(l/L)^2`.
 const REFERENCES: [f64; 2] = [1.0, 0.3];
 
 /// Values that are tried, in this order, for a parameter without a default.
@@ -32,16 +32,28 @@ pub(super) struct Subject<'m> {
 }
 
 impl<'m> Subject<'m> {
-    /// The energies of every measure, each for several measures at rest. None if no values are found
-    /// that satisfy the conditions, or if the energies are too large to be compiled.
-    pub(super) fn all(model: &'m Model, dimension: usize) -> Vec<Vec<Subject<'m>>> {
-        let Some(variant) = model.variant(dimension) else { return Vec::new() };
-        let Some(values) = example(model, dimension) else { return Vec::new() };
-        let Ok(specialised) = model.specialise_as(&values, Form::Textbook) else {
+    /// The energies of every measure for some values; none if no values are found that satisfy the
+    /// conditions.
+    pub(super) fn examples(model: &'m Model, dimension: usize) -> Vec<Vec<Subject<'m>>> {
+        example(model, dimension).map_or(Vec::new(), |values| Subject::all(model, &values))
+    }
+
+    /// The energies of every measure, each for several measures at rest; none if they are too large to
+    /// be compiled.
+    pub(super) fn all(model: &'m Model, values: &Values) -> Vec<Vec<Subject<'m>>> {
+        let Some(variant) = model.variant(values.dimension) else { return Vec::new() };
+        let Ok(specialised) = model.specialise_as(values, Form::Textbook) else {
             return Vec::new();
         };
+        let horizon = if values.horizon.is_finite() { values.horizon } else { HORIZON };
         let subjects = specialised.energies.into_iter().map(|energy| {
-            let of = |reference| {
+            let largest = match energy.measure {
+                Measure::Length => horizon,
+                Measure::Area => horizon * horizon,
+                Measure::Volume => horizon * horizon * horizon,
+            };
+            let of = |part| {
+                let reference = part * largest;
                 let (energy, values) = (energy.clone(), values.clone());
                 let stretches = Vec::new();
                 let mut subject = Subject { model, variant, values, energy, reference, stretches };

@@ -99,6 +99,19 @@ pub fn read_cloud(text: &str, dimension: usize) -> Result<Cloud, TableError> {
         cloud.volumes.push(volume);
         Ok(())
     })?;
+    for (axis, name) in names[..dimension].iter().enumerate() {
+        let column = || cloud.positions.iter().skip(axis).step_by(dimension).copied();
+        let (least, most) =
+            (column().fold(f64::INFINITY, f64::min), column().fold(f64::NEG_INFINITY, f64::max));
+        if (most - least).is_infinite() && !cloud.volumes.is_empty() {
+            let message = format!(
+                "the points reach from {name} = {least:e} to {most:e} m: a distance that no number holds"
+            );
+            let error = Diagnostic::error("infinite-extent", Span::new(0, 0), message)
+                .help("write coordinates in m, less than 1e300 apart");
+            return Err(located(text, error));
+        }
+    }
     if cloud.volumes.is_empty() {
         let end = Span::new(text.len(), text.len());
         let error = Diagnostic::error("empty-table", end, "the cloud has no points")

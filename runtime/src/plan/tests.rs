@@ -1,5 +1,6 @@
 //! Counts against brute force, estimates against measurements.
 
+use super::count::bonds_in_box;
 use super::*;
 use crate::interaction::{Census, Degeneracy, Slabs};
 use crate::neighborhood::Neighborhood;
@@ -119,7 +120,8 @@ fn plan_with(
     let interactions = counted(&body, scene.horizon_radius(), Needed::default());
     Plan::new(PlanInput {
         scene,
-        body: &body,
+        extent: Extent::of(&body),
+        notes: Vec::new(),
         interactions: InteractionCount { triangles: 6_820_000, exact: false, ..interactions },
         kernels: vec![
             KernelNote { energy: "psi(l)".into(), modelled: true, reason: String::new() },
@@ -239,4 +241,42 @@ fn a_body_has_what_its_energies_need_and_nothing_else() {
     };
     assert_eq!(bytes(Some(Families::BondQuadrature)), 1000 * 1001 / 2 * (72 + 4));
     assert!(bytes(Some(Families::Nodal)) > 5 * bytes(None));
+}
+
+/// Boxes that are not filled, and bodies that are not searched, have what they are counted to have.
+#[test]
+fn boxes_and_samples_come_close_to_the_count() {
+    use crate::scene::Nodes;
+    for (counts, horizon) in [([40, 30, 1], 0.3), ([16, 14, 12], 0.2)] {
+        let d = if counts[2] == 1 { 2 } else { 3 };
+        let body = lattice(counts, d);
+        let exact = counted(&body, horizon, ALL);
+        let shape = LatticeShape {
+            low: vec![0.0; d],
+            high: counts[..d].iter().map(|n| *n as f64 * 0.1).collect(),
+            spacing: 0.1,
+            nodes: Nodes::Cells,
+        };
+        let boxed = count_in_box(&shape, horizon, ALL);
+        assert_eq!((boxed.bonds, boxed.bonds_exact, boxed.exact), (exact.bonds, true, false));
+        let family = 2.0 * exact.bonds as f64 / body.n_points() as f64;
+        let sampled = estimate_interactions(&body, horizon, family, ALL).unwrap();
+        for found in [boxed, sampled] {
+            let pairs = [
+                (found.bonds, exact.bonds),
+                (found.triangles, exact.triangles),
+                (found.tetrahedra, exact.tetrahedra),
+            ];
+            for (found, exact) in pairs {
+                assert!(
+                    (found as f64 - exact as f64).abs() <= 0.15 * exact as f64,
+                    "{found} {exact}"
+                );
+            }
+        }
+    }
+    // Beyond so many differences a ball counts: 1 % at a horizon of 160 spacings.
+    let counts = [1e4, 1e4, 1e4];
+    let ball = 2.0 / 3.0 * std::f64::consts::PI * 160.0 * 160.0 * 160.0 * 1e12;
+    assert!((bonds_in_box(&counts, 160.0) / ball - 1.0).abs() < 0.01);
 }

@@ -13,7 +13,8 @@ impl fmt::Display for Plan {
         writeln!(f, "model, {} dimensions", self.dimension)?;
         count(f, "points", self.points as u64)?;
         count(f, "unknowns", self.unknowns as u64)?;
-        count(f, "bonds", self.interactions.bonds)?;
+        let bonds = if self.interactions.bonds_exact { "bonds" } else { "bonds (estimated)" };
+        count(f, bonds, self.interactions.bonds)?;
         count(f, &format!("triangles{estimated}"), self.interactions.triangles)?;
         count(f, &format!("tetrahedra{estimated}"), self.interactions.tetrahedra)?;
         if !self.kernels.is_empty() {
@@ -56,7 +57,12 @@ impl fmt::Display for Plan {
             LinearMethod::MatrixFreeGmres => "GMRES without a stored tangent",
         };
         writeln!(f, "linear systems by {method}:")?;
-        wrapped(&self.linear_reason).iter().try_for_each(|line| writeln!(f, "  {line}"))
+        wrapped(&self.linear_reason).iter().try_for_each(|line| writeln!(f, "  {line}"))?;
+        if !self.notes.is_empty() {
+            writeln!(f, "what this plan does not know:")?;
+        }
+        let notes = self.notes.iter().flat_map(|note| wrapped(note));
+        notes.into_iter().try_for_each(|line| writeln!(f, "  {line}"))
     }
 }
 

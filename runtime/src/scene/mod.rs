@@ -450,6 +450,18 @@ pub struct SolverSettings {
     pub strain: StrainSource,
     /// Newton iterations per increment.
     pub max_iterations: usize,
+    /// What an end state that is not stable means.
+    pub unstable: Unstable,
+}
+
+/// What an end state means whose tangent is not positive definite: a maximum or a saddle of the
+/// energy, which no body keeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unstable {
+    /// The run has failed.
+    Fail,
+    /// It is what the scene is about.
+    Accept,
 }
 
 /// Where the free points of an increment start.

@@ -50,6 +50,7 @@ derivatives = "hyperdual-coordinates"
 level = "strict"
 form = "textbook"
 strain = "positions"
+unstable = "accept"
 max_iterations = 7
 [output]
 frames = 0
@@ -140,6 +141,7 @@ fn every_key_is_read() {
         level: Level::Strict,
         form: FormChoice::Textbook,
         strain: StrainSource::Positions,
+        unstable: Unstable::Accept,
         max_iterations: 7,
     };
     assert_eq!(scene.solver, solver);
@@ -172,6 +174,7 @@ fn every_default_is_filled_in() {
         level: Level::default(),
         form: FormChoice::Accurate,
         strain: StrainSource::Displacements,
+        unstable: Unstable::Fail,
         max_iterations: 25,
     };
     assert_eq!(scene.solver, solver);
@@ -233,6 +236,7 @@ fn a_resolved_scene_holds_every_key() {
         "level",
         "form",
         "strain",
+        "unstable",
         "max_iterations",
         "frames",
     ] {

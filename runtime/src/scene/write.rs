@@ -5,7 +5,7 @@ use std::fmt::Write;
 use super::read::correspondence::{DISCRETISATIONS, INFLUENCES, ORDERS, PLANES, STABILISATIONS};
 use super::read::{
     DERIVATIVES, FORMS, LEVELS, LINEAR, NEWTON, NODES, PRECONDITIONERS, PRODUCTS, STARTS, STRAINS,
-    WEIGHTS,
+    UNSTABLE, WEIGHTS,
 };
 use super::{
     BodyShape, CorrespondenceSettings, DiscretisationChoice, Horizon, HorizonExtent,
@@ -50,6 +50,7 @@ impl Scene {
         pair(&mut out, "level", word(LEVELS, solver.level));
         pair(&mut out, "form", word(FORMS, solver.form));
         pair(&mut out, "strain", word(STRAINS, solver.strain));
+        pair(&mut out, "unstable", word(UNSTABLE, solver.unstable));
         pair(&mut out, "max_iterations", solver.max_iterations);
         section(&mut out, "[output]");
         pair(&mut out, "frames", self.output.frames);

@@ -65,7 +65,7 @@ pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
     let energy = case.energy(case.compile()?)?;
     let selection = case.selection()?;
     let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
-    check_held(case, &energy, &boundary)?;
+    check_held(case, energy.bonds(), &boundary)?;
     let drive = SceneDrive::new(&boundary);
     let rounded = FromPositions::new(energy.total(), case.body.positions());
     let mut reached = Equilibrium::default();

@@ -2,7 +2,8 @@
 //!
 //! | stage | what |
 //! |---|---|
-//! | [`Case::read`] | scene, potential and parameter values checked together, body built |
+//! | [`Case::outline`] | scene, potential and parameter values checked together |
+//! | [`Case::read`] | the same, and the body built |
 //! | [`Case::plan`] | what will be modelled and what it costs |
 //! | [`Case::energy`] | the discrete total energy |
 //! | [`run()`] | load steps, with everything they leave in the output folder |
@@ -13,6 +14,7 @@ mod cost;
 mod equilibrium;
 mod error;
 mod explain;
+mod forecast;
 mod model;
 mod run;
 mod size;
@@ -23,7 +25,7 @@ pub use error::CaseError;
 pub use model::ModelledEnergy;
 pub use run::{Ending, RunError, RunOptions, run};
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use num_dual::HyperDual64;
@@ -38,12 +40,7 @@ use crate::element::{CoordinateElement, Element, MeasureElement};
 use crate::energy::NonFinite;
 use crate::kernel::{Measure, VariablesLaw};
 use crate::lattice::{Lattice, Nodes};
-use crate::neighborhood::Neighborhood;
 use crate::output::read::read_cloud;
-use crate::plan::{
-    Families, KernelNote, Needed, Plan, PlanInput, available_memory, count_interactions,
-};
-use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{self, Selection};
 use crate::scene::{
     self, DerivativeSource, FormChoice, MAX_SCENE_BYTES, ParameterText, Plane, Points,
@@ -77,6 +74,8 @@ pub struct Case {
     pub body: Arc<Body>,
     /// Findings about the scene that do not stop the work; spans as in [`Scene::report`].
     pub warnings: Vec<Diagnostic>,
+    /// Where the scene is: a cloud is named relative to it.
+    folder: PathBuf,
 }
 
 /// Energies ready for assembly, and what is not modelled.
@@ -96,12 +95,25 @@ pub struct Compiled {
 }
 
 impl Case {
-    /// Reads a scene file and everything it names.
+    /// Reads a scene file and everything it names, and makes its points.
     ///
     /// # Errors
     /// Everything that is wrong with the first of scene, potential, parameters and points that has
     /// anything wrong.
     pub fn read(
+        path: &Path,
+        overrides: &[String],
+        library: &Library<'_>,
+    ) -> Result<Case, CaseError> {
+        Case::outline(path, overrides, library)?.with_points()
+    }
+
+    /// The same without points: of a cloud the file is not read yet, a lattice is not filled.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the first of scene, potential and parameters that has anything
+    /// wrong.
+    pub fn outline(
         path: &Path,
         overrides: &[String],
         library: &Library<'_>,
@@ -122,8 +134,7 @@ impl Case {
                 .help("leave [correspondence] out, or take a potential with psi(F)");
             return Err(CaseError::Scene(scene.report(vec![found])));
         }
-        let (body, mut warnings) = body(&scene, folder)?;
-        warnings.splice(0..0, scene.warnings.iter().cloned());
+        let mut warnings = scene.warnings.clone();
         if let Some(thickness) = scene.body.thickness
             && !has_thickness(&model)
         {
@@ -133,7 +144,20 @@ impl Case {
                  gathered values are per volume",
             ));
         }
-        Ok(Case { scene, potential, model, values, body: Arc::new(body), warnings })
+        let body = Arc::new(Body::new(scene.body.dimension, &[], &[], None));
+        let folder = folder.to_path_buf();
+        Ok(Case { scene, potential, model, values, body, warnings, folder })
+    }
+
+    /// The same with its points.
+    ///
+    /// # Errors
+    /// A cloud that cannot be read, a box that is none, more points than the memory holds.
+    pub fn with_points(mut self) -> Result<Case, CaseError> {
+        let (body, warnings) = body(&self.scene, &self.folder)?;
+        self.body = Arc::new(body);
+        self.warnings.extend(warnings);
+        Ok(self)
     }
 
     /// Compiles the energies with the derivatives that the scene asks for.
@@ -154,7 +178,7 @@ impl Case {
             .model
             .compile_as(&self.values, mode, form)
             .map_err(|error| CaseError::compile(&self.potential, &error))?;
-        let dimension = self.body.dimension();
+        let dimension = self.scene.body.dimension;
         let in_coordinates =
             self.scene.solver.derivatives == DerivativeSource::HyperdualCoordinates;
         let mut elements = Elements::default();
@@ -232,43 +256,26 @@ impl Case {
         explain::explain(self, found)
     }
 
+    /// Refuses energies that have a force at rest, or leave the body without stiffness, for the
+    /// scene's values.
+    ///
+    /// # Errors
+    /// What [`Model::unfit_at_rest`] finds, at its place in the potential.
+    pub fn check_rest(&self) -> Result<(), CaseError> {
+        let diagnostics = self.model.unfit_at_rest(&self.values);
+        if diagnostics.is_empty() {
+            return Ok(());
+        }
+        let (name, text) = (self.potential.name.clone(), self.potential.text.clone());
+        Err(CaseError::Text { name, text, diagnostics })
+    }
+
     /// The points of sets and probes.
     ///
     /// # Errors
     /// Sets without points, probes outside the body.
     pub fn selection(&self) -> Result<Selection, CaseError> {
         Ok(selection::select(&self.scene, &self.body)?)
-    }
-
-    /// What will be modelled and what it costs.
-    ///
-    /// # Errors
-    /// As [`Case::compile`], and more neighbours than the machine's memory holds.
-    pub fn plan(&self, threads: usize) -> Result<Plan, CaseError> {
-        size::check_neighbors(&self.body, self.scene.horizon_radius())?;
-        let compiled = self.compile()?;
-        let selection = self.selection()?;
-        let boundary = BoundaryConditions::new(&self.scene, &self.body, &selection)?;
-        let neighborhood = Neighborhood::new(&self.body, self.scene.horizon_radius())
-            .map_err(|error| CaseError::Body { message: error.to_string() })?;
-        let needed = Needed {
-            triangles: compiled.measures.contains(&Measure::Area),
-            tetrahedra: compiled.measures.contains(&Measure::Volume),
-        };
-        let notes = kernel_notes(&compiled, &self.model, &self.scene);
-        let gathered = compiled.gathered.as_ref().map(|g| Families::States(g.integrals.len()));
-        let settings = self.scene.correspondence.as_ref().filter(|_| compiled.gradient.is_some());
-        let families = gathered.or(settings.map(|settings| settings.discretisation.into()));
-        Ok(Plan::new(PlanInput {
-            scene: &self.scene,
-            body: &self.body,
-            interactions: count_interactions(&self.body, &neighborhood, needed),
-            kernels: notes,
-            families,
-            prescribed: boundary.fixed_dofs().len(),
-            threads,
-            available_memory: available_memory(),
-        }))
     }
 }
 
@@ -280,40 +287,6 @@ fn has_thickness(model: &Model) -> bool {
 /// Whether the body is in plane stress: its energy is that of a solid.
 fn is_sheet(scene: &Scene) -> bool {
     scene.correspondence.as_ref().is_some_and(|settings| settings.plane == Plane::Stress)
-}
-
-fn kernel_notes(compiled: &Compiled, model: &Model, scene: &Scene) -> Vec<KernelNote> {
-    let modelled = compiled.measures.iter().map(|m| KernelNote {
-        energy: format!("psi({})", m.symbol()),
-        modelled: true,
-        reason: String::new(),
-    });
-    let dropped = compiled.dropped.iter().map(|d| KernelNote {
-        energy: format!("psi({})", d.argument),
-        modelled: false,
-        reason: d.reason.clone(),
-    });
-    let gradient = compiled.gradient.iter().map(|_| KernelNote {
-        energy: "psi(F)".to_string(),
-        modelled: true,
-        reason: scene.correspondence.as_ref().map_or_else(String::new, |c| c.to_string()),
-    });
-    let mut heads: Vec<&str> = Vec::new();
-    let gathered = compiled.gathered.as_ref();
-    let energies = model.variant(scene.body.dimension).map(|v| &v.gathered_energies);
-    for energy in energies.into_iter().flatten() {
-        let law = gathered
-            .and_then(|g| if energy.of_bonds { g.bonds.as_ref() } else { g.points.as_ref() });
-        if law.is_some() && !heads.contains(&energy.head.as_str()) {
-            heads.push(&energy.head);
-        }
-    }
-    let gathered = heads.into_iter().map(|head| KernelNote {
-        energy: format!("psi({head})"),
-        modelled: true,
-        reason: "gathered over families".to_string(),
-    });
-    modelled.chain(gradient).chain(gathered).chain(dropped).collect()
 }
 
 fn checked(potential: &PotentialText) -> Result<Model, CaseError> {

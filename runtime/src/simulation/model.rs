@@ -96,7 +96,7 @@ impl Case {
         compiled: Compiled,
     ) -> Result<ModelledEnergy, CaseError> {
         let horizon = self.scene.horizon_radius();
-        size::check_neighbors(&body, horizon)?;
+        size::check_neighbors(&body, horizon, size::family(&body, horizon))?;
         if compiled.gathered.is_some() {
             return states(body, horizon, self.thickness(), compiled);
         }

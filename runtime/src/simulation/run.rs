@@ -6,6 +6,7 @@ use std::sync::Mutex;
 use super::{Case, CaseError, ModelledEnergy};
 use crate::assembly::{Inverted, Report};
 use crate::energy::{FiniteDifferences, FromPositions, Products, TotalEnergy};
+use crate::matrix::BlockPattern;
 use crate::output::picture::{NamedPoints, Picture};
 use crate::output::pvd::FrameSeries;
 use crate::output::summary::{
@@ -18,7 +19,9 @@ use crate::output::{
 use crate::plan::available_memory;
 use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
 use crate::scene::selection::Selection;
-use crate::scene::{LinearChoice, NewtonChoice, PreconditionerChoice, Scene, Start, StrainSource};
+use crate::scene::{
+    LinearChoice, NewtonChoice, PreconditionerChoice, Scene, Start, StrainSource, Unstable,
+};
 use crate::solve::constraint::Constraints;
 use crate::solve::linear::{self, BLOCK_JACOBI, LinearMethod, LinearOptions};
 use crate::solve::newton::{NewtonFailure, NewtonSettings, NewtonVariant};
@@ -47,6 +50,8 @@ pub struct Ending {
     pub steps: usize,
     /// How many of them are not stable equilibria.
     pub indefinite: usize,
+    /// Whether the last of them is not, and the scene does not accept that.
+    pub fails: bool,
     /// Interactions turned inside out at the last of them.
     pub inverted: Inverted,
     /// What the user was warned of during the run; the summary has it, too.
@@ -82,6 +87,7 @@ pub fn run(
     options: RunOptions<'_>,
     watch: &Watch,
 ) -> Result<Ending, RunError> {
+    case.check_rest()?;
     let mut clock = PhaseClock::new();
     enter(&mut clock, watch, "compile");
     let compiled = case.compile()?;
@@ -90,7 +96,7 @@ pub fn run(
     let selection = case.selection()?;
     let boundary =
         BoundaryConditions::new(&case.scene, &case.body, &selection).map_err(CaseError::from)?;
-    check_held(case, &energy, &boundary)?;
+    check_held(case, energy.bonds(), &boundary)?;
 
     // From here on there is something to keep.
     let resolved = case.scene.resolved_toml();
@@ -125,15 +131,14 @@ fn enter(clock: &mut PhaseClock, watch: &Watch, phase: &'static str) {
 /// Refuses a body that can move without force.
 pub(super) fn check_held(
     case: &Case,
-    energy: &ModelledEnergy,
+    bonds: &BlockPattern,
     boundary: &BoundaryConditions<'_>,
 ) -> Result<(), CaseError> {
     let n_dofs = case.body.n_points() * case.body.dimension();
     let message = |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
     let constraints =
         Constraints::new(n_dofs, boundary.fixed_dofs()).map_err(|error| message(&error))?;
-    check_rigid_motions(energy.bonds(), case.body.positions(), &constraints)
-        .map_err(|error| message(&error))
+    check_rigid_motions(bonds, case.body.positions(), &constraints).map_err(|error| message(&error))
 }
 
 /// The energy with its strain from what the scene says.
@@ -302,11 +307,13 @@ fn ending(
 ) -> Result<(Ending, steps::Outcome), RunError> {
     let indefinite =
         history.steps.iter().filter(|s| s.definiteness.positive_definite == Some(false)).count();
+    let fails = case.scene.solver.unstable == Unstable::Fail
+        && history.steps.last().is_some_and(|s| s.definiteness.positive_definite == Some(false));
     let steps = history.steps.len();
     let inverted = history.steps.last().map_or(Inverted::default(), |step| step.inverted);
     let end = |reason, message| {
         let warnings = warnings.to_vec();
-        Ending { reason, message, steps, indefinite, inverted, warnings }
+        Ending { reason, message, steps, indefinite, fails, inverted, warnings }
     };
     match result {
         // Only who looks on stops a run whose output could be written.

@@ -27,13 +27,19 @@ pub(super) fn check_lattice(shape: &LatticeShape) -> Result<(), CaseError> {
     check(bytes, &format!("the {points:.1e} points of the box"), "take a larger spacing")
 }
 
-/// Refuses a body whose neighbours exceed the memory, by the neighbours of some of its points.
-pub(super) fn check_neighbors(body: &Body, horizon: f64) -> Result<(), CaseError> {
+/// How many neighbours a point has, from some of the points.
+pub(super) fn family(body: &Body, horizon: f64) -> f64 {
     let n = body.n_points();
     let sampled = n.min(SAMPLED);
     let points = (0..sampled).map(|k| (2 * k + 1) * n / (2 * sampled));
     let found: usize = points.map(|point| count_neighbors(body, horizon, point)).sum();
-    let bonds = 0.5 * n as f64 * found as f64 / sampled.max(1) as f64;
+    found as f64 / sampled.max(1) as f64
+}
+
+/// Refuses a body whose neighbours exceed the memory; `family` is how many a point has.
+pub(super) fn check_neighbors(body: &Body, horizon: f64, family: f64) -> Result<(), CaseError> {
+    let n = body.n_points();
+    let bonds = 0.5 * n as f64 * family;
     let what = format!("the {bonds:.1e} bonds of {n} points within the horizon {horizon} m");
     check(BOND_BYTES * bonds, &what, "take a larger spacing or a smaller horizon")
 }

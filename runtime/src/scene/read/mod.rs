@@ -19,7 +19,7 @@ use crate::kernel::Level;
 use super::{
     DerivativeSource, FormChoice, LinearChoice, Located, MAX_SCENE_BYTES, Material, NewtonChoice,
     Nodes, OutputSettings, ParameterSetting, ParameterText, Points, PreconditionerChoice, Scene,
-    SceneReport, SolverSettings, Start, Steps, StrainSource, WeightScheme,
+    SceneReport, SolverSettings, Start, Steps, StrainSource, Unstable, WeightScheme,
 };
 
 static SCENE: Schema = Schema {
@@ -57,6 +57,7 @@ static SOLVER: Schema = Schema {
         ("form", "\"accurate\""),
         ("strain", "\"displacements\""),
         ("max_iterations", "25"),
+        ("unstable", "\"fail\""),
     ],
 };
 static OUTPUT: Schema = Schema { title: "[output]", keys: &[("frames", "25")] };
@@ -107,6 +108,8 @@ pub(super) const FORMS: &[(&str, FormChoice)] =
     &[("accurate", FormChoice::Accurate), ("textbook", FormChoice::Textbook)];
 pub(super) const STRAINS: &[(&str, StrainSource)] =
     &[("displacements", StrainSource::Displacements), ("positions", StrainSource::Positions)];
+pub(super) const UNSTABLE: &[(&str, Unstable)] =
+    &[("fail", Unstable::Fail), ("accept", Unstable::Accept)];
 
 impl Scene {
     /// Reads a scene and applies overrides (`solver.tolerance=1e-8`, see `--set`) to it.
@@ -344,6 +347,8 @@ impl Reader {
         let level = self.or(table, "level", Level::default(), |r, field| r.choice(field, LEVELS));
         let form = self.or(table, "form", FORMS[0].1, |r, field| r.choice(field, FORMS));
         let strain = self.or(table, "strain", STRAINS[0].1, |r, field| r.choice(field, STRAINS));
+        let unstable =
+            self.or(table, "unstable", UNSTABLE[0].1, |r, field| r.choice(field, UNSTABLE));
         let max_iterations = self.or(table, "max_iterations", 25, |r, field| r.count(field, 1));
         Some(SolverSettings {
             tolerance: tolerance?,
@@ -356,6 +361,7 @@ impl Reader {
             level: level?,
             form: form?,
             strain: strain?,
+            unstable: unstable?,
             max_iterations: max_iterations?,
         })
     }

@@ -1,0 +1,187 @@
+//! What is wrong is said before it costs: `plan`, `check` of scenes, and what runs refuse.
+
+use std::time::Instant;
+
+use crate::scenes::{STRIP, strip, strip_with};
+use crate::support::{SceneFolder, number, piola};
+
+/// A cube of 1 m^3 with bonds alone.
+fn cube(spacing: f64) -> SceneFolder {
+    SceneFolder::new(&format!(
+        "[body]\nbox = [[0, 0, 0], [1, 1, 1]]\nspacing = {spacing}\nnodes = \"cells\"\n\
+         [horizon]\nspacings = 3\n[material]\npotential = \"javili2020\"\nparameters = {{ C1 = 1.0 }}\n\
+         [sets]\nleft = \"X < 0.1\"\n[[prescribe]]\nset = \"left\"\nu = [0, 0, 0]\n"
+    ))
+}
+
+/// Points that nobody should make, let alone search: seconds are ample, minutes are not.
+const PATIENCE: u64 = 60;
+
+#[test]
+fn a_mistyped_spacing_is_refused_before_a_point_is_made() {
+    let folder = cube(0.0005);
+    let begin = Instant::now();
+    let plan = piola(&["plan", &folder.scene(), "--format", "json"]).expect(0);
+    plan.says(&["this needs about", "refuse"]);
+    folder.run(&[]).expect(2).says(&["this needs about", "are available", "--yes"]);
+    assert!(!folder.out().exists());
+    assert!(begin.elapsed().as_secs() < PATIENCE, "{:?}", begin.elapsed());
+}
+
+/// A box that is not filled is counted as one that is.
+#[test]
+fn a_box_is_counted_without_its_points() {
+    let folder = cube(0.005);
+    let begin = Instant::now();
+    let plan = piola(&["plan", &folder.scene(), "--format", "json"]).expect(0).json();
+    assert!(begin.elapsed().as_secs() < PATIENCE, "{:?}", begin.elapsed());
+    assert_eq!(number(&plan["points"]), 8e6);
+    // Differences of length up to 3 in the lattice: six faces and so on, each as often as it fits.
+    let fits = |step: [f64; 3]| step.iter().map(|s| 200.0 - s).product::<f64>();
+    let kinds: [([f64; 3], f64); 9] = [
+        ([0.0, 0.0, 1.0], 6.0),
+        ([0.0, 1.0, 1.0], 12.0),
+        ([1.0, 1.0, 1.0], 8.0),
+        ([0.0, 0.0, 2.0], 6.0),
+        ([0.0, 1.0, 2.0], 24.0),
+        ([1.0, 1.0, 2.0], 24.0),
+        ([0.0, 2.0, 2.0], 12.0),
+        ([1.0, 2.0, 2.0], 24.0),
+        ([0.0, 0.0, 3.0], 6.0),
+    ];
+    let bonds: f64 = kinds.iter().map(|(step, times)| times * fits(*step) / 2.0).sum();
+    assert_eq!(number(&plan["interactions"]["bonds"]), bonds);
+    assert!(plan["notes"][0].as_str().unwrap().contains("too many points"), "{}", plan["notes"]);
+}
+
+#[test]
+fn extents_that_no_number_holds_are_refused_where_they_are_read() {
+    let cloud = SceneFolder::new(
+        "[body]\ndimension = 2\npoints = \"p.csv\"\n[horizon]\nradius = 1.5\n\
+         [material]\npotential = \"javili2020\"\nparameters = { C1 = 2.0 }\n",
+    );
+    cloud.file("p.csv", "x,y,volume\n0,0,1\n1,0,1\n1.7e308,0,1\n-1.7e308,0,1\n");
+    let whole = "box = [[0.0, 0.0], [1.0, 0.4]]\nspacing = 0.1";
+    let lattice = strip_with(whole, "box = [[-1.7e308, 0.0], [1.7e308, 1e307]]\nspacing = 1e307");
+    for folder in [cloud, lattice] {
+        for command in ["plan", "energy"] {
+            piola(&[command, &folder.scene()]).expect(2).says(&["e308"]);
+        }
+        folder.run(&[]).expect(2);
+    }
+}
+
+/// The strip with an energy of its own.
+fn strip_of(energy: &str) -> SceneFolder {
+    let old = "potential = \"javili2020\"\nparameters = { C1 = 1.0, C2 = 5.0 }";
+    let folder = strip_with(old, "potential = \"own.piola\"");
+    folder.file("own.piola", format!("potential own\nparameter C = 1\n{energy}\n"));
+    folder
+}
+
+#[test]
+fn energies_that_move_or_give_way_at_rest_are_refused_at_the_values_of_the_scene() {
+    // Fine with the default of C, and not with the scene's.
+    let cases = [
+        ("psi(l) = (l/L - C)^2", "not-stress-free", "material.parameters.C=0.9"),
+        ("psi(l) = C*(l/L - 1)^2", "not-stiff-at-rest", "material.parameters.C=-1"),
+        (
+            "psi(l) = C*(l/L - 1)^2\npsi(a) = (a/A - 1)^2",
+            "no-bond-energy",
+            "material.parameters.C=0",
+        ),
+    ];
+    for (energy, code, setting) in cases {
+        let folder = strip_of(energy);
+        piola(&["plan", &folder.scene()]).expect(0);
+        let allowed = format!("allow \"{code}\" \"as it is meant\"\n{energy}");
+        let lenient = strip_of(&allowed);
+        for command in ["plan", "energy"] {
+            let outcome = piola(&[command, &folder.scene(), "--set", setting]).expect(2);
+            outcome.says(&[&format!("error[{code}]"), "own.piola:3", &format!("allow \"{code}\"")]);
+            piola(&[command, &lenient.scene(), "--set", setting]).expect(0);
+        }
+        folder.run(&["--set", setting]).expect(2).says(&[code]);
+        assert!(!folder.out().exists());
+    }
+    // Negative coefficients of triangles lower Poisson's ratio, and bonds outweigh them.
+    let lower = strip_of("psi(l) = C*(l/L - 1)^2\npsi(a) = -0.001*C*(a/A - 1)^2");
+    piola(&["plan", &lower.scene()]).expect(0);
+}
+
+#[test]
+fn an_end_state_that_is_not_stable_is_a_failure_unless_the_scene_accepts_it() {
+    let folder = strip_with("u = [\"0.2*t\", 0]", "u = [\"-1.5*t\", 0]");
+    let failed = folder.run(&["--set", "steps.increments=1"]).expect(1);
+    failed.says(&["the end state is not stable", "unstable = \"accept\""]);
+    assert_eq!(folder.summary()["exit_reason"], "completed");
+    assert!(folder.out().join("picture.png").exists());
+    let accepting =
+        ["--force", "--set", "steps.increments=1", "--set", "solver.unstable=\"accept\""];
+    folder.run(&accepting).expect(0).says(&["not stable"]);
+}
+
+#[test]
+fn scenes_can_be_checked() {
+    let folder = strip();
+    piola(&["check", &folder.scene()]).expect(0).says(&["55 points"]);
+    let free = SceneFolder::new(
+        &STRIP
+            .replace("u = [0, 0]", "u = [\"free\", 0]")
+            .replace("u = [\"0.2*t\", 0]", "u = [\"free\", 0]"),
+    );
+    piola(&["plan", &free.scene()]).expect(2).says(&["free to move"]);
+    piola(&["check", &free.scene()]).expect(1).says(&["free to move"]);
+    let wrong = strip_with("spacings = 2", "spacings = -2");
+    let outcome = piola(&["check", "--format", "json", &wrong.scene()]).expect(1);
+    let finding: serde_json::Value = serde_json::from_str(outcome.stdout.trim()).unwrap();
+    assert_eq!(finding["line"], 7, "{finding}");
+}
+
+#[test]
+fn commands_say_what_they_got() {
+    let folder = strip();
+    let scene = folder.scene();
+    piola(&["run", "firooz2023", "-o", "/nonexistent/out"]).expect(2).says(&["is a potential"]);
+    let file = folder.file("law.piola", "potential law\npsi(l) = (l/L - 1)^2\n");
+    piola(&["plan", &file]).expect(2).says(&["is a potential", "[material]"]);
+    piola(&["derive", &scene]).expect(2).says(&["is a scene"]);
+    piola(&["run", &scene]).expect(2).says(&["-o out/"]);
+}
+
+#[test]
+fn counts_and_bounds_of_the_command_line_are_limited() {
+    let wrong: [&[&str]; 8] = [
+        &["audit", "javili2020", "--points", "0"],
+        &["audit", "javili2020", "--points", "18446744073709551615"],
+        &["audit", "javili2020", "--bar", "nan"],
+        &["audit", "javili2020", "--bar", "0"],
+        &["verify", "javili2020", "--points", "100000000000"],
+        &["bench", "--threads", "0"],
+        &["plan", "x.toml", "--threads", "1000000"],
+        &["run", "x.toml", "--threads", "-1"],
+    ];
+    for arguments in wrong {
+        let outcome = piola(arguments).expect(2);
+        let told = outcome.stderr.contains("from 1 to") || outcome.stderr.contains("positive");
+        assert!(told || arguments.contains(&"-1"), "{arguments:?}: {}", outcome.stderr);
+    }
+}
+
+#[test]
+fn messages_are_short_and_no_text_commands_the_terminal() {
+    let folder = strip();
+    let long = "x".repeat(5000);
+    let file = folder.file("long.piola", format!("potential long\npsi(l) = {long}*(l/L - 1)^2\n"));
+    let outcome = piola(&["check", &file]).expect(1);
+    let first = outcome.stderr.lines().next().unwrap();
+    assert!(first.starts_with("error") && first.contains("xx..xx") && first.len() < 200, "{first}");
+    let title = "potential sly \"\u{1b}[2J gone\"\n# \u{1b}]0;title\u{7}\npsi(l) = (l/L - 1)^2\n";
+    let file = folder.file("sly.piola", title);
+    let outcome = piola(&["info", &file]);
+    assert!(
+        !outcome.stdout.contains('\u{1b}') && !outcome.stderr.contains('\u{1b}'),
+        "{outcome:?}"
+    );
+    assert!(outcome.code == 0 || outcome.stderr.contains("error"), "{outcome:?}");
+}

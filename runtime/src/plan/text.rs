@@ -25,7 +25,7 @@ impl fmt::Display for Plan {
             let line = format!("  {:<26}{fate:>16}   {}", kernel.energy, kernel.reason);
             writeln!(f, "{}", line.trim_end())?;
         }
-        writeln!(f, "memory, within a factor of 3")?;
+        writeln!(f, "memory, within a factor of 1.5")?;
         for item in &self.memory {
             writeln!(f, "  {:<26}{:>16}", item.item, bytes(item.bytes))?;
         }
@@ -34,7 +34,8 @@ impl fmt::Display for Plan {
         writeln!(f, "  {:<26}{available:>16}", "available")?;
         let threads =
             if self.threads == 1 { "1 thread" } else { &format!("{} threads", self.threads) };
-        writeln!(f, "time on {threads}, within a factor of 3")?;
+        let basis = if self.time.measured { "from the first linear system" } else { "estimated" };
+        writeln!(f, "time on {threads}, {basis}, within a factor of 3")?;
         let method = match self.linear {
             LinearMethod::Cholesky => "linear system, Cholesky",
             LinearMethod::Lu => "linear system, LU",
@@ -59,7 +60,7 @@ impl fmt::Display for Plan {
         writeln!(f, "linear systems by {method}:")?;
         wrapped(&self.linear_reason).iter().try_for_each(|line| writeln!(f, "  {line}"))?;
         if !self.notes.is_empty() {
-            writeln!(f, "what this plan does not know:")?;
+            writeln!(f, "what this plan does not know, or takes for granted:")?;
         }
         let notes = self.notes.iter().flat_map(|note| wrapped(note));
         notes.into_iter().try_for_each(|line| writeln!(f, "  {line}"))

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::{Case, CaseError, ModelledEnergy, run};
 use crate::assembly::Report;
-use crate::energy::TotalEnergy;
+use crate::energy::{NonFinite, TotalEnergy};
 use crate::output::summary::{Phase, PhaseClock, memory};
 use crate::scene::boundary::BoundaryConditions;
 use crate::solve::HeldTangent;
@@ -81,38 +81,25 @@ pub struct LinearCost {
 /// # Errors
 /// What is wrong with the body, the energies or the conditions.
 pub fn cost(case: &Case, mut clock: PhaseClock) -> Result<SceneCost, CaseError> {
-    let message = |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
     clock.enter("compile");
     let compiled = case.compile()?;
     clock.enter("interactions");
     let modelled = case.energy(compiled)?;
     let energy = modelled.total();
     clock.enter("conditions");
-    let selection = case.selection()?;
-    let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
-    let n_dofs = case.body.n_points() * case.body.dimension();
-    let constraints =
-        Constraints::new(n_dofs, boundary.fixed_dofs()).map_err(|error| message(&error))?;
-    let first = case.scene.steps.end / case.scene.steps.increments.max(1) as f64;
-    let mut moved = vec![0.0; n_dofs];
-    let prescribed = boundary.prescribed(first).map_err(|error| message(&error))?;
-    constraints.scatter_fixed(&prescribed, &mut moved);
-    let loads = boundary.loads(first).map_err(|error| message(&error))?;
-
-    let (mut gradient, mut forced) = (vec![0.0; n_dofs], vec![0.0; n_dofs]);
-    let rest = vec![0.0; n_dofs];
-    let describe = |found| CaseError::Body { message: case.describe(&found) };
-    energy.tangent_product(&rest, &moved, &mut forced).map_err(describe)?;
+    let posed = Posed::new(case, &modelled)?;
     clock.enter("linear system: set up");
-    let solver = set_up(case, &modelled, &constraints);
+    let solver = posed.solver(case, &modelled);
     let stored = match &solver {
         Ok(solver) => solver.stores_matrix(),
         Err(_) => energy.bond_pattern().is_none(),
     };
     clock.enter("tangent at rest");
+    let describe = |found| CaseError::Body { message: case.describe(&found) };
     let mut tangent = HeldTangent::new(energy, stored);
-    tangent.evaluate(energy, &rest, &mut gradient).map_err(describe)?;
-    let rhs: Vec<f64> = (0..n_dofs).map(|dof| loads[dof] - gradient[dof] - forced[dof]).collect();
+    let rhs = posed.right_hand_side(energy, &mut tangent).map_err(describe)?;
+    let Posed { constraints, mut moved, .. } = posed;
+    let mut gradient = vec![0.0; moved.len()];
     let mut notes = Vec::new();
     let solved = solver
         .and_then(|solver| solve(solver, tangent.tangent(energy), &rhs, &mut moved, &mut clock));
@@ -149,17 +136,58 @@ fn pass(name: &'static str, seconds: f64, report: &Report) -> PassCost {
     PassCost { name, seconds, nanoseconds_per_interaction: seconds / interactions as f64 * 1e9 }
 }
 
-/// The solver that a run would take; the reason if there is none.
-fn set_up(
-    case: &Case,
-    modelled: &ModelledEnergy,
-    constraints: &Constraints,
-) -> Result<LinearSolver, String> {
-    check_rigid_motions(modelled.bonds(), case.body.positions(), constraints)
-        .map_err(|error| error.to_string())?;
-    let options = run::settings(&case.scene).linear;
-    LinearSolver::of_energy(modelled.total(), constraints, options)
-        .map_err(|error| error.to_string())
+/// The linear system of the first increment, from rest.
+pub(super) struct Posed {
+    constraints: Constraints,
+    /// Displacements with what is prescribed, 0 elsewhere, in m.
+    moved: Vec<f64>,
+    loads: Vec<f64>,
+}
+
+impl Posed {
+    pub(super) fn new(case: &Case, modelled: &ModelledEnergy) -> Result<Posed, CaseError> {
+        let message =
+            |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
+        let selection = case.selection()?;
+        let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
+        let n_dofs = modelled.total().positions().len();
+        let constraints =
+            Constraints::new(n_dofs, boundary.fixed_dofs()).map_err(|error| message(&error))?;
+        let first = case.scene.steps.end / case.scene.steps.increments.max(1) as f64;
+        let mut moved = vec![0.0; n_dofs];
+        let prescribed = boundary.prescribed(first).map_err(|error| message(&error))?;
+        constraints.scatter_fixed(&prescribed, &mut moved);
+        let loads = boundary.loads(first).map_err(|error| message(&error))?;
+        Ok(Posed { constraints, moved, loads })
+    }
+
+    /// The solver that a run would take; the reason if there is none.
+    pub(super) fn solver(
+        &self,
+        case: &Case,
+        modelled: &ModelledEnergy,
+    ) -> Result<LinearSolver, String> {
+        check_rigid_motions(modelled.bonds(), case.body.positions(), &self.constraints)
+            .map_err(|error| error.to_string())?;
+        let options = run::settings(&case.scene).linear;
+        LinearSolver::of_energy(modelled.total(), &self.constraints, options)
+            .map_err(|error| error.to_string())
+    }
+
+    /// Loads minus forces at rest and those of what is prescribed, in N; evaluates the tangent at
+    /// rest.
+    pub(super) fn right_hand_side(
+        &self,
+        energy: &dyn TotalEnergy,
+        tangent: &mut HeldTangent,
+    ) -> Result<Vec<f64>, NonFinite> {
+        let rest = vec![0.0; self.moved.len()];
+        let (mut gradient, mut forced) = (rest.clone(), rest.clone());
+        energy.tangent_product(&rest, &self.moved, &mut forced)?;
+        tangent.evaluate(energy, &rest, &mut gradient)?;
+        let force = |dof: usize| self.loads[dof] - gradient[dof] - forced[dof];
+        Ok((0..rest.len()).map(force).collect())
+    }
 }
 
 /// Adds the solution of the first linear system to `moved`; the reason if there is none.

@@ -6,16 +6,22 @@
 //! | larger | sets and conditions; interactions from some of its points |
 //! | a box of more than a million points, not filled | energies; interactions from the box |
 
-use super::{Case, CaseError, Compiled, run, size};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use super::{Case, CaseError, Compiled, cost, run, size};
 use crate::kernel::Measure;
 use crate::matrix::BlockPattern;
 use crate::neighborhood::Neighborhood;
 use crate::plan::{
-    Extent, Families, InteractionCount, KernelNote, Needed, Plan, PlanInput, available_memory,
-    count_in_box, count_interactions, estimate_interactions,
+    Extent, Families, FirstSystem, InteractionCount, KernelNote, Needed, Plan, PlanInput,
+    available_memory, count_in_box, count_interactions, estimate_interactions,
 };
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::{LatticeShape, Points, Scene};
+use crate::solve::linear::LinearError;
+use crate::solve::{Event, HeldTangent, Observer, Watch};
 use piola_compiler::Model;
 
 /// Boxes of more points than this are not filled for a plan.
@@ -23,6 +29,30 @@ const FILLED: f64 = 1e6;
 
 /// Bodies with more neighbours in all are not searched whole for a plan.
 const SEARCHED: f64 = 4e6;
+
+/// How long a plan may work on the first linear system.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// Factorisations of more operations are not made for a plan: half a second.
+const FACTOR_OPERATIONS: f64 = 1e10;
+
+/// Wants an end when its time is up, and counts products.
+struct Impatient {
+    until: Instant,
+    products: AtomicUsize,
+}
+
+impl Observer for Impatient {
+    fn notice(&self, event: Event<'_>) {
+        if let Event::Product = event {
+            self.products.fetch_add(1, Ordering::Relaxed);
+        }
+    }
+
+    fn wants_end(&self) -> bool {
+        Instant::now() > self.until
+    }
+}
 
 /// What a plan is told of a body.
 struct Outline {
@@ -60,7 +90,7 @@ impl Case {
         };
         let gathered = compiled.gathered.as_ref().map(|g| Families::States(g.integrals.len()));
         let settings = self.scene.correspondence.as_ref().filter(|_| compiled.gradient.is_some());
-        Ok(Plan::new(PlanInput {
+        let mut plan = Plan::new(PlanInput {
             scene: &self.scene,
             extent,
             interactions,
@@ -70,7 +100,47 @@ impl Case {
             notes,
             threads,
             available_memory: available_memory(),
-        }))
+        });
+        let is_quick = plan.time.setup + 2.0 * plan.time.assembly < 0.5 * PATIENCE.as_secs_f64();
+        if self.large_box().is_none()
+            && is_quick
+            && let Ok(Some(first)) = self.first_system(compiled)
+        {
+            plan.measured(first);
+        }
+        Ok(plan)
+    }
+
+    /// Poses the first linear system and solves it as far as a plan has time to; nothing where a
+    /// factorisation would take longer.
+    fn first_system(&self, compiled: Compiled) -> Result<Option<FirstSystem>, CaseError> {
+        let modelled = self.energy(compiled)?;
+        let energy = modelled.total();
+        let start = Instant::now();
+        let observer = Arc::new(Impatient { until: start + PATIENCE, products: 0.into() });
+        let posed = cost::Posed::new(self, &modelled)?;
+        let Ok(mut solver) = posed.solver(self, &modelled) else { return Ok(None) };
+        let too_long = |operations: f64| operations > FACTOR_OPERATIONS;
+        if !solver.iterates() && solver.estimate().is_ok_and(|e| too_long(e.operations)) {
+            return Ok(None);
+        }
+        solver.watched(Watch::by(Arc::clone(&observer) as Arc<dyn Observer>));
+        let mut tangent = HeldTangent::new(energy, solver.stores_matrix());
+        let begin = Instant::now();
+        let Ok(rhs) = posed.right_hand_side(energy, &mut tangent) else { return Ok(None) };
+        let assembly = begin.elapsed().as_secs_f64();
+        let mut solution = vec![0.0; rhs.len()];
+        let begin = Instant::now();
+        let solved = solver.solve(tangent.tangent(energy), &rhs, &mut solution);
+        let linear = begin.elapsed().as_secs_f64();
+        let iterations = observer.products.load(Ordering::Relaxed);
+        Ok(match solved {
+            Ok(_) => Some(FirstSystem { assembly, linear, iterations, solved: true }),
+            Err(LinearError::Interrupted) => {
+                Some(FirstSystem { assembly, linear, iterations, solved: false })
+            }
+            Err(_) => None,
+        })
     }
 
     fn outline_of_box(&self, shape: &LatticeShape, needed: Needed) -> Outline {

@@ -111,6 +111,28 @@ impl CliqueWeights {
 }
 
 impl Weights {
+    /// The weight of every interaction of a measure inside an endless lattice, over the volume of a
+    /// cell; `count` is how many ordered neighbours, pairs or triples a point has. All points have all
+    /// neighbours there, so that truncated weights are the uniform ones.
+    pub(crate) fn inside(
+        self,
+        measure: Measure,
+        dimension: usize,
+        horizon: f64,
+        spacing: f64,
+        count: u64,
+    ) -> f64 {
+        let cell = (1..dimension).fold(spacing, |volume, _| volume * spacing);
+        let (order, permutations) = orders(measure);
+        match self {
+            Weights::Unit => 1.0 / cell,
+            Weights::Volumes => (0..order).fold(permutations, |weight, _| weight * cell),
+            Weights::Uniform | Weights::Truncated => {
+                permutations * effective(ball(dimension, horizon), order, count)
+            }
+        }
+    }
+
     /// The weights of the interactions of a measure; `census` has counted them.
     pub(crate) fn of_measure(
         self,
@@ -120,8 +142,7 @@ impl Weights {
         census: &Census,
     ) -> Result<CliqueWeights, WeightsError> {
         check_volumes(body)?;
-        let order = n_neighbors(measure);
-        let permutations = [1.0, 2.0, 6.0][order - 1];
+        let (order, permutations) = orders(measure);
         let factor = permutations / (order + 1) as f64;
         match self {
             Weights::Unit => Ok(CliqueWeights::Unit),
@@ -131,7 +152,7 @@ impl Weights {
             }),
             Weights::Uniform => {
                 let spacing = body.spacing().ok_or(WeightsError::UniformCloud)?;
-                let count = bulk_count(measure, body.dimension(), horizon / spacing);
+                let count = lattice::bulk_count(body.dimension(), horizon / spacing, measure);
                 let effective = effective(ball(body.dimension(), horizon), order, count);
                 let shares = body.volumes().iter().map(|volume| volume * effective).collect();
                 Ok(CliqueWeights::Sum { factor, shares })
@@ -150,6 +171,12 @@ impl Weights {
     }
 }
 
+/// How many neighbours an interaction has, and how many orders they have.
+fn orders(measure: Measure) -> (usize, f64) {
+    let order = n_neighbors(measure);
+    (order, [1.0, 2.0, 6.0][order - 1])
+}
+
 /// `VH^k/#Nk`; a point that no interaction of this kind contains has none to weight.
 fn effective(family: f64, order: usize, count: u64) -> f64 {
     if count == 0 {
@@ -164,14 +191,6 @@ fn ball(dimension: usize, horizon: f64) -> f64 {
         PI * horizon * horizon
     } else {
         4.0 / 3.0 * PI * horizon * horizon * horizon
-    }
-}
-
-fn bulk_count(measure: Measure, dimension: usize, ratio: f64) -> u64 {
-    match measure {
-        Measure::Length => lattice::bulk_neighbors(dimension, ratio),
-        Measure::Area => lattice::bulk_pairs(dimension, ratio),
-        Measure::Volume => lattice::bulk_counts(dimension, ratio).triples,
     }
 }
 

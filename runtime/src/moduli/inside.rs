@@ -9,6 +9,7 @@ use crate::assembly::AssemblyError;
 use crate::element::Element;
 use crate::kernel::{Batch, Law, Measure, Order, Outputs};
 use crate::lattice::{Shell, ordered, shells};
+use crate::neighborhood::check_horizon;
 use crate::scene::{DerivativeSource, Points};
 use crate::simulation::{Case, CaseError, Compiled};
 use crate::weights::Weights;
@@ -62,7 +63,7 @@ impl Inside {
         let elements = compiled.elements;
         let kinds = [elements.bond, elements.triangle, elements.tetrahedron];
         if kinds.iter().all(Option::is_none) {
-            return Err(CaseError::Body { message: AssemblyError::NoEnergy.to_string() });
+            return Err(refused(AssemblyError::NoEnergy));
         }
         self.check_neighbors()?;
         let mut sum = Cubic::new(self.dimension);
@@ -85,6 +86,7 @@ impl Inside {
     }
 
     fn check_neighbors(&self) -> Result<(), CaseError> {
+        check_horizon(self.horizon).map_err(refused)?;
         if !self.shells(Measure::Length).is_empty() {
             return Ok(());
         }
@@ -104,13 +106,10 @@ impl Inside {
         let measure = element.measure();
         let shells = self.shells(measure);
         let Some((law, _)) = element.law() else { return Ok(()) };
-        let weight = weights.inside(
-            measure,
-            self.dimension,
-            self.horizon,
-            self.spacing,
-            ordered(measure, shells),
-        );
+        let count = ordered(measure, shells);
+        let (dimension, horizon, spacing) = (self.dimension, self.horizon, self.spacing);
+        let weight =
+            weights.inside(measure, dimension, horizon, spacing, count).map_err(refused)?;
         let rest = AtRest::new(law, measure, shells, self.spacing);
         for (shell, [first, second]) in shells.iter().zip(rest.slopes()) {
             let weight = weight * shell.count as f64;
@@ -118,6 +117,10 @@ impl Inside {
         }
         Ok(())
     }
+}
+
+fn refused(error: impl Into<AssemblyError>) -> CaseError {
+    CaseError::Body { message: error.into().to_string() }
 }
 
 /// A law at all measures of a lattice at rest.

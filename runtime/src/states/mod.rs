@@ -36,6 +36,7 @@ use crate::interaction::Slabs;
 use crate::kernel::{Law, Order, Variables, VariablesLaw};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
+use crate::weights::check_families;
 use linear::Linear;
 use tangent::Stiffness;
 
@@ -108,6 +109,7 @@ impl StateEnergy {
         }
         let neighborhood = Neighborhood::new(&body, horizon).map_err(AssemblyError::from)?;
         check_neighbors(&body, &neighborhood)?;
+        check_families(&body).map_err(AssemblyError::from)?;
         if u32::try_from(2 * neighborhood.n_bonds()).is_err() {
             return Err(StateError::TooManyBonds { bonds: neighborhood.n_bonds() });
         }

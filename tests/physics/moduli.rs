@@ -216,6 +216,20 @@ fn nearly_incompressible_bodies_keep_the_digits_of_their_ratio() {
     near(&found["kelvin"][0], shape, 1e-13);
 }
 
+/// Calibration meets a change of volume to ten digits of it, which nu near 1/2 does not have.
+#[test]
+fn nearly_incompressible_bodies_are_calibrated_by_their_dilation() {
+    let folder = scene(3, &[8; 3], 1e-3, "spacings = 3", "potential = \"javili2020\"");
+    let target = "E=210 GPa,dilation=1e-8";
+    let arguments = ["calibrate", &folder.scene(), "--target", target, "--vary", "C1,C3"];
+    let found =
+        &piola(&[&arguments[..], &["--format", "json"]].concat()).expect(0).json()["moduli"];
+    for (name, expected) in [("E", 210e9), ("dilation", 1e-8)] {
+        let error = number(&found[name]) / expected - 1.0;
+        assert!(error.abs() < 1e-10, "{name}: {error:e}");
+    }
+}
+
 /// Volumes of all tetrahedra of an endless lattice, per point.
 fn sum_of_volumes(square: i128) -> i128 {
     let mut later: Vec<Whole> = Vec::new();

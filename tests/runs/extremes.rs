@@ -271,8 +271,12 @@ fn bodies_that_numbers_cannot_hold_are_refused() {
                 }
             }
         }
-        for potential in ["neo_hooke", "linear_peridynamic_solid"] {
-            let [energy, _] = energy(3, size, potential, "uniform");
+        for (potential, parameters) in [
+            ("neo_hooke", "lambda = 1.0, mu = 1.0"),
+            ("linear_peridynamic_solid", "K = 1.0, G = 1.0"),
+        ] {
+            let material = format!("{potential}\"\nparameters = {{ {parameters} }} # \"");
+            let [energy, _] = energy(3, size, &material, "uniform");
             energy.expect(2).says(&[&named]);
         }
     }

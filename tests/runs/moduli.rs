@@ -24,13 +24,6 @@ fn people_read_a_table() {
 }
 
 #[test]
-fn a_horizon_without_neighbours_is_told() {
-    let strip = strip().scene();
-    let arguments = ["moduli", &strip, "--set", "horizon.spacings=0.5"];
-    piola(&arguments).expect(2).says(&["the horizon", "no neighbour"]);
-}
-
-#[test]
 fn bodies_under_stress_are_told() {
     // Constant tension in all bonds.
     let folder = SceneFolder::new(

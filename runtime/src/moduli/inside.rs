@@ -65,7 +65,7 @@ impl Inside {
         if kinds.iter().all(Option::is_none) {
             return Err(refused(AssemblyError::NoEnergy));
         }
-        self.check_neighbors()?;
+        check_horizon(self.horizon).map_err(refused)?;
         let mut sum = Cubic::new(self.dimension);
         for element in kinds.iter().flatten() {
             self.add(&mut sum, &**element, weights)?;
@@ -79,22 +79,10 @@ impl Inside {
         compiled: Compiled,
         thickness: f64,
     ) -> Result<Affine, CaseError> {
-        self.check_neighbors()?;
+        check_horizon(self.horizon).map_err(refused)?;
         let laws = compiled.state_laws(thickness);
         let shells = self.shells(Measure::Length);
         Ok(of_states(&laws, self.dimension, self.spacing, shells).affine().over(thickness))
-    }
-
-    fn check_neighbors(&self) -> Result<(), CaseError> {
-        check_horizon(self.horizon).map_err(refused)?;
-        if !self.shells(Measure::Length).is_empty() {
-            return Ok(());
-        }
-        let (horizon, spacing) = (self.horizon, self.spacing);
-        let message = format!(
-            "the horizon {horizon} m holds no neighbour at the spacing {spacing} m: enlarge it"
-        );
-        Err(CaseError::Body { message })
     }
 
     fn add(

@@ -280,6 +280,19 @@ fn bodies_that_numbers_cannot_hold_are_refused() {
             energy.expect(2).says(&[&named]);
         }
     }
+    // Energies of families weight each bond with two volumes.
+    for material in [
+        "neo_hooke\"\nparameters = { lambda = 1.0, mu = 1.0 }",
+        "linear_peridynamic_solid\"\nparameters = { K = 1.0, G = 1.0 }",
+    ] {
+        let folder = SceneFolder::new(&format!(
+            "[body]\ndimension = 2\npoints = \"p.csv\"\n[horizon]\nradius = 2\n\
+             [material]\npotential = \"{material}\n"
+        ));
+        folder.file("p.csv", "x,y,volume\n0,0,1e-170\n1,0,1e-170\n0,1,1e-170\n1,1,1e-170\n");
+        let outcome = piola(&["energy", &folder.scene()]).expect(2);
+        outcome.says(&["the weight of a bond is a product of 2 volumes and comes out as 0e0"]);
+    }
     // Eighth powers of lengths hold, the product of four volumes does not.
     let [energy, _] = energy(3, 1e-27, "v.piola", "volumes");
     let said = ["the weight of a tetrahedron is a product of 4 volumes and comes out as 0e0"];

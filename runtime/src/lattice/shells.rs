@@ -162,7 +162,7 @@ impl Orbit {
         let mut half = self.lens(3);
         half.retain(|q| q.place < [0, 1, 2].map(|axis| p[axis] - q.place[axis]));
         // No volume is larger than the product of the edges.
-        let most = self.square.pow(3).isqrt() as usize + 1;
+        let most = u128::from(self.square.unsigned_abs()).pow(3).isqrt() as usize + 1;
         let mut found = vec![0u64; 6 * most];
         for (index, q) in half.iter().enumerate() {
             let (normal, along) = (cross(p, q.place), dot(p, q.place));
@@ -226,6 +226,8 @@ fn cross(p: Vector, q: Vector) -> Vector {
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::SQRT_2;
+
     use super::*;
 
     /// Points of the ball around the origin that come after it in lexicographic order: with it, each
@@ -280,11 +282,11 @@ mod tests {
     fn shells_are_those_of_all_cliques_one_by_one() {
         use Measure::{Area, Length, Volume};
         let cases: [(usize, Measure, &[f64]); 5] = [
-            (2, Length, &[1.0, 1.4142135623730951, 3.0, 7.3, 32.0]),
-            (3, Length, &[1.0, 1.4142135623730951, 3.0, 4.5, 12.0]),
-            (2, Area, &[1.0, 1.4142135623730951, 2.0, 3.015, 9.0, 17.2]),
-            (3, Area, &[1.0, 1.4142135623730951, 2.0, 3.0, 5.5]),
-            (3, Volume, &[1.0, 1.4142135623730951, 1.7320508075688772, 2.0, 3.0, 3.7]),
+            (2, Length, &[1.0, SQRT_2, 3.0, 7.3, 32.0]),
+            (3, Length, &[1.0, SQRT_2, 3.0, 4.5, 12.0]),
+            (2, Area, &[1.0, SQRT_2, 2.0, 3.015, 9.0, 17.2]),
+            (3, Area, &[1.0, SQRT_2, 2.0, 3.0, 5.5]),
+            (3, Volume, &[1.0, SQRT_2, 3f64.sqrt(), 2.0, 3.0, 3.7]),
         ];
         for (dimension, measure, ratios) in cases {
             for &ratio in ratios {

@@ -93,7 +93,10 @@ impl Inside {
     ) -> Result<(), CaseError> {
         let measure = element.measure();
         let shells = self.shells(measure);
-        let Some((law, _)) = element.law() else { return Ok(()) };
+        let Some((law, _)) = element.law() else {
+            let message = format!("psi({}) is no function of its measure", measure.symbol());
+            return Err(CaseError::Body { message });
+        };
         let count = ordered(measure, shells);
         let (dimension, horizon, spacing) = (self.dimension, self.horizon, self.spacing);
         let weight =

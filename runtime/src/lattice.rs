@@ -1,5 +1,11 @@
 //! Lattice bodies: boxes filled with equally spaced points, and what an endless lattice would count.
 
+mod shells;
+
+pub(crate) use shells::{Shell, shells};
+
+use crate::kernel::Measure;
+
 /// Where the points of a lattice sit in the cells of its box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Nodes {
@@ -183,99 +189,22 @@ pub struct BulkCounts {
 /// Counts of the endless lattice with `horizon = ratio*spacing`, in exact integer arithmetic; the
 /// horizon includes its shell as everywhere (see [`crate::neighborhood::HORIZON_TOLERANCE`]).
 pub fn bulk_counts(dimension: usize, ratio: f64) -> BulkCounts {
-    let bulk = BulkLattice::new(dimension, ratio);
-    let (triangles, tetrahedra) = bulk.cliques(dimension == 3);
     BulkCounts {
-        neighbors: 2 * bulk.upper.len() as u64,
-        pairs: 6 * triangles,
-        triples: 24 * tetrahedra,
+        neighbors: bulk_count(dimension, ratio, Measure::Length),
+        pairs: bulk_count(dimension, ratio, Measure::Area),
+        triples: bulk_count(dimension, ratio, Measure::Volume),
     }
 }
 
-/// `#N1` alone, without the work of the others.
-pub(crate) fn bulk_neighbors(dimension: usize, ratio: f64) -> u64 {
-    2 * BulkLattice::new(dimension, ratio).upper.len() as u64
+/// One of them alone, without the work of the others.
+pub(crate) fn bulk_count(dimension: usize, ratio: f64, measure: Measure) -> u64 {
+    ordered(measure, &shells(dimension, ratio, measure))
 }
 
-/// `#N2` alone, without the work of the triples.
-pub(crate) fn bulk_pairs(dimension: usize, ratio: f64) -> u64 {
-    6 * BulkLattice::new(dimension, ratio).cliques(false).0
-}
-
-/// The half of the family of a point at the origin that follows it in lexicographic order, in
-/// spacings: every clique of the endless lattice has exactly one translate that consists of the
-/// origin and of these. The last coordinate is 0 in two dimensions.
-pub(crate) fn upper_family(dimension: usize, ratio: f64) -> Vec<[i64; 3]> {
-    BulkLattice::new(dimension, ratio).upper
-}
-
-/// The half of a lattice point's family that follows it in lexicographic order. By translation,
-/// every clique of the lattice occurs exactly once with its lowest corner at the origin.
-struct BulkLattice {
-    upper: Vec<[i64; 3]>,
-    /// Largest squared distance of neighbours, in spacings.
-    reach: f64,
-}
-
-impl BulkLattice {
-    fn new(dimension: usize, ratio: f64) -> BulkLattice {
-        let radius = ratio * (1.0 + crate::neighborhood::HORIZON_TOLERANCE);
-        let reach = radius * radius;
-        let n = radius.floor() as i64;
-        let depth = if dimension == 3 { n } else { 0 };
-        let mut upper = Vec::new();
-        for x in 0..=n {
-            for y in -n..=n {
-                for z in -depth..=depth {
-                    let offset = [x, y, z];
-                    if offset > [0, 0, 0] && square(offset) as f64 <= reach {
-                        upper.push(offset);
-                    }
-                }
-            }
-        }
-        BulkLattice { upper, reach }
-    }
-
-    /// Triangles and tetrahedra per point, each once.
-    fn cliques(&self, with_tetrahedra: bool) -> (u64, u64) {
-        let near = |p: [i64; 3], q: [i64; 3]| square(minus(p, q)) as f64 <= self.reach;
-        let (mut triangles, mut tetrahedra) = (0, 0);
-        let mut common = Vec::new();
-        for (index, &p) in self.upper.iter().enumerate() {
-            let later: Vec<[i64; 3]> =
-                self.upper[index + 1..].iter().copied().filter(|&q| near(p, q)).collect();
-            for (place, &q) in later.iter().enumerate() {
-                let normal = cross(p, q);
-                if normal == [0, 0, 0] {
-                    continue;
-                }
-                triangles += 1;
-                if with_tetrahedra {
-                    common.clear();
-                    common.extend(later[place + 1..].iter().filter(|&&r| near(q, r)));
-                    tetrahedra += common.iter().filter(|&&r| dot(normal, r) != 0).count() as u64;
-                }
-            }
-        }
-        (triangles, tetrahedra)
-    }
-}
-
-fn minus(p: [i64; 3], q: [i64; 3]) -> [i64; 3] {
-    [p[0] - q[0], p[1] - q[1], p[2] - q[2]]
-}
-
-fn dot(p: [i64; 3], q: [i64; 3]) -> i64 {
-    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
-}
-
-fn square(p: [i64; 3]) -> i64 {
-    dot(p, p)
-}
-
-fn cross(p: [i64; 3], q: [i64; 3]) -> [i64; 3] {
-    [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
+/// How many ordered neighbours, pairs or triples of a point the cliques of these shells are.
+pub(crate) fn ordered(measure: Measure, shells: &[Shell]) -> u64 {
+    let orders: u64 = (1..=measure.points() as u64).product();
+    orders * shells.iter().map(|shell| shell.count).sum::<u64>()
 }
 
 #[cfg(test)]

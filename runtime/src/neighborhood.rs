@@ -19,6 +19,12 @@ pub const HORIZON_TOLERANCE: f64 = 1e-6;
 /// Points closer than `horizon*COINCIDENCE` are at one place: their bond has no direction.
 pub const COINCIDENCE: f64 = 1e-9;
 
+/// Shortest and longest horizon in m. Within these limits eighth powers of lengths are numbers with all
+/// their digits, and 80 decades are left for energies and for lengths unlike the horizon: second
+/// derivatives of an energy of areas in space divide it by four areas. Beyond, squares of areas vanish
+/// or are infinite, and energies with them.
+pub const HORIZONS: [f64; 2] = [1e-28, 1e28];
+
 /// Neighbours as compressed rows: symmetric, ascending, without the point itself.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Neighborhood {
@@ -36,6 +42,17 @@ pub enum NeighborhoodError {
     /// The horizon is not a positive number.
     #[error("the horizon is {horizon} m: it must be a positive finite length")]
     Horizon {
+        /// What was given.
+        horizon: f64,
+    },
+    /// The horizon is too short or too long for powers of it.
+    #[error(
+        "the horizon is {horizon:e} m: it must lie between {:e} and {:e} m, or powers of lengths \
+         vanish or overflow; take another unit of length, in the parameters too",
+        HORIZONS[0],
+        HORIZONS[1]
+    )]
+    Scale {
         /// What was given.
         horizon: f64,
     },
@@ -68,15 +85,24 @@ pub enum NeighborhoodError {
     },
 }
 
+/// Refuses a horizon that is no length, or none that can be worked with.
+pub(crate) fn check_horizon(horizon: f64) -> Result<(), NeighborhoodError> {
+    if !(horizon > 0.0 && horizon.is_finite()) {
+        return Err(NeighborhoodError::Horizon { horizon });
+    }
+    if !(HORIZONS[0]..=HORIZONS[1]).contains(&horizon) {
+        return Err(NeighborhoodError::Scale { horizon });
+    }
+    Ok(())
+}
+
 /// Points whose rows are searched by one task; fixed, so that results do not depend on threads.
 const CHUNK: usize = 1024;
 
 impl Neighborhood {
     /// Finds all neighbours with a cell list.
     pub fn new(body: &Body, horizon: f64) -> Result<Neighborhood, NeighborhoodError> {
-        if !(horizon > 0.0 && horizon.is_finite()) {
-            return Err(NeighborhoodError::Horizon { horizon });
-        }
+        check_horizon(horizon)?;
         if let Some(bad) = body.positions().iter().position(|x| !x.is_finite()) {
             let point = bad / body.dimension();
             let position = body.position(point).to_vec();

@@ -57,6 +57,19 @@ pub enum WeightsError {
         /// 2 or 3.
         dimension: usize,
     },
+    /// A product of volumes that is no number with all its digits.
+    #[error(
+        "the weight of a {} is a product of {} volumes and comes out as {weight:e}: volumes that small \
+         or large vanish or overflow together; take another unit of length, in the parameters too",
+        measure.interaction(),
+        measure.points()
+    )]
+    Range {
+        /// Of the interactions.
+        measure: Measure,
+        /// As it comes out.
+        weight: f64,
+    },
 }
 
 /// The weights of all interactions of one measure.
@@ -111,6 +124,31 @@ impl CliqueWeights {
 }
 
 impl Weights {
+    /// The weight of every interaction of a measure inside an endless lattice, over the volume of a
+    /// cell; `count` is how many ordered neighbours, pairs or triples a point has. All points have all
+    /// neighbours there, so that truncated weights are the uniform ones.
+    pub(crate) fn inside(
+        self,
+        measure: Measure,
+        dimension: usize,
+        horizon: f64,
+        spacing: f64,
+        count: u64,
+    ) -> Result<f64, WeightsError> {
+        let cell = (1..dimension).fold(spacing, |volume, _| volume * spacing);
+        let (order, permutations) = orders(measure);
+        match self {
+            Weights::Unit => Ok(1.0 / cell),
+            Weights::Volumes => {
+                in_range(measure, (0..order).fold(permutations, |weight, _| weight * cell))
+            }
+            Weights::Uniform | Weights::Truncated => {
+                let effective = effective(measure, ball(dimension, horizon), 1.0, count)?;
+                Ok(permutations * effective)
+            }
+        }
+    }
+
     /// The weights of the interactions of a measure; `census` has counted them.
     pub(crate) fn of_measure(
         self,
@@ -120,21 +158,22 @@ impl Weights {
         census: &Census,
     ) -> Result<CliqueWeights, WeightsError> {
         check_volumes(body)?;
-        let order = n_neighbors(measure);
-        let permutations = [1.0, 2.0, 6.0][order - 1];
+        let (order, permutations) = orders(measure);
         let factor = permutations / (order + 1) as f64;
         match self {
             Weights::Unit => Ok(CliqueWeights::Unit),
-            Weights::Volumes => Ok(CliqueWeights::Product {
-                factor: permutations,
-                volumes: body.volumes().to_vec(),
-            }),
+            Weights::Volumes => {
+                check_products(measure, body)?;
+                let volumes = body.volumes().to_vec();
+                Ok(CliqueWeights::Product { factor: permutations, volumes })
+            }
             Weights::Uniform => {
                 let spacing = body.spacing().ok_or(WeightsError::UniformCloud)?;
-                let count = bulk_count(measure, body.dimension(), horizon / spacing);
-                let effective = effective(ball(body.dimension(), horizon), order, count);
-                let shares = body.volumes().iter().map(|volume| volume * effective).collect();
-                Ok(CliqueWeights::Sum { factor, shares })
+                let count = lattice::bulk_count(body.dimension(), horizon / spacing, measure);
+                let family = ball(body.dimension(), horizon);
+                let share = |volume: &f64| effective(measure, family, *volume, count);
+                let shares: Result<_, _> = body.volumes().iter().map(share).collect();
+                Ok(CliqueWeights::Sum { factor, shares: shares? })
             }
             Weights::Truncated => {
                 let most = census.neighbors.iter().copied().max().unwrap_or(1).max(1) as f64;
@@ -142,20 +181,49 @@ impl Weights {
                 let share = |point: usize| {
                     let part = census.neighbors[point] as f64 / most;
                     let family = ball(body.dimension(), horizon) * part;
-                    body.volumes()[point] * effective(family, order, counts[point])
+                    effective(measure, family, body.volumes()[point], counts[point])
                 };
-                Ok(CliqueWeights::Sum { factor, shares: (0..body.n_points()).map(share).collect() })
+                let shares: Result<_, _> = (0..body.n_points()).map(share).collect();
+                Ok(CliqueWeights::Sum { factor, shares: shares? })
             }
         }
     }
 }
 
-/// `VH^k/#Nk`; a point that no interaction of this kind contains has none to weight.
-fn effective(family: f64, order: usize, count: u64) -> f64 {
+/// How many neighbours an interaction has, and how many orders they have.
+fn orders(measure: Measure) -> (usize, f64) {
+    let order = n_neighbors(measure);
+    (order, [1.0, 2.0, 6.0][order - 1])
+}
+
+/// `V VH^k/#Nk`; a point that no interaction of this kind contains has none to weight.
+fn effective(measure: Measure, family: f64, volume: f64, count: u64) -> Result<f64, WeightsError> {
     if count == 0 {
-        return 0.0;
+        return Ok(0.0);
     }
-    (1..order).fold(family, |power, _| power * family) / count as f64
+    let (order, _) = orders(measure);
+    in_range(measure, volume * ((1..order).fold(family, |power, _| power * family) / count as f64))
+}
+
+/// A product of volumes, unless it has vanished, lost digits or become infinite.
+fn in_range(measure: Measure, weight: f64) -> Result<f64, WeightsError> {
+    if weight.is_normal() { Ok(weight) } else { Err(WeightsError::Range { measure, weight }) }
+}
+
+/// Refuses volumes of which as many as an interaction has points multiply to nothing.
+fn check_products(measure: Measure, body: &Body) -> Result<(), WeightsError> {
+    let volumes = body.volumes().iter().copied();
+    let extremes = [volumes.clone().reduce(f64::min), volumes.reduce(f64::max)];
+    for volume in extremes.into_iter().flatten() {
+        in_range(measure, (1..measure.points()).fold(volume, |product, _| product * volume))?;
+    }
+    Ok(())
+}
+
+/// Refuses volumes that energies of families cannot weight their bonds with.
+pub(crate) fn check_families(body: &Body) -> Result<(), WeightsError> {
+    check_volumes(body)?;
+    check_products(Measure::Length, body)
 }
 
 /// Volume of the full neighbourhood in m^d.
@@ -164,14 +232,6 @@ fn ball(dimension: usize, horizon: f64) -> f64 {
         PI * horizon * horizon
     } else {
         4.0 / 3.0 * PI * horizon * horizon * horizon
-    }
-}
-
-fn bulk_count(measure: Measure, dimension: usize, ratio: f64) -> u64 {
-    match measure {
-        Measure::Length => lattice::bulk_neighbors(dimension, ratio),
-        Measure::Area => lattice::bulk_pairs(dimension, ratio),
-        Measure::Volume => lattice::bulk_counts(dimension, ratio).triples,
     }
 }
 
@@ -237,6 +297,38 @@ mod tests {
         assert!((truncated - 0.5 * ball * (3.0 * 0.5 + 5.0 / 2.0)).abs() < 1e-13 * truncated);
         let truncated = weight(Weights::Truncated, Measure::Area, &body);
         assert!((truncated - 2.0 / 3.0 * 5.0 * ball * ball / 4.0).abs() < 1e-13 * truncated);
+    }
+
+    /// Products of volumes that lose digits are refused with what they are of; one that just holds is
+    /// not.
+    #[test]
+    fn products_that_vanish_or_overflow_are_refused() {
+        let of = |weights: Weights, measure: Measure, volume: f64, horizon: f64| {
+            let body = Body::new(3, &[0.0; 6], &[1.0, volume], Some(0.5 * horizon));
+            weights.of_measure(measure, &body, horizon, &census()).map(|_| ())
+        };
+        for (volume, measure, weight) in [
+            (1e-160, Measure::Length, 1e-320),
+            (1e160, Measure::Length, f64::INFINITY),
+            (1e-104, Measure::Area, 1e-312),
+            (1e-78, Measure::Volume, 1e-312),
+        ] {
+            let error = of(Weights::Volumes, measure, volume, 1.0).unwrap_err();
+            let WeightsError::Range { measure: named, weight: found } = error else {
+                panic!("{error}")
+            };
+            assert_eq!(named, measure);
+            assert!((found - weight).abs() <= 1e-3 * weight || found == weight, "{found:e}");
+        }
+        assert_eq!(of(Weights::Volumes, Measure::Volume, 1e-76, 1.0), Ok(()));
+        // A ball of 1e-28 m cubed three times has vanished.
+        for weights in [Weights::Uniform, Weights::Truncated] {
+            assert_eq!(of(weights, Measure::Volume, 1e-60, 1e-26), Ok(()));
+            let error = of(weights, Measure::Volume, 1e-84, 1e-28).unwrap_err();
+            assert!(error.to_string().contains("weight of a tetrahedron"), "{error}");
+        }
+        let inside = Weights::Volumes.inside(Measure::Volume, 3, 3e-40, 1e-40, 24);
+        assert!(matches!(inside, Err(WeightsError::Range { .. })), "{inside:?}");
     }
 
     #[test]

@@ -235,3 +235,66 @@ fn e20_what_is_no_number_or_not_positive_is_refused_with_its_place() {
         folder.run(&[]).expect(2).says(&[said]);
     }
 }
+
+/// Lengths whose powers vanish or overflow: no energy is dropped in silence, no triangle counts as
+/// collinear because squares of areas are 0.
+#[test]
+fn bodies_that_numbers_cannot_hold_are_refused() {
+    let own = |measure: &str| {
+        let (now, rest, k) =
+            (measure, measure.to_uppercase(), 2 + "lav".find(measure).unwrap_or_default());
+        format!(
+            "potential own\nparameter C = 1 in J/m^({k}*d)\npsi({now}) = C*({now}/{rest} - 1)^2\n"
+        )
+    };
+    let energy = |d: usize, size: f64, potential: &str, weights: &str| {
+        let corner = vec![4.0 * size; d];
+        let folder = SceneFolder::new(&format!(
+            "[body]\nbox = [{:?}, {corner:?}]\nspacing = {size:?}\n[horizon]\nspacings = 2\n\
+             weights = \"{weights}\"\n[material]\npotential = \"{potential}\"\n",
+            vec![0.0; d]
+        ));
+        for measure in ["l", "a", "v"] {
+            folder.file(&format!("{measure}.piola"), own(measure));
+        }
+        ["energy", "moduli"].map(|command| piola(&[command, &folder.scene()]))
+    };
+    for size in [1e-100, 1e100] {
+        let named =
+            format!("the horizon is {:e} m: it must lie between 1e-28 and 1e28 m", 2.0 * size);
+        for (d, potential) in
+            [(2, "l.piola"), (2, "a.piola"), (3, "l.piola"), (3, "a.piola"), (3, "v.piola")]
+        {
+            for weights in ["unit", "volumes", "uniform", "truncated"] {
+                for outcome in energy(d, size, potential, weights) {
+                    outcome.expect(2).says(&[&named, "another unit of length"]);
+                }
+            }
+        }
+        for (potential, parameters) in [
+            ("neo_hooke", "lambda = 1.0, mu = 1.0"),
+            ("linear_peridynamic_solid", "K = 1.0, G = 1.0"),
+        ] {
+            let material = format!("{potential}\"\nparameters = {{ {parameters} }} # \"");
+            let [energy, _] = energy(3, size, &material, "uniform");
+            energy.expect(2).says(&[&named]);
+        }
+    }
+    // Energies of families weight each bond with two volumes.
+    for material in [
+        "neo_hooke\"\nparameters = { lambda = 1.0, mu = 1.0 }",
+        "linear_peridynamic_solid\"\nparameters = { K = 1.0, G = 1.0 }",
+    ] {
+        let folder = SceneFolder::new(&format!(
+            "[body]\ndimension = 2\npoints = \"p.csv\"\n[horizon]\nradius = 2\n\
+             [material]\npotential = \"{material}\n"
+        ));
+        folder.file("p.csv", "x,y,volume\n0,0,1e-170\n1,0,1e-170\n0,1,1e-170\n1,1,1e-170\n");
+        let outcome = piola(&["energy", &folder.scene()]).expect(2);
+        outcome.says(&["the weight of a bond is a product of 2 volumes and comes out as 0e0"]);
+    }
+    // Eighth powers of lengths hold, the product of four volumes does not.
+    let [energy, _] = energy(3, 1e-27, "v.piola", "volumes");
+    let said = ["the weight of a tetrahedron is a product of 4 volumes and comes out as 0e0"];
+    energy.expect(2).says(&said);
+}

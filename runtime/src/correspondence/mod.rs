@@ -44,6 +44,7 @@ use crate::interaction::Slabs;
 use crate::kernel::VariablesLaw;
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
+use crate::weights::check_families;
 pub use error::CorrespondenceError;
 use influence::Influence;
 pub use moments::OperatorOrder;
@@ -126,6 +127,7 @@ impl Correspondence {
         }
         let neighborhood = Neighborhood::new(&body, horizon).map_err(AssemblyError::from)?;
         check_neighbors(&body, &neighborhood)?;
+        check_families(&body).map_err(AssemblyError::from)?;
         let influence = influences(&body, &neighborhood, influence)?;
         let operator = GradientOperator::new(&body, neighborhood, order, &influence)?;
         let neighborhood = operator.neighborhood();

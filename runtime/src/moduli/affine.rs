@@ -1,25 +1,27 @@
 //! Energy per volume of homogeneous displacement gradients, to second order at rest.
 
-use std::sync::Arc;
+use nalgebra::{DMatrix, DVector};
 
-use nalgebra::DMatrix;
-
-use crate::body::Body;
-use crate::energy::TotalEnergy;
-use crate::lattice::upper_family;
-use crate::neighborhood::Neighborhood;
-use crate::scene::{Points, WeightScheme};
-use crate::simulation::{Case, CaseError, ModelledEnergy};
+use super::inside::Inside;
+use crate::energy::{NonFinite, TotalEnergy};
+use crate::interaction::never_fails;
+use crate::kernel::{Variables, VariablesLaw};
+use crate::scene::Points;
+use crate::simulation::{Case, CaseError, Compiled};
 
 /// Derivatives at rest of the energy density W by the displacement gradient G in `u = G X`.
 ///
-/// Components of `G` are numbered row by row: `G[a][i] = du_a/dX_i` has the number `d*a + i`.
+/// Components of `G` are numbered row by row: `G[a][i] = du_a/dX_i` has the number `d*a + i`. Second
+/// derivatives are `volumetric` between any two of `G[0][0]`, `G[1][1]`, .., plus `rest`: where a body
+/// hardly changes its volume, what its shape costs would drown in their sum.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Affine {
     /// `dW/dG` in Pa: the stress at rest.
     pub stress: Vec<f64>,
-    /// `d2W/dG2` in Pa.
-    pub tangent: DMatrix<f64>,
+    /// The part of `d2W/dG2` that is a square of the change of volume, in Pa.
+    pub volumetric: f64,
+    /// The rest of `d2W/dG2`, in Pa.
+    pub rest: DMatrix<f64>,
 }
 
 impl Affine {
@@ -28,150 +30,159 @@ impl Affine {
     /// # Errors
     /// As [`Case::compile`] and [`Case::energy`]; energies that are not finite at rest.
     pub fn new(case: &Case) -> Result<Affine, CaseError> {
-        let d = case.scene.body.dimension;
-        let mut affine = Affine { stress: vec![0.0; d * d], tangent: DMatrix::zeros(d * d, d * d) };
-        let Points::Lattice(shape) = &case.scene.body.points else {
-            let volume = case.thickness() * case.body.volumes().iter().sum::<f64>();
-            affine.add(case, &case.body, case.scene.horizon.weights, 1.0 / volume)?;
-            return Ok(affine);
-        };
-        let spacing = shape.spacing;
-        let ratio = case.scene.horizon_radius() / spacing;
-        let cell = (0..d).fold(1.0, |volume, _| volume * spacing);
-        if case.model.has_gathered_energy() {
-            return Affine::of_states(case, spacing, ratio);
-        }
-        if case.model.has_gradient_energy() {
-            // The deformation gradient of a linear field is exact at every point of every body, and
-            // so is the energy: any block has the density of the endless lattice.
-            let reach = (ratio.floor() as i64).max(1);
-            let block = body(d, spacing, &cube(d, reach));
-            let volume = case.thickness() * cell * block.n_points() as f64;
-            affine.add(case, &block, case.scene.horizon.weights, 1.0 / volume)?;
-            return Ok(affine);
-        }
-        // Inside, all points have all their neighbours, and truncated weights are the uniform ones.
-        let weights = match case.scene.horizon.weights {
-            WeightScheme::Truncated => WeightScheme::Uniform,
-            other => other,
-        };
-        // Every interaction of the endless lattice has one translate among these points that holds
-        // the origin. Those that do not hold it are taken off again.
-        let mut points = upper_family(d, ratio);
-        points.push([0; 3]);
-        affine.add(case, &body(d, spacing, &points), weights, 1.0 / cell)?;
-        points.pop();
-        let rest = connected(body(d, spacing, &points), case.scene.horizon_radius())?;
-        if rest.n_points() > 0 {
-            affine.add(case, &rest, weights, -1.0 / cell)?;
-        }
-        Ok(affine)
+        Affine::with(case, &Inside::new(case))
     }
 
-    /// Of a point inside an endless lattice that gathers over its family: its energy is a function of
-    /// that family alone.
-    fn of_states(case: &Case, spacing: f64, ratio: f64) -> Result<Affine, CaseError> {
+    /// With the cliques of the lattice, which are the same for all parameters.
+    pub(super) fn with(case: &Case, inside: &Inside) -> Result<Affine, CaseError> {
         let d = case.scene.body.dimension;
-        let block = body(d, spacing, &cube(d, (ratio * (1.0 + 1e-6)).floor() as i64));
-        let centre = (0..block.n_points()).find(|&p| block.position(p).iter().all(|x| *x == 0.0));
-        let modelled =
-            case.energy_of(Arc::clone(&block), case.scene.horizon.weights, case.compile()?)?;
-        let (ModelledEnergy::States(energy), Some(centre)) = (modelled, centre) else {
-            let message = "nothing is gathered".to_string();
-            return Err(CaseError::Body { message });
+        let compiled = Inside::compile(case)?;
+        compiled.check_kind()?;
+        if matches!(case.scene.body.points, Points::Cloud { .. }) {
+            return Affine::of_cloud(case, compiled);
+        }
+        let affine = if let Some(law) = &compiled.gradient {
+            // Linear fields are differentiated exactly, so that every point has this energy.
+            Affine::of_gradients(d, &**law)
+        } else if compiled.gathered.is_some() {
+            inside.of_states(compiled, case.thickness())?
+        } else {
+            inside.of_interactions(compiled, case.scene.horizon.weights.into())?
         };
-        let found = energy.homogeneous(centre);
-        let per_volume = 1.0 / case.thickness();
-        let stress: Vec<f64> = found.first.iter().map(|x| x * per_volume).collect();
-        let tangent = found.second * per_volume;
-        match stress.iter().chain(&tangent).all(|x| x.is_finite()) {
-            true => Ok(Affine { stress, tangent }),
-            false => {
-                let message = "at rest, inside the body: an energy of gathered values or a \
-                               derivative is not finite";
-                Err(CaseError::Body { message: message.to_string() })
-            }
+        if affine.is_finite() {
+            return Ok(affine);
+        }
+        let message = "at rest, inside the body: the energy or a derivative is not finite";
+        Err(CaseError::Body { message: message.to_string() })
+    }
+
+    /// The entry of `d2W/dG2` for two components of `G`, in Pa.
+    pub fn tangent(&self, row: usize, column: usize) -> f64 {
+        let d = self.dimension();
+        // Diagonal components have the numbers 0, d + 1, 2 (d + 1).
+        let is_diagonal = row.is_multiple_of(d + 1) && column.is_multiple_of(d + 1);
+        self.rest[(row, column)] + if is_diagonal { self.volumetric } else { 0.0 }
+    }
+
+    fn is_finite(&self) -> bool {
+        let mut numbers = self.stress.iter().chain(&self.rest).chain([&self.volumetric]);
+        numbers.all(|x| x.is_finite())
+    }
+
+    /// Per volume, from numbers per area of a body of this thickness.
+    pub(super) fn over(self, thickness: f64) -> Affine {
+        Affine {
+            stress: self.stress.iter().map(|x| x / thickness).collect(),
+            volumetric: self.volumetric / thickness,
+            rest: self.rest / thickness,
         }
     }
 
-    /// Adds `factor` times the derivatives of the total energy of a body.
-    fn add(
-        &mut self,
-        case: &Case,
-        body: &Arc<Body>,
-        weights: WeightScheme,
-        factor: f64,
-    ) -> Result<(), CaseError> {
-        let energy = case.energy_of(Arc::clone(body), weights, case.compile()?)?;
-        self.add_energy(energy.total(), factor).map_err(|found| CaseError::Body {
+    pub(super) fn dimension(&self) -> usize {
+        if self.stress.len() == 4 { 2 } else { 3 }
+    }
+
+    fn of_gradients(d: usize, law: &dyn VariablesLaw) -> Affine {
+        let identity = identity(d);
+        let (current, change) = (identity.as_slice(), &vec![0.0; d * d]);
+        let at = Variables { n: 1, current, change, given: &[] };
+        let mut stress = vec![0.0; d * d];
+        law.evaluate(at, &mut [0.0], &mut stress);
+        let product = |direction: &DVector<f64>| {
+            let mut product = DVector::zeros(d * d);
+            law.product(at, direction.as_slice(), product.as_mut_slice());
+            Ok(product)
+        };
+        never_fails(Affine::of_products(d, stress, product))
+    }
+
+    /// Of the whole body with its surface.
+    fn of_cloud(case: &Case, compiled: Compiled) -> Result<Affine, CaseError> {
+        let energy = case.energy(compiled)?;
+        let volume = case.thickness() * case.body.volumes().iter().sum::<f64>();
+        Affine::of_body(energy.total(), volume).map_err(|found| CaseError::Body {
             message: format!("at rest, inside the body: {found}"),
         })
     }
 
-    fn add_energy(
-        &mut self,
-        energy: &dyn TotalEnergy,
-        factor: f64,
-    ) -> Result<(), crate::energy::NonFinite> {
+    fn of_body(energy: &dyn TotalEnergy, volume: f64) -> Result<Affine, NonFinite> {
         let d = energy.dimension();
         let positions = energy.positions();
         let n = positions.len() / d;
         let centre: Vec<f64> = (0..d)
             .map(|axis| positions.iter().skip(axis).step_by(d).sum::<f64>() / n.max(1) as f64)
             .collect();
-        let field = |number: usize| {
-            let (component, axis) = (number / d, number % d);
-            let mut u = vec![0.0; n * d];
-            for point in 0..n {
-                u[point * d + component] = positions[point * d + axis] - centre[axis];
-            }
-            u
-        };
-        let fields: Vec<Vec<f64>> = (0..d * d).map(field).collect();
         let rest = vec![0.0; n * d];
         let mut force = vec![0.0; n * d];
+        // The derivative by each component of G, from forces.
+        let moments = |force: &[f64]| {
+            let mut sums = DVector::zeros(d * d);
+            for (force, place) in force.chunks_exact(d).zip(positions.chunks_exact(d)) {
+                for number in 0..d * d {
+                    let (component, axis) = (number / d, number % d);
+                    sums[number] += force[component] * (place[axis] - centre[axis]);
+                }
+            }
+            sums / volume
+        };
         energy.gradient(&rest, &mut force)?;
-        for (stress, u) in self.stress.iter_mut().zip(&fields) {
-            *stress += factor * dot(&force, u);
-        }
-        for (column, direction) in fields.iter().enumerate() {
-            energy.tangent_product(&rest, direction, &mut force)?;
-            for (row, u) in fields.iter().enumerate() {
-                self.tangent[(row, column)] += factor * dot(&force, u);
+        let stress = moments(&force).as_slice().to_vec();
+        Affine::of_products(d, stress, |direction| {
+            let row = |place: &[f64], c: usize| -> f64 {
+                (0..d).map(|i| direction[d * c + i] * (place[i] - centre[i])).sum()
+            };
+            let places = positions.chunks_exact(d);
+            let field: Vec<f64> =
+                places.flat_map(|place| (0..d).map(move |c| row(place, c))).collect();
+            energy.tangent_product(&rest, &field, &mut force)?;
+            Ok(moments(&force))
+        })
+    }
+
+    /// From products of the second derivatives with tensors: stiffnesses against changes of shape come
+    /// from products with such changes alone.
+    fn of_products<E>(
+        d: usize,
+        stress: Vec<f64>,
+        mut product: impl FnMut(&DVector<f64>) -> Result<DVector<f64>, E>,
+    ) -> Result<Affine, E> {
+        let (extent, volume) = (d as f64, identity(d));
+        let pressure = product(&volume)?.dot(&volume) / extent;
+        let mut rest = DMatrix::zeros(d * d, d * d);
+        let mut stiffness = 0.0;
+        for (number, shape) in changes_of_shape(d).into_iter().enumerate() {
+            let dual = &shape / shape.norm_squared();
+            let product = product(&shape)?;
+            // Second derivatives commute: what a shape does to the pressure, volume does to the shape.
+            rest += &product * dual.transpose();
+            rest += &dual * volume.transpose() * (product.dot(&volume) / extent);
+            if number < d - 1 {
+                stiffness += product.dot(&dual) / (extent - 1.0);
             }
         }
-        Ok(())
+        rest += &volume * volume.transpose() * (stiffness / extent);
+        Ok(Affine { stress, volumetric: (pressure - stiffness) / extent, rest })
     }
 }
 
-fn dot(x: &[f64], y: &[f64]) -> f64 {
-    x.iter().zip(y).map(|(x, y)| x * y).sum()
+/// The components of the unit tensor.
+fn identity(d: usize) -> DVector<f64> {
+    DVector::from_fn(d * d, |k, _| f64::from(u8::from(k.is_multiple_of(d + 1))))
 }
 
-/// Lattice points of a cube around the origin, in spacings.
-fn cube(dimension: usize, reach: i64) -> Vec<[i64; 3]> {
-    let depth = if dimension == 3 { reach } else { 0 };
-    let plane = (-reach..=reach).flat_map(|x| (-reach..=reach).map(move |y| [x, y]));
-    plane.flat_map(|[x, y]| (-depth..=depth).map(move |z| [x, y, z])).collect()
-}
-
-fn body(dimension: usize, spacing: f64, points: &[[i64; 3]]) -> Arc<Body> {
-    let coordinates = points.iter().flat_map(|point| &point[..dimension]);
-    let positions: Vec<f64> = coordinates.map(|x| *x as f64 * spacing).collect();
-    let volume = (0..dimension).fold(1.0, |volume, _| volume * spacing);
-    Arc::new(Body::new(dimension, &positions, &vec![volume; points.len()], Some(spacing)))
-}
-
-/// The body without points that have no neighbours, which energies refuse.
-fn connected(body: Arc<Body>, horizon: f64) -> Result<Arc<Body>, CaseError> {
-    let neighborhood = Neighborhood::new(&body, horizon)
-        .map_err(|error| CaseError::Body { message: error.to_string() })?;
-    let kept: Vec<usize> =
-        (0..body.n_points()).filter(|&p| !neighborhood.row(p).is_empty()).collect();
-    if kept.len() == body.n_points() {
-        return Ok(body);
+/// Orthogonal tensors without a trace, those of stretches first: with the unit tensor, all there are.
+fn changes_of_shape(d: usize) -> Vec<DVector<f64>> {
+    let of = |components: &[(usize, usize, f64)]| {
+        let mut tensor = DVector::zeros(d * d);
+        components.iter().for_each(|(a, i, x)| tensor[d * a + i] = *x);
+        tensor
+    };
+    let mut shapes = vec![of(&[(0, 0, 1.0), (1, 1, -1.0)])];
+    if d == 3 {
+        shapes.push(of(&[(0, 0, 1.0), (1, 1, 1.0), (2, 2, -2.0)]));
     }
-    let positions: Vec<f64> = kept.iter().flat_map(|&p| body.position(p)).copied().collect();
-    let volumes: Vec<f64> = kept.iter().map(|&p| body.volumes()[p]).collect();
-    Ok(Arc::new(Body::new(body.dimension(), &positions, &volumes, body.spacing())))
+    for a in 0..d {
+        shapes.extend((0..d).filter(|i| *i != a).map(|i| of(&[(a, i, 1.0)])));
+    }
+    shapes
 }

@@ -10,7 +10,8 @@ mod search;
 
 use piola_compiler::ValueError;
 
-use super::{Moduli, Modulus, Stiffness, moduli};
+use super::inside::Inside;
+use super::{Affine, Moduli, Modulus, Stiffness, moduli_with};
 use crate::scene::{Located, ParameterSetting, ParameterText, Scene};
 use crate::simulation::{self, Case, CaseError};
 use response::{Linear, Response, Sampled};
@@ -115,7 +116,7 @@ pub fn calibrate(
         problem.with(&found.parameters).map_err(|error| input(error.message, error.help))?;
     Ok(Calibrated {
         parameters: problem.names.iter().cloned().zip(found.parameters).collect(),
-        moduli: moduli(&solved, None)?,
+        moduli: moduli_with(&solved, None, &problem.inside)?,
         scene: solved.scene,
         linear: linear.is_some(),
         evaluations: evaluations + more,
@@ -130,6 +131,8 @@ struct Problem<'a> {
     names: Vec<String>,
     /// Their numbers in the model.
     numbers: Vec<usize>,
+    /// The lattice, which no parameter changes.
+    inside: Inside,
 }
 
 impl<'a> Problem<'a> {
@@ -161,10 +164,11 @@ impl<'a> Problem<'a> {
                     format!("`{name}` is a number of plane bodies, and this one is solid");
                 return Err(input(message, "take E and nu"));
             }
-            let positive = target.modulus.is_stress() && target.modulus != Modulus::C12;
+            let positive = !target.modulus.has_any_sign();
             if !target.value.is_finite() || (positive && target.value <= 0.0) {
                 let message = format!("{name} = {} is no modulus of a stable body", target.value);
-                return Err(input(message, format!("{name} must be a positive number, in Pa")));
+                let unit = if target.modulus.is_stress() { ", in Pa" } else { "" };
+                return Err(input(message, format!("{name} must be a positive number{unit}")));
             }
         }
         if targets.is_empty() || vary.is_empty() {
@@ -181,7 +185,7 @@ impl<'a> Problem<'a> {
             );
             return Err(input(message, help));
         }
-        Ok(Problem { case, targets, names: vary.to_vec(), numbers })
+        Ok(Problem { case, targets, names: vary.to_vec(), numbers, inside: Inside::new(case) })
     }
 
     /// The scene's own values of the varied parameters, in declared units.
@@ -232,14 +236,14 @@ impl<'a> Problem<'a> {
 
     fn moduli_at(&self, parameters: &[f64]) -> Result<Stiffness, CalibrateError> {
         let case = self.with(parameters).map_err(|error| input(error.message, error.help))?;
-        Ok(Stiffness::new(&super::Affine::new(&case)?))
+        Ok(Stiffness::new(&Affine::with(&case, &self.inside)?))
     }
 
     /// The size of the stresses to come, in Pa.
     fn scale(&self, first: &Stiffness) -> f64 {
         let stresses = self.targets.iter().filter(|target| target.modulus.is_stress());
         let largest = stresses.fold(0.0f64, |largest, target| largest.max(target.value.abs()));
-        if largest > 0.0 { largest } else { first.voigt().amax() }
+        if largest > 0.0 { largest } else { first.size() }
     }
 
     /// How far each target is missed: relative for stresses, absolute for plain numbers; nothing for
@@ -261,12 +265,12 @@ impl<'a> Problem<'a> {
         })
     }
 
-    /// The derivative of [`Problem::residual`] along a change of the Voigt matrix.
+    /// The derivative of [`Problem::residual`] along a change of the tensor.
     fn residual_slope(
         &self,
         target: &Target,
         stiffness: &Stiffness,
-        change: &nalgebra::DMatrix<f64>,
+        change: &Stiffness,
     ) -> Option<f64> {
         let slope = stiffness.slope(target.modulus, change)?;
         Some(match target.modulus {

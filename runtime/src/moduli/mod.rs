@@ -3,6 +3,9 @@
 //! | module | does |
 //! |---|---|
 //! | [`affine`] | second derivatives of the energy density by homogeneous displacement gradients |
+//! | `inside` | a point inside an endless lattice: its cliques by their measure, what they sum up to |
+//! | `cubic` | the form that sums over a lattice have, for each kind of measure |
+//! | `states` | energies of gathered states there |
 //! | [`stiffness`] | the elasticity tensor and the numbers that are read off it, with derivatives |
 //! | [`time_step`] | the largest stable step of central differences |
 //! | [`mod@calibrate`] | parameters of a potential for which the body has given moduli |
@@ -10,12 +13,17 @@
 //!
 //! Around a point of an endless lattice with one point per cell everything is symmetric under
 //! inversion, so that a homogeneous strain leaves no force on any point and nothing relaxes: the
-//! energy of affine displacements is the energy of the strain, exactly. It is summed over the
-//! interactions that the point owns, which are all there are up to translation. In a cloud points
-//! do relax, and the energy of affine displacements is an upper bound.
+//! energy of affine displacements is the energy of the strain, exactly. Interactions of one measure
+//! have one energy and one stiffness against it; how many there are and which way they lie is known in
+//! integers ([`crate::lattice`]). So a sum over some thousand measures, in twice the digits, is all,
+//! and no digit depends on the horizon. In a cloud points do relax, and the energy of affine
+//! displacements is an upper bound.
 
 pub mod affine;
 pub mod calibrate;
+mod cubic;
+mod inside;
+mod states;
 pub mod stiffness;
 mod text;
 pub mod time_step;
@@ -24,6 +32,7 @@ use serde::Serialize;
 
 pub use affine::Affine;
 pub use calibrate::{CalibrateError, Calibrated, Target, calibrate};
+use inside::Inside;
 pub use stiffness::{Modulus, Stiffness};
 pub use time_step::TimeStep;
 
@@ -78,7 +87,11 @@ pub struct Moduli {
 /// # Errors
 /// Energies that cannot be compiled or assembled, or are not finite at rest.
 pub fn moduli(case: &Case, density: Option<f64>) -> Result<Moduli, CaseError> {
-    let affine = Affine::new(case)?;
+    moduli_with(case, density, &Inside::new(case))
+}
+
+fn moduli_with(case: &Case, density: Option<f64>, inside: &Inside) -> Result<Moduli, CaseError> {
+    let affine = Affine::with(case, inside)?;
     let d = case.scene.body.dimension;
     let (basis, spacing) = match &case.scene.body.points {
         Points::Lattice(shape) => (Basis::Lattice, Some(shape.spacing)),
@@ -86,7 +99,7 @@ pub fn moduli(case: &Case, density: Option<f64>) -> Result<Moduli, CaseError> {
     };
     let waves = density.map(|density| {
         let speed = |number: usize| {
-            let square = affine.tangent[(number, number)] / density;
+            let square = affine.tangent(number, number) / density;
             (square >= 0.0).then(|| square.sqrt())
         };
         Waves { density, longitudinal: speed(0), shear: speed(d) }

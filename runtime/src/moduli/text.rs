@@ -38,7 +38,9 @@ impl fmt::Display for Moduli {
         }
         for modulus in Modulus::ALL.into_iter().filter(|modulus| modulus.exists(d)) {
             let value = match self.stiffness.modulus(modulus) {
-                Some(value) if modulus.is_stress() => format!("{value:.8e}"),
+                Some(value) if modulus.is_stress() || modulus == Modulus::Dilation => {
+                    format!("{value:.8e}")
+                }
                 Some(value) => format!("{value:.9}"),
                 None => "none".to_string(),
             };
@@ -97,6 +99,10 @@ fn meaning(modulus: Modulus, dimension: usize) -> &'static str {
         (Modulus::Poisson, _) => "lateral strain along y; 1/2 keeps the volume",
         (Modulus::YoungStrain, _) => "of the solid whose slice this is (plane strain)",
         (Modulus::PoissonStrain, _) => "of that solid; 1/2 keeps the volume",
+        (Modulus::Dilation, 2) => "1 - nu with all its digits: change of area over axial strain",
+        (Modulus::Dilation, _) => {
+            "1 - 2 nu with all its digits: change of volume over axial strain"
+        }
         (Modulus::Bulk, 2) => "mean stress over change of area",
         (Modulus::Bulk, _) => "mean stress over change of volume",
         (Modulus::Shear, _) => "mean over all directions",

@@ -82,35 +82,20 @@ impl Case {
     /// A body that cannot be assembled: isolated or coincident points, nothing to model, more
     /// neighbours than the machine's memory holds, neighbours that determine no deformation gradient.
     pub fn energy(&self, compiled: Compiled) -> Result<ModelledEnergy, CaseError> {
-        self.energy_of(Arc::clone(&self.body), self.scene.horizon.weights, compiled)
-    }
-
-    /// The discrete total energy that another body, or another scheme of weights, would have.
-    ///
-    /// # Errors
-    /// As [`Case::energy`].
-    pub(crate) fn energy_of(
-        &self,
-        body: Arc<Body>,
-        weights: WeightScheme,
-        compiled: Compiled,
-    ) -> Result<ModelledEnergy, CaseError> {
-        let horizon = self.scene.horizon_radius();
+        let (body, horizon) = (Arc::clone(&self.body), self.scene.horizon_radius());
         size::check_neighbors(&body, horizon, size::family(&body, horizon))?;
+        compiled.check_kind()?;
         if compiled.gathered.is_some() {
-            return states(body, horizon, self.thickness(), compiled);
+            let laws = compiled.state_laws(self.thickness());
+            return match StateEnergy::new(body, horizon, laws) {
+                Ok(energy) => Ok(ModelledEnergy::States(Box::new(energy))),
+                Err(error) => Err(CaseError::Body { message: error.to_string() }),
+            };
         }
         let Some(law) = compiled.gradient else {
+            let weights = self.scene.horizon.weights.into();
             return interactions(body, horizon, weights, compiled);
         };
-        if let Some(measure) = compiled.measures.first() {
-            let message = format!(
-                "the potential has energies of F and of {}: a scene models one kind; put them into \
-                 two potentials, or drop one by a coefficient 0",
-                measure.symbol()
-            );
-            return Err(CaseError::Body { message });
-        }
         let thickness = self.thickness();
         let settings = self.scene.correspondence.clone().unwrap_or_default();
         let influence = influence(&settings.influence, body.dimension(), horizon);
@@ -133,46 +118,63 @@ fn thick(law: impl VariablesLaw + 'static, thickness: f64) -> Box<dyn VariablesL
     if thickness == 1.0 { Box::new(law) } else { Box::new(Thick { law, thickness }) }
 }
 
-fn states(
-    body: Arc<Body>,
-    horizon: f64,
-    thickness: f64,
-    compiled: Compiled,
-) -> Result<ModelledEnergy, CaseError> {
-    let other = compiled.measures.iter().find(|measure| **measure != Measure::Length);
-    let other = other.map(|measure| measure.symbol()).or(compiled.gradient.map(|_| "F"));
-    if let Some(other) = other {
-        let message = format!(
-            "the potential has energies of gathered values and of {other}: beside them there may \
-             be psi(l) only; put them into two potentials, or drop one by a coefficient 0"
-        );
-        return Err(CaseError::Body { message });
+impl Compiled {
+    /// Refuses energies of several kinds.
+    ///
+    /// # Errors
+    /// Which they are.
+    pub(crate) fn check_kind(&self) -> Result<(), CaseError> {
+        let message = if self.gathered.is_some() {
+            let other = self.measures.iter().find(|measure| **measure != Measure::Length);
+            let other = other.map(|m| m.symbol()).or(self.gradient.as_ref().map(|_| "F"));
+            other.map(|other| {
+                format!(
+                    "the potential has energies of gathered values and of {other}: beside them there \
+                     may be psi(l) only; put them into two potentials, or drop one by a coefficient 0"
+                )
+            })
+        } else {
+            let other = self.measures.first().filter(|_| self.gradient.is_some());
+            other.map(|measure| {
+                format!(
+                    "the potential has energies of F and of {}: a scene models one kind; put them \
+                     into two potentials, or drop one by a coefficient 0",
+                    measure.symbol()
+                )
+            })
+        };
+        message.map_or(Ok(()), |message| Err(CaseError::Body { message }))
     }
-    let kernels = compiled.gathered.unwrap_or_default();
-    let laws = StateLaws {
-        integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
-        points: kernels.points.map(|law| thick(law, thickness)),
-        bonds: kernels.bonds.map(|law| thick(law, thickness)),
-        plain: compiled.plain.map(|law| Box::new(law) as Box<dyn Law>),
-    };
-    match StateEnergy::new(body, horizon, laws) {
-        Ok(energy) => Ok(ModelledEnergy::States(Box::new(energy))),
-        Err(error) => Err(CaseError::Body { message: error.to_string() }),
+
+    /// The energies of gathered states of a body of this thickness.
+    pub(crate) fn state_laws(self, thickness: f64) -> StateLaws {
+        let kernels = self.gathered.unwrap_or_default();
+        StateLaws {
+            integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
+            points: kernels.points.map(|law| thick(law, thickness)),
+            bonds: kernels.bonds.map(|law| thick(law, thickness)),
+            plain: self.plain.map(|law| Box::new(law) as Box<dyn Law>),
+        }
+    }
+}
+
+impl From<WeightScheme> for Weights {
+    fn from(scheme: WeightScheme) -> Weights {
+        match scheme {
+            WeightScheme::Uniform => Weights::Uniform,
+            WeightScheme::Truncated => Weights::Truncated,
+            WeightScheme::Volumes => Weights::Volumes,
+            WeightScheme::Unit => Weights::Unit,
+        }
     }
 }
 
 fn interactions(
     body: Arc<Body>,
     horizon: f64,
-    weights: WeightScheme,
+    weights: Weights,
     compiled: Compiled,
 ) -> Result<ModelledEnergy, CaseError> {
-    let weights = match weights {
-        WeightScheme::Uniform => Weights::Uniform,
-        WeightScheme::Truncated => Weights::Truncated,
-        WeightScheme::Volumes => Weights::Volumes,
-        WeightScheme::Unit => Weights::Unit,
-    };
     DiscreteEnergy::with_elements(body, horizon, weights, compiled.elements)
         .map(|energy| ModelledEnergy::Interactions(Box::new(energy)))
         .map_err(|error| CaseError::Body { message: error.to_string() })

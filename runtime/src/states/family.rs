@@ -17,9 +17,6 @@ pub(super) struct Family<const D: usize> {
     pub(super) length: Vec<f64>,
     pub(super) rest: Vec<f64>,
     pub(super) change: Vec<f64>,
-    /// Differences of displacements along the direction of a product, and their parts along the bonds.
-    pub(super) differences: Vec<[f64; D]>,
-    pub(super) along: Vec<f64>,
     /// What laws gave last: value, derivatives.
     pub(super) psi: Vec<f64>,
     pub(super) first: Vec<f64>,
@@ -60,18 +57,6 @@ impl<const D: usize> Family<D> {
         }
     }
 
-    /// Takes what the bonds change by along `p`, in m.
-    pub(super) fn take_direction(&mut self, neighborhood: &Neighborhood, p: &[f64], i: usize) {
-        let p = p.as_chunks::<D>().0;
-        self.differences.clear();
-        self.along.clear();
-        for (&j, normal) in neighborhood.row(i).iter().zip(&self.normals) {
-            let difference: [f64; D] = std::array::from_fn(|c| p[j as usize][c] - p[i][c]);
-            self.along.push((0..D).fold(0.0, |sum, c| sum + normal[c] * difference[c]));
-            self.differences.push(difference);
-        }
-    }
-
     /// A law of the length at all bonds: `psi`, and as the order asks `first` and `second`.
     pub(super) fn law(&mut self, law: &dyn Law, order: Order) {
         let batch = Batch { measure: &self.length, reference: &self.rest, change: &self.change };
@@ -79,31 +64,19 @@ impl<const D: usize> Family<D> {
         law.evaluate(batch, order, Outputs { psi, dpsi, d2psi });
     }
 
-    /// An energy of bonds at these integrals: `psi` and, if asked for, `slopes`.
-    pub(super) fn bonds(&mut self, law: &dyn VariablesLaw, integrals: &[f64], with_slopes: bool) {
-        let n = self.set_variables(integrals);
-        self.slopes.resize((1 + integrals.len()) * n, 0.0);
-        let at = Variables { n, current: &self.variables, change: &self.change, given: &self.rest };
-        let slopes = if with_slopes { &mut self.slopes[..] } else { &mut [] };
-        law.evaluate(at, &mut self.psi, slopes);
-    }
-
-    /// `slopes` become what the derivatives of an energy of bonds change by: along the direction that
-    /// was taken where `along`, and with the integrals by `changes`.
+    /// `slopes` become what the derivatives of an energy of bonds change by with all lengths by
+    /// `length` and with the integrals by `changes`.
     pub(super) fn multiply(
         &mut self,
         law: &dyn VariablesLaw,
         integrals: &[f64],
-        along: Along,
+        length: f64,
         changes: &[f64],
     ) {
         let n = self.set_variables(integrals);
         self.slopes.resize((1 + integrals.len()) * n, 0.0);
         self.directions.clear();
-        match along {
-            Along::Direction => self.directions.extend_from_slice(&self.along),
-            Along::All(x) => self.directions.resize(n, x),
-        }
+        self.directions.resize(n, length);
         for change in changes {
             self.directions.resize(self.directions.len() + n, *change);
         }
@@ -130,13 +103,4 @@ impl<const D: usize> Family<D> {
     pub(super) fn integral(&self, values: &[f64]) -> f64 {
         self.volumes.iter().zip(values).fold(0.0, |sum, (volume, x)| sum + volume * x)
     }
-}
-
-/// How lengths change in a product.
-#[derive(Clone, Copy)]
-pub(super) enum Along {
-    /// As the direction that was taken says.
-    Direction,
-    /// All by the same.
-    All(f64),
 }

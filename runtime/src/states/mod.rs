@@ -9,7 +9,6 @@
 //! | `passes` | what points gather, energies, forces: each bond once |
 //! | `linear` | products with the Hessian from second derivatives at fixed displacements |
 //! | `family` | the bonds of one point, evaluated at once |
-//! | `homogeneous` | one point in a homogeneous displacement, for moduli |
 //! | `tangent` | the exact Hessian, stored, and springs like it |
 //!
 //! The derivative goes the way back (reverse mode): `a_i = dw_i/dI_i`, then each bond has
@@ -20,7 +19,6 @@
 //! Silling, Epton, Weckner, Xu, Askari 2007; Partmann, Wieners, Weinberg 2026, (3.17) to (3.23).
 
 mod family;
-mod homogeneous;
 mod linear;
 mod passes;
 mod tangent;
@@ -38,6 +36,7 @@ use crate::interaction::Slabs;
 use crate::kernel::{Law, Order, Variables, VariablesLaw};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
+use crate::weights::check_families;
 use linear::Linear;
 use tangent::Stiffness;
 
@@ -110,6 +109,7 @@ impl StateEnergy {
         }
         let neighborhood = Neighborhood::new(&body, horizon).map_err(AssemblyError::from)?;
         check_neighbors(&body, &neighborhood)?;
+        check_families(&body).map_err(AssemblyError::from)?;
         if u32::try_from(2 * neighborhood.n_bonds()).is_err() {
             return Err(StateError::TooManyBonds { bonds: neighborhood.n_bonds() });
         }

@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use super::family::{Along, Family};
+use super::family::Family;
 use super::passes::States;
 use super::{StateEnergy, at_points, by_variables};
 use crate::correspondence::bonds;
@@ -185,7 +185,7 @@ impl StateEnergy {
         let mut second = vec![0.0; family.len()];
         if let Some(law) = &self.laws.bonds {
             let integrals = &states.integrals[i * m..(i + 1) * m];
-            family.multiply(&**law, integrals, Along::All(1.0), &vec![0.0; m]);
+            family.multiply(&**law, integrals, 1.0, &vec![0.0; m]);
             super::add_halves(&mut second, family.slope(0));
         }
         if let Some(law) = &self.laws.plain {
@@ -245,7 +245,7 @@ impl StateEnergy {
             }
             let mut column = vec![0.0; n];
             if let Some(law) = &self.laws.bonds {
-                family.multiply(&**law, integrals, Along::All(0.0), &unit);
+                family.multiply(&**law, integrals, 0.0, &unit);
                 column.copy_from_slice(family.slope(0));
                 for v in 0..m {
                     by_states[k * m + v] += 0.5 * family.integral(family.slope(v + 1));

@@ -187,6 +187,41 @@ fn e12_forces_keep_their_digits_where_the_energy_underflows() {
     assert!(worst <= 16.0 * U, "{worst:e}");
 }
 
+/// Bodies of 2^-40 m and of 2^40 m, and with unit weights of 2^-80 m and 2^80 m, have the forces of
+/// one of 1 m, scaled by the power of two that the units say: bit for bit.
+#[test]
+fn e12_bodies_of_any_size_have_the_same_forces_scaled() {
+    for (d, measure, c) in [
+        (2, 1, [1.0, 0.0, 0.0]),
+        (3, 1, [1.0, 0.0, 0.0]),
+        (2, 2, [0.0, 1.0, 0.0]),
+        (3, 2, [0.0, 1.0, 0.0]),
+        (3, 3, [0.0, 0.0, 1.0]),
+    ] {
+        for (weights, steps, volumes) in [
+            (Weights::Unit, 80, 0),
+            (Weights::Uniform, 40, measure + 1),
+            (Weights::Truncated, 40, measure + 1),
+            (Weights::Volumes, 40, measure + 1),
+        ] {
+            let at = |exponent: i32| {
+                let size = libm::ldexp(1.0, exponent);
+                let body = lattice(&vec![0.0; d], &vec![4; d], size);
+                let u = displacements(&body, 0.01, 5);
+                let energy = DiscreteEnergy::new(body, 2.0 * size, weights, laws(c, 1)).unwrap();
+                // The energy is a measure times as many volumes, a force that over a length.
+                let powers = measure + d as i32 * volumes - 1;
+                let forces = gradient(&energy, &u);
+                forces.into_iter().map(|f| libm::ldexp(f, -powers * exponent)).collect::<Vec<_>>()
+            };
+            let expected = at(0);
+            assert!(norm(&expected) > 0.0);
+            assert_eq!(at(-steps), expected, "{d} {measure} {weights:?}");
+            assert_eq!(at(steps), expected, "{d} {measure} {weights:?}");
+        }
+    }
+}
+
 /// The corners of one interaction of each kind, in 2 or 3 dimensions.
 const SINGLE: [(usize, &[f64], [f64; 3]); 5] = [
     (2, &[0.0, 0.0, 1.3, 0.4], [1.0, 0.0, 0.0]),

@@ -2,8 +2,6 @@
 
 use std::cell::Cell;
 
-use nalgebra::DMatrix;
-
 use super::{CalibrateError, Problem, Stiffness, input};
 
 /// An elasticity tensor as a function of variables that stand for the parameters.
@@ -14,17 +12,17 @@ pub(super) trait Response {
     /// The tensor; nothing where it cannot be evaluated.
     fn stiffness(&self, x: &[f64]) -> Option<Stiffness>;
 
-    /// Derivatives of its Voigt matrix by the variables.
-    fn slopes(&self, x: &[f64]) -> Option<Vec<DMatrix<f64>>>;
+    /// Its derivatives by the variables.
+    fn slopes(&self, x: &[f64]) -> Option<Vec<Stiffness>>;
 }
 
 /// A tensor that is linear in the parameters, exactly. A variable of 1 is a parameter that by itself
 /// gives stresses of the size of the targets.
 pub(super) struct Linear {
     base: Vec<f64>,
-    constant: DMatrix<f64>,
+    constant: Stiffness,
     /// By the parameters.
-    columns: Vec<DMatrix<f64>>,
+    columns: Vec<Stiffness>,
     units: Vec<f64>,
 }
 
@@ -44,7 +42,7 @@ impl Linear {
         scale: f64,
         evaluations: &mut usize,
     ) -> Result<Option<Linear>, CalibrateError> {
-        let size = first.voigt().amax();
+        let size = first.size();
         let mut evaluate = |at: &[f64]| {
             *evaluations += 1;
             problem.moduli_at(at).ok()
@@ -58,8 +56,8 @@ impl Linear {
                 let mut at = base.to_vec();
                 at[k] += step;
                 let Some(there) = evaluate(&at) else { break };
-                let change = (there.voigt() - first.voigt()) / step;
-                let seen = (change.amax() * step / size).abs();
+                let change = there.plus(-1.0, first).scaled(1.0 / step);
+                let seen = (change.size() * step / size).abs();
                 column = Some((change, step, seen));
                 if seen >= VISIBLE {
                     break;
@@ -79,26 +77,26 @@ impl Linear {
         let moves: Vec<f64> = (0..base.len()).map(|k| parts[k % 3] * steps[k]).collect();
         let at: Vec<f64> = base.iter().zip(&moves).map(|(b, m)| b + m).collect();
         let Some(there) = evaluate(&at) else { return Ok(None) };
-        let mut expected = first.voigt().clone();
+        let mut expected = first.clone();
         let mut magnitude = size;
         for (column, step) in columns.iter().zip(&moves) {
-            expected += column * *step;
-            magnitude += (column * *step).amax();
+            expected = expected.plus(*step, column);
+            magnitude += (column.size() * *step).abs();
         }
-        if (there.voigt() - &expected).amax() > ROUNDING * magnitude {
+        if there.plus(-1.0, &expected).size() > ROUNDING * magnitude {
             return Ok(None);
         }
-        let units = columns.iter().map(|column| scale / column.amax()).collect();
-        Ok(Some(Linear { base: base.to_vec(), constant: first.voigt().clone(), columns, units }))
+        let units = columns.iter().map(|column| scale / column.size()).collect();
+        Ok(Some(Linear { base: base.to_vec(), constant: first.clone(), columns, units }))
     }
 
     /// The same function around another place, where the tensor is known.
     pub(super) fn rebased(&self, base: &[f64], there: &Stiffness, scale: f64) -> Linear {
         Linear {
             base: base.to_vec(),
-            constant: there.voigt().clone(),
+            constant: there.clone(),
             columns: self.columns.clone(),
-            units: self.columns.iter().map(|column| scale / column.amax()).collect(),
+            units: self.columns.iter().map(|column| scale / column.size()).collect(),
         }
     }
 
@@ -119,15 +117,19 @@ impl Response for Linear {
     }
 
     fn stiffness(&self, x: &[f64]) -> Option<Stiffness> {
-        let mut voigt = self.constant.clone();
-        for (k, parameter) in self.parameters(x).iter().enumerate() {
-            voigt += &self.columns[k] * (parameter - self.base[k]);
-        }
-        Some(Stiffness::from_voigt(voigt))
+        let moves = self.parameters(x).into_iter().zip(&self.base).map(|(p, base)| p - base);
+        let add = |sum: Stiffness, (column, step): (&Stiffness, f64)| sum.plus(step, column);
+        Some(self.columns.iter().zip(moves).fold(self.constant.clone(), add))
     }
 
-    fn slopes(&self, _: &[f64]) -> Option<Vec<DMatrix<f64>>> {
-        Some(self.columns.iter().zip(&self.units).map(|(column, unit)| column * *unit).collect())
+    fn slopes(&self, _: &[f64]) -> Option<Vec<Stiffness>> {
+        Some(
+            self.columns
+                .iter()
+                .zip(&self.units)
+                .map(|(column, unit)| column.scaled(*unit))
+                .collect(),
+        )
     }
 }
 
@@ -177,14 +179,14 @@ impl Response for Sampled<'_> {
         self.problem.moduli_at(&self.parameters(x)).ok()
     }
 
-    fn slopes(&self, x: &[f64]) -> Option<Vec<DMatrix<f64>>> {
+    fn slopes(&self, x: &[f64]) -> Option<Vec<Stiffness>> {
         let slope = |k: usize| {
             let at = |step: f64| {
                 let mut moved = x.to_vec();
                 moved[k] += step;
                 self.stiffness(&moved)
             };
-            Some((at(STEP)?.voigt() - at(-STEP)?.voigt()) / (2.0 * STEP))
+            Some(at(STEP)?.plus(-1.0, &at(-STEP)?).scaled(0.5 / STEP))
         };
         (0..x.len()).map(slope).collect()
     }

@@ -183,7 +183,8 @@ pub(crate) struct Audit {
     /// Points per regime
     #[arg(long, default_value_t = 12)]
     pub(crate) points: usize,
-    /// Largest error that passes, in units of 2^-53 of the value
+    /// Largest error that passes, in units of 2^-53 of the value, beside its zeros of what rounding the
+    /// inputs changes it by
     #[arg(long, default_value_t = 64.0)]
     pub(crate) bar: f64,
     /// Level of the machine code

@@ -108,6 +108,8 @@ fn logarithm_of_square() {
 fn logarithmic_barrier() {
     rule("logarithmic_barrier", "l/L - 1 - ln(l/L)", 1e13, &["l/L - 2 - ln(l/L)"]);
     rule("logarithmic_barrier", "ln(l/L) - (l/L - 1)", 1e13, &["ln(l/L) - (l/L - 2)"]);
+    // As it is typed: in compression the change has lost what is left of the length.
+    rule("logarithmic_barrier", "log1pmx(l/L - 1)", 1e3, &["log1pmx(2*(l/L - 1))"]);
     let other = "(l/L - 1)^2 - log1p((l/L - 1)^2)";
     rule("logarithmic_barrier", other, 1e13, &["(l/L)^2 - log1p((l/L - 1)^2)"]);
     let negative = "log1p((l/L - 1)^2) - (l/L - 1)^2";

@@ -78,8 +78,8 @@ fn human(audits: &[Audit], bar: f64) -> String {
         }
         let _ = writeln!(
             out,
-            "psi({symbol}): largest errors, raw in u = 1.1e-16 of the {of}; left: what rounding the inputs does not \
-             excuse, bar {bar}\n\
+            "psi({symbol}): largest errors, raw in u = 1.1e-16 of the {of};\n\
+             left: what rounding the inputs does not excuse, bar {bar}\n\
              {:width$} {:>7} {psi:>10} {:>8} {first:>10} {:>8} {second:>10} {:>8}",
             "regime", "points", "left", "left", "left"
         );

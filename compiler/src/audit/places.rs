@@ -123,7 +123,11 @@ impl Grid<'_> {
                 let third = (high - low) / 3.0;
                 if size(low + third) < size(high - third) { high -= third } else { low += third }
             }
-            found.push(0.5 * (low + high));
+            // Steps of a plateau are none.
+            let middle = 0.5 * (low + high);
+            if size(middle) < 0.5 * sizes[0].min(sizes[2]) {
+                found.push(middle);
+            }
         }
         found
     }

@@ -103,7 +103,7 @@ fn an_audit_is_csv_json_and_a_picture() {
 /// Audits an energy of bonds: the exit code, the largest errors raw and left of each order.
 fn largest(energy: &str, more: &[&str], exit: i32) -> [[f64; 3]; 2] {
     let folder = SceneFolder::new("");
-    let file = folder.file("p.piola", &format!("potential p\npsi(l) = {energy}\n"));
+    let file = folder.file("p.piola", format!("potential p\npsi(l) = {energy}\n"));
     let arguments = [&[&file[..], "--points", "4"], more].concat();
     piola(&[&["audit"], &arguments[..]].concat()).expect(exit);
     let mut largest = [[0.0_f64; 3]; 2];

@@ -21,7 +21,7 @@ const LARGEST_WHOLE: f64 = 4096.0;
 
 thread_local! {
     /// ln(2) and pi, in as many digits as were asked for.
-    static CONSTANTS: RefCell<ConstCache> = RefCell::new(ConstCache::new());
+    static CONSTANTS: RefCell<ConstCache> = const { RefCell::new(ConstCache::new()) };
 }
 
 /// A number that every operation rounds to `BITS` binary digits, or none: not real, not finite, or

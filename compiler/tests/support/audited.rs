@@ -78,7 +78,7 @@ pub(crate) fn evaluated(text: &str, [x, y]: [f64; 2]) -> Seen {
             // Stretched alike in all directions, and, but for rest, sheared in one plane.
             let component = |c: u8| match c {
                 1 if stretch != 1.0 => slide,
-                _ if c % 4 == 0 => stretch,
+                _ if c.is_multiple_of(4) => stretch,
                 _ => 0.0,
             };
             seen.see(

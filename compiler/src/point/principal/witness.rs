@@ -170,7 +170,8 @@ fn rotation<const BITS: usize>(d: usize, gradient: &[Real<BITS>]) -> Vec<Real<BI
             let (first, second) = (dot(&columns, p, p), dot(&columns, q, q));
             let square = &product * &product;
             // Where one of them is no number there is nothing to turn.
-            if !(square.shifted(BITS as isize * 2 - 16) > &first * &second) {
+            let is_oblique = square.shifted(BITS as isize * 2 - 16) > &first * &second;
+            if !is_oblique {
                 continue;
             }
             let one = Real::from(1);

@@ -7,7 +7,7 @@ use super::real::Real;
 use super::{Function, Operator};
 
 /// A value with its first and second derivative with respect to the measure, in `BITS` binary digits;
-/// nothing where one of them is not a finite number, or lies beyond what [`Real`] holds.
+/// nothing where one of them is not a finite number, or lies beyond 2^(2^20) or below its reciprocal.
 #[derive(Clone, Debug)]
 pub struct Precise<const BITS: usize> {
     parts: Option<[Real<BITS>; 3]>,

@@ -231,7 +231,8 @@ pub(crate) struct Audit {
     /// Points per regime
     #[arg(long, default_value_t = 12, value_parser = count::<100_000>)]
     pub(crate) points: usize,
-    /// Largest error that passes, in units of 2^-53 of the value
+    /// Largest error that passes, in units of 2^-53 of the value, beside its zeros of what rounding the
+    /// inputs changes it by
     #[arg(long, default_value_t = 64.0, value_parser = bound)]
     pub(crate) bar: f64,
     /// Level of the machine code

@@ -79,14 +79,15 @@ fn human(audits: &[Audit], bar: f64) -> String {
         }
         let _ = writeln!(
             out,
-            "psi({symbol}): largest errors in u = 1.1e-16 of the {of}, bar {bar}\n\
-             {:width$} {:>7} {psi:>11} {first:>11} {second:>11}",
-            "regime", "points"
+            "psi({symbol}): largest errors, raw in u = 1.1e-16 of the {of};\n\
+             left: what rounding the inputs does not excuse, bar {bar}\n\
+             {:width$} {:>7} {psi:>10} {:>8} {first:>10} {:>8} {second:>10} {:>8}",
+            "regime", "points", "left", "left", "left"
         );
         for regime in &audit.regimes {
             let _ = write!(out, "{:width$} {:>7}", regime.name, regime.n_points);
-            for error in regime.worst {
-                let _ = write!(out, " {:>11}", units(error));
+            for (raw, left) in regime.raw.into_iter().zip(regime.worst) {
+                let _ = write!(out, " {:>10} {:>8}", units(raw), units(left));
             }
             out.push('\n');
             for order in (0..3).filter(|&order| regime.worst[order] > bar) {
@@ -133,7 +134,7 @@ fn listed(numbers: &[f64], separator: &str) -> String {
 
 /// The input and what it is at rest; of `F` all components, and `F - I`.
 fn csv(audits: &[Audit]) -> String {
-    let mut out = "measure,regime,points,order,error,at,at_reference,at_change\n".to_string();
+    let mut out = "measure,regime,points,order,raw,error,at,at_reference,at_change\n".to_string();
     for audit in audits {
         for regime in &audit.regimes {
             for order in 0..3 {
@@ -148,10 +149,11 @@ fn csv(audits: &[Audit]) -> String {
                 };
                 let _ = writeln!(
                     out,
-                    "{},{},{},{order},{},{}",
+                    "{},{},{},{order},{},{},{}",
                     audit.argument.symbol(),
                     regime.name,
                     regime.n_points,
+                    decimal(regime.raw[order]),
                     decimal(regime.worst[order]),
                     at.join(",")
                 );
@@ -173,6 +175,7 @@ fn json_lines(file: &str, dimension: usize, audits: &[Audit], bar: f64) -> Strin
         json!({
             "regime": regime.name,
             "points": regime.n_points,
+            "raw": regime.raw.map(number),
             "errors": regime.worst.map(number),
             "at": regime.at.each_ref().map(at),
         })
@@ -197,7 +200,7 @@ fn picture(path: &Path, name: &str, audits: &[Audit]) -> Result<(), String> {
     let panel = |audit: &Audit| {
         let line = |order: usize| {
             let near = audit.regimes.iter().filter_map(|regime| {
-                let error = regime.worst[order] * piola_compiler::verify::UNIT_ROUNDOFF;
+                let error = regime.raw[order] * piola_compiler::verify::UNIT_ROUNDOFF;
                 Some((regime.strain?, error))
             });
             (audit.argument.orders()[order].to_string(), near.collect())

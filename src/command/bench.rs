@@ -79,8 +79,8 @@ fn of_potential(name: &str, arguments: &Bench) -> Exit {
     Exit::Done
 }
 
-/// Largest errors of what was timed, in units of 2^-53, for the levels of compiled code: an energy
-/// that runs as a function of the squared measure is timed as one.
+/// Largest errors of what was timed, in units of 2^-53, for the levels of compiled code, what is left of
+/// them where rounded inputs excuse those above 64: an energy that runs as a function of the squared measure is timed as one.
 fn errors(cost: &WayCost, energy: &EnergyCost, audits: &Audits) -> Option<[f64; 3]> {
     let Mode::Jit(level) = cost.way.mode else { return None };
     let (_, audits) = audits.iter().find(|(audited, _)| *audited == level)?;
@@ -116,7 +116,10 @@ fn potential_text(loaded: &Loaded, values: &Values, costs: &[WayCost], audits: &
     for cost in costs {
         let _ = writeln!(out, "{:24} {:>10.3}", cost.way.name, cost.compile_seconds * 1e3);
     }
-    out.push_str("\nu = 1.1e-16 of the value; `piola audit` says where the largest errors are\n");
+    out.push_str(
+        "\nu = 1.1e-16 of the value, beside its zeros of what rounding the inputs changes it by; \
+         `piola audit` says where the largest errors are\n",
+    );
     if loaded.model.has_gradient_energy() {
         out.push_str(
             "psi(F): ns per place a few percent from rest for psi, for psi and P, and for dP; errors of \

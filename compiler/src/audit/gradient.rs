@@ -37,12 +37,14 @@ fn measure_errors(
     for (order, part) in parts(sample.gradient.len()).into_iter().enumerate() {
         let size = norm(expected[part.clone()].iter().copied());
         let difference = norm(part.map(|k| found[k] - expected[k]));
-        let mut error = in_units(difference, size, size);
-        if error > bar {
+        let raw = in_units(difference, size, size);
+        let left = if raw > bar {
             let change = change(written, sample, &expected, order).unwrap_or(0.0);
-            error = in_units(difference, size, size + change);
-        }
-        regime.see(order, error, || Place::Gradient {
+            in_units(difference, size, size + change)
+        } else {
+            raw
+        };
+        regime.see(order, [raw, left], || Place::Gradient {
             gradient: sample.gradient.clone(),
             change: sample.change.clone(),
             is_near: sample.is_near(),

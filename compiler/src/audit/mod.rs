@@ -1,14 +1,17 @@
 //! How many digits of an energy and its derivatives are right: compiled energies against numbers of
 //! any precision, regime by regime over the declared domain.
 //!
-//! An error counts in `u = 2^-53` of the true value; of tensors, P and dP of energies of the
-//! deformation gradient, in `u` of their norm. Where that is large because the value passes through
-//! zero, it counts in `u` of the value and of what it changes when the strain changes by its own size
-//! (every component of `F`, near rest of `F - I`): no formula can do better for an argument that is
-//! rounded.
+//! An error counts in `u = 2^-53` of the true value, raw; of tensors, P and dP of energies of the
+//! deformation gradient, in `u` of their norm. Where it is large because the value passes through zero,
+//! what is left of it counts in what rounding the inputs changes the value by: no formula can do better
+//! for an argument that is rounded. For measures `condition` says which input that is and where; of
+//! energies of the deformation gradient every component of `F`, near rest of `F - I`, changes by its own
+//! size, anywhere.
 
+mod condition;
 mod gradient;
 mod measure;
+mod places;
 
 use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};
 use crate::measure::Argument;
@@ -30,7 +33,7 @@ pub struct Settings {
     pub level: Level,
     /// Points per regime.
     pub points: usize,
-    /// Largest error in `u` that passes; smaller errors are not looked at more closely.
+    /// Largest error in `u` that passes; smaller raw errors are not looked at more closely.
     pub bar: f64,
 }
 
@@ -59,20 +62,25 @@ pub struct Regime {
     pub strain: Option<f64>,
     /// How many points lie in the domain and have true values.
     pub n_points: usize,
-    /// Largest error of psi and its derivatives in units of [`UNIT_ROUNDOFF`].
+    /// Largest error of psi and its derivatives in units of [`UNIT_ROUNDOFF`] of the value.
+    pub raw: [f64; 3],
+    /// The largest that is left where rounded inputs excuse those above the bar.
     pub worst: [f64; 3],
-    /// Where it occurred, if there is one.
+    /// Where that occurred, if there is one.
     pub at: [Option<Place>; 3],
 }
 
 impl Regime {
     fn new(name: String, strain: Option<f64>) -> Regime {
-        Regime { name, strain, n_points: 0, worst: [0.0; 3], at: [None, None, None] }
+        let none = [0.0; 3];
+        Regime { name, strain, n_points: 0, raw: none, worst: none, at: [None, None, None] }
     }
 
-    fn see(&mut self, order: usize, error: f64, place: impl FnOnce() -> Place) {
-        if error > self.worst[order] {
-            self.worst[order] = error;
+    /// An error, raw and what is left of it.
+    fn see(&mut self, order: usize, [raw, left]: [f64; 2], place: impl FnOnce() -> Place) {
+        self.raw[order] = self.raw[order].max(raw);
+        if left > self.worst[order] {
+            self.worst[order] = left;
             self.at[order] = Some(place());
         }
     }
@@ -93,7 +101,7 @@ impl Audit {
         Audit { argument, regimes }
     }
 
-    /// Largest error of psi and its derivatives in units of [`UNIT_ROUNDOFF`].
+    /// Largest error of psi and its derivatives that is left, in units of [`UNIT_ROUNDOFF`].
     pub fn worst(&self) -> [f64; 3] {
         let mut worst = [0.0_f64; 3];
         for regime in &self.regimes {
@@ -151,7 +159,7 @@ fn in_units(found: f64, expected: f64, scale: f64) -> f64 {
     if !found.is_finite() {
         return f64::INFINITY;
     }
-    if expected.abs() < SMALLEST {
+    if scale < SMALLEST {
         return if found.abs() < 2.0 * SMALLEST { 0.0 } else { f64::INFINITY };
     }
     (found - expected).abs() / scale / UNIT_ROUNDOFF

@@ -115,12 +115,15 @@ impl Function {
     }
 }
 
+/// Up to here, in size, [`log1pmx`] is a series.
+pub(crate) const LOG1PMX_SERIES: f64 = 0.3;
+
 /// `ln(1 + x) - x` without the cancellation of its leading terms.
 ///
 /// With `r = x/(2 + x)`, `ln(1 + x) = 2 atanh(r)` and `2r - x = -r*x`, so near 0 only the small terms
 /// of the series of atanh are added to `-r*x`.
 pub fn log1pmx(x: f64) -> f64 {
-    if x.abs() >= 0.3 || x.is_nan() {
+    if x.abs() >= LOG1PMX_SERIES || x.is_nan() {
         return libm::log1p(x) - x;
     }
     let r = x / (2.0 + x);

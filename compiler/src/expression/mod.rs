@@ -15,6 +15,7 @@ pub mod interpret;
 pub mod number;
 pub mod power;
 pub mod precise;
+pub(crate) mod real;
 
 pub use function::{Comparison, Function, Operator};
 pub use graph::{ExprGraph, Input, Node, NodeId, TooManyNodes};

@@ -13,6 +13,7 @@ use cranelift_codegen::ir::{InstBuilder, MemFlagsData, Value, types};
 use super::lanes::Lanes;
 use super::log_table::{FIRST, PIECES};
 use crate::expression::Function;
+use crate::expression::function::LOG1PMX_SERIES;
 
 /// The bits of 1.
 const ONE: u64 = 0x3ff0_0000_0000_0000;
@@ -176,7 +177,7 @@ impl Lanes<'_, '_> {
         let logarithm = self.double(&reduction);
         let far = self.builder.ins().fsub(logarithm.high, x);
         let far = self.builder.ins().fadd(far, logarithm.low);
-        let is_near = self.is_at_most(x, 0.3);
+        let is_near = self.is_at_most(x, LOG1PMX_SERIES);
         let holds = self.builder.ins().bor(is_near, holds);
         Partial { value: self.choose(is_near, near, far), holds }
     }

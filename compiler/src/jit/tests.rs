@@ -1,18 +1,15 @@
 //! The fast level's functions against numbers of 192 digits, and both levels on a processor that has
 //! neither AVX nor fma.
 
-use dashu_float::FBig;
-use dashu_float::round::mode::HalfEven;
-
 use super::CompiledKernel;
 use super::code::isa;
 use crate::expression::number::Number;
 use crate::expression::precise::Precise;
+use crate::expression::real::Real;
 use crate::expression::{Function, Operator};
 use crate::test_support::{model, values};
 use crate::{Batch, Form, Level, Order, Outputs};
 
-type Float = FBig<HalfEven, 2>;
 type Exact = Precise<BITS>;
 
 const BITS: usize = 192;
@@ -41,10 +38,10 @@ fn run(kernel: &CompiledKernel, pairs: &[(f64, f64)]) -> Vec<f64> {
 fn error(found: f64, truth: &Exact) -> f64 {
     let value = truth.rounded()[0];
     let Some([exact, ..]) = truth.parts().filter(|_| value.is_normal()) else { return 0.0 };
-    let found = Float::try_from(found).expect("a normal value is found as a number");
-    let difference = found.with_precision(BITS).value() - exact;
+    assert!(found.is_finite(), "a normal value is found as a number");
+    let difference = Real::from(found) - exact;
     let spacing = value.abs().next_up() - value.abs();
-    difference.to_f64().value().abs() / spacing
+    difference.to_f64().abs() / spacing
 }
 
 /// Largest error over the pairs, on both processors.

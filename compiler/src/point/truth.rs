@@ -88,9 +88,9 @@ fn derivatives(
         let (plus, minus) = (along(1.0), along(-1.0));
         let ([psi, first, second], [_, other_first, other_second]) =
             (plus.parts()?, minus.parts()?);
-        all[0] = psi.to_f64().value();
-        all[1 + k] = (first - other_first).to_f64().value() / 2.0;
-        all[1 + n + k] = (second - other_second).to_f64().value() / 4.0;
+        all[0] = psi.to_f64();
+        all[1 + k] = (first - other_first).to_f64() / 2.0;
+        all[1 + n + k] = (second - other_second).to_f64() / 4.0;
     }
     Some(all)
 }

@@ -52,7 +52,11 @@ pub const REWRITES: &[Rule] = &[
     rule("hyperbolic_cosine", "cosh(y) - 1 = 2*sinh(y/2)^2", "always"),
     rule("cosine", "1 - cos(y) = 2*sin(y/2)^2", "always"),
     rule("logarithm_of_square", "log1p(-y^2) = ln((1 - y)*(1 + y))", "y^2 >= 0.5, else it stays"),
-    rule("logarithmic_barrier", "y - log1p(y) = -log1pmx(y)", "abs(y) < 0.3 if y is e"),
+    rule(
+        "logarithmic_barrier",
+        "y - log1p(y) = -log1pmx(y), log1pmx(e) = S_0 - e",
+        "log1pmx(e) stays where abs(e) < 0.3",
+    ),
     rule("strain_minus_logarithm", "S_2 - S_0 = (e - S_0) + e^2/2", "always"),
     rule(
         "strain_of_whole_order",

@@ -55,6 +55,12 @@ impl Rules {
                 let strain = strain(graph, self.measure, 0.0)?;
                 Ok(Some(("logarithm_of_sum", strain)))
             }
+            // As a difference its derivative is a product, and far from rest it takes the stretch.
+            Node::Unary(Function::Log1pmx, x) if self.is_change(graph, x) => {
+                let strain = strain(graph, self.measure, 0.0)?;
+                let made = graph.subtract(strain, x)?;
+                Ok(Some(("logarithmic_barrier", made)))
+            }
             _ => Ok(None),
         }
     }

@@ -108,10 +108,31 @@ fn logarithm_of_square() {
 fn logarithmic_barrier() {
     rule("logarithmic_barrier", "l/L - 1 - ln(l/L)", 1e13, &["l/L - 2 - ln(l/L)"]);
     rule("logarithmic_barrier", "ln(l/L) - (l/L - 1)", 1e13, &["ln(l/L) - (l/L - 2)"]);
+    // As it is typed: in compression the change has lost what is left of the length.
+    rule("logarithmic_barrier", "log1pmx(l/L - 1)", 1e3, &["log1pmx(2*(l/L - 1))"]);
     let other = "(l/L - 1)^2 - log1p((l/L - 1)^2)";
     rule("logarithmic_barrier", other, 1e13, &["(l/L)^2 - log1p((l/L - 1)^2)"]);
     let negative = "log1p((l/L - 1)^2) - (l/L - 1)^2";
     rule("logarithmic_barrier", negative, 1e13, &["log1p((l/L - 1)^2) - (l/L)^2"]);
+}
+
+/// The function of the change, as it is typed, is the difference that it abbreviates: psi, psi' and psi''
+/// have the same bits in compression, on both sides of the guards, where there is none, and beyond.
+#[test]
+fn logarithmic_barriers_are_one_form() {
+    let guards = [0.7, 1.3].map(|x: f64| [x.next_down(), x, x.next_up()]);
+    let measure = [&[-0.5, 0.0, 1e-300, 1e-12, 0.4, 1.0, 7.0][..], guards.as_flattened()].concat();
+    let change: Vec<f64> = measure.iter().map(|l| l - 1.0).collect();
+    let reference = vec![1.0; measure.len()];
+    let bits = |energy: &str| {
+        let (model, values) = model(energy);
+        let batch = Batch { measure: &measure, reference: &reference, change: &change };
+        let out = model.compile(&values, Mode::Interpreter).unwrap().kernels[0].derivatives(batch);
+        [out.psi, out.dpsi, out.d2psi].map(|x| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>())
+    };
+    assert_eq!(bits("L*log1pmx(l/L - 1)"), bits("L*(ln(l/L) - (l/L - 1))"));
+    let guarded = "L*(if abs(l/L - 1) < 0.3 then log1pmx(l/L - 1) else ln(l/L) - (l/L - 1))";
+    assert_eq!(bits(guarded), bits("L*log1pmx(l/L - 1)"));
 }
 
 #[test]

@@ -2,6 +2,7 @@
 //! simpler.
 
 use super::monomial::{self, strain};
+use crate::expression::function::LOG1PMX_SERIES;
 use crate::expression::{Comparison, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
 use crate::simplify::Simplifier;
@@ -9,8 +10,6 @@ use crate::simplify::Simplifier;
 /// Up to here `log1p(e)` is closer to the truth than `ln(l/L)`: beyond, `e` has lost what is left of
 /// a strongly compressed bond.
 const NEAR: f64 = 0.5;
-/// Up to here `log1p(e) - e` is a series.
-const NEAR_FOR_BARRIER: f64 = 0.3;
 
 type Made = Result<NodeId, TooManyNodes>;
 type Named = Result<Option<(&'static str, NodeId)>, TooManyNodes>;
@@ -102,7 +101,7 @@ fn change_minus_logarithm(graph: &mut Simplifier, measure: Measure, change: Node
     let series = graph.negate(series)?;
     let logarithm = logarithm(graph, measure)?;
     let plain = graph.subtract(change, logarithm)?;
-    let near = near(graph, change, NEAR_FOR_BARRIER)?;
+    let near = near(graph, change, LOG1PMX_SERIES)?;
     graph.make(Node::Select(near, series, plain))
 }
 

@@ -11,6 +11,11 @@ use crate::kernel::WrittenEnergy;
 /// The precision grows until two of them agree and no difference has lost its digits (Ziv's strategy);
 /// what is exactly zero never gets that far, and takes the highest.
 pub fn truth(written: &WrittenEnergy, point: Point) -> Option<[f64; 3]> {
+    truth_beside(written, point, 0.0)
+}
+
+/// The same for the measure plus a number, added exactly.
+pub(crate) fn truth_beside(written: &WrittenEnergy, point: Point, by: f64) -> Option<[f64; 3]> {
     let mut last = None;
     let levels: [(bool, Level); 4] = [
         (false, evaluate::<256>),
@@ -20,7 +25,7 @@ pub fn truth(written: &WrittenEnergy, point: Point) -> Option<[f64; 3]> {
         (true, evaluate::<4096>),
     ];
     for (enough, evaluate) in levels {
-        let (rounded, doubtful) = evaluate(written, point);
+        let (rounded, doubtful) = evaluate(written, point, by);
         let rounded = rounded?;
         if !doubtful && (enough || last == Some(rounded)) {
             return Some(rounded);
@@ -31,13 +36,13 @@ pub fn truth(written: &WrittenEnergy, point: Point) -> Option<[f64; 3]> {
 }
 
 /// An evaluation at some precision.
-type Level = fn(&WrittenEnergy, Point) -> Evaluation;
+type Level = fn(&WrittenEnergy, Point, f64) -> Evaluation;
 
 /// Rounded values, and whether digits may be missing.
 type Evaluation = (Option<[f64; 3]>, bool);
 
-fn evaluate<const BITS: usize>(written: &WrittenEnergy, point: Point) -> Evaluation {
-    let measure = Precise::<BITS>::variable(point.measure);
+fn evaluate<const BITS: usize>(written: &WrittenEnergy, point: Point, by: f64) -> Evaluation {
+    let measure = Precise::<BITS>::line(point.measure, 1.0, by);
     let psi = written.evaluate(measure, Precise::constant(point.reference));
     (psi.parts().map(|_| psi.rounded()), psi.doubtful())
 }

@@ -11,7 +11,8 @@ use num_dual::HyperDual64;
 use super::axes::{Axes, Components, LANES};
 use crate::expression::graph::component;
 use crate::expression::number::Number;
-use crate::expression::precise::{Float, Precise, exact};
+use crate::expression::precise::Precise;
+use crate::expression::real::Real;
 use crate::expression::{Function, Operator};
 
 /// Numbers over which the trace of a function of `U` can be taken.
@@ -120,7 +121,7 @@ impl<const BITS: usize> Principal for Precise<BITS> {
     fn right_axes(d: usize, gradient: &[Self]) -> Vec<Self> {
         match gradient.iter().map(|x| x.parts().map(|parts| parts[0].clone())).collect() {
             Some(values) => {
-                let values: Vec<Float> = values;
+                let values: Vec<Real<BITS>> = values;
                 rotation::<BITS>(d, &values).into_iter().map(Precise::exactly).collect()
             }
             None => vec![Precise::nothing(); gradient.len()],
@@ -141,44 +142,43 @@ impl<const BITS: usize> Principal for Precise<BITS> {
         };
         let apart = &a - &b;
         // With a quarter of the digits in common, quotient and derivative are right to half of them.
-        if size(&apart) << (BITS as isize / 4) >= size(&a) {
+        if apart.size().shifted(BITS as isize / 4) >= a.size() {
             return Precise::exactly((slope_a - slope_b) / apart);
         }
-        let middle = g(Precise::at((a + b) / exact::<BITS>(2), 1));
+        let middle = g(Precise::at((a + b) / Real::from(2), 1));
         middle.parts().map_or(Precise::nothing(), |parts| Precise::exactly(parts[2].clone()))
     }
 }
 
-fn size(x: &Float) -> Float {
-    if *x < Float::ZERO { -x.clone() } else { x.clone() }
-}
-
 /// Axes, one after the other by [`component`], that make the columns of a gradient perpendicular to all
 /// digits: one-sided Jacobi rotations.
-fn rotation<const BITS: usize>(d: usize, gradient: &[Float]) -> Vec<Float> {
+fn rotation<const BITS: usize>(d: usize, gradient: &[Real<BITS>]) -> Vec<Real<BITS>> {
     let at = |row, column| usize::from(component(row, column));
-    let mut columns = vec![exact::<BITS>(0); 9];
+    let mut columns = vec![Real::from(0); 9];
     let mut axes = columns.clone();
     for i in 0..d {
-        axes[at(i, i)] = exact::<BITS>(1);
+        axes[at(i, i)] = Real::from(1);
         (0..d).for_each(|j| columns[at(i, j)] = gradient[at(j, i)].clone());
     }
-    let dot = |rows: &[Float], p: usize, q: usize| {
-        (0..d).map(|k| &rows[at(p, k)] * &rows[at(q, k)]).fold(Float::ZERO, |x, y| x + y)
+    let dot = |rows: &[Real<BITS>], p: usize, q: usize| {
+        (0..d).map(|k| &rows[at(p, k)] * &rows[at(q, k)]).fold(Real::from(0), |x, y| x + y)
     };
     for _ in 0..40 {
         let mut turned = false;
         for (p, q) in pairs(d).filter(|(p, q)| p < q) {
             let product = dot(&columns, p, q);
             let (first, second) = (dot(&columns, p, p), dot(&columns, q, q));
-            if (&product * &product) << (BITS as isize * 2 - 16) <= &first * &second {
+            let square = &product * &product;
+            // Where one of them is no number there is nothing to turn.
+            let is_oblique = square.shifted(BITS as isize * 2 - 16) > &first * &second;
+            if !is_oblique {
                 continue;
             }
-            let one = exact::<BITS>(1);
-            let cotangent = (&second - &first) / (exact::<BITS>(2) * &product);
+            let one = Real::from(1);
+            let cotangent = (&second - &first) / (Real::from(2) * &product);
             let length = (&one + &cotangent * &cotangent).sqrt();
-            let tangent = &one / (size(&cotangent) + length);
-            let tangent = if cotangent < Float::ZERO { -tangent } else { tangent };
+            let tangent = &one / (cotangent.size() + length);
+            let tangent = if cotangent < Real::from(0) { -tangent } else { tangent };
             let cosine = &one / (&one + &tangent * &tangent).sqrt();
             let sine = &cosine * &tangent;
             for rows in [&mut columns, &mut axes] {
@@ -209,21 +209,21 @@ mod tests {
     fn rotations_are_orthogonal_and_make_columns_perpendicular() {
         for (d, gradient) in [(2, [9, 4, 0, -2, 7, 0, 0, 0, 0]), (3, [9, 4, 1, -2, 7, 3, 5, 0, 6])]
         {
-            let gradient: Vec<Float> = gradient.map(exact::<BITS>).to_vec();
+            let gradient: Vec<Real<BITS>> = gradient.map(Real::from).to_vec();
             let axes = rotation::<BITS>(d, &gradient);
             let at = |row, column| usize::from(component(row, column));
             let turned = |i: usize, a: usize| {
-                (0..d).fold(Float::ZERO, |sum, b| sum + &gradient[at(a, b)] * &axes[at(i, b)])
+                (0..d).fold(Real::from(0), |sum, b| sum + &gradient[at(a, b)] * &axes[at(i, b)])
             };
-            let near = |x: Float, expected: i32| {
-                size(&(x - exact::<BITS>(expected))) << (BITS as isize - 32) < exact::<BITS>(1)
+            let near = |x: Real<BITS>, expected: i32| {
+                (x - Real::from(expected)).size().shifted(BITS as isize - 32) < Real::from(1)
             };
             for (i, j) in pairs(d) {
                 let both = |a: usize| &axes[at(i, a)] * &axes[at(j, a)];
-                let product = (0..d).map(both).fold(Float::ZERO, |x, y| x + y);
+                let product = (0..d).map(both).fold(Real::from(0), |x, y| x + y);
                 assert!(near(product, i32::from(i == j)), "{d}: axes {i}, {j}");
                 let both = (0..d).map(|a| turned(i, a) * turned(j, a));
-                let product = both.fold(Float::ZERO, |x, y| x + y);
+                let product = both.fold(Real::from(0), |x, y| x + y);
                 assert!(i == j || near(product, 0), "{d}: columns {i}, {j}");
             }
         }

@@ -37,7 +37,7 @@ use crate::body::Body;
 use crate::element::{CoordinateElement, Element, MeasureElement};
 use crate::energy::NonFinite;
 use crate::kernel::{Measure, VariablesLaw};
-use crate::lattice::{Lattice, Nodes};
+use crate::lattice::Lattice;
 use crate::neighborhood::Neighborhood;
 use crate::output::read::read_cloud;
 use crate::plan::{
@@ -46,8 +46,8 @@ use crate::plan::{
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::selection::{self, Selection};
 use crate::scene::{
-    self, DerivativeSource, FormChoice, MAX_SCENE_BYTES, ParameterText, Plane, Points,
-    PotentialText, Scene,
+    DerivativeSource, FormChoice, MAX_SCENE_BYTES, ParameterText, Plane, Points, PotentialText,
+    Scene,
 };
 use crate::sheet::PlaneStress;
 
@@ -124,6 +124,9 @@ impl Case {
         }
         let (body, mut warnings) = body(&scene, folder)?;
         warnings.splice(0..0, scene.warnings.iter().cloned());
+        if model.weighs_volumes() {
+            warnings.extend(scene.weigh_volumes(model.name()));
+        }
         if let Some(thickness) = scene.body.thickness
             && !has_thickness(&model)
         {
@@ -364,10 +367,7 @@ fn body(scene: &Scene, folder: &Path) -> Result<(Body, Vec<Diagnostic>), CaseErr
                 lower: shape.low.clone(),
                 upper: shape.high.clone(),
                 spacing: shape.spacing,
-                nodes: match shape.nodes {
-                    scene::Nodes::Corners => Nodes::Corners,
-                    scene::Nodes::Cells => Nodes::Cells,
-                },
+                nodes: shape.nodes,
             };
             size::check_lattice(shape)?;
             let points =

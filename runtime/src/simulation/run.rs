@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 
-use super::{Case, CaseError, ModelledEnergy};
+use super::{Case, CaseError, ModelledEnergy, explain};
 use crate::assembly::{Inverted, Report};
 use crate::energy::{FiniteDifferences, FromPositions, Products, TotalEnergy};
 use crate::output::picture::{NamedPoints, Picture};
@@ -127,7 +127,7 @@ pub(super) fn check_held(
     let constraints =
         Constraints::new(n_dofs, boundary.fixed_dofs()).map_err(|error| message(&error))?;
     check_rigid_motions(energy.bonds(), case.body.positions(), &constraints)
-        .map_err(|error| message(&error))
+        .map_err(|error| explain::free_motion(&case.scene, &error))
 }
 
 /// The energy with its strain from what the scene says.

@@ -99,7 +99,7 @@ pub(crate) fn discrete(
 /// A cube of `n^3` points a unit apart.
 pub(crate) fn cube(n: usize) -> Arc<Body> {
     let upper = vec![(n - 1) as f64; 3];
-    let lattice = Lattice { lower: vec![0.0; 3], upper, spacing: 1.0, nodes: Nodes::Corners };
+    let lattice = Lattice { lower: vec![0.0; 3], upper, spacing: 1.0, nodes: Nodes::CornersFull };
     let points = lattice.points().expect("a cube is a lattice");
     Arc::new(Body::new(3, &points.positions, &points.volumes, Some(1.0)))
 }

@@ -21,6 +21,7 @@ pub struct Model {
     pub(crate) sources: Vec<String>,
     pub(crate) allowed: Vec<String>,
     pub(crate) has_units: bool,
+    pub(crate) weighs_volumes: bool,
     pub(crate) parameters: Vec<Parameter>,
     pub(crate) constraints: Vec<Constraint>,
     pub(crate) variants: Vec<Variant>,
@@ -195,6 +196,12 @@ impl Model {
     /// The codes of the lints that are not to be reported.
     pub fn allowed(&self) -> &[String] {
         &self.allowed
+    }
+
+    /// Whether the energies are meant for weights that are products of point volumes:
+    /// `weights volumes`.
+    pub fn weighs_volumes(&self) -> bool {
+        self.weighs_volumes
     }
 
     /// Whether any parameter states a unit, so that dimensions are checked.

@@ -155,6 +155,13 @@ impl Model {
                 } else {
                     let own = variant.units[number];
                     let (dimension, scale) = unit_product(unit).ok_or_else(|| {
+                        if unit.starts_with(['*', '+', '-', '/', '^', '(']) {
+                            let message = format!("`{text}` is not a number with a unit");
+                            let help = "a parameter is one number, the same everywhere and at all \
+                                        times: write \"200 GPa\" or 2e11; what depends on X or t \
+                                        are displacements and loads";
+                            return error("not-a-number", message, help.to_string());
+                        }
                         let help = "units are products of powers such as J/m^4".to_string();
                         error("unknown-unit", format!("unknown unit `{unit}`"), help)
                     })?;
@@ -164,7 +171,10 @@ impl Model {
                             dimension.describe(),
                             own.dimension.describe()
                         );
-                        let help = format!("give it in {}", own.dimension.unit());
+                        let help = format!(
+                            "write \"{value} {}\", or another unit of that kind",
+                            own.dimension.unit()
+                        );
                         return Err(error("dimension-mismatch", message, help));
                     }
                     value * (scale / own.scale)

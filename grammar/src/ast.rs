@@ -189,6 +189,9 @@ pub enum Statement {
     Allow(Allow),
     /// `dimensions 2, 3`: where the energy is defined.
     Dimensions(Vec<(u8, Span)>),
+    /// `weights volumes`, with the place of the word: interactions weigh the product of the volumes
+    /// of their points.
+    Weights(Span),
     /// `parameter C = 1 in Pa, C > 0 "stiffness"`
     Parameter(Parameter),
     /// `S(x) = ..` or `k = ..`

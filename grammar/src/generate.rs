@@ -110,7 +110,9 @@ impl<'b> Writer<'b> {
     fn file(&mut self) {
         let head = self.pick_of(&["potential p", "potential p \"title\"", "potential λ1 \"(#\""]);
         self.line(head);
-        let extra = self.pick_of(&["", "source \"a, eq. (1)\"", "dimensions 2, 3", "dimensions 3"]);
+        let extra =
+            ["", "source \"a, eq. (1)\"", "dimensions 2, 3", "dimensions 3", "weights volumes"];
+        let extra = self.pick_of(&extra);
         if !extra.is_empty() {
             self.line(extra);
         }

@@ -1,12 +1,13 @@
 //! Words the language knows by itself, and Greek letters spelled out.
 
 /// Words with a meaning in the grammar; they cannot name anything.
-pub const KEYWORDS: [&str; 13] = [
+pub const KEYWORDS: [&str; 14] = [
     "potential",
     "source",
     "allow",
     "parameter",
     "dimensions",
+    "weights",
     "domain",
     "in",
     "if",
@@ -18,8 +19,8 @@ pub const KEYWORDS: [&str; 13] = [
 ];
 
 /// Keywords a statement begins with.
-pub const STATEMENT_KEYWORDS: [&str; 6] =
-    ["potential", "source", "allow", "parameter", "dimensions", "domain"];
+pub const STATEMENT_KEYWORDS: [&str; 7] =
+    ["potential", "source", "allow", "parameter", "dimensions", "weights", "domain"];
 
 /// Functions of one number.
 pub const UNARY_FUNCTIONS: [&str; 17] = [

@@ -73,6 +73,7 @@ impl<'a> Printer<'a> {
                 let numbers: Vec<String> = dimensions.iter().map(|(d, _)| d.to_string()).collect();
                 self.push(&numbers.join(", "));
             }
+            Statement::Weights(_) => self.push("weights volumes"),
             Statement::Parameter(parameter) => self.parameter(parameter),
             Statement::Definition(definition) => self.definition(definition),
             Statement::Energy(Energy { measure, gathered, body, .. }) => {

@@ -38,6 +38,7 @@ impl Pair<'_> {
             (S::Dimensions(a), S::Dimensions(b)) => {
                 a.iter().map(|(d, _)| d).eq(b.iter().map(|(d, _)| d))
             }
+            (S::Weights(_), S::Weights(_)) => true,
             (S::Parameter(a), S::Parameter(b)) => self.parameters(a, b),
             (S::Definition(a), S::Definition(b)) => self.definitions(a, b),
             (S::Energy(a), S::Energy(b)) => self.energies(a, b),

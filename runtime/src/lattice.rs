@@ -9,10 +9,39 @@ use crate::kernel::Measure;
 /// Where the points of a lattice sit in the cells of its box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Nodes {
-    /// At the corners of the cells: coordinate `lo + i*spacing`, the faces of the box included.
-    Corners,
-    /// At the centres of the cells: coordinate `lo + (i + 1/2)*spacing`.
+    /// At the centres of the cells: coordinate `lo + (i + 1/2)*spacing`. Each has a cell.
     Cells,
+    /// At the corners of the cells: coordinate `lo + i*spacing`, the faces of the box included. Each
+    /// has what of a cell around it lies in the box: on a face a half, on an edge a quarter (in two
+    /// dimensions half and quarter on sides and corners), on a corner an eighth.
+    Corners,
+    /// At the corners of the cells, each with a whole cell, as the papers have them: the body is
+    /// heavier than its box.
+    CornersFull,
+}
+
+impl Nodes {
+    /// How many points there are along an axis of so many cells.
+    pub fn along(self, cells: f64) -> f64 {
+        match self {
+            Nodes::Cells => cells,
+            Nodes::Corners | Nodes::CornersFull => cells + 1.0,
+        }
+    }
+
+    /// Where the first point of an axis is, in cells.
+    fn offset(self) -> f64 {
+        match self {
+            Nodes::Cells => 0.5,
+            Nodes::Corners | Nodes::CornersFull => 0.0,
+        }
+    }
+
+    /// How much of a cell the point at this place of an axis has.
+    fn share(self, place: usize, count: usize) -> f64 {
+        let at_end = place == 0 || place + 1 == count;
+        if self == Nodes::Corners && at_end { 0.5 } else { 1.0 }
+    }
 }
 
 /// A box on a lattice of equal cells.
@@ -37,7 +66,7 @@ pub struct LatticePoints {
     pub counts: Vec<usize>,
     /// Positions, `n x d` row by row, in m.
     pub positions: Vec<f64>,
-    /// Volumes in m^d: `spacing^d` for every point.
+    /// Volumes in m^d: `spacing^d` times the part of a cell that each point has.
     pub volumes: Vec<f64>,
 }
 
@@ -118,8 +147,7 @@ impl Lattice {
         let mut total = 1.0;
         let mut counts = Vec::with_capacity(dimension);
         for axis in 0..dimension {
-            let cells = self.cells(axis)?;
-            let nodes = if self.nodes == Nodes::Corners { cells + 1.0 } else { cells };
+            let nodes = self.nodes.along(self.cells(axis)?);
             total *= nodes;
             // A product is checked before any number is narrowed.
             if total > f64::from(u32::MAX) {
@@ -135,14 +163,19 @@ impl Lattice {
         let counts = self.counts()?;
         let dimension = counts.len();
         let total: usize = counts.iter().product();
-        let shift = if self.nodes == Nodes::Corners { 0.0 } else { 0.5 };
+        let cell = (0..dimension).fold(1.0, |product, _| product * self.spacing);
         let lower: Vec<f64> = (0..dimension).map(|a| self.lower[a].min(self.upper[a])).collect();
         let mut positions = Vec::with_capacity(total * dimension);
+        let mut volumes = Vec::with_capacity(total);
         let mut index = vec![0usize; dimension];
         for _ in 0..total {
+            let mut volume = cell;
             for axis in 0..dimension {
-                positions.push(lower[axis] + (index[axis] as f64 + shift) * self.spacing);
+                let place = index[axis] as f64 + self.nodes.offset();
+                positions.push(lower[axis] + place * self.spacing);
+                volume *= self.nodes.share(index[axis], counts[axis]);
             }
+            volumes.push(volume);
             for axis in (0..dimension).rev() {
                 index[axis] += 1;
                 if index[axis] < counts[axis] {
@@ -151,8 +184,7 @@ impl Lattice {
                 index[axis] = 0;
             }
         }
-        let volume = (0..dimension).fold(1.0, |product, _| product * self.spacing);
-        Ok(LatticePoints { dimension, counts, positions, volumes: vec![volume; total] })
+        Ok(LatticePoints { dimension, counts, positions, volumes })
     }
 
     /// The whole number of cells along an axis.
@@ -221,7 +253,28 @@ mod tests {
         assert_eq!(points.counts, [5, 3]);
         assert_eq!(points.positions[..8], [0.0, 0.0, 0.0, 0.25, 0.0, 0.5, 0.25, 0.0]);
         assert_eq!(points.positions[28..], [1.0, 0.5]);
-        assert!(points.volumes.iter().all(|&v| v == 0.0625));
+        // Five columns and three rows of cells of 1/16 m^2.
+        let column = |part: f64| [part / 32.0, part / 16.0, part / 32.0];
+        assert_eq!(points.volumes, [0.5, 1.0, 1.0, 1.0, 0.5].map(column).as_flattened());
+        let full = square_lattice(0.25, Nodes::CornersFull).points().unwrap();
+        assert_eq!(full.positions, points.positions);
+        assert!(full.volumes.iter().all(|&v| v == 0.0625));
+    }
+
+    #[test]
+    fn volumes_sum_to_the_box() {
+        let upper = vec![1.0, 0.5, 0.75];
+        for nodes in [Nodes::Cells, Nodes::Corners, Nodes::CornersFull] {
+            let cube = Lattice { lower: vec![0.0; 3], upper: upper.clone(), spacing: 0.125, nodes };
+            let points = cube.points().unwrap();
+            let sum: f64 = points.volumes.iter().sum();
+            // All numbers are multiples of 2^-12.
+            let expected =
+                if nodes == Nodes::CornersFull { 9.0 * 5.0 * 7.0 / 512.0 } else { 0.375 };
+            assert_eq!(sum, expected, "{nodes:?}");
+            let least = points.volumes.iter().copied().fold(1.0, f64::min) * 512.0;
+            assert_eq!(least, if nodes == Nodes::Corners { 0.125 } else { 1.0 }, "{nodes:?}");
+        }
     }
 
     #[test]

@@ -11,6 +11,10 @@
 //!
 //! with effective neighbour volumes `Vk_a = VH_a^k/#Nk_a` (javili2020, section 3.1; `#Nk` counts
 //! ordered contributing neighbours, pairs, triples).
+//!
+//! On a lattice whose points have unequal parts `p` of a cell `V`, uniform weights are
+//! `1, 2, 6 * V Vk * p_a p_i ..`: with `p = 1` the sums above, with halves on faces the trapezoidal
+//! rule for the papers' integrals. Sums would give half points whole neighbours.
 
 use std::f64::consts::PI;
 
@@ -24,7 +28,7 @@ use crate::lattice;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Weights {
     /// `V1`, `V2`, `V3` of a point inside an endless lattice, with the volume of the full ball, at
-    /// every point. Lattices only.
+    /// every point that has a whole cell. Lattices only.
     Uniform,
     /// `VH_a = ball*N1_a/max N1` with each point's own counts.
     Truncated,
@@ -77,8 +81,8 @@ pub enum WeightsError {
 pub(crate) enum CliqueWeights {
     /// `factor*(s_a + s_i + ..)`.
     Sum { factor: f64, shares: Vec<f64> },
-    /// `factor*V_a*V_i*..`.
-    Product { factor: f64, volumes: Vec<f64> },
+    /// `factor*s_a*s_i*..`.
+    Product { factor: f64, shares: Vec<f64> },
     /// 1.
     Unit,
 }
@@ -89,7 +93,7 @@ impl CliqueWeights {
     pub(crate) fn share(&self, point: usize) -> f64 {
         match self {
             CliqueWeights::Sum { shares, .. } => shares[point],
-            CliqueWeights::Product { volumes, .. } => volumes[point],
+            CliqueWeights::Product { shares, .. } => shares[point],
             CliqueWeights::Unit => 1.0,
         }
     }
@@ -164,16 +168,15 @@ impl Weights {
             Weights::Unit => Ok(CliqueWeights::Unit),
             Weights::Volumes => {
                 check_products(measure, body)?;
-                let volumes = body.volumes().to_vec();
-                Ok(CliqueWeights::Product { factor: permutations, volumes })
+                Ok(CliqueWeights::Product { factor: permutations, shares: body.volumes().to_vec() })
             }
             Weights::Uniform => {
                 let spacing = body.spacing().ok_or(WeightsError::UniformCloud)?;
                 let count = lattice::bulk_count(body.dimension(), horizon / spacing, measure);
-                let family = ball(body.dimension(), horizon);
-                let share = |volume: &f64| effective(measure, family, *volume, count);
-                let shares: Result<_, _> = body.volumes().iter().map(share).collect();
-                Ok(CliqueWeights::Sum { factor, shares: shares? })
+                let cell = (1..body.dimension()).fold(spacing, |product, _| product * spacing);
+                let whole = effective(measure, ball(body.dimension(), horizon), cell, count)?;
+                let shares = body.volumes().iter().map(|volume| volume / cell).collect();
+                Ok(CliqueWeights::Product { factor: permutations * whole, shares })
             }
             Weights::Truncated => {
                 let most = census.neighbors.iter().copied().max().unwrap_or(1).max(1) as f64;
@@ -288,10 +291,21 @@ mod tests {
         assert_eq!(weight(Weights::Volumes, Measure::Volume, &body), 90.0);
         let ball = PI * 4.0;
         // 12 neighbours and 48 ordered pairs at ratio 2.
-        let uniform = weight(Weights::Uniform, Measure::Length, &body);
-        assert!((uniform - 0.5 * 8.0 * ball / 12.0).abs() < 1e-13 * uniform);
-        let uniform = weight(Weights::Uniform, Measure::Area, &body);
-        assert!((uniform - 2.0 / 3.0 * 8.0 * ball * ball / 48.0).abs() < 1e-13 * uniform);
+        for [p, q] in [[1.0, 1.0], [0.5, 0.25]] {
+            // Cells of 16 m^2.
+            let body = pair([16.0 * p, 16.0 * q], Some(4.0));
+            let uniform = |measure| {
+                let weights = Weights::Uniform.of_measure(measure, &body, 8.0, &census()).unwrap();
+                weights.join(weights.share(0), [weights.share(1)])
+            };
+            let (ball, bond) = (PI * 64.0, uniform(Measure::Length));
+            assert!((bond - 16.0 * p * q * ball / 12.0).abs() < 1e-14 * bond);
+            // The third point is the second once more.
+            let weights =
+                Weights::Uniform.of_measure(Measure::Area, &body, 8.0, &census()).unwrap();
+            let area = weights.join(p, [q, q]);
+            assert!((area - 2.0 * 16.0 * p * q * q * ball * ball / 48.0).abs() < 1e-14 * area);
+        }
         // Half a ball at the first point, and no pair.
         let truncated = weight(Weights::Truncated, Measure::Length, &body);
         assert!((truncated - 0.5 * ball * (3.0 * 0.5 + 5.0 / 2.0)).abs() < 1e-13 * truncated);

@@ -44,6 +44,9 @@ fn describe(model: &Model) -> String {
     }
     let dimensions: Vec<String> = model.dimensions().map(|d| d.to_string()).collect();
     text.push_str(&format!("dimensions: {}\n", dimensions.join(", ")));
+    if model.weighs_volumes() {
+        text.push_str("weights: volumes\n");
+    }
     text.push_str("\nparameters\n");
     let variant = model.dimensions().next().and_then(|d| model.variant(d));
     for (i, parameter) in model.parameters().iter().enumerate() {

@@ -11,6 +11,7 @@ mod extension;
 mod floor;
 mod gradients;
 mod moduli;
+mod nodes;
 mod same_bits;
 mod small_clouds;
 mod subjects;

@@ -25,7 +25,8 @@ psi(l) = 0.3*(l - L)^2/L + 0.05*(l - L)
 fn scene(d: usize, cells: &[usize], spacing: f64, horizon: &str, material: &str) -> SceneFolder {
     let high: Vec<f64> = cells[..d].iter().map(|n| *n as f64 * spacing).collect();
     let folder = SceneFolder::new(&format!(
-        "[body]\nbox = [{:?}, {high:?}]\nspacing = {spacing:?}\n[horizon]\n{horizon}\n[material]\n{material}\n",
+        "[body]\nbox = [{:?}, {high:?}]\nspacing = {spacing:?}\nnodes = \"corners-full\"\n\
+         [horizon]\n{horizon}\n[material]\n{material}\n",
         vec![0.0; d]
     ));
     folder.file("free.piola", FREE);
@@ -237,7 +238,8 @@ fn nearly_incompressible_bodies_are_calibrated_by_their_dilation() {
 #[test]
 fn bond_based_solids_have_the_known_moduli() {
     let solid = |ratio: f64| {
-        let horizon = format!("spacings = {ratio:?}\nweights = \"volumes\"");
+        // The potential says `weights volumes`.
+        let horizon = format!("spacings = {ratio:?}");
         let material = "potential = \"silling2000\"\nparameters = { K = 1.0 }";
         moduli(&scene(3, &[8; 3], 0.1, &horizon, material), &["--density", "1"])
     };

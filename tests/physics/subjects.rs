@@ -209,7 +209,10 @@ impl Subject {
                     .iter()
                     .map(|x| x * scale)
                     .collect();
-                format!("box = [{:?}, {high:?}]\nspacing = {:?}", vec![0.0; d], spacing * scale)
+                let (low, spacing) = (vec![0.0; d], spacing * scale);
+                format!(
+                    "box = [{low:?}, {high:?}]\nspacing = {spacing:?}\nnodes = \"corners-full\""
+                )
             }
         };
         let folder = SceneFolder::new(&format!(

@@ -1,6 +1,6 @@
 //! Collapse, inversion, overflow and input that is no number, as the user meets them.
 
-use crate::scenes::{STRIP, strip_with};
+use crate::scenes::{LATTICE, STRIP, strip_with};
 use crate::support::{Outcome, SceneFolder, number, numbers, piola};
 
 /// A tetrahedron with edges of 1 m along the axes, listed so that the body sorts its points anew.
@@ -227,8 +227,7 @@ fn e20_what_is_no_number_or_not_positive_is_refused_with_its_place() {
     for (row, said) in
         [("0,0,0", "volume"), ("0,0,-1", "volume"), ("nan,0,1", "p.csv:2"), ("0,inf,1", "p.csv:2")]
     {
-        let scene =
-            STRIP.replace("box = [[0.0, 0.0], [1.0, 0.4]]\nspacing = 0.1", "points = \"p.csv\"");
+        let scene = STRIP.replace(LATTICE, "points = \"p.csv\"");
         let scene = scene.replace("spacings = 2", "radius = 2\nweights = \"unit\"");
         let folder = SceneFolder::new(&scene.replace("X > 0.85", "X > 0.45"));
         folder.file("p.csv", format!("x,y,volume\n{row}\n0.5,0,1\n1,0,1\n1,1,1\n"));

@@ -9,6 +9,7 @@ pub(crate) const STRIP: &str = r#"
 dimension = 2
 box = [[0.0, 0.0], [1.0, 0.4]]
 spacing = 0.1
+nodes = "corners-full"
 [horizon]
 spacings = 2
 [material]
@@ -31,6 +32,10 @@ increments = 4
 [output]
 frames = 4
 "#;
+
+/// Its points.
+pub(crate) const LATTICE: &str =
+    "box = [[0.0, 0.0], [1.0, 0.4]]\nspacing = 0.1\nnodes = \"corners-full\"";
 
 /// The strip with one piece of its text replaced.
 #[track_caller]

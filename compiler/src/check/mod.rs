@@ -12,6 +12,7 @@ mod constant;
 pub mod dimension;
 mod domain;
 mod elaborate;
+mod foreign;
 mod gathered;
 mod names;
 mod quantity;

@@ -2,10 +2,11 @@
 
 use std::collections::{HashMap, HashSet};
 
-use piola_grammar::ast::{Arena, Ast, ExprId, ExprKind, Ident, Statement};
+use piola_grammar::ast::{Arena, Ast, Energy, ExprId, ExprKind, Ident, Statement};
 use piola_grammar::{Diagnostic, Span, suggest};
 
 use super::MAX_FINDINGS;
+use super::foreign::{self, Place};
 use super::tensor::{Kinematic, TensorFunction};
 use crate::expression::Function;
 use crate::measure::Measure;
@@ -93,9 +94,9 @@ impl<'a> Symbols<'a> {
 
     fn of_potentials(ast: &Ast) -> Symbols<'a> {
         let mut symbols = Symbols::default();
-        let of_gradient =
-            |s: &Statement| matches!(s, Statement::Energy(e) if e.measure.name == "F");
-        symbols.tensors = ast.statements.iter().any(of_gradient);
+        symbols.tensors = ast.statements.iter().any(
+            |s| matches!(s, Statement::Energy(e) if e.measure.name == "F" || is_kinematic(ast, e)),
+        );
         if symbols.tensors {
             for (name, which) in Kinematic::NAMED {
                 symbols.names.insert(name, Symbol::Kinematic(which));
@@ -185,7 +186,10 @@ impl<'a> Resolver<'a> {
             }
             Statement::Energy(energy) => self.body(energy.body, &[]),
             Statement::Domain(domain) => self.body(domain.quantity, &[]),
-            Statement::Source(_) | Statement::Allow(_) | Statement::Dimensions(_) => {}
+            Statement::Source(_)
+            | Statement::Allow(_)
+            | Statement::Dimensions(_)
+            | Statement::Weights(_) => {}
         }
     }
 
@@ -398,8 +402,13 @@ impl Checker<'_> {
                 .note(later, "it is defined here, after its use")
                 .help("move the definition above the line that uses it");
         }
-        if let Some((_, instead)) = FOREIGN.iter().find(|(foreign, _)| *foreign == name) {
-            return error.help(instead.to_string());
+        let place = match (self.ast.is_some(), self.scope.symbols.tensors) {
+            (true, true) => Place::EnergyOfGradient,
+            (true, false) => Place::Energy,
+            (false, _) => Place::Scene,
+        };
+        if let Some(instead) = foreign::instead(name, place) {
+            return error.help(instead);
         }
         let reserved = RESERVED.iter().find(|(reserved, _)| *reserved == name);
         if let (Some((_, meaning)), true) = (reserved, self.ast.is_some()) {
@@ -443,26 +452,6 @@ impl Checker<'_> {
     }
 }
 
-/// Names from other languages and what they are called here.
-const FOREIGN: &[(&str, &str)] = &[
-    ("log", "the natural logarithm is `ln`; a logarithm to base 10 is `ln(x)/ln(10)`"),
-    ("log10", "write `ln(x)/ln(10)`"),
-    ("log2", "write `ln(x)/ln(2)`"),
-    ("pow", "write `x^y`"),
-    ("fabs", "the absolute value is `abs`"),
-    ("norm", "measures are scalars; the absolute value is `abs`"),
-    ("sgn", "the sign is `sign`"),
-    ("arcsin", "the inverse sine is `asin`"),
-    ("arccos", "the inverse cosine is `acos`"),
-    ("arctan", "the inverse tangent is `atan`"),
-    ("PI", "write `pi`"),
-    ("e", "the base of the natural logarithm is `exp(1)`; the strain of a bond is `l/L - 1`"),
-    ("r", "the current length of a bond is `l`, its reference length `L`"),
-    ("s", "the stretch of a bond is `l/L - 1`"),
-    ("true", "write a comparison that holds, for instance `0 < 1`"),
-    ("false", "write a comparison that does not hold, for instance `1 < 0`"),
-];
-
 fn builtin_arity(name: &str) -> usize {
     if matches!(name, "min" | "max") { 2 } else { 1 }
 }
@@ -483,6 +472,19 @@ fn not_a_function(function: &Ident) -> Diagnostic {
     Diagnostic::error("not-a-function", function.span, format!("`{name}` is not a function"))
         .label("called like one")
         .help(format!("to multiply write `{name}*(..)`"))
+}
+
+/// Whether an energy was meant to be one of the deformation gradient: `psi(C)`, `psi(J)`, `psi(U)`.
+pub(crate) fn is_kinematic(ast: &Ast, energy: &Energy) -> bool {
+    let name = energy.measure.name.as_str();
+    let defined = |statement: &Statement| match statement {
+        Statement::Definition(definition) => definition.name.name == name,
+        Statement::Parameter(parameter) => parameter.name.name == name,
+        _ => false,
+    };
+    Kinematic::NAMED.iter().any(|(known, _)| *known == name)
+        && energy.gathered.is_empty()
+        && !ast.statements.iter().any(defined)
 }
 
 /// Whether a statement defines a function of `L` alone, such as `w(L) = 1/L`.

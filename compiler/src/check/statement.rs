@@ -9,7 +9,7 @@ use piola_grammar::{Diagnostic, Span, print_expression, suggest};
 use super::MAX_FINDINGS;
 use super::dimension::Dimension;
 use super::elaborate::Elaborator;
-use super::names::{Symbol, Symbols, parts};
+use super::names::{Symbol, Symbols, is_kinematic, parts};
 use super::unit::{UnitValue, base_units, named_unit, prefixes, unit_names};
 use super::value::{GRADIENT, Quantity, Value};
 use crate::expression::{ExprGraph, NodeId};
@@ -27,6 +27,7 @@ pub(crate) fn model(
     errors: &mut Vec<Diagnostic>,
 ) -> Option<Model> {
     let dimensions = dimensions(ast, errors);
+    let weighs_volumes = weighs_volumes(ast, errors);
     let allowed = allowed(ast, errors);
     let declared = parameters(ast);
     if declared.len() > MAX_PARAMETERS {
@@ -63,6 +64,7 @@ pub(crate) fn model(
         sources: sources(ast),
         allowed,
         has_units,
+        weighs_volumes,
         parameters: declared.iter().map(|p| parameter(ast, p)).collect(),
         constraints: stated,
         variants,
@@ -95,6 +97,22 @@ fn sources(ast: &Ast) -> Vec<String> {
         _ => None,
     };
     ast.statements.iter().filter_map(of).collect()
+}
+
+/// Whether the file states `weights volumes`; reports a second line that does.
+fn weighs_volumes(ast: &Ast, errors: &mut Vec<Diagnostic>) -> bool {
+    let mut stated = ast.statements.iter().filter_map(|s| match s {
+        Statement::Weights(span) => Some(*span),
+        _ => None,
+    });
+    let Some(first) = stated.next() else { return false };
+    if let Some(again) = stated.next() {
+        errors.push(
+            Diagnostic::error("duplicate-statement", again, "`weights` is stated twice")
+                .note(first, "first stated here"),
+        );
+    }
+    true
 }
 
 /// The codes of the lints that are not to be reported; reports those that are none.
@@ -251,7 +269,8 @@ impl<'a> Builder<'a> {
                 Statement::Definition(_)
                 | Statement::Source(_)
                 | Statement::Allow(_)
-                | Statement::Dimensions(_) => {}
+                | Statement::Dimensions(_)
+                | Statement::Weights(_) => {}
             }
         }
     }
@@ -340,7 +359,7 @@ impl<'a> Builder<'a> {
             return;
         }
         let Some(measure) = Measure::from_symbol(&energy.measure.name) else {
-            let error = unknown_measure(energy);
+            let error = unknown_measure(self.ast, energy);
             self.elaborator.report(error);
             return;
         };
@@ -526,7 +545,7 @@ fn gathered_by_others(energy: &EnergyAst, name: &Ident) -> Diagnostic {
         .help(format!("write `psi(l, {0}) = ..` or `psi({0}) = ..`", name.name))
 }
 
-fn unknown_measure(energy: &EnergyAst) -> Diagnostic {
+fn unknown_measure(ast: &Ast, energy: &EnergyAst) -> Diagnostic {
     let name = &energy.measure.name;
     let error = Diagnostic::error(
         "unknown-measure",
@@ -534,12 +553,18 @@ fn unknown_measure(energy: &EnergyAst) -> Diagnostic {
         format!("`{name}` is not a measure of an interaction"),
     )
     .label("psi is a function of `l`, `a`, `v` or `F`");
+    if is_kinematic(ast, energy) {
+        return error.help(format!(
+            "write `psi(F) = ..`, with the deformation gradient `F`; its right side may hold `{name}`"
+        ));
+    }
     match name.as_str() {
         "L" | "A" | "V" => error
             .help(format!("`{name}` is the value at rest; write `psi({})`", name.to_lowercase())),
         _ => error.help(
-            "l: length of a bond, a: area of a triangle, v: volume of a tetrahedron, F: deformation \
-             gradient",
+            "`l` is the length of a bond, `a` twice the area of a triangle, `v` six times the volume \
+             of a tetrahedron, `F` the deformation gradient; a value that points gather is \
+             defined above, with `integral`",
         ),
     }
 }

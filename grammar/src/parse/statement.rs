@@ -41,6 +41,7 @@ impl Builder {
                 Statement::Allow(Allow { code, reason: self.optional_text(&mut parts) })
             }
             Rule::dimensions => Statement::Dimensions(self.dimensions(parts)),
+            Rule::weights => Statement::Weights(self.weights(&take(&mut parts, Rule::name)?)),
             Rule::parameter => Statement::Parameter(self.parameter(parts)?),
             Rule::domain => Statement::Domain(self.domain(span.start, parts)?),
             Rule::energy => Statement::Energy(self.energy(parts)?),
@@ -64,6 +65,21 @@ impl Builder {
             }
         }
         dimensions
+    }
+
+    /// An energy of other weights has other units or other constants; scenes choose among those.
+    fn weights(&mut self, word: &Pair<'_, Rule>) -> Span {
+        let span = self.span(word);
+        if word.as_str() != "volumes" {
+            let message = format!("an energy cannot ask for weights `{}`", word.as_str());
+            let finding = Diagnostic::error("syntax", span, message).label("expected `volumes`");
+            self.findings.push(
+                finding.help(
+                    "write `weights volumes`, or leave the line out and let the scene choose",
+                ),
+            );
+        }
+        span
     }
 
     fn parameter(&mut self, mut parts: Pairs<'_, Rule>) -> Option<Parameter> {
@@ -142,8 +158,23 @@ impl Builder {
         let gathered: Vec<Ident> = names.collect();
         // An energy has one measure.
         let is_measure = |name: &Ident| MEASURES.contains(&name.name.as_str());
-        if gathered.iter().any(is_measure) {
-            self.refuse_psi("psi", Span { start: span.start, end: span.start + psi_length });
+        if let Some(second) = gathered.iter().find(|name| is_measure(name)) {
+            let place = Span { start: span.start, end: span.start + psi_length };
+            let (first, second) = (&measure.name, &second.name);
+            let help = match second.as_str() {
+                "L" | "A" | "V" => {
+                    format!("write `psi({first}) = ..`; its right side may hold `{second}`")
+                }
+                _ => format!(
+                    "write two energies, `psi({first}) = ..` and `psi({second}) = ..`: a body has \
+                     their sum"
+                ),
+            };
+            self.findings.push(
+                Diagnostic::error("reserved-word", place, "an energy is a function of one measure")
+                    .label("expected the one measure of an energy")
+                    .help(help),
+            );
         }
         let body = self.expression(take(&mut parts, Rule::expression)?)?.id;
         Some(Energy { measure, gathered, body, head: span })

@@ -1,11 +1,8 @@
 //! Tables that users bring: displacements and point clouds as CSV.
 //!
 //! Before: text of unknown quality. After: finite numbers in the order of the rows, exactly as
-//! many as there are points, volumes positive. The first mistake is reported with its line, its
-//! column, its span and what to write instead.
-
-// One error ends the reading of a file: its size does not matter.
-#![allow(clippy::result_large_err)]
+//! many as there are points, volumes positive. Every mistake is reported with its line, its column,
+//! its span and what to write instead; after [`MAX_MISTAKES`] of them the rest is not read.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -17,7 +14,10 @@ use super::table::COMPONENTS;
 /// Names of the coordinates in a point cloud.
 const COORDINATES: [&str; 3] = ["x", "y", "z"];
 
-/// The first mistake in a table.
+/// So many mistakes of one table are reported.
+pub const MAX_MISTAKES: usize = 20;
+
+/// A mistake in a table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TableError {
     /// Line, from 1.
@@ -55,70 +55,72 @@ pub fn read_displacement(
     text: &str,
     dimension: usize,
     n_points: usize,
-) -> Result<Vec<f64>, TableError> {
+) -> Result<Vec<f64>, Vec<TableError>> {
     let table = Table::open(text, &COMPONENTS[..dimension])?;
     let mut displacement = Vec::with_capacity(n_points * dimension);
-    table.rows(|_, values| {
+    let (n_rows, mut errors) = table.rows(|_, values| {
         displacement.extend_from_slice(values);
-        Ok(())
-    })?;
-    let n_rows = displacement.len() / dimension;
-    if n_rows != n_points {
+        Vec::new()
+    });
+    if n_rows != n_points && errors.len() < MAX_MISTAKES {
         let message = format!("the table has {n_rows} rows, but the body has {n_points} points");
         let end = Span::new(text.trim_end().len(), text.trim_end().len());
         let error = Diagnostic::error("wrong-row-count", end, message)
             .help("write one row per point, in the order of the body's points");
-        return Err(located(text, error));
+        errors.push(located(text, error));
     }
-    Ok(displacement)
+    if errors.is_empty() { Ok(displacement) } else { Err(errors) }
 }
 
 /// Points and volumes from a table with columns `x,y[,z],volume`; other columns are ignored.
 ///
 /// Refuses an empty cloud, volumes that are not positive, and two points at one place.
-pub fn read_cloud(text: &str, dimension: usize) -> Result<Cloud, TableError> {
+pub fn read_cloud(text: &str, dimension: usize) -> Result<Cloud, Vec<TableError>> {
     let names: Vec<&str> = COORDINATES[..dimension].iter().copied().chain(["volume"]).collect();
     let table = Table::open(text, &names)?;
     let mut cloud = Cloud { positions: Vec::new(), volumes: Vec::new() };
     let mut seen: HashMap<Vec<u64>, usize> = HashMap::new();
-    table.rows(|row, values| {
+    let (n_rows, mut errors) = table.rows(|row, values| {
         let (position, volume) = (&values[..dimension], values[dimension]);
+        let mut wrong = Vec::new();
         if volume <= 0.0 {
             let message = format!("the volume of a point must be positive, not {volume}");
-            return Err(Diagnostic::error("volume-not-positive", row.field(dimension), message)
-                .help("write the volume in m^d (an area in two dimensions) or remove the point"));
+            let error = Diagnostic::error("volume-not-positive", row.field(dimension), message);
+            wrong.push(
+                error.help("write the volume in m^d (an area in two dimensions) or remove the row"),
+            );
         }
         // Adding zero makes one of the two zeros.
         let key = position.iter().map(|x| (x + 0.0).to_bits()).collect();
         if let Some(earlier) = seen.insert(key, row.line) {
             let message = format!("this point stands where the point of line {earlier} stands");
-            return Err(Diagnostic::error("points-coincide", row.field(0), message)
-                .help("remove one of them; a bond between them would have no length"));
+            let error = Diagnostic::error("points-coincide", row.field(0), message);
+            wrong.push(error.help("remove one of them; a bond between them would have no length"));
         }
         cloud.positions.extend_from_slice(position);
         cloud.volumes.push(volume);
-        Ok(())
-    })?;
+        wrong
+    });
     for (axis, name) in names[..dimension].iter().enumerate() {
         let column = || cloud.positions.iter().skip(axis).step_by(dimension).copied();
-        let (least, most) =
-            (column().fold(f64::INFINITY, f64::min), column().fold(f64::NEG_INFINITY, f64::max));
-        if (most - least).is_infinite() && !cloud.volumes.is_empty() {
+        let least = column().fold(f64::INFINITY, f64::min);
+        let most = column().fold(f64::NEG_INFINITY, f64::max);
+        if !cloud.volumes.is_empty() && (most - least).is_infinite() {
             let message = format!(
-                "the points reach from {name} = {least:e} to {most:e} m: a distance that no number holds"
+                "the points reach from {name} = {least:e} to {most:e} m: no number holds that distance"
             );
             let error = Diagnostic::error("infinite-extent", Span::new(0, 0), message)
                 .help("write coordinates in m, less than 1e300 apart");
-            return Err(located(text, error));
+            errors.push(located(text, error));
         }
     }
-    if cloud.volumes.is_empty() {
+    if n_rows == 0 {
         let end = Span::new(text.len(), text.len());
         let error = Diagnostic::error("empty-table", end, "the cloud has no points")
             .help(format!("write one line `{}` per point", names.join(",")));
-        return Err(located(text, error));
+        errors.push(located(text, error));
     }
-    Ok(cloud)
+    if errors.is_empty() { Ok(cloud) } else { Err(errors) }
 }
 
 /// A table whose header is understood.
@@ -146,16 +148,16 @@ impl Row {
 
 impl<'a> Table<'a> {
     /// Reads the header and finds the wanted columns by name.
-    fn open(text: &'a str, wanted: &[&'a str]) -> Result<Table<'a>, TableError> {
+    fn open(text: &'a str, wanted: &[&'a str]) -> Result<Table<'a>, Vec<TableError>> {
         // Spreadsheets put a byte order mark in front.
         let first = if text.starts_with('\u{feff}') { '\u{feff}'.len_utf8() } else { 0 };
         let expected = format!("the first line must name the columns: `{}`", wanted.join(","));
         let Some((header, line)) = lines(text, first, 1).next() else {
             let error = Diagnostic::error("empty-table", Span::new(0, 0), "the table is empty")
                 .help(expected);
-            return Err(located(text, error));
+            return Err(vec![located(text, error)]);
         };
-        let fields = split(text, header).map_err(|error| located(text, error))?;
+        let fields = split(text, header).map_err(|error| vec![located(text, error)])?;
         let names: Vec<&str> = fields.iter().map(|&field| content(text, field)).collect();
         let find = |name: &&'a str| {
             let places: Vec<usize> = (0..names.len()).filter(|&i| names[i] == *name).collect();
@@ -169,45 +171,70 @@ impl<'a> Table<'a> {
                 [] => Err(missing(text, header, name, &names).help(expected.clone())),
             }
         };
-        let wanted: Vec<(&str, usize)> =
-            wanted.iter().map(find).collect::<Result<_, _>>().map_err(|e| located(text, e))?;
-        Ok(Table { text, wanted, n_columns: names.len(), start: (header.range().end, line + 1) })
+        let (mut places, mut errors) = (Vec::new(), Vec::new());
+        for name in wanted {
+            match find(name) {
+                Ok(place) => places.push(place),
+                Err(error) => errors.push(located(text, error)),
+            }
+        }
+        if !errors.is_empty() {
+            return Err(errors);
+        }
+        let start = (header.range().end, line + 1);
+        Ok(Table { text, wanted: places, n_columns: names.len(), start })
     }
 
-    /// Hands every row's wanted numbers to `take`, in order.
+    /// Hands every row's wanted numbers to `take`, in order. How many rows there are, and what is
+    /// wrong with any of them.
     fn rows(
         &self,
-        mut take: impl FnMut(&Row, &[f64]) -> Result<(), Diagnostic>,
-    ) -> Result<(), TableError> {
+        mut take: impl FnMut(&Row, &[f64]) -> Vec<Diagnostic>,
+    ) -> (usize, Vec<TableError>) {
+        let (mut n_rows, mut errors) = (0, Vec::new());
         let after_header = self.text[self.start.0..].find('\n').map(|at| self.start.0 + at + 1);
         let start = after_header.unwrap_or(self.text.len());
         let mut values = Vec::with_capacity(self.wanted.len());
         for (span, line) in lines(self.text, start, self.start.1) {
+            n_rows += 1;
             values.clear();
-            self.row(span, line, &mut values)
-                .and_then(|row| take(&row, &values))
-                .map_err(|error| located(self.text, error))?;
+            let wrong = match self.row(span, line, &mut values) {
+                Ok(row) => take(&row, &values),
+                Err(wrong) => wrong,
+            };
+            errors.extend(wrong.into_iter().map(|error| located(self.text, error)));
+            if errors.len() >= MAX_MISTAKES {
+                errors.truncate(MAX_MISTAKES);
+                let rest = format!("after {MAX_MISTAKES} mistakes the rest of a table is not read");
+                errors.last_mut().into_iter().for_each(|e| e.diagnostic.helps.push(rest.clone()));
+                break;
+            }
         }
-        Ok(())
+        (n_rows, errors)
     }
 
-    fn row(&self, span: Span, line: usize, values: &mut Vec<f64>) -> Result<Row, Diagnostic> {
-        let all = split(self.text, span)?;
+    fn row(&self, span: Span, line: usize, values: &mut Vec<f64>) -> Result<Row, Vec<Diagnostic>> {
+        let all = split(self.text, span).map_err(|error| vec![error])?;
         if all.len() != self.n_columns {
             let message = format!(
                 "this line has {} fields, but the header names {} columns",
                 all.len(),
                 self.n_columns
             );
-            return Err(Diagnostic::error("wrong-field-count", span, message)
-                .help("separate fields with commas and write decimals with a point, as in `0.5`"));
+            return Err(vec![Diagnostic::error("wrong-field-count", span, message).help(
+                "separate fields with commas and write decimals with a point, as in `0.5`",
+            )]);
         }
         let mut fields = Vec::with_capacity(self.wanted.len());
+        let mut wrong = Vec::new();
         for &(name, place) in &self.wanted {
-            values.push(finite(self.text, all[place], name)?);
+            match finite(self.text, all[place], name) {
+                Ok(value) => values.push(value),
+                Err(error) => wrong.push(error),
+            }
             fields.push(all[place]);
         }
-        Ok(Row { line, fields })
+        if wrong.is_empty() { Ok(Row { line, fields }) } else { Err(wrong) }
     }
 }
 
@@ -336,7 +363,8 @@ mod tests {
 
     /// The error of a cloud in two dimensions: line, column, code, what the span covers.
     fn check_cloud(text: &str, line: usize, column: usize, code: &str, covers: &str, help: &str) {
-        let error = read_cloud(text, 2).unwrap_err();
+        let errors = read_cloud(text, 2).unwrap_err();
+        let [error] = &errors[..] else { panic!("{errors:?}") };
         assert_eq!((error.line, error.column), (line, column), "{error}");
         assert_eq!(error.diagnostic.code, code, "{error}");
         assert_eq!(&text[error.diagnostic.span.range()], covers, "{error}");
@@ -349,7 +377,6 @@ mod tests {
         check_cloud("\n \nx,y,volume\n", 4, 1, "empty-table", "", "one line `x,y,volume`");
         check_cloud("x,y\n0,0\n", 1, 1, "missing-column", "x,y", "no column `volume`");
         check_cloud("X,y,volume\n", 1, 1, "missing-column", "X,y,volume", "`x` for `X`");
-        check_cloud("x;y;volume\n", 1, 1, "missing-column", "x;y;volume", "with commas");
         check_cloud("x,y,volume,y\n", 1, 12, "duplicate-column", "y", "two columns");
         check_cloud("x,y,volume\n1,2,3\n0,0\n", 3, 1, "wrong-field-count", "0,0", "2 fields");
         check_cloud("x,y,volume\n1,5,0,3\n", 2, 1, "wrong-field-count", "1,5,0,3", "a point");
@@ -366,7 +393,37 @@ mod tests {
     }
 
     #[test]
+    fn all_mistakes_of_a_table_come_in_one_run() {
+        let places = |errors: Vec<TableError>| -> Vec<(usize, usize, &str)> {
+            errors.iter().map(|e| (e.line, e.column, e.diagnostic.code)).collect()
+        };
+        let errors = read_cloud("x;y;volume\n", 2).unwrap_err();
+        assert!(errors.iter().all(|e| e.to_string().contains("with commas")), "{errors:?}");
+        assert_eq!(places(errors), [(1, 1, "missing-column"); 3]);
+        let text = "x,y,volume\n0,0,0\n1,1\n0,0,-1\na,b,1\n2,2,1\n";
+        let expected = [
+            (2, 5, "volume-not-positive"),
+            (3, 1, "wrong-field-count"),
+            (4, 5, "volume-not-positive"),
+            (4, 1, "points-coincide"),
+            (5, 1, "not-a-number"),
+            (5, 3, "not-a-number"),
+        ];
+        assert_eq!(places(read_cloud(text, 2).unwrap_err()), expected);
+        let errors = read_displacement("u,v\n1,x\n", 2, 2).unwrap_err();
+        assert_eq!(places(errors), [(2, 3, "not-a-number"), (2, 4, "wrong-row-count")]);
+        let many = "x,y,volume\n".to_string() + &"a,b,c\n".repeat(1000);
+        let errors = read_cloud(&many, 2).unwrap_err();
+        assert_eq!(errors.len(), MAX_MISTAKES);
+        assert!(errors[MAX_MISTAKES - 1].to_string().contains("the rest of a table is not read"));
+        assert!(!errors[MAX_MISTAKES - 2].to_string().contains("rest"));
+    }
+
+    #[test]
     fn displacements_must_match_the_body() {
+        let read_displacement = |text: &str, dimension, n_points| {
+            read_displacement(text, dimension, n_points).map_err(|mut errors| errors.remove(0))
+        };
         let error = read_displacement("u,v\n1,2\n3,4\n\n", 2, 3).unwrap_err();
         assert_eq!((error.line, error.diagnostic.code), (3, "wrong-row-count"));
         assert!(error.to_string().contains("2 rows, but the body has 3 points"), "{error}");

@@ -97,7 +97,7 @@ fn a_factor_has_at_least_the_dense_triangle_of_a_tiny_body() {
 
 fn scene(settings: &str) -> Scene {
     let text = format!(
-        "[body]\nbox = [[0, 0, 0], [1.9, 1.9, 1.9]]\nspacing = 0.1\n\
+        "[body]\nbox = [[0, 0, 0], [2, 2, 2]]\nspacing = 0.1\n\
          [horizon]\nspacings = 3\n[material]\npotential = \"p\"\n{settings}"
     );
     Scene::read(&text, "scene.toml", &[]).unwrap()

@@ -9,6 +9,7 @@ use crate::body::Body;
 const SQUARE: &str = r#"[body]
 box = [[0, 0], [1, 1]]
 spacing = 0.25
+nodes = "corners-full"
 [horizon]
 spacings = 2
 [material]

@@ -33,6 +33,7 @@ use piola_grammar::{Diagnostic, Span};
 use crate::energy::Products;
 use crate::kernel::Level;
 
+pub use crate::lattice::Nodes;
 pub use expression::Expression;
 pub use potential::PotentialText;
 pub use source::{Finding, SceneReport, SourceText, Sources};
@@ -175,38 +176,38 @@ pub struct LatticeShape {
     pub high: Vec<f64>,
     /// Distance of neighbouring points in m; every extent is a whole multiple of it.
     pub spacing: f64,
-    /// Where in the cells the points are.
+    /// Where in the cells the points are, and what of a cell each has.
     pub nodes: Nodes,
 }
 
 impl LatticeShape {
+    /// How many cells lie along each axis.
+    pub fn cells(&self) -> impl Iterator<Item = f64> {
+        let sides = self.low.iter().zip(&self.high);
+        sides.map(|(low, high)| ((high - low) / self.spacing).round())
+    }
+
     /// How many points lie along each axis before any are removed.
     pub fn counts(&self) -> Vec<usize> {
-        let cells = |axis: usize| ((self.high[axis] - self.low[axis]) / self.spacing).round();
-        let extra = match self.nodes {
-            Nodes::Corners => 1,
-            Nodes::Cells => 0,
-        };
-        (0..self.low.len()).map(|axis| cells(axis) as usize + extra).collect()
+        self.cells().map(|cells| self.nodes.along(cells) as usize).collect()
     }
 }
 
-/// Where in the cells of a lattice the points are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Nodes {
-    /// At the corners, the box's faces included.
-    Corners,
-    /// At the centres.
-    Cells,
-}
-
 /// `[horizon]`: who interacts, and with which weight.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Horizon {
     /// How far the interactions reach.
     pub extent: HorizonExtent,
     /// How neighbours are weighted.
     pub weights: WeightScheme,
+    /// Where the scene says so; without it the potential may ask for other weights.
+    pub weights_span: Option<Span>,
+}
+
+impl PartialEq for Horizon {
+    fn eq(&self, other: &Horizon) -> bool {
+        self.extent == other.extent && self.weights == other.weights
+    }
 }
 
 /// How far the interactions reach.

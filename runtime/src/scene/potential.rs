@@ -4,7 +4,9 @@ use std::path::{Path, PathBuf};
 
 use piola_grammar::Diagnostic;
 
-use super::{Points, Scene, SceneReport};
+use super::read::WEIGHTS;
+use super::write::word;
+use super::{Points, Scene, SceneReport, WeightScheme};
 use piola_grammar::suggest;
 
 /// A potential file may have this many bytes.
@@ -56,6 +58,24 @@ impl Scene {
         }]))
     }
 
+    /// Takes the weights that a potential asks for with `weights volumes`. Where the scene states
+    /// others, those hold, and a warning says so.
+    pub fn weigh_volumes(&mut self, potential: &str) -> Option<Diagnostic> {
+        if self.horizon.weights == WeightScheme::Volumes {
+            return None;
+        }
+        let Some(span) = self.horizon.weights_span else {
+            self.horizon.weights = WeightScheme::Volumes;
+            return None;
+        };
+        let weights = word(WEIGHTS, self.horizon.weights);
+        let message = format!("{potential} is made for weights = \"volumes\", not {weights}");
+        let warning = Diagnostic::warning("other-weights", span, message);
+        Some(warning.label("energies and forces are those of another material").help(
+            "write weights = \"volumes\", or leave the line out: the potential says what it needs",
+        ))
+    }
+
     /// The file of a cloud of points, relative to the scene's `folder`.
     pub fn cloud_path(&self, folder: &Path) -> Option<PathBuf> {
         match &self.body.points {
@@ -77,4 +97,37 @@ fn read(path: &Path) -> Result<String, String> {
         return Err(format!("it has more than {MAX_POTENTIAL_BYTES} bytes"));
     }
     String::from_utf8(bytes).map_err(|_| "it is not UTF-8 text".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use piola_grammar::Severity;
+
+    const LEAST: &str = "[body]\nbox = [[0, 0], [1, 1]]\nspacing = 0.05\n\
+        [horizon]\nspacings = 3\n[material]\npotential = \"solid\"\n";
+
+    fn read(text: &str) -> Scene {
+        Scene::read(text, "scene.toml", &[]).unwrap_or_else(|report| panic!("{report}"))
+    }
+
+    #[test]
+    fn a_potential_may_ask_for_products_of_volumes() {
+        let mut silent = read(LEAST);
+        assert_eq!(silent.weigh_volumes("solid"), None);
+        assert_eq!(silent.horizon.weights, WeightScheme::Volumes);
+        assert!(silent.resolved_toml().contains("weights = \"volumes\""));
+        let stating = |weights: &str| {
+            read(&LEAST.replace("[horizon]\n", &format!("[horizon]\nweights = \"{weights}\"\n")))
+        };
+        assert_eq!(stating("volumes").weigh_volumes("solid"), None);
+        let mut other = stating("uniform");
+        let warning = other.weigh_volumes("solid").unwrap();
+        assert_eq!((warning.code, warning.severity), ("other-weights", Severity::Warning));
+        assert!(
+            warning.message.contains("solid is made for weights = \"volumes\", not \"uniform\"")
+        );
+        // What the scene says holds.
+        assert_eq!(other.horizon.weights, WeightScheme::Uniform);
+    }
 }

@@ -154,7 +154,14 @@ impl Reader {
             }
             _ => field.schema.line(field.key),
         };
-        self.error(diagnostic.help(format!("write {line}")));
+        let diagnostic = diagnostic.help(format!("write {line}"));
+        let with_unit = matches!(&field.node.kind, Kind::Text(text)
+            if text.value.starts_with(|c: char| c.is_ascii_digit() || c == '.')
+                && text.value.contains(char::is_alphabetic));
+        self.error(match with_unit && expected.starts_with("a number") {
+            true => diagnostic.help("numbers have no unit here: lengths are in m, forces in N"),
+            false => diagnostic,
+        });
     }
 
     /// Notes that a value cannot be used; `wanted` says what it must be.

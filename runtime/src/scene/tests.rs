@@ -150,11 +150,27 @@ fn every_key_is_read() {
 }
 
 #[test]
+fn what_a_newcomer_types_is_answered_with_what_to_write() {
+    for (old, new, answer) in [
+        ("spacing = 0.05", "spacing: 0.05", "joined by `=`: spacing = .."),
+        ("spacing = 0.05", "spacing = 0.05 m", "without a unit"),
+        ("spacing = 0.05", "spacing = \"50 mm\"", "lengths are in m"),
+        ("spacing = 0.05", "spacing = \"half\"", "write spacing = 0.05"),
+    ] {
+        assert_eq!(LEAST.matches(old).count(), 1, "{old}");
+        let report = Scene::read(&LEAST.replace(old, new), "scene.toml", &[]).unwrap_err();
+        let helps: Vec<&String> =
+            report.findings.iter().flat_map(|finding| &finding.diagnostic.helps).collect();
+        assert!(helps.iter().any(|help| help.contains(answer)), "{new}: {helps:?}");
+    }
+}
+
+#[test]
 fn every_default_is_filled_in() {
     let scene = read(LEAST);
     let Points::Lattice(lattice) = &scene.body.points else { panic!("not a lattice") };
-    assert_eq!(lattice.nodes, Nodes::Corners);
-    assert_eq!(lattice.counts(), [21, 21]);
+    assert_eq!(lattice.nodes, Nodes::Cells);
+    assert_eq!(lattice.counts(), [20, 20]);
     assert_eq!(scene.body.dimension, 2);
     assert_eq!(scene.body.remove, []);
     assert_eq!(scene.horizon.weights, WeightScheme::Uniform);

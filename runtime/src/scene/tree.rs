@@ -150,7 +150,14 @@ fn syntax_error(error: &Error, text: &str) -> Diagnostic {
     let line_start = text[..start].rfind('\n').map_or(0, |newline| newline + 1);
     let line_end = text[start..].find('\n').map_or(text.len(), |newline| start + newline);
     let diagnostic = Diagnostic::error("toml-syntax", span, message);
+    if text[start..].starts_with(':') && !text[line_start..start].contains('"') {
+        let key = text[line_start..start].split(['{', ',']).next_back().unwrap_or_default().trim();
+        return diagnostic.help(format!("a key and its value are joined by `=`: {key} = .."));
+    }
     match text[line_start..line_end].split_once('=') {
+        Some((_, value)) if value.trim_start().starts_with(|c: char| c.is_ascii_digit()) => {
+            diagnostic.help("a number stands alone, without a unit: lengths are in m, forces in N")
+        }
         Some((_, value)) if value.contains(char::is_alphabetic) => {
             diagnostic.help("names and expressions stand in quotes: u = [\"0.1*t\", 0]")
         }

@@ -58,12 +58,12 @@ impl CaseError {
         }
     }
 
-    /// A mistake in a table, at its place.
-    pub fn table(path: &Path, text: &str, error: TableError) -> CaseError {
+    /// The mistakes in a table, each at its place.
+    pub fn table(path: &Path, text: &str, errors: Vec<TableError>) -> CaseError {
         CaseError::Text {
             name: path.display().to_string(),
             text: text.to_string(),
-            diagnostics: vec![error.diagnostic],
+            diagnostics: errors.into_iter().map(|error| error.diagnostic).collect(),
         }
     }
 }

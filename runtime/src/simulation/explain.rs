@@ -1,5 +1,5 @@
 //! Why the energy of an interaction is not a finite number: the interaction is evaluated once more,
-//! in the open, down to the operation that failed.
+//! in the open, down to the operation that failed. And which entry of a scene leaves a body free.
 
 use std::fmt::Write as _;
 
@@ -7,9 +7,12 @@ use piola_compiler::expression::interpret::Interpreter;
 use piola_compiler::expression::{ExprGraph, Input, Node, NodeId};
 use piola_compiler::print::expression;
 use piola_compiler::{Interval, Measure, Model, Values, Variant};
+use piola_grammar::Diagnostic;
 
-use super::Case;
+use super::{Case, CaseError};
 use crate::energy::{Argument, NonFinite};
+use crate::scene::Scene;
+use crate::solve::rigid_modes::UnderConstrained;
 
 /// A message of several lines: what, the points, the energy as written with its parameters, the
 /// operation that failed.
@@ -230,4 +233,20 @@ pub(super) fn read(
         _ => f64::NAN,
     });
     interpreter
+}
+
+/// A motion that nothing holds, at the first entry that holds or pulls something.
+pub(super) fn free_motion(scene: &Scene, error: &UnderConstrained) -> CaseError {
+    let held = scene.prescriptions.first().map(|entry| entry.set.span);
+    let pulled = scene.loads.first().map(|entry| entry.set.span);
+    let (span, label) = match (held, pulled) {
+        (Some(span), _) => (span, "what is prescribed, here and below, does not hold it"),
+        (None, Some(span)) => (span, "nothing holds what this pulls"),
+        (None, None) => (scene.material.potential.span, "no displacement is prescribed"),
+    };
+    let found = Diagnostic::error("free-motion", span, error.to_string()).label(label).help(
+        "write a [[prescribe]] with a set of that part, and 0 where the component of u is \"free\": \
+         without it the forces do not say where the part is",
+    );
+    CaseError::Scene(scene.report(vec![found]))
 }

@@ -39,12 +39,12 @@ use crate::body::Body;
 use crate::element::{CoordinateElement, Element, MeasureElement};
 use crate::energy::NonFinite;
 use crate::kernel::{Measure, VariablesLaw};
-use crate::lattice::{Lattice, Nodes};
+use crate::lattice::Lattice;
 use crate::output::read::read_cloud;
 use crate::scene::selection::{self, Selection};
 use crate::scene::{
-    self, DerivativeSource, FormChoice, MAX_SCENE_BYTES, ParameterText, Plane, Points,
-    PotentialText, Scene,
+    DerivativeSource, FormChoice, MAX_SCENE_BYTES, ParameterText, Plane, Points, PotentialText,
+    Scene,
 };
 use crate::sheet::PlaneStress;
 
@@ -135,6 +135,9 @@ impl Case {
             return Err(CaseError::Scene(scene.report(vec![found])));
         }
         let mut warnings = scene.warnings.clone();
+        if model.weighs_volumes() {
+            warnings.extend(scene.weigh_volumes(model.name()));
+        }
         if let Some(thickness) = scene.body.thickness
             && !has_thickness(&model)
         {
@@ -337,10 +340,7 @@ fn body(scene: &Scene, folder: &Path) -> Result<(Body, Vec<Diagnostic>), CaseErr
                 lower: shape.low.clone(),
                 upper: shape.high.clone(),
                 spacing: shape.spacing,
-                nodes: match shape.nodes {
-                    scene::Nodes::Corners => Nodes::Corners,
-                    scene::Nodes::Cells => Nodes::Cells,
-                },
+                nodes: shape.nodes,
             };
             size::check_lattice(shape)?;
             let points =

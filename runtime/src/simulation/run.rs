@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 
-use super::{Case, CaseError, ModelledEnergy};
+use super::{Case, CaseError, ModelledEnergy, explain};
 use crate::assembly::{Inverted, Report};
 use crate::energy::{FiniteDifferences, FromPositions, Products, TotalEnergy};
 use crate::matrix::BlockPattern;
@@ -138,7 +138,8 @@ pub(super) fn check_held(
     let message = |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
     let constraints =
         Constraints::new(n_dofs, boundary.fixed_dofs()).map_err(|error| message(&error))?;
-    check_rigid_motions(bonds, case.body.positions(), &constraints).map_err(|error| message(&error))
+    check_rigid_motions(bonds, case.body.positions(), &constraints)
+        .map_err(|error| explain::free_motion(&case.scene, &error))
 }
 
 /// The energy with its strain from what the scene says.

@@ -54,7 +54,7 @@ impl UnderConstrained {
         if self.components.len() > LISTED {
             message += &format!("; and {} more parts", self.components.len() - LISTED);
         }
-        message + "; prescribe these motions on some of its points"
+        message
     }
 }
 

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use super::{Quantity, ReadCase};
 use crate::output::decimal;
-use crate::scene::{LatticeShape, Nodes, Points};
+use crate::scene::{LatticeShape, Points};
 use crate::simulation::{Attempt, Case, Equilibrium, solve};
 
 /// Spacings differ by at least this factor: closer lattices often have the same neighbours.
@@ -136,10 +136,7 @@ fn attempt(
 /// The box's longest length that divides all its sides, and how many cells the lattice has along
 /// it.
 fn unit(shape: &LatticeShape) -> (f64, usize) {
-    let cells: Vec<usize> = match shape.nodes {
-        Nodes::Corners => shape.counts().iter().map(|n| n - 1).collect(),
-        Nodes::Cells => shape.counts(),
-    };
+    let cells: Vec<usize> = shape.cells().map(|cells| cells as usize).collect();
     let divisor = cells.iter().copied().fold(0, gcd);
     let first = cells[0] / divisor.max(1);
     ((shape.high[0] - shape.low[0]) / first.max(1) as f64, divisor)
@@ -168,6 +165,7 @@ fn finer(shape: &LatticeShape) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Nodes;
 
     fn lattice(sides: &[f64], spacing: f64, nodes: Nodes) -> LatticeShape {
         LatticeShape { low: vec![0.0; sides.len()], high: sides.to_vec(), spacing, nodes }

@@ -13,6 +13,7 @@ const STRIP: &str = "
 dimension = 2
 box = [[0.0, 0.0], [1.0, 0.4]]
 spacing = 0.1
+nodes = \"corners-full\"
 [horizon]
 spacings = 3
 [material]

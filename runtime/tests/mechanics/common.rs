@@ -52,7 +52,7 @@ pub(crate) fn laws(c: [f64; 3], n: i32) -> Laws {
 /// A box of points at the cells' corners.
 pub(crate) fn lattice(lower: &[f64], cells: &[usize], spacing: f64) -> Arc<Body> {
     let upper = lower.iter().zip(cells).map(|(x, &n)| x + n as f64 * spacing).collect();
-    let lattice = Lattice { lower: lower.to_vec(), upper, spacing, nodes: Nodes::Corners };
+    let lattice = Lattice { lower: lower.to_vec(), upper, spacing, nodes: Nodes::CornersFull };
     let points = lattice.points().unwrap();
     Arc::new(Body::new(points.dimension, &points.positions, &points.volumes, Some(spacing)))
 }

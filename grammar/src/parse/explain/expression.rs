@@ -67,6 +67,14 @@ pub(super) fn explain_missing_operator(failure: &Failure<'_>) -> Option<Diagnost
     }
     let finding =
         failure.error("there is no operator between these two").label("expected an operator");
+    let coordinate = matches!(found.text, "X" | "Y" | "Z" | "t" | "pi" | "(");
+    if failure.goal == Goal::Expression && before.kind == Kind::Number && !coordinate {
+        return Some(finding.help(format!(
+            "numbers have no unit here: lengths are in m, forces in N; a product is written with \
+             `*`: `{}*{}`",
+            before.text, found.text
+        )));
+    }
     Some(match (before.text, found.text) {
         (left, "(") if before.kind == Kind::Number => {
             finding.help(format!("a product is written with `*`: `{left}*(...)`"))
@@ -106,6 +114,7 @@ pub(super) fn explain_missing_operand(failure: &Failure<'_>) -> Option<Diagnosti
     };
     let finding = finding.label("expected a value");
     Some(match (found, failure.found_kind()) {
+        ("[", _) if failure.rest().contains(',') => return Some(no_vectors(failure)),
         ("[", _) => finding.help("write parentheses `( )`"),
         (_, Some(Kind::String)) => finding.help("texts are no values"),
         (_, None) if failure.goal == Goal::Statement => {
@@ -130,13 +139,51 @@ pub(super) fn explain_brackets(failure: &Failure<'_>) -> Option<Diagnostic> {
         mark @ (")" | "]") if !failure.expects(Rule::close_bound) => {
             Some(failure.error(format!("this `{mark}` closes nothing")).help("remove it"))
         }
-        "[" => Some(failure.error("there are no indices").help("write parentheses `( )`")),
+        "[" => Some(index(failure)),
         "," if !failure.expects(Rule::comma) => Some(comma(failure)),
         _ => None,
     }
 }
 
+/// `F[1,1]`, `mu[3]`, `X[0]`.
+fn index(failure: &Failure<'_>) -> Diagnostic {
+    let finding = failure.error("there are no indices");
+    if failure.goal == Goal::Expression {
+        return finding.help("the coordinates of a point are `X`, `Y` and `Z`");
+    }
+    let name = failure.before().map_or("", |before| before.text);
+    let single = failure.after().filter(|number| {
+        let closing = failure.tokens.get(failure.index + 2);
+        number.kind == Kind::Number && closing.is_some_and(|mark| mark.text == "]")
+    });
+    match single {
+        Some(number) if failure.before().is_some_and(|before| before.kind == Kind::Word) => {
+            finding.help(format!("give each value a name of its own: `{name}{}`", number.text))
+        }
+        _ => finding.help(
+            "tensors are used whole: `tr(C)`, `det(C)`, `C : C`; the first component on the \
+             diagonal is `F : dyad(1, 0)`, in three dimensions `F : dyad(1, 0, 0)`",
+        ),
+    }
+}
+
+/// `n = (1, 0, 0)`, `n = [1, 0, 0]`.
+fn no_vectors(failure: &Failure<'_>) -> Diagnostic {
+    let finding = failure.error("there are no vectors and no lists").label("expected one number");
+    if failure.goal == Goal::Expression {
+        return finding.help("each component is an expression of its own: `u = [\"0.1*t\", 0]`");
+    }
+    finding
+        .help("the tensor n n of n = (x, y, z), as for fibres, is `dyad(x, y, z)`")
+        .help("give each number of a list a name of its own: `mu1`, `mu2`")
+}
+
 fn comma(failure: &Failure<'_>) -> Diagnostic {
+    let commas = failure.tokens.iter().filter(|token| token.text == ",").count();
+    let in_group = failure.tokens[..failure.index].iter().any(|token| token.text == "(");
+    if commas > 1 && in_group {
+        return no_vectors(failure);
+    }
     let finding = failure.error("a comma has no meaning here");
     match (failure.before(), failure.after()) {
         (Some(left), Some(right)) if left.kind == Kind::Number && right.kind == Kind::Number => {

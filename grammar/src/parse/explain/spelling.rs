@@ -37,6 +37,9 @@ const FOREIGN_MARKS: &[(&str, &str)] = &[
         "a transpose stands behind its tensor, `F'`; texts stand in double quotes `\"...\"`; derivatives are taken by the tool",
     ),
     ("`", "texts stand in double quotes `\"...\"`"),
+    ("@", "a product of tensors is written `*`"),
+    ("⊗", "the tensor n n of n = (x, y, z) is `dyad(x, y, z)`"),
+    ("ᵀ", "a transpose is written `F'`"),
     ("·", "write `*`"),
     ("⋅", "write `*`"),
     ("∙", "write `*`"),
@@ -94,6 +97,7 @@ pub(super) fn explain(failure: &Failure<'_>) -> Option<Diagnostic> {
     equals_sign(failure)
         .or_else(|| exclamation_mark(failure))
         .or_else(|| absolute_value(failure))
+        .or_else(|| member(failure))
         .or_else(|| foreign_mark(failure))
         .or_else(|| unknown_character(failure))
         .or_else(|| foreign_word(failure))
@@ -133,6 +137,26 @@ fn absolute_value(failure: &Failure<'_>) -> Option<Diagnostic> {
         _ => "write `abs(x)`".into(),
     };
     Some(failure.error("there are no bars for the absolute value").help(help))
+}
+
+/// `F.T`, `E.norm`: what other languages hang on a name.
+fn member(failure: &Failure<'_>) -> Option<Diagnostic> {
+    let next = failure.after().filter(|next| next.start == failure.at + 1)?;
+    if failure.found_text() != "." || next.kind != Kind::Word || !failure.expects(Rule::infix) {
+        return None;
+    }
+    let tensor = failure.before().map_or("F", |before| match before.text {
+        ")" => "(..)",
+        text => text,
+    });
+    let finding = failure.error(format!("there is no `.{}` in the language", next.text));
+    Some(match next.text {
+        "T" | "t" => finding.help(format!("a transpose is written `{tensor}'`")),
+        _ => finding.help(
+            "a function stands before its argument: `tr(E)`; a product of tensors is `F'*F`, a sum \
+             of products of components `E : E`",
+        ),
+    })
 }
 
 fn foreign_mark(failure: &Failure<'_>) -> Option<Diagnostic> {

@@ -44,6 +44,7 @@ pub(super) fn explain(failure: &Failure<'_>) -> Option<Diagnostic> {
         "source" => source(failure),
         "allow" => allow(failure),
         "dimensions" => dimensions(failure),
+        "weights" => weights(failure),
         "parameter" => parameter(failure),
         "domain" => domain(failure),
         "psi" | "ψ" => energy(failure).or_else(|| definition(failure, *head)),
@@ -118,6 +119,14 @@ fn allow(failure: &Failure<'_>) -> Option<Diagnostic> {
 fn dimensions(failure: &Failure<'_>) -> Option<Diagnostic> {
     let finding = failure.error("dimensions are a list of 2 and 3");
     Some(finding.help("write `dimensions 2`, `dimensions 3` or `dimensions 2, 3`"))
+}
+
+fn weights(failure: &Failure<'_>) -> Option<Diagnostic> {
+    if failure.index > 1 {
+        return None;
+    }
+    let finding = failure.error("weights are named by a word").label("expected `volumes`");
+    Some(finding.help("write `weights volumes`"))
 }
 
 fn domain(failure: &Failure<'_>) -> Option<Diagnostic> {
@@ -293,7 +302,7 @@ fn unknown_head(failure: &Failure<'_>, head: Token<'_>) -> Diagnostic {
         Some((_, help)) if failure.found_kind() != Some(Kind::Mark) => finding.help(*help),
         _ => finding.help(format!("to define it, write `{} = ...`", head.text)).help(
             "a statement begins with `potential`, `source`, `allow`, `parameter`, `dimensions`, \
-             `domain`, `psi(..) =` or `name =`",
+             `weights`, `domain`, `psi(..) =` or `name =`",
         ),
     }
 }

@@ -17,7 +17,7 @@ pub(super) static BODY: Schema = Schema {
         ("dimension", "2"),
         ("box", "[[0.0, 0.0], [1.0, 1.0]]"),
         ("spacing", "0.05"),
-        ("nodes", "\"corners\""),
+        ("nodes", "\"cells\""),
         ("remove", "[\"(X-0.5)^2 + (Y-0.5)^2 < 0.2^2\"]"),
         ("points", "\"cloud.csv\""),
         ("thickness", "0.01"),
@@ -173,7 +173,8 @@ impl Reader {
             self.error(diagnostic);
             return None;
         }
-        Some(Horizon { extent, weights: weights? })
+        let weights_span = table.field("weights").map(|field| field.node.span);
+        Some(Horizon { extent, weights: weights?, weights_span })
     }
 
     fn weights(&mut self, table: &Table<'_>, context: &Context) -> Option<WeightScheme> {

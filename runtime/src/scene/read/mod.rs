@@ -64,7 +64,8 @@ static OUTPUT: Schema = Schema { title: "[output]", keys: &[("frames", "25")] };
 
 /// The words of the scene's choices; the first is the default (weights: on a lattice; levels: of the
 /// compiler).
-pub(super) const NODES: &[(&str, Nodes)] = &[("corners", Nodes::Corners), ("cells", Nodes::Cells)];
+pub(super) const NODES: &[(&str, Nodes)] =
+    &[("cells", Nodes::Cells), ("corners", Nodes::Corners), ("corners-full", Nodes::CornersFull)];
 pub(super) const WEIGHTS: &[(&str, WeightScheme)] = &[
     ("uniform", WeightScheme::Uniform),
     ("truncated", WeightScheme::Truncated),

@@ -104,6 +104,19 @@ fn energies_that_move_or_give_way_at_rest_are_refused_at_the_values_of_the_scene
         folder.run(&["--set", setting]).expect(2).says(&[code]);
         assert!(!folder.out().exists());
     }
+    // Energies of F, and of gathered values.
+    let cases = [
+        ("psi(F) = C*tr(F' * F) + 1/2*(det(F) - 1)^2", "not-stress-free"),
+        ("psi(F) = -C*(E : E)", "not-stiff-at-rest"),
+        ("theta = integral(l - L)\npsi(theta) = C*theta^2", "not-stiff-at-rest"),
+    ];
+    for (energy, code) in cases {
+        let folder = strip_of(energy);
+        let plan = piola(&["plan", &folder.scene()]).expect(2);
+        plan.says(&[&format!("error[{code}]"), "own.piola:"]);
+        let allowed = strip_of(&format!("allow \"{code}\" \"as it is meant\"\n{energy}"));
+        piola(&["plan", &allowed.scene()]).expect(0);
+    }
     // Negative coefficients of triangles lower Poisson's ratio, and bonds outweigh them.
     let lower = strip_of("psi(l) = C*(l/L - 1)^2\npsi(a) = -0.001*C*(a/A - 1)^2");
     piola(&["plan", &lower.scene()]).expect(0);

@@ -126,6 +126,19 @@ impl Model {
         found.into_iter().map(|error| Diagnostic { severity: Severity::Error, ..error }).collect()
     }
 
+    /// An error about the first energy of F or of gathered values, unless the file allows its code.
+    pub fn unfit_tensor_energy(&self, code: &'static str, message: String) -> Option<Diagnostic> {
+        let variant = &self.variants[0];
+        let gathered = variant.gathered_energies.iter().map(|energy| energy.span);
+        let span =
+            variant.gradient_energies.iter().map(|energy| energy.span).chain(gathered).next();
+        let allowed = self.allowed.iter().any(|allowed| allowed == code);
+        let error = Diagnostic::error(code, span?, message)
+            .help("look at its coefficients: `piola moduli` tells stress and stiffness at rest")
+            .help(format!("if it is meant so: `allow \"{code}\" \"why\"`"));
+        (!allowed).then_some(error)
+    }
+
     /// What a lint says of the energies of one measure.
     fn look(&self, lint: &Lint, subjects: &[Subject<'_>]) -> Option<Diagnostic> {
         let Look::Energy(look) = lint.look else { return None };

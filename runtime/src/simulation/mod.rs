@@ -40,6 +40,7 @@ use crate::element::{CoordinateElement, Element, MeasureElement};
 use crate::energy::NonFinite;
 use crate::kernel::{Measure, VariablesLaw};
 use crate::lattice::Lattice;
+use crate::moduli::moduli;
 use crate::output::read::read_cloud;
 use crate::scene::selection::{self, Selection};
 use crate::scene::{
@@ -50,6 +51,9 @@ use crate::sheet::PlaneStress;
 
 /// Largest point cloud that is read, in bytes.
 const MAX_CLOUD_BYTES: u64 = 1 << 30;
+
+/// Stress at rest over the largest modulus that is rounding.
+const NO_STRESS: f64 = 1e-9;
 
 /// A library of potentials: text by name, and all names.
 pub struct Library<'a> {
@@ -265,12 +269,42 @@ impl Case {
     /// # Errors
     /// What [`Model::unfit_at_rest`] finds, at its place in the potential.
     pub fn check_rest(&self) -> Result<(), CaseError> {
-        let diagnostics = self.model.unfit_at_rest(&self.values);
+        let mut diagnostics = self.model.unfit_at_rest(&self.values);
+        diagnostics.extend(self.unfit_lattice());
         if diagnostics.is_empty() {
             return Ok(());
         }
         let (name, text) = (self.potential.name.clone(), self.potential.text.clone());
         Err(CaseError::Text { name, text, diagnostics })
+    }
+
+    /// Stress at rest, and strains that cost nothing, of energies of F and of gathered values inside a
+    /// lattice: what they are for one point does not tell.
+    fn unfit_lattice(&self) -> Vec<Diagnostic> {
+        let is_lattice = matches!(self.scene.body.points, Points::Lattice(_));
+        let has_others = self.model.has_gradient_energy() || self.model.has_gathered_energy();
+        if !is_lattice || !has_others {
+            return Vec::new();
+        }
+        // What is no number at rest is named by the run itself, with its place.
+        let Ok(found) = moduli(self, None) else { return Vec::new() };
+        let size = |values: &[f64]| values.iter().fold(0.0f64, |size, x| size.max(x.abs()));
+        let (stress, kelvin) = (size(&found.stress), found.stiffness.kelvin());
+        let largest = size(&kelvin);
+        let stressed = (stress > NO_STRESS * largest).then(|| {
+            let message =
+                format!("the body is not stress-free: {stress:.3e} Pa at rest, of moduli of {largest:.3e} Pa");
+            self.model.unfit_tensor_energy("not-stress-free", message)
+        });
+        let soft = (!found.stiffness.is_stable()).then(|| {
+            let least = kelvin.iter().copied().fold(f64::INFINITY, f64::min);
+            let message = format!(
+                "the body is not stiff at rest: against one strain its modulus is {least:.3e} Pa, the \
+                 largest is {largest:.3e} Pa"
+            );
+            self.model.unfit_tensor_energy("not-stiff-at-rest", message)
+        });
+        stressed.into_iter().chain(soft).flatten().collect()
     }
 
     /// The points of sets and probes.

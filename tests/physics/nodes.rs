@@ -95,7 +95,7 @@ fn bonds_weigh_what_of_a_cell_their_ends_have() {
                     let square: usize = p.iter().zip(q).map(|(i, j)| i.abs_diff(*j).pow(2)).sum();
                     if square <= 4 {
                         let length = H * (square as f64).sqrt();
-                        let weight = factor * H.powi(4) * share(p) * share(q);
+                        let weight = factor * H * H * H * H * share(p) * share(q);
                         expected += weight * 0.5 * length * 0.01;
                     }
                 }

@@ -93,10 +93,10 @@ impl<'a> Symbols<'a> {
     }
 
     fn of_potentials(ast: &Ast) -> Symbols<'a> {
-        let mut symbols = Symbols::default();
-        symbols.tensors = ast.statements.iter().any(
+        let tensors = ast.statements.iter().any(
             |s| matches!(s, Statement::Energy(e) if e.measure.name == "F" || is_kinematic(ast, e)),
         );
+        let mut symbols = Symbols { tensors, ..Symbols::default() };
         if symbols.tensors {
             for (name, which) in Kinematic::NAMED {
                 symbols.names.insert(name, Symbol::Kinematic(which));

@@ -4,6 +4,9 @@
 //! many as there are points, volumes positive. Every mistake is reported with its line, its column,
 //! its span and what to write instead; after [`MAX_MISTAKES`] of them the rest is not read.
 
+// A file has few mistakes that are kept: their size does not matter.
+#![allow(clippy::result_large_err)]
+
 use std::collections::HashMap;
 use std::fmt;
 

@@ -15,6 +15,7 @@ mod library;
 mod potential;
 mod progress;
 mod render;
+mod table;
 
 use std::process::ExitCode;
 

@@ -303,11 +303,12 @@ impl Plan {
 
     /// Takes the first linear system instead of the estimates of its cost.
     pub fn measured(&mut self, first: FirstSystem) {
-        let found = if first.solved {
-            format!("the first linear system was solved in {} iterations", first.iterations)
-        } else {
-            // What is left of it, and of those that follow, nobody knows: at least as much again.
-            format!("the first linear system was not solved after {} iterations", first.iterations)
+        let products = first.iterations;
+        let found = match (first.solved, products) {
+            (true, 0) => "the first linear system was solved".to_string(),
+            (true, _) => format!("the first linear system was solved by {products} products"),
+            // What is left of it nobody knows: at least as much again is taken.
+            _ => format!("the first linear system was not solved after {products} products"),
         };
         self.notes.retain(|note| !note.starts_with(FEWER));
         self.notes.push(format!(

@@ -198,8 +198,9 @@ fn measure(case: &Case, clock: PhaseClock) -> Result<SceneCost, Exit> {
         scene::print_error(&error);
         Exit::Input
     };
-    let plan = case.plan(rayon::current_num_threads()).map_err(print)?;
-    if let Some(refusal) = plan.refusal() {
+    // Bodies that can move are measured all the same; what else is wrong is told below.
+    let plan = case.plan(rayon::current_num_threads()).ok();
+    if let Some(refusal) = plan.and_then(|plan| plan.refusal()) {
         render::error(&refusal, Some("make the body smaller"));
         return Err(Exit::Input);
     }

@@ -11,6 +11,7 @@ use crate::cli::{self, Eval, Format};
 use crate::console;
 use crate::potential;
 use crate::render;
+use crate::table;
 
 /// Largest table that is read, in bytes.
 const MAX_TABLE: usize = 1 << 30;
@@ -60,8 +61,10 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
     let Some(text) = read_table(&arguments.points) else { return Exit::Input };
     let columns = match parse(&text, measure) {
         Ok(columns) => columns,
-        Err(message) => {
-            render::error(&format!("{}: {message}", arguments.points), None);
+        Err(mistakes) => {
+            for mistake in mistakes {
+                render::error(&format!("{}: {mistake}", arguments.points), None);
+            }
             return Exit::Input;
         }
     };
@@ -96,42 +99,15 @@ pub(super) fn read_table(path: &str) -> Option<String> {
 }
 
 /// The columns of the measure and of its reference.
-fn parse(text: &str, measure: Measure) -> Result<(Vec<f64>, Vec<f64>), String> {
-    let names = [measure.symbol(), measure.reference_symbol()];
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
-    let header = reader.headers().map_err(|error| error.to_string())?.clone();
-    let column = |name: &str| {
-        header.iter().position(|h| h == name).ok_or_else(|| {
-            let found: Vec<&str> = header.iter().collect();
-            format!(
-                "there is no column `{name}` (found {}); the first line must be `{},{}`",
-                found.join(","),
-                names[0],
-                names[1]
-            )
-        })
+fn parse(text: &str, measure: Measure) -> Result<(Vec<f64>, Vec<f64>), Vec<String>> {
+    let names = [measure.symbol(), measure.reference_symbol()].map(str::to_string);
+    let refusal = |row: &[f64]| {
+        let reference = row[1];
+        let is_one = reference.is_finite() && reference > 0.0;
+        (!is_one).then(|| (1, format!("{reference}: a reference measure is finite and > 0")))
     };
-    let places = [column(names[0])?, column(names[1])?];
-    let mut columns = (Vec::new(), Vec::new());
-    for record in reader.records() {
-        let record = record.map_err(|error| error.to_string())?;
-        let line = record.position().map_or(0, csv::Position::line);
-        let number = |k: usize| {
-            let text = record.get(places[k]).unwrap_or("");
-            text.parse::<f64>()
-                .map_err(|_| format!("line {line}, column {}: `{text}` is not a number", names[k]))
-        };
-        let (current, reference) = (number(0)?, number(1)?);
-        if !(reference.is_finite() && reference > 0.0) {
-            return Err(format!(
-                "line {line}, column {}: {reference}: a reference measure is finite and > 0",
-                names[1]
-            ));
-        }
-        columns.0.push(current);
-        columns.1.push(reference);
-    }
-    Ok(columns)
+    let rows = table::rows(text, &names, refusal)?;
+    Ok(rows.iter().map(|row| (row[0], row[1])).unzip())
 }
 
 fn print_rows(measure: Measure, columns: &(Vec<f64>, Vec<f64>), out: &Derivatives) -> Exit {

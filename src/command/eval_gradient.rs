@@ -9,6 +9,7 @@ use super::eval::read_table;
 use crate::console;
 use crate::potential::Loaded;
 use crate::render;
+use crate::table;
 
 /// Evaluates every row of a table with the columns `F11,F12,..`.
 pub(super) fn execute(loaded: &Loaded, values: &Values, mode: Mode, points: &str) -> Exit {
@@ -24,10 +25,12 @@ pub(super) fn execute(loaded: &Loaded, values: &Values, mode: Mode, points: &str
     };
     let Some(text) = read_table(points) else { return Exit::Input };
     let d = values.dimension;
-    let rows = match parse(&text, d) {
+    let rows = match table::rows(&text, &names("F", d), |_| None) {
         Ok(rows) => rows,
-        Err(message) => {
-            render::error(&format!("{points}: {message}"), None);
+        Err(mistakes) => {
+            for mistake in mistakes {
+                render::error(&format!("{points}: {mistake}"), None);
+            }
             return Exit::Input;
         }
     };
@@ -49,30 +52,6 @@ pub(super) fn execute(loaded: &Loaded, values: &Values, mode: Mode, points: &str
 /// `F11`, `F12`, .. of a tensor.
 fn names(tensor: &str, d: usize) -> Vec<String> {
     (0..d * d).map(|k| format!("{tensor}{}{}", k / d + 1, k % d + 1)).collect()
-}
-
-fn parse(text: &str, d: usize) -> Result<Vec<Vec<f64>>, String> {
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
-    let header = reader.headers().map_err(|error| error.to_string())?.clone();
-    let wanted = names("F", d);
-    let place = |name: &String| {
-        header.iter().position(|h| h == name).ok_or_else(|| {
-            format!("there is no column `{name}`; the first line must be `{}`", wanted.join(","))
-        })
-    };
-    let places: Vec<usize> = wanted.iter().map(place).collect::<Result<_, _>>()?;
-    let mut rows = Vec::new();
-    for record in reader.records() {
-        let record = record.map_err(|error| error.to_string())?;
-        let line = record.position().map_or(0, csv::Position::line);
-        let number = |(k, place): (usize, &usize)| {
-            let text = record.get(*place).unwrap_or("");
-            let wrong = |_| format!("line {line}, column {}: `{text}` is not a number", wanted[k]);
-            text.parse::<f64>().map_err(wrong)
-        };
-        rows.push(places.iter().enumerate().map(number).collect::<Result<Vec<f64>, String>>()?);
-    }
-    Ok(rows)
 }
 
 fn print_rows(d: usize, rows: &[Vec<f64>], psi: &[f64], stress: &[f64]) -> Exit {

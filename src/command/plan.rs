@@ -16,11 +16,10 @@ pub(super) fn execute(arguments: &Plan) -> Exit {
             return Exit::Input;
         }
     }
-    let threads = match arguments.threads {
-        Some(threads) => threads.max(1),
-        None => std::thread::available_parallelism().map_or(1, usize::from),
-    };
-    match case.plan(threads) {
+    let planned =
+        scene::with_threads(arguments.threads, || case.measured_plan(rayon::current_num_threads()));
+    let Some(planned) = planned else { return Exit::Input };
+    match planned {
         Ok(plan) => {
             console::out(&match arguments.format {
                 Format::Human => plan.to_string(),

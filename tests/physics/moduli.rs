@@ -12,6 +12,7 @@ const FREE: &str = "potential free\nparameter C1 = 1 in J/m^(2*d+1)\n\
 
 /// Energies of points and of bonds that know of what points gather, with forces at rest.
 const COUPLED: &str = "potential coupled
+allow \"not-stress-free\" \"moduli of bodies under stress, too\"
 w(L) = exp(-L/delta)
 m = integral(w*L^2)
 theta = 1/m*integral(w*(l - L)*L)

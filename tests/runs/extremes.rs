@@ -14,7 +14,11 @@ fn energy(potential: &str, parameters: &str, rows: &str, code: i32) -> Outcome {
          [material]\npotential = \"{potential}\"\nparameters = {{ {parameters} }}\n"
     ));
     folder.file("p.csv", POINTS);
-    folder.file("own.piola", "potential own\nparameter k = 1\npsi(v) = k*V*(V/v - 1)^2\n");
+    folder.file(
+        "own.piola",
+        "potential own\nparameter k = 1\nallow \"no-bond-energy\" \"one tetrahedron\"\n\
+         psi(v) = k*V*(V/v - 1)^2\n",
+    );
     folder.file("bound.piola", "potential bound\ndomain v/V in [0.5, 2]\npsi(v) = V*(v/V - 1)^2\n");
     let (scene, table) = (folder.scene(), folder.file("u.csv", format!("u,v,w\n{rows}")));
     piola(&["energy", &scene, "--displacement", &table, "--tangent"]).expect(code)
@@ -243,7 +247,8 @@ fn bodies_that_numbers_cannot_hold_are_refused() {
         let (now, rest, k) =
             (measure, measure.to_uppercase(), 2 + "lav".find(measure).unwrap_or_default());
         format!(
-            "potential own\nparameter C = 1 in J/m^({k}*d)\npsi({now}) = C*({now}/{rest} - 1)^2\n"
+            "potential own\nparameter C = 1 in J/m^({k}*d)\n\
+             allow \"no-bond-energy\" \"one kind at a time\"\npsi({now}) = C*({now}/{rest} - 1)^2\n"
         )
     };
     let energy = |d: usize, size: f64, potential: &str, weights: &str| {

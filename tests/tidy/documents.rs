@@ -133,7 +133,7 @@ fn the_output_reference_knows_every_field() {
             assert!(page.contains(&format!("`{field}`")), "docs/output.md misses {field}");
         }
     }
-    let names = read("runtime/src/output/atomic.rs");
+    let names = read("runtime/src/output/folder.rs");
     let names = between(&names, "pub fn name(self)", "\n    }\n")[0];
     for file in between(names, "\"", "\"") {
         if file.contains('.') && !file.contains('{') && !file.contains('\n') {

@@ -71,6 +71,23 @@ impl Case {
         (points > FILLED && self.body.n_points() == 0).then_some(shape)
     }
 
+    /// As [`Case::plan`], with the first linear system of bodies that are small enough for it measured
+    /// instead of estimated.
+    ///
+    /// # Errors
+    /// As [`Case::plan`].
+    pub fn measured_plan(&self, threads: usize) -> Result<Plan, CaseError> {
+        let (mut plan, compiled) = self.plan_and_energies(threads)?;
+        let is_quick = plan.time.setup + 2.0 * plan.time.assembly < 0.5 * PATIENCE.as_secs_f64();
+        if self.large_box().is_none()
+            && is_quick
+            && let Ok(Some(first)) = self.first_system(compiled)
+        {
+            plan.measured(first);
+        }
+        Ok(plan)
+    }
+
     /// What will be modelled and what it costs; within a second or so for any case.
     ///
     /// # Errors
@@ -78,6 +95,10 @@ impl Case {
     /// machine's memory holds, wrong sets and conditions, and motions that nothing holds. Of large
     /// bodies not all of that is looked for; the plan's notes say what is not.
     pub fn plan(&self, threads: usize) -> Result<Plan, CaseError> {
+        Ok(self.plan_and_energies(threads)?.0)
+    }
+
+    fn plan_and_energies(&self, threads: usize) -> Result<(Plan, Compiled), CaseError> {
         self.check_rest()?;
         let compiled = self.compile()?;
         let needed = Needed {
@@ -90,7 +111,7 @@ impl Case {
         };
         let gathered = compiled.gathered.as_ref().map(|g| Families::States(g.integrals.len()));
         let settings = self.scene.correspondence.as_ref().filter(|_| compiled.gradient.is_some());
-        let mut plan = Plan::new(PlanInput {
+        let plan = Plan::new(PlanInput {
             scene: &self.scene,
             extent,
             interactions,
@@ -101,14 +122,7 @@ impl Case {
             threads,
             available_memory: available_memory(),
         });
-        let is_quick = plan.time.setup + 2.0 * plan.time.assembly < 0.5 * PATIENCE.as_secs_f64();
-        if self.large_box().is_none()
-            && is_quick
-            && let Ok(Some(first)) = self.first_system(compiled)
-        {
-            plan.measured(first);
-        }
-        Ok(plan)
+        Ok((plan, compiled))
     }
 
     /// Poses the first linear system and solves it as far as a plan has time to; nothing where a

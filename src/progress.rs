@@ -6,6 +6,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use piola_runtime::solve::newton::{NewtonError, NewtonFailure};
 use piola_runtime::solve::steps::StepRecord;
 use piola_runtime::solve::{Event, Observer};
 
@@ -179,7 +180,8 @@ impl Observer for Progress {
             Event::Product if now.shown.elapsed() >= REFRESH => self.refresh(now),
             Event::Product => {}
             Event::CutBack { t, cause } => {
-                let line = format!("t = {t:.6}: {cause}; half the increment is tried");
+                let why = reason(cause);
+                let line = format!("t = {t:.6}: {why}; half the increment is tried");
                 self.tell(now, &line);
             }
             Event::Step(record) => self.step(now, record),
@@ -188,6 +190,17 @@ impl Observer for Progress {
 
     fn wants_end(&self) -> bool {
         self.interrupt.signal().is_some()
+    }
+}
+
+/// Why a step was cut back. Points have other numbers inside, so that none is named.
+fn reason(cause: &NewtonError) -> String {
+    match &cause.failure {
+        NewtonFailure::NonFinite(found) if found.inverted => {
+            "an interaction would turn inside out".to_string()
+        }
+        NewtonFailure::NonFinite(_) => "an energy is not a finite number".to_string(),
+        _ => cause.to_string(),
     }
 }
 

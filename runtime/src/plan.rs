@@ -1,8 +1,9 @@
 //! What will be modelled and what it costs, before it is built.
 //!
-//! Bonds are counted exactly; triangles and tetrahedra are counted at a sample of points and scaled
-//! up ([`count_interactions`]). Times and memory are estimates, right within a factor of 3: they
-//! rest on the constants below, measured on one core of a 3 GHz server processor.
+//! Small bodies are counted, larger ones from a sample of points, boxes that are not filled by their
+//! sides ([`count_interactions`], [`estimate_interactions`], [`count_in_box`]). Times are right within
+//! a factor of 3, memory within 1.5: they rest on the constants below, measured on one core of a 3 GHz
+//! server processor, and times of small bodies on their first linear system.
 
 mod count;
 mod factor;

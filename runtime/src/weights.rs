@@ -337,7 +337,7 @@ mod tests {
         assert_eq!(of(Weights::Volumes, Measure::Volume, 1e-76, 1.0), Ok(()));
         // A ball of 1e-28 m cubed three times has vanished.
         for weights in [Weights::Uniform, Weights::Truncated] {
-            assert_eq!(of(weights, Measure::Volume, 1e-60, 1e-26), Ok(()));
+            assert_eq!(of(weights, Measure::Volume, 1e-60, 1e-24), Ok(()));
             let error = of(weights, Measure::Volume, 1e-84, 1e-28).unwrap_err();
             assert!(error.to_string().contains("weight of a tetrahedron"), "{error}");
         }

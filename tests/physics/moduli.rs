@@ -345,7 +345,7 @@ fn moduli_of_gathered_states_are_the_energy_of_what_larger_bodies_add() {
     let solid = "potential = \"linear_peridynamic_solid\"\nparameters = { K = 2.0, G = 0.7 }";
     let coupled = "potential = \"coupled.piola\"";
     for (d, ratio, cells, material) in
-        [(2, 1.5, 8, solid), (2, 1.5, 8, coupled), (3, 1.0, 4, solid), (3, 1.0, 4, coupled)]
+        [(2, 1.5, 8, solid), (2, 1.5, 8, coupled), (3, 1.5, 4, solid), (3, 1.5, 4, coupled)]
     {
         grown_bodies_say_the_same(d, cells, &format!("spacings = {ratio:?}"), material);
     }

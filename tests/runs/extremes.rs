@@ -19,7 +19,11 @@ fn energy(potential: &str, parameters: &str, rows: &str, code: i32) -> Outcome {
         "potential own\nparameter k = 1\nallow \"no-bond-energy\" \"one tetrahedron\"\n\
          psi(v) = k*V*(V/v - 1)^2\n",
     );
-    folder.file("bound.piola", "potential bound\ndomain v/V in [0.5, 2]\npsi(v) = V*(v/V - 1)^2\n");
+    folder.file(
+        "bound.piola",
+        "potential bound\nallow \"no-bond-energy\" \"one tetrahedron\"\n\
+         domain v/V in [0.5, 2]\npsi(v) = V*(v/V - 1)^2\n",
+    );
     let (scene, table) = (folder.scene(), folder.file("u.csv", format!("u,v,w\n{rows}")));
     piola(&["energy", &scene, "--displacement", &table, "--tangent"]).expect(code)
 }

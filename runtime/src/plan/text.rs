@@ -25,7 +25,7 @@ impl fmt::Display for Plan {
             let line = format!("  {:<26}{fate:>16}   {}", kernel.energy, kernel.reason);
             writeln!(f, "{}", line.trim_end())?;
         }
-        writeln!(f, "memory, within a factor of 1.5")?;
+        writeln!(f, "memory beside the 25 MB of the program, within a factor of 1.5")?;
         for item in &self.memory {
             writeln!(f, "  {:<26}{:>16}", item.item, bytes(item.bytes))?;
         }

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | up to a million neighbours or so | everything that a run would refuse, interactions counted |
 //! | larger | sets and conditions; interactions from some of its points |
-//! | a box of more than a million points, not filled | energies; interactions from the box |
+//! | a box of more than 400,000 points, not filled | energies; interactions from the box |
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -25,7 +25,7 @@ use crate::solve::{Event, HeldTangent, Observer, Watch};
 use piola_compiler::Model;
 
 /// Boxes of more points than this are not filled for a plan.
-const FILLED: f64 = 1e6;
+const FILLED: f64 = 4e5;
 
 /// Bodies with more neighbours in all are not searched whole for a plan.
 const SEARCHED: f64 = 4e6;

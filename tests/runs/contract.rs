@@ -41,8 +41,8 @@ fn eval_keeps_rows_that_are_not_finite_and_says_so() {
     piola_with_input(&arguments, b"l,L\n1,one\n").expect(2).says(&["line 2", "`one`"]);
     let all = piola_with_input(&arguments, b"l,L\n1,one\n1,1\nx,y\n1,0\n1,1,1\n").expect(2);
     all.says(&["line 2", "`one`", "line 4", "`x`", "`y`", "line 5", "> 0", "line: 6"]);
-    let (more, named) = (b"l,L\n".repeat(1), ["x,1\n"; 50].concat());
-    let many = piola_with_input(&arguments, &[more, named.into_bytes()].concat()).expect(2);
+    let table = ["l,L\n", &"x,1\n".repeat(50)].concat();
+    let many = piola_with_input(&arguments, table.as_bytes()).expect(2);
     assert_eq!(many.stderr.matches("is not a number").count(), 20);
 }
 

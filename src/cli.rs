@@ -8,7 +8,8 @@ use crate::console::{Color, Verbosity};
 
 /// What scripts need to know.
 const EXIT_CODES: &str = "Data go to stdout, all else to stderr.
-Exit codes: 0 done, also with warnings; 1 a check, verification or evaluation found failures;
+Exit codes: 0 done, also with warnings; 1 a check, verification or evaluation found failures, or the
+end state of a run is not stable;
 2 wrong usage or input; 3 the solver did not converge; 130 or 143 interrupted or terminated.";
 
 const RUN_EXAMPLE: &str = "Example:

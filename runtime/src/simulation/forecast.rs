@@ -2,7 +2,7 @@
 //!
 //! | body | what is known |
 //! |---|---|
-//! | up to a million neighbours or so | everything that a run would refuse, interactions counted |
+//! | up to 4 million neighbours in all | everything that a run would refuse, interactions counted |
 //! | larger | sets and conditions; interactions from some of its points |
 //! | a box of more than 400,000 points, not filled | energies; interactions from the box |
 

@@ -1,10 +1,10 @@
 //! Energies of the deformation gradient: regimes, and what an error counts in.
 
-use super::{Place, Regime, SMALLEST, Settings};
+use super::tensor::{error_left, tensor_in_units};
+use super::{Place, Regime, Settings};
 use crate::point::sample::{self, Sample};
-use crate::point::truth::{change, norm, parts, truth};
+use crate::point::truth::{norm, parts, truth};
 use crate::point::{GradientKernel, NEAR, WrittenGradientEnergy};
-use crate::verify::UNIT_ROUNDOFF;
 use crate::verify::sample::Random;
 
 /// Errors of a kernel in every regime.
@@ -37,30 +37,15 @@ fn measure_errors(
     for (order, part) in parts(sample.gradient.len()).into_iter().enumerate() {
         let size = norm(expected[part.clone()].iter().copied());
         let difference = norm(part.map(|k| found[k] - expected[k]));
-        let raw = in_units(difference, size, size);
-        let left = if raw > bar {
-            let change = change(written, sample, &expected, order).unwrap_or(0.0);
-            in_units(difference, size, size + change)
-        } else {
-            raw
-        };
+        let raw = tensor_in_units(difference, size, size);
+        let left =
+            if raw > bar { error_left(written, sample, &expected, order, difference) } else { raw };
         regime.see(order, [raw, left], || Place::Gradient {
             gradient: sample.gradient.clone(),
             change: sample.change.clone(),
             is_near: sample.is_near(),
         });
     }
-}
-
-fn in_units(difference: f64, size: f64, scale: f64) -> f64 {
-    if !difference.is_finite() {
-        return f64::INFINITY;
-    }
-    // What is smaller may be lost to underflow.
-    if difference < SMALLEST && size < SMALLEST {
-        return 0.0;
-    }
-    difference / scale / UNIT_ROUNDOFF
 }
 
 /// Regimes: name, decade of the strain near rest, gradients.

@@ -4,14 +4,14 @@
 //! An error counts in `u = 2^-53` of the true value, raw; of tensors, P and dP of energies of the
 //! deformation gradient, in `u` of their norm. Where it is large because the value passes through zero,
 //! what is left of it counts in what rounding the inputs changes the value by: no formula can do better
-//! for an argument that is rounded. For measures `condition` says which input that is and where; of
-//! energies of the deformation gradient every component of `F`, near rest of `F - I`, changes by its own
-//! size, anywhere.
+//! for an argument that is rounded. For measures `condition` says which input that is and where; for
+//! energies of the deformation gradient `tensor` does.
 
 mod condition;
 mod gradient;
 mod measure;
 mod places;
+mod tensor;
 
 use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};
 use crate::measure::Argument;

@@ -38,15 +38,15 @@ impl Sample {
         if self.is_near() { &self.change } else { &self.gradient }
     }
 
-    /// The same with another given component.
-    pub(crate) fn moved(&self, component: usize, value: f64) -> Sample {
+    /// The same where other components are given.
+    pub(crate) fn moved(&self, given: Vec<f64>) -> Sample {
         let mut moved = self.clone();
         if self.is_near() {
-            moved.change[component] = value;
-            moved.gradient = plus_identity(&moved.change, 1.0);
+            moved.gradient = plus_identity(&given, 1.0);
+            moved.change = given;
         } else {
-            moved.gradient[component] = value;
-            moved.change = plus_identity(&moved.gradient, -1.0);
+            moved.change = plus_identity(&given, -1.0);
+            moved.gradient = given;
         }
         moved
     }

@@ -29,45 +29,9 @@ pub(crate) fn truth(written: &WrittenGradientEnergy, sample: &Sample) -> Option<
     truth.iter().all(|x| x.abs() < LARGEST).then_some(truth)
 }
 
-/// How much psi, P or dP changes when every given component changes by its own size, from its
-/// derivative.
-pub(crate) fn change(
-    written: &WrittenGradientEnergy,
-    sample: &Sample,
-    truth: &[f64],
-    order: usize,
-) -> Option<f64> {
-    let given = sample.given();
-    let n = given.len();
-    let product = |direction: &[f64], at: &Sample| -> Option<Vec<f64>> {
-        Some(derivatives(written, at, direction)?.split_off(1 + n))
-    };
-    let mut change = 0.0;
-    for k in (0..n).filter(|&k| given[k] != 0.0) {
-        change += match order {
-            0 => (given[k] * truth[1 + k]).abs(),
-            1 => {
-                let own: Vec<f64> = (0..n).map(|j| unit(j, k)).collect();
-                given[k].abs() * norm(product(&own, sample)?)
-            }
-            // The third derivative from differences of true values.
-            _ => {
-                let step = libm::ldexp(1.0, -20);
-                let moved = |sign: f64| {
-                    let moved = sample.moved(k, given[k] * (1.0 + sign * step));
-                    product(&sample.direction, &moved)
-                };
-                let (right, left) = (moved(1.0)?, moved(-1.0)?);
-                norm(right.iter().zip(&left).map(|(x, y)| x - y)) / (2.0 * step)
-            }
-        };
-    }
-    Some(change)
-}
-
 /// psi, P and dP for `dF = D`, from psi on lines along `D + e` and `D - e` for each unit direction:
 /// `P:e = (P:(D + e) - P:(D - e))/2`, `e:A:D = ((D + e):A:(D + e) - (D - e):A:(D - e))/4`.
-fn derivatives(
+pub(crate) fn derivatives(
     written: &WrittenGradientEnergy,
     sample: &Sample,
     direction: &[f64],
@@ -95,6 +59,6 @@ fn derivatives(
     Some(all)
 }
 
-fn unit(j: usize, k: usize) -> f64 {
+pub(crate) fn unit(j: usize, k: usize) -> f64 {
     f64::from(u8::from(j == k))
 }

@@ -2,13 +2,14 @@
 //!
 //! Small bodies are counted, larger ones from a sample of points, boxes that are not filled by their
 //! sides ([`count_interactions`], [`estimate_interactions`], [`count_in_box`]). Times are right within
-//! a factor of 3, memory within 1.5: they rest on the constants below, measured on one core of a 3 GHz
-//! server processor, and times of small bodies on their first linear system.
+//! a factor of 3, memory within 1.5: they rest on constants that were measured on one core of a 3 GHz server
+//! processor, and times of small bodies on their first increment.
 
 mod count;
 mod factor;
 mod families;
 mod text;
+mod time;
 
 use serde::Serialize;
 
@@ -22,50 +23,14 @@ pub use count::{
 pub use factor::{FactorEstimate, estimate_factor};
 pub use families::Families;
 pub(crate) use text::bytes as in_bytes;
-
-/// Assembling the energy, gradient and tangent of one interaction on one core, in s.
-const BOND_SECONDS: f64 = 10e-9;
-const TRIANGLE_SECONDS: f64 = 55e-9;
-const TETRAHEDRON_SECONDS: f64 = 50e-9;
-
-/// Finding one bond and placing its block in the matrix, in s.
-const BOND_SETUP_SECONDS: f64 = 150e-9;
-
-/// How much each further thread adds to the speed of assembly.
-const THREAD_GAIN: f64 = 0.7;
-
-/// Sparse Cholesky, multiplications and additions per s: 2.3e10 in 2D, 4e10 in 3D; it does not gain
-/// from threads.
-const FACTOR_FLOPS_PER_SECOND: f64 = 2e10;
+pub use time::{Basis, FirstIncrement, TimeEstimate};
 
 /// Memory of a factorisation over that of its factor's numbers: padding, workspace, indices.
 const CHOLESKY_OVERHEAD: f64 = 1.6;
 /// The same for LU, which ignores symmetry and keeps two factors.
 const LU_OVERHEAD: f64 = 8.0;
-/// Work of LU over that of Cholesky.
-const LU_WORK: f64 = 4.0;
-
-/// Bytes of a matrix that pass through the processor per s in a product with a vector.
-const MATRIX_BYTES_PER_SECOND: f64 = 19e9;
-
-/// Iterations of conjugate gradients to 1e-10 with block Jacobi: so many per horizon that fits into
-/// the body's longest side (126 for 7 horizons in 3D, 442 for 33 in 2D).
-const CG_ITERATIONS_PER_HORIZON: f64 = 16.0;
-const CG_ITERATIONS: f64 = 20.0;
-
-/// The same with two levels, for bodies of any size: 27 for bonds in 3D, 60 for a nearly
-/// incompressible cube. The coarse system adds half to the time of each.
-const TWO_LEVEL_ITERATIONS: f64 = 50.0;
-const TWO_LEVEL_TIME: f64 = 1.5;
-
 /// Numbers per point of the preconditioner: diagonal blocks and linear functions.
 const PRECONDITIONER_NUMBERS: usize = 24;
-
-/// Newton iterations that an increment usually takes.
-const NEWTON_ITERATIONS: f64 = 5.0;
-
-/// How the note begins that the cost of linear systems is a guess.
-const FEWER: &str = "how many iterations linear systems take";
 
 /// What a run may need over what is planned.
 const MEMORY_MARGIN: f64 = 1.2;
@@ -206,36 +171,13 @@ pub struct Plan {
     pub increments: usize,
     /// Time by phase.
     pub time: TimeEstimate,
-    /// What the plan does not know, in sentences.
+    /// Whether energies are of families.
+    #[serde(skip)]
+    of_families: bool,
+    /// What was seen of the first increment, if it was tried.
+    pub first: Option<FirstIncrement>,
+    /// What the plan does not know of the body, in sentences.
     pub notes: Vec<String>,
-}
-
-/// Time by phase, in s.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct TimeEstimate {
-    /// Finding neighbours and laying out the matrix, once.
-    pub setup: f64,
-    /// Energy, forces and tangent, per Newton iteration.
-    pub assembly: f64,
-    /// The linear system, per Newton iteration.
-    pub linear: f64,
-    /// All of it, with 5 Newton iterations per increment.
-    pub total: f64,
-    /// Whether assembly and linear system are those of the first increment, and no estimates.
-    pub measured: bool,
-}
-
-/// The first linear system of a run, as far as it was solved.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FirstSystem {
-    /// Time of forces and tangent, in s.
-    pub assembly: f64,
-    /// Time of the linear system, in s.
-    pub linear: f64,
-    /// Products with the tangent.
-    pub iterations: usize,
-    /// Whether that was enough.
-    pub solved: bool,
 }
 
 impl Plan {
@@ -278,7 +220,7 @@ impl Plan {
             Some(families) => families.time(&interactions, blocks, linear, factor, threads),
         };
         let time = time.for_increments(scene.steps.increments);
-        let mut plan = Plan {
+        Plan {
             dimension,
             points,
             unknowns,
@@ -292,33 +234,16 @@ impl Plan {
             threads,
             increments: scene.steps.increments,
             time,
+            of_families: families.is_some(),
+            first: None,
             notes: input.notes,
-        };
-        if families.is_some() && plan.linear.is_matrix_free() {
-            plan.notes.push(format!(
-                "{FEWER}: energies of families take 30 to 1000, and 35 to 65 are taken here"
-            ));
         }
-        plan
     }
 
-    /// Takes the first linear system instead of the estimates of its cost.
-    pub fn measured(&mut self, first: FirstSystem) {
-        let products = first.iterations;
-        let found = match (first.solved, products) {
-            (true, 0) => "the first linear system was solved".to_string(),
-            (true, _) => format!("the first linear system was solved by {products} products"),
-            // What is left of it nobody knows: at least as much again is taken.
-            _ => format!("the first linear system was not solved after {products} products"),
-        };
-        self.notes.retain(|note| !note.starts_with(FEWER));
-        self.notes.push(format!(
-            "{found}, and increments are taken to need {NEWTON_ITERATIONS} Newton iterations each: \
-             line searches, cut-backs and harder systems under load are not in the time"
-        ));
-        let linear = if first.solved { first.linear } else { 2.0 * first.linear };
-        let time = TimeEstimate { assembly: first.assembly, linear, ..self.time };
-        self.time = TimeEstimate { measured: true, ..time.for_increments(self.increments) };
+    /// Takes what was seen of the first increment instead of the estimates of its cost.
+    pub fn rehearsed(&mut self, first: FirstIncrement) {
+        self.time = self.time.of(&first, self.increments);
+        self.first = Some(first);
     }
 
     /// Why this machine should not try, if it should not: estimates may be too low, so they keep a
@@ -450,51 +375,6 @@ fn memory(
         LinearMethod::Cg | LinearMethod::MatrixFree => {}
     }
     items.into_iter().map(|(item, bytes)| MemoryItem { item, bytes: bytes as u64 }).collect()
-}
-
-/// How much faster assembly is on so many threads.
-fn speed(threads: usize) -> f64 {
-    1.0 + THREAD_GAIN * (threads.max(1) - 1) as f64
-}
-
-impl TimeEstimate {
-    /// `horizons` that fit into the body's longest side decide how conjugate gradients converge;
-    /// `None` with two levels, where they do not.
-    fn new(
-        interactions: &InteractionCount,
-        (dimension, blocks): (usize, f64),
-        linear: LinearMethod,
-        factor: FactorEstimate,
-        horizons: Option<f64>,
-        threads: usize,
-    ) -> TimeEstimate {
-        let speed = speed(threads);
-        let bonds = interactions.bonds as f64;
-        let one_core = bonds * BOND_SECONDS
-            + interactions.triangles as f64 * TRIANGLE_SECONDS
-            + interactions.tetrahedra as f64 * TETRAHEDRON_SECONDS;
-        let assembly = one_core / speed;
-        let iterations =
-            horizons.map(|horizons| CG_ITERATIONS + CG_ITERATIONS_PER_HORIZON * horizons);
-        let linear = match linear {
-            LinearMethod::Cholesky => factor.flops / FACTOR_FLOPS_PER_SECOND,
-            LinearMethod::Lu => LU_WORK * factor.flops / FACTOR_FLOPS_PER_SECOND,
-            LinearMethod::MatrixFree | LinearMethod::MatrixFreeGmres => {
-                iterations.unwrap_or(TWO_LEVEL_ITERATIONS) * assembly
-            }
-            LinearMethod::Cg | LinearMethod::Gmres => {
-                let iterations = iterations.unwrap_or(TWO_LEVEL_ITERATIONS * TWO_LEVEL_TIME);
-                iterations * matrix_bytes(dimension, blocks).0 / MATRIX_BYTES_PER_SECOND
-            }
-        };
-        let setup = bonds * BOND_SETUP_SECONDS;
-        TimeEstimate { setup, assembly, linear, total: 0.0, measured: false }
-    }
-
-    fn for_increments(self, increments: usize) -> TimeEstimate {
-        let iterations = NEWTON_ITERATIONS * increments as f64;
-        TimeEstimate { total: self.setup + iterations * (self.assembly + self.linear), ..self }
-    }
 }
 
 #[cfg(test)]

@@ -16,8 +16,9 @@ pub(super) fn execute(arguments: &Plan) -> Exit {
             return Exit::Input;
         }
     }
-    let planned =
-        scene::with_threads(arguments.threads, || case.measured_plan(rayon::current_num_threads()));
+    let planned = scene::with_threads(arguments.threads, || {
+        case.rehearsed_plan(rayon::current_num_threads())
+    });
     let Some(planned) = planned else { return Exit::Input };
     match planned {
         Ok(plan) => {
@@ -31,6 +32,9 @@ pub(super) fn execute(arguments: &Plan) -> Exit {
                     }
                 },
             });
+            if let Some(failure) = plan.first.as_ref().and_then(|first| first.failure.as_ref()) {
+                render::warning(&format!("the first increment fails: {failure}"));
+            }
             if let Some(refusal) = plan.refusal() {
                 render::warning(&format!("{refusal}; `piola run` will refuse unless told --yes"));
             }

@@ -198,3 +198,49 @@ fn messages_are_short_and_no_text_commands_the_terminal() {
     );
     assert!(outcome.code == 0 || outcome.stderr.contains("error"), "{outcome:?}");
 }
+
+/// What a plan counts in the first increment is what the run then does.
+#[test]
+fn a_plan_counts_line_searches_and_cut_backs() {
+    let free = ["--set", "solver.linear=matrix-free"];
+    let few = ["--set", "steps.increments=1", "--set", "solver.max_iterations=2"];
+    for settings in [&[][..], &free, &few] {
+        let folder = strip();
+        let plan = piola(&[&["plan", &folder.scene(), "--format", "json"], settings].concat());
+        let plan = plan.expect(0).json();
+        let first = &plan["first"];
+        let told = folder.run(settings).expect(0).stderr;
+        let steps = folder.summary()["steps"].clone();
+        let step = &steps[0];
+        let (before, _) = told.split_once("residual/reaction").unwrap();
+        let cut_backs = before.matches("half the increment is tried").count();
+        assert_eq!(first["cut_backs"], cut_backs, "{first} {told}");
+        let increments = if settings == few { 1.0 } else { 4.0 };
+        assert_eq!(number(&first["solved"]), number(&step["t"]) * increments, "{first} {step}");
+        if settings == few {
+            assert!(number(&first["cut_backs"]) > 0.0 && number(&first["solved"]) < 1.0, "{first}");
+        } else {
+            assert_eq!(first["iterations"], step["iterations"], "{first} {step}");
+        }
+        let products = number(&first["products"]);
+        assert_eq!(products > 0.0, settings == free, "{first}");
+        let time = &plan["time"];
+        assert_eq!(time["basis"], "increment");
+        let whole = ["assembly", "linear", "line_search"].map(|part| number(&first[part]));
+        let increment = whole.iter().sum::<f64>() / number(&first["solved"]);
+        assert!((number(&time["increment"]) / increment - 1.0).abs() < 1e-12, "{plan}");
+        let total = number(&time["setup"]) + increments * increment;
+        assert!((number(&time["total"]) / total - 1.0).abs() < 1e-12, "{plan}");
+    }
+}
+
+#[test]
+fn a_plan_says_that_the_first_increment_fails() {
+    // A single iteration is too few for any increment.
+    let folder = strip();
+    let settings = ["--set", "steps.increments=1", "--set", "solver.max_iterations=1"];
+    let plan = piola(&[&["plan", &folder.scene()][..], &settings].concat()).expect(0);
+    assert!(plan.stdout.contains("the first increment fails after"), "{}", plan.stdout);
+    plan.says(&["the first increment fails: no equilibrium at t = ", "no convergence in 1 iter"]);
+    folder.run(&settings).expect(3);
+}

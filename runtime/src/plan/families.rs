@@ -3,10 +3,8 @@
 //! Their tangent reaches two or three horizons. It is not stored unless the scene says so: products
 //! visit the bonds, and springs like the tangent precondition them.
 
-use super::{
-    FACTOR_FLOPS_PER_SECOND, FactorEstimate, InteractionCount, LU_WORK, LinearMethod, TimeEstimate,
-    speed,
-};
+use super::time::{FACTOR_FLOPS_PER_SECOND, LU_WORK, speed};
+use super::{FactorEstimate, InteractionCount, LinearMethod, TimeEstimate};
 use crate::energy::Products;
 use crate::scene::{DiscretisationChoice, LinearChoice, Scene};
 use crate::solve::linear::OPERATIONS_PER_BLOCK;
@@ -148,12 +146,6 @@ impl Families {
             LinearMethod::Cholesky => (stored, factorisation),
             LinearMethod::Lu => (stored, LU_WORK * factorisation),
         };
-        TimeEstimate {
-            setup: bonds * BOND_SETUP_SECONDS,
-            assembly,
-            linear,
-            total: 0.0,
-            measured: false,
-        }
+        TimeEstimate::per_iteration(bonds * BOND_SETUP_SECONDS, assembly, linear)
     }
 }

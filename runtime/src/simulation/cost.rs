@@ -137,7 +137,7 @@ fn pass(name: &'static str, seconds: f64, report: &Report) -> PassCost {
 }
 
 /// The linear system of the first increment, from rest.
-pub(super) struct Posed {
+struct Posed {
     constraints: Constraints,
     /// Displacements with what is prescribed, 0 elsewhere, in m.
     moved: Vec<f64>,
@@ -145,7 +145,7 @@ pub(super) struct Posed {
 }
 
 impl Posed {
-    pub(super) fn new(case: &Case, modelled: &ModelledEnergy) -> Result<Posed, CaseError> {
+    fn new(case: &Case, modelled: &ModelledEnergy) -> Result<Posed, CaseError> {
         let message =
             |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
         let selection = case.selection()?;
@@ -162,11 +162,7 @@ impl Posed {
     }
 
     /// The solver that a run would take; the reason if there is none.
-    pub(super) fn solver(
-        &self,
-        case: &Case,
-        modelled: &ModelledEnergy,
-    ) -> Result<LinearSolver, String> {
+    fn solver(&self, case: &Case, modelled: &ModelledEnergy) -> Result<LinearSolver, String> {
         check_rigid_motions(modelled.bonds(), case.body.positions(), &self.constraints)
             .map_err(|error| error.to_string())?;
         let options = run::settings(&case.scene).linear;
@@ -176,7 +172,7 @@ impl Posed {
 
     /// Loads minus forces at rest and those of what is prescribed, in N; evaluates the tangent at
     /// rest.
-    pub(super) fn right_hand_side(
+    fn right_hand_side(
         &self,
         energy: &dyn TotalEnergy,
         tangent: &mut HeldTangent,

@@ -6,22 +6,18 @@
 //! | larger | sets and conditions; interactions from some of its points |
 //! | a box of more than 400,000 points, not filled | energies; interactions from the box |
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use super::{Case, CaseError, Compiled, cost, run, size};
+use super::{Case, CaseError, Compiled, rehearsal, run, size};
 use crate::kernel::Measure;
 use crate::matrix::BlockPattern;
 use crate::neighborhood::Neighborhood;
 use crate::plan::{
-    Extent, Families, FirstSystem, InteractionCount, KernelNote, Needed, Plan, PlanInput,
-    available_memory, count_in_box, count_interactions, estimate_interactions,
+    Extent, Families, InteractionCount, KernelNote, Needed, Plan, PlanInput, available_memory,
+    count_in_box, count_interactions, estimate_interactions,
 };
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::{LatticeShape, Points, Scene};
-use crate::solve::linear::LinearError;
-use crate::solve::{Event, HeldTangent, Observer, Watch};
 use piola_compiler::Model;
 
 /// Boxes of more points than this are not filled for a plan.
@@ -30,29 +26,8 @@ const FILLED: f64 = 4e5;
 /// Bodies with more neighbours in all are not searched whole for a plan.
 const SEARCHED: f64 = 4e6;
 
-/// How long a plan may work on the first linear system.
+/// How long a plan may work on the first increment.
 const PATIENCE: Duration = Duration::from_millis(500);
-
-/// Factorisations of more operations are not made for a plan: half a second.
-const FACTOR_OPERATIONS: f64 = 1e10;
-
-/// Wants an end when its time is up, and counts products.
-struct Impatient {
-    until: Instant,
-    products: AtomicUsize,
-}
-
-impl Observer for Impatient {
-    fn notice(&self, event: Event<'_>) {
-        if let Event::Product = event {
-            self.products.fetch_add(1, Ordering::Relaxed);
-        }
-    }
-
-    fn wants_end(&self) -> bool {
-        Instant::now() > self.until
-    }
-}
 
 /// What a plan is told of a body.
 struct Outline {
@@ -71,19 +46,19 @@ impl Case {
         (points > FILLED && self.body.n_points() == 0).then_some(shape)
     }
 
-    /// As [`Case::plan`], with the first linear system of bodies that are small enough for it measured
-    /// instead of estimated.
+    /// As [`Case::plan`], with the first increment of bodies that are small enough for it solved as far as
+    /// half a second allows.
     ///
     /// # Errors
     /// As [`Case::plan`].
-    pub fn measured_plan(&self, threads: usize) -> Result<Plan, CaseError> {
+    pub fn rehearsed_plan(&self, threads: usize) -> Result<Plan, CaseError> {
         let (mut plan, compiled) = self.plan_and_energies(threads)?;
         let is_quick = plan.time.setup + 2.0 * plan.time.assembly < 0.5 * PATIENCE.as_secs_f64();
         if self.large_box().is_none()
             && is_quick
-            && let Ok(Some(first)) = self.first_system(compiled)
+            && let Ok(Some(first)) = rehearsal::first_increment(self, compiled, PATIENCE)
         {
-            plan.measured(first);
+            plan.rehearsed(first);
         }
         Ok(plan)
     }
@@ -123,38 +98,6 @@ impl Case {
             available_memory: available_memory(),
         });
         Ok((plan, compiled))
-    }
-
-    /// Poses the first linear system and solves it as far as a plan has time to; nothing where a
-    /// factorisation would take longer.
-    fn first_system(&self, compiled: Compiled) -> Result<Option<FirstSystem>, CaseError> {
-        let modelled = self.energy(compiled)?;
-        let energy = modelled.total();
-        let start = Instant::now();
-        let observer = Arc::new(Impatient { until: start + PATIENCE, products: 0.into() });
-        let posed = cost::Posed::new(self, &modelled)?;
-        let Ok(mut solver) = posed.solver(self, &modelled) else { return Ok(None) };
-        let too_long = |operations: f64| operations > FACTOR_OPERATIONS;
-        if !solver.iterates() && solver.estimate().is_ok_and(|e| too_long(e.operations)) {
-            return Ok(None);
-        }
-        solver.watched(Watch::by(Arc::clone(&observer) as Arc<dyn Observer>));
-        let mut tangent = HeldTangent::new(energy, solver.stores_matrix());
-        let begin = Instant::now();
-        let Ok(rhs) = posed.right_hand_side(energy, &mut tangent) else { return Ok(None) };
-        let assembly = begin.elapsed().as_secs_f64();
-        let mut solution = vec![0.0; rhs.len()];
-        let begin = Instant::now();
-        let solved = solver.solve(tangent.tangent(energy), &rhs, &mut solution);
-        let linear = begin.elapsed().as_secs_f64();
-        let iterations = observer.products.load(Ordering::Relaxed);
-        Ok(match solved {
-            Ok(_) => Some(FirstSystem { assembly, linear, iterations, solved: true }),
-            Err(LinearError::Interrupted) => {
-                Some(FirstSystem { assembly, linear, iterations, solved: false })
-            }
-            Err(_) => None,
-        })
     }
 
     fn outline_of_box(&self, shape: &LatticeShape, needed: Needed) -> Outline {

@@ -16,6 +16,7 @@ mod error;
 mod explain;
 mod forecast;
 mod model;
+mod rehearsal;
 mod run;
 mod size;
 

@@ -35,9 +35,9 @@ impl fmt::Display for Plan {
         let threads =
             if self.threads == 1 { "1 thread" } else { &format!("{} threads", self.threads) };
         let basis = match self.time.basis {
-            Basis::Estimate => "from counts: within a factor of 3 if linear systems are benign",
-            Basis::Iterations => "from the first iterations: at least a third of it",
-            Basis::Increment => "from the first increment: within a factor of 3",
+            Basis::Estimate => "estimated, within a factor of 3",
+            Basis::Iterations => "from the first iterations, a third of it or more",
+            Basis::Increment => "from the first increment, within a factor of 3",
         };
         writeln!(f, "time on {threads}, {basis}")?;
         let method = match self.linear {

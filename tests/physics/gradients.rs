@@ -131,7 +131,7 @@ fn forces_are_the_gradient_and_products_the_tangent() {
         assert!((along - differences).abs() < 6e-13 * scale, "{label}: {along} {differences}");
 
         let mut product = vec![0.0; u.len()];
-        energy.tangent_product(u, &v, &mut product).unwrap();
+        energy.hessian(u).unwrap().multiply(&v, &mut product);
         let differences: Vec<f64> = (0..u.len())
             .map(|k| slope(1e-4, |by| gradient(energy, &moved(u, &v, by))[k]))
             .collect();
@@ -139,7 +139,7 @@ fn forces_are_the_gradient_and_products_the_tangent() {
         assert!(error < 5e-12 * norm(&product), "{label}: {error:e}");
         let w = Random(4).vector(u.len());
         let mut other = vec![0.0; u.len()];
-        energy.tangent_product(u, &w, &mut other).unwrap();
+        energy.hessian(u).unwrap().multiply(&w, &mut other);
         let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
         let (first, second) = (dot(&w, &product), dot(&v, &other));
         let scale = norm(&product) * norm(&w);

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use piola_runtime::energy::{EnergyParts, NonFinite, TotalEnergy};
+use piola_runtime::energy::{EnergyParts, Hessian, NonFinite, TotalEnergy};
 use piola_runtime::matrix::{BlockMatrix, BlockPattern};
 
 /// An energy, and how often its forces and products were evaluated.
@@ -75,8 +75,20 @@ impl TotalEnergy for Counted<'_> {
         self.energy.tangent_diagonal(u, gradient, diagonal)
     }
 
-    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
+    fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
+        let hessian = self.energy.hessian(u)?;
+        Ok(Box::new(CountedHessian { hessian, products: &self.products }))
+    }
+}
+
+struct CountedHessian<'a> {
+    hessian: Box<dyn Hessian + 'a>,
+    products: &'a AtomicUsize,
+}
+
+impl Hessian for CountedHessian<'_> {
+    fn multiply(&self, p: &[f64], product: &mut [f64]) {
         self.products.fetch_add(1, Ordering::Relaxed);
-        self.energy.tangent_product(u, p, product)
+        self.hessian.multiply(p, product);
     }
 }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::slab::{Refusal, minus, named, row};
 use super::{DiscreteEnergy, Kind};
 use crate::element::{CAPACITY, Contributions, InteractionBatch, Order};
-use crate::energy::{EnergyParts, NonFinite};
+use crate::energy::{EnergyParts, Hessian, NonFinite};
 use crate::geometry::packed;
 use crate::interaction::OwnerCliques;
 
@@ -201,31 +201,41 @@ impl<const D: usize, S: Sink<D>> Visit<'_, D, S> {
     }
 }
 
-impl DiscreteEnergy {
-    /// See [`crate::energy::TotalEnergy::tangent_product`].
-    pub(super) fn multiply(&self, u: &[f64], p: &[f64], out: &mut [f64]) -> Result<(), NonFinite> {
-        match self.body.dimension() {
-            2 => self.multiply_in::<2>(u, p, out),
-            _ => self.multiply_in::<3>(u, p, out),
+/// The Hessian of all interactions at `u`: each product evaluates them again.
+pub(super) struct InteractionHessian<'a> {
+    pub(super) energy: &'a DiscreteEnergy,
+    /// Displacements, `n x d`, in m.
+    pub(super) u: Vec<f64>,
+}
+
+impl Hessian for InteractionHessian<'_> {
+    fn multiply(&self, p: &[f64], product: &mut [f64]) {
+        assert!(p.len() == self.u.len() && product.len() == p.len(), "vectors are n x d");
+        let done = match self.energy.body.dimension() {
+            2 => self.multiply_in::<2>(p, product),
+            _ => self.multiply_in::<3>(p, product),
+        };
+        if done.is_err() {
+            product.fill(f64::NAN);
         }
     }
+}
 
-    fn multiply_in<const D: usize>(
-        &self,
-        u: &[f64],
-        p: &[f64],
-        out: &mut [f64],
-    ) -> Result<(), NonFinite> {
+impl InteractionHessian<'_> {
+    fn multiply_in<const D: usize>(&self, p: &[f64], out: &mut [f64]) -> Result<(), NonFinite> {
+        let energy = self.energy;
         out.fill(0.0);
-        let mut energies = vec![EnergyParts::default(); self.slabs.len()];
+        let mut energies = vec![EnergyParts::default(); energy.slabs.len()];
         for color in 0..2 {
-            let rows = self.cut(color, D, out).into_iter();
+            let rows = energy.cut(color, D, out).into_iter();
             let sinks = rows.map(|(slab, first, rows)| (slab, Product::<D> { p, first, rows }));
-            self.visit(u, sinks.collect(), &mut energies)?;
+            energy.visit(&self.u, sinks.collect(), &mut energies)?;
         }
         Ok(())
     }
+}
 
+impl DiscreteEnergy {
     /// See [`crate::energy::TotalEnergy::tangent_diagonal`].
     pub(super) fn diagonal(
         &self,

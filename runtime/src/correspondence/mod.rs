@@ -32,14 +32,14 @@ pub(crate) mod tangent;
 #[cfg(test)]
 mod tests;
 
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
 use crate::assembly::error::check_neighbors;
 use crate::assembly::{AssemblyError, sum::Sum};
 use crate::body::Body;
-use crate::energy::{Argument, EnergyParts, NonFinite, TotalEnergy};
+use crate::energy::{Argument, EnergyParts, Hessian, NonFinite, TotalEnergy};
 use crate::interaction::Slabs;
 use crate::kernel::VariablesLaw;
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -93,12 +93,7 @@ pub struct Correspondence {
     slabs: Slabs,
     pattern: OnceLock<Arc<BlockPattern>>,
     bond_pattern: OnceLock<Arc<BlockPattern>>,
-    /// Of the last product.
-    kept: Mutex<Option<Arc<Kept>>>,
 }
-
-/// Displacements and their gradients at the points, row by row.
-type Kept = (Vec<f64>, Vec<f64>);
 
 /// The discretisation with its weights.
 enum Places {
@@ -146,8 +141,8 @@ impl Correspondence {
             }
         };
         let slabs = Slabs::new(neighborhood);
-        let (pattern, bond_pattern, kept) = (OnceLock::new(), OnceLock::new(), Mutex::new(None));
-        Ok(Correspondence { body, operator, law, places, slabs, pattern, bond_pattern, kept })
+        let (pattern, bond_pattern) = (OnceLock::new(), OnceLock::new());
+        Ok(Correspondence { body, operator, law, places, slabs, pattern, bond_pattern })
     }
 
     /// The body.
@@ -201,23 +196,6 @@ impl Correspondence {
         h
     }
 
-    /// Displacements with their gradients, those of the last product if it was there; of products they
-    /// are kept.
-    fn kept_gradients<const D: usize>(&self, u: &[f64], is_product: bool) -> Arc<Kept> {
-        // Nothing panics while it is held, and what it holds is whole.
-        let last = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
-        let kept = last().as_ref().filter(|kept| is_product && kept.0 == u).map(Arc::clone);
-        kept.unwrap_or_else(|| {
-            let h = self.gradients::<D>(u).into_flattened().into_flattened();
-            if !is_product {
-                return Arc::new((Vec::new(), h));
-            }
-            let kept = Arc::new((u.to_vec(), h));
-            *last() = Some(Arc::clone(&kept));
-            kept
-        })
-    }
-
     /// The energy of the fields; `duals` become its derivatives, or products.
     fn sweep<const D: usize>(
         &self,
@@ -249,30 +227,33 @@ impl Correspondence {
         })
     }
 
-    /// Energy and, unless `out` is absent, its derivative at `u`, or the product with `direction`.
+    /// Energy and, unless `out` is absent, its derivative at `u`.
     fn evaluate<const D: usize>(
         &self,
         u: &[f64],
-        direction: Option<&[f64]>,
         out: Option<&mut [f64]>,
     ) -> Result<EnergyParts, NonFinite> {
-        let kept = self.kept_gradients::<D>(u, direction.is_some());
-        let h = kept.1.as_chunks::<D>().0.as_chunks::<D>().0;
-        let fields = Fields { u: u.as_chunks::<D>().0, h };
-        let named = |failure: Failure| self.named(failure, u);
-        let Some(out) = out else {
-            return self.sweep(fields, Pass::Energy, Duals::default()).map_err(named);
+        let h = self.gradients::<D>(u);
+        let fields = Fields { u: u.as_chunks::<D>().0, h: &h };
+        let parts = match out {
+            None => self.sweep(fields, Pass::Energy, Duals::default()),
+            Some(out) => self.back(fields, Pass::Gradient, out),
         };
-        let along = direction.map(|p| (p, self.gradients::<D>(p)));
-        let pass = match &along {
-            Some((p, dh)) => Pass::Product(Fields { u: p.as_chunks::<D>().0, h: dh }),
-            None => Pass::Gradient,
-        };
+        parts.map_err(|failure| self.named(failure, u))
+    }
+
+    /// The energy of the fields; `out` becomes its derivative, or the product.
+    fn back<const D: usize>(
+        &self,
+        fields: Fields<'_, D>,
+        pass: Pass<'_, D>,
+        out: &mut [f64],
+    ) -> Result<EnergyParts, Failure> {
         out.fill(0.0);
-        let mut stress = vec![[[0.0; D]; D]; h.len()];
+        let mut stress = vec![[[0.0; D]; D]; fields.h.len()];
         let force = out.as_chunks_mut::<D>().0;
         let duals = Duals { stress: &mut stress, force, ..Duals::default() };
-        let parts = self.sweep(fields, pass, duals).map_err(named)?;
+        let parts = self.sweep(fields, pass, duals)?;
         self.operator.add_transpose(&stress, out);
         Ok(parts)
     }
@@ -375,8 +356,8 @@ impl TotalEnergy for Correspondence {
     fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         match self.dimension() {
-            2 => self.evaluate::<2>(u, None, None),
-            _ => self.evaluate::<3>(u, None, None),
+            2 => self.evaluate::<2>(u, None),
+            _ => self.evaluate::<3>(u, None),
         }
     }
 
@@ -384,8 +365,8 @@ impl TotalEnergy for Correspondence {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         assert_eq!(gradient.len(), u.len(), "the gradient is n x d");
         match self.dimension() {
-            2 => self.evaluate::<2>(u, None, Some(gradient)),
-            _ => self.evaluate::<3>(u, None, Some(gradient)),
+            2 => self.evaluate::<2>(u, Some(gradient)),
+            _ => self.evaluate::<3>(u, Some(gradient)),
         }
     }
 
@@ -420,13 +401,37 @@ impl TotalEnergy for Correspondence {
         Ok(parts)
     }
 
-    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
+    fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
-        assert!(p.len() == u.len() && product.len() == u.len(), "vectors are n x d");
-        match self.dimension() {
-            2 => self.evaluate::<2>(u, Some(p), Some(product)),
-            _ => self.evaluate::<3>(u, Some(p), Some(product)),
-        }
-        .map(|_| ())
+        Ok(match self.dimension() {
+            2 => Box::new(FieldHessian::<2> { energy: self, u: rows(u), h: self.gradients(u) }),
+            _ => Box::new(FieldHessian::<3> { energy: self, u: rows(u), h: self.gradients(u) }),
+        })
     }
+}
+
+/// The Hessian at displacements and their gradients at all points: each product evaluates the law again.
+struct FieldHessian<'a, const D: usize> {
+    energy: &'a Correspondence,
+    /// In m.
+    u: Vec<[f64; D]>,
+    h: Vec<Tensor<D>>,
+}
+
+impl<const D: usize> Hessian for FieldHessian<'_, D> {
+    fn multiply(&self, p: &[f64], product: &mut [f64]) {
+        let n = self.u.len() * D;
+        assert!(p.len() == n && product.len() == n, "vectors are n x d");
+        let dh = self.energy.gradients::<D>(p);
+        let along = Fields { u: p.as_chunks::<D>().0, h: &dh };
+        let fields = Fields { u: &self.u, h: &self.h };
+        if self.energy.back(fields, Pass::Product(along), product).is_err() {
+            product.fill(f64::NAN);
+        }
+    }
+}
+
+/// A vector of every point.
+fn rows<const D: usize>(u: &[f64]) -> Vec<[f64; D]> {
+    u.as_chunks::<D>().0.to_vec()
 }

@@ -13,9 +13,9 @@
 //!
 //! Scaling all lengths, or all forces, changes no digit of what that step is relative to `h`.
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
-use super::{EnergyParts, Inversion, NonFinite, Products, TotalEnergy};
+use super::{EnergyParts, Hessian, Inversion, NonFinite, Products, TotalEnergy};
 use crate::matrix::{BlockMatrix, BlockPattern};
 
 /// Unit roundoff of f64.
@@ -30,8 +30,6 @@ pub struct FiniteDifferences<'a> {
     products: Products,
     /// The smallest distance of neighbours at rest, in m.
     smallest: f64,
-    /// Displacements and the forces there, for one-sided differences.
-    last: Mutex<Option<(Vec<f64>, Vec<f64>)>>,
 }
 
 impl<'a> FiniteDifferences<'a> {
@@ -39,7 +37,7 @@ impl<'a> FiniteDifferences<'a> {
     pub fn new(energy: &'a dyn TotalEnergy, products: Products) -> FiniteDifferences<'a> {
         let pattern = energy.bond_pattern().unwrap_or_else(|| energy.pattern());
         let smallest = smallest_distance(pattern, energy.positions());
-        FiniteDifferences { energy, products, smallest, last: Mutex::new(None) }
+        FiniteDifferences { energy, products, smallest }
     }
 
     /// How far the point that moves most is moved from displacements `u`, in m.
@@ -47,22 +45,6 @@ impl<'a> FiniteDifferences<'a> {
         let largest = largest(u);
         let rounding = ROUNDOFF * (largest / self.smallest).max(1.0);
         self.smallest * self.products.balanced(rounding)
-    }
-
-    fn one_sided(&self, u: &[f64], ahead: &[f64], out: &mut [f64]) -> Result<(), NonFinite> {
-        let held = self.last.lock().unwrap_or_else(|e| e.into_inner()).take();
-        let (at, forces) = match held.filter(|(at, _)| at == u) {
-            Some(held) => held,
-            None => {
-                let mut forces = vec![0.0; u.len()];
-                self.energy.gradient(u, &mut forces)?;
-                (u.to_vec(), forces)
-            }
-        };
-        self.energy.gradient(ahead, out)?;
-        out.iter_mut().zip(&forces).for_each(|(out, forces)| *out -= forces);
-        *self.last.lock().unwrap_or_else(|e| e.into_inner()) = Some((at, forces));
-        Ok(())
     }
 }
 
@@ -138,37 +120,67 @@ impl TotalEnergy for FiniteDifferences<'_> {
         self.energy.tangent_diagonal(u, gradient, diagonal)
     }
 
-    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
-        let size = largest(p);
-        // What is not a number has no size, but makes no finite product either.
-        if size == 0.0 && p.iter().all(|p| *p == 0.0) {
-            product.fill(0.0);
-            return Ok(());
+    fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
+        let mut forces = Vec::new();
+        match self.products {
+            Products::Exact => return self.energy.hessian(u),
+            Products::OneSided => {
+                forces.resize(u.len(), 0.0);
+                self.energy.gradient(u, &mut forces)?;
+            }
+            Products::Central => {}
         }
         let step = self.step(u);
-        let moved = |way: f64| -> Vec<f64> {
-            u.iter().zip(p).map(|(u, p)| u + way * step * (p / size)).collect()
-        };
-        let factor = match self.products {
-            Products::Exact => return self.energy.tangent_product(u, p, product),
-            Products::OneSided => {
-                self.one_sided(u, &moved(1.0), product)?;
-                size / step
-            }
-            Products::Central => {
-                let mut behind = vec![0.0; u.len()];
-                self.energy.gradient(&moved(1.0), product)?;
-                self.energy.gradient(&moved(-1.0), &mut behind)?;
-                product.iter_mut().zip(&behind).for_each(|(ahead, behind)| *ahead -= behind);
-                size / (2.0 * step)
-            }
-        };
-        product.iter_mut().for_each(|x| *x *= factor);
-        Ok(())
+        Ok(Box::new(ForceDifferences { energy: self.energy, u: u.to_vec(), step, forces }))
     }
 
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {
         self.energy.first_inversion(u, step)
+    }
+}
+
+/// A Hessian that multiplies by differences of forces.
+struct ForceDifferences<'a> {
+    energy: &'a dyn TotalEnergy,
+    /// Displacements, `n x d`, in m.
+    u: Vec<f64>,
+    /// How far the point that moves most is moved, in m.
+    step: f64,
+    /// Forces at `u` in N, for one-sided differences; none for central ones.
+    forces: Vec<f64>,
+}
+
+impl Hessian for ForceDifferences<'_> {
+    fn multiply(&self, p: &[f64], product: &mut [f64]) {
+        let size = largest(p);
+        // What is not a number has no size, but makes no finite product either.
+        if size == 0.0 && p.iter().all(|p| *p == 0.0) {
+            product.fill(0.0);
+        } else if self.differences(p, size, product).is_err() {
+            product.fill(f64::NAN);
+        }
+    }
+}
+
+impl ForceDifferences<'_> {
+    fn differences(&self, p: &[f64], size: f64, product: &mut [f64]) -> Result<(), NonFinite> {
+        let moved = |way: f64| -> Vec<f64> {
+            self.u.iter().zip(p).map(|(u, p)| u + way * self.step * (p / size)).collect()
+        };
+        self.energy.gradient(&moved(1.0), product)?;
+        let mut behind = Vec::new();
+        let (behind, steps) = if self.forces.is_empty() {
+            behind.resize(p.len(), 0.0);
+            self.energy.gradient(&moved(-1.0), &mut behind)?;
+            (&behind, 2.0)
+        } else {
+            (&self.forces, 1.0)
+        };
+        let factor = size / (steps * self.step);
+        product.iter_mut().zip(behind).for_each(|(ahead, behind)| {
+            *ahead = (*ahead - behind) * factor;
+        });
+        Ok(())
     }
 }
 
@@ -182,8 +194,8 @@ mod tests {
     fn error(products: Products, u: &[f64], p: &[f64], springs: &SpringNetwork) -> (f64, f64) {
         let differences = FiniteDifferences::new(springs, products);
         let (mut found, mut exact) = (vec![f64::NAN; p.len()], vec![0.0; p.len()]);
-        differences.tangent_product(u, p, &mut found).unwrap();
-        springs.tangent_product(u, p, &mut exact).unwrap();
+        differences.hessian(u).unwrap().multiply(p, &mut found);
+        springs.hessian(u).unwrap().multiply(p, &mut exact);
         let error: Vec<f64> = found.iter().zip(&exact).map(|(f, e)| f - e).collect();
         (norm_of(&error) / norm_of(&exact), differences.step(u))
     }
@@ -199,8 +211,8 @@ mod tests {
                 let scaled: Vec<f64> = p.iter().map(|x| x / size).collect();
                 let differences = FiniteDifferences::new(&springs, products);
                 let (mut found, mut exact) = (vec![f64::NAN; n], vec![0.0; n]);
-                differences.tangent_product(&u, &p, &mut found).unwrap();
-                springs.tangent_product(&u, &scaled, &mut exact).unwrap();
+                differences.hessian(&u).unwrap().multiply(&p, &mut found);
+                springs.hessian(&u).unwrap().multiply(&scaled, &mut exact);
                 let error: Vec<f64> = found.iter().zip(&exact).map(|(f, e)| f / size - e).collect();
                 let error = norm_of(&error) / norm_of(&exact);
                 assert!((0.01 * order..10.0 * order).contains(&error), "{products:?} {error:e}");
@@ -229,11 +241,11 @@ mod tests {
         let springs = SpringNetwork::lattice(&[3, 3], 1.5, linear);
         let mut product = [f64::NAN; 18];
         let differences = FiniteDifferences::new(&springs, Products::OneSided);
-        differences.tangent_product(&[0.01; 18], &[0.0; 18], &mut product).unwrap();
+        differences.hessian(&[0.01; 18]).unwrap().multiply(&[0.0; 18], &mut product);
         assert_eq!(product, [0.0; 18]);
         let mut not_a_number = [0.0; 18];
         not_a_number[3] = f64::NAN;
-        let found = differences.tangent_product(&[0.01; 18], &not_a_number, &mut product);
-        assert!(found.is_err() || product.iter().any(|x| x.is_nan()));
+        differences.hessian(&[0.01; 18]).unwrap().multiply(&not_a_number, &mut product);
+        assert!(product.iter().any(|x| x.is_nan()));
     }
 }

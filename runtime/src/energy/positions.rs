@@ -7,7 +7,7 @@
 
 use std::sync::Arc;
 
-use super::{EnergyParts, Inversion, NonFinite, Products, TotalEnergy};
+use super::{EnergyParts, Hessian, Inversion, NonFinite, Products, TotalEnergy};
 use crate::matrix::{BlockMatrix, BlockPattern};
 
 /// An energy that sees of the displacements what positions in double precision hold of them.
@@ -79,8 +79,8 @@ impl TotalEnergy for FromPositions<'_> {
         self.energy.tangent_diagonal(&self.held(u), gradient, diagonal)
     }
 
-    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
-        self.energy.tangent_product(&self.held(u), p, product)
+    fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
+        self.energy.hessian(&self.held(u))
     }
 
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {

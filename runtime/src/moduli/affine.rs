@@ -127,6 +127,7 @@ impl Affine {
         };
         energy.gradient(&rest, &mut force)?;
         let stress = moments(&force).as_slice().to_vec();
+        let hessian = energy.hessian(&rest)?;
         Affine::of_products(d, stress, |direction| {
             let row = |place: &[f64], c: usize| -> f64 {
                 (0..d).map(|i| direction[d * c + i] * (place[i] - centre[i])).sum()
@@ -134,7 +135,7 @@ impl Affine {
             let places = positions.chunks_exact(d);
             let field: Vec<f64> =
                 places.flat_map(|place| (0..d).map(move |c| row(place, c))).collect();
-            energy.tangent_product(&rest, &field, &mut force)?;
+            hessian.multiply(&field, &mut force);
             Ok(moments(&force))
         })
     }

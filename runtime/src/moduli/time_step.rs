@@ -38,7 +38,7 @@ impl TimeStep {
         let d = energy.dimension();
         let n = masses.len() * d;
         let scale: Vec<f64> = (0..n).map(|dof| 1.0 / masses[dof / d].sqrt()).collect();
-        let rest = vec![0.0; n];
+        let hessian = energy.hessian(&vec![0.0; n])?;
         let mut vector = start(n);
         normalise(&mut vector);
         let mut before = vec![0.0; n];
@@ -48,7 +48,7 @@ impl TimeStep {
         let most = MOST_PRODUCTS.min(n);
         while diagonal.len() < most {
             let scaled: Vec<f64> = vector.iter().zip(&scale).map(|(x, s)| x * s).collect();
-            energy.tangent_product(&rest, &scaled, &mut product)?;
+            hessian.multiply(&scaled, &mut product);
             product.iter_mut().zip(&scale).for_each(|(x, s)| *x *= s);
             let along = dot(&product, &vector);
             let last = beside.last().copied().unwrap_or(0.0);

@@ -101,8 +101,10 @@ pub fn cost(case: &Case, mut clock: PhaseClock) -> Result<SceneCost, CaseError> 
     let Posed { constraints, mut moved, .. } = posed;
     let mut gradient = vec![0.0; moved.len()];
     let mut notes = Vec::new();
-    let solved = solver
-        .and_then(|solver| solve(solver, tangent.tangent(energy), &rhs, &mut moved, &mut clock));
+    let solved = solver.and_then(|solver| {
+        let tangent = tangent.tangent().map_err(|found| case.describe(&found))?;
+        solve(solver, tangent, &rhs, &mut moved, &mut clock)
+    });
     clock.leave();
     let linear = match solved {
         Ok(report) => Some(report),
@@ -111,7 +113,7 @@ pub fn cost(case: &Case, mut clock: PhaseClock) -> Result<SceneCost, CaseError> 
             None
         }
     };
-    if linear.is_none() || tangent.evaluate(energy, &moved, &mut gradient).is_err() {
+    if linear.is_none() || tangent.evaluate(&moved, &mut gradient).is_err() {
         notes.push("the passes are at rest".to_string());
         moved.fill(0.0);
     }
@@ -175,12 +177,12 @@ impl Posed {
     fn right_hand_side(
         &self,
         energy: &dyn TotalEnergy,
-        tangent: &mut HeldTangent,
+        tangent: &mut HeldTangent<'_>,
     ) -> Result<Vec<f64>, NonFinite> {
         let rest = vec![0.0; self.moved.len()];
         let (mut gradient, mut forced) = (rest.clone(), rest.clone());
-        energy.tangent_product(&rest, &self.moved, &mut forced)?;
-        tangent.evaluate(energy, &rest, &mut gradient)?;
+        energy.hessian(&rest)?.multiply(&self.moved, &mut forced);
+        tangent.evaluate(&rest, &mut gradient)?;
         let force = |dof: usize| self.loads[dof] - gradient[dof] - forced[dof];
         Ok((0..rest.len()).map(force).collect())
     }
@@ -221,7 +223,7 @@ fn passes(
     energy: &dyn TotalEnergy,
     u: &[f64],
     gradient: &mut [f64],
-    tangent: &mut HeldTangent,
+    tangent: &mut HeldTangent<'_>,
 ) -> Vec<(&'static str, f64)> {
     let direction = energy.positions().to_vec();
     let mut product = vec![0.0; u.len()];
@@ -229,6 +231,8 @@ fn passes(
     names.truncate(if tangent.is_stored() { 3 } else { 4 });
     let mut found: Vec<(&'static str, f64)> =
         names.into_iter().map(|name| (name, f64::INFINITY)).collect();
+    // Once at `u`; products share it, as in a linear system.
+    let hessian = if tangent.is_stored() { None } else { energy.hessian(u).ok() };
     let begin = Instant::now();
     for round in 0..ROUNDS {
         if round > 0 && begin.elapsed().as_secs_f64() > PATIENCE {
@@ -240,8 +244,11 @@ fn passes(
             let _ = match *name {
                 "energy" => energy.energy(u).map(|_| ()),
                 "gradient" => energy.gradient(u, gradient).map(|_| ()),
-                "tangent" => tangent.evaluate(energy, u, gradient).map(|_| ()),
-                _ => energy.tangent_product(u, &direction, &mut product),
+                "tangent" => tangent.evaluate(u, gradient).map(|_| ()),
+                _ => {
+                    hessian.iter().for_each(|hessian| hessian.multiply(&direction, &mut product));
+                    Ok(())
+                }
             };
             *least = least.min(start.elapsed().as_secs_f64());
         }

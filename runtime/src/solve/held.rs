@@ -1,7 +1,9 @@
 //! The tangent that Newton's method holds: its matrix, or what products without a matrix need.
 
-use super::linear::Tangent;
-use crate::energy::{EnergyParts, NonFinite, TotalEnergy};
+use std::cell::OnceCell;
+
+use super::linear::{Tangent, absolute_of_diagonal};
+use crate::energy::{EnergyParts, Hessian, NonFinite, TotalEnergy};
 use crate::matrix::BlockMatrix;
 
 enum Storage {
@@ -13,38 +15,43 @@ enum Storage {
 }
 
 /// A tangent and where it was evaluated.
-pub(crate) struct HeldTangent {
+pub(crate) struct HeldTangent<'a> {
+    energy: &'a dyn TotalEnergy,
     storage: Storage,
+    /// What multiplies where the matrix is not stored, once it is asked for.
+    hessian: OnceCell<Box<dyn Hessian + 'a>>,
     at: Vec<f64>,
     is_valid: bool,
 }
 
-impl HeldTangent {
+impl<'a> HeldTangent<'a> {
     /// Room for a tangent, stored or not.
-    pub(crate) fn new(energy: &dyn TotalEnergy, stored: bool) -> HeldTangent {
+    pub(crate) fn new(energy: &'a dyn TotalEnergy, stored: bool) -> HeldTangent<'a> {
         let n = energy.positions().len();
         let storage = match (stored, energy.bond_pattern()) {
             (true, _) => Storage::Matrix(BlockMatrix::zeros(energy.pattern())),
             (false, Some(pattern)) => Storage::Bonds(BlockMatrix::zeros(pattern)),
             (false, None) => Storage::Diagonal(vec![0.0; n * energy.dimension()]),
         };
-        HeldTangent { storage, at: vec![0.0; n], is_valid: false }
+        let hessian = OnceCell::new();
+        HeldTangent { energy, storage, hessian, at: vec![0.0; n], is_valid: false }
     }
 
     /// Takes the tangent at `u`; also the energy and its gradient.
     pub(crate) fn evaluate(
         &mut self,
-        energy: &dyn TotalEnergy,
         u: &[f64],
         gradient: &mut [f64],
     ) -> Result<EnergyParts, NonFinite> {
         self.is_valid = false;
+        // The one before goes first: there is room for one.
+        self.hessian = OnceCell::new();
         let parts = match &mut self.storage {
-            Storage::Matrix(matrix) => energy.tangent(u, gradient, matrix)?,
-            Storage::Diagonal(diagonal) => energy.tangent_diagonal(u, gradient, diagonal)?,
+            Storage::Matrix(matrix) => self.energy.tangent(u, gradient, matrix)?,
+            Storage::Diagonal(diagonal) => self.energy.tangent_diagonal(u, gradient, diagonal)?,
             Storage::Bonds(bonds) => {
-                energy.bond_tangent(u, bonds);
-                energy.gradient(u, gradient)?
+                self.energy.bond_tangent(u, bonds);
+                self.energy.gradient(u, gradient)?
             }
         };
         self.at.copy_from_slice(u);
@@ -58,11 +65,29 @@ impl HeldTangent {
     }
 
     /// As the linear solver takes it.
-    pub(crate) fn tangent<'a>(&'a self, energy: &'a dyn TotalEnergy) -> Tangent<'a> {
-        match &self.storage {
+    pub(crate) fn tangent(&self) -> Result<Tangent<'_>, NonFinite> {
+        Ok(match &self.storage {
             Storage::Matrix(matrix) => Tangent::Stored(matrix),
-            Storage::Diagonal(diagonal) => Tangent::MatrixFree { energy, u: &self.at, diagonal },
-            Storage::Bonds(bonds) => Tangent::Bonds { energy, u: &self.at, bonds },
+            Storage::Diagonal(diagonal) => {
+                Tangent::MatrixFree { hessian: self.hessian()?, diagonal }
+            }
+            Storage::Bonds(bonds) => Tangent::Bonds { hessian: self.hessian()?, bonds },
+        })
+    }
+
+    fn hessian(&self) -> Result<&dyn Hessian, NonFinite> {
+        if let Some(hessian) = self.hessian.get() {
+            return Ok(&**hessian);
+        }
+        let made = self.energy.hessian(&self.at)?;
+        Ok(&**self.hessian.get_or_init(|| made))
+    }
+
+    /// `|K| |x|` as [`Tangent::multiply_absolute`]: of what is stored, so that nothing need be made.
+    pub(super) fn multiply_absolute(&self, x: &[f64]) -> Vec<f64> {
+        match &self.storage {
+            Storage::Matrix(matrix) | Storage::Bonds(matrix) => matrix.multiply_absolute(x),
+            Storage::Diagonal(diagonal) => absolute_of_diagonal(diagonal, x),
         }
     }
 

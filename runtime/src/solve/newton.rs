@@ -79,7 +79,7 @@ pub struct Newton<'a> {
     constraints: Constraints,
     settings: NewtonSettings,
     linear: LinearSolver,
-    tangent: HeldTangent,
+    tangent: HeldTangent<'a>,
     gradient: Vec<f64>,
     parts: EnergyParts,
     /// The displacements of `gradient`.
@@ -315,14 +315,14 @@ impl<'a> Newton<'a> {
             return rounding;
         }
         let Some(u) = self.evaluated_at.as_deref() else { return 0.0 };
-        let forces = self.tangent.tangent(self.energy).multiply_absolute(u);
+        let forces = self.tangent.multiply_absolute(u);
         let rounding = ROUNDOFF * norm(self.constraints.free().iter().map(|&dof| forces[dof]));
         self.rounding.set(Some(rounding));
         rounding
     }
 
     /// The Newton step `-K_ff^-1 R_f`, 0 on the fixed degrees of freedom.
-    fn direction(&mut self, loads: &[f64]) -> Result<(Vec<f64>, LinearReport), LinearError> {
+    fn direction(&mut self, loads: &[f64]) -> Result<(Vec<f64>, LinearReport), NewtonFailure> {
         let minus_residual: Vec<f64> =
             loads.iter().zip(&self.gradient).map(|(f, g)| f - g).collect();
         let mut direction = vec![0.0; minus_residual.len()];
@@ -330,14 +330,19 @@ impl<'a> Newton<'a> {
         let tolerance = self.forcing.next(residual, force, self.rounding());
         // No more exactly than products are.
         self.linear.set_tolerance(tolerance.max(self.energy.products().error()));
-        let (linear, tangent) = (&mut self.linear, self.tangent.tangent(self.energy));
+        let (linear, held) = (&mut self.linear, &self.tangent);
         let factorized = std::mem::replace(&mut self.factorized, true);
         self.counters.linear_solves += 1;
         let report = timed(&mut self.times.linear, || {
+            let tangent = held.tangent()?;
             if !factorized {
                 linear.factorize(tangent)?;
             }
-            linear.solve_factorized(tangent, &minus_residual, &mut direction)
+            Ok::<_, NewtonFailure>(linear.solve_factorized(
+                tangent,
+                &minus_residual,
+                &mut direction,
+            )?)
         })?;
         Ok((direction, report))
     }
@@ -431,7 +436,7 @@ impl<'a> Newton<'a> {
             self.factorized = false;
             self.counters.tangents += 1;
             let tangent = &mut self.tangent;
-            timed(&mut self.times.assembly, || tangent.evaluate(energy, u, gradient))?
+            timed(&mut self.times.assembly, || tangent.evaluate(u, gradient))?
         } else {
             self.counters.gradients += 1;
             timed(&mut self.times.assembly, || energy.gradient(u, gradient))?
@@ -469,7 +474,7 @@ impl<'a> Newton<'a> {
         if let Some(u) = self.evaluated_at.clone() {
             self.evaluate(&u, true)?;
         }
-        let (linear, tangent) = (&mut self.linear, self.tangent.tangent(self.energy));
+        let (linear, tangent) = (&mut self.linear, self.tangent.tangent()?);
         let definiteness = timed(&mut self.times.linear, || linear.judge(tangent))?;
         // Explicitly chosen LU and LDLT start their own way next time.
         self.factorized = !matches!(self.linear.method(), LinearMethod::Ldlt | LinearMethod::Lu);
@@ -478,9 +483,9 @@ impl<'a> Newton<'a> {
 
     /// The condition of the tangent just judged, on the free degrees of freedom, where it can be
     /// estimated.
-    pub fn condition(&mut self) -> Result<Option<f64>, LinearError> {
-        let (linear, tangent) = (&mut self.linear, self.tangent.tangent(self.energy));
-        timed(&mut self.times.linear, || linear.condition(tangent))
+    pub fn condition(&mut self) -> Result<Option<f64>, NewtonFailure> {
+        let (linear, tangent) = (&mut self.linear, self.tangent.tangent()?);
+        Ok(timed(&mut self.times.linear, || linear.condition(tangent))?)
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::energy::{Argument, EnergyParts, NonFinite, TotalEnergy};
+use crate::energy::{Argument, EnergyParts, Hessian, NonFinite, TotalEnergy};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
 
@@ -232,11 +232,16 @@ impl TotalEnergy for SpringNetwork {
         Ok(parts)
     }
 
-    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
+    fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
         let mut tangent = BlockMatrix::zeros(&self.pattern);
         self.evaluate(u, None, Some(&mut tangent))?;
-        product.copy_from_slice(&tangent.multiply(p));
-        Ok(())
+        Ok(Box::new(tangent))
+    }
+}
+
+impl Hessian for BlockMatrix {
+    fn multiply(&self, p: &[f64], product: &mut [f64]) {
+        product.copy_from_slice(&BlockMatrix::multiply(self, p));
     }
 }
 

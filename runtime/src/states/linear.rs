@@ -20,8 +20,6 @@ const POINTS: usize = 64;
 
 /// Second derivatives at some displacements.
 pub(super) struct Linear {
-    /// Where, `n x d`.
-    pub(super) u: Vec<f64>,
     /// Integrals that change.
     active: Vec<usize>,
     /// Whether energies of bonds have mixed derivatives.
@@ -41,6 +39,19 @@ impl Linear {
 
     fn width(&self, d: usize) -> usize {
         Linear::fixed(d) + self.active.len() * if self.is_mixed { 3 } else { 1 }
+    }
+
+    /// The first point with a derivative that is not finite: its own, or that of a bond that it owns.
+    pub(super) fn not_finite(&self, bond_start: &[usize], d: usize) -> Option<usize> {
+        let first = |numbers: &[f64], width: usize| {
+            let groups = numbers.par_chunks(width.max(1));
+            groups.position_first(|group| group.iter().any(|x| !x.is_finite()))
+        };
+        let squares = self.active.len() * self.active.len();
+        let of_states = first(&self.by_states, squares);
+        let of_bonds = first(&self.bonds, self.width(d))
+            .map(|bond| bond_start.partition_point(|start| *start <= bond) - 1);
+        [of_states, of_bonds].into_iter().flatten().min()
     }
 }
 
@@ -63,7 +74,7 @@ impl StateEnergy {
         let seconds = self.seconds(&states, &active);
         let is_mixed = seconds.mixed.iter().any(|c| *c != 0.0);
         let by_states = seconds.by_states;
-        let mut linear = Linear { u: u.to_vec(), active, is_mixed, bonds: Vec::new(), by_states };
+        let mut linear = Linear { active, is_mixed, bonds: Vec::new(), by_states };
         linear.bonds = self.pack(&states, &linear, &seconds.stiffness, &seconds.mixed);
         Ok(linear)
     }

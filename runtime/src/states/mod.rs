@@ -23,7 +23,7 @@ mod linear;
 mod passes;
 mod tangent;
 
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, OnceLock};
 
 use crate::assembly::AssemblyError;
 use crate::assembly::error::check_neighbors;
@@ -31,7 +31,7 @@ use crate::body::Body;
 use crate::correspondence::stabilisation::bond_starts;
 use crate::correspondence::sweep::weighted;
 use crate::correspondence::tangent::pattern;
-use crate::energy::{Argument, EnergyParts, NonFinite, TotalEnergy};
+use crate::energy::{Argument, EnergyParts, Hessian, NonFinite, TotalEnergy};
 use crate::interaction::Slabs;
 use crate::kernel::{Law, Order, Variables, VariablesLaw};
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -85,8 +85,6 @@ pub struct StateEnergy {
     /// Lengths at rest of each bond once, in m.
     rest: Vec<f64>,
     laws: StateLaws,
-    /// Second derivatives at the displacements of the last product.
-    linear: Mutex<Option<Arc<Linear>>>,
     pattern: OnceLock<Arc<BlockPattern>>,
     bond_pattern: OnceLock<Arc<BlockPattern>>,
     /// Stiffnesses of springs like the bonds at rest, for each directed bond, in N/m.
@@ -120,7 +118,6 @@ impl StateEnergy {
             body,
             neighborhood,
             laws,
-            linear: Mutex::new(None),
             pattern: OnceLock::new(),
             bond_pattern: OnceLock::new(),
             springs: OnceLock::new(),
@@ -177,32 +174,6 @@ impl StateEnergy {
             deformation: weighted(&states.points, self.body.volumes()).value(),
             ..EnergyParts::default()
         })
-    }
-
-    fn product<const D: usize>(
-        &self,
-        u: &[f64],
-        p: &[f64],
-        product: &mut [f64],
-    ) -> Result<(), NonFinite> {
-        let linear = self.linear_at::<D>(u)?;
-        self.multiply::<D>(&linear, p, product);
-        self.check::<D>(&[], u, product)
-    }
-
-    /// The second derivatives at `u`, those of the last product if it was there.
-    fn linear_at<const D: usize>(&self, u: &[f64]) -> Result<Arc<Linear>, NonFinite> {
-        // Nothing panics while it is held, and what it holds is whole.
-        let last = || self.linear.lock().unwrap_or_else(PoisonError::into_inner);
-        let kept = last().as_ref().filter(|kept| kept.u == u).map(Arc::clone);
-        if let Some(kept) = kept {
-            return Ok(kept);
-        }
-        // Those before go first: there is room for one.
-        *last() = None;
-        let linear = Arc::new(self.linear::<D>(u)?);
-        *last() = Some(Arc::clone(&linear));
-        Ok(linear)
     }
 
     /// Refuses forces that are not finite.
@@ -331,12 +302,32 @@ impl TotalEnergy for StateEnergy {
         Ok(parts)
     }
 
-    fn tangent_product(&self, u: &[f64], p: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
+    fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
-        assert!(p.len() == u.len() && product.len() == u.len(), "vectors are n x d");
-        match self.dimension() {
-            2 => self.product::<2>(u, p, product),
-            _ => self.product::<3>(u, p, product),
+        let linear = match self.dimension() {
+            2 => self.linear::<2>(u)?,
+            _ => self.linear::<3>(u)?,
+        };
+        match linear.not_finite(&self.bond_start, self.dimension()) {
+            None => Ok(Box::new(StateHessian { energy: self, linear })),
+            Some(point) => Err(self.named(point, None, u)),
+        }
+    }
+}
+
+/// The Hessian with the second derivatives of all bonds and states.
+struct StateHessian<'a> {
+    energy: &'a StateEnergy,
+    linear: Linear,
+}
+
+impl Hessian for StateHessian<'_> {
+    fn multiply(&self, p: &[f64], product: &mut [f64]) {
+        let n = self.energy.body.positions().len();
+        assert!(p.len() == n && product.len() == n, "vectors are n x d");
+        match self.energy.dimension() {
+            2 => self.energy.multiply::<2>(&self.linear, p, product),
+            _ => self.energy.multiply::<3>(&self.linear, p, product),
         }
     }
 }

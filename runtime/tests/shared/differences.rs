@@ -21,8 +21,8 @@ fn distance(x: &[f64], y: &[f64]) -> f64 {
 fn error(energy: &dyn TotalEnergy, products: Products, u: &[f64], p: &[f64]) -> f64 {
     let (mut found, mut exact) = (vec![f64::NAN; p.len()], vec![0.0; p.len()]);
     let differences = FiniteDifferences::new(energy, products);
-    differences.tangent_product(u, p, &mut found).unwrap();
-    energy.tangent_product(u, p, &mut exact).unwrap();
+    differences.hessian(u).unwrap().multiply(p, &mut found);
+    energy.hessian(u).unwrap().multiply(p, &mut exact);
     distance(&found, &exact)
 }
 

@@ -67,7 +67,7 @@ const INFLUENCES: [(&str, &str); 3] = [("LPS_one", "1"), ("LPS_inv", "1/L"), ("L
 fn errors_of_the_solid(cloud: &Cloud<'_>, model: &str, energy: &StateEnergy) -> [f64; 3] {
     let (mut gradient, mut product) = (vec![0.0; cloud.u.len()], vec![0.0; cloud.u.len()]);
     let total = energy.gradient(&cloud.u, &mut gradient).unwrap().total();
-    energy.tangent_product(&cloud.u, &cloud.v, &mut product).unwrap();
+    energy.hessian(&cloud.u).unwrap().multiply(&cloud.v, &mut product);
     cloud.errors(model, total, &gradient, &product)
 }
 

@@ -239,8 +239,8 @@ fn with_operator<T>(
 ) -> T {
     match tangent {
         Tangent::Stored(matrix) => work(&StoredMatrix { matrix, slabs }),
-        Tangent::MatrixFree { energy, u, .. } | Tangent::Bonds { energy, u, .. } => {
-            work(&MatrixFree { energy, u })
+        Tangent::MatrixFree { hessian, .. } | Tangent::Bonds { hessian, .. } => {
+            work(&MatrixFree { hessian })
         }
     }
 }

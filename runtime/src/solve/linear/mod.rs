@@ -60,6 +60,7 @@ pub use report::{
     Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport, PreconditionerChoice,
 };
 pub use tangent::Tangent;
+pub(super) use tangent::absolute_of_diagonal;
 
 /// What the solver holds for the matrix it was last given.
 #[derive(Clone, Copy, Debug, PartialEq)]

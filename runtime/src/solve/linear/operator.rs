@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use crate::energy::TotalEnergy;
+use crate::energy::Hessian;
 use crate::interaction::Slabs;
 use crate::matrix::{BlockMatrix, BlockPattern};
 
@@ -105,19 +105,15 @@ fn entries<const D: usize>(x: &[f64], point: usize) -> [f64; D] {
     out
 }
 
-/// The tangent at `u`, multiplied by the energy's own kernels and never stored.
+/// The tangent, multiplied by the energy's own kernels and never stored.
 pub(super) struct MatrixFree<'a> {
-    pub(super) energy: &'a dyn TotalEnergy,
-    pub(super) u: &'a [f64],
+    pub(super) hessian: &'a dyn Hessian,
 }
 
 impl Operator for MatrixFree<'_> {
     fn multiply(&self, x: &[f64], y: &mut [f64]) {
-        // The derivatives were finite when the preconditioner was made; if not, the methods stop at
-        // what is not a number.
-        if self.energy.tangent_product(self.u, x, y).is_err() {
-            y.fill(f64::NAN);
-        }
+        // The methods stop at what is not a number.
+        self.hessian.multiply(x, y);
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use crate::energy::TotalEnergy;
+use crate::energy::Hessian;
 use crate::matrix::BlockMatrix;
 
 /// The tangent stiffness as it is given to the linear solver.
@@ -10,23 +10,18 @@ use crate::matrix::BlockMatrix;
 pub enum Tangent<'a> {
     /// Its upper triangle.
     Stored(&'a BlockMatrix),
-    /// The energy that multiplies with it, at displacements `u` (`n x d`, m), and its diagonal
-    /// blocks (`n x d x d`, N/m).
+    /// Products with it, and its diagonal blocks (`n x d x d`, N/m).
     MatrixFree {
-        /// Whose tangent it is.
-        energy: &'a dyn TotalEnergy,
-        /// Where.
-        u: &'a [f64],
-        /// As [`TotalEnergy::tangent_diagonal`] gives them.
+        /// What multiplies.
+        hessian: &'a dyn Hessian,
+        /// As [`TotalEnergy::tangent_diagonal`](crate::energy::TotalEnergy::tangent_diagonal) gives them.
         diagonal: &'a [f64],
     },
-    /// The energy that multiplies with it, at displacements `u` (`n x d`, m), and a matrix like it.
+    /// Products with it, and a matrix like it.
     Bonds {
-        /// Whose tangent it is.
-        energy: &'a dyn TotalEnergy,
-        /// Where.
-        u: &'a [f64],
-        /// As [`TotalEnergy::bond_tangent`] gives it.
+        /// What multiplies.
+        hessian: &'a dyn Hessian,
+        /// As [`TotalEnergy::bond_tangent`](crate::energy::TotalEnergy::bond_tangent) gives it.
         bonds: &'a BlockMatrix,
     },
 }
@@ -63,22 +58,25 @@ impl<'a> Tangent<'a> {
     }
 
     /// `|K| |x|`, the scale of the rounding errors of `K x`; of a tangent that is not stored an
-    /// estimate: that of the matrix like it, or twice the same with the diagonal blocks alone, since
-    /// the others of a row sum up to them, and displacements of neighbours are alike.
+    /// estimate: that of the matrix like it, or from its diagonal blocks.
     pub fn multiply_absolute(self, x: &[f64]) -> Vec<f64> {
         match self {
             Tangent::Stored(matrix) | Tangent::Bonds { bonds: matrix, .. } => {
                 matrix.multiply_absolute(x)
             }
-            Tangent::MatrixFree { energy, diagonal, .. } => {
-                let d = energy.dimension();
-                let rows = diagonal.chunks_exact(d).enumerate();
-                let row = |(dof, row): (usize, &[f64])| {
-                    let x = &x[dof / d * d..(dof / d + 1) * d];
-                    2.0 * row.iter().zip(x).fold(0.0, |sum, (k, x)| sum + (k * x).abs())
-                };
-                rows.map(row).collect()
-            }
+            Tangent::MatrixFree { diagonal, .. } => absolute_of_diagonal(diagonal, x),
         }
     }
+}
+
+/// `|K| |x|` from the diagonal blocks (`n x d x d`): twice the same with them alone, since the others of a
+/// row sum up to them, and displacements of neighbours are alike.
+pub(crate) fn absolute_of_diagonal(diagonal: &[f64], x: &[f64]) -> Vec<f64> {
+    let d = diagonal.len() / x.len().max(1);
+    let rows = diagonal.chunks_exact(d.max(1)).enumerate();
+    let row = |(dof, row): (usize, &[f64])| {
+        let x = &x[dof / d * d..(dof / d + 1) * d];
+        2.0 * row.iter().zip(x).fold(0.0, |sum, (k, x)| sum + (k * x).abs())
+    };
+    rows.map(row).collect()
 }

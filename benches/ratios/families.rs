@@ -168,6 +168,7 @@ fn compare(
             &mut || by_numbers.product(p_rows, number_product),
         ],
     );
+    drop(hessian);
     // At displacements that are new each time: ours works out what it keeps, theirs the forces.
     let grown: Vec<f64> = u.iter().map(|u| 1.001 * u).collect();
     let (grown_rows, mut count) = (grown.as_chunks::<3>().0, 0);

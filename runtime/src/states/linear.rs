@@ -18,6 +18,9 @@ use crate::kernel::{Batch, Order, Outputs, Variables};
 /// Points per task; fixed, so that results do not depend on threads.
 const POINTS: usize = 64;
 
+/// Bonds or points whose derivatives are looked at together.
+const CHECKED: usize = 1024;
+
 /// Second derivatives at some displacements.
 pub(super) struct Linear {
     /// Integrals that change.
@@ -43,9 +46,13 @@ impl Linear {
 
     /// The first point with a derivative that is not finite: its own, or that of a bond that it owns.
     pub(super) fn not_finite(&self, bond_start: &[usize], d: usize) -> Option<usize> {
+        // Without branches, so that many are looked at at once.
+        let is_bad = |numbers: &[f64]| numbers.iter().fold(false, |bad, x| bad | !x.is_finite());
         let first = |numbers: &[f64], width: usize| {
-            let groups = numbers.par_chunks(width.max(1));
-            groups.position_first(|group| group.iter().any(|x| !x.is_finite()))
+            let width = width.max(1);
+            let bad = numbers.par_chunks(width * CHECKED).position_first(is_bad)? * CHECKED;
+            let within = numbers[bad * width..].chunks(width).position(is_bad)?;
+            Some(bad + within)
         };
         let squares = self.active.len() * self.active.len();
         let of_states = first(&self.by_states, squares);

@@ -374,8 +374,7 @@ fn body(scene: &Scene, folder: &Path) -> Result<(Body, Vec<Diagnostic>), CaseErr
                 nodes: shape.nodes,
             };
             size::check_lattice(shape)?;
-            let points =
-                lattice.points().map_err(|error| CaseError::Body { message: error.to_string() })?;
+            let points = lattice.points()?;
             (points.positions, points.volumes, Some(shape.spacing))
         }
         Points::Cloud { path } => {

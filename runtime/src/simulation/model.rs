@@ -82,10 +82,8 @@ impl Case {
         compiled.check_kind()?;
         if compiled.gathered.is_some() {
             let laws = compiled.state_laws(self.thickness());
-            return match StateEnergy::new(body, horizon, laws) {
-                Ok(energy) => Ok(ModelledEnergy::States(Box::new(energy))),
-                Err(error) => Err(CaseError::Body { message: error.to_string() }),
-            };
+            let energy = StateEnergy::new(body, horizon, laws)?;
+            return Ok(ModelledEnergy::States(Box::new(energy)));
         }
         let Some(law) = compiled.gradient else {
             return interactions(body, horizon, self.scene.horizon.weights, compiled);
@@ -99,11 +97,8 @@ impl Case {
             discretisation: discretisation(settings.discretisation, thickness),
             influence: &*influence,
         };
-        let energy = Correspondence::new(body, formulation, thick(law, thickness));
-        match energy {
-            Ok(energy) => Ok(ModelledEnergy::Gradients(Box::new(energy))),
-            Err(error) => Err(CaseError::Body { message: error.to_string() }),
-        }
+        let energy = Correspondence::new(body, formulation, thick(law, thickness))?;
+        Ok(ModelledEnergy::Gradients(Box::new(energy)))
     }
 }
 
@@ -158,9 +153,8 @@ fn interactions(
     weights: Weights,
     compiled: Compiled,
 ) -> Result<ModelledEnergy, CaseError> {
-    DiscreteEnergy::with_elements(body, horizon, weights, compiled.elements)
-        .map(|energy| ModelledEnergy::Interactions(Box::new(energy)))
-        .map_err(|error| CaseError::Body { message: error.to_string() })
+    let energy = DiscreteEnergy::with_elements(body, horizon, weights, compiled.elements)?;
+    Ok(ModelledEnergy::Interactions(Box::new(energy)))
 }
 
 /// Of the material's volume as of the points': per area in two dimensions.

@@ -133,9 +133,7 @@ pub(super) fn check_held(
     boundary: &BoundaryConditions<'_>,
 ) -> Result<(), CaseError> {
     let n_dofs = case.body.n_points() * case.body.dimension();
-    let message = |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
-    let constraints =
-        Constraints::new(n_dofs, boundary.fixed_dofs()).map_err(|error| message(&error))?;
+    let constraints = Constraints::new(n_dofs, boundary.fixed_dofs())?;
     check_rigid_motions(bonds, case.body.positions(), &constraints)
         .map_err(|error| explain::free_motion(&case.scene, &error))
 }
@@ -209,10 +207,9 @@ impl<'a> SceneDrive<'a> {
     }
 
     /// What the solver could not start with, in the scene's words where it is a condition.
-    pub(super) fn explain(&self, error: &StepError) -> CaseError {
+    pub(super) fn explain(&self, error: StepError) -> CaseError {
         let problem = self.problem.lock().unwrap_or_else(|e| e.into_inner()).take();
-        let message = problem.map_or_else(|| error.to_string(), |problem| problem.to_string());
-        CaseError::Body { message }
+        problem.map_or_else(|| error.into(), CaseError::from)
     }
 
     fn fill(&self, values: &mut [f64], result: Result<Vec<f64>, NonFiniteCondition>) {
@@ -307,7 +304,7 @@ fn ending(
             let (reason, message) = failed(case, &failure);
             Ok((end(reason, message), failure.outcome))
         }
-        Err(error) => Err(drive.explain(&error).into()),
+        Err(error) => Err(drive.explain(error).into()),
     }
 }
 

@@ -5,6 +5,7 @@ mod shells;
 pub(crate) use shells::{Shell, shells};
 
 use crate::kernel::Measure;
+use crate::words::Words;
 
 /// Where the points of a lattice sit in the cells of its box.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,6 +19,14 @@ pub enum Nodes {
     /// At the corners of the cells, each with a whole cell, as the papers have them: the body is
     /// heavier than its box.
     CornersFull,
+}
+
+impl Words for Nodes {
+    const WORDS: &'static [(&'static str, Nodes)] = &[
+        ("cells", Nodes::Cells),
+        ("corners", Nodes::Corners),
+        ("corners-full", Nodes::CornersFull),
+    ];
 }
 
 impl Nodes {

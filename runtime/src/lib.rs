@@ -38,3 +38,4 @@ pub mod solve;
 pub mod states;
 pub mod trade;
 pub mod weights;
+pub mod words;

@@ -11,12 +11,15 @@ mod families;
 mod text;
 mod time;
 
+use std::convert::Infallible;
+
 use serde::Serialize;
 
 use crate::body::Body;
-use crate::energy::Products;
-use crate::scene::{LatticeShape, LinearChoice, PreconditionerChoice, Scene};
-use crate::solve::linear::{self, AUTO_UNKNOWNS_3D, Circumstances, MEMORY_SHARE};
+use crate::scene::{LatticeShape, Scene};
+use crate::solve::linear::{
+    self, Choice, Circumstances, LinearMethod, MEMORY_SHARE, PreconditionerChoice,
+};
 pub use count::{
     InteractionCount, Needed, count_in_box, count_interactions, estimate_interactions,
 };
@@ -56,30 +59,6 @@ pub struct MemoryItem {
     pub item: &'static str,
     /// How much, in bytes.
     pub bytes: u64,
-}
-
-/// How linear systems will be solved.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum LinearMethod {
-    /// `L L^T` or `L D L^T`.
-    Cholesky,
-    /// `L U`.
-    Lu,
-    /// Conjugate gradients.
-    Cg,
-    /// Conjugate gradients without a stored tangent.
-    MatrixFree,
-    /// GMRES.
-    Gmres,
-    /// GMRES without a stored tangent.
-    MatrixFreeGmres,
-}
-
-impl LinearMethod {
-    fn is_matrix_free(self) -> bool {
-        matches!(self, LinearMethod::MatrixFree | LinearMethod::MatrixFreeGmres)
-    }
 }
 
 /// The outline of a body.
@@ -155,10 +134,9 @@ pub struct Plan {
     pub interactions: InteractionCount,
     /// What became of the energies.
     pub kernels: Vec<KernelNote>,
-    /// How linear systems will be solved.
-    pub linear: LinearMethod,
-    /// Why so, a sentence without its full stop.
-    pub linear_reason: String,
+    /// How linear systems will be solved, and why.
+    #[serde(flatten)]
+    pub linear: Choice,
     /// Memory by item, in bytes.
     pub memory: Vec<MemoryItem>,
     /// All items together, in bytes.
@@ -190,34 +168,43 @@ impl Plan {
         let families = input.families;
         // Points share an entry of the tangent over so many bonds.
         let reach = families.map_or(1, Families::reach);
-        let method = families::method(families, scene);
-        let stored = if method.is_some() { 1 } else { reach };
+        let settled =
+            linear::settled(scene.solver.linear, families.is_some(), scene.solver.products);
+        let stored = if settled.as_ref().is_some_and(|c| !c.stores_matrix) { 1 } else { reach };
         let factor = estimate_factor(sides, layers * stored as f64, dimension);
         let blocks = blocks(extent, &interactions, stored);
         let unknowns = points.saturating_mul(dimension).saturating_sub(prescribed);
-        let circumstances = Circumstances {
-            dimension,
-            unknowns,
-            factorization: None,
-            matrix_bytes: matrix_bytes(dimension, blocks).0,
-            memory_limit: input.available_memory.map_or(f64::INFINITY, |m| MEMORY_SHARE * m as f64),
-        };
-        let (linear, linear_reason) =
-            method.unwrap_or_else(|| choose(scene, factor, circumstances));
-        let memory = memory(extent, &interactions, blocks, linear, factor, families);
+        let mut linear = settled.unwrap_or_else(|| {
+            let circumstances = Circumstances {
+                dimension,
+                unknowns,
+                matrix_bytes: matrix_bytes(dimension, blocks).0,
+                memory_limit: input
+                    .available_memory
+                    .map_or(f64::INFINITY, |m| MEMORY_SHARE * m as f64),
+            };
+            let cost = (factor.flops, 8.0 * factor.entries);
+            let Ok(choice) = linear::choose(&circumstances, || Ok::<_, Infallible>(cost));
+            choice
+        });
+        if linear.method == LinearMethod::Ldlt {
+            // Estimates do not tell the two apart.
+            linear.method = LinearMethod::Cholesky;
+        }
+        let memory = memory(extent, &interactions, blocks, &linear, factor, families);
         let horizons = sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / layers;
         let jacobi = scene.solver.preconditioner == PreconditionerChoice::BlockJacobi;
-        let horizons = (jacobi || linear.is_matrix_free()).then_some(horizons);
+        let horizons = (jacobi || !linear.stores_matrix).then_some(horizons);
         let time = match families {
             None => TimeEstimate::new(
                 &interactions,
                 (dimension, blocks),
-                linear,
+                &linear,
                 factor,
                 horizons,
                 threads,
             ),
-            Some(families) => families.time(&interactions, blocks, linear, factor, threads),
+            Some(families) => families.time(&interactions, blocks, &linear, factor, threads),
         };
         let time = time.for_increments(scene.steps.increments);
         Plan {
@@ -227,7 +214,6 @@ impl Plan {
             interactions,
             kernels,
             linear,
-            linear_reason,
             memory_total: memory.iter().map(|item| item.bytes).sum(),
             memory,
             available_memory: input.available_memory,
@@ -279,40 +265,6 @@ fn typical_spacing(body: &Body) -> f64 {
     crate::scene::selection::typical_spacing(body.dimension(), body.volumes(), body.spacing())
 }
 
-/// The scene's method, or what `auto` will take if the estimates hold, and why.
-fn choose(
-    scene: &Scene,
-    factor: FactorEstimate,
-    circumstances: Circumstances,
-) -> (LinearMethod, String) {
-    let asked = |method| (method, "the scene says so".to_string());
-    let products_only = scene.solver.products != Products::Exact;
-    match scene.solver.linear {
-        LinearChoice::Cholesky | LinearChoice::Ldlt => asked(LinearMethod::Cholesky),
-        LinearChoice::Lu => asked(LinearMethod::Lu),
-        LinearChoice::ConjugateGradients => asked(LinearMethod::Cg),
-        LinearChoice::MatrixFree => asked(LinearMethod::MatrixFree),
-        LinearChoice::Gmres if products_only => asked(LinearMethod::MatrixFreeGmres),
-        LinearChoice::Gmres => asked(LinearMethod::Gmres),
-        LinearChoice::Auto if products_only => {
-            let reason = "products by finite differences are not symmetric";
-            (LinearMethod::MatrixFreeGmres, reason.to_string())
-        }
-        LinearChoice::Auto => {
-            let Circumstances { dimension, unknowns, .. } = circumstances;
-            let may_be_cheap = dimension == 2 || unknowns <= AUTO_UNKNOWNS_3D;
-            let factorization = may_be_cheap.then_some((factor.flops, 8.0 * factor.entries));
-            let choice = linear::choose(&Circumstances { factorization, ..circumstances });
-            let method = match choice.method {
-                linear::LinearMethod::Cholesky => LinearMethod::Cholesky,
-                linear::LinearMethod::MatrixFree => LinearMethod::MatrixFree,
-                _ => LinearMethod::Cg,
-            };
-            (method, choice.reason)
-        }
-    }
-}
-
 /// Blocks of the upper triangle of a matrix that couples points over so many bonds.
 fn blocks(extent: &Extent, interactions: &InteractionCount, reach: usize) -> f64 {
     let n = extent.points as f64;
@@ -330,7 +282,7 @@ fn memory(
     extent: &Extent,
     interactions: &InteractionCount,
     blocks: f64,
-    linear: LinearMethod,
+    linear: &Choice,
     factor: FactorEstimate,
     families: Option<Families>,
 ) -> Vec<MemoryItem> {
@@ -344,35 +296,32 @@ fn memory(
     if let Some(families) = families {
         items.extend(families.memory(n, d, bonds));
     }
-    match (linear.is_matrix_free(), families) {
-        (true, Some(_)) => items.push(("springs like the tangent", values + columns)),
-        (true, None) => items.push(("tangent, upper blocks", columns)),
+    match (linear.stores_matrix, families) {
+        (false, Some(_)) => items.push(("springs like the tangent", values + columns)),
+        (false, None) => items.push(("tangent, upper blocks", columns)),
         _ => items.push(("tangent, upper blocks", values + columns)),
     }
-    match linear {
-        _ if linear.is_matrix_free()
+    let factor_bytes = |overhead: f64| ("factor", factor.entries * 8.0 * overhead);
+    match linear.method {
+        LinearMethod::Cholesky => {
+            items.push(("tangent, free components", 2.0 * values));
+            items.push(factor_bytes(CHOLESKY_OVERHEAD));
+        }
+        LinearMethod::Lu => {
+            items.push(("tangent, free components", 4.0 * values));
+            items.push(factor_bytes(LU_OVERHEAD));
+        }
+        _ if !linear.stores_matrix
             && families.is_some()
             && families::is_factorised(factor, blocks) =>
         {
             items.push(("their free components", 2.0 * values));
-            items.push(("their factor", factor.entries * 8.0 * CHOLESKY_OVERHEAD));
+            items.push(("their factor", factor_bytes(CHOLESKY_OVERHEAD).1));
         }
-        LinearMethod::Cholesky | LinearMethod::Lu => {}
         _ => items.push(("preconditioner", (n * 8 * PRECONDITIONER_NUMBERS) as f64)),
     }
-    match linear {
-        LinearMethod::Gmres | LinearMethod::MatrixFreeGmres => {
-            items.push(("vectors of GMRES", (n * 8 * d * (linear::RESTART + 1)) as f64));
-        }
-        LinearMethod::Cholesky => {
-            items.push(("tangent, free components", 2.0 * values));
-            items.push(("factor", factor.entries * 8.0 * CHOLESKY_OVERHEAD));
-        }
-        LinearMethod::Lu => {
-            items.push(("tangent, free components", 4.0 * values));
-            items.push(("factor", factor.entries * 8.0 * LU_OVERHEAD));
-        }
-        LinearMethod::Cg | LinearMethod::MatrixFree => {}
+    if linear.method == LinearMethod::Gmres {
+        items.push(("vectors of GMRES", (n * 8 * d * (linear::RESTART + 1)) as f64));
     }
     items.into_iter().map(|(item, bytes)| MemoryItem { item, bytes: bytes as u64 }).collect()
 }

@@ -23,6 +23,7 @@ use crate::geometry::Scalar;
 use crate::interaction::{Census, n_neighbors};
 use crate::kernel::Measure;
 use crate::lattice;
+use crate::words::Words;
 
 /// How interactions are weighted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,6 +37,15 @@ pub enum Weights {
     Volumes,
     /// 1: spring networks, tests.
     Unit,
+}
+
+impl Words for Weights {
+    const WORDS: &'static [(&'static str, Weights)] = &[
+        ("uniform", Weights::Uniform),
+        ("truncated", Weights::Truncated),
+        ("volumes", Weights::Volumes),
+        ("unit", Weights::Unit),
+    ];
 }
 
 /// Why interactions cannot be weighted.

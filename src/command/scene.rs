@@ -88,9 +88,7 @@ fn print_case_error(error: &CaseError, format: Format) {
         CaseError::Text { name, text, diagnostics } => {
             render::print(Source { name, text }, diagnostics, format);
         }
-        CaseError::Unreadable { .. } | CaseError::Body { .. } => {
-            render::error(&error.to_string(), None);
-        }
+        _ => render::error(&error.to_string(), None),
     }
 }
 

@@ -61,7 +61,7 @@ fn axes_text() -> String {
     let mut out = String::new();
     for axis in AXES {
         let _ = writeln!(out, "{:15} {}: {}", axis.name, axis.key, axis.about);
-        let _ = writeln!(out, "{:15} {}", "", axis.words.join(", "));
+        let _ = writeln!(out, "{:15} {}", "", (axis.words)().join(", "));
     }
     out
 }

@@ -31,6 +31,7 @@ pub(crate) mod sweep;
 pub(crate) mod tangent;
 #[cfg(test)]
 mod tests;
+mod words;
 
 use std::sync::{Arc, OnceLock};
 
@@ -60,11 +61,11 @@ use tangent::{Bonds, FieldStiffness};
 pub enum Discretisation {
     /// `W = sum_i V_i psi(F_i)` (CC; total Lagrangian SPH). Displacements that alternate from point
     /// to point may leave every `F_i` as it is.
-    #[default]
     Nodal,
     /// The same with the energy of the deviations from `F_i` (CS, CW).
     Stabilised(Stabilisation),
     /// `psi` at the bonds (BAQP, partmann2026 4.21 to 4.31): nothing alternates for free.
+    #[default]
     BondQuadrature,
 }
 

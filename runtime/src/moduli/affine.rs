@@ -47,7 +47,7 @@ impl Affine {
         } else if compiled.gathered.is_some() {
             inside.of_states(compiled, case.thickness())?
         } else {
-            inside.of_interactions(compiled, case.scene.horizon.weights.into())?
+            inside.of_interactions(compiled, case.scene.horizon.weights)?
         };
         if affine.is_finite() {
             return Ok(affine);

@@ -111,7 +111,7 @@ impl Inside {
 }
 
 fn refused(error: impl Into<AssemblyError>) -> CaseError {
-    CaseError::Body { message: error.into().to_string() }
+    CaseError::Assembly(error.into())
 }
 
 /// A law at all measures of a lattice at rest.

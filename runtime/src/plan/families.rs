@@ -4,10 +4,9 @@
 //! visit the bonds, and springs like the tangent precondition them.
 
 use super::time::{FACTOR_FLOPS_PER_SECOND, LU_WORK, speed};
-use super::{FactorEstimate, InteractionCount, LinearMethod, TimeEstimate};
-use crate::energy::Products;
-use crate::scene::{DiscretisationChoice, LinearChoice, Scene};
-use crate::solve::linear::OPERATIONS_PER_BLOCK;
+use super::{FactorEstimate, InteractionCount, TimeEstimate};
+use crate::correspondence::Discretisation;
+use crate::solve::linear::{Choice, LinearMethod, OPERATIONS_PER_BLOCK};
 
 /// Iterations of conjugate gradients to 1e-10 with the factor of the springs: 16 to 52 for bars.
 const FACTOR_ITERATIONS: f64 = 35.0;
@@ -48,28 +47,14 @@ pub enum Families {
     States(usize),
 }
 
-impl From<DiscretisationChoice> for Families {
-    fn from(choice: DiscretisationChoice) -> Families {
+impl From<Discretisation> for Families {
+    fn from(choice: Discretisation) -> Families {
         match choice {
-            DiscretisationChoice::Nodal => Families::Nodal,
-            DiscretisationChoice::Stabilised => Families::Stabilised,
-            DiscretisationChoice::BondQuadrature => Families::BondQuadrature,
+            Discretisation::Nodal => Families::Nodal,
+            Discretisation::Stabilised(_) => Families::Stabilised,
+            Discretisation::BondQuadrature => Families::BondQuadrature,
         }
     }
-}
-
-/// The method and its reason where the tangent is not stored.
-pub(super) fn method(families: Option<Families>, scene: &Scene) -> Option<(LinearMethod, String)> {
-    let exact = scene.solver.products == Products::Exact;
-    let (method, reason) = match (families?, scene.solver.linear) {
-        (_, LinearChoice::Auto) if exact => {
-            (LinearMethod::MatrixFree, "the tangent reaches further than the bonds")
-        }
-        (_, LinearChoice::MatrixFree) => (LinearMethod::MatrixFree, "the scene says so"),
-        (_, LinearChoice::Gmres) => (LinearMethod::MatrixFreeGmres, "the scene says so"),
-        _ => return None,
-    };
-    Some((method, reason.to_string()))
 }
 
 /// Whether springs like the tangent are factorised.
@@ -123,7 +108,7 @@ impl Families {
         self,
         interactions: &InteractionCount,
         blocks: f64,
-        linear: LinearMethod,
+        linear: &Choice,
         factor: FactorEstimate,
         threads: usize,
     ) -> TimeEstimate {
@@ -135,16 +120,14 @@ impl Families {
         let factorisation = factor.flops / FACTOR_FLOPS_PER_SECOND;
         // The stored tangent is worked out entry by entry, over all that two points share.
         let stored = forces + blocks * whole(per_bond.stored) / bonds.max(1.0);
-        let (assembly, linear) = match linear {
-            method if method.is_matrix_free() && is_factorised(factor, blocks) => {
+        let (assembly, linear) = match linear.method {
+            _ if !linear.stores_matrix && is_factorised(factor, blocks) => {
                 (once, factorisation + FACTOR_ITERATIONS * product)
             }
-            LinearMethod::MatrixFree | LinearMethod::MatrixFreeGmres => {
-                (once, TWO_LEVEL_ITERATIONS * product)
-            }
-            LinearMethod::Cg | LinearMethod::Gmres => (stored, TWO_LEVEL_ITERATIONS * product),
+            _ if !linear.stores_matrix => (once, TWO_LEVEL_ITERATIONS * product),
             LinearMethod::Cholesky => (stored, factorisation),
             LinearMethod::Lu => (stored, LU_WORK * factorisation),
+            _ => (stored, TWO_LEVEL_ITERATIONS * product),
         };
         TimeEstimate::per_iteration(bonds * BOND_SETUP_SECONDS, assembly, linear)
     }

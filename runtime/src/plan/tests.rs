@@ -143,7 +143,7 @@ fn estimates_are_within_a_factor_of_three_of_measurements() {
     let direct = plan(&scene("[solver]\nlinear = \"cholesky\""), None);
     assert_eq!(direct.interactions.bonds, 408_364);
     assert_eq!(direct.unknowns, 22_800);
-    assert_eq!(direct.linear, LinearMethod::Cholesky);
+    assert_eq!(direct.linear.method, LinearMethod::Cholesky);
     within(direct.time.linear, 6.2);
     within(direct.time.assembly, 0.30);
     within(direct.memory_total as f64, 922e6);
@@ -170,21 +170,21 @@ fn auto_avoids_a_factor_and_a_matrix_that_do_not_fit() {
     let auto = scene("");
     let of = |memory| plan_of(lattice([10, 10, 10], 3), &auto, memory);
     let plenty = of(None);
-    assert_eq!(plenty.linear, LinearMethod::Cholesky, "{}", plenty.linear_reason);
+    assert_eq!(plenty.linear.method, LinearMethod::Cholesky, "{}", plenty.linear.reason);
     // The factor takes 13 MB, the matrix 3 MB.
     let small = of(Some(12_000_000));
-    assert_eq!(small.linear, LinearMethod::Cg, "{}", small.linear_reason);
-    assert!(small.linear_reason.contains("exceeds"), "{}", small.linear_reason);
+    assert_eq!(small.linear.method, LinearMethod::Cg, "{}", small.linear.reason);
+    assert!(small.linear.reason.contains("exceeds"), "{}", small.linear.reason);
     assert_eq!(small.refusal(), None);
     let tiny = of(Some(4_000_000));
-    assert_eq!(tiny.linear, LinearMethod::MatrixFree, "{}", tiny.linear_reason);
+    assert_eq!(tiny.linear.method, LinearMethod::MatrixFree, "{}", tiny.linear.reason);
     assert_eq!(tiny.refusal(), None);
 }
 
 /// 20^3 points take 2.3e11 operations: more than the solver spends on one factorisation.
 #[test]
 fn auto_iterates_where_the_solver_does() {
-    assert_eq!(plan(&scene(""), None).linear, LinearMethod::Cg);
+    assert_eq!(plan(&scene(""), None).linear.method, LinearMethod::Cg);
 }
 
 #[test]

@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-use super::{Basis, LinearMethod, Plan};
+use super::{Basis, Plan};
+use crate::solve::linear::LinearMethod;
 
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -40,30 +41,25 @@ impl fmt::Display for Plan {
             Basis::Increment => "from the first increment, within a factor of 3",
         };
         writeln!(f, "time on {threads}, {basis}")?;
-        let method = match self.linear {
-            LinearMethod::Cholesky => "linear system, Cholesky",
-            LinearMethod::Lu => "linear system, LU",
-            LinearMethod::Cg => "linear system, CG",
-            LinearMethod::MatrixFree => "linear system, free CG",
-            LinearMethod::Gmres => "linear system, GMRES",
-            LinearMethod::MatrixFreeGmres => "linear system, free GMRES",
+        let (short, name) = match self.linear.method {
+            LinearMethod::Cholesky => ("Cholesky", "Cholesky"),
+            LinearMethod::Lu => ("LU", "LU"),
+            LinearMethod::Gmres => ("GMRES", "GMRES"),
+            _ => ("CG", "conjugate gradients"),
         };
+        let (free, without) = match self.linear.stores_matrix {
+            true => ("", ""),
+            false => ("free ", " without a stored tangent"),
+        };
+        let method = format!("linear system, {free}{short}");
         writeln!(f, "  {:<26}{:>16}", "setup", seconds(self.time.setup))?;
         writeln!(f, "  {:<26}{:>16}   per iteration", "assembly", seconds(self.time.assembly))?;
         writeln!(f, "  {method:<26}{:>16}   per iteration", seconds(self.time.linear))?;
         writeln!(f, "  {:<26}{:>16}", "increment", seconds(self.time.increment))?;
         let total = format!("run of {} increments", self.increments);
         writeln!(f, "  {total:<26}{:>16}", seconds(self.time.total))?;
-        let method = match self.linear {
-            LinearMethod::Cholesky => "Cholesky",
-            LinearMethod::Lu => "LU",
-            LinearMethod::Cg => "conjugate gradients",
-            LinearMethod::MatrixFree => "conjugate gradients without a stored tangent",
-            LinearMethod::Gmres => "GMRES",
-            LinearMethod::MatrixFreeGmres => "GMRES without a stored tangent",
-        };
-        writeln!(f, "linear systems by {method}:")?;
-        wrapped(&self.linear_reason).iter().try_for_each(|line| writeln!(f, "  {line}"))?;
+        writeln!(f, "linear systems by {name}{without}:")?;
+        wrapped(&self.linear.reason).iter().try_for_each(|line| writeln!(f, "  {line}"))?;
         writeln!(f, "what this plan does not know, or takes for granted:")?;
         let notes = self.notes.iter().cloned().chain([self.time_note()]);
         notes.flat_map(|note| wrapped(&note)).try_for_each(|line| writeln!(f, "  {line}"))
@@ -74,7 +70,7 @@ impl Plan {
     /// What the time rests on, in a sentence without its full stop.
     fn time_note(&self) -> String {
         let Some(first) = &self.first else {
-            let reason = if self.of_families && self.linear.is_matrix_free() {
+            let reason = if self.of_families && !self.linear.stores_matrix {
                 "; linear systems of families take 30 to 1000 products, and 35 to 65 are taken"
             } else {
                 ""

@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use super::{FactorEstimate, InteractionCount, LinearMethod, matrix_bytes};
+use super::{FactorEstimate, InteractionCount, matrix_bytes};
+use crate::solve::linear::{Choice, LinearMethod};
 
 /// Assembling the energy, gradient and tangent of one interaction on one core, in s.
 const BOND_SECONDS: f64 = 10e-9;
@@ -99,7 +100,7 @@ impl TimeEstimate {
     pub(super) fn new(
         interactions: &InteractionCount,
         (dimension, blocks): (usize, f64),
-        linear: LinearMethod,
+        linear: &Choice,
         factor: FactorEstimate,
         horizons: Option<f64>,
         threads: usize,
@@ -112,13 +113,11 @@ impl TimeEstimate {
         let assembly = one_core / speed;
         let iterations =
             horizons.map(|horizons| CG_ITERATIONS + CG_ITERATIONS_PER_HORIZON * horizons);
-        let linear = match linear {
+        let linear = match linear.method {
             LinearMethod::Cholesky => factor.flops / FACTOR_FLOPS_PER_SECOND,
             LinearMethod::Lu => LU_WORK * factor.flops / FACTOR_FLOPS_PER_SECOND,
-            LinearMethod::MatrixFree | LinearMethod::MatrixFreeGmres => {
-                iterations.unwrap_or(TWO_LEVEL_ITERATIONS) * assembly
-            }
-            LinearMethod::Cg | LinearMethod::Gmres => {
+            _ if !linear.stores_matrix => iterations.unwrap_or(TWO_LEVEL_ITERATIONS) * assembly,
+            _ => {
                 let iterations = iterations.unwrap_or(TWO_LEVEL_ITERATIONS * TWO_LEVEL_TIME);
                 iterations * matrix_bytes(dimension, blocks).0 / MATRIX_BYTES_PER_SECOND
             }

@@ -14,6 +14,7 @@
 pub mod boundary;
 mod check;
 mod expression;
+mod keys;
 mod overrides;
 mod potential;
 mod read;
@@ -28,10 +29,17 @@ mod formula_tests;
 #[cfg(test)]
 mod tests;
 
+use piola_compiler::Form;
 use piola_grammar::{Diagnostic, Span};
 
+use crate::correspondence::{Discretisation, OperatorOrder};
 use crate::energy::Products;
 use crate::kernel::Level;
+use crate::solve::linear::{LinearMethod, PreconditionerChoice};
+use crate::solve::newton::NewtonVariant;
+use crate::solve::steps::Start;
+use crate::weights::Weights;
+use crate::words::Words;
 
 pub use crate::lattice::Nodes;
 pub use expression::Expression;
@@ -199,7 +207,7 @@ pub struct Horizon {
     /// How far the interactions reach.
     pub extent: HorizonExtent,
     /// How neighbours are weighted.
-    pub weights: WeightScheme,
+    pub weights: Weights,
     /// Where the scene says so; without it the potential may ask for other weights.
     pub weights_span: Option<Span>,
 }
@@ -217,19 +225,6 @@ pub enum HorizonExtent {
     Spacings(f64),
     /// In m.
     Radius(f64),
-}
-
-/// How the neighbour volumes of an interaction are weighted.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum WeightScheme {
-    /// The effective volumes of a bulk point with the full ball at every point; lattices only.
-    Uniform,
-    /// The ball's volume reduced in proportion to the missing neighbours.
-    Truncated,
-    /// Products of the point volumes.
-    Volumes,
-    /// One.
-    Unit,
 }
 
 /// `[material]`: the energy and its parameters.
@@ -262,14 +257,10 @@ pub enum ParameterText {
 /// `[correspondence]`: how a body gets its deformation gradients, and what is made of them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CorrespondenceSettings {
-    /// Where the energy density is evaluated.
-    pub discretisation: DiscretisationChoice,
-    /// What the stabilised discretisation resists with.
-    pub stabilisation: StabilisationChoice,
-    /// Stiffness of the Silling stabilisation, `C_s C_b`, in Pa/m^2.
-    pub stiffness: Option<f64>,
+    /// Where the energy density is evaluated; stiffnesses per volume of the material, in Pa/m^2.
+    pub discretisation: Discretisation,
     /// Which polynomials are differentiated exactly.
-    pub order: OrderChoice,
+    pub order: OperatorOrder,
     /// How much a neighbour counts.
     pub influence: InfluenceChoice,
     /// 2D: what happens across the plane.
@@ -286,45 +277,23 @@ pub enum Plane {
     Stress,
 }
 
-/// Where an energy density of the deformation gradient is evaluated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum DiscretisationChoice {
-    /// At the bonds.
-    #[default]
-    BondQuadrature,
-    /// At the points.
-    Nodal,
-    /// At the points, with an energy of what neighbours deviate from the gradient.
-    Stabilised,
-}
-
-/// What a stabilised discretisation resists with.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum StabilisationChoice {
-    /// The isotropic part of Wan's stiffness; objective.
-    #[default]
-    Isotropic,
-    /// The elasticity tensor times the inverse shape tensor; not objective.
-    Wan,
-    /// One given stiffness.
-    Silling,
-}
-
-/// Which polynomials the deformation gradient differentiates exactly.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum OrderChoice {
-    /// Linear ones; the fit passes through the point.
-    #[default]
-    First,
-    /// Linear ones; the fit need not pass through the point.
-    FirstWithConstant,
-    /// Quadratic ones.
-    Second,
+impl Words for Plane {
+    const WORDS: &'static [(&'static str, Plane)] =
+        &[("strain", Plane::Strain), ("stress", Plane::Stress)];
 }
 
 /// An influence function.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum InfluenceChoice {
+    /// One that has a name.
+    Named(NamedInfluence),
+    /// An expression of `L` and `delta`.
+    Expression(Expression),
+}
+
+/// An influence function that has a name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NamedInfluence {
     /// A cubic B-spline that ends at the horizon.
     #[default]
     CubicSpline,
@@ -332,8 +301,30 @@ pub enum InfluenceChoice {
     Constant,
     /// One over the length of the bond.
     Inverse,
-    /// An expression of `L` and `delta`.
-    Expression(Expression),
+}
+
+impl Words for NamedInfluence {
+    const WORDS: &'static [(&'static str, NamedInfluence)] = &[
+        ("cubic-spline", NamedInfluence::CubicSpline),
+        ("constant", NamedInfluence::Constant),
+        ("inverse", NamedInfluence::Inverse),
+    ];
+}
+
+impl Default for InfluenceChoice {
+    fn default() -> Self {
+        InfluenceChoice::Named(NamedInfluence::default())
+    }
+}
+
+impl InfluenceChoice {
+    /// As the scene has it.
+    pub fn text(&self) -> &str {
+        match self {
+            InfluenceChoice::Named(named) => named.word(),
+            InfluenceChoice::Expression(expression) => &expression.text,
+        }
+    }
 }
 
 /// One entry of `[sets]`: a named set of points.
@@ -426,6 +417,12 @@ pub struct Steps {
     pub increments: usize,
 }
 
+impl Default for Steps {
+    fn default() -> Self {
+        Steps { end: 1.0, increments: 25 }
+    }
+}
+
 /// `[solver]`: how equilibrium is found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SolverSettings {
@@ -434,9 +431,9 @@ pub struct SolverSettings {
     /// Where an increment starts.
     pub start: Start,
     /// How much of each Newton step is new.
-    pub newton: NewtonChoice,
+    pub newton: NewtonVariant,
     /// How linear systems are solved.
-    pub linear: LinearChoice,
+    pub linear: LinearMethod,
     /// What makes conjugate gradients and GMRES converge.
     pub preconditioner: PreconditionerChoice,
     /// How products with the tangent come about.
@@ -446,7 +443,7 @@ pub struct SolverSettings {
     /// Level of the machine code.
     pub level: Level,
     /// In which form energies are evaluated.
-    pub form: FormChoice,
+    pub form: Form,
     /// What strain is computed from.
     pub strain: StrainSource,
     /// Newton iterations per increment.
@@ -455,70 +452,46 @@ pub struct SolverSettings {
     pub unstable: Unstable,
 }
 
+impl Default for SolverSettings {
+    fn default() -> Self {
+        SolverSettings {
+            tolerance: 1e-10,
+            start: Start::default(),
+            newton: NewtonVariant::default(),
+            linear: LinearMethod::default(),
+            preconditioner: PreconditionerChoice::default(),
+            products: Products::default(),
+            derivatives: DerivativeSource::default(),
+            level: Level::default(),
+            form: Form::default(),
+            strain: StrainSource::default(),
+            max_iterations: 25,
+            unstable: Unstable::default(),
+        }
+    }
+}
+
 /// What an end state means whose tangent is not positive definite: a maximum or a saddle of the
 /// energy, which no body keeps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unstable {
     /// The run has failed.
+    #[default]
     Fail,
     /// It is what the scene is about.
     Accept,
 }
 
-/// Where the free points of an increment start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Start {
-    /// On the line through the last two equilibria; where none is found from there, at the last.
-    Extrapolate,
-    /// At the last equilibrium.
-    Last,
-}
-
-/// How much of each Newton step is new.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NewtonChoice {
-    /// A new tangent for every step, and an exact solution.
-    Full,
-    /// Linear systems are solved only as exactly as pays.
-    Inexact,
-    /// Tangent and factors are kept as long as they serve.
-    Modified,
-}
-
-/// What makes conjugate gradients and GMRES converge.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PreconditionerChoice {
-    /// Two levels where that is possible.
-    Auto,
-    /// The inverses of the diagonal blocks.
-    BlockJacobi,
-    /// Block Jacobi and a coarse system.
-    TwoLevel,
-}
-
-/// How linear systems are solved.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum LinearChoice {
-    /// By size, dimension, memory and conditioning.
-    Auto,
-    /// `L L^T`; positive definite tangents only.
-    Cholesky,
-    /// `L D L^T`.
-    Ldlt,
-    /// `L U`.
-    Lu,
-    /// Conjugate gradients.
-    ConjugateGradients,
-    /// Conjugate gradients without storing the tangent.
-    MatrixFree,
-    /// GMRES; the tangent is stored where that of conjugate gradients would be.
-    Gmres,
+impl Words for Unstable {
+    const WORDS: &'static [(&'static str, Unstable)] =
+        &[("fail", Unstable::Fail), ("accept", Unstable::Accept)];
 }
 
 /// Where psi' and psi'' come from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DerivativeSource {
     /// Machine code of the symbolic derivatives.
+    #[default]
     Jit,
     /// The symbolic derivatives, interpreted.
     Interpreter,
@@ -528,22 +501,28 @@ pub enum DerivativeSource {
     HyperdualCoordinates,
 }
 
-/// In which form energies are evaluated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum FormChoice {
-    /// Rewritten so that they keep their digits.
-    Accurate,
-    /// Differentiated as they were written, to compare with.
-    Textbook,
+impl Words for DerivativeSource {
+    const WORDS: &'static [(&'static str, DerivativeSource)] = &[
+        ("jit", DerivativeSource::Jit),
+        ("interpreter", DerivativeSource::Interpreter),
+        ("hyperdual", DerivativeSource::Hyperdual),
+        ("hyperdual-coordinates", DerivativeSource::HyperdualCoordinates),
+    ];
 }
 
 /// What strain is computed from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum StrainSource {
     /// Displacements.
+    #[default]
     Displacements,
     /// Current positions, rounded as a program that stores them has them; to compare with.
     Positions,
+}
+
+impl Words for StrainSource {
+    const WORDS: &'static [(&'static str, StrainSource)] =
+        &[("displacements", StrainSource::Displacements), ("positions", StrainSource::Positions)];
 }
 
 /// `[output]`: what is written.
@@ -551,4 +530,10 @@ pub enum StrainSource {
 pub struct OutputSettings {
     /// How many frames the run writes after the undeformed one.
     pub frames: usize,
+}
+
+impl Default for OutputSettings {
+    fn default() -> Self {
+        OutputSettings { frames: 25 }
+    }
 }

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use piola_grammar::Diagnostic;
 
-use super::read::WEIGHTS;
-use super::write::word;
-use super::{Points, Scene, SceneReport, WeightScheme};
+use super::{Points, Scene, SceneReport};
+use crate::weights::Weights;
+use crate::words::Words;
 use piola_grammar::suggest;
 
 /// A potential file may have this many bytes.
@@ -61,15 +61,15 @@ impl Scene {
     /// Takes the weights that a potential asks for with `weights volumes`. Where the scene states
     /// others, those hold, and a warning says so.
     pub fn weigh_volumes(&mut self, potential: &str) -> Option<Diagnostic> {
-        if self.horizon.weights == WeightScheme::Volumes {
+        if self.horizon.weights == Weights::Volumes {
             return None;
         }
         let Some(span) = self.horizon.weights_span else {
-            self.horizon.weights = WeightScheme::Volumes;
+            self.horizon.weights = Weights::Volumes;
             return None;
         };
-        let weights = word(WEIGHTS, self.horizon.weights);
-        let message = format!("{potential} is made for weights = \"volumes\", not {weights}");
+        let weights = self.horizon.weights.word();
+        let message = format!("{potential} is made for weights = \"volumes\", not \"{weights}\"");
         let warning = Diagnostic::warning("other-weights", span, message);
         Some(warning.label("energies and forces are those of another material").help(
             "write weights = \"volumes\", or leave the line out: the potential says what it needs",
@@ -115,7 +115,7 @@ mod tests {
     fn a_potential_may_ask_for_products_of_volumes() {
         let mut silent = read(LEAST);
         assert_eq!(silent.weigh_volumes("solid"), None);
-        assert_eq!(silent.horizon.weights, WeightScheme::Volumes);
+        assert_eq!(silent.horizon.weights, Weights::Volumes);
         assert!(silent.resolved_toml().contains("weights = \"volumes\""));
         let stating = |weights: &str| {
             read(&LEAST.replace("[horizon]\n", &format!("[horizon]\nweights = \"{weights}\"\n")))
@@ -128,6 +128,6 @@ mod tests {
             warning.message.contains("solid is made for weights = \"volumes\", not \"uniform\"")
         );
         // What the scene says holds.
-        assert_eq!(other.horizon.weights, WeightScheme::Uniform);
+        assert_eq!(other.horizon.weights, Weights::Uniform);
     }
 }

@@ -7,6 +7,7 @@
 use piola_grammar::{Diagnostic, Span};
 
 use super::tree::{Entry, Kind, Node, Text};
+use crate::words::Words;
 use piola_grammar::suggest;
 
 /// The keys of one kind of table.
@@ -220,16 +221,22 @@ impl Reader {
         None
     }
 
-    /// One of several words.
-    pub(super) fn choice<T: Copy>(
-        &mut self,
-        field: Field<'_>,
-        choices: &[(&'static str, T)],
-    ) -> Option<T> {
+    /// A number greater than 0 and less than 1.
+    pub(super) fn fraction(&mut self, field: Field<'_>) -> Option<f64> {
+        let number = self.positive(field)?;
+        if number < 1.0 {
+            return Some(number);
+        }
+        self.out_of_range(field, "less than 1");
+        None
+    }
+
+    /// One of the words of an option.
+    pub(super) fn choice<T: Words>(&mut self, field: Field<'_>) -> Option<T> {
         let text = self.text(field)?;
-        let choice = choices.iter().find(|(word, _)| *word == text.value);
+        let choice = T::of_word(&text.value);
         if choice.is_none() {
-            let words: Vec<&str> = choices.iter().map(|(word, _)| *word).collect();
+            let words = T::words();
             let message = format!("`{}` cannot be \"{}\"", field.key, text.value);
             let diagnostic = Diagnostic::error("unknown-choice", field.node.span, message)
                 .help(format!("write {} = \"{}\"", field.key, words.join("\" or \"")));
@@ -238,7 +245,12 @@ impl Reader {
                 None => diagnostic,
             });
         }
-        choice.map(|(_, value)| *value)
+        choice
+    }
+
+    /// A key with one of the words of an option; without it the first of them.
+    pub(super) fn option<T: Words>(&mut self, table: &Table<'_>, key: &'static str) -> Option<T> {
+        self.or(Some(table), key, T::WORDS[0].1, Reader::choice)
     }
 
     /// An array.

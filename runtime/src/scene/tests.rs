@@ -96,7 +96,7 @@ fn every_key_is_read() {
     assert_eq!(scene.body.dimension, 2);
     assert_eq!(scene.body.remove[0].text, "max(abs(X-0.5), abs(Y-0.5)) < 0.2 - 1e-9");
     assert_eq!(scene.horizon.extent, HorizonExtent::Radius(0.15));
-    assert_eq!(scene.horizon.weights, WeightScheme::Volumes);
+    assert_eq!(scene.horizon.weights, Weights::Volumes);
     assert_eq!(scene.horizon_radius(), 0.15);
     assert_eq!(scene.material.potential.value, "law.piola");
     let parameters: Vec<(&str, &ParameterText)> = scene
@@ -133,13 +133,13 @@ fn every_key_is_read() {
     let solver = SolverSettings {
         tolerance: 1e-9,
         start: Start::Extrapolate,
-        newton: NewtonChoice::Inexact,
-        linear: LinearChoice::MatrixFree,
+        newton: NewtonVariant::Inexact,
+        linear: LinearMethod::MatrixFree,
         preconditioner: PreconditionerChoice::BlockJacobi,
         products: Products::Central,
         derivatives: DerivativeSource::HyperdualCoordinates,
         level: Level::Strict,
-        form: FormChoice::Textbook,
+        form: Form::Textbook,
         strain: StrainSource::Positions,
         unstable: Unstable::Accept,
         max_iterations: 7,
@@ -173,7 +173,7 @@ fn every_default_is_filled_in() {
     assert_eq!(lattice.counts(), [20, 20]);
     assert_eq!(scene.body.dimension, 2);
     assert_eq!(scene.body.remove, []);
-    assert_eq!(scene.horizon.weights, WeightScheme::Uniform);
+    assert_eq!(scene.horizon.weights, Weights::Uniform);
     assert_eq!(scene.horizon_radius(), 3.0 * 0.05);
     assert_eq!(scene.material.parameters, []);
     assert_eq!((scene.sets.len(), scene.prescriptions.len()), (0, 0));
@@ -182,13 +182,13 @@ fn every_default_is_filled_in() {
     let solver = SolverSettings {
         tolerance: 1e-10,
         start: Start::Extrapolate,
-        newton: NewtonChoice::Full,
-        linear: LinearChoice::Auto,
+        newton: NewtonVariant::Full,
+        linear: LinearMethod::Auto,
         preconditioner: PreconditionerChoice::Auto,
         products: Products::Exact,
         derivatives: DerivativeSource::Jit,
         level: Level::default(),
-        form: FormChoice::Accurate,
+        form: Form::Accurate,
         strain: StrainSource::Displacements,
         unstable: Unstable::Fail,
         max_iterations: 25,
@@ -203,7 +203,7 @@ const CLOUD: &str = "[body]\ndimension = 3\npoints = \"cloud.csv\"\n[horizon]\nr
 #[test]
 fn clouds_are_truncated_by_default() {
     let scene = read(CLOUD);
-    assert_eq!(scene.horizon.weights, WeightScheme::Truncated);
+    assert_eq!(scene.horizon.weights, Weights::Truncated);
     let path = scene.cloud_path(std::path::Path::new("folder")).unwrap();
     assert_eq!(path, std::path::Path::new("folder/cloud.csv"));
 }
@@ -474,7 +474,7 @@ fn overrides_replace_and_add() {
     assert_eq!(scene.prescriptions[0].components[0].value, Some(Quantity::Number(0.0)));
     assert!(matches!(&scene.prescriptions[1].components[0].value,
         Some(Quantity::Expression(expression)) if expression.text == "0.2*t"));
-    assert_eq!(scene.solver.linear, LinearChoice::ConjugateGradients);
+    assert_eq!(scene.solver.linear, LinearMethod::Cg);
     assert_eq!(scene.solver.max_iterations, 9);
     assert_eq!(scene.material.potential.value, "law.piola");
     let quantity = ParameterText::Quantity("200 GPa".into());

@@ -2,16 +2,14 @@
 
 use std::fmt::Write;
 
-use super::read::correspondence::{DISCRETISATIONS, INFLUENCES, ORDERS, PLANES, STABILISATIONS};
-use super::read::{
-    DERIVATIVES, FORMS, LEVELS, LINEAR, NEWTON, NODES, PRECONDITIONERS, PRODUCTS, STARTS, STRAINS,
-    UNSTABLE, WEIGHTS,
-};
+use super::keys::texts;
+use super::read::{OUTPUT_KEYS, SOLVER_KEYS, STEPS_KEYS};
 use super::{
-    BodyShape, CorrespondenceSettings, DiscretisationChoice, Horizon, HorizonExtent,
-    InfluenceChoice, Load, Material, ParameterText, Plane, Points, Prescription, Probe, Quantity,
-    Scene, SetDefinition,
+    BodyShape, CorrespondenceSettings, Horizon, HorizonExtent, Load, Material, ParameterText,
+    Plane, Points, Prescription, Probe, Quantity, Scene, SetDefinition,
 };
+use crate::correspondence::{Discretisation, Stabilisation};
+use crate::words::Words;
 
 impl Scene {
     /// The scene as TOML with every default written out; it reads back to an equal scene.
@@ -35,25 +33,9 @@ impl Scene {
         for probe in &self.probes {
             write_probe(&mut out, probe);
         }
-        section(&mut out, "[steps]");
-        pair(&mut out, "end", number(self.steps.end));
-        pair(&mut out, "increments", self.steps.increments);
-        section(&mut out, "[solver]");
-        let solver = &self.solver;
-        pair(&mut out, "tolerance", number(solver.tolerance));
-        pair(&mut out, "start", word(STARTS, solver.start));
-        pair(&mut out, "newton", word(NEWTON, solver.newton));
-        pair(&mut out, "linear", word(LINEAR, solver.linear));
-        pair(&mut out, "preconditioner", word(PRECONDITIONERS, solver.preconditioner));
-        pair(&mut out, "products", word(PRODUCTS, solver.products));
-        pair(&mut out, "derivatives", word(DERIVATIVES, solver.derivatives));
-        pair(&mut out, "level", word(LEVELS, solver.level));
-        pair(&mut out, "form", word(FORMS, solver.form));
-        pair(&mut out, "strain", word(STRAINS, solver.strain));
-        pair(&mut out, "unstable", word(UNSTABLE, solver.unstable));
-        pair(&mut out, "max_iterations", solver.max_iterations);
-        section(&mut out, "[output]");
-        pair(&mut out, "frames", self.output.frames);
+        write_pairs(&mut out, "[steps]", texts(&self.steps, &STEPS_KEYS));
+        write_pairs(&mut out, "[solver]", texts(&self.solver, &SOLVER_KEYS));
+        write_pairs(&mut out, "[output]", texts(&self.output, &OUTPUT_KEYS));
         out
     }
 
@@ -73,7 +55,7 @@ fn write_body(out: &mut String, body: &BodyShape) {
             let corners = [vector(&lattice.low), vector(&lattice.high)];
             pair(out, "box", format!("[{}]", corners.join(", ")));
             pair(out, "spacing", number(lattice.spacing));
-            pair(out, "nodes", word(NODES, lattice.nodes));
+            pair(out, "nodes", word(lattice.nodes));
         }
         Points::Cloud { path } => pair(out, "points", string(&path.value)),
     }
@@ -90,7 +72,7 @@ fn write_horizon(out: &mut String, horizon: &Horizon) {
         HorizonExtent::Spacings(count) => pair(out, "spacings", number(count)),
         HorizonExtent::Radius(radius) => pair(out, "radius", number(radius)),
     }
-    pair(out, "weights", word(WEIGHTS, horizon.weights));
+    pair(out, "weights", word(horizon.weights));
 }
 
 fn write_material(out: &mut String, material: &Material) {
@@ -109,17 +91,12 @@ fn write_material(out: &mut String, material: &Material) {
 impl std::fmt::Display for CorrespondenceSettings {
     /// In a few words, for a plan.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let bare = |quoted: String| quoted.trim_matches('"').to_string();
-        let stabilised = self.discretisation == DiscretisationChoice::Stabilised;
-        write!(f, "{}", bare(word(DISCRETISATIONS, self.discretisation)))?;
-        if stabilised {
-            write!(f, " ({})", bare(word(STABILISATIONS, self.stabilisation)))?;
+        write!(f, "{}", self.discretisation.word())?;
+        if let Discretisation::Stabilised(stabilisation) = self.discretisation {
+            write!(f, " ({})", stabilisation.word())?;
         }
-        let influence = match &self.influence {
-            InfluenceChoice::Expression(expression) => expression.text.clone(),
-            named => bare(word(INFLUENCES, named.clone())),
-        };
-        write!(f, ", order {}, influence {influence}", bare(word(ORDERS, self.order)))?;
+        let influence = self.influence.text();
+        write!(f, ", order {}, influence {influence}", self.order.word())?;
         match self.plane {
             Plane::Strain => Ok(()),
             Plane::Stress => write!(f, ", plane stress"),
@@ -129,21 +106,17 @@ impl std::fmt::Display for CorrespondenceSettings {
 
 fn write_correspondence(out: &mut String, settings: &CorrespondenceSettings) {
     section(out, "[correspondence]");
-    pair(out, "discretisation", word(DISCRETISATIONS, settings.discretisation));
-    if settings.discretisation == DiscretisationChoice::Stabilised {
-        pair(out, "stabilisation", word(STABILISATIONS, settings.stabilisation));
+    pair(out, "discretisation", word(settings.discretisation));
+    if let Discretisation::Stabilised(stabilisation) = settings.discretisation {
+        pair(out, "stabilisation", word(stabilisation));
+        if let Stabilisation::Silling { stiffness } = stabilisation {
+            pair(out, "stiffness", number(stiffness));
+        }
     }
-    if let Some(stiffness) = settings.stiffness {
-        pair(out, "stiffness", number(stiffness));
-    }
-    pair(out, "order", word(ORDERS, settings.order));
-    let influence = match &settings.influence {
-        InfluenceChoice::Expression(expression) => string(&expression.text),
-        named => word(INFLUENCES, named.clone()),
-    };
-    pair(out, "influence", influence);
+    pair(out, "order", word(settings.order));
+    pair(out, "influence", string(settings.influence.text()));
     if settings.plane != Plane::default() {
-        pair(out, "plane", word(PLANES, settings.plane));
+        pair(out, "plane", word(settings.plane));
     }
 }
 
@@ -178,6 +151,11 @@ fn write_probe(out: &mut String, probe: &Probe) {
     pair(out, "at", vector(&probe.at.value));
 }
 
+fn write_pairs(out: &mut String, header: &str, pairs: Vec<(&str, String)>) {
+    section(out, header);
+    pairs.into_iter().for_each(|(key, value)| pair(out, key, value));
+}
+
 fn section(out: &mut String, header: &str) {
     let gap = if out.is_empty() { "" } else { "\n" };
     // Writing to a string cannot fail.
@@ -189,7 +167,7 @@ fn pair(out: &mut String, key: &str, value: impl std::fmt::Display) {
 }
 
 /// Shortest decimals that read back to the same bits, as a TOML float.
-fn number(value: f64) -> String {
+pub(super) fn number(value: f64) -> String {
     format!("{value:?}")
 }
 
@@ -205,9 +183,8 @@ fn quantity(quantity: &Quantity) -> String {
     }
 }
 
-/// The word of a choice; every value of a choice has one.
-pub(super) fn word<T: PartialEq>(choices: &[(&str, T)], value: T) -> String {
-    choices.iter().find(|(_, v)| *v == value).map_or(String::new(), |(word, _)| string(word))
+fn word(value: impl Words) -> String {
+    string(value.word())
 }
 
 /// A key, quoted unless it is plain.
@@ -217,7 +194,7 @@ fn key(name: &str) -> String {
 }
 
 /// A TOML basic string.
-fn string(text: &str) -> String {
+pub(super) fn string(text: &str) -> String {
     let mut out = String::from("\"");
     for c in text.chars() {
         match c {

@@ -148,18 +148,15 @@ struct Posed {
 
 impl Posed {
     fn new(case: &Case, modelled: &ModelledEnergy) -> Result<Posed, CaseError> {
-        let message =
-            |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
         let selection = case.selection()?;
         let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
         let n_dofs = modelled.total().positions().len();
-        let constraints =
-            Constraints::new(n_dofs, boundary.fixed_dofs()).map_err(|error| message(&error))?;
+        let constraints = Constraints::new(n_dofs, boundary.fixed_dofs())?;
         let first = case.scene.steps.end / case.scene.steps.increments.max(1) as f64;
         let mut moved = vec![0.0; n_dofs];
-        let prescribed = boundary.prescribed(first).map_err(|error| message(&error))?;
+        let prescribed = boundary.prescribed(first)?;
         constraints.scatter_fixed(&prescribed, &mut moved);
-        let loads = boundary.loads(first).map_err(|error| message(&error))?;
+        let loads = boundary.loads(first)?;
         Ok(Posed { constraints, moved, loads })
     }
 

@@ -106,7 +106,7 @@ pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
         Err(StepError::NotConverged(failure)) => {
             Ok(Attempt::NotConverged(failed(case, &failure).1))
         }
-        Err(error) => Err(drive.explain(&error)),
+        Err(error) => Err(drive.explain(error)),
     }
 }
 

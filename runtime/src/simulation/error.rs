@@ -6,8 +6,16 @@ use std::path::Path;
 use piola_compiler::CompileError;
 use piola_grammar::Diagnostic;
 
+use crate::assembly::AssemblyError;
+use crate::correspondence::CorrespondenceError;
+use crate::lattice::LatticeError;
+use crate::neighborhood::NeighborhoodError;
 use crate::output::read::TableError;
+use crate::scene::boundary::NonFiniteCondition;
 use crate::scene::{PotentialText, SceneReport};
+use crate::solve::constraint::ConstraintError;
+use crate::solve::steps::StepError;
+use crate::states::StateError;
 
 /// Why a scene cannot be run.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -33,7 +41,34 @@ pub enum CaseError {
         /// What is wrong.
         diagnostics: Vec<Diagnostic>,
     },
-    /// A body that cannot be modelled.
+    /// Points that a lattice cannot have.
+    #[error(transparent)]
+    Lattice(#[from] LatticeError),
+    /// Points without neighbours, or at one place.
+    #[error(transparent)]
+    Neighborhood(#[from] NeighborhoodError),
+    /// Interactions that cannot be assembled.
+    #[error(transparent)]
+    Assembly(#[from] AssemblyError),
+    /// Families without deformation gradients.
+    #[error(transparent)]
+    Correspondence(#[from] CorrespondenceError),
+    /// Families whose states cannot be gathered.
+    #[error(transparent)]
+    States(#[from] StateError),
+    /// Degrees of freedom that cannot be fixed.
+    #[error(transparent)]
+    Constraint(#[from] ConstraintError),
+    /// A condition that is not finite.
+    #[error(transparent)]
+    Condition(#[from] NonFiniteCondition),
+    /// Steps that cannot start.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// An energy that cannot be compiled, for no place in its text.
+    #[error(transparent)]
+    Compile(#[from] CompileError),
+    /// What a scene asks for and its body cannot have.
     #[error("{message}")]
     Body {
         /// What is wrong, and what to do.
@@ -48,7 +83,7 @@ impl CaseError {
             CompileError::TooLarge { span, .. } => ("too-large", *span),
             CompileError::NoHorizon { span, .. } => ("no-horizon", *span),
             CompileError::WrongDimension(_) | CompileError::Backend(_) => {
-                return CaseError::Body { message: error.to_string() };
+                return CaseError::Compile(error.clone());
             }
         };
         CaseError::Text {

@@ -115,16 +115,13 @@ impl Case {
 
     fn outline_of_points(&self, needed: Needed) -> Result<Outline, CaseError> {
         let horizon = self.scene.horizon_radius();
-        let message =
-            |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
         let family = size::family(&self.body, horizon);
         size::check_neighbors(&self.body, horizon, family)?;
         let selection = self.selection()?;
         let boundary = BoundaryConditions::new(&self.scene, &self.body, &selection)?;
         let mut notes = Vec::new();
         let interactions = if family * self.body.n_points() as f64 <= SEARCHED {
-            let neighborhood =
-                Neighborhood::new(&self.body, horizon).map_err(|error| message(&error))?;
+            let neighborhood = Neighborhood::new(&self.body, horizon)?;
             let bonds = BlockPattern::of_bonds(&neighborhood, self.body.dimension());
             run::check_held(self, &bonds, &boundary)?;
             count_interactions(&self.body, &neighborhood, needed)
@@ -134,8 +131,7 @@ impl Case {
                  neighbours to be searched for a plan"
                     .to_string(),
             );
-            estimate_interactions(&self.body, horizon, family, needed)
-                .map_err(|error| message(&error))?
+            estimate_interactions(&self.body, horizon, family, needed)?
         };
         let prescribed = boundary.fixed_dofs().len();
         Ok(Outline { extent: Extent::of(&self.body), interactions, prescribed, notes })

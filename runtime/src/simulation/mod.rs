@@ -31,7 +31,7 @@ use std::sync::Arc;
 
 use num_dual::HyperDual64;
 use piola_compiler::{
-    Dropped, Form, GatheredKernels, Interval, Kernel, Mode, Model, Setting, Values, check_text,
+    Dropped, GatheredKernels, Interval, Kernel, Mode, Model, Setting, Values, check_text,
 };
 use piola_grammar::Diagnostic;
 
@@ -45,8 +45,7 @@ use crate::moduli::moduli;
 use crate::output::read::read_cloud;
 use crate::scene::selection::{self, Selection};
 use crate::scene::{
-    DerivativeSource, FormChoice, MAX_SCENE_BYTES, ParameterText, Plane, Points, PotentialText,
-    Scene,
+    DerivativeSource, MAX_SCENE_BYTES, ParameterText, Plane, Points, PotentialText, Scene,
 };
 use crate::sheet::PlaneStress;
 
@@ -178,10 +177,7 @@ impl Case {
             DerivativeSource::Interpreter => Mode::Interpreter,
             DerivativeSource::Hyperdual | DerivativeSource::HyperdualCoordinates => Mode::HyperDual,
         };
-        let form = match self.scene.solver.form {
-            FormChoice::Accurate => Form::Accurate,
-            FormChoice::Textbook => Form::Textbook,
-        };
+        let form = self.scene.solver.form;
         let compiled = self
             .model
             .compile_as(&self.values, mode, form)
@@ -378,8 +374,7 @@ fn body(scene: &Scene, folder: &Path) -> Result<(Body, Vec<Diagnostic>), CaseErr
                 nodes: shape.nodes,
             };
             size::check_lattice(shape)?;
-            let points =
-                lattice.points().map_err(|error| CaseError::Body { message: error.to_string() })?;
+            let points = lattice.points()?;
             (points.positions, points.volumes, Some(shape.spacing))
         }
         Points::Cloud { path } => {

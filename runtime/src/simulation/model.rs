@@ -6,17 +6,12 @@ use super::{Case, CaseError, Compiled, size};
 use crate::assembly::{DiscreteEnergy, Inverted, Report};
 use crate::body::Body;
 use crate::correspondence::influence::{Constant, CubicSpline, Influence, InverseLength};
-use crate::correspondence::{
-    Correspondence, Discretisation, Formulation, OperatorOrder, Stabilisation,
-};
+use crate::correspondence::{Correspondence, Discretisation, Formulation, Stabilisation};
 use crate::energy::TotalEnergy;
 use crate::kernel::{Law, Measure, VariablesLaw};
 use crate::matrix::BlockPattern;
 use crate::neighborhood::Neighborhood;
-use crate::scene::{
-    CorrespondenceSettings, DiscretisationChoice, InfluenceChoice, OrderChoice,
-    StabilisationChoice, WeightScheme,
-};
+use crate::scene::{InfluenceChoice, NamedInfluence};
 use crate::sheet::Thick;
 use crate::states::{StateEnergy, StateLaws};
 use crate::weights::Weights;
@@ -87,29 +82,23 @@ impl Case {
         compiled.check_kind()?;
         if compiled.gathered.is_some() {
             let laws = compiled.state_laws(self.thickness());
-            return match StateEnergy::new(body, horizon, laws) {
-                Ok(energy) => Ok(ModelledEnergy::States(Box::new(energy))),
-                Err(error) => Err(CaseError::Body { message: error.to_string() }),
-            };
+            let energy = StateEnergy::new(body, horizon, laws)?;
+            return Ok(ModelledEnergy::States(Box::new(energy)));
         }
         let Some(law) = compiled.gradient else {
-            let weights = self.scene.horizon.weights.into();
-            return interactions(body, horizon, weights, compiled);
+            return interactions(body, horizon, self.scene.horizon.weights, compiled);
         };
         let thickness = self.thickness();
         let settings = self.scene.correspondence.clone().unwrap_or_default();
         let influence = influence(&settings.influence, body.dimension(), horizon);
         let formulation = Formulation {
             horizon,
-            order: order(settings.order),
-            discretisation: discretisation(&settings, thickness),
+            order: settings.order,
+            discretisation: discretisation(settings.discretisation, thickness),
             influence: &*influence,
         };
-        let energy = Correspondence::new(body, formulation, thick(law, thickness));
-        match energy {
-            Ok(energy) => Ok(ModelledEnergy::Gradients(Box::new(energy))),
-            Err(error) => Err(CaseError::Body { message: error.to_string() }),
-        }
+        let energy = Correspondence::new(body, formulation, thick(law, thickness))?;
+        Ok(ModelledEnergy::Gradients(Box::new(energy)))
     }
 }
 
@@ -158,59 +147,33 @@ impl Compiled {
     }
 }
 
-impl From<WeightScheme> for Weights {
-    fn from(scheme: WeightScheme) -> Weights {
-        match scheme {
-            WeightScheme::Uniform => Weights::Uniform,
-            WeightScheme::Truncated => Weights::Truncated,
-            WeightScheme::Volumes => Weights::Volumes,
-            WeightScheme::Unit => Weights::Unit,
-        }
-    }
-}
-
 fn interactions(
     body: Arc<Body>,
     horizon: f64,
     weights: Weights,
     compiled: Compiled,
 ) -> Result<ModelledEnergy, CaseError> {
-    DiscreteEnergy::with_elements(body, horizon, weights, compiled.elements)
-        .map(|energy| ModelledEnergy::Interactions(Box::new(energy)))
-        .map_err(|error| CaseError::Body { message: error.to_string() })
+    let energy = DiscreteEnergy::with_elements(body, horizon, weights, compiled.elements)?;
+    Ok(ModelledEnergy::Interactions(Box::new(energy)))
 }
 
-fn order(choice: OrderChoice) -> OperatorOrder {
-    match choice {
-        OrderChoice::First => OperatorOrder::First,
-        OrderChoice::FirstWithConstant => OperatorOrder::FirstWithConstant,
-        OrderChoice::Second => OperatorOrder::Second,
-    }
-}
-
-fn discretisation(settings: &CorrespondenceSettings, thickness: f64) -> Discretisation {
-    match (settings.discretisation, settings.stabilisation) {
-        (DiscretisationChoice::BondQuadrature, _) => Discretisation::BondQuadrature,
-        (DiscretisationChoice::Nodal, _) => Discretisation::Nodal,
-        (DiscretisationChoice::Stabilised, StabilisationChoice::Isotropic) => {
-            Discretisation::Stabilised(Stabilisation::Isotropic)
+/// Of the material's volume as of the points': per area in two dimensions.
+fn discretisation(of_material: Discretisation, thickness: f64) -> Discretisation {
+    match of_material {
+        Discretisation::Stabilised(Stabilisation::Silling { stiffness }) => {
+            Discretisation::Stabilised(Stabilisation::Silling { stiffness: stiffness * thickness })
         }
-        (DiscretisationChoice::Stabilised, StabilisationChoice::Wan) => {
-            Discretisation::Stabilised(Stabilisation::Wan)
-        }
-        (DiscretisationChoice::Stabilised, StabilisationChoice::Silling) => {
-            // The reader asks for the stiffness.
-            let stiffness = settings.stiffness.unwrap_or(0.0) * thickness;
-            Discretisation::Stabilised(Stabilisation::Silling { stiffness })
-        }
+        other => other,
     }
 }
 
 fn influence(choice: &InfluenceChoice, dimension: usize, horizon: f64) -> Box<dyn Influence> {
     match choice {
-        InfluenceChoice::CubicSpline => Box::new(CubicSpline { dimension, horizon }),
-        InfluenceChoice::Constant => Box::new(Constant),
-        InfluenceChoice::Inverse => Box::new(InverseLength),
+        InfluenceChoice::Named(NamedInfluence::CubicSpline) => {
+            Box::new(CubicSpline { dimension, horizon })
+        }
+        InfluenceChoice::Named(NamedInfluence::Constant) => Box::new(Constant),
+        InfluenceChoice::Named(NamedInfluence::Inverse) => Box::new(InverseLength),
         InfluenceChoice::Expression(expression) => {
             let expression = expression.clone();
             Box::new(move |length: f64| expression.influence(length, horizon))

@@ -56,7 +56,7 @@ pub(super) fn first_increment(
         Err(StepError::NotConverged(failure)) => {
             first.failure = Some(failed(case, &failure).1);
         }
-        Err(error) => return Err(drive.explain(&error)),
+        Err(error) => return Err(drive.explain(error)),
     }
     Ok(Some(first))
 }

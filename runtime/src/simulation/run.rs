@@ -19,11 +19,9 @@ use crate::output::{
 use crate::plan::available_memory;
 use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
 use crate::scene::selection::Selection;
-use crate::scene::{
-    LinearChoice, NewtonChoice, PreconditionerChoice, Scene, Start, StrainSource, Unstable,
-};
+use crate::scene::{Scene, StrainSource, Unstable};
 use crate::solve::constraint::Constraints;
-use crate::solve::linear::{self, BLOCK_JACOBI, LinearMethod, LinearOptions};
+use crate::solve::linear::{self, BLOCK_JACOBI, LinearOptions, PreconditionerChoice};
 use crate::solve::newton::{NewtonFailure, NewtonSettings, NewtonVariant};
 use crate::solve::rigid_modes::check_rigid_motions;
 use crate::solve::steps::{
@@ -135,9 +133,7 @@ pub(super) fn check_held(
     boundary: &BoundaryConditions<'_>,
 ) -> Result<(), CaseError> {
     let n_dofs = case.body.n_points() * case.body.dimension();
-    let message = |error: &dyn std::fmt::Display| CaseError::Body { message: error.to_string() };
-    let constraints =
-        Constraints::new(n_dofs, boundary.fixed_dofs()).map_err(|error| message(&error))?;
+    let constraints = Constraints::new(n_dofs, boundary.fixed_dofs())?;
     check_rigid_motions(bonds, case.body.positions(), &constraints)
         .map_err(|error| explain::free_motion(&case.scene, &error))
 }
@@ -177,39 +173,22 @@ pub(super) fn sum_over(points: &[usize], forces: &[f64], d: usize) -> Vec<f64> {
 /// How the steps are solved.
 pub(super) fn settings(scene: &Scene) -> StepSettings {
     let solver = &scene.solver;
-    let method = match solver.linear {
-        LinearChoice::Auto => LinearMethod::Auto,
-        LinearChoice::Cholesky => LinearMethod::Cholesky,
-        LinearChoice::Ldlt => LinearMethod::Ldlt,
-        LinearChoice::Lu => LinearMethod::Lu,
-        LinearChoice::ConjugateGradients => LinearMethod::Cg,
-        LinearChoice::MatrixFree => LinearMethod::MatrixFree,
-        LinearChoice::Gmres => LinearMethod::Gmres,
+    let mut options = LinearOptions {
+        method: solver.linear,
+        preconditioner: solver.preconditioner,
+        ..LinearOptions::default()
     };
-    let preconditioner = match solver.preconditioner {
-        PreconditionerChoice::Auto => linear::PreconditionerChoice::Auto,
-        PreconditionerChoice::BlockJacobi => linear::PreconditionerChoice::BlockJacobi,
-        PreconditionerChoice::TwoLevel => linear::PreconditionerChoice::TwoLevel,
-    };
-    let mut options = LinearOptions { method, preconditioner, ..LinearOptions::default() };
     if let Some(available) = available_memory() {
         options.memory_limit = linear::MEMORY_SHARE * available as f64;
     }
     StepSettings {
         end: scene.steps.end,
         increments: scene.steps.increments,
-        start: match solver.start {
-            Start::Last => steps::Start::Last,
-            Start::Extrapolate => steps::Start::Extrapolate,
-        },
+        start: solver.start,
         newton: NewtonSettings {
             tolerance: solver.tolerance,
             max_iterations: solver.max_iterations,
-            variant: match solver.newton {
-                NewtonChoice::Full => NewtonVariant::Full,
-                NewtonChoice::Inexact => NewtonVariant::Inexact,
-                NewtonChoice::Modified => NewtonVariant::Modified,
-            },
+            variant: solver.newton,
         },
         linear: options,
     }
@@ -228,10 +207,9 @@ impl<'a> SceneDrive<'a> {
     }
 
     /// What the solver could not start with, in the scene's words where it is a condition.
-    pub(super) fn explain(&self, error: &StepError) -> CaseError {
+    pub(super) fn explain(&self, error: StepError) -> CaseError {
         let problem = self.problem.lock().unwrap_or_else(|e| e.into_inner()).take();
-        let message = problem.map_or_else(|| error.to_string(), |problem| problem.to_string());
-        CaseError::Body { message }
+        problem.map_or_else(|| error.into(), CaseError::from)
     }
 
     fn fill(&self, values: &mut [f64], result: Result<Vec<f64>, NonFiniteCondition>) {
@@ -263,10 +241,8 @@ impl Drive for SceneDrive<'_> {
 fn idle_choices(scene: &Scene, outcome: &steps::Outcome) -> Vec<String> {
     let mut found = Vec::new();
     let method = outcome.linear.method;
-    let iterates =
-        matches!(method, LinearMethod::Cg | LinearMethod::MatrixFree | LinearMethod::Gmres);
     let solver = &scene.solver;
-    if solver.newton == NewtonChoice::Inexact && !iterates {
+    if solver.newton == NewtonVariant::Inexact && !method.iterates() {
         let name = method.name();
         found.push(format!(
             "newton = \"inexact\" makes no difference with {name}: its solutions are exact"
@@ -328,7 +304,7 @@ fn ending(
             let (reason, message) = failed(case, &failure);
             Ok((end(reason, message), failure.outcome))
         }
-        Err(error) => Err(drive.explain(&error).into()),
+        Err(error) => Err(drive.explain(error).into()),
     }
 }
 

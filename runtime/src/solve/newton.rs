@@ -24,6 +24,7 @@ pub use super::newton_outcome::{History, NewtonError, NewtonFailure, NewtonRepor
 use super::vector::{dot, norm, norm_of};
 use super::watch::{Event, Watch};
 use crate::energy::{EnergyParts, NonFinite, TotalEnergy};
+use crate::words::Words;
 
 /// Unit roundoff of f64.
 const ROUNDOFF: f64 = f64::EPSILON / 2.0;
@@ -46,6 +47,14 @@ pub enum NewtonVariant {
     Inexact,
     /// The tangent and its factors are kept as long as the residual falls by a factor of 5 a step.
     Modified,
+}
+
+impl Words for NewtonVariant {
+    const WORDS: &'static [(&'static str, NewtonVariant)] = &[
+        ("full", NewtonVariant::Full),
+        ("inexact", NewtonVariant::Inexact),
+        ("modified", NewtonVariant::Modified),
+    ];
 }
 
 /// Choices for Newton's method.

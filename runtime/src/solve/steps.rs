@@ -13,6 +13,7 @@ use super::linear::{Definiteness, LinearError, LinearMethod, LinearOptions, Line
 use super::newton::{Newton, NewtonError, NewtonFailure, NewtonReport, NewtonSettings};
 use super::watch::{Event, Watch};
 use crate::energy::{EnergyParts, TotalEnergy};
+use crate::words::Words;
 
 /// What drives the body: prescribed values and loads as functions of `t`.
 pub trait Drive: Sync {
@@ -35,6 +36,11 @@ pub enum Start {
     Extrapolate,
     /// Free points keep their last displacements, the fixed ones jump to their new values.
     Last,
+}
+
+impl Words for Start {
+    const WORDS: &'static [(&'static str, Start)] =
+        &[("extrapolate", Start::Extrapolate), ("last", Start::Last)];
 }
 
 /// Choices for a run of load steps.

@@ -4,8 +4,17 @@
 //! An axis is a key of the scene and words for it. It exists where the resolved scene has the key:
 //! a new key of `[solver]` needs a row here and nothing else.
 
+use piola_compiler::Form;
+
 use super::{ReadCase, TradeError};
+use crate::energy::Products;
+use crate::kernel::Level;
+use crate::scene::{DerivativeSource, StrainSource};
 use crate::simulation::Case;
+use crate::solve::linear::{LinearMethod, PreconditionerChoice};
+use crate::solve::newton::NewtonVariant;
+use crate::solve::steps::Start;
+use crate::words::Words;
 
 /// What an axis changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,13 +47,18 @@ pub struct Axis {
     /// What kind of change that is.
     pub changes: Changes,
     /// The words that are tried, besides the scene's own.
-    pub words: &'static [&'static str],
+    pub words: fn() -> Vec<&'static str>,
     /// The word of the reference run; empty where the scene's own stays.
     pub reference: &'static str,
     /// The word of a scene that does not mention the key; empty where scenes have none in common.
     pub default: &'static str,
     /// Whether it is varied without being asked for.
     pub usual: bool,
+}
+
+/// All words of an option but `auto`, which stands for one of the others.
+fn tried<T: Words>() -> Vec<&'static str> {
+    T::words().into_iter().filter(|word| *word != "auto").collect()
 }
 
 /// All axes.
@@ -54,7 +68,7 @@ pub const AXES: &[Axis] = &[
         key: "solver.tolerance",
         about: "residual over reaction at which Newton's method ends",
         changes: Changes::Solution,
-        words: &["1e-2", "1e-4", "1e-6", "1e-8", "1e-10", "1e-12"],
+        words: || vec!["1e-2", "1e-4", "1e-6", "1e-8", "1e-10", "1e-12"],
         reference: "",
         default: "1e-10",
         usual: true,
@@ -64,7 +78,7 @@ pub const AXES: &[Axis] = &[
         key: "solver.start",
         about: "a step starts on the line through the last two equilibria, or at the last",
         changes: Changes::Solution,
-        words: &["extrapolate", "last"],
+        words: tried::<Start>,
         reference: "last",
         default: "extrapolate",
         usual: true,
@@ -74,7 +88,7 @@ pub const AXES: &[Axis] = &[
         key: "solver.linear",
         about: "linear systems by factorisation or by iteration",
         changes: Changes::Solution,
-        words: &["cholesky", "ldlt", "lu", "cg", "matrix-free", "gmres"],
+        words: tried::<LinearMethod>,
         reference: "cholesky",
         default: "auto",
         usual: true,
@@ -84,7 +98,7 @@ pub const AXES: &[Axis] = &[
         key: "solver.preconditioner",
         about: "what makes conjugate gradients converge sooner",
         changes: Changes::Solution,
-        words: &["block-jacobi", "two-level"],
+        words: tried::<PreconditionerChoice>,
         reference: "",
         default: "auto",
         usual: false,
@@ -94,7 +108,7 @@ pub const AXES: &[Axis] = &[
         key: "solver.products",
         about: "products with the tangent exact, or by differences of forces",
         changes: Changes::Solution,
-        words: &["exact", "finite-difference", "central-difference"],
+        words: tried::<Products>,
         reference: "exact",
         default: "exact",
         usual: false,
@@ -104,7 +118,7 @@ pub const AXES: &[Axis] = &[
         key: "solver.newton",
         about: "full Newton steps, inexact ones, or an old tangent",
         changes: Changes::Solution,
-        words: &["full", "inexact", "modified"],
+        words: tried::<NewtonVariant>,
         reference: "full",
         default: "full",
         usual: true,
@@ -114,7 +128,7 @@ pub const AXES: &[Axis] = &[
         key: "solver.level",
         about: "kernels bit for bit as interpreted, or with vector functions and fma",
         changes: Changes::Solution,
-        words: &["strict", "fast"],
+        words: tried::<Level>,
         reference: "strict",
         default: "fast",
         usual: true,
@@ -124,7 +138,7 @@ pub const AXES: &[Axis] = &[
         key: "solver.derivatives",
         about: "psi' and psi'' from machine code, interpreted, or by hyper-dual numbers",
         changes: Changes::Solution,
-        words: &["jit", "interpreter", "hyperdual", "hyperdual-coordinates"],
+        words: tried::<DerivativeSource>,
         reference: "jit",
         default: "jit",
         usual: true,
@@ -134,7 +148,7 @@ pub const AXES: &[Axis] = &[
         key: "solver.form",
         about: "energies rewritten to keep their digits, or as written",
         changes: Changes::Solution,
-        words: &["accurate", "textbook"],
+        words: tried::<Form>,
         reference: "accurate",
         default: "accurate",
         usual: true,
@@ -144,7 +158,7 @@ pub const AXES: &[Axis] = &[
         key: "solver.strain",
         about: "strain from displacements or from positions",
         changes: Changes::Solution,
-        words: &["displacements", "positions"],
+        words: tried::<StrainSource>,
         reference: "displacements",
         default: "displacements",
         usual: true,
@@ -154,7 +168,7 @@ pub const AXES: &[Axis] = &[
         key: "steps.increments",
         about: "how many steps lead to the end",
         changes: Changes::Question,
-        words: &["1", "5", "10", "20", "50", "100"],
+        words: || vec!["1", "5", "10", "20", "50", "100"],
         reference: "",
         default: "",
         usual: false,
@@ -164,7 +178,7 @@ pub const AXES: &[Axis] = &[
         key: "horizon.spacings",
         about: "the horizon in spacings: another body, whose forces reach further or less far",
         changes: Changes::Question,
-        words: &["2", "3", "4"],
+        words: || vec!["2", "3", "4"],
         reference: "",
         default: "",
         usual: false,
@@ -241,7 +255,7 @@ fn same_word(one: &str, other: &str) -> bool {
 }
 
 /// Words to be set, each with its axis.
-type Words = Vec<(&'static Axis, &'static str)>;
+type Pairs = Vec<(&'static Axis, &'static str)>;
 
 /// The settings of a study, the scene's own first; two that read to one scene count once, and a
 /// word that the scene's reader does not know is left out.
@@ -263,7 +277,7 @@ pub fn settings(read: &ReadCase<'_>, axes: &[String]) -> Result<Vec<Setting>, Tr
     // What is slow comes last: the budget may end before.
     let mut wanted = wanted;
     wanted.sort_by_key(|words| words.iter().any(|(axis, _)| axis.name == "derivatives"));
-    let defaults: Words = available
+    let defaults: Pairs = available
         .iter()
         .filter(|axis| axis.changes == Changes::Solution && !axis.default.is_empty())
         .map(|axis| (*axis, axis.default))
@@ -313,12 +327,12 @@ pub fn relaxed(read: &ReadCase<'_>, setting: &Setting) -> Vec<Setting> {
     };
     let Some(axis) = AXES.iter().find(|axis| axis.name == "tolerance") else { return Vec::new() };
     let mut looser: Vec<&str> =
-        axis.words.iter().copied().filter(|word| value(word) > own).collect();
+        (axis.words)().into_iter().filter(|word| value(word) > own).collect();
     looser.sort_by(|p, q| f64::total_cmp(&value(q), &value(p)));
     looser.into_iter().filter_map(|word| with(axis, word)).collect()
 }
 
-fn name_of(words: &Words) -> String {
+fn name_of(words: &Pairs) -> String {
     let parts: Vec<String> =
         words.iter().map(|(axis, word)| format!("{}={word}", axis.name)).collect();
     parts.join(" ")
@@ -344,17 +358,17 @@ fn chosen(available: &[&'static Axis], names: &[String]) -> Result<Vec<&'static 
 /// Words of an axis that differ from the scene's own.
 fn other_words(axis: &'static Axis, resolved: &str) -> Vec<&'static str> {
     let own = word_of(resolved, axis.key).unwrap_or_default();
-    axis.words.iter().copied().filter(|word| !same_word(word, &own)).collect()
+    (axis.words)().into_iter().filter(|word| !same_word(word, &own)).collect()
 }
 
-fn usual(available: &[&'static Axis], resolved: &str) -> Vec<Words> {
-    let mut all: Vec<Words> = Vec::new();
+fn usual(available: &[&'static Axis], resolved: &str) -> Vec<Pairs> {
+    let mut all: Vec<Pairs> = Vec::new();
     for axis in available.iter().copied().filter(|axis| axis.usual) {
         all.extend(other_words(axis, resolved).into_iter().map(|word| vec![(axis, word)]));
     }
     for row in COMBINATIONS {
         let find = |name: &str| available.iter().copied().find(|axis| axis.name == name);
-        let words: Option<Words> =
+        let words: Option<Pairs> =
             row.iter().map(|&(name, word)| find(name).map(|axis| (axis, word))).collect();
         all.extend(words);
     }
@@ -362,14 +376,14 @@ fn usual(available: &[&'static Axis], resolved: &str) -> Vec<Words> {
 }
 
 /// Every combination of the words of some axes, the scene's own among them.
-fn product(axes: &[&'static Axis], resolved: &str) -> Result<Vec<Words>, TradeError> {
+fn product(axes: &[&'static Axis], resolved: &str) -> Result<Vec<Pairs>, TradeError> {
     let choices: Vec<Vec<&'static str>> =
         axes.iter().map(|axis| other_words(axis, resolved)).collect();
     let found = choices.iter().map(|words| words.len() + 1).product::<usize>();
     if found > MOST_SETTINGS {
         return Err(TradeError::TooManySettings { found, limit: MOST_SETTINGS });
     }
-    let mut all: Vec<Words> = vec![Vec::new()];
+    let mut all: Vec<Pairs> = vec![Vec::new()];
     for (axis, words) in axes.iter().zip(&choices) {
         let shorter = all.clone();
         for word in words {

@@ -81,7 +81,7 @@ fn every_axis_is_known_to_the_scene_or_waits_for_its_key() {
             assert!(same, "{}: {found}", axis.key);
         }
         let readable = |word: &&str| strip.read(&[format!("{}={word}", axis.key)]).is_ok();
-        let n_readable = axis.words.iter().filter(|word| readable(word)).count();
+        let n_readable = (axis.words)().iter().filter(|word| readable(word)).count();
         assert!(n_readable >= 2, "{}: {n_readable} of its words are read", axis.name);
         assert!(axis.reference.is_empty() || readable(&axis.reference), "{}", axis.name);
     }

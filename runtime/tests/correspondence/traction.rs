@@ -46,14 +46,7 @@ fn indefinite_tangents_are_solved_by_minimum_residuals() {
     let mut bonds = BlockMatrix::zeros(pattern);
     energy.bond_tangent(&u, &mut bonds);
     let options = LinearOptions { cg_tolerance: 1e-6, ..LinearOptions::default() };
-    let mut solver = LinearSolver::without_matrix(
-        pattern,
-        energy.positions(),
-        &bar.constraints,
-        options,
-        "there is none",
-    )
-    .unwrap();
+    let mut solver = LinearSolver::of_energy(energy, &bar.constraints, options).unwrap();
     let mut x = vec![0.0; u.len()];
     let hessian = energy.hessian(&u).unwrap();
     let tangent = Tangent::Bonds { hessian: &*hessian, bonds: &bonds };

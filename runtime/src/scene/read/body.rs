@@ -2,14 +2,13 @@
 
 use piola_grammar::Diagnostic;
 
-use super::{Context, NODES, WEIGHTS};
+use super::Context;
 use crate::scene::check;
 use crate::scene::expression::{Expression, Role};
 use crate::scene::reader::{Field, Reader, Schema, Table};
 use crate::scene::tree::Kind;
-use crate::scene::{
-    BodyShape, Horizon, HorizonExtent, LatticeShape, Located, Points, WeightScheme,
-};
+use crate::scene::{BodyShape, Horizon, HorizonExtent, LatticeShape, Located, Points};
+use crate::weights::Weights;
 
 pub(super) static BODY: Schema = Schema {
     title: "[body]",
@@ -129,8 +128,7 @@ impl Reader {
     ) -> Option<LatticeShape> {
         let spacing_field = self.required(table, "spacing");
         let spacing = spacing_field.and_then(|field| self.positive(field));
-        let nodes =
-            self.or(Some(table), "nodes", NODES[0].1, |reader, field| reader.choice(field, NODES));
+        let nodes = self.option(table, "nodes");
         let ([first, second], spacing, nodes) = (corners?, spacing?, nodes?);
         let low: Vec<f64> = first.iter().zip(&second).map(|(a, b)| a.min(*b)).collect();
         let high: Vec<f64> = first.iter().zip(&second).map(|(a, b)| a.max(*b)).collect();
@@ -177,15 +175,15 @@ impl Reader {
         Some(Horizon { extent, weights: weights?, weights_span })
     }
 
-    fn weights(&mut self, table: &Table<'_>, context: &Context) -> Option<WeightScheme> {
+    fn weights(&mut self, table: &Table<'_>, context: &Context) -> Option<Weights> {
         let Some(field) = table.field("weights") else {
             return Some(match context.spacing? {
-                0.0 => WeightScheme::Truncated,
-                _ => WeightScheme::Uniform,
+                0.0 => Weights::Truncated,
+                _ => Weights::Uniform,
             });
         };
-        let weights = self.choice(field, WEIGHTS)?;
-        if weights == WeightScheme::Uniform && context.spacing == Some(0.0) {
+        let weights = self.choice(field)?;
+        if weights == Weights::Uniform && context.spacing == Some(0.0) {
             let message = "uniform weights need a lattice, and the body is a cloud of points";
             let diagnostic = Diagnostic::error("uniform-on-cloud", field.node.span, message);
             self.error(diagnostic.help("write weights = \"truncated\""));

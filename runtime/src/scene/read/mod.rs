@@ -2,24 +2,24 @@
 
 mod body;
 mod conditions;
-pub(super) mod correspondence;
+mod correspondence;
 
 use piola_grammar::{Diagnostic, Span};
 
 use super::check;
 use super::expression::{Expression, Role};
+use super::keys::{Row, Slot, named};
 use super::overrides;
 use super::reader::{Field, Reader, Schema, Table};
 use super::source::Sources;
 use super::tree::{self, Kind, Node};
-use super::write::word;
 use crate::energy::Products;
-use crate::kernel::Level;
+use crate::solve::linear::settled;
+use crate::words::Words;
 
 use super::{
-    DerivativeSource, FormChoice, LinearChoice, Located, MAX_SCENE_BYTES, Material, NewtonChoice,
-    Nodes, OutputSettings, ParameterSetting, ParameterText, Points, PreconditionerChoice, Scene,
-    SceneReport, SolverSettings, Start, Steps, StrainSource, Unstable, WeightScheme,
+    Located, MAX_SCENE_BYTES, Material, OutputSettings, ParameterSetting, ParameterText, Points,
+    Scene, SceneReport, SolverSettings, Steps,
 };
 
 static SCENE: Schema = Schema {
@@ -42,75 +42,33 @@ static MATERIAL: Schema = Schema {
     title: "[material]",
     keys: &[("potential", "\"law.piola\""), ("parameters", "{ C1 = 1.0, E = \"200 GPa\" }")],
 };
-static STEPS: Schema = Schema { title: "[steps]", keys: &[("end", "1.0"), ("increments", "25")] };
-static SOLVER: Schema = Schema {
-    title: "[solver]",
-    keys: &[
-        ("tolerance", "1e-10"),
-        ("start", "\"last\""),
-        ("newton", "\"full\""),
-        ("linear", "\"auto\""),
-        ("preconditioner", "\"auto\""),
-        ("products", "\"exact\""),
-        ("derivatives", "\"jit\""),
-        ("level", "\"fast\""),
-        ("form", "\"accurate\""),
-        ("strain", "\"displacements\""),
-        ("max_iterations", "25"),
-        ("unstable", "\"fail\""),
-    ],
-};
-static OUTPUT: Schema = Schema { title: "[output]", keys: &[("frames", "25")] };
+static STEPS: Schema = Schema { title: "[steps]", keys: &named(&STEPS_KEYS) };
+static SOLVER: Schema = Schema { title: "[solver]", keys: &named(&SOLVER_KEYS) };
+static OUTPUT: Schema = Schema { title: "[output]", keys: &named(&OUTPUT_KEYS) };
 
-/// The words of the scene's choices; the first is the default (weights: on a lattice; levels: of the
-/// compiler).
-pub(super) const NODES: &[(&str, Nodes)] =
-    &[("cells", Nodes::Cells), ("corners", Nodes::Corners), ("corners-full", Nodes::CornersFull)];
-pub(super) const WEIGHTS: &[(&str, WeightScheme)] = &[
-    ("uniform", WeightScheme::Uniform),
-    ("truncated", WeightScheme::Truncated),
-    ("volumes", WeightScheme::Volumes),
-    ("unit", WeightScheme::Unit),
+pub(super) const STEPS_KEYS: [Row<Steps>; 2] = [
+    ("end", "1.0", |steps| Slot::Positive(&mut steps.end)),
+    ("increments", "25", |steps| Slot::Count(&mut steps.increments, 1)),
 ];
-pub(super) const STARTS: &[(&str, Start)] =
-    &[("extrapolate", Start::Extrapolate), ("last", Start::Last)];
-pub(super) const LINEAR: &[(&str, LinearChoice)] = &[
-    ("auto", LinearChoice::Auto),
-    ("cholesky", LinearChoice::Cholesky),
-    ("ldlt", LinearChoice::Ldlt),
-    ("lu", LinearChoice::Lu),
-    ("cg", LinearChoice::ConjugateGradients),
-    ("matrix-free", LinearChoice::MatrixFree),
-    ("gmres", LinearChoice::Gmres),
+
+/// In the order in which they are written.
+pub(super) const SOLVER_KEYS: [Row<SolverSettings>; 12] = [
+    ("tolerance", "1e-10", |solver| Slot::Fraction(&mut solver.tolerance)),
+    ("start", "\"last\"", |solver| Slot::Word(&mut solver.start)),
+    ("newton", "\"full\"", |solver| Slot::Word(&mut solver.newton)),
+    ("linear", "\"auto\"", |solver| Slot::Word(&mut solver.linear)),
+    ("preconditioner", "\"auto\"", |solver| Slot::Word(&mut solver.preconditioner)),
+    ("products", "\"exact\"", |solver| Slot::Word(&mut solver.products)),
+    ("derivatives", "\"jit\"", |solver| Slot::Word(&mut solver.derivatives)),
+    ("level", "\"fast\"", |solver| Slot::Word(&mut solver.level)),
+    ("form", "\"accurate\"", |solver| Slot::Word(&mut solver.form)),
+    ("strain", "\"displacements\"", |solver| Slot::Word(&mut solver.strain)),
+    ("unstable", "\"fail\"", |solver| Slot::Word(&mut solver.unstable)),
+    ("max_iterations", "25", |solver| Slot::Count(&mut solver.max_iterations, 1)),
 ];
-pub(super) const NEWTON: &[(&str, NewtonChoice)] = &[
-    ("full", NewtonChoice::Full),
-    ("inexact", NewtonChoice::Inexact),
-    ("modified", NewtonChoice::Modified),
-];
-pub(super) const PRECONDITIONERS: &[(&str, PreconditionerChoice)] = &[
-    ("auto", PreconditionerChoice::Auto),
-    ("block-jacobi", PreconditionerChoice::BlockJacobi),
-    ("two-level", PreconditionerChoice::TwoLevel),
-];
-pub(super) const PRODUCTS: &[(&str, Products)] = &[
-    ("exact", Products::Exact),
-    ("finite-difference", Products::OneSided),
-    ("central-difference", Products::Central),
-];
-pub(super) const DERIVATIVES: &[(&str, DerivativeSource)] = &[
-    ("jit", DerivativeSource::Jit),
-    ("interpreter", DerivativeSource::Interpreter),
-    ("hyperdual", DerivativeSource::Hyperdual),
-    ("hyperdual-coordinates", DerivativeSource::HyperdualCoordinates),
-];
-pub(super) const LEVELS: &[(&str, Level)] = &[("strict", Level::Strict), ("fast", Level::Fast)];
-pub(super) const FORMS: &[(&str, FormChoice)] =
-    &[("accurate", FormChoice::Accurate), ("textbook", FormChoice::Textbook)];
-pub(super) const STRAINS: &[(&str, StrainSource)] =
-    &[("displacements", StrainSource::Displacements), ("positions", StrainSource::Positions)];
-pub(super) const UNSTABLE: &[(&str, Unstable)] =
-    &[("fail", Unstable::Fail), ("accept", Unstable::Accept)];
+
+pub(super) const OUTPUT_KEYS: [Row<OutputSettings>; 1] =
+    [("frames", "25", |output| Slot::Count(&mut output.frames, 0))];
 
 impl Scene {
     /// Reads a scene and applies overrides (`solver.tolerance=1e-8`, see `--set`) to it.
@@ -179,9 +137,9 @@ impl Reader {
         let prescriptions = self.prescriptions(nodes("prescribe"), &context);
         let loads = self.loads(nodes("load"), &context);
         let probes = self.probes(nodes("probe"), &context);
-        let steps = self.steps(steps_table.as_ref());
+        let steps = self.settings(steps_table.as_ref(), &STEPS_KEYS);
         let solver = self.solver(solver_table.as_ref());
-        let output = self.output(output_table.as_ref());
+        let output = self.settings(output_table.as_ref(), &OUTPUT_KEYS);
         let warnings = check::warnings(&prescriptions, &loads, &sets);
         Some(Scene {
             body: body?,
@@ -195,9 +153,9 @@ impl Reader {
             prescriptions,
             loads,
             probes,
-            steps: steps?,
-            solver: solver?,
-            output: output?,
+            steps,
+            solver,
+            output,
             warnings,
             sources: sources.clone(),
         })
@@ -317,81 +275,26 @@ impl Reader {
         complete.then_some(parameters)
     }
 
-    fn steps(&mut self, table: Option<&Table<'_>>) -> Option<Steps> {
-        let end = self.or(table, "end", 1.0, Reader::positive);
-        let increments = self.or(table, "increments", 25, |reader, field| reader.count(field, 1));
-        Some(Steps { end: end?, increments: increments? })
-    }
-
-    fn solver(&mut self, table: Option<&Table<'_>>) -> Option<SolverSettings> {
-        let tolerance = self.or(table, "tolerance", 1e-10, |reader, field| {
-            let tolerance = reader.positive(field)?;
-            if tolerance < 1.0 {
-                return Some(tolerance);
-            }
-            reader.out_of_range(field, "less than 1");
-            None
-        });
-        let start = self.or(table, "start", STARTS[0].1, |r, field| r.choice(field, STARTS));
-        let newton = self.or(table, "newton", NEWTON[0].1, |r, field| r.choice(field, NEWTON));
-        let linear = self.or(table, "linear", LINEAR[0].1, |r, field| r.choice(field, LINEAR));
-        let preconditioner = self.or(table, "preconditioner", PRECONDITIONERS[0].1, |r, field| {
-            r.choice(field, PRECONDITIONERS)
-        });
-        let products =
-            self.or(table, "products", PRODUCTS[0].1, |r, field| r.choice(field, PRODUCTS));
-        if let (Some(linear), Some(products)) = (linear, products) {
-            self.fits_products(table, linear, products)?;
-        }
-        let derivatives = self
-            .or(table, "derivatives", DERIVATIVES[0].1, |r, field| r.choice(field, DERIVATIVES));
-        let level = self.or(table, "level", Level::default(), |r, field| r.choice(field, LEVELS));
-        let form = self.or(table, "form", FORMS[0].1, |r, field| r.choice(field, FORMS));
-        let strain = self.or(table, "strain", STRAINS[0].1, |r, field| r.choice(field, STRAINS));
-        let unstable =
-            self.or(table, "unstable", UNSTABLE[0].1, |r, field| r.choice(field, UNSTABLE));
-        let max_iterations = self.or(table, "max_iterations", 25, |r, field| r.count(field, 1));
-        Some(SolverSettings {
-            tolerance: tolerance?,
-            start: start?,
-            newton: newton?,
-            linear: linear?,
-            preconditioner: preconditioner?,
-            products: products?,
-            derivatives: derivatives?,
-            level: level?,
-            form: form?,
-            strain: strain?,
-            unstable: unstable?,
-            max_iterations: max_iterations?,
-        })
+    fn solver(&mut self, table: Option<&Table<'_>>) -> SolverSettings {
+        let solver = self.settings(table, &SOLVER_KEYS);
+        self.check_products(table, &solver);
+        solver
     }
 
     /// Products by differences of forces serve methods that store no tangent.
-    fn fits_products(
-        &mut self,
-        table: Option<&Table<'_>>,
-        linear: LinearChoice,
-        products: Products,
-    ) -> Option<()> {
-        let without =
-            matches!(linear, LinearChoice::Auto | LinearChoice::MatrixFree | LinearChoice::Gmres);
+    fn check_products(&mut self, table: Option<&Table<'_>>, solver: &SolverSettings) {
         let entry = table.and_then(|table| table.get("products"));
-        let Some(entry) = entry.filter(|_| products != Products::Exact && !without) else {
-            return Some(());
+        let stored =
+            settled(solver.linear, false, solver.products).is_some_and(|c| c.stores_matrix);
+        let Some(entry) = entry.filter(|_| solver.products != Products::Exact && stored) else {
+            return;
         };
-        let (linear, products) = (word(LINEAR, linear), word(PRODUCTS, products));
+        let (linear, products) = (solver.linear.word(), solver.products.word());
         let message =
-            format!("linear = {linear} needs the tangent, products = {products} has none");
+            format!("linear = \"{linear}\" needs the tangent, products = \"{products}\" has none");
         let help = "write linear = \"gmres\", or \"matrix-free\" for conjugate gradients";
         let diagnostic = Diagnostic::error("conflicting-keys", entry.key_span, message);
         self.error(diagnostic.help(help));
-        None
-    }
-
-    fn output(&mut self, table: Option<&Table<'_>>) -> Option<OutputSettings> {
-        let frames = self.or(table, "frames", 25, |reader, field| reader.count(field, 0));
-        Some(OutputSettings { frames: frames? })
     }
 }
 

@@ -218,7 +218,7 @@ impl LinearSolver {
                 self.notes.push(because.clone());
                 if self.options.method == LinearMethod::Auto {
                     let reason = format!("{because}, the time of a factorisation");
-                    self.choice = Choice { method: LinearMethod::Cholesky, reason };
+                    self.choice = Choice::new(LinearMethod::Cholesky, reason);
                 }
                 self.factorize_cholesky(matrix)
             }

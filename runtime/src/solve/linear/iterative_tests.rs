@@ -221,7 +221,7 @@ fn auto_goes_over_to_cholesky_where_iterations_cost_more() {
         LinearOptions::default(),
     )
     .unwrap();
-    solver.choice = Choice { method: LinearMethod::Cg, reason: String::new() };
+    solver.choice = Choice::new(LinearMethod::Cg, "");
     solver.limits.max_iterations = 3;
     let mut x = vec![0.0; rhs.len()];
     let report = solver.solve(&matrix, &rhs, &mut x).unwrap();

@@ -42,15 +42,13 @@ use super::constraint::Constraints;
 use super::watch::Watch;
 use crate::energy::{Products, TotalEnergy};
 use crate::matrix::BlockPattern;
+use choice::iterations_worth;
 use conjugate_gradients::CgLimits;
 use direct::{Inertia, LuFactors, SymmetricFactors};
 use extraction::FreeTriangle;
 use iterative::Iterative;
 
-pub use choice::{
-    AUTO_OPERATIONS_2D, AUTO_OPERATIONS_3D, AUTO_UNKNOWNS_3D, Choice, Circumstances, MEMORY_SHARE,
-    choose,
-};
+pub use choice::{Choice, Circumstances, MEMORY_SHARE, choose, settled};
 pub use estimate::{FactorizationEstimate, estimate_factorization};
 pub(crate) use factor_of_bonds::OPERATIONS_PER_BLOCK;
 pub use gmres::RESTART;
@@ -82,9 +80,7 @@ pub struct LinearSolver {
     positions: Vec<f64>,
     constraints: Constraints,
     options: LinearOptions,
-    /// `Auto` decided.
     choice: Choice,
-    stores_matrix: bool,
     limits: CgLimits,
     /// The cost of a factorisation, once it is asked for.
     estimate: Option<FactorizationEstimate>,
@@ -111,19 +107,49 @@ impl LinearSolver {
         constraints: &Constraints,
         options: LinearOptions,
     ) -> Result<LinearSolver, LinearError> {
+        let choice = settled(options.method, false, Products::Exact);
+        LinearSolver::of_choice(pattern, positions, constraints, options, choice)
+    }
+
+    /// With a method that is settled, or the one that suits its cost.
+    fn of_choice(
+        pattern: &Arc<BlockPattern>,
+        positions: &[f64],
+        constraints: &Constraints,
+        options: LinearOptions,
+        choice: Option<Choice>,
+    ) -> Result<LinearSolver, LinearError> {
+        let mut estimate = None;
+        let mut limits = CgLimits {
+            tolerance: options.cg_tolerance,
+            // Twice the unknowns cover the loss of orthogonality of ill-conditioned systems.
+            max_iterations: (2 * constraints.n_free()).clamp(1000, 20_000),
+        };
+        let choice = match choice {
+            Some(choice) => choice,
+            None => {
+                let circumstances = Circumstances {
+                    dimension: pattern.dimension,
+                    unknowns: constraints.n_free(),
+                    matrix_bytes: matrix_bytes(pattern),
+                    memory_limit: options.memory_limit,
+                };
+                choose(&circumstances, || {
+                    let found = estimate.insert(estimate_factorization(pattern, constraints)?);
+                    let worth = iterations_worth(found.operations, circumstances.matrix_bytes);
+                    limits.max_iterations = limits.max_iterations.min((worth as usize).max(100));
+                    Ok((found.operations, found.bytes()))
+                })?
+            }
+        };
         let mut solver = LinearSolver {
             pattern: Arc::clone(pattern),
             positions: positions.to_vec(),
             constraints: constraints.clone(),
             options,
-            choice: Choice { method: options.method, reason: "the scene says so".to_string() },
-            stores_matrix: true,
-            limits: CgLimits {
-                tolerance: options.cg_tolerance,
-                // Twice the unknowns cover the loss of orthogonality of ill-conditioned systems.
-                max_iterations: (2 * constraints.n_free()).clamp(1000, 20_000),
-            },
-            estimate: None,
+            choice,
+            limits,
+            estimate,
             triangle: None,
             symmetric: None,
             lu: None,
@@ -135,33 +161,9 @@ impl LinearSolver {
             n_factorizations: 0,
             watch: Watch::default(),
         };
-        if options.method == LinearMethod::Auto {
-            solver.choose()?;
-        }
-        solver.stores_matrix = solver.method() != LinearMethod::MatrixFree;
         if !solver.iterates() {
             solver.check_memory()?;
         }
-        Ok(solver)
-    }
-
-    /// The same without a matrix, for a reason; `pattern` is that of the bonds. Conjugate gradients,
-    /// unless GMRES are asked for.
-    pub fn without_matrix(
-        pattern: &Arc<BlockPattern>,
-        positions: &[f64],
-        constraints: &Constraints,
-        options: LinearOptions,
-        reason: &str,
-    ) -> Result<LinearSolver, LinearError> {
-        let method = match options.method {
-            LinearMethod::Gmres => LinearMethod::Gmres,
-            _ => LinearMethod::MatrixFree,
-        };
-        let options = LinearOptions { method, ..options };
-        let mut solver = LinearSolver::new(pattern, positions, constraints, options)?;
-        solver.choice.reason = reason.to_string();
-        solver.stores_matrix = false;
         Ok(solver)
     }
 
@@ -175,58 +177,14 @@ impl LinearSolver {
         constraints: &Constraints,
         options: LinearOptions,
     ) -> Result<LinearSolver, LinearError> {
-        let positions = energy.positions();
-        let products_only = energy.products() != Products::Exact;
-        let (method, reason) = match options.method {
-            LinearMethod::Auto if products_only => {
-                (LinearMethod::Gmres, "products by finite differences are not symmetric")
-            }
-            LinearMethod::Auto => (options.method, "the tangent reaches further than the bonds"),
-            method => (method, "the scene says so"),
-        };
-        let may_do_without = matches!(
-            options.method,
-            LinearMethod::Auto | LinearMethod::MatrixFree | LinearMethod::Gmres
-        );
-        let options = LinearOptions { method, ..options };
-        match energy.bond_pattern() {
-            Some(pattern) if may_do_without => {
-                LinearSolver::without_matrix(pattern, positions, constraints, options, reason)
-            }
-            _ if products_only && !may_do_without => {
-                Err(LinearError::ProductsOnly { method: method.name() })
-            }
-            _ if products_only => {
-                let pattern = energy.pattern();
-                LinearSolver::without_matrix(pattern, positions, constraints, options, reason)
-            }
-            _ => LinearSolver::new(energy.pattern(), positions, constraints, options),
+        let (bonds, products) = (energy.bond_pattern(), energy.products());
+        let choice = settled(options.method, bonds.is_some(), products);
+        let without = choice.as_ref().filter(|choice| !choice.stores_matrix);
+        if products != Products::Exact && without.is_none() {
+            return Err(LinearError::ProductsOnly { method: options.method.name() });
         }
-    }
-
-    /// `Auto` decides.
-    fn choose(&mut self) -> Result<(), LinearError> {
-        let (dimension, unknowns) = (self.pattern.dimension, self.constraints.n_free());
-        let matrix_bytes = self.matrix_bytes();
-        let may_be_cheap = dimension == 2 || unknowns <= AUTO_UNKNOWNS_3D;
-        let factorization = if may_be_cheap && matrix_bytes <= self.options.memory_limit {
-            let estimate = self.estimate()?;
-            Some((estimate.operations, estimate.bytes()))
-        } else {
-            None
-        };
-        self.choice = choose(&Circumstances {
-            dimension,
-            unknowns,
-            factorization,
-            matrix_bytes,
-            memory_limit: self.options.memory_limit,
-        });
-        if let Some((operations, _)) = factorization {
-            let worth = choice::iterations_worth(operations, matrix_bytes) as usize;
-            self.limits.max_iterations = self.limits.max_iterations.min(worth.max(100));
-        }
-        Ok(())
+        let pattern = bonds.filter(|_| without.is_some()).unwrap_or_else(|| energy.pattern());
+        LinearSolver::of_choice(pattern, energy.positions(), constraints, options, choice)
     }
 
     /// The method it starts with, never `Auto`, and why.
@@ -246,12 +204,12 @@ impl LinearSolver {
 
     /// Whether it starts with conjugate gradients or GMRES.
     pub fn iterates(&self) -> bool {
-        matches!(self.method(), LinearMethod::Cg | LinearMethod::MatrixFree | LinearMethod::Gmres)
+        self.method().iterates()
     }
 
     /// Whether it works on a stored tangent.
     pub fn stores_matrix(&self) -> bool {
-        self.stores_matrix
+        self.choice.stores_matrix
     }
 
     /// From now on iterative methods stop at this residual relative to the right-hand side.
@@ -275,10 +233,6 @@ impl LinearSolver {
     /// How many factorisations were tried.
     pub fn n_factorizations(&self) -> usize {
         self.n_factorizations
-    }
-
-    fn matrix_bytes(&self) -> f64 {
-        (8 * self.pattern.n_blocks() * self.pattern.dimension * self.pattern.dimension) as f64
     }
 
     /// Factorises and solves.
@@ -398,6 +352,11 @@ impl LinearSolver {
     fn singular(&self) -> LinearError {
         LinearError::Singular { free: self.constraints.n_free() }
     }
+}
+
+/// Bytes of the upper triangle of a tangent.
+fn matrix_bytes(pattern: &BlockPattern) -> f64 {
+    (8 * pattern.n_blocks() * pattern.dimension * pattern.dimension) as f64
 }
 
 #[cfg(test)]

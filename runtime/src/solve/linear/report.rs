@@ -1,6 +1,7 @@
 //! What goes into the linear solver besides the matrix, and what comes out besides the solution.
 
 use super::lanczos::RitzValues;
+use crate::words::Words;
 
 /// How to solve linear systems.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -26,7 +27,24 @@ pub enum LinearMethod {
     Gmres,
 }
 
+impl Words for LinearMethod {
+    const WORDS: &'static [(&'static str, LinearMethod)] = &[
+        ("auto", LinearMethod::Auto),
+        ("cholesky", LinearMethod::Cholesky),
+        ("ldlt", LinearMethod::Ldlt),
+        ("lu", LinearMethod::Lu),
+        ("cg", LinearMethod::Cg),
+        ("matrix-free", LinearMethod::MatrixFree),
+        ("gmres", LinearMethod::Gmres),
+    ];
+}
+
 impl LinearMethod {
+    /// Whether it starts with iterations, those of conjugate gradients or GMRES.
+    pub fn iterates(self) -> bool {
+        matches!(self, LinearMethod::Cg | LinearMethod::MatrixFree | LinearMethod::Gmres)
+    }
+
     /// The name in prose.
     pub fn name(self) -> &'static str {
         match self {
@@ -53,6 +71,14 @@ pub enum PreconditionerChoice {
     BlockJacobi,
     /// Block Jacobi and a coarse system of linear displacement fields on pieces of the body.
     TwoLevel,
+}
+
+impl Words for PreconditionerChoice {
+    const WORDS: &'static [(&'static str, PreconditionerChoice)] = &[
+        ("auto", PreconditionerChoice::Auto),
+        ("block-jacobi", PreconditionerChoice::BlockJacobi),
+        ("two-level", PreconditionerChoice::TwoLevel),
+    ];
 }
 
 /// Choices for the linear solver.

@@ -9,9 +9,7 @@ use super::{Exit, scene};
 use crate::cli::{Energy, Format};
 use crate::console;
 use crate::potential;
-
-/// Largest table of displacements that is read, in bytes.
-const MAX_TABLE: usize = 1 << 30;
+use crate::table::MAX_TABLE;
 
 pub(super) fn execute(arguments: &Energy) -> Exit {
     let Some(case) = scene::read(&arguments.scene, &arguments.settings) else {

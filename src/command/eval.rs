@@ -1,7 +1,5 @@
 //! `piola eval`: measures in, psi, psi', psi'' out, one row per row.
 
-use std::io::Read as _;
-
 use piola_compiler::{Batch, Derivatives, Measure, Mode};
 use piola_runtime::output::decimal;
 
@@ -12,9 +10,6 @@ use crate::console;
 use crate::potential;
 use crate::render;
 use crate::table;
-
-/// Largest table that is read, in bytes.
-const MAX_TABLE: usize = 1 << 30;
 
 pub(super) fn execute(arguments: &Eval) -> Exit {
     let measure = match arguments.measure {
@@ -58,16 +53,11 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
             return Exit::Input;
         }
     };
-    let Some(text) = read_table(&arguments.points) else { return Exit::Input };
-    let columns = match parse(&text, measure) {
-        Ok(columns) => columns,
-        Err(mistakes) => {
-            for mistake in mistakes {
-                render::error(&format!("{}: {mistake}", arguments.points), None);
-            }
-            return Exit::Input;
-        }
+    let names = [measure.symbol(), measure.reference_symbol()];
+    let Some(rows) = table::rows(&arguments.points, &names, not_a_reference) else {
+        return Exit::Input;
     };
+    let columns: (Vec<f64>, Vec<f64>) = rows.iter().map(|row| (row[0], row[1])).unzip();
     for dropped in compiled.dropped.iter().filter(|d| d.argument == measure.symbol()) {
         console::note(&dropped.reason);
     }
@@ -84,30 +74,10 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
     print_rows(measure, &columns, &out)
 }
 
-pub(super) fn read_table(path: &str) -> Option<String> {
-    if path != "-" {
-        return potential::read_limited(std::path::Path::new(path), MAX_TABLE);
-    }
-    let mut text = String::new();
-    match std::io::stdin().lock().take(MAX_TABLE as u64).read_to_string(&mut text) {
-        Ok(_) => Some(text),
-        Err(error) => {
-            render::error(&format!("cannot read the standard input: {error}"), None);
-            None
-        }
-    }
-}
-
-/// The columns of the measure and of its reference.
-fn parse(text: &str, measure: Measure) -> Result<(Vec<f64>, Vec<f64>), Vec<String>> {
-    let names = [measure.symbol(), measure.reference_symbol()].map(str::to_string);
-    let refusal = |row: &[f64]| {
-        let reference = row[1];
-        let is_one = reference.is_finite() && reference > 0.0;
-        (!is_one).then(|| (1, format!("{reference}: a reference measure is finite and > 0")))
-    };
-    let rows = table::rows(text, &names, refusal)?;
-    Ok(rows.iter().map(|row| (row[0], row[1])).unzip())
+/// What is wrong with the second number of a row as a measure at rest.
+fn not_a_reference(row: &[f64]) -> Option<(usize, String)> {
+    let is_one = row[1].is_finite() && row[1] > 0.0;
+    (!is_one).then(|| (1, format!("a reference measure is finite and > 0, not {}", row[1])))
 }
 
 fn print_rows(measure: Measure, columns: &(Vec<f64>, Vec<f64>), out: &Derivatives) -> Exit {

@@ -5,7 +5,6 @@ use piola_runtime::output::decimal;
 
 use super::Exit;
 use super::derive::print_compile_error;
-use super::eval::read_table;
 use crate::console;
 use crate::potential::Loaded;
 use crate::render;
@@ -23,17 +22,10 @@ pub(super) fn execute(loaded: &Loaded, values: &Values, mode: Mode, points: &str
             return Exit::Input;
         }
     };
-    let Some(text) = read_table(points) else { return Exit::Input };
     let d = values.dimension;
-    let rows = match table::rows(&text, &names("F", d), |_| None) {
-        Ok(rows) => rows,
-        Err(mistakes) => {
-            for mistake in mistakes {
-                render::error(&format!("{points}: {mistake}"), None);
-            }
-            return Exit::Input;
-        }
-    };
+    let names = names("F", d);
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let Some(rows) = table::rows(points, &names, |_| None) else { return Exit::Input };
     let (n, n_components) = (rows.len(), d * d);
     let component = |k: usize| rows.iter().map(move |row| row[k]);
     let gradient: Vec<f64> = (0..n_components).flat_map(component).collect();

@@ -1,11 +1,10 @@
 //! Extension of a square and of a cube by 100 % against two independent implementations
 //! (cpd_extension.json): energy, reactions and displacements of every stable equilibrium.
 
-use piola_runtime::output::pvd::read_pvd;
-use piola_runtime::output::vtu::read_vtu;
 use serde_json::Value;
 
 use crate::examples::{self, Finished};
+use crate::support::frames::{read_pvd, read_vtu};
 use crate::support::{number, numbers, reference};
 
 /// Relative error of energies and reactions.

@@ -37,10 +37,18 @@ fn eval_keeps_rows_that_are_not_finite_and_says_so() {
     assert_eq!(lines[1..], ["1,1,0,0,1", "0,1,inf,-inf,inf", "-1,1,nan,nan,nan"]);
     outcome.says(&["2 of 3 rows", "row 2"]);
     piola_with_input(&arguments, b"x,L\n1,1\n").expect(2).says(&["`l`"]);
-    piola_with_input(&arguments, b"l,L\n1,0\n").expect(2).says(&["line 2", "> 0"]);
-    piola_with_input(&arguments, b"l,L\n1,one\n").expect(2).says(&["line 2", "`one`"]);
+    piola_with_input(&arguments, b"l,L\n1,0\n").expect(2).says(&["[out-of-range]", "-:2:3", "> 0"]);
+    piola_with_input(&arguments, b"l,L\n1,one\n").expect(2).says(&[
+        "[not-a-number]",
+        "-:2:3",
+        "`one`",
+    ]);
     let all = piola_with_input(&arguments, b"l,L\n1,one\n1,1\nx,y\n1,0\n1,1,1\n").expect(2);
-    all.says(&["line 2", "`one`", "line 4", "`x`", "`y`", "line 5", "> 0", "line: 6"]);
+    all.says(&[
+        "-:2:3", "`one`", "-:4:1", "`x`", "-:4:3", "`y`", "-:5:3", "> 0", "-:6:1", "3 fields",
+    ]);
+    let infinite = piola_with_input(&arguments, b"L,l\n1,inf\n1,nan\n").expect(1).stdout;
+    assert!(infinite.contains("\ninf,1,inf,") && infinite.contains("\nnan,1,nan,"), "{infinite}");
     let table = ["l,L\n", &"x,1\n".repeat(50)].concat();
     let many = piola_with_input(&arguments, table.as_bytes()).expect(2);
     assert_eq!(many.stderr.matches("is not a number").count(), 20);

@@ -6,10 +6,8 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Instant;
 
-use piola_runtime::output::pvd::read_pvd;
-use piola_runtime::output::vtu::read_vtu;
-
 use crate::scenes::STRIP;
+use crate::support::frames::{read_pvd, read_vtu};
 use crate::support::{SceneFolder, command, json_file, number, table};
 
 /// A strip with more steps than any test waits for.

@@ -5,10 +5,8 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-use piola_runtime::output::pvd::read_pvd;
-use piola_runtime::output::vtu::read_vtu;
-
 use crate::scenes::STRIP;
+use crate::support::frames::{read_pvd, read_vtu};
 use crate::support::{Random, SceneFolder, command, json_file, table};
 
 const KILLS: usize = 20;

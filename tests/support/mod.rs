@@ -2,6 +2,8 @@
 //! reference data, small linear algebra.
 #![allow(dead_code)] // Every test binary uses its own part of this.
 
+pub(crate) mod frames;
+
 use std::ffi::OsStr;
 use std::fs;
 use std::io::Write as _;

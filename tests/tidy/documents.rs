@@ -21,6 +21,21 @@ fn links_lead_somewhere() {
     }
 }
 
+/// Files are named there by their paths from the root, with `NAME` or `CODE` for what is to be chosen.
+#[test]
+fn checklists_and_words_name_files_that_are_there() {
+    let page = read("CONTRIBUTING.md");
+    // Fences hold commands.
+    let prose: String = page.split("\n```").step_by(2).collect();
+    let named = prose.split('`').skip(1).step_by(2).filter(|word| word.contains('/'));
+    let to_choose = |word: &&str| ["NAME", "CODE", " "].iter().any(|part| word.contains(part));
+    let paths: BTreeSet<&str> = named.filter(|word| !to_choose(word)).collect();
+    for path in &paths {
+        assert!(root().join(path).exists(), "CONTRIBUTING.md: {path}");
+    }
+    assert!(paths.len() > 50, "{}", paths.len());
+}
+
 #[test]
 fn the_library_is_documented_as_it_is() {
     let page = read("docs/library.md");

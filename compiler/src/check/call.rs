@@ -4,8 +4,7 @@ use piola_grammar::Span;
 use piola_grammar::ast::{Ast, ExprId, Ident, Statement};
 
 use super::elaborate::{Elaborator, MAX_CALL_DEPTH};
-use super::names::Symbol;
-use super::tensor::TensorFunction;
+use super::symbols::{Symbol, TensorFunction};
 use super::value::{Kind, Value};
 use crate::expression::{Function, Node, Operator};
 

@@ -4,7 +4,8 @@ use piola_grammar::ast::{ExprId, ExprKind, UnaryOperator};
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::elaborate::{Arguments, Elaborator, Meaning, meaning, taken_branch};
-use super::names::{self, Symbol};
+use super::names;
+use super::symbols::Symbol;
 use super::value::Constant;
 use crate::expression::number::Number;
 

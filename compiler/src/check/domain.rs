@@ -3,9 +3,8 @@
 use piola_grammar::ast::{Bound, Domain, ExprKind, UnaryOperator};
 use piola_grammar::{Diagnostic, print_expression};
 
-use super::names::Symbol;
 use super::statement::Builder;
-use super::tensor::Kinematic;
+use super::symbols::{Kinematic, Symbol};
 use super::value::{GRADIENT, INTEGRAL};
 use crate::measure::{Argument, Measure};
 use crate::model::Interval;

@@ -10,9 +10,9 @@ use piola_grammar::{Diagnostic, ExpressionAst, Span};
 
 use super::MAX_FINDINGS;
 use super::dimension::Dimension;
-use super::names::{self, Symbol, Symbols, parts};
-use super::tensor::Components;
-use super::value::{Constant, Kind, Quantity, TensorId, Value};
+use super::names::{self, parts};
+use super::symbols::{Symbol, Symbols};
+use super::value::{Components, Constant, Kind, Quantity, TensorId, Value};
 use crate::expression::graph::MAX_NODES;
 use crate::expression::{Comparison, ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::measure::Measure;

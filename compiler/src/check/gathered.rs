@@ -5,8 +5,8 @@ use piola_grammar::{Diagnostic, Span, print_expression};
 
 use super::dimension::Dimension;
 use super::elaborate::Elaborator;
-use super::names::Symbol;
 use super::statement::Builder;
+use super::symbols::Symbol;
 use super::value::{GRADIENT, INTEGRAL, Kind, Quantity, Value};
 use crate::expression::{Input, Node};
 use crate::measure::Measure;

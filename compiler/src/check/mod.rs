@@ -18,6 +18,7 @@ mod names;
 mod quantity;
 mod statement;
 mod stretch;
+mod symbols;
 mod tensor;
 pub mod unit;
 mod value;

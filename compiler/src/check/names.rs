@@ -1,15 +1,14 @@
 //! Every name is known, used as what it is, and defined before its use.
 
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
-use piola_grammar::ast::{Arena, Ast, Energy, ExprId, ExprKind, Ident, Statement};
+use piola_grammar::ast::{Arena, Ast, ExprId, ExprKind, Ident, Statement};
 use piola_grammar::{Diagnostic, Span, suggest};
 
 use super::MAX_FINDINGS;
 use super::foreign::{self, Place};
-use super::tensor::{Kinematic, TensorFunction};
+use super::symbols::{Symbol, Symbols, TensorFunction};
 use crate::expression::Function;
-use crate::measure::Measure;
 
 /// Most parameters a function may have; every call names them all in its messages.
 const MAX_FORMALS: usize = 100;
@@ -19,39 +18,6 @@ const INTEGRAL: &str = "integral";
 
 /// Among more names than this none is looked for that may have been meant.
 const MAX_CANDIDATES: usize = 2000;
-
-/// What a name outside a function's formal parameters stands for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Symbol {
-    /// Current measure.
-    Current(Measure),
-    /// Reference measure.
-    Reference(Measure),
-    /// `delta`
-    Horizon,
-    /// `d`
-    Dimension,
-    /// `pi`
-    Pi,
-    /// `F`, `I`, `J`, `C` or `E`, in a file with an energy of `F`.
-    Kinematic(Kinematic),
-    /// A parameter, by number.
-    Parameter(usize),
-    /// A definition without parameters, by number of its statement.
-    Value(usize),
-    /// A user's function, by number of its statement.
-    Function(usize),
-}
-
-/// The names of a file.
-#[derive(Default)]
-pub(crate) struct Symbols<'a> {
-    names: HashMap<&'a str, Symbol>,
-    /// Whether functions of tensors are known.
-    tensors: bool,
-    /// Roots of the expressions in which some name is wrong: nothing more is said of them.
-    unresolved: HashSet<ExprId>,
-}
 
 /// Names that no potential may redefine.
 const RESERVED: &[(&str, &str)] = &[
@@ -79,48 +45,6 @@ pub(crate) struct Scope<'a> {
     pub(crate) symbols: &'a Symbols<'a>,
     /// Formal parameters of the function whose body is looked at.
     pub(crate) formals: &'a [Ident],
-}
-
-impl<'a> Symbols<'a> {
-    /// Declares variables, which count as parameters; no measures are known.
-    pub(crate) fn with_variables(variables: &[&'a str]) -> Symbols<'a> {
-        let mut symbols = Symbols::default();
-        for (number, name) in variables.iter().enumerate() {
-            symbols.names.insert(name, Symbol::Parameter(number));
-        }
-        symbols.names.insert("pi", Symbol::Pi);
-        symbols
-    }
-
-    fn of_potentials(ast: &Ast) -> Symbols<'a> {
-        let tensors = ast.statements.iter().any(
-            |s| matches!(s, Statement::Energy(e) if e.measure.name == "F" || is_kinematic(ast, e)),
-        );
-        let mut symbols = Symbols { tensors, ..Symbols::default() };
-        if symbols.tensors {
-            for (name, which) in Kinematic::NAMED {
-                symbols.names.insert(name, Symbol::Kinematic(which));
-            }
-        }
-        for measure in Measure::ALL {
-            symbols.names.insert(measure.symbol(), Symbol::Current(measure));
-            symbols.names.insert(measure.reference_symbol(), Symbol::Reference(measure));
-        }
-        symbols.names.insert("delta", Symbol::Horizon);
-        symbols.names.insert("d", Symbol::Dimension);
-        symbols.names.insert("pi", Symbol::Pi);
-        symbols
-    }
-
-    /// What a name stands for, formal parameters aside.
-    pub(crate) fn get(&self, name: &str) -> Option<Symbol> {
-        self.names.get(name).copied()
-    }
-
-    /// Whether all names of the expression with this root are right.
-    pub(crate) fn are_resolved(&self, root: ExprId) -> bool {
-        !self.unresolved.contains(&root)
-    }
 }
 
 /// Resolves the names of a file; the second part says which of them are wrong.
@@ -472,19 +396,6 @@ fn not_a_function(function: &Ident) -> Diagnostic {
     Diagnostic::error("not-a-function", function.span, format!("`{name}` is not a function"))
         .label("called like one")
         .help(format!("to multiply write `{name}*(..)`"))
-}
-
-/// Whether an energy was meant to be one of the deformation gradient: `psi(C)`, `psi(J)`, `psi(U)`.
-pub(crate) fn is_kinematic(ast: &Ast, energy: &Energy) -> bool {
-    let name = energy.measure.name.as_str();
-    let defined = |statement: &Statement| match statement {
-        Statement::Definition(definition) => definition.name.name == name,
-        Statement::Parameter(parameter) => parameter.name.name == name,
-        _ => false,
-    };
-    Kinematic::NAMED.iter().any(|(known, _)| *known == name)
-        && energy.gathered.is_empty()
-        && !ast.statements.iter().any(defined)
 }
 
 /// Whether a statement defines a function of `L` alone, such as `w(L) = 1/L`.

@@ -8,7 +8,7 @@ use piola_grammar::ast::{ExprId, Ident};
 use piola_grammar::{Diagnostic, Span};
 
 use super::elaborate::Elaborator;
-use super::tensor::TensorFunction;
+use super::symbols::TensorFunction;
 use super::value::{Constant, GRADIENT, Kind, Quantity, Value};
 use crate::expression::{Function, Input, Node, NodeId, Operator};
 

@@ -5,73 +5,12 @@ use piola_grammar::ast::{ExprId, Ident};
 use piola_grammar::{Diagnostic, Span};
 
 use super::elaborate::Elaborator;
-use super::value::{Constant, GRADIENT, Kind, Quantity, TensorId, Value};
+use super::symbols::{Kinematic, TensorFunction};
+use super::value::{Component, Components, Constant, GRADIENT, Kind, Quantity, TensorId, Value};
 use crate::expression::{Function, Input, Node, NodeId, Operator, graph};
-
-/// A component; `None` where the unit tensor makes it 0, whatever the deformation.
-type Component = Option<NodeId>;
-
-/// Components row by row.
-pub(super) type Components = Vec<Component>;
 
 /// Largest exponent of a power of a tensor.
 const LARGEST_POWER: f64 = 8.0;
-
-/// Functions of a tensor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum TensorFunction {
-    Trace,
-    Determinant,
-    Inverse,
-    Deviator,
-    Symmetric,
-    /// The only one of numbers: `dyad(x, y, z)`, the tensor `n n` of a vector `n`.
-    Dyad,
-}
-
-impl TensorFunction {
-    pub(crate) const NAMES: [&str; 6] = ["tr", "det", "inv", "dev", "sym", "dyad"];
-
-    pub(crate) fn named(name: &str) -> Option<TensorFunction> {
-        Some(match name {
-            "tr" => TensorFunction::Trace,
-            "det" => TensorFunction::Determinant,
-            "inv" => TensorFunction::Inverse,
-            "dev" => TensorFunction::Deviator,
-            "sym" => TensorFunction::Symmetric,
-            "dyad" => TensorFunction::Dyad,
-            _ => return None,
-        })
-    }
-}
-
-/// What a file with `psi(F)` knows besides the gradient itself.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Kinematic {
-    /// `F`
-    Gradient,
-    /// `I`
-    Identity,
-    /// `J = det(F)`
-    Jacobian,
-    /// `C = F'*F`
-    CauchyGreen,
-    /// `E = (C - I)/2`
-    Strain,
-    /// `U`, of which `C` is the square.
-    Stretch,
-}
-
-impl Kinematic {
-    pub(crate) const NAMED: [(&str, Kinematic); 6] = [
-        ("F", Kinematic::Gradient),
-        ("I", Kinematic::Identity),
-        ("J", Kinematic::Jacobian),
-        ("C", Kinematic::CauchyGreen),
-        ("E", Kinematic::Strain),
-        ("U", Kinematic::Stretch),
-    ];
-}
 
 /// A tensor with what is known of it.
 #[derive(Clone)]

@@ -63,6 +63,12 @@ pub(crate) const INTEGRAL: u8 = 1 << 4;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct TensorId(pub(crate) u32);
 
+/// A component of a tensor; `None` where the unit tensor makes it 0, whatever the deformation.
+pub(super) type Component = Option<NodeId>;
+
+/// The components of a tensor, row by row.
+pub(super) type Components = Vec<Component>;
+
 /// A number, a truth value, a tensor or a function of the right stretch tensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Kind {

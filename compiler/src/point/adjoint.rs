@@ -2,11 +2,13 @@
 //! its change in a direction by one sweep forward. Neither grows with the number of variables as
 //! derivatives taken one by one would.
 
-use super::principal::trace_direction;
 use crate::differentiate::{Derivative, binary, derivative_of, power_constant, unary};
 use crate::expression::{Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
 use crate::simplify::Simplifier;
+
+/// The number of the first trace's direction; those of the components of a tensor are below.
+pub(super) const TRACES: u8 = 9;
 
 /// What an energy is differentiated by. An input and its change from rest are one variable.
 #[derive(Clone, Copy, Debug)]
@@ -59,7 +61,7 @@ impl Varied<'_> {
         match self {
             Varied::ComponentsAndTraces(components, _) => match components.get(place) {
                 Some(component) => *component,
-                None => trace_direction(place - components.len()),
+                None => TRACES + (place - components.len()) as u8,
             },
             _ => place as u8,
         }

@@ -1,6 +1,5 @@
 //! Where an energy of the deformation gradient may be used: the declared bounds of `J = det F`.
 
-use super::kernel::GradientBatch;
 use crate::expression::graph::dimension;
 use crate::measure::Argument;
 use crate::model::Variant;
@@ -32,16 +31,18 @@ impl VolumeDomain {
         self.between.is_none_or(|(lower, upper)| lower < j && j < upper)
     }
 
-    /// Makes psi no number at the places outside.
-    pub(crate) fn restrict(&self, d: usize, at: GradientBatch<'_>, psi: &mut [f64]) {
+    /// Makes psi no number at the places outside, one per entry of `psi`; gradients are given
+    /// component by component.
+    pub(crate) fn restrict(&self, d: usize, gradient: &[f64], psi: &mut [f64]) {
         let Some((lower, upper)) = self.between else { return };
+        let n_places = psi.len();
         // Few places at a time, component by component: loops without branches.
         let mut j = [0.0; PLACES];
-        for start in (0..at.n).step_by(PLACES) {
-            let n = PLACES.min(at.n - start);
+        for start in (0..n_places).step_by(PLACES) {
+            let n = PLACES.min(n_places - start);
             let columns: [&[f64]; 9] = std::array::from_fn(|k| {
-                let first = if k < d * d { k * at.n + start } else { start };
-                &at.gradient[first..first + n]
+                let first = if k < d * d { k * n_places + start } else { start };
+                &gradient[first..first + n]
             });
             for (p, j) in j[..n].iter_mut().enumerate() {
                 *j = determinant(d, |k| columns[k][p]);

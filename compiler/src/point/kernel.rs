@@ -211,7 +211,7 @@ impl GradientKernel {
                 });
             }
         }
-        self.domain.restrict(self.dimension, at, psi);
+        self.domain.restrict(self.dimension, at.gradient, psi);
     }
 
     /// dP in Pa for directions dF.

@@ -150,8 +150,9 @@ impl Model {
             .and_then(|energy| {
                 let Some((mut graph, psi)) = energy else { return Ok(None) };
                 let functions = self.stretch_functions(variant, (graph.graph(), psi), fold)?;
+                let at_rest: Vec<_> = functions.iter().map(|f| f.at_rest.as_ref()).collect();
                 let near = match form {
-                    Form::Accurate => near::near(&mut graph, psi, &variables, &functions)?,
+                    Form::Accurate => near::near(&mut graph, psi, &variables, &at_rest)?,
                     Form::Textbook => None,
                 };
                 let far = GradientForm::new(&graph, psi, dimension, (&functions, false))?;

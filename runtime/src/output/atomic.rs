@@ -75,8 +75,6 @@ pub enum Operation {
     CreateFolder,
     /// Listing a folder.
     ReadFolder,
-    /// Reading a file.
-    Read,
     /// Writing the temporary file.
     Write,
     /// Giving the temporary file its name.
@@ -92,7 +90,6 @@ impl fmt::Display for Operation {
         f.write_str(match self {
             Operation::CreateFolder => "create the folder",
             Operation::ReadFolder => "list the folder",
-            Operation::Read => "read",
             Operation::Write => "write",
             Operation::Rename => "move into place",
             Operation::Remove => "remove",

@@ -16,6 +16,9 @@
 
 pub mod atomic;
 pub mod folder;
+#[cfg(test)]
+#[path = "../../../tests/support/frames.rs"]
+mod frames;
 pub mod history;
 pub mod picture;
 pub mod pvd;

@@ -62,28 +62,12 @@ fn collection(times: &[f64]) -> String {
     out
 }
 
-/// Times and relative paths of the frames that a `run.pvd` written by piola lists.
-///
-/// `None` if the text is not a whole list.
-pub fn read_pvd(text: &str) -> Option<Vec<(f64, String)>> {
-    let (_, body) = text.split_once("<Collection>\n")?;
-    let body = body.strip_suffix("</Collection>\n</VTKFile>\n")?;
-    let entry = |line: &str| {
-        let attribute = |name: &str| {
-            let (_, value) = line.split_once(&format!("{name}=\""))?;
-            Some(value.split_once('"')?.0.to_owned())
-        };
-        Some((attribute("timestep")?.parse().ok()?, attribute("file")?))
-    };
-    body.lines().map(entry).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use std::fs;
 
     use super::*;
-    use crate::output::vtu::read_vtu;
+    use crate::output::frames::{read_pvd, read_vtu};
 
     fn points() -> Points {
         Points {

@@ -1,7 +1,7 @@
-//! Tables that users bring: displacements and point clouds as CSV.
+//! Tables that users bring: displacements, point clouds and rows of numbers as CSV.
 //!
-//! Before: text of unknown quality. After: finite numbers in the order of the rows, exactly as
-//! many as there are points, volumes positive. Every mistake is reported with its line, its column,
+//! Before: text of unknown quality. After: numbers in the order of the rows; of a body finite ones,
+//! exactly as many as there are points, volumes positive. Every mistake is reported with its line, its column,
 //! its span and what to write instead; after [`MAX_MISTAKES`] of them the rest is not read.
 
 // A file has few mistakes that are kept: their size does not matter.
@@ -59,7 +59,7 @@ pub fn read_displacement(
     dimension: usize,
     n_points: usize,
 ) -> Result<Vec<f64>, Vec<TableError>> {
-    let table = Table::open(text, &COMPONENTS[..dimension])?;
+    let table = Table::open(text, &COMPONENTS[..dimension], true)?;
     let mut displacement = Vec::with_capacity(n_points * dimension);
     let (n_rows, mut errors) = table.rows(|_, values| {
         displacement.extend_from_slice(values);
@@ -80,7 +80,7 @@ pub fn read_displacement(
 /// Refuses an empty cloud, volumes that are not positive, and two points at one place.
 pub fn read_cloud(text: &str, dimension: usize) -> Result<Cloud, Vec<TableError>> {
     let names: Vec<&str> = COORDINATES[..dimension].iter().copied().chain(["volume"]).collect();
-    let table = Table::open(text, &names)?;
+    let table = Table::open(text, &names, true)?;
     let mut cloud = Cloud { positions: Vec::new(), volumes: Vec::new() };
     let mut seen: HashMap<Vec<u64>, usize> = HashMap::new();
     let (n_rows, mut errors) = table.rows(|row, values| {
@@ -126,12 +126,31 @@ pub fn read_cloud(text: &str, dimension: usize) -> Result<Cloud, Vec<TableError>
     if errors.is_empty() { Ok(cloud) } else { Err(errors) }
 }
 
+/// Rows of the numbers in the named columns, infinite ones and NaN among them; other columns are
+/// ignored. `refusal` says what is wrong with a row, and in which of the columns.
+pub fn read_numbers(
+    text: &str,
+    names: &[&str],
+    refusal: impl Fn(&[f64]) -> Option<(usize, String)>,
+) -> Result<Vec<Vec<f64>>, Vec<TableError>> {
+    let table = Table::open(text, names, false)?;
+    let mut rows = Vec::new();
+    let (_, errors) = table.rows(|row, values| {
+        rows.push(values.to_vec());
+        let refused = refusal(values).into_iter();
+        refused.map(|(k, what)| Diagnostic::error("out-of-range", row.field(k), what)).collect()
+    });
+    if errors.is_empty() { Ok(rows) } else { Err(errors) }
+}
+
 /// A table whose header is understood.
 struct Table<'a> {
     text: &'a str,
     /// What is wanted, in order, with the place of each in a row.
     wanted: Vec<(&'a str, usize)>,
     n_columns: usize,
+    /// Whether all numbers must be finite.
+    finite: bool,
     /// Where the rows start: byte and line.
     start: (usize, usize),
 }
@@ -151,7 +170,7 @@ impl Row {
 
 impl<'a> Table<'a> {
     /// Reads the header and finds the wanted columns by name.
-    fn open(text: &'a str, wanted: &[&'a str]) -> Result<Table<'a>, Vec<TableError>> {
+    fn open(text: &'a str, wanted: &[&'a str], finite: bool) -> Result<Table<'a>, Vec<TableError>> {
         // Spreadsheets put a byte order mark in front.
         let first = if text.starts_with('\u{feff}') { '\u{feff}'.len_utf8() } else { 0 };
         let expected = format!("the first line must name the columns: `{}`", wanted.join(","));
@@ -185,7 +204,7 @@ impl<'a> Table<'a> {
             return Err(errors);
         }
         let start = (header.range().end, line + 1);
-        Ok(Table { text, wanted: places, n_columns: names.len(), start })
+        Ok(Table { text, wanted: places, n_columns: names.len(), finite, start })
     }
 
     /// Hands every row's wanted numbers to `take`, in order. How many rows there are, and what is
@@ -231,7 +250,7 @@ impl<'a> Table<'a> {
         let mut fields = Vec::with_capacity(self.wanted.len());
         let mut wrong = Vec::new();
         for &(name, place) in &self.wanted {
-            match finite(self.text, all[place], name) {
+            match number(self.text, all[place], name, self.finite) {
                 Ok(value) => values.push(value),
                 Err(error) => wrong.push(error),
             }
@@ -294,8 +313,8 @@ fn content(text: &str, field: Span) -> &str {
     inside.unwrap_or(field).trim()
 }
 
-/// A number that is finite, or what to write instead.
-fn finite(text: &str, field: Span, name: &str) -> Result<f64, Diagnostic> {
+/// A number, a finite one if it must be, or what to write instead.
+fn number(text: &str, field: Span, name: &str, must_be_finite: bool) -> Result<f64, Diagnostic> {
     let written = content(text, field);
     let error = |message: String, help: &str| {
         Err(Diagnostic::error("not-a-number", field, message).help(help))
@@ -304,7 +323,7 @@ fn finite(text: &str, field: Span, name: &str) -> Result<f64, Diagnostic> {
         return error(format!("`{name}` is empty"), "write a number, 0 where there is none");
     }
     match written.parse::<f64>() {
-        Ok(value) if value.is_finite() => Ok(value),
+        Ok(value) if value.is_finite() || !must_be_finite => Ok(value),
         Ok(_) if written.bytes().any(|byte| byte.is_ascii_digit()) => error(
             format!("`{name}` = {written} is too large for a 64-bit number"),
             "write a number below 1.8e308",

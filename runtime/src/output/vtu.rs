@@ -4,21 +4,14 @@
 //! (docs.vtk.org, "VTK XML file formats"). Points stand at their reference positions and carry
 //! `displacement`, so that ParaView's *Warp By Vector* shows the deformed body; two-dimensional
 //! vectors are padded with zero. Numbers are stored as `f64` bit for bit.
-//!
-//! [`read_vtu`] reads exactly what [`encode_vtu`] writes; it is for tests and for users who want
-//! to check a frame without VTK, and it never trusts the lengths that a file claims.
 
-use std::collections::HashMap;
-use std::fs;
-use std::io::{Read, Write};
-use std::path::Path;
+use std::io::Write;
 
 use flate2::Compression;
-use flate2::read::ZlibDecoder;
 use flate2::write::ZlibEncoder;
 use rayon::prelude::*;
 
-use super::{Frame, OutputError, Points, atomic::Operation, decimal};
+use super::{Frame, Points, decimal};
 
 /// Uncompressed bytes per zlib block: small enough to compress blocks on all threads.
 const BLOCK: usize = 1 << 18;
@@ -151,190 +144,10 @@ pub(super) fn escape(text: &str) -> String {
     out
 }
 
-fn unescape(text: &str) -> String {
-    let text = text.replace("&lt;", "<").replace("&gt;", ">").replace("&quot;", "\"");
-    text.replace("&amp;", "&")
-}
-
-/// A frame read back.
-#[derive(Clone, Debug, PartialEq)]
-pub struct VtuFile {
-    /// Load parameter.
-    pub t: f64,
-    /// Reference positions, `n x 3`, in m.
-    pub positions: Vec<f64>,
-    /// Point arrays in the order of the file.
-    pub arrays: Vec<VtuArray>,
-}
-
-/// One array over the points of a frame.
-#[derive(Clone, Debug, PartialEq)]
-pub struct VtuArray {
-    /// Its name.
-    pub name: String,
-    /// Numbers per point: 3 for vectors, 1 for scalars.
-    pub components: usize,
-    /// `n x components`, row by row.
-    pub values: Vec<f64>,
-}
-
-impl VtuFile {
-    /// The array of this name.
-    pub fn array(&self, name: &str) -> Option<&VtuArray> {
-        self.arrays.iter().find(|array| array.name == name)
-    }
-}
-
-/// Why a file is not a frame written by piola, or not all of one.
-#[derive(Debug, thiserror::Error)]
-pub enum VtuError {
-    /// The file could not be read.
-    #[error(transparent)]
-    Io(#[from] OutputError),
-    /// The content is not what piola writes.
-    #[error("not a whole piola frame: {0}")]
-    Content(String),
-}
-
-fn content(reason: impl Into<String>) -> VtuError {
-    VtuError::Content(reason.into())
-}
-
-/// Reads a frame written by piola, checking every length and the cells.
-pub fn read_vtu(path: &Path) -> Result<VtuFile, VtuError> {
-    let bytes = fs::read(path).map_err(Operation::Read.on(path))?;
-    decode_vtu(&bytes)
-}
-
-/// The inverse of [`encode_vtu`] (two-dimensional vectors stay padded).
-pub fn decode_vtu(bytes: &[u8]) -> Result<VtuFile, VtuError> {
-    const START: &[u8] = b"<AppendedData encoding=\"raw\">\n_";
-    const END: &[u8] = b"\n</AppendedData>\n</VTKFile>\n";
-    let start = bytes
-        .windows(START.len())
-        .position(|window| window == START)
-        .ok_or_else(|| content("there is no appended data"))?;
-    let header = std::str::from_utf8(&bytes[..start]).map_err(|_| content("header not UTF-8"))?;
-    let appended = bytes[start + START.len()..]
-        .strip_suffix(END)
-        .ok_or_else(|| content("the end of the file is missing"))?;
-
-    let piece = tag(header, "<Piece ").ok_or_else(|| content("there is no piece"))?;
-    let n: usize = number(piece.0.get("NumberOfPoints"), "NumberOfPoints")?;
-    if number::<usize>(piece.0.get("NumberOfCells"), "NumberOfCells")? != n {
-        return Err(content("there must be one cell per point"));
-    }
-    let after_time = header.split_once("Name=\"TimeValue\"").map(|(_, rest)| rest);
-    let time = after_time.and_then(|rest| rest.split_once('>')?.1.split_once('<'));
-    let t = number(time.map(|(text, _)| text.to_owned()).as_ref(), "TimeValue")?;
-
-    let mut file = VtuFile { t, positions: Vec::new(), arrays: Vec::new() };
-    let mut rest = piece.1;
-    let mut cells_seen = 0;
-    while let Some((attributes, after)) = tag(rest, "<DataArray ") {
-        rest = after;
-        let name = attributes.get("Name").map(|name| unescape(name)).unwrap_or_default();
-        let components: usize = number(attributes.get("NumberOfComponents"), "NumberOfComponents")?;
-        let offset: usize = number(attributes.get("offset"), "offset")?;
-        let raw = inflate(appended, offset)?;
-        let kind = attributes.get("type").map(String::as_str).unwrap_or_default();
-        let size = if kind == "UInt8" { 1 } else { 8 };
-        let expected = n.checked_mul(components).and_then(|count| count.checked_mul(size));
-        if expected != Some(raw.len()) {
-            return Err(content(format!("`{name}` has {} bytes for {n} points", raw.len())));
-        }
-        match (kind, name.as_str()) {
-            ("Float64", "Points") if components == 3 => file.positions = floats(&raw),
-            ("Float64", _) => file.arrays.push(VtuArray { name, components, values: floats(&raw) }),
-            _ => {
-                cells_seen += 1;
-                check_cells(&name, &raw, n)?;
-            }
-        }
-    }
-    if cells_seen != 3 || file.positions.len() != 3 * n {
-        return Err(content("the points or the cells are missing"));
-    }
-    Ok(file)
-}
-
-/// The cells must be vertices 0, 1, .. n-1.
-fn check_cells(name: &str, raw: &[u8], n: usize) -> Result<(), VtuError> {
-    let expected = match name {
-        "connectivity" => integer_bytes(0..n as i64),
-        "offsets" => integer_bytes(1..=n as i64),
-        "types" => vec![VTK_VERTEX; n],
-        _ => return Err(content(format!("unknown array `{name}`"))),
-    };
-    if raw == expected {
-        Ok(())
-    } else {
-        Err(content(format!("`{name}` is not one vertex a point")))
-    }
-}
-
-/// The attributes of the first element that starts with `opening`, and the text after it.
-fn tag<'a>(text: &'a str, opening: &str) -> Option<(HashMap<String, String>, &'a str)> {
-    let (_, after) = text.split_once(opening)?;
-    let (inside, rest) = after.split_once('>')?;
-    let mut attributes = HashMap::new();
-    let mut inside = inside;
-    while let Some((name, after_name)) = inside.split_once("=\"") {
-        let (value, after_value) = after_name.split_once('"')?;
-        attributes.insert(name.trim().to_owned(), value.to_owned());
-        inside = after_value;
-    }
-    Some((attributes, rest))
-}
-
-fn number<T: std::str::FromStr>(text: Option<&String>, name: &str) -> Result<T, VtuError> {
-    text.and_then(|text| text.trim().parse().ok())
-        .ok_or_else(|| content(format!("`{name}` is missing or not a number")))
-}
-
-fn floats(raw: &[u8]) -> Vec<f64> {
-    let word = |chunk: &[u8]| f64::from_le_bytes(chunk.try_into().expect("chunks of eight bytes"));
-    raw.chunks_exact(8).map(word).collect()
-}
-
-/// Undoes [`compress`] for the array that starts at `offset`.
-fn inflate(appended: &[u8], offset: usize) -> Result<Vec<u8>, VtuError> {
-    let mut at = offset;
-    let mut word = || {
-        let bytes = at.checked_add(8).and_then(|end| appended.get(at..end));
-        at = at.saturating_add(8);
-        let bytes = bytes.ok_or_else(|| content("an array is cut short"))?;
-        let word = u64::from_le_bytes(bytes.try_into().expect("eight bytes"));
-        usize::try_from(word).map_err(|_| content("a length is out of range"))
-    };
-    let (n_blocks, block, last) = (word()?, word()?, word()?);
-    let mut sizes = Vec::new(); // grows only as far as the file has words
-    for _ in 0..n_blocks {
-        sizes.push(word()?);
-    }
-    let mut out = Vec::new();
-    for (index, size) in sizes.iter().enumerate() {
-        let is_last = index + 1 == n_blocks;
-        let expected = if is_last && last != 0 { last } else { block };
-        let end = at.checked_add(*size);
-        let compressed = end.and_then(|end| appended.get(at..end));
-        let compressed = compressed.ok_or_else(|| content("an array is cut short"))?;
-        let before = out.len();
-        ZlibDecoder::new(compressed)
-            .take(expected as u64 + 1)
-            .read_to_end(&mut out)
-            .map_err(|error| content(format!("a block does not inflate: {error}")))?;
-        if out.len() - before != expected {
-            return Err(content("a block has the wrong length"));
-        }
-        at += size;
-    }
-    Ok(out)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::output::frames::decode_vtu;
 
     /// `n` points with values that use all bits, some of them special.
     fn sample(dimension: usize, n: usize) -> (Points, Frame) {

@@ -16,6 +16,7 @@
 
 pub mod axes;
 pub mod front;
+pub mod outcome;
 pub mod quantity;
 pub mod reference;
 pub mod report;

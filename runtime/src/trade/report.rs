@@ -6,7 +6,8 @@ use serde_json::{Value, json};
 
 use super::axes::{Changes, DEFAULT, OWN};
 use super::front::Standing;
-use super::study::{Measured, Outcome, Study};
+use super::outcome::{Measured, Outcome};
+use super::study::Study;
 use super::verdict::Demand;
 use super::{Quantity, ROUNDOFF};
 use crate::output::picture::{Dot, DotKind, FrontPicture};

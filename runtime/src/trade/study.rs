@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::axes::{Changes, OWN, relaxed, settings};
 use super::front::{Dot, Standing, standings};
+use super::outcome::{Measured, Outcome};
 use super::quantity::{quantities, worst};
 use super::reference::{Reference, reference};
 use super::resolution::{Resolution, resolution};
@@ -33,36 +34,6 @@ pub struct Options {
     pub budget: Duration,
     /// The relative error that is small enough, if the user says so.
     pub accuracy: Option<f64>,
-}
-
-/// What was found of a setting.
-#[derive(Clone, Debug)]
-pub struct Measured {
-    /// For each quantity.
-    pub errors: Vec<f64>,
-    /// The largest of them, the residual left out.
-    pub worst: f64,
-    /// Time to solution.
-    pub times: Times,
-    /// Where it stands; `None` for settings that ask another question.
-    pub standing: Option<Standing>,
-    /// Converged steps.
-    pub steps: usize,
-    /// Newton iterations.
-    pub iterations: usize,
-    /// Iterations of conjugate gradients.
-    pub linear_iterations: usize,
-    /// Halved increments.
-    pub cut_backs: usize,
-}
-
-/// A setting and what came of it: numbers, or why there are none.
-#[derive(Debug)]
-pub struct Outcome {
-    /// The setting.
-    pub setting: Setting,
-    /// Its numbers, or the reason.
-    pub result: Result<Measured, String>,
 }
 
 /// A scene solved in many ways.

@@ -3,7 +3,7 @@
 
 use super::axes::{Changes, DEFAULT, OWN};
 use super::front::Standing;
-use super::study::{Measured, Outcome};
+use super::outcome::{Measured, Outcome};
 use super::{Quantity, Reference, Resolution};
 
 /// An arithmetic error of this part of the discretisation error cannot be seen.

@@ -11,7 +11,6 @@
 
 mod functions;
 
-use super::principal::StretchFunction;
 use crate::expression::graph::dimension;
 use crate::expression::interpret::Interpreter;
 use crate::expression::{Comparison, Input, Node, NodeId, Operator, TooManyNodes};
@@ -48,8 +47,8 @@ impl Expansion {
     }
 }
 
-fn value_at_rest(traces: &[StretchFunction], k: u8, n_components: usize) -> f64 {
-    let function = traces.get(usize::from(k)).and_then(|f| f.at_rest.as_ref());
+fn value_at_rest(traces: Traces<'_>, k: u8, n_components: usize) -> f64 {
+    let function = traces.get(usize::from(k)).copied().flatten();
     function.map_or(f64::NAN, |function| dimension(n_components) as f64 * function.value)
 }
 
@@ -78,6 +77,9 @@ pub(super) struct FunctionAtRest {
     pub(super) rest: Option<NodeId>,
 }
 
+/// The functions whose traces an energy holds, by number; `None` where one has no value at rest.
+pub(super) type Traces<'a> = &'a [Option<&'a FunctionAtRest>];
+
 /// The function `root` of `Stretch(0)` at rest; `None` where it is no number there.
 pub(super) fn function_at_rest(
     graph: &mut Simplifier,
@@ -98,7 +100,7 @@ pub(super) fn near(
     graph: &mut Simplifier,
     root: NodeId,
     components: &[u8],
-    traces: &[StretchFunction],
+    traces: Traces<'_>,
 ) -> Result<Option<NodeId>, TooManyNodes> {
     let variables: Vec<Varying> = components
         .iter()
@@ -140,7 +142,7 @@ fn rest_of_component(k: u8) -> f64 {
 struct Expander<'a> {
     graph: &'a mut Simplifier,
     variables: &'a [Varying],
-    traces: &'a [StretchFunction],
+    traces: Traces<'a>,
     /// Values of the nodes at rest.
     at_rest: Interpreter<f64>,
     known: Vec<Option<Near>>,
@@ -155,7 +157,7 @@ impl<'a> Expander<'a> {
         graph: &'a mut Simplifier,
         root: NodeId,
         variables: &'a [Varying],
-        traces: &'a [StretchFunction],
+        traces: Traces<'a>,
     ) -> Expander<'a> {
         let mut at_rest = Interpreter::new();
         at_rest.run(graph.graph(), |input| match input {
@@ -301,8 +303,7 @@ impl<'a> Expander<'a> {
     /// `f(1 + e) - f(1) - f'(1)*(e + e^2/2)`: their trace is what a trace stands for near rest.
     fn trace(&mut self, k: u8) -> Result<Expansion, TooManyNodes> {
         let n = self.variables.len();
-        let Some(function) = self.traces.get(usize::from(k)).and_then(|f| f.at_rest.as_ref())
-        else {
+        let Some(function) = self.traces.get(usize::from(k)).copied().flatten() else {
             return Ok(Expansion::constant(f64::NAN, n));
         };
         let mut squares = None;

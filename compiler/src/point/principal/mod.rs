@@ -18,7 +18,7 @@ pub(crate) mod axes;
 mod divided;
 pub(super) mod witness;
 
-use super::adjoint::{self, Varied};
+use super::adjoint::{self, TRACES, Varied};
 use super::near::{FunctionAtRest, function_at_rest};
 use crate::expression::graph;
 use crate::expression::{ExprGraph, Input, Node, NodeId, TooManyNodes};
@@ -70,11 +70,6 @@ pub(super) struct Open {
     pub(super) second: Vec<NodeId>,
 }
 
-/// The number of the direction of a trace.
-pub(super) fn trace_direction(number: usize) -> u8 {
-    (9 + number) as u8
-}
-
 /// An energy and its derivatives by components alone: traces as sums over principal stretches, in
 /// `StretchChange` where it is the form near rest. Roots are psi, P and dP.
 pub(super) fn closed(
@@ -90,7 +85,7 @@ pub(super) fn closed(
     let replaced = |_: &mut Simplifier, input| {
         Ok(match input {
             Input::Trace(k) => sums.get(usize::from(k)).copied(),
-            Input::Direction(k) if k >= 9 => changes.get(usize::from(k - 9)).copied(),
+            Input::Direction(k) if k >= TRACES => changes.get(usize::from(k - TRACES)).copied(),
             _ => None,
         })
     };

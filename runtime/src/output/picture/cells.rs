@@ -7,7 +7,7 @@
 
 use std::collections::HashMap;
 
-use super::body::Motion;
+use super::motion::Motion;
 
 /// Place of a cell on the lattice of blocks; the third is 0 in two dimensions.
 type Key = [i64; 3];
@@ -248,10 +248,6 @@ impl Cell {
 
 pub(super) fn difference(p: [f64; 3], q: [f64; 3]) -> [f64; 3] {
     [p[0] - q[0], p[1] - q[1], p[2] - q[2]]
-}
-
-pub(super) fn dot(p: [f64; 3], q: [f64; 3]) -> f64 {
-    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 }
 
 fn cross(p: [f64; 3], q: [f64; 3]) -> [f64; 3] {

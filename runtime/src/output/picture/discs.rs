@@ -2,8 +2,8 @@
 
 use std::collections::HashMap;
 
-use super::body::{Camera, Motion};
 use super::charts::spread;
+use super::motion::{Camera, Motion};
 
 /// The discs to draw.
 pub(super) struct Discs {

@@ -16,6 +16,7 @@ mod charts;
 mod discs;
 mod front;
 mod logarithmic;
+mod motion;
 mod slices;
 mod ticks;
 

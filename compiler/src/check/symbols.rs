@@ -1,0 +1,152 @@
+//! What names stand for: built-in symbols, functions of tensors, what a file defines.
+
+use std::collections::{HashMap, HashSet};
+
+use piola_grammar::ast::{Ast, Energy, ExprId, Statement};
+
+use crate::measure::Measure;
+
+/// What a name outside a function's formal parameters stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Symbol {
+    /// Current measure.
+    Current(Measure),
+    /// Reference measure.
+    Reference(Measure),
+    /// `delta`
+    Horizon,
+    /// `d`
+    Dimension,
+    /// `pi`
+    Pi,
+    /// `F`, `I`, `J`, `C` or `E`, in a file with an energy of `F`.
+    Kinematic(Kinematic),
+    /// A parameter, by number.
+    Parameter(usize),
+    /// A definition without parameters, by number of its statement.
+    Value(usize),
+    /// A user's function, by number of its statement.
+    Function(usize),
+}
+
+/// The names of a file.
+#[derive(Default)]
+pub(crate) struct Symbols<'a> {
+    pub(super) names: HashMap<&'a str, Symbol>,
+    /// Whether functions of tensors are known.
+    pub(super) tensors: bool,
+    /// Roots of the expressions in which some name is wrong: nothing more is said of them.
+    pub(super) unresolved: HashSet<ExprId>,
+}
+
+impl<'a> Symbols<'a> {
+    /// Declares variables, which count as parameters; no measures are known.
+    pub(crate) fn with_variables(variables: &[&'a str]) -> Symbols<'a> {
+        let mut symbols = Symbols::default();
+        for (number, name) in variables.iter().enumerate() {
+            symbols.names.insert(name, Symbol::Parameter(number));
+        }
+        symbols.names.insert("pi", Symbol::Pi);
+        symbols
+    }
+
+    /// What a file of a potential knows before its first line.
+    pub(super) fn of_potentials(ast: &Ast) -> Symbols<'a> {
+        let tensors = ast.statements.iter().any(
+            |s| matches!(s, Statement::Energy(e) if e.measure.name == "F" || is_kinematic(ast, e)),
+        );
+        let mut symbols = Symbols { tensors, ..Symbols::default() };
+        if symbols.tensors {
+            for (name, which) in Kinematic::NAMED {
+                symbols.names.insert(name, Symbol::Kinematic(which));
+            }
+        }
+        for measure in Measure::ALL {
+            symbols.names.insert(measure.symbol(), Symbol::Current(measure));
+            symbols.names.insert(measure.reference_symbol(), Symbol::Reference(measure));
+        }
+        symbols.names.insert("delta", Symbol::Horizon);
+        symbols.names.insert("d", Symbol::Dimension);
+        symbols.names.insert("pi", Symbol::Pi);
+        symbols
+    }
+
+    /// What a name stands for, formal parameters aside.
+    pub(crate) fn get(&self, name: &str) -> Option<Symbol> {
+        self.names.get(name).copied()
+    }
+
+    /// Whether all names of the expression with this root are right.
+    pub(crate) fn are_resolved(&self, root: ExprId) -> bool {
+        !self.unresolved.contains(&root)
+    }
+}
+
+/// Functions of a tensor.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum TensorFunction {
+    Trace,
+    Determinant,
+    Inverse,
+    Deviator,
+    Symmetric,
+    /// The only one of numbers: `dyad(x, y, z)`, the tensor `n n` of a vector `n`.
+    Dyad,
+}
+
+impl TensorFunction {
+    pub(crate) const NAMES: [&str; 6] = ["tr", "det", "inv", "dev", "sym", "dyad"];
+
+    pub(crate) fn named(name: &str) -> Option<TensorFunction> {
+        Some(match name {
+            "tr" => TensorFunction::Trace,
+            "det" => TensorFunction::Determinant,
+            "inv" => TensorFunction::Inverse,
+            "dev" => TensorFunction::Deviator,
+            "sym" => TensorFunction::Symmetric,
+            "dyad" => TensorFunction::Dyad,
+            _ => return None,
+        })
+    }
+}
+
+/// What a file with `psi(F)` knows besides the gradient itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kinematic {
+    /// `F`
+    Gradient,
+    /// `I`
+    Identity,
+    /// `J = det(F)`
+    Jacobian,
+    /// `C = F'*F`
+    CauchyGreen,
+    /// `E = (C - I)/2`
+    Strain,
+    /// `U`, of which `C` is the square.
+    Stretch,
+}
+
+impl Kinematic {
+    pub(crate) const NAMED: [(&str, Kinematic); 6] = [
+        ("F", Kinematic::Gradient),
+        ("I", Kinematic::Identity),
+        ("J", Kinematic::Jacobian),
+        ("C", Kinematic::CauchyGreen),
+        ("E", Kinematic::Strain),
+        ("U", Kinematic::Stretch),
+    ];
+}
+
+/// Whether an energy was meant to be one of the deformation gradient: `psi(C)`, `psi(J)`, `psi(U)`.
+pub(crate) fn is_kinematic(ast: &Ast, energy: &Energy) -> bool {
+    let name = energy.measure.name.as_str();
+    let defined = |statement: &Statement| match statement {
+        Statement::Definition(definition) => definition.name.name == name,
+        Statement::Parameter(parameter) => parameter.name.name == name,
+        _ => false,
+    };
+    Kinematic::NAMED.iter().any(|(known, _)| *known == name)
+        && energy.gathered.is_empty()
+        && !ast.statements.iter().any(defined)
+}

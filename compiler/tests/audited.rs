@@ -119,7 +119,7 @@ fn audits_of_generated_potentials_do_not_panic() {
 /// Each audited whole, and short ones, of a declaration or two and an energy: those of some hundred bytes
 /// take seconds each. `cargo test --release --workspace --test audited -- --ignored --nocapture`
 #[test]
-#[ignore = "an hour"]
+#[ignore = "two hours"]
 fn audits_of_100_000_generated_potentials_do_not_panic() {
     let (seen, n_points, panics) = follow(100_000, 100_000, 16..72);
     assert!(panics.is_empty(), "{panics:?}");

@@ -14,7 +14,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use piola_compiler::{Level, Measure, Mode};
+use piola_compiler::{Form, Level, Measure, Mode};
 use piola_runtime::element::{Contributions, InteractionBatch, Order};
 use piola_runtime::energy::TotalEnergy;
 use piola_runtime::matrix::BlockMatrix;
@@ -68,7 +68,7 @@ fn compile(criterion: &mut Criterion) {
         group.bench_function(BenchmarkId::from_parameter(n), |bencher| {
             bencher.iter(|| {
                 law.model
-                    .compile(black_box(&law.values), Mode::Jit(Level::Strict))
+                    .compile(black_box(&law.values), Mode::Jit(Level::Strict), Form::Accurate)
                     .expect("it compiles")
             });
         });

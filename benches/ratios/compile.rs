@@ -1,6 +1,6 @@
 //! How long it takes until an energy is machine code.
 
-use piola_compiler::{Level, Mode};
+use piola_compiler::{Form, Level, Mode};
 
 use crate::clock::{Clock, in_turn};
 use crate::ours::SethHill;
@@ -31,7 +31,10 @@ fn potential(table: &mut Table, level: Level, n: f64) {
     let energy = SethHill::new(n);
     let mut kernels = 0;
     let mut compile = || {
-        let compiled = energy.model.compile(&energy.values, Mode::Jit(level)).expect("it compiles");
+        let compiled = energy
+            .model
+            .compile(&energy.values, Mode::Jit(level), Form::Accurate)
+            .expect("it compiles");
         kernels = compiled.kernels.len();
     };
     let [times] = in_turn(ROUNDS, Clock::Wall, [&mut compile]);

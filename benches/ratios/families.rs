@@ -221,8 +221,8 @@ fn library(name: &str, parameters: &[(&str, f64)]) -> (Model, Values) {
 
 fn correspondence(body: &Arc<Body>, discretisation: Discretisation) -> Correspondence {
     let (model, values) = library("st_venant_kirchhoff", &[("lambda", LAMBDA), ("mu", MU)]);
-    let compiled = model.compile_gradient(&values, Mode::Jit(Level::default()), Form::Accurate);
-    let law = compiled.expect("it compiles").0.expect("it has an energy of F");
+    let compiled = model.compile(&values, Mode::Jit(Level::default()), Form::Accurate);
+    let law = compiled.expect("it compiles").gradient.expect("it has an energy of F");
     let formulation = Formulation {
         horizon: HORIZON,
         order: OperatorOrder::First,
@@ -235,8 +235,8 @@ fn correspondence(body: &Arc<Body>, discretisation: Discretisation) -> Correspon
 fn solid(body: &Arc<Body>) -> StateEnergy {
     let moduli = [("K", BULK), ("G", MU), ("p", 0.0)];
     let (model, values) = library("linear_peridynamic_solid", &moduli);
-    let compiled = model.compile_gathered(&values, Mode::Jit(Level::default()), Form::Accurate);
-    let kernels = compiled.expect("it compiles").0.expect("it gathers");
+    let compiled = model.compile(&values, Mode::Jit(Level::default()), Form::Accurate);
+    let kernels = compiled.expect("it compiles").gathered.expect("it gathers");
     let laws = StateLaws {
         integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
         points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),

@@ -65,7 +65,7 @@ pub(crate) fn run() -> Vec<Table> {
 fn of(n: f64, form: Form) -> (Kernel, ScalarEnergy) {
     let SethHill { model, values } = SethHill::with_stiffness(n, [1.0, 0.0, 0.0]);
     let kernels =
-        model.compile_as(&values, Mode::Jit(Level::default()), form).expect("it compiles").kernels;
+        model.compile(&values, Mode::Jit(Level::default()), form).expect("it compiles").kernels;
     let energies = model.specialise_as(&values, form).expect("it compiles").energies;
     let kernel = kernels.into_iter().find(|kernel| kernel.measure() == Measure::Length);
     let energy = energies.into_iter().find(|energy| energy.measure == Measure::Length);

@@ -155,11 +155,7 @@ fn rows(
     places: &Places,
 ) {
     let kernel = |mode, form| -> GradientKernel {
-        model
-            .compile_gradient(values, mode, form)
-            .expect("it compiles")
-            .0
-            .expect("it has an energy")
+        model.compile(values, mode, form).expect("it compiles").gradient.expect("it has an energy")
     };
     let compiled = [
         kernel(Mode::Jit(Level::Fast), Form::Accurate),

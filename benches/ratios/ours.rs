@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use num_dual::HyperDual64;
 use piola_compiler::{
-    Batch, Kernel, Level, Measure, Mode, Model, Order, Outputs, Setting, Values, check_text,
+    Batch, Form, Kernel, Level, Measure, Mode, Model, Order, Outputs, Setting, Values, check_text,
 };
 use piola_runtime::assembly::{DiscreteEnergy, Elements};
 use piola_runtime::body::Body;
@@ -37,8 +37,10 @@ impl SethHill {
 
     /// The compiled energy of a measure.
     pub(crate) fn kernel(&self, measure: Measure) -> Kernel {
-        let compiled =
-            self.model.compile(&self.values, Mode::Jit(Level::default())).expect("it compiles");
+        let compiled = self
+            .model
+            .compile(&self.values, Mode::Jit(Level::default()), Form::Accurate)
+            .expect("it compiles");
         let mut kernels = compiled.kernels.into_iter();
         kernels.find(|kernel| kernel.measure() == measure).expect("all three are modelled")
     }

@@ -271,36 +271,16 @@ impl WrittenEnergy {
     }
 }
 
-/// All energies of a potential, ready to be evaluated.
-#[derive(Debug, Default)]
-pub struct CompiledPotential {
-    /// At most one per measure, ascending.
-    pub kernels: Vec<Kernel>,
-    /// What is not modelled, and why.
-    pub dropped: Vec<Dropped>,
-}
-
 impl Model {
-    /// The energies for these values: specialised, differentiated and, in [`Mode::Jit`], compiled.
-    ///
-    /// # Errors
-    /// An energy that is too large, or a horizon that is needed and not given.
-    pub fn compile(&self, values: &Values, mode: Mode) -> Result<CompiledPotential, CompileError> {
-        self.compile_as(values, mode, Form::Accurate)
-    }
-
-    /// The same in a chosen form; hyper-dual numbers always take the energy as written.
-    ///
-    /// # Errors
-    /// As for [`Self::compile`].
-    pub fn compile_as(
+    /// Compiles the energies of measures; gives back what is left out.
+    pub(crate) fn compile_measures(
         &self,
         values: &Values,
         mode: Mode,
         form: Form,
-    ) -> Result<CompiledPotential, CompileError> {
+        kernels: &mut Vec<Kernel>,
+    ) -> Result<Vec<Dropped>, CompileError> {
         let specialised = self.specialise_as(values, form)?;
-        let mut kernels = Vec::new();
         for energy in specialised.energies {
             let measure = energy.measure;
             let written = || self.written(values, measure);
@@ -313,7 +293,7 @@ impl Model {
             }
             kernels.push(kernel);
         }
-        Ok(CompiledPotential { kernels, dropped: specialised.dropped })
+        Ok(specialised.dropped)
     }
 
     /// The energy of a measure as written, for these values; 0 where there is none.

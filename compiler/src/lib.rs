@@ -4,7 +4,7 @@
 //! |---|---|---|---|
 //! | [`check()`] | syntax tree | [`Model`]: names, types, dimensions are right | [`mod@check`] |
 //! | [`Model::specialise`] | model, [`Values`] | simplified psi, psi', psi'' per measure | [`specialise`], [`simplify`], [`mod@rewrite`], [`mod@differentiate`] |
-//! | [`Model::compile`] | model, values, [`Mode`] | [`Kernel`]s over arrays | [`kernel`], [`jit`] |
+//! | [`Model::compile`] | model, values, [`Mode`], [`Form`] | [`Compiled`]: kernels over arrays | [`mod@compile`], [`kernel`], [`jit`] |
 //!
 //! Only the checker makes a [`Model`]; later stages trust it. Every stage can be printed
 //! ([`mod@print`]); [`mod@lint`] looks at it for probable mistakes. [`WrittenEnergy`] evaluates the model as it was written, over any number type:
@@ -15,6 +15,7 @@
 
 pub mod audit;
 pub mod check;
+pub mod compile;
 pub mod differentiate;
 mod example;
 pub mod expression;
@@ -36,11 +37,10 @@ mod values;
 pub mod verify;
 
 pub use check::{CODES, check, check_text};
+pub use compile::{Compiled, Kind};
 pub use formula::Formula;
 pub use gathered::{GatheredBatch, GatheredKernel, GatheredKernels};
-pub use kernel::{
-    Batch, CompiledPotential, Derivatives, Kernel, Level, Mode, Order, Outputs, WrittenEnergy,
-};
+pub use kernel::{Batch, Derivatives, Kernel, Level, Mode, Order, Outputs, WrittenEnergy};
 pub use lint::{LINTS, Lint};
 pub use measure::{Argument, Measure};
 pub use model::{

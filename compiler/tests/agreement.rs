@@ -7,7 +7,7 @@ mod library;
 use library::cases;
 use num_dual::Dual2_64;
 use piola_compiler::verify::{Columns, sample, verify};
-use piola_compiler::{Batch, Derivatives, Level, Mode, Order};
+use piola_compiler::{Batch, Derivatives, Form, Level, Mode, Order};
 
 /// Half the distance from 1 to the next number.
 const U: f64 = f64::EPSILON / 2.0;
@@ -41,7 +41,12 @@ fn every_energy_agrees_with_hyperdual_numbers_of_what_was_written() {
 fn every_order_gives_the_same_bits() {
     for case in cases() {
         let variant = case.model.variant(case.values.dimension).unwrap();
-        for kernel in case.model.compile(&case.values, Mode::Jit(Level::Strict)).unwrap().kernels {
+        for kernel in case
+            .model
+            .compile(&case.values, Mode::Jit(Level::Strict), Form::Accurate)
+            .unwrap()
+            .kernels
+        {
             let points = sample::points(variant, kernel.measure(), &case.values, 20);
             let columns = Columns::new(&points);
             let all = kernel.derivatives(columns.batch());
@@ -67,7 +72,8 @@ fn every_order_gives_the_same_bits() {
 fn second_order_duals_agree_too() {
     let mut worst = (0.0_f64, String::new());
     for case in cases() {
-        let compiled = case.model.compile(&case.values, Mode::Jit(Level::Strict)).unwrap();
+        let compiled =
+            case.model.compile(&case.values, Mode::Jit(Level::Strict), Form::Accurate).unwrap();
         let variant = case.model.variant(case.values.dimension).unwrap();
         for kernel in &compiled.kernels {
             let measure = kernel.measure();
@@ -123,7 +129,9 @@ fn batches_of_every_length_give_the_same_bits() {
     for case in cases().into_iter().step_by(5) {
         let variant = case.model.variant(case.values.dimension).unwrap();
         for level in Level::ALL {
-            for kernel in case.model.compile(&case.values, Mode::Jit(level)).unwrap().kernels {
+            for kernel in
+                case.model.compile(&case.values, Mode::Jit(level), Form::Accurate).unwrap().kernels
+            {
                 let points = sample::points(variant, kernel.measure(), &case.values, ROOM);
                 let columns = Columns::new(&points);
                 let all = columns.batch();

@@ -184,7 +184,7 @@ fn gradients(
     let gradient: Vec<f64> = change.iter().enumerate().map(|(k, h)| rest(k) + h).collect();
     let direction: Vec<f64> = change.iter().map(|_| random.uniform(-1.0, 1.0)).collect();
     let mode = Mode::Jit(Level::Strict);
-    let kernel = model.compile_gradient(values, mode, Form::Accurate).unwrap().0.unwrap();
+    let kernel = model.compile(values, mode, Form::Accurate).unwrap().gradient.unwrap();
     let at = GradientBatch { n: PLACES, gradient: &gradient, change: &change };
     let mut expected = [PLACES, d * d * PLACES, d * d * PLACES].map(|n| vec![0.0; n]);
     let [psi, stress, product] = &mut expected;
@@ -283,7 +283,8 @@ fn compare(functions: &[Function], printed: &str) {
 fn function(number: usize, case: &Case, energy: &ScalarEnergy) -> Function {
     let variant = case.model.variant(case.values.dimension).unwrap();
     let points = points(variant, energy.measure, &case.values, POINTS);
-    let compiled = case.model.compile(&case.values, Mode::Jit(Level::Strict)).unwrap();
+    let compiled =
+        case.model.compile(&case.values, Mode::Jit(Level::Strict), Form::Accurate).unwrap();
     let kernel = compiled.kernels.iter().find(|k| k.measure() == energy.measure).unwrap();
     let expected = kernel.derivatives(Columns::new(&points).batch());
     let of_n = case.model.parameters().iter().position(|p| p.name == "n");

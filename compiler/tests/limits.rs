@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use piola_compiler::expression::graph::MAX_NODES;
 use piola_compiler::specialise::MAX_OPERATIONS;
-use piola_compiler::{CompileError, Level, Mode, Model, Setting, check, print};
+use piola_compiler::{CompileError, Form, Level, Mode, Model, Setting, check, print};
 use piola_grammar::{MAX_BYTES, MAX_NESTING, parse};
 
 /// Far above the 1 to 3 s that the slowest case takes on a slow machine.
@@ -48,7 +48,7 @@ fn compiled(text: String) -> Result<Vec<usize>, CompileError> {
         let one = |name: &str| (name.to_string(), Setting::Number(1.0));
         let settings: Vec<_> = model.parameters().iter().map(|p| one(&p.name)).collect();
         let values = model.values(3, &settings, Some(1.0)).unwrap();
-        model.compile(&values, Mode::Jit(Level::Strict))?;
+        model.compile(&values, Mode::Jit(Level::Strict), Form::Accurate)?;
         let specialised = model.specialise(&values)?;
         for energy in &specialised.energies {
             print::text(&model, energy);
@@ -207,11 +207,14 @@ fn a_horizon_that_is_needed_and_missing_is_named_at_its_energy() {
     let model = model(text);
     let values = model.values(3, &[], None).unwrap();
     let Err(CompileError::NoHorizon { argument, span }) =
-        model.compile(&values, Mode::Jit(Level::Strict))
+        model.compile(&values, Mode::Jit(Level::Strict), Form::Accurate)
     else {
         panic!("the horizon is missing")
     };
     assert_eq!((argument.as_str(), &text[span.range()]), ("l", "l*delta"));
     let values = model.values(3, &[], Some(0.1)).unwrap();
-    assert_eq!(model.compile(&values, Mode::Jit(Level::Strict)).unwrap().kernels.len(), 2);
+    assert_eq!(
+        model.compile(&values, Mode::Jit(Level::Strict), Form::Accurate).unwrap().kernels.len(),
+        2
+    );
 }

@@ -6,7 +6,7 @@ mod machine;
 use std::time::Instant;
 
 use machine::memory_kib;
-use piola_compiler::{Batch, Level, Mode, Setting, check};
+use piola_compiler::{Batch, Form, Level, Mode, Setting, check};
 use piola_grammar::parse;
 
 const COMPILATIONS: usize = 10_000;
@@ -32,7 +32,9 @@ fn ten_thousand_compilations_leave_nothing_behind() {
         let settings = [("C1", 1.0), ("C2", 1.0), ("C3", 1.0), ("n", n)];
         let settings = settings.map(|(name, x)| (name.to_string(), Setting::Number(x)));
         let values = model.values(3, &settings, None).unwrap();
-        for kernel in model.compile(&values, Mode::Jit(Level::Strict)).unwrap().kernels {
+        for kernel in
+            model.compile(&values, Mode::Jit(Level::Strict), Form::Accurate).unwrap().kernels
+        {
             let batch = Batch { measure: &[1.5], reference: &[1.0], change: &[0.5] };
             let out = kernel.derivatives(batch);
             assert!(out.psi[0] > 0.0 && out.d2psi[0].is_finite());

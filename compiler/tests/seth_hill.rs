@@ -142,7 +142,7 @@ fn e01_the_textbook_form_does_not() {
 /// psi, psi', psi'' of the bond as compiled.
 fn evaluate(level: Level, n: f64, points: &[(f64, f64)], change: &[f64]) -> Derivatives {
     let model = seth_hill();
-    let compiled = model.compile(&values(&model, n), Mode::Jit(level)).unwrap();
+    let compiled = model.compile(&values(&model, n), Mode::Jit(level), Form::Accurate).unwrap();
     let (measure, reference): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
     let batch = Batch { measure: &measure, reference: &reference, change };
     compiled.kernels[0].derivatives(batch)

@@ -26,7 +26,7 @@ fn values(model: &Model, dimension: usize, n: f64) -> Values {
 
 fn kernel(psi: &str, dimension: usize, n: f64, mode: Mode) -> Kernel {
     let model = model(psi);
-    model.compile(&values(&model, dimension, n), mode).unwrap().kernels.remove(0)
+    model.compile(&values(&model, dimension, n), mode, Form::Accurate).unwrap().kernels.remove(0)
 }
 
 #[test]
@@ -95,7 +95,7 @@ fn signed_areas_and_slow_ways_have_none() {
     assert!(kernel(psi, 3, 1.0, Mode::Interpreter).squared().is_some());
     assert!(kernel(psi, 3, 1.0, Mode::HyperDual).squared().is_none());
     let model = model(psi);
-    let textbook = model.compile_as(&values(&model, 3, 1.0), STRICT, Form::Textbook).unwrap();
+    let textbook = model.compile(&values(&model, 3, 1.0), STRICT, Form::Textbook).unwrap();
     assert!(textbook.kernels[0].squared().is_none());
 }
 
@@ -128,7 +128,7 @@ struct Even {
 
 impl Even {
     fn kernel(&self, mode: Mode) -> Kernel {
-        let kernels = self.model.compile(&self.values, mode).unwrap().kernels;
+        let kernels = self.model.compile(&self.values, mode, Form::Accurate).unwrap().kernels;
         kernels.into_iter().find(|kernel| kernel.measure() == self.measure).unwrap()
     }
 }

@@ -32,7 +32,7 @@ impl Energy {
         let values = model.values(3, &settings, None).map_err(|errors| format!("{errors:?}"))?;
         let kernel = |form| {
             let compiled = model
-                .compile_as(&values, Mode::Jit(Level::Strict), form)
+                .compile(&values, Mode::Jit(Level::Strict), form)
                 .map_err(|e| e.to_string())?;
             let mut bonds = compiled.kernels.into_iter();
             bonds.find(|kernel| kernel.measure() == Measure::Length).ok_or("no psi(l)".to_string())

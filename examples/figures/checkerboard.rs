@@ -1,7 +1,7 @@
 //! Checkerboards (partmann2026 4.44): the energy per volume that models find in displacements which
 //! alternate from point to point, in a plane through the middle of a cube.
 
-use piola_compiler::{Kernel, Level, Mode};
+use piola_compiler::{Form, Kernel, Level, Mode};
 use piola_runtime::output::picture::{Slice, SlicePlot};
 use piola_runtime::simulation::{Case, ModelledEnergy};
 use piola_runtime::states::{StateEnergy, StateLaws};
@@ -114,7 +114,7 @@ impl Model {
 
 /// Bonds alone, as states that gather nothing: half of a bond's energy belongs to either end.
 fn bonds(case: &Case) -> Result<StateEnergy, String> {
-    let compiled = case.model.compile(&case.values, Mode::Jit(Level::default()));
+    let compiled = case.model.compile(&case.values, Mode::Jit(Level::default()), Form::Accurate);
     let mut kernels = compiled.map_err(|error| error.to_string())?.kernels;
     let plain = kernels.pop().map(|kernel: Kernel| Box::new(kernel) as _);
     let laws = StateLaws { plain, ..StateLaws::default() };

@@ -213,7 +213,7 @@ mod tests {
             values.iter().map(|(n, x)| (n.to_string(), Setting::Number(*x))).collect();
         let values = model.values(dimension, &values, None).unwrap();
         let mode = Mode::Jit(Level::Strict);
-        Box::new(model.compile_gradient(&values, mode, Form::Accurate).unwrap().0.unwrap())
+        Box::new(model.compile(&values, mode, Form::Accurate).unwrap().gradient.unwrap())
     }
 
     /// The law at one place: energy, stress, and the product with a direction.

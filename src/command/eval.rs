@@ -1,6 +1,6 @@
 //! `piola eval`: measures in, psi, psi', psi'' out, one row per row.
 
-use piola_compiler::{Batch, Derivatives, Measure, Mode};
+use piola_compiler::{Batch, Derivatives, Form, Kind, Measure, Mode};
 use piola_runtime::output::decimal;
 
 use super::Exit;
@@ -46,7 +46,8 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
     let Some(measure) = measure else {
         return super::eval_gradient::execute(&loaded, &values, mode, &arguments.points);
     };
-    let compiled = match loaded.model.compile(&values, mode) {
+    let kinds = [Kind::Measures];
+    let compiled = match loaded.model.compile_only(&kinds, &values, mode, Form::Accurate) {
         Ok(compiled) => compiled,
         Err(error) => {
             print_compile_error(&loaded, &error);

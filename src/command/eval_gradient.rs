@@ -1,6 +1,6 @@
 //! `piola eval --measure F`: deformation gradients in, psi and P out, one row per row.
 
-use piola_compiler::{Form, GradientBatch, Mode, Values};
+use piola_compiler::{Form, GradientBatch, Kind, Mode, Values};
 use piola_runtime::output::decimal;
 
 use super::Exit;
@@ -12,16 +12,17 @@ use crate::table;
 
 /// Evaluates every row of a table with the columns `F11,F12,..`.
 pub(super) fn execute(loaded: &Loaded, values: &Values, mode: Mode, points: &str) -> Exit {
-    let kernel = match loaded.model.compile_gradient(values, mode, Form::Accurate) {
-        Ok((kernel, dropped)) => {
-            dropped.iter().for_each(|dropped| console::note(&dropped.reason));
-            kernel
-        }
+    let kinds = [Kind::Gradient];
+    let compiled = match loaded.model.compile_only(&kinds, values, mode, Form::Accurate) {
+        Ok(compiled) => compiled,
         Err(error) => {
             print_compile_error(loaded, &error);
             return Exit::Input;
         }
     };
+    for dropped in &compiled.dropped {
+        console::note(&dropped.reason);
+    }
     let d = values.dimension;
     let names = names("F", d);
     let names: Vec<&str> = names.iter().map(String::as_str).collect();
@@ -34,7 +35,7 @@ pub(super) fn execute(loaded: &Loaded, values: &Values, mode: Mode, points: &str
         (0..n_components).flat_map(|k| component(k).map(move |f| f - rest(k))).collect();
     let (mut psi, mut stress) = (vec![0.0; n], vec![0.0; n * n_components]);
     // An energy with coefficient 0 is not modelled: it is 0 everywhere.
-    if let Some(kernel) = kernel {
+    if let Some(kernel) = compiled.gradient {
         let at = GradientBatch { n, gradient: &gradient, change: &change };
         kernel.evaluate(at, &mut psi, &mut stress);
     }

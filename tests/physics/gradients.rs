@@ -75,14 +75,17 @@ fn energy(name: &str, d: usize, body: &Arc<Body>, kind: Discretisation) -> Optio
         parameters.iter().map(|(n, x)| (n.to_string(), Setting::Number(*x))).collect();
     let horizon = 0.95;
     let values = model.values(d, &settings, Some(horizon)).unwrap();
-    let (law, _) = model.compile_gradient(&values, Mode::Jit(Level::Fast), Form::Accurate).unwrap();
+    let compiled = model.compile(&values, Mode::Jit(Level::Fast), Form::Accurate).unwrap();
     let formulation = Formulation {
         horizon,
         order: OperatorOrder::First,
         discretisation: kind,
         influence: &CubicSpline { dimension: d, horizon },
     };
-    Some(Correspondence::new(Arc::clone(body), formulation, Box::new(law.unwrap())).unwrap())
+    Some(
+        Correspondence::new(Arc::clone(body), formulation, Box::new(compiled.gradient.unwrap()))
+            .unwrap(),
+    )
 }
 
 /// Runs a test for every potential, dimension and discretisation.

@@ -13,6 +13,7 @@ mod measure;
 mod places;
 mod tensor;
 
+use crate::compile::Kind;
 use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};
 use crate::measure::Argument;
 use crate::model::Model;
@@ -124,11 +125,11 @@ pub fn audit(
     settings: &Settings,
 ) -> Result<(Vec<Audit>, Vec<Dropped>), CompileError> {
     let mode = Mode::Jit(settings.level);
-    let compiled = model.compile_as(values, mode, settings.form)?;
+    let kinds = [Kind::Measures, Kind::Gradient];
+    let compiled = model.compile_only(&kinds, values, mode, settings.form)?;
     let specialised = model.specialise_as(values, settings.form)?;
     let variant =
         model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
-    let mut dropped = compiled.dropped;
     let mut audits = Vec::new();
     for (kernel, energy) in compiled.kernels.iter().zip(&specialised.energies) {
         let measure = kernel.measure();
@@ -142,13 +143,11 @@ pub fn audit(
             look_at(Argument::Square(measure), (kernel, &energy, &written.of_square()));
         }
     }
-    let (kernel, more) = model.compile_gradient(values, mode, settings.form)?;
-    dropped.extend(more);
-    if let Some(kernel) = kernel {
+    if let Some(kernel) = compiled.gradient {
         let regimes = gradient::regimes(&kernel, &model.written_gradient(values), settings);
         audits.push(Audit::new(Argument::Gradient, regimes));
     }
-    Ok((audits, dropped))
+    Ok((audits, compiled.dropped))
 }
 
 /// The size of a difference in `u` of a scale.

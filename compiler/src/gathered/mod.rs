@@ -144,16 +144,15 @@ impl Model {
         }
     }
 
-    /// The integrals and the energies of them, if there are any; and what is left out.
-    ///
-    /// # Errors
-    /// An energy that is too large, or a horizon that is needed and not given.
-    pub fn compile_gathered(
+    /// Compiles the integrals and the energies of them, if something is left of these; gives back what
+    /// is left out.
+    pub(crate) fn compile_gathered(
         &self,
         values: &Values,
         mode: Mode,
         form: Form,
-    ) -> Result<(Option<GatheredKernels>, Vec<Dropped>), CompileError> {
+        gathered: &mut Option<GatheredKernels>,
+    ) -> Result<Vec<Dropped>, CompileError> {
         let variant =
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
         let mut kernels = GatheredKernels::default();
@@ -167,7 +166,7 @@ impl Model {
             *(if of_bonds { &mut kernels.bonds } else { &mut kernels.points }) = Some(kernel);
         }
         if kernels.points.is_none() && kernels.bonds.is_none() {
-            return Ok((None, all_dropped));
+            return Ok(all_dropped);
         }
         let fold = folded(values);
         for integral in &variant.integrals {
@@ -186,7 +185,8 @@ impl Model {
             let written = || WrittenEnergy::of_root(&variant.graph, integral.root, values);
             kernels.integrals.push(Kernel::new(made, mode, written)?);
         }
-        Ok((Some(kernels), all_dropped))
+        *gathered = Some(kernels);
+        Ok(all_dropped)
     }
 
     /// The energy of points, or of bonds, as written; 0 where there is none.
@@ -230,8 +230,8 @@ mod tests {
         let strain = e * (2.0 + e);
         let expected = [3.0 * strain * strain, 3.0 * 4.0 * strain * (1.0 + e), strain * strain];
         let error = |form: Form| {
-            let kernels = model.compile_gathered(&values, Mode::Interpreter, form).unwrap().0;
-            let kernel = kernels.unwrap().bonds.unwrap();
+            let compiled = model.compile(&values, Mode::Interpreter, form).unwrap();
+            let kernel = compiled.gathered.unwrap().bonds.unwrap();
             let (mut psi, mut gradient) = ([0.0], [0.0; 2]);
             kernel.evaluate(at, &mut psi, &mut gradient);
             let found = [psi[0], gradient[0], gradient[1]];

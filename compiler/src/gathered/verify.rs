@@ -52,7 +52,7 @@ pub fn verify_gathered(
         [Mode::Jit(Level::Strict), Mode::Jit(Level::Fast), Mode::Interpreter, Mode::HyperDual];
     let mut found: [Vec<Found>; 2] = Default::default();
     for mode in modes {
-        let Some(kernels) = model.compile_gathered(values, mode, Form::Accurate)?.0 else {
+        let Some(kernels) = model.compile(values, mode, Form::Accurate)?.gathered else {
             return Ok(Vec::new());
         };
         for (kernel, found) in [kernels.points, kernels.bonds].iter().zip(&mut found) {

@@ -165,7 +165,7 @@ pub fn gradient_listing(
 }
 
 impl GradientKernel {
-    /// Compiles an energy; for [`Mode::HyperDual`] see [`Model::compile_gradient`].
+    /// Compiles an energy; for [`Mode::HyperDual`] see [`Model::compile`].
     ///
     /// # Errors
     /// What the code generator reports.
@@ -439,20 +439,18 @@ impl WrittenGradientEnergy {
 }
 
 impl Model {
-    /// The energy of the deformation gradient for these values, if there is one and something is left
-    /// of it; and what is left out. Hyper-dual numbers always take the energy as written.
-    ///
-    /// # Errors
-    /// An energy that is too large, or a horizon that is needed and not given.
-    pub fn compile_gradient(
+    /// Compiles the energy of the deformation gradient, if there is one and something is left of it;
+    /// gives back what is left out.
+    pub(crate) fn compile_gradient(
         &self,
         values: &Values,
         mode: Mode,
         form: Form,
-    ) -> Result<(Option<GradientKernel>, Vec<Dropped>), CompileError> {
+        kernel: &mut Option<GradientKernel>,
+    ) -> Result<Vec<Dropped>, CompileError> {
         let (forms, dropped) = self.specialise_gradient(values, form)?;
-        let Some(forms) = forms else { return Ok((None, dropped)) };
-        let mut kernel = match mode {
+        let Some(forms) = forms else { return Ok(dropped) };
+        let mut made = match mode {
             Mode::HyperDual => {
                 let body = Body::Dual(self.written_gradient(values));
                 let domain = VolumeDomain::default();
@@ -460,8 +458,9 @@ impl Model {
             }
             _ => GradientKernel::new(forms, mode)?,
         };
-        kernel.domain = self.variant(values.dimension).map(VolumeDomain::of).unwrap_or_default();
-        Ok((Some(kernel), dropped))
+        made.domain = self.variant(values.dimension).map(VolumeDomain::of).unwrap_or_default();
+        *kernel = Some(made);
+        Ok(dropped)
     }
 
     /// The energy of the deformation gradient as written, for these values; 0 where there is none.

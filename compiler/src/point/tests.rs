@@ -114,7 +114,7 @@ fn outside_the_declared_domain_psi_is_no_number() {
     for dimension in [2, 3] {
         let values = values(&model, dimension, &[]);
         for mode in [Mode::Jit(Level::Fast), Mode::Interpreter, Mode::HyperDual] {
-            let kernel = model.compile_gradient(&values, mode, Form::Accurate).unwrap().0.unwrap();
+            let kernel = model.compile(&values, mode, Form::Accurate).unwrap().gradient.unwrap();
             let psi = |j: f64| {
                 let mut gradient = plus_identity(&vec![0.0; dimension * dimension], 1.0);
                 gradient[0] = j;
@@ -155,8 +155,8 @@ fn places_of_a_batch_are_as_they_are_alone() {
                 })
                 .collect();
             for mode in [Mode::Jit(Level::Fast), Mode::Interpreter, Mode::HyperDual] {
-                let kernel = model.compile_gradient(&values, mode, Form::Accurate).unwrap();
-                let kernel = kernel.0.unwrap();
+                let kernel = model.compile(&values, mode, Form::Accurate).unwrap();
+                let kernel = kernel.gradient.unwrap();
                 let together = evaluate(&kernel, &samples);
                 let columns = |of: &dyn Fn(&Sample) -> &[f64]| -> Vec<f64> {
                     let components = 0..dimension * dimension;
@@ -187,7 +187,7 @@ fn the_declared_domain_is_of_the_determinant() {
     for d in [2, 3] {
         let values = values(&model, d, &[]);
         let mode = Mode::Jit(Level::Fast);
-        let kernel = model.compile_gradient(&values, mode, Form::Accurate).unwrap().0.unwrap();
+        let kernel = model.compile(&values, mode, Form::Accurate).unwrap().gradient.unwrap();
         let (mut samples, mut inside) = (Vec::new(), Vec::new());
         for _ in 0..200 {
             let mut triangle = |sign: i32, r: usize, c: usize| match (r as i32 - c as i32) * sign {
@@ -274,8 +274,8 @@ fn extreme_gradients() -> Vec<(&'static str, Vec<f64>)> {
 
 /// psi, P and dP of one gradient, at a level.
 fn at(model: &Model, values: &Values, sample: &Sample, level: Level) -> Vec<f64> {
-    let (kernel, _) = model.compile_gradient(values, Mode::Jit(level), Form::Accurate).unwrap();
-    let kernel = kernel.unwrap();
+    let compiled = model.compile(values, Mode::Jit(level), Form::Accurate).unwrap();
+    let kernel = compiled.gradient.unwrap();
     let batch = GradientBatch { n: 1, gradient: &sample.gradient, change: &sample.change };
     let (mut psi, mut stress, mut product) = ([0.0], [0.0; 9], [0.0; 9]);
     kernel.evaluate(batch, &mut psi, &mut stress);

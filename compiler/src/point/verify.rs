@@ -58,7 +58,7 @@ pub fn verify_gradient(
     values: &Values,
     n: usize,
 ) -> Result<Option<GradientVerification>, CompileError> {
-    let compiled = |mode| Ok(model.compile_gradient(values, mode, Form::Accurate)?.0);
+    let compiled = |mode| Ok(model.compile(values, mode, Form::Accurate)?.gradient);
     let modes =
         [Mode::Jit(Level::Strict), Mode::Jit(Level::Fast), Mode::Interpreter, Mode::HyperDual];
     let mut samples = samples(values.dimension, n);

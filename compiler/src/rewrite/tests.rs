@@ -4,6 +4,7 @@ use super::{Explanation, REWRITES, explain};
 use crate::check::check_text;
 use crate::kernel::{Batch, Mode, Order, Outputs};
 use crate::model::Model;
+use crate::specialise::Form;
 use crate::values::Values;
 
 /// Largest error in u that a rewritten expression may have, unless what was written has more: no
@@ -127,7 +128,8 @@ fn logarithmic_barriers_are_one_form() {
     let bits = |energy: &str| {
         let (model, values) = model(energy);
         let batch = Batch { measure: &measure, reference: &reference, change: &change };
-        let out = model.compile(&values, Mode::Interpreter).unwrap().kernels[0].derivatives(batch);
+        let out = model.compile(&values, Mode::Interpreter, Form::Accurate).unwrap().kernels[0]
+            .derivatives(batch);
         [out.psi, out.dpsi, out.d2psi].map(|x| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>())
     };
     assert_eq!(bits("L*log1pmx(l/L - 1)"), bits("L*(ln(l/L) - (l/L - 1))"));
@@ -191,7 +193,8 @@ fn strain_of_any_order() {
 #[test]
 fn no_rule_widens_the_domain() {
     let (model, values) = model("(exp(0*ln(2 - l/L))^2 - l/L)^2");
-    let kernel = model.compile(&values, Mode::Interpreter).unwrap().kernels.remove(0);
+    let kernel =
+        model.compile(&values, Mode::Interpreter, Form::Accurate).unwrap().kernels.remove(0);
     let at = |stretch: f64| {
         let mut psi = [0.0];
         let (reference, change) = ([1.0], [stretch - 1.0]);

@@ -1,7 +1,7 @@
 //! One test per rule, named like it; each prints an energy before and after.
 
 use crate::test_support::{model, values};
-use crate::{Measure, Mode};
+use crate::{Form, Measure, Mode};
 
 /// The energy as `derive` prints it, parameters left as symbols.
 fn simplified(energy: &str) -> String {
@@ -224,7 +224,7 @@ fn domains_are_not_widened() {
     for energy in ["0*ln(l) + l", "sqrt(l)^2", "l*ln(l)/ln(l)", "l + 0/(l + 1)"] {
         let model = model(&format!("potential p\npsi(l) = {energy}"));
         let values = values(&model, 3, &[]);
-        let kernel = &model.compile(&values, Mode::Interpreter).unwrap().kernels[0];
+        let kernel = &model.compile(&values, Mode::Interpreter, Form::Accurate).unwrap().kernels[0];
         let l = if energy.contains("l + 1") { -1.0 } else { -2.0 };
         let batch = crate::Batch { measure: &[l], reference: &[1.0], change: &[l - 1.0] };
         let out = kernel.derivatives(batch);

@@ -15,7 +15,7 @@ pub mod truth;
 use crate::kernel::{Batch, Kernel, Level, Mode, WrittenEnergy};
 use crate::measure::Argument;
 use crate::model::Model;
-use crate::specialise::{CompileError, Dropped};
+use crate::specialise::{CompileError, Dropped, Form};
 use crate::values::Values;
 use sample::Point;
 
@@ -72,9 +72,9 @@ pub fn verify(
     values: &Values,
     n: usize,
 ) -> Result<(Vec<Verification>, Vec<Dropped>), CompileError> {
-    let strict = model.compile(values, Mode::Jit(Level::Strict))?;
-    let fast = model.compile(values, Mode::Jit(Level::Fast))?;
-    let interpreted = model.compile(values, Mode::Interpreter)?;
+    let strict = model.compile(values, Mode::Jit(Level::Strict), Form::Accurate)?;
+    let fast = model.compile(values, Mode::Jit(Level::Fast), Form::Accurate)?;
+    let interpreted = model.compile(values, Mode::Interpreter, Form::Accurate)?;
     let variant =
         model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
     let mut found = Vec::new();

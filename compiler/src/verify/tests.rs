@@ -5,7 +5,7 @@ use crate::expression::Function;
 use crate::measure::Measure;
 use crate::print::text;
 use crate::test_support::{SETH_HILL, model, values};
-use crate::{Batch, Mode};
+use crate::{Batch, Form, Mode};
 
 #[test]
 fn seth_hill_over_its_exponents() {
@@ -89,7 +89,10 @@ fn a_wrong_derivative_is_found() {
     ));
     let good = values(&model, 3, &[]);
     let bad = values(&model, 3, &[("k", 1.0)]);
-    let kernel = &model.compile(&good, crate::Mode::Jit(crate::Level::Strict)).unwrap().kernels[0];
+    let kernel = &model
+        .compile(&good, crate::Mode::Jit(crate::Level::Strict), Form::Accurate)
+        .unwrap()
+        .kernels[0];
     let point = super::sample::Point { measure: 1.5, reference: 1.0 };
     let out = kernel.derivatives(super::Columns::new(&[point]).batch());
     let mut found = super::Verification {
@@ -219,7 +222,7 @@ fn rules_keep_the_values_of_what_is_written() {
         let model = model(&format!("potential p\npsi(l) = {energy}\n"));
         let values = values(&model, 3, &[]);
         let written = model.written(&values, Measure::Length);
-        let kernels = model.compile(&values, Mode::Interpreter).unwrap().kernels;
+        let kernels = model.compile(&values, Mode::Interpreter, Form::Accurate).unwrap().kernels;
         for x in [0.3, 0.9, 1.001, 1.3, 1.8] {
             let reference = 0.5;
             let batch =

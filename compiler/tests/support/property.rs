@@ -11,8 +11,8 @@ use piola_compiler::point::NEAR;
 use piola_compiler::verify::sample::{Point, Random};
 use piola_compiler::verify::{Columns, same_bits};
 use piola_compiler::{
-    Batch, CompileError, Form, GradientEnergyForms, Kernel, Level, Mode, Model, ScalarEnergy,
-    Setting, Specialised, Values, check, check_text, print,
+    Batch, CompileError, Compiled, Form, GradientEnergyForms, Kernel, Kind, Level, Mode, Model,
+    ScalarEnergy, Setting, Specialised, Values, check, check_text, print,
 };
 use piola_grammar::generate::potential_text;
 use piola_grammar::{Diagnostic, parse};
@@ -207,11 +207,16 @@ pub(crate) fn potential_of(
     out
 }
 
+/// Energies of other kinds may be too large to be compiled.
+fn of_measures(model: &Model, values: &Values, mode: Mode) -> Compiled {
+    model.compile_only(&[Kind::Measures], values, mode, Form::Accurate).unwrap()
+}
+
 /// Machine code gives the interpreter's bits, at any point.
 fn evaluates(model: &Model, values: &Values) {
-    let compiled = model.compile(values, Mode::Jit(Level::Strict)).unwrap();
-    let interpreted = model.compile(values, Mode::Interpreter).unwrap();
-    let dual = model.compile(values, Mode::HyperDual).unwrap();
+    let compiled = of_measures(model, values, Mode::Jit(Level::Strict));
+    let interpreted = of_measures(model, values, Mode::Interpreter);
+    let dual = of_measures(model, values, Mode::HyperDual);
     assert_eq!(compiled.kernels.len(), interpreted.kernels.len());
     for (code, graph) in compiled.kernels.iter().zip(&interpreted.kernels) {
         let (machine, reference) = (run(code), run(graph));
@@ -249,7 +254,7 @@ fn holds(model: &Model, values: &Values, specialised: &Specialised) -> Held {
         PLACES.map(|[stretch, reference]| Point { measure: stretch * reference, reference });
     let mut held = Held::default();
     for level in Level::ALL {
-        let kernels = model.compile(values, Mode::Jit(level)).unwrap().kernels;
+        let kernels = of_measures(model, values, Mode::Jit(level)).kernels;
         for (kernel, energy) in kernels.iter().zip(&specialised.energies) {
             let measure = energy.measure;
             let symbol = measure.symbol();
@@ -288,7 +293,10 @@ fn holds_gradient(
     let d = values.dimension;
     let variant = model.variant(d).unwrap();
     let written = model.written_gradient(values);
-    let kernel = |mode| model.compile_gradient(values, mode, Form::Accurate).unwrap().0.unwrap();
+    let kernel = |mode| {
+        let compiled = model.compile_only(&[Kind::Gradient], values, mode, Form::Accurate);
+        compiled.unwrap().gradient.unwrap()
+    };
     let interpreted = kernel(Mode::Interpreter);
     let mut held = Held::default();
     for level in Level::ALL {

@@ -171,8 +171,8 @@ psi(l) = 0.2*l
         let (_, model) = check_text(TENSE).unwrap();
         let values = model.values(d, &[], Some(1.5)).unwrap();
         let mode = Mode::Jit(Level::Strict);
-        let gathered = model.compile_gathered(&values, mode, Form::Accurate).unwrap().0.unwrap();
-        let plain = model.compile(&values, mode).unwrap().kernels.pop().unwrap();
+        let gathered = model.compile(&values, mode, Form::Accurate).unwrap().gathered.unwrap();
+        let plain = model.compile(&values, mode, Form::Accurate).unwrap().kernels.pop().unwrap();
         let integrals = gathered.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>);
         StateLaws {
             integrals: integrals.collect(),

@@ -178,21 +178,17 @@ impl Case {
             DerivativeSource::Hyperdual | DerivativeSource::HyperdualCoordinates => Mode::HyperDual,
         };
         let form = self.scene.solver.form;
-        let compiled = self
+        let piola_compiler::Compiled { kernels, gradient, gathered, dropped } = self
             .model
-            .compile_as(&self.values, mode, form)
+            .compile(&self.values, mode, form)
             .map_err(|error| CaseError::compile(&self.potential, &error))?;
         let dimension = self.scene.body.dimension;
         let in_coordinates =
             self.scene.solver.derivatives == DerivativeSource::HyperdualCoordinates;
         let mut elements = Elements::default();
         let mut measures = Vec::new();
-        let (gathered, from_families) = self
-            .model
-            .compile_gathered(&self.values, mode, form)
-            .map_err(|error| CaseError::compile(&self.potential, &error))?;
         let mut plain = None;
-        for kernel in compiled.kernels {
+        for kernel in kernels {
             let measure = kernel.measure();
             measures.push(measure);
             if gathered.is_some() && measure == Measure::Length {
@@ -222,18 +218,13 @@ impl Case {
                 Measure::Volume => elements.tetrahedron = Some(element),
             }
         }
-        let (kernel, more) = self
-            .model
-            .compile_gradient(&self.values, mode, form)
-            .map_err(|error| CaseError::compile(&self.potential, &error))?;
-        let gradient = kernel.map(|kernel| -> Box<dyn VariablesLaw> {
+        let gradient = gradient.map(|kernel| -> Box<dyn VariablesLaw> {
             if is_sheet(&self.scene) {
                 Box::new(PlaneStress::new(kernel))
             } else {
                 Box::new(kernel)
             }
         });
-        let dropped = [compiled.dropped, more, from_families].concat();
         Ok(Compiled { elements, measures, gradient, gathered, plain, dropped })
     }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use num_dual::HyperDual64;
-use piola_compiler::{Level, Mode, Setting, check_text};
+use piola_compiler::{Form, Level, Mode, Setting, check_text};
 use piola_runtime::assembly::{AssemblyError, DiscreteEnergy, Elements, Laws};
 use piola_runtime::body::Body;
 use piola_runtime::element::{CoordinateElement, Element, MeasureElement};
@@ -82,7 +82,7 @@ fn pointed(measure: Measure, dimension: usize, by_square: bool) -> Laws {
     let (_, model) = check_text(&text).unwrap();
     let settings: [(String, Setting); 0] = [];
     let values = model.values(dimension, &settings, Some(3.0)).unwrap();
-    let kernels = model.compile(&values, Mode::Jit(Level::Fast)).unwrap().kernels;
+    let kernels = model.compile(&values, Mode::Jit(Level::Fast), Form::Accurate).unwrap().kernels;
     let kernel = kernels.into_iter().next().unwrap();
     assert_eq!(kernel.squared().is_some(), by_square && !measure.is_signed(dimension));
     let law: Option<Box<dyn Law>> = Some(Box::new(kernel));

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use piola_compiler::{Kernel, Level, Mode, Model, Setting, Values, check_text};
+use piola_compiler::{Form, Kernel, Level, Mode, Model, Setting, Values, check_text};
 use piola_runtime::assembly::{DiscreteEnergy, Laws};
 use piola_runtime::body::Body;
 use piola_runtime::energy::TotalEnergy;
@@ -26,7 +26,7 @@ fn kernels(text: &str, dimension: usize, mode: Mode) -> Vec<Kernel> {
     let (_, model): (_, Model) = check_text(text).unwrap();
     let settings: [(String, Setting); 0] = [];
     let values: Values = model.values(dimension, &settings, Some(0.3)).unwrap();
-    model.compile(&values, mode).unwrap().kernels
+    model.compile(&values, mode, Form::Accurate).unwrap().kernels
 }
 
 /// A kernel as a law that does not tell of its squares.

@@ -48,7 +48,7 @@ pub(crate) fn energy(
 ) -> StateEnergy {
     let (model, values) = values(text, parameters, body.dimension(), horizon);
     let mode = Mode::Jit(Level::Strict);
-    let kernels = model.compile_gathered(&values, mode, Form::Accurate).unwrap().0.unwrap();
+    let kernels = model.compile(&values, mode, Form::Accurate).unwrap().gathered.unwrap();
     let plain = of_length(&model, &values);
     let laws = StateLaws {
         integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
@@ -61,6 +61,6 @@ pub(crate) fn energy(
 
 /// The energy of bonds that gathers nothing.
 pub(crate) fn of_length(model: &Model, values: &Values) -> Option<Kernel> {
-    let kernels = model.compile(values, Mode::Jit(Level::Strict)).unwrap().kernels;
+    let kernels = model.compile(values, Mode::Jit(Level::Strict), Form::Accurate).unwrap().kernels;
     kernels.into_iter().find(|kernel| kernel.measure() == Measure::Length)
 }

@@ -16,7 +16,7 @@ use std::time::Duration;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use piola_compiler::{Form, Level, Measure, Mode};
 use piola_runtime::element::{Contributions, InteractionBatch, Order};
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::neighborhood::Neighborhood;
 use piola_runtime::output::OutputFolder;

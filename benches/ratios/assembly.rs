@@ -1,7 +1,7 @@
 //! The assembled tangent against plain code that leaves out what ours has to do.
 
 use piola_compiler::Measure;
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 
 use crate::clock::{Clock, in_turn};

@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use piola_runtime::body::Body;
 use piola_runtime::correspondence::{Discretisation, OperatorOrder, Stabilisation};
-use piola_runtime::energy::{FiniteDifferences, Products, TotalEnergy};
+use piola_runtime::energy::{Energy, Products, Total};
 use piola_runtime::solve::linear::{LinearMethod, LinearOptions, PreconditionerChoice};
 use piola_runtime::solve::newton::{NewtonError, NewtonSettings};
 
@@ -157,7 +157,7 @@ fn ways(table: &mut Table, across: usize, rounds: usize) {
 }
 
 /// A product with the Hessian of an energy at `u` along `p`.
-type Product<'a> = dyn Fn(&dyn TotalEnergy, &[f64], &[f64]) -> Vec<f64> + 'a;
+type Product<'a> = dyn Fn(&dyn Energy, &[f64], &[f64]) -> Vec<f64> + 'a;
 
 /// Errors of differences of forces.
 fn differences() -> Table {
@@ -186,7 +186,7 @@ fn solve(
 ) -> Result<Solved, NewtonError> {
     let options = LinearOptions { method, ..LinearOptions::default() };
     let settings = NewtonSettings { tolerance, ..NewtonSettings::default() };
-    let differences = FiniteDifferences::new(counted, products);
+    let differences = Total::of(counted as &dyn Energy).with_products(products);
     bar.solve_by(&differences, settings, options)
 }
 
@@ -208,15 +208,15 @@ fn error(spacing: f64, product: &Product<'_>) -> f64 {
     common::norm(&error) / common::norm(&exact)
 }
 
-fn own(energy: &dyn TotalEnergy, products: Products, u: &[f64], p: &[f64]) -> Vec<f64> {
+fn own(energy: &dyn Energy, products: Products, u: &[f64], p: &[f64]) -> Vec<f64> {
     let mut found = vec![0.0; u.len()];
-    let differences = FiniteDifferences::new(energy, products);
+    let differences = Total::of(energy).with_products(products);
     differences.hessian(u).expect("the state is finite").multiply(p, &mut found);
     found
 }
 
 /// Central differences with the step (3.74) of partmann2026, the machine precision being 2^-52.
-fn papers(energy: &dyn TotalEnergy, u: &[f64], p: &[f64]) -> Vec<f64> {
+fn papers(energy: &dyn Energy, u: &[f64], p: &[f64]) -> Vec<f64> {
     let step = libm::cbrt(f64::EPSILON) * (common::norm(u) + 1.0) / common::norm(p);
     let forces = |way: f64| {
         let at: Vec<f64> = u.iter().zip(p).map(|(u, p)| u + way * step * p).collect();

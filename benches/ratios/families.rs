@@ -10,7 +10,7 @@ use piola_compiler::{Form, Level, Mode, Model, Setting, Values, check_text};
 use piola_runtime::body::Body;
 use piola_runtime::correspondence::influence::Constant;
 use piola_runtime::correspondence::{Correspondence, Discretisation, Formulation, OperatorOrder};
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::kernel::{Law, VariablesLaw};
 use piola_runtime::neighborhood::Neighborhood;
 use piola_runtime::states::{StateEnergy, StateLaws};
@@ -135,7 +135,7 @@ pub(crate) fn run() -> Vec<Table> {
 
 fn compare(
     names: [&'static str; 3],
-    (body, energy): (&Body, &dyn TotalEnergy),
+    (body, energy): (&Body, &dyn Energy),
     [by_hand, by_numbers]: [&mut dyn Plain; 2],
 ) -> Vec<Row> {
     let u = displacement(body);
@@ -242,6 +242,7 @@ fn solid(body: &Arc<Body>) -> StateEnergy {
         points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
         bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
         plain: None,
+        ..StateLaws::default()
     };
     StateEnergy::new(Arc::clone(body), HORIZON, laws).expect("a cube has families")
 }

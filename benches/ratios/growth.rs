@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use piola_compiler::Measure;
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 
 use crate::clock::{Clock, in_turn};

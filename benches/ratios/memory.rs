@@ -3,7 +3,7 @@
 use std::process::Command;
 
 use piola_compiler::Measure;
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::output::summary::memory;
 use piola_runtime::solve::constraint::Constraints;

@@ -1,7 +1,7 @@
 //! Assembly of bonds against the time that the memory takes for the matrix alone.
 
 use piola_compiler::Measure;
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 use rayon::prelude::*;
 

@@ -6,7 +6,7 @@ use piola_compiler::Measure;
 use piola_runtime::assembly::DiscreteEnergy;
 use piola_runtime::body::Body;
 use piola_runtime::element::Element;
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::solve::constraint::Constraints;
 use piola_runtime::solve::linear::{LinearOptions, LinearSolver};

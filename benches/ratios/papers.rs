@@ -4,7 +4,7 @@
 mod ordered;
 
 use piola_compiler::Measure;
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 
 use crate::assembly::assert_close;

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use piola_compiler::Measure;
 use piola_runtime::assembly::DiscreteEnergy;
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::solve::constraint::Constraints;
 use piola_runtime::solve::linear::{LinearMethod, LinearOptions, LinearReport, LinearSolver};

@@ -4,7 +4,7 @@ use std::hint::black_box;
 
 use piola_compiler::Measure;
 use piola_runtime::element::{Contributions, Element, InteractionBatch, Order};
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::weights::Weights;
 

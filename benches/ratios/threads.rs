@@ -2,7 +2,7 @@
 
 use piola_compiler::Measure;
 use piola_runtime::assembly::DiscreteEnergy;
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 use rayon::ThreadPool;
 

@@ -1,10 +1,9 @@
 //! Checkerboards (partmann2026 4.44): the energy per volume that models find in displacements which
 //! alternate from point to point, in a plane through the middle of a cube.
 
-use piola_compiler::{Form, Kernel, Level, Mode};
+use piola_runtime::energy::Energy as _;
 use piola_runtime::output::picture::{Slice, SlicePlot};
-use piola_runtime::simulation::{Case, ModelledEnergy};
-use piola_runtime::states::{StateEnergy, StateLaws};
+use piola_runtime::simulation::Case;
 
 use crate::case;
 
@@ -103,23 +102,10 @@ impl Model {
         let case = self.case()?;
         let u = displacements(&case);
         let compiled = case.compile().map_err(|error| error.to_string())?;
-        let found = match case.energy(compiled).map_err(|error| error.to_string())? {
-            ModelledEnergy::Gradients(energy) => energy.energy_densities(&u),
-            ModelledEnergy::States(energy) => energy.energy_densities(&u),
-            ModelledEnergy::Interactions(_) => bonds(&case)?.energy_densities(&u),
-        };
-        Ok(Plane::new(&case, &found.map_err(|found| case.describe(&found))?))
+        let energy = case.energy(compiled).map_err(|error| error.to_string())?;
+        let densities = energy.densities(&u, case.body.volumes());
+        Ok(Plane::new(&case, &densities.map_err(|found| case.describe(&found))?))
     }
-}
-
-/// Bonds alone, as states that gather nothing: half of a bond's energy belongs to either end.
-fn bonds(case: &Case) -> Result<StateEnergy, String> {
-    let compiled = case.model.compile(&case.values, Mode::Jit(Level::default()), Form::Accurate);
-    let mut kernels = compiled.map_err(|error| error.to_string())?.kernels;
-    let plain = kernels.pop().map(|kernel: Kernel| Box::new(kernel) as _);
-    let laws = StateLaws { plain, ..StateLaws::default() };
-    StateEnergy::new(case.body.clone(), case.scene.horizon_radius(), laws)
-        .map_err(|error| error.to_string())
 }
 
 /// The picture, and its table.

@@ -18,7 +18,6 @@ pub(crate) mod sum;
 mod tetrahedra;
 
 pub use error::AssemblyError;
-pub use inversion::Inverted;
 
 use std::sync::{Arc, Mutex};
 
@@ -26,10 +25,10 @@ use rayon::prelude::*;
 
 use crate::body::Body;
 use crate::element::{Element, MeasureElement, Order};
-use crate::energy::{EnergyParts, Hessian, Inversion, NonFinite, TotalEnergy};
-use crate::interaction::{Census, ContributingPairs, Degeneracy, Slabs};
+use crate::energy::{Energy, Hessian, Inversion, NonFinite, Wanted, check_sizes};
+use crate::interaction::{Census, ContributingPairs, Degeneracy, Inverted, Report, Slabs};
 use crate::kernel::{Law, Measure};
-use crate::matrix::{BlockMatrix, BlockPattern};
+use crate::matrix::BlockPattern;
 use crate::neighborhood::Neighborhood;
 use crate::weights::{CliqueWeights, Weights};
 use product::InteractionHessian;
@@ -81,27 +80,6 @@ struct Kind {
     weights: CliqueWeights,
 }
 
-/// What a body consists of. Kinds of interaction that are not modelled count 0.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Report {
-    /// Points.
-    pub n_points: usize,
-    /// One-neighbour interactions.
-    pub bonds: u64,
-    /// Two-neighbour interactions.
-    pub triangles: u64,
-    /// Three-neighbour interactions.
-    pub tetrahedra: u64,
-    /// Collinear triples of points left out.
-    pub dropped_triangles: u64,
-    /// Coplanar quadruples of points left out.
-    pub dropped_tetrahedra: u64,
-    /// Pairs of points as far apart as the horizon to within 1e-6 of it.
-    pub shell_bonds: usize,
-    /// Blocks of the tangent on and above the diagonal.
-    pub pattern_blocks: usize,
-}
-
 /// The discrete total energy.
 pub struct DiscreteEnergy {
     body: Arc<Body>,
@@ -113,6 +91,8 @@ pub struct DiscreteEnergy {
     bonds: Option<Kind>,
     triangles: Option<Kind>,
     tetrahedra: Option<Kind>,
+    /// `psi(l)`, `psi(a)`, `psi(v)`: those that are modelled.
+    names: Arc<[String]>,
     report: Report,
 }
 
@@ -155,6 +135,8 @@ impl DiscreteEnergy {
         };
         let (bonds, triangles) = (kind(elements.bond)?, kind(elements.triangle)?);
         let tetrahedra = kind(elements.tetrahedron)?;
+        let kinds = [&bonds, &triangles, &tetrahedra].into_iter().flatten();
+        let names = kinds.map(|kind| format!("psi({})", kind.element.measure().symbol())).collect();
         let pattern = Arc::new(BlockPattern::of_bonds(&neighborhood, body.dimension()));
         let matrix_bytes = 8 * pattern.n_blocks() * body.dimension() * body.dimension();
         let fits = ContributingPairs::bytes(&neighborhood) <= matrix_bytes / 2;
@@ -182,6 +164,7 @@ impl DiscreteEnergy {
             bonds,
             triangles,
             tetrahedra,
+            names,
             report,
         })
     }
@@ -196,39 +179,18 @@ impl DiscreteEnergy {
         &self.neighborhood
     }
 
-    /// What the body consists of.
-    pub fn report(&self) -> &Report {
-        &self.report
-    }
-
-    /// How many interactions are turned inside out; kinds that are not modelled count 0.
-    pub fn inverted(&self, u: &[f64]) -> Inverted {
-        if self.signed().is_none() {
-            return Inverted::default();
-        }
-        let slabs = (0..self.slabs.len()).into_par_iter();
-        if self.body.dimension() == 2 {
-            let triangles = slabs.map(|slab| inversion::count::<2>(self, slab, u)).sum();
-            Inverted { triangles, tetrahedra: 0 }
-        } else {
-            let tetrahedra = slabs.map(|slab| inversion::count::<3>(self, slab, u)).sum();
-            Inverted { triangles: 0, tetrahedra }
-        }
-    }
-
     /// The kind of interaction whose measure has a sign, if it is modelled.
     fn signed(&self) -> Option<&Kind> {
         if self.body.dimension() == 2 { self.triangles.as_ref() } else { self.tetrahedra.as_ref() }
     }
 
-    fn evaluate(
+    fn assemble(
         &self,
         order: Order,
         u: &[f64],
-        gradient: &mut [f64],
-        tangent: &mut [f64],
-    ) -> Result<EnergyParts, NonFinite> {
-        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        (gradient, tangent): (&mut [f64], &mut [f64]),
+        parts: &mut [f64],
+    ) -> Result<(), NonFinite> {
         gradient.fill(0.0);
         let assemble = |slab: usize, rows: Rows<'_>| {
             SlabTask { slab, rows, is_first: slab.is_multiple_of(2) }.assemble(self, order, u)
@@ -248,11 +210,19 @@ impl DiscreteEnergy {
                 assemble(slab, Rows::new(&self.pattern, &mut own, next.as_deref_mut()))
             })
         };
-        slab::total(outcomes.into_iter())
+        self.set_parts(slab::total(outcomes.into_iter())?, parts);
+        Ok(())
+    }
+
+    /// Writes the energies of bonds, triangles and tetrahedra that are modelled.
+    fn set_parts(&self, energies: [f64; 3], parts: &mut [f64]) {
+        let kinds = [&self.bonds, &self.triangles, &self.tetrahedra];
+        let modelled = kinds.into_iter().zip(energies).filter(|(kind, _)| kind.is_some());
+        parts.iter_mut().zip(modelled).for_each(|(part, (_, energy))| *part = energy);
     }
 }
 
-impl TotalEnergy for DiscreteEnergy {
+impl Energy for DiscreteEnergy {
     fn dimension(&self) -> usize {
         self.body.dimension()
     }
@@ -261,44 +231,43 @@ impl TotalEnergy for DiscreteEnergy {
         self.body.positions()
     }
 
+    fn parts(&self) -> &Arc<[String]> {
+        &self.names
+    }
+
+    fn report(&self) -> Report {
+        self.report.clone()
+    }
+
     fn pattern(&self) -> &Arc<BlockPattern> {
         &self.pattern
     }
 
-    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
-        self.evaluate(Order::Energy, u, &mut [], &mut [])
-    }
-
-    fn gradient(&self, u: &[f64], gradient: &mut [f64]) -> Result<EnergyParts, NonFinite> {
-        assert_eq!(gradient.len(), u.len(), "the gradient is n x d");
-        self.evaluate(Order::Gradient, u, gradient, &mut [])
-    }
-
-    fn tangent(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        tangent: &mut BlockMatrix,
-    ) -> Result<EnergyParts, NonFinite> {
-        assert_eq!(gradient.len(), u.len(), "the gradient is n x d");
-        let block = self.pattern.dimension * self.pattern.dimension;
-        assert_eq!(tangent.values.len(), self.pattern.n_blocks() * block, "the energy's pattern");
-        self.evaluate(Order::Tangent, u, gradient, &mut tangent.values)
-    }
-
-    fn tangent_diagonal(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        diagonal: &mut [f64],
-    ) -> Result<EnergyParts, NonFinite> {
-        assert_eq!(gradient.len(), u.len(), "the gradient is n x d");
-        assert_eq!(diagonal.len(), u.len() * self.body.dimension(), "the diagonal is n x d x d");
-        self.diagonal(u, gradient, diagonal)
+    fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
+        check_sizes(self, u, &wanted);
+        match wanted {
+            Wanted::Energy => self.assemble(Order::Energy, u, (&mut [], &mut []), parts),
+            Wanted::Forces(forces) => self.assemble(Order::Gradient, u, (forces, &mut []), parts),
+            Wanted::Tangent(forces, tangent) => {
+                self.assemble(Order::Tangent, u, (forces, &mut tangent.values), parts)
+            }
+            Wanted::Diagonal(forces, diagonal) => {
+                self.set_parts(self.diagonal(u, forces, diagonal)?, parts);
+                Ok(())
+            }
+        }
     }
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
         Ok(Box::new(InteractionHessian { energy: self, u: u.to_vec() }))
+    }
+
+    fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
+        assert_eq!(shares.len(), self.body.n_points(), "one number per point");
+        match self.body.dimension() {
+            2 => self.shares_in::<2>(u, shares),
+            _ => self.shares_in::<3>(u, shares),
+        }
     }
 
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {
@@ -310,5 +279,19 @@ impl TotalEnergy for DiscreteEnergy {
         };
         let found: Vec<_> = (0..self.slabs.len()).into_par_iter().map(first).collect();
         found.into_iter().flatten().min_by(|p, q| p.part.total_cmp(&q.part))
+    }
+
+    fn inverted(&self, u: &[f64]) -> Inverted {
+        if self.signed().is_none() {
+            return Inverted::default();
+        }
+        let slabs = (0..self.slabs.len()).into_par_iter();
+        if self.body.dimension() == 2 {
+            let triangles = slabs.map(|slab| inversion::count::<2>(self, slab, u)).sum();
+            Inverted { triangles, tetrahedra: 0 }
+        } else {
+            let tetrahedra = slabs.map(|slab| inversion::count::<3>(self, slab, u)).sum();
+            Inverted { triangles: 0, tetrahedra }
+        }
     }
 }

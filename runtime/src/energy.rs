@@ -1,47 +1,60 @@
-//! The discrete total energy as the solvers see it.
+//! Energies of a body as the solvers see them, and their sum.
 
 mod differences;
-mod positions;
+mod total;
 
-pub use differences::FiniteDifferences;
-pub use positions::FromPositions;
+pub use total::{Term, Total};
 
 use std::sync::Arc;
 
+use crate::interaction::{Inverted, Report};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
 
-/// Total energy by kind of interaction, in J (per metre of thickness in two dimensions).
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// An energy in J (per metre of thickness in two dimensions) by its parts, named as a potential writes
+/// them: `psi(l)`, `psi(a)`, `psi(v)`, `psi(F)`, `psi(theta)`; `stabilisation`.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct EnergyParts {
-    /// One-neighbour interactions, `psi(l)`, also with gathered values, `psi(l, theta)`.
-    pub bonds: f64,
-    /// Two-neighbour interactions, `psi(a)`.
-    pub triangles: f64,
-    /// Three-neighbour interactions, `psi(v)`.
-    pub tetrahedra: f64,
-    /// Deformation gradients at points or, with bond quadrature, at bonds, `psi(F)`; gathered values at
-    /// points, `psi(theta)`.
-    pub deformation: f64,
-    /// What the neighbours' displacements deviate from a point's deformation gradient, where that
-    /// is stabilised.
-    pub stabilisation: f64,
+    names: Arc<[String]>,
+    values: Vec<f64>,
 }
 
 impl EnergyParts {
+    /// One value in J for each name.
+    pub fn new(names: &Arc<[String]>, values: Vec<f64>) -> EnergyParts {
+        assert_eq!(names.len(), values.len(), "a value for each name");
+        EnergyParts { names: Arc::clone(names), values }
+    }
+
     /// The total energy.
     pub fn total(&self) -> f64 {
-        self.values().iter().fold(0.0, |sum, part| sum + part)
+        total(&self.values)
     }
 
     /// The sum of the absolute values: the scale of the rounding error of the total.
     pub fn magnitude(&self) -> f64 {
-        self.values().iter().fold(0.0, |sum, part| sum + part.abs())
+        magnitude(&self.values)
     }
 
-    fn values(&self) -> [f64; 5] {
-        [self.bonds, self.triangles, self.tetrahedra, self.deformation, self.stabilisation]
+    /// The part of this name; 0 where there is none.
+    pub fn of(&self, name: &str) -> f64 {
+        self.iter().find(|part| part.0 == name).map_or(0.0, |part| part.1)
     }
+
+    /// Names and values, in the order of the terms.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, f64)> {
+        self.names.iter().map(String::as_str).zip(self.values.iter().copied())
+    }
+}
+
+/// The sum of the parts of an energy.
+pub(crate) fn total(parts: &[f64]) -> f64 {
+    parts.iter().fold(0.0, |sum, part| sum + part)
+}
+
+/// The sum of their absolute values.
+pub(crate) fn magnitude(parts: &[f64]) -> f64 {
+    parts.iter().fold(0.0, |sum, part| sum + part.abs())
 }
 
 /// How products with the Hessian come about.
@@ -151,64 +164,170 @@ pub trait Hessian: Sync {
     fn multiply(&self, p: &[f64], product: &mut [f64]);
 }
 
-/// `E(u)`, its gradient and its Hessian; all are exact derivatives of one energy.
+/// What is worked out beside an energy. What is given is overwritten; vectors are `n x d`.
+pub enum Wanted<'a> {
+    /// Nothing.
+    Energy,
+    /// `dE/du` in N.
+    Forces(&'a mut [f64]),
+    /// `dE/du` in N and `d2E/du2` in N/m, on the pattern of the energy.
+    Tangent(&'a mut [f64], &'a mut BlockMatrix),
+    /// `dE/du` in N and the diagonal blocks of `d2E/du2` in N/m, `n x d x d` row by row.
+    Diagonal(&'a mut [f64], &'a mut [f64]),
+}
+
+/// An energy `E(u)` of a body, its gradient and its Hessian; all are exact derivatives of one energy.
 ///
-/// Displacements `u` are `n x d` row by row, in m, in the body's order.
-pub trait TotalEnergy: Sync {
+/// Displacements `u` are `n x d` row by row, in m, in the body's order. Energies add up in a
+/// [`Total`].
+pub trait Energy: Sync {
     /// 2 or 3.
     fn dimension(&self) -> usize;
 
     /// Positions at rest, `n x d`, in m.
     fn positions(&self) -> &[f64];
 
+    /// The names of its parts.
+    fn parts(&self) -> &Arc<[String]>;
+
+    /// What the body consists of, as this energy sees it.
+    fn report(&self) -> Report;
+
     /// Where the Hessian has blocks.
     fn pattern(&self) -> &Arc<BlockPattern>;
 
-    /// Where [`TotalEnergy::bond_tangent`] has blocks, if there is one: for energies whose Hessian
+    /// Where [`Energy::springs`] has blocks, if there is such a matrix: for energies whose Hessian
     /// reaches so much further than their bonds that it is rather not stored.
     fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
         None
     }
 
-    /// Fills `tangent` with a positive semi-definite matrix like the Hessian at `u`, in N/m, that
+    /// Fills `springs` with a positive semi-definite matrix like the Hessian at `u`, in N/m, that
     /// couples bonded points only: products with the Hessian are preconditioned by it.
-    fn bond_tangent(&self, _u: &[f64], _tangent: &mut BlockMatrix) {}
+    fn springs(&self, _u: &[f64], _springs: &mut BlockMatrix) {}
 
-    /// How products of [`TotalEnergy::hessian`] come about. Where they are not exact, they are all that
+    /// How products of [`Energy::hessian`] come about. Where they are not exact, they are all that
     /// solvers take of the Hessian, but for what they precondition by.
     fn products(&self) -> Products {
         Products::Exact
     }
 
-    /// The energy alone.
-    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite>;
+    /// The energy: `parts` become its parts in J, as many as there are names; and what is wanted
+    /// beside it.
+    ///
+    /// # Errors
+    /// Energies or derivatives that are not finite; what was given is undefined then.
+    fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite>;
 
-    /// The energy; `gradient` (`n x d`) becomes `dE/du` in N.
-    fn gradient(&self, u: &[f64], gradient: &mut [f64]) -> Result<EnergyParts, NonFinite>;
-
-    /// The energy; `gradient` becomes `dE/du` in N and `tangent` becomes `d2E/du2` in N/m.
-    fn tangent(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        tangent: &mut BlockMatrix,
-    ) -> Result<EnergyParts, NonFinite>;
-
-    /// The energy; `gradient` becomes `dE/du` in N and `diagonal` (`n x d x d`) the diagonal blocks of
-    /// `d2E/du2` in N/m, row by row.
-    fn tangent_diagonal(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        diagonal: &mut [f64],
-    ) -> Result<EnergyParts, NonFinite>;
+    /// The energy by points: `shares` become J, one number per point. An interaction belongs to its points
+    /// in equal parts, a bond with gathered values as these say.
+    ///
+    /// # Errors
+    /// Energies that are not finite.
+    fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite>;
 
     /// `d2E/du2` at `u`, for products: what they share is worked out now.
+    ///
+    /// # Errors
+    /// Second derivatives that are not finite, where they are worked out now.
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite>;
 
     /// What is turned inside out first on the straight way from `u` to `u + step`, among the
     /// interactions whose energies forbid it.
     fn first_inversion(&self, _u: &[f64], _step: &[f64]) -> Option<Inversion> {
         None
+    }
+
+    /// How many interactions are turned inside out at `u`.
+    fn inverted(&self, _u: &[f64]) -> Inverted {
+        Inverted::default()
+    }
+
+    /// The energy alone.
+    ///
+    /// # Errors
+    /// As [`Energy::evaluate`].
+    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
+        self.named(u, Wanted::Energy)
+    }
+
+    /// The energy; `forces` (`n x d`) become `dE/du` in N.
+    ///
+    /// # Errors
+    /// As [`Energy::evaluate`].
+    fn gradient(&self, u: &[f64], forces: &mut [f64]) -> Result<EnergyParts, NonFinite> {
+        self.named(u, Wanted::Forces(forces))
+    }
+
+    /// The energy; `forces` become `dE/du` in N and `tangent` becomes `d2E/du2` in N/m.
+    ///
+    /// # Errors
+    /// As [`Energy::evaluate`].
+    fn tangent(
+        &self,
+        u: &[f64],
+        forces: &mut [f64],
+        tangent: &mut BlockMatrix,
+    ) -> Result<EnergyParts, NonFinite> {
+        self.named(u, Wanted::Tangent(forces, tangent))
+    }
+
+    /// The energy; `forces` become `dE/du` in N and `diagonal` (`n x d x d`) the diagonal blocks of
+    /// `d2E/du2` in N/m, row by row.
+    ///
+    /// # Errors
+    /// As [`Energy::evaluate`].
+    fn tangent_diagonal(
+        &self,
+        u: &[f64],
+        forces: &mut [f64],
+        diagonal: &mut [f64],
+    ) -> Result<EnergyParts, NonFinite> {
+        self.named(u, Wanted::Diagonal(forces, diagonal))
+    }
+
+    /// The energy per volume at every point in J/m^d, with one volume per point in m^d.
+    ///
+    /// # Errors
+    /// As [`Energy::shares`].
+    fn densities(&self, u: &[f64], volumes: &[f64]) -> Result<Vec<f64>, NonFinite> {
+        let mut densities = vec![0.0; volumes.len()];
+        self.shares(u, &mut densities)?;
+        densities.iter_mut().zip(volumes).for_each(|(share, volume)| *share /= volume);
+        Ok(densities)
+    }
+
+    /// The energy by the names of its parts, and what is wanted beside it.
+    ///
+    /// # Errors
+    /// As [`Energy::evaluate`].
+    fn named(&self, u: &[f64], wanted: Wanted<'_>) -> Result<EnergyParts, NonFinite> {
+        let mut values = vec![0.0; self.parts().len()];
+        self.evaluate(u, wanted, &mut values)?;
+        Ok(EnergyParts::new(self.parts(), values))
+    }
+
+    /// Which points are neighbours, as blocks.
+    fn bonds(&self) -> &Arc<BlockPattern> {
+        self.bond_pattern().unwrap_or_else(|| self.pattern())
+    }
+}
+
+/// Refuses sizes that do not fit: mistakes of a caller, not of a user.
+pub(crate) fn check_sizes(energy: &dyn Energy, u: &[f64], wanted: &Wanted<'_>) {
+    let (n, d) = (energy.positions().len(), energy.dimension());
+    assert_eq!(u.len(), n, "displacements are n x d");
+    match wanted {
+        Wanted::Energy => {}
+        Wanted::Forces(forces) => assert_eq!(forces.len(), n, "forces are n x d"),
+        Wanted::Tangent(forces, tangent) => {
+            assert_eq!(forces.len(), n, "forces are n x d");
+            let size = energy.pattern().n_blocks() * d * d;
+            assert_eq!(tangent.values.len(), size, "the energy's pattern");
+        }
+        Wanted::Diagonal(forces, diagonal) => {
+            assert_eq!(forces.len(), n, "forces are n x d");
+            assert_eq!(diagonal.len(), n * d, "the diagonal is n x d x d");
+        }
     }
 }

@@ -6,12 +6,14 @@
 
 mod census;
 mod clique;
+mod counts;
 mod degenerate;
 mod slab;
 
 pub use census::Census;
 pub(crate) use clique::never_fails;
 pub use clique::{ContributingPairs, OwnerCliques};
+pub use counts::{Inverted, Report};
 pub use degenerate::Degeneracy;
 pub use slab::Slabs;
 

@@ -32,6 +32,37 @@ impl BlockPattern {
         BlockPattern { dimension, row_start, columns }
     }
 
+    /// The pattern with the blocks of both, which have as many rows; this one where that is all.
+    pub(crate) fn with(self: Arc<Self>, other: &BlockPattern) -> Arc<BlockPattern> {
+        let n = self.n_rows();
+        assert_eq!((n, self.dimension), (other.n_rows(), other.dimension), "patterns of one body");
+        let (mut row_start, mut columns) = (vec![0], Vec::with_capacity(self.n_blocks()));
+        for row in 0..n {
+            let start = columns.len();
+            columns.extend_from_slice(self.row(row));
+            columns.extend_from_slice(other.row(row));
+            columns[start..].sort_unstable();
+            let mut kept = start;
+            for place in start..columns.len() {
+                if kept == start || columns[kept - 1] != columns[place] {
+                    columns[kept] = columns[place];
+                    kept += 1;
+                }
+            }
+            columns.truncate(kept);
+            row_start.push(kept);
+        }
+        if columns.len() == self.n_blocks() {
+            return self;
+        }
+        Arc::new(BlockPattern { dimension: self.dimension, row_start, columns })
+    }
+
+    /// The columns of the blocks of a row.
+    fn row(&self, row: usize) -> &[u32] {
+        &self.columns[self.row_start[row]..self.row_start[row + 1]]
+    }
+
     /// How many rows of blocks there are.
     pub fn n_rows(&self) -> usize {
         self.row_start.len() - 1
@@ -58,6 +89,25 @@ impl BlockMatrix {
         let size = pattern.n_blocks() * pattern.dimension * pattern.dimension;
         BlockMatrix { pattern: Arc::clone(pattern), values: vec![0.0; size] }
     }
+
+    /// Adds a matrix whose blocks are all on this one's pattern.
+    pub(crate) fn add(&mut self, other: &BlockMatrix) {
+        let size = self.pattern.dimension * self.pattern.dimension;
+        let from = &other.pattern;
+        for row in 0..self.pattern.n_rows() {
+            let mut place = self.pattern.row_start[row];
+            for block in from.row_start[row]..from.row_start[row + 1] {
+                while self.pattern.columns[place] < from.columns[block] {
+                    place += 1;
+                }
+                assert_eq!(self.pattern.columns[place], from.columns[block], "a block of both");
+                let values = &other.values[block * size..(block + 1) * size];
+                let sums = &mut self.values[place * size..(place + 1) * size];
+                sums.iter_mut().zip(values).for_each(|(sum, x)| *sum += x);
+            }
+        }
+    }
+
     /// The product `K x`, summed block by block in the pattern's order: the same bits always.
     ///
     /// `x` has one entry per degree of freedom (`n_rows * dimension`).

@@ -109,8 +109,10 @@ pub struct PlanInput<'a> {
     pub interactions: InteractionCount,
     /// The energies of the potential.
     pub kernels: Vec<KernelNote>,
-    /// What points know of their families, where energies need it.
-    pub families: Option<Families>,
+    /// How many energies of bonds, triangles and tetrahedra there are.
+    pub energies: [usize; 3],
+    /// What points know of their families, for each energy that needs it.
+    pub families: Vec<Families>,
     /// How many displacement components are prescribed.
     pub prescribed: usize,
     /// What the plan does not know, in sentences.
@@ -165,11 +167,11 @@ impl Plan {
         let extent = &input.extent;
         let Extent { dimension, points, ref sides, spacing } = *extent;
         let layers = scene.horizon_radius() / spacing;
-        let families = input.families;
+        let families = &input.families[..];
+        let of_families = !families.is_empty();
         // Points share an entry of the tangent over so many bonds.
-        let reach = families.map_or(1, Families::reach);
-        let settled =
-            linear::settled(scene.solver.linear, families.is_some(), scene.solver.products);
+        let reach = families::reach(families);
+        let settled = linear::settled(scene.solver.linear, of_families, scene.solver.products);
         let stored = if settled.as_ref().is_some_and(|c| !c.stores_matrix) { 1 } else { reach };
         let factor = estimate_factor(sides, layers * stored as f64, dimension);
         let blocks = blocks(extent, &interactions, stored);
@@ -195,16 +197,14 @@ impl Plan {
         let horizons = sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / layers;
         let jacobi = scene.solver.preconditioner == PreconditionerChoice::BlockJacobi;
         let horizons = (jacobi || !linear.stores_matrix).then_some(horizons);
-        let time = match families {
-            None => TimeEstimate::new(
-                &interactions,
-                (dimension, blocks),
-                &linear,
-                factor,
-                horizons,
-                threads,
-            ),
-            Some(families) => families.time(&interactions, blocks, &linear, factor, threads),
+        let time = if of_families {
+            let others = time::interaction_seconds(&interactions, input.energies);
+            let bonds = interactions.bonds as f64;
+            families::time(families, (bonds, others), blocks, &linear, factor, threads)
+        } else {
+            let interactions = (&interactions, input.energies);
+            let matrix = (dimension, blocks);
+            TimeEstimate::new(interactions, matrix, &linear, factor, horizons, threads)
         };
         let time = time.for_increments(scene.steps.increments);
         Plan {
@@ -220,7 +220,7 @@ impl Plan {
             threads,
             increments: scene.steps.increments,
             time,
-            of_families: families.is_some(),
+            of_families,
             first: None,
             notes: input.notes,
         }
@@ -284,7 +284,7 @@ fn memory(
     blocks: f64,
     linear: &Choice,
     factor: FactorEstimate,
-    families: Option<Families>,
+    families: &[Families],
 ) -> Vec<MemoryItem> {
     let (n, d) = (extent.points, extent.dimension);
     let bonds = interactions.bonds as f64;
@@ -293,14 +293,15 @@ fn memory(
         ("points and displacements", (n * (8 * d + 12 + STATE_VECTORS * 8 * d)) as f64),
         ("neighbourhood", 16.0 * bonds + 24.0 * n as f64),
     ];
-    if let Some(families) = families {
+    for families in families {
         items.extend(families.memory(n, d, bonds));
     }
-    match (linear.stores_matrix, families) {
-        (false, Some(_)) => items.push(("springs like the tangent", values + columns)),
-        (false, None) => items.push(("tangent, upper blocks", columns)),
-        _ => items.push(("tangent, upper blocks", values + columns)),
-    }
+    let of_families = !families.is_empty();
+    items.push(match (linear.stores_matrix, of_families) {
+        (false, true) => ("preconditioner (bond-based)", values + columns),
+        (false, false) => ("tangent, upper blocks", columns),
+        _ => ("tangent, upper blocks", values + columns),
+    });
     let factor_bytes = |overhead: f64| ("factor", factor.entries * 8.0 * overhead);
     match linear.method {
         LinearMethod::Cholesky => {
@@ -311,12 +312,9 @@ fn memory(
             items.push(("tangent, free components", 4.0 * values));
             items.push(factor_bytes(LU_OVERHEAD));
         }
-        _ if !linear.stores_matrix
-            && families.is_some()
-            && families::is_factorised(factor, blocks) =>
-        {
-            items.push(("their free components", 2.0 * values));
-            items.push(("their factor", factor_bytes(CHOLESKY_OVERHEAD).1));
+        _ if !linear.stores_matrix && of_families && families::is_factorised(factor, blocks) => {
+            items.push(("preconditioner, free part", 2.0 * values));
+            items.push(("preconditioner, factor", factor_bytes(CHOLESKY_OVERHEAD).1));
         }
         _ => items.push(("preconditioner", (n * 8 * PRECONDITIONER_NUMBERS) as f64)),
     }

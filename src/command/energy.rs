@@ -1,8 +1,12 @@
 //! `piola energy`: energy, forces and tangent of a given displacement.
 
+use std::collections::BTreeMap;
+
+use piola_runtime::energy::Energy as _;
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::output::read::read_displacement;
 use piola_runtime::simulation::{Case, CaseError};
+
 use serde_json::{Value, json};
 
 use super::{Exit, scene};
@@ -46,11 +50,10 @@ fn evaluate(case: &Case, arguments: &Energy) -> Result<Option<Value>, CaseError>
         }
     };
     let compiled = case.compile()?;
-    for dropped in &compiled.dropped {
+    for dropped in compiled.iter().flat_map(|potential| &potential.dropped) {
         console::note(&dropped.reason);
     }
-    let modelled = case.energy(compiled)?;
-    let energy = modelled.total();
+    let energy = case.energy(compiled)?;
     let mut gradient = vec![0.0; n * d];
     let mut tangent = arguments.tangent.then(|| BlockMatrix::zeros(energy.pattern()));
     let parts = match &mut tangent {
@@ -58,7 +61,7 @@ fn evaluate(case: &Case, arguments: &Energy) -> Result<Option<Value>, CaseError>
         None => energy.gradient(&displacement, &mut gradient),
     };
     let parts = parts.map_err(|found| CaseError::Body { message: case.describe(&found) })?;
-    let report = modelled.report();
+    let report = energy.report();
     let rows: Vec<Vec<f64>> =
         case.body.to_user_order(&gradient, d).chunks_exact(d).map(<[f64]>::to_vec).collect();
     let mut result = json!({
@@ -70,13 +73,7 @@ fn evaluate(case: &Case, arguments: &Energy) -> Result<Option<Value>, CaseError>
             "tetrahedra": report.tetrahedra,
         },
         "energy": parts.total(),
-        "energy_parts": {
-            "l": parts.bonds,
-            "a": parts.triangles,
-            "v": parts.tetrahedra,
-            "F": parts.deformation,
-            "stabilisation": parts.stabilisation,
-        },
+        "energy_parts": parts.iter().collect::<BTreeMap<_, _>>(),
         "gradient": rows,
     });
     if let Some(tangent) = tangent {
@@ -101,20 +98,17 @@ fn entries(case: &Case, tangent: &BlockMatrix) -> Value {
 
 fn human(result: &Value) -> String {
     let interactions = &result["interactions"];
-    let parts = &result["energy_parts"];
+    let parts = result["energy_parts"].as_object().into_iter().flatten();
+    let parts: Vec<String> = parts.map(|(name, value)| format!("{value} in {name}")).collect();
     format!(
         "{} points in {} dimensions; {} bonds, {} triangles, {} tetrahedra\n\
-         energy {} J: {} in l, {} in a, {} in v, {} in F, {} in stabilisation\n",
+         energy {} J: {}\n",
         result["points"],
         result["dimension"],
         interactions["bonds"],
         interactions["triangles"],
         interactions["tetrahedra"],
         result["energy"],
-        parts["l"],
-        parts["a"],
-        parts["v"],
-        parts["F"],
-        parts["stabilisation"]
+        parts.join(", ")
     )
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use piola_runtime::assembly::Inverted;
+use piola_runtime::interaction::Inverted;
 use piola_runtime::output::OutputFolder;
 use piola_runtime::output::summary::ExitReason;
 use piola_runtime::plan::Plan;

@@ -2,7 +2,7 @@
 //! program: derivatives that are exact, momentum, objectivity, units, sources of derivatives.
 
 use crate::subjects::{Material, Subject, bodies, materials};
-use crate::support::{Outcome, U, dense_tangent, distance, norm, number, numbers};
+use crate::support::{Outcome, U, dense_tangent, distance, energy_part, norm, number, numbers};
 use crate::witness::{State, Witness};
 
 /// Every potential on every body that it can be tried on.
@@ -19,7 +19,7 @@ fn for_each_subject(mut work: impl FnMut(&Material, &Subject, &str)) {
 /// What the program says about a state.
 fn state(body: &Subject, material: &Material, u: &[f64], scale: f64, more: &[&str]) -> State {
     let found = body.energy(&body.folder(material, scale), u, scale, more).json();
-    let parts = ["l", "a", "v"].map(|part| number(&found["energy_parts"][part]));
+    let parts = ["psi(l)", "psi(a)", "psi(v)"].map(|part| energy_part(&found, part));
     assert_eq!(number(&found["energy"]), parts.iter().sum::<f64>());
     let gradient = numbers(&found["gradient"]);
     State { parts, gradient, tangent: dense_tangent(&found) }

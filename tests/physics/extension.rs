@@ -5,7 +5,7 @@ use serde_json::Value;
 
 use crate::examples::{self, Finished};
 use crate::support::frames::{read_pvd, read_vtu};
-use crate::support::{number, numbers, reference};
+use crate::support::{energy_part, number, numbers, reference};
 
 /// Relative error of energies and reactions.
 const FORCES: f64 = 1e-9;
@@ -79,9 +79,9 @@ fn errors(case: &Value, state: &Value, run: &Finished) -> (f64, f64) {
     let (step, current) = at(run, number(&state["g"]));
     let expected = number(&state["energy"]);
     let mut forces = (number(&step["energy"]) / expected - 1.0).abs();
-    for (k, part) in ["l", "a", "v"].into_iter().enumerate() {
+    for (k, part) in ["psi(l)", "psi(a)", "psi(v)"].into_iter().enumerate() {
         let wanted = state["energy_parts"][(k + 1).to_string()].as_f64().unwrap_or(0.0);
-        forces = forces.max((number(&step["energy_parts"][part]) - wanted).abs() / expected);
+        forces = forces.max((energy_part(step, part) - wanted).abs() / expected);
     }
     for side in ["left", "right"] {
         let wanted = number(&state[format!("reaction_{side}_x")]);

@@ -68,7 +68,7 @@ fn floor(example: &str) -> (f64, f64) {
     let newton = NewtonSettings { tolerance: UNREACHABLE, ..NewtonSettings::default() };
     let settings = StepSettings { end: END, newton, ..StepSettings::default() };
     let outcome =
-        run_steps(energy.total(), &Driven(boundary), &settings, &Watch::default(), &mut |_, _| {
+        run_steps(&energy, &Driven(boundary), &settings, &Watch::default(), &mut |_, _| {
             ControlFlow::Continue(())
         });
     let reached = match outcome {

@@ -9,7 +9,7 @@ use piola_runtime::correspondence::influence::CubicSpline;
 use piola_runtime::correspondence::{
     Correspondence, Discretisation, Formulation, OperatorOrder, Stabilisation,
 };
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 
 use crate::support::{Random, repository};
 

@@ -15,5 +15,6 @@ mod nodes;
 mod same_bits;
 mod small_clouds;
 mod subjects;
+mod sums;
 mod table6;
 mod witness;

@@ -161,6 +161,12 @@ pub(crate) fn reference(name: &str) -> Value {
     json_file(&repository("tests/reference").join(name))
 }
 
+/// A part of the energy that the program reports, `psi(l)`; 0 where there is none.
+pub(crate) fn energy_part(result: &Value, name: &str) -> f64 {
+    let part = &result["energy_parts"][name];
+    if part.is_null() { 0.0 } else { number(part) }
+}
+
 /// The number in a JSON value; piola writes non-finite numbers as strings.
 #[track_caller]
 pub(crate) fn number(value: &Value) -> f64 {

@@ -3,18 +3,19 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use piola_runtime::energy::{EnergyParts, Hessian, NonFinite, TotalEnergy};
+use piola_runtime::energy::{Energy, Hessian, NonFinite, Wanted};
+use piola_runtime::interaction::Report;
 use piola_runtime::matrix::{BlockMatrix, BlockPattern};
 
 /// An energy, and how often its forces and products were evaluated.
 pub(crate) struct Counted<'a> {
-    energy: &'a dyn TotalEnergy,
+    energy: &'a dyn Energy,
     gradients: AtomicUsize,
     products: AtomicUsize,
 }
 
 impl<'a> Counted<'a> {
-    pub(crate) fn new(energy: &'a dyn TotalEnergy) -> Counted<'a> {
+    pub(crate) fn new(energy: &'a dyn Energy) -> Counted<'a> {
         Counted { energy, gradients: AtomicUsize::new(0), products: AtomicUsize::new(0) }
     }
 
@@ -27,13 +28,21 @@ impl<'a> Counted<'a> {
     }
 }
 
-impl TotalEnergy for Counted<'_> {
+impl Energy for Counted<'_> {
     fn dimension(&self) -> usize {
         self.energy.dimension()
     }
 
     fn positions(&self) -> &[f64] {
         self.energy.positions()
+    }
+
+    fn parts(&self) -> &Arc<[String]> {
+        self.energy.parts()
+    }
+
+    fn report(&self) -> Report {
+        self.energy.report()
     }
 
     fn pattern(&self) -> &Arc<BlockPattern> {
@@ -44,35 +53,19 @@ impl TotalEnergy for Counted<'_> {
         self.energy.bond_pattern()
     }
 
-    fn bond_tangent(&self, u: &[f64], tangent: &mut BlockMatrix) {
-        self.energy.bond_tangent(u, tangent);
+    fn springs(&self, u: &[f64], springs: &mut BlockMatrix) {
+        self.energy.springs(u, springs);
     }
 
-    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
-        self.energy.energy(u)
+    fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
+        if matches!(wanted, Wanted::Forces(_)) {
+            self.gradients.fetch_add(1, Ordering::Relaxed);
+        }
+        self.energy.evaluate(u, wanted, parts)
     }
 
-    fn gradient(&self, u: &[f64], gradient: &mut [f64]) -> Result<EnergyParts, NonFinite> {
-        self.gradients.fetch_add(1, Ordering::Relaxed);
-        self.energy.gradient(u, gradient)
-    }
-
-    fn tangent(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        tangent: &mut BlockMatrix,
-    ) -> Result<EnergyParts, NonFinite> {
-        self.energy.tangent(u, gradient, tangent)
-    }
-
-    fn tangent_diagonal(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        diagonal: &mut [f64],
-    ) -> Result<EnergyParts, NonFinite> {
-        self.energy.tangent_diagonal(u, gradient, diagonal)
+    fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
+        self.energy.shares(u, shares)
     }
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {

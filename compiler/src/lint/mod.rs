@@ -101,10 +101,11 @@ impl Model {
 
     /// What makes a body with these values move without a load, or give way to any: energies with a
     /// force at rest, bonds without stiffness there, no bonds at all; as errors, and not what the file
-    /// allows. Negative stiffness of triangles and tetrahedra is none: bonds may outweigh it.
-    pub fn unfit_at_rest(&self, values: &Values) -> Vec<Diagnostic> {
+    /// allows. Negative stiffness of triangles and tetrahedra is none: bonds may outweigh it. `others`
+    /// says that the body has further energies that may make it stiff.
+    pub fn unfit_at_rest(&self, values: &Values, others: bool) -> Vec<Diagnostic> {
         let subjects = Subject::all(self, values);
-        let others = self.has_gradient_energy() || self.has_gathered_energy();
+        let others = others || self.has_gradient_energy() || self.has_gathered_energy();
         let is_bond = |subjects: &[Subject<'_>]| subjects[0].measure() == Measure::Length;
         let mut found = Vec::new();
         for lint in LINTS.iter().filter(|l| !self.allowed.iter().any(|code| code == l.code)) {
@@ -126,12 +127,14 @@ impl Model {
         found.into_iter().map(|error| Diagnostic { severity: Severity::Error, ..error }).collect()
     }
 
-    /// An error about the first energy of F or of gathered values, unless the file allows its code.
-    pub fn unfit_tensor_energy(&self, code: &'static str, message: String) -> Option<Diagnostic> {
+    /// An error about what all energies add up to, at the first of F or of gathered values if there is
+    /// one; nothing where the file allows its code.
+    pub fn unfit_sum(&self, code: &'static str, message: String) -> Option<Diagnostic> {
         let variant = &self.variants[0];
         let gathered = variant.gathered_energies.iter().map(|energy| energy.span);
-        let span =
-            variant.gradient_energies.iter().map(|energy| energy.span).chain(gathered).next();
+        let of_measures = variant.energies.iter().map(|energy| energy.span);
+        let gradients = variant.gradient_energies.iter().map(|energy| energy.span);
+        let span = gradients.chain(gathered).chain(of_measures).next();
         let allowed = self.allowed.iter().any(|allowed| allowed == code);
         let error = Diagnostic::error(code, span?, message)
             .help("look at its coefficients: `piola moduli` tells stress and stiffness at rest")

@@ -9,15 +9,6 @@ use super::{DiscreteEnergy, Kind};
 use crate::energy::{Argument, Inversion, NonFinite};
 use crate::interaction::{OwnerCliques, never_fails};
 
-/// Numbers of interactions turned inside out.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Inverted {
-    /// Triangles with `a < 0`; in the plane only.
-    pub triangles: u64,
-    /// Tetrahedra with `v < 0`.
-    pub tetrahedra: u64,
-}
-
 /// The places of the first zero are told apart down to this part of their distance.
 const RESOLUTION: f64 = 0.01;
 

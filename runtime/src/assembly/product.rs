@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::slab::{Refusal, minus, named, row};
 use super::{DiscreteEnergy, Kind};
 use crate::element::{CAPACITY, Contributions, InteractionBatch, Order};
-use crate::energy::{EnergyParts, Hessian, NonFinite};
+use crate::energy::{Hessian, NonFinite};
 use crate::geometry::packed;
 use crate::interaction::OwnerCliques;
 
@@ -85,6 +85,19 @@ impl<const D: usize> Sink<D> for Diagonal<'_, D> {
     }
 }
 
+/// Energies of the points from `first` on.
+struct Shares<'a> {
+    first: usize,
+    shares: &'a mut [f64],
+}
+
+impl<const D: usize> Sink<D> for Shares<'_> {
+    fn take(&mut self, points: &[usize], out: &Contributions, lane: usize) {
+        let part = out.energy[lane] / points.len() as f64;
+        points.iter().for_each(|point| self.shares[point - self.first] += part);
+    }
+}
+
 /// The interactions of one owner on their way through an element.
 struct Batch<const D: usize> {
     lanes: Vec<[u32; 3]>,
@@ -104,17 +117,17 @@ struct Visit<'a, const D: usize, S> {
 
 impl<const D: usize, S: Sink<D>> Visit<'_, D, S> {
     /// All kinds; the energies of each.
-    fn all(mut self) -> Result<EnergyParts, NonFinite> {
+    fn all(mut self) -> Result<[f64; 3], NonFinite> {
         let energy = self.energy;
-        let mut parts = EnergyParts::default();
+        let mut parts = [0.0; 3];
         if let Some(kind) = &energy.bonds {
-            parts.bonds = self.kind::<1>(kind)?;
+            parts[0] = self.kind::<1>(kind)?;
         }
         if let Some(kind) = &energy.triangles {
-            parts.triangles = self.kind::<2>(kind)?;
+            parts[1] = self.kind::<2>(kind)?;
         }
         if let Some(kind) = &energy.tetrahedra {
-            parts.tetrahedra = self.kind::<3>(kind)?;
+            parts[2] = self.kind::<3>(kind)?;
         }
         Ok(parts)
     }
@@ -225,7 +238,7 @@ impl InteractionHessian<'_> {
     fn multiply_in<const D: usize>(&self, p: &[f64], out: &mut [f64]) -> Result<(), NonFinite> {
         let energy = self.energy;
         out.fill(0.0);
-        let mut energies = vec![EnergyParts::default(); energy.slabs.len()];
+        let mut energies = vec![[0.0; 3]; energy.slabs.len()];
         for color in 0..2 {
             let rows = energy.cut(color, D, out).into_iter();
             let sinks = rows.map(|(slab, first, rows)| (slab, Product::<D> { p, first, rows }));
@@ -236,13 +249,13 @@ impl InteractionHessian<'_> {
 }
 
 impl DiscreteEnergy {
-    /// See [`crate::energy::TotalEnergy::tangent_diagonal`].
+    /// See [`crate::energy::Wanted::Diagonal`].
     pub(super) fn diagonal(
         &self,
         u: &[f64],
         gradient: &mut [f64],
         blocks: &mut [f64],
-    ) -> Result<EnergyParts, NonFinite> {
+    ) -> Result<[f64; 3], NonFinite> {
         match self.body.dimension() {
             2 => self.diagonal_in::<2>(u, gradient, blocks),
             _ => self.diagonal_in::<3>(u, gradient, blocks),
@@ -254,10 +267,10 @@ impl DiscreteEnergy {
         u: &[f64],
         gradient: &mut [f64],
         blocks: &mut [f64],
-    ) -> Result<EnergyParts, NonFinite> {
+    ) -> Result<[f64; 3], NonFinite> {
         gradient.fill(0.0);
         blocks.fill(0.0);
-        let mut energies = vec![EnergyParts::default(); self.slabs.len()];
+        let mut energies = vec![[0.0; 3]; self.slabs.len()];
         for color in 0..2 {
             let rows = self.cut(color, D, gradient).into_iter();
             let blocks = self.cut(color, D * D, blocks).into_iter();
@@ -266,12 +279,24 @@ impl DiscreteEnergy {
             });
             self.visit(u, sinks.collect(), &mut energies)?;
         }
-        Ok(energies.iter().fold(EnergyParts::default(), |sum, part| EnergyParts {
-            bonds: sum.bonds + part.bonds,
-            triangles: sum.triangles + part.triangles,
-            tetrahedra: sum.tetrahedra + part.tetrahedra,
-            ..sum
-        }))
+        let sum = |sum: [f64; 3], part: &[f64; 3]| std::array::from_fn(|k| sum[k] + part[k]);
+        Ok(energies.iter().fold([0.0; 3], sum))
+    }
+
+    /// See [`crate::energy::Energy::shares`].
+    pub(super) fn shares_in<const D: usize>(
+        &self,
+        u: &[f64],
+        shares: &mut [f64],
+    ) -> Result<(), NonFinite> {
+        shares.fill(0.0);
+        let mut energies = vec![[0.0; 3]; self.slabs.len()];
+        for color in 0..2 {
+            let rows = self.cut(color, 1, shares).into_iter();
+            let sinks = rows.map(|(slab, first, shares)| (slab, Shares { first, shares }));
+            self.visit::<D, _>(u, sinks.collect(), &mut energies)?;
+        }
+        Ok(())
     }
 
     /// Sends the interactions of some slabs to their sinks and keeps the energies by slab; the
@@ -280,7 +305,7 @@ impl DiscreteEnergy {
         &self,
         u: &[f64],
         sinks: Vec<(usize, S)>,
-        energies: &mut [EnergyParts],
+        energies: &mut [[f64; 3]],
     ) -> Result<(), NonFinite> {
         let run = |(slab, sink)| (slab, Visit { energy: self, slab, u, sink }.all());
         let done: Vec<_> = sinks.into_par_iter().with_max_len(1).map(run).collect();

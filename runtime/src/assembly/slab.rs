@@ -7,7 +7,7 @@ use super::sum::Sum;
 use super::tetrahedra::{Owner, Rules, TetrahedronSums};
 use super::{DiscreteEnergy, Kind};
 use crate::element::{CAPACITY, Contributions, Element, InteractionBatch, NonFiniteLane, Order};
-use crate::energy::{Argument, EnergyParts, NonFinite};
+use crate::energy::{Argument, NonFinite};
 use crate::interaction::{OwnerCliques, never_fails};
 
 /// A slab with the rows it may write to.
@@ -26,11 +26,11 @@ pub(super) struct SlabEnergy {
     tetrahedra: Sum,
 }
 
-/// Adds the slabs in their order; an error is the lowest of all: bonds before triangles before
+/// The energies of bonds, triangles and tetrahedra: those of the slabs in their order; an error is the lowest of all: bonds before triangles before
 /// tetrahedra, then by points.
 pub(super) fn total(
     outcomes: impl Iterator<Item = Result<SlabEnergy, NonFinite>>,
-) -> Result<EnergyParts, NonFinite> {
+) -> Result<[f64; 3], NonFinite> {
     let mut total = SlabEnergy::default();
     let mut lowest: Option<NonFinite> = None;
     for outcome in outcomes {
@@ -50,12 +50,7 @@ pub(super) fn total(
     }
     match lowest {
         Some(error) => Err(error),
-        None => Ok(EnergyParts {
-            bonds: total.bonds.value(),
-            triangles: total.triangles.value(),
-            tetrahedra: total.tetrahedra.value(),
-            ..EnergyParts::default()
-        }),
+        None => Ok([total.bonds.value(), total.triangles.value(), total.tetrahedra.value()]),
     }
 }
 

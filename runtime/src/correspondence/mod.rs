@@ -40,8 +40,8 @@ use rayon::prelude::*;
 use crate::assembly::error::check_neighbors;
 use crate::assembly::{AssemblyError, sum::Sum};
 use crate::body::Body;
-use crate::energy::{Argument, EnergyParts, Hessian, NonFinite, TotalEnergy};
-use crate::interaction::Slabs;
+use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
+use crate::interaction::{Report, Slabs};
 use crate::kernel::VariablesLaw;
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
@@ -92,6 +92,8 @@ pub struct Correspondence {
     law: Box<dyn VariablesLaw>,
     places: Places,
     slabs: Slabs,
+    /// `psi(F)`, and `stabilisation` where there is one.
+    names: Arc<[String]>,
     pattern: OnceLock<Arc<BlockPattern>>,
     bond_pattern: OnceLock<Arc<BlockPattern>>,
 }
@@ -142,8 +144,11 @@ impl Correspondence {
             }
         };
         let slabs = Slabs::new(neighborhood);
+        let is_stabilised = matches!(places, Places::Stabilised(_));
+        let names = ["psi(F)"].into_iter().chain(is_stabilised.then_some("stabilisation"));
+        let names = names.map(String::from).collect();
         let (pattern, bond_pattern) = (OnceLock::new(), OnceLock::new());
-        Ok(Correspondence { body, operator, law, places, slabs, pattern, bond_pattern })
+        Ok(Correspondence { body, operator, law, places, slabs, names, pattern, bond_pattern })
     }
 
     /// The body.
@@ -170,25 +175,12 @@ impl Correspondence {
         }
     }
 
-    /// The energy per volume at every point in J/m^d, stabilisation included; a bond belongs half to
-    /// either end. `u` are displacements (`n x d`, m).
-    pub fn energy_densities(&self, u: &[f64]) -> Result<Vec<f64>, NonFinite> {
-        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
-        let mut shares = vec![0.0; self.body.n_points()];
-        match self.body.dimension() {
-            2 => self.share::<2>(u, &mut shares)?,
-            _ => self.share::<3>(u, &mut shares)?,
-        }
-        shares.iter_mut().zip(self.body.volumes()).for_each(|(share, volume)| *share /= volume);
-        Ok(shares)
-    }
-
     fn share<const D: usize>(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
         let h = self.gradients::<D>(u);
         let fields = Fields { u: u.as_chunks::<D>().0, h: &h };
         let duals = Duals { shares, ..Duals::default() };
         let done = self.sweep(fields, Pass::Energy, duals);
-        done.map(|_| ()).map_err(|failure| self.named(failure, u))
+        done.map(|_| ()).map_err(|failure| self.failed(failure, u))
     }
 
     fn gradients<const D: usize>(&self, u: &[f64]) -> Vec<Tensor<D>> {
@@ -203,7 +195,7 @@ impl Correspondence {
         fields: Fields<'_, D>,
         pass: Pass<'_, D>,
         mut duals: Duals<'_, D>,
-    ) -> Result<EnergyParts, Failure> {
+    ) -> Result<[f64; 2], Failure> {
         let (law, volumes) = (&*self.law, self.body.volumes());
         let whole = (&*self.body, self.operator.neighborhood(), &self.slabs);
         let mut stabilisation = Sum::default();
@@ -221,26 +213,25 @@ impl Correspondence {
                 deformation
             }
         };
-        Ok(EnergyParts {
-            deformation: deformation.value(),
-            stabilisation: stabilisation.value(),
-            ..EnergyParts::default()
-        })
+        Ok([deformation.value(), stabilisation.value()])
     }
 
-    /// Energy and, unless `out` is absent, its derivative at `u`.
-    fn evaluate<const D: usize>(
+    /// The energy and, unless `out` is absent, its derivative at `u`.
+    fn assemble<const D: usize>(
         &self,
         u: &[f64],
         out: Option<&mut [f64]>,
-    ) -> Result<EnergyParts, NonFinite> {
+        parts: &mut [f64],
+    ) -> Result<(), NonFinite> {
         let h = self.gradients::<D>(u);
         let fields = Fields { u: u.as_chunks::<D>().0, h: &h };
-        let parts = match out {
+        let found = match out {
             None => self.sweep(fields, Pass::Energy, Duals::default()),
             Some(out) => self.back(fields, Pass::Gradient, out),
         };
-        parts.map_err(|failure| self.named(failure, u))
+        let found = found.map_err(|failure| self.failed(failure, u))?;
+        parts.iter_mut().zip(found).for_each(|(part, energy)| *part = energy);
+        Ok(())
     }
 
     /// The energy of the fields; `out` becomes its derivative, or the product.
@@ -249,7 +240,7 @@ impl Correspondence {
         fields: Fields<'_, D>,
         pass: Pass<'_, D>,
         out: &mut [f64],
-    ) -> Result<EnergyParts, Failure> {
+    ) -> Result<[f64; 2], Failure> {
         out.fill(0.0);
         let mut stress = vec![[[0.0; D]; D]; fields.h.len()];
         let force = out.as_chunks_mut::<D>().0;
@@ -257,6 +248,28 @@ impl Correspondence {
         let parts = self.sweep(fields, pass, duals)?;
         self.operator.add_transpose(&stress, out);
         Ok(parts)
+    }
+
+    fn evaluate_in<const D: usize>(
+        &self,
+        u: &[f64],
+        wanted: Wanted<'_>,
+        parts: &mut [f64],
+    ) -> Result<(), NonFinite> {
+        match wanted {
+            Wanted::Energy => self.assemble::<D>(u, None, parts),
+            Wanted::Forces(forces) => self.assemble::<D>(u, Some(forces), parts),
+            Wanted::Tangent(forces, tangent) => {
+                self.assemble::<D>(u, Some(forces), parts)?;
+                self.stiffness::<D>(u)?.tangent(tangent);
+                Ok(())
+            }
+            Wanted::Diagonal(forces, diagonal) => {
+                self.assemble::<D>(u, Some(forces), parts)?;
+                self.stiffness::<D>(u)?.diagonal(diagonal);
+                Ok(())
+            }
+        }
     }
 
     /// Second derivatives by the fields.
@@ -274,10 +287,10 @@ impl Correspondence {
             };
             FieldStiffness::new(&self.body, &self.operator, law, fields, bonds)
         };
-        make().map_err(|failure| self.named(failure, u))
+        make().map_err(|failure| self.failed(failure, u))
     }
 
-    fn named(&self, failure: Failure, u: &[f64]) -> NonFinite {
+    fn failed(&self, failure: Failure, u: &[f64]) -> NonFinite {
         let d = self.body.dimension();
         NonFinite {
             argument: Argument::DeformationGradient,
@@ -324,13 +337,21 @@ fn influences(
     }
 }
 
-impl TotalEnergy for Correspondence {
+impl Energy for Correspondence {
     fn dimension(&self) -> usize {
         self.body.dimension()
     }
 
     fn positions(&self) -> &[f64] {
         self.body.positions()
+    }
+
+    fn parts(&self) -> &Arc<[String]> {
+        &self.names
+    }
+
+    fn report(&self) -> Report {
+        Report::of_families(self.neighborhood())
     }
 
     fn pattern(&self) -> &Arc<BlockPattern> {
@@ -346,60 +367,29 @@ impl TotalEnergy for Correspondence {
         }))
     }
 
-    fn bond_tangent(&self, u: &[f64], tangent: &mut BlockMatrix) {
+    fn springs(&self, u: &[f64], springs: &mut BlockMatrix) {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         match self.dimension() {
-            2 => bonds::assemble::<2>(&self.body, &self.operator, &*self.law, u, tangent),
-            _ => bonds::assemble::<3>(&self.body, &self.operator, &*self.law, u, tangent),
+            2 => bonds::assemble::<2>(&self.body, &self.operator, &*self.law, u, springs),
+            _ => bonds::assemble::<3>(&self.body, &self.operator, &*self.law, u, springs),
         }
     }
 
-    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
+    fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
+        check_sizes(self, u, &wanted);
+        match self.dimension() {
+            2 => self.evaluate_in::<2>(u, wanted, parts),
+            _ => self.evaluate_in::<3>(u, wanted, parts),
+        }
+    }
+
+    fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
-        match self.dimension() {
-            2 => self.evaluate::<2>(u, None),
-            _ => self.evaluate::<3>(u, None),
+        shares.fill(0.0);
+        match self.body.dimension() {
+            2 => self.share::<2>(u, shares),
+            _ => self.share::<3>(u, shares),
         }
-    }
-
-    fn gradient(&self, u: &[f64], gradient: &mut [f64]) -> Result<EnergyParts, NonFinite> {
-        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
-        assert_eq!(gradient.len(), u.len(), "the gradient is n x d");
-        match self.dimension() {
-            2 => self.evaluate::<2>(u, Some(gradient)),
-            _ => self.evaluate::<3>(u, Some(gradient)),
-        }
-    }
-
-    fn tangent(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        tangent: &mut BlockMatrix,
-    ) -> Result<EnergyParts, NonFinite> {
-        let parts = self.gradient(u, gradient)?;
-        let block = self.dimension() * self.dimension();
-        assert_eq!(tangent.values.len(), self.pattern().n_blocks() * block, "the energy's pattern");
-        match self.dimension() {
-            2 => self.stiffness::<2>(u)?.tangent(tangent),
-            _ => self.stiffness::<3>(u)?.tangent(tangent),
-        }
-        Ok(parts)
-    }
-
-    fn tangent_diagonal(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        diagonal: &mut [f64],
-    ) -> Result<EnergyParts, NonFinite> {
-        let parts = self.gradient(u, gradient)?;
-        assert_eq!(diagonal.len(), u.len() * self.dimension(), "the diagonal is n x d x d");
-        match self.dimension() {
-            2 => self.stiffness::<2>(u)?.diagonal(diagonal),
-            _ => self.stiffness::<3>(u)?.diagonal(diagonal),
-        }
-        Ok(parts)
     }
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {

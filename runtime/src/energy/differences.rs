@@ -13,39 +13,17 @@
 //!
 //! Scaling all lengths, or all forces, changes no digit of what that step is relative to `h`.
 
-use std::sync::Arc;
-
-use super::{EnergyParts, Hessian, Inversion, NonFinite, Products, TotalEnergy};
-use crate::matrix::{BlockMatrix, BlockPattern};
+use super::{Energy, Hessian, NonFinite, Products, Wanted};
+use crate::matrix::BlockPattern;
 
 /// Unit roundoff of f64.
 const ROUNDOFF: f64 = f64::EPSILON / 2.0;
 
-/// An energy whose Hessian is multiplied by differences of its forces.
-///
-/// Energies and forces are the energy's own, and so are the matrices by which products are
-/// preconditioned: its diagonal blocks and the matrix like it.
-pub struct FiniteDifferences<'a> {
-    energy: &'a dyn TotalEnergy,
-    products: Products,
-    /// The smallest distance of neighbours at rest, in m.
-    smallest: f64,
-}
-
-impl<'a> FiniteDifferences<'a> {
-    /// `products` says which differences; [`Products::Exact`] leaves products as they are.
-    pub fn new(energy: &'a dyn TotalEnergy, products: Products) -> FiniteDifferences<'a> {
-        let pattern = energy.bond_pattern().unwrap_or_else(|| energy.pattern());
-        let smallest = smallest_distance(pattern, energy.positions());
-        FiniteDifferences { energy, products, smallest }
-    }
-
-    /// How far the point that moves most is moved from displacements `u`, in m.
-    pub fn step(&self, u: &[f64]) -> f64 {
-        let largest = largest(u);
-        let rounding = ROUNDOFF * (largest / self.smallest).max(1.0);
-        self.smallest * self.products.balanced(rounding)
-    }
+/// How far the point that moves most is moved from displacements `u`, in m; `smallest` is the smallest
+/// distance of neighbours at rest.
+pub(super) fn step(products: Products, smallest: f64, u: &[f64]) -> f64 {
+    let rounding = ROUNDOFF * (largest(u) / smallest).max(1.0);
+    smallest * products.balanced(rounding)
 }
 
 /// The largest entry.
@@ -54,7 +32,7 @@ fn largest(x: &[f64]) -> f64 {
 }
 
 /// The smallest distance of coupled points; 1 where there are none.
-fn smallest_distance(pattern: &BlockPattern, positions: &[f64]) -> f64 {
+pub(super) fn smallest_distance(pattern: &BlockPattern, positions: &[f64]) -> f64 {
     let d = pattern.dimension;
     let mut smallest = f64::INFINITY;
     for i in 0..pattern.n_rows() {
@@ -69,79 +47,9 @@ fn smallest_distance(pattern: &BlockPattern, positions: &[f64]) -> f64 {
     if smallest.is_finite() { smallest } else { 1.0 }
 }
 
-impl TotalEnergy for FiniteDifferences<'_> {
-    fn dimension(&self) -> usize {
-        self.energy.dimension()
-    }
-
-    fn positions(&self) -> &[f64] {
-        self.energy.positions()
-    }
-
-    fn pattern(&self) -> &Arc<BlockPattern> {
-        self.energy.pattern()
-    }
-
-    fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
-        self.energy.bond_pattern()
-    }
-
-    fn bond_tangent(&self, u: &[f64], tangent: &mut BlockMatrix) {
-        self.energy.bond_tangent(u, tangent);
-    }
-
-    fn products(&self) -> Products {
-        self.products
-    }
-
-    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
-        self.energy.energy(u)
-    }
-
-    fn gradient(&self, u: &[f64], gradient: &mut [f64]) -> Result<EnergyParts, NonFinite> {
-        self.energy.gradient(u, gradient)
-    }
-
-    fn tangent(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        tangent: &mut BlockMatrix,
-    ) -> Result<EnergyParts, NonFinite> {
-        self.energy.tangent(u, gradient, tangent)
-    }
-
-    fn tangent_diagonal(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        diagonal: &mut [f64],
-    ) -> Result<EnergyParts, NonFinite> {
-        self.energy.tangent_diagonal(u, gradient, diagonal)
-    }
-
-    fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
-        let mut forces = Vec::new();
-        match self.products {
-            Products::Exact => return self.energy.hessian(u),
-            Products::OneSided => {
-                forces.resize(u.len(), 0.0);
-                self.energy.gradient(u, &mut forces)?;
-            }
-            Products::Central => {}
-        }
-        let step = self.step(u);
-        Ok(Box::new(ForceDifferences { energy: self.energy, u: u.to_vec(), step, forces }))
-    }
-
-    fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {
-        self.energy.first_inversion(u, step)
-    }
-}
-
 /// A Hessian that multiplies by differences of forces.
-struct ForceDifferences<'a> {
-    energy: &'a dyn TotalEnergy,
+pub(super) struct ForceDifferences<'a> {
+    energy: &'a dyn Energy,
     /// Displacements, `n x d`, in m.
     u: Vec<f64>,
     /// How far the point that moves most is moved, in m.
@@ -162,16 +70,37 @@ impl Hessian for ForceDifferences<'_> {
     }
 }
 
-impl ForceDifferences<'_> {
+impl<'a> ForceDifferences<'a> {
+    /// At the displacements `u`, with [`step`].
+    pub(super) fn new(
+        energy: &'a dyn Energy,
+        products: Products,
+        u: &[f64],
+        step: f64,
+    ) -> Result<ForceDifferences<'a>, NonFinite> {
+        let mut differences = ForceDifferences { energy, u: u.to_vec(), step, forces: Vec::new() };
+        if products == Products::OneSided {
+            let mut forces = vec![0.0; u.len()];
+            differences.forces_at(u, &mut forces)?;
+            differences.forces = forces;
+        }
+        Ok(differences)
+    }
+
+    fn forces_at(&self, u: &[f64], forces: &mut [f64]) -> Result<(), NonFinite> {
+        let mut parts = vec![0.0; self.energy.parts().len()];
+        self.energy.evaluate(u, Wanted::Forces(forces), &mut parts)
+    }
+
     fn differences(&self, p: &[f64], size: f64, product: &mut [f64]) -> Result<(), NonFinite> {
         let moved = |way: f64| -> Vec<f64> {
             self.u.iter().zip(p).map(|(u, p)| u + way * self.step * (p / size)).collect()
         };
-        self.energy.gradient(&moved(1.0), product)?;
+        self.forces_at(&moved(1.0), product)?;
         let mut behind = Vec::new();
         let (behind, steps) = if self.forces.is_empty() {
             behind.resize(p.len(), 0.0);
-            self.energy.gradient(&moved(-1.0), &mut behind)?;
+            self.forces_at(&moved(-1.0), &mut behind)?;
             (&behind, 2.0)
         } else {
             (&self.forces, 1.0)
@@ -186,13 +115,14 @@ impl ForceDifferences<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Total;
     use super::*;
     use crate::solve::testing::{SpringNetwork, linear, pseudo_random};
     use crate::solve::vector::norm_of;
 
     /// The relative error of a product, and the step over the spacing.
     fn error(products: Products, u: &[f64], p: &[f64], springs: &SpringNetwork) -> (f64, f64) {
-        let differences = FiniteDifferences::new(springs, products);
+        let differences = Total::of(springs as &dyn Energy).with_products(products);
         let (mut found, mut exact) = (vec![f64::NAN; p.len()], vec![0.0; p.len()]);
         differences.hessian(u).unwrap().multiply(p, &mut found);
         springs.hessian(u).unwrap().multiply(p, &mut exact);
@@ -209,7 +139,7 @@ mod tests {
             for size in [1e-200, 1.0, 1e200] {
                 let p: Vec<f64> = pseudo_random(n, 2).iter().map(|x| size * x).collect();
                 let scaled: Vec<f64> = p.iter().map(|x| x / size).collect();
-                let differences = FiniteDifferences::new(&springs, products);
+                let differences = Total::of(&springs as &dyn Energy).with_products(products);
                 let (mut found, mut exact) = (vec![f64::NAN; n], vec![0.0; n]);
                 differences.hessian(&u).unwrap().multiply(&p, &mut found);
                 springs.hessian(&u).unwrap().multiply(&scaled, &mut exact);
@@ -240,7 +170,7 @@ mod tests {
     fn nothing_times_the_hessian_is_nothing() {
         let springs = SpringNetwork::lattice(&[3, 3], 1.5, linear);
         let mut product = [f64::NAN; 18];
-        let differences = FiniteDifferences::new(&springs, Products::OneSided);
+        let differences = Total::of(&springs as &dyn Energy).with_products(Products::OneSided);
         differences.hessian(&[0.01; 18]).unwrap().multiply(&[0.0; 18], &mut product);
         assert_eq!(product, [0.0; 18]);
         let mut not_a_number = [0.0; 18];

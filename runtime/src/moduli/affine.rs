@@ -3,11 +3,11 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::inside::Inside;
-use crate::energy::{NonFinite, TotalEnergy};
+use crate::energy::{Energy, NonFinite};
 use crate::interaction::never_fails;
 use crate::kernel::{Variables, VariablesLaw};
 use crate::scene::Points;
-use crate::simulation::{Case, CaseError, Compiled};
+use crate::simulation::{Case, CaseError, Compiled, state_laws};
 
 /// Derivatives at rest of the energy density W by the displacement gradient G in `u = G X`.
 ///
@@ -35,25 +35,56 @@ impl Affine {
 
     /// With the cliques of the lattice, which are the same for all parameters.
     pub(super) fn with(case: &Case, inside: &Inside) -> Result<Affine, CaseError> {
-        let d = case.scene.body.dimension;
         let compiled = Inside::compile(case)?;
-        compiled.check_kind()?;
         if matches!(case.scene.body.points, Points::Cloud { .. }) {
             return Affine::of_cloud(case, compiled);
         }
-        let affine = if let Some(law) = &compiled.gradient {
-            // Linear fields are differentiated exactly, so that every point has this energy.
-            Affine::of_gradients(d, &**law)
-        } else if compiled.gathered.is_some() {
-            inside.of_states(compiled, case.thickness())?
-        } else {
-            inside.of_interactions(compiled, case.scene.horizon.weights)?
-        };
+        let mut affine = Affine::zero(case.scene.body.dimension);
+        for potential in compiled {
+            affine = affine.of_potential(case, inside, potential)?;
+        }
         if affine.is_finite() {
             return Ok(affine);
         }
         let message = "at rest, inside the body: the energy or a derivative is not finite";
         Err(CaseError::Body { message: message.to_string() })
+    }
+
+    /// With the energies of a potential.
+    fn of_potential(
+        mut self,
+        case: &Case,
+        inside: &Inside,
+        potential: Compiled,
+    ) -> Result<Affine, CaseError> {
+        let (weights, thickness) = (case.scene.horizon.weights, case.thickness());
+        let Compiled { elements, measures, gradient, gathered, arguments, .. } = potential;
+        let d = self.dimension();
+        if let Some(law) = &gradient {
+            // Linear fields are differentiated exactly, so that every point has this energy.
+            self = self.plus(&Affine::of_gradients(d, &**law));
+        }
+        let has_families = gradient.is_some() || gathered.is_some();
+        if let Some(kernels) = gathered {
+            let laws = state_laws(kernels, arguments, thickness);
+            self = self.plus(&inside.of_states(&laws)?.over(thickness));
+        }
+        if !measures.is_empty() || !has_families {
+            self = self.plus(&inside.of_interactions(elements, weights)?.over(thickness));
+        }
+        Ok(self)
+    }
+
+    fn zero(d: usize) -> Affine {
+        Affine { stress: vec![0.0; d * d], volumetric: 0.0, rest: DMatrix::zeros(d * d, d * d) }
+    }
+
+    fn plus(self, other: &Affine) -> Affine {
+        Affine {
+            stress: self.stress.iter().zip(&other.stress).map(|(x, y)| x + y).collect(),
+            volumetric: self.volumetric + other.volumetric,
+            rest: self.rest + &other.rest,
+        }
     }
 
     /// The entry of `d2W/dG2` for two components of `G`, in Pa.
@@ -97,15 +128,15 @@ impl Affine {
     }
 
     /// Of the whole body with its surface.
-    fn of_cloud(case: &Case, compiled: Compiled) -> Result<Affine, CaseError> {
+    fn of_cloud(case: &Case, compiled: Vec<Compiled>) -> Result<Affine, CaseError> {
         let energy = case.energy(compiled)?;
         let volume = case.thickness() * case.body.volumes().iter().sum::<f64>();
-        Affine::of_body(energy.total(), volume).map_err(|found| CaseError::Body {
+        Affine::of_body(&energy, volume).map_err(|found| CaseError::Body {
             message: format!("at rest, inside the body: {found}"),
         })
     }
 
-    fn of_body(energy: &dyn TotalEnergy, volume: f64) -> Result<Affine, NonFinite> {
+    fn of_body(energy: &dyn Energy, volume: f64) -> Result<Affine, NonFinite> {
         let d = energy.dimension();
         let positions = energy.positions();
         let n = positions.len() / d;

@@ -13,7 +13,7 @@ use piola_compiler::ValueError;
 use super::inside::Inside;
 use super::{Affine, Moduli, Modulus, Stiffness, moduli_with};
 use crate::scene::{Located, ParameterSetting, ParameterText, Scene};
-use crate::simulation::{self, Case, CaseError};
+use crate::simulation::{self, Case, CaseError, Potential};
 use response::{Linear, Response, Sampled};
 use search::{Found, explore, refine};
 
@@ -129,10 +129,51 @@ struct Problem<'a> {
     targets: &'a [Target],
     /// The varied parameters.
     names: Vec<String>,
-    /// Their numbers in the model.
-    numbers: Vec<usize>,
+    /// Whose parameters they are: the numbers of the potential and of the parameter there.
+    places: Vec<(usize, usize)>,
     /// The lattice, which no parameter changes.
     inside: Inside,
+}
+
+/// Whose parameter of this name it is: the numbers of the potential and of the parameter there.
+fn place_of(case: &Case, name: &str) -> Result<(usize, usize), CalibrateError> {
+    let own = |potential: &Potential| {
+        potential.model.parameters().iter().position(|parameter| parameter.name == name)
+    };
+    let potentials = case.potentials.iter().enumerate();
+    let found: Vec<(usize, usize)> =
+        potentials.filter_map(|(number, potential)| Some((number, own(potential)?))).collect();
+    let model = |(number, _): &(usize, usize)| case.potentials[*number].model.name();
+    match &found[..] {
+        [place] => Ok(*place),
+        [] => {
+            let models = case.potentials.iter().map(|potential| &potential.model);
+            let names = models.clone().map(|model| format!("`{}`", model.name()));
+            let names = names.collect::<Vec<_>>().join(" and ");
+            let all = models.flat_map(|model| model.parameters()).map(|p| p.name.as_str());
+            let all = all.collect::<Vec<_>>().join(", ");
+            let (has, whose) =
+                if case.potentials.len() == 1 { ("has", "its") } else { ("have", "their") };
+            let message = format!("{names} {has} no parameter `{name}`");
+            Err(input(message, format!("{whose} parameters are {all}")))
+        }
+        [first, second, ..] => {
+            let message = format!(
+                "`{}` and `{}` both have a parameter `{name}`",
+                model(first),
+                model(second)
+            );
+            Err(input(message, "give one of them another name in its potential"))
+        }
+    }
+}
+
+/// The values of a potential with these parameters; the first that it does not admit.
+fn values(
+    potential: &Potential,
+    parameters: &[(String, piola_compiler::Setting)],
+) -> Result<piola_compiler::Values, ValueError> {
+    potential.values_for(parameters).map_err(|mut errors| errors.swap_remove(0))
 }
 
 impl<'a> Problem<'a> {
@@ -142,17 +183,12 @@ impl<'a> Problem<'a> {
         vary: &[String],
     ) -> Result<Problem<'a>, CalibrateError> {
         let d = case.scene.body.dimension;
-        let all: Vec<&str> = case.model.parameters().iter().map(|p| p.name.as_str()).collect();
-        let mut numbers = Vec::new();
+        let mut places = Vec::new();
         for (place, name) in vary.iter().enumerate() {
-            let Some(number) = all.iter().position(|known| known == name) else {
-                let message = format!("`{}` has no parameter `{name}`", case.model.name());
-                return Err(input(message, format!("its parameters are {}", all.join(", "))));
-            };
+            places.push(place_of(case, name)?);
             if vary[..place].contains(name) {
                 return Err(input(format!("`{name}` is named twice"), "name it once"));
             }
-            numbers.push(number);
         }
         for (place, target) in targets.iter().enumerate() {
             let name = target.modulus.name();
@@ -185,25 +221,26 @@ impl<'a> Problem<'a> {
             );
             return Err(input(message, help));
         }
-        Ok(Problem { case, targets, names: vary.to_vec(), numbers, inside: Inside::new(case) })
+        Ok(Problem { case, targets, names: vary.to_vec(), places, inside: Inside::new(case) })
     }
 
     /// The scene's own values of the varied parameters, in declared units.
     fn base(&self) -> Vec<f64> {
-        let variant = self.case.model.variant(self.case.scene.body.dimension);
-        let value = |&number: &usize| {
-            let scale = variant.map_or(1.0, |variant| variant.units[number].scale);
-            self.case.values.parameters[number] / scale
+        let d = self.case.scene.body.dimension;
+        let value = |&(potential, number): &(usize, usize)| {
+            let Potential { model, values, .. } = &self.case.potentials[potential];
+            let scale = model.variant(d).map_or(1.0, |variant| variant.units[number].scale);
+            values.parameters[number] / scale
         };
-        self.numbers.iter().map(value).collect()
+        self.places.iter().map(value).collect()
     }
 
     /// The case with other values of the varied parameters.
     fn with(&self, parameters: &[f64]) -> Result<Case, ValueError> {
         let mut case = self.case.clone();
-        let material = &mut case.scene.material;
-        let span = material.potential.span;
-        for (name, value) in self.names.iter().zip(parameters) {
+        for ((name, value), (potential, _)) in self.names.iter().zip(parameters).zip(&self.places) {
+            let material = &mut case.scene.materials[*potential];
+            let span = material.potential.span;
             let value = Located { value: ParameterText::Number(*value), span };
             match material.parameters.iter_mut().find(|p| p.name.value == *name) {
                 Some(parameter) => parameter.value = value,
@@ -212,26 +249,15 @@ impl<'a> Problem<'a> {
                     .push(ParameterSetting { name: Located { value: name.clone(), span }, value }),
             }
         }
-        case.values = self.check(&simulation::settings(&case.scene))?;
+        for (potential, material) in case.potentials.iter_mut().zip(&case.scene.materials) {
+            potential.values = values(potential, &simulation::settings(material))?;
+        }
         Ok(case)
     }
 
-    fn check(
-        &self,
-        settings: &[(String, piola_compiler::Setting)],
-    ) -> Result<piola_compiler::Values, ValueError> {
-        let (case, horizon) = (self.case, self.case.scene.horizon_radius());
-        let values = case.model.values(case.values.dimension, settings, Some(horizon));
-        values.map_err(|mut errors| errors.swap_remove(0))
-    }
-
-    /// The condition of the potential that these values break.
+    /// The condition of the potentials that these values break.
     fn broken(&self, parameters: &[f64]) -> Option<ValueError> {
-        let mut settings = simulation::settings(&self.case.scene);
-        settings.retain(|(name, _)| !self.names.contains(name));
-        let varied = self.names.iter().cloned().zip(parameters);
-        settings.extend(varied.map(|(name, &x)| (name, piola_compiler::Setting::Number(x))));
-        self.check(&settings).err()
+        self.with(parameters).err()
     }
 
     fn moduli_at(&self, parameters: &[f64]) -> Result<Stiffness, CalibrateError> {
@@ -347,9 +373,11 @@ impl<'a> Problem<'a> {
                 ));
             }
         }
-        let parameters = self.case.model.parameters().iter().map(|p| p.name.as_str());
-        let others: Vec<&str> =
-            parameters.filter(|name| !self.names.iter().any(|varied| varied == name)).collect();
+        let all = self.case.potentials.iter().flat_map(|potential| potential.model.parameters());
+        let others: Vec<&str> = all
+            .map(|parameter| parameter.name.as_str())
+            .filter(|name| !self.names.iter().any(|varied| varied == name))
+            .collect();
         if !others.is_empty() {
             helps.push(format!("not varied: {}", others.join(", ")));
         }

@@ -5,13 +5,14 @@ use std::sync::OnceLock;
 use super::Affine;
 use super::cubic::Cubic;
 use super::states::of_states;
-use crate::assembly::AssemblyError;
+use crate::assembly::{AssemblyError, Elements};
 use crate::element::Element;
 use crate::kernel::{Batch, Law, Measure, Order, Outputs};
 use crate::lattice::{Shell, ordered, shells};
 use crate::neighborhood::check_horizon;
 use crate::scene::{DerivativeSource, Points};
 use crate::simulation::{Case, CaseError, Compiled};
+use crate::states::StateLaws;
 use crate::weights::Weights;
 
 /// The cliques of an endless lattice, counted where they are needed, once.
@@ -45,7 +46,7 @@ impl Inside {
     }
 
     /// The laws of a case, as functions of their measures.
-    pub(super) fn compile(case: &Case) -> Result<Compiled, CaseError> {
+    pub(super) fn compile(case: &Case) -> Result<Vec<Compiled>, CaseError> {
         let mut case = case.clone();
         // Measures follow a homogeneous displacement in closed form.
         if case.scene.solver.derivatives == DerivativeSource::HyperdualCoordinates {
@@ -57,10 +58,9 @@ impl Inside {
     /// Of energies of lengths, areas and volumes.
     pub(super) fn of_interactions(
         &self,
-        compiled: Compiled,
+        elements: Elements,
         weights: Weights,
     ) -> Result<Affine, CaseError> {
-        let elements = compiled.elements;
         let kinds = [elements.bond, elements.triangle, elements.tetrahedron];
         if kinds.iter().all(Option::is_none) {
             return Err(refused(AssemblyError::NoEnergy));
@@ -73,16 +73,11 @@ impl Inside {
         Ok(sum.affine())
     }
 
-    /// Of energies of gathered states, of a body of this thickness in m.
-    pub(super) fn of_states(
-        &self,
-        compiled: Compiled,
-        thickness: f64,
-    ) -> Result<Affine, CaseError> {
+    /// Of energies of gathered states.
+    pub(super) fn of_states(&self, laws: &StateLaws) -> Result<Affine, CaseError> {
         check_horizon(self.horizon).map_err(refused)?;
-        let laws = compiled.state_laws(thickness);
         let shells = self.shells(Measure::Length);
-        Ok(of_states(&laws, self.dimension, self.spacing, shells).affine().over(thickness))
+        Ok(of_states(laws, self.dimension, self.spacing, shells).affine())
     }
 
     fn add(

@@ -123,7 +123,7 @@ fn time_step(case: &Case, density: f64) -> Result<Option<TimeStep>, CaseError> {
     let energy = case.energy(case.compile()?)?;
     let masses: Vec<f64> =
         case.body.volumes().iter().map(|volume| density * case.thickness() * volume).collect();
-    TimeStep::new(energy.total(), &masses)
+    TimeStep::new(&energy, &masses)
         .map_err(|found| CaseError::Body { message: case.describe(&found) })
 }
 

@@ -155,6 +155,7 @@ mod tests {
 
     use super::*;
     use crate::body::Body;
+    use crate::energy::Energy as _;
     use crate::lattice::shells;
     use crate::states::StateEnergy;
 
@@ -179,6 +180,7 @@ psi(l) = 0.2*l
             points: gathered.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
             bonds: gathered.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
             plain: Some(Box::new(plain)),
+            arguments: Default::default(),
         }
     }
 
@@ -204,7 +206,7 @@ psi(l) = 0.2*l
                 let along = |x: &[f64], r: usize| (0..d).map(|c| g[r * d + c] * x[c]).sum::<f64>();
                 let u: Vec<f64> =
                     rows.flat_map(|x| (0..d).map(|r| along(x, r)).collect::<Vec<f64>>()).collect();
-                energy.energy_densities(&u).unwrap()[centre]
+                energy.densities(&u, energy.body().volumes()).unwrap()[centre]
             };
             let moved = |steps: &[(usize, f64)]| {
                 let mut g = vec![0.0; d * d];

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, SymmetricEigen};
 use serde::Serialize;
 
-use crate::energy::{NonFinite, TotalEnergy};
+use crate::energy::{Energy, NonFinite};
 
 /// Most products with the tangent.
 const MOST_PRODUCTS: usize = 200;
@@ -31,10 +31,7 @@ impl TimeStep {
     /// By Lanczos' method on `M^-1/2 K M^-1/2` of the whole free body, from displacements that
     /// nothing distinguishes. `masses` has one entry per point, in kg. Nothing for a body whose
     /// largest eigenvalue is not positive.
-    pub(super) fn new(
-        energy: &dyn TotalEnergy,
-        masses: &[f64],
-    ) -> Result<Option<TimeStep>, NonFinite> {
+    pub(super) fn new(energy: &dyn Energy, masses: &[f64]) -> Result<Option<TimeStep>, NonFinite> {
         let d = energy.dimension();
         let n = masses.len() * d;
         let scale: Vec<f64> = (0..n).map(|dof| 1.0 / masses[dof / d].sqrt()).collect();

@@ -1,13 +1,15 @@
 //! What the solver reports, step by step: the input of the tables, the picture and the summary.
 
-use crate::assembly::Inverted;
 use crate::energy::EnergyParts;
+use crate::interaction::Inverted;
 
 /// The converged steps of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct History {
     /// 2 or 3: how many numbers a reaction has.
     pub dimension: usize,
+    /// Names of the parts of the energy, `psi(l)`.
+    pub parts: Vec<String>,
     /// Names of the sets, in the scene's order.
     pub sets: Vec<String>,
     /// Names of the probes, in the scene's order.
@@ -27,7 +29,7 @@ pub struct StepRecord {
     pub residual: Vec<f64>,
     /// The same over the larger of the 2-norms of the reactions and the applied loads.
     pub residual_over_reaction: Vec<f64>,
-    /// Energy by kind of interaction, in J.
+    /// The energy by its parts, in J.
     pub energy_parts: EnergyParts,
     /// Sum of `dE/du` minus the applied loads over each set, `d` numbers in N, as `History::sets`.
     pub reactions: Vec<Vec<f64>>,
@@ -53,8 +55,13 @@ pub struct Definiteness {
 
 impl History {
     /// A history without steps.
-    pub fn new(dimension: usize, sets: Vec<String>, probes: Vec<String>) -> History {
-        History { dimension, sets, probes, steps: Vec::new() }
+    pub fn new(
+        dimension: usize,
+        parts: Vec<String>,
+        sets: Vec<String>,
+        probes: Vec<String>,
+    ) -> History {
+        History { dimension, parts, sets, probes, steps: Vec::new() }
     }
 
     /// Appends a step.

@@ -10,7 +10,7 @@ use serde::ser::{SerializeMap, SerializeSeq};
 use serde::{Serialize, Serializer};
 
 use super::{History, OutputError, OutputFile, OutputFolder, StepRecord};
-use crate::assembly::Inverted;
+use crate::interaction::Inverted;
 
 /// The summary of a run; the names of the fields are the names in the file.
 #[derive(Clone, Debug, Serialize)]
@@ -126,8 +126,9 @@ pub struct StepSummary {
     pub residual_over_reaction: Vec<Number>,
     /// Total energy in J.
     pub energy: Number,
-    /// Energy by measure in J.
-    pub energy_parts: MeasureParts,
+    /// The energy in J by its parts, `psi(l)`.
+    #[serde(serialize_with = "as_map")]
+    pub energy_parts: Vec<(String, Number)>,
     /// Reaction of each set: `d` numbers in N.
     #[serde(serialize_with = "as_map")]
     pub reactions: Vec<(String, Vec<Number>)>,
@@ -146,22 +147,6 @@ pub struct StepSummary {
 /// Unit roundoff of f64.
 const ROUNDOFF: f64 = f64::EPSILON / 2.0;
 
-/// Energy by measure, in J.
-#[derive(Clone, Copy, Debug, Serialize)]
-pub struct MeasureParts {
-    /// One-neighbour interactions.
-    pub l: Number,
-    /// Two-neighbour interactions.
-    pub a: Number,
-    /// Three-neighbour interactions.
-    pub v: Number,
-    /// Deformation gradients.
-    #[serde(rename = "F")]
-    pub deformation: Number,
-    /// Deviations of neighbours from them, where these are stabilised.
-    pub stabilisation: Number,
-}
-
 /// The steps of a history as the summary shows them.
 pub fn step_summaries(history: &History) -> Vec<StepSummary> {
     history.steps.iter().map(|step| step_summary(&history.sets, step)).collect()
@@ -169,20 +154,14 @@ pub fn step_summaries(history: &History) -> Vec<StepSummary> {
 
 fn step_summary(sets: &[String], step: &StepRecord) -> StepSummary {
     let numbers = |values: &[f64]| values.iter().copied().map(Number).collect::<Vec<_>>();
-    let parts = step.energy_parts;
+    let parts = &step.energy_parts;
     StepSummary {
         t: Number(step.t),
         iterations: step.iterations,
         residual: numbers(&step.residual),
         residual_over_reaction: numbers(&step.residual_over_reaction),
         energy: Number(parts.total()),
-        energy_parts: MeasureParts {
-            l: Number(parts.bonds),
-            a: Number(parts.triangles),
-            v: Number(parts.tetrahedra),
-            deformation: Number(parts.deformation),
-            stabilisation: Number(parts.stabilisation),
-        },
+        energy_parts: parts.iter().map(|(part, value)| (part.to_string(), Number(value))).collect(),
         reactions: sets.iter().cloned().zip(step.reactions.iter().map(|r| numbers(r))).collect(),
         positive_definite: step.definiteness.positive_definite,
         positive_definite_by: step.definiteness.method.clone(),
@@ -237,12 +216,16 @@ pub fn versions() -> Vec<(String, String)> {
 }
 
 /// Names what was run: FNV-1a (64 bits) of the resolved scene's UTF-8 text, a zero byte, and the
-/// potential's text, as `fnv1a64:` and 16 hexadecimal digits.
+/// texts of the potentials, a zero byte between two, as `fnv1a64:` and 16 hexadecimal digits.
 ///
 /// It tells runs apart and is no protection against someone who wants two runs to look alike.
 /// FNV-1a: Fowler, Noll, Vo; offset basis 0xcbf29ce484222325, prime 0x100000001b3.
-pub fn scene_hash(resolved_scene: &str, potential: &str) -> String {
-    let bytes = resolved_scene.bytes().chain([0]).chain(potential.bytes());
+pub fn scene_hash<'a>(
+    resolved_scene: &'a str,
+    potentials: impl IntoIterator<Item = &'a str>,
+) -> String {
+    let texts = potentials.into_iter().flat_map(|text| [0].into_iter().chain(text.bytes()));
+    let bytes = resolved_scene.bytes().chain(texts);
     format!("fnv1a64:{:016x}", fnv1a64(bytes))
 }
 
@@ -351,6 +334,8 @@ fn parse_status(status: &str) -> Option<Memory> {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use serde_json::{Value, json};
 
     use super::*;
@@ -358,18 +343,15 @@ mod tests {
     use crate::output::Definiteness;
 
     fn summary() -> Summary {
-        let mut history = History::new(2, vec!["right".to_owned(), "left".to_owned()], Vec::new());
+        let names: Arc<[String]> = ["psi(l)", "psi(a)", "psi(v)"].map(str::to_owned).into();
+        let sets = vec!["right".to_owned(), "left".to_owned()];
+        let mut history = History::new(2, names.to_vec(), sets, Vec::new());
         history.push(StepRecord {
             t: 0.04,
             iterations: 2,
             residual: vec![0.1 + 0.2, 1e-7, f64::NAN],
             residual_over_reaction: vec![f64::INFINITY, 1e-12, 0.0],
-            energy_parts: EnergyParts {
-                bonds: 1.0,
-                triangles: 0.5,
-                tetrahedra: 0.25,
-                ..EnergyParts::default()
-            },
+            energy_parts: EnergyParts::new(&names, vec![1.0, 0.5, 0.25]),
             reactions: vec![vec![1.0, -2.0], vec![f64::NEG_INFINITY, 1e300]],
             probes: Vec::new(),
             definiteness: Definiteness {
@@ -381,7 +363,7 @@ mod tests {
         });
         Summary {
             versions: versions(),
-            scene_hash: scene_hash("a", "b"),
+            scene_hash: scene_hash("a", ["b"]),
             exit_reason: ExitReason::NotConverged,
             exit_message: "step 2 did not converge".to_owned(),
             dimension: 2,
@@ -416,7 +398,7 @@ mod tests {
             "residual": [0.30000000000000004, 1e-7, "nan"],
             "residual_over_reaction": ["inf", 1e-12, 0.0],
             "energy": 1.75,
-            "energy_parts": {"l": 1.0, "a": 0.5, "v": 0.25, "F": 0.0, "stabilisation": 0.0},
+            "energy_parts": {"psi(l)": 1.0, "psi(a)": 0.5, "psi(v)": 0.25},
             "reactions": {"right": [1.0, -2.0], "left": ["-inf", 1e300]},
             "positive_definite": true,
             "positive_definite_by": "cholesky",
@@ -436,9 +418,9 @@ mod tests {
         assert_eq!(fnv1a64("".bytes()), 0xcbf2_9ce4_8422_2325);
         assert_eq!(fnv1a64("a".bytes()), 0xaf63_dc4c_8601_ec8c);
         assert_eq!(fnv1a64("foobar".bytes()), 0x8594_4171_f739_67e8);
-        assert_ne!(scene_hash("ab", "c"), scene_hash("a", "bc"));
-        assert!(scene_hash("", "").starts_with("fnv1a64:"));
-        assert_eq!(scene_hash("x", "y").len(), 8 + 16);
+        assert_ne!(scene_hash("ab", ["c"]), scene_hash("a", ["bc"]));
+        assert!(scene_hash("", [""]).starts_with("fnv1a64:"));
+        assert_eq!(scene_hash("x", ["y"]).len(), 8 + 16);
     }
 
     #[test]

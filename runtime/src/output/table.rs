@@ -32,21 +32,14 @@ pub fn reactions_table(history: &History) -> String {
     table.text
 }
 
-/// `energy.csv`: `t,total,l,a,v,F,stabilisation` in J, by what an energy is a function of.
+/// `energy.csv`: `t,total`, then every part of the energy by its name, `psi(l)`; in J.
 pub fn energy_table(history: &History) -> String {
-    let mut table =
-        Table::new(["t", "total", "l", "a", "v", "F", "stabilisation"].map(str::to_owned));
+    let first = ["t", "total"].map(str::to_owned).into_iter();
+    let mut table = Table::new(first.chain(history.parts.iter().cloned()));
     for step in &history.steps {
-        let parts = step.energy_parts;
-        table.row(&[
-            step.t,
-            parts.total(),
-            parts.bonds,
-            parts.triangles,
-            parts.tetrahedra,
-            parts.deformation,
-            parts.stabilisation,
-        ]);
+        let values = history.parts.iter().map(|part| step.energy_parts.of(part));
+        let row: Vec<f64> = [step.t, step.energy_parts.total()].into_iter().chain(values).collect();
+        table.row(&row);
     }
     table.text
 }
@@ -117,21 +110,25 @@ fn quoted(field: &str) -> String {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
-    use crate::assembly::Inverted;
     use crate::energy::EnergyParts;
+    use crate::interaction::Inverted;
     use crate::output::read::read_displacement;
     use crate::output::{Definiteness, StepRecord};
 
     fn history() -> History {
         let sets = vec!["left".to_owned(), "a,\"b".to_owned()];
-        let mut history = History::new(2, sets, vec!["tip".to_owned()]);
+        let parts = ["psi(l)", "psi(l, m)"].map(str::to_owned).to_vec();
+        let names: Arc<[String]> = parts.clone().into();
+        let mut history = History::new(2, parts, sets, vec!["tip".to_owned()]);
         history.push(StepRecord {
             t: 0.1,
             iterations: 2,
             residual: vec![1.0, 1e-3, 1e-9],
             residual_over_reaction: vec![0.5, 5e-4, 5e-10],
-            energy_parts: EnergyParts { bonds: 0.5, triangles: 0.25, ..EnergyParts::default() },
+            energy_parts: EnergyParts::new(&names, vec![0.5, 0.25]),
             reactions: vec![vec![-1.5, 0.1 + 0.2], vec![f64::NAN, f64::NEG_INFINITY]],
             probes: vec![vec![1e-7, -0.0]],
             definiteness: Definiteness { positive_definite: None, method: "none".to_owned() },
@@ -149,12 +146,9 @@ mod tests {
             "t,left_x,left_y,\"a,\"\"b_x\",\"a,\"\"b_y\"\n\
              0.1,-1.5,0.30000000000000004,nan,-inf\n"
         );
-        assert_eq!(
-            energy_table(&history),
-            "t,total,l,a,v,F,stabilisation\n0.1,0.75,0.5,0.25,0,0,0\n"
-        );
+        assert_eq!(energy_table(&history), "t,total,psi(l),\"psi(l, m)\"\n0.1,0.75,0.5,0.25\n");
         assert_eq!(probes_table(&history), "t,tip_u,tip_v\n0.1,1e-7,-0\n");
-        let empty = History::new(3, vec!["s".to_owned()], Vec::new());
+        let empty = History::new(3, Vec::new(), vec!["s".to_owned()], Vec::new());
         assert_eq!(reactions_table(&empty), "t,s_x,s_y,s_z\n");
         assert_eq!(probes_table(&empty), "t\n");
     }

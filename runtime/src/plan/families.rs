@@ -4,7 +4,7 @@
 //! visit the bonds, and springs like the tangent precondition them.
 
 use super::time::{FACTOR_FLOPS_PER_SECOND, LU_WORK, speed};
-use super::{FactorEstimate, InteractionCount, TimeEstimate};
+use super::{FactorEstimate, TimeEstimate};
 use crate::correspondence::Discretisation;
 use crate::solve::linear::{Choice, LinearMethod, OPERATIONS_PER_BLOCK};
 
@@ -103,32 +103,41 @@ impl Families {
             }
         }
     }
+}
 
-    pub(super) fn time(
-        self,
-        interactions: &InteractionCount,
-        blocks: f64,
-        linear: &Choice,
-        factor: FactorEstimate,
-        threads: usize,
-    ) -> TimeEstimate {
-        let bonds = interactions.bonds as f64;
-        let per_bond = self.seconds();
-        let whole = |seconds: f64| seconds * bonds / speed(threads);
-        let (forces, product) = (whole(per_bond.forces), whole(per_bond.product));
-        let once = forces + whole(per_bond.once);
-        let factorisation = factor.flops / FACTOR_FLOPS_PER_SECOND;
-        // The stored tangent is worked out entry by entry, over all that two points share.
-        let stored = forces + blocks * whole(per_bond.stored) / bonds.max(1.0);
-        let (assembly, linear) = match linear.method {
-            _ if !linear.stores_matrix && is_factorised(factor, blocks) => {
-                (once, factorisation + FACTOR_ITERATIONS * product)
-            }
-            _ if !linear.stores_matrix => (once, TWO_LEVEL_ITERATIONS * product),
-            LinearMethod::Cholesky => (stored, factorisation),
-            LinearMethod::Lu => (stored, LU_WORK * factorisation),
-            _ => (stored, TWO_LEVEL_ITERATIONS * product),
-        };
-        TimeEstimate::per_iteration(bonds * BOND_SETUP_SECONDS, assembly, linear)
-    }
+/// Over how many bonds the tangent of several energies couples points: 1 of interactions alone.
+pub(super) fn reach(all: &[Families]) -> usize {
+    all.iter().map(|families| families.reach()).max().unwrap_or(1)
+}
+
+/// Of energies of families, with interactions whose energies, forces and tangents take so many seconds
+/// on one core: so do products with their tangents.
+pub(super) fn time(
+    all: &[Families],
+    (bonds, interactions): (f64, f64),
+    blocks: f64,
+    linear: &Choice,
+    factor: FactorEstimate,
+    threads: usize,
+) -> TimeEstimate {
+    let sum =
+        |of: fn(&Seconds) -> f64| all.iter().map(|families| of(&families.seconds())).sum::<f64>();
+    let whole = |seconds: f64| seconds * bonds / speed(threads);
+    let others = interactions / speed(threads);
+    let forces = whole(sum(|per_bond| per_bond.forces)) + others;
+    let product = whole(sum(|per_bond| per_bond.product)) + others;
+    let once = forces + whole(sum(|per_bond| per_bond.once));
+    let factorisation = factor.flops / FACTOR_FLOPS_PER_SECOND;
+    // The stored tangent is worked out entry by entry, over all that two points share.
+    let stored = forces + blocks * whole(sum(|per_bond| per_bond.stored)) / bonds.max(1.0);
+    let (assembly, linear) = match linear.method {
+        _ if !linear.stores_matrix && is_factorised(factor, blocks) => {
+            (once, factorisation + FACTOR_ITERATIONS * product)
+        }
+        _ if !linear.stores_matrix => (once, TWO_LEVEL_ITERATIONS * product),
+        LinearMethod::Cholesky => (stored, factorisation),
+        LinearMethod::Lu => (stored, LU_WORK * factorisation),
+        _ => (stored, TWO_LEVEL_ITERATIONS * product),
+    };
+    TimeEstimate::per_iteration(bonds * BOND_SETUP_SECONDS, assembly, linear)
 }

@@ -108,13 +108,13 @@ fn plan(scene: &Scene, available_memory: Option<u64>) -> Plan {
 }
 
 fn plan_of(body: Body, scene: &Scene, available_memory: Option<u64>) -> Plan {
-    plan_with(body, scene, None, available_memory)
+    plan_with(body, scene, &[], available_memory)
 }
 
 fn plan_with(
     body: Body,
     scene: &Scene,
-    families: Option<Families>,
+    families: &[Families],
     available_memory: Option<u64>,
 ) -> Plan {
     let interactions = counted(&body, scene.horizon_radius(), Needed::default());
@@ -127,7 +127,8 @@ fn plan_with(
             KernelNote { energy: "psi(l)".into(), modelled: true, reason: String::new() },
             KernelNote { energy: "psi(v)".into(), modelled: false, reason: "C3 = 0".into() },
         ],
-        families,
+        energies: [1; 3],
+        families: families.to_vec(),
         prescribed: 1200,
         threads: 1,
         available_memory,
@@ -219,28 +220,28 @@ fn this_machine_has_memory() {
 #[test]
 fn a_body_has_what_its_energies_need_and_nothing_else() {
     let scene_of = |linear: &str| scene(&format!("[solver]\nlinear = \"{linear}\"\n"));
-    let items = |families, linear: &str| -> Vec<&str> {
+    let items = |families: &[Families], linear: &str| -> Vec<&str> {
         let plan = plan_with(lattice([10, 10, 10], 3), &scene_of(linear), families, None);
         plan.memory.iter().map(|item| item.item).collect()
     };
-    let bonds = items(None, "auto");
+    let bonds = items(&[], "auto");
     for absent in ["deformation gradients", "bond quadrature", "gathered states", "stabilisation"] {
         assert!(!bonds.contains(&absent), "{bonds:?}");
     }
-    let nodal = items(Some(Families::Nodal), "auto");
+    let nodal = items(&[Families::Nodal], "auto");
     assert!(nodal.contains(&"deformation gradients") && !nodal.contains(&"bond quadrature"));
     assert!(!nodal.contains(&"tangent, upper blocks"), "{nodal:?}");
-    assert!(items(Some(Families::BondQuadrature), "auto").contains(&"bond quadrature"));
-    assert!(items(Some(Families::States(2)), "auto").contains(&"gathered states"));
-    assert!(items(Some(Families::Nodal), "cg").contains(&"tangent, upper blocks"));
+    assert!(items(&[Families::BondQuadrature], "auto").contains(&"bond quadrature"));
+    assert!(items(&[Families::States(2)], "auto").contains(&"gathered states"));
+    assert!(items(&[Families::Nodal], "cg").contains(&"tangent, upper blocks"));
     // A stored tangent reaches three horizons: here all points are coupled.
-    let bytes = |families| {
+    let bytes = |families: &[Families]| {
         let plan = plan_with(lattice([10, 10, 10], 3), &scene_of("cg"), families, None);
         let tangent = plan.memory.iter().find(|item| item.item == "tangent, upper blocks");
         tangent.unwrap().bytes
     };
-    assert_eq!(bytes(Some(Families::BondQuadrature)), 1000 * 1001 / 2 * (72 + 4));
-    assert!(bytes(Some(Families::Nodal)) > 5 * bytes(None));
+    assert_eq!(bytes(&[Families::BondQuadrature]), 1000 * 1001 / 2 * (72 + 4));
+    assert!(bytes(&[Families::Nodal]) > 5 * bytes(&[]));
 }
 
 /// Boxes that are not filled, and bodies that are not searched, have what they are counted to have.

@@ -94,11 +94,20 @@ pub(super) fn speed(threads: usize) -> f64 {
     1.0 + THREAD_GAIN * (threads.max(1) - 1) as f64
 }
 
+/// Assembling energies, forces and tangents once on one core, in s; `energies` counts those of bonds,
+/// triangles and tetrahedra.
+pub(super) fn interaction_seconds(interactions: &InteractionCount, energies: [usize; 3]) -> f64 {
+    let counts = [interactions.bonds, interactions.triangles, interactions.tetrahedra];
+    let seconds = [BOND_SECONDS, TRIANGLE_SECONDS, TETRAHEDRON_SECONDS];
+    let kinds = counts.into_iter().zip(energies).zip(seconds);
+    kinds.map(|((count, energies), seconds)| count as f64 * energies as f64 * seconds).sum()
+}
+
 impl TimeEstimate {
-    /// `horizons` that fit into the body's longest side decide how conjugate gradients converge;
+    /// `energies` counts those of bonds, triangles and tetrahedra. `horizons` that fit into the body's longest side decide how conjugate gradients converge;
     /// `None` with two levels, where they do not.
     pub(super) fn new(
-        interactions: &InteractionCount,
+        (interactions, energies): (&InteractionCount, [usize; 3]),
         (dimension, blocks): (usize, f64),
         linear: &Choice,
         factor: FactorEstimate,
@@ -107,10 +116,7 @@ impl TimeEstimate {
     ) -> TimeEstimate {
         let speed = speed(threads);
         let bonds = interactions.bonds as f64;
-        let one_core = bonds * BOND_SECONDS
-            + interactions.triangles as f64 * TRIANGLE_SECONDS
-            + interactions.tetrahedra as f64 * TETRAHEDRON_SECONDS;
-        let assembly = one_core / speed;
+        let assembly = interaction_seconds(interactions, energies) / speed;
         let iterations =
             horizons.map(|horizons| CG_ITERATIONS + CG_ITERATIONS_PER_HORIZON * horizons);
         let linear = match linear.method {

@@ -62,8 +62,8 @@ pub struct Scene {
     pub body: BodyShape,
     /// `[horizon]`
     pub horizon: Horizon,
-    /// `[material]`
-    pub material: Material,
+    /// `[material]` and every `[[material.plus]]`: at least one.
+    pub materials: Vec<Material>,
     /// `[correspondence]`, for potentials with an energy of `F`; filled in for them.
     pub correspondence: Option<CorrespondenceSettings>,
     /// `[sets]`, in the order of the file.
@@ -92,7 +92,7 @@ impl PartialEq for Scene {
         let Scene {
             body,
             horizon,
-            material,
+            materials,
             correspondence,
             sets,
             prescriptions,
@@ -106,7 +106,7 @@ impl PartialEq for Scene {
         } = self;
         *body == other.body
             && *horizon == other.horizon
-            && *material == other.material
+            && *materials == other.materials
             && *correspondence == other.correspondence
             && *sets == other.sets
             && *prescriptions == other.prescriptions
@@ -119,6 +119,11 @@ impl PartialEq for Scene {
 }
 
 impl Scene {
+    /// `[material]`, the first.
+    pub fn material(&self) -> &Material {
+        &self.materials[0]
+    }
+
     /// The horizon in m.
     pub fn horizon_radius(&self) -> f64 {
         match (self.horizon.extent, &self.body.points) {
@@ -227,7 +232,7 @@ pub enum HorizonExtent {
     Radius(f64),
 }
 
-/// `[material]`: the energy and its parameters.
+/// `[material]` or `[[material.plus]]`: a potential and its parameters. The energies of all add up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
     /// A file beside the scene if it ends in `.piola`, else a name in the library.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use piola_grammar::Diagnostic;
 
-use super::{Points, Scene, SceneReport};
+use super::{Horizon, Material, Points, Scene, SceneReport};
 use crate::weights::Weights;
 use crate::words::Words;
 use piola_grammar::suggest;
@@ -24,15 +24,16 @@ pub struct PotentialText {
 }
 
 impl Scene {
-    /// The text of the scene's potential: a file relative to `folder` if its name ends in `.piola`,
+    /// The text of a potential of the scene: a file relative to `folder` if its name ends in `.piola`,
     /// else whatever `library` has under that name. `names` are offered where it has nothing.
     pub fn potential(
         &self,
+        material: &Material,
         folder: &Path,
         library: &dyn Fn(&str) -> Option<&'static str>,
         names: &[&str],
     ) -> Result<PotentialText, SceneReport> {
-        let potential = &self.material.potential;
+        let potential = &material.potential;
         let name = potential.value.clone();
         if name.ends_with(".piola") {
             let path = folder.join(&name);
@@ -65,7 +66,7 @@ impl Scene {
             return None;
         }
         let Some(span) = self.horizon.weights_span else {
-            self.horizon.weights = Weights::Volumes;
+            self.horizon.weigh_volumes();
             return None;
         };
         let weights = self.horizon.weights.word();
@@ -81,6 +82,15 @@ impl Scene {
         match &self.body.points {
             Points::Cloud { path } => Some(folder.join(&path.value)),
             Points::Lattice(_) => None,
+        }
+    }
+}
+
+impl Horizon {
+    /// Takes products of volumes for weights, unless the scene states its own.
+    pub(crate) fn weigh_volumes(&mut self) {
+        if self.weights_span.is_none() {
+            self.weights = Weights::Volumes;
         }
     }
 }

@@ -98,9 +98,9 @@ fn every_key_is_read() {
     assert_eq!(scene.horizon.extent, HorizonExtent::Radius(0.15));
     assert_eq!(scene.horizon.weights, Weights::Volumes);
     assert_eq!(scene.horizon_radius(), 0.15);
-    assert_eq!(scene.material.potential.value, "law.piola");
+    assert_eq!(scene.material().potential.value, "law.piola");
     let parameters: Vec<(&str, &ParameterText)> = scene
-        .material
+        .material()
         .parameters
         .iter()
         .map(|parameter| (parameter.name.value.as_str(), &parameter.value.value))
@@ -112,7 +112,7 @@ fn every_key_is_read() {
         ("λ", &ParameterText::Number(2e9)),
     ];
     assert_eq!(parameters, expected);
-    let quantity = scene.material.parameters[1].value.span;
+    let quantity = scene.material().parameters[1].value.span;
     assert_eq!(&FULL[quantity.range()], "200 GPa");
     let sets: Vec<&str> = scene.sets.iter().map(|set| set.name.value.as_str()).collect();
     assert_eq!(sets, ["right", "left"]);
@@ -175,7 +175,7 @@ fn every_default_is_filled_in() {
     assert_eq!(scene.body.remove, []);
     assert_eq!(scene.horizon.weights, Weights::Uniform);
     assert_eq!(scene.horizon_radius(), 3.0 * 0.05);
-    assert_eq!(scene.material.parameters, []);
+    assert_eq!(scene.material().parameters, []);
     assert_eq!((scene.sets.len(), scene.prescriptions.len()), (0, 0));
     assert_eq!((scene.loads.len(), scene.probes.len()), (0, 0));
     assert_eq!(scene.steps, Steps { end: 1.0, increments: 25 });
@@ -476,9 +476,9 @@ fn overrides_replace_and_add() {
         Some(Quantity::Expression(expression)) if expression.text == "0.2*t"));
     assert_eq!(scene.solver.linear, LinearMethod::Cg);
     assert_eq!(scene.solver.max_iterations, 9);
-    assert_eq!(scene.material.potential.value, "law.piola");
+    assert_eq!(scene.material().potential.value, "law.piola");
     let quantity = ParameterText::Quantity("200 GPa".into());
-    assert_eq!(scene.material.parameters[0].value.value, quantity);
+    assert_eq!(scene.material().parameters[0].value.value, quantity);
     assert_eq!(scene.sets[1].name.value, "bottom");
     assert_eq!(scene.probes[0].at.value, [0.0, 0.0]);
     assert_eq!(read(&scene.resolved_toml()), scene);
@@ -558,26 +558,27 @@ fn the_potential_is_found_beside_the_scene_or_in_the_library() {
     std::fs::write(folder.path().join("law.piola"), "potential law").unwrap();
     let library = |name: &str| (name == "javili2020").then_some("potential javili2020");
     let names = ["javili2020"];
+    let find = |scene: &Scene| scene.potential(scene.material(), folder.path(), &library, &names);
 
-    let found = read(LEAST).potential(folder.path(), &library, &names).unwrap();
+    let found = find(&read(LEAST)).unwrap();
     assert_eq!((found.path, found.text.as_str()), (None, "potential javili2020"));
 
     let scene = read(&LEAST.replace("javili2020", "law.piola"));
-    let found = scene.potential(folder.path(), &library, &names).unwrap();
+    let found = find(&scene).unwrap();
     assert_eq!(found.path, Some(folder.path().join("law.piola")));
     assert_eq!(found.text, "potential law");
 
     let text = LEAST.replace("javili2020", "javilli2020");
-    let report = read(&text).potential(folder.path(), &library, &names).unwrap_err();
+    let report = find(&read(&text)).unwrap_err();
     assert_eq!(summary(&report, &report.findings[0]), "unknown-potential at \"javilli2020\"");
     assert_eq!(report.findings[0].diagnostic.label, "did you mean `javili2020`?");
 
     let text = LEAST.replace("javili2020", "none.piola");
-    let report = read(&text).potential(folder.path(), &library, &names).unwrap_err();
+    let report = find(&read(&text)).unwrap_err();
     assert_eq!(summary(&report, &report.findings[0]), "unreadable-file at \"none.piola\"");
 
     std::fs::write(folder.path().join("law.piola"), vec![b'x'; (1 << 20) + 1]).unwrap();
-    let report = scene.potential(folder.path(), &library, &names).unwrap_err();
+    let report = find(&scene).unwrap_err();
     assert!(report.to_string().contains("bytes"), "{report}");
 }
 

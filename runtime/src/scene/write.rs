@@ -19,7 +19,7 @@ impl Scene {
         let mut out = String::new();
         write_body(&mut out, &self.body);
         write_horizon(&mut out, &self.horizon);
-        write_material(&mut out, &self.material);
+        write_materials(&mut out, &self.materials);
         if let Some(settings) = &self.correspondence {
             write_correspondence(&mut out, settings);
         }
@@ -42,7 +42,7 @@ impl Scene {
     /// The part of it that says what the body is made of.
     pub fn material_toml(&self) -> String {
         let mut out = String::new();
-        write_material(&mut out, &self.material);
+        write_materials(&mut out, &self.materials);
         out
     }
 }
@@ -75,10 +75,20 @@ fn write_horizon(out: &mut String, horizon: &Horizon) {
     pair(out, "weights", word(horizon.weights));
 }
 
-fn write_material(out: &mut String, material: &Material) {
-    section(out, "[material]");
+fn write_materials(out: &mut String, materials: &[Material]) {
+    for (number, material) in materials.iter().enumerate() {
+        let titles = match number {
+            0 => ["[material]", "[material.parameters]"],
+            _ => ["[[material.plus]]", "[material.plus.parameters]"],
+        };
+        write_material(out, titles, material);
+    }
+}
+
+fn write_material(out: &mut String, [title, parameters]: [&str; 2], material: &Material) {
+    section(out, title);
     pair(out, "potential", string(&material.potential.value));
-    section(out, "[material.parameters]");
+    section(out, parameters);
     for parameter in &material.parameters {
         let value = match &parameter.value.value {
             ParameterText::Number(value) => number(*value),

@@ -4,9 +4,9 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::{Case, CaseError, ModelledEnergy, run};
-use crate::assembly::Report;
-use crate::energy::{NonFinite, TotalEnergy};
+use super::{Case, CaseError, run};
+use crate::energy::{Energy, NonFinite, Wanted};
+use crate::interaction::Report;
 use crate::output::summary::{Phase, PhaseClock, memory};
 use crate::scene::boundary::BoundaryConditions;
 use crate::solve::HeldTangent;
@@ -84,12 +84,11 @@ pub fn cost(case: &Case, mut clock: PhaseClock) -> Result<SceneCost, CaseError> 
     clock.enter("compile");
     let compiled = case.compile()?;
     clock.enter("interactions");
-    let modelled = case.energy(compiled)?;
-    let energy = modelled.total();
+    let energy = &case.energy(compiled)? as &dyn Energy;
     clock.enter("conditions");
-    let posed = Posed::new(case, &modelled)?;
+    let posed = Posed::new(case, energy)?;
     clock.enter("linear system: set up");
-    let solver = posed.solver(case, &modelled);
+    let solver = posed.solver(case, energy);
     let stored = match &solver {
         Ok(solver) => solver.stores_matrix(),
         Err(_) => energy.bond_pattern().is_none(),
@@ -99,7 +98,7 @@ pub fn cost(case: &Case, mut clock: PhaseClock) -> Result<SceneCost, CaseError> 
     let mut tangent = HeldTangent::new(energy, stored);
     let rhs = posed.right_hand_side(energy, &mut tangent).map_err(describe)?;
     let Posed { constraints, mut moved, .. } = posed;
-    let mut gradient = vec![0.0; moved.len()];
+    let (mut gradient, mut parts) = (vec![0.0; moved.len()], vec![0.0; energy.parts().len()]);
     let mut notes = Vec::new();
     let solved = solver.and_then(|solver| {
         let tangent = tangent.tangent().map_err(|found| case.describe(&found))?;
@@ -113,12 +112,12 @@ pub fn cost(case: &Case, mut clock: PhaseClock) -> Result<SceneCost, CaseError> 
             None
         }
     };
-    if linear.is_none() || tangent.evaluate(&moved, &mut gradient).is_err() {
+    if linear.is_none() || tangent.evaluate(&moved, &mut gradient, &mut parts).is_err() {
         notes.push("the passes are at rest".to_string());
         moved.fill(0.0);
     }
     let passes = passes(energy, &moved, &mut gradient, &mut tangent);
-    let report = modelled.report();
+    let report = energy.report();
     Ok(SceneCost {
         threads: rayon::current_num_threads(),
         points: report.n_points,
@@ -147,10 +146,10 @@ struct Posed {
 }
 
 impl Posed {
-    fn new(case: &Case, modelled: &ModelledEnergy) -> Result<Posed, CaseError> {
+    fn new(case: &Case, energy: &dyn Energy) -> Result<Posed, CaseError> {
         let selection = case.selection()?;
         let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
-        let n_dofs = modelled.total().positions().len();
+        let n_dofs = energy.positions().len();
         let constraints = Constraints::new(n_dofs, boundary.fixed_dofs())?;
         let first = case.scene.steps.end / case.scene.steps.increments.max(1) as f64;
         let mut moved = vec![0.0; n_dofs];
@@ -161,11 +160,11 @@ impl Posed {
     }
 
     /// The solver that a run would take; the reason if there is none.
-    fn solver(&self, case: &Case, modelled: &ModelledEnergy) -> Result<LinearSolver, String> {
-        check_rigid_motions(modelled.bonds(), case.body.positions(), &self.constraints)
+    fn solver(&self, case: &Case, energy: &dyn Energy) -> Result<LinearSolver, String> {
+        check_rigid_motions(energy.bonds(), case.body.positions(), &self.constraints)
             .map_err(|error| error.to_string())?;
         let options = run::settings(&case.scene).linear;
-        LinearSolver::of_energy(modelled.total(), &self.constraints, options)
+        LinearSolver::of_energy(energy, &self.constraints, options)
             .map_err(|error| error.to_string())
     }
 
@@ -173,13 +172,13 @@ impl Posed {
     /// rest.
     fn right_hand_side(
         &self,
-        energy: &dyn TotalEnergy,
+        energy: &dyn Energy,
         tangent: &mut HeldTangent<'_>,
     ) -> Result<Vec<f64>, NonFinite> {
         let rest = vec![0.0; self.moved.len()];
         let (mut gradient, mut forced) = (rest.clone(), rest.clone());
         energy.hessian(&rest)?.multiply(&self.moved, &mut forced);
-        tangent.evaluate(&rest, &mut gradient)?;
+        tangent.evaluate(&rest, &mut gradient, &mut vec![0.0; energy.parts().len()])?;
         let force = |dof: usize| self.loads[dof] - gradient[dof] - forced[dof];
         Ok((0..rest.len()).map(force).collect())
     }
@@ -217,13 +216,13 @@ fn linear_cost(report: LinearReport) -> LinearCost {
 
 /// The least times of passes in turn, in s.
 fn passes(
-    energy: &dyn TotalEnergy,
+    energy: &dyn Energy,
     u: &[f64],
     gradient: &mut [f64],
     tangent: &mut HeldTangent<'_>,
 ) -> Vec<(&'static str, f64)> {
     let direction = energy.positions().to_vec();
-    let mut product = vec![0.0; u.len()];
+    let (mut product, mut parts) = (vec![0.0; u.len()], vec![0.0; energy.parts().len()]);
     let mut names = vec!["energy", "gradient", "tangent", "product"];
     names.truncate(if tangent.is_stored() { 3 } else { 4 });
     let mut found: Vec<(&'static str, f64)> =
@@ -239,9 +238,9 @@ fn passes(
             let start = Instant::now();
             // All of it was evaluated at `u` before.
             let _ = match *name {
-                "energy" => energy.energy(u).map(|_| ()),
-                "gradient" => energy.gradient(u, gradient).map(|_| ()),
-                "tangent" => tangent.evaluate(u, gradient).map(|_| ()),
+                "energy" => energy.evaluate(u, Wanted::Energy, &mut parts),
+                "gradient" => energy.evaluate(u, Wanted::Forces(gradient), &mut parts),
+                "tangent" => tangent.evaluate(u, gradient, &mut parts),
                 _ => {
                     hessian.iter().for_each(|hessian| hessian.multiply(&direction, &mut product));
                     Ok(())

@@ -4,9 +4,9 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use super::run::{SceneDrive, check_held, differences, failed, settings, strained, sum_over};
+use super::run::{SceneDrive, check_held, failed, settings, sum_over};
 use super::{Case, CaseError};
-use crate::energy::{EnergyParts, FromPositions, TotalEnergy};
+use crate::energy::{Energy, EnergyParts};
 use crate::scene::boundary::BoundaryConditions;
 use crate::solve::steps::{State, StepError, StepRecord, run_steps};
 use crate::solve::{Event, Observer, Watch};
@@ -62,12 +62,11 @@ pub enum Attempt {
 /// A case that cannot start, as for [`run`](super::run()).
 pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
     let start = Instant::now();
-    let energy = case.energy(case.compile()?)?;
+    let energy = case.solved_energy(case.compile()?)?;
     let selection = case.selection()?;
     let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
     check_held(case, energy.bonds(), &boundary)?;
     let drive = SceneDrive::new(&boundary);
-    let rounded = FromPositions::new(energy.total(), case.body.positions());
     let mut reached = Equilibrium::default();
     let mut observer = |record: &StepRecord, state: &State<'_>| {
         reached.note(record);
@@ -91,11 +90,8 @@ pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
             .collect();
         ControlFlow::Continue(())
     };
-    let strained = strained(case, energy.total(), &rounded);
-    let differences = differences(case, strained);
-    let energy = differences.as_ref().map_or(strained, |energy| energy as &dyn TotalEnergy);
     let watch = Watch::by(Arc::new(Deadline { start, limit }));
-    match run_steps(energy, &drive, &settings(&case.scene), &watch, &mut observer) {
+    match run_steps(&energy, &drive, &settings(&case.scene), &watch, &mut observer) {
         Ok(outcome) if outcome.stopped => {
             Ok(Attempt::OutOfTime(outcome.records.last().map_or(0.0, |record| record.t)))
         }
@@ -127,7 +123,7 @@ impl Observer for Deadline {
 impl Equilibrium {
     /// Takes the step in; the last one stays.
     fn note(&mut self, record: &StepRecord) {
-        self.energy = record.energy_parts;
+        self.energy = record.energy_parts.clone();
         self.residual = record.residual_over_reaction.last().copied().unwrap_or(0.0);
         self.condition = record.condition;
         self.steps += 1;

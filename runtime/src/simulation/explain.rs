@@ -9,7 +9,8 @@ use piola_compiler::print::expression;
 use piola_compiler::{Interval, Measure, Model, Values, Variant};
 use piola_grammar::Diagnostic;
 
-use super::{Case, CaseError};
+use super::potential::is_sheet;
+use super::{Case, CaseError, Potential};
 use crate::energy::{Argument, NonFinite};
 use crate::scene::Scene;
 use crate::solve::rigid_modes::UnderConstrained;
@@ -40,7 +41,7 @@ pub(super) fn explain(case: &Case, found: &NonFinite) -> String {
             "psi(F) or a derivative is not finite for {place} {}: det F = {:e}{}",
             points.join(", "),
             found.value,
-            if super::is_sheet(&case.scene) {
+            if is_sheet(&case.scene) {
                 " in the plane (plane stress: or no thickness leaves the faces free)"
             } else {
                 ""
@@ -57,8 +58,17 @@ pub(super) fn explain(case: &Case, found: &NonFinite) -> String {
     };
     let _ = write!(text, ": {symbol} = {:e}, {twin} = {:e}", found.value, found.reference);
     text += &displaced(case, found);
-    if let Some(variant) = case.model.variant(case.body.dimension()) {
-        let energy = Reading { model: &case.model, values: &case.values, variant, measure, found };
+    let readings = case.potentials.iter().filter_map(|potential| {
+        let Potential { model, values, .. } = potential;
+        let variant = model.variant(case.body.dimension())?;
+        let has = variant.energies.iter().any(|energy| energy.measure == measure);
+        has.then_some(Reading { model, values, variant, measure, found })
+    });
+    let readings: Vec<Reading<'_>> = readings.collect();
+    // Of several potentials the one that fails, where that shows in what is written.
+    let failed = |energy: &&Reading<'_>| energy.failed_as_written(found.value).is_some();
+    let failing = readings.iter().find(failed);
+    for energy in failing.map_or(&readings[..], std::slice::from_ref) {
         energy.write_statements(&mut text);
         let _ = write!(text, "\n  {}", energy.reason());
     }
@@ -67,9 +77,10 @@ pub(super) fn explain(case: &Case, found: &NonFinite) -> String {
 
 /// The declared domain of psi(F) that does not hold this volume ratio.
 fn left_domain(case: &Case, j: f64) -> Option<&Interval> {
-    let domains = &case.model.variant(case.body.dimension())?.domains;
     let of_gradient = piola_compiler::Argument::Gradient;
-    domains.iter().find(|domain| domain.argument == of_gradient && !domain.contains(j))
+    let variants = case.potentials.iter().filter_map(|p| p.model.variant(case.body.dimension()));
+    let mut domains = variants.flat_map(|variant| &variant.domains);
+    domains.find(|domain| domain.argument == of_gradient && !domain.contains(j))
 }
 
 /// A line for each point: where it was and how far it moved.
@@ -242,7 +253,7 @@ pub(super) fn free_motion(scene: &Scene, error: &UnderConstrained) -> CaseError 
     let (span, label) = match (held, pulled) {
         (Some(span), _) => (span, "what is prescribed, here and below, does not hold it"),
         (None, Some(span)) => (span, "nothing holds what this pulls"),
-        (None, None) => (scene.material.potential.span, "no displacement is prescribed"),
+        (None, None) => (scene.material().potential.span, "no displacement is prescribed"),
     };
     let found = Diagnostic::error("free-motion", span, error.to_string()).label(label).help(
         "write a [[prescribe]] with a set of that part, and 0 where the component of u is \"free\": \

@@ -18,7 +18,6 @@ use crate::plan::{
 };
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::{LatticeShape, Points, Scene};
-use piola_compiler::Model;
 
 /// Boxes of more points than this are not filled for a plan.
 const FILLED: f64 = 4e5;
@@ -73,25 +72,24 @@ impl Case {
         Ok(self.plan_and_energies(threads)?.0)
     }
 
-    fn plan_and_energies(&self, threads: usize) -> Result<(Plan, Compiled), CaseError> {
+    fn plan_and_energies(&self, threads: usize) -> Result<(Plan, Vec<Compiled>), CaseError> {
         self.check_rest()?;
         let compiled = self.compile()?;
         let needed = Needed {
-            triangles: compiled.measures.contains(&Measure::Area),
-            tetrahedra: compiled.measures.contains(&Measure::Volume),
+            triangles: compiled.iter().any(|all| all.measures.contains(&Measure::Area)),
+            tetrahedra: compiled.iter().any(|all| all.measures.contains(&Measure::Volume)),
         };
         let Outline { extent, interactions, prescribed, notes } = match self.large_box() {
             Some(shape) => self.outline_of_box(shape, needed),
             None => self.outline_of_points(needed)?,
         };
-        let gathered = compiled.gathered.as_ref().map(|g| Families::States(g.integrals.len()));
-        let settings = self.scene.correspondence.as_ref().filter(|_| compiled.gradient.is_some());
         let plan = Plan::new(PlanInput {
             scene: &self.scene,
             extent,
             interactions,
-            kernels: kernel_notes(&compiled, &self.model, &self.scene),
-            families: gathered.or(settings.map(|settings| settings.discretisation.into())),
+            kernels: self.kernel_notes(&compiled),
+            energies: energies(&compiled),
+            families: self.families(&compiled),
             prescribed,
             notes,
             threads,
@@ -136,38 +134,59 @@ impl Case {
         let prescribed = boundary.fixed_dofs().len();
         Ok(Outline { extent: Extent::of(&self.body), interactions, prescribed, notes })
     }
+
+    /// What points know of their families, for each energy that needs it.
+    fn families(&self, compiled: &[Compiled]) -> Vec<Families> {
+        let settings = self.scene.correspondence.clone().unwrap_or_default();
+        let of = |compiled: &Compiled| {
+            let gathered = compiled.gathered.as_ref().map(|g| Families::States(g.integrals.len()));
+            let gradient = compiled.gradient.as_ref().map(|_| settings.discretisation.into());
+            [gathered, gradient]
+        };
+        compiled.iter().flat_map(of).flatten().collect()
+    }
+
+    /// What becomes of the energies; of several potentials with their names.
+    fn kernel_notes(&self, compiled: &[Compiled]) -> Vec<KernelNote> {
+        let alone = compiled.len() == 1;
+        let of = |compiled: &Compiled| {
+            let name = compiled.name.clone();
+            let notes = kernel_notes(compiled, &self.scene).into_iter();
+            notes.map(move |note| match alone {
+                true => note,
+                false => KernelNote { energy: format!("{name}: {}", note.energy), ..note },
+            })
+        };
+        compiled.iter().flat_map(of).collect()
+    }
 }
 
-fn kernel_notes(compiled: &Compiled, model: &Model, scene: &Scene) -> Vec<KernelNote> {
-    let modelled = compiled.measures.iter().map(|m| KernelNote {
-        energy: format!("psi({})", m.symbol()),
+/// How many energies of bonds, triangles and tetrahedra there are.
+fn energies(compiled: &[Compiled]) -> [usize; 3] {
+    let count = |measure| compiled.iter().filter(|all| all.measures.contains(measure)).count();
+    [Measure::Length, Measure::Area, Measure::Volume].each_ref().map(count)
+}
+
+fn kernel_notes(compiled: &Compiled, scene: &Scene) -> Vec<KernelNote> {
+    let modelled = |argument: &str, reason: String| KernelNote {
+        energy: format!("psi({argument})"),
         modelled: true,
-        reason: String::new(),
+        reason,
+    };
+    let measures = compiled.measures.iter().map(|m| modelled(m.symbol(), String::new()));
+    let gradient = compiled.gradient.iter().map(|_| {
+        let reason = scene.correspondence.as_ref().map_or_else(String::new, |c| c.to_string());
+        modelled("F", reason)
     });
+    let laws = compiled.gathered.as_ref();
+    let has = [laws.is_some_and(|g| g.points.is_some()), laws.is_some_and(|g| g.bonds.is_some())];
+    let gathered = compiled.arguments.iter().zip(has).filter(|(_, has)| *has);
+    let gathered =
+        gathered.map(|(argument, _)| modelled(argument, "gathered over families".into()));
     let dropped = compiled.dropped.iter().map(|d| KernelNote {
         energy: format!("psi({})", d.argument),
         modelled: false,
         reason: d.reason.clone(),
     });
-    let gradient = compiled.gradient.iter().map(|_| KernelNote {
-        energy: "psi(F)".to_string(),
-        modelled: true,
-        reason: scene.correspondence.as_ref().map_or_else(String::new, |c| c.to_string()),
-    });
-    let mut heads: Vec<&str> = Vec::new();
-    let gathered = compiled.gathered.as_ref();
-    let energies = model.variant(scene.body.dimension).map(|v| &v.gathered_energies);
-    for energy in energies.into_iter().flatten() {
-        let law = gathered
-            .and_then(|g| if energy.of_bonds { g.bonds.as_ref() } else { g.points.as_ref() });
-        if law.is_some() && !heads.contains(&energy.head.as_str()) {
-            heads.push(&energy.head);
-        }
-    }
-    let gathered = heads.into_iter().map(|head| KernelNote {
-        energy: format!("psi({head})"),
-        modelled: true,
-        reason: "gathered over families".to_string(),
-    });
-    modelled.chain(gradient).chain(gathered).chain(dropped).collect()
+    measures.chain(gradient).chain(gathered).chain(dropped).collect()
 }

@@ -1,104 +1,86 @@
-//! What a scene models: interactions, deformation gradients or gathered states, behind one face.
+//! The energies that a scene models, added up.
 
 use std::sync::Arc;
 
+use piola_compiler::GatheredKernels;
+
 use super::{Case, CaseError, Compiled, size};
-use crate::assembly::{DiscreteEnergy, Inverted, Report};
-use crate::body::Body;
+use crate::assembly::DiscreteEnergy;
 use crate::correspondence::influence::{Constant, CubicSpline, Influence, InverseLength};
 use crate::correspondence::{Correspondence, Discretisation, Formulation, Stabilisation};
-use crate::energy::TotalEnergy;
-use crate::kernel::{Law, Measure, VariablesLaw};
-use crate::matrix::BlockPattern;
-use crate::neighborhood::Neighborhood;
-use crate::scene::{InfluenceChoice, NamedInfluence};
+use crate::energy::{Term, Total};
+use crate::kernel::{Law, VariablesLaw};
+use crate::scene::{InfluenceChoice, NamedInfluence, StrainSource};
 use crate::sheet::Thick;
 use crate::states::{StateEnergy, StateLaws};
-use crate::weights::Weights;
-
-/// The discrete total energy of a scene.
-pub enum ModelledEnergy {
-    /// Energies of lengths, areas and volumes.
-    Interactions(Box<DiscreteEnergy>),
-    /// An energy of deformation gradients.
-    Gradients(Box<Correspondence>),
-    /// Energies of what points gather over their families.
-    States(Box<StateEnergy>),
-}
-
-impl ModelledEnergy {
-    /// As the solvers see it.
-    pub fn total(&self) -> &dyn TotalEnergy {
-        match self {
-            ModelledEnergy::Interactions(energy) => &**energy,
-            ModelledEnergy::Gradients(energy) => &**energy,
-            ModelledEnergy::States(energy) => &**energy,
-        }
-    }
-
-    /// What the body consists of.
-    pub fn report(&self) -> Report {
-        match self {
-            ModelledEnergy::Interactions(energy) => energy.report().clone(),
-            ModelledEnergy::Gradients(energy) => of_families(energy.neighborhood()),
-            ModelledEnergy::States(energy) => of_families(energy.neighborhood()),
-        }
-    }
-
-    /// How many interactions are turned inside out.
-    pub fn inverted(&self, u: &[f64]) -> Inverted {
-        match self {
-            ModelledEnergy::Interactions(energy) => energy.inverted(u),
-            ModelledEnergy::Gradients(_) | ModelledEnergy::States(_) => Inverted::default(),
-        }
-    }
-
-    /// Which points are neighbours, as blocks.
-    pub fn bonds(&self) -> &BlockPattern {
-        let total = self.total();
-        total.bond_pattern().unwrap_or_else(|| total.pattern())
-    }
-}
-
-/// What a body of families consists of.
-fn of_families(neighborhood: &Neighborhood) -> Report {
-    Report {
-        n_points: neighborhood.n_points(),
-        bonds: neighborhood.n_bonds() as u64,
-        shell_bonds: neighborhood.shell_bonds(),
-        ..Report::default()
-    }
-}
 
 impl Case {
-    /// The discrete total energy.
+    /// The discrete total energy: the sum of all energies of all potentials.
     ///
     /// # Errors
     /// A body that cannot be assembled: isolated or coincident points, nothing to model, more
     /// neighbours than the machine's memory holds, neighbours that determine no deformation gradient.
-    pub fn energy(&self, compiled: Compiled) -> Result<ModelledEnergy, CaseError> {
-        let (body, horizon) = (Arc::clone(&self.body), self.scene.horizon_radius());
-        size::check_neighbors(&body, horizon, size::family(&body, horizon))?;
-        compiled.check_kind()?;
-        if compiled.gathered.is_some() {
-            let laws = compiled.state_laws(self.thickness());
-            let energy = StateEnergy::new(body, horizon, laws)?;
-            return Ok(ModelledEnergy::States(Box::new(energy)));
+    pub fn energy(&self, compiled: Vec<Compiled>) -> Result<Total<'static>, CaseError> {
+        let horizon = self.scene.horizon_radius();
+        size::check_neighbors(&self.body, horizon, size::family(&self.body, horizon))?;
+        let alone = compiled.len() == 1;
+        let (mut terms, mut names) = (Vec::new(), Vec::new());
+        for compiled in compiled {
+            let potential = compiled.name.clone();
+            for term in self.terms(compiled)? {
+                let own = term.parts().iter();
+                names.extend(own.map(|part| match alone {
+                    true => part.clone(),
+                    false => format!("{potential}: {part}"),
+                }));
+                terms.push(term);
+            }
         }
-        let Some(law) = compiled.gradient else {
-            return interactions(body, horizon, self.scene.horizon.weights, compiled);
-        };
-        let thickness = self.thickness();
+        Ok(Total::named(terms, names.into()))
+    }
+
+    /// The same as a run of the scene sees it: strain and products come about as the scene says.
+    ///
+    /// # Errors
+    /// As [`Case::energy`].
+    pub fn solved_energy(&self, compiled: Vec<Compiled>) -> Result<Total<'static>, CaseError> {
+        let solver = &self.scene.solver;
+        let energy = self.energy(compiled)?.with_products(solver.products);
+        Ok(energy.from_positions(solver.strain == StrainSource::Positions))
+    }
+
+    /// The energies of a potential: of interactions, of gathered states, of deformation gradients.
+    fn terms(&self, compiled: Compiled) -> Result<Vec<Term<'static>>, CaseError> {
+        let horizon = self.scene.horizon_radius();
+        let mut terms = Vec::new();
+        let has_families = compiled.gathered.is_some() || compiled.gradient.is_some();
+        if !compiled.measures.is_empty() || !has_families {
+            let (body, weights) = (Arc::clone(&self.body), self.scene.horizon.weights);
+            let energy = DiscreteEnergy::with_elements(body, horizon, weights, compiled.elements)?;
+            terms.push(Box::new(energy).into());
+        }
+        if let Some(kernels) = compiled.gathered {
+            let laws = state_laws(kernels, compiled.arguments, self.thickness());
+            let energy = StateEnergy::new(Arc::clone(&self.body), horizon, laws)?;
+            terms.push(Box::new(energy).into());
+        }
+        if let Some(law) = compiled.gradient {
+            terms.push(Box::new(self.correspondence(law)?).into());
+        }
+        Ok(terms)
+    }
+
+    fn correspondence(&self, law: Box<dyn VariablesLaw>) -> Result<Correspondence, CaseError> {
+        let (horizon, thickness) = (self.scene.horizon_radius(), self.thickness());
         let settings = self.scene.correspondence.clone().unwrap_or_default();
-        let influence = influence(&settings.influence, body.dimension(), horizon);
+        let influence = influence(&settings.influence, self.body.dimension(), horizon);
         let formulation = Formulation {
             horizon,
             order: settings.order,
             discretisation: discretisation(settings.discretisation, thickness),
             influence: &*influence,
         };
-        let energy = Correspondence::new(body, formulation, thick(law, thickness))?;
-        Ok(ModelledEnergy::Gradients(Box::new(energy)))
+        Ok(Correspondence::new(Arc::clone(&self.body), formulation, thick(law, thickness))?)
     }
 }
 
@@ -107,54 +89,19 @@ fn thick(law: impl VariablesLaw + 'static, thickness: f64) -> Box<dyn VariablesL
     if thickness == 1.0 { Box::new(law) } else { Box::new(Thick { law, thickness }) }
 }
 
-impl Compiled {
-    /// Refuses energies of several kinds.
-    ///
-    /// # Errors
-    /// Which they are.
-    pub(crate) fn check_kind(&self) -> Result<(), CaseError> {
-        let message = if self.gathered.is_some() {
-            let other = self.measures.iter().find(|measure| **measure != Measure::Length);
-            let other = other.map(|m| m.symbol()).or(self.gradient.as_ref().map(|_| "F"));
-            other.map(|other| {
-                format!(
-                    "the potential has energies of gathered values and of {other}: beside them there \
-                     may be psi(l) only; put them into two potentials, or drop one by a coefficient 0"
-                )
-            })
-        } else {
-            let other = self.measures.first().filter(|_| self.gradient.is_some());
-            other.map(|measure| {
-                format!(
-                    "the potential has energies of F and of {}: a scene models one kind; put them \
-                     into two potentials, or drop one by a coefficient 0",
-                    measure.symbol()
-                )
-            })
-        };
-        message.map_or(Ok(()), |message| Err(CaseError::Body { message }))
+/// The energies of gathered states of a body of this thickness.
+pub(crate) fn state_laws(
+    kernels: GatheredKernels,
+    arguments: [String; 2],
+    thickness: f64,
+) -> StateLaws {
+    StateLaws {
+        integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
+        points: kernels.points.map(|law| thick(law, thickness)),
+        bonds: kernels.bonds.map(|law| thick(law, thickness)),
+        plain: None,
+        arguments,
     }
-
-    /// The energies of gathered states of a body of this thickness.
-    pub(crate) fn state_laws(self, thickness: f64) -> StateLaws {
-        let kernels = self.gathered.unwrap_or_default();
-        StateLaws {
-            integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
-            points: kernels.points.map(|law| thick(law, thickness)),
-            bonds: kernels.bonds.map(|law| thick(law, thickness)),
-            plain: self.plain.map(|law| Box::new(law) as Box<dyn Law>),
-        }
-    }
-}
-
-fn interactions(
-    body: Arc<Body>,
-    horizon: f64,
-    weights: Weights,
-    compiled: Compiled,
-) -> Result<ModelledEnergy, CaseError> {
-    let energy = DiscreteEnergy::with_elements(body, horizon, weights, compiled.elements)?;
-    Ok(ModelledEnergy::Interactions(Box::new(energy)))
 }
 
 /// Of the material's volume as of the points': per area in two dimensions.

@@ -4,9 +4,9 @@ use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use super::run::{SceneDrive, differences, failed, settings, strained};
+use super::run::{SceneDrive, failed, settings};
 use super::{Case, CaseError, Compiled};
-use crate::energy::{FromPositions, TotalEnergy};
+use crate::energy::Energy;
 use crate::plan::FirstIncrement;
 use crate::scene::boundary::BoundaryConditions;
 use crate::solve::constraint::Constraints;
@@ -24,25 +24,21 @@ const FACTOR_OPERATIONS: f64 = 1e10;
 /// A case that cannot start.
 pub(super) fn first_increment(
     case: &Case,
-    compiled: Compiled,
+    compiled: Vec<Compiled>,
     patience: Duration,
 ) -> Result<Option<FirstIncrement>, CaseError> {
-    let modelled = case.energy(compiled)?;
+    let energy = case.solved_energy(compiled)?;
     let selection = case.selection()?;
     let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
-    let rounded = FromPositions::new(modelled.total(), case.body.positions());
-    let strained = strained(case, modelled.total(), &rounded);
-    let differences = differences(case, strained);
-    let energy = differences.as_ref().map_or(strained, |energy| energy as &dyn TotalEnergy);
     let settings = settings(&case.scene);
-    if is_long(energy, boundary.fixed_dofs(), settings.linear) {
+    if is_long(&energy, boundary.fixed_dofs(), settings.linear) {
         return Ok(None);
     }
     let ledger = Arc::new(Ledger { until: Instant::now() + patience, seen: Mutex::default() });
     let watch = Watch::by(Arc::clone(&ledger) as Arc<dyn Observer>);
     let drive = SceneDrive::new(&boundary);
     let nominal = settings.end / settings.increments as f64;
-    let outcome = run_steps(energy, &drive, &settings, &watch, &mut |_, _| ControlFlow::Break(()));
+    let outcome = run_steps(&energy, &drive, &settings, &watch, &mut |_, _| ControlFlow::Break(()));
     let mut first = ledger.read();
     match outcome {
         Ok(outcome) => {
@@ -62,7 +58,7 @@ pub(super) fn first_increment(
 }
 
 /// Whether a factorisation would take longer than a plan may.
-fn is_long(energy: &dyn TotalEnergy, fixed: &[usize], options: LinearOptions) -> bool {
+fn is_long(energy: &dyn Energy, fixed: &[usize], options: LinearOptions) -> bool {
     let Ok(constraints) = Constraints::new(energy.positions().len(), fixed) else { return false };
     let Ok(mut solver) = LinearSolver::of_energy(energy, &constraints, options) else {
         return false;

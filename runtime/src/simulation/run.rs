@@ -3,9 +3,9 @@
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 
-use super::{Case, CaseError, ModelledEnergy, explain};
-use crate::assembly::{Inverted, Report};
-use crate::energy::{FiniteDifferences, FromPositions, Products, TotalEnergy};
+use super::{Case, CaseError, explain};
+use crate::energy::{Energy, Total};
+use crate::interaction::{Inverted, Report};
 use crate::matrix::BlockPattern;
 use crate::output::picture::{NamedPoints, Picture};
 use crate::output::pvd::FrameSeries;
@@ -19,7 +19,7 @@ use crate::output::{
 use crate::plan::available_memory;
 use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
 use crate::scene::selection::Selection;
-use crate::scene::{Scene, StrainSource, Unstable};
+use crate::scene::{Scene, Unstable};
 use crate::solve::constraint::Constraints;
 use crate::solve::linear::{self, BLOCK_JACOBI, LinearOptions, PreconditionerChoice};
 use crate::solve::newton::{NewtonFailure, NewtonSettings, NewtonVariant};
@@ -90,7 +90,7 @@ pub fn run(
     enter(&mut clock, watch, "compile");
     let compiled = case.compile()?;
     enter(&mut clock, watch, "interactions");
-    let energy = case.energy(compiled)?;
+    let energy = case.solved_energy(compiled)?;
     let selection = case.selection()?;
     let boundary =
         BoundaryConditions::new(&case.scene, &case.body, &selection).map_err(CaseError::from)?;
@@ -103,11 +103,7 @@ pub fn run(
     let drive = SceneDrive::new(&boundary);
     let points = Points::of(&case.body);
     let mut recorder = Recorder::new(case, &energy, &selection, folder, &points, clock)?;
-    let rounded = FromPositions::new(energy.total(), case.body.positions());
-    let strained = strained(case, energy.total(), &rounded);
-    let differences = differences(case, strained);
-    let whole = differences.as_ref().map_or(strained, |energy| energy as &dyn TotalEnergy);
-    let result = run_steps(whole, &drive, &settings(&case.scene), watch, &mut |record, state| {
+    let result = run_steps(&energy, &drive, &settings(&case.scene), watch, &mut |record, state| {
         recorder.record(record, state)
     });
     watch.notice(Event::Phase("output"));
@@ -136,27 +132,6 @@ pub(super) fn check_held(
     let constraints = Constraints::new(n_dofs, boundary.fixed_dofs())?;
     check_rigid_motions(bonds, case.body.positions(), &constraints)
         .map_err(|error| explain::free_motion(&case.scene, &error))
-}
-
-/// The energy with its strain from what the scene says.
-pub(super) fn strained<'a>(
-    case: &Case,
-    energy: &'a dyn TotalEnergy,
-    from_positions: &'a FromPositions<'a>,
-) -> &'a dyn TotalEnergy {
-    match case.scene.solver.strain {
-        StrainSource::Displacements => energy,
-        StrainSource::Positions => from_positions,
-    }
-}
-
-/// The energy with products by differences of its forces, where the scene says so.
-pub(super) fn differences<'a>(
-    case: &Case,
-    energy: &'a dyn TotalEnergy,
-) -> Option<FiniteDifferences<'a>> {
-    let products = case.scene.solver.products;
-    (products != Products::Exact).then(|| FiniteDifferences::new(energy, products))
 }
 
 /// The sum over some points of a force per point, `n x d`.
@@ -325,7 +300,7 @@ pub(super) fn failed(case: &Case, failure: &NotConverged) -> (ExitReason, String
 /// Writes what the steps bring.
 struct Recorder<'a> {
     case: &'a Case,
-    energy: &'a ModelledEnergy,
+    energy: &'a Total<'a>,
     selection: &'a Selection,
     folder: &'a OutputFolder,
     points: &'a Points,
@@ -341,7 +316,7 @@ struct Recorder<'a> {
 impl<'a> Recorder<'a> {
     fn new(
         case: &'a Case,
-        energy: &'a ModelledEnergy,
+        energy: &'a Total<'a>,
         selection: &'a Selection,
         folder: &'a OutputFolder,
         points: &'a Points,
@@ -353,7 +328,8 @@ impl<'a> Recorder<'a> {
         frames.push(&last)?;
         let sets = selection.sets.iter().map(|set| set.name.clone()).collect();
         let probes = selection.probes.iter().map(|probe| probe.name.clone()).collect();
-        let history = History::new(case.body.dimension(), sets, probes);
+        let parts = energy.parts().to_vec();
+        let history = History::new(case.body.dimension(), parts, sets, probes);
         let nominal = 0;
         Ok(Recorder {
             case,
@@ -382,7 +358,7 @@ impl<'a> Recorder<'a> {
             iterations: record.iterations,
             residual: record.residual.clone(),
             residual_over_reaction: record.residual_over_reaction.clone(),
-            energy_parts: record.energy_parts,
+            energy_parts: record.energy_parts.clone(),
             reactions: self
                 .selection
                 .sets
@@ -459,7 +435,10 @@ impl<'a> Recorder<'a> {
         let warnings = [options.warnings.as_slice(), &ending.warnings].concat();
         let summary = Summary {
             versions: versions(),
-            scene_hash: scene_hash(resolved, &self.case.potential.text),
+            scene_hash: scene_hash(
+                resolved,
+                self.case.potentials.iter().map(|p| p.text.text.as_str()),
+            ),
             exit_reason: ending.reason,
             exit_message: ending.message.clone(),
             dimension: body.dimension(),

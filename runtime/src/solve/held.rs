@@ -3,7 +3,7 @@
 use std::cell::OnceCell;
 
 use super::linear::{Tangent, absolute_of_diagonal};
-use crate::energy::{EnergyParts, Hessian, NonFinite, TotalEnergy};
+use crate::energy::{Energy, Hessian, NonFinite, Wanted};
 use crate::matrix::BlockMatrix;
 
 enum Storage {
@@ -11,12 +11,12 @@ enum Storage {
     /// The diagonal blocks.
     Diagonal(Vec<f64>),
     /// What couples bonded points.
-    Bonds(BlockMatrix),
+    Springs(BlockMatrix),
 }
 
 /// A tangent and where it was evaluated.
 pub(crate) struct HeldTangent<'a> {
-    energy: &'a dyn TotalEnergy,
+    energy: &'a dyn Energy,
     storage: Storage,
     /// What multiplies where the matrix is not stored, once it is asked for.
     hessian: OnceCell<Box<dyn Hessian + 'a>>,
@@ -26,37 +26,39 @@ pub(crate) struct HeldTangent<'a> {
 
 impl<'a> HeldTangent<'a> {
     /// Room for a tangent, stored or not.
-    pub(crate) fn new(energy: &'a dyn TotalEnergy, stored: bool) -> HeldTangent<'a> {
+    pub(crate) fn new(energy: &'a dyn Energy, stored: bool) -> HeldTangent<'a> {
         let n = energy.positions().len();
         let storage = match (stored, energy.bond_pattern()) {
             (true, _) => Storage::Matrix(BlockMatrix::zeros(energy.pattern())),
-            (false, Some(pattern)) => Storage::Bonds(BlockMatrix::zeros(pattern)),
+            (false, Some(pattern)) => Storage::Springs(BlockMatrix::zeros(pattern)),
             (false, None) => Storage::Diagonal(vec![0.0; n * energy.dimension()]),
         };
         let hessian = OnceCell::new();
         HeldTangent { energy, storage, hessian, at: vec![0.0; n], is_valid: false }
     }
 
-    /// Takes the tangent at `u`; also the energy and its gradient.
+    /// Takes the tangent at `u`; also the parts of the energy and its gradient.
     pub(crate) fn evaluate(
         &mut self,
         u: &[f64],
         gradient: &mut [f64],
-    ) -> Result<EnergyParts, NonFinite> {
+        parts: &mut [f64],
+    ) -> Result<(), NonFinite> {
         self.is_valid = false;
         // The one before goes first: there is room for one.
         self.hessian = OnceCell::new();
-        let parts = match &mut self.storage {
-            Storage::Matrix(matrix) => self.energy.tangent(u, gradient, matrix)?,
-            Storage::Diagonal(diagonal) => self.energy.tangent_diagonal(u, gradient, diagonal)?,
-            Storage::Bonds(bonds) => {
-                self.energy.bond_tangent(u, bonds);
-                self.energy.gradient(u, gradient)?
+        let wanted = match &mut self.storage {
+            Storage::Matrix(matrix) => Wanted::Tangent(gradient, matrix),
+            Storage::Diagonal(diagonal) => Wanted::Diagonal(gradient, diagonal),
+            Storage::Springs(springs) => {
+                self.energy.springs(u, springs);
+                Wanted::Forces(gradient)
             }
         };
+        self.energy.evaluate(u, wanted, parts)?;
         self.at.copy_from_slice(u);
         self.is_valid = true;
-        Ok(parts)
+        Ok(())
     }
 
     /// Whether it is the tangent at `u`.
@@ -71,7 +73,7 @@ impl<'a> HeldTangent<'a> {
             Storage::Diagonal(diagonal) => {
                 Tangent::MatrixFree { hessian: self.hessian()?, diagonal }
             }
-            Storage::Bonds(bonds) => Tangent::Bonds { hessian: self.hessian()?, bonds },
+            Storage::Springs(bonds) => Tangent::Bonds { hessian: self.hessian()?, bonds },
         })
     }
 
@@ -86,7 +88,7 @@ impl<'a> HeldTangent<'a> {
     /// `|K| |x|` as [`Tangent::multiply_absolute`]: of what is stored, so that nothing need be made.
     pub(super) fn multiply_absolute(&self, x: &[f64]) -> Vec<f64> {
         match &self.storage {
-            Storage::Matrix(matrix) | Storage::Bonds(matrix) => matrix.multiply_absolute(x),
+            Storage::Matrix(matrix) | Storage::Springs(matrix) => matrix.multiply_absolute(x),
             Storage::Diagonal(diagonal) => absolute_of_diagonal(diagonal, x),
         }
     }
@@ -99,7 +101,7 @@ impl<'a> HeldTangent<'a> {
     /// What is stored of it, in bytes.
     pub(crate) fn bytes(&self) -> u64 {
         let numbers = match &self.storage {
-            Storage::Matrix(matrix) | Storage::Bonds(matrix) => &matrix.values[..],
+            Storage::Matrix(matrix) | Storage::Springs(matrix) => &matrix.values[..],
             Storage::Diagonal(diagonal) => diagonal,
         };
         size_of_val(numbers) as u64

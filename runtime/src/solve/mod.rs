@@ -8,7 +8,7 @@
 //! | [`newton`] | finds the stationary point of `E(u) - f.u` at fixed prescribed values |
 //! | [`steps`] | goes from `t = 0` to the end, with smaller increments where Newton's method fails |
 //!
-//! Everything works on any [`TotalEnergy`](crate::energy::TotalEnergy). The bits of the results do
+//! Everything works on any [`Energy`](crate::energy::Energy). The bits of the results do
 //! not depend on the number of threads.
 
 mod clock;

@@ -23,7 +23,7 @@ use super::linear::{
 pub use super::newton_outcome::{History, NewtonError, NewtonFailure, NewtonReport};
 use super::vector::{dot, norm, norm_of};
 use super::watch::{Event, Watch};
-use crate::energy::{EnergyParts, NonFinite, TotalEnergy};
+use crate::energy::{Energy, EnergyParts, NonFinite, Wanted, magnitude, total};
 use crate::words::Words;
 
 /// Unit roundoff of f64.
@@ -84,13 +84,14 @@ fn beyond(step: &[f64]) -> Vec<f64> {
 ///
 /// Keeps the tangent, its factors and the state they belong to from one solve to the next.
 pub struct Newton<'a> {
-    energy: &'a dyn TotalEnergy,
+    energy: &'a dyn Energy,
     constraints: Constraints,
     settings: NewtonSettings,
     linear: LinearSolver,
     tangent: HeldTangent<'a>,
     gradient: Vec<f64>,
-    parts: EnergyParts,
+    /// The parts of the energy there, in J.
+    parts: Vec<f64>,
     /// The displacements of `gradient`.
     evaluated_at: Option<Vec<f64>>,
     /// The rounding error of the forces there, once it is asked for.
@@ -108,7 +109,7 @@ pub struct Newton<'a> {
 impl<'a> Newton<'a> {
     /// Does the symbolic part of the linear solver's work.
     pub fn new(
-        energy: &'a dyn TotalEnergy,
+        energy: &'a dyn Energy,
         constraints: &Constraints,
         settings: NewtonSettings,
         linear: LinearOptions,
@@ -124,7 +125,7 @@ impl<'a> Newton<'a> {
             forcing: Forcing::new(settings.variant, settings.tolerance),
             full_steps_only: false,
             gradient: vec![0.0; constraints.n_dofs()],
-            parts: EnergyParts::default(),
+            parts: vec![0.0; energy.parts().len()],
             evaluated_at: None,
             factorized: false,
             counters: Counters::default(),
@@ -227,7 +228,7 @@ impl<'a> Newton<'a> {
             let converged = self.is_converged(loads, history, &mut report.notes)?;
             self.tell(report.iterations, history);
             if converged {
-                report.energy = self.parts;
+                report.energy = EnergyParts::new(self.energy.parts(), self.parts.clone());
                 report.rounding_floor = self.rounding_floor(loads);
                 return Ok(report);
             }
@@ -364,7 +365,7 @@ impl<'a> Newton<'a> {
         loads: &[f64],
         negative_pivots: Option<usize>,
     ) -> Result<f64, NewtonFailure> {
-        let start = self.trial(u, direction, loads, &self.gradient, self.parts);
+        let start = self.trial(u, direction, loads, &self.gradient, &self.parts);
         let noise = 100.0 * ROUNDOFF * self.energy_scale(u, loads);
         let floor = ROUNDING_MULTIPLE * self.rounding();
         let inversion = self.energy.first_inversion(u, &beyond(direction));
@@ -374,22 +375,23 @@ impl<'a> Newton<'a> {
         }
         let mut not_finite = inversion.map(|inversion| inversion.first);
         let origin = u.to_vec();
-        let mut gradient = vec![0.0; u.len()];
+        let (mut gradient, mut parts) = (vec![0.0; u.len()], vec![0.0; self.parts.len()]);
         while let Some(length) = search.next_length() {
             for (u, (origin, d)) in u.iter_mut().zip(origin.iter().zip(direction)) {
                 *u = origin + length * d;
             }
             let is_full = length == 1.0;
-            let parts = if is_full {
+            let evaluated = if is_full {
                 self.evaluate(u, !self.is_modified())
             } else {
                 self.counters.gradients += 1;
-                let energy = self.energy;
-                timed(&mut self.times.line_search, || energy.gradient(u, &mut gradient))
+                let (energy, wanted) = (self.energy, Wanted::Forces(&mut gradient));
+                timed(&mut self.times.line_search, || energy.evaluate(u, wanted, &mut parts))
             };
-            let trial = match parts {
-                Ok(parts) => {
-                    let gradient = if is_full { &self.gradient } else { &gradient };
+            let trial = match evaluated {
+                Ok(()) => {
+                    let own = (&self.gradient, &self.parts);
+                    let (gradient, parts) = if is_full { own } else { (&gradient, &parts) };
                     Some(self.trial(u, direction, loads, gradient, parts))
                 }
                 Err(error) => {
@@ -415,12 +417,12 @@ impl<'a> Newton<'a> {
         direction: &[f64],
         loads: &[f64],
         gradient: &[f64],
-        parts: EnergyParts,
+        parts: &[f64],
     ) -> Trial {
         let residual = |&dof: &usize| gradient[dof] - loads[dof];
         let free = self.constraints.free();
         Trial {
-            potential: parts.total() - dot(loads, u),
+            potential: total(parts) - dot(loads, u),
             slope: free.iter().fold(0.0, |sum, dof| sum + residual(dof) * direction[*dof]),
             residual: norm(free.iter().map(residual)),
         }
@@ -429,30 +431,30 @@ impl<'a> Newton<'a> {
     /// The size of the terms whose difference is the potential.
     fn energy_scale(&self, u: &[f64], loads: &[f64]) -> f64 {
         let work = loads.iter().zip(u).fold(0.0, |sum, (f, u)| sum + (f * u).abs());
-        self.parts.magnitude() + work
+        magnitude(&self.parts) + work
     }
 
     /// Energy and gradient at `u`, and the tangent if asked for, unless they are at hand.
-    fn evaluate(&mut self, u: &[f64], with_tangent: bool) -> Result<EnergyParts, NonFinite> {
+    fn evaluate(&mut self, u: &[f64], with_tangent: bool) -> Result<(), NonFinite> {
         let at_hand = self.evaluated_at.as_deref() == Some(u);
         if at_hand && (!with_tangent || self.tangent.is_at(u)) {
-            return Ok(self.parts);
+            return Ok(());
         }
         self.evaluated_at = None;
         self.rounding.set(None);
-        let (energy, gradient) = (self.energy, &mut self.gradient);
-        let parts = if with_tangent {
+        let (energy, gradient, parts) = (self.energy, &mut self.gradient, &mut self.parts);
+        if with_tangent {
             self.factorized = false;
             self.counters.tangents += 1;
             let tangent = &mut self.tangent;
-            timed(&mut self.times.assembly, || tangent.evaluate(u, gradient))?
+            timed(&mut self.times.assembly, || tangent.evaluate(u, gradient, parts))?;
         } else {
             self.counters.gradients += 1;
-            timed(&mut self.times.assembly, || energy.gradient(u, gradient))?
-        };
-        self.parts = parts;
+            let wanted = Wanted::Forces(gradient);
+            timed(&mut self.times.assembly, || energy.evaluate(u, wanted, parts))?;
+        }
         self.evaluated_at = Some(u.to_vec());
-        Ok(parts)
+        Ok(())
     }
 
     /// What the residual is compared with: the larger of the 2-norms of reactions and loads.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::energy::TotalEnergy;
+use crate::energy::Energy;
 use crate::solve::testing::{SpringNetwork, linear};
 
 fn motions(network: &SpringNetwork, fixed: &[usize]) -> Vec<Vec<String>> {

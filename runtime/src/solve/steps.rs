@@ -12,7 +12,7 @@ use super::increment::{Increment, TICKS};
 use super::linear::{Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport};
 use super::newton::{Newton, NewtonError, NewtonFailure, NewtonReport, NewtonSettings};
 use super::watch::{Event, Watch};
-use crate::energy::{EnergyParts, TotalEnergy};
+use crate::energy::{Energy, EnergyParts};
 use crate::words::Words;
 
 /// What drives the body: prescribed values and loads as functions of `t`.
@@ -105,7 +105,7 @@ pub struct StepRecord {
 }
 
 /// The state at a converged step; all are `n x d`, in the body's order.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct State<'a> {
     /// The time.
     pub t: f64,
@@ -208,7 +208,7 @@ pub struct NotConverged {
 /// Follows the drive from rest at `t = 0` to the end; `observer` sees each converged step and may
 /// end the run, `watch` sees what goes on within steps and may end it there.
 pub fn run_steps(
-    energy: &dyn TotalEnergy,
+    energy: &dyn Energy,
     drive: &dyn Drive,
     settings: &StepSettings,
     watch: &Watch,
@@ -361,7 +361,7 @@ impl<'a> Run<'a> {
             displacements: &self.u,
             internal_forces: self.newton.internal_forces(),
             loads: &loads,
-            energy: record.energy_parts,
+            energy: record.energy_parts.clone(),
         };
         self.watch.notice(Event::Step(&record));
         let flow = observer(&record, &state);

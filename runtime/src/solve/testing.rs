@@ -1,8 +1,9 @@
-//! Networks of springs that implement [`TotalEnergy`] in a few lines, for the tests of the solvers.
+//! Networks of springs that implement [`Energy`] in a few lines, for the tests of the solvers.
 
 use std::sync::Arc;
 
-use crate::energy::{Argument, EnergyParts, Hessian, NonFinite, TotalEnergy};
+use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted};
+use crate::interaction::Report;
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
 
@@ -44,6 +45,7 @@ pub(crate) struct SpringNetwork {
     pub(crate) positions: Vec<f64>,
     pub(crate) bonds: Vec<(usize, usize)>,
     pub(crate) law: SpringLaw,
+    names: Arc<[String]>,
     pattern: Arc<BlockPattern>,
 }
 
@@ -66,7 +68,8 @@ impl SpringNetwork {
             Some(*total)
         }));
         let pattern = BlockPattern { dimension, row_start, columns: rows.concat() };
-        SpringNetwork { dimension, positions, bonds, law, pattern: Arc::new(pattern) }
+        let names = Arc::new(["psi(l)".to_string()]);
+        SpringNetwork { dimension, positions, bonds, law, names, pattern: Arc::new(pattern) }
     }
 
     /// A lattice of `counts` points with unit spacing, bonds up to `reach` spacings.
@@ -123,12 +126,12 @@ impl SpringNetwork {
         start + row.binary_search(&(j as u32)).unwrap()
     }
 
-    fn evaluate(
+    fn assemble(
         &self,
         u: &[f64],
         mut gradient: Option<&mut [f64]>,
         mut tangent: Option<&mut BlockMatrix>,
-    ) -> Result<EnergyParts, NonFinite> {
+    ) -> Result<f64, NonFinite> {
         let d = self.dimension;
         if let Some(gradient) = gradient.as_deref_mut() {
             gradient.fill(0.0);
@@ -136,7 +139,7 @@ impl SpringNetwork {
         if let Some(tangent) = tangent.as_deref_mut() {
             tangent.values.fill(0.0);
         }
-        let mut energy = EnergyParts::default();
+        let mut energy = 0.0;
         for &(i, j) in &self.bonds {
             let xi: Vec<f64> =
                 (0..d).map(|a| self.positions[j * d + a] - self.positions[i * d + a]).collect();
@@ -161,7 +164,7 @@ impl SpringNetwork {
                     inverted,
                 });
             }
-            energy.bonds += psi;
+            energy += psi;
             if let Some(gradient) = gradient.as_deref_mut() {
                 for a in 0..d {
                     gradient[i * d + a] -= force * zeta[a] / length;
@@ -187,7 +190,7 @@ impl SpringNetwork {
     }
 }
 
-impl TotalEnergy for SpringNetwork {
+impl Energy for SpringNetwork {
     fn dimension(&self) -> usize {
         self.dimension
     }
@@ -196,45 +199,44 @@ impl TotalEnergy for SpringNetwork {
         &self.positions
     }
 
+    fn parts(&self) -> &Arc<[String]> {
+        &self.names
+    }
+
+    fn report(&self) -> Report {
+        Report { bonds: self.bonds.len() as u64, ..Report::default() }
+    }
+
     fn pattern(&self) -> &Arc<BlockPattern> {
         &self.pattern
     }
 
-    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
-        self.evaluate(u, None, None)
+    fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
+        parts[0] = match wanted {
+            Wanted::Energy => self.assemble(u, None, None)?,
+            Wanted::Forces(forces) => self.assemble(u, Some(forces), None)?,
+            Wanted::Tangent(forces, tangent) => self.assemble(u, Some(forces), Some(tangent))?,
+            Wanted::Diagonal(forces, diagonal) => {
+                let mut tangent = BlockMatrix::zeros(&self.pattern);
+                let energy = self.assemble(u, Some(forces), Some(&mut tangent))?;
+                let block = self.dimension * self.dimension;
+                let rows = self.pattern.row_start.iter().zip(diagonal.chunks_exact_mut(block));
+                for (row, out) in rows {
+                    out.copy_from_slice(&tangent.values[row * block..(row + 1) * block]);
+                }
+                energy
+            }
+        };
+        Ok(())
     }
 
-    fn gradient(&self, u: &[f64], gradient: &mut [f64]) -> Result<EnergyParts, NonFinite> {
-        self.evaluate(u, Some(gradient), None)
-    }
-
-    fn tangent(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        tangent: &mut BlockMatrix,
-    ) -> Result<EnergyParts, NonFinite> {
-        self.evaluate(u, Some(gradient), Some(tangent))
-    }
-
-    fn tangent_diagonal(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        diagonal: &mut [f64],
-    ) -> Result<EnergyParts, NonFinite> {
-        let mut tangent = BlockMatrix::zeros(&self.pattern);
-        let parts = self.evaluate(u, Some(gradient), Some(&mut tangent))?;
-        let block = self.dimension * self.dimension;
-        for (row, out) in self.pattern.row_start.iter().zip(diagonal.chunks_exact_mut(block)) {
-            out.copy_from_slice(&tangent.values[row * block..(row + 1) * block]);
-        }
-        Ok(parts)
+    fn shares(&self, _: &[f64], _: &mut [f64]) -> Result<(), NonFinite> {
+        unimplemented!("no solver asks for it")
     }
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
         let mut tangent = BlockMatrix::zeros(&self.pattern);
-        self.evaluate(u, None, Some(&mut tangent))?;
+        self.assemble(u, None, Some(&mut tangent))?;
         Ok(Box::new(tangent))
     }
 }

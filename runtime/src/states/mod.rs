@@ -31,8 +31,8 @@ use crate::body::Body;
 use crate::correspondence::stabilisation::bond_starts;
 use crate::correspondence::sweep::weighted;
 use crate::correspondence::tangent::pattern;
-use crate::energy::{Argument, EnergyParts, Hessian, NonFinite, TotalEnergy};
-use crate::interaction::Slabs;
+use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
+use crate::interaction::{Report, Slabs};
 use crate::kernel::{Law, Order, Variables, VariablesLaw};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
@@ -51,6 +51,16 @@ pub struct StateLaws {
     pub bonds: Option<Box<dyn VariablesLaw>>,
     /// An energy of bonds that gathers nothing, in J/m^(2d).
     pub plain: Option<Box<dyn Law>>,
+    /// What the energies of points and of bonds are functions of, for the names of the parts.
+    pub arguments: [String; 2],
+}
+
+impl StateLaws {
+    fn names(&self) -> Arc<[String]> {
+        let has = [self.points.is_some(), self.bonds.is_some() || self.plain.is_some()];
+        let parts = self.arguments.iter().zip(has).filter(|part| part.1);
+        parts.map(|(argument, _)| format!("psi({argument})")).collect()
+    }
 }
 
 /// Why a body has no energy of gathered states.
@@ -85,6 +95,8 @@ pub struct StateEnergy {
     /// Lengths at rest of each bond once, in m.
     rest: Vec<f64>,
     laws: StateLaws,
+    /// `psi(theta)`, `psi(l, m)`: as the potential writes them, those that are modelled.
+    names: Arc<[String]>,
     pattern: OnceLock<Arc<BlockPattern>>,
     bond_pattern: OnceLock<Arc<BlockPattern>>,
     /// Stiffnesses of springs like the bonds at rest, for each directed bond, in N/m.
@@ -117,6 +129,7 @@ impl StateEnergy {
             rest: rest_lengths(&body, &neighborhood),
             body,
             neighborhood,
+            names: laws.names(),
             laws,
             pattern: OnceLock::new(),
             bond_pattern: OnceLock::new(),
@@ -143,37 +156,57 @@ impl StateEnergy {
         }
     }
 
-    /// The energy per volume at every point in J/m^d; a bond belongs to its ends as their states say.
-    pub fn energy_densities(&self, u: &[f64]) -> Result<Vec<f64>, NonFinite> {
-        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
-        let (points, bonds) = match self.body.dimension() {
-            2 => self.states::<2>(u, Order::Energy).map(|states| (states.points, states.bonds))?,
-            _ => self.states::<3>(u, Order::Energy).map(|states| (states.points, states.bonds))?,
-        };
-        Ok(points.iter().zip(&bonds).map(|(x, y)| x + y).collect())
-    }
-
     fn n_integrals(&self) -> usize {
         self.laws.integrals.len()
     }
 
-    /// Energy and, unless `out` is absent, its derivative at `u`.
-    fn evaluate<const D: usize>(
+    /// The energy and, unless `out` is absent, its derivative at `u`.
+    fn assemble<const D: usize>(
         &self,
         u: &[f64],
         out: Option<&mut [f64]>,
-    ) -> Result<EnergyParts, NonFinite> {
+        parts: &mut [f64],
+    ) -> Result<(), NonFinite> {
         let order = if out.is_some() { Order::Gradient } else { Order::Energy };
         let states = self.states::<D>(u, order)?;
         if let Some(out) = out {
             self.forces(&states, out);
             self.check::<D>(&states.integrals, u, out)?;
         }
-        Ok(EnergyParts {
-            bonds: weighted(&states.bonds, self.body.volumes()).value(),
-            deformation: weighted(&states.points, self.body.volumes()).value(),
-            ..EnergyParts::default()
-        })
+        let of_points = self.laws.points.as_ref().map(|_| &states.points);
+        let of_bonds = self.has_bonds().then_some(&states.bonds);
+        let energies = of_points.into_iter().chain(of_bonds);
+        for (part, densities) in parts.iter_mut().zip(energies) {
+            *part = weighted(densities, self.body.volumes()).value();
+        }
+        Ok(())
+    }
+
+    /// Whether bonds have an energy.
+    fn has_bonds(&self) -> bool {
+        self.laws.bonds.is_some() || self.laws.plain.is_some()
+    }
+
+    fn evaluate_in<const D: usize>(
+        &self,
+        u: &[f64],
+        wanted: Wanted<'_>,
+        parts: &mut [f64],
+    ) -> Result<(), NonFinite> {
+        match wanted {
+            Wanted::Energy => self.assemble::<D>(u, None, parts),
+            Wanted::Forces(forces) => self.assemble::<D>(u, Some(forces), parts),
+            Wanted::Tangent(forces, tangent) => {
+                self.assemble::<D>(u, Some(forces), parts)?;
+                Stiffness::<D>::new(self, u)?.tangent(tangent);
+                Ok(())
+            }
+            Wanted::Diagonal(forces, diagonal) => {
+                self.assemble::<D>(u, Some(forces), parts)?;
+                Stiffness::<D>::new(self, u)?.diagonal(diagonal);
+                Ok(())
+            }
+        }
     }
 
     /// Refuses forces that are not finite.
@@ -228,13 +261,21 @@ fn at_points(n: usize, current: &[f64]) -> Variables<'_> {
     Variables { n, current, change: &[], given: &[] }
 }
 
-impl TotalEnergy for StateEnergy {
+impl Energy for StateEnergy {
     fn dimension(&self) -> usize {
         self.body.dimension()
     }
 
     fn positions(&self) -> &[f64] {
         self.body.positions()
+    }
+
+    fn parts(&self) -> &Arc<[String]> {
+        &self.names
+    }
+
+    fn report(&self) -> Report {
+        Report::of_families(&self.neighborhood)
     }
 
     fn pattern(&self) -> &Arc<BlockPattern> {
@@ -246,60 +287,33 @@ impl TotalEnergy for StateEnergy {
         Some(self.bond_pattern.get_or_init(make))
     }
 
-    fn bond_tangent(&self, u: &[f64], tangent: &mut BlockMatrix) {
+    fn springs(&self, u: &[f64], springs: &mut BlockMatrix) {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         match self.dimension() {
-            2 => self.like_bonds::<2>(u, tangent),
-            _ => self.like_bonds::<3>(u, tangent),
+            2 => self.like_bonds::<2>(u, springs),
+            _ => self.like_bonds::<3>(u, springs),
         }
     }
 
-    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
+    fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
+        check_sizes(self, u, &wanted);
+        match self.dimension() {
+            2 => self.evaluate_in::<2>(u, wanted, parts),
+            _ => self.evaluate_in::<3>(u, wanted, parts),
+        }
+    }
+
+    fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
-        match self.dimension() {
-            2 => self.evaluate::<2>(u, None),
-            _ => self.evaluate::<3>(u, None),
+        let (points, bonds) = match self.body.dimension() {
+            2 => self.states::<2>(u, Order::Energy).map(|states| (states.points, states.bonds))?,
+            _ => self.states::<3>(u, Order::Energy).map(|states| (states.points, states.bonds))?,
+        };
+        let densities = points.iter().zip(&bonds).zip(self.body.volumes());
+        for (share, ((points, bonds), volume)) in shares.iter_mut().zip(densities) {
+            *share = (points + bonds) * volume;
         }
-    }
-
-    fn gradient(&self, u: &[f64], gradient: &mut [f64]) -> Result<EnergyParts, NonFinite> {
-        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
-        assert_eq!(gradient.len(), u.len(), "the gradient is n x d");
-        match self.dimension() {
-            2 => self.evaluate::<2>(u, Some(gradient)),
-            _ => self.evaluate::<3>(u, Some(gradient)),
-        }
-    }
-
-    fn tangent(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        tangent: &mut BlockMatrix,
-    ) -> Result<EnergyParts, NonFinite> {
-        let parts = self.gradient(u, gradient)?;
-        let block = self.dimension() * self.dimension();
-        assert_eq!(tangent.values.len(), self.pattern().n_blocks() * block, "the energy's pattern");
-        match self.dimension() {
-            2 => Stiffness::<2>::new(self, u)?.tangent(tangent),
-            _ => Stiffness::<3>::new(self, u)?.tangent(tangent),
-        }
-        Ok(parts)
-    }
-
-    fn tangent_diagonal(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        diagonal: &mut [f64],
-    ) -> Result<EnergyParts, NonFinite> {
-        let parts = self.gradient(u, gradient)?;
-        assert_eq!(diagonal.len(), u.len() * self.dimension(), "the diagonal is n x d x d");
-        match self.dimension() {
-            2 => Stiffness::<2>::new(self, u)?.diagonal(diagonal),
-            _ => Stiffness::<3>::new(self, u)?.diagonal(diagonal),
-        }
-        Ok(parts)
+        Ok(())
     }
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {

@@ -144,8 +144,15 @@ pub fn worst(quantities: &[Quantity], errors: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
     use crate::energy::EnergyParts;
+
+    fn energy(value: f64) -> EnergyParts {
+        let names: Arc<[String]> = Arc::new(["psi(l)".to_string()]);
+        EnergyParts::new(&names, vec![value])
+    }
 
     fn equilibrium(factor: f64) -> Equilibrium {
         let vector = |name: &str, value: [f64; 2]| NamedVector {
@@ -153,7 +160,7 @@ mod tests {
             value: value.map(|x| x * factor).to_vec(),
         };
         Equilibrium {
-            energy: EnergyParts { bonds: 4.0 * factor, ..EnergyParts::default() },
+            energy: energy(4.0 * factor),
             displacements: [0.0, 0.0, 3.0, 4.0].map(|x| x * factor).to_vec(),
             reactions: vec![vector("held", [0.0, 0.0]), vector("moved", [10.0, 0.0])],
             probes: vec![vector("tip", [3.0, 4.0])],
@@ -165,7 +172,7 @@ mod tests {
     #[test]
     fn errors_are_relative_to_the_size_of_the_quantity() {
         let (reference, mut found) = (equilibrium(1.0), equilibrium(1.0));
-        found.energy.bonds = 4.1;
+        found.energy = energy(4.1);
         // The held set has no reaction: the error is relative to that of the other.
         found.reactions[0].value[1] = 0.1;
         found.probes[0].value = vec![3.0, 4.5];

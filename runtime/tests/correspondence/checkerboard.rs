@@ -7,6 +7,7 @@ use piola_runtime::correspondence::influence::Constant;
 use piola_runtime::correspondence::{
     Correspondence, Discretisation, Formulation, OperatorOrder, Stabilisation,
 };
+use piola_runtime::energy::Energy as _;
 use piola_runtime::kernel::Variables;
 
 use crate::common::{Checkerboard, st_venant_kirchhoff};
@@ -34,7 +35,7 @@ fn middle(at: &Checkerboard, discretisation: Discretisation) -> [f64; 2] {
         &mut of_gradient,
         &mut [],
     );
-    [of_gradient[0], energy.energy_densities(&at.u).unwrap()[at.centre]]
+    [of_gradient[0], energy.densities(&at.u, energy.body().volumes()).unwrap()[at.centre]]
 }
 
 #[test]

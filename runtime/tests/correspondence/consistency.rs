@@ -9,7 +9,7 @@ use std::sync::Arc;
 use piola_runtime::body::Body;
 use piola_runtime::correspondence::influence::Constant;
 use piola_runtime::correspondence::{Correspondence, Discretisation, Formulation, OperatorOrder};
-use piola_runtime::energy::{Hessian, TotalEnergy};
+use piola_runtime::energy::{Energy, Hessian};
 use piola_runtime::kernel::{Variables, VariablesLaw};
 use piola_runtime::matrix::BlockMatrix;
 
@@ -141,7 +141,12 @@ fn the_bits_do_not_depend_on_the_number_of_threads() {
                     let mut out = [vec![0.0; u.len()], vec![0.0; u.len()]];
                     let parts = energy.gradient(&u, &mut out[0]).unwrap();
                     energy.hessian(&u).unwrap().multiply(&p, &mut out[1]);
-                    (energy.energy(&u).unwrap(), parts, energy.energy_densities(&u).unwrap(), out)
+                    (
+                        energy.energy(&u).unwrap(),
+                        parts,
+                        energy.densities(&u, energy.body().volumes()).unwrap(),
+                        out,
+                    )
                 })
             };
             let one = run(1);
@@ -175,7 +180,7 @@ fn springs_are_as_stiff_as_the_material() {
         let energy = Correspondence::new(Arc::clone(&body), formulation, law).unwrap();
         let rest = vec![0.0; n * d];
         let mut springs = BlockMatrix::zeros(energy.bond_pattern().unwrap());
-        energy.bond_tangent(&rest, &mut springs);
+        energy.springs(&rest, &mut springs);
         let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
         let of_springs = |h: &[f64]| {
             let p = displacements(&body, h, 0.0, 1);
@@ -237,7 +242,7 @@ fn springs_turn_with_the_body() {
         };
         let springs = |u: &[f64], p: &[f64]| {
             let mut springs = BlockMatrix::zeros(energy.bond_pattern().unwrap());
-            energy.bond_tangent(u, &mut springs);
+            energy.springs(u, &mut springs);
             springs.multiply(p)
         };
         let x = body.positions();
@@ -302,7 +307,7 @@ fn springs_without_stiffness_at_rest_prefer_no_axis() {
         let energy =
             Correspondence::new(Arc::clone(&body), formulation, Box::new(Quartic(d))).unwrap();
         let mut springs = BlockMatrix::zeros(energy.bond_pattern().unwrap());
-        energy.bond_tangent(&vec![0.0; n * d], &mut springs);
+        energy.springs(&vec![0.0; n * d], &mut springs);
         let work = |axis: usize| {
             let mut h = vec![0.0; d * d];
             h[axis * d + axis] = 1.0;

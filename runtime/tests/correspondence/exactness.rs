@@ -7,7 +7,7 @@ use piola_runtime::body::Body;
 use piola_runtime::correspondence::{
     Correspondence, Discretisation, Formulation, OperatorOrder, Stabilisation,
 };
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::kernel::{Variables, VariablesLaw};
 
 use crate::common::{

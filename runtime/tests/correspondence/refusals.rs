@@ -8,7 +8,7 @@ use piola_runtime::correspondence::influence::{Constant, Influence};
 use piola_runtime::correspondence::{
     Correspondence, CorrespondenceError, Discretisation, Formulation, OperatorOrder,
 };
-use piola_runtime::energy::{Argument, TotalEnergy};
+use piola_runtime::energy::{Argument, Energy};
 use piola_runtime::kernel::{Variables, VariablesLaw};
 
 use crate::common::{cloud, displacements, st_venant_kirchhoff};

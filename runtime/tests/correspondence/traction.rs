@@ -1,7 +1,7 @@
 //! Newton's method without a stored tangent on the traction bar.
 
 use piola_runtime::correspondence::{Discretisation, Stabilisation};
-use piola_runtime::energy::{FiniteDifferences, Products, TotalEnergy};
+use piola_runtime::energy::{Energy, Products, Total};
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::solve::linear::{
     LinearMethod, LinearOptions, LinearSolver, PreconditionerChoice, Tangent,
@@ -44,7 +44,7 @@ fn indefinite_tangents_are_solved_by_minimum_residuals() {
     let u: Vec<f64> = energy.positions().iter().enumerate().map(squeeze).collect();
     let pattern = energy.bond_pattern().unwrap();
     let mut bonds = BlockMatrix::zeros(pattern);
-    energy.bond_tangent(&u, &mut bonds);
+    energy.springs(&u, &mut bonds);
     let options = LinearOptions { cg_tolerance: 1e-6, ..LinearOptions::default() };
     let mut solver = LinearSolver::of_energy(energy, &bar.constraints, options).unwrap();
     let mut x = vec![0.0; u.len()];
@@ -91,7 +91,7 @@ fn products_by_differences_lead_to_the_same_bar() {
     let bar = Bar::new(5, 2, Discretisation::BondQuadrature);
     let exact = bar.solve(LinearOptions::default());
     for products in [Products::OneSided, Products::Central] {
-        let energy = FiniteDifferences::new(&bar.energy, products);
+        let energy = Total::of(&bar.energy as &dyn Energy).with_products(products);
         let settings = NewtonSettings::default();
         let found = bar.solve_by(&energy, settings, LinearOptions::default()).unwrap();
         println!("{products:?}: {:?} {:.1e}", found.linear_iterations, found.residual);

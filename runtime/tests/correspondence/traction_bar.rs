@@ -8,7 +8,7 @@ use std::time::Instant;
 use piola_runtime::body::Body;
 use piola_runtime::correspondence::influence::CubicSpline;
 use piola_runtime::correspondence::{Correspondence, Discretisation, Formulation, OperatorOrder};
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::solve::constraint::Constraints;
 use piola_runtime::solve::linear::LinearOptions;
 use piola_runtime::solve::newton::{Newton, NewtonError, NewtonSettings};
@@ -90,7 +90,7 @@ impl Bar {
     /// The same for this energy in another guise.
     pub(crate) fn solve_by(
         &self,
-        energy: &dyn TotalEnergy,
+        energy: &dyn Energy,
         settings: NewtonSettings,
         options: LinearOptions,
     ) -> Result<Solved, NewtonError> {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use piola_runtime::assembly::{DiscreteEnergy, Laws};
 use piola_runtime::body::Body;
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::weights::Weights;
 

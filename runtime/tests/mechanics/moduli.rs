@@ -7,7 +7,7 @@
 
 use piola_runtime::assembly::DiscreteEnergy;
 use piola_runtime::body::Body;
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::weights::Weights;
 

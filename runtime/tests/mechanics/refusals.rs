@@ -7,7 +7,7 @@ use piola_compiler::{Form, Level, Mode, Setting, check_text};
 use piola_runtime::assembly::{AssemblyError, DiscreteEnergy, Elements, Laws};
 use piola_runtime::body::Body;
 use piola_runtime::element::{CoordinateElement, Element, MeasureElement};
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::kernel::{Batch, Law, Measure, Order, Outputs};
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::neighborhood::NeighborhoodError;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use piola_compiler::{Form, Kernel, Level, Mode, Model, Setting, Values, check_text};
 use piola_runtime::assembly::{DiscreteEnergy, Laws};
 use piola_runtime::body::Body;
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::kernel::{Batch, Law, Measure, Order, Outputs};
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::weights::Weights;

@@ -1,6 +1,6 @@
 //! Products by differences of forces against exact ones, for any kind of energy.
 
-use piola_runtime::energy::{FiniteDifferences, Products, TotalEnergy};
+use piola_runtime::energy::{Energy, Products, Total};
 use piola_runtime::solve::constraint::Constraints;
 use piola_runtime::solve::linear::{LinearError, LinearMethod, LinearOptions};
 use piola_runtime::solve::newton::{Newton, NewtonReport, NewtonSettings};
@@ -18,9 +18,9 @@ fn distance(x: &[f64], y: &[f64]) -> f64 {
 }
 
 /// The relative error of a product at `u` with `p`.
-fn error(energy: &dyn TotalEnergy, products: Products, u: &[f64], p: &[f64]) -> f64 {
+fn error(energy: &dyn Energy, products: Products, u: &[f64], p: &[f64]) -> f64 {
     let (mut found, mut exact) = (vec![f64::NAN; p.len()], vec![0.0; p.len()]);
-    let differences = FiniteDifferences::new(energy, products);
+    let differences = Total::of(energy).with_products(products);
     differences.hessian(u).unwrap().multiply(p, &mut found);
     energy.hessian(u).unwrap().multiply(p, &mut exact);
     distance(&found, &exact)
@@ -28,9 +28,7 @@ fn error(energy: &dyn TotalEnergy, products: Products, u: &[f64], p: &[f64]) -> 
 
 /// Errors are of the order that they should be, whatever the units of length and of force: `make`
 /// gives the same body, displacements and direction with lengths and moduli multiplied.
-pub(crate) fn units_do_not_matter<E: TotalEnergy>(
-    make: impl Fn(f64, f64) -> (E, Vec<f64>, Vec<f64>),
-) {
+pub(crate) fn units_do_not_matter<E: Energy>(make: impl Fn(f64, f64) -> (E, Vec<f64>, Vec<f64>)) {
     for (products, power) in DIFFERENCES {
         let of = |length: f64, modulus: f64| {
             let (energy, u, p) = make(length, modulus);
@@ -48,11 +46,7 @@ pub(crate) fn units_do_not_matter<E: TotalEnergy>(
 }
 
 /// The points of the lower fifth along x are held, and forces keep the others at `u`.
-fn solve(
-    energy: &dyn TotalEnergy,
-    u: &[f64],
-    method: LinearMethod,
-) -> (Vec<f64>, NewtonReport, Judged) {
+fn solve(energy: &dyn Energy, u: &[f64], method: LinearMethod) -> (Vec<f64>, NewtonReport, Judged) {
     let d = energy.dimension();
     let along: Vec<f64> = energy.positions().iter().step_by(d).copied().collect();
     let low = along.iter().fold(f64::INFINITY, |least, x| least.min(*x));
@@ -79,7 +73,7 @@ struct Judged {
 }
 
 /// Differences lead to the equilibrium that exact products lead to, that is `u`.
-pub(crate) fn equilibria_are_the_same(energy: &dyn TotalEnergy, u: &[f64]) {
+pub(crate) fn equilibria_are_the_same(energy: &dyn Energy, u: &[f64]) {
     let (exact, report, judged) = solve(energy, u, LinearMethod::Auto);
     // Measured are 7.8e-15, and 1.8e-14 for the differences.
     assert!(distance(&exact, u) < 4e-14, "{:e}", distance(&exact, u));
@@ -88,7 +82,7 @@ pub(crate) fn equilibria_are_the_same(energy: &dyn TotalEnergy, u: &[f64]) {
     let gmres = solve(energy, u, LinearMethod::Gmres);
     assert_eq!(gmres.1.iterations, iterations);
     for (products, _) in DIFFERENCES {
-        let differences = FiniteDifferences::new(energy, products);
+        let differences = Total::of(energy).with_products(products);
         for method in [LinearMethod::Auto, LinearMethod::Gmres, LinearMethod::MatrixFree] {
             let (found, report, judged) = solve(&differences, u, method);
             let ratio = report.history.residual_over_reaction.last().unwrap();
@@ -110,9 +104,9 @@ pub(crate) fn equilibria_are_the_same(energy: &dyn TotalEnergy, u: &[f64]) {
 }
 
 /// One, two and four threads leave the same bits.
-pub(crate) fn bits_do_not_depend_on_threads(energy: &dyn TotalEnergy, u: &[f64]) {
+pub(crate) fn bits_do_not_depend_on_threads(energy: &dyn Energy, u: &[f64]) {
     for (products, _) in DIFFERENCES {
-        let differences = FiniteDifferences::new(energy, products);
+        let differences = Total::of(energy).with_products(products);
         let run = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| solve(&differences, u, LinearMethod::Gmres).0)

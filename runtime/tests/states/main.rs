@@ -55,6 +55,7 @@ pub(crate) fn energy(
         points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
         bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
         plain: plain.map(|law| Box::new(law) as Box<dyn Law>),
+        arguments: ["theta", "l, m"].map(String::from),
     };
     StateEnergy::new(Arc::clone(body), horizon, laws).unwrap()
 }

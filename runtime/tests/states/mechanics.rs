@@ -1,7 +1,7 @@
 //! Derivatives, momentum, rotations, threads.
 
 use piola_compiler::gathered::verify_gathered;
-use piola_runtime::energy::TotalEnergy;
+use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 use std::sync::Arc;
 
@@ -200,7 +200,7 @@ fn springs_like_the_tangent_are_positive() {
         let pattern = Arc::clone(energy.bond_pattern().unwrap());
         let values = vec![0.0; pattern.n_blocks() * d * d];
         let mut springs = BlockMatrix { pattern, values };
-        energy.bond_tangent(&u, &mut springs);
+        energy.springs(&u, &mut springs);
         for seed in 0..5 {
             let p = displacements(&body, &vec![0.0; d * d], 1.0, 20 + seed);
             let mut product = vec![0.0; u.len()];

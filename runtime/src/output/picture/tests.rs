@@ -3,8 +3,8 @@
 use std::collections::HashSet;
 
 use super::*;
-use crate::assembly::Inverted;
 use crate::energy::EnergyParts;
+use crate::interaction::Inverted;
 use crate::output::{Definiteness, StepRecord};
 
 /// A box on a lattice with `n` points along each axis, stretched along x, thinner across.
@@ -46,7 +46,7 @@ fn stretched(n: [usize; 3], dimension: usize, stretch: f64) -> (Points, Frame, V
 /// A run with quadratic convergence and a bending reaction curve.
 fn history(dimension: usize, n_steps: usize) -> History {
     let sets = vec!["left".to_owned(), "right".to_owned()];
-    let mut history = History::new(dimension, sets, Vec::new());
+    let mut history = History::new(dimension, Vec::new(), sets, Vec::new());
     for step in 1..=n_steps {
         let t = step as f64 / n_steps as f64;
         let force = 3.2e4 * t / (0.6 + t);
@@ -305,7 +305,7 @@ fn strange_runs_are_drawn_too() {
     };
     // Nothing converged, nothing moved.
     let (points, mut frame, sets) = stretched([5, 4, 1], 2, 0.0);
-    let empty = History::new(2, Vec::new(), Vec::new());
+    let empty = History::new(2, Vec::new(), Vec::new(), Vec::new());
     let svg = draw(&points, &frame, &sets, &empty);
     assert_eq!(svg.matches("no converged step").count(), 2);
     // One point, and a set that names points that do not exist.

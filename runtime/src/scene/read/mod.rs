@@ -40,6 +40,14 @@ static SCENE: Schema = Schema {
 };
 static MATERIAL: Schema = Schema {
     title: "[material]",
+    keys: &[
+        ("potential", "\"law.piola\""),
+        ("parameters", "{ C1 = 1.0, E = \"200 GPa\" }"),
+        ("plus", "[{ .. }]"),
+    ],
+};
+static PLUS: Schema = Schema {
+    title: "[[material.plus]]",
     keys: &[("potential", "\"law.piola\""), ("parameters", "{ C1 = 1.0, E = \"200 GPa\" }")],
 };
 static STEPS: Schema = Schema { title: "[steps]", keys: &named(&STEPS_KEYS) };
@@ -130,7 +138,7 @@ impl Reader {
         let context = Context { dimension, spacing, sets: names };
         let horizon =
             self.needed("horizon", horizon_table, |reader, table| reader.horizon(table, &context));
-        let material = self.needed("material", material_table, Reader::material);
+        let materials = self.needed("material", material_table, Reader::materials);
         let correspondence =
             correspondence_table.as_ref().map(|table| self.correspondence(table, dimension));
         let nodes = |key| root.get(key).map(|entry| &entry.node);
@@ -144,7 +152,7 @@ impl Reader {
         Some(Scene {
             body: body?,
             horizon: horizon?,
-            material: material?,
+            materials: materials?,
             correspondence: match correspondence {
                 Some(settings) => Some(settings?),
                 None => None,
@@ -236,6 +244,14 @@ impl Reader {
                 None
             }
         }
+    }
+
+    /// `[material]` and those that are added to it.
+    fn materials(&mut self, table: &Table<'_>) -> Option<Vec<Material>> {
+        let mut materials = vec![self.material(table)];
+        let further = self.tables(&PLUS, table.field("plus").map(|field| field.node));
+        materials.extend(further.iter().map(|table| self.material(table)));
+        materials.into_iter().collect()
     }
 
     fn material(&mut self, table: &Table<'_>) -> Option<Material> {

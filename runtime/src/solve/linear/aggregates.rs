@@ -196,7 +196,7 @@ fn cut(d: usize, positions: &[f64], horizon: f64) -> (Vec<u32>, usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::energy::TotalEnergy;
+    use crate::energy::Energy;
     use crate::solve::testing::{SpringNetwork, linear};
 
     #[test]

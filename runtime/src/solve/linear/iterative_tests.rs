@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, SymmetricEigen};
 
 use super::tests::{assert_close, clamped, dense_free, options, shifted, tangent_at};
 use super::*;
-use crate::energy::TotalEnergy;
+use crate::energy::Energy;
 use crate::matrix::BlockMatrix;
 use crate::solve::testing::{SpringNetwork, linear, pseudo_random};
 use crate::solve::vector::norm_of;

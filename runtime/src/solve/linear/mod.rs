@@ -40,7 +40,7 @@ use std::sync::Arc;
 
 use super::constraint::Constraints;
 use super::watch::Watch;
-use crate::energy::{Products, TotalEnergy};
+use crate::energy::{Energy, Products};
 use crate::matrix::BlockPattern;
 use choice::iterations_worth;
 use conjugate_gradients::CgLimits;
@@ -173,7 +173,7 @@ impl LinearSolver {
     /// # Errors
     /// As [`LinearSolver::new`], and a method that needs the matrix where there are products only.
     pub fn of_energy(
-        energy: &dyn TotalEnergy,
+        energy: &dyn Energy,
         constraints: &Constraints,
         options: LinearOptions,
     ) -> Result<LinearSolver, LinearError> {

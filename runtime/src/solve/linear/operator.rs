@@ -122,7 +122,7 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::energy::TotalEnergy;
+    use crate::energy::Energy;
     use crate::solve::testing::{SpringNetwork, linear, pseudo_random};
 
     #[test]

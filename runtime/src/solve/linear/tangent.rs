@@ -14,14 +14,14 @@ pub enum Tangent<'a> {
     MatrixFree {
         /// What multiplies.
         hessian: &'a dyn Hessian,
-        /// As [`TotalEnergy::tangent_diagonal`](crate::energy::TotalEnergy::tangent_diagonal) gives them.
+        /// As [`Energy::tangent_diagonal`](crate::energy::Energy::tangent_diagonal) gives them.
         diagonal: &'a [f64],
     },
     /// Products with it, and a matrix like it.
     Bonds {
         /// What multiplies.
         hessian: &'a dyn Hessian,
-        /// As [`TotalEnergy::bond_tangent`](crate::energy::TotalEnergy::bond_tangent) gives it.
+        /// As [`Energy::springs`](crate::energy::Energy::springs) gives it.
         bonds: &'a BlockMatrix,
     },
 }

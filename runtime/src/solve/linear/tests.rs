@@ -1,7 +1,7 @@
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
 use super::*;
-use crate::energy::TotalEnergy;
+use crate::energy::Energy;
 use crate::matrix::BlockMatrix;
 use crate::solve::testing::{SpringNetwork, linear, pseudo_random, softening};
 use crate::solve::vector::norm_of;

@@ -7,6 +7,7 @@
 mod census;
 mod clique;
 mod degenerate;
+pub(crate) mod schedule;
 mod slab;
 
 pub use census::Census;

@@ -12,7 +12,6 @@ pub(crate) mod error;
 mod inversion;
 mod product;
 mod rows;
-mod schedule;
 mod slab;
 pub(crate) mod sum;
 mod tetrahedra;
@@ -20,22 +19,22 @@ mod tetrahedra;
 pub use error::AssemblyError;
 pub use inversion::Inverted;
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use crate::body::Body;
 use crate::element::{Element, MeasureElement, Order};
 use crate::energy::{EnergyParts, Hessian, Inversion, NonFinite, TotalEnergy};
-use crate::interaction::{Census, ContributingPairs, Degeneracy, Slabs};
+use crate::interaction::schedule::{Cut, Layout, Part, visit};
+use crate::interaction::{Census, CliqueRoom, ContributingPairs, Degeneracy, OwnerCliques, Slabs};
 use crate::kernel::{Law, Measure};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
+use crate::pool::Pool;
 use crate::weights::{CliqueWeights, Weights};
 use product::InteractionHessian;
-use rows::{Part, Rows};
-use schedule::{even_before_odd, lock};
-use slab::SlabTask;
+use slab::{Room, SlabEnergy, SlabTask};
 
 /// An energy density for each kind of interaction that is modelled.
 #[derive(Default)]
@@ -114,6 +113,15 @@ pub struct DiscreteEnergy {
     triangles: Option<Kind>,
     tetrahedra: Option<Kind>,
     report: Report,
+    /// Room for passes: of their threads, and for what becomes of slabs.
+    rooms: Rooms,
+    outcomes: Pool<Vec<Result<SlabEnergy, NonFinite>>>,
+}
+
+/// Work arrays of threads by the dimension of the body.
+enum Rooms {
+    Plane(Pool<Room<2>>),
+    Space(Pool<Room<3>>),
 }
 
 impl DiscreteEnergy {
@@ -172,6 +180,10 @@ impl DiscreteEnergy {
             shell_bonds: neighborhood.shell_bonds(),
             pattern_blocks: pattern.n_blocks(),
         };
+        let rooms = match body.dimension() {
+            2 => Rooms::Plane(Pool::new()),
+            _ => Rooms::Space(Pool::new()),
+        };
         Ok(DiscreteEnergy {
             body,
             neighborhood,
@@ -183,6 +195,8 @@ impl DiscreteEnergy {
             triangles,
             tetrahedra,
             report,
+            rooms,
+            outcomes: Pool::new(),
         })
     }
 
@@ -221,6 +235,7 @@ impl DiscreteEnergy {
         if self.body.dimension() == 2 { self.triangles.as_ref() } else { self.tetrahedra.as_ref() }
     }
 
+    /// The energy; adds its derivative to `gradient`, and `tangent` becomes its second one.
     fn evaluate(
         &self,
         order: Order,
@@ -229,26 +244,56 @@ impl DiscreteEnergy {
         tangent: &mut [f64],
     ) -> Result<EnergyParts, NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
-        gradient.fill(0.0);
-        let assemble = |slab: usize, rows: Rows<'_>| {
-            SlabTask { slab, rows, is_first: slab.is_multiple_of(2) }.assemble(self, order, u)
-        };
-        let n = self.slabs.len();
-        let outcomes: Vec<_> = if order == Order::Energy {
-            // It writes to no rows: all slabs can go at once.
-            let slabs = (0..n).into_par_iter().with_max_len(1);
-            slabs.map(|slab| assemble(slab, Rows::none(&self.pattern))).collect()
-        } else {
-            let parts = Part::of_slabs(&self.slabs, &self.pattern, gradient, tangent);
-            // Free whenever they are locked: the schedule sees to that.
-            let parts: Vec<Mutex<Part<'_>>> = parts.into_iter().map(Mutex::new).collect();
-            even_before_odd(n, |slab| {
-                let mut own = lock(&parts[slab]);
-                let mut next = parts.get(slab + 1).map(lock);
-                assemble(slab, Rows::new(&self.pattern, &mut own, next.as_deref_mut()))
-            })
-        };
-        slab::total(outcomes.into_iter())
+        let d = self.pattern.dimension;
+        let arrays = (
+            Part::new(Layout::Points(d), gradient),
+            Part::new(Layout::Rows(&self.pattern.row_start, d * d), tangent),
+        );
+        match &self.rooms {
+            Rooms::Plane(rooms) => self.over_slabs(rooms, arrays, |slab, parts, room| {
+                let [here, next] = parts;
+                SlabTask::new(&self.pattern, slab, here, next).in_plane(self, order, u, room)
+            }),
+            Rooms::Space(rooms) => self.over_slabs(rooms, arrays, |slab, parts, room| {
+                let [here, next] = parts;
+                SlabTask::new(&self.pattern, slab, here, next).in_space(self, order, u, room)
+            }),
+        }
+    }
+
+    /// Visits all slabs with the arrays that they write to; the sum of their energies.
+    fn over_slabs<const D: usize, P: Cut>(
+        &self,
+        rooms: &Pool<Room<D>>,
+        arrays: P,
+        run: impl Fn(usize, [&mut P; 2], &mut Room<D>) -> Result<SlabEnergy, NonFinite> + Sync,
+    ) -> Result<EnergyParts, NonFinite> {
+        rooms.provide(|| Room::new(self));
+        let mut outcomes = self.outcomes.take(Vec::new);
+        outcomes.clear();
+        outcomes.resize_with(self.slabs.len(), || Ok(SlabEnergy::default()));
+        let own = Part::new(Layout::Slabs, &mut outcomes[..]);
+        visit(&self.slabs, arrays, own, |slab, parts, outcome| {
+            let mut room = rooms.take(|| Room::new(self));
+            outcome.into_values()[0] = run(slab, parts, &mut room);
+        });
+        slab::total(outcomes.drain(..))
+    }
+
+    /// Works on the cliques of a slab in arrays that are there.
+    fn with_cliques<const D: usize, R>(
+        &self,
+        slab: usize,
+        room: &mut CliqueRoom<D>,
+        work: impl FnOnce(&mut OwnerCliques<'_, D>) -> R,
+    ) -> R {
+        let (touched, arrays) = (self.slabs.touched(slab), std::mem::take(room));
+        let (body, neighborhood) = (&self.body, &self.neighborhood);
+        let cliques = OwnerCliques::in_room(body, neighborhood, self.degeneracy, touched, arrays);
+        let mut cliques = cliques.with_contributing(self.contributing.as_ref());
+        let result = work(&mut cliques);
+        *room = cliques.into_room();
+        result
     }
 }
 
@@ -271,6 +316,7 @@ impl TotalEnergy for DiscreteEnergy {
 
     fn gradient(&self, u: &[f64], gradient: &mut [f64]) -> Result<EnergyParts, NonFinite> {
         assert_eq!(gradient.len(), u.len(), "the gradient is n x d");
+        gradient.fill(0.0);
         self.evaluate(Order::Gradient, u, gradient, &mut [])
     }
 
@@ -283,6 +329,7 @@ impl TotalEnergy for DiscreteEnergy {
         assert_eq!(gradient.len(), u.len(), "the gradient is n x d");
         let block = self.pattern.dimension * self.pattern.dimension;
         assert_eq!(tangent.values.len(), self.pattern.n_blocks() * block, "the energy's pattern");
+        gradient.fill(0.0);
         self.evaluate(Order::Tangent, u, gradient, &mut tangent.values)
     }
 
@@ -292,9 +339,11 @@ impl TotalEnergy for DiscreteEnergy {
         gradient: &mut [f64],
         diagonal: &mut [f64],
     ) -> Result<EnergyParts, NonFinite> {
-        assert_eq!(gradient.len(), u.len(), "the gradient is n x d");
+        let parts = self.gradient(u, gradient)?;
         assert_eq!(diagonal.len(), u.len() * self.body.dimension(), "the diagonal is n x d x d");
-        self.diagonal(u, gradient, diagonal)
+        diagonal.fill(0.0);
+        self.diagonal(u, diagonal)?;
+        Ok(parts)
     }
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {

@@ -11,7 +11,7 @@ pub(crate) mod schedule;
 mod slab;
 
 pub use census::Census;
-pub(crate) use clique::never_fails;
+pub(crate) use clique::{CliqueRoom, never_fails};
 pub use clique::{ContributingPairs, OwnerCliques};
 pub use degenerate::Degeneracy;
 pub use slab::Slabs;

@@ -127,6 +127,14 @@ impl<T> Touched<'_, T> {
     }
 }
 
+impl<T: Copy> Touched<'_, T> {
+    /// Makes all entries the same.
+    pub(crate) fn fill(&mut self, value: T) {
+        self.own.fill(value);
+        self.next.fill(value);
+    }
+}
+
 impl<T> Index<usize> for Touched<'_, T> {
     type Output = T;
 
@@ -169,9 +177,16 @@ struct Schedule<'a, F> {
     run: F,
 }
 
-/// What an odd slab waits for: from the neighbour before it both parts of its own, from that after
-/// it the part of the next slab.
-struct Gap<P, B>(Mutex<(Option<(P, B)>, Option<P>)>);
+/// An odd slab between its neighbours.
+struct Gap<P, B>(Mutex<Waiting<P, B>>);
+
+/// What an odd slab waits for.
+struct Waiting<P, B> {
+    /// From the neighbour before it: its own parts.
+    own: Option<(P, B)>,
+    /// From the neighbour after it: the part of that.
+    next: Option<P>,
+}
 
 impl<F> Schedule<'_, F> {
     /// Visits slabs of which the first is even, and the odd ones beside them if their other
@@ -190,7 +205,7 @@ impl<F> Schedule<'_, F> {
             let middle = even + 2 * range.len().div_ceil(4);
             let (low, high) = shared.cut(self.slabs, middle);
             let (own_low, own_high) = own.cut(self.slabs, middle);
-            let gap = Gap(Mutex::new((None, None)));
+            let gap = Gap(Mutex::new(Waiting { own: None, next: None }));
             rayon::join(
                 || self.all(even..middle, low, own_low, [before, Some(&gap)]),
                 || self.all(middle..range.end, high, own_high, [Some(&gap), after]),
@@ -201,12 +216,12 @@ impl<F> Schedule<'_, F> {
         let (own, of_odd) = own.cut(self.slabs, even + 1);
         (self.run)(even, [&mut here, &mut next], own);
         if let Some(gap) = before {
-            lock(&gap.0).1 = Some(here);
+            lock(&gap.0).next = Some(here);
         }
         // The last slab has no other neighbour.
         let mut last = None;
         match after {
-            Some(gap) => lock(&gap.0).0 = Some((next, of_odd)),
+            Some(gap) => lock(&gap.0).own = Some((next, of_odd)),
             None => last = (range.len() == 2).then_some((next, of_odd)),
         }
         if let Some(gap) = before {
@@ -227,12 +242,12 @@ impl<F> Schedule<'_, F> {
         F: Fn(usize, [&mut P; 2], B) + Sync,
     {
         let mut waiting = lock(&gap.0);
-        if waiting.0.is_none() || waiting.1.is_none() {
+        if waiting.own.is_none() || waiting.next.is_none() {
             return;
         }
-        let (of_odd, next) = std::mem::take(&mut *waiting);
+        let (own, next) = (waiting.own.take(), waiting.next.take());
         drop(waiting);
-        if let (Some((mut here, own)), Some(mut next)) = (of_odd, next) {
+        if let (Some((mut here, own)), Some(mut next)) = (own, next) {
             (self.run)(odd, [&mut here, &mut next], own);
         }
     }

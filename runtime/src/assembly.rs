@@ -12,29 +12,30 @@ pub(crate) mod error;
 mod inversion;
 mod product;
 mod rows;
-mod schedule;
 mod slab;
 pub(crate) mod sum;
 mod tetrahedra;
 
 pub use error::AssemblyError;
 
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use crate::body::Body;
 use crate::element::{Element, MeasureElement, Order};
 use crate::energy::{Energy, Hessian, Inversion, NonFinite, Wanted, check_sizes};
-use crate::interaction::{Census, ContributingPairs, Degeneracy, Inverted, Report, Slabs};
+use crate::interaction::schedule::{Cut, Layout, Part, visit};
+use crate::interaction::{
+    Census, CliqueRoom, ContributingPairs, Degeneracy, Inverted, OwnerCliques, Report, Slabs,
+};
 use crate::kernel::{Law, Measure};
 use crate::matrix::BlockPattern;
 use crate::neighborhood::Neighborhood;
+use crate::pool::Pool;
 use crate::weights::{CliqueWeights, Weights};
 use product::InteractionHessian;
-use rows::{Part, Rows};
-use schedule::{even_before_odd, lock};
-use slab::SlabTask;
+use slab::{Room, SlabEnergy, SlabTask};
 
 /// An energy density for each kind of interaction that is modelled.
 #[derive(Default)]
@@ -94,6 +95,15 @@ pub struct DiscreteEnergy {
     /// `psi(l)`, `psi(a)`, `psi(v)`: those that are modelled.
     names: Arc<[String]>,
     report: Report,
+    /// Room for passes: of their threads, and for what becomes of slabs.
+    rooms: Rooms,
+    outcomes: Pool<Vec<Result<SlabEnergy, NonFinite>>>,
+}
+
+/// Work arrays of threads by the dimension of the body.
+enum Rooms {
+    Plane(Pool<Room<2>>),
+    Space(Pool<Room<3>>),
 }
 
 impl DiscreteEnergy {
@@ -154,6 +164,10 @@ impl DiscreteEnergy {
             shell_bonds: neighborhood.shell_bonds(),
             pattern_blocks: pattern.n_blocks(),
         };
+        let rooms = match body.dimension() {
+            2 => Rooms::Plane(Pool::new()),
+            _ => Rooms::Space(Pool::new()),
+        };
         Ok(DiscreteEnergy {
             body,
             neighborhood,
@@ -166,6 +180,8 @@ impl DiscreteEnergy {
             tetrahedra,
             names,
             report,
+            rooms,
+            outcomes: Pool::new(),
         })
     }
 
@@ -184,6 +200,7 @@ impl DiscreteEnergy {
         if self.body.dimension() == 2 { self.triangles.as_ref() } else { self.tetrahedra.as_ref() }
     }
 
+    /// Writes the parts of the energy; `gradient` becomes its derivative, `tangent` its second one.
     fn assemble(
         &self,
         order: Order,
@@ -192,33 +209,59 @@ impl DiscreteEnergy {
         parts: &mut [f64],
     ) -> Result<(), NonFinite> {
         gradient.fill(0.0);
-        let assemble = |slab: usize, rows: Rows<'_>| {
-            SlabTask { slab, rows, is_first: slab.is_multiple_of(2) }.assemble(self, order, u)
+        let d = self.pattern.dimension;
+        let arrays = (
+            Part::new(Layout::Points(d), gradient),
+            Part::new(Layout::Rows(&self.pattern.row_start, d * d), tangent),
+        );
+        let energies = match &self.rooms {
+            Rooms::Plane(rooms) => self.over_slabs(rooms, arrays, |slab, [here, next], room| {
+                SlabTask::new(&self.pattern, slab, here, next).in_plane(self, order, u, room)
+            }),
+            Rooms::Space(rooms) => self.over_slabs(rooms, arrays, |slab, [here, next], room| {
+                SlabTask::new(&self.pattern, slab, here, next).in_space(self, order, u, room)
+            }),
         };
-        let n = self.slabs.len();
-        let outcomes: Vec<_> = if order == Order::Energy {
-            // It writes to no rows: all slabs can go at once.
-            let slabs = (0..n).into_par_iter().with_max_len(1);
-            slabs.map(|slab| assemble(slab, Rows::none(&self.pattern))).collect()
-        } else {
-            let parts = Part::of_slabs(&self.slabs, &self.pattern, gradient, tangent);
-            // Free whenever they are locked: the schedule sees to that.
-            let parts: Vec<Mutex<Part<'_>>> = parts.into_iter().map(Mutex::new).collect();
-            even_before_odd(n, |slab| {
-                let mut own = lock(&parts[slab]);
-                let mut next = parts.get(slab + 1).map(lock);
-                assemble(slab, Rows::new(&self.pattern, &mut own, next.as_deref_mut()))
-            })
-        };
-        self.set_parts(slab::total(outcomes.into_iter())?, parts);
+        let kinds = [&self.bonds, &self.triangles, &self.tetrahedra];
+        let modelled = kinds.into_iter().zip(energies?).filter(|(kind, _)| kind.is_some());
+        parts.iter_mut().zip(modelled).for_each(|(part, (_, energy))| *part = energy);
         Ok(())
     }
 
-    /// Writes the energies of bonds, triangles and tetrahedra that are modelled.
-    fn set_parts(&self, energies: [f64; 3], parts: &mut [f64]) {
-        let kinds = [&self.bonds, &self.triangles, &self.tetrahedra];
-        let modelled = kinds.into_iter().zip(energies).filter(|(kind, _)| kind.is_some());
-        parts.iter_mut().zip(modelled).for_each(|(part, (_, energy))| *part = energy);
+    /// Visits all slabs with the arrays that they write to; the energies of bonds, triangles and
+    /// tetrahedra.
+    fn over_slabs<const D: usize, P: Cut>(
+        &self,
+        rooms: &Pool<Room<D>>,
+        arrays: P,
+        run: impl Fn(usize, [&mut P; 2], &mut Room<D>) -> Result<SlabEnergy, NonFinite> + Sync,
+    ) -> Result<[f64; 3], NonFinite> {
+        rooms.provide(|| Room::new(self));
+        let mut outcomes = self.outcomes.take(Vec::new);
+        outcomes.clear();
+        outcomes.resize_with(self.slabs.len(), || Ok(SlabEnergy::default()));
+        let own = Part::new(Layout::Slabs, &mut outcomes[..]);
+        visit(&self.slabs, arrays, own, |slab, parts, outcome| {
+            let mut room = rooms.take(|| Room::new(self));
+            outcome.into_values()[0] = run(slab, parts, &mut room);
+        });
+        slab::total(outcomes.drain(..))
+    }
+
+    /// Works on the cliques of a slab in arrays that are there.
+    fn with_cliques<const D: usize, R>(
+        &self,
+        slab: usize,
+        room: &mut CliqueRoom<D>,
+        work: impl FnOnce(&mut OwnerCliques<'_, D>) -> R,
+    ) -> R {
+        let (touched, arrays) = (self.slabs.touched(slab), std::mem::take(room));
+        let (body, neighborhood) = (&self.body, &self.neighborhood);
+        let cliques = OwnerCliques::in_room(body, neighborhood, self.degeneracy, touched, arrays);
+        let mut cliques = cliques.with_contributing(self.contributing.as_ref());
+        let result = work(&mut cliques);
+        *room = cliques.into_room();
+        result
     }
 }
 
@@ -252,8 +295,9 @@ impl Energy for DiscreteEnergy {
                 self.assemble(Order::Tangent, u, (forces, &mut tangent.values), parts)
             }
             Wanted::Diagonal(forces, diagonal) => {
-                self.set_parts(self.diagonal(u, forces, diagonal)?, parts);
-                Ok(())
+                self.assemble(Order::Gradient, u, (forces, &mut []), parts)?;
+                diagonal.fill(0.0);
+                self.diagonal(u, diagonal)
             }
         }
     }
@@ -264,9 +308,10 @@ impl Energy for DiscreteEnergy {
 
     fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
         assert_eq!(shares.len(), self.body.n_points(), "one number per point");
-        match self.body.dimension() {
-            2 => self.shares_in::<2>(u, shares),
-            _ => self.shares_in::<3>(u, shares),
+        shares.fill(0.0);
+        match &self.rooms {
+            Rooms::Plane(rooms) => self.add_shares(rooms, u, shares),
+            Rooms::Space(rooms) => self.add_shares(rooms, u, shares),
         }
     }
 

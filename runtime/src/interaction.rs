@@ -8,10 +8,11 @@ mod census;
 mod clique;
 mod counts;
 mod degenerate;
+pub(crate) mod schedule;
 mod slab;
 
 pub use census::Census;
-pub(crate) use clique::never_fails;
+pub(crate) use clique::{CliqueRoom, never_fails};
 pub use clique::{ContributingPairs, OwnerCliques};
 pub use counts::{Inverted, Report};
 pub use degenerate::Degeneracy;

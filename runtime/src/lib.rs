@@ -31,6 +31,7 @@ pub mod moduli;
 pub mod neighborhood;
 pub mod output;
 pub mod plan;
+mod pool;
 pub mod scene;
 pub mod sheet;
 pub mod simulation;

@@ -36,6 +36,11 @@ pub(super) struct OwnerSums<const D: usize> {
 }
 
 impl<const D: usize> OwnerSums<D> {
+    /// Room for the gradients of so many members.
+    pub(super) fn with_capacity(members: usize) -> OwnerSums<D> {
+        OwnerSums { gradient: Vec::with_capacity(members), ..OwnerSums::default() }
+    }
+
     /// Starts a new owner.
     pub(super) fn reset(&mut self, order: Order, n_members: usize, n_pairs: usize) {
         let zero = [[0.0; D]; D];

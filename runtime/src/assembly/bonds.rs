@@ -7,12 +7,12 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::rows::Rows;
-use super::slab::{Refusal, minus};
+use super::slab::{Context, Refusal, minus};
 use super::sum::Sum;
 use super::{DiscreteEnergy, Kind};
 use crate::element::{CAPACITY, Channel, Contributions, InteractionBatch, Order};
 use crate::energy::NonFinite;
-use crate::geometry::{each, packed};
+use crate::geometry::{each, packed, packed_len};
 
 /// What the rows hold before the bonds are added.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +21,27 @@ pub(super) struct Untouched {
     pub(super) couplings: bool,
     /// Nothing that counts in the diagonal blocks.
     pub(super) diagonal: bool,
+}
+
+/// Work arrays for the bonds of a slab.
+pub(super) struct BondRoom {
+    batch: InteractionBatch,
+    out: Contributions,
+    /// What points got from their lower neighbours, point by point.
+    waiting: Vec<f64>,
+}
+
+impl BondRoom {
+    /// Large enough for every slab.
+    pub(super) fn new(energy: &DiscreteEnergy, kind: &Kind) -> BondRoom {
+        let (measure, d) = (kind.element.measure(), energy.body.dimension());
+        let points = (0..energy.slabs.len()).map(|slab| energy.slabs.touched(slab).len()).max();
+        BondRoom {
+            batch: InteractionBatch::new(measure, d),
+            out: Contributions::new(measure, d),
+            waiting: Vec::with_capacity(points.unwrap_or(0) * (d + packed_len(d))),
+        }
+    }
 }
 
 /// The bonds of one slab on their way into its rows. A bond gives `N` numbers: the gradient at its
@@ -32,24 +53,27 @@ pub(super) struct BondSums<'a, const D: usize, const N: usize> {
     u: &'a [f64],
     untouched: Untouched,
     arch: Arch,
-    batch: InteractionBatch,
-    out: Contributions,
+    batch: &'a mut InteractionBatch,
+    out: &'a mut Contributions,
     sum: Sum,
     /// The first point that the slab touches.
     first: usize,
     /// What the points from `first` on got from their lower neighbours.
-    waiting: Vec<[f64; N]>,
+    waiting: &'a mut [[f64; N]],
 }
 
 impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
+    /// Of one slab.
     pub(super) fn new(
-        energy: &'a DiscreteEnergy,
+        context: &Context<'a, D>,
         kind: &'a Kind,
-        order: Order,
-        u: &'a [f64],
-        untouched: Untouched,
+        room: &'a mut BondRoom,
     ) -> BondSums<'a, D, N> {
-        let measure = kind.element.measure();
+        let &Context { energy, slab, order, u, untouched } = context;
+        let touched = energy.slabs.touched(slab);
+        let n = if order >= Order::Gradient { N * touched.len() } else { 0 };
+        room.waiting.clear();
+        room.waiting.resize(n, 0.0);
         BondSums {
             energy,
             kind,
@@ -57,11 +81,11 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
             u,
             untouched,
             arch: Arch::new(),
-            batch: InteractionBatch::new(measure, D),
-            out: Contributions::new(measure, D),
+            batch: &mut room.batch,
+            out: &mut room.out,
             sum: Sum::default(),
-            first: 0,
-            waiting: Vec::new(),
+            first: touched.start,
+            waiting: room.waiting.as_chunks_mut::<N>().0,
         }
     }
 
@@ -69,10 +93,6 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
     pub(super) fn add(mut self, slab: usize, rows: &mut Rows<'_>) -> Result<Sum, NonFinite> {
         let energy = self.energy;
         let touched = energy.slabs.touched(slab);
-        self.first = touched.start;
-        if self.order >= Order::Gradient {
-            self.waiting = vec![[0.0; N]; touched.len()];
-        }
         let owners = energy.slabs.owners(slab);
         for owner in owners.clone() {
             let mut own = [0.0; N];
@@ -105,7 +125,7 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
 
     fn evaluate(&mut self, owner: usize, others: &[u32]) -> Result<(), NonFinite> {
         let element = &*self.kind.element;
-        element.evaluate(&self.batch, self.order, &mut self.out).map_err(|lane| {
+        element.evaluate(self.batch, self.order, self.out).map_err(|lane| {
             let points = vec![owner, others[lane.lane] as usize];
             Refusal { element, lane }.of::<D>(points, self.u)
         })?;
@@ -137,7 +157,7 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
             gradient: &self.out.gradient,
             hessian: &self.out.hessian,
             own,
-            waiting: &mut self.waiting,
+            waiting: self.waiting,
             couplings,
             untouched: self.untouched.couplings,
         };

@@ -5,14 +5,14 @@
 //! to the owner enter, and the owner's part is minus the sum of the others'. Slabs and their order
 //! are those of the assembly.
 
-use rayon::prelude::*;
-
-use super::slab::{Refusal, minus, named, row};
-use super::{DiscreteEnergy, Kind};
+use super::slab::{Refusal, Room, SlabEnergy, minus, named, row};
+use super::{DiscreteEnergy, Kind, Rooms};
 use crate::element::{CAPACITY, Contributions, InteractionBatch, Order};
 use crate::energy::{Hessian, NonFinite};
 use crate::geometry::packed;
 use crate::interaction::OwnerCliques;
+use crate::interaction::schedule::{Layout, Part, Touched};
+use crate::pool::Pool;
 
 /// What becomes of the interactions of a slab: `take` gets the points of one, the owner first, and
 /// its place in the contributions.
@@ -20,11 +20,10 @@ trait Sink<const D: usize>: Send {
     fn take(&mut self, points: &[usize], out: &Contributions, lane: usize);
 }
 
-/// Rows of `K p` from `first` on.
+/// Rows of `K p`.
 struct Product<'a, const D: usize> {
     p: &'a [f64],
-    first: usize,
-    rows: &'a mut [f64],
+    rows: Touched<'a, [f64; D]>,
 }
 
 impl<const D: usize> Sink<D> for Product<'_, D> {
@@ -45,66 +44,73 @@ impl<const D: usize> Sink<D> for Product<'_, D> {
                 force[c] += entry * relative[r];
             }
         }
-        let owner = (points[0] - self.first) * D;
         for (corner, &point) in points[1..].iter().enumerate() {
+            let [own, other] = self.rows.pair(points[0], point);
             for axis in 0..D {
                 let part = force[corner * D + axis];
-                self.rows[(point - self.first) * D + axis] += part;
-                self.rows[owner + axis] -= part;
+                other[axis] += part;
+                own[axis] -= part;
             }
         }
     }
 }
 
-/// Rows of the gradient and diagonal blocks from `first` on.
+/// Diagonal blocks.
 struct Diagonal<'a, const D: usize> {
-    first: usize,
-    gradient: &'a mut [f64],
-    blocks: &'a mut [f64],
+    blocks: Touched<'a, [[f64; D]; D]>,
 }
 
 impl<const D: usize> Sink<D> for Diagonal<'_, D> {
     fn take(&mut self, points: &[usize], out: &Contributions, lane: usize) {
         let n = (points.len() - 1) * D;
         let entry = |r: usize, c: usize| out.hessian[packed(n, r.min(c), r.max(c))][lane];
-        let owner = points[0] - self.first;
         for (corner, &point) in points[1..].iter().enumerate() {
-            let place = point - self.first;
+            let [own, other] = self.blocks.pair(points[0], point);
             for a in 0..D {
-                let part = out.gradient[corner * D + a][lane];
-                self.gradient[place * D + a] += part;
-                self.gradient[owner * D + a] -= part;
                 for b in 0..D {
                     let row = corner * D + a;
-                    self.blocks[(place * D + a) * D + b] += entry(row, corner * D + b);
+                    other[a][b] += entry(row, corner * D + b);
                     let all = (0..points.len() - 1).fold(0.0, |sum, k| sum + entry(row, k * D + b));
-                    self.blocks[(owner * D + a) * D + b] += all;
+                    own[a][b] += all;
                 }
             }
         }
     }
 }
 
-/// Energies of the points from `first` on.
+/// Energies of the points.
 struct Shares<'a> {
-    first: usize,
-    shares: &'a mut [f64],
+    rows: Touched<'a, f64>,
 }
 
 impl<const D: usize> Sink<D> for Shares<'_> {
     fn take(&mut self, points: &[usize], out: &Contributions, lane: usize) {
         let part = out.energy[lane] / points.len() as f64;
-        points.iter().for_each(|point| self.shares[point - self.first] += part);
+        points.iter().for_each(|&point| self.rows.range(point..point + 1)[0] += part);
     }
 }
 
 /// The interactions of one owner on their way through an element.
-struct Batch<const D: usize> {
+pub(super) struct Batch<const D: usize> {
     lanes: Vec<[u32; 3]>,
     displacement: Vec<[f64; D]>,
     shares: Vec<f64>,
     interactions: InteractionBatch,
     out: Contributions,
+}
+
+impl<const D: usize> Batch<D> {
+    /// Room for owners of so many members.
+    pub(super) fn new(kind: &Kind, members: usize) -> Batch<D> {
+        let measure = kind.element.measure();
+        Batch {
+            lanes: Vec::with_capacity(CAPACITY),
+            displacement: Vec::with_capacity(members),
+            shares: Vec::with_capacity(members),
+            interactions: InteractionBatch::new(measure, D),
+            out: Contributions::new(measure, D),
+        }
+    }
 }
 
 /// A slab whose interactions go to a sink.
@@ -116,38 +122,33 @@ struct Visit<'a, const D: usize, S> {
 }
 
 impl<const D: usize, S: Sink<D>> Visit<'_, D, S> {
-    /// All kinds; the energies of each.
-    fn all(mut self) -> Result<[f64; 3], NonFinite> {
+    /// All kinds. Energies are those of the forces, and not summed once more.
+    fn all(mut self, room: &mut Room<D>) -> Result<SlabEnergy, NonFinite> {
         let energy = self.energy;
-        let mut parts = [0.0; 3];
-        if let Some(kind) = &energy.bonds {
-            parts[0] = self.kind::<1>(kind)?;
-        }
-        if let Some(kind) = &energy.triangles {
-            parts[1] = self.kind::<2>(kind)?;
-        }
-        if let Some(kind) = &energy.tetrahedra {
-            parts[2] = self.kind::<3>(kind)?;
-        }
-        Ok(parts)
+        let Room { cliques, products: [bonds, triangles, tetrahedra], .. } = room;
+        energy.with_cliques(self.slab, cliques, |cliques| {
+            if let (Some(kind), Some(batch)) = (&energy.bonds, bonds) {
+                self.kind::<1>(kind, cliques, batch)?;
+            }
+            if let (Some(kind), Some(batch)) = (&energy.triangles, triangles) {
+                self.kind::<2>(kind, cliques, batch)?;
+            }
+            if let (Some(kind), Some(batch)) = (&energy.tetrahedra, tetrahedra) {
+                self.kind::<3>(kind, cliques, batch)?;
+            }
+            Ok(SlabEnergy::default())
+        })
     }
 
-    /// One kind, of `K` corners besides the owner; its energy.
-    fn kind<const K: usize>(&mut self, kind: &Kind) -> Result<f64, NonFinite> {
-        let (energy, measure) = (self.energy, kind.element.measure());
-        let touched = energy.slabs.touched(self.slab);
-        let mut cliques =
-            OwnerCliques::<D>::new(&energy.body, &energy.neighborhood, energy.degeneracy, touched)
-                .with_contributing(energy.contributing.as_ref());
-        let mut batch = Batch {
-            lanes: Vec::with_capacity(CAPACITY),
-            displacement: Vec::new(),
-            shares: Vec::new(),
-            interactions: InteractionBatch::new(measure, D),
-            out: Contributions::new(measure, D),
-        };
-        let mut total = 0.0;
-        for owner in energy.slabs.owners(self.slab) {
+    /// One kind, of `K` corners besides the owner.
+    fn kind<const K: usize>(
+        &mut self,
+        kind: &Kind,
+        cliques: &mut OwnerCliques<'_, D>,
+        batch: &mut Batch<D>,
+    ) -> Result<(), NonFinite> {
+        batch.lanes.clear();
+        for owner in self.energy.slabs.owners(self.slab) {
             cliques.set(owner);
             let (own, members) = (row::<D>(self.u, owner), cliques.members());
             let relative = |&member: &u32| minus(&row(self.u, member as usize), &own);
@@ -158,7 +159,7 @@ impl<const D: usize, S: Sink<D>> Visit<'_, D, S> {
             let mut push = |lane: [u32; 3]| {
                 batch.lanes.push(lane);
                 if batch.lanes.len() == CAPACITY {
-                    total += self.flush::<K>(kind, &cliques, &mut batch)?;
+                    self.flush::<K>(kind, cliques, batch)?;
                 }
                 Ok(())
             };
@@ -171,21 +172,21 @@ impl<const D: usize, S: Sink<D>> Visit<'_, D, S> {
                     cliques.tetrahedra(|j, k, l| push([j as u32, k as u32, l as u32]))?;
                 }
             }
-            total += self.flush::<K>(kind, &cliques, &mut batch)?;
+            self.flush::<K>(kind, cliques, batch)?;
         }
-        Ok(total)
+        Ok(())
     }
 
-    /// Evaluates what has been gathered and hands it on; its energy.
+    /// Evaluates what has been gathered and hands it on.
     fn flush<const K: usize>(
         &mut self,
         kind: &Kind,
         cliques: &OwnerCliques<'_, D>,
         batch: &mut Batch<D>,
-    ) -> Result<f64, NonFinite> {
+    ) -> Result<(), NonFinite> {
         let Batch { lanes, displacement, shares, interactions, out } = batch;
         if lanes.is_empty() {
-            return Ok(0.0);
+            return Ok(());
         }
         let corners = |lane: usize| -> [usize; K] {
             std::array::from_fn(|corner| lanes[lane][corner] as usize)
@@ -208,9 +209,8 @@ impl<const D: usize, S: Sink<D>> Visit<'_, D, S> {
             }
             self.sink.take(&points[..=K], out, lane);
         }
-        let energy = out.energy[..lanes.len()].iter().fold(0.0, |sum, x| sum + x);
         lanes.clear();
-        Ok(energy)
+        Ok(())
     }
 }
 
@@ -224,9 +224,10 @@ pub(super) struct InteractionHessian<'a> {
 impl Hessian for InteractionHessian<'_> {
     fn multiply(&self, p: &[f64], product: &mut [f64]) {
         assert!(p.len() == self.u.len() && product.len() == p.len(), "vectors are n x d");
-        let done = match self.energy.body.dimension() {
-            2 => self.multiply_in::<2>(p, product),
-            _ => self.multiply_in::<3>(p, product),
+        product.fill(0.0);
+        let done = match &self.energy.rooms {
+            Rooms::Plane(rooms) => self.multiply_in(rooms, p, product),
+            Rooms::Space(rooms) => self.multiply_in(rooms, p, product),
         };
         if done.is_err() {
             product.fill(f64::NAN);
@@ -235,105 +236,57 @@ impl Hessian for InteractionHessian<'_> {
 }
 
 impl InteractionHessian<'_> {
-    fn multiply_in<const D: usize>(&self, p: &[f64], out: &mut [f64]) -> Result<(), NonFinite> {
-        let energy = self.energy;
-        out.fill(0.0);
-        let mut energies = vec![[0.0; 3]; energy.slabs.len()];
-        for color in 0..2 {
-            let rows = energy.cut(color, D, out).into_iter();
-            let sinks = rows.map(|(slab, first, rows)| (slab, Product::<D> { p, first, rows }));
-            energy.visit(&self.u, sinks.collect(), &mut energies)?;
-        }
-        Ok(())
+    fn multiply_in<const D: usize>(
+        &self,
+        rooms: &Pool<Room<D>>,
+        p: &[f64],
+        out: &mut [f64],
+    ) -> Result<[f64; 3], NonFinite> {
+        let (energy, u) = (self.energy, &self.u[..]);
+        let rows = Part::new(Layout::Points(1), out.as_chunks_mut::<D>().0);
+        energy.over_slabs(rooms, rows, |slab, [here, next], room| {
+            let sink = Product { p, rows: Touched::new(here, next) };
+            Visit { energy, slab, u, sink }.all(room)
+        })
     }
 }
 
 impl DiscreteEnergy {
-    /// See [`crate::energy::Wanted::Diagonal`].
-    pub(super) fn diagonal(
-        &self,
-        u: &[f64],
-        gradient: &mut [f64],
-        blocks: &mut [f64],
-    ) -> Result<[f64; 3], NonFinite> {
-        match self.body.dimension() {
-            2 => self.diagonal_in::<2>(u, gradient, blocks),
-            _ => self.diagonal_in::<3>(u, gradient, blocks),
+    /// Adds the diagonal blocks of the Hessian at `u`.
+    pub(super) fn diagonal(&self, u: &[f64], blocks: &mut [f64]) -> Result<(), NonFinite> {
+        match &self.rooms {
+            Rooms::Plane(rooms) => self.diagonal_in(rooms, u, blocks),
+            Rooms::Space(rooms) => self.diagonal_in(rooms, u, blocks),
         }
     }
 
     fn diagonal_in<const D: usize>(
         &self,
+        rooms: &Pool<Room<D>>,
         u: &[f64],
-        gradient: &mut [f64],
         blocks: &mut [f64],
-    ) -> Result<[f64; 3], NonFinite> {
-        gradient.fill(0.0);
-        blocks.fill(0.0);
-        let mut energies = vec![[0.0; 3]; self.slabs.len()];
-        for color in 0..2 {
-            let rows = self.cut(color, D, gradient).into_iter();
-            let blocks = self.cut(color, D * D, blocks).into_iter();
-            let sinks = rows.zip(blocks).map(|((slab, first, gradient), (_, _, blocks))| {
-                (slab, Diagonal::<D> { first, gradient, blocks })
-            });
-            self.visit(u, sinks.collect(), &mut energies)?;
-        }
-        let sum = |sum: [f64; 3], part: &[f64; 3]| std::array::from_fn(|k| sum[k] + part[k]);
-        Ok(energies.iter().fold([0.0; 3], sum))
+    ) -> Result<(), NonFinite> {
+        let blocks = blocks.as_chunks_mut::<D>().0.as_chunks_mut::<D>().0;
+        let blocks = Part::new(Layout::Points(1), blocks);
+        let done = self.over_slabs(rooms, blocks, |slab, [here, next], room| {
+            let sink = Diagonal { blocks: Touched::new(here, next) };
+            Visit { energy: self, slab, u, sink }.all(room)
+        });
+        done.map(|_| ())
     }
 
-    /// See [`crate::energy::Energy::shares`].
-    pub(super) fn shares_in<const D: usize>(
+    /// See [`crate::energy::Energy::shares`]; adds to what is there.
+    pub(super) fn add_shares<const D: usize>(
         &self,
+        rooms: &Pool<Room<D>>,
         u: &[f64],
         shares: &mut [f64],
     ) -> Result<(), NonFinite> {
-        shares.fill(0.0);
-        let mut energies = vec![[0.0; 3]; self.slabs.len()];
-        for color in 0..2 {
-            let rows = self.cut(color, 1, shares).into_iter();
-            let sinks = rows.map(|(slab, first, shares)| (slab, Shares { first, shares }));
-            self.visit::<D, _>(u, sinks.collect(), &mut energies)?;
-        }
-        Ok(())
-    }
-
-    /// Sends the interactions of some slabs to their sinks and keeps the energies by slab; the
-    /// error of the lowest slab counts.
-    fn visit<const D: usize, S: Sink<D>>(
-        &self,
-        u: &[f64],
-        sinks: Vec<(usize, S)>,
-        energies: &mut [[f64; 3]],
-    ) -> Result<(), NonFinite> {
-        let run = |(slab, sink)| (slab, Visit { energy: self, slab, u, sink }.all());
-        let done: Vec<_> = sinks.into_par_iter().with_max_len(1).map(run).collect();
-        for (slab, part) in done {
-            energies[slab] = part?;
-        }
-        Ok(())
-    }
-
-    /// The slabs of a colour, each with the first point that it touches and the rows of all these,
-    /// `width` numbers a point.
-    fn cut<'a>(
-        &self,
-        color: usize,
-        width: usize,
-        rows: &'a mut [f64],
-    ) -> Vec<(usize, usize, &'a mut [f64])> {
-        let (mut rest, mut at) = (rows, 0);
-        let slabs = (color..self.slabs.len()).step_by(2);
-        slabs
-            .map(|slab| {
-                let touched = self.slabs.touched(slab);
-                let (_, tail) =
-                    std::mem::take(&mut rest).split_at_mut((touched.start - at) * width);
-                let (mine, tail) = tail.split_at_mut(touched.len() * width);
-                (rest, at) = (tail, touched.end);
-                (slab, touched.start, mine)
-            })
-            .collect()
+        let shares = Part::new(Layout::Points(1), shares);
+        let done = self.over_slabs(rooms, shares, |slab, [here, next], room| {
+            let sink = Shares { rows: Touched::new(here, next) };
+            Visit { energy: self, slab, u, sink }.all(room)
+        });
+        done.map(|_| ())
     }
 }

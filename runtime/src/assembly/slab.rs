@@ -1,21 +1,24 @@
 //! The interactions that one slab owns: gathered into batches, evaluated, added up.
 
 use super::accumulate::{OwnerSums, TetrahedronLane, TriangleLane};
-use super::bonds::{BondSums, Untouched};
+use super::bonds::{BondRoom, BondSums, Untouched};
+use super::product::Batch;
 use super::rows::Rows;
 use super::sum::Sum;
 use super::tetrahedra::{Owner, Rules, TetrahedronSums};
 use super::{DiscreteEnergy, Kind};
 use crate::element::{CAPACITY, Contributions, Element, InteractionBatch, NonFiniteLane, Order};
 use crate::energy::{Argument, NonFinite};
-use crate::interaction::{OwnerCliques, never_fails};
+use crate::interaction::schedule::{Part, Touched};
+use crate::interaction::{CliqueRoom, OwnerCliques, never_fails};
+use crate::matrix::BlockPattern;
 
 /// A slab with the rows it may write to.
 pub(super) struct SlabTask<'a> {
-    pub(super) slab: usize,
-    pub(super) rows: Rows<'a>,
+    slab: usize,
+    rows: Rows<'a>,
     /// Whether no other slab has written to these rows yet.
-    pub(super) is_first: bool,
+    is_first: bool,
 }
 
 /// The energy of one slab.
@@ -54,69 +57,132 @@ pub(super) fn total(
     }
 }
 
-impl SlabTask<'_> {
-    /// Assembles the interactions of the slab, kind by kind.
-    pub(super) fn assemble(
-        self,
+/// Work arrays of a thread for the interactions of a slab.
+pub(super) struct Room<const D: usize> {
+    pub(super) cliques: CliqueRoom<D>,
+    bonds: Option<BondRoom>,
+    triangles: Option<Gathered<TriangleLane, D>>,
+    triangles_of_owner: Vec<TriangleLane>,
+    tetrahedra: Option<Gathered<TetrahedronLane, D>>,
+    pairs: PairNumbers,
+    by_pairs: TetrahedronSums,
+    sums: OwnerSums<D>,
+    /// For products, kind by kind.
+    pub(super) products: [Option<Batch<D>>; 3],
+}
+
+impl<const D: usize> Room<D> {
+    /// Large enough for all interactions, so that it does not matter which slabs a thread is given.
+    pub(super) fn new(energy: &DiscreteEnergy) -> Room<D> {
+        let members = energy.neighborhood.most_later();
+        let kinds = [&energy.bonds, &energy.triangles, &energy.tetrahedra];
+        let [bonds, triangles, tetrahedra] = kinds.map(Option::as_ref);
+        let of_tetrahedra = if tetrahedra.is_some() { members } else { 0 };
+        let of_triangles = if triangles.is_some() { members * members / 2 } else { 0 };
+        Room {
+            cliques: CliqueRoom::new(&energy.neighborhood, &energy.slabs),
+            bonds: bonds.map(|kind| BondRoom::new(energy, kind)),
+            triangles: triangles.map(|kind| Gathered::new(kind, members)),
+            triangles_of_owner: Vec::with_capacity(of_triangles),
+            tetrahedra: tetrahedra.map(|kind| Gathered::new(kind, members)),
+            pairs: PairNumbers::with_capacity(of_tetrahedra),
+            by_pairs: TetrahedronSums::with_capacity(of_tetrahedra),
+            sums: OwnerSums::with_capacity(members),
+            products: kinds.map(|kind| kind.as_ref().map(|kind| Batch::new(kind, members))),
+        }
+    }
+}
+
+/// Gradient and tangent of some slabs.
+type Arrays<'a> = (Part<'a, f64>, Part<'a, f64>);
+
+impl<'a> SlabTask<'a> {
+    /// With the rows of a slab and of the next.
+    pub(super) fn new(
+        pattern: &'a BlockPattern,
+        slab: usize,
+        here: &'a mut Arrays<'_>,
+        next: &'a mut Arrays<'_>,
+    ) -> SlabTask<'a> {
+        let rows = Rows {
+            row_start: &pattern.row_start,
+            gradient: Touched::new(&mut here.0, &mut next.0),
+            tangent: Touched::new(&mut here.1, &mut next.1),
+        };
+        SlabTask { slab, rows, is_first: slab.is_multiple_of(2) }
+    }
+
+    /// Assembles the interactions of the slab in the plane, kind by kind.
+    pub(super) fn in_plane(
+        mut self,
         energy: &DiscreteEnergy,
         order: Order,
         u: &[f64],
+        room: &mut Room<2>,
     ) -> Result<SlabEnergy, NonFinite> {
-        let SlabTask { slab, mut rows, is_first } = self;
-        // Where bonds are alone each coupling is written once, and nothing need be cleared before.
-        let alone = energy.triangles.is_none() && energy.tetrahedra.is_none();
-        if is_first && !(alone && energy.bonds.is_some()) {
-            rows.clear_tangent();
-        }
-        let untouched = Untouched { couplings: alone, diagonal: alone && is_first };
-        if energy.body.dimension() == 2 {
-            let context = Context::<2> { energy, slab, order, u, untouched };
-            return context.bonds_and_triangles(&mut rows);
-        }
-        let context = Context::<3> { energy, slab, order, u, untouched };
-        let mut total = context.bonds_and_triangles(&mut rows)?;
+        let context = self.begin::<2>(energy, order, u);
+        context.bonds_and_triangles(room, &mut self.rows)
+    }
+
+    /// The same in space.
+    pub(super) fn in_space(
+        mut self,
+        energy: &DiscreteEnergy,
+        order: Order,
+        u: &[f64],
+        room: &mut Room<3>,
+    ) -> Result<SlabEnergy, NonFinite> {
+        let context = self.begin::<3>(energy, order, u);
+        let mut total = context.bonds_and_triangles(room, &mut self.rows)?;
         if let Some(kind) = &energy.tetrahedra {
-            total.tetrahedra = context.tetrahedra(kind, &mut rows)?;
+            total.tetrahedra = context.tetrahedra(kind, room, &mut self.rows)?;
         }
         Ok(total)
+    }
+
+    fn begin<'b, const D: usize>(
+        &mut self,
+        energy: &'b DiscreteEnergy,
+        order: Order,
+        u: &'b [f64],
+    ) -> Context<'b, D> {
+        // Where bonds are alone each coupling is written once, and nothing need be cleared before.
+        let alone = energy.triangles.is_none() && energy.tetrahedra.is_none();
+        if self.is_first && !(alone && energy.bonds.is_some()) {
+            self.rows.clear_tangent();
+        }
+        let untouched = Untouched { couplings: alone, diagonal: alone && self.is_first };
+        Context { energy, slab: self.slab, order, u, untouched }
     }
 }
 
 /// What all kinds of interaction of a slab need.
-struct Context<'a, const D: usize> {
-    energy: &'a DiscreteEnergy,
-    slab: usize,
-    order: Order,
-    u: &'a [f64],
-    untouched: Untouched,
+pub(super) struct Context<'a, const D: usize> {
+    pub(super) energy: &'a DiscreteEnergy,
+    pub(super) slab: usize,
+    pub(super) order: Order,
+    pub(super) u: &'a [f64],
+    pub(super) untouched: Untouched,
 }
 
 impl<'a, const D: usize> Context<'a, D> {
-    fn bonds_and_triangles(&self, rows: &mut Rows<'_>) -> Result<SlabEnergy, NonFinite> {
+    fn bonds_and_triangles(
+        &self,
+        room: &mut Room<D>,
+        rows: &mut Rows<'_>,
+    ) -> Result<SlabEnergy, NonFinite> {
         let mut total = SlabEnergy::default();
-        if let Some(kind) = &self.energy.bonds {
+        if let (Some(kind), Some(room)) = (&self.energy.bonds, &mut room.bonds) {
+            // Numbers of a bond.
             total.bonds = match D {
-                2 => self.bonds::<5>(kind, rows)?,
-                _ => self.bonds::<9>(kind, rows)?,
+                2 => BondSums::<D, 5>::new(self, kind, room).add(self.slab, rows)?,
+                _ => BondSums::<D, 9>::new(self, kind, room).add(self.slab, rows)?,
             };
         }
         if let Some(kind) = &self.energy.triangles {
-            total.triangles = self.triangles(kind, rows)?;
+            total.triangles = self.triangles(kind, room, rows)?;
         }
         Ok(total)
-    }
-
-    /// Bonds give `N` numbers each.
-    fn bonds<const N: usize>(&self, kind: &Kind, rows: &mut Rows<'_>) -> Result<Sum, NonFinite> {
-        BondSums::<D, N>::new(self.energy, kind, self.order, self.u, self.untouched)
-            .add(self.slab, rows)
-    }
-
-    fn cliques(&self) -> OwnerCliques<'a, D> {
-        let energy = self.energy;
-        let touched = energy.slabs.touched(self.slab);
-        OwnerCliques::new(&energy.body, &energy.neighborhood, energy.degeneracy, touched)
-            .with_contributing(energy.contributing.as_ref())
     }
 
     /// Displacements of the members relative to the owner.
@@ -126,28 +192,36 @@ impl<'a, const D: usize> Context<'a, D> {
         out.extend(cliques.members().iter().map(|&m| minus(&row(self.u, m as usize), &own)));
     }
 
-    fn triangles(&self, kind: &Kind, rows: &mut Rows<'_>) -> Result<Sum, NonFinite> {
-        let mut cliques = self.cliques();
-        let mut batch = Gathered::<TriangleLane, D>::new(kind);
-        let mut sums = OwnerSums::<D>::default();
-        let mut lanes = Vec::new();
-        for owner in self.energy.slabs.owners(self.slab) {
-            cliques.set(owner);
-            self.displacements(&cliques, &mut batch.displacement);
-            batch.set_shares(kind, &cliques);
-            sums.reset(self.order, cliques.members().len(), 0);
-            lanes.clear();
-            never_fails(cliques.triangles(|j, k, place| {
-                lanes.push(TriangleLane { members: [j as u32, k as u32], place: place as u32 });
-                Ok(())
-            }));
-            for lanes in lanes.chunks(CAPACITY) {
-                batch.lanes.extend_from_slice(lanes);
-                self.add_triangles(kind, &cliques, &mut batch, &mut sums, rows)?;
+    fn triangles(
+        &self,
+        kind: &Kind,
+        room: &mut Room<D>,
+        rows: &mut Rows<'_>,
+    ) -> Result<Sum, NonFinite> {
+        let Room { cliques, triangles: Some(batch), triangles_of_owner, sums, .. } = room else {
+            return Ok(Sum::default());
+        };
+        batch.restart();
+        self.energy.with_cliques(self.slab, cliques, |cliques| {
+            for owner in self.energy.slabs.owners(self.slab) {
+                cliques.set(owner);
+                self.displacements(cliques, &mut batch.displacement);
+                batch.set_shares(kind, cliques);
+                sums.reset(self.order, cliques.members().len(), 0);
+                triangles_of_owner.clear();
+                never_fails(cliques.triangles(|j, k, place| {
+                    let members = [j as u32, k as u32];
+                    triangles_of_owner.push(TriangleLane { members, place: place as u32 });
+                    Ok(())
+                }));
+                for lanes in triangles_of_owner.chunks(CAPACITY) {
+                    batch.lanes.extend_from_slice(lanes);
+                    self.add_triangles(kind, cliques, batch, sums, rows)?;
+                }
+                sums.write(cliques, self.order, rows);
             }
-            sums.write(&cliques, self.order, rows);
-        }
-        Ok(batch.sum)
+            Ok(batch.sum)
+        })
     }
 
     fn add_triangles(
@@ -167,24 +241,30 @@ impl<'a, const D: usize> Context<'a, D> {
 }
 
 impl Context<'_, 3> {
-    fn tetrahedra(&self, kind: &Kind, rows: &mut Rows<'_>) -> Result<Sum, NonFinite> {
-        let mut cliques = self.cliques();
-        let mut batch = Gathered::<TetrahedronLane, 3>::new(kind);
-        let mut sums = OwnerSums::<3>::default();
-        let mut pairs = PairNumbers::default();
-        let mut by_pairs = TetrahedronSums::default();
-        for owner in self.energy.slabs.owners(self.slab) {
-            cliques.set(owner);
-            self.displacements(&cliques, &mut batch.displacement);
-            batch.set_shares(kind, &cliques);
-            pairs.set(&cliques);
-            sums.reset(self.order, cliques.members().len(), pairs.count);
-            if !self.sum_by_pairs(kind, &cliques, &pairs, &mut by_pairs, &mut batch, &mut sums)? {
-                self.sum_one_by_one(kind, &cliques, &pairs, &mut batch, &mut sums)?;
+    fn tetrahedra(
+        &self,
+        kind: &Kind,
+        room: &mut Room<3>,
+        rows: &mut Rows<'_>,
+    ) -> Result<Sum, NonFinite> {
+        let Room { cliques, tetrahedra: Some(batch), pairs, by_pairs, sums, .. } = room else {
+            return Ok(Sum::default());
+        };
+        batch.restart();
+        self.energy.with_cliques(self.slab, cliques, |cliques| {
+            for owner in self.energy.slabs.owners(self.slab) {
+                cliques.set(owner);
+                self.displacements(cliques, &mut batch.displacement);
+                batch.set_shares(kind, cliques);
+                pairs.set(cliques);
+                sums.reset(self.order, cliques.members().len(), pairs.count);
+                if !self.sum_by_pairs(kind, cliques, pairs, by_pairs, batch, sums)? {
+                    self.sum_one_by_one(kind, cliques, pairs, batch, sums)?;
+                }
+                sums.write(cliques, self.order, rows);
             }
-            sums.write(&cliques, self.order, rows);
-        }
-        Ok(batch.sum)
+            Ok(batch.sum)
+        })
     }
 
     /// Sums the tetrahedra of an owner over pairs of corners; `false` where that is not possible:
@@ -305,17 +385,23 @@ struct Gathered<L, const D: usize> {
 }
 
 impl<L, const D: usize> Gathered<L, D> {
-    fn new(kind: &Kind) -> Gathered<L, D> {
+    fn new(kind: &Kind, members: usize) -> Gathered<L, D> {
         let measure = kind.element.measure();
         Gathered {
             lanes: Vec::with_capacity(CAPACITY),
-            displacement: Vec::new(),
+            displacement: Vec::with_capacity(members),
             own_share: 0.0,
-            shares: Vec::new(),
+            shares: Vec::with_capacity(members),
             batch: InteractionBatch::new(measure, D),
             out: Contributions::new(measure, D),
             sum: Sum::default(),
         }
+    }
+
+    /// Starts a new slab.
+    fn restart(&mut self) {
+        self.lanes.clear();
+        self.sum = Sum::default();
     }
 
     #[inline(always)]
@@ -382,6 +468,10 @@ pub(super) struct PairNumbers {
 }
 
 impl PairNumbers {
+    fn with_capacity(members: usize) -> PairNumbers {
+        PairNumbers { number: vec![0; members * members], ..PairNumbers::default() }
+    }
+
     fn set<const D: usize>(&mut self, cliques: &OwnerCliques<'_, D>) {
         self.n_members = cliques.members().len();
         self.count = 0;

@@ -101,6 +101,22 @@ pub(super) struct TetrahedronSums {
 }
 
 impl TetrahedronSums {
+    /// Room for owners of so many members.
+    pub(super) fn with_capacity(members: usize) -> TetrahedronSums {
+        TetrahedronSums {
+            members: Members {
+                now: Vec::with_capacity(members),
+                square: Vec::with_capacity(members),
+                moments: Vec::with_capacity(members),
+            },
+            pairs: Vec::with_capacity(members * members / 2),
+            thirds: Thirds::with_capacity(members),
+            block: Block::with_capacity((CAPACITY + members).div_ceil(WIDEST) + 1),
+            thin: Vec::with_capacity(CAPACITY),
+            energy: Sum::default(),
+        }
+    }
+
     /// Sums the tetrahedra of an owner; `false` if one of them was refused: the sums then mean
     /// nothing.
     pub(super) fn fill(&mut self, rules: &Rules<'_>, owner: &Owner<'_>) -> bool {

@@ -6,26 +6,29 @@ use crate::kernel::{Variables, VariablesLaw};
 /// Deformation gradients evaluated at once.
 pub(super) const CAPACITY: usize = 128;
 
-/// Arrays of a batch: component by component, as laws take them.
+/// Components of all tensors of a batch.
+type Components = [f64; 9 * CAPACITY];
+
+/// Arrays of a batch: component by component, as laws take them. They fit on a thread's stack.
 pub(super) struct LawBatch<const D: usize> {
     n: usize,
-    current: Vec<f64>,
-    change: Vec<f64>,
-    direction: Vec<f64>,
-    psi: Vec<f64>,
-    out: Vec<f64>,
+    current: Components,
+    change: Components,
+    direction: Components,
+    psi: [f64; CAPACITY],
+    out: Components,
 }
 
 impl<const D: usize> LawBatch<D> {
     pub(super) fn new() -> LawBatch<D> {
-        let tensors = || vec![0.0; D * D * CAPACITY];
+        let zero = [0.0; 9 * CAPACITY];
         LawBatch {
             n: 0,
-            current: tensors(),
-            change: tensors(),
-            direction: tensors(),
-            psi: vec![0.0; CAPACITY],
-            out: tensors(),
+            current: zero,
+            change: zero,
+            direction: zero,
+            psi: [0.0; CAPACITY],
+            out: zero,
         }
     }
 

@@ -45,6 +45,7 @@ use crate::interaction::{Report, Slabs};
 use crate::kernel::VariablesLaw;
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
+use crate::pool::Pool;
 use crate::weights::check_families;
 pub use error::CorrespondenceError;
 use influence::Influence;
@@ -53,7 +54,7 @@ use operator::{GradientOperator, Tensor};
 use quadrature::BondQuadrature;
 use stabilisation::Deviations;
 pub use stabilisation::Stabilisation;
-use sweep::{Duals, Failure, Fields, Pass, over_bonds, over_points};
+use sweep::{Duals, Failure, Fields, Parts, Pass, over_bonds, over_points};
 use tangent::{Bonds, FieldStiffness};
 
 /// Where the energy density is evaluated, and what keeps displacements that it does not see.
@@ -96,6 +97,24 @@ pub struct Correspondence {
     names: Arc<[String]>,
     pattern: OnceLock<Arc<BlockPattern>>,
     bond_pattern: OnceLock<Arc<BlockPattern>>,
+    /// Room for passes.
+    room: Pool<Room>,
+}
+
+/// What passes work with, from point to point.
+#[derive(Default)]
+struct Room {
+    /// Displacement gradients, and derivatives by them, `d x d` for each point.
+    h: Vec<f64>,
+    stress: Vec<f64>,
+    /// The latter column by column.
+    columns: Vec<f64>,
+    parts: Parts,
+}
+
+/// Tensors row by row, from their numbers.
+fn tensors<const D: usize>(numbers: &mut [f64]) -> &mut [Tensor<D>] {
+    numbers.as_chunks_mut::<D>().0.as_chunks_mut::<D>().0
 }
 
 /// The discretisation with its weights.
@@ -148,7 +167,18 @@ impl Correspondence {
         let names = ["psi(F)"].into_iter().chain(is_stabilised.then_some("stabilisation"));
         let names = names.map(String::from).collect();
         let (pattern, bond_pattern) = (OnceLock::new(), OnceLock::new());
-        Ok(Correspondence { body, operator, law, places, slabs, names, pattern, bond_pattern })
+        let room = Pool::new();
+        Ok(Correspondence {
+            body,
+            operator,
+            law,
+            places,
+            slabs,
+            names,
+            pattern,
+            bond_pattern,
+            room,
+        })
     }
 
     /// The body.
@@ -176,10 +206,12 @@ impl Correspondence {
     }
 
     fn share<const D: usize>(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
-        let h = self.gradients::<D>(u);
-        let fields = Fields { u: u.as_chunks::<D>().0, h: &h };
+        let mut room = self.room.take(Room::default);
+        let Room { h, parts, .. } = &mut *room;
+        let h = self.gradients_in::<D>(u, h);
+        let fields = Fields { u: u.as_chunks::<D>().0, h };
         let duals = Duals { shares, ..Duals::default() };
-        let done = self.sweep(fields, Pass::Energy, duals);
+        let done = self.sweep(fields, Pass::Energy, duals, parts);
         done.map(|_| ()).map_err(|failure| self.failed(failure, u))
     }
 
@@ -189,24 +221,36 @@ impl Correspondence {
         h
     }
 
+    fn gradients_in<'a, const D: usize>(
+        &self,
+        u: &[f64],
+        room: &'a mut Vec<f64>,
+    ) -> &'a [Tensor<D>] {
+        room.resize(self.body.n_points() * D * D, 0.0);
+        let h = tensors::<D>(room);
+        self.operator.gradient(u, h);
+        h
+    }
+
     /// The energy of the fields; `duals` become its derivatives, or products.
     fn sweep<const D: usize>(
         &self,
         fields: Fields<'_, D>,
         pass: Pass<'_, D>,
         mut duals: Duals<'_, D>,
+        parts: &mut Parts,
     ) -> Result<[f64; 2], Failure> {
         let (law, volumes) = (&*self.law, self.body.volumes());
         let whole = (&*self.body, self.operator.neighborhood(), &self.slabs);
         let mut stabilisation = Sum::default();
         let deformation = match &self.places {
-            Places::Bonds(bonds) => over_bonds(&self.slabs, duals, |slab, duals| {
+            Places::Bonds(bonds) => over_bonds(&self.slabs, duals, parts, |slab, duals| {
                 bonds.visit(law, whole, slab, (fields, pass), duals)
             })?,
             places => {
-                let deformation = over_points(law, volumes, fields, pass, &mut duals)?;
+                let deformation = over_points(law, volumes, fields, pass, &mut duals, parts)?;
                 if let Places::Stabilised(deviations) = places {
-                    stabilisation = over_bonds(&self.slabs, duals, |slab, duals| {
+                    stabilisation = over_bonds(&self.slabs, duals, parts, |slab, duals| {
                         Ok(deviations.visit(whole, slab, (fields, pass), duals))
                     })?;
                 }
@@ -221,33 +265,39 @@ impl Correspondence {
         &self,
         u: &[f64],
         out: Option<&mut [f64]>,
-        parts: &mut [f64],
+        energies: &mut [f64],
     ) -> Result<(), NonFinite> {
-        let h = self.gradients::<D>(u);
-        let fields = Fields { u: u.as_chunks::<D>().0, h: &h };
+        let mut room = self.room.take(Room::default);
+        let Room { h, stress, columns, parts } = &mut *room;
+        let h = self.gradients_in::<D>(u, h);
+        let fields = Fields { u: u.as_chunks::<D>().0, h };
         let found = match out {
-            None => self.sweep(fields, Pass::Energy, Duals::default()),
-            Some(out) => self.back(fields, Pass::Gradient, out),
+            None => self.sweep(fields, Pass::Energy, Duals::default(), parts),
+            Some(out) => {
+                out.fill(0.0);
+                self.back(fields, Pass::Gradient, (stress, columns, parts), out)
+            }
         };
         let found = found.map_err(|failure| self.failed(failure, u))?;
-        parts.iter_mut().zip(found).for_each(|(part, energy)| *part = energy);
+        energies.iter_mut().zip(found).for_each(|(part, energy)| *part = energy);
         Ok(())
     }
 
-    /// The energy of the fields; `out` becomes its derivative, or the product.
+    /// The energy of the fields; adds its derivative, or the product, to `out`.
     fn back<const D: usize>(
         &self,
         fields: Fields<'_, D>,
         pass: Pass<'_, D>,
+        (stress, columns, parts): (&mut Vec<f64>, &mut Vec<f64>, &mut Parts),
         out: &mut [f64],
     ) -> Result<[f64; 2], Failure> {
-        out.fill(0.0);
-        let mut stress = vec![[[0.0; D]; D]; fields.h.len()];
-        let force = out.as_chunks_mut::<D>().0;
-        let duals = Duals { stress: &mut stress, force, ..Duals::default() };
-        let parts = self.sweep(fields, pass, duals)?;
-        self.operator.add_transpose(&stress, out);
-        Ok(parts)
+        stress.clear();
+        stress.resize(fields.h.len() * D * D, 0.0);
+        let stress = tensors::<D>(stress);
+        let duals = Duals { stress, force: out.as_chunks_mut::<D>().0, ..Duals::default() };
+        let energy = self.sweep(fields, pass, duals, parts)?;
+        self.operator.add_transpose(stress, columns, out);
+        Ok(energy)
     }
 
     fn evaluate_in<const D: usize>(
@@ -413,10 +463,13 @@ impl<const D: usize> Hessian for FieldHessian<'_, D> {
     fn multiply(&self, p: &[f64], product: &mut [f64]) {
         let n = self.u.len() * D;
         assert!(p.len() == n && product.len() == n, "vectors are n x d");
-        let dh = self.energy.gradients::<D>(p);
-        let along = Fields { u: p.as_chunks::<D>().0, h: &dh };
+        let mut room = self.energy.room.take(Room::default);
+        let Room { h, stress, columns, parts } = &mut *room;
+        let dh = self.energy.gradients_in::<D>(p, h);
+        let along = Pass::Product(Fields { u: p.as_chunks::<D>().0, h: dh });
         let fields = Fields { u: &self.u, h: &self.h };
-        if self.energy.back(fields, Pass::Product(along), product).is_err() {
+        product.fill(0.0);
+        if self.energy.back(fields, along, (stress, columns, parts), product).is_err() {
             product.fill(f64::NAN);
         }
     }

@@ -155,10 +155,15 @@ impl GradientOperator {
     }
 
     /// Adds to `forces` (`n x d`) the transpose: what `sum_i stress_i : H_i` changes by with the
-    /// displacements.
-    pub(super) fn add_transpose<const D: usize>(&self, stress: &[Tensor<D>], forces: &mut [f64]) {
+    /// displacements. `columns` is room.
+    pub(super) fn add_transpose<const D: usize>(
+        &self,
+        stress: &[Tensor<D>],
+        columns: &mut Vec<f64>,
+        forces: &mut [f64],
+    ) {
         // Column by column.
-        let mut columns = vec![0.0; stress.len() * D * D + PADDING];
+        columns.resize(stress.len() * D * D + PADDING, 0.0);
         let turn = |(columns, stress): (&mut [f64], &Tensor<D>)| {
             for c in 0..D {
                 for r in 0..D {
@@ -168,7 +173,7 @@ impl GradientOperator {
         };
         let points = columns.par_chunks_exact_mut(D * D).with_min_len(POINTS);
         points.zip(stress.par_iter().with_min_len(POINTS)).for_each(turn);
-        let arch = Arch::new();
+        let (arch, columns) = (Arch::new(), &columns[..]);
         let forces = forces.as_chunks_mut::<D>().0;
         forces.par_chunks_mut(POINTS).enumerate().for_each(|(chunk, forces)| {
             arch.dispatch(
@@ -176,8 +181,8 @@ impl GradientOperator {
                 || {
                     for (k, force) in forces.iter_mut().enumerate() {
                         let sum: [f64; D] = match D {
-                            2 => self.force_at::<D, 2>(&columns, chunk * POINTS + k),
-                            _ => self.force_at::<D, 4>(&columns, chunk * POINTS + k),
+                            2 => self.force_at::<D, 2>(columns, chunk * POINTS + k),
+                            _ => self.force_at::<D, 4>(columns, chunk * POINTS + k),
                         };
                         for r in 0..D {
                             force[r] += sum[r];

@@ -13,7 +13,7 @@ use super::batch::{CAPACITY, LawBatch, determinant};
 use super::error::CorrespondenceError;
 use super::operator::Tensor;
 use super::stabilisation::{bond_starts, check_sums, sums};
-use super::sweep::{Duals, Failure, Fields, Pass, weighted};
+use super::sweep::{Failure, Fields, Pass, TouchedDuals, weighted};
 use crate::assembly::sum::Sum;
 use crate::body::Body;
 use crate::interaction::Slabs;
@@ -29,6 +29,7 @@ pub(super) struct BondQuadrature {
 }
 
 /// A bond with its deformation gradient.
+#[derive(Clone, Copy)]
 pub(super) struct Bond<const D: usize> {
     points: [usize; 2],
     /// `X_j - X_i`.
@@ -64,18 +65,20 @@ impl<const D: usize> Bond<D> {
 
     /// Adds the transpose.
     #[inline(always)]
-    fn scatter(&self, stress: &Tensor<D>, weight: f64, duals: &mut Duals<'_, D>) {
-        let [i, j] = self.points.map(|point| point - duals.first);
+    fn scatter(&self, stress: &Tensor<D>, weight: f64, duals: &mut TouchedDuals<'_, D>) {
+        let [i, j] = self.points;
+        let ([stress_i, stress_j], [force_i, force_j]) =
+            (duals.stress.pair(i, j), duals.force.pair(i, j));
         for r in 0..D {
             let mut row = stress[r];
             row.iter_mut().for_each(|x| *x *= weight);
             let pull = (0..D).fold(0.0, |sum, c| sum + row[c] * self.along[c]);
-            duals.force[j][r] += pull;
-            duals.force[i][r] -= pull;
+            force_j[r] += pull;
+            force_i[r] -= pull;
             for c in 0..D {
                 let half = 0.5 * (row[c] - pull * self.dx[c]);
-                duals.stress[i][r][c] += half;
-                duals.stress[j][r][c] += half;
+                stress_i[r][c] += half;
+                stress_j[r][c] += half;
             }
         }
     }
@@ -220,19 +223,21 @@ impl BondQuadrature {
         (body, neighborhood, slabs): (&Body, &Neighborhood, &Slabs),
         slab: usize,
         (fields, pass): (Fields<'_, D>, Pass<'_, D>),
-        duals: Duals<'_, D>,
+        duals: TouchedDuals<'_, D>,
     ) -> Result<Sum, Failure> {
         let arch = Arch::new();
         let positions = body.positions().as_chunks::<D>().0;
+        let nothing = Bond { points: [0; 2], dx: [0.0; D], along: [0.0; D] };
         let mut run = Run {
             law,
             fields,
             pass,
             duals,
-            bonds: Vec::with_capacity(CAPACITY),
-            weights: Vec::with_capacity(CAPACITY),
-            h: Vec::with_capacity(CAPACITY),
-            directions: Vec::with_capacity(CAPACITY),
+            n: 0,
+            bonds: [nothing; CAPACITY],
+            weights: [0.0; CAPACITY],
+            h: [[[0.0; D]; D]; CAPACITY],
+            directions: [[[0.0; D]; D]; CAPACITY],
             batch: LawBatch::new(),
             sum: Sum::default(),
             arch,
@@ -243,11 +248,12 @@ impl BondQuadrature {
                 if weight == 0.0 {
                     continue;
                 }
-                run.bonds.push(Bond::new(positions, i, j as usize));
-                run.weights.push(weight);
-                if run.bonds.len() == CAPACITY {
+                if run.n == CAPACITY {
                     run.flush()?;
                 }
+                run.bonds[run.n] = Bond::new(positions, i, j as usize);
+                run.weights[run.n] = weight;
+                run.n += 1;
             }
         }
         run.flush()?;
@@ -255,16 +261,18 @@ impl BondQuadrature {
     }
 }
 
-/// Bonds on their way through the law.
+/// Bonds on their way through the law, on a thread's stack.
 struct Run<'a, const D: usize> {
     law: &'a dyn VariablesLaw,
     fields: Fields<'a, D>,
     pass: Pass<'a, D>,
-    duals: Duals<'a, D>,
-    bonds: Vec<Bond<D>>,
-    weights: Vec<f64>,
-    h: Vec<Tensor<D>>,
-    directions: Vec<Tensor<D>>,
+    duals: TouchedDuals<'a, D>,
+    /// How many there are.
+    n: usize,
+    bonds: [Bond<D>; CAPACITY],
+    weights: [f64; CAPACITY],
+    h: [Tensor<D>; CAPACITY],
+    directions: [Tensor<D>; CAPACITY],
     batch: LawBatch<D>,
     sum: Sum,
     arch: Arch,
@@ -272,38 +280,40 @@ struct Run<'a, const D: usize> {
 
 impl<const D: usize> Run<'_, D> {
     fn flush(&mut self) -> Result<(), Failure> {
-        if self.bonds.is_empty() {
+        let n = std::mem::take(&mut self.n);
+        if n == 0 {
             return Ok(());
         }
-        let arch = self.arch;
+        let (arch, bonds, weights) = (self.arch, &self.bonds[..n], &self.weights[..n]);
+        let (h, directions) = (&mut self.h[..n], &mut self.directions[..n]);
         arch.dispatch(
             #[inline(always)]
             || {
                 // Loops, not iterators over closures, which would not be compiled for these registers.
-                for bond in &self.bonds {
-                    self.h.push(bond.gradient(self.fields));
+                for (h, bond) in h.iter_mut().zip(bonds) {
+                    *h = bond.gradient(self.fields);
                 }
                 if let Pass::Product(direction) = self.pass {
-                    for bond in &self.bonds {
-                        self.directions.push(bond.gradient(direction));
+                    for (h, bond) in directions.iter_mut().zip(bonds) {
+                        *h = bond.gradient(direction);
                     }
                 }
             },
         );
         let done = match self.pass {
-            Pass::Energy => self.batch.evaluate(self.law, &self.h, false),
-            Pass::Gradient => self.batch.evaluate(self.law, &self.h, true),
-            Pass::Product(_) => self.batch.multiply(self.law, &self.h, &self.directions),
+            Pass::Energy => self.batch.evaluate(self.law, h, false),
+            Pass::Gradient => self.batch.evaluate(self.law, h, true),
+            Pass::Product(_) => self.batch.multiply(self.law, h, directions),
         };
         done.map_err(|lane| Failure {
-            points: self.bonds[lane].points.to_vec(),
-            determinant: determinant(&self.h[lane]),
+            points: bonds[lane].points.to_vec(),
+            determinant: determinant(&h[lane]),
         })?;
         if !matches!(self.pass, Pass::Product(_)) {
-            self.sum.join(&weighted(self.batch.psi(), &self.weights));
+            self.sum.join(&weighted(self.batch.psi(), weights));
         }
         let (duals, batch) = (&mut self.duals, &self.batch);
-        let lanes = || self.bonds.iter().zip(&self.weights).enumerate();
+        let lanes = || bonds.iter().zip(weights).enumerate();
         if !duals.stress.is_empty() {
             arch.dispatch(
                 #[inline(always)]
@@ -317,14 +327,10 @@ impl<const D: usize> Run<'_, D> {
         if !duals.shares.is_empty() {
             for (lane, (bond, weight)) in lanes() {
                 for point in bond.points {
-                    duals.shares[point - duals.first] += 0.5 * weight * batch.psi()[lane];
+                    duals.shares[point] += 0.5 * weight * batch.psi()[lane];
                 }
             }
         }
-        self.bonds.clear();
-        self.weights.clear();
-        self.h.clear();
-        self.directions.clear();
         Ok(())
     }
 }

@@ -11,7 +11,7 @@ use pulp::Arch;
 
 use super::error::CorrespondenceError;
 use super::operator::Tensor;
-use super::sweep::{Duals, Fields, Pass};
+use super::sweep::{Fields, Pass, TouchedDuals};
 use crate::assembly::sum::Sum;
 use crate::body::Body;
 use crate::element::WIDEST;
@@ -142,7 +142,7 @@ impl Deviations {
         whole: (&Body, &Neighborhood, &Slabs),
         slab: usize,
         (fields, pass): (Fields<'_, D>, Pass<'_, D>),
-        duals: Duals<'_, D>,
+        duals: TouchedDuals<'_, D>,
     ) -> Sum {
         Arch::new().dispatch(
             #[inline(always)]
@@ -156,10 +156,10 @@ impl Deviations {
         (body, neighborhood, slabs): (&Body, &Neighborhood, &Slabs),
         slab: usize,
         (fields, pass): (Fields<'_, D>, Pass<'_, D>),
-        duals: Duals<'_, D>,
+        duals: TouchedDuals<'_, D>,
     ) -> Sum {
         let Fields { u, h } = if let Pass::Product(direction) = pass { direction } else { fields };
-        let Duals { first, shares, stress, force } = duals;
+        let TouchedDuals { mut shares, mut stress, mut force } = duals;
         let positions = body.positions().as_chunks::<D>().0;
         let mut sum = Sum::default();
         let (mut terms, mut n_terms) = ([0.0; WIDEST], 0);
@@ -186,19 +186,24 @@ impl Deviations {
                     n_terms = 0;
                 }
                 if !shares.is_empty() {
-                    shares[i - first] += of_i;
-                    shares[j - first] += of_j;
+                    shares[i] += of_i;
+                    shares[j] += of_j;
                 }
                 if force.is_empty() {
                     continue;
                 }
+                let [force_i, force_j] = force.pair(i, j);
                 for r in 0..D {
-                    force[j - first][r] += t_i[r] + t_j[r];
-                    force[i - first][r] -= t_i[r] + t_j[r];
-                    if !self.is_stationary {
+                    force_j[r] += t_i[r] + t_j[r];
+                    force_i[r] -= t_i[r] + t_j[r];
+                }
+                if self.is_stationary {
+                    continue;
+                }
+                for (stress, t) in stress.pair(i, j).into_iter().zip([t_i, t_j]) {
+                    for r in 0..D {
                         for c in 0..D {
-                            stress[i - first][r][c] -= t_i[r] * dx[c];
-                            stress[j - first][r][c] -= t_j[r] * dx[c];
+                            stress[r][c] -= t[r] * dx[c];
                         }
                     }
                 }

@@ -7,6 +7,7 @@ use super::operator::Tensor;
 use crate::assembly::sum::Sum;
 use crate::element::WIDEST;
 use crate::interaction::Slabs;
+use crate::interaction::schedule::{Layout, Part, Touched, visit};
 use crate::kernel::VariablesLaw;
 
 /// Displacements with their gradients at the points.
@@ -27,11 +28,9 @@ pub(super) enum Pass<'a, const D: usize> {
     Product(Fields<'a, D>),
 }
 
-/// What a pass leaves behind at some points; arrays that are not wanted are empty.
+/// What a pass leaves behind; arrays that are not wanted are empty.
 #[derive(Default)]
 pub(super) struct Duals<'a, const D: usize> {
-    /// The first of the points.
-    pub(super) first: usize,
     /// The energy by points in J: half of a bond's for either end. Only of [`Pass::Energy`].
     pub(super) shares: &'a mut [f64],
     /// Derivatives by `H`, or products.
@@ -39,6 +38,17 @@ pub(super) struct Duals<'a, const D: usize> {
     /// Derivatives by `u`, as far as the energy depends on it other than by `H`, or products.
     pub(super) force: &'a mut [[f64; D]],
 }
+
+/// The same at the points that the bonds of a slab touch.
+pub(super) struct TouchedDuals<'a, const D: usize> {
+    pub(super) shares: Touched<'a, f64>,
+    pub(super) stress: Touched<'a, Tensor<D>>,
+    pub(super) force: Touched<'a, [f64; D]>,
+}
+
+/// The energies of all chunks of points, or of all slabs, on their way to the sum: room for one pass
+/// after the other.
+pub(super) type Parts = Vec<Result<Sum, Failure>>;
 
 /// Points or bonds whose energy is not finite, and the determinant of their deformation gradient.
 pub(super) struct Failure {
@@ -53,8 +63,9 @@ pub(super) fn over_points<const D: usize>(
     fields: Fields<'_, D>,
     pass: Pass<'_, D>,
     duals: &mut Duals<'_, D>,
+    parts: &mut Parts,
 ) -> Result<Sum, Failure> {
-    let chunks = volumes.len().div_ceil(CAPACITY);
+    restart(parts, volumes.len().div_ceil(CAPACITY));
     let range = |chunk: usize| chunk * CAPACITY..volumes.len().min((chunk + 1) * CAPACITY);
     let evaluate = |batch: &mut LawBatch<D>, chunk: usize| -> Result<Sum, Failure> {
         let h = &fields.h[range(chunk)];
@@ -72,33 +83,37 @@ pub(super) fn over_points<const D: usize>(
             _ => weighted(batch.psi(), &volumes[range(chunk)]),
         })
     };
-    let sums: Vec<Result<Sum, Failure>> = if !duals.stress.is_empty() {
-        let run = |batch: &mut LawBatch<D>, (chunk, out): (usize, &mut [Tensor<D>])| {
-            let sum = evaluate(batch, chunk)?;
+    let chunks = parts.par_iter_mut().enumerate();
+    if !duals.stress.is_empty() {
+        let write = |batch: &LawBatch<D>, chunk: usize, out: &mut [Tensor<D>]| {
             for (lane, (out, volume)) in out.iter_mut().zip(&volumes[range(chunk)]).enumerate() {
                 *out = batch.tensor(lane);
                 out.as_flattened_mut().iter_mut().for_each(|x| *x *= volume);
             }
-            Ok(sum)
         };
-        let stress = duals.stress.par_chunks_mut(CAPACITY).enumerate();
-        stress.map_init(LawBatch::new, run).collect()
+        let chunks = chunks.zip(duals.stress.par_chunks_mut(CAPACITY));
+        chunks.for_each_init(LawBatch::new, |batch, ((chunk, part), out)| {
+            *part = evaluate(batch, chunk).inspect(|_| write(batch, chunk, out));
+        });
     } else if !duals.shares.is_empty() {
-        let run = |batch: &mut LawBatch<D>, (chunk, out): (usize, &mut [f64])| {
-            let sum = evaluate(batch, chunk)?;
-            for (out, (psi, volume)) in
-                out.iter_mut().zip(batch.psi().iter().zip(&volumes[range(chunk)]))
-            {
-                *out = volume * psi;
-            }
-            Ok(sum)
+        let write = |batch: &LawBatch<D>, chunk: usize, out: &mut [f64]| {
+            let terms = batch.psi().iter().zip(&volumes[range(chunk)]);
+            out.iter_mut().zip(terms).for_each(|(out, (psi, volume))| *out = volume * psi);
         };
-        let shares = duals.shares.par_chunks_mut(CAPACITY).enumerate();
-        shares.map_init(LawBatch::new, run).collect()
+        let chunks = chunks.zip(duals.shares.par_chunks_mut(CAPACITY));
+        chunks.for_each_init(LawBatch::new, |batch, ((chunk, part), out)| {
+            *part = evaluate(batch, chunk).inspect(|_| write(batch, chunk, out));
+        });
     } else {
-        (0..chunks).into_par_iter().map_init(LawBatch::new, evaluate).collect()
-    };
-    joined(sums)
+        chunks.for_each_init(LawBatch::new, |batch, (chunk, part)| *part = evaluate(batch, chunk));
+    }
+    joined(parts)
+}
+
+/// Makes room for so many parts.
+fn restart(parts: &mut Parts, n: usize) {
+    parts.clear();
+    parts.resize_with(n, || Ok(Sum::default()));
 }
 
 /// The sum of the products of two arrays.
@@ -115,57 +130,38 @@ pub(crate) fn weighted(values: &[f64], weights: &[f64]) -> Sum {
 }
 
 /// The sum of all parts in their order; the first failure counts.
-pub(super) fn joined(parts: Vec<Result<Sum, Failure>>) -> Result<Sum, Failure> {
+fn joined(parts: &mut Parts) -> Result<Sum, Failure> {
     let mut total = Sum::default();
-    for part in parts {
+    for part in parts.drain(..) {
         total.join(&part?);
     }
     Ok(total)
 }
 
-/// Visits the bonds slab by slab: even slabs at once, then the odd ones. A slab's bonds belong to
-/// their lower points and touch its own points and those of the next slab, whose part of `duals` the
-/// visit gets. Where nothing is left behind all slabs go at once.
+/// Visits the bonds slab by slab. A slab's bonds belong to their lower points and touch its own points
+/// and those of the next slab, whose part of `duals` the visit gets.
 pub(super) fn over_bonds<const D: usize>(
     slabs: &Slabs,
     duals: Duals<'_, D>,
-    visit: impl Fn(usize, Duals<'_, D>) -> Result<Sum, Failure> + Sync,
+    parts: &mut Parts,
+    run: impl Fn(usize, TouchedDuals<'_, D>) -> Result<Sum, Failure> + Sync,
 ) -> Result<Sum, Failure> {
-    let mut parts: Vec<(usize, Result<Sum, Failure>)> = Vec::with_capacity(slabs.len());
-    let Duals { shares, stress, force, .. } = duals;
-    let n_colors = if shares.is_empty() && stress.is_empty() { 1 } else { 2 };
-    for color in 0..n_colors {
-        let (mut shares, mut stress, mut force) = (&mut *shares, &mut *stress, &mut *force);
-        let mut at = 0;
-        let mut tasks = Vec::new();
-        for slab in (color..slabs.len()).step_by(n_colors) {
-            let touched = slabs.touched(slab);
-            // Empty arrays may be cut more than once.
-            let skip = touched.start.saturating_sub(at);
-            let own = Duals {
-                first: touched.start,
-                shares: cut(&mut shares, skip, touched.len()),
-                stress: cut(&mut stress, skip, touched.len()),
-                force: cut(&mut force, skip, touched.len()),
-            };
-            tasks.push((slab, own));
-            at = touched.end;
-        }
-        let run = |(slab, own)| (slab, visit(slab, own));
-        let done: Vec<_> = tasks.into_par_iter().with_max_len(1).map(run).collect();
-        parts.extend(done);
-    }
-    parts.sort_by_key(|(slab, _)| *slab);
-    joined(parts.into_iter().map(|(_, part)| part).collect())
-}
-
-/// Leaves out `skip` entries and takes `length`; of an empty array nothing.
-fn cut<'a, T>(rest: &mut &'a mut [T], skip: usize, length: usize) -> &'a mut [T] {
-    if rest.is_empty() {
-        return &mut [];
-    }
-    let (_, tail) = std::mem::take(rest).split_at_mut(skip);
-    let (taken, tail) = tail.split_at_mut(length);
-    *rest = tail;
-    taken
+    restart(parts, slabs.len());
+    let points = Layout::Points(1);
+    let shared = (
+        Part::new(points, duals.shares),
+        Part::new(points, duals.stress),
+        Part::new(points, duals.force),
+    );
+    let own = Part::new(Layout::Slabs, &mut parts[..]);
+    visit(slabs, shared, own, |slab, [here, next], part| {
+        let touched = TouchedDuals {
+            shares: Touched::new(&mut here.0, &mut next.0),
+            stress: Touched::new(&mut here.1, &mut next.1),
+            force: Touched::new(&mut here.2, &mut next.2),
+        };
+        let done = run(slab, touched);
+        part.into_values()[0] = done;
+    });
+    joined(parts)
 }

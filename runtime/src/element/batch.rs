@@ -189,7 +189,7 @@ impl Contributions {
                 reference: zero,
                 change: zero,
                 slope: zero,
-                thin: Vec::new(),
+                thin: Vec::with_capacity(CAPACITY),
             },
             derivatives: Derivatives { psi: zero, dpsi: zero, d2psi: zero },
         }

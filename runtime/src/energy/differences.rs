@@ -15,6 +15,7 @@
 
 use super::{Energy, Hessian, NonFinite, Products, Wanted};
 use crate::matrix::BlockPattern;
+use crate::pool::Pool;
 
 /// Unit roundoff of f64.
 const ROUNDOFF: f64 = f64::EPSILON / 2.0;
@@ -56,6 +57,17 @@ pub(super) struct ForceDifferences<'a> {
     step: f64,
     /// Forces at `u` in N, for one-sided differences; none for central ones.
     forces: Vec<f64>,
+    /// Room for products.
+    rooms: Pool<Room>,
+}
+
+/// What is kept from one product to the next.
+#[derive(Default)]
+struct Room {
+    /// Displacements that are moved, and forces there.
+    moved: Vec<f64>,
+    behind: Vec<f64>,
+    parts: Vec<f64>,
 }
 
 impl Hessian for ForceDifferences<'_> {
@@ -78,30 +90,44 @@ impl<'a> ForceDifferences<'a> {
         u: &[f64],
         step: f64,
     ) -> Result<ForceDifferences<'a>, NonFinite> {
-        let mut differences = ForceDifferences { energy, u: u.to_vec(), step, forces: Vec::new() };
+        let mut differences = ForceDifferences {
+            energy,
+            u: u.to_vec(),
+            step,
+            forces: Vec::new(),
+            rooms: Pool::new(),
+        };
         if products == Products::OneSided {
             let mut forces = vec![0.0; u.len()];
-            differences.forces_at(u, &mut forces)?;
+            differences.forces_at(u, &mut forces, &mut Vec::new())?;
             differences.forces = forces;
         }
         Ok(differences)
     }
 
-    fn forces_at(&self, u: &[f64], forces: &mut [f64]) -> Result<(), NonFinite> {
-        let mut parts = vec![0.0; self.energy.parts().len()];
-        self.energy.evaluate(u, Wanted::Forces(forces), &mut parts)
+    fn forces_at(
+        &self,
+        u: &[f64],
+        forces: &mut [f64],
+        parts: &mut Vec<f64>,
+    ) -> Result<(), NonFinite> {
+        parts.resize(self.energy.parts().len(), 0.0);
+        self.energy.evaluate(u, Wanted::Forces(forces), parts)
     }
 
     fn differences(&self, p: &[f64], size: f64, product: &mut [f64]) -> Result<(), NonFinite> {
-        let moved = |way: f64| -> Vec<f64> {
-            self.u.iter().zip(p).map(|(u, p)| u + way * self.step * (p / size)).collect()
+        let mut room = self.rooms.take(Room::default);
+        let Room { moved, behind, parts } = &mut *room;
+        let mut go = |way: f64, forces: &mut [f64]| {
+            moved.clear();
+            moved.extend(self.u.iter().zip(p).map(|(u, p)| u + way * self.step * (p / size)));
+            self.forces_at(moved, forces, parts)
         };
-        self.forces_at(&moved(1.0), product)?;
-        let mut behind = Vec::new();
+        go(1.0, product)?;
         let (behind, steps) = if self.forces.is_empty() {
             behind.resize(p.len(), 0.0);
-            self.forces_at(&moved(-1.0), &mut behind)?;
-            (&behind, 2.0)
+            go(-1.0, behind)?;
+            (&*behind, 2.0)
         } else {
             (&self.forces, 1.0)
         };

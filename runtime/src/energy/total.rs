@@ -10,7 +10,6 @@
 //! subtraction `l/L - 1` itself would lose besides is of the size of `2^-53`, no more than the
 //! positions have lost already wherever `|x|` is not small against the bond.
 
-use std::borrow::Cow;
 use std::ops::{Deref, Range};
 use std::sync::{Arc, OnceLock};
 
@@ -18,6 +17,7 @@ use super::differences::{ForceDifferences, smallest_distance, step};
 use super::{Energy, Hessian, Inversion, NonFinite, Products, Wanted, check_sizes};
 use crate::interaction::{Inverted, Report};
 use crate::matrix::{BlockMatrix, BlockPattern};
+use crate::pool::Pool;
 
 /// An energy of a sum, owned or borrowed.
 pub enum Term<'a> {
@@ -62,6 +62,19 @@ pub struct Total<'a> {
     products: Products,
     /// The smallest distance of neighbours at rest, in m, once it is asked for.
     smallest: OnceLock<f64>,
+    /// Room for what the terms give before it is added.
+    rooms: Pool<Room>,
+}
+
+/// What is kept from one evaluation to the next.
+#[derive(Default)]
+struct Room {
+    /// Displacements that positions hold, `n x d`.
+    held: Vec<f64>,
+    /// Forces of one term, `n x d`.
+    forces: Vec<f64>,
+    /// Diagonal blocks of one term, or its energy by points.
+    blocks: Vec<f64>,
 }
 
 impl<'a> Total<'a> {
@@ -95,6 +108,7 @@ impl<'a> Total<'a> {
             from_positions: false,
             products: Products::Exact,
             smallest: OnceLock::new(),
+            rooms: Pool::new(),
             terms,
         }
     }
@@ -122,13 +136,14 @@ impl<'a> Total<'a> {
         if let [term] = &self.terms[..] { Some(&**term) } else { None }
     }
 
-    /// The displacements that the energies see.
-    fn held<'u>(&self, u: &'u [f64]) -> Cow<'u, [f64]> {
+    /// The displacements that the energies see; `room` is for them.
+    fn held<'u>(&self, u: &'u [f64], room: &'u mut Vec<f64>) -> &'u [f64] {
         if !self.from_positions {
-            return Cow::Borrowed(u);
+            return u;
         }
-        let positions = self.positions();
-        Cow::Owned(u.iter().zip(positions).map(|(u, x)| (x + u) - x).collect())
+        room.clear();
+        room.extend(u.iter().zip(self.positions()).map(|(u, x)| (x + u) - x));
+        room
     }
 
     /// Fills `matrix` with the sum of what terms with these patterns fill their own matrices with.
@@ -158,17 +173,18 @@ impl<'a> Total<'a> {
     fn tangents(
         &self,
         u: &[f64],
+        own: &mut Vec<f64>,
         forces: &mut [f64],
         tangent: &mut BlockMatrix,
         parts: &mut [f64],
     ) -> Result<(), NonFinite> {
-        let mut own = vec![0.0; forces.len()];
+        own.resize(forces.len(), 0.0);
         forces.fill(0.0);
         let patterns: Vec<_> = self.terms.iter().map(|term| term.pattern()).collect();
         Total::add_up(tangent, &patterns, |number, matrix| {
             let parts = &mut parts[self.ranges[number].clone()];
-            self.terms[number].evaluate(u, Wanted::Tangent(&mut own, matrix), parts)?;
-            add(forces, &own);
+            self.terms[number].evaluate(u, Wanted::Tangent(own, matrix), parts)?;
+            add(forces, own);
             Ok(())
         })
     }
@@ -222,8 +238,9 @@ impl Energy for Total<'_> {
     }
 
     fn springs(&self, u: &[f64], springs: &mut BlockMatrix) {
-        let u = &*self.held(u);
-        let mut forces = Vec::new();
+        let mut room = self.rooms.take(Room::default);
+        let Room { held, forces, .. } = &mut *room;
+        let u = self.held(u, held);
         let patterns: Vec<_> = self.terms.iter().map(|term| term.bonds()).collect();
         let filled = Total::add_up(springs, &patterns, |number, matrix| {
             let term = &self.terms[number];
@@ -234,7 +251,7 @@ impl Energy for Total<'_> {
             // Couples bonded points only, and is the Hessian itself.
             forces.resize(u.len(), 0.0);
             let mut parts = vec![0.0; term.parts().len()];
-            term.evaluate(u, Wanted::Tangent(&mut forces, matrix), &mut parts)
+            term.evaluate(u, Wanted::Tangent(forces, matrix), &mut parts)
         });
         // What is not finite is found by whoever asks for the energy at the same displacements.
         if filled.is_err() {
@@ -248,7 +265,9 @@ impl Energy for Total<'_> {
 
     fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
         check_sizes(self, u, &wanted);
-        let u = &*self.held(u);
+        let mut room = self.rooms.take(Room::default);
+        let Room { held, forces: own, blocks } = &mut *room;
+        let u = self.held(u, held);
         if let Some(energy) = self.alone() {
             return energy.evaluate(u, wanted, parts);
         }
@@ -260,36 +279,39 @@ impl Energy for Total<'_> {
                 }
             }
             Wanted::Forces(forces) => {
-                let mut own = vec![0.0; forces.len()];
+                own.resize(forces.len(), 0.0);
                 forces.fill(0.0);
                 for (term, range) in terms() {
-                    term.evaluate(u, Wanted::Forces(&mut own), &mut parts[range.clone()])?;
-                    add(forces, &own);
+                    term.evaluate(u, Wanted::Forces(own), &mut parts[range.clone()])?;
+                    add(forces, own);
                 }
             }
             Wanted::Diagonal(forces, diagonal) => {
-                let (mut own, mut blocks) = (vec![0.0; forces.len()], vec![0.0; diagonal.len()]);
+                own.resize(forces.len(), 0.0);
+                blocks.resize(diagonal.len(), 0.0);
                 forces.fill(0.0);
                 diagonal.fill(0.0);
                 for (term, range) in terms() {
-                    let wanted = Wanted::Diagonal(&mut own, &mut blocks);
+                    let wanted = Wanted::Diagonal(own, blocks);
                     term.evaluate(u, wanted, &mut parts[range.clone()])?;
-                    add(forces, &own);
-                    add(diagonal, &blocks);
+                    add(forces, own);
+                    add(diagonal, blocks);
                 }
             }
-            Wanted::Tangent(forces, tangent) => self.tangents(u, forces, tangent, parts)?,
+            Wanted::Tangent(forces, tangent) => self.tangents(u, own, forces, tangent, parts)?,
         }
         Ok(())
     }
 
     fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
-        let u = &*self.held(u);
-        let mut own = vec![0.0; shares.len()];
+        let mut room = self.rooms.take(Room::default);
+        let Room { held, blocks: own, .. } = &mut *room;
+        let u = self.held(u, held);
+        own.resize(shares.len(), 0.0);
         shares.fill(0.0);
         for term in &self.terms {
-            term.shares(u, &mut own)?;
-            add(shares, &own);
+            term.shares(u, own)?;
+            add(shares, own);
         }
         Ok(())
     }
@@ -299,16 +321,18 @@ impl Energy for Total<'_> {
             let (step, products) = (self.step(u), self.products);
             return Ok(Box::new(ForceDifferences::new(self, products, u, step)?));
         }
-        let u = &*self.held(u);
+        let mut room = self.rooms.take(Room::default);
+        let u = self.held(u, &mut room.held);
         if let Some(energy) = self.alone() {
             return energy.hessian(u);
         }
         let hessians: Result<Vec<_>, _> = self.terms.iter().map(|term| term.hessian(u)).collect();
-        Ok(Box::new(SumOfHessians(hessians?)))
+        Ok(Box::new(SumOfHessians { terms: hessians?, rooms: Pool::new() }))
     }
 
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {
-        let u = &*self.held(u);
+        let mut room = self.rooms.take(Room::default);
+        let u = self.held(u, &mut room.held);
         let found = self.terms.iter().filter_map(|term| term.first_inversion(u, step));
         found.min_by(|p, q| p.part.total_cmp(&q.part))
     }
@@ -320,13 +344,18 @@ impl Energy for Total<'_> {
 }
 
 /// The Hessian of a sum of energies.
-struct SumOfHessians<'a>(Vec<Box<dyn Hessian + 'a>>);
+struct SumOfHessians<'a> {
+    terms: Vec<Box<dyn Hessian + 'a>>,
+    /// Room for products.
+    rooms: Pool<Vec<f64>>,
+}
 
 impl Hessian for SumOfHessians<'_> {
     fn multiply(&self, p: &[f64], product: &mut [f64]) {
-        let mut own = vec![0.0; product.len()];
+        let mut own = self.rooms.take(Vec::new);
+        own.resize(product.len(), 0.0);
         product.fill(0.0);
-        for hessian in &self.0 {
+        for hessian in &self.terms {
             hessian.multiply(p, &mut own);
             add(product, &own);
         }
@@ -346,7 +375,10 @@ mod tests {
         let energy = Total::of(&springs as &dyn Energy).from_positions(true);
         // Half a unit of the last place of 1e6 is 5.8e-11: less is lost, more is rounded.
         assert_eq!(
-            *energy.held(&[1e-12, 1e-12, 2.5 * 1.1641532182693481e-10, 0.0, 1.0, 0.0]),
+            energy.held(
+                &[1e-12, 1e-12, 2.5 * 1.1641532182693481e-10, 0.0, 1.0, 0.0],
+                &mut Vec::new()
+            ),
             [0.0, 1e-12, 2.0 * 1.1641532182693481e-10, 0.0, 1.0, 0.0]
         );
         let lost = energy.energy(&[0.0, 0.0, 1e-12, 0.0, 0.0, 0.0]).unwrap();

@@ -38,6 +38,30 @@ pub struct OwnerCliques<'a, const D: usize> {
     contributing: Option<&'a ContributingPairs>,
 }
 
+/// The arrays of [`OwnerCliques`], kept for the next owners.
+#[derive(Debug, Default)]
+pub(crate) struct CliqueRoom<const D: usize> {
+    reference: Vec<[f64; D]>,
+    squares: Vec<f64>,
+    bits: Vec<u64>,
+    /// [`NO_MEMBER`] for all.
+    member_of: Vec<u32>,
+}
+
+impl<const D: usize> CliqueRoom<D> {
+    /// Large enough for all owners.
+    pub(crate) fn new(neighborhood: &Neighborhood, slabs: &Slabs) -> CliqueRoom<D> {
+        let n = neighborhood.most_later();
+        let points = (0..slabs.len()).map(|slab| slabs.touched(slab).len()).max();
+        CliqueRoom {
+            reference: Vec::with_capacity(n),
+            squares: Vec::with_capacity(n),
+            bits: Vec::with_capacity(2 * n * n.div_ceil(64)),
+            member_of: vec![NO_MEMBER; points.unwrap_or(0)],
+        }
+    }
+}
+
 /// What stands for the number of a point that is no member.
 const NO_MEMBER: u32 = u32::MAX;
 
@@ -49,6 +73,20 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         degeneracy: Degeneracy,
         points: std::ops::Range<usize>,
     ) -> Self {
+        let room = CliqueRoom::default();
+        OwnerCliques::in_room(body, neighborhood, degeneracy, points, room)
+    }
+
+    /// The same in arrays that are there.
+    pub(crate) fn in_room(
+        body: &'a Body,
+        neighborhood: &'a Neighborhood,
+        degeneracy: Degeneracy,
+        points: std::ops::Range<usize>,
+        room: CliqueRoom<D>,
+    ) -> Self {
+        let CliqueRoom { reference, squares, bits, mut member_of } = room;
+        member_of.resize(points.len().max(member_of.len()), NO_MEMBER);
         debug_assert_eq!(body.dimension(), D, "the dimension of the body");
         OwnerCliques {
             body,
@@ -56,15 +94,21 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
             degeneracy,
             owner: points.start,
             members: &[],
-            reference: Vec::new(),
-            squares: Vec::new(),
-            bits: Vec::new(),
+            reference,
+            squares,
+            bits,
             words: 0,
             place_words: neighborhood.most_later().div_ceil(64),
-            member_of: vec![NO_MEMBER; points.len()],
+            member_of,
             first: points.start,
             contributing: None,
         }
+    }
+
+    /// The arrays, for others.
+    pub(crate) fn into_room(self) -> CliqueRoom<D> {
+        let OwnerCliques { reference, squares, bits, member_of, .. } = self;
+        CliqueRoom { reference, squares, bits, member_of }
     }
 
     /// Takes pairs from a table: no triangle has to be tested again, and members that are collinear

@@ -52,6 +52,11 @@ impl Slabs {
         self.len() == 0
     }
 
+    /// The first point of a slab; of the one after the last, how many points there are.
+    pub(crate) fn start(&self, slab: usize) -> usize {
+        self.bounds[slab]
+    }
+
     /// The points of a slab.
     pub fn owners(&self, slab: usize) -> Range<usize> {
         self.bounds[slab]..self.bounds[slab + 1]

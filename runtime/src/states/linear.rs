@@ -5,14 +5,13 @@
 //! `dA_i = S_i dI_i + sum_j V_j c_i x` with `S = d2w/dI2` and `c_i = 1/2 d2phi/dl dI`, and the tension of
 //! a bond by `k x + c_i.dI_i + c_j.dI_j + (dA_i + dA_j).g'`.
 
-use std::ops::Range;
-
 use pulp::Arch;
 use rayon::prelude::*;
 
-use super::passes::{Ends, Piece, States};
+use super::passes::{States, clear};
 use super::{StateEnergy, at_points, by_variables};
 use crate::energy::NonFinite;
+use crate::interaction::schedule::{Layout, Part, Touched, visit};
 use crate::kernel::{Batch, Order, Outputs, Variables};
 
 /// Points per task; fixed, so that results do not depend on threads.
@@ -75,38 +74,46 @@ impl StateEnergy {
     /// Works out the second derivatives at `u`.
     pub(super) fn linear<const D: usize>(&self, u: &[f64]) -> Result<Linear, NonFinite> {
         let states = self.states::<D>(u, Order::Tangent)?;
-        let slopes = &states.of_bonds.slopes;
-        let active: Vec<usize> =
-            (0..self.n_integrals()).filter(|&k| slopes[k].iter().any(|x| *x != 0.0)).collect();
+        let changes = |slab: usize, k: usize| {
+            let slopes = self.slopes(slab, &states);
+            self.bonds_of(slab).any(|b| slopes(k, b) != 0.0)
+        };
+        let is_active = |k: &usize| (0..self.slabs.len()).any(|slab| changes(slab, *k));
+        let active: Vec<usize> = (0..self.n_integrals()).filter(is_active).collect();
         let seconds = self.seconds(&states, &active);
         let is_mixed = seconds.mixed.iter().any(|c| *c != 0.0);
         let by_states = seconds.by_states;
         let mut linear = Linear { active, is_mixed, bonds: Vec::new(), by_states };
-        linear.bonds = self.pack(&states, &linear, &seconds.stiffness, &seconds.mixed);
+        linear.bonds = self.pack::<D>(&states, &linear, &seconds.stiffness, &seconds.mixed);
         Ok(linear)
     }
 
-    fn seconds<const D: usize>(&self, states: &States<D>, active: &[usize]) -> Seconds {
+    fn seconds(&self, states: &States, active: &[usize]) -> Seconds {
         let (n, a) = (self.rest.len(), active.len());
         let has_mixed = self.laws.bonds.is_some();
         let mut stiffness = vec![0.0; n];
         let mut mixed = vec![0.0; if has_mixed { 2 * a * n } else { 0 }];
         let mut by_states = self.seconds_of_points(states, active);
-        self.over_slabs(
-            vec![(&mut by_states, a * a)],
-            vec![(&mut stiffness, 1), (&mut mixed, 2 * a)],
-            |piece| self.seconds_of_slab(states, active, piece),
+        let own = (
+            Part::new(self.per_bond(1), &mut stiffness),
+            Part::new(self.per_bond(2 * a), &mut mixed),
         );
+        let shared = Part::new(Layout::Points(a * a), &mut by_states);
+        visit(&self.slabs, shared, own, |slab, [here, next], (stiffness, mixed)| {
+            let own = [stiffness.into_values(), mixed.into_values()];
+            self.seconds_of_slab(states, active, slab, Touched::new(here, next), own);
+        });
         Seconds { stiffness, mixed, by_states }
     }
 
-    fn seconds_of_points<const D: usize>(&self, states: &States<D>, active: &[usize]) -> Vec<f64> {
+    fn seconds_of_points(&self, states: &States, active: &[usize]) -> Vec<f64> {
         let (m, a) = (self.n_integrals(), active.len());
         let mut by_states = vec![0.0; self.body.n_points() * a * a];
         let Some(law) = self.laws.points.as_ref().filter(|_| a > 0) else { return by_states };
         let work = |(rows, out): (&[f64], &mut [f64])| {
             let n = rows.len() / m;
-            let current = by_variables(rows, m);
+            let mut current = Vec::new();
+            by_variables(rows, m, &mut current);
             let mut product = vec![0.0; m * n];
             for (row, &k) in active.iter().enumerate() {
                 let mut unit = vec![0.0; m * n];
@@ -124,22 +131,21 @@ impl StateEnergy {
         by_states
     }
 
-    fn seconds_of_slab<const D: usize>(
+    fn seconds_of_slab(
         &self,
-        states: &States<D>,
+        states: &States,
         active: &[usize],
-        piece: Piece<'_>,
+        slab: usize,
+        mut by_states: Touched<'_, f64>,
+        [stiffness, mixed]: [&mut [f64]; 2],
     ) {
-        let Piece { first, owners, mut points, mut bonds } = piece;
         let (volumes, m, a) = (self.body.volumes(), self.n_integrals(), active.len());
-        let by_states = &mut *points[0];
-        let [stiffness, mixed] = &mut bonds[..] else { return };
-        let start = self.bond_start[owners.start];
-        let (mut work, mut direction) = (Ends::default(), Vec::new());
-        for (owners, all) in self.chunks(owners) {
+        let start = self.bonds_of(slab).start;
+        let (mut taken, mut direction) = (self.work(), Vec::new());
+        let work = &mut *taken;
+        for (owners, all) in self.chunks(self.slabs.owners(slab)) {
             self.ends(owners, &mut work.ends);
-            let now = &states.of_bonds;
-            let (length, change) = (&now.length[all.clone()], &now.change[all.clone()]);
+            let (length, change) = (&states.length[all.clone()], &states.change[all.clone()]);
             let rest = &self.rest[all.clone()];
             let (n, own) = (all.len(), all.start - start..all.end - start);
             let stiffness = &mut stiffness[own.clone()];
@@ -166,7 +172,7 @@ impl StateEnergy {
                     for (b, ends) in work.ends.iter().enumerate() {
                         let (point, other) = (ends[end] as usize, ends[1 - end] as usize);
                         for (column, &l) in active.iter().enumerate() {
-                            by_states[((point - first) * a + row) * a + column] +=
+                            by_states[(point * a + row) * a + column] +=
                                 0.5 * volumes[other] * work.slopes[(1 + l) * n + b];
                         }
                     }
@@ -188,34 +194,35 @@ impl StateEnergy {
     /// All that is kept of the bonds.
     fn pack<const D: usize>(
         &self,
-        states: &States<D>,
+        states: &States,
         linear: &Linear,
         stiffness: &[f64],
         mixed: &[f64],
     ) -> Vec<f64> {
         let (m, a, width) = (self.n_integrals(), linear.active.len(), linear.width(D));
-        let (volumes, now) = (self.body.volumes(), &states.of_bonds);
+        let (volumes, normals) = (self.body.volumes(), states.normals::<D>());
         let mut bonds = vec![0.0; self.rest.len() * width];
-        self.over_slabs(Vec::new(), vec![(&mut bonds, width)], |mut piece| {
-            let first = self.bond_start[piece.owners.start];
-            let mut ends = Vec::new();
-            self.ends(piece.owners, &mut ends);
-            let rows = piece.bonds[0].chunks_exact_mut(width);
-            for ((k, row), ends) in rows.enumerate().zip(&ends) {
-                let (b, [i, j]) = (first + k, ends.map(|end| end as usize));
+        let own = Part::new(self.per_bond(width), &mut bonds);
+        visit(&self.slabs, (), own, |slab, _, own| {
+            let (slopes, bends) = (self.slopes(slab, states), self.bends(slab, states));
+            let mut work = self.work();
+            self.ends(self.slabs.owners(slab), &mut work.ends);
+            let rows = own.into_values().chunks_exact_mut(width);
+            for ((b, row), ends) in self.bonds_of(slab).zip(rows).zip(&work.ends) {
+                let [i, j] = ends.map(|end| end as usize);
                 let (mut tension, mut along) = (states.tension[b], stiffness[b]);
                 for k in 0..m {
                     let both = states.adjoint[i * m + k] + states.adjoint[j * m + k];
-                    tension += both * now.slopes[k][b];
-                    along += both * now.bends[k][b];
+                    tension += both * slopes(k, b);
+                    along += both * bends(k, b);
                 }
                 let weight = volumes[i] * volumes[j];
-                let across = tension / now.length[b];
-                row[..D].copy_from_slice(&now.normal[b]);
+                let across = tension / states.length[b];
+                row[..D].copy_from_slice(&normals[b]);
                 row[D] = weight * (along - across);
                 row[D + 1] = weight * across;
                 for (place, &k) in linear.active.iter().enumerate() {
-                    row[D + 2 + place] = now.slopes[k][b];
+                    row[D + 2 + place] = slopes(k, b);
                 }
                 if linear.is_mixed {
                     row[D + 2 + a..].copy_from_slice(&mixed[b * 2 * a..(b + 1) * 2 * a]);
@@ -225,44 +232,46 @@ impl StateEnergy {
         bonds
     }
 
-    /// `product` becomes the Hessian times `p`, both `n x d`.
-    pub(super) fn multiply<const D: usize>(&self, at: &Linear, p: &[f64], product: &mut [f64]) {
-        let changes = self.changes::<D>(at, p);
+    /// Adds the Hessian times `p` to `product`, both `n x d`; `changes` is room.
+    pub(super) fn multiply<const D: usize>(
+        &self,
+        at: &Linear,
+        p: &[f64],
+        changes: &mut Vec<f64>,
+        product: &mut [f64],
+    ) {
         let p = p.as_chunks::<D>().0;
-        product.fill(0.0);
+        self.changes(at, p, changes);
         let arch = Arch::new();
-        self.over_slabs(vec![(product, D)], Vec::new(), |mut piece| {
-            let out = piece.points[0].as_chunks_mut::<D>().0;
-            let (first, owners) = (piece.first, piece.owners);
+        let product = Part::new(Layout::Points(1), product.as_chunks_mut::<D>().0);
+        visit(&self.slabs, product, (), |slab, [here, next], ()| {
+            let out = Touched::new(here, next);
             arch.dispatch(
                 #[inline(always)]
                 || match (at.active.len(), at.is_mixed) {
-                    (1, false) => {
-                        self.multiply_slab((1, false), at, (p, &changes), first, owners, out)
-                    }
-                    shape => self.multiply_slab(shape, at, (p, &changes), first, owners, out),
+                    (1, false) => self.multiply_slab((1, false), at, (p, changes), slab, out),
+                    shape => self.multiply_slab(shape, at, (p, changes), slab, out),
                 },
             );
         });
     }
 
     /// Of each point what its active integrals change by, then what their adjoints do.
-    fn changes<const D: usize>(&self, at: &Linear, p: &[f64]) -> Vec<f64> {
+    fn changes<const D: usize>(&self, at: &Linear, p: &[[f64; D]], changes: &mut Vec<f64>) {
         let a = at.active.len();
-        let mut changes = vec![0.0; self.body.n_points() * 2 * a];
+        clear(changes, self.body.n_points() * 2 * a);
         if a == 0 {
-            return changes;
+            return;
         }
-        let p = p.as_chunks::<D>().0;
         let arch = Arch::new();
-        self.over_slabs(vec![(&mut changes, 2 * a)], Vec::new(), |mut piece| {
-            let out = &mut *piece.points[0];
-            let (first, owners) = (piece.first, piece.owners);
+        let shared = Part::new(Layout::Points(2 * a), changes);
+        visit(&self.slabs, shared, (), |slab, [here, next], ()| {
+            let out = Touched::new(here, next);
             arch.dispatch(
                 #[inline(always)]
                 || match (a, at.is_mixed) {
-                    (1, false) => self.changes_of_slab((1, false), at, p, first, owners, out),
-                    shape => self.changes_of_slab(shape, at, p, first, owners, out),
+                    (1, false) => self.changes_of_slab((1, false), at, p, slab, out),
+                    shape => self.changes_of_slab(shape, at, p, slab, out),
                 },
             );
         });
@@ -273,7 +282,6 @@ impl StateEnergy {
                 *adjoint += row.iter().zip(&*integrals).fold(0.0, |sum, (s, x)| sum + s * x);
             }
         });
-        changes
     }
 
     #[inline(always)]
@@ -282,27 +290,28 @@ impl StateEnergy {
         (a, is_mixed): (usize, bool),
         at: &Linear,
         p: &[[f64; D]],
-        first: usize,
-        owners: Range<usize>,
-        out: &mut [f64],
+        slab: usize,
+        mut out: Touched<'_, f64>,
     ) {
         let volumes = self.body.volumes();
         let width = Linear::fixed(D) + a * if is_mixed { 3 } else { 1 };
-        for i in owners {
+        for i in self.slabs.owners(slab) {
             let (start, end) = (self.bond_start[i], self.bond_start[i + 1]);
             let bonds = at.bonds[start * width..end * width].chunks_exact(width);
             for (bond, &j) in bonds.zip(self.neighborhood.upper(i)) {
                 let j = j as usize;
                 let along = (0..D).fold(0.0, |sum, c| sum + bond[c] * (p[j][c] - p[i][c]));
-                let (of_i, of_j) = ((i - first) * 2 * a, (j - first) * 2 * a);
+                let (of_i, of_j) = (i * 2 * a, j * 2 * a);
                 for k in 0..a {
                     let part = bond[D + 2 + k] * along;
-                    out[of_i + k] += volumes[j] * part;
-                    out[of_j + k] += volumes[i] * part;
+                    let [of_own, of_other] = out.pair(of_i + k, of_j + k);
+                    *of_own += volumes[j] * part;
+                    *of_other += volumes[i] * part;
                     if is_mixed {
                         let (here, there) = (bond[D + 2 + a + k], bond[D + 2 + 2 * a + k]);
-                        out[of_i + a + k] += volumes[j] * here * along;
-                        out[of_j + a + k] += volumes[i] * there * along;
+                        let [of_own, of_other] = out.pair(of_i + a + k, of_j + a + k);
+                        *of_own += volumes[j] * here * along;
+                        *of_other += volumes[i] * there * along;
                     }
                 }
             }
@@ -315,13 +324,12 @@ impl StateEnergy {
         (a, is_mixed): (usize, bool),
         at: &Linear,
         (p, changes): (&[[f64; D]], &[f64]),
-        first: usize,
-        owners: Range<usize>,
-        out: &mut [[f64; D]],
+        slab: usize,
+        mut out: Touched<'_, [f64; D]>,
     ) {
         let volumes = self.body.volumes();
         let width = Linear::fixed(D) + a * if is_mixed { 3 } else { 1 };
-        for i in owners {
+        for i in self.slabs.owners(slab) {
             let (start, end) = (self.bond_start[i], self.bond_start[i + 1]);
             let bonds = at.bonds[start * width..end * width].chunks_exact(width);
             let here = &changes[i * 2 * a..(i + 1) * 2 * a];
@@ -340,14 +348,16 @@ impl StateEnergy {
                     }
                 }
                 let pull = bond[D] * along + volumes[i] * volumes[j] * shared;
+                let out = &mut out[j];
                 for c in 0..D {
                     let part = pull * bond[c] + bond[D + 1] * moved[c];
-                    out[j - first][c] += part;
+                    out[c] += part;
                     sum[c] += part;
                 }
             }
+            let out = &mut out[i];
             for c in 0..D {
-                out[i - first][c] -= sum[c];
+                out[c] -= sum[c];
             }
         }
     }

@@ -36,8 +36,10 @@ use crate::interaction::{Report, Slabs};
 use crate::kernel::{Law, Order, Variables, VariablesLaw};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
+use crate::pool::Pool;
 use crate::weights::check_families;
 use linear::Linear;
+use passes::{States, Work};
 use tangent::Stiffness;
 
 /// What a potential gathers, and its energies.
@@ -101,6 +103,9 @@ pub struct StateEnergy {
     bond_pattern: OnceLock<Arc<BlockPattern>>,
     /// Stiffnesses of springs like the bonds at rest, for each directed bond, in N/m.
     springs: OnceLock<Vec<f64>>,
+    /// Room for passes, and for their threads.
+    states: Pool<States>,
+    work: Pool<Work>,
 }
 
 impl StateEnergy {
@@ -134,6 +139,8 @@ impl StateEnergy {
             pattern: OnceLock::new(),
             bond_pattern: OnceLock::new(),
             springs: OnceLock::new(),
+            states: Pool::new(),
+            work: Pool::new(),
         })
     }
 
@@ -150,10 +157,12 @@ impl StateEnergy {
     /// The integrals of all points at displacements `u` (`n x d`, m), point by point.
     pub fn integrals(&self, u: &[f64]) -> Vec<f64> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        let mut states = self.states.take(States::default);
         match self.body.dimension() {
-            2 => self.gather::<2>(u, Order::Energy).0,
-            _ => self.gather::<3>(u, Order::Energy).0,
+            2 => self.gather::<2>(u, Order::Energy, &mut states),
+            _ => self.gather::<3>(u, Order::Energy, &mut states),
         }
+        states.integrals.clone()
     }
 
     fn n_integrals(&self) -> usize {
@@ -170,7 +179,8 @@ impl StateEnergy {
         let order = if out.is_some() { Order::Gradient } else { Order::Energy };
         let states = self.states::<D>(u, order)?;
         if let Some(out) = out {
-            self.forces(&states, out);
+            out.fill(0.0);
+            self.forces::<D>(&states, out);
             self.check::<D>(&states.integrals, u, out)?;
         }
         let of_points = self.laws.points.as_ref().map(|_| &states.points);
@@ -253,8 +263,9 @@ fn add_halves(half: &mut [f64], slopes: &[f64]) {
 }
 
 /// From point by point to variable by variable.
-fn by_variables(rows: &[f64], m: usize) -> Vec<f64> {
-    (0..m).flat_map(|k| rows.iter().skip(k).step_by(m).copied()).collect()
+fn by_variables(rows: &[f64], m: usize, variables: &mut Vec<f64>) {
+    variables.clear();
+    variables.extend((0..m).flat_map(|k| rows.iter().skip(k).step_by(m)));
 }
 
 fn at_points(n: usize, current: &[f64]) -> Variables<'_> {
@@ -305,11 +316,11 @@ impl Energy for StateEnergy {
 
     fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
-        let (points, bonds) = match self.body.dimension() {
-            2 => self.states::<2>(u, Order::Energy).map(|states| (states.points, states.bonds))?,
-            _ => self.states::<3>(u, Order::Energy).map(|states| (states.points, states.bonds))?,
+        let states = match self.body.dimension() {
+            2 => self.states::<2>(u, Order::Energy)?,
+            _ => self.states::<3>(u, Order::Energy)?,
         };
-        let densities = points.iter().zip(&bonds).zip(self.body.volumes());
+        let densities = states.points.iter().zip(&states.bonds).zip(self.body.volumes());
         for (share, ((points, bonds), volume)) in shares.iter_mut().zip(densities) {
             *share = (points + bonds) * volume;
         }
@@ -323,7 +334,7 @@ impl Energy for StateEnergy {
             _ => self.linear::<3>(u)?,
         };
         match linear.not_finite(&self.bond_start, self.dimension()) {
-            None => Ok(Box::new(StateHessian { energy: self, linear })),
+            None => Ok(Box::new(StateHessian { energy: self, linear, changes: Pool::new() })),
             Some(point) => Err(self.named(point, None, u)),
         }
     }
@@ -333,15 +344,19 @@ impl Energy for StateEnergy {
 struct StateHessian<'a> {
     energy: &'a StateEnergy,
     linear: Linear,
+    /// Room for products.
+    changes: Pool<Vec<f64>>,
 }
 
 impl Hessian for StateHessian<'_> {
     fn multiply(&self, p: &[f64], product: &mut [f64]) {
         let n = self.energy.body.positions().len();
         assert!(p.len() == n && product.len() == n, "vectors are n x d");
+        let mut changes = self.changes.take(Vec::new);
+        product.fill(0.0);
         match self.energy.dimension() {
-            2 => self.energy.multiply::<2>(&self.linear, p, product),
-            _ => self.energy.multiply::<3>(&self.linear, p, product),
+            2 => self.energy.multiply::<2>(&self.linear, p, &mut changes, product),
+            _ => self.energy.multiply::<3>(&self.linear, p, &mut changes, product),
         }
     }
 }

@@ -1,20 +1,22 @@
 //! Passes over the bonds, each once: what points gather, energies with their derivatives, forces.
 //!
-//! Bonds are numbered owner by owner. Slabs of owners go at once where they touch no common points, so
-//! that a bond adds to both its ends and the order of every sum is that of the body. Arrays of bonds are
-//! laid out as laws take them, in chunks of whole owners.
+//! Bonds are numbered owner by owner. A bond adds to both its ends, slab by slab, so that the order of
+//! every sum is that of the body. Laws take bonds in chunks of whole owners. Arrays are kept for the next
+//! pass: they are larger than caches, and fresh memory costs more than what is written to it.
 
 use std::ops::Range;
 
 use pulp::Arch;
 use rayon::prelude::*;
 
-use super::{StateEnergy, by_variables};
+use super::StateEnergy;
 use crate::correspondence::batch::are_finite;
 use crate::energy::NonFinite;
 use crate::geometry::Geometry;
 use crate::geometry::bond::Bond;
+use crate::interaction::schedule::{Layout, Part, Touched, visit};
 use crate::kernel::{Batch, Order, Outputs, Variables};
+use crate::pool::Taken;
 
 /// Bonds of a chunk, but for the last owner's.
 const CHUNK: usize = 192;
@@ -22,76 +24,92 @@ const CHUNK: usize = 192;
 /// Points per task; fixed, so that results do not depend on threads.
 const POINTS: usize = 64;
 
-/// What points and bonds know of each other at some displacements.
-pub(super) struct States<const D: usize> {
+/// What points and bonds know of each other at some displacements, as far as it was asked for.
+#[derive(Default)]
+pub(super) struct States {
     /// Integrals, and derivatives of the energy per volume by them, point by point.
     pub(super) integrals: Vec<f64>,
     pub(super) adjoint: Vec<f64>,
     /// Energies per volume of points and of the bonds of points, in J/m^d.
     pub(super) points: Vec<f64>,
     pub(super) bonds: Vec<f64>,
-    pub(super) of_bonds: OfBonds<D>,
-    /// The mean over both ends of the derivative of a bond's energy by its length.
-    pub(super) tension: Vec<f64>,
-}
-
-/// The bonds as they are now; arrays that are not wanted are empty.
-pub(super) struct OfBonds<const D: usize> {
-    /// Lengths in m, and relative changes.
+    /// The bonds as they are now: lengths in m, and relative changes.
     pub(super) length: Vec<f64>,
     pub(super) change: Vec<f64>,
     /// Unit vectors from the owner to the other end.
-    pub(super) normal: Vec<[f64; D]>,
-    /// First and second derivatives of the integrands, integrand by integrand.
-    pub(super) slopes: Vec<Vec<f64>>,
-    pub(super) bends: Vec<Vec<f64>>,
+    normal: Vec<f64>,
+    /// First and second derivatives of the integrands, slab by slab and there integrand by integrand.
+    slopes: Vec<f64>,
+    bends: Vec<f64>,
+    /// The mean over both ends of the derivative of a bond's energy by its length.
+    pub(super) tension: Vec<f64>,
+    /// The lowest point of each slab whose bonds have an energy that is not finite.
+    failed: Vec<Option<usize>>,
 }
 
-/// One slab's part of arrays: of points that it touches, and of its own bonds.
-pub(super) struct Piece<'a> {
-    /// The first of the points.
-    pub(super) first: usize,
-    pub(super) owners: Range<usize>,
-    pub(super) points: Vec<&'a mut [f64]>,
-    pub(super) bonds: Vec<&'a mut [f64]>,
+impl States {
+    /// Unit vectors from the owner to the other end.
+    pub(super) fn normals<const D: usize>(&self) -> &[[f64; D]] {
+        self.normal.as_chunks::<D>().0
+    }
 }
 
-/// An array with its entries per point or bond.
-pub(super) type Strided<'a> = (&'a mut [f64], usize);
+/// Room for so many numbers, which hold anything.
+pub(super) fn room(array: &mut Vec<f64>, n: usize) -> &mut [f64] {
+    if array.len() < n {
+        array.resize(n, 0.0);
+    }
+    &mut array[..n]
+}
+
+/// Makes an array so long, and zero.
+pub(super) fn clear(array: &mut Vec<f64>, n: usize) {
+    array.clear();
+    array.resize(n, 0.0);
+}
 
 impl StateEnergy {
-    /// Visits all slabs, even ones first; results in the order of the slabs.
-    pub(super) fn over_slabs<R: Send>(
+    /// What a bond has of an array, or some entries of each.
+    pub(super) fn per_bond(&self, entries: usize) -> Layout<'_> {
+        Layout::Rows(&self.bond_start, entries)
+    }
+
+    /// The bonds of a slab's owners.
+    pub(super) fn bonds_of(&self, slab: usize) -> Range<usize> {
+        let owners = self.slabs.owners(slab);
+        self.bond_start[owners.start]..self.bond_start[owners.end]
+    }
+
+    /// First derivatives of the integrands at the bonds of a slab: of number `k` at bond `b`.
+    #[inline(always)]
+    pub(super) fn slopes<'a>(
         &self,
-        mut points: Vec<Strided<'_>>,
-        mut bonds: Vec<Strided<'_>>,
-        visit: impl Fn(Piece<'_>) -> R + Sync,
-    ) -> Vec<R> {
-        let mut results = Vec::with_capacity(self.slabs.len());
-        for color in 0..2 {
-            let mut rest_of_points: Vec<Strided<'_>> =
-                points.iter_mut().map(|(array, width)| (&mut **array, *width)).collect();
-            let mut rest_of_bonds: Vec<Strided<'_>> =
-                bonds.iter_mut().map(|(array, width)| (&mut **array, *width)).collect();
-            let (mut point, mut bond) = (0, 0);
-            let mut pieces = Vec::new();
-            for slab in (color..self.slabs.len()).step_by(2) {
-                let (touched, owners) = (self.slabs.touched(slab), self.slabs.owners(slab));
-                let own = self.bond_start[owners.start]..self.bond_start[owners.end];
-                let points = cut(&mut rest_of_points, touched.start - point, touched.len());
-                let bonds = cut(&mut rest_of_bonds, own.start - bond, own.len());
-                (point, bond) = (touched.end, own.end);
-                pieces.push((slab, Piece { first: touched.start, owners, points, bonds }));
-            }
-            let done: Vec<(usize, R)> = pieces
-                .into_par_iter()
-                .with_max_len(1)
-                .map(|(slab, piece)| (slab, visit(piece)))
-                .collect();
-            results.extend(done);
-        }
-        results.sort_by_key(|(slab, _)| *slab);
-        results.into_iter().map(|(_, result)| result).collect()
+        slab: usize,
+        states: &'a States,
+    ) -> impl Fn(usize, usize) -> f64 + use<'a> {
+        self.by_integrand(slab, &states.slopes)
+    }
+
+    /// Second derivatives of the same.
+    #[inline(always)]
+    pub(super) fn bends<'a>(
+        &self,
+        slab: usize,
+        states: &'a States,
+    ) -> impl Fn(usize, usize) -> f64 + use<'a> {
+        self.by_integrand(slab, &states.bends)
+    }
+
+    #[inline(always)]
+    fn by_integrand<'a>(
+        &self,
+        slab: usize,
+        array: &'a [f64],
+    ) -> impl Fn(usize, usize) -> f64 + use<'a> {
+        let (bonds, m) = (self.bonds_of(slab), self.n_integrals());
+        let own = &array[m * bonds.start..m * bonds.end];
+        let (start, n) = (bonds.start, bonds.len());
+        move |k, b| own[k * n + (b - start)]
     }
 
     /// Owners whose bonds go through laws at once, with these bonds.
@@ -121,40 +139,50 @@ impl StateEnergy {
     }
 
     /// The integrals, and the bonds with what the order asks for.
-    pub(super) fn gather<const D: usize>(&self, u: &[f64], order: Order) -> (Vec<f64>, OfBonds<D>) {
+    pub(super) fn gather<const D: usize>(&self, u: &[f64], order: Order, states: &mut States) {
         let (m, n) = (self.n_integrals(), self.rest.len());
-        let wanted = |is_wanted: bool| vec![0.0; if is_wanted { n } else { 0 }];
-        let (with_slopes, with_bends) = (order != Order::Energy, order == Order::Tangent);
-        let mut integrals = vec![0.0; self.body.n_points() * m];
-        let mut now = OfBonds {
-            length: vec![0.0; n],
-            change: vec![0.0; n],
-            normal: vec![[0.0; D]; if with_slopes { n } else { 0 }],
-            slopes: (0..m).map(|_| wanted(with_slopes)).collect(),
-            bends: (0..m).map(|_| wanted(with_bends)).collect(),
-        };
-        let mut arrays: Vec<Strided<'_>> =
-            vec![(&mut now.length, 1), (&mut now.change, 1), (now.normal.as_flattened_mut(), D)];
-        arrays.extend(now.slopes.iter_mut().map(|array| (&mut array[..], 1)));
-        arrays.extend(now.bends.iter_mut().map(|array| (&mut array[..], 1)));
-        self.over_slabs(vec![(&mut integrals, m)], arrays, |piece| {
-            self.gather_slab::<D>(u, order, piece);
+        let with_slopes = if order == Order::Energy { 0 } else { n };
+        let with_bends = if order == Order::Tangent { n } else { 0 };
+        clear(&mut states.integrals, self.body.n_points() * m);
+        let integrals = Part::new(Layout::Points(m), &mut states.integrals);
+        let bonds = (
+            Part::new(self.per_bond(1), room(&mut states.length, n)),
+            Part::new(self.per_bond(1), room(&mut states.change, n)),
+            Part::new(self.per_bond(D), room(&mut states.normal, D * with_slopes)),
+            Part::new(self.per_bond(m), room(&mut states.slopes, m * with_slopes)),
+            Part::new(self.per_bond(m), room(&mut states.bends, m * with_bends)),
+        );
+        visit(&self.slabs, integrals, bonds, |slab, [here, next], bonds| {
+            let bonds = OfBonds {
+                length: bonds.0.into_values(),
+                change: bonds.1.into_values(),
+                normal: bonds.2.into_values(),
+                slopes: bonds.3.into_values(),
+                bends: bonds.4.into_values(),
+            };
+            self.gather_slab::<D>(u, order, slab, Touched::new(here, next), bonds);
         });
-        (integrals, now)
     }
 
-    fn gather_slab<const D: usize>(&self, u: &[f64], order: Order, piece: Piece<'_>) {
-        let Piece { first, owners, mut points, mut bonds } = piece;
+    fn gather_slab<const D: usize>(
+        &self,
+        u: &[f64],
+        order: Order,
+        slab: usize,
+        mut integrals: Touched<'_, f64>,
+        bonds: OfBonds<'_>,
+    ) {
+        let OfBonds { length, change, normal, slopes, bends } = bonds;
         let (positions, u) = (self.body.positions().as_chunks::<D>().0, u.as_chunks::<D>().0);
         let (volumes, arch, m) = (self.body.volumes(), Arch::new(), self.n_integrals());
-        let [length, change, normal, derivatives @ ..] = &mut bonds[..] else { return };
         let normal = normal.as_chunks_mut::<D>().0;
-        let (mut unused, mut ends) = ([Vec::new(), Vec::new(), Vec::new()], Vec::new());
-        let start = self.bond_start[owners.start];
-        for (owners, all) in self.chunks(owners) {
+        let mut work = self.work();
+        let Work { ends, unused, .. } = &mut *work;
+        let (start, all_of_slab) = (self.bonds_of(slab).start, length.len());
+        for (owners, all) in self.chunks(self.slabs.owners(slab)) {
             let own = all.start - start..all.end - start;
             let rest = &self.rest[all];
-            self.ends(owners, &mut ends);
+            self.ends(owners, ends);
             let (length, change) = (&mut length[own.clone()], &mut change[own.clone()]);
             let is_normal_wanted = !normal.is_empty();
             let normal =
@@ -179,23 +207,16 @@ impl StateEnergy {
             );
             unused.iter_mut().for_each(|array| array.resize(own.len(), 0.0));
             for (k, law) in self.laws.integrals.iter().enumerate() {
-                let [psi, first_unused, second_unused] = &mut unused;
-                let (slopes, bends) = derivatives.split_at_mut(m);
-                let dpsi = match slopes[k].get_mut(own.clone()) {
-                    Some(slopes) if order != Order::Energy => slopes,
-                    _ => &mut first_unused[..],
-                };
-                let d2psi = match bends[k].get_mut(own.clone()) {
-                    Some(bends) if order == Order::Tangent => bends,
-                    _ => &mut second_unused[..],
-                };
+                let [psi, first_unused, second_unused] = &mut *unused;
+                let place = k * all_of_slab + own.start..k * all_of_slab + own.end;
+                let dpsi = slopes.get_mut(place.clone()).unwrap_or(first_unused);
+                let d2psi = bends.get_mut(place).unwrap_or(second_unused);
                 let batch = Batch { measure: length, reference: rest, change };
                 law.evaluate(batch, order, Outputs { psi: &mut psi[..], dpsi, d2psi });
-                let integrals = &mut *points[0];
-                for (value, &[i, j]) in psi.iter().zip(&ends) {
+                for (value, &[i, j]) in psi.iter().zip(&*ends) {
                     let (i, j) = (i as usize, j as usize);
-                    integrals[(i - first) * m + k] += volumes[j] * value;
-                    integrals[(j - first) * m + k] += volumes[i] * value;
+                    integrals[i * m + k] += volumes[j] * value;
+                    integrals[j * m + k] += volumes[i] * value;
                 }
             }
         }
@@ -206,71 +227,89 @@ impl StateEnergy {
         &self,
         u: &[f64],
         order: Order,
-    ) -> Result<States<D>, NonFinite> {
-        let (integrals, of_bonds) = self.gather::<D>(u, order);
+    ) -> Result<Taken<'_, States>, NonFinite> {
+        self.work.provide(|| Work::new(self));
+        let mut taken = self.states.take(States::default);
+        let states = &mut *taken;
+        self.gather::<D>(u, order, states);
         let (m, n) = (self.n_integrals(), self.body.n_points());
         let with_slopes = order != Order::Energy;
-        let mut points = vec![0.0; n];
-        let mut adjoint = self.of_points(&integrals, with_slopes, &mut points);
-        let mut bonds = vec![0.0; n];
-        let mut tension = vec![0.0; if with_slopes { self.rest.len() } else { 0 }];
-        let arrays = vec![(&mut bonds[..], 1), (&mut adjoint[..], m)];
-        let failed = self.over_slabs(arrays, vec![(&mut tension, 1)], |piece| {
-            self.energies_of_slab(&integrals, &of_bonds, with_slopes, piece)
+        clear(&mut states.points, n);
+        clear(&mut states.adjoint, n * m);
+        clear(&mut states.bonds, n);
+        self.of_points(with_slopes, states);
+        states.failed.clear();
+        states.failed.resize(self.slabs.len(), None);
+        let n_tensions = if with_slopes { self.rest.len() } else { 0 };
+        let shared = (
+            Part::new(Layout::Points(1), &mut states.bonds),
+            Part::new(Layout::Points(m), &mut states.adjoint),
+        );
+        let own = (
+            Part::new(self.per_bond(1), room(&mut states.tension, n_tensions)),
+            Part::new(Layout::Slabs, &mut states.failed),
+        );
+        let known = (&states.integrals[..], &states.length[..], &states.change[..]);
+        visit(&self.slabs, shared, own, |slab, [here, next], (tension, failed)| {
+            let energies = Touched::new(&mut here.0, &mut next.0);
+            let adjoint = Touched::new(&mut here.1, &mut next.1);
+            let tension = tension.into_values();
+            let bad = self.energies_of_slab(slab, known, (energies, adjoint), tension);
+            failed.into_values()[0] = bad;
         });
-        let failed = failed.into_iter().flatten();
+        let failed = states.failed.iter().copied().flatten();
         let bad = |i: &usize| {
-            let own = &adjoint[i * m..(i + 1) * m];
-            !(points[*i].is_finite() && own.iter().all(|x| x.is_finite()))
+            let own = &states.adjoint[i * m..(i + 1) * m];
+            !(states.points[*i].is_finite() && own.iter().all(|x| x.is_finite()))
         };
         match failed.chain((0..n).find(bad)).min() {
-            None => Ok(States { integrals, adjoint, points, bonds, of_bonds, tension }),
-            Some(i) => Err(self.named(i, integrals.get(i * m).copied(), u)),
+            None => Ok(taken),
+            Some(i) => Err(self.named(i, states.integrals.get(i * m).copied(), u)),
         }
     }
 
     /// The energies of points, and their derivatives by the integrals.
-    fn of_points(&self, integrals: &[f64], with_slopes: bool, energies: &mut [f64]) -> Vec<f64> {
+    fn of_points(&self, with_slopes: bool, states: &mut States) {
         let m = self.n_integrals();
-        let mut adjoint = vec![0.0; integrals.len()];
-        let Some(law) = self.laws.points.as_ref().filter(|_| m > 0) else { return adjoint };
+        let Some(law) = self.laws.points.as_ref().filter(|_| m > 0) else { return };
         let work = |((rows, adjoint), energies): ((&[f64], &mut [f64]), &mut [f64])| {
             let n = energies.len();
-            let current = by_variables(rows, m);
-            let mut slopes = vec![0.0; if with_slopes { m * n } else { 0 }];
-            law.evaluate(super::at_points(n, &current), energies, &mut slopes);
+            let mut work = self.work();
+            let Work { variables, slopes, .. } = &mut *work;
+            super::by_variables(rows, m, variables);
+            slopes.resize(if with_slopes { m * n } else { 0 }, 0.0);
+            law.evaluate(super::at_points(n, variables), energies, slopes);
             for (place, x) in slopes.iter().enumerate() {
                 adjoint[place % n * m + place / n] = *x;
             }
         };
-        let rows = integrals.par_chunks(POINTS * m).zip(adjoint.par_chunks_mut(POINTS * m));
-        rows.zip(energies.par_chunks_mut(POINTS)).for_each(work);
-        adjoint
+        let rows = states.integrals.par_chunks(POINTS * m);
+        let rows = rows.zip(states.adjoint.par_chunks_mut(POINTS * m));
+        rows.zip(states.points.par_chunks_mut(POINTS)).for_each(work);
     }
 
     /// The energies of one slab's bonds; the lowest point where one is not finite.
-    fn energies_of_slab<const D: usize>(
+    fn energies_of_slab(
         &self,
-        integrals: &[f64],
-        of_bonds: &OfBonds<D>,
-        with_slopes: bool,
-        piece: Piece<'_>,
+        slab: usize,
+        (integrals, length, change): (&[f64], &[f64], &[f64]),
+        (mut energies, mut adjoint): (Touched<'_, f64>, Touched<'_, f64>),
+        tension: &mut [f64],
     ) -> Option<usize> {
-        let Piece { first, owners, mut points, mut bonds } = piece;
         let (volumes, m) = (self.body.volumes(), self.n_integrals());
-        let [energies, adjoint] = &mut points[..] else { return None };
-        let tension = &mut *bonds[0];
-        let start = self.bond_start[owners.start];
+        let (start, with_slopes) = (self.bonds_of(slab).start, !tension.is_empty());
         let mut failed: Option<usize> = None;
         let mut fail = |point: usize| failed = Some(failed.map_or(point, |p| p.min(point)));
-        let mut work = Ends::default();
-        for (owners, all) in self.chunks(owners) {
+        let mut work = self.work();
+        for (owners, all) in self.chunks(self.slabs.owners(slab)) {
             self.ends(owners, &mut work.ends);
-            let (length, change) = (&of_bonds.length[all.clone()], &of_bonds.change[all.clone()]);
+            let (length, change) = (&length[all.clone()], &change[all.clone()]);
             let rest = &self.rest[all.clone()];
             let n = all.len();
             let own = all.start - start..all.end - start;
             let tension = if with_slopes { &mut tension[own] } else { &mut tension[0..0] };
+            tension.fill(0.0);
+            let work = &mut *work;
             if let Some(law) = &self.laws.bonds {
                 for end in 0..2 {
                     work.take(length, integrals, m, end);
@@ -286,9 +325,9 @@ impl StateEnergy {
                     for (b, ends) in work.ends.iter().enumerate() {
                         let (point, other) = (ends[end] as usize, ends[1 - end] as usize);
                         let half = 0.5 * volumes[other];
-                        energies[point - first] += half * psi[b];
+                        energies[point] += half * psi[b];
                         if with_slopes {
-                            let adjoint = &mut adjoint[(point - first) * m..][..m];
+                            let adjoint = adjoint.range(point * m..(point + 1) * m);
                             for k in 0..m {
                                 adjoint[k] += half * slopes[(1 + k) * n + b];
                             }
@@ -308,8 +347,8 @@ impl StateEnergy {
                 law.evaluate(Batch { measure: length, reference: rest, change }, order, out);
                 for (b, ends) in work.ends.iter().enumerate() {
                     let [i, j] = ends.map(|end| end as usize);
-                    energies[i - first] += 0.5 * volumes[j] * work.psi[b];
-                    energies[j - first] += 0.5 * volumes[i] * work.psi[b];
+                    energies[i] += 0.5 * volumes[j] * work.psi[b];
+                    energies[j] += 0.5 * volumes[i] * work.psi[b];
                     if !work.is_finite_at(b) {
                         fail(i);
                     }
@@ -320,18 +359,18 @@ impl StateEnergy {
         failed
     }
 
-    /// `force` (`n x d`) becomes the gradient.
-    pub(super) fn forces<const D: usize>(&self, states: &States<D>, force: &mut [f64]) {
-        force.fill(0.0);
+    /// Adds the gradient to `force` (`n x d`).
+    pub(super) fn forces<const D: usize>(&self, states: &States, force: &mut [f64]) {
         let arch = Arch::new();
-        self.over_slabs(vec![(force, D)], Vec::new(), |mut piece| {
-            let force = piece.points[0].as_chunks_mut::<D>().0;
+        let force = Part::new(Layout::Points(1), force.as_chunks_mut::<D>().0);
+        visit(&self.slabs, force, (), |slab, [here, next], ()| {
+            let force = Touched::new(here, next);
             arch.dispatch(
                 #[inline(always)]
                 || match self.n_integrals() {
-                    1 => self.forces_of_slab(1, states, piece.first, piece.owners.clone(), force),
-                    2 => self.forces_of_slab(2, states, piece.first, piece.owners.clone(), force),
-                    m => self.forces_of_slab(m, states, piece.first, piece.owners.clone(), force),
+                    1 => self.forces_of_slab(1, states, slab, force),
+                    2 => self.forces_of_slab(2, states, slab, force),
+                    m => self.forces_of_slab(m, states, slab, force),
                 },
             );
         });
@@ -341,47 +380,78 @@ impl StateEnergy {
     fn forces_of_slab<const D: usize>(
         &self,
         m: usize,
-        states: &States<D>,
-        first: usize,
-        owners: Range<usize>,
-        force: &mut [[f64; D]],
+        states: &States,
+        slab: usize,
+        mut force: Touched<'_, [f64; D]>,
     ) {
         let volumes = self.body.volumes();
-        let (adjoint, now) = (&states.adjoint, &states.of_bonds);
-        for i in owners {
+        let (adjoint, normals) = (&states.adjoint, states.normals::<D>());
+        let slopes = self.slopes(slab, states);
+        for i in self.slabs.owners(slab) {
             let mut sum = [0.0; D];
             let start = self.bond_start[i];
             for (k, &j) in self.neighborhood.upper(i).iter().enumerate() {
                 let (b, j) = (start + k, j as usize);
                 let mut tension = states.tension[b];
                 for k in 0..m {
-                    tension += (adjoint[i * m + k] + adjoint[j * m + k]) * now.slopes[k][b];
+                    tension += (adjoint[i * m + k] + adjoint[j * m + k]) * slopes(k, b);
                 }
                 let pull = volumes[i] * volumes[j] * tension;
+                let force = &mut force[j];
                 for c in 0..D {
-                    let part = pull * now.normal[b][c];
-                    force[j - first][c] += part;
+                    let part = pull * normals[b][c];
+                    force[c] += part;
                     sum[c] += part;
                 }
             }
+            let force = &mut force[i];
             for c in 0..D {
-                force[i - first][c] -= sum[c];
+                force[c] -= sum[c];
             }
         }
     }
+
+    /// Work arrays for a thread.
+    pub(super) fn work(&self) -> Taken<'_, Work> {
+        self.work.take(|| Work::new(self))
+    }
 }
 
-/// Work arrays for the energies of a chunk's bonds at one of their ends.
-#[derive(Default)]
-pub(super) struct Ends {
+/// One slab's bonds as they are now; arrays that are not wanted are empty.
+struct OfBonds<'a> {
+    length: &'a mut [f64],
+    change: &'a mut [f64],
+    normal: &'a mut [f64],
+    slopes: &'a mut [f64],
+    bends: &'a mut [f64],
+}
+
+/// Work arrays for the bonds of a chunk, at one of their ends, or for some points.
+pub(super) struct Work {
     pub(super) ends: Vec<[u32; 2]>,
     pub(super) variables: Vec<f64>,
     pub(super) psi: Vec<f64>,
     /// Derivatives by the variables, variable by variable.
     pub(super) slopes: Vec<f64>,
+    /// What a law gives that is not wanted.
+    unused: [Vec<f64>; 3],
 }
 
-impl Ends {
+impl Work {
+    /// Large enough for every chunk.
+    fn new(energy: &StateEnergy) -> Work {
+        let bonds = CHUNK + energy.neighborhood.most_later();
+        let variables = (1 + energy.n_integrals()) * bonds.max(POINTS);
+        let numbers = |n: usize| -> Vec<f64> { Vec::with_capacity(n) };
+        Work {
+            ends: Vec::with_capacity(bonds),
+            variables: numbers(variables),
+            psi: numbers(bonds),
+            slopes: numbers(variables),
+            unused: [numbers(bonds), numbers(bonds), numbers(bonds)],
+        }
+    }
+
     /// The variables: lengths, and the integrals at one of the ends.
     pub(super) fn take(&mut self, length: &[f64], integrals: &[f64], m: usize, end: usize) {
         let n = length.len();
@@ -400,18 +470,4 @@ impl Ends {
         let n = self.psi.len();
         self.psi[b].is_finite() && self.slopes.iter().skip(b).step_by(n).all(|x| x.is_finite())
     }
-}
-
-/// Leaves out `skip` entries of each array and takes `length`; of an empty array nothing.
-fn cut<'a>(arrays: &mut [Strided<'a>], skip: usize, length: usize) -> Vec<&'a mut [f64]> {
-    let one = |(rest, width): &mut Strided<'a>| -> &'a mut [f64] {
-        if rest.is_empty() {
-            return &mut [];
-        }
-        let (_, tail) = std::mem::take(rest).split_at_mut(skip * *width);
-        let (taken, tail) = tail.split_at_mut(length * *width);
-        *rest = tail;
-        taken
-    };
-    arrays.iter_mut().map(one).collect()
 }

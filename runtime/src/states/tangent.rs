@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 use super::family::Family;
 use super::passes::States;
-use super::{StateEnergy, at_points, by_variables};
+use super::{StateEnergy, at_points};
 use crate::correspondence::bonds;
 use crate::correspondence::operator::reverse;
 use crate::energy::NonFinite;
@@ -177,7 +177,7 @@ impl StateEnergy {
         &self,
         family: &mut Family<D>,
         u: &[f64],
-        states: &States<D>,
+        states: &States,
         i: usize,
     ) -> Vec<f64> {
         let m = self.n_integrals();
@@ -199,7 +199,7 @@ impl StateEnergy {
         &self,
         family: &mut Family<D>,
         u: &[f64],
-        (states, tension, along): (&States<D>, &[f64], &[f64]),
+        (states, tension, along): (&States, &[f64], &[f64]),
         i: usize,
     ) -> Row<D> {
         let m = self.n_integrals();
@@ -240,8 +240,8 @@ impl StateEnergy {
             let mut unit = vec![0.0; m];
             unit[k] = 1.0;
             if let Some(law) = &self.laws.points {
-                let current = by_variables(integrals, m);
-                law.product(at_points(1, &current), &unit, &mut by_states[k * m..(k + 1) * m]);
+                // Of one point they are in order already.
+                law.product(at_points(1, integrals), &unit, &mut by_states[k * m..(k + 1) * m]);
             }
             let mut column = vec![0.0; n];
             if let Some(law) = &self.laws.bonds {

@@ -38,6 +38,17 @@ pub(super) struct Group {
 }
 
 impl Thirds {
+    pub(super) fn with_capacity(members: usize) -> Thirds {
+        let groups = members.div_ceil(WIDEST);
+        Thirds {
+            k: 0,
+            members: Vec::with_capacity(members),
+            groups: Vec::with_capacity(groups),
+            sums: Vec::with_capacity(groups),
+            place: Vec::with_capacity(members),
+        }
+    }
+
     pub(super) fn width(&self) -> usize {
         WIDEST * self.groups.len()
     }
@@ -128,6 +139,23 @@ pub(super) struct Block {
 }
 
 impl Block {
+    /// Room for so many groups of lanes.
+    pub(super) fn with_capacity(groups: usize) -> Block {
+        let lanes = || Vec::with_capacity(groups);
+        Block {
+            rows: Vec::with_capacity(groups),
+            lanes: Vec::with_capacity(WIDEST * groups),
+            weight: lanes(),
+            sign: lanes(),
+            measure: lanes(),
+            reference: lanes(),
+            change: lanes(),
+            psi: lanes(),
+            first: lanes(),
+            second: lanes(),
+        }
+    }
+
     pub(super) fn restart(&mut self) {
         self.rows.clear();
         self.lanes.clear();

@@ -4,17 +4,10 @@
 //! Before: a model with values. After: the integrands with two derivatives by the length; `psi` and
 //! `phi` with their gradients by all their variables, and with what these change by in a direction;
 //! each as machine code over arrays.
-//!
-//! | module | what |
-//! |---|---|
-//! | `kernel` | one energy of gathered states over arrays |
-//! | `verify` | against the interpreter and hyper-dual numbers |
 
 mod kernel;
-mod verify;
 
 pub use kernel::{GatheredBatch, GatheredKernel, WrittenGatheredEnergy};
-pub use verify::{BAR, GatheredVerification, verify_gathered};
 
 use crate::expression::graph::MAX_NODES;
 use crate::expression::{ExprGraph, Input, NodeId, TooManyNodes};
@@ -97,7 +90,7 @@ fn energies(variant: &Variant, of_bonds: bool) -> impl Iterator<Item = &Gathered
 }
 
 /// What the energies are functions of, as written: `theta`, `l, m`.
-pub(super) fn argument(variant: &Variant, of_bonds: bool) -> String {
+pub(crate) fn argument(variant: &Variant, of_bonds: bool) -> String {
     let mut heads: Vec<&str> = Vec::new();
     for energy in energies(variant, of_bonds) {
         if !heads.contains(&energy.head.as_str()) {

@@ -12,7 +12,6 @@
 //! | `kernel` | both forms over arrays, and the choice between them |
 //! | `domain` | declared bounds of `J` |
 //! | `sample`, `truth` | gradients to try an energy at, and its values there to any precision |
-//! | `verify` | against the interpreter, hyper-dual numbers and numbers of any precision |
 
 pub(crate) mod adjoint;
 mod domain;
@@ -21,10 +20,8 @@ mod near;
 mod principal;
 pub(crate) mod sample;
 pub(crate) mod truth;
-mod verify;
 
 pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy, gradient_listing};
-pub use verify::{BAR_FAR, BAR_NEAR, GradientVerification, verify_gradient};
 
 use adjoint::Varied;
 pub(crate) use principal::axes;

@@ -34,7 +34,7 @@ fn seth_hill_over_its_exponents() {
 
 #[test]
 fn every_function_has_the_right_derivatives() {
-    for function in Function::NAMED {
+    for function in Function::all_named() {
         let argument = match function {
             Function::Asin | Function::Acos => "l/(l + L)",
             Function::Sign | Function::Abs => "l/L - 1.5",

@@ -8,8 +8,9 @@ use crate::expression::{ExprGraph, Function, Input, NodeId, Operator};
 use crate::jit::CompiledKernel;
 use crate::measure::Measure;
 use crate::model::Model;
-use crate::specialise::{CompileError, Dropped, Form, ScalarEnergy};
+use crate::specialise::{CompileError, Dropped, Form, ScalarEnergy, roots_of};
 use crate::values::Values;
+use crate::written::Written;
 
 /// Inputs of a kernel, one entry per interaction; the three slices have one length.
 #[derive(Clone, Copy, Debug)]
@@ -224,17 +225,14 @@ fn fill(
 /// Independent of everything that happens after the check, and so the witness for it.
 #[derive(Clone, Debug)]
 pub struct WrittenEnergy {
-    graph: ExprGraph,
-    roots: Vec<NodeId>,
-    values: Values,
+    energy: Written,
     of_square: bool,
 }
 
 impl WrittenEnergy {
     /// One root of a variant's graph.
     pub(crate) fn of_root(graph: &ExprGraph, root: NodeId, values: &Values) -> WrittenEnergy {
-        let (graph, roots) = graph.extract(&[root]);
-        WrittenEnergy { graph, roots, values: values.clone(), of_square: false }
+        WrittenEnergy { energy: Written::new(graph, &[root], values), of_square: false }
     }
 
     /// The same energy as a function of `q = m^2/M` and `M`, by `m = sqrt(q*M)`.
@@ -249,18 +247,11 @@ impl WrittenEnergy {
         } else {
             measure
         };
-        let mut interpreter = Interpreter::new();
-        interpreter.run(&self.graph, |input| match input {
+        self.energy.sum(|input| match input {
             Input::Current(_) => measure.clone(),
             Input::Reference(_) => reference.clone(),
-            Input::Parameter(i) => N::constant(self.values.parameters[usize::from(i)]),
-            Input::Horizon => N::constant(self.values.horizon),
-            // The simplifier alone makes changes; a measure knows nothing of the deformation gradient,
-            // nor of families.
-            _ => N::constant(f64::NAN),
-        });
-        let terms = self.roots.iter().map(|root| interpreter.number(*root));
-        terms.reduce(|sum, term| N::binary(Operator::Add, sum, term)).unwrap_or(N::constant(0.0))
+            _ => self.energy.known(input),
+        })
     }
 
     /// psi, psi' and psi'' by one evaluation over hyper-dual numbers (firooz2023, eq. (27)).
@@ -298,14 +289,10 @@ impl Model {
 
     /// The energy of a measure as written, for these values; 0 where there is none.
     pub fn written(&self, values: &Values, measure: Measure) -> WrittenEnergy {
-        let (graph, roots) = match self.variant(values.dimension) {
-            Some(variant) => {
-                let energies = variant.energies.iter().filter(|e| e.measure == measure);
-                let roots: Vec<NodeId> = energies.map(|e| e.root).collect();
-                variant.graph.extract(&roots)
-            }
-            None => (ExprGraph::new(), Vec::new()),
+        let energy = match self.variant(values.dimension) {
+            Some(variant) => Written::new(&variant.graph, &roots_of(variant, measure), values),
+            None => Written::nothing(values),
         };
-        WrittenEnergy { graph, roots, values: values.clone(), of_square: false }
+        WrittenEnergy { energy, of_square: false }
     }
 }

@@ -16,6 +16,7 @@
 pub mod audit;
 pub mod check;
 pub mod compile;
+mod density;
 pub mod differentiate;
 mod example;
 pub mod expression;
@@ -35,9 +36,11 @@ pub mod specialise;
 mod squares;
 mod values;
 pub mod verify;
+mod written;
 
 pub use check::{CODES, check, check_text};
 pub use compile::{Compiled, Kind};
+pub use density::DensityForm;
 pub use formula::Formula;
 pub use gathered::{GatheredBatch, GatheredKernel, GatheredKernels};
 pub use kernel::{Batch, Derivatives, Kernel, Level, Mode, Order, Outputs, WrittenEnergy};

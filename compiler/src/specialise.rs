@@ -146,27 +146,15 @@ impl Model {
                 });
                 continue;
             }
-            let span = span_of(variant, measure);
-            if values.horizon.is_nan()
-                && variant.graph.depends_on(&roots_of(variant, measure), Input::Horizon)
-            {
-                return Err(CompileError::NoHorizon {
-                    argument: measure.symbol().to_string(),
-                    span,
-                });
-            }
-            let argument = measure.symbol();
-            let too_large =
-                |limit| CompileError::TooLarge { argument: argument.to_string(), span, limit };
+            let named = Named { argument: measure.symbol(), span: span_of(variant, measure) };
+            let roots = roots_of(variant, measure);
+            named.has_horizon(&variant.graph, &roots, values.horizon.is_nan())?;
             let mut dropped = Vec::new();
             let derived = energy(variant, &self.parameters, measure, &fold, &mut dropped)
-                .and_then(|energy| energy.map(|energy| energy.derivatives(form)).transpose())
-                .map_err(|TooManyNodes| too_large(MAX_NODES))?;
-            if let Some(derived) = derived {
+                .and_then(|energy| energy.map(|energy| energy.derivatives(form)).transpose());
+            if let Some(derived) = named.made(derived)? {
                 let energy = derived.scalar_energy();
-                if energy.graph.len() > MAX_OPERATIONS {
-                    return Err(too_large(MAX_OPERATIONS));
-                }
+                named.fits(&energy.graph)?;
                 take(derived, energy);
             }
             all_dropped.extend(dropped);
@@ -182,17 +170,52 @@ impl Model {
         let variant = self.variant(dimension).ok_or(CompileError::WrongDimension(dimension))?;
         let mut result = Specialised::default();
         for measure in self.measures() {
-            let span = span_of(variant, measure);
+            let named = Named { argument: measure.symbol(), span: span_of(variant, measure) };
             let energy = energy(variant, &self.parameters, measure, &|_| None, &mut result.dropped)
-                .and_then(|energy| energy.map(|e| e.derivatives(Form::Textbook)).transpose())
-                .map_err(|TooManyNodes| CompileError::TooLarge {
-                    argument: measure.symbol().to_string(),
-                    span,
-                    limit: MAX_NODES,
-                })?;
+                .and_then(|energy| energy.map(|e| e.derivatives(Form::Textbook)).transpose());
+            let energy = named.made(energy)?;
             result.energies.extend(energy.map(|derived| derived.scalar_energy()));
         }
         Ok(result)
+    }
+}
+
+/// An energy as errors name it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Named<'a> {
+    /// What it is a function of.
+    pub(crate) argument: &'a str,
+    /// Where it stands.
+    pub(crate) span: Span,
+}
+
+impl Named<'_> {
+    /// Refuses roots that depend on the horizon where that is missing.
+    pub(crate) fn has_horizon(
+        self,
+        graph: &ExprGraph,
+        roots: &[NodeId],
+        is_missing: bool,
+    ) -> Result<(), CompileError> {
+        if is_missing && graph.depends_on(roots, Input::Horizon) {
+            let argument = self.argument.to_string();
+            return Err(CompileError::NoHorizon { argument, span: self.span });
+        }
+        Ok(())
+    }
+
+    /// What was made, unless it had too many nodes on the way.
+    pub(crate) fn made<T>(self, made: Result<T, TooManyNodes>) -> Result<T, CompileError> {
+        made.map_err(|TooManyNodes| self.too_large(MAX_NODES))
+    }
+
+    /// Refuses a graph with too many operations for a kernel.
+    pub(crate) fn fits(self, graph: &ExprGraph) -> Result<(), CompileError> {
+        if graph.len() > MAX_OPERATIONS { Err(self.too_large(MAX_OPERATIONS)) } else { Ok(()) }
+    }
+
+    fn too_large(self, limit: usize) -> CompileError {
+        CompileError::TooLarge { argument: self.argument.to_string(), span: self.span, limit }
     }
 }
 
@@ -210,7 +233,7 @@ fn span_of(variant: &Variant, measure: Measure) -> Span {
     energy.map_or(Span::default(), |e| e.span)
 }
 
-fn roots_of(variant: &Variant, measure: Measure) -> Vec<NodeId> {
+pub(crate) fn roots_of(variant: &Variant, measure: Measure) -> Vec<NodeId> {
     variant.energies.iter().filter(|e| e.measure == measure).map(|e| e.root).collect()
 }
 

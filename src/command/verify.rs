@@ -1,18 +1,14 @@
 //! `piola verify`: machine code against the interpreter and hyper-dual numbers.
 
 use piola_compiler::Argument;
-use piola_compiler::gathered::{BAR, GatheredVerification, verify_gathered};
-use piola_compiler::point::{BAR_FAR, BAR_NEAR, GradientVerification, verify_gradient};
-use piola_compiler::verify::{Miss, Verification, verify};
-use serde_json::json;
+use piola_compiler::verify::{Miss, Subject, Verification, Witness, verify};
+use serde_json::{Value, json};
 
 use super::Exit;
 use super::derive::print_compile_error;
 use crate::cli::{Format, Verify};
 use crate::console;
 use crate::potential;
-
-const ORDERS: [&str; 3] = ["psi", "psi'", "psi''"];
 
 pub(super) fn execute(arguments: &Verify) -> Exit {
     let Some(settings) = potential::settings(&arguments.inputs) else { return Exit::Input };
@@ -40,48 +36,24 @@ pub(super) fn execute(arguments: &Verify) -> Exit {
             let Some(values) = potential::values(&loaded.model, dimension, &settings, delta) else {
                 return Exit::Input;
             };
-            match verify(&loaded.model, &values, arguments.points) {
-                Ok((found, dropped)) => {
-                    for d in &dropped {
-                        console::note(&format!("{file}: {}", d.reason));
-                    }
-                    for verification in &found {
-                        report(file, dimension, verification, arguments.format);
-                        if !verification.passed() {
-                            exit = Exit::Findings;
-                        }
-                    }
-                }
+            let (found, dropped) = match verify(&loaded.model, &values, arguments.points) {
+                Ok(found) => found,
                 Err(error) => {
                     print_compile_error(&loaded, &error);
                     return Exit::Input;
                 }
+            };
+            for dropped in &dropped {
+                console::note(&format!("{file}: {}", dropped.reason));
             }
-            match verify_gathered(&loaded.model, &values, arguments.points) {
-                Ok(found) => {
-                    for verification in &found {
-                        report_gathered(file, dimension, verification, arguments.format);
-                        if !verification.passed() {
-                            exit = Exit::Findings;
-                        }
-                    }
-                }
-                Err(error) => {
-                    print_compile_error(&loaded, &error);
-                    return Exit::Input;
-                }
-            }
-            match verify_gradient(&loaded.model, &values, arguments.points) {
-                Ok(None) => {}
-                Ok(Some(found)) => {
-                    report_gradient(file, dimension, &found, arguments.format);
-                    if !found.passed() {
-                        exit = Exit::Findings;
-                    }
-                }
-                Err(error) => {
-                    print_compile_error(&loaded, &error);
-                    return Exit::Input;
+            for verification in &found {
+                let place = format!("{file} d = {dimension}");
+                console::out(&match arguments.format {
+                    Format::Json => format!("{}\n", line(file, dimension, verification)),
+                    Format::Human => report(&place, verification),
+                });
+                if !verification.passed() {
+                    exit = Exit::Findings;
                 }
             }
         }
@@ -89,125 +61,96 @@ pub(super) fn execute(arguments: &Verify) -> Exit {
     exit
 }
 
-fn report(file: &str, dimension: usize, found: &Verification, format: Format) {
-    let symbol = found.argument.symbol();
-    if format == Format::Json {
-        let line = json!({
-            "potential": file,
-            "dimension": dimension,
-            "measure": symbol,
-            "points": found.n_points,
-            "passed": found.passed(),
-            "different_bits": found.different_bits.len(),
-            "misses": found.misses.len(),
-            "worst_error_over_tolerance": found.worst,
-        });
-        console::out(&format!("{line}\n"));
-        return;
+/// What was found for one energy, as one object.
+fn line(file: &str, dimension: usize, found: &Verification) -> Value {
+    let mut line = json!({
+        "potential": file,
+        "dimension": dimension,
+        "measure": found.subject.symbol(),
+        "points": found.n_places,
+        "passed": found.passed(),
+        "different_bits": found.different_bits,
+        "misses": found.misses.len(),
+        "worst_error_over_tolerance": found.over_tolerance(),
+    });
+    if found.errors.len() > 1 {
+        for errors in &found.errors {
+            let (_, key) = words(errors.witness);
+            line[key] = json!(errors.largest);
+        }
     }
-    let verdict = if found.passed() { "passed" } else { "FAILED" };
-    let bits = match found.different_bits.len() {
-        0 => "machine code = interpreter to the last bit".to_string(),
-        n => format!("machine code differs from the interpreter at {n} points"),
+    line
+}
+
+/// Where and against what, for people, and the key of errors in units of 2^-53.
+fn words(witness: Witness) -> (&'static str, &'static str) {
+    match witness {
+        Witness::TruthNear => ("near rest", "worst_near_in_u"),
+        Witness::TruthFar => ("far from it", "worst_far_in_u"),
+        Witness::HyperDual => ("against hyper-dual numbers", "worst_against_hyper_dual_in_u"),
+    }
+}
+
+/// What was found for one energy, in words.
+fn report(place: &str, found: &Verification) -> String {
+    let (places, what, digits) = match &found.subject {
+        Subject::Argument(Argument::Measure(_) | Argument::Square(_)) => {
+            ("points", "largest error over tolerance against hyper-dual numbers", 2)
+        }
+        Subject::Argument(Argument::Gradient) => {
+            ("gradients", "largest errors in u = 2^-53 of the norm", 0)
+        }
+        Subject::Gathered(_) => {
+            ("points", "largest errors against hyper-dual numbers in u = 2^-53", 0)
+        }
     };
-    let worst: Vec<String> =
-        ORDERS.iter().zip(found.worst).map(|(o, w)| format!("{o} {w:.2}")).collect();
-    console::out(&format!(
-        "{verdict}  {file} d = {dimension} psi({symbol}): {} points; {bits}; largest error over tolerance against hyper-dual numbers: {}\n",
-        found.n_points,
-        worst.join(", ")
-    ));
+    let verdict = if found.passed() { "passed" } else { "FAILED" };
+    let bits = match found.different_bits {
+        0 => "machine code = interpreter to the last bit".to_string(),
+        n => format!("machine code differs from the interpreter at {n} {places}"),
+    };
+    let orders = found.subject.orders();
+    let errors = found.errors.iter().map(|errors| {
+        let of =
+            orders.iter().zip(errors.largest).map(|(o, error)| format!("{o} {error:.digits$}"));
+        let of = of.collect::<Vec<_>>().join(", ");
+        if found.errors.len() > 1 { format!("{} {of}", words(errors.witness).0) } else { of }
+    });
+    let mut out = format!(
+        "{verdict}  {place} psi({}): {} {places}; {bits}; {what}: {}\n",
+        found.subject.symbol(),
+        found.n_places,
+        errors.collect::<Vec<_>>().join("; ")
+    );
     for miss in found.misses.iter().take(5) {
-        console::out(&describe(found.argument, miss));
+        out.push_str(&describe(&found.subject, miss));
     }
     if found.misses.len() > 5 {
-        console::out(&format!("        .. and {} more\n", found.misses.len() - 5));
+        out.push_str(&format!("        .. and {} more\n", found.misses.len() - 5));
     }
+    out
 }
 
-fn report_gradient(file: &str, dimension: usize, found: &GradientVerification, format: Format) {
-    if format == Format::Json {
-        let worst = [0, 1, 2].map(|k| (found.near[k] / BAR_NEAR).max(found.far[k] / BAR_FAR));
-        let line = json!({
-            "potential": file,
-            "dimension": dimension,
-            "measure": "F",
-            "points": found.n_points,
-            "passed": found.passed(),
-            "different_bits": found.different_bits,
-            "misses": found.misses.len(),
-            "worst_error_over_tolerance": worst,
-            "worst_near_in_u": found.near,
-            "worst_far_in_u": found.far,
-            "worst_against_hyper_dual_in_u": found.dual,
-        });
-        console::out(&format!("{line}\n"));
-        return;
-    }
-    let verdict = if found.passed() { "passed" } else { "FAILED" };
-    let bits = match found.different_bits {
-        0 => "machine code = interpreter to the last bit".to_string(),
-        n => format!("machine code differs from the interpreter at {n} gradients"),
+fn describe(subject: &Subject, miss: &Miss) -> String {
+    let numbers = |numbers: &[f64]| match numbers {
+        [number] => format!("{number:e}"),
+        _ => {
+            let numbers: Vec<String> = numbers.iter().map(|x| format!("{x:e}")).collect();
+            format!("({})", numbers.join(", "))
+        }
     };
-    let named = |worst: [f64; 3]| {
-        let parts = ["psi", "P", "dP"].iter().zip(worst).map(|(name, w)| format!("{name} {w:.0}"));
-        parts.collect::<Vec<_>>().join(", ")
-    };
-    console::out(&format!(
-        "{verdict}  {file} d = {dimension} psi(F): {} gradients; {bits}; largest errors in u = 2^-53 \
-         of the norm: near rest {}; far from it {}; against hyper-dual numbers {}\n",
-        found.n_points,
-        named(found.near),
-        named(found.far),
-        named(found.dual)
-    ));
-    for gradient in &found.misses {
-        let numbers: Vec<String> = gradient.iter().map(|x| format!("{x:e}")).collect();
-        console::out(&format!("        missed at F = ({})\n", numbers.join(", ")));
-    }
-}
-
-fn report_gathered(file: &str, dimension: usize, found: &GatheredVerification, format: Format) {
-    let argument = &found.argument;
-    if format == Format::Json {
-        let line = json!({
-            "potential": file,
-            "dimension": dimension,
-            "measure": argument,
-            "points": found.n_points,
-            "passed": found.passed(),
-            "different_bits": found.different_bits,
-            "worst_error_over_tolerance": found.worst.map(|worst| worst / BAR),
-        });
-        console::out(&format!("{line}\n"));
-        return;
-    }
-    let verdict = if found.passed() { "passed" } else { "FAILED" };
-    let bits = match found.different_bits {
-        0 => "machine code = interpreter to the last bit".to_string(),
-        n => format!("machine code differs from the interpreter at {n} points"),
-    };
-    let [psi, gradient, product] = found.worst;
-    console::out(&format!(
-        "{verdict}  {file} d = {dimension} psi({argument}): {} points; {bits}; largest errors against \
-         hyper-dual numbers in u = 2^-53: psi {psi:.0}, gradient {gradient:.0}, product {product:.0}\n",
-        found.n_points
-    ));
-}
-
-fn describe(argument: Argument, miss: &Miss) -> String {
-    let symbol = argument.symbol();
-    let rest = match argument {
-        Argument::Measure(measure) | Argument::Square(measure) => measure.reference_symbol(),
-        Argument::Gradient => "I",
+    let (order, symbol) = (subject.orders()[miss.order], subject.symbol());
+    let place = match subject {
+        Subject::Argument(Argument::Measure(measure) | Argument::Square(measure)) => {
+            let (m, rest) = (miss.place[0], miss.place[1]);
+            format!("{symbol} = {m:e}, {} = {rest:e}", measure.reference_symbol())
+        }
+        _ => format!("{symbol} = {}", numbers(&miss.place)),
     };
     format!(
-        "        {} at {symbol} = {:e}, {rest} = {:e}: {:e}, expected {:e} within {:.1e}\n",
-        ORDERS[miss.order],
-        miss.point.measure,
-        miss.point.reference,
-        miss.compiled,
-        miss.expected,
+        "        {order} at {place}: {}, expected {} within {:.1e}\n",
+        numbers(&miss.compiled),
+        numbers(&miss.expected),
         miss.tolerance
     )
 }

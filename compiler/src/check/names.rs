@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use piola_grammar::ast::{Arena, Ast, ExprId, ExprKind, Ident, Statement};
+use piola_grammar::names::UNARY_FUNCTIONS;
 use piola_grammar::{Diagnostic, Span, suggest};
 
 use super::MAX_FINDINGS;
@@ -359,7 +360,7 @@ impl Checker<'_> {
         }
         let known = self.scope.formals.iter().map(|f| f.name.as_str());
         let known = known.chain(names.keys().copied());
-        let known = known.chain(Function::NAMED.iter().map(|f| f.name())).chain(["min", "max"]);
+        let known = known.chain(UNARY_FUNCTIONS).chain(["min", "max"]);
         let tensors = if self.scope.symbols.tensors { &TensorFunction::NAMES[..] } else { &[] };
         let known = known.chain(tensors.iter().copied());
         let mut known: Vec<&str> = known.collect();

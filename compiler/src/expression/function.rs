@@ -1,5 +1,7 @@
 //! Elementary functions and operators: one list, which every reading of a graph goes through.
 
+use piola_grammar::names::UNARY_FUNCTIONS;
+
 /// Functions of one number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Function {
@@ -43,53 +45,37 @@ pub enum Function {
 
 impl Function {
     /// All functions that have a name in the language (negation is an operator there).
-    pub const NAMED: [Function; 17] = [
-        Function::Abs,
-        Function::Sign,
-        Function::Sqrt,
-        Function::Exp,
-        Function::Ln,
-        Function::Log1p,
-        Function::Expm1,
-        Function::Log1pmx,
-        Function::Sin,
-        Function::Cos,
-        Function::Tan,
-        Function::Asin,
-        Function::Acos,
-        Function::Atan,
-        Function::Sinh,
-        Function::Cosh,
-        Function::Tanh,
-    ];
-
-    /// As written in a potential file.
-    pub fn name(self) -> &'static str {
-        match self {
-            Function::Negate => "-",
-            Function::Abs => "abs",
-            Function::Sign => "sign",
-            Function::Sqrt => "sqrt",
-            Function::Exp => "exp",
-            Function::Ln => "ln",
-            Function::Log1p => "log1p",
-            Function::Expm1 => "expm1",
-            Function::Log1pmx => "log1pmx",
-            Function::Sin => "sin",
-            Function::Cos => "cos",
-            Function::Tan => "tan",
-            Function::Asin => "asin",
-            Function::Acos => "acos",
-            Function::Atan => "atan",
-            Function::Sinh => "sinh",
-            Function::Cosh => "cosh",
-            Function::Tanh => "tanh",
-        }
+    pub fn all_named() -> impl Iterator<Item = Function> {
+        UNARY_FUNCTIONS.into_iter().filter_map(Function::named)
     }
 
     /// The function with this name.
     pub fn named(name: &str) -> Option<Function> {
-        Function::NAMED.into_iter().find(|f| f.name() == name)
+        Some(match name {
+            "abs" => Function::Abs,
+            "sign" => Function::Sign,
+            "sqrt" => Function::Sqrt,
+            "exp" => Function::Exp,
+            "ln" => Function::Ln,
+            "log1p" => Function::Log1p,
+            "expm1" => Function::Expm1,
+            "log1pmx" => Function::Log1pmx,
+            "sin" => Function::Sin,
+            "cos" => Function::Cos,
+            "tan" => Function::Tan,
+            "asin" => Function::Asin,
+            "acos" => Function::Acos,
+            "atan" => Function::Atan,
+            "sinh" => Function::Sinh,
+            "cosh" => Function::Cosh,
+            "tanh" => Function::Tanh,
+            _ => return None,
+        })
+    }
+
+    /// As written in a potential file.
+    pub fn name(self) -> &'static str {
+        UNARY_FUNCTIONS.into_iter().find(|name| Function::named(name) == Some(self)).unwrap_or("-")
     }
 
     /// The body at the strict level for the functions that are not single machine instructions:
@@ -215,5 +201,17 @@ impl Comparison {
             Comparison::Greater => ">",
             Comparison::GreaterEqual => ">=",
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_of_the_grammar_is_that_of_a_function() {
+        let names: Vec<&str> = Function::all_named().map(Function::name).collect();
+        assert_eq!(names, UNARY_FUNCTIONS);
+        assert_eq!(Function::Negate.name(), "-");
     }
 }

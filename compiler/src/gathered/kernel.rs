@@ -2,16 +2,13 @@
 
 use num_dual::HyperDual64;
 
-use super::GatheredForm;
-use crate::expression::interpret::Interpreter;
+use crate::density::{DensityForm, Evaluator};
+use crate::expression::Input;
 use crate::expression::number::Number;
-use crate::expression::{ExprGraph, Input, NodeId, Operator};
-use crate::jit::{Code, isa};
-use crate::kernel::{Level, Mode};
+use crate::kernel::Mode;
 use crate::measure::Measure;
-use crate::program::Program;
 use crate::specialise::CompileError;
-use crate::values::Values;
+use crate::written::{Dual, Written};
 
 /// Variables of `n` places, variable by variable: entry `k*n + p` is variable `k` at place `p`.
 #[derive(Clone, Copy, Debug)]
@@ -36,44 +33,30 @@ pub struct GatheredKernel {
 
 #[derive(Debug)]
 enum Body {
-    Code(Box<[Code; 2]>),
-    Graph(GatheredForm),
+    Form(Evaluator),
     Dual(WrittenGatheredEnergy),
 }
 
-/// The arrays of a program in their order.
-fn inputs(of_bonds: bool, n_integrals: usize, with_direction: bool) -> Vec<Input> {
+/// What the arrays of programs hold, in their order.
+pub(super) fn inputs(of_bonds: bool, n_integrals: usize) -> Vec<Input> {
     let l = Measure::Length;
     let bond = [Input::Current(l), Input::Reference(l), Input::Change(l)];
+    let integrals = (0..n_integrals as u8).map(Input::Integral);
     let n_variables = (n_integrals + usize::from(of_bonds)) as u8;
-    let mut inputs: Vec<Input> = bond.into_iter().filter(|_| of_bonds).collect();
-    inputs.extend((0..n_integrals as u8).map(Input::Integral));
-    inputs.extend((0..n_variables).filter(|_| with_direction).map(Input::Direction));
-    inputs
+    let given = bond.into_iter().filter(|_| of_bonds).chain(integrals);
+    given.chain((0..n_variables).map(Input::Direction)).collect()
 }
 
 impl GatheredKernel {
     pub(super) fn new(
-        form: GatheredForm,
+        form: DensityForm,
         mode: Mode,
-        written: impl FnOnce() -> WrittenGatheredEnergy,
+        written: WrittenGatheredEnergy,
     ) -> Result<GatheredKernel, CompileError> {
-        let (of_bonds, n_integrals) = (form.of_bonds, form.n_integrals);
-        let code = |roots: &[NodeId], counts: &[usize], with_direction: bool, level: Level| {
-            let inputs = inputs(of_bonds, n_integrals, with_direction);
-            let (graph, roots) = form.graph.extract(roots);
-            let program = Program { graph: &graph, inputs: &inputs, roots: &roots };
-            Code::new(program, counts, level, isa(true)?)
-        };
+        let WrittenGatheredEnergy { of_bonds, n_integrals, .. } = written;
         let body = match mode {
-            Mode::Jit(level) => {
-                let roots: Vec<NodeId> = [form.psi].iter().chain(&form.gradient).copied().collect();
-                let value = code(&roots, &[1, roots.len()], false, level)?;
-                let product = code(&form.product, &[form.product.len()], true, level)?;
-                Body::Code(Box::new([value, product]))
-            }
-            Mode::Interpreter => Body::Graph(form),
-            Mode::HyperDual => Body::Dual(written()),
+            Mode::HyperDual => Body::Dual(written),
+            _ => Body::Form(Evaluator::new(form, mode)?),
         };
         Ok(GatheredKernel { of_bonds, n_integrals, body })
     }
@@ -96,24 +79,12 @@ impl GatheredKernel {
         let sources = self.sources(at, None);
         assert!(gradient.is_empty() || gradient.len() == at.variables.len(), "one per variable");
         match &self.body {
-            Body::Code(code) => {
-                let function = usize::from(!gradient.is_empty());
+            Body::Form(evaluator) => {
                 let mut outputs = vec![psi];
                 outputs.extend(gradient.chunks_mut(at.n.max(1)));
-                code[0].run(function, &sources, &mut outputs);
+                evaluator.evaluate(&sources, &mut outputs);
             }
-            Body::Graph(form) => interpret(form, &sources, |p, read| {
-                psi[p] = read(form.psi);
-                for (array, root) in gradient.chunks_mut(at.n).zip(&form.gradient) {
-                    array[p] = read(*root);
-                }
-            }),
-            Body::Dual(energy) => energy.every_place(at, None, |p, k, value| {
-                psi[p] = value.re;
-                if !gradient.is_empty() {
-                    gradient[k * at.n + p] = value.eps1;
-                }
-            }),
+            Body::Dual(energy) => energy.dual(at).evaluate(psi, gradient),
         }
     }
 
@@ -125,18 +96,11 @@ impl GatheredKernel {
         let sources = self.sources(at, Some(direction));
         assert!(product.len() == at.variables.len(), "one product per variable");
         match &self.body {
-            Body::Code(code) => {
+            Body::Form(evaluator) => {
                 let mut outputs: Vec<&mut [f64]> = product.chunks_mut(at.n.max(1)).collect();
-                code[1].run(0, &sources, &mut outputs);
+                evaluator.product(&sources, &mut outputs);
             }
-            Body::Graph(form) => interpret(form, &sources, |p, read| {
-                for (k, root) in form.product.iter().enumerate() {
-                    product[k * at.n + p] = read(*root);
-                }
-            }),
-            Body::Dual(energy) => energy.every_place(at, Some(direction), |p, k, value| {
-                product[k * at.n + p] = value.eps1eps2;
-            }),
+            Body::Dual(energy) => energy.dual(at).product(direction, product),
         }
     }
 
@@ -156,32 +120,12 @@ impl GatheredKernel {
     }
 }
 
-/// Runs a form's graph at every place.
-fn interpret(
-    form: &GatheredForm,
-    sources: &[&[f64]],
-    mut at: impl FnMut(usize, &dyn Fn(NodeId) -> f64),
-) {
-    let inputs = inputs(form.of_bonds, form.n_integrals, true);
-    let mut interpreter = Interpreter::<f64>::new();
-    for p in 0..sources.first().map_or(0, |array| array.len()) {
-        interpreter.run(&form.graph, |input| {
-            // Specialisation has put numbers in the place of all others.
-            let place = inputs.iter().position(|known| *known == input);
-            place.and_then(|place| sources.get(place)).map_or(f64::NAN, |array| array[p])
-        });
-        at(p, &|root| interpreter.number(root));
-    }
-}
-
 /// The energy of gathered states exactly as written: not simplified, parameters not folded.
 ///
 /// Independent of everything that happens after the check, and so the witness for it.
 #[derive(Clone, Debug)]
 pub struct WrittenGatheredEnergy {
-    pub(super) graph: ExprGraph,
-    pub(super) roots: Vec<NodeId>,
-    pub(super) values: Values,
+    pub(super) energy: Written,
     pub(super) of_bonds: bool,
     pub(super) n_integrals: usize,
 }
@@ -189,40 +133,24 @@ pub struct WrittenGatheredEnergy {
 impl WrittenGatheredEnergy {
     /// The energy over any number type; variables are numbered as in a [`GatheredBatch`].
     pub fn psi<N: Number>(&self, variable: impl Fn(usize) -> N, reference: N) -> N {
-        let mut interpreter = Interpreter::new();
         let first = usize::from(self.of_bonds);
-        interpreter.run(&self.graph, |input| match input {
+        self.energy.sum(|input| match input {
             Input::Current(_) => variable(0),
             Input::Reference(_) => reference.clone(),
             Input::Integral(k) => variable(first + usize::from(k)),
-            Input::Parameter(i) => N::constant(self.values.parameters[usize::from(i)]),
-            Input::Horizon => N::constant(self.values.horizon),
-            // The checker makes no other inputs for energies of gathered states.
-            _ => N::constant(f64::NAN),
-        });
-        let terms = self.roots.iter().map(|root| interpreter.number(*root));
-        terms.reduce(|sum, term| N::binary(Operator::Add, sum, term)).unwrap_or(N::constant(0.0))
+            _ => self.energy.known(input),
+        })
     }
 
-    /// One evaluation over hyper-dual numbers for each variable at each place: the first part varies
-    /// the variable, the second goes along the direction.
-    fn every_place(
-        &self,
-        at: GatheredBatch<'_>,
-        direction: Option<&[f64]>,
-        mut take: impl FnMut(usize, usize, HyperDual64),
-    ) {
-        let n_variables = self.n_integrals + usize::from(self.of_bonds);
-        for p in 0..at.n {
+    /// Its derivatives by hyper-dual numbers at every place.
+    fn dual<'a>(
+        &'a self,
+        at: GatheredBatch<'a>,
+    ) -> Dual<'a, impl Fn(usize, &dyn Fn(usize) -> HyperDual64) -> HyperDual64> {
+        let psi = move |p: usize, variable: &dyn Fn(usize) -> HyperDual64| {
             let reference = at.reference.get(p).copied().unwrap_or(f64::NAN);
-            for varied in 0..n_variables {
-                let variable = |k: usize| {
-                    let along = direction.map_or(0.0, |direction| direction[k * at.n + p]);
-                    let own = f64::from(u8::from(k == varied));
-                    HyperDual64::new(at.variables[k * at.n + p], own, along, 0.0)
-                };
-                take(p, varied, self.psi(variable, HyperDual64::from_re(reference)));
-            }
-        }
+            self.psi(variable, HyperDual64::from_re(reference))
+        };
+        Dual { n: at.n, variables: at.variables, psi }
     }
 }

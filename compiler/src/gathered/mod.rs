@@ -4,46 +4,22 @@
 //! Before: a model with values. After: the integrands with two derivatives by the length; `psi` and
 //! `phi` with their gradients by all their variables, and with what these change by in a direction;
 //! each as machine code over arrays.
-//!
-//! | module | what |
-//! |---|---|
-//! | `kernel` | one energy of gathered states over arrays |
-//! | `verify` | against the interpreter and hyper-dual numbers |
 
 mod kernel;
-mod verify;
 
 pub use kernel::{GatheredBatch, GatheredKernel, WrittenGatheredEnergy};
-pub use verify::{BAR, GatheredVerification, verify_gathered};
 
-use crate::expression::graph::MAX_NODES;
-use crate::expression::{ExprGraph, Input, NodeId, TooManyNodes};
+use crate::density::DensityForm;
+use crate::expression::{NodeId, TooManyNodes};
 use crate::kernel::{Kernel, Mode, WrittenEnergy};
 use crate::measure::Measure;
 use crate::model::{GatheredEnergy, Model, Variant};
 use crate::point::adjoint::{self, Varied};
 use crate::rewrite::{expand, rewrite};
 use crate::simplify::Simplifier;
-use crate::specialise::{CompileError, Dropped, Form, MAX_OPERATIONS, of_bonds, sum};
+use crate::specialise::{CompileError, Dropped, Form, Named, known, of_bonds, sum};
 use crate::values::Values;
-
-/// psi, its gradient and its product with a direction in one graph. Variables are the length of the
-/// bond, for energies of bonds, then the integrals.
-#[derive(Clone, Debug)]
-pub struct GatheredForm {
-    /// Whether it is an energy of bonds.
-    pub of_bonds: bool,
-    /// How many integrals there are.
-    pub n_integrals: usize,
-    /// Only what the roots need.
-    pub graph: ExprGraph,
-    /// The energy density.
-    pub psi: NodeId,
-    /// Its derivative by each variable.
-    pub gradient: Vec<NodeId>,
-    /// What the gradient changes by in the direction.
-    pub product: Vec<NodeId>,
-}
+use crate::written::Written;
 
 /// All that a potential gathers and the energies of it, compiled.
 #[derive(Debug, Default)]
@@ -56,39 +32,37 @@ pub struct GatheredKernels {
     pub bonds: Option<GatheredKernel>,
 }
 
-impl GatheredForm {
-    fn new(
-        mut graph: Simplifier,
-        psi: NodeId,
-        (of_bonds, n_integrals): (bool, usize),
-        form: Form,
-    ) -> Result<GatheredForm, TooManyNodes> {
-        let varied = match of_bonds {
-            true => Varied::LengthAndIntegrals(n_integrals),
-            false => Varied::Integrals(n_integrals),
-        };
-        let accurate = of_bonds && form == Form::Accurate;
-        let length = Measure::Length;
-        let mut applied = Vec::new();
-        let psi = if accurate { rewrite(&mut graph, psi, length, &mut applied)? } else { psi };
-        let mut gradient = adjoint::gradient(&mut graph, psi, varied)?;
-        if accurate {
-            for root in &mut gradient {
-                *root = rewrite(&mut graph, *root, length, &mut applied)?;
-            }
+/// psi, its gradient and its product in one graph. Variables are the length of the bond, for energies of
+/// bonds, then the integrals.
+fn form(
+    mut graph: Simplifier,
+    psi: NodeId,
+    (of_bonds, n_integrals): (bool, usize),
+    form: Form,
+) -> Result<DensityForm, TooManyNodes> {
+    let varied = match of_bonds {
+        true => Varied::LengthAndIntegrals(n_integrals),
+        false => Varied::Integrals(n_integrals),
+    };
+    let accurate = of_bonds && form == Form::Accurate;
+    let length = Measure::Length;
+    let mut applied = Vec::new();
+    let psi = if accurate { rewrite(&mut graph, psi, length, &mut applied)? } else { psi };
+    let mut gradient = adjoint::gradient(&mut graph, psi, varied)?;
+    if accurate {
+        for root in &mut gradient {
+            *root = rewrite(&mut graph, *root, length, &mut applied)?;
         }
-        let product = adjoint::product(&mut graph, &gradient, varied)?;
-        let mut roots = vec![psi];
-        roots.extend(gradient);
-        roots.extend(product);
-        if accurate {
-            roots = expand(&mut graph, &roots, length, &mut applied)?;
-        }
-        let (graph, roots) = graph.graph().extract(&roots);
-        let n = varied.len();
-        let (gradient, product) = (roots[1..=n].to_vec(), roots[n + 1..].to_vec());
-        Ok(GatheredForm { of_bonds, n_integrals, graph, psi: roots[0], gradient, product })
     }
+    let product = adjoint::product(&mut graph, &gradient, varied)?;
+    let mut roots = vec![psi];
+    roots.extend(gradient);
+    roots.extend(product);
+    if accurate {
+        roots = expand(&mut graph, &roots, length, &mut applied)?;
+    }
+    let (graph, roots) = graph.graph().extract(&roots);
+    Ok(DensityForm::new(graph, &roots, kernel::inputs(of_bonds, n_integrals)))
 }
 
 /// The energies of points or of bonds.
@@ -97,7 +71,7 @@ fn energies(variant: &Variant, of_bonds: bool) -> impl Iterator<Item = &Gathered
 }
 
 /// What the energies are functions of, as written: `theta`, `l, m`.
-pub(super) fn argument(variant: &Variant, of_bonds: bool) -> String {
+pub(crate) fn argument(variant: &Variant, of_bonds: bool) -> String {
     let mut heads: Vec<&str> = Vec::new();
     for energy in energies(variant, of_bonds) {
         if !heads.contains(&energy.head.as_str()) {
@@ -117,31 +91,23 @@ impl Model {
         &self,
         values: &Values,
         of_bonds: bool,
-        form: Form,
-    ) -> Result<(Option<GatheredForm>, Vec<Dropped>), CompileError> {
+        which: Form,
+    ) -> Result<(Option<DensityForm>, Vec<Dropped>), CompileError> {
         let variant =
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
         let roots: Vec<NodeId> = energies(variant, of_bonds).map(|energy| energy.root).collect();
         let Some(first) = energies(variant, of_bonds).next() else { return Ok((None, Vec::new())) };
-        let (argument, span) = (argument(variant, of_bonds), first.span);
-        if values.horizon.is_nan() && variant.graph.depends_on(&roots, Input::Horizon) {
-            return Err(CompileError::NoHorizon { argument: argument.clone(), span });
-        }
-        let too_large = |limit| CompileError::TooLarge { argument: argument.clone(), span, limit };
-        let n_integrals = variant.integrals.len();
+        let argument = argument(variant, of_bonds);
+        let named = Named { argument: &argument, span: first.span };
+        named.has_horizon(&variant.graph, &roots, values.horizon.is_nan())?;
+        let kind = (of_bonds, variant.integrals.len());
         let mut dropped = Vec::new();
-        let fold = folded(values);
+        let fold = known(values);
         let made = sum(&variant.graph, &self.parameters, (&argument, &roots), &fold, &mut dropped)
-            .and_then(|energy| {
-                let form =
-                    energy.map(|(g, psi)| GatheredForm::new(g, psi, (of_bonds, n_integrals), form));
-                form.transpose()
-            })
-            .map_err(|TooManyNodes| too_large(MAX_NODES))?;
-        match made {
-            Some(form) if form.graph.len() > MAX_OPERATIONS => Err(too_large(MAX_OPERATIONS)),
-            made => Ok((made, dropped)),
-        }
+            .and_then(|energy| energy.map(|(g, psi)| form(g, psi, kind, which)).transpose());
+        let made = named.made(made)?;
+        made.as_ref().map_or(Ok(()), |made| named.fits(&made.graph))?;
+        Ok((made, dropped))
     }
 
     /// Compiles the integrals and the energies of them, if something is left of these; gives back what
@@ -161,27 +127,19 @@ impl Model {
             let (made, dropped) = self.specialise_gathered(values, of_bonds, form)?;
             all_dropped.extend(dropped);
             let Some(made) = made else { continue };
-            let written = || self.written_gathered(values, of_bonds);
-            let kernel = GatheredKernel::new(made, mode, written)?;
+            let kernel = GatheredKernel::new(made, mode, self.written_gathered(values, of_bonds))?;
             *(if of_bonds { &mut kernels.bonds } else { &mut kernels.points }) = Some(kernel);
         }
         if kernels.points.is_none() && kernels.bonds.is_none() {
             return Ok(all_dropped);
         }
-        let fold = folded(values);
+        let fold = known(values);
         for integral in &variant.integrals {
-            let (argument, span) = ("l", integral.span);
-            if values.horizon.is_nan() && variant.graph.depends_on(&[integral.root], Input::Horizon)
-            {
-                return Err(CompileError::NoHorizon { argument: argument.to_string(), span });
-            }
-            let too_large =
-                |limit| CompileError::TooLarge { argument: argument.to_string(), span, limit };
-            let made = of_bonds(&variant.graph, &self.parameters, integral.root, &fold, form)
-                .map_err(|TooManyNodes| too_large(MAX_NODES))?;
-            if made.graph.len() > MAX_OPERATIONS {
-                return Err(too_large(MAX_OPERATIONS));
-            }
+            let named = Named { argument: "l", span: integral.span };
+            named.has_horizon(&variant.graph, &[integral.root], values.horizon.is_nan())?;
+            let made = of_bonds(&variant.graph, &self.parameters, integral.root, &fold, form);
+            let made = named.made(made)?;
+            named.fits(&made.graph)?;
             let written = || WrittenEnergy::of_root(&variant.graph, integral.root, values);
             kernels.integrals.push(Kernel::new(made, mode, written)?);
         }
@@ -191,23 +149,13 @@ impl Model {
 
     /// The energy of points, or of bonds, as written; 0 where there is none.
     pub fn written_gathered(&self, values: &Values, of_bonds: bool) -> WrittenGatheredEnergy {
-        let (n_integrals, (graph, roots)) = match self.variant(values.dimension) {
-            Some(variant) => {
-                let roots: Vec<NodeId> = energies(variant, of_bonds).map(|e| e.root).collect();
-                (variant.integrals.len(), variant.graph.extract(&roots))
-            }
-            None => (0, (ExprGraph::new(), Vec::new())),
+        let Some(variant) = self.variant(values.dimension) else {
+            let energy = Written::nothing(values);
+            return WrittenGatheredEnergy { energy, of_bonds, n_integrals: 0 };
         };
-        let values = values.clone();
-        WrittenGatheredEnergy { graph, roots, values, of_bonds, n_integrals }
-    }
-}
-
-fn folded(values: &Values) -> impl Fn(Input) -> Option<f64> + '_ {
-    |input| match input {
-        Input::Parameter(i) => Some(values.parameters[usize::from(i)]),
-        Input::Horizon => Some(values.horizon),
-        _ => None,
+        let roots: Vec<NodeId> = energies(variant, of_bonds).map(|e| e.root).collect();
+        let energy = Written::new(&variant.graph, &roots, values);
+        WrittenGatheredEnergy { energy, of_bonds, n_integrals: variant.integrals.len() }
     }
 }
 

@@ -29,7 +29,7 @@ impl Called {
 
     /// All of them.
     pub(super) fn all() -> impl Iterator<Item = Called> {
-        let unary = Function::NAMED.into_iter().filter(|function| function.libm().is_some());
+        let unary = Function::all_named().filter(|function| function.libm().is_some());
         unary.map(Called::Unary).chain([Called::Pow])
     }
 

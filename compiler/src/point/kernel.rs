@@ -1,22 +1,21 @@
 //! An energy of the deformation gradient over arrays, and the choice between its two forms.
 
-use num_dual::HyperDual64;
-use rustc_hash::FxHashMap;
+use std::ops::Range;
 
+use num_dual::HyperDual64;
+
+use super::GradientEnergyForms;
 use super::domain::VolumeDomain;
 use super::principal::axes::{self, Axes, LANES};
 use super::principal::witness::{Principal, Products};
-use super::{GradientEnergyForms, GradientForm};
-use crate::expression::graph;
-use crate::expression::interpret::Interpreter;
-use crate::expression::number::Number;
-use crate::expression::{ExprGraph, Input, NodeId, Operator};
-use crate::jit::{Code, Listing, isa};
+use crate::density::Evaluator;
+use crate::expression::{Input, NodeId, graph};
+use crate::jit::Listing;
 use crate::kernel::{Level, Mode};
 use crate::model::Model;
-use crate::program::Program;
 use crate::specialise::{CompileError, Dropped, Form};
 use crate::values::Values;
+use crate::written::{Dual, Written};
 
 /// Below this `max |F - I|` the form in `F - I` is evaluated.
 pub const NEAR: f64 = 0.25;
@@ -59,89 +58,6 @@ enum Body {
     Dual(WrittenGradientEnergy),
 }
 
-/// One form: psi with P, and dP, compiled; or both interpreted.
-#[derive(Debug)]
-enum Evaluator {
-    Code(Box<[Code; 2]>),
-    Graph(GradientForm),
-}
-
-/// The inputs of the two programs of a form: `F` and `F - I`, for products also the direction, and
-/// principal stretches and axes if the form has them.
-fn inputs(form: &GradientForm, with_direction: bool) -> Vec<Input> {
-    let dimension = form.dimension();
-    let components = graph::components(dimension);
-    let all = |input: fn(u8) -> Input| components.iter().copied().map(input);
-    let direction = all(Input::Direction).filter(|_| with_direction);
-    let axes = axes::inputs(dimension).filter(|_| form.has_axes);
-    all(Input::Variable).chain(all(Input::VariableChange)).chain(direction).chain(axes).collect()
-}
-
-impl Evaluator {
-    fn new(form: GradientForm, mode: Mode) -> Result<Evaluator, CompileError> {
-        let Mode::Jit(level) = mode else { return Ok(Evaluator::Graph(form)) };
-        let code = |roots: &[NodeId], counts: &[usize], with_direction: bool, level: Level| {
-            let inputs = inputs(&form, with_direction);
-            let (graph, roots) = form.graph.extract(roots);
-            let program = Program { graph: &graph, inputs: &inputs, roots: &roots };
-            Code::new(program, counts, level, isa(true)?)
-        };
-        let roots: Vec<NodeId> = [form.psi].iter().chain(&form.stress).copied().collect();
-        let value = code(&roots, &[1, roots.len()], false, level)?;
-        let product = code(&form.product, &[form.product.len()], true, level)?;
-        Ok(Evaluator::Code(Box::new([value, product])))
-    }
-
-    /// psi and, unless there is no room for it, P.
-    fn evaluate(&self, sources: &[&[f64]], psi: &mut [f64], stress: &mut [&mut [f64]]) {
-        match self {
-            Evaluator::Code(codes) => {
-                let function = usize::from(!stress.is_empty());
-                let mut outputs: Vec<&mut [f64]> = Vec::with_capacity(1 + MOST);
-                outputs.push(psi);
-                outputs.extend(stress.iter_mut().map(|array| &mut **array));
-                codes[0].run(function, sources, &mut outputs);
-            }
-            Evaluator::Graph(form) => interpret(form, false, sources, |p, read| {
-                psi[p] = read(form.psi);
-                for (array, root) in stress.iter_mut().zip(&form.stress) {
-                    array[p] = read(*root);
-                }
-            }),
-        }
-    }
-
-    fn product(&self, sources: &[&[f64]], product: &mut [&mut [f64]]) {
-        match self {
-            Evaluator::Code(codes) => codes[1].run(0, sources, product),
-            Evaluator::Graph(form) => interpret(form, true, sources, |p, read| {
-                for (array, root) in product.iter_mut().zip(&form.product) {
-                    array[p] = read(*root);
-                }
-            }),
-        }
-    }
-}
-
-/// Runs a form's graph at every place.
-fn interpret(
-    form: &GradientForm,
-    with_direction: bool,
-    sources: &[&[f64]],
-    mut at: impl FnMut(usize, &dyn Fn(NodeId) -> f64),
-) {
-    let places: FxHashMap<Input, usize> =
-        inputs(form, with_direction).into_iter().enumerate().map(|(k, input)| (input, k)).collect();
-    let mut interpreter = Interpreter::<f64>::new();
-    for p in 0..sources[0].len() {
-        // Specialisation has put numbers in the place of all others.
-        interpreter.run(&form.graph, |input| {
-            places.get(&input).map_or(f64::NAN, |place| sources[*place][p])
-        });
-        at(p, &|root| interpreter.number(root));
-    }
-}
-
 /// The intermediate form and the machine instructions of both programs of the form as written, and of
 /// those near rest.
 ///
@@ -153,13 +69,7 @@ pub fn gradient_listing(
 ) -> Result<Vec<Listing>, CompileError> {
     let mut listings = Vec::new();
     for form in [Some(&forms.far), forms.near.as_ref()].into_iter().flatten() {
-        let value: Vec<NodeId> = [form.psi].iter().chain(&form.stress).copied().collect();
-        for (roots, with_direction) in [(&value, false), (&form.product, true)] {
-            let inputs = inputs(form, with_direction);
-            let (graph, roots) = form.graph.extract(roots);
-            let program = Program { graph: &graph, inputs: &inputs, roots: &roots };
-            listings.push(Code::listing(program, level)?);
-        }
+        listings.extend(form.listings(level)?);
     }
     Ok(listings)
 }
@@ -171,7 +81,7 @@ impl GradientKernel {
     /// What the code generator reports.
     pub fn new(forms: GradientEnergyForms, mode: Mode) -> Result<GradientKernel, CompileError> {
         let dimension = forms.dimension;
-        let has_axes = forms.far.has_axes;
+        let has_axes = forms.far.has_axes();
         let far = Evaluator::new(forms.far, mode)?;
         let near = forms.near.map(|near| Evaluator::new(near, mode)).transpose()?;
         let body = Body::Forms(Box::new(far), near.map(Box::new));
@@ -199,15 +109,14 @@ impl GradientKernel {
         assert!(fits(at.gradient) && fits(at.change) && psi.len() == at.n, "one entry per place");
         assert!(stress.is_empty() || fits(stress), "one stress per place");
         match &self.body {
-            Body::Dual(energy) => energy.evaluate(at, psi, stress),
+            Body::Dual(energy) => energy.dual(at).evaluate(psi, stress),
             Body::Forms(far, near) => {
                 let mut stress = split(stress, at.n);
                 let outputs =
                     [&mut *psi].into_iter().chain(stress.iter_mut().map(|array| &mut **array));
                 let mut outputs: Vec<&mut [f64]> = outputs.collect();
                 self.in_blocks(at, near.is_some(), None, &mut outputs, |is_near, sources, out| {
-                    let (psi, stress) = out.split_first_mut().expect("psi is first");
-                    pick(far, near, is_near).evaluate(sources, psi, stress);
+                    pick(far, near, is_near).evaluate(sources, out);
                 });
             }
         }
@@ -224,7 +133,7 @@ impl GradientKernel {
         assert!(fits(at.gradient) && fits(at.change), "one gradient per place");
         assert!(fits(direction) && fits(product), "one direction and one product per place");
         match &self.body {
-            Body::Dual(energy) => energy.product(at, direction, product),
+            Body::Dual(energy) => energy.dual(at).product(direction, product),
             Body::Forms(far, near) => {
                 let mut outputs = split(product, at.n);
                 let has_near = near.is_some();
@@ -252,7 +161,6 @@ impl GradientKernel {
         evaluate: impl Fn(bool, &[&[f64]], &mut [&mut [f64]]),
     ) {
         let n_components = self.dimension * self.dimension;
-        let arrays = [Some(at.gradient), Some(at.change), direction];
         let mut room = [[0.0; BLOCK]; 1 + MOST];
         let mut axes = [[0.0; BLOCK]; AXES];
         for start in (0..at.n).step_by(BLOCK) {
@@ -265,11 +173,9 @@ impl GradientKernel {
                 self.find_axes(at, start, &near, &mut axes);
             }
             let mut sources: Vec<&[f64]> = Vec::with_capacity(3 * MOST + AXES);
-            for array in arrays.iter().flatten() {
-                for k in 0..n_components {
-                    sources.push(&array[k * at.n + block.start..k * at.n + block.end]);
-                }
-            }
+            sources.extend(in_block(at.gradient, at.n, &block));
+            sources.extend(in_block(at.change, at.n, &block));
+            sources.extend(direction.into_iter().flat_map(|array| in_block(array, at.n, &block)));
             if self.has_axes {
                 let n_arrays = axes::inputs(self.dimension).count();
                 sources.extend(axes[..n_arrays].iter().map(|array| &array[..near.len()]));
@@ -330,6 +236,16 @@ fn pick<'a>(far: &'a Evaluator, near: &'a Option<Box<Evaluator>>, is_near: bool)
     near.as_deref().filter(|_| is_near).unwrap_or(far)
 }
 
+/// The components of an array at the places of a block, one after the other.
+fn in_block<'a>(
+    array: &'a [f64],
+    n: usize,
+    block: &Range<usize>,
+) -> impl Iterator<Item = &'a [f64]> + use<'a> {
+    let block = block.clone();
+    array.chunks(n.max(1)).map(move |component| &component[block.clone()])
+}
+
 /// The components of an array, one after the other.
 fn split(array: &mut [f64], n: usize) -> Vec<&mut [f64]> {
     array.chunks_mut(n.max(1)).collect()
@@ -340,25 +256,20 @@ fn split(array: &mut [f64], n: usize) -> Vec<&mut [f64]> {
 /// Independent of everything that happens after the check, and so the witness for it.
 #[derive(Clone, Debug)]
 pub struct WrittenGradientEnergy {
-    graph: ExprGraph,
-    roots: Vec<NodeId>,
+    energy: Written,
     /// The functions of a principal stretch whose traces it holds.
-    traces: Vec<(ExprGraph, NodeId)>,
-    values: Values,
+    traces: Vec<Written>,
 }
 
 impl WrittenGradientEnergy {
     /// The energy over any number type; components by [`graph::component`].
     pub fn psi<N: Principal>(&self, component: impl Fn(u8) -> N) -> N {
         let traces = self.traces(&component);
-        let mut interpreter = Interpreter::new();
-        interpreter.run(&self.graph, |input| match input {
+        self.energy.sum(|input| match input {
             Input::Variable(k) => component(k),
             Input::Trace(k) => traces[usize::from(k)].clone(),
-            _ => self.known(input),
-        });
-        let terms = self.roots.iter().map(|root| interpreter.number(*root));
-        terms.reduce(|sum, term| N::binary(Operator::Add, sum, term)).unwrap_or(N::constant(0.0))
+            _ => self.energy.known(input),
+        })
     }
 
     /// The traces of functions of `U`.
@@ -366,75 +277,34 @@ impl WrittenGradientEnergy {
         if self.traces.is_empty() {
             return Vec::new();
         }
-        let d = self.values.dimension;
+        let d = self.energy.dimension();
         let mut gradient = vec![N::constant(0.0); MOST];
         for k in graph::components(d) {
             gradient[usize::from(k)] = component(k);
         }
         let products = Products::new(d, &gradient);
-        let of = |(graph, root): &(ExprGraph, NodeId)| {
+        let of = |function: &Written| {
             products.trace(&|stretch: N| {
-                let mut interpreter = Interpreter::new();
-                interpreter.run(graph, |input| match input {
+                function.sum(|input| match input {
                     Input::Stretch(_) => stretch.clone(),
-                    _ => self.known(input),
-                });
-                interpreter.number(*root)
+                    _ => function.known(input),
+                })
             })
         };
         self.traces.iter().map(of).collect()
     }
 
-    /// The checker makes no other inputs for energies of the deformation gradient.
-    fn known<N: Number>(&self, input: Input) -> N {
-        N::constant(match input {
-            Input::Parameter(i) => self.values.parameters[usize::from(i)],
-            Input::Horizon => self.values.horizon,
-            _ => f64::NAN,
-        })
-    }
-
-    fn evaluate(&self, at: GradientBatch<'_>, psi: &mut [f64], stress: &mut [f64]) {
-        if stress.is_empty() {
-            let components = graph::components(self.values.dimension);
-            for (p, psi) in psi.iter_mut().enumerate() {
-                let place = |c| components.iter().position(|known| *known == c).unwrap_or(0);
-                *psi = self.psi(|c| HyperDual64::from_re(at.gradient[place(c) * at.n + p])).re;
-            }
-            return;
-        }
-        self.every_place(at, None, |p, k, value| {
-            psi[p] = value.re;
-            stress[k * at.n + p] = value.eps1;
-        });
-    }
-
-    fn product(&self, at: GradientBatch<'_>, direction: &[f64], product: &mut [f64]) {
-        self.every_place(at, Some(direction), |p, k, value| {
-            product[k * at.n + p] = value.eps1eps2;
-        });
-    }
-
-    /// One evaluation over hyper-dual numbers for each component at each place: the first part varies
-    /// the component, the second goes along the direction.
-    fn every_place(
-        &self,
-        at: GradientBatch<'_>,
-        direction: Option<&[f64]>,
-        mut take: impl FnMut(usize, usize, HyperDual64),
-    ) {
-        let components = graph::components(self.values.dimension);
-        for p in 0..at.n {
-            for (k, &varied) in components.iter().enumerate() {
-                let value = self.psi(|c| {
-                    let place = components.iter().position(|known| *known == c).unwrap_or(0);
-                    let along = direction.map_or(0.0, |direction| direction[place * at.n + p]);
-                    let own = f64::from(u8::from(c == varied));
-                    HyperDual64::new(at.gradient[place * at.n + p], own, along, 0.0)
-                });
-                take(p, k, value);
-            }
-        }
+    /// Its derivatives by hyper-dual numbers at every place.
+    fn dual<'a>(
+        &'a self,
+        at: GradientBatch<'a>,
+    ) -> Dual<'a, impl Fn(usize, &dyn Fn(usize) -> HyperDual64) -> HyperDual64> {
+        let components = graph::components(self.energy.dimension());
+        let psi = move |_: usize, variable: &dyn Fn(usize) -> HyperDual64| {
+            let place = |c| components.iter().position(|known| *known == c).unwrap_or(0);
+            self.psi(|c| variable(place(c)))
+        };
+        Dual { n: at.n, variables: at.gradient, psi }
     }
 }
 
@@ -466,16 +336,11 @@ impl Model {
     /// The energy of the deformation gradient as written, for these values; 0 where there is none.
     pub fn written_gradient(&self, values: &Values) -> WrittenGradientEnergy {
         let Some(variant) = self.variant(values.dimension) else {
-            let (graph, values) = (ExprGraph::new(), values.clone());
-            return WrittenGradientEnergy { graph, roots: Vec::new(), traces: Vec::new(), values };
+            return WrittenGradientEnergy { energy: Written::nothing(values), traces: Vec::new() };
         };
+        let written = |roots: &[NodeId]| Written::new(&variant.graph, roots, values);
         let roots: Vec<NodeId> = variant.gradient_energies.iter().map(|e| e.root).collect();
-        let (graph, roots) = variant.graph.extract(&roots);
-        let function = |root: &NodeId| {
-            let (graph, roots) = variant.graph.extract(&[*root]);
-            (graph, roots[0])
-        };
-        let traces = variant.traces.iter().map(function).collect();
-        WrittenGradientEnergy { graph, roots, traces, values: values.clone() }
+        let traces = variant.traces.iter().map(|root| written(&[*root])).collect();
+        WrittenGradientEnergy { energy: written(&roots), traces }
     }
 }

@@ -12,7 +12,6 @@
 //! | `kernel` | both forms over arrays, and the choice between them |
 //! | `domain` | declared bounds of `J` |
 //! | `sample`, `truth` | gradients to try an energy at, and its values there to any precision |
-//! | `verify` | against the interpreter, hyper-dual numbers and numbers of any precision |
 
 pub(crate) mod adjoint;
 mod domain;
@@ -21,80 +20,61 @@ mod near;
 mod principal;
 pub(crate) mod sample;
 pub(crate) mod truth;
-mod verify;
 
 pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy, gradient_listing};
-pub use verify::{BAR_FAR, BAR_NEAR, GradientVerification, verify_gradient};
 
 use adjoint::Varied;
 pub(crate) use principal::axes;
 use principal::{Open, StretchFunction};
 
-use crate::expression::graph::{self, MAX_NODES};
+use crate::density::DensityForm;
+use crate::expression::graph;
 use crate::expression::{ExprGraph, Input, Node, NodeId, TooManyNodes};
 use crate::model::{Model, Variant};
 use crate::simplify::Simplifier;
-use crate::specialise::{CompileError, Dropped, Form, MAX_OPERATIONS, sum};
+use crate::specialise::{CompileError, Dropped, Form, Named, known, sum};
 use crate::values::Values;
 
-/// psi, P and dP in one graph. Components are in the order of [`graph::components`].
-#[derive(Clone, Debug)]
-pub struct GradientForm {
-    /// Only what the roots need.
-    pub graph: ExprGraph,
-    /// The energy density.
-    pub psi: NodeId,
-    /// `dpsi/dF`, row by row.
-    pub stress: Vec<NodeId>,
-    /// `d2psi/dF2 : dF`, row by row.
-    pub product: Vec<NodeId>,
-    /// Whether principal stretches and axes are among its inputs.
-    pub has_axes: bool,
-}
-
-/// An energy of the deformation gradient with values folded in.
+/// An energy of the deformation gradient with values folded in: psi, the stress P as its gradient, dP as
+/// its product, in the order of [`graph::components`].
 #[derive(Clone, Debug)]
 pub struct GradientEnergyForms {
     /// 2 or 3.
     pub dimension: usize,
     /// In `F`, as written.
-    pub far: GradientForm,
+    pub far: DensityForm,
     /// In `F - I`; none where textbook forms are asked for, or the energy is no number at rest.
-    pub near: Option<GradientForm>,
+    pub near: Option<DensityForm>,
 }
 
-impl GradientForm {
-    /// 2 or 3.
-    pub fn dimension(&self) -> usize {
-        graph::dimension(self.stress.len())
-    }
-
-    fn new(
-        graph: &Simplifier,
-        psi: NodeId,
-        dimension: usize,
-        (functions, near): (&[StretchFunction], bool),
-    ) -> Result<Self, TooManyNodes> {
-        // A graph of its own: derivatives of one form are no part of the other.
-        let mut graph = graph.clone();
-        let components = graph::components(dimension);
-        let varied = Varied::ComponentsAndTraces(&components, functions.len());
-        let first = adjoint::gradient(&mut graph, psi, varied)?;
-        let second = adjoint::product(&mut graph, &first, varied)?;
-        let (graph, roots) = if !functions.is_empty() {
-            let open = Open { psi, first, second };
-            principal::closed(graph.graph(), &open, functions, (dimension, near))?
-        } else {
-            let roots = [psi].into_iter().chain(first).chain(second);
-            (graph, roots.collect())
-        };
-        let n = components.len();
-        let (graph, roots) = graph.graph().extract(&roots);
-        let (stress, product) = (roots[1..=n].to_vec(), roots[n + 1..].to_vec());
-        let is_of_axes = |(_, node)| matches!(node, Node::Input(input) if axes::is_one(input));
-        let has_axes = graph.nodes().any(is_of_axes);
-        Ok(GradientForm { graph, psi: roots[0], stress, product, has_axes })
-    }
+/// psi, P and dP in one graph, far from rest or near it.
+fn form(
+    graph: &Simplifier,
+    psi: NodeId,
+    dimension: usize,
+    (functions, near): (&[StretchFunction], bool),
+) -> Result<DensityForm, TooManyNodes> {
+    // A graph of its own: derivatives of one form are no part of the other.
+    let mut graph = graph.clone();
+    let components = graph::components(dimension);
+    let varied = Varied::ComponentsAndTraces(&components, functions.len());
+    let first = adjoint::gradient(&mut graph, psi, varied)?;
+    let second = adjoint::product(&mut graph, &first, varied)?;
+    let (graph, roots) = if !functions.is_empty() {
+        let open = Open { psi, first, second };
+        principal::closed(graph.graph(), &open, functions, (dimension, near))?
+    } else {
+        let roots = [psi].into_iter().chain(first).chain(second);
+        (graph, roots.collect())
+    };
+    let (graph, roots) = graph.graph().extract(&roots);
+    let is_of_axes = |(_, node)| matches!(node, Node::Input(input) if axes::is_one(input));
+    let has_axes = graph.nodes().any(is_of_axes);
+    let all = |input: fn(u8) -> Input| components.iter().copied().map(input);
+    let axes = axes::inputs(dimension).filter(|_| has_axes);
+    let inputs =
+        all(Input::Variable).chain(all(Input::VariableChange)).chain(all(Input::Direction));
+    Ok(DensityForm::new(graph, &roots, inputs.chain(axes).collect()))
 }
 
 impl Model {
@@ -108,12 +88,7 @@ impl Model {
         values: &Values,
         form: Form,
     ) -> Result<(Option<GradientEnergyForms>, Vec<Dropped>), CompileError> {
-        let fold = |input| match input {
-            Input::Parameter(i) => Some(values.parameters[usize::from(i)]),
-            Input::Horizon => Some(values.horizon),
-            _ => None,
-        };
-        self.gradient_forms(values.dimension, values.horizon.is_nan(), form, &fold)
+        self.gradient_forms(values.dimension, values.horizon.is_nan(), form, &known(values))
     }
 
     /// The same with parameters left as symbols, as `derive` prints them.
@@ -131,19 +106,15 @@ impl Model {
         &self,
         dimension: usize,
         no_horizon: bool,
-        form: Form,
+        which: Form,
         fold: &impl Fn(Input) -> Option<f64>,
     ) -> Result<(Option<GradientEnergyForms>, Vec<Dropped>), CompileError> {
         let variant = self.variant(dimension).ok_or(CompileError::WrongDimension(dimension))?;
         let roots: Vec<NodeId> = variant.gradient_energies.iter().map(|e| e.root).collect();
         let Some(first) = variant.gradient_energies.first() else { return Ok((None, Vec::new())) };
-        let (argument, span) = ("F", first.span);
+        let named = Named { argument: "F", span: first.span };
         let all: Vec<NodeId> = roots.iter().chain(&variant.traces).copied().collect();
-        if no_horizon && variant.graph.depends_on(&all, Input::Horizon) {
-            return Err(CompileError::NoHorizon { argument: argument.to_string(), span });
-        }
-        let too_large =
-            |limit| CompileError::TooLarge { argument: argument.to_string(), span, limit };
+        named.has_horizon(&variant.graph, &all, no_horizon)?;
         let mut dropped = Vec::new();
         let variables = graph::components(dimension);
         let forms = sum(&variant.graph, &self.parameters, ("F", &roots), fold, &mut dropped)
@@ -151,22 +122,20 @@ impl Model {
                 let Some((mut graph, psi)) = energy else { return Ok(None) };
                 let functions = self.stretch_functions(variant, (graph.graph(), psi), fold)?;
                 let at_rest: Vec<_> = functions.iter().map(|f| f.at_rest.as_ref()).collect();
-                let near = match form {
+                let near = match which {
                     Form::Accurate => near::near(&mut graph, psi, &variables, &at_rest)?,
                     Form::Textbook => None,
                 };
-                let far = GradientForm::new(&graph, psi, dimension, (&functions, false))?;
+                let far = form(&graph, psi, dimension, (&functions, false))?;
                 let near = near
-                    .map(|near| GradientForm::new(&graph, near, dimension, (&functions, true)))
+                    .map(|near| form(&graph, near, dimension, (&functions, true)))
                     .transpose()?;
                 Ok(Some(GradientEnergyForms { dimension, far, near }))
-            })
-            .map_err(|TooManyNodes| too_large(MAX_NODES))?;
+            });
+        let forms = named.made(forms)?;
         if let Some(forms) = &forms {
-            let largest = |form: &GradientForm| form.graph.len() > MAX_OPERATIONS;
-            if largest(&forms.far) || forms.near.as_ref().is_some_and(largest) {
-                return Err(too_large(MAX_OPERATIONS));
-            }
+            named.fits(&forms.far.graph)?;
+            forms.near.as_ref().map_or(Ok(()), |near| named.fits(&near.graph))?;
         }
         Ok((forms, dropped))
     }

@@ -1,8 +1,9 @@
+use super::GradientBatch;
 use super::sample::{Sample, evaluate, plus_identity};
 use super::truth::truth;
-use super::{GradientBatch, verify_gradient};
 use crate::test_support::{model, values};
 use crate::verify::sample::Random;
+use crate::verify::{Verification, verify};
 use crate::{Form, Level, Mode};
 use crate::{Model, Values};
 
@@ -99,7 +100,7 @@ fn energies_of_the_gradient_have_right_digits_near_rest_and_far_from_it() {
             let values = values(&model, dimension, &[]);
             // True values of many elementary functions take long.
             let n = if text.contains('U') { 6 } else { 24 };
-            let found = verify_gradient(&model, &values, n).unwrap().unwrap();
+            let found = verified(&model, &values, n);
             println!("{} {dimension} {found:?}", model.name());
             assert!(found.passed(), "{} in {dimension} dimensions: {found:?}", model.name());
         }
@@ -131,8 +132,8 @@ fn outside_the_declared_domain_psi_is_no_number() {
                 assert!(psi(outside).is_nan(), "{mode:?} {outside}");
             }
         }
-        let found = verify_gradient(&model, &values, 40).unwrap().unwrap();
-        assert!(found.passed() && found.n_points < 80, "{found:?}");
+        let found = verified(&model, &values, 40);
+        assert!(found.passed() && found.n_places < 80, "{found:?}");
     }
 }
 
@@ -270,6 +271,11 @@ fn extreme_gradients() -> Vec<(&'static str, Vec<f64>)> {
         ("stretched", diagonal(1e6, 1e6, 1e6)),
         ("pressed", diagonal(1e-6, 1e-6, 1e-6)),
     ]
+}
+
+/// What is found for the one energy of a model.
+fn verified(model: &Model, values: &Values, n: usize) -> Verification {
+    verify(model, values, n).unwrap().0.remove(0)
 }
 
 /// psi, P and dP of one gradient, at a level.

@@ -5,11 +5,12 @@
 
 use std::fmt::Write as _;
 
+use crate::density::DensityForm;
 use crate::expression::graph::components;
 use crate::expression::power::{PowerOps, PowerPlan};
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::model::Model;
-use crate::point::{GradientEnergyForms, GradientForm, NEAR, axes};
+use crate::point::{GradientEnergyForms, NEAR, axes};
 use crate::specialise::ScalarEnergy;
 
 /// A C99 file with one function per energy of a measure:
@@ -36,7 +37,7 @@ pub fn c_source(
         function(&mut out, model, energy);
     }
     if let Some(forms) = gradient {
-        if forms.far.has_axes {
+        if forms.far.has_axes() {
             out.push_str(AXES);
         }
         gradient_functions(&mut out, model, forms);
@@ -104,16 +105,16 @@ fn gradient_functions(out: &mut String, model: &Model, forms: &GradientEnergyFor
             None => "NAN".into(),
         },
     };
-    let write = |out: &mut String, form: &GradientForm, with_direction: bool| {
+    let write = |out: &mut String, form: &DensityForm, with_direction: bool| {
         let (array, tensor) = match with_direction {
             true => ("product", &form.product),
-            false => ("stress", &form.stress),
+            false => ("stress", &form.gradient),
         };
         let psi = Some(("psi[i]".to_string(), form.psi)).filter(|_| !with_direction);
         let all = tensor.iter().enumerate().map(|(k, root)| (entry(array, k), *root));
         let (targets, roots): (Vec<String>, Vec<NodeId>) = psi.into_iter().chain(all).unzip();
         let (graph, roots) = form.graph.extract(&roots);
-        if form.has_axes {
+        if form.has_axes() {
             let near = forms.near.as_ref().is_some_and(|near| std::ptr::eq(near, form));
             let _ = writeln!(
                 out,

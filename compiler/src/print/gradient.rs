@@ -5,27 +5,28 @@ use std::fmt::Write as _;
 use super::latex::Latex;
 use super::text::Text;
 use super::{Names, component, lines};
+use crate::density::DensityForm;
 use crate::expression::NodeId;
 use crate::expression::graph::components;
 use crate::model::Model;
-use crate::point::{GradientEnergyForms, GradientForm};
+use crate::point::GradientEnergyForms;
 
 /// The roots of a form with their names: `psi(F)`, `P11`, .., `dP11`, ..
-fn roots(form: &GradientForm, dimension: usize, psi: &str) -> Vec<(String, NodeId)> {
+fn roots(form: &DensityForm, dimension: usize, psi: &str) -> Vec<(String, NodeId)> {
     let components = components(dimension);
     let named = |tensor: &'static str, roots: &[NodeId]| -> Vec<(String, NodeId)> {
         let names = components.iter().map(|k| component(tensor, *k));
         names.zip(roots.iter().copied()).collect()
     };
     let mut all = vec![(psi.to_string(), form.psi)];
-    all.extend(named("P", &form.stress));
+    all.extend(named("P", &form.gradient));
     all.extend(named("dP", &form.product));
     all
 }
 
 /// What the letters of principal stretches and axes mean, where a form has them.
 fn legend(forms: &GradientEnergyForms, comment: char) -> String {
-    if !forms.far.has_axes {
+    if !forms.far.has_axes() {
         return String::new();
     }
     format!(

@@ -23,10 +23,10 @@ fn seth_hill_over_its_exponents() {
             assert_eq!(found.len(), squares + if d == 3 { 3 } else { 2 });
             assert_eq!(dropped.len(), if d == 3 { 0 } else { 1 });
             for v in found {
-                assert!(v.n_points > 300, "{}", v.n_points);
-                assert!(v.different_bits.is_empty(), "n = {n}: {:?}", v.different_bits);
+                assert!(v.n_places > 300, "{}", v.n_places);
+                assert!(v.different_bits == 0, "n = {n}: {:?}", v.different_bits);
                 let shown = &v.misses[..v.misses.len().min(3)];
-                assert!(v.passed(), "n = {n}, {:?}: {:?} {shown:#?}", v.argument, v.worst);
+                assert!(v.passed(), "n = {n}, {:?}: {:?} {shown:#?}", v.subject, v.errors);
             }
         }
     }
@@ -34,7 +34,7 @@ fn seth_hill_over_its_exponents() {
 
 #[test]
 fn every_function_has_the_right_derivatives() {
-    for function in Function::NAMED {
+    for function in Function::all_named() {
         let argument = match function {
             Function::Asin | Function::Acos => "l/(l + L)",
             Function::Sign | Function::Abs => "l/L - 1.5",
@@ -95,16 +95,11 @@ fn a_wrong_derivative_is_found() {
         .kernels[0];
     let point = super::sample::Point { measure: 1.5, reference: 1.0 };
     let out = kernel.derivatives(super::Columns::new(&[point]).batch());
-    let mut found = super::Verification {
-        argument: crate::Argument::Measure(crate::Measure::Length),
-        n_points: 1,
-        different_bits: Vec::new(),
-        misses: Vec::new(),
-        worst: [0.0; 3],
-    };
+    let subject = super::Subject::Argument(crate::Argument::Measure(crate::Measure::Length));
+    let mut found = super::Verification::new(subject, &[(super::Witness::HyperDual, 1.0)]);
     let written = model.written(&bad, crate::Measure::Length);
     let expected = written.derivatives(1.5, 1.0);
-    super::compare(
+    super::measure::compare(
         &mut found,
         &written,
         point,
@@ -124,7 +119,11 @@ fn a_value_that_is_no_number_is_found() {
         (f64::INFINITY, f64::NAN, false),
         (1.0, 1.0, false),
     ] {
-        assert_eq!(super::error_over_tolerance(x, y, f64::INFINITY) > 1.0, found, "{x} {y}");
+        assert_eq!(
+            super::measure::error_over_tolerance(x, y, f64::INFINITY) > 1.0,
+            found,
+            "{x} {y}"
+        );
     }
 }
 
@@ -160,7 +159,7 @@ fn rounding_that_the_energy_itself_magnifies_is_no_failure_and_errors_still_are(
     let values = values(&model, 3, &[]);
     // The default domain goes far out, to psi'' of 1e-76 and less.
     let (found, _) = verify(&model, &values, 1000).unwrap();
-    assert!(found[0].passed(), "{:?}", found[0].worst);
+    assert!(found[0].passed(), "{:?}", found[0].errors);
 
     let written = model.written(&values, Measure::Length);
     let far = super::Point { measure: 60.0, reference: 1.0 };
@@ -171,7 +170,7 @@ fn rounding_that_the_energy_itself_magnifies_is_no_failure_and_errors_still_are(
         let below = if order == 0 { 0.0 } else { expected[order - 1].abs() / far.measure };
         compiled[order] += 1e-11 * (expected[order].abs() + below);
         let mut found = found[0].clone();
-        super::compare(&mut found, &written, far, compiled, expected);
+        super::measure::compare(&mut found, &written, far, compiled, expected);
         assert_eq!(found.misses.len(), 1, "order {order}");
     }
 }

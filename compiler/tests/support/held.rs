@@ -13,10 +13,12 @@ use piola_compiler::expression::interpret::Interpreter;
 use piola_compiler::expression::number::Number;
 use piola_compiler::expression::precise::Precise;
 use piola_compiler::expression::{Input, NodeId, Operator};
-use piola_compiler::point::{GradientForm, WrittenGradientEnergy};
+use piola_compiler::point::WrittenGradientEnergy;
 use piola_compiler::verify::sample::Point;
 use piola_compiler::verify::truth::truth;
-use piola_compiler::{GradientBatch, GradientKernel, ScalarEnergy, Values, Variant, WrittenEnergy};
+use piola_compiler::{
+    DensityForm, GradientBatch, GradientKernel, ScalarEnergy, Values, Variant, WrittenEnergy,
+};
 
 use super::noise::{Noisy, begin, disturbed};
 
@@ -276,7 +278,7 @@ pub(crate) struct OfGradient<'a> {
     /// What is compiled.
     pub(crate) kernel: &'a GradientKernel,
     /// The form that is evaluated here.
-    pub(crate) form: &'a GradientForm,
+    pub(crate) form: &'a DensityForm,
     /// What was written.
     pub(crate) written: &'a WrittenGradientEnergy,
     /// `F - I`, such that `F` is exact.
@@ -363,7 +365,7 @@ impl Witness for OfGradient<'_> {
     }
 
     fn noisy_compiled(&self) -> [f64; 3] {
-        if self.form.has_axes {
+        if self.form.has_axes() {
             let off = |x: &[f64]| x.iter().map(|x| disturbed(*x, 8.0)).collect::<Vec<f64>>();
             return along(self.kernel, &off(&self.gradient()), &off(self.change), self.direction);
         }
@@ -380,7 +382,7 @@ impl Witness for OfGradient<'_> {
             terms.map(|(root, d)| interpreter.number(*root).0 * d).sum()
         };
         let psi = interpreter.number(self.form.psi).0;
-        [psi, contracted(&self.form.stress), contracted(&self.form.product)]
+        [psi, contracted(&self.form.gradient), contracted(&self.form.product)]
     }
 
     fn sides(&self) -> [[f64; 3]; 2] {

@@ -1,0 +1,72 @@
+//! Energies of gathered values against hyper-dual numbers of the energy as written, at random lengths
+//! and integrals, to a stated number of `u = 2^-53` of the largest derivative.
+
+use super::sample::Random;
+use super::{Subject, Verification, Ways, Witness};
+use crate::gathered::{GatheredBatch, GatheredKernel, GatheredKernels, argument};
+use crate::model::Variant;
+
+/// Largest error of psi, its gradient and products.
+const BAR: f64 = 1e4;
+
+/// Verifies the energies of points and of bonds at `n` places each; nothing where there are none.
+pub(super) fn verify(variant: &Variant, ways: &Ways, n: usize) -> Vec<Verification> {
+    let ways = [&ways.strict, &ways.fast, &ways.interpreted, &ways.dual];
+    let of = |kernels: fn(&GatheredKernels) -> &Option<GatheredKernel>, of_bonds: bool| {
+        let found = ways.map(|way| {
+            let kernel = way.gathered.as_ref().and_then(|gathered| kernels(gathered).as_ref());
+            kernel.map(|kernel| evaluate(kernel, n))
+        });
+        let [Some(strict), Some(fast), Some(interpreted), Some(dual)] = found else { return None };
+        let subject = Subject::Gathered(argument(variant, of_bonds));
+        let mut verification = Verification::new(subject, &[(Witness::HyperDual, BAR)]);
+        for (p, Place { variables, values: expected }) in dual.iter().enumerate() {
+            verification.count(&strict[p].values, &interpreted[p].values);
+            for level in [&strict, &fast] {
+                verification.compare(0, variables, [&level[p].values, expected], largest);
+            }
+        }
+        Some(verification)
+    };
+    let found = [of(|kernels| &kernels.points, false), of(|kernels| &kernels.bonds, true)];
+    found.into_iter().flatten().collect()
+}
+
+/// The largest size; not a number if one of them is none.
+fn largest(numbers: &[f64]) -> f64 {
+    let larger = |x: f64, y: &f64| if y.abs() > x || y.is_nan() { y.abs() } else { x };
+    numbers.iter().fold(0.0, larger)
+}
+
+/// The variables of a place with psi, gradient and product there.
+struct Place {
+    variables: Vec<f64>,
+    values: Vec<f64>,
+}
+
+/// The same places for every kernel of one energy.
+fn evaluate(kernel: &GatheredKernel, n: usize) -> Vec<Place> {
+    let mut random = Random::new(0x7374_6174_6573);
+    let n_variables = kernel.n_variables();
+    let mut numbers = |n: usize| (0..n).map(|_| random.uniform(0.5, 2.0)).collect::<Vec<f64>>();
+    let mut variables = numbers(n_variables * n);
+    let direction = numbers(n_variables * n);
+    let reference = numbers(if kernel.of_bonds() { n } else { 0 });
+    // Lengths at rest times stretches: the energy as written subtracts one from the other.
+    for (l, rest) in variables.iter_mut().zip(&reference) {
+        *l = rest * if (*l - 1.0).abs() < 0.1 { *l + 0.25 } else { *l };
+    }
+    let change: Vec<f64> =
+        variables.iter().zip(&reference).map(|(l, rest)| (l - rest) / rest).collect();
+    let at = GatheredBatch { n, variables: &variables, change: &change, reference: &reference };
+    let mut psi = vec![0.0; n];
+    let [mut gradient, mut product] = [vec![0.0; variables.len()], vec![0.0; variables.len()]];
+    kernel.evaluate(at, &mut psi, &mut gradient);
+    kernel.product(at, &direction, &mut product);
+    let place = |p: usize| {
+        let column = |array: &[f64]| array.iter().skip(p).step_by(n).copied().collect::<Vec<f64>>();
+        let values = [column(&psi), column(&gradient), column(&product)].concat();
+        Place { variables: column(&variables), values }
+    };
+    (0..n).map(place).collect()
+}

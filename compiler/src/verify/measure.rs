@@ -1,0 +1,139 @@
+//! Energies of measures; where one also runs as a function of the squared measure, that form as well,
+//! against the same energy as written.
+//!
+//! Machine code must agree with hyper-dual numbers of the energy as written to `1e-14 + 8 u/|l/L - 1|`
+//! of the value: the second term is what the formula as written loses by subtracting numbers that are
+//! nearly equal. Where that is missed, a value may also be off by as much as it changes when the measure,
+//! or its change from rest, changes by `8 u` of itself: far out, `exp(-3*(l/L - 1))` magnifies the
+//! rounding of its argument a hundred times. Where that is missed too, the energy as written has lost its
+//! digits, and numbers of any precision decide, to `1e-14`.
+
+use super::sample::{self, Point};
+use super::{Columns, Miss, Subject, UNIT_ROUNDOFF, Verification, Ways, Witness, same_bits, truth};
+use crate::kernel::{Kernel, WrittenEnergy};
+use crate::measure::Argument;
+use crate::model::{Model, Variant};
+use crate::values::Values;
+
+/// Largest relative error where hyper-dual numbers of the energy as written have lost the digits.
+const PRECISE: f64 = 1e-14;
+
+/// Verifies the energies of measures at about `2 n` points each.
+pub(super) fn verify(
+    model: &Model,
+    variant: &Variant,
+    values: &Values,
+    ways: &Ways,
+    n: usize,
+) -> Vec<Verification> {
+    let mut found = Vec::new();
+    for (k, graph) in ways.interpreted.kernels.iter().enumerate() {
+        let measure = graph.measure();
+        let points = sample::points(variant, measure, values, n);
+        let written = model.written(values, measure);
+        let kernels = [&ways.strict.kernels[k], &ways.fast.kernels[k], graph];
+        found.push(verify_kernels(Argument::Measure(measure), kernels, &written, &points));
+        let [Some(strict), Some(fast), Some(graph)] = kernels.map(Kernel::squared) else {
+            continue;
+        };
+        let points: Vec<Point> = points.into_iter().map(Point::squared).collect();
+        let kernels = [strict, fast, graph];
+        let written = written.of_square();
+        found.push(verify_kernels(Argument::Square(measure), kernels, &written, &points));
+    }
+    found
+}
+
+/// Verifies machine code at the strict level, at the fast one, and the interpreter.
+fn verify_kernels(
+    argument: Argument,
+    kernels: [&Kernel; 3],
+    written: &WrittenEnergy,
+    points: &[Point],
+) -> Verification {
+    let columns = Columns::new(points);
+    let [strict, fast, interpreted] = kernels.map(|kernel| kernel.derivatives(columns.batch()));
+    let subject = Subject::Argument(argument);
+    let mut verification = Verification::new(subject, &[(Witness::HyperDual, 1.0)]);
+    for (i, &point) in points.iter().enumerate() {
+        let [strict, fast, interpreted] =
+            [&strict, &fast, &interpreted].map(|all| [all.psi[i], all.dpsi[i], all.d2psi[i]]);
+        verification.count(&strict, &interpreted);
+        let expected: [f64; 3] = written.derivatives(point.measure, point.reference).into();
+        // A term that was dropped for its zero coefficient is 0 or, outside the domain, not a
+        // number in the written form; points lie in the domain, so the values can be compared.
+        compare(&mut verification, written, point, strict, expected);
+        if !fast.iter().zip(&strict).all(|(x, y)| same_bits(*x, *y)) {
+            compare(&mut verification, written, point, fast, expected);
+        }
+    }
+    verification
+}
+
+pub(super) fn compare(
+    found: &mut Verification,
+    written: &WrittenEnergy,
+    point: Point,
+    compiled: [f64; 3],
+    expected: [f64; 3],
+) {
+    let relative = 1e-14 + 8.0 * UNIT_ROUNDOFF / point.change().abs();
+    let m = point.measure.abs();
+    let size = |order: usize| expected[order].abs().max(compiled[order].abs());
+    // Where a derivative passes through zero its rounding is set by the order below it.
+    let scales = [size(0), size(1) + size(0) / m, size(2) + size(1) / m];
+    for order in 0..3 {
+        let (x, y) = (compiled[order], expected[order]);
+        let mut tolerance = relative * scales[order] + f64::MIN_POSITIVE;
+        let magnified = if error_over_tolerance(x, y, tolerance) > 1.0 {
+            conditioning(written, point, expected)[order]
+        } else {
+            0.0
+        };
+        tolerance += magnified;
+        let mut y = y;
+        if error_over_tolerance(x, y, tolerance) > 1.0
+            && let Some(truth) = truth::truth(written, point)
+        {
+            y = truth[order];
+            tolerance = PRECISE * y.abs() + magnified;
+        }
+        found.see(0, order, error_over_tolerance(x, y, tolerance), |_| Miss {
+            place: vec![point.measure, point.reference],
+            order,
+            compiled: vec![x],
+            expected: vec![y],
+            tolerance,
+        });
+    }
+}
+
+/// How much psi, psi' and psi'' change when the measure changes by `8 u` of itself, or by `8 u` of
+/// its change from rest; 0 where that is not a number, as beside a pole.
+fn conditioning(written: &WrittenEnergy, point: Point, expected: [f64; 3]) -> [f64; 3] {
+    let mut largest = [0.0_f64; 3];
+    for size in [point.measure, point.measure - point.reference] {
+        for step in [-8.0 * UNIT_ROUNDOFF, 8.0 * UNIT_ROUNDOFF] {
+            let moved: [f64; 3] =
+                written.derivatives(point.measure + step * size, point.reference).into();
+            for order in 0..3 {
+                let change = (moved[order] - expected[order]).abs();
+                if change.is_finite() {
+                    largest[order] = largest[order].max(change);
+                }
+            }
+        }
+    }
+    largest
+}
+
+pub(super) fn error_over_tolerance(x: f64, y: f64, tolerance: f64) -> f64 {
+    match (x.is_finite(), y.is_finite()) {
+        // At rest, where hyper-dual numbers may have lost every digit, it is 0 times infinity.
+        (true, true) if tolerance.is_infinite() || tolerance.is_nan() => 0.0,
+        (true, true) => (x - y).abs() / tolerance,
+        // Beyond the range of numbers the order of operations decides between inf and NaN.
+        (false, false) => 0.0,
+        _ => f64::INFINITY,
+    }
+}

@@ -241,7 +241,6 @@ fn solid(body: &Arc<Body>) -> StateEnergy {
         integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
         points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
         bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
-        plain: None,
         ..StateLaws::default()
     };
     StateEnergy::new(Arc::clone(body), HORIZON, laws).expect("a cube has families")

@@ -1,6 +1,6 @@
 //! Energies of gathered states inside an endless lattice, in a homogeneous displacement.
 //!
-//! A point has `w = psi(I) + 1/2 sum_b V phi(l_b, I) + 1/2 sum_b V chi(l_b)` with
+//! A point has `w = psi(I) + 1/2 sum_b V phi(l_b, I)` with
 //! `I_k = sum_b V g_k(l_b)`: all of it a function of one family, as in [`crate::states`]. Integrals
 //! change with the volume alone to first order, so that mixed derivatives are volumetric.
 
@@ -64,9 +64,6 @@ pub(super) fn of_states(
     }
     if let Some(law) = &laws.bonds {
         volumetric = volumetric + family.add_bonds(&**law, &integrals, &swelling, &mut adjoint);
-    }
-    if let Some(law) = &laws.plain {
-        family.add_law(&family.at_rest(&**law), 0.5);
     }
     for (integrand, adjoint) in integrands.iter().zip(&adjoint) {
         family.add_law(integrand, *adjoint);
@@ -164,8 +161,7 @@ mod tests {
 m = integral(L^2)
 s = integral((l - L)*L)/m
 psi(s) = s^2 + 0.3*s
-psi(l, s) = (0.4 + s)^2*l^2
-psi(l) = 0.2*l
+psi(l, s) = (0.4 + s)^2*l^2 + 0.2*l
 ";
 
     fn laws(d: usize) -> StateLaws {
@@ -173,13 +169,11 @@ psi(l) = 0.2*l
         let values = model.values(d, &[], Some(1.5)).unwrap();
         let mode = Mode::Jit(Level::Strict);
         let gathered = model.compile(&values, mode, Form::Accurate).unwrap().gathered.unwrap();
-        let plain = model.compile(&values, mode, Form::Accurate).unwrap().kernels.pop().unwrap();
         let integrals = gathered.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>);
         StateLaws {
             integrals: integrals.collect(),
             points: gathered.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
             bonds: gathered.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
-            plain: Some(Box::new(plain)),
             arguments: Default::default(),
         }
     }

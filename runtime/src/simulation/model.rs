@@ -99,7 +99,6 @@ pub(crate) fn state_laws(
         integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
         points: kernels.points.map(|law| thick(law, thickness)),
         bonds: kernels.bonds.map(|law| thick(law, thickness)),
-        plain: None,
         arguments,
     }
 }

@@ -12,7 +12,7 @@ use super::passes::{States, clear};
 use super::{StateEnergy, at_points, by_variables};
 use crate::energy::NonFinite;
 use crate::interaction::schedule::{Layout, Part, Touched, visit};
-use crate::kernel::{Batch, Order, Outputs, Variables};
+use crate::kernel::{Order, Variables};
 
 /// Points per task; fixed, so that results do not depend on threads.
 const POINTS: usize = 64;
@@ -177,16 +177,6 @@ impl StateEnergy {
                         }
                     }
                 }
-            }
-            if let Some(law) = &self.laws.plain {
-                work.psi.resize(n, 0.0);
-                work.variables.resize(n, 0.0);
-                work.slopes.resize(n, 0.0);
-                let (psi, dpsi) = (&mut work.psi[..], &mut work.variables[..]);
-                let out = Outputs { psi, dpsi, d2psi: &mut work.slopes };
-                let batch = Batch { measure: length, reference: rest, change };
-                law.evaluate(batch, Order::Tangent, out);
-                stiffness.iter_mut().zip(&work.slopes).for_each(|(k, x)| *k += x);
             }
         }
     }

@@ -51,15 +51,13 @@ pub struct StateLaws {
     pub points: Option<Box<dyn VariablesLaw>>,
     /// The energy of bonds, of the length and the integrals, in J/m^(2d).
     pub bonds: Option<Box<dyn VariablesLaw>>,
-    /// An energy of bonds that gathers nothing, in J/m^(2d).
-    pub plain: Option<Box<dyn Law>>,
     /// What the energies of points and of bonds are functions of, for the names of the parts.
     pub arguments: [String; 2],
 }
 
 impl StateLaws {
     fn names(&self) -> Arc<[String]> {
-        let has = [self.points.is_some(), self.bonds.is_some() || self.plain.is_some()];
+        let has = [self.points.is_some(), self.bonds.is_some()];
         let parts = self.arguments.iter().zip(has).filter(|part| part.1);
         parts.map(|(argument, _)| format!("psi({argument})")).collect()
     }
@@ -184,17 +182,12 @@ impl StateEnergy {
             self.check::<D>(&states.integrals, u, out)?;
         }
         let of_points = self.laws.points.as_ref().map(|_| &states.points);
-        let of_bonds = self.has_bonds().then_some(&states.bonds);
+        let of_bonds = self.laws.bonds.as_ref().map(|_| &states.bonds);
         let energies = of_points.into_iter().chain(of_bonds);
         for (part, densities) in parts.iter_mut().zip(energies) {
             *part = weighted(densities, self.body.volumes()).value();
         }
         Ok(())
-    }
-
-    /// Whether bonds have an energy.
-    fn has_bonds(&self) -> bool {
-        self.laws.bonds.is_some() || self.laws.plain.is_some()
     }
 
     fn evaluate_in<const D: usize>(

@@ -336,25 +336,6 @@ impl StateEnergy {
                     tension.iter_mut().zip(slopes).for_each(|(t, x)| *t += 0.5 * x);
                 }
             }
-            if let Some(law) = &self.laws.plain {
-                work.psi.resize(n, 0.0);
-                work.slopes.resize(n, 0.0);
-                work.variables.resize(n, 0.0);
-                let order = if with_slopes { Order::Gradient } else { Order::Energy };
-                work.slopes.fill(0.0);
-                let (psi, dpsi) = (&mut work.psi[..], &mut work.slopes[..n]);
-                let out = Outputs { psi, dpsi, d2psi: &mut work.variables[..n] };
-                law.evaluate(Batch { measure: length, reference: rest, change }, order, out);
-                for (b, ends) in work.ends.iter().enumerate() {
-                    let [i, j] = ends.map(|end| end as usize);
-                    energies[i] += 0.5 * volumes[j] * work.psi[b];
-                    energies[j] += 0.5 * volumes[i] * work.psi[b];
-                    if !work.is_finite_at(b) {
-                        fail(i);
-                    }
-                }
-                tension.iter_mut().zip(&work.slopes).for_each(|(t, x)| *t += x);
-            }
         }
         failed
     }

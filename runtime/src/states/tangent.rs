@@ -188,10 +188,6 @@ impl StateEnergy {
             family.multiply(&**law, integrals, 1.0, &vec![0.0; m]);
             super::add_halves(&mut second, family.slope(0));
         }
-        if let Some(law) = &self.laws.plain {
-            family.law(&**law, Order::Tangent);
-            super::add_halves(&mut second, &family.second);
-        }
         second
     }
 

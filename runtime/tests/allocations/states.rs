@@ -12,16 +12,15 @@ use crate::common::seth_hill;
 pub(crate) fn energies(body: &Arc<Body>, horizon: f64) -> Vec<(&'static str, StateEnergy)> {
     let points = |n: usize| Some(Box::new(Square(n)) as Box<dyn VariablesLaw>);
     let bonds = |n: usize| Some(Box::new(Mixed(n)) as Box<dyn VariablesLaw>);
-    let plain = || Some(seth_hill(1.0, 2));
     let one = || vec![extension(0.3)];
     let two = vec![extension(0.3), seth_hill(0.5, 2)];
     let laws = [
-        ("of points", one(), points(1), None, plain()),
-        ("of bonds", one(), None, bonds(1), None),
-        ("of all", two, points(2), bonds(2), plain()),
+        ("of points", one(), points(1), None),
+        ("of bonds", one(), None, bonds(1)),
+        ("of all", two, points(2), bonds(2)),
     ];
-    let make = |(name, integrals, points, bonds, plain)| {
-        let laws = StateLaws { integrals, points, bonds, plain, ..StateLaws::default() };
+    let make = |(name, integrals, points, bonds)| {
+        let laws = StateLaws { integrals, points, bonds, ..StateLaws::default() };
         (name, StateEnergy::new(Arc::clone(body), horizon, laws).unwrap())
     };
     laws.into_iter().map(make).collect()

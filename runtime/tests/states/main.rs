@@ -49,12 +49,10 @@ pub(crate) fn energy(
     let (model, values) = values(text, parameters, body.dimension(), horizon);
     let mode = Mode::Jit(Level::Strict);
     let kernels = model.compile(&values, mode, Form::Accurate).unwrap().gathered.unwrap();
-    let plain = of_length(&model, &values);
     let laws = StateLaws {
         integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
         points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
         bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
-        plain: plain.map(|law| Box::new(law) as Box<dyn Law>),
         arguments: ["theta", "l, m"].map(String::from),
     };
     StateEnergy::new(Arc::clone(body), horizon, laws).unwrap()

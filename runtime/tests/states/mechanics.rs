@@ -8,7 +8,7 @@ use std::sync::Arc;
 use crate::common::{cloud, displacements, error, h_of, largest};
 use crate::{energy, solid, values};
 
-/// Energies of points and bonds, mixed with each other and with plain bonds; in any dimension.
+/// Energies of points and bonds, mixed with each other; in any dimension.
 const EVERYTHING: &str = "potential everything
 parameter c = 1
 w(L) = exp(-L/delta)
@@ -17,8 +17,7 @@ s = integral(w*(l - L)*L)/m
 q = integral(w*ln(l/L)^2)/m
 k = 1 + s
 psi(s, q) = c*s^2 + exp(s)*q/(1 + q)
-psi(l, s, m) = (1 + s^2)*(l - L)^2/m + w*s*(l/L - 1)^3
-psi(l) = 0.3*(l - L)^2/L + 0.1*ln(l/L)^2
+psi(l, s, m) = (1 + s^2)*(l - L)^2/m + w*s*(l/L - 1)^3 + 0.3*(l - L)^2/L + 0.1*ln(l/L)^2
 ";
 
 /// A name, a text, parameters, and dimensions.

@@ -8,7 +8,7 @@ use crate::solve::linear::LinearMethod;
 impl fmt::Display for Plan {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let count = |f: &mut fmt::Formatter<'_>, name: &str, n: u64| {
-            writeln!(f, "  {name:<26}{:>16}", grouped(n))
+            writeln!(f, "  {name:<28}{:>14}", grouped(n))
         };
         let estimated = if self.interactions.exact { "" } else { " (estimated)" };
         writeln!(f, "model, {} dimensions", self.dimension)?;
@@ -23,16 +23,16 @@ impl fmt::Display for Plan {
         }
         for kernel in &self.kernels {
             let fate = if kernel.modelled { "modelled" } else { "dropped" };
-            let line = format!("  {:<26}{fate:>16}   {}", kernel.energy, kernel.reason);
+            let line = format!("  {:<28}{fate:>14}   {}", kernel.energy, kernel.reason);
             writeln!(f, "{}", line.trim_end())?;
         }
         writeln!(f, "memory beside the 25 MB of the program, within a factor of 1.5")?;
         for item in &self.memory {
-            writeln!(f, "  {:<26}{:>16}", item.item, bytes(item.bytes))?;
+            writeln!(f, "  {:<28}{:>14}", item.item, bytes(item.bytes))?;
         }
-        writeln!(f, "  {:<26}{:>16}", "together", bytes(self.memory_total))?;
+        writeln!(f, "  {:<28}{:>14}", "together", bytes(self.memory_total))?;
         let available = self.available_memory.map_or("unknown".into(), bytes);
-        writeln!(f, "  {:<26}{available:>16}", "available")?;
+        writeln!(f, "  {:<28}{available:>14}", "available")?;
         let threads =
             if self.threads == 1 { "1 thread" } else { &format!("{} threads", self.threads) };
         let basis = match self.time.basis {
@@ -52,12 +52,12 @@ impl fmt::Display for Plan {
             false => ("free ", " without a stored tangent"),
         };
         let method = format!("linear system, {free}{short}");
-        writeln!(f, "  {:<26}{:>16}", "setup", seconds(self.time.setup))?;
-        writeln!(f, "  {:<26}{:>16}   per iteration", "assembly", seconds(self.time.assembly))?;
-        writeln!(f, "  {method:<26}{:>16}   per iteration", seconds(self.time.linear))?;
-        writeln!(f, "  {:<26}{:>16}", "increment", seconds(self.time.increment))?;
+        writeln!(f, "  {:<28}{:>14}", "setup", seconds(self.time.setup))?;
+        writeln!(f, "  {:<28}{:>14}   per iteration", "assembly", seconds(self.time.assembly))?;
+        writeln!(f, "  {method:<28}{:>14}   per iteration", seconds(self.time.linear))?;
+        writeln!(f, "  {:<28}{:>14}", "increment", seconds(self.time.increment))?;
         let total = format!("run of {} increments", self.increments);
-        writeln!(f, "  {total:<26}{:>16}", seconds(self.time.total))?;
+        writeln!(f, "  {total:<28}{:>14}", seconds(self.time.total))?;
         writeln!(f, "linear systems by {name}{without}:")?;
         wrapped(&self.linear.reason).iter().try_for_each(|line| writeln!(f, "  {line}"))?;
         writeln!(f, "what this plan does not know, or takes for granted:")?;

@@ -8,7 +8,8 @@ use super::run::{SceneDrive, check_held, failed, settings, sum_over};
 use super::{Case, CaseError};
 use crate::energy::{Energy, EnergyParts};
 use crate::scene::boundary::BoundaryConditions;
-use crate::solve::steps::{State, StepError, StepRecord, run_steps};
+use crate::solve::march::State;
+use crate::solve::steps::{StepError, StepRecord, run_steps};
 use crate::solve::{Event, Observer, Watch};
 
 /// A vector of a set or a probe.

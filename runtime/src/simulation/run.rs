@@ -22,10 +22,11 @@ use crate::scene::selection::Selection;
 use crate::scene::{Scene, Unstable};
 use crate::solve::constraint::Constraints;
 use crate::solve::linear::{self, BLOCK_JACOBI, LinearOptions, PreconditionerChoice};
+use crate::solve::march::State;
 use crate::solve::newton::{NewtonFailure, NewtonSettings, NewtonVariant};
 use crate::solve::rigid_modes::check_rigid_motions;
 use crate::solve::steps::{
-    self, Drive, NotConverged, State, StepError, StepRecord, StepSettings, run_steps,
+    self, Drive, NotConverged, StepError, StepRecord, StepSettings, run_steps,
 };
 use crate::solve::{Event, Watch};
 

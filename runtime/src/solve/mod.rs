@@ -6,6 +6,7 @@
 //! | [`rigid_modes`] | finds motions that nothing holds, before step 1 |
 //! | [`linear`] | solves `K_ff x = b` by Cholesky, LDLT, LU or preconditioned conjugate gradients |
 //! | [`newton`] | finds the stationary point of `E(u) - f.u` at fixed prescribed values |
+//! | [`march`] | the way from state to state: what marches, and who looks on at every step |
 //! | [`steps`] | goes from `t = 0` to the end, with smaller increments where Newton's method fails |
 //!
 //! Everything works on any [`Energy`](crate::energy::Energy). The bits of the results do
@@ -18,6 +19,7 @@ mod held;
 mod increment;
 mod line_search;
 pub mod linear;
+pub mod march;
 pub mod newton;
 mod newton_outcome;
 pub mod rigid_modes;

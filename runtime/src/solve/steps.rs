@@ -1,4 +1,4 @@
-//! Load steps: `t` from 0 to the end, one equilibrium after another.
+//! Load steps: the march of `t` from 0 to the end, one equilibrium after another.
 //!
 //! Nominal times divide the way evenly and are reached exactly. Where Newton's method fails the
 //! increment is halved, down to 1/1024 of the nominal one, and it doubles again after two easy
@@ -10,6 +10,7 @@ use super::clock::{Counters, PhaseTimes};
 use super::constraint::{ConstraintError, Constraints};
 use super::increment::{Increment, TICKS};
 use super::linear::{Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport};
+use super::march::{Advance, March, State, march};
 use super::newton::{Newton, NewtonError, NewtonFailure, NewtonReport, NewtonSettings};
 use super::watch::{Event, Watch};
 use crate::energy::{Energy, EnergyParts};
@@ -104,21 +105,6 @@ pub struct StepRecord {
     pub times: PhaseTimes,
 }
 
-/// The state at a converged step; all are `n x d`, in the body's order.
-#[derive(Clone, Debug)]
-pub struct State<'a> {
-    /// The time.
-    pub t: f64,
-    /// Displacements in m.
-    pub displacements: &'a [f64],
-    /// `dE/du` in N; minus the loads they are the reactions of fixed degrees of freedom.
-    pub internal_forces: &'a [f64],
-    /// Loads in N.
-    pub loads: &'a [f64],
-    /// Energy by kind of interaction.
-    pub energy: EnergyParts,
-}
-
 /// How a run ended.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
@@ -207,6 +193,9 @@ pub struct NotConverged {
 
 /// Follows the drive from rest at `t = 0` to the end; `observer` sees each converged step and may
 /// end the run, `watch` sees what goes on within steps and may end it there.
+///
+/// # Errors
+/// As [`LoadSteps::new`] and [`LoadSteps::advance`].
 pub fn run_steps(
     energy: &dyn Energy,
     drive: &dyn Drive,
@@ -214,28 +203,9 @@ pub fn run_steps(
     watch: &Watch,
     observer: &mut dyn FnMut(&StepRecord, &State<'_>) -> ControlFlow<()>,
 ) -> Result<Outcome, StepError> {
-    check(settings)?;
-    let n_dofs = energy.positions().len();
-    let constraints = Constraints::new(n_dofs, drive.fixed())?;
-    let mut newton = Newton::new(energy, &constraints, settings.newton, settings.linear)?;
-    newton.watched(watch);
-    let mut run = Run {
-        newton,
-        watch: watch.clone(),
-        dimension: energy.dimension(),
-        constraints,
-        drive,
-        settings,
-        t: 0.0,
-        u: vec![0.0; n_dofs],
-        before: None,
-        records: Vec::new(),
-        cut_backs: 0,
-        all_cut_backs: 0,
-        times: PhaseTimes::default(),
-    };
-    let stopped = run.follow(observer)?.is_break();
-    Ok(run.outcome(stopped))
+    let mut steps = LoadSteps::new(energy, drive, settings, watch)?;
+    let stopped = march(&mut steps, observer)?.is_break();
+    Ok(steps.outcome(stopped))
 }
 
 fn check(settings: &StepSettings) -> Result<(), StepError> {
@@ -257,19 +227,24 @@ fn check(settings: &StepSettings) -> Result<(), StepError> {
     Ok(())
 }
 
-/// A run in progress.
-struct Run<'a> {
+/// Load steps by Newton's method: the march from rest through equilibria.
+pub struct LoadSteps<'a> {
     newton: Newton<'a>,
     watch: Watch,
     dimension: usize,
     constraints: Constraints,
     drive: &'a dyn Drive,
-    settings: &'a StepSettings,
+    settings: StepSettings,
     /// The last converged state.
     t: f64,
     u: Vec<f64>,
+    loads: Vec<f64>,
     /// The converged state before the last.
     before: Option<(f64, Vec<f64>)>,
+    /// The nominal increment at work, how far it is, in ticks, and how far the next attempt goes.
+    nominal: usize,
+    position: u32,
+    increment: Increment,
     records: Vec<StepRecord>,
     /// Since the last converged step, and in all.
     cut_backs: usize,
@@ -277,49 +252,49 @@ struct Run<'a> {
     times: PhaseTimes,
 }
 
-impl<'a> Run<'a> {
-    fn follow(
-        &mut self,
-        observer: &mut dyn FnMut(&StepRecord, &State<'_>) -> ControlFlow<()>,
-    ) -> Result<ControlFlow<()>, StepError> {
-        let mut increment = Increment::nominal();
-        for nominal in 0..self.settings.increments {
-            let (from, to) = (self.nominal_time(nominal), self.nominal_time(nominal + 1));
-            let mut position = 0;
-            while position < TICKS {
-                if self.watch.wants_end() {
-                    return Ok(ControlFlow::Break(()));
-                }
-                let ticks = increment.ticks.min(TICKS - position);
-                let end = position + ticks;
-                let t = if end == TICKS {
-                    to
-                } else {
-                    from + (to - from) * (f64::from(end) / f64::from(TICKS))
-                };
-                match self.attempt(t, end == TICKS, observer)? {
-                    Attempt::Converged { iterations, flow } => {
-                        position = end;
-                        increment.note_success(iterations);
-                        if flow.is_break() {
-                            return Ok(flow);
-                        }
-                    }
-                    Attempt::Failed(cause) if cause.failure == NewtonFailure::Interrupted => {
-                        return Ok(ControlFlow::Break(()));
-                    }
-                    Attempt::Failed(cause) => {
-                        if !smaller_may_help(&cause.failure) || !increment.halve(ticks) {
-                            return Err(self.not_converged(t, cause));
-                        }
-                        self.watch.notice(Event::CutBack { t, cause: &cause });
-                        self.cut_backs += 1;
-                        self.all_cut_backs += 1;
-                    }
-                }
-            }
-        }
-        Ok(ControlFlow::Continue(()))
+impl<'a> LoadSteps<'a> {
+    /// At rest; `watch` sees what goes on within steps and may end them.
+    ///
+    /// # Errors
+    /// Settings and degrees of freedom that cannot be used, a solver that cannot start.
+    pub fn new(
+        energy: &'a dyn Energy,
+        drive: &'a dyn Drive,
+        settings: &StepSettings,
+        watch: &Watch,
+    ) -> Result<LoadSteps<'a>, StepError> {
+        check(settings)?;
+        let n_dofs = energy.positions().len();
+        let constraints = Constraints::new(n_dofs, drive.fixed())?;
+        let mut newton = Newton::new(energy, &constraints, settings.newton, settings.linear)?;
+        newton.watched(watch);
+        Ok(LoadSteps {
+            newton,
+            watch: watch.clone(),
+            dimension: energy.dimension(),
+            constraints,
+            drive,
+            settings: *settings,
+            t: 0.0,
+            u: vec![0.0; n_dofs],
+            loads: vec![0.0; n_dofs],
+            before: None,
+            nominal: 0,
+            position: 0,
+            increment: Increment::nominal(),
+            records: Vec::new(),
+            cut_backs: 0,
+            all_cut_backs: 0,
+            times: PhaseTimes::default(),
+        })
+    }
+
+    /// Where the next attempt ends: in ticks of the nominal increment, and its time.
+    fn target(&self) -> (u32, f64) {
+        let end = self.position + self.increment.ticks.min(TICKS - self.position);
+        let (from, to) = (self.nominal_time(self.nominal), self.nominal_time(self.nominal + 1));
+        let inside = || from + (to - from) * (f64::from(end) / f64::from(TICKS));
+        (end, if end == TICKS { to } else { inside() })
     }
 
     fn nominal_time(&self, number: usize) -> f64 {
@@ -330,12 +305,7 @@ impl<'a> Run<'a> {
     }
 
     /// One equilibrium at `t`; the state changes only if it is found.
-    fn attempt(
-        &mut self,
-        t: f64,
-        nominal: bool,
-        observer: &mut dyn FnMut(&StepRecord, &State<'_>) -> ControlFlow<()>,
-    ) -> Result<Attempt, StepError> {
+    fn attempt(&mut self, t: f64, nominal: bool) -> Result<Attempt, StepError> {
         self.watch.notice(Event::Attempt(t));
         let loads = self.loads(t)?;
         let near = self.start(t)?;
@@ -352,21 +322,12 @@ impl<'a> Run<'a> {
             Ok(found) => found,
             Err(cause) => return Ok(Attempt::Failed(cause)),
         };
-        let iterations = report.iterations;
         let record = self.record(t, nominal, report, judged);
         self.before = Some((self.t, std::mem::replace(&mut self.u, u)));
-        self.t = t;
-        let state = State {
-            t,
-            displacements: &self.u,
-            internal_forces: self.newton.internal_forces(),
-            loads: &loads,
-            energy: record.energy_parts.clone(),
-        };
+        (self.t, self.loads) = (t, loads);
         self.watch.notice(Event::Step(&record));
-        let flow = observer(&record, &state);
-        self.records.push(record);
-        Ok(Attempt::Converged { iterations, flow })
+        self.records.push(record.clone());
+        Ok(Attempt::Converged(Box::new(record)))
     }
 
     /// The equilibrium with these loads from a start, and the judgement of its tangent.
@@ -493,8 +454,53 @@ type Judged = (Definiteness, Option<f64>);
 type Found = (Vec<f64>, NewtonReport, Judged);
 
 enum Attempt {
-    Converged { iterations: usize, flow: ControlFlow<()> },
+    Converged(Box<StepRecord>),
     Failed(NewtonError),
+}
+
+impl March for LoadSteps<'_> {
+    type Step = StepRecord;
+    type Stop = StepError;
+
+    fn advance(&mut self) -> Result<Advance<StepRecord>, StepError> {
+        while self.nominal < self.settings.increments {
+            if self.watch.wants_end() {
+                return Ok(Advance::Interrupted);
+            }
+            let (end, t) = self.target();
+            match self.attempt(t, end == TICKS)? {
+                Attempt::Converged(record) => {
+                    self.increment.note_success(record.iterations);
+                    let is_nominal = end == TICKS;
+                    self.nominal += usize::from(is_nominal);
+                    self.position = if is_nominal { 0 } else { end };
+                    return Ok(Advance::Step(*record));
+                }
+                Attempt::Failed(cause) if cause.failure == NewtonFailure::Interrupted => {
+                    return Ok(Advance::Interrupted);
+                }
+                Attempt::Failed(cause) => {
+                    let tried = end - self.position;
+                    if !smaller_may_help(&cause.failure) || !self.increment.halve(tried) {
+                        return Err(self.not_converged(t, cause));
+                    }
+                    self.watch.notice(Event::CutBack { t, cause: &cause });
+                    self.cut_backs += 1;
+                    self.all_cut_backs += 1;
+                }
+            }
+        }
+        Ok(Advance::End)
+    }
+
+    fn state(&self) -> State<'_> {
+        State {
+            t: self.t,
+            displacements: &self.u,
+            internal_forces: self.newton.internal_forces(),
+            loads: &self.loads,
+        }
+    }
 }
 
 /// Rounding and memory do not improve with smaller increments, and an end that is wanted is one.

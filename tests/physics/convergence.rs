@@ -33,7 +33,8 @@ struct Expected {
     floor: f64,
 }
 
-const EXPECTED: [Expected; 12] = [
+const EXPECTED: [Expected; 13] = [
+    Expected { example: "bonds_beside_F", overrides: &[], c: 6.0, floor: FLOOR },
     Expected { example: "cube_C1", overrides: &[], c: 0.7, floor: FLOOR },
     Expected { example: "cube_C1_C2", overrides: &[], c: 1.1, floor: FLOOR },
     Expected { example: "cube_C1_C3", overrides: &[], c: 2.5, floor: FLOOR },

@@ -3,6 +3,7 @@
 
 use serde_json::Value;
 
+use crate::examples;
 use crate::support::{
     Random, SceneFolder, dense_tangent, distance, energy_part, norm, number, numbers, piola, to_csv,
 };
@@ -109,6 +110,21 @@ fn a_sum_runs_with_and_without_a_stored_tangent() {
     assert!(reactions[0] > 0.0);
     let error = reactions.iter().map(|x| (x / reactions[0] - 1.0).abs()).fold(0.0, f64::max);
     assert!(error < 1e-9, "{reactions:?}");
+}
+
+/// psi(F) at the points has no stiffness against displacements that alternate; soft bonds beside it have,
+/// and the reaction is that of psi(F) at the bonds, which is stiff against them by itself.
+#[test]
+fn soft_bonds_hold_what_deformation_gradients_of_points_do_not_see() {
+    let reaction = |overrides: &[&str]| {
+        let run = examples::run("bonds_beside_F", &[&["steps.increments=1"], overrides].concat());
+        numbers(&run.steps()[0]["reactions"]["right"])[0]
+    };
+    let beside = reaction(&[]);
+    let alone = ["material.plus=[]", "correspondence.discretisation=bond-quadrature"];
+    let at_bonds = reaction(&alone);
+    println!("{beside} {at_bonds}");
+    assert!((beside / at_bonds - 1.0).abs() < 0.02, "{beside} {at_bonds}");
 }
 
 /// Moduli of a sum are sums of moduli, and a plan names all of its energies.

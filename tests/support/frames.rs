@@ -1,4 +1,4 @@
-//! Frames and their list read back: the inverse of `runtime/src/output/vtu.rs` and `pvd.rs`, written
+//! Frames and their list read back: the inverse of `runtime/output/src/vtu.rs` and `pvd.rs`, written
 //! from the format, which never trusts the lengths that a file claims.
 #![allow(dead_code)] // Every test binary uses its own part of this.
 

@@ -95,7 +95,9 @@ fn the_language_reference_knows_every_function() {
 fn the_scene_reference_knows_every_key_and_code() {
     let page = read("docs/scenes.md");
     let mut keys = 0;
-    for path in files(".rs").iter().filter(|path| path.starts_with("runtime/src/scene/read")) {
+    for path in
+        files(".rs").iter().filter(|path| path.starts_with("runtime/studies/src/scene/read"))
+    {
         let text = read(path);
         let settings = between(&text, "_KEYS: [Row<", "];\n");
         for schema in between(&text, "keys: &[", "],\n").into_iter().chain(settings) {
@@ -110,8 +112,9 @@ fn the_scene_reference_knows_every_key_and_code() {
     }
     assert!(keys > 40, "{keys}");
     for path in files(".rs") {
-        let scene = path.starts_with("runtime/src/scene") && !path.ends_with("expression.rs");
-        if !(scene || path == Path::new("runtime/src/output/read.rs")) {
+        let scene =
+            path.starts_with("runtime/studies/src/scene") && !path.ends_with("expression.rs");
+        if !(scene || path == Path::new("runtime/output/src/read.rs")) {
             continue;
         }
         let text = read(&path);
@@ -144,14 +147,14 @@ fn every_code_is_explained_on_its_page() {
 #[test]
 fn the_output_reference_knows_every_field() {
     let page = read("docs/output.md");
-    let source = read("runtime/src/output/summary.rs");
+    let source = read("runtime/output/src/summary.rs");
     for structure in ["Summary", "StepSummary", "Phase", "InteractionCounts"] {
         let body = between(&source, &format!("pub struct {structure} {{\n"), "\n}")[0];
         for field in between(body, "pub ", ":") {
             assert!(page.contains(&format!("`{field}`")), "docs/output.md misses {field}");
         }
     }
-    let names = read("runtime/src/output/folder.rs");
+    let names = read("runtime/output/src/folder.rs");
     let names = between(&names, "pub fn name(self)", "\n    }\n")[0];
     for file in between(names, "\"", "\"") {
         if file.contains('.') && !file.contains('{') && !file.contains('\n') {

@@ -6,10 +6,20 @@ use crate::{between, files, read};
 const MOST_LINES: usize = 600;
 
 /// Every crate and the crates of the workspace that it may know.
-const ARROWS: [(&str, &[&str]); 4] = [
+const ARROWS: [(&str, &[&str]); 8] = [
     ("grammar/Cargo.toml", &[]),
     ("compiler/Cargo.toml", &["piola-grammar"]),
-    ("runtime/Cargo.toml", &["piola-grammar", "piola-compiler"]),
+    ("runtime/mechanics/Cargo.toml", &["piola-compiler"]),
+    ("runtime/solvers/Cargo.toml", &["piola-mechanics"]),
+    ("runtime/output/Cargo.toml", &["piola-grammar", "piola-mechanics"]),
+    (
+        "runtime/studies/Cargo.toml",
+        &["piola-grammar", "piola-compiler", "piola-mechanics", "piola-solvers", "piola-output"],
+    ),
+    (
+        "runtime/Cargo.toml",
+        &["piola-compiler", "piola-mechanics", "piola-solvers", "piola-output", "piola-studies"],
+    ),
     ("Cargo.toml", &["piola-grammar", "piola-compiler", "piola-runtime"]),
 ];
 

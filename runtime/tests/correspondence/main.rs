@@ -6,6 +6,7 @@ mod consistency;
 mod differences;
 mod exactness;
 mod mechanics;
+mod pattern;
 mod reference;
 mod refusals;
 #[path = "../shared/differences.rs"]

@@ -1,0 +1,126 @@
+//! What is built, and when.
+
+use super::influence::Constant;
+use super::*;
+use crate::kernel::Variables;
+
+/// `psi = 1/2 H:H`.
+struct Linear;
+
+impl VariablesLaw for Linear {
+    fn n_variables(&self) -> usize {
+        4
+    }
+
+    fn evaluate(&self, at: Variables<'_>, psi: &mut [f64], gradient: &mut [f64]) {
+        for p in 0..at.n {
+            psi[p] = (0..4)
+                .fold(0.0, |sum, k| sum + 0.5 * at.change[k * at.n + p] * at.change[k * at.n + p]);
+        }
+        if !gradient.is_empty() {
+            gradient.copy_from_slice(at.change);
+        }
+    }
+
+    fn product(&self, _at: Variables<'_>, direction: &[f64], product: &mut [f64]) {
+        product.copy_from_slice(direction);
+    }
+}
+
+fn energy(discretisation: Discretisation) -> Correspondence {
+    let positions: Vec<f64> = (0..60).flat_map(|k| [f64::from(k / 6), f64::from(k % 6)]).collect();
+    let body = Arc::new(Body::new(2, &positions, &[1.0; 60], Some(1.0)));
+    let formulation = Formulation {
+        horizon: 1.5,
+        order: OperatorOrder::First,
+        discretisation,
+        influence: &Constant,
+    };
+    Correspondence::new(body, formulation, Box::new(Linear)).unwrap()
+}
+
+#[test]
+fn patterns_are_the_reach_of_the_energy() {
+    // In a lattice with horizon 1.5 neighbours are those of a king's move.
+    for (discretisation, reach) in [(Discretisation::Nodal, 2), (Discretisation::BondQuadrature, 3)]
+    {
+        let energy = energy(discretisation);
+        let pattern = energy.pattern();
+        for i in 0..60 {
+            let columns = &pattern.columns[pattern.row_start[i]..pattern.row_start[i + 1]];
+            let near = |j: &u32| {
+                let offset = |a: usize| {
+                    let (x, y) = (energy.body.position(i)[a], energy.body.position(*j as usize)[a]);
+                    (x - y).abs() <= f64::from(reach)
+                };
+                offset(0) && offset(1)
+            };
+            let expected: Vec<u32> = (i as u32..60).filter(near).collect();
+            assert_eq!(columns, expected);
+        }
+    }
+}
+
+/// All numbers of a JSON array, or array of arrays, in order.
+fn numbers(value: &serde_json::Value) -> Vec<f64> {
+    match value.as_array() {
+        Some(items) => items.iter().flat_map(numbers).collect(),
+        None => vec![value.as_f64().unwrap()],
+    }
+}
+
+/// Largest difference over the largest of the second.
+fn error(found: &[f64], expected: &[f64]) -> f64 {
+    assert_eq!(found.len(), expected.len());
+    let largest = |x: &mut dyn Iterator<Item = f64>| x.fold(0.0, |most: f64, x| most.max(x.abs()));
+    largest(&mut found.iter().zip(expected).map(|(f, e)| f - e))
+        / largest(&mut expected.iter().copied())
+}
+
+#[test]
+fn shape_tensors_and_deformation_gradients_of_bonds_are_those_of_the_reference() {
+    let path =
+        concat!(env!("CARGO_MANIFEST_DIR"), "/../../tests/reference/correspondence_cloud_A.json");
+    let file: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap();
+    let data = &file["cloud_A"];
+    let horizon = data["delta"].as_f64().unwrap();
+    let body = Body::new(3, &numbers(&data["X"]), &numbers(&data["V"]), None);
+    let place = |user: u64| body.user_index().iter().position(|&p| u64::from(p) == user).unwrap();
+    let cubic = influence::CubicSpline { dimension: 3, horizon };
+    for (kernel, weight) in [("one", &Constant as &dyn Influence), ("cubic", &cubic)] {
+        let neighborhood = Neighborhood::new(&body, horizon).unwrap();
+        let influence = influences(&body, &neighborhood, weight).unwrap();
+        // K_0 of the first point, lengths in horizons in ours.
+        let first = place(0);
+        let (strengths, offsets) = operator::family(&body, &neighborhood, &influence, first);
+        let rows = offsets.chunks(3).zip(strengths.iter().copied());
+        let shape = moments::moment_matrix(3, rows) * (horizon * horizon);
+        let expected = &data["models"][format!("CC_{kernel}")]["K0"];
+        let found = error(shape.as_slice(), &numbers(expected));
+        println!("K_{kernel} {found:e}");
+        assert!(found < 1e-14, "{kernel}: {found:e}");
+
+        let expected = &data["models"][format!("BAQP_{kernel}")];
+        let sum = stabilisation::sums(&body, &neighborhood, &influence)[first];
+        let found = sum / expected["omega0_pt0"].as_f64().unwrap() - 1.0;
+        println!("w0_{kernel} {found:e}");
+        assert!(found.abs() < 1e-14, "{kernel}: {found:e}");
+        // F of the bond from point 0 to point 3, the first in its family.
+        let bond = &expected["Ft_bond0"];
+        let order = OperatorOrder::First;
+        let operator = GradientOperator::new(&body, neighborhood, order, &influence).unwrap();
+        let u = body.from_user_order(&numbers(&data["u"]), 3);
+        let mut h = vec![[[0.0; 3]; 3]; body.n_points()];
+        operator.gradient(&u, &mut h);
+        let fields = Fields { u: u.as_chunks::<3>().0, h: &h };
+        let [i, j] = ["i", "j"].map(|end| place(bond[end].as_u64().unwrap()));
+        let positions = body.positions().as_chunks::<3>().0;
+        let mut f = quadrature::Bond::new(positions, i, j).gradient(fields);
+        (0..3).for_each(|k| f[k][k] += 1.0);
+        let found = error(f.as_flattened(), &numbers(&bond["F"]));
+        println!("F_{kernel} {found:e}");
+        // Condition numbers reach 34; F is of the size 1.
+        assert!(found < 1e-14, "{kernel}: {found:e}");
+    }
+}

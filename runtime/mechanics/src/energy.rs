@@ -1,0 +1,333 @@
+//! Energies of a body as the solvers see them, and their sum.
+
+mod differences;
+mod total;
+
+pub use total::{Term, Total};
+
+use std::sync::Arc;
+
+use crate::interaction::{Inverted, Report};
+use crate::kernel::Measure;
+use crate::matrix::{BlockMatrix, BlockPattern};
+
+/// An energy in J (per metre of thickness in two dimensions) by its parts, named as a potential writes
+/// them: `psi(l)`, `psi(a)`, `psi(v)`, `psi(F)`, `psi(theta)`; `stabilisation`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct EnergyParts {
+    names: Arc<[String]>,
+    values: Vec<f64>,
+}
+
+impl EnergyParts {
+    /// One value in J for each name.
+    pub fn new(names: &Arc<[String]>, values: Vec<f64>) -> EnergyParts {
+        assert_eq!(names.len(), values.len(), "a value for each name");
+        EnergyParts { names: Arc::clone(names), values }
+    }
+
+    /// The total energy.
+    pub fn total(&self) -> f64 {
+        total(&self.values)
+    }
+
+    /// The sum of the absolute values: the scale of the rounding error of the total.
+    pub fn magnitude(&self) -> f64 {
+        magnitude(&self.values)
+    }
+
+    /// The part of this name; 0 where there is none.
+    pub fn of(&self, name: &str) -> f64 {
+        self.iter().find(|part| part.0 == name).map_or(0.0, |part| part.1)
+    }
+
+    /// Names and values, in the order of the terms.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, f64)> {
+        self.names.iter().map(String::as_str).zip(self.values.iter().copied())
+    }
+}
+
+/// The sum of the parts of an energy.
+pub fn total(parts: &[f64]) -> f64 {
+    parts.iter().fold(0.0, |sum, part| sum + part)
+}
+
+/// The sum of their absolute values.
+pub fn magnitude(parts: &[f64]) -> f64 {
+    parts.iter().fold(0.0, |sum, part| sum + part.abs())
+}
+
+/// How products with the Hessian come about.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Products {
+    /// By the derivatives of the energy.
+    #[default]
+    Exact,
+    /// By one-sided differences of forces, `(R(u + e v) - R(u))/e`.
+    OneSided,
+    /// By central differences of forces, `(R(u + e v) - R(u - e v))/(2 e)`: partmann2026 (3.73).
+    Central,
+}
+
+impl Products {
+    /// Their relative error for displacements that differ from point to point, to an order of
+    /// magnitude; of smooth ones, where most of a product cancels, it is larger.
+    pub fn error(self) -> f64 {
+        let step = self.balanced(f64::EPSILON / 2.0);
+        match self {
+            Products::Exact => 0.0,
+            Products::OneSided => step,
+            Products::Central => step * step,
+        }
+    }
+
+    /// The step, relative to what forces change over, by which rounding errors of this size over
+    /// the step are the same as the errors of the order.
+    pub(crate) fn balanced(self, rounding: f64) -> f64 {
+        match self {
+            Products::Exact => 0.0,
+            Products::OneSided => rounding.sqrt(),
+            Products::Central => libm::cbrt(rounding),
+        }
+    }
+}
+
+/// What an energy density depends on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Argument {
+    /// The measure of an interaction.
+    Measure(Measure),
+    /// The deformation gradient at a point or at a bond.
+    DeformationGradient,
+    /// What is gathered over the family of a point.
+    Gathered,
+}
+
+/// An interaction or a deformation gradient whose energy or derivatives are not finite numbers, or
+/// that is turned inside out where its energy forbids that.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{}", self.message())]
+pub struct NonFinite {
+    /// What the energy depends on.
+    pub argument: Argument,
+    /// Its points in the body's order: 2, 3 or 4 of an interaction, the point or the two ends of the
+    /// bond of a deformation gradient, the point that gathers.
+    pub points: Vec<usize>,
+    /// Their displacements in m, one after the other.
+    pub displacements: Vec<f64>,
+    /// Current value of the measure; the determinant of a deformation gradient; the first
+    /// integral of a point.
+    pub value: f64,
+    /// Reference value of the measure; 1 otherwise.
+    pub reference: f64,
+    /// Whether it is turned inside out where its energy forbids that.
+    pub inverted: bool,
+}
+
+impl NonFinite {
+    fn message(&self) -> String {
+        let what = if self.inverted { "turned inside out" } else { "not finite" };
+        let (points, value) = (&self.points, self.value);
+        match (self.argument, &points[..]) {
+            (Argument::Measure(measure), _) => format!(
+                "the energy of the {} of points {points:?} is {what}: measure {value:e}, reference {:e}",
+                measure.interaction(),
+                self.reference
+            ),
+            (Argument::Gathered, _) => {
+                format!("the energy of what is gathered around point {points:?} is {what}")
+            }
+            (Argument::DeformationGradient, [point]) => format!(
+                "the energy of the deformation gradient at point {point} is {what}: determinant {value:e}"
+            ),
+            (Argument::DeformationGradient, _) => format!(
+                "the energy of the deformation gradient at the bond of points {points:?} is {what}: \
+                 determinant {value:e}"
+            ),
+        }
+    }
+}
+
+/// An interaction on its way to be turned inside out.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Inversion {
+    /// The part of the way, between 0 and 1, up to which no interaction is turned.
+    pub part: f64,
+    /// The interaction that is turned first, where it has collapsed.
+    pub first: NonFinite,
+}
+
+/// The Hessian of an energy at the displacements that it was made for, never stored as a matrix.
+pub trait Hessian: Sync {
+    /// `product` becomes `d2E/du2 p` in N (`n x d`), for `p` in m; NaN where second derivatives are not
+    /// finite.
+    fn multiply(&self, p: &[f64], product: &mut [f64]);
+}
+
+/// What is worked out beside an energy. What is given is overwritten; vectors are `n x d`.
+pub enum Wanted<'a> {
+    /// Nothing.
+    Energy,
+    /// `dE/du` in N.
+    Forces(&'a mut [f64]),
+    /// `dE/du` in N and `d2E/du2` in N/m, on the pattern of the energy.
+    Tangent(&'a mut [f64], &'a mut BlockMatrix),
+    /// `dE/du` in N and the diagonal blocks of `d2E/du2` in N/m, `n x d x d` row by row.
+    Diagonal(&'a mut [f64], &'a mut [f64]),
+}
+
+/// An energy `E(u)` of a body, its gradient and its Hessian; all are exact derivatives of one energy.
+///
+/// Displacements `u` are `n x d` row by row, in m, in the body's order. Energies add up in a
+/// [`Total`].
+pub trait Energy: Sync {
+    /// 2 or 3.
+    fn dimension(&self) -> usize;
+
+    /// Positions at rest, `n x d`, in m.
+    fn positions(&self) -> &[f64];
+
+    /// The names of its parts.
+    fn parts(&self) -> &Arc<[String]>;
+
+    /// What the body consists of, as this energy sees it.
+    fn report(&self) -> Report;
+
+    /// Where the Hessian has blocks.
+    fn pattern(&self) -> &Arc<BlockPattern>;
+
+    /// Where [`Energy::springs`] has blocks, if there is such a matrix: for energies whose Hessian
+    /// reaches so much further than their bonds that it is rather not stored.
+    fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
+        None
+    }
+
+    /// Fills `springs` with a positive semi-definite matrix like the Hessian at `u`, in N/m, that
+    /// couples bonded points only: products with the Hessian are preconditioned by it.
+    fn springs(&self, _u: &[f64], _springs: &mut BlockMatrix) {}
+
+    /// How products of [`Energy::hessian`] come about. Where they are not exact, they are all that
+    /// solvers take of the Hessian, but for what they precondition by.
+    fn products(&self) -> Products {
+        Products::Exact
+    }
+
+    /// The energy: `parts` become its parts in J, as many as there are names; and what is wanted
+    /// beside it.
+    ///
+    /// # Errors
+    /// Energies or derivatives that are not finite; what was given is undefined then.
+    fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite>;
+
+    /// The energy by points: `shares` become J, one number per point. An interaction belongs to its points
+    /// in equal parts, a bond with gathered values as these say.
+    ///
+    /// # Errors
+    /// Energies that are not finite.
+    fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite>;
+
+    /// `d2E/du2` at `u`, for products: what they share is worked out now.
+    ///
+    /// # Errors
+    /// Second derivatives that are not finite, where they are worked out now.
+    fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite>;
+
+    /// What is turned inside out first on the straight way from `u` to `u + step`, among the
+    /// interactions whose energies forbid it.
+    fn first_inversion(&self, _u: &[f64], _step: &[f64]) -> Option<Inversion> {
+        None
+    }
+
+    /// How many interactions are turned inside out at `u`.
+    fn inverted(&self, _u: &[f64]) -> Inverted {
+        Inverted::default()
+    }
+
+    /// The energy alone.
+    ///
+    /// # Errors
+    /// As [`Energy::evaluate`].
+    fn energy(&self, u: &[f64]) -> Result<EnergyParts, NonFinite> {
+        self.named(u, Wanted::Energy)
+    }
+
+    /// The energy; `forces` (`n x d`) become `dE/du` in N.
+    ///
+    /// # Errors
+    /// As [`Energy::evaluate`].
+    fn gradient(&self, u: &[f64], forces: &mut [f64]) -> Result<EnergyParts, NonFinite> {
+        self.named(u, Wanted::Forces(forces))
+    }
+
+    /// The energy; `forces` become `dE/du` in N and `tangent` becomes `d2E/du2` in N/m.
+    ///
+    /// # Errors
+    /// As [`Energy::evaluate`].
+    fn tangent(
+        &self,
+        u: &[f64],
+        forces: &mut [f64],
+        tangent: &mut BlockMatrix,
+    ) -> Result<EnergyParts, NonFinite> {
+        self.named(u, Wanted::Tangent(forces, tangent))
+    }
+
+    /// The energy; `forces` become `dE/du` in N and `diagonal` (`n x d x d`) the diagonal blocks of
+    /// `d2E/du2` in N/m, row by row.
+    ///
+    /// # Errors
+    /// As [`Energy::evaluate`].
+    fn tangent_diagonal(
+        &self,
+        u: &[f64],
+        forces: &mut [f64],
+        diagonal: &mut [f64],
+    ) -> Result<EnergyParts, NonFinite> {
+        self.named(u, Wanted::Diagonal(forces, diagonal))
+    }
+
+    /// The energy per volume at every point in J/m^d, with one volume per point in m^d.
+    ///
+    /// # Errors
+    /// As [`Energy::shares`].
+    fn densities(&self, u: &[f64], volumes: &[f64]) -> Result<Vec<f64>, NonFinite> {
+        let mut densities = vec![0.0; volumes.len()];
+        self.shares(u, &mut densities)?;
+        densities.iter_mut().zip(volumes).for_each(|(share, volume)| *share /= volume);
+        Ok(densities)
+    }
+
+    /// The energy by the names of its parts, and what is wanted beside it.
+    ///
+    /// # Errors
+    /// As [`Energy::evaluate`].
+    fn named(&self, u: &[f64], wanted: Wanted<'_>) -> Result<EnergyParts, NonFinite> {
+        let mut values = vec![0.0; self.parts().len()];
+        self.evaluate(u, wanted, &mut values)?;
+        Ok(EnergyParts::new(self.parts(), values))
+    }
+
+    /// Which points are neighbours, as blocks.
+    fn bonds(&self) -> &Arc<BlockPattern> {
+        self.bond_pattern().unwrap_or_else(|| self.pattern())
+    }
+}
+
+/// Refuses sizes that do not fit: mistakes of a caller, not of a user.
+pub(crate) fn check_sizes(energy: &dyn Energy, u: &[f64], wanted: &Wanted<'_>) {
+    let (n, d) = (energy.positions().len(), energy.dimension());
+    assert_eq!(u.len(), n, "displacements are n x d");
+    match wanted {
+        Wanted::Energy => {}
+        Wanted::Forces(forces) => assert_eq!(forces.len(), n, "forces are n x d"),
+        Wanted::Tangent(forces, tangent) => {
+            assert_eq!(forces.len(), n, "forces are n x d");
+            let size = energy.pattern().n_blocks() * d * d;
+            assert_eq!(tangent.values.len(), size, "the energy's pattern");
+        }
+        Wanted::Diagonal(forces, diagonal) => {
+            assert_eq!(forces.len(), n, "forces are n x d");
+            assert_eq!(diagonal.len(), n * d, "the diagonal is n x d x d");
+        }
+    }
+}

@@ -1,0 +1,426 @@
+//! Sums of energies.
+//!
+//! This is the one place where energies add, and where it is decided what of the displacements they
+//! see and how products with their Hessians come about.
+//!
+//! # Strain from positions
+//! Programs that store where points are and not how far they moved know of the displacements what a
+//! position `x = X + u` holds: the digits of `u` above `2^-53 |x|`. Lengths, areas and volumes worked
+//! out from positions know no others. So the energy is evaluated at `fl(X + u) - X`. What the
+//! subtraction `l/L - 1` itself would lose besides is of the size of `2^-53`, no more than the
+//! positions have lost already wherever `|x|` is not small against the bond.
+
+use std::ops::{Deref, Range};
+use std::sync::{Arc, OnceLock};
+
+use super::differences::{ForceDifferences, smallest_distance, step};
+use super::{Energy, Hessian, Inversion, NonFinite, Products, Wanted, check_sizes};
+use crate::interaction::{Inverted, Report};
+use crate::matrix::{BlockMatrix, BlockPattern};
+use crate::pool::Pool;
+
+/// An energy of a sum, owned or borrowed.
+pub enum Term<'a> {
+    /// Owned.
+    Owned(Box<dyn Energy + 'a>),
+    /// Someone else's.
+    Borrowed(&'a dyn Energy),
+}
+
+impl<'a> Deref for Term<'a> {
+    type Target = dyn Energy + 'a;
+
+    fn deref(&self) -> &(dyn Energy + 'a) {
+        match self {
+            Term::Owned(energy) => &**energy,
+            Term::Borrowed(energy) => *energy,
+        }
+    }
+}
+
+impl<'a, E: Energy + 'a> From<Box<E>> for Term<'a> {
+    fn from(energy: Box<E>) -> Term<'a> {
+        Term::Owned(energy)
+    }
+}
+
+impl<'a> From<&'a dyn Energy> for Term<'a> {
+    fn from(energy: &'a dyn Energy) -> Term<'a> {
+        Term::Borrowed(energy)
+    }
+}
+
+/// The sum of energies of one body.
+pub struct Total<'a> {
+    terms: Vec<Term<'a>>,
+    /// Which of the parts belong to each term.
+    ranges: Vec<Range<usize>>,
+    names: Arc<[String]>,
+    pattern: OnceLock<Arc<BlockPattern>>,
+    bond_pattern: OnceLock<Option<Arc<BlockPattern>>>,
+    from_positions: bool,
+    products: Products,
+    /// The smallest distance of neighbours at rest, in m, once it is asked for.
+    smallest: OnceLock<f64>,
+    /// Room for what the terms give before it is added.
+    rooms: Pool<Room>,
+}
+
+/// What is kept from one evaluation to the next.
+#[derive(Default)]
+struct Room {
+    /// Displacements that positions hold, `n x d`.
+    held: Vec<f64>,
+    /// Forces of one term, `n x d`.
+    forces: Vec<f64>,
+    /// Diagonal blocks of one term, or its energy by points.
+    blocks: Vec<f64>,
+}
+
+impl<'a> Total<'a> {
+    /// The energy itself.
+    pub fn of(energy: impl Into<Term<'a>>) -> Total<'a> {
+        let energy = energy.into();
+        let names = Arc::clone(energy.parts());
+        Total::named(vec![energy], names)
+    }
+
+    /// The sum of at least one energy of the same body. `names` has as many names as the terms have
+    /// parts together.
+    pub fn named(terms: Vec<Term<'a>>, names: Arc<[String]>) -> Total<'a> {
+        let mut end = 0;
+        let ranges: Vec<Range<usize>> = terms
+            .iter()
+            .map(|term| {
+                let start = end;
+                end += term.parts().len();
+                start..end
+            })
+            .collect();
+        assert!(end == names.len() && !terms.is_empty(), "a name for each part");
+        let same = |term: &Term<'_>| term.positions().len() == terms[0].positions().len();
+        assert!(terms.iter().all(same), "energies of one body");
+        Total {
+            ranges,
+            names,
+            pattern: OnceLock::new(),
+            bond_pattern: OnceLock::new(),
+            from_positions: false,
+            products: Products::Exact,
+            smallest: OnceLock::new(),
+            rooms: Pool::new(),
+            terms,
+        }
+    }
+
+    /// The same with strain from positions, or from displacements.
+    pub fn from_positions(self, from_positions: bool) -> Total<'a> {
+        Total { from_positions, ..self }
+    }
+
+    /// The same with products that come about so.
+    pub fn with_products(self, products: Products) -> Total<'a> {
+        Total { products, ..self }
+    }
+
+    /// How far the point that moves most is moved from displacements `u`, in m, for products by
+    /// differences.
+    pub fn step(&self, u: &[f64]) -> f64 {
+        let smallest =
+            self.smallest.get_or_init(|| smallest_distance(self.bonds(), self.positions()));
+        step(self.products, *smallest, u)
+    }
+
+    /// The only energy; `None` of several.
+    fn alone(&self) -> Option<&(dyn Energy + 'a)> {
+        if let [term] = &self.terms[..] { Some(&**term) } else { None }
+    }
+
+    /// The displacements that the energies see; `room` is for them.
+    fn held<'u>(&self, u: &'u [f64], room: &'u mut Vec<f64>) -> &'u [f64] {
+        if !self.from_positions {
+            return u;
+        }
+        room.clear();
+        room.extend(u.iter().zip(self.positions()).map(|(u, x)| (x + u) - x));
+        room
+    }
+
+    /// Fills `matrix` with the sum of what terms with these patterns fill their own matrices with.
+    fn add_up(
+        matrix: &mut BlockMatrix,
+        patterns: &[&Arc<BlockPattern>],
+        mut fill: impl FnMut(usize, &mut BlockMatrix) -> Result<(), NonFinite>,
+    ) -> Result<(), NonFinite> {
+        // One whose pattern this is fills it; the others are smaller.
+        let whole =
+            patterns.iter().position(|pattern| pattern.n_blocks() == matrix.pattern.n_blocks());
+        match whole {
+            Some(whole) => fill(whole, matrix)?,
+            None => matrix.values.fill(0.0),
+        }
+        for (number, pattern) in patterns.iter().enumerate() {
+            if Some(number) != whole {
+                let mut part = BlockMatrix::zeros(pattern);
+                fill(number, &mut part)?;
+                matrix.add(&part);
+            }
+        }
+        Ok(())
+    }
+
+    /// The tangent of several energies, which add up.
+    fn tangents(
+        &self,
+        u: &[f64],
+        own: &mut Vec<f64>,
+        forces: &mut [f64],
+        tangent: &mut BlockMatrix,
+        parts: &mut [f64],
+    ) -> Result<(), NonFinite> {
+        own.resize(forces.len(), 0.0);
+        forces.fill(0.0);
+        let patterns: Vec<_> = self.terms.iter().map(|term| term.pattern()).collect();
+        Total::add_up(tangent, &patterns, |number, matrix| {
+            let parts = &mut parts[self.ranges[number].clone()];
+            self.terms[number].evaluate(u, Wanted::Tangent(own, matrix), parts)?;
+            add(forces, own);
+            Ok(())
+        })
+    }
+}
+
+/// Adds entry by entry.
+fn add(sum: &mut [f64], part: &[f64]) {
+    sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += part);
+}
+
+/// The smallest pattern with the blocks of all, `None` of none.
+fn union<'p>(patterns: impl Iterator<Item = &'p Arc<BlockPattern>>) -> Option<Arc<BlockPattern>> {
+    patterns.fold(None, |union, pattern| match union {
+        None => Some(Arc::clone(pattern)),
+        Some(union) => Some(union.with(pattern)),
+    })
+}
+
+impl Energy for Total<'_> {
+    fn dimension(&self) -> usize {
+        self.terms[0].dimension()
+    }
+
+    fn positions(&self) -> &[f64] {
+        self.terms[0].positions()
+    }
+
+    fn parts(&self) -> &Arc<[String]> {
+        &self.names
+    }
+
+    fn report(&self) -> Report {
+        let reports = self.terms.iter().map(|term| term.report());
+        reports.fold(Report::default(), Report::and)
+    }
+
+    fn pattern(&self) -> &Arc<BlockPattern> {
+        if let Some(energy) = self.alone() {
+            return energy.pattern();
+        }
+        let all = || union(self.terms.iter().map(|term| term.pattern()));
+        self.pattern.get_or_init(|| all().unwrap_or_else(|| Arc::clone(self.terms[0].pattern())))
+    }
+
+    fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
+        let all = || {
+            self.terms.iter().find(|term| term.bond_pattern().is_some())?;
+            union(self.terms.iter().map(|term| term.bonds()))
+        };
+        self.bond_pattern.get_or_init(all).as_ref()
+    }
+
+    fn springs(&self, u: &[f64], springs: &mut BlockMatrix) {
+        let mut room = self.rooms.take(Room::default);
+        let Room { held, forces, .. } = &mut *room;
+        let u = self.held(u, held);
+        let patterns: Vec<_> = self.terms.iter().map(|term| term.bonds()).collect();
+        let filled = Total::add_up(springs, &patterns, |number, matrix| {
+            let term = &self.terms[number];
+            if term.bond_pattern().is_some() {
+                term.springs(u, matrix);
+                return Ok(());
+            }
+            // Couples bonded points only, and is the Hessian itself.
+            forces.resize(u.len(), 0.0);
+            let mut parts = vec![0.0; term.parts().len()];
+            term.evaluate(u, Wanted::Tangent(forces, matrix), &mut parts)
+        });
+        // What is not finite is found by whoever asks for the energy at the same displacements.
+        if filled.is_err() {
+            springs.values.fill(f64::NAN);
+        }
+    }
+
+    fn products(&self) -> Products {
+        self.products
+    }
+
+    fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
+        check_sizes(self, u, &wanted);
+        let mut room = self.rooms.take(Room::default);
+        let Room { held, forces: own, blocks } = &mut *room;
+        let u = self.held(u, held);
+        if let Some(energy) = self.alone() {
+            return energy.evaluate(u, wanted, parts);
+        }
+        let terms = || self.terms.iter().zip(&self.ranges);
+        match wanted {
+            Wanted::Energy => {
+                for (term, range) in terms() {
+                    term.evaluate(u, Wanted::Energy, &mut parts[range.clone()])?;
+                }
+            }
+            Wanted::Forces(forces) => {
+                own.resize(forces.len(), 0.0);
+                forces.fill(0.0);
+                for (term, range) in terms() {
+                    term.evaluate(u, Wanted::Forces(own), &mut parts[range.clone()])?;
+                    add(forces, own);
+                }
+            }
+            Wanted::Diagonal(forces, diagonal) => {
+                own.resize(forces.len(), 0.0);
+                blocks.resize(diagonal.len(), 0.0);
+                forces.fill(0.0);
+                diagonal.fill(0.0);
+                for (term, range) in terms() {
+                    let wanted = Wanted::Diagonal(own, blocks);
+                    term.evaluate(u, wanted, &mut parts[range.clone()])?;
+                    add(forces, own);
+                    add(diagonal, blocks);
+                }
+            }
+            Wanted::Tangent(forces, tangent) => self.tangents(u, own, forces, tangent, parts)?,
+        }
+        Ok(())
+    }
+
+    fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
+        let mut room = self.rooms.take(Room::default);
+        let Room { held, blocks: own, .. } = &mut *room;
+        let u = self.held(u, held);
+        own.resize(shares.len(), 0.0);
+        shares.fill(0.0);
+        for term in &self.terms {
+            term.shares(u, own)?;
+            add(shares, own);
+        }
+        Ok(())
+    }
+
+    fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
+        if self.products != Products::Exact {
+            let (step, products) = (self.step(u), self.products);
+            return Ok(Box::new(ForceDifferences::new(self, products, u, step)?));
+        }
+        let mut room = self.rooms.take(Room::default);
+        let u = self.held(u, &mut room.held);
+        if let Some(energy) = self.alone() {
+            return energy.hessian(u);
+        }
+        let hessians: Result<Vec<_>, _> = self.terms.iter().map(|term| term.hessian(u)).collect();
+        Ok(Box::new(SumOfHessians { terms: hessians?, rooms: Pool::new() }))
+    }
+
+    fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {
+        let mut room = self.rooms.take(Room::default);
+        let u = self.held(u, &mut room.held);
+        let found = self.terms.iter().filter_map(|term| term.first_inversion(u, step));
+        found.min_by(|p, q| p.part.total_cmp(&q.part))
+    }
+
+    fn inverted(&self, u: &[f64]) -> Inverted {
+        let found = self.terms.iter().map(|term| term.inverted(u));
+        found.fold(Inverted::default(), Inverted::and)
+    }
+}
+
+/// The Hessian of a sum of energies.
+struct SumOfHessians<'a> {
+    terms: Vec<Box<dyn Hessian + 'a>>,
+    /// Room for products.
+    rooms: Pool<Vec<f64>>,
+}
+
+impl Hessian for SumOfHessians<'_> {
+    fn multiply(&self, p: &[f64], product: &mut [f64]) {
+        let mut own = self.rooms.take(Vec::new);
+        own.resize(product.len(), 0.0);
+        product.fill(0.0);
+        for hessian in &self.terms {
+            hessian.multiply(p, &mut own);
+            add(product, &own);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{SpringNetwork, linear, pseudo_random, softening};
+    use crate::vector::norm_of;
+
+    #[test]
+    fn only_what_a_position_holds_is_seen() {
+        let mut springs = SpringNetwork::lattice(&[3, 1], 1.5, linear);
+        springs.positions = vec![1e6, 0.0, 1e6 + 1.0, 0.0, 1e6 + 2.0, 0.0];
+        let energy = Total::of(&springs as &dyn Energy).from_positions(true);
+        // Half a unit of the last place of 1e6 is 5.8e-11: less is lost, more is rounded.
+        assert_eq!(
+            energy.held(
+                &[1e-12, 1e-12, 2.5 * 1.1641532182693481e-10, 0.0, 1.0, 0.0],
+                &mut Vec::new()
+            ),
+            [0.0, 1e-12, 2.0 * 1.1641532182693481e-10, 0.0, 1.0, 0.0]
+        );
+        let lost = energy.energy(&[0.0, 0.0, 1e-12, 0.0, 0.0, 0.0]).unwrap();
+        assert_eq!(lost.total(), springs.energy(&[0.0; 6]).unwrap().total());
+    }
+
+    /// Two networks that reach differently far: one adds to the other's matrix.
+    #[test]
+    fn all_derivatives_add_up() {
+        let near = SpringNetwork::lattice(&[4, 3], 1.0, softening);
+        let far = SpringNetwork::lattice(&[4, 3], 2.0, linear);
+        let names: Arc<[String]> = ["near", "far"].map(String::from).into();
+        let terms = vec![Term::from(&near as &dyn Energy), Term::from(&far as &dyn Energy)];
+        let sum = Total::named(terms, names);
+        let n = near.positions.len();
+        let u: Vec<f64> = pseudo_random(n, 3).iter().map(|x| 0.03 * x).collect();
+        let p = pseudo_random(n, 4);
+        let all = |energy: &dyn Energy| {
+            let mut found = [const { Vec::new() }; 4];
+            found.iter_mut().for_each(|x| x.resize(n, f64::NAN));
+            let [forces, product, stored, diagonal] = &mut found;
+            let mut matrix = BlockMatrix::zeros(energy.pattern());
+            matrix.values.fill(f64::NAN);
+            let parts = energy.tangent(&u, forces, &mut matrix).unwrap();
+            energy.hessian(&u).unwrap().multiply(&p, product);
+            stored.copy_from_slice(&matrix.multiply(&p));
+            diagonal.resize(2 * n, f64::NAN);
+            assert_eq!(energy.tangent_diagonal(&u, &mut vec![0.0; n], diagonal).unwrap(), parts);
+            assert_eq!(energy.gradient(&u, &mut vec![0.0; n]).unwrap(), parts);
+            assert_eq!(energy.energy(&u).unwrap(), parts);
+            (parts, found)
+        };
+        let ((one, ones), (other, others), (both, boths)) = (all(&near), all(&far), all(&sum));
+        assert_eq!(
+            both.iter().collect::<Vec<_>>(),
+            [("near", one.total()), ("far", other.total())]
+        );
+        assert!(one.total() > 0.0 && other.total() > 0.0);
+        for ((one, other), both) in ones.iter().zip(&others).zip(&boths) {
+            let error: Vec<f64> =
+                one.iter().zip(other).zip(both).map(|((x, y), sum)| x + y - sum).collect();
+            assert!(norm_of(&error) <= 1e-15 * norm_of(both), "{:e}", norm_of(&error));
+        }
+    }
+}

@@ -1,0 +1,448 @@
+//! Which points are within the horizon of each other.
+//!
+//! Before: a body of finite coordinates. After: every point's neighbours in ascending order, no two
+//! points at one place. Distances come from differences of coordinates, so that a body far from the
+//! origin has the same neighbours as at the origin, up to the rounding of its coordinates.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::body::Body;
+
+/// A neighbour is within `horizon*(1 + HORIZON_TOLERANCE)`.
+///
+/// On a lattice with `horizon = 3*spacing` a bare `<=` keeps 92 to 116 of the 122 neighbours, by
+/// rounding.
+pub const HORIZON_TOLERANCE: f64 = 1e-6;
+
+/// Points closer than `horizon*COINCIDENCE` are at one place: their bond has no direction.
+pub const COINCIDENCE: f64 = 1e-9;
+
+/// Shortest and longest horizon in m. Within these limits eighth powers of lengths are numbers with all
+/// their digits, and 80 decades are left for energies and for lengths unlike the horizon: second
+/// derivatives of an energy of areas in space divide it by four areas. Beyond, squares of areas vanish
+/// or are infinite, and energies with them.
+pub const HORIZONS: [f64; 2] = [1e-28, 1e28];
+
+/// Neighbours as compressed rows: symmetric, ascending, without the point itself.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Neighborhood {
+    horizon: f64,
+    row_start: Vec<usize>,
+    /// Where the neighbours `j > i` start within row `i`.
+    upper_start: Vec<usize>,
+    neighbors: Vec<u32>,
+    shell_bonds: usize,
+}
+
+/// Why a body has no neighbourhoods.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum NeighborhoodError {
+    /// The horizon is not a positive number.
+    #[error("the horizon is {horizon} m: it must be a positive finite length")]
+    Horizon {
+        /// What was given.
+        horizon: f64,
+    },
+    /// The horizon is too short or too long for powers of it.
+    #[error(
+        "the horizon is {horizon:e} m: it must lie between {:e} and {:e} m, or powers of lengths \
+         vanish or overflow; take another unit of length, in the parameters too",
+        HORIZONS[0],
+        HORIZONS[1]
+    )]
+    Scale {
+        /// What was given.
+        horizon: f64,
+    },
+    /// A coordinate is infinite or not a number.
+    #[error(
+        "point {point} (counted from 0 in the order of the input) lies at {position:?} m: coordinates must be finite"
+    )]
+    NonFinite {
+        /// In the user's order.
+        point: usize,
+        /// As given.
+        position: Vec<f64>,
+    },
+    /// Two points at one place.
+    #[error(
+        "points {first} and {second} (counted from 0 in the order of the input) coincide at {position:?} m: \
+         they are {distance:e} m apart, less than 1e-9 of the horizon {horizon} m; remove one of them"
+    )]
+    Coincident {
+        /// In the user's order.
+        first: usize,
+        /// In the user's order.
+        second: usize,
+        /// Of the first.
+        position: Vec<f64>,
+        /// Between them, in m.
+        distance: f64,
+        /// In m.
+        horizon: f64,
+    },
+}
+
+/// Refuses a horizon that is no length, or none that can be worked with.
+pub fn check_horizon(horizon: f64) -> Result<(), NeighborhoodError> {
+    if !(horizon > 0.0 && horizon.is_finite()) {
+        return Err(NeighborhoodError::Horizon { horizon });
+    }
+    if !(HORIZONS[0]..=HORIZONS[1]).contains(&horizon) {
+        return Err(NeighborhoodError::Scale { horizon });
+    }
+    Ok(())
+}
+
+/// Points whose rows are searched by one task; fixed, so that results do not depend on threads.
+const CHUNK: usize = 1024;
+
+impl Neighborhood {
+    /// Finds all neighbours with a cell list.
+    pub fn new(body: &Body, horizon: f64) -> Result<Neighborhood, NeighborhoodError> {
+        check_horizon(horizon)?;
+        if let Some(bad) = body.positions().iter().position(|x| !x.is_finite()) {
+            let point = bad / body.dimension();
+            let position = body.position(point).to_vec();
+            return Err(NeighborhoodError::NonFinite { point: user(body, point), position });
+        }
+        let cells = CellList::new(body, horizon * (1.0 + HORIZON_TOLERANCE));
+        Neighborhood::search(body, horizon, &cells, |_| true)
+    }
+
+    /// The neighbours of some points, and the neighbours of those that come later: all that the
+    /// cliques of these points need. Rows of other points are empty. For estimates of large bodies.
+    pub fn around(
+        body: &Body,
+        horizon: f64,
+        owners: &[usize],
+        with_cliques: bool,
+    ) -> Result<Neighborhood, NeighborhoodError> {
+        let cells = CellList::new(body, horizon * (1.0 + HORIZON_TOLERANCE));
+        let mut wanted = vec![false; body.n_points()];
+        owners.iter().for_each(|&owner| wanted[owner] = true);
+        let own = Neighborhood::search(body, horizon, &cells, |point| wanted[point])?;
+        if !with_cliques {
+            return Ok(own);
+        }
+        for &owner in owners {
+            own.upper(owner).iter().for_each(|&point| wanted[point as usize] = true);
+        }
+        Neighborhood::search(body, horizon, &cells, |point| wanted[point])
+    }
+
+    /// The rows of the wanted points.
+    fn search(
+        body: &Body,
+        horizon: f64,
+        cells: &CellList,
+        wanted: impl Fn(usize) -> bool + Sync,
+    ) -> Result<Neighborhood, NeighborhoodError> {
+        let n = body.n_points();
+        let rows: Vec<Rows> = (0..n.div_ceil(CHUNK))
+            .into_par_iter()
+            .map(|chunk| {
+                let points = chunk * CHUNK..n.min((chunk + 1) * CHUNK);
+                cells.search(body, horizon, points, &wanted)
+            })
+            .collect();
+        if let Some((i, j)) = rows.iter().find_map(|rows| rows.coincident) {
+            return Err(coincident(body, horizon, i, j));
+        }
+        let mut all = Neighborhood {
+            horizon,
+            row_start: Vec::with_capacity(n + 1),
+            upper_start: Vec::with_capacity(n),
+            neighbors: Vec::with_capacity(rows.iter().map(|rows| rows.neighbors.len()).sum()),
+            shell_bonds: rows.iter().map(|rows| rows.shell_bonds).sum(),
+        };
+        all.row_start.push(0);
+        for rows in &rows {
+            let offset = all.neighbors.len();
+            all.upper_start.extend(rows.upper_start.iter().map(|start| offset + start));
+            all.row_start.extend(rows.row_end.iter().map(|end| offset + end));
+            all.neighbors.extend_from_slice(&rows.neighbors);
+        }
+        Ok(all)
+    }
+
+    /// The horizon in m, without its tolerance.
+    pub fn horizon(&self) -> f64 {
+        self.horizon
+    }
+
+    /// How many points there are.
+    pub fn n_points(&self) -> usize {
+        self.upper_start.len()
+    }
+
+    /// How many bonds there are, each once.
+    pub fn n_bonds(&self) -> usize {
+        self.neighbors.len() / 2
+    }
+
+    /// How many bonds are as long as the horizon to within 1e-6 of it: these depend on rounding in
+    /// programs without a tolerance.
+    pub fn shell_bonds(&self) -> usize {
+        self.shell_bonds
+    }
+
+    /// All neighbours of a point, ascending.
+    pub fn row(&self, point: usize) -> &[u32] {
+        &self.neighbors[self.row_start[point]..self.row_start[point + 1]]
+    }
+
+    /// Where a point's neighbours stand among those of all points, one row after the other.
+    pub fn places(&self, point: usize) -> Range<usize> {
+        self.row_start[point]..self.row_start[point + 1]
+    }
+
+    /// The neighbours `j > point`, ascending.
+    pub fn upper(&self, point: usize) -> &[u32] {
+        &self.neighbors[self.upper_start[point]..self.row_start[point + 1]]
+    }
+
+    /// The most later neighbours that any point has.
+    pub fn most_later(&self) -> usize {
+        (0..self.n_points()).map(|point| self.upper(point).len()).max().unwrap_or(0)
+    }
+
+    /// Points without any neighbour, ascending.
+    pub fn isolated(&self) -> Vec<usize> {
+        (0..self.n_points()).filter(|&i| self.row(i).is_empty()).collect()
+    }
+}
+
+fn user(body: &Body, point: usize) -> usize {
+    body.user_index()[point] as usize
+}
+
+fn coincident(body: &Body, horizon: f64, i: usize, j: usize) -> NeighborhoodError {
+    let (first, second) = (user(body, i), user(body, j));
+    NeighborhoodError::Coincident {
+        first: first.min(second),
+        second: first.max(second),
+        position: body.position(if first < second { i } else { j }).to_vec(),
+        distance: distance_squared(body.position(i), body.position(j)).sqrt(),
+        horizon,
+    }
+}
+
+fn distance_squared(p: &[f64], q: &[f64]) -> f64 {
+    p.iter().zip(q).map(|(p, q)| (q - p) * (q - p)).sum()
+}
+
+/// The rows of one chunk of points; starts and ends count from the chunk's first neighbour.
+#[derive(Default)]
+struct Rows {
+    neighbors: Vec<u32>,
+    upper_start: Vec<usize>,
+    row_end: Vec<usize>,
+    shell_bonds: usize,
+    /// The lowest pair of coincident points.
+    coincident: Option<(usize, usize)>,
+}
+
+/// Points sorted into cubes of at least the horizon's size.
+struct CellList {
+    lower: Vec<f64>,
+    size: f64,
+    counts: [usize; 3],
+    start: Vec<u32>,
+    points: Vec<u32>,
+}
+
+impl CellList {
+    fn new(body: &Body, reach: f64) -> CellList {
+        let d = body.dimension();
+        let column = |axis: usize| body.positions().iter().skip(axis).step_by(d).copied();
+        let lower: Vec<f64> = (0..d).map(|a| column(a).fold(f64::INFINITY, f64::min)).collect();
+        let upper: Vec<f64> = (0..d).map(|a| column(a).fold(f64::NEG_INFINITY, f64::max)).collect();
+        // Cells larger than the horizon are allowed: a sparse cloud must not fill the memory.
+        let mut size = reach;
+        let most = 8.0 * body.n_points() as f64 + 64.0;
+        let along = |axis: usize, size: f64| ((upper[axis] - lower[axis]) / size).floor() + 1.0;
+        while (0..d).map(|axis| along(axis, size)).product::<f64>() > most {
+            size *= 2.0;
+        }
+        let mut counts = [1; 3];
+        for axis in 0..d {
+            counts[axis] = along(axis, size).max(1.0) as usize;
+        }
+        let mut cells =
+            CellList { lower, size, counts, start: Vec::new(), points: vec![0; body.n_points()] };
+        cells.sort(body);
+        cells
+    }
+
+    /// Counting sort: within a cell, points keep their order.
+    fn sort(&mut self, body: &Body) {
+        let mut start = vec![0u32; self.counts.iter().product::<usize>() + 1];
+        for point in 0..body.n_points() {
+            start[self.index(self.cell(body.position(point))) + 1] += 1;
+        }
+        for cell in 1..start.len() {
+            start[cell] += start[cell - 1];
+        }
+        let mut next = start.clone();
+        for point in 0..body.n_points() {
+            let slot = &mut next[self.index(self.cell(body.position(point)))];
+            self.points[*slot as usize] = point as u32;
+            *slot += 1;
+        }
+        self.start = start;
+    }
+
+    fn cell(&self, position: &[f64]) -> [usize; 3] {
+        let mut cell = [0; 3];
+        for axis in 0..position.len() {
+            let place = ((position[axis] - self.lower[axis]) / self.size) as usize;
+            cell[axis] = place.min(self.counts[axis] - 1);
+        }
+        cell
+    }
+
+    fn index(&self, cell: [usize; 3]) -> usize {
+        (cell[0] * self.counts[1] + cell[1]) * self.counts[2] + cell[2]
+    }
+
+    fn search(
+        &self,
+        body: &Body,
+        horizon: f64,
+        points: Range<usize>,
+        wanted: &impl Fn(usize) -> bool,
+    ) -> Rows {
+        let mut rows = Rows::default();
+        let reach = horizon * (1.0 + HORIZON_TOLERANCE);
+        let shell = horizon * (1.0 - HORIZON_TOLERANCE);
+        let coincident = horizon * COINCIDENCE;
+        for i in points {
+            let begin = rows.neighbors.len();
+            let here = body.position(i);
+            let mut take = |j: u32| {
+                let squared = distance_squared(here, body.position(j as usize));
+                if squared <= reach * reach && j as usize != i {
+                    rows.neighbors.push(j);
+                    let is_upper = j as usize > i;
+                    rows.shell_bonds += usize::from(is_upper && squared >= shell * shell);
+                    if squared < coincident * coincident && is_upper {
+                        let pair = (i, j as usize);
+                        rows.coincident = Some(rows.coincident.map_or(pair, |old| old.min(pair)));
+                    }
+                }
+            };
+            if wanted(i) {
+                self.for_each_candidate(here, &mut take);
+            }
+            let row = &mut rows.neighbors[begin..];
+            row.sort_unstable();
+            rows.upper_start.push(begin + row.partition_point(|&j| (j as usize) < i));
+            rows.row_end.push(rows.neighbors.len());
+        }
+        rows
+    }
+
+    /// Visits the points of the cells around a position.
+    fn for_each_candidate(&self, position: &[f64], mut visit: impl FnMut(u32)) {
+        let cell = self.cell(position);
+        let around =
+            |axis: usize| cell[axis].saturating_sub(1)..(cell[axis] + 2).min(self.counts[axis]);
+        for x in around(0) {
+            for y in around(1) {
+                // The cells of one column are neighbours in memory.
+                let column = around(2);
+                let first = self.index([x, y, column.start]);
+                let last = self.index([x, y, column.end - 1]);
+                let range = self.start[first] as usize..self.start[last + 1] as usize;
+                for &point in &self.points[range] {
+                    visit(point);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn cloud(dimension: usize, n: usize, offset: f64, stretch: f64) -> Body {
+        // Golden-ratio lattice: scattered, never coincident.
+        let ratios = [0.754877666246693, 0.569840290998053, 0.819172513396164];
+        let mut positions = Vec::new();
+        for i in 0..n {
+            for axis in 0..dimension {
+                let x = (i as f64 * ratios[axis]).fract();
+                positions.push(offset + if axis == 0 { x * stretch } else { x });
+            }
+        }
+        Body::new(dimension, &positions, &vec![1.0; n], None)
+    }
+
+    fn brute_force(body: &Body, horizon: f64) -> Vec<Vec<u32>> {
+        let reach = horizon * (1.0 + HORIZON_TOLERANCE);
+        let near = |i: usize, j: usize| {
+            let squared = distance_squared(body.position(i), body.position(j));
+            i != j && squared <= reach * reach
+        };
+        let n = body.n_points();
+        (0..n).map(|i| (0..n).filter(|&j| near(i, j)).map(|j| j as u32).collect()).collect()
+    }
+
+    #[test]
+    fn the_cell_list_finds_what_brute_force_finds() {
+        for dimension in [2, 3] {
+            for (offset, stretch) in [(0.0, 1.0), (1e6, 1.0), (-3.0, 1e7)] {
+                let body = cloud(dimension, 1500, offset, stretch);
+                let horizon = 0.2 * if stretch > 1.0 { 1e5 } else { 1.0 };
+                let found = Neighborhood::new(&body, horizon).unwrap();
+                let expected = brute_force(&body, horizon);
+                for i in 0..body.n_points() {
+                    assert_eq!(found.row(i), expected[i], "point {i}");
+                    assert!(found.upper(i).iter().all(|&j| j as usize > i));
+                }
+                let directed: usize = expected.iter().map(Vec::len).sum();
+                assert_eq!(found.n_bonds() * 2, directed);
+            }
+        }
+    }
+
+    #[test]
+    fn a_sparse_cloud_needs_little_memory() {
+        let positions = [0.0, 0.0, 0.0, 1e12, 1e12, -1e12, 1e12, 0.0, -1e12 + 1.0];
+        let body = Body::new(3, &positions, &[1.0; 3], None);
+        let found = Neighborhood::new(&body, 1.5).unwrap();
+        assert_eq!(found.isolated(), [0, 1, 2]);
+    }
+
+    #[test]
+    fn the_shell_is_counted() {
+        let body = Body::new(2, &[0.0, 0.0, 1.0, 0.0, 0.0, 0.5], &[1.0; 3], None);
+        assert_eq!(Neighborhood::new(&body, 1.0 / (1.0 + 9e-7)).unwrap().shell_bonds(), 1);
+        assert_eq!(Neighborhood::new(&body, 1.0).unwrap().shell_bonds(), 1);
+        assert_eq!(Neighborhood::new(&body, 1.0 + 2e-6).unwrap().shell_bonds(), 0);
+        assert_eq!(Neighborhood::new(&body, 1.0 - 2e-6).unwrap().n_bonds(), 1);
+    }
+
+    #[test]
+    fn coincident_points_are_named_in_the_users_order() {
+        let body = Body::new(2, &[5.0, 1.0, 2.0, 0.0, 5.0, 1.0 + 1e-11], &[1.0; 3], None);
+        let error = Neighborhood::new(&body, 0.1).unwrap_err();
+        assert!(matches!(error, NeighborhoodError::Coincident { first: 0, second: 2, .. }));
+        assert!(error.to_string().contains("points 0 and 2"), "{error}");
+    }
+
+    #[test]
+    fn bad_numbers_are_named() {
+        let body = Body::new(2, &[0.0, 0.0, 1.0, f64::NAN], &[1.0; 2], None);
+        let error = Neighborhood::new(&body, 0.1).unwrap_err();
+        assert!(matches!(error, NeighborhoodError::NonFinite { point: 1, .. }), "{error}");
+        for horizon in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            let error = Neighborhood::new(&cloud(2, 5, 0.0, 1.0), horizon).unwrap_err();
+            assert!(matches!(error, NeighborhoodError::Horizon { .. }));
+        }
+    }
+}

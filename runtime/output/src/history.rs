@@ -1,0 +1,79 @@
+//! What the solver reports, step by step: the input of the tables, the picture and the summary.
+
+use piola_mechanics::energy::EnergyParts;
+use piola_mechanics::interaction::Inverted;
+
+/// The converged steps of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct History {
+    /// 2 or 3: how many numbers a reaction has.
+    pub dimension: usize,
+    /// Names of the parts of the energy, `psi(l)`.
+    pub parts: Vec<String>,
+    /// Names of the sets, in the scene's order.
+    pub sets: Vec<String>,
+    /// Names of the probes, in the scene's order.
+    pub probes: Vec<String>,
+    /// One record per converged step.
+    pub steps: Vec<StepRecord>,
+}
+
+/// One converged load step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct StepRecord {
+    /// Load parameter at the end of the step.
+    pub t: f64,
+    /// Newton iterations: linear systems solved.
+    pub iterations: usize,
+    /// 2-norm of the free components of the residual in N, before each iteration and after the last.
+    pub residual: Vec<f64>,
+    /// The same over the larger of the 2-norms of the reactions and the applied loads.
+    pub residual_over_reaction: Vec<f64>,
+    /// The energy by its parts, in J.
+    pub energy_parts: EnergyParts,
+    /// Sum of `dE/du` minus the applied loads over each set, `d` numbers in N, as `History::sets`.
+    pub reactions: Vec<Vec<f64>>,
+    /// Displacement at each probe, `d` numbers in m, as `History::probes`.
+    pub probes: Vec<Vec<f64>>,
+    /// Whether the equilibrium is stable.
+    pub definiteness: Definiteness,
+    /// Estimated condition of the tangent on the free degrees of freedom (1-norm); `None` where it
+    /// was not factorised.
+    pub condition: Option<f64>,
+    /// Interactions turned inside out.
+    pub inverted: Inverted,
+}
+
+/// Whether the tangent at an equilibrium is positive definite, and how that is known.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Definiteness {
+    /// `None` where nobody looked or the method cannot tell.
+    pub positive_definite: Option<bool>,
+    /// In words, for instance `Cholesky`.
+    pub method: String,
+}
+
+impl History {
+    /// A history without steps.
+    pub fn new(
+        dimension: usize,
+        parts: Vec<String>,
+        sets: Vec<String>,
+        probes: Vec<String>,
+    ) -> History {
+        History { dimension, parts, sets, probes, steps: Vec::new() }
+    }
+
+    /// Appends a step.
+    ///
+    /// The record must have one reaction per set and one displacement per probe, `d` numbers each;
+    /// anything else is a mistake of the caller, not of a user.
+    pub fn push(&mut self, step: StepRecord) {
+        let fits = |rows: &[Vec<f64>], names: &[String]| {
+            rows.len() == names.len() && rows.iter().all(|row| row.len() == self.dimension)
+        };
+        assert!(fits(&step.reactions, &self.sets), "a reaction of d numbers per set");
+        assert!(fits(&step.probes, &self.probes), "a displacement of d numbers per probe");
+        self.steps.push(step);
+    }
+}

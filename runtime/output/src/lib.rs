@@ -1,0 +1,156 @@
+//! What a run leaves behind, and the tables it reads.
+//!
+//! | file | written by | content |
+//! |---|---|---|
+//! | `run.pvd`, `frames/*.vtu` | [`pvd::FrameSeries`] | the body at chosen times, for ParaView |
+//! | `displacement.csv`, `reactions.csv`, `energy.csv`, `probes.csv` | [`table`] | numbers, one row per point or step |
+//! | `picture.svg`, `picture.png` | [`picture`] | deformed body, reactions, Newton residuals |
+//! | `summary.json` | [`summary`] | everything about the run that fits a page |
+//! | `scene.resolved.toml` | the caller, through [`OutputFolder::write`] | the scene with all defaults |
+//!
+//! Every file goes through an [`OutputFolder`]: it appears whole or not at all, and one run at a time
+//! holds the folder.
+//! The types of this module ([`Points`], [`Frame`], [`History`]) are plain data in the user's
+//! order of points; nothing here knows about kernels, energies or solvers.
+//! [`read`] holds the readers of what users bring: displacement tables and point clouds.
+
+// A library prints nothing; what its program prints goes through one module.
+#![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
+
+pub mod atomic;
+pub mod folder;
+#[cfg(test)]
+#[path = "../../../tests/support/frames.rs"]
+mod frames;
+pub mod history;
+pub mod picture;
+pub mod pvd;
+pub mod read;
+pub mod summary;
+pub mod table;
+pub mod vtu;
+
+use piola_mechanics::body::Body;
+
+pub use atomic::OutputError;
+pub use folder::{OutputFile, OutputFolder};
+pub use history::{Definiteness, History, StepRecord};
+
+/// The points of a body in the user's order; they do not change during a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Points {
+    /// 2 or 3.
+    pub dimension: usize,
+    /// Reference positions, `n x d` row by row, in m.
+    pub positions: Vec<f64>,
+    /// Point volumes in m^d.
+    pub volumes: Vec<f64>,
+    /// Lattice spacing in m, if the points are a lattice.
+    pub spacing: Option<f64>,
+}
+
+impl Points {
+    /// The points of `body`, back in the user's order.
+    pub fn of(body: &Body) -> Points {
+        Points {
+            dimension: body.dimension(),
+            positions: body.to_user_order(body.positions(), body.dimension()),
+            volumes: body.to_user_order(body.volumes(), 1),
+            spacing: body.spacing(),
+        }
+    }
+
+    /// How many points there are.
+    pub fn n_points(&self) -> usize {
+        self.volumes.len()
+    }
+
+    /// Reference position of a point, `d` numbers in m.
+    pub fn position(&self, point: usize) -> &[f64] {
+        &self.positions[point * self.dimension..(point + 1) * self.dimension]
+    }
+}
+
+/// The state of a body at one time, in the user's order of points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Load parameter.
+    pub t: f64,
+    /// Displacements, `n x d` row by row, in m.
+    pub displacement: Vec<f64>,
+    /// `dE/du` minus the applied loads, `n x d`, in N: the residual where a component is free, the
+    /// reaction where it is prescribed.
+    pub residual: Vec<f64>,
+    /// Further numbers per point, each with its name.
+    pub scalars: Vec<(String, Vec<f64>)>,
+}
+
+impl Frame {
+    /// A frame from displacements and residuals (`n x d` each) in the body's order.
+    pub fn of(body: &Body, t: f64, displacement: &[f64], residual: &[f64]) -> Frame {
+        Frame {
+            t,
+            displacement: body.to_user_order(displacement, body.dimension()),
+            residual: body.to_user_order(residual, body.dimension()),
+            scalars: Vec::new(),
+        }
+    }
+
+    /// The same frame with one more number per point, given in the body's order.
+    pub fn with_scalar(mut self, body: &Body, name: &str, values: &[f64]) -> Frame {
+        self.scalars.push((name.to_owned(), body.to_user_order(values, 1)));
+        self
+    }
+}
+
+/// The shortest decimal that reads back as `x`; `inf`, `-inf` and `nan` for the rest.
+///
+/// Very small and very large numbers take an exponent (`1e-7`) instead of a row of zeros.
+pub fn decimal(x: f64) -> String {
+    let magnitude = x.abs();
+    if x.is_nan() {
+        "nan".to_owned()
+    } else if x.is_infinite() || x == 0.0 || (1e-5..1e16).contains(&magnitude) {
+        format!("{x}")
+    } else {
+        format!("{x:e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decimals_read_back_and_stay_short() {
+        let numbers =
+            [1.0, 0.1, -0.1 - 0.2, 1e-5, 9.99e-6, 1e-300, 5e-324, 1e15, 1e16, -f64::MAX, 0.0];
+        for x in numbers {
+            let text = decimal(x);
+            assert_eq!(text.parse::<f64>().unwrap().to_bits(), x.to_bits(), "{text}");
+            assert!(text.len() <= 24, "{text}");
+        }
+        assert_eq!(decimal(1e-7), "1e-7");
+        assert_eq!(decimal(0.25), "0.25");
+        assert_eq!(decimal(3.0), "3");
+        assert_eq!(decimal(-0.0), "-0");
+        assert_eq!(decimal(f64::INFINITY), "inf");
+        assert_eq!(decimal(f64::NEG_INFINITY), "-inf");
+        assert_eq!(decimal(-f64::NAN), "nan");
+    }
+
+    #[test]
+    fn points_and_frames_come_back_in_the_users_order() {
+        // Three points whose order along x is 2, 0, 1.
+        let body = Body::new(2, &[0.5, 0.0, 0.9, 0.7, 0.1, 0.5], &[5.0, 9.0, 1.0], None);
+        assert_eq!(body.user_index(), [2, 0, 1]);
+        let points = Points::of(&body);
+        assert_eq!(points.positions, [0.5, 0.0, 0.9, 0.7, 0.1, 0.5]);
+        assert_eq!(points.volumes, [5.0, 9.0, 1.0]);
+        let u = [2.0, 2.1, 0.0, 0.1, 1.0, 1.1]; // body order: points 2, 0, 1
+        let frame =
+            Frame::of(&body, 0.5, &u, &[0.0; 6]).with_scalar(&body, "damage", &[2.0, 0.0, 1.0]);
+        assert_eq!(frame.displacement, [0.0, 0.1, 1.0, 1.1, 2.0, 2.1]);
+        assert_eq!(frame.scalars, [("damage".to_owned(), vec![0.0, 1.0, 2.0])]);
+    }
+}

@@ -1,0 +1,235 @@
+//! Frames as `.vtu` files: VTK's unstructured grid with one vertex cell per point.
+//!
+//! The format is VTK XML with raw appended data, little endian, `UInt64` headers, zlib blocks
+//! (docs.vtk.org, "VTK XML file formats"). Points stand at their reference positions and carry
+//! `displacement`, so that ParaView's *Warp By Vector* shows the deformed body; two-dimensional
+//! vectors are padded with zero. Numbers are stored as `f64` bit for bit.
+
+use std::io::Write;
+
+use flate2::Compression;
+use flate2::write::ZlibEncoder;
+use rayon::prelude::*;
+
+use super::{Frame, Points, decimal};
+
+/// Uncompressed bytes per zlib block: small enough to compress blocks on all threads.
+const BLOCK: usize = 1 << 18;
+
+/// The code of a vertex among VTK's cell types.
+const VTK_VERTEX: u8 = 1;
+
+/// A frame as the bytes of a `.vtu` file.
+///
+/// Point arrays: `displacement` (m), `residual` (N), `volume` (m^d) and the frame's scalars.
+pub fn encode_vtu(points: &Points, frame: &Frame) -> Vec<u8> {
+    let n = points.n_points();
+    let d = points.dimension;
+    let mut appended = Appended::default();
+    let mut point_data = String::new();
+    let mut add = |name: &str, values: &[f64], components: usize| {
+        let width = if components > 1 { 3 } else { 1 };
+        let bytes = float_bytes(&padded(values, components, width));
+        point_data.push_str(&appended.array("Float64", name, width, &bytes));
+    };
+    add("displacement", &frame.displacement, d);
+    add("residual", &frame.residual, d);
+    add("volume", &points.volumes, 1);
+    for (name, values) in &frame.scalars {
+        add(name, values, 1);
+    }
+    let positions = float_bytes(&padded(&points.positions, d, 3));
+    let positions = appended.array("Float64", "Points", 3, &positions);
+    let connectivity = integer_bytes(0..n as i64);
+    let connectivity = appended.array("Int64", "connectivity", 1, &connectivity);
+    let offsets = integer_bytes(1..=n as i64);
+    let offsets = appended.array("Int64", "offsets", 1, &offsets);
+    let types = appended.array("UInt8", "types", 1, &vec![VTK_VERTEX; n]);
+    let t = decimal(frame.t);
+
+    let mut out = format!(
+        r#"<?xml version="1.0"?>
+<VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64" compressor="vtkZLibDataCompressor">
+<UnstructuredGrid>
+<FieldData>
+<DataArray type="Float64" Name="TimeValue" NumberOfTuples="1" format="ascii">{t}</DataArray>
+</FieldData>
+<Piece NumberOfPoints="{n}" NumberOfCells="{n}">
+<PointData Vectors="displacement">
+{point_data}</PointData>
+<Points>
+{positions}</Points>
+<Cells>
+{connectivity}{offsets}{types}</Cells>
+</Piece>
+</UnstructuredGrid>
+<AppendedData encoding="raw">
+_"#
+    )
+    .into_bytes();
+    out.extend_from_slice(&appended.bytes);
+    out.extend_from_slice(b"\n</AppendedData>\n</VTKFile>\n");
+    out
+}
+
+/// The appended section as it grows.
+#[derive(Default)]
+struct Appended {
+    bytes: Vec<u8>,
+}
+
+impl Appended {
+    /// Appends the compressed `raw` and returns the element that points at it.
+    fn array(&mut self, kind: &str, name: &str, components: usize, raw: &[u8]) -> String {
+        let offset = self.bytes.len();
+        self.bytes.extend_from_slice(&compress(raw));
+        let name = escape(name);
+        format!(
+            "<DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" \
+             format=\"appended\" offset=\"{offset}\"/>\n"
+        )
+    }
+}
+
+/// `[blocks][block size][size of the last block if partial][compressed sizes..]`, then the blocks.
+fn compress(raw: &[u8]) -> Vec<u8> {
+    // The blocks are compressed in parallel and joined in order: the same bytes on any number of
+    // threads.
+    let blocks: Vec<Vec<u8>> = raw
+        .par_chunks(BLOCK)
+        .map(|block| {
+            let mut encoder = ZlibEncoder::new(Vec::new(), Compression::fast());
+            encoder.write_all(block).expect("writing to memory cannot fail");
+            encoder.finish().expect("writing to memory cannot fail")
+        })
+        .collect();
+    let mut header = vec![blocks.len() as u64, BLOCK as u64, (raw.len() % BLOCK) as u64];
+    header.extend(blocks.iter().map(|block| block.len() as u64));
+    let mut out: Vec<u8> = header.iter().flat_map(|word| word.to_le_bytes()).collect();
+    out.extend(blocks.iter().flatten());
+    out
+}
+
+/// Rows of `components` numbers, padded with zeros to `width`.
+fn padded(values: &[f64], components: usize, width: usize) -> Vec<f64> {
+    let mut out = Vec::with_capacity(values.len() / components.max(1) * width);
+    for row in values.chunks_exact(components) {
+        out.extend_from_slice(row);
+        out.resize(out.len() + width - components, 0.0);
+    }
+    out
+}
+
+fn float_bytes(values: &[f64]) -> Vec<u8> {
+    values.iter().flat_map(|x| x.to_le_bytes()).collect()
+}
+
+fn integer_bytes(values: impl Iterator<Item = i64>) -> Vec<u8> {
+    values.flat_map(i64::to_le_bytes).collect()
+}
+
+/// Text as it may stand inside an XML attribute; control characters, which XML 1.0 forbids, go.
+pub(super) fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            c if c.is_control() => {}
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::frames::decode_vtu;
+
+    /// `n` points with values that use all bits, some of them special.
+    fn sample(dimension: usize, n: usize) -> (Points, Frame) {
+        let mut state = 42u64;
+        let mut next = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        let mut many = |count: usize| (0..count).map(|_| next()).collect::<Vec<f64>>();
+        let points =
+            Points { dimension, positions: many(n * dimension), volumes: many(n), spacing: None };
+        let mut frame = Frame {
+            t: 0.1 + 0.2,
+            displacement: many(n * dimension),
+            residual: many(n * dimension),
+            scalars: vec![("a \"<&>\" b".to_owned(), many(n))],
+        };
+        for (slot, special) in
+            frame.residual.iter_mut().zip([f64::INFINITY, -0.0, f64::MIN_POSITIVE / 8.0])
+        {
+            *slot = special;
+        }
+        (points, frame)
+    }
+
+    fn check_round_trip(dimension: usize, n: usize) {
+        let (points, frame) = sample(dimension, n);
+        let file = decode_vtu(&encode_vtu(&points, &frame)).unwrap();
+        assert_eq!(file.t.to_bits(), frame.t.to_bits());
+        let bits = |values: &[f64]| values.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+        let expect_vectors = |values: &[f64], read: &[f64]| {
+            assert_eq!(bits(&padded(values, dimension, 3)), bits(read));
+        };
+        expect_vectors(&points.positions, &file.positions);
+        expect_vectors(&frame.displacement, &file.array("displacement").unwrap().values);
+        expect_vectors(&frame.residual, &file.array("residual").unwrap().values);
+        assert_eq!(bits(&file.array("volume").unwrap().values), bits(&points.volumes));
+        let (name, values) = &frame.scalars[0];
+        assert_eq!(bits(&file.array(name).unwrap().values), bits(values));
+        assert_eq!(file.arrays.len(), 4);
+    }
+
+    #[test]
+    fn frames_read_back_bit_for_bit() {
+        check_round_trip(2, 7);
+        check_round_trip(3, 1);
+        // Several blocks with a partial last one, and exactly full blocks (BLOCK / 8 numbers).
+        check_round_trip(2, 30_000);
+        check_round_trip(3, BLOCK / 8);
+    }
+
+    #[test]
+    fn the_bytes_do_not_depend_on_the_number_of_threads() {
+        let (points, frame) = sample(3, 50_000);
+        let encode = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| encode_vtu(&points, &frame))
+        };
+        assert_eq!(encode(1), encode(3));
+    }
+
+    #[test]
+    fn cut_or_damaged_files_are_errors_and_never_panics() {
+        let (points, frame) = sample(2, 40);
+        let bytes = encode_vtu(&points, &frame);
+        for length in 0..bytes.len() {
+            assert!(decode_vtu(&bytes[..length]).is_err(), "cut at {length}");
+        }
+        // Damage anywhere must not panic; damage to a length or a block must be noticed.
+        for place in 0..bytes.len() {
+            let mut damaged = bytes.clone();
+            damaged[place] ^= 0x40;
+            let _ = decode_vtu(&damaged);
+        }
+        let start = bytes.windows(2).position(|pair| pair == b"\n_").unwrap() + 2;
+        for place in start..start + 32 {
+            let mut damaged = bytes.clone();
+            damaged[place] ^= 0x40;
+            // The nominal block size of an array of one partial block is not used.
+            if !(start + 8..start + 16).contains(&place) {
+                assert!(decode_vtu(&damaged).is_err(), "damage at {place}");
+            }
+        }
+    }
+}

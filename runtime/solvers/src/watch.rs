@@ -1,0 +1,66 @@
+//! Someone who looks on while equilibria are looked for, and may end the search.
+
+use std::sync::Arc;
+
+use super::newton_outcome::NewtonError;
+use super::steps::StepRecord;
+
+/// What is going on.
+#[derive(Clone, Copy, Debug)]
+pub enum Event<'a> {
+    /// Work begins that takes its time and has no steps: what it is, in words.
+    Phase(&'static str),
+    /// An equilibrium is looked for at this `t`.
+    Attempt(f64),
+    /// The residual before the first iteration of Newton's method, and after each.
+    Residual {
+        /// How many iterations were made.
+        iterations: usize,
+        /// 2-norm of the free residual over the larger of reactions and loads.
+        over_reaction: f64,
+    },
+    /// The tangent was multiplied with a vector, for a linear system.
+    Product,
+    /// No equilibrium was found at `t`; half the increment is tried.
+    CutBack {
+        /// The time.
+        t: f64,
+        /// Why.
+        cause: &'a NewtonError,
+    },
+    /// An equilibrium was found.
+    Step(&'a StepRecord),
+}
+
+/// Who looks on, from any thread.
+pub trait Observer: Send + Sync {
+    /// Something happened.
+    fn notice(&self, event: Event<'_>);
+
+    /// Whether the search shall end: soon, and with what has converged.
+    fn wants_end(&self) -> bool {
+        false
+    }
+}
+
+/// An observer, or none.
+#[derive(Clone, Default)]
+pub struct Watch(Option<Arc<dyn Observer>>);
+
+impl Watch {
+    /// Someone looks on.
+    pub fn by(observer: Arc<dyn Observer>) -> Watch {
+        Watch(Some(observer))
+    }
+
+    /// Passes on what happened.
+    pub fn notice(&self, event: Event<'_>) {
+        if let Some(observer) = &self.0 {
+            observer.notice(event);
+        }
+    }
+
+    pub(crate) fn wants_end(&self) -> bool {
+        self.0.as_ref().is_some_and(|observer| observer.wants_end())
+    }
+}

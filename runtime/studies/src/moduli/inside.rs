@@ -1,0 +1,140 @@
+//! A point inside an endless lattice: its cliques by their measure, and what its energies sum up to.
+
+use std::sync::OnceLock;
+
+use piola_mechanics::assembly::{AssemblyError, Elements};
+use piola_mechanics::element::Element;
+use piola_mechanics::kernel::{Batch, Law, Measure, Order, Outputs};
+use piola_mechanics::lattice::{Shell, ordered, shells};
+use piola_mechanics::neighborhood::check_horizon;
+use piola_mechanics::states::StateLaws;
+use piola_mechanics::weights::Weights;
+
+use super::Affine;
+use super::cubic::Cubic;
+use super::states::of_states;
+use crate::scene::{DerivativeSource, Points};
+use crate::simulation::{Case, CaseError, Compiled};
+
+/// The cliques of an endless lattice, counted where they are needed, once.
+pub(super) struct Inside {
+    dimension: usize,
+    /// In m.
+    spacing: f64,
+    /// In m.
+    horizon: f64,
+    shells: [OnceLock<Vec<Shell>>; 3],
+}
+
+impl Inside {
+    /// The lattice of a case. That of a cloud is never asked for anything.
+    pub(super) fn new(case: &Case) -> Inside {
+        let spacing = match &case.scene.body.points {
+            Points::Lattice(shape) => shape.spacing,
+            Points::Cloud { .. } => f64::INFINITY,
+        };
+        Inside {
+            dimension: case.scene.body.dimension,
+            spacing,
+            horizon: case.scene.horizon_radius(),
+            shells: Default::default(),
+        }
+    }
+
+    pub(super) fn shells(&self, measure: Measure) -> &[Shell] {
+        let find = || shells(self.dimension, self.horizon / self.spacing, measure);
+        self.shells[measure.points() - 2].get_or_init(find)
+    }
+
+    /// The laws of a case, as functions of their measures.
+    pub(super) fn compile(case: &Case) -> Result<Vec<Compiled>, CaseError> {
+        let mut case = case.clone();
+        // Measures follow a homogeneous displacement in closed form.
+        if case.scene.solver.derivatives == DerivativeSource::HyperdualCoordinates {
+            case.scene.solver.derivatives = DerivativeSource::Hyperdual;
+        }
+        case.compile()
+    }
+
+    /// Of energies of lengths, areas and volumes.
+    pub(super) fn of_interactions(
+        &self,
+        elements: Elements,
+        weights: Weights,
+    ) -> Result<Affine, CaseError> {
+        let kinds = [elements.bond, elements.triangle, elements.tetrahedron];
+        if kinds.iter().all(Option::is_none) {
+            return Err(refused(AssemblyError::NoEnergy));
+        }
+        check_horizon(self.horizon).map_err(refused)?;
+        let mut sum = Cubic::new(self.dimension);
+        for element in kinds.iter().flatten() {
+            self.add(&mut sum, &**element, weights)?;
+        }
+        Ok(sum.affine())
+    }
+
+    /// Of energies of gathered states.
+    pub(super) fn of_states(&self, laws: &StateLaws) -> Result<Affine, CaseError> {
+        check_horizon(self.horizon).map_err(refused)?;
+        let shells = self.shells(Measure::Length);
+        Ok(of_states(laws, self.dimension, self.spacing, shells).affine())
+    }
+
+    fn add(
+        &self,
+        sum: &mut Cubic,
+        element: &dyn Element,
+        weights: Weights,
+    ) -> Result<(), CaseError> {
+        let measure = element.measure();
+        let shells = self.shells(measure);
+        let Some((law, _)) = element.law() else {
+            let message = format!("psi({}) is no function of its measure", measure.symbol());
+            return Err(CaseError::Body { message });
+        };
+        let count = ordered(measure, shells);
+        let (dimension, horizon, spacing) = (self.dimension, self.horizon, self.spacing);
+        let weight =
+            weights.inside(measure, dimension, horizon, spacing, count).map_err(refused)?;
+        let rest = AtRest::new(law, measure, shells, self.spacing);
+        for (shell, [first, second]) in shells.iter().zip(rest.slopes()) {
+            let weight = weight * shell.count as f64;
+            sum.add(measure, shell.fourth, weight * first, weight * second);
+        }
+        Ok(())
+    }
+}
+
+fn refused(error: impl Into<AssemblyError>) -> CaseError {
+    CaseError::Assembly(error.into())
+}
+
+/// A law at all measures of a lattice at rest.
+pub(super) struct AtRest {
+    /// In m, m^2 or m^3.
+    pub(super) measures: Vec<f64>,
+    pub(super) psi: Vec<f64>,
+    first: Vec<f64>,
+    second: Vec<f64>,
+}
+
+impl AtRest {
+    pub(super) fn new(law: &dyn Law, measure: Measure, shells: &[Shell], spacing: f64) -> AtRest {
+        let unit = (1..measure.length_exponent()).fold(spacing, |unit, _| unit * spacing);
+        let measures: Vec<f64> = shells.iter().map(|shell| shell.measure * unit).collect();
+        let n = measures.len();
+        let zeros = || vec![0.0; n];
+        let (mut psi, mut first, mut second) = (zeros(), zeros(), zeros());
+        let batch = Batch { measure: &measures, reference: &measures, change: &zeros() };
+        let out = Outputs { psi: &mut psi, dpsi: &mut first, d2psi: &mut second };
+        law.evaluate(batch, Order::Tangent, out);
+        AtRest { measures, psi, first, second }
+    }
+
+    /// `m psi'` and `m^2 psi''`.
+    pub(super) fn slopes(&self) -> impl Iterator<Item = [f64; 2]> {
+        let all = self.measures.iter().zip(&self.first).zip(&self.second);
+        all.map(|((m, first), second)| [m * first, m * (m * second)])
+    }
+}

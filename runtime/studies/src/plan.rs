@@ -1,0 +1,328 @@
+//! What will be modelled and what it costs, before it is built.
+//!
+//! Small bodies are counted, larger ones from a sample of points, boxes that are not filled by their
+//! sides ([`count_interactions`], [`estimate_interactions`], [`count_in_box`]). Times are right within
+//! a factor of 3, memory within 1.5: they rest on constants that were measured on one core of a 3 GHz server
+//! processor, and times of small bodies on their first increment.
+
+mod count;
+mod factor;
+mod families;
+mod text;
+mod time;
+
+use std::convert::Infallible;
+
+use piola_mechanics::body::Body;
+use piola_solvers::linear::{
+    self, Choice, Circumstances, LinearMethod, MEMORY_SHARE, PreconditionerChoice,
+};
+use serde::Serialize;
+
+use crate::scene::{LatticeShape, Scene};
+pub use count::{
+    InteractionCount, Needed, count_in_box, count_interactions, estimate_interactions,
+};
+pub use factor::{FactorEstimate, estimate_factor};
+pub use families::Families;
+pub(crate) use text::bytes as in_bytes;
+pub use time::{Basis, FirstIncrement, TimeEstimate};
+
+/// Memory of a factorisation over that of its factor's numbers: padding, workspace, indices.
+const CHOLESKY_OVERHEAD: f64 = 1.6;
+/// The same for LU, which ignores symmetry and keeps two factors.
+const LU_OVERHEAD: f64 = 8.0;
+/// Numbers per point of the preconditioner: diagonal blocks and linear functions.
+const PRECONDITIONER_NUMBERS: usize = 24;
+
+/// What a run may need over what is planned.
+const MEMORY_MARGIN: f64 = 1.2;
+
+/// Vectors of displacements and forces that a run keeps.
+const STATE_VECTORS: usize = 14;
+
+/// What became of one energy of the potential.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct KernelNote {
+    /// The energy as the potential writes it, e.g. `psi(a)`.
+    pub energy: String,
+    /// Whether it is modelled.
+    pub modelled: bool,
+    /// Why, in words: `C2 = 0`, `no volumes in two dimensions`.
+    pub reason: String,
+}
+
+/// One item of memory.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MemoryItem {
+    /// What it holds.
+    pub item: &'static str,
+    /// How much, in bytes.
+    pub bytes: u64,
+}
+
+/// The outline of a body.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Extent {
+    /// 2 or 3.
+    pub dimension: usize,
+    /// How many points there are.
+    pub points: usize,
+    /// The bounding box in spacings, one number per dimension, each at least 1.
+    pub sides: Vec<f64>,
+    /// The lattice spacing, or the edge of a point's mean volume, in m.
+    pub spacing: f64,
+}
+
+impl Extent {
+    /// Of a body.
+    pub fn of(body: &Body) -> Extent {
+        let spacing = typical_spacing(body);
+        let dimension = body.dimension();
+        let side = |axis: usize| {
+            let column = || body.positions().iter().skip(axis).step_by(dimension).copied();
+            let least = column().fold(f64::INFINITY, f64::min);
+            let most = column().fold(f64::NEG_INFINITY, f64::max);
+            ((most - least) / spacing + 1.0).max(1.0)
+        };
+        let sides = (0..dimension).map(side).collect();
+        Extent { dimension, points: body.n_points(), sides, spacing }
+    }
+
+    /// Of a whole box.
+    pub fn of_box(shape: &LatticeShape) -> Extent {
+        let counts = shape.counts();
+        let points = counts.iter().fold(1, |points: usize, n| points.saturating_mul(*n));
+        let sides = counts.iter().map(|n| *n as f64).collect();
+        Extent { dimension: counts.len(), points, sides, spacing: shape.spacing }
+    }
+}
+
+/// Everything a plan is made from.
+#[derive(Clone, Debug)]
+pub struct PlanInput<'a> {
+    /// The scene.
+    pub scene: &'a Scene,
+    /// The outline of its body.
+    pub extent: Extent,
+    /// What [`count_interactions`] found.
+    pub interactions: InteractionCount,
+    /// The energies of the potential.
+    pub kernels: Vec<KernelNote>,
+    /// How many energies of bonds, triangles and tetrahedra there are.
+    pub energies: [usize; 3],
+    /// What points know of their families, for each energy that needs it.
+    pub families: Vec<Families>,
+    /// How many displacement components are prescribed.
+    pub prescribed: usize,
+    /// What the plan does not know, in sentences.
+    pub notes: Vec<String>,
+    /// How many threads will work.
+    pub threads: usize,
+    /// What the machine can give, in bytes; see [`available_memory`].
+    pub available_memory: Option<u64>,
+}
+
+/// What will be modelled and what it costs.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Plan {
+    /// 2 or 3.
+    pub dimension: usize,
+    /// How many points.
+    pub points: usize,
+    /// How many displacement components are solved for.
+    pub unknowns: usize,
+    /// Bonds, triangles, tetrahedra.
+    pub interactions: InteractionCount,
+    /// What became of the energies.
+    pub kernels: Vec<KernelNote>,
+    /// How linear systems will be solved, and why.
+    #[serde(flatten)]
+    pub linear: Choice,
+    /// Memory by item, in bytes.
+    pub memory: Vec<MemoryItem>,
+    /// All items together, in bytes.
+    pub memory_total: u64,
+    /// What the machine can give, in bytes, if it tells.
+    pub available_memory: Option<u64>,
+    /// How many threads will work.
+    pub threads: usize,
+    /// How many increments the scene has.
+    pub increments: usize,
+    /// Time by phase.
+    pub time: TimeEstimate,
+    /// Whether energies are of families.
+    #[serde(skip)]
+    of_families: bool,
+    /// What was seen of the first increment, if it was tried.
+    pub first: Option<FirstIncrement>,
+    /// What the plan does not know of the body, in sentences.
+    pub notes: Vec<String>,
+}
+
+impl Plan {
+    /// Estimates memory and time of a run.
+    pub fn new(input: PlanInput<'_>) -> Plan {
+        let PlanInput { scene, interactions, kernels, prescribed, threads, .. } = input;
+        let extent = &input.extent;
+        let Extent { dimension, points, ref sides, spacing } = *extent;
+        let layers = scene.horizon_radius() / spacing;
+        let families = &input.families[..];
+        let of_families = !families.is_empty();
+        // Points share an entry of the tangent over so many bonds.
+        let reach = families::reach(families);
+        let settled = linear::settled(scene.solver.linear, of_families, scene.solver.products);
+        let stored = if settled.as_ref().is_some_and(|c| !c.stores_matrix) { 1 } else { reach };
+        let factor = estimate_factor(sides, layers * stored as f64, dimension);
+        let blocks = blocks(extent, &interactions, stored);
+        let unknowns = points.saturating_mul(dimension).saturating_sub(prescribed);
+        let mut linear = settled.unwrap_or_else(|| {
+            let circumstances = Circumstances {
+                dimension,
+                unknowns,
+                matrix_bytes: matrix_bytes(dimension, blocks).0,
+                memory_limit: input
+                    .available_memory
+                    .map_or(f64::INFINITY, |m| MEMORY_SHARE * m as f64),
+            };
+            let cost = (factor.flops, 8.0 * factor.entries);
+            let Ok(choice) = linear::choose(&circumstances, || Ok::<_, Infallible>(cost));
+            choice
+        });
+        if linear.method == LinearMethod::Ldlt {
+            // Estimates do not tell the two apart.
+            linear.method = LinearMethod::Cholesky;
+        }
+        let memory = memory(extent, &interactions, blocks, &linear, factor, families);
+        let horizons = sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / layers;
+        let jacobi = scene.solver.preconditioner == PreconditionerChoice::BlockJacobi;
+        let horizons = (jacobi || !linear.stores_matrix).then_some(horizons);
+        let time = if of_families {
+            let others = time::interaction_seconds(&interactions, input.energies);
+            let bonds = interactions.bonds as f64;
+            families::time(families, (bonds, others), blocks, &linear, factor, threads)
+        } else {
+            let interactions = (&interactions, input.energies);
+            let matrix = (dimension, blocks);
+            TimeEstimate::new(interactions, matrix, &linear, factor, horizons, threads)
+        };
+        let time = time.for_increments(scene.steps.increments);
+        Plan {
+            dimension,
+            points,
+            unknowns,
+            interactions,
+            kernels,
+            linear,
+            memory_total: memory.iter().map(|item| item.bytes).sum(),
+            memory,
+            available_memory: input.available_memory,
+            threads,
+            increments: scene.steps.increments,
+            time,
+            of_families,
+            first: None,
+            notes: input.notes,
+        }
+    }
+
+    /// Takes what was seen of the first increment instead of the estimates of its cost.
+    pub fn rehearsed(&mut self, first: FirstIncrement) {
+        self.time = self.time.of(&first, self.increments);
+        self.first = Some(first);
+    }
+
+    /// Why this machine should not try, if it should not: estimates may be too low, so they keep a
+    /// margin.
+    pub fn refusal(&self) -> Option<String> {
+        let needed = (self.memory_total as f64 * MEMORY_MARGIN) as u64;
+        let available = self.available_memory.filter(|available| needed > *available)?;
+        let largest = self.memory.iter().max_by_key(|item| item.bytes)?;
+        Some(format!(
+            "this needs about {} of memory ({} for the {}), and {} are available",
+            text::bytes(self.memory_total),
+            text::bytes(largest.bytes),
+            largest.item,
+            text::bytes(available)
+        ))
+    }
+}
+
+/// Memory that a new process may use now, in bytes: the machine's, or its control group's if less.
+/// `None` on a system that does not tell.
+pub fn available_memory() -> Option<u64> {
+    let mut system = sysinfo::System::new().ok()?;
+    system.refresh_memory();
+    let machine = system.available_memory();
+    Some(match system.cgroup_limits() {
+        Some(limits) if limits.total_memory > 0 => machine.min(limits.free_memory),
+        _ => machine,
+    })
+}
+
+/// The lattice spacing, or the edge of a point's mean volume.
+fn typical_spacing(body: &Body) -> f64 {
+    crate::scene::selection::typical_spacing(body.dimension(), body.volumes(), body.spacing())
+}
+
+/// Blocks of the upper triangle of a matrix that couples points over so many bonds.
+fn blocks(extent: &Extent, interactions: &InteractionCount, reach: usize) -> f64 {
+    let n = extent.points as f64;
+    let wider = (0..extent.dimension).fold(1.0, |wider, _| wider * reach as f64);
+    (n + interactions.bonds as f64 * wider).min(0.5 * n * (n + 1.0))
+}
+
+/// Bytes of so many blocks, and a column number for each.
+fn matrix_bytes(dimension: usize, blocks: f64) -> (f64, f64) {
+    (blocks * (8 * dimension * dimension) as f64, 4.0 * blocks)
+}
+
+/// Memory of the parts of a run.
+fn memory(
+    extent: &Extent,
+    interactions: &InteractionCount,
+    blocks: f64,
+    linear: &Choice,
+    factor: FactorEstimate,
+    families: &[Families],
+) -> Vec<MemoryItem> {
+    let (n, d) = (extent.points, extent.dimension);
+    let bonds = interactions.bonds as f64;
+    let (values, columns) = matrix_bytes(d, blocks);
+    let mut items = vec![
+        ("points and displacements", (n * (8 * d + 12 + STATE_VECTORS * 8 * d)) as f64),
+        ("neighbourhood", 16.0 * bonds + 24.0 * n as f64),
+    ];
+    for families in families {
+        items.extend(families.memory(n, d, bonds));
+    }
+    let of_families = !families.is_empty();
+    items.push(match (linear.stores_matrix, of_families) {
+        (false, true) => ("preconditioner (bond-based)", values + columns),
+        (false, false) => ("tangent, upper blocks", columns),
+        _ => ("tangent, upper blocks", values + columns),
+    });
+    let factor_bytes = |overhead: f64| ("factor", factor.entries * 8.0 * overhead);
+    match linear.method {
+        LinearMethod::Cholesky => {
+            items.push(("tangent, free components", 2.0 * values));
+            items.push(factor_bytes(CHOLESKY_OVERHEAD));
+        }
+        LinearMethod::Lu => {
+            items.push(("tangent, free components", 4.0 * values));
+            items.push(factor_bytes(LU_OVERHEAD));
+        }
+        _ if !linear.stores_matrix && of_families && families::is_factorised(factor, blocks) => {
+            items.push(("preconditioner, free part", 2.0 * values));
+            items.push(("preconditioner, factor", factor_bytes(CHOLESKY_OVERHEAD).1));
+        }
+        _ => items.push(("preconditioner", (n * 8 * PRECONDITIONER_NUMBERS) as f64)),
+    }
+    if linear.method == LinearMethod::Gmres {
+        items.push(("vectors of GMRES", (n * 8 * d * (linear::RESTART + 1)) as f64));
+    }
+    items.into_iter().map(|(item, bytes)| MemoryItem { item, bytes: bytes as u64 }).collect()
+}
+
+#[cfg(test)]
+mod tests;

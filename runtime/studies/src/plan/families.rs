@@ -1,0 +1,144 @@
+//! What energies of deformation gradients and of gathered states cost.
+//!
+//! Their tangent reaches two or three horizons. It is not stored unless the scene says so: products
+//! visit the bonds, and springs like the tangent precondition them.
+
+use piola_mechanics::correspondence::Discretisation;
+use piola_solvers::linear::{Choice, LinearMethod, OPERATIONS_PER_BLOCK};
+
+use super::time::{FACTOR_FLOPS_PER_SECOND, LU_WORK, speed};
+use super::{FactorEstimate, TimeEstimate};
+
+/// Iterations of conjugate gradients to 1e-10 with the factor of the springs: 16 to 52 for bars.
+const FACTOR_ITERATIONS: f64 = 35.0;
+
+/// The same with two levels of them.
+const TWO_LEVEL_ITERATIONS: f64 = 65.0;
+
+/// Finding one bond with its weights, in s.
+const BOND_SETUP_SECONDS: f64 = 400e-9;
+
+/// What bonds cost, in s per bond on one core: measured on 14^3 and 20^3 points.
+struct Seconds {
+    forces: f64,
+    /// What is worked out once for all products at the same displacements.
+    once: f64,
+    /// One product with the tangent.
+    product: f64,
+    /// One block of a stored tangent.
+    stored: f64,
+}
+
+impl Seconds {
+    fn of_gradients(forces: f64, product: f64) -> Seconds {
+        Seconds { forces, once: 0.0, product, stored: product }
+    }
+}
+
+/// What points know of their families.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Families {
+    /// A deformation gradient.
+    Nodal,
+    /// A deformation gradient, and what neighbours deviate from it.
+    Stabilised,
+    /// A deformation gradient, and one at each bond.
+    BondQuadrature,
+    /// So many integrals.
+    States(usize),
+}
+
+impl From<Discretisation> for Families {
+    fn from(choice: Discretisation) -> Families {
+        match choice {
+            Discretisation::Nodal => Families::Nodal,
+            Discretisation::Stabilised(_) => Families::Stabilised,
+            Discretisation::BondQuadrature => Families::BondQuadrature,
+        }
+    }
+}
+
+/// Whether springs like the tangent are factorised.
+pub(super) fn is_factorised(factor: FactorEstimate, blocks: f64) -> bool {
+    factor.flops <= OPERATIONS_PER_BLOCK * blocks
+}
+
+impl Families {
+    /// Over how many bonds the tangent couples points.
+    pub(super) fn reach(self) -> usize {
+        if self == Families::BondQuadrature { 3 } else { 2 }
+    }
+
+    fn seconds(self) -> Seconds {
+        match self {
+            Families::Nodal => Seconds::of_gradients(25e-9, 25e-9),
+            Families::Stabilised => Seconds::of_gradients(47e-9, 45e-9),
+            Families::BondQuadrature => Seconds::of_gradients(100e-9, 115e-9),
+            Families::States(integrals) => {
+                let m = integrals as f64;
+                Seconds {
+                    forces: 25e-9 + 18e-9 * m,
+                    once: 40e-9 + 40e-9 * m,
+                    product: 8e-9 + 2e-9 * m,
+                    stored: 200e-9 + 120e-9 * m,
+                }
+            }
+        }
+    }
+
+    /// What is kept for families, in bytes.
+    pub(super) fn memory(self, n: usize, d: usize, bonds: f64) -> Vec<(&'static str, f64)> {
+        let directed = 2.0 * bonds;
+        let tensor = (8 * n * d * d) as f64;
+        let gradients = ("deformation gradients", directed * (8 * d + 4) as f64 + 5.0 * tensor);
+        match self {
+            Families::Nodal => vec![gradients],
+            Families::Stabilised => vec![gradients, ("stabilisation", 8.0 * bonds + tensor)],
+            Families::BondQuadrature => vec![gradients, ("bond quadrature", 8.0 * bonds)],
+            Families::States(integrals) => {
+                // Numbers per bond at the peak, while second derivatives are worked out: of one to
+                // three integrals in two and three dimensions measured to 3 %.
+                let numbers = d * (16 + 12 * integrals);
+                let points = n * (d + (3 + integrals) * (2 + integrals));
+                vec![("gathered states", 8.0 * (numbers as f64 * bonds + points as f64))]
+            }
+        }
+    }
+}
+
+/// Over how many bonds the tangent of several energies couples points: 1 of interactions alone.
+pub(super) fn reach(all: &[Families]) -> usize {
+    all.iter().map(|families| families.reach()).max().unwrap_or(1)
+}
+
+/// Of energies of families, with interactions whose energies, forces and tangents take so many seconds
+/// on one core: so do products with their tangents.
+pub(super) fn time(
+    all: &[Families],
+    (bonds, interactions): (f64, f64),
+    blocks: f64,
+    linear: &Choice,
+    factor: FactorEstimate,
+    threads: usize,
+) -> TimeEstimate {
+    let sum =
+        |of: fn(&Seconds) -> f64| all.iter().map(|families| of(&families.seconds())).sum::<f64>();
+    let whole = |seconds: f64| seconds * bonds / speed(threads);
+    let others = interactions / speed(threads);
+    let forces = whole(sum(|per_bond| per_bond.forces)) + others;
+    let product = whole(sum(|per_bond| per_bond.product)) + others;
+    let once = forces + whole(sum(|per_bond| per_bond.once));
+    let factorisation = factor.flops / FACTOR_FLOPS_PER_SECOND;
+    // The stored tangent is worked out entry by entry, over all that two points share.
+    let stored = forces + blocks * whole(sum(|per_bond| per_bond.stored)) / bonds.max(1.0);
+    let (assembly, linear) = match linear.method {
+        _ if !linear.stores_matrix && is_factorised(factor, blocks) => {
+            (once, factorisation + FACTOR_ITERATIONS * product)
+        }
+        _ if !linear.stores_matrix => (once, TWO_LEVEL_ITERATIONS * product),
+        LinearMethod::Cholesky => (stored, factorisation),
+        LinearMethod::Lu => (stored, LU_WORK * factorisation),
+        _ => (stored, TWO_LEVEL_ITERATIONS * product),
+    };
+    TimeEstimate::per_iteration(bonds * BOND_SETUP_SECONDS, assembly, linear)
+}

@@ -1,0 +1,284 @@
+//! Counts against brute force, estimates against measurements.
+
+use piola_mechanics::interaction::{Census, Degeneracy, Slabs};
+use piola_mechanics::neighborhood::Neighborhood;
+
+use super::count::bonds_in_box;
+use super::*;
+
+fn lattice(counts: [usize; 3], d: usize) -> Body {
+    let mut positions = Vec::new();
+    for x in 0..counts[0] {
+        for y in 0..counts[1] {
+            for z in 0..counts[2] {
+                positions.extend(&[x as f64 * 0.1, y as f64 * 0.1, z as f64 * 0.1][..d]);
+            }
+        }
+    }
+    let n = positions.len() / d;
+    Body::new(d, &positions, &vec![libm::pow(0.1, d as f64); n], Some(0.1))
+}
+
+const ALL: Needed = Needed { triangles: true, tetrahedra: true };
+
+fn counted(body: &Body, horizon: f64, needed: Needed) -> InteractionCount {
+    count_interactions(body, &Neighborhood::new(body, horizon).unwrap(), needed)
+}
+
+/// Every interaction of a body, by the census that the assembly takes.
+fn census(body: &Body, horizon: f64) -> Census {
+    let neighborhood = Neighborhood::new(body, horizon).unwrap();
+    let slabs = Slabs::new(&neighborhood);
+    Census::new(body, &neighborhood, Degeneracy::new(body), &slabs, |_| true)
+}
+
+#[test]
+fn a_small_body_is_counted_exactly() {
+    for (counts, d) in [([9, 7, 1], 2), ([6, 6, 5], 3)] {
+        let body = lattice(counts, d);
+        let (found, exact) = (counted(&body, 0.2, ALL), census(&body, 0.2));
+        assert!(found.exact);
+        assert_eq!(found.bonds, exact.bonds);
+        assert_eq!(found.triangles, exact.triangles);
+        assert_eq!(found.tetrahedra, exact.tetrahedra);
+    }
+}
+
+#[test]
+fn a_sample_of_a_large_body_is_close() {
+    let body = lattice([14, 13, 12], 3);
+    let (estimate, exact) = (counted(&body, 0.2, ALL), census(&body, 0.2));
+    assert!(!estimate.exact);
+    assert_eq!(estimate.bonds, exact.bonds);
+    let error = |estimate: u64, exact: u64| (estimate as f64 / exact as f64 - 1.0).abs();
+    assert!(error(estimate.triangles, exact.triangles) < 0.1, "{estimate:?} {exact:?}");
+    assert!(error(estimate.tetrahedra, exact.tetrahedra) < 0.1, "{estimate:?} {exact:?}");
+}
+
+#[test]
+fn what_is_not_needed_is_not_counted() {
+    let found = counted(&lattice([14, 13, 12], 3), 0.2, Needed::default());
+    assert_eq!((found.triangles, found.tetrahedra, found.exact), (0, 0, true));
+}
+
+/// Factors of lattices ordered by faer's approximate minimum degree: sides, horizon in spacings,
+/// entries, flops.
+const MEASURED: &[([f64; 3], f64, f64, f64)] = &[
+    ([30.0, 30.0, 1.0], 3.0, 2.3645e5, 3.9074e7),
+    ([100.0, 100.0, 1.0], 2.0, 2.4465e6, 6.0688e8),
+    ([100.0, 100.0, 1.0], 3.0, 6.1931e6, 3.0904e9),
+    ([200.0, 200.0, 1.0], 4.0, 5.6893e7, 7.2874e10),
+    ([400.0, 40.0, 1.0], 3.0, 7.4571e6, 2.2782e9),
+    ([400.0, 400.0, 1.0], 3.0, 1.8689e8, 2.9396e11),
+    ([8.0, 8.0, 8.0], 3.0, 5.9333e5, 2.9866e8),
+    ([16.0, 16.0, 16.0], 2.0, 1.1997e7, 1.9370e10),
+    ([20.0, 20.0, 20.0], 3.0, 6.4150e7, 2.4777e11),
+    ([26.0, 26.0, 26.0], 3.0, 2.5502e8, 1.9182e12),
+    ([60.0, 10.0, 10.0], 3.0, 2.1567e7, 3.0373e10),
+    ([40.0, 40.0, 8.0], 3.0, 8.9852e7, 2.9431e11),
+    ([100.0, 40.0, 5.0], 3.0, 1.0393e8, 2.3415e11),
+];
+
+#[test]
+fn factors_are_estimated_within_their_promise() {
+    for &(sides, layers, entries, flops) in MEASURED {
+        let d = if sides[2] == 1.0 { 2 } else { 3 };
+        let estimate = estimate_factor(&sides[..d], layers, d);
+        let (e, f) = (estimate.entries / entries, estimate.flops / flops);
+        assert!((0.6..1.3).contains(&e), "{sides:?}: entries {e} of the truth");
+        assert!((0.4..1.5).contains(&f), "{sides:?}: flops {f} of the truth");
+    }
+}
+
+#[test]
+fn a_factor_has_at_least_the_dense_triangle_of_a_tiny_body() {
+    let estimate = estimate_factor(&[2.0, 2.0], 3.0, 2);
+    assert_eq!(estimate.entries, 8.0 * 8.0 / 2.0);
+}
+
+fn scene(settings: &str) -> Scene {
+    let text = format!(
+        "[body]\nbox = [[0, 0, 0], [2, 2, 2]]\nspacing = 0.1\n\
+         [horizon]\nspacings = 3\n[material]\npotential = \"p\"\n{settings}"
+    );
+    Scene::read(&text, "scene.toml", &[]).unwrap()
+}
+
+fn plan(scene: &Scene, available_memory: Option<u64>) -> Plan {
+    plan_of(lattice([20, 20, 20], 3), scene, available_memory)
+}
+
+fn plan_of(body: Body, scene: &Scene, available_memory: Option<u64>) -> Plan {
+    plan_with(body, scene, &[], available_memory)
+}
+
+fn plan_with(
+    body: Body,
+    scene: &Scene,
+    families: &[Families],
+    available_memory: Option<u64>,
+) -> Plan {
+    let interactions = counted(&body, scene.horizon_radius(), Needed::default());
+    Plan::new(PlanInput {
+        scene,
+        extent: Extent::of(&body),
+        notes: Vec::new(),
+        interactions: InteractionCount { triangles: 6_820_000, exact: false, ..interactions },
+        kernels: vec![
+            KernelNote { energy: "psi(l)".into(), modelled: true, reason: String::new() },
+            KernelNote { energy: "psi(v)".into(), modelled: false, reason: "C3 = 0".into() },
+        ],
+        energies: [1; 3],
+        families: families.to_vec(),
+        prescribed: 1200,
+        threads: 1,
+        available_memory,
+    })
+}
+
+/// The cube of 20^3 points with 408,364 bonds: times and memory that were measured.
+#[test]
+fn estimates_are_within_a_factor_of_three_of_measurements() {
+    let within = |estimate: f64, measured: f64| {
+        assert!(estimate < 3.0 * measured && measured < 3.0 * estimate, "{estimate} {measured}");
+    };
+    let direct = plan(&scene("[solver]\nlinear = \"cholesky\""), None);
+    assert_eq!(direct.interactions.bonds, 408_364);
+    assert_eq!(direct.unknowns, 22_800);
+    assert_eq!(direct.linear.method, LinearMethod::Cholesky);
+    within(direct.time.linear, 6.2);
+    within(direct.time.assembly, 0.30);
+    within(direct.memory_total as f64, 922e6);
+    let iterative = plan(&scene("[solver]\nlinear = \"cg\""), None);
+    within(iterative.time.linear, 0.08);
+    assert!(iterative.memory_total < direct.memory_total / 8);
+    let jacobi = "[solver]\nlinear = \"cg\"\npreconditioner = \"block-jacobi\"";
+    within(plan(&scene(jacobi), None).time.linear, 0.25);
+    let lu = plan(&scene("[solver]\nlinear = \"lu\""), None);
+    within(lu.time.linear, 26.0);
+    within(lu.memory_total as f64, 3.56e9);
+}
+
+#[test]
+fn what_exceeds_the_machine_is_refused() {
+    let direct = scene("[solver]\nlinear = \"cholesky\"");
+    assert_eq!(plan(&direct, None).refusal(), None);
+    let refusal = plan(&direct, Some(100_000_000)).refusal().unwrap();
+    assert!(refusal.contains("factor") && refusal.contains("100 MB"), "{refusal}");
+}
+
+#[test]
+fn auto_avoids_a_factor_and_a_matrix_that_do_not_fit() {
+    let auto = scene("");
+    let of = |memory| plan_of(lattice([10, 10, 10], 3), &auto, memory);
+    let plenty = of(None);
+    assert_eq!(plenty.linear.method, LinearMethod::Cholesky, "{}", plenty.linear.reason);
+    // The factor takes 13 MB, the matrix 3 MB.
+    let small = of(Some(12_000_000));
+    assert_eq!(small.linear.method, LinearMethod::Cg, "{}", small.linear.reason);
+    assert!(small.linear.reason.contains("exceeds"), "{}", small.linear.reason);
+    assert_eq!(small.refusal(), None);
+    let tiny = of(Some(4_000_000));
+    assert_eq!(tiny.linear.method, LinearMethod::MatrixFree, "{}", tiny.linear.reason);
+    assert_eq!(tiny.refusal(), None);
+}
+
+/// 20^3 points take 2.3e11 operations: more than the solver spends on one factorisation.
+#[test]
+fn auto_iterates_where_the_solver_does() {
+    assert_eq!(plan(&scene(""), None).linear.method, LinearMethod::Cg);
+}
+
+#[test]
+fn the_time_grows_with_the_increments() {
+    let few = plan(&scene("[steps]\nincrements = 10"), None).time;
+    let many = plan(&scene("[steps]\nincrements = 20"), None).time;
+    let (few, many) = (few.total - few.setup, many.total - many.setup);
+    assert!((many / few - 2.0).abs() < 1e-12);
+}
+
+#[test]
+fn a_plan_reads_well_and_is_json() {
+    let plan = plan(&scene(""), Some(8_000_000_000));
+    let text = plan.to_string();
+    let parts = ["408 364", "triangles (estimated)", "C3 = 0", "dropped", "available", "8.0 GB"];
+    for part in parts.into_iter().chain(["conjugate gradients:", "22800 unknowns in three"]) {
+        assert!(text.contains(part), "{part} is not in\n{text}");
+    }
+    assert!(text.lines().all(|line| line.len() < 80 && line == line.trim_end()), "{text}");
+    let json = serde_json::to_value(&plan).unwrap();
+    assert_eq!(json["interactions"]["bonds"], 408_364);
+    assert_eq!(json["linear"], "cg");
+    assert!(json["linear_reason"].as_str().unwrap().contains("a factorisation would take"));
+    assert_eq!(json["kernels"][1]["reason"], "C3 = 0");
+}
+
+#[test]
+fn this_machine_has_memory() {
+    assert!(available_memory().unwrap() > 1_000_000);
+}
+
+#[test]
+fn a_body_has_what_its_energies_need_and_nothing_else() {
+    let scene_of = |linear: &str| scene(&format!("[solver]\nlinear = \"{linear}\"\n"));
+    let items = |families: &[Families], linear: &str| -> Vec<&str> {
+        let plan = plan_with(lattice([10, 10, 10], 3), &scene_of(linear), families, None);
+        plan.memory.iter().map(|item| item.item).collect()
+    };
+    let bonds = items(&[], "auto");
+    for absent in ["deformation gradients", "bond quadrature", "gathered states", "stabilisation"] {
+        assert!(!bonds.contains(&absent), "{bonds:?}");
+    }
+    let nodal = items(&[Families::Nodal], "auto");
+    assert!(nodal.contains(&"deformation gradients") && !nodal.contains(&"bond quadrature"));
+    assert!(!nodal.contains(&"tangent, upper blocks"), "{nodal:?}");
+    assert!(items(&[Families::BondQuadrature], "auto").contains(&"bond quadrature"));
+    assert!(items(&[Families::States(2)], "auto").contains(&"gathered states"));
+    assert!(items(&[Families::Nodal], "cg").contains(&"tangent, upper blocks"));
+    // A stored tangent reaches three horizons: here all points are coupled.
+    let bytes = |families: &[Families]| {
+        let plan = plan_with(lattice([10, 10, 10], 3), &scene_of("cg"), families, None);
+        let tangent = plan.memory.iter().find(|item| item.item == "tangent, upper blocks");
+        tangent.unwrap().bytes
+    };
+    assert_eq!(bytes(&[Families::BondQuadrature]), 1000 * 1001 / 2 * (72 + 4));
+    assert!(bytes(&[Families::Nodal]) > 5 * bytes(&[]));
+}
+
+/// Boxes that are not filled, and bodies that are not searched, have what they are counted to have.
+#[test]
+fn boxes_and_samples_come_close_to_the_count() {
+    use crate::scene::Nodes;
+    for (counts, horizon) in [([40, 30, 1], 0.3), ([16, 14, 12], 0.2)] {
+        let d = if counts[2] == 1 { 2 } else { 3 };
+        let body = lattice(counts, d);
+        let exact = counted(&body, horizon, ALL);
+        let shape = LatticeShape {
+            low: vec![0.0; d],
+            high: counts[..d].iter().map(|n| *n as f64 * 0.1).collect(),
+            spacing: 0.1,
+            nodes: Nodes::Cells,
+        };
+        let boxed = count_in_box(&shape, horizon, ALL);
+        assert_eq!((boxed.bonds, boxed.bonds_exact, boxed.exact), (exact.bonds, true, false));
+        let family = 2.0 * exact.bonds as f64 / body.n_points() as f64;
+        let sampled = estimate_interactions(&body, horizon, family, ALL).unwrap();
+        for found in [boxed, sampled] {
+            let pairs = [
+                (found.bonds, exact.bonds),
+                (found.triangles, exact.triangles),
+                (found.tetrahedra, exact.tetrahedra),
+            ];
+            for (found, exact) in pairs {
+                assert!(
+                    (found as f64 - exact as f64).abs() <= 0.15 * exact as f64,
+                    "{found} {exact}"
+                );
+            }
+        }
+    }
+    // Beyond so many differences a ball counts: 1 % at a horizon of 160 spacings.
+    let counts = [1e4, 1e4, 1e4];
+    let ball = 2.0 / 3.0 * std::f64::consts::PI * 160.0 * 160.0 * 160.0 * 1e12;
+    assert!((bonds_in_box(&counts, 160.0) / ball - 1.0).abs() < 0.01);
+}

@@ -1,0 +1,188 @@
+//! A plan for people: aligned columns, units that fit.
+
+use std::fmt;
+
+use piola_solvers::linear::LinearMethod;
+
+use super::{Basis, Plan};
+
+impl fmt::Display for Plan {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let count = |f: &mut fmt::Formatter<'_>, name: &str, n: u64| {
+            writeln!(f, "  {name:<28}{:>14}", grouped(n))
+        };
+        let estimated = if self.interactions.exact { "" } else { " (estimated)" };
+        writeln!(f, "model, {} dimensions", self.dimension)?;
+        count(f, "points", self.points as u64)?;
+        count(f, "unknowns", self.unknowns as u64)?;
+        let bonds = if self.interactions.bonds_exact { "bonds" } else { "bonds (estimated)" };
+        count(f, bonds, self.interactions.bonds)?;
+        count(f, &format!("triangles{estimated}"), self.interactions.triangles)?;
+        count(f, &format!("tetrahedra{estimated}"), self.interactions.tetrahedra)?;
+        if !self.kernels.is_empty() {
+            writeln!(f, "energies")?;
+        }
+        for kernel in &self.kernels {
+            let fate = if kernel.modelled { "modelled" } else { "dropped" };
+            let line = format!("  {:<28}{fate:>14}   {}", kernel.energy, kernel.reason);
+            writeln!(f, "{}", line.trim_end())?;
+        }
+        writeln!(f, "memory beside the 25 MB of the program, within a factor of 1.5")?;
+        for item in &self.memory {
+            writeln!(f, "  {:<28}{:>14}", item.item, bytes(item.bytes))?;
+        }
+        writeln!(f, "  {:<28}{:>14}", "together", bytes(self.memory_total))?;
+        let available = self.available_memory.map_or("unknown".into(), bytes);
+        writeln!(f, "  {:<28}{available:>14}", "available")?;
+        let threads =
+            if self.threads == 1 { "1 thread" } else { &format!("{} threads", self.threads) };
+        let basis = match self.time.basis {
+            Basis::Estimate => "estimated, within a factor of 3",
+            Basis::Iterations => "from the first iterations, a third of it or more",
+            Basis::Increment => "from the first increment, within a factor of 3",
+        };
+        writeln!(f, "time on {threads}, {basis}")?;
+        let (short, name) = match self.linear.method {
+            LinearMethod::Cholesky => ("Cholesky", "Cholesky"),
+            LinearMethod::Lu => ("LU", "LU"),
+            LinearMethod::Gmres => ("GMRES", "GMRES"),
+            _ => ("CG", "conjugate gradients"),
+        };
+        let (free, without) = match self.linear.stores_matrix {
+            true => ("", ""),
+            false => ("free ", " without a stored tangent"),
+        };
+        let method = format!("linear system, {free}{short}");
+        writeln!(f, "  {:<28}{:>14}", "setup", seconds(self.time.setup))?;
+        writeln!(f, "  {:<28}{:>14}   per iteration", "assembly", seconds(self.time.assembly))?;
+        writeln!(f, "  {method:<28}{:>14}   per iteration", seconds(self.time.linear))?;
+        writeln!(f, "  {:<28}{:>14}", "increment", seconds(self.time.increment))?;
+        let total = format!("run of {} increments", self.increments);
+        writeln!(f, "  {total:<28}{:>14}", seconds(self.time.total))?;
+        writeln!(f, "linear systems by {name}{without}:")?;
+        wrapped(&self.linear.reason).iter().try_for_each(|line| writeln!(f, "  {line}"))?;
+        writeln!(f, "what this plan does not know, or takes for granted:")?;
+        let notes = self.notes.iter().cloned().chain([self.time_note()]);
+        notes.flat_map(|note| wrapped(&note)).try_for_each(|line| writeln!(f, "  {line}"))
+    }
+}
+
+impl Plan {
+    /// What the time rests on, in a sentence without its full stop.
+    fn time_note(&self) -> String {
+        let Some(first) = &self.first else {
+            let reason = if self.of_families && !self.linear.stores_matrix {
+                "; linear systems of families take 30 to 1000 products, and 35 to 65 are taken"
+            } else {
+                ""
+            };
+            return format!("5 Newton iterations per increment, without line searches{reason}");
+        };
+        let iterations = number_of(first.iterations, "Newton iteration");
+        let mut seen = vec![iterations];
+        if first.products > 0 {
+            seen.push(number_of(first.products, "product with the tangent"));
+        }
+        if first.cut_backs > 0 {
+            seen.push(number_of(first.cut_backs, "cut-back"));
+        }
+        let seen = seen.join(", ");
+        match (&first.failure, self.time.basis) {
+            (Some(failure), _) => format!("the first increment fails after {seen}: {failure}"),
+            (None, Basis::Increment) if first.solved < 1.0 => format!(
+                "{:.3} of the first increment took {seen}; the rest is taken to be like that",
+                first.solved
+            ),
+            (None, Basis::Increment) => format!(
+                "the first increment took {seen}; further ones are taken to be like it, and may be \
+                 harder"
+            ),
+            _ => format!("the first increment was not solved after {seen}"),
+        }
+    }
+}
+
+/// `1 cut-back`, `3 cut-backs`, `products with the tangent`
+fn number_of(n: usize, what: &str) -> String {
+    match what.split_once(' ') {
+        _ if n == 1 => format!("1 {what}"),
+        Some(("product", rest)) => format!("{n} products {rest}"),
+        _ => format!("{n} {what}s"),
+    }
+}
+
+/// Lines of at most 76 characters.
+fn wrapped(text: &str) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    for word in text.split(' ') {
+        match lines.last_mut() {
+            Some(line) if line.len() + 1 + word.len() <= 76 => {
+                line.push(' ');
+                line.push_str(word);
+            }
+            _ => lines.push(word.to_string()),
+        }
+    }
+    lines
+}
+
+/// `1 234 567`
+fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let mut out = String::new();
+    for (i, digit) in digits.chars().enumerate() {
+        if i > 0 && (digits.len() - i).is_multiple_of(3) {
+            out.push(' ');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+/// Bytes with a decimal prefix: `512 B`, `3.2 MB`.
+pub(crate) fn bytes(bytes: u64) -> String {
+    let units = ["kB", "MB", "GB", "TB", "PB"];
+    let mut value = bytes as f64;
+    let mut unit = "B";
+    for larger in units {
+        if value < 999.5 {
+            break;
+        }
+        value /= 1000.0;
+        unit = larger;
+    }
+    if unit == "B" || value >= 99.5 {
+        format!("{value:.0} {unit}")
+    } else {
+        format!("{value:.1} {unit}")
+    }
+}
+
+/// A duration with a unit that fits: `12 ms`, `3.4 s`, `2.5 min`, `7.1 h`, `3.0 days`.
+fn seconds(seconds: f64) -> String {
+    match seconds {
+        s if s < 1.0 => format!("{:.1} ms", s * 1e3),
+        s if s < 120.0 => format!("{s:.1} s"),
+        s if s < 7200.0 => format!("{:.1} min", s / 60.0),
+        s if s < 172_800.0 => format!("{:.1} h", s / 3600.0),
+        s => format!("{:.1} days", s / 86_400.0),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_fit() {
+        assert_eq!(bytes(512), "512 B");
+        assert_eq!(bytes(999_600), "1.0 MB");
+        assert_eq!(bytes(3_200_000), "3.2 MB");
+        assert_eq!(bytes(123_456_789_012), "123 GB");
+        assert_eq!(grouped(1_234_567), "1 234 567");
+        assert_eq!(grouped(123), "123");
+        assert_eq!(seconds(0.0123), "12.3 ms");
+        assert_eq!(seconds(150.0), "2.5 min");
+        assert_eq!(seconds(5e5), "5.8 days");
+    }
+}

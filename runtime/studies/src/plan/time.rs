@@ -1,0 +1,161 @@
+//! How long a run takes.
+
+use piola_solvers::linear::{Choice, LinearMethod};
+use serde::Serialize;
+
+use super::{FactorEstimate, InteractionCount, matrix_bytes};
+
+/// Assembling the energy, gradient and tangent of one interaction on one core, in s.
+const BOND_SECONDS: f64 = 10e-9;
+const TRIANGLE_SECONDS: f64 = 55e-9;
+const TETRAHEDRON_SECONDS: f64 = 50e-9;
+
+/// Finding one bond and placing its block in the matrix, in s.
+const BOND_SETUP_SECONDS: f64 = 150e-9;
+
+/// How much each further thread adds to the speed of assembly.
+const THREAD_GAIN: f64 = 0.7;
+
+/// Sparse Cholesky, multiplications and additions per s: 2.3e10 in 2D, 4e10 in 3D; it does not gain
+/// from threads.
+pub(super) const FACTOR_FLOPS_PER_SECOND: f64 = 2e10;
+
+/// Work of LU over that of Cholesky.
+pub(super) const LU_WORK: f64 = 4.0;
+
+/// Bytes of a matrix that pass through the processor per s in a product with a vector.
+const MATRIX_BYTES_PER_SECOND: f64 = 19e9;
+
+/// Iterations of conjugate gradients to 1e-10 with block Jacobi: so many per horizon that fits into
+/// the body's longest side (126 for 7 horizons in 3D, 442 for 33 in 2D).
+const CG_ITERATIONS_PER_HORIZON: f64 = 16.0;
+const CG_ITERATIONS: f64 = 20.0;
+
+/// The same with two levels, for bodies of any size: 27 for bonds in 3D, 60 for a nearly
+/// incompressible cube. The coarse system adds half to the time of each.
+const TWO_LEVEL_ITERATIONS: f64 = 50.0;
+const TWO_LEVEL_TIME: f64 = 1.5;
+
+/// Newton iterations that an increment usually takes.
+const NEWTON_ITERATIONS: f64 = 5.0;
+
+/// Time by phase, in s.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct TimeEstimate {
+    /// Finding neighbours and laying out the matrix, once.
+    pub setup: f64,
+    /// Energy, forces and tangent, per Newton iteration.
+    pub assembly: f64,
+    /// The linear system, per Newton iteration.
+    pub linear: f64,
+    /// An increment with all its Newton iterations, line searches and cut-backs.
+    pub increment: f64,
+    /// All of it.
+    pub total: f64,
+    /// What it rests on.
+    pub basis: Basis,
+}
+
+/// What a time rests on, from the least sure to the surest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Basis {
+    /// Counts, and 5 Newton iterations per increment.
+    Estimate,
+    /// The first Newton iterations of the run.
+    Iterations,
+    /// The first increment of the run.
+    Increment,
+}
+
+/// The first increment of a run, as far as it was solved.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct FirstIncrement {
+    /// Newton iterations that were finished, those that a cut-back threw away among them.
+    pub iterations: usize,
+    /// Products with the tangent.
+    pub products: usize,
+    /// How often the increment was halved.
+    pub cut_backs: usize,
+    /// Time of energies, forces and tangents, in s.
+    pub assembly: f64,
+    /// Time of linear systems, in s.
+    pub linear: f64,
+    /// Time of line searches, in s.
+    pub line_search: f64,
+    /// What part of the increment was reached: 1 where all of it was solved.
+    pub solved: f64,
+    /// Why no equilibrium was found, if none was.
+    pub failure: Option<String>,
+}
+
+/// How much faster assembly is on so many threads.
+pub(super) fn speed(threads: usize) -> f64 {
+    1.0 + THREAD_GAIN * (threads.max(1) - 1) as f64
+}
+
+/// Assembling energies, forces and tangents once on one core, in s; `energies` counts those of bonds,
+/// triangles and tetrahedra.
+pub(super) fn interaction_seconds(interactions: &InteractionCount, energies: [usize; 3]) -> f64 {
+    let counts = [interactions.bonds, interactions.triangles, interactions.tetrahedra];
+    let seconds = [BOND_SECONDS, TRIANGLE_SECONDS, TETRAHEDRON_SECONDS];
+    let kinds = counts.into_iter().zip(energies).zip(seconds);
+    kinds.map(|((count, energies), seconds)| count as f64 * energies as f64 * seconds).sum()
+}
+
+impl TimeEstimate {
+    /// `energies` counts those of bonds, triangles and tetrahedra. `horizons` that fit into the body's longest side decide how conjugate gradients converge;
+    /// `None` with two levels, where they do not.
+    pub(super) fn new(
+        (interactions, energies): (&InteractionCount, [usize; 3]),
+        (dimension, blocks): (usize, f64),
+        linear: &Choice,
+        factor: FactorEstimate,
+        horizons: Option<f64>,
+        threads: usize,
+    ) -> TimeEstimate {
+        let speed = speed(threads);
+        let bonds = interactions.bonds as f64;
+        let assembly = interaction_seconds(interactions, energies) / speed;
+        let iterations =
+            horizons.map(|horizons| CG_ITERATIONS + CG_ITERATIONS_PER_HORIZON * horizons);
+        let linear = match linear.method {
+            LinearMethod::Cholesky => factor.flops / FACTOR_FLOPS_PER_SECOND,
+            LinearMethod::Lu => LU_WORK * factor.flops / FACTOR_FLOPS_PER_SECOND,
+            _ if !linear.stores_matrix => iterations.unwrap_or(TWO_LEVEL_ITERATIONS) * assembly,
+            _ => {
+                let iterations = iterations.unwrap_or(TWO_LEVEL_ITERATIONS * TWO_LEVEL_TIME);
+                iterations * matrix_bytes(dimension, blocks).0 / MATRIX_BYTES_PER_SECOND
+            }
+        };
+        let setup = bonds * BOND_SETUP_SECONDS;
+        TimeEstimate::per_iteration(setup, assembly, linear)
+    }
+
+    /// With the usual Newton iterations.
+    pub(super) fn per_iteration(setup: f64, assembly: f64, linear: f64) -> TimeEstimate {
+        let increment = NEWTON_ITERATIONS * (assembly + linear);
+        TimeEstimate { setup, assembly, linear, increment, total: 0.0, basis: Basis::Estimate }
+    }
+
+    /// With every increment like the first.
+    pub(super) fn for_increments(self, increments: usize) -> TimeEstimate {
+        TimeEstimate { total: self.setup + increments as f64 * self.increment, ..self }
+    }
+
+    /// With what was seen of the first increment.
+    pub(super) fn of(self, first: &FirstIncrement, increments: usize) -> TimeEstimate {
+        let FirstIncrement { iterations, assembly, linear, line_search, solved, .. } = *first;
+        let all = assembly + linear + line_search;
+        let n = iterations.max(1) as f64;
+        let (basis, increment) = match (solved > 0.0, iterations) {
+            (true, _) => (Basis::Increment, all / solved),
+            // What is left of a linear system nobody knows: at least as much again is taken.
+            (false, 0) => (Basis::Iterations, NEWTON_ITERATIONS * (assembly + 2.0 * linear)),
+            (false, _) => (Basis::Iterations, all / n * NEWTON_ITERATIONS.max(n + 1.0)),
+        };
+        let linear = if iterations == 0 { 2.0 * linear } else { linear / n };
+        let time = TimeEstimate { assembly: assembly / n, linear, increment, basis, ..self };
+        time.for_increments(increments)
+    }
+}

@@ -1,0 +1,543 @@
+//! Scenes: what a user writes in TOML about a body and what is done to it.
+//!
+//! | stage | input | output |
+//! |---|---|---|
+//! | [`Scene::read`] | text of the file, overrides | [`Scene`], or every mistake as a [`SceneReport`] |
+//! | [`selection::kept`] | conditions of `remove`, points | which points stay |
+//! | [`selection::select`] | [`Scene`], body | point sets, probes |
+//! | [`boundary::BoundaryConditions::new`] | [`Scene`], body, point sets | fixed components, loads |
+//!
+//! A [`Scene`] is complete: every default is filled in, every name of a set is known, every
+//! expression is compiled, numbers are finite and in range, vectors have one entry per dimension.
+//! [`Scene::resolved_toml`] writes it down, and that text reads back to an equal scene.
+
+pub mod boundary;
+mod check;
+mod expression;
+mod keys;
+mod overrides;
+mod potential;
+mod read;
+mod reader;
+pub mod selection;
+mod source;
+mod tree;
+mod write;
+
+#[cfg(test)]
+mod formula_tests;
+#[cfg(test)]
+mod tests;
+
+use piola_compiler::Form;
+use piola_grammar::{Diagnostic, Span};
+use piola_mechanics::correspondence::{Discretisation, OperatorOrder};
+use piola_mechanics::energy::Products;
+use piola_mechanics::kernel::Level;
+use piola_mechanics::weights::Weights;
+use piola_mechanics::words::Words;
+use piola_solvers::linear::{LinearMethod, PreconditionerChoice};
+use piola_solvers::newton::NewtonVariant;
+use piola_solvers::steps::Start;
+
+pub use expression::Expression;
+pub use piola_mechanics::lattice::Nodes;
+pub use potential::PotentialText;
+pub use source::{Finding, SceneReport, SourceText, Sources};
+
+/// The coordinates as expressions and messages name them.
+pub const AXES: [&str; 3] = ["X", "Y", "Z"];
+
+/// A scene file may have this many bytes, overrides included.
+pub const MAX_SCENE_BYTES: usize = 1 << 20;
+
+/// A scene as it was read: complete, checked, with every default filled in.
+///
+/// Two scenes are equal if they describe the same computation; where things stand in which file
+/// does not count.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// `[body]`
+    pub body: BodyShape,
+    /// `[horizon]`
+    pub horizon: Horizon,
+    /// `[material]` and every `[[material.plus]]`: at least one.
+    pub materials: Vec<Material>,
+    /// `[correspondence]`, for potentials with an energy of `F`; filled in for them.
+    pub correspondence: Option<CorrespondenceSettings>,
+    /// `[sets]`, in the order of the file.
+    pub sets: Vec<SetDefinition>,
+    /// `[[prescribe]]`
+    pub prescriptions: Vec<Prescription>,
+    /// `[[load]]`
+    pub loads: Vec<Load>,
+    /// `[[probe]]`
+    pub probes: Vec<Probe>,
+    /// `[steps]`
+    pub steps: Steps,
+    /// `[solver]`
+    pub solver: SolverSettings,
+    /// `[output]`
+    pub output: OutputSettings,
+    /// Findings that do not stop the work; spans as in [`Sources::report`].
+    pub warnings: Vec<Diagnostic>,
+    /// The texts from which the scene was read.
+    pub sources: Sources,
+}
+
+impl PartialEq for Scene {
+    fn eq(&self, other: &Scene) -> bool {
+        // Taken apart so that a new field cannot be forgotten here.
+        let Scene {
+            body,
+            horizon,
+            materials,
+            correspondence,
+            sets,
+            prescriptions,
+            loads,
+            probes,
+            steps,
+            solver,
+            output,
+            warnings: _,
+            sources: _,
+        } = self;
+        *body == other.body
+            && *horizon == other.horizon
+            && *materials == other.materials
+            && *correspondence == other.correspondence
+            && *sets == other.sets
+            && *prescriptions == other.prescriptions
+            && *loads == other.loads
+            && *probes == other.probes
+            && *steps == other.steps
+            && *solver == other.solver
+            && *output == other.output
+    }
+}
+
+impl Scene {
+    /// `[material]`, the first.
+    pub fn material(&self) -> &Material {
+        &self.materials[0]
+    }
+
+    /// The horizon in m.
+    pub fn horizon_radius(&self) -> f64 {
+        match (self.horizon.extent, &self.body.points) {
+            (HorizonExtent::Radius(radius), _) => radius,
+            (HorizonExtent::Spacings(count), Points::Lattice(lattice)) => count * lattice.spacing,
+            // The reader refuses this combination; no neighbours is the harmless reading.
+            (HorizonExtent::Spacings(_), Points::Cloud { .. }) => 0.0,
+        }
+    }
+
+    /// Leads findings about this scene back to its texts.
+    pub fn report(&self, diagnostics: Vec<Diagnostic>) -> SceneReport {
+        self.sources.report(diagnostics)
+    }
+}
+
+/// A value and where it stands. Equal if the values are.
+#[derive(Clone, Copy, Debug)]
+pub struct Located<T> {
+    /// The value.
+    pub value: T,
+    /// Its place in the scene's texts.
+    pub span: Span,
+}
+
+impl<T: PartialEq> PartialEq for Located<T> {
+    fn eq(&self, other: &Located<T>) -> bool {
+        self.value == other.value
+    }
+}
+
+/// `[body]`: where the points are.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BodyShape {
+    /// 2 or 3.
+    pub dimension: usize,
+    /// Where the points come from.
+    pub points: Points,
+    /// Points where one of these conditions holds are left out.
+    pub remove: Vec<Expression>,
+    /// 2D: of the body in m, where the scene says it.
+    pub thickness: Option<Located<f64>>,
+}
+
+/// Where the points of a body come from.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Points {
+    /// A box filled with a lattice.
+    Lattice(LatticeShape),
+    /// A file of points.
+    Cloud {
+        /// Its path, relative to the scene's folder.
+        path: Located<String>,
+    },
+}
+
+/// A box filled with a lattice of points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LatticeShape {
+    /// The corner with the least coordinates, in m; one entry per dimension.
+    pub low: Vec<f64>,
+    /// The corner with the greatest coordinates, in m.
+    pub high: Vec<f64>,
+    /// Distance of neighbouring points in m; every extent is a whole multiple of it.
+    pub spacing: f64,
+    /// Where in the cells the points are, and what of a cell each has.
+    pub nodes: Nodes,
+}
+
+impl LatticeShape {
+    /// How many cells lie along each axis.
+    pub fn cells(&self) -> impl Iterator<Item = f64> {
+        let sides = self.low.iter().zip(&self.high);
+        sides.map(|(low, high)| ((high - low) / self.spacing).round())
+    }
+
+    /// How many points lie along each axis before any are removed.
+    pub fn counts(&self) -> Vec<usize> {
+        self.cells().map(|cells| self.nodes.along(cells) as usize).collect()
+    }
+}
+
+/// `[horizon]`: who interacts, and with which weight.
+#[derive(Clone, Debug)]
+pub struct Horizon {
+    /// How far the interactions reach.
+    pub extent: HorizonExtent,
+    /// How neighbours are weighted.
+    pub weights: Weights,
+    /// Where the scene says so; without it the potential may ask for other weights.
+    pub weights_span: Option<Span>,
+}
+
+impl PartialEq for Horizon {
+    fn eq(&self, other: &Horizon) -> bool {
+        self.extent == other.extent && self.weights == other.weights
+    }
+}
+
+/// How far the interactions reach.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum HorizonExtent {
+    /// In lattice spacings.
+    Spacings(f64),
+    /// In m.
+    Radius(f64),
+}
+
+/// `[material]` or `[[material.plus]]`: a potential and its parameters. The energies of all add up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// A file beside the scene if it ends in `.piola`, else a name in the library.
+    pub potential: Located<String>,
+    /// The given parameters, in the order of the file.
+    pub parameters: Vec<ParameterSetting>,
+}
+
+/// The value of one parameter of a potential.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ParameterSetting {
+    /// Its name in the potential.
+    pub name: Located<String>,
+    /// Its value.
+    pub value: Located<ParameterText>,
+}
+
+/// A parameter's value as it was written.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ParameterText {
+    /// A finite number in the unit that the potential declares.
+    Number(f64),
+    /// A number with a unit, such as `200 GPa`; the compiler converts it.
+    Quantity(String),
+}
+
+/// `[correspondence]`: how a body gets its deformation gradients, and what is made of them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CorrespondenceSettings {
+    /// Where the energy density is evaluated; stiffnesses per volume of the material, in Pa/m^2.
+    pub discretisation: Discretisation,
+    /// Which polynomials are differentiated exactly.
+    pub order: OperatorOrder,
+    /// How much a neighbour counts.
+    pub influence: InfluenceChoice,
+    /// 2D: what happens across the plane.
+    pub plane: Plane,
+}
+
+/// What happens across the plane of a two-dimensional body with an energy of `F`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Plane {
+    /// Nothing: `psi(F)` is that of the plane.
+    #[default]
+    Strain,
+    /// The body gets thinner or thicker until nothing pulls it across.
+    Stress,
+}
+
+impl Words for Plane {
+    const WORDS: &'static [(&'static str, Plane)] =
+        &[("strain", Plane::Strain), ("stress", Plane::Stress)];
+}
+
+/// An influence function.
+#[derive(Clone, Debug, PartialEq)]
+pub enum InfluenceChoice {
+    /// One that has a name.
+    Named(NamedInfluence),
+    /// An expression of `L` and `delta`.
+    Expression(Expression),
+}
+
+/// An influence function that has a name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NamedInfluence {
+    /// A cubic B-spline that ends at the horizon.
+    #[default]
+    CubicSpline,
+    /// 1.
+    Constant,
+    /// One over the length of the bond.
+    Inverse,
+}
+
+impl Words for NamedInfluence {
+    const WORDS: &'static [(&'static str, NamedInfluence)] = &[
+        ("cubic-spline", NamedInfluence::CubicSpline),
+        ("constant", NamedInfluence::Constant),
+        ("inverse", NamedInfluence::Inverse),
+    ];
+}
+
+impl Default for InfluenceChoice {
+    fn default() -> Self {
+        InfluenceChoice::Named(NamedInfluence::default())
+    }
+}
+
+impl InfluenceChoice {
+    /// As the scene has it.
+    pub fn text(&self) -> &str {
+        match self {
+            InfluenceChoice::Named(named) => named.word(),
+            InfluenceChoice::Expression(expression) => &expression.text,
+        }
+    }
+}
+
+/// One entry of `[sets]`: a named set of points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SetDefinition {
+    /// Its name.
+    pub name: Located<String>,
+    /// What is true for its points, and only for them.
+    pub condition: Expression,
+}
+
+/// One `[[prescribe]]`: displacements that are given.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Prescription {
+    /// Index into [`Scene::sets`], and where the set is named.
+    pub set: Located<usize>,
+    /// One entry per dimension, in m; `None` leaves the component free.
+    pub components: Vec<Located<Option<Quantity>>>,
+}
+
+/// One `[[load]]`: forces that are given.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Load {
+    /// Index into [`Scene::sets`], and where the set is named.
+    pub set: Located<usize>,
+    /// What the components mean.
+    pub kind: LoadKind,
+    /// One entry per dimension.
+    pub components: Vec<Located<Quantity>>,
+}
+
+/// What the components of a load mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LoadKind {
+    /// The total on the set in N, shared in proportion to the point volumes.
+    Force,
+    /// Force per volume, in N/m^d.
+    Density,
+}
+
+impl LoadKind {
+    /// Its key in a scene file.
+    pub fn key(self) -> &'static str {
+        match self {
+            LoadKind::Force => "force",
+            LoadKind::Density => "density",
+        }
+    }
+}
+
+/// A number or an expression of X, Y, Z, t.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Quantity {
+    /// A finite number.
+    Number(f64),
+    /// An expression.
+    Expression(Expression),
+}
+
+impl Quantity {
+    /// Its value at a reference position (2 or 3 numbers, in m) and a time.
+    pub fn value(&self, position: &[f64], t: f64) -> f64 {
+        match self {
+            Quantity::Number(number) => *number,
+            Quantity::Expression(expression) => expression.value(position, t),
+        }
+    }
+
+    /// Whether it is the number 0.
+    pub fn is_zero(&self) -> bool {
+        matches!(self, Quantity::Number(number) if *number == 0.0)
+    }
+}
+
+/// One `[[probe]]`: a place whose displacement is recorded.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Probe {
+    /// Its name.
+    pub name: Located<String>,
+    /// The place in m, one entry per dimension.
+    pub at: Located<Vec<f64>>,
+}
+
+/// `[steps]`: t runs from 0 to `end` in equal increments.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Steps {
+    /// The last t.
+    pub end: f64,
+    /// How many increments there are, unless the solver cuts back.
+    pub increments: usize,
+}
+
+impl Default for Steps {
+    fn default() -> Self {
+        Steps { end: 1.0, increments: 25 }
+    }
+}
+
+/// `[solver]`: how equilibrium is found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SolverSettings {
+    /// 2-norm of the free residual over the larger of the 2-norms of reactions and applied loads.
+    pub tolerance: f64,
+    /// Where an increment starts.
+    pub start: Start,
+    /// How much of each Newton step is new.
+    pub newton: NewtonVariant,
+    /// How linear systems are solved.
+    pub linear: LinearMethod,
+    /// What makes conjugate gradients and GMRES converge.
+    pub preconditioner: PreconditionerChoice,
+    /// How products with the tangent come about.
+    pub products: Products,
+    /// Where the derivatives come from.
+    pub derivatives: DerivativeSource,
+    /// Level of the machine code.
+    pub level: Level,
+    /// In which form energies are evaluated.
+    pub form: Form,
+    /// What strain is computed from.
+    pub strain: StrainSource,
+    /// Newton iterations per increment.
+    pub max_iterations: usize,
+    /// What an end state that is not stable means.
+    pub unstable: Unstable,
+}
+
+impl Default for SolverSettings {
+    fn default() -> Self {
+        SolverSettings {
+            tolerance: 1e-10,
+            start: Start::default(),
+            newton: NewtonVariant::default(),
+            linear: LinearMethod::default(),
+            preconditioner: PreconditionerChoice::default(),
+            products: Products::default(),
+            derivatives: DerivativeSource::default(),
+            level: Level::default(),
+            form: Form::default(),
+            strain: StrainSource::default(),
+            max_iterations: 25,
+            unstable: Unstable::default(),
+        }
+    }
+}
+
+/// What an end state means whose tangent is not positive definite: a maximum or a saddle of the
+/// energy, which no body keeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Unstable {
+    /// The run has failed.
+    #[default]
+    Fail,
+    /// It is what the scene is about.
+    Accept,
+}
+
+impl Words for Unstable {
+    const WORDS: &'static [(&'static str, Unstable)] =
+        &[("fail", Unstable::Fail), ("accept", Unstable::Accept)];
+}
+
+/// Where psi' and psi'' come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DerivativeSource {
+    /// Machine code of the symbolic derivatives.
+    #[default]
+    Jit,
+    /// The symbolic derivatives, interpreted.
+    Interpreter,
+    /// Hyper-dual numbers of the measure.
+    Hyperdual,
+    /// Hyper-dual numbers of the points' coordinates, as in firooz2023.
+    HyperdualCoordinates,
+}
+
+impl Words for DerivativeSource {
+    const WORDS: &'static [(&'static str, DerivativeSource)] = &[
+        ("jit", DerivativeSource::Jit),
+        ("interpreter", DerivativeSource::Interpreter),
+        ("hyperdual", DerivativeSource::Hyperdual),
+        ("hyperdual-coordinates", DerivativeSource::HyperdualCoordinates),
+    ];
+}
+
+/// What strain is computed from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StrainSource {
+    /// Displacements.
+    #[default]
+    Displacements,
+    /// Current positions, rounded as a program that stores them has them; to compare with.
+    Positions,
+}
+
+impl Words for StrainSource {
+    const WORDS: &'static [(&'static str, StrainSource)] =
+        &[("displacements", StrainSource::Displacements), ("positions", StrainSource::Positions)];
+}
+
+/// `[output]`: what is written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OutputSettings {
+    /// How many frames the run writes after the undeformed one.
+    pub frames: usize,
+}
+
+impl Default for OutputSettings {
+    fn default() -> Self {
+        OutputSettings { frames: 25 }
+    }
+}

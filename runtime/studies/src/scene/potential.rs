@@ -1,0 +1,143 @@
+//! The text of the potential that a scene names.
+
+use std::path::{Path, PathBuf};
+
+use piola_grammar::Diagnostic;
+use piola_mechanics::weights::Weights;
+use piola_mechanics::words::Words;
+
+use super::{Horizon, Material, Points, Scene, SceneReport};
+use piola_grammar::suggest;
+
+/// A potential file may have this many bytes.
+const MAX_POTENTIAL_BYTES: u64 = 1 << 20;
+
+/// A potential's text and where it comes from.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PotentialText {
+    /// The path as the scene writes it, or the name in the library.
+    pub name: String,
+    /// The file, unless it comes from the library.
+    pub path: Option<PathBuf>,
+    /// The whole text.
+    pub text: String,
+}
+
+impl Scene {
+    /// The text of a potential of the scene: a file relative to `folder` if its name ends in `.piola`,
+    /// else whatever `library` has under that name. `names` are offered where it has nothing.
+    pub fn potential(
+        &self,
+        material: &Material,
+        folder: &Path,
+        library: &dyn Fn(&str) -> Option<&'static str>,
+        names: &[&str],
+    ) -> Result<PotentialText, SceneReport> {
+        let potential = &material.potential;
+        let name = potential.value.clone();
+        if name.ends_with(".piola") {
+            let path = folder.join(&name);
+            return match read(&path) {
+                Ok(text) => Ok(PotentialText { name, path: Some(path), text }),
+                Err(reason) => {
+                    let message = format!("cannot read the potential {}: {reason}", path.display());
+                    let diagnostic = Diagnostic::error("unreadable-file", potential.span, message);
+                    Err(self.report(vec![diagnostic]))
+                }
+            };
+        }
+        if let Some(text) = library(&name) {
+            return Ok(PotentialText { name, path: None, text: text.into() });
+        }
+        let message = format!("the library has no potential `{name}`");
+        let diagnostic = Diagnostic::error("unknown-potential", potential.span, message)
+            .help(format!("a file beside the scene is written with its ending: {name}.piola"));
+        Err(self.report(vec![match suggest(&name, names.iter().copied()) {
+            Some(near) => diagnostic.label(format!("did you mean `{near}`?")),
+            None if names.is_empty() => diagnostic,
+            None => diagnostic.help(format!("the library has {}", names.join(", "))),
+        }]))
+    }
+
+    /// Takes the weights that a potential asks for with `weights volumes`. Where the scene states
+    /// others, those hold, and a warning says so.
+    pub fn weigh_volumes(&mut self, potential: &str) -> Option<Diagnostic> {
+        if self.horizon.weights == Weights::Volumes {
+            return None;
+        }
+        let Some(span) = self.horizon.weights_span else {
+            self.horizon.weigh_volumes();
+            return None;
+        };
+        let weights = self.horizon.weights.word();
+        let message = format!("{potential} is made for weights = \"volumes\", not \"{weights}\"");
+        let warning = Diagnostic::warning("other-weights", span, message);
+        Some(warning.label("energies and forces are those of another material").help(
+            "write weights = \"volumes\", or leave the line out: the potential says what it needs",
+        ))
+    }
+
+    /// The file of a cloud of points, relative to the scene's `folder`.
+    pub fn cloud_path(&self, folder: &Path) -> Option<PathBuf> {
+        match &self.body.points {
+            Points::Cloud { path } => Some(folder.join(&path.value)),
+            Points::Lattice(_) => None,
+        }
+    }
+}
+
+impl Horizon {
+    /// Takes products of volumes for weights, unless the scene states its own.
+    pub(crate) fn weigh_volumes(&mut self) {
+        if self.weights_span.is_none() {
+            self.weights = Weights::Volumes;
+        }
+    }
+}
+
+/// Reads a file of bounded size; the reason of a failure is in words.
+fn read(path: &Path) -> Result<String, String> {
+    use std::io::Read;
+    let file = std::fs::File::open(path).map_err(|error| error.to_string())?;
+    let mut bytes = Vec::new();
+    // One byte more than allowed shows that a file is too long, whatever its metadata say.
+    let mut limited = file.take(MAX_POTENTIAL_BYTES + 1);
+    limited.read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    if bytes.len() as u64 > MAX_POTENTIAL_BYTES {
+        return Err(format!("it has more than {MAX_POTENTIAL_BYTES} bytes"));
+    }
+    String::from_utf8(bytes).map_err(|_| "it is not UTF-8 text".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use piola_grammar::Severity;
+
+    const LEAST: &str = "[body]\nbox = [[0, 0], [1, 1]]\nspacing = 0.05\n\
+        [horizon]\nspacings = 3\n[material]\npotential = \"solid\"\n";
+
+    fn read(text: &str) -> Scene {
+        Scene::read(text, "scene.toml", &[]).unwrap_or_else(|report| panic!("{report}"))
+    }
+
+    #[test]
+    fn a_potential_may_ask_for_products_of_volumes() {
+        let mut silent = read(LEAST);
+        assert_eq!(silent.weigh_volumes("solid"), None);
+        assert_eq!(silent.horizon.weights, Weights::Volumes);
+        assert!(silent.resolved_toml().contains("weights = \"volumes\""));
+        let stating = |weights: &str| {
+            read(&LEAST.replace("[horizon]\n", &format!("[horizon]\nweights = \"{weights}\"\n")))
+        };
+        assert_eq!(stating("volumes").weigh_volumes("solid"), None);
+        let mut other = stating("uniform");
+        let warning = other.weigh_volumes("solid").unwrap();
+        assert_eq!((warning.code, warning.severity), ("other-weights", Severity::Warning));
+        assert!(
+            warning.message.contains("solid is made for weights = \"volumes\", not \"uniform\"")
+        );
+        // What the scene says holds.
+        assert_eq!(other.horizon.weights, Weights::Uniform);
+    }
+}

@@ -1,0 +1,323 @@
+//! From the tree of a scene to a [`Scene`]: one function per table.
+
+mod body;
+mod conditions;
+mod correspondence;
+
+use piola_grammar::{Diagnostic, Span};
+use piola_mechanics::energy::Products;
+use piola_mechanics::words::Words;
+use piola_solvers::linear::settled;
+
+use super::check;
+use super::expression::{Expression, Role};
+use super::keys::{Row, Slot, named};
+use super::overrides;
+use super::reader::{Field, Reader, Schema, Table};
+use super::source::Sources;
+use super::tree::{self, Kind, Node};
+
+use super::{
+    Located, MAX_SCENE_BYTES, Material, OutputSettings, ParameterSetting, ParameterText, Points,
+    Scene, SceneReport, SolverSettings, Steps,
+};
+
+static SCENE: Schema = Schema {
+    title: "a scene",
+    keys: &[
+        ("body", "{ .. }"),
+        ("horizon", "{ .. }"),
+        ("material", "{ .. }"),
+        ("correspondence", "{ .. }"),
+        ("sets", "{ .. }"),
+        ("prescribe", "[{ .. }]"),
+        ("load", "[{ .. }]"),
+        ("probe", "[{ .. }]"),
+        ("steps", "{ .. }"),
+        ("solver", "{ .. }"),
+        ("output", "{ .. }"),
+    ],
+};
+static MATERIAL: Schema = Schema {
+    title: "[material]",
+    keys: &[
+        ("potential", "\"law.piola\""),
+        ("parameters", "{ C1 = 1.0, E = \"200 GPa\" }"),
+        ("plus", "[{ .. }]"),
+    ],
+};
+static PLUS: Schema = Schema {
+    title: "[[material.plus]]",
+    keys: &[("potential", "\"law.piola\""), ("parameters", "{ C1 = 1.0, E = \"200 GPa\" }")],
+};
+static STEPS: Schema = Schema { title: "[steps]", keys: &named(&STEPS_KEYS) };
+static SOLVER: Schema = Schema { title: "[solver]", keys: &named(&SOLVER_KEYS) };
+static OUTPUT: Schema = Schema { title: "[output]", keys: &named(&OUTPUT_KEYS) };
+
+pub(super) const STEPS_KEYS: [Row<Steps>; 2] = [
+    ("end", "1.0", |steps| Slot::Positive(&mut steps.end)),
+    ("increments", "25", |steps| Slot::Count(&mut steps.increments, 1)),
+];
+
+/// In the order in which they are written.
+pub(super) const SOLVER_KEYS: [Row<SolverSettings>; 12] = [
+    ("tolerance", "1e-10", |solver| Slot::Fraction(&mut solver.tolerance)),
+    ("start", "\"last\"", |solver| Slot::Word(&mut solver.start)),
+    ("newton", "\"full\"", |solver| Slot::Word(&mut solver.newton)),
+    ("linear", "\"auto\"", |solver| Slot::Word(&mut solver.linear)),
+    ("preconditioner", "\"auto\"", |solver| Slot::Word(&mut solver.preconditioner)),
+    ("products", "\"exact\"", |solver| Slot::Word(&mut solver.products)),
+    ("derivatives", "\"jit\"", |solver| Slot::Word(&mut solver.derivatives)),
+    ("level", "\"fast\"", |solver| Slot::Word(&mut solver.level)),
+    ("form", "\"accurate\"", |solver| Slot::Word(&mut solver.form)),
+    ("strain", "\"displacements\"", |solver| Slot::Word(&mut solver.strain)),
+    ("unstable", "\"fail\"", |solver| Slot::Word(&mut solver.unstable)),
+    ("max_iterations", "25", |solver| Slot::Count(&mut solver.max_iterations, 1)),
+];
+
+pub(super) const OUTPUT_KEYS: [Row<OutputSettings>; 1] =
+    [("frames", "25", |output| Slot::Count(&mut output.frames, 0))];
+
+impl Scene {
+    /// Reads a scene and applies overrides (`solver.tolerance=1e-8`, see `--set`) to it.
+    ///
+    /// `name` is how messages call the file. All mistakes of the file and the overrides are
+    /// reported at once. No file is opened.
+    pub fn read(text: &str, name: &str, overrides: &[String]) -> Result<Scene, SceneReport> {
+        let mut sources = Sources::new(name, text);
+        let size = text.len() + overrides.iter().map(String::len).sum::<usize>();
+        if size > MAX_SCENE_BYTES {
+            let message = format!("the scene has {size} bytes; at most {MAX_SCENE_BYTES} are read");
+            let span = Span::new(0, text.len().min(1));
+            return Err(sources.report(vec![Diagnostic::error("scene-too-large", span, message)]));
+        }
+        let mut entries = tree::parse_document(text).map_err(|found| sources.report(found))?;
+        let mut reader = Reader::default();
+        for text in overrides {
+            if let Err(diagnostic) = overrides::apply(text, &mut entries, &mut sources) {
+                reader.error(*diagnostic);
+            }
+        }
+        let root = Node { span: Span::new(0, 0), kind: Kind::Table(entries) };
+        match reader.scene(&root, &sources) {
+            Some(scene) if reader.found.is_empty() => Ok(scene),
+            _ => Err(sources.report(reader.found)),
+        }
+    }
+}
+
+/// What the tables need to know of each other.
+struct Context {
+    dimension: Option<usize>,
+    /// The spacing of a lattice, 0 for a cloud, `None` if the body could not be read.
+    spacing: Option<f64>,
+    sets: Vec<String>,
+}
+
+impl Reader {
+    fn scene(&mut self, root: &Node, sources: &Sources) -> Option<Scene> {
+        let root = self.table(&SCENE, root)?;
+        let section = |reader: &mut Reader, schema: &'static Schema, key| {
+            root.get(key).map(|entry| reader.table(schema, &entry.node))
+        };
+        let body_table = section(self, &body::BODY, "body");
+        let horizon_table = section(self, &body::HORIZON, "horizon");
+        let material_table = section(self, &MATERIAL, "material");
+        let correspondence_table =
+            section(self, &correspondence::CORRESPONDENCE, "correspondence").flatten();
+        let steps_table = section(self, &STEPS, "steps").flatten();
+        let solver_table = section(self, &SOLVER, "solver").flatten();
+        let output_table = section(self, &OUTPUT, "output").flatten();
+
+        let (dimension, body) = self.needed("body", body_table, Reader::body).unwrap_or_default();
+        let (names, sets) = self.sets(root.get("sets").map(|entry| &entry.node), dimension);
+        let spacing = body.as_ref().map(|body| match &body.points {
+            Points::Lattice(lattice) => lattice.spacing,
+            Points::Cloud { .. } => 0.0,
+        });
+        let context = Context { dimension, spacing, sets: names };
+        let horizon =
+            self.needed("horizon", horizon_table, |reader, table| reader.horizon(table, &context));
+        let materials = self.needed("material", material_table, Reader::materials);
+        let correspondence =
+            correspondence_table.as_ref().map(|table| self.correspondence(table, dimension));
+        let nodes = |key| root.get(key).map(|entry| &entry.node);
+        let prescriptions = self.prescriptions(nodes("prescribe"), &context);
+        let loads = self.loads(nodes("load"), &context);
+        let probes = self.probes(nodes("probe"), &context);
+        let steps = self.settings(steps_table.as_ref(), &STEPS_KEYS);
+        let solver = self.solver(solver_table.as_ref());
+        let output = self.settings(output_table.as_ref(), &OUTPUT_KEYS);
+        let warnings = check::warnings(&prescriptions, &loads, &sets);
+        Some(Scene {
+            body: body?,
+            horizon: horizon?,
+            materials: materials?,
+            correspondence: match correspondence {
+                Some(settings) => Some(settings?),
+                None => None,
+            },
+            sets,
+            prescriptions,
+            loads,
+            probes,
+            steps,
+            solver,
+            output,
+            warnings,
+            sources: sources.clone(),
+        })
+    }
+
+    /// Reads a table that every scene has; `None` within `Some` is a table of the wrong type.
+    fn needed<'t, T>(
+        &mut self,
+        name: &str,
+        table: Option<Option<Table<'t>>>,
+        read: impl FnOnce(&mut Reader, &Table<'t>) -> Option<T>,
+    ) -> Option<T> {
+        match table {
+            Some(table) => table.and_then(|table| read(self, &table)),
+            None => {
+                let message = format!("the scene has no [{name}]");
+                self.error(Diagnostic::error("missing-table", Span::new(0, 0), message));
+                None
+            }
+        }
+    }
+
+    /// Of two keys that exclude each other, the one that is there.
+    pub(super) fn either<'k>(
+        &mut self,
+        table: &Table<'_>,
+        one: &'k str,
+        other: &'k str,
+    ) -> Option<&'k str> {
+        let title = table.schema.title;
+        match (table.get(one), table.get(other)) {
+            (Some(_), None) => Some(one),
+            (None, Some(_)) => Some(other),
+            (None, None) => {
+                let message = format!("{title} has neither `{one}` nor `{other}`");
+                self.error(Diagnostic::error("missing-key", table.span, message));
+                None
+            }
+            (Some(first), Some(second)) => {
+                let message = format!("{title} has both `{one}` and `{other}`");
+                let (early, late) = match first.key_span < second.key_span {
+                    true => (first, second),
+                    false => (second, first),
+                };
+                self.error(
+                    Diagnostic::error("conflicting-keys", late.key_span, message)
+                        .note(early.key_span, "one of the two is enough"),
+                );
+                None
+            }
+        }
+    }
+
+    /// A string that is not empty.
+    pub(super) fn name(&mut self, field: Field<'_>) -> Option<Located<String>> {
+        let text = self.text(field)?;
+        if text.value.trim().is_empty() {
+            self.out_of_range(field, "a name");
+            return None;
+        }
+        Some(Located { value: text.value.clone(), span: field.node.span })
+    }
+
+    pub(super) fn expression(
+        &mut self,
+        field: Field<'_>,
+        role: Role,
+        dimension: Option<usize>,
+    ) -> Option<Expression> {
+        let Kind::Text(text) = &field.node.kind else {
+            self.wrong_type(field, "an expression in a string");
+            return None;
+        };
+        match Expression::compile(text, role, dimension) {
+            Ok(expression) => Some(expression),
+            Err(found) => {
+                found.into_iter().for_each(|diagnostic| self.error(diagnostic));
+                None
+            }
+        }
+    }
+
+    /// `[material]` and those that are added to it.
+    fn materials(&mut self, table: &Table<'_>) -> Option<Vec<Material>> {
+        let mut materials = vec![self.material(table)];
+        let further = self.tables(&PLUS, table.field("plus").map(|field| field.node));
+        materials.extend(further.iter().map(|table| self.material(table)));
+        materials.into_iter().collect()
+    }
+
+    fn material(&mut self, table: &Table<'_>) -> Option<Material> {
+        let potential = self.required(table, "potential").and_then(|field| self.name(field));
+        let parameters = self
+            .or(Some(table), "parameters", Vec::new(), |reader, field| reader.parameters(field));
+        Some(Material { potential: potential?, parameters: parameters? })
+    }
+
+    fn parameters(&mut self, field: Field<'_>) -> Option<Vec<ParameterSetting>> {
+        let Kind::Table(entries) = &field.node.kind else {
+            self.wrong_type(field, "a table");
+            return None;
+        };
+        let mut complete = true;
+        let mut parameters = Vec::new();
+        for entry in entries {
+            let item = Field { schema: field.schema, key: &entry.key, node: &entry.node };
+            let value = match &entry.node.kind {
+                Kind::Text(text) => Some(ParameterText::Quantity(text.value.clone())),
+                Kind::Number { .. } => self.number(item).map(ParameterText::Number),
+                _ => {
+                    let found = entry.node.kind_name();
+                    let message = format!("expected a number or a string, found {found}");
+                    let help = format!("write {0} = 1.0 or {0} = \"200 GPa\"", entry.key);
+                    let diagnostic = Diagnostic::error("wrong-type", entry.node.span, message);
+                    self.error(diagnostic.help(help));
+                    None
+                }
+            };
+            complete &= value.is_some();
+            parameters.extend(value.map(|value| ParameterSetting {
+                name: Located { value: entry.key.clone(), span: entry.key_span },
+                value: Located { value, span: content_span(&entry.node) },
+            }));
+        }
+        complete.then_some(parameters)
+    }
+
+    fn solver(&mut self, table: Option<&Table<'_>>) -> SolverSettings {
+        let solver = self.settings(table, &SOLVER_KEYS);
+        self.check_products(table, &solver);
+        solver
+    }
+
+    /// Products by differences of forces serve methods that store no tangent.
+    fn check_products(&mut self, table: Option<&Table<'_>>, solver: &SolverSettings) {
+        let entry = table.and_then(|table| table.get("products"));
+        let stored =
+            settled(solver.linear, false, solver.products).is_some_and(|c| c.stores_matrix);
+        let Some(entry) = entry.filter(|_| solver.products != Products::Exact && stored) else {
+            return;
+        };
+        let (linear, products) = (solver.linear.word(), solver.products.word());
+        let message =
+            format!("linear = \"{linear}\" needs the tangent, products = \"{products}\" has none");
+        let help = "write linear = \"gmres\", or \"matrix-free\" for conjugate gradients";
+        let diagnostic = Diagnostic::error("conflicting-keys", entry.key_span, message);
+        self.error(diagnostic.help(help));
+    }
+}
+
+/// What stands between the quotes of a string; all of any other value.
+fn content_span(node: &Node) -> Span {
+    match &node.kind {
+        Kind::Text(text) => text.content,
+        _ => node.span,
+    }
+}

@@ -1,0 +1,253 @@
+//! Which points a scene means: what is removed, the point sets, the probes.
+//!
+//! Before: a checked [`Scene`] and points. After: every set has points, every probe sits at one;
+//! boundaries that run so close to points that rounding decides are warned of.
+
+use piola_grammar::{Diagnostic, Span};
+use piola_mechanics::body::Body;
+use rayon::prelude::*;
+
+use super::{AXES, Expression, Scene, SceneReport};
+
+/// A point this many spacings from the boundary of a condition is on one side of it by chance.
+const BOUNDARY_MARGIN: f64 = 1e-6;
+
+/// A named set of points.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointSet {
+    /// Its name.
+    pub name: String,
+    /// Its points in the body's order, ascending; at least one.
+    pub points: Vec<usize>,
+    /// Sum of the points' volumes, in m^d.
+    pub volume: f64,
+}
+
+/// A probe at its point.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ProbePoint {
+    /// The probe's name.
+    pub name: String,
+    /// The nearest point, in the body's order.
+    pub point: usize,
+    /// How far the point is from the place that the scene names, in m.
+    pub distance: f64,
+}
+
+/// The points that a scene means.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Selection {
+    /// In the order of [`Scene::sets`].
+    pub sets: Vec<PointSet>,
+    /// In the order of [`Scene::probes`].
+    pub probes: Vec<ProbePoint>,
+    /// Boundaries too close to points; spans as in [`Scene::report`].
+    pub warnings: Vec<Diagnostic>,
+}
+
+/// Which points of a body remain.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Kept {
+    /// One entry per point.
+    pub keep: Vec<bool>,
+    /// Boundaries too close to points, conditions without effect; spans as in [`Scene::report`].
+    pub warnings: Vec<Diagnostic>,
+}
+
+/// Evaluates `remove` at points that are not yet a [`Body`]: `positions` is `n x d` in m, `volumes`
+/// has `n` entries in m^d, `spacing` is that of a lattice.
+pub fn kept(
+    scene: &Scene,
+    positions: &[f64],
+    volumes: &[f64],
+    spacing: Option<f64>,
+) -> Result<Kept, SceneReport> {
+    let dimension = scene.body.dimension;
+    let spacing = typical_spacing(dimension, volumes, spacing);
+    let mut keep = vec![true; volumes.len()];
+    let mut warnings = Vec::new();
+    for condition in &scene.body.remove {
+        let removed = membership(condition, positions, dimension);
+        for (keep, removed) in keep.iter_mut().zip(&removed) {
+            *keep &= !removed;
+        }
+        if !removed.contains(&true) {
+            let message = "this condition removes no point";
+            warnings.push(
+                Diagnostic::warning("idle-entry", condition.span, message)
+                    .help(ranges(positions, dimension)),
+            );
+        }
+        let place = "of what is removed";
+        warnings
+            .extend(boundary_warning(condition, place, positions, dimension, spacing, &removed));
+    }
+    if keep.contains(&true) {
+        return Ok(Kept { keep, warnings });
+    }
+    let span = scene.body.remove.first().map_or(Span::default(), |condition| condition.span);
+    let error = Diagnostic::error("nothing-left", span, "every point of the body is removed")
+        .help(ranges(positions, dimension));
+    Err(scene.report(vec![error]))
+}
+
+/// Finds the points of every set and probe.
+pub fn select(scene: &Scene, body: &Body) -> Result<Selection, SceneReport> {
+    let mut errors = Vec::new();
+    let mut warnings = Vec::new();
+    let (dimension, positions) = (body.dimension(), body.positions());
+    let spacing = typical_spacing(dimension, body.volumes(), body.spacing());
+    let mut sets = Vec::new();
+    for set in &scene.sets {
+        let name = &set.name.value;
+        let inside = membership(&set.condition, positions, dimension);
+        let points: Vec<usize> = (0..body.n_points()).filter(|&point| inside[point]).collect();
+        if points.is_empty() {
+            let message = format!("the set `{name}` has no points");
+            errors.push(
+                Diagnostic::error("empty-set", set.condition.span, message)
+                    .label("this holds nowhere in the body")
+                    .help(ranges(positions, dimension)),
+            );
+        }
+        let place = format!("of the set `{name}`");
+        let near = boundary_warning(&set.condition, &place, positions, dimension, spacing, &inside);
+        warnings.extend(near);
+        let volume = points.iter().map(|&point| body.volumes()[point]).sum();
+        sets.push(PointSet { name: name.clone(), points, volume });
+    }
+    let reach = body.spacing().unwrap_or(scene.horizon_radius());
+    let mut probes = Vec::new();
+    for probe in &scene.probes {
+        let (point, distance) = nearest(body, &probe.at.value);
+        if distance > reach * (1.0 + BOUNDARY_MARGIN) {
+            let message = format!("the probe `{}` is outside the body", probe.name.value);
+            let place = coordinates(body.position(point));
+            errors.push(
+                Diagnostic::error("probe-outside", probe.at.span, message)
+                    .help(format!("the nearest point is {place}, {} m away", readable(distance))),
+            );
+        }
+        probes.push(ProbePoint { name: probe.name.value.clone(), point, distance });
+    }
+    if errors.is_empty() {
+        return Ok(Selection { sets, probes, warnings });
+    }
+    errors.extend(warnings);
+    Err(scene.report(errors))
+}
+
+/// Where a condition holds, one entry per point.
+fn membership(condition: &Expression, positions: &[f64], dimension: usize) -> Vec<bool> {
+    // Collecting keeps the order, so the result does not depend on the threads.
+    positions.par_chunks_exact(dimension).map(|position| condition.holds(position)).collect()
+}
+
+/// Warns if a step of [`BOUNDARY_MARGIN`] spacings changes where a point belongs.
+fn boundary_warning(
+    condition: &Expression,
+    place: &str,
+    positions: &[f64],
+    dimension: usize,
+    spacing: f64,
+    inside: &[bool],
+) -> Option<Diagnostic> {
+    let steps = steps(dimension);
+    let crossing = |(position, inside): (&[f64], &bool)| -> Option<[f64; 3]> {
+        let crosses = |step: &&[f64; 3]| {
+            let mut moved = [0.0; 3];
+            for axis in 0..dimension {
+                let x = position[axis];
+                // Far from the origin a step must at least survive the rounding of coordinates.
+                let length = (BOUNDARY_MARGIN * spacing).max(4.0 * f64::EPSILON * x.abs());
+                moved[axis] = x + step[axis] * length;
+            }
+            condition.holds(&moved[..dimension]) != *inside
+        };
+        steps.iter().find(crosses).copied()
+    };
+    let crossings: Vec<Option<[f64; 3]>> =
+        positions.par_chunks_exact(dimension).zip(inside).map(crossing).collect();
+    let count = crossings.iter().flatten().count();
+    let (point, step) =
+        crossings.iter().enumerate().find_map(|(point, step)| step.map(|step| (point, step)))?;
+    let example = coordinates(&positions[point * dimension..(point + 1) * dimension]);
+    let points = if count == 1 { "a point" } else { "points" };
+    let message = format!("the boundary {place} runs through {points}: rounding decides");
+    let half = readable(spacing / 2.0);
+    let n = if count == 1 { "1 point is".into() } else { format!("{count} points are") };
+    let along = match step.iter().filter(|component| **component != 0.0).count() {
+        1 => step.iter().position(|component| *component != 0.0).map_or("", |axis| AXES[axis]),
+        _ => "every axis",
+    };
+    Some(
+        Diagnostic::warning("boundary-on-points", condition.span, message)
+            .label(format!("{n} within 1e-6 spacings of it, for example {example}"))
+            .help(format!("move the limit along {along} by half a spacing, {half}")),
+    )
+}
+
+/// Steps along the axes, then along the diagonals: only these cross a boundary at its corners.
+fn steps(dimension: usize) -> Vec<[f64; 3]> {
+    let mut steps = Vec::new();
+    for axis in 0..dimension {
+        for sign in [-1.0, 1.0] {
+            let mut step = [0.0; 3];
+            step[axis] = sign;
+            steps.push(step);
+        }
+    }
+    for corner in 0..1_u32 << dimension {
+        let mut step = [0.0; 3];
+        for (axis, component) in step[..dimension].iter_mut().enumerate() {
+            *component = if corner >> axis & 1 == 0 { -1.0 } else { 1.0 };
+        }
+        steps.push(step);
+    }
+    steps
+}
+
+/// The lattice spacing, or the edge of a point's mean volume.
+pub(crate) fn typical_spacing(dimension: usize, volumes: &[f64], spacing: Option<f64>) -> f64 {
+    spacing.unwrap_or_else(|| {
+        let mean = volumes.iter().sum::<f64>() / volumes.len().max(1) as f64;
+        if dimension == 2 { mean.sqrt() } else { libm::cbrt(mean) }
+    })
+}
+
+/// The point next to a place; of several the one that the user listed first.
+fn nearest(body: &Body, place: &[f64]) -> (usize, f64) {
+    let squared = |point: usize| -> f64 {
+        body.position(point).iter().zip(place).map(|(x, y)| (x - y) * (x - y)).sum()
+    };
+    let rank = |point: &usize| (squared(*point), body.user_index()[*point]);
+    let order = |a: &usize, b: &usize| {
+        let ((a, a_user), (b, b_user)) = (rank(a), rank(b));
+        a.total_cmp(&b).then(a_user.cmp(&b_user))
+    };
+    let point = (0..body.n_points()).min_by(order).unwrap_or(0);
+    (point, squared(point).sqrt())
+}
+
+/// In words, where the points are.
+fn ranges(positions: &[f64], dimension: usize) -> String {
+    let range = |axis: usize| {
+        let column = || positions.iter().skip(axis).step_by(dimension).copied();
+        let least = column().fold(f64::INFINITY, f64::min);
+        let most = column().fold(f64::NEG_INFINITY, f64::max);
+        format!("{} from {} to {}", AXES[axis], readable(least), readable(most))
+    };
+    let ranges: Vec<String> = (0..dimension).map(range).collect();
+    format!("the points have {}", ranges.join(", "))
+}
+
+/// `(0.1, 0.25)`
+pub(super) fn coordinates(position: &[f64]) -> String {
+    let numbers: Vec<String> = position.iter().map(|x| readable(*x).to_string()).collect();
+    format!("({})", numbers.join(", "))
+}
+
+/// A number without the noise of its last digits.
+fn readable(x: f64) -> f64 {
+    format!("{x:.8e}").parse().unwrap_or(x)
+}

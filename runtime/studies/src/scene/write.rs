@@ -1,0 +1,221 @@
+//! A complete scene as TOML.
+
+use std::fmt::Write;
+
+use piola_mechanics::correspondence::{Discretisation, Stabilisation};
+use piola_mechanics::words::Words;
+
+use super::keys::texts;
+use super::read::{OUTPUT_KEYS, SOLVER_KEYS, STEPS_KEYS};
+use super::{
+    BodyShape, CorrespondenceSettings, Horizon, HorizonExtent, Load, Material, ParameterText,
+    Plane, Points, Prescription, Probe, Quantity, Scene, SetDefinition,
+};
+
+impl Scene {
+    /// The scene as TOML with every default written out; it reads back to an equal scene.
+    ///
+    /// Numbers are written with the fewest digits that read back to the same bits.
+    pub fn resolved_toml(&self) -> String {
+        let mut out = String::new();
+        write_body(&mut out, &self.body);
+        write_horizon(&mut out, &self.horizon);
+        write_materials(&mut out, &self.materials);
+        if let Some(settings) = &self.correspondence {
+            write_correspondence(&mut out, settings);
+        }
+        write_sets(&mut out, &self.sets);
+        for prescription in &self.prescriptions {
+            write_prescription(&mut out, prescription, &self.sets);
+        }
+        for load in &self.loads {
+            write_load(&mut out, load, &self.sets);
+        }
+        for probe in &self.probes {
+            write_probe(&mut out, probe);
+        }
+        write_pairs(&mut out, "[steps]", texts(&self.steps, &STEPS_KEYS));
+        write_pairs(&mut out, "[solver]", texts(&self.solver, &SOLVER_KEYS));
+        write_pairs(&mut out, "[output]", texts(&self.output, &OUTPUT_KEYS));
+        out
+    }
+
+    /// The part of it that says what the body is made of.
+    pub fn material_toml(&self) -> String {
+        let mut out = String::new();
+        write_materials(&mut out, &self.materials);
+        out
+    }
+}
+
+fn write_body(out: &mut String, body: &BodyShape) {
+    section(out, "[body]");
+    pair(out, "dimension", body.dimension);
+    match &body.points {
+        Points::Lattice(lattice) => {
+            let corners = [vector(&lattice.low), vector(&lattice.high)];
+            pair(out, "box", format!("[{}]", corners.join(", ")));
+            pair(out, "spacing", number(lattice.spacing));
+            pair(out, "nodes", word(lattice.nodes));
+        }
+        Points::Cloud { path } => pair(out, "points", string(&path.value)),
+    }
+    let conditions: Vec<String> = body.remove.iter().map(|c| string(&c.text)).collect();
+    pair(out, "remove", format!("[{}]", conditions.join(", ")));
+    if let Some(thickness) = body.thickness {
+        pair(out, "thickness", number(thickness.value));
+    }
+}
+
+fn write_horizon(out: &mut String, horizon: &Horizon) {
+    section(out, "[horizon]");
+    match horizon.extent {
+        HorizonExtent::Spacings(count) => pair(out, "spacings", number(count)),
+        HorizonExtent::Radius(radius) => pair(out, "radius", number(radius)),
+    }
+    pair(out, "weights", word(horizon.weights));
+}
+
+fn write_materials(out: &mut String, materials: &[Material]) {
+    for (number, material) in materials.iter().enumerate() {
+        let titles = match number {
+            0 => ["[material]", "[material.parameters]"],
+            _ => ["[[material.plus]]", "[material.plus.parameters]"],
+        };
+        write_material(out, titles, material);
+    }
+}
+
+fn write_material(out: &mut String, [title, parameters]: [&str; 2], material: &Material) {
+    section(out, title);
+    pair(out, "potential", string(&material.potential.value));
+    section(out, parameters);
+    for parameter in &material.parameters {
+        let value = match &parameter.value.value {
+            ParameterText::Number(value) => number(*value),
+            ParameterText::Quantity(text) => string(text),
+        };
+        pair(out, &key(&parameter.name.value), value);
+    }
+}
+
+impl std::fmt::Display for CorrespondenceSettings {
+    /// In a few words, for a plan.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{}", self.discretisation.word())?;
+        if let Discretisation::Stabilised(stabilisation) = self.discretisation {
+            write!(f, " ({})", stabilisation.word())?;
+        }
+        let influence = self.influence.text();
+        write!(f, ", order {}, influence {influence}", self.order.word())?;
+        match self.plane {
+            Plane::Strain => Ok(()),
+            Plane::Stress => write!(f, ", plane stress"),
+        }
+    }
+}
+
+fn write_correspondence(out: &mut String, settings: &CorrespondenceSettings) {
+    section(out, "[correspondence]");
+    pair(out, "discretisation", word(settings.discretisation));
+    if let Discretisation::Stabilised(stabilisation) = settings.discretisation {
+        pair(out, "stabilisation", word(stabilisation));
+        if let Stabilisation::Silling { stiffness } = stabilisation {
+            pair(out, "stiffness", number(stiffness));
+        }
+    }
+    pair(out, "order", word(settings.order));
+    pair(out, "influence", string(settings.influence.text()));
+    if settings.plane != Plane::default() {
+        pair(out, "plane", word(settings.plane));
+    }
+}
+
+fn write_sets(out: &mut String, sets: &[SetDefinition]) {
+    section(out, "[sets]");
+    for set in sets {
+        pair(out, &key(&set.name.value), string(&set.condition.text));
+    }
+}
+
+fn write_prescription(out: &mut String, prescription: &Prescription, sets: &[SetDefinition]) {
+    section(out, "[[prescribe]]");
+    pair(out, "set", string(&sets[prescription.set.value].name.value));
+    let components: Vec<String> = prescription
+        .components
+        .iter()
+        .map(|component| component.value.as_ref().map_or("\"free\"".into(), quantity))
+        .collect();
+    pair(out, "u", format!("[{}]", components.join(", ")));
+}
+
+fn write_load(out: &mut String, load: &Load, sets: &[SetDefinition]) {
+    section(out, "[[load]]");
+    pair(out, "set", string(&sets[load.set.value].name.value));
+    let components: Vec<String> = load.components.iter().map(|c| quantity(&c.value)).collect();
+    pair(out, load.kind.key(), format!("[{}]", components.join(", ")));
+}
+
+fn write_probe(out: &mut String, probe: &Probe) {
+    section(out, "[[probe]]");
+    pair(out, "name", string(&probe.name.value));
+    pair(out, "at", vector(&probe.at.value));
+}
+
+fn write_pairs(out: &mut String, header: &str, pairs: Vec<(&str, String)>) {
+    section(out, header);
+    pairs.into_iter().for_each(|(key, value)| pair(out, key, value));
+}
+
+fn section(out: &mut String, header: &str) {
+    let gap = if out.is_empty() { "" } else { "\n" };
+    // Writing to a string cannot fail.
+    let _ = writeln!(out, "{gap}{header}");
+}
+
+fn pair(out: &mut String, key: &str, value: impl std::fmt::Display) {
+    let _ = writeln!(out, "{key} = {value}");
+}
+
+/// Shortest decimals that read back to the same bits, as a TOML float.
+pub(super) fn number(value: f64) -> String {
+    format!("{value:?}")
+}
+
+fn vector(values: &[f64]) -> String {
+    let numbers: Vec<String> = values.iter().map(|value| number(*value)).collect();
+    format!("[{}]", numbers.join(", "))
+}
+
+fn quantity(quantity: &Quantity) -> String {
+    match quantity {
+        Quantity::Number(value) => number(*value),
+        Quantity::Expression(expression) => string(&expression.text),
+    }
+}
+
+fn word(value: impl Words) -> String {
+    string(value.word())
+}
+
+/// A key, quoted unless it is plain.
+fn key(name: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
+    if !name.is_empty() && name.chars().all(plain) { name.into() } else { string(name) }
+}
+
+/// A TOML basic string.
+pub(super) fn string(text: &str) -> String {
+    let mut out = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => out.extend(['\\', c]),
+            c if c.is_control() => {
+                let _ = write!(out, "\\u{:04X}", c as u32);
+            }
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}

@@ -1,0 +1,118 @@
+//! What can be wrong with a scene and the files it names.
+
+use std::io::Read as _;
+use std::path::Path;
+
+use piola_compiler::CompileError;
+use piola_grammar::Diagnostic;
+use piola_mechanics::assembly::AssemblyError;
+use piola_mechanics::correspondence::CorrespondenceError;
+use piola_mechanics::lattice::LatticeError;
+use piola_mechanics::neighborhood::NeighborhoodError;
+use piola_mechanics::states::StateError;
+use piola_output::read::TableError;
+use piola_solvers::constraint::ConstraintError;
+use piola_solvers::steps::StepError;
+
+use crate::scene::boundary::NonFiniteCondition;
+use crate::scene::{PotentialText, SceneReport};
+
+/// Why a scene cannot be run.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum CaseError {
+    /// A file cannot be read.
+    #[error("cannot read {path}: {reason}")]
+    Unreadable {
+        /// The file.
+        path: String,
+        /// Why.
+        reason: String,
+    },
+    /// Mistakes in the scene.
+    #[error(transparent)]
+    Scene(#[from] SceneReport),
+    /// Mistakes in the potential, or in a table of points or displacements.
+    #[error("{}", diagnostics.first().map_or("", |d| d.message.as_str()))]
+    Text {
+        /// The file or the name in the library.
+        name: String,
+        /// Its text.
+        text: String,
+        /// What is wrong.
+        diagnostics: Vec<Diagnostic>,
+    },
+    /// Points that a lattice cannot have.
+    #[error(transparent)]
+    Lattice(#[from] LatticeError),
+    /// Points without neighbours, or at one place.
+    #[error(transparent)]
+    Neighborhood(#[from] NeighborhoodError),
+    /// Interactions that cannot be assembled.
+    #[error(transparent)]
+    Assembly(#[from] AssemblyError),
+    /// Families without deformation gradients.
+    #[error(transparent)]
+    Correspondence(#[from] CorrespondenceError),
+    /// Families whose states cannot be gathered.
+    #[error(transparent)]
+    States(#[from] StateError),
+    /// Degrees of freedom that cannot be fixed.
+    #[error(transparent)]
+    Constraint(#[from] ConstraintError),
+    /// A condition that is not finite.
+    #[error(transparent)]
+    Condition(#[from] NonFiniteCondition),
+    /// Steps that cannot start.
+    #[error(transparent)]
+    Step(#[from] StepError),
+    /// An energy that cannot be compiled, for no place in its text.
+    #[error(transparent)]
+    Compile(#[from] CompileError),
+    /// What a scene asks for and its body cannot have.
+    #[error("{message}")]
+    Body {
+        /// What is wrong, and what to do.
+        message: String,
+    },
+}
+
+impl CaseError {
+    /// An energy that cannot be compiled, at its place in the potential.
+    pub(super) fn compile(potential: &PotentialText, error: &CompileError) -> CaseError {
+        let (code, span) = match error {
+            CompileError::TooLarge { span, .. } => ("too-large", *span),
+            CompileError::NoHorizon { span, .. } => ("no-horizon", *span),
+            CompileError::WrongDimension(_) | CompileError::Backend(_) => {
+                return CaseError::Compile(error.clone());
+            }
+        };
+        CaseError::Text {
+            name: potential.name.clone(),
+            text: potential.text.clone(),
+            diagnostics: vec![Diagnostic::error(code, span, error.to_string())],
+        }
+    }
+
+    /// The mistakes in a table, each at its place.
+    pub fn table(path: &Path, text: &str, errors: Vec<TableError>) -> CaseError {
+        CaseError::Text {
+            name: path.display().to_string(),
+            text: text.to_string(),
+            diagnostics: errors.into_iter().map(|error| error.diagnostic).collect(),
+        }
+    }
+}
+
+/// A whole text file of at most `limit` bytes.
+pub(super) fn read_text(path: &Path, limit: u64) -> Result<String, CaseError> {
+    let unreadable =
+        |reason: String| CaseError::Unreadable { path: path.display().to_string(), reason };
+    let mut bytes = Vec::new();
+    let read =
+        std::fs::File::open(path).and_then(|file| file.take(limit + 1).read_to_end(&mut bytes));
+    read.map_err(|error| unreadable(error.to_string()))?;
+    if bytes.len() as u64 > limit {
+        return Err(unreadable(format!("it has more than {limit} bytes")));
+    }
+    String::from_utf8(bytes).map_err(|_| unreadable("it is not UTF-8 text".to_string()))
+}

@@ -1,0 +1,193 @@
+//! What a case will model and what it costs, said before anything large is built.
+//!
+//! | body | what is known |
+//! |---|---|
+//! | up to 4 million neighbours in all | everything that a run would refuse, interactions counted |
+//! | larger | sets and conditions; interactions from some of its points |
+//! | a box of more than 400,000 points, not filled | energies; interactions from the box |
+
+use std::time::Duration;
+
+use piola_mechanics::kernel::Measure;
+use piola_mechanics::matrix::BlockPattern;
+use piola_mechanics::neighborhood::Neighborhood;
+
+use super::{Case, CaseError, Compiled, rehearsal, run, size};
+use crate::plan::{
+    Extent, Families, InteractionCount, KernelNote, Needed, Plan, PlanInput, available_memory,
+    count_in_box, count_interactions, estimate_interactions,
+};
+use crate::scene::boundary::BoundaryConditions;
+use crate::scene::{LatticeShape, Points, Scene};
+
+/// Boxes of more points than this are not filled for a plan.
+const FILLED: f64 = 4e5;
+
+/// Bodies with more neighbours in all are not searched whole for a plan.
+const SEARCHED: f64 = 4e6;
+
+/// How long a plan may work on the first increment.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// What a plan is told of a body.
+struct Outline {
+    extent: Extent,
+    interactions: InteractionCount,
+    prescribed: usize,
+    notes: Vec<String>,
+}
+
+impl Case {
+    /// The box of a case that was read by [`Case::outline`] and has no points yet, if it is too large
+    /// to be filled for a plan.
+    pub fn large_box(&self) -> Option<&LatticeShape> {
+        let Points::Lattice(shape) = &self.scene.body.points else { return None };
+        let points: f64 = shape.counts().iter().map(|n| *n as f64).product();
+        (points > FILLED && self.body.n_points() == 0).then_some(shape)
+    }
+
+    /// As [`Case::plan`], with the first increment of bodies that are small enough for it solved as far as
+    /// half a second allows.
+    ///
+    /// # Errors
+    /// As [`Case::plan`].
+    pub fn rehearsed_plan(&self, threads: usize) -> Result<Plan, CaseError> {
+        let (mut plan, compiled) = self.plan_and_energies(threads)?;
+        let is_quick = plan.time.setup + 2.0 * plan.time.assembly < 0.5 * PATIENCE.as_secs_f64();
+        if self.large_box().is_none()
+            && is_quick
+            && let Ok(Some(first)) = rehearsal::first_increment(self, compiled, PATIENCE)
+        {
+            plan.rehearsed(first);
+        }
+        Ok(plan)
+    }
+
+    /// What will be modelled and what it costs; within a second or so for any case.
+    ///
+    /// # Errors
+    /// What a run would refuse: as [`Case::compile`] and [`Case::check_rest`], more neighbours than the
+    /// machine's memory holds, wrong sets and conditions, and motions that nothing holds. Of large
+    /// bodies not all of that is looked for; the plan's notes say what is not.
+    pub fn plan(&self, threads: usize) -> Result<Plan, CaseError> {
+        Ok(self.plan_and_energies(threads)?.0)
+    }
+
+    fn plan_and_energies(&self, threads: usize) -> Result<(Plan, Vec<Compiled>), CaseError> {
+        self.check_rest()?;
+        let compiled = self.compile()?;
+        let needed = Needed {
+            triangles: compiled.iter().any(|all| all.measures.contains(&Measure::Area)),
+            tetrahedra: compiled.iter().any(|all| all.measures.contains(&Measure::Volume)),
+        };
+        let Outline { extent, interactions, prescribed, notes } = match self.large_box() {
+            Some(shape) => self.outline_of_box(shape, needed),
+            None => self.outline_of_points(needed)?,
+        };
+        let plan = Plan::new(PlanInput {
+            scene: &self.scene,
+            extent,
+            interactions,
+            kernels: self.kernel_notes(&compiled),
+            energies: energies(&compiled),
+            families: self.families(&compiled),
+            prescribed,
+            notes,
+            threads,
+            available_memory: available_memory(),
+        });
+        Ok((plan, compiled))
+    }
+
+    fn outline_of_box(&self, shape: &LatticeShape, needed: Needed) -> Outline {
+        let mut notes = vec![
+            "sets, conditions and motions that nothing holds: the box has too many points to be \
+             filled for a plan"
+                .to_string(),
+        ];
+        if !self.scene.body.remove.is_empty() {
+            notes.push("how many points are removed: all of the box are counted".to_string());
+        }
+        let interactions = count_in_box(shape, self.scene.horizon_radius(), needed);
+        Outline { extent: Extent::of_box(shape), interactions, prescribed: 0, notes }
+    }
+
+    fn outline_of_points(&self, needed: Needed) -> Result<Outline, CaseError> {
+        let horizon = self.scene.horizon_radius();
+        let family = size::family(&self.body, horizon);
+        size::check_neighbors(&self.body, horizon, family)?;
+        let selection = self.selection()?;
+        let boundary = BoundaryConditions::new(&self.scene, &self.body, &selection)?;
+        let mut notes = Vec::new();
+        let interactions = if family * self.body.n_points() as f64 <= SEARCHED {
+            let neighborhood = Neighborhood::new(&self.body, horizon)?;
+            let bonds = BlockPattern::of_bonds(&neighborhood, self.body.dimension());
+            run::check_held(self, &bonds, &boundary)?;
+            count_interactions(&self.body, &neighborhood, needed)
+        } else {
+            notes.push(
+                "motions that nothing holds, and points at one place: the body has too many \
+                 neighbours to be searched for a plan"
+                    .to_string(),
+            );
+            estimate_interactions(&self.body, horizon, family, needed)?
+        };
+        let prescribed = boundary.fixed_dofs().len();
+        Ok(Outline { extent: Extent::of(&self.body), interactions, prescribed, notes })
+    }
+
+    /// What points know of their families, for each energy that needs it.
+    fn families(&self, compiled: &[Compiled]) -> Vec<Families> {
+        let settings = self.scene.correspondence.clone().unwrap_or_default();
+        let of = |compiled: &Compiled| {
+            let gathered = compiled.gathered.as_ref().map(|g| Families::States(g.integrals.len()));
+            let gradient = compiled.gradient.as_ref().map(|_| settings.discretisation.into());
+            [gathered, gradient]
+        };
+        compiled.iter().flat_map(of).flatten().collect()
+    }
+
+    /// What becomes of the energies; of several potentials with their names.
+    fn kernel_notes(&self, compiled: &[Compiled]) -> Vec<KernelNote> {
+        let alone = compiled.len() == 1;
+        let of = |compiled: &Compiled| {
+            let name = compiled.name.clone();
+            let notes = kernel_notes(compiled, &self.scene).into_iter();
+            notes.map(move |note| match alone {
+                true => note,
+                false => KernelNote { energy: format!("{name}: {}", note.energy), ..note },
+            })
+        };
+        compiled.iter().flat_map(of).collect()
+    }
+}
+
+/// How many energies of bonds, triangles and tetrahedra there are.
+fn energies(compiled: &[Compiled]) -> [usize; 3] {
+    let count = |measure| compiled.iter().filter(|all| all.measures.contains(measure)).count();
+    [Measure::Length, Measure::Area, Measure::Volume].each_ref().map(count)
+}
+
+fn kernel_notes(compiled: &Compiled, scene: &Scene) -> Vec<KernelNote> {
+    let modelled = |argument: &str, reason: String| KernelNote {
+        energy: format!("psi({argument})"),
+        modelled: true,
+        reason,
+    };
+    let measures = compiled.measures.iter().map(|m| modelled(m.symbol(), String::new()));
+    let gradient = compiled.gradient.iter().map(|_| {
+        let reason = scene.correspondence.as_ref().map_or_else(String::new, |c| c.to_string());
+        modelled("F", reason)
+    });
+    let laws = compiled.gathered.as_ref();
+    let has = [laws.is_some_and(|g| g.points.is_some()), laws.is_some_and(|g| g.bonds.is_some())];
+    let gathered = compiled.arguments.iter().zip(has).filter(|(_, has)| *has);
+    let gathered =
+        gathered.map(|(argument, _)| modelled(argument, "gathered over families".into()));
+    let dropped = compiled.dropped.iter().map(|d| KernelNote {
+        energy: format!("psi({})", d.argument),
+        modelled: false,
+        reason: d.reason.clone(),
+    });
+    measures.chain(gradient).chain(gathered).chain(dropped).collect()
+}

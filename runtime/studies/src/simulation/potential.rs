@@ -1,0 +1,230 @@
+//! A potential of a scene: its text, the checked model, the values of its parameters, and its energies
+//! compiled.
+
+use std::path::Path;
+
+use num_dual::HyperDual64;
+use piola_compiler::{
+    Dropped, GatheredKernels, Interval, Kernel, Mode, Model, Setting, ValueError, Values,
+    check_text,
+};
+use piola_grammar::Diagnostic;
+use piola_mechanics::assembly::Elements;
+use piola_mechanics::element::{CoordinateElement, Element, MeasureElement};
+use piola_mechanics::kernel::{Measure, VariablesLaw};
+use piola_mechanics::sheet::PlaneStress;
+
+use super::{CaseError, Library, explain};
+use crate::scene::{
+    DerivativeSource, Material, ParameterText, Plane, PotentialText, Scene, SolverSettings,
+};
+
+/// One of the potentials whose energies add up.
+#[derive(Clone, Debug)]
+pub struct Potential {
+    /// Its text.
+    pub text: PotentialText,
+    /// The checked potential.
+    pub model: Model,
+    /// Parameter values and horizon in SI units.
+    pub values: Values,
+}
+
+/// The energies of a potential, ready for assembly, and what is not modelled.
+pub struct Compiled {
+    /// The name of the potential.
+    pub name: String,
+    /// One element per measure that has an energy.
+    pub elements: Elements,
+    /// Measures that have an energy, ascending.
+    pub measures: Vec<Measure>,
+    /// The energy of the deformation gradient.
+    pub gradient: Option<Box<dyn VariablesLaw>>,
+    /// Energies of what points gather over their families.
+    pub gathered: Option<GatheredKernels>,
+    /// What these are functions of, for points and for bonds: `theta`, `l, m`.
+    pub arguments: [String; 2],
+    /// What is left out, and why.
+    pub dropped: Vec<Dropped>,
+}
+
+impl Potential {
+    /// Reads and checks what a scene names.
+    ///
+    /// # Errors
+    /// A text that cannot be read or has mistakes, values that its parameters cannot have.
+    pub(super) fn read(
+        scene: &Scene,
+        material: &Material,
+        folder: &Path,
+        library: &Library<'_>,
+    ) -> Result<Potential, CaseError> {
+        let text = scene.potential(material, folder, library.find, library.names)?;
+        let wrong = |diagnostics| CaseError::Text {
+            name: text.name.clone(),
+            text: text.text.clone(),
+            diagnostics,
+        };
+        let (_, model) = check_text(&text.text).map_err(wrong)?;
+        let values = values(scene, material, &model)?;
+        let potential = Potential { text, model, values };
+        potential.check_plane(scene, material)?;
+        Ok(potential)
+    }
+
+    /// Whether it has energies of families, which are per volume: of F or of gathered values.
+    pub(super) fn has_families(&self) -> bool {
+        self.model.has_gradient_energy() || self.model.has_gathered_energy()
+    }
+
+    /// Refuses plane stress for a potential with other energies than those of F: they would be those
+    /// of a solid.
+    fn check_plane(&self, scene: &Scene, material: &Material) -> Result<(), CaseError> {
+        let others = self.model.arguments().into_iter().find(|argument| *argument != "F");
+        let Some(other) = others.filter(|_| is_sheet(scene) && self.model.has_gradient_energy())
+        else {
+            return Ok(());
+        };
+        let message = format!(
+            "plane stress takes the energies of {} as those of a solid, and psi({other}) is one of the plane",
+            self.model.name()
+        );
+        let found = Diagnostic::error("conflicting-keys", material.potential.span, message)
+            .label(format!("it has psi(F) and psi({other})"))
+            .help("put psi(F) into a potential of its own, and the others into one that [[material.plus]] names");
+        Err(CaseError::Scene(scene.report(vec![found])))
+    }
+
+    /// Compiles the energies with the derivatives that the solver asks for, for a body of this
+    /// dimension.
+    ///
+    /// # Errors
+    /// Energies that are too large, or that need what is not there.
+    pub(super) fn compile(&self, scene: &Scene) -> Result<Compiled, CaseError> {
+        let solver = &scene.solver;
+        let piola_compiler::Compiled { kernels, gradient, gathered, dropped } = self
+            .model
+            .compile(&self.values, mode(solver), solver.form)
+            .map_err(|error| CaseError::compile(&self.text, &error))?;
+        let mut elements = Elements::default();
+        let measures = kernels.iter().map(Kernel::measure).collect();
+        for kernel in kernels {
+            let measure = kernel.measure();
+            let element = Some(self.element(kernel, scene));
+            match measure {
+                Measure::Length => elements.bond = element,
+                Measure::Area => elements.triangle = element,
+                Measure::Volume => elements.tetrahedron = element,
+            }
+        }
+        let gradient = gradient.map(|kernel| -> Box<dyn VariablesLaw> {
+            if is_sheet(scene) { Box::new(PlaneStress::new(kernel)) } else { Box::new(kernel) }
+        });
+        let name = self.model.name().to_string();
+        let arguments = [false, true].map(|of_bonds| self.arguments(of_bonds));
+        Ok(Compiled { name, elements, measures, gradient, gathered, arguments, dropped })
+    }
+
+    fn element(&self, kernel: Kernel, scene: &Scene) -> Box<dyn Element> {
+        let (measure, dimension) = (kernel.measure(), scene.body.dimension);
+        let forbids_inversion = self.declares_positive(measure);
+        if scene.solver.derivatives == DerivativeSource::HyperdualCoordinates {
+            let written = self.model.written(&self.values, measure);
+            let psi = move |m: HyperDual64, reference: f64| {
+                written.evaluate(m, HyperDual64::from_re(reference))
+            };
+            let mut element = CoordinateElement::new(measure, dimension, psi);
+            if forbids_inversion {
+                element.forbid_inversion();
+            }
+            return Box::new(element);
+        }
+        let mut element = MeasureElement::new(measure, dimension, Box::new(kernel));
+        if forbids_inversion {
+            element.forbid_inversion();
+        }
+        Box::new(element)
+    }
+
+    /// Whether the potential declares a domain that a measure leaves at 0 or before it is negative.
+    fn declares_positive(&self, measure: Measure) -> bool {
+        let Some(variant) = self.model.variant(self.values.dimension) else { return false };
+        let read = [0.0, -1.0].map(|m| explain::read(&variant.graph, &self.values, m, 1.0));
+        let leaves =
+            |domain: &Interval| read.iter().any(|r| !domain.contains(r.number(domain.root)));
+        let own = piola_compiler::Argument::Measure(measure);
+        variant.domains.iter().any(|domain| domain.argument == own && leaves(domain))
+    }
+
+    /// What the energies of gathered values are functions of: `theta`, or `theta) + psi(phi`.
+    fn arguments(&self, of_bonds: bool) -> String {
+        let energies = self.model.variant(self.values.dimension).map(|v| &v.gathered_energies);
+        let mut heads: Vec<&str> = Vec::new();
+        for energy in energies.into_iter().flatten().filter(|energy| energy.of_bonds == of_bonds) {
+            if !heads.contains(&energy.head.as_str()) {
+                heads.push(&energy.head);
+            }
+        }
+        heads.join(") + psi(")
+    }
+
+    /// The energies that are wrong at rest, for these values; at their places in the text.
+    pub(super) fn wrong(&self, diagnostics: Vec<Diagnostic>) -> CaseError {
+        let (name, text) = (self.text.name.clone(), self.text.text.clone());
+        CaseError::Text { name, text, diagnostics }
+    }
+
+    /// Values with other parameters.
+    ///
+    /// # Errors
+    /// What is wrong with them.
+    pub(crate) fn values_for(
+        &self,
+        parameters: &[(String, Setting)],
+    ) -> Result<Values, Vec<ValueError>> {
+        self.model.values(self.values.dimension, parameters, Some(self.values.horizon))
+    }
+}
+
+/// How derivatives are evaluated.
+fn mode(solver: &SolverSettings) -> Mode {
+    match solver.derivatives {
+        DerivativeSource::Jit => Mode::Jit(solver.level),
+        DerivativeSource::Interpreter => Mode::Interpreter,
+        DerivativeSource::Hyperdual | DerivativeSource::HyperdualCoordinates => Mode::HyperDual,
+    }
+}
+
+/// Whether the body is in plane stress: its energies of F are those of a solid.
+pub(super) fn is_sheet(scene: &Scene) -> bool {
+    scene.correspondence.as_ref().is_some_and(|settings| settings.plane == Plane::Stress)
+}
+
+/// The parameters that a scene gives.
+pub(crate) fn settings(material: &Material) -> Vec<(String, Setting)> {
+    let setting = |text: &ParameterText| match text {
+        ParameterText::Number(number) => Setting::Number(*number),
+        ParameterText::Quantity(text) => Setting::Text(text.clone()),
+    };
+    let given = material.parameters.iter();
+    given.map(|p| (p.name.value.clone(), setting(&p.value.value))).collect()
+}
+
+/// Values of the parameters; what is wrong with one is shown at its place in the scene.
+fn values(scene: &Scene, material: &Material, model: &Model) -> Result<Values, CaseError> {
+    let horizon = Some(scene.horizon_radius());
+    let is_solid = is_sheet(scene) && model.has_gradient_energy();
+    let dimension = if is_solid { 3 } else { scene.body.dimension };
+    model.values(dimension, &settings(material), horizon).map_err(|errors| {
+        let diagnostics = errors.into_iter().map(|error| {
+            let given = material.parameters.iter().find(|p| p.name.value == error.parameter);
+            let span = match (given, error.code) {
+                (Some(given), "unknown-parameter") => given.name.span,
+                (Some(given), _) => given.value.span,
+                (None, _) => material.potential.span,
+            };
+            Diagnostic::error(error.code, span, error.message).help(error.help)
+        });
+        CaseError::Scene(scene.report(diagnostics.collect()))
+    })
+}

@@ -1,0 +1,120 @@
+//! The first increment of a case, solved as far as a plan has time to: what it takes there.
+
+use std::ops::ControlFlow;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use piola_mechanics::energy::Energy;
+use piola_solvers::constraint::Constraints;
+use piola_solvers::linear::{LinearOptions, LinearSolver};
+use piola_solvers::steps::{StepError, run_steps};
+use piola_solvers::{Event, Observer, Watch};
+
+use super::run::{SceneDrive, failed, settings};
+use super::{Case, CaseError, Compiled};
+use crate::plan::FirstIncrement;
+use crate::scene::boundary::BoundaryConditions;
+
+/// Factorisations of more operations are not made for a plan: half a second.
+const FACTOR_OPERATIONS: f64 = 1e10;
+
+/// Solves the first increment as a run would, until it ends or the time is up; nothing where a
+/// factorisation alone would take longer.
+///
+/// # Errors
+/// A case that cannot start.
+pub(super) fn first_increment(
+    case: &Case,
+    compiled: Vec<Compiled>,
+    patience: Duration,
+) -> Result<Option<FirstIncrement>, CaseError> {
+    let energy = case.solved_energy(compiled)?;
+    let selection = case.selection()?;
+    let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
+    let settings = settings(&case.scene);
+    if is_long(&energy, boundary.fixed_dofs(), settings.linear) {
+        return Ok(None);
+    }
+    let ledger = Arc::new(Ledger { until: Instant::now() + patience, seen: Mutex::default() });
+    let watch = Watch::by(Arc::clone(&ledger) as Arc<dyn Observer>);
+    let drive = SceneDrive::new(&boundary);
+    let nominal = settings.end / settings.increments as f64;
+    let outcome = run_steps(&energy, &drive, &settings, &watch, &mut |_, _| ControlFlow::Break(()));
+    let mut first = ledger.read();
+    match outcome {
+        Ok(outcome) => {
+            if let Some(record) = outcome.records.first() {
+                first.assembly = record.times.assembly.as_secs_f64();
+                first.linear = record.times.linear.as_secs_f64();
+                first.line_search = record.times.line_search.as_secs_f64();
+                first.solved = record.t / nominal;
+            }
+        }
+        Err(StepError::NotConverged(failure)) => {
+            first.failure = Some(failed(case, &failure).1);
+        }
+        Err(error) => return Err(drive.explain(error)),
+    }
+    Ok(Some(first))
+}
+
+/// Whether a factorisation would take longer than a plan may.
+fn is_long(energy: &dyn Energy, fixed: &[usize], options: LinearOptions) -> bool {
+    let Ok(constraints) = Constraints::new(energy.positions().len(), fixed) else { return false };
+    let Ok(mut solver) = LinearSolver::of_energy(energy, &constraints, options) else {
+        return false;
+    };
+    !solver.iterates() && solver.estimate().is_ok_and(|e| e.operations > FACTOR_OPERATIONS)
+}
+
+/// Wants an end when the time is up, and writes down what it sees.
+struct Ledger {
+    until: Instant,
+    seen: Mutex<Seen>,
+}
+
+#[derive(Default)]
+struct Seen {
+    first: FirstIncrement,
+    begun: Option<Instant>,
+    /// When the first linear system was posed, and the last Newton iteration was finished.
+    posed: Option<Instant>,
+    finished: Option<Instant>,
+}
+
+impl Observer for Ledger {
+    fn notice(&self, event: Event<'_>) {
+        let mut seen = self.seen.lock().unwrap_or_else(|error| error.into_inner());
+        let now = Instant::now();
+        match event {
+            Event::Attempt(_) => drop(seen.begun.get_or_insert(now)),
+            Event::Residual { iterations: 0, .. } => drop(seen.posed.get_or_insert(now)),
+            Event::Residual { .. } => {
+                seen.first.iterations += 1;
+                seen.finished = Some(now);
+            }
+            Event::Product => seen.first.products += 1,
+            Event::CutBack { .. } => seen.first.cut_backs += 1,
+            Event::Phase(_) | Event::Step(_) => {}
+        }
+    }
+
+    fn wants_end(&self) -> bool {
+        Instant::now() > self.until
+    }
+}
+
+impl Ledger {
+    /// What was seen, with the time of the first assembly for all of them and the rest of the time for
+    /// linear systems.
+    fn read(&self) -> FirstIncrement {
+        let seen = self.seen.lock().unwrap_or_else(|error| error.into_inner());
+        let mut first = seen.first.clone();
+        let (Some(begun), Some(posed)) = (seen.begun, seen.posed) else { return first };
+        let until = seen.finished.unwrap_or_else(Instant::now);
+        let assembly = (posed - begun).as_secs_f64();
+        first.assembly = assembly * first.iterations.max(1) as f64;
+        first.linear = ((until - begun).as_secs_f64() - first.assembly).max(0.0);
+        first
+    }
+}

@@ -1,0 +1,497 @@
+//! A whole run: load steps, and everything they leave in the output folder.
+
+use std::ops::ControlFlow;
+use std::sync::Mutex;
+
+use piola_mechanics::energy::{Energy, Total};
+use piola_mechanics::interaction::{Inverted, Report};
+use piola_mechanics::matrix::BlockPattern;
+use piola_output::picture::{NamedPoints, Picture};
+use piola_output::pvd::FrameSeries;
+use piola_output::summary::{
+    ExitReason, InteractionCounts, MEMORY_SOURCE, Number, PhaseClock, SolverSummary, Summary,
+    memory, scene_hash, step_summaries, versions,
+};
+use piola_output::{
+    Definiteness, Frame, History, OutputError, OutputFile, OutputFolder, Points, table,
+};
+use piola_solvers::constraint::Constraints;
+use piola_solvers::linear::{self, BLOCK_JACOBI, LinearOptions, PreconditionerChoice};
+use piola_solvers::march::State;
+use piola_solvers::newton::{NewtonFailure, NewtonSettings, NewtonVariant};
+use piola_solvers::rigid_modes::check_rigid_motions;
+use piola_solvers::steps::{
+    self, Drive, NotConverged, StepError, StepRecord, StepSettings, run_steps,
+};
+use piola_solvers::{Event, Watch};
+
+use super::{Case, CaseError, explain};
+use crate::plan::available_memory;
+use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
+use crate::scene::selection::Selection;
+use crate::scene::{Scene, Unstable};
+
+/// What a run is told beside the scene.
+pub struct RunOptions<'a> {
+    /// In the headline of the picture.
+    pub title: &'a str,
+    /// What the user was warned of, for the summary.
+    pub warnings: Vec<String>,
+}
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ending {
+    /// Why it ended.
+    pub reason: ExitReason,
+    /// The reason in words; empty if all went well.
+    pub message: String,
+    /// Converged steps.
+    pub steps: usize,
+    /// How many of them are not stable equilibria.
+    pub indefinite: usize,
+    /// Whether the last of them is not, and the scene does not accept that.
+    pub fails: bool,
+    /// Interactions turned inside out at the last of them.
+    pub inverted: Inverted,
+    /// What the user was warned of during the run; the summary has it, too.
+    pub warnings: Vec<String>,
+}
+
+/// Why a run could not start or could not write.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum RunError {
+    /// The scene.
+    #[error(transparent)]
+    Case(#[from] CaseError),
+    /// The output.
+    #[error("{0}")]
+    Output(String),
+}
+
+impl From<OutputError> for RunError {
+    fn from(error: OutputError) -> Self {
+        let help = error.help().map(|help| format!("; {help}")).unwrap_or_default();
+        RunError::Output(format!("{error}{help}"))
+    }
+}
+
+/// Runs a case and fills the folder; `watch` sees what goes on and may end the run.
+///
+/// # Errors
+/// A case that cannot start, a file that cannot be written. A solver that does not converge is no
+/// error, nor is one that was interrupted: what converged is written and the ending says so.
+pub fn run(
+    case: &Case,
+    folder: &OutputFolder,
+    options: RunOptions<'_>,
+    watch: &Watch,
+) -> Result<Ending, RunError> {
+    case.check_rest()?;
+    let mut clock = PhaseClock::new();
+    enter(&mut clock, watch, "compile");
+    let compiled = case.compile()?;
+    enter(&mut clock, watch, "interactions");
+    let energy = case.solved_energy(compiled)?;
+    let selection = case.selection()?;
+    let boundary =
+        BoundaryConditions::new(&case.scene, &case.body, &selection).map_err(CaseError::from)?;
+    check_held(case, energy.bonds(), &boundary)?;
+
+    // From here on there is something to keep.
+    let resolved = case.scene.resolved_toml();
+    folder.write(OutputFile::ResolvedScene, resolved.as_bytes())?;
+    enter(&mut clock, watch, "solve");
+    let drive = SceneDrive::new(&boundary);
+    let points = Points::of(&case.body);
+    let mut recorder = Recorder::new(case, &energy, &selection, folder, &points, clock)?;
+    let result = run_steps(&energy, &drive, &settings(&case.scene), watch, &mut |record, state| {
+        recorder.record(record, state)
+    });
+    watch.notice(Event::Phase("output"));
+    if let Some(error) = recorder.failed.take() {
+        return Err(error.into());
+    }
+    let (mut ending, outcome) =
+        ending(case, result, &drive, &recorder.history, &recorder.warnings)?;
+    ending.warnings.extend(idle_choices(&case.scene, &outcome));
+    recorder.finish(&outcome, &ending, &resolved, options)?;
+    Ok(ending)
+}
+
+fn enter(clock: &mut PhaseClock, watch: &Watch, phase: &'static str) {
+    clock.enter(phase);
+    watch.notice(Event::Phase(phase));
+}
+
+/// Refuses a body that can move without force.
+pub(super) fn check_held(
+    case: &Case,
+    bonds: &BlockPattern,
+    boundary: &BoundaryConditions<'_>,
+) -> Result<(), CaseError> {
+    let n_dofs = case.body.n_points() * case.body.dimension();
+    let constraints = Constraints::new(n_dofs, boundary.fixed_dofs())?;
+    check_rigid_motions(bonds, case.body.positions(), &constraints)
+        .map_err(|error| explain::free_motion(&case.scene, &error))
+}
+
+/// The sum over some points of a force per point, `n x d`.
+pub(super) fn sum_over(points: &[usize], forces: &[f64], d: usize) -> Vec<f64> {
+    let mut sum = vec![0.0; d];
+    for &point in points {
+        for axis in 0..d {
+            sum[axis] += forces[d * point + axis];
+        }
+    }
+    sum
+}
+
+/// How the steps are solved.
+pub(super) fn settings(scene: &Scene) -> StepSettings {
+    let solver = &scene.solver;
+    let mut options = LinearOptions {
+        method: solver.linear,
+        preconditioner: solver.preconditioner,
+        ..LinearOptions::default()
+    };
+    if let Some(available) = available_memory() {
+        options.memory_limit = linear::MEMORY_SHARE * available as f64;
+    }
+    StepSettings {
+        end: scene.steps.end,
+        increments: scene.steps.increments,
+        start: solver.start,
+        newton: NewtonSettings {
+            tolerance: solver.tolerance,
+            max_iterations: solver.max_iterations,
+            variant: solver.newton,
+        },
+        linear: options,
+    }
+}
+
+/// The boundary conditions of a scene as the solver asks for them.
+pub(super) struct SceneDrive<'a> {
+    boundary: &'a BoundaryConditions<'a>,
+    /// The first condition that is not finite: the solver only sees the number.
+    problem: Mutex<Option<NonFiniteCondition>>,
+}
+
+impl<'a> SceneDrive<'a> {
+    pub(super) fn new(boundary: &'a BoundaryConditions<'a>) -> SceneDrive<'a> {
+        SceneDrive { boundary, problem: Mutex::new(None) }
+    }
+
+    /// What the solver could not start with, in the scene's words where it is a condition.
+    pub(super) fn explain(&self, error: StepError) -> CaseError {
+        let problem = self.problem.lock().unwrap_or_else(|e| e.into_inner()).take();
+        problem.map_or_else(|| error.into(), CaseError::from)
+    }
+
+    fn fill(&self, values: &mut [f64], result: Result<Vec<f64>, NonFiniteCondition>) {
+        match result {
+            Ok(given) => values.copy_from_slice(&given),
+            Err(problem) => {
+                values.fill(f64::NAN);
+                *self.problem.lock().unwrap_or_else(|e| e.into_inner()) = Some(problem);
+            }
+        }
+    }
+}
+
+impl Drive for SceneDrive<'_> {
+    fn fixed(&self) -> &[usize] {
+        self.boundary.fixed_dofs()
+    }
+
+    fn prescribed(&self, t: f64, values: &mut [f64]) {
+        self.fill(values, self.boundary.prescribed(t));
+    }
+
+    fn loads(&self, t: f64, loads: &mut [f64]) {
+        self.fill(loads, self.boundary.loads(t));
+    }
+}
+
+/// Choices of the scene that made no difference.
+fn idle_choices(scene: &Scene, outcome: &steps::Outcome) -> Vec<String> {
+    let mut found = Vec::new();
+    let method = outcome.linear.method;
+    let solver = &scene.solver;
+    if solver.newton == NewtonVariant::Inexact && !method.iterates() {
+        let name = method.name();
+        found.push(format!(
+            "newton = \"inexact\" makes no difference with {name}: its solutions are exact"
+        ));
+    }
+    if solver.preconditioner == PreconditionerChoice::TwoLevel
+        && !outcome.linear.stores_matrix
+        && outcome.linear.preconditioner.as_deref() == Some(BLOCK_JACOBI)
+    {
+        found.push(
+            "preconditioner = \"two-level\" needs a stored tangent: block Jacobi was used"
+                .to_string(),
+        );
+    }
+    found
+}
+
+fn solver_summary(outcome: &steps::Outcome) -> SolverSummary {
+    let (linear, counters) = (&outcome.linear, outcome.counters);
+    SolverSummary {
+        linear: linear.method.name().to_string(),
+        linear_reason: linear.reason.clone(),
+        preconditioner: linear.preconditioner.clone(),
+        linear_iterations: linear.iterations,
+        linear_solves: counters.linear_solves,
+        factorizations: counters.factorizations,
+        tangents: counters.tangents,
+        gradients: counters.gradients,
+    }
+}
+
+/// How the steps ended, and what they left.
+fn ending(
+    case: &Case,
+    result: Result<steps::Outcome, StepError>,
+    drive: &SceneDrive<'_>,
+    history: &History,
+    warnings: &[String],
+) -> Result<(Ending, steps::Outcome), RunError> {
+    let indefinite =
+        history.steps.iter().filter(|s| s.definiteness.positive_definite == Some(false)).count();
+    let fails = case.scene.solver.unstable == Unstable::Fail
+        && history.steps.last().is_some_and(|s| s.definiteness.positive_definite == Some(false));
+    let steps = history.steps.len();
+    let inverted = history.steps.last().map_or(Inverted::default(), |step| step.inverted);
+    let end = |reason, message| {
+        let warnings = warnings.to_vec();
+        Ending { reason, message, steps, indefinite, fails, inverted, warnings }
+    };
+    match result {
+        // Only who looks on stops a run whose output could be written.
+        Ok(outcome) if outcome.stopped => {
+            let t = outcome.records.last().map_or(0.0, |record| record.t);
+            let message = format!("interrupted; the last equilibrium is at t = {t}");
+            Ok((end(ExitReason::Interrupted, message), outcome))
+        }
+        Ok(outcome) => Ok((end(ExitReason::Completed, String::new()), outcome)),
+        Err(StepError::NotConverged(failure)) => {
+            let (reason, message) = failed(case, &failure);
+            Ok((end(reason, message), failure.outcome))
+        }
+        Err(error) => Err(drive.explain(error).into()),
+    }
+}
+
+/// Why no equilibrium was found, in words.
+pub(super) fn failed(case: &Case, failure: &NotConverged) -> (ExitReason, String) {
+    match &failure.cause.failure {
+        NewtonFailure::NonFinite(found) => {
+            let place = case.describe(found);
+            let (last, tried) = (failure.t_converged, failure.t_failed);
+            let message =
+                format!("no equilibrium at t = {tried}, the last is at t = {last}: {place}");
+            (ExitReason::NonFinite, message)
+        }
+        _ => (ExitReason::NotConverged, failure.to_string()),
+    }
+}
+
+/// Writes what the steps bring.
+struct Recorder<'a> {
+    case: &'a Case,
+    energy: &'a Total<'a>,
+    selection: &'a Selection,
+    folder: &'a OutputFolder,
+    points: &'a Points,
+    clock: PhaseClock,
+    frames: FrameSeries<'a>,
+    history: History,
+    warnings: Vec<String>,
+    last: Frame,
+    nominal: usize,
+    failed: Option<OutputError>,
+}
+
+impl<'a> Recorder<'a> {
+    fn new(
+        case: &'a Case,
+        energy: &'a Total<'a>,
+        selection: &'a Selection,
+        folder: &'a OutputFolder,
+        points: &'a Points,
+        clock: PhaseClock,
+    ) -> Result<Recorder<'a>, OutputError> {
+        let mut frames = FrameSeries::new(folder, points)?;
+        let zero = vec![0.0; points.positions.len()];
+        let last = Frame::of(&case.body, 0.0, &zero, &zero);
+        frames.push(&last)?;
+        let sets = selection.sets.iter().map(|set| set.name.clone()).collect();
+        let probes = selection.probes.iter().map(|probe| probe.name.clone()).collect();
+        let parts = energy.parts().to_vec();
+        let history = History::new(case.body.dimension(), parts, sets, probes);
+        let nominal = 0;
+        Ok(Recorder {
+            case,
+            energy,
+            selection,
+            folder,
+            points,
+            clock,
+            frames,
+            history,
+            warnings: Vec::new(),
+            last,
+            nominal,
+            failed: None,
+        })
+    }
+
+    fn record(&mut self, record: &StepRecord, state: &State<'_>) -> ControlFlow<()> {
+        self.clock.enter("output");
+        let body = &self.case.body;
+        let d = body.dimension();
+        let residual: Vec<f64> =
+            state.internal_forces.iter().zip(state.loads).map(|(g, f)| g - f).collect();
+        self.history.push(piola_output::StepRecord {
+            t: record.t,
+            iterations: record.iterations,
+            residual: record.residual.clone(),
+            residual_over_reaction: record.residual_over_reaction.clone(),
+            energy_parts: record.energy_parts.clone(),
+            reactions: self
+                .selection
+                .sets
+                .iter()
+                .map(|set| sum_over(&set.points, &residual, d))
+                .collect(),
+            probes: self
+                .selection
+                .probes
+                .iter()
+                .map(|probe| state.displacements[d * probe.point..d * (probe.point + 1)].to_vec())
+                .collect(),
+            definiteness: Definiteness {
+                positive_definite: record.definiteness.positive_definite,
+                method: record.definiteness.method.clone(),
+            },
+            condition: record.condition,
+            inverted: self.energy.inverted(state.displacements),
+        });
+        self.warn_of_rounding(record);
+        self.last = Frame::of(body, record.t, state.displacements, &residual);
+        let written = self.write_step(record.nominal);
+        self.clock.enter("solve");
+        match written {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(error) => {
+                self.failed = Some(error);
+                ControlFlow::Break(())
+            }
+        }
+    }
+
+    /// Warns once of a tolerance that rounding does not let the residual meet but by luck.
+    fn warn_of_rounding(&mut self, record: &StepRecord) {
+        let (tolerance, floor) = (self.case.scene.solver.tolerance, record.rounding_floor);
+        if tolerance < floor && self.warnings.is_empty() {
+            self.warnings.push(format!(
+                "the tolerance {tolerance:e} is below the rounding of the forces, {floor:.0e} of the \
+                 reaction at t = {}: a smaller residual is luck and makes nothing more exact",
+                record.t
+            ));
+        }
+    }
+
+    fn write_step(&mut self, nominal: bool) -> Result<(), OutputError> {
+        if nominal {
+            self.nominal += 1;
+            // Frames are spread evenly over the increments.
+            let (frames, all) = (self.case.scene.output.frames, self.case.scene.steps.increments);
+            let due = |step: usize| step * frames.min(all) / all;
+            if due(self.nominal) > due(self.nominal - 1) {
+                self.frames.push(&self.last)?;
+            }
+        }
+        table::write_history(self.folder, &self.history)
+    }
+
+    fn finish(
+        mut self,
+        outcome: &steps::Outcome,
+        ending: &Ending,
+        resolved: &str,
+        options: RunOptions<'_>,
+    ) -> Result<(), OutputError> {
+        self.clock.enter("output");
+        let body = &self.case.body;
+        if self.history.steps.is_empty() {
+            table::write_history(self.folder, &self.history)?;
+        }
+        let displacement = body.to_user_order(&outcome.displacements, body.dimension());
+        table::write_displacement(self.folder, self.points, &displacement)?;
+        self.clock.leave();
+        let report = self.energy.report();
+        let warnings = [options.warnings.as_slice(), &ending.warnings].concat();
+        let summary = Summary {
+            versions: versions(),
+            scene_hash: scene_hash(
+                resolved,
+                self.case.potentials.iter().map(|p| p.text.text.as_str()),
+            ),
+            exit_reason: ending.reason,
+            exit_message: ending.message.clone(),
+            dimension: body.dimension(),
+            points: body.n_points(),
+            interactions: interactions(&report),
+            dropped: InteractionCounts {
+                bonds: 0,
+                triangles: report.dropped_triangles as usize,
+                tetrahedra: report.dropped_tetrahedra as usize,
+            },
+            warnings,
+            solver: solver_summary(outcome),
+            threads: rayon::current_num_threads(),
+            wall_seconds: Number(self.clock.wall_seconds()),
+            phases: self.clock.phases().to_vec(),
+            peak_memory_bytes: memory().map(|memory| memory.peak),
+            memory_source: MEMORY_SOURCE,
+            steps: step_summaries(&self.history),
+        };
+        // Before the picture: that takes longer, and is the smaller loss.
+        summary.write(self.folder)?;
+        self.draw(options.title)
+    }
+
+    fn draw(&self, title: &str) -> Result<(), OutputError> {
+        let body = &self.case.body;
+        let sets: Vec<NamedPoints> = self
+            .selection
+            .sets
+            .iter()
+            .map(|set| NamedPoints {
+                name: set.name.clone(),
+                points: set.points.iter().map(|p| body.user_index()[*p] as usize).collect(),
+            })
+            .collect();
+        let picture = Picture {
+            title,
+            points: self.points,
+            frame: &self.last,
+            sets: &sets,
+            history: &self.history,
+            tolerance: self.case.scene.solver.tolerance,
+        };
+        picture.write(self.folder)
+    }
+}
+
+fn interactions(report: &Report) -> InteractionCounts {
+    InteractionCounts {
+        bonds: report.bonds as usize,
+        triangles: report.triangles as usize,
+        tetrahedra: report.tetrahedra as usize,
+    }
+}

@@ -116,6 +116,14 @@ impl Evaluator {
     }
 }
 
+/// Lists items in room on the stack: there are never more than fit.
+pub(crate) fn listed<T>(room: &mut [T], items: impl IntoIterator<Item = T>) -> &mut [T] {
+    let mut items = items.into_iter();
+    let n = room.iter_mut().zip(items.by_ref()).map(|(place, item)| *place = item).count();
+    debug_assert!(items.next().is_none(), "all items found room");
+    &mut room[..n]
+}
+
 /// Runs a form's graph at every place.
 fn interpret(form: &DensityForm, part: Part, arrays: &[&[f64]], outputs: &mut [&mut [f64]]) {
     let inputs = form.inputs(part);

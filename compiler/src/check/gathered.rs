@@ -13,7 +13,7 @@ use crate::measure::Measure;
 use crate::model::{GatheredEnergy, Integral};
 
 /// Most integrals of a potential.
-const MAX_INTEGRALS: usize = 8;
+pub(crate) const MAX_INTEGRALS: usize = 8;
 
 const LENGTH: u8 = 1 << (Measure::Length as u8);
 

@@ -109,6 +109,8 @@ pub fn check(ast: &Ast) -> Result<Model, Vec<Diagnostic>> {
     }
 }
 
+pub(crate) use gathered::MAX_INTEGRALS;
+
 /// Elaboration of a lone expression, for formulas outside potentials.
 pub(crate) use elaborate::elaborate_formula;
 

@@ -1,14 +1,23 @@
 //! An energy of gathered states over arrays.
 
+use std::iter::once;
+
 use num_dual::HyperDual64;
 
-use crate::density::{DensityForm, Evaluator};
+use crate::check::MAX_INTEGRALS;
+use crate::density::{DensityForm, Evaluator, listed};
 use crate::expression::Input;
 use crate::expression::number::Number;
 use crate::kernel::Mode;
 use crate::measure::Measure;
 use crate::specialise::CompileError;
 use crate::written::{Dual, Written};
+
+/// Most variables: the length of a bond and all integrals.
+const VARIABLES: usize = 1 + MAX_INTEGRALS;
+
+/// Most arrays of a program: variables, directions and what else is known of a bond.
+const SOURCES: usize = 2 * VARIABLES + 2;
 
 /// Variables of `n` places, variable by variable: entry `k*n + p` is variable `k` at place `p`.
 #[derive(Clone, Copy, Debug)]
@@ -76,13 +85,17 @@ impl GatheredKernel {
     /// # Panics
     /// If an array has another length than the batch asks for.
     pub fn evaluate(&self, at: GatheredBatch<'_>, psi: &mut [f64], gradient: &mut [f64]) {
-        let sources = self.sources(at, None);
+        let mut room = [&[][..]; SOURCES];
+        let sources = listed(&mut room, self.sources(at, &[]));
         assert!(gradient.is_empty() || gradient.len() == at.variables.len(), "one per variable");
+        if at.n == 0 {
+            return;
+        }
         match &self.body {
             Body::Form(evaluator) => {
-                let mut outputs = vec![psi];
-                outputs.extend(gradient.chunks_mut(at.n.max(1)));
-                evaluator.evaluate(&sources, &mut outputs);
+                let mut room: [&mut [f64]; 1 + VARIABLES] = Default::default();
+                let gradient = gradient.chunks_mut(at.n);
+                evaluator.evaluate(sources, listed(&mut room, once(psi).chain(gradient)));
             }
             Body::Dual(energy) => energy.dual(at).evaluate(psi, gradient),
         }
@@ -93,30 +106,35 @@ impl GatheredKernel {
     /// # Panics
     /// If an array has another length than the batch asks for.
     pub fn product(&self, at: GatheredBatch<'_>, direction: &[f64], product: &mut [f64]) {
-        let sources = self.sources(at, Some(direction));
+        assert!(direction.len() == at.variables.len(), "one direction");
+        let mut room = [&[][..]; SOURCES];
+        let sources = listed(&mut room, self.sources(at, direction));
         assert!(product.len() == at.variables.len(), "one product per variable");
+        if at.n == 0 {
+            return;
+        }
         match &self.body {
             Body::Form(evaluator) => {
-                let mut outputs: Vec<&mut [f64]> = product.chunks_mut(at.n.max(1)).collect();
-                evaluator.product(&sources, &mut outputs);
+                let mut room: [&mut [f64]; VARIABLES] = Default::default();
+                evaluator.product(sources, listed(&mut room, product.chunks_mut(at.n)));
             }
             Body::Dual(energy) => energy.dual(at).product(direction, product),
         }
     }
 
-    /// The arrays in the order of [`inputs`].
-    fn sources<'a>(&self, at: GatheredBatch<'a>, direction: Option<&'a [f64]>) -> Vec<&'a [f64]> {
+    /// The arrays in the order of [`inputs`]; without a direction there are none of it.
+    fn sources<'a>(
+        &self,
+        at: GatheredBatch<'a>,
+        direction: &'a [f64],
+    ) -> impl Iterator<Item = &'a [f64]> + use<'a> {
         let n = at.n;
         let given = if self.of_bonds { n } else { 0 };
         assert!(at.variables.len() == self.n_variables() * n, "all variables at each place");
         assert!(at.change.len() == given && at.reference.len() == given, "one per bond");
-        assert!(direction.is_none_or(|d| d.len() == at.variables.len()), "one direction");
-        let mut sources: Vec<&[f64]> = at.variables.chunks(n.max(1)).collect();
-        if self.of_bonds {
-            sources.splice(1..1, [at.reference, at.change]);
-        }
-        sources.extend(direction.iter().flat_map(|d| d.chunks(n.max(1))));
-        sources
+        let (lengths, integrals) = at.variables.split_at(given);
+        let of_bonds = [lengths, at.reference, at.change].into_iter().filter(move |_| given > 0);
+        of_bonds.chain(integrals.chunks(n.max(1))).chain(direction.chunks(n.max(1)))
     }
 }
 

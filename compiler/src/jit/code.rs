@@ -109,26 +109,13 @@ impl Code {
         let outputs = &mut outputs[..n_outputs];
         assert!(inputs.iter().all(|array| array.len() == n), "inputs have one length");
         assert!(outputs.iter().all(|array| array.len() >= n), "outputs have room");
-        if n == 1 {
-            return self.run_one(function, inputs, outputs);
-        }
         // Most programs have few arrays: clearing room for all takes a tenth of the time of a bond.
-        if inputs.len().max(n_outputs) <= FEW_ARRAYS {
-            call::<FEW_ARRAYS>(entry, inputs, outputs);
-        } else {
-            call::<MAX_ARRAYS>(entry, inputs, outputs);
-        }
-    }
-
-    /// Code works on two entries at a time: a single one goes through as two.
-    fn run_one(&self, function: usize, inputs: &[&[f64]], outputs: &mut [&mut [f64]]) {
-        let twice: Vec<[f64; 2]> = inputs.iter().map(|array| [array[0]; 2]).collect();
-        let twice: Vec<&[f64]> = twice.iter().map(|pair| pair.as_slice()).collect();
-        let mut room = vec![[0.0; 2]; outputs.len()];
-        let mut pairs: Vec<&mut [f64]> = room.iter_mut().map(|pair| pair.as_mut_slice()).collect();
-        self.run(function, &twice, &mut pairs);
-        for (output, pair) in outputs.iter_mut().zip(&room) {
-            output[0] = pair[0];
+        let is_small = inputs.len().max(n_outputs) <= FEW_ARRAYS;
+        match (n, is_small) {
+            (1, true) => call_one::<FEW_ARRAYS>(entry, inputs, outputs),
+            (1, false) => call_one::<MAX_ARRAYS>(entry, inputs, outputs),
+            (_, true) => call::<FEW_ARRAYS>(entry, inputs, outputs),
+            (_, false) => call::<MAX_ARRAYS>(entry, inputs, outputs),
         }
     }
 
@@ -157,10 +144,24 @@ fn call<const ROOM: usize>(entry: Entry, inputs: &[&[f64]], outputs: &mut [&mut 
         *target = array.as_mut_ptr();
     }
     // SAFETY: the function reads one entry of `sources` for each input of the program and one of
-    // `targets` for each root it computes; `Code::run`, the only caller, has as many, and each
+    // `targets` for each root it computes; `Code::run`, for which it is called, has as many, and each
     // holds as many numbers as the first input; all found room here; outputs are borrowed mutably
     // and so do not overlap the inputs or each other; the code lives as long as the `Code`.
     unsafe { entry(sources.as_ptr(), targets.as_ptr(), inputs[0].len() as i64) };
+}
+
+/// The same for arrays of one entry. Code works on two at a time: a single one goes through as two.
+fn call_one<const ROOM: usize>(entry: Entry, inputs: &[&[f64]], outputs: &mut [&mut [f64]]) {
+    let (mut twice, mut pairs) = ([[0.0; 2]; ROOM], [[0.0; 2]; ROOM]);
+    for (pair, array) in twice.iter_mut().zip(inputs) {
+        *pair = [array[0]; 2];
+    }
+    let sources = twice.each_ref().map(|pair| &pair[..]);
+    let mut targets = pairs.each_mut().map(|pair| &mut pair[..]);
+    call::<ROOM>(entry, &sources[..inputs.len()], &mut targets[..outputs.len()]);
+    for (output, pair) in outputs.iter_mut().zip(&pairs) {
+        output[0] = pair[0];
+    }
 }
 
 impl Drop for Code {

@@ -1,5 +1,6 @@
 //! An energy of the deformation gradient over arrays, and the choice between its two forms.
 
+use std::iter::once;
 use std::ops::Range;
 
 use num_dual::HyperDual64;
@@ -8,7 +9,7 @@ use super::GradientEnergyForms;
 use super::domain::VolumeDomain;
 use super::principal::axes::{self, Axes, LANES};
 use super::principal::witness::{Principal, Products};
-use crate::density::Evaluator;
+use crate::density::{Evaluator, listed};
 use crate::expression::{Input, NodeId, graph};
 use crate::jit::Listing;
 use crate::kernel::{Level, Mode};
@@ -29,6 +30,9 @@ const MOST: usize = 9;
 /// Most numbers that principal stretches and axes are.
 const AXES: usize = 24;
 
+/// Most arrays of a program: `F`, `F - I`, a direction and the axes.
+const SOURCES: usize = 3 * MOST + AXES;
+
 /// Deformation gradients of `n` places, component by component: entry `k*n + p` of an array is
 /// component `k`, row by row, at place `p`.
 #[derive(Clone, Copy, Debug)]
@@ -45,8 +49,8 @@ pub struct GradientBatch<'a> {
 #[derive(Debug)]
 pub struct GradientKernel {
     dimension: usize,
-    /// Whether principal stretches and axes are found before machine code runs.
-    has_axes: bool,
+    /// How many arrays of principal stretches and axes are found before machine code runs.
+    n_axes: usize,
     body: Body,
     domain: VolumeDomain,
 }
@@ -81,11 +85,11 @@ impl GradientKernel {
     /// What the code generator reports.
     pub fn new(forms: GradientEnergyForms, mode: Mode) -> Result<GradientKernel, CompileError> {
         let dimension = forms.dimension;
-        let has_axes = forms.far.has_axes();
+        let n_axes = if forms.far.has_axes() { axes::inputs(dimension).count() } else { 0 };
         let far = Evaluator::new(forms.far, mode)?;
         let near = forms.near.map(|near| Evaluator::new(near, mode)).transpose()?;
         let body = Body::Forms(Box::new(far), near.map(Box::new));
-        Ok(GradientKernel { dimension, has_axes, body, domain: VolumeDomain::default() })
+        Ok(GradientKernel { dimension, n_axes, body, domain: VolumeDomain::default() })
     }
 
     /// 2 or 3.
@@ -111,11 +115,10 @@ impl GradientKernel {
         match &self.body {
             Body::Dual(energy) => energy.dual(at).evaluate(psi, stress),
             Body::Forms(far, near) => {
-                let mut stress = split(stress, at.n);
-                let outputs =
-                    [&mut *psi].into_iter().chain(stress.iter_mut().map(|array| &mut **array));
-                let mut outputs: Vec<&mut [f64]> = outputs.collect();
-                self.in_blocks(at, near.is_some(), None, &mut outputs, |is_near, sources, out| {
+                let mut room: [&mut [f64]; 1 + MOST] = Default::default();
+                let outputs = once(&mut *psi).chain(stress.chunks_mut(at.n.max(1)));
+                let outputs = listed(&mut room, outputs);
+                self.in_blocks(at, near.is_some(), &[], outputs, |is_near, sources, out| {
                     pick(far, near, is_near).evaluate(sources, out);
                 });
             }
@@ -135,28 +138,23 @@ impl GradientKernel {
         match &self.body {
             Body::Dual(energy) => energy.dual(at).product(direction, product),
             Body::Forms(far, near) => {
-                let mut outputs = split(product, at.n);
-                let has_near = near.is_some();
-                self.in_blocks(
-                    at,
-                    has_near,
-                    Some(direction),
-                    &mut outputs,
-                    |is_near, sources, out| {
-                        pick(far, near, is_near).product(sources, out);
-                    },
-                );
+                let mut room: [&mut [f64]; MOST] = Default::default();
+                let outputs = listed(&mut room, product.chunks_mut(at.n.max(1)));
+                self.in_blocks(at, near.is_some(), direction, outputs, |is_near, sources, out| {
+                    pick(far, near, is_near).product(sources, out);
+                });
             }
         }
     }
 
     /// Evaluates block by block: one form where all places of a block ask for it, both where they
-    /// differ. The result of a place never depends on the places beside it.
+    /// differ. The result of a place never depends on the places beside it. The direction is empty
+    /// where none is given.
     fn in_blocks(
         &self,
         at: GradientBatch<'_>,
         has_near: bool,
-        direction: Option<&[f64]>,
+        direction: &[f64],
         outputs: &mut [&mut [f64]],
         evaluate: impl Fn(bool, &[&[f64]], &mut [&mut [f64]]),
     ) {
@@ -168,27 +166,27 @@ impl GradientKernel {
             let near = block.clone().map(|p| {
                 has_near && (0..n_components).all(|k| at.change[k * at.n + p].abs() < NEAR)
             });
-            let near: Vec<bool> = near.collect();
-            if self.has_axes {
-                self.find_axes(at, start, &near, &mut axes);
+            let mut places = [false; BLOCK];
+            let near = &*listed(&mut places, near);
+            if self.n_axes > 0 {
+                self.find_axes(at, start, near, &mut axes);
             }
-            let mut sources: Vec<&[f64]> = Vec::with_capacity(3 * MOST + AXES);
-            sources.extend(in_block(at.gradient, at.n, &block));
-            sources.extend(in_block(at.change, at.n, &block));
-            sources.extend(direction.into_iter().flat_map(|array| in_block(array, at.n, &block)));
-            if self.has_axes {
-                let n_arrays = axes::inputs(self.dimension).count();
-                sources.extend(axes[..n_arrays].iter().map(|array| &array[..near.len()]));
-            }
+            let given = [at.gradient, at.change, direction].into_iter();
+            let given = given.flat_map(|array| in_block(array, at.n, &block));
+            let axes = axes[..self.n_axes].iter().map(|array| &array[..near.len()]);
+            let mut arrays = [&[][..]; SOURCES];
+            let sources = listed(&mut arrays, given.chain(axes));
             let some_near = near.contains(&true);
-            let mut targets: Vec<&mut [f64]> =
-                outputs.iter_mut().map(|array| &mut array[block.clone()]).collect();
-            evaluate(some_near, &sources, &mut targets);
+            let mut arrays: [&mut [f64]; 1 + MOST] = Default::default();
+            let targets = outputs.iter_mut().map(|array| &mut array[block.clone()]);
+            let targets = listed(&mut arrays, targets);
+            evaluate(some_near, sources, targets);
             if some_near && near.contains(&false) {
-                let mut others: Vec<&mut [f64]> =
-                    room[..targets.len()].iter_mut().map(|row| &mut row[..near.len()]).collect();
-                evaluate(false, &sources, &mut others);
-                for (target, other) in targets.iter_mut().zip(&others) {
+                let mut arrays: [&mut [f64]; 1 + MOST] = Default::default();
+                let others = room[..targets.len()].iter_mut().map(|row| &mut row[..near.len()]);
+                let others = listed(&mut arrays, others);
+                evaluate(false, sources, others);
+                for (target, other) in targets.iter_mut().zip(&*others) {
                     for p in (0..near.len()).filter(|p| !near[*p]) {
                         target[p] = other[p];
                     }
@@ -212,8 +210,8 @@ impl GradientKernel {
             let group = first..near.len().min(first + LANES);
             let read = |source: &[f64]| {
                 let mut tensor = [[0.0; LANES]; MOST];
-                for (k, component) in graph::components(d).into_iter().enumerate() {
-                    let from = k * at.n + start;
+                for k in 0..d * d {
+                    let (component, from) = (graph::component(k / d, k % d), k * at.n + start);
                     tensor[usize::from(component)][..group.len()]
                         .copy_from_slice(&source[from + group.start..from + group.end]);
                 }
@@ -244,11 +242,6 @@ fn in_block<'a>(
 ) -> impl Iterator<Item = &'a [f64]> + use<'a> {
     let block = block.clone();
     array.chunks(n.max(1)).map(move |component| &component[block.clone()])
-}
-
-/// The components of an array, one after the other.
-fn split(array: &mut [f64], n: usize) -> Vec<&mut [f64]> {
-    array.chunks_mut(n.max(1)).collect()
 }
 
 /// The energy of the deformation gradient exactly as written: not simplified, parameters not folded.
@@ -324,7 +317,7 @@ impl Model {
             Mode::HyperDual => {
                 let body = Body::Dual(self.written_gradient(values));
                 let domain = VolumeDomain::default();
-                GradientKernel { dimension: values.dimension, has_axes: false, body, domain }
+                GradientKernel { dimension: values.dimension, n_axes: 0, body, domain }
             }
             _ => GradientKernel::new(forms, mode)?,
         };

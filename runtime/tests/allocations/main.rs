@@ -6,6 +6,7 @@
 #[allow(dead_code)]
 #[path = "../mechanics/common.rs"]
 mod common;
+mod compiled;
 #[allow(dead_code)]
 #[path = "../correspondence/common.rs"]
 mod families;
@@ -68,6 +69,9 @@ fn cases() -> Vec<Case> {
         for (name, energy) in states::energies(&body, 2.3) {
             let name = format!("states {name} in {d} dimensions");
             cases.push(Case { name, energy: Box::new(energy), u: u.clone() });
+        }
+        for (name, energy) in compiled::energies(&body, 2.3) {
+            cases.push(Case { name: format!("{name} in {d} dimensions"), energy, u: u.clone() });
         }
         for order in [OperatorOrder::First, OperatorOrder::Second] {
             for place in families::DISCRETISATIONS {

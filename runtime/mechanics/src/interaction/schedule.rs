@@ -106,10 +106,18 @@ impl<'a, T> Touched<'a, T> {
     /// Some entries of one point.
     #[inline(always)]
     pub(crate) fn range(&mut self, entries: Range<usize>) -> &mut [T] {
-        if entries.start < self.middle {
-            &mut self.own[entries.start - self.first..entries.end - self.first]
+        let (first, part) = self.part_of_mut(entries.start);
+        &mut part[entries.start - first..entries.end - first]
+    }
+
+    /// The entries of the slab that has this one, and the number of the first of them. Addresses are
+    /// chosen, not ways to go: no branch in inner loops.
+    #[inline(always)]
+    fn part_of_mut(&mut self, entry: usize) -> (usize, &mut [T]) {
+        if entry < self.middle {
+            (self.first, &mut *self.own)
         } else {
-            &mut self.next[entries.start - self.middle..entries.end - self.middle]
+            (self.middle, &mut *self.next)
         }
     }
 }
@@ -151,11 +159,8 @@ impl<T> Index<usize> for Touched<'_, T> {
 impl<T> IndexMut<usize> for Touched<'_, T> {
     #[inline(always)]
     fn index_mut(&mut self, entry: usize) -> &mut T {
-        if entry < self.middle {
-            &mut self.own[entry - self.first]
-        } else {
-            &mut self.next[entry - self.middle]
-        }
+        let (first, part) = self.part_of_mut(entry);
+        &mut part[entry - first]
     }
 }
 

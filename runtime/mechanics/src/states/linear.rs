@@ -287,23 +287,24 @@ impl StateEnergy {
         let width = Linear::fixed(D) + a * if is_mixed { 3 } else { 1 };
         for i in self.slabs.owners(slab) {
             let (start, end) = (self.bond_start[i], self.bond_start[i + 1]);
-            let bonds = at.bonds[start * width..end * width].chunks_exact(width);
-            for (bond, &j) in bonds.zip(self.neighborhood.upper(i)) {
-                let j = j as usize;
-                let along = (0..D).fold(0.0, |sum, c| sum + bond[c] * (p[j][c] - p[i][c]));
-                let (of_i, of_j) = (i * 2 * a, j * 2 * a);
-                for k in 0..a {
+            for k in 0..a {
+                let (integral, adjoint) = (i * 2 * a + k, i * 2 * a + a + k);
+                // What the owner gets stays in registers.
+                let mut own = [out[integral], out[adjoint]];
+                let bonds = at.bonds[start * width..end * width].chunks_exact(width);
+                for (bond, &j) in bonds.zip(self.neighborhood.upper(i)) {
+                    let j = j as usize;
+                    let along = (0..D).fold(0.0, |sum, c| sum + bond[c] * (p[j][c] - p[i][c]));
                     let part = bond[D + 2 + k] * along;
-                    let [of_own, of_other] = out.pair(of_i + k, of_j + k);
-                    *of_own += volumes[j] * part;
-                    *of_other += volumes[i] * part;
+                    own[0] += volumes[j] * part;
+                    out[j * 2 * a + k] += volumes[i] * part;
                     if is_mixed {
                         let (here, there) = (bond[D + 2 + a + k], bond[D + 2 + 2 * a + k]);
-                        let [of_own, of_other] = out.pair(of_i + a + k, of_j + a + k);
-                        *of_own += volumes[j] * here * along;
-                        *of_other += volumes[i] * there * along;
+                        own[1] += volumes[j] * here * along;
+                        out[j * 2 * a + a + k] += volumes[i] * there * along;
                     }
                 }
+                [out[integral], out[adjoint]] = own;
             }
         }
     }
@@ -338,12 +339,15 @@ impl StateEnergy {
                     }
                 }
                 let pull = bond[D] * along + volumes[i] * volumes[j] * shared;
-                let out = &mut out[j];
+                // Read in full before it is written: the compiler cannot tell that it is nothing else.
+                let other = &mut out[j];
+                let mut row = *other;
                 for c in 0..D {
                     let part = pull * bond[c] + bond[D + 1] * moved[c];
-                    out[c] += part;
+                    row[c] += part;
                     sum[c] += part;
                 }
+                *other = row;
             }
             let out = &mut out[i];
             for c in 0..D {

@@ -48,11 +48,10 @@ impl fmt::Display for Plan {
             LinearMethod::Gmres => ("GMRES", "GMRES"),
             _ => ("CG", "conjugate gradients"),
         };
-        let (free, without) = match self.linear.stores_matrix {
-            true => ("", ""),
-            false => ("free ", " without a stored tangent"),
+        let (method, without) = match self.linear.stores_matrix {
+            true => (format!("linear system, {short}"), ""),
+            false => ("linear system (matrix-free)".to_string(), " without a stored tangent"),
         };
-        let method = format!("linear system, {free}{short}");
         writeln!(f, "  {:<28}{:>14}", "setup", seconds(self.time.setup))?;
         writeln!(f, "  {:<28}{:>14}   per iteration", "assembly", seconds(self.time.assembly))?;
         writeln!(f, "  {method:<28}{:>14}   per iteration", seconds(self.time.linear))?;

@@ -1,9 +1,10 @@
 //! Keys whose values go straight into a field: one row each, for reading, writing and messages.
 
+use std::fmt::Write as _;
+
 use piola_mechanics::words::Words;
 
 use super::reader::{Field, Reader, Table};
-use super::write::{number, string};
 
 /// A key, an example of its value that messages quote, and its field.
 pub(super) type Row<S> = (&'static str, &'static str, fn(&mut S) -> Slot<'_>);
@@ -94,4 +95,25 @@ impl Reader {
 pub(super) fn texts<S: Clone>(settings: &S, rows: &[Row<S>]) -> Vec<(&'static str, String)> {
     let mut settings = settings.clone();
     rows.iter().map(|(key, _, slot)| (*key, slot(&mut settings).text())).collect()
+}
+
+/// Shortest decimals that read back to the same bits, as a TOML float.
+pub(super) fn number(value: f64) -> String {
+    format!("{value:?}")
+}
+
+/// A TOML basic string.
+pub(super) fn string(text: &str) -> String {
+    let mut out = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => out.extend(['\\', c]),
+            c if c.is_control() => {
+                let _ = write!(out, "\\u{:04X}", c as u32);
+            }
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
 }

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use piola_mechanics::correspondence::{Discretisation, Stabilisation};
 use piola_mechanics::words::Words;
 
-use super::keys::texts;
+use super::keys::{number, string, texts};
 use super::read::{OUTPUT_KEYS, SOLVER_KEYS, STEPS_KEYS};
 use super::{
     BodyShape, CorrespondenceSettings, Horizon, HorizonExtent, Load, Material, ParameterText,
@@ -177,11 +177,6 @@ fn pair(out: &mut String, key: &str, value: impl std::fmt::Display) {
     let _ = writeln!(out, "{key} = {value}");
 }
 
-/// Shortest decimals that read back to the same bits, as a TOML float.
-pub(super) fn number(value: f64) -> String {
-    format!("{value:?}")
-}
-
 fn vector(values: &[f64]) -> String {
     let numbers: Vec<String> = values.iter().map(|value| number(*value)).collect();
     format!("[{}]", numbers.join(", "))
@@ -202,20 +197,4 @@ fn word(value: impl Words) -> String {
 fn key(name: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
     if !name.is_empty() && name.chars().all(plain) { name.into() } else { string(name) }
-}
-
-/// A TOML basic string.
-pub(super) fn string(text: &str) -> String {
-    let mut out = String::from("\"");
-    for c in text.chars() {
-        match c {
-            '"' | '\\' => out.extend(['\\', c]),
-            c if c.is_control() => {
-                let _ = write!(out, "\\u{:04X}", c as u32);
-            }
-            c => out.push(c),
-        }
-    }
-    out.push('"');
-    out
 }

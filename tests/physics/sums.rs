@@ -151,6 +151,23 @@ fn moduli_and_plans_know_all_energies() {
     assert_eq!(plan["linear"], "matrix-free");
 }
 
+/// Families sum over volumes, and so do interactions beside them unless the scene says otherwise.
+#[test]
+fn interactions_beside_families_weigh_volumes_by_default() {
+    let energy = |folder: &SceneFolder, weights: &[&str]| {
+        let found = folder.energy(&displacement(), weights).json();
+        energy_part(&found, "psi(l)")
+    };
+    let both = [ENERGIES[0].1, ENERGIES[4].1].concat();
+    let stated = scene(&[&both], "");
+    let text = std::fs::read_to_string(stated.scene()).unwrap();
+    let silent = scene(&[&both], "");
+    silent.file("scene.toml", text.replace("weights = \"volumes\"\n", ""));
+    assert_eq!(energy(&silent, &[]), energy(&stated, &[]));
+    let uniform = energy(&silent, &["--set", "horizon.weights=uniform"]);
+    assert!((uniform / energy(&stated, &[]) - 1.0).abs() > 0.01, "{uniform}");
+}
+
 /// A sheet in plane stress takes psi(F) of a solid; what else there is stands in another potential.
 #[test]
 fn plane_stress_takes_its_energy_from_a_potential_of_its_own() {

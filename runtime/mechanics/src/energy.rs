@@ -202,8 +202,9 @@ pub trait Energy: Sync {
         None
     }
 
-    /// Fills `springs` with a positive semi-definite matrix like the Hessian at `u`, in N/m, that
-    /// couples bonded points only: products with the Hessian are preconditioned by it.
+    /// Fills `springs` with a matrix like the Hessian at `u`, in N/m, that couples bonded points only:
+    /// products with the Hessian are preconditioned by it. Of families it is positive semi-definite;
+    /// interactions beside them add their own Hessian, which is so near rest.
     fn springs(&self, _u: &[f64], _springs: &mut BlockMatrix) {}
 
     /// How products of [`Energy::hessian`] come about. Where they are not exact, they are all that

@@ -60,12 +60,7 @@ impl Potential {
         library: &Library<'_>,
     ) -> Result<Potential, CaseError> {
         let text = scene.potential(material, folder, library.find, library.names)?;
-        let wrong = |diagnostics| CaseError::Text {
-            name: text.name.clone(),
-            text: text.text.clone(),
-            diagnostics,
-        };
-        let (_, model) = check_text(&text.text).map_err(wrong)?;
+        let (_, model) = check_text(&text.text).map_err(|found| wrong(&text, found))?;
         let values = values(scene, material, &model)?;
         let potential = Potential { text, model, values };
         potential.check_plane(scene, material)?;
@@ -168,10 +163,9 @@ impl Potential {
         heads.join(") + psi(")
     }
 
-    /// The energies that are wrong at rest, for these values; at their places in the text.
+    /// What is wrong with the potential, at its places in the text.
     pub(super) fn wrong(&self, diagnostics: Vec<Diagnostic>) -> CaseError {
-        let (name, text) = (self.text.name.clone(), self.text.text.clone());
-        CaseError::Text { name, text, diagnostics }
+        wrong(&self.text, diagnostics)
     }
 
     /// Values with other parameters.
@@ -184,6 +178,11 @@ impl Potential {
     ) -> Result<Values, Vec<ValueError>> {
         self.model.values(self.values.dimension, parameters, Some(self.values.horizon))
     }
+}
+
+fn wrong(potential: &PotentialText, diagnostics: Vec<Diagnostic>) -> CaseError {
+    let (name, text) = (potential.name.clone(), potential.text.clone());
+    CaseError::Text { name, text, diagnostics }
 }
 
 /// How derivatives are evaluated.

@@ -12,7 +12,7 @@ mod traction_bar;
 use std::sync::Arc;
 
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::{Discretisation, OperatorOrder, Stabilisation};
+use piola_runtime::deformation::{Discretisation, OperatorOrder, Stabilisation};
 use piola_runtime::energy::{Energy, Products, Total};
 use piola_runtime::solve::linear::{LinearMethod, LinearOptions, PreconditionerChoice};
 use piola_runtime::solve::newton::{NewtonError, NewtonSettings};

@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use piola_compiler::{Form, Level, Mode, Model, Setting, Values, check_text};
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::influence::Constant;
-use piola_runtime::correspondence::{Correspondence, Discretisation, Formulation, OperatorOrder};
+use piola_runtime::deformation::influence::Constant;
+use piola_runtime::deformation::{DeformationEnergy, Discretisation, Formulation, OperatorOrder};
 use piola_runtime::energy::Energy;
 use piola_runtime::kernel::{Law, VariablesLaw};
 use piola_runtime::neighborhood::Neighborhood;
@@ -219,7 +219,7 @@ fn library(name: &str, parameters: &[(&str, f64)]) -> (Model, Values) {
     (model, values)
 }
 
-fn correspondence(body: &Arc<Body>, discretisation: Discretisation) -> Correspondence {
+fn correspondence(body: &Arc<Body>, discretisation: Discretisation) -> DeformationEnergy {
     let (model, values) = library("st_venant_kirchhoff", &[("lambda", LAMBDA), ("mu", MU)]);
     let compiled = model.compile(&values, Mode::Jit(Level::default()), Form::Accurate);
     let law = compiled.expect("it compiles").gradient.expect("it has an energy of F");
@@ -229,7 +229,8 @@ fn correspondence(body: &Arc<Body>, discretisation: Discretisation) -> Correspon
         discretisation,
         influence: &Constant,
     };
-    Correspondence::new(Arc::clone(body), formulation, Box::new(law)).expect("a cube has families")
+    DeformationEnergy::new(Arc::clone(body), formulation, Box::new(law))
+        .expect("a cube has families")
 }
 
 fn solid(body: &Arc<Body>) -> StateEnergy {

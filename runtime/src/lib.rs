@@ -3,7 +3,7 @@
 //! | crate | part | modules |
 //! |---|---|---|
 //! | [`piola_mechanics`] | bodies and who interacts | [`body`], [`lattice`], [`neighborhood`], [`interaction`], [`weights`] |
-//! | | one energy and its derivatives | [`kernel`], [`geometry`], [`element`], [`assembly`], [`correspondence`], [`states`], [`energy`], [`matrix`] |
+//! | | one energy and its derivatives | [`kernel`], [`geometry`], [`element`], [`assembly`], [`deformation`], [`states`], [`energy`], [`matrix`] |
 //! | [`piola_solvers`] | equilibrium | [`solve`] |
 //! | [`piola_output`] | what is left behind | [`output`] |
 //! | [`piola_studies`] | what is asked for | [`scene`], [`plan`] |
@@ -15,7 +15,7 @@
 //! ([`scene`] and [`output`] translate).
 
 pub use piola_mechanics::{
-    assembly, body, correspondence, energy, geometry, interaction, kernel, lattice, matrix,
+    assembly, body, deformation, energy, geometry, interaction, kernel, lattice, matrix,
     neighborhood, sheet, states, weights, words,
 };
 pub use piola_output as output;

@@ -5,9 +5,9 @@ use std::sync::Arc;
 
 use piola_compiler::{Form, Level, Mode, Model, Setting, check};
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::influence::CubicSpline;
-use piola_runtime::correspondence::{
-    Correspondence, Discretisation, Formulation, OperatorOrder, Stabilisation,
+use piola_runtime::deformation::influence::CubicSpline;
+use piola_runtime::deformation::{
+    DeformationEnergy, Discretisation, Formulation, OperatorOrder, Stabilisation,
 };
 use piola_runtime::energy::Energy;
 
@@ -67,7 +67,12 @@ fn cloud(d: usize) -> (Arc<Body>, Vec<f64>) {
     (body, sorted)
 }
 
-fn energy(name: &str, d: usize, body: &Arc<Body>, kind: Discretisation) -> Option<Correspondence> {
+fn energy(
+    name: &str,
+    d: usize,
+    body: &Arc<Body>,
+    kind: Discretisation,
+) -> Option<DeformationEnergy> {
     let model = model(name);
     model.variant(d)?;
     let parameters = MATERIALS.iter().find(|(known, _)| *known == name).unwrap().1;
@@ -83,13 +88,13 @@ fn energy(name: &str, d: usize, body: &Arc<Body>, kind: Discretisation) -> Optio
         influence: &CubicSpline { dimension: d, horizon },
     };
     Some(
-        Correspondence::new(Arc::clone(body), formulation, Box::new(compiled.gradient.unwrap()))
+        DeformationEnergy::new(Arc::clone(body), formulation, Box::new(compiled.gradient.unwrap()))
             .unwrap(),
     )
 }
 
 /// Runs a test for every potential, dimension and discretisation.
-fn everywhere(test: impl Fn(&str, &Correspondence, &[f64])) {
+fn everywhere(test: impl Fn(&str, &DeformationEnergy, &[f64])) {
     let mut tried = 0;
     for d in [2, 3] {
         let (body, u) = cloud(d);
@@ -105,7 +110,7 @@ fn everywhere(test: impl Fn(&str, &Correspondence, &[f64])) {
     assert_eq!(tried, 3 * (5 * 2 + 4), "potentials, dimensions and discretisations");
 }
 
-fn gradient(energy: &Correspondence, u: &[f64]) -> Vec<f64> {
+fn gradient(energy: &DeformationEnergy, u: &[f64]) -> Vec<f64> {
     let mut gradient = vec![0.0; u.len()];
     energy.gradient(u, &mut gradient).unwrap();
     gradient

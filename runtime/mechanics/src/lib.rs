@@ -4,7 +4,7 @@
 //! |---|---|
 //! | bodies and who interacts | [`body`], [`lattice`], [`neighborhood`], [`interaction`], [`weights`] |
 //! | energy densities | [`kernel`], on the measures of [`geometry`] by [`element`]; [`sheet`] |
-//! | energies of a body | [`assembly`] of interactions, [`correspondence`] of deformation gradients, [`states`] of what points gather; all are an [`energy::Energy`] |
+//! | energies of a body | [`assembly`] of interactions, [`deformation`] of deformation gradients, [`states`] of what points gather; all are an [`energy::Energy`] |
 //! | what they are made of | [`matrix`], [`vector`] |
 //! | options by their words | [`words`] |
 //!
@@ -69,9 +69,9 @@
 
 pub mod assembly;
 pub mod body;
-pub mod correspondence;
 pub mod element;
 pub mod energy;
+mod fields;
 pub mod geometry;
 pub mod interaction;
 pub mod kernel;
@@ -80,9 +80,10 @@ pub mod matrix;
 pub mod neighborhood;
 mod pool;
 pub mod sheet;
-pub mod states;
 #[doc(hidden)]
 pub mod testing;
 pub mod vector;
 pub mod weights;
 pub mod words;
+
+pub use fields::{deformation, states};

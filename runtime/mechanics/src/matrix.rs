@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use crate::neighborhood::Neighborhood;
 
 /// The blocks of a symmetric matrix on and above the diagonal.
@@ -32,6 +34,42 @@ impl BlockPattern {
         BlockPattern { dimension, row_start, columns }
     }
 
+    /// Diagonal blocks and those of points that are reached over so many bonds.
+    pub(crate) fn of_reach(
+        neighborhood: &Neighborhood,
+        dimension: usize,
+        reach: usize,
+    ) -> BlockPattern {
+        let n = neighborhood.n_points();
+        let row = |seen: &mut Vec<u32>, point: usize| {
+            let mut found = vec![point as u32];
+            seen[point] = point as u32;
+            let mut ring = 0..1;
+            for _ in 0..reach {
+                for k in ring.clone() {
+                    for &j in neighborhood.row(found[k] as usize) {
+                        if seen[j as usize] != point as u32 {
+                            seen[j as usize] = point as u32;
+                            found.push(j);
+                        }
+                    }
+                }
+                ring = ring.end..found.len();
+            }
+            found.retain(|&j| j as usize >= point);
+            found.sort_unstable();
+            found
+        };
+        let rows: Vec<Vec<u32>> =
+            (0..n).into_par_iter().map_init(|| vec![u32::MAX; n], row).collect();
+        let mut row_start = vec![0];
+        row_start.extend(rows.iter().scan(0, |end, row| {
+            *end += row.len();
+            Some(*end)
+        }));
+        BlockPattern { dimension, row_start, columns: rows.concat() }
+    }
+
     /// The pattern with the blocks of both, which have as many rows; this one where that is all.
     pub(crate) fn with(self: Arc<Self>, other: &BlockPattern) -> Arc<BlockPattern> {
         let n = self.n_rows();
@@ -59,7 +97,7 @@ impl BlockPattern {
     }
 
     /// The columns of the blocks of a row.
-    fn row(&self, row: usize) -> &[u32] {
+    pub(crate) fn row(&self, row: usize) -> &[u32] {
         &self.columns[self.row_start[row]..self.row_start[row + 1]]
     }
 
@@ -88,6 +126,18 @@ impl BlockMatrix {
     pub fn zeros(pattern: &Arc<BlockPattern>) -> BlockMatrix {
         let size = pattern.n_blocks() * pattern.dimension * pattern.dimension;
         BlockMatrix { pattern: Arc::clone(pattern), values: vec![0.0; size] }
+    }
+
+    /// The blocks of each row, to be filled side by side.
+    pub(crate) fn rows(&mut self) -> Vec<&mut [f64]> {
+        let size = self.pattern.dimension * self.pattern.dimension;
+        let mut rest = &mut self.values[..];
+        let row = |ends: &[usize]| {
+            let (row, tail) = std::mem::take(&mut rest).split_at_mut((ends[1] - ends[0]) * size);
+            rest = tail;
+            row
+        };
+        self.pattern.row_start.windows(2).map(row).collect()
     }
 
     /// Adds a matrix whose blocks are all on this one's pattern.

@@ -32,6 +32,8 @@ pub struct Neighborhood {
     row_start: Vec<usize>,
     /// Where the neighbours `j > i` start within row `i`.
     upper_start: Vec<usize>,
+    /// The number of the first bond with a later point, for each point.
+    bond_start: Vec<usize>,
     neighbors: Vec<u32>,
     shell_bonds: usize,
 }
@@ -155,6 +157,7 @@ impl Neighborhood {
             horizon,
             row_start: Vec::with_capacity(n + 1),
             upper_start: Vec::with_capacity(n),
+            bond_start: Vec::with_capacity(n + 1),
             neighbors: Vec::with_capacity(rows.iter().map(|rows| rows.neighbors.len()).sum()),
             shell_bonds: rows.iter().map(|rows| rows.shell_bonds).sum(),
         };
@@ -164,6 +167,10 @@ impl Neighborhood {
             all.upper_start.extend(rows.upper_start.iter().map(|start| offset + start));
             all.row_start.extend(rows.row_end.iter().map(|end| offset + end));
             all.neighbors.extend_from_slice(&rows.neighbors);
+        }
+        all.bond_start.push(0);
+        for point in 0..n {
+            all.bond_start.push(all.bond_start[point] + all.upper(point).len());
         }
         Ok(all)
     }
@@ -202,6 +209,29 @@ impl Neighborhood {
     /// The neighbours `j > point`, ascending.
     pub fn upper(&self, point: usize) -> &[u32] {
         &self.neighbors[self.upper_start[point]..self.row_start[point + 1]]
+    }
+
+    /// The numbers of a point's bonds with later points: every bond has one, owner by owner.
+    pub fn bonds(&self, point: usize) -> Range<usize> {
+        self.bond_start[point]..self.bond_start[point + 1]
+    }
+
+    /// The number of the first bond of every owner, and how many bonds there are.
+    pub fn bond_starts(&self) -> &[usize] {
+        &self.bond_start
+    }
+
+    /// For the place of each neighbour `j` of a point `i` the place of `i` in the row of `j`.
+    pub fn mirrored(&self) -> Vec<u32> {
+        // Rows are symmetric and ascending: going through the points in order, each finds its place
+        // in a neighbour's row right after the point before.
+        let mut next: Vec<usize> = self.row_start[..self.n_points()].to_vec();
+        let mut mirrored = Vec::with_capacity(self.neighbors.len());
+        for &j in &self.neighbors {
+            mirrored.push(next[j as usize] as u32);
+            next[j as usize] += 1;
+        }
+        mirrored
     }
 
     /// The most later neighbours that any point has.

@@ -33,6 +33,20 @@ pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     sums.iter().fold(tail, |sum, x| sum + x)
 }
 
+/// Whether all numbers are finite.
+pub(crate) fn are_finite(values: &[f64]) -> bool {
+    // 0 times a number that is not finite is not 0: sums tell of all.
+    let mut sums = [0.0; 8];
+    let (groups, rest) = values.as_chunks::<8>();
+    for group in groups {
+        for k in 0..8 {
+            sums[k] += 0.0 * group[k];
+        }
+    }
+    rest.iter().for_each(|x| sums[0] += 0.0 * x);
+    sums == [0.0; 8]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

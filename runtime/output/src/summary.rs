@@ -431,11 +431,11 @@ mod tests {
         assert_eq!(parse_status("VmHWM: x kB\nVmRSS: 1 kB"), None);
         #[cfg(target_os = "linux")]
         {
-            let before = memory().unwrap();
+            // Other tests of this process take and free memory at the same time.
             let held = vec![1u8; 64 << 20];
+            let found = memory().unwrap();
             assert!(held.iter().step_by(4096).all(|&byte| byte == 1));
-            let after = memory().unwrap();
-            assert!(after.peak >= before.now + (48 << 20), "{before:?} {after:?}");
+            assert!(found.now >= 48 << 20 && found.peak >= found.now, "{found:?}");
         }
     }
 

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use piola_compiler::{Compiled, Form, Level, Mode, Setting, check_text};
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::{Correspondence, Formulation, OperatorOrder};
+use piola_runtime::deformation::{DeformationEnergy, Formulation, OperatorOrder};
 use piola_runtime::energy::Energy;
 use piola_runtime::kernel::{Law, VariablesLaw};
 use piola_runtime::states::{StateEnergy, StateLaws};
@@ -42,7 +42,8 @@ pub(crate) fn energies(body: &Arc<Body>, horizon: f64) -> Vec<(String, Box<dyn E
             let influence = &*families::influence("cubic", d, horizon);
             let order = OperatorOrder::First;
             let formulation = Formulation { horizon, order, discretisation, influence };
-            let energy = Correspondence::new(Arc::clone(body), formulation, Box::new(law)).unwrap();
+            let energy =
+                DeformationEnergy::new(Arc::clone(body), formulation, Box::new(law)).unwrap();
             energies.push((format!("compiled {name}, {discretisation:?}"), Box::new(energy)));
         }
     }

@@ -15,7 +15,7 @@ mod states;
 use std::alloc::System;
 
 use piola_runtime::assembly::{DiscreteEnergy, Laws};
-use piola_runtime::correspondence::OperatorOrder;
+use piola_runtime::deformation::OperatorOrder;
 use piola_runtime::energy::{Energy, EnergyParts, Products, Term, Total, Wanted};
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::weights::Weights;

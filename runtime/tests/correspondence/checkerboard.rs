@@ -3,9 +3,9 @@
 
 use std::sync::Arc;
 
-use piola_runtime::correspondence::influence::Constant;
-use piola_runtime::correspondence::{
-    Correspondence, Discretisation, Formulation, OperatorOrder, Stabilisation,
+use piola_runtime::deformation::influence::Constant;
+use piola_runtime::deformation::{
+    DeformationEnergy, Discretisation, Formulation, OperatorOrder, Stabilisation,
 };
 use piola_runtime::energy::Energy as _;
 use piola_runtime::kernel::Variables;
@@ -25,7 +25,7 @@ fn middle(at: &Checkerboard, discretisation: Discretisation) -> [f64; 2] {
         discretisation,
         influence: &Constant,
     };
-    let energy = Correspondence::new(Arc::clone(&at.body), formulation, law()).unwrap();
+    let energy = DeformationEnergy::new(Arc::clone(&at.body), formulation, law()).unwrap();
     let h = &energy.displacement_gradients(&at.u)[9 * at.centre..9 * at.centre + 9];
     let mut f = h.to_vec();
     f.iter_mut().step_by(4).for_each(|f| *f += 1.0);

@@ -4,11 +4,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::influence::{
+use piola_runtime::deformation::influence::{
     Constant, CubicSpline, Gaussian, Influence, InverseLength,
 };
-use piola_runtime::correspondence::{
-    Correspondence, Discretisation, Formulation, OperatorOrder, Stabilisation,
+use piola_runtime::deformation::{
+    DeformationEnergy, Discretisation, Formulation, OperatorOrder, Stabilisation,
 };
 use piola_runtime::kernel::{Variables, VariablesLaw};
 
@@ -127,11 +127,11 @@ pub(crate) fn energy(
     order: OperatorOrder,
     discretisation: Discretisation,
     kernel: &str,
-) -> Correspondence {
+) -> DeformationEnergy {
     let influence = influence(kernel, body.dimension(), horizon);
     let formulation = Formulation { horizon, order, discretisation, influence: &*influence };
     let law = st_venant_kirchhoff(body.dimension(), 210.0, 0.3);
-    Correspondence::new(Arc::clone(body), formulation, law).unwrap()
+    DeformationEnergy::new(Arc::clone(body), formulation, law).unwrap()
 }
 
 /// Reproducible pseudo-random numbers in -1..1.

@@ -7,8 +7,8 @@
 use std::sync::Arc;
 
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::influence::Constant;
-use piola_runtime::correspondence::{Correspondence, Discretisation, Formulation, OperatorOrder};
+use piola_runtime::deformation::influence::Constant;
+use piola_runtime::deformation::{DeformationEnergy, Discretisation, Formulation, OperatorOrder};
 use piola_runtime::energy::{Energy, Hessian};
 use piola_runtime::kernel::{Variables, VariablesLaw};
 use piola_runtime::matrix::BlockMatrix;
@@ -19,7 +19,7 @@ use crate::common::{
 };
 
 /// All combinations on a cloud in the plane and one in space.
-fn for_each(check: impl Fn(&Correspondence, &[f64], &str)) {
+fn for_each(check: impl Fn(&DeformationEnergy, &[f64], &str)) {
     for counts in [&[7, 6][..], &[4, 4, 4]] {
         let d = counts.len();
         let body = cloud(counts, 3);
@@ -109,10 +109,12 @@ fn the_tangent_has_the_products_with_unit_vectors_as_columns() {
             energy.hessian(u).unwrap().multiply(&unit, &mut product);
             columns.extend(product);
         }
+        // Coefficients of polynomials beyond the linear ones cancel more.
+        let bars = if name.contains(" First ") { [5e-15, 1e-15] } else { [2e-14, 4e-15] };
         let wrong = error(&dense, &columns);
-        assert!(wrong < 5e-15, "{name}: {wrong:e}");
+        assert!(wrong < bars[0], "{name}: {wrong:e}");
         let skew: Vec<f64> = (0..n * n).map(|k| columns[k] - columns[k % n * n + k / n]).collect();
-        assert!(norm(&skew) < 1.5e-15 * norm(&columns), "{name}");
+        assert!(norm(&skew) < bars[1] * norm(&columns), "{name}");
         let mut diagonal = vec![0.0; n * d];
         let mut again = vec![0.0; n];
         energy.tangent_diagonal(u, &mut again, &mut diagonal).unwrap();
@@ -177,7 +179,7 @@ fn springs_are_as_stiff_as_the_material() {
         };
         // lambda = 2 mu nu/(1 - 2 nu)
         let law = st_venant_kirchhoff(d, 210.0, 0.25);
-        let energy = Correspondence::new(Arc::clone(&body), formulation, law).unwrap();
+        let energy = DeformationEnergy::new(Arc::clone(&body), formulation, law).unwrap();
         let rest = vec![0.0; n * d];
         let mut springs = BlockMatrix::zeros(energy.bond_pattern().unwrap());
         energy.springs(&rest, &mut springs);
@@ -305,7 +307,7 @@ fn springs_without_stiffness_at_rest_prefer_no_axis() {
             influence: &Constant,
         };
         let energy =
-            Correspondence::new(Arc::clone(&body), formulation, Box::new(Quartic(d))).unwrap();
+            DeformationEnergy::new(Arc::clone(&body), formulation, Box::new(Quartic(d))).unwrap();
         let mut springs = BlockMatrix::zeros(energy.bond_pattern().unwrap());
         energy.springs(&vec![0.0; n * d], &mut springs);
         let work = |axis: usize| {

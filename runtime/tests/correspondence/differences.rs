@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::influence::CubicSpline;
-use piola_runtime::correspondence::{
-    Correspondence, Discretisation, Formulation, OperatorOrder, Stabilisation,
+use piola_runtime::deformation::influence::CubicSpline;
+use piola_runtime::deformation::{
+    DeformationEnergy, Discretisation, Formulation, OperatorOrder, Stabilisation,
 };
 
 use crate::common::{cloud, displacements, h_of, st_venant_kirchhoff};
@@ -19,7 +19,7 @@ fn subject(
     discretisation: Discretisation,
     length: f64,
     modulus: f64,
-) -> (Correspondence, Vec<f64>, Vec<f64>) {
+) -> (DeformationEnergy, Vec<f64>, Vec<f64>) {
     let unit = cloud(&[7, 4, 4], 3);
     let scaled = |x: &[f64], by: f64| -> Vec<f64> { x.iter().map(|x| by * x).collect() };
     let volume = length * length * length;
@@ -33,7 +33,7 @@ fn subject(
         influence: &CubicSpline { dimension: 3, horizon },
     };
     let law = st_venant_kirchhoff(3, 210.0 * modulus, 0.3);
-    let energy = Correspondence::new(body, formulation, law).unwrap();
+    let energy = DeformationEnergy::new(body, formulation, law).unwrap();
     let u = scaled(&displacements(&unit, &h_of(3), 0.01, 5), length);
     (energy, u, displacements(&unit, &h_of(3), 1.0, 9))
 }

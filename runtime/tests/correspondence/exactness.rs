@@ -4,8 +4,8 @@
 use std::sync::Arc;
 
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::{
-    Correspondence, Discretisation, Formulation, OperatorOrder, Stabilisation,
+use piola_runtime::deformation::{
+    DeformationEnergy, Discretisation, Formulation, OperatorOrder, Stabilisation,
 };
 use piola_runtime::energy::Energy;
 use piola_runtime::kernel::{Variables, VariablesLaw};
@@ -196,7 +196,7 @@ fn nodal_correspondence_is_total_lagrangian_sph() {
             discretisation: Discretisation::Nodal,
             influence: &|r: f64| slope_over_length(r, horizon),
         };
-        let energy = Correspondence::new(Arc::clone(&body), formulation, law).unwrap();
+        let energy = DeformationEnergy::new(Arc::clone(&body), formulation, law).unwrap();
         let mut gradient = vec![0.0; u.len()];
         energy.gradient(&u, &mut gradient).unwrap();
         let wrong =

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::{Discretisation, OperatorOrder, Stabilisation};
+use piola_runtime::deformation::{Discretisation, OperatorOrder, Stabilisation};
 use piola_runtime::energy::Energy;
 
 use crate::common::{DISCRETISATIONS, ORDERS, cloud, displacements, energy, error, h_of, largest};

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::influence::Constant;
-use piola_runtime::correspondence::{Correspondence, Discretisation, Formulation, OperatorOrder};
+use piola_runtime::deformation::influence::Constant;
+use piola_runtime::deformation::{DeformationEnergy, Discretisation, Formulation, OperatorOrder};
 use piola_runtime::solve::constraint::Constraints;
 use piola_runtime::solve::linear::{LinearMethod, LinearOptions};
 use piola_runtime::solve::newton::{Newton, NewtonSettings};
@@ -24,7 +24,7 @@ fn the_pattern_of_the_tangent_is_built_only_where_it_is_stored() {
             influence: &Constant,
         };
         let law = st_venant_kirchhoff(2, 1.0, 0.0);
-        let energy = Correspondence::new(body, formulation, law).unwrap();
+        let energy = DeformationEnergy::new(body, formulation, law).unwrap();
         let constraints = Constraints::new(120, &(0..24).collect::<Vec<usize>>()).unwrap();
         let options = LinearOptions { method, ..LinearOptions::default() };
         let mut newton =

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::{Correspondence, Discretisation, OperatorOrder, Stabilisation};
+use piola_runtime::deformation::{DeformationEnergy, Discretisation, OperatorOrder, Stabilisation};
 use piola_runtime::energy::{Energy, EnergyParts};
 use serde_json::Value;
 
@@ -37,12 +37,17 @@ impl Cloud {
         }
     }
 
-    fn energy(&self, order: OperatorOrder, kind: Discretisation, kernel: &str) -> Correspondence {
+    fn energy(
+        &self,
+        order: OperatorOrder,
+        kind: Discretisation,
+        kernel: &str,
+    ) -> DeformationEnergy {
         energy(&self.body, self.horizon, order, kind, kernel)
     }
 
     /// Errors of the energy relative to it, of forces and of products to their largest component.
-    fn errors(&self, energy: &Correspondence, model: &str) -> ([f64; 4], EnergyParts) {
+    fn errors(&self, energy: &DeformationEnergy, model: &str) -> ([f64; 4], EnergyParts) {
         let expected = &self.data["models"][model];
         let d = self.body.dimension();
         // Force densities: minus the derivative over the volume.

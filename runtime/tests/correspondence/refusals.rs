@@ -4,9 +4,9 @@ use std::sync::Arc;
 
 use piola_runtime::assembly::AssemblyError;
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::influence::{Constant, Influence};
-use piola_runtime::correspondence::{
-    Correspondence, CorrespondenceError, Discretisation, Formulation, OperatorOrder,
+use piola_runtime::deformation::influence::{Constant, Influence};
+use piola_runtime::deformation::{
+    DeformationEnergy, DeformationError, Discretisation, Formulation, OperatorOrder,
 };
 use piola_runtime::energy::{Argument, Energy};
 use piola_runtime::kernel::{Variables, VariablesLaw};
@@ -19,12 +19,12 @@ fn make(
     discretisation: Discretisation,
     influence: &dyn Influence,
     law: Box<dyn VariablesLaw>,
-) -> Result<Correspondence, CorrespondenceError> {
+) -> Result<DeformationEnergy, DeformationError> {
     let formulation = Formulation { horizon: 1.6, order, discretisation, influence };
-    Correspondence::new(Arc::clone(body), formulation, law)
+    DeformationEnergy::new(Arc::clone(body), formulation, law)
 }
 
-fn refused(body: &Body, order: OperatorOrder, influence: &dyn Influence) -> CorrespondenceError {
+fn refused(body: &Body, order: OperatorOrder, influence: &dyn Influence) -> DeformationError {
     let law = st_venant_kirchhoff(3, 210.0, 0.3);
     make(&Arc::new(body.clone()), order, Discretisation::BondQuadrature, influence, law)
         .err()
@@ -46,7 +46,7 @@ fn cube_and_plate() -> Body {
 #[test]
 fn flat_families_are_named_with_their_condition() {
     let error = refused(&cube_and_plate(), OperatorOrder::First, &Constant);
-    let CorrespondenceError::ShapeTensor { point, neighbors, condition, count, .. } = &error else {
+    let DeformationError::ShapeTensor { point, neighbors, condition, count, .. } = &error else {
         panic!("{error}");
     };
     assert!(*point < 9 && *count == 9 && *condition > 1e15, "{error}");
@@ -61,7 +61,7 @@ fn too_few_neighbours_for_second_order_are_named() {
     let cube: Vec<f64> = cube_and_plate().positions()[..].to_vec();
     let cube: Vec<f64> = cube.chunks_exact(3).filter(|x| x[0] < 5.0).flatten().copied().collect();
     let error = refused(&Body::new(3, &cube, &[1.0; 27], None), OperatorOrder::Second, &Constant);
-    let few = matches!(error, CorrespondenceError::ShapeTensor { functions: 9, neighbors: 6, .. });
+    let few = matches!(error, DeformationError::ShapeTensor { functions: 9, neighbors: 6, .. });
     assert!(few, "{error}");
 }
 
@@ -70,26 +70,26 @@ fn influence_functions_must_be_finite_and_count_something() {
     let body = cloud(&[4, 4, 4], 2);
     let infinite = |length: f64| 1.0 / (length - length);
     let error = refused(&body, OperatorOrder::First, &infinite);
-    assert!(matches!(error, CorrespondenceError::Influence { .. }), "{error}");
+    assert!(matches!(error, DeformationError::Influence { .. }), "{error}");
     // The one that is not finite is named with the length of its bond.
     let long = |length: f64| if length > 1.55 { f64::NAN } else { length };
     let error = refused(&body, OperatorOrder::First, &long);
-    let CorrespondenceError::Influence { length, value } = error else { panic!("{error}") };
+    let DeformationError::Influence { length, value } = error else { panic!("{error}") };
     assert!(length > 1.55 && length <= 1.6 && value.is_nan(), "{length}");
     let error = refused(&body, OperatorOrder::First, &|_: f64| 0.0);
-    assert!(matches!(error, CorrespondenceError::ShapeTensor { .. }), "{error}");
+    assert!(matches!(error, DeformationError::ShapeTensor { .. }), "{error}");
     let error = refused(&body, OperatorOrder::First, &|_: f64| -1.0);
-    assert!(matches!(error, CorrespondenceError::NoInfluence { .. }), "{error}");
+    assert!(matches!(error, DeformationError::NoInfluence { .. }), "{error}");
 }
 
 #[test]
 fn bodies_and_laws_must_fit() {
     let lonely = Body::new(3, &[0.0, 0.0, 0.0, 5.0, 0.0, 0.0], &[1.0; 2], None);
     let error = refused(&lonely, OperatorOrder::First, &Constant);
-    assert!(matches!(error, CorrespondenceError::Body(AssemblyError::Isolated { .. })), "{error}");
+    assert!(matches!(error, DeformationError::Body(AssemblyError::Isolated { .. })), "{error}");
     let plane = cloud(&[4, 4], 1);
     let error = refused(&plane, OperatorOrder::First, &Constant);
-    assert!(matches!(error, CorrespondenceError::WrongLaw { found: 9, dimension: 2 }), "{error}");
+    assert!(matches!(error, DeformationError::WrongLaw { found: 9, dimension: 2 }), "{error}");
 }
 
 /// A law that ends at a stretch of 1.5.
@@ -156,7 +156,7 @@ fn the_determinant_of_the_place_is_named() {
         let law = Box::new(Limited(st_venant_kirchhoff(3, 210.0, 0.3)));
         let order = OperatorOrder::First;
         let formulation = Formulation { horizon: 2.8, order, discretisation, influence: &Constant };
-        let energy = Correspondence::new(Arc::clone(&body), formulation, law).unwrap();
+        let energy = DeformationEnergy::new(Arc::clone(&body), formulation, law).unwrap();
         let error = energy.energy(&u).unwrap_err();
         assert!((error.value / determinant - 1.0).abs() < 1e-12, "{error}");
     }

@@ -1,6 +1,6 @@
 //! Newton's method without a stored tangent on the traction bar.
 
-use piola_runtime::correspondence::{Discretisation, Stabilisation};
+use piola_runtime::deformation::{Discretisation, Stabilisation};
 use piola_runtime::energy::{Energy, Products, Total};
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::solve::linear::{

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use piola_runtime::body::Body;
-use piola_runtime::correspondence::influence::CubicSpline;
-use piola_runtime::correspondence::{Correspondence, Discretisation, Formulation, OperatorOrder};
+use piola_runtime::deformation::influence::CubicSpline;
+use piola_runtime::deformation::{DeformationEnergy, Discretisation, Formulation, OperatorOrder};
 use piola_runtime::energy::Energy;
 use piola_runtime::solve::constraint::Constraints;
 use piola_runtime::solve::linear::LinearOptions;
@@ -22,7 +22,7 @@ const FORCE: f64 = 200e3;
 
 /// A bar with its boundary conditions.
 pub(crate) struct Bar {
-    pub(crate) energy: Correspondence,
+    pub(crate) energy: DeformationEnergy,
     pub(crate) constraints: Constraints,
     pub(crate) loads: Vec<f64>,
     loaded: Vec<usize>,
@@ -67,7 +67,7 @@ impl Bar {
             influence: &CubicSpline { dimension: 3, horizon: delta },
         };
         let law = st_venant_kirchhoff(3, YOUNG, 0.25);
-        let energy = Correspondence::new(Arc::clone(&body), formulation, law).unwrap();
+        let energy = DeformationEnergy::new(Arc::clone(&body), formulation, law).unwrap();
         let points = 0..body.n_points();
         let fixed: Vec<usize> = points
             .clone()

@@ -25,6 +25,19 @@ impl Sum {
         }
     }
 
+    /// The sum of the products of two arrays.
+    pub(crate) fn of_products(values: &[f64], weights: &[f64]) -> Sum {
+        let mut sum = Sum::default();
+        for (values, weights) in values.chunks(WIDEST).zip(weights.chunks(WIDEST)) {
+            let mut terms = [0.0; WIDEST];
+            for (term, (value, weight)) in terms.iter_mut().zip(values.iter().zip(weights)) {
+                *term = weight * value;
+            }
+            sum.add(&terms);
+        }
+        sum
+    }
+
     /// Adds another sum, lane by lane.
     pub(crate) fn join(&mut self, other: &Sum) {
         self.add(&other.sum);

@@ -3,7 +3,7 @@
 //! Their tangent reaches two or three horizons. It is not stored unless the scene says so: products
 //! visit the bonds, and springs like the tangent precondition them.
 
-use piola_mechanics::correspondence::Discretisation;
+use piola_mechanics::deformation::Discretisation;
 use piola_solvers::linear::{Choice, LinearMethod, OPERATIONS_PER_BLOCK};
 
 use super::time::{FACTOR_FLOPS_PER_SECOND, LU_WORK, speed};
@@ -90,7 +90,8 @@ impl Families {
     pub(super) fn memory(self, n: usize, d: usize, bonds: f64) -> Vec<(&'static str, f64)> {
         let directed = 2.0 * bonds;
         let tensor = (8 * n * d * d) as f64;
-        let gradients = ("deformation gradients", directed * (8 * d + 4) as f64 + 5.0 * tensor);
+        // Of first order coefficients take a tensor, and so does the stress times them.
+        let gradients = ("deformation gradients", 8.0 * directed + 6.5 * tensor);
         match self {
             Families::Nodal => vec![gradients],
             Families::Stabilised => vec![gradients, ("stabilisation", 8.0 * bonds + tensor)],

@@ -31,7 +31,7 @@ mod tests;
 
 use piola_compiler::Form;
 use piola_grammar::{Diagnostic, Span};
-use piola_mechanics::correspondence::{Discretisation, OperatorOrder};
+use piola_mechanics::deformation::{Discretisation, OperatorOrder};
 use piola_mechanics::energy::Products;
 use piola_mechanics::kernel::Level;
 use piola_mechanics::weights::Weights;

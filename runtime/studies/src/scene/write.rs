@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use piola_mechanics::correspondence::{Discretisation, Stabilisation};
+use piola_mechanics::deformation::{Discretisation, Stabilisation};
 use piola_mechanics::words::Words;
 
 use super::keys::{number, string, texts};

@@ -6,7 +6,7 @@ use std::path::Path;
 use piola_compiler::CompileError;
 use piola_grammar::Diagnostic;
 use piola_mechanics::assembly::AssemblyError;
-use piola_mechanics::correspondence::CorrespondenceError;
+use piola_mechanics::deformation::DeformationError;
 use piola_mechanics::lattice::LatticeError;
 use piola_mechanics::neighborhood::NeighborhoodError;
 use piola_mechanics::states::StateError;
@@ -52,7 +52,7 @@ pub enum CaseError {
     Assembly(#[from] AssemblyError),
     /// Families without deformation gradients.
     #[error(transparent)]
-    Correspondence(#[from] CorrespondenceError),
+    Deformation(#[from] DeformationError),
     /// Families whose states cannot be gathered.
     #[error(transparent)]
     States(#[from] StateError),

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use piola_compiler::GatheredKernels;
 use piola_mechanics::assembly::DiscreteEnergy;
-use piola_mechanics::correspondence::influence::{Constant, CubicSpline, Influence, InverseLength};
-use piola_mechanics::correspondence::{Correspondence, Discretisation, Formulation, Stabilisation};
+use piola_mechanics::deformation::influence::{Constant, CubicSpline, Influence, InverseLength};
+use piola_mechanics::deformation::{DeformationEnergy, Discretisation, Formulation, Stabilisation};
 use piola_mechanics::energy::{Term, Total};
 use piola_mechanics::kernel::{Law, VariablesLaw};
 use piola_mechanics::sheet::Thick;
@@ -70,7 +70,7 @@ impl Case {
         Ok(terms)
     }
 
-    fn correspondence(&self, law: Box<dyn VariablesLaw>) -> Result<Correspondence, CaseError> {
+    fn correspondence(&self, law: Box<dyn VariablesLaw>) -> Result<DeformationEnergy, CaseError> {
         let (horizon, thickness) = (self.scene.horizon_radius(), self.thickness());
         let settings = self.scene.correspondence.clone().unwrap_or_default();
         let influence = influence(&settings.influence, self.body.dimension(), horizon);
@@ -80,7 +80,7 @@ impl Case {
             discretisation: discretisation(settings.discretisation, thickness),
             influence: &*influence,
         };
-        Ok(Correspondence::new(Arc::clone(&self.body), formulation, thick(law, thickness))?)
+        Ok(DeformationEnergy::new(Arc::clone(&self.body), formulation, thick(law, thickness))?)
     }
 }
 

@@ -1,7 +1,7 @@
 //! `[correspondence]`: how a body gets its deformation gradients.
 
 use piola_grammar::Diagnostic;
-use piola_mechanics::correspondence::{Discretisation, Stabilisation};
+use piola_mechanics::deformation::{Discretisation, Stabilisation};
 use piola_mechanics::words::Words;
 
 use super::super::expression::Role;

@@ -10,12 +10,12 @@ use pulp::Arch;
 use rayon::prelude::*;
 
 use super::batch::{CAPACITY, LawBatch, determinant};
-use super::error::CorrespondenceError;
-use super::operator::Tensor;
-use super::stabilisation::{bond_starts, check_sums, sums};
-use super::sweep::{Failure, Fields, Pass, TouchedDuals, weighted};
+use super::error::DeformationError;
+use super::stabilisation::{check_sums, sums};
+use super::sweep::{Failure, Fields, Pass, TouchedDuals};
 use crate::assembly::sum::Sum;
 use crate::body::Body;
+use crate::fields::stored::Tensor;
 use crate::interaction::Slabs;
 use crate::kernel::VariablesLaw;
 use crate::neighborhood::Neighborhood;
@@ -24,8 +24,6 @@ use crate::neighborhood::Neighborhood;
 pub(super) struct BondQuadrature {
     /// `2 V_i V_j wb_ij` in m^d, of each bond once.
     weight: Vec<f64>,
-    /// Where the bonds of each owner begin.
-    bond_start: Vec<usize>,
 }
 
 /// A bond with its deformation gradient.
@@ -130,7 +128,6 @@ impl<const D: usize> Bond<D> {
 /// `u_j - u_i`, by the latter twice.
 pub(super) struct BondStiffness {
     dimension: usize,
-    bond_start: Vec<usize>,
     values: Vec<f64>,
 }
 
@@ -139,11 +136,11 @@ impl BondStiffness {
         d * d * (d * d + d + 1)
     }
 
-    /// The three blocks of the bond of an owner with its `k`-th later neighbour: `d^2 x d^2`, the
-    /// same for each pair of ends; `d^2 x d`; `d x d`.
-    pub(super) fn bond(&self, owner: usize, k: usize) -> [&[f64]; 3] {
+    /// The three blocks of the bond of a number: `d^2 x d^2`, the same for each pair of ends;
+    /// `d^2 x d`; `d x d`.
+    pub(super) fn bond(&self, number: usize) -> [&[f64]; 3] {
         let d = self.dimension;
-        let (entries, number) = (BondStiffness::entries(d), self.bond_start[owner] + k);
+        let entries = BondStiffness::entries(d);
         let values = &self.values[number * entries..(number + 1) * entries];
         let (hh, rest) = values.split_at(d * d * d * d);
         let (hd, dd) = rest.split_at(d * d * d);
@@ -157,7 +154,7 @@ impl BondQuadrature {
         body: &Body,
         neighborhood: &Neighborhood,
         influence: &[f64],
-    ) -> Result<BondQuadrature, CorrespondenceError> {
+    ) -> Result<BondQuadrature, DeformationError> {
         let sums = sums(body, neighborhood, influence);
         check_sums(body, &sums, "bond quadrature")?;
         let volumes = body.volumes();
@@ -170,12 +167,7 @@ impl BondQuadrature {
                 weight.push(volumes[i] * volumes[j] * (w / sums[i] + w / sums[j]));
             }
         }
-        Ok(BondQuadrature { weight, bond_start: bond_starts(neighborhood) })
-    }
-
-    /// The weights of an owner's bonds with later points.
-    pub(super) fn weights(&self, owner: usize) -> &[f64] {
-        &self.weight[self.bond_start[owner]..self.bond_start[owner + 1]]
+        Ok(BondQuadrature { weight })
     }
 
     /// The second derivatives of all bonds' energies by the fields, from those by `F_ij`.
@@ -201,7 +193,7 @@ impl BondQuadrature {
         }
         let fill = |batch: &mut LawBatch<D>, (i, row): (usize, &mut [f64])| {
             for ((bond, weight), out) in
-                bonds(i).zip(self.weights(i)).zip(row.chunks_exact_mut(entries))
+                bonds(i).zip(&self.weight[neighborhood.bonds(i)]).zip(row.chunks_exact_mut(entries))
             {
                 let second = batch
                     .second(law, &bond.gradient(fields))
@@ -213,7 +205,7 @@ impl BondQuadrature {
         let done: Vec<Result<(), Failure>> =
             rows.into_par_iter().map_init(LawBatch::new, fill).collect();
         done.into_iter().collect::<Result<(), Failure>>()?;
-        Ok(BondStiffness { dimension: D, bond_start: self.bond_start.clone(), values })
+        Ok(BondStiffness { dimension: D, values })
     }
 
     /// The bonds of one slab.
@@ -243,7 +235,9 @@ impl BondQuadrature {
             arch,
         };
         for i in slabs.owners(slab) {
-            for (&j, &weight) in neighborhood.upper(i).iter().zip(self.weights(i)) {
+            for (&j, &weight) in
+                neighborhood.upper(i).iter().zip(&self.weight[neighborhood.bonds(i)])
+            {
                 // Bonds as long as the horizon have no weight where the influence ends there.
                 if weight == 0.0 {
                     continue;
@@ -310,7 +304,7 @@ impl<const D: usize> Run<'_, D> {
             determinant: determinant(&h[lane]),
         })?;
         if !matches!(self.pass, Pass::Product(_)) {
-            self.sum.join(&weighted(self.batch.psi(), weights));
+            self.sum.join(&Sum::of_products(self.batch.psi(), weights));
         }
         let (duals, batch) = (&mut self.duals, &self.batch);
         let lanes = || bonds.iter().zip(weights).enumerate();

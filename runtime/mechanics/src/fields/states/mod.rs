@@ -8,8 +8,7 @@
 //! |---|---|
 //! | `passes` | what points gather, energies, forces: each bond once |
 //! | `linear` | products with the Hessian from second derivatives at fixed displacements |
-//! | `family` | the bonds of one point, evaluated at once |
-//! | `tangent` | the exact Hessian, stored, and springs like it |
+//! | `stiffness` | the same for the stored Hessian, and springs like it |
 //!
 //! The derivative goes the way back (reverse mode): `a_i = dw_i/dI_i`, then each bond has
 //! `t_ij = 1/2 dphi(l, I_i)/dl + sum_k a_ik g_k'` from either end, and the force at a point is
@@ -18,20 +17,18 @@
 //!
 //! Silling, Epton, Weckner, Xu, Askari 2007; Partmann, Wieners, Weinberg 2026, (3.17) to (3.23).
 
-mod family;
 mod linear;
 mod passes;
-mod tangent;
+mod stiffness;
 
 use std::sync::{Arc, OnceLock};
 
 use crate::assembly::AssemblyError;
 use crate::assembly::error::check_neighbors;
+use crate::assembly::sum::Sum;
 use crate::body::Body;
-use crate::correspondence::stabilisation::bond_starts;
-use crate::correspondence::sweep::weighted;
-use crate::correspondence::tangent::pattern;
 use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
+use crate::fields::stored;
 use crate::interaction::{Report, Slabs};
 use crate::kernel::{Law, Order, Variables, VariablesLaw};
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -40,7 +37,7 @@ use crate::pool::Pool;
 use crate::weights::check_families;
 use linear::Linear;
 use passes::{States, Work};
-use tangent::Stiffness;
+use stiffness::StateStiffness;
 
 /// What a potential gathers, and its energies.
 #[derive(Default)]
@@ -90,8 +87,6 @@ pub struct StateEnergy {
     body: Arc<Body>,
     neighborhood: Neighborhood,
     slabs: Slabs,
-    /// Where the bonds of each owner begin.
-    bond_start: Vec<usize>,
     /// Lengths at rest of each bond once, in m.
     rest: Vec<f64>,
     laws: StateLaws,
@@ -99,7 +94,7 @@ pub struct StateEnergy {
     names: Arc<[String]>,
     pattern: OnceLock<Arc<BlockPattern>>,
     bond_pattern: OnceLock<Arc<BlockPattern>>,
-    /// Stiffnesses of springs like the bonds at rest, for each directed bond, in N/m.
+    /// Stiffnesses of springs like the bonds at rest, in N/m.
     springs: OnceLock<Vec<f64>>,
     /// Room for passes, and for their threads.
     states: Pool<States>,
@@ -128,7 +123,6 @@ impl StateEnergy {
         }
         Ok(StateEnergy {
             slabs: Slabs::new(&neighborhood),
-            bond_start: bond_starts(&neighborhood),
             rest: rest_lengths(&body, &neighborhood),
             body,
             neighborhood,
@@ -185,7 +179,7 @@ impl StateEnergy {
         let of_bonds = self.laws.bonds.as_ref().map(|_| &states.bonds);
         let energies = of_points.into_iter().chain(of_bonds);
         for (part, densities) in parts.iter_mut().zip(energies) {
-            *part = weighted(densities, self.body.volumes()).value();
+            *part = Sum::of_products(densities, self.body.volumes()).value();
         }
         Ok(())
     }
@@ -196,20 +190,8 @@ impl StateEnergy {
         wanted: Wanted<'_>,
         parts: &mut [f64],
     ) -> Result<(), NonFinite> {
-        match wanted {
-            Wanted::Energy => self.assemble::<D>(u, None, parts),
-            Wanted::Forces(forces) => self.assemble::<D>(u, Some(forces), parts),
-            Wanted::Tangent(forces, tangent) => {
-                self.assemble::<D>(u, Some(forces), parts)?;
-                Stiffness::<D>::new(self, u)?.tangent(tangent);
-                Ok(())
-            }
-            Wanted::Diagonal(forces, diagonal) => {
-                self.assemble::<D>(u, Some(forces), parts)?;
-                Stiffness::<D>::new(self, u)?.diagonal(diagonal);
-                Ok(())
-            }
-        }
+        let assemble = |forces: Option<&mut [f64]>| self.assemble::<D>(u, forces, parts);
+        stored::evaluate(wanted, assemble, || StateStiffness::<D>::new(self, u))
     }
 
     /// Refuses forces that are not finite.
@@ -251,10 +233,6 @@ fn rest_lengths(body: &Body, neighborhood: &Neighborhood) -> Vec<f64> {
     owners.flat_map(|i| neighborhood.upper(i).iter().map(move |&j| length(i, j as usize))).collect()
 }
 
-fn add_halves(half: &mut [f64], slopes: &[f64]) {
-    half.iter_mut().zip(slopes).for_each(|(half, slope)| *half += 0.5 * slope);
-}
-
 /// From point by point to variable by variable.
 fn by_variables(rows: &[f64], m: usize, variables: &mut Vec<f64>) {
     variables.clear();
@@ -283,7 +261,9 @@ impl Energy for StateEnergy {
     }
 
     fn pattern(&self) -> &Arc<BlockPattern> {
-        self.pattern.get_or_init(|| Arc::new(pattern(&self.neighborhood, self.dimension(), 2)))
+        self.pattern.get_or_init(|| {
+            Arc::new(BlockPattern::of_reach(&self.neighborhood, self.dimension(), 2))
+        })
     }
 
     fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
@@ -323,13 +303,10 @@ impl Energy for StateEnergy {
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         let linear = match self.dimension() {
-            2 => self.linear::<2>(u)?,
-            _ => self.linear::<3>(u)?,
+            2 => self.finite::<2>(u)?,
+            _ => self.finite::<3>(u)?,
         };
-        match linear.not_finite(&self.bond_start, self.dimension()) {
-            None => Ok(Box::new(StateHessian { energy: self, linear, changes: Pool::new() })),
-            Some(point) => Err(self.named(point, None, u)),
-        }
+        Ok(Box::new(StateHessian { energy: self, linear, changes: Pool::new() }))
     }
 }
 

@@ -1,8 +1,8 @@
 //! Reproducing kernel weights of one family: the derivative at its centre of the polynomial that
 //! fits the neighbours (partmann2026 3.44 to 3.53).
 //!
-//! Before: offsets in horizons and signed weights `V_j w_ij`. After: `V_j Psi_ij` in 1/m, which
-//! reproduce every polynomial of the basis to rounding.
+//! Before: offsets in horizons and signed strengths `s_j = V_j w_ij`. After: coefficients `B` by which
+//! `V_j Psi_ij = s_j B q_j` in 1/m reproduce every polynomial of the basis to rounding.
 
 use nalgebra::{DMatrix, SymmetricEigen};
 
@@ -29,22 +29,21 @@ impl OperatorOrder {
             OperatorOrder::Second => dimension * (dimension + 3) / 2,
         }
     }
+}
 
-    /// The functions at an offset; `d` linear ones first.
-    fn evaluate(self, offset: &[f64], values: &mut [f64]) {
-        let d = offset.len();
-        values[..d].copy_from_slice(offset);
-        match self {
-            OperatorOrder::First => {}
-            OperatorOrder::FirstWithConstant => values[d] = 1.0,
-            OperatorOrder::Second => {
-                let mut place = d;
-                for a in 0..d {
-                    for b in a..d {
-                        values[place] = offset[a] * offset[b];
-                        place += 1;
-                    }
-                }
+/// The functions at an offset, `d` linear ones first; which they are follows from their number.
+#[inline(always)]
+pub(super) fn functions(offset: &[f64], values: &mut [f64]) {
+    let d = offset.len();
+    values[..d].copy_from_slice(offset);
+    if values.len() == d + 1 {
+        values[d] = 1.0;
+    } else if values.len() > d {
+        let mut place = d;
+        for a in 0..d {
+            for b in a..d {
+                values[place] = offset[a] * offset[b];
+                place += 1;
             }
         }
     }
@@ -75,18 +74,28 @@ pub(super) fn moment_matrix<'a>(
     moments
 }
 
-/// The weights of one family.
+/// What is known of one family.
+#[derive(Debug)]
+pub(super) struct Fit {
+    /// `d x m` numbers in 1/m: weights are `s_j` times their product with the functions.
+    pub(super) coefficients: DMatrix<f64>,
+    /// `sum_j s_j q_j`, `m` numbers.
+    pub(super) sums: Vec<f64>,
+    /// Of the moment matrix.
+    pub(super) condition: f64,
+}
+
+/// The coefficients of the weights of one family.
 ///
-/// `offsets` are in horizons (`n x d`), `strengths` are `V_j w_ij` in any unit; `weights` (`n x d`)
-/// become derivatives by lengths in horizons. `Ok` and `Err` hold the condition number of the moment
-/// matrix.
-pub(super) fn weights(
+/// `offsets` are in horizons (`n x d`), `strengths` are `V_j w_ij` in any unit; `per_length` is one over
+/// the horizon. `Err` holds the condition number of the moment matrix.
+pub(super) fn fit(
     order: OperatorOrder,
     dimension: usize,
+    per_length: f64,
     offsets: &[f64],
     strengths: &[f64],
-    weights: &mut [f64],
-) -> Result<f64, f64> {
+) -> Result<Fit, f64> {
     let (d, m, n) = (dimension, order.n_functions(dimension), strengths.len());
     let largest = strengths.iter().fold(0.0, |largest: f64, s| largest.max(s.abs()));
     if n < m || largest == 0.0 || !largest.is_finite() {
@@ -94,10 +103,10 @@ pub(super) fn weights(
     }
     let mut values = vec![0.0; n * m];
     for (values, offset) in values.chunks_exact_mut(m).zip(offsets.chunks_exact(d)) {
-        order.evaluate(offset, values);
+        functions(offset, values);
     }
-    let rows = || values.chunks_exact(m).zip(strengths.iter().map(|s| s / largest));
-    let moments = moment_matrix(m, rows());
+    let rows = || values.chunks_exact(m).zip(strengths.iter().copied());
+    let moments = moment_matrix(m, rows().map(|(q, s)| (q, s / largest)));
     if !moments.iter().all(|x| x.is_finite()) {
         return Err(f64::INFINITY);
     }
@@ -109,31 +118,26 @@ pub(super) fn weights(
         return Err(if condition.is_nan() { f64::INFINITY } else { condition });
     }
     let inverse = &eigen.eigenvectors
-        * DMatrix::from_diagonal(&eigen.eigenvalues.map(|x| 1.0 / x))
+        * DMatrix::from_diagonal(&eigen.eigenvalues.map(|x| 1.0 / (x * largest)))
         * eigen.eigenvectors.transpose();
     // Row a: the coefficients of the derivative along axis a.
-    let mut coefficients = inverse.rows(0, d).into_owned();
-    for refinement in 0..=REFINEMENTS {
-        for ((q, strength), weights) in rows().zip(weights.chunks_exact_mut(d)) {
+    let mut coefficients = inverse.rows(0, d) * per_length;
+    for _ in 0..REFINEMENTS {
+        let mut missing = DMatrix::<f64>::identity(d, m) * per_length;
+        for (q, strength) in rows() {
             for a in 0..d {
+                // As the weight is worked out where it is used.
                 let sum = (0..m).fold(0.0, |sum, k| sum + coefficients[(a, k)] * q[k]);
-                weights[a] = strength * sum;
-            }
-        }
-        if refinement == REFINEMENTS {
-            break;
-        }
-        let mut missing = DMatrix::<f64>::identity(d, m);
-        for ((q, _), weights) in rows().zip(weights.chunks_exact(d)) {
-            for a in 0..d {
+                let weight = strength * sum;
                 for k in 0..m {
-                    missing[(a, k)] -= weights[a] * q[k];
+                    missing[(a, k)] -= weight * q[k];
                 }
             }
         }
         coefficients += missing * &inverse;
     }
-    Ok(condition)
+    let sum = |k: usize| rows().fold(0.0, |sum, (q, strength)| sum + strength * q[k]);
+    Ok(Fit { coefficients, sums: (0..m).map(sum).collect(), condition })
 }
 
 #[cfg(test)]
@@ -151,17 +155,18 @@ mod tests {
                 // Volumes over six decades.
                 let strengths: Vec<f64> =
                     pseudo_random(40, 4).iter().map(|x| 1e-30 * libm::pow(10.0, 3.0 * x)).collect();
-                let mut g = vec![0.0; 40 * d];
-                let condition = weights(order, d, &offsets, &strengths, &mut g).unwrap();
+                let fit = fit(order, d, 1.0, &offsets, &strengths).unwrap();
+                let condition = fit.condition;
                 assert!(condition < 1e8, "{condition:e}");
                 let m = order.n_functions(d);
                 let mut q = vec![0.0; m];
                 let mut sums = vec![0.0; d * m];
-                for (offset, g) in offsets.chunks_exact(d).zip(g.chunks_exact(d)) {
-                    order.evaluate(offset, &mut q);
+                for (offset, strength) in offsets.chunks_exact(d).zip(&strengths) {
+                    functions(offset, &mut q);
                     for a in 0..d {
+                        let g = (0..m).fold(0.0, |sum, k| sum + fit.coefficients[(a, k)] * q[k]);
                         for k in 0..m {
-                            sums[a * m + k] += g[a] * q[k];
+                            sums[a * m + k] += strength * g * q[k];
                         }
                     }
                 }
@@ -180,13 +185,12 @@ mod tests {
     fn flat_families_are_refused_with_their_condition() {
         let mut offsets = pseudo_random(60, 5);
         offsets.iter_mut().skip(2).step_by(3).for_each(|z| *z = 0.0);
-        let mut g = vec![0.0; 60];
-        let flat = weights(OperatorOrder::First, 3, &offsets, &[1.0; 20], &mut g).unwrap_err();
+        let flat = fit(OperatorOrder::First, 3, 1.0, &offsets, &[1.0; 20]).unwrap_err();
         assert!(flat > 1e15, "{flat:e}");
         offsets[2] = 1e-7;
-        let nearly = weights(OperatorOrder::First, 3, &offsets, &[1.0; 20], &mut g).unwrap_err();
+        let nearly = fit(OperatorOrder::First, 3, 1.0, &offsets, &[1.0; 20]).unwrap_err();
         assert!(nearly > 1e13 && nearly < 1e16, "{nearly:e}");
-        let few = weights(OperatorOrder::Second, 3, &offsets[..24], &[1.0; 8], &mut g[..24]);
-        assert_eq!(few, Err(f64::INFINITY));
+        let few = fit(OperatorOrder::Second, 3, 1.0, &offsets[..24], &[1.0; 8]);
+        assert_eq!(few.unwrap_err(), f64::INFINITY);
     }
 }

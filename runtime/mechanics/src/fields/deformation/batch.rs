@@ -1,7 +1,8 @@
 //! Laws over batches of deformation gradients.
 
-use super::operator::Tensor;
+use crate::fields::stored::Tensor;
 use crate::kernel::{Variables, VariablesLaw};
+use crate::vector::are_finite;
 
 /// Deformation gradients evaluated at once.
 pub(super) const CAPACITY: usize = 128;
@@ -125,20 +126,6 @@ impl<const D: usize> LawBatch<D> {
     pub(super) fn tensor(&self, lane: usize) -> Tensor<D> {
         std::array::from_fn(|r| std::array::from_fn(|c| self.out[(r * D + c) * self.n + lane]))
     }
-}
-
-/// Whether all numbers are finite.
-pub(crate) fn are_finite(values: &[f64]) -> bool {
-    // 0 times a number that is not finite is not 0: sums tell of all.
-    let mut sums = [0.0; 8];
-    let (groups, rest) = values.as_chunks::<8>();
-    for group in groups {
-        for k in 0..8 {
-            sums[k] += 0.0 * group[k];
-        }
-    }
-    rest.iter().for_each(|x| sums[0] += 0.0 * x);
-    sums == [0.0; 8]
 }
 
 /// The determinant of `I + H`.

@@ -3,9 +3,8 @@
 use rayon::prelude::*;
 
 use super::batch::{CAPACITY, LawBatch};
-use super::operator::Tensor;
 use crate::assembly::sum::Sum;
-use crate::element::WIDEST;
+use crate::fields::stored::Tensor;
 use crate::interaction::Slabs;
 use crate::interaction::schedule::{Layout, Part, Touched, visit};
 use crate::kernel::VariablesLaw;
@@ -80,7 +79,7 @@ pub(super) fn over_points<const D: usize>(
         })?;
         Ok(match pass {
             Pass::Product(_) => Sum::default(),
-            _ => weighted(batch.psi(), &volumes[range(chunk)]),
+            _ => Sum::of_products(batch.psi(), &volumes[range(chunk)]),
         })
     };
     let chunks = parts.par_iter_mut().enumerate();
@@ -114,19 +113,6 @@ pub(super) fn over_points<const D: usize>(
 fn restart(parts: &mut Parts, n: usize) {
     parts.clear();
     parts.resize_with(n, || Ok(Sum::default()));
-}
-
-/// The sum of the products of two arrays.
-pub(crate) fn weighted(values: &[f64], weights: &[f64]) -> Sum {
-    let mut sum = Sum::default();
-    for (values, weights) in values.chunks(WIDEST).zip(weights.chunks(WIDEST)) {
-        let mut terms = [0.0; WIDEST];
-        for (term, (value, weight)) in terms.iter_mut().zip(values.iter().zip(weights)) {
-            *term = weight * value;
-        }
-        sum.add(&terms);
-    }
-    sum
 }
 
 /// The sum of all parts in their order; the first failure counts.

@@ -7,8 +7,8 @@
 //! | `sweep`, `batch` | what is asked of an energy of the fields `u` and `H`, at points and at bonds; laws over batches |
 //! | `stabilisation` | energies of what neighbours deviate from a point's deformation gradient |
 //! | `quadrature` | deformation gradients at bonds |
-//! | `tangent` | the exact Hessian, stored |
-//! | `bonds` | a sparse matrix like the Hessian, by which iterations are preconditioned |
+//! | `linear` | second derivatives by the fields, of which the stored Hessian is made |
+//! | `elastic` | the law at rest: stiffnesses of stabilisation and of springs like the Hessian |
 //!
 //! There is one way from displacements to an energy and back: displacements give `H = F - I` at the
 //! points, laws and bonds give derivatives by `H` and by `u`, and the transpose of the first map
@@ -19,16 +19,16 @@
 //! Wieners, Weinberg 2026 for the models and their names (CC, CS, CW, BAQP). Equation (4.33) there
 //! is not the gradient of the energy, (4.31) is.
 
-pub(crate) mod batch;
-pub(crate) mod bonds;
+mod batch;
+mod elastic;
 mod error;
 pub mod influence;
+mod linear;
 mod moments;
-pub(crate) mod operator;
+mod operator;
 mod quadrature;
-pub(crate) mod stabilisation;
-pub(crate) mod sweep;
-pub(crate) mod tangent;
+mod stabilisation;
+mod sweep;
 #[cfg(test)]
 mod tests;
 mod words;
@@ -41,21 +41,22 @@ use crate::assembly::error::check_neighbors;
 use crate::assembly::{AssemblyError, sum::Sum};
 use crate::body::Body;
 use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
+use crate::fields::stored::{self, Tensor};
 use crate::interaction::{Report, Slabs};
 use crate::kernel::VariablesLaw;
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use crate::pool::Pool;
 use crate::weights::check_families;
-pub use error::CorrespondenceError;
+pub use error::DeformationError;
 use influence::Influence;
+use linear::{Bonds, FieldStiffness};
 pub use moments::OperatorOrder;
-use operator::{GradientOperator, Tensor};
+use operator::GradientOperator;
 use quadrature::BondQuadrature;
 use stabilisation::Deviations;
 pub use stabilisation::Stabilisation;
 use sweep::{Duals, Failure, Fields, Parts, Pass, over_bonds, over_points};
-use tangent::{Bonds, FieldStiffness};
 
 /// Where the energy density is evaluated, and what keeps displacements that it does not see.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -87,7 +88,7 @@ pub struct Formulation<'a> {
 ///
 /// Every sum has an order that the body alone decides: the bits do not depend on the number of
 /// threads.
-pub struct Correspondence {
+pub struct DeformationEnergy {
     body: Arc<Body>,
     operator: GradientOperator,
     law: Box<dyn VariablesLaw>,
@@ -124,7 +125,7 @@ enum Places {
     Bonds(BondQuadrature),
 }
 
-impl Correspondence {
+impl DeformationEnergy {
     /// Finds the neighbours and the weights of all families. `law` is `psi(F)` in J/m^d with its
     /// derivatives.
     ///
@@ -136,11 +137,11 @@ impl Correspondence {
         body: Arc<Body>,
         formulation: Formulation<'_>,
         law: Box<dyn VariablesLaw>,
-    ) -> Result<Correspondence, CorrespondenceError> {
+    ) -> Result<DeformationEnergy, DeformationError> {
         let Formulation { horizon, order, discretisation, influence } = formulation;
         let d = body.dimension();
         if law.n_variables() != d * d {
-            return Err(CorrespondenceError::WrongLaw { found: law.n_variables(), dimension: d });
+            return Err(DeformationError::WrongLaw { found: law.n_variables(), dimension: d });
         }
         let neighborhood = Neighborhood::new(&body, horizon).map_err(AssemblyError::from)?;
         check_neighbors(&body, &neighborhood)?;
@@ -168,7 +169,7 @@ impl Correspondence {
         let names = names.map(String::from).collect();
         let (pattern, bond_pattern) = (OnceLock::new(), OnceLock::new());
         let room = Pool::new();
-        Ok(Correspondence {
+        Ok(DeformationEnergy {
             body,
             operator,
             law,
@@ -311,20 +312,8 @@ impl Correspondence {
         wanted: Wanted<'_>,
         parts: &mut [f64],
     ) -> Result<(), NonFinite> {
-        match wanted {
-            Wanted::Energy => self.assemble::<D>(u, None, parts),
-            Wanted::Forces(forces) => self.assemble::<D>(u, Some(forces), parts),
-            Wanted::Tangent(forces, tangent) => {
-                self.assemble::<D>(u, Some(forces), parts)?;
-                self.stiffness::<D>(u)?.tangent(tangent);
-                Ok(())
-            }
-            Wanted::Diagonal(forces, diagonal) => {
-                self.assemble::<D>(u, Some(forces), parts)?;
-                self.stiffness::<D>(u)?.diagonal(diagonal);
-                Ok(())
-            }
-        }
+        let assemble = |forces: Option<&mut [f64]>| self.assemble::<D>(u, forces, parts);
+        stored::evaluate(wanted, assemble, || self.stiffness::<D>(u))
     }
 
     /// Second derivatives by the fields.
@@ -340,7 +329,8 @@ impl Correspondence {
                     (None, Bonds::Quadrature(bonds.stiffness(&*self.law, place, fields)?))
                 }
             };
-            FieldStiffness::new(&self.body, &self.operator, law, fields, bonds)
+            let whole = (&*self.body, &self.slabs);
+            FieldStiffness::new(whole, &self.operator, law, fields, bonds)
         };
         make().map_err(|failure| self.failed(failure, u))
     }
@@ -368,7 +358,7 @@ fn influences(
     body: &Body,
     neighborhood: &Neighborhood,
     influence: &dyn Influence,
-) -> Result<Vec<f64>, CorrespondenceError> {
+) -> Result<Vec<f64>, DeformationError> {
     let length = |i: usize, j: usize| {
         let ends = body.position(i).iter().zip(body.position(j));
         ends.fold(0.0, |sum, (x, y)| sum + (y - x) * (y - x)).sqrt()
@@ -387,12 +377,12 @@ fn influences(
                 rows.into_iter().find(|&i| neighborhood.places(i).contains(&place)).unwrap_or(0);
             let k = place - neighborhood.places(point).start;
             let length = length(point, neighborhood.row(point)[k] as usize);
-            Err(CorrespondenceError::Influence { length, value: values[place] })
+            Err(DeformationError::Influence { length, value: values[place] })
         }
     }
 }
 
-impl Energy for Correspondence {
+impl Energy for DeformationEnergy {
     fn dimension(&self) -> usize {
         self.body.dimension()
     }
@@ -412,7 +402,8 @@ impl Energy for Correspondence {
     fn pattern(&self) -> &Arc<BlockPattern> {
         let reach = if matches!(self.places, Places::Bonds(_)) { 3 } else { 2 };
         self.pattern.get_or_init(|| {
-            Arc::new(tangent::pattern(self.operator.neighborhood(), self.dimension(), reach))
+            let (neighborhood, d) = (self.operator.neighborhood(), self.dimension());
+            Arc::new(BlockPattern::of_reach(neighborhood, d, reach))
         })
     }
 
@@ -424,9 +415,10 @@ impl Energy for Correspondence {
 
     fn springs(&self, u: &[f64], springs: &mut BlockMatrix) {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        let whole = (&*self.body, &self.slabs);
         match self.dimension() {
-            2 => bonds::assemble::<2>(&self.body, &self.operator, &*self.law, u, springs),
-            _ => bonds::assemble::<3>(&self.body, &self.operator, &*self.law, u, springs),
+            2 => elastic::springs::<2>(whole, &self.operator, &*self.law, u, springs),
+            _ => elastic::springs::<3>(whole, &self.operator, &*self.law, u, springs),
         }
     }
 
@@ -458,7 +450,7 @@ impl Energy for Correspondence {
 
 /// The Hessian at displacements and their gradients at all points: each product evaluates the law again.
 struct FieldHessian<'a, const D: usize> {
-    energy: &'a Correspondence,
+    energy: &'a DeformationEnergy,
     /// In m.
     u: Vec<[f64; D]>,
     h: Vec<Tensor<D>>,

@@ -5,6 +5,8 @@
 //! `dA_i = S_i dI_i + sum_j V_j c_i x` with `S = d2w/dI2` and `c_i = 1/2 d2phi/dl dI`, and the tension of
 //! a bond by `k x + c_i.dI_i + c_j.dI_j + (dA_i + dA_j).g'`.
 
+use std::ops::Range;
+
 use pulp::Arch;
 use rayon::prelude::*;
 
@@ -43,8 +45,37 @@ impl Linear {
         Linear::fixed(d) + self.active.len() * if self.is_mixed { 3 } else { 1 }
     }
 
+    /// How many integrals change.
+    pub(super) fn n_active(&self) -> usize {
+        self.active.len()
+    }
+
+    /// Whether energies of bonds have mixed derivatives.
+    pub(super) fn is_mixed(&self) -> bool {
+        self.is_mixed
+    }
+
+    /// `S_i` of all points, row by row.
+    pub(super) fn by_states(&self) -> &[f64] {
+        &self.by_states
+    }
+
+    /// All that is known of a bond.
+    pub(super) fn bond<const D: usize>(&self, bond: usize) -> OfBond<'_, D> {
+        let (width, a) = (self.width(D), self.active.len());
+        let row = &self.bonds[bond * width..(bond + 1) * width];
+        let (slopes, mixed) = row[Linear::fixed(D)..].split_at(a);
+        OfBond {
+            normal: std::array::from_fn(|c| row[c]),
+            along_less_across: row[D],
+            across: row[D + 1],
+            slopes,
+            mixed: if self.is_mixed { mixed.split_at(a).into() } else { [&[], &[]] },
+        }
+    }
+
     /// The first point with a derivative that is not finite: its own, or that of a bond that it owns.
-    pub(super) fn not_finite(&self, bond_start: &[usize], d: usize) -> Option<usize> {
+    fn not_finite(&self, bond_start: &[usize], d: usize) -> Option<usize> {
         // Without branches, so that many are looked at at once.
         let is_bad = |numbers: &[f64]| numbers.iter().fold(false, |bad, x| bad | !x.is_finite());
         let first = |numbers: &[f64], width: usize| {
@@ -61,6 +92,20 @@ impl Linear {
     }
 }
 
+/// Second derivatives of one bond.
+pub(super) struct OfBond<'a, const D: usize> {
+    /// The unit vector from the owner to the other end.
+    pub(super) normal: [f64; D],
+    /// By the displacement along the bond at fixed integrals, less that across it, and the latter: the
+    /// tension over the length; in N/m.
+    pub(super) along_less_across: f64,
+    pub(super) across: f64,
+    /// `g'` of the active integrals.
+    pub(super) slopes: &'a [f64],
+    /// `c_i`, `c_j`.
+    pub(super) mixed: [&'a [f64]; 2],
+}
+
 /// Second derivatives of the bonds' energies by themselves, as laws give them.
 struct Seconds {
     /// By the length, the mean over both ends.
@@ -71,8 +116,16 @@ struct Seconds {
 }
 
 impl StateEnergy {
-    /// Works out the second derivatives at `u`.
-    pub(super) fn linear<const D: usize>(&self, u: &[f64]) -> Result<Linear, NonFinite> {
+    /// Works out the second derivatives at `u`; refuses those that are not finite.
+    pub(super) fn finite<const D: usize>(&self, u: &[f64]) -> Result<Linear, NonFinite> {
+        let linear = self.linear::<D>(u)?;
+        match linear.not_finite(self.neighborhood.bond_starts(), D) {
+            None => Ok(linear),
+            Some(point) => Err(self.named(point, None, u)),
+        }
+    }
+
+    fn linear<const D: usize>(&self, u: &[f64]) -> Result<Linear, NonFinite> {
         let states = self.states::<D>(u, Order::Tangent)?;
         let changes = |slab: usize, k: usize| {
             let slopes = self.slopes(slab, &states);
@@ -286,7 +339,7 @@ impl StateEnergy {
         let volumes = self.body.volumes();
         let width = Linear::fixed(D) + a * if is_mixed { 3 } else { 1 };
         for i in self.slabs.owners(slab) {
-            let (start, end) = (self.bond_start[i], self.bond_start[i + 1]);
+            let Range { start, end } = self.neighborhood.bonds(i);
             for k in 0..a {
                 let (integral, adjoint) = (i * 2 * a + k, i * 2 * a + a + k);
                 // What the owner gets stays in registers.
@@ -321,7 +374,7 @@ impl StateEnergy {
         let volumes = self.body.volumes();
         let width = Linear::fixed(D) + a * if is_mixed { 3 } else { 1 };
         for i in self.slabs.owners(slab) {
-            let (start, end) = (self.bond_start[i], self.bond_start[i + 1]);
+            let Range { start, end } = self.neighborhood.bonds(i);
             let bonds = at.bonds[start * width..end * width].chunks_exact(width);
             let here = &changes[i * 2 * a..(i + 1) * 2 * a];
             let mut sum = [0.0; D];

@@ -4,7 +4,7 @@ use crate::assembly::AssemblyError;
 
 /// Why a body has no correspondence energy.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum CorrespondenceError {
+pub enum DeformationError {
     /// The body is empty, its neighbours cannot be found, or points have none.
     #[error(transparent)]
     Body(#[from] AssemblyError),

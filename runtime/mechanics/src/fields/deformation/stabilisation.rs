@@ -9,14 +9,15 @@
 use nalgebra::DMatrix;
 use pulp::Arch;
 
-use super::error::CorrespondenceError;
-use super::operator::Tensor;
+use super::elastic::elasticity;
+use super::error::DeformationError;
 use super::sweep::{Fields, Pass, TouchedDuals};
 use crate::assembly::sum::Sum;
 use crate::body::Body;
 use crate::element::WIDEST;
+use crate::fields::stored::Tensor;
 use crate::interaction::Slabs;
-use crate::kernel::{Variables, VariablesLaw};
+use crate::kernel::VariablesLaw;
 use crate::neighborhood::Neighborhood;
 
 /// The stiffness `A_i` against deviations.
@@ -38,23 +39,12 @@ pub enum Stabilisation {
 /// The stiffness of all points.
 pub(super) struct Deviations {
     /// `V_i V_j w_ij` of each bond once.
-    strength: Vec<f64>,
-    /// Where the bonds of each owner begin.
-    bond_start: Vec<usize>,
+    pub(super) strength: Vec<f64>,
     /// `A_i`, `d x d` row by row.
     stiffness: Vec<f64>,
     /// Whether the deviations of a family are orthogonal to its offsets, so that the energy is
     /// stationary with respect to `H`.
     is_stationary: bool,
-}
-
-/// Where the bonds of each point with later ones begin.
-pub(crate) fn bond_starts(neighborhood: &Neighborhood) -> Vec<usize> {
-    let mut start = vec![0];
-    for point in 0..neighborhood.n_points() {
-        start.push(start[point] + neighborhood.upper(point).len());
-    }
-    start
 }
 
 /// `sum_j V_j w_ij` around every point.
@@ -72,10 +62,10 @@ pub(super) fn check_sums(
     body: &Body,
     sums: &[f64],
     what: &'static str,
-) -> Result<(), CorrespondenceError> {
+) -> Result<(), DeformationError> {
     match sums.iter().position(|sum| !(*sum > 0.0 && sum.is_finite())) {
         None => Ok(()),
-        Some(point) => Err(CorrespondenceError::NoInfluence {
+        Some(point) => Err(DeformationError::NoInfluence {
             point: body.user_index()[point] as usize,
             sum: sums[point],
             what,
@@ -92,7 +82,7 @@ impl Deviations {
         law: &dyn VariablesLaw,
         kind: Stabilisation,
         is_stationary: bool,
-    ) -> Result<Deviations, CorrespondenceError> {
+    ) -> Result<Deviations, DeformationError> {
         let (d, volumes) = (body.dimension(), body.volumes());
         let mut strength = Vec::with_capacity(neighborhood.n_bonds());
         for i in 0..neighborhood.n_points() {
@@ -119,8 +109,7 @@ impl Deviations {
                 }
             }
         };
-        let bond_start = bond_starts(neighborhood);
-        Ok(Deviations { strength, bond_start, stiffness, is_stationary })
+        Ok(Deviations { strength, stiffness, is_stationary })
     }
 
     /// `A_i`.
@@ -128,11 +117,6 @@ impl Deviations {
     pub(super) fn stiffness<const D: usize>(&self, point: usize) -> Tensor<D> {
         let entries = &self.stiffness[point * D * D..(point + 1) * D * D];
         std::array::from_fn(|r| std::array::from_fn(|c| entries[r * D + c]))
-    }
-
-    /// `V_i V_j w_ij` of an owner's bonds with later points.
-    pub(super) fn strengths(&self, owner: usize) -> &[f64] {
-        &self.strength[self.bond_start[owner]..self.bond_start[owner + 1]]
     }
 
     /// The bonds of one slab; the energy is quadratic, so that products are derivatives along the
@@ -165,7 +149,8 @@ impl Deviations {
         let (mut terms, mut n_terms) = ([0.0; WIDEST], 0);
         for i in slabs.owners(slab) {
             let a_i = self.stiffness::<D>(i);
-            for (&j, strength) in neighborhood.upper(i).iter().zip(self.strengths(i)) {
+            let strengths = &self.strength[neighborhood.bonds(i)];
+            for (&j, strength) in neighborhood.upper(i).iter().zip(strengths) {
                 let j = j as usize;
                 let dx: [f64; D] = std::array::from_fn(|c| positions[j][c] - positions[i][c]);
                 let du: [f64; D] = std::array::from_fn(|r| u[j][r] - u[i][r]);
@@ -230,7 +215,7 @@ fn wan(
     neighborhood: &Neighborhood,
     influence: &[f64],
     law: &dyn VariablesLaw,
-) -> Result<Vec<f64>, CorrespondenceError> {
+) -> Result<Vec<f64>, DeformationError> {
     let d = body.dimension();
     let elasticity = elasticity(law, d);
     let n = neighborhood.n_points();
@@ -250,7 +235,7 @@ fn wan(
         let size = shape.amax();
         let inverse = (shape / size).try_inverse().filter(|k| k.iter().all(|x| x.is_finite()));
         let Some(inverse) = inverse else {
-            return Err(CorrespondenceError::ShapeTensor {
+            return Err(DeformationError::ShapeTensor {
                 point: body.user_index()[point] as usize,
                 position: body.position(point).to_vec(),
                 neighbors: neighborhood.row(point).len(),
@@ -266,22 +251,4 @@ fn wan(
         }
     }
     Ok(all)
-}
-
-/// The elasticity tensor at rest, `d^2 x d^2` row by row: entry `(rc, se)` is `dP_rc/dF_se`.
-pub(super) fn elasticity(law: &dyn VariablesLaw, d: usize) -> Vec<f64> {
-    let size = d * d;
-    let rest: Vec<f64> = (0..size).map(|k| if k % (d + 1) == 0 { 1.0 } else { 0.0 }).collect();
-    // One place for each unit direction.
-    let spread = |x: &[f64]| x.iter().flat_map(|&x| vec![x; size]).collect::<Vec<f64>>();
-    let (current, change) = (spread(&rest), vec![0.0; size * size]);
-    let direction: Vec<f64> =
-        (0..size * size).map(|k| if k / size == k % size { 1.0 } else { 0.0 }).collect();
-    let mut product = vec![0.0; size * size];
-    law.product(
-        Variables { n: size, current: &current, change: &change, given: &[] },
-        &direction,
-        &mut product,
-    );
-    product
 }

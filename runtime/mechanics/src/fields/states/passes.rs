@@ -10,13 +10,13 @@ use pulp::Arch;
 use rayon::prelude::*;
 
 use super::StateEnergy;
-use crate::correspondence::batch::are_finite;
 use crate::energy::NonFinite;
 use crate::geometry::Geometry;
 use crate::geometry::bond::Bond;
 use crate::interaction::schedule::{Layout, Part, Touched, visit};
 use crate::kernel::{Batch, Order, Outputs, Variables};
 use crate::pool::Taken;
+use crate::vector::are_finite;
 
 /// Bonds of a chunk, but for the last owner's.
 const CHUNK: usize = 192;
@@ -71,13 +71,14 @@ pub(super) fn clear(array: &mut Vec<f64>, n: usize) {
 impl StateEnergy {
     /// What a bond has of an array, or some entries of each.
     pub(super) fn per_bond(&self, entries: usize) -> Layout<'_> {
-        Layout::Rows(&self.bond_start, entries)
+        Layout::Rows(self.neighborhood.bond_starts(), entries)
     }
 
     /// The bonds of a slab's owners.
     pub(super) fn bonds_of(&self, slab: usize) -> Range<usize> {
         let owners = self.slabs.owners(slab);
-        self.bond_start[owners.start]..self.bond_start[owners.end]
+        let start = self.neighborhood.bond_starts();
+        start[owners.start]..start[owners.end]
     }
 
     /// First derivatives of the integrands at the bonds of a slab: of number `k` at bond `b`.
@@ -117,15 +118,13 @@ impl StateEnergy {
         &self,
         owners: Range<usize>,
     ) -> impl Iterator<Item = (Range<usize>, Range<usize>)> + '_ {
-        let mut next = owners.start;
+        let (mut next, start) = (owners.start, self.neighborhood.bond_starts());
         std::iter::from_fn(move || {
             let first = next;
-            while next < owners.end
-                && (next == first || self.bond_start[next] - self.bond_start[first] < CHUNK)
-            {
+            while next < owners.end && (next == first || start[next] - start[first] < CHUNK) {
                 next += 1;
             }
-            let bonds = self.bond_start[first]..self.bond_start[next];
+            let bonds = start[first]..start[next];
             (next > first).then_some((first..next, bonds))
         })
     }
@@ -370,7 +369,7 @@ impl StateEnergy {
         let slopes = self.slopes(slab, states);
         for i in self.slabs.owners(slab) {
             let mut sum = [0.0; D];
-            let start = self.bond_start[i];
+            let start = self.neighborhood.bonds(i).start;
             for (k, &j) in self.neighborhood.upper(i).iter().enumerate() {
                 let (b, j) = (start + k, j as usize);
                 let mut tension = states.tension[b];

@@ -87,7 +87,7 @@ struct Kind {
 /// The discrete total energy.
 pub struct DiscreteEnergy {
     body: Arc<Body>,
-    neighborhood: Neighborhood,
+    neighborhood: Arc<Neighborhood>,
     degeneracy: Degeneracy,
     slabs: Slabs,
     contributing: Option<ContributingPairs>,
@@ -129,7 +129,19 @@ impl DiscreteEnergy {
         elements: Elements,
     ) -> Result<DiscreteEnergy, AssemblyError> {
         error::check_elements(&elements, body.dimension())?;
-        let neighborhood = Neighborhood::new(&body, horizon)?;
+        let neighborhood = Arc::new(Neighborhood::new(&body, horizon)?);
+        DiscreteEnergy::among(body, neighborhood, weights, elements)
+    }
+
+    /// The energy of any elements, of neighbours that energies of the body share.
+    pub fn among(
+        body: Arc<Body>,
+        neighborhood: Arc<Neighborhood>,
+        weights: Weights,
+        elements: Elements,
+    ) -> Result<DiscreteEnergy, AssemblyError> {
+        error::check_elements(&elements, body.dimension())?;
+        let horizon = neighborhood.horizon();
         error::check_neighbors(&body, &neighborhood)?;
         let slabs = Slabs::new(&neighborhood);
         let degeneracy = Degeneracy::new(&body);

@@ -23,9 +23,14 @@ pub(super) struct OwnerSums<const D: usize> {
 }
 
 impl<const D: usize> OwnerSums<D> {
-    /// Room for the gradients of so many members.
-    pub(super) fn with_capacity(members: usize) -> OwnerSums<D> {
-        OwnerSums { gradient: Vec::with_capacity(members), ..OwnerSums::default() }
+    /// Room for so many members and pairs of them.
+    pub(super) fn with_capacity(members: usize, pairs: usize) -> OwnerSums<D> {
+        OwnerSums {
+            gradient: Vec::with_capacity(members),
+            diagonal: Vec::with_capacity(members),
+            column: Vec::with_capacity(members),
+            pairs: Vec::with_capacity(pairs),
+        }
     }
 
     /// Starts a new owner.

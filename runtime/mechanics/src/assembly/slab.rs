@@ -82,7 +82,7 @@ impl<const D: usize> Room<D> {
             bonds: energy.bonds.as_ref().map(|kind| BondRoom::new(energy, kind)),
             pairs: PairNumbers::with_capacity(of_tetrahedra),
             by_pairs: TetrahedronSums::with_capacity(of_tetrahedra),
-            sums: OwnerSums::with_capacity(members),
+            sums: OwnerSums::with_capacity(members, of_tetrahedra * of_tetrahedra / 2),
             motion: Motion::default(),
         }
     }

@@ -137,12 +137,28 @@ impl Correspondence {
         formulation: Formulation<'_>,
         law: Box<dyn VariablesLaw>,
     ) -> Result<Correspondence, CorrespondenceError> {
+        let neighborhood =
+            Neighborhood::new(&body, formulation.horizon).map_err(AssemblyError::from)?;
+        Correspondence::among(body, Arc::new(neighborhood), formulation, law)
+    }
+
+    /// Takes neighbours within the formulation's horizon that energies of the body share.
+    ///
+    /// # Errors
+    ///
+    /// As [`Correspondence::new`].
+    pub fn among(
+        body: Arc<Body>,
+        neighborhood: Arc<Neighborhood>,
+        formulation: Formulation<'_>,
+        law: Box<dyn VariablesLaw>,
+    ) -> Result<Correspondence, CorrespondenceError> {
         let Formulation { horizon, order, discretisation, influence } = formulation;
+        assert_eq!(neighborhood.horizon(), horizon, "neighbours within this horizon");
         let d = body.dimension();
         if law.n_variables() != d * d {
             return Err(CorrespondenceError::WrongLaw { found: law.n_variables(), dimension: d });
         }
-        let neighborhood = Neighborhood::new(&body, horizon).map_err(AssemblyError::from)?;
         check_neighbors(&body, &neighborhood)?;
         check_families(&body).map_err(AssemblyError::from)?;
         let influence = influences(&body, &neighborhood, influence)?;

@@ -4,6 +4,8 @@
 //! ascending order. The transpose gathers, too: every point sums over its own family, so that all
 //! points go at once and the order of every sum is that of the body.
 
+use std::sync::Arc;
+
 use pulp::Arch;
 use rayon::prelude::*;
 
@@ -20,7 +22,7 @@ const POINTS: usize = 256;
 
 /// The gradient weights of all families.
 pub(super) struct GradientOperator {
-    neighborhood: Neighborhood,
+    neighborhood: Arc<Neighborhood>,
     /// `G_ij` in 1/m, `d` numbers for each directed bond, in the order of the neighbours; then
     /// [`PADDING`].
     weights: Vec<f64>,
@@ -36,7 +38,7 @@ impl GradientOperator {
     /// `influence` has a value for each directed bond.
     pub(super) fn new(
         body: &Body,
-        neighborhood: Neighborhood,
+        neighborhood: Arc<Neighborhood>,
         order: OperatorOrder,
         influence: &[f64],
     ) -> Result<GradientOperator, CorrespondenceError> {

@@ -10,11 +10,13 @@ mod accumulate;
 mod bonds;
 pub(crate) mod error;
 mod inversion;
+mod pairs;
 mod product;
 mod rows;
 mod slab;
 pub(crate) mod sum;
 mod tetrahedra;
+mod visit;
 
 pub use error::AssemblyError;
 
@@ -34,6 +36,7 @@ use crate::matrix::BlockPattern;
 use crate::neighborhood::Neighborhood;
 use crate::pool::Pool;
 use crate::weights::{CliqueWeights, Weights};
+use inversion::Motion;
 use product::InteractionHessian;
 use slab::{Room, SlabEnergy, SlabTask};
 
@@ -84,7 +87,7 @@ struct Kind {
 /// The discrete total energy.
 pub struct DiscreteEnergy {
     body: Arc<Body>,
-    neighborhood: Neighborhood,
+    neighborhood: Arc<Neighborhood>,
     degeneracy: Degeneracy,
     slabs: Slabs,
     contributing: Option<ContributingPairs>,
@@ -126,7 +129,19 @@ impl DiscreteEnergy {
         elements: Elements,
     ) -> Result<DiscreteEnergy, AssemblyError> {
         error::check_elements(&elements, body.dimension())?;
-        let neighborhood = Neighborhood::new(&body, horizon)?;
+        let neighborhood = Arc::new(Neighborhood::new(&body, horizon)?);
+        DiscreteEnergy::among(body, neighborhood, weights, elements)
+    }
+
+    /// The energy of any elements, of neighbours that energies of the body share.
+    pub fn among(
+        body: Arc<Body>,
+        neighborhood: Arc<Neighborhood>,
+        weights: Weights,
+        elements: Elements,
+    ) -> Result<DiscreteEnergy, AssemblyError> {
+        error::check_elements(&elements, body.dimension())?;
+        let horizon = neighborhood.horizon();
         error::check_neighbors(&body, &neighborhood)?;
         let slabs = Slabs::new(&neighborhood);
         let degeneracy = Degeneracy::new(&body);
@@ -200,30 +215,37 @@ impl DiscreteEnergy {
         if self.body.dimension() == 2 { self.triangles.as_ref() } else { self.tetrahedra.as_ref() }
     }
 
-    /// Writes the parts of the energy; `gradient` becomes its derivative, `tangent` its second one.
+    /// The kinds of interaction: bonds, triangles, tetrahedra.
+    fn kinds(&self) -> [Option<&Kind>; 3] {
+        [&self.bonds, &self.triangles, &self.tetrahedra].map(Option::as_ref)
+    }
+
+    /// Writes the parts of the energy; `gradient` becomes its derivative, `blocks` its second one: all
+    /// blocks on the pattern, where their rows start, or the diagonal ones.
     fn assemble(
         &self,
         order: Order,
         u: &[f64],
-        (gradient, tangent): (&mut [f64], &mut [f64]),
+        gradient: &mut [f64],
+        (row_start, blocks): (Option<&[usize]>, &mut [f64]),
         parts: &mut [f64],
     ) -> Result<(), NonFinite> {
         gradient.fill(0.0);
         let d = self.pattern.dimension;
-        let arrays = (
-            Part::new(Layout::Points(d), gradient),
-            Part::new(Layout::Rows(&self.pattern.row_start, d * d), tangent),
-        );
+        let layout = match row_start {
+            Some(row_start) => Layout::Rows(row_start, d * d),
+            None => Layout::Points(d * d),
+        };
+        let arrays = (Part::new(Layout::Points(d), gradient), Part::new(layout, blocks));
         let energies = match &self.rooms {
             Rooms::Plane(rooms) => self.over_slabs(rooms, arrays, |slab, [here, next], room| {
-                SlabTask::new(&self.pattern, slab, here, next).in_plane(self, order, u, room)
+                SlabTask::new(row_start, slab, here, next).in_plane(self, order, u, room)
             }),
             Rooms::Space(rooms) => self.over_slabs(rooms, arrays, |slab, [here, next], room| {
-                SlabTask::new(&self.pattern, slab, here, next).in_space(self, order, u, room)
+                SlabTask::new(row_start, slab, here, next).in_space(self, order, u, room)
             }),
         };
-        let kinds = [&self.bonds, &self.triangles, &self.tetrahedra];
-        let modelled = kinds.into_iter().zip(energies?).filter(|(kind, _)| kind.is_some());
+        let modelled = self.kinds().into_iter().zip(energies?).filter(|(kind, _)| kind.is_some());
         parts.iter_mut().zip(modelled).for_each(|(part, (_, energy))| *part = energy);
         Ok(())
     }
@@ -248,18 +270,35 @@ impl DiscreteEnergy {
         slab::total(outcomes.drain(..))
     }
 
-    /// Works on the cliques of a slab in arrays that are there.
-    fn with_cliques<const D: usize, R>(
+    /// Works with what inversions need of a room.
+    fn in_room<const D: usize, R>(
+        &self,
+        rooms: &Pool<Room<D>>,
+        work: impl FnOnce((&mut CliqueRoom<D>, &mut Motion<D>)) -> R,
+    ) -> R {
+        let mut room = rooms.take(|| Room::new(self));
+        let Room { cliques, motion, .. } = &mut *room;
+        work((cliques, motion))
+    }
+
+    /// Shows the owners of a slab one after the other, with their cliques of `K` members.
+    fn for_each_owner<const D: usize, const K: usize, E>(
         &self,
         slab: usize,
         room: &mut CliqueRoom<D>,
-        work: impl FnOnce(&mut OwnerCliques<'_, D>) -> R,
-    ) -> R {
+        mut see: impl FnMut(&OwnerCliques<'_, D>) -> Result<(), E>,
+    ) -> Result<(), E> {
         let (touched, arrays) = (self.slabs.touched(slab), std::mem::take(room));
         let (body, neighborhood) = (&self.body, &self.neighborhood);
         let cliques = OwnerCliques::in_room(body, neighborhood, self.degeneracy, touched, arrays);
         let mut cliques = cliques.with_contributing(self.contributing.as_ref());
-        let result = work(&mut cliques);
+        let result = self.slabs.owners(slab).try_for_each(|owner| {
+            match K {
+                1 => cliques.set_bonds(owner),
+                _ => cliques.set(owner),
+            }
+            see(&cliques)
+        });
         *room = cliques.into_room();
         result
     }
@@ -288,16 +327,16 @@ impl Energy for DiscreteEnergy {
 
     fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
         check_sizes(self, u, &wanted);
+        let nothing = (None, &mut [][..]);
         match wanted {
-            Wanted::Energy => self.assemble(Order::Energy, u, (&mut [], &mut []), parts),
-            Wanted::Forces(forces) => self.assemble(Order::Gradient, u, (forces, &mut []), parts),
+            Wanted::Energy => self.assemble(Order::Energy, u, &mut [], nothing, parts),
+            Wanted::Forces(forces) => self.assemble(Order::Gradient, u, forces, nothing, parts),
             Wanted::Tangent(forces, tangent) => {
-                self.assemble(Order::Tangent, u, (forces, &mut tangent.values), parts)
+                let blocks = (Some(&self.pattern.row_start[..]), &mut tangent.values[..]);
+                self.assemble(Order::Tangent, u, forces, blocks, parts)
             }
             Wanted::Diagonal(forces, diagonal) => {
-                self.assemble(Order::Gradient, u, (forces, &mut []), parts)?;
-                diagonal.fill(0.0);
-                self.diagonal(u, diagonal)
+                self.assemble(Order::Tangent, u, forces, (None, diagonal), parts)
             }
         }
     }
@@ -318,12 +357,19 @@ impl Energy for DiscreteEnergy {
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {
         let kind = self.signed().filter(|kind| kind.element.forbids_inversion())?;
         let end: Vec<f64> = u.iter().zip(step).map(|(u, step)| u + step).collect();
-        let first = |slab: usize| match self.body.dimension() {
-            2 => inversion::first::<2>(self, kind, slab, (u, &end)),
-            _ => inversion::first::<3>(self, kind, slab, (u, &end)),
-        };
-        let found: Vec<_> = (0..self.slabs.len()).into_par_iter().map(first).collect();
-        found.into_iter().flatten().min_by(|p, q| p.part.total_cmp(&q.part))
+        let slabs = (0..self.slabs.len()).into_par_iter();
+        let found = slabs.filter_map(|slab| match &self.rooms {
+            Rooms::Plane(rooms) => {
+                self.in_room(rooms, |room| inversion::first::<2>(self, kind, slab, room, (u, &end)))
+            }
+            Rooms::Space(rooms) => {
+                self.in_room(rooms, |room| inversion::first::<3>(self, kind, slab, room, (u, &end)))
+            }
+        });
+        // Of several at once that of the lowest points.
+        found.min_by(|p, q| {
+            p.part.total_cmp(&q.part).then_with(|| p.first.points.cmp(&q.first.points))
+        })
     }
 
     fn inverted(&self, u: &[f64]) -> Inverted {
@@ -331,12 +377,18 @@ impl Energy for DiscreteEnergy {
             return Inverted::default();
         }
         let slabs = (0..self.slabs.len()).into_par_iter();
-        if self.body.dimension() == 2 {
-            let triangles = slabs.map(|slab| inversion::count::<2>(self, slab, u)).sum();
-            Inverted { triangles, tetrahedra: 0 }
-        } else {
-            let tetrahedra = slabs.map(|slab| inversion::count::<3>(self, slab, u)).sum();
-            Inverted { triangles: 0, tetrahedra }
+        let count = slabs.map(|slab| match &self.rooms {
+            Rooms::Plane(rooms) => {
+                self.in_room(rooms, |room| inversion::count::<2>(self, slab, room, u))
+            }
+            Rooms::Space(rooms) => {
+                self.in_room(rooms, |room| inversion::count::<3>(self, slab, room, u))
+            }
+        });
+        let count = count.sum();
+        match self.body.dimension() {
+            2 => Inverted { triangles: count, tetrahedra: 0 },
+            _ => Inverted { triangles: 0, tetrahedra: count },
         }
     }
 }

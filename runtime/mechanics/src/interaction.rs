@@ -12,7 +12,7 @@ pub(crate) mod schedule;
 mod slab;
 
 pub use census::Census;
-pub(crate) use clique::CliqueRoom;
+pub(crate) use clique::{Clique, CliqueRoom};
 pub use clique::{ContributingPairs, OwnerCliques, never_fails};
 pub use counts::{Inverted, Report};
 pub use degenerate::Degeneracy;

@@ -140,6 +140,12 @@ impl BlockMatrix {
         self.pattern.row_start.windows(2).map(row).collect()
     }
 
+    /// A matrix of any values, in an array that is there.
+    pub(crate) fn in_room(pattern: &Arc<BlockPattern>, mut room: Vec<f64>) -> BlockMatrix {
+        room.resize(pattern.n_blocks() * pattern.dimension * pattern.dimension, 0.0);
+        BlockMatrix { pattern: Arc::clone(pattern), values: room }
+    }
+
     /// Adds a matrix whose blocks are all on this one's pattern.
     pub(crate) fn add(&mut self, other: &BlockMatrix) {
         let size = self.pattern.dimension * self.pattern.dimension;

@@ -108,12 +108,6 @@ impl CliqueWeights {
         }
     }
 
-    /// The weight of one interaction from the shares of its owner and of the other corners.
-    #[inline(always)]
-    pub(crate) fn join<const K: usize>(&self, owner: f64, others: [f64; K]) -> f64 {
-        self.join_last(self.begin(owner, &others[..K - 1]), others[K - 1])
-    }
-
     /// The part of a weight that the owner and all other corners but the last have.
     #[inline(always)]
     pub(crate) fn begin(&self, owner: f64, others: &[f64]) -> f64 {
@@ -289,7 +283,7 @@ mod tests {
 
     fn weight(weights: Weights, measure: Measure, body: &Body) -> f64 {
         let weights = weights.of_measure(measure, body, 2.0, &census()).unwrap();
-        weights.join(weights.share(0), [weights.share(1)])
+        weights.join_last(weights.begin(weights.share(0), &[]), weights.share(1))
     }
 
     #[test]
@@ -306,14 +300,14 @@ mod tests {
             let body = pair([16.0 * p, 16.0 * q], Some(4.0));
             let uniform = |measure| {
                 let weights = Weights::Uniform.of_measure(measure, &body, 8.0, &census()).unwrap();
-                weights.join(weights.share(0), [weights.share(1)])
+                weights.join_last(weights.begin(weights.share(0), &[]), weights.share(1))
             };
             let (ball, bond) = (PI * 64.0, uniform(Measure::Length));
             assert!((bond - 16.0 * p * q * ball / 12.0).abs() < 1e-14 * bond);
             // The third point is the second once more.
             let weights =
                 Weights::Uniform.of_measure(Measure::Area, &body, 8.0, &census()).unwrap();
-            let area = weights.join(p, [q, q]);
+            let area = weights.join_last(weights.begin(p, &[q]), q);
             assert!((area - 2.0 * 16.0 * p * q * q * ball * ball / 48.0).abs() < 1e-14 * area);
         }
         // Half a ball at the first point, and no pair.

@@ -111,6 +111,8 @@ pub struct PlanInput<'a> {
     pub kernels: Vec<KernelNote>,
     /// How many energies of bonds, triangles and tetrahedra there are.
     pub energies: [usize; 3],
+    /// How many potentials have energies of interactions.
+    pub of_interactions: usize,
     /// What points know of their families, for each energy that needs it.
     pub families: Vec<Families>,
     /// How many displacement components are prescribed.
@@ -193,7 +195,10 @@ impl Plan {
             // Estimates do not tell the two apart.
             linear.method = LinearMethod::Cholesky;
         }
-        let memory = memory(extent, &interactions, blocks, &linear, factor, families);
+        let mut memory = memory(extent, &interactions, blocks, &linear, factor, families);
+        memory.extend(families::terms(input.of_interactions, families, &linear, |reach| {
+            matrix_bytes(dimension, self::blocks(extent, &interactions, reach))
+        }));
         let horizons = sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / layers;
         let jacobi = scene.solver.preconditioner == PreconditionerChoice::BlockJacobi;
         let horizons = (jacobi || !linear.stores_matrix).then_some(horizons);

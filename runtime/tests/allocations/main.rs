@@ -38,6 +38,14 @@ struct Case {
     name: String,
     energy: Box<dyn Energy>,
     u: Vec<f64>,
+    /// Whether its tangent, too, is assembled in arrays that are there.
+    keeps_tangent: bool,
+}
+
+impl Case {
+    fn new(name: String, energy: Box<dyn Energy>, u: Vec<f64>) -> Case {
+        Case { name, energy, u, keeps_tangent: false }
+    }
 }
 
 fn interactions(counts: &[usize], kinds: [bool; 3]) -> Case {
@@ -50,7 +58,22 @@ fn interactions(counts: &[usize], kinds: [bool; 3]) -> Case {
     };
     let energy = DiscreteEnergy::new(body, 0.21, Weights::Truncated, laws).unwrap();
     let name = format!("interactions {kinds:?} in {} dimensions", counts.len());
-    Case { name, energy: Box::new(energy), u }
+    Case { keeps_tangent: true, ..Case::new(name, Box::new(energy), u) }
+}
+
+/// Bonds and triangles of different horizons: the tangent of one is added to that of the other.
+fn sum_of_interactions() -> Case {
+    let body = cloud(&[9, 4, 4], 0.1, 3);
+    let u = displacements(&body, 0.05, 5);
+    let term = |horizon: f64, laws: Laws| -> Term<'_> {
+        Box::new(DiscreteEnergy::new(body.clone(), horizon, Weights::Unit, laws).unwrap()).into()
+    };
+    let bonds = Laws { bond: Some(seth_hill(1.0, 0)), ..Laws::default() };
+    let triangles = Laws { triangle: Some(seth_hill(300.0, 2)), ..Laws::default() };
+    let names = ["bonds", "triangles"].map(String::from).into();
+    let energy = Total::named(vec![term(0.31, bonds), term(0.21, triangles)], names);
+    let name = "a sum of interactions".to_string();
+    Case { keeps_tangent: true, ..Case::new(name, Box::new(energy), u) }
 }
 
 fn cases() -> Vec<Case> {
@@ -68,19 +91,20 @@ fn cases() -> Vec<Case> {
         let u = families::displacements(&body, &families::h_of(d), 0.01, 9);
         for (name, energy) in states::energies(&body, 2.3) {
             let name = format!("states {name} in {d} dimensions");
-            cases.push(Case { name, energy: Box::new(energy), u: u.clone() });
+            cases.push(Case::new(name, Box::new(energy), u.clone()));
         }
         for (name, energy) in compiled::energies(&body, 2.3) {
-            cases.push(Case { name: format!("{name} in {d} dimensions"), energy, u: u.clone() });
+            cases.push(Case::new(format!("{name} in {d} dimensions"), energy, u.clone()));
         }
         for order in [OperatorOrder::First, OperatorOrder::Second] {
             for place in families::DISCRETISATIONS {
                 let energy = families::energy(&body, 2.3, order, place, "cubic");
                 let name = format!("{place:?} {order:?} in {d} dimensions");
-                cases.push(Case { name, energy: Box::new(energy), u: u.clone() });
+                cases.push(Case::new(name, Box::new(energy), u.clone()));
             }
         }
     }
+    cases.push(sum_of_interactions());
     cases.extend([Products::Exact, Products::OneSided, Products::Central].map(sum));
     cases
 }
@@ -97,7 +121,7 @@ fn sum(products: Products) -> Case {
     let names = bonds.parts().iter().chain(gradients.parts().iter()).cloned().collect();
     let terms: Vec<Term<'_>> = vec![Box::new(bonds).into(), Box::new(gradients).into()];
     let energy = Total::named(terms, names).with_products(products).from_positions(true);
-    Case { name: format!("a sum with {products:?} products"), energy: Box::new(energy), u }
+    Case::new(format!("a sum with {products:?} products"), Box::new(energy), u)
 }
 
 /// One call warms up, the second and the third allocate nothing.
@@ -113,7 +137,7 @@ fn allocates_nothing(case: &Case, what: &str, threads: usize, mut pass: impl FnM
 }
 
 fn count(case: &Case, pool: &ThreadPool) {
-    let Case { energy, u, .. } = case;
+    let Case { energy, u, keeps_tangent, .. } = case;
     let p: Vec<f64> = u.iter().rev().copied().collect();
     let (mut out, mut parts) = (vec![0.0; u.len()], vec![0.0; energy.parts().len()]);
     let threads = pool.current_num_threads();
@@ -125,6 +149,16 @@ fn count(case: &Case, pool: &ThreadPool) {
         allocates_nothing(case, "forces", threads, || {
             energy.evaluate(u, Wanted::Forces(&mut out), &mut parts).unwrap();
         });
+        let mut diagonal = vec![0.0; u.len() * energy.dimension()];
+        if *keeps_tangent {
+            let mut tangent = BlockMatrix::zeros(energy.pattern());
+            allocates_nothing(case, "tangent", threads, || {
+                energy.evaluate(u, Wanted::Tangent(&mut out, &mut tangent), &mut parts).unwrap();
+            });
+            allocates_nothing(case, "diagonal", threads, || {
+                energy.evaluate(u, Wanted::Diagonal(&mut out, &mut diagonal), &mut parts).unwrap();
+            });
+        }
         let hessian = energy.hessian(u).unwrap();
         allocates_nothing(case, "product", threads, || hessian.multiply(&p, &mut out));
         assert!(out.iter().all(|x| x.is_finite()), "{}", case.name);
@@ -133,7 +167,7 @@ fn count(case: &Case, pool: &ThreadPool) {
 
 /// The same bits from all passes.
 fn compare(case: &Case) {
-    let Case { name, energy, u } = case;
+    let Case { name, energy, u, .. } = case;
     let bits = |parts: EnergyParts| -> Vec<u64> {
         parts.iter().map(|(_, value)| value.to_bits()).collect()
     };

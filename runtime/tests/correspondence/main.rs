@@ -11,5 +11,6 @@ mod reference;
 mod refusals;
 #[path = "../shared/differences.rs"]
 mod shared;
+mod shared_neighbors;
 mod traction;
 mod traction_bar;

@@ -4,24 +4,11 @@
 //! coupling with a member is minus the column sum of that member, its diagonal block the sum of
 //! everything. So the members' sums are gathered first and the owner's row is written once.
 
+use super::pairs::PairNumbers;
 use super::rows::{Block, Rows};
 use crate::element::{CAPACITY, Contributions, Order};
 use crate::geometry::packed;
-use crate::interaction::OwnerCliques;
-
-/// A triangle of a batch: members `j < k`, and the place of `k` in the row of later neighbours of `j`.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct TriangleLane {
-    pub(super) members: [u32; 2],
-    pub(super) place: u32,
-}
-
-/// A tetrahedron of a batch: members `j < k < l` and the numbers of their pairs.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct TetrahedronLane {
-    pub(super) members: [u32; 3],
-    pub(super) pairs: [u32; 3],
-}
+use crate::interaction::{Clique, OwnerCliques};
 
 /// Sums over the interactions of one owner, per member.
 #[derive(Default)]
@@ -36,9 +23,14 @@ pub(super) struct OwnerSums<const D: usize> {
 }
 
 impl<const D: usize> OwnerSums<D> {
-    /// Room for the gradients of so many members.
-    pub(super) fn with_capacity(members: usize) -> OwnerSums<D> {
-        OwnerSums { gradient: Vec::with_capacity(members), ..OwnerSums::default() }
+    /// Room for so many members and pairs of them.
+    pub(super) fn with_capacity(members: usize, pairs: usize) -> OwnerSums<D> {
+        OwnerSums {
+            gradient: Vec::with_capacity(members),
+            diagonal: Vec::with_capacity(members),
+            column: Vec::with_capacity(members),
+            pairs: Vec::with_capacity(pairs),
+        }
     }
 
     /// Starts a new owner.
@@ -76,11 +68,25 @@ impl<const D: usize> OwnerSums<D> {
         add(&mut self.pairs[number], part);
     }
 
+    /// Adds the gradients of a batch of interactions with `K` members.
+    #[inline(always)]
+    fn add_gradients<const K: usize>(&mut self, lanes: &[Clique], out: &Contributions) {
+        let gradient = &out.gradient[..K * D];
+        for (p, lane) in lanes.iter().enumerate() {
+            for (corner, member) in lane.corners::<K>().into_iter().enumerate() {
+                let sum = &mut self.gradient[member];
+                for axis in 0..D {
+                    sum[axis] += gradient[corner * D + axis][p];
+                }
+            }
+        }
+    }
+
     /// Adds a batch of triangles. Their pair blocks go straight to the tangent: each pair of members
     /// lies in one triangle of the owner only.
     pub(super) fn add_triangles(
         &mut self,
-        lanes: &[TriangleLane],
+        lanes: &[Clique],
         out: &Contributions,
         order: Order,
         cliques: &OwnerCliques<'_, D>,
@@ -88,24 +94,19 @@ impl<const D: usize> OwnerSums<D> {
     ) {
         let lanes = &lanes[..lanes.len().min(CAPACITY)];
         if order >= Order::Gradient {
-            let gradient = &out.gradient[..2 * D];
-            for (p, lane) in lanes.iter().enumerate() {
-                for (corner, member) in lane.members.into_iter().enumerate() {
-                    let sum = &mut self.gradient[member as usize];
-                    for axis in 0..D {
-                        sum[axis] += gradient[corner * D + axis][p];
-                    }
-                }
-            }
+            self.add_gradients::<2>(lanes, out);
         }
         if order == Order::Tangent {
-            self.add_triangle_blocks(lanes, out, cliques, rows);
+            match rows.has_couplings() {
+                true => self.add_triangle_blocks::<true>(lanes, out, cliques, rows),
+                false => self.add_triangle_blocks::<false>(lanes, out, cliques, rows),
+            }
         }
     }
 
-    fn add_triangle_blocks(
+    fn add_triangle_blocks<const COUPLINGS: bool>(
         &mut self,
-        lanes: &[TriangleLane],
+        lanes: &[Clique],
         out: &Contributions,
         cliques: &OwnerCliques<'_, D>,
         rows: &mut Rows<'_>,
@@ -119,12 +120,15 @@ impl<const D: usize> OwnerSums<D> {
             let (mut own, mut column) = ([[0.0; D]; D], [[0.0; D]; D]);
             for p in run {
                 let k = lanes[p].members[1] as usize;
-                let block = &mut blocks[(1 + lanes[p].place as usize) * D * D..][..D * D];
+                let first = if COUPLINGS { (1 + lanes[p].place as usize) * D * D } else { 0 };
+                let block = &mut blocks[first..][..D * D];
                 let (own_k, column_k) = (&mut self.diagonal[k], &mut self.column[k]);
                 for r in 0..D {
                     for c in 0..D {
                         let mixed = h[packed(2 * D, r, D + c)][p];
-                        block[r * D + c] += mixed;
+                        if COUPLINGS {
+                            block[r * D + c] += mixed;
+                        }
                         column_k[r][c] += mixed;
                         column[c][r] += mixed;
                     }
@@ -142,36 +146,34 @@ impl<const D: usize> OwnerSums<D> {
     /// Adds a batch of tetrahedra.
     pub(super) fn add_tetrahedra(
         &mut self,
-        lanes: &[TetrahedronLane],
+        lanes: &[Clique],
+        pairs: &PairNumbers,
         out: &Contributions,
         order: Order,
     ) {
         let lanes = &lanes[..lanes.len().min(CAPACITY)];
         if order >= Order::Gradient {
-            let gradient = &out.gradient[..3 * D];
-            for (p, lane) in lanes.iter().enumerate() {
-                for (corner, member) in lane.members.into_iter().enumerate() {
-                    let sum = &mut self.gradient[member as usize];
-                    for axis in 0..D {
-                        sum[axis] += gradient[corner * D + axis][p];
-                    }
-                }
-            }
+            self.add_gradients::<3>(lanes, out);
         }
         if order == Order::Tangent {
-            self.add_tetrahedron_blocks(lanes, out);
+            self.add_tetrahedron_blocks(lanes, pairs, out);
         }
     }
 
-    fn add_tetrahedron_blocks(&mut self, lanes: &[TetrahedronLane], out: &Contributions) {
+    fn add_tetrahedron_blocks(
+        &mut self,
+        lanes: &[Clique],
+        pairs: &PairNumbers,
+        out: &Contributions,
+    ) {
         let h = &out.hessian[..packed(3 * D, 3 * D - 1, 3 * D - 1) + 1];
-        for run in runs(lanes, |lane| lane.pairs[0]) {
+        for run in runs(lanes, |lane| lane.corners::<2>()) {
             // Tetrahedra on one triangle (owner, j, k) follow each other.
-            let TetrahedronLane { members: [j, k, _], pairs: [jk, _, _] } = lanes[run.start];
+            let [j, k] = lanes[run.start].corners();
             let mut base = [[[0.0; D]; D]; 3];
             for p in run {
-                let [_, jl, kl] = lanes[p].pairs;
-                let own_l = &mut self.diagonal[lanes[p].members[2] as usize];
+                let [_, _, l] = lanes[p].corners();
+                let own_l = &mut self.diagonal[l];
                 for r in 0..D {
                     for c in r..D {
                         base[0][r][c] += h[packed(3 * D, r, c)][p];
@@ -182,8 +184,8 @@ impl<const D: usize> OwnerSums<D> {
                         base[2][r][c] += h[packed(3 * D, r, D + c)][p];
                     }
                 }
-                for (pair, corner) in [(jl, 0), (kl, 1)] {
-                    let block = &mut self.pairs[pair as usize];
+                for (corner, member) in [j, k].into_iter().enumerate() {
+                    let block = &mut self.pairs[pairs.of(member, l) as usize];
                     for r in 0..D {
                         for c in 0..D {
                             block[r][c] += h[packed(3 * D, corner * D + r, 2 * D + c)][p];
@@ -191,9 +193,9 @@ impl<const D: usize> OwnerSums<D> {
                     }
                 }
             }
-            add(&mut self.diagonal[j as usize], &base[0]);
-            add(&mut self.diagonal[k as usize], &base[1]);
-            add(&mut self.pairs[jk as usize], &base[2]);
+            add(&mut self.diagonal[j], &base[0]);
+            add(&mut self.diagonal[k], &base[1]);
+            add(&mut self.pairs[pairs.of(j, k) as usize], &base[2]);
         }
     }
 
@@ -232,7 +234,9 @@ impl<const D: usize> OwnerSums<D> {
             for (k, place) in cliques.later(j) {
                 let part = &pairs[number];
                 number += 1;
-                rows.add_block(cliques.members()[j] as usize, 1 + place, part);
+                if rows.has_couplings() {
+                    rows.add_block(cliques.members()[j] as usize, 1 + place, part);
+                }
                 for r in 0..D {
                     for c in 0..D {
                         column[k][r][c] += part[r][c];
@@ -251,7 +255,9 @@ impl<const D: usize> OwnerSums<D> {
             add(&mut sum, &own);
             add(&mut total, &sum);
             rows.add_block(point as usize, 0, &own);
-            rows.add_block(owner, 1 + member, &sum.map(|row| row.map(|x| -x)));
+            if rows.has_couplings() {
+                rows.add_block(owner, 1 + member, &sum.map(|row| row.map(|x| -x)));
+            }
         }
         // The sum of everything is symmetric but for rounding; the stored block is so exactly.
         let mut symmetrised = total;
@@ -265,7 +271,10 @@ impl<const D: usize> OwnerSums<D> {
 }
 
 /// Ranges of consecutive lanes with the same key.
-fn runs<L>(lanes: &[L], key: impl Fn(&L) -> u32) -> impl Iterator<Item = std::ops::Range<usize>> {
+fn runs<K: PartialEq>(
+    lanes: &[Clique],
+    key: impl Fn(&Clique) -> K,
+) -> impl Iterator<Item = std::ops::Range<usize>> {
     let mut start = 0;
     std::iter::from_fn(move || {
         let first = key(lanes.get(start)?);

@@ -7,8 +7,8 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::rows::Rows;
-use super::slab::{Context, Refusal, minus};
 use super::sum::Sum;
+use super::visit::{Refusal, Visit, minus};
 use super::{DiscreteEnergy, Kind};
 use crate::element::{CAPACITY, Channel, Contributions, InteractionBatch, Order};
 use crate::energy::NonFinite;
@@ -47,10 +47,8 @@ impl BondRoom {
 /// The bonds of one slab on their way into its rows. A bond gives `N` numbers: the gradient at its
 /// other point and the upper triangle of the Hessian there.
 pub(super) struct BondSums<'a, const D: usize, const N: usize> {
-    energy: &'a DiscreteEnergy,
+    visit: Visit<'a>,
     kind: &'a Kind,
-    order: Order,
-    u: &'a [f64],
     untouched: Untouched,
     arch: Arch,
     batch: &'a mut InteractionBatch,
@@ -65,20 +63,18 @@ pub(super) struct BondSums<'a, const D: usize, const N: usize> {
 impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
     /// Of one slab.
     pub(super) fn new(
-        context: &Context<'a, D>,
+        visit: Visit<'a>,
+        untouched: Untouched,
         kind: &'a Kind,
         room: &'a mut BondRoom,
     ) -> BondSums<'a, D, N> {
-        let &Context { energy, slab, order, u, untouched } = context;
-        let touched = energy.slabs.touched(slab);
-        let n = if order >= Order::Gradient { N * touched.len() } else { 0 };
+        let touched = visit.energy.slabs.touched(visit.slab);
+        let n = if visit.order >= Order::Gradient { N * touched.len() } else { 0 };
         room.waiting.clear();
         room.waiting.resize(n, 0.0);
         BondSums {
-            energy,
+            visit,
             kind,
-            order,
-            u,
             untouched,
             arch: Arch::new(),
             batch: &mut room.batch,
@@ -89,9 +85,9 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
         }
     }
 
-    /// Adds the bonds of a slab; their energy.
-    pub(super) fn add(mut self, slab: usize, rows: &mut Rows<'_>) -> Result<Sum, NonFinite> {
-        let energy = self.energy;
+    /// Adds the bonds; their energy.
+    pub(super) fn add(mut self, rows: &mut Rows<'_>) -> Result<Sum, NonFinite> {
+        let Visit { energy, slab, .. } = self.visit;
         let touched = energy.slabs.touched(slab);
         let owners = energy.slabs.owners(slab);
         for owner in owners.clone() {
@@ -112,8 +108,8 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
     }
 
     fn fill(&mut self, owner: usize, others: &[u32]) {
-        let (positions, _) = self.energy.body.positions().as_chunks::<D>();
-        let (displacements, _) = self.u.as_chunks::<D>();
+        let (positions, _) = self.visit.energy.body.positions().as_chunks::<D>();
+        let (displacements, _) = self.visit.u.as_chunks::<D>();
         let (rest, eta, weights) = (positions[owner], displacements[owner], &self.kind.weights);
         let begun = weights.begin(weights.share(owner), &[]);
         self.batch.fill(others.len(), |lane| {
@@ -125,13 +121,11 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
 
     fn evaluate(&mut self, owner: usize, others: &[u32]) -> Result<(), NonFinite> {
         let element = &*self.kind.element;
-        element.evaluate(self.batch, self.order, self.out).map_err(|lane| {
+        element.evaluate(self.batch, self.visit.order, self.out).map_err(|lane| {
             let points = vec![owner, others[lane.lane] as usize];
-            Refusal { element, lane }.of::<D>(points, self.u)
+            Refusal { element, lane }.of::<D>(points, self.visit.u)
         })?;
-        let (len, padded) = (self.batch.len(), self.batch.padded_len());
-        self.out.energy[len..padded].fill(0.0);
-        self.sum.add(&self.out.energy[..padded]);
+        self.sum.add(self.out.energies(others.len()));
         Ok(())
     }
 
@@ -144,11 +138,13 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
         own: &mut [f64; N],
         rows: &mut Rows<'_>,
     ) {
-        if self.order < Order::Gradient {
+        if self.visit.order < Order::Gradient {
             return;
         }
-        let couplings = match self.order {
-            Order::Tangent => rows.blocks::<D>(owner, 1 + place, others.len()),
+        let couplings = match self.visit.order {
+            Order::Tangent if rows.has_couplings() => {
+                rows.blocks::<D>(owner, 1 + place, others.len())
+            }
             _ => &mut [],
         };
         let scattering = Scattering::<D, N> {
@@ -158,6 +154,7 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
             hessian: &self.out.hessian,
             own,
             waiting: self.waiting,
+            order: self.visit.order,
             couplings,
             untouched: self.untouched.couplings,
         };
@@ -166,12 +163,12 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
 
     /// Writes the gradient and the diagonal block of a point: what waits for it and its own part.
     fn write(&self, point: usize, own: &[f64; N], rows: &mut Rows<'_>) {
-        if self.order < Order::Gradient {
+        if self.visit.order < Order::Gradient {
             return;
         }
         let waiting = &self.waiting[point - self.first];
         rows.add_gradient::<D>(point, &each(|axis| waiting[axis] - own[axis]));
-        if self.order < Order::Tangent {
+        if self.visit.order < Order::Tangent {
             return;
         }
         let block = rows.blocks::<D>(point, 0, 1);
@@ -194,7 +191,8 @@ struct Scattering<'a, const D: usize, const N: usize> {
     hessian: &'a [Channel],
     own: &'a mut [f64; N],
     waiting: &'a mut [[f64; N]],
-    /// One block for each, or nothing where only the gradient is wanted.
+    order: Order,
+    /// One block for each, or nothing where they are not wanted.
     couplings: &'a mut [f64],
     untouched: bool,
 }
@@ -204,11 +202,11 @@ impl<const D: usize, const N: usize> WithSimd for Scattering<'_, D, N> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Scattering { others, first, waiting, couplings, untouched, .. } = self;
+        let Scattering { others, first, waiting, couplings, untouched, order, .. } = self;
         let (gradient, hessian) = (&self.gradient[..D], &self.hessian[..N - D]);
         let others = &others[..others.len().min(CAPACITY)];
         let mut own = *self.own;
-        if couplings.is_empty() {
+        if order < Order::Tangent {
             for (lane, &other) in others.iter().enumerate() {
                 let sums = &mut waiting[other as usize - first];
                 for axis in 0..D {
@@ -219,10 +217,23 @@ impl<const D: usize, const N: usize> WithSimd for Scattering<'_, D, N> {
             *self.own = own;
             return;
         }
+        let parts = |lane: usize| -> [f64; N] {
+            each(|k| if k < D { gradient[k][lane] } else { hessian[k - D][lane] })
+        };
+        if couplings.is_empty() {
+            for (lane, &other) in others.iter().enumerate() {
+                let (parts, sums) = (parts(lane), &mut waiting[other as usize - first]);
+                for k in 0..N {
+                    own[k] += parts[k];
+                    sums[k] += parts[k];
+                }
+            }
+            *self.own = own;
+            return;
+        }
         let blocks = couplings.chunks_exact_mut(D * D);
         for (lane, (&other, block)) in others.iter().zip(blocks).enumerate() {
-            let parts: [f64; N] =
-                each(|k| if k < D { gradient[k][lane] } else { hessian[k - D][lane] });
+            let parts = parts(lane);
             let sums = &mut waiting[other as usize - first];
             for k in 0..N {
                 own[k] += parts[k];

@@ -101,6 +101,7 @@ pub(crate) fn check_neighbors(
     body: &Body,
     neighborhood: &Neighborhood,
 ) -> Result<(), AssemblyError> {
+    assert_eq!(body.n_points(), neighborhood.n_points(), "neighbours of this body");
     if body.n_points() == 0 {
         return Err(AssemblyError::Empty);
     }

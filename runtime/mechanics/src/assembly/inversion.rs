@@ -4,10 +4,10 @@
 //! In `D` dimensions these are the cliques of `D + 1` points: triangles in the plane, tetrahedra in
 //! space. Their measure is a determinant of `D` vectors from the owner.
 
-use super::slab::{minus, named, row};
+use super::visit::{minus, named, row};
 use super::{DiscreteEnergy, Kind};
 use crate::energy::{Argument, Inversion, NonFinite};
-use crate::interaction::{OwnerCliques, never_fails};
+use crate::interaction::{CliqueRoom, OwnerCliques, never_fails};
 
 /// The places of the first zero are told apart down to this part of their distance.
 const RESOLUTION: f64 = 0.01;
@@ -15,18 +15,47 @@ const RESOLUTION: f64 = 0.01;
 /// Zeros before this part of the way are not told apart: no step of that length is of use.
 const NEAREST: f64 = 1.0 / 4096.0;
 
+/// Where the members of an owner are, relative to it, at the start and at the end of a way.
+#[derive(Default)]
+pub(super) struct Motion<const D: usize> {
+    from: Vec<[f64; D]>,
+    to: Vec<[f64; D]>,
+    /// Bounds of the lengths at the start, and of those on the way.
+    near: Vec<f64>,
+    reach: Vec<f64>,
+}
+
+impl<const D: usize> Motion<D> {
+    fn set(&mut self, cliques: &OwnerCliques<'_, D>, start: &[f64], end: &[f64]) {
+        let Motion { from, to, near, reach } = self;
+        vectors(cliques, start, from);
+        vectors(cliques, end, to);
+        near.clear();
+        near.extend(from.iter().map(size));
+        reach.clear();
+        let ways = from.iter().zip(&*to).map(|(from, to)| size(&minus(to, from)));
+        reach.extend(near.iter().zip(ways).map(|(near, way)| near + way));
+    }
+}
+
 /// How many of the cliques that a slab owns are turned inside out.
-pub(super) fn count<const D: usize>(energy: &DiscreteEnergy, slab: usize, u: &[f64]) -> u64 {
-    let (mut cliques, mut inverted) = (cliques::<D>(energy, slab), 0);
-    for owner in energy.slabs.owners(slab) {
-        cliques.set(owner);
-        let now = vectors(&cliques, u);
-        for_each(&cliques, |members| {
+pub(super) fn count<const D: usize>(
+    energy: &DiscreteEnergy,
+    slab: usize,
+    (cliques, Motion { from: now, .. }): (&mut CliqueRoom<D>, &mut Motion<D>),
+    u: &[f64],
+) -> u64 {
+    let mut inverted = 0;
+    never_fails(energy.for_each_owner::<D, D, _>(slab, cliques, |cliques| {
+        vectors(cliques, u, now);
+        cliques.each::<D, _>(|clique| {
+            let members = clique.corners::<D>();
             let rest = members.map(|member| cliques.reference()[member]);
             let now = members.map(|member| now[member]);
             inverted += u64::from(determinant(&now) * determinant(&rest) < 0.0);
-        });
-    }
+            Ok(())
+        })
+    }));
     inverted
 }
 
@@ -35,32 +64,31 @@ pub(super) fn first<const D: usize>(
     energy: &DiscreteEnergy,
     kind: &Kind,
     slab: usize,
+    (cliques, motion): (&mut CliqueRoom<D>, &mut Motion<D>),
     (start, end): (&[f64], &[f64]),
 ) -> Option<Inversion> {
-    let mut cliques = cliques::<D>(energy, slab);
     let mut first: Option<(f64, Vec<usize>)> = None;
-    for owner in energy.slabs.owners(slab) {
-        cliques.set(owner);
-        let (from, to) = (vectors(&cliques, start), vectors(&cliques, end));
-        let near: Vec<f64> = from.iter().map(size).collect();
-        let ways = from.iter().zip(&to).map(|(from, to)| size(&minus(to, from)));
-        let reach: Vec<f64> = near.iter().zip(ways).map(|(near, way)| near + way).collect();
-        for_each(&cliques, |members| {
+    never_fails(energy.for_each_owner::<D, D, _>(slab, cliques, |cliques| {
+        motion.set(cliques, start, end);
+        let Motion { from, to, near, reach } = &*motion;
+        cliques.each::<D, _>(|clique| {
+            let members = clique.corners::<D>();
             let begin = members.map(|member| from[member]);
             // Short ways change a determinant by no more than this (Hadamard, term by term).
             let product = |sizes: &[f64]| members.iter().fold(1.0, |p, &member| p * sizes[member]);
-            if determinant(&begin).abs() > product(&reach) - product(&near) {
-                return;
+            if determinant(&begin).abs() > product(reach) - product(near) {
+                return Ok(());
             }
             let rest = members.map(|member| cliques.reference()[member]);
             let path = along(&begin, &members.map(|member| to[member]));
             let path = path.map(|x| x * determinant(&rest).signum());
             let limit = first.as_ref().map_or(1.0, |known| known.0);
             if let Some(part) = first_zero(&path[..=D], 0.0, 1.0).filter(|part| *part < limit) {
-                first = Some((part, named(&cliques, &members.map(|member| member as u32))));
+                first = Some((part, named(cliques, &members)));
             }
-        });
-    }
+            Ok(())
+        })
+    }));
     let (part, points) = first?;
     let there = |point: usize| -> [f64; D] {
         let (start, end) = (row::<D>(start, point), row::<D>(end, point));
@@ -94,36 +122,15 @@ fn turned<const D: usize>(
     }
 }
 
-fn cliques<const D: usize>(energy: &DiscreteEnergy, slab: usize) -> OwnerCliques<'_, D> {
-    let touched = energy.slabs.touched(slab);
-    OwnerCliques::new(&energy.body, &energy.neighborhood, energy.degeneracy, touched)
-}
-
-/// Shows the members of the owner's cliques of `D + 1` points.
-fn for_each<const D: usize>(cliques: &OwnerCliques<'_, D>, mut see: impl FnMut([usize; D])) {
-    let mut show = |members: [usize; 3]| see(std::array::from_fn(|corner| members[corner]));
-    if D == 2 {
-        never_fails(cliques.triangles(|j, k, _| {
-            show([j, k, 0]);
-            Ok(())
-        }));
-    } else {
-        never_fails(cliques.tetrahedra(|j, k, l| {
-            show([j, k, l]);
-            Ok(())
-        }));
-    }
-}
-
 /// Vectors from the owner to its members at the displacements `u`.
-fn vectors<const D: usize>(cliques: &OwnerCliques<'_, D>, u: &[f64]) -> Vec<[f64; D]> {
+fn vectors<const D: usize>(cliques: &OwnerCliques<'_, D>, u: &[f64], out: &mut Vec<[f64; D]>) {
     let own = row::<D>(u, cliques.owner());
     let members = cliques.members().iter().zip(cliques.reference());
-    let vector = |(&member, rest): (&u32, &[f64; D])| {
+    out.clear();
+    out.extend(members.map(|(&member, rest)| -> [f64; D] {
         let eta = minus(&row(u, member as usize), &own);
         std::array::from_fn(|axis| rest[axis] + eta[axis])
-    };
-    members.map(vector).collect()
+    }));
 }
 
 /// A bound of the length of a vector.

@@ -1,22 +1,24 @@
-//! The rows of gradient and tangent that one slab may write to: its own and those of the next slab.
+//! The rows of gradient and tangent that one slab may write to: its own and those of the next slab. Of
+//! the tangent these may be the diagonal blocks alone.
 
 use crate::interaction::schedule::Touched;
 
 /// A square block, row by row.
 pub(super) type Block<const D: usize> = [[f64; D]; D];
 
-/// The rows that a slab may write to. Gradient or tangent may be empty, where it is not wanted.
+/// The rows that a slab may write to. Gradient or blocks may be empty, where they are not wanted.
 pub(super) struct Rows<'a> {
-    /// Where the blocks of each point start.
-    pub(super) row_start: &'a [usize],
+    /// Where the blocks of each point start; absent where each point has its diagonal block alone.
+    pub(super) row_start: Option<&'a [usize]>,
     pub(super) gradient: Touched<'a, f64>,
-    pub(super) tangent: Touched<'a, f64>,
+    pub(super) blocks: Touched<'a, f64>,
 }
 
 impl Rows<'_> {
-    /// Makes the tangent zero.
-    pub(super) fn clear_tangent(&mut self) {
-        self.tangent.fill(0.0);
+    /// Whether there are blocks beside the diagonal.
+    #[inline(always)]
+    pub(super) fn has_couplings(&self) -> bool {
+        self.row_start.is_some()
     }
 
     /// Adds to the gradient of a point.
@@ -37,8 +39,9 @@ impl Rows<'_> {
         number: usize,
         count: usize,
     ) -> &mut [f64] {
-        let first = (self.row_start[point] + number) * D * D;
-        self.tangent.range(first..first + count * D * D)
+        let start = self.row_start.map_or(point, |start| start[point]);
+        let first = (start + number) * D * D;
+        self.blocks.range(first..first + count * D * D)
     }
 
     /// Adds to block `number` of a point.
@@ -60,6 +63,6 @@ impl Rows<'_> {
     /// How many blocks a point has.
     #[inline(always)]
     pub(super) fn n_blocks(&self, point: usize) -> usize {
-        self.row_start[point + 1] - self.row_start[point]
+        self.row_start.map_or(1, |start| start[point + 1] - start[point])
     }
 }

@@ -30,12 +30,13 @@ use block::{Block, Thirds};
 use pulp::Arch;
 use registers::{Measuring, Summing};
 
-use super::accumulate::{OwnerSums, TetrahedronLane};
-use super::slab::PairNumbers;
+use super::accumulate::OwnerSums;
+use super::pairs::PairNumbers;
 use super::sum::Sum;
+use super::visit;
 use crate::element::{Order, WIDEST};
 use crate::geometry::{cross, dot};
-use crate::interaction::OwnerCliques;
+use crate::interaction::{Clique, OwnerCliques};
 use crate::kernel::{Batch, Law, Outputs};
 use crate::weights::CliqueWeights;
 
@@ -60,10 +61,7 @@ pub(super) struct Rules<'a> {
 /// What is known of one owner.
 pub(super) struct Owner<'a> {
     pub(super) cliques: &'a OwnerCliques<'a, 3>,
-    /// Displacements of the members relative to the owner.
-    pub(super) displacement: &'a [Vector],
-    pub(super) own_share: f64,
-    pub(super) shares: &'a [f64],
+    pub(super) members: &'a visit::Members<3>,
     pub(super) pairs: &'a PairNumbers,
 }
 
@@ -79,7 +77,7 @@ impl Members {
     fn set(&mut self, owner: &Owner<'_>) {
         self.now.clear();
         let rest = owner.cliques.reference().iter();
-        self.now.extend(rest.zip(owner.displacement).map(|(rest, eta)| plus(rest, eta)));
+        self.now.extend(rest.zip(&owner.members.displacement).map(|(rest, eta)| plus(rest, eta)));
         self.square.clear();
         self.square.extend(self.now.iter().map(|x| dot(x, x)));
         self.moments.clear();
@@ -95,7 +93,7 @@ pub(super) struct TetrahedronSums {
     thirds: Thirds,
     block: Block,
     /// Tetrahedra that have lost digits and need another treatment.
-    pub(super) thin: Vec<TetrahedronLane>,
+    pub(super) thin: Vec<Clique>,
     /// The energy of the owner.
     pub(super) energy: Sum,
 }
@@ -158,7 +156,7 @@ impl TetrahedronSums {
         let (members, thirds) = (&self.members, &self.thirds);
         let measuring = Measuring { block, thirds, members, weights: rules.weights, owner };
         if rules.arch.dispatch(measuring) {
-            block.set_thin_apart(&self.thirds, owner, &mut self.thin);
+            block.set_thin_apart(&self.thirds, &mut self.thin);
         }
         let inputs = Batch {
             measure: block.measure.as_flattened(),

@@ -148,6 +148,16 @@ pub struct Contributions {
     pub(super) derivatives: Derivatives,
 }
 
+impl Contributions {
+    /// The energies of the first `len` interactions, then zeros to the end of their group.
+    #[inline(always)]
+    pub(crate) fn energies(&mut self, len: usize) -> &[f64] {
+        let padded = len.next_multiple_of(WIDEST);
+        self.energy[len..padded].fill(0.0);
+        &self.energy[..padded]
+    }
+}
+
 /// psi, psi' and psi'' of a batch, as far as they were asked for.
 #[derive(Clone, Debug)]
 pub(super) struct Derivatives {

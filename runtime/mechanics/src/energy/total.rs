@@ -75,6 +75,10 @@ struct Room {
     forces: Vec<f64>,
     /// Diagonal blocks of one term, or its energy by points.
     blocks: Vec<f64>,
+    /// Blocks of the tangent of one term, on its pattern.
+    tangent: Vec<f64>,
+    /// The parts of its energy, where nobody asks for them.
+    parts: Vec<f64>,
 }
 
 impl<'a> Total<'a> {
@@ -146,24 +150,31 @@ impl<'a> Total<'a> {
         room
     }
 
-    /// Fills `matrix` with the sum of what terms with these patterns fill their own matrices with.
-    fn add_up(
+    /// Fills `matrix` with the sum of what terms with these patterns fill their own matrices with, which
+    /// take their turns in `room`.
+    fn add_up<'p>(
         matrix: &mut BlockMatrix,
-        patterns: &[&Arc<BlockPattern>],
+        patterns: impl Iterator<Item = &'p Arc<BlockPattern>> + Clone,
+        room: &mut Vec<f64>,
         mut fill: impl FnMut(usize, &mut BlockMatrix) -> Result<(), NonFinite>,
     ) -> Result<(), NonFinite> {
         // One whose pattern this is fills it; the others are smaller.
-        let whole =
-            patterns.iter().position(|pattern| pattern.n_blocks() == matrix.pattern.n_blocks());
+        let is_whole =
+            |pattern: &Arc<BlockPattern>| pattern.n_blocks() == matrix.pattern.n_blocks();
+        let whole = patterns.clone().position(is_whole);
         match whole {
             Some(whole) => fill(whole, matrix)?,
             None => matrix.values.fill(0.0),
         }
-        for (number, pattern) in patterns.iter().enumerate() {
+        for (number, pattern) in patterns.enumerate() {
             if Some(number) != whole {
-                let mut part = BlockMatrix::zeros(pattern);
-                fill(number, &mut part)?;
-                matrix.add(&part);
+                let mut part = BlockMatrix::in_room(pattern, std::mem::take(room));
+                let filled = fill(number, &mut part);
+                if filled.is_ok() {
+                    matrix.add(&part);
+                }
+                *room = part.values;
+                filled?;
             }
         }
         Ok(())
@@ -173,15 +184,15 @@ impl<'a> Total<'a> {
     fn tangents(
         &self,
         u: &[f64],
-        own: &mut Vec<f64>,
+        (own, room): (&mut Vec<f64>, &mut Vec<f64>),
         forces: &mut [f64],
         tangent: &mut BlockMatrix,
         parts: &mut [f64],
     ) -> Result<(), NonFinite> {
         own.resize(forces.len(), 0.0);
         forces.fill(0.0);
-        let patterns: Vec<_> = self.terms.iter().map(|term| term.pattern()).collect();
-        Total::add_up(tangent, &patterns, |number, matrix| {
+        let patterns = self.terms.iter().map(|term| term.pattern());
+        Total::add_up(tangent, patterns, room, |number, matrix| {
             let parts = &mut parts[self.ranges[number].clone()];
             self.terms[number].evaluate(u, Wanted::Tangent(own, matrix), parts)?;
             add(forces, own);
@@ -239,10 +250,10 @@ impl Energy for Total<'_> {
 
     fn springs(&self, u: &[f64], springs: &mut BlockMatrix) {
         let mut room = self.rooms.take(Room::default);
-        let Room { held, forces, .. } = &mut *room;
+        let Room { held, forces, tangent, parts, .. } = &mut *room;
         let u = self.held(u, held);
-        let patterns: Vec<_> = self.terms.iter().map(|term| term.bonds()).collect();
-        let filled = Total::add_up(springs, &patterns, |number, matrix| {
+        let patterns = self.terms.iter().map(|term| term.bonds());
+        let filled = Total::add_up(springs, patterns, tangent, |number, matrix| {
             let term = &self.terms[number];
             if term.bond_pattern().is_some() {
                 term.springs(u, matrix);
@@ -250,8 +261,8 @@ impl Energy for Total<'_> {
             }
             // Couples bonded points only, and is the Hessian itself.
             forces.resize(u.len(), 0.0);
-            let mut parts = vec![0.0; term.parts().len()];
-            term.evaluate(u, Wanted::Tangent(forces, matrix), &mut parts)
+            parts.resize(term.parts().len(), 0.0);
+            term.evaluate(u, Wanted::Tangent(forces, matrix), parts)
         });
         // What is not finite is found by whoever asks for the energy at the same displacements.
         if filled.is_err() {
@@ -266,7 +277,7 @@ impl Energy for Total<'_> {
     fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
         check_sizes(self, u, &wanted);
         let mut room = self.rooms.take(Room::default);
-        let Room { held, forces: own, blocks } = &mut *room;
+        let Room { held, forces: own, blocks, tangent: part, .. } = &mut *room;
         let u = self.held(u, held);
         if let Some(energy) = self.alone() {
             return energy.evaluate(u, wanted, parts);
@@ -298,7 +309,9 @@ impl Energy for Total<'_> {
                     add(diagonal, blocks);
                 }
             }
-            Wanted::Tangent(forces, tangent) => self.tangents(u, own, forces, tangent, parts)?,
+            Wanted::Tangent(forces, tangent) => {
+                self.tangents(u, (own, part), forces, tangent, parts)?;
+            }
         }
         Ok(())
     }

@@ -8,6 +8,23 @@ use super::{Degeneracy, Slabs};
 use crate::body::Body;
 use crate::neighborhood::Neighborhood;
 
+/// A clique of an owner.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Clique {
+    /// Its other points, as members of the owner, ascending; 0 beyond their number.
+    pub(crate) members: [u32; 3],
+    /// Of a triangle the place of the second member in the row of later neighbours of the first.
+    pub(crate) place: u32,
+}
+
+impl Clique {
+    /// Its first members.
+    #[inline(always)]
+    pub(crate) fn corners<const K: usize>(&self) -> [usize; K] {
+        std::array::from_fn(|corner| self.members[corner] as usize)
+    }
+}
+
 /// The later neighbours of one point, who of them are neighbours of each other, and the triangles
 /// and tetrahedra that follow.
 ///
@@ -119,6 +136,12 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
 
     /// Moves to another owner.
     pub fn set(&mut self, owner: usize) {
+        self.set_bonds(owner);
+        self.connect();
+    }
+
+    /// Moves to another owner, of which bonds alone will be visited.
+    pub(crate) fn set_bonds(&mut self, owner: usize) {
         self.owner = owner;
         self.members = self.neighborhood.upper(owner);
         let here: [f64; D] = self.position(owner);
@@ -129,7 +152,6 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         }
         self.squares.clear();
         self.squares.extend(self.reference.iter().map(square));
-        self.connect();
     }
 
     fn position(&self, point: usize) -> [f64; D] {
@@ -218,6 +240,23 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         let (members, places) =
             self.bits[j * self.stride()..][..self.stride()].split_at(self.words);
         ones(members).zip(ones(places))
+    }
+
+    /// Visits each clique of the owner and `K` members once, in lexicographic order. Stops at the
+    /// visitor's first error.
+    #[inline(always)]
+    pub(crate) fn each<const K: usize, E>(
+        &self,
+        mut visit: impl FnMut(Clique) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let mut visit = |members: [usize; 3], place: usize| {
+            visit(Clique { members: members.map(|member| member as u32), place: place as u32 })
+        };
+        match K {
+            1 => (0..self.members.len()).try_for_each(|j| visit([j, 0, 0], 0)),
+            2 => self.triangles(|j, k, place| visit([j, k, 0], place)).map(|_| ()),
+            _ => self.tetrahedra(|j, k, l| visit([j, k, l], 0)).map(|_| ()),
+        }
     }
 
     /// Visits each triangle of the owner once: members `j < k` and the place of `k` in the row of

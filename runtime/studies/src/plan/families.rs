@@ -7,7 +7,7 @@ use piola_mechanics::deformation::Discretisation;
 use piola_solvers::linear::{Choice, LinearMethod, OPERATIONS_PER_BLOCK};
 
 use super::time::{FACTOR_FLOPS_PER_SECOND, LU_WORK, speed};
-use super::{FactorEstimate, TimeEstimate};
+use super::{FactorEstimate, MemoryItem, TimeEstimate};
 
 /// Iterations of conjugate gradients to 1e-10 with the factor of the springs: 16 to 52 for bars.
 const FACTOR_ITERATIONS: f64 = 35.0;
@@ -110,6 +110,28 @@ impl Families {
 /// Over how many bonds the tangent of several energies couples points: 1 of interactions alone.
 pub(super) fn reach(all: &[Families]) -> usize {
     all.iter().map(|families| families.reach()).max().unwrap_or(1)
+}
+
+/// What terms of a sum need beside the sum: their patterns, and the blocks of one of them at a time. `bytes`
+/// are those of blocks and of columns of a matrix that reaches so many bonds.
+pub(super) fn terms(
+    of_interactions: usize,
+    families: &[Families],
+    linear: &Choice,
+    bytes: impl Fn(usize) -> (f64, f64),
+) -> Option<MemoryItem> {
+    // Springs reach as far as bonds.
+    let reach = |families: &Families| if linear.stores_matrix { families.reach() } else { 1 };
+    let mut reaches: Vec<usize> = families.iter().map(reach).collect();
+    reaches.extend(std::iter::repeat_n(1, of_interactions));
+    reaches.sort_unstable();
+    // The one that reaches furthest fills the sum itself.
+    reaches.pop();
+    let largest = *reaches.last()?;
+    let has_matrix = linear.stores_matrix || !families.is_empty();
+    let blocks = if has_matrix { bytes(largest).0 } else { 0.0 };
+    let columns: f64 = reaches.into_iter().map(|reach| bytes(reach).1).sum();
+    Some(MemoryItem { item: "terms of the sum", bytes: (blocks + columns) as u64 })
 }
 
 /// Of energies of families, with interactions whose energies, forces and tangents take so many seconds

@@ -118,6 +118,15 @@ fn plan_with(
     families: &[Families],
     available_memory: Option<u64>,
 ) -> Plan {
+    plan_of_sum(body, scene, (usize::from(families.is_empty()), families), available_memory)
+}
+
+fn plan_of_sum(
+    body: Body,
+    scene: &Scene,
+    (of_interactions, families): (usize, &[Families]),
+    available_memory: Option<u64>,
+) -> Plan {
     let interactions = counted(&body, scene.horizon_radius(), Needed::default());
     Plan::new(PlanInput {
         scene,
@@ -129,6 +138,7 @@ fn plan_with(
             KernelNote { energy: "psi(v)".into(), modelled: false, reason: "C3 = 0".into() },
         ],
         energies: [1; 3],
+        of_interactions,
         families: families.to_vec(),
         prescribed: 1200,
         threads: 1,
@@ -243,6 +253,29 @@ fn a_body_has_what_its_energies_need_and_nothing_else() {
     };
     assert_eq!(bytes(&[Families::BondQuadrature]), 1000 * 1001 / 2 * (72 + 4));
     assert!(bytes(&[Families::Nodal]) > 5 * bytes(&[]));
+}
+
+/// Terms of a sum have patterns of their own, and all but the largest need an array for their blocks.
+#[test]
+fn terms_of_a_sum_need_memory() {
+    let scene_of = |linear: &str| scene(&format!("[solver]\nlinear = \"{linear}\""));
+    let bonds = counted(&lattice([10, 10, 10], 3), 0.3, Needed::default()).bonds;
+    let bytes = |of_interactions: usize, families: &[Families], linear: &str| {
+        let (body, sum) = (lattice([10, 10, 10], 3), (of_interactions, families));
+        let plan = plan_of_sum(body, &scene_of(linear), sum, None);
+        plan.memory.iter().find(|item| item.item == "terms of the sum").map(|item| item.bytes)
+    };
+    let of_bonds = bonds + 1000;
+    assert_eq!(bytes(1, &[], "cg"), None);
+    assert_eq!(bytes(0, &[Families::Nodal], "cg"), None);
+    assert_eq!(bytes(3, &[], "cg"), Some((72 + 2 * 4) * of_bonds));
+    assert_eq!(bytes(1, &[Families::Nodal], "cg"), Some((72 + 4) * of_bonds));
+    // Springs add up, of interactions alone no matrix does.
+    assert_eq!(bytes(1, &[Families::Nodal], "matrix-free"), Some((72 + 4) * of_bonds));
+    assert_eq!(bytes(2, &[], "matrix-free"), Some(4 * of_bonds));
+    let all = 1000 * 1001 / 2;
+    let three = [Families::BondQuadrature, Families::BondQuadrature];
+    assert_eq!(bytes(1, &three, "cg"), Some((72 + 4) * all + 4 * of_bonds));
 }
 
 /// Boxes that are not filled, and bodies that are not searched, have what they are counted to have.

@@ -90,6 +90,7 @@ impl Case {
             interactions,
             kernels: self.kernel_notes(&compiled),
             energies: energies(&compiled),
+            of_interactions: compiled.iter().filter(|all| all.has_interactions()).count(),
             families: self.families(&compiled),
             prescribed,
             notes,

@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use piola_compiler::GatheredKernels;
-use piola_mechanics::assembly::DiscreteEnergy;
+use piola_mechanics::assembly::{AssemblyError, DiscreteEnergy};
 use piola_mechanics::deformation::influence::{Constant, CubicSpline, Influence, InverseLength};
 use piola_mechanics::deformation::{DeformationEnergy, Discretisation, Formulation, Stabilisation};
 use piola_mechanics::energy::{Term, Total};
 use piola_mechanics::kernel::{Law, VariablesLaw};
+use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::sheet::Thick;
 use piola_mechanics::states::{StateEnergy, StateLaws};
 
@@ -23,11 +24,13 @@ impl Case {
     pub fn energy(&self, compiled: Vec<Compiled>) -> Result<Total<'static>, CaseError> {
         let horizon = self.scene.horizon_radius();
         size::check_neighbors(&self.body, horizon, size::family(&self.body, horizon))?;
+        let neighborhood = Neighborhood::new(&self.body, horizon).map_err(AssemblyError::from)?;
+        let neighborhood = Arc::new(neighborhood);
         let alone = compiled.len() == 1;
         let (mut terms, mut names) = (Vec::new(), Vec::new());
         for compiled in compiled {
             let potential = compiled.name.clone();
-            for term in self.terms(compiled)? {
+            for term in self.terms(compiled, &neighborhood)? {
                 let own = term.parts().iter();
                 names.extend(own.map(|part| match alone {
                     true => part.clone(),
@@ -50,27 +53,35 @@ impl Case {
     }
 
     /// The energies of a potential: of interactions, of gathered states, of deformation gradients.
-    fn terms(&self, compiled: Compiled) -> Result<Vec<Term<'static>>, CaseError> {
-        let horizon = self.scene.horizon_radius();
+    fn terms(
+        &self,
+        compiled: Compiled,
+        neighborhood: &Arc<Neighborhood>,
+    ) -> Result<Vec<Term<'static>>, CaseError> {
+        let found = || (Arc::clone(&self.body), Arc::clone(neighborhood));
         let mut terms = Vec::new();
-        let has_families = compiled.gathered.is_some() || compiled.gradient.is_some();
-        if !compiled.measures.is_empty() || !has_families {
-            let (body, weights) = (Arc::clone(&self.body), self.scene.horizon.weights);
-            let energy = DiscreteEnergy::with_elements(body, horizon, weights, compiled.elements)?;
+        if compiled.has_interactions() {
+            let ((body, neighborhood), weights) = (found(), self.scene.horizon.weights);
+            let energy = DiscreteEnergy::among(body, neighborhood, weights, compiled.elements)?;
             terms.push(Box::new(energy).into());
         }
         if let Some(kernels) = compiled.gathered {
             let laws = state_laws(kernels, compiled.arguments, self.thickness());
-            let energy = StateEnergy::new(Arc::clone(&self.body), horizon, laws)?;
+            let (body, neighborhood) = found();
+            let energy = StateEnergy::among(body, neighborhood, laws)?;
             terms.push(Box::new(energy).into());
         }
         if let Some(law) = compiled.gradient {
-            terms.push(Box::new(self.correspondence(law)?).into());
+            terms.push(Box::new(self.correspondence(law, found().1)?).into());
         }
         Ok(terms)
     }
 
-    fn correspondence(&self, law: Box<dyn VariablesLaw>) -> Result<DeformationEnergy, CaseError> {
+    fn correspondence(
+        &self,
+        law: Box<dyn VariablesLaw>,
+        neighborhood: Arc<Neighborhood>,
+    ) -> Result<DeformationEnergy, CaseError> {
         let (horizon, thickness) = (self.scene.horizon_radius(), self.thickness());
         let settings = self.scene.correspondence.clone().unwrap_or_default();
         let influence = influence(&settings.influence, self.body.dimension(), horizon);
@@ -80,7 +91,8 @@ impl Case {
             discretisation: discretisation(settings.discretisation, thickness),
             influence: &*influence,
         };
-        Ok(DeformationEnergy::new(Arc::clone(&self.body), formulation, thick(law, thickness))?)
+        let (body, law) = (Arc::clone(&self.body), thick(law, thickness));
+        Ok(DeformationEnergy::among(body, neighborhood, formulation, law)?)
     }
 }
 

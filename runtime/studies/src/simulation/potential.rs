@@ -48,6 +48,13 @@ pub struct Compiled {
     pub dropped: Vec<Dropped>,
 }
 
+impl Compiled {
+    /// Whether it has energies of interactions; what has no energy at all is refused there.
+    pub(super) fn has_interactions(&self) -> bool {
+        !self.measures.is_empty() || (self.gathered.is_none() && self.gradient.is_none())
+    }
+}
+
 impl Potential {
     /// Reads and checks what a scene names.
     ///

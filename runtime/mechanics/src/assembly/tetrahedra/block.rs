@@ -1,9 +1,9 @@
 //! The tetrahedra on all pairs with one middle corner, side by side.
 
-use super::super::accumulate::TetrahedronLane;
-use super::{Members, Moments, Owner, Rules, Vector, plus};
+use super::{Members, Moments, Owner, Rules, Vector, plus, visit};
 use crate::element::{Order, THIN, WIDEST};
 use crate::geometry::{cross, dot, each};
+use crate::interaction::Clique;
 
 /// One number of as many interactions as the widest registers hold.
 pub(super) type Eight = [f64; WIDEST];
@@ -65,7 +65,7 @@ impl Thirds {
         self.groups.resize(n_groups, Group::default());
         self.sums.clear();
         self.sums.resize(n_groups, [[0.0; WIDEST]; 9]);
-        let (rest, displacement) = (owner.cliques.reference(), owner.displacement);
+        let (rest, displacement) = (owner.cliques.reference(), &owner.members.displacement);
         let (rest_k, eta_k, now_k) = (rest[k], displacement[k], members.now[k]);
         for (group, part) in self.groups.iter_mut().zip(self.members.chunks(WIDEST)) {
             for lane in 0..WIDEST {
@@ -86,7 +86,7 @@ impl Thirds {
                 }
                 group.square_at_rest[lane] = owner.cliques.squares()[l];
                 group.square[lane] = members.square[l];
-                group.share[lane] = owner.shares[l];
+                group.share[lane] = owner.members.shares[l];
             }
         }
     }
@@ -190,6 +190,8 @@ impl Block {
             return;
         }
         let (rest, squares) = (owner.cliques.reference(), owner.cliques.squares());
+        let visit::Members { own_share, shares, .. } = owner.members;
+        let begun = rules.weights.begin(*own_share, &[shares[j], shares[k]]);
         let edge: Vector = each(|axis| rest[k][axis] - rest[j][axis]);
         let longest = squares[j].max(squares[k]);
         self.rows.push(Row {
@@ -198,7 +200,7 @@ impl Block {
             first,
             longest: [longest, longest.max(dot(&edge, &edge))],
             squares: [squares[j] * squares[k], members.square[j] * members.square[k]],
-            weight: rules.weights.begin(owner.own_share, &[owner.shares[j], owner.shares[k]]),
+            weight: begun,
         });
     }
 
@@ -212,16 +214,11 @@ impl Block {
     }
 
     /// Takes thin tetrahedra out of the block.
-    pub(super) fn set_thin_apart(
-        &mut self,
-        thirds: &Thirds,
-        owner: &Owner<'_>,
-        thin: &mut Vec<TetrahedronLane>,
-    ) {
+    pub(super) fn set_thin_apart(&mut self, thirds: &Thirds, thin: &mut Vec<Clique>) {
         let width = thirds.width();
         for (number, row) in self.rows.iter().enumerate() {
             let end = self.rows.get(number + 1).map_or(self.lanes.len(), |next| next.first);
-            for &(lane, pair) in &self.lanes[row.first..end] {
+            for &(lane, _) in &self.lanes[row.first..end] {
                 let lane = lane as usize;
                 let place = lane - number * width;
                 let (group, part) = (&thirds.groups[place / WIDEST], place % WIDEST);
@@ -235,10 +232,7 @@ impl Block {
                 if *weight != 0.0 && is_thin {
                     *weight = 0.0;
                     let l = thirds.members[place];
-                    thin.push(TetrahedronLane {
-                        members: [row.j as u32, thirds.k as u32, l],
-                        pairs: [row.pair, pair, owner.pairs.of(thirds.k, l as usize)],
-                    });
+                    thin.push(Clique { members: [row.j as u32, thirds.k as u32, l], place: 0 });
                 }
             }
         }

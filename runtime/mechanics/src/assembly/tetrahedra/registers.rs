@@ -38,7 +38,7 @@ impl WithSimd for Measuring<'_> {
         let mut at = 0;
         for row in &block.rows {
             let rest = splat_all(&owner.cliques.reference()[row.j]);
-            let eta = splat_all(&owner.displacement[row.j]);
+            let eta = splat_all(&owner.members.displacement[row.j]);
             let now = splat_all(&members.now[row.j]);
             let squares: [Lanes<S>; 2] = each(|k| splat(THIN * THIN * row.squares[k]));
             // Lanes without a tetrahedron are evaluated as if they had this volume, unstrained.

@@ -138,12 +138,28 @@ impl DeformationEnergy {
         formulation: Formulation<'_>,
         law: Box<dyn VariablesLaw>,
     ) -> Result<DeformationEnergy, DeformationError> {
+        let neighborhood =
+            Neighborhood::new(&body, formulation.horizon).map_err(AssemblyError::from)?;
+        DeformationEnergy::among(body, Arc::new(neighborhood), formulation, law)
+    }
+
+    /// Takes neighbours within the formulation's horizon that energies of the body share.
+    ///
+    /// # Errors
+    ///
+    /// As [`DeformationEnergy::new`].
+    pub fn among(
+        body: Arc<Body>,
+        neighborhood: Arc<Neighborhood>,
+        formulation: Formulation<'_>,
+        law: Box<dyn VariablesLaw>,
+    ) -> Result<DeformationEnergy, DeformationError> {
         let Formulation { horizon, order, discretisation, influence } = formulation;
+        assert_eq!(neighborhood.horizon(), horizon, "neighbours within this horizon");
         let d = body.dimension();
         if law.n_variables() != d * d {
             return Err(DeformationError::WrongLaw { found: law.n_variables(), dimension: d });
         }
-        let neighborhood = Neighborhood::new(&body, horizon).map_err(AssemblyError::from)?;
         check_neighbors(&body, &neighborhood)?;
         check_families(&body).map_err(AssemblyError::from)?;
         let influence = influences(&body, &neighborhood, influence)?;

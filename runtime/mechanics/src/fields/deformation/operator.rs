@@ -24,7 +24,7 @@ const POINTS: usize = 256;
 /// The gradient weights of all families.
 pub(super) struct GradientOperator {
     body: Arc<Body>,
-    neighborhood: Neighborhood,
+    neighborhood: Arc<Neighborhood>,
     order: OperatorOrder,
     /// `1/delta`: polynomials are of lengths in horizons.
     per_length: f64,
@@ -58,7 +58,7 @@ impl GradientOperator {
     /// `influence` has a value for each directed bond.
     pub(super) fn new(
         body: &Arc<Body>,
-        neighborhood: Neighborhood,
+        neighborhood: Arc<Neighborhood>,
         order: OperatorOrder,
         influence: &[f64],
     ) -> Result<GradientOperator, DeformationError> {

@@ -89,7 +89,7 @@ fn shape_tensors_and_deformation_gradients_of_bonds_are_those_of_the_reference()
     let place = |user: u64| body.user_index().iter().position(|&p| u64::from(p) == user).unwrap();
     let cubic = influence::CubicSpline { dimension: 3, horizon };
     for (kernel, weight) in [("one", &Constant as &dyn Influence), ("cubic", &cubic)] {
-        let neighborhood = Neighborhood::new(&body, horizon).unwrap();
+        let neighborhood = Arc::new(Neighborhood::new(&body, horizon).unwrap());
         let influence = influences(&body, &neighborhood, weight).unwrap();
         // K_0 of the first point, lengths in horizons in ours.
         let first = place(0);

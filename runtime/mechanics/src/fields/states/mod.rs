@@ -85,7 +85,7 @@ pub enum StateError {
 /// The discrete total energy of gathered states.
 pub struct StateEnergy {
     body: Arc<Body>,
-    neighborhood: Neighborhood,
+    neighborhood: Arc<Neighborhood>,
     slabs: Slabs,
     /// Lengths at rest of each bond once, in m.
     rest: Vec<f64>,
@@ -108,6 +108,20 @@ impl StateEnergy {
     ///
     /// Points without neighbours, laws of other variables than the integrals.
     pub fn new(body: Arc<Body>, horizon: f64, laws: StateLaws) -> Result<StateEnergy, StateError> {
+        let neighborhood = Neighborhood::new(&body, horizon).map_err(AssemblyError::from)?;
+        StateEnergy::among(body, Arc::new(neighborhood), laws)
+    }
+
+    /// Takes neighbours that energies of the body share.
+    ///
+    /// # Errors
+    ///
+    /// Points without neighbours, laws of other variables than the integrals.
+    pub fn among(
+        body: Arc<Body>,
+        neighborhood: Arc<Neighborhood>,
+        laws: StateLaws,
+    ) -> Result<StateEnergy, StateError> {
         let expected = laws.integrals.len();
         for (law, expected) in [(&laws.points, expected), (&laws.bonds, expected + 1)] {
             let found = law.as_ref().map_or(expected, |law| law.n_variables());
@@ -115,7 +129,6 @@ impl StateEnergy {
                 return Err(StateError::WrongLaw { found, expected });
             }
         }
-        let neighborhood = Neighborhood::new(&body, horizon).map_err(AssemblyError::from)?;
         check_neighbors(&body, &neighborhood)?;
         check_families(&body).map_err(AssemblyError::from)?;
         if u32::try_from(2 * neighborhood.n_bonds()).is_err() {

@@ -1,0 +1,205 @@
+//! The one way through the interactions of a slab: owner by owner, in batches through an element, to
+//! a sink that says what becomes of them.
+//!
+//! What every pass needs of an owner stands here; who sums in another way, as bonds and tetrahedra do
+//! for rows of the tangent, takes from here what is shared.
+
+use super::{DiscreteEnergy, Kind};
+use crate::element::{CAPACITY, Contributions, Element, InteractionBatch, NonFiniteLane, Order};
+use crate::energy::{Argument, NonFinite};
+use crate::interaction::{Clique, CliqueRoom, OwnerCliques};
+
+/// What becomes of interactions with `K` corners besides the owner.
+pub(super) trait Sink<const D: usize, const K: usize> {
+    /// Begins with an owner; `false` where its interactions have been summed in another way, but for
+    /// those that the sink then lists in `gathered`.
+    fn begin(&mut self, _cliques: &OwnerCliques<'_, D>, _gathered: &mut Gathered<D>) -> bool {
+        true
+    }
+
+    /// Takes a batch: interactions of the owner, and for each of them, side by side, what its element
+    /// gave.
+    fn take(&mut self, cliques: &OwnerCliques<'_, D>, batch: &[Clique], out: &mut Contributions);
+
+    /// Ends with an owner.
+    fn end(&mut self, _cliques: &OwnerCliques<'_, D>) {}
+}
+
+/// A visit of a slab at displacements `u`, up to some derivatives.
+#[derive(Clone, Copy)]
+pub(super) struct Visit<'a> {
+    pub(super) energy: &'a DiscreteEnergy,
+    pub(super) slab: usize,
+    pub(super) order: Order,
+    pub(super) u: &'a [f64],
+}
+
+impl Visit<'_> {
+    /// Hands the slab's interactions of one kind to a sink.
+    pub(super) fn run<const D: usize, const K: usize>(
+        &self,
+        kind: &Kind,
+        (cliques, gathered): (&mut CliqueRoom<D>, &mut Gathered<D>),
+        sink: &mut impl Sink<D, K>,
+    ) -> Result<(), NonFinite> {
+        self.energy.for_each_owner::<D, K, _>(self.slab, cliques, |cliques| {
+            gathered.begin(kind, cliques, self.u);
+            if sink.begin(cliques, gathered) {
+                cliques.each::<K, _>(|clique| {
+                    gathered.list.push(clique);
+                    // Tetrahedra are too many to be listed.
+                    if K == 3 && gathered.list.len() == CAPACITY {
+                        self.flush(kind, cliques, gathered, sink)?;
+                    }
+                    Ok(())
+                })?;
+            }
+            self.flush(kind, cliques, gathered, sink)?;
+            sink.end(cliques);
+            Ok(())
+        })
+    }
+
+    /// Evaluates what is listed and hands it on.
+    fn flush<const D: usize, const K: usize>(
+        &self,
+        kind: &Kind,
+        cliques: &OwnerCliques<'_, D>,
+        gathered: &mut Gathered<D>,
+        sink: &mut impl Sink<D, K>,
+    ) -> Result<(), NonFinite> {
+        let Gathered { list, members, batch, out } = gathered;
+        let element = &*kind.element;
+        for lanes in list.chunks(CAPACITY) {
+            members.gather::<K>(kind, cliques, lanes, batch);
+            element.evaluate(batch, self.order, out).map_err(|lane| {
+                let points = lanes[lane.lane].corners::<K>();
+                Refusal { element, lane }.of::<D>(named(cliques, &points), self.u)
+            })?;
+            sink.take(cliques, lanes, out);
+        }
+        list.clear();
+        Ok(())
+    }
+}
+
+/// Interactions of one owner on their way through an element.
+pub(super) struct Gathered<const D: usize> {
+    /// Those that come next.
+    pub(super) list: Vec<Clique>,
+    pub(super) members: Members<D>,
+    batch: InteractionBatch,
+    out: Contributions,
+}
+
+/// What interactions need of their owner and of its members.
+pub(super) struct Members<const D: usize> {
+    /// Displacements relative to the owner, in m.
+    pub(super) displacement: Vec<[f64; D]>,
+    /// Shares in the weights: the owner's, and those of the members.
+    pub(super) own_share: f64,
+    pub(super) shares: Vec<f64>,
+}
+
+impl<const D: usize> Gathered<D> {
+    /// Room for owners of so many members.
+    pub(super) fn new(kind: &Kind, members: usize) -> Gathered<D> {
+        let measure = kind.element.measure();
+        let listed = match measure.points() - 1 {
+            1 => members,
+            2 => members * members / 2,
+            _ => CAPACITY,
+        };
+        Gathered {
+            list: Vec::with_capacity(listed),
+            members: Members {
+                displacement: Vec::with_capacity(members),
+                own_share: 0.0,
+                shares: Vec::with_capacity(members),
+            },
+            batch: InteractionBatch::new(measure, D),
+            out: Contributions::new(measure, D),
+        }
+    }
+
+    fn begin(&mut self, kind: &Kind, cliques: &OwnerCliques<'_, D>, u: &[f64]) {
+        // A refusal ends a pass with interactions left.
+        self.list.clear();
+        let Members { displacement, own_share, shares } = &mut self.members;
+        let (owner, members) = (cliques.owner(), cliques.members().iter());
+        let own = row::<D>(u, owner);
+        displacement.clear();
+        displacement.extend(members.clone().map(|&member| minus(&row(u, member as usize), &own)));
+        *own_share = kind.weights.share(owner);
+        shares.clear();
+        shares.extend(members.map(|&member| kind.weights.share(member as usize)));
+    }
+}
+
+impl<const D: usize> Members<D> {
+    /// Fills a batch, of at most [`CAPACITY`].
+    fn gather<const K: usize>(
+        &self,
+        kind: &Kind,
+        cliques: &OwnerCliques<'_, D>,
+        lanes: &[Clique],
+        batch: &mut InteractionBatch,
+    ) {
+        let lanes = &lanes[..lanes.len().min(CAPACITY)];
+        let corners = |lane: usize| lanes[lane].corners::<K>();
+        batch.gather(lanes.len(), cliques.reference(), &self.displacement, corners);
+        let mut known = ([usize::MAX; K], 0.0);
+        for lane in 0..lanes.len() {
+            let corners = corners(lane);
+            // Neighbouring interactions share all corners but the last.
+            if corners[..K - 1] != known.0[..K - 1] || lane == 0 {
+                let begun = corners.map(|member| self.shares[member]);
+                known = (corners, kind.weights.begin(self.own_share, &begun[..K - 1]));
+            }
+            let last = self.shares[corners[K - 1]];
+            batch.weight[lane] = kind.weights.join_last(known.1, last);
+        }
+    }
+}
+
+/// An interaction that its element refused.
+pub(super) struct Refusal<'a> {
+    pub(super) element: &'a dyn Element,
+    pub(super) lane: NonFiniteLane,
+}
+
+impl Refusal<'_> {
+    /// What is known of it, from its points.
+    pub(super) fn of<const D: usize>(&self, points: Vec<usize>, u: &[f64]) -> NonFinite {
+        let (element, NonFiniteLane { value, reference, .. }) = (self.element, self.lane);
+        NonFinite {
+            argument: Argument::Measure(element.measure()),
+            displacements: points.iter().flat_map(|&point| row::<D>(u, point)).collect(),
+            points,
+            value,
+            reference,
+            inverted: element.forbids_inversion() && value <= 0.0,
+        }
+    }
+}
+
+/// The points of an interaction of an owner, from its members.
+pub(super) fn named<const D: usize>(
+    cliques: &OwnerCliques<'_, D>,
+    members: &[usize],
+) -> Vec<usize> {
+    let point = |&member: &usize| cliques.members()[member] as usize;
+    std::iter::once(cliques.owner()).chain(members.iter().map(point)).collect()
+}
+
+/// What an array of `D` numbers per point has for one.
+#[inline(always)]
+pub(super) fn row<const D: usize>(rows: &[f64], point: usize) -> [f64; D] {
+    std::array::from_fn(|axis| rows[point * D + axis])
+}
+
+/// `p - q`.
+#[inline(always)]
+pub(super) fn minus<const D: usize>(p: &[f64; D], q: &[f64; D]) -> [f64; D] {
+    std::array::from_fn(|axis| p[axis] - q[axis])
+}

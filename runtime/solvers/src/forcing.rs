@@ -18,6 +18,10 @@ const INEXACT_ENOUGH: f64 = 0.5;
 /// Inexact Newton: the first and largest term.
 const INEXACT_MOST: f64 = 0.5;
 
+/// Inexact Newton: a start is solved for to this residual. What the tangent misses is of that size in
+/// increments that take a few iterations.
+const START_INEXACT: f64 = 0.1;
+
 /// Eisenstat and Walker's gamma of choice 2; alpha is 2.
 const GAMMA: f64 = 0.9;
 
@@ -41,6 +45,11 @@ pub(super) struct Forcing {
 impl Forcing {
     pub(super) fn new(variant: NewtonVariant, tolerance: f64) -> Forcing {
         Forcing { variant, tolerance, last: None }
+    }
+
+    /// The term for the linear system of a start.
+    pub(super) fn start(&self) -> f64 {
+        if self.variant == NewtonVariant::Inexact { START_INEXACT } else { FULL_MOST }
     }
 
     /// The term for the present residual; `force` is what the tolerance is relative to, `rounding` the

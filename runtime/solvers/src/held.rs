@@ -86,6 +86,15 @@ impl<'a> HeldTangent<'a> {
         Ok(&**self.hessian.get_or_init(|| made))
     }
 
+    /// `product` becomes `K x` in N (`n x d`), for `x` in m.
+    pub(super) fn multiply(&self, x: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
+        match &self.storage {
+            Storage::Matrix(matrix) => product.copy_from_slice(&matrix.multiply(x)),
+            _ => self.hessian()?.multiply(x, product),
+        }
+        Ok(())
+    }
+
     /// `|K| |x|` as [`Tangent::multiply_absolute`]: of what is stored, so that nothing need be made.
     pub(super) fn multiply_absolute(&self, x: &[f64]) -> Vec<f64> {
         match &self.storage {

@@ -331,13 +331,43 @@ impl<'a> Newton<'a> {
         rounding
     }
 
+    /// How the free points answer, to first order, when the fixed ones leave the equilibrium `u` by
+    /// `jump` (0 elsewhere) and the loads become `loads`: the solution of
+    /// `K du = loads - dE/du - K jump` with the tangent at `u`, 0 on the fixed degrees of freedom,
+    /// and how it was found. The tangent that was judged at `u` serves with its factors.
+    ///
+    /// # Errors
+    /// A tangent that is not finite or cannot be solved with.
+    pub fn response(
+        &mut self,
+        u: &[f64],
+        jump: &[f64],
+        loads: &[f64],
+    ) -> Result<(Vec<f64>, LinearReport), NewtonFailure> {
+        self.evaluate(u, true)?;
+        let mut forced = vec![0.0; u.len()];
+        self.tangent.multiply(jump, &mut forced)?;
+        let terms = loads.iter().zip(&self.gradient).zip(&forced);
+        let rhs: Vec<f64> = terms.map(|((load, force), forced)| load - force - forced).collect();
+        self.solve_linear(&rhs, self.forcing.start())
+    }
+
     /// The Newton step `-K_ff^-1 R_f`, 0 on the fixed degrees of freedom.
     fn direction(&mut self, loads: &[f64]) -> Result<(Vec<f64>, LinearReport), NewtonFailure> {
         let minus_residual: Vec<f64> =
             loads.iter().zip(&self.gradient).map(|(f, g)| f - g).collect();
-        let mut direction = vec![0.0; minus_residual.len()];
         let (residual, force) = (self.residual_norm(loads), self.force(loads));
         let tolerance = self.forcing.next(residual, force, self.rounding());
+        self.solve_linear(&minus_residual, tolerance)
+    }
+
+    /// `K_ff^-1 b_f` with the tangent at hand, to a relative residual where the solver iterates.
+    fn solve_linear(
+        &mut self,
+        rhs: &[f64],
+        tolerance: f64,
+    ) -> Result<(Vec<f64>, LinearReport), NewtonFailure> {
+        let mut solution = vec![0.0; rhs.len()];
         // No more exactly than products are.
         self.linear.set_tolerance(tolerance.max(self.energy.products().error()));
         let (linear, held) = (&mut self.linear, &self.tangent);
@@ -348,13 +378,9 @@ impl<'a> Newton<'a> {
             if !factorized {
                 linear.factorize(tangent)?;
             }
-            Ok::<_, NewtonFailure>(linear.solve_factorized(
-                tangent,
-                &minus_residual,
-                &mut direction,
-            )?)
+            Ok::<_, NewtonFailure>(linear.solve_factorized(tangent, rhs, &mut solution)?)
         })?;
-        Ok((direction, report))
+        Ok((solution, report))
     }
 
     /// Goes along `direction` as far as the line search allows; the part of the full step taken.

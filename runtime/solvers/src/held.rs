@@ -62,6 +62,16 @@ impl<'a> HeldTangent<'a> {
         Ok(())
     }
 
+    /// Stores the tangent itself from now on, that of the same displacements first.
+    pub(super) fn store(&mut self) -> Result<(), NonFinite> {
+        self.hessian = OnceCell::new();
+        let mut stored = HeldTangent::new(self.energy, true);
+        let mut gradient = vec![0.0; self.at.len()];
+        stored.evaluate(&self.at, &mut gradient, &mut vec![0.0; self.energy.parts().len()])?;
+        *self = stored;
+        Ok(())
+    }
+
     /// Whether it is the tangent at `u`.
     pub(super) fn is_at(&self, u: &[f64]) -> bool {
         self.is_valid && self.at == u

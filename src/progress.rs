@@ -174,6 +174,7 @@ impl Observer for Progress {
                 self.products.store(0, Ordering::Relaxed);
                 self.refresh(now);
             }
+            Event::Start => self.products.store(0, Ordering::Relaxed),
             Event::Residual { iterations, over_reaction } => {
                 self.residual(now, iterations, over_reaction);
             }

@@ -236,9 +236,10 @@ fn a_plan_counts_line_searches_and_cut_backs() {
 
 #[test]
 fn a_plan_says_that_the_first_increment_fails() {
-    // A single iteration is too few for any increment.
+    // A single iteration is too few for any increment whose clamp jumps.
     let folder = strip();
-    let settings = ["--set", "steps.increments=1", "--set", "solver.max_iterations=1"];
+    let settings = ["steps.increments=1", "solver.max_iterations=1", "solver.start=last"];
+    let settings: Vec<&str> = settings.iter().flat_map(|setting| ["--set", setting]).collect();
     let plan = piola(&[&["plan", &folder.scene()][..], &settings].concat()).expect(0);
     assert!(plan.stdout.contains("the first increment fails after"), "{}", plan.stdout);
     plan.says(&["the first increment fails: no equilibrium at t = ", "no convergence in 1 iter"]);

@@ -146,12 +146,12 @@ fn quantities_axes_and_formats_are_chosen() {
     let few = ["--repeats", "1", "--format", "json"];
     let summary = piola(&[&arguments[..], &few].concat()).expect(0).json();
     assert_eq!(summary["quantities"], serde_json::json!(["probe:middle", "residual"]));
-    // 6 tolerances, the scene's among them, by 2 starts.
-    assert_eq!(summary["settings"].as_array().unwrap().len(), 12);
+    // 6 tolerances, the scene's among them, by 3 starts.
+    assert_eq!(summary["settings"].as_array().unwrap().len(), 18);
     assert!(!scene.out().exists());
 
     let listed = piola(&["trade", &path, "--axes", "start,form", "--list"]).expect(0).stdout;
-    assert_eq!(listed.lines().count(), 4, "{listed}");
+    assert_eq!(listed.lines().count(), 6, "{listed}");
     assert!(listed.contains("solver.start=last solver.form=textbook"), "{listed}");
     let axes = piola(&["trade", "--list"]).expect(0).stdout;
     assert!(axes.contains("solver.tolerance") && axes.contains("positions"), "{axes}");

@@ -12,11 +12,20 @@ const FULL_LEAST: f64 = 1e-12;
 const FULL_QUADRATIC: f64 = 1e-4;
 const FULL_ENOUGH: f64 = 0.1;
 
+/// Full Newton steps, from the second residual on: where it fell to a part `f` of the one before, the
+/// next falls to `f^2`. So much of that shows neither beside it nor, squared with it, in the digits of
+/// those after it.
+const FULL_BESIDE: f64 = 1e-4;
+
 /// Inexact Newton: a linear residual below this part of what is asked for in the end gains nothing.
 const INEXACT_ENOUGH: f64 = 0.5;
 
 /// Inexact Newton: the first and largest term.
 const INEXACT_MOST: f64 = 0.5;
+
+/// Inexact Newton: a start is solved for to this residual. What the tangent misses is of that size in
+/// increments that take a few iterations.
+const START_INEXACT: f64 = 0.1;
 
 /// Eisenstat and Walker's gamma of choice 2; alpha is 2.
 const GAMMA: f64 = 0.9;
@@ -27,7 +36,9 @@ const SAFEGUARD: f64 = 0.1;
 /// The forcing terms of one solve: linear residual over Newton's residual, 2-norms.
 ///
 /// Full and modified Newton solve as if exactly: what is left is lost in the next residual, or in its
-/// rounding. Inexact Newton takes choice 2 of
+/// rounding. How small that will be full Newton sees from the last two residuals, of which the first is
+/// that of the start's linear system; before, and with a tangent that is kept, a nearly linear
+/// problem is expected. Inexact Newton takes choice 2 of
 /// S. Eisenstat, H. Walker, Choosing the forcing terms in an inexact Newton method, SIAM J. Sci.
 /// Comput. 17 (1996), eq. (2.6) with its safeguard, and no less than half of what is asked for.
 #[derive(Clone, Copy, Debug)]
@@ -41,6 +52,27 @@ pub(super) struct Forcing {
 impl Forcing {
     pub(super) fn new(variant: NewtonVariant, tolerance: f64) -> Forcing {
         Forcing { variant, tolerance, last: None }
+    }
+
+    /// The largest term for the linear system of a start, and that of the first.
+    pub(super) fn start(variant: NewtonVariant) -> f64 {
+        if variant == NewtonVariant::Inexact { START_INEXACT } else { FULL_MOST }
+    }
+
+    /// The term for the next start, where the last missed the equilibrium by a part of what it
+    /// started from: a tenth of that. Where it missed by what was left of its own system the
+    /// problem may be nearly linear, and solving better gains iterations.
+    pub(super) fn next_start(variant: NewtonVariant, term: f64, missed: f64) -> f64 {
+        // Not a number, of nothing that started from nothing, is not more.
+        let next = if missed > 2.0 * term { 0.1 * missed } else { term * term };
+        next.clamp(FULL_LEAST, Forcing::start(variant))
+    }
+
+    /// The residual of the linear system that led to the start was this.
+    pub(super) fn started_from(&mut self, residual: f64) {
+        if self.variant == NewtonVariant::Full {
+            self.last = Some((residual, FULL_MOST));
+        }
     }
 
     /// The term for the present residual; `force` is what the tolerance is relative to, `rounding` the
@@ -60,7 +92,14 @@ impl Forcing {
             term.max(INEXACT_ENOUGH * asked).clamp(FULL_LEAST, INEXACT_MOST)
         } else {
             let exact = (FULL_ENOUGH * asked).min(FULL_QUADRATIC * residual / force);
-            exact.max(rounding / residual).clamp(FULL_LEAST, FULL_MOST)
+            let beside = match self.last {
+                Some((before, _)) if self.variant == NewtonVariant::Full => {
+                    let falls = residual / before;
+                    FULL_BESIDE * falls * falls
+                }
+                _ => 0.0,
+            };
+            exact.max(beside).max(rounding / residual).clamp(FULL_LEAST, FULL_MOST)
         };
         self.last = Some((residual, term));
         term
@@ -72,10 +111,32 @@ mod tests {
     use super::*;
 
     #[test]
+    fn starts_of_linear_problems_are_soon_exact_and_others_as_exact_as_pays() {
+        let next = |term, missed| Forcing::next_start(NewtonVariant::Full, term, missed);
+        assert_eq!(
+            [next(1e-3, 0.9e-3), next(1e-6, 1.1e-6), next(1e-9, 1e-9)],
+            [1e-6, 1e-12, 1e-12]
+        );
+        assert_eq!([next(1e-3, 0.3), next(1e-6, 0.3)], [1e-3, 1e-3]);
+        assert!((next(1e-6, 1e-4) / 1e-5 - 1.0).abs() < 1e-12);
+        assert_eq!(Forcing::next_start(NewtonVariant::Inexact, 1e-2, 5.0), 0.1);
+    }
+
+    #[test]
     fn full_steps_are_solved_as_if_exactly() {
         let mut forcing = Forcing::new(NewtonVariant::Full, 1e-10);
-        let terms = [(1.0, 1e-11), (1e-2, 1e-9), (1e-4, 1e-8), (1e-6, 1e-10), (1e-9, 1e-7)];
+        // Of the second residual 1e-2 squared is left, times 1e-4; at the end what rounding leaves.
+        let terms = [(1.0, 1e-11), (1e-2, 1e-8), (1e-6, 1e-10), (1e-13, 1e-3)];
         for (residual, term) in terms {
+            let found = forcing.next(residual, 1.0, 1e-16);
+            assert!((found / term - 1.0).abs() < 1e-12, "{residual:e}: {found:e}");
+        }
+        let mut forcing = Forcing::new(NewtonVariant::Full, 1e-10);
+        forcing.started_from(10.0);
+        assert!((forcing.next(1.0, 1.0, 1e-16) / 1e-6 - 1.0).abs() < 1e-12);
+        // With a tangent that is kept residuals do not fall quadratically.
+        let mut forcing = Forcing::new(NewtonVariant::Modified, 1e-10);
+        for (residual, term) in [(1.0, 1e-11), (1e-2, 1e-9), (1e-4, 1e-8), (1e-6, 1e-10)] {
             let found = forcing.next(residual, 1.0, 1e-16);
             assert!((found / term - 1.0).abs() < 1e-12, "{residual:e}: {found:e}");
         }

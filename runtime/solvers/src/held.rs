@@ -62,6 +62,16 @@ impl<'a> HeldTangent<'a> {
         Ok(())
     }
 
+    /// Stores the tangent itself from now on, that of the same displacements first.
+    pub(super) fn store(&mut self) -> Result<(), NonFinite> {
+        self.hessian = OnceCell::new();
+        let mut stored = HeldTangent::new(self.energy, true);
+        let mut gradient = vec![0.0; self.at.len()];
+        stored.evaluate(&self.at, &mut gradient, &mut vec![0.0; self.energy.parts().len()])?;
+        *self = stored;
+        Ok(())
+    }
+
     /// Whether it is the tangent at `u`.
     pub(super) fn is_at(&self, u: &[f64]) -> bool {
         self.is_valid && self.at == u
@@ -84,6 +94,15 @@ impl<'a> HeldTangent<'a> {
         }
         let made = self.energy.hessian(&self.at)?;
         Ok(&**self.hessian.get_or_init(|| made))
+    }
+
+    /// `product` becomes `K x` in N (`n x d`), for `x` in m.
+    pub(super) fn multiply(&self, x: &[f64], product: &mut [f64]) -> Result<(), NonFinite> {
+        match &self.storage {
+            Storage::Matrix(matrix) => product.copy_from_slice(&matrix.multiply(x)),
+            _ => self.hessian()?.multiply(x, product),
+        }
+        Ok(())
     }
 
     /// `|K| |x|` as [`Tangent::multiply_absolute`]: of what is stored, so that nothing need be made.

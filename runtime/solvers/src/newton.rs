@@ -18,7 +18,7 @@ use super::forcing::Forcing;
 use super::held::HeldTangent;
 use super::line_search::{LineSearch, Trial};
 use super::linear::{
-    Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport, LinearSolver,
+    Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport, LinearSolver, Tangent,
 };
 pub use super::newton_outcome::{History, NewtonError, NewtonFailure, NewtonReport};
 use super::watch::{Event, Watch};
@@ -97,6 +97,10 @@ pub struct Newton<'a> {
     /// The rounding error of the forces there, once it is asked for.
     rounding: Cell<Option<f64>>,
     forcing: Forcing,
+    /// 2-norm of the right-hand side of the linear system that led to the start in N, where one did.
+    started_from: Option<f64>,
+    /// How exactly the next one is solved: its residual over its right-hand side.
+    start_term: f64,
     /// Whether a shorter step ends a solve.
     full_steps_only: bool,
     /// Whether the linear solver holds the factors of `tangent`.
@@ -114,7 +118,10 @@ impl<'a> Newton<'a> {
         settings: NewtonSettings,
         linear: LinearOptions,
     ) -> Result<Newton<'a>, LinearError> {
-        let linear = LinearSolver::of_energy(energy, constraints, linear)?;
+        let mut linear = LinearSolver::of_energy(energy, constraints, linear)?;
+        if energy.bond_pattern().is_some() {
+            linear.may_store();
+        }
         Ok(Newton {
             energy,
             constraints: constraints.clone(),
@@ -123,6 +130,8 @@ impl<'a> Newton<'a> {
             linear,
             rounding: Cell::new(None),
             forcing: Forcing::new(settings.variant, settings.tolerance),
+            started_from: None,
+            start_term: Forcing::start(settings.variant),
             full_steps_only: false,
             gradient: vec![0.0; constraints.n_dofs()],
             parts: vec![0.0; energy.parts().len()],
@@ -222,8 +231,14 @@ impl<'a> Newton<'a> {
             notes: Vec::new(),
         };
         self.forcing = Forcing::new(self.settings.variant, self.settings.tolerance);
+        let started_from = self.started_from.take();
         // Modified Newton begins with the factors that it has.
         self.evaluate(u, !(self.is_modified() && self.factorized))?;
+        if let Some(before) = started_from {
+            self.forcing.started_from(before);
+            let missed = self.residual_norm(loads) / before;
+            self.start_term = Forcing::next_start(self.settings.variant, self.start_term, missed);
+        }
         loop {
             let converged = self.is_converged(loads, history, &mut report.notes)?;
             self.tell(report.iterations, history);
@@ -331,30 +346,84 @@ impl<'a> Newton<'a> {
         rounding
     }
 
+    /// How the free points answer, to first order, when the fixed ones leave the equilibrium `u` by
+    /// `jump` (0 elsewhere) and the loads become `loads`: the solution of
+    /// `K du = loads - dE/du - K jump` with the tangent at `u`, 0 on the fixed degrees of freedom,
+    /// and how it was found. The tangent that was judged at `u` serves with its factors.
+    ///
+    /// # Errors
+    /// A tangent that is not finite or cannot be solved with.
+    pub fn response(
+        &mut self,
+        u: &[f64],
+        jump: &[f64],
+        loads: &[f64],
+    ) -> Result<(Vec<f64>, LinearReport), NewtonFailure> {
+        self.evaluate(u, true)?;
+        let mut forced = vec![0.0; u.len()];
+        self.tangent.multiply(jump, &mut forced)?;
+        let terms = loads.iter().zip(&self.gradient).zip(&forced);
+        let rhs: Vec<f64> = terms.map(|((load, force), forced)| load - force - forced).collect();
+        self.started_from = Some(norm(self.constraints.free().iter().map(|&dof| rhs[dof])));
+        self.solve_linear(&rhs, self.start_term)
+    }
+
     /// The Newton step `-K_ff^-1 R_f`, 0 on the fixed degrees of freedom.
     fn direction(&mut self, loads: &[f64]) -> Result<(Vec<f64>, LinearReport), NewtonFailure> {
         let minus_residual: Vec<f64> =
             loads.iter().zip(&self.gradient).map(|(f, g)| f - g).collect();
-        let mut direction = vec![0.0; minus_residual.len()];
         let (residual, force) = (self.residual_norm(loads), self.force(loads));
         let tolerance = self.forcing.next(residual, force, self.rounding());
+        self.solve_linear(&minus_residual, tolerance)
+    }
+
+    /// `K_ff^-1 b_f` with the tangent at hand, to a relative residual where the solver iterates.
+    fn solve_linear(
+        &mut self,
+        rhs: &[f64],
+        tolerance: f64,
+    ) -> Result<(Vec<f64>, LinearReport), NewtonFailure> {
+        let mut solution = vec![0.0; rhs.len()];
         // No more exactly than products are.
         self.linear.set_tolerance(tolerance.max(self.energy.products().error()));
-        let (linear, held) = (&mut self.linear, &self.tangent);
-        let factorized = std::mem::replace(&mut self.factorized, true);
         self.counters.linear_solves += 1;
-        let report = timed(&mut self.times.linear, || {
-            let tangent = held.tangent()?;
+        let report = self.with_tangent(|linear, tangent, factorized| {
             if !factorized {
                 linear.factorize(tangent)?;
             }
-            Ok::<_, NewtonFailure>(linear.solve_factorized(
-                tangent,
-                &minus_residual,
-                &mut direction,
-            )?)
+            linear.solve_factorized(tangent, rhs, &mut solution)
         })?;
-        Ok((direction, report))
+        Ok((solution, report))
+    }
+
+    /// Works with the linear solver on the tangent at hand, which it has prepared already or not. Where
+    /// products with it turn out to be dearer than storing it, it is stored from then on.
+    fn with_tangent<T>(
+        &mut self,
+        mut work: impl FnMut(&mut LinearSolver, Tangent<'_>, bool) -> Result<T, LinearError>,
+    ) -> Result<T, NewtonFailure> {
+        loop {
+            let (linear, held) = (&mut self.linear, &self.tangent);
+            let factorized = std::mem::replace(&mut self.factorized, true);
+            let done = timed(&mut self.times.linear, || {
+                Ok::<_, NewtonFailure>(work(linear, held.tangent()?, factorized))
+            })?;
+            match done {
+                Err(LinearError::GivenUp { because, iterations }) => {
+                    self.factorized = false;
+                    let (linear, energy) = (&mut self.linear, self.energy);
+                    let stores = timed(&mut self.times.linear, || {
+                        linear.reconsider(energy, &because, iterations)
+                    })?;
+                    if stores {
+                        self.counters.tangents += 1;
+                        let tangent = &mut self.tangent;
+                        timed(&mut self.times.assembly, || tangent.store())?;
+                    }
+                }
+                done => return Ok(done?),
+            }
+        }
     }
 
     /// Goes along `direction` as far as the line search allows; the part of the full step taken.
@@ -485,8 +554,7 @@ impl<'a> Newton<'a> {
         if let Some(u) = self.evaluated_at.clone() {
             self.evaluate(&u, true)?;
         }
-        let (linear, tangent) = (&mut self.linear, self.tangent.tangent()?);
-        let definiteness = timed(&mut self.times.linear, || linear.judge(tangent))?;
+        let definiteness = self.with_tangent(|linear, tangent, _| linear.judge(tangent))?;
         // Explicitly chosen LU and LDLT start their own way next time.
         self.factorized = !matches!(self.linear.method(), LinearMethod::Ldlt | LinearMethod::Lu);
         Ok(definiteness)

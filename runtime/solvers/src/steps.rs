@@ -4,10 +4,11 @@
 //! increment is halved, down to 1/1024 of the nominal one, and it doubles again after two easy
 //! steps. Times within an increment are counted in its 1024ths, so no rounding accumulates.
 
+mod start;
+
 use std::ops::ControlFlow;
 
 use piola_mechanics::energy::{Energy, EnergyParts};
-use piola_mechanics::words::Words;
 
 use super::clock::{Counters, PhaseTimes};
 use super::constraint::{ConstraintError, Constraints};
@@ -16,6 +17,7 @@ use super::linear::{Definiteness, LinearError, LinearMethod, LinearOptions, Line
 use super::march::{Advance, March, State, march};
 use super::newton::{Newton, NewtonError, NewtonFailure, NewtonReport, NewtonSettings};
 use super::watch::{Event, Watch};
+pub use start::Start;
 
 /// What drives the body: prescribed values and loads as functions of `t`.
 pub trait Drive: Sync {
@@ -27,22 +29,6 @@ pub trait Drive: Sync {
 
     /// Fills in the loads (`n x d`) at `t`, in N.
     fn loads(&self, t: f64, loads: &mut [f64]);
-}
-
-/// Where Newton's method starts.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Start {
-    /// Free points continue on the line through the last two converged states; where full steps lead
-    /// to no equilibrium from there, they start at the last.
-    #[default]
-    Extrapolate,
-    /// Free points keep their last displacements, the fixed ones jump to their new values.
-    Last,
-}
-
-impl Words for Start {
-    const WORDS: &'static [(&'static str, Start)] =
-        &[("extrapolate", Start::Extrapolate), ("last", Start::Last)];
 }
 
 /// Choices for a run of load steps.
@@ -94,7 +80,9 @@ pub struct StepRecord {
     pub condition: Option<f64>,
     /// How far rounding the displacements changes the forces, relative to reactions or loads.
     pub rounding_floor: f64,
-    /// The linear systems, one per iteration.
+    /// The linear system that led to the start of Newton's method, where one did.
+    pub start: Option<LinearReport>,
+    /// The linear systems of its iterations, one each.
     pub linear: Vec<LinearReport>,
     /// The accepted parts of the Newton steps; 1 for a full step.
     pub step_lengths: Vec<f64>,
@@ -309,21 +297,14 @@ impl<'a> LoadSteps<'a> {
     fn attempt(&mut self, t: f64, nominal: bool) -> Result<Attempt, StepError> {
         self.watch.notice(Event::Attempt(t));
         let loads = self.loads(t)?;
-        let near = self.start(t)?;
-        let far = self.extrapolated(&near, t);
-        let found = match far.map(|far| self.equilibrium(far, &loads, Newton::solve_by_full_steps))
-        {
-            // Where the way bends, the last state is closer than the line.
-            Some(Err(cause)) if !smaller_may_help(&cause.failure) => Err(cause),
-            None | Some(Err(_)) => self.equilibrium(near, &loads, Newton::solve),
-            Some(found) => found,
-        };
+        let last = self.last(t)?;
+        let found = self.search(last, &loads, t);
         self.times.add(&self.newton.take_times());
-        let (u, report, judged) = match found {
+        let Found { u, start, report, judged } = match found {
             Ok(found) => found,
             Err(cause) => return Ok(Attempt::Failed(cause)),
         };
-        let record = self.record(t, nominal, report, judged);
+        let record = self.record(t, nominal, start, report, judged);
         self.before = Some((self.t, std::mem::replace(&mut self.u, u)));
         (self.t, self.loads) = (t, loads);
         self.watch.notice(Event::Step(&record));
@@ -331,17 +312,31 @@ impl<'a> LoadSteps<'a> {
         Ok(Attempt::Converged(Box::new(record)))
     }
 
-    /// The equilibrium with these loads from a start, and the judgement of its tangent.
+    /// The equilibrium at `t`: from a good guess by full steps, else from the last state. Where a
+    /// guess leads astray the way bends, and the last state is closer.
+    fn search(&mut self, last: Vec<f64>, loads: &[f64], t: f64) -> Result<Found, NewtonError> {
+        if let Some((u, start)) = self.guess(&last, loads, t) {
+            match self.equilibrium(u, loads, Newton::solve_by_full_steps) {
+                Ok(found) => return Ok(Found { start, ..found }),
+                Err(cause) if !smaller_may_help(&cause.failure) => return Err(cause),
+                Err(_) => {}
+            }
+        }
+        self.equilibrium(last, loads, Newton::solve)
+    }
+
+    /// The equilibrium with these loads from some displacements, and the judgement of its tangent.
     fn equilibrium(
         &mut self,
         mut u: Vec<f64>,
         loads: &[f64],
         solve: impl Fn(&mut Newton<'a>, &mut [f64], &[f64]) -> Result<NewtonReport, NewtonError>,
     ) -> Result<Found, NewtonError> {
+        self.watch.notice(Event::Start);
         self.newton.check_jump(&self.u, &u)?;
         let report = solve(&mut self.newton, &mut u, loads)?;
         match self.judge() {
-            Ok(judged) => Ok((u, report, judged)),
+            Ok(judged) => Ok(Found { u, start: None, report, judged }),
             Err(failure) => Err(NewtonError { failure, history: report.history }),
         }
     }
@@ -355,6 +350,7 @@ impl<'a> LoadSteps<'a> {
         &mut self,
         t: f64,
         nominal: bool,
+        start: Option<LinearReport>,
         report: NewtonReport,
         (definiteness, condition): Judged,
     ) -> StepRecord {
@@ -368,6 +364,7 @@ impl<'a> LoadSteps<'a> {
             definiteness,
             condition,
             rounding_floor: report.rounding_floor,
+            start,
             linear: report.linear,
             step_lengths: report.step_lengths,
             cut_backs: std::mem::take(&mut self.cut_backs),
@@ -386,7 +383,7 @@ impl<'a> LoadSteps<'a> {
     }
 
     /// The last state with the fixed displacements of `t`.
-    fn start(&self, t: f64) -> Result<Vec<f64>, StepError> {
+    fn last(&self, t: f64) -> Result<Vec<f64>, StepError> {
         let fixed = self.constraints.fixed();
         let mut values = vec![0.0; fixed.len()];
         self.drive.prescribed(t, &mut values);
@@ -398,21 +395,6 @@ impl<'a> LoadSteps<'a> {
         Ok(u)
     }
 
-    /// A start with its free displacements on the line through the last two states, where that is
-    /// wanted and there are two.
-    fn extrapolated(&self, start: &[f64], t: f64) -> Option<Vec<f64>> {
-        let (t_before, before) = self.before.as_ref()?;
-        if self.settings.start == Start::Last {
-            return None;
-        }
-        let factor = (t - self.t) / (self.t - t_before);
-        let mut u = start.to_vec();
-        for &dof in self.constraints.free() {
-            u[dof] += factor * (self.u[dof] - before[dof]);
-        }
-        Some(u)
-    }
-
     fn drive_error(&self, what: &'static str, dof: usize, value: f64, t: f64) -> StepError {
         let (point, component) = (dof / self.dimension, dof % self.dimension);
         StepError::Drive { what, point, component, value, t }
@@ -421,7 +403,8 @@ impl<'a> LoadSteps<'a> {
     /// Hands the run over; nothing is left to follow.
     fn outcome(&mut self, stopped: bool) -> Outcome {
         let linear = self.newton.linear();
-        let systems = self.records.iter().flat_map(|record| &record.linear);
+        let systems =
+            self.records.iter().flat_map(|record| record.start.iter().chain(&record.linear));
         Outcome {
             linear: LinearSummary {
                 method: linear.method(),
@@ -451,8 +434,16 @@ impl<'a> LoadSteps<'a> {
 /// Definiteness and condition of a tangent.
 type Judged = (Definiteness, Option<f64>);
 
-/// Displacements of an equilibrium, how they were found, and what its tangent is.
-type Found = (Vec<f64>, NewtonReport, Judged);
+/// An equilibrium.
+struct Found {
+    /// Displacements, `n x d` in m.
+    u: Vec<f64>,
+    /// The linear system that led to the start.
+    start: Option<LinearReport>,
+    /// How Newton's method went on from there.
+    report: NewtonReport,
+    judged: Judged,
+}
 
 enum Attempt {
     Converged(Box<StepRecord>),

@@ -12,6 +12,8 @@ pub enum Event<'a> {
     Phase(&'static str),
     /// An equilibrium is looked for at this `t`.
     Attempt(f64),
+    /// Newton's method sets out from a start that is known now.
+    Start,
     /// The residual before the first iteration of Newton's method, and after each.
     Residual {
         /// How many iterations were made.

@@ -76,13 +76,38 @@ fn stored_and_not_stored_tangents_lead_to_the_same_equilibrium() {
             PreconditionerChoice::TwoLevel,
             PreconditionerChoice::BlockJacobi,
         ] {
-            let free = of(LinearMethod::Auto, preconditioner);
+            let free = of(LinearMethod::MatrixFree, preconditioner);
             println!("{preconditioner:?}: {:?} {}", free.linear_iterations, free.preconditioner);
             // Both at the floor of Newton's method: measured are 1.3e-15.
             assert!(error(&free.u, &direct.u) < 1e-14, "{preconditioner:?}");
         }
         assert_eq!(direct.linear_iterations, vec![0; direct.newton_iterations]);
         assert!(bar.energy.bond_pattern().is_some());
+    }
+}
+
+/// What is well preconditioned never stores its tangent; points that alternate freely take so many
+/// products that a stored one and its factors are cheaper, and prove that the bar is stable.
+#[test]
+fn a_stored_tangent_takes_over_where_products_cost_more() {
+    for (discretisation, goes_over) in
+        [(Discretisation::BondQuadrature, false), (Discretisation::Nodal, true)]
+    {
+        let bar = Bar::new(4, 3, discretisation);
+        let of = |method| bar.solve(LinearOptions { method, ..LinearOptions::default() });
+        let (auto, products) = (of(LinearMethod::Auto), of(LinearMethod::MatrixFree));
+        println!(
+            "{discretisation:?}: {:?} {:?}",
+            auto.linear_iterations, products.linear_iterations
+        );
+        let most = products.linear_iterations.iter().max().copied().unwrap_or(0);
+        assert_eq!((most > 150, most < 60), (goes_over, !goes_over), "{most}");
+        assert_eq!(auto.stores_matrix, goes_over, "{:?}", auto.linear_iterations);
+        assert_eq!(bar.energy.has_pattern(), goes_over);
+        assert!(error(&auto.u, &products.u) < 1e-9, "{:e}", error(&auto.u, &products.u));
+        // Given up once at most: what follows takes no products.
+        let with_products = auto.linear_iterations.iter().filter(|&&n| n > 0).count();
+        assert!(!goes_over || with_products == 0, "{:?}", auto.linear_iterations);
     }
 }
 

@@ -37,6 +37,7 @@ pub(crate) struct Solved {
     pub(crate) linear_iterations: Vec<usize>,
     /// Free residual over the larger of reactions and loads.
     pub(crate) residual: f64,
+    pub(crate) stores_matrix: bool,
     pub(crate) preconditioner: String,
     pub(crate) seconds: f64,
     pub(crate) u: Vec<f64>,
@@ -104,6 +105,7 @@ impl Bar {
             error: elongation / elongation_of_the_continuum() - 1.0,
             newton_iterations: report.iterations,
             linear_iterations: report.linear.iter().map(|linear| linear.iterations).collect(),
+            stores_matrix: newton.linear().stores_matrix(),
             preconditioner: newton.linear().preconditioner().unwrap_or_default(),
             seconds: start.elapsed().as_secs_f64(),
             residual: report.history.residual_over_reaction.last().copied().unwrap_or(0.0),

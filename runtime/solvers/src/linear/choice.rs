@@ -110,7 +110,7 @@ pub fn choose<E>(
         );
         return Ok(Choice::new(LinearMethod::MatrixFree, reason));
     }
-    if dimension != 2 && unknowns > AUTO_UNKNOWNS_3D {
+    if !may_be_ordered(dimension, unknowns) {
         let reason = format!("{unknowns} unknowns in {space} dimensions are too many to factorise");
         return Ok(Choice::new(LinearMethod::Cg, reason));
     }
@@ -141,6 +141,25 @@ pub fn choose<E>(
 /// operations in a second.
 pub(super) fn iterations_worth(operations: f64, matrix_bytes: f64) -> f64 {
     operations / matrix_bytes
+}
+
+/// Products with a tangent that is not stored in the time in which it is worked out to be stored: the
+/// middle of the 14 to 270 of `docs/performance.md`, "Where products end".
+const PRODUCTS_OF_A_TANGENT: f64 = 60.0;
+
+/// Operations of a factorisation in the time of one product, for each block of bonded points: 120 ns
+/// of 2e10 in a second.
+const OPERATIONS_PER_BOND: f64 = 2400.0;
+
+/// How many products without a stored tangent take the time of storing and factorising it, where bonded
+/// points make so many blocks.
+pub(super) fn products_worth(operations: f64, blocks: usize) -> usize {
+    (PRODUCTS_OF_A_TANGENT + operations / (OPERATIONS_PER_BOND * blocks as f64)) as usize
+}
+
+/// Whether a body with so many unknowns is small enough to be ordered.
+pub(super) fn may_be_ordered(dimension: usize, unknowns: usize) -> bool {
+    dimension == 2 || unknowns <= AUTO_UNKNOWNS_3D
 }
 
 #[cfg(test)]
@@ -178,6 +197,14 @@ mod tests {
         let (method, reason) = of(3, 60_001, cost, 1e7);
         assert_eq!(method, LinearMethod::MatrixFree);
         assert!(reason.contains("3.0e7"), "{reason}");
+    }
+
+    #[test]
+    fn a_stored_tangent_is_worth_the_products_of_its_assembly_and_its_factors() {
+        assert_eq!(products_worth(0.0, 10_000), 60);
+        // 0.1 s of factorisation against products of 1.2 ms.
+        assert_eq!(products_worth(2e9, 10_000), 60 + 83);
+        assert!(may_be_ordered(2, 1_000_000) && !may_be_ordered(3, 1_000_000));
     }
 
     /// Every method asked for serves, and `auto` stores no tangent that it need not store.

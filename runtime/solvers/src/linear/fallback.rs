@@ -22,7 +22,7 @@ const INACCURATE: f64 = 1e-10;
 
 /// An indefinite tangent is factorised up to this many operations (about a minute); beyond it is
 /// solved by minimum residuals, without the number of its negative eigenvalues.
-const FALLBACK_OPERATIONS: f64 = 1e12;
+pub(super) const FALLBACK_OPERATIONS: f64 = 1e12;
 
 /// Indefinite systems converge slowly.
 const MINIMUM_RESIDUAL_ITERATIONS: usize = 20_000;
@@ -155,6 +155,10 @@ impl LinearSolver {
         {
             return self.factorize_ldlt(matrix);
         }
+        if self.may_store {
+            let because = self.notes.join(", ");
+            return Err(LinearError::GivenUp { because, iterations: None });
+        }
         if !self.iterative(tangent)?.prepare_indefinite(tangent) {
             return Err(self.singular());
         }
@@ -222,6 +226,9 @@ impl LinearSolver {
                     self.choice = Choice::new(LinearMethod::Cholesky, reason);
                 }
                 self.factorize_cholesky(matrix)
+            }
+            _ if self.may_store => {
+                Err(LinearError::GivenUp { because, iterations: Some(iterations) })
             }
             Tangent::MatrixFree { .. } | Tangent::Bonds { .. } => {
                 Err(LinearError::NotConverged { because, iterations, residual })

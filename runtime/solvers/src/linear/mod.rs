@@ -10,7 +10,7 @@
 //! | LDLT | indefinite: its pivots count the negative eigenvalues | LU when a pivot vanishes or the solution is inaccurate |
 //! | LU | the last resort | nothing |
 //! | conjugate gradients | large in three dimensions | LDLT at negative curvature, minimum residuals where that would be too large, Cholesky without convergence |
-//! | the same, matrix-free | too large to be stored, or an energy that reaches beyond its bonds | minimum residuals at negative curvature |
+//! | the same, matrix-free | too large to be stored, or an energy that reaches beyond its bonds | for `auto` Cholesky on a stored tangent where that costs less (`reconsider`); minimum residuals at negative curvature |
 //! | GMRES | products that are not symmetric; sees no signs | Cholesky without convergence, where the tangent is stored |
 //!
 //! Every fallback is noted in the [`LinearReport`]. The bits do not depend on the number of
@@ -32,6 +32,7 @@ mod lanczos;
 mod minimum_residual;
 mod operator;
 mod preconditioner;
+mod reconsider;
 mod report;
 mod tangent;
 mod two_level;
@@ -83,6 +84,10 @@ pub struct LinearSolver {
     options: LinearOptions,
     choice: Choice,
     limits: CgLimits,
+    /// Whether a stored tangent may take over from products.
+    may_store: bool,
+    /// The cost of its factorisation, once it is asked for.
+    wide: Option<FactorizationEstimate>,
     /// The cost of a factorisation, once it is asked for.
     estimate: Option<FactorizationEstimate>,
     triangle: Option<FreeTriangle>,
@@ -123,8 +128,7 @@ impl LinearSolver {
         let mut estimate = None;
         let mut limits = CgLimits {
             tolerance: options.cg_tolerance,
-            // Twice the unknowns cover the loss of orthogonality of ill-conditioned systems.
-            max_iterations: (2 * constraints.n_free()).clamp(1000, 20_000),
+            max_iterations: most_iterations(constraints),
         };
         let choice = match choice {
             Some(choice) => choice,
@@ -143,13 +147,35 @@ impl LinearSolver {
                 })?
             }
         };
-        let mut solver = LinearSolver {
+        let mut solver =
+            LinearSolver::made(pattern, positions, constraints, options, (choice, estimate));
+        solver.limits = limits;
+        if !solver.iterates() {
+            solver.check_memory()?;
+        }
+        Ok(solver)
+    }
+
+    /// With a method, and what a factorisation costs if that is known.
+    fn made(
+        pattern: &Arc<BlockPattern>,
+        positions: &[f64],
+        constraints: &Constraints,
+        options: LinearOptions,
+        (choice, estimate): (Choice, Option<FactorizationEstimate>),
+    ) -> LinearSolver {
+        LinearSolver {
             pattern: Arc::clone(pattern),
             positions: positions.to_vec(),
             constraints: constraints.clone(),
             options,
             choice,
-            limits,
+            limits: CgLimits {
+                tolerance: options.cg_tolerance,
+                max_iterations: most_iterations(constraints),
+            },
+            may_store: false,
+            wide: None,
             estimate,
             triangle: None,
             symmetric: None,
@@ -161,11 +187,7 @@ impl LinearSolver {
             notes: Vec::new(),
             n_factorizations: 0,
             watch: Watch::default(),
-        };
-        if !solver.iterates() {
-            solver.check_memory()?;
         }
-        Ok(solver)
     }
 
     /// The solver for the tangent of an energy: without a matrix where that reaches further than the
@@ -353,6 +375,12 @@ impl LinearSolver {
     fn singular(&self) -> LinearError {
         LinearError::Singular { free: self.constraints.n_free() }
     }
+}
+
+/// Conjugate gradients that need more iterations have lost their way: twice the unknowns cover the loss
+/// of orthogonality of ill-conditioned systems.
+fn most_iterations(constraints: &Constraints) -> usize {
+    (2 * constraints.n_free()).clamp(1000, 20_000)
 }
 
 /// Bytes of the upper triangle of a tangent.

@@ -167,6 +167,15 @@ pub enum LinearError {
         /// 2-norm of the residual over that of the right-hand side.
         residual: f64,
     },
+    /// Products with a tangent that is not stored cost more than storing and factorising it, as far
+    /// as is known. Newton's method answers it.
+    #[error("{because}")]
+    GivenUp {
+        /// What happened.
+        because: String,
+        /// How many iterations were made, if more of them would help.
+        iterations: Option<usize>,
+    },
     /// The method needs the tangent itself.
     #[error(
         "{method} needs a stored tangent, and products by finite differences are all there is: take GMRES or \

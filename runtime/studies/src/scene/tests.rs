@@ -181,7 +181,7 @@ fn every_default_is_filled_in() {
     assert_eq!(scene.steps, Steps { end: 1.0, increments: 25 });
     let solver = SolverSettings {
         tolerance: 1e-10,
-        start: Start::Extrapolate,
+        start: Start::Tangent,
         newton: NewtonVariant::Full,
         linear: LinearMethod::Auto,
         preconditioner: PreconditionerChoice::Auto,

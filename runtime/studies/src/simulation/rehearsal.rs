@@ -76,6 +76,8 @@ struct Ledger {
 #[derive(Default)]
 struct Seen {
     first: FirstIncrement,
+    /// When the increment was first tried, and Newton's method first set out.
+    tried: Option<Instant>,
     begun: Option<Instant>,
     /// When the first linear system was posed, and the last Newton iteration was finished.
     posed: Option<Instant>,
@@ -87,7 +89,8 @@ impl Observer for Ledger {
         let mut seen = self.seen.lock().unwrap_or_else(|error| error.into_inner());
         let now = Instant::now();
         match event {
-            Event::Attempt(_) => drop(seen.begun.get_or_insert(now)),
+            Event::Attempt(_) => drop(seen.tried.get_or_insert(now)),
+            Event::Start => drop(seen.begun.get_or_insert(now)),
             Event::Residual { iterations: 0, .. } => drop(seen.posed.get_or_insert(now)),
             Event::Residual { .. } => {
                 seen.first.iterations += 1;
@@ -110,11 +113,15 @@ impl Ledger {
     fn read(&self) -> FirstIncrement {
         let seen = self.seen.lock().unwrap_or_else(|error| error.into_inner());
         let mut first = seen.first.clone();
-        let (Some(begun), Some(posed)) = (seen.begun, seen.posed) else { return first };
+        let Some(tried) = seen.tried else { return first };
         let until = seen.finished.unwrap_or_else(Instant::now);
-        let assembly = (posed - begun).as_secs_f64();
+        // Before Newton's method sets out there is the linear system of its start.
+        let assembly = match (seen.begun, seen.posed) {
+            (Some(begun), Some(posed)) => (posed - begun).as_secs_f64(),
+            _ => 0.0,
+        };
         first.assembly = assembly * first.iterations.max(1) as f64;
-        first.linear = ((until - begun).as_secs_f64() - first.assembly).max(0.0);
+        first.linear = ((until - tried).as_secs_f64() - first.assembly).max(0.0);
         first
     }
 }

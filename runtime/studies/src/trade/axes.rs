@@ -76,11 +76,11 @@ pub const AXES: &[Axis] = &[
     Axis {
         name: "start",
         key: "solver.start",
-        about: "a step starts on the line through the last two equilibria, or at the last",
+        about: "a step starts by the last tangent, on the line through the last two equilibria, or at the last",
         changes: Changes::Solution,
         words: tried::<Start>,
         reference: "last",
-        default: "extrapolate",
+        default: "tangent",
         usual: true,
     },
     Axis {
@@ -187,20 +187,20 @@ pub const AXES: &[Axis] = &[
 
 /// Combinations that are tried besides single changes: one row each, axes and their words.
 pub const COMBINATIONS: &[&[(&str, &str)]] = &[
-    &[("start", "extrapolate"), ("tolerance", "1e-2")],
-    &[("start", "extrapolate"), ("tolerance", "1e-4")],
-    &[("start", "extrapolate"), ("tolerance", "1e-6")],
-    &[("start", "extrapolate"), ("tolerance", "1e-8")],
-    &[("start", "extrapolate"), ("tolerance", "1e-12")],
-    &[("newton", "modified"), ("start", "extrapolate")],
+    &[("start", "tangent"), ("tolerance", "1e-2")],
+    &[("start", "tangent"), ("tolerance", "1e-4")],
+    &[("start", "tangent"), ("tolerance", "1e-6")],
+    &[("start", "tangent"), ("tolerance", "1e-8")],
+    &[("start", "tangent"), ("tolerance", "1e-12")],
+    &[("newton", "modified"), ("start", "tangent")],
     &[("newton", "modified"), ("tolerance", "1e-6")],
     &[("newton", "inexact"), ("linear", "cg")],
     &[("newton", "inexact"), ("linear", "cg"), ("tolerance", "1e-6")],
-    &[("newton", "inexact"), ("linear", "cg"), ("start", "extrapolate")],
-    &[("linear", "cg"), ("start", "extrapolate")],
+    &[("newton", "inexact"), ("linear", "cg"), ("start", "tangent")],
+    &[("linear", "cg"), ("start", "tangent")],
     &[("linear", "cg"), ("tolerance", "1e-6")],
-    &[("level", "fast"), ("start", "extrapolate")],
-    &[("level", "fast"), ("start", "extrapolate"), ("tolerance", "1e-6")],
+    &[("level", "fast"), ("start", "tangent")],
+    &[("level", "fast"), ("start", "tangent"), ("tolerance", "1e-6")],
 ];
 
 /// More settings than this are refused.

@@ -21,7 +21,7 @@ const LEAST_FACTOR: f64 = 1.2;
 const ROUNDED: f64 = 1e-9;
 
 /// How other lattices are solved: differences are of 1e-3 and more.
-const QUICK: [&str; 2] = ["solver.tolerance=1e-6", "solver.start=extrapolate"];
+const QUICK: [&str; 2] = ["solver.tolerance=1e-6", "solver.start=tangent"];
 
 /// Fewer spacings than this in a horizon are no neighbourhood.
 const LEAST_RATIO: f64 = 1.99;

@@ -114,11 +114,11 @@ fn settings_are_different_scenes() {
         settings(&read, &[]).unwrap().into_iter().map(|setting| setting.name).collect();
     assert!(names.contains(&DEFAULT.to_string()), "{names:?}");
 
-    // Two axes give all their combinations: 7 tolerances by 2 starts.
+    // Two axes give all their combinations: 7 tolerances by 3 starts.
     let axes = ["tolerance", "start", "start"].map(str::to_string);
     let names: Vec<String> =
         settings(&read, &axes).unwrap().into_iter().map(|setting| setting.name).collect();
-    assert_eq!(names.len(), 14, "{names:?}");
+    assert_eq!(names.len(), 21, "{names:?}");
     assert!(names.contains(&"tolerance=1e-6 start=last".to_string()), "{names:?}");
     let error = settings(&read, &["speed".to_string()]).unwrap_err();
     assert!(error.help().unwrap().contains("tolerance"), "{error}");

@@ -7,6 +7,7 @@
 //! what a displacement of the point does to the duals of all fields there, and spreads these over the
 //! families of the points that they belong to.
 
+use pulp::Arch;
 use rayon::prelude::*;
 
 use crate::energy::{NonFinite, Wanted};
@@ -127,9 +128,12 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
     /// The whole matrix on its pattern.
     pub(crate) fn fill(&self, matrix: &mut BlockMatrix) {
         let pattern = std::sync::Arc::clone(&matrix.pattern);
-        let n = pattern.n_rows();
+        let (n, arch) = (pattern.n_rows(), Arch::new());
         let fill = |scratch: &mut Scratch<D>, (point, out): (usize, &mut [f64])| {
-            self.row(scratch, point, pattern.row(point), self.is_across, out);
+            arch.dispatch(
+                #[inline(always)]
+                || self.row(scratch, point, pattern.row(point), self.is_across, out),
+            );
         };
         let rows = matrix.rows().into_par_iter().enumerate();
         rows.map_init(|| self.scratch(n), fill).collect::<()>();
@@ -137,9 +141,12 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
 
     /// Its diagonal blocks.
     pub(crate) fn diagonal(&self, blocks: &mut [f64]) {
-        let n = blocks.len() / (D * D);
+        let (n, arch) = (blocks.len() / (D * D), Arch::new());
         let fill = |scratch: &mut Scratch<D>, (point, out): (usize, &mut [f64])| {
-            self.row(scratch, point, &[point as u32], false, out);
+            arch.dispatch(
+                #[inline(always)]
+                || self.row(scratch, point, &[point as u32], false, out),
+            );
         };
         let blocks = blocks.par_chunks_exact_mut(D * D).enumerate();
         blocks.map_init(|| self.scratch(n), fill).collect::<()>();
@@ -149,15 +156,18 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
         Scratch::new(n, self.of.n_fields())
     }
 
+    #[inline(always)]
     fn own(&self, point: usize) -> &[[f64; D]] {
         &self.own[point * self.width..(point + 1) * self.width]
     }
 
+    #[inline(always)]
     fn weight(&self, place: usize) -> &[[f64; D]] {
         &self.of.weights()[place * self.width..(place + 1) * self.width]
     }
 
     /// The bond with neighbour number `k` of a point.
+    #[inline(always)]
     fn seen(&self, point: usize, k: usize) -> Seen {
         let neighborhood = self.of.neighborhood();
         let other = neighborhood.row(point)[k] as usize;
@@ -175,6 +185,7 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
     }
 
     /// The weights that a point has in the families of its neighbours.
+    #[inline(always)]
     fn in_families(&self, point: usize) -> impl Iterator<Item = (usize, &[[f64; D]])> {
         let neighborhood = self.of.neighborhood();
         let places = &self.mirrored[neighborhood.places(point)];
@@ -184,6 +195,7 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
 
     /// The blocks of a row at some columns, ascending. `beyond` tells whether displacements of the
     /// point change duals outside its family.
+    #[inline(always)]
     fn row(
         &self,
         scratch: &mut Scratch<D>,
@@ -213,6 +225,7 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
     }
 
     /// The force at the point by way of `s_i`, in which it has this weight.
+    #[inline(always)]
     fn through_fields(
         &self,
         scratch: &mut Scratch<D>,
@@ -254,6 +267,7 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
     }
 
     /// The force at the point by the differences of displacements of its own bonds.
+    #[inline(always)]
     fn through_bonds(&self, scratch: &mut Scratch<D>, point: usize, out: &mut [f64]) {
         let mut mixed = std::mem::take(&mut scratch.mixed);
         for k in 0..self.of.neighborhood().row(point).len() {
@@ -272,6 +286,7 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
     }
 
     /// From derivatives of the force by `s_j` to those by displacements.
+    #[inline(always)]
     fn spread(&self, scratch: &Scratch<D>, columns: &[u32], out: &mut [f64]) {
         let m = D * self.of.n_fields();
         let duals = |slot: usize| &scratch.duals[slot * m..(slot + 1) * m];
@@ -303,6 +318,7 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
 }
 
 /// Adds a block at a place, if there is one.
+#[inline(always)]
 fn add<const D: usize>(out: &mut [f64], place: Option<usize>, block: &Tensor<D>, factor: f64) {
     let Some(place) = place else { return };
     let out = &mut out[place * D * D..(place + 1) * D * D];
@@ -312,6 +328,7 @@ fn add<const D: usize>(out: &mut [f64], place: Option<usize>, block: &Tensor<D>,
 }
 
 /// Takes the transpose of `x` (`m x d`) from `duals` (`d x m`).
+#[inline(always)]
 fn subtract_turned<const D: usize>(x: &[f64], duals: &mut [f64]) {
     let m = duals.len() / D;
     for (k, row) in x.as_chunks::<D>().0.iter().enumerate() {
@@ -351,6 +368,7 @@ impl<const D: usize> Scratch<D> {
         }
     }
 
+    #[inline(always)]
     fn start(&mut self, point: usize, columns: &[u32]) {
         debug_assert!(columns.first() == Some(&(point as u32)));
         self.columns.iter().for_each(|&b| self.places[b as usize] = NOWHERE);
@@ -364,6 +382,7 @@ impl<const D: usize> Scratch<D> {
         self.duals.clear();
     }
 
+    #[inline(always)]
     fn see(&mut self, point: usize) {
         if self.slots[point] == NOWHERE {
             self.slots[point] = self.seen.len() as u32;
@@ -372,14 +391,17 @@ impl<const D: usize> Scratch<D> {
         }
     }
 
+    #[inline(always)]
     fn place(&self, point: usize) -> Option<usize> {
         (self.places[point] != NOWHERE).then_some(self.places[point] as usize)
     }
 
+    #[inline(always)]
     fn slot(&self, point: usize) -> Option<usize> {
         (self.slots[point] != NOWHERE).then_some(self.slots[point] as usize)
     }
 
+    #[inline(always)]
     fn duals(&mut self, point: usize) -> Option<&mut [f64]> {
         let (slot, size) = (self.slot(point)?, D * self.n_fields);
         Some(&mut self.duals[slot * size..(slot + 1) * size])

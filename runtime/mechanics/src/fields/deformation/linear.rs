@@ -108,6 +108,7 @@ impl<'a, const D: usize> FieldStiffness<'a, D> {
         }
     }
 
+    #[inline(always)]
     fn offset(&self, [i, j]: [usize; 2]) -> [f64; D] {
         let positions = self.body.positions().as_chunks::<D>().0;
         std::array::from_fn(|c| positions[j][c] - positions[i][c])
@@ -115,19 +116,23 @@ impl<'a, const D: usize> FieldStiffness<'a, D> {
 }
 
 impl<const D: usize> Linearised<D> for FieldStiffness<'_, D> {
+    #[inline(always)]
     fn neighborhood(&self) -> &Neighborhood {
         self.neighborhood
     }
 
+    #[inline(always)]
     fn n_fields(&self) -> usize {
         D * D
     }
 
+    #[inline(always)]
     fn weights(&self) -> &[[f64; D]] {
         &self.weights
     }
 
     /// `dH_rc = sum_j (du_j - du_i)_r G_c`.
+    #[inline(always)]
     fn add_transposed(&self, weight: &[[f64; D]], x: &[f64], columns: usize, out: &mut [f64]) {
         for r in 0..D {
             let out = &mut out[r * columns..(r + 1) * columns];
@@ -140,6 +145,7 @@ impl<const D: usize> Linearised<D> for FieldStiffness<'_, D> {
         }
     }
 
+    #[inline(always)]
     fn times(&self, x: &[f64], weight: &[[f64; D]]) -> Tensor<D> {
         std::array::from_fn(|r| {
             std::array::from_fn(|s| {
@@ -149,11 +155,13 @@ impl<const D: usize> Linearised<D> for FieldStiffness<'_, D> {
         })
     }
 
+    #[inline(always)]
     fn at_point(&self, point: usize) -> &[f64] {
         let size = D * D * D * D;
         &self.points[point * size..(point + 1) * size]
     }
 
+    #[inline(always)]
     fn across(&self, bond: usize) -> Option<&[f64]> {
         match &self.bonds {
             Bonds::Quadrature(bonds) => Some(bonds.bond(bond)[0]),
@@ -161,14 +169,17 @@ impl<const D: usize> Linearised<D> for FieldStiffness<'_, D> {
         }
     }
 
+    #[inline(always)]
     fn is_direct(&self) -> bool {
         !matches!(self.bonds, Bonds::None)
     }
 
+    #[inline(always)]
     fn is_mixed(&self) -> bool {
         self.is_direct()
     }
 
+    #[inline(always)]
     fn mixed(&self, end: usize, seen: Seen, out: &mut [f64]) {
         match &self.bonds {
             Bonds::None => out.fill(0.0),
@@ -190,6 +201,7 @@ impl<const D: usize> Linearised<D> for FieldStiffness<'_, D> {
         }
     }
 
+    #[inline(always)]
     fn direct(&self, seen: Seen) -> Tensor<D> {
         match &self.bonds {
             Bonds::None => [[0.0; D]; D],

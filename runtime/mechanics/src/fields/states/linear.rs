@@ -37,10 +37,12 @@ pub(super) struct Linear {
 
 impl Linear {
     /// Numbers per bond before those of integrals.
+    #[inline(always)]
     fn fixed(d: usize) -> usize {
         d + 2
     }
 
+    #[inline(always)]
     fn width(&self, d: usize) -> usize {
         Linear::fixed(d) + self.active.len() * if self.is_mixed { 3 } else { 1 }
     }
@@ -61,6 +63,7 @@ impl Linear {
     }
 
     /// All that is known of a bond.
+    #[inline(always)]
     pub(super) fn bond<const D: usize>(&self, bond: usize) -> OfBond<'_, D> {
         let (width, a) = (self.width(D), self.active.len());
         let row = &self.bonds[bond * width..(bond + 1) * width];

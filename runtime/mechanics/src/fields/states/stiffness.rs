@@ -49,18 +49,22 @@ impl<'a, const D: usize> StateStiffness<'a, D> {
 }
 
 impl<const D: usize> Linearised<D> for StateStiffness<'_, D> {
+    #[inline(always)]
     fn neighborhood(&self) -> &Neighborhood {
         &self.energy.neighborhood
     }
 
+    #[inline(always)]
     fn n_fields(&self) -> usize {
         self.linear.n_active()
     }
 
+    #[inline(always)]
     fn weights(&self) -> &[[f64; D]] {
         &self.weights
     }
 
+    #[inline(always)]
     fn add_transposed(&self, weight: &[[f64; D]], x: &[f64], columns: usize, out: &mut [f64]) {
         for (row, weight) in x.chunks_exact(columns.max(1)).zip(weight) {
             for (out, weight) in out.chunks_exact_mut(columns).zip(weight) {
@@ -69,6 +73,7 @@ impl<const D: usize> Linearised<D> for StateStiffness<'_, D> {
         }
     }
 
+    #[inline(always)]
     fn times(&self, x: &[f64], weight: &[[f64; D]]) -> Tensor<D> {
         let m = weight.len();
         std::array::from_fn(|r| {
@@ -77,19 +82,23 @@ impl<const D: usize> Linearised<D> for StateStiffness<'_, D> {
         })
     }
 
+    #[inline(always)]
     fn at_point(&self, point: usize) -> &[f64] {
         let size = self.linear.n_active() * self.linear.n_active();
         &self.points[point * size..(point + 1) * size]
     }
 
+    #[inline(always)]
     fn is_direct(&self) -> bool {
         true
     }
 
+    #[inline(always)]
     fn is_mixed(&self) -> bool {
         self.linear.is_mixed()
     }
 
+    #[inline(always)]
     fn mixed(&self, end: usize, seen: Seen, out: &mut [f64]) {
         let of = self.linear.bond::<D>(seen.bond);
         let [i, j] = seen.ends;
@@ -101,6 +110,7 @@ impl<const D: usize> Linearised<D> for StateStiffness<'_, D> {
         }
     }
 
+    #[inline(always)]
     fn direct(&self, seen: Seen) -> Tensor<D> {
         let of = self.linear.bond::<D>(seen.bond);
         std::array::from_fn(|r| {

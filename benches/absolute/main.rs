@@ -106,7 +106,7 @@ fn assembly(criterion: &mut Criterion) {
             group.bench_function(id, |bencher| {
                 bencher.iter(|| match order {
                     Order::Energy => energy.energy(&u),
-                    Order::Gradient => energy.gradient(&u, &mut gradient),
+                    Order::Gradient => energy.forces(&u, &mut gradient),
                     Order::Tangent => energy.tangent(&u, &mut gradient, &mut tangent),
                 });
             });

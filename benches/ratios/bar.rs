@@ -221,7 +221,7 @@ fn papers(energy: &dyn Energy, u: &[f64], p: &[f64]) -> Vec<f64> {
     let forces = |way: f64| {
         let at: Vec<f64> = u.iter().zip(p).map(|(u, p)| u + way * step * p).collect();
         let mut forces = vec![0.0; u.len()];
-        energy.gradient(&at, &mut forces).expect("the state is finite");
+        energy.forces(&at, &mut forces).expect("the state is finite");
         forces
     };
     let (ahead, behind) = (forces(1.0), forces(-1.0));

@@ -152,7 +152,7 @@ fn compare(
         Clock::Wall,
         [
             &mut || {
-                energy.gradient(&u, force).expect("all is finite");
+                energy.forces(&u, force).expect("all is finite");
             },
             &mut || by_hand.forces(u_rows, hand_force),
             &mut || by_numbers.forces(u_rows, number_force),

@@ -47,7 +47,7 @@ fn compare(table: &mut Table, what: &str, k3: f64) {
     // The tangent at rest is positive definite; the right-hand side is that of strains of some percent.
     let at_rest = vec![0.0; u.len()];
     energy.tangent(&at_rest, &mut gradient, &mut tangent).expect("all is finite");
-    energy.gradient(&u, &mut gradient).expect("all is finite");
+    energy.forces(&u, &mut gradient).expect("all is finite");
     let (theirs, _) = solve(&energy, &tangent, &gradient, LinearMethod::Cholesky);
     let (ours, report) = solve(&energy, &tangent, &gradient, LinearMethod::Auto);
     let what = format!(

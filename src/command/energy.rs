@@ -58,7 +58,7 @@ fn evaluate(case: &Case, arguments: &Energy) -> Result<Option<Value>, CaseError>
     let mut tangent = arguments.tangent.then(|| BlockMatrix::zeros(energy.pattern()));
     let parts = match &mut tangent {
         Some(tangent) => energy.tangent(&displacement, &mut gradient, tangent),
-        None => energy.gradient(&displacement, &mut gradient),
+        None => energy.forces(&displacement, &mut gradient),
     };
     let parts = parts.map_err(|found| CaseError::Body { message: case.describe(&found) })?;
     let report = energy.report();

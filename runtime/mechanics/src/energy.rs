@@ -256,7 +256,7 @@ pub trait Energy: Sync {
     ///
     /// # Errors
     /// As [`Energy::evaluate`].
-    fn gradient(&self, u: &[f64], forces: &mut [f64]) -> Result<EnergyParts, NonFinite> {
+    fn forces(&self, u: &[f64], forces: &mut [f64]) -> Result<EnergyParts, NonFinite> {
         self.named(u, Wanted::Forces(forces))
     }
 

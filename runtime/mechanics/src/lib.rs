@@ -47,12 +47,12 @@
 //! let mut u: Vec<f64> = (0..n).map(|k| if x(k) > 7.0 && k % 2 == 0 { 0.5 } else { 0.0 }).collect();
 //! let mut forces = vec![0.0; n];
 //! for _ in 0..2000 {
-//!     energy.gradient(&u, &mut forces)?;
+//!     energy.forces(&u, &mut forces)?;
 //!     (0..n).filter(|k| is_free(*k)).for_each(|k| u[k] -= 0.2 * forces[k]);
 //! }
 //!
 //! // Nothing pulls at free points, and what holds one end holds the other.
-//! energy.gradient(&u, &mut forces)?;
+//! energy.forces(&u, &mut forces)?;
 //! assert!((0..n).filter(|k| is_free(*k)).all(|k| forces[k].abs() < 1e-12));
 //! let pull = |end: fn(f64) -> bool| -> f64 {
 //!     (0..n).step_by(2).filter(|k| end(x(*k))).map(|k| forces[k]).sum()

@@ -1,5 +1,6 @@
 //! Symmetric sparse matrices of d x d blocks: one row and one column of blocks per point.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -148,20 +149,7 @@ impl BlockMatrix {
 
     /// Adds a matrix whose blocks are all on this one's pattern.
     pub(crate) fn add(&mut self, other: &BlockMatrix) {
-        let size = self.pattern.dimension * self.pattern.dimension;
-        let from = &other.pattern;
-        for row in 0..self.pattern.n_rows() {
-            let mut place = self.pattern.row_start[row];
-            for block in from.row_start[row]..from.row_start[row + 1] {
-                while self.pattern.columns[place] < from.columns[block] {
-                    place += 1;
-                }
-                assert_eq!(self.pattern.columns[place], from.columns[block], "a block of both");
-                let values = &other.values[block * size..(block + 1) * size];
-                let sums = &mut self.values[place * size..(place + 1) * size];
-                sums.iter_mut().zip(values).for_each(|(sum, x)| *sum += x);
-            }
-        }
+        add_rows(&self.pattern, 0..self.pattern.n_rows(), &mut self.values, other);
     }
 
     /// The product `K x`, summed block by block in the pattern's order: the same bits always.
@@ -216,6 +204,49 @@ impl BlockMatrix {
                     std::iter::once((row, column, value)).chain(mirrored)
                 })
             })
+    }
+}
+
+/// Rows that one task adds to.
+const ROWS: usize = 256;
+
+/// Adds some rows of a matrix to `sums`, those on another pattern that has all its blocks. Halves
+/// go side by side, without lists of rows.
+fn add_rows(pattern: &BlockPattern, rows: Range<usize>, sums: &mut [f64], other: &BlockMatrix) {
+    let size = pattern.dimension * pattern.dimension;
+    let of_rows = |rows: &Range<usize>| pattern.row_start[rows.end] - pattern.row_start[rows.start];
+    if rows.len() > ROWS {
+        let middle = rows.start + rows.len() / 2;
+        let (low, high) = (rows.start..middle, middle..rows.end);
+        let (first, last) = sums.split_at_mut(of_rows(&low) * size);
+        rayon::join(
+            || add_rows(pattern, low, first, other),
+            || add_rows(pattern, high, last, other),
+        );
+        return;
+    }
+    let add = |sums: &mut [f64], values: &[f64]| {
+        sums.iter_mut().zip(values).for_each(|(sum, x)| *sum += x);
+    };
+    let mut rest = sums;
+    for row in rows {
+        let (all, some) = (pattern.row(row), other.pattern.row(row));
+        let (sums, tail) = std::mem::take(&mut rest).split_at_mut(all.len() * size);
+        rest = tail;
+        let start = other.pattern.row_start[row] * size;
+        let values = &other.values[start..start + some.len() * size];
+        if all.len() == some.len() {
+            add(sums, values);
+            continue;
+        }
+        let mut place = 0;
+        for (column, block) in some.iter().zip(values.chunks_exact(size)) {
+            while all[place] < *column {
+                place += 1;
+            }
+            assert_eq!(all[place], *column, "a block of both");
+            add(&mut sums[place * size..(place + 1) * size], block);
+        }
     }
 }
 

@@ -71,7 +71,7 @@ fn the_tolerance_is_relative_to_the_larger_of_reactions_and_loads() {
             let (last, rest) = ratios.split_last().unwrap();
             assert!(*last <= tolerance && rest.iter().all(|&r| r > tolerance), "{ratios:?}");
             let mut gradient = vec![0.0; u.len()];
-            network.gradient(&u, &mut gradient).unwrap();
+            network.forces(&u, &mut gradient).unwrap();
             assert_eq!(gradient, solver.internal_forces());
             let reaction: Vec<f64> = fixed.iter().map(|&dof| gradient[dof] - loads[dof]).collect();
             let scale = norm_of(&reaction).max(norm_of(&loads));

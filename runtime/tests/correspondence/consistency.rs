@@ -68,7 +68,7 @@ fn the_gradient_is_the_derivative_of_the_energy() {
     for_each(|energy, u, name| {
         let p = displacements(energy.body(), &h_of(energy.dimension()), 0.03, 17);
         let mut gradient = vec![0.0; u.len()];
-        let parts = energy.gradient(u, &mut gradient).unwrap();
+        let parts = energy.forces(u, &mut gradient).unwrap();
         assert_eq!(parts, energy.energy(u).unwrap(), "{name}");
         let slope: f64 = gradient.iter().zip(&p).map(|(g, p)| g * p).sum();
         let expected = derivative(|t| vec![energy.energy(&along(u, &p, t)).unwrap().total()])[0];
@@ -84,7 +84,7 @@ fn products_are_derivatives_of_the_gradient() {
         energy.hessian(u).unwrap().multiply(&p, &mut product);
         let expected = derivative(|t| {
             let mut gradient = vec![0.0; u.len()];
-            energy.gradient(&along(u, &p, t), &mut gradient).unwrap();
+            energy.forces(&along(u, &p, t), &mut gradient).unwrap();
             gradient
         });
         let error = error(&product, &expected);
@@ -141,7 +141,7 @@ fn the_bits_do_not_depend_on_the_number_of_threads() {
                 pool.install(|| {
                     let energy = energy(&body, 2.8, order, discretisation, "cubic");
                     let mut out = [vec![0.0; u.len()], vec![0.0; u.len()]];
-                    let parts = energy.gradient(&u, &mut out[0]).unwrap();
+                    let parts = energy.forces(&u, &mut out[0]).unwrap();
                     energy.hessian(&u).unwrap().multiply(&p, &mut out[1]);
                     (
                         energy.energy(&u).unwrap(),

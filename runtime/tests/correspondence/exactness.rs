@@ -198,7 +198,7 @@ fn nodal_correspondence_is_total_lagrangian_sph() {
         };
         let energy = DeformationEnergy::new(Arc::clone(&body), formulation, law).unwrap();
         let mut gradient = vec![0.0; u.len()];
-        energy.gradient(&u, &mut gradient).unwrap();
+        energy.forces(&u, &mut gradient).unwrap();
         let wrong =
             error(&gradient, &sph_forces(&body, horizon, &u, &*st_venant_kirchhoff(d, 210.0, 0.3)));
         println!("{d}: {wrong:.1e}");

@@ -36,7 +36,7 @@ fn forces_sum_to_zero_and_turn_nothing() {
             for discretisation in DISCRETISATIONS {
                 let energy = energy(&body, 3.0, order, discretisation, "cubic");
                 let mut f = vec![0.0; u.len()];
-                energy.gradient(&u, &mut f).unwrap();
+                energy.forces(&u, &mut f).unwrap();
                 let x: Vec<f64> = u.iter().zip(body.positions()).map(|(u, x)| x + u).collect();
                 let sum: Vec<f64> =
                     (0..d).map(|r| f.iter().skip(r).step_by(d).sum::<f64>()).collect();
@@ -75,8 +75,8 @@ fn energies_do_not_see_rotations_but_for_wans_stabilisation() {
             for discretisation in DISCRETISATIONS {
                 let energy = energy(&body, 3.0, order, discretisation, "cubic");
                 let (mut f, mut g) = (vec![0.0; u.len()], vec![0.0; u.len()]);
-                let before = energy.gradient(&u, &mut f).unwrap();
-                let after = energy.gradient(&turned, &mut g).unwrap();
+                let before = energy.forces(&u, &mut f).unwrap();
+                let after = energy.forces(&turned, &mut g).unwrap();
                 let change = (after.total() / before.total() - 1.0).abs();
                 let forces = error(&g, &rotated(d, &f));
                 if discretisation == WAN {
@@ -105,7 +105,7 @@ fn volumes_over_six_decades_keep_the_balance_of_forces() {
     for discretisation in DISCRETISATIONS {
         let energy = energy(&body, 2.8, OperatorOrder::First, discretisation, "cubic");
         let mut f = vec![0.0; u.len()];
-        energy.gradient(&u, &mut f).unwrap();
+        energy.forces(&u, &mut f).unwrap();
         for r in 0..3 {
             let component = || f.iter().skip(r).step_by(3);
             let (sum, size): (f64, f64) = (component().sum(), component().map(|f| f.abs()).sum());

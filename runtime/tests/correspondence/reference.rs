@@ -57,7 +57,7 @@ impl Cloud {
         };
         let mut gradient = vec![0.0; self.u.len()];
         let mut product = gradient.clone();
-        let parts = energy.gradient(&self.u, &mut gradient).unwrap();
+        let parts = energy.forces(&self.u, &mut gradient).unwrap();
         energy.hessian(&self.u).unwrap().multiply(&self.v, &mut product);
         let total = expected["W"].as_f64().unwrap();
         let alone = energy.energy(&self.u).unwrap().total();

@@ -46,7 +46,7 @@ fn mixed_laws(dimension: usize) -> Laws {
 
 fn gradient(energy: &DiscreteEnergy, u: &[f64]) -> (EnergyParts, Vec<f64>) {
     let mut gradient = vec![0.0; u.len()];
-    let parts = energy.gradient(u, &mut gradient).unwrap();
+    let parts = energy.forces(u, &mut gradient).unwrap();
     (parts, gradient)
 }
 

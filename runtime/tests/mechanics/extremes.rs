@@ -13,7 +13,7 @@ use crate::common::{U, displacements, distance, lattice, laws, norm};
 
 fn gradient(energy: &DiscreteEnergy, u: &[f64]) -> Vec<f64> {
     let mut gradient = vec![0.0; u.len()];
-    energy.gradient(u, &mut gradient).unwrap();
+    energy.forces(u, &mut gradient).unwrap();
     gradient
 }
 
@@ -80,7 +80,7 @@ fn e07_a_kink_is_refused_with_its_points() {
     // Sorted along x: user points 0 and 2 at x = 0 come first, user point 1 is last.
     let u = [0., 0., 0., 0., -1., 0.];
     assert!(energy.energy(&u).is_ok(), "the energy itself is finite");
-    let error = energy.gradient(&u, &mut [0.0; 6]).unwrap_err();
+    let error = energy.forces(&u, &mut [0.0; 6]).unwrap_err();
     assert_eq!((error.points, error.value, error.reference), (vec![0, 2], 0.0, 1.0));
 }
 

@@ -278,7 +278,7 @@ fn e10_a_newton_step_ends_before_a_tetrahedron_turns_inside_out() {
         assert_eq!(energy.inverted(&u).tetrahedra, 0);
         let mut turned = u;
         turned[3 * apex + 2] = -2.0;
-        let error = energy.gradient(&turned, &mut [0.0; 12]).unwrap_err();
+        let error = energy.forces(&turned, &mut [0.0; 12]).unwrap_err();
         assert!(error.inverted && error.points.len() == 4, "{name}: {error}");
         // A jump of prescribed values is judged the same way.
         let mut jump = [0.0; 12];
@@ -300,7 +300,7 @@ fn e10_an_energy_that_is_finite_everywhere_may_turn_inside_out() {
             body.positions().chunks_exact(3).flat_map(|x| [-2.0 * x[0], 0.0, 0.0]).collect();
         assert!(energy.first_inversion(&[0.0; 24], &mirrored).is_none());
         let mut gradient = [0.0; 24];
-        let parts = energy.gradient(&mirrored, &mut gradient).unwrap();
+        let parts = energy.forces(&mirrored, &mut gradient).unwrap();
         assert_eq!(energy.inverted(&mirrored).tetrahedra, energy.report().tetrahedra);
         // n = 2 has a second minimum where every tetrahedron is mirrored.
         assert_eq!(parts.of("psi(v)") == 0.0 && norm(&gradient) == 0.0, n == 2);

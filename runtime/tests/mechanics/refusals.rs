@@ -112,7 +112,7 @@ fn an_infinite_second_derivative_is_refused_where_it_is_asked_for() {
             let energy = DiscreteEnergy::new(Arc::clone(&body), 4.0, Weights::Unit, laws).unwrap();
             let mut gradient = vec![0.0; u.len()];
             assert!(energy.energy(&u).unwrap().total() > 0.0);
-            energy.gradient(&u, &mut gradient).unwrap();
+            energy.forces(&u, &mut gradient).unwrap();
             let mut matrix = BlockMatrix::zeros(energy.pattern());
             let mut diagonal = vec![0.0; u.len() * dimension];
             let mut product = vec![0.0; u.len()];

@@ -100,7 +100,7 @@ fn the_cheaper_orders_give_the_same_bits() {
         let (mut first, mut second) = (vec![1.0; case.u.len()], vec![2.0; case.u.len()]);
         let mut tangent = BlockMatrix::zeros(energy.pattern());
         let parts = energy.tangent(&case.u, &mut first, &mut tangent).unwrap();
-        assert_eq!(energy.gradient(&case.u, &mut second).unwrap(), parts);
+        assert_eq!(energy.forces(&case.u, &mut second).unwrap(), parts);
         assert_eq!(energy.energy(&case.u).unwrap(), parts);
         assert_eq!(first, second);
         tangent.values.fill(3.0);
@@ -123,7 +123,7 @@ fn unit_weights_agree_kind_by_kind() {
             let body = Arc::clone(&case.body);
             let energy = DiscreteEnergy::new(body, case.horizon, Weights::Unit, laws).unwrap();
             let mut gradient = vec![0.0; case.u.len()];
-            let parts = energy.gradient(&case.u, &mut gradient).unwrap();
+            let parts = energy.forces(&case.u, &mut gradient).unwrap();
             let name = format!("{} {key}", case.name);
             assert!((parts.total() - expected).abs() <= 1.2e-14 * expected, "{name}");
             let found = case.body.to_user_order(&gradient, case.body.dimension());

@@ -55,7 +55,7 @@ fn solve(energy: &dyn Energy, u: &[f64], method: LinearMethod) -> (Vec<f64>, New
     let fixed: Vec<usize> = (0..u.len()).filter(held).collect();
     let constraints = Constraints::new(u.len(), &fixed).unwrap();
     let mut loads = vec![0.0; u.len()];
-    energy.gradient(u, &mut loads).unwrap();
+    energy.forces(u, &mut loads).unwrap();
     let mut found = vec![0.0; u.len()];
     fixed.iter().for_each(|&dof| (found[dof], loads[dof]) = (u[dof], 0.0));
     let options = LinearOptions { method, ..LinearOptions::default() };

@@ -45,7 +45,7 @@ fn forces_and_products_are_derivatives_of_the_energy() {
         let at = |t: f64| -> Vec<f64> { u.iter().zip(&p).map(|(u, p)| u + t * p).collect() };
         let gradient = |u: &[f64]| {
             let mut gradient = vec![0.0; n];
-            energy.gradient(u, &mut gradient).unwrap();
+            energy.forces(u, &mut gradient).unwrap();
             gradient
         };
         let h = 1e-5;
@@ -85,7 +85,7 @@ fn forces_sum_to_zero_turn_nothing_and_rotate_with_the_body() {
         let energy = energy(&text, &parameters, &body, 2.3);
         let u = displacements(&body, &h_of(d), 0.05, 5);
         let mut f = vec![0.0; u.len()];
-        let before = energy.gradient(&u, &mut f).unwrap().total();
+        let before = energy.forces(&u, &mut f).unwrap().total();
         let x: Vec<f64> = u.iter().zip(body.positions()).map(|(u, x)| x + u).collect();
         for r in 0..d {
             let sum: f64 = f.iter().skip(r).step_by(d).sum();
@@ -108,7 +108,7 @@ fn forces_sum_to_zero_turn_nothing_and_rotate_with_the_body() {
         let moved: Vec<f64> =
             rotated(&x).iter().zip(body.positions()).map(|(x, rest)| x - rest).collect();
         let mut turned = vec![0.0; u.len()];
-        let after = energy.gradient(&moved, &mut turned).unwrap().total();
+        let after = energy.forces(&moved, &mut turned).unwrap().total();
         assert!((after / before - 1.0).abs() < 3e-15, "{name}");
         assert!(error(&turned, &rotated(&f)) < 2.5e-14, "{name}");
     }
@@ -125,7 +125,7 @@ fn the_bits_do_not_depend_on_threads() {
             pool.install(|| {
                 let energy = energy(&text, &parameters, &body, 2.3);
                 let (mut f, mut product) = (vec![0.0; u.len()], vec![0.0; u.len()]);
-                let parts = energy.gradient(&u, &mut f).unwrap();
+                let parts = energy.forces(&u, &mut f).unwrap();
                 energy.hessian(&u).unwrap().multiply(&f, &mut product);
                 (parts.total().to_bits(), f, product)
             })
@@ -162,7 +162,7 @@ fn energies_that_are_not_finite_name_their_point() {
     let mut u = vec![0.0; 3 * body.n_points()];
     let point = body.n_points() / 2;
     u[3 * point] = 1.5;
-    let found = energy.gradient(&u, &mut vec![0.0; u.len()]).unwrap_err();
+    let found = energy.forces(&u, &mut vec![0.0; u.len()]).unwrap_err();
     let near = energy.neighborhood().row(point);
     let named = found.points[0];
     assert!(named == point || near.contains(&(named as u32)), "{found:?}");
@@ -182,7 +182,7 @@ fn products_that_are_not_finite_name_their_point() {
     let one = body.n_points() / 2;
     let other = *energy.neighborhood().upper(one).last().unwrap() as usize;
     [one, other].into_iter().for_each(|point| u[3 * point..3 * point + 3].fill(0.0));
-    energy.gradient(&u, &mut vec![0.0; u.len()]).unwrap();
+    energy.forces(&u, &mut vec![0.0; u.len()]).unwrap();
     let Err(found) = energy.hessian(&u) else { panic!("psi'' of a bond is infinite") };
     // Rows of the two ends are not finite, the first is named.
     assert_eq!(found.points, vec![one], "{found:?} {other}");

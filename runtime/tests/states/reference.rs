@@ -66,7 +66,7 @@ const INFLUENCES: [(&str, &str); 3] = [("LPS_one", "1"), ("LPS_inv", "1/L"), ("L
 /// Errors of the solid of the library.
 fn errors_of_the_solid(cloud: &Cloud<'_>, model: &str, energy: &StateEnergy) -> [f64; 3] {
     let (mut gradient, mut product) = (vec![0.0; cloud.u.len()], vec![0.0; cloud.u.len()]);
-    let total = energy.gradient(&cloud.u, &mut gradient).unwrap().total();
+    let total = energy.forces(&cloud.u, &mut gradient).unwrap().total();
     energy.hessian(&cloud.u).unwrap().multiply(&cloud.v, &mut product);
     cloud.errors(model, total, &gradient, &product)
 }

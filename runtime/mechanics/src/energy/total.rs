@@ -420,7 +420,7 @@ mod tests {
             stored.copy_from_slice(&matrix.multiply(&p));
             diagonal.resize(2 * n, f64::NAN);
             assert_eq!(energy.tangent_diagonal(&u, &mut vec![0.0; n], diagonal).unwrap(), parts);
-            assert_eq!(energy.gradient(&u, &mut vec![0.0; n]).unwrap(), parts);
+            assert_eq!(energy.forces(&u, &mut vec![0.0; n]).unwrap(), parts);
             assert_eq!(energy.energy(&u).unwrap(), parts);
             (parts, found)
         };

@@ -156,7 +156,7 @@ impl Affine {
             }
             sums / volume
         };
-        energy.gradient(&rest, &mut force)?;
+        energy.forces(&rest, &mut force)?;
         let stress = moments(&force).as_slice().to_vec();
         let hessian = energy.hessian(&rest)?;
         Affine::of_products(d, stress, |direction| {

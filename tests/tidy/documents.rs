@@ -202,9 +202,9 @@ fn every_code_of_the_compiler_is_listed() {
 
 #[test]
 fn every_rewrite_is_documented() {
-    let page = read("docs/accuracy.md");
+    let page = read("docs/measured/accuracy.md");
     for rule in piola_compiler::rewrite::REWRITES {
         let row = format!("| {} | `{}` | {} |", rule.name, rule.identity, rule.condition);
-        assert!(page.contains(&row), "docs/accuracy.md misses {row}");
+        assert!(page.contains(&row), "docs/measured/accuracy.md misses {row}");
     }
 }

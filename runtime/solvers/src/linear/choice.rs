@@ -9,7 +9,7 @@ use super::report::LinearMethod;
 /// In three dimensions `auto` factorises up to this many operations and iterates beyond.
 ///
 /// 2e9 take a tenth of a second on one core. Conjugate gradients with two levels are faster from less
-/// than that on (`docs/performance.md`, "Linear solution in 3D"), but a factorisation proves
+/// than that on (`docs/measured/performance.md`, "Linear solution in 3D"), but a factorisation proves
 /// whether an equilibrium is stable and does not mind how the tangent is conditioned. For bonds with
 /// a horizon of three spacings 10^3 points take 1.6e9 operations, 20^3 points 2.3e11.
 const AUTO_OPERATIONS_3D: f64 = 2e9;
@@ -144,7 +144,7 @@ pub(super) fn iterations_worth(operations: f64, matrix_bytes: f64) -> f64 {
 }
 
 /// Products with a tangent that is not stored in the time in which it is worked out to be stored: the
-/// middle of the 14 to 270 of `docs/performance.md`, "Where products end".
+/// middle of the 14 to 270 of `docs/measured/performance.md`, "Where products end".
 const PRODUCTS_OF_A_TANGENT: f64 = 60.0;
 
 /// Operations of a factorisation in the time of one product, for each block of bonded points: 120 ns

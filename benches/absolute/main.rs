@@ -15,13 +15,14 @@ use std::time::Duration;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use piola_compiler::{Form, Level, Measure, Mode};
+use piola_runtime::case::{Case, Library};
 use piola_runtime::element::{Contributions, InteractionBatch, Order};
 use piola_runtime::energy::Energy;
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::neighborhood::Neighborhood;
 use piola_runtime::output::OutputFolder;
 use piola_runtime::output::summary::ExitReason;
-use piola_runtime::simulation::{Case, Library, RunOptions, run};
+use piola_runtime::simulation::{RunOptions, run};
 use piola_runtime::solve::Watch;
 use piola_runtime::solve::constraint::Constraints;
 use piola_runtime::solve::linear::{LinearMethod, LinearOptions, LinearSolver};

@@ -11,8 +11,11 @@ use serde::{Deserialize, Serialize};
 pub(crate) const PATH: &str = "docs/measured/ratios.json";
 
 /// The documents that show tables of the record, from the root.
-pub(crate) const DOCUMENTS: [&str; 3] =
-    ["docs/measured/performance.md", "docs/measured/accuracy.md", "docs/measured/correspondence.md"];
+pub(crate) const DOCUMENTS: [&str; 3] = [
+    "docs/measured/performance.md",
+    "docs/measured/accuracy.md",
+    "docs/measured/correspondence.md",
+];
 
 /// The name of the table that says what the others were measured with.
 pub(crate) const CIRCUMSTANCES: &str = "circumstances";

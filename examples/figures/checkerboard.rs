@@ -1,9 +1,9 @@
 //! Checkerboards (partmann2026 4.44): the energy per volume that models find in displacements which
 //! alternate from point to point, in a plane through the middle of a cube.
 
+use piola_runtime::case::Case;
 use piola_runtime::energy::Energy as _;
 use piola_runtime::output::picture::{Slice, SlicePlot};
-use piola_runtime::simulation::Case;
 
 use crate::case;
 

@@ -15,10 +15,10 @@ mod traction;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use piola_runtime::case::{Case, Library};
 use piola_runtime::output::OutputError;
 use piola_runtime::output::atomic::write_atomically;
 use piola_runtime::output::picture::{LogarithmicPanel, LogarithmicPlot};
-use piola_runtime::simulation::{Case, Library};
 
 /// A panel with its lines: name, and value against value.
 pub(crate) struct Panel {

@@ -3,7 +3,8 @@
 
 use std::time::Duration;
 
-use piola_runtime::simulation::{Attempt, Case, solve};
+use piola_runtime::case::Case;
+use piola_runtime::simulation::{Attempt, solve};
 
 use crate::{Line, Panel, case};
 

@@ -7,7 +7,7 @@
 //! | [`piola_solvers`] | equilibrium | [`solve`] |
 //! | [`piola_output`] | what is left behind | [`output`] |
 //! | [`piola_studies`] | what is asked for | [`scene`], [`plan`] |
-//! | | all of it together | [`simulation`] |
+//! | | all of it together | [`case`], [`simulation`] |
 //! | | what accuracy costs | [`trade`] |
 //! | | which elastic moduli a body has | [`moduli`] |
 //!
@@ -20,7 +20,7 @@ pub use piola_mechanics::{
 };
 pub use piola_output as output;
 pub use piola_solvers as solve;
-pub use piola_studies::{moduli, plan, scene, simulation, trade};
+pub use piola_studies::{case, moduli, plan, scene, simulation, trade};
 
 /// Elements, and what they cost.
 pub mod element {

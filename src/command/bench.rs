@@ -5,9 +5,10 @@ use std::path::Path;
 
 use piola_compiler::audit::{Audit, Settings, audit};
 use piola_compiler::{Argument, Form, Level, Measure, Mode, Values};
+use piola_runtime::case::Case;
 use piola_runtime::element::cost::{self, CostError, EnergyCost, WayCost};
 use piola_runtime::output::summary::PhaseClock;
-use piola_runtime::simulation::{self, Case, SceneCost};
+use piola_runtime::simulation::{self, SceneCost};
 use serde_json::{Value, json};
 
 use super::audit::units;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use piola_runtime::simulation::Case;
+use piola_runtime::case::Case;
 
 use super::{Exit, scene};
 use crate::cli::{Check, Format};

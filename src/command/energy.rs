@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use piola_runtime::case::{Case, CaseError};
 use piola_runtime::energy::Energy as _;
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::output::read::read_displacement;
-use piola_runtime::simulation::{Case, CaseError};
 
 use serde_json::{Value, json};
 

@@ -3,11 +3,12 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use piola_runtime::case::Case;
 use piola_runtime::interaction::Inverted;
 use piola_runtime::output::OutputFolder;
 use piola_runtime::output::summary::ExitReason;
 use piola_runtime::plan::Plan;
-use piola_runtime::simulation::{Case, Ending, RunError, RunOptions, run};
+use piola_runtime::simulation::{Ending, RunError, RunOptions, run};
 use piola_runtime::solve::Watch;
 
 use super::{Exit, scene};

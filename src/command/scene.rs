@@ -1,9 +1,9 @@
 //! What the commands that take a scene share.
 
 use piola_grammar::Diagnostic;
+use piola_runtime::case::{Case, CaseError, Library};
 use piola_runtime::scene::SceneReport;
 use piola_runtime::scene::boundary::BoundaryConditions;
-use piola_runtime::simulation::{Case, CaseError, Library};
 
 use crate::cli::Format;
 use crate::library;

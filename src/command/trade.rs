@@ -5,8 +5,8 @@ use std::path::Path;
 use std::time::Duration;
 
 use indicatif::ProgressBar;
+use piola_runtime::case::{Case, CaseError};
 use piola_runtime::output::OutputFolder;
-use piola_runtime::simulation::{Case, CaseError};
 use piola_runtime::trade::{AXES, Options, Study, TradeError, axes, study};
 
 use super::{Exit, run, scene};

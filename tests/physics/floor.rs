@@ -3,8 +3,8 @@
 
 use std::ops::ControlFlow;
 
+use piola_runtime::case::{Case, Library};
 use piola_runtime::scene::boundary::BoundaryConditions;
-use piola_runtime::simulation::{Case, Library};
 use piola_runtime::solve::Watch;
 use piola_runtime::solve::newton::NewtonSettings;
 use piola_runtime::solve::steps::{Drive, StepError, StepSettings, run_steps};

@@ -3,7 +3,8 @@
 //! | part | modules |
 //! |---|---|
 //! | what is asked for | [`scene`], [`plan`] |
-//! | a scene made ready, solved and written down | [`simulation`] |
+//! | a scene made ready | [`case`] |
+//! | planned, solved and written down | [`simulation`] |
 //! | what accuracy costs | [`trade`]; an interaction alone: [`cost`] |
 //! | which elastic moduli a body has | [`moduli`] |
 //!
@@ -13,6 +14,7 @@
 // A library prints nothing; what its program prints goes through one module.
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
+pub mod case;
 pub mod cost;
 pub mod moduli;
 pub mod plan;

@@ -6,8 +6,8 @@ use piola_mechanics::interaction::never_fails;
 use piola_mechanics::kernel::{Variables, VariablesLaw};
 
 use super::inside::Inside;
+use crate::case::{Case, CaseError, Compiled, state_laws};
 use crate::scene::Points;
-use crate::simulation::{Case, CaseError, Compiled, state_laws};
 
 /// Derivatives at rest of the energy density W by the displacement gradient G in `u = G X`.
 ///

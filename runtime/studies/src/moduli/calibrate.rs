@@ -12,8 +12,8 @@ use piola_compiler::ValueError;
 
 use super::inside::Inside;
 use super::{Affine, Moduli, Modulus, Stiffness, moduli_with};
+use crate::case::{self, Case, CaseError, Potential};
 use crate::scene::{Located, ParameterSetting, ParameterText, Scene};
-use crate::simulation::{self, Case, CaseError, Potential};
 use response::{Linear, Response, Sampled};
 use search::{Found, explore, refine};
 
@@ -250,7 +250,7 @@ impl<'a> Problem<'a> {
             }
         }
         for (potential, material) in case.potentials.iter_mut().zip(&case.scene.materials) {
-            potential.values = values(potential, &simulation::settings(material))?;
+            potential.values = values(potential, &case::settings(material))?;
         }
         Ok(case)
     }

@@ -13,8 +13,8 @@ use piola_mechanics::weights::Weights;
 use super::Affine;
 use super::cubic::Cubic;
 use super::states::of_states;
+use crate::case::{Case, CaseError, Compiled};
 use crate::scene::{DerivativeSource, Points};
-use crate::simulation::{Case, CaseError, Compiled};
 
 /// The cliques of an endless lattice, counted where they are needed, once.
 pub(super) struct Inside {

@@ -23,6 +23,7 @@ pub mod affine;
 pub mod calibrate;
 mod cubic;
 mod inside;
+mod rest;
 mod states;
 pub mod stiffness;
 mod text;
@@ -36,8 +37,8 @@ use inside::Inside;
 pub use stiffness::{Modulus, Stiffness};
 pub use time_step::TimeStep;
 
+use crate::case::{Case, CaseError};
 use crate::scene::Points;
-use crate::simulation::{Case, CaseError};
 
 /// Whose moduli they are.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]

@@ -11,7 +11,8 @@ use piola_solvers::linear::{LinearReport, LinearSolver, Tangent};
 use piola_solvers::rigid_modes::check_rigid_motions;
 use serde::Serialize;
 
-use super::{Case, CaseError, run};
+use super::run;
+use crate::case::{Case, CaseError};
 use crate::scene::boundary::BoundaryConditions;
 
 /// Runs of every pass over the interactions; the least time counts.

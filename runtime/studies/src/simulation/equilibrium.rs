@@ -10,7 +10,7 @@ use piola_solvers::steps::{StepError, StepRecord, run_steps};
 use piola_solvers::{Event, Observer, Watch};
 
 use super::run::{SceneDrive, check_held, failed, settings, sum_over};
-use super::{Case, CaseError};
+use crate::case::{Case, CaseError};
 use crate::scene::boundary::BoundaryConditions;
 
 /// A vector of a set or a probe.

@@ -12,7 +12,8 @@ use piola_mechanics::kernel::Measure;
 use piola_mechanics::matrix::BlockPattern;
 use piola_mechanics::neighborhood::Neighborhood;
 
-use super::{Case, CaseError, Compiled, rehearsal, run, size};
+use super::{rehearsal, run};
+use crate::case::{Case, CaseError, Compiled, size};
 use crate::plan::{
     Extent, Families, InteractionCount, KernelNote, Needed, Plan, PlanInput, available_memory,
     count_in_box, count_interactions, estimate_interactions,

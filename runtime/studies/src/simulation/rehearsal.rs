@@ -11,7 +11,7 @@ use piola_solvers::steps::{StepError, run_steps};
 use piola_solvers::{Event, Observer, Watch};
 
 use super::run::{SceneDrive, failed, settings};
-use super::{Case, CaseError, Compiled};
+use crate::case::{Case, CaseError, Compiled};
 use crate::plan::FirstIncrement;
 use crate::scene::boundary::BoundaryConditions;
 

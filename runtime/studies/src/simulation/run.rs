@@ -25,7 +25,7 @@ use piola_solvers::steps::{
 };
 use piola_solvers::{Event, Watch};
 
-use super::{Case, CaseError, explain};
+use crate::case::{Case, CaseError, explain};
 use crate::plan::available_memory;
 use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
 use crate::scene::selection::Selection;

@@ -13,8 +13,8 @@ use piola_solvers::newton::NewtonVariant;
 use piola_solvers::steps::Start;
 
 use super::{ReadCase, TradeError};
+use crate::case::Case;
 use crate::scene::{DerivativeSource, StrainSource};
-use crate::simulation::Case;
 
 /// What an axis changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

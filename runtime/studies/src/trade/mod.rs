@@ -34,7 +34,7 @@ pub use reference::Reference;
 pub use resolution::Resolution;
 pub use study::{Options, Study, study};
 
-use crate::simulation::{Case, CaseError};
+use crate::case::{Case, CaseError};
 
 /// Unit roundoff of f64.
 pub const ROUNDOFF: f64 = f64::EPSILON / 2.0;

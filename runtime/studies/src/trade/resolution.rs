@@ -11,8 +11,9 @@ use std::time::{Duration, Instant};
 use piola_output::decimal;
 
 use super::{Quantity, ReadCase};
+use crate::case::Case;
 use crate::scene::{LatticeShape, Points};
-use crate::simulation::{Attempt, Case, Equilibrium, solve};
+use crate::simulation::{Attempt, Equilibrium, solve};
 
 /// Spacings differ by at least this factor: closer lattices often have the same neighbours.
 const LEAST_FACTOR: f64 = 1.2;

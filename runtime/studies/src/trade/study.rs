@@ -11,7 +11,8 @@ use super::resolution::{Resolution, resolution};
 use super::statistics::{Times, allot};
 use super::verdict::{Verdict, verdict};
 use super::{Quantity, ReadCase, Setting, TradeError};
-use crate::simulation::{Attempt, Case, CaseError, Equilibrium, solve};
+use crate::case::{Case, CaseError};
+use crate::simulation::{Attempt, Equilibrium, solve};
 
 /// A setting that takes this many times as long as the scene's own is given up, though not before
 /// the first part of the budget is gone, and at the latest after the second.

@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::axes::{COMBINATIONS, DEFAULT, OWN, available, reference_overrides, settings, word_of};
 use super::front::Standing;
 use super::*;
-use crate::simulation::Library;
+use crate::case::Library;
 
 const LAW: &str = "potential law\nparameter C1 = 1\npsi(l) = 1/2*C1*L*(l/L - 1)^2\n";
 const STRIP: &str = "

@@ -50,7 +50,7 @@ pub struct Compiled {
 
 impl Compiled {
     /// Whether it has energies of interactions; what has no energy at all is refused there.
-    pub(super) fn has_interactions(&self) -> bool {
+    pub(crate) fn has_interactions(&self) -> bool {
         !self.measures.is_empty() || (self.gathered.is_none() && self.gradient.is_none())
     }
 }
@@ -60,7 +60,7 @@ impl Potential {
     ///
     /// # Errors
     /// A text that cannot be read or has mistakes, values that its parameters cannot have.
-    pub(super) fn read(
+    pub(crate) fn read(
         scene: &Scene,
         material: &Material,
         folder: &Path,
@@ -75,7 +75,7 @@ impl Potential {
     }
 
     /// Whether it has energies of families, which are per volume: of F or of gathered values.
-    pub(super) fn has_families(&self) -> bool {
+    pub(crate) fn has_families(&self) -> bool {
         self.model.has_gradient_energy() || self.model.has_gathered_energy()
     }
 
@@ -102,7 +102,7 @@ impl Potential {
     ///
     /// # Errors
     /// Energies that are too large, or that need what is not there.
-    pub(super) fn compile(&self, scene: &Scene) -> Result<Compiled, CaseError> {
+    pub(crate) fn compile(&self, scene: &Scene) -> Result<Compiled, CaseError> {
         let solver = &scene.solver;
         let piola_compiler::Compiled { kernels, gradient, gathered, dropped } = self
             .model
@@ -171,7 +171,7 @@ impl Potential {
     }
 
     /// What is wrong with the potential, at its places in the text.
-    pub(super) fn wrong(&self, diagnostics: Vec<Diagnostic>) -> CaseError {
+    pub(crate) fn wrong(&self, diagnostics: Vec<Diagnostic>) -> CaseError {
         wrong(&self.text, diagnostics)
     }
 
@@ -202,7 +202,7 @@ fn mode(solver: &SolverSettings) -> Mode {
 }
 
 /// Whether the body is in plane stress: its energies of F are those of a solid.
-pub(super) fn is_sheet(scene: &Scene) -> bool {
+pub(crate) fn is_sheet(scene: &Scene) -> bool {
     scene.correspondence.as_ref().is_some_and(|settings| settings.plane == Plane::Stress)
 }
 

@@ -17,7 +17,7 @@ use crate::scene::Scene;
 
 /// A message of several lines: what, the points, the energy as written with its parameters, the
 /// operation that failed.
-pub(super) fn explain(case: &Case, found: &NonFinite) -> String {
+pub(crate) fn explain(case: &Case, found: &NonFinite) -> String {
     let points: Vec<String> =
         found.points.iter().map(|&p| case.body.user_index()[p].to_string()).collect();
     if found.argument == Argument::Gathered {
@@ -227,7 +227,7 @@ impl Reading<'_> {
 }
 
 /// A graph evaluated at a measure and its value at rest.
-pub(super) fn read(
+pub(crate) fn read(
     graph: &ExprGraph,
     values: &Values,
     measure: f64,
@@ -247,7 +247,7 @@ pub(super) fn read(
 }
 
 /// A motion that nothing holds, at the first entry that holds or pulls something.
-pub(super) fn free_motion(scene: &Scene, error: &UnderConstrained) -> CaseError {
+pub(crate) fn free_motion(scene: &Scene, error: &UnderConstrained) -> CaseError {
     let held = scene.prescriptions.first().map(|entry| entry.set.span);
     let pulled = scene.loads.first().map(|entry| entry.set.span);
     let (span, label) = match (held, pulled) {

@@ -22,14 +22,14 @@ const BOND_BYTES: f64 = 16.0;
 const SAMPLED: usize = 64;
 
 /// Refuses a lattice whose points alone exceed the memory.
-pub(super) fn check_lattice(shape: &LatticeShape) -> Result<(), CaseError> {
+pub(crate) fn check_lattice(shape: &LatticeShape) -> Result<(), CaseError> {
     let points = shape.counts().iter().map(|n| *n as f64).product::<f64>();
     let bytes = points * COPIES * 8.0 * (shape.low.len() + 1) as f64;
     check(bytes, &format!("the {points:.1e} points of the box"), "take a larger spacing")
 }
 
 /// How many neighbours a point has, from some of the points.
-pub(super) fn family(body: &Body, horizon: f64) -> f64 {
+pub(crate) fn family(body: &Body, horizon: f64) -> f64 {
     let n = body.n_points();
     let sampled = n.min(SAMPLED);
     let points = (0..sampled).map(|k| (2 * k + 1) * n / (2 * sampled));
@@ -38,7 +38,7 @@ pub(super) fn family(body: &Body, horizon: f64) -> f64 {
 }
 
 /// Refuses a body whose neighbours exceed the memory; `family` is how many a point has.
-pub(super) fn check_neighbors(body: &Body, horizon: f64, family: f64) -> Result<(), CaseError> {
+pub(crate) fn check_neighbors(body: &Body, horizon: f64, family: f64) -> Result<(), CaseError> {
     let n = body.n_points();
     let bonds = 0.5 * n as f64 * family;
     let what = format!("the {bonds:.1e} bonds of {n} points within the horizon {horizon} m");

@@ -78,7 +78,7 @@ pub enum CaseError {
 
 impl CaseError {
     /// An energy that cannot be compiled, at its place in the potential.
-    pub(super) fn compile(potential: &PotentialText, error: &CompileError) -> CaseError {
+    pub(crate) fn compile(potential: &PotentialText, error: &CompileError) -> CaseError {
         let (code, span) = match error {
             CompileError::TooLarge { span, .. } => ("too-large", *span),
             CompileError::NoHorizon { span, .. } => ("no-horizon", *span),
@@ -104,7 +104,7 @@ impl CaseError {
 }
 
 /// A whole text file of at most `limit` bytes.
-pub(super) fn read_text(path: &Path, limit: u64) -> Result<String, CaseError> {
+pub(crate) fn read_text(path: &Path, limit: u64) -> Result<String, CaseError> {
     let unreadable =
         |reason: String| CaseError::Unreadable { path: path.display().to_string(), reason };
     let mut bytes = Vec::new();

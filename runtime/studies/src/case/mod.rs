@@ -1,0 +1,208 @@
+//! A scene made ready: body, compiled energies, discrete energy.
+//!
+//! | stage | what |
+//! |---|---|
+//! | [`Case::outline`] | scene, potentials and parameter values checked together |
+//! | [`Case::read`] | the same, and the body built |
+//! | [`Case::energy`] | the discrete total energy |
+//!
+//! [`crate::moduli`] looks at the body at rest, [`crate::simulation`] plans and runs it.
+
+mod error;
+pub(crate) mod explain;
+mod model;
+mod potential;
+pub(crate) mod size;
+
+pub use error::CaseError;
+pub(crate) use model::state_laws;
+pub(crate) use potential::settings;
+pub use potential::{Compiled, Potential};
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use piola_grammar::Diagnostic;
+
+use crate::scene::selection::{self, Selection};
+use crate::scene::{MAX_SCENE_BYTES, Points, Scene};
+use piola_mechanics::body::Body;
+use piola_mechanics::energy::NonFinite;
+
+use piola_mechanics::lattice::Lattice;
+use piola_output::read::read_cloud;
+
+/// Largest point cloud that is read, in bytes.
+const MAX_CLOUD_BYTES: u64 = 1 << 30;
+
+/// A library of potentials: text by name, and all names.
+pub struct Library<'a> {
+    /// The text of a potential.
+    pub find: &'a dyn Fn(&str) -> Option<&'static str>,
+    /// All names, offered where one is misspelt.
+    pub names: &'a [&'a str],
+}
+
+/// A scene with its potentials and its body.
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// The scene.
+    pub scene: Scene,
+    /// Its potentials, at least one: their energies add up.
+    pub potentials: Vec<Potential>,
+    /// The points that are left after removals.
+    pub body: Arc<Body>,
+    /// Findings about the scene that do not stop the work; spans as in [`Scene::report`].
+    pub warnings: Vec<Diagnostic>,
+    /// Where the scene is: a cloud is named relative to it.
+    folder: PathBuf,
+}
+
+impl Case {
+    /// Reads a scene file and everything it names, and makes its points.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the first of scene, potentials, parameters and points that has
+    /// anything wrong.
+    pub fn read(
+        path: &Path,
+        overrides: &[String],
+        library: &Library<'_>,
+    ) -> Result<Case, CaseError> {
+        Case::outline(path, overrides, library)?.with_points()
+    }
+
+    /// The same without points: of a cloud the file is not read yet, a lattice is not filled.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the first of scene, potential and parameters that has anything
+    /// wrong.
+    pub fn outline(
+        path: &Path,
+        overrides: &[String],
+        library: &Library<'_>,
+    ) -> Result<Case, CaseError> {
+        let text = error::read_text(path, MAX_SCENE_BYTES as u64)?;
+        let mut scene = Scene::read(&text, &path.display().to_string(), overrides)?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        let materials = scene.materials.iter();
+        let potentials: Vec<Potential> = materials
+            .map(|material| Potential::read(&scene, material, folder, library))
+            .collect::<Result<_, _>>()?;
+        if potentials.iter().any(|potential| potential.model.has_gradient_energy()) {
+            scene.correspondence.get_or_insert_default();
+        } else if scene.correspondence.is_some() {
+            return Err(no_gradients(&scene, &potentials));
+        }
+        let mut warnings = scene.warnings.clone();
+        for potential in &potentials {
+            let model = &potential.model;
+            if model.weighs_volumes() {
+                warnings.extend(scene.weigh_volumes(model.name()));
+            }
+        }
+        let has_families = potentials.iter().any(Potential::has_families);
+        if has_families && potentials.iter().any(|p| !p.model.measures().is_empty()) {
+            // Families sum over volumes: so does what is beside them, unless the scene says otherwise.
+            scene.horizon.weigh_volumes();
+        }
+        if let Some(thickness) = scene.body.thickness
+            && !has_families
+        {
+            let message = "the thickness changes nothing: all energies are of interactions";
+            warnings.push(Diagnostic::warning("idle-entry", thickness.span, message).help(
+                "energies of `l`, `a` and `v` are per product of areas; psi(F) and energies of \
+                 gathered values are per volume",
+            ));
+        }
+        let body = Arc::new(Body::new(scene.body.dimension, &[], &[], None));
+        let folder = folder.to_path_buf();
+        Ok(Case { scene, potentials, body, warnings, folder })
+    }
+
+    /// The same with its points.
+    ///
+    /// # Errors
+    /// A cloud that cannot be read, a box that is none, more points than the memory holds.
+    pub fn with_points(mut self) -> Result<Case, CaseError> {
+        let (body, warnings) = body(&self.scene, &self.folder)?;
+        self.body = Arc::new(body);
+        self.warnings.extend(warnings);
+        Ok(self)
+    }
+
+    /// Compiles the energies of all potentials with the derivatives that the scene asks for.
+    ///
+    /// # Errors
+    /// Energies that are too large, or that need what is not there.
+    pub fn compile(&self) -> Result<Vec<Compiled>, CaseError> {
+        self.potentials.iter().map(|potential| potential.compile(&self.scene)).collect()
+    }
+
+    /// The thickness of the body in m, by which energies per volume become energies per area; 1 where
+    /// there are none, and in three dimensions.
+    pub fn thickness(&self) -> f64 {
+        let has_families = self.potentials.iter().any(Potential::has_families);
+        let stated = self.scene.body.thickness.filter(|_| has_families);
+        stated.map_or(1.0, |thickness| thickness.value)
+    }
+
+    /// An interaction that cannot be evaluated, in the user's words: points, positions, the energy
+    /// and the operation that failed, in several lines.
+    pub fn describe(&self, found: &NonFinite) -> String {
+        explain::explain(self, found)
+    }
+
+    /// The points of sets and probes.
+    ///
+    /// # Errors
+    /// Sets without points, probes outside the body.
+    pub fn selection(&self) -> Result<Selection, CaseError> {
+        Ok(selection::select(&self.scene, &self.body)?)
+    }
+}
+
+/// A scene that says how deformation gradients are made for potentials that have none.
+fn no_gradients(scene: &Scene, potentials: &[Potential]) -> CaseError {
+    let names: Vec<&str> = potentials.iter().map(|potential| potential.model.name()).collect();
+    let has = if names.len() == 1 { "has" } else { "have" };
+    let names = names.join(" and ");
+    let message = format!("[correspondence] needs a psi(F), and {names} {has} none");
+    let found = Diagnostic::error("conflicting-keys", scene.material().potential.span, message)
+        .label("its energies are of other arguments")
+        .help("leave [correspondence] out, or take a potential with psi(F)");
+    CaseError::Scene(scene.report(vec![found]))
+}
+
+/// The points of the scene without those that it removes.
+fn body(scene: &Scene, folder: &Path) -> Result<(Body, Vec<Diagnostic>), CaseError> {
+    let dimension = scene.body.dimension;
+    let (positions, volumes, spacing) = match &scene.body.points {
+        Points::Lattice(shape) => {
+            let lattice = Lattice {
+                lower: shape.low.clone(),
+                upper: shape.high.clone(),
+                spacing: shape.spacing,
+                nodes: shape.nodes,
+            };
+            size::check_lattice(shape)?;
+            let points = lattice.points()?;
+            (points.positions, points.volumes, Some(shape.spacing))
+        }
+        Points::Cloud { path } => {
+            let file = folder.join(&path.value);
+            let text = error::read_text(&file, MAX_CLOUD_BYTES)?;
+            let cloud = read_cloud(&text, dimension)
+                .map_err(|error| CaseError::table(&file, &text, error))?;
+            (cloud.positions, cloud.volumes, None)
+        }
+    };
+    let kept = selection::kept(scene, &positions, &volumes, spacing)?;
+    let rows = positions.chunks_exact(dimension).zip(&volumes).zip(&kept.keep);
+    let mut left = (Vec::new(), Vec::new());
+    for ((position, volume), _) in rows.filter(|(_, keep)| **keep) {
+        left.0.extend_from_slice(position);
+        left.1.push(*volume);
+    }
+    Ok((Body::new(dimension, &left.0, &left.1, spacing), kept.warnings))
+}

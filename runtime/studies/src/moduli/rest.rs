@@ -1,0 +1,65 @@
+//! Whether a body is free of stress at rest, and stiff.
+
+use piola_grammar::Diagnostic;
+use piola_mechanics::kernel::Measure;
+
+use super::moduli;
+use crate::case::{Case, CaseError};
+use crate::scene::Points;
+
+/// Stress at rest over the largest modulus that is rounding.
+const NO_STRESS: f64 = 1e-9;
+
+impl Case {
+    /// Refuses energies that have a force at rest, or leave the body without stiffness, for the
+    /// scene's values.
+    ///
+    /// # Errors
+    /// What [`Model::unfit_at_rest`](piola_compiler::Model::unfit_at_rest) finds, at its place in the
+    /// potential.
+    pub fn check_rest(&self) -> Result<(), CaseError> {
+        let is_stiff = |number: usize| {
+            let others = self.potentials.iter().enumerate().filter(|(other, _)| *other != number);
+            others.into_iter().any(|(_, other)| {
+                other.has_families() || other.model.measures().contains(&Measure::Length)
+            })
+        };
+        for (number, potential) in self.potentials.iter().enumerate() {
+            let found = potential.model.unfit_at_rest(&potential.values, is_stiff(number));
+            if !found.is_empty() {
+                return Err(potential.wrong(found));
+            }
+        }
+        self.unfit_lattice().map_or(Ok(()), Err)
+    }
+
+    /// Stress at rest, and strains that cost nothing, of sums of energies and of energies of F and of
+    /// gathered values inside a lattice: what they are for one interaction or point does not tell.
+    fn unfit_lattice(&self) -> Option<CaseError> {
+        let is_lattice = matches!(self.scene.body.points, Points::Lattice(_));
+        // The message is about the first potential of families, or the first of all.
+        let families = self.potentials.iter().find(|potential| potential.has_families());
+        let several = self.potentials.first().filter(|_| self.potentials.len() > 1);
+        let potential = families.or(several).filter(|_| is_lattice)?;
+        // What is no number at rest is named by the run itself, with its place.
+        let found = moduli(self, None).ok()?;
+        let size = |values: &[f64]| values.iter().fold(0.0f64, |size, x| size.max(x.abs()));
+        let (stress, kelvin) = (size(&found.stress), found.stiffness.kelvin());
+        let largest = size(&kelvin);
+        let stressed = (stress > NO_STRESS * largest).then(|| {
+            let message =
+                format!("the body is not stress-free: {stress:.3e} Pa at rest, of moduli of {largest:.3e} Pa");
+            potential.model.unfit_sum("not-stress-free", message)
+        });
+        let soft = (!found.stiffness.is_stable()).then(|| {
+            let least = kelvin.iter().copied().fold(f64::INFINITY, f64::min);
+            let message = format!(
+                "the body is not stiff at rest: against one strain its modulus is {least:.3e} Pa, the \
+                 largest is {largest:.3e} Pa"
+            );
+            potential.model.unfit_sum("not-stiff-at-rest", message)
+        });
+        let found: Vec<Diagnostic> = stressed.into_iter().chain(soft).flatten().collect();
+        (!found.is_empty()).then(|| potential.wrong(found))
+    }
+}

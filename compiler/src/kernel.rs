@@ -130,6 +130,7 @@ pub enum Mode {
 pub struct Kernel {
     measure: Measure,
     body: Body,
+    is_constant: bool,
     squared: Option<Box<Kernel>>,
 }
 
@@ -149,17 +150,23 @@ impl Kernel {
         written: impl FnOnce() -> WrittenEnergy,
     ) -> Result<Kernel, CompileError> {
         let measure = energy.measure;
+        let is_constant = energy.graph.as_number(energy.roots[1]) == Some(0.0);
         let body = match mode {
             Mode::Jit(level) => Body::Code(Box::new(CompiledKernel::new(&energy, level)?)),
             Mode::Interpreter => Body::Graph(energy),
             Mode::HyperDual => Body::Dual(written()),
         };
-        Ok(Kernel { measure, body, squared: None })
+        Ok(Kernel { measure, body, is_constant, squared: None })
     }
 
     /// What it is a function of.
     pub fn measure(&self) -> Measure {
         self.measure
+    }
+
+    /// Whether it depends on the measure at rest alone: its derivative is 0 as it stands.
+    pub fn is_constant(&self) -> bool {
+        self.is_constant
     }
 
     /// The same energy as a function of `q = m^2/M`, where it is one: it takes `q`, `M` and

@@ -13,6 +13,11 @@ pub trait Law: Send + Sync {
     /// The unit of psi is J/m^(2d), J/m^(3d), J/m^(4d) for bonds, triangles, tetrahedra.
     fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>);
 
+    /// Whether it is known to depend on the measure at rest alone.
+    fn is_constant(&self) -> bool {
+        false
+    }
+
     /// The same energy as a function of the square of its measure, where it is one: it takes
     /// `q = m^2/M`, `M` and `(q - M)/M`, and its derivatives are those by `q`.
     fn squared(&self) -> Option<&dyn Law> {
@@ -32,6 +37,10 @@ where
 impl Law for piola_compiler::Kernel {
     fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>) {
         piola_compiler::Kernel::evaluate(self, batch, order, out);
+    }
+
+    fn is_constant(&self) -> bool {
+        piola_compiler::Kernel::is_constant(self)
     }
 
     fn squared(&self) -> Option<&dyn Law> {

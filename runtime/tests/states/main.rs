@@ -46,16 +46,26 @@ pub(crate) fn energy(
     body: &Arc<Body>,
     horizon: f64,
 ) -> StateEnergy {
-    let (model, values) = values(text, parameters, body.dimension(), horizon);
+    let laws = laws(text, parameters, body.dimension(), horizon);
+    StateEnergy::new(Arc::clone(body), horizon, laws).unwrap()
+}
+
+/// What a text gathers, and its energies.
+pub(crate) fn laws(
+    text: &str,
+    parameters: &[(&str, f64)],
+    dimension: usize,
+    horizon: f64,
+) -> StateLaws {
+    let (model, values) = values(text, parameters, dimension, horizon);
     let mode = Mode::Jit(Level::Strict);
     let kernels = model.compile(&values, mode, Form::Accurate).unwrap().gathered.unwrap();
-    let laws = StateLaws {
+    StateLaws {
         integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
         points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
         bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
         arguments: ["theta", "l, m"].map(String::from),
-    };
-    StateEnergy::new(Arc::clone(body), horizon, laws).unwrap()
+    }
 }
 
 /// The energy of bonds that gathers nothing.

@@ -2,11 +2,13 @@
 
 use piola_compiler::verify::{Subject, verify};
 use piola_runtime::energy::Energy;
+use piola_runtime::kernel::{Batch, Law, Order, Outputs};
 use piola_runtime::matrix::BlockMatrix;
+use piola_runtime::states::StateEnergy;
 use std::sync::Arc;
 
 use crate::common::{cloud, displacements, error, h_of, largest};
-use crate::{energy, solid, values};
+use crate::{energy, laws, solid, values};
 
 /// Energies of points and bonds, mixed with each other; in any dimension.
 const EVERYTHING: &str = "potential everything
@@ -232,5 +234,40 @@ fn derivatives_are_verified_against_hyper_dual_numbers() {
         let gathered = found.iter().filter(|found| matches!(found.subject, Subject::Gathered(_)));
         assert_eq!(gathered.count(), 2, "{name}");
         assert!(found.iter().all(|found| found.passed()), "{name}: {found:?}");
+    }
+}
+
+/// An integrand of which nothing is known.
+struct Opaque(Box<dyn Law>);
+
+impl Law for Opaque {
+    fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>) {
+        self.0.evaluate(batch, order, out);
+    }
+}
+
+#[test]
+fn integrals_that_do_not_change_are_gathered_once() {
+    for (name, text, parameters, counts) in subjects() {
+        let d = counts.len();
+        let body = cloud(&counts, 3);
+        let known = laws(&text, &parameters, d, 2.3);
+        let constant = known.integrals.iter().filter(|law| law.is_constant()).count();
+        assert_eq!(constant, 1, "{name}: the weighted volume");
+        let mut unknown = laws(&text, &parameters, d, 2.3);
+        let integrals = unknown.integrals.into_iter();
+        unknown.integrals = integrals.map(|g| Box::new(Opaque(g)) as Box<dyn Law>).collect();
+        let u = displacements(&body, &h_of(d), 0.05, 5);
+        let p = displacements(&body, &h_of(d), 1.0, 9);
+        let all = |laws| {
+            let energy = StateEnergy::new(Arc::clone(&body), 2.3, laws).unwrap();
+            let (mut forces, mut product) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+            let parts = energy.forces(&u, &mut forces).unwrap();
+            energy.hessian(&u).unwrap().multiply(&p, &mut product);
+            let mut tangent = BlockMatrix::zeros(energy.pattern());
+            energy.tangent(&u, &mut forces, &mut tangent).unwrap();
+            (parts, energy.integrals(&u), forces, product, tangent.values)
+        };
+        assert!(all(known) == all(unknown), "{name}");
     }
 }

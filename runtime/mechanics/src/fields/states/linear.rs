@@ -24,8 +24,9 @@ const CHECKED: usize = 1024;
 
 /// Second derivatives at some displacements.
 pub(super) struct Linear {
-    /// Integrals that change.
+    /// Integrals that change to first order, and their places among those that change at all.
     active: Vec<usize>,
+    places: Vec<usize>,
     /// Whether energies of bonds have mixed derivatives.
     is_mixed: bool,
     /// Of each bond: the unit vector, `V_i V_j` times stiffness less tension over length and times the
@@ -135,11 +136,12 @@ impl StateEnergy {
             self.bonds_of(slab).any(|b| slopes(k, b) != 0.0)
         };
         let is_active = |k: &usize| (0..self.slabs.len()).any(|slab| changes(slab, *k));
-        let active: Vec<usize> = (0..self.n_integrals()).filter(is_active).collect();
+        let places: Vec<usize> = (0..self.changing.len()).filter(is_active).collect();
+        let active: Vec<usize> = places.iter().map(|place| self.changing[*place]).collect();
         let seconds = self.seconds(&states, &active);
         let is_mixed = seconds.mixed.iter().any(|c| *c != 0.0);
         let by_states = seconds.by_states;
-        let mut linear = Linear { active, is_mixed, bonds: Vec::new(), by_states };
+        let mut linear = Linear { active, places, is_mixed, bonds: Vec::new(), by_states };
         linear.bonds = self.pack::<D>(&states, &linear, &seconds.stiffness, &seconds.mixed);
         Ok(linear)
     }
@@ -257,18 +259,18 @@ impl StateEnergy {
             for ((b, row), ends) in self.bonds_of(slab).zip(rows).zip(&work.ends) {
                 let [i, j] = ends.map(|end| end as usize);
                 let (mut tension, mut along) = (states.tension[b], stiffness[b]);
-                for k in 0..m {
+                for (place, k) in self.changing.iter().enumerate() {
                     let both = states.adjoint[i * m + k] + states.adjoint[j * m + k];
-                    tension += both * slopes(k, b);
-                    along += both * bends(k, b);
+                    tension += both * slopes(place, b);
+                    along += both * bends(place, b);
                 }
                 let weight = volumes[i] * volumes[j];
                 let across = tension / states.length[b];
                 row[..D].copy_from_slice(&normals[b]);
                 row[D] = weight * (along - across);
                 row[D + 1] = weight * across;
-                for (place, &k) in linear.active.iter().enumerate() {
-                    row[D + 2 + place] = slopes(k, b);
+                for (out, place) in row[D + 2..].iter_mut().zip(&linear.places) {
+                    *out = slopes(*place, b);
                 }
                 if linear.is_mixed {
                     row[D + 2 + a..].copy_from_slice(&mixed[b * 2 * a..(b + 1) * 2 * a]);

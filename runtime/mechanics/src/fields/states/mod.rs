@@ -90,6 +90,10 @@ pub struct StateEnergy {
     /// Lengths at rest of each bond once, in m.
     rest: Vec<f64>,
     laws: StateLaws,
+    /// Integrals that change with displacements.
+    changing: Vec<usize>,
+    /// The others, point by point among all, and 0 for those that change.
+    at_rest: Vec<f64>,
     /// `psi(theta)`, `psi(l, m)`: as the potential writes them, those that are modelled.
     names: Arc<[String]>,
     pattern: OnceLock<Arc<BlockPattern>>,
@@ -134,9 +138,12 @@ impl StateEnergy {
         if u32::try_from(2 * neighborhood.n_bonds()).is_err() {
             return Err(StateError::TooManyBonds { bonds: neighborhood.n_bonds() });
         }
-        Ok(StateEnergy {
+        let n_integrals = laws.integrals.len();
+        let mut energy = StateEnergy {
             slabs: Slabs::new(&neighborhood),
             rest: rest_lengths(&body, &neighborhood),
+            changing: (0..n_integrals).collect(),
+            at_rest: vec![0.0; body.n_points() * n_integrals],
             body,
             neighborhood,
             names: laws.names(),
@@ -146,7 +153,23 @@ impl StateEnergy {
             springs: OnceLock::new(),
             states: Pool::new(),
             work: Pool::new(),
-        })
+        };
+        energy.fix();
+        Ok(energy)
+    }
+
+    /// Works out the integrals that do not change, once for all passes.
+    fn fix(&mut self) {
+        let is_fixed = |k: &usize| self.laws.integrals[*k].is_constant();
+        let (fixed, changing): (Vec<usize>, Vec<usize>) =
+            (0..self.n_integrals()).partition(is_fixed);
+        if fixed.is_empty() {
+            return;
+        }
+        let mut at_rest = self.integrals(&vec![0.0; self.body.positions().len()]);
+        let m = self.n_integrals();
+        at_rest.chunks_exact_mut(m).for_each(|row| changing.iter().for_each(|k| row[*k] = 0.0));
+        (self.at_rest, self.changing) = (at_rest, changing);
     }
 
     /// The body.

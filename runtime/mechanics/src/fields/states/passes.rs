@@ -38,7 +38,8 @@ pub(super) struct States {
     pub(super) change: Vec<f64>,
     /// Unit vectors from the owner to the other end.
     normal: Vec<f64>,
-    /// First and second derivatives of the integrands, slab by slab and there integrand by integrand.
+    /// First and second derivatives of the integrands that change, slab by slab and there integrand by
+    /// integrand.
     slopes: Vec<f64>,
     bends: Vec<f64>,
     /// The mean over both ends of the derivative of a bond's energy by its length.
@@ -81,7 +82,8 @@ impl StateEnergy {
         start[owners.start]..start[owners.end]
     }
 
-    /// First derivatives of the integrands at the bonds of a slab: of number `k` at bond `b`.
+    /// First derivatives of the integrands that change at the bonds of a slab: of the one at place `k`
+    /// among them at bond `b`.
     #[inline(always)]
     pub(super) fn slopes<'a>(
         &self,
@@ -107,7 +109,7 @@ impl StateEnergy {
         slab: usize,
         array: &'a [f64],
     ) -> impl Fn(usize, usize) -> f64 + use<'a> {
-        let (bonds, m) = (self.bonds_of(slab), self.n_integrals());
+        let (bonds, m) = (self.bonds_of(slab), self.changing.len());
         let own = &array[m * bonds.start..m * bonds.end];
         let (start, n) = (bonds.start, bonds.len());
         move |k, b| own[k * n + (b - start)]
@@ -139,11 +141,12 @@ impl StateEnergy {
 
     /// The integrals, and the bonds with what the order asks for.
     pub(super) fn gather<const D: usize>(&self, u: &[f64], order: Order, states: &mut States) {
-        let (m, n) = (self.n_integrals(), self.rest.len());
+        let (m, n) = (self.changing.len(), self.rest.len());
         let with_slopes = if order == Order::Energy { 0 } else { n };
         let with_bends = if order == Order::Tangent { n } else { 0 };
-        clear(&mut states.integrals, self.body.n_points() * m);
-        let integrals = Part::new(Layout::Points(m), &mut states.integrals);
+        states.integrals.clear();
+        states.integrals.extend_from_slice(&self.at_rest);
+        let integrals = Part::new(Layout::Points(self.n_integrals()), &mut states.integrals);
         let bonds = (
             Part::new(self.per_bond(1), room(&mut states.length, n)),
             Part::new(self.per_bond(1), room(&mut states.change, n)),
@@ -205,9 +208,10 @@ impl StateEnergy {
                 },
             );
             unused.iter_mut().for_each(|array| array.resize(own.len(), 0.0));
-            for (k, law) in self.laws.integrals.iter().enumerate() {
+            for (place, &k) in self.changing.iter().enumerate() {
+                let law = &self.laws.integrals[k];
                 let [psi, first_unused, second_unused] = &mut *unused;
-                let place = k * all_of_slab + own.start..k * all_of_slab + own.end;
+                let place = place * all_of_slab + own.start..place * all_of_slab + own.end;
                 let dpsi = slopes.get_mut(place.clone()).unwrap_or(first_unused);
                 let d2psi = bends.get_mut(place).unwrap_or(second_unused);
                 let batch = Batch { measure: length, reference: rest, change };
@@ -327,7 +331,7 @@ impl StateEnergy {
                         energies[point] += half * psi[b];
                         if with_slopes {
                             let adjoint = adjoint.range(point * m..(point + 1) * m);
-                            for k in 0..m {
+                            for &k in &self.changing {
                                 adjoint[k] += half * slopes[(1 + k) * n + b];
                             }
                         }
@@ -347,10 +351,10 @@ impl StateEnergy {
             let force = Touched::new(here, next);
             arch.dispatch(
                 #[inline(always)]
-                || match self.n_integrals() {
-                    1 => self.forces_of_slab(1, states, slab, force),
-                    2 => self.forces_of_slab(2, states, slab, force),
-                    m => self.forces_of_slab(m, states, slab, force),
+                || match &self.changing[..] {
+                    &[k] => self.forces_of_slab(&[k], states, slab, force),
+                    &[k, l] => self.forces_of_slab(&[k, l], states, slab, force),
+                    changing => self.forces_of_slab(changing, states, slab, force),
                 },
             );
         });
@@ -359,12 +363,12 @@ impl StateEnergy {
     #[inline(always)]
     fn forces_of_slab<const D: usize>(
         &self,
-        m: usize,
+        changing: &[usize],
         states: &States,
         slab: usize,
         mut force: Touched<'_, [f64; D]>,
     ) {
-        let volumes = self.body.volumes();
+        let (volumes, m) = (self.body.volumes(), self.n_integrals());
         let (adjoint, normals) = (&states.adjoint, states.normals::<D>());
         let slopes = self.slopes(slab, states);
         for i in self.slabs.owners(slab) {
@@ -373,8 +377,8 @@ impl StateEnergy {
             for (k, &j) in self.neighborhood.upper(i).iter().enumerate() {
                 let (b, j) = (start + k, j as usize);
                 let mut tension = states.tension[b];
-                for k in 0..m {
-                    tension += (adjoint[i * m + k] + adjoint[j * m + k]) * slopes(k, b);
+                for (place, k) in changing.iter().enumerate() {
+                    tension += (adjoint[i * m + k] + adjoint[j * m + k]) * slopes(place, b);
                 }
                 let pull = volumes[i] * volumes[j] * tension;
                 let force = &mut force[j];

@@ -144,9 +144,9 @@ pub(super) fn iterations_worth(operations: f64, matrix_bytes: f64) -> f64 {
     operations / matrix_bytes
 }
 
-/// Products with a tangent that is not stored in the time in which it is worked out to be stored: the
-/// middle of the 14 to 270 of `docs/performance.md`, "Where products end".
-const PRODUCTS_OF_A_TANGENT: f64 = 60.0;
+/// Products with a tangent that is not stored in the time in which it is worked out to be stored: of the
+/// 10 to 170 of `docs/performance.md`, "Where products end", what served whole runs best.
+const PRODUCTS_OF_A_TANGENT: f64 = 30.0;
 
 /// Operations of a factorisation in the time of one product, for each block of bonded points: 120 ns
 /// of 2e10 in a second.
@@ -219,9 +219,9 @@ mod tests {
 
     #[test]
     fn a_stored_tangent_is_worth_the_products_of_its_assembly_and_its_factors() {
-        assert_eq!(products_worth(0.0, 10_000), 60);
+        assert_eq!(products_worth(0.0, 10_000), 30);
         // 0.1 s of factorisation against products of 1.2 ms.
-        assert_eq!(products_worth(2e9, 10_000), 60 + 83);
+        assert_eq!(products_worth(2e9, 10_000), 30 + 83);
         assert!(may_be_ordered(2, 1_000_000) && !may_be_ordered(3, 1_000_000));
     }
 
@@ -234,10 +234,10 @@ mod tests {
             memory_limit,
         };
         let small = (2e9, 1e8);
-        assert_eq!(products_before_stored(&wide(3, 3000, 4e8), small, 10_000), Some(143));
+        assert_eq!(products_before_stored(&wide(3, 3000, 4e8), small, 10_000), Some(113));
         assert_eq!(products_before_stored(&wide(3, 3000, 3.9e8), small, 10_000), None);
         assert_eq!(products_before_stored(&wide(3, 60_001, 4e8), small, 10_000), None);
-        assert_eq!(products_before_stored(&wide(2, 60_001, 4e8), small, 10_000), Some(143));
+        assert_eq!(products_before_stored(&wide(2, 60_001, 4e8), small, 10_000), Some(113));
         assert_eq!(products_before_stored(&wide(3, 3000, 4e8), (1.1e12, 1e8), 10_000), None);
     }
 

@@ -179,7 +179,7 @@ impl Observer for Progress {
                 self.residual(now, iterations, over_reaction);
             }
             Event::Product if now.shown.elapsed() >= REFRESH => self.refresh(now),
-            Event::Product => {}
+            Event::Product | Event::Stores(_) => {}
             Event::CutBack { t, cause } => {
                 let why = reason(cause);
                 let line = format!("t = {t:.6}: {why}; half the increment is tried");

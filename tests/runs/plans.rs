@@ -234,6 +234,44 @@ fn a_plan_counts_line_searches_and_cut_backs() {
     }
 }
 
+/// A sheet whose energy at the points does not see what alternates: products take long, until bonds beside
+/// it do.
+fn sheet(discretisation: &str) -> SceneFolder {
+    let scene = STRIP
+        .replace("spacing = 0.1\nnodes = \"corners-full\"", "spacing = 0.04")
+        .replace("javili2020", "neo_hooke")
+        .replace("C1 = 1.0, C2 = 5.0", "lambda = \"2 MPa\", mu = \"1 MPa\"");
+    SceneFolder::new(&format!(
+        "{scene}[correspondence]\ndiscretisation = \"{discretisation}\"\n\
+         [[material.plus]]\npotential = \"javili2020\"\nparameters = {{ C1 = 1e7 }}\n"
+    ))
+}
+
+/// A plan sees that the run goes over to a stored tangent, and why.
+#[test]
+fn a_plan_tells_of_the_stored_tangent_that_takes_over() {
+    for (discretisation, goes_over) in [("nodal", true), ("bond-quadrature", false)] {
+        let folder = sheet(discretisation);
+        let plan = piola(&["plan", &folder.scene(), "--format", "json"]).expect(0).json();
+        folder.run(&[]).expect(0);
+        let solver = &folder.summary()["solver"];
+        assert_eq!(solver["linear"] == "Cholesky", goes_over, "{solver}");
+        assert_eq!(plan["linear"], "matrix-free");
+        let (stored, first) = (&plan["stored"], &plan["first"]);
+        assert!(number(&stored["products"]) >= 30.0, "{stored}");
+        assert_eq!(first["stored"].is_object(), goes_over, "{first}");
+        assert_eq!(plan["memory"] == stored["memory"], goes_over, "{plan}");
+        let text = piola(&["plan", &folder.scene()]).expect(0).stdout;
+        assert_eq!(text.contains("then by Cholesky"), goes_over, "{text}");
+        assert_eq!(text.contains("where one takes over"), !goes_over, "{text}");
+        if goes_over {
+            assert_eq!(first["stored"]["reason"], solver["linear_reason"]);
+            let before = number(&first["stored"]["seconds"]);
+            assert!(number(&plan["time"]["setup"]) > before && before > 0.0, "{plan}");
+        }
+    }
+}
+
 #[test]
 fn a_plan_says_that_the_first_increment_fails() {
     // A single iteration is too few for any increment whose clamp jumps.

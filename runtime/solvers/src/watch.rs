@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::linear::Choice;
 use super::newton_outcome::NewtonError;
 use super::steps::StepRecord;
 
@@ -23,6 +24,8 @@ pub enum Event<'a> {
     },
     /// The tangent was multiplied with a vector, for a linear system.
     Product,
+    /// A stored tangent takes over from products: how linear systems are solved from here on, and why.
+    Stores(&'a Choice),
     /// No equilibrium was found at `t`; half the increment is tried.
     CutBack {
         /// The time.

@@ -26,7 +26,7 @@ pub use count::{
 pub use factor::{FactorEstimate, estimate_factor};
 pub use families::Families;
 pub(crate) use text::bytes as in_bytes;
-pub use time::{Basis, FirstIncrement, TimeEstimate};
+pub use time::{Basis, ChangeOver, FirstIncrement, TimeEstimate};
 
 /// Memory of a factorisation over that of its factor's numbers: padding, workspace, indices.
 const CHOLESKY_OVERHEAD: f64 = 1.6;
@@ -141,7 +141,9 @@ pub struct Plan {
     /// How linear systems will be solved, and why.
     #[serde(flatten)]
     pub linear: Choice,
-    /// Memory by item, in bytes.
+    /// The stored tangent that takes over where products are not worth it, if one may.
+    pub stored: Option<Stored>,
+    /// Memory by item, in bytes; with the stored tangent where the first increment went over to it.
     pub memory: Vec<MemoryItem>,
     /// All items together, in bytes.
     pub memory_total: u64,
@@ -165,75 +167,42 @@ pub struct Plan {
 impl Plan {
     /// Estimates memory and time of a run.
     pub fn new(input: PlanInput<'_>) -> Plan {
-        let PlanInput { scene, interactions, kernels, prescribed, threads, .. } = input;
-        let extent = &input.extent;
-        let Extent { dimension, points, ref sides, spacing } = *extent;
-        let layers = scene.horizon_radius() / spacing;
-        let families = &input.families[..];
-        let of_families = !families.is_empty();
-        // Points share an entry of the tangent over so many bonds.
-        let reach = families::reach(families);
-        let settled = linear::settled(scene.solver.linear, of_families, scene.solver.products);
-        let stored = if settled.as_ref().is_some_and(|c| !c.stores_matrix) { 1 } else { reach };
-        let factor = estimate_factor(sides, layers * stored as f64, dimension);
-        let blocks = blocks(extent, &interactions, stored);
-        let unknowns = points.saturating_mul(dimension).saturating_sub(prescribed);
-        let mut linear = settled.unwrap_or_else(|| {
-            let circumstances = Circumstances {
-                dimension,
-                unknowns,
-                matrix_bytes: matrix_bytes(dimension, blocks).0,
-                memory_limit: input
-                    .available_memory
-                    .map_or(f64::INFINITY, |m| MEMORY_SHARE * m as f64),
-            };
-            let cost = (factor.flops, 8.0 * factor.entries);
-            let Ok(choice) = linear::choose(&circumstances, || Ok::<_, Infallible>(cost));
-            choice
-        });
-        if linear.method == LinearMethod::Ldlt {
-            // Estimates do not tell the two apart.
-            linear.method = LinearMethod::Cholesky;
-        }
-        let mut memory = memory(extent, &interactions, blocks, &linear, factor, families);
-        memory.extend(families::terms(input.of_interactions, families, &linear, |reach| {
-            matrix_bytes(dimension, self::blocks(extent, &interactions, reach))
-        }));
-        let horizons = sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / layers;
-        let jacobi = scene.solver.preconditioner == PreconditionerChoice::BlockJacobi;
-        let horizons = (jacobi || !linear.stores_matrix).then_some(horizons);
-        let time = if of_families {
-            let others = time::interaction_seconds(&interactions, input.energies);
-            let bonds = interactions.bonds as f64;
-            families::time(families, (bonds, others), blocks, &linear, factor, threads)
-        } else {
-            let interactions = (&interactions, input.energies);
-            let matrix = (dimension, blocks);
-            TimeEstimate::new(interactions, matrix, &linear, factor, horizons, threads)
-        };
-        let time = time.for_increments(scene.steps.increments);
+        let linear = chosen(&input);
+        let Costs { memory, time } = Costs::new(&input, &linear);
+        let stored = Stored::new(&input, &linear);
+        let unknowns = input.unknowns();
+        let PlanInput { scene, extent, interactions, kernels, threads, .. } = input;
         Plan {
-            dimension,
-            points,
+            dimension: extent.dimension,
+            points: extent.points,
             unknowns,
             interactions,
             kernels,
             linear,
-            memory_total: memory.iter().map(|item| item.bytes).sum(),
+            stored,
+            memory_total: total(&memory),
             memory,
             available_memory: input.available_memory,
             threads,
             increments: scene.steps.increments,
             time,
-            of_families,
+            of_families: !input.families.is_empty(),
             first: None,
             notes: input.notes,
         }
     }
 
-    /// Takes what was seen of the first increment instead of the estimates of its cost.
+    /// Takes what was seen of the first increment instead of the estimates of its cost: the stored tangent
+    /// for the run, where one took over.
     pub fn rehearsed(&mut self, first: FirstIncrement) {
-        self.time = self.time.of(&first, self.increments);
+        let step = self.stored.as_ref().map(|stored| (stored.assembly, stored.linear));
+        self.time = self.time.of(&first, step, self.increments);
+        if first.stored.is_some()
+            && let Some(stored) = &self.stored
+        {
+            self.memory.clone_from(&stored.memory);
+            self.memory_total = stored.memory_total;
+        }
         self.first = Some(first);
     }
 
@@ -270,16 +239,155 @@ fn typical_spacing(body: &Body) -> f64 {
     crate::scene::selection::typical_spacing(body.dimension(), body.volumes(), body.spacing())
 }
 
-/// Blocks of the upper triangle of a matrix that couples points over so many bonds.
-fn blocks(extent: &Extent, interactions: &InteractionCount, reach: usize) -> f64 {
+/// All items together, in bytes.
+fn total(memory: &[MemoryItem]) -> u64 {
+    memory.iter().map(|item| item.bytes).sum()
+}
+
+/// Blocks of the upper triangle of a matrix that couples points over so many bonds: as many as points of the
+/// box that are within so many horizons.
+fn blocks(extent: &Extent, layers: f64, interactions: &InteractionCount, reach: usize) -> f64 {
     let n = extent.points as f64;
-    let wider = (0..extent.dimension).fold(1.0, |wider, _| wider * reach as f64);
-    (n + interactions.bonds as f64 * wider).min(0.5 * n * (n + 1.0))
+    let bonds = interactions.bonds as f64;
+    let in_box = |reach: usize| count::bonds_in_box(&extent.sides, layers * reach as f64);
+    let wider = if reach == 1 { 1.0 } else { in_box(reach) / in_box(1).max(1.0) };
+    (n + bonds * wider).min(0.5 * n * (n + 1.0))
 }
 
 /// Bytes of so many blocks, and a column number for each.
 fn matrix_bytes(dimension: usize, blocks: f64) -> (f64, f64) {
     (blocks * (8 * dimension * dimension) as f64, 4.0 * blocks)
+}
+
+/// The tangent or its preconditioner, and its Cholesky factor.
+#[derive(Clone, Copy)]
+struct System {
+    blocks: f64,
+    factor: FactorEstimate,
+}
+
+impl PlanInput<'_> {
+    fn unknowns(&self) -> usize {
+        self.extent.points.saturating_mul(self.extent.dimension).saturating_sub(self.prescribed)
+    }
+
+    /// The horizon in spacings.
+    fn layers(&self) -> f64 {
+        self.scene.horizon_radius() / self.extent.spacing
+    }
+
+    fn blocks(&self, reach: usize) -> f64 {
+        blocks(&self.extent, self.layers(), &self.interactions, reach)
+    }
+
+    /// Where points share an entry over so many bonds.
+    fn system(&self, reach: usize) -> System {
+        let Extent { ref sides, dimension, .. } = self.extent;
+        let factor = estimate_factor(sides, self.layers() * reach as f64, dimension);
+        System { blocks: self.blocks(reach), factor }
+    }
+
+    fn circumstances(&self, system: System) -> Circumstances {
+        let memory = self.available_memory;
+        Circumstances {
+            dimension: self.extent.dimension,
+            unknowns: self.unknowns(),
+            matrix_bytes: matrix_bytes(self.extent.dimension, system.blocks).0,
+            memory_limit: memory.map_or(f64::INFINITY, |m| MEMORY_SHARE * m as f64),
+        }
+    }
+}
+
+impl System {
+    /// Operations and bytes of a factorisation.
+    fn cost(self) -> (f64, f64) {
+        (self.factor.flops, 8.0 * self.factor.entries)
+    }
+}
+
+/// The method that linear systems begin with.
+fn chosen(input: &PlanInput<'_>) -> Choice {
+    let solver = &input.scene.solver;
+    let settled = linear::settled(solver.linear, !input.families.is_empty(), solver.products);
+    let mut linear = settled.unwrap_or_else(|| {
+        let system = input.system(1);
+        let cost = || Ok::<_, Infallible>(system.cost());
+        let Ok(choice) = linear::choose(&input.circumstances(system), cost);
+        choice
+    });
+    if linear.method == LinearMethod::Ldlt {
+        // Estimates do not tell the two apart.
+        linear.method = LinearMethod::Cholesky;
+    }
+    linear
+}
+
+/// What a run costs with one method.
+struct Costs {
+    memory: Vec<MemoryItem>,
+    time: TimeEstimate,
+}
+
+impl Costs {
+    fn new(input: &PlanInput<'_>, linear: &Choice) -> Costs {
+        let PlanInput { extent, interactions, families, threads, .. } = input;
+        let dimension = extent.dimension;
+        let System { blocks, factor } =
+            input.system(if linear.stores_matrix { families::reach(families) } else { 1 });
+        let mut memory = memory(extent, interactions, blocks, linear, factor, families);
+        memory.extend(families::terms(input.of_interactions, families, linear, |reach| {
+            matrix_bytes(dimension, input.blocks(reach))
+        }));
+        let time = if families.is_empty() {
+            let horizons = extent.sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / input.layers();
+            let choice = input.scene.solver.preconditioner;
+            let jacobi = choice == PreconditionerChoice::BlockJacobi;
+            let horizons = (jacobi || !linear.stores_matrix).then_some(horizons);
+            let interactions = (interactions, input.energies);
+            TimeEstimate::new(interactions, (dimension, blocks), linear, factor, horizons, *threads)
+        } else {
+            let others = time::interaction_seconds(interactions, input.energies);
+            let work = (interactions.bonds as f64, others);
+            families::time(families, extent, work, (blocks, factor), linear, *threads)
+        };
+        Costs { memory, time: time.for_increments(input.scene.steps.increments) }
+    }
+}
+
+/// A stored tangent that takes over from products for the rest of a run, and its Cholesky factor.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Stored {
+    /// Products of one system after which it does; it does at once where the tangent is indefinite.
+    pub products: usize,
+    /// Memory by item, in bytes.
+    pub memory: Vec<MemoryItem>,
+    /// All items together, in bytes.
+    pub memory_total: u64,
+    /// Energy, forces and tangent, per Newton iteration, in s.
+    pub assembly: f64,
+    /// Factorisation, per Newton iteration, in s.
+    pub linear: f64,
+}
+
+impl Stored {
+    fn new(input: &PlanInput<'_>, begins: &Choice) -> Option<Stored> {
+        let auto = input.scene.solver.linear == LinearMethod::Auto;
+        if !auto || begins.method != LinearMethod::MatrixFree || input.families.is_empty() {
+            return None;
+        }
+        let wide = input.system(families::reach(&input.families));
+        let stored = input.circumstances(wide);
+        let bonded = input.blocks(1) as usize;
+        let products = linear::products_before_stored(&stored, wide.cost(), bonded)?;
+        let choice = Choice {
+            method: LinearMethod::Cholesky,
+            stores_matrix: true,
+            reason: begins.reason.clone(),
+        };
+        let Costs { memory, time } = Costs::new(input, &choice);
+        let (assembly, linear) = (time.assembly, time.linear);
+        Some(Stored { products, memory_total: total(&memory), memory, assembly, linear })
+    }
 }
 
 /// Memory of the parts of a run.

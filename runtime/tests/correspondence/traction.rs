@@ -1,12 +1,15 @@
 //! Newton's method without a stored tangent on the traction bar.
 
+use std::sync::{Arc, Mutex};
+
 use piola_runtime::deformation::{Discretisation, Stabilisation};
 use piola_runtime::energy::{Energy, Products, Total};
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::solve::linear::{
     LinearMethod, LinearOptions, LinearSolver, PreconditionerChoice, Tangent,
 };
-use piola_runtime::solve::newton::NewtonSettings;
+use piola_runtime::solve::newton::{Newton, NewtonFailure, NewtonSettings};
+use piola_runtime::solve::{Event, Observer, Watch};
 
 use crate::common::{error, norm};
 use crate::traction_bar::Bar;
@@ -108,6 +111,46 @@ fn a_stored_tangent_takes_over_where_products_cost_more() {
         // Given up once at most: what follows takes no products.
         let with_products = auto.linear_iterations.iter().filter(|&&n| n > 0).count();
         assert!(!goes_over || with_products == 0, "{:?}", auto.linear_iterations);
+    }
+}
+
+/// Wants an end once a stored tangent is to take over, and keeps why.
+#[derive(Default)]
+struct UntilStored(Mutex<Vec<String>>);
+
+impl Observer for UntilStored {
+    fn notice(&self, event: Event<'_>) {
+        if let Event::Stores(choice) = event {
+            assert_eq!((choice.method, choice.stores_matrix), (LinearMethod::Cholesky, true));
+            self.0.lock().unwrap().push(choice.reason.clone());
+        }
+    }
+
+    fn wants_end(&self) -> bool {
+        !self.0.lock().unwrap().is_empty()
+    }
+}
+
+/// Whoever looks on sees the change-over before it costs anything, and the solver stays what it was
+/// where that ends the search.
+#[test]
+fn a_search_may_end_before_the_tangent_is_stored() {
+    for (discretisation, goes_over) in
+        [(Discretisation::BondQuadrature, false), (Discretisation::Nodal, true)]
+    {
+        let bar = Bar::new(4, 3, discretisation);
+        let settings = NewtonSettings::default();
+        let options = LinearOptions::default();
+        let mut newton = Newton::new(&bar.energy, &bar.constraints, settings, options).unwrap();
+        let observer = Arc::new(UntilStored::default());
+        newton.watched(&Watch::by(Arc::clone(&observer) as Arc<dyn Observer>));
+        let ended = bar.solve_with(&mut newton).err().map(|error| error.failure);
+        assert_eq!(ended, goes_over.then_some(NewtonFailure::Interrupted));
+        let reasons = observer.0.lock().unwrap();
+        assert_eq!(reasons.len(), usize::from(goes_over));
+        assert!(reasons.iter().all(|reason| reason.contains("did not converge")), "{reasons:?}");
+        assert!(!newton.linear().stores_matrix());
+        assert_eq!(newton.linear().n_factorizations(), 0);
     }
 }
 

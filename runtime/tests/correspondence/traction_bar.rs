@@ -95,8 +95,13 @@ impl Bar {
         settings: NewtonSettings,
         options: LinearOptions,
     ) -> Result<Solved, NewtonError> {
-        let start = Instant::now();
         let mut newton = Newton::new(energy, &self.constraints, settings, options).unwrap();
+        self.solve_with(&mut newton)
+    }
+
+    /// The same by Newton's method that is at hand.
+    pub(crate) fn solve_with(&self, newton: &mut Newton<'_>) -> Result<Solved, NewtonError> {
+        let start = Instant::now();
         let mut u = vec![0.0; self.loads.len()];
         let report = newton.solve(&mut u, &self.loads)?;
         let moved = |&p: &usize| u[3 * p..3 * p + 3].iter().fold(0.0, |sum, x| sum + x * x).sqrt();

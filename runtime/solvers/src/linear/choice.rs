@@ -4,6 +4,7 @@ use piola_mechanics::energy::Products;
 use piola_mechanics::words::Words;
 use serde::ser::{Serialize, SerializeStruct, Serializer};
 
+use super::fallback::FALLBACK_OPERATIONS;
 use super::report::LinearMethod;
 
 /// In three dimensions `auto` factorises up to this many operations and iterates beyond.
@@ -143,9 +144,9 @@ pub(super) fn iterations_worth(operations: f64, matrix_bytes: f64) -> f64 {
     operations / matrix_bytes
 }
 
-/// Products with a tangent that is not stored in the time in which it is worked out to be stored: the
-/// middle of the 14 to 270 of `docs/measured/performance.md`, "Where products end".
-const PRODUCTS_OF_A_TANGENT: f64 = 60.0;
+/// Products with a tangent that is not stored in the time in which it is worked out to be stored: of the
+/// 10 to 170 of `docs/measured/performance.md`, "Where products end", what served whole runs best.
+const PRODUCTS_OF_A_TANGENT: f64 = 30.0;
 
 /// Operations of a factorisation in the time of one product, for each block of bonded points: 120 ns
 /// of 2e10 in a second.
@@ -155,6 +156,23 @@ const OPERATIONS_PER_BOND: f64 = 2400.0;
 /// points make so many blocks.
 pub(super) fn products_worth(operations: f64, blocks: usize) -> usize {
     (PRODUCTS_OF_A_TANGENT + operations / (OPERATIONS_PER_BOND * blocks as f64)) as usize
+}
+
+/// Stored tangents in memory at once: the blocks, and their free part twice.
+const COPIES: f64 = 3.0;
+
+/// How many products of one system `auto` makes with a tangent beyond the bonds before a stored one takes
+/// over, which takes a factorisation of so many operations and bytes; none of a system that turns out to be
+/// indefinite. `None` where no stored tangent does. Bonded points make so many blocks.
+pub fn products_before_stored(
+    stored: &Circumstances,
+    (operations, bytes): (f64, f64),
+    bonded: usize,
+) -> Option<usize> {
+    let fits = bytes + COPIES * stored.matrix_bytes <= stored.memory_limit;
+    let serves = may_be_ordered(stored.dimension, stored.unknowns);
+    let ends = operations <= FALLBACK_OPERATIONS;
+    (fits && serves && ends).then(|| products_worth(operations, bonded))
 }
 
 /// Whether a body with so many unknowns is small enough to be ordered.
@@ -201,10 +219,26 @@ mod tests {
 
     #[test]
     fn a_stored_tangent_is_worth_the_products_of_its_assembly_and_its_factors() {
-        assert_eq!(products_worth(0.0, 10_000), 60);
+        assert_eq!(products_worth(0.0, 10_000), 30);
         // 0.1 s of factorisation against products of 1.2 ms.
-        assert_eq!(products_worth(2e9, 10_000), 60 + 83);
+        assert_eq!(products_worth(2e9, 10_000), 30 + 83);
         assert!(may_be_ordered(2, 1_000_000) && !may_be_ordered(3, 1_000_000));
+    }
+
+    #[test]
+    fn a_stored_tangent_takes_over_where_it_fits_and_its_factorisation_ends() {
+        let wide = |dimension, unknowns, memory_limit| Circumstances {
+            dimension,
+            unknowns,
+            matrix_bytes: 1e8,
+            memory_limit,
+        };
+        let small = (2e9, 1e8);
+        assert_eq!(products_before_stored(&wide(3, 3000, 4e8), small, 10_000), Some(113));
+        assert_eq!(products_before_stored(&wide(3, 3000, 3.9e8), small, 10_000), None);
+        assert_eq!(products_before_stored(&wide(3, 60_001, 4e8), small, 10_000), None);
+        assert_eq!(products_before_stored(&wide(2, 60_001, 4e8), small, 10_000), Some(113));
+        assert_eq!(products_before_stored(&wide(3, 3000, 4e8), (1.1e12, 1e8), 10_000), None);
     }
 
     /// Every method asked for serves, and `auto` stores no tangent that it need not store.

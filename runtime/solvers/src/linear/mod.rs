@@ -50,7 +50,7 @@ use direct::{Inertia, LuFactors, SymmetricFactors};
 use extraction::FreeTriangle;
 use iterative::Iterative;
 
-pub use choice::{Choice, Circumstances, MEMORY_SHARE, choose, settled};
+pub use choice::{Choice, Circumstances, MEMORY_SHARE, choose, products_before_stored, settled};
 pub use estimate::{FactorizationEstimate, estimate_factorization};
 pub use factor_of_bonds::OPERATIONS_PER_BLOCK;
 pub use gmres::RESTART;

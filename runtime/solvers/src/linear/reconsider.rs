@@ -1,19 +1,18 @@
 //! From products with a tangent that reaches beyond the bonds to a stored one and its factors.
 //!
-//! Storing such a tangent takes the time of tens to hundreds of products, so that `auto` begins with
-//! them: where springs precondition well, a system takes some twenty. How well they do is not known
+//! Storing such a tangent takes the time of ten to a hundred products and more, so that `auto` begins
+//! with them: where springs precondition well, a system takes some twenty. How well they do is not known
 //! before. Where a system takes as many products as a stored tangent and its factors are worth, or
 //! where its tangent is indefinite, the stored one takes over, and stays.
 
 use piola_mechanics::energy::Energy;
 
-use super::choice::{may_be_ordered, products_worth};
+use super::choice::{may_be_ordered, products_before_stored, products_worth};
 use super::estimate::estimate_factorization;
-use super::fallback::FALLBACK_OPERATIONS;
-use super::{Choice, LinearError, LinearMethod, LinearSolver, matrix_bytes, most_iterations};
-
-/// Stored tangents in memory at once: the blocks, and their free part twice.
-const COPIES: f64 = 3.0;
+use super::{
+    Choice, Circumstances, LinearError, LinearMethod, LinearSolver, matrix_bytes, most_iterations,
+};
+use crate::watch::Event;
 
 /// Products that minimum residuals take for an indefinite tangent: 300 to 700 for a plate of 1,496 points.
 const INDEFINITE: usize = 500;
@@ -34,7 +33,7 @@ impl LinearSolver {
     /// be solved again: more iterations are allowed now.
     ///
     /// # Errors
-    /// Memory for the ordering.
+    /// Memory for the ordering; whoever looks on wants an end, now that a stored tangent is to take over.
     pub(crate) fn reconsider(
         &mut self,
         energy: &dyn Energy,
@@ -46,13 +45,18 @@ impl LinearSolver {
             Some(estimate) => estimate,
             None => estimate_factorization(pattern, &self.constraints)?,
         };
-        let bytes = estimate.bytes() + COPIES * matrix_bytes(pattern);
-        if bytes > self.options.memory_limit || estimate.operations > FALLBACK_OPERATIONS {
+        let stored = Circumstances {
+            dimension: pattern.dimension,
+            unknowns: self.constraints.n_free(),
+            matrix_bytes: matrix_bytes(pattern),
+            memory_limit: self.options.memory_limit,
+        };
+        let cost = (estimate.operations, estimate.bytes());
+        let Some(worth) = products_before_stored(&stored, cost, self.pattern.n_blocks()) else {
             self.may_store = false;
             self.limits.max_iterations = most_iterations(&self.constraints);
             return Ok(false);
-        }
-        let worth = products_worth(estimate.operations, self.pattern.n_blocks());
+        };
         if iterations.unwrap_or(INDEFINITE) < worth {
             // Who meets an indefinite tangent once meets others, and iterates on.
             self.may_store = iterations.is_some();
@@ -62,6 +66,10 @@ impl LinearSolver {
             return Ok(false);
         }
         let choice = Choice::new(LinearMethod::Cholesky, reason(because, iterations));
+        self.watch.notice(Event::Stores(&choice));
+        if self.watch.wants_end() {
+            return Err(LinearError::Interrupted);
+        }
         let made = (choice, Some(estimate));
         let stored =
             LinearSolver::made(pattern, &self.positions, &self.constraints, self.options, made);

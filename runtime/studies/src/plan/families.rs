@@ -1,13 +1,13 @@
 //! What energies of deformation gradients and of gathered states cost.
 //!
-//! Their tangent reaches two or three horizons. It is not stored unless the scene says so: products
-//! visit the bonds, and springs like the tangent precondition them.
+//! Their tangent reaches two or three horizons. Products visit the bonds, and springs like the tangent
+//! precondition them; where they are too many, or the scene says so, the tangent is stored.
 
 use piola_mechanics::deformation::Discretisation;
 use piola_solvers::linear::{Choice, LinearMethod, OPERATIONS_PER_BLOCK};
 
-use super::time::{FACTOR_FLOPS_PER_SECOND, LU_WORK, speed};
-use super::{FactorEstimate, MemoryItem, TimeEstimate};
+use super::time::{LU_WORK, factorisation_seconds, speed};
+use super::{Extent, FactorEstimate, MemoryItem, TimeEstimate};
 
 /// Iterations of conjugate gradients to 1e-10 with the factor of the springs: 16 to 52 for bars.
 const FACTOR_ITERATIONS: f64 = 35.0;
@@ -18,21 +18,20 @@ const TWO_LEVEL_ITERATIONS: f64 = 65.0;
 /// Finding one bond with its weights, in s.
 const BOND_SETUP_SECONDS: f64 = 400e-9;
 
-/// What bonds cost, in s per bond on one core: measured on 14^3 and 20^3 points.
+/// Solving with the factor of the springs, in s per number of it: once forward and once back.
+const SOLVE_SECONDS: f64 = 1.2e-9;
+
+/// What bonds cost, in s per bond on one core: measured on 40^2 points and 9^3 to 10^3, with horizons of two
+/// and three spacings, neo-Hookean and of one to three integrals.
 struct Seconds {
     forces: f64,
-    /// What is worked out once for all products at the same displacements.
+    /// What is worked out once for all products at the same displacements, springs among it.
     once: f64,
     /// One product with the tangent.
     product: f64,
-    /// One block of a stored tangent.
+    /// A stored tangent, for each pair of bonds of a family that couples points: a half of the square of its
+    /// bonds.
     stored: f64,
-}
-
-impl Seconds {
-    fn of_gradients(forces: f64, product: f64) -> Seconds {
-        Seconds { forces, once: 0.0, product, stored: product }
-    }
 }
 
 /// What points know of their families.
@@ -69,18 +68,25 @@ impl Families {
         if self == Families::BondQuadrature { 3 } else { 2 }
     }
 
-    fn seconds(self) -> Seconds {
+    fn seconds(self, dimension: usize) -> Seconds {
+        let tensor = (dimension * dimension) as f64;
+        let of_gradients = |forces: f64, product: f64, stored: f64| Seconds {
+            forces,
+            once: 14e-9 * tensor,
+            product,
+            stored: stored * tensor,
+        };
         match self {
-            Families::Nodal => Seconds::of_gradients(25e-9, 25e-9),
-            Families::Stabilised => Seconds::of_gradients(47e-9, 45e-9),
-            Families::BondQuadrature => Seconds::of_gradients(100e-9, 115e-9),
+            Families::Nodal => of_gradients(22e-9, 22e-9, 3.4e-9),
+            Families::Stabilised => of_gradients(45e-9, 45e-9, 12e-9),
+            Families::BondQuadrature => of_gradients(85e-9, 14e-9 * tensor, 32e-9),
             Families::States(integrals) => {
                 let m = integrals as f64;
                 Seconds {
-                    forces: 25e-9 + 18e-9 * m,
+                    forces: 32e-9 + 13e-9 * m,
                     once: 40e-9 + 40e-9 * m,
-                    product: 8e-9 + 2e-9 * m,
-                    stored: 200e-9 + 120e-9 * m,
+                    product: 2e-9 + 6e-9 * m,
+                    stored: 10e-9 + 10e-9 * m,
                 }
             }
         }
@@ -138,25 +144,28 @@ pub(super) fn terms(
 /// on one core: so do products with their tangents.
 pub(super) fn time(
     all: &[Families],
+    extent: &Extent,
     (bonds, interactions): (f64, f64),
-    blocks: f64,
+    (blocks, factor): (f64, FactorEstimate),
     linear: &Choice,
-    factor: FactorEstimate,
     threads: usize,
 ) -> TimeEstimate {
-    let sum =
-        |of: fn(&Seconds) -> f64| all.iter().map(|families| of(&families.seconds())).sum::<f64>();
+    let sum = |of: fn(&Seconds) -> f64| {
+        all.iter().map(|families| of(&families.seconds(extent.dimension))).sum::<f64>()
+    };
     let whole = |seconds: f64| seconds * bonds / speed(threads);
     let others = interactions / speed(threads);
     let forces = whole(sum(|per_bond| per_bond.forces)) + others;
     let product = whole(sum(|per_bond| per_bond.product)) + others;
     let once = forces + whole(sum(|per_bond| per_bond.once));
-    let factorisation = factor.flops / FACTOR_FLOPS_PER_SECOND;
-    // The stored tangent is worked out entry by entry, over all that two points share.
-    let stored = forces + blocks * whole(sum(|per_bond| per_bond.stored)) / bonds.max(1.0);
+    let factorisation = factorisation_seconds(factor, extent.dimension);
+    // A point has twice as many bonds as there are for each.
+    let pairs_per_bond = 2.0 * bonds / extent.points.max(1) as f64;
+    let stored = forces + whole(sum(|per_bond| per_bond.stored)) * pairs_per_bond;
     let (assembly, linear) = match linear.method {
         _ if !linear.stores_matrix && is_factorised(factor, blocks) => {
-            (once, factorisation + FACTOR_ITERATIONS * product)
+            let iteration = product + SOLVE_SECONDS * factor.entries;
+            (once, factorisation + FACTOR_ITERATIONS * iteration)
         }
         _ if !linear.stores_matrix => (once, TWO_LEVEL_ITERATIONS * product),
         LinearMethod::Cholesky => (stored, factorisation),

@@ -32,6 +32,10 @@ impl fmt::Display for Plan {
             writeln!(f, "  {:<28}{:>14}", item.item, bytes(item.bytes))?;
         }
         writeln!(f, "  {:<28}{:>14}", "together", bytes(self.memory_total))?;
+        if let (Some(stored), false) = (&self.stored, self.goes_over()) {
+            let total = bytes(stored.memory_total);
+            writeln!(f, "  {:<28}{total:>14}   where one takes over", "with a stored tangent")?;
+        }
         let available = self.available_memory.map_or("unknown".into(), bytes);
         writeln!(f, "  {:<28}{available:>14}", "available")?;
         let threads =
@@ -50,6 +54,7 @@ impl fmt::Display for Plan {
         };
         let (method, without) = match self.linear.stores_matrix {
             true => (format!("linear system, {short}"), ""),
+            false if self.goes_over() => ("linear system, Cholesky".to_string(), BEGINS),
             false => ("linear system (matrix-free)".to_string(), " without a stored tangent"),
         };
         writeln!(f, "  {:<28}{:>14}", "setup", seconds(self.time.setup))?;
@@ -59,14 +64,39 @@ impl fmt::Display for Plan {
         let total = format!("run of {} increments", self.increments);
         writeln!(f, "  {total:<28}{:>14}", seconds(self.time.total))?;
         writeln!(f, "linear systems by {name}{without}:")?;
-        wrapped(&self.linear.reason).iter().try_for_each(|line| writeln!(f, "  {line}"))?;
+        let reason = format!("{}{}", self.linear.reason, self.takes_over());
+        wrapped(&reason).iter().try_for_each(|line| writeln!(f, "  {line}"))?;
         writeln!(f, "what this plan does not know, or takes for granted:")?;
         let notes = self.notes.iter().cloned().chain([self.time_note()]);
         notes.flat_map(|note| wrapped(&note)).try_for_each(|line| writeln!(f, "  {line}"))
     }
 }
 
+/// A method that is not the last.
+const BEGINS: &str = ", then by Cholesky with a stored tangent";
+
 impl Plan {
+    /// Whether the first increment went over to a stored tangent.
+    fn goes_over(&self) -> bool {
+        self.first.as_ref().is_some_and(|first| first.stored.is_some())
+    }
+
+    /// When and why a stored tangent takes over, as the rest of a sentence; empty where none may.
+    fn takes_over(&self) -> String {
+        let seen = self.first.as_ref().and_then(|first| first.stored.as_ref());
+        match (seen, &self.stored) {
+            (Some(change), _) => {
+                format!("; in the first increment a stored one takes over: {}", change.reason)
+            }
+            (None, Some(stored)) => format!(
+                "; a stored one and Cholesky take over for the rest of the run where a system takes more than \
+                 {} products, or its tangent is indefinite",
+                stored.products
+            ),
+            (None, None) => String::new(),
+        }
+    }
+
     /// What the time rests on, in a sentence without its full stop.
     fn time_note(&self) -> String {
         let Some(first) = &self.first else {

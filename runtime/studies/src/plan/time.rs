@@ -16,9 +16,9 @@ const BOND_SETUP_SECONDS: f64 = 150e-9;
 /// How much each further thread adds to the speed of assembly.
 const THREAD_GAIN: f64 = 0.7;
 
-/// Sparse Cholesky, multiplications and additions per s: 2.3e10 in 2D, 4e10 in 3D; it does not gain
-/// from threads.
-pub(super) const FACTOR_FLOPS_PER_SECOND: f64 = 2e10;
+/// Sparse Cholesky, multiplications and additions per s; it does not gain from threads.
+const FACTOR_FLOPS_PER_SECOND_2D: f64 = 2e10;
+const FACTOR_FLOPS_PER_SECOND_3D: f64 = 3e10;
 
 /// Work of LU over that of Cholesky.
 pub(super) const LU_WORK: f64 = 4.0;
@@ -42,7 +42,8 @@ const NEWTON_ITERATIONS: f64 = 5.0;
 /// Time by phase, in s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct TimeEstimate {
-    /// Finding neighbours and laying out the matrix, once.
+    /// Finding neighbours and laying out the matrix; and, where a stored tangent took over, all until its
+    /// first system was solved.
     pub setup: f64,
     /// Energy, forces and tangent, per Newton iteration.
     pub assembly: f64,
@@ -87,6 +88,26 @@ pub struct FirstIncrement {
     pub solved: f64,
     /// Why no equilibrium was found, if none was.
     pub failure: Option<String>,
+    /// When a stored tangent took over from products, if one did.
+    pub stored: Option<ChangeOver>,
+}
+
+/// A stored tangent took over from products.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ChangeOver {
+    /// Why, in words.
+    pub reason: String,
+    /// Newton iterations that were finished by then.
+    pub iterations: usize,
+    /// Time until the first system with it was solved, in s.
+    pub seconds: f64,
+}
+
+/// One Cholesky factorisation, in s.
+pub(super) fn factorisation_seconds(factor: FactorEstimate, dimension: usize) -> f64 {
+    let per_second =
+        if dimension == 2 { FACTOR_FLOPS_PER_SECOND_2D } else { FACTOR_FLOPS_PER_SECOND_3D };
+    factor.flops / per_second
 }
 
 /// How much faster assembly is on so many threads.
@@ -120,8 +141,8 @@ impl TimeEstimate {
         let iterations =
             horizons.map(|horizons| CG_ITERATIONS + CG_ITERATIONS_PER_HORIZON * horizons);
         let linear = match linear.method {
-            LinearMethod::Cholesky => factor.flops / FACTOR_FLOPS_PER_SECOND,
-            LinearMethod::Lu => LU_WORK * factor.flops / FACTOR_FLOPS_PER_SECOND,
+            LinearMethod::Cholesky => factorisation_seconds(factor, dimension),
+            LinearMethod::Lu => LU_WORK * factorisation_seconds(factor, dimension),
             _ if !linear.stores_matrix => iterations.unwrap_or(TWO_LEVEL_ITERATIONS) * assembly,
             _ => {
                 let iterations = iterations.unwrap_or(TWO_LEVEL_ITERATIONS * TWO_LEVEL_TIME);
@@ -143,8 +164,25 @@ impl TimeEstimate {
         TimeEstimate { total: self.setup + increments as f64 * self.increment, ..self }
     }
 
-    /// With what was seen of the first increment.
-    pub(super) fn of(self, first: &FirstIncrement, increments: usize) -> TimeEstimate {
+    /// With what was seen of the first increment. `stored` is what a Newton iteration is estimated to take
+    /// with a stored tangent that may take over: assembly and linear system.
+    pub(super) fn of(
+        self,
+        first: &FirstIncrement,
+        stored: Option<(f64, f64)>,
+        increments: usize,
+    ) -> TimeEstimate {
+        let time = match &first.stored {
+            Some(change) => {
+                self.after(change, first, stored.unwrap_or((self.assembly, self.linear)))
+            }
+            None => self.throughout(first),
+        };
+        time.for_increments(increments)
+    }
+
+    /// With one method for the whole run.
+    fn throughout(self, first: &FirstIncrement) -> TimeEstimate {
         let FirstIncrement { iterations, assembly, linear, line_search, solved, .. } = *first;
         let all = assembly + linear + line_search;
         let n = iterations.max(1) as f64;
@@ -155,7 +193,29 @@ impl TimeEstimate {
             (false, _) => (Basis::Iterations, all / n * NEWTON_ITERATIONS.max(n + 1.0)),
         };
         let linear = if iterations == 0 { 2.0 * linear } else { linear / n };
-        let time = TimeEstimate { assembly: assembly / n, linear, increment, basis, ..self };
-        time.for_increments(increments)
+        TimeEstimate { assembly: assembly / n, linear, increment, basis, ..self }
+    }
+
+    /// With a stored tangent from some iteration of the first increment on: what went before is taken once,
+    /// and every increment has as many iterations as the first, all of them like those after.
+    fn after(
+        self,
+        change: &ChangeOver,
+        first: &FirstIncrement,
+        (assembly, linear): (f64, f64),
+    ) -> TimeEstimate {
+        let n = first.iterations as f64;
+        let all = first.assembly + first.linear + first.line_search;
+        let seen = (first.iterations - change.iterations.min(first.iterations)) as f64;
+        let estimated = assembly + linear;
+        let iteration = if seen > 0.0 { (all - change.seconds) / seen } else { estimated };
+        let (basis, increment) = match first.solved > 0.0 {
+            true => (Basis::Increment, iteration * n / first.solved),
+            false => (Basis::Iterations, iteration * NEWTON_ITERATIONS.max(n + 1.0)),
+        };
+        let setup = self.setup + change.seconds;
+        let part = iteration / estimated;
+        let (assembly, linear) = (assembly * part, linear * part);
+        TimeEstimate { setup, assembly, linear, increment, basis, ..self }
     }
 }

@@ -55,9 +55,11 @@ impl Case {
     pub fn rehearsed_plan(&self, threads: usize) -> Result<Plan, CaseError> {
         let (mut plan, compiled) = self.plan_and_energies(threads)?;
         let is_quick = plan.time.setup + 2.0 * plan.time.assembly < 0.5 * PATIENCE.as_secs_f64();
+        let stored = plan.stored.as_ref().map_or(0.0, |stored| stored.assembly + stored.linear);
+        let stored = Duration::try_from_secs_f64(stored).unwrap_or(Duration::MAX);
         if self.large_box().is_none()
             && is_quick
-            && let Ok(Some(first)) = rehearsal::first_increment(self, compiled, PATIENCE)
+            && let Ok(Some(first)) = rehearsal::first_increment(self, compiled, PATIENCE, stored)
         {
             plan.rehearsed(first);
         }

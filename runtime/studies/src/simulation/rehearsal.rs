@@ -12,14 +12,15 @@ use piola_solvers::{Event, Observer, Watch};
 
 use super::run::{SceneDrive, failed, settings};
 use crate::case::{Case, CaseError, Compiled};
-use crate::plan::FirstIncrement;
+use crate::plan::{ChangeOver, FirstIncrement};
 use crate::scene::boundary::BoundaryConditions;
 
 /// Factorisations of more operations are not made for a plan: half a second.
 const FACTOR_OPERATIONS: f64 = 1e10;
 
-/// Solves the first increment as a run would, until it ends or the time is up; nothing where a
-/// factorisation alone would take longer.
+/// Solves the first increment as a run would, until it ends or the time is up, and for as long again where
+/// a stored tangent takes over; nothing where a factorisation alone would take longer. One Newton iteration
+/// with that tangent is expected to take so `long`: where it exceeds the patience it ends the search.
 ///
 /// # Errors
 /// A case that cannot start.
@@ -27,6 +28,7 @@ pub(super) fn first_increment(
     case: &Case,
     compiled: Vec<Compiled>,
     patience: Duration,
+    long: Duration,
 ) -> Result<Option<FirstIncrement>, CaseError> {
     let energy = case.solved_energy(compiled)?;
     let selection = case.selection()?;
@@ -35,7 +37,9 @@ pub(super) fn first_increment(
     if is_long(&energy, boundary.fixed_dofs(), settings.linear) {
         return Ok(None);
     }
-    let ledger = Arc::new(Ledger { until: Instant::now() + patience, seen: Mutex::default() });
+    let seen = Seen { until: Some(Instant::now() + patience), ..Seen::default() };
+    let again = (long <= patience).then_some(patience);
+    let ledger = Arc::new(Ledger { again, seen: Mutex::new(seen) });
     let watch = Watch::by(Arc::clone(&ledger) as Arc<dyn Observer>);
     let drive = SceneDrive::new(&boundary);
     let nominal = settings.end / settings.increments as f64;
@@ -69,13 +73,17 @@ fn is_long(energy: &dyn Energy, fixed: &[usize], options: LinearOptions) -> bool
 
 /// Wants an end when the time is up, and writes down what it sees.
 struct Ledger {
-    until: Instant,
+    /// Time for a stored tangent that takes over, if there is any.
+    again: Option<Duration>,
     seen: Mutex<Seen>,
 }
 
 #[derive(Default)]
 struct Seen {
     first: FirstIncrement,
+    until: Option<Instant>,
+    /// Whether a stored tangent took over in the system that is being solved.
+    takes_over: bool,
     /// When the increment was first tried, and Newton's method first set out.
     tried: Option<Instant>,
     begun: Option<Instant>,
@@ -88,22 +96,44 @@ impl Observer for Ledger {
     fn notice(&self, event: Event<'_>) {
         let mut seen = self.seen.lock().unwrap_or_else(|error| error.into_inner());
         let now = Instant::now();
+        if let Event::Residual { iterations, .. } = event {
+            seen.first.iterations += usize::from(iterations > 0);
+            seen.note_change(now);
+            seen.takes_over = false;
+        }
         match event {
             Event::Attempt(_) => drop(seen.tried.get_or_insert(now)),
             Event::Start => drop(seen.begun.get_or_insert(now)),
             Event::Residual { iterations: 0, .. } => drop(seen.posed.get_or_insert(now)),
-            Event::Residual { .. } => {
-                seen.first.iterations += 1;
-                seen.finished = Some(now);
-            }
+            Event::Residual { .. } => seen.finished = Some(now),
             Event::Product => seen.first.products += 1,
             Event::CutBack { .. } => seen.first.cut_backs += 1,
+            Event::Stores(choice) => {
+                let reason = choice.reason.clone();
+                seen.first.stored = Some(ChangeOver { reason, iterations: 0, seconds: 0.0 });
+                seen.takes_over = true;
+                seen.note_change(now);
+                seen.until = self.again.map(|again| now + again);
+            }
             Event::Phase(_) | Event::Step(_) => {}
         }
     }
 
     fn wants_end(&self) -> bool {
-        Instant::now() > self.until
+        let seen = self.seen.lock().unwrap_or_else(|error| error.into_inner());
+        seen.until.is_none_or(|until| Instant::now() > until)
+    }
+}
+
+impl Seen {
+    /// Writes down how far the search has come while a stored tangent takes over.
+    fn note_change(&mut self, now: Instant) {
+        if let (true, Some(change), Some(tried)) =
+            (self.takes_over, &mut self.first.stored, self.tried)
+        {
+            change.iterations = self.first.iterations;
+            change.seconds = (now - tried).as_secs_f64();
+        }
     }
 }
 

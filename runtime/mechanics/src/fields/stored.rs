@@ -7,7 +7,6 @@
 //! what a displacement of the point does to the duals of all fields there, and spreads these over the
 //! families of the points that they belong to.
 
-use pulp::Arch;
 use rayon::prelude::*;
 
 use crate::energy::{NonFinite, Wanted};
@@ -128,12 +127,9 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
     /// The whole matrix on its pattern.
     pub(crate) fn fill(&self, matrix: &mut BlockMatrix) {
         let pattern = std::sync::Arc::clone(&matrix.pattern);
-        let (n, arch) = (pattern.n_rows(), Arch::new());
+        let n = pattern.n_rows();
         let fill = |scratch: &mut Scratch<D>, (point, out): (usize, &mut [f64])| {
-            arch.dispatch(
-                #[inline(always)]
-                || self.row(scratch, point, pattern.row(point), self.is_across, out),
-            );
+            self.row(scratch, point, pattern.row(point), self.is_across, out);
         };
         let rows = matrix.rows().into_par_iter().enumerate();
         rows.map_init(|| self.scratch(n), fill).collect::<()>();
@@ -141,12 +137,9 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
 
     /// Its diagonal blocks.
     pub(crate) fn diagonal(&self, blocks: &mut [f64]) {
-        let (n, arch) = (blocks.len() / (D * D), Arch::new());
+        let n = blocks.len() / (D * D);
         let fill = |scratch: &mut Scratch<D>, (point, out): (usize, &mut [f64])| {
-            arch.dispatch(
-                #[inline(always)]
-                || self.row(scratch, point, &[point as u32], false, out),
-            );
+            self.row(scratch, point, &[point as u32], false, out);
         };
         let blocks = blocks.par_chunks_exact_mut(D * D).enumerate();
         blocks.map_init(|| self.scratch(n), fill).collect::<()>();
@@ -195,7 +188,6 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
 
     /// The blocks of a row at some columns, ascending. `beyond` tells whether displacements of the
     /// point change duals outside its family.
-    #[inline(always)]
     fn row(
         &self,
         scratch: &mut Scratch<D>,
@@ -225,7 +217,6 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
     }
 
     /// The force at the point by way of `s_i`, in which it has this weight.
-    #[inline(always)]
     fn through_fields(
         &self,
         scratch: &mut Scratch<D>,
@@ -267,7 +258,6 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
     }
 
     /// The force at the point by the differences of displacements of its own bonds.
-    #[inline(always)]
     fn through_bonds(&self, scratch: &mut Scratch<D>, point: usize, out: &mut [f64]) {
         let mut mixed = std::mem::take(&mut scratch.mixed);
         for k in 0..self.of.neighborhood().row(point).len() {
@@ -286,7 +276,6 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
     }
 
     /// From derivatives of the force by `s_j` to those by displacements.
-    #[inline(always)]
     fn spread(&self, scratch: &Scratch<D>, columns: &[u32], out: &mut [f64]) {
         let m = D * self.of.n_fields();
         let duals = |slot: usize| &scratch.duals[slot * m..(slot + 1) * m];

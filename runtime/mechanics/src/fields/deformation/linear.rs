@@ -8,7 +8,7 @@ use super::batch::{LawBatch, determinant};
 use super::operator::GradientOperator;
 use super::quadrature::BondStiffness;
 use super::stabilisation::Deviations;
-use super::sweep::{Failure, Fields};
+use super::sweep::{Failure, Fields, turned};
 use crate::body::Body;
 use crate::fields::stored::{Linearised, Seen, Tensor};
 use crate::interaction::Slabs;
@@ -51,8 +51,10 @@ impl<'a, const D: usize> FieldStiffness<'a, D> {
             let second = batch
                 .second(law, h)
                 .map_err(|_| Failure { points: vec![point], determinant: determinant(h) })?;
-            let volume = body.volumes()[point];
-            out.iter_mut().zip(second).for_each(|(out, second)| *out = volume * second);
+            let (volume, n) = (body.volumes()[point], D * D);
+            for (place, second) in second.iter().enumerate() {
+                out[turned::<D>(place / n) * n + turned::<D>(place % n)] = volume * second;
+            }
             Ok(())
         };
         let chunks = points.par_chunks_exact_mut(size).with_min_len(64).enumerate();
@@ -98,7 +100,7 @@ impl<'a, const D: usize> FieldStiffness<'a, D> {
                     for c in 0..D {
                         for s in 0..D {
                             for e in 0..D {
-                                out[(r * D + c) * D * D + s * D + e] +=
+                                out[(c * D + r) * D * D + e * D + s] +=
                                     strength * a[r][s] * dx[c] * dx[e];
                             }
                         }
@@ -137,7 +139,7 @@ impl<const D: usize> Linearised<D> for FieldStiffness<'_, D> {
         for r in 0..D {
             let out = &mut out[r * columns..(r + 1) * columns];
             for c in 0..D {
-                let row = &x[(r * D + c) * columns..(r * D + c + 1) * columns];
+                let row = &x[(c * D + r) * columns..(c * D + r + 1) * columns];
                 for (out, x) in out.iter_mut().zip(row) {
                     *out += weight[0][c] * x;
                 }
@@ -147,12 +149,15 @@ impl<const D: usize> Linearised<D> for FieldStiffness<'_, D> {
 
     #[inline(always)]
     fn times(&self, x: &[f64], weight: &[[f64; D]]) -> Tensor<D> {
-        std::array::from_fn(|r| {
-            std::array::from_fn(|s| {
-                let row = &x[(r * D + s) * D..(r * D + s + 1) * D];
-                (0..D).fold(0.0, |sum, e| sum + row[e] * weight[0][e])
-            })
-        })
+        let mut block = [[0.0; D]; D];
+        for (block, row) in block.iter_mut().zip(x.chunks_exact(D * D)) {
+            for (column, weight) in row.as_chunks::<D>().0.iter().zip(&weight[0]) {
+                for s in 0..D {
+                    block[s] += column[s] * weight;
+                }
+            }
+        }
+        block
     }
 
     #[inline(always)]
@@ -193,7 +198,7 @@ impl<const D: usize> Linearised<D> for FieldStiffness<'_, D> {
                 for r in 0..D {
                     for c in 0..D {
                         for s in 0..D {
-                            out[(r * D + c) * D + s] = -strength * a[r][s] * dx[c];
+                            out[(c * D + r) * D + s] = -strength * a[r][s] * dx[c];
                         }
                     }
                 }

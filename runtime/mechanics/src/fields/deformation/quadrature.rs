@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use super::batch::{CAPACITY, LawBatch, determinant};
 use super::error::DeformationError;
 use super::stabilisation::{check_sums, sums};
-use super::sweep::{Failure, Fields, Pass, TouchedDuals};
+use super::sweep::{Failure, Fields, Pass, TouchedDuals, turned};
 use crate::assembly::sum::Sum;
 use crate::body::Body;
 use crate::fields::stored::Tensor;
@@ -106,10 +106,10 @@ impl<const D: usize> Bond<D> {
         }
         for r in 0..D {
             for f in 0..D {
-                let rf = r * D + f;
+                let rf = turned::<D>(r * D + f);
                 for se in 0..size {
                     let term = |c: usize| mean[(r * D + c) * size + se] * half(f, c);
-                    out[rf * size + se] = (0..D).fold(0.0, |sum, c| sum + term(c));
+                    out[rf * size + turned::<D>(se)] = (0..D).fold(0.0, |sum, c| sum + term(c));
                 }
                 for s in 0..D {
                     let term = |c: usize| bond[(r * D + c) * D + s] * half(f, c);
@@ -137,7 +137,7 @@ impl BondStiffness {
     }
 
     /// The three blocks of the bond of a number: `d^2 x d^2`, the same for each pair of ends;
-    /// `d^2 x d`; `d x d`.
+    /// `d^2 x d`; `d x d`. Components of `H` stand column by column.
     pub(super) fn bond(&self, number: usize) -> [&[f64]; 3] {
         let d = self.dimension;
         let entries = BondStiffness::entries(d);

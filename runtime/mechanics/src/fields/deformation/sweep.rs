@@ -16,6 +16,12 @@ pub(super) struct Fields<'a, const D: usize> {
     pub(super) h: &'a [Tensor<D>],
 }
 
+/// The number of a component of `H`, counted row by row, where second derivatives are stored: these are kept column by column, so
+/// that what belongs to one displacement stands side by side.
+pub(super) fn turned<const D: usize>(component: usize) -> usize {
+    component % D * D + component / D
+}
+
 /// What is asked of an energy.
 #[derive(Clone, Copy)]
 pub(super) enum Pass<'a, const D: usize> {

@@ -126,3 +126,33 @@ fn shape_tensors_and_deformation_gradients_of_bonds_are_those_of_the_reference()
         assert!(found < 1e-14, "{kernel}: {found:e}");
     }
 }
+
+/// A cloud so flat that moment matrices are nearly singular: gradients of linear fields lose the digits
+/// of the root of the condition, and not those of the condition itself.
+#[test]
+fn linear_fields_are_exact_in_nearly_flat_families() {
+    let noise = crate::testing::pseudo_random(3 * 125, 7);
+    let positions: Vec<f64> = (0..3 * 125)
+        .map(|k| {
+            let place = (k / 3 / 5usize.pow(2 - (k % 3) as u32) % 5) as f64 + 0.2 * noise[k];
+            if k % 3 == 2 { 3e-6 * place } else { place }
+        })
+        .collect();
+    let body = Arc::new(Body::new(3, &positions, &[1.0; 125], None));
+    let neighborhood = Arc::new(Neighborhood::new(&body, 2.5).unwrap());
+    let influence = influences(&body, &neighborhood, &Constant).unwrap();
+    let operator =
+        GradientOperator::new(&body, neighborhood, OperatorOrder::First, &influence).unwrap();
+    let condition = operator.condition();
+    assert!(condition > 1e10, "{condition:e}");
+    let slopes = [[0.3, -0.2, 0.1], [0.5, 0.7, -0.4], [-0.6, 0.2, 0.9]];
+    let displacement = |x: &[f64]| slopes.map(|row| row.iter().zip(x).map(|(a, x)| a * x).sum());
+    let u: Vec<f64> =
+        body.positions().chunks(3).flat_map(|x| -> [f64; 3] { displacement(x) }).collect();
+    let mut h = vec![[[0.0; 3]; 3]; 125];
+    operator.gradient(&u, &mut h);
+    let wrong =
+        h.iter().map(|h| error(h.as_flattened(), slopes.as_flattened())).fold(0.0, f64::max);
+    println!("{condition:e}: {wrong:e}");
+    assert!(wrong < 10.0 * f64::EPSILON * condition.sqrt(), "{condition:e}: {wrong:e}");
+}

@@ -1,6 +1,6 @@
 //! Second derivatives of energies of deformation gradients by the fields `H` and `u`, for stored
-//! tangents. Products evaluate the law again instead: 81 numbers for each point in space, or 117 for
-//! each bond, take longer to read.
+//! tangents. Products evaluate the law again instead, and keep no 81 numbers for each point in space or
+//! 117 for each bond.
 
 use rayon::prelude::*;
 

@@ -45,8 +45,7 @@ pub(super) struct GradientOperator {
 }
 
 /// Up to this condition number of a moment matrix `H = (sum_j V_j w_ij (u_j - u_i) x q) B`: rounding
-/// errors grow by it, by its root where each neighbour has its weight. Inside of bodies it is near 1,
-/// at their edges 10 to 30.
+/// errors grow by it, by its root where each neighbour has its weight. Inside of a lattice it is 1.
 const REGULAR: f64 = 8.0;
 
 /// Calls the function of this name for the dimension and the number of polynomials.

@@ -17,7 +17,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use piola_compiler::{Form, Level, Measure, Mode};
 use piola_runtime::case::{Case, Library};
 use piola_runtime::element::{Contributions, InteractionBatch, Order};
-use piola_runtime::energy::Energy;
+use piola_runtime::energy::{Energy, Wanted};
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::neighborhood::Neighborhood;
 use piola_runtime::output::OutputFolder;
@@ -30,8 +30,12 @@ use piola_runtime::solve::linear::{LinearMethod, LinearOptions, LinearSolver};
 use ours::{SethHill, cube, displacement};
 use samples::{COUNT, Samples};
 
-const ORDERS: [(&str, Order); 3] =
-    [("energy", Order::Energy), ("gradient", Order::Gradient), ("tangent", Order::Tangent)];
+const ORDERS: [(&str, Order); 4] = [
+    ("energy", Order::Energy),
+    ("forces", Order::Force),
+    ("gradient", Order::Gradient),
+    ("tangent", Order::Tangent),
+];
 
 /// One interaction of each kind; throughput is interactions per second.
 fn kernels(criterion: &mut Criterion) {
@@ -106,9 +110,10 @@ fn assembly(criterion: &mut Criterion) {
             let id = BenchmarkId::new(format!("{} {name}", measure.interaction()), points);
             group.bench_function(id, |bencher| {
                 bencher.iter(|| match order {
-                    Order::Energy => energy.energy(&u),
-                    Order::Gradient => energy.forces(&u, &mut gradient),
-                    Order::Tangent => energy.tangent(&u, &mut gradient, &mut tangent),
+                    Order::Energy => energy.energy(&u).map(drop),
+                    Order::Force => energy.evaluate(&u, Wanted::Forces(&mut gradient), &mut []),
+                    Order::Gradient => energy.forces(&u, &mut gradient).map(drop),
+                    Order::Tangent => energy.tangent(&u, &mut gradient, &mut tangent).map(drop),
                 });
             });
         }

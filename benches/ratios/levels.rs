@@ -35,6 +35,7 @@ pub(crate) fn run() -> Vec<Table> {
             let times = times([&fast, &strict], order);
             let order = match order {
                 Order::Energy => "psi",
+                Order::Force => "psi'",
                 Order::Gradient => "psi, psi'",
                 Order::Tangent => "psi, psi', psi''",
             };

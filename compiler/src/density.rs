@@ -4,6 +4,8 @@
 //! Before: psi, its gradient and its product with a direction in one graph. After: two programs, psi
 //! with the gradient, and the product, as machine code or interpreted.
 
+use std::ops::Range;
+
 use rustc_hash::FxHashMap;
 
 use crate::expression::interpret::Interpreter;
@@ -91,12 +93,12 @@ impl Evaluator {
     /// Machine code in [`Mode::Jit`], else the graph, to be interpreted.
     pub(crate) fn new(form: DensityForm, mode: Mode) -> Result<Evaluator, CompileError> {
         let Mode::Jit(level) = mode else { return Ok(Evaluator::Graph(Box::new(form))) };
-        let code = |part, counts: &[usize]| {
-            form.program(part, |program| Code::new(program, counts, level, isa(true)?))
+        let code = |part, roots: &[Range<usize>]| {
+            form.program(part, |program| Code::new(program, roots, level, isa(true)?))
         };
         let n = form.gradient.len();
-        let value = code(Part::Value, &[1, n + 1])?;
-        Ok(Evaluator::Code(Box::new([value, code(Part::Product, &[n])?])))
+        let value = code(Part::Value, &[0..1, 0..n + 1])?;
+        Ok(Evaluator::Code(Box::new([value, code(Part::Product, std::slice::from_ref(&(0..n)))?])))
     }
 
     /// psi alone into one array, or psi and the gradient, from the inputs of the form.

@@ -1,5 +1,7 @@
 //! Kernels: what goes in, what comes out, and the ways to evaluate an energy.
 
+use std::ops::Range;
+
 use num_dual::HyperDual64;
 
 use crate::expression::interpret::Interpreter;
@@ -35,7 +37,9 @@ impl Batch<'_> {
 pub enum Order {
     /// The energy.
     Energy,
-    /// And the first derivative.
+    /// The first derivative alone: forces without energies.
+    Force,
+    /// The energy and the first derivative.
     Gradient,
     /// And the second derivative.
     Tangent,
@@ -43,16 +47,31 @@ pub enum Order {
 
 impl Order {
     /// All orders, ascending.
-    pub const ALL: [Order; 3] = [Order::Energy, Order::Gradient, Order::Tangent];
+    pub const ALL: [Order; 4] = [Order::Energy, Order::Force, Order::Gradient, Order::Tangent];
+
+    /// Whether it asks for the energy.
+    pub fn has_energy(self) -> bool {
+        self != Order::Force
+    }
+
+    /// Which of psi, psi' and psi'' it asks for.
+    pub fn wanted(self) -> Range<usize> {
+        match self {
+            Order::Energy => 0..1,
+            Order::Force => 1..2,
+            Order::Gradient => 0..2,
+            Order::Tangent => 0..3,
+        }
+    }
 }
 
 /// Where a kernel writes. What an order asks for has room for every entry of the batch; the rest is
 /// left alone and may be empty.
 #[derive(Debug)]
 pub struct Outputs<'a> {
-    /// The energy density.
+    /// The energy density, but for [`Order::Force`].
     pub psi: &'a mut [f64],
-    /// Its derivative with respect to the measure, from [`Order::Gradient`].
+    /// Its derivative with respect to the measure, from [`Order::Force`].
     pub dpsi: &'a mut [f64],
     /// Its second derivative with respect to the measure, at [`Order::Tangent`].
     pub d2psi: &'a mut [f64],
@@ -61,9 +80,8 @@ pub struct Outputs<'a> {
 impl Outputs<'_> {
     /// Whether `n` entries of this order fit.
     pub(crate) fn hold(&self, n: usize, order: Order) -> bool {
-        self.psi.len() >= n
-            && (order < Order::Gradient || self.dpsi.len() >= n)
-            && (order < Order::Tangent || self.d2psi.len() >= n)
+        let lengths = [self.psi.len(), self.dpsi.len(), self.d2psi.len()];
+        lengths[order.wanted()].iter().all(|&length| length >= n)
     }
 }
 
@@ -217,8 +235,10 @@ fn fill(
     assert!(batch.is_even() && out.hold(batch.measure.len(), order), "one entry per interaction");
     for i in 0..batch.measure.len() {
         let [psi, dpsi, d2psi] = at(batch.measure[i], batch.reference[i], batch.change[i]);
-        out.psi[i] = psi;
-        if order >= Order::Gradient {
+        if order.has_energy() {
+            out.psi[i] = psi;
+        }
+        if order >= Order::Force {
             out.dpsi[i] = dpsi;
         }
         if order == Order::Tangent {

@@ -1,5 +1,7 @@
 //! What machine code is made of: arrays in, arrays out, entry by entry.
 
+use std::ops::Range;
+
 use crate::expression::{ExprGraph, Input, NodeId};
 
 /// Some roots of a graph as functions of some inputs. Inputs that are not named are not numbers.
@@ -13,8 +15,8 @@ pub(crate) struct Program<'a> {
 }
 
 impl<'a> Program<'a> {
-    /// The same for the first roots alone.
-    pub(crate) fn first(self, n_roots: usize) -> Program<'a> {
-        Program { roots: &self.roots[..n_roots], ..self }
+    /// The same for some of the roots.
+    pub(crate) fn part(self, roots: Range<usize>) -> Program<'a> {
+        Program { roots: &self.roots[roots], ..self }
     }
 }

@@ -2,6 +2,7 @@
 #![allow(unsafe_code)] // each block states the fact it rests on
 
 use std::collections::HashMap;
+use std::ops::Range;
 
 use cranelift_codegen::control::ControlPlane;
 use cranelift_codegen::ir::{AbiParam, Signature, UserFuncName, types};
@@ -37,7 +38,7 @@ pub(crate) struct Code {
     /// Only taken out when dropped.
     module: Option<JITModule>,
     n_inputs: usize,
-    /// How many of the first roots each function computes, and the function.
+    /// How many roots each function computes, and the function.
     entries: Vec<(usize, Entry)>,
 }
 
@@ -62,14 +63,14 @@ pub struct Listing {
 }
 
 impl Code {
-    /// Compiles functions that compute the first roots of a program, one for each of `counts`, and
-    /// nothing that these do not need.
+    /// Compiles functions that compute some roots of a program, one for each of `parts`, and nothing
+    /// that these do not need.
     ///
     /// # Errors
     /// What the code generator reports; the message is Cranelift's.
     pub(crate) fn new(
         program: Program<'_>,
-        counts: &[usize],
+        parts: &[Range<usize>],
         level: Level,
         isa: OwnedTargetIsa,
     ) -> Result<Code, CompileError> {
@@ -78,14 +79,15 @@ impl Code {
             return Err(backend(format!("a kernel has 1 to {MAX_ARRAYS} inputs and outputs")));
         }
         let mut module = new_module(isa)?;
-        match define(&mut module, program, counts, level) {
+        match define(&mut module, program, parts, level) {
             Ok(addresses) => {
                 let entry = |address| {
                     // SAFETY: `address` is the entry of a function that `define` has just compiled
                     // with exactly this signature and calling convention, and `module` keeps it mapped.
                     unsafe { std::mem::transmute::<*const u8, Entry>(address) }
                 };
-                let entries = counts.iter().copied().zip(addresses.into_iter().map(entry));
+                let counts = parts.iter().map(Range::len);
+                let entries = counts.zip(addresses.into_iter().map(entry));
                 Ok(Code { n_inputs, entries: entries.collect(), module: Some(module) })
             }
             Err(error) => {
@@ -97,7 +99,7 @@ impl Code {
     }
 
     /// Runs one of the functions over arrays of one length: the inputs in the order of the program,
-    /// and its first outputs.
+    /// and the outputs of its part.
     ///
     /// # Panics
     /// If an array is missing, inputs differ in length, or an output is too short: a mistake of the
@@ -225,18 +227,18 @@ fn new_module(isa: OwnedTargetIsa) -> Result<JITModule, CompileError> {
 fn define(
     module: &mut JITModule,
     program: Program<'_>,
-    counts: &[usize],
+    parts: &[Range<usize>],
     level: Level,
 ) -> Result<Vec<*const u8>, CompileError> {
     let strict = match level {
-        Level::Fast if inlines(program) => {
-            Some((function(module, program, None)?, program.roots.len()))
-        }
+        Level::Fast if inlines(program) => Some(function(module, program, None)?),
         _ => None,
     };
     let mut ids = Vec::new();
-    for &count in counts {
-        ids.push(function(module, program.first(count), strict)?);
+    for part in parts {
+        let strict =
+            strict.map(|id| Strict { id, n_outputs: program.roots.len(), first: part.start });
+        ids.push(function(module, program.part(part.clone()), strict)?);
     }
     module.finalize_definitions().map_err(backend)?;
     Ok(ids.into_iter().map(|id| module.get_finalized_function(id)).collect())
@@ -247,14 +249,21 @@ fn inlines(program: Program<'_>) -> bool {
     program.graph.nodes().any(|(_, node)| Called::of(node).is_some_and(Called::is_inlined))
 }
 
-/// A function at the strict level and how many outputs it has.
-type Strict = Option<(FuncId, usize)>;
+/// A function at the strict level for all roots, beside one for some of them.
+#[derive(Clone, Copy)]
+struct Strict {
+    id: FuncId,
+    /// How many outputs it has.
+    n_outputs: usize,
+    /// Which of them is the first of the other function.
+    first: usize,
+}
 
 /// Defines a function: at the fast level if there is a strict one beside it.
 fn function(
     module: &mut JITModule,
     program: Program<'_>,
-    strict: Strict,
+    strict: Option<Strict>,
 ) -> Result<FuncId, CompileError> {
     let Built { mut context, pool } = build(module, program, strict)?;
     if let Some((id, constants)) = pool {
@@ -278,7 +287,7 @@ fn list(
         Level::Fast if inlines(program) => {
             let signature = signature(module);
             let id = module.declare_anonymous_function(&signature).map_err(backend)?;
-            Some((id, program.roots.len()))
+            Some(Strict { id, n_outputs: program.roots.len(), first: 0 })
         }
         _ => None,
     };
@@ -310,7 +319,7 @@ struct Built {
 fn build(
     module: &mut JITModule,
     program: Program<'_>,
-    strict: Strict,
+    strict: Option<Strict>,
 ) -> Result<Built, CompileError> {
     let mut context = module.make_context();
     context.func.signature = signature(module);
@@ -331,7 +340,7 @@ fn link(
     module: &mut JITModule,
     function: &mut ir::Function,
     program: Program<'_>,
-    fast: Option<((FuncId, usize), DataId)>,
+    fast: Option<(Strict, DataId)>,
 ) -> Result<Linked, CompileError> {
     let mut functions = HashMap::new();
     for called in program.graph.nodes().filter_map(|(_, node)| Called::of(node)) {
@@ -348,13 +357,14 @@ fn link(
         functions.insert(called, module.declare_func_in_func(id, function));
     }
     let mut linked = Linked { functions, fast: None };
-    if let Some(((strict, n_outputs), pool)) = fast {
+    if let Some((Strict { id, n_outputs, first }, pool)) = fast {
         let table = module
             .declare_data(LOGARITHMS_SYMBOL, Linkage::Import, false, false)
             .map_err(backend)?;
         linked.fast = Some(Fast {
-            strict: module.declare_func_in_func(strict, function),
+            strict: module.declare_func_in_func(id, function),
             n_outputs,
+            first,
             logarithms: module.declare_data_in_func(table, function),
             pool: module.declare_data_in_func(pool, function),
             fma: has_fma(module.isa()),

@@ -53,6 +53,8 @@ pub(super) struct Fast {
     pub(super) strict: FuncRef,
     /// How many outputs that has.
     pub(super) n_outputs: usize,
+    /// Which of them is the first output of this function.
+    pub(super) first: usize,
     /// The table of logarithms.
     pub(super) logarithms: GlobalValue,
     /// The constants of this function.
@@ -440,7 +442,7 @@ impl Lowering<'_, '_> {
         let count = self.lanes.builder.ins().iconst(types::I64, LANES);
         self.lanes.builder.ins().call(fast.strict, &[tables[0], tables[1], count]);
         let flags = MemFlagsData::new().with_notrap();
-        for (&target, &slot) in self.targets.iter().zip(&slots) {
+        for (&target, &slot) in self.targets.iter().zip(&slots[fast.first..]) {
             let address = self.address(target);
             let fast = self.lanes.builder.ins().load(types::F64X2, flags, address, 0);
             let exact = self.lanes.builder.ins().load(types::F64X2, flags, slot, 0);

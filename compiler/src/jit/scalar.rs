@@ -15,9 +15,6 @@ pub struct CompiledKernel {
     code: Code,
 }
 
-/// How many of psi, psi' and psi'' each order asks for.
-const COUNTS: [usize; 3] = [1, 2, 3];
-
 fn inputs(measure: Measure) -> [Input; 3] {
     [Input::Current(measure), Input::Reference(measure), Input::Change(measure)]
 }
@@ -38,7 +35,7 @@ impl CompiledKernel {
     ) -> Result<CompiledKernel, CompileError> {
         let inputs = inputs(energy.measure);
         let program = Program { graph: &energy.graph, inputs: &inputs, roots: &energy.roots };
-        Ok(CompiledKernel { code: Code::new(program, &COUNTS, level, isa)? })
+        Ok(CompiledKernel { code: Code::new(program, &Order::ALL.map(Order::wanted), level, isa)? })
     }
 
     /// Runs the kernel over a batch.
@@ -48,7 +45,8 @@ impl CompiledKernel {
     /// caller, not of a user.
     pub fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>) {
         let inputs = [batch.measure, batch.reference, batch.change];
-        self.code.run(order as usize, &inputs, &mut [out.psi, out.dpsi, out.d2psi]);
+        let mut outputs = [out.psi, out.dpsi, out.d2psi];
+        self.code.run(order as usize, &inputs, &mut outputs[order.wanted()]);
     }
 
     /// The intermediate form and the machine instructions of an energy's kernel for all derivatives.

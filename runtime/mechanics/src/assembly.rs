@@ -326,11 +326,14 @@ impl Energy for DiscreteEnergy {
     }
 
     fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
-        check_sizes(self, u, &wanted);
+        check_sizes(self, u, &wanted, parts);
         let nothing = (None, &mut [][..]);
         match wanted {
             Wanted::Energy => self.assemble(Order::Energy, u, &mut [], nothing, parts),
-            Wanted::Forces(forces) => self.assemble(Order::Gradient, u, forces, nothing, parts),
+            Wanted::Forces(forces) => {
+                let order = if parts.is_empty() { Order::Force } else { Order::Gradient };
+                self.assemble(order, u, forces, nothing, parts)
+            }
             Wanted::Tangent(forces, tangent) => {
                 let blocks = (Some(&self.pattern.row_start[..]), &mut tangent.values[..]);
                 self.assemble(Order::Tangent, u, forces, blocks, parts)

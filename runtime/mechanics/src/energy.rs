@@ -214,10 +214,10 @@ pub trait Energy: Sync {
     }
 
     /// The energy: `parts` become its parts in J, as many as there are names; and what is wanted
-    /// beside it.
+    /// beside it. Without `parts` forces come alone, and need no energies.
     ///
     /// # Errors
-    /// Energies or derivatives that are not finite; what was given is undefined then.
+    /// Energies or derivatives that are wanted and not finite; what was given is undefined then.
     fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite>;
 
     /// The energy by points: `shares` become J, one number per point. An interaction belongs to its points
@@ -315,9 +315,11 @@ pub trait Energy: Sync {
 }
 
 /// Refuses sizes that do not fit: mistakes of a caller, not of a user.
-pub(crate) fn check_sizes(energy: &dyn Energy, u: &[f64], wanted: &Wanted<'_>) {
+pub(crate) fn check_sizes(energy: &dyn Energy, u: &[f64], wanted: &Wanted<'_>, parts: &[f64]) {
     let (n, d) = (energy.positions().len(), energy.dimension());
     assert_eq!(u.len(), n, "displacements are n x d");
+    let has_parts = !matches!(wanted, Wanted::Forces(_)) || !parts.is_empty();
+    assert!(!has_parts || parts.len() == energy.parts().len(), "one number for each part");
     match wanted {
         Wanted::Energy => {}
         Wanted::Forces(forces) => assert_eq!(forces.len(), n, "forces are n x d"),

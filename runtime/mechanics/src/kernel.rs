@@ -10,7 +10,8 @@ pub use piola_compiler::{Batch, Level, Measure, Order, Outputs};
 pub trait Law: Send + Sync {
     /// Fills `out` with psi and, as the order asks, dpsi/dm and d2psi/dm2 for every entry of the batch.
     ///
-    /// The unit of psi is J/m^(2d), J/m^(3d), J/m^(4d) for bonds, triangles, tetrahedra.
+    /// The unit of psi is J/m^(2d), J/m^(3d), J/m^(4d) for bonds, triangles, tetrahedra. There is room
+    /// for psi where no energies are asked for, too: they may be written or not.
     fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>);
 
     /// Whether it is known to depend on the measure at rest alone.

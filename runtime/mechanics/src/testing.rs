@@ -212,7 +212,7 @@ impl Energy for SpringNetwork {
     }
 
     fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
-        parts[0] = match wanted {
+        let energy = match wanted {
             Wanted::Energy => self.assemble(u, None, None)?,
             Wanted::Forces(forces) => self.assemble(u, Some(forces), None)?,
             Wanted::Tangent(forces, tangent) => self.assemble(u, Some(forces), Some(tangent))?,
@@ -227,6 +227,8 @@ impl Energy for SpringNetwork {
                 energy
             }
         };
+        // Without parts forces come alone.
+        parts.iter_mut().for_each(|part| *part = energy);
         Ok(())
     }
 

@@ -149,6 +149,9 @@ fn count(case: &Case, pool: &ThreadPool) {
         allocates_nothing(case, "forces", threads, || {
             energy.evaluate(u, Wanted::Forces(&mut out), &mut parts).unwrap();
         });
+        allocates_nothing(case, "forces alone", threads, || {
+            energy.evaluate(u, Wanted::Forces(&mut out), &mut []).unwrap();
+        });
         let mut diagonal = vec![0.0; u.len() * energy.dimension()];
         if *keeps_tangent {
             let mut tangent = BlockMatrix::zeros(energy.pattern());
@@ -174,6 +177,8 @@ fn compare(case: &Case) {
     let mut forces = [vec![0.0; u.len()], vec![0.0; u.len()], vec![0.0; u.len()]];
     let expected = bits(energy.forces(u, &mut forces[0]).unwrap());
     assert_eq!(bits(energy.energy(u).unwrap()), expected, "{name}: the energy alone");
+    energy.evaluate(u, Wanted::Forces(&mut forces[1]), &mut []).unwrap();
+    assert!(forces[1] == forces[0], "{name}: forces without energies");
     let mut tangent = BlockMatrix::zeros(energy.pattern());
     let parts = energy.tangent(u, &mut forces[1], &mut tangent).unwrap();
     assert_eq!(bits(parts), expected, "{name}: the tangent");

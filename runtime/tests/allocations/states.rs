@@ -31,7 +31,7 @@ fn extension(c: f64) -> Box<dyn Law> {
     Box::new(move |batch: Batch<'_>, order: Order, out: Outputs<'_>| {
         for p in 0..batch.measure.len() {
             out.psi[p] = c * batch.change[p] * batch.reference[p];
-            if order >= Order::Gradient {
+            if order >= Order::Force {
                 out.dpsi[p] = c;
             }
             if order == Order::Tangent {

@@ -20,7 +20,7 @@ fn spring() -> Box<dyn Law> {
     Box::new(|bonds: Batch<'_>, order: Order, out: Outputs<'_>| {
         for (k, (rest, e)) in bonds.reference.iter().zip(bonds.change).enumerate() {
             out.psi[k] = 0.5 * rest * e * e;
-            if order >= Order::Gradient {
+            if order >= Order::Force {
                 out.dpsi[k] = *e;
             }
             if order == Order::Tangent {

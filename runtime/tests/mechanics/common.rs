@@ -34,7 +34,7 @@ pub(crate) fn seth_hill(c: f64, n: i32) -> Box<dyn Law> {
                 continue;
             }
             out.dpsi[p] = c * strain * power(n - 1);
-            if order == Order::Gradient {
+            if order < Order::Tangent {
                 continue;
             }
             let bent = if n == 1 { 0.0 } else { f64::from(n - 1) * strain * power(n - 2) };

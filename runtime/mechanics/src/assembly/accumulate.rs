@@ -40,7 +40,7 @@ impl<const D: usize> OwnerSums<D> {
             blocks.clear();
             blocks.resize(n, zero);
         };
-        if order >= Order::Gradient {
+        if order >= Order::Force {
             self.gradient.clear();
             self.gradient.resize(n_members, [0.0; D]);
         }
@@ -93,7 +93,7 @@ impl<const D: usize> OwnerSums<D> {
         rows: &mut Rows<'_>,
     ) {
         let lanes = &lanes[..lanes.len().min(CAPACITY)];
-        if order >= Order::Gradient {
+        if order >= Order::Force {
             self.add_gradients::<2>(lanes, out);
         }
         if order == Order::Tangent {
@@ -152,7 +152,7 @@ impl<const D: usize> OwnerSums<D> {
         order: Order,
     ) {
         let lanes = &lanes[..lanes.len().min(CAPACITY)];
-        if order >= Order::Gradient {
+        if order >= Order::Force {
             self.add_gradients::<3>(lanes, out);
         }
         if order == Order::Tangent {
@@ -208,7 +208,7 @@ impl<const D: usize> OwnerSums<D> {
         rows: &mut Rows<'_>,
     ) {
         let (owner, members) = (cliques.owner(), cliques.members());
-        if order >= Order::Gradient {
+        if order >= Order::Force {
             let mut total = [0.0; D];
             for (part, &point) in self.gradient.iter().zip(members) {
                 rows.add_gradient(point as usize, part);

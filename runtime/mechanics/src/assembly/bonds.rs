@@ -69,7 +69,7 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
         room: &'a mut BondRoom,
     ) -> BondSums<'a, D, N> {
         let touched = visit.energy.slabs.touched(visit.slab);
-        let n = if visit.order >= Order::Gradient { N * touched.len() } else { 0 };
+        let n = if visit.order >= Order::Force { N * touched.len() } else { 0 };
         room.waiting.clear();
         room.waiting.resize(n, 0.0);
         BondSums {
@@ -125,7 +125,9 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
             let points = vec![owner, others[lane.lane] as usize];
             Refusal { element, lane }.of::<D>(points, self.visit.u)
         })?;
-        self.sum.add(self.out.energies(others.len()));
+        if self.visit.order.has_energy() {
+            self.sum.add(self.out.energies(others.len()));
+        }
         Ok(())
     }
 
@@ -138,7 +140,7 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
         own: &mut [f64; N],
         rows: &mut Rows<'_>,
     ) {
-        if self.visit.order < Order::Gradient {
+        if self.visit.order == Order::Energy {
             return;
         }
         let couplings = match self.visit.order {
@@ -163,7 +165,7 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
 
     /// Writes the gradient and the diagonal block of a point: what waits for it and its own part.
     fn write(&self, point: usize, own: &[f64; N], rows: &mut Rows<'_>) {
-        if self.visit.order < Order::Gradient {
+        if self.visit.order == Order::Energy {
             return;
         }
         let waiting = &self.waiting[point - self.first];

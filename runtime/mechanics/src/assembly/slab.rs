@@ -192,7 +192,9 @@ impl<const D: usize> Sink<D, 2> for TriangleRows<'_, '_, D> {
     }
 
     fn take(&mut self, cliques: &OwnerCliques<'_, D>, batch: &[Clique], out: &mut Contributions) {
-        self.sum.add(out.energies(batch.len()));
+        if self.order.has_energy() {
+            self.sum.add(out.energies(batch.len()));
+        }
         self.sums.add_triangles(batch, out, self.order, cliques, self.rows);
     }
 
@@ -231,7 +233,9 @@ impl Sink<3, 3> for TetrahedronRows<'_, '_> {
     }
 
     fn take(&mut self, _: &OwnerCliques<'_, 3>, batch: &[Clique], out: &mut Contributions) {
-        self.sum.add(out.energies(batch.len()));
+        if self.order.has_energy() {
+            self.sum.add(out.energies(batch.len()));
+        }
         self.sums.add_tetrahedra(batch, self.pairs, out, self.order);
     }
 

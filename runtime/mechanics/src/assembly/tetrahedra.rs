@@ -139,7 +139,7 @@ impl TetrahedronSums {
             if !self.run(rules, owner) {
                 return false;
             }
-            if rules.order >= Order::Gradient {
+            if rules.order >= Order::Force {
                 self.thirds.add_to(&mut self.pairs, owner, k);
             }
         }
@@ -179,7 +179,7 @@ impl TetrahedronSums {
             least: rules.least,
         };
         let is_fine = rules.arch.dispatch(summing);
-        if rules.order >= Order::Gradient {
+        if rules.order >= Order::Force {
             block.scatter(&self.members.moments[self.thirds.k], rules.order, &mut self.pairs);
         }
         block.restart();
@@ -188,7 +188,7 @@ impl TetrahedronSums {
 
     /// Writes out the derivatives from the moments.
     pub(super) fn derive(&self, owner: &Owner<'_>, order: Order, sums: &mut OwnerSums<3>) {
-        if order < Order::Gradient {
+        if order == Order::Energy {
             return;
         }
         let mut number = 0;

@@ -108,7 +108,7 @@ impl<E: CoordinateEnergy> CoordinateElement<E> {
         for row in 0..n {
             let columns = match order {
                 Order::Energy if row > 0 => continue,
-                Order::Energy | Order::Gradient => row..=row,
+                Order::Energy | Order::Force | Order::Gradient => row..=row,
                 Order::Tangent => 0..=row,
             };
             for column in columns {
@@ -137,7 +137,7 @@ impl<E: CoordinateEnergy> CoordinateElement<E> {
         let (d, size) = (self.dimension, n_neighbors(self.measure) * self.dimension);
         out.energy[lane] = result.re;
         let mut finite = result.re.is_finite();
-        if order >= Order::Gradient && row == column {
+        if order >= Order::Force && row == column {
             finite &= result.eps1.is_finite();
             if row >= d {
                 out.gradient[row - d][lane] = result.eps1;

@@ -206,10 +206,12 @@ impl<G: Geometry<C>, const C: usize> WithSimd for Differentiating<'_, G, C> {
             let load = |channel: &[f64]| Lanes::load(simd, channel, group);
             let weight = load(&batch.weight);
             let measure = load(&measures.measure);
-            let energy = weight * load(&derivatives.psi);
-            energy.store(&mut out.energy, group);
-            let change = load(&measures.change);
-            refused = refused + energy.zero_or_nan() + change.zero_or_nan();
+            refused = refused + load(&measures.change).zero_or_nan();
+            if order.has_energy() {
+                let energy = weight * load(&derivatives.psi);
+                energy.store(&mut out.energy, group);
+                refused = refused + energy.zero_or_nan();
+            }
             refused = measure.where_less(least, nothing, refused);
             if order == Order::Energy {
                 continue;
@@ -249,7 +251,7 @@ fn first_refused(
 ) -> NonFiniteLane {
     let measures = &out.measures;
     let is_fine = |&lane: &usize| {
-        out.energy[lane].is_finite()
+        (!order.has_energy() || out.energy[lane].is_finite())
             && measures.change[lane].is_finite()
             && measures.measure[lane] >= least
             && (order == Order::Energy || out.first[lane].is_finite())

@@ -67,7 +67,6 @@ struct Room {
     /// Displacements that are moved, and forces there.
     moved: Vec<f64>,
     behind: Vec<f64>,
-    parts: Vec<f64>,
 }
 
 impl Hessian for ForceDifferences<'_> {
@@ -99,29 +98,19 @@ impl<'a> ForceDifferences<'a> {
         };
         if products == Products::OneSided {
             let mut forces = vec![0.0; u.len()];
-            differences.forces_at(u, &mut forces, &mut Vec::new())?;
+            energy.evaluate(u, Wanted::Forces(&mut forces), &mut [])?;
             differences.forces = forces;
         }
         Ok(differences)
     }
 
-    fn forces_at(
-        &self,
-        u: &[f64],
-        forces: &mut [f64],
-        parts: &mut Vec<f64>,
-    ) -> Result<(), NonFinite> {
-        parts.resize(self.energy.parts().len(), 0.0);
-        self.energy.evaluate(u, Wanted::Forces(forces), parts)
-    }
-
     fn differences(&self, p: &[f64], size: f64, product: &mut [f64]) -> Result<(), NonFinite> {
         let mut room = self.rooms.take(Room::default);
-        let Room { moved, behind, parts } = &mut *room;
+        let Room { moved, behind } = &mut *room;
         let mut go = |way: f64, forces: &mut [f64]| {
             moved.clear();
             moved.extend(self.u.iter().zip(p).map(|(u, p)| u + way * self.step * (p / size)));
-            self.forces_at(moved, forces, parts)
+            self.energy.evaluate(moved, Wanted::Forces(forces), &mut [])
         };
         go(1.0, product)?;
         let (behind, steps) = if self.forces.is_empty() {

@@ -275,7 +275,7 @@ impl Energy for Total<'_> {
     }
 
     fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
-        check_sizes(self, u, &wanted);
+        check_sizes(self, u, &wanted, parts);
         let mut room = self.rooms.take(Room::default);
         let Room { held, forces: own, blocks, tangent: part, .. } = &mut *room;
         let u = self.held(u, held);
@@ -293,7 +293,9 @@ impl Energy for Total<'_> {
                 own.resize(forces.len(), 0.0);
                 forces.fill(0.0);
                 for (term, range) in terms() {
-                    term.evaluate(u, Wanted::Forces(own), &mut parts[range.clone()])?;
+                    // Without parts forces come alone.
+                    let parts = parts.get_mut(range.clone()).unwrap_or_default();
+                    term.evaluate(u, Wanted::Forces(own), parts)?;
                     add(forces, own);
                 }
             }

@@ -113,7 +113,7 @@ impl WithSimd for Summing<'_> {
         let is_fine = self.weigh(simd);
         match self.order {
             Order::Energy => {}
-            Order::Gradient => self.sum_moments::<S, 3>(simd),
+            Order::Force | Order::Gradient => self.sum_moments::<S, 3>(simd),
             Order::Tangent => self.sum_moments::<S, 9>(simd),
         }
         is_fine
@@ -138,11 +138,14 @@ impl Summing<'_> {
             for register in 0..WIDEST / Lanes::<S>::WIDTH {
                 let load = |channel: &Eight| Lanes::load(simd, channel, register);
                 let weight = load(&weight_of[at]);
-                let part = weight * load(&psi_of[at]);
-                part.store(&mut psi_of[at], register);
-                refused = refused + part.zero_or_nan() + load(&change_of[at]).zero_or_nan();
+                refused = refused + load(&change_of[at]).zero_or_nan();
+                if order.has_energy() {
+                    let part = weight * load(&psi_of[at]);
+                    part.store(&mut psi_of[at], register);
+                    refused = refused + part.zero_or_nan();
+                }
                 refused = load(&measure_of[at]).where_less(least, nothing, refused);
-                if order >= Order::Gradient {
+                if order >= Order::Force {
                     let first = weight * load(&sign_of[at]) * load(&first_of[at]);
                     first.store(&mut first_of[at], register);
                     refused = refused + first.zero_or_nan();
@@ -154,7 +157,9 @@ impl Summing<'_> {
                 }
             }
         }
-        energy.add(block.psi.as_flattened());
+        if order.has_energy() {
+            energy.add(block.psi.as_flattened());
+        }
         refused.where_equal(zero, zero, one).largest() == 0.0
     }
 

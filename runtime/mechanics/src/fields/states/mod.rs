@@ -316,7 +316,7 @@ impl Energy for StateEnergy {
     }
 
     fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
-        check_sizes(self, u, &wanted);
+        check_sizes(self, u, &wanted, parts);
         match self.dimension() {
             2 => self.evaluate_in::<2>(u, wanted, parts),
             _ => self.evaluate_in::<3>(u, wanted, parts),

@@ -10,6 +10,7 @@ mod bar;
 mod clock;
 mod compile;
 mod families;
+mod forces;
 mod foreign;
 mod forms;
 mod gradients;
@@ -43,7 +44,7 @@ const RENDER: &str = "render";
 /// A section: its name on the command line and what it measures.
 type Measurement = (&'static str, fn() -> Vec<Table>);
 
-const SECTIONS: [Measurement; 18] = [
+const SECTIONS: [Measurement; 19] = [
     ("kernels", kernels::against_hyper_dual),
     ("squares", squares::run),
     ("foreign", kernels::against_foreign),
@@ -53,6 +54,7 @@ const SECTIONS: [Measurement; 18] = [
     ("compile", compile::run),
     ("papers", papers::run),
     ("assembly", assembly::run),
+    ("forces", forces::run),
     ("families", families::run),
     ("threads", threads::run),
     ("bonds", memory_bound::run),

@@ -37,9 +37,14 @@ impl SethHill {
 
     /// The compiled energy of a measure.
     pub(crate) fn kernel(&self, measure: Measure) -> Kernel {
+        self.kernel_at(Level::default(), measure)
+    }
+
+    /// The same at a level: at the strict one every pass calls the kernel.
+    pub(crate) fn kernel_at(&self, level: Level, measure: Measure) -> Kernel {
         let compiled = self
             .model
-            .compile(&self.values, Mode::Jit(Level::default()), Form::Accurate)
+            .compile(&self.values, Mode::Jit(level), Form::Accurate)
             .expect("it compiles");
         let mut kernels = compiled.kernels.into_iter();
         kernels.find(|kernel| kernel.measure() == measure).expect("all three are modelled")

@@ -149,6 +149,7 @@ pub struct Kernel {
     measure: Measure,
     body: Body,
     is_constant: bool,
+    is_affine: bool,
     squared: Option<Box<Kernel>>,
 }
 
@@ -164,17 +165,19 @@ impl Kernel {
     /// An energy with its derivatives, or as `written` for hyper-dual numbers.
     pub(crate) fn new(
         energy: ScalarEnergy,
-        mode: Mode,
+        (mode, form): (Mode, Form),
         written: impl FnOnce() -> WrittenEnergy,
     ) -> Result<Kernel, CompileError> {
         let measure = energy.measure;
+        let is_affine =
+            mode == Mode::Jit(Level::Fast) && form == Form::Accurate && energy.is_affine();
         let is_constant = energy.graph.as_number(energy.roots[1]) == Some(0.0);
         let body = match mode {
             Mode::Jit(level) => Body::Code(Box::new(CompiledKernel::new(&energy, level)?)),
             Mode::Interpreter => Body::Graph(energy),
             Mode::HyperDual => Body::Dual(written()),
         };
-        Ok(Kernel { measure, body, is_constant, squared: None })
+        Ok(Kernel { measure, body, is_constant, is_affine, squared: None })
     }
 
     /// What it is a function of.
@@ -185,6 +188,13 @@ impl Kernel {
     /// Whether it depends on the measure at rest alone: its derivative is 0 as it stands.
     pub fn is_constant(&self) -> bool {
         self.is_constant
+    }
+
+    /// Whether its derivative is affine in the measure, and passes may work it out without the kernel,
+    /// from psi, psi' and psi'' at rest. At [`Level::Strict`], interpreted, over hyper-dual numbers and
+    /// in [`Form::Textbook`] every evaluation is the kernel's own.
+    pub fn is_affine(&self) -> bool {
+        self.is_affine
     }
 
     /// The same energy as a function of `q = m^2/M`, where it is one: it takes `q`, `M` and
@@ -302,12 +312,12 @@ impl Model {
         for energy in specialised.energies {
             let measure = energy.measure;
             let written = || self.written(values, measure);
-            let mut kernel = Kernel::new(energy, mode, written)?;
+            let mut kernel = Kernel::new(energy, (mode, form), written)?;
             if form == Form::Accurate
                 && mode != Mode::HyperDual
                 && let Some(energy) = self.squared(values, measure)
             {
-                kernel.squared = Some(Box::new(Kernel::new(energy, mode, written)?));
+                kernel.squared = Some(Box::new(Kernel::new(energy, (mode, form), written)?));
             }
             kernels.push(kernel);
         }

@@ -13,6 +13,7 @@
 // A library prints nothing; what its program prints goes through one module.
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
+mod affine;
 pub mod audit;
 pub mod check;
 pub mod compile;

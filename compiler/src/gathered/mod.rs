@@ -141,7 +141,7 @@ impl Model {
             let made = named.made(made)?;
             named.fits(&made.graph)?;
             let written = || WrittenEnergy::of_root(&variant.graph, integral.root, values);
-            kernels.integrals.push(Kernel::new(made, mode, written)?);
+            kernels.integrals.push(Kernel::new(made, (mode, form), written)?);
         }
         *gathered = Some(kernels);
         Ok(all_dropped)

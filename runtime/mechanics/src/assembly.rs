@@ -13,6 +13,7 @@ mod inversion;
 mod pairs;
 mod product;
 mod rows;
+mod runs;
 mod slab;
 pub(crate) mod sum;
 mod tetrahedra;
@@ -38,6 +39,7 @@ use crate::pool::Pool;
 use crate::weights::{CliqueWeights, Weights};
 use inversion::Motion;
 use product::InteractionHessian;
+use runs::BondRuns;
 use slab::{Room, SlabEnergy, SlabTask};
 
 /// An energy density for each kind of interaction that is modelled.
@@ -93,6 +95,8 @@ pub struct DiscreteEnergy {
     contributing: Option<ContributingPairs>,
     pattern: Arc<BlockPattern>,
     bonds: Option<Kind>,
+    /// The bonds in runs, where they are walked so.
+    runs: Option<BondRuns>,
     triangles: Option<Kind>,
     tetrahedra: Option<Kind>,
     /// `psi(l)`, `psi(a)`, `psi(v)`: those that are modelled.
@@ -183,7 +187,7 @@ impl DiscreteEnergy {
             2 => Rooms::Plane(Pool::new()),
             _ => Rooms::Space(Pool::new()),
         };
-        Ok(DiscreteEnergy {
+        let mut energy = DiscreteEnergy {
             body,
             neighborhood,
             degeneracy,
@@ -191,13 +195,16 @@ impl DiscreteEnergy {
             contributing,
             pattern,
             bonds,
+            runs: None,
             triangles,
             tetrahedra,
             names,
             report,
             rooms,
             outcomes: Pool::new(),
-        })
+        };
+        energy.runs = energy.bonds.as_ref().and_then(|kind| BondRuns::new(&energy, kind));
+        Ok(energy)
     }
 
     /// The body.
@@ -208,6 +215,12 @@ impl DiscreteEnergy {
     /// Who is within the horizon of whom.
     pub fn neighborhood(&self) -> &Neighborhood {
         &self.neighborhood
+    }
+
+    /// Whether bonds go run by run, without neighbour lists and kernels: those of a lattice whose law is
+    /// affine in the length or in its square.
+    pub fn has_runs(&self) -> bool {
+        self.runs.is_some()
     }
 
     /// The kind of interaction whose measure has a sign, if it is modelled.

@@ -8,6 +8,7 @@ mod census;
 mod clique;
 mod counts;
 mod degenerate;
+pub(crate) mod runs;
 pub(crate) mod schedule;
 mod slab;
 

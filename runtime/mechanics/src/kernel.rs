@@ -19,6 +19,12 @@ pub trait Law: Send + Sync {
         false
     }
 
+    /// Whether psi' is known to be affine in the measure, so that psi, psi' and psi'' at rest say
+    /// everything. Passes may then work it out themselves: other roundings, the same law.
+    fn is_affine(&self) -> bool {
+        false
+    }
+
     /// The same energy as a function of the square of its measure, where it is one: it takes
     /// `q = m^2/M`, `M` and `(q - M)/M`, and its derivatives are those by `q`.
     fn squared(&self) -> Option<&dyn Law> {
@@ -42,6 +48,10 @@ impl Law for piola_compiler::Kernel {
 
     fn is_constant(&self) -> bool {
         piola_compiler::Kernel::is_constant(self)
+    }
+
+    fn is_affine(&self) -> bool {
+        piola_compiler::Kernel::is_affine(self)
     }
 
     fn squared(&self) -> Option<&dyn Law> {

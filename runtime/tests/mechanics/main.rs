@@ -9,6 +9,7 @@ mod lattice_counts;
 mod matrix_free;
 mod moduli;
 mod refusals;
+mod runs;
 #[path = "../shared/differences.rs"]
 mod shared;
 mod small_clouds;

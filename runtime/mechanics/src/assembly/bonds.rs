@@ -50,6 +50,8 @@ pub(super) struct BondSums<'a, const D: usize, const N: usize> {
     visit: Visit<'a>,
     kind: &'a Kind,
     untouched: Untouched,
+    /// Whether energies and forces are known.
+    only_blocks: bool,
     arch: Arch,
     batch: &'a mut InteractionBatch,
     out: &'a mut Contributions,
@@ -61,10 +63,10 @@ pub(super) struct BondSums<'a, const D: usize, const N: usize> {
 }
 
 impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
-    /// Of one slab.
+    /// Of one slab; of a tangent the blocks alone, where energies and forces are known.
     pub(super) fn new(
         visit: Visit<'a>,
-        untouched: Untouched,
+        (untouched, only_blocks): (Untouched, bool),
         kind: &'a Kind,
         room: &'a mut BondRoom,
     ) -> BondSums<'a, D, N> {
@@ -76,6 +78,7 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
             visit,
             kind,
             untouched,
+            only_blocks,
             arch: Arch::new(),
             batch: &mut room.batch,
             out: &mut room.out,
@@ -169,7 +172,9 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
             return;
         }
         let waiting = &self.waiting[point - self.first];
-        rows.add_gradient::<D>(point, &each(|axis| waiting[axis] - own[axis]));
+        if !self.only_blocks {
+            rows.add_gradient::<D>(point, &each(|axis| waiting[axis] - own[axis]));
+        }
         if self.visit.order < Order::Tangent {
             return;
         }

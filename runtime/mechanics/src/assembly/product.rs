@@ -5,6 +5,7 @@
 //! to the owner enter, and the owner's part is minus the sum of the others'. Slabs and their order
 //! are those of the assembly.
 
+use super::runs::Of;
 use super::slab::{Room, SlabEnergy};
 use super::visit::{Sink, Visit, minus, row};
 use super::{DiscreteEnergy, Rooms};
@@ -81,14 +82,19 @@ fn points<const D: usize, const K: usize>(
 }
 
 impl Visit<'_> {
-    /// Hands the slab's interactions of all kinds to a sink.
-    fn all<const D: usize, S>(self, room: &mut Room<D>, mut sink: S) -> Result<(), NonFinite>
+    /// Hands the slab's interactions of all kinds to a sink, or of all but bonds.
+    fn all<const D: usize, S>(
+        self,
+        room: &mut Room<D>,
+        mut sink: S,
+        with_bonds: bool,
+    ) -> Result<(), NonFinite>
     where
         S: Sink<D, 1> + Sink<D, 2> + Sink<D, 3>,
     {
         let Room { cliques, gathered: [bonds, triangles, tetrahedra], .. } = room;
         let [of_bonds, of_triangles, of_tetrahedra] = self.energy.kinds();
-        if let (Some(kind), Some(gathered)) = (of_bonds, bonds) {
+        if let (Some(kind), Some(gathered)) = (of_bonds.filter(|_| with_bonds), bonds) {
             self.run::<D, 1>(kind, (cliques, gathered), &mut sink)?;
         }
         if let (Some(kind), Some(gathered)) = (of_triangles, triangles) {
@@ -132,8 +138,18 @@ impl InteractionHessian<'_> {
         let (energy, u, order) = (self.energy, &self.u[..], Order::Tangent);
         let rows = Part::new(Layout::Points(1), out.as_chunks_mut::<D>().0);
         let done = energy.over_slabs(rooms, rows, |slab, [here, next], room| {
-            let sink = Product { p, rows: Touched::new(here, next) };
-            let done = Visit { energy, slab, order, u }.all(room, sink);
+            let mut sink = Product { p, rows: Touched::new(here, next) };
+            let in_runs = energy.runs.as_ref().and_then(|runs| {
+                runs.visit::<D>(energy, slab, (u, Of::Product(p)), &mut room.runs)
+            });
+            if let Some(found) = &in_runs {
+                found.each::<D>(|point, part| {
+                    let row = &mut sink.rows[point];
+                    (0..D).for_each(|axis| row[axis] += part[axis]);
+                });
+            }
+            let with_bonds = in_runs.is_none();
+            let done = Visit { energy, slab, order, u }.all(room, sink, with_bonds);
             done.map(|()| SlabEnergy::default())
         });
         done.map(|_| ())
@@ -151,7 +167,7 @@ impl DiscreteEnergy {
         let shares = Part::new(Layout::Points(1), shares);
         let done = self.over_slabs(rooms, shares, |slab, [here, next], room| {
             let sink = Shares { rows: Touched::new(here, next) };
-            let done = Visit { energy: self, slab, order: Order::Energy, u }.all(room, sink);
+            let done = Visit { energy: self, slab, order: Order::Energy, u }.all(room, sink, true);
             done.map(|()| SlabEnergy::default())
         });
         done.map(|_| ())

@@ -1,14 +1,15 @@
 //! The interactions that one slab owns, added up in the rows of its points.
 
-use super::DiscreteEnergy;
 use super::accumulate::OwnerSums;
 use super::bonds::{BondRoom, BondSums, Untouched};
 use super::inversion::Motion;
 use super::pairs::PairNumbers;
 use super::rows::Rows;
+use super::runs::{Of, RunRoom};
 use super::sum::Sum;
 use super::tetrahedra::{Owner, Rules, TetrahedronSums};
 use super::visit::{Gathered, Sink, Visit};
+use super::{DiscreteEnergy, Kind};
 use crate::element::{Contributions, Order};
 use crate::energy::NonFinite;
 use crate::interaction::schedule::{Part, Touched};
@@ -64,6 +65,7 @@ pub(super) struct Room<const D: usize> {
     /// Interactions on their way to sinks, kind by kind.
     pub(super) gathered: [Option<Gathered<D>>; 3],
     bonds: Option<BondRoom>,
+    pub(super) runs: RunRoom,
     pairs: PairNumbers,
     by_pairs: TetrahedronSums,
     sums: OwnerSums<D>,
@@ -80,6 +82,7 @@ impl<const D: usize> Room<D> {
             cliques: CliqueRoom::new(&energy.neighborhood, &energy.slabs),
             gathered: energy.kinds().map(|kind| kind.map(|kind| Gathered::new(kind, members))),
             bonds: energy.bonds.as_ref().map(|kind| BondRoom::new(energy, kind)),
+            runs: energy.runs.as_ref().map_or_else(RunRoom::default, |_| RunRoom::new(energy)),
             pairs: PairNumbers::with_capacity(of_tetrahedra),
             by_pairs: TetrahedronSums::with_capacity(of_tetrahedra),
             sums: OwnerSums::with_capacity(members, of_tetrahedra * of_tetrahedra / 2),
@@ -150,12 +153,8 @@ impl<'a> SlabTask<'a> {
         let untouched = self.untouched(visit.energy);
         let (energy, rows) = (visit.energy, &mut self.rows);
         let mut total = SlabEnergy::default();
-        if let (Some(kind), Some(room)) = (&energy.bonds, &mut room.bonds) {
-            // Numbers of a bond.
-            total.bonds = match D {
-                2 => BondSums::<D, 5>::new(visit, untouched, kind, room).add(rows)?,
-                _ => BondSums::<D, 9>::new(visit, untouched, kind, room).add(rows)?,
-            };
+        if let Some(kind) = &energy.bonds {
+            total.bonds = bonds::<D>(visit, untouched, kind, room, rows)?;
         }
         let Room { cliques, gathered: [_, gathered, _], sums, .. } = room;
         if let (Some(kind), Some(gathered)) = (&energy.triangles, gathered) {
@@ -175,6 +174,38 @@ impl<'a> SlabTask<'a> {
         }
         Untouched { couplings: alone, diagonal: alone && self.is_first }
     }
+}
+
+/// Adds the bonds of a slab, in runs where they are walked so; their energy.
+fn bonds<const D: usize>(
+    visit: Visit<'_>,
+    untouched: Untouched,
+    kind: &Kind,
+    room: &mut Room<D>,
+    rows: &mut Rows<'_>,
+) -> Result<Sum, NonFinite> {
+    let (energy, order) = (visit.energy, visit.order);
+    let in_runs = energy.runs.as_ref().and_then(|runs| {
+        runs.visit::<D>(energy, visit.slab, (visit.u, Of::Energy(order)), &mut room.runs)
+    });
+    let has_blocks = order == Order::Tangent;
+    if let Some(found) = &in_runs {
+        if order >= Order::Force {
+            found.each::<D>(|point, part| rows.add_gradient(point, part));
+        }
+        if !has_blocks {
+            return Ok(found.energy);
+        }
+    }
+    let Some(room) = &mut room.bonds else { return Ok(Sum::default()) };
+    // What runs have given is not added again; and what they refuse is named here.
+    let rest = (untouched, in_runs.is_some());
+    let sum = match D {
+        // Numbers of a bond.
+        2 => BondSums::<D, 5>::new(visit, rest, kind, room).add(rows)?,
+        _ => BondSums::<D, 9>::new(visit, rest, kind, room).add(rows)?,
+    };
+    Ok(in_runs.map_or(sum, |found| found.energy))
 }
 
 /// Triangles on their way into the rows of their points.

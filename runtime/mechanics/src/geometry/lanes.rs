@@ -26,6 +26,18 @@ impl<S: Simd> Lanes<S> {
         Lanes { simd, numbers: simd.splat_f64s(x) }
     }
 
+    /// The numbers of a register.
+    #[inline(always)]
+    pub fn new(simd: S, numbers: S::f64s) -> Self {
+        Lanes { simd, numbers }
+    }
+
+    /// As a register.
+    #[inline(always)]
+    pub fn numbers(self) -> S::f64s {
+        self.numbers
+    }
+
     /// The numbers of group `group` of a channel.
     #[inline(always)]
     pub fn load(simd: S, channel: &[f64], group: usize) -> Self {

@@ -1,0 +1,190 @@
+//! Forces of bonds alone, and products with their Hessian, against loops by hand.
+
+use std::sync::Arc;
+
+use piola_compiler::{Level, Measure};
+use piola_runtime::assembly::DiscreteEnergy;
+use piola_runtime::body::Body;
+use piola_runtime::element::MeasureElement;
+use piola_runtime::energy::{Energy, Wanted};
+use piola_runtime::matrix::BlockMatrix;
+use piola_runtime::neighborhood::Neighborhood;
+use piola_runtime::weights::Weights;
+
+use crate::assembly::assert_close;
+use crate::clock::{Clock, in_turn};
+use crate::ours::{SethHill, cube, discrete, displacement, with_threads};
+use crate::record::{Bar, Division, Statistic, Table};
+
+const ROUNDS: usize = 15;
+const HORIZON: f64 = 3.0;
+
+pub(crate) fn run() -> Vec<Table> {
+    let mut forces = Table::of_ratios(
+        "forces",
+        "Forces of bonds alone, from displacements, per bond (each once), horizon 3, one thread; runs in turn. In runs: \
+         bonds that repeat from point to point, the law in registers. In batches: compiled kernels. Theirs: a scalar \
+         loop by hand for this one law over each owner's later neighbours, with lengths at rest that it keeps.",
+        ["ours, ns", "by hand, ns"],
+        Division::OursByTheirs,
+    );
+    let mut products = Table::of_ratios(
+        "products",
+        "Products with the Hessian of bonds that is not stored, per bond, 20^3 points, horizon 3, one thread; runs in \
+         turn. Theirs: products with the stored one.",
+        ["ours, ns", "stored, ns"],
+        Division::OursByTheirs,
+    );
+    with_threads(1, || {
+        for points in [14, 40] {
+            compare(&mut forces, points, "true stretch", &SethHill::new(1.0), by_length);
+            compare(&mut forces, points, "modified stretch", &SethHill::new(2.0), by_square);
+        }
+        for (name, n) in [("true stretch", 1.0), ("modified stretch", 2.0)] {
+            multiply(&mut products, name, &SethHill::new(n));
+        }
+    });
+    vec![forces, products]
+}
+
+/// In runs, and in batches of the same kernels.
+fn both_ways(law: &SethHill, body: &Arc<Body>) -> [DiscreteEnergy; 2] {
+    [Level::Fast, Level::Strict].map(|level| {
+        discrete(body, HORIZON, Weights::Unit, &[Measure::Length], |measure| {
+            Box::new(MeasureElement::new(measure, 3, Box::new(law.kernel_at(level, measure))))
+        })
+    })
+}
+
+/// Bonds with their lengths at rest.
+struct ByHand {
+    positions: Vec<[f64; 3]>,
+    start: Vec<usize>,
+    others: Vec<u32>,
+    lengths: Vec<f64>,
+}
+
+impl ByHand {
+    fn new(body: &Body) -> ByHand {
+        let lists = Neighborhood::new(body, HORIZON).expect("a cube has neighbours");
+        let positions = body.positions().as_chunks::<3>().0.to_vec();
+        let mut all = ByHand { positions, start: vec![0], others: Vec::new(), lengths: Vec::new() };
+        for i in 0..body.n_points() {
+            for &j in lists.upper(i) {
+                let (x, y) = (all.positions[i], all.positions[j as usize]);
+                let square: f64 =
+                    (0..3).map(|axis| (y[axis] - x[axis]) * (y[axis] - x[axis])).sum();
+                all.lengths.push(square.sqrt());
+                all.others.push(j);
+            }
+            all.start.push(all.others.len());
+        }
+        all
+    }
+
+    /// `pull` is the force over the current vector, from `l^2 - L^2`, `l^2` and `L`.
+    #[inline(always)]
+    fn forces(&self, u: &[[f64; 3]], out: &mut [[f64; 3]], pull: impl Fn(f64, f64, f64) -> f64) {
+        out.fill([0.0; 3]);
+        for i in 0..self.positions.len() {
+            let (at_rest, moved) = (self.positions[i], u[i]);
+            let mut sum = [0.0; 3];
+            for bond in self.start[i]..self.start[i + 1] {
+                let j = self.others[bond] as usize;
+                let (other, its) = (&self.positions[j], &u[j]);
+                let (mut x, mut grown, mut square) = ([0.0; 3], 0.0, 0.0);
+                for axis in 0..3 {
+                    let (xi, eta) = (other[axis] - at_rest[axis], its[axis] - moved[axis]);
+                    x[axis] = xi + eta;
+                    grown += eta * (xi + x[axis]);
+                    square += x[axis] * x[axis];
+                }
+                let pull = pull(grown, square, self.lengths[bond]);
+                for axis in 0..3 {
+                    let part = pull * x[axis];
+                    out[j][axis] += part;
+                    sum[axis] += part;
+                }
+            }
+            for axis in 0..3 {
+                out[i][axis] -= sum[axis];
+            }
+        }
+    }
+}
+
+/// `psi = 1/2 L (l/L - 1)^2`.
+fn by_length(bonds: &ByHand, u: &[[f64; 3]], out: &mut [[f64; 3]]) {
+    bonds.forces(u, out, |grown, square, at_rest| {
+        let length = square.sqrt();
+        grown / (at_rest * (length + at_rest) * length)
+    });
+}
+
+/// `psi = 1/2 L ((l^2/L^2 - 1)/2)^2`.
+fn by_square(bonds: &ByHand, u: &[[f64; 3]], out: &mut [[f64; 3]]) {
+    bonds.forces(u, out, |grown, _, at_rest| 0.5 * grown / (at_rest * at_rest * at_rest));
+}
+
+type Loop = fn(&ByHand, &[[f64; 3]], &mut [[f64; 3]]);
+
+fn compare(table: &mut Table, points: usize, name: &str, law: &SethHill, by_hand: Loop) {
+    let body = cube(points);
+    let [in_runs, in_batches] = both_ways(law, &body);
+    let u = displacement(&body);
+    let rows = u.as_chunks::<3>().0;
+    let bonds = ByHand::new(&body);
+    let mut theirs = vec![[0.0; 3]; rows.len()];
+    let mut ours = [vec![0.0; u.len()], vec![0.0; u.len()]];
+    let [first, second] = &mut ours;
+    let forces = |energy: &DiscreteEnergy, out: &mut [f64]| {
+        energy.evaluate(&u, Wanted::Forces(out), &mut []).expect("all is finite");
+    };
+    let times = in_turn(
+        ROUNDS,
+        Clock::Wall,
+        [&mut || forces(&in_runs, first), &mut || forces(&in_batches, second), &mut || {
+            by_hand(&bonds, rows, &mut theirs)
+        }],
+    );
+    for ours in &ours {
+        assert_close(name, ours, theirs.as_flattened());
+    }
+    let count = bonds.others.len() as f64;
+    let [runs, batches, theirs] = times.map(|times| times.least() / count * 1e9);
+    let thousands = (count / 1e3).round();
+    let of = Statistic::Least(ROUNDS);
+    let what = |way: &str| format!("{name}, {thousands} thousand bonds, in {way}");
+    table.ratio(what("runs"), [runs, theirs], of, Bar::AtMost(0.5, 0.3));
+    table.ratio(what("batches"), [batches, theirs], of, Bar::AtMost(0.8, 0.55));
+}
+
+fn multiply(table: &mut Table, name: &str, law: &SethHill) {
+    let body = cube(20);
+    let [in_runs, in_batches] = both_ways(law, &body);
+    let u = displacement(&body);
+    let p: Vec<f64> = u.iter().rev().copied().collect();
+    let (mut gradient, mut tangent) = (vec![0.0; u.len()], BlockMatrix::zeros(in_runs.pattern()));
+    in_runs.tangent(&u, &mut gradient, &mut tangent).expect("all is finite");
+    let hessians = [&in_runs, &in_batches].map(|energy| energy.hessian(&u).expect("it is finite"));
+    let mut ours = [vec![0.0; u.len()], vec![0.0; u.len()]];
+    let [first, second] = &mut ours;
+    let mut theirs = Vec::new();
+    let times = in_turn(
+        ROUNDS,
+        Clock::Wall,
+        [
+            &mut || hessians[0].multiply(&p, first),
+            &mut || hessians[1].multiply(&p, second),
+            &mut || theirs = tangent.multiply(&p),
+        ],
+    );
+    for ours in &ours {
+        assert_close(name, ours, &theirs);
+    }
+    let count = in_runs.report().bonds as f64;
+    let [runs, batches, theirs] = times.map(|times| times.least() / count * 1e9);
+    let of = Statistic::Least(ROUNDS);
+    table.ratio(format!("{name}, in runs"), [runs, theirs], of, Bar::None);
+    table.ratio(format!("{name}, in batches"), [batches, theirs], of, Bar::None);
+}

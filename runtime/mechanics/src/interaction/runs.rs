@@ -1,0 +1,218 @@
+//! Bonds of a lattice that repeat from point to point.
+//!
+//! On a lattice whose points follow each other along a row, a bond from point `i` to point `j` is
+//! followed by the same one from `i + 1` to `j + 1`. Such a run is two ranges of points and one vector:
+//! a pass over it reads consecutive numbers and knows the bond at rest without looking.
+//!
+//! Before: the later neighbours of every point. After: the same bonds, each in one run of one slab, by
+//! the first owner of their run.
+
+use super::Slabs;
+use crate::body::Body;
+use crate::neighborhood::Neighborhood;
+
+/// A mean length below which runs are not worth it: each has its own beginning and end.
+const SHORT: f64 = 6.0;
+
+/// How far a bond may be from its vector, in spacings: far more than coordinates are rounded by, far
+/// less than points of a cloud are displaced.
+const TOLERANCE: f64 = 1e-9;
+
+/// The bonds `(owner + k, other + k)` with `k < len`, which have one vector.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Run {
+    pub(crate) owner: u32,
+    pub(crate) other: u32,
+    pub(crate) len: u32,
+    /// The number of its vector.
+    pub(crate) vector: u32,
+}
+
+/// The bonds of a lattice body.
+#[derive(Clone, Debug)]
+pub(crate) struct Runs {
+    runs: Vec<Run>,
+    /// Where those of each slab start.
+    start: Vec<usize>,
+    /// The vectors from the owner to the other end at rest, `d` numbers each, in m.
+    vectors: Vec<f64>,
+}
+
+impl Runs {
+    /// The runs of a lattice body; nothing where bonds do not repeat or do so only in short runs.
+    pub(crate) fn new(body: &Body, neighborhood: &Neighborhood, slabs: &Slabs) -> Option<Runs> {
+        let spacing = body.spacing()?;
+        let mut found = Finding::new(body, spacing, neighborhood.horizon())?;
+        let mut start = vec![0];
+        for slab in 0..slabs.len() {
+            found.first = found.runs.len();
+            for owner in slabs.owners(slab) {
+                for &other in neighborhood.upper(owner) {
+                    found.add(body, [owner, other as usize])?;
+                }
+            }
+            start.push(found.runs.len());
+        }
+        let Finding { runs, vectors, .. } = found;
+        Some(Runs { runs, start, vectors }).filter(|runs| runs.mean_length() >= SHORT)
+    }
+
+    /// How many bonds a run has on average.
+    pub(crate) fn mean_length(&self) -> f64 {
+        let bonds: u64 = self.runs.iter().map(|run| u64::from(run.len)).sum();
+        bonds as f64 / self.runs.len().max(1) as f64
+    }
+
+    /// The runs of a slab's owners.
+    pub(crate) fn of_slab(&self, slab: usize) -> &[Run] {
+        &self.runs[self.start[slab]..self.start[slab + 1]]
+    }
+
+    /// The vectors at rest, in m.
+    pub(crate) fn vectors<const D: usize>(&self) -> &[[f64; D]] {
+        self.vectors.as_chunks::<D>().0
+    }
+}
+
+/// Runs on their way.
+struct Finding {
+    /// In m.
+    spacing: f64,
+    /// How many spacings a bond may have along an axis.
+    reach: i32,
+    runs: Vec<Run>,
+    /// The first run of the slab.
+    first: usize,
+    vectors: Vec<f64>,
+    /// For each vector of whole spacings its number, and the last run that has it.
+    known: Vec<Option<(u32, usize)>>,
+}
+
+impl Finding {
+    /// Nothing where vectors are more than points.
+    fn new(body: &Body, spacing: f64, horizon: f64) -> Option<Finding> {
+        let reach = (horizon / spacing).ceil() + 1.0;
+        let vectors = libm::pow(2.0 * reach + 1.0, body.dimension() as f64);
+        (vectors < 1e3 + body.n_points() as f64).then(|| Finding {
+            spacing,
+            reach: reach as i32,
+            runs: Vec::new(),
+            first: 0,
+            vectors: Vec::new(),
+            known: vec![None; vectors as usize],
+        })
+    }
+
+    /// Adds a bond; nothing where it is none of a lattice.
+    fn add(&mut self, body: &Body, [owner, other]: [usize; 2]) -> Option<()> {
+        let mut place = 0;
+        let mut vector = [0.0; 3];
+        let ends = body.position(owner).iter().zip(body.position(other));
+        for (part, (from, to)) in vector.iter_mut().zip(ends) {
+            let steps = (to - from) / self.spacing;
+            let whole = steps.round();
+            if (steps - whole).abs() > TOLERANCE || whole.abs() > f64::from(self.reach) {
+                return None;
+            }
+            *part = whole * self.spacing;
+            place = place * (2 * self.reach as usize + 1) + (whole as i32 + self.reach) as usize;
+        }
+        let next = self.runs.len();
+        let (number, run) = match &mut self.known[place] {
+            Some(known) => (known.0, known),
+            unknown => {
+                let d = body.dimension();
+                let number = (self.vectors.len() / d) as u32;
+                self.vectors.extend_from_slice(&vector[..d]);
+                (number, unknown.insert((number, next)))
+            }
+        };
+        // Runs of slabs before end with them.
+        let last = self.runs[self.first..].get_mut(run.1.wrapping_sub(self.first));
+        match last.filter(|last| last.continues_to(owner, other)) {
+            Some(last) => last.len += 1,
+            None => {
+                run.1 = next;
+                let [owner, other] = [owner as u32, other as u32];
+                self.runs.push(Run { owner, other, len: 1, vector: number });
+            }
+        }
+        Some(())
+    }
+}
+
+impl Run {
+    /// Whether a bond of the same vector comes next.
+    fn continues_to(&self, owner: usize, other: usize) -> bool {
+        let len = self.len as usize;
+        self.owner as usize + len == owner && self.other as usize + len == other
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::lattice::{Lattice, Nodes};
+
+    fn lattice(counts: &[f64], keep: impl Fn(&[f64]) -> bool) -> Body {
+        let (lower, upper) = (vec![0.0; counts.len()], counts.to_vec());
+        let lattice = Lattice { lower, upper, spacing: 1.0, nodes: Nodes::Cells };
+        let points = lattice.points().unwrap();
+        let d = counts.len();
+        let kept = points.positions.chunks(d).filter(|x| keep(x)).flatten().copied();
+        // A scale and a place that are no binary fractions.
+        let positions: Vec<f64> = kept.map(|x| 0.1 * x + 7.3).collect();
+        let volumes = vec![1.0; positions.len() / d];
+        Body::new(d, &positions, &volumes, Some(0.1))
+    }
+
+    fn found(body: &Body) -> (Neighborhood, Slabs, Option<Runs>) {
+        let neighborhood = Neighborhood::new(body, 0.3).unwrap();
+        let slabs = Slabs::new(&neighborhood);
+        let runs = Runs::new(body, &neighborhood, &slabs);
+        (neighborhood, slabs, runs)
+    }
+
+    #[test]
+    fn runs_hold_every_bond_once_with_its_vector() {
+        let hole = |x: &[f64]| libm::hypot(x[0] - 6.0, x[1] - 11.0) > 3.0;
+        for body in [lattice(&[24.0, 22.0], hole), lattice(&[12.0, 9.0, 20.0], |_| true)] {
+            let (neighborhood, slabs, runs) = found(&body);
+            let runs = runs.unwrap();
+            let mut bonds = BTreeSet::new();
+            for slab in 0..slabs.len() {
+                for run in runs.of_slab(slab) {
+                    for k in 0..run.len {
+                        let (owner, other) = ((run.owner + k) as usize, (run.other + k) as usize);
+                        assert!(slabs.owners(slab).contains(&owner));
+                        assert!(bonds.insert((owner, other)), "once");
+                        let d = body.dimension();
+                        let vector = &runs.vectors[run.vector as usize * d..][..d];
+                        for axis in 0..d {
+                            let exact = body.position(other)[axis] - body.position(owner)[axis];
+                            assert!((vector[axis] - exact).abs() < 1e-14);
+                        }
+                    }
+                }
+            }
+            let expected = (0..body.n_points())
+                .flat_map(|i| neighborhood.upper(i).iter().map(move |&j| (i, j as usize)));
+            assert!(bonds.into_iter().eq(expected));
+        }
+    }
+
+    #[test]
+    fn clouds_and_slender_bars_have_none() {
+        assert!(found(&lattice(&[60.0, 4.0, 4.0], |_| true)).2.is_none());
+        let mut body = lattice(&[20.0, 20.0], |_| true);
+        assert!(found(&body).2.is_some());
+        let shaken: Vec<f64> =
+            body.positions().iter().map(|x| x + 1e-6 * libm::sin(1e5 * x)).collect();
+        body = Body::new(2, &shaken, body.volumes(), Some(0.1));
+        assert!(found(&body).2.is_none());
+        body = Body::new(2, body.positions(), body.volumes(), None);
+        assert!(found(&body).2.is_none());
+    }
+}

@@ -1,0 +1,174 @@
+//! Bonds of lattices in runs: the same energies, forces and products as in batches of kernels.
+
+use std::sync::Arc;
+
+use piola_compiler::{Form, Level, Mode, Setting, check_text};
+use piola_runtime::assembly::{DiscreteEnergy, Laws};
+use piola_runtime::body::Body;
+use piola_runtime::energy::{Energy, Wanted};
+use piola_runtime::kernel::{Law, Measure};
+use piola_runtime::lattice::{Lattice, Nodes};
+use piola_runtime::matrix::BlockMatrix;
+use piola_runtime::weights::Weights;
+use rayon::ThreadPoolBuilder;
+
+use crate::common::{displacements, distance};
+
+const SPACING: f64 = 0.1;
+
+/// By the length, with a force at rest; by its square; not affine.
+const TRUE: &str = "3*L*(l/L - 1)^2 + 0.01*l";
+const MODIFIED: &str = "exp(-L/delta)*L*((l/L)^2 - 1)^2 + 0.02*l^2/L";
+const LOGARITHMIC: &str = "L*ln(l/L)^2";
+
+/// A box with a hole, far from the origin.
+fn body(counts: &[usize], nodes: Nodes) -> Arc<Body> {
+    let lower = vec![31.7; counts.len()];
+    let upper = counts.iter().map(|n| 31.7 + SPACING * *n as f64).collect();
+    let points = Lattice { lower, upper, spacing: SPACING, nodes }.points().unwrap();
+    let d = counts.len();
+    let away = |x: &[f64]| libm::hypot(x[0] - 32.5, x[1] - 32.4) > 0.31;
+    let kept = points.positions.chunks(d).zip(&points.volumes).filter(|(x, _)| away(x));
+    let (positions, volumes): (Vec<&[f64]>, Vec<f64>) = kept.unzip();
+    Arc::new(Body::new(d, &positions.concat(), &volumes, Some(SPACING)))
+}
+
+fn bodies() -> [Arc<Body>; 3] {
+    [
+        body(&[31, 23], Nodes::Cells),
+        body(&[26, 21], Nodes::Corners),
+        body(&[14, 9, 13], Nodes::Corners),
+    ]
+}
+
+fn laws(psi: &str, level: Level, d: usize) -> Laws {
+    let text = format!("potential p\npsi(l) = {psi}\npsi(a) = 20*A*(a/A - 1)^2\n");
+    let (_, model) = check_text(&text).unwrap();
+    let settings: [(String, Setting); 0] = [];
+    let values = model.values(d, &settings, Some(2.2 * SPACING)).unwrap();
+    let compiled = model.compile(&values, Mode::Jit(level), Form::Accurate).unwrap();
+    let mut laws = Laws::default();
+    for kernel in compiled.kernels {
+        let of_bonds = kernel.measure() == Measure::Length;
+        let law: Box<dyn Law> = Box::new(kernel);
+        *(if of_bonds { &mut laws.bond } else { &mut laws.triangle }) = Some(law);
+    }
+    laws
+}
+
+fn energy(body: &Arc<Body>, psi: &str, level: Level, weights: Weights) -> DiscreteEnergy {
+    let laws = laws(psi, level, body.dimension());
+    DiscreteEnergy::new(Arc::clone(body), 2.2 * SPACING, weights, laws).unwrap()
+}
+
+/// What an energy gives: its parts, forces, tangent, and a product without it.
+struct State {
+    parts: Vec<f64>,
+    forces: Vec<f64>,
+    tangent: Vec<f64>,
+    product: Vec<f64>,
+}
+
+fn state(energy: &DiscreteEnergy, u: &[f64]) -> State {
+    let (mut parts, mut forces) = (vec![0.0; 2], vec![f64::NAN; u.len()]);
+    let mut tangent = BlockMatrix::zeros(energy.pattern());
+    energy.evaluate(u, Wanted::Tangent(&mut forces, &mut tangent), &mut parts).unwrap();
+    // All passes agree to the last bit.
+    let mut others = [vec![f64::NAN; u.len()], vec![f64::NAN; u.len()]];
+    let mut found = [vec![0.0; 2], vec![0.0; 2]];
+    energy.evaluate(u, Wanted::Energy, &mut found[0]).unwrap();
+    energy.evaluate(u, Wanted::Forces(&mut others[0]), &mut found[1]).unwrap();
+    energy.evaluate(u, Wanted::Forces(&mut others[1]), &mut []).unwrap();
+    assert!(found.iter().all(|found| *found == parts), "{found:?}, {parts:?}");
+    assert!(others.iter().all(|other| *other == forces));
+    let p: Vec<f64> = u.iter().rev().copied().collect();
+    let mut product = vec![f64::NAN; u.len()];
+    energy.hessian(u).unwrap().multiply(&p, &mut product);
+    State { parts, forces, tangent: tangent.values, product }
+}
+
+/// Positions are rounded by 32 m times 1.1e-16, lengths by 1e-14 of themselves and more: that far apart
+/// are the bonds of runs, which are whole spacings, and those between positions.
+#[test]
+fn runs_give_what_batches_give() {
+    for body in bodies() {
+        for weights in [Weights::Uniform, Weights::Truncated, Weights::Volumes, Weights::Unit] {
+            for psi in [TRUE, MODIFIED] {
+                let of = |level| energy(&body, psi, level, weights);
+                let (runs, batches) = (of(Level::Fast), of(Level::Strict));
+                assert!(runs.has_runs() && !batches.has_runs());
+                for strain in [0.3, 1e-3] {
+                    let u = displacements(&body, strain, 5);
+                    let (found, expected) = (state(&runs, &u), state(&batches, &u));
+                    let errors = [
+                        distance(&found.parts, &expected.parts),
+                        distance(&found.forces, &expected.forces),
+                        distance(&found.tangent, &expected.tangent),
+                        distance(&found.product, &expected.product),
+                    ];
+                    let bars = errors.map(|error| error < 4e-13);
+                    assert!(bars == [true; 4], "{psi}, {weights:?}, {strain}: {errors:?}");
+                }
+            }
+        }
+    }
+}
+
+/// The product is that with the stored tangent.
+#[test]
+fn products_are_those_of_the_tangent() {
+    for body in bodies() {
+        for psi in [TRUE, MODIFIED] {
+            let energy = energy(&body, psi, Level::Fast, Weights::Uniform);
+            let u = displacements(&body, 0.2, 3);
+            let mut tangent = BlockMatrix::zeros(energy.pattern());
+            energy.tangent(&u, &mut vec![0.0; u.len()], &mut tangent).unwrap();
+            let p: Vec<f64> = u.iter().rev().copied().collect();
+            let found = state(&energy, &u).product;
+            let error = distance(&found, &tangent.multiply(&p));
+            assert!(error < 1e-13, "{psi}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn threads_do_not_change_a_bit() {
+    let body = &bodies()[2];
+    let energy = energy(body, MODIFIED, Level::Fast, Weights::Truncated);
+    let u = displacements(body, 0.1, 8);
+    let [one, two] = [1, 3].map(|threads| {
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| state(&energy, &u))
+    });
+    assert!(one.parts == two.parts && one.forces == two.forces && one.product == two.product);
+}
+
+#[test]
+fn laws_that_are_not_affine_and_strict_ones_go_in_batches() {
+    let body = &bodies()[0];
+    assert!(!energy(body, LOGARITHMIC, Level::Fast, Weights::Unit).has_runs());
+    for level in Level::ALL {
+        let in_runs = energy(body, TRUE, level, Weights::Unit).has_runs();
+        assert_eq!(in_runs, level == Level::Fast);
+    }
+}
+
+/// What runs refuse is worked out again in batches, which name the points, or find that it is finite.
+#[test]
+fn what_is_not_finite_is_named() {
+    let body = &bodies()[0];
+    let energy = energy(body, TRUE, Level::Fast, Weights::Unit);
+    assert!(energy.has_runs());
+    let (mut u, mut forces) = (vec![0.0; 2 * body.n_points()], vec![0.0; 2 * body.n_points()]);
+    // A bond of the run, which is a spacing long, is of no length now.
+    u[2 * 100 + 1] = SPACING;
+    let batches = self::energy(body, TRUE, Level::Strict, Weights::Unit);
+    let mut expected = forces.clone();
+    let found = (energy.forces(&u, &mut forces), batches.forces(&u, &mut expected));
+    assert_eq!(found.0.is_ok(), found.1.is_ok());
+    u[2 * 100] = f64::INFINITY;
+    let error = energy.forces(&u, &mut forces).unwrap_err();
+    assert!(error.points.contains(&100), "{error}");
+    energy.hessian(&u).unwrap().multiply(&expected, &mut forces);
+    assert!(forces.iter().all(|x| x.is_nan()));
+}

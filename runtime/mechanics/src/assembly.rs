@@ -6,12 +6,15 @@
 //! summed in an order that the body alone decides, so results have the same bits for any number of
 //! threads.
 
+mod abreast;
 mod accumulate;
+mod axes;
 mod bonds;
 pub(crate) mod error;
 mod inversion;
 mod pairs;
 mod product;
+mod quadratic;
 mod rows;
 mod runs;
 mod slab;
@@ -37,9 +40,9 @@ use crate::matrix::BlockPattern;
 use crate::neighborhood::Neighborhood;
 use crate::pool::Pool;
 use crate::weights::{CliqueWeights, Weights};
+use axes::OnLattice;
 use inversion::Motion;
 use product::InteractionHessian;
-use runs::BondRuns;
 use slab::{Room, SlabEnergy, SlabTask};
 
 /// An energy density for each kind of interaction that is modelled.
@@ -95,8 +98,7 @@ pub struct DiscreteEnergy {
     contributing: Option<ContributingPairs>,
     pattern: Arc<BlockPattern>,
     bonds: Option<Kind>,
-    /// The bonds in runs, where they are walked so.
-    runs: Option<BondRuns>,
+    on_lattice: OnLattice,
     triangles: Option<Kind>,
     tetrahedra: Option<Kind>,
     /// `psi(l)`, `psi(a)`, `psi(v)`: those that are modelled.
@@ -195,7 +197,7 @@ impl DiscreteEnergy {
             contributing,
             pattern,
             bonds,
-            runs: None,
+            on_lattice: OnLattice::default(),
             triangles,
             tetrahedra,
             names,
@@ -203,7 +205,7 @@ impl DiscreteEnergy {
             rooms,
             outcomes: Pool::new(),
         };
-        energy.runs = energy.bonds.as_ref().and_then(|kind| BondRuns::new(&energy, kind));
+        energy.on_lattice = OnLattice::new(&energy);
         Ok(energy)
     }
 
@@ -217,10 +219,12 @@ impl DiscreteEnergy {
         &self.neighborhood
     }
 
-    /// Whether bonds go run by run, without neighbour lists and kernels: those of a lattice whose law is
-    /// affine in the length or in its square.
-    pub fn has_runs(&self) -> bool {
-        self.runs.is_some()
+    /// The measures whose forces go along the rows of a lattice, without neighbour lists and kernels:
+    /// bonds and triangles whose law is affine in the measure or in its square.
+    pub fn along_rows(&self) -> Vec<Measure> {
+        let OnLattice { bonds, triangles } = &self.on_lattice;
+        let bonds = bonds.as_ref().map(|_| Measure::Length);
+        bonds.into_iter().chain(triangles.as_ref().map(|_| Measure::Area)).collect()
     }
 
     /// The kind of interaction whose measure has a sign, if it is modelled.

@@ -1,4 +1,5 @@
-//! Bonds of lattices in runs: the same energies, forces and products as in batches of kernels.
+//! Bonds and triangles along the rows of lattices: the same energies, forces and products as in batches
+//! of kernels.
 
 use std::sync::Arc;
 
@@ -96,7 +97,8 @@ fn runs_give_what_batches_give() {
             for psi in [TRUE, MODIFIED] {
                 let of = |level| energy(&body, psi, level, weights);
                 let (runs, batches) = (of(Level::Fast), of(Level::Strict));
-                assert!(runs.has_runs() && !batches.has_runs());
+                assert_eq!(runs.along_rows(), [Measure::Length, Measure::Area]);
+                assert_eq!(batches.along_rows(), []);
                 for strain in [0.3, 1e-3] {
                     let u = displacements(&body, strain, 5);
                     let (found, expected) = (state(&runs, &u), state(&batches, &u));
@@ -146,11 +148,10 @@ fn threads_do_not_change_a_bit() {
 #[test]
 fn laws_that_are_not_affine_and_strict_ones_go_in_batches() {
     let body = &bodies()[0];
-    assert!(!energy(body, LOGARITHMIC, Level::Fast, Weights::Unit).has_runs());
-    for level in Level::ALL {
-        let in_runs = energy(body, TRUE, level, Weights::Unit).has_runs();
-        assert_eq!(in_runs, level == Level::Fast);
-    }
+    let of = |psi, level| energy(body, psi, level, Weights::Unit).along_rows();
+    assert_eq!(of(LOGARITHMIC, Level::Fast), [Measure::Area]);
+    assert_eq!(of(TRUE, Level::Fast), [Measure::Length, Measure::Area]);
+    assert_eq!(of(TRUE, Level::Strict), []);
 }
 
 /// What runs refuse is worked out again in batches, which name the points, or find that it is finite.
@@ -158,7 +159,7 @@ fn laws_that_are_not_affine_and_strict_ones_go_in_batches() {
 fn what_is_not_finite_is_named() {
     let body = &bodies()[0];
     let energy = energy(body, TRUE, Level::Fast, Weights::Unit);
-    assert!(energy.has_runs());
+    assert!(!energy.along_rows().is_empty());
     let (mut u, mut forces) = (vec![0.0; 2 * body.n_points()], vec![0.0; 2 * body.n_points()]);
     // A bond of the run, which is a spacing long, is of no length now.
     u[2 * 100 + 1] = SPACING;

@@ -10,6 +10,24 @@ use crate::element::{CAPACITY, Contributions, Order};
 use crate::geometry::packed;
 use crate::interaction::{Clique, OwnerCliques};
 
+/// What of interactions is added up besides their energies.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Added {
+    pub(super) forces: bool,
+    pub(super) blocks: bool,
+}
+
+impl Added {
+    /// All that an order asks for.
+    pub(super) fn new(order: Order) -> Added {
+        Added { forces: order >= Order::Force, blocks: order == Order::Tangent }
+    }
+
+    pub(super) fn is_nothing(self) -> bool {
+        !(self.forces || self.blocks)
+    }
+}
+
 /// Sums over the interactions of one owner, per member.
 #[derive(Default)]
 pub(super) struct OwnerSums<const D: usize> {
@@ -34,17 +52,17 @@ impl<const D: usize> OwnerSums<D> {
     }
 
     /// Starts a new owner.
-    pub(super) fn reset(&mut self, order: Order, n_members: usize, n_pairs: usize) {
+    pub(super) fn reset(&mut self, added: Added, n_members: usize, n_pairs: usize) {
         let zero = [[0.0; D]; D];
         let restart = |blocks: &mut Vec<Block<D>>, n: usize| {
             blocks.clear();
             blocks.resize(n, zero);
         };
-        if order >= Order::Force {
+        if added.forces {
             self.gradient.clear();
             self.gradient.resize(n_members, [0.0; D]);
         }
-        if order == Order::Tangent {
+        if added.blocks {
             restart(&mut self.diagonal, n_members);
             restart(&mut self.column, n_members);
             restart(&mut self.pairs, n_pairs);
@@ -88,15 +106,15 @@ impl<const D: usize> OwnerSums<D> {
         &mut self,
         lanes: &[Clique],
         out: &Contributions,
-        order: Order,
+        added: Added,
         cliques: &OwnerCliques<'_, D>,
         rows: &mut Rows<'_>,
     ) {
         let lanes = &lanes[..lanes.len().min(CAPACITY)];
-        if order >= Order::Force {
+        if added.forces {
             self.add_gradients::<2>(lanes, out);
         }
-        if order == Order::Tangent {
+        if added.blocks {
             match rows.has_couplings() {
                 true => self.add_triangle_blocks::<true>(lanes, out, cliques, rows),
                 false => self.add_triangle_blocks::<false>(lanes, out, cliques, rows),
@@ -149,13 +167,13 @@ impl<const D: usize> OwnerSums<D> {
         lanes: &[Clique],
         pairs: &PairNumbers,
         out: &Contributions,
-        order: Order,
+        added: Added,
     ) {
         let lanes = &lanes[..lanes.len().min(CAPACITY)];
-        if order >= Order::Force {
+        if added.forces {
             self.add_gradients::<3>(lanes, out);
         }
-        if order == Order::Tangent {
+        if added.blocks {
             self.add_tetrahedron_blocks(lanes, pairs, out);
         }
     }
@@ -204,11 +222,11 @@ impl<const D: usize> OwnerSums<D> {
     pub(super) fn write(
         &mut self,
         cliques: &OwnerCliques<'_, D>,
-        order: Order,
+        added: Added,
         rows: &mut Rows<'_>,
     ) {
         let (owner, members) = (cliques.owner(), cliques.members());
-        if order >= Order::Force {
+        if added.forces {
             let mut total = [0.0; D];
             for (part, &point) in self.gradient.iter().zip(members) {
                 rows.add_gradient(point as usize, part);
@@ -218,7 +236,7 @@ impl<const D: usize> OwnerSums<D> {
             }
             rows.add_gradient(owner, &total);
         }
-        if order == Order::Tangent {
+        if added.blocks {
             self.write_pairs(cliques, rows);
             self.write_owner(owner, members, rows);
         }

@@ -5,7 +5,7 @@
 //! to the owner enter, and the owner's part is minus the sum of the others'. Slabs and their order
 //! are those of the assembly.
 
-use super::runs::Of;
+use super::axes::Wanted;
 use super::slab::{Room, SlabEnergy};
 use super::visit::{Sink, Visit, minus, row};
 use super::{DiscreteEnergy, Rooms};
@@ -139,16 +139,17 @@ impl InteractionHessian<'_> {
         let rows = Part::new(Layout::Points(1), out.as_chunks_mut::<D>().0);
         let done = energy.over_slabs(rooms, rows, |slab, [here, next], room| {
             let mut sink = Product { p, rows: Touched::new(here, next) };
-            let in_runs = energy.runs.as_ref().and_then(|runs| {
-                runs.visit::<D>(energy, slab, (u, Of::Product(p)), &mut room.runs)
-            });
-            if let Some(found) = &in_runs {
-                found.each::<D>(|point, part| {
+            let Room { axes, abreast, .. } = room;
+            let at = (u, Some(p));
+            let lattice = &energy.on_lattice;
+            let known = lattice.add::<D>(energy, slab, at, Wanted::Product, (axes, abreast));
+            if known.is_some() {
+                axes.each::<D>(|point, part| {
                     let row = &mut sink.rows[point];
                     (0..D).for_each(|axis| row[axis] += part[axis]);
                 });
             }
-            let with_bonds = in_runs.is_none();
+            let with_bonds = known.is_none();
             let done = Visit { energy, slab, order, u }.all(room, sink, with_bonds);
             done.map(|()| SlabEnergy::default())
         });

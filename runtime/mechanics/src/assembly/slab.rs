@@ -1,11 +1,12 @@
 //! The interactions that one slab owns, added up in the rows of its points.
 
-use super::accumulate::OwnerSums;
+use super::abreast::AbreastRoom;
+use super::accumulate::{Added, OwnerSums};
+use super::axes::{Axes, OnLatticeSums, Wanted};
 use super::bonds::{BondRoom, BondSums, Untouched};
 use super::inversion::Motion;
 use super::pairs::PairNumbers;
 use super::rows::Rows;
-use super::runs::{Of, RunRoom};
 use super::sum::Sum;
 use super::tetrahedra::{Owner, Rules, TetrahedronSums};
 use super::visit::{Gathered, Sink, Visit};
@@ -65,7 +66,8 @@ pub(super) struct Room<const D: usize> {
     /// Interactions on their way to sinks, kind by kind.
     pub(super) gathered: [Option<Gathered<D>>; 3],
     bonds: Option<BondRoom>,
-    pub(super) runs: RunRoom,
+    pub(super) axes: Axes,
+    pub(super) abreast: AbreastRoom<D>,
     pairs: PairNumbers,
     by_pairs: TetrahedronSums,
     sums: OwnerSums<D>,
@@ -77,12 +79,14 @@ impl<const D: usize> Room<D> {
     /// Large enough for all interactions, so that it does not matter which slabs a thread is given.
     pub(super) fn new(energy: &DiscreteEnergy) -> Room<D> {
         let members = energy.neighborhood.most_later();
+        let on_lattice = &energy.on_lattice;
         let of_tetrahedra = if energy.tetrahedra.is_some() { members } else { 0 };
         Room {
             cliques: CliqueRoom::new(&energy.neighborhood, &energy.slabs),
             gathered: energy.kinds().map(|kind| kind.map(|kind| Gathered::new(kind, members))),
             bonds: energy.bonds.as_ref().map(|kind| BondRoom::new(energy, kind)),
-            runs: energy.runs.as_ref().map_or_else(RunRoom::default, |_| RunRoom::new(energy)),
+            axes: if on_lattice.is_empty() { Axes::default() } else { Axes::new(energy) },
+            abreast: AbreastRoom::new(on_lattice.triangles.as_ref()),
             pairs: PairNumbers::with_capacity(of_tetrahedra),
             by_pairs: TetrahedronSums::with_capacity(of_tetrahedra),
             sums: OwnerSums::with_capacity(members, of_tetrahedra * of_tetrahedra / 2),
@@ -153,14 +157,21 @@ impl<'a> SlabTask<'a> {
         let untouched = self.untouched(visit.energy);
         let (energy, rows) = (visit.energy, &mut self.rows);
         let mut total = SlabEnergy::default();
-        if let Some(kind) = &energy.bonds {
-            total.bonds = bonds::<D>(visit, untouched, kind, room, rows)?;
+        let order = visit.order;
+        let known = visit.on_lattice::<D>(room, rows);
+        if let (Some(kind), Some(room)) = (&energy.bonds, &mut room.bonds) {
+            total.bonds = bonds::<D>(visit, untouched, (kind, known.bonds), room, rows)?;
         }
         let Room { cliques, gathered: [_, gathered, _], sums, .. } = room;
         if let (Some(kind), Some(gathered)) = (&energy.triangles, gathered) {
-            let mut sink = TriangleRows { order: visit.order, sums, rows, sum: Sum::default() };
-            visit.run(kind, (cliques, gathered), &mut sink)?;
-            total.triangles = sink.sum;
+            let added = Added { forces: known.triangles.is_none(), ..Added::new(order) };
+            if !added.is_nothing() || known.triangles.is_none() {
+                let sum = Sum::default();
+                let mut sink = TriangleRows { order, added, sums, rows, sum };
+                visit.run(kind, (cliques, gathered), &mut sink)?;
+                total.triangles = sink.sum;
+            }
+            total.triangles = known.triangles.unwrap_or(total.triangles);
         }
         Ok(total)
     }
@@ -176,41 +187,44 @@ impl<'a> SlabTask<'a> {
     }
 }
 
-/// Adds the bonds of a slab, in runs where they are walked so; their energy.
+impl Visit<'_> {
+    /// Adds the forces of what goes along the rows of a lattice; the energies of that.
+    fn on_lattice<const D: usize>(&self, room: &mut Room<D>, rows: &mut Rows<'_>) -> OnLatticeSums {
+        let Room { axes, abreast, .. } = room;
+        let (at, wanted) = ((self.u, None), Wanted::Order(self.order));
+        let lattice = &self.energy.on_lattice;
+        let known = lattice.add(self.energy, self.slab, at, wanted, (axes, abreast));
+        if known.is_some() && wanted.has_forces() {
+            axes.each::<D>(|point, part| rows.add_gradient(point, part));
+        }
+        known.unwrap_or_default()
+    }
+}
+
+/// Adds the bonds of a slab, but for forces and energies that are known; their energy.
 fn bonds<const D: usize>(
     visit: Visit<'_>,
     untouched: Untouched,
-    kind: &Kind,
-    room: &mut Room<D>,
+    (kind, known): (&Kind, Option<Sum>),
+    room: &mut BondRoom,
     rows: &mut Rows<'_>,
 ) -> Result<Sum, NonFinite> {
-    let (energy, order) = (visit.energy, visit.order);
-    let in_runs = energy.runs.as_ref().and_then(|runs| {
-        runs.visit::<D>(energy, visit.slab, (visit.u, Of::Energy(order)), &mut room.runs)
-    });
-    let has_blocks = order == Order::Tangent;
-    if let Some(found) = &in_runs {
-        if order >= Order::Force {
-            found.each::<D>(|point, part| rows.add_gradient(point, part));
-        }
-        if !has_blocks {
-            return Ok(found.energy);
-        }
+    if let Some(sum) = known.filter(|_| visit.order != Order::Tangent) {
+        return Ok(sum);
     }
-    let Some(room) = &mut room.bonds else { return Ok(Sum::default()) };
-    // What runs have given is not added again; and what they refuse is named here.
-    let rest = (untouched, in_runs.is_some());
+    let rest = (untouched, known.is_some());
     let sum = match D {
         // Numbers of a bond.
         2 => BondSums::<D, 5>::new(visit, rest, kind, room).add(rows)?,
         _ => BondSums::<D, 9>::new(visit, rest, kind, room).add(rows)?,
     };
-    Ok(in_runs.map_or(sum, |found| found.energy))
+    Ok(known.unwrap_or(sum))
 }
 
 /// Triangles on their way into the rows of their points.
 struct TriangleRows<'a, 'r, const D: usize> {
     order: Order,
+    added: Added,
     sums: &'a mut OwnerSums<D>,
     rows: &'a mut Rows<'r>,
     sum: Sum,
@@ -218,7 +232,7 @@ struct TriangleRows<'a, 'r, const D: usize> {
 
 impl<const D: usize> Sink<D, 2> for TriangleRows<'_, '_, D> {
     fn begin(&mut self, cliques: &OwnerCliques<'_, D>, _: &mut Gathered<D>) -> bool {
-        self.sums.reset(self.order, cliques.members().len(), 0);
+        self.sums.reset(self.added, cliques.members().len(), 0);
         true
     }
 
@@ -226,11 +240,11 @@ impl<const D: usize> Sink<D, 2> for TriangleRows<'_, '_, D> {
         if self.order.has_energy() {
             self.sum.add(out.energies(batch.len()));
         }
-        self.sums.add_triangles(batch, out, self.order, cliques, self.rows);
+        self.sums.add_triangles(batch, out, self.added, cliques, self.rows);
     }
 
     fn end(&mut self, cliques: &OwnerCliques<'_, D>) {
-        self.sums.write(cliques, self.order, self.rows);
+        self.sums.write(cliques, self.added, self.rows);
     }
 }
 
@@ -251,7 +265,7 @@ impl Sink<3, 3> for TetrahedronRows<'_, '_> {
     /// refused, and lists those that are thin.
     fn begin(&mut self, cliques: &OwnerCliques<'_, 3>, gathered: &mut Gathered<3>) -> bool {
         self.pairs.set(cliques);
-        self.sums.reset(self.order, cliques.members().len(), self.pairs.count());
+        self.sums.reset(Added::new(self.order), cliques.members().len(), self.pairs.count());
         let Some(rules) = &self.rules else { return true };
         let owner = Owner { cliques, members: &gathered.members, pairs: self.pairs };
         if !self.by_pairs.fill(rules, &owner) {
@@ -267,10 +281,10 @@ impl Sink<3, 3> for TetrahedronRows<'_, '_> {
         if self.order.has_energy() {
             self.sum.add(out.energies(batch.len()));
         }
-        self.sums.add_tetrahedra(batch, self.pairs, out, self.order);
+        self.sums.add_tetrahedra(batch, self.pairs, out, Added::new(self.order));
     }
 
     fn end(&mut self, cliques: &OwnerCliques<'_, 3>) {
-        self.sums.write(cliques, self.order, self.rows);
+        self.sums.write(cliques, Added::new(self.order), self.rows);
     }
 }

@@ -1,6 +1,9 @@
 //! Sums of energies that do not lose what is small.
 
+use pulp::Simd;
+
 use crate::element::WIDEST;
+use crate::geometry::lanes::Lanes;
 
 /// Sums side by side, each with its rounding error carried along (Knuth's exact sum of two numbers):
 /// together as good as one sum with twice the digits.
@@ -23,6 +26,17 @@ impl Sum {
                 self.error[lane] += (sum - (total - taken)) + (term - taken);
             }
         }
+    }
+
+    /// Adds a register of terms, to the sums of its lanes in their group of registers.
+    #[inline(always)]
+    pub(crate) fn add_lanes<S: Simd>(&mut self, simd: S, register: usize, term: Lanes<S>) {
+        let sum = Lanes::load(simd, &self.sum, register);
+        let total = sum + term;
+        let taken = total - sum;
+        let error = Lanes::load(simd, &self.error, register);
+        total.store(&mut self.sum, register);
+        (error + ((sum - (total - taken)) + (term - taken))).store(&mut self.error, register);
     }
 
     /// The sum of the products of two arrays.

@@ -7,8 +7,11 @@
 //! Before: the later neighbours of every point. After: the same bonds, each in one run of one slab, by
 //! the first owner of their run.
 
+use std::ops::Range;
+
 use super::Slabs;
 use crate::body::Body;
+use crate::element::WIDEST;
 use crate::neighborhood::Neighborhood;
 
 /// A mean length below which runs are not worth it: each has its own beginning and end.
@@ -71,6 +74,88 @@ impl Runs {
     /// The vectors at rest, in m.
     pub(crate) fn vectors<const D: usize>(&self) -> &[[f64; D]] {
         self.vectors.as_chunks::<D>().0
+    }
+}
+
+/// A bond that some of consecutive owners have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Bundle {
+    /// The number of its vector.
+    pub(crate) vector: u32,
+    /// The other end of the first owner's bond, whether that has it or not.
+    pub(crate) other: isize,
+    /// A bit for each owner that has it.
+    pub(crate) owners: u8,
+}
+
+/// Owners of a slab in groups of [`WIDEST`], the last of what is left.
+pub(crate) struct Groups<'a> {
+    /// Those that come.
+    owners: Range<usize>,
+    coming: &'a [Run],
+    room: &'a mut GroupRoom,
+}
+
+/// Room for [`Groups`].
+pub(crate) struct GroupRoom {
+    /// The runs that reach the group.
+    active: Vec<Run>,
+    bundles: Vec<Bundle>,
+}
+
+impl GroupRoom {
+    /// For groups of so many bonds.
+    pub(crate) fn with_capacity(n: usize) -> GroupRoom {
+        GroupRoom { active: Vec::with_capacity(n), bundles: Vec::with_capacity(n) }
+    }
+}
+
+impl Groups<'_> {
+    /// The next group: its owners, and the bonds that some of them have. A vector may occur twice, for
+    /// different owners.
+    pub(crate) fn next(&mut self) -> Option<(Range<usize>, &[Bundle])> {
+        let (first, end) = (self.owners.start, self.owners.end.min(self.owners.start + WIDEST));
+        if first == end {
+            return None;
+        }
+        self.owners.start = end;
+        let GroupRoom { active, bundles } = &mut *self.room;
+        active.retain(|run| run.owners().end > first);
+        while let Some((run, rest)) = self.coming.split_first()
+            && run.owners().start < end
+        {
+            active.push(*run);
+            self.coming = rest;
+        }
+        bundles.clear();
+        bundles.extend(active.iter().map(|run| {
+            let own = run.owners();
+            let lanes = own.start.max(first) - first..own.end.min(end) - first;
+            Bundle {
+                vector: run.vector,
+                other: first as isize + run.other as isize - run.owner as isize,
+                owners: lanes.fold(0, |owners, lane| owners | 1 << lane),
+            }
+        }));
+        Some((first..end, bundles))
+    }
+}
+
+impl Runs {
+    /// The owners of a slab in groups.
+    pub(crate) fn groups<'a>(
+        &'a self,
+        slab: usize,
+        owners: Range<usize>,
+        room: &'a mut GroupRoom,
+    ) -> Groups<'a> {
+        room.active.clear();
+        Groups { owners, coming: self.of_slab(slab), room }
+    }
+
+    /// How many vectors there are.
+    pub(crate) fn n_vectors<const D: usize>(&self) -> usize {
+        self.vectors::<D>().len()
     }
 }
 
@@ -142,6 +227,10 @@ impl Finding {
 }
 
 impl Run {
+    fn owners(&self) -> Range<usize> {
+        self.owner as usize..(self.owner + self.len) as usize
+    }
+
     /// Whether a bond of the same vector comes next.
     fn continues_to(&self, owner: usize, other: usize) -> bool {
         let len = self.len as usize;

@@ -1,0 +1,181 @@
+//! Displacements and forces of a slab axis by axis: consecutive points are lanes of a register.
+
+use std::sync::Arc;
+
+use super::abreast::{AbreastRoom, TriangleRuns};
+use super::quadratic::AffineLaw;
+use super::runs::BondRuns;
+use super::sum::Sum;
+use super::{DiscreteEnergy, Kind};
+use crate::element::{Order, WIDEST};
+use crate::geometry::each;
+use crate::interaction::runs::Runs;
+
+/// The interactions of a lattice that go without neighbour lists and kernels.
+#[derive(Default)]
+pub(super) struct OnLattice {
+    pub(super) bonds: Option<BondRuns>,
+    pub(super) triangles: Option<TriangleRuns>,
+}
+
+/// Energies of what went so.
+#[derive(Clone, Copy, Default)]
+pub(super) struct OnLatticeSums {
+    pub(super) bonds: Option<Sum>,
+    pub(super) triangles: Option<Sum>,
+}
+
+impl OnLattice {
+    /// What goes of laws that are affine, where bonds repeat.
+    pub(super) fn new(energy: &DiscreteEnergy) -> OnLattice {
+        let is_affine =
+            |kind: &&Kind| kind.element.law().and_then(|law| AffineLaw::of(law.0)).is_some();
+        let bonds = energy.bonds.as_ref().filter(is_affine);
+        let triangles = energy.triangles.as_ref().filter(is_affine);
+        if bonds.is_none() && triangles.is_none() {
+            return OnLattice::default();
+        }
+        let Some(runs) = Runs::new(&energy.body, &energy.neighborhood, &energy.slabs) else {
+            return OnLattice::default();
+        };
+        let (runs, horizon) = (Arc::new(runs), energy.neighborhood.horizon());
+        let of_triangles = |kind| TriangleRuns::new(&runs, kind, horizon, energy.degeneracy);
+        OnLattice {
+            bonds: bonds.and_then(|kind| BondRuns::new(&runs, kind)),
+            triangles: triangles.and_then(of_triangles),
+        }
+    }
+
+    /// Whether something goes so.
+    pub(super) fn is_empty(&self) -> bool {
+        self.bonds.is_none() && self.triangles.is_none()
+    }
+
+    /// Adds up what a slab has, in `room`; nothing where some of it is not finite, or has lost digits:
+    /// then all goes as on clouds, which names or repairs it. Of products there are those of bonds.
+    pub(super) fn add<const D: usize>(
+        &self,
+        energy: &DiscreteEnergy,
+        slab: usize,
+        (u, p): (&[f64], Option<&[f64]>),
+        wanted: Wanted,
+        (axes, abreast): (&mut Axes, &mut AbreastRoom<D>),
+    ) -> Option<OnLatticeSums> {
+        if self.is_empty() || p.is_some() && self.bonds.is_none() {
+            return None;
+        }
+        axes.set::<D>(energy, slab, u, p);
+        let mut sums = OnLatticeSums::default();
+        if let Some(bonds) = &self.bonds {
+            sums.bonds = Some(bonds.add::<D>(wanted, axes)?);
+        }
+        if let Some(triangles) = self.triangles.as_ref().filter(|_| wanted != Wanted::Product) {
+            let owners = energy.slabs.owners(slab);
+            sums.triangles = Some(triangles.add::<D>(owners, wanted, axes, abreast)?);
+        }
+        Some(sums)
+    }
+}
+
+/// What is wanted of the interactions of a slab.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Wanted {
+    /// Energies and forces, as far as the order asks for them.
+    Order(Order),
+    /// Products of the Hessian with a direction.
+    Product,
+}
+
+impl Wanted {
+    pub(super) fn has_energy(self) -> bool {
+        matches!(self, Wanted::Order(order) if order.has_energy())
+    }
+
+    pub(super) fn has_forces(self) -> bool {
+        self != Wanted::Order(Order::Energy)
+    }
+}
+
+/// The points that a slab touches, one number after the other for each axis, with room for a register
+/// before and behind.
+#[derive(Default)]
+pub(super) struct Axes {
+    pub(super) slab: usize,
+    /// From one axis to the next.
+    pub(super) stride: usize,
+    /// The first point.
+    pub(super) first: usize,
+    /// In m.
+    pub(super) displacement: Vec<f64>,
+    /// Of a product.
+    pub(super) direction: Vec<f64>,
+    /// What points get as owners of interactions, to be taken off.
+    pub(super) own: Vec<f64>,
+    /// What points get otherwise: forces in N, or a product.
+    pub(super) other: Vec<f64>,
+}
+
+impl Axes {
+    /// Large enough for every slab.
+    pub(super) fn new(energy: &DiscreteEnergy) -> Axes {
+        let points = (0..energy.slabs.len()).map(|slab| energy.slabs.touched(slab).len()).max();
+        let numbers = (points.unwrap_or(0) + 2 * WIDEST) * energy.body.dimension();
+        let room = || Vec::with_capacity(numbers);
+        let [displacement, direction, own, other] = [(); 4].map(|()| room());
+        Axes { displacement, direction, own, other, ..Axes::default() }
+    }
+
+    /// Moves to a slab at displacements `u`, and to a direction for products.
+    pub(super) fn set<const D: usize>(
+        &mut self,
+        energy: &DiscreteEnergy,
+        slab: usize,
+        u: &[f64],
+        p: Option<&[f64]>,
+    ) {
+        let touched = energy.slabs.touched(slab);
+        (self.slab, self.first, self.stride) = (slab, touched.start, touched.len() + 2 * WIDEST);
+        let points = touched.start * D..touched.end * D;
+        by_axes::<D>(&u[points.clone()], &mut self.displacement);
+        if let Some(p) = p {
+            by_axes::<D>(&p[points], &mut self.direction);
+        }
+        for force in [&mut self.own, &mut self.other] {
+            force.clear();
+            force.resize(self.stride * D, 0.0);
+        }
+    }
+
+    /// Shows what each point has got.
+    pub(super) fn each<const D: usize>(&self, mut see: impl FnMut(usize, &[f64; D])) {
+        for place in WIDEST..self.stride - WIDEST {
+            let part = |axis: usize| {
+                self.other[axis * self.stride + place] - self.own[axis * self.stride + place]
+            };
+            see(self.first + place - WIDEST, &each(part));
+        }
+    }
+}
+
+/// From point by point to axis by axis.
+fn by_axes<const D: usize>(rows: &[f64], axes: &mut Vec<f64>) {
+    axes.clear();
+    for axis in 0..D {
+        axes.extend([0.0; WIDEST]);
+        axes.extend(rows.as_chunks::<D>().0.iter().map(|row| row[axis]));
+        axes.extend([0.0; WIDEST]);
+    }
+}
+
+/// The numbers of one axis.
+#[inline(always)]
+pub(super) fn axis_of(of: &[f64], axis: usize, stride: usize) -> &[f64] {
+    &of[axis * stride..][..stride]
+}
+
+/// The numbers of each axis.
+#[inline(always)]
+pub(super) fn axes_of<const D: usize>(of: &mut [f64], stride: usize) -> [&mut [f64]; D] {
+    let mut axes = of.chunks_exact_mut(stride);
+    [(); D].map(|()| axes.next().unwrap_or_default())
+}

@@ -141,7 +141,7 @@ impl Case {
     }
 
     /// What points know of their families, for each energy that needs it.
-    fn families(&self, compiled: &[Compiled]) -> Vec<Families> {
+    pub(super) fn families(&self, compiled: &[Compiled]) -> Vec<Families> {
         let settings = self.scene.correspondence.clone().unwrap_or_default();
         let of = |compiled: &Compiled| {
             let gathered = compiled.gathered.as_ref().map(|g| Families::States(g.integrals.len()));
@@ -167,7 +167,7 @@ impl Case {
 }
 
 /// How many energies of bonds, triangles and tetrahedra there are.
-fn energies(compiled: &[Compiled]) -> [usize; 3] {
+pub(super) fn energies(compiled: &[Compiled]) -> [usize; 3] {
     let count = |measure| compiled.iter().filter(|all| all.measures.contains(measure)).count();
     [Measure::Length, Measure::Area, Measure::Volume].each_ref().map(count)
 }

@@ -40,7 +40,7 @@ fn file() -> Option<PathBuf> {
 }
 
 fn describe(machine: &Machine, place: &str) -> String {
-    let Machine { processor, lanes, threads, one, all, .. } = machine;
+    let Machine { processor, lanes, threads, one, all, factorisation, .. } = machine;
     let row = |name: &str, rate: fn(&Rates) -> f64, unit: &str, what: &str| {
         let [one, all] = [one, all].map(|rates| rate(rates) * 1e-9);
         format!("{name:<12}{one:>12.1}{all:>12.1}   {unit:<28}{what}\n")
@@ -52,10 +52,17 @@ fn describe(machine: &Machine, place: &str) -> String {
         "1e9 multiply-adds per s",
         "in registers, the most there is",
     );
+    let factorisation = format!(
+        "{:<12}{:>12.1}{:>12}   {:<28}of a dense Cholesky factorisation\n",
+        "factorising",
+        factorisation * 1e-9,
+        "",
+        "1e9 operations per s"
+    );
     let all = if *threads == 1 { "1 thread".to_string() } else { format!("{threads} threads") };
     format!(
         "{processor}; {all}, registers of {lanes} numbers\n\n{:<12}{:>12}{all:>12}\n\
-         {memory}{arithmetic}\n{place}\n`piola info --machine --renew` measures again\n",
+         {memory}{arithmetic}{factorisation}\n{place}\n`piola info --machine --renew` measures again\n",
         "", "1 thread"
     )
 }

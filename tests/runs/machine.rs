@@ -17,7 +17,7 @@ fn info(caches: &Path, more: &[&str]) -> Command {
 
 fn shown(command: Command) -> Outcome {
     let shown = run_to_end(command, b"").expect(0);
-    for part in ["memory", "GB/s", "arithmetic", "multiply-adds per s", "1 thread"] {
+    for part in ["memory", "GB/s", "arithmetic", "multiply-adds per s", "factorising", "1 thread"] {
         assert!(shown.stdout.contains(part), "no `{part}` in\n{}", shown.stdout);
     }
     shown

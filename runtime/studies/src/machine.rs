@@ -1,7 +1,7 @@
 //! What the machine at hand can do in a second: bytes that pass between its memory and its processors,
-//! and multiply-adds in its widest registers.
+//! multiply-adds in its widest registers, operations of a factorisation.
 //!
-//! It is measured in less than a second, and kept in a file that the caller names. A file of another
+//! It is measured in a second, and kept in a file that the caller names. A file of another
 //! machine, of another version or without sense is measured anew: it is never an error.
 
 use std::hint::black_box;
@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use piola_output::OutputError;
 use piola_output::atomic::write_atomically;
+use piola_solvers::linear::DenseCholesky;
 use pulp::{Arch, Simd, WithSimd};
 use serde::{Deserialize, Serialize};
 
@@ -23,7 +24,10 @@ const TRIAD_BYTES: usize = 192 << 20;
 const MEMORY_PART: u64 = 8;
 
 /// How long a rate is measured at least.
-const PATIENCE: Duration = Duration::from_millis(150);
+const PATIENCE: Duration = Duration::from_millis(120);
+
+/// And in how many rounds at least: on a busy machine some are disturbed.
+const ROUNDS: usize = 5;
 
 /// A machine, and what it can do.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,6 +44,8 @@ pub struct Machine {
     pub one: Rates,
     /// What all threads can do together.
     pub all: Rates,
+    /// Multiplications and additions per s of a dense Cholesky factorisation on one thread.
+    pub factorisation: f64,
 }
 
 /// What some threads can do together.
@@ -70,6 +76,7 @@ impl Machine {
         let mut machine = Machine::unmeasured();
         machine.one = Rates::of(1);
         machine.all = if machine.threads > 1 { Rates::of(machine.threads) } else { machine.one };
+        machine.factorisation = factorisation();
         machine
     }
 
@@ -77,9 +84,9 @@ impl Machine {
     pub fn read(file: &Path) -> Option<Machine> {
         let kept: Machine = serde_json::from_slice(&std::fs::read(file).ok()?).ok()?;
         let unmeasured = Machine::unmeasured();
-        let same = Machine { one: unmeasured.one, all: unmeasured.all, ..kept.clone() };
-        let sound = [kept.one, kept.all].iter().all(Rates::are_sound);
-        (same == unmeasured && sound).then_some(kept)
+        let Machine { one, all, factorisation, .. } = unmeasured;
+        let same = Machine { one, all, factorisation, ..kept.clone() };
+        (same == unmeasured && kept.is_sound()).then_some(kept)
     }
 
     /// Writes the file, whole or not at all, and the folders that it is in.
@@ -114,7 +121,15 @@ impl Machine {
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             one: Rates::NONE,
             all: Rates::NONE,
+            factorisation: 0.0,
         }
+    }
+
+    /// Whether its rates can be those of a machine.
+    fn is_sound(&self) -> bool {
+        let Machine { one, all, factorisation, .. } = self;
+        let rates = [one.bandwidth, one.arithmetic, all.bandwidth, all.arithmetic, *factorisation];
+        rates.iter().all(|rate| rate.is_finite() && *rate > 0.0)
     }
 }
 
@@ -128,10 +143,6 @@ fn processor() -> Option<String> {
 
 impl Rates {
     const NONE: Rates = Rates { bandwidth: 0.0, arithmetic: 0.0 };
-
-    fn are_sound(&self) -> bool {
-        [self.bandwidth, self.arithmetic].iter().all(|rate| rate.is_finite() && *rate > 0.0)
-    }
 
     /// Of so many threads at work together.
     fn of(threads: usize) -> Rates {
@@ -168,19 +179,30 @@ fn arithmetic() -> f64 {
     (SUMS * STEPS * arch.dispatch(Width)) as f64 / seconds
 }
 
-/// The least time of a work, in s. What ends after the patience does not count: by then other threads
-/// may rest.
-fn least_seconds(work: impl Fn()) -> f64 {
+/// Unknowns of a dense factorisation: as many as a large supernode has.
+const BLOCK: usize = 512;
+
+/// Operations per s of a factorisation on this thread.
+fn factorisation() -> f64 {
+    let mut block = DenseCholesky::new(BLOCK);
+    block.factorise();
+    block.operations() / least_seconds(|| block.factorise())
+}
+
+/// The least time of a work, in s. What ends after the patience does not count, where that was enough: by
+/// then other threads may rest.
+fn least_seconds(mut work: impl FnMut()) -> f64 {
     let (begin, mut least) = (Instant::now(), f64::INFINITY);
-    loop {
+    for round in 0.. {
         let start = Instant::now();
         work();
-        if begin.elapsed() > PATIENCE && least.is_finite() {
-            // A clock that stands still gives no rate.
-            return least.max(1e-9);
+        if round >= ROUNDS && begin.elapsed() > PATIENCE {
+            break;
         }
         least = least.min(start.elapsed().as_secs_f64());
     }
+    // A clock that stands still gives no rate.
+    least.max(1e-9)
 }
 
 /// The arrays of a triad.

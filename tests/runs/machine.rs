@@ -118,3 +118,11 @@ fn shares_are_what_passes_do_over_what_the_machine_could() {
         assert_eq!(number(&passes[0]["multiply_adds"]), 11.0 * triangles + 10.0 * bonds);
     }
 }
+
+#[test]
+fn the_way_is_that_of_the_scene() {
+    let folder = strip();
+    let arguments = ["bench", &folder.scene(), "--set", "solver.derivatives=interpreter"];
+    let text = piola(&arguments).expect(0).stdout;
+    assert!(text.contains("\nby interpreter batches; at least"), "{text}");
+}

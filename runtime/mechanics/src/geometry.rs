@@ -12,14 +12,11 @@
 //! root ([`squares`]).
 
 pub mod bond;
-mod count;
 pub mod double;
 pub mod lanes;
 pub mod squares;
 pub mod tetrahedron;
 pub mod triangle;
-
-pub use count::multiplications;
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 

@@ -21,7 +21,8 @@ pub struct Report {
     pub shell_bonds: usize,
     /// Blocks of the tangent on and above the diagonal, where it couples bonded points only.
     pub pattern_blocks: usize,
-    /// How passes go over the body, in words; several ways of several energies.
+    /// How passes go over the body: interactions in `batches`, points with their `families`; several ways
+    /// of several energies.
     pub ways: Vec<&'static str>,
 }
 
@@ -32,7 +33,7 @@ impl Report {
             n_points: neighborhood.n_points(),
             bonds: neighborhood.n_bonds() as u64,
             shell_bonds: neighborhood.shell_bonds(),
-            ways: vec!["fields of families"],
+            ways: vec!["families"],
             ..Report::default()
         }
     }

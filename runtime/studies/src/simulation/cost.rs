@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use piola_mechanics::energy::{Energy, NonFinite, Wanted};
+use piola_mechanics::words::Words;
 use piola_output::summary::{Phase, PhaseClock, memory};
 use piola_solvers::HeldTangent;
 use piola_solvers::constraint::Constraints;
@@ -14,6 +15,7 @@ use super::run;
 use super::work::{Pass, Terms};
 use crate::case::{Case, CaseError};
 use crate::machine::Rates;
+use crate::scene::DerivativeSource;
 use crate::scene::boundary::BoundaryConditions;
 
 /// Runs of every pass over the interactions; the least time counts.
@@ -35,8 +37,8 @@ pub struct SceneCost {
     pub interactions: [u64; 3],
     /// Time and memory, in the order of the work.
     pub phases: Vec<Phase>,
-    /// How passes go over the body: `compiled batches`, `fields of families`.
-    pub ways: Vec<&'static str>,
+    /// How passes go over the body and get derivatives: `compiled batches`, `interpreter families`.
+    pub ways: Vec<String>,
     /// What so many threads of this machine can do.
     pub rates: Rates,
     /// Passes over all interactions: energy; and gradient; and tangent, or where that is not stored
@@ -140,6 +142,10 @@ pub fn cost(
     let report = energy.report();
     let peak_memory_bytes = memory().map(|memory| memory.peak);
     let rates = rates();
+    let derivatives = match case.scene.solver.derivatives {
+        DerivativeSource::Jit => "compiled",
+        other => other.word(),
+    };
     let pass = |(name, seconds): (Pass, f64)| {
         let work = terms.work(name, energy, &report, tangent.bytes());
         let interactions = (report.bonds + report.triangles + report.tetrahedra).max(1);
@@ -161,7 +167,7 @@ pub fn cost(
         phases: clock.phases().to_vec(),
         rates,
         passes: passes.into_iter().map(pass).collect(),
-        ways: report.ways.clone(),
+        ways: report.ways.iter().map(|way| format!("{derivatives} {way}")).collect(),
         matrix_bytes: tangent.bytes(),
         linear,
         notes,

@@ -102,7 +102,7 @@ pub(crate) enum Command {
     /// Find parameters of the potential for which the discrete body has given moduli
     #[command(after_help = CALIBRATE_EXAMPLE)]
     Calibrate(Calibrate),
-    /// List the library of potentials, or show one of them
+    /// List the library of potentials, or show one of them; or what this machine can do
     Info(Info),
     /// Say what the code of a message means, with examples; list all codes
     Explain(Explain),
@@ -487,6 +487,12 @@ pub(crate) struct Calibrate {
 pub(crate) struct Info {
     /// A potential of the library, or a potential file
     pub(crate) potential: Option<String>,
+    /// Show what `bench` and `plan` take this machine for: its memory's bandwidth and its arithmetic
+    #[arg(long, conflicts_with = "potential")]
+    pub(crate) machine: bool,
+    /// Measure the machine again, in a second
+    #[arg(long, requires = "machine")]
+    pub(crate) renew: bool,
 }
 
 #[derive(Debug, Args)]

@@ -20,7 +20,7 @@ pub use piola_mechanics::{
 };
 pub use piola_output as output;
 pub use piola_solvers as solve;
-pub use piola_studies::{case, moduli, plan, scene, simulation, trade};
+pub use piola_studies::{case, machine, moduli, plan, scene, simulation, trade};
 
 /// Elements, and what they cost.
 pub mod element {

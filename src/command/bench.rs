@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 
 use super::audit::units;
 use super::derive::print_compile_error;
-use super::{Exit, scene};
+use super::{Exit, machine, scene};
 use crate::cli::{Bench, Format};
 use crate::console;
 use crate::potential::{self, Loaded};
@@ -207,7 +207,8 @@ fn measure(case: &Case, clock: PhaseClock) -> Result<SceneCost, Exit> {
     }
     let warnings = scene::warnings(case).map_err(print)?;
     scene::print_warnings(case, warnings);
-    simulation::cost(case, clock).map_err(print)
+    let rates = || machine::at_hand().rates(rayon::current_num_threads());
+    simulation::cost(case, clock, rates).map_err(print)
 }
 
 fn scene_text(path: &Path, cost: &SceneCost) -> String {
@@ -238,11 +239,7 @@ fn scene_text(path: &Path, cost: &SceneCost) -> String {
             mb(phase.peak_memory_bytes)
         );
     }
-    let _ = writeln!(out, "\n{:26} {:>12} {:>18}", "one pass", "ms", "ns per interaction");
-    for pass in &cost.passes {
-        let nanoseconds = pass.nanoseconds_per_interaction;
-        let _ = writeln!(out, "{:26} {:>12.3} {nanoseconds:>18.1}", pass.name, pass.seconds * 1e3);
-    }
+    out.push_str(&passes_text(cost));
     let _ = writeln!(out, "\n{:26} {:>12} MB", "matrix", mb(Some(cost.matrix_bytes)));
     if let Some(factor) = cost.linear.as_ref().and_then(|linear| linear.factor_bytes) {
         let _ = writeln!(out, "{:26} {:>12} MB", "factor", mb(Some(factor)));
@@ -257,5 +254,31 @@ fn scene_text(path: &Path, cost: &SceneCost) -> String {
         linear.notes.iter().for_each(|note| out.push_str(&format!("note: {note}\n")));
     }
     cost.notes.iter().for_each(|note| out.push_str(&format!("note: {note}\n")));
+    out
+}
+
+fn passes_text(cost: &SceneCost) -> String {
+    let mut out = format!(
+        "\n{:26} {:>12} {:>18} {:>12} {:>12}\n",
+        "one pass", "ms", "ns per interaction", "% of memory", "% of sums"
+    );
+    for pass in &cost.passes {
+        let _ = writeln!(
+            out,
+            "{:26} {:>12.3} {:>18.1} {:>12.1} {:>12.1}",
+            pass.name.name(),
+            pass.seconds * 1e3,
+            pass.nanoseconds_per_interaction,
+            pass.share_of_bandwidth * 1e2,
+            pass.share_of_arithmetic * 1e2
+        );
+    }
+    let _ = writeln!(
+        out,
+        "by {}; at least, of {:.1} GB/s and {:.1}e9 multiply-adds per s (`piola info --machine`)",
+        cost.ways.join(" and "),
+        cost.rates.bandwidth * 1e-9,
+        cost.rates.arithmetic * 1e-9
+    );
     out
 }

@@ -1,8 +1,8 @@
-//! `piola info`: the library of potentials.
+//! `piola info`: the library of potentials, and the machine at hand.
 
 use piola_compiler::{Model, print};
 
-use super::Exit;
+use super::{Exit, machine};
 use crate::cli::{Format, Info};
 use crate::console;
 use crate::library::{self, LIBRARY};
@@ -10,6 +10,7 @@ use crate::potential;
 
 pub(super) fn execute(arguments: &Info) -> Exit {
     match &arguments.potential {
+        _ if arguments.machine => machine::show(arguments.renew),
         Some(name) => show(name),
         None => list(),
     }

@@ -11,6 +11,7 @@ mod eval;
 mod eval_gradient;
 mod explain;
 mod info;
+mod machine;
 mod moduli;
 mod plan;
 mod run;

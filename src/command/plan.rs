@@ -1,6 +1,6 @@
 //! `piola plan`: what a scene will model, and what it costs.
 
-use super::{Exit, scene};
+use super::{Exit, machine, scene};
 use crate::cli::{Format, Plan};
 use crate::console;
 use crate::render;
@@ -17,7 +17,7 @@ pub(super) fn execute(arguments: &Plan) -> Exit {
         }
     }
     let planned = scene::with_threads(arguments.threads, || {
-        case.rehearsed_plan(rayon::current_num_threads())
+        case.rehearsed_plan(rayon::current_num_threads(), &machine::at_hand())
     });
     let Some(planned) = planned else { return Exit::Input };
     match planned {

@@ -11,6 +11,7 @@ mod extremes;
 #[cfg(unix)]
 mod interrupted;
 mod killed;
+mod machine;
 mod moduli;
 mod picture;
 mod plans;

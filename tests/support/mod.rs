@@ -47,10 +47,12 @@ impl Outcome {
     }
 }
 
-/// The program with these arguments, ready to be started.
+/// The program with these arguments, ready to be started; what it knows of the machine stays in the
+/// folder of the tests.
 pub(crate) fn command<S: AsRef<OsStr>>(arguments: &[S]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_piola"));
     command.args(arguments).current_dir(env!("CARGO_MANIFEST_DIR"));
+    command.env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"));
     command
 }
 

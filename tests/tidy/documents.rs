@@ -147,11 +147,21 @@ fn every_code_is_explained_on_its_page() {
 #[test]
 fn the_output_reference_knows_every_field() {
     let page = read("docs/output.md");
-    let source = read("runtime/output/src/summary.rs");
-    for structure in ["Summary", "StepSummary", "Phase", "InteractionCounts"] {
-        let body = between(&source, &format!("pub struct {structure} {{\n"), "\n}")[0];
-        for field in between(body, "pub ", ":") {
-            assert!(page.contains(&format!("`{field}`")), "docs/output.md misses {field}");
+    let files: [(&str, &[&str]); 3] = [
+        (
+            "runtime/output/src/summary.rs",
+            &["Summary", "StepSummary", "Phase", "InteractionCounts"],
+        ),
+        ("runtime/studies/src/simulation/cost.rs", &["SceneCost", "PassCost", "LinearCost"]),
+        ("runtime/studies/src/machine.rs", &["Rates"]),
+    ];
+    for (file, structures) in files {
+        let source = read(file);
+        for structure in structures {
+            let body = between(&source, &format!("pub struct {structure} {{\n"), "\n}")[0];
+            for field in between(body, "pub ", ":") {
+                assert!(page.contains(&format!("`{field}`")), "docs/output.md misses {field}");
+            }
         }
     }
     let names = read("runtime/output/src/folder.rs");

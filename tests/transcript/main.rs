@@ -13,6 +13,7 @@ fn root() -> PathBuf {
 #[test]
 fn commands_print_what_the_page_says() {
     trycmd::TestCases::new()
+        .env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"))
         .register_bin("piola", Path::new(env!("CARGO_BIN_EXE_piola")))
         .register_bin("tail", program("tail").as_path())
         .case(PAGE);

@@ -184,6 +184,7 @@ impl DiscreteEnergy {
             dropped_tetrahedra: census.dropped_tetrahedra,
             shell_bonds: neighborhood.shell_bonds(),
             pattern_blocks: pattern.n_blocks(),
+            ways: vec!["batches"],
         };
         let rooms = match body.dimension() {
             2 => Rooms::Plane(Pool::new()),

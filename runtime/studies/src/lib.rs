@@ -16,6 +16,7 @@
 
 pub mod case;
 pub mod cost;
+pub mod machine;
 pub mod moduli;
 pub mod plan;
 pub mod scene;

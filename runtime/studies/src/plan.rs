@@ -2,8 +2,9 @@
 //!
 //! Small bodies are counted, larger ones from a sample of points, boxes that are not filled by their
 //! sides ([`count_interactions`], [`estimate_interactions`], [`count_in_box`]). Times are right within
-//! a factor of 3, memory within 1.5: they rest on constants that were measured on one core of a 3 GHz server
-//! processor, and times of small bodies on their first increment.
+//! a factor of 3, memory within 1.5. Factorisations and products with a stored tangent rest on what the
+//! machine at hand can do ([`Pace`]), interactions on constants that were measured on one core of a 3 GHz
+//! server processor, and times of small bodies on their first increment.
 
 mod count;
 mod factor;
@@ -26,7 +27,7 @@ pub use count::{
 pub use factor::{FactorEstimate, estimate_factor};
 pub use families::Families;
 pub(crate) use text::bytes as in_bytes;
-pub use time::{Basis, ChangeOver, FirstIncrement, TimeEstimate};
+pub use time::{Basis, ChangeOver, FirstIncrement, Pace, TimeEstimate};
 
 /// Memory of a factorisation over that of its factor's numbers: padding, workspace, indices.
 const CHOLESKY_OVERHEAD: f64 = 1.6;
@@ -121,6 +122,8 @@ pub struct PlanInput<'a> {
     pub notes: Vec<String>,
     /// How many threads will work.
     pub threads: usize,
+    /// How fast they are.
+    pub pace: Pace,
     /// What the machine can give, in bytes; see [`available_memory`].
     pub available_memory: Option<u64>,
 }
@@ -330,7 +333,7 @@ struct Costs {
 
 impl Costs {
     fn new(input: &PlanInput<'_>, linear: &Choice) -> Costs {
-        let PlanInput { extent, interactions, families, threads, .. } = input;
+        let PlanInput { extent, interactions, families, pace, .. } = input;
         let dimension = extent.dimension;
         let System { blocks, factor } =
             input.system(if linear.stores_matrix { families::reach(families) } else { 1 });
@@ -344,11 +347,11 @@ impl Costs {
             let jacobi = choice == PreconditionerChoice::BlockJacobi;
             let horizons = (jacobi || !linear.stores_matrix).then_some(horizons);
             let interactions = (interactions, input.energies);
-            TimeEstimate::new(interactions, (dimension, blocks), linear, factor, horizons, *threads)
+            TimeEstimate::new(interactions, (dimension, blocks), linear, factor, horizons, *pace)
         } else {
             let others = time::interaction_seconds(interactions, input.energies);
             let work = (interactions.bonds as f64, others);
-            families::time(families, extent, work, (blocks, factor), linear, *threads)
+            families::time(families, extent, work, (blocks, factor), linear, *pace)
         };
         Costs { memory, time: time.for_increments(input.scene.steps.increments) }
     }

@@ -21,6 +21,9 @@ pub struct Report {
     pub shell_bonds: usize,
     /// Blocks of the tangent on and above the diagonal, where it couples bonded points only.
     pub pattern_blocks: usize,
+    /// How passes go over the body: interactions in `batches`, points with their `families`; several ways
+    /// of several energies.
+    pub ways: Vec<&'static str>,
 }
 
 impl Report {
@@ -30,12 +33,17 @@ impl Report {
             n_points: neighborhood.n_points(),
             bonds: neighborhood.n_bonds() as u64,
             shell_bonds: neighborhood.shell_bonds(),
+            ways: vec!["families"],
             ..Report::default()
         }
     }
 
     /// What two energies of one body see of it together: they share their interactions.
     pub fn and(self, other: Report) -> Report {
+        let mut ways = self.ways;
+        ways.extend(other.ways);
+        ways.sort_unstable();
+        ways.dedup();
         Report {
             n_points: self.n_points.max(other.n_points),
             bonds: self.bonds.max(other.bonds),
@@ -45,6 +53,7 @@ impl Report {
             dropped_tetrahedra: self.dropped_tetrahedra.max(other.dropped_tetrahedra),
             shell_bonds: self.shell_bonds.max(other.shell_bonds),
             pattern_blocks: self.pattern_blocks.max(other.pattern_blocks),
+            ways,
         }
     }
 }

@@ -20,6 +20,7 @@ mod aggregates;
 mod choice;
 mod condition;
 mod conjugate_gradients;
+mod dense;
 mod direct;
 mod estimate;
 mod extraction;
@@ -51,6 +52,7 @@ use extraction::FreeTriangle;
 use iterative::Iterative;
 
 pub use choice::{Choice, Circumstances, MEMORY_SHARE, choose, products_before_stored, settled};
+pub use dense::DenseCholesky;
 pub use estimate::{FactorizationEstimate, estimate_factorization};
 pub use factor_of_bonds::OPERATIONS_PER_BLOCK;
 pub use gmres::RESTART;

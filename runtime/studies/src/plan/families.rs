@@ -6,8 +6,8 @@
 use piola_mechanics::deformation::Discretisation;
 use piola_solvers::linear::{Choice, LinearMethod, OPERATIONS_PER_BLOCK};
 
-use super::time::{LU_WORK, factorisation_seconds, speed};
-use super::{Extent, FactorEstimate, MemoryItem, TimeEstimate};
+use super::time::LU_WORK;
+use super::{Extent, FactorEstimate, MemoryItem, Pace, TimeEstimate};
 
 /// Iterations of conjugate gradients to 1e-10 with the factor of the springs: 16 to 52 for bars.
 const FACTOR_ITERATIONS: f64 = 35.0;
@@ -148,17 +148,17 @@ pub(super) fn time(
     (bonds, interactions): (f64, f64),
     (blocks, factor): (f64, FactorEstimate),
     linear: &Choice,
-    threads: usize,
+    pace: Pace,
 ) -> TimeEstimate {
     let sum = |of: fn(&Seconds) -> f64| {
         all.iter().map(|families| of(&families.seconds(extent.dimension))).sum::<f64>()
     };
-    let whole = |seconds: f64| seconds * bonds / speed(threads);
-    let others = interactions / speed(threads);
+    let whole = |seconds: f64| seconds * bonds / pace.speed();
+    let others = interactions / pace.speed();
     let forces = whole(sum(|per_bond| per_bond.forces)) + others;
     let product = whole(sum(|per_bond| per_bond.product)) + others;
     let once = forces + whole(sum(|per_bond| per_bond.once));
-    let factorisation = factorisation_seconds(factor, extent.dimension);
+    let factorisation = pace.factorisation(factor, extent.dimension);
     // A point has twice as many bonds as there are for each.
     let pairs_per_bond = 2.0 * bonds / extent.points.max(1) as f64;
     let stored = forces + whole(sum(|per_bond| per_bond.stored)) * pairs_per_bond;

@@ -5,6 +5,7 @@ use piola_mechanics::neighborhood::Neighborhood;
 
 use super::count::bonds_in_box;
 use super::*;
+use crate::machine::{Machine, Rates};
 
 fn lattice(counts: [usize; 3], d: usize) -> Body {
     let mut positions = Vec::new();
@@ -124,6 +125,16 @@ fn plan_with(
 fn plan_of_sum(
     body: Body,
     scene: &Scene,
+    sum: (usize, &[Families]),
+    available_memory: Option<u64>,
+) -> Plan {
+    plan_at(Pace::usual(1), body, scene, sum, available_memory)
+}
+
+fn plan_at(
+    pace: Pace,
+    body: Body,
+    scene: &Scene,
     (of_interactions, families): (usize, &[Families]),
     available_memory: Option<u64>,
 ) -> Plan {
@@ -142,6 +153,7 @@ fn plan_of_sum(
         families: families.to_vec(),
         prescribed: 1200,
         threads: 1,
+        pace,
         available_memory,
     })
 }
@@ -167,6 +179,38 @@ fn estimates_are_within_a_factor_of_three_of_measurements() {
     let lu = plan(&scene("[solver]\nlinear = \"lu\""), None);
     within(lu.time.linear, 26.0);
     within(lu.memory_total as f64, 3.56e9);
+}
+
+/// Each rate of a machine where it counts: twice as fast is half as long.
+#[test]
+fn times_are_those_of_the_machine() {
+    let rates = |bandwidth, arithmetic| Rates { bandwidth, arithmetic };
+    let machine = Machine {
+        version: String::new(),
+        processor: String::new(),
+        lanes: 8,
+        threads: 3,
+        one: rates(1e10, 1e10),
+        all: rates(2e10, 2e10),
+        factorisation: 2e10,
+    };
+    let faster = Machine { factorisation: 4e10, ..machine.clone() };
+    let time = |linear: &str, machine: &Machine, threads| {
+        let scene = scene(&format!("[solver]\nlinear = \"{linear}\""));
+        let (body, pace) = (lattice([10, 10, 10], 3), Pace::of(machine, threads));
+        plan_at(pace, body, &scene, (1, &[]), None).time
+    };
+    let (one, all) = (time("cg", &machine, 1), time("cg", &machine, 3));
+    assert_eq!((one.linear, all.setup), (2.0 * all.linear, one.setup));
+    // Three threads that have the arithmetic of two.
+    assert!((one.assembly / all.assembly - 1.7).abs() < 1e-12, "{one:?} {all:?}");
+    assert_eq!(one, time("cg", &faster, 1));
+    for direct in ["cholesky", "lu"] {
+        let of = |machine, threads| time(direct, machine, threads);
+        assert_eq!(of(&machine, 1).linear, of(&machine, 3).linear);
+        assert_eq!(of(&machine, 1).linear, 2.0 * of(&faster, 1).linear);
+        assert_eq!(of(&machine, 1).assembly, of(&faster, 1).assembly);
+    }
 }
 
 #[test]

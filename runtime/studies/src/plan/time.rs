@@ -4,6 +4,7 @@ use piola_solvers::linear::{Choice, LinearMethod};
 use serde::Serialize;
 
 use super::{FactorEstimate, InteractionCount, matrix_bytes};
+use crate::machine::Machine;
 
 /// Assembling the energy, gradient and tangent of one interaction on one core, in s.
 const BOND_SECONDS: f64 = 10e-9;
@@ -13,18 +14,19 @@ const TETRAHEDRON_SECONDS: f64 = 50e-9;
 /// Finding one bond and placing its block in the matrix, in s.
 const BOND_SETUP_SECONDS: f64 = 150e-9;
 
-/// How much each further thread adds to the speed of assembly.
+/// How much of a further thread's arithmetic adds to the speed of assembly.
 const THREAD_GAIN: f64 = 0.7;
 
-/// Sparse Cholesky, multiplications and additions per s; it does not gain from threads.
-const FACTOR_FLOPS_PER_SECOND_2D: f64 = 2e10;
-const FACTOR_FLOPS_PER_SECOND_3D: f64 = 3e10;
+/// Operations of sparse Cholesky over those of a dense one in the same time; it does not gain from threads.
+const FACTOR_SHARE_2D: f64 = 0.45;
+const FACTOR_SHARE_3D: f64 = 0.67;
 
 /// Work of LU over that of Cholesky.
 pub(super) const LU_WORK: f64 = 4.0;
 
-/// Bytes of a matrix that pass through the processor per s in a product with a vector.
-const MATRIX_BYTES_PER_SECOND: f64 = 19e9;
+/// Bytes of a matrix in an iteration over those of a triad in the same time: 0.4 to 1 for matrices of
+/// 5 to 60 MB.
+const MATRIX_SHARE: f64 = 0.75;
 
 /// Iterations of conjugate gradients to 1e-10 with block Jacobi: so many per horizon that fits into
 /// the body's longest side (126 for 7 horizons in 3D, 442 for 33 in 2D).
@@ -38,6 +40,44 @@ const TWO_LEVEL_TIME: f64 = 1.5;
 
 /// Newton iterations that an increment usually takes.
 const NEWTON_ITERATIONS: f64 = 5.0;
+
+/// How fast the machine is, as far as times depend on it. Those of interactions do little: with registers of
+/// half the width they take 1.00 to 1.13 times as long.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pace {
+    /// Bytes per s of a triad of all threads.
+    bandwidth: f64,
+    /// Operations per s of a dense Cholesky factorisation.
+    factorisation: f64,
+    /// How many times the arithmetic of one thread all of them have.
+    gain: f64,
+}
+
+impl Pace {
+    /// Of so many threads of a machine.
+    pub fn of(machine: &Machine, threads: usize) -> Pace {
+        let (one, all) = (machine.rates(1), machine.rates(threads));
+        let gain = all.arithmetic / one.arithmetic;
+        Pace { bandwidth: all.bandwidth, factorisation: machine.factorisation, gain }
+    }
+
+    /// Of so many threads of the machine that other constants were measured on, a server's processor with
+    /// AVX-512: for a plan that need not be more exact.
+    pub fn usual(threads: usize) -> Pace {
+        Pace { bandwidth: 14e9, factorisation: 4.5e10, gain: threads.max(1) as f64 }
+    }
+
+    /// How much faster assembly is than on one thread.
+    pub(super) fn speed(self) -> f64 {
+        1.0 + THREAD_GAIN * (self.gain - 1.0)
+    }
+
+    /// One Cholesky factorisation, in s.
+    pub(super) fn factorisation(self, factor: FactorEstimate, dimension: usize) -> f64 {
+        let share = if dimension == 2 { FACTOR_SHARE_2D } else { FACTOR_SHARE_3D };
+        factor.flops / (share * self.factorisation)
+    }
+}
 
 /// Time by phase, in s.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -103,18 +143,6 @@ pub struct ChangeOver {
     pub seconds: f64,
 }
 
-/// One Cholesky factorisation, in s.
-pub(super) fn factorisation_seconds(factor: FactorEstimate, dimension: usize) -> f64 {
-    let per_second =
-        if dimension == 2 { FACTOR_FLOPS_PER_SECOND_2D } else { FACTOR_FLOPS_PER_SECOND_3D };
-    factor.flops / per_second
-}
-
-/// How much faster assembly is on so many threads.
-pub(super) fn speed(threads: usize) -> f64 {
-    1.0 + THREAD_GAIN * (threads.max(1) - 1) as f64
-}
-
 /// Assembling energies, forces and tangents once on one core, in s; `energies` counts those of bonds,
 /// triangles and tetrahedra.
 pub(super) fn interaction_seconds(interactions: &InteractionCount, energies: [usize; 3]) -> f64 {
@@ -133,20 +161,19 @@ impl TimeEstimate {
         linear: &Choice,
         factor: FactorEstimate,
         horizons: Option<f64>,
-        threads: usize,
+        pace: Pace,
     ) -> TimeEstimate {
-        let speed = speed(threads);
         let bonds = interactions.bonds as f64;
-        let assembly = interaction_seconds(interactions, energies) / speed;
+        let assembly = interaction_seconds(interactions, energies) / pace.speed();
         let iterations =
             horizons.map(|horizons| CG_ITERATIONS + CG_ITERATIONS_PER_HORIZON * horizons);
         let linear = match linear.method {
-            LinearMethod::Cholesky => factorisation_seconds(factor, dimension),
-            LinearMethod::Lu => LU_WORK * factorisation_seconds(factor, dimension),
+            LinearMethod::Cholesky => pace.factorisation(factor, dimension),
+            LinearMethod::Lu => LU_WORK * pace.factorisation(factor, dimension),
             _ if !linear.stores_matrix => iterations.unwrap_or(TWO_LEVEL_ITERATIONS) * assembly,
             _ => {
                 let iterations = iterations.unwrap_or(TWO_LEVEL_ITERATIONS * TWO_LEVEL_TIME);
-                iterations * matrix_bytes(dimension, blocks).0 / MATRIX_BYTES_PER_SECOND
+                iterations * matrix_bytes(dimension, blocks).0 / (MATRIX_SHARE * pace.bandwidth)
             }
         };
         let setup = bonds * BOND_SETUP_SECONDS;

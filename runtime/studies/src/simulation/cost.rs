@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use piola_mechanics::energy::{Energy, NonFinite, Wanted};
-use piola_mechanics::interaction::Report;
+use piola_mechanics::words::Words;
 use piola_output::summary::{Phase, PhaseClock, memory};
 use piola_solvers::HeldTangent;
 use piola_solvers::constraint::Constraints;
@@ -12,7 +12,10 @@ use piola_solvers::rigid_modes::check_rigid_motions;
 use serde::Serialize;
 
 use super::run;
+use super::work::{Pass, Terms};
 use crate::case::{Case, CaseError};
+use crate::machine::Rates;
+use crate::scene::DerivativeSource;
 use crate::scene::boundary::BoundaryConditions;
 
 /// Runs of every pass over the interactions; the least time counts.
@@ -34,6 +37,10 @@ pub struct SceneCost {
     pub interactions: [u64; 3],
     /// Time and memory, in the order of the work.
     pub phases: Vec<Phase>,
+    /// How passes go over the body and get derivatives: `compiled batches`, `interpreter families`.
+    pub ways: Vec<String>,
+    /// What so many threads of this machine can do.
+    pub rates: Rates,
     /// Passes over all interactions: energy; and gradient; and tangent, or where that is not stored
     /// what preconditions it, and a product with it.
     pub passes: Vec<PassCost>,
@@ -51,12 +58,20 @@ pub struct SceneCost {
 /// A pass over all interactions.
 #[derive(Clone, Debug, Serialize)]
 pub struct PassCost {
-    /// `energy`, `gradient`, `tangent` or `product`.
-    pub name: &'static str,
+    /// Which one.
+    pub name: Pass,
     /// Wall time in s.
     pub seconds: f64,
     /// The same per interaction, in ns.
     pub nanoseconds_per_interaction: f64,
+    /// Bytes that it reads and writes at least: every array that it needs once.
+    pub bytes: f64,
+    /// Multiply-adds that it makes at least: those of its geometry, not of its energy densities.
+    pub multiply_adds: f64,
+    /// `bytes` over those that the memory moves in the time; above 1 where caches hold them.
+    pub share_of_bandwidth: f64,
+    /// `multiply_adds` over those that the processors make in the time at most.
+    pub share_of_arithmetic: f64,
 }
 
 /// The linear system of the first step.
@@ -74,16 +89,22 @@ pub struct LinearCost {
     pub notes: Vec<String>,
 }
 
-/// Measures a case. `clock` has the phases before this one, that is the reading of the scene.
+/// Measures a case. `clock` has the phases before this one, that is the reading of the scene; `rates`, asked
+/// at the end, are those of as many threads as work: to measure them takes memory.
 ///
 /// The tangent at rest and the conditions of the first increment make the linear system; its
 /// solution is the displacement of the passes.
 ///
 /// # Errors
 /// What is wrong with the body, the energies or the conditions.
-pub fn cost(case: &Case, mut clock: PhaseClock) -> Result<SceneCost, CaseError> {
+pub fn cost(
+    case: &Case,
+    mut clock: PhaseClock,
+    rates: impl FnOnce() -> Rates,
+) -> Result<SceneCost, CaseError> {
     clock.enter("compile");
     let compiled = case.compile()?;
+    let terms = Terms::of(case, &compiled);
     clock.enter("interactions");
     let energy = &case.energy(compiled)? as &dyn Energy;
     clock.enter("conditions");
@@ -119,23 +140,39 @@ pub fn cost(case: &Case, mut clock: PhaseClock) -> Result<SceneCost, CaseError> 
     }
     let passes = passes(energy, &moved, &mut gradient, &mut tangent);
     let report = energy.report();
+    let peak_memory_bytes = memory().map(|memory| memory.peak);
+    let rates = rates();
+    let derivatives = match case.scene.solver.derivatives {
+        DerivativeSource::Jit => "compiled",
+        other => other.word(),
+    };
+    let pass = |(name, seconds): (Pass, f64)| {
+        let work = terms.work(name, energy, &report, tangent.bytes());
+        let interactions = (report.bonds + report.triangles + report.tetrahedra).max(1);
+        PassCost {
+            name,
+            seconds,
+            nanoseconds_per_interaction: seconds / interactions as f64 * 1e9,
+            bytes: work.bytes,
+            multiply_adds: work.multiply_adds,
+            share_of_bandwidth: work.bytes / (seconds * rates.bandwidth),
+            share_of_arithmetic: work.multiply_adds / (seconds * rates.arithmetic),
+        }
+    };
     Ok(SceneCost {
         threads: rayon::current_num_threads(),
         points: report.n_points,
         unknowns: constraints.n_free(),
         interactions: [report.bonds, report.triangles, report.tetrahedra],
         phases: clock.phases().to_vec(),
-        passes: passes.into_iter().map(|(name, seconds)| pass(name, seconds, &report)).collect(),
+        rates,
+        passes: passes.into_iter().map(pass).collect(),
+        ways: report.ways.iter().map(|way| format!("{derivatives} {way}")).collect(),
         matrix_bytes: tangent.bytes(),
         linear,
         notes,
-        peak_memory_bytes: memory().map(|memory| memory.peak),
+        peak_memory_bytes,
     })
-}
-
-fn pass(name: &'static str, seconds: f64, report: &Report) -> PassCost {
-    let interactions = (report.bonds + report.triangles + report.tetrahedra).max(1);
-    PassCost { name, seconds, nanoseconds_per_interaction: seconds / interactions as f64 * 1e9 }
 }
 
 /// The linear system of the first increment, from rest.
@@ -221,13 +258,11 @@ fn passes(
     u: &[f64],
     gradient: &mut [f64],
     tangent: &mut HeldTangent<'_>,
-) -> Vec<(&'static str, f64)> {
+) -> Vec<(Pass, f64)> {
     let direction = energy.positions().to_vec();
     let (mut product, mut parts) = (vec![0.0; u.len()], vec![0.0; energy.parts().len()]);
-    let mut names = vec!["energy", "gradient", "tangent", "product"];
-    names.truncate(if tangent.is_stored() { 3 } else { 4 });
-    let mut found: Vec<(&'static str, f64)> =
-        names.into_iter().map(|name| (name, f64::INFINITY)).collect();
+    let mut found = Pass::ALL.map(|pass| (pass, f64::INFINITY)).to_vec();
+    found.truncate(if tangent.is_stored() { 3 } else { 4 });
     // Once at `u`; products share it, as in a linear system.
     let hessian = if tangent.is_stored() { None } else { energy.hessian(u).ok() };
     let begin = Instant::now();
@@ -235,14 +270,14 @@ fn passes(
         if round > 0 && begin.elapsed().as_secs_f64() > PATIENCE {
             break;
         }
-        for (name, least) in &mut found {
+        for (pass, least) in &mut found {
             let start = Instant::now();
             // All of it was evaluated at `u` before.
-            let _ = match *name {
-                "energy" => energy.evaluate(u, Wanted::Energy, &mut parts),
-                "gradient" => energy.evaluate(u, Wanted::Forces(gradient), &mut parts),
-                "tangent" => tangent.evaluate(u, gradient, &mut parts),
-                _ => {
+            let _ = match pass {
+                Pass::Energy => energy.evaluate(u, Wanted::Energy, &mut parts),
+                Pass::Gradient => energy.evaluate(u, Wanted::Forces(gradient), &mut parts),
+                Pass::Tangent => tangent.evaluate(u, gradient, &mut parts),
+                Pass::Product => {
                     hessian.iter().for_each(|hessian| hessian.multiply(&direction, &mut product));
                     Ok(())
                 }

@@ -14,9 +14,10 @@ use piola_mechanics::neighborhood::Neighborhood;
 
 use super::{rehearsal, run};
 use crate::case::{Case, CaseError, Compiled, size};
+use crate::machine::Machine;
 use crate::plan::{
-    Extent, Families, InteractionCount, KernelNote, Needed, Plan, PlanInput, available_memory,
-    count_in_box, count_interactions, estimate_interactions,
+    Extent, Families, InteractionCount, KernelNote, Needed, Pace, Plan, PlanInput,
+    available_memory, count_in_box, count_interactions, estimate_interactions,
 };
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::{LatticeShape, Points, Scene};
@@ -48,12 +49,13 @@ impl Case {
     }
 
     /// As [`Case::plan`], with the first increment of bodies that are small enough for it solved as far as
-    /// half a second allows.
+    /// half a second allows; the times of others are those of this machine.
     ///
     /// # Errors
     /// As [`Case::plan`].
-    pub fn rehearsed_plan(&self, threads: usize) -> Result<Plan, CaseError> {
-        let (mut plan, compiled) = self.plan_and_energies(threads)?;
+    pub fn rehearsed_plan(&self, threads: usize, machine: &Machine) -> Result<Plan, CaseError> {
+        let pace = Pace::of(machine, threads);
+        let (mut plan, compiled) = self.plan_and_energies(threads, pace)?;
         let is_quick = plan.time.setup + 2.0 * plan.time.assembly < 0.5 * PATIENCE.as_secs_f64();
         let stored = plan.stored.as_ref().map_or(0.0, |stored| stored.assembly + stored.linear);
         let stored = Duration::try_from_secs_f64(stored).unwrap_or(Duration::MAX);
@@ -73,10 +75,14 @@ impl Case {
     /// machine's memory holds, wrong sets and conditions, and motions that nothing holds. Of large
     /// bodies not all of that is looked for; the plan's notes say what is not.
     pub fn plan(&self, threads: usize) -> Result<Plan, CaseError> {
-        Ok(self.plan_and_energies(threads)?.0)
+        Ok(self.plan_and_energies(threads, Pace::usual(threads))?.0)
     }
 
-    fn plan_and_energies(&self, threads: usize) -> Result<(Plan, Vec<Compiled>), CaseError> {
+    fn plan_and_energies(
+        &self,
+        threads: usize,
+        pace: Pace,
+    ) -> Result<(Plan, Vec<Compiled>), CaseError> {
         self.check_rest()?;
         let compiled = self.compile()?;
         let needed = Needed {
@@ -98,6 +104,7 @@ impl Case {
             prescribed,
             notes,
             threads,
+            pace,
             available_memory: available_memory(),
         });
         Ok((plan, compiled))
@@ -141,7 +148,7 @@ impl Case {
     }
 
     /// What points know of their families, for each energy that needs it.
-    fn families(&self, compiled: &[Compiled]) -> Vec<Families> {
+    pub(super) fn families(&self, compiled: &[Compiled]) -> Vec<Families> {
         let settings = self.scene.correspondence.clone().unwrap_or_default();
         let of = |compiled: &Compiled| {
             let gathered = compiled.gathered.as_ref().map(|g| Families::States(g.integrals.len()));
@@ -167,7 +174,7 @@ impl Case {
 }
 
 /// How many energies of bonds, triangles and tetrahedra there are.
-fn energies(compiled: &[Compiled]) -> [usize; 3] {
+pub(super) fn energies(compiled: &[Compiled]) -> [usize; 3] {
     let count = |measure| compiled.iter().filter(|all| all.measures.contains(measure)).count();
     [Measure::Length, Measure::Area, Measure::Volume].each_ref().map(count)
 }

@@ -14,7 +14,9 @@ mod equilibrium;
 mod forecast;
 mod rehearsal;
 mod run;
+mod work;
 
 pub use cost::{LinearCost, PassCost, SceneCost, cost};
 pub use equilibrium::{Attempt, Equilibrium, NamedVector, solve};
 pub use run::{Ending, RunError, RunOptions, run};
+pub use work::Pass;

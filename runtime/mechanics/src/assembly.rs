@@ -184,7 +184,7 @@ impl DiscreteEnergy {
             dropped_tetrahedra: census.dropped_tetrahedra,
             shell_bonds: neighborhood.shell_bonds(),
             pattern_blocks: pattern.n_blocks(),
-            ways: vec!["batches"],
+            ways: Vec::new(),
         };
         let rooms = match body.dimension() {
             2 => Rooms::Plane(Pool::new()),
@@ -207,6 +207,7 @@ impl DiscreteEnergy {
             outcomes: Pool::new(),
         };
         energy.on_lattice = OnLattice::new(&energy);
+        energy.report.ways = energy.ways();
         Ok(energy)
     }
 
@@ -218,6 +219,14 @@ impl DiscreteEnergy {
     /// Who is within the horizon of whom.
     pub fn neighborhood(&self) -> &Neighborhood {
         &self.neighborhood
+    }
+
+    /// How forces go over the body, as [`Report::ways`] says it.
+    fn ways(&self) -> Vec<&'static str> {
+        let (on_rows, kinds) =
+            (self.along_rows().len(), self.kinds().into_iter().flatten().count());
+        let ways = [("batches", kinds > on_rows), ("rows", on_rows > 0)];
+        ways.into_iter().filter(|(_, is_taken)| *is_taken).map(|(way, _)| way).collect()
     }
 
     /// The measures whose forces go along the rows of a lattice, without neighbour lists and kernels:

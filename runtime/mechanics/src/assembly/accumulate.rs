@@ -22,10 +22,6 @@ impl Added {
     pub(super) fn new(order: Order) -> Added {
         Added { forces: order >= Order::Force, blocks: order == Order::Tangent }
     }
-
-    pub(super) fn is_nothing(self) -> bool {
-        !(self.forces || self.blocks)
-    }
 }
 
 /// Sums over the interactions of one owner, per member.

@@ -164,8 +164,9 @@ impl<'a> SlabTask<'a> {
         }
         let Room { cliques, gathered: [_, gathered, _], sums, .. } = room;
         if let (Some(kind), Some(gathered)) = (&energy.triangles, gathered) {
-            let added = Added { forces: known.triangles.is_none(), ..Added::new(order) };
-            if !added.is_nothing() || known.triangles.is_none() {
+            let mut added = Added::new(order);
+            added.forces &= known.triangles.is_none();
+            if added.blocks || known.triangles.is_none() {
                 let sum = Sum::default();
                 let mut sink = TriangleRows { order, added, sums, rows, sum };
                 visit.run(kind, (cliques, gathered), &mut sink)?;

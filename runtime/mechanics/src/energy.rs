@@ -213,6 +213,11 @@ pub trait Energy: Sync {
         Products::Exact
     }
 
+    /// Whether products of [`Energy::hessian`] take less time than with the stored tangent.
+    fn has_quick_products(&self) -> bool {
+        false
+    }
+
     /// The energy: `parts` become its parts in J, as many as there are names; and what is wanted
     /// beside it. Without `parts` forces come alone, and need no energies.
     ///

@@ -1,5 +1,7 @@
 //! Symmetric sparse matrices of d x d blocks: one row and one column of blocks per point.
 
+mod product;
+
 use std::ops::Range;
 use std::sync::Arc;
 

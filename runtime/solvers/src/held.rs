@@ -80,7 +80,11 @@ impl<'a> HeldTangent<'a> {
     /// As the linear solver takes it.
     pub fn tangent(&self) -> Result<Tangent<'_>, NonFinite> {
         Ok(match &self.storage {
-            Storage::Matrix(matrix) => Tangent::Stored(matrix),
+            Storage::Matrix(matrix) => {
+                let is_quick = self.energy.has_quick_products();
+                let quick = is_quick.then(|| self.hessian()).transpose()?;
+                Tangent::Stored(matrix, quick)
+            }
             Storage::Diagonal(diagonal) => {
                 Tangent::MatrixFree { hessian: self.hessian()?, diagonal }
             }

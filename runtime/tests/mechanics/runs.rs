@@ -129,6 +129,12 @@ fn products_are_those_of_the_tangent() {
             let found = state(&energy, &u).product;
             let error = distance(&found, &tangent.multiply(&p));
             assert!(error < 1e-13, "{psi}: {error:e}");
+            // Solvers take products of the stored tangent where there are triangles.
+            assert!(!energy.has_quick_products());
+            let laws = Laws { triangle: None, ..laws(psi, Level::Fast, body.dimension()) };
+            let horizon = 2.2 * SPACING;
+            let bonds = DiscreteEnergy::new(Arc::clone(&body), horizon, Weights::Unit, laws);
+            assert!(bonds.unwrap().has_quick_products());
         }
     }
 }

@@ -270,6 +270,11 @@ impl Energy for Total<'_> {
         }
     }
 
+    fn has_quick_products(&self) -> bool {
+        let alone = self.alone().filter(|_| self.products == Products::Exact);
+        alone.is_some_and(|energy| energy.has_quick_products())
+    }
+
     fn products(&self) -> Products {
         self.products
     }

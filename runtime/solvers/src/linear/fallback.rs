@@ -149,7 +149,7 @@ impl LinearSolver {
     /// stay, with another preconditioner.
     fn prepare_indefinite(&mut self, tangent: Tangent<'_>) -> Result<(), LinearError> {
         let stays = self.method() == LinearMethod::Gmres;
-        if let Tangent::Stored(matrix) = tangent
+        if let Tangent::Stored(matrix, _) = tangent
             && !stays
             && self.may_factorize()?
         {
@@ -219,7 +219,7 @@ impl LinearSolver {
         residual: f64,
     ) -> Result<(), LinearError> {
         match tangent {
-            Tangent::Stored(matrix) => {
+            Tangent::Stored(matrix, _) => {
                 self.notes.push(because.clone());
                 if self.options.method == LinearMethod::Auto {
                     let reason = format!("{because}, the time of a factorisation");

@@ -8,7 +8,7 @@ use super::conjugate_gradients::{CgLimits, CgOutcome, CgReport, conjugate_gradie
 use super::factor_of_bonds::FactorOfBonds;
 use super::gmres::{GmresReport, RESTART, gmres};
 use super::minimum_residual::minimum_residual;
-use super::operator::{MatrixFree, Operator, StoredMatrix, slabs_of};
+use super::operator::{MatrixFree, Operator, StoredMatrix};
 use super::preconditioner::{BlockJacobi, Blocks, Preconditioner};
 use super::report::{LinearOptions, PreconditionerChoice};
 use super::tangent::Tangent;
@@ -70,7 +70,7 @@ impl Iterative {
             dimension: pattern.dimension,
             is_free: (0..constraints.n_dofs()).map(|dof| !constraints.is_fixed(dof)).collect(),
             constraints: constraints.clone(),
-            slabs: slabs_of(pattern),
+            slabs: pattern.slabs(),
             factor,
             has_factor: false,
             coarse,
@@ -114,7 +114,7 @@ impl Iterative {
             );
         }
         let matrix = match tangent {
-            Tangent::Stored(matrix) | Tangent::Bonds { bonds: matrix, .. } => Some(matrix),
+            Tangent::Stored(matrix, _) | Tangent::Bonds { bonds: matrix, .. } => Some(matrix),
             Tangent::MatrixFree { .. } => None,
         };
         if let (Some(coarse), Some(matrix)) = (&mut self.coarse, matrix)
@@ -239,10 +239,10 @@ fn with_operator<T>(
     work: impl FnOnce(&dyn Operator) -> T,
 ) -> T {
     match tangent {
-        Tangent::Stored(matrix) => work(&StoredMatrix { matrix, slabs }),
-        Tangent::MatrixFree { hessian, .. } | Tangent::Bonds { hessian, .. } => {
-            work(&MatrixFree { hessian })
-        }
+        Tangent::Stored(matrix, None) => work(&StoredMatrix { matrix, slabs }),
+        Tangent::Stored(_, Some(hessian))
+        | Tangent::MatrixFree { hessian, .. }
+        | Tangent::Bonds { hessian, .. } => work(&MatrixFree { hessian }),
     }
 }
 

@@ -61,7 +61,7 @@ impl LinearSolver {
         let tangent = tangent.into();
         if !self.start(tangent)? {
             match tangent {
-                Tangent::Stored(matrix) if !self.iterates() => {
+                Tangent::Stored(matrix, _) if !self.iterates() => {
                     self.factorize_cholesky_or_ldlt(matrix)?;
                 }
                 _ => self.judge_by_iterations(tangent)?,

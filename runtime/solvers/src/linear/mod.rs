@@ -279,9 +279,9 @@ impl LinearSolver {
             return Ok(());
         }
         match (self.method(), tangent) {
-            (LinearMethod::Ldlt, Tangent::Stored(matrix)) => self.factorize_ldlt(matrix),
-            (LinearMethod::Lu, Tangent::Stored(matrix)) => self.factorize_lu(matrix),
-            (LinearMethod::Cholesky | LinearMethod::Auto, Tangent::Stored(matrix)) => {
+            (LinearMethod::Ldlt, Tangent::Stored(matrix, _)) => self.factorize_ldlt(matrix),
+            (LinearMethod::Lu, Tangent::Stored(matrix, _)) => self.factorize_lu(matrix),
+            (LinearMethod::Cholesky | LinearMethod::Auto, Tangent::Stored(matrix, _)) => {
                 self.factorize_cholesky(matrix)
             }
             _ => self.prepare_iterations(tangent),
@@ -300,7 +300,7 @@ impl LinearSolver {
             self.factor = Factor::Nothing;
             return Ok(true);
         }
-        if let (Some(triangle), Tangent::Stored(matrix)) = (&mut self.triangle, tangent) {
+        if let (Some(triangle), Tangent::Stored(matrix, _)) = (&mut self.triangle, tangent) {
             triangle.update(matrix);
         }
         Ok(false)
@@ -331,7 +331,7 @@ impl LinearSolver {
         if self.factor == Factor::Gmres {
             (iterations, residual) = self.solve_gmres(tangent, rhs, solution)?;
         }
-        if let (Factor::Cholesky | Factor::Ldlt(_) | Factor::Lu, Tangent::Stored(matrix)) =
+        if let (Factor::Cholesky | Factor::Ldlt(_) | Factor::Lu, Tangent::Stored(matrix, _)) =
             (self.factor, tangent)
         {
             residual = self.solve_direct(matrix, &b, solution)?;

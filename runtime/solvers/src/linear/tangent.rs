@@ -8,8 +8,8 @@ use piola_mechanics::matrix::BlockMatrix;
 /// The tangent stiffness as it is given to the linear solver.
 #[derive(Clone, Copy)]
 pub enum Tangent<'a> {
-    /// Its upper triangle.
-    Stored(&'a BlockMatrix),
+    /// Its upper triangle; and what multiplies in less time, where there is such a thing.
+    Stored(&'a BlockMatrix, Option<&'a dyn Hessian>),
     /// Products with it, and its diagonal blocks (`n x d x d`, N/m).
     MatrixFree {
         /// What multiplies.
@@ -28,7 +28,7 @@ pub enum Tangent<'a> {
 
 impl<'a> From<&'a BlockMatrix> for Tangent<'a> {
     fn from(matrix: &'a BlockMatrix) -> Tangent<'a> {
-        Tangent::Stored(matrix)
+        Tangent::Stored(matrix, None)
     }
 }
 
@@ -36,7 +36,7 @@ impl<'a> Tangent<'a> {
     /// The diagonal blocks, `d x d` row by row; of the matrix like it where that is at hand.
     pub(super) fn diagonal(self) -> Cow<'a, [f64]> {
         match self {
-            Tangent::Stored(matrix) | Tangent::Bonds { bonds: matrix, .. } => {
+            Tangent::Stored(matrix, _) | Tangent::Bonds { bonds: matrix, .. } => {
                 let pattern = &matrix.pattern;
                 let block = pattern.dimension * pattern.dimension;
                 let rows = pattern.row_start[..pattern.n_rows()].iter();
@@ -50,7 +50,7 @@ impl<'a> Tangent<'a> {
     /// Whether all numbers that are at hand are finite.
     pub(super) fn is_finite(self) -> bool {
         match self {
-            Tangent::Stored(matrix) | Tangent::Bonds { bonds: matrix, .. } => {
+            Tangent::Stored(matrix, _) | Tangent::Bonds { bonds: matrix, .. } => {
                 matrix.values.iter().all(|x| x.is_finite())
             }
             Tangent::MatrixFree { diagonal, .. } => diagonal.iter().all(|x| x.is_finite()),
@@ -61,7 +61,7 @@ impl<'a> Tangent<'a> {
     /// estimate: that of the matrix like it, or from its diagonal blocks.
     pub fn multiply_absolute(self, x: &[f64]) -> Vec<f64> {
         match self {
-            Tangent::Stored(matrix) | Tangent::Bonds { bonds: matrix, .. } => {
+            Tangent::Stored(matrix, _) | Tangent::Bonds { bonds: matrix, .. } => {
                 matrix.multiply_absolute(x)
             }
             Tangent::MatrixFree { diagonal, .. } => absolute_of_diagonal(diagonal, x),

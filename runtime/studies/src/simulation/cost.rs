@@ -167,12 +167,17 @@ pub fn cost(
         phases: clock.phases().to_vec(),
         rates,
         passes: passes.into_iter().map(pass).collect(),
-        ways: report.ways.iter().map(|way| format!("{derivatives} {way}")).collect(),
+        ways: report.ways.iter().map(|way| named(way, derivatives)).collect(),
         matrix_bytes: tangent.bytes(),
         linear,
         notes,
         peak_memory_bytes,
     })
+}
+
+/// How passes go over the body, and by which derivatives; rows of a lattice need none.
+fn named(way: &str, derivatives: &str) -> String {
+    if way == "rows" { way.to_string() } else { format!("{derivatives} {way}") }
 }
 
 /// The linear system of the first increment, from rest.

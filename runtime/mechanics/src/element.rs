@@ -57,6 +57,12 @@ pub trait Element: Send + Sync {
         None
     }
 
+    /// Whether it is nothing but a law whose force is affine in the measure, or in its square.
+    fn has_affine_law(&self) -> bool {
+        let is_affine = |law: &dyn Law| law.is_affine();
+        self.law().is_some_and(|(law, _)| is_affine(law) || law.squared().is_some_and(is_affine))
+    }
+
     /// The smallest measure that is not refused.
     fn least(&self) -> f64 {
         if self.forbids_inversion() { f64::MIN_POSITIVE } else { f64::NEG_INFINITY }

@@ -112,6 +112,8 @@ pub struct PlanInput<'a> {
     pub kernels: Vec<KernelNote>,
     /// How many energies of bonds, triangles and tetrahedra there are.
     pub energies: [usize; 3],
+    /// Whether products with the tangent are those of bonds along the rows of a lattice.
+    pub along_rows: bool,
     /// How many potentials have energies of interactions.
     pub of_interactions: usize,
     /// What points know of their families, for each energy that needs it.
@@ -347,7 +349,8 @@ impl Costs {
             let jacobi = choice == PreconditionerChoice::BlockJacobi;
             let horizons = (jacobi || !linear.stores_matrix).then_some(horizons);
             let interactions = (interactions, input.energies);
-            TimeEstimate::new(interactions, (dimension, blocks), linear, factor, horizons, *pace)
+            let matrix = (dimension, blocks, input.along_rows);
+            TimeEstimate::new(interactions, matrix, linear, factor, horizons, *pace)
         } else {
             let others = time::interaction_seconds(interactions, input.energies);
             let work = (interactions.bonds as f64, others);

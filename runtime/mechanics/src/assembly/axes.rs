@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use super::abreast::{AbreastRoom, TriangleRuns};
-use super::quadratic::AffineLaw;
 use super::runs::BondRuns;
 use super::sum::Sum;
 use super::{DiscreteEnergy, Kind};
@@ -28,8 +27,7 @@ pub(super) struct OnLatticeSums {
 impl OnLattice {
     /// What goes of laws that are affine, where bonds repeat.
     pub(super) fn new(energy: &DiscreteEnergy) -> OnLattice {
-        let is_affine =
-            |kind: &&Kind| kind.element.law().and_then(|law| AffineLaw::of(law.0)).is_some();
+        let is_affine = |kind: &&Kind| kind.element.has_affine_law();
         let bonds = energy.bonds.as_ref().filter(is_affine);
         let triangles = energy.triangles.as_ref().filter(is_affine);
         if bonds.is_none() && triangles.is_none() {

@@ -34,9 +34,12 @@ const CG_ITERATIONS_PER_HORIZON: f64 = 16.0;
 const CG_ITERATIONS: f64 = 20.0;
 
 /// The same with two levels, for bodies of any size: 27 for bonds in 3D, 60 for a nearly
-/// incompressible cube. The coarse system adds half to the time of each.
+/// incompressible cube. The coarse system takes half as long as a product with the matrix.
 const TWO_LEVEL_ITERATIONS: f64 = 50.0;
-const TWO_LEVEL_TIME: f64 = 1.5;
+const COARSE_TIME: f64 = 0.5;
+
+/// A product of one bond along the rows of a lattice, which needs no matrix, on one core, in s.
+const ROW_PRODUCT_SECONDS: f64 = 4e-9;
 
 /// Newton iterations that an increment usually takes.
 const NEWTON_ITERATIONS: f64 = 5.0;
@@ -157,7 +160,7 @@ impl TimeEstimate {
     /// `None` with two levels, where they do not.
     pub(super) fn new(
         (interactions, energies): (&InteractionCount, [usize; 3]),
-        (dimension, blocks): (usize, f64),
+        (dimension, blocks, along_rows): (usize, f64, bool),
         linear: &Choice,
         factor: FactorEstimate,
         horizons: Option<f64>,
@@ -170,10 +173,18 @@ impl TimeEstimate {
         let linear = match linear.method {
             LinearMethod::Cholesky => pace.factorisation(factor, dimension),
             LinearMethod::Lu => LU_WORK * pace.factorisation(factor, dimension),
-            _ if !linear.stores_matrix => iterations.unwrap_or(TWO_LEVEL_ITERATIONS) * assembly,
             _ => {
-                let iterations = iterations.unwrap_or(TWO_LEVEL_ITERATIONS * TWO_LEVEL_TIME);
-                iterations * matrix_bytes(dimension, blocks).0 / (MATRIX_SHARE * pace.bandwidth)
+                let matrix = matrix_bytes(dimension, blocks).0 / (MATRIX_SHARE * pace.bandwidth);
+                let product = match linear.stores_matrix {
+                    _ if along_rows => bonds * ROW_PRODUCT_SECONDS / pace.speed(),
+                    true => matrix,
+                    false => assembly,
+                };
+                let coarse = if linear.stores_matrix { COARSE_TIME * matrix } else { 0.0 };
+                match iterations {
+                    Some(iterations) => iterations * product,
+                    None => TWO_LEVEL_ITERATIONS * (product + coarse),
+                }
             }
         };
         let setup = bonds * BOND_SETUP_SECONDS;

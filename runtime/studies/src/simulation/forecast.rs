@@ -8,6 +8,7 @@
 
 use std::time::Duration;
 
+use piola_mechanics::energy::Products;
 use piola_mechanics::kernel::Measure;
 use piola_mechanics::matrix::BlockPattern;
 use piola_mechanics::neighborhood::Neighborhood;
@@ -99,6 +100,7 @@ impl Case {
             interactions,
             kernels: self.kernel_notes(&compiled),
             energies: energies(&compiled),
+            along_rows: self.multiplies_along_rows(&compiled),
             of_interactions: compiled.iter().filter(|all| all.has_interactions()).count(),
             families: self.families(&compiled),
             prescribed,
@@ -108,6 +110,16 @@ impl Case {
             available_memory: available_memory(),
         });
         Ok((plan, compiled))
+    }
+
+    /// Whether the tangent is that of affine bonds of one potential on a lattice, and of nothing else.
+    fn multiplies_along_rows(&self, compiled: &[Compiled]) -> bool {
+        let [all] = compiled else { return false };
+        let alone = all.measures == [Measure::Length] && all.gradient.is_none();
+        let is_affine = all.elements.bond.as_ref().is_some_and(|bond| bond.has_affine_law());
+        let is_lattice = matches!(self.scene.body.points, Points::Lattice(_));
+        let is_exact = self.scene.solver.products == Products::Exact;
+        is_lattice && is_exact && alone && all.gathered.is_none() && is_affine
     }
 
     fn outline_of_box(&self, shape: &LatticeShape, needed: Needed) -> Outline {

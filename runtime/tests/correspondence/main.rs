@@ -9,6 +9,7 @@ mod mechanics;
 mod pattern;
 mod reference;
 mod refusals;
+mod rows;
 #[path = "../shared/differences.rs"]
 mod shared;
 mod shared_neighbors;

@@ -21,8 +21,8 @@ pub struct Report {
     pub shell_bonds: usize,
     /// Blocks of the tangent on and above the diagonal, where it couples bonded points only.
     pub pattern_blocks: usize,
-    /// How passes go over the body: interactions in `batches`, or forces along the `rows` of a lattice,
-    /// points with their `families`; several ways of several energies.
+    /// How passes go over the body: interactions in `batches`, points with their `families`, and along
+    /// the `rows` of a lattice what can go there; several ways of several energies.
     pub ways: Vec<&'static str>,
 }
 

@@ -141,7 +141,49 @@ impl Groups<'_> {
     }
 }
 
+/// All bonds of all points, both ways, in groups of [`WIDEST`] points.
+pub(crate) struct Directed {
+    bundles: Vec<Bundle>,
+    /// Where those of each group start.
+    start: Vec<usize>,
+}
+
+impl Directed {
+    /// The bonds of a group of points; the number of a vector is that of [`Runs::vectors`], that of one
+    /// turned around so many more as there are.
+    pub(crate) fn of_group(&self, group: usize) -> &[Bundle] {
+        &self.bundles[self.start[group]..self.start[group + 1]]
+    }
+}
+
 impl Runs {
+    /// The bonds of so many points both ways.
+    pub(crate) fn directed<const D: usize>(&self, n_points: usize) -> Directed {
+        let n = self.n_vectors::<D>() as u32;
+        let back =
+            |run: &Run| Run { owner: run.other, other: run.owner, vector: run.vector + n, ..*run };
+        let mut both: Vec<Run> =
+            self.runs.iter().map(back).chain(self.runs.iter().copied()).collect();
+        both.sort_by_key(|run| (run.owner, run.vector));
+        let mut room = GroupRoom::with_capacity(4 * n as usize);
+        let mut groups = Groups { owners: 0..n_points, coming: &both, room: &mut room };
+        let mut directed = Directed { bundles: Vec::new(), start: vec![0] };
+        while let Some((_, bundles)) = groups.next() {
+            directed.bundles.extend_from_slice(bundles);
+            directed.start.push(directed.bundles.len());
+        }
+        directed
+    }
+
+    /// Every bond once: its ends and the number of its vector.
+    pub(crate) fn bonds(&self) -> impl Iterator<Item = ([usize; 2], usize)> + '_ {
+        let of_run = |run: &Run| {
+            let (i, j, vector) = (run.owner as usize, run.other as usize, run.vector as usize);
+            (0..run.len as usize).map(move |k| ([i + k, j + k], vector))
+        };
+        self.runs.iter().flat_map(of_run)
+    }
+
     /// The owners of a slab in groups.
     pub(crate) fn groups<'a>(
         &'a self,

@@ -27,6 +27,7 @@ mod linear;
 mod moments;
 mod operator;
 mod quadrature;
+mod rows;
 mod stabilisation;
 mod sweep;
 #[cfg(test)]
@@ -412,7 +413,11 @@ impl Energy for DeformationEnergy {
     }
 
     fn report(&self) -> Report {
-        Report::of_families(self.neighborhood())
+        let mut report = Report::of_families(self.neighborhood());
+        if self.operator.has_rows() {
+            report.ways.push("rows");
+        }
+        report
     }
 
     fn pattern(&self) -> &Arc<BlockPattern> {

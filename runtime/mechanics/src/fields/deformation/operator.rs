@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use super::error::DeformationError;
 use super::moments::{self, OperatorOrder};
+use super::rows::AlongRows;
 use crate::body::Body;
 use crate::fields::stored::Tensor;
 use crate::neighborhood::Neighborhood;
@@ -40,8 +41,20 @@ pub(super) struct GradientOperator {
     positions: Vec<f64>,
     /// Whether the family of a point is so regular that its sum is taken before its coefficients.
     is_regular: Vec<bool>,
+    /// What is known of lattices, of first order.
+    rows: Option<AlongRows>,
     /// The largest condition number of a moment matrix.
     condition: f64,
+}
+
+/// What an operator of first order knows of its families: see the fields of the same names.
+pub(super) struct Fitted<'a> {
+    pub(super) body: &'a Body,
+    pub(super) per_length: f64,
+    pub(super) influence: &'a [f64],
+    pub(super) volumes: &'a [f64],
+    pub(super) coefficients: &'a [f64],
+    pub(super) moments: &'a [f64],
 }
 
 /// Up to this condition number of a moment matrix `H = (sum_j V_j w_ij (u_j - u_i) x q) B`: rounding
@@ -85,6 +98,7 @@ impl GradientOperator {
             moments: vec![0.0; n * m],
             positions: [body.positions(), &[0.0; PADDING]].concat(),
             is_regular: Vec::new(),
+            rows: None,
             condition: 0.0,
             neighborhood,
         };
@@ -99,7 +113,26 @@ impl GradientOperator {
         let is_first = order == OperatorOrder::First;
         let is_regular =
             conditions.iter().map(|c| is_first && c.is_ok_and(|c| c <= REGULAR)).collect();
-        Ok(GradientOperator { coefficients, moments, condition, is_regular, ..operator })
+        let mut operator =
+            GradientOperator { coefficients, moments, condition, is_regular, ..operator };
+        operator.rows = if is_first { operator.along_rows() } else { None };
+        Ok(operator)
+    }
+
+    fn along_rows(&self) -> Option<AlongRows> {
+        let d = self.body.dimension();
+        let fitted = Fitted {
+            body: &self.body,
+            per_length: self.per_length,
+            influence: &self.influence,
+            volumes: &self.volumes,
+            coefficients: &self.coefficients[..self.body.n_points() * d * d],
+            moments: &self.moments,
+        };
+        match d {
+            2 => AlongRows::new::<2>(&fitted, &self.neighborhood),
+            _ => AlongRows::new::<3>(&fitted, &self.neighborhood),
+        }
     }
 
     /// The coefficients and the moments of one family. `Ok` and `Err` hold the condition number.
@@ -130,6 +163,11 @@ impl GradientOperator {
     /// Who belongs to whose family.
     pub(super) fn neighborhood(&self) -> &Neighborhood {
         &self.neighborhood
+    }
+
+    /// Whether it goes along the rows of a lattice.
+    pub(super) fn has_rows(&self) -> bool {
+        self.rows.is_some()
     }
 
     /// The largest condition number of a moment matrix, of lengths in horizons.
@@ -208,6 +246,16 @@ impl GradientOperator {
         h: &mut [Tensor<D>],
     ) {
         let arch = Arch::new();
+        if let Some(rows) = &self.rows {
+            rows.gradient(u, h);
+            let others = h.par_iter_mut().zip(&self.is_regular).enumerate().with_min_len(POINTS);
+            others.for_each(|(point, (h, is_regular))| {
+                if !is_regular {
+                    *h = self.gradient_at::<D, W, M>(u, point);
+                }
+            });
+            return;
+        }
         h.par_chunks_mut(POINTS).enumerate().for_each(|(chunk, h)| {
             arch.dispatch(
                 #[inline(always)]
@@ -302,6 +350,10 @@ impl GradientOperator {
         room: &mut Vec<f64>,
         forces: &mut [[f64; D]],
     ) {
+        if let Some(rows) = &self.rows {
+            let coefficients = &self.coefficients[..stress.len() * M * D];
+            return rows.add_transpose(stress, coefficients, room, forces);
+        }
         // `stress_i B_i`, column by column.
         room.resize(stress.len() * M * D + PADDING, 0.0);
         let turn = |(point, (out, stress)): (usize, (&mut [f64], &Tensor<D>))| {

@@ -43,10 +43,14 @@ fn bodies() -> [Arc<Body>; 3] {
 }
 
 fn laws(psi: &str, level: Level, d: usize) -> Laws {
+    laws_at(psi, level, d, 2.2 * SPACING)
+}
+
+fn laws_at(psi: &str, level: Level, d: usize, horizon: f64) -> Laws {
     let text = format!("potential p\npsi(l) = {psi}\npsi(a) = 20*A*(a/A - 1)^2\n");
     let (_, model) = check_text(&text).unwrap();
     let settings: [(String, Setting); 0] = [];
-    let values = model.values(d, &settings, Some(2.2 * SPACING)).unwrap();
+    let values = model.values(d, &settings, Some(horizon)).unwrap();
     let compiled = model.compile(&values, Mode::Jit(level), Form::Accurate).unwrap();
     let mut laws = Laws::default();
     for kernel in compiled.kernels {
@@ -112,6 +116,37 @@ fn runs_give_what_batches_give() {
                     assert!(bars == [true; 4], "{psi}, {weights:?}, {strain}: {errors:?}");
                 }
             }
+        }
+    }
+}
+
+/// Lengths of 1e-25 and of 1e24 m: squares of areas are far from the ends of the range of numbers.
+#[test]
+fn the_unit_of_length_does_not_matter() {
+    let at_rest = &bodies()[2];
+    for exponent in [-80, 80] {
+        let scaled = |x: &[f64]| x.iter().map(|x| libm::scalbn(*x, exponent)).collect::<Vec<f64>>();
+        let spacing = libm::scalbn(SPACING, exponent);
+        let (positions, volumes) = (scaled(at_rest.positions()), vec![1.0; at_rest.n_points()]);
+        let body = Arc::new(Body::new(3, &positions, &volumes, Some(spacing)));
+        let of = |level| {
+            let laws = laws_at(TRUE, level, 3, 2.2 * spacing);
+            DiscreteEnergy::new(Arc::clone(&body), 2.2 * spacing, Weights::Unit, laws).unwrap()
+        };
+        let (rows, batches) = (of(Level::Fast), of(Level::Strict));
+        assert_eq!(rows.along_rows(), [Measure::Length, Measure::Area]);
+        let u = scaled(&displacements(at_rest, 0.1, 6));
+        let (found, expected) = (state(&rows, &u), state(&batches, &u));
+        for (found, expected) in [
+            (&found.parts, &expected.parts),
+            (&found.forces, &expected.forces),
+            (&found.product, &expected.product),
+        ] {
+            // Norms of such numbers are numbers, too.
+            let largest = expected.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            let over = |x: &[f64]| x.iter().map(|x| x / largest).collect::<Vec<f64>>();
+            let error = distance(&over(found), &over(expected));
+            assert!(error < 4e-13, "2^{exponent}: {error:e}");
         }
     }
 }

@@ -12,6 +12,7 @@ mod axes;
 mod bonds;
 pub(crate) mod error;
 mod inversion;
+mod on_lattice;
 mod pairs;
 mod product;
 mod quadratic;
@@ -40,8 +41,8 @@ use crate::matrix::BlockPattern;
 use crate::neighborhood::Neighborhood;
 use crate::pool::Pool;
 use crate::weights::{CliqueWeights, Weights};
-use axes::OnLattice;
 use inversion::Motion;
+use on_lattice::OnLattice;
 use product::InteractionHessian;
 use slab::{Room, SlabEnergy, SlabTask};
 

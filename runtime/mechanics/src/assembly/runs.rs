@@ -46,8 +46,8 @@ impl BondRuns {
     }
 }
 
-/// Works out the bonds of a slab; nothing where something is not finite.
 impl BondRuns {
+    /// Works out the bonds of a slab; nothing where something is not finite.
     pub(super) fn add<const D: usize>(&self, of: Wanted, axes: &mut Axes) -> Option<Sum> {
         let mut sum = Sum::default();
         let is_product = of == Wanted::Product;

@@ -2,9 +2,10 @@
 
 use super::abreast::AbreastRoom;
 use super::accumulate::{Added, OwnerSums};
-use super::axes::{Axes, OnLatticeSums, Wanted};
+use super::axes::{Axes, Wanted};
 use super::bonds::{BondRoom, BondSums, Untouched};
 use super::inversion::Motion;
+use super::on_lattice::OnLatticeSums;
 use super::pairs::PairNumbers;
 use super::rows::Rows;
 use super::sum::Sum;

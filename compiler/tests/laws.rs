@@ -1,12 +1,15 @@
 //! How many energies of textbooks and papers keep their digits: the collection in `laws/`, near rest
 //! and in the regimes of the audit, at both levels, against numbers of 256 binary digits and more.
 
+#[path = "support/processors.rs"]
+mod processors;
 #[path = "support/laws/mod.rs"]
 mod support;
 
 use std::collections::BTreeMap;
 
-use support::{BAR, Found, Kind, Law, collection, look_at, on_all_processors};
+use processors::on_all_processors;
+use support::{BAR, Found, Kind, Law, collection, look_at};
 
 /// Which share of the laws keeps psi, psi' and psi'' (of F: psi, P, dP) within [`BAR`].
 const SHARE_KEPT: f64 = 0.61;

@@ -3,7 +3,7 @@
 use piola_compiler::audit::{Place, Settings, audit};
 use piola_compiler::{Argument, Level};
 
-use super::{BAR, Case, FORM, Found, LEVELS};
+use super::{BAR, Case, FORM, Found};
 
 /// Strains up to this are near rest; those of the regime 1e-1 reach three tenths.
 const NEAR: f64 = 0.25;
@@ -12,9 +12,11 @@ const NEAR: f64 = 0.25;
 const POINTS: usize = 2;
 
 pub(super) fn look_at(case: &Case, found: &mut Found) {
-    // Both levels for the defaults, the faster one for other values.
-    let levels = if case.with.is_empty() { &LEVELS[..] } else { &[Level::Fast] };
-    for &level in levels {
+    for level in [Level::Fast, Level::Strict] {
+        // Other values than the defaults at one level; and what is lost at one is lost.
+        if level == Level::Strict && !(case.with.is_empty() && found.is_kept()) {
+            break;
+        }
         let settings = Settings { form: FORM, level, points: POINTS, bar: BAR };
         let (audits, _) = audit(case.model, &case.values, &settings).unwrap();
         for audit in audits {

@@ -118,6 +118,22 @@ fn the_collection_keeps_its_digits() {
     assert!(laws.len() >= 60, "{}", laws.len());
 }
 
+/// Energies of F in all regimes of `piola audit`, with its excuses, of which the test above takes those that
+/// are quick: near rest nothing else is found. `cargo test --release --workspace --test laws -- --ignored --nocapture`
+#[test]
+#[ignore = "minutes"]
+fn the_audit_finds_the_same_near_rest_for_energies_of_the_deformation_gradient() {
+    let mut laws = collection();
+    laws.retain(|law| law.kind == Kind::Gradients);
+    let missed = on_all_processors(&laws, support::regimes_missed);
+    for (law, missed) in laws.iter().zip(missed) {
+        println!("{}: {}", law.name, missed.join(", "));
+        let is_lost = LOST.iter().any(|(kind, name, _)| (*kind, *name) == (law.kind, &law.name));
+        let near = missed.iter().any(|name| name.contains("strain") || name.contains("guards"));
+        assert_eq!(near, is_lost, "{}", law.name);
+    }
+}
+
 /// A line of the table: the largest errors in u, and where the largest of all is.
 fn row(law: &Law, found: &Found) -> String {
     let all = found.near.iter().chain(&found.far);

@@ -5,6 +5,7 @@ mod gathered;
 mod gradient;
 mod measure;
 
+use piola_compiler::audit::{Settings, audit};
 use piola_compiler::expression::number::Number;
 use piola_compiler::expression::precise::Precise;
 use piola_compiler::expression::{Function, Operator};
@@ -106,6 +107,30 @@ pub(crate) fn look_at(law: &Law) -> Found {
         }
     }
     found
+}
+
+/// The regimes in which `piola audit` finds an error above the bar, as `P in strain 1e-8`; psi of a turned
+/// body may miss as much over its strain.
+pub(crate) fn regimes_missed(law: &Law) -> Vec<String> {
+    let (_, model) = check_text(&law.text).unwrap();
+    let dimension = model.dimensions().last().unwrap();
+    let values = model.values(dimension, &[], Some(HORIZON)).unwrap();
+    let settings = Settings { form: FORM, level: Level::Fast, points: 1, bar: BAR };
+    let (audits, _) = audit(&model, &values, &settings).unwrap();
+    let mut missed = Vec::new();
+    for audit in &audits {
+        for regime in &audit.regimes {
+            let strain: Option<f64> =
+                regime.name.strip_prefix("turned ").map(|strain| strain.parse().unwrap());
+            for (order, name) in audit.argument.orders().into_iter().enumerate() {
+                let bar = BAR / if order == 0 { strain.unwrap_or(1.0) } else { 1.0 };
+                if regime.worst[order] > bar {
+                    missed.push(format!("{name} in {}", regime.name));
+                }
+            }
+        }
+    }
+    missed
 }
 
 /// Numbers of so many digits.

@@ -18,18 +18,39 @@ pub fn differentiate(
     root: NodeId,
     measure: Measure,
 ) -> Result<NodeId, TooManyNodes> {
+    let mut monomials = Monomials::new(measure);
+    by_rules(graph, root, measure, |graph, id| match monomials.of(graph.graph(), id) {
+        Some(monomial) if monomial.strain.is_some() && is_of_stretch(&monomial) => {
+            strain_product(graph, monomial, measure).map(Some)
+        }
+        _ => Ok(None),
+    })
+}
+
+/// The same by the rules of calculus alone, which round no number.
+pub(crate) fn differentiate_exactly(
+    graph: &mut Simplifier,
+    root: NodeId,
+    measure: Measure,
+) -> Result<NodeId, TooManyNodes> {
+    by_rules(graph, root, measure, |_, _| Ok(None))
+}
+
+fn by_rules(
+    graph: &mut Simplifier,
+    root: NodeId,
+    measure: Measure,
+    mut special: impl FnMut(&mut Simplifier, NodeId) -> Derivative,
+) -> Result<NodeId, TooManyNodes> {
     let n = root.0 as usize + 1;
     let needed = graph.graph().reachable(&[root]);
     let mut derivatives: Vec<Option<NodeId>> = vec![None; n];
-    let mut monomials = Monomials::new(measure);
     for index in 0..n {
         if needed[index] {
             let id = NodeId(index as u32);
-            derivatives[index] = match monomials.of(graph.graph(), id) {
-                Some(monomial) if monomial.strain.is_some() && is_of_stretch(&monomial) => {
-                    Some(strain_product(graph, monomial, measure)?)
-                }
-                _ => derivative_of(graph, id, &derivatives, &|graph, input| match input {
+            derivatives[index] = match special(graph, id)? {
+                Some(derivative) => Some(derivative),
+                None => derivative_of(graph, id, &derivatives, &|graph, input| match input {
                     Input::Current(m) if m == measure => graph.number(1.0).map(Some),
                     Input::Change(m) if m == measure => {
                         let one = graph.number(1.0)?;

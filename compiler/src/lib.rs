@@ -28,6 +28,7 @@ pub mod kernel;
 pub mod lint;
 mod measure;
 mod model;
+mod near;
 pub mod point;
 pub mod print;
 mod program;

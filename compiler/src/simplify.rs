@@ -78,6 +78,8 @@ pub const RULES: &[Rule] = &[
 #[derive(Clone, Debug, Default)]
 pub struct Simplifier {
     graph: ExprGraph,
+    /// Whether numbers that rounding would change stay apart.
+    exact: bool,
 }
 
 type Made = Result<NodeId, TooManyNodes>;
@@ -86,6 +88,12 @@ impl Simplifier {
     /// An empty graph.
     pub fn new() -> Simplifier {
         Simplifier::default()
+    }
+
+    /// An empty graph in which `1/3` and `exp(1)` stay what they are: operations on numbers are worked
+    /// out only where that is exact.
+    pub(crate) fn exact() -> Simplifier {
+        Simplifier { exact: true, ..Simplifier::default() }
     }
 
     /// The graph so far.
@@ -132,7 +140,9 @@ impl Simplifier {
 
     /// An operator on simplified operands.
     pub fn binary(&mut self, operator: Operator, x: NodeId, y: NodeId) -> Made {
-        if self.numbers(x, y).is_some() {
+        if let Some((a, b)) = self.numbers(x, y)
+            && self.folds(operator, a, b)
+        {
             return self.fold(Node::Binary(operator, x, y));
         }
         match operator {
@@ -150,7 +160,9 @@ impl Simplifier {
 
     /// `x + y`
     pub fn add(&mut self, x: NodeId, y: NodeId) -> Made {
-        if let Some((a, b)) = self.numbers(x, y) {
+        if let Some((a, b)) = self.numbers(x, y)
+            && self.folds(Operator::Add, a, b)
+        {
             return self.number(a + b);
         }
         match (self.graph[x], self.graph[y]) {
@@ -167,7 +179,9 @@ impl Simplifier {
 
     /// `x - y`
     pub fn subtract(&mut self, x: NodeId, y: NodeId) -> Made {
-        if let Some((a, b)) = self.numbers(x, y) {
+        if let Some((a, b)) = self.numbers(x, y)
+            && self.folds(Operator::Subtract, a, b)
+        {
             return self.number(a - b);
         }
         match (self.graph[x], self.graph[y]) {
@@ -210,7 +224,9 @@ impl Simplifier {
 
     /// `x * y`
     pub fn multiply(&mut self, x: NodeId, y: NodeId) -> Made {
-        if let Some((a, b)) = self.numbers(x, y) {
+        if let Some((a, b)) = self.numbers(x, y)
+            && self.folds(Operator::Multiply, a, b)
+        {
             return self.number(a * b);
         }
         // A number stands first.
@@ -263,7 +279,9 @@ impl Simplifier {
 
     /// `x / y`
     pub fn divide(&mut self, x: NodeId, y: NodeId) -> Made {
-        if let Some((a, b)) = self.numbers(x, y) {
+        if let Some((a, b)) = self.numbers(x, y)
+            && self.folds(Operator::Divide, a, b)
+        {
             return self.number(a / b);
         }
         if self.is(y, 1.0) {
@@ -308,7 +326,7 @@ impl Simplifier {
 
     /// `x^c`
     pub fn power(&mut self, x: NodeId, exponent: f64) -> Made {
-        if let Some(value) = self.graph.as_number(x) {
+        if let Some(value) = self.graph.as_number(x).filter(|_| !self.exact) {
             return self.number(f64::power_constant(value, exponent));
         }
         if exponent == 1.0 {
@@ -320,8 +338,8 @@ impl Simplifier {
     /// A named function.
     pub fn unary(&mut self, function: Function, x: NodeId) -> Made {
         match self.graph.as_number(x) {
-            Some(value) => self.number(f64::unary(function, value)),
-            None => self.graph.intern(Node::Unary(function, x)),
+            Some(value) if !self.exact => self.number(f64::unary(function, value)),
+            _ => self.graph.intern(Node::Unary(function, x)),
         }
     }
 
@@ -364,6 +382,11 @@ impl Simplifier {
 
     fn numbers(&self, x: NodeId, y: NodeId) -> Option<(f64, f64)> {
         Some((self.graph.as_number(x)?, self.graph.as_number(y)?))
+    }
+
+    /// Whether an operation on these numbers is worked out.
+    fn folds(&self, operator: Operator, a: f64, b: f64) -> bool {
+        !self.exact || is_exact(operator, a, b)
     }
 
     fn is(&self, x: NodeId, value: f64) -> bool {
@@ -479,6 +502,31 @@ impl Simplifier {
 }
 
 /// Whether a product with this number is exact short of overflow and underflow.
+/// Whether an operation on numbers rounds nothing.
+fn is_exact(operator: Operator, a: f64, b: f64) -> bool {
+    let is_plain = |x: f64| x == 0.0 || x.is_normal();
+    match operator {
+        Operator::Add | Operator::Subtract => {
+            let b = if operator == Operator::Add { b } else { -b };
+            let sum = a + b;
+            let part = sum - a;
+            sum.is_finite() && (a - (sum - part)) + (b - part) == 0.0
+        }
+        Operator::Multiply => {
+            let product = a * b;
+            // Far from where the error of the product underflows.
+            is_plain(product) && product.abs() > 1e-250 && libm::fma(a, b, -product) == 0.0
+                || (a == 0.0 || b == 0.0) && product == 0.0
+        }
+        Operator::Divide => {
+            let quotient = a / b;
+            quotient.is_normal() && a.abs() > 1e-250 && libm::fma(quotient, b, -a) == 0.0
+        }
+        Operator::Min | Operator::Max => true,
+        Operator::Power => false,
+    }
+}
+
 fn is_moderate_power_of_two(c: f64) -> bool {
     let mantissa = c.to_bits() & ((1 << 52) - 1);
     mantissa == 0 && (1e-30..=1e30).contains(&c.abs())

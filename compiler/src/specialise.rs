@@ -12,6 +12,7 @@ use crate::expression::number::Number;
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
 use crate::model::{Model, Parameter, Variant};
+use crate::near;
 use crate::rewrite::{Applied, expand, rewrite};
 use crate::simplify::Simplifier;
 use crate::values::Values;
@@ -237,11 +238,21 @@ pub(crate) fn roots_of(variant: &Variant, measure: Measure) -> Vec<NodeId> {
     variant.energies.iter().filter(|e| e.measure == measure).map(|e| e.root).collect()
 }
 
-/// The simplified energy of a measure.
+/// The simplified energy of a measure, with all digits of its numbers: see [`Simplifier::exact`].
 pub(crate) struct SimpleEnergy {
     measure: Measure,
     pub(crate) graph: Simplifier,
     pub(crate) psi: NodeId,
+    /// A typical measure at rest, of few digits.
+    reference: f64,
+}
+
+/// Some half of the horizon, or of 1 m where it is not known, to the power of the measure.
+fn typical_reference(measure: Measure, fold: &impl Fn(Input) -> Option<f64>) -> f64 {
+    let horizon = fold(Input::Horizon).filter(|horizon| horizon.is_normal() && *horizon > 0.0);
+    let exponent = horizon.map_or(0, |horizon| i64::from(libm::ilogb(horizon)) - 1);
+    let exponent = (exponent * measure.length_exponent()).clamp(-300, 300);
+    libm::ldexp(0.625, exponent as i32)
 }
 
 /// psi, psi' and psi'' in one graph, with what led to their form.
@@ -250,16 +261,22 @@ pub(crate) struct Derived {
     pub(crate) graph: Simplifier,
     pub(crate) roots: [NodeId; 3],
     pub(crate) applied: Vec<Applied>,
+    /// The same as written, with all digits of its numbers; nothing in the textbook form.
+    pub(crate) exact: Option<near::Energy>,
 }
 
 impl SimpleEnergy {
     pub(crate) fn derivatives(self, form: Form) -> Result<Derived, TooManyNodes> {
-        let SimpleEnergy { measure, mut graph, mut psi } = self;
+        let SimpleEnergy { measure, graph: exact, psi: written, reference } = self;
+        let (mut graph, place) = folded(exact.graph(), &[written])?;
+        let plain = place[written.0 as usize];
+        let mut psi = plain;
         let mut applied = Vec::new();
         if form == Form::Textbook {
             let dpsi = differentiate(&mut graph, psi, measure)?;
             let d2psi = differentiate(&mut graph, dpsi, measure)?;
-            return Ok(Derived { measure, graph, roots: [psi, dpsi, d2psi], applied });
+            let roots = [psi, dpsi, d2psi];
+            return Ok(Derived { measure, graph, roots, applied, exact: None });
         }
         psi = rewrite(&mut graph, psi, measure, &mut applied)?;
         // A derivative may be a difference of its own: 1 - L/l of a logarithmic barrier.
@@ -269,8 +286,27 @@ impl SimpleEnergy {
         let d2psi = rewrite(&mut graph, d2psi, measure, &mut applied)?;
         let roots = expand(&mut graph, &[psi, dpsi, d2psi], measure, &mut applied)?;
         let roots = [roots[0], roots[1], roots[2]];
-        Ok(Derived { measure, graph, roots, applied })
+        let Ok(exact) = near::Energy::new(exact, written, (measure, reference)) else {
+            return Ok(Derived { measure, graph, roots, applied, exact: None });
+        };
+        // What has no room for a second form keeps the first.
+        let roots = near::kept(&mut graph, roots, plain, &exact, &mut applied).unwrap_or(roots);
+        Ok(Derived { measure, graph, roots, applied, exact: Some(exact) })
     }
+}
+
+/// The same graph with its numbers worked out, and the places of its nodes.
+pub(crate) fn folded(
+    exact: &ExprGraph,
+    roots: &[NodeId],
+) -> Result<(Simplifier, Vec<NodeId>), TooManyNodes> {
+    let needed = exact.reachable(roots);
+    let mut graph = Simplifier::new();
+    let mut place = vec![NodeId(0); exact.len()];
+    for (id, node) in exact.nodes().filter(|(id, _)| needed[id.0 as usize]) {
+        place[id.0 as usize] = graph.make(node.map_operands(|x| place[x.0 as usize]))?;
+    }
+    Ok((graph, place))
 }
 
 impl Derived {
@@ -289,8 +325,10 @@ pub(crate) fn energy(
     dropped: &mut Vec<Dropped>,
 ) -> Result<Option<SimpleEnergy>, TooManyNodes> {
     let roots = roots_of(variant, measure);
-    let sum = sum(&variant.graph, parameters, (measure.symbol(), &roots), fold, dropped)?;
-    Ok(sum.map(|(graph, psi)| SimpleEnergy { measure, graph, psi }))
+    let subject = (measure.symbol(), roots.as_slice());
+    let sum = sum_in(Simplifier::exact(), &variant.graph, parameters, subject, fold, dropped)?;
+    let reference = typical_reference(measure, fold);
+    Ok(sum.map(|(graph, psi)| SimpleEnergy { measure, graph, psi, reference }))
 }
 
 /// A function of one bond with its derivatives by the length; what parameters make zero is 0.
@@ -302,26 +340,31 @@ pub(crate) fn of_bonds(
     form: Form,
 ) -> Result<ScalarEnergy, TooManyNodes> {
     let measure = Measure::Length;
-    let (graph, psi) = match sum(graph, parameters, ("l", &[root]), fold, &mut Vec::new())? {
+    let subject = ("l", std::slice::from_ref(&root));
+    let made = sum_in(Simplifier::exact(), graph, parameters, subject, fold, &mut Vec::new())?;
+    let (graph, psi) = match made {
         Some(made) => made,
         None => {
-            let mut graph = Simplifier::new();
+            let mut graph = Simplifier::exact();
             let zero = graph.number(0.0)?;
             (graph, zero)
         }
     };
-    Ok(SimpleEnergy { measure, graph, psi }.derivatives(form)?.scalar_energy())
+    let reference = typical_reference(measure, fold);
+    Ok(SimpleEnergy { measure, graph, psi, reference }.derivatives(form)?.scalar_energy())
 }
 
-/// The simplified sum of some energies of one argument; `None` if nothing is left of it.
-pub(crate) fn sum(
+/// The simplified sum of some energies of one argument, in a graph that is given; `None` if nothing is
+/// left of it.
+pub(crate) fn sum_in(
+    target: Simplifier,
     graph: &ExprGraph,
     parameters: &[Parameter],
     (argument, roots): (&str, &[NodeId]),
     fold: &impl Fn(Input) -> Option<f64>,
     dropped: &mut Vec<Dropped>,
 ) -> Result<Option<(Simplifier, NodeId)>, TooManyNodes> {
-    let mut rebuild = Rebuild::new(graph, fold);
+    let mut rebuild = Rebuild::new(graph, fold, target);
     rebuild.nodes(roots)?;
     let mut total: Option<NodeId> = None;
     for &root in roots {
@@ -372,11 +415,11 @@ struct Rebuild<'a, F> {
 }
 
 impl<'a, F: Fn(Input) -> Option<f64>> Rebuild<'a, F> {
-    fn new(source: &'a ExprGraph, fold: &'a F) -> Self {
+    fn new(source: &'a ExprGraph, fold: &'a F, target: Simplifier) -> Self {
         Rebuild {
             source,
             fold,
-            target: Simplifier::new(),
+            target,
             zero: KnownValues::new(source, fold).zero_factors(source),
             place: vec![None; source.len()],
             modelled: vec![None; source.len()],

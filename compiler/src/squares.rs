@@ -54,7 +54,7 @@ fn squared(
     measure: Measure,
 ) -> Result<Option<(Simplifier, NodeId)>, TooManyNodes> {
     let needed = source.reachable(&[psi]);
-    let mut squares = Squares { measure, graph: Simplifier::new(), products: Vec::new() };
+    let mut squares = Squares { measure, graph: Simplifier::exact(), products: Vec::new() };
     for (id, node) in source.nodes() {
         let product = if needed[id.0 as usize] {
             let Some(product) = squares.product(source, node)? else { return Ok(None) };

@@ -57,6 +57,12 @@ impl<const BITS: usize> Real<BITS> {
         self.0.as_ref().is_some_and(|x| x.repr().significand().is_zero())
     }
 
+    /// The power of two just above its size; nothing for 0 and for no number.
+    pub(crate) fn magnitude(&self) -> Option<i64> {
+        let repr = self.0.as_ref().filter(|_| !self.is_zero())?.repr();
+        Some(repr.exponent().saturating_add_unsigned(repr.digits()) as i64)
+    }
+
     pub(crate) fn is_positive(&self) -> bool {
         *self > Real::from(0)
     }

@@ -10,14 +10,16 @@ mod kernel;
 pub use kernel::{GatheredBatch, GatheredKernel, WrittenGatheredEnergy};
 
 use crate::density::DensityForm;
-use crate::expression::{NodeId, TooManyNodes};
+use crate::expression::{Input, NodeId, TooManyNodes};
 use crate::kernel::{Kernel, Mode, WrittenEnergy};
 use crate::measure::Measure;
 use crate::model::{GatheredEnergy, Model, Variant};
+use crate::near::vanishes_at_rest;
 use crate::point::adjoint::{self, Varied};
+use crate::point::near::{Source, near_of_integrals};
 use crate::rewrite::{expand, rewrite};
 use crate::simplify::Simplifier;
-use crate::specialise::{CompileError, Dropped, Form, Named, known, of_bonds, sum};
+use crate::specialise::{CompileError, Dropped, Form, Named, folded, known, of_bonds, sum_in};
 use crate::values::Values;
 use crate::written::Written;
 
@@ -33,21 +35,28 @@ pub struct GatheredKernels {
 }
 
 /// psi, its gradient and its product in one graph. Variables are the length of the bond, for energies of
-/// bonds, then the integrals.
+/// bonds, then the integrals. In the accurate form the integrals that are 0 at rest are known.
 fn form(
-    mut graph: Simplifier,
-    psi: NodeId,
+    exact: &Simplifier,
+    written: NodeId,
     (of_bonds, n_integrals): (bool, usize),
-    form: Form,
+    vanishing: Option<&[Input]>,
 ) -> Result<DensityForm, TooManyNodes> {
+    let (mut graph, place) = folded(exact.graph(), &[written])?;
+    let mut psi = place[written.0 as usize];
     let varied = match of_bonds {
         true => Varied::LengthAndIntegrals(n_integrals),
         false => Varied::Integrals(n_integrals),
     };
-    let accurate = of_bonds && form == Form::Accurate;
+    let accurate = of_bonds && vanishing.is_some();
     let length = Measure::Length;
     let mut applied = Vec::new();
-    let psi = if accurate { rewrite(&mut graph, psi, length, &mut applied)? } else { psi };
+    if accurate {
+        psi = rewrite(&mut graph, psi, length, &mut applied)?;
+    } else if let Some(vanishing) = vanishing {
+        let source = Source { graph: exact.graph(), place: &place };
+        psi = near_of_integrals(&mut graph, source, written, vanishing)?.unwrap_or(psi);
+    }
     let mut gradient = adjoint::gradient(&mut graph, psi, varied)?;
     if accurate {
         for root in &mut gradient {
@@ -103,11 +112,42 @@ impl Model {
         let kind = (of_bonds, variant.integrals.len());
         let mut dropped = Vec::new();
         let fold = known(values);
-        let made = sum(&variant.graph, &self.parameters, (&argument, &roots), &fold, &mut dropped)
-            .and_then(|energy| energy.map(|(g, psi)| form(g, psi, kind, which)).transpose());
+        let vanishing = match which {
+            Form::Accurate => Some(named.made(self.vanishing(variant, &fold))?),
+            Form::Textbook => None,
+        };
+        let (exact, subject) = (Simplifier::exact(), (argument.as_str(), roots.as_slice()));
+        let made = sum_in(exact, &variant.graph, &self.parameters, subject, &fold, &mut dropped)
+            .and_then(|energy| {
+                let made = |(graph, psi)| form(&graph, psi, kind, vanishing.as_deref());
+                energy.map(made).transpose()
+            });
         let made = named.made(made)?;
         made.as_ref().map_or(Ok(()), |made| named.fits(&made.graph))?;
         Ok((made, dropped))
+    }
+
+    /// The integrals that are 0 at rest because their integrands are.
+    fn vanishing(
+        &self,
+        variant: &Variant,
+        fold: &impl Fn(Input) -> Option<f64>,
+    ) -> Result<Vec<Input>, TooManyNodes> {
+        let mut found = Vec::new();
+        for (k, integral) in variant.integrals.iter().enumerate() {
+            let (exact, subject) =
+                (Simplifier::exact(), ("l", std::slice::from_ref(&integral.root)));
+            let parameters = &self.parameters;
+            let made = sum_in(exact, &variant.graph, parameters, subject, fold, &mut Vec::new())?;
+            let vanishes = match made {
+                Some((graph, root)) => vanishes_at_rest(graph.graph(), root, Measure::Length)?,
+                None => true,
+            };
+            if vanishes {
+                found.push(Input::Integral(k as u8));
+            }
+        }
+        Ok(found)
     }
 
     /// Compiles the integrals and the energies of them, if something is left of these; gives back what

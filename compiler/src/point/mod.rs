@@ -16,7 +16,7 @@
 pub(crate) mod adjoint;
 mod domain;
 mod kernel;
-mod near;
+pub(crate) mod near;
 mod principal;
 pub(crate) mod sample;
 pub(crate) mod truth;
@@ -32,7 +32,7 @@ use crate::expression::graph;
 use crate::expression::{ExprGraph, Input, Node, NodeId, TooManyNodes};
 use crate::model::{Model, Variant};
 use crate::simplify::Simplifier;
-use crate::specialise::{CompileError, Dropped, Form, Named, known, sum};
+use crate::specialise::{CompileError, Dropped, Form, Named, folded, known, sum_in};
 use crate::values::Values;
 
 /// An energy of the deformation gradient with values folded in: psi, the stress P as its gradient, dP as
@@ -117,13 +117,20 @@ impl Model {
         named.has_horizon(&variant.graph, &all, no_horizon)?;
         let mut dropped = Vec::new();
         let variables = graph::components(dimension);
-        let forms = sum(&variant.graph, &self.parameters, ("F", &roots), fold, &mut dropped)
+        let exact = Simplifier::exact();
+        let subject = ("F", roots.as_slice());
+        let forms = sum_in(exact, &variant.graph, &self.parameters, subject, fold, &mut dropped)
             .and_then(|energy| {
-                let Some((mut graph, psi)) = energy else { return Ok(None) };
+                let Some((exact, written)) = energy else { return Ok(None) };
+                let (mut graph, place) = folded(exact.graph(), &[written])?;
+                let psi = place[written.0 as usize];
+                let source = near::Source { graph: exact.graph(), place: &place };
                 let functions = self.stretch_functions(variant, (graph.graph(), psi), fold)?;
                 let at_rest: Vec<_> = functions.iter().map(|f| f.at_rest.as_ref()).collect();
                 let near = match which {
-                    Form::Accurate => near::near(&mut graph, psi, &variables, &at_rest)?,
+                    Form::Accurate => {
+                        near::near(&mut graph, source, written, &variables, &at_rest)?
+                    }
                     Form::Textbook => None,
                 };
                 let far = form(&graph, psi, dimension, (&functions, false))?;
@@ -153,16 +160,18 @@ impl Model {
         let function = |(k, root): (usize, &NodeId)| {
             let held = graph.depends_on(&[psi], Input::Trace(k as u8)).then_some(*root);
             let roots = held.as_slice();
-            let made = sum(&variant.graph, &self.parameters, ("F", roots), fold, &mut Vec::new())?;
+            let (exact, subject) = (Simplifier::exact(), ("F", roots));
+            let parameters = &self.parameters;
+            let made = sum_in(exact, &variant.graph, parameters, subject, fold, &mut Vec::new())?;
             let (graph, root) = match made {
                 Some(made) => made,
                 None => {
-                    let mut graph = Simplifier::new();
+                    let mut graph = Simplifier::exact();
                     let zero = graph.number(0.0)?;
                     (graph, zero)
                 }
             };
-            StretchFunction::new(graph, root)
+            StretchFunction::new(&graph, root)
         };
         variant.traces.iter().enumerate().map(function).collect()
     }

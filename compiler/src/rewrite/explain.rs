@@ -69,9 +69,13 @@ pub fn explain(model: &Model, values: &Values) -> Result<Vec<Explanation>, Compi
     for derived in all {
         let mut graph = derived.graph;
         for Applied { rule, before, after } in derived.applied {
+            // Numbers that were worked out have lost what makes them cancel.
+            let order = derived.roots.iter().position(|root| *root == after);
+            let exact = derived.exact.as_ref().zip(order).map(|(exact, order)| exact.lone(order));
             let pair = pair(&mut graph, before, after, derived.measure);
             let Ok((before, after)) = pair else { continue };
-            let (before, after) = sides(model, graph.graph(), before, after, derived.measure)?;
+            let (before, after) =
+                sides(model, graph.graph(), (before, after), derived.measure, exact)?;
             let known =
                 |e: &Explanation| e.before.text == before.text && e.after.text == after.text;
             if before.text != after.text && !explanations.iter().any(known) {
@@ -122,14 +126,14 @@ fn by_definition(graph: &mut Simplifier, root: NodeId) -> Result<NodeId, TooMany
 fn sides(
     model: &Model,
     graph: &ExprGraph,
-    before: NodeId,
-    after: NodeId,
+    (before, after): (NodeId, NodeId),
     measure: Measure,
+    exact: Option<ScalarEnergy>,
 ) -> Result<(Side, Side), CompileError> {
     let forms = [form(graph, before, measure), form(graph, after, measure)];
     let times = times([&forms[0], &forms[1]])?;
     let side = |k: usize| {
-        let (near, far) = errors(&forms[k], &forms[0]);
+        let (near, far) = errors(&forms[k], exact.as_ref().unwrap_or(&forms[0]));
         let (operations, calls) = (forms[k].graph.operations(), forms[k].graph.calls());
         let text = print::expression(model, &forms[k].graph, forms[k].roots[0]);
         Side { text, near, far, operations, calls, nanoseconds: times[k] }

@@ -68,6 +68,11 @@ pub const REWRITES: &[Rule] = &[
         "S_n = lg if abs(n*lg) < 1e-16, expm1(n*lg)/n if < 0.5, else (x^n - 1)/n; lg = log1p(e) if abs(e) < 0.5, else ln(x)",
         "always",
     ),
+    rule(
+        "remainder_at_rest",
+        "f - f(1) - f'(1)*e - .. by the remainders of its functions, f(1), f'(1), .. in 256 bits",
+        "abs(e) < 0.5, where the other rules leave a difference that cancels",
+    ),
 ];
 
 /// The rule with this name.

@@ -206,3 +206,12 @@ fn no_rule_widens_the_domain() {
     assert_eq!(at(1.5), 0.25);
     assert!(at(3.0).is_nan());
 }
+
+#[test]
+fn remainder_at_rest() {
+    let others = ["(l/L - 1)^2", "l/L - 1 - ln(l/L)", "exp(l/L)"];
+    rule("remainder_at_rest", "1 - (1 + (l/L - 1))*exp(-(l/L - 1))", 1e13, &others);
+    rule("remainder_at_rest", "(atan(l/L) - atan(1))^2", 1e13, &others);
+    rule("remainder_at_rest", "1/3*(l/L)^3 - l/L + 2/3", 1e13, &others);
+    rule("remainder_at_rest", "max(exp(l/L) - exp(1), 0)^2", 1e13, &others);
+}

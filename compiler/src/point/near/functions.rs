@@ -1,166 +1,221 @@
 //! Functions and powers near rest: what they have beyond their tangent, by forms that keep their
 //! digits.
 
-use super::{Expander, Expansion, U};
-use crate::expression::number::Number;
-use crate::expression::{Comparison, Function, Node, NodeId, TooManyNodes};
+use super::{Expander, Expansion};
+use crate::expression::{Comparison, Function, NodeId, TooManyNodes};
+use crate::near::{Exact, Number, beyond};
 
 /// Largest whole exponent that is worked out by products.
 const LARGEST_EXPONENT: f64 = 16.0;
+
+type Expanded = Result<Expansion, TooManyNodes>;
 
 impl Expander<'_> {
     /// `f(x)` from `f` and `f'` at the value of `x`, and what `f` has beyond its tangent there.
     fn composed(
         &mut self,
         x: &Expansion,
-        (value, derivative): (f64, f64),
+        (value, derivative): (Exact, Exact),
         beyond: Option<NodeId>,
-    ) -> Result<Expansion, TooManyNodes> {
-        let slope: Vec<f64> = x.slope.iter().map(|a| derivative * a).collect();
-        let straight = self.scaled(x.rest, derivative)?;
+    ) -> Expanded {
+        let slope = x.slope.iter().map(|a| derivative.times(a)).collect();
+        let straight = self.scaled(x.rest, &derivative)?;
         let rest = self.sum(straight, beyond)?;
-        let noise = derivative.abs() * (x.noise + 2.0 * U * x.steepest()) + 2.0 * U * value.abs();
-        Ok(Expansion { value, slope, rest, noise })
+        Ok(Expansion { value, slope, rest })
     }
 
-    pub(super) fn unary(
-        &mut self,
-        id: NodeId,
-        function: Function,
-        x: NodeId,
-    ) -> Result<Expansion, TooManyNodes> {
+    pub(super) fn unary(&mut self, id: NodeId, function: Function, x: NodeId) -> Expanded {
         let p = self.number(x);
-        let c = p.value;
-        let Some(change) = self.change(&p)? else {
-            return Ok(self.of_constant(id, &p, |x| f64::unary(function, x)));
-        };
+        let zero = self.constant(Exact::from(0.0));
         match function {
-            Function::Negate => {
-                let zero = Expansion::constant(0.0, self.variables.len());
-                self.combination(&zero, &p, -1.0)
+            Function::Negate => self.combination(&zero, &p, -1.0),
+            Function::Abs => {
+                let condition = self.compare(None, Comparison::GreaterEqual, &p, &zero)?;
+                let negative = self.combination(&zero, &p, -1.0)?;
+                self.choice(condition, &p, &negative)
             }
-            Function::Sqrt if c > 0.0 => self.root(&p, change),
-            Function::Exp | Function::Expm1 => {
-                let factor = libm::exp(c);
-                let beyond = self.exponential_beyond(change)?;
-                let beyond = self.scaled(Some(beyond), factor)?;
-                let value = if function == Function::Exp { factor } else { libm::expm1(c) };
-                self.composed(&p, (value, factor), beyond)
+            _ if p.is_constant() => Ok(self.constant(p.value.function(function))),
+            Function::Sign => {
+                let condition = self.compare(None, Comparison::Greater, &p, &zero)?;
+                let one = self.constant(Exact::from(1.0));
+                let negative = self.constant(Exact::from(-1.0));
+                self.choice(condition, &one, &negative)
             }
-            Function::Ln if c > 0.0 => {
-                let ratio = self.divided(change, c)?;
-                let beyond = self.graph.unary(Function::Log1pmx, ratio)?;
-                self.composed(&p, (libm::log(c), 1.0 / c), Some(beyond))
-            }
-            Function::Log1p if c > -1.0 => {
-                let ratio = self.divided(change, 1.0 + c)?;
-                let beyond = self.graph.unary(Function::Log1pmx, ratio)?;
-                self.composed(&p, (libm::log1p(c), 1.0 / (1.0 + c)), Some(beyond))
-            }
-            _ => self.opaque(id),
+            Function::Sqrt if p.value.value.is_positive() => self.smooth(function, &p),
+            Function::Sqrt | Function::Acos => self.opaque(id),
+            Function::Ln if !p.value.value.is_positive() => self.opaque(id),
+            _ => self.smooth(function, &p),
         }
     }
 
-    /// `f` of what does not vary: the noise of its argument moves it as far as `f` moves between both
-    /// ends of it, where it is a number there.
-    fn of_constant(&self, id: NodeId, x: &Expansion, f: impl Fn(f64) -> f64) -> Expansion {
-        let value = self.at_rest.number(id);
-        let ends = [x.value - x.noise, x.value + x.noise].map(|x| (f(x) - value).abs());
-        let moved = ends.into_iter().filter(|moved| moved.is_finite()).fold(0.0, f64::max);
-        let noise = moved + U * value.abs();
-        Expansion { noise, ..Expansion::constant(value, self.variables.len()) }
-    }
-
-    fn divided(&mut self, x: NodeId, by: f64) -> Result<NodeId, TooManyNodes> {
-        let by = self.graph.number(by)?;
-        self.graph.divide(x, by)
-    }
-
-    /// `exp(x) - 1 - x`: by its series where the difference would cancel.
-    fn exponential_beyond(&mut self, x: NodeId) -> Result<NodeId, TooManyNodes> {
-        let one = self.graph.number(1.0)?;
-        let mut sum = one;
-        // x^2/2*(1 + x/3*(1 + x/4*(..))): with |x| < 1/2 the terms left out are below u/8.
-        for k in (3..=14).rev() {
-            let term = self.divided(x, f64::from(k))?;
-            let term = self.graph.multiply(term, sum)?;
-            sum = self.graph.add(one, term)?;
+    /// A function that is smooth at the value of its argument.
+    pub(super) fn smooth(&mut self, function: Function, x: &Expansion) -> Expanded {
+        let one = self.constant(Exact::from(1.0));
+        let c = &x.value;
+        match function {
+            Function::Expm1 => {
+                let exponential = self.smooth(Function::Exp, x)?;
+                return self.combination(&exponential, &one, -1.0);
+            }
+            Function::Log1p => {
+                let sum = self.combination(&one, x, 1.0)?;
+                return self.smooth(Function::Ln, &sum);
+            }
+            Function::Log1pmx => {
+                let logarithm = self.smooth(Function::Log1p, x)?;
+                return self.combination(&logarithm, x, -1.0);
+            }
+            Function::Tan => {
+                let sine = self.smooth(Function::Sin, x)?;
+                let cosine = self.smooth(Function::Cos, x)?;
+                let reciprocal = self.reciprocal(&cosine)?;
+                return self.product(&sine, &reciprocal);
+            }
+            Function::Tanh | Function::Atan | Function::Asin if !c.is_nothing() => {
+                return self.moved(function, x);
+            }
+            _ => {}
         }
-        let square = self.graph.multiply(x, x)?;
-        let half = self.divided(square, 2.0)?;
-        let series = self.graph.multiply(half, sum)?;
-        let expm1 = self.graph.unary(Function::Expm1, x)?;
-        let difference = self.graph.subtract(expm1, x)?;
-        let size = self.graph.unary(Function::Abs, x)?;
-        let limit = self.graph.number(0.5)?;
-        let small = self.graph.make(Node::Compare(Comparison::Less, size, limit))?;
-        self.graph.make(Node::Select(small, series, difference))
+        let value = c.function(function);
+        let slope = slope(function, c, &value);
+        let Some(change) = self.change(x)? else { return Ok(self.constant(value)) };
+        let beyond = self.beyond(function, c, change)?;
+        self.composed(x, (value, slope), beyond)
     }
 
-    /// `sqrt(c + p) - sqrt(c) - p/(2 sqrt(c)) = -p^2/(2 sqrt(c) (sqrt(c + p) + sqrt(c))^2)`
-    fn root(&mut self, x: &Expansion, change: NodeId) -> Result<Expansion, TooManyNodes> {
-        let root = x.value.sqrt();
-        let value = self.graph.number(x.value)?;
-        let moved = self.graph.add(value, change)?;
-        let moved = self.graph.unary(Function::Sqrt, moved)?;
-        let at_rest = self.graph.number(root)?;
-        let sum = self.graph.add(moved, at_rest)?;
-        let ratio = self.graph.divide(change, sum)?;
-        let square = self.graph.multiply(ratio, ratio)?;
-        let beyond = self.scaled(Some(square), -0.5 / root)?;
-        self.composed(x, (root, 0.5 / root), beyond)
+    /// `f(c + d) - f(c) - f'(c) d`
+    fn beyond(
+        &mut self,
+        function: Function,
+        c: &Exact,
+        d: NodeId,
+    ) -> Result<Option<NodeId>, TooManyNodes> {
+        let rest = |graph: &mut _, function, d| beyond::second_order(graph, function, d).map(Some);
+        match function {
+            Function::Exp => {
+                let rest = rest(self.graph, function, d)?;
+                self.scaled(rest, &c.function(function))
+            }
+            Function::Ln | Function::Sqrt => {
+                let ratio = self.scaled(Some(d), &c.inverse())?.unwrap_or(d);
+                let rest = rest(self.graph, function, ratio)?;
+                let factor = match function {
+                    Function::Ln => Exact::from(1.0),
+                    _ => c.function(Function::Sqrt),
+                };
+                self.scaled(rest, &factor)
+            }
+            Function::Sin | Function::Cos | Function::Sinh | Function::Cosh => {
+                let (odd, even) = match function {
+                    Function::Sin | Function::Cos => (Function::Sin, Function::Cos),
+                    _ => (Function::Sinh, Function::Cosh),
+                };
+                // sin(c + d) = sin c cos d + cos c sin d, cos(c + d) = cos c cos d - sin c sin d
+                let (with_even, with_odd) = match function {
+                    Function::Sin | Function::Sinh => (c.function(odd), c.function(even)),
+                    Function::Cos => (c.function(even), c.function(odd).negated()),
+                    _ => (c.function(even), c.function(odd)),
+                };
+                let mut sum = None;
+                for (factor, function) in [(with_even, even), (with_odd, odd)] {
+                    if !factor.is_nothing() {
+                        let rest = rest(self.graph, function, d)?;
+                        let term = self.scaled(rest, &factor)?;
+                        sum = self.sum(sum, term)?;
+                    }
+                }
+                Ok(sum)
+            }
+            _ => rest(self.graph, function, d),
+        }
+    }
+
+    /// Functions whose value at rest is not that at 0, by their value there and themselves about 0.
+    fn moved(&mut self, function: Function, x: &Expansion) -> Expanded {
+        let one = self.constant(Exact::from(1.0));
+        let c = self.constant(x.value.clone());
+        let at_rest = self.constant(x.value.function(function));
+        let d = self.combination(x, &c, -1.0)?;
+        let (numerator, denominator) = match function {
+            Function::Tanh => {
+                // tanh(c + d) = t + (1 - t^2) T/(1 + t T), T = tanh(d)
+                let tanh = self.smooth(Function::Tanh, &d)?;
+                let square = self.product(&at_rest, &at_rest)?;
+                let slope = self.combination(&one, &square, -1.0)?;
+                let both = self.product(&at_rest, &tanh)?;
+                (self.product(&slope, &tanh)?, self.combination(&one, &both, 1.0)?)
+            }
+            // atan(c + d) = atan(c) + atan(d/(1 + c x))
+            Function::Atan => {
+                let both = self.product(&c, x)?;
+                let below = self.combination(&one, &both, 1.0)?;
+                let below = self.reciprocal(&below)?;
+                let inside = self.product(&d, &below)?;
+                (self.smooth(Function::Atan, &inside)?, one)
+            }
+            // asin(c + d) = asin(c) + asin(d (x + c)/(sqrt(1 - c^2) x + c sqrt(1 - x^2)))
+            _ => {
+                let mut cosines = Vec::new();
+                for y in [&c, x] {
+                    let square = self.product(y, y)?;
+                    let inside = self.combination(&one, &square, -1.0)?;
+                    cosines.push(self.power(&inside, &Number::from(0.5))?);
+                }
+                let sum = self.combination(x, &c, 1.0)?;
+                let numerator = self.product(&d, &sum)?;
+                let (left, right) = (self.product(&cosines[0], x)?, self.product(&c, &cosines[1])?);
+                let below = self.combination(&left, &right, 1.0)?;
+                let below = self.reciprocal(&below)?;
+                let inside = self.product(&numerator, &below)?;
+                (self.smooth(Function::Asin, &inside)?, one)
+            }
+        };
+        let below = self.reciprocal(&denominator)?;
+        let moved = self.product(&numerator, &below)?;
+        self.combination(&at_rest, &moved, 1.0)
     }
 
     /// `1/(c + p) - 1/c + p/c^2 = (p/c)^2/(c + p)`
-    pub(super) fn reciprocal(&mut self, x: &Expansion) -> Result<Expansion, TooManyNodes> {
-        let c = x.value;
-        let Some(change) = self.change(x)? else {
-            return self.composed(x, (1.0 / c, 0.0), None);
-        };
-        let ratio = self.divided(change, c)?;
+    pub(super) fn reciprocal(&mut self, x: &Expansion) -> Expanded {
+        let inverse = x.value.inverse();
+        let Some(change) = self.change(x)? else { return Ok(self.constant(inverse)) };
+        let slope = inverse.times(&inverse).negated();
+        let ratio = self.scaled(Some(change), &inverse)?.unwrap_or(change);
         let square = self.graph.multiply(ratio, ratio)?;
-        let value = self.graph.number(c)?;
-        let moved = self.graph.add(value, change)?;
+        let moved = self.total(x)?;
         let beyond = self.graph.divide(square, moved)?;
-        self.composed(x, (1.0 / c, -1.0 / (c * c)), Some(beyond))
+        self.composed(x, (inverse, slope), Some(beyond))
     }
 
-    pub(super) fn power(
-        &mut self,
-        id: NodeId,
-        x: NodeId,
-        c: f64,
-    ) -> Result<Expansion, TooManyNodes> {
-        let p = self.number(x);
-        let whole = c.fract() == 0.0 && c.abs() <= LARGEST_EXPONENT;
-        if whole {
-            let power = self.whole_power(&p, c.abs() as u32)?;
-            return if c < 0.0 { self.reciprocal(&power) } else { Ok(power) };
+    pub(super) fn power(&mut self, x: &Expansion, p: &Number) -> Expanded {
+        let small = p.to_f64();
+        let is_whole = *p == Number::from(small) && small == small.trunc();
+        if is_whole && small.abs() <= LARGEST_EXPONENT {
+            let power = self.whole_power(x, small.abs() as u32)?;
+            return if small < 0.0 { self.reciprocal(&power) } else { Ok(power) };
         }
-        let Some(change) = self.change(&p)? else {
-            return Ok(self.of_constant(id, &p, |x| libm::pow(x, c)));
-        };
-        if c == 0.5 && p.value > 0.0 {
-            return self.root(&p, change);
+        if x.is_constant() {
+            return Ok(self.constant(x.value.power(p)));
         }
-        if p.value <= 0.0 {
-            return self.opaque(id);
+        if x.value.value.is_positive() {
+            if *p == Number::from(0.5) {
+                return self.smooth(Function::Sqrt, x);
+            }
+            let logarithm = self.smooth(Function::Ln, x)?;
+            let exponent = self.product(&self.constant(Exact::new(p.clone())), &logarithm)?;
+            return self.smooth(Function::Exp, &exponent);
         }
-        // (1 + r)^c - 1 - c*r = (exp(y) - 1 - y) + c*(ln(1 + r) - r) with y = c*ln(1 + r)
-        let ratio = self.divided(change, p.value)?;
-        let logarithm = self.graph.unary(Function::Log1p, ratio)?;
-        let exponent = self.scaled(Some(logarithm), c)?.unwrap_or(logarithm);
-        let first = self.exponential_beyond(exponent)?;
-        let second = self.graph.unary(Function::Log1pmx, ratio)?;
-        let second = self.scaled(Some(second), c)?;
-        let both = self.sum(Some(first), second)?;
-        let value = libm::pow(p.value, c);
-        let beyond = self.scaled(both, value)?;
-        self.composed(&p, (value, c * value / p.value), beyond)
+        // A power of what is 0 at rest, and any other.
+        let whole = self.total(x)?;
+        let value = x.value.power(p);
+        let at_rest = self.graph.number(value.value.to_f64())?;
+        let power = self.graph.power(whole, small)?;
+        let change = self.graph.subtract(power, at_rest)?;
+        Ok(self.kink(value, change))
     }
 
-    fn whole_power(&mut self, x: &Expansion, n: u32) -> Result<Expansion, TooManyNodes> {
-        let mut power = Expansion::constant(1.0, self.variables.len());
+    fn whole_power(&mut self, x: &Expansion, n: u32) -> Expanded {
+        let mut power = self.constant(Exact::from(1.0));
         let (mut square, mut left) = (x.clone(), n);
         while left > 0 {
             if left % 2 == 1 {
@@ -172,5 +227,20 @@ impl Expander<'_> {
             }
         }
         Ok(power)
+    }
+}
+
+/// `f'(c)` from `c` and `f(c)`, of functions that are not made of others.
+fn slope(function: Function, c: &Exact, value: &Exact) -> Exact {
+    match function {
+        Function::Exp => value.clone(),
+        Function::Ln => c.inverse(),
+        Function::Sqrt => value.times(&Exact::from(2.0)).inverse(),
+        Function::Sin => c.function(Function::Cos),
+        Function::Cos => c.function(Function::Sin).negated(),
+        Function::Sinh => c.function(Function::Cosh),
+        Function::Cosh => c.function(Function::Sinh),
+        // About 0.
+        _ => Exact::from(1.0),
     }
 }

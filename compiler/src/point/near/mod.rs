@@ -2,102 +2,113 @@
 //!
 //! As written, `tr(C) - 3 - 2*ln(J)` is a difference of numbers near 3 and 0 whose constant and linear
 //! parts cancel: at strain 1e-8 nothing of it is left. So every node becomes `value + slope . H + rest`:
-//! value and slope are numbers, found here, and only the rest, of second order in `H`, is a graph. What
-//! cancels cancels in the numbers, once, and the rests add up to the energy
+//! value and slope are numbers of 256 bits, found here, and only the rest, of second order in `H`, is a
+//! graph. What cancels cancels in the numbers, once, and the rests add up to the energy
 //! (`mu*(H:H/2 - I2(H) - det(H) + x - ln(1 + x))`, x = J - 1, for the neo-Hookean one).
 //!
-//! Before: the simplified graph in `F`. After: the energy as a graph in `H`, right up to
+//! Before: the simplified graph in `F`, with all digits of its numbers. After: the energy as a graph in `H`, right up to
 //! `max |H| = 0.25`, or nothing where it has no value at rest.
 
 mod functions;
 
 use crate::expression::graph::dimension;
-use crate::expression::interpret::Interpreter;
-use crate::expression::{Comparison, Input, Node, NodeId, Operator, TooManyNodes};
+use crate::expression::{
+    Comparison, ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes,
+};
+use crate::near::{Exact, Number};
 use crate::simplify::Simplifier;
 
 /// A node near rest: `value + slope . H + rest`.
 #[derive(Clone, Debug)]
 struct Expansion {
-    value: f64,
-    /// By the place of the variable.
-    slope: Vec<f64>,
+    value: Exact,
+    /// By the place of the variable, then of the [`Expander::kinks`]; 0 where it ends.
+    slope: Vec<Exact>,
     /// Of second order in `H`; `None` where it is 0.
     rest: Option<NodeId>,
-    /// How far rounding may have moved value and slope.
-    noise: f64,
 }
 
 impl Expansion {
-    fn constant(value: f64, n: usize) -> Expansion {
-        Expansion { value, slope: vec![0.0; n], rest: None, noise: 0.0 }
+    fn constant(value: Exact, n: usize) -> Expansion {
+        Expansion { value, slope: vec![Exact::from(0.0); n], rest: None }
     }
 
-    fn steepest(&self) -> f64 {
-        self.slope.iter().fold(0.0, |most, x| x.abs().max(most))
+    /// The slopes of two nodes, place by place.
+    fn slopes<'a>(&'a self, other: &'a Expansion) -> impl Iterator<Item = (Exact, Exact)> + 'a {
+        let of = |slope: &[Exact], k: usize| slope.get(k).cloned().unwrap_or(Exact::from(0.0));
+        let n = self.slope.len().max(other.slope.len());
+        (0..n).map(move |k| (of(&self.slope, k), of(&other.slope, k)))
+    }
+
+    fn is_linear(&self) -> bool {
+        self.rest.is_none()
     }
 
     /// Whether it is the same at every `H`.
     fn is_constant(&self) -> bool {
-        self.rest.is_none() && self.slope.iter().all(|x| *x == 0.0)
+        self.is_linear() && self.slope.iter().all(Exact::is_nothing)
     }
 
-    fn size(&self) -> f64 {
-        self.value.abs() + self.steepest()
+    fn is_finite(&self) -> bool {
+        let is_finite = |x: &Exact| x.value.to_f64().is_finite();
+        is_finite(&self.value) && self.slope.iter().all(is_finite)
     }
 }
 
-fn value_at_rest(traces: Traces<'_>, k: u8, n_components: usize) -> f64 {
-    let function = traces.get(usize::from(k)).copied().flatten();
-    function.map_or(f64::NAN, |function| dimension(n_components) as f64 * function.value)
-}
-
-/// A node near rest, or a condition.
+/// A node near rest, or a condition and what it is there, unless that is a tie.
 #[derive(Clone, Debug)]
 enum Near {
     Number(Expansion),
-    Truth(NodeId),
+    /// A number of which nothing is known at rest.
+    Unknown(NodeId),
+    Truth(NodeId, Option<bool>),
 }
 
 type Rest = Result<Option<NodeId>, TooManyNodes>;
 
-/// Half a unit in the last place of 1.
-const U: f64 = f64::EPSILON / 2.0;
-
-/// A value or a slope at rest counts as 0 within this many times its possible rounding.
-const NOTHING: f64 = 4.0;
-
 /// A function of a principal stretch at rest: `f(1 + e) = value + slope*e + rest(e)`.
 pub(super) struct FunctionAtRest {
-    value: f64,
-    pub(super) slope: f64,
-    /// How far rounding may have moved both.
-    noise: f64,
+    value: Exact,
+    slope: Exact,
     /// In `StretchChange(0)`; none where it is 0.
     pub(super) rest: Option<NodeId>,
+}
+
+impl FunctionAtRest {
+    /// `f'(1)`
+    pub(super) fn slope(&self) -> f64 {
+        self.slope.value.to_f64()
+    }
 }
 
 /// The functions whose traces an energy holds, by number; `None` where one has no value at rest.
 pub(super) type Traces<'a> = &'a [Option<&'a FunctionAtRest>];
 
+/// A graph with all digits of its numbers, and where its nodes are in the graph that is evaluated.
+#[derive(Clone, Copy)]
+pub(crate) struct Source<'a> {
+    pub(crate) graph: &'a ExprGraph,
+    pub(crate) place: &'a [NodeId],
+}
+
 /// The function `root` of `Stretch(0)` at rest; `None` where it is no number there.
 pub(super) fn function_at_rest(
     graph: &mut Simplifier,
+    source: Source<'_>,
     root: NodeId,
 ) -> Result<Option<FunctionAtRest>, TooManyNodes> {
     let variables =
         [Varying { variable: Input::Stretch(0), change: Input::StretchChange(0), at_rest: 1.0 }];
-    let mut expander = Expander::new(graph, root, &variables, &[]);
-    let Some(Expansion { value, slope, rest, noise }) = expander.run(root)? else {
-        return Ok(None);
-    };
-    Ok(Some(FunctionAtRest { value, slope: slope[0], noise, rest }))
+    let mut expander = Expander::new(graph, source, &variables, &[]);
+    let Some(Expansion { value, mut slope, rest }) = expander.run(root)? else { return Ok(None) };
+    Ok(Some(FunctionAtRest { value, slope: slope.remove(0), rest }))
 }
 
 /// The energy `root` near rest, where traces stand for what is beyond rest of their functions: see
 /// [`Expander::trace`]; `None` where it is no number there.
 pub(super) fn near(
     graph: &mut Simplifier,
+    source: Source<'_>,
     root: NodeId,
     components: &[u8],
     traces: Traces<'_>,
@@ -107,23 +118,30 @@ pub(super) fn near(
         .map(|&k| Varying {
             variable: Input::Variable(k),
             change: Input::VariableChange(k),
-            at_rest: rest_of_component(k),
+            at_rest: f64::from(u8::from(k.is_multiple_of(4))),
         })
         .collect();
-    let mut expander = Expander::new(graph, root, &variables, traces);
+    let mut expander = Expander::new(graph, source, &variables, traces);
     let Some(energy) = expander.run(root)? else { return Ok(None) };
-    let zeroed = |x: f64| if x.abs() <= NOTHING * energy.noise { 0.0 } else { x };
-    let energy = Expansion {
-        value: zeroed(energy.value),
-        slope: energy.slope.iter().map(|x| zeroed(*x)).collect(),
-        ..energy
-    };
-    let change = expander.change(&energy)?;
-    let value = expander.graph.number(energy.value)?;
-    Ok(Some(match change {
-        None => value,
-        Some(change) => expander.graph.add(value, change)?,
-    }))
+    expander.total(&energy).map(Some)
+}
+
+/// An energy of points near rest, as a function of integrals, some of which are 0 at rest; `None` where
+/// it is no number there.
+pub(crate) fn near_of_integrals(
+    graph: &mut Simplifier,
+    source: Source<'_>,
+    root: NodeId,
+    vanishing: &[Input],
+) -> Result<Option<NodeId>, TooManyNodes> {
+    let varying = |&variable: &Input| Varying { variable, change: variable, at_rest: 0.0 };
+    let variables: Vec<Varying> = vanishing.iter().map(varying).collect();
+    let mut expander = Expander::new(graph, source, &variables, &[]);
+    let Some(energy) = expander.run(root)? else { return Ok(None) };
+    match expander.known[root.0 as usize] {
+        Some(Near::Unknown(node)) => Ok(Some(node)),
+        _ => expander.total(&energy).map(Some),
+    }
 }
 
 /// A variable of an energy.
@@ -134,56 +152,40 @@ struct Varying {
     at_rest: f64,
 }
 
-/// Components on the diagonal: 0, 4, 8.
-fn rest_of_component(k: u8) -> f64 {
-    f64::from(u8::from(k.is_multiple_of(4)))
-}
-
 struct Expander<'a> {
     graph: &'a mut Simplifier,
+    source: Source<'a>,
     variables: &'a [Varying],
     traces: Traces<'a>,
-    /// Values of the nodes at rest.
-    at_rest: Interpreter<f64>,
     known: Vec<Option<Near>>,
     /// Which nodes depend on traces.
     has_traces: Vec<bool>,
-    /// Conditions that compare what is equal at rest, so that another branch may hold beside it.
-    tied: Vec<bool>,
+    /// What is of first order at rest without a slope there, as the root of a square: each counts as a
+    /// variable of its own, so that it may cancel.
+    kinks: Vec<NodeId>,
 }
 
 impl<'a> Expander<'a> {
     fn new(
         graph: &'a mut Simplifier,
-        root: NodeId,
+        source: Source<'a>,
         variables: &'a [Varying],
         traces: Traces<'a>,
     ) -> Expander<'a> {
-        let mut at_rest = Interpreter::new();
-        at_rest.run(graph.graph(), |input| match input {
-            Input::Variable(k) => rest_of_component(k),
-            Input::Stretch(_) => 1.0,
-            Input::Trace(k) => value_at_rest(traces, k, variables.len()),
-            _ => 0.0,
-        });
-        let mut has_traces = Vec::with_capacity(graph.graph().len());
-        for (_, node) in graph.graph().nodes() {
+        let mut has_traces = Vec::with_capacity(source.graph.len());
+        for (_, node) in source.graph.nodes() {
             let is_trace = matches!(node, Node::Input(Input::Trace(_)));
             has_traces.push(is_trace || node.operands().any(|x: NodeId| has_traces[x.0 as usize]));
         }
-        let n = root.0 as usize + 1;
-        let (known, tied) = (vec![None; n], vec![false; n]);
-        Expander { graph, variables, traces, at_rest, known, has_traces, tied }
+        let known = vec![None; source.graph.len()];
+        Expander { graph, source, variables, traces, known, has_traces, kinks: Vec::new() }
     }
 
     fn run(&mut self, root: NodeId) -> Result<Option<Expansion>, TooManyNodes> {
-        let needed = self.graph.graph().reachable(&[root]);
-        for index in (0..self.known.len()).filter(|index| needed[*index]) {
-            let id = NodeId(index as u32);
-            let near = self.node(id)?;
-            if let Near::Number(expansion) = &near
-                && !(expansion.value.is_finite() && expansion.steepest().is_finite())
-            {
+        let needed = self.source.graph.reachable(&[root]);
+        for index in (0..=root.0 as usize).filter(|index| needed[*index]) {
+            let near = self.node(NodeId(index as u32))?;
+            if matches!(&near, Near::Number(expansion) if !expansion.is_finite()) {
                 return Ok(None);
             }
             self.known[index] = Some(near);
@@ -194,56 +196,110 @@ impl<'a> Expander<'a> {
     fn number(&self, id: NodeId) -> Expansion {
         match &self.known[id.0 as usize] {
             Some(Near::Number(expansion)) => expansion.clone(),
-            _ => Expansion::constant(f64::NAN, self.variables.len()),
+            _ => self.nothing(),
         }
     }
 
-    fn is_tied(&self, id: NodeId) -> bool {
-        self.tied[id.0 as usize]
+    fn constant(&self, value: Exact) -> Expansion {
+        Expansion::constant(value, self.variables.len())
     }
 
-    fn truth(&self, id: NodeId) -> NodeId {
+    /// No number.
+    fn nothing(&self) -> Expansion {
+        self.constant(Exact::new(Number::NONE))
+    }
+
+    /// A condition, and what it is at rest.
+    fn truth(&self, id: NodeId) -> (NodeId, Option<bool>) {
         match self.known[id.0 as usize] {
-            Some(Near::Truth(condition)) => condition,
-            _ => id,
+            Some(Near::Truth(condition, at_rest)) => (condition, at_rest),
+            _ => (self.source.place[id.0 as usize], None),
         }
     }
 
     fn node(&mut self, id: NodeId) -> Result<Near, TooManyNodes> {
-        let n = self.variables.len();
-        Ok(Near::Number(match self.graph.graph()[id] {
-            Node::Number(bits) => Expansion::constant(f64::from_bits(bits), n),
-            Node::Input(input @ (Input::Variable(_) | Input::Stretch(_))) => {
+        let is_unknown = |x: NodeId| matches!(self.known[x.0 as usize], Some(Near::Unknown(_)));
+        if self.source.graph[id].operands().any(is_unknown) {
+            return self.with_unknown(id);
+        }
+        Ok(Near::Number(match self.source.graph[id] {
+            Node::Number(bits) => self.constant(Exact::from(f64::from_bits(bits))),
+            Node::Input(input @ (Input::Variable(_) | Input::Stretch(_) | Input::Integral(_))) => {
                 let place = self.variables.iter().position(|known| known.variable == input);
-                let place = place.expect("one of the variables");
-                let mut slope = vec![0.0; n];
-                slope[place] = 1.0;
-                Expansion { value: self.variables[place].at_rest, slope, rest: None, noise: 0.0 }
+                let Some(place) = place else {
+                    return Ok(Near::Unknown(self.source.place[id.0 as usize]));
+                };
+                let mut expansion = self.constant(Exact::from(self.variables[place].at_rest));
+                expansion.slope[place] = Exact::from(1.0);
+                expansion
             }
             Node::Input(Input::Trace(k)) => self.trace(k)?,
             Node::Unary(function, x) => self.unary(id, function, x)?,
-            Node::PowerConstant(x, bits) => self.power(id, x, f64::from_bits(bits))?,
+            Node::PowerConstant(x, bits) => {
+                let x = self.number(x);
+                self.power(&x, &Number::from(f64::from_bits(bits)))?
+            }
             Node::Binary(operator, x, y) => self.binary(id, operator, x, y)?,
             Node::Select(c, x, y) => {
-                let condition = self.truth(c);
-                if matches!(self.known[x.0 as usize], Some(Near::Truth(_))) {
-                    self.tied[id.0 as usize] = [c, x, y].into_iter().any(|x| self.is_tied(x));
-                    let node = Node::Select(condition, self.truth(x), self.truth(y));
-                    return self.graph.make(node).map(Near::Truth);
+                let (condition, at_rest) = self.truth(c);
+                if matches!(self.known[x.0 as usize], Some(Near::Truth(..))) {
+                    let [(x, p), (y, q)] = [self.truth(x), self.truth(y)];
+                    let made = self.graph.make(Node::Select(condition, x, y))?;
+                    return Ok(Near::Truth(made, at_rest.and_then(|c| if c { p } else { q })));
                 }
-                self.choice(id, condition, x, y, self.is_tied(c))?
+                let (x, y) = (self.number(x), self.number(y));
+                self.choice((condition, at_rest), &x, &y)?
             }
             Node::Compare(comparison, x, y) => {
-                return self.compare(id, comparison, x, y).map(Near::Truth);
+                let (x, y) = (self.number(x), self.number(y));
+                let (condition, at_rest) = self.compare(Some(id), comparison, &x, &y)?;
+                return Ok(Near::Truth(condition, at_rest));
             }
-            node @ (Node::And(..) | Node::Or(..) | Node::Not(_)) => {
-                self.tied[id.0 as usize] = node.operands().any(|x| self.is_tied(x));
-                let node = node.map_operands(|x| self.truth(x));
-                return self.graph.make(node).map(Near::Truth);
+            Node::And(x, y) => {
+                let [(x, p), (y, q)] = [self.truth(x), self.truth(y)];
+                let made = self.graph.make(Node::And(x, y))?;
+                return Ok(Near::Truth(made, p.zip(q).map(|(p, q)| p && q)));
             }
-            Node::Truth(_) => return Ok(Near::Truth(id)),
-            Node::Input(_) | Node::Strain(..) => self.opaque(id)?,
+            Node::Or(x, y) => {
+                let [(x, p), (y, q)] = [self.truth(x), self.truth(y)];
+                let made = self.graph.make(Node::Or(x, y))?;
+                return Ok(Near::Truth(made, p.zip(q).map(|(p, q)| p || q)));
+            }
+            Node::Not(x) => {
+                let (x, p) = self.truth(x);
+                return Ok(Near::Truth(self.graph.make(Node::Not(x))?, p.map(|p| !p)));
+            }
+            Node::Truth(holds) => {
+                return Ok(Near::Truth(self.graph.make(Node::Truth(holds))?, Some(holds)));
+            }
+            Node::Input(_) | Node::Strain(..) => self.nothing(),
         }))
+    }
+
+    /// A node with an operand of which nothing is known: a multiple of what is 0 at rest is so, too.
+    fn with_unknown(&mut self, id: NodeId) -> Result<Near, TooManyNodes> {
+        let node = self.source.graph[id];
+        let operands = node.operands().map(|x| self.whole(x));
+        let operands: Vec<NodeId> = operands.collect::<Result<_, _>>()?;
+        let mut codes = operands.into_iter();
+        let made =
+            self.graph.make(node.map_operands(|_| codes.next().expect("one per operand")))?;
+        let vanishes = |x: NodeId| match &self.known[x.0 as usize] {
+            Some(Near::Number(x)) => x.value.is_nothing(),
+            _ => false,
+        };
+        Ok(match node {
+            Node::Compare(..) | Node::And(..) | Node::Or(..) | Node::Not(_) => {
+                Near::Truth(made, None)
+            }
+            Node::Binary(Operator::Multiply, x, y) if vanishes(x) || vanishes(y) => {
+                Near::Number(self.kink(Exact::from(0.0), made))
+            }
+            Node::Binary(Operator::Divide, x, _) if vanishes(x) => {
+                Near::Number(self.kink(Exact::from(0.0), made))
+            }
+            _ => Near::Unknown(made),
+        })
     }
 
     /// `slope . H + rest`, what a node changes by.
@@ -253,7 +309,8 @@ impl<'a> Expander<'a> {
     }
 
     /// Components with one slope are added first: `a*(H11 + H22 + H33)`.
-    fn linear(&mut self, slope: &[f64]) -> Rest {
+    fn linear(&mut self, slope: &[Exact]) -> Rest {
+        let slope: Vec<f64> = slope.iter().map(|a| a.value.to_f64()).collect();
         let mut seen: Vec<f64> = Vec::new();
         let mut total = None;
         for &a in slope.iter().filter(|a| **a != 0.0) {
@@ -263,12 +320,15 @@ impl<'a> Expander<'a> {
             seen.push(a.abs());
             let mut sum = None;
             for (place, b) in slope.iter().enumerate().filter(|(_, b)| b.abs() == a.abs()) {
-                let input = self.graph.input(self.variables[place].change)?;
+                let input = match self.variables.get(place) {
+                    Some(variable) => self.graph.input(variable.change)?,
+                    None => self.kinks[place - self.variables.len()],
+                };
                 let signed =
                     if (*b < 0.0) == (a < 0.0) { input } else { self.graph.negate(input)? };
                 sum = self.sum(sum, Some(signed))?;
             }
-            let term = self.scaled(sum, a)?;
+            let term = self.multiplied(sum, a)?;
             total = self.sum(total, term)?;
         }
         Ok(total)
@@ -281,7 +341,11 @@ impl<'a> Expander<'a> {
         }
     }
 
-    fn scaled(&mut self, x: Option<NodeId>, by: f64) -> Rest {
+    fn scaled(&mut self, x: Option<NodeId>, by: &Exact) -> Rest {
+        self.multiplied(x, by.value.to_f64())
+    }
+
+    fn multiplied(&mut self, x: Option<NodeId>, by: f64) -> Rest {
         match x {
             Some(x) if by != 0.0 => {
                 let by = self.graph.number(by)?;
@@ -302,9 +366,8 @@ impl<'a> Expander<'a> {
     /// function is `d f(1) + f'(1)*(tr(H) + H:H/2)`, and what is left are functions of second order,
     /// `f(1 + e) - f(1) - f'(1)*(e + e^2/2)`: their trace is what a trace stands for near rest.
     fn trace(&mut self, k: u8) -> Result<Expansion, TooManyNodes> {
-        let n = self.variables.len();
         let Some(function) = self.traces.get(usize::from(k)).copied().flatten() else {
-            return Ok(Expansion::constant(f64::NAN, n));
+            return Ok(self.nothing());
         };
         let mut squares = None;
         for varying in self.variables {
@@ -312,14 +375,15 @@ impl<'a> Expander<'a> {
             let square = self.graph.multiply(h, h)?;
             squares = self.sum(squares, Some(square))?;
         }
-        let squares = self.scaled(squares, 0.5 * function.slope)?;
+        let squares = self.multiplied(squares, 0.5 * function.slope())?;
         let beyond = self.graph.input(Input::Trace(k))?;
         let rest = self.sum(squares, Some(beyond))?;
+        let d = Exact::from(dimension(self.variables.len()) as f64);
+        let slope = |v: &Varying| Exact::from(v.at_rest).times(&function.slope);
         Ok(Expansion {
-            value: value_at_rest(self.traces, k, n),
-            slope: self.variables.iter().map(|v| v.at_rest * function.slope).collect(),
+            value: d.times(&function.value),
+            slope: self.variables.iter().map(slope).collect(),
             rest,
-            noise: dimension(n) as f64 * function.noise,
         })
     }
 
@@ -335,13 +399,6 @@ impl<'a> Expander<'a> {
             Operator::Add => self.combination(&p, &q, 1.0),
             Operator::Subtract => self.combination(&p, &q, -1.0),
             Operator::Multiply => self.product(&p, &q),
-            Operator::Divide if q.is_constant() => {
-                let divisor = self.graph.number(q.value)?;
-                let rest = p.rest.map(|rest| self.graph.divide(rest, divisor)).transpose()?;
-                let slope: Vec<f64> = p.slope.iter().map(|a| a / q.value).collect();
-                let noise = (p.noise + U * p.size()) / q.value.abs();
-                Ok(Expansion { value: p.value / q.value, slope, rest, noise })
-            }
             Operator::Divide => {
                 let reciprocal = self.reciprocal(&q)?;
                 self.product(&p, &reciprocal)
@@ -351,8 +408,14 @@ impl<'a> Expander<'a> {
                     Operator::Min => Comparison::LessEqual,
                     _ => Comparison::GreaterEqual,
                 };
-                let condition = self.compare(id, comparison, x, y)?;
-                self.choice(id, condition, x, y, self.is_tied(id))
+                let condition = self.compare(None, comparison, &p, &q)?;
+                self.choice(condition, &p, &q)
+            }
+            Operator::Power if q.is_constant() => self.power(&p, &q.value.value),
+            Operator::Power if p.value.value.is_positive() => {
+                let logarithm = self.smooth(Function::Ln, &p)?;
+                let exponent = self.product(&q, &logarithm)?;
+                self.smooth(Function::Exp, &exponent)
             }
             Operator::Power => self.opaque(id),
         }
@@ -365,108 +428,142 @@ impl<'a> Expander<'a> {
         y: &Expansion,
         sign: f64,
     ) -> Result<Expansion, TooManyNodes> {
-        let value = x.value + sign * y.value;
-        let slope: Vec<f64> = x.slope.iter().zip(&y.slope).map(|(a, b)| a + sign * b).collect();
+        let signed = |b: &Exact| if sign < 0.0 { b.negated() } else { b.clone() };
+        let value = x.value.plus(&signed(&y.value));
+        let slope = x.slopes(y).map(|(a, b)| a.plus(&signed(&b))).collect();
         let rest = match (x.rest, y.rest) {
             (Some(p), Some(q)) if sign < 0.0 => Some(self.graph.subtract(p, q)?),
             (Some(p), Some(q)) => Some(self.graph.add(p, q)?),
             (None, Some(q)) if sign < 0.0 => Some(self.graph.negate(q)?),
             (only, None) | (None, only) => only,
         };
-        let noise = x.noise + y.noise + U * x.size().max(y.size());
-        Ok(Expansion { value, slope, rest, noise })
+        Ok(Expansion { value, slope, rest })
     }
 
     /// `(a + p)*(b + q) = a*b + (a*q + b*p) + p*q` with the changes `p` and `q`.
     fn product(&mut self, x: &Expansion, y: &Expansion) -> Result<Expansion, TooManyNodes> {
-        let slopes = x.slope.iter().zip(&y.slope);
-        let slope: Vec<f64> = slopes.map(|(a, b)| x.value * b + y.value * a).collect();
-        let (first, second) = (self.scaled(y.rest, x.value)?, self.scaled(x.rest, y.value)?);
+        let slope = |(a, b): (Exact, Exact)| x.value.times(&b).plus(&y.value.times(&a));
+        let slope = x.slopes(y).map(slope).collect();
+        let (first, second) = (self.scaled(y.rest, &x.value)?, self.scaled(x.rest, &y.value)?);
         let single = self.sum(first, second)?;
         let (p, q) = (self.change(x)?, self.change(y)?);
         let both = self.times(p, q)?;
         let rest = self.sum(single, both)?;
-        let noise = x.size() * y.noise + y.size() * x.noise + 2.0 * U * x.size() * y.size();
-        let noise = if x.is_constant() || y.is_constant() { noise / 2.0 } else { noise };
-        Ok(Expansion { value: x.value * y.value, slope, rest, noise })
+        Ok(Expansion { value: x.value.times(&y.value), slope, rest })
     }
 
-    /// Equal values at rest are told apart by what they change by.
+    /// Equal values at rest are told apart by what they change by. `as_written` is the same comparison in
+    /// the source.
     fn compare(
         &mut self,
-        id: NodeId,
+        as_written: Option<NodeId>,
         comparison: Comparison,
-        x: NodeId,
-        y: NodeId,
-    ) -> Result<NodeId, TooManyNodes> {
-        let (p, q) = (self.number(x), self.number(y));
-        if (p.value - q.value).abs() > NOTHING * (p.noise + q.noise) {
-            let same = Node::Compare(comparison, self.whole(x)?, self.whole(y)?);
-            return if self.graph.graph()[id] == same { Ok(id) } else { self.graph.make(same) };
+        x: &Expansion,
+        y: &Expansion,
+    ) -> Result<(NodeId, Option<bool>), TooManyNodes> {
+        let difference = x.value.plus(&y.value.negated());
+        if !difference.is_nothing() {
+            let at_rest = Some(comparison.holds(difference.value.to_f64(), 0.0));
+            if let Some(id) = as_written.filter(|id| !self.has_traces[id.0 as usize]) {
+                return Ok((self.source.place[id.0 as usize], at_rest));
+            }
+            let same = Node::Compare(comparison, self.total(x)?, self.total(y)?);
+            return Ok((self.graph.make(same)?, at_rest));
         }
-        self.tied[id.0 as usize] = true;
-        let (p, q) = (self.change(&p)?, self.change(&q)?);
+        let (p, q) = (self.change(x)?, self.change(y)?);
         let zero = self.graph.number(0.0)?;
         let node = Node::Compare(comparison, p.unwrap_or(zero), q.unwrap_or(zero));
-        self.graph.make(node)
+        Ok((self.graph.make(node)?, None))
     }
 
-    /// Branches that agree to first order at rest differ by their rests. Where an energy jumps at rest its
-    /// value there says nothing of those beside it, and it has no form near rest.
+    /// The branch that holds at rest, with what the other one differs by where that holds. Branches that
+    /// meet at rest with two slopes have none there, and their first order is left to the rest. Where an
+    /// energy jumps at rest its value there says nothing of those beside it, and it has no form near rest.
     fn choice(
         &mut self,
-        id: NodeId,
-        condition: NodeId,
-        x: NodeId,
-        y: NodeId,
-        is_tied: bool,
+        (condition, at_rest): (NodeId, Option<bool>),
+        x: &Expansion,
+        y: &Expansion,
     ) -> Result<Expansion, TooManyNodes> {
-        let (p, q) = (self.number(x), self.number(y));
-        let noise = p.noise + q.noise;
-        let agree = |a: f64, b: f64| (a - b).abs() <= NOTHING * noise;
-        let slopes = p.slope.iter().zip(&q.slope).all(|(a, b)| agree(*a, *b));
-        if is_tied && !agree(p.value, q.value) {
-            return Ok(Expansion::constant(f64::NAN, self.variables.len()));
+        let agree = |a: &Exact, b: &Exact| a.plus(&b.negated()).is_nothing();
+        let base = match at_rest {
+            Some(true) => x.clone(),
+            Some(false) => y.clone(),
+            None if !agree(&x.value, &y.value) => return Ok(self.nothing()),
+            None if x.slopes(y).all(|(a, b)| agree(&a, &b)) => x.clone(),
+            None => {
+                let (p, q) = (self.change(x)?, self.change(y)?);
+                let zero = self.graph.number(0.0)?;
+                let node = Node::Select(condition, p.unwrap_or(zero), q.unwrap_or(zero));
+                let change = self.graph.make(node)?;
+                return Ok(self.kink(x.value.clone(), change));
+            }
+        };
+        let base = Expansion { rest: None, ..base };
+        let mut rests = [None, None];
+        for (rest, branch) in rests.iter_mut().zip([x, y]) {
+            let beyond = self.combination(branch, &base, -1.0)?;
+            *rest = Some(self.total(&beyond)?);
         }
-        if !(agree(p.value, q.value) && slopes) {
-            return self.opaque(id);
-        }
-        let zero = self.graph.number(0.0)?;
-        let node = Node::Select(condition, p.rest.unwrap_or(zero), q.rest.unwrap_or(zero));
-        let rest = if p.rest == q.rest { p.rest } else { Some(self.graph.make(node)?) };
-        Ok(Expansion { rest, noise, ..p })
+        let [Some(p), Some(q)] = rests else { return Ok(base) };
+        let rest = Some(self.graph.make(Node::Select(condition, p, q))?);
+        Ok(Expansion { rest, ..base })
     }
 
-    /// A node as it was, with its own value. Where it holds traces, which stand for something else
-    /// near rest, that is its value at rest and its change.
+    /// A value at rest and a change of first order that has no slope there.
+    fn kink(&mut self, value: Exact, change: NodeId) -> Expansion {
+        let known = self.kinks.iter().position(|known| *known == change);
+        let k = known.unwrap_or(self.kinks.len());
+        if known.is_none() {
+            self.kinks.push(change);
+        }
+        let mut kink = self.constant(value);
+        kink.slope.resize(self.variables.len() + k + 1, Exact::from(0.0));
+        kink.slope[self.variables.len() + k] = Exact::from(1.0);
+        kink
+    }
+
+    /// Value and change in one.
+    fn total(&mut self, x: &Expansion) -> Result<NodeId, TooManyNodes> {
+        let value = self.graph.number(x.value.value.to_f64())?;
+        match self.change(x)? {
+            Some(change) => self.graph.add(value, change),
+            None => Ok(value),
+        }
+    }
+
+    /// A node as it was, with its own value. What is 0 at rest has its digits in its change, and where
+    /// a node holds traces, which stand for something else near rest, it is the sum of both.
     fn whole(&mut self, id: NodeId) -> Result<NodeId, TooManyNodes> {
         match self.known[id.0 as usize].clone() {
-            _ if !self.has_traces[id.0 as usize] => Ok(id),
-            Some(Near::Truth(condition)) => Ok(condition),
-            Some(Near::Number(near)) => {
-                let value = self.graph.number(near.value)?;
-                match self.change(&near)? {
-                    Some(change) => self.graph.add(value, change),
-                    None => Ok(value),
-                }
+            Some(Near::Truth(condition, _)) => Ok(condition),
+            Some(Near::Unknown(node)) => Ok(node),
+            Some(Near::Number(near))
+                if self.has_traces[id.0 as usize] || near.value.is_nothing() =>
+            {
+                self.total(&near)
             }
-            None => Ok(id),
+            _ => Ok(self.source.place[id.0 as usize]),
         }
     }
 
     /// A node of which nothing better is known: its change is a difference, as exact as that is.
     fn opaque(&mut self, id: NodeId) -> Result<Expansion, TooManyNodes> {
-        let value = self.at_rest.number(id);
-        let at_rest = self.graph.number(value)?;
-        let node = self.graph.graph()[id];
+        let node = self.source.graph[id];
+        let value_of = |x: NodeId| self.number(x).value;
+        let value = match node {
+            Node::Unary(function, x) => value_of(x).function(function),
+            Node::PowerConstant(x, bits) => value_of(x).power(&Number::from(f64::from_bits(bits))),
+            Node::Binary(Operator::Power, x, y) => value_of(x).power(&value_of(y).value),
+            _ => Exact::new(Number::NONE),
+        };
+        let at_rest = self.graph.number(value.value.to_f64())?;
         let operands = node.operands().map(|x| self.whole(x));
         let operands: Vec<NodeId> = operands.collect::<Result<_, _>>()?;
-        let same = node.operands().eq(operands.iter().copied());
         let mut operands = operands.into_iter();
         let node = node.map_operands(|_| operands.next().expect("one per operand"));
-        let id = if same { id } else { self.graph.make(node)? };
-        let rest = Some(self.graph.subtract(id, at_rest)?);
-        let n = self.variables.len();
-        Ok(Expansion { rest, noise: U * value.abs(), ..Expansion::constant(value, n) })
+        let id = self.graph.make(node)?;
+        let change = self.graph.subtract(id, at_rest)?;
+        Ok(self.kink(value, change))
     }
 }

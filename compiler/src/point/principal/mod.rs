@@ -19,10 +19,11 @@ mod divided;
 pub(super) mod witness;
 
 use super::adjoint::{self, TRACES, Varied};
-use super::near::{FunctionAtRest, function_at_rest};
+use super::near::{FunctionAtRest, Source, function_at_rest};
 use crate::expression::graph;
 use crate::expression::{ExprGraph, Input, Node, NodeId, TooManyNodes};
 use crate::simplify::Simplifier;
+use crate::specialise::folded;
 
 /// A function of a principal stretch, `Stretch(0)`, with what its trace needs.
 pub(super) struct StretchFunction {
@@ -36,14 +37,17 @@ pub(super) struct StretchFunction {
 }
 
 impl StretchFunction {
-    /// The function `root` of `Stretch(0)`.
-    pub(super) fn new(mut graph: Simplifier, root: NodeId) -> Result<Self, TooManyNodes> {
+    /// The function `written` of `Stretch(0)`, in a graph with all digits of its numbers.
+    pub(super) fn new(exact: &Simplifier, written: NodeId) -> Result<Self, TooManyNodes> {
+        let (mut graph, place) = folded(exact.graph(), &[written])?;
+        let root = place[written.0 as usize];
+        let source = Source { graph: exact.graph(), place: &place };
         let by_stretch = |graph: &mut Simplifier, root: NodeId| {
             Ok(adjoint::gradient(graph, root, Varied::Stretch)?[0])
         };
         let first = by_stretch(&mut graph, root)?;
         let second = by_stretch(&mut graph, first)?;
-        let at_rest = function_at_rest(&mut graph, root)?;
+        let at_rest = function_at_rest(&mut graph, source, written)?;
         let beyond = match &at_rest {
             Some(known) => {
                 let rest = match known.rest {
@@ -52,7 +56,7 @@ impl StretchFunction {
                 };
                 let change = graph.input(Input::StretchChange(0))?;
                 let square = graph.multiply(change, change)?;
-                let half = graph.number(0.5 * known.slope)?;
+                let half = graph.number(0.5 * known.slope())?;
                 let quadratic = graph.multiply(half, square)?;
                 let beyond = graph.subtract(rest, quadratic)?;
                 [beyond, by_stretch(&mut graph, beyond)?]
@@ -170,7 +174,7 @@ impl Builder<'_> {
     /// What the second derivatives near rest are counted from.
     fn slope_at_rest(&self, k: usize) -> f64 {
         let known = self.functions[k].at_rest.as_ref().filter(|_| self.near);
-        known.map_or(0.0, |known| known.slope)
+        known.map_or(0.0, |known| known.slope())
     }
 
     /// `f_k'(s_i)`, function by function.

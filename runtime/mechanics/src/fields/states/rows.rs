@@ -18,7 +18,7 @@ use crate::energy::Hessian;
 use crate::geometry::{dot, each};
 use crate::interaction::runs::Runs;
 use crate::interaction::schedule::{Layout, Part, Touched, visit};
-use crate::kernel::Variables;
+use crate::kernel::{Variables, VariablesLaw};
 use crate::pool::{Pool, Taken};
 use crate::vector::are_finite;
 
@@ -102,17 +102,17 @@ impl AlongRows {
             Some(all)
         };
         let integrands = lengths.iter().map(of_vector).collect::<Option<_>>()?;
-        let bonds = Bonds::new(energy, &runs, &lengths)?;
+        let Bonds { linear, bent, at_rest } = Bonds::new(energy, &runs, &lengths)?;
         let room = [0.0; WIDEST];
-        let is_stressed = bonds.linear.iter().any(|x| *x != 0.0);
+        let is_stressed = linear.iter().any(|x| *x != 0.0);
         Some(AlongRows {
             runs,
             integrands,
             n_integrands: laws.len().max(1),
             changing,
-            linear: is_stressed.then(|| [&bonds.linear[..], &room].concat()),
-            bent: [&bonds.bent[..], &room].concat(),
-            at_rest: bonds.at_rest,
+            linear: is_stressed.then_some(linear),
+            bent,
+            at_rest,
             volumes: [&room, energy.body.volumes(), &room].concat(),
             arch: Arch::new(),
             room: Pool::new(),
@@ -340,7 +340,7 @@ impl<const D: usize> Hessian for RowHessian<'_, D> {
     }
 }
 
-/// The energies of bonds, run by run.
+/// The energies of bonds, run by run, with room behind.
 struct Bonds {
     linear: Vec<f64>,
     bent: Vec<f64>,
@@ -350,19 +350,22 @@ struct Bonds {
 impl Bonds {
     /// Nothing where something is not finite.
     fn new(energy: &StateEnergy, runs: &Runs, lengths: &[f64]) -> Option<Bonds> {
-        let numbers = || vec![0.0; energy.neighborhood.n_bonds()];
-        let [mut linear, mut bent, mut at_rest] = [(); 3].map(|()| numbers());
+        let n = energy.neighborhood.n_bonds();
+        let [mut linear, mut bent] = [(); 2].map(|()| vec![0.0; n + WIDEST]);
+        let mut at_rest = vec![Sum::default(); energy.slabs.len()];
         let own = (
-            Part::new(energy.per_bond(1), &mut linear),
-            Part::new(energy.per_bond(1), &mut bent),
-            Part::new(energy.per_bond(1), &mut at_rest),
+            Part::new(energy.per_bond(1), &mut linear[..n]),
+            Part::new(energy.per_bond(1), &mut bent[..n]),
+            Part::new(Layout::Slabs, &mut at_rest),
         );
         visit(&energy.slabs, (), own, |slab, _, (linear, bent, at_rest)| {
-            let all = [linear.into_values(), bent.into_values(), at_rest.into_values()];
+            let all = (linear.into_values(), bent.into_values(), &mut at_rest.into_values()[0]);
             Bonds::of_slab(energy, (runs, lengths), slab, all);
         });
-        let all_finite = [&linear, &bent, &at_rest].iter().all(|x| are_finite(x));
-        let at_rest = Sum::of_products(&at_rest, &vec![1.0; at_rest.len()]).value();
+        let mut all = Sum::default();
+        at_rest.iter().for_each(|sum| all.join(sum));
+        let at_rest = all.value();
+        let all_finite = are_finite(&linear) && are_finite(&bent) && at_rest.is_finite();
         all_finite.then_some(Bonds { linear, bent, at_rest })
     }
 
@@ -370,34 +373,63 @@ impl Bonds {
         energy: &StateEnergy,
         (runs, lengths): (&Runs, &[f64]),
         slab: usize,
-        [linear, bent, at_rest]: [&mut [f64]; 3],
+        (linear, bent, at_rest): (&mut [f64], &mut [f64], &mut Sum),
     ) {
         let Some(law) = &energy.laws.bonds else { return };
         let (m, volumes) = (energy.n_integrals(), energy.body.volumes());
-        let mut work = Vec::new();
+        let mut run_at_rest = AtRest::default();
         let mut bond = 0;
         for run in runs.of_slab(slab) {
             let (i, j, n) = (run.owner as usize, run.other as usize, run.len as usize);
-            let rest = vec![lengths[run.vector as usize]; n];
             for end in [i, j] {
-                let rows = &energy.at_rest[end * m..(end + n) * m];
-                super::by_variables(rows, m, &mut work);
-                let current = [&rest[..], &work].concat();
-                let at = Variables { n, current: &current, change: &vec![0.0; n], given: &rest };
-                let (mut psi, mut slopes) = (vec![0.0; n], vec![0.0; (1 + m) * n]);
-                let mut bends = slopes.clone();
-                law.evaluate(at, &mut psi, &mut slopes);
-                let mut direction = vec![0.0; (1 + m) * n];
-                direction[..n].fill(1.0);
-                law.product(at, &direction, &mut bends);
+                let integrals = &energy.at_rest[end * m..(end + n) * m];
+                run_at_rest.evaluate(&**law, lengths[run.vector as usize], (n, integrals));
+                let AtRest { psi, slopes, bends, .. } = &mut run_at_rest;
                 for k in 0..n {
                     let half = 0.5 * volumes[i + k] * volumes[j + k];
-                    at_rest[bond + k] += half * psi[k];
+                    psi[k] *= half;
                     linear[bond + k] += half * slopes[k];
                     bent[bond + k] += half * 0.5 * bends[k];
                 }
+                psi.resize(n.next_multiple_of(WIDEST), 0.0);
+                at_rest.add(psi);
             }
             bond += n;
         }
+    }
+}
+
+/// The bonds of a run at rest, with what one of their ends has gathered, before their law.
+#[derive(Default)]
+struct AtRest {
+    integrals: Vec<f64>,
+    variables: Vec<f64>,
+    change: Vec<f64>,
+    direction: Vec<f64>,
+    psi: Vec<f64>,
+    /// First derivatives by all variables, and what the length changes them by.
+    slopes: Vec<f64>,
+    bends: Vec<f64>,
+}
+
+impl AtRest {
+    /// Of so many bonds, with the integrals of their ends.
+    fn evaluate(&mut self, law: &dyn VariablesLaw, length: f64, (n, integrals): (usize, &[f64])) {
+        let m = integrals.len() / n;
+        super::by_variables(integrals, m, &mut self.integrals);
+        self.variables.clear();
+        self.variables.resize(n, length);
+        self.variables.extend_from_slice(&self.integrals);
+        self.direction.clear();
+        self.direction.resize(n, 1.0);
+        self.direction.resize((1 + m) * n, 0.0);
+        clear(&mut self.change, n);
+        clear(&mut self.psi, n);
+        clear(&mut self.slopes, (1 + m) * n);
+        clear(&mut self.bends, (1 + m) * n);
+        let (current, change) = (&self.variables[..], &self.change[..]);
+        let at = Variables { n, current, change, given: &current[..n] };
+        law.evaluate(at, &mut self.psi, &mut self.slopes);
+        law.product(at, &self.direction, &mut self.bends);
     }
 }

@@ -3,6 +3,7 @@
 //! Such an energy is known from three numbers at rest, `psi`, `psi'` and `psi''`. Passes over many
 //! interactions may then work it out where they stand, without a kernel.
 
+use crate::density::DensityForm;
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::specialise::ScalarEnergy;
 
@@ -13,6 +14,20 @@ impl ScalarEnergy {
         let degrees = degrees(&self.graph);
         let degree = |root: usize| degrees[self.roots[root].0 as usize];
         (0..3).all(|root| degree(root).is_some_and(|degree| degree as usize + root <= 2))
+    }
+}
+
+impl DensityForm {
+    /// The integrals that psi of a bond holds besides the length, where it is a polynomial of at most
+    /// second degree in that.
+    pub(crate) fn affine_beside(&self) -> Option<Vec<u8>> {
+        let (graph, roots) = self.graph.extract(&[self.psi]);
+        degrees(&graph)[roots[0].0 as usize]?;
+        let integral = |node: Node| match node {
+            Node::Input(Input::Integral(k)) => Some(k),
+            _ => None,
+        };
+        Some(graph.nodes().filter_map(|(_, node)| integral(node)).collect())
     }
 }
 
@@ -61,6 +76,22 @@ mod tests {
         assert_eq!(is_affine("(l - L)^2/L + 3*l"), [Some(true), None]);
         assert_eq!(is_affine("1/2*L*(((l/L)^2 - 1)/2)^2"), [Some(false), Some(true)]);
         assert_eq!(is_affine("exp(-L/delta)*(l^2 - L^2)^2/L^3 + l^2/L"), [Some(false), Some(true)]);
+    }
+
+    #[test]
+    fn energies_of_bonds_are_affine_beside_the_integrals_they_hold() {
+        let beside = |psi: &str| {
+            let integrals = "m = integral(L^2)\ns = integral(l*L)/m";
+            let model = model(&format!("potential p\n{integrals}\npsi(l, m, s) = {psi}"));
+            let values = values(&model, 3, &[]);
+            let (form, _) = model.specialise_gathered(&values, true, Form::Accurate).unwrap();
+            form.unwrap().affine_beside()
+        };
+        assert_eq!(beside("(l - L)^2/m"), Some(vec![0]));
+        assert_eq!(beside("m*L*(l - L)"), Some(vec![0]));
+        assert_eq!(beside("(l - L)^2*ln(s) + l*L").map(|held| held.len()), Some(2));
+        assert_eq!(beside("m*(l - L)^3"), None);
+        assert_eq!(beside("m*ln(l/L)"), None);
     }
 
     /// A law may have the same second derivative everywhere and no affine force: where it has a kink.

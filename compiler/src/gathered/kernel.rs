@@ -8,9 +8,9 @@ use crate::check::MAX_INTEGRALS;
 use crate::density::{DensityForm, Evaluator, listed};
 use crate::expression::Input;
 use crate::expression::number::Number;
-use crate::kernel::Mode;
+use crate::kernel::{Level, Mode};
 use crate::measure::Measure;
-use crate::specialise::CompileError;
+use crate::specialise::{CompileError, Form};
 use crate::written::{Dual, Written};
 
 /// Most variables: the length of a bond and all integrals.
@@ -37,6 +37,8 @@ pub struct GatheredBatch<'a> {
 pub struct GatheredKernel {
     of_bonds: bool,
     n_integrals: usize,
+    /// The integrals that an energy of bonds holds, where it is known to be affine beside them.
+    affine_beside: Option<Vec<u8>>,
     body: Body,
 }
 
@@ -59,15 +61,17 @@ pub(super) fn inputs(of_bonds: bool, n_integrals: usize) -> Vec<Input> {
 impl GatheredKernel {
     pub(super) fn new(
         form: DensityForm,
-        mode: Mode,
+        (mode, which): (Mode, Form),
         written: WrittenGatheredEnergy,
     ) -> Result<GatheredKernel, CompileError> {
         let WrittenGatheredEnergy { of_bonds, n_integrals, .. } = written;
+        let is_fast = mode == Mode::Jit(Level::Fast) && which == Form::Accurate;
+        let affine_beside = if is_fast && of_bonds { form.affine_beside() } else { None };
         let body = match mode {
             Mode::HyperDual => Body::Dual(written),
             _ => Body::Form(Evaluator::new(form, mode)?),
         };
-        Ok(GatheredKernel { of_bonds, n_integrals, body })
+        Ok(GatheredKernel { of_bonds, n_integrals, affine_beside, body })
     }
 
     /// Whether it is an energy of bonds.
@@ -78,6 +82,14 @@ impl GatheredKernel {
     /// The integrals and, of bonds, the length.
     pub fn n_variables(&self) -> usize {
         self.n_integrals + usize::from(self.of_bonds)
+    }
+
+    /// Whether it is an energy of bonds whose derivative by the length is affine in it, and of no other
+    /// integrals than those that are fixed. Known at [`Level::Fast`] only: the other ways are followed to
+    /// the bit.
+    pub fn is_affine_beside(&self, is_fixed: impl Fn(usize) -> bool) -> bool {
+        let held = self.affine_beside.as_ref();
+        held.is_some_and(|held| held.iter().all(|k| is_fixed(usize::from(*k))))
     }
 
     /// psi and, unless it is empty, its gradient.

@@ -167,7 +167,8 @@ impl Model {
             let (made, dropped) = self.specialise_gathered(values, of_bonds, form)?;
             all_dropped.extend(dropped);
             let Some(made) = made else { continue };
-            let kernel = GatheredKernel::new(made, mode, self.written_gathered(values, of_bonds))?;
+            let written = self.written_gathered(values, of_bonds);
+            let kernel = GatheredKernel::new(made, (mode, form), written)?;
             *(if of_bonds { &mut kernels.bonds } else { &mut kernels.points }) = Some(kernel);
         }
         if kernels.points.is_none() && kernels.bonds.is_none() {

@@ -15,7 +15,7 @@ mod inversion;
 mod on_lattice;
 mod pairs;
 mod product;
-mod quadratic;
+pub(crate) mod quadratic;
 mod rows;
 mod runs;
 mod slab;

@@ -87,6 +87,12 @@ pub trait VariablesLaw: Send + Sync {
 
     /// Fills `product` with the second derivatives times `direction`.
     fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]);
+
+    /// Of an energy of bonds: whether its derivative by the length is known to be affine in it, and
+    /// whether it changes with no integral but those that are fixed.
+    fn is_affine_beside(&self, _is_fixed: &dyn Fn(usize) -> bool) -> bool {
+        false
+    }
 }
 
 impl VariablesLaw for Box<dyn VariablesLaw> {
@@ -100,6 +106,10 @@ impl VariablesLaw for Box<dyn VariablesLaw> {
 
     fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]) {
         (**self).product(at, direction, product);
+    }
+
+    fn is_affine_beside(&self, is_fixed: &dyn Fn(usize) -> bool) -> bool {
+        (**self).is_affine_beside(is_fixed)
     }
 }
 
@@ -128,6 +138,10 @@ impl VariablesLaw for piola_compiler::GatheredKernel {
 
     fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]) {
         piola_compiler::GatheredKernel::product(self, gathered(at), direction, product);
+    }
+
+    fn is_affine_beside(&self, is_fixed: &dyn Fn(usize) -> bool) -> bool {
+        piola_compiler::GatheredKernel::is_affine_beside(self, is_fixed)
     }
 }
 

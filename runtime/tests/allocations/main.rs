@@ -13,10 +13,13 @@ mod families;
 mod states;
 
 use std::alloc::System;
+use std::sync::Arc;
 
 use piola_runtime::assembly::{DiscreteEnergy, Laws};
+use piola_runtime::body::Body;
 use piola_runtime::deformation::OperatorOrder;
 use piola_runtime::energy::{Energy, EnergyParts, Products, Term, Total, Wanted};
+use piola_runtime::lattice::{Lattice, Nodes};
 use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::weights::Weights;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -104,9 +107,20 @@ fn cases() -> Vec<Case> {
             }
         }
     }
+    let lattice = lattice(&[26.0, 16.0]);
+    let u = families::displacements(&lattice, &families::h_of(2), 0.01, 9);
+    for (name, energy) in compiled::energies(&lattice, 2.3) {
+        cases.push(Case::new(format!("{name} along rows"), energy, u.clone()));
+    }
     cases.push(sum_of_interactions());
     cases.extend([Products::Exact, Products::OneSided, Products::Central].map(sum));
     cases
+}
+
+fn lattice(upper: &[f64]) -> Arc<Body> {
+    let (lower, upper) = (vec![0.0; upper.len()], upper.to_vec());
+    let points = Lattice { lower, upper, spacing: 1.0, nodes: Nodes::Cells }.points().unwrap();
+    Arc::new(Body::new(2, &points.positions, &points.volumes, Some(1.0)))
 }
 
 /// Interactions and deformation gradients, which add up, with strain from positions.

@@ -8,6 +8,7 @@ mod common;
 mod differences;
 mod mechanics;
 mod reference;
+mod rows;
 #[path = "../shared/differences.rs"]
 mod shared;
 
@@ -57,8 +58,18 @@ pub(crate) fn laws(
     dimension: usize,
     horizon: f64,
 ) -> StateLaws {
+    laws_at(Level::Strict, text, parameters, (dimension, horizon))
+}
+
+/// The same at a level.
+pub(crate) fn laws_at(
+    level: Level,
+    text: &str,
+    parameters: &[(&str, f64)],
+    (dimension, horizon): (usize, f64),
+) -> StateLaws {
     let (model, values) = values(text, parameters, dimension, horizon);
-    let mode = Mode::Jit(Level::Strict);
+    let mode = Mode::Jit(level);
     let kernels = model.compile(&values, mode, Form::Accurate).unwrap().gathered.unwrap();
     StateLaws {
         integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),

@@ -21,18 +21,18 @@ pub(super) const SIGNED: u8 = 2;
 
 /// The energy of interactions that look the same at rest, `rest + t*(linear + bent*t)` in J, where `t`
 /// is how much the measure, or its square, has grown.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Quadratic {
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Quadratic {
     /// The measure at rest.
-    pub(super) reference: f64,
-    rest: f64,
-    linear: f64,
-    bent: f64,
+    pub(crate) reference: f64,
+    pub(crate) rest: f64,
+    pub(crate) linear: f64,
+    pub(crate) bent: f64,
 }
 
 /// A law of which passes need no kernel.
 #[derive(Clone, Copy)]
-pub(super) struct AffineLaw<'a> {
+pub(crate) struct AffineLaw<'a> {
     law: &'a dyn Law,
     /// Whether it is by the square of the measure.
     pub(super) by_square: bool,
@@ -47,9 +47,14 @@ impl<'a> AffineLaw<'a> {
         Some(AffineLaw { law, by_square })
     }
 
+    /// By its measure; nothing where it is not affine in that.
+    pub(crate) fn by_measure(law: &'a dyn Law) -> Option<AffineLaw<'a>> {
+        law.is_affine().then_some(AffineLaw { law, by_square: false })
+    }
+
     /// The energy of interactions of one measure at rest, times what weights have in common; nothing
     /// where psi or a derivative is not finite.
-    pub(super) fn at(self, reference: f64, weight: f64) -> Option<Quadratic> {
+    pub(crate) fn at(self, reference: f64, weight: f64) -> Option<Quadratic> {
         let (at, [mut psi, mut dpsi, mut d2psi]) = ([reference], [[0.0]; 3]);
         let batch = Batch { measure: &at, reference: &at, change: &[0.0] };
         let out = Outputs { psi: &mut psi, dpsi: &mut dpsi, d2psi: &mut d2psi };

@@ -75,10 +75,6 @@ struct Pass<'a, const D: usize> {
 /// finite.
 struct Sweep<'a, const D: usize, const WAY: u8, const PRODUCT: bool>(Pass<'a, D>);
 
-/// As many ones as lanes of a register hold a bond, from so many places before the middle on.
-const ONES_AND_ZEROS: [f64; 2 * WIDEST] =
-    [1., 1., 1., 1., 1., 1., 1., 1., 0., 0., 0., 0., 0., 0., 0., 0.];
-
 impl<const D: usize, const WAY: u8, const PRODUCT: bool> WithSimd for Sweep<'_, D, WAY, PRODUCT> {
     type Output = bool;
 
@@ -134,7 +130,7 @@ impl<const D: usize, const WAY: u8, const PRODUCT: bool> WithSimd for Sweep<'_, 
             }
             if full * Lanes::<S>::WIDTH < len {
                 let rest = len - full * Lanes::<S>::WIDTH;
-                let inside = Lanes::load(simd, &ONES_AND_ZEROS[WIDEST - rest..], 0);
+                let inside = Lanes::ones(simd, rest);
                 step::<S, D, WAY, PRODUCT, true>(simd, &bond, &mut ends, full, inside, &mut out);
             }
         }

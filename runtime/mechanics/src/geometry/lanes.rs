@@ -8,6 +8,11 @@ use std::ops::{Add, Div, Mul, Neg, Sub};
 use pulp::Simd;
 
 use super::Scalar;
+use crate::element::WIDEST;
+
+/// As many ones as one likes and then zeros, from so many places before the middle on.
+const ONES_AND_ZEROS: [f64; 2 * WIDEST] =
+    [1., 1., 1., 1., 1., 1., 1., 1., 0., 0., 0., 0., 0., 0., 0., 0.];
 
 /// One number of each of `S::F64_LANES` interactions.
 #[derive(Clone, Copy, Debug)]
@@ -24,6 +29,12 @@ impl<S: Simd> Lanes<S> {
     #[inline(always)]
     pub fn splat(simd: S, x: f64) -> Self {
         Lanes { simd, numbers: simd.splat_f64s(x) }
+    }
+
+    /// 1 in so many lanes, 0 in those after them.
+    #[inline(always)]
+    pub fn ones(simd: S, n: usize) -> Self {
+        Lanes::load(simd, &ONES_AND_ZEROS[WIDEST - n..], 0)
     }
 
     /// The numbers of a register.

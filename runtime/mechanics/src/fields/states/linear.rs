@@ -164,7 +164,7 @@ impl StateEnergy {
         Seconds { stiffness, mixed, by_states }
     }
 
-    fn seconds_of_points(&self, states: &States, active: &[usize]) -> Vec<f64> {
+    pub(super) fn seconds_of_points(&self, states: &States, active: &[usize]) -> Vec<f64> {
         let (m, a) = (self.n_integrals(), active.len());
         let mut by_states = vec![0.0; self.body.n_points() * a * a];
         let Some(law) = self.laws.points.as_ref().filter(|_| a > 0) else { return by_states };

@@ -9,6 +9,7 @@
 //! | `passes` | what points gather, energies, forces: each bond once |
 //! | `linear` | products with the Hessian from second derivatives at fixed displacements |
 //! | `stiffness` | the same for the stored Hessian, and springs like it |
+//! | `rows`, `sweep` | along the rows of lattices, where laws are affine; the bonds of a slab there |
 //!
 //! The derivative goes the way back (reverse mode): `a_i = dw_i/dI_i`, then each bond has
 //! `t_ij = 1/2 dphi(l, I_i)/dl + sum_k a_ik g_k'` from either end, and the force at a point is
@@ -19,7 +20,9 @@
 
 mod linear;
 mod passes;
+mod rows;
 mod stiffness;
+mod sweep;
 
 use std::sync::{Arc, OnceLock};
 
@@ -37,6 +40,7 @@ use crate::pool::Pool;
 use crate::weights::check_families;
 use linear::Linear;
 use passes::{States, Work};
+use rows::AlongRows;
 use stiffness::StateStiffness;
 
 /// What a potential gathers, and its energies.
@@ -94,6 +98,8 @@ pub struct StateEnergy {
     changing: Vec<usize>,
     /// The others, point by point among all, and 0 for those that change.
     at_rest: Vec<f64>,
+    /// What goes along the rows of a lattice.
+    rows: Option<AlongRows>,
     /// `psi(theta)`, `psi(l, m)`: as the potential writes them, those that are modelled.
     names: Arc<[String]>,
     pattern: OnceLock<Arc<BlockPattern>>,
@@ -146,6 +152,7 @@ impl StateEnergy {
             at_rest: vec![0.0; body.n_points() * n_integrals],
             body,
             neighborhood,
+            rows: None,
             names: laws.names(),
             laws,
             pattern: OnceLock::new(),
@@ -155,6 +162,7 @@ impl StateEnergy {
             work: Pool::new(),
         };
         energy.fix();
+        energy.rows = AlongRows::new(&energy);
         Ok(energy)
     }
 
@@ -201,9 +209,17 @@ impl StateEnergy {
     fn assemble<const D: usize>(
         &self,
         u: &[f64],
-        out: Option<&mut [f64]>,
+        mut out: Option<&mut [f64]>,
         parts: &mut [f64],
     ) -> Result<(), NonFinite> {
+        let has = [self.laws.points.is_some(), self.laws.bonds.is_some()];
+        let along_rows =
+            self.rows.as_ref().and_then(|rows| rows.assemble::<D>(self, u, out.as_deref_mut()));
+        if let Some(energies) = along_rows {
+            let energies = energies.iter().zip(has).filter(|part| part.1);
+            parts.iter_mut().zip(energies).for_each(|(part, (energy, _))| *part = *energy);
+            return Ok(());
+        }
         let order = if out.is_some() { Order::Gradient } else { Order::Energy };
         let states = self.states::<D>(u, order)?;
         if let Some(out) = out {
@@ -211,10 +227,8 @@ impl StateEnergy {
             self.forces::<D>(&states, out);
             self.check::<D>(&states.integrals, u, out)?;
         }
-        let of_points = self.laws.points.as_ref().map(|_| &states.points);
-        let of_bonds = self.laws.bonds.as_ref().map(|_| &states.bonds);
-        let energies = of_points.into_iter().chain(of_bonds);
-        for (part, densities) in parts.iter_mut().zip(energies) {
+        let energies = [&states.points, &states.bonds].into_iter().zip(has).filter(|part| part.1);
+        for (part, (densities, _)) in parts.iter_mut().zip(energies) {
             *part = Sum::of_products(densities, self.body.volumes()).value();
         }
         Ok(())
@@ -228,6 +242,14 @@ impl StateEnergy {
     ) -> Result<(), NonFinite> {
         let assemble = |forces: Option<&mut [f64]>| self.assemble::<D>(u, forces, parts);
         stored::evaluate(wanted, assemble, || StateStiffness::<D>::new(self, u))
+    }
+
+    fn hessian_in<const D: usize>(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
+        if let Some(hessian) = self.rows.as_ref().and_then(|rows| rows.hessian::<D>(self, u)) {
+            return Ok(Box::new(hessian));
+        }
+        let linear = self.finite::<D>(u)?;
+        Ok(Box::new(StateHessian { energy: self, linear, changes: Pool::new() }))
     }
 
     /// Refuses forces that are not finite.
@@ -293,7 +315,11 @@ impl Energy for StateEnergy {
     }
 
     fn report(&self) -> Report {
-        Report::of_families(&self.neighborhood)
+        let mut report = Report::of_families(&self.neighborhood);
+        if self.rows.is_some() {
+            report.ways.push("rows");
+        }
+        report
     }
 
     fn pattern(&self) -> &Arc<BlockPattern> {
@@ -338,11 +364,10 @@ impl Energy for StateEnergy {
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
-        let linear = match self.dimension() {
-            2 => self.finite::<2>(u)?,
-            _ => self.finite::<3>(u)?,
-        };
-        Ok(Box::new(StateHessian { energy: self, linear, changes: Pool::new() }))
+        match self.dimension() {
+            2 => self.hessian_in::<2>(u),
+            _ => self.hessian_in::<3>(u),
+        }
     }
 }
 

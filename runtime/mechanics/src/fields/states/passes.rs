@@ -272,7 +272,7 @@ impl StateEnergy {
     }
 
     /// The energies of points, and their derivatives by the integrals.
-    fn of_points(&self, with_slopes: bool, states: &mut States) {
+    pub(super) fn of_points(&self, with_slopes: bool, states: &mut States) {
         let m = self.n_integrals();
         let Some(law) = self.laws.points.as_ref().filter(|_| m > 0) else { return };
         let work = |((rows, adjoint), energies): ((&[f64], &mut [f64]), &mut [f64])| {
@@ -423,7 +423,7 @@ pub(super) struct Work {
 
 impl Work {
     /// Large enough for every chunk.
-    fn new(energy: &StateEnergy) -> Work {
+    pub(super) fn new(energy: &StateEnergy) -> Work {
         let bonds = CHUNK + energy.neighborhood.most_later();
         let variables = (1 + energy.n_integrals()) * bonds.max(POINTS);
         let numbers = |n: usize| -> Vec<f64> { Vec::with_capacity(n) };

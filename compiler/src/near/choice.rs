@@ -29,7 +29,9 @@ const LOST: (f64, f64) = (48.0, 4.0);
 const STRAINS: [f64; 13] =
     [0.0, 1e-15, 1e-12, 1e-9, 1e-6, 1e-4, 1e-3, 5e-3, 0.02, 0.06, 0.15, 0.3, 0.48];
 /// A strain beside 0.
-const TINY: f64 = 1e-300;
+const TINY: f64 = 1e-30;
+/// A step of an argument, as a share of it, over which a value changes little.
+const STEP: f64 = 1e-3;
 /// Strains up to this are near rest whatever the energy is; what is right beyond is found out.
 const SMALL: f64 = 0.01;
 /// Stretches far from rest.
@@ -201,7 +203,7 @@ impl Sample {
     /// The change tells more than the measure does.
     fn near(reference: f64, strain: f64) -> Sample {
         // So few digits that their product with the reference is exact.
-        let change = f64::from(strain as f32);
+        let change = f64::from_bits(strain.to_bits() & !7);
         let more = reference * change;
         Sample { measure: reference + more, change, exact: [reference, more] }
     }
@@ -209,6 +211,15 @@ impl Sample {
     fn far(reference: f64, stretch: f64) -> Sample {
         let measure = reference * stretch;
         Sample { measure, change: (measure - reference) / reference, exact: [measure, 0.0] }
+    }
+
+    /// A strain near rest, or a stretch far from it, that is larger by a share of itself.
+    fn moved(&self, reference: f64, by: f64) -> Sample {
+        if self.change.abs() < REACH {
+            Sample::near(reference, self.change * (1.0 + by))
+        } else {
+            Sample::far(reference, self.measure / reference * (1.0 + by))
+        }
     }
 }
 
@@ -293,30 +304,33 @@ impl<'a> Samples<'a> {
         let mut lost = Vec::with_capacity(self.samples.len());
         for i in 0..self.samples.len() {
             let (sample, reference) = (&self.samples[i], self.exact.reference);
-            let mut at = |change: f64| -> Vec<f64> {
+            let mut at = |sample: &Sample| -> Vec<f64> {
                 interpreter.run(&small, |input| match input {
                     Input::Current(_) => sample.measure,
                     Input::Reference(_) => reference,
-                    Input::Change(_) => change,
+                    Input::Change(_) => sample.change,
                     _ => f64::NAN,
                 });
                 roots.iter().map(|root| interpreter.number(*root)).collect()
             };
+            let values = at(sample);
             // At a jump either value is right.
+            let mut beside = |strain: f64| at(&Sample::near(reference, strain)).last().copied();
             let is_jump = sample.change == 0.0
-                && [TINY, -TINY].map(|tiny| at(tiny).last().copied())
-                    != [at(0.0).last().copied(); 2];
-            let values = at(sample.change);
+                && [TINY, -TINY].map(&mut beside) != [values.last().copied(); 2];
             if is_jump || values.iter().all(|x| agree(*x, values[0])) {
                 lost.push(vec![false; forms.len()]);
                 continue;
             }
+            let [less, more] = [-STEP, STEP].map(|step| at(&sample.moved(reference, step)));
+            let slopes: Vec<f64> =
+                less.iter().zip(more).map(|(x, y)| (x - y).abs() / (2.0 * STEP)).collect();
             let known = match agreed(&values, self.strain(i).abs() < REACH) {
                 Some(value) => Some(value),
                 None => self.truth(i).map(|truth| truth[order]),
             };
             lost.push(match known {
-                Some(known) if known.is_finite() => compared(&values, known),
+                Some(known) if known.is_finite() => compared(&values, &slopes, known),
                 Some(_) => vec![false; forms.len()],
                 // No form has a value where the energy has none.
                 None => values.iter().map(|x| x.is_finite() && self.strain(i) != 0.0).collect(),
@@ -369,13 +383,16 @@ fn agreed(values: &[f64], is_near: bool) -> Option<f64> {
     }
 }
 
-/// Which values are further from the truth than rounding explains, and than others are.
-fn compared(values: &[f64], truth: f64) -> Vec<bool> {
-    let error = |x: &f64| {
-        let error = (x - truth).abs() / (UNIT_ROUNDOFF * truth.abs());
-        if error.is_nan() { f64::INFINITY } else { error }
-    };
-    let errors: Vec<f64> = values.iter().map(error).collect();
-    let best = errors.iter().copied().fold(f64::INFINITY, f64::min);
-    errors.iter().map(|&error| error > LOST.0 && error > LOST.1 * best).collect()
+/// Which values are further from the truth than rounding them and their argument explains, and than
+/// others are; `slopes` are what the values change by with the logarithm of the argument.
+fn compared(values: &[f64], slopes: &[f64], truth: f64) -> Vec<bool> {
+    let finite = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
+    let off = |x: &f64| finite((x - truth).abs());
+    let best = (0..values.len()).min_by(|i, j| off(&values[*i]).total_cmp(&off(&values[*j])));
+    // The one that is right tells what an argument that is rounded makes of it.
+    let slope = best.map_or(0.0, |best| slopes[best]);
+    let scale = UNIT_ROUNDOFF * truth.abs().max(if slope.is_finite() { slope } else { 0.0 });
+    let errors: Vec<f64> = values.iter().map(|x| finite(off(x) / scale)).collect();
+    let least = errors.iter().copied().fold(f64::INFINITY, f64::min);
+    errors.iter().map(|&error| error > LOST.0 && error > LOST.1 * least).collect()
 }

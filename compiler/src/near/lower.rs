@@ -422,7 +422,8 @@ impl Side<'_> {
                 return Err(Stop::Lost);
             }
             // (-y)^p for a large whole p
-            let turned = self.power(&Self::negated(&node(x)), p)?;
+            let negative = self.id_of(&Self::negated(&node(x)))?;
+            let turned = self.power_of(negative, p, is_whole)?;
             return Ok(if small % 2.0 == 0.0 { turned } else { Self::negated(&turned) });
         }
         let half = small.trunc();

@@ -7,7 +7,7 @@ use super::side::{CHANGE, Id, Kind, Made, ONE, Plain, SAME, Side, Stop, Sum};
 use crate::expression::{Function, Input, NodeId, Operator};
 
 /// Deepest recursion: what nests deeper keeps its form.
-const DEEPEST: usize = 400;
+const DEEPEST: usize = 100;
 
 /// Sums whose next coefficient cancels too are opened this often.
 const OPENED: usize = 3;

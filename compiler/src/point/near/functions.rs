@@ -52,6 +52,9 @@ impl Expander<'_> {
     pub(super) fn smooth(&mut self, function: Function, x: &Expansion) -> Expanded {
         let one = self.constant(Exact::from(1.0));
         let c = &x.value;
+        if !c.value.is_number() {
+            return Ok(self.nothing());
+        }
         match function {
             Function::Expm1 => {
                 let exponential = self.smooth(Function::Exp, x)?;

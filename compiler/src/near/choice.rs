@@ -80,12 +80,12 @@ pub(crate) fn kept(
     exact: &Energy,
     applied: &mut Vec<Applied>,
 ) -> Result<[NodeId; 3], TooManyNodes> {
-    let measure = exact.measure;
-    let dpsi = differentiate(graph, psi, measure)?;
-    let plain = [psi, dpsi, differentiate(graph, dpsi, measure)?];
     if exact.graph.graph().len() > LARGEST {
         return Ok(ruled);
     }
+    let measure = exact.measure;
+    let dpsi = differentiate(graph, psi, measure)?;
+    let plain = [psi, dpsi, differentiate(graph, dpsi, measure)?];
     let forms = near_rest(exact.graph.graph(), &exact.roots, measure, graph)?;
     let mut kept = ruled;
     let mut samples = Samples::new(exact);

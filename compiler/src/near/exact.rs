@@ -102,7 +102,8 @@ impl Exact {
         };
         // An error of the argument moves the value by the slope, which is below these.
         let slope = match function {
-            Function::Exp | Function::Expm1 | Function::Sinh | Function::Cosh => x.size().exp(),
+            Function::Exp | Function::Expm1 => x.exp(),
+            Function::Sinh | Function::Cosh => x.size().exp(),
             Function::Ln => one() / x.only_if(!x.is_zero()),
             Function::Log1p | Function::Log1pmx => one() / (one() + x),
             Function::Tan => one() + &value * &value,

@@ -336,7 +336,7 @@ impl Side<'_> {
         (function, x): (Function, Id),
         k: usize,
     ) -> Made<Option<NodeId>> {
-        let (value, change) = self.at_rest_known(x)?;
+        let (value, change) = self.at_rest(x)?;
         let a = self.order(change)?;
         if k == 0 {
             if let Some(first) = self.small_at_rest(function, &value)? {
@@ -369,17 +369,6 @@ impl Side<'_> {
             }
         }
         Ok(sum)
-    }
-
-    /// The value at rest and the change, each made once.
-    fn at_rest_known(&mut self, x: Id) -> Made<(Coefficient, Id)> {
-        if let Some(change) = self.functions.get(&(Function::Negate, x)) {
-            return Ok((self.nodes[x].series[0].clone(), *change));
-        }
-        let (value, change) = self.at_rest(x)?;
-        // No function of the graph is kept under this name.
-        self.functions.insert((Function::Negate, x), change);
-        Ok((value, change))
     }
 
     /// Whether `phi(c)` is so much smaller than `c phi'(c)` that it is better added up.

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use generator::{Nested, law};
-use piola_compiler::audit::{Place, Settings, audit};
+use piola_compiler::audit::{Place, Regime, Settings, audit};
 use piola_compiler::expression::number::Number;
 use piola_compiler::expression::precise::Precise;
 use piola_compiler::verify::sample::Point;
@@ -54,14 +54,14 @@ impl Found {
 
 #[test]
 fn laws_that_cancel_at_rest_keep_their_digits() {
-    follow(0..100, Bounds { kept: 95, overlooked: 1 });
+    follow(0..100, Bounds { kept: 95, overlooked: 0 });
 }
 
 /// `cargo test --release --workspace --test nested -- --ignored --nocapture`
 #[test]
 #[ignore = "minutes"]
 fn four_hundred_more_laws_that_cancel_at_rest_keep_their_digits() {
-    follow(100..500, Bounds { kept: 8, overlooked: 1 });
+    follow(100..500, Bounds { kept: 368, overlooked: 0 });
 }
 
 fn follow(seeds: Range<u64>, bounds: Bounds) {
@@ -149,7 +149,11 @@ fn look_at(law: &Nested) -> Found {
             worst[order] = larger(worst[order], error / scale, *e);
         }
     }
-    Found { worst, is_fine: audit_is_content(law) }
+    let mut found = Found { worst, is_fine: audit_is_content(law) };
+    // Two points of a regime may miss what twelve find, as many as the program takes.
+    found.is_fine &=
+        found.is_kept() || errors(law, BAR, 12).iter().all(|regime| is_within(&regime.worst));
+    found
 }
 
 fn larger(worst: (f64, f64), error: f64, strain: f64) -> (f64, f64) {
@@ -161,16 +165,12 @@ fn larger(worst: (f64, f64), error: f64, strain: f64) -> (f64, f64) {
 /// that is lost; so it is asked without excuses first. Errors of more than `HOPELESS` have none at a strain
 /// that is drawn at random.
 fn audit_is_content(law: &Nested) -> bool {
-    let errors = |bar: f64| {
-        let settings = Settings { form: Form::Accurate, level: Level::Fast, points: 2, bar };
-        let (mut audits, _) = audit(&law.model, &law.values, &settings).unwrap();
-        audits.swap_remove(0).regimes
-    };
-    let strains = errors(f64::INFINITY).into_iter().filter(|regime| regime.strain.is_some());
+    let raw = errors(law, f64::INFINITY, 2);
+    let strains = raw.into_iter().filter(|regime| regime.strain.is_some());
     if strains.flat_map(|regime| regime.raw).any(|error| error > HOPELESS) {
         return false;
     }
-    errors(BAR).iter().all(|regime| {
+    errors(law, BAR, 2).iter().all(|regime| {
         regime.worst.iter().zip(&regime.at).all(|(error, at)| {
             let is_near = match at {
                 Some(Place::Interaction(point)) => point.change().abs() <= NEAR,
@@ -179,6 +179,17 @@ fn audit_is_content(law: &Nested) -> bool {
             !is_near || *error <= BAR
         })
     })
+}
+
+/// The regimes of the audit of a law, with so many points each.
+fn errors(law: &Nested, bar: f64, points: usize) -> Vec<Regime> {
+    let settings = Settings { form: Form::Accurate, level: Level::Fast, points, bar };
+    let (mut audits, _) = audit(&law.model, &law.values, &settings).unwrap();
+    audits.swap_remove(0).regimes
+}
+
+fn is_within(worst: &[f64; 3]) -> bool {
+    worst.iter().all(|error| *error <= BAR)
 }
 
 /// Strains of both signs from 1e-15 to a quarter, each the exact change of a stretch.

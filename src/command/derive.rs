@@ -1,15 +1,24 @@
 //! `piola derive`: derivatives as text, and every stage on the way to machine code.
 
+use piola_compiler::audit::{self, Lost};
 use piola_compiler::jit::CompiledKernel;
 use piola_compiler::point::gradient_listing;
 use piola_compiler::rewrite::{self, Explanation, Side};
 use piola_compiler::{CompileError, Form, GradientEnergyForms, Specialised, Values, print};
+
+use piola_runtime::output::decimal;
 
 use super::Exit;
 use crate::cli::{Derive, Emit, Format};
 use crate::console;
 use crate::potential::{self, Loaded};
 use crate::render;
+
+/// Points of each regime at which `--explain` looks for what is still lost.
+const POINTS: usize = 6;
+
+/// Largest error in u = 2^-53 that is not called lost.
+const BAR: f64 = 64.0;
 
 pub(super) fn execute(arguments: &Derive) -> Exit {
     let Some(loaded) = potential::load(&arguments.file, Format::Human) else { return Exit::Input };
@@ -111,19 +120,28 @@ fn filled_values(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Optio
 /// Prints what was rewritten, and what it gained.
 fn explain(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Exit {
     let Some(values) = filled_values(loaded, dimension, arguments) else { return Exit::Input };
-    match rewrite::explain(&loaded.model, &values) {
-        Ok(found) if found.is_empty() && loaded.model.has_gradient_energy() => {
-            console::out(
-                "near rest psi(F) is a function of F - I: `piola derive` with values prints it\n",
-            );
-            Exit::Done
-        }
-        Ok(found) if found.is_empty() => {
-            console::out("nothing is rewritten: no difference of nearly equal numbers was found\n");
-            Exit::Done
-        }
-        Ok(found) => {
-            let parts: Vec<String> = found.iter().map(explanation).collect();
+    let settings = audit::Settings {
+        form: Form::Accurate,
+        level: arguments.level.into(),
+        points: POINTS,
+        bar: BAR,
+    };
+    let found = rewrite::explain(&loaded.model, &values);
+    let found =
+        found.and_then(|found| Ok((found, audit::lost(&loaded.model, &values, &settings)?)));
+    match found {
+        Ok((found, lost)) => {
+            let mut parts: Vec<String> = found.iter().map(explanation).collect();
+            if loaded.model.has_gradient_energy() {
+                parts.push(
+                    "near rest psi(F) is a function of F - I: `piola derive` with values prints it, \
+                     `piola audit` says what it keeps\n"
+                        .into(),
+                );
+            }
+            if !loaded.model.measures().is_empty() {
+                parts.push(left(found.is_empty(), &lost));
+            }
             console::out(&parts.join("\n"));
             Exit::Done
         }
@@ -134,10 +152,33 @@ fn explain(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Exit {
     }
 }
 
+/// What is lost in the form that runs.
+fn left(is_as_written: bool, lost: &[Lost]) -> String {
+    if lost.is_empty() {
+        let first =
+            if is_as_written { "nothing is rewritten, and nothing" } else { "nothing else" };
+        return format!(
+            "{first} is lost: psi, psi' and psi'' keep their digits to {BAR} u, near rest and far from it\n"
+        );
+    }
+    let mut out = "what is left\n".to_string();
+    for Lost { argument, cause, at, error } in lost {
+        let (symbol, name) = (argument.symbol(), argument.orders()[cause.order]);
+        out.push_str(&format!(
+            "  {name}({symbol}) is off by {} at a stretch of {}\n    {}\n",
+            units(*error),
+            decimal(at.measure / at.reference),
+            super::verify::advice(cause)
+        ));
+    }
+    out
+}
+
+fn units(error: f64) -> String {
+    if error < 1e4 { format!("{error:.1} u") } else { format!("{error:.1e} u") }
+}
+
 fn explanation(e: &Explanation) -> String {
-    let units = |error: f64| {
-        if error < 1e4 { format!("{error:.1} u") } else { format!("{error:.1e} u") }
-    };
     let cost = |side: &Side| {
         format!("{} operations, {} calls, {:.1} ns", side.operations, side.calls, side.nanoseconds)
     };

@@ -1,7 +1,7 @@
 //! `piola verify`: machine code against the interpreter and hyper-dual numbers.
 
 use piola_compiler::Argument;
-use piola_compiler::verify::{Miss, Subject, Verification, Witness, verify};
+use piola_compiler::verify::{Cause, Miss, Outcome, Subject, Verification, Witness, verify};
 use serde_json::{Value, json};
 
 use super::Exit;
@@ -69,8 +69,10 @@ fn line(file: &str, dimension: usize, found: &Verification) -> Value {
         "measure": found.subject.symbol(),
         "points": found.n_places,
         "passed": found.passed(),
+        "outcome": found.outcome().name(),
         "different_bits": found.different_bits,
         "misses": found.misses.len(),
+        "undecided_by_hyper_dual": found.undecided,
         "worst_error_over_tolerance": found.over_tolerance(),
     });
     if found.errors.len() > 1 {
@@ -104,7 +106,11 @@ fn report(place: &str, found: &Verification) -> String {
             ("points", "largest errors against hyper-dual numbers in u = 2^-53", 0)
         }
     };
-    let verdict = if found.passed() { "passed" } else { "FAILED" };
+    let verdict = match found.outcome() {
+        Outcome::Passed => "passed",
+        Outcome::DigitsLost => "DIGITS LOST",
+        Outcome::Wrong => "WRONG",
+    };
     let bits = match found.different_bits {
         0 => "machine code = interpreter to the last bit".to_string(),
         n => format!("machine code differs from the interpreter at {n} {places}"),
@@ -122,35 +128,163 @@ fn report(place: &str, found: &Verification) -> String {
         found.n_places,
         errors.collect::<Vec<_>>().join("; ")
     );
-    for miss in found.misses.iter().take(5) {
-        out.push_str(&describe(&found.subject, miss));
+    if found.undecided > 0 && !found.passed() {
+        out.push_str(&format!(
+            "        hyper-dual numbers overflow or lose digits at {} {places}: numbers of any precision \
+             decide there\n",
+            found.undecided
+        ));
     }
-    if found.misses.len() > 5 {
-        out.push_str(&format!("        .. and {} more\n", found.misses.len() - 5));
+    match found.outcome() {
+        Outcome::Passed => {}
+        Outcome::DigitsLost => out.push_str(&losses(found)),
+        Outcome::Wrong => {
+            out.push_str(
+                "        this is a defect of piola, not of the potential; please report it\n",
+            );
+            let wrong = || found.misses.iter().filter(|miss| miss.is_wrong);
+            for miss in wrong().take(5) {
+                out.push_str(&describe(&found.subject, miss));
+            }
+            if wrong().count() > 5 {
+                out.push_str(&format!("        .. and {} more\n", wrong().count() - 5));
+            }
+        }
     }
     out
 }
 
+/// Which digits are lost, where, by what, what it means for a run and what to write instead.
+fn losses(found: &Verification) -> String {
+    let mut out =
+        "        the derivatives are right; rounding takes digits of their values:\n".to_string();
+    let orders = found.subject.orders();
+    for order in 0..3 {
+        let misses = || found.misses.iter().filter(|miss| miss.order == order);
+        let Some(worst) = misses().min_by(|x, y| x.digits().total_cmp(&y.digits())) else {
+            continue;
+        };
+        let name = orders[order];
+        out.push_str(&format!(
+            "        {name} keeps {:.0} of 16 digits at {}{}\n",
+            worst.digits(),
+            place_of(&found.subject, worst),
+            range(&found.subject, misses())
+        ));
+        let Some(cause) = found.causes.iter().find(|cause| cause.order == order) else { continue };
+        out.push_str(&format!("          {}\n", advice(cause)));
+    }
+    out.push_str(&format!("        {}\n", cost(found)));
+    out
+}
+
+/// What lost digits change in a run.
+fn cost(found: &Verification) -> String {
+    let largest = |order: usize| {
+        let misses = found.misses.iter().filter(|miss| miss.order == order);
+        misses.map(Miss::relative_error).fold(0.0, f64::max)
+    };
+    let off = |order: usize| match largest(order) {
+        error if error.is_finite() => format!("off by up to {error:.0e} of itself there"),
+        _ => "no finite number there".to_string(),
+    };
+    let [energy, force, tangent] = found.subject.orders();
+    match [1, 2].map(|order| largest(order) > 0.0) {
+        [true, _] => format!("in a run forces are off with it: {force} is {}", off(1)),
+        [false, true] => format!(
+            "in a run forces keep their digits; {tangent} is {}: Newton's method may take more steps, \
+             and arrives at the same place",
+            off(2)
+        ),
+        [false, false] => format!(
+            "in a run forces keep their digits: bodies move as they should, and {energy} in the output \
+             is {}",
+            off(0)
+        ),
+    }
+}
+
+/// At how many other places, and at which strains or stretches, of a measure.
+fn range<'a>(subject: &Subject, misses: impl Iterator<Item = &'a Miss>) -> String {
+    let misses: Vec<&Miss> = misses.collect();
+    let count = misses.len();
+    let Subject::Argument(Argument::Measure(_) | Argument::Square(_)) = subject else {
+        return if count > 1 {
+            format!(", and fewer than it should at {count} places")
+        } else {
+            String::new()
+        };
+    };
+    let stretches = || misses.iter().map(|miss| miss.place[0] / miss.place[1]);
+    let ends = |numbers: &mut dyn Iterator<Item = f64>| {
+        numbers.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
+    };
+    let [low, high] = ends(&mut stretches().map(|stretch| (stretch - 1.0).abs()));
+    if count == 1 {
+        String::new()
+    } else if high < 0.5 {
+        format!(", and too few at {count} points, strains of {low:.0e} to {high:.0e}")
+    } else {
+        let [low, high] = ends(&mut stretches());
+        format!(", and too few at {count} points, stretches of {low:.2e} to {high:.2e}")
+    }
+}
+
+/// What a subexpression does to digits, and what to write instead.
+pub(super) fn advice(cause: &Cause) -> String {
+    let expression = shortened(&cause.expression);
+    match cause.cancelled {
+        _ if cause.overflows => format!(
+            "`{expression}` is too large for a double there: narrow the `domain`, or write it so that \
+             no part of it is larger than the whole"
+        ),
+        Some(digits) if digits >= 1.0 => format!(
+            "{digits:.0} digits cancel in `{expression}`: write what its terms differ by as one expression"
+        ),
+        _ => format!(
+            "`{expression}` magnifies the rounding of what it is made of: keep that small, or narrow \
+             the `domain`"
+        ),
+    }
+}
+
+/// An expression in a line of text.
+fn shortened(expression: &str) -> String {
+    const LONGEST: usize = 160;
+    match expression.char_indices().nth(LONGEST) {
+        None => expression.to_string(),
+        Some((end, _)) => format!("{} ..", &expression[..end]),
+    }
+}
+
 fn describe(subject: &Subject, miss: &Miss) -> String {
-    let numbers = |numbers: &[f64]| match numbers {
-        [number] => format!("{number:e}"),
-        _ => {
-            let numbers: Vec<String> = numbers.iter().map(|x| format!("{x:e}")).collect();
-            format!("({})", numbers.join(", "))
-        }
-    };
-    let (order, symbol) = (subject.orders()[miss.order], subject.symbol());
-    let place = match subject {
-        Subject::Argument(Argument::Measure(measure) | Argument::Square(measure)) => {
-            let (m, rest) = (miss.place[0], miss.place[1]);
-            format!("{symbol} = {m:e}, {} = {rest:e}", measure.reference_symbol())
-        }
-        _ => format!("{symbol} = {}", numbers(&miss.place)),
-    };
+    let (order, place) = (subject.orders()[miss.order], place_of(subject, miss));
     format!(
         "        {order} at {place}: {}, expected {} within {:.1e}\n",
         numbers(&miss.compiled),
         numbers(&miss.expected),
         miss.tolerance
     )
+}
+
+fn numbers(numbers: &[f64]) -> String {
+    match numbers {
+        [number] => format!("{number:e}"),
+        _ => {
+            let numbers: Vec<String> = numbers.iter().map(|x| format!("{x:e}")).collect();
+            format!("({})", numbers.join(", "))
+        }
+    }
+}
+
+/// What the energy is given.
+fn place_of(subject: &Subject, miss: &Miss) -> String {
+    let symbol = subject.symbol();
+    match subject {
+        Subject::Argument(Argument::Measure(measure) | Argument::Square(measure)) => {
+            let (m, rest) = (miss.place[0], miss.place[1]);
+            format!("{symbol} = {m:e}, {} = {rest:e}", measure.reference_symbol())
+        }
+        _ => format!("{symbol} = {}", numbers(&miss.place)),
+    }
 }

@@ -9,9 +9,12 @@
 
 mod condition;
 mod gradient;
+mod lost;
 mod measure;
 mod places;
 mod tensor;
+
+pub use lost::{Lost, lost};
 
 use crate::compile::Kind;
 use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};

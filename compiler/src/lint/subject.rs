@@ -9,10 +9,11 @@ use crate::values::{Setting, Values};
 use crate::verify::sample::{Point, contains};
 
 /// The horizon in m, where values name none.
-const HORIZON: f64 = 1.0;
+const HORIZON: f64 = 2.0;
 
-/// Measures at rest that are tried, over those of the horizon. With 1 alone `ln(l)^2` would pass for `ln(l/L)^2`.
-const REFERENCES: [f64; 2] = [1.0, 0.3];
+/// Lengths at rest that are tried, over the horizon: with one of 1 m alone `ln(l)^2` would pass for
+/// `ln(l/L)^2`, and at the horizon `1 - L/delta` makes an end of every bond.
+const REFERENCES: [f64; 2] = [0.5, 0.15];
 
 /// Values that are tried, in this order, for a parameter without a default.
 const CANDIDATES: [f64; 8] = [1.0, 0.5, 2.0, 0.1, 10.0, 100.0, -1.0, -0.5];
@@ -47,13 +48,13 @@ impl<'m> Subject<'m> {
         };
         let horizon = if values.horizon.is_finite() { values.horizon } else { HORIZON };
         let subjects = specialised.energies.into_iter().map(|energy| {
-            let largest = match energy.measure {
-                Measure::Length => horizon,
-                Measure::Area => horizon * horizon,
-                Measure::Volume => horizon * horizon * horizon,
-            };
-            let of = |part| {
-                let reference = part * largest;
+            let of = |part: f64| {
+                let length = part * horizon;
+                let reference = match energy.measure {
+                    Measure::Length => length,
+                    Measure::Area => length * length,
+                    Measure::Volume => length * length * length,
+                };
                 let (energy, values) = (energy.clone(), values.clone());
                 let stretches = Vec::new();
                 let mut subject = Subject { model, variant, values, energy, reference, stretches };

@@ -37,18 +37,27 @@ pub(crate) fn derivatives(
     direction: &[f64],
 ) -> Option<Vec<f64>> {
     let given = sample.given();
-    let n = given.len();
-    let components = graph::components(dimension(n));
+    let components = graph::components(dimension(given.len()));
     let near = sample.is_near();
+    by_lines(direction, |slope| {
+        written.psi(|c| {
+            let j = components.iter().position(|known| *known == c).unwrap_or(0);
+            let rest = if near { f64::from(u8::from(c % 4 == 0)) } else { 0.0 };
+            Precise::line(given[j], slope(j), rest)
+        })
+    })
+}
+
+/// The same for a function of any variables, from its values along lines: `psi` is given the slope of
+/// each variable.
+pub(crate) fn by_lines(
+    direction: &[f64],
+    psi: impl Fn(&dyn Fn(usize) -> f64) -> Precise<BITS>,
+) -> Option<Vec<f64>> {
+    let n = direction.len();
     let mut all = vec![0.0; 1 + 2 * n];
     for k in 0..n {
-        let along = |sign: f64| {
-            written.psi(|c| {
-                let j = components.iter().position(|known| *known == c).unwrap_or(0);
-                let rest = if near { f64::from(u8::from(c % 4 == 0)) } else { 0.0 };
-                Precise::<BITS>::line(given[j], direction[j] + sign * unit(j, k), rest)
-            })
-        };
+        let along = |sign: f64| psi(&|j| direction[j] + sign * unit(j, k));
         let (plus, minus) = (along(1.0), along(-1.0));
         let ([psi, first, second], [_, other_first, other_second]) =
             (plus.parts()?, minus.parts()?);

@@ -8,11 +8,13 @@
 //! rounding of its argument a hundred times. Where that is missed too, the energy as written has lost its
 //! digits, and numbers of any precision decide, to `1e-14`.
 
+use super::cause::cause;
 use super::sample::{self, Point};
 use super::{Columns, Miss, Subject, UNIT_ROUNDOFF, Verification, Ways, Witness, same_bits, truth};
 use crate::kernel::{Kernel, WrittenEnergy};
 use crate::measure::Argument;
 use crate::model::{Model, Variant};
+use crate::specialise::{CompileError, ScalarEnergy};
 use crate::values::Values;
 
 /// Largest relative error where hyper-dual numbers of the energy as written have lost the digits.
@@ -25,23 +27,40 @@ pub(super) fn verify(
     values: &Values,
     ways: &Ways,
     n: usize,
-) -> Vec<Verification> {
+) -> Result<Vec<Verification>, CompileError> {
+    let energies = model.specialise(values)?.energies;
     let mut found = Vec::new();
     for (k, graph) in ways.interpreted.kernels.iter().enumerate() {
         let measure = graph.measure();
         let points = sample::points(variant, measure, values, n);
         let written = model.written(values, measure);
         let kernels = [&ways.strict.kernels[k], &ways.fast.kernels[k], graph];
-        found.push(verify_kernels(Argument::Measure(measure), kernels, &written, &points));
+        let mut of_measure = verify_kernels(Argument::Measure(measure), kernels, &written, &points);
+        find_causes(&mut of_measure, model, &energies[k]);
+        found.push(of_measure);
         let [Some(strict), Some(fast), Some(graph)] = kernels.map(Kernel::squared) else {
             continue;
         };
         let points: Vec<Point> = points.into_iter().map(Point::squared).collect();
         let kernels = [strict, fast, graph];
         let written = written.of_square();
-        found.push(verify_kernels(Argument::Square(measure), kernels, &written, &points));
+        let mut of_square = verify_kernels(Argument::Square(measure), kernels, &written, &points);
+        if let Some(energy) = model.squared(values, measure) {
+            find_causes(&mut of_square, model, &energy);
+        }
+        found.push(of_square);
     }
-    found
+    Ok(found)
+}
+
+/// Where each order loses its digits, at the place where it keeps the fewest.
+fn find_causes(found: &mut Verification, model: &Model, energy: &ScalarEnergy) {
+    for order in 0..3 {
+        let misses = found.misses.iter().filter(|miss| miss.order == order);
+        let Some(worst) = misses.min_by(|x, y| x.digits().total_cmp(&y.digits())) else { continue };
+        let point = Point { measure: worst.place[0], reference: worst.place[1] };
+        found.causes.extend(cause(model, energy, order, point));
+    }
 }
 
 /// Verifies machine code at the strict level, at the fast one, and the interpreter.
@@ -85,6 +104,7 @@ pub(super) fn compare(
     let size = |order: usize| expected[order].abs().max(compiled[order].abs());
     // Where a derivative passes through zero its rounding is set by the order below it.
     let scales = [size(0), size(1) + size(0) / m, size(2) + size(1) / m];
+    let mut truth = None;
     for order in 0..3 {
         let (x, y) = (compiled[order], expected[order]);
         let mut tolerance = relative * scales[order] + f64::MIN_POSITIVE;
@@ -94,21 +114,35 @@ pub(super) fn compare(
             0.0
         };
         tolerance += magnified;
+        let dual = y;
         let mut y = y;
-        if error_over_tolerance(x, y, tolerance) > 1.0
-            && let Some(truth) = truth::truth(written, point)
-        {
-            y = truth[order];
-            tolerance = PRECISE * y.abs() + magnified;
+        if error_over_tolerance(x, y, tolerance) > 1.0 {
+            truth = truth.or_else(|| truth::truth(written, point));
+            if let Some(truth) = truth {
+                y = truth[order];
+                tolerance = PRECISE * y.abs() + magnified;
+            } else if !dual.is_finite() {
+                // Nobody can say.
+                found.undecided += 1;
+                continue;
+            }
         }
+        let error = |value: f64| (value - y).abs() / (y.abs() + f64::MIN_POSITIVE);
         found.see(0, order, error_over_tolerance(x, y, tolerance), |_| Miss {
             place: vec![point.measure, point.reference],
             order,
             compiled: vec![x],
             expected: vec![y],
             tolerance,
+            is_wrong: Miss::is_wrong(error(x), error(dual)),
         });
     }
+    // Numbers of any precision had the last word.
+    let overruled = |truth: [f64; 3]| {
+        let off = |k: usize| error_over_tolerance(expected[k], truth[k], relative * truth[k].abs());
+        (0..3).any(|k| off(k) > 1.0)
+    };
+    found.undecided += usize::from(truth.is_some_and(overruled));
 }
 
 /// How much psi, psi' and psi'' change when the measure changes by `8 u` of itself, or by `8 u` of

@@ -2,15 +2,18 @@
 //!
 //! Machine code at the strict level must equal the interpreter bit for bit. At every level it must
 //! agree with the energy as written: over hyper-dual numbers and, where these lose the digits, over
-//! numbers of any precision.
+//! numbers of any precision. What misses its tolerance is told apart ([`Outcome`]): a derivative that is
+//! wrong, and digits that rounding takes.
 //!
 //! | module | what |
 //! |---|---|
 //! | `measure` | energies of measures, and of their squares |
 //! | `gradient` | energies of the deformation gradient |
 //! | `gathered` | energies of gathered values |
+//! | `cause` | which subexpression loses digits |
 //! | [`sample`], [`truth`] | points to try energies of measures at, and their values there to any precision |
 
+pub(crate) mod cause;
 mod gathered;
 mod gradient;
 mod measure;
@@ -24,10 +27,41 @@ use crate::model::Model;
 use crate::point::truth::parts;
 use crate::specialise::{CompileError, Dropped, Form};
 use crate::values::Values;
+pub use cause::Cause;
 use sample::Point;
 
 /// Half the distance from 1 to the next number.
 pub const UNIT_ROUNDOFF: f64 = f64::EPSILON / 2.0;
+
+/// A value that is farther off than this part of itself is wrong, where the energy as written keeps its
+/// digits in doubles: rounding takes so many from what subtracts nearly equal numbers, and there the
+/// energy as written loses them as well.
+const WRONG: f64 = 1e-6;
+
+/// The energy as written keeps its digits where it is nearer to the truth by this factor.
+const NEARER: f64 = 1e4;
+
+/// What came out for one energy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Outcome {
+    /// Everything agrees.
+    Passed,
+    /// The derivatives are right, and rounding takes digits of their values.
+    DigitsLost,
+    /// A value is wrong, or machine code is not what was compiled: a defect of the compiler.
+    Wrong,
+}
+
+impl Outcome {
+    /// As it stands in JSON.
+    pub fn name(self) -> &'static str {
+        match self {
+            Outcome::Passed => "passed",
+            Outcome::DigitsLost => "digits-lost",
+            Outcome::Wrong => "wrong",
+        }
+    }
+}
 
 /// What was found for one energy.
 #[derive(Clone, Debug)]
@@ -42,6 +76,11 @@ pub struct Verification {
     pub misses: Vec<Miss>,
     /// The largest errors, against each witness.
     pub errors: Vec<Errors>,
+    /// At how many places hyper-dual numbers of the energy as written overflow or have lost their digits,
+    /// so that numbers of any precision decide.
+    pub undecided: usize,
+    /// Which subexpressions of energies of measures lose the digits, at most one for each order.
+    pub causes: Vec<Cause>,
 }
 
 /// What a verified energy is a function of.
@@ -89,6 +128,29 @@ pub struct Miss {
     pub expected: Vec<f64>,
     /// Largest size of the difference allowed.
     pub tolerance: f64,
+    /// Whether it is wrong, and not a value that has lost digits.
+    pub is_wrong: bool,
+}
+
+impl Miss {
+    /// Whether a value is wrong: off by [`WRONG`] of its size, and hyper-dual numbers are not. Errors are
+    /// parts of the size.
+    fn is_wrong(compiled: f64, dual: f64) -> bool {
+        compiled.is_finite() && compiled > WRONG && NEARER * dual < compiled
+    }
+
+    /// The difference over the size, by the largest components; infinite where a value is no number.
+    pub fn relative_error(&self) -> f64 {
+        let size = |numbers: &[f64]| numbers.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+        let error = size(&difference(&self.compiled, &self.expected)) / size(&self.expected);
+        if self.compiled.iter().all(|x| x.is_finite()) { error } else { f64::INFINITY }
+    }
+
+    /// How many decimal digits are right, of 16.
+    pub fn digits(&self) -> f64 {
+        let digits = -libm::log10(self.relative_error());
+        if digits > 0.0 { digits.min(16.0) } else { 0.0 }
+    }
 }
 
 impl Subject {
@@ -113,12 +175,32 @@ impl Verification {
     fn new(subject: Subject, witnesses: &[(Witness, f64)]) -> Verification {
         let errors = |&(witness, bar): &(Witness, f64)| Errors { witness, largest: [0.0; 3], bar };
         let errors = witnesses.iter().map(errors).collect();
-        Verification { subject, n_places: 0, different_bits: 0, misses: Vec::new(), errors }
+        Verification {
+            subject,
+            n_places: 0,
+            different_bits: 0,
+            misses: Vec::new(),
+            errors,
+            undecided: 0,
+            causes: Vec::new(),
+        }
+    }
+
+    /// What came out. Where no place was tried nothing is known to be right.
+    pub fn outcome(&self) -> Outcome {
+        let is_wrong = self.misses.iter().any(|miss| miss.is_wrong);
+        if self.n_places == 0 || self.different_bits > 0 || is_wrong {
+            Outcome::Wrong
+        } else if self.misses.is_empty() {
+            Outcome::Passed
+        } else {
+            Outcome::DigitsLost
+        }
     }
 
     /// Whether nothing was found.
     pub fn passed(&self) -> bool {
-        self.n_places > 0 && self.different_bits == 0 && self.misses.is_empty()
+        self.outcome() == Outcome::Passed
     }
 
     /// The largest errors in parts of what they may be; at most 1 where nothing misses.
@@ -146,27 +228,44 @@ impl Verification {
     }
 
     /// Holds psi, its gradient and its product with a direction, one after the other, against those of
-    /// a witness. Each counts by its size, the norm or the largest component.
+    /// a witness. Each counts by its size, the norm or the largest component. Hyper-dual numbers tell what
+    /// the energy as written keeps in doubles.
     fn compare(
         &mut self,
         witness: usize,
         place: &[f64],
-        [compiled, expected]: [&[f64]; 2],
+        [compiled, expected, dual]: [&[f64]; 3],
         size: fn(&[f64]) -> f64,
     ) {
         for (order, part) in parts(place.len()).into_iter().enumerate() {
-            let (compiled, expected) = (&compiled[part.clone()], &expected[part]);
-            let difference: Vec<f64> = compiled.iter().zip(expected).map(|(x, y)| x - y).collect();
+            let [compiled, expected, dual] = [compiled, expected, dual].map(|x| &x[part.clone()]);
             let unit = UNIT_ROUNDOFF * size(expected) + f64::MIN_POSITIVE;
-            self.see(witness, order, size(&difference) / unit, |bar| Miss {
+            let error = |found: &[f64]| size(&difference(found, expected)) / unit;
+            let found = error(compiled);
+            self.see(witness, order, found, |bar| Miss {
                 place: place.to_vec(),
                 order,
                 compiled: compiled.to_vec(),
                 expected: expected.to_vec(),
                 tolerance: bar * unit,
+                is_wrong: Miss::is_wrong(UNIT_ROUNDOFF * found, UNIT_ROUNDOFF * error(dual)),
             });
         }
     }
+}
+
+/// Component by component.
+fn difference(x: &[f64], y: &[f64]) -> Vec<f64> {
+    x.iter().zip(y).map(|(x, y)| x - y).collect()
+}
+
+/// Whether psi, gradient and product are each within a bar, in [`UNIT_ROUNDOFF`] of the size of the true
+/// ones, and finite.
+fn is_within(bar: f64, n: usize, [found, truth]: [&[f64]; 2], size: fn(&[f64]) -> f64) -> bool {
+    parts(n).into_iter().all(|part| {
+        let (found, truth) = (&found[part.clone()], &truth[part]);
+        size(&difference(found, truth)) <= bar * UNIT_ROUNDOFF * size(truth) + f64::MIN_POSITIVE
+    })
 }
 
 /// A model compiled in each of the ways that are held against each other.
@@ -197,8 +296,8 @@ pub fn verify(
         interpreted: compiled(Mode::Interpreter)?,
         dual: compiled(Mode::HyperDual)?,
     };
-    let mut found = measure::verify(model, variant, values, &ways, n);
-    found.extend(gathered::verify(variant, &ways, n));
+    let mut found = measure::verify(model, variant, values, &ways, n)?;
+    found.extend(gathered::verify((model, variant), values, &ways, n));
     found.extend(gradient::verify(model, values, &ways, n));
     Ok((found, ways.interpreted.dropped))
 }

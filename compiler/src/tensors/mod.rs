@@ -1,0 +1,96 @@
+//! Energies of the deformation gradient in tensors, as papers write them.
+//!
+//! Before: a syntax tree that was checked. After: psi as a graph of numbers over invariants, such as
+//! `J` and `tr(C)`; `P = dpsi/dF` and its change `A : H` in a direction `H` as sums of products of
+//! tensors with numbers in front. Everything else computes with components: this form is for readers.
+//!
+//! | module | what |
+//! |---|---|
+//! | `read` | from the text to numbers and tensors |
+//! | `algebra` | sums, products, inverses, traces, determinants |
+//! | `calculus` | derivatives by `F`, changes in a direction |
+
+pub(crate) mod algebra;
+mod calculus;
+mod read;
+#[cfg(test)]
+mod tests;
+
+pub(crate) use algebra::{Algebra, Factor, Invariant, Tensor, Term};
+
+use piola_grammar::Ast;
+
+use crate::expression::{Input, NodeId, TooManyNodes};
+use crate::model::Model;
+use crate::values::Values;
+
+/// Most nodes of the graph of numbers: what is longer is no formula for a reader.
+const MAX_NODES: usize = 4000;
+
+/// Why an energy is not written in tensors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum NotInTensors {
+    /// `inv(I + tr(C)*C)`
+    #[error("an inverse or a determinant is taken of a sum with a number that depends on `F`")]
+    VaryingSum,
+    /// `dyad(J, 0, 0)`
+    #[error("a vector of `dyad` depends on `F`")]
+    VaryingVector,
+    /// A choice between tensors.
+    #[error("an `if` chooses between tensors")]
+    Choice,
+    /// Something that only other kinds of energies have.
+    #[error("the energy holds what is no function of `F`")]
+    Foreign,
+    /// More terms than anyone would read.
+    #[error("it would have too many terms")]
+    TooLong,
+}
+
+impl From<TooManyNodes> for NotInTensors {
+    fn from(_: TooManyNodes) -> Self {
+        NotInTensors::TooLong
+    }
+}
+
+/// An energy of the deformation gradient with its derivatives, in tensors.
+#[derive(Clone, Debug)]
+pub struct TensorForm {
+    pub(crate) algebra: Algebra,
+    pub(crate) psi: NodeId,
+    pub(crate) stress: Tensor,
+    /// What the stress changes by where `F` changes by `H`.
+    pub(crate) product: Tensor,
+    /// Numbers that the text gives a name, in its order.
+    pub(crate) named: Vec<(NodeId, String)>,
+}
+
+impl Model {
+    /// The energy of the deformation gradient in tensors, with parameters as symbols unless they have
+    /// values; `ast` is the tree of which this model was made. Nothing where there is no such energy.
+    ///
+    /// # Errors
+    /// An energy that cannot be written so, and why.
+    pub fn in_tensors(
+        &self,
+        ast: &Ast,
+        dimension: usize,
+        values: Option<&Values>,
+    ) -> Result<Option<TensorForm>, NotInTensors> {
+        if !self.has_gradient_energy() {
+            return Ok(None);
+        }
+        let fold = |input| match (values, input) {
+            (Some(values), Input::Parameter(i)) => values.parameters.get(usize::from(i)).copied(),
+            (Some(values), Input::Horizon) => Some(values.horizon),
+            _ => None,
+        };
+        let read::Read { mut algebra, psi, named } = read::energy(ast, dimension, &fold)?;
+        let stress = algebra.stress(psi)?;
+        let product = algebra.rate(&stress)?;
+        if algebra.graph.graph().len() > MAX_NODES {
+            return Err(NotInTensors::TooLong);
+        }
+        Ok(Some(TensorForm { algebra, psi, stress, product, named }))
+    }
+}

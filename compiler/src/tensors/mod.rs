@@ -14,7 +14,7 @@ pub(crate) mod algebra;
 mod calculus;
 mod read;
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;
 
 pub(crate) use algebra::{Algebra, Factor, Invariant, Tensor, Term};
 

@@ -7,7 +7,6 @@ mod c;
 mod gradient;
 mod latex;
 mod listing;
-mod monomial;
 mod number;
 mod tensor;
 #[cfg(test)]

@@ -1,10 +1,10 @@
 //! Numbers of a tensor form in LaTeX: invariants, parameters and functions of the right stretch tensor.
 
 use super::latex::Latex;
-use super::monomial::{Exponent, Monomial, Ratio, Sums};
 use super::tensor::word;
 use super::{Binding, Notation, Piece};
 use crate::expression::{Function, Input, Node, NodeId, Operator};
+use crate::tensors::monomial::{Exponent, Monomial, Ratio, Sums};
 use crate::tensors::{Factor, Invariant, TensorForm};
 
 /// Sets the numbers of a form.
@@ -19,14 +19,20 @@ impl Numbers<'_> {
     /// The terms of a node with their signs; of one that has a symbol, what that stands for.
     pub(super) fn definition(&self, node: NodeId) -> Vec<(bool, Piece)> {
         let is_named = |node| self.symbols.iter().any(|(known, _)| *known == node);
-        let is_multiplied_out = |node: NodeId| {
-            let graph = self.form.algebra.graph.graph();
-            let Node::Input(Input::Variable(k)) = graph[node] else { return false };
-            self.form.algebra.invariants[usize::from(k)] == Invariant::Jacobian
+        let algebra = &self.form.algebra;
+        let sums = Sums {
+            graph: algebra.graph.graph(),
+            is_named: &is_named,
+            is_multiplied_out: &|node| algebra.is_jacobian(node),
+            are_numbers_multiplied_out: false,
         };
-        let graph = self.form.algebra.graph.graph();
-        let sums = Sums { graph, is_named: &is_named, is_multiplied_out: &is_multiplied_out };
         let terms = sums.terms_of(node);
+        if let [only] = &terms[..]
+            && only.factors[..] == [(node, Exponent::ONE)]
+            && only.coefficient == Ratio::ONE
+        {
+            return vec![(false, self.meaning(node))];
+        }
         let tensor = terms.iter().any(|term| self.is_tensor(term));
         terms.iter().map(|term| self.monomial(term, tensor)).collect()
     }
@@ -146,7 +152,10 @@ impl Numbers<'_> {
         };
         let number = match exponent.number {
             number if number.is_zero() => String::new(),
-            number if number.numerator < 0.0 => format!(" {}", inline(number)),
+            number if number.numerator < 0.0 => {
+                let size = Ratio { numerator: -number.numerator, ..number };
+                format!(" - {}", inline(size))
+            }
             number => format!(" + {}", inline(number)),
         };
         format!("{sign}{count}{text}{over}{number}")
@@ -157,6 +166,11 @@ impl Numbers<'_> {
         if let Some((_, symbol)) = self.symbols.iter().find(|(known, _)| *known == node) {
             return Piece::atom(symbol.clone());
         }
+        self.meaning(node)
+    }
+
+    /// The same, whether or not it has a symbol.
+    fn meaning(&self, node: NodeId) -> Piece {
         let piece = |x| self.piece(x);
         match self.form.algebra.graph.graph()[node] {
             Node::Input(Input::Variable(k)) => self.invariant(usize::from(k)),
@@ -173,9 +187,8 @@ impl Numbers<'_> {
             Node::Or(x, y) => self.latex.or(self.base(x), self.base(y)),
             Node::Not(x) => self.latex.not(self.base(x)),
             Node::Select(c, x, y) => self.latex.select(self.base(c), piece(x), piece(y)),
-            Node::Truth(_) | Node::Strain(..) | Node::PowerConstant(..) | Node::Binary(..) => {
-                self.piece(node)
-            }
+            Node::Truth(holds) => Piece::atom(if holds { r"\top" } else { r"\bot" }),
+            Node::Strain(..) | Node::PowerConstant(..) | Node::Binary(..) => self.piece(node),
         }
     }
 

@@ -129,7 +129,7 @@ fn kinematics(numbers: &Numbers<'_>, needed: &[bool]) -> Vec<String> {
     }
     if of_stretch {
         say(
-            r"\mathrm{D} g(\boldsymbol{U})",
+            r"\mathrm{D}\left[g(\boldsymbol{U})\right]",
             concat!(
                 r"\sum_{i,j} \frac{g(s_i) - g(s_j)}{s_i^2 - s_j^2} \left(\boldsymbol{N}_i \cdot ",
                 r"\dot{\boldsymbol{C}} \boldsymbol{N}_j\right) \boldsymbol{N}_i \otimes ",

@@ -1,6 +1,7 @@
 //! Tensors as sums of products of letters, such as `2*F*C - tr(C)*F`, and the numbers made of them.
 
 use super::NotInTensors;
+use super::monomial::Sums;
 use crate::expression::{ExprGraph, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::simplify::Simplifier;
 
@@ -285,6 +286,34 @@ impl Algebra {
     /// An operation on numbers.
     pub(crate) fn operation(&mut self, operator: Operator, x: NodeId, y: NodeId) -> Number {
         Ok(self.graph.make(Node::Binary(operator, x, y))?)
+    }
+
+    /// Whether a node is `J`.
+    pub(crate) fn is_jacobian(&self, node: NodeId) -> bool {
+        let Node::Input(Input::Variable(k)) = self.graph.graph()[node] else { return false };
+        self.invariants[usize::from(k)] == Invariant::Jacobian
+    }
+
+    /// The same tensor with its coefficients as sums of products, in which some nodes stay.
+    pub(crate) fn tidied(&mut self, mut tensor: Tensor, kept: &[NodeId]) -> Made {
+        for term in tensor.iter_mut().filter(|term| !kept.contains(&term.coefficient)) {
+            let sums = Sums {
+                graph: self.graph.graph(),
+                is_named: &|node| kept.contains(&node),
+                is_multiplied_out: &|node| self.is_jacobian(node),
+                are_numbers_multiplied_out: true,
+            };
+            let monomials = sums.terms_of(term.coefficient);
+            let mut sum = self.graph.number(0.0)?;
+            for monomial in monomials {
+                let part = monomial.node(&mut self.graph)?;
+                sum = self.graph.add(sum, part)?;
+            }
+            term.coefficient = sum;
+        }
+        let graph = self.graph.graph();
+        tensor.retain(|term| graph.as_number(term.coefficient) != Some(0.0));
+        Ok(tensor)
     }
 
     fn refuse_varying(&self, x: &Tensor) -> Result<(), NotInTensors> {

@@ -8,10 +8,12 @@
 //! |---|---|
 //! | `read` | from the text to numbers and tensors |
 //! | `algebra` | sums, products, inverses, traces, determinants |
+//! | `monomial` | numbers as sums of products of powers |
 //! | `calculus` | derivatives by `F`, changes in a direction |
 
 pub(crate) mod algebra;
 mod calculus;
+pub(crate) mod monomial;
 mod read;
 #[cfg(test)]
 pub(crate) mod tests;
@@ -86,8 +88,13 @@ impl Model {
             _ => None,
         };
         let read::Read { mut algebra, psi, named } = read::energy(ast, dimension, &fold)?;
+        let mut kept: Vec<NodeId> = named.iter().map(|(node, _)| *node).collect();
         let stress = algebra.stress(psi)?;
+        // What cancels in a factor is not differentiated.
+        let stress = algebra.tidied(stress, &kept)?;
+        kept.extend(stress.iter().map(|term| term.coefficient));
         let product = algebra.rate(&stress)?;
+        let product = algebra.tidied(product, &kept)?;
         if algebra.graph.graph().len() > MAX_NODES {
             return Err(NotInTensors::TooLong);
         }

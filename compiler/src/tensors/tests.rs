@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::Path;
 
+use num_dual::Dual2_64;
+
 use super::algebra::{Factor, Invariant, Tensor};
 use super::{NotInTensors, TensorForm};
 use crate::expression::interpret::Interpreter;
@@ -13,9 +15,9 @@ use crate::test_support::values;
 use crate::verify::sample::Random;
 use crate::{Model, Values, check_text};
 
-/// Largest error in units of the rounding error of the norm of what is compared: terms of an energy near
-/// rest cancel, and principal axes are those of an iteration.
-const MOST: f64 = 1e4;
+/// Largest errors of psi, P and A : H in units of the rounding error of their norms. Terms of psi cancel
+/// where it is small; they are 1772, 149 and 108.
+const MOST: [f64; 3] = [4e3, 500.0, 500.0];
 
 /// A symmetric tensor as eigenvalues and axes, by Jacobi's rotations.
 fn axes(symmetric: &[f64]) -> (Vec<f64>, Vec<f64>) {
@@ -110,15 +112,24 @@ impl<'a> Place<'a> {
     }
 
     fn at(&self, node: NodeId, stretch: f64) -> f64 {
-        let mut interpreter = Interpreter::<f64>::new();
+        self.slope_at(node, stretch).0
+    }
+
+    /// A number and its derivative by the principal stretch.
+    fn slope_at(&self, node: NodeId, stretch: f64) -> (f64, f64) {
+        let mut interpreter = Interpreter::<Dual2_64>::new();
+        let number = Dual2_64::from_re;
         interpreter.run(self.form.algebra.graph.graph(), |input| match input {
-            Input::Variable(k) => self.invariants.get(usize::from(k)).copied().unwrap_or(f64::NAN),
-            Input::Parameter(i) => self.values.parameters[usize::from(i)],
-            Input::Stretch(_) => stretch,
-            Input::Horizon => self.values.horizon,
-            _ => f64::NAN,
+            Input::Variable(k) => {
+                number(self.invariants.get(usize::from(k)).copied().unwrap_or(f64::NAN))
+            }
+            Input::Parameter(i) => number(self.values.parameters[usize::from(i)]),
+            Input::Stretch(_) => number(stretch).derivative(),
+            Input::Horizon => number(self.values.horizon),
+            _ => number(f64::NAN),
         });
-        interpreter.number(node)
+        let found = interpreter.number(node);
+        (found.re, found.v1)
     }
 
     fn tensor(&self, tensor: &Tensor) -> Vec<f64> {
@@ -176,9 +187,8 @@ impl<'a> Place<'a> {
                 for k in 0..d * d {
                     let (i, j) = (k / d, k % d);
                     inside[k] *= if i == j {
-                        let (s, step) = (squares[i].sqrt(), 1e-5);
-                        let slope = self.at(*function, s + step) - self.at(*function, s - step);
-                        slope / (2.0 * step) / (2.0 * s)
+                        let s = squares[i].sqrt();
+                        self.slope_at(*function, s).1 / (2.0 * s)
                     } else {
                         (at(i) - at(j)) / (squares[i] - squares[j])
                     };
@@ -203,10 +213,6 @@ pub(crate) fn potentials() -> Vec<(String, String)> {
         (path.file_stem().unwrap().display().to_string(), fs::read_to_string(path).unwrap())
     };
     piola.map(text).filter(|(_, text)| text.contains("psi(F)")).collect()
-}
-
-fn is_of_stretch(form: &TensorForm) -> bool {
-    form.algebra.invariants.iter().any(|known| matches!(known, Invariant::OfStretch(_)))
 }
 
 pub(crate) fn some_values(model: &Model, dimension: usize) -> Values {
@@ -243,10 +249,6 @@ fn errors(text: &str, dimension: usize) -> Result<[f64; 3], NotInTensors> {
         }
     }
     assert!(n_places >= 20, "{n_places}");
-    // A difference stands for the slope of a function of `U`.
-    if is_of_stretch(&form) {
-        worst[2] /= 1e3;
-    }
     Ok(worst)
 }
 
@@ -260,7 +262,8 @@ fn the_tensor_form_is_the_energy() {
             match errors(text, dimension) {
                 Ok(errors) => {
                     println!("{name} {dimension}D: {errors:.0?}");
-                    assert!(errors.iter().all(|e| *e < MOST), "{name} {dimension}D: {errors:?}");
+                    let kept = errors.iter().zip(MOST).all(|(error, most)| *error < most);
+                    assert!(kept, "{name} {dimension}D: {errors:?}");
                     n_forms += 1;
                 }
                 Err(reason) => panic!("{name} {dimension}D: {reason}"),

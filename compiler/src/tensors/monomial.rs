@@ -1,22 +1,23 @@
 //! Numbers as sums of products of powers: how a formula is set, whatever the order of its operations.
 
-use crate::expression::{ExprGraph, Function, Node, NodeId, Operator};
+use crate::expression::{ExprGraph, Function, Node, NodeId, Operator, TooManyNodes};
+use crate::simplify::Simplifier;
 
 /// Largest denominator of a fraction that a number is recognised as.
 const LARGEST_DENOMINATOR: u32 = 12;
 
 /// A number over another, both whole where that is so.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Ratio {
-    pub(super) numerator: f64,
-    pub(super) denominator: f64,
+pub(crate) struct Ratio {
+    pub(crate) numerator: f64,
+    pub(crate) denominator: f64,
 }
 
 impl Ratio {
-    pub(super) const ONE: Ratio = Ratio { numerator: 1.0, denominator: 1.0 };
+    pub(crate) const ONE: Ratio = Ratio { numerator: 1.0, denominator: 1.0 };
 
     /// `0.6666666666666666` as 2/3; a number with few decimals as it is.
-    pub(super) fn of(value: f64) -> Ratio {
+    pub(crate) fn of(value: f64) -> Ratio {
         let whole = Ratio { numerator: value, denominator: 1.0 };
         if value.fract() == 0.0 || !value.is_finite() {
             return whole;
@@ -61,24 +62,28 @@ impl Ratio {
         Ratio { numerator, denominator: self.denominator * other.denominator }.reduced()
     }
 
-    pub(super) fn is_zero(self) -> bool {
+    fn node(self, graph: &mut Simplifier) -> Result<NodeId, TooManyNodes> {
+        graph.number(self.numerator / self.denominator)
+    }
+
+    pub(crate) fn is_zero(self) -> bool {
         self.numerator == 0.0
     }
 
-    pub(super) fn is_whole(self) -> bool {
+    pub(crate) fn is_whole(self) -> bool {
         self.denominator == 1.0 && self.numerator.fract() == 0.0
     }
 }
 
 /// A number plus a multiple of something that has no value yet.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Exponent {
-    pub(super) number: Ratio,
-    pub(super) symbol: Option<(Ratio, NodeId)>,
+pub(crate) struct Exponent {
+    pub(crate) number: Ratio,
+    pub(crate) symbol: Option<(Ratio, NodeId)>,
 }
 
 impl Exponent {
-    pub(super) const ONE: Exponent = Exponent { number: Ratio::ONE, symbol: None };
+    pub(crate) const ONE: Exponent = Exponent { number: Ratio::ONE, symbol: None };
 
     fn of(graph: &ExprGraph, node: NodeId) -> Exponent {
         let itself = Exponent { number: Ratio::of(0.0), symbol: Some((Ratio::ONE, node)) };
@@ -130,9 +135,9 @@ impl Exponent {
 
 /// A number times powers.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Monomial {
-    pub(super) coefficient: Ratio,
-    pub(super) factors: Vec<(NodeId, Exponent)>,
+pub(crate) struct Monomial {
+    pub(crate) coefficient: Ratio,
+    pub(crate) factors: Vec<(NodeId, Exponent)>,
 }
 
 impl Monomial {
@@ -162,6 +167,22 @@ impl Monomial {
         self
     }
 
+    /// Makes a node of it.
+    pub(crate) fn node(&self, graph: &mut Simplifier) -> Result<NodeId, TooManyNodes> {
+        let mut product = self.coefficient.node(graph)?;
+        for (base, Exponent { number, symbol }) in &self.factors {
+            let mut exponent = number.node(graph)?;
+            if let Some((factor, node)) = symbol {
+                let factor = factor.node(graph)?;
+                let part = graph.multiply(factor, *node)?;
+                exponent = graph.add(part, exponent)?;
+            }
+            let power = graph.binary(Operator::Power, *base, exponent)?;
+            product = graph.multiply(product, power)?;
+        }
+        Ok(product)
+    }
+
     fn has_the_factors_of(&self, other: &Monomial) -> bool {
         self.factors.len() == other.factors.len()
             && self.factors.iter().all(|factor| other.factors.contains(factor))
@@ -169,17 +190,19 @@ impl Monomial {
 }
 
 /// Reads a graph as sums of products.
-pub(super) struct Sums<'a> {
-    pub(super) graph: &'a ExprGraph,
+pub(crate) struct Sums<'a> {
+    pub(crate) graph: &'a ExprGraph,
     /// Whether a node has a name, and is not looked into.
-    pub(super) is_named: &'a dyn Fn(NodeId) -> bool,
+    pub(crate) is_named: &'a dyn Fn(NodeId) -> bool,
     /// Whether powers of this node are multiplied into a sum: `J*(a/J + b) = a + b*J`.
-    pub(super) is_multiplied_out: &'a dyn Fn(NodeId) -> bool,
+    pub(crate) is_multiplied_out: &'a dyn Fn(NodeId) -> bool,
+    /// Whether numbers are multiplied into a sum: `2*(a + b) = 2*a + 2*b`.
+    pub(crate) are_numbers_multiplied_out: bool,
 }
 
 impl Sums<'_> {
     /// The terms of a node, even of one with a name.
-    pub(super) fn terms_of(&self, root: NodeId) -> Vec<Monomial> {
+    pub(crate) fn terms_of(&self, root: NodeId) -> Vec<Monomial> {
         let mut terms: Vec<Monomial> = Vec::new();
         for term in self.inside(root) {
             match terms.iter_mut().find(|known| known.has_the_factors_of(&term)) {
@@ -226,7 +249,8 @@ impl Sums<'_> {
         let mut outer = product.clone();
         let (sum, _) = outer.factors.remove(sum);
         let multiplied = |(node, _): &(NodeId, Exponent)| (self.is_multiplied_out)(*node);
-        if outer.factors.is_empty() || !outer.factors.iter().all(multiplied) {
+        let number = outer.factors.is_empty() && !self.are_numbers_multiplied_out;
+        if number || !outer.factors.iter().all(multiplied) {
             return vec![product];
         }
         self.terms(sum).into_iter().map(|term| term.times(&outer)).collect()

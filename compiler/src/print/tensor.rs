@@ -12,7 +12,7 @@ use crate::tensors::{Factor, Invariant, Tensor, TensorForm, Term};
 const LONGEST_COEFFICIENT: usize = 40;
 
 /// Longer sums go on in the next row.
-const LONGEST_ROW: usize = 170;
+const LONGEST_ROW: usize = 280;
 
 /// psi, `P = dpsi/dF` and `A : H`, what P changes by where F changes by H, as an `align*` environment
 /// (package `amsmath`), and what their symbols mean.
@@ -21,6 +21,13 @@ pub fn tensor_latex(model: &Model, form: &TensorForm) -> String {
     let mut numbers = Numbers { form, latex: Latex { names }, symbols: Vec::new() };
     let written = form.named.iter().filter(|(node, _)| *node != form.psi);
     numbers.symbols = written.map(|(node, name)| (*node, Latex::symbol(name))).collect();
+    for (node, name) in &form.rates {
+        let symbol = Latex::symbol(name);
+        let (stem, index) = symbol.split_at(symbol.find("_{").unwrap_or(symbol.len()));
+        if numbers.symbols.iter().all(|(known, _)| known != node) {
+            numbers.symbols.push((*node, format!(r"\dot{{{stem}}}{index}")));
+        }
+    }
     let n_written = numbers.symbols.len();
     let stem = stem(model, form);
     let mut number = 0;

@@ -67,7 +67,7 @@ fn sums_of_products_are_the_numbers_they_were_read_from() {
 }
 
 #[test]
-fn every_potential_is_printed_in_a_few_rows() {
+fn every_potential_is_printed_in_less_than_its_components() {
     let count = |latex: &str, what: &str| latex.matches(what).count();
     for (name, text) in potentials() {
         let latex = printed(&text);
@@ -76,7 +76,7 @@ fn every_potential_is_printed_in_a_few_rows() {
         assert_eq!(count(&latex, r"\left"), count(&latex, r"\right"), "{latex}");
         assert_eq!(count(&latex, r"\begin{cases}"), count(&latex, r"\end{cases}"), "{latex}");
         assert!(!latex.contains("NaN") && !latex.contains("nan"), "{latex}");
-        assert!(latex.lines().count() <= 45, "{name}:\n{latex}");
+        assert!(latex.lines().count() <= 70, "{name}:\n{latex}");
     }
 }
 
@@ -100,21 +100,21 @@ fn neo_hooke_is_printed_as_in_a_textbook() {
 #[test]
 fn stresses_are_sums_of_tensors() {
     let stress = |energy: &str| {
-        let parameters = "parameter a\nparameter b\nparameter n";
+        let parameters = "parameter k\nparameter b\nparameter n";
         let latex = printed(&format!("potential p\ndimensions 3\n{parameters}\npsi(F) = {energy}"));
         let row = latex.lines().find_map(|line| line.trim().strip_prefix(r"\boldsymbol{P} &= "));
         row.unwrap().trim_end_matches(r" \\").replace(r"\boldsymbol", "").replace(r" \,", "")
     };
-    assert_eq!(stress("a*tr(C)"), "2 a {F}");
-    assert_eq!(stress("a*(C : C)"), "4 a {F} {C}");
-    assert_eq!(stress("a*tr(inv(C))"), "-2 a {F} {C}^{-2}");
-    assert_eq!(stress("a*det(C)"), r"2 a J^{2} {F}^{-\mathsf{T}}");
-    assert_eq!(stress("a*(F : F) + b*det(F'*F)"), r"2 a {F} + 2 b J^{2} {F}^{-\mathsf{T}}");
-    assert_eq!(stress("a*tr(U^n)"), "a n {F} {U}^{n - 2}");
-    assert_eq!(stress("a*tr(ln(U)^2)"), r"2 a {F} {U}^{-2} \ln\left({U}\right)");
-    assert_eq!(stress("a*(C : dyad(1, 0, 0))"), "2 a {F} {M}");
-    assert_eq!(stress("a*tr(dev(E)^2)"), r"2 a {F} \operatorname{dev}\left({E}\right)");
-    assert_eq!(stress("a*tr((U - I)^2)"), r"2 a {F} {U}^{-1} \left({U} - {I}\right)");
+    assert_eq!(stress("k*tr(C)"), "2 k {F}");
+    assert_eq!(stress("k*(C : C)"), "4 k {F} {C}");
+    assert_eq!(stress("k*tr(inv(C))"), "-2 k {F} {C}^{-2}");
+    assert_eq!(stress("k*det(C)"), r"2 k J^{2} {F}^{-\mathsf{T}}");
+    assert_eq!(stress("k*(F : F) + b*det(F'*F)"), r"2 k {F} + 2 b J^{2} {F}^{-\mathsf{T}}");
+    assert_eq!(stress("k*tr(U^n)"), "k n {F} {U}^{n - 2}");
+    assert_eq!(stress("k*tr(ln(U)^2)"), r"2 k {F} {U}^{-2} \ln\left({U}\right)");
+    assert_eq!(stress("k*(C : dyad(1, 0, 0))"), "2 k {F} {M}");
+    assert_eq!(stress("k*tr(dev(E)^2)"), r"2 k {F} \operatorname{dev}\left({E}\right)");
+    assert_eq!(stress("k*tr((U - I)^2)"), r"2 k {F} {U}^{-1} \left({U} - {I}\right)");
 }
 
 #[test]

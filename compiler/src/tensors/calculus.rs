@@ -213,7 +213,10 @@ impl Algebra {
     }
 
     /// What a number changes by, nothing where it does not vary.
-    fn rate_of_number(&mut self, number: NodeId) -> Result<Option<NodeId>, NotInTensors> {
+    pub(super) fn rate_of_number(
+        &mut self,
+        number: NodeId,
+    ) -> Result<Option<NodeId>, NotInTensors> {
         let mut rates = Vec::new();
         for k in 0..self.invariants.len() {
             let input = Input::Variable(k as u8);

@@ -65,6 +65,8 @@ pub struct TensorForm {
     pub(crate) product: Tensor,
     /// Numbers that the text gives a name, in its order.
     pub(crate) named: Vec<(NodeId, String)>,
+    /// What those that vary change by.
+    pub(crate) rates: Vec<(NodeId, String)>,
 }
 
 impl Model {
@@ -93,11 +95,20 @@ impl Model {
         // What cancels in a factor is not differentiated.
         let stress = algebra.tidied(stress, &kept)?;
         kept.extend(stress.iter().map(|term| term.coefficient));
+        let mut rates = Vec::new();
+        for (node, name) in &named {
+            if let Some(rate) = algebra.rate_of_number(*node)?
+                && algebra.graph.graph().as_number(rate).is_none()
+            {
+                rates.push((rate, name.clone()));
+                kept.push(rate);
+            }
+        }
         let product = algebra.rate(&stress)?;
         let product = algebra.tidied(product, &kept)?;
         if algebra.graph.graph().len() > MAX_NODES {
             return Err(NotInTensors::TooLong);
         }
-        Ok(Some(TensorForm { algebra, psi, stress, product, named }))
+        Ok(Some(TensorForm { algebra, psi, stress, product, named, rates }))
     }
 }

@@ -40,8 +40,38 @@ fn by_rules(
     graph: &mut Simplifier,
     root: NodeId,
     measure: Measure,
-    mut special: impl FnMut(&mut Simplifier, NodeId) -> Derivative,
+    special: impl FnMut(&mut Simplifier, NodeId) -> Derivative,
 ) -> Result<NodeId, TooManyNodes> {
+    let of_input = |graph: &mut Simplifier, input| match input {
+        Input::Current(m) if m == measure => graph.number(1.0).map(Some),
+        Input::Change(m) if m == measure => {
+            let one = graph.number(1.0)?;
+            let reference = graph.input(Input::Reference(m))?;
+            graph.divide(one, reference).map(Some)
+        }
+        _ => Ok(None),
+    };
+    match forward(graph, root, &of_input, special)? {
+        Some(id) => Ok(id),
+        None => graph.number(0.0),
+    }
+}
+
+/// The derivative of `root` that follows from those of the inputs.
+pub(crate) fn derivative_by(
+    graph: &mut Simplifier,
+    root: NodeId,
+    of_input: &dyn Fn(&mut Simplifier, Input) -> Derivative,
+) -> Derivative {
+    forward(graph, root, of_input, |_, _| Ok(None))
+}
+
+fn forward(
+    graph: &mut Simplifier,
+    root: NodeId,
+    of_input: &dyn Fn(&mut Simplifier, Input) -> Derivative,
+    mut special: impl FnMut(&mut Simplifier, NodeId) -> Derivative,
+) -> Derivative {
     let n = root.0 as usize + 1;
     let needed = graph.graph().reachable(&[root]);
     let mut derivatives: Vec<Option<NodeId>> = vec![None; n];
@@ -50,22 +80,11 @@ fn by_rules(
             let id = NodeId(index as u32);
             derivatives[index] = match special(graph, id)? {
                 Some(derivative) => Some(derivative),
-                None => derivative_of(graph, id, &derivatives, &|graph, input| match input {
-                    Input::Current(m) if m == measure => graph.number(1.0).map(Some),
-                    Input::Change(m) if m == measure => {
-                        let one = graph.number(1.0)?;
-                        let reference = graph.input(Input::Reference(m))?;
-                        graph.divide(one, reference).map(Some)
-                    }
-                    _ => Ok(None),
-                })?,
+                None => derivative_of(graph, id, &derivatives, of_input)?,
             };
         }
     }
-    match derivatives[root.0 as usize] {
-        Some(id) => Ok(id),
-        None => graph.number(0.0),
-    }
+    Ok(derivatives[n - 1])
 }
 
 /// Whether its power, if it has one, is of the stretch: exponentials have other derivatives.

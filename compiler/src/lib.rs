@@ -36,6 +36,7 @@ pub mod rewrite;
 pub mod simplify;
 pub mod specialise;
 mod squares;
+mod tensors;
 mod values;
 pub mod verify;
 mod written;
@@ -54,6 +55,7 @@ pub use model::{
 };
 pub use point::{GradientBatch, GradientEnergyForms, GradientKernel};
 pub use specialise::{CompileError, Dropped, Form, ScalarEnergy, Specialised};
+pub use tensors::{NotInTensors, TensorForm};
 pub use values::{Setting, ValueError, Values};
 
 #[cfg(test)]

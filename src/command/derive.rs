@@ -108,13 +108,24 @@ fn specialise_gradient(
 
 /// Values for every parameter: 1 for want of one, which is said.
 fn filled_values(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Option<Values> {
-    let mut settings = potential::settings(&arguments.inputs)?;
-    let filled = loaded.model.fill_with_one(dimension, &mut settings);
+    let (values, filled) = all_values(loaded, dimension, arguments)?;
     if !filled.is_empty() {
         console::note(&format!("{} = 1, for want of a value", filled.join(" = ")));
     }
+    Some(values)
+}
+
+/// The same, and the parameters for want of which 1 stands.
+fn all_values(
+    loaded: &Loaded,
+    dimension: usize,
+    arguments: &Derive,
+) -> Option<(Values, Vec<String>)> {
+    let mut settings = potential::settings(&arguments.inputs)?;
+    let filled = loaded.model.fill_with_one(dimension, &mut settings);
     let delta = arguments.inputs.delta.or(Some(1.0));
-    potential::values(&loaded.model, dimension, &settings, delta)
+    let values = potential::values(&loaded.model, dimension, &settings, delta)?;
+    Some((values, filled))
 }
 
 /// Prints what was rewritten, and what it gained.
@@ -226,7 +237,7 @@ fn emit(
     if let Some(forms) = gradient {
         let listings = || gradient_listing(forms, arguments.level.into());
         match arguments.emit {
-            Emit::Latex => parts.push(print::gradient_latex(model, forms)),
+            Emit::Latex => parts.push(gradient_latex(loaded, forms, arguments)),
             Emit::Graph => parts.push(print::gradient_listing(model, forms)),
             Emit::Clif => parts.extend(listings()?.into_iter().map(|listing| listing.clif)),
             Emit::Asm => parts.extend(listings()?.into_iter().map(|listing| listing.assembly)),
@@ -234,6 +245,23 @@ fn emit(
         }
     }
     Ok(parts.join("\n"))
+}
+
+/// In tensors, or in components where it cannot be written so, which is said.
+fn gradient_latex(loaded: &Loaded, forms: &GradientEnergyForms, arguments: &Derive) -> String {
+    let model = &loaded.model;
+    let is_symbolic = arguments.inputs.delta.is_none()
+        && potential::settings(&arguments.inputs).is_some_and(|settings| settings.is_empty());
+    let given = || all_values(loaded, forms.dimension, arguments).map(|(values, _)| values);
+    let values = if is_symbolic { None } else { given() };
+    match model.in_tensors(&loaded.ast, forms.dimension, values.as_ref()) {
+        Ok(Some(form)) => print::tensor_latex(model, &form),
+        Ok(None) => print::gradient_latex(model, forms),
+        Err(reason) => {
+            console::note(&format!("psi(F) is printed in components: {reason}"));
+            print::gradient_latex(model, forms)
+        }
+    }
 }
 
 /// Prints an error of compilation at its place in the potential, if it has one.

@@ -412,7 +412,8 @@ pub(super) fn taken_branch(
     }
 }
 
-pub(super) enum Meaning {
+/// What an operator of the language does.
+pub(crate) enum Meaning {
     Number(Operator),
     Comparison(Comparison),
     Contraction,
@@ -420,7 +421,7 @@ pub(super) enum Meaning {
     Or,
 }
 
-pub(super) fn meaning(operator: BinaryOperator) -> Meaning {
+pub(crate) fn meaning(operator: BinaryOperator) -> Meaning {
     match operator {
         BinaryOperator::Or => Meaning::Or,
         BinaryOperator::And => Meaning::And,

@@ -114,5 +114,10 @@ pub(crate) use gathered::MAX_INTEGRALS;
 /// Elaboration of a lone expression, for formulas outside potentials.
 pub(crate) use elaborate::elaborate_formula;
 
+/// What names stand for, for a second reading of a tree that was checked.
+pub(crate) use elaborate::{Meaning, meaning};
+pub(crate) use names::{parts, resolve};
+pub(crate) use symbols::{Kinematic, Symbol, Symbols, TensorFunction};
+
 #[cfg(test)]
 mod tests;

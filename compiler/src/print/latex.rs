@@ -33,7 +33,7 @@ impl Latex<'_> {
     }
 
     /// `C1` as `C_{1}`, `lambda` as `\lambda`.
-    fn symbol(name: &str) -> String {
+    pub(super) fn symbol(name: &str) -> String {
         let end = name.trim_end_matches(|c: char| c.is_ascii_digit()).len();
         let (stem, digits) = name.split_at(end);
         let (stem, rest) = match stem.split_once('_') {

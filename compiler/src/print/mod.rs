@@ -7,6 +7,10 @@ mod c;
 mod gradient;
 mod latex;
 mod listing;
+mod number;
+mod tensor;
+#[cfg(test)]
+mod tensor_tests;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -15,6 +19,7 @@ pub use c::c_source;
 pub use gradient::{gradient_latex, gradient_listing, gradient_text};
 pub use latex::latex;
 pub use listing::{graph_listing, model_listing};
+pub use tensor::tensor_latex;
 pub use text::{expression, text};
 
 use crate::expression::{Comparison, ExprGraph, Function, Input, Node, NodeId, Operator};

@@ -110,7 +110,7 @@ fn printed_c_of_the_gradient_gives_the_same_numbers() {
             let unset = model.parameters().iter().enumerate().filter(|(i, _)| {
                 model.variant(dimension).unwrap().defaults[*i].is_none_or(|x| x == 0.0)
             });
-            let set = unset.map(|(_, p)| (p.name.clone(), Setting::Number(1.5)));
+            let set = unset.map(|(_, p)| (p.name.clone(), Setting::Number(0.5)));
             let values = model.values(dimension, &set.collect::<Vec<_>>(), None).unwrap();
             let (forms, _) = model.specialise_gradient(&values, Form::Accurate).unwrap();
             let forms = forms.unwrap();

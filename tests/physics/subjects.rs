@@ -56,6 +56,14 @@ fn of_the_library(name: &str) -> Vec<Material> {
         parameters: vec![("K", 1.7, 3)],
         modelled: [true, false, false],
     };
+    let bonds = |potential: &'static str, coefficient: &'static str, value: f64| {
+        [2_usize, 3].map(|dimension| Material {
+            potential,
+            dimension,
+            parameters: vec![(coefficient, value, 2 * dimension as i32 + 1)],
+            modelled: [true, false, false],
+        })
+    };
     match name {
         "javili2020" => three_kinds("javili2020", None).into(),
         "logarithmic" => three_kinds("logarithmic", None).into(),
@@ -65,10 +73,14 @@ fn of_the_library(name: &str) -> Vec<Material> {
             .collect(),
         "silling2000" => vec![bonds_in_space("silling2000")],
         "miranda_modified_stretch" => vec![bonds_in_space("miranda_modified_stretch")],
+        "tension_only" => bonds("tension_only", "C1", C[0]).into(),
+        // As stiff at rest: psi'' = 2*alpha^2*D/L with alpha = 3, and 72*D/L.
+        "morse" => bonds("morse", "D", C[0] / 18.0).into(),
+        "lennard_jones" => bonds("lennard_jones", "D", C[0] / 72.0).into(),
         // Energies of deformation gradients: `gradients` tries them.
         _ if crate::gradients::MATERIALS.iter().any(|(known, _)| *known == name) => Vec::new(),
         // What points gather: `runtime/tests/states` tries it.
-        "linear_peridynamic_solid" => Vec::new(),
+        "linear_peridynamic_solid" | "logarithmic_states" => Vec::new(),
         _ => panic!("`{name}` is new in the library: say here how it is to be tried"),
     }
 }

@@ -33,10 +33,7 @@ pub(crate) const MATERIALS: [(&str, &[(&str, f64)]); 17] = [
         &[("c", 1.0), ("bf", 2.0), ("bt", 1.1), ("bfs", 0.7), ("K", 4.0), ("nx", 0.6), ("ny", 0.8)],
     ),
     ("hencky", &[("lambda", 3.0), ("mu", 1.0)]),
-    (
-        "hyperfoam",
-        &[("mu1", 1.0), ("alpha1", 4.5), ("mu2", 0.4), ("alpha2", -2.5), ("beta", 0.33)],
-    ),
+    ("hyperfoam", &[("mu1", 1.0), ("alpha1", 4.5), ("mu2", 0.4), ("alpha2", -2.5), ("beta", 0.33)]),
     (
         "lopez_pamies",
         &[("mu1", 0.8), ("alpha1", 1.1), ("mu2", 0.3), ("alpha2", -2.5), ("lambda", 3.0)],

@@ -93,6 +93,17 @@ impl Material {
         format!("{}{exponent} in {}D", self.potential, self.dimension)
     }
 
+    /// How much it magnifies the rounding of a length, where that is more than a few roundings.
+    pub(crate) fn magnification(&self) -> f64 {
+        match self.potential {
+            // psi'' has the fourteenth power.
+            "lennard_jones" => 14.0,
+            // Few bonds are left, pulled by some tenth: a rounding of the length is ten of the strain.
+            "tension_only" => 10.0,
+            _ => 1.0,
+        }
+    }
+
     pub(crate) fn model(&self) -> Model {
         let path = repository("potentials").join(format!("{}.piola", self.potential));
         let text = fs::read_to_string(path).unwrap();
@@ -209,6 +220,28 @@ fn strained(points: &Points, horizon: f64, seed: u64) -> (Vec<f64>, f64) {
 }
 
 impl Subject {
+    /// Whether any bond is longer than at rest by a tenth.
+    pub(crate) fn is_pulled(&self) -> bool {
+        let d = self.points.dimension;
+        let rest = &self.points.positions;
+        let now: Vec<f64> = rest.iter().zip(&self.u).map(|(x, u)| x + u).collect();
+        let length = |x: &[f64], i: usize, j: usize| {
+            let square = (0..d)
+                .map(|k| {
+                    let change = x[i * d + k] - x[j * d + k];
+                    change * change
+                })
+                .sum::<f64>();
+            square.sqrt()
+        };
+        let n = self.points.volumes.len();
+        let mut bonds = (0..n).flat_map(|i| (0..i).map(move |j| (i, j)));
+        bonds.any(|(i, j)| {
+            let reference = length(rest, i, j);
+            reference < self.horizon && length(&now, i, j) > 1.1 * reference
+        })
+    }
+
     /// The scene of this body with coordinates and parameters in a unit of `1/scale` m.
     pub(crate) fn folder(&self, material: &Material, scale: f64) -> SceneFolder {
         let d = self.points.dimension;

@@ -297,8 +297,7 @@ fn energies_of_the_deformation_gradient_keep_their_digits() {
                     // psi grows with the square of the strain, P with the strain.
                     let lost = if is_turned { [size * size, *size, 1.0][order] } else { 1.0 };
                     let raw = lost * raw[order];
-                    let bar = if is_turned { 32.0 } else { 64.0 };
-                    let bar = missed.map_or(bar, |missed| missed.2[order].max(bar));
+                    let bar = missed.map_or(64.0, |missed| missed.2[order].max(64.0));
                     assert!(raw <= bar, "{name} {dimension}, {label}, order {order}: {raw:e}");
                     let left = left[order];
                     let bar = if is_turned && order == 0 { 64.0 / size } else { 64.0 };

@@ -239,7 +239,7 @@ fn all_energies_of_the_deformation_gradient_are_verified() {
 /// rest is not excused: exponentials and powers that magnify the rounding of their arguments, and the
 /// second invariant of `mooney_rivlin`, beyond 10 (`far`) with no digits.
 const MISSED: [(&str, &str, [f64; 3], [f64; 3]); 32] = [
-    ("arruda_boyce", "volumetric", [0.0, 4.1e17, 0.0], [0.0, 116.0, 0.0]),
+    ("arruda_boyce", "volumetric", [0.0, 9.6e15, 0.0], [0.0; 3]),
     ("blatz_ko", "random", [0.0, 252.0, 320.0], [0.0; 3]),
     ("exponentiated_hencky", "turned", [94.0, 0.0, 0.0], [0.0; 3]),
     ("exponentiated_hencky", "guards", [562.0, 0.0, 0.0], [0.0; 3]),
@@ -250,7 +250,7 @@ const MISSED: [(&str, &str, [f64; 3], [f64; 3]); 32] = [
     ("exponentiated_hencky", "shear", [68.0, 69.0, 72.0], [68.0, 69.0, 72.0]),
     ("exponentiated_hencky", "random", [505.0, 892.0, 1360.0], [0.0; 3]),
     ("gasser_ogden_holzapfel", "isochoric", [267.0, 270.0, 271.0], [267.0, 270.0, 271.0]),
-    ("gasser_ogden_holzapfel", "volumetric", [0.0, 3.7e17, 0.0], [0.0, 134.0, 0.0]),
+    ("gasser_ogden_holzapfel", "volumetric", [0.0, 2.0e15, 0.0], [0.0; 3]),
     ("gasser_ogden_holzapfel", "random", [235.0, 237.0, 239.0], [235.0, 237.0, 239.0]),
     ("guccione", "guards", [102.0, 0.0, 0.0], [0.0; 3]),
     ("hyperfoam", "volumetric", [0.0, 216.0, 97.0], [0.0, 216.0, 97.0]),

@@ -253,7 +253,7 @@ const MISSED: [(&str, &str, [f64; 3], [f64; 3]); 32] = [
     ("gasser_ogden_holzapfel", "volumetric", [0.0, 2.0e15, 0.0], [0.0; 3]),
     ("gasser_ogden_holzapfel", "random", [235.0, 237.0, 239.0], [235.0, 237.0, 239.0]),
     ("guccione", "guards", [102.0, 0.0, 0.0], [0.0; 3]),
-    ("hyperfoam", "volumetric", [0.0, 216.0, 97.0], [0.0, 216.0, 97.0]),
+    ("hyperfoam", "volumetric", [0.0, 0.0, 97.0], [0.0, 0.0, 97.0]),
     ("hyperfoam", "random", [0.0, 1450.0, 1820.0], [0.0; 3]),
     ("lopez_pamies", "random", [0.0, 0.0, 130.0], [0.0; 3]),
     ("fibre_reinforced", "volumetric", [0.0, 2.0e15, 0.0], [0.0; 3]),

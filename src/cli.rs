@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
 
 use crate::console::{Color, Verbosity};
+use crate::library::Kind;
 
 /// What scripts need to know.
 const EXIT_CODES: &str = "Data go to stdout, all else to stderr.
@@ -487,6 +488,9 @@ pub(crate) struct Calibrate {
 pub(crate) struct Info {
     /// A potential of the library, or a potential file
     pub(crate) potential: Option<String>,
+    /// List potentials of one kind alone
+    #[arg(long, conflicts_with_all = ["potential", "machine"])]
+    pub(crate) kind: Option<Kind>,
     /// Show what `bench` and `plan` take this machine for: its memory's bandwidth and its arithmetic
     #[arg(long, conflicts_with = "potential")]
     pub(crate) machine: bool,

@@ -1,18 +1,55 @@
 //! The library of potentials, part of the program.
 
+use clap::ValueEnum;
+
+/// What a potential is for: as `piola info` lists the library.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Kind {
+    /// Bonds alone
+    Bond,
+    /// Lengths, areas and volumes
+    Clique,
+    /// Families of points, by gathered states
+    State,
+    /// Solids, by the deformation gradient
+    Solid,
+    /// Rubber, by the deformation gradient
+    Rubber,
+    /// Foam, by the deformation gradient
+    Foam,
+    /// Soft tissue and fibres, by the deformation gradient
+    Tissue,
+}
+
+impl Kind {
+    /// The word that is typed.
+    pub(crate) fn word(self) -> String {
+        self.to_possible_value().map_or_else(String::new, |value| value.get_name().to_string())
+    }
+
+    /// What it says of itself.
+    pub(crate) fn title(self) -> String {
+        let help = self.to_possible_value().and_then(|value| value.get_help().cloned());
+        help.unwrap_or_default().to_string()
+    }
+}
+
 /// A potential of the library.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Entry {
     /// The name under which scenes use it.
     pub(crate) name: &'static str,
+    /// What it is for.
+    pub(crate) kind: Kind,
     /// The whole file.
     pub(crate) text: &'static str,
 }
 
 macro_rules! entries {
-    ($($name:literal),* $(,)?) => {
+    ($($name:literal is $kind:ident),* $(,)?) => {
         &[$(Entry {
             name: $name,
+            kind: Kind::$kind,
             text: include_str!(concat!("../potentials/", $name, ".piola")),
         }),*]
     };
@@ -20,21 +57,33 @@ macro_rules! entries {
 
 /// Every file of `potentials/`, in alphabetical order.
 pub(crate) const LIBRARY: &[Entry] = entries![
-    "fibre_reinforced",
-    "firooz2023",
-    "fung",
-    "hencky",
-    "javili2020",
-    "linear_peridynamic_solid",
-    "logarithmic",
-    "miranda_modified_stretch",
-    "mooney_rivlin",
-    "neo_hooke",
-    "neo_hooke_stable",
-    "ogden",
-    "silling2000",
-    "st_venant_kirchhoff",
-    "yeoh",
+    "arruda_boyce" is Rubber,
+    "blatz_ko" is Foam,
+    "exponentiated_hencky" is Solid,
+    "fibre_reinforced" is Tissue,
+    "firooz2023" is Clique,
+    "fung" is Tissue,
+    "gasser_ogden_holzapfel" is Tissue,
+    "gent" is Rubber,
+    "guccione" is Tissue,
+    "hencky" is Solid,
+    "hyperfoam" is Foam,
+    "javili2020" is Clique,
+    "lennard_jones" is Bond,
+    "linear_peridynamic_solid" is State,
+    "logarithmic" is Clique,
+    "logarithmic_states" is State,
+    "lopez_pamies" is Rubber,
+    "miranda_modified_stretch" is Bond,
+    "mooney_rivlin" is Rubber,
+    "morse" is Bond,
+    "neo_hooke" is Solid,
+    "neo_hooke_stable" is Solid,
+    "ogden" is Rubber,
+    "silling2000" is Bond,
+    "st_venant_kirchhoff" is Solid,
+    "tension_only" is Bond,
+    "yeoh" is Rubber,
 ];
 
 /// The text of a potential of the library.
@@ -49,6 +98,8 @@ pub(crate) fn names() -> Vec<&'static str> {
 
 #[cfg(test)]
 mod tests {
+    use super::LIBRARY;
+
     #[test]
     fn every_file_is_listed() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/potentials");
@@ -59,5 +110,17 @@ mod tests {
             .collect();
         files.sort();
         assert_eq!(files, super::names());
+    }
+
+    #[test]
+    fn the_page_gives_every_kind() {
+        let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/library.md"));
+        let page = page.unwrap();
+        for entry in LIBRARY {
+            let (name, kind) = (entry.name, entry.kind.word());
+            let row = format!("\n| [{name}](#{name}) | {kind} | ");
+            assert!(page.contains(&row), "docs/library.md has no row {row}");
+        }
+        assert_eq!(page.matches("](#").count(), LIBRARY.len(), "one row each");
     }
 }

@@ -110,7 +110,7 @@ fn printed_c_of_the_gradient_gives_the_same_numbers() {
             let unset = model.parameters().iter().enumerate().filter(|(i, _)| {
                 model.variant(dimension).unwrap().defaults[*i].is_none_or(|x| x == 0.0)
             });
-            let set = unset.map(|(_, p)| (p.name.clone(), Setting::Number(1.5)));
+            let set = unset.map(|(_, p)| (p.name.clone(), Setting::Number(0.5)));
             let values = model.values(dimension, &set.collect::<Vec<_>>(), None).unwrap();
             let (forms, _) = model.specialise_gradient(&values, Form::Accurate).unwrap();
             let forms = forms.unwrap();
@@ -147,6 +147,12 @@ fn printed_c_of_the_gradient_gives_the_same_numbers() {
                     |x: &[f64]| -> Vec<f64> { x.iter().skip(p).step_by(PLACES).copied().collect() };
                 let (found, expected) = (of(found), of(expected));
                 let norm = |x: &mut dyn Iterator<Item = f64>| x.map(|x| x * x).sum::<f64>().sqrt();
+                if !norm(&mut expected.iter().copied()).is_finite() {
+                    // Exponentials overflow far from rest.
+                    let found = norm(&mut found.iter().copied());
+                    assert!(!found.is_finite(), "{} at place {p}", case.name);
+                    continue;
+                }
                 let error = norm(&mut found.iter().zip(&expected).map(|(x, y)| x - y))
                     / (norm(&mut expected.iter().copied()) * UNIT_ROUNDOFF);
                 assert!(error <= GRADIENT_BAR, "{} at place {p}: {error} u", case.name);

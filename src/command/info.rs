@@ -1,27 +1,35 @@
 //! `piola info`: the library of potentials, and the machine at hand.
 
+use clap::ValueEnum;
 use piola_compiler::{Model, print};
 
 use super::{Exit, machine};
 use crate::cli::{Format, Info};
 use crate::console;
-use crate::library::{self, LIBRARY};
+use crate::library::{self, Kind, LIBRARY};
 use crate::potential;
 
 pub(super) fn execute(arguments: &Info) -> Exit {
     match &arguments.potential {
         _ if arguments.machine => machine::show(arguments.renew),
         Some(name) => show(name),
-        None => list(),
+        None => list(arguments.kind),
     }
 }
 
-fn list() -> Exit {
+/// The titles of the library, of one kind or of all.
+fn list(only: Option<Kind>) -> Exit {
     let mut text = format!("piola {}\n\nlibrary of potentials\n", env!("CARGO_PKG_VERSION"));
-    for entry in LIBRARY {
-        let Some(loaded) = potential::load(entry.name, Format::Human) else { return Exit::Input };
-        let title = loaded.model.title().unwrap_or("");
-        text.push_str(&format!("  {:26} {title}\n", entry.name));
+    let is_wanted = |kind: &&Kind| only.is_none_or(|only| only == **kind);
+    for kind in Kind::value_variants().iter().filter(is_wanted) {
+        text.push_str(&format!("\n{}: {}\n", kind.word(), kind.title()));
+        for entry in LIBRARY.iter().filter(|entry| entry.kind == *kind) {
+            let Some(loaded) = potential::load(entry.name, Format::Human) else {
+                return Exit::Input;
+            };
+            let title = loaded.model.title().unwrap_or("");
+            text.push_str(&format!("  {:26} {title}\n", entry.name));
+        }
     }
     text.push_str("\n`piola info NAME` shows formulas, parameters, units and sources\n");
     console::out(&text);

@@ -10,6 +10,9 @@ fn for_each_subject(mut work: impl FnMut(&Material, &Subject, &str)) {
     let of_dimension = [bodies(2), bodies(3)];
     for material in materials() {
         for body in &of_dimension[material.dimension - 2] {
+            if material.potential == "tension_only" && !body.is_pulled() {
+                continue; // there is no energy to compare
+            }
             let label = format!("{}, {}", material.label(), body.label);
             work(&material, body, &label);
         }
@@ -63,7 +66,8 @@ fn forces_and_tangent_are_the_derivatives_of_the_total_energy() {
             let error = (found.parts[k] - expected.parts[k]).abs();
             assert!(error <= 64.0 * U * expected.energy(), "{label} part {k}: {error:e}");
         }
-        let errors = errors(&found, &expected).map(|error| error / body.magnification);
+        let errors = errors(&found, &expected)
+            .map(|error| error / (body.magnification * material.magnification()));
         worst = larger(worst, errors);
         assert!(errors.iter().all(|error| *error <= TOLERANCE), "{label}: {errors:?}");
     });
@@ -147,7 +151,8 @@ fn a_rotation_of_the_strained_body_turns_the_forces_and_keeps_the_energy() {
             gradient: rotate(&matrix, &before.gradient, d),
             tangent: rotate(&matrix, &half, d),
         };
-        let errors = errors(&after, &expected).map(|error| error / body.magnification);
+        let errors = errors(&after, &expected)
+            .map(|error| error / (body.magnification * material.magnification()));
         worst = larger(worst, errors);
         assert!(errors.iter().all(|error| *error <= TOLERANCE), "{label}: {errors:?}");
     });

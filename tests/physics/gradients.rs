@@ -14,13 +14,30 @@ use piola_runtime::energy::Energy;
 use crate::support::{Random, repository};
 
 /// Every potential of the library with an energy of `F`, with values.
-pub(crate) const MATERIALS: [(&str, &[(&str, f64)]); 9] = [
+pub(crate) const MATERIALS: [(&str, &[(&str, f64)]); 17] = [
+    ("arruda_boyce", &[("mu", 1.0), ("N", 5.0), ("K", 5.0)]),
+    ("blatz_ko", &[("mu", 1.0), ("f", 0.6), ("nu", 0.3)]),
+    ("exponentiated_hencky", &[("mu", 1.0), ("K", 4.0), ("k", 0.6), ("q", 0.4)]),
     (
         "fibre_reinforced",
         &[("mu", 1.0), ("K", 4.0), ("k1", 2.0), ("k2", 1.5), ("nx", 0.6), ("ny", 0.8)],
     ),
     ("fung", &[("c", 2.0), ("g", 0.5), ("b", 1.5)]),
+    (
+        "gasser_ogden_holzapfel",
+        &[("mu", 1.0), ("K", 4.0), ("k1", 2.0), ("kappa", 0.1), ("nz", 0.3), ("my", -0.8)],
+    ),
+    ("gent", &[("mu", 1.0), ("Jm", 20.0), ("K", 5.0)]),
+    (
+        "guccione",
+        &[("c", 1.0), ("bf", 2.0), ("bt", 1.1), ("bfs", 0.7), ("K", 4.0), ("nx", 0.6), ("ny", 0.8)],
+    ),
     ("hencky", &[("lambda", 3.0), ("mu", 1.0)]),
+    ("hyperfoam", &[("mu1", 1.0), ("alpha1", 4.5), ("mu2", 0.4), ("alpha2", -2.5), ("beta", 0.33)]),
+    (
+        "lopez_pamies",
+        &[("mu1", 0.8), ("alpha1", 1.1), ("mu2", 0.3), ("alpha2", -2.5), ("lambda", 3.0)],
+    ),
     ("mooney_rivlin", &[("C10", 0.7), ("C01", 0.3), ("K", 5.0)]),
     ("neo_hooke", &[("lambda", 3.0), ("mu", 1.0)]),
     ("neo_hooke_stable", &[("lambda", 3.0), ("mu", 1.0)]),
@@ -107,7 +124,7 @@ fn everywhere(test: impl Fn(&str, &DeformationEnergy, &[f64])) {
             }
         }
     }
-    assert_eq!(tried, 3 * (5 * 2 + 4), "potentials, dimensions and discretisations");
+    assert_eq!(tried, 3 * (9 * 2 + 8), "potentials, dimensions and discretisations");
 }
 
 fn gradient(energy: &DeformationEnergy, u: &[f64]) -> Vec<f64> {

@@ -56,6 +56,14 @@ fn of_the_library(name: &str) -> Vec<Material> {
         parameters: vec![("K", 1.7, 3)],
         modelled: [true, false, false],
     };
+    let bonds = |potential: &'static str, coefficient: &'static str, value: f64| {
+        [2_usize, 3].map(|dimension| Material {
+            potential,
+            dimension,
+            parameters: vec![(coefficient, value, 2 * dimension as i32 + 1)],
+            modelled: [true, false, false],
+        })
+    };
     match name {
         "javili2020" => three_kinds("javili2020", None).into(),
         "logarithmic" => three_kinds("logarithmic", None).into(),
@@ -65,10 +73,14 @@ fn of_the_library(name: &str) -> Vec<Material> {
             .collect(),
         "silling2000" => vec![bonds_in_space("silling2000")],
         "miranda_modified_stretch" => vec![bonds_in_space("miranda_modified_stretch")],
+        "tension_only" => bonds("tension_only", "C1", C[0]).into(),
+        // As stiff at rest: psi'' = 2*alpha^2*D/L with alpha = 3, and 72*D/L.
+        "morse" => bonds("morse", "D", C[0] / 18.0).into(),
+        "lennard_jones" => bonds("lennard_jones", "D", C[0] / 72.0).into(),
         // Energies of deformation gradients: `gradients` tries them.
         _ if crate::gradients::MATERIALS.iter().any(|(known, _)| *known == name) => Vec::new(),
         // What points gather: `runtime/tests/states` tries it.
-        "linear_peridynamic_solid" => Vec::new(),
+        "linear_peridynamic_solid" | "logarithmic_states" => Vec::new(),
         _ => panic!("`{name}` is new in the library: say here how it is to be tried"),
     }
 }
@@ -79,6 +91,17 @@ impl Material {
         let exponent = self.parameters.iter().find(|p| p.0 == "n");
         let exponent = exponent.map(|n| format!(" n = {}", n.1)).unwrap_or_default();
         format!("{}{exponent} in {}D", self.potential, self.dimension)
+    }
+
+    /// How much it magnifies the rounding of a length, where that is more than a few roundings.
+    pub(crate) fn magnification(&self) -> f64 {
+        match self.potential {
+            // psi'' has the fourteenth power.
+            "lennard_jones" => 14.0,
+            // Few bonds are left, pulled by some tenth: a rounding of the length is ten of the strain.
+            "tension_only" => 10.0,
+            _ => 1.0,
+        }
     }
 
     pub(crate) fn model(&self) -> Model {
@@ -197,6 +220,28 @@ fn strained(points: &Points, horizon: f64, seed: u64) -> (Vec<f64>, f64) {
 }
 
 impl Subject {
+    /// Whether any bond is longer than at rest by a tenth.
+    pub(crate) fn is_pulled(&self) -> bool {
+        let d = self.points.dimension;
+        let rest = &self.points.positions;
+        let now: Vec<f64> = rest.iter().zip(&self.u).map(|(x, u)| x + u).collect();
+        let length = |x: &[f64], i: usize, j: usize| {
+            let square = (0..d)
+                .map(|k| {
+                    let change = x[i * d + k] - x[j * d + k];
+                    change * change
+                })
+                .sum::<f64>();
+            square.sqrt()
+        };
+        let n = self.points.volumes.len();
+        let mut bonds = (0..n).flat_map(|i| (0..i).map(move |j| (i, j)));
+        bonds.any(|(i, j)| {
+            let reference = length(rest, i, j);
+            reference < self.horizon && length(&now, i, j) > 1.1 * reference
+        })
+    }
+
     /// The scene of this body with coordinates and parameters in a unit of `1/scale` m.
     pub(crate) fn folder(&self, material: &Material, scale: f64) -> SceneFolder {
         let d = self.points.dimension;

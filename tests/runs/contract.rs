@@ -206,3 +206,21 @@ fn every_stage_can_be_printed() {
     piola(&["info"]).expect(0);
     piola(&["verify", "javili2020", "--points", "50"]).expect(0);
 }
+
+#[test]
+fn the_library_is_listed_by_kind() {
+    let all = piola(&["info"]).expect(0).stdout;
+    let kinds = ["bond", "clique", "state", "solid", "rubber", "foam", "tissue"];
+    let mut listed = 0;
+    for kind in kinds {
+        let one = piola(&["info", "--kind", kind]).expect(0).stdout;
+        let heading = format!("\n{kind}: ");
+        assert!(all.contains(&heading) && one.contains(&heading), "{one}");
+        let names: Vec<&str> = one.lines().filter(|line| line.starts_with("  ")).collect();
+        assert!(!names.is_empty() && names.iter().all(|name| all.contains(name)), "{one}");
+        listed += names.len();
+    }
+    assert_eq!(listed, all.lines().filter(|line| line.starts_with("  ")).count());
+    piola(&["info", "--kind", "wood"]).expect(2).says(&kinds);
+    piola(&["info", "--kind", "foam", "gent"]).expect(2).says(&["cannot be used with"]);
+}

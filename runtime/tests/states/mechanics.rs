@@ -8,7 +8,7 @@ use piola_runtime::states::StateEnergy;
 use std::sync::Arc;
 
 use crate::common::{cloud, displacements, error, h_of, largest};
-use crate::{energy, laws, solid, values};
+use crate::{energy, laws, library, solid, values};
 
 /// Energies of points and bonds, mixed with each other; in any dimension.
 const EVERYTHING: &str = "potential everything
@@ -27,9 +27,12 @@ type Material = (&'static str, String, Vec<(&'static str, f64)>, Vec<usize>);
 
 fn subjects() -> Vec<Material> {
     let moduli = vec![("K", 2.0), ("G", 0.7)];
+    let logarithmic = library("logarithmic_states");
     vec![
         ("solid", solid("1/L"), moduli.clone(), vec![5, 4, 4]),
-        ("solid, 1", solid("1"), moduli, vec![4, 4, 4]),
+        ("solid, 1", solid("1"), moduli.clone(), vec![4, 4, 4]),
+        ("logarithmic", logarithmic.clone(), moduli.clone(), vec![4, 4, 4]),
+        ("logarithmic in the plane", logarithmic, moduli, vec![7, 6]),
         ("everything", EVERYTHING.into(), Vec::new(), vec![4, 4, 3]),
         ("everything in the plane", EVERYTHING.into(), Vec::new(), vec![7, 6]),
     ]

@@ -186,7 +186,7 @@ fn left(is_as_written: bool, lost: &[Lost]) -> String {
 }
 
 fn units(error: f64) -> String {
-    if error < 1e4 { format!("{error:.1} u") } else { format!("{error:.1e} u") }
+    format!("{} u", super::audit::units(error))
 }
 
 fn explanation(e: &Explanation) -> String {

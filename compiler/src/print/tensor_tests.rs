@@ -67,7 +67,7 @@ fn sums_of_products_are_the_numbers_they_were_read_from() {
 }
 
 #[test]
-fn every_potential_is_printed_in_less_than_its_components() {
+fn every_potential_is_printed_in_seventy_lines_that_balance() {
     let count = |latex: &str, what: &str| latex.matches(what).count();
     for (name, text) in potentials() {
         let latex = printed(&text);

@@ -111,6 +111,24 @@ fn a_wrong_derivative_is_found() {
     assert_eq!(found.outcome(), Outcome::Wrong);
 }
 
+/// So small an error might be rounding as well: it does not pass, and is not called wrong.
+#[test]
+fn an_error_below_a_millionth_is_found_too() {
+    let text = |psi: &str| format!("potential p\npsi(l) = {psi}");
+    let right = model(&text("(l/L - 1)^2"));
+    let wrong = model(&text("(l/L - 1)^2 + 1e-9*(l/L)^3"));
+    let of = |model: &crate::Model| model.written(&values(model, 3, &[]), Measure::Length);
+    let point = super::sample::Point { measure: 1.5, reference: 1.0 };
+    let [compiled, expected] = [of(&right), of(&wrong)]
+        .map(|written| <[f64; 3]>::from(written.derivatives(point.measure, point.reference)));
+    let subject = super::Subject::Argument(crate::Argument::Measure(Measure::Length));
+    let mut found = super::Verification::new(subject, &[(super::Witness::HyperDual, 1.0)]);
+    found.n_places = 1;
+    super::measure::compare(&mut found, &of(&wrong), point, compiled, expected);
+    assert_eq!(found.misses.len(), 3);
+    assert_eq!(found.outcome(), Outcome::DigitsLost);
+}
+
 /// Far from rest terms of psi'' cancel: hyper-dual numbers of the energy as written lose the same digits.
 #[test]
 fn digits_that_are_lost_are_no_wrong_derivative_and_their_cause_is_named() {

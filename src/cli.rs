@@ -457,6 +457,9 @@ pub(crate) struct Moduli {
     /// Density of the solid in kg/m^3: adds wave speeds and the largest stable time step
     #[arg(long, value_name = "KG/M^3")]
     pub(crate) density: Option<f64>,
+    /// One of the materials of the scene, as if the body were of it alone; without it all of them
+    #[arg(long, value_name = "NAME")]
+    pub(crate) material: Option<String>,
     /// Override a value of the scene, e.g. `horizon.spacings=4`
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) settings: Vec<String>,
@@ -476,6 +479,9 @@ pub(crate) struct Calibrate {
     /// Parameters of the potential that may change
     #[arg(long, value_name = "NAME", value_delimiter = ',', required = true)]
     pub(crate) vary: Vec<String>,
+    /// The material whose parameters change, as if the body were of it alone
+    #[arg(long, value_name = "NAME")]
+    pub(crate) material: Option<String>,
     /// Override a value of the scene, e.g. `horizon.spacings=4`
     #[arg(long = "set", value_name = "KEY=VALUE")]
     pub(crate) settings: Vec<String>,

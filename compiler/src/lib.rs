@@ -45,7 +45,7 @@ pub use check::{CODES, check, check_text};
 pub use compile::{Compiled, Kind};
 pub use density::DensityForm;
 pub use formula::Formula;
-pub use gathered::{GatheredBatch, GatheredKernel, GatheredKernels};
+pub use gathered::{GatheredBatch, GatheredKernel, GatheredKernels, Integrand};
 pub use kernel::{Batch, Derivatives, Kernel, Level, Mode, Order, Outputs, WrittenEnergy};
 pub use lint::{LINTS, Lint};
 pub use measure::{Argument, Measure};

@@ -18,7 +18,16 @@ pub(super) fn execute(arguments: &Calibrate) -> Exit {
         return Exit::Input;
     };
     scene::print_warnings(&case, case.warnings.clone());
-    match calibrate(&case, &targets, &arguments.vary) {
+    let Some(cases) = scene::of_materials(&case, arguments.material.as_deref()) else {
+        return Exit::Input;
+    };
+    let [(_, case)] = &cases[..] else {
+        let names: Vec<&str> = cases.iter().filter_map(|(name, _)| *name).collect();
+        let help = format!("write --material {}", names.join(" or --material "));
+        render::error("the scene has several materials", Some(help.as_str()));
+        return Exit::Input;
+    };
+    match calibrate(case, &targets, &arguments.vary) {
         Ok(found) => {
             console::out(&match arguments.format {
                 Format::Human => human(&found, &targets),

@@ -107,6 +107,28 @@ fn print_findings(report: &SceneReport, format: Format) {
     }
 }
 
+/// A material's name, and the body of it alone; a scene with one material has no names.
+type OfMaterial<'a> = (Option<&'a str>, Case);
+
+/// The body of each of its materials alone, or of the one of this name; prints that there is none.
+pub(super) fn of_materials<'a>(
+    case: &'a Case,
+    name: Option<&'a str>,
+) -> Option<Vec<OfMaterial<'a>>> {
+    let Some(name) = name else { return Some(case.of_each_material()) };
+    let found = case.of_material(name).map(|case| vec![(Some(name), case)]);
+    if found.is_none() {
+        let regions = case.scene.regions.iter();
+        let names: Vec<&str> = regions.map(|region| region.name.value.as_str()).collect();
+        let help = match names.is_empty() {
+            true => "the scene has one [material]: leave --material out".to_string(),
+            false => format!("the materials are {}", names.join(", ")),
+        };
+        render::error(&format!("there is no material `{name}`"), Some(help.as_str()));
+    }
+    found
+}
+
 /// Runs `work` on this many threads, or on all processors; `None` if that is not possible.
 pub(super) fn with_threads<T: Send>(
     threads: Option<usize>,

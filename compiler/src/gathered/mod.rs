@@ -10,7 +10,7 @@ mod kernel;
 pub use kernel::{GatheredBatch, GatheredKernel, WrittenGatheredEnergy};
 
 use crate::density::DensityForm;
-use crate::expression::{Input, NodeId, TooManyNodes};
+use crate::expression::{Input, Node, NodeId, TooManyNodes};
 use crate::kernel::{Kernel, Mode, WrittenEnergy};
 use crate::measure::Measure;
 use crate::model::{GatheredEnergy, Model, Variant};
@@ -19,7 +19,9 @@ use crate::point::adjoint::{self, Varied};
 use crate::point::near::{Source, near_of_integrals};
 use crate::rewrite::{expand, rewrite};
 use crate::simplify::Simplifier;
-use crate::specialise::{CompileError, Dropped, Form, Named, folded, known, of_bonds, sum_in};
+use crate::specialise::{
+    CompileError, Dropped, Form, Named, ScalarEnergy, folded, known, of_bonds, sum_in,
+};
 use crate::values::Values;
 use crate::written::Written;
 
@@ -28,10 +30,26 @@ use crate::written::Written;
 pub struct GatheredKernels {
     /// The integrands, functions of the length of a bond.
     pub integrals: Vec<Kernel>,
+    /// What functions they are: equal ones have the same bits.
+    pub functions: Vec<Integrand>,
     /// The energy of points in J/m^3.
     pub points: Option<GatheredKernel>,
     /// The energy of bonds in J/m^(2d).
     pub bonds: Option<GatheredKernel>,
+}
+
+/// The function that an integrand is, to compare with others.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Integrand {
+    nodes: Vec<Node>,
+    roots: [NodeId; 3],
+}
+
+impl Integrand {
+    fn new(energy: &ScalarEnergy) -> Integrand {
+        let nodes = energy.graph.nodes().map(|(_, node)| node).collect();
+        Integrand { nodes, roots: energy.roots }
+    }
 }
 
 /// psi, its gradient and its product in one graph. Variables are the length of the bond, for energies of
@@ -181,6 +199,7 @@ impl Model {
             let made = of_bonds(&variant.graph, &self.parameters, integral.root, &fold, form);
             let made = named.made(made)?;
             named.fits(&made.graph)?;
+            kernels.functions.push(Integrand::new(&made));
             let written = || WrittenEnergy::of_root(&variant.graph, integral.root, values);
             kernels.integrals.push(Kernel::new(made, (mode, form), written)?);
         }

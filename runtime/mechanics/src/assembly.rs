@@ -12,6 +12,7 @@ mod axes;
 mod bonds;
 pub(crate) mod error;
 mod inversion;
+mod kind;
 mod on_lattice;
 mod pairs;
 mod product;
@@ -37,11 +38,13 @@ use crate::interaction::{
     Census, CliqueRoom, ContributingPairs, Degeneracy, Inverted, OwnerCliques, Report, Slabs,
 };
 use crate::kernel::{Law, Measure};
+use crate::materials::Materials;
 use crate::matrix::BlockPattern;
 use crate::neighborhood::Neighborhood;
 use crate::pool::Pool;
-use crate::weights::{CliqueWeights, Weights};
+use crate::weights::Weights;
 use inversion::Motion;
+use kind::Kind;
 use on_lattice::OnLattice;
 use product::InteractionHessian;
 use slab::{Room, SlabEnergy, SlabTask};
@@ -84,10 +87,17 @@ pub struct Elements {
     pub tetrahedron: Option<Box<dyn Element>>,
 }
 
-/// One kind of interaction: what its members store and how much each counts.
-struct Kind {
-    element: Box<dyn Element>,
-    weights: CliqueWeights,
+impl Elements {
+    /// Kind by kind, in the order of [`Measure::ALL`], those of each law.
+    fn by_kind(of_laws: Vec<Elements>) -> [Vec<Option<Box<dyn Element>>>; 3] {
+        let mut kinds = [const { Vec::new() }; 3];
+        for Elements { bond, triangle, tetrahedron } in of_laws {
+            kinds.iter_mut().zip([bond, triangle, tetrahedron]).for_each(|(kind, element)| {
+                kind.push(element);
+            });
+        }
+        kinds
+    }
 }
 
 /// The discrete total energy.
@@ -135,7 +145,7 @@ impl DiscreteEnergy {
         weights: Weights,
         elements: Elements,
     ) -> Result<DiscreteEnergy, AssemblyError> {
-        error::check_elements(&elements, body.dimension())?;
+        error::check_elements(std::slice::from_ref(&elements), body.dimension())?;
         let neighborhood = Arc::new(Neighborhood::new(&body, horizon)?);
         DiscreteEnergy::among(body, neighborhood, weights, elements)
     }
@@ -147,28 +157,43 @@ impl DiscreteEnergy {
         weights: Weights,
         elements: Elements,
     ) -> Result<DiscreteEnergy, AssemblyError> {
+        DiscreteEnergy::of_materials(body, neighborhood, weights, None, vec![elements])
+    }
+
+    /// The energy of a body of several materials, of neighbours that energies of the body share:
+    /// `elements` has those of each law of `materials`, of the only one where there are none. An
+    /// interaction that has no element in a law has no energy in it.
+    pub fn of_materials(
+        body: Arc<Body>,
+        neighborhood: Arc<Neighborhood>,
+        weights: Weights,
+        materials: Option<Arc<Materials>>,
+        elements: Vec<Elements>,
+    ) -> Result<DiscreteEnergy, AssemblyError> {
+        let n_laws = materials.as_ref().map_or(1, |materials| materials.n_laws());
+        assert_eq!(elements.len(), n_laws, "elements for each law");
+        let of_body = materials.as_ref().is_none_or(|m| m.n_points() == body.n_points());
+        assert!(of_body, "a material for each point");
         error::check_elements(&elements, body.dimension())?;
+        let elements = Elements::by_kind(elements);
         let horizon = neighborhood.horizon();
         error::check_neighbors(&body, &neighborhood)?;
         let slabs = Slabs::new(&neighborhood);
         let degeneracy = Degeneracy::new(&body);
-        let needed = |measure: Measure| match measure {
-            Measure::Length => elements.bond.is_some(),
-            Measure::Area => elements.triangle.is_some(),
-            Measure::Volume => elements.tetrahedron.is_some(),
-        };
+        let needed = |measure: Measure| elements[measure as usize].iter().any(Option::is_some);
         let census = Census::new(&body, &neighborhood, degeneracy, &slabs, needed);
-        let kind = |element: Option<Box<dyn Element>>| {
-            let with_weights = |element: Box<dyn Element>| {
-                let weights = weights.of_measure(element.measure(), &body, horizon, &census)?;
-                Ok::<Kind, AssemblyError>(Kind { element, weights })
-            };
-            element.map(with_weights).transpose()
-        };
-        let (bonds, triangles) = (kind(elements.bond)?, kind(elements.triangle)?);
-        let tetrahedra = kind(elements.tetrahedron)?;
-        let kinds = [&bonds, &triangles, &tetrahedra].into_iter().flatten();
-        let names = kinds.map(|kind| format!("psi({})", kind.element.measure().symbol())).collect();
+        let mut kinds = [None, None, None];
+        for (measure, (kind, elements)) in
+            Measure::ALL.into_iter().zip(kinds.iter_mut().zip(elements))
+        {
+            if elements.iter().any(Option::is_some) {
+                let weights = weights.of_measure(measure, &body, horizon, &census)?;
+                *kind = Some(Kind::new(measure, elements, weights, materials.clone()));
+            }
+        }
+        let present = kinds.iter().flatten();
+        let names = present.map(|kind| format!("psi({})", kind.measure().symbol())).collect();
+        let [bonds, triangles, tetrahedra] = kinds;
         let pattern = Arc::new(BlockPattern::of_bonds(&neighborhood, body.dimension()));
         let matrix_bytes = 8 * pattern.n_blocks() * body.dimension() * body.dimension();
         let fits = ContributingPairs::bytes(&neighborhood) <= matrix_bytes / 2;
@@ -391,7 +416,7 @@ impl Energy for DiscreteEnergy {
     }
 
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {
-        let kind = self.signed().filter(|kind| kind.element.forbids_inversion())?;
+        let kind = self.signed().filter(|kind| kind.forbids_inversion())?;
         let end: Vec<f64> = u.iter().zip(step).map(|(u, step)| u + step).collect();
         let slabs = (0..self.slabs.len()).into_par_iter();
         let found = slabs.filter_map(|slab| match &self.rooms {

@@ -72,6 +72,9 @@ pub struct Variables<'a> {
     pub change: &'a [f64],
     /// What is given at each place. Of bonds with gathered states: their lengths at rest in m.
     pub given: &'a [f64],
+    /// The number of the law that holds at each place of a body of several materials; nothing where one
+    /// law holds at all places.
+    pub laws: &'a [u8],
 }
 
 /// An energy density of several variables with its derivatives, evaluated over arrays.

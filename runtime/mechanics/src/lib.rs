@@ -76,6 +76,7 @@ pub mod geometry;
 pub mod interaction;
 pub mod kernel;
 pub mod lattice;
+pub mod materials;
 pub mod matrix;
 pub mod neighborhood;
 mod pool;

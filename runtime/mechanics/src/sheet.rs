@@ -102,8 +102,13 @@ impl<L: VariablesLaw> PlaneStress<L> {
 
     /// What it is for infinitesimal strains.
     fn linear_thinning(&self, at: Variables<'_>) -> Vec<f64> {
-        let rest =
-            Variables { n: 1, current: &[1.0, 0.0, 0.0, 1.0], change: &[0.0; 4], given: &[] };
+        let rest = Variables {
+            n: 1,
+            current: &[1.0, 0.0, 0.0, 1.0],
+            change: &[0.0; 4],
+            given: &[],
+            laws: &[],
+        };
         let column = self.column(&Solid::new(rest, &[0.0]));
         let strain = |p: usize| {
             let planes = IN_PLANE.iter().enumerate();
@@ -180,7 +185,7 @@ impl Solid {
     }
 
     fn variables(&self) -> Variables<'_> {
-        Variables { n: self.n, current: &self.current, change: &self.change, given: &[] }
+        Variables { n: self.n, current: &self.current, change: &self.change, given: &[], laws: &[] }
     }
 }
 
@@ -219,7 +224,7 @@ mod tests {
     /// The law at one place: energy, stress, and the product with a direction.
     fn at(law: &dyn VariablesLaw, h: [f64; 4], direction: [f64; 4]) -> (f64, [f64; 4], [f64; 4]) {
         let current = [1.0 + h[0], h[1], h[2], 1.0 + h[3]];
-        let at = Variables { n: 1, current: &current, change: &h, given: &[] };
+        let at = Variables { n: 1, current: &current, change: &h, given: &[], laws: &[] };
         let (mut psi, mut stress, mut product) = ([0.0], [0.0; 4], [0.0; 4]);
         law.evaluate(at, &mut psi, &mut stress);
         law.product(at, &direction, &mut product);
@@ -315,7 +320,7 @@ mod tests {
         let change = columns(&|p, k| places[p][k]);
         let current = columns(&|p, k| places[p][k] + if k % 3 == 0 { 1.0 } else { 0.0 });
         let direction = columns(&|p, k| DIRECTION[k] * (1.0 + p as f64));
-        let batch = Variables { n, current: &current, change: &change, given: &[] };
+        let batch = Variables { n, current: &current, change: &change, given: &[], laws: &[] };
         let (mut psi, mut stress) = (vec![0.0; n], vec![0.0; 4 * n]);
         let (mut psi_alone, mut product) = (vec![0.0; n], vec![0.0; 4 * n]);
         sheet.evaluate(batch, &mut psi, &mut stress);

@@ -31,7 +31,7 @@ fn middle(at: &Checkerboard, discretisation: Discretisation) -> [f64; 2] {
     f.iter_mut().step_by(4).for_each(|f| *f += 1.0);
     let mut of_gradient = [0.0];
     law().evaluate(
-        Variables { n: 1, current: &f, change: h, given: &[] },
+        Variables { n: 1, current: &f, change: h, given: &[], laws: &[] },
         &mut of_gradient,
         &mut [],
     );

@@ -107,7 +107,11 @@ fn affine_displacements_have_the_energy_of_the_continuum() {
             .collect();
         let mut psi = [0.0];
         let law = st_venant_kirchhoff(d, 210.0, 0.3);
-        law.evaluate(Variables { n: 1, current: &f, change: &h, given: &[] }, &mut psi, &mut []);
+        law.evaluate(
+            Variables { n: 1, current: &f, change: &h, given: &[], laws: &[] },
+            &mut psi,
+            &mut [],
+        );
         let expected = psi[0] * body.volumes().iter().sum::<f64>();
         for order in ORDERS {
             for discretisation in crate::common::DISCRETISATIONS {
@@ -161,7 +165,7 @@ fn sph_forces(body: &Body, horizon: f64, u: &[f64], law: &dyn VariablesLaw) -> V
             let change = row(&(&f - DMatrix::identity(d, d)));
             let (mut psi, mut p) = ([0.0], vec![0.0; d * d]);
             law.evaluate(
-                Variables { n: 1, current: &row(&f), change: &change, given: &[] },
+                Variables { n: 1, current: &row(&f), change: &change, given: &[], laws: &[] },
                 &mut psi,
                 &mut p,
             );

@@ -6,6 +6,7 @@ mod differences;
 mod extremes;
 mod extremes_solved;
 mod lattice_counts;
+mod materials;
 mod matrix_free;
 mod moduli;
 mod refusals;

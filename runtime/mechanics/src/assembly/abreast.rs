@@ -10,9 +10,9 @@ use std::sync::Arc;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::Kind;
 use super::axes::{Axes, Wanted};
-use super::quadratic::{AffineLaw, Changed, Quadratic, Quadratics, ROOT, SIGNED, SQUARE, Shares};
+use super::kind::{AffineLaws, Kind};
+use super::quadratic::{Changed, Quadratic, Quadratics, ROOT, SIGNED, SQUARE, Shares};
 use super::sum::Sum;
 use crate::element::{THIN, WIDEST};
 use crate::geometry::lanes::Lanes;
@@ -52,19 +52,19 @@ impl TriangleRuns {
     pub(super) fn new(
         runs: &Arc<Runs>,
         kind: &Kind,
-        horizon: f64,
+        (dimension, horizon): (usize, f64),
         degeneracy: Degeneracy,
     ) -> Option<TriangleRuns> {
-        let (law, arch) = kind.element.law()?;
-        let law = AffineLaw::of(law).filter(|_| !kind.element.forbids_inversion())?;
+        let laws = kind.affine_laws().filter(|_| !kind.forbids_inversion())?;
         let (common, shares) = Shares::of(&kind.weights, 3);
-        let table = Table { law, common, horizon, degeneracy };
-        let (pairs, start) = match kind.element.dimension() {
+        let by_square = laws.by_square;
+        let table = Table { laws, kind, runs, common, horizon, degeneracy };
+        let (pairs, start) = match dimension {
             2 => table.pairs::<2>(runs.vectors())?,
             _ => table.pairs::<3>(runs.vectors())?,
         };
-        let (runs, by_square) = (Arc::clone(runs), law.by_square);
-        Some(TriangleRuns { runs, pairs, start, by_square, shares, arch })
+        let runs = Arc::clone(runs);
+        Some(TriangleRuns { runs, pairs, start, by_square, shares, arch: Arch::new() })
     }
 
     /// Works out the triangles of a slab's owners; nothing where something is not finite, or thin.
@@ -88,7 +88,9 @@ impl TriangleRuns {
 
 /// What the table of pairs follows from.
 struct Table<'a> {
-    law: AffineLaw<'a>,
+    laws: AffineLaws<'a>,
+    kind: &'a Kind,
+    runs: &'a Runs,
     common: f64,
     horizon: f64,
     degeneracy: Degeneracy,
@@ -100,6 +102,10 @@ impl Table<'_> {
         let reach = self.horizon * (1.0 + HORIZON_TOLERANCE);
         for (a, xa) in vectors.iter().enumerate() {
             for (b, xb) in vectors.iter().enumerate().take(a) {
+                let [[own, first], [of_second, second]] = [a, b].map(|v| self.runs.materials(v));
+                if of_second != own {
+                    continue;
+                }
                 let between: [f64; D] = each(|axis| xb[axis] - xa[axis]);
                 let squares = [dot(xa, xa), dot(xb, xb), dot(&between, &between)];
                 if squares[2] > reach * reach {
@@ -114,7 +120,8 @@ impl Table<'_> {
                 if area_squared < THIN * THIN * squares[0] * squares[1] {
                     return None;
                 }
-                let law = self.law.at(area_squared.sqrt(), self.common)?;
+                let parts = self.kind.parts(&[own, first, second]);
+                let law = self.laws.at(parts, area_squared.sqrt(), self.common)?;
                 // In the plane the second bond lies to the left of the first.
                 let turned = D == 2 && normal[0] < 0.0;
                 let (first, second) = if turned { (b, a) } else { (a, b) };

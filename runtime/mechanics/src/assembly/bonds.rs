@@ -6,11 +6,12 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
+use super::DiscreteEnergy;
+use super::kind::Kind;
 use super::rows::Rows;
 use super::sum::Sum;
 use super::visit::{Refusal, Visit, minus};
-use super::{DiscreteEnergy, Kind};
-use crate::element::{CAPACITY, Channel, Contributions, InteractionBatch, Order};
+use crate::element::{CAPACITY, Channel, Contributions, Element, InteractionBatch, Order};
 use crate::energy::NonFinite;
 use crate::geometry::{each, packed, packed_len};
 
@@ -34,7 +35,7 @@ pub(super) struct BondRoom {
 impl BondRoom {
     /// Large enough for every slab.
     pub(super) fn new(energy: &DiscreteEnergy, kind: &Kind) -> BondRoom {
-        let (measure, d) = (kind.element.measure(), energy.body.dimension());
+        let (measure, d) = (kind.measure(), energy.body.dimension());
         let points = (0..energy.slabs.len()).map(|slab| energy.slabs.touched(slab).len()).max();
         BondRoom {
             batch: InteractionBatch::new(measure, d),
@@ -95,12 +96,19 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
         let owners = energy.slabs.owners(slab);
         for owner in owners.clone() {
             let mut own = [0.0; N];
+            let others = energy.neighborhood.upper(owner);
+            let Some(materials) = self.kind.materials.as_deref() else {
+                self.add_all((owner, others, 0), (0, 1.0), &mut own, rows)?;
+                self.write(owner, &own, rows);
+                continue;
+            };
+            let of = |point: &u32| materials.of(*point as usize);
             let mut place = 0;
-            for others in energy.neighborhood.upper(owner).chunks(CAPACITY) {
-                self.fill(owner, others);
-                self.evaluate(owner, others)?;
-                self.scatter(owner, others, place, &mut own, rows);
-                place += others.len();
+            for same in others.chunk_by(|i, j| of(i) == of(j)) {
+                for part in materials.parts(&[materials.of(owner), of(&same[0])]).iter() {
+                    self.add_all((owner, same, place), part, &mut own, rows)?;
+                }
+                place += same.len();
             }
             self.write(owner, &own, rows);
         }
@@ -110,20 +118,44 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
         Ok(self.sum)
     }
 
-    fn fill(&mut self, owner: usize, others: &[u32]) {
+    /// Adds an owner's bonds to some of its later neighbours, from a place among them on, by one law
+    /// that has this part in them.
+    #[inline(always)]
+    fn add_all(
+        &mut self,
+        (owner, others, mut place): (usize, &[u32], usize),
+        (law, part): (usize, f64),
+        own: &mut [f64; N],
+        rows: &mut Rows<'_>,
+    ) -> Result<(), NonFinite> {
+        let Some(element) = self.kind.element(law) else { return Ok(()) };
+        for others in others.chunks(CAPACITY) {
+            self.fill(owner, others, part);
+            self.evaluate(element, owner, others)?;
+            self.scatter(owner, others, place, own, rows);
+            place += others.len();
+        }
+        Ok(())
+    }
+
+    fn fill(&mut self, owner: usize, others: &[u32], part: f64) {
         let (positions, _) = self.visit.energy.body.positions().as_chunks::<D>();
         let (displacements, _) = self.visit.u.as_chunks::<D>();
         let (rest, eta, weights) = (positions[owner], displacements[owner], &self.kind.weights);
         let begun = weights.begin(weights.share(owner), &[]);
         self.batch.fill(others.len(), |lane| {
             let other = others[lane] as usize;
-            let weight = weights.join_last(begun, weights.share(other));
+            let weight = part * weights.join_last(begun, weights.share(other));
             (minus(&positions[other], &rest), minus(&displacements[other], &eta), weight)
         });
     }
 
-    fn evaluate(&mut self, owner: usize, others: &[u32]) -> Result<(), NonFinite> {
-        let element = &*self.kind.element;
+    fn evaluate(
+        &mut self,
+        element: &dyn Element,
+        owner: usize,
+        others: &[u32],
+    ) -> Result<(), NonFinite> {
         element.evaluate(self.batch, self.visit.order, self.out).map_err(|lane| {
             let points = vec![owner, others[lane.lane] as usize];
             Refusal { element, lane }.of::<D>(points, self.visit.u)

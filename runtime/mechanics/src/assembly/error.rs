@@ -71,16 +71,18 @@ fn isolated_message(count: usize, first: &[(usize, Vec<f64>)], horizon: f64) -> 
     )
 }
 
-pub(super) fn check_elements(elements: &Elements, dimension: usize) -> Result<(), AssemblyError> {
-    let places = [
-        (Measure::Length, &elements.bond),
-        (Measure::Area, &elements.triangle),
-        (Measure::Volume, &elements.tetrahedron),
-    ];
-    if places.iter().all(|(_, element)| element.is_none()) {
+pub(super) fn check_elements(of_laws: &[Elements], dimension: usize) -> Result<(), AssemblyError> {
+    let places = of_laws.iter().flat_map(|elements| {
+        [
+            (Measure::Length, &elements.bond),
+            (Measure::Area, &elements.triangle),
+            (Measure::Volume, &elements.tetrahedron),
+        ]
+    });
+    if places.clone().all(|(_, element)| element.is_none()) {
         return Err(AssemblyError::NoEnergy);
     }
-    if dimension == 2 && elements.tetrahedron.is_some() {
+    if dimension == 2 && of_laws.iter().any(|elements| elements.tetrahedron.is_some()) {
         return Err(AssemblyError::VolumeInPlane { dimension });
     }
     for (expected, element) in places {

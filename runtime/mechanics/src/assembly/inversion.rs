@@ -4,8 +4,9 @@
 //! In `D` dimensions these are the cliques of `D + 1` points: triangles in the plane, tetrahedra in
 //! space. Their measure is a determinant of `D` vectors from the owner.
 
+use super::DiscreteEnergy;
+use super::kind::Kind;
 use super::visit::{minus, named, row};
-use super::{DiscreteEnergy, Kind};
 use crate::energy::{Argument, Inversion, NonFinite};
 use crate::interaction::{CliqueRoom, OwnerCliques, never_fails};
 
@@ -84,7 +85,10 @@ pub(super) fn first<const D: usize>(
             let path = path.map(|x| x * determinant(&rest).signum());
             let limit = first.as_ref().map_or(1.0, |known| known.0);
             if let Some(part) = first_zero(&path[..=D], 0.0, 1.0).filter(|part| *part < limit) {
-                first = Some((part, named(cliques, &members)));
+                let points = named(cliques, &members);
+                if kind.forbids_inversion_of(&points) {
+                    first = Some((part, points));
+                }
             }
             Ok(())
         })
@@ -113,7 +117,7 @@ fn turned<const D: usize>(
         std::array::from_fn(|c| std::array::from_fn(|axis| rest[c][axis] + eta[c][axis]));
     let reference = determinant(&rest);
     NonFinite {
-        argument: Argument::Measure(kind.element.measure()),
+        argument: Argument::Measure(kind.measure()),
         displacements: points.iter().flat_map(|&point| u(point)).collect(),
         value: determinant(&now) * reference.signum(),
         reference: reference.abs(),

@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
+use super::DiscreteEnergy;
 use super::abreast::{AbreastRoom, TriangleRuns};
 use super::axes::{Axes, Wanted};
+use super::kind::Kind;
 use super::runs::BondRuns;
 use super::sum::Sum;
-use super::{DiscreteEnergy, Kind};
 use crate::interaction::runs::Runs;
 
 /// The interactions of a lattice that go without neighbour lists and kernels.
@@ -26,7 +27,7 @@ pub(super) struct OnLatticeSums {
 impl OnLattice {
     /// What goes of laws that are affine, where bonds repeat.
     pub(super) fn new(energy: &DiscreteEnergy) -> OnLattice {
-        let is_affine = |kind: &&Kind| kind.element.has_affine_law();
+        let is_affine = |kind: &&Kind| kind.is_affine();
         let bonds = energy.bonds.as_ref().filter(is_affine);
         let triangles = energy.triangles.as_ref().filter(is_affine);
         if bonds.is_none() && triangles.is_none() {
@@ -35,10 +36,16 @@ impl OnLattice {
         let Some(runs) = Runs::new(&energy.body, &energy.neighborhood, &energy.slabs) else {
             return OnLattice::default();
         };
-        let (runs, horizon) = (Arc::new(runs), energy.neighborhood.horizon());
-        let of_triangles = |kind| TriangleRuns::new(&runs, kind, horizon, energy.degeneracy);
+        let shape = (energy.body.dimension(), energy.neighborhood.horizon());
+        let kinds = [bonds, triangles].into_iter().flatten();
+        let runs = match kinds.filter_map(|kind| kind.materials.as_ref()).next() {
+            Some(materials) => runs.between(materials, shape.0),
+            None => Some(runs),
+        };
+        let Some(runs) = runs.map(Arc::new) else { return OnLattice::default() };
+        let of_triangles = |kind| TriangleRuns::new(&runs, kind, shape, energy.degeneracy);
         OnLattice {
-            bonds: bonds.and_then(|kind| BondRuns::new(&runs, kind)),
+            bonds: bonds.and_then(|kind| BondRuns::new(&runs, kind, shape.0)),
             triangles: triangles.and_then(of_triangles),
         }
     }

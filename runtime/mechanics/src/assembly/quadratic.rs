@@ -30,6 +30,15 @@ pub(crate) struct Quadratic {
     pub(crate) bent: f64,
 }
 
+impl Quadratic {
+    /// Adds the energy of another law of the same interactions.
+    pub(super) fn add(&mut self, other: &Quadratic) {
+        self.rest += other.rest;
+        self.linear += other.linear;
+        self.bent += other.bent;
+    }
+}
+
 /// A law of which passes need no kernel.
 #[derive(Clone, Copy)]
 pub(crate) struct AffineLaw<'a> {

@@ -8,9 +8,9 @@ use std::sync::Arc;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::Kind;
 use super::axes::{Axes, Wanted, axes_of, axis_of};
-use super::quadratic::{AffineLaw, Quadratic, Quadratics, ROOT, SQUARE, Shares};
+use super::kind::Kind;
+use super::quadratic::{Quadratic, Quadratics, ROOT, SQUARE, Shares};
 use super::sum::Sum;
 use crate::element::WIDEST;
 use crate::geometry::bond::Bond;
@@ -33,16 +33,19 @@ pub(super) struct BondRuns {
 
 impl BondRuns {
     /// Nothing of laws that are not affine.
-    pub(super) fn new(runs: &Arc<Runs>, kind: &Kind) -> Option<BondRuns> {
-        let (law, arch) = kind.element.law()?;
-        let law = AffineLaw::of(law)?;
+    pub(super) fn new(runs: &Arc<Runs>, kind: &Kind, dimension: usize) -> Option<BondRuns> {
+        let all = kind.affine_laws()?;
         let (common, shares) = Shares::of(&kind.weights, 2);
-        let lengths: Vec<f64> = match kind.element.dimension() {
+        let lengths: Vec<f64> = match dimension {
             2 => runs.vectors::<2>().iter().map(|vector| dot(vector, vector).sqrt()).collect(),
             _ => runs.vectors::<3>().iter().map(|vector| dot(vector, vector).sqrt()).collect(),
         };
-        let laws = lengths.iter().map(|length| law.at(*length, common)).collect::<Option<_>>()?;
-        Some(BondRuns { runs: Arc::clone(runs), laws, by_square: law.by_square, shares, arch })
+        let law = |(vector, length): (usize, &f64)| {
+            all.at(kind.parts(&runs.materials(vector)), *length, common)
+        };
+        let laws = lengths.iter().enumerate().map(law).collect::<Option<_>>()?;
+        let (runs, arch) = (Arc::clone(runs), Arch::new());
+        Some(BondRuns { runs, laws, by_square: all.by_square, shares, arch })
     }
 }
 

@@ -1,17 +1,18 @@
 //! The interactions that one slab owns, added up in the rows of its points.
 
+use super::DiscreteEnergy;
 use super::abreast::AbreastRoom;
 use super::accumulate::{Added, OwnerSums};
 use super::axes::{Axes, Wanted};
 use super::bonds::{BondRoom, BondSums, Untouched};
 use super::inversion::Motion;
+use super::kind::Kind;
 use super::on_lattice::OnLatticeSums;
 use super::pairs::PairNumbers;
 use super::rows::Rows;
 use super::sum::Sum;
 use super::tetrahedra::{Owner, Rules, TetrahedronSums};
 use super::visit::{Gathered, Sink, Visit};
-use super::{DiscreteEnergy, Kind};
 use crate::element::{Contributions, Order};
 use crate::energy::NonFinite;
 use crate::interaction::schedule::{Part, Touched};
@@ -139,11 +140,8 @@ impl<'a> SlabTask<'a> {
         let mut total = self.bonds_and_triangles(visit, room)?;
         let Room { cliques, gathered: [_, _, gathered], pairs, by_pairs, sums, .. } = room;
         if let (Some(kind), Some(gathered)) = (&energy.tetrahedra, gathered) {
-            let (least, weights) = (kind.element.least(), &kind.weights);
-            let rules = kind.element.law();
-            let rules = rules.map(|(law, arch)| Rules { law, arch, weights, order, least });
             let (rows, sum) = (&mut self.rows, Sum::default());
-            let mut sink = TetrahedronRows { rules, order, pairs, by_pairs, sums, rows, sum };
+            let mut sink = TetrahedronRows { kind, order, pairs, by_pairs, sums, rows, sum };
             visit.run(kind, (cliques, gathered), &mut sink)?;
             total.tetrahedra = sink.sum;
         }
@@ -180,9 +178,11 @@ impl<'a> SlabTask<'a> {
 
     /// Clears the blocks where that is needed.
     fn untouched(&mut self, energy: &DiscreteEnergy) -> Untouched {
-        // Where bonds are alone each coupling is written once, and nothing need be cleared before.
-        let alone = energy.triangles.is_none() && energy.tetrahedra.is_none();
-        if self.is_first && !(alone && energy.bonds.is_some()) {
+        // Where bonds of one material are alone each coupling is written once, and nothing need be
+        // cleared before.
+        let is_once = energy.bonds.as_ref().is_some_and(|bonds| bonds.materials.is_none());
+        let alone = energy.triangles.is_none() && energy.tetrahedra.is_none() && is_once;
+        if self.is_first && !alone {
             self.rows.blocks.fill(0.0);
         }
         Untouched { couplings: alone, diagonal: alone && self.is_first }
@@ -252,8 +252,7 @@ impl<const D: usize> Sink<D, 2> for TriangleRows<'_, '_, D> {
 
 /// Tetrahedra on their way into the rows of their points.
 struct TetrahedronRows<'a, 'r> {
-    /// For sums over pairs of corners; absent of elements that know no law.
-    rules: Option<Rules<'a>>,
+    kind: &'a Kind,
     order: Order,
     pairs: &'a mut PairNumbers,
     by_pairs: &'a mut TetrahedronSums,
@@ -262,15 +261,24 @@ struct TetrahedronRows<'a, 'r> {
     sum: Sum,
 }
 
+impl<'a> TetrahedronRows<'a, '_> {
+    /// For sums over pairs of corners; nothing of elements that know no law.
+    fn rules(&self, law: usize) -> Option<Rules<'a>> {
+        let (element, weights) = (self.kind.element(law)?, &self.kind.weights);
+        let (law, arch) = element.law()?;
+        Some(Rules { law, arch, weights, order: self.order, least: element.least() })
+    }
+}
+
 impl Sink<3, 3> for TetrahedronRows<'_, '_> {
     /// Sums the tetrahedra of the owner over pairs of corners, if that is possible and none is
     /// refused, and lists those that are thin.
     fn begin(&mut self, cliques: &OwnerCliques<'_, 3>, gathered: &mut Gathered<3>) -> bool {
         self.pairs.set(cliques);
         self.sums.reset(Added::new(self.order), cliques.members().len(), self.pairs.count());
-        let Some(rules) = &self.rules else { return true };
+        let Some(rules) = gathered.law.and_then(|law| self.rules(law)) else { return true };
         let owner = Owner { cliques, members: &gathered.members, pairs: self.pairs };
-        if !self.by_pairs.fill(rules, &owner) {
+        if !self.by_pairs.fill(&rules, &owner) {
             return true;
         }
         self.by_pairs.derive(&owner, self.order, self.sums);

@@ -4,7 +4,10 @@
 //! What every pass needs of an owner stands here; who sums in another way, as bonds and tetrahedra do
 //! for rows of the tangent, takes from here what is shared.
 
-use super::{DiscreteEnergy, Kind};
+use std::ops::Range;
+
+use super::DiscreteEnergy;
+use super::kind::Kind;
 use crate::element::{CAPACITY, Contributions, Element, InteractionBatch, NonFiniteLane, Order};
 use crate::energy::{Argument, NonFinite};
 use crate::interaction::{Clique, CliqueRoom, OwnerCliques};
@@ -68,17 +71,72 @@ impl Visit<'_> {
         gathered: &mut Gathered<D>,
         sink: &mut impl Sink<D, K>,
     ) -> Result<(), NonFinite> {
-        let Gathered { list, members, batch, out } = gathered;
-        let element = &*kind.element;
-        for lanes in list.chunks(CAPACITY) {
+        let result = match gathered.law {
+            Some(law) => {
+                self.evaluate(kind, (law, 1.0), cliques, gathered, 0..gathered.list.len(), sink)
+            }
+            None => self.flush_mixed(kind, cliques, gathered, sink),
+        };
+        gathered.list.clear();
+        result
+    }
+
+    /// The same where points are of several materials: interactions go with those whose corners are of
+    /// the same ones.
+    #[cold]
+    fn flush_mixed<const D: usize, const K: usize>(
+        &self,
+        kind: &Kind,
+        cliques: &OwnerCliques<'_, D>,
+        gathered: &mut Gathered<D>,
+        sink: &mut impl Sink<D, K>,
+    ) -> Result<(), NonFinite> {
+        let Some(materials) = &kind.materials else { return Ok(()) };
+        let of_corners = |clique: &Clique| -> [u8; K] {
+            let mut corners = clique
+                .corners::<K>()
+                .map(|member| materials.of(cliques.members()[member] as usize));
+            corners.sort_unstable();
+            corners
+        };
+        gathered.list.sort_by_key(of_corners);
+        let mut start = 0;
+        while start < gathered.list.len() {
+            let first = &gathered.list[start];
+            let (corners, points) = (of_corners(first), named(cliques, &first.corners::<K>()));
+            let same = gathered.list[start..].partition_point(|other| of_corners(other) <= corners);
+            let lanes = start..start + same;
+            for part in kind.parts_of(&points).iter() {
+                self.evaluate(kind, part, cliques, gathered, lanes.clone(), sink)?;
+            }
+            start = lanes.end;
+        }
+        Ok(())
+    }
+
+    /// Evaluates some of what is listed by one law, which has this part in it, and hands it on.
+    fn evaluate<const D: usize, const K: usize>(
+        &self,
+        kind: &Kind,
+        (law, part): (usize, f64),
+        cliques: &OwnerCliques<'_, D>,
+        gathered: &mut Gathered<D>,
+        lanes: Range<usize>,
+        sink: &mut impl Sink<D, K>,
+    ) -> Result<(), NonFinite> {
+        let Some(element) = kind.element(law) else { return Ok(()) };
+        let Gathered { list, members, batch, out, .. } = gathered;
+        for lanes in list[lanes].chunks(CAPACITY) {
             members.gather::<K>(kind, cliques, lanes, batch);
+            if part != 1.0 {
+                batch.weight.iter_mut().for_each(|weight| *weight *= part);
+            }
             element.evaluate(batch, self.order, out).map_err(|lane| {
                 let points = lanes[lane.lane].corners::<K>();
                 Refusal { element, lane }.of::<D>(named(cliques, &points), self.u)
             })?;
             sink.take(cliques, lanes, out);
         }
-        list.clear();
         Ok(())
     }
 }
@@ -87,6 +145,8 @@ impl Visit<'_> {
 pub(super) struct Gathered<const D: usize> {
     /// Those that come next.
     pub(super) list: Vec<Clique>,
+    /// The law that all of them take; nothing where they take several.
+    pub(super) law: Option<usize>,
     pub(super) members: Members<D>,
     batch: InteractionBatch,
     out: Contributions,
@@ -104,7 +164,7 @@ pub(super) struct Members<const D: usize> {
 impl<const D: usize> Gathered<D> {
     /// Room for owners of so many members.
     pub(super) fn new(kind: &Kind, members: usize) -> Gathered<D> {
-        let measure = kind.element.measure();
+        let measure = kind.measure();
         let listed = match measure.points() - 1 {
             1 => members,
             2 => members * members / 2,
@@ -112,6 +172,7 @@ impl<const D: usize> Gathered<D> {
         };
         Gathered {
             list: Vec::with_capacity(listed),
+            law: None,
             members: Members {
                 displacement: Vec::with_capacity(members),
                 own_share: 0.0,
@@ -125,6 +186,7 @@ impl<const D: usize> Gathered<D> {
     fn begin(&mut self, kind: &Kind, cliques: &OwnerCliques<'_, D>, u: &[f64]) {
         // A refusal ends a pass with interactions left.
         self.list.clear();
+        self.law = kind.law_of(cliques);
         let Members { displacement, own_share, shares } = &mut self.members;
         let (owner, members) = (cliques.owner(), cliques.members().iter());
         let own = row::<D>(u, owner);

@@ -7,11 +7,13 @@
 //! Before: the later neighbours of every point. After: the same bonds, each in one run of one slab, by
 //! the first owner of their run.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::Slabs;
 use crate::body::Body;
 use crate::element::WIDEST;
+use crate::materials::Materials;
 use crate::neighborhood::Neighborhood;
 
 /// A mean length below which runs are not worth it: each has its own beginning and end.
@@ -39,6 +41,8 @@ pub(crate) struct Runs {
     start: Vec<usize>,
     /// The vectors from the owner to the other end at rest, `d` numbers each, in m.
     vectors: Vec<f64>,
+    /// Of each vector the materials of the owner and of the other end; nothing of bodies of one material.
+    materials: Vec<[u8; 2]>,
 }
 
 impl Runs {
@@ -57,7 +61,48 @@ impl Runs {
             start.push(found.runs.len());
         }
         let Finding { runs, vectors, .. } = found;
-        Some(Runs { runs, start, vectors }).filter(|runs| runs.mean_length() >= SHORT)
+        Some(Runs { runs, start, vectors, materials: Vec::new() })
+            .filter(|runs| runs.mean_length() >= SHORT)
+    }
+
+    /// The same bonds in runs whose owners are of one material, and whose other ends are, too; a vector
+    /// is listed once for each pair of materials that it joins. Nothing where runs are short then.
+    pub(crate) fn between(self, materials: &Materials, dimension: usize) -> Option<Runs> {
+        let mut known: BTreeMap<(u32, [u8; 2]), u32> = BTreeMap::new();
+        let (mut runs, mut start) = (Vec::with_capacity(self.runs.len()), vec![0]);
+        let mut of_vectors = Vec::new();
+        let mut vectors = Vec::new();
+        for slab in 0..self.start.len() - 1 {
+            for run in self.of_slab(slab) {
+                let (i, j) = (run.owner as usize, run.other as usize);
+                let of_bond = |k: usize| [materials.of(i + k), materials.of(j + k)];
+                let mut first = 0;
+                while first < run.len as usize {
+                    let joined = of_bond(first);
+                    let same =
+                        (first..run.len as usize).take_while(|k| of_bond(*k) == joined).count();
+                    let vector = *known.entry((run.vector, joined)).or_insert_with(|| {
+                        let own = run.vector as usize * dimension;
+                        vectors.extend_from_slice(&self.vectors[own..own + dimension]);
+                        of_vectors.push(joined);
+                        of_vectors.len() as u32 - 1
+                    });
+                    let [owner, other] = [run.owner, run.other].map(|point| point + first as u32);
+                    runs.push(Run { owner, other, len: same as u32, vector });
+                    first += same;
+                }
+            }
+            // Groups take runs by their first owners.
+            runs[*start.last().unwrap_or(&0)..].sort_by_key(|run| run.owner);
+            start.push(runs.len());
+        }
+        let cut = Runs { runs, start, vectors, materials: of_vectors };
+        Some(cut).filter(|runs| runs.mean_length() >= SHORT)
+    }
+
+    /// The materials of the owner and of the other end of the bonds of a vector.
+    pub(crate) fn materials(&self, vector: usize) -> [u8; 2] {
+        self.materials.get(vector).copied().unwrap_or_default()
     }
 
     /// How many bonds a run has on average.

@@ -58,7 +58,13 @@ pub(crate) fn explain(case: &Case, found: &NonFinite) -> String {
     };
     let _ = write!(text, ": {symbol} = {:e}, {twin} = {:e}", found.value, found.reference);
     text += &displaced(case, found);
-    let readings = case.potentials.iter().filter_map(|potential| {
+    let laws = case.materials.as_ref().map(|materials| materials.laws_of(&found.points));
+    let of_points = case
+        .potentials
+        .iter()
+        .zip(&case.scene.materials)
+        .filter(|(_, material)| laws.as_ref().is_none_or(|laws| laws.contains(&material.law)));
+    let readings = of_points.filter_map(|(potential, _)| {
         let Potential { model, values, .. } = potential;
         let variant = model.variant(case.body.dimension())?;
         let has = variant.energies.iter().any(|energy| energy.measure == measure);

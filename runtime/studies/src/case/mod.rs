@@ -25,11 +25,12 @@ use std::sync::Arc;
 use piola_grammar::Diagnostic;
 
 use crate::scene::selection::{self, Selection};
-use crate::scene::{MAX_SCENE_BYTES, Points, Scene};
+use crate::scene::{MAX_SCENE_BYTES, Material, Points, Scene};
 use piola_mechanics::body::Body;
 use piola_mechanics::energy::NonFinite;
 
 use piola_mechanics::lattice::Lattice;
+use piola_mechanics::materials::Materials;
 use piola_output::read::read_cloud;
 
 /// Largest point cloud that is read, in bytes.
@@ -52,6 +53,8 @@ pub struct Case {
     pub potentials: Vec<Potential>,
     /// The points that are left after removals.
     pub body: Arc<Body>,
+    /// Of which material they are; nothing where all are of one.
+    pub materials: Option<Arc<Materials>>,
     /// Findings about the scene that do not stop the work; spans as in [`Scene::report`].
     pub warnings: Vec<Diagnostic>,
     /// Where the scene is: a cloud is named relative to it.
@@ -117,7 +120,7 @@ impl Case {
         }
         let body = Arc::new(Body::new(scene.body.dimension, &[], &[], None));
         let folder = folder.to_path_buf();
-        Ok(Case { scene, potentials, body, warnings, folder })
+        Ok(Case { scene, potentials, body, materials: None, warnings, folder })
     }
 
     /// The same with its points.
@@ -126,6 +129,7 @@ impl Case {
     /// A cloud that cannot be read, a box that is none, more points than the memory holds.
     pub fn with_points(mut self) -> Result<Case, CaseError> {
         let (body, warnings) = body(&self.scene, &self.folder)?;
+        self.materials = selection::materials(&self.scene, &body)?.map(Arc::new);
         self.body = Arc::new(body);
         self.warnings.extend(warnings);
         Ok(self)
@@ -137,6 +141,29 @@ impl Case {
     /// Energies that are too large, or that need what is not there.
     pub fn compile(&self) -> Result<Vec<Compiled>, CaseError> {
         self.potentials.iter().map(|potential| potential.compile(&self.scene)).collect()
+    }
+
+    /// The same body of one of its materials alone; `None` where it has no such material.
+    pub fn of_material(&self, name: &str) -> Option<Case> {
+        let law = self.scene.regions.iter().position(|region| region.name.value == name)?;
+        let mut case = Case { materials: None, ..self.clone() };
+        let is_own = |material: &Material| material.law == law;
+        let all = self.potentials.iter().zip(&self.scene.materials);
+        case.potentials = all.filter(|(_, of)| is_own(of)).map(|(own, _)| own.clone()).collect();
+        case.scene.materials.retain(is_own);
+        case.scene.materials.iter_mut().for_each(|material| material.law = 0);
+        case.scene.regions.clear();
+        case.scene.interfaces.clear();
+        Some(case)
+    }
+
+    /// The same body of each of its materials alone, with their names; itself where it is of one.
+    pub fn of_each_material(&self) -> Vec<(Option<&str>, Case)> {
+        if self.scene.regions.is_empty() {
+            return vec![(None, self.clone())];
+        }
+        let names = self.scene.regions.iter().map(|region| region.name.value.as_str());
+        names.filter_map(|name| Some((Some(name), self.of_material(name)?))).collect()
     }
 
     /// The thickness of the body in m, by which energies per volume become energies per area; 1 where

@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use piola_compiler::GatheredKernels;
-use piola_mechanics::assembly::{AssemblyError, DiscreteEnergy};
+use piola_compiler::{GatheredKernels, Integrand};
+use piola_mechanics::assembly::{AssemblyError, DiscreteEnergy, Elements};
 use piola_mechanics::deformation::influence::{Constant, CubicSpline, Influence, InverseLength};
 use piola_mechanics::deformation::{DeformationEnergy, Discretisation, Formulation, Stabilisation};
 use piola_mechanics::energy::{Term, Total};
 use piola_mechanics::kernel::{Law, VariablesLaw};
+use piola_mechanics::materials::{ByMaterial, MaterialLaw};
 use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::sheet::Thick;
 use piola_mechanics::states::{StateEnergy, StateLaws};
@@ -26,11 +27,12 @@ impl Case {
         size::check_neighbors(&self.body, horizon, size::family(&self.body, horizon))?;
         let neighborhood = Neighborhood::new(&self.body, horizon).map_err(AssemblyError::from)?;
         let neighborhood = Arc::new(neighborhood);
-        let alone = compiled.len() == 1;
+        let layers = self.layers(compiled);
+        let alone = layers.len() == 1;
         let (mut terms, mut names) = (Vec::new(), Vec::new());
-        for compiled in compiled {
-            let potential = compiled.name.clone();
-            for term in self.terms(compiled, &neighborhood)? {
+        for layer in layers {
+            let potential = layer.name();
+            for term in self.terms(layer, &neighborhood)? {
                 let own = term.parts().iter();
                 names.extend(own.map(|part| match alone {
                     true => part.clone(),
@@ -52,48 +54,171 @@ impl Case {
         Ok(energy.from_positions(solver.strain == StrainSource::Positions))
     }
 
-    /// The energies of a potential: of interactions, of gathered states, of deformation gradients.
+    /// What is added up: of every law its first potential, then of every law its second, and so on.
+    fn layers(&self, compiled: Vec<Compiled>) -> Vec<Layer> {
+        let n_laws = self.scene.n_laws();
+        let mut layers: Vec<Layer> = Vec::new();
+        let mut seen = vec![0; n_laws];
+        for (compiled, material) in compiled.into_iter().zip(&self.scene.materials) {
+            let number = seen[material.law];
+            seen[material.law] += 1;
+            if layers.len() == number {
+                layers.push(Layer((0..n_laws).map(|_| None).collect()));
+            }
+            layers[number].0[material.law] = Some(compiled);
+        }
+        layers
+    }
+
+    /// The energies of a layer: of interactions, of gathered states, of deformation gradients.
     fn terms(
         &self,
-        compiled: Compiled,
+        layer: Layer,
         neighborhood: &Arc<Neighborhood>,
     ) -> Result<Vec<Term<'static>>, CaseError> {
         let found = || (Arc::clone(&self.body), Arc::clone(neighborhood));
         let mut terms = Vec::new();
-        if compiled.has_interactions() {
+        let has_interactions = layer.present().any(Compiled::has_interactions);
+        let Parts { elements, gathered, gradients } = layer.parts();
+        if has_interactions {
             let ((body, neighborhood), weights) = (found(), self.scene.horizon.weights);
-            let energy = DiscreteEnergy::among(body, neighborhood, weights, compiled.elements)?;
+            let materials = self.materials.clone();
+            let energy =
+                DiscreteEnergy::of_materials(body, neighborhood, weights, materials, elements)?;
             terms.push(Box::new(energy).into());
         }
-        if let Some(kernels) = compiled.gathered {
-            let laws = state_laws(kernels, compiled.arguments, self.thickness());
+        if gathered.iter().any(Option::is_some) {
+            let laws = states_of_materials(gathered, self.thickness());
             let (body, neighborhood) = found();
-            let energy = StateEnergy::among(body, neighborhood, laws)?;
+            let materials = self.materials.clone();
+            let energy = StateEnergy::of_materials(body, neighborhood, materials, laws)?;
             terms.push(Box::new(energy).into());
         }
-        if let Some(law) = compiled.gradient {
-            terms.push(Box::new(self.correspondence(law, found().1)?).into());
+        if gradients.iter().any(Option::is_some) {
+            terms.push(Box::new(self.correspondence(gradients, found().1)?).into());
         }
         Ok(terms)
     }
 
     fn correspondence(
         &self,
-        law: Box<dyn VariablesLaw>,
+        laws: Vec<Option<Box<dyn VariablesLaw>>>,
         neighborhood: Arc<Neighborhood>,
     ) -> Result<DeformationEnergy, CaseError> {
         let (horizon, thickness) = (self.scene.horizon_radius(), self.thickness());
+        let d = self.body.dimension();
         let settings = self.scene.correspondence.clone().unwrap_or_default();
-        let influence = influence(&settings.influence, self.body.dimension(), horizon);
+        let influence = influence(&settings.influence, d, horizon);
         let formulation = Formulation {
             horizon,
             order: settings.order,
             discretisation: discretisation(settings.discretisation, thickness),
             influence: &*influence,
         };
-        let (body, law) = (Arc::clone(&self.body), thick(law, thickness));
-        Ok(DeformationEnergy::among(body, neighborhood, formulation, law)?)
+        let laws = laws.into_iter().map(|law| law.map(|law| thick(law, thickness)));
+        let (body, materials) = (Arc::clone(&self.body), self.materials.clone());
+        let law = by_material(d * d, laws.map(|law| law.map(|law| (law, None))).collect());
+        Ok(DeformationEnergy::of_materials(body, neighborhood, formulation, materials, law)?)
     }
+}
+
+/// One potential of each law, where it has one.
+struct Layer(Vec<Option<Compiled>>);
+
+/// The energies of a layer by kind, those of each law.
+#[derive(Default)]
+struct Parts {
+    elements: Vec<Elements>,
+    gathered: Vec<Option<(GatheredKernels, [String; 2])>>,
+    gradients: Vec<Option<Box<dyn VariablesLaw>>>,
+}
+
+impl Layer {
+    fn present(&self) -> impl Iterator<Item = &Compiled> {
+        self.0.iter().flatten()
+    }
+
+    /// The names of its potentials.
+    fn name(&self) -> String {
+        let mut names: Vec<&str> = self.present().map(|compiled| compiled.name.as_str()).collect();
+        names.dedup();
+        names.join(" | ")
+    }
+
+    fn parts(self) -> Parts {
+        let mut parts = Parts::default();
+        for compiled in self.0 {
+            let (elements, gathered, gradient) = match compiled {
+                Some(Compiled { elements, gathered, gradient, arguments, .. }) => {
+                    (elements, gathered.map(|gathered| (gathered, arguments)), gradient)
+                }
+                None => Default::default(),
+            };
+            parts.elements.push(elements);
+            parts.gathered.push(gathered);
+            parts.gradients.push(gradient);
+        }
+        parts
+    }
+}
+
+/// A law and, unless they are all, which of the variables of all materials it has.
+type Numbered = (Box<dyn VariablesLaw>, Option<Vec<usize>>);
+
+/// The laws of several materials as one; the law itself of one material.
+fn by_material(n_variables: usize, mut laws: Vec<Option<Numbered>>) -> Box<dyn VariablesLaw> {
+    if let [Some(_)] = &laws[..]
+        && let Some((law, _)) = laws.pop().flatten()
+    {
+        return law;
+    }
+    let law = |(law, variables): Numbered| MaterialLaw {
+        law,
+        variables: variables.unwrap_or_else(|| (0..n_variables).collect()),
+    };
+    let laws = laws.into_iter().map(|own| own.map(law)).collect();
+    Box::new(ByMaterial::new(n_variables, laws))
+}
+
+/// The energies of gathered states of several materials: of integrals that are the same function in
+/// several of them there is one.
+fn states_of_materials(
+    gathered: Vec<Option<(GatheredKernels, [String; 2])>>,
+    thickness: f64,
+) -> StateLaws {
+    let mut laws = StateLaws::default();
+    let mut known: Vec<Integrand> = Vec::new();
+    let (mut points, mut bonds) = (Vec::new(), Vec::new());
+    for of_material in gathered {
+        let Some((kernels, arguments)) = of_material else {
+            points.push(None);
+            bonds.push(None);
+            continue;
+        };
+        let integrals = kernels.integrals.into_iter().zip(kernels.functions);
+        let numbers = integrals.map(|(integral, function)| {
+            known.iter().position(|other| *other == function).unwrap_or_else(|| {
+                known.push(function);
+                laws.integrals.push(Box::new(integral));
+                known.len() - 1
+            })
+        });
+        let numbers: Vec<usize> = numbers.collect();
+        let with_length = || std::iter::once(0).chain(numbers.iter().map(|k| k + 1)).collect();
+        let thick = |law| thick(law, thickness);
+        points.push(kernels.points.map(|law| (thick(law), Some(numbers.clone()))));
+        bonds.push(kernels.bonds.map(|law| (thick(law), Some(with_length()))));
+        for (all, own) in laws.arguments.iter_mut().zip(arguments) {
+            if !own.is_empty() && *all != own {
+                *all = if all.is_empty() { own } else { format!("{all}) | psi({own}") };
+            }
+        }
+    }
+    let n = laws.integrals.len();
+    let some = |laws: &[Option<Numbered>]| laws.iter().any(Option::is_some);
+    laws.points = some(&points).then(|| by_material(n, points));
+    laws.bonds = some(&bonds).then(|| by_material(n + 1, bonds));
+    laws
 }
 
 /// A law per volume as one per volume of points: per area in two dimensions.

@@ -116,7 +116,7 @@ impl Affine {
     fn of_gradients(d: usize, law: &dyn VariablesLaw) -> Affine {
         let identity = identity(d);
         let (current, change) = (identity.as_slice(), &vec![0.0; d * d]);
-        let at = Variables { n: 1, current, change, given: &[] };
+        let at = Variables { n: 1, current, change, given: &[], laws: &[] };
         let mut stress = vec![0.0; d * d];
         law.evaluate(at, &mut [0.0], &mut stress);
         let product = |direction: &DVector<f64>| {

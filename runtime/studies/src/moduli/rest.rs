@@ -18,6 +18,13 @@ impl Case {
     /// What [`Model::unfit_at_rest`](piola_compiler::Model::unfit_at_rest) finds, at its place in the
     /// potential.
     pub fn check_rest(&self) -> Result<(), CaseError> {
+        for (_, case) in self.of_each_material() {
+            case.check_rest_alone()?;
+        }
+        Ok(())
+    }
+
+    fn check_rest_alone(&self) -> Result<(), CaseError> {
         let is_stiff = |number: usize| {
             let others = self.potentials.iter().enumerate().filter(|(other, _)| *other != number);
             others.into_iter().any(|(_, other)| {

@@ -57,7 +57,7 @@ pub(super) fn of_states(
     let mut adjoint = vec![0.0; integrals.len()];
     let mut volumetric = Double::new(0.0);
     if let Some(law) = &laws.points {
-        let at = Variables { n: 1, current: &integrals, change: &[], given: &[] };
+        let at = Variables { n: 1, current: &integrals, change: &[], given: &[], laws: &[] };
         law.evaluate(at, &mut [0.0], &mut adjoint);
         let mut product = vec![0.0; integrals.len()];
         law.product(at, &swelling, &mut product);
@@ -111,7 +111,8 @@ impl Family<'_> {
         };
         let current = [&self.lengths[..], &repeated(integrals)].concat();
         let change = vec![0.0; n];
-        let at = Variables { n, current: &current, change: &change, given: &self.lengths };
+        let at =
+            Variables { n, current: &current, change: &change, given: &self.lengths, laws: &[] };
         let mut slopes = vec![0.0; current.len()];
         law.evaluate(at, &mut vec![0.0; n], &mut slopes);
         for (k, a) in adjoint.iter_mut().enumerate() {

@@ -43,6 +43,7 @@ use piola_solvers::steps::Start;
 pub use expression::Expression;
 pub use piola_mechanics::lattice::Nodes;
 pub use potential::PotentialText;
+pub use read::MOST_LAWS;
 pub use source::{Finding, SceneReport, SourceText, Sources};
 
 /// The coordinates as expressions and messages name them.
@@ -61,8 +62,13 @@ pub struct Scene {
     pub body: BodyShape,
     /// `[horizon]`
     pub horizon: Horizon,
-    /// `[material]` and every `[[material.plus]]`: at least one.
+    /// `[material]` or every `[[material]]` with their `[[material.plus]]`, and the potentials of every
+    /// `[[interface]]`: at least one.
     pub materials: Vec<Material>,
+    /// Every `[[material]]`; none where all of the body is of one `[material]`.
+    pub regions: Vec<Region>,
+    /// Every `[[interface]]`.
+    pub interfaces: Vec<Interface>,
     /// `[correspondence]`, for potentials with an energy of `F`; filled in for them.
     pub correspondence: Option<CorrespondenceSettings>,
     /// `[sets]`, in the order of the file.
@@ -92,6 +98,8 @@ impl PartialEq for Scene {
             body,
             horizon,
             materials,
+            regions,
+            interfaces,
             correspondence,
             sets,
             prescriptions,
@@ -106,6 +114,8 @@ impl PartialEq for Scene {
         *body == other.body
             && *horizon == other.horizon
             && *materials == other.materials
+            && *regions == other.regions
+            && *interfaces == other.interfaces
             && *correspondence == other.correspondence
             && *sets == other.sets
             && *prescriptions == other.prescriptions
@@ -121,6 +131,11 @@ impl Scene {
     /// `[material]`, the first.
     pub fn material(&self) -> &Material {
         &self.materials[0]
+    }
+
+    /// How many laws there are: one of each material, then those of interfaces.
+    pub fn n_laws(&self) -> usize {
+        self.materials.iter().map(|material| material.law + 1).max().unwrap_or(1)
     }
 
     /// The horizon in m.
@@ -231,9 +246,41 @@ pub enum HorizonExtent {
     Radius(f64),
 }
 
-/// `[material]` or `[[material.plus]]`: a potential and its parameters. The energies of all add up.
+/// `[[material]]`: which points are of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Region {
+    /// Its name.
+    pub name: Located<String>,
+    /// Index into [`Scene::sets`]; nothing where it has all points that no other has.
+    pub set: Option<Located<usize>>,
+}
+
+/// `[[interface]]`: what interactions of points of two materials take.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Interface {
+    /// Indices into [`Scene::regions`].
+    pub between: [Located<usize>; 2],
+    /// What they take.
+    pub rule: InterfaceRule,
+}
+
+/// What interactions of points of two materials take.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InterfaceRule {
+    /// The mean of their corners' energies.
+    Mean,
+    /// The law of one of the two.
+    As(usize),
+    /// A potential of its own: the number of its law, after those of the materials.
+    Potential(usize),
+}
+
+/// `[material]`, `[[material]]`, `[[material.plus]]` or `[[interface]]`: a potential and its parameters.
+/// The energies of all with one law add up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
+    /// The number of its law: an index into [`Scene::regions`], or one of an interface behind them.
+    pub law: usize,
     /// A file beside the scene if it ends in `.piola`, else a name in the library.
     pub potential: Located<String>,
     /// The given parameters, in the order of the file.

@@ -5,9 +5,10 @@
 
 use piola_grammar::{Diagnostic, Span};
 use piola_mechanics::body::Body;
+use piola_mechanics::materials::{self, Materials};
 use rayon::prelude::*;
 
-use super::{AXES, Expression, Scene, SceneReport};
+use super::{AXES, Expression, Interface, InterfaceRule, Region, Scene, SceneReport};
 
 /// A point this many spacings from the boundary of a condition is on one side of it by chance.
 const BOUNDARY_MARGIN: f64 = 1e-6;
@@ -135,6 +136,77 @@ pub fn select(scene: &Scene, body: &Body) -> Result<Selection, SceneReport> {
     }
     errors.extend(warnings);
     Err(scene.report(errors))
+}
+
+/// The materials of the points of a body; nothing of a scene with one material.
+pub fn materials(scene: &Scene, body: &Body) -> Result<Option<Materials>, SceneReport> {
+    if scene.regions.is_empty() {
+        return Ok(None);
+    }
+    let mut of_point: Vec<Option<u8>> = vec![None; body.n_points()];
+    let mut errors = Vec::new();
+    let of_set = |region: &Region| {
+        let condition = &scene.sets[region.set?.value].condition;
+        Some(membership(condition, body.positions(), body.dimension()))
+    };
+    for (number, region) in scene.regions.iter().enumerate() {
+        let Some(inside) = of_set(region) else { continue };
+        let name = &region.name.value;
+        let twice = (0..of_point.len()).find(|point| inside[*point] && of_point[*point].is_some());
+        if let Some((point, other)) = twice.and_then(|point| Some((point, of_point[point]?))) {
+            let other = &scene.regions[usize::from(other)].name;
+            let place = coordinates(body.position(point));
+            let message = format!("the point at {place} is of `{}` and of `{name}`", other.value);
+            let help =
+                "a point is of one material: let one of the sets leave out what the other has";
+            let found = Diagnostic::error("two-materials", region.name.span, message).help(help);
+            errors.push(found.note(other.span, "the other stands here"));
+        }
+        let inside = of_point.iter_mut().zip(inside).filter(|(_, inside)| *inside);
+        inside.for_each(|(material, _)| *material = Some(number as u8));
+    }
+    let rest = scene.regions.iter().position(|region| region.set.is_none());
+    let left = of_point.iter().position(Option::is_none);
+    match (rest, left) {
+        (Some(rest), Some(_)) => {
+            of_point.iter_mut().for_each(|of| *of = of.or(Some(rest as u8)));
+        }
+        (Some(rest), None) => {
+            let message =
+                "no point is left for this material: the sets of the others have them all";
+            errors.push(Diagnostic::error("empty-set", scene.regions[rest].name.span, message));
+        }
+        (None, Some(point)) => {
+            let count = of_point.iter().filter(|of| of.is_none()).count();
+            let place = coordinates(body.position(point));
+            let message =
+                format!("{count} points are of no material, the one at {place} among them");
+            let help = "write a [[material]] without a `set`: it has all points that no other has";
+            let span = scene.regions[0].name.span;
+            errors.push(Diagnostic::error("no-material", span, message).help(help));
+        }
+        (None, None) => {}
+    }
+    if !errors.is_empty() {
+        return Err(scene.report(errors));
+    }
+    let interface = |interface: &Interface| {
+        let between = interface.between.map(|material| material.value as u8);
+        match interface.rule {
+            InterfaceRule::Mean => None,
+            InterfaceRule::As(material) => {
+                let as_material = material as u8;
+                let counts = if between[0] == as_material { between[1] } else { between[0] };
+                Some(materials::Interface::As { counts, as_material })
+            }
+            InterfaceRule::Potential(law) => {
+                Some(materials::Interface::Law { between, law: law as u8 })
+            }
+        }
+    };
+    let interfaces = scene.interfaces.iter().filter_map(interface).collect();
+    let of_point = of_point.into_iter().map(|of| of.unwrap_or_default()).collect();
+    Ok(Some(Materials::new(of_point, interfaces).with_laws(scene.n_laws())))
 }
 
 /// Where a condition holds, one entry per point.

@@ -8,8 +8,8 @@ use piola_mechanics::words::Words;
 use super::keys::{number, string, texts};
 use super::read::{OUTPUT_KEYS, SOLVER_KEYS, STEPS_KEYS};
 use super::{
-    BodyShape, CorrespondenceSettings, Horizon, HorizonExtent, Load, Material, ParameterText,
-    Plane, Points, Prescription, Probe, Quantity, Scene, SetDefinition,
+    BodyShape, CorrespondenceSettings, Horizon, HorizonExtent, InterfaceRule, Load, Material,
+    ParameterText, Plane, Points, Prescription, Probe, Quantity, Region, Scene, SetDefinition,
 };
 
 impl Scene {
@@ -20,7 +20,7 @@ impl Scene {
         let mut out = String::new();
         write_body(&mut out, &self.body);
         write_horizon(&mut out, &self.horizon);
-        write_materials(&mut out, &self.materials);
+        write_materials(&mut out, self);
         if let Some(settings) = &self.correspondence {
             write_correspondence(&mut out, settings);
         }
@@ -43,7 +43,7 @@ impl Scene {
     /// The part of it that says what the body is made of.
     pub fn material_toml(&self) -> String {
         let mut out = String::new();
-        write_materials(&mut out, &self.materials);
+        write_materials(&mut out, self);
         out
     }
 }
@@ -76,18 +76,49 @@ fn write_horizon(out: &mut String, horizon: &Horizon) {
     pair(out, "weights", word(horizon.weights));
 }
 
-fn write_materials(out: &mut String, materials: &[Material]) {
-    for (number, material) in materials.iter().enumerate() {
-        let titles = match number {
-            0 => ["[material]", "[material.parameters]"],
-            _ => ["[[material.plus]]", "[material.plus.parameters]"],
-        };
-        write_material(out, titles, material);
+fn write_materials(out: &mut String, scene: &Scene) {
+    let several = !scene.regions.is_empty();
+    for (number, material) in scene.materials.iter().enumerate() {
+        let is_first = !scene.materials[..number].iter().any(|other| other.law == material.law);
+        let region = scene.regions.get(material.law).filter(|_| is_first);
+        if several && material.law >= scene.regions.len() {
+            continue;
+        }
+        section(
+            out,
+            match (is_first, several) {
+                (false, _) => "[[material.plus]]",
+                (true, false) => "[material]",
+                (true, true) => "[[material]]",
+            },
+        );
+        if let Some(Region { name, set }) = region {
+            if let Some(set) = set {
+                pair(out, "set", string(&scene.sets[set.value].name.value));
+            }
+            pair(out, "name", string(&name.value));
+        }
+        let parameters =
+            if is_first { "[material.parameters]" } else { "[material.plus.parameters]" };
+        write_material(out, parameters, material);
+    }
+    for interface in &scene.interfaces {
+        section(out, "[[interface]]");
+        let name = |material: usize| string(&scene.regions[material].name.value);
+        let between = interface.between.map(|material| name(material.value));
+        pair(out, "between", format!("[{}]", between.join(", ")));
+        match interface.rule {
+            InterfaceRule::Mean => pair(out, "rule", string("mean")),
+            InterfaceRule::As(material) => pair(out, "as", name(material)),
+            InterfaceRule::Potential(law) => {
+                let own = scene.materials.iter().filter(|material| material.law == law);
+                own.for_each(|own| write_material(out, "[interface.parameters]", own));
+            }
+        }
     }
 }
 
-fn write_material(out: &mut String, [title, parameters]: [&str; 2], material: &Material) {
-    section(out, title);
+fn write_material(out: &mut String, parameters: &str, material: &Material) {
     pair(out, "potential", string(&material.potential.value));
     section(out, parameters);
     for parameter in &material.parameters {

@@ -33,11 +33,11 @@ impl<const D: usize> LawBatch<D> {
         }
     }
 
-    /// psi and, if asked for, the stress at displacement gradients `h`, at most [`CAPACITY`]. `Err`
-    /// holds the first lane where something is not finite.
+    /// psi and, if asked for, the stress at displacement gradients `h`, at most [`CAPACITY`], with the
+    /// numbers of their laws. `Err` holds the first lane where something is not finite.
     pub(super) fn evaluate(
         &mut self,
-        law: &dyn VariablesLaw,
+        (law, laws): (&dyn VariablesLaw, &[u8]),
         h: &[Tensor<D>],
         with_stress: bool,
     ) -> Result<(), usize> {
@@ -48,6 +48,7 @@ impl<const D: usize> LawBatch<D> {
             current: &self.current[..size],
             change: &self.change[..size],
             given: &[],
+            laws,
         };
         let out = &mut self.out[..if with_stress { size } else { 0 }];
         law.evaluate(at, &mut self.psi[..self.n], out);
@@ -57,7 +58,7 @@ impl<const D: usize> LawBatch<D> {
     /// The second derivatives at `h` times `directions`.
     pub(super) fn multiply(
         &mut self,
-        law: &dyn VariablesLaw,
+        (law, laws): (&dyn VariablesLaw, &[u8]),
         h: &[Tensor<D>],
         directions: &[Tensor<D>],
     ) -> Result<(), usize> {
@@ -73,20 +74,26 @@ impl<const D: usize> LawBatch<D> {
             current: &self.current[..size],
             change: &self.change[..size],
             given: &[],
+            laws,
         };
         law.product(at, &self.direction[..size], &mut self.out[..size]);
         self.check(true, false)
     }
 
     /// The second derivatives at one place, `d^2 x d^2` row by row; `Err` holds its determinant.
-    pub(super) fn second(&mut self, law: &dyn VariablesLaw, h: &Tensor<D>) -> Result<&[f64], f64> {
+    pub(super) fn second(
+        &mut self,
+        (law, number): (&dyn VariablesLaw, u8),
+        h: &Tensor<D>,
+    ) -> Result<&[f64], f64> {
         // One lane for each unit direction: products come out as columns, and rows are the same.
         let lanes = [*h; 9];
         let mut directions = [[[0.0; D]; D]; 9];
         for (k, direction) in directions[..D * D].iter_mut().enumerate() {
             direction[k / D][k % D] = 1.0;
         }
-        self.multiply(law, &lanes[..D * D], &directions[..D * D]).map_err(|_| determinant(h))?;
+        self.multiply((law, &[number; 9][..D * D]), &lanes[..D * D], &directions[..D * D])
+            .map_err(|_| determinant(h))?;
         Ok(&self.out[..D * D * D * D])
     }
 

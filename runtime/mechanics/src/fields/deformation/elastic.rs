@@ -11,6 +11,7 @@ use crate::body::Body;
 use crate::fields::springs;
 use crate::interaction::Slabs;
 use crate::kernel::{Variables, VariablesLaw};
+use crate::materials::LawOfPoints;
 use crate::matrix::BlockMatrix;
 
 /// The least part of the largest modulus of the axes that a bond has: laws may be soft along some
@@ -21,18 +22,21 @@ const SOFTEST: f64 = 1e-2;
 pub(super) fn springs<const D: usize>(
     (body, slabs): (&Body, &Slabs),
     operator: &GradientOperator,
-    law: &dyn VariablesLaw,
+    law: LawOfPoints<'_>,
     u: &[f64],
     matrix: &mut BlockMatrix,
 ) {
-    let modulus = Modulus::<D>::new(law);
+    let n_laws = law.materials.map_or(1, |materials| materials.n_laws());
+    let moduli: Vec<Modulus<D>> = (0..n_laws).map(|k| Modulus::new((law.law, k as u8))).collect();
     let stiffness = |bond: usize, ends: [usize; 2], dx: &[f64; D]| {
         let [of_i, of_j] = operator.both_ways::<D>(bond, ends);
         let along = |g: &[f64; D]| (0..D).fold(0.0, |sum, c| sum + g[c] * dx[c]);
         let [v_i, v_j] = ends.map(|end| body.volumes()[end]);
         let share = (v_i * along(&of_i) - v_j * along(&of_j)).abs();
         let squared = dx.iter().fold(0.0, |sum, x| sum + x * x);
-        share / squared * modulus.along(dx, squared)
+        let parts = law.parts(ends);
+        let along = parts.iter().map(|(law, part)| part * moduli[law].along(dx, squared));
+        share / squared * along.fold(0.0, |sum, modulus| sum + modulus)
     };
     springs::fill(body, (operator.neighborhood(), slabs), u, stiffness, matrix);
 }
@@ -44,7 +48,7 @@ struct Modulus<const D: usize> {
 }
 
 impl<const D: usize> Modulus<D> {
-    fn new(law: &dyn VariablesLaw) -> Modulus<D> {
+    fn new(law: (&dyn VariablesLaw, u8)) -> Modulus<D> {
         let mut elasticity = elasticity(law, D);
         let axes = || (0..D).map(|r| (r * D + r) * (D * D + 1));
         let mut stiffest = axes().fold(0.0, |most: f64, k| most.max(elasticity[k]));
@@ -73,8 +77,8 @@ impl<const D: usize> Modulus<D> {
     }
 }
 
-/// The elasticity tensor at rest, `d^2 x d^2` row by row: entry `(rc, se)` is `dP_rc/dF_se`.
-pub(super) fn elasticity(law: &dyn VariablesLaw, d: usize) -> Vec<f64> {
+/// The elasticity tensor at rest of the law of a number, `d^2 x d^2` row by row: entry `(rc, se)` is `dP_rc/dF_se`.
+pub(super) fn elasticity((law, number): (&dyn VariablesLaw, u8), d: usize) -> Vec<f64> {
     let size = d * d;
     let rest: Vec<f64> = (0..size).map(|k| if k % (d + 1) == 0 { 1.0 } else { 0.0 }).collect();
     // One place for each unit direction.
@@ -82,9 +86,9 @@ pub(super) fn elasticity(law: &dyn VariablesLaw, d: usize) -> Vec<f64> {
     let (current, change) = (spread(&rest), vec![0.0; size * size]);
     let direction: Vec<f64> =
         (0..size * size).map(|k| if k / size == k % size { 1.0 } else { 0.0 }).collect();
-    let mut product = vec![0.0; size * size];
+    let (mut product, laws) = (vec![0.0; size * size], vec![number; size]);
     law.product(
-        Variables { n: size, current: &current, change: &change, given: &[] },
+        Variables { n: size, current: &current, change: &change, given: &[], laws: &laws },
         &direction,
         &mut product,
     );

@@ -13,7 +13,7 @@ use crate::body::Body;
 use crate::fields::stored::{Linearised, Seen, Tensor};
 use crate::interaction::Slabs;
 use crate::interaction::schedule::{Layout, Part, Touched, visit};
-use crate::kernel::VariablesLaw;
+use crate::materials::LawOfPoints;
 use crate::neighborhood::Neighborhood;
 
 /// Second derivatives of the energy by the fields.
@@ -39,7 +39,7 @@ impl<'a, const D: usize> FieldStiffness<'a, D> {
     pub(super) fn new(
         (body, slabs): (&'a Body, &Slabs),
         operator: &'a GradientOperator,
-        law: Option<&dyn VariablesLaw>,
+        law: Option<LawOfPoints<'_>>,
         fields: Fields<'_, D>,
         bonds: Bonds<'a>,
     ) -> Result<FieldStiffness<'a, D>, Failure> {
@@ -49,7 +49,7 @@ impl<'a, const D: usize> FieldStiffness<'a, D> {
             let Some(law) = law else { return Ok(()) };
             let h = &fields.h[point];
             let second = batch
-                .second(law, h)
+                .second((law.law, law.number(point)), h)
                 .map_err(|_| Failure { points: vec![point], determinant: determinant(h) })?;
             let (volume, n) = (body.volumes()[point], D * D);
             for (place, second) in second.iter().enumerate() {

@@ -45,6 +45,7 @@ use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored::{self, Tensor};
 use crate::interaction::{Report, Slabs};
 use crate::kernel::VariablesLaw;
+use crate::materials::{LawOfPoints, Materials};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use crate::pool::Pool;
@@ -93,6 +94,8 @@ pub struct DeformationEnergy {
     body: Arc<Body>,
     operator: GradientOperator,
     law: Box<dyn VariablesLaw>,
+    /// Where the law is that of several materials.
+    materials: Option<Arc<Materials>>,
     places: Places,
     slabs: Slabs,
     /// `psi(F)`, and `stabilisation` where there is one.
@@ -155,6 +158,22 @@ impl DeformationEnergy {
         formulation: Formulation<'_>,
         law: Box<dyn VariablesLaw>,
     ) -> Result<DeformationEnergy, DeformationError> {
+        DeformationEnergy::of_materials(body, neighborhood, formulation, None, law)
+    }
+
+    /// The same for a body of several materials: points, and bonds by the interfaces between their ends,
+    /// take the law of their number. See [`crate::materials::ByMaterial`].
+    ///
+    /// # Errors
+    ///
+    /// As [`DeformationEnergy::new`].
+    pub fn of_materials(
+        body: Arc<Body>,
+        neighborhood: Arc<Neighborhood>,
+        formulation: Formulation<'_>,
+        materials: Option<Arc<Materials>>,
+        law: Box<dyn VariablesLaw>,
+    ) -> Result<DeformationEnergy, DeformationError> {
         let Formulation { horizon, order, discretisation, influence } = formulation;
         assert_eq!(neighborhood.horizon(), horizon, "neighbours within this horizon");
         let d = body.dimension();
@@ -172,7 +191,7 @@ impl DeformationEnergy {
                 &body,
                 neighborhood,
                 &influence,
-                &*law,
+                LawOfPoints { law: &*law, materials: materials.as_deref() },
                 kind,
                 order == OperatorOrder::First,
             )?),
@@ -190,6 +209,7 @@ impl DeformationEnergy {
             body,
             operator,
             law,
+            materials,
             places,
             slabs,
             names,
@@ -197,6 +217,10 @@ impl DeformationEnergy {
             bond_pattern,
             room,
         })
+    }
+
+    fn law(&self) -> LawOfPoints<'_> {
+        LawOfPoints { law: &*self.law, materials: self.materials.as_deref() }
     }
 
     /// The body.
@@ -263,7 +287,7 @@ impl DeformationEnergy {
         mut duals: Duals<'_, D>,
         parts: &mut Parts,
     ) -> Result<[f64; 2], Failure> {
-        let (law, volumes) = (&*self.law, self.body.volumes());
+        let (law, volumes) = (self.law(), self.body.volumes());
         let whole = (&*self.body, self.operator.neighborhood(), &self.slabs);
         let mut stabilisation = Sum::default();
         let deformation = match &self.places {
@@ -339,11 +363,11 @@ impl DeformationEnergy {
         let fields = Fields { u: u.as_chunks::<D>().0, h: &h };
         let make = || {
             let (law, bonds) = match &self.places {
-                Places::Points => (Some(&*self.law), Bonds::None),
-                Places::Stabilised(deviations) => (Some(&*self.law), Bonds::Deviations(deviations)),
+                Places::Points => (Some(self.law()), Bonds::None),
+                Places::Stabilised(deviations) => (Some(self.law()), Bonds::Deviations(deviations)),
                 Places::Bonds(bonds) => {
                     let place = (&*self.body, self.operator.neighborhood());
-                    (None, Bonds::Quadrature(bonds.stiffness(&*self.law, place, fields)?))
+                    (None, Bonds::Quadrature(bonds.stiffness(self.law(), place, fields)?))
                 }
             };
             let whole = (&*self.body, &self.slabs);
@@ -438,8 +462,8 @@ impl Energy for DeformationEnergy {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         let whole = (&*self.body, &self.slabs);
         match self.dimension() {
-            2 => elastic::springs::<2>(whole, &self.operator, &*self.law, u, springs),
-            _ => elastic::springs::<3>(whole, &self.operator, &*self.law, u, springs),
+            2 => elastic::springs::<2>(whole, &self.operator, self.law(), u, springs),
+            _ => elastic::springs::<3>(whole, &self.operator, self.law(), u, springs),
         }
     }
 

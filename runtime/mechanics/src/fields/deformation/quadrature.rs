@@ -17,7 +17,7 @@ use crate::assembly::sum::Sum;
 use crate::body::Body;
 use crate::fields::stored::Tensor;
 use crate::interaction::Slabs;
-use crate::kernel::VariablesLaw;
+use crate::materials::LawOfPoints;
 use crate::neighborhood::Neighborhood;
 
 /// The weights of all bonds.
@@ -83,7 +83,7 @@ impl<const D: usize> Bond<D> {
 }
 
 impl<const D: usize> Bond<D> {
-    /// From `weight*d2psi/dF2` (`d^2 x d^2`, row by row) the blocks of [`BondStiffness`].
+    /// Adds to the blocks of [`BondStiffness`] from `weight*d2psi/dF2` (`d^2 x d^2`, row by row).
     fn pull_back(&self, weight: f64, second: &[f64], out: &mut [f64]) {
         let (size, hh) = (D * D, D * D * D * D);
         // `(I - M)_ec`, by which half of the mean of `H` enters.
@@ -109,16 +109,16 @@ impl<const D: usize> Bond<D> {
                 let rf = turned::<D>(r * D + f);
                 for se in 0..size {
                     let term = |c: usize| mean[(r * D + c) * size + se] * half(f, c);
-                    out[rf * size + turned::<D>(se)] = (0..D).fold(0.0, |sum, c| sum + term(c));
+                    out[rf * size + turned::<D>(se)] += (0..D).fold(0.0, |sum, c| sum + term(c));
                 }
                 for s in 0..D {
                     let term = |c: usize| bond[(r * D + c) * D + s] * half(f, c);
-                    out[hh + rf * D + s] = (0..D).fold(0.0, |sum, c| sum + term(c));
+                    out[hh + rf * D + s] += (0..D).fold(0.0, |sum, c| sum + term(c));
                 }
             }
             for s in 0..D {
                 let term = |c: usize| bond[(r * D + c) * D + s] * self.along[c];
-                out[hh + size * D + r * D + s] = (0..D).fold(0.0, |sum, c| sum + term(c));
+                out[hh + size * D + r * D + s] += (0..D).fold(0.0, |sum, c| sum + term(c));
             }
         }
     }
@@ -173,7 +173,7 @@ impl BondQuadrature {
     /// The second derivatives of all bonds' energies by the fields, from those by `F_ij`.
     pub(super) fn stiffness<const D: usize>(
         &self,
-        law: &dyn VariablesLaw,
+        law: LawOfPoints<'_>,
         (body, neighborhood): (&Body, &Neighborhood),
         fields: Fields<'_, D>,
     ) -> Result<BondStiffness, Failure> {
@@ -195,10 +195,14 @@ impl BondQuadrature {
             for ((bond, weight), out) in
                 bonds(i).zip(&self.weight[neighborhood.bonds(i)]).zip(row.chunks_exact_mut(entries))
             {
-                let second = batch
-                    .second(law, &bond.gradient(fields))
-                    .map_err(|determinant| Failure { points: bond.points.to_vec(), determinant })?;
-                bond.pull_back(*weight, second, out);
+                for (number, part) in law.parts(bond.points).iter() {
+                    let second = batch.second((law.law, number as u8), &bond.gradient(fields));
+                    let second = second.map_err(|determinant| Failure {
+                        points: bond.points.to_vec(),
+                        determinant,
+                    })?;
+                    bond.pull_back(part * *weight, second, out);
+                }
             }
             Ok(())
         };
@@ -211,7 +215,7 @@ impl BondQuadrature {
     /// The bonds of one slab.
     pub(super) fn visit<const D: usize>(
         &self,
-        law: &dyn VariablesLaw,
+        law: LawOfPoints<'_>,
         (body, neighborhood, slabs): (&Body, &Neighborhood, &Slabs),
         slab: usize,
         (fields, pass): (Fields<'_, D>, Pass<'_, D>),
@@ -228,6 +232,7 @@ impl BondQuadrature {
             n: 0,
             bonds: [nothing; CAPACITY],
             weights: [0.0; CAPACITY],
+            laws: [0; CAPACITY],
             h: [[[0.0; D]; D]; CAPACITY],
             directions: [[[0.0; D]; D]; CAPACITY],
             batch: LawBatch::new(),
@@ -242,12 +247,14 @@ impl BondQuadrature {
                 if weight == 0.0 {
                     continue;
                 }
-                if run.n == CAPACITY {
-                    run.flush()?;
+                let bond = Bond::new(positions, i, j as usize);
+                let Some(_) = law.materials else {
+                    run.push(bond, weight, 0)?;
+                    continue;
+                };
+                for (number, part) in law.parts(bond.points).iter() {
+                    run.push(bond, part * weight, number as u8)?;
                 }
-                run.bonds[run.n] = Bond::new(positions, i, j as usize);
-                run.weights[run.n] = weight;
-                run.n += 1;
             }
         }
         run.flush()?;
@@ -257,7 +264,7 @@ impl BondQuadrature {
 
 /// Bonds on their way through the law, on a thread's stack.
 struct Run<'a, const D: usize> {
-    law: &'a dyn VariablesLaw,
+    law: LawOfPoints<'a>,
     fields: Fields<'a, D>,
     pass: Pass<'a, D>,
     duals: TouchedDuals<'a, D>,
@@ -265,6 +272,8 @@ struct Run<'a, const D: usize> {
     n: usize,
     bonds: [Bond<D>; CAPACITY],
     weights: [f64; CAPACITY],
+    /// The numbers of the laws of the bonds.
+    laws: [u8; CAPACITY],
     h: [Tensor<D>; CAPACITY],
     directions: [Tensor<D>; CAPACITY],
     batch: LawBatch<D>,
@@ -273,6 +282,17 @@ struct Run<'a, const D: usize> {
 }
 
 impl<const D: usize> Run<'_, D> {
+    #[inline(always)]
+    fn push(&mut self, bond: Bond<D>, weight: f64, law: u8) -> Result<(), Failure> {
+        if self.n == CAPACITY {
+            self.flush()?;
+        }
+        (self.bonds[self.n], self.weights[self.n]) = (bond, weight);
+        self.laws[self.n] = law;
+        self.n += 1;
+        Ok(())
+    }
+
     fn flush(&mut self) -> Result<(), Failure> {
         let n = std::mem::take(&mut self.n);
         if n == 0 {
@@ -294,10 +314,12 @@ impl<const D: usize> Run<'_, D> {
                 }
             },
         );
+        let laws = if self.law.materials.is_some() { &self.laws[..n] } else { &[] };
+        let law = (self.law.law, laws);
         let done = match self.pass {
-            Pass::Energy => self.batch.evaluate(self.law, h, false),
-            Pass::Gradient => self.batch.evaluate(self.law, h, true),
-            Pass::Product(_) => self.batch.multiply(self.law, h, directions),
+            Pass::Energy => self.batch.evaluate(law, h, false),
+            Pass::Gradient => self.batch.evaluate(law, h, true),
+            Pass::Product(_) => self.batch.multiply(law, h, directions),
         };
         done.map_err(|lane| Failure {
             points: bonds[lane].points.to_vec(),

@@ -17,7 +17,7 @@ use crate::body::Body;
 use crate::element::WIDEST;
 use crate::fields::stored::Tensor;
 use crate::interaction::Slabs;
-use crate::kernel::VariablesLaw;
+use crate::materials::LawOfPoints;
 use crate::neighborhood::Neighborhood;
 
 /// The stiffness `A_i` against deviations.
@@ -79,7 +79,7 @@ impl Deviations {
         body: &Body,
         neighborhood: &Neighborhood,
         influence: &[f64],
-        law: &dyn VariablesLaw,
+        law: LawOfPoints<'_>,
         kind: Stabilisation,
         is_stationary: bool,
     ) -> Result<Deviations, DeformationError> {
@@ -209,15 +209,16 @@ fn times<const D: usize>(a: &Tensor<D>, z: &[f64; D]) -> [f64; D] {
     std::array::from_fn(|r| (0..D).fold(0.0, |sum, c| sum + a[r][c] * z[c]))
 }
 
-/// `C : K_i^-1` of all points, `C` being the second derivative of the law at `F = I`.
+/// `C : K_i^-1` of all points, `C` being the second derivative of their law at `F = I`.
 fn wan(
     body: &Body,
     neighborhood: &Neighborhood,
     influence: &[f64],
-    law: &dyn VariablesLaw,
+    law: LawOfPoints<'_>,
 ) -> Result<Vec<f64>, DeformationError> {
     let d = body.dimension();
-    let elasticity = elasticity(law, d);
+    let n_laws = law.materials.map_or(1, |materials| materials.n_laws());
+    let elasticities: Vec<_> = (0..n_laws).map(|k| elasticity((law.law, k as u8), d)).collect();
     let n = neighborhood.n_points();
     let mut all = Vec::with_capacity(n * d * d);
     for point in 0..n {
@@ -244,6 +245,7 @@ fn wan(
                 count: 1,
             });
         };
+        let elasticity = &elasticities[usize::from(law.number(point))];
         for rc in 0..d * d {
             let row = &elasticity[rc * d * d..(rc + 1) * d * d];
             let entry = |(k, c): (usize, &f64)| c * inverse[(k / d, k % d)] / size;

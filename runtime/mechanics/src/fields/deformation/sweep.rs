@@ -7,7 +7,7 @@ use crate::assembly::sum::Sum;
 use crate::fields::stored::Tensor;
 use crate::interaction::Slabs;
 use crate::interaction::schedule::{Layout, Part, Touched, visit};
-use crate::kernel::VariablesLaw;
+use crate::materials::LawOfPoints;
 
 /// Displacements with their gradients at the points.
 #[derive(Clone, Copy)]
@@ -63,7 +63,7 @@ pub(super) struct Failure {
 
 /// `sum_i V_i psi(F_i)` over all points.
 pub(super) fn over_points<const D: usize>(
-    law: &dyn VariablesLaw,
+    law: LawOfPoints<'_>,
     volumes: &[f64],
     fields: Fields<'_, D>,
     pass: Pass<'_, D>,
@@ -74,6 +74,7 @@ pub(super) fn over_points<const D: usize>(
     let range = |chunk: usize| chunk * CAPACITY..volumes.len().min((chunk + 1) * CAPACITY);
     let evaluate = |batch: &mut LawBatch<D>, chunk: usize| -> Result<Sum, Failure> {
         let h = &fields.h[range(chunk)];
+        let law = (law.law, law.numbers(range(chunk)));
         let done = match pass {
             Pass::Energy => batch.evaluate(law, h, false),
             Pass::Gradient => batch.evaluate(law, h, true),

@@ -168,15 +168,16 @@ impl StateEnergy {
         let (m, a) = (self.n_integrals(), active.len());
         let mut by_states = vec![0.0; self.body.n_points() * a * a];
         let Some(law) = self.laws.points.as_ref().filter(|_| a > 0) else { return by_states };
-        let work = |(rows, out): (&[f64], &mut [f64])| {
+        let work = |(chunk, (rows, out)): (usize, (&[f64], &mut [f64]))| {
             let n = rows.len() / m;
+            let laws = self.laws_of(chunk * POINTS..chunk * POINTS + n);
             let mut current = Vec::new();
             by_variables(rows, m, &mut current);
             let mut product = vec![0.0; m * n];
             for (row, &k) in active.iter().enumerate() {
                 let mut unit = vec![0.0; m * n];
                 unit[k * n..(k + 1) * n].fill(1.0);
-                law.product(at_points(n, &current), &unit, &mut product);
+                law.product(at_points(&current, laws, n), &unit, &mut product);
                 for (column, &l) in active.iter().enumerate() {
                     for (p, x) in product[l * n..(l + 1) * n].iter().enumerate() {
                         out[(p * a + row) * a + column] = *x;
@@ -185,7 +186,7 @@ impl StateEnergy {
             }
         };
         let rows = states.integrals.par_chunks(POINTS * m);
-        rows.zip(by_states.par_chunks_mut(POINTS * a * a)).for_each(work);
+        rows.zip(by_states.par_chunks_mut(POINTS * a * a)).enumerate().for_each(work);
         by_states
     }
 
@@ -210,8 +211,10 @@ impl StateEnergy {
             for end in 0..2 {
                 let Some(law) = &self.laws.bonds else { break };
                 work.take(length, &states.integrals, m, end);
+                work.set_laws(self.materials.as_deref(), end);
                 work.slopes.resize((1 + m) * n, 0.0);
-                let at = Variables { n, current: &work.variables, change, given: rest };
+                let current = &work.variables[..];
+                let at = Variables { n, current, change, given: rest, laws: &work.laws };
                 direction.clear();
                 direction.resize((1 + m) * n, 0.0);
                 direction[..n].fill(1.0);

@@ -24,6 +24,7 @@ mod rows;
 mod stiffness;
 mod sweep;
 
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use crate::assembly::AssemblyError;
@@ -34,6 +35,7 @@ use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored;
 use crate::interaction::{Report, Slabs};
 use crate::kernel::{Law, Order, Variables, VariablesLaw};
+use crate::materials::Materials;
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use crate::pool::Pool;
@@ -94,6 +96,8 @@ pub struct StateEnergy {
     /// Lengths at rest of each bond once, in m.
     rest: Vec<f64>,
     laws: StateLaws,
+    /// Where the laws are those of several materials.
+    materials: Option<Arc<Materials>>,
     /// Integrals that change with displacements.
     changing: Vec<usize>,
     /// The others, point by point among all, and 0 for those that change.
@@ -132,6 +136,22 @@ impl StateEnergy {
         neighborhood: Arc<Neighborhood>,
         laws: StateLaws,
     ) -> Result<StateEnergy, StateError> {
+        StateEnergy::of_materials(body, neighborhood, None, laws)
+    }
+
+    /// The same for a body of several materials: points, and bonds at each of their ends, take the law of
+    /// their material. Every point gathers the integrals of all materials. See
+    /// [`crate::materials::ByMaterial`].
+    ///
+    /// # Errors
+    ///
+    /// As [`StateEnergy::among`].
+    pub fn of_materials(
+        body: Arc<Body>,
+        neighborhood: Arc<Neighborhood>,
+        materials: Option<Arc<Materials>>,
+        laws: StateLaws,
+    ) -> Result<StateEnergy, StateError> {
         let expected = laws.integrals.len();
         for (law, expected) in [(&laws.points, expected), (&laws.bonds, expected + 1)] {
             let found = law.as_ref().map_or(expected, |law| law.n_variables());
@@ -155,6 +175,7 @@ impl StateEnergy {
             rows: None,
             names: laws.names(),
             laws,
+            materials,
             pattern: OnceLock::new(),
             bond_pattern: OnceLock::new(),
             springs: OnceLock::new(),
@@ -199,6 +220,11 @@ impl StateEnergy {
             _ => self.gather::<3>(u, Order::Energy, &mut states),
         }
         states.integrals.clone()
+    }
+
+    /// The numbers of the laws of some points.
+    fn laws_of(&self, points: Range<usize>) -> &[u8] {
+        self.materials.as_ref().map_or(&[], |materials| materials.of_points(points))
     }
 
     fn n_integrals(&self) -> usize {
@@ -297,8 +323,8 @@ fn by_variables(rows: &[f64], m: usize, variables: &mut Vec<f64>) {
     variables.extend((0..m).flat_map(|k| rows.iter().skip(k).step_by(m)));
 }
 
-fn at_points(n: usize, current: &[f64]) -> Variables<'_> {
-    Variables { n, current, change: &[], given: &[] }
+fn at_points<'a>(current: &'a [f64], laws: &'a [u8], n: usize) -> Variables<'a> {
+    Variables { n, current, change: &[], given: &[], laws }
 }
 
 impl Energy for StateEnergy {

@@ -15,6 +15,7 @@ use crate::geometry::Geometry;
 use crate::geometry::bond::Bond;
 use crate::interaction::schedule::{Layout, Part, Touched, visit};
 use crate::kernel::{Batch, Order, Outputs, Variables};
+use crate::materials::Materials;
 use crate::pool::Taken;
 use crate::vector::are_finite;
 
@@ -275,20 +276,21 @@ impl StateEnergy {
     pub(super) fn of_points(&self, with_slopes: bool, states: &mut States) {
         let m = self.n_integrals();
         let Some(law) = self.laws.points.as_ref().filter(|_| m > 0) else { return };
-        let work = |((rows, adjoint), energies): ((&[f64], &mut [f64]), &mut [f64])| {
+        let work = |(chunk, ((rows, adjoint), energies)): Chunk<'_>| {
             let n = energies.len();
+            let laws = self.laws_of(chunk * POINTS..chunk * POINTS + n);
             let mut work = self.work();
             let Work { variables, slopes, .. } = &mut *work;
             super::by_variables(rows, m, variables);
             slopes.resize(if with_slopes { m * n } else { 0 }, 0.0);
-            law.evaluate(super::at_points(n, variables), energies, slopes);
+            law.evaluate(super::at_points(variables, laws, n), energies, slopes);
             for (place, x) in slopes.iter().enumerate() {
                 adjoint[place % n * m + place / n] = *x;
             }
         };
         let rows = states.integrals.par_chunks(POINTS * m);
         let rows = rows.zip(states.adjoint.par_chunks_mut(POINTS * m));
-        rows.zip(states.points.par_chunks_mut(POINTS)).for_each(work);
+        rows.zip(states.points.par_chunks_mut(POINTS)).enumerate().for_each(work);
     }
 
     /// The energies of one slab's bonds; the lowest point where one is not finite.
@@ -316,9 +318,11 @@ impl StateEnergy {
             if let Some(law) = &self.laws.bonds {
                 for end in 0..2 {
                     work.take(length, integrals, m, end);
+                    work.set_laws(self.materials.as_deref(), end);
                     work.slopes.resize(if with_slopes { (1 + m) * n } else { 0 }, 0.0);
                     work.psi.resize(n, 0.0);
-                    let at = Variables { n, current: &work.variables, change, given: rest };
+                    let at =
+                        Variables { n, current: &work.variables, change, given: rest, laws: &[] };
                     law.evaluate(at, &mut work.psi, &mut work.slopes);
                     if !(are_finite(&work.psi) && are_finite(&work.slopes)) {
                         let bad = (0..n).filter(|&b| !work.is_finite_at(b));
@@ -401,6 +405,9 @@ impl StateEnergy {
     }
 }
 
+/// A number, with the integrals of some points, the derivatives by them and the energies.
+type Chunk<'a> = (usize, ((&'a [f64], &'a mut [f64]), &'a mut [f64]));
+
 /// One slab's bonds as they are now; arrays that are not wanted are empty.
 struct OfBonds<'a> {
     length: &'a mut [f64],
@@ -414,6 +421,8 @@ struct OfBonds<'a> {
 pub(super) struct Work {
     pub(super) ends: Vec<[u32; 2]>,
     pub(super) variables: Vec<f64>,
+    /// The numbers of the laws of bonds at one of their ends; none where one law holds everywhere.
+    pub(super) laws: Vec<u8>,
     pub(super) psi: Vec<f64>,
     /// Derivatives by the variables, variable by variable.
     pub(super) slopes: Vec<f64>,
@@ -430,6 +439,7 @@ impl Work {
         Work {
             ends: Vec::with_capacity(bonds),
             variables: numbers(variables),
+            laws: Vec::with_capacity(bonds),
             psi: numbers(bonds),
             slopes: numbers(variables),
             unused: [numbers(bonds), numbers(bonds), numbers(bonds)],
@@ -447,6 +457,14 @@ impl Work {
             for k in 0..m {
                 self.variables[(1 + k) * n + b] = own[k];
             }
+        }
+    }
+
+    /// The laws are those of one of the ends.
+    pub(super) fn set_laws(&mut self, materials: Option<&Materials>, end: usize) {
+        self.laws.clear();
+        if let Some(materials) = materials {
+            self.laws.extend(self.ends.iter().map(|ends| materials.of(ends[end] as usize)));
         }
     }
 

@@ -383,7 +383,8 @@ impl Bonds {
             let (i, j, n) = (run.owner as usize, run.other as usize, run.len as usize);
             for end in [i, j] {
                 let integrals = &energy.at_rest[end * m..(end + n) * m];
-                run_at_rest.evaluate(&**law, lengths[run.vector as usize], (n, integrals));
+                let law = (&**law, energy.laws_of(end..end + n));
+                run_at_rest.evaluate(law, lengths[run.vector as usize], (n, integrals));
                 let AtRest { psi, slopes, bends, .. } = &mut run_at_rest;
                 for k in 0..n {
                     let half = 0.5 * volumes[i + k] * volumes[j + k];
@@ -414,7 +415,12 @@ struct AtRest {
 
 impl AtRest {
     /// Of so many bonds, with the integrals of their ends.
-    fn evaluate(&mut self, law: &dyn VariablesLaw, length: f64, (n, integrals): (usize, &[f64])) {
+    fn evaluate(
+        &mut self,
+        (law, laws): (&dyn VariablesLaw, &[u8]),
+        length: f64,
+        (n, integrals): (usize, &[f64]),
+    ) {
         let m = integrals.len() / n;
         super::by_variables(integrals, m, &mut self.integrals);
         self.variables.clear();
@@ -428,7 +434,7 @@ impl AtRest {
         clear(&mut self.slopes, (1 + m) * n);
         clear(&mut self.bends, (1 + m) * n);
         let (current, change) = (&self.variables[..], &self.change[..]);
-        let at = Variables { n, current, change, given: &current[..n] };
+        let at = Variables { n, current, change, given: &current[..n], laws };
         law.evaluate(at, &mut self.psi, &mut self.slopes);
         law.product(at, &self.direction, &mut self.bends);
     }

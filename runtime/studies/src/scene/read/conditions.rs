@@ -52,7 +52,7 @@ impl Reader {
     }
 
     /// Names become columns of tables, so they are plain words that mean nothing else there.
-    fn check_name(&mut self, what: &str, name: &str, span: Span) {
+    pub(super) fn check_name(&mut self, what: &str, name: &str, span: Span) {
         let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
         let message = if RESERVED.contains(&name) {
             format!("a {what} cannot be called `{name}`: that name is taken")
@@ -65,7 +65,11 @@ impl Reader {
         self.error(Diagnostic::error("bad-name", span, message).help(help));
     }
 
-    fn known_set(&mut self, table: &Table<'_>, context: &Context) -> Option<Located<usize>> {
+    pub(super) fn known_set(
+        &mut self,
+        table: &Table<'_>,
+        context: &Context,
+    ) -> Option<Located<usize>> {
         let field = self.required(table, "set")?;
         let text = self.text(field)?;
         let index = context.sets.iter().position(|name| *name == text.value);

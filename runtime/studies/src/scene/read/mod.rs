@@ -3,6 +3,7 @@
 mod body;
 mod conditions;
 mod correspondence;
+mod material;
 
 use piola_grammar::{Diagnostic, Span};
 use piola_mechanics::energy::Products;
@@ -16,10 +17,11 @@ use super::overrides;
 use super::reader::{Field, Reader, Schema, Table};
 use super::source::Sources;
 use super::tree::{self, Kind, Node};
+use material::Composition;
+pub use material::MOST_LAWS;
 
 use super::{
-    Located, MAX_SCENE_BYTES, Material, OutputSettings, ParameterSetting, ParameterText, Points,
-    Scene, SceneReport, SolverSettings, Steps,
+    Located, MAX_SCENE_BYTES, OutputSettings, Points, Scene, SceneReport, SolverSettings, Steps,
 };
 
 static SCENE: Schema = Schema {
@@ -28,6 +30,7 @@ static SCENE: Schema = Schema {
         ("body", "{ .. }"),
         ("horizon", "{ .. }"),
         ("material", "{ .. }"),
+        ("interface", "[{ .. }]"),
         ("correspondence", "{ .. }"),
         ("sets", "{ .. }"),
         ("prescribe", "[{ .. }]"),
@@ -37,18 +40,6 @@ static SCENE: Schema = Schema {
         ("solver", "{ .. }"),
         ("output", "{ .. }"),
     ],
-};
-static MATERIAL: Schema = Schema {
-    title: "[material]",
-    keys: &[
-        ("potential", "\"law.piola\""),
-        ("parameters", "{ C1 = 1.0, E = \"200 GPa\" }"),
-        ("plus", "[{ .. }]"),
-    ],
-};
-static PLUS: Schema = Schema {
-    title: "[[material.plus]]",
-    keys: &[("potential", "\"law.piola\""), ("parameters", "{ C1 = 1.0, E = \"200 GPa\" }")],
 };
 static STEPS: Schema = Schema { title: "[steps]", keys: &named(&STEPS_KEYS) };
 static SOLVER: Schema = Schema { title: "[solver]", keys: &named(&SOLVER_KEYS) };
@@ -122,7 +113,6 @@ impl Reader {
         };
         let body_table = section(self, &body::BODY, "body");
         let horizon_table = section(self, &body::HORIZON, "horizon");
-        let material_table = section(self, &MATERIAL, "material");
         let correspondence_table =
             section(self, &correspondence::CORRESPONDENCE, "correspondence").flatten();
         let steps_table = section(self, &STEPS, "steps").flatten();
@@ -138,7 +128,7 @@ impl Reader {
         let context = Context { dimension, spacing, sets: names };
         let horizon =
             self.needed("horizon", horizon_table, |reader, table| reader.horizon(table, &context));
-        let materials = self.needed("material", material_table, Reader::materials);
+        let made_of = self.composition(root.get("material"), root.get("interface"), &context);
         let correspondence =
             correspondence_table.as_ref().map(|table| self.correspondence(table, dimension));
         let nodes = |key| root.get(key).map(|entry| &entry.node);
@@ -149,10 +139,13 @@ impl Reader {
         let solver = self.solver(solver_table.as_ref());
         let output = self.settings(output_table.as_ref(), &OUTPUT_KEYS);
         let warnings = check::warnings(&prescriptions, &loads, &sets);
+        let Composition { materials, regions, interfaces } = made_of?;
         Some(Scene {
             body: body?,
             horizon: horizon?,
-            materials: materials?,
+            materials,
+            regions,
+            interfaces,
             correspondence: match correspondence {
                 Some(settings) => Some(settings?),
                 None => None,
@@ -246,51 +239,6 @@ impl Reader {
         }
     }
 
-    /// `[material]` and those that are added to it.
-    fn materials(&mut self, table: &Table<'_>) -> Option<Vec<Material>> {
-        let mut materials = vec![self.material(table)];
-        let further = self.tables(&PLUS, table.field("plus").map(|field| field.node));
-        materials.extend(further.iter().map(|table| self.material(table)));
-        materials.into_iter().collect()
-    }
-
-    fn material(&mut self, table: &Table<'_>) -> Option<Material> {
-        let potential = self.required(table, "potential").and_then(|field| self.name(field));
-        let parameters = self
-            .or(Some(table), "parameters", Vec::new(), |reader, field| reader.parameters(field));
-        Some(Material { potential: potential?, parameters: parameters? })
-    }
-
-    fn parameters(&mut self, field: Field<'_>) -> Option<Vec<ParameterSetting>> {
-        let Kind::Table(entries) = &field.node.kind else {
-            self.wrong_type(field, "a table");
-            return None;
-        };
-        let mut complete = true;
-        let mut parameters = Vec::new();
-        for entry in entries {
-            let item = Field { schema: field.schema, key: &entry.key, node: &entry.node };
-            let value = match &entry.node.kind {
-                Kind::Text(text) => Some(ParameterText::Quantity(text.value.clone())),
-                Kind::Number { .. } => self.number(item).map(ParameterText::Number),
-                _ => {
-                    let found = entry.node.kind_name();
-                    let message = format!("expected a number or a string, found {found}");
-                    let help = format!("write {0} = 1.0 or {0} = \"200 GPa\"", entry.key);
-                    let diagnostic = Diagnostic::error("wrong-type", entry.node.span, message);
-                    self.error(diagnostic.help(help));
-                    None
-                }
-            };
-            complete &= value.is_some();
-            parameters.extend(value.map(|value| ParameterSetting {
-                name: Located { value: entry.key.clone(), span: entry.key_span },
-                value: Located { value, span: content_span(&entry.node) },
-            }));
-        }
-        complete.then_some(parameters)
-    }
-
     fn solver(&mut self, table: Option<&Table<'_>>) -> SolverSettings {
         let solver = self.settings(table, &SOLVER_KEYS);
         self.check_products(table, &solver);
@@ -311,13 +259,5 @@ impl Reader {
         let help = "write linear = \"gmres\", or \"matrix-free\" for conjugate gradients";
         let diagnostic = Diagnostic::error("conflicting-keys", entry.key_span, message);
         self.error(diagnostic.help(help));
-    }
-}
-
-/// What stands between the quotes of a string; all of any other value.
-fn content_span(node: &Node) -> Span {
-    match &node.kind {
-        Kind::Text(text) => text.content,
-        _ => node.span,
     }
 }

@@ -1,0 +1,118 @@
+//! One kind of interaction: what its members store, by the materials of their points, and how much each
+//! counts.
+
+use std::sync::Arc;
+
+use super::quadratic::{AffineLaw, Quadratic};
+use crate::element::Element;
+use crate::interaction::OwnerCliques;
+use crate::kernel::Measure;
+use crate::materials::{Materials, Parts};
+use crate::weights::CliqueWeights;
+
+/// The interactions of one measure.
+pub(super) struct Kind {
+    measure: Measure,
+    /// Of each law; one where the body is of one material.
+    elements: Vec<Option<Box<dyn Element>>>,
+    pub(super) weights: CliqueWeights,
+    pub(super) materials: Option<Arc<Materials>>,
+}
+
+impl Kind {
+    pub(super) fn new(
+        measure: Measure,
+        elements: Vec<Option<Box<dyn Element>>>,
+        weights: CliqueWeights,
+        materials: Option<Arc<Materials>>,
+    ) -> Kind {
+        Kind { measure, elements, weights, materials }
+    }
+
+    pub(super) fn measure(&self) -> Measure {
+        self.measure
+    }
+
+    /// The element of a law, where interactions of this kind have an energy in it.
+    #[inline(always)]
+    pub(super) fn element(&self, law: usize) -> Option<&dyn Element> {
+        self.elements[law].as_deref()
+    }
+
+    /// The elements of all laws that have one.
+    pub(super) fn elements(&self) -> impl Iterator<Item = &dyn Element> + Clone {
+        self.elements.iter().flatten().map(|element| &**element)
+    }
+
+    /// The one law that all interactions of an owner take; nothing where its members are of several
+    /// materials.
+    #[inline(always)]
+    pub(super) fn law_of<const D: usize>(&self, cliques: &OwnerCliques<'_, D>) -> Option<usize> {
+        let Some(materials) = &self.materials else { return Some(0) };
+        let own = materials.of(cliques.owner());
+        let same = cliques.members().iter().all(|member| materials.of(*member as usize) == own);
+        same.then_some(usize::from(own))
+    }
+
+    /// The laws of an interaction, from the materials of its points.
+    pub(super) fn parts(&self, corners: &[u8]) -> Parts {
+        self.materials.as_ref().map_or(Parts::whole(0), |materials| materials.parts(corners))
+    }
+
+    /// The same from its points.
+    pub(super) fn parts_of(&self, points: &[usize]) -> Parts {
+        let Some(materials) = &self.materials else { return Parts::whole(0) };
+        let mut corners = [0; 4];
+        let corners = &mut corners[..points.len()];
+        corners.iter_mut().zip(points).for_each(|(corner, point)| *corner = materials.of(*point));
+        materials.parts(corners)
+    }
+
+    /// Whether some interactions may not turn inside out.
+    pub(super) fn forbids_inversion(&self) -> bool {
+        self.elements().any(|element| element.forbids_inversion())
+    }
+
+    /// Whether the interaction of these points may not.
+    pub(super) fn forbids_inversion_of(&self, points: &[usize]) -> bool {
+        let parts = self.parts_of(points);
+        let mut elements = parts.iter().filter_map(|(law, _)| self.element(law));
+        elements.any(|element| element.forbids_inversion())
+    }
+
+    /// Whether the laws of all interactions are affine in the measure, or all in its square.
+    pub(super) fn is_affine(&self) -> bool {
+        self.affine_laws().is_some()
+    }
+
+    /// The laws, where passes need no kernel for them; nothing of those without an element.
+    pub(super) fn affine_laws(&self) -> Option<AffineLaws<'_>> {
+        fn of(element: &dyn Element) -> Option<Option<AffineLaw<'_>>> {
+            AffineLaw::of(element.law()?.0).map(Some)
+        }
+        let of_laws = self.elements.iter().map(|element| element.as_deref().map_or(Some(None), of));
+        let laws: Vec<Option<AffineLaw<'_>>> = of_laws.collect::<Option<_>>()?;
+        let by_square = laws.iter().flatten().next()?.by_square;
+        let alike = laws.iter().flatten().all(|law| law.by_square == by_square);
+        alike.then_some(AffineLaws { laws, by_square })
+    }
+}
+
+/// Laws of which passes need no kernel.
+pub(super) struct AffineLaws<'a> {
+    laws: Vec<Option<AffineLaw<'a>>>,
+    pub(super) by_square: bool,
+}
+
+impl AffineLaws<'_> {
+    /// The energy of interactions with these parts in the laws, of one measure at rest; nothing where it
+    /// is not finite.
+    pub(super) fn at(&self, parts: Parts, reference: f64, weight: f64) -> Option<Quadratic> {
+        let mut sum = Quadratic { reference, ..Quadratic::default() };
+        for (law, part) in parts.iter() {
+            let Some(law) = self.laws[law] else { continue };
+            sum.add(&law.at(reference, weight * part)?);
+        }
+        Some(sum)
+    }
+}

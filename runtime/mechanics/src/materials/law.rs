@@ -73,7 +73,8 @@ impl ByMaterial {
             let Room { places, current, change, given, direction: along, psi: own, out: parts } =
                 &mut *room;
             places.clear();
-            let of_law = |place: &usize| usize::from(at.laws[*place]) == number;
+            let of_law =
+                |place: &usize| at.laws.get(*place).map_or(0, |law| usize::from(*law)) == number;
             places.extend((0..at.n).filter(of_law));
             let n = places.len();
             if n == 0 {

@@ -321,8 +321,8 @@ impl StateEnergy {
                     work.set_laws(self.materials.as_deref(), end);
                     work.slopes.resize(if with_slopes { (1 + m) * n } else { 0 }, 0.0);
                     work.psi.resize(n, 0.0);
-                    let at =
-                        Variables { n, current: &work.variables, change, given: rest, laws: &[] };
+                    let (current, laws) = (&work.variables[..], &work.laws[..]);
+                    let at = Variables { n, current, change, given: rest, laws };
                     law.evaluate(at, &mut work.psi, &mut work.slopes);
                     if !(are_finite(&work.psi) && are_finite(&work.slopes)) {
                         let bad = (0..n).filter(|&b| !work.is_finite_at(b));

@@ -41,7 +41,8 @@ pub(super) fn execute(arguments: &Check) -> Exit {
 /// What was checked of a scene, in one line.
 fn of_scene(case: &Case) -> String {
     let points = case.body.n_points();
-    let names: Vec<&str> = case.potentials.iter().map(|p| p.text.name.as_str()).collect();
+    let mut names: Vec<&str> = case.potentials.iter().map(|p| p.text.name.as_str()).collect();
+    names.dedup();
     let (potential, dimension) = (names.join(" and "), case.body.dimension());
     match case.large_box() {
         Some(_) => {

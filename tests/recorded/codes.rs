@@ -32,7 +32,9 @@ fn tables(scene: &str) -> Vec<String> {
 
 /// A scene with those of its tables replaced that a fragment names.
 fn with_tables(scene: &str, fragment: &str) -> String {
-    let head = |table: &String| table.lines().next().map(str::to_string);
+    // One [material] and several [[material]] exclude each other.
+    let name = |head: &str| head.trim_matches(['[', ']']).to_string();
+    let head = |table: &String| table.lines().next().map(name);
     let fragment = tables(fragment);
     let mut kept = tables(scene);
     kept.retain(|table| !fragment.iter().any(|other| head(other) == head(table)));

@@ -140,7 +140,18 @@ impl Case {
     /// # Errors
     /// Energies that are too large, or that need what is not there.
     pub fn compile(&self) -> Result<Vec<Compiled>, CaseError> {
-        self.potentials.iter().map(|potential| potential.compile(&self.scene)).collect()
+        let mut seen = vec![0; self.scene.n_laws()];
+        let compile = |(potential, material): (&Potential, &Material)| {
+            let mut compiled = potential.compile(&self.scene)?;
+            (compiled.law, compiled.layer) = (material.law, seen[material.law]);
+            seen[material.law] += 1;
+            if !self.scene.regions.is_empty() {
+                compiled.label =
+                    format!("{} of {}", compiled.name, self.scene.law_name(material.law));
+            }
+            Ok(compiled)
+        };
+        self.potentials.iter().zip(&self.scene.materials).map(compile).collect()
     }
 
     /// The same body of one of its materials alone; `None` where it has no such material.

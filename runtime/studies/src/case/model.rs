@@ -57,15 +57,12 @@ impl Case {
     /// What is added up: of every law its first potential, then of every law its second, and so on.
     fn layers(&self, compiled: Vec<Compiled>) -> Vec<Layer> {
         let n_laws = self.scene.n_laws();
-        let mut layers: Vec<Layer> = Vec::new();
-        let mut seen = vec![0; n_laws];
-        for (compiled, material) in compiled.into_iter().zip(&self.scene.materials) {
-            let number = seen[material.law];
-            seen[material.law] += 1;
-            if layers.len() == number {
-                layers.push(Layer((0..n_laws).map(|_| None).collect()));
-            }
-            layers[number].0[material.law] = Some(compiled);
+        let n_layers = compiled.iter().map(|one| one.layer + 1).max().unwrap_or(0);
+        let empty = || Layer((0..n_laws).map(|_| None).collect());
+        let mut layers: Vec<Layer> = (0..n_layers).map(|_| empty()).collect();
+        for one in compiled {
+            let (layer, law) = (one.layer, one.law);
+            layers[layer].0[law] = Some(one);
         }
         layers
     }

@@ -34,6 +34,12 @@ pub struct Potential {
 pub struct Compiled {
     /// The name of the potential.
     pub name: String,
+    /// The number of its law: that of its material, or of an interface.
+    pub law: usize,
+    /// How many potentials of the same law come before it: those with one number are of one sum.
+    pub layer: usize,
+    /// What it is called among others: by its material, where there are several.
+    pub label: String,
     /// One element per measure that has an energy.
     pub elements: Elements,
     /// Measures that have an energy, ascending.
@@ -122,9 +128,21 @@ impl Potential {
         let gradient = gradient.map(|kernel| -> Box<dyn VariablesLaw> {
             if is_sheet(scene) { Box::new(PlaneStress::new(kernel)) } else { Box::new(kernel) }
         });
-        let name = self.model.name().to_string();
+        let (name, label) = (self.model.name().to_string(), self.model.name().to_string());
         let arguments = [false, true].map(|of_bonds| self.arguments(of_bonds));
-        Ok(Compiled { name, elements, measures, gradient, gathered, arguments, dropped })
+        let (law, layer) = (0, 0);
+        Ok(Compiled {
+            name,
+            law,
+            layer,
+            label,
+            elements,
+            measures,
+            gradient,
+            gathered,
+            arguments,
+            dropped,
+        })
     }
 
     fn element(&self, kernel: Kernel, scene: &Scene) -> Box<dyn Element> {

@@ -138,6 +138,18 @@ impl Scene {
         self.materials.iter().map(|material| material.law + 1).max().unwrap_or(1)
     }
 
+    /// What a law belongs to: the name of a material, or of two with an interface of its own.
+    pub fn law_name(&self, law: usize) -> String {
+        let name = |material: usize| self.regions.get(material).map_or("", |r| &r.name.value);
+        let own = |interface: &&Interface| interface.rule == InterfaceRule::Potential(law);
+        match self.interfaces.iter().find(own) {
+            Some(Interface { between: [one, other], .. }) => {
+                format!("{} and {}", name(one.value), name(other.value))
+            }
+            None => name(law).to_string(),
+        }
+    }
+
     /// The horizon in m.
     pub fn horizon_radius(&self) -> f64 {
         match (self.horizon.extent, &self.body.points) {

@@ -101,7 +101,7 @@ impl Case {
             kernels: self.kernel_notes(&compiled),
             energies: energies(&compiled),
             along_rows: self.multiplies_along_rows(&compiled),
-            of_interactions: compiled.iter().filter(|all| all.has_interactions()).count(),
+            of_interactions: layers(&compiled, Compiled::has_interactions),
             families: self.families(&compiled),
             prescribed,
             notes,
@@ -162,19 +162,22 @@ impl Case {
     /// What points know of their families, for each energy that needs it.
     pub(super) fn families(&self, compiled: &[Compiled]) -> Vec<Families> {
         let settings = self.scene.correspondence.clone().unwrap_or_default();
-        let of = |compiled: &Compiled| {
-            let gathered = compiled.gathered.as_ref().map(|g| Families::States(g.integrals.len()));
-            let gradient = compiled.gradient.as_ref().map(|_| settings.discretisation.into());
-            [gathered, gradient]
+        let of = |layer: usize| {
+            let own = compiled.iter().filter(move |one| one.layer == layer);
+            let n_integrals = |one: &Compiled| one.gathered.as_ref().map(|g| g.integrals.len());
+            let gathered = own.clone().filter_map(n_integrals).max().map(Families::States);
+            let gradient = own.filter_map(|one| one.gradient.as_ref()).next();
+            [gathered, gradient.map(|_| settings.discretisation.into())]
         };
-        compiled.iter().flat_map(of).flatten().collect()
+        let n_layers = compiled.iter().map(|one| one.layer + 1).max().unwrap_or(0);
+        (0..n_layers).flat_map(of).flatten().collect()
     }
 
     /// What becomes of the energies; of several potentials with their names.
     fn kernel_notes(&self, compiled: &[Compiled]) -> Vec<KernelNote> {
         let alone = compiled.len() == 1;
         let of = |compiled: &Compiled| {
-            let name = compiled.name.clone();
+            let name = compiled.label.clone();
             let notes = kernel_notes(compiled, &self.scene).into_iter();
             notes.map(move |note| match alone {
                 true => note,
@@ -187,8 +190,14 @@ impl Case {
 
 /// How many energies of bonds, triangles and tetrahedra there are.
 pub(super) fn energies(compiled: &[Compiled]) -> [usize; 3] {
-    let count = |measure| compiled.iter().filter(|all| all.measures.contains(measure)).count();
-    [Measure::Length, Measure::Area, Measure::Volume].each_ref().map(count)
+    [Measure::Length, Measure::Area, Measure::Volume]
+        .map(|measure| layers(compiled, |one| one.measures.contains(&measure)))
+}
+
+/// How many sums have a part like this: potentials of several materials in one are one.
+pub(super) fn layers(compiled: &[Compiled], has: impl Fn(&Compiled) -> bool) -> usize {
+    let own = compiled.iter().filter(|one| has(one)).map(|one| one.layer);
+    own.collect::<std::collections::BTreeSet<_>>().len()
 }
 
 fn kernel_notes(compiled: &Compiled, scene: &Scene) -> Vec<KernelNote> {

@@ -11,7 +11,7 @@ use piola_mechanics::interaction::Report;
 use piola_mechanics::kernel::Measure;
 use serde::Serialize;
 
-use super::forecast::energies;
+use super::forecast::{energies, layers};
 use crate::case::{Case, Compiled};
 use crate::plan::Families;
 
@@ -64,7 +64,7 @@ pub(super) struct Terms {
 impl Terms {
     pub(super) fn of(case: &Case, compiled: &[Compiled]) -> Terms {
         Terms {
-            of_interactions: compiled.iter().filter(|all| all.has_interactions()).count(),
+            of_interactions: layers(compiled, Compiled::has_interactions),
             energies: energies(compiled),
             families: case.families(compiled),
         }

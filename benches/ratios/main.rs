@@ -19,6 +19,7 @@ mod hyperdual;
 mod kernels;
 mod levels;
 mod machine;
+mod materials;
 mod memory;
 mod memory_bound;
 mod newton;
@@ -44,7 +45,7 @@ const RENDER: &str = "render";
 /// A section: its name on the command line and what it measures.
 type Measurement = (&'static str, fn() -> Vec<Table>);
 
-const SECTIONS: [Measurement; 19] = [
+const SECTIONS: [Measurement; 20] = [
     ("kernels", kernels::against_hyper_dual),
     ("squares", squares::run),
     ("foreign", kernels::against_foreign),
@@ -56,6 +57,7 @@ const SECTIONS: [Measurement; 19] = [
     ("assembly", assembly::run),
     ("forces", forces::run),
     ("families", families::run),
+    ("materials", materials::run),
     ("threads", threads::run),
     ("bonds", memory_bound::run),
     ("newton", newton::run),

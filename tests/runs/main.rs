@@ -12,6 +12,7 @@ mod extremes;
 mod interrupted;
 mod killed;
 mod machine;
+mod materials;
 mod moduli;
 mod picture;
 mod plans;

@@ -113,6 +113,18 @@ impl Materials {
         self.parts(&corners).iter().map(|(law, _)| law).collect()
     }
 
+    /// The laws that interactions of some points may take, ascending.
+    pub(crate) fn laws_among(&self, points: Range<usize>) -> impl Iterator<Item = u8> + use<> {
+        let mut has = [false; 1 + u8::MAX as usize];
+        self.of_points(points).iter().for_each(|material| has[usize::from(*material)] = true);
+        for interface in &self.interfaces {
+            if let Interface::Law { between: [one, other], law } = *interface {
+                has[usize::from(law)] |= has[usize::from(one)] && has[usize::from(other)];
+            }
+        }
+        (0..=u8::MAX).filter(move |law| has[usize::from(*law)])
+    }
+
     /// The laws of an interaction whose corners are of these materials, at most four.
     pub(crate) fn parts(&self, corners: &[u8]) -> Parts {
         let first = corners[0];
@@ -167,6 +179,17 @@ impl<'a> LawOfPoints<'a> {
     #[inline(always)]
     pub(crate) fn number(self, point: usize) -> u8 {
         self.materials.map_or(0, |materials| materials.of(point))
+    }
+
+    /// The part of a law in an interaction; nothing where it has none.
+    #[inline(always)]
+    pub(crate) fn part(self, points: [usize; 2], law: u8) -> Option<f64> {
+        let [one, other] = points.map(|point| self.number(point));
+        if one == other {
+            return (one == law).then_some(1.0);
+        }
+        let parts = self.parts(points);
+        parts.iter().find(|(number, _)| *number == usize::from(law)).map(|(_, part)| part)
     }
 
     /// The laws of an interaction.

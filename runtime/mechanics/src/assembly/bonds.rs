@@ -30,6 +30,8 @@ pub(super) struct BondRoom {
     out: Contributions,
     /// What points got from their lower neighbours, point by point.
     waiting: Vec<f64>,
+    /// The others of an owner, material by material.
+    grouped: Vec<u32>,
 }
 
 impl BondRoom {
@@ -41,6 +43,7 @@ impl BondRoom {
             batch: InteractionBatch::new(measure, d),
             out: Contributions::new(measure, d),
             waiting: Vec::with_capacity(points.unwrap_or(0) * (d + packed_len(d))),
+            grouped: Vec::with_capacity(energy.neighborhood.most_later()),
         }
     }
 }
@@ -61,6 +64,7 @@ pub(super) struct BondSums<'a, const D: usize, const N: usize> {
     first: usize,
     /// What the points from `first` on got from their lower neighbours.
     waiting: &'a mut [[f64; N]],
+    grouped: &'a mut Vec<u32>,
 }
 
 impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
@@ -86,6 +90,7 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
             sum: Sum::default(),
             first: touched.start,
             waiting: room.waiting.as_chunks_mut::<N>().0,
+            grouped: &mut room.grouped,
         }
     }
 
@@ -102,14 +107,27 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
                 self.write(owner, &own, rows);
                 continue;
             };
-            let of = |point: &u32| materials.of(*point as usize);
+            let (of, here) = (|point: &u32| materials.of(*point as usize), materials.of(owner));
+            if others.iter().all(|other| of(other) == here) {
+                self.add_all((owner, others, 0), (usize::from(here), 1.0), &mut own, rows)?;
+                self.write(owner, &own, rows);
+                continue;
+            }
+            let mut grouped = std::mem::take(self.grouped);
+            grouped.clear();
+            grouped.extend_from_slice(others);
+            // Couplings have places in the order of the others; sums have none.
+            if self.visit.order < Order::Tangent || !rows.has_couplings() {
+                grouped.sort_by_key(of);
+            }
             let mut place = 0;
-            for same in others.chunk_by(|i, j| of(i) == of(j)) {
-                for part in materials.parts(&[materials.of(owner), of(&same[0])]).iter() {
+            for same in grouped.chunk_by(|i, j| of(i) == of(j)) {
+                for part in materials.parts(&[here, of(&same[0])]).iter() {
                     self.add_all((owner, same, place), part, &mut own, rows)?;
                 }
                 place += same.len();
             }
+            *self.grouped = grouped;
             self.write(owner, &own, rows);
         }
         for other in owners.end..touched.end {

@@ -326,7 +326,7 @@ impl<'a> Recorder<'a> {
     ) -> Result<Recorder<'a>, OutputError> {
         let mut frames = FrameSeries::new(folder, points)?;
         let zero = vec![0.0; points.positions.len()];
-        let last = Frame::of(&case.body, 0.0, &zero, &zero);
+        let last = frame(case, 0.0, &zero, &zero);
         frames.push(&last)?;
         let sets = selection.sets.iter().map(|set| set.name.clone()).collect();
         let probes = selection.probes.iter().map(|probe| probe.name.clone()).collect();
@@ -381,7 +381,7 @@ impl<'a> Recorder<'a> {
             inverted: self.energy.inverted(state.displacements),
         });
         self.warn_of_rounding(record);
-        self.last = Frame::of(body, record.t, state.displacements, &residual);
+        self.last = frame(self.case, record.t, state.displacements, &residual);
         let written = self.write_step(record.nominal);
         self.clock.enter("solve");
         match written {
@@ -494,4 +494,13 @@ fn interactions(report: &Report) -> InteractionCounts {
         triangles: report.triangles as usize,
         tetrahedra: report.tetrahedra as usize,
     }
+}
+
+/// A frame of the body, with the materials of its points where there are several.
+fn frame(case: &Case, t: f64, displacement: &[f64], residual: &[f64]) -> Frame {
+    let frame = Frame::of(&case.body, t, displacement, residual);
+    let Some(materials) = &case.materials else { return frame };
+    let numbers: Vec<f64> =
+        (0..case.body.n_points()).map(|point| f64::from(materials.of(point))).collect();
+    frame.with_scalar(&case.body, "material", &numbers)
 }

@@ -6,6 +6,8 @@
 //! `wb_ij = w_ij/2 (1/w0_i + 1/w0_j)`, `w0_i = sum_j V_j w_ij`. The weights of all bonds sum up to the
 //! volume of the body, so that affine displacements have the energy of the continuum.
 
+use std::ops::Range;
+
 use pulp::Arch;
 use rayon::prelude::*;
 
@@ -239,26 +241,40 @@ impl BondQuadrature {
             sum: Sum::default(),
             arch,
         };
-        for i in slabs.owners(slab) {
-            for (&j, &weight) in
-                neighborhood.upper(i).iter().zip(&self.weight[neighborhood.bonds(i)])
-            {
+        let owners = (slabs.owners(slab), positions, neighborhood);
+        let Some(materials) = law.materials else {
+            self.each(&mut run, owners, 0, |_| Some(1.0))?;
+            return Ok(run.sum);
+        };
+        // Law by law: batches of one law need not be taken apart.
+        for number in materials.laws_among(slabs.touched(slab)) {
+            self.each(&mut run, owners.clone(), number, |ends| law.part(ends, number))?;
+        }
+        Ok(run.sum)
+    }
+
+    /// Takes the bonds of some owners through one law, each with the part that it has in it.
+    #[inline(always)]
+    fn each<const D: usize>(
+        &self,
+        run: &mut Run<'_, D>,
+        (owners, positions, neighborhood): (Range<usize>, &[[f64; D]], &Neighborhood),
+        number: u8,
+        part: impl Fn([usize; 2]) -> Option<f64>,
+    ) -> Result<(), Failure> {
+        for i in owners {
+            let weights = &self.weight[neighborhood.bonds(i)];
+            for (&j, &weight) in neighborhood.upper(i).iter().zip(weights) {
+                let ends = [i, j as usize];
                 // Bonds as long as the horizon have no weight where the influence ends there.
-                if weight == 0.0 {
-                    continue;
-                }
-                let bond = Bond::new(positions, i, j as usize);
-                let Some(_) = law.materials else {
-                    run.push(bond, weight, 0)?;
-                    continue;
-                };
-                for (number, part) in law.parts(bond.points).iter() {
-                    run.push(bond, part * weight, number as u8)?;
+                if weight != 0.0
+                    && let Some(part) = part(ends)
+                {
+                    run.push(Bond::new(positions, i, ends[1]), part * weight, number)?;
                 }
             }
         }
-        run.flush()?;
-        Ok(run.sum)
+        run.flush()
     }
 }
 

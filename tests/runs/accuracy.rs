@@ -238,7 +238,7 @@ fn all_energies_of_the_deformation_gradient_are_verified() {
 /// rest is not excused: exponentials and powers that magnify the rounding of their arguments.
 const MISSED: [(&str, &str, [f64; 3], [f64; 3]); 31] = [
     ("arruda_boyce", "volumetric", [0.0, 9.6e15, 0.0], [0.0; 3]),
-    ("blatz_ko", "random", [0.0, 252.0, 320.0], [0.0; 3]),
+    ("blatz_ko", "random", [0.0, 192.0, 434.0], [0.0; 3]),
     ("exponentiated_hencky", "turned", [94.0, 0.0, 0.0], [0.0; 3]),
     ("exponentiated_hencky", "guards", [562.0, 0.0, 0.0], [0.0; 3]),
     ("exponentiated_hencky", "uniaxial", [75.0, 79.0, 76.0], [75.0, 79.0, 76.0]),

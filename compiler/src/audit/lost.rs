@@ -27,7 +27,7 @@ pub struct Lost {
 /// An energy as compiled.
 enum Forms {
     Measure(ScalarEnergy),
-    Gradient(GradientEnergyForms),
+    Gradient(Box<GradientEnergyForms>),
 }
 
 /// Every subexpression that an audit finds to lose digits beyond its bar, each once for psi, psi' and
@@ -48,9 +48,10 @@ pub fn lost(
                 energies.iter().find(|e| e.measure == measure).cloned().map(Forms::Measure)
             }
             Argument::Square(measure) => model.squared(values, measure).map(Forms::Measure),
-            Argument::Gradient => {
-                model.specialise_gradient(values, settings.form)?.0.map(Forms::Gradient)
-            }
+            Argument::Gradient => model
+                .specialise_gradient(values, settings.form)?
+                .0
+                .map(|forms| Forms::Gradient(Box::new(forms))),
         };
         let Some(forms) = forms else { continue };
         for regime in &audit.regimes {

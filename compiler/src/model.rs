@@ -12,6 +12,7 @@ use crate::check::dimension::Dimension;
 use crate::check::unit::UnitValue;
 use crate::expression::{ExprGraph, NodeId};
 use crate::measure::{Argument, Measure};
+use crate::verify::Stated;
 
 /// A checked potential.
 #[derive(Clone, Debug)]
@@ -79,6 +80,9 @@ pub struct Variant {
     pub gathered_energies: Vec<GatheredEnergy>,
     /// Declared intervals of use.
     pub domains: Vec<Interval>,
+    /// Numbers and components of tensors that depend on the deformation, and what they are in the text,
+    /// the innermost expressions first.
+    pub(crate) stated: Vec<(NodeId, Stated)>,
     /// Holds the roots of energies and intervals.
     pub graph: ExprGraph,
     pub(crate) conditions: Conditions,

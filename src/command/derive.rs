@@ -1,10 +1,13 @@
 //! `piola derive`: derivatives as text, and every stage on the way to machine code.
 
-use piola_compiler::audit::{self, Lost};
+use piola_compiler::audit::{self, Lost, Place};
 use piola_compiler::jit::CompiledKernel;
 use piola_compiler::point::gradient_listing;
 use piola_compiler::rewrite::{self, Explanation, Side};
-use piola_compiler::{CompileError, Form, GradientEnergyForms, Specialised, Values, print};
+use piola_compiler::simplify::Rule;
+use piola_compiler::{
+    Argument, CompileError, Form, GradientEnergyForms, Specialised, Values, print,
+};
 
 use piola_runtime::output::decimal;
 
@@ -138,20 +141,23 @@ fn explain(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Exit {
         bar: BAR,
     };
     let found = rewrite::explain(&loaded.model, &values);
-    let found =
-        found.and_then(|found| Ok((found, audit::lost(&loaded.model, &values, &settings)?)));
+    let found = found.and_then(|found| {
+        let (forms, _) = loaded.model.specialise_gradient(&values, Form::Accurate)?;
+        let recognised = forms.map(|forms| forms.recognised).unwrap_or_default();
+        Ok((found, recognised, audit::lost(&loaded.model, &values, &settings)?))
+    });
     match found {
-        Ok((found, lost)) => {
+        Ok((found, recognised, lost)) => {
             let mut parts: Vec<String> = found.iter().map(explanation).collect();
             if loaded.model.has_gradient_energy() {
+                parts.extend(recognised.iter().map(|rule| recognition(rule)));
                 parts.push(
-                    "near rest psi(F) is a function of F - I: `piola derive` with values prints it, \
-                     `piola audit` says what it keeps\n"
+                    "near rest psi(F) is a function of F - I: `piola derive` with values prints it\n"
                         .into(),
                 );
             }
-            if !loaded.model.measures().is_empty() {
-                parts.push(left(found.is_empty(), &lost));
+            if loaded.model.has_gradient_energy() || !loaded.model.measures().is_empty() {
+                parts.push(left(loaded, found.is_empty() && recognised.is_empty(), &lost));
             }
             console::out(&parts.join("\n"));
             Exit::Done
@@ -164,29 +170,61 @@ fn explain(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Exit {
 }
 
 /// What is lost in the form that runs.
-fn left(is_as_written: bool, lost: &[Lost]) -> String {
+fn left(loaded: &Loaded, is_as_written: bool, lost: &[Lost]) -> String {
     if lost.is_empty() {
-        let first =
+        let [energy, first, second] = match loaded.model.measures().is_empty() {
+            true => Argument::Gradient.orders(),
+            false => ["psi", "psi'", "psi''"],
+        };
+        let subject =
             if is_as_written { "nothing is rewritten, and nothing" } else { "nothing else" };
         return format!(
-            "{first} is lost: psi, psi' and psi'' keep their digits to {BAR} u, near rest and far from it\n"
+            "{subject} is lost: {energy}, {first} and {second} keep their digits to {BAR} u, near rest \
+             and far from it\n"
         );
     }
     let mut out = "what is left\n".to_string();
     for Lost { argument, cause, at, error } in lost {
         let (symbol, name) = (argument.symbol(), argument.orders()[cause.order]);
+        let place = match at {
+            Place::Interaction(at) => {
+                format!("at a stretch of {}", decimal(at.measure / at.reference))
+            }
+            Place::Gradient { change, is_near: true, .. } => {
+                format!("where F - I = {}", rows(change))
+            }
+            Place::Gradient { gradient, .. } => format!("where F = {}", rows(gradient)),
+        };
         out.push_str(&format!(
-            "  {name}({symbol}) is off by {} at a stretch of {}\n    {}\n",
+            "  {name}({symbol}) is off by {} {place}\n    {}\n",
             units(*error),
-            decimal(at.measure / at.reference),
-            super::verify::advice(cause)
+            super::verify::advice(cause, &loaded.text)
         ));
     }
     out
 }
 
+/// A tensor to three digits: `(1, 0; 0, 1)`.
+fn rows(components: &[f64]) -> String {
+    let d = if components.len() == 4 { 2 } else { 3 };
+    let number = |x: &f64| match x.abs() {
+        size if size == 0.0 || (1e-2..1e4).contains(&size) => {
+            format!("{}", (x * 1e3).round() / 1e3)
+        }
+        _ => format!("{x:.2e}"),
+    };
+    let row = |row: &[f64]| row.iter().map(number).collect::<Vec<_>>().join(", ");
+    format!("({})", components.chunks(d).map(row).collect::<Vec<_>>().join("; "))
+}
+
 fn units(error: f64) -> String {
     format!("{} u", super::audit::units(error))
+}
+
+/// An invariant that takes its own form.
+fn recognition(rule: &Rule) -> String {
+    let Rule { name, identity, condition } = rule;
+    format!("psi(F): {name}\n  identity  {identity}\n  valid     {condition}\n")
 }
 
 fn explanation(e: &Explanation) -> String {

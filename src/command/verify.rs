@@ -1,7 +1,9 @@
 //! `piola verify`: machine code against the interpreter and hyper-dual numbers.
 
 use piola_compiler::Argument;
-use piola_compiler::verify::{Cause, Miss, Outcome, Subject, Verification, Witness, verify};
+use piola_compiler::verify::{
+    Cause, Miss, Outcome, Part, Stated, Subject, Verification, Witness, verify,
+};
 use serde_json::{Value, json};
 
 use super::Exit;
@@ -50,7 +52,7 @@ pub(super) fn execute(arguments: &Verify) -> Exit {
                 let place = format!("{file} d = {dimension}");
                 console::out(&match arguments.format {
                     Format::Json => format!("{}\n", line(file, dimension, verification)),
-                    Format::Human => report(&place, verification),
+                    Format::Human => report(&place, verification, &loaded.text),
                 });
                 if !verification.passed() {
                     exit = Exit::Findings;
@@ -94,7 +96,7 @@ fn words(witness: Witness) -> (&'static str, &'static str) {
 }
 
 /// What was found for one energy, in words.
-fn report(place: &str, found: &Verification) -> String {
+fn report(place: &str, found: &Verification, text: &str) -> String {
     let (places, what, digits) = match &found.subject {
         Subject::Argument(Argument::Measure(_) | Argument::Square(_)) => {
             ("points", "largest error over tolerance against hyper-dual numbers", 2)
@@ -137,7 +139,7 @@ fn report(place: &str, found: &Verification) -> String {
     }
     match found.outcome() {
         Outcome::Passed => {}
-        Outcome::DigitsLost => out.push_str(&losses(found)),
+        Outcome::DigitsLost => out.push_str(&losses(found, text)),
         Outcome::Wrong => {
             out.push_str(
                 "        this is a defect of piola, not of the potential; please report it\n",
@@ -155,15 +157,13 @@ fn report(place: &str, found: &Verification) -> String {
 }
 
 /// Which digits are lost, where, by what, what it means for a run and what to write instead.
-fn losses(found: &Verification) -> String {
+fn losses(found: &Verification, text: &str) -> String {
     let mut out =
         "        the derivatives are right; rounding takes digits of their values:\n".to_string();
     let orders = found.subject.orders();
     for order in 0..3 {
         let misses = || found.misses.iter().filter(|miss| miss.order == order);
-        let Some(worst) = misses().min_by(|x, y| x.digits().total_cmp(&y.digits())) else {
-            continue;
-        };
+        let Some(worst) = found.worst(order) else { continue };
         let name = orders[order];
         out.push_str(&format!(
             "        {name} keeps {:.0} of 16 digits at {}{}\n",
@@ -172,7 +172,7 @@ fn losses(found: &Verification) -> String {
             range(&found.subject, misses())
         ));
         let Some(cause) = found.causes.iter().find(|cause| cause.order == order) else { continue };
-        out.push_str(&format!("          {}\n", advice(cause)));
+        out.push_str(&format!("          {}\n", advice(cause, text)));
     }
     out.push_str(&format!("        {}\n", cost(found)));
     out
@@ -230,19 +230,29 @@ fn range<'a>(subject: &Subject, misses: impl Iterator<Item = &'a Miss>) -> Strin
     }
 }
 
-/// What a subexpression does to digits, and what to write instead.
-pub(super) fn advice(cause: &Cause) -> String {
-    let expression = shortened(&cause.expression);
+/// What a subexpression of a text does to digits, and what to write instead.
+pub(super) fn advice(cause: &Cause, text: &str) -> String {
+    let expression = match cause.stated {
+        None => format!("`{}`", shortened(&cause.expression)),
+        Some(Stated { span, part }) => {
+            let words = text[span.range()].split_whitespace().collect::<Vec<_>>().join(" ");
+            match part {
+                Part::Whole => format!("`{words}`"),
+                Part::Component => format!("a component of `{words}`"),
+                Part::Derivative => format!("the derivative of `{words}`"),
+            }
+        }
+    };
     match cause.cancelled {
         _ if cause.overflows => format!(
-            "`{expression}` is too large for a double there: narrow the `domain`, or write it so that \
+            "{expression} is too large for a double there: narrow the `domain`, or write it so that \
              no part of it is larger than the whole"
         ),
         Some(digits) if digits >= 1.0 => format!(
-            "{digits:.0} digits cancel in `{expression}`: write what its terms differ by as one expression"
+            "{digits:.0} digits cancel in {expression}: write what its terms differ by as one expression"
         ),
         _ => format!(
-            "`{expression}` magnifies the rounding of what it is made of: keep that small, or narrow \
+            "{expression} magnifies the rounding of what it is made of: keep that small, or narrow \
              the `domain`"
         ),
     }

@@ -203,8 +203,8 @@ const OF_GRADIENTS: [(&str, &[&str]); 17] = [
 ];
 
 /// As many gradients as a user gets by default. `verify` leaves energies that it does not know 1e4 u far
-/// from rest; those of the library need less, and have four times what they were measured to need: 27
-/// and 14 u near rest, 960, 613 and 88 u far from it.
+/// from rest; those of the library need less, and have four times what they were measured to need: 18
+/// and 14 u near rest, 960 and 88 u far from it.
 #[test]
 fn all_energies_of_the_deformation_gradient_are_verified() {
     let names = OF_GRADIENTS.map(|(name, _)| name);
@@ -218,13 +218,12 @@ fn all_energies_of_the_deformation_gradient_are_verified() {
         let worst = |of: &str| numbers(&found[of]).into_iter().fold(0.0, f64::max);
         let (near, far) = (worst("worst_near_in_u"), worst("worst_far_in_u"));
         println!("{name} {}: near {near:.1} u, far {far:.1} u", found["dimension"]);
-        let near_bar = if name == "mooney_rivlin" { 108.0 } else { 54.0 };
+        let near_bar = if name == "mooney_rivlin" { 72.0 } else { 54.0 };
         let far_bar = match name {
             // Exponentials magnify the rounding of their argument.
             "fung" | "fibre_reinforced" | "gasser_ogden_holzapfel" | "guccione" => 3840.0,
             // So does the pole at the limit of extension.
             "gent" => 10_000.0,
-            "mooney_rivlin" => 2450.0,
             _ => 350.0,
         };
         assert!(near <= near_bar && far <= far_bar, "{found}");
@@ -236,11 +235,10 @@ fn all_energies_of_the_deformation_gradient_are_verified() {
 /// What exceeds 64 u when errors count in the norm alone, in u, rounded up, and what of that rounded inputs
 /// do not excuse. A change of volume alone has no stress but that of the volume, the small one where it is
 /// squeezed to J = 1e-18: rounding F leaves deviations in P. Random gradients may be nearly singular. The
-/// rest is not excused: exponentials and powers that magnify the rounding of their arguments, and the
-/// second invariant of `mooney_rivlin`, beyond 10 (`far`) with no digits.
-const MISSED: [(&str, &str, [f64; 3], [f64; 3]); 32] = [
+/// rest is not excused: exponentials and powers that magnify the rounding of their arguments.
+const MISSED: [(&str, &str, [f64; 3], [f64; 3]); 31] = [
     ("arruda_boyce", "volumetric", [0.0, 9.6e15, 0.0], [0.0; 3]),
-    ("blatz_ko", "random", [0.0, 252.0, 320.0], [0.0; 3]),
+    ("blatz_ko", "random", [0.0, 192.0, 434.0], [0.0; 3]),
     ("exponentiated_hencky", "turned", [94.0, 0.0, 0.0], [0.0; 3]),
     ("exponentiated_hencky", "guards", [562.0, 0.0, 0.0], [0.0; 3]),
     ("exponentiated_hencky", "uniaxial", [75.0, 79.0, 76.0], [75.0, 79.0, 76.0]),
@@ -260,8 +258,8 @@ const MISSED: [(&str, &str, [f64; 3], [f64; 3]); 32] = [
     ("fibre_reinforced", "random", [314.0, 315.0, 314.0], [0.0; 3]),
     ("fung", "inverted", [329.0, 329.0, 333.0], [329.0, 329.0, 333.0]),
     ("hencky", "random", [0.0, 0.0, 118.0], [0.0; 3]),
-    ("mooney_rivlin", "isochoric", [117.0, 153.0, 133.0], [117.0, 153.0, 133.0]),
-    ("mooney_rivlin", "volumetric", [0.0, 888.0, 0.0], [0.0; 3]),
+    ("mooney_rivlin", "volumetric", [0.0, 3.8e18, 93.0], [0.0, 0.0, 93.0]),
+    ("mooney_rivlin", "random", [0.0, 124.0, 171.0], [0.0; 3]),
     ("neo_hooke", "random", [0.0, 134.0, 170.0], [0.0; 3]),
     ("neo_hooke_stable", "random", [0.0, 108.0, 0.0], [0.0; 3]),
     ("ogden", "uniaxial", [0.0, 83.0, 0.0], [0.0, 83.0, 0.0]),
@@ -270,7 +268,6 @@ const MISSED: [(&str, &str, [f64; 3], [f64; 3]); 32] = [
     ("ogden", "random", [0.0, 89.0, 116.0], [0.0; 3]),
     ("yeoh", "volumetric", [0.0, 2.9e16, 0.0], [0.0, 97.0, 0.0]),
     ("yeoh", "random", [80.0, 97.0, 167.0], [0.0; 3]),
-    ("mooney_rivlin", "far", [2.8e11, 3.7e18, 4.0e11], [2.8e11, 3.7e11, 4.0e11]),
 ];
 
 /// 64 u everywhere, but for [`MISSED`] and `turned` bodies, whose F knows a strain to u/strain.
@@ -290,9 +287,7 @@ fn energies_of_the_deformation_gradient_keep_their_digits() {
             assert!(found.len() > 30, "{name}: {}", found.len());
             for Regime { label, kind, size, raw, left } in &found {
                 let is_turned = kind == "turned";
-                let near = kind == "strain" || is_turned || (0.05..20.0).contains(size);
-                let kind = if name == "mooney_rivlin" && !near { "far" } else { kind };
-                let missed = MISSED.iter().find(|(n, k, ..)| (*n, *k) == (name, kind));
+                let missed = MISSED.iter().find(|(n, k, ..)| (*n, *k) == (name, kind.as_str()));
                 for order in 0..3 {
                     // psi grows with the square of the strain, P with the strain.
                     let lost = if is_turned { [size * size, *size, 1.0][order] } else { 1.0 };

@@ -213,7 +213,8 @@ fn every_code_of_the_compiler_is_listed() {
 #[test]
 fn every_rewrite_is_documented() {
     let page = read("docs/measured/accuracy.md");
-    for rule in piola_compiler::rewrite::REWRITES {
+    let rewrites = piola_compiler::rewrite::REWRITES.iter();
+    for rule in rewrites.chain(piola_compiler::point::INVARIANTS) {
         let row = format!("| {} | `{}` | {} |", rule.name, rule.identity, rule.condition);
         assert!(page.contains(&row), "docs/measured/accuracy.md misses {row}");
     }

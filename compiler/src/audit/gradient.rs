@@ -43,6 +43,7 @@ fn measure_errors(
         regime.see(order, [raw, left], || Place::Gradient {
             gradient: sample.gradient.clone(),
             change: sample.change.clone(),
+            direction: sample.direction.clone(),
             is_near: sample.is_near(),
         });
     }

@@ -52,6 +52,8 @@ pub enum Place {
         gradient: Vec<f64>,
         /// `F - I`
         change: Vec<f64>,
+        /// The direction `dF` of dP.
+        direction: Vec<f64>,
         /// Whether it is `F - I` that is given, and `F` is rounded.
         is_near: bool,
     },

@@ -12,6 +12,7 @@ use super::MAX_FINDINGS;
 use super::dimension::Dimension;
 use super::names::{self, parts};
 use super::symbols::{Symbol, Symbols};
+use super::texts::Texts;
 use super::value::{Components, Constant, Kind, Quantity, TensorId, Value};
 use crate::expression::graph::MAX_NODES;
 use crate::expression::{Comparison, ExprGraph, Function, Input, Node, NodeId, Operator};
@@ -43,6 +44,8 @@ pub(crate) struct Elaborator<'a> {
     pub(super) integrals: Vec<(ExprId, NodeId)>,
     /// The functions of `U` of which traces were met so far.
     pub(super) traces: Vec<NodeId>,
+    /// What stands where in the text.
+    pub(super) stated: Texts,
     visits: usize,
     pub(super) exhausted: bool,
 }
@@ -74,6 +77,7 @@ impl<'a> Elaborator<'a> {
             call_sites: Vec::new(),
             integrals: Vec::new(),
             traces: Vec::new(),
+            stated: Texts::default(),
             visits: 0,
             exhausted: false,
         }
@@ -121,6 +125,9 @@ impl<'a> Elaborator<'a> {
                 let mut value = self.node(id, &values, &constants, arguments);
                 if let (Some(value), Some(Constant::Number(x))) = (&mut value, constants.get(&id)) {
                     value.constant = Some(x.to_bits());
+                }
+                if let Some(value) = value {
+                    self.state(value, self.arena[id].span);
                 }
                 values.insert(id, value);
             }

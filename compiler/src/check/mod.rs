@@ -20,6 +20,7 @@ mod statement;
 mod stretch;
 mod symbols;
 mod tensor;
+mod texts;
 pub mod unit;
 mod value;
 

@@ -44,6 +44,7 @@ pub(crate) fn model(
         builder.statements();
         builder.variant.integrals = builder.integrals();
         builder.variant.traces = builder.elaborator.traces.clone();
+        builder.variant.stated = std::mem::take(&mut builder.elaborator.stated.all);
         merge(errors, builder.elaborator.errors);
         let conditions;
         (stated, conditions) = constraints(ast, symbols, dimension, errors);
@@ -251,6 +252,7 @@ impl<'a> Builder<'a> {
                 integrals: Vec::new(),
                 gathered_energies: Vec::new(),
                 domains: Vec::new(),
+                stated: Vec::new(),
                 graph: ExprGraph::new(),
                 conditions: Conditions::default(),
             },

@@ -6,6 +6,7 @@
 //!
 //! | module | what |
 //! |---|---|
+//! | `invariants` | sums that are invariants of `C`, in the form that keeps their digits; `modular` tells them |
 //! | `near` | an energy as a function of `H` |
 //! | `adjoint` | derivatives by several variables |
 //! | `principal` | functions of the right stretch tensor |
@@ -15,12 +16,15 @@
 
 pub(crate) mod adjoint;
 mod domain;
+mod invariants;
 mod kernel;
+mod modular;
 pub(crate) mod near;
 mod principal;
 pub(crate) mod sample;
 pub(crate) mod truth;
 
+pub use invariants::INVARIANTS;
 pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy, gradient_listing};
 
 use adjoint::Varied;
@@ -31,7 +35,7 @@ use crate::density::DensityForm;
 use crate::expression::graph;
 use crate::expression::{ExprGraph, Input, Node, NodeId, TooManyNodes};
 use crate::model::{Model, Variant};
-use crate::simplify::Simplifier;
+use crate::simplify::{Rule, Simplifier};
 use crate::specialise::{CompileError, Dropped, Form, Named, folded, known, sum_in};
 use crate::values::Values;
 
@@ -45,6 +49,8 @@ pub struct GradientEnergyForms {
     pub far: DensityForm,
     /// In `F - I`; none where textbook forms are asked for, or the energy is no number at rest.
     pub near: Option<DensityForm>,
+    /// The invariants that were recognised.
+    pub recognised: Vec<&'static Rule>,
 }
 
 /// psi, P and dP in one graph, far from rest or near it.
@@ -121,7 +127,12 @@ impl Model {
         let subject = ("F", roots.as_slice());
         let forms = sum_in(exact, &variant.graph, &self.parameters, subject, fold, &mut dropped)
             .and_then(|energy| {
-                let Some((exact, written)) = energy else { return Ok(None) };
+                let Some((mut exact, mut written)) = energy else { return Ok(None) };
+                let mut recognised = Vec::new();
+                if which == Form::Accurate {
+                    (exact, written, recognised) =
+                        invariants::recognised(exact, written, dimension)?;
+                }
                 let (mut graph, place) = folded(exact.graph(), &[written])?;
                 let psi = place[written.0 as usize];
                 let source = near::Source { graph: exact.graph(), place: &place };
@@ -137,7 +148,7 @@ impl Model {
                 let near = near
                     .map(|near| form(&graph, near, dimension, (&functions, true)))
                     .transpose()?;
-                Ok(Some(GradientEnergyForms { dimension, far, near }))
+                Ok(Some(GradientEnergyForms { dimension, far, near, recognised }))
             });
         let forms = named.made(forms)?;
         if let Some(forms) = &forms {

@@ -3,6 +3,7 @@
 //! numbers of any precision decide.
 
 use super::sample::Random;
+use super::stated::cause_of_gathered;
 use super::{Subject, Verification, Ways, Witness};
 use crate::expression::number::Number;
 use crate::expression::precise::Precise;
@@ -11,6 +12,7 @@ use crate::gathered::{
 };
 use crate::model::{Model, Variant};
 use crate::point::truth::by_lines;
+use crate::specialise::Form;
 use crate::values::Values;
 
 /// Largest error of psi, its gradient and products.
@@ -53,10 +55,32 @@ pub(super) fn verify(
                 verification.compare(0, variables, found, largest);
             }
         }
+        find_causes(&mut verification, (model, values), of_bonds, &dual);
         Some(verification)
     };
     let found = [of(|kernels| &kernels.points, false), of(|kernels| &kernels.bonds, true)];
     found.into_iter().flatten().collect()
+}
+
+/// Where psi, gradient and product lose their digits, each at the place where it keeps the fewest.
+fn find_causes(
+    found: &mut Verification,
+    (model, values): (&Model, &Values),
+    of_bonds: bool,
+    places: &[Place],
+) {
+    if found.misses.is_empty() {
+        return;
+    }
+    let forms = model.specialise_gathered(values, of_bonds, Form::Accurate);
+    let Ok((Some(form), _)) = forms else { return };
+    for order in 0..3 {
+        let Some(worst) = found.worst(order) else { continue };
+        let Some(place) = places.iter().find(|p| p.variables == worst.place) else { continue };
+        let reference = of_bonds.then_some(place.reference);
+        let at = (&*place.variables, &*place.direction, reference);
+        found.causes.extend(cause_of_gathered((model, values), &form, order, at));
+    }
 }
 
 /// The largest size; not a number if one of them is none.

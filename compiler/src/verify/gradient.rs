@@ -3,11 +3,13 @@
 //! numbers, to a stated number of `u = 2^-53` of their norm.
 
 use super::sample::Random;
+use super::stated::cause_of_gradient;
 use super::{Subject, Verification, Ways, Witness};
 use crate::measure::Argument;
 use crate::model::Model;
 use crate::point::sample::{self, Sample};
 use crate::point::truth::{norm, truth};
+use crate::specialise::Form;
 use crate::values::Values;
 
 /// Largest error of psi, P and dP near rest.
@@ -60,7 +62,21 @@ pub(super) fn verify(
             verification.undecided += 1;
         }
     }
+    find_causes(&mut verification, model, values, &samples);
     Some(verification)
+}
+
+/// Where psi, P and dP lose their digits, each at the gradient where it keeps the fewest.
+fn find_causes(found: &mut Verification, model: &Model, values: &Values, samples: &[Sample]) {
+    if found.misses.is_empty() {
+        return;
+    }
+    let Ok((Some(forms), _)) = model.specialise_gradient(values, Form::Accurate) else { return };
+    for order in 0..3 {
+        let Some(worst) = found.worst(order) else { continue };
+        let Some(sample) = samples.iter().find(|s| s.gradient == worst.place) else { continue };
+        found.causes.extend(cause_of_gradient((model, values), &forms, order, sample));
+    }
 }
 
 /// Gradients near rest, by decades of `|H|` from 1e-1 to 1e-12, and far from it, by stretches and

@@ -56,8 +56,7 @@ pub(super) fn verify(
 /// Where each order loses its digits, at the place where it keeps the fewest.
 fn find_causes(found: &mut Verification, model: &Model, energy: &ScalarEnergy) {
     for order in 0..3 {
-        let misses = found.misses.iter().filter(|miss| miss.order == order);
-        let Some(worst) = misses.min_by(|x, y| x.digits().total_cmp(&y.digits())) else { continue };
+        let Some(worst) = found.worst(order) else { continue };
         let point = Point { measure: worst.place[0], reference: worst.place[1] };
         found.causes.extend(cause(model, energy, order, point));
     }

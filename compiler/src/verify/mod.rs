@@ -10,7 +10,7 @@
 //! | `measure` | energies of measures, and of their squares |
 //! | `gradient` | energies of the deformation gradient |
 //! | `gathered` | energies of gathered values |
-//! | `cause` | which subexpression loses digits |
+//! | `cause`, `stated` | which subexpression loses digits, and what it is in the text |
 //! | [`sample`], [`truth`] | points to try energies of measures at, and their values there to any precision |
 
 pub(crate) mod cause;
@@ -18,6 +18,7 @@ mod gathered;
 mod gradient;
 mod measure;
 pub mod sample;
+pub(crate) mod stated;
 pub mod truth;
 
 use crate::compile::Compiled;
@@ -27,7 +28,7 @@ use crate::model::Model;
 use crate::point::truth::parts;
 use crate::specialise::{CompileError, Dropped, Form};
 use crate::values::Values;
-pub use cause::Cause;
+pub use cause::{Cause, Part, Stated};
 use sample::Point;
 
 /// Half the distance from 1 to the next number.
@@ -79,7 +80,7 @@ pub struct Verification {
     /// At how many places hyper-dual numbers of the energy as written overflow or have lost their digits,
     /// so that numbers of any precision decide.
     pub undecided: usize,
-    /// Which subexpressions of energies of measures lose the digits, at most one for each order.
+    /// Which subexpressions lose the digits, at most one for each order.
     pub causes: Vec<Cause>,
 }
 
@@ -201,6 +202,12 @@ impl Verification {
     /// Whether nothing was found.
     pub fn passed(&self) -> bool {
         self.outcome() == Outcome::Passed
+    }
+
+    /// The miss of psi or a derivative that keeps the fewest digits.
+    pub fn worst(&self, order: usize) -> Option<&Miss> {
+        let misses = self.misses.iter().filter(|miss| miss.order == order);
+        misses.min_by(|x, y| x.digits().total_cmp(&y.digits()))
     }
 
     /// The largest errors in parts of what they may be; at most 1 where nothing misses.

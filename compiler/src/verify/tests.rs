@@ -143,6 +143,43 @@ fn digits_that_are_lost_are_no_wrong_derivative_and_their_cause_is_named() {
     assert!((10.0..14.0).contains(&fewest), "{fewest}");
 }
 
+/// What the text states is named by its place there, for energies of F and of gathered values.
+#[test]
+fn causes_are_named_in_the_words_of_the_text() {
+    let named = |text: &str, cause: &super::Cause| {
+        let stated = cause.stated?;
+        Some((stated.part, text[stated.span.range()].to_string()))
+    };
+    let lost = "(sqrt(tr(C)^2 + 1) - tr(C))";
+    let text = format!("potential p\ndimensions 2\ns = {lost}\npsi(F) = 3*s");
+    let model = model(&text);
+    let values_2d = values(&model, 2, &[]);
+    let settings = crate::audit::Settings {
+        form: crate::Form::Accurate,
+        level: crate::Level::Strict,
+        points: 1,
+        bar: 64.0,
+    };
+    let found = crate::audit::lost(&model, &values_2d, &settings).unwrap();
+    let names: Vec<_> =
+        found.iter().map(|lost| (lost.cause.order, named(&text, &lost.cause))).collect();
+    let words = lost[1..lost.len() - 1].to_string();
+    assert!(names.contains(&(0, Some((super::Part::Whole, words.clone())))), "{names:?}");
+    assert!(names.contains(&(1, Some((super::Part::Derivative, words)))), "{names:?}");
+    assert!(found.iter().all(|lost| lost.error > 64.0));
+
+    let text = "potential p\ns = integral(l)\npsi(s) = 2*(sqrt(s^2 + 1) - s)";
+    let model = crate::test_support::model(text);
+    let values = values(&model, 3, &[]);
+    let form = model.specialise_gathered(&values, false, crate::Form::Accurate).unwrap().0.unwrap();
+    for (order, part) in [(0, super::Part::Whole), (1, super::Part::Derivative)] {
+        let at = (&[1e6][..], &[1.0][..], None);
+        let cause = super::stated::cause_of_gathered((&model, &values), &form, order, at).unwrap();
+        assert_eq!(named(text, &cause), Some((part, "sqrt(s^2 + 1) - s".to_string())), "{cause:?}");
+        assert!(cause.cancelled.unwrap() > 11.0, "{cause:?}");
+    }
+}
+
 /// `cosh` is infinite at 711, and so is what hyper-dual numbers make of it; the energy is not.
 #[test]
 fn where_the_witness_overflows_numbers_of_any_precision_decide() {

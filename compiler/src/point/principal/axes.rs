@@ -47,6 +47,19 @@ pub(crate) fn inputs(dimension: usize) -> impl Iterator<Item = Input> {
         .chain(components(Input::RightAxis))
 }
 
+/// The numbers they are for one `F`, near rest for one `F - I`, row by row.
+pub(crate) fn at_one(d: usize, of: &[f64], is_near: bool) -> Vec<(Input, f64)> {
+    let mut tensor = [[0.0; LANES]; 9];
+    for (k, x) in of.iter().enumerate() {
+        tensor[usize::from(component(k / d, k % d))] = [*x; LANES];
+    }
+    let axes = if is_near { Axes::near(d, &tensor) } else { Axes::far(d, &tensor) };
+    let inputs: Vec<Input> = inputs(d).collect();
+    let mut arrays = vec![[0.0]; inputs.len()];
+    axes.write(d, &[true], 0, &mut arrays);
+    inputs.into_iter().zip(arrays).map(|(input, [x])| (input, x)).collect()
+}
+
 /// Whether an input is one of these.
 pub(crate) fn is_one(input: Input) -> bool {
     matches!(

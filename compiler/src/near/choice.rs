@@ -325,7 +325,8 @@ impl<'a> Samples<'a> {
             let [less, more] = [-STEP, STEP].map(|step| at(&sample.moved(reference, step)));
             let slopes: Vec<f64> =
                 less.iter().zip(more).map(|(x, y)| (x - y).abs() / (2.0 * STEP)).collect();
-            let known = match agreed(&values, self.strain(i).abs() < REACH) {
+            let is_near = self.strain(i).abs() < REACH;
+            let known = match agreed(&values, is_near, forms[0] == forms[1]) {
                 Some(value) => Some(value),
                 None => self.truth(i).map(|truth| truth[order]),
             };
@@ -373,12 +374,13 @@ fn agree(x: f64, y: f64) -> bool {
 
 /// The value of two forms that agree. Near rest those by the rules and as written may cancel alike, so
 /// that it takes the form by remainders for a witness, which is the last of three; far from rest that one
-/// and the one as written may both take a change that has lost its digits in compression.
-fn agreed(values: &[f64], is_near: bool) -> Option<f64> {
+/// and the one as written may both take a change that has lost its digits in compression. Where no rule
+/// applied the first two are one form, and agree whatever it loses.
+fn agreed(values: &[f64], is_near: bool, is_one: bool) -> Option<f64> {
     let (ruled, plain) = (values[0], values[1]);
     match values.get(2) {
         Some(&near) if agree(ruled, near) || (is_near && agree(plain, near)) => Some(near),
-        _ if agree(ruled, plain) && !is_near => Some(ruled),
+        _ if agree(ruled, plain) && !is_near && !is_one => Some(ruled),
         _ => None,
     }
 }

@@ -17,6 +17,7 @@ mod gradients;
 mod growth;
 mod hyperdual;
 mod kernels;
+mod laws;
 mod levels;
 mod machine;
 mod memory;
@@ -44,11 +45,12 @@ const RENDER: &str = "render";
 /// A section: its name on the command line and what it measures.
 type Measurement = (&'static str, fn() -> Vec<Table>);
 
-const SECTIONS: [Measurement; 19] = [
+const SECTIONS: [Measurement; 20] = [
     ("kernels", kernels::against_hyper_dual),
     ("squares", squares::run),
     ("foreign", kernels::against_foreign),
     ("forms", forms::run),
+    ("laws", laws::run),
     ("levels", levels::run),
     ("gradients", gradients::run),
     ("compile", compile::run),

@@ -34,7 +34,7 @@ const FUNCTIONS: [(&str, &[&str]); 4] = [
     ("powers and quotients alone", &[]),
     ("roots", &["sqrt("]),
     ("exponentials and logarithms", &["exp(", "ln(", "log1p(", "expm1("]),
-    ("other functions", &["tan", "sin", "cos", "sinh", "cosh"]),
+    ("other functions", &["sin(", "cos(", "tan(", "sinh(", "cosh(", "tanh("]),
 ];
 
 struct Law {

@@ -309,14 +309,19 @@ impl<'a> Samples<'a> {
     /// Which forms have lost digits, place by place.
     fn lost(&mut self, graph: &ExprGraph, order: usize, forms: &[NodeId]) -> Vec<Vec<bool>> {
         let seen = self.seen(graph, forms);
-        let trusted = if forms.len() > 2 { self.trusted(order, &seen) } else { Vec::new() };
+        let has_near = forms.len() > 2;
+        let trusted = if has_near { self.trusted(order, &seen) } else { Vec::new() };
+        // Where no rule applied two forms are one, and agree whatever it loses. It matters where the form by
+        // remainders may take its place everywhere, as far as to strong compression.
+        let first_far = 2 * STRAINS.len();
+        let is_one = has_near && forms[0] == forms[1] && self.is_right(order, &seen, first_far);
         let mut lost = vec![vec![false; forms.len()]; seen.len()];
         for (i, seen) in seen.iter().enumerate() {
             let Some(seen) = seen else { continue };
             let known = match seen.known {
-                Some(value) => Some(value),
+                Some(value) if !(is_one && i >= first_far) => Some(value),
                 None if trusted.contains(&i) => seen.values.last().copied(),
-                None => self.truth(i).map(|truth| truth[order]),
+                _ => self.truth(i).map(|truth| truth[order]),
             };
             lost[i] = match known {
                 Some(known) if known.is_finite() => compared(&seen.values, &seen.slopes, known),
@@ -328,6 +333,13 @@ impl<'a> Samples<'a> {
             };
         }
         lost
+    }
+
+    /// Whether the form by remainders, the last one, has lost no digits at a place.
+    fn is_right(&mut self, order: usize, seen: &[Option<Seen>], i: usize) -> bool {
+        let Some(seen) = &seen[i] else { return true };
+        let Some(truth) = self.truth(i).map(|truth| truth[order]) else { return false };
+        truth.is_finite() && compared(&seen.values, &seen.slopes, truth).last() == Some(&false)
     }
 
     /// What forms say, place by place; nothing where they agree, or at a jump, where either value is right.
@@ -354,7 +366,7 @@ impl<'a> Samples<'a> {
             }
             let [less, more] = [-STEP, STEP].map(|step| at(&sample.moved(reference, step)));
             let slopes = less.iter().zip(more).map(|(x, y)| (x - y).abs() / (2.0 * STEP)).collect();
-            let known = agreed(&values, sample.change.abs() < REACH, forms[0] == forms[1]);
+            let known = agreed(&values, sample.change.abs() < REACH);
             Some(Seen { values, slopes, known })
         };
         self.samples.iter().map(&mut seen).collect()
@@ -370,12 +382,7 @@ impl<'a> Samples<'a> {
             let unknown: Vec<usize> = strains
                 .filter(|i| seen[*i].as_ref().is_some_and(|seen| seen.known.is_none()))
                 .collect();
-            let mut is_right = |i: &usize| {
-                let truth = self.truth(*i).map(|truth| truth[order]);
-                let (Some(seen), Some(truth)) = (&seen[*i], truth) else { return false };
-                let lost = compared(&seen.values, &seen.slopes, truth);
-                truth.is_finite() && lost.last() == Some(&false)
-            };
+            let mut is_right = |i: &usize| self.is_right(order, seen, *i);
             let Some(last) = unknown.iter().rposition(&mut is_right) else { continue };
             if last > 1 && is_right(&unknown[0]) {
                 trusted.extend(&unknown[1..last]);
@@ -418,13 +425,12 @@ fn agree(x: f64, y: f64) -> bool {
 
 /// The value of two forms that agree. Near rest those by the rules and as written may cancel alike, so
 /// that it takes the form by remainders for a witness, which is the last of three; far from rest that one
-/// and the one as written may both take a change that has lost its digits in compression. Where no rule
-/// applied the first two are one form, and agree whatever it loses.
-fn agreed(values: &[f64], is_near: bool, is_one: bool) -> Option<f64> {
+/// and the one as written may both take a change that has lost its digits in compression.
+fn agreed(values: &[f64], is_near: bool) -> Option<f64> {
     let (ruled, plain) = (values[0], values[1]);
     match values.get(2) {
         Some(&near) if agree(ruled, near) || (is_near && agree(plain, near)) => Some(near),
-        _ if agree(ruled, plain) && !is_near && !is_one => Some(ruled),
+        _ if agree(ruled, plain) && !is_near => Some(ruled),
         _ => None,
     }
 }

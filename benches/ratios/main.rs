@@ -17,6 +17,7 @@ mod gradients;
 mod growth;
 mod hyperdual;
 mod kernels;
+mod laws;
 mod levels;
 mod machine;
 mod materials;
@@ -50,6 +51,7 @@ const SECTIONS: [Measurement; 20] = [
     ("squares", squares::run),
     ("foreign", kernels::against_foreign),
     ("forms", forms::run),
+    ("laws", laws::run),
     ("levels", levels::run),
     ("gradients", gradients::run),
     ("compile", compile::run),

@@ -223,6 +223,15 @@ impl Sample {
     }
 }
 
+/// What forms say at a place.
+struct Seen {
+    values: Vec<f64>,
+    /// What they change by with the logarithm of the argument.
+    slopes: Vec<f64>,
+    /// The value of two that agree.
+    known: Option<f64>,
+}
+
 /// Where forms are compared, with true values that are found where they are asked for.
 struct Samples<'a> {
     exact: &'a Energy,
@@ -299,44 +308,89 @@ impl<'a> Samples<'a> {
 
     /// Which forms have lost digits, place by place.
     fn lost(&mut self, graph: &ExprGraph, order: usize, forms: &[NodeId]) -> Vec<Vec<bool>> {
-        let (small, roots) = graph.extract(forms);
-        let mut interpreter = Interpreter::<f64>::new();
-        let mut lost = Vec::with_capacity(self.samples.len());
-        for i in 0..self.samples.len() {
-            let (sample, reference) = (&self.samples[i], self.exact.reference);
-            let mut at = |sample: &Sample| -> Vec<f64> {
-                interpreter.run(&small, |input| match input {
-                    Input::Current(_) => sample.measure,
-                    Input::Reference(_) => reference,
-                    Input::Change(_) => sample.change,
-                    _ => f64::NAN,
-                });
-                roots.iter().map(|root| interpreter.number(*root)).collect()
+        let seen = self.seen(graph, forms);
+        let has_near = forms.len() > 2;
+        let trusted = if has_near { self.trusted(order, &seen) } else { Vec::new() };
+        // Where no rule applied two forms are one, and agree whatever it loses. It matters where the form by
+        // remainders may take its place everywhere, as far as to strong compression.
+        let first_far = 2 * STRAINS.len();
+        let is_one = has_near && forms[0] == forms[1] && self.is_right(order, &seen, first_far);
+        let mut lost = vec![vec![false; forms.len()]; seen.len()];
+        for (i, seen) in seen.iter().enumerate() {
+            let Some(seen) = seen else { continue };
+            let known = match seen.known {
+                Some(value) if !(is_one && i >= first_far) => Some(value),
+                None if trusted.contains(&i) => seen.values.last().copied(),
+                _ => self.truth(i).map(|truth| truth[order]),
             };
+            lost[i] = match known {
+                Some(known) if known.is_finite() => compared(&seen.values, &seen.slopes, known),
+                Some(_) => continue,
+                // No form has a value where the energy has none.
+                None => {
+                    seen.values.iter().map(|x| x.is_finite() && self.strain(i) != 0.0).collect()
+                }
+            };
+        }
+        lost
+    }
+
+    /// Whether the form by remainders, the last one, has lost no digits at a place.
+    fn is_right(&mut self, order: usize, seen: &[Option<Seen>], i: usize) -> bool {
+        let Some(seen) = &seen[i] else { return true };
+        let Some(truth) = self.truth(i).map(|truth| truth[order]) else { return false };
+        // Where 256 bits leave nothing of a difference, as of `(x^1e-300 - 1)/1e-300`, no form is known to be.
+        let is_known = truth.is_finite() && truth != 0.0;
+        is_known && compared(&seen.values, &seen.slopes, truth).last() == Some(&false)
+    }
+
+    /// What forms say, place by place; nothing where they agree, or at a jump, where either value is right.
+    fn seen(&self, graph: &ExprGraph, forms: &[NodeId]) -> Vec<Option<Seen>> {
+        let (small, roots) = graph.extract(forms);
+        let reference = self.exact.reference;
+        let mut interpreter = Interpreter::<f64>::new();
+        let mut at = |sample: &Sample| -> Vec<f64> {
+            interpreter.run(&small, |input| match input {
+                Input::Current(_) => sample.measure,
+                Input::Reference(_) => reference,
+                Input::Change(_) => sample.change,
+                _ => f64::NAN,
+            });
+            roots.iter().map(|root| interpreter.number(*root)).collect()
+        };
+        let mut seen = |sample: &Sample| {
             let values = at(sample);
-            // At a jump either value is right.
             let mut beside = |strain: f64| at(&Sample::near(reference, strain)).last().copied();
             let is_jump = sample.change == 0.0
                 && [TINY, -TINY].map(&mut beside) != [values.last().copied(); 2];
             if is_jump || values.iter().all(|x| agree(*x, values[0])) {
-                lost.push(vec![false; forms.len()]);
-                continue;
+                return None;
             }
             let [less, more] = [-STEP, STEP].map(|step| at(&sample.moved(reference, step)));
-            let slopes: Vec<f64> =
-                less.iter().zip(more).map(|(x, y)| (x - y).abs() / (2.0 * STEP)).collect();
-            let known = match agreed(&values, self.strain(i).abs() < REACH) {
-                Some(value) => Some(value),
-                None => self.truth(i).map(|truth| truth[order]),
-            };
-            lost.push(match known {
-                Some(known) if known.is_finite() => compared(&values, &slopes, known),
-                Some(_) => vec![false; forms.len()],
-                // No form has a value where the energy has none.
-                None => values.iter().map(|x| x.is_finite() && self.strain(i) != 0.0).collect(),
-            });
+            let slopes = less.iter().zip(more).map(|(x, y)| (x - y).abs() / (2.0 * STEP)).collect();
+            let known = agreed(&values, sample.change.abs() < REACH);
+            Some(Seen { values, slopes, known })
+        };
+        self.samples.iter().map(&mut seen).collect()
+    }
+
+    /// Where the form by remainders stands for the truth: at strains between a smaller and a larger one of
+    /// the same sign at which it is right. What it loses it loses from some strain on, so this saves most
+    /// of the true values, which take longer than all else.
+    fn trusted(&mut self, order: usize, seen: &[Option<Seen>]) -> Vec<usize> {
+        let mut trusted = Vec::new();
+        for side in [0, 1] {
+            let strains = (1..STRAINS.len()).map(|k| 2 * k + side);
+            let unknown: Vec<usize> = strains
+                .filter(|i| seen[*i].as_ref().is_some_and(|seen| seen.known.is_none()))
+                .collect();
+            let mut is_right = |i: &usize| self.is_right(order, seen, *i);
+            let Some(last) = unknown.iter().rposition(&mut is_right) else { continue };
+            if last > 1 && is_right(&unknown[0]) {
+                trusted.extend(&unknown[1..last]);
+            }
         }
-        lost
+        trusted
     }
 
     fn truth(&mut self, i: usize) -> Option<[f64; 3]> {

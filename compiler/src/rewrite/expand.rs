@@ -46,7 +46,7 @@ impl Expansion<'_> {
         let node = graph.graph()[id];
         let (rule, made) = match node {
             Node::Strain(_, order) => self.strain(graph, f64::from_bits(order))?,
-            _ => match values::value(graph, node, self.measure, place)? {
+            _ => match values::value(graph, node, place)? {
                 Some(made) => made,
                 None => return graph.make(node.map_operands(at)),
             },

@@ -51,15 +51,10 @@ impl Rules {
                 }
             }
             Node::Unary(Function::Ln, x) => self.logarithm(graph, x),
+            // In strong compression the change has lost what is left of the length.
             Node::Unary(Function::Log1p, x) if self.is_change(graph, x) => {
                 let strain = strain(graph, self.measure, 0.0)?;
-                Ok(Some(("logarithm_of_sum", strain)))
-            }
-            // As a difference its derivative is a product, and far from rest it takes the stretch.
-            Node::Unary(Function::Log1pmx, x) if self.is_change(graph, x) => {
-                let strain = strain(graph, self.measure, 0.0)?;
-                let made = graph.subtract(strain, x)?;
-                Ok(Some(("logarithmic_barrier", made)))
+                Ok(Some(("logarithm_of_change", strain)))
             }
             _ => Ok(None),
         }
@@ -73,14 +68,7 @@ impl Rules {
         if let Some(made) = self.rebuilt_stretch(graph, x, y)? {
             return Ok(Some(("rebuild_stretch", made)));
         }
-        if let Some(made) = self.difference_of_powers(graph, x, y)? {
-            return Ok(Some(made));
-        }
-        match (x.0, y.0) {
-            (true, false) => self.difference(graph, x.1, y.1),
-            (false, true) => self.difference(graph, y.1, x.1),
-            _ => Ok(None),
-        }
+        self.difference_of_powers(graph, x, y)
     }
 
     /// `1 + e = l/L`
@@ -200,21 +188,6 @@ impl Rules {
             && monomial.strain.is_none();
         let even = monomial.exponent % 2.0 == 0.0;
         (plain && !even).then_some(monomial.exponent)
-    }
-
-    /// `ln(y) - ln(z)` where `y/z` is the stretch.
-    fn difference(&mut self, graph: &mut Simplifier, x: NodeId, y: NodeId) -> Rewritten {
-        let (Node::Unary(Function::Ln, a), Node::Unary(Function::Ln, b)) =
-            (graph.graph()[x], graph.graph()[y])
-        else {
-            return Ok(None);
-        };
-        let quotient = graph.divide(a, b)?;
-        if self.stretch_power(graph, quotient) != Some(1.0) {
-            return Ok(None);
-        }
-        let made = strain(graph, self.measure, 0.0)?;
-        Ok(Some(("difference_of_logarithms", made)))
     }
 
     /// `ln(1 + y)` and `ln(1 - y)` of an operand that is not rewritten yet: as a sum it may become a

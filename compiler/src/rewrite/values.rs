@@ -1,8 +1,7 @@
 //! Forms that matter for values alone: derivatives are taken of what was written, where they are
 //! simpler.
 
-use super::monomial::{self, strain};
-use crate::expression::function::LOG1PMX_SERIES;
+use super::monomial;
 use crate::expression::{Comparison, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
 use crate::simplify::Simplifier;
@@ -15,21 +14,18 @@ type Made = Result<NodeId, TooManyNodes>;
 type Named = Result<Option<(&'static str, NodeId)>, TooManyNodes>;
 
 /// The better form of a node, made of operands that have theirs already.
-pub(super) fn value(
-    graph: &mut Simplifier,
-    node: Node,
-    measure: Measure,
-    place: &[NodeId],
-) -> Named {
+pub(super) fn value(graph: &mut Simplifier, node: Node, place: &[NodeId]) -> Named {
     let at = |x: NodeId| place[x.0 as usize];
     match node {
         Node::Unary(Function::Log1p, x) => logarithm_of_square(graph, x, &at),
-        Node::Binary(Operator::Subtract, x, y) => {
-            if let Some(made) = barrier(graph, measure, x, y, &at)? {
-                return Ok(Some(made));
+        Node::Unary(Function::Log1pmx, x) => match graph.graph()[x] {
+            Node::Input(Input::Change(measure)) => {
+                let made = logarithm_less_change(graph, measure, x)?;
+                Ok(Some(("logarithm_of_change", made)))
             }
-            difference(graph, x, y, &at)
-        }
+            _ => Ok(None),
+        },
+        Node::Binary(Operator::Subtract, x, y) => difference(graph, x, y, &at),
         _ => Ok(None),
     }
 }
@@ -51,58 +47,14 @@ pub(super) fn logarithm(graph: &mut Simplifier, measure: Measure) -> Made {
     graph.make(Node::Select(near, series, plain))
 }
 
-/// `y - log1p(y)` and its negative, `e - S_0`, `S_2 - S_0`.
-fn barrier(
-    graph: &mut Simplifier,
-    measure: Measure,
-    x: NodeId,
-    y: NodeId,
-    at: &impl Fn(NodeId) -> NodeId,
-) -> Named {
-    let order = |graph: &Simplifier, id: NodeId| match graph.graph()[id] {
-        Node::Strain(_, order) => Some(f64::from_bits(order)),
-        Node::Input(Input::Change(m)) if m == measure => Some(1.0),
-        _ => None,
-    };
-    let general = match (graph.graph()[x], graph.graph()[y]) {
-        (_, Node::Unary(Function::Log1p, inner)) if inner == x => Some((x, true)),
-        (Node::Unary(Function::Log1p, inner), _) if inner == y => Some((y, false)),
-        _ => None,
-    };
-    if let Some((argument, negative)) = general {
-        let series = graph.unary(Function::Log1pmx, at(argument))?;
-        let made = if negative { graph.negate(series)? } else { series };
-        return Ok(Some(("logarithmic_barrier", made)));
-    }
-    let (name, other, negative) = match (order(graph, x), order(graph, y)) {
-        (Some(1.0), Some(0.0)) => ("logarithmic_barrier", 1.0, false),
-        (Some(0.0), Some(1.0)) => ("logarithmic_barrier", 1.0, true),
-        (Some(2.0), Some(0.0)) => ("strain_minus_logarithm", 2.0, false),
-        (Some(0.0), Some(2.0)) => ("strain_minus_logarithm", 2.0, true),
-        _ => return Ok(None),
-    };
-    let change = strain(graph, measure, 1.0)?;
-    let mut made = change_minus_logarithm(graph, measure, change)?;
-    if other == 2.0 {
-        let square = graph.power(change, 2.0)?;
-        let half = graph.number(0.5)?;
-        let half = graph.multiply(half, square)?;
-        made = graph.add(made, half)?;
-    }
-    if negative {
-        made = graph.negate(made)?;
-    }
-    Ok(Some((name, made)))
-}
-
-/// `e - ln(l/L)`
-fn change_minus_logarithm(graph: &mut Simplifier, measure: Measure, change: NodeId) -> Made {
+/// `ln(l/L) - e`
+fn logarithm_less_change(graph: &mut Simplifier, measure: Measure, change: NodeId) -> Made {
+    let stretch = monomial::stretch(graph, measure)?;
+    let logarithm = graph.unary(Function::Ln, stretch)?;
+    let far = graph.subtract(logarithm, change)?;
     let series = graph.unary(Function::Log1pmx, change)?;
-    let series = graph.negate(series)?;
-    let logarithm = logarithm(graph, measure)?;
-    let plain = graph.subtract(change, logarithm)?;
-    let near = near(graph, change, LOG1PMX_SERIES)?;
-    graph.make(Node::Select(near, series, plain))
+    let near = near(graph, change, NEAR)?;
+    graph.make(Node::Select(near, series, far))
 }
 
 /// `log1p(-y^2)`
@@ -124,16 +76,7 @@ fn difference(
     y: NodeId,
     at: &impl Fn(NodeId) -> NodeId,
 ) -> Named {
-    let number = |graph: &Simplifier, id| graph.graph().as_number(id);
     match (graph.graph()[x], graph.graph()[y]) {
-        (Node::Unary(Function::Cosh, a), _) if number(graph, y) == Some(1.0) => {
-            let made = twice_square_of_half(graph, Function::Sinh, at(a))?;
-            Ok(Some(("hyperbolic_cosine", made)))
-        }
-        (_, Node::Unary(Function::Cos, a)) if number(graph, x) == Some(1.0) => {
-            let made = twice_square_of_half(graph, Function::Sin, at(a))?;
-            Ok(Some(("cosine", made)))
-        }
         (Node::Unary(Function::Sqrt, a), Node::Number(_)) => {
             difference_of_roots(graph, at(x), at(a), at(y))
         }
@@ -182,16 +125,6 @@ fn product_of_squares(graph: &mut Simplifier, x: NodeId, y: NodeId) -> Made {
         _ => graph.add(x, y)?,
     };
     graph.multiply(difference, sum)
-}
-
-/// `2*f(y/2)^2`
-fn twice_square_of_half(graph: &mut Simplifier, function: Function, y: NodeId) -> Made {
-    let half = graph.number(0.5)?;
-    let half = graph.multiply(half, y)?;
-    let value = graph.unary(function, half)?;
-    let square = graph.power(value, 2.0)?;
-    let two = graph.number(2.0)?;
-    graph.multiply(two, square)
 }
 
 /// `y` of `y^2`, also of a number that is an exact square.

@@ -132,7 +132,7 @@ fn an_error_below_a_millionth_is_found_too() {
 /// Far from rest terms of psi'' cancel: hyper-dual numbers of the energy as written lose the same digits.
 #[test]
 fn digits_that_are_lost_are_no_wrong_derivative_and_their_cause_is_named() {
-    let text = "potential p\npsi(l) = 0.85*L*(l/L - 1)^2/(1 + ((l/L - 1)/0.1)^2)\n\
+    let text = "potential p\npsi(l) = 0.85*L*(l/L - 1)^2/(1 + ((l/L - 1)/0.05)^2)\n\
                 domain l/L in [0.2, 10]";
     let model = model(text);
     let (found, _) = verify(&model, &values(&model, 3, &[]), 500).unwrap();

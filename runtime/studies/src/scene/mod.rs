@@ -27,6 +27,8 @@ mod write;
 #[cfg(test)]
 mod formula_tests;
 #[cfg(test)]
+mod material_tests;
+#[cfg(test)]
 mod tests;
 
 use piola_compiler::Form;
@@ -131,23 +133,6 @@ impl Scene {
     /// `[material]`, the first.
     pub fn material(&self) -> &Material {
         &self.materials[0]
-    }
-
-    /// How many laws there are: one of each material, then those of interfaces.
-    pub fn n_laws(&self) -> usize {
-        self.materials.iter().map(|material| material.law + 1).max().unwrap_or(1)
-    }
-
-    /// What a law belongs to: the name of a material, or of two with an interface of its own.
-    pub fn law_name(&self, law: usize) -> String {
-        let name = |material: usize| self.regions.get(material).map_or("", |r| &r.name.value);
-        let own = |interface: &&Interface| interface.rule == InterfaceRule::Potential(law);
-        match self.interfaces.iter().find(own) {
-            Some(Interface { between: [one, other], .. }) => {
-                format!("{} and {}", name(one.value), name(other.value))
-            }
-            None => name(law).to_string(),
-        }
     }
 
     /// The horizon in m.

@@ -6,7 +6,7 @@ use piola_grammar::Diagnostic;
 use piola_mechanics::weights::Weights;
 use piola_mechanics::words::Words;
 
-use super::{Horizon, Material, Points, Scene, SceneReport};
+use super::{Horizon, Interface, InterfaceRule, Material, Points, Scene, SceneReport};
 use piola_grammar::suggest;
 
 /// A potential file may have this many bytes.
@@ -24,6 +24,23 @@ pub struct PotentialText {
 }
 
 impl Scene {
+    /// How many laws there are: one of each material, then those of interfaces.
+    pub fn n_laws(&self) -> usize {
+        self.materials.iter().map(|material| material.law + 1).max().unwrap_or(1)
+    }
+
+    /// What a law belongs to: the name of a material, or of two with an interface of its own.
+    pub fn law_name(&self, law: usize) -> String {
+        let name = |material: usize| self.regions.get(material).map_or("", |r| &r.name.value);
+        let own = |interface: &&Interface| interface.rule == InterfaceRule::Potential(law);
+        match self.interfaces.iter().find(own) {
+            Some(Interface { between: [one, other], .. }) => {
+                format!("{} and {}", name(one.value), name(other.value))
+            }
+            None => name(law).to_string(),
+        }
+    }
+
     /// The text of a potential of the scene: a file relative to `folder` if its name ends in `.piola`,
     /// else whatever `library` has under that name. `names` are offered where it has nothing.
     pub fn potential(

@@ -46,7 +46,7 @@ const RENDER: &str = "render";
 /// A section: its name on the command line and what it measures.
 type Measurement = (&'static str, fn() -> Vec<Table>);
 
-const SECTIONS: [Measurement; 20] = [
+const SECTIONS: [Measurement; 21] = [
     ("kernels", kernels::against_hyper_dual),
     ("squares", squares::run),
     ("foreign", kernels::against_foreign),

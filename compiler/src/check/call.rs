@@ -19,6 +19,9 @@ impl<'a> Elaborator<'a> {
         if let Some(Symbol::Function(number)) = self.symbols.get(&function.name) {
             return self.expand(number, function, actual, span);
         }
+        if self.symbols.get(&function.name).is_some() {
+            return self.component_of(function, given, &actual, span);
+        }
         if let Some(builtin) = Function::named(&function.name) {
             if actual[0].is_tensor() {
                 return self.function_of_tensor(builtin, actual[0], given[0], span);
@@ -29,8 +32,11 @@ impl<'a> Elaborator<'a> {
             return self.make(node, Kind::Number(quantity), actual[0].uses, span);
         }
         if let Some(tensor_function) = TensorFunction::named(&function.name) {
-            if tensor_function == TensorFunction::Dyad {
-                return self.dyad(&actual, given, span);
+            match tensor_function {
+                TensorFunction::Dyad => return self.dyad(&actual, given, span),
+                TensorFunction::Vector => return self.vector(&actual, given, span),
+                TensorFunction::Norm => return self.norm((actual[0], given[0]), span),
+                _ => {}
             }
             return self.tensor_call(tensor_function, (function, actual[0], given[0]), span);
         }

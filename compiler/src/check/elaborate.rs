@@ -197,7 +197,12 @@ impl<'a> Elaborator<'a> {
         Kind::Number(if self.checked { Quantity::Known(dimension) } else { Quantity::Any })
     }
 
-    fn name(&mut self, name: &str, span: Span, arguments: Arguments<'_>) -> Option<Value> {
+    pub(super) fn name(
+        &mut self,
+        name: &str,
+        span: Span,
+        arguments: Arguments<'_>,
+    ) -> Option<Value> {
         if let Some((_, value)) = arguments.iter().find(|(formal, _)| formal.name == name) {
             return Some(*value);
         }
@@ -309,7 +314,7 @@ impl<'a> Elaborator<'a> {
                     return None;
                 }
             },
-            (Kind::Tensor(..), Kind::Tensor(..)) => {
+            (Kind::Tensor(..), Kind::Tensor(..)) if self.shape(x) == self.shape(y) => {
                 return self.choose_tensor(c, (x, then), (y, otherwise), span);
             }
             (Kind::OfStretch(_), Kind::OfStretch(_)) => {

@@ -40,7 +40,6 @@ const TENSOR_FUNCTIONS: &[(&[&str], &str)] = &[
         &["inner", "dot", "ddot", "contract", "double_dot", "frobenius"],
         "the sum of products of all components is `E : E`, the product of two tensors `F*F'`",
     ),
-    (&["norm"], "the norm of a tensor is `sqrt(E : E)`; the absolute value of a number is `abs`"),
     (&["trace", "Tr"], "the trace is `tr`: write `tr(C)`"),
     (&["transpose", "transp"], "a transpose stands behind its tensor: `F'`"),
     (&["determinant", "Det"], "the determinant is `det`; that of `F` is `J`"),
@@ -48,7 +47,7 @@ const TENSOR_FUNCTIONS: &[(&[&str], &str)] = &[
     (&["eye", "identity", "Identity", "Id"], "the unit tensor is `I`"),
     (
         &["outer", "otimes", "tensor"],
-        "the tensor n n of the vector n = (x, y, z) is `dyad(x, y, z)`",
+        "the tensor n m of two vectors is `dyad(n, m)`, with `n = vector(x, y, z)`",
     ),
     (&["cof", "cofactor"], "the cofactor of `F` is `J*inv(F)'`"),
     (&["logm"], "the logarithm of a tensor is known of stretches: `ln(U)`"),
@@ -117,7 +116,8 @@ pub(crate) fn instead(name: &str, place: Place) -> Option<String> {
 
 /// Whether a file with `psi(F)` knows this name, and nothing else does.
 fn is_of_tensors(name: &str) -> bool {
-    ["F", "C", "E", "U", "J", "I", "tr", "det", "dev", "sym", "inv", "dyad"].contains(&name)
+    ["F", "C", "E", "U", "J", "I", "tr", "det", "dev", "sym", "inv", "dyad", "vector", "norm"]
+        .contains(&name)
 }
 
 #[cfg(test)]
@@ -142,16 +142,16 @@ mod tests {
         for (line, answer) in [
             ("psi(F) = mu*inner(E, E)", "`E : E`"),
             ("psi(F) = mu*trace(C)", "`tr(C)`"),
-            ("psi(F) = mu*norm(E)^2", "`sqrt(E : E)`"),
+            ("psi(F) = mu*outer(E, E)", "`dyad(n, m)`"),
             ("psi(F) = mu*(I1 - 3)", "`tr(C)`"),
             ("psi(F) = mu*tr(transpose(F)*F)", "`F'`"),
             ("psi(F) = mu*tr(F^T*F)", "`F'`"),
             ("psi(F) = mu*tr(F.T*F)", "`F'`"),
             ("psi(F) = mu*tr(F@F)", "`*`"),
-            ("psi(F) = mu*F[1,1]", "`F : dyad(1, 0)`"),
+            ("psi(F) = mu*F[1,1]", "`F(1, 2)`"),
             ("psi(l) = mu[3]*(l - L)^2", "`mu3`"),
-            ("n = (1,0,0)", "`dyad(x, y, z)`"),
-            ("n = [1,0,0]", "`dyad(x, y, z)`"),
+            ("n = (1,0,0)", "`vector(x, y, z)`"),
+            ("n = [1,0,0]", "`vector(x, y, z)`"),
             ("psi(a, l) = mu*(l - L)^2", "`psi(a) = ..` and `psi(l) = ..`"),
             ("psi(l) = mu*tr(l)", "`psi(F)`"),
             ("psi(C) = mu*tr(C)", "`psi(F) = ..`"),

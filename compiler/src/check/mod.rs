@@ -23,6 +23,7 @@ mod tensor;
 mod texts;
 pub mod unit;
 mod value;
+mod vector;
 
 use piola_grammar::{Ast, Diagnostic, Reading, Span, read, spell_out};
 

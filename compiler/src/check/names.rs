@@ -264,6 +264,12 @@ impl Checker<'_> {
         }
         let arity = match self.scope.symbols.get(name) {
             Some(Symbol::Function(number)) => Some(self.arity(number)),
+            // Of a tensor `F(1, 2)` is a component; of which values are tensors the check knows.
+            Some(Symbol::Kinematic(_) | Symbol::Value(_))
+                if self.scope.symbols.tensors && matches!(given, 1 | 2) =>
+            {
+                return;
+            }
             Some(_) => {
                 self.errors.push(not_a_function(function));
                 return;
@@ -280,7 +286,11 @@ impl Checker<'_> {
                 return;
             }
             // Its components are counted once the dimension is known.
-            None if name == "dyad" && self.is_builtin(name) => return,
+            None if self.is_builtin(name)
+                && TensorFunction::named(name).is_some_and(TensorFunction::takes_components) =>
+            {
+                return;
+            }
             None if self.is_builtin(name) => Some(1),
             None => None,
         };
@@ -392,7 +402,7 @@ fn not_called(name: &str, arity: usize, span: Span) -> Diagnostic {
         .help(format!("write `{name}({})`", arguments.join(", ")))
 }
 
-fn not_a_function(function: &Ident) -> Diagnostic {
+pub(super) fn not_a_function(function: &Ident) -> Diagnostic {
     let name = &function.name;
     Diagnostic::error("not-a-function", function.span, format!("`{name}` is not a function"))
         .label("called like one")

@@ -96,7 +96,10 @@ impl Elaborator<'_> {
                 let node = Node::Binary(Operator::Divide, one, x.node);
                 return self.make(node, Kind::OfStretch(quantity), x.uses, span);
             }
-            TensorFunction::Determinant | TensorFunction::Dyad => "`det(U)` is `J`",
+            TensorFunction::Determinant => "`det(U)` is `J`",
+            TensorFunction::Dyad | TensorFunction::Vector | TensorFunction::Norm => {
+                "take a trace: `sqrt(tr(U^2))` is the norm of `U`"
+            }
             TensorFunction::Deviator => {
                 "`tr(dev(A)^2)` is `tr(A^2) - tr(A)^2/d`, and `tr(ln(U))` is `ln(J)`"
             }

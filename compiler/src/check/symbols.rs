@@ -82,7 +82,7 @@ impl<'a> Symbols<'a> {
     }
 }
 
-/// Functions of a tensor.
+/// Functions of tensors and vectors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum TensorFunction {
     Trace,
@@ -90,12 +90,22 @@ pub(crate) enum TensorFunction {
     Inverse,
     Deviator,
     Symmetric,
-    /// The only one of numbers: `dyad(x, y, z)`, the tensor `n n` of a vector `n`.
+    /// `dyad(n, m)`, the tensor `n m` of two vectors, or `n n` of one or of its components.
     Dyad,
+    /// `vector(x, y, z)`, of numbers.
+    Vector,
+    /// `norm(n)`, of a vector or a tensor.
+    Norm,
 }
 
 impl TensorFunction {
-    pub(crate) const NAMES: [&str; 6] = ["tr", "det", "inv", "dev", "sym", "dyad"];
+    pub(crate) const NAMES: [&str; 8] =
+        ["tr", "det", "inv", "dev", "sym", "dyad", "vector", "norm"];
+
+    /// Whether how many arguments it takes follows from the dimension.
+    pub(crate) fn takes_components(self) -> bool {
+        matches!(self, TensorFunction::Dyad | TensorFunction::Vector)
+    }
 
     pub(crate) fn named(name: &str) -> Option<TensorFunction> {
         Some(match name {
@@ -105,6 +115,8 @@ impl TensorFunction {
             "dev" => TensorFunction::Deviator,
             "sym" => TensorFunction::Symmetric,
             "dyad" => TensorFunction::Dyad,
+            "vector" => TensorFunction::Vector,
+            "norm" => TensorFunction::Norm,
             _ => return None,
         })
     }

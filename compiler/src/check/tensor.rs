@@ -1,4 +1,4 @@
-//! Tensors of d x d components: they exist only here. What comes out of the check are graphs of their
+//! Tensors of d x d components, and vectors of d: they exist only here and in `vector`. What comes out of the check are graphs of their
 //! components, so that everything after it knows numbers alone.
 
 use piola_grammar::ast::{ExprId, Ident};
@@ -12,12 +12,12 @@ use crate::expression::{Function, Input, Node, NodeId, Operator, graph};
 /// Largest exponent of a power of a tensor.
 const LARGEST_POWER: f64 = 8.0;
 
-/// A tensor with what is known of it.
+/// A tensor, or a vector, with what is known of it.
 #[derive(Clone)]
-struct Tensor {
-    components: Components,
-    quantity: Quantity,
-    uses: u8,
+pub(super) struct Tensor {
+    pub(super) components: Components,
+    pub(super) quantity: Quantity,
+    pub(super) uses: u8,
 }
 
 impl Elaborator<'_> {
@@ -126,8 +126,8 @@ impl Elaborator<'_> {
                     self.componentwise(Operator::Subtract, &tensor, &spherical, quantity, span)?;
                 Some(self.tensor(deviator))
             }
-            // Handled where its arguments are numbers.
-            TensorFunction::Dyad => None,
+            // Handled where their arguments are.
+            TensorFunction::Dyad | TensorFunction::Vector | TensorFunction::Norm => None,
             TensorFunction::Symmetric => {
                 let transposed = self.transposed(&tensor);
                 let quantity = tensor.quantity;
@@ -138,34 +138,6 @@ impl Elaborator<'_> {
                 Some(self.tensor(symmetric))
             }
         }
-    }
-
-    /// `dyad(x, y, z)`: components of a vector in as many dimensions as there are.
-    pub(super) fn dyad(&mut self, actual: &[Value], given: &[ExprId], span: Span) -> Option<Value> {
-        let d = self.dimension;
-        if actual.len() != d {
-            let message = format!("`dyad` takes the {d} components of a vector");
-            self.report(
-                Diagnostic::error("wrong-number-of-arguments", span, message)
-                    .label(format!("{} given in {d} dimensions", actual.len()))
-                    .help(format!("say for which dimensions the file is: `dimensions {}`", 5 - d)),
-            );
-            return None;
-        }
-        let mut quantity = self.number(actual[0], given[0])?;
-        for (value, at) in actual.iter().zip(given).skip(1) {
-            let next = self.number(*value, *at)?;
-            let both = ((quantity, given[0]), (next, *at));
-            quantity = self.quantity_of(Operator::Add, both.0, both.1, None, span)?;
-        }
-        let mut components = Vec::with_capacity(d * d);
-        for k in 0..d * d {
-            let node = Node::Binary(Operator::Multiply, actual[k / d].node, actual[k % d].node);
-            components.push(Some(self.operation(node, span)?));
-        }
-        let quantity = quantity.combine(quantity, |p, q| p.times(q));
-        let uses = actual.iter().fold(0, |uses, value| uses | value.uses);
-        Some(self.tensor(Tensor { components, quantity, uses }))
     }
 
     /// `-A`
@@ -191,7 +163,9 @@ impl Elaborator<'_> {
             return self.stretch_binary(operator, (x, left), (y, right), exponent, span);
         }
         let tensor = match (operator, self.known_tensor(x), self.known_tensor(y)) {
-            (Operator::Add | Operator::Subtract, Some(a), Some(b)) => {
+            (Operator::Add | Operator::Subtract, Some(a), Some(b))
+                if a.components.len() == b.components.len() =>
+            {
                 let quantity = self.quantity_of(
                     operator,
                     (a.quantity, left),
@@ -201,7 +175,15 @@ impl Elaborator<'_> {
                 )?;
                 self.componentwise(operator, &a, &b, quantity, span)?
             }
-            (Operator::Multiply, Some(a), Some(b)) => self.matrix_product(&a, &b, span)?,
+            (Operator::Multiply, Some(a), Some(b)) => match self.are_vectors(&a, &b) {
+                [false, false] => self.matrix_product(&a, &b, span)?,
+                [false, true] => self.times_vector(&a, &b, span)?,
+                [true, false] => {
+                    let transposed = self.transposed(&b);
+                    self.times_vector(&transposed, &a, span)?
+                }
+                [true, true] => return self.dot(&a, &b, span),
+            },
             (Operator::Multiply, Some(a), None) => self.times(&a, (y, right), span)?,
             (Operator::Multiply, None, Some(b)) => self.times(&b, (x, left), span)?,
             (Operator::Divide, Some(a), None) => {
@@ -210,7 +192,7 @@ impl Elaborator<'_> {
                 let quotient = self.scaled(Operator::Divide, &a, y.node, span)?;
                 Tensor { quantity, uses: a.uses | y.uses, ..quotient }
             }
-            (Operator::Power, Some(a), None) => {
+            (Operator::Power, Some(a), None) if !self.is_vector(&a) => {
                 let exponent = match exponent {
                     Some(Constant::Number(n)) => Some(*n),
                     _ => None,
@@ -265,7 +247,7 @@ impl Elaborator<'_> {
             }
             Operator::Power => (
                 format!("cannot raise {p} to a power that is {q}"),
-                "powers of tensors are products: `C*C`",
+                "powers of tensors are products: `C*C`; the square of a vector is `n*n`",
             ),
             _ => (
                 format!("cannot combine {p} with {q}"),
@@ -300,13 +282,13 @@ impl Elaborator<'_> {
         Some(Tensor { quantity, uses: a.uses | x.uses, ..product })
     }
 
-    fn transposed(&self, a: &Tensor) -> Tensor {
+    pub(super) fn transposed(&self, a: &Tensor) -> Tensor {
         let d = self.dimension;
         let components = (0..d * d).map(|k| a.components[k % d * d + k / d]).collect();
         Tensor { components, ..*a }
     }
 
-    fn matrix_product(&mut self, a: &Tensor, b: &Tensor, span: Span) -> Option<Tensor> {
+    pub(super) fn matrix_product(&mut self, a: &Tensor, b: &Tensor, span: Span) -> Option<Tensor> {
         let d = self.dimension;
         let mut components = Vec::with_capacity(d * d);
         for row in 0..d {
@@ -424,7 +406,7 @@ impl Elaborator<'_> {
     }
 
     /// A sum, difference or product of two components; the outer `None` if there is no more room.
-    fn component(
+    pub(super) fn component(
         &mut self,
         operator: Operator,
         x: Component,
@@ -441,12 +423,12 @@ impl Elaborator<'_> {
         self.operation(node, span).map(Some)
     }
 
-    fn operation(&mut self, node: Node, span: Span) -> Option<NodeId> {
+    pub(super) fn operation(&mut self, node: Node, span: Span) -> Option<NodeId> {
         let value = self.make(node, Kind::Truth, 0, span)?;
         Some(value.node)
     }
 
-    fn scalar(
+    pub(super) fn scalar(
         &mut self,
         sum: Component,
         quantity: Quantity,
@@ -461,7 +443,7 @@ impl Elaborator<'_> {
     }
 
     /// Keeps a tensor; equal ones get equal numbers, so that equal calls are expanded once.
-    fn tensor(&mut self, Tensor { components, quantity, uses }: Tensor) -> Value {
+    pub(super) fn tensor(&mut self, Tensor { components, quantity, uses }: Tensor) -> Value {
         let known = self.tensor_ids.get(&components).copied();
         let node = components.iter().flatten().next().copied().unwrap_or(NodeId(0));
         let id = known.unwrap_or_else(|| {
@@ -473,7 +455,7 @@ impl Elaborator<'_> {
         Value { node, kind: Kind::Tensor(id, quantity), uses, constant: None }
     }
 
-    fn known_tensor(&self, x: Value) -> Option<Tensor> {
+    pub(super) fn known_tensor(&self, x: Value) -> Option<Tensor> {
         let Kind::Tensor(id, quantity) = x.kind else { return None };
         let components = self.tensors[id.0 as usize].clone();
         Some(Tensor { components, quantity, uses: x.uses })
@@ -481,7 +463,7 @@ impl Elaborator<'_> {
 
     /// The tensor a value is, or an error where it is none: only a tensor `can`.
     fn as_tensor(&mut self, x: Value, at: ExprId, can: &str) -> Option<Tensor> {
-        if let Some(tensor) = self.known_tensor(x) {
+        if let Some(tensor) = self.known_tensor(x).filter(|tensor| !self.is_vector(tensor)) {
             return Some(tensor);
         }
         let shape = self.shape(x);
@@ -498,6 +480,9 @@ impl Elaborator<'_> {
     pub(super) fn shape(&self, x: Value) -> String {
         let d = self.dimension;
         match x.kind {
+            Kind::Tensor(id, _) if self.tensors[id.0 as usize].len() == d => {
+                format!("a vector of {d} components")
+            }
             Kind::Tensor(..) => format!("a {d} x {d} tensor"),
             Kind::OfStretch(_) => "a function of `U`".into(),
             Kind::Number(_) => "a number".into(),

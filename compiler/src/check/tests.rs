@@ -129,6 +129,89 @@ fn tensors_have_shapes() {
     }
 }
 
+/// psi and P of an energy of `F` as written.
+fn psi_and_stress(energy: &str, d: usize) -> Vec<f64> {
+    let text = format!("potential p\ndimensions {d}\n{energy}");
+    let (model, form) = (crate::test_support::model(&text), crate::Form::Textbook);
+    let values = crate::test_support::values(&model, d, &[]);
+    let kernel = model.compile(&values, crate::Mode::Interpreter, form).unwrap().gradient.unwrap();
+    let f = [1.5, 0.25, -0.5, 0.125, 0.75, 0.375, -0.25, 0.625, 1.25];
+    let gradient: Vec<f64> = (0..d * d).map(|k| f[k / d * 3 + k % d]).collect();
+    let change: Vec<f64> =
+        (0..d * d).map(|k| gradient[k] - if k / d == k % d { 1.0 } else { 0.0 }).collect();
+    let (mut psi, mut stress) = (vec![0.0], vec![0.0; d * d]);
+    let at = crate::GradientBatch { n: 1, gradient: &gradient, change: &change };
+    kernel.evaluate(at, &mut psi, &mut stress);
+    psi.extend(stress);
+    psi
+}
+
+#[test]
+fn vectors_and_components_are_what_tensors_make_of_them() {
+    for (d, vectors, tensors) in [
+        (3, "n = vector(0.6, 0, 0.8)\npsi(F) = n*C*n", "psi(F) = dyad(0.6, 0, 0.8) : C"),
+        (2, "n = vector(0.6, 0.8)\npsi(F) = (n*C)*n", "psi(F) = dyad(0.6, 0.8) : C"),
+        (3, "n = vector(1, 2, 2)\npsi(F) = norm(F*(n/3))^2", "psi(F) = dyad(1, 2, 2) : C/9"),
+        (3, "n = vector(1, 2, 3)\npsi(F) = (F*n)*(F*n)", "psi(F) = tr(F*dyad(1, 2, 3)*F')"),
+        (2, "n = vector(1, 2)\npsi(F) = (n*F)*(n*F)", "psi(F) = tr(F'*dyad(1, 2)*F)"),
+        (
+            3,
+            "n = vector(1, 2, 3)\nm = -n + 2*n - vector(0, 1, 0)\npsi(F) = n*F*m",
+            "psi(F) = F(1,1) + F(1,2) + 3*F(1,3) + 2*F(2,1) + 2*F(2,2) + 6*F(2,3) + 3*F(3,1) + 3*F(3,2) + 9*F(3,3)",
+        ),
+        (
+            3,
+            "n = vector(1, 0, 0)\nm = vector(0, 1, 0)\npsi(F) = dyad(n, m) : F",
+            "psi(F) = F(1, 2)",
+        ),
+        (2, "n = vector(1, 2)\nM = dyad(n)\npsi(F) = M : E", "psi(F) = dyad(1, 2) : E"),
+        (3, "psi(F) = norm(F)^2", "psi(F) = F : F"),
+        (2, "n = vector(3, 4)\npsi(F) = n(2)*J*norm(n)", "psi(F) = 20*det(F)"),
+        (
+            3,
+            "f(x) = x*C*x\npsi(F) = f(vector(1, 0, 0)) + f(if J > 0 then vector(0, 1, 0) else vector(0, 0, 1))",
+            "psi(F) = C(1, 1) + C(2, 2)",
+        ),
+    ] {
+        let (found, expected) = (psi_and_stress(vectors, d), psi_and_stress(tensors, d));
+        let size = expected.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
+        let errors = found.iter().zip(&expected).map(|(x, y)| (x - y).abs() / size);
+        let error = errors.fold(0.0, f64::max);
+        assert!(error < 4e-15, "{vectors}: {found:?} {expected:?}");
+    }
+}
+
+#[test]
+fn what_is_no_vector_is_told_so() {
+    for (text, code) in [
+        ("psi(F) = vector(1, 2)*F", "wrong-number-of-arguments"),
+        ("psi(F) = vector(1, 2, 3)", "wrong-shape"),
+        ("psi(F) = tr(vector(1, 2, 3))", "wrong-shape"),
+        ("psi(F) = tr(F + vector(1, 2, 3))", "wrong-shape"),
+        ("psi(F) = vector(1, 2, 3)^2", "wrong-shape"),
+        ("psi(F) = vector(1, 2, 3) : F", "wrong-shape"),
+        ("psi(F) = norm(J)", "wrong-shape"),
+        ("psi(F) = norm(U)", "wrong-shape"),
+        ("psi(F) = tr(if J > 1 then F else vector(1, 2, 3))", "type-mismatch"),
+        ("psi(F) = F(1)", "wrong-number-of-arguments"),
+        ("psi(F) = F(0, 1)", "out-of-range"),
+        ("psi(F) = F(1, 4)", "out-of-range"),
+        ("parameter k = 1\npsi(F) = F(1, k)", "out-of-range"),
+        ("psi(F) = J(1)", "not-a-function"),
+        ("k = 2\npsi(F) = k(1 + J)", "not-a-function"),
+        ("psi(F) = F(1, 2, 3)", "not-a-function"),
+        ("n = vector(1, 2, 3)\npsi(F) = n(1, 2)*J", "wrong-number-of-arguments"),
+        ("psi(l) = norm(l)", "unknown-name"),
+    ] {
+        let text = format!("potential p\ndimensions 3\n{text}");
+        assert_eq!(codes(&text), [code], "{text}");
+    }
+    // Whoever has a norm keeps it.
+    for text in ["norm(x) = x*x\npsi(F) = norm(J)", "parameter vector = 2\npsi(F) = vector*J"] {
+        assert_eq!(codes(&format!("potential p\n{text}")), Vec::<&str>::new(), "{text}");
+    }
+}
+
 #[test]
 fn names_are_resolved() {
     for (text, code) in [

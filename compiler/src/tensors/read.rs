@@ -386,7 +386,9 @@ impl<'a> Reader<'a> {
             TensorFunction::Inverse => Value::Tensor(algebra.inverse(&x)?),
             TensorFunction::Deviator => Value::Tensor(algebra.deviator(&x)?),
             TensorFunction::Symmetric => Value::Tensor(algebra.symmetric(&x)?),
-            TensorFunction::Dyad => return Err(NotInTensors::Foreign),
+            TensorFunction::Dyad | TensorFunction::Vector | TensorFunction::Norm => {
+                return Err(NotInTensors::Foreign);
+            }
         })
     }
 }

@@ -161,20 +161,21 @@ fn index(failure: &Failure<'_>) -> Diagnostic {
             finding.help(format!("give each value a name of its own: `{name}{}`", number.text))
         }
         _ => finding.help(
-            "tensors are used whole: `tr(C)`, `det(C)`, `C : C`; the first component on the \
-             diagonal is `F : dyad(1, 0)`, in three dimensions `F : dyad(1, 0, 0)`",
+            "components of tensors and vectors stand in round brackets and count from 1: `F(1, 2)`; \
+             invariants are `tr(C)`, `det(C)`, `C : C`",
         ),
     }
 }
 
 /// `n = (1, 0, 0)`, `n = [1, 0, 0]`.
 fn no_vectors(failure: &Failure<'_>) -> Diagnostic {
-    let finding = failure.error("there are no vectors and no lists").label("expected one number");
+    let message = "there are no lists, and vectors have a name";
+    let finding = failure.error(message).label("expected one number");
     if failure.goal == Goal::Expression {
         return finding.help("each component is an expression of its own: `u = [\"0.1*t\", 0]`");
     }
     finding
-        .help("the tensor n n of n = (x, y, z), as for fibres, is `dyad(x, y, z)`")
+        .help("in a file with `psi(F)` the vector n = (x, y, z) is `vector(x, y, z)`, and n n is `dyad(n)`")
         .help("give each number of a list a name of its own: `mu1`, `mu2`")
 }
 

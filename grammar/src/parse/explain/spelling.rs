@@ -38,7 +38,7 @@ const FOREIGN_MARKS: &[(&str, &str)] = &[
     ),
     ("`", "texts stand in double quotes `\"...\"`"),
     ("@", "a product of tensors is written `*`"),
-    ("⊗", "the tensor n n of n = (x, y, z) is `dyad(x, y, z)`"),
+    ("⊗", "the tensor n m of two vectors is `dyad(n, m)`, with `n = vector(x, y, z)`"),
     ("ᵀ", "a transpose is written `F'`"),
     ("·", "write `*`"),
     ("⋅", "write `*`"),

@@ -159,7 +159,7 @@ impl Elaborator<'_> {
             let Some(index) = index else {
                 let message = format!("components of `{}` count from 1 to {d}", name.name);
                 self.report(
-                    Diagnostic::error("out-of-range", self.arena[*at].span, message)
+                    Diagnostic::error("wrong-shape", self.arena[*at].span, message)
                         .label("a whole number is expected here"),
                 );
                 return None;

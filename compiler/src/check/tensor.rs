@@ -87,14 +87,7 @@ impl Elaborator<'_> {
             self.as_tensor(x, left, "has a double contraction"),
             self.as_tensor(y, right, "has a double contraction"),
         );
-        let (x, y) = (x?, y?);
-        let mut sum = None;
-        for (&a, &b) in x.components.iter().zip(&y.components) {
-            let term = self.component(Operator::Multiply, a, b, span)?;
-            sum = self.component(Operator::Add, sum, term, span)?;
-        }
-        let quantity = x.quantity.combine(y.quantity, |p, q| p.times(q));
-        self.scalar(sum, quantity, x.uses | y.uses, span)
+        self.dot(&x?, &y?, span)
     }
 
     /// `tr(A)`, `det(A)` and so on.

@@ -100,7 +100,7 @@ impl Elaborator<'_> {
         Some(Tensor { components, quantity, uses: a.uses | x.uses })
     }
 
-    /// The sum of the products of all components: `n*m` of vectors.
+    /// The sum of the products of all components: `n*m` of vectors, `A : B` of tensors.
     pub(super) fn dot(&mut self, x: &Tensor, y: &Tensor, span: Span) -> Option<Value> {
         let mut sum = None;
         for (&a, &b) in x.components.iter().zip(&y.components) {

@@ -37,6 +37,43 @@ fn two_materials_in_a_row_share_an_elongation_as_springs_in_series() {
     assert!(coarse < 0.3 && fine < 0.6 * coarse, "{coarse} {fine}");
 }
 
+/// Two integrals, the other way round in the other material, also where a parameter makes them alike: the
+/// energy of a body of both is that of the body of one.
+#[test]
+fn integrals_of_two_materials_are_told_apart() {
+    let law = |s: &str, r: &str, energies: [&str; 2]| {
+        format!(
+            "potential p\nparameter q = 1\ns = integral({s})\nr = integral({r})\n\
+             psi(s) = {}\npsi(r) = {}\npsi(l) = L*(l/L - 1)^2\n",
+            energies[0], energies[1]
+        )
+    };
+    let scene = |materials: &str| {
+        format!(
+            "[body]\nbox = [[0, 0], [1, 0.5]]\nspacing = 0.125\n[horizon]\nspacings = 2\n{materials}\
+             [sets]\nleft = \"X < 0.5\"\n"
+        )
+    };
+    let one = "[material]\npotential = \"a.piola\"\n";
+    let two = "[[material]]\nset = \"left\"\npotential = \"a.piola\"\n\
+               [[material]]\npotential = \"b.piola\"\n";
+    let places = (0..32).map(|k| (f64::from(k / 4) / 8.0, f64::from(k % 4) / 8.0));
+    let displacement: String =
+        places.map(|(x, y)| format!("{},{}\n", 0.01 * x + 0.02 * y * y, 0.03 * x * y)).collect();
+    for other in ["L^q*(l - L)", "L^3*(l - L)"] {
+        let energy = |materials: &str| {
+            let folder = SceneFolder::new(&scene(materials));
+            folder.file("a.piola", law("L*(l - L)", other, ["s^2", "3*r^2"]));
+            folder.file("b.piola", law(other, "L*(l - L)", ["3*s^2", "r^2"]));
+            let table = folder.file("u.csv", format!("u,v\n{displacement}"));
+            let given = ["energy", &folder.scene(), "--displacement", &table];
+            piola(&given).expect(0).json()["energy"].as_f64().unwrap()
+        };
+        let (alone, both) = (energy(one), energy(two));
+        assert!(alone > 0.0 && (both / alone - 1.0).abs() < 1e-14, "{other}: {alone} {both}");
+    }
+}
+
 #[test]
 fn moduli_are_those_of_each_material() {
     let folder = SceneFolder::new(&laminate(0.125, ""));

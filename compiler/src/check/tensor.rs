@@ -275,13 +275,13 @@ impl Elaborator<'_> {
         Some(Tensor { quantity, uses: a.uses | x.uses, ..product })
     }
 
-    pub(super) fn transposed(&self, a: &Tensor) -> Tensor {
+    fn transposed(&self, a: &Tensor) -> Tensor {
         let d = self.dimension;
         let components = (0..d * d).map(|k| a.components[k % d * d + k / d]).collect();
         Tensor { components, ..*a }
     }
 
-    pub(super) fn matrix_product(&mut self, a: &Tensor, b: &Tensor, span: Span) -> Option<Tensor> {
+    fn matrix_product(&mut self, a: &Tensor, b: &Tensor, span: Span) -> Option<Tensor> {
         let d = self.dimension;
         let mut components = Vec::with_capacity(d * d);
         for row in 0..d {

@@ -42,18 +42,14 @@ impl ByMaterial {
         ByMaterial { n_variables, laws, rooms: Pool::new() }
     }
 
-    /// The same for laws of the same variables.
-    pub fn of_same(n_variables: usize, laws: Vec<Option<Box<dyn VariablesLaw>>>) -> ByMaterial {
-        let all = |law| MaterialLaw { law, variables: (0..n_variables).collect() };
-        ByMaterial::new(n_variables, laws.into_iter().map(|law| law.map(all)).collect())
-    }
-
-    /// The law of all places, where they have the same and it is a function of all variables.
+    /// The law of all places, where they have the same and it is a function of all variables
+    /// in their order.
     fn of_all(&self, laws: &[u8]) -> Option<&dyn VariablesLaw> {
         let first = laws.first()?;
         let MaterialLaw { law, variables } = self.laws.get(usize::from(*first))?.as_ref()?;
         let alike = laws.iter().all(|law| law == first);
-        (alike && variables.len() == self.n_variables).then_some(&**law)
+        let has_all = variables.iter().copied().eq(0..self.n_variables);
+        (alike && has_all).then_some(&**law)
     }
 
     /// Takes the places of each law together, and what comes out back to them: one number for each place
@@ -176,6 +172,39 @@ mod tests {
 
         fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]) {
             (0..at.n).for_each(|p| product[p] = self.0 * direction[p]);
+        }
+    }
+
+    /// `x*y^2` of two variables.
+    struct Mixed;
+
+    impl VariablesLaw for Mixed {
+        fn n_variables(&self) -> usize {
+            2
+        }
+
+        fn evaluate(&self, at: Variables<'_>, psi: &mut [f64], gradient: &mut [f64]) {
+            let (x, y) = at.current.split_at(at.n);
+            for p in 0..at.n {
+                psi[p] = x[p] * y[p] * y[p];
+                (gradient[p], gradient[at.n + p]) = (y[p] * y[p], 2.0 * x[p] * y[p]);
+            }
+        }
+
+        fn product(&self, _: Variables<'_>, _: &[f64], _: &mut [f64]) {}
+    }
+
+    #[test]
+    fn variables_keep_the_order_of_their_law() {
+        let law = |variables| Some(MaterialLaw { law: Box::new(Mixed), variables });
+        let both = ByMaterial::new(2, vec![law(vec![0, 1]), law(vec![1, 0])]);
+        let current = [2.0, 3.0];
+        for (number, expected) in [(0, [18.0, 9.0, 12.0]), (1, [12.0, 12.0, 4.0])] {
+            let at =
+                Variables { n: 1, current: &current, change: &[], given: &[], laws: &[number] };
+            let (mut psi, mut gradient) = ([f64::NAN], [f64::NAN; 2]);
+            both.evaluate(at, &mut psi, &mut gradient);
+            assert_eq!([psi[0], gradient[0], gradient[1]], expected);
         }
     }
 

@@ -192,15 +192,17 @@ fn states_of_materials(
             bonds.push(None);
             continue;
         };
-        let integrals = kernels.integrals.into_iter().zip(kernels.functions);
-        let numbers = integrals.map(|(integral, function)| {
-            known.iter().position(|other| *other == function).unwrap_or_else(|| {
+        // Those of one material stay apart, also where its parameters make them alike.
+        let mut numbers: Vec<usize> = Vec::new();
+        for (integral, function) in kernels.integrals.into_iter().zip(kernels.functions) {
+            let alike = |k: &usize| known[*k] == function && !numbers.contains(k);
+            let number = (0..known.len()).find(alike).unwrap_or(known.len());
+            if number == known.len() {
                 known.push(function);
                 laws.integrals.push(Box::new(integral));
-                known.len() - 1
-            })
-        });
-        let numbers: Vec<usize> = numbers.collect();
+            }
+            numbers.push(number);
+        }
         let with_length = || std::iter::once(0).chain(numbers.iter().map(|k| k + 1)).collect();
         let thick = |law| thick(law, thickness);
         points.push(kernels.points.map(|law| (thick(law), Some(numbers.clone()))));

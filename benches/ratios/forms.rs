@@ -77,7 +77,7 @@ fn times(kernels: [&Kernel; 2]) -> [f64; 2] {
     let change: Vec<f64> = (0..BATCH).map(|k| k as f64 / BATCH as f64 - 0.4).collect();
     let reference: Vec<f64> = (0..BATCH).map(|k| 0.5 + k as f64 / BATCH as f64).collect();
     let measure: Vec<f64> = change.iter().zip(&reference).map(|(e, l)| l * (1.0 + e)).collect();
-    let batch = Batch { measure: &measure, reference: &reference, change: &change };
+    let batch = Batch { measure: &measure, reference: &reference, change: &change, fields: &[] };
     let mut outs = [Derivatives::zeros(BATCH), Derivatives::zeros(BATCH)];
     let [textbook, accurate] = &mut outs;
     let evaluate = |kernel: &Kernel, out: &mut Derivatives| {

@@ -221,8 +221,12 @@ fn rows(
 
 /// All places by a kernel.
 fn evaluate(kernel: &GradientKernel, product: bool, places: &Places, out: &mut Out) {
-    let at =
-        GradientBatch { n: PLACES, gradient: black_box(&places.gradient), change: &places.change };
+    let at = GradientBatch {
+        n: PLACES,
+        gradient: black_box(&places.gradient),
+        change: &places.change,
+        fields: &[],
+    };
     if product {
         kernel.product(at, &places.direction, &mut out.tensor);
     } else {

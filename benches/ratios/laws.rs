@@ -129,7 +129,7 @@ fn times(sets: [&[Kernel]; 2]) -> [f64; 2] {
     let change: Vec<f64> = (0..BATCH).map(|k| STRAIN * (2.0 * at(k) - 1.0)).collect();
     let reference: Vec<f64> = (0..BATCH).map(|k| 0.5 + at(k)).collect();
     let measure: Vec<f64> = change.iter().zip(&reference).map(|(e, l)| l * (1.0 + e)).collect();
-    let batch = Batch { measure: &measure, reference: &reference, change: &change };
+    let batch = Batch { measure: &measure, reference: &reference, change: &change, fields: &[] };
     let mut outs = [Derivatives::zeros(BATCH), Derivatives::zeros(BATCH)];
     let [first, second] = &mut outs;
     let evaluate = |kernels: &[Kernel], out: &mut Derivatives| {

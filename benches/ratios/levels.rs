@@ -64,6 +64,7 @@ fn times(kernels: [&CompiledKernel; 2], order: Order) -> [f64; 2] {
                 measure: &measure[range.clone()],
                 reference: &reference[range.clone()],
                 change: &change[range],
+                fields: &[],
             };
             kernel.evaluate(black_box(batch), order, out.outputs());
             black_box(&mut *out);

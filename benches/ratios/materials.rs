@@ -19,12 +19,22 @@ const SETS: [(&str, &str); 2] = [
     ),
 ];
 
+/// What a body is made of.
+#[derive(Clone, Copy)]
+enum Made {
+    Even,
+    Graded,
+    OfTwo(&'static str),
+}
+
 /// What is measured: a name, the text of a potential or its name in the library, its parameters of both
 /// materials, further tables of the scene, and the horizon in spacings.
 struct Measured {
     name: &'static str,
     potential: Result<&'static str, &'static str>,
     parameters: [&'static str; 2],
+    /// The same as functions of the place.
+    graded: &'static str,
     further: &'static str,
     horizon: f64,
 }
@@ -34,6 +44,7 @@ const MEASURED: [Measured; 6] = [
         name: "bonds, affine, in runs",
         potential: Ok("potential p\nparameter C\npsi(l) = C*L*(l/L - 1)^2\n"),
         parameters: ["C = 1", "C = 10"],
+        graded: "C = \"1 + 0.1*X\"",
         further: "",
         horizon: 3.0,
     },
@@ -41,6 +52,7 @@ const MEASURED: [Measured; 6] = [
         name: "bonds, logarithmic, in batches",
         potential: Ok("potential p\nparameter C\npsi(l) = C*L*ln(l/L)^2\n"),
         parameters: ["C = 1", "C = 10"],
+        graded: "C = \"1 + 0.1*X\"",
         further: "",
         horizon: 3.0,
     },
@@ -50,6 +62,7 @@ const MEASURED: [Measured; 6] = [
             "potential p\nparameter C\npsi(l) = C*L*(l/L - 1)^2\npsi(a) = C*A*(a/A - 1)^2\n",
         ),
         parameters: ["C = 1", "C = 10"],
+        graded: "C = \"1 + 0.1*X\"",
         further: "",
         horizon: 2.0,
     },
@@ -57,6 +70,7 @@ const MEASURED: [Measured; 6] = [
         name: "linear peridynamic solid, in runs",
         potential: Err("linear_peridynamic_solid"),
         parameters: ["K = 2, G = 1", "K = 20, G = 10"],
+        graded: "K = \"2 + 0.2*X\", G = \"1 + 0.1*X\"",
         further: "",
         horizon: 3.0,
     },
@@ -64,6 +78,7 @@ const MEASURED: [Measured; 6] = [
         name: "neo-Hooke at points",
         potential: Err("neo_hooke"),
         parameters: ["mu = 1, lambda = 2", "mu = 10, lambda = 20"],
+        graded: "mu = \"1 + 0.1*X\", lambda = \"2 + 0.2*X\"",
         further: "[correspondence]\ndiscretisation = \"nodal\"\n",
         horizon: 3.0,
     },
@@ -71,6 +86,7 @@ const MEASURED: [Measured; 6] = [
         name: "neo-Hooke at bonds",
         potential: Err("neo_hooke"),
         parameters: ["mu = 1, lambda = 2", "mu = 10, lambda = 20"],
+        graded: "mu = \"1 + 0.1*X\", lambda = \"2 + 0.2*X\"",
         further: "",
         horizon: 3.0,
     },
@@ -87,8 +103,8 @@ fn library(name: &str) -> Option<&'static str> {
 }
 
 impl Measured {
-    /// The body of one material, or of two by a set.
-    fn case(&self, set: Option<&str>) -> Case {
+    /// The body of one material, with numbers or graded, or of two by a set.
+    fn case(&self, made: Made) -> Case {
         let folder = tempfile::tempdir().expect("there is room for a scene");
         let name = self.potential.map_or_else(|name| name, |_| "p.piola");
         if let Ok(text) = self.potential {
@@ -97,9 +113,10 @@ impl Measured {
         let material =
             |parameters: &str| format!("potential = \"{name}\"\nparameters = {{ {parameters} }}\n");
         let [one, two] = self.parameters.map(material);
-        let materials = match set {
-            None => format!("[material]\n{one}"),
-            Some(set) => {
+        let materials = match made {
+            Made::Even => format!("[material]\n{one}"),
+            Made::Graded => format!("[material]\n{}", material(self.graded)),
+            Made::OfTwo(set) => {
                 format!(
                     "[sets]\nsecond = \"{set}\"\n[[material]]\n{one}[[material]]\nset = \"second\"\n{two}"
                 )
@@ -119,9 +136,10 @@ impl Measured {
 pub(crate) fn run() -> Vec<Table> {
     let mut table = Table::of_ratios(
         "materials",
-        "Forces alone of 40 x 20 x 20 points of two materials, by halves of the box or three balls in it, against the \
-         same body of one; per bond (each once), one thread, runs in turn.",
-        ["two, ns", "one, ns"],
+        "Forces alone of 40 x 20 x 20 points of two materials, by halves of the box or three balls in it, and of \
+         one with graded parameters, against the same body of one with numbers; per bond (each once), one thread, \
+         runs in turn.",
+        ["other, ns", "one, ns"],
         Division::OursByTheirs,
     );
     with_threads(1, || MEASURED.iter().for_each(|measured| compare(&mut table, measured)));
@@ -129,28 +147,33 @@ pub(crate) fn run() -> Vec<Table> {
 }
 
 fn compare(table: &mut Table, measured: &Measured) {
-    let sets = [None, Some(SETS[0].1), Some(SETS[1].1)];
-    let cases = sets.map(|set| measured.case(set));
+    let made = [Made::Even, Made::OfTwo(SETS[0].1), Made::OfTwo(SETS[1].1), Made::Graded];
+    let cases = made.map(|made| measured.case(made));
     let energies = cases.each_ref().map(|case| {
         let compiled = case.compile().expect("it compiles");
         case.energy(compiled).expect("it is a body")
     });
     let u = displacement(&cases[0].body);
-    let mut out = [(); 3].map(|()| vec![0.0; u.len()]);
-    let [first, second, third] = &mut out;
+    let mut out = [(); 4].map(|()| vec![0.0; u.len()]);
+    let [first, second, third, fourth] = &mut out;
     let forces = |number: usize, out: &mut [f64]| {
         energies[number].evaluate(&u, Wanted::Forces(out), &mut []).expect("all is finite");
     };
     let times = in_turn(
         ROUNDS,
         Clock::Wall,
-        [&mut || forces(0, first), &mut || forces(1, second), &mut || forces(2, third)],
+        [
+            &mut || forces(0, first),
+            &mut || forces(1, second),
+            &mut || forces(2, third),
+            &mut || forces(3, fourth),
+        ],
     );
     let bonds = energies[0].bonds().n_blocks() - cases[0].body.n_points();
-    let [one, halves, balls] = times.map(|times| times.least() / bonds as f64 * 1e9);
+    let [one, halves, balls, graded] = times.map(|times| times.least() / bonds as f64 * 1e9);
     let of = Statistic::Least(ROUNDS);
-    for ((set, _), two) in SETS.iter().zip([halves, balls]) {
-        let bar = if *set == "halves" { Bar::AtMost(1.15, 1.05) } else { Bar::None };
-        table.ratio(format!("{}, {set}", measured.name), [two, one], of, bar);
+    for (kind, other) in [(SETS[0].0, halves), (SETS[1].0, balls), ("graded", graded)] {
+        let bar = if kind == SETS[1].0 { Bar::None } else { Bar::AtMost(1.15, 1.05) };
+        table.ratio(format!("{}, {kind}", measured.name), [other, one], of, bar);
     }
 }

@@ -17,6 +17,37 @@ impl ScalarEnergy {
     }
 }
 
+impl ScalarEnergy {
+    /// Whether psi and its derivatives are multiples of the only field.
+    pub(crate) fn is_multiple_of_field(&self) -> bool {
+        let [(field, _)] = self.fields[..] else { return false };
+        let degrees = degrees_in(&self.graph, Input::Parameter(field));
+        let is_zero = |root: NodeId| self.graph.as_number(root) == Some(0.0);
+        self.roots.iter().all(|root| degrees[root.0 as usize] == Some(1) || is_zero(*root))
+    }
+}
+
+/// Of each node the degree to which it is a homogeneous function of an input; nothing where it is none,
+/// or of another degree than 0 or 1.
+fn degrees_in(graph: &ExprGraph, input: Input) -> Vec<Option<u8>> {
+    let mut degrees: Vec<Option<u8>> = Vec::with_capacity(graph.len());
+    for (_, node) in graph.nodes() {
+        let of = |id: NodeId| degrees[id.0 as usize];
+        let degree = match node {
+            Node::Input(found) => Some(u8::from(found == input)),
+            Node::Unary(Function::Negate, x) => of(x),
+            Node::Binary(Operator::Add | Operator::Subtract, x, y) => {
+                of(x).filter(|_| of(x) == of(y))
+            }
+            Node::Binary(Operator::Multiply, x, y) => of(x).zip(of(y)).map(|(x, y)| x + y),
+            Node::Binary(Operator::Divide, x, y) if of(y) == Some(0) => of(x),
+            _ => node.operands().all(|x| of(x) == Some(0)).then_some(0),
+        };
+        degrees.push(degree.filter(|degree| *degree <= 1));
+    }
+    degrees
+}
+
 impl DensityForm {
     /// The integrals that psi of a bond holds besides the length, where it is a polynomial of at most
     /// second degree in that.

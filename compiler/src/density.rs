@@ -29,6 +29,8 @@ pub struct DensityForm {
     pub product: Vec<NodeId>,
     /// What the arrays of its programs hold, in their order; without a product no direction is given.
     inputs: Vec<Input>,
+    /// How many fields there are among them, the last ones: all, or none where it depends on none.
+    n_fields: usize,
 }
 
 /// One of the two programs of a form.
@@ -40,11 +42,31 @@ enum Part {
 }
 
 impl DensityForm {
-    /// The roots of the graph are psi, its gradient and its product, one after the other.
-    pub(crate) fn new(graph: ExprGraph, roots: &[NodeId], inputs: Vec<Input>) -> DensityForm {
+    /// The roots of the graph are psi, its gradient and its product, one after the other. Of the fields it
+    /// takes all or none.
+    pub(crate) fn new(
+        graph: ExprGraph,
+        roots: &[NodeId],
+        inputs: Vec<Input>,
+        fields: &[u16],
+    ) -> DensityForm {
         let n = roots.len() / 2;
         let (gradient, product) = (roots[1..=n].to_vec(), roots[n + 1..].to_vec());
-        DensityForm { graph, psi: roots[0], gradient, product, inputs }
+        let form = DensityForm { graph, psi: roots[0], gradient, product, inputs, n_fields: 0 };
+        let is_needed = |i: &u16| form.graph.depends_on(roots, Input::Parameter(*i));
+        if fields.iter().any(is_needed) { form.with_fields(fields) } else { form }
+    }
+
+    /// The same with values of fields among its inputs.
+    pub(crate) fn with_fields(mut self, fields: &[u16]) -> DensityForm {
+        self.inputs.extend(fields.iter().map(|i| Input::Parameter(*i)));
+        self.n_fields = fields.len();
+        self
+    }
+
+    /// How many fields it takes.
+    pub fn n_fields(&self) -> usize {
+        self.n_fields
     }
 
     /// Whether principal stretches and axes are among its inputs.

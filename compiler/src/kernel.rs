@@ -14,7 +14,7 @@ use crate::specialise::{CompileError, Dropped, Form, ScalarEnergy, roots_of};
 use crate::values::Values;
 use crate::written::Written;
 
-/// Inputs of a kernel, one entry per interaction; the three slices have one length.
+/// Inputs of a kernel, one entry per interaction; the first three slices have one length.
 #[derive(Clone, Copy, Debug)]
 pub struct Batch<'a> {
     /// Current measures l, a or v in m, m^2, m^3.
@@ -23,12 +23,20 @@ pub struct Batch<'a> {
     pub reference: &'a [f64],
     /// Relative changes `(l - L)/L`, computed from displacements.
     pub change: &'a [f64],
+    /// Parameters that are fields, one after the other ([`Kernel::fields`]): entry `k*n + p` is field `k`
+    /// at interaction `p` of `n`, in SI units. Nothing where the kernel takes none.
+    pub fields: &'a [f64],
 }
 
 impl Batch<'_> {
     /// Whether the slices have one length.
     pub(crate) fn is_even(&self) -> bool {
         self.reference.len() == self.measure.len() && self.change.len() == self.measure.len()
+    }
+
+    /// The value of a field at an interaction.
+    fn field(&self, field: usize, i: usize) -> f64 {
+        self.fields[field * self.measure.len() + i]
     }
 }
 
@@ -151,6 +159,9 @@ pub struct Kernel {
     is_constant: bool,
     is_affine: bool,
     squared: Option<Box<Kernel>>,
+    /// Typical values.
+    fields: Vec<f64>,
+    is_multiple: bool,
 }
 
 /// The calling convention of each mode; [`Kernel::evaluate`] hides it.
@@ -172,12 +183,25 @@ impl Kernel {
         let is_affine =
             mode == Mode::Jit(Level::Fast) && form == Form::Accurate && energy.is_affine();
         let is_constant = energy.graph.as_number(energy.roots[1]) == Some(0.0);
+        let fields: Vec<f64> = energy.fields.iter().map(|(_, value)| *value).collect();
+        let is_multiple = is_affine && energy.is_multiple_of_field();
         let body = match mode {
             Mode::Jit(level) => Body::Code(Box::new(CompiledKernel::new(&energy, level)?)),
             Mode::Interpreter => Body::Graph(energy),
             Mode::HyperDual => Body::Dual(written()),
         };
-        Ok(Kernel { measure, body, is_constant, is_affine, squared: None })
+        Ok(Kernel { measure, body, is_constant, is_affine, squared: None, fields, is_multiple })
+    }
+
+    /// Typical values of the parameters that are fields, in the order of [`Values::fields`]: the kernel
+    /// takes the values of each at every interaction. Nothing where it depends on none.
+    pub fn fields(&self) -> &[f64] {
+        &self.fields
+    }
+
+    /// Whether it is a multiple of its only field, and [`Self::is_affine`].
+    pub fn is_multiple_of_field(&self) -> bool {
+        self.is_multiple
     }
 
     /// What it is a function of.
@@ -209,17 +233,23 @@ impl Kernel {
     /// # Panics
     /// If the slices of the batch differ in length or an output is too short.
     pub fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>) {
+        let n_values = self.fields.len() * batch.measure.len();
+        assert!(batch.fields.len() == n_values, "fields at each interaction");
         match &self.body {
             Body::Code(code) => code.evaluate(batch, order, out),
             Body::Graph(energy) => {
                 let mut interpreter = Interpreter::<f64>::new();
-                fill(batch, order, out, |measure, reference, change| {
-                    energy.run(&mut interpreter, &measure, &reference, &change);
+                fill(batch, order, out, |i, at| {
+                    let field = |number: u16| {
+                        let place = energy.fields.iter().position(|(own, _)| *own == number);
+                        place.map_or(f64::NAN, |k| batch.field(k, i))
+                    };
+                    energy.run_with(&mut interpreter, at.each_ref(), field);
                     energy.roots.map(|root| interpreter.number(root))
                 });
             }
-            Body::Dual(energy) => fill(batch, order, out, |measure, reference, _| {
-                energy.derivatives(measure, reference).into()
+            Body::Dual(energy) => fill(batch, order, out, |i, [measure, reference, _]| {
+                energy.derivatives_with(measure, reference, |k| batch.field(k, i)).into()
             }),
         }
     }
@@ -240,11 +270,12 @@ fn fill(
     batch: Batch<'_>,
     order: Order,
     out: Outputs<'_>,
-    mut at: impl FnMut(f64, f64, f64) -> [f64; 3],
+    mut at: impl FnMut(usize, [f64; 3]) -> [f64; 3],
 ) {
     assert!(batch.is_even() && out.hold(batch.measure.len(), order), "one entry per interaction");
     for i in 0..batch.measure.len() {
-        let [psi, dpsi, d2psi] = at(batch.measure[i], batch.reference[i], batch.change[i]);
+        let known = [batch.measure[i], batch.reference[i], batch.change[i]];
+        let [psi, dpsi, d2psi] = at(i, known);
         if order.has_energy() {
             out.psi[i] = psi;
         }
@@ -279,6 +310,16 @@ impl WrittenEnergy {
 
     /// The energy over any number type, as a function of the measure and its reference.
     pub fn evaluate<N: Number>(&self, measure: N, reference: N) -> N {
+        self.evaluate_with(measure, reference, None::<fn(usize) -> f64>)
+    }
+
+    /// The same with the values of fields, by their places among them; else they have typical ones.
+    fn evaluate_with<N: Number>(
+        &self,
+        measure: N,
+        reference: N,
+        field: Option<impl Fn(usize) -> f64>,
+    ) -> N {
         let measure = if self.of_square {
             N::unary(Function::Sqrt, N::binary(Operator::Multiply, measure, reference.clone()))
         } else {
@@ -287,14 +328,33 @@ impl WrittenEnergy {
         self.energy.sum(|input| match input {
             Input::Current(_) => measure.clone(),
             Input::Reference(_) => reference.clone(),
-            _ => self.energy.known(input),
+            _ => self.energy.known(input, field.as_ref()),
         })
     }
 
     /// psi, psi' and psi'' by one evaluation over hyper-dual numbers (firooz2023, eq. (27)).
     pub fn derivatives(&self, measure: f64, reference: f64) -> (f64, f64, f64) {
+        self.hyper_dual(measure, reference, None::<fn(usize) -> f64>)
+    }
+
+    /// The same with the values of fields, by their places among them.
+    fn derivatives_with(
+        &self,
+        measure: f64,
+        reference: f64,
+        field: impl Fn(usize) -> f64,
+    ) -> (f64, f64, f64) {
+        self.hyper_dual(measure, reference, Some(field))
+    }
+
+    fn hyper_dual(
+        &self,
+        measure: f64,
+        reference: f64,
+        field: Option<impl Fn(usize) -> f64>,
+    ) -> (f64, f64, f64) {
         let varied = HyperDual64::new(measure, 1.0, 1.0, 0.0);
-        let psi = self.evaluate(varied, HyperDual64::from_re(reference));
+        let psi = self.evaluate_with(varied, HyperDual64::from_re(reference), field);
         (psi.re, psi.eps1, psi.eps1eps2)
     }
 }

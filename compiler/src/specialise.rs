@@ -20,7 +20,8 @@ use crate::values::Values;
 /// Most operations of a kernel: compile time grows faster than linearly beyond.
 pub const MAX_OPERATIONS: usize = 4096;
 
-/// psi, psi' and psi'' of one measure as one graph.
+/// psi, psi' and psi'' of one measure as one graph, whose inputs are the measure and, where parameters
+/// are fields, those.
 #[derive(Clone, Debug)]
 pub struct ScalarEnergy {
     /// What it is a function of.
@@ -29,6 +30,9 @@ pub struct ScalarEnergy {
     pub graph: ExprGraph,
     /// psi, psi', psi''.
     pub roots: [NodeId; 3],
+    /// The parameters that are fields, with typical values: all of [`Values::fields`], or none where the
+    /// energy depends on none.
+    pub fields: Vec<(u16, f64)>,
 }
 
 /// In which form an energy is evaluated.
@@ -50,11 +54,22 @@ impl ScalarEnergy {
         reference: &N,
         change: &N,
     ) {
+        self.run_with(interpreter, [measure, reference, change], |_| f64::NAN);
+    }
+
+    /// The same with the values of fields, by the number of the parameter.
+    pub(crate) fn run_with<N: Number>(
+        &self,
+        interpreter: &mut Interpreter<N>,
+        [measure, reference, change]: [&N; 3],
+        field: impl Fn(u16) -> f64,
+    ) {
         interpreter.run(&self.graph, |input| match input {
             Input::Current(_) => measure.clone(),
             Input::Reference(_) => reference.clone(),
             Input::Change(_) => change.clone(),
-            // Specialisation has put numbers in the place of parameters and the horizon; a measure
+            Input::Parameter(i) => N::constant(field(i)),
+            // Specialisation has put numbers in the place of other parameters and the horizon; a measure
             // knows nothing of the deformation gradient, nor of families.
             _ => N::constant(f64::NAN),
         });
@@ -151,8 +166,12 @@ impl Model {
             let roots = roots_of(variant, measure);
             named.has_horizon(&variant.graph, &roots, values.horizon.is_nan())?;
             let mut dropped = Vec::new();
-            let derived = energy(variant, &self.parameters, measure, &fold, &mut dropped)
-                .and_then(|energy| energy.map(|energy| energy.derivatives(form)).transpose());
+            let derived = energy(variant, &self.parameters, measure, &fold, &mut dropped).and_then(
+                |energy| {
+                    let derive = |energy: SimpleEnergy| energy.of(values).derivatives(form);
+                    energy.map(derive).transpose()
+                },
+            );
             if let Some(derived) = named.made(derived)? {
                 let energy = derived.scalar_energy();
                 named.fits(&energy.graph)?;
@@ -220,9 +239,10 @@ impl Named<'_> {
     }
 }
 
-/// What is known of the inputs once values are there.
+/// What is known of the inputs once values are there: fields stay inputs.
 pub(crate) fn known(values: &Values) -> impl Fn(Input) -> Option<f64> {
     |input| match input {
+        Input::Parameter(i) if values.fields.contains(&i) => None,
         Input::Parameter(i) => Some(values.parameters[usize::from(i)]),
         Input::Horizon => Some(values.horizon),
         _ => None,
@@ -245,6 +265,8 @@ pub(crate) struct SimpleEnergy {
     pub(crate) psi: NodeId,
     /// A typical measure at rest, of few digits.
     reference: f64,
+    /// Fields with typical values.
+    fields: Vec<(u16, f64)>,
 }
 
 /// Some half of the horizon, or of 1 m where it is not known, to the power of the measure.
@@ -263,11 +285,18 @@ pub(crate) struct Derived {
     pub(crate) applied: Vec<Applied>,
     /// The same as written, with all digits of its numbers; nothing in the textbook form.
     pub(crate) exact: Option<near::Energy>,
+    /// Fields with typical values.
+    fields: Vec<(u16, f64)>,
 }
 
 impl SimpleEnergy {
+    /// The same with what these values say of fields.
+    pub(crate) fn of(self, values: &Values) -> SimpleEnergy {
+        SimpleEnergy { fields: values.typical().collect(), ..self }
+    }
+
     pub(crate) fn derivatives(self, form: Form) -> Result<Derived, TooManyNodes> {
-        let SimpleEnergy { measure, graph: exact, psi: written, reference } = self;
+        let SimpleEnergy { measure, graph: exact, psi: written, reference, fields } = self;
         let (mut graph, place) = folded(exact.graph(), &[written])?;
         let plain = place[written.0 as usize];
         let mut psi = plain;
@@ -276,7 +305,7 @@ impl SimpleEnergy {
             let dpsi = differentiate(&mut graph, psi, measure)?;
             let d2psi = differentiate(&mut graph, dpsi, measure)?;
             let roots = [psi, dpsi, d2psi];
-            return Ok(Derived { measure, graph, roots, applied, exact: None });
+            return Ok(Derived { measure, graph, roots, applied, exact: None, fields });
         }
         psi = rewrite(&mut graph, psi, measure, &mut applied)?;
         // A derivative may be a difference of its own: 1 - L/l of a logarithmic barrier.
@@ -286,12 +315,12 @@ impl SimpleEnergy {
         let d2psi = rewrite(&mut graph, d2psi, measure, &mut applied)?;
         let roots = expand(&mut graph, &[psi, dpsi, d2psi], measure, &mut applied)?;
         let roots = [roots[0], roots[1], roots[2]];
-        let Ok(exact) = near::Energy::new(exact, written, (measure, reference)) else {
-            return Ok(Derived { measure, graph, roots, applied, exact: None });
+        let Ok(exact) = near::Energy::new(exact, written, (measure, reference), &fields) else {
+            return Ok(Derived { measure, graph, roots, applied, exact: None, fields });
         };
         // What has no room for a second form keeps the first.
         let roots = near::kept(&mut graph, roots, plain, &exact, &mut applied).unwrap_or(roots);
-        Ok(Derived { measure, graph, roots, applied, exact: Some(exact) })
+        Ok(Derived { measure, graph, roots, applied, exact: Some(exact), fields })
     }
 }
 
@@ -300,19 +329,32 @@ pub(crate) fn folded(
     exact: &ExprGraph,
     roots: &[NodeId],
 ) -> Result<(Simplifier, Vec<NodeId>), TooManyNodes> {
-    let needed = exact.reachable(roots);
     let mut graph = Simplifier::new();
+    let place = folded_into(&mut graph, exact, roots)?;
+    Ok((graph, place))
+}
+
+/// The same in a graph that is given: the places of nodes there.
+pub(crate) fn folded_into(
+    graph: &mut Simplifier,
+    exact: &ExprGraph,
+    roots: &[NodeId],
+) -> Result<Vec<NodeId>, TooManyNodes> {
+    let needed = exact.reachable(roots);
     let mut place = vec![NodeId(0); exact.len()];
     for (id, node) in exact.nodes().filter(|(id, _)| needed[id.0 as usize]) {
         place[id.0 as usize] = graph.make(node.map_operands(|x| place[x.0 as usize]))?;
     }
-    Ok((graph, place))
+    Ok(place)
 }
 
 impl Derived {
     pub(crate) fn scalar_energy(&self) -> ScalarEnergy {
         let (graph, roots) = self.graph.graph().extract(&self.roots);
-        ScalarEnergy { measure: self.measure, graph, roots: [roots[0], roots[1], roots[2]] }
+        let roots = [roots[0], roots[1], roots[2]];
+        let depends = |(i, _): &(u16, f64)| graph.depends_on(&roots, Input::Parameter(*i));
+        let fields = if self.fields.iter().any(depends) { self.fields.clone() } else { Vec::new() };
+        ScalarEnergy { measure: self.measure, graph, roots, fields }
     }
 }
 
@@ -328,7 +370,8 @@ pub(crate) fn energy(
     let subject = (measure.symbol(), roots.as_slice());
     let sum = sum_in(Simplifier::exact(), &variant.graph, parameters, subject, fold, dropped)?;
     let reference = typical_reference(measure, fold);
-    Ok(sum.map(|(graph, psi)| SimpleEnergy { measure, graph, psi, reference }))
+    let fields = Vec::new();
+    Ok(sum.map(|(graph, psi)| SimpleEnergy { measure, graph, psi, reference, fields }))
 }
 
 /// A function of one bond with its derivatives by the length; what parameters make zero is 0.
@@ -336,10 +379,10 @@ pub(crate) fn of_bonds(
     graph: &ExprGraph,
     parameters: &[Parameter],
     root: NodeId,
-    fold: &impl Fn(Input) -> Option<f64>,
+    values: &Values,
     form: Form,
 ) -> Result<ScalarEnergy, TooManyNodes> {
-    let measure = Measure::Length;
+    let (measure, fold) = (Measure::Length, &known(values));
     let subject = ("l", std::slice::from_ref(&root));
     let made = sum_in(Simplifier::exact(), graph, parameters, subject, fold, &mut Vec::new())?;
     let (graph, psi) = match made {
@@ -351,7 +394,9 @@ pub(crate) fn of_bonds(
         }
     };
     let reference = typical_reference(measure, fold);
-    Ok(SimpleEnergy { measure, graph, psi, reference }.derivatives(form)?.scalar_energy())
+    let fields = values.typical().collect();
+    let energy = SimpleEnergy { measure, graph, psi, reference, fields };
+    Ok(energy.derivatives(form)?.scalar_energy())
 }
 
 /// The simplified sum of some energies of one argument, in a graph that is given; `None` if nothing is

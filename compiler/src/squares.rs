@@ -28,7 +28,7 @@ impl Model {
         let found = energy(variant, self.parameters(), measure, &known(values), &mut Vec::new());
         let mut energy = found.ok()??;
         (energy.graph, energy.psi) = squared(energy.graph.graph(), energy.psi, measure).ok()??;
-        let derived = energy.derivatives(Form::Accurate).ok()?.scalar_energy();
+        let derived = energy.of(values).derivatives(Form::Accurate).ok()?.scalar_energy();
         (derived.graph.len() <= MAX_OPERATIONS).then_some(derived)
     }
 }

@@ -8,6 +8,9 @@ use crate::expression::Input;
 use crate::expression::interpret::Interpreter;
 use crate::model::{Conditions, Model, Variant};
 
+/// Most parameters of a potential that are fields: kernels take an array of each.
+pub(crate) const MAX_FIELDS: usize = 8;
+
 /// A value a user gives to a parameter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Setting {
@@ -15,6 +18,9 @@ pub enum Setting {
     Number(f64),
     /// A number with a unit, `200 GPa`, or a plain number as text.
     Text(String),
+    /// A parameter that varies from place to place; the number, in the declared unit, is a typical value
+    /// of it. Conditions on it are checked where its values are: see [`Model::check_field`].
+    Field(f64),
 }
 
 /// All inputs of a potential but the measures, in SI units.
@@ -22,10 +28,33 @@ pub enum Setting {
 pub struct Values {
     /// 2 or 3.
     pub dimension: usize,
-    /// One per parameter, in SI units.
+    /// One per parameter, in SI units; of fields typical ones.
     pub parameters: Vec<f64>,
+    /// The numbers of the parameters that are fields, ascending: kernels take their values place by place,
+    /// in this order, where all others are folded in.
+    pub fields: Vec<u16>,
     /// The horizon in m; not a number where none is given.
     pub horizon: f64,
+}
+
+impl Values {
+    /// The fields with typical values.
+    pub(crate) fn typical(&self) -> impl Iterator<Item = (u16, f64)> + '_ {
+        self.fields.iter().map(|number| (*number, self.parameters[usize::from(*number)]))
+    }
+
+    /// The same with the typical values that others have of its fields.
+    pub fn with_fields_of(mut self, others: &Values) -> Values {
+        for number in &self.fields {
+            self.parameters[usize::from(*number)] = others.parameters[usize::from(*number)];
+        }
+        self
+    }
+
+    /// The same where fields have their typical values everywhere.
+    pub fn without_fields(&self) -> Values {
+        Values { fields: Vec::new(), ..self.clone() }
+    }
 }
 
 /// Why a setting cannot be used.
@@ -65,12 +94,16 @@ impl Model {
             }]);
         };
         let mut declared: Vec<Option<f64>> = variant.defaults.clone();
-        let mut errors = Vec::new();
+        let (mut errors, mut fields) = (Vec::new(), Vec::new());
         for (name, setting) in settings {
             match self.parameters.iter().position(|p| p.name == *name) {
                 None => errors.push(self.unknown_parameter(name)),
                 Some(i) => match self.declared_value(i, variant, setting) {
-                    Ok(value) => declared[i] = Some(value),
+                    Ok(value) => {
+                        declared[i] = Some(value);
+                        fields.retain(|field| usize::from(*field) != i);
+                        fields.extend(matches!(setting, Setting::Field(_)).then_some(i as u16));
+                    }
                     Err(error) => {
                         // A value of any kind is there: it is not missing as well.
                         declared[i] = Some(f64::NAN);
@@ -89,11 +122,23 @@ impl Model {
                 });
             }
         }
+        if let Some(last) = fields.get(MAX_FIELDS) {
+            let message = format!("a potential has at most {MAX_FIELDS} parameters that vary");
+            errors.push(ValueError {
+                code: "too-large",
+                parameter: self.parameters[usize::from(*last)].name.clone(),
+                message,
+                help: "give some of them one number".into(),
+            });
+        }
         if !errors.is_empty() {
             return Err(errors);
         }
         let declared: Vec<f64> = declared.into_iter().flatten().collect();
-        errors.extend(self.broken_constraints(variant, &declared, horizon));
+        fields.sort_unstable();
+        errors.extend(self.broken_constraints(variant, &declared, horizon, |of| {
+            of.iter().all(|parameter| !fields.contains(parameter))
+        }));
         let parameters: Vec<f64> =
             declared.iter().zip(&variant.units).map(|(x, unit)| x * unit.scale).collect();
         for (parameter, value) in self.parameters.iter().zip(&parameters) {
@@ -108,7 +153,8 @@ impl Model {
             }
         }
         if errors.is_empty() {
-            Ok(Values { dimension, parameters, horizon: horizon.unwrap_or(f64::NAN) })
+            let horizon = horizon.unwrap_or(f64::NAN);
+            Ok(Values { dimension, parameters, fields, horizon })
         } else {
             Err(errors)
         }
@@ -144,7 +190,7 @@ impl Model {
             help,
         };
         let value = match setting {
-            Setting::Number(value) => *value,
+            Setting::Number(value) | Setting::Field(value) => *value,
             Setting::Text(text) => {
                 let (value, unit) = split_quantity(text).ok_or_else(|| {
                     let message = format!("`{text}` is not a number with a unit");
@@ -157,9 +203,9 @@ impl Model {
                     let (dimension, scale) = unit_product(unit).ok_or_else(|| {
                         if unit.starts_with(['*', '+', '-', '/', '^', '(']) {
                             let message = format!("`{text}` is not a number with a unit");
-                            let help = "a parameter is one number, the same everywhere and at all \
-                                        times: write \"200 GPa\" or 2e11; what depends on X or t \
-                                        are displacements and loads";
+                            let help = "write \"200 GPa\" or 2e11; in a scene what varies is an \
+                                        expression of X, Y, Z and t, such as \"2e11*(1 + X)\" or \
+                                        \"200*(1 + X) in GPa\"";
                             return error("not-a-number", message, help.to_string());
                         }
                         let help = "units are products of powers such as J/m^4".to_string();
@@ -189,12 +235,48 @@ impl Model {
         }
     }
 
-    /// Conditions that do not hold. One that needs a horizon where none is given stays open.
+    /// Conditions on fields that do not hold where these have some values, one for each of
+    /// [`Values::fields`], in SI units; empty where all hold.
+    pub fn check_fields(&self, values: &Values, fields: &[f64]) -> Vec<ValueError> {
+        let Some(variant) = self.variant(values.dimension) else { return Vec::new() };
+        let mut all = values.parameters.clone();
+        for (number, value) in values.fields.iter().zip(fields) {
+            all[usize::from(*number)] = *value;
+        }
+        let declared: Vec<f64> =
+            all.iter().zip(&variant.units).map(|(x, unit)| x / unit.scale).collect();
+        let horizon = Some(values.horizon).filter(|horizon| !horizon.is_nan());
+        self.broken_constraints(variant, &declared, horizon, |of| {
+            of.iter().any(|parameter| values.fields.contains(parameter))
+        })
+    }
+
+    /// One of a unit, or one of the declared unit where none is given, in SI units, as values of a
+    /// parameter; nothing where the potential has no such parameter.
+    ///
+    /// # Errors
+    /// A unit that is none, or one of another quantity.
+    pub fn unit_of(
+        &self,
+        name: &str,
+        unit: Option<&str>,
+        dimension: usize,
+    ) -> Option<Result<f64, ValueError>> {
+        let i = self.parameters.iter().position(|p| p.name == name)?;
+        let variant = self.variant(dimension)?;
+        let scale = variant.units[i].scale;
+        let one = unit.map_or(Setting::Number(1.0), |unit| Setting::Text(format!("1 {unit}")));
+        Some(self.declared_value(i, variant, &one).map(|value| value * scale))
+    }
+
+    /// Conditions that do not hold, of those on parameters that are `wanted`. One that needs a horizon
+    /// where none is given stays open.
     fn broken_constraints(
         &self,
         variant: &Variant,
         declared: &[f64],
         horizon: Option<f64>,
+        wanted: impl Fn(&[u16]) -> bool,
     ) -> Vec<ValueError> {
         let Conditions { graph, roots } = &variant.conditions;
         let mut interpreter = Interpreter::<f64>::new();
@@ -204,8 +286,14 @@ impl Model {
             _ => f64::NAN,
         });
         let open = |root| horizon.is_none() && graph.depends_on(&[root], Input::Horizon);
+        let depends = |root| {
+            let all = 0..declared.len() as u16;
+            let held = all.filter(|i| graph.depends_on(&[root], Input::Parameter(*i)));
+            held.collect::<Vec<u16>>()
+        };
         let broken = self.constraints.iter().zip(roots);
         let broken = broken.filter(|(_, root)| !interpreter.truth(**root) && !open(**root));
+        let broken = broken.filter(|(_, root)| wanted(&depends(**root)));
         broken
             .map(|(c, _)| c)
             .map(|c| {
@@ -222,6 +310,11 @@ impl Model {
             })
             .collect()
     }
+}
+
+/// Whether a text is a number, or a number with a unit.
+pub fn is_quantity(text: &str) -> bool {
+    split_quantity(text).is_some_and(|(_, unit)| unit.is_empty() || unit_product(unit).is_some())
 }
 
 /// "200 GPa" into 200 and "GPa".

@@ -28,6 +28,11 @@ impl Written {
         Written { graph: ExprGraph::new(), roots: Vec::new(), values: values.clone() }
     }
 
+    /// Typical values of fields.
+    pub(crate) fn fields(&self) -> Vec<f64> {
+        self.values.typical().map(|(_, value)| value).collect()
+    }
+
     /// 2 or 3.
     pub(crate) fn dimension(&self) -> usize {
         self.values.dimension
@@ -41,10 +46,19 @@ impl Written {
         terms.reduce(|sum, term| N::binary(Operator::Add, sum, term)).unwrap_or(N::constant(0.0))
     }
 
-    /// Inputs that are no variables: the checker makes no others but parameters and the horizon.
-    pub(crate) fn known<N: Number>(&self, input: Input) -> N {
+    /// Inputs that are no variables: the checker makes no others but parameters and the horizon. Fields
+    /// have the values given by their places among them, or typical ones.
+    pub(crate) fn known<N: Number>(
+        &self,
+        input: Input,
+        field: Option<&impl Fn(usize) -> f64>,
+    ) -> N {
         N::constant(match input {
-            Input::Parameter(i) => self.values.parameters[usize::from(i)],
+            Input::Parameter(i) => {
+                let place = self.values.fields.iter().position(|own| *own == i);
+                let given = field.zip(place).map(|(field, k)| field(k));
+                given.unwrap_or(self.values.parameters[usize::from(i)])
+            }
             Input::Horizon => self.values.horizon,
             _ => f64::NAN,
         })

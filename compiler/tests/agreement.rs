@@ -142,6 +142,7 @@ fn batches_of_every_length_give_the_same_bits() {
                             measure: &all.measure[..length],
                             reference: &all.reference[..length],
                             change: &all.change[..length],
+                            fields: &[],
                         };
                         let mut out = Derivatives::zeros(ROOM);
                         kernel.evaluate(batch, order, out.outputs());

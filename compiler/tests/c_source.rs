@@ -191,7 +191,7 @@ fn gradients(
     let direction: Vec<f64> = change.iter().map(|_| random.uniform(-1.0, 1.0)).collect();
     let mode = Mode::Jit(Level::Strict);
     let kernel = model.compile(values, mode, Form::Accurate).unwrap().gradient.unwrap();
-    let at = GradientBatch { n: PLACES, gradient: &gradient, change: &change };
+    let at = GradientBatch { n: PLACES, gradient: &gradient, change: &change, fields: &[] };
     let mut expected = [PLACES, d * d * PLACES, d * d * PLACES].map(|n| vec![0.0; n]);
     let [psi, stress, product] = &mut expected;
     kernel.evaluate(at, psi, stress);

@@ -35,7 +35,7 @@ fn ten_thousand_compilations_leave_nothing_behind() {
         for kernel in
             model.compile(&values, Mode::Jit(Level::Strict), Form::Accurate).unwrap().kernels
         {
-            let batch = Batch { measure: &[1.5], reference: &[1.0], change: &[0.5] };
+            let batch = Batch { measure: &[1.5], reference: &[1.0], change: &[0.5], fields: &[] };
             let out = kernel.derivatives(batch);
             assert!(out.psi[0] > 0.0 && out.d2psi[0].is_finite());
             compiled += 1;

@@ -117,7 +117,8 @@ fn look_at(law: &Nested) -> Found {
     let outputs = Level::ALL.map(|level| {
         let mode = Mode::Jit(level);
         let compiled = law.model.compile(&law.values, mode, Form::Accurate).unwrap();
-        let batch = Batch { measure: &measure, reference: &reference, change: &strains };
+        let batch =
+            Batch { measure: &measure, reference: &reference, change: &strains, fields: &[] };
         let out = compiled.kernels[0].derivatives(batch);
         [out.psi, out.dpsi, out.d2psi]
     });

@@ -139,7 +139,7 @@ fn evaluate(level: Level, n: f64, points: &[(f64, f64)], change: &[f64]) -> Deri
     let model = seth_hill();
     let compiled = model.compile(&values(&model, n), Mode::Jit(level), Form::Accurate).unwrap();
     let (measure, reference): (Vec<f64>, Vec<f64>) = points.iter().copied().unzip();
-    let batch = Batch { measure: &measure, reference: &reference, change };
+    let batch = Batch { measure: &measure, reference: &reference, change, fields: &[] };
     compiled.kernels[0].derivatives(batch)
 }
 

@@ -101,7 +101,8 @@ fn signed_areas_and_slow_ways_have_none() {
 
 /// psi and its derivatives at one place.
 fn at(kernel: &Kernel, measure: f64, reference: f64, change: f64) -> [f64; 3] {
-    let batch = Batch { measure: &[measure], reference: &[reference], change: &[change] };
+    let batch =
+        Batch { measure: &[measure], reference: &[reference], change: &[change], fields: &[] };
     let out = kernel.derivatives(batch);
     [out.psi[0], out.dpsi[0], out.d2psi[0]]
 }

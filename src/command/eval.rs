@@ -66,7 +66,8 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
         Some(kernel) => {
             let change: Vec<f64> =
                 columns.0.iter().zip(&columns.1).map(|(l, rest)| (l - rest) / rest).collect();
-            let batch = Batch { measure: &columns.0, reference: &columns.1, change: &change };
+            let batch =
+                Batch { measure: &columns.0, reference: &columns.1, change: &change, fields: &[] };
             kernel.derivatives(batch)
         }
         // An energy with coefficient 0 is not modelled: it is 0 everywhere.

@@ -36,7 +36,7 @@ pub(super) fn execute(loaded: &Loaded, values: &Values, mode: Mode, points: &str
     let (mut psi, mut stress) = (vec![0.0; n], vec![0.0; n * n_components]);
     // An energy with coefficient 0 is not modelled: it is 0 everywhere.
     if let Some(kernel) = compiled.gradient {
-        let at = GradientBatch { n, gradient: &gradient, change: &change };
+        let at = GradientBatch { n, gradient: &gradient, change: &change, fields: &[] };
         kernel.evaluate(at, &mut psi, &mut stress);
     }
     print_rows(d, &rows, &psi, &stress)

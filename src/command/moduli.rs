@@ -22,6 +22,11 @@ pub(super) fn execute(arguments: &Arguments) -> Exit {
     let Some(cases) = scene::of_materials(&case, arguments.material.as_deref()) else {
         return Exit::Input;
     };
+    if case.has_fields() {
+        console::note(
+            "parameters that vary have everywhere the values of the middle of their points at t = 0",
+        );
+    }
     let mut all = Vec::new();
     for (name, case) in &cases {
         match moduli(case, arguments.density) {

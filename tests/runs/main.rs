@@ -8,6 +8,7 @@ mod accuracy;
 mod bench;
 mod contract;
 mod extremes;
+mod fields;
 #[cfg(unix)]
 mod interrupted;
 mod killed;

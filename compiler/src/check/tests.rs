@@ -140,7 +140,7 @@ fn psi_and_stress(energy: &str, d: usize) -> Vec<f64> {
     let change: Vec<f64> =
         (0..d * d).map(|k| gradient[k] - if k / d == k % d { 1.0 } else { 0.0 }).collect();
     let (mut psi, mut stress) = (vec![0.0], vec![0.0; d * d]);
-    let at = crate::GradientBatch { n: 1, gradient: &gradient, change: &change };
+    let at = crate::GradientBatch { n: 1, gradient: &gradient, change: &change, fields: &[] };
     kernel.evaluate(at, &mut psi, &mut stress);
     psi.extend(stress);
     psi

@@ -11,13 +11,14 @@ use crate::expression::number::Number;
 use crate::kernel::{Level, Mode};
 use crate::measure::Measure;
 use crate::specialise::{CompileError, Form};
+use crate::values::MAX_FIELDS;
 use crate::written::{Dual, Written};
 
 /// Most variables: the length of a bond and all integrals.
 const VARIABLES: usize = 1 + MAX_INTEGRALS;
 
-/// Most arrays of a program: variables, directions and what else is known of a bond.
-const SOURCES: usize = 2 * VARIABLES + 2;
+/// Most arrays of a program: variables, directions, fields and what else is known of a bond.
+const SOURCES: usize = 2 * VARIABLES + 2 + MAX_FIELDS;
 
 /// Variables of `n` places, variable by variable: entry `k*n + p` is variable `k` at place `p`.
 #[derive(Clone, Copy, Debug)]
@@ -30,6 +31,9 @@ pub struct GatheredBatch<'a> {
     pub change: &'a [f64],
     /// Of bonds the lengths at rest `L > 0` in m; of points nothing.
     pub reference: &'a [f64],
+    /// Parameters that are fields, laid out like variables, in SI units ([`GatheredKernel::fields`]);
+    /// nothing where the kernel takes none.
+    pub fields: &'a [f64],
 }
 
 /// An energy of gathered states with its gradient and products with its second derivatives.
@@ -39,6 +43,8 @@ pub struct GatheredKernel {
     n_integrals: usize,
     /// The integrals that an energy of bonds holds, where it is known to be affine beside them.
     affine_beside: Option<Vec<u8>>,
+    /// Typical values of fields.
+    fields: Vec<f64>,
     body: Body,
 }
 
@@ -66,12 +72,21 @@ impl GatheredKernel {
     ) -> Result<GatheredKernel, CompileError> {
         let WrittenGatheredEnergy { of_bonds, n_integrals, .. } = written;
         let is_fast = mode == Mode::Jit(Level::Fast) && which == Form::Accurate;
+        let has_fields = form.n_fields() > 0;
         let affine_beside = if is_fast && of_bonds { form.affine_beside() } else { None };
+        let typical = written.energy.fields();
+        let fields = if has_fields { typical } else { Vec::new() };
         let body = match mode {
             Mode::HyperDual => Body::Dual(written),
             _ => Body::Form(Evaluator::new(form, mode)?),
         };
-        Ok(GatheredKernel { of_bonds, n_integrals, affine_beside, body })
+        Ok(GatheredKernel { of_bonds, n_integrals, affine_beside, fields, body })
+    }
+
+    /// Typical values of the parameters that are fields, in the order of [`crate::Values::fields`]: the
+    /// kernel takes the values of each at every place. Nothing where it depends on none.
+    pub fn fields(&self) -> &[f64] {
+        &self.fields
     }
 
     /// Whether it is an energy of bonds.
@@ -144,9 +159,11 @@ impl GatheredKernel {
         let given = if self.of_bonds { n } else { 0 };
         assert!(at.variables.len() == self.n_variables() * n, "all variables at each place");
         assert!(at.change.len() == given && at.reference.len() == given, "one per bond");
+        assert!(at.fields.len() == self.fields.len() * n, "fields at each place");
         let (lengths, integrals) = at.variables.split_at(given);
         let of_bonds = [lengths, at.reference, at.change].into_iter().filter(move |_| given > 0);
-        of_bonds.chain(integrals.chunks(n.max(1))).chain(direction.chunks(n.max(1)))
+        let all = of_bonds.chain(integrals.chunks(n.max(1))).chain(direction.chunks(n.max(1)));
+        all.chain(at.fields.chunks(n.max(1)))
     }
 }
 
@@ -163,12 +180,22 @@ pub struct WrittenGatheredEnergy {
 impl WrittenGatheredEnergy {
     /// The energy over any number type; variables are numbered as in a [`GatheredBatch`].
     pub fn psi<N: Number>(&self, variable: impl Fn(usize) -> N, reference: N) -> N {
+        self.psi_with(variable, reference, None::<&fn(usize) -> f64>)
+    }
+
+    /// The same with the values of fields, by their places among them; else they have typical ones.
+    fn psi_with<N: Number>(
+        &self,
+        variable: impl Fn(usize) -> N,
+        reference: N,
+        field: Option<&impl Fn(usize) -> f64>,
+    ) -> N {
         let first = usize::from(self.of_bonds);
         self.energy.sum(|input| match input {
             Input::Current(_) => variable(0),
             Input::Reference(_) => reference.clone(),
             Input::Integral(k) => variable(first + usize::from(k)),
-            _ => self.energy.known(input),
+            _ => self.energy.known(input, field),
         })
     }
 
@@ -179,7 +206,9 @@ impl WrittenGatheredEnergy {
     ) -> Dual<'a, impl Fn(usize, &dyn Fn(usize) -> HyperDual64) -> HyperDual64> {
         let psi = move |p: usize, variable: &dyn Fn(usize) -> HyperDual64| {
             let reference = at.reference.get(p).copied().unwrap_or(f64::NAN);
-            self.psi(variable, HyperDual64::from_re(reference))
+            let field = |k: usize| at.fields[k * at.n + p];
+            let field = (!at.fields.is_empty()).then_some(&field);
+            self.psi_with(variable, HyperDual64::from_re(reference), field)
         };
         Dual { n: at.n, variables: at.variables, psi }
     }

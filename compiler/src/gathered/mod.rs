@@ -16,7 +16,7 @@ use crate::measure::Measure;
 use crate::model::{GatheredEnergy, Model, Variant};
 use crate::near::vanishes_at_rest;
 use crate::point::adjoint::{self, Varied};
-use crate::point::near::{Source, near_of_integrals};
+use crate::point::near::{near_of_integrals, with_fields};
 use crate::rewrite::{expand, rewrite};
 use crate::simplify::Simplifier;
 use crate::specialise::{
@@ -43,12 +43,18 @@ pub struct GatheredKernels {
 pub struct Integrand {
     nodes: Vec<Node>,
     roots: [NodeId; 3],
+    has_fields: bool,
 }
 
 impl Integrand {
     fn new(energy: &ScalarEnergy) -> Integrand {
         let nodes = energy.graph.nodes().map(|(_, node)| node).collect();
-        Integrand { nodes, roots: energy.roots }
+        Integrand { nodes, roots: energy.roots, has_fields: !energy.fields.is_empty() }
+    }
+
+    /// Whether another potential may gather the same: what depends on fields of its own may not.
+    pub fn is_shared(&self) -> bool {
+        !self.has_fields
     }
 }
 
@@ -59,6 +65,7 @@ fn form(
     written: NodeId,
     (of_bonds, n_integrals): (bool, usize),
     vanishing: Option<&[Input]>,
+    fields: &[u16],
 ) -> Result<DensityForm, TooManyNodes> {
     let (mut graph, place) = folded(exact.graph(), &[written])?;
     let mut psi = place[written.0 as usize];
@@ -72,8 +79,10 @@ fn form(
     if accurate {
         psi = rewrite(&mut graph, psi, length, &mut applied)?;
     } else if let Some(vanishing) = vanishing {
-        let source = Source { graph: exact.graph(), place: &place };
-        psi = near_of_integrals(&mut graph, source, written, vanishing)?.unwrap_or(psi);
+        let near = with_fields(&mut graph, exact, written, |graph, source, root| {
+            near_of_integrals(graph, source, root, vanishing)
+        });
+        psi = near?.unwrap_or(psi);
     }
     let mut gradient = adjoint::gradient(&mut graph, psi, varied)?;
     if accurate {
@@ -89,7 +98,7 @@ fn form(
         roots = expand(&mut graph, &roots, length, &mut applied)?;
     }
     let (graph, roots) = graph.graph().extract(&roots);
-    Ok(DensityForm::new(graph, &roots, kernel::inputs(of_bonds, n_integrals)))
+    Ok(DensityForm::new(graph, &roots, kernel::inputs(of_bonds, n_integrals), fields))
 }
 
 /// The energies of points or of bonds.
@@ -137,7 +146,8 @@ impl Model {
         let (exact, subject) = (Simplifier::exact(), (argument.as_str(), roots.as_slice()));
         let made = sum_in(exact, &variant.graph, &self.parameters, subject, &fold, &mut dropped)
             .and_then(|energy| {
-                let made = |(graph, psi)| form(&graph, psi, kind, vanishing.as_deref());
+                let fields = &values.fields;
+                let made = |(graph, psi)| form(&graph, psi, kind, vanishing.as_deref(), fields);
                 energy.map(made).transpose()
             });
         let made = named.made(made)?;
@@ -192,11 +202,10 @@ impl Model {
         if kernels.points.is_none() && kernels.bonds.is_none() {
             return Ok(all_dropped);
         }
-        let fold = known(values);
         for integral in &variant.integrals {
             let named = Named { argument: "l", span: integral.span };
             named.has_horizon(&variant.graph, &[integral.root], values.horizon.is_nan())?;
-            let made = of_bonds(&variant.graph, &self.parameters, integral.root, &fold, form);
+            let made = of_bonds(&variant.graph, &self.parameters, integral.root, values, form);
             let made = named.made(made)?;
             named.fits(&made.graph)?;
             kernels.functions.push(Integrand::new(&made));
@@ -233,8 +242,13 @@ mod tests {
         let values = values(&model, 3, &[]);
         let e = 1e-9;
         let (variables, change, reference) = ([1.0 + e, 3.0], [e], [1.0]);
-        let at =
-            GatheredBatch { n: 1, variables: &variables, change: &change, reference: &reference };
+        let at = GatheredBatch {
+            n: 1,
+            variables: &variables,
+            change: &change,
+            reference: &reference,
+            fields: &[],
+        };
         let strain = e * (2.0 + e);
         let expected = [3.0 * strain * strain, 3.0 * 4.0 * strain * (1.0 + e), strain * strain];
         let error = |form: Form| {

@@ -3,20 +3,27 @@
 use cranelift_codegen::isa::OwnedTargetIsa;
 
 use super::code::{Code, Listing, isa};
+use crate::density::listed;
 use crate::expression::Input;
 use crate::kernel::{Batch, Level, Order, Outputs};
-use crate::measure::Measure;
 use crate::program::Program;
 use crate::specialise::{CompileError, ScalarEnergy};
+use crate::values::MAX_FIELDS;
 
 /// psi, psi' and psi'' of one measure as machine code, one function per order.
 #[derive(Debug)]
 pub struct CompiledKernel {
     code: Code,
+    n_fields: usize,
 }
 
-fn inputs(measure: Measure) -> [Input; 3] {
-    [Input::Current(measure), Input::Reference(measure), Input::Change(measure)]
+/// Most arrays that go in: the measure, and fields.
+const SOURCES: usize = 3 + MAX_FIELDS;
+
+fn inputs(energy: &ScalarEnergy) -> Vec<Input> {
+    let measure = energy.measure;
+    let own = [Input::Current(measure), Input::Reference(measure), Input::Change(measure)];
+    own.into_iter().chain(energy.fields.iter().map(|(i, _)| Input::Parameter(*i))).collect()
 }
 
 impl CompiledKernel {
@@ -33,9 +40,10 @@ impl CompiledKernel {
         level: Level,
         isa: OwnedTargetIsa,
     ) -> Result<CompiledKernel, CompileError> {
-        let inputs = inputs(energy.measure);
+        let inputs = inputs(energy);
         let program = Program { graph: &energy.graph, inputs: &inputs, roots: &energy.roots };
-        Ok(CompiledKernel { code: Code::new(program, &Order::ALL.map(Order::wanted), level, isa)? })
+        let code = Code::new(program, &Order::ALL.map(Order::wanted), level, isa)?;
+        Ok(CompiledKernel { code, n_fields: energy.fields.len() })
     }
 
     /// Runs the kernel over a batch.
@@ -44,9 +52,16 @@ impl CompiledKernel {
     /// If the slices of the batch differ in length or an output is too short: a mistake of the
     /// caller, not of a user.
     pub fn evaluate(&self, batch: Batch<'_>, order: Order, out: Outputs<'_>) {
-        let inputs = [batch.measure, batch.reference, batch.change];
+        let own = [batch.measure, batch.reference, batch.change];
         let mut outputs = [out.psi, out.dpsi, out.d2psi];
-        self.code.run(order as usize, &inputs, &mut outputs[order.wanted()]);
+        let outputs = &mut outputs[order.wanted()];
+        if self.n_fields == 0 {
+            return self.code.run(order as usize, &own, outputs);
+        }
+        let fields = batch.fields.chunks(batch.measure.len().max(1));
+        let mut room = [&[][..]; SOURCES];
+        let sources = listed(&mut room, own.into_iter().chain(fields));
+        self.code.run(order as usize, sources, outputs);
     }
 
     /// The intermediate form and the machine instructions of an energy's kernel for all derivatives.
@@ -54,7 +69,7 @@ impl CompiledKernel {
     /// # Errors
     /// What the code generator reports.
     pub fn listing(energy: &ScalarEnergy, level: Level) -> Result<Listing, CompileError> {
-        let inputs = inputs(energy.measure);
+        let inputs = inputs(energy);
         let program = Program { graph: &energy.graph, inputs: &inputs, roots: &energy.roots };
         Code::listing(program, level)
     }

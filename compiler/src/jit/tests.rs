@@ -28,7 +28,7 @@ fn compiled(psi: &str, level: Level, native: bool) -> CompiledKernel {
 fn run(kernel: &CompiledKernel, pairs: &[(f64, f64)]) -> Vec<f64> {
     let (measure, reference): (Vec<f64>, Vec<f64>) = pairs.iter().copied().unzip();
     let mut psi = vec![0.0; pairs.len()];
-    let batch = Batch { measure: &measure, reference: &reference, change: &measure };
+    let batch = Batch { measure: &measure, reference: &reference, change: &measure, fields: &[] };
     let out = Outputs { psi: &mut psi, dpsi: &mut [], d2psi: &mut [] };
     kernel.evaluate(batch, Order::Energy, out);
     psi

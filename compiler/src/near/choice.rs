@@ -50,24 +50,35 @@ pub(crate) struct Energy {
     roots: [NodeId; 3],
     measure: Measure,
     reference: f64,
+    /// Fields with typical values.
+    fields: Vec<(u16, f64)>,
 }
 
 impl Energy {
-    /// The energy `psi` of a graph with all digits of its numbers.
+    /// The energy `psi` of a graph with all digits of its numbers; fields have typical values.
     pub(crate) fn new(
         mut graph: Simplifier,
         psi: NodeId,
         (measure, reference): (Measure, f64),
+        fields: &[(u16, f64)],
     ) -> Result<Energy, TooManyNodes> {
         let dpsi = differentiate_exactly(&mut graph, psi, measure)?;
         let d2psi = differentiate_exactly(&mut graph, dpsi, measure)?;
-        Ok(Energy { graph, roots: [psi, dpsi, d2psi], measure, reference })
+        let (roots, fields) = ([psi, dpsi, d2psi], fields.to_vec());
+        Ok(Energy { graph, roots, measure, reference, fields })
+    }
+
+    /// The typical value of a field; other inputs have none.
+    fn field(&self, input: Input) -> f64 {
+        let known = self.fields.iter().find(|(field, _)| Input::Parameter(*field) == input);
+        known.map_or(f64::NAN, |(_, value)| *value)
     }
 
     /// The derivative of an order alone, in the place of psi and its derivatives.
     pub(crate) fn lone(&self, order: usize) -> ScalarEnergy {
         let (graph, roots) = self.graph.graph().extract(&[self.roots[order]; 3]);
-        ScalarEnergy { measure: self.measure, graph, roots: [roots[0], roots[1], roots[2]] }
+        let (measure, fields) = (self.measure, Vec::new());
+        ScalarEnergy { measure, graph, roots: [roots[0], roots[1], roots[2]], fields }
     }
 }
 
@@ -266,7 +277,7 @@ impl<'a> Samples<'a> {
         interpreter.run(&small, |input| match input {
             Input::Current(_) | Input::Reference(_) => reference,
             Input::Change(_) => 0.0,
-            _ => f64::NAN,
+            other => self.exact.field(other),
         });
         let [plain, left, right] = [0, 1, 2].map(|k| interpreter.number(roots[k]));
         let is_left = (plain - left).abs() < (plain - right).abs();
@@ -354,7 +365,7 @@ impl<'a> Samples<'a> {
                 Input::Current(_) => sample.measure,
                 Input::Reference(_) => reference,
                 Input::Change(_) => sample.change,
-                _ => f64::NAN,
+                other => self.exact.field(other),
             });
             roots.iter().map(|root| interpreter.number(*root)).collect()
         };
@@ -397,7 +408,7 @@ impl<'a> Samples<'a> {
         if let Some(known) = self.truths[i] {
             return known;
         }
-        let Energy { graph, roots: [psi, ..], measure, reference } = self.exact;
+        let Energy { graph, roots: [psi, ..], measure, reference, .. } = self.exact;
         let mut interpreter = Interpreter::<Precise<256>>::new();
         let [measure_at, more] = self.samples[i].exact;
         let current = Precise::line(measure_at, 1.0, more);
@@ -412,7 +423,7 @@ impl<'a> Samples<'a> {
             Input::Current(m) if m == *measure => current.clone(),
             Input::Reference(m) if m == *measure => at_rest.clone(),
             Input::Change(m) if m == *measure => change.clone(),
-            _ => Precise::line(f64::NAN, 0.0, 0.0),
+            other => Precise::line(self.exact.field(other), 0.0, 0.0),
         });
         let found = interpreter.number(*psi);
         let truth = found.parts().map(|_| found.rounded());

@@ -15,7 +15,7 @@ use crate::jit::Listing;
 use crate::kernel::{Level, Mode};
 use crate::model::Model;
 use crate::specialise::{CompileError, Dropped, Form};
-use crate::values::Values;
+use crate::values::{MAX_FIELDS, Values};
 use crate::written::{Dual, Written};
 
 /// Below this `max |F - I|` the form in `F - I` is evaluated.
@@ -30,8 +30,8 @@ const MOST: usize = 9;
 /// Most numbers that principal stretches and axes are.
 const AXES: usize = 24;
 
-/// Most arrays of a program: `F`, `F - I`, a direction and the axes.
-const SOURCES: usize = 3 * MOST + AXES;
+/// Most arrays of a program: `F`, `F - I`, a direction, the axes and fields.
+const SOURCES: usize = 3 * MOST + AXES + MAX_FIELDS;
 
 /// Deformation gradients of `n` places, component by component: entry `k*n + p` of an array is
 /// component `k`, row by row, at place `p`.
@@ -43,6 +43,9 @@ pub struct GradientBatch<'a> {
     pub gradient: &'a [f64],
     /// `F - I`, as the runtime computes it from displacements.
     pub change: &'a [f64],
+    /// Parameters that are fields, laid out alike, in SI units ([`GradientKernel::fields`]); nothing
+    /// where the kernel takes none.
+    pub fields: &'a [f64],
 }
 
 /// psi, P and dP of an energy of the deformation gradient.
@@ -51,6 +54,8 @@ pub struct GradientKernel {
     dimension: usize,
     /// How many arrays of principal stretches and axes are found before machine code runs.
     n_axes: usize,
+    /// Typical values of fields.
+    fields: Vec<f64>,
     body: Body,
     domain: VolumeDomain,
 }
@@ -86,10 +91,18 @@ impl GradientKernel {
     pub fn new(forms: GradientEnergyForms, mode: Mode) -> Result<GradientKernel, CompileError> {
         let dimension = forms.dimension;
         let n_axes = if forms.far.has_axes() { axes::inputs(dimension).count() } else { 0 };
+        let n_fields = forms.far.n_fields();
         let far = Evaluator::new(forms.far, mode)?;
         let near = forms.near.map(|near| Evaluator::new(near, mode)).transpose()?;
         let body = Body::Forms(Box::new(far), near.map(Box::new));
-        Ok(GradientKernel { dimension, n_axes, body, domain: VolumeDomain::default() })
+        let (fields, domain) = (vec![f64::NAN; n_fields], VolumeDomain::default());
+        Ok(GradientKernel { dimension, n_axes, fields, body, domain })
+    }
+
+    /// Typical values of the parameters that are fields, in the order of [`Values::fields`]: the kernel
+    /// takes the values of each at every place. Nothing where it depends on none.
+    pub fn fields(&self) -> &[f64] {
+        &self.fields
     }
 
     /// 2 or 3.
@@ -111,6 +124,7 @@ impl GradientKernel {
         let n_components = self.dimension * self.dimension;
         let fits = |array: &[f64]| array.len() == n_components * at.n;
         assert!(fits(at.gradient) && fits(at.change) && psi.len() == at.n, "one entry per place");
+        assert!(at.fields.len() == self.fields.len() * at.n, "fields at each place");
         assert!(stress.is_empty() || fits(stress), "one stress per place");
         match &self.body {
             Body::Dual(energy) => energy.dual(at).evaluate(psi, stress),
@@ -134,6 +148,7 @@ impl GradientKernel {
         let n_components = self.dimension * self.dimension;
         let fits = |array: &[f64]| array.len() == n_components * at.n;
         assert!(fits(at.gradient) && fits(at.change), "one gradient per place");
+        assert!(at.fields.len() == self.fields.len() * at.n, "fields at each place");
         assert!(fits(direction) && fits(product), "one direction and one product per place");
         match &self.body {
             Body::Dual(energy) => energy.dual(at).product(direction, product),
@@ -174,8 +189,9 @@ impl GradientKernel {
             let given = [at.gradient, at.change, direction].into_iter();
             let given = given.flat_map(|array| in_block(array, at.n, &block));
             let axes = axes[..self.n_axes].iter().map(|array| &array[..near.len()]);
+            let fields = in_block(at.fields, at.n, &block);
             let mut arrays = [&[][..]; SOURCES];
-            let sources = listed(&mut arrays, given.chain(axes));
+            let sources = listed(&mut arrays, given.chain(axes).chain(fields));
             let some_near = near.contains(&true);
             let mut arrays: [&mut [f64]; 1 + MOST] = Default::default();
             let targets = outputs.iter_mut().map(|array| &mut array[block.clone()]);
@@ -257,16 +273,29 @@ pub struct WrittenGradientEnergy {
 impl WrittenGradientEnergy {
     /// The energy over any number type; components by [`graph::component`].
     pub fn psi<N: Principal>(&self, component: impl Fn(u8) -> N) -> N {
-        let traces = self.traces(&component);
+        self.psi_with(component, None::<&fn(usize) -> f64>)
+    }
+
+    /// The same with the values of fields, by their places among them; else they have typical ones.
+    fn psi_with<N: Principal>(
+        &self,
+        component: impl Fn(u8) -> N,
+        field: Option<&impl Fn(usize) -> f64>,
+    ) -> N {
+        let traces = self.traces(&component, field);
         self.energy.sum(|input| match input {
             Input::Variable(k) => component(k),
             Input::Trace(k) => traces[usize::from(k)].clone(),
-            _ => self.energy.known(input),
+            _ => self.energy.known(input, field),
         })
     }
 
     /// The traces of functions of `U`.
-    fn traces<N: Principal>(&self, component: &impl Fn(u8) -> N) -> Vec<N> {
+    fn traces<N: Principal>(
+        &self,
+        component: &impl Fn(u8) -> N,
+        field: Option<&impl Fn(usize) -> f64>,
+    ) -> Vec<N> {
         if self.traces.is_empty() {
             return Vec::new();
         }
@@ -280,7 +309,7 @@ impl WrittenGradientEnergy {
             products.trace(&|stretch: N| {
                 function.sum(|input| match input {
                     Input::Stretch(_) => stretch.clone(),
-                    _ => function.known(input),
+                    _ => function.known(input, field),
                 })
             })
         };
@@ -293,9 +322,11 @@ impl WrittenGradientEnergy {
         at: GradientBatch<'a>,
     ) -> Dual<'a, impl Fn(usize, &dyn Fn(usize) -> HyperDual64) -> HyperDual64> {
         let components = graph::components(self.energy.dimension());
-        let psi = move |_: usize, variable: &dyn Fn(usize) -> HyperDual64| {
+        let psi = move |p: usize, variable: &dyn Fn(usize) -> HyperDual64| {
             let place = |c| components.iter().position(|known| *known == c).unwrap_or(0);
-            self.psi(|c| variable(place(c)))
+            let field = |k: usize| at.fields[k * at.n + p];
+            let field = (!at.fields.is_empty()).then_some(&field);
+            self.psi_with(|c| variable(place(c)), field)
         };
         Dual { n: at.n, variables: at.gradient, psi }
     }
@@ -316,11 +347,13 @@ impl Model {
         let mut made = match mode {
             Mode::HyperDual => {
                 let body = Body::Dual(self.written_gradient(values));
-                let domain = VolumeDomain::default();
-                GradientKernel { dimension: values.dimension, n_axes: 0, body, domain }
+                let n_fields = forms.far.n_fields();
+                let (fields, domain) = (vec![f64::NAN; n_fields], VolumeDomain::default());
+                GradientKernel { dimension: values.dimension, n_axes: 0, fields, body, domain }
             }
             _ => GradientKernel::new(forms, mode)?,
         };
+        made.fields.iter_mut().zip(values.typical()).for_each(|(own, (_, value))| *own = value);
         made.domain = self.variant(values.dimension).map(VolumeDomain::of).unwrap_or_default();
         *kernel = Some(made);
         Ok(dropped)

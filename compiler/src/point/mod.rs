@@ -59,6 +59,7 @@ fn form(
     psi: NodeId,
     dimension: usize,
     (functions, near): (&[StretchFunction], bool),
+    fields: &[u16],
 ) -> Result<DensityForm, TooManyNodes> {
     // A graph of its own: derivatives of one form are no part of the other.
     let mut graph = graph.clone();
@@ -80,7 +81,7 @@ fn form(
     let axes = axes::inputs(dimension).filter(|_| has_axes);
     let inputs =
         all(Input::Variable).chain(all(Input::VariableChange)).chain(all(Input::Direction));
-    Ok(DensityForm::new(graph, &roots, inputs.chain(axes).collect()))
+    Ok(DensityForm::new(graph, &roots, inputs.chain(axes).collect(), fields))
 }
 
 impl Model {
@@ -94,7 +95,8 @@ impl Model {
         values: &Values,
         form: Form,
     ) -> Result<(Option<GradientEnergyForms>, Vec<Dropped>), CompileError> {
-        self.gradient_forms(values.dimension, values.horizon.is_nan(), form, &known(values))
+        let of = (values.dimension, &values.fields[..]);
+        self.gradient_forms(of, values.horizon.is_nan(), form, &known(values))
     }
 
     /// The same with parameters left as symbols, as `derive` prints them.
@@ -105,12 +107,12 @@ impl Model {
         &self,
         dimension: usize,
     ) -> Result<Option<GradientEnergyForms>, CompileError> {
-        Ok(self.gradient_forms(dimension, false, Form::Textbook, &|_| None)?.0)
+        Ok(self.gradient_forms((dimension, &[]), false, Form::Textbook, &|_| None)?.0)
     }
 
     fn gradient_forms(
         &self,
-        dimension: usize,
+        (dimension, fields): (usize, &[u16]),
         no_horizon: bool,
         which: Form,
         fold: &impl Fn(Input) -> Option<f64>,
@@ -135,19 +137,26 @@ impl Model {
                 }
                 let (mut graph, place) = folded(exact.graph(), &[written])?;
                 let psi = place[written.0 as usize];
-                let source = near::Source { graph: exact.graph(), place: &place };
                 let functions = self.stretch_functions(variant, (graph.graph(), psi), fold)?;
                 let at_rest: Vec<_> = functions.iter().map(|f| f.at_rest.as_ref()).collect();
                 let near = match which {
                     Form::Accurate => {
-                        near::near(&mut graph, source, written, &variables, &at_rest)?
+                        near::with_fields(&mut graph, &exact, written, |graph, source, root| {
+                            near::near(graph, source, root, &variables, &at_rest)
+                        })?
                     }
                     Form::Textbook => None,
                 };
-                let far = form(&graph, psi, dimension, (&functions, false))?;
-                let near = near
-                    .map(|near| form(&graph, near, dimension, (&functions, true)))
+                let mut far = form(&graph, psi, dimension, (&functions, false), fields)?;
+                let mut near = near
+                    .map(|near| form(&graph, near, dimension, (&functions, true), fields))
                     .transpose()?;
+                // Both take fields where one does.
+                for one in [Some(&mut far), near.as_mut()].into_iter().flatten() {
+                    if one.n_fields() == 0 {
+                        *one = one.clone().with_fields(fields);
+                    }
+                }
                 Ok(Some(GradientEnergyForms { dimension, far, near, recognised }))
             });
         let forms = named.made(forms)?;

@@ -60,7 +60,7 @@ pub(crate) fn evaluate(kernel: &GradientKernel, samples: &[Sample]) -> Vec<Vec<f
         (0..n_components).flat_map(|k| samples.iter().map(move |s| of(s)[k])).collect()
     };
     let (gradient, change) = (columns(|s| &s.gradient), columns(|s| &s.change));
-    let at = GradientBatch { n, gradient: &gradient, change: &change };
+    let at = GradientBatch { n, gradient: &gradient, change: &change, fields: &[] };
     let (mut psi, mut stress) = (vec![0.0; n], vec![0.0; gradient.len()]);
     let mut product = vec![0.0; gradient.len()];
     kernel.evaluate(at, &mut psi, &mut stress);

@@ -121,7 +121,7 @@ fn outside_the_declared_domain_psi_is_no_number() {
                 gradient[0] = j;
                 let change = plus_identity(&gradient, -1.0);
                 let mut psi = [0.0];
-                let at = GradientBatch { n: 1, gradient: &gradient, change: &change };
+                let at = GradientBatch { n: 1, gradient: &gradient, change: &change, fields: &[] };
                 kernel.evaluate(at, &mut psi, &mut []);
                 psi[0]
             };
@@ -166,7 +166,7 @@ fn places_of_a_batch_are_as_they_are_alone() {
                 let gradient = columns(&|s| &s.gradient);
                 let change = columns(&|s| &s.change);
                 let mut psi = vec![0.0; n];
-                let batch = GradientBatch { n, gradient: &gradient, change: &change };
+                let batch = GradientBatch { n, gradient: &gradient, change: &change, fields: &[] };
                 kernel.evaluate(batch, &mut psi, &mut []);
                 let with_stress: Vec<f64> = together.iter().map(|found| found[0]).collect();
                 assert_eq!(psi, with_stress, "{} {dimension} {mode:?}", model.name());
@@ -282,7 +282,8 @@ fn verified(model: &Model, values: &Values, n: usize) -> Verification {
 fn at(model: &Model, values: &Values, sample: &Sample, level: Level) -> Vec<f64> {
     let compiled = model.compile(values, Mode::Jit(level), Form::Accurate).unwrap();
     let kernel = compiled.gradient.unwrap();
-    let batch = GradientBatch { n: 1, gradient: &sample.gradient, change: &sample.change };
+    let batch =
+        GradientBatch { n: 1, gradient: &sample.gradient, change: &sample.change, fields: &[] };
     let (mut psi, mut stress, mut product) = ([0.0], [0.0; 9], [0.0; 9]);
     kernel.evaluate(batch, &mut psi, &mut stress);
     kernel.product(batch, &sample.direction, &mut product);

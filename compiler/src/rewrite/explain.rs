@@ -144,7 +144,7 @@ fn sides(
 /// A lone expression in the shape of an energy.
 fn form(graph: &ExprGraph, root: NodeId, measure: Measure) -> ScalarEnergy {
     let (graph, roots) = graph.extract(&[root; 3]);
-    ScalarEnergy { measure, graph, roots: [roots[0], roots[1], roots[2]] }
+    ScalarEnergy { measure, graph, roots: [roots[0], roots[1], roots[2]], fields: Vec::new() }
 }
 
 fn evaluate<N: Number>(form: &ScalarEnergy, point: Point, change: N) -> N {
@@ -194,7 +194,7 @@ fn times(forms: [&ScalarEnergy; 2]) -> Result<[f64; 2], CompileError> {
     let measure: Vec<f64> = (0..BATCH).map(|k| 0.5 + k as f64 / BATCH as f64).collect();
     let reference = vec![1.0; BATCH];
     let change: Vec<f64> = measure.iter().map(|l| l - 1.0).collect();
-    let batch = Batch { measure: &measure, reference: &reference, change: &change };
+    let batch = Batch { measure: &measure, reference: &reference, change: &change, fields: &[] };
     let mut out = Derivatives::zeros(BATCH);
     let mut fastest = [f64::INFINITY; 2];
     for _ in 0..RUNS {

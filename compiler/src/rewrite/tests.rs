@@ -116,7 +116,8 @@ fn logarithmic_barriers_are_one_form() {
     let reference = vec![1.0; measure.len()];
     let bits = |energy: &str| {
         let (model, values) = model(energy);
-        let batch = Batch { measure: &measure, reference: &reference, change: &change };
+        let batch =
+            Batch { measure: &measure, reference: &reference, change: &change, fields: &[] };
         let out = model.compile(&values, Mode::Interpreter, Form::Accurate).unwrap().kernels[0]
             .derivatives(batch);
         [out.psi, out.dpsi, out.d2psi].map(|x| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>())
@@ -167,7 +168,8 @@ fn no_rule_widens_the_domain() {
     let at = |stretch: f64| {
         let mut psi = [0.0];
         let (reference, change) = ([1.0], [stretch - 1.0]);
-        let batch = Batch { measure: &[stretch], reference: &reference, change: &change };
+        let batch =
+            Batch { measure: &[stretch], reference: &reference, change: &change, fields: &[] };
         let out = Outputs { psi: &mut psi, dpsi: &mut [], d2psi: &mut [] };
         kernel.evaluate(batch, Order::Energy, out);
         psi[0]

@@ -226,7 +226,8 @@ fn domains_are_not_widened() {
         let values = values(&model, 3, &[]);
         let kernel = &model.compile(&values, Mode::Interpreter, Form::Accurate).unwrap().kernels[0];
         let l = if energy.contains("l + 1") { -1.0 } else { -2.0 };
-        let batch = crate::Batch { measure: &[l], reference: &[1.0], change: &[l - 1.0] };
+        let batch =
+            crate::Batch { measure: &[l], reference: &[1.0], change: &[l - 1.0], fields: &[] };
         let out = kernel.derivatives(batch);
         let (written, ..) = model.written(&values, Measure::Length).derivatives(l, 1.0);
         assert!(written.is_nan() && out.psi[0].is_nan(), "{energy}: {written} {}", out.psi[0]);

@@ -123,7 +123,13 @@ fn evaluate(kernel: &GatheredKernel, n: usize) -> Vec<Place> {
     }
     let change: Vec<f64> =
         variables.iter().zip(&reference).map(|(l, rest)| (l - rest) / rest).collect();
-    let at = GatheredBatch { n, variables: &variables, change: &change, reference: &reference };
+    let at = GatheredBatch {
+        n,
+        variables: &variables,
+        change: &change,
+        reference: &reference,
+        fields: &[],
+    };
     let mut psi = vec![0.0; n];
     let [mut gradient, mut product] = [vec![0.0; variables.len()], vec![0.0; variables.len()]];
     kernel.evaluate(at, &mut psi, &mut gradient);

@@ -334,7 +334,12 @@ impl Columns {
 
     /// As the input of a kernel.
     pub fn batch(&self) -> Batch<'_> {
-        Batch { measure: &self.measure, reference: &self.reference, change: &self.change }
+        Batch {
+            measure: &self.measure,
+            reference: &self.reference,
+            change: &self.change,
+            fields: &[],
+        }
     }
 }
 

@@ -303,8 +303,12 @@ fn rules_keep_the_values_of_what_is_written() {
         let kernels = model.compile(&values, Mode::Interpreter, Form::Accurate).unwrap().kernels;
         for x in [0.3, 0.9, 1.001, 1.3, 1.8] {
             let reference = 0.5;
-            let batch =
-                Batch { measure: &[x * reference], reference: &[reference], change: &[x - 1.0] };
+            let batch = Batch {
+                measure: &[x * reference],
+                reference: &[reference],
+                change: &[x - 1.0],
+                fields: &[],
+            };
             let found = kernels[0].derivatives(batch);
             let expected = written.derivatives(x * reference, reference);
             let pairs = [

@@ -329,7 +329,7 @@ impl OfGradient<'_> {
 
 /// psi, P : D and D : A : D of a kernel.
 fn along(kernel: &GradientKernel, gradient: &[f64], change: &[f64], direction: &[f64]) -> [f64; 3] {
-    let at = GradientBatch { n: 1, gradient, change };
+    let at = GradientBatch { n: 1, gradient, change, fields: &[] };
     let mut psi = [0.0];
     let [mut stress, mut product] = [vec![0.0; change.len()], vec![0.0; change.len()]];
     kernel.evaluate(at, &mut psi, &mut stress);

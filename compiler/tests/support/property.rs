@@ -343,7 +343,7 @@ fn holds_gradient(
 fn run(kernel: &Kernel) -> Vec<[f64; 3]> {
     let column = |k: usize| POINTS.iter().map(|p| p[k]).collect::<Vec<f64>>();
     let (measure, reference, change) = (column(0), column(1), column(2));
-    let batch = Batch { measure: &measure, reference: &reference, change: &change };
+    let batch = Batch { measure: &measure, reference: &reference, change: &change, fields: &[] };
     let out = kernel.derivatives(batch);
     (0..POINTS.len()).map(|i| [out.psi[i], out.dpsi[i], out.d2psi[i]]).collect()
 }

@@ -57,6 +57,11 @@ pub trait Element: Send + Sync {
         None
     }
 
+    /// How many fields it takes of every interaction: see [`InteractionBatch::fields`].
+    fn n_fields(&self) -> usize {
+        0
+    }
+
     /// Whether it is nothing but a law whose force is affine in the measure, or in its square.
     fn has_affine_law(&self) -> bool {
         let is_affine = |law: &dyn Law| law.is_affine();

@@ -25,6 +25,17 @@ pub trait Law: Send + Sync {
         false
     }
 
+    /// Typical values of the parameters that vary, in the order in which [`Batch::fields`] has their values
+    /// of each interaction.
+    fn fields(&self) -> &[f64] {
+        &[]
+    }
+
+    /// Whether it is known to be a multiple of its only field, and affine.
+    fn is_multiple_of_field(&self) -> bool {
+        false
+    }
+
     /// The same energy as a function of the square of its measure, where it is one: it takes
     /// `q = m^2/M`, `M` and `(q - M)/M`, and its derivatives are those by `q`.
     fn squared(&self) -> Option<&dyn Law> {
@@ -54,6 +65,14 @@ impl Law for piola_compiler::Kernel {
         piola_compiler::Kernel::is_affine(self)
     }
 
+    fn fields(&self) -> &[f64] {
+        piola_compiler::Kernel::fields(self)
+    }
+
+    fn is_multiple_of_field(&self) -> bool {
+        piola_compiler::Kernel::is_multiple_of_field(self)
+    }
+
     fn squared(&self) -> Option<&dyn Law> {
         piola_compiler::Kernel::squared(self).map(|kernel| kernel as &dyn Law)
     }
@@ -70,7 +89,8 @@ pub struct Variables<'a> {
     /// Their changes from rest, as exact as displacements are. Of a deformation gradient: `F - I`;
     /// of bonds with gathered states `(l - L)/L` alone, of points with such states nothing.
     pub change: &'a [f64],
-    /// What is given at each place. Of bonds with gathered states: their lengths at rest in m.
+    /// What is given at each place, laid out alike. Of bonds with gathered states: their lengths at rest
+    /// in m; then of all laws the parameters that are fields, in SI units.
     pub given: &'a [f64],
     /// The number of the law that holds at each place of a body of several materials; nothing where one
     /// law holds at all places.
@@ -122,11 +142,13 @@ impl VariablesLaw for piola_compiler::GradientKernel {
     }
 
     fn evaluate(&self, at: Variables<'_>, psi: &mut [f64], gradient: &mut [f64]) {
-        piola_compiler::GradientKernel::evaluate(self, batch(at), psi, gradient);
+        let at = batch(at, !self.fields().is_empty());
+        piola_compiler::GradientKernel::evaluate(self, at, psi, gradient);
     }
 
     fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]) {
-        piola_compiler::GradientKernel::product(self, batch(at), direction, product);
+        let at = batch(at, !self.fields().is_empty());
+        piola_compiler::GradientKernel::product(self, at, direction, product);
     }
 }
 
@@ -136,11 +158,11 @@ impl VariablesLaw for piola_compiler::GatheredKernel {
     }
 
     fn evaluate(&self, at: Variables<'_>, psi: &mut [f64], gradient: &mut [f64]) {
-        piola_compiler::GatheredKernel::evaluate(self, gathered(at), psi, gradient);
+        piola_compiler::GatheredKernel::evaluate(self, gathered(self, at), psi, gradient);
     }
 
     fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]) {
-        piola_compiler::GatheredKernel::product(self, gathered(at), direction, product);
+        piola_compiler::GatheredKernel::product(self, gathered(self, at), direction, product);
     }
 
     fn is_affine_beside(&self, is_fixed: &dyn Fn(usize) -> bool) -> bool {
@@ -148,15 +170,17 @@ impl VariablesLaw for piola_compiler::GatheredKernel {
     }
 }
 
-fn gathered(at: Variables<'_>) -> piola_compiler::GatheredBatch<'_> {
-    piola_compiler::GatheredBatch {
-        n: at.n,
-        variables: at.current,
-        change: at.change,
-        reference: at.given,
-    }
+fn gathered<'a>(
+    kernel: &piola_compiler::GatheredKernel,
+    at: Variables<'a>,
+) -> piola_compiler::GatheredBatch<'a> {
+    let (reference, fields) = at.given.split_at(if kernel.of_bonds() { at.n } else { 0 });
+    let fields = if kernel.fields().is_empty() { &[] } else { fields };
+    let (n, variables, change) = (at.n, at.current, at.change);
+    piola_compiler::GatheredBatch { n, variables, change, reference, fields }
 }
 
-fn batch(at: Variables<'_>) -> piola_compiler::GradientBatch<'_> {
-    piola_compiler::GradientBatch { n: at.n, gradient: at.current, change: at.change }
+fn batch(at: Variables<'_>, takes_fields: bool) -> piola_compiler::GradientBatch<'_> {
+    let fields = if takes_fields { at.given } else { &[] };
+    piola_compiler::GradientBatch { n: at.n, gradient: at.current, change: at.change, fields }
 }

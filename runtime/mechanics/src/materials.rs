@@ -8,10 +8,13 @@
 //!
 //! Whatever an interaction takes, its energy is one function of positions: forces on its points balance.
 
+mod field;
 mod law;
 
 use std::ops::Range;
+use std::sync::Arc;
 
+pub use field::Fields;
 pub use law::{ByMaterial, MaterialLaw};
 
 use crate::kernel::VariablesLaw;
@@ -39,12 +42,13 @@ pub enum Interface {
 }
 
 /// The materials of the points of a body, and the rules between them.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct Materials {
     /// In the body's order.
     of_point: Vec<u8>,
     interfaces: Vec<Interface>,
     n_laws: usize,
+    fields: Option<Arc<Fields>>,
 }
 
 /// The laws that an interaction takes, by number, with the part that each has in it.
@@ -75,12 +79,22 @@ impl Materials {
         });
         let most = of_point.iter().copied().chain(named).max();
         let n_laws = most.map_or(0, |most| usize::from(most) + 1);
-        Materials { of_point, interfaces, n_laws }
+        Materials { of_point, interfaces, n_laws, fields: None }
     }
 
     /// The same with at least so many laws: some materials may have no point.
     pub fn with_laws(self, n_laws: usize) -> Materials {
         Materials { n_laws: n_laws.max(self.n_laws), ..self }
+    }
+
+    /// The same with parameters that vary.
+    pub fn with_fields(self, fields: Arc<Fields>) -> Materials {
+        Materials { fields: Some(fields).filter(|fields| !fields.is_empty()), ..self }
+    }
+
+    /// Parameters that vary; nothing where none does.
+    pub fn fields(&self) -> Option<&Fields> {
+        self.fields.as_deref()
     }
 
     /// The material of a point.
@@ -169,6 +183,16 @@ pub(crate) struct LawOfPoints<'a> {
 }
 
 impl<'a> LawOfPoints<'a> {
+    /// `given` becomes what the law takes of fields at so many places, which are between two points or,
+    /// twice the same, at one.
+    #[inline(always)]
+    pub(crate) fn give(self, n: usize, ends: impl Fn(usize) -> [usize; 2], given: &mut Vec<f64>) {
+        given.clear();
+        if let Some(fields) = self.materials.and_then(Materials::fields) {
+            fields.add(0..fields.len(), n, |place| ends(place).into_iter(), given);
+        }
+    }
+
     /// The numbers of the laws of some points, as [`crate::kernel::Variables`] takes them.
     #[inline(always)]
     pub(crate) fn numbers(self, points: Range<usize>) -> &'a [u8] {

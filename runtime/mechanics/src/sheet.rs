@@ -102,23 +102,28 @@ impl<L: VariablesLaw> PlaneStress<L> {
 
     /// What it is for infinitesimal strains.
     fn linear_thinning(&self, at: Variables<'_>) -> Vec<f64> {
+        // Where parameters vary, so does the law at rest.
+        let n = if at.given.is_empty() { 1 } else { at.n };
+        let current: Vec<f64> =
+            [1.0, 0.0, 0.0, 1.0].into_iter().flat_map(|x| std::iter::repeat_n(x, n)).collect();
         let rest = Variables {
-            n: 1,
-            current: &[1.0, 0.0, 0.0, 1.0],
-            change: &[0.0; 4],
-            given: &[],
+            n,
+            current: &current,
+            change: &vec![0.0; 4 * n],
+            given: at.given,
             laws: &[],
         };
-        let column = self.column(&Solid::new(rest, &[0.0]));
+        let column = self.column(&Solid::new(rest, &vec![0.0; n]));
+        let own = |component: usize, p: usize| column[component * n + p.min(n - 1)];
         let strain = |p: usize| {
             let planes = IN_PLANE.iter().enumerate();
-            planes.fold(0.0, |sum, (k, solid)| sum + column[*solid] * at.change[k * at.n + p])
+            planes.fold(0.0, |sum, (k, solid)| sum + own(*solid, p) * at.change[k * at.n + p])
         };
-        (0..at.n).map(|p| -strain(p) / column[ACROSS]).collect()
+        (0..at.n).map(|p| -strain(p) / own(ACROSS, p)).collect()
     }
 
     /// The derivative of P by F33.
-    fn column(&self, solid: &Solid) -> Vec<f64> {
+    fn column(&self, solid: &Solid<'_>) -> Vec<f64> {
         let n = solid.n;
         let mut direction = vec![0.0; 9 * n];
         direction[ACROSS * n..].fill(1.0);
@@ -166,26 +171,28 @@ impl<L: VariablesLaw> VariablesLaw for PlaneStress<L> {
 const IN_PLANE: [usize; 4] = [0, 1, 3, 4];
 
 /// Deformation gradients of a solid.
-struct Solid {
+struct Solid<'a> {
     n: usize,
     current: Vec<f64>,
     change: Vec<f64>,
+    given: &'a [f64],
 }
 
-impl Solid {
+impl<'a> Solid<'a> {
     /// Those of the plane, with `F33 - 1` of every place.
-    fn new(at: Variables<'_>, thinning: &[f64]) -> Solid {
+    fn new(at: Variables<'a>, thinning: &[f64]) -> Solid<'a> {
         let n = at.n;
         let (mut current, mut change) = (in_space(n, at.current), in_space(n, at.change));
         for (p, h) in thinning.iter().enumerate() {
             current[ACROSS * n + p] = 1.0 + h;
             change[ACROSS * n + p] = *h;
         }
-        Solid { n, current, change }
+        Solid { n, current, change, given: at.given }
     }
 
     fn variables(&self) -> Variables<'_> {
-        Variables { n: self.n, current: &self.current, change: &self.change, given: &[], laws: &[] }
+        let (current, change) = (&self.current[..], &self.change[..]);
+        Variables { n: self.n, current, change, given: self.given, laws: &[] }
     }
 }
 

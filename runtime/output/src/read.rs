@@ -143,6 +143,20 @@ pub fn read_numbers(
     if errors.is_empty() { Ok(rows) } else { Err(errors) }
 }
 
+/// The names of the columns of a table that can be names of variables, in their order; none where the
+/// header cannot be read.
+pub fn column_names(text: &str) -> Vec<String> {
+    let first = if text.starts_with('\u{feff}') { '\u{feff}'.len_utf8() } else { 0 };
+    let Some((header, _)) = lines(text, first, 1).next() else { return Vec::new() };
+    let is_name = |name: &&str| {
+        name.starts_with(|c: char| c.is_alphabetic())
+            && name.chars().all(|c| c.is_alphanumeric() || c == '_')
+    };
+    let fields = split(text, header).unwrap_or_default();
+    let names = fields.iter().map(|&field| content(text, field));
+    names.filter(is_name).map(String::from).collect()
+}
+
 /// A table whose header is understood.
 struct Table<'a> {
     text: &'a str,

@@ -72,6 +72,12 @@ impl<'a> HeldTangent<'a> {
         Ok(())
     }
 
+    /// What was taken is no tangent any more: the energy is another one.
+    pub(super) fn forget(&mut self) {
+        self.hessian = OnceCell::new();
+        self.is_valid = false;
+    }
+
     /// Whether it is the tangent at `u`.
     pub(super) fn is_at(&self, u: &[f64]) -> bool {
         self.is_valid && self.at == u

@@ -164,6 +164,14 @@ impl<'a> Newton<'a> {
         Counters { factorizations: self.linear.n_factorizations(), ..self.counters }
     }
 
+    /// Forgets what was worked out of the energy: it is another one from now on.
+    pub fn forget(&mut self) {
+        self.evaluated_at = None;
+        self.rounding.set(None);
+        self.tangent.forget();
+        self.factorized = false;
+    }
+
     /// Time by phase since the last call.
     pub fn take_times(&mut self) -> PhaseTimes {
         std::mem::take(&mut self.times)

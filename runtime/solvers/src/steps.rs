@@ -24,12 +24,25 @@ pub trait Drive: Sync {
     /// The fixed degrees of freedom, ascending; the same for all `t`.
     fn fixed(&self) -> &[usize];
 
+    /// Gives the energy what it takes of `t`, as parameters that change in time; whether it is another one
+    /// from then on.
+    ///
+    /// # Errors
+    /// Nothing that the energy could be given.
+    fn begin(&self, _t: f64) -> Result<bool, NotGiven> {
+        Ok(false)
+    }
+
     /// Fills in the displacements of the fixed degrees of freedom at `t`, in m.
     fn prescribed(&self, t: f64, values: &mut [f64]);
 
     /// Fills in the loads (`n x d`) at `t`, in N.
     fn loads(&self, t: f64, loads: &mut [f64]);
 }
+
+/// What an energy takes of a time cannot be had: the drive knows why.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NotGiven;
 
 /// Choices for a run of load steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -151,6 +164,12 @@ pub enum StepError {
         component: usize,
         /// The number that is not finite.
         value: f64,
+        /// The time.
+        t: f64,
+    },
+    /// What the energy takes of a time cannot be had.
+    #[error("a parameter has no value at t = {t}")]
+    Given {
         /// The time.
         t: f64,
     },
@@ -296,6 +315,9 @@ impl<'a> LoadSteps<'a> {
     /// One equilibrium at `t`; the state changes only if it is found.
     fn attempt(&mut self, t: f64, nominal: bool) -> Result<Attempt, StepError> {
         self.watch.notice(Event::Attempt(t));
+        if self.drive.begin(t).map_err(|NotGiven| StepError::Given { t })? {
+            self.newton.forget();
+        }
         let loads = self.loads(t)?;
         let last = self.last(t)?;
         let found = self.search(last, &loads, t);

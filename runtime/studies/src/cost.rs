@@ -185,7 +185,7 @@ fn time_gradient(kernel: &GradientKernel, way: Way) -> Option<[f64; 3]> {
     let (change, direction): (Vec<f64>, Vec<f64>) = (numbers(0.04), numbers(1.0));
     let rest = |k: usize| f64::from(u8::from(k / n / d == k / n % d));
     let gradient: Vec<f64> = change.iter().enumerate().map(|(k, h)| rest(k) + h).collect();
-    let at = GradientBatch { n, gradient: &gradient, change: &change };
+    let at = GradientBatch { n, gradient: &gradient, change: &change, fields: &[] };
     let mut psi = vec![0.0; n];
     let (mut stress, mut product) = (vec![0.0; d * d * n], vec![0.0; d * d * n]);
     let mut least = [f64::INFINITY; 3];

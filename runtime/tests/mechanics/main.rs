@@ -5,6 +5,7 @@ mod consistency;
 mod differences;
 mod extremes;
 mod extremes_solved;
+mod fields;
 mod lattice_counts;
 mod materials;
 mod matrix_free;

@@ -10,6 +10,7 @@
 //! `max |H| = 0.25`, or nothing where it has no value at rest.
 
 mod functions;
+mod terms;
 
 use crate::expression::graph::dimension;
 use crate::expression::{
@@ -17,6 +18,8 @@ use crate::expression::{
 };
 use crate::near::{Exact, Number};
 use crate::simplify::Simplifier;
+use crate::specialise::folded_into;
+use terms::Product;
 
 /// A node near rest: `value + slope . H + rest`.
 #[derive(Clone, Debug)]
@@ -101,6 +104,9 @@ pub(super) fn function_at_rest(
         [Varying { variable: Input::Stretch(0), change: Input::StretchChange(0), at_rest: 1.0 }];
     let mut expander = Expander::new(graph, source, &variables, &[]);
     let Some(Expansion { value, mut slope, rest }) = expander.run(root)? else { return Ok(None) };
+    if matches!(expander.known[root.0 as usize], Some(Near::Unknown(_))) {
+        return Ok(None);
+    }
     Ok(Some(FunctionAtRest { value, slope: slope.remove(0), rest }))
 }
 
@@ -121,9 +127,7 @@ pub(super) fn near(
             at_rest: f64::from(u8::from(k.is_multiple_of(4))),
         })
         .collect();
-    let mut expander = Expander::new(graph, source, &variables, traces);
-    let Some(energy) = expander.run(root)? else { return Ok(None) };
-    expander.total(&energy).map(Some)
+    Expander::new(graph, source, &variables, traces).whole_of(root)
 }
 
 /// An energy of points near rest, as a function of integrals, some of which are 0 at rest; `None` where
@@ -136,12 +140,36 @@ pub(crate) fn near_of_integrals(
 ) -> Result<Option<NodeId>, TooManyNodes> {
     let varying = |&variable: &Input| Varying { variable, change: variable, at_rest: 0.0 };
     let variables: Vec<Varying> = vanishing.iter().map(varying).collect();
-    let mut expander = Expander::new(graph, source, &variables, &[]);
-    let Some(energy) = expander.run(root)? else { return Ok(None) };
-    match expander.known[root.0 as usize] {
-        Some(Near::Unknown(node)) => Ok(Some(node)),
-        _ => expander.total(&energy).map(Some),
+    Expander::new(graph, source, &variables, &[]).whole_of(root)
+}
+
+/// An energy near rest that may hold fields: `near` gives that of a root without any. What is a sum of
+/// products of fields with terms that have none is expanded term by term.
+pub(crate) fn with_fields(
+    graph: &mut Simplifier,
+    exact: &Simplifier,
+    written: NodeId,
+    near: impl Fn(&mut Simplifier, Source<'_>, NodeId) -> Result<Option<NodeId>, TooManyNodes>,
+) -> Result<Option<NodeId>, TooManyNodes> {
+    let mut exact = exact.clone();
+    let whole = || vec![Product { factor: None, term: written }];
+    let products = terms::products(&mut exact, written)?.unwrap_or_else(whole);
+    let needed =
+        products.iter().flat_map(|product| product.factor.into_iter().chain([product.term]));
+    let place = folded_into(graph, exact.graph(), &needed.collect::<Vec<NodeId>>())?;
+    let source = Source { graph: exact.graph(), place: &place };
+    let mut sum: Option<NodeId> = None;
+    for Product { factor, term } in products {
+        let Some(mut part) = near(graph, source, term)? else { return Ok(None) };
+        if let Some(factor) = factor {
+            part = graph.multiply(place[factor.0 as usize], part)?;
+        }
+        sum = Some(match sum {
+            Some(sum) => graph.add(sum, part)?,
+            None => part,
+        });
     }
+    Ok(sum)
 }
 
 /// A variable of an energy.
@@ -191,6 +219,15 @@ impl<'a> Expander<'a> {
             self.known[index] = Some(near);
         }
         Ok(Some(self.number(root)))
+    }
+
+    /// The root as one expression in the changes of its variables; `None` where it is no number at rest.
+    fn whole_of(mut self, root: NodeId) -> Result<Option<NodeId>, TooManyNodes> {
+        let Some(energy) = self.run(root)? else { return Ok(None) };
+        match self.known[root.0 as usize] {
+            Some(Near::Unknown(node)) => Ok(Some(node)),
+            _ => self.total(&energy).map(Some),
+        }
     }
 
     fn number(&self, id: NodeId) -> Expansion {
@@ -271,6 +308,10 @@ impl<'a> Expander<'a> {
             }
             Node::Truth(holds) => {
                 return Ok(Near::Truth(self.graph.make(Node::Truth(holds))?, Some(holds)));
+            }
+            // Of a field nothing is known before a run.
+            Node::Input(Input::Parameter(_)) => {
+                return Ok(Near::Unknown(self.source.place[id.0 as usize]));
             }
             Node::Input(_) | Node::Strain(..) => self.nothing(),
         }))

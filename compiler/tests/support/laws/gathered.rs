@@ -72,7 +72,12 @@ impl Family {
 
     /// The integrals, each rounded.
     fn gather(&self, kernels: &GatheredKernels) -> Vec<f64> {
-        let batch = Batch { measure: &self.lengths, reference: &self.rest, change: &self.change };
+        let batch = Batch {
+            measure: &self.lengths,
+            reference: &self.rest,
+            change: &self.change,
+            fields: &[],
+        };
         let sum = |kernel: &piola_compiler::Kernel| {
             kernel.derivatives(batch).psi.iter().zip(&self.volumes).map(|(g, v)| g * v).sum()
         };
@@ -93,7 +98,7 @@ fn energy(
         if of_bonds { (&family.change[..1], &family.rest[..1]) } else { (&[], &[]) };
     let variables = [bond, integrals].concat();
     let n = variables.len();
-    let at = GatheredBatch { n: 1, variables: &variables, change, reference };
+    let at = GatheredBatch { n: 1, variables: &variables, change, reference, fields: &[] };
     let (mut psi, mut gradient) = (vec![0.0], vec![0.0; n]);
     kernel.evaluate(at, &mut psi, &mut gradient);
     // Where the change of the length is what is rounded, it is known to u of itself.

@@ -89,7 +89,8 @@ fn plus(x: super::Exact, y: f64) -> super::Exact {
 }
 
 fn evaluate(kernel: &GradientKernel, sample: &Sample) -> [Vec<f64>; 3] {
-    let at = GradientBatch { n: 1, gradient: &sample.gradient, change: &sample.change };
+    let at =
+        GradientBatch { n: 1, gradient: &sample.gradient, change: &sample.change, fields: &[] };
     let n = sample.gradient.len();
     let [mut psi, mut stress, mut product] = [vec![0.0; 1], vec![0.0; n], vec![0.0; n]];
     kernel.evaluate(at, &mut psi, &mut stress);

@@ -34,6 +34,9 @@ pub(super) struct TriangleRuns {
     by_square: bool,
     /// What is left of weights where they are not the same for all.
     shares: Option<Shares>,
+    /// Thirds of the values of the field that the law is a multiple of, point by point: those of the corners
+    /// make the mean.
+    thirds: Option<Shares>,
     arch: Arch,
 }
 
@@ -63,8 +66,8 @@ impl TriangleRuns {
             2 => table.pairs::<2>(runs.vectors())?,
             _ => table.pairs::<3>(runs.vectors())?,
         };
-        let runs = Arc::clone(runs);
-        Some(TriangleRuns { runs, pairs, start, by_square, shares, arch: Arch::new() })
+        let (runs, thirds) = (Arc::clone(runs), kind.parts_of_field(3));
+        Some(TriangleRuns { runs, pairs, start, by_square, shares, thirds, arch: Arch::new() })
     }
 
     /// Works out the triangles of a slab's owners; nothing where something is not finite, or thin.
@@ -175,6 +178,8 @@ struct Beside<const D: usize> {
     inside: Eight,
     /// Of the other end in the weights.
     share: Eight,
+    /// Of the other end in the mean of the field.
+    third: Eight,
     /// The next bond of the same vector, of other owners; [`NONE`] of the last.
     next: u32,
 }
@@ -285,6 +290,7 @@ impl Group<'_> {
                 force: [[0.0; WIDEST]; D],
                 inside: each(|lane| f64::from(owners >> lane & 1)),
                 share: [0.0; WIDEST],
+                third: [0.0; WIDEST],
                 next: std::mem::replace(&mut first_of[vector as usize], number as u32),
             };
             let rest = &vectors[vector as usize];
@@ -305,6 +311,10 @@ impl Group<'_> {
                 if let Some(shares) = &self.of.shares {
                     let share = Lanes::load(simd, shares.from(other), register);
                     share.store(&mut bond.share, register);
+                }
+                if let Some(thirds) = &self.of.thirds {
+                    let third = Lanes::load(simd, thirds.from(other), register);
+                    third.store(&mut bond.third, register);
                 }
             }
             bonds.push(bond);
@@ -347,6 +357,10 @@ impl Group<'_> {
                 force: each(|axis| load(&bond.force[axis])),
                 inside: load(&bond.inside),
                 own,
+                thirds: of.thirds.as_ref().map(|thirds| {
+                    Lanes::load(simd, thirds.from(self.first as isize), register)
+                        + load(&bond.third)
+                }),
             };
             for pair in &of.pairs[of.start[vector]..of.start[vector + 1]] {
                 let mut other = first_of[pair.vector as usize];
@@ -396,6 +410,8 @@ struct First<S: Simd, const D: usize> {
     inside: Lanes<S>,
     /// What the owner and the other end have in the weights.
     own: Option<Lanes<S>>,
+    /// The same in the mean of the field.
+    thirds: Option<Lanes<S>>,
 }
 
 impl<S: Simd, const D: usize> First<S, D> {
@@ -434,6 +450,13 @@ impl<S: Simd, const D: usize> First<S, D> {
             let share = load(&second.share);
             let all = if shares.are_added { own + share } else { own * share };
             weight = Some(if MASKED { all * (self.inside * load(&second.inside)) } else { all });
+        }
+        if let Some(thirds) = self.thirds {
+            let mean = thirds + load(&second.third);
+            weight = Some(match weight {
+                Some(weight) => weight * mean,
+                None => mean,
+            });
         }
         let mut first = changed.first;
         if let Some(weight) = weight {

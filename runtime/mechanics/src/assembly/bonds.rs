@@ -149,6 +149,9 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
         let Some(element) = self.kind.element(law) else { return Ok(()) };
         for others in others.chunks(CAPACITY) {
             self.fill(owner, others, part);
+            if let Some(fields) = self.kind.fields_of(law) {
+                self.batch.take_fields(fields, |lane| [owner, others[lane] as usize].into_iter());
+            }
             self.evaluate(element, owner, others)?;
             self.scatter(owner, others, place, own, rows);
             place += others.len();

@@ -1,13 +1,14 @@
 //! One kind of interaction: what its members store, by the materials of their points, and how much each
 //! counts.
 
+use std::ops::Range;
 use std::sync::Arc;
 
-use super::quadratic::{AffineLaw, Quadratic};
+use super::quadratic::{AffineLaw, Quadratic, Shares};
 use crate::element::Element;
 use crate::interaction::OwnerCliques;
 use crate::kernel::Measure;
-use crate::materials::{Materials, Parts};
+use crate::materials::{Fields, Materials, Parts};
 use crate::weights::CliqueWeights;
 
 /// The interactions of one measure.
@@ -68,6 +69,29 @@ impl Kind {
         materials.parts(corners)
     }
 
+    /// The fields of a law, where its element takes some.
+    #[inline(always)]
+    pub(super) fn fields_of(&self, law: usize) -> Option<(&Fields, Range<usize>)> {
+        if self.element(law)?.n_fields() == 0 {
+            return None;
+        }
+        let fields = self.materials.as_deref()?.fields()?;
+        Some((fields, fields.of_law(law)))
+    }
+
+    /// The values of the field that affine laws are a multiple of, in equal parts of so many corners.
+    pub(super) fn parts_of_field(&self, corners: usize) -> Option<Shares> {
+        let (fields, own) = self.fields_of(0)?;
+        let n_points = self.materials.as_ref().map_or(0, |materials| materials.n_points());
+        let part = |point: usize| fields.mean(own.start, std::iter::once(point)) / corners as f64;
+        Some(Shares::added((0..n_points).map(part)))
+    }
+
+    /// Whether an element takes fields.
+    pub(super) fn has_fields(&self) -> bool {
+        self.elements().any(|element| element.n_fields() > 0)
+    }
+
     /// Whether some interactions may not turn inside out.
     pub(super) fn forbids_inversion(&self) -> bool {
         self.elements().any(|element| element.forbids_inversion())
@@ -92,6 +116,11 @@ impl Kind {
         }
         let of_laws = self.elements.iter().map(|element| element.as_deref().map_or(Some(None), of));
         let laws: Vec<Option<AffineLaw<'_>>> = of_laws.collect::<Option<_>>()?;
+        // Of several laws each would have a field of its own, and what changes in time is looked up.
+        let steady = || self.fields_of(0).is_some_and(|(fields, _)| fields.is_steady());
+        if self.has_fields() && !(laws.len() == 1 && steady()) {
+            return None;
+        }
         let by_square = laws.iter().flatten().next()?.by_square;
         let alike = laws.iter().flatten().all(|law| law.by_square == by_square);
         alike.then_some(AffineLaws { laws, by_square })

@@ -9,6 +9,7 @@ use super::kind::Kind;
 use super::runs::BondRuns;
 use super::sum::Sum;
 use crate::interaction::runs::Runs;
+use crate::materials::Materials;
 
 /// The interactions of a lattice that go without neighbour lists and kernels.
 #[derive(Default)]
@@ -38,7 +39,9 @@ impl OnLattice {
         };
         let shape = (energy.body.dimension(), energy.neighborhood.horizon());
         let kinds = [bonds, triangles].into_iter().flatten();
-        let runs = match kinds.filter_map(|kind| kind.materials.as_ref()).next() {
+        let several = |materials: &&Arc<Materials>| materials.n_laws() > 1;
+        let materials = kinds.filter_map(|kind| kind.materials.as_ref());
+        let runs = match materials.filter(several).next() {
             Some(materials) => runs.between(materials, shape.0),
             None => Some(runs),
         };

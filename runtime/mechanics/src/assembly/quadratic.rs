@@ -50,22 +50,27 @@ pub(crate) struct AffineLaw<'a> {
 impl<'a> AffineLaw<'a> {
     /// By the square of its measure rather than by its root; nothing where it is not affine.
     pub(super) fn of(law: &'a dyn Law) -> Option<AffineLaw<'a>> {
-        let square = law.squared().filter(|law| law.is_affine());
+        let serves = |law: &&dyn Law| {
+            law.is_affine() && (law.fields().is_empty() || law.is_multiple_of_field())
+        };
+        let square = law.squared().filter(serves);
         let by_square = square.is_some();
-        let law = square.or(Some(law).filter(|law| law.is_affine()))?;
+        let law = square.or(Some(law).filter(serves))?;
         Some(AffineLaw { law, by_square })
     }
 
     /// By its measure; nothing where it is not affine in that.
     pub(crate) fn by_measure(law: &'a dyn Law) -> Option<AffineLaw<'a>> {
-        law.is_affine().then_some(AffineLaw { law, by_square: false })
+        let serves = law.is_affine() && law.fields().is_empty();
+        serves.then_some(AffineLaw { law, by_square: false })
     }
 
-    /// The energy of interactions of one measure at rest, times what weights have in common; nothing
-    /// where psi or a derivative is not finite.
+    /// The energy of interactions of one measure at rest, times what weights have in common, for one unit
+    /// of its field where it has one; nothing where psi or a derivative is not finite.
     pub(crate) fn at(self, reference: f64, weight: f64) -> Option<Quadratic> {
         let (at, [mut psi, mut dpsi, mut d2psi]) = ([reference], [[0.0]; 3]);
-        let batch = Batch { measure: &at, reference: &at, change: &[0.0] };
+        let unit = if self.law.fields().is_empty() { &[][..] } else { &[1.0] };
+        let batch = Batch { measure: &at, reference: &at, change: &[0.0], fields: unit };
         let out = Outputs { psi: &mut psi, dpsi: &mut dpsi, d2psi: &mut d2psi };
         self.law.evaluate(batch, Order::Tangent, out);
         // By `q = m^2/M`, of which `m^2 - M^2` is `M` times the change.
@@ -163,6 +168,12 @@ impl Shares {
         }
         let room = [0.0; WIDEST];
         (factor, Some(Shares { padded: [&room, &shares[..], &room].concat(), are_added }))
+    }
+
+    /// Numbers of points that are added.
+    pub(super) fn added(numbers: impl Iterator<Item = f64>) -> Shares {
+        let room = [0.0; WIDEST];
+        Shares { padded: room.into_iter().chain(numbers).chain(room).collect(), are_added: true }
     }
 
     /// The shares of points from one on, which may lie a little before the first.

@@ -28,6 +28,9 @@ pub(super) struct BondRuns {
     by_square: bool,
     /// What is left of weights where they are not the same for all.
     shares: Option<Shares>,
+    /// Half of the values of the field that the law is a multiple of, point by point: those of both ends
+    /// make the mean.
+    halves: Option<Shares>,
     arch: Arch,
 }
 
@@ -44,8 +47,8 @@ impl BondRuns {
             all.at(kind.parts(&runs.materials(vector)), *length, common)
         };
         let laws = lengths.iter().enumerate().map(law).collect::<Option<_>>()?;
-        let (runs, arch) = (Arc::clone(runs), Arch::new());
-        Some(BondRuns { runs, laws, by_square: all.by_square, shares, arch })
+        let (runs, arch, halves) = (Arc::clone(runs), Arch::new(), kind.parts_of_field(2));
+        Some(BondRuns { runs, laws, by_square: all.by_square, shares, halves, arch })
     }
 }
 
@@ -126,6 +129,12 @@ impl<const D: usize, const WAY: u8, const PRODUCT: bool> WithSimd for Sweep<'_, 
                     })
                 }),
                 are_added: runs.shares.as_ref().is_some_and(|shares| shares.are_added),
+                halves: runs.halves.as_ref().map(|halves| {
+                    [i, j].map(|point| {
+                        let halves = halves.from(point as isize + first as isize - WIDEST as isize);
+                        S::as_simd_f64s(&halves[..padded]).0
+                    })
+                }),
             };
             let full = len / Lanes::<S>::WIDTH;
             for group in 0..full {
@@ -158,6 +167,7 @@ struct Ends<'a, S: Simd, const D: usize> {
     other: [&'a mut [S::f64s]; D],
     shares: Option<[&'a [S::f64s]; 2]>,
     are_added: bool,
+    halves: Option<[&'a [S::f64s]; 2]>,
 }
 
 /// What is added up over all bonds of a slab.
@@ -196,6 +206,13 @@ fn step<S: Simd, const D: usize, const WAY: u8, const PRODUCT: bool, const LAST:
         let (own, other) = (lanes(own[group]), lanes(other[group]));
         let both = if ends.are_added { own + other } else { own * other };
         weight = Some(if LAST { both * inside } else { both });
+    }
+    if let Some([own, other]) = ends.halves {
+        let mean = lanes(own[group]) + lanes(other[group]);
+        weight = Some(match weight {
+            Some(weight) => weight * mean,
+            None => mean,
+        });
     }
     if let Some(weight) = weight {
         (first, second) = (first * weight, second * weight);

@@ -262,9 +262,12 @@ struct TetrahedronRows<'a, 'r> {
 }
 
 impl<'a> TetrahedronRows<'a, '_> {
-    /// For sums over pairs of corners; nothing of elements that know no law.
+    /// For sums over pairs of corners; nothing of elements that know no law, or take fields.
     fn rules(&self, law: usize) -> Option<Rules<'a>> {
         let (element, weights) = (self.kind.element(law)?, &self.kind.weights);
+        if element.n_fields() > 0 {
+            return None;
+        }
         let (law, arch) = element.law()?;
         Some(Rules { law, arch, weights, order: self.order, least: element.least() })
     }

@@ -162,6 +162,7 @@ impl TetrahedronSums {
             measure: block.measure.as_flattened(),
             reference: block.reference.as_flattened(),
             change: block.change.as_flattened(),
+            fields: &[],
         };
         let outputs = Outputs {
             psi: block.psi.as_flattened_mut(),

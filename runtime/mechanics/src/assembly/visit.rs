@@ -131,6 +131,13 @@ impl Visit<'_> {
             if part != 1.0 {
                 batch.weight.iter_mut().for_each(|weight| *weight *= part);
             }
+            if let Some(fields) = kind.fields_of(law) {
+                let members = |lane: usize| lanes[lane].corners::<K>().into_iter();
+                let point = |member: usize| cliques.members()[member] as usize;
+                batch.take_fields(fields, |lane| {
+                    std::iter::once(cliques.owner()).chain(members(lane).map(point))
+                });
+            }
             element.evaluate(batch, self.order, out).map_err(|lane| {
                 let points = lanes[lane.lane].corners::<K>();
                 Refusal { element, lane }.of::<D>(named(cliques, &points), self.u)

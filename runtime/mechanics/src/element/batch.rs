@@ -1,8 +1,11 @@
 //! Interactions side by side, one array per number: the form in which elements take and give them.
 
+use std::ops::Range;
+
 use crate::geometry::packed_len;
 use crate::interaction::n_neighbors;
 use crate::kernel::{Measure, Outputs};
+use crate::materials::Fields;
 
 /// How many interactions fit into a batch: their numbers stay in the first-level cache. A multiple of
 /// `WIDEST`.
@@ -24,6 +27,9 @@ pub struct InteractionBatch {
     pub displacement: Vec<Channel>,
     /// Weights in m^(d*(corners)).
     pub weight: Channel,
+    /// Parameters that vary, in SI units: field by field, [`Self::padded_len`] numbers each. Nothing where
+    /// the element takes none.
+    pub fields: Vec<f64>,
 }
 
 impl InteractionBatch {
@@ -35,7 +41,20 @@ impl InteractionBatch {
             reference: vec![[0.0; CAPACITY]; channels],
             displacement: vec![[0.0; CAPACITY]; channels],
             weight: [0.0; CAPACITY],
+            fields: Vec::new(),
         }
+    }
+
+    /// Takes the mean over the corners of some fields, which `corners(lane)` names by their points.
+    #[inline(always)]
+    pub(crate) fn take_fields<I: Iterator<Item = usize> + Clone>(
+        &mut self,
+        (fields, of_law): (&Fields, Range<usize>),
+        corners: impl Fn(usize) -> I,
+    ) {
+        self.fields.clear();
+        let (last, padded) = (self.len.saturating_sub(1), self.padded_len());
+        fields.add(of_law, padded, |lane| corners(lane.min(last)), &mut self.fields);
     }
 
     /// How many interactions it holds.

@@ -34,7 +34,7 @@ impl MeasureElement {
     pub fn new(measure: Measure, dimension: usize, law: Box<dyn Law>) -> MeasureElement {
         let psi = |stretch: f64| {
             let (measure, change, mut psi) = (&[stretch], &[stretch - 1.0], [0.0]);
-            let batch = Batch { measure, reference: &[1.0], change };
+            let batch = Batch { measure, reference: &[1.0], change, fields: law.fields() };
             let out = Outputs { psi: &mut psi, dpsi: &mut [], d2psi: &mut [] };
             law.evaluate(batch, Order::Energy, out);
             psi[0]
@@ -64,6 +64,10 @@ impl Element for MeasureElement {
 
     fn law(&self) -> Option<(&dyn Law, Arch)> {
         Some((&*self.law, self.arch))
+    }
+
+    fn n_fields(&self) -> usize {
+        self.law.fields().len()
     }
 
     fn evaluate(
@@ -115,6 +119,7 @@ impl MeasureElement {
             measure: &measures.measure[..n],
             reference: &measures.reference[..n],
             change: &measures.change[..n],
+            fields: if self.n_fields() == 0 { &[] } else { &batch.fields },
         };
         law.evaluate(inputs, order, out.derivatives.outputs());
         let least = self.least();

@@ -1,5 +1,7 @@
 //! The laws of several materials as one: each place takes its own.
 
+use std::ops::Range;
+
 use crate::kernel::{Variables, VariablesLaw};
 use crate::pool::Pool;
 
@@ -9,12 +11,16 @@ pub struct MaterialLaw {
     pub law: Box<dyn VariablesLaw>,
     /// For each of its variables its number among those of all materials.
     pub variables: Vec<usize>,
+    /// Which of the fields of all materials are its own.
+    pub fields: Range<usize>,
 }
 
 /// Laws by number: [`Variables::laws`] says which of them holds at a place. Where none is given the energy
 /// is 0.
 pub struct ByMaterial {
     n_variables: usize,
+    /// How many fields all materials have; they are the last of what is given.
+    n_fields: usize,
     laws: Vec<Option<MaterialLaw>>,
     rooms: Pool<Room>,
 }
@@ -33,22 +39,25 @@ struct Room {
 
 impl ByMaterial {
     /// `laws` has one of each material, and then those of interfaces; together they are functions of so
-    /// many variables.
-    pub fn new(n_variables: usize, laws: Vec<Option<MaterialLaw>>) -> ByMaterial {
-        for MaterialLaw { law, variables } in laws.iter().flatten() {
+    /// many variables, and take so many fields.
+    pub fn new(n_variables: usize, n_fields: usize, laws: Vec<Option<MaterialLaw>>) -> ByMaterial {
+        for MaterialLaw { law, variables, fields } in laws.iter().flatten() {
             assert_eq!(law.n_variables(), variables.len(), "a number for each variable");
             assert!(variables.iter().all(|variable| *variable < n_variables));
+            assert!(fields.end <= n_fields, "fields are among those of all");
         }
-        ByMaterial { n_variables, laws, rooms: Pool::new() }
+        ByMaterial { n_variables, n_fields, laws, rooms: Pool::new() }
     }
 
     /// The law of all places, where they have the same and it is a function of all variables
     /// in their order.
     fn of_all(&self, laws: &[u8]) -> Option<&dyn VariablesLaw> {
         let first = laws.first()?;
-        let MaterialLaw { law, variables } = self.laws.get(usize::from(*first))?.as_ref()?;
+        let own = self.laws.get(usize::from(*first))?.as_ref()?;
+        let MaterialLaw { law, variables, fields } = own;
         let alike = laws.iter().all(|law| law == first);
-        let has_all = variables.iter().copied().eq(0..self.n_variables);
+        let has_all =
+            variables.iter().copied().eq(0..self.n_variables) && *fields == (0..self.n_fields);
         (alike && has_all).then_some(&**law)
     }
 
@@ -65,7 +74,7 @@ impl ByMaterial {
         out.fill(0.0);
         let mut room = self.rooms.take(Room::default);
         for (number, law) in self.laws.iter().enumerate() {
-            let Some(MaterialLaw { law, variables }) = law else { continue };
+            let Some(MaterialLaw { law, variables, fields }) = law else { continue };
             let Room { places, current, change, given, direction: along, psi: own, out: parts } =
                 &mut *room;
             places.clear();
@@ -82,7 +91,9 @@ impl ByMaterial {
                 true => gather(at.change, at.n, places, variables.iter().copied(), change),
                 false => gather(at.change, at.n, places, 0..at.change.len() / at.n, change),
             }
-            gather(at.given, at.n, places, 0..at.given.len() / at.n, given);
+            let n_others = at.given.len() / at.n - self.n_fields;
+            let known = (0..n_others).chain(fields.clone().map(|field| n_others + field));
+            gather(at.given, at.n, places, known, given);
             if !direction.is_empty() {
                 gather(direction, at.n, places, variables.iter().copied(), along);
             }
@@ -142,7 +153,7 @@ impl VariablesLaw for ByMaterial {
     }
 
     fn is_affine_beside(&self, is_fixed: &dyn Fn(usize) -> bool) -> bool {
-        self.laws.iter().flatten().all(|MaterialLaw { law, variables }| {
+        self.laws.iter().flatten().all(|MaterialLaw { law, variables, .. }| {
             // Integrals stand behind the length.
             law.is_affine_beside(&|k| is_fixed(variables[1 + k] - 1))
         })
@@ -196,8 +207,8 @@ mod tests {
 
     #[test]
     fn variables_keep_the_order_of_their_law() {
-        let law = |variables| Some(MaterialLaw { law: Box::new(Mixed), variables });
-        let both = ByMaterial::new(2, vec![law(vec![0, 1]), law(vec![1, 0])]);
+        let law = |variables| Some(MaterialLaw { law: Box::new(Mixed), variables, fields: 0..0 });
+        let both = ByMaterial::new(2, 0, vec![law(vec![0, 1]), law(vec![1, 0])]);
         let current = [2.0, 3.0];
         for (number, expected) in [(0, [18.0, 9.0, 12.0]), (1, [12.0, 12.0, 4.0])] {
             let at =
@@ -211,9 +222,10 @@ mod tests {
     #[test]
     fn each_place_has_the_law_of_its_material() {
         let law = |factor, variable| {
-            Some(MaterialLaw { law: Box::new(Square(factor)), variables: vec![variable] })
+            let (law, variables) = (Box::new(Square(factor)), vec![variable]);
+            Some(MaterialLaw { law, variables, fields: 0..0 })
         };
-        let both = ByMaterial::new(2, vec![law(1.0, 0), law(10.0, 1), None]);
+        let both = ByMaterial::new(2, 0, vec![law(1.0, 0), law(10.0, 1), None]);
         let current = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0];
         let at =
             Variables { n: 4, current: &current, change: &[], given: &[], laws: &[0, 1, 0, 2] };

@@ -65,9 +65,10 @@ pub(crate) fn explain(case: &Case, found: &NonFinite) -> String {
         .zip(&case.scene.materials)
         .filter(|(_, material)| laws.as_ref().is_none_or(|laws| laws.contains(&material.law)));
     let readings = of_points.filter_map(|(potential, _)| {
-        let Potential { model, values, .. } = potential;
+        let Potential { model, .. } = potential;
         let variant = model.variant(case.body.dimension())?;
         let has = variant.energies.iter().any(|energy| energy.measure == measure);
+        let values = case.values_between(potential, &found.points);
         has.then_some(Reading { model, values, variant, measure, found })
     });
     let readings: Vec<Reading<'_>> = readings.collect();
@@ -113,7 +114,8 @@ fn tuple(numbers: &[f64]) -> String {
 /// The energy of one interaction, read again.
 struct Reading<'a> {
     model: &'a Model,
-    values: &'a Values,
+    /// Of fields those at `t = 0`.
+    values: Values,
     variant: &'a Variant,
     measure: Measure,
     found: &'a NonFinite,
@@ -172,7 +174,7 @@ impl Reading<'_> {
     /// The energy is finite, so a derivative is not, or what is made of them.
     fn failed_derivative(&self) -> String {
         let symbol = self.measure.symbol();
-        let specialised = self.model.specialise(self.values).ok();
+        let specialised = self.model.specialise(&self.values).ok();
         let energy = specialised
             .and_then(|all| all.energies.into_iter().find(|e| e.measure == self.measure));
         let Some(energy) = energy else { return format!("psi({symbol}) itself is finite") };
@@ -195,7 +197,7 @@ impl Reading<'_> {
     }
 
     fn read(&self, graph: &ExprGraph, value: f64) -> Interpreter<f64> {
-        read(graph, self.values, value, self.found.reference)
+        read(graph, &self.values, value, self.found.reference)
     }
 
     /// The operation that made a root a number that is not finite: from the root to an operand that

@@ -10,11 +10,14 @@
 
 mod error;
 pub(crate) mod explain;
+mod fields;
 mod model;
 mod potential;
 pub(crate) mod size;
 
 pub use error::CaseError;
+use fields::Columns;
+pub use fields::{FieldsInTime, WrongField};
 pub(crate) use model::state_laws;
 pub(crate) use potential::settings;
 pub use potential::{Compiled, Potential};
@@ -55,6 +58,8 @@ pub struct Case {
     pub body: Arc<Body>,
     /// Of which material they are; nothing where all are of one.
     pub materials: Option<Arc<Materials>>,
+    /// What parameters take from the table of the points.
+    columns: Columns,
     /// Findings about the scene that do not stop the work; spans as in [`Scene::report`].
     pub warnings: Vec<Diagnostic>,
     /// Where the scene is: a cloud is named relative to it.
@@ -120,7 +125,8 @@ impl Case {
         }
         let body = Arc::new(Body::new(scene.body.dimension, &[], &[], None));
         let folder = folder.to_path_buf();
-        Ok(Case { scene, potentials, body, materials: None, warnings, folder })
+        let columns = Columns::default();
+        Ok(Case { scene, potentials, body, materials: None, columns, warnings, folder })
     }
 
     /// The same with its points.
@@ -128,11 +134,11 @@ impl Case {
     /// # Errors
     /// A cloud that cannot be read, a box that is none, more points than the memory holds.
     pub fn with_points(mut self) -> Result<Case, CaseError> {
-        let (body, warnings) = body(&self.scene, &self.folder)?;
+        let Filled { body, columns, warnings } = body(&self.scene, &self.folder)?;
         self.materials = selection::materials(&self.scene, &body)?.map(Arc::new);
-        self.body = Arc::new(body);
+        (self.body, self.columns) = (Arc::new(body), columns);
         self.warnings.extend(warnings);
-        Ok(self)
+        self.with_fields()
     }
 
     /// Compiles the energies of all potentials with the derivatives that the scene asks for.
@@ -140,18 +146,16 @@ impl Case {
     /// # Errors
     /// Energies that are too large, or that need what is not there.
     pub fn compile(&self) -> Result<Vec<Compiled>, CaseError> {
-        let mut seen = vec![0; self.scene.n_laws()];
-        let compile = |(potential, material): (&Potential, &Material)| {
+        let compile = |(potential, place): (&Potential, (usize, usize))| {
             let mut compiled = potential.compile(&self.scene)?;
-            (compiled.law, compiled.layer) = (material.law, seen[material.law]);
-            seen[material.law] += 1;
+            (compiled.law, compiled.layer) = place;
             if !self.scene.regions.is_empty() {
                 compiled.label =
-                    format!("{} of {}", compiled.name, self.scene.law_name(material.law));
+                    format!("{} of {}", compiled.name, self.scene.law_name(compiled.law));
             }
             Ok(compiled)
         };
-        self.potentials.iter().zip(&self.scene.materials).map(compile).collect()
+        self.potentials.iter().zip(self.places()).map(compile).collect()
     }
 
     /// The same body of one of its materials alone; `None` where it has no such material.
@@ -213,8 +217,9 @@ fn no_gradients(scene: &Scene, potentials: &[Potential]) -> CaseError {
 }
 
 /// The points of the scene without those that it removes.
-fn body(scene: &Scene, folder: &Path) -> Result<(Body, Vec<Diagnostic>), CaseError> {
+fn body(scene: &Scene, folder: &Path) -> Result<Filled, CaseError> {
     let dimension = scene.body.dimension;
+    let mut table = None;
     let (positions, volumes, spacing) = match &scene.body.points {
         Points::Lattice(shape) => {
             let lattice = Lattice {
@@ -232,6 +237,7 @@ fn body(scene: &Scene, folder: &Path) -> Result<(Body, Vec<Diagnostic>), CaseErr
             let text = error::read_text(&file, MAX_CLOUD_BYTES)?;
             let cloud = read_cloud(&text, dimension)
                 .map_err(|error| CaseError::table(&file, &text, error))?;
+            table = Some((file, text));
             (cloud.positions, cloud.volumes, None)
         }
     };
@@ -242,5 +248,18 @@ fn body(scene: &Scene, folder: &Path) -> Result<(Body, Vec<Diagnostic>), CaseErr
         left.0.extend_from_slice(position);
         left.1.push(*volume);
     }
-    Ok((Body::new(dimension, &left.0, &left.1, spacing), kept.warnings))
+    let columns = match table {
+        Some((file, text)) => Columns::read(&text, scene, &kept.keep)
+            .map_err(|errors| CaseError::table(&file, &text, errors))?,
+        None => Columns::default(),
+    };
+    let body = Body::new(dimension, &left.0, &left.1, spacing);
+    Ok(Filled { body, columns, warnings: kept.warnings })
+}
+
+/// The points of a scene.
+struct Filled {
+    body: Body,
+    columns: Columns,
+    warnings: Vec<Diagnostic>,
 }

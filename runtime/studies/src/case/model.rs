@@ -8,12 +8,12 @@ use piola_mechanics::deformation::influence::{Constant, CubicSpline, Influence, 
 use piola_mechanics::deformation::{DeformationEnergy, Discretisation, Formulation, Stabilisation};
 use piola_mechanics::energy::{Term, Total};
 use piola_mechanics::kernel::{Law, VariablesLaw};
-use piola_mechanics::materials::{ByMaterial, MaterialLaw};
+use piola_mechanics::materials::{ByMaterial, Fields, MaterialLaw, Materials};
 use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::sheet::Thick;
 use piola_mechanics::states::{StateEnergy, StateLaws};
 
-use super::{Case, CaseError, Compiled, size};
+use super::{Case, CaseError, Compiled, FieldsInTime, size};
 use crate::scene::{InfluenceChoice, NamedInfluence, StrainSource};
 
 impl Case {
@@ -23,6 +23,18 @@ impl Case {
     /// A body that cannot be assembled: isolated or coincident points, nothing to model, more
     /// neighbours than the machine's memory holds, neighbours that determine no deformation gradient.
     pub fn energy(&self, compiled: Vec<Compiled>) -> Result<Total<'static>, CaseError> {
+        Ok(self.energy_in_time(compiled)?.0)
+    }
+
+    /// The same with the parameters that vary: where these change with t, the energy does.
+    ///
+    /// # Errors
+    /// As [`Case::energy`].
+    pub fn energy_in_time(
+        &self,
+        compiled: Vec<Compiled>,
+    ) -> Result<(Total<'static>, FieldsInTime<'_>), CaseError> {
+        let fields = FieldsInTime::new(self).map_err(|wrong| self.wrong_field(wrong))?;
         let horizon = self.scene.horizon_radius();
         size::check_neighbors(&self.body, horizon, size::family(&self.body, horizon))?;
         let neighborhood = Neighborhood::new(&self.body, horizon).map_err(AssemblyError::from)?;
@@ -30,9 +42,10 @@ impl Case {
         let layers = self.layers(compiled);
         let alone = layers.len() == 1;
         let (mut terms, mut names) = (Vec::new(), Vec::new());
-        for layer in layers {
+        for (number, layer) in layers.into_iter().enumerate() {
             let potential = layer.name();
-            for term in self.terms(layer, &neighborhood)? {
+            let materials = fields.materials(number);
+            for term in self.terms(layer, &neighborhood, materials)? {
                 let own = term.parts().iter();
                 names.extend(own.map(|part| match alone {
                     true => part.clone(),
@@ -41,17 +54,21 @@ impl Case {
                 terms.push(term);
             }
         }
-        Ok(Total::named(terms, names.into()))
+        Ok((Total::named(terms, names.into()), fields))
     }
 
     /// The same as a run of the scene sees it: strain and products come about as the scene says.
     ///
     /// # Errors
     /// As [`Case::energy`].
-    pub fn solved_energy(&self, compiled: Vec<Compiled>) -> Result<Total<'static>, CaseError> {
+    pub fn solved_energy(
+        &self,
+        compiled: Vec<Compiled>,
+    ) -> Result<(Total<'static>, FieldsInTime<'_>), CaseError> {
         let solver = &self.scene.solver;
-        let energy = self.energy(compiled)?.with_products(solver.products);
-        Ok(energy.from_positions(solver.strain == StrainSource::Positions))
+        let (energy, fields) = self.energy_in_time(compiled)?;
+        let energy = energy.with_products(solver.products);
+        Ok((energy.from_positions(solver.strain == StrainSource::Positions), fields))
     }
 
     /// What is added up: of every law its first potential, then of every law its second, and so on.
@@ -72,27 +89,30 @@ impl Case {
         &self,
         layer: Layer,
         neighborhood: &Arc<Neighborhood>,
+        materials: Option<Arc<Materials>>,
     ) -> Result<Vec<Term<'static>>, CaseError> {
+        let fields = materials.as_deref().and_then(Materials::fields);
         let found = || (Arc::clone(&self.body), Arc::clone(neighborhood));
         let mut terms = Vec::new();
         let has_interactions = layer.present().any(Compiled::has_interactions);
         let Parts { elements, gathered, gradients } = layer.parts();
         if has_interactions {
             let ((body, neighborhood), weights) = (found(), self.scene.horizon.weights);
-            let materials = self.materials.clone();
+            let materials = materials.clone();
             let energy =
                 DiscreteEnergy::of_materials(body, neighborhood, weights, materials, elements)?;
             terms.push(Box::new(energy).into());
         }
         if gathered.iter().any(Option::is_some) {
-            let laws = states_of_materials(gathered, self.thickness());
+            let laws = states_of_materials(gathered, self.thickness(), fields);
             let (body, neighborhood) = found();
-            let materials = self.materials.clone();
+            let materials = materials.clone();
             let energy = StateEnergy::of_materials(body, neighborhood, materials, laws)?;
             terms.push(Box::new(energy).into());
         }
         if gradients.iter().any(Option::is_some) {
-            terms.push(Box::new(self.correspondence(gradients, found().1)?).into());
+            let energy = self.correspondence(gradients, found().1, materials.clone())?;
+            terms.push(Box::new(energy).into());
         }
         Ok(terms)
     }
@@ -101,6 +121,7 @@ impl Case {
         &self,
         laws: Vec<Option<Box<dyn VariablesLaw>>>,
         neighborhood: Arc<Neighborhood>,
+        materials: Option<Arc<Materials>>,
     ) -> Result<DeformationEnergy, CaseError> {
         let (horizon, thickness) = (self.scene.horizon_radius(), self.thickness());
         let d = self.body.dimension();
@@ -113,8 +134,10 @@ impl Case {
             influence: &*influence,
         };
         let laws = laws.into_iter().map(|law| law.map(|law| thick(law, thickness)));
-        let (body, materials) = (Arc::clone(&self.body), self.materials.clone());
-        let law = by_material(d * d, laws.map(|law| law.map(|law| (law, None))).collect());
+        let body = Arc::clone(&self.body);
+        let fields = materials.as_deref().and_then(Materials::fields);
+        let laws = laws.map(|law| law.map(|law| (law, None))).collect();
+        let law = by_material(d * d, laws, fields);
         Ok(DeformationEnergy::of_materials(body, neighborhood, formulation, materials, law)?)
     }
 }
@@ -163,18 +186,24 @@ impl Layer {
 type Numbered = (Box<dyn VariablesLaw>, Option<Vec<usize>>);
 
 /// The laws of several materials as one; the law itself of one material.
-fn by_material(n_variables: usize, mut laws: Vec<Option<Numbered>>) -> Box<dyn VariablesLaw> {
+fn by_material(
+    n_variables: usize,
+    mut laws: Vec<Option<Numbered>>,
+    fields: Option<&Fields>,
+) -> Box<dyn VariablesLaw> {
     if let [Some(_)] = &laws[..]
         && let Some((law, _)) = laws.pop().flatten()
     {
         return law;
     }
-    let law = |(law, variables): Numbered| MaterialLaw {
-        law,
-        variables: variables.unwrap_or_else(|| (0..n_variables).collect()),
+    let law = |(number, own): (usize, Option<Numbered>)| {
+        let (law, variables) = own?;
+        let variables = variables.unwrap_or_else(|| (0..n_variables).collect());
+        let fields = fields.map_or(0..0, |fields| fields.of_law(number));
+        Some(MaterialLaw { law, variables, fields })
     };
-    let laws = laws.into_iter().map(|own| own.map(law)).collect();
-    Box::new(ByMaterial::new(n_variables, laws))
+    let laws = laws.into_iter().enumerate().map(law).collect();
+    Box::new(ByMaterial::new(n_variables, fields.map_or(0, Fields::len), laws))
 }
 
 /// The energies of gathered states of several materials: of integrals that are the same function in
@@ -182,11 +211,12 @@ fn by_material(n_variables: usize, mut laws: Vec<Option<Numbered>>) -> Box<dyn V
 fn states_of_materials(
     gathered: Vec<Option<(GatheredKernels, [String; 2])>>,
     thickness: f64,
+    fields: Option<&Fields>,
 ) -> StateLaws {
     let mut laws = StateLaws::default();
     let mut known: Vec<Integrand> = Vec::new();
     let (mut points, mut bonds) = (Vec::new(), Vec::new());
-    for of_material in gathered {
+    for (material, of_material) in gathered.into_iter().enumerate() {
         let Some((kernels, arguments)) = of_material else {
             points.push(None);
             bonds.push(None);
@@ -195,11 +225,13 @@ fn states_of_materials(
         // Those of one material stay apart, also where its parameters make them alike.
         let mut numbers: Vec<usize> = Vec::new();
         for (integral, function) in kernels.integrals.into_iter().zip(kernels.functions) {
-            let alike = |k: &usize| known[*k] == function && !numbers.contains(k);
+            let alike =
+                |k: &usize| function.is_shared() && known[*k] == function && !numbers.contains(k);
             let number = (0..known.len()).find(alike).unwrap_or(known.len());
             if number == known.len() {
                 known.push(function);
                 laws.integrals.push(Box::new(integral));
+                laws.of_law.push(material);
             }
             numbers.push(number);
         }
@@ -215,8 +247,8 @@ fn states_of_materials(
     }
     let n = laws.integrals.len();
     let some = |laws: &[Option<Numbered>]| laws.iter().any(Option::is_some);
-    laws.points = some(&points).then(|| by_material(n, points));
-    laws.bonds = some(&bonds).then(|| by_material(n + 1, bonds));
+    laws.points = some(&points).then(|| by_material(n, points, fields));
+    laws.bonds = some(&bonds).then(|| by_material(n + 1, bonds, fields));
     laws
 }
 
@@ -233,6 +265,7 @@ pub(crate) fn state_laws(
 ) -> StateLaws {
     StateLaws {
         integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
+        of_law: Vec::new(),
         points: kernels.points.map(|law| thick(law, thickness)),
         bonds: kernels.bonds.map(|law| thick(law, thickness)),
         arguments,

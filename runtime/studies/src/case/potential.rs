@@ -14,9 +14,11 @@ use piola_mechanics::element::{CoordinateElement, Element, MeasureElement};
 use piola_mechanics::kernel::{Measure, VariablesLaw};
 use piola_mechanics::sheet::PlaneStress;
 
+use super::fields::{self, Columns, Field};
 use super::{CaseError, Library, explain};
 use crate::scene::{
-    DerivativeSource, Material, ParameterText, Plane, PotentialText, Scene, SolverSettings,
+    DerivativeSource, Material, ParameterSetting, ParameterText, Plane, Points, PotentialText,
+    Scene, SolverSettings,
 };
 
 /// One of the potentials whose energies add up.
@@ -28,6 +30,8 @@ pub struct Potential {
     pub model: Model,
     /// Parameter values and horizon in SI units.
     pub values: Values,
+    /// The parameters that vary, in the order of [`Values::fields`].
+    pub(crate) fields: Vec<Field>,
 }
 
 /// The energies of a potential, ready for assembly, and what is not modelled.
@@ -74,8 +78,16 @@ impl Potential {
     ) -> Result<Potential, CaseError> {
         let text = scene.potential(material, folder, library.find, library.names)?;
         let (_, model) = check_text(&text.text).map_err(|found| wrong(&text, found))?;
-        let values = values(scene, material, &model)?;
-        let potential = Potential { text, model, values };
+        let mut values = values(scene, material, &model)?;
+        let mut fields = Vec::new();
+        if matches!(scene.body.points, Points::Lattice(_)) {
+            let of = (&model, values.dimension);
+            fields = Field::of(scene, material, of, &Columns::default())?;
+            for (number, field) in values.fields.iter().zip(&fields) {
+                values.parameters[usize::from(*number)] = fields::typical(scene, field);
+            }
+        }
+        let potential = Potential { text, model, values, fields };
         potential.check_plane(scene, material)?;
         Ok(potential)
     }
@@ -110,6 +122,14 @@ impl Potential {
     /// Energies that are too large, or that need what is not there.
     pub(crate) fn compile(&self, scene: &Scene) -> Result<Compiled, CaseError> {
         let solver = &scene.solver;
+        let by_coordinates = solver.derivatives == DerivativeSource::HyperdualCoordinates;
+        if by_coordinates && !self.values.fields.is_empty() {
+            let message =
+                "derivatives by hyper-dual coordinates know no parameters that vary: choose \
+                 \"hyperdual\", which takes them by the measure"
+                    .to_string();
+            return Err(CaseError::Body { message });
+        }
         let piola_compiler::Compiled { kernels, gradient, gathered, dropped } = self
             .model
             .compile(&self.values, mode(solver), solver.form)
@@ -225,13 +245,15 @@ pub(crate) fn is_sheet(scene: &Scene) -> bool {
 }
 
 /// The parameters that a scene gives.
-pub(crate) fn settings(material: &Material) -> Vec<(String, Setting)> {
-    let setting = |text: &ParameterText| match text {
+pub(crate) fn settings(scene: &Scene, material: &Material) -> Vec<(String, Setting)> {
+    let setting = |parameter: &ParameterSetting| match &parameter.value.value {
+        // Typical values come with the expressions.
+        _ if fields::varying(scene, parameter).is_some() => Setting::Field(1.0),
         ParameterText::Number(number) => Setting::Number(*number),
         ParameterText::Quantity(text) => Setting::Text(text.clone()),
     };
     let given = material.parameters.iter();
-    given.map(|p| (p.name.value.clone(), setting(&p.value.value))).collect()
+    given.map(|p| (p.name.value.clone(), setting(p))).collect()
 }
 
 /// Values of the parameters; what is wrong with one is shown at its place in the scene.
@@ -239,7 +261,7 @@ fn values(scene: &Scene, material: &Material, model: &Model) -> Result<Values, C
     let horizon = Some(scene.horizon_radius());
     let is_solid = is_sheet(scene) && model.has_gradient_energy();
     let dimension = if is_solid { 3 } else { scene.body.dimension };
-    model.values(dimension, &settings(material), horizon).map_err(|errors| {
+    model.values(dimension, &settings(scene, material), horizon).map_err(|errors| {
         let diagnostics = errors.into_iter().map(|error| {
             let given = material.parameters.iter().find(|p| p.name.value == error.parameter);
             let span = match (given, error.code) {

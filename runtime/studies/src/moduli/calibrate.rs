@@ -250,7 +250,8 @@ impl<'a> Problem<'a> {
             }
         }
         for (potential, material) in case.potentials.iter_mut().zip(&case.scene.materials) {
-            potential.values = values(potential, &case::settings(material))?;
+            let found = values(potential, &case::settings(&case.scene, material))?;
+            potential.values = found.with_fields_of(&potential.values).without_fields();
         }
         Ok(case)
     }

@@ -126,7 +126,8 @@ impl AtRest {
         let n = measures.len();
         let zeros = || vec![0.0; n];
         let (mut psi, mut first, mut second) = (zeros(), zeros(), zeros());
-        let batch = Batch { measure: &measures, reference: &measures, change: &zeros() };
+        let batch =
+            Batch { measure: &measures, reference: &measures, change: &zeros(), fields: &[] };
         let out = Outputs { psi: &mut psi, dpsi: &mut first, d2psi: &mut second };
         law.evaluate(batch, Order::Tangent, out);
         AtRest { measures, psi, first, second }

@@ -94,6 +94,12 @@ fn arguments(position: &[f64], t: f64) -> [f64; 4] {
     [position[0], position[1], position.get(2).copied().unwrap_or(0.0), t]
 }
 
+/// The same for the text of a parameter, which stands at a span of the scene.
+pub(crate) fn placed(diagnostic: Diagnostic, text: &str, span: Span) -> Diagnostic {
+    let verbatim = (span.end - span.start) as usize == text.len();
+    place(diagnostic, &Text { value: text.to_string(), content: span, verbatim })
+}
+
 /// Moves a finding about an expression to the expression's place in the scene.
 fn place(diagnostic: Diagnostic, text: &Text) -> Diagnostic {
     if text.verbatim {
@@ -104,7 +110,7 @@ fn place(diagnostic: Diagnostic, text: &Text) -> Diagnostic {
 }
 
 /// The places where `name` stands as a word of its own.
-fn names<'a>(text: &'a str, name: &'a str) -> impl Iterator<Item = Span> + 'a {
+pub(crate) fn names<'a>(text: &'a str, name: &'a str) -> impl Iterator<Item = Span> + 'a {
     let is_word = |c: char| c.is_alphanumeric() || c == '_';
     text.match_indices(name).filter_map(move |(start, _)| {
         let end = start + name.len();

@@ -13,7 +13,7 @@
 
 pub mod boundary;
 mod check;
-mod expression;
+pub(crate) mod expression;
 mod keys;
 mod overrides;
 mod potential;
@@ -270,6 +270,16 @@ pub enum InterfaceRule {
     As(usize),
     /// A potential of its own: the number of its law, after those of the materials.
     Potential(usize),
+}
+
+impl InterfaceRule {
+    /// The law of its own.
+    pub fn law(&self) -> Option<usize> {
+        match self {
+            InterfaceRule::Potential(law) => Some(*law),
+            InterfaceRule::Mean | InterfaceRule::As(_) => None,
+        }
+    }
 }
 
 /// `[material]`, `[[material]]`, `[[material.plus]]` or `[[interface]]`: a potential and its parameters.

@@ -314,7 +314,7 @@ fn ranges(positions: &[f64], dimension: usize) -> String {
 }
 
 /// `(0.1, 0.25)`
-pub(super) fn coordinates(position: &[f64]) -> String {
+pub(crate) fn coordinates(position: &[f64]) -> String {
     let numbers: Vec<String> = position.iter().map(|x| readable(*x).to_string()).collect();
     format!("({})", numbers.join(", "))
 }

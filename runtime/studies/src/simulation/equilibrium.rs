@@ -64,11 +64,11 @@ pub enum Attempt {
 /// A case that cannot start, as for [`run`](super::run()).
 pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
     let start = Instant::now();
-    let energy = case.solved_energy(case.compile()?)?;
+    let (energy, fields) = case.solved_energy(case.compile()?)?;
     let selection = case.selection()?;
     let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
     check_held(case, energy.bonds(), &boundary)?;
-    let drive = SceneDrive::new(&boundary);
+    let drive = SceneDrive::new(&boundary, &fields);
     let mut reached = Equilibrium::default();
     let mut observer = |record: &StepRecord, state: &State<'_>| {
         reached.note(record);
@@ -104,7 +104,7 @@ pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
         Err(StepError::NotConverged(failure)) => {
             Ok(Attempt::NotConverged(failed(case, &failure).1))
         }
-        Err(error) => Err(drive.explain(error)),
+        Err(error) => Err(drive.explain(case, error)),
     }
 }
 

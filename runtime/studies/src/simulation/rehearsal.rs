@@ -30,7 +30,7 @@ pub(super) fn first_increment(
     patience: Duration,
     long: Duration,
 ) -> Result<Option<FirstIncrement>, CaseError> {
-    let energy = case.solved_energy(compiled)?;
+    let (energy, fields) = case.solved_energy(compiled)?;
     let selection = case.selection()?;
     let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
     let settings = settings(&case.scene);
@@ -41,7 +41,7 @@ pub(super) fn first_increment(
     let again = (long <= patience).then_some(patience);
     let ledger = Arc::new(Ledger { again, seen: Mutex::new(seen) });
     let watch = Watch::by(Arc::clone(&ledger) as Arc<dyn Observer>);
-    let drive = SceneDrive::new(&boundary);
+    let drive = SceneDrive::new(&boundary, &fields);
     let nominal = settings.end / settings.increments as f64;
     let outcome = run_steps(&energy, &drive, &settings, &watch, &mut |_, _| ControlFlow::Break(()));
     let mut first = ledger.read();
@@ -57,7 +57,7 @@ pub(super) fn first_increment(
         Err(StepError::NotConverged(failure)) => {
             first.failure = Some(failed(case, &failure).1);
         }
-        Err(error) => return Err(drive.explain(error)),
+        Err(error) => return Err(drive.explain(case, error)),
     }
     Ok(Some(first))
 }

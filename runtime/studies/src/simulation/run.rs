@@ -21,11 +21,11 @@ use piola_solvers::march::State;
 use piola_solvers::newton::{NewtonFailure, NewtonSettings, NewtonVariant};
 use piola_solvers::rigid_modes::check_rigid_motions;
 use piola_solvers::steps::{
-    self, Drive, NotConverged, StepError, StepRecord, StepSettings, run_steps,
+    self, Drive, NotConverged, NotGiven, StepError, StepRecord, StepSettings, run_steps,
 };
 use piola_solvers::{Event, Watch};
 
-use crate::case::{Case, CaseError, explain};
+use crate::case::{Case, CaseError, FieldsInTime, WrongField, explain};
 use crate::plan::available_memory;
 use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
 use crate::scene::selection::Selection;
@@ -92,7 +92,7 @@ pub fn run(
     enter(&mut clock, watch, "compile");
     let compiled = case.compile()?;
     enter(&mut clock, watch, "interactions");
-    let energy = case.solved_energy(compiled)?;
+    let (energy, fields) = case.solved_energy(compiled)?;
     let selection = case.selection()?;
     let boundary =
         BoundaryConditions::new(&case.scene, &case.body, &selection).map_err(CaseError::from)?;
@@ -102,7 +102,7 @@ pub fn run(
     let resolved = case.scene.resolved_toml();
     folder.write(OutputFile::ResolvedScene, resolved.as_bytes())?;
     enter(&mut clock, watch, "solve");
-    let drive = SceneDrive::new(&boundary);
+    let drive = SceneDrive::new(&boundary, &fields);
     let points = Points::of(&case.body);
     let mut recorder = Recorder::new(case, &energy, &selection, folder, &points, clock)?;
     let result = run_steps(&energy, &drive, &settings(&case.scene), watch, &mut |record, state| {
@@ -174,19 +174,35 @@ pub(super) fn settings(scene: &Scene) -> StepSettings {
 /// The boundary conditions of a scene as the solver asks for them.
 pub(super) struct SceneDrive<'a> {
     boundary: &'a BoundaryConditions<'a>,
-    /// The first condition that is not finite: the solver only sees the number.
-    problem: Mutex<Option<NonFiniteCondition>>,
+    fields: &'a FieldsInTime<'a>,
+    /// The first condition that is not finite, or parameter that cannot be: the solver only sees that.
+    problem: Mutex<Option<Problem>>,
+}
+
+enum Problem {
+    Condition(NonFiniteCondition),
+    Field(WrongField),
 }
 
 impl<'a> SceneDrive<'a> {
-    pub(super) fn new(boundary: &'a BoundaryConditions<'a>) -> SceneDrive<'a> {
-        SceneDrive { boundary, problem: Mutex::new(None) }
+    pub(super) fn new(
+        boundary: &'a BoundaryConditions<'a>,
+        fields: &'a FieldsInTime<'a>,
+    ) -> SceneDrive<'a> {
+        SceneDrive { boundary, fields, problem: Mutex::new(None) }
     }
 
     /// What the solver could not start with, in the scene's words where it is a condition.
-    pub(super) fn explain(&self, error: StepError) -> CaseError {
-        let problem = self.problem.lock().unwrap_or_else(|e| e.into_inner()).take();
-        problem.map_or_else(|| error.into(), CaseError::from)
+    pub(super) fn explain(&self, case: &Case, error: StepError) -> CaseError {
+        match self.problem.lock().unwrap_or_else(|e| e.into_inner()).take() {
+            Some(Problem::Condition(problem)) => problem.into(),
+            Some(Problem::Field(problem)) => case.wrong_field(problem),
+            None => error.into(),
+        }
+    }
+
+    fn note(&self, problem: Problem) {
+        *self.problem.lock().unwrap_or_else(|e| e.into_inner()) = Some(problem);
     }
 
     fn fill(&self, values: &mut [f64], result: Result<Vec<f64>, NonFiniteCondition>) {
@@ -194,7 +210,7 @@ impl<'a> SceneDrive<'a> {
             Ok(given) => values.copy_from_slice(&given),
             Err(problem) => {
                 values.fill(f64::NAN);
-                *self.problem.lock().unwrap_or_else(|e| e.into_inner()) = Some(problem);
+                self.note(Problem::Condition(problem));
             }
         }
     }
@@ -203,6 +219,13 @@ impl<'a> SceneDrive<'a> {
 impl Drive for SceneDrive<'_> {
     fn fixed(&self) -> &[usize] {
         self.boundary.fixed_dofs()
+    }
+
+    fn begin(&self, t: f64) -> Result<bool, NotGiven> {
+        self.fields.advance(t).map_err(|problem| {
+            self.note(Problem::Field(problem));
+            NotGiven
+        })
     }
 
     fn prescribed(&self, t: f64, values: &mut [f64]) {
@@ -281,7 +304,7 @@ fn ending(
             let (reason, message) = failed(case, &failure);
             Ok((end(reason, message), failure.outcome))
         }
-        Err(error) => Err(drive.explain(error).into()),
+        Err(error) => Err(drive.explain(case, error).into()),
     }
 }
 

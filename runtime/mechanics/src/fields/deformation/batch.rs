@@ -1,7 +1,8 @@
 //! Laws over batches of deformation gradients.
 
 use crate::fields::stored::Tensor;
-use crate::kernel::{Variables, VariablesLaw};
+use crate::kernel::Variables;
+use crate::materials::LawOfPoints;
 use crate::vector::are_finite;
 
 /// Deformation gradients evaluated at once.
@@ -13,6 +14,8 @@ type Components = [f64; 9 * CAPACITY];
 /// Arrays of a batch: component by component, as laws take them. They fit on a thread's stack.
 pub(super) struct LawBatch<const D: usize> {
     n: usize,
+    /// What the law takes of fields.
+    given: Vec<f64>,
     current: Components,
     change: Components,
     direction: Components,
@@ -25,6 +28,7 @@ impl<const D: usize> LawBatch<D> {
         let zero = [0.0; 9 * CAPACITY];
         LawBatch {
             n: 0,
+            given: Vec::new(),
             current: zero,
             change: zero,
             direction: zero,
@@ -34,35 +38,38 @@ impl<const D: usize> LawBatch<D> {
     }
 
     /// psi and, if asked for, the stress at displacement gradients `h`, at most [`CAPACITY`], with the
-    /// numbers of their laws. `Err` holds the first lane where something is not finite.
+    /// numbers of their laws. Places are between the points of `ends`, twice the same for places at points.
+    /// `Err` holds the first lane where something is not finite.
     pub(super) fn evaluate(
         &mut self,
-        (law, laws): (&dyn VariablesLaw, &[u8]),
-        h: &[Tensor<D>],
+        (law, laws): (LawOfPoints<'_>, &[u8]),
+        (ends, h): (impl Fn(usize) -> [usize; 2], &[Tensor<D>]),
         with_stress: bool,
     ) -> Result<(), usize> {
         self.take(h);
+        law.give(self.n, ends, &mut self.given);
         let size = D * D * self.n;
         let at = Variables {
             n: self.n,
             current: &self.current[..size],
             change: &self.change[..size],
-            given: &[],
+            given: &self.given,
             laws,
         };
         let out = &mut self.out[..if with_stress { size } else { 0 }];
-        law.evaluate(at, &mut self.psi[..self.n], out);
+        law.law.evaluate(at, &mut self.psi[..self.n], out);
         self.check(with_stress, true)
     }
 
     /// The second derivatives at `h` times `directions`.
     pub(super) fn multiply(
         &mut self,
-        (law, laws): (&dyn VariablesLaw, &[u8]),
-        h: &[Tensor<D>],
+        (law, laws): (LawOfPoints<'_>, &[u8]),
+        (ends, h): (impl Fn(usize) -> [usize; 2], &[Tensor<D>]),
         directions: &[Tensor<D>],
     ) -> Result<(), usize> {
         self.take(h);
+        law.give(self.n, ends, &mut self.given);
         let (n, size) = (self.n, D * D * self.n);
         for (lane, direction) in directions.iter().enumerate() {
             for (k, x) in direction.as_flattened().iter().enumerate() {
@@ -73,18 +80,19 @@ impl<const D: usize> LawBatch<D> {
             n,
             current: &self.current[..size],
             change: &self.change[..size],
-            given: &[],
+            given: &self.given,
             laws,
         };
-        law.product(at, &self.direction[..size], &mut self.out[..size]);
+        law.law.product(at, &self.direction[..size], &mut self.out[..size]);
         self.check(true, false)
     }
 
-    /// The second derivatives at one place, `d^2 x d^2` row by row; `Err` holds its determinant.
+    /// The second derivatives at one place, between two points or at one, `d^2 x d^2` row by row; `Err`
+    /// holds its determinant.
     pub(super) fn second(
         &mut self,
-        (law, number): (&dyn VariablesLaw, u8),
-        h: &Tensor<D>,
+        (law, number): (LawOfPoints<'_>, u8),
+        (ends, h): ([usize; 2], &Tensor<D>),
     ) -> Result<&[f64], f64> {
         // One lane for each unit direction: products come out as columns, and rows are the same.
         let lanes = [*h; 9];
@@ -92,7 +100,8 @@ impl<const D: usize> LawBatch<D> {
         for (k, direction) in directions[..D * D].iter_mut().enumerate() {
             direction[k / D][k % D] = 1.0;
         }
-        self.multiply((law, &[number; 9][..D * D]), &lanes[..D * D], &directions[..D * D])
+        let places = (|_| ends, &lanes[..D * D]);
+        self.multiply((law, &[number; 9][..D * D]), places, &directions[..D * D])
             .map_err(|_| determinant(h))?;
         Ok(&self.out[..D * D * D * D])
     }

@@ -10,8 +10,8 @@ use super::operator::GradientOperator;
 use crate::body::Body;
 use crate::fields::springs;
 use crate::interaction::Slabs;
-use crate::kernel::{Variables, VariablesLaw};
-use crate::materials::LawOfPoints;
+use crate::kernel::Variables;
+use crate::materials::{LawOfPoints, Materials};
 use crate::matrix::BlockMatrix;
 
 /// The least part of the largest modulus of the axes that a bond has: laws may be soft along some
@@ -27,7 +27,7 @@ pub(super) fn springs<const D: usize>(
     matrix: &mut BlockMatrix,
 ) {
     let n_laws = law.materials.map_or(1, |materials| materials.n_laws());
-    let moduli: Vec<Modulus<D>> = (0..n_laws).map(|k| Modulus::new((law.law, k as u8))).collect();
+    let moduli: Vec<Modulus<D>> = (0..n_laws).map(|k| Modulus::new(law, k as u8)).collect();
     let stiffness = |bond: usize, ends: [usize; 2], dx: &[f64; D]| {
         let [of_i, of_j] = operator.both_ways::<D>(bond, ends);
         let along = |g: &[f64; D]| (0..D).fold(0.0, |sum, c| sum + g[c] * dx[c]);
@@ -48,8 +48,8 @@ struct Modulus<const D: usize> {
 }
 
 impl<const D: usize> Modulus<D> {
-    fn new(law: (&dyn VariablesLaw, u8)) -> Modulus<D> {
-        let mut elasticity = elasticity(law, D);
+    fn new(law: LawOfPoints<'_>, number: u8) -> Modulus<D> {
+        let mut elasticity = elasticity(law, (number, None), D);
         let axes = || (0..D).map(|r| (r * D + r) * (D * D + 1));
         let mut stiffest = axes().fold(0.0, |most: f64, k| most.max(elasticity[k]));
         // A law without stiffness at rest: only the pattern of the stiffness matters.
@@ -77,8 +77,13 @@ impl<const D: usize> Modulus<D> {
     }
 }
 
-/// The elasticity tensor at rest of the law of a number, `d^2 x d^2` row by row: entry `(rc, se)` is `dP_rc/dF_se`.
-pub(super) fn elasticity((law, number): (&dyn VariablesLaw, u8), d: usize) -> Vec<f64> {
+/// The elasticity tensor at rest of the law of a number, `d^2 x d^2` row by row: entry `(rc, se)` is
+/// `dP_rc/dF_se`. Fields are those of a point, or typical.
+pub(super) fn elasticity(
+    law: LawOfPoints<'_>,
+    (number, point): (u8, Option<usize>),
+    d: usize,
+) -> Vec<f64> {
     let size = d * d;
     let rest: Vec<f64> = (0..size).map(|k| if k % (d + 1) == 0 { 1.0 } else { 0.0 }).collect();
     // One place for each unit direction.
@@ -86,9 +91,14 @@ pub(super) fn elasticity((law, number): (&dyn VariablesLaw, u8), d: usize) -> Ve
     let (current, change) = (spread(&rest), vec![0.0; size * size]);
     let direction: Vec<f64> =
         (0..size * size).map(|k| if k / size == k % size { 1.0 } else { 0.0 }).collect();
-    let (mut product, laws) = (vec![0.0; size * size], vec![number; size]);
-    law.product(
-        Variables { n: size, current: &current, change: &change, given: &[], laws: &laws },
+    let (mut product, laws, mut given) = (vec![0.0; size * size], vec![number; size], Vec::new());
+    match (point, law.materials.and_then(Materials::fields)) {
+        (Some(point), _) => law.give(size, |_| [point; 2], &mut given),
+        (None, Some(fields)) => fields.add_typical(size, &mut given),
+        (None, None) => {}
+    }
+    law.law.product(
+        Variables { n: size, current: &current, change: &change, given: &given, laws: &laws },
         &direction,
         &mut product,
     );

@@ -49,7 +49,7 @@ impl<'a, const D: usize> FieldStiffness<'a, D> {
             let Some(law) = law else { return Ok(()) };
             let h = &fields.h[point];
             let second = batch
-                .second((law.law, law.number(point)), h)
+                .second((law, law.number(point)), ([point; 2], h))
                 .map_err(|_| Failure { points: vec![point], determinant: determinant(h) })?;
             let (volume, n) = (body.volumes()[point], D * D);
             for (place, second) in second.iter().enumerate() {

@@ -198,7 +198,8 @@ impl BondQuadrature {
                 bonds(i).zip(&self.weight[neighborhood.bonds(i)]).zip(row.chunks_exact_mut(entries))
             {
                 for (number, part) in law.parts(bond.points).iter() {
-                    let second = batch.second((law.law, number as u8), &bond.gradient(fields));
+                    let place = (bond.points, &bond.gradient(fields));
+                    let second = batch.second((law, number as u8), place);
                     let second = second.map_err(|determinant| Failure {
                         points: bond.points.to_vec(),
                         determinant,
@@ -331,11 +332,12 @@ impl<const D: usize> Run<'_, D> {
             },
         );
         let laws = if self.law.materials.is_some() { &self.laws[..n] } else { &[] };
-        let law = (self.law.law, laws);
+        let law = (self.law, laws);
+        let places = (|lane: usize| bonds[lane].points, &*h);
         let done = match self.pass {
-            Pass::Energy => self.batch.evaluate(law, h, false),
-            Pass::Gradient => self.batch.evaluate(law, h, true),
-            Pass::Product(_) => self.batch.multiply(law, h, directions),
+            Pass::Energy => self.batch.evaluate(law, places, false),
+            Pass::Gradient => self.batch.evaluate(law, places, true),
+            Pass::Product(_) => self.batch.multiply(law, places, directions),
         };
         done.map_err(|lane| Failure {
             points: bonds[lane].points.to_vec(),

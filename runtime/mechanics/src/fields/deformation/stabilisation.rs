@@ -218,7 +218,8 @@ fn wan(
 ) -> Result<Vec<f64>, DeformationError> {
     let d = body.dimension();
     let n_laws = law.materials.map_or(1, |materials| materials.n_laws());
-    let elasticities: Vec<_> = (0..n_laws).map(|k| elasticity((law.law, k as u8), d)).collect();
+    let elasticities: Vec<_> = (0..n_laws).map(|k| elasticity(law, (k as u8, None), d)).collect();
+    let has_fields = law.materials.is_some_and(|materials| materials.fields().is_some());
     let n = neighborhood.n_points();
     let mut all = Vec::with_capacity(n * d * d);
     for point in 0..n {
@@ -245,7 +246,9 @@ fn wan(
                 count: 1,
             });
         };
-        let elasticity = &elasticities[usize::from(law.number(point))];
+        let number = law.number(point);
+        let own = has_fields.then(|| elasticity(law, (number, Some(point)), d));
+        let elasticity = own.as_ref().unwrap_or(&elasticities[usize::from(number)]);
         for rc in 0..d * d {
             let row = &elasticity[rc * d * d..(rc + 1) * d * d];
             let entry = |(k, c): (usize, &f64)| c * inverse[(k / d, k % d)] / size;

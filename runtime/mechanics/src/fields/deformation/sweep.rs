@@ -74,11 +74,12 @@ pub(super) fn over_points<const D: usize>(
     let range = |chunk: usize| chunk * CAPACITY..volumes.len().min((chunk + 1) * CAPACITY);
     let evaluate = |batch: &mut LawBatch<D>, chunk: usize| -> Result<Sum, Failure> {
         let h = &fields.h[range(chunk)];
-        let law = (law.law, law.numbers(range(chunk)));
+        let law = (law, law.numbers(range(chunk)));
+        let places = (|lane| [range(chunk).start + lane; 2], h);
         let done = match pass {
-            Pass::Energy => batch.evaluate(law, h, false),
-            Pass::Gradient => batch.evaluate(law, h, true),
-            Pass::Product(direction) => batch.multiply(law, h, &direction.h[range(chunk)]),
+            Pass::Energy => batch.evaluate(law, places, false),
+            Pass::Gradient => batch.evaluate(law, places, true),
+            Pass::Product(direction) => batch.multiply(law, places, &direction.h[range(chunk)]),
         };
         done.map_err(|lane| Failure {
             points: vec![range(chunk).start + lane],

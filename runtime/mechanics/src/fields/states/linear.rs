@@ -171,13 +171,14 @@ impl StateEnergy {
         let work = |(chunk, (rows, out)): (usize, (&[f64], &mut [f64]))| {
             let n = rows.len() / m;
             let laws = self.laws_of(chunk * POINTS..chunk * POINTS + n);
-            let mut current = Vec::new();
+            let (mut current, mut given) = (Vec::new(), Vec::new());
             by_variables(rows, m, &mut current);
+            self.give(n, |p| [chunk * POINTS + p; 2], &mut given);
             let mut product = vec![0.0; m * n];
             for (row, &k) in active.iter().enumerate() {
                 let mut unit = vec![0.0; m * n];
                 unit[k * n..(k + 1) * n].fill(1.0);
-                law.product(at_points(&current, laws, n), &unit, &mut product);
+                law.product(at_points(&current, (laws, &given), n), &unit, &mut product);
                 for (column, &l) in active.iter().enumerate() {
                     for (p, x) in product[l * n..(l + 1) * n].iter().enumerate() {
                         out[(p * a + row) * a + column] = *x;
@@ -213,8 +214,9 @@ impl StateEnergy {
                 work.take(length, &states.integrals, m, end);
                 work.set_laws(self.materials.as_deref(), end);
                 work.slopes.resize((1 + m) * n, 0.0);
-                let current = &work.variables[..];
-                let at = Variables { n, current, change, given: rest, laws: &work.laws };
+                work.give(self, rest);
+                let (current, laws) = (&work.variables[..], &work.laws[..]);
+                let at = Variables { n, current, change, given: &work.given, laws };
                 direction.clear();
                 direction.resize((1 + m) * n, 0.0);
                 direction[..n].fill(1.0);

@@ -35,7 +35,7 @@ use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored;
 use crate::interaction::{Report, Slabs};
 use crate::kernel::{Law, Order, Variables, VariablesLaw};
-use crate::materials::Materials;
+use crate::materials::{Fields, Materials};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use crate::pool::Pool;
@@ -50,6 +50,8 @@ use stiffness::StateStiffness;
 pub struct StateLaws {
     /// The integrands `g_k(l, L)`.
     pub integrals: Vec<Box<dyn Law>>,
+    /// Of which law they are, by number, where some take fields; else it may be empty.
+    pub of_law: Vec<usize>,
     /// The energy of points, of the integrals, in J/m^d.
     pub points: Option<Box<dyn VariablesLaw>>,
     /// The energy of bonds, of the length and the integrals, in J/m^(2d).
@@ -189,7 +191,9 @@ impl StateEnergy {
 
     /// Works out the integrals that do not change, once for all passes.
     fn fix(&mut self) {
-        let is_fixed = |k: &usize| self.laws.integrals[*k].is_constant();
+        // What takes fields may change with them.
+        let is_steady = |k: &usize| self.fields_of(*k).is_none_or(|(fields, _)| fields.is_steady());
+        let is_fixed = |k: &usize| self.laws.integrals[*k].is_constant() && is_steady(k);
         let (fixed, changing): (Vec<usize>, Vec<usize>) =
             (0..self.n_integrals()).partition(is_fixed);
         if fixed.is_empty() {
@@ -220,6 +224,26 @@ impl StateEnergy {
             _ => self.gather::<3>(u, Order::Energy, &mut states),
         }
         states.integrals.clone()
+    }
+
+    /// `given` becomes what the points of a law take of fields, after what is there.
+    fn give(&self, n: usize, ends: impl Fn(usize) -> [usize; 2], given: &mut Vec<f64>) {
+        if let Some(fields) = self.fields() {
+            fields.add(0..fields.len(), n, |place| ends(place).into_iter(), given);
+        }
+    }
+
+    fn fields(&self) -> Option<&Fields> {
+        self.materials.as_deref().and_then(Materials::fields)
+    }
+
+    /// The fields of an integrand, where it takes some.
+    fn fields_of(&self, integral: usize) -> Option<(&Fields, Range<usize>)> {
+        if self.laws.integrals[integral].fields().is_empty() {
+            return None;
+        }
+        let law = self.laws.of_law.get(integral).copied().unwrap_or(0);
+        self.fields().map(|fields| (fields, fields.of_law(law)))
     }
 
     /// The numbers of the laws of some points.
@@ -323,8 +347,12 @@ fn by_variables(rows: &[f64], m: usize, variables: &mut Vec<f64>) {
     variables.extend((0..m).flat_map(|k| rows.iter().skip(k).step_by(m)));
 }
 
-fn at_points<'a>(current: &'a [f64], laws: &'a [u8], n: usize) -> Variables<'a> {
-    Variables { n, current, change: &[], given: &[], laws }
+fn at_points<'a>(
+    current: &'a [f64],
+    (laws, given): (&'a [u8], &'a [f64]),
+    n: usize,
+) -> Variables<'a> {
+    Variables { n, current, change: &[], given, laws }
 }
 
 impl Energy for StateEnergy {

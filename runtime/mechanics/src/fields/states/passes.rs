@@ -180,7 +180,7 @@ impl StateEnergy {
         let (volumes, arch, m) = (self.body.volumes(), Arch::new(), self.n_integrals());
         let normal = normal.as_chunks_mut::<D>().0;
         let mut work = self.work();
-        let Work { ends, unused, .. } = &mut *work;
+        let Work { ends, unused, given, .. } = &mut *work;
         let (start, all_of_slab) = (self.bonds_of(slab).start, length.len());
         for (owners, all) in self.chunks(self.slabs.owners(slab)) {
             let own = all.start - start..all.end - start;
@@ -215,7 +215,12 @@ impl StateEnergy {
                 let place = place * all_of_slab + own.start..place * all_of_slab + own.end;
                 let dpsi = slopes.get_mut(place.clone()).unwrap_or(first_unused);
                 let d2psi = bends.get_mut(place).unwrap_or(second_unused);
-                let batch = Batch { measure: length, reference: rest, change };
+                given.clear();
+                if let Some((fields, own)) = self.fields_of(k) {
+                    let points = |b: usize| ends[b].into_iter().map(|end| end as usize);
+                    fields.add(own, rest.len(), points, given);
+                }
+                let batch = Batch { measure: length, reference: rest, change, fields: given };
                 law.evaluate(batch, order, Outputs { psi: &mut psi[..], dpsi, d2psi });
                 for (value, &[i, j]) in psi.iter().zip(&*ends) {
                     let (i, j) = (i as usize, j as usize);
@@ -280,10 +285,12 @@ impl StateEnergy {
             let n = energies.len();
             let laws = self.laws_of(chunk * POINTS..chunk * POINTS + n);
             let mut work = self.work();
-            let Work { variables, slopes, .. } = &mut *work;
+            let Work { variables, slopes, given, .. } = &mut *work;
             super::by_variables(rows, m, variables);
             slopes.resize(if with_slopes { m * n } else { 0 }, 0.0);
-            law.evaluate(super::at_points(variables, laws, n), energies, slopes);
+            given.clear();
+            self.give(n, |p| [chunk * POINTS + p; 2], given);
+            law.evaluate(super::at_points(variables, (laws, given), n), energies, slopes);
             for (place, x) in slopes.iter().enumerate() {
                 adjoint[place % n * m + place / n] = *x;
             }
@@ -321,8 +328,9 @@ impl StateEnergy {
                     work.set_laws(self.materials.as_deref(), end);
                     work.slopes.resize(if with_slopes { (1 + m) * n } else { 0 }, 0.0);
                     work.psi.resize(n, 0.0);
+                    work.give(self, rest);
                     let (current, laws) = (&work.variables[..], &work.laws[..]);
-                    let at = Variables { n, current, change, given: rest, laws };
+                    let at = Variables { n, current, change, given: &work.given, laws };
                     law.evaluate(at, &mut work.psi, &mut work.slopes);
                     if !(are_finite(&work.psi) && are_finite(&work.slopes)) {
                         let bad = (0..n).filter(|&b| !work.is_finite_at(b));
@@ -423,6 +431,8 @@ pub(super) struct Work {
     pub(super) variables: Vec<f64>,
     /// The numbers of the laws of bonds at one of their ends; none where one law holds everywhere.
     pub(super) laws: Vec<u8>,
+    /// What is given beside variables.
+    pub(super) given: Vec<f64>,
     pub(super) psi: Vec<f64>,
     /// Derivatives by the variables, variable by variable.
     pub(super) slopes: Vec<f64>,
@@ -440,6 +450,7 @@ impl Work {
             ends: Vec::with_capacity(bonds),
             variables: numbers(variables),
             laws: Vec::with_capacity(bonds),
+            given: numbers(bonds * (1 + energy.fields().map_or(0, |fields| fields.len()))),
             psi: numbers(bonds),
             slopes: numbers(variables),
             unused: [numbers(bonds), numbers(bonds), numbers(bonds)],
@@ -458,6 +469,14 @@ impl Work {
                 self.variables[(1 + k) * n + b] = own[k];
             }
         }
+    }
+
+    /// What is given of bonds: their lengths at rest, and fields.
+    pub(super) fn give(&mut self, energy: &StateEnergy, rest: &[f64]) {
+        let Work { given, ends, .. } = self;
+        given.clear();
+        given.extend_from_slice(rest);
+        energy.give(rest.len(), |b| ends[b].map(|end| end as usize), given);
     }
 
     /// The laws are those of one of the ends.

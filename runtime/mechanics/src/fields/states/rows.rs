@@ -86,6 +86,10 @@ impl AlongRows {
         let laws: Vec<AffineLaw<'_>> = laws.collect::<Option<_>>()?;
         let is_fixed = |k: usize| !energy.changing.contains(&k);
         let of_bonds = energy.laws.bonds.as_ref();
+        // What bonds have at rest is known once.
+        if of_bonds.is_some() && energy.fields().is_some_and(|fields| !fields.is_steady()) {
+            return None;
+        }
         if laws.len() > MOST || of_bonds.is_some_and(|law| !law.is_affine_beside(&is_fixed)) {
             return None;
         }
@@ -384,7 +388,12 @@ impl Bonds {
             for end in [i, j] {
                 let integrals = &energy.at_rest[end * m..(end + n) * m];
                 let law = (&**law, energy.laws_of(end..end + n));
-                run_at_rest.evaluate(law, lengths[run.vector as usize], (n, integrals));
+                let length = lengths[run.vector as usize];
+                let given = &mut run_at_rest.given;
+                given.clear();
+                given.resize(n, length);
+                energy.give(n, |k| [i + k, j + k], given);
+                run_at_rest.evaluate(law, length, (n, integrals));
                 let AtRest { psi, slopes, bends, .. } = &mut run_at_rest;
                 for k in 0..n {
                     let half = 0.5 * volumes[i + k] * volumes[j + k];
@@ -406,6 +415,8 @@ struct AtRest {
     integrals: Vec<f64>,
     variables: Vec<f64>,
     change: Vec<f64>,
+    /// The length, and fields.
+    given: Vec<f64>,
     direction: Vec<f64>,
     psi: Vec<f64>,
     /// First derivatives by all variables, and what the length changes them by.
@@ -434,7 +445,7 @@ impl AtRest {
         clear(&mut self.slopes, (1 + m) * n);
         clear(&mut self.bends, (1 + m) * n);
         let (current, change) = (&self.variables[..], &self.change[..]);
-        let at = Variables { n, current, change, given: &current[..n], laws };
+        let at = Variables { n, current, change, given: &self.given, laws };
         law.evaluate(at, &mut self.psi, &mut self.slopes);
         law.product(at, &self.direction, &mut self.bends);
     }

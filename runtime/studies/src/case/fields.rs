@@ -1,0 +1,411 @@
+//! Parameters of a scene that vary: expressions of X, Y, Z, t and of the columns of a point cloud.
+//!
+//! Before: texts of a scene. After: [`FieldsInTime`], values at all points that energies look up, worked
+//! out anew where they change with t.
+
+use std::sync::Arc;
+
+use piola_compiler::{Formula, Model, Values, is_quantity};
+use piola_grammar::{Diagnostic, Span};
+use piola_mechanics::materials::{Fields, Materials};
+use piola_output::read;
+use rayon::prelude::*;
+
+use super::{Case, CaseError, Potential};
+use crate::scene::expression::{names, placed};
+use crate::scene::selection::coordinates;
+use crate::scene::{Material, ParameterSetting, ParameterText, Points, Scene};
+
+/// What an expression may always name.
+const VARIABLES: [&str; 4] = ["X", "Y", "Z", "t"];
+
+/// What stands between an expression and its unit.
+const IN: &str = " in ";
+
+/// Columns of a point cloud beside positions and volumes, of the points that are left.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Columns {
+    names: Vec<String>,
+    /// Column by column, in the user's order.
+    values: Vec<Vec<f64>>,
+}
+
+impl Columns {
+    /// Those of a cloud that parameters of the scene name. `keep` says which points are left.
+    pub(super) fn read(
+        text: &str,
+        scene: &Scene,
+        keep: &[bool],
+    ) -> Result<Columns, Vec<read::TableError>> {
+        let given = scene.materials.iter().flat_map(|material| &material.parameters);
+        let texts: Vec<&str> = given.filter_map(expression_text).collect();
+        let is_named = |column: &String| {
+            !VARIABLES.contains(&column.as_str())
+                && texts.iter().any(|text| names(text, column).next().is_some())
+        };
+        let columns: Vec<String> = read::column_names(text).into_iter().filter(is_named).collect();
+        let wanted: Vec<&str> = columns.iter().map(String::as_str).collect();
+        if wanted.is_empty() {
+            return Ok(Columns::default());
+        }
+        let rows = read::read_numbers(text, &wanted, |values| {
+            let bad = values.iter().position(|x| !x.is_finite())?;
+            Some((bad, "a value that a parameter takes must be finite".to_string()))
+        })?;
+        let kept = || rows.iter().zip(keep).filter(|(_, keep)| **keep).map(|(row, _)| row);
+        let values = (0..wanted.len()).map(|k| kept().map(|row| row[k]).collect()).collect();
+        Ok(Columns { names: columns, values })
+    }
+}
+
+/// The text of a parameter that is no number with a unit.
+fn expression_text(parameter: &ParameterSetting) -> Option<&str> {
+    match &parameter.value.value {
+        ParameterText::Quantity(text) if !is_quantity(text) => Some(text),
+        _ => None,
+    }
+}
+
+/// The text of a parameter that varies. Of a lattice nothing but X, Y, Z and t can; what a cloud has
+/// columns of is not known before it is read.
+pub(super) fn varying<'a>(scene: &Scene, parameter: &'a ParameterSetting) -> Option<&'a str> {
+    let is_cloud = matches!(scene.body.points, Points::Cloud { .. });
+    let varies = |text: &&str| VARIABLES.iter().any(|name| names(text, name).next().is_some());
+    expression_text(parameter).filter(|text| is_cloud || varies(text))
+}
+
+/// A parameter that varies.
+#[derive(Clone, Debug)]
+pub(crate) struct Field {
+    name: String,
+    text: String,
+    /// Its place in the scene.
+    span: Span,
+    formula: Formula,
+    /// One of its unit in SI units.
+    factor: f64,
+    is_steady: bool,
+}
+
+impl Field {
+    /// Compiles the fields of a material, in the order of the parameters of its potential.
+    pub(super) fn of(
+        scene: &Scene,
+        material: &Material,
+        (model, dimension): (&Model, usize),
+        columns: &Columns,
+    ) -> Result<Vec<Field>, CaseError> {
+        let mut errors = Vec::new();
+        let mut fields = Vec::new();
+        for parameter in model.parameters() {
+            let given = material.parameters.iter().find(|p| p.name.value == parameter.name);
+            let Some((setting, text)) = given.and_then(|p| Some((p, varying(scene, p)?))) else {
+                continue;
+            };
+            match Field::new(scene, setting, text, (model, dimension), columns) {
+                Ok(field) => fields.push(field),
+                Err(found) => errors.extend(found),
+            }
+        }
+        if errors.is_empty() { Ok(fields) } else { Err(CaseError::Scene(scene.report(errors))) }
+    }
+
+    fn new(
+        scene: &Scene,
+        setting: &ParameterSetting,
+        text: &str,
+        (model, dimension): (&Model, usize),
+        columns: &Columns,
+    ) -> Result<Field, Vec<Diagnostic>> {
+        let (name, span) = (&setting.name.value, setting.value.span);
+        let (expression, unit) = match text.rsplit_once(IN) {
+            Some((expression, unit)) => (expression, Some(unit.trim())),
+            None => (text, None),
+        };
+        let factor = model.unit_of(name, unit, dimension).unwrap_or(Ok(1.0)).map_err(|error| {
+            vec![Diagnostic::error(error.code, span, error.message).help(error.help)]
+        })?;
+        if scene.body.dimension == 2
+            && let Some(place) = names(expression, "Z").next()
+        {
+            let message = "there is no Z in two dimensions";
+            let found = Diagnostic::error("no-third-dimension", place, message);
+            return Err(vec![placed(found.help("use X and Y"), text, span)]);
+        }
+        let known = columns.names.iter().map(String::as_str);
+        let variables: Vec<&str> = VARIABLES.into_iter().chain(known).collect();
+        let formula = Formula::number(expression, &variables).map_err(|found| {
+            found.into_iter().map(|one| placed(one, text, span)).collect::<Vec<Diagnostic>>()
+        })?;
+        let is_steady = names(expression, "t").next().is_none();
+        let (name, text) = (name.clone(), text.to_string());
+        Ok(Field { name, text, span, formula, factor, is_steady })
+    }
+
+    /// Its value in SI units at a reference position, with what columns have there, and a time.
+    fn value(&self, position: &[f64], columns: impl Iterator<Item = f64>, t: f64) -> f64 {
+        let z = position.get(2).copied().unwrap_or(0.0);
+        let arguments: Vec<f64> =
+            [position[0], position[1], z, t].into_iter().chain(columns).collect();
+        self.factor * self.formula.value(&arguments)
+    }
+
+    /// The same in the middle of a box, at `t = 0`.
+    pub(super) fn in_the_middle(&self, low: &[f64], high: &[f64]) -> f64 {
+        let middle: Vec<f64> = low.iter().zip(high).map(|(low, high)| 0.5 * (low + high)).collect();
+        self.value(&middle, std::iter::empty(), 0.0)
+    }
+}
+
+/// A value that a parameter cannot have at a point.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("parameter `{name}` = {text} is {value:e} in SI units at {} and t = {t}: {reason}", coordinates(.position))]
+pub struct WrongField {
+    /// The parameter.
+    pub name: String,
+    /// What the scene says.
+    pub text: String,
+    /// What came out.
+    pub value: f64,
+    /// The reference position of the point in m.
+    pub position: Vec<f64>,
+    /// The time.
+    pub t: f64,
+    /// Why it cannot be.
+    pub reason: String,
+    /// Its place in the scene.
+    span: Span,
+}
+
+impl WrongField {
+    /// At its place in the scene.
+    pub(super) fn report(self, scene: &Scene) -> CaseError {
+        let found = Diagnostic::error("field-out-of-range", self.span, self.to_string());
+        CaseError::Scene(scene.report(vec![found]))
+    }
+}
+
+/// The fields of a case with the arrays that its energies look them up in.
+pub struct FieldsInTime<'a> {
+    case: &'a Case,
+    /// Of each layer, where it has fields.
+    layers: Vec<Option<Arc<Fields>>>,
+}
+
+impl<'a> FieldsInTime<'a> {
+    /// Those at `t = 0`.
+    pub(super) fn new(case: &'a Case) -> Result<FieldsInTime<'a>, WrongField> {
+        let n_laws = case.scene.n_laws();
+        let places = case.places();
+        let n_layers = places.iter().map(|(_, layer)| layer + 1).max().unwrap_or(0);
+        let of_layer = |layer: usize| {
+            let mut typical = vec![Vec::new(); n_laws];
+            let mut is_steady = true;
+            let own = case.potentials.iter().zip(&places).filter(|(_, place)| place.1 == layer);
+            for (potential, (law, _)) in own {
+                let values = potential.values.fields.iter();
+                let values = values.map(|i| potential.values.parameters[usize::from(*i)]);
+                typical[*law] = values.collect();
+                is_steady &= potential.fields.iter().all(|field| field.is_steady);
+            }
+            let fields = Fields::new(case.body.n_points(), &typical, is_steady);
+            (!fields.is_empty()).then(|| Arc::new(fields))
+        };
+        let fields = FieldsInTime { case, layers: (0..n_layers).map(of_layer).collect() };
+        fields.set(0.0, |_| true)?;
+        Ok(fields)
+    }
+
+    /// The materials of a layer with its fields.
+    pub(super) fn materials(&self, layer: usize) -> Option<Arc<Materials>> {
+        let Some(fields) = self.layers.get(layer).and_then(Option::as_ref) else {
+            return self.case.materials.clone();
+        };
+        let of_one = || Materials::new(vec![0; self.case.body.n_points()], Vec::new());
+        let materials = self.case.materials.as_deref().cloned().unwrap_or_else(of_one);
+        Some(Arc::new(materials.with_fields(Arc::clone(fields))))
+    }
+
+    /// Whether none changes with t.
+    pub fn are_steady(&self) -> bool {
+        self.layers.iter().flatten().all(|fields| fields.is_steady())
+    }
+
+    /// Gives those that change with t their values at `t`; energies are others from then on. Whether any
+    /// does.
+    ///
+    /// # Errors
+    /// A value that is not finite, or breaks a condition of the potential.
+    pub fn advance(&self, t: f64) -> Result<bool, WrongField> {
+        if self.are_steady() {
+            return Ok(false);
+        }
+        self.set(t, |field| !field.is_steady)?;
+        Ok(true)
+    }
+
+    fn set(&self, t: f64, is_wanted: impl Fn(&Field) -> bool) -> Result<(), WrongField> {
+        for (potential, (law, layer)) in self.case.potentials.iter().zip(self.case.places()) {
+            let Some(fields) = &self.layers[layer] else { continue };
+            let own = fields.of_law(law);
+            if !potential.fields.iter().any(&is_wanted) {
+                continue;
+            }
+            self.case.each_value(potential, law, t, |point, values| {
+                own.clone().zip(values).for_each(|(field, value)| fields.set(field, point, *value));
+            })?;
+        }
+        Ok(())
+    }
+}
+
+impl Case {
+    /// Of each potential its law, and how many of the same law come before it.
+    pub(super) fn places(&self) -> Vec<(usize, usize)> {
+        let mut seen = vec![0; self.scene.n_laws()];
+        let place = |material: &Material| {
+            let layer = seen[material.law];
+            seen[material.law] += 1;
+            (material.law, layer)
+        };
+        self.scene.materials.iter().map(place).collect()
+    }
+
+    /// The points whose interactions may take a law: those of its material; of an interface all of the
+    /// two materials that it lies between.
+    fn points_of_law(&self, law: usize) -> impl Iterator<Item = usize> + '_ {
+        let of_interface: Vec<usize> = self
+            .scene
+            .interfaces
+            .iter()
+            .filter(|interface| interface.rule.law() == Some(law))
+            .flat_map(|interface| interface.between.map(|material| material.value))
+            .collect();
+        let is_own = move |point: &usize| match self.materials.as_deref() {
+            None => true,
+            Some(materials) => {
+                let material = usize::from(materials.of(*point));
+                material == law || of_interface.contains(&material)
+            }
+        };
+        (0..self.body.n_points()).filter(is_own)
+    }
+
+    /// Shows what the fields of a potential are at all points of a law; the first that cannot be is an
+    /// error.
+    fn each_value(
+        &self,
+        potential: &Potential,
+        law: usize,
+        t: f64,
+        see: impl Fn(usize, &[f64]) + Sync,
+    ) -> Result<(), WrongField> {
+        let points: Vec<usize> = self.points_of_law(law).collect();
+        let wrong = points.par_iter().filter_map(|point| {
+            self.values_of(potential, *point, t).map(|values| see(*point, &values)).err()
+        });
+        wrong.find_first(|_| true).map_or(Ok(()), Err)
+    }
+
+    /// What the fields of a potential are at a point, in SI units.
+    fn values_of(
+        &self,
+        potential: &Potential,
+        point: usize,
+        t: f64,
+    ) -> Result<Vec<f64>, WrongField> {
+        let position = self.body.position(point);
+        let wrong = |field: &Field, value: f64, reason: String| WrongField {
+            name: field.name.clone(),
+            text: field.text.clone(),
+            value,
+            position: position.to_vec(),
+            t,
+            reason,
+            span: field.span,
+        };
+        let row = self.body.user_index()[point] as usize;
+        let columns = || self.columns.values.iter().map(move |column| column[row]);
+        let mut values = Vec::with_capacity(potential.fields.len());
+        for field in &potential.fields {
+            let value = field.value(position, columns(), t);
+            if !value.is_finite() {
+                return Err(wrong(field, value, "it must be a finite number".into()));
+            }
+            values.push(value);
+        }
+        if let Some(error) = potential.model.check_fields(&potential.values, &values).pop() {
+            let place = potential.fields.iter().position(|field| field.name == error.parameter);
+            let place = place.unwrap_or(0);
+            return Err(wrong(&potential.fields[place], values[place], error.help));
+        }
+        Ok(values)
+    }
+
+    /// The values of a potential's parameters between some points, of fields the mean of theirs at `t = 0`.
+    pub(super) fn values_between(&self, potential: &Potential, points: &[usize]) -> Values {
+        let mut values = potential.values.without_fields();
+        let of_points: Vec<Vec<f64>> =
+            points.iter().filter_map(|p| self.values_of(potential, *p, 0.0).ok()).collect();
+        for (k, parameter) in potential.values.fields.iter().enumerate() {
+            let sum = of_points.iter().fold(0.0, |sum, row| sum + row[k]);
+            if !of_points.is_empty() {
+                values.parameters[usize::from(*parameter)] = sum / of_points.len() as f64;
+            }
+        }
+        values
+    }
+
+    /// Compiles the fields anew where columns are known, and gives them typical values: those of the
+    /// middle one of their points at `t = 0`.
+    pub(super) fn with_fields(mut self) -> Result<Case, CaseError> {
+        for number in 0..self.potentials.len() {
+            let (potential, material) = (&self.potentials[number], &self.scene.materials[number]);
+            if potential.values.fields.is_empty() {
+                continue;
+            }
+            let of = (&potential.model, potential.values.dimension);
+            let fields = Field::of(&self.scene, material, of, &self.columns)?;
+            self.potentials[number].fields = fields;
+            let (law, potential) = (self.scene.materials[number].law, &self.potentials[number]);
+            let checked = self.each_value(potential, law, 0.0, |_, _| ());
+            checked.map_err(|wrong| wrong.report(&self.scene))?;
+            let middle = self.points_of_law(law).nth(self.points_of_law(law).count() / 2);
+            let middle = middle.and_then(|point| self.values_of(potential, point, 0.0).ok());
+            let own = &mut self.potentials[number].values;
+            for (parameter, value) in own.fields.iter().zip(middle.into_iter().flatten()) {
+                own.parameters[usize::from(*parameter)] = value;
+            }
+        }
+        Ok(self)
+    }
+
+    /// The same body where parameters that vary have everywhere the values that they have in the middle
+    /// of their points at `t = 0`.
+    pub fn without_fields(&self) -> Case {
+        let mut case = self.clone();
+        for potential in &mut case.potentials {
+            potential.values = potential.values.without_fields();
+            potential.fields.clear();
+        }
+        case
+    }
+
+    /// Whether a parameter varies.
+    pub fn has_fields(&self) -> bool {
+        self.potentials.iter().any(|potential| !potential.values.fields.is_empty())
+    }
+
+    /// A value of a field that only shows at a later time, at its place in the scene.
+    pub fn wrong_field(&self, wrong: WrongField) -> CaseError {
+        wrong.report(&self.scene)
+    }
+}
+
+/// A typical value of a field in SI units before there are points.
+pub(super) fn typical(scene: &Scene, field: &Field) -> f64 {
+    match &scene.body.points {
+        Points::Lattice(shape) => field.in_the_middle(&shape.low, &shape.high),
+        Points::Cloud { .. } => field.factor,
+    }
+}

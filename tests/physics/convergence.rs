@@ -37,7 +37,8 @@ struct Expected {
     floor: f64,
 }
 
-const EXPECTED: [Expected; 14] = [
+const EXPECTED: [Expected; 15] = [
+    Expected { example: "bimetal", overrides: &[], c: 15.0, floor: FLOOR },
     Expected { example: "bonds_beside_F", overrides: &[], c: 6.0, floor: FLOOR },
     Expected { example: "cube_C1", overrides: &[], c: 0.7, floor: FLOOR },
     Expected { example: "cube_C1_C2", overrides: &[], c: 1.1, floor: FLOOR },

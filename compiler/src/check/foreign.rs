@@ -22,6 +22,8 @@ const NUMBERS: &[(&str, &str)] = &[
     ("arcsin", "the inverse sine is `asin`"),
     ("arccos", "the inverse cosine is `acos`"),
     ("arctan", "the inverse tangent is `atan`"),
+    ("arctan2", "the angle of a point is `atan2(y, x)`"),
+    ("erfc", "write `1 - erf(x)`"),
     ("PI", "write `pi`"),
     ("true", "write a comparison that holds, for instance `0 < 1`"),
     ("false", "write a comparison that does not hold, for instance `1 < 0`"),

@@ -3,13 +3,13 @@
 use std::collections::HashMap;
 
 use piola_grammar::ast::{Arena, Ast, ExprId, ExprKind, Ident, Statement};
-use piola_grammar::names::UNARY_FUNCTIONS;
+use piola_grammar::names::{BINARY_FUNCTIONS, UNARY_FUNCTIONS};
 use piola_grammar::{Diagnostic, Span, suggest};
 
 use super::MAX_FINDINGS;
 use super::foreign::{self, Place};
 use super::symbols::{Symbol, Symbols, TensorFunction};
-use crate::expression::Function;
+use crate::expression::{Function, Operator};
 
 /// Most parameters a function may have; every call names them all in its messages.
 const MAX_FORMALS: usize = 100;
@@ -164,7 +164,7 @@ pub(crate) fn check_formula(
 }
 
 fn may_be_named(name: &Ident, errors: &mut Vec<Diagnostic>) -> bool {
-    let builtin = Function::named(&name.name).is_some() || matches!(&*name.name, "min" | "max");
+    let builtin = Function::named(&name.name).is_some() || Operator::named(&name.name).is_some();
     let meaning = if builtin {
         Some("a built-in function")
     } else {
@@ -291,7 +291,7 @@ impl Checker<'_> {
             {
                 return;
             }
-            None if self.is_builtin(name) => Some(1),
+            None if self.is_builtin(name) => Some(builtin_arity(name)),
             None => None,
         };
         match arity {
@@ -314,7 +314,8 @@ impl Checker<'_> {
     fn is_builtin(&self, name: &str) -> bool {
         let tensors = self.scope.symbols.tensors && TensorFunction::named(name).is_some();
         let integral = name == INTEGRAL && self.ast.is_some();
-        tensors || integral || Function::named(name).is_some() || matches!(name, "min" | "max")
+        let function = Function::named(name).is_some() || Operator::named(name).is_some();
+        tensors || integral || function
     }
 
     /// Whether a function is one of `L` alone: without arguments it is taken at `L`.
@@ -370,7 +371,7 @@ impl Checker<'_> {
         }
         let known = self.scope.formals.iter().map(|f| f.name.as_str());
         let known = known.chain(names.keys().copied());
-        let known = known.chain(UNARY_FUNCTIONS).chain(["min", "max"]);
+        let known = known.chain(UNARY_FUNCTIONS).chain(BINARY_FUNCTIONS);
         let tensors = if self.scope.symbols.tensors { &TensorFunction::NAMES[..] } else { &[] };
         let known = known.chain(tensors.iter().copied());
         let mut known: Vec<&str> = known.collect();
@@ -388,7 +389,7 @@ impl Checker<'_> {
 }
 
 fn builtin_arity(name: &str) -> usize {
-    if matches!(name, "min" | "max") { 2 } else { 1 }
+    if Operator::named(name).is_some() { 2 } else { 1 }
 }
 
 fn counted(n: usize, what: &str) -> String {
@@ -396,7 +397,8 @@ fn counted(n: usize, what: &str) -> String {
 }
 
 fn not_called(name: &str, arity: usize, span: Span) -> Diagnostic {
-    let arguments: Vec<String> = (0..arity).map(|i| ["x", "y", "z"][i.min(2)].into()).collect();
+    let names = if name == "atan2" { ["y", "x", "z"] } else { ["x", "y", "z"] };
+    let arguments: Vec<&str> = (0..arity).map(|i| names[i.min(2)]).collect();
     Diagnostic::error("function-without-arguments", span, format!("`{name}` is a function"))
         .label("used as a number")
         .help(format!("write `{name}({})`", arguments.join(", ")))

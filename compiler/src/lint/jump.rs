@@ -1,6 +1,6 @@
 //! Where branches meet: energy and force without jumps.
 //!
-//! Every node that chooses (`if`, `min`, `max`, `abs`, `sign`) is followed through the domain. Where
+//! Every node that chooses (`if`, `min`, `max`, `abs`, `sign`, `atan2` where it is +-pi) is followed through the domain. Where
 //! its choice changes between two points, bisection finds the place, and psi and psi' just before it
 //! are compared with those just behind it.
 
@@ -96,7 +96,7 @@ fn chooses(node: Node) -> bool {
     matches!(
         node,
         Node::Select(..)
-            | Node::Binary(Operator::Min | Operator::Max, ..)
+            | Node::Binary(Operator::Min | Operator::Max | Operator::Atan2, ..)
             | Node::Unary(Function::Abs | Function::Sign, _)
     )
 }
@@ -105,6 +105,8 @@ fn chooses(node: Node) -> bool {
 fn choice(graph: &ExprGraph, values: &Interpreter<f64>, id: NodeId) -> bool {
     match graph[id] {
         Node::Select(condition, ..) => values.truth(condition),
+        // From -pi to pi behind the origin.
+        Node::Binary(Operator::Atan2, x, y) => values.number(x) < 0.0 && values.number(y) < 0.0,
         Node::Binary(_, x, y) => values.number(x) < values.number(y),
         Node::Unary(_, x) => values.number(x) > 0.0,
         _ => false,

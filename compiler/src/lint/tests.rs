@@ -18,7 +18,7 @@ fn message(statements: &str, code: &str) -> String {
 }
 
 /// Code, an energy that has it, an energy that has not.
-const PAIRS: [(&str, &str, &str); 22] = [
+const PAIRS: [(&str, &str, &str); 23] = [
     ("not-stress-free", "psi(l) = (l/L)^2", "psi(l) = (l/L - 1)^2"),
     ("not-stress-free", "psi(l) = ln(l)^2", "psi(l) = ln(l/L)^2"),
     (
@@ -47,6 +47,11 @@ const PAIRS: [(&str, &str, &str); 22] = [
         "jump-in-energy",
         "psi(l) = (l/L - 1)^2*(2 + sign(l/L - 1.5))",
         "psi(l) = (l/L - 1)^2*(2 + sign(l/L - 1))",
+    ),
+    (
+        "jump-in-energy",
+        "psi(l) = (l/L - 1)^2 + atan2(l/L - 1.5, -1)^3/100",
+        "psi(l) = (l/L - 1)^2 + atan2(l/L - 1.5, 1)^3/100",
     ),
     (
         "jump-in-force",

@@ -334,11 +334,7 @@ impl<'a> Reader<'a> {
         if let Some(function) = TensorFunction::named(name) {
             return self.tensor_call(function, actual);
         }
-        let operator = match name {
-            "min" => Operator::Min,
-            "max" => Operator::Max,
-            _ => return Err(NotInTensors::Foreign),
-        };
+        let Some(operator) = Operator::named(name) else { return Err(NotInTensors::Foreign) };
         let mut numbers = Vec::new();
         for value in actual {
             numbers.push(value.number()?);

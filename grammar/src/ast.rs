@@ -255,6 +255,8 @@ pub struct Definition {
     pub parameters: Option<Vec<Ident>>,
     /// What it stands for.
     pub body: ExprId,
+    /// The unit in which a named value is stated, `Y0 = 250 in MPa`.
+    pub unit: Option<Unit>,
 }
 
 /// An energy density of one measure, or of values gathered over families.

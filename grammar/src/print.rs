@@ -123,6 +123,10 @@ impl<'a> Printer<'a> {
         }
         self.push(" = ");
         self.expression(definition.body);
+        if let Some(unit) = &definition.unit {
+            self.push(" in ");
+            self.unit(unit);
+        }
     }
 
     fn unit(&mut self, unit: &Unit) {

@@ -14,6 +14,7 @@ mod domain;
 mod elaborate;
 mod foreign;
 mod gathered;
+mod in_unit;
 mod names;
 mod quantity;
 mod statement;
@@ -117,7 +118,7 @@ pub(crate) use gathered::MAX_INTEGRALS;
 pub(crate) use elaborate::elaborate_formula;
 
 /// What names stand for, for a second reading of a tree that was checked.
-pub(crate) use elaborate::{Meaning, meaning};
+pub(crate) use elaborate::{Elaborator, Meaning, meaning};
 pub(crate) use names::{parts, resolve};
 pub(crate) use symbols::{Kinematic, Symbol, Symbols, TensorFunction};
 

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use piola_grammar::ast::{Arena, Ast, ExprId, ExprKind, Ident, Statement};
+use piola_grammar::ast::{Arena, Ast, ExprId, ExprKind, Ident, Statement, Unit};
 use piola_grammar::names::{BINARY_FUNCTIONS, UNARY_FUNCTIONS};
 use piola_grammar::{Diagnostic, Span, suggest};
 
@@ -87,10 +87,10 @@ impl<'a> Resolver<'a> {
                     self.symbols.names.insert(&p.name.name, Symbol::Parameter(self.n_parameters));
                 }
                 self.n_parameters += 1;
-                let exponents = p.unit.iter().flat_map(|u| &u.factors).filter_map(|f| f.exponent);
-                for id in p.constraints.iter().copied().chain(exponents) {
+                for &id in &p.constraints {
                     self.body(id, &[]);
                 }
+                self.unit(&p.unit);
             }
             Statement::Definition(definition) => {
                 let formals = definition.parameters.as_deref().unwrap_or(&[]);
@@ -101,6 +101,7 @@ impl<'a> Resolver<'a> {
                 } else {
                     self.body(definition.body, formals);
                 }
+                self.unit(&definition.unit);
                 if self.define(&definition.name) {
                     let symbol = match definition.parameters {
                         Some(_) => Symbol::Function(number),
@@ -115,6 +116,12 @@ impl<'a> Resolver<'a> {
             | Statement::Allow(_)
             | Statement::Dimensions(_)
             | Statement::Weights(_) => {}
+        }
+    }
+
+    fn unit(&mut self, unit: &Option<Unit>) {
+        for exponent in unit.iter().flat_map(|u| &u.factors).filter_map(|f| f.exponent) {
+            self.body(exponent, &[]);
         }
     }
 

@@ -51,6 +51,13 @@ pub enum ExprKind {
         /// The arguments in order.
         arguments: Vec<ExprId>,
     },
+    /// `table("data.csv", x)`
+    Table {
+        /// The file of the measured points, as written.
+        file: Text,
+        /// Where it is read off.
+        argument: ExprId,
+    },
     /// `-x`, `not c`.
     Unary {
         /// Which.

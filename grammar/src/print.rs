@@ -209,6 +209,13 @@ impl<'a> Printer<'a> {
                     }
                 }
             }
+            ExprKind::Table { file, argument } => {
+                self.push("table(");
+                self.text("", file);
+                self.push(", ");
+                stack.push(Work::Text(")"));
+                stack.push(Work::Expression(*argument));
+            }
             ExprKind::Unary { operator: UnaryOperator::Transpose, operand } => {
                 stack.push(Work::Text(UnaryOperator::Transpose.symbol()));
                 let bare = binding(arena, *operand).is_none_or(|inner| inner == Binding::Transpose);

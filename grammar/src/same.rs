@@ -128,6 +128,10 @@ fn same_node(left: &ExprKind, right: &ExprKind, open: &mut Vec<(ExprId, ExprId)>
             open.extend(a.iter().copied().zip(b.iter().copied()));
             f.name == g.name && a.len() == b.len()
         }
+        (E::Table { file: f, argument: a }, E::Table { file: g, argument: b }) => {
+            open.push((*a, *b));
+            f.text == g.text
+        }
         (E::Unary { operator: f, operand: a }, E::Unary { operator: g, operand: b }) => {
             open.push((*a, *b));
             f == g

@@ -183,6 +183,9 @@ impl<'a> Elaborator<'a> {
                 let (c, x, y) = (of(condition), of(then), of(otherwise));
                 self.choice((c?, *condition), (x?, *then), (y?, *otherwise), span)
             }
+            ExprKind::Table { file, argument } => {
+                self.table(file, (of(argument)?, *argument), span)
+            }
             ExprKind::Call { function, arguments: given } => {
                 let actual: Option<Vec<Value>> = given.iter().map(of).collect();
                 self.call(function, given, actual?, span)

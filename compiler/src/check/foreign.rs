@@ -24,6 +24,7 @@ const NUMBERS: &[(&str, &str)] = &[
     ("arctan", "the inverse tangent is `atan`"),
     ("arctan2", "the angle of a point is `atan2(y, x)`"),
     ("erfc", "write `1 - erf(x)`"),
+    ("table", "the first argument of `table` is a file in quotes: `table(\"data.csv\", x)`"),
     ("PI", "write `pi`"),
     ("true", "write a comparison that holds, for instance `0 < 1`"),
     ("false", "write a comparison that does not hold, for instance `1 < 0`"),

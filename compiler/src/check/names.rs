@@ -442,7 +442,9 @@ pub(crate) fn children(kind: &ExprKind) -> Vec<ExprId> {
     match kind {
         ExprKind::Number(_) | ExprKind::Name(_) => Vec::new(),
         ExprKind::Call { arguments, .. } => arguments.clone(),
-        ExprKind::Unary { operand, .. } => vec![*operand],
+        ExprKind::Unary { operand, .. } | ExprKind::Table { argument: operand, .. } => {
+            vec![*operand]
+        }
         ExprKind::Binary { left, right, .. } => vec![*left, *right],
         ExprKind::If { condition, then, otherwise } => vec![*condition, *then, *otherwise],
     }

@@ -150,6 +150,8 @@ impl<'a> Reader<'a> {
                     _ => self.choice(condition, of(then)?, of(otherwise)?),
                 }
             }
+            // A reader has the points before him.
+            ExprKind::Table { .. } => Err(NotInTensors::Table),
             ExprKind::Call { function, arguments: given } => {
                 let actual: Result<Vec<Value>, _> = given.iter().map(of).collect();
                 self.call(&function.name, actual?)

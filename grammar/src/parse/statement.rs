@@ -265,7 +265,7 @@ impl Builder {
         take(parts, Rule::string).map(|pair| self.text(&pair))
     }
 
-    fn text(&self, pair: &Pair<'_, Rule>) -> Text {
+    pub(super) fn text(&self, pair: &Pair<'_, Rule>) -> Text {
         let quoted = pair.as_str();
         let text = quoted.get(1..quoted.len().saturating_sub(1)).unwrap_or_default().to_string();
         Text { text, span: self.span(pair) }

@@ -1,9 +1,11 @@
 //! Potentials from files and from the library, and values for their parameters.
 
 use std::io::Read as _;
+use std::path::Path;
 
-use piola_compiler::{Model, Setting, ValueError, Values, check_text};
+use piola_compiler::{Model, Setting, ValueError, Values, check_text_with};
 use piola_grammar::{Ast, suggest};
+use piola_runtime::scene::files_below;
 
 use crate::cli::{Format, Inputs};
 use crate::console;
@@ -27,7 +29,8 @@ pub(crate) fn load(name: &str, format: Format) -> Option<Loaded> {
 /// Checks the text of a potential; what is wrong is printed. `None` if it cannot be used.
 pub(crate) fn load_text(name: &str, text: String, format: Format) -> Option<Loaded> {
     let source = Source { name, text: &text };
-    match check_text(&text) {
+    let folder = Path::new(name).parent().unwrap_or(Path::new("."));
+    match check_text_with(&text, &files_below(folder)) {
         Ok((ast, model)) => Some(Loaded { name: name.to_string(), text, ast, model }),
         Err(diagnostics) => {
             render::print(source, &diagnostics, format);

@@ -239,6 +239,7 @@ fn solid(body: &Arc<Body>) -> StateEnergy {
     let compiled = model.compile(&values, Mode::Jit(Level::default()), Form::Accurate);
     let kernels = compiled.expect("it compiles").gathered.expect("it gathers");
     let laws = StateLaws {
+        of_law: Vec::new(),
         integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
         points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
         bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),

@@ -5,6 +5,8 @@
 //! so no product with a zero is ever written. Both branches of `if` are differentiated and stay
 //! under the same condition.
 
+use std::f64::consts::FRAC_2_SQRT_PI;
+
 use crate::expression::{Comparison, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
 use crate::rewrite::{Base, Monomial, Monomials, strain, stretch};
@@ -273,6 +275,15 @@ pub(crate) fn unary(
             let zero = graph.number(0.0)?;
             graph.make(Node::Select(flat, zero, quotient))?
         }
+        // erf(x)' = 2/sqrt(pi) exp(-x^2)
+        Function::Erf => {
+            let square = graph.power(x, 2.0)?;
+            let negated = graph.negate(square)?;
+            let bell = graph.unary(Function::Exp, negated)?;
+            let factor = graph.number(FRAC_2_SQRT_PI)?;
+            let slope = graph.multiply(factor, bell)?;
+            graph.multiply(slope, dx)?
+        }
     };
     Ok(Some(derivative))
 }
@@ -326,6 +337,16 @@ pub(crate) fn binary(
             let first = graph.make(Node::Compare(comparison, x, y))?;
             let zero = graph.number(0.0)?;
             graph.make(Node::Select(first, dx.unwrap_or(zero), dy.unwrap_or(zero))).map(Some)
+        }
+        // atan2(x, y)' = (y x' - x y')/(x^2 + y^2)
+        Operator::Atan2 => {
+            let left = dx.map(|dx| graph.multiply(y, dx)).transpose()?;
+            let right = dy.map(|dy| graph.multiply(x, dy)).transpose()?;
+            let right = right.map(|right| graph.negate(right)).transpose()?;
+            let numerator = sum(graph, left, right)?.expect("one of both varies");
+            let (p, q) = (graph.power(x, 2.0)?, graph.power(y, 2.0)?);
+            let square = graph.add(p, q)?;
+            graph.divide(numerator, square).map(Some)
         }
     }
 }

@@ -41,7 +41,7 @@ mod values;
 pub mod verify;
 mod written;
 
-pub use check::{CODES, check, check_text};
+pub use check::{CODES, Files, check, check_text, check_text_with};
 pub use compile::{Compiled, Kind};
 pub use density::DensityForm;
 pub use formula::Formula;

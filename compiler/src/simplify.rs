@@ -154,6 +154,7 @@ impl Simplifier {
                 Some(c) => self.power(x, c),
                 None => self.graph.intern(Node::Binary(operator, x, y)),
             },
+            Operator::Atan2 => self.graph.intern(Node::Binary(operator, x, y)),
             Operator::Min | Operator::Max => self.ordered(operator, x, y),
         }
     }
@@ -523,7 +524,7 @@ fn is_exact(operator: Operator, a: f64, b: f64) -> bool {
             quotient.is_normal() && a.abs() > 1e-250 && libm::fma(quotient, b, -a) == 0.0
         }
         Operator::Min | Operator::Max => true,
-        Operator::Power => false,
+        Operator::Power | Operator::Atan2 => false,
     }
 }
 

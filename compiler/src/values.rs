@@ -329,7 +329,7 @@ fn split_quantity(text: &str) -> Option<(f64, &str)> {
 }
 
 /// The dimension and scale of a product such as `J/m^4`.
-fn unit_product(text: &str) -> Option<(Dimension, f64)> {
+pub(crate) fn unit_product(text: &str) -> Option<(Dimension, f64)> {
     let (unit, arena) = piola_grammar::parse_unit(text).ok()?;
     let mut dimension = Dimension::NONE;
     let mut scale = 1.0;

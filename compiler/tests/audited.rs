@@ -56,7 +56,7 @@ const EXTREME: [&str; 12] = [
 ];
 
 /// Functions of the `y` that an extreme expression is.
-const OF_EXTREME: [&str; 30] = [
+const OF_EXTREME: [&str; 33] = [
     "-y",
     "abs(y)",
     "sign(y)",
@@ -75,6 +75,7 @@ const OF_EXTREME: [&str; 30] = [
     "sinh(y)",
     "cosh(y)",
     "tanh(y)",
+    "erf(y)",
     "1/y",
     "y - 1",
     "y + 1/3",
@@ -86,6 +87,8 @@ const OF_EXTREME: [&str; 30] = [
     "y^-3",
     "min(y, 1)",
     "max(y, x)",
+    "atan2(y, x)",
+    "atan2(1, y)",
     "if y > 1 then y else 1/y",
 ];
 

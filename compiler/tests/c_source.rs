@@ -338,6 +338,7 @@ fn every_operation() -> Vec<Case> {
     let functions = "\
         x = l/L\n\
         psi(l) = exp(-x) + ln(x) + log1p(x) + expm1(-x) + sin(x) + cos(x) + atan(x)\n\
+        psi(l) = erf(x) + atan2(x, 2 - x)\n\
         psi(a) = sinh(A/(a + A)) + cosh(A/(a + A)) + tanh(a/A) + (a/A)^(-A/(a + A)) + (a/A)^0.3\n\
         domain l/L in (0.5, 3)\ndomain a/A in (0.5, 3)\n";
     let case = |name: &str, body: &str| {

@@ -139,8 +139,12 @@ pub(crate) fn symbolic_textbook(energy: &Energy, at: Point, _: f64) -> [f64; 2] 
 }
 
 fn run(kernel: &Kernel, at: Point) -> [f64; 2] {
-    let batch =
-        Batch { measure: &[at.measure], reference: &[at.reference], change: &[at.change()] };
+    let batch = Batch {
+        measure: &[at.measure],
+        reference: &[at.reference],
+        change: &[at.change()],
+        fields: &[],
+    };
     let out = kernel.derivatives(batch);
     [out.dpsi[0], out.d2psi[0]]
 }

@@ -51,6 +51,13 @@ pub enum ExprKind {
         /// The arguments in order.
         arguments: Vec<ExprId>,
     },
+    /// `table("data.csv", x)`
+    Table {
+        /// The file of the measured points, as written.
+        file: Text,
+        /// Where it is read off.
+        argument: ExprId,
+    },
     /// `-x`, `not c`.
     Unary {
         /// Which.
@@ -255,6 +262,8 @@ pub struct Definition {
     pub parameters: Option<Vec<Ident>>,
     /// What it stands for.
     pub body: ExprId,
+    /// The unit in which a named value is stated, `Y0 = 250 in MPa`.
+    pub unit: Option<Unit>,
 }
 
 /// An energy density of one measure, or of values gathered over families.

@@ -23,13 +23,13 @@ pub const STATEMENT_KEYWORDS: [&str; 7] =
     ["potential", "source", "allow", "parameter", "dimensions", "weights", "domain"];
 
 /// Functions of one number.
-pub const UNARY_FUNCTIONS: [&str; 17] = [
+pub const UNARY_FUNCTIONS: [&str; 18] = [
     "sqrt", "exp", "ln", "log1p", "expm1", "log1pmx", "sin", "cos", "tan", "asin", "acos", "atan",
-    "sinh", "cosh", "tanh", "abs", "sign",
+    "sinh", "cosh", "tanh", "erf", "abs", "sign",
 ];
 
 /// Functions of two numbers.
-pub const BINARY_FUNCTIONS: [&str; 2] = ["min", "max"];
+pub const BINARY_FUNCTIONS: [&str; 3] = ["min", "max", "atan2"];
 
 /// Whether a character may begin a name: a letter, `_` or a Greek letter.
 pub(crate) fn begins_name(c: char) -> bool {

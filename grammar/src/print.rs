@@ -123,6 +123,10 @@ impl<'a> Printer<'a> {
         }
         self.push(" = ");
         self.expression(definition.body);
+        if let Some(unit) = &definition.unit {
+            self.push(" in ");
+            self.unit(unit);
+        }
     }
 
     fn unit(&mut self, unit: &Unit) {
@@ -204,6 +208,13 @@ impl<'a> Printer<'a> {
                         stack.push(Work::Text(", "));
                     }
                 }
+            }
+            ExprKind::Table { file, argument } => {
+                self.push("table(");
+                self.text("", file);
+                self.push(", ");
+                stack.push(Work::Text(")"));
+                stack.push(Work::Expression(*argument));
             }
             ExprKind::Unary { operator: UnaryOperator::Transpose, operand } => {
                 stack.push(Work::Text(UnaryOperator::Transpose.symbol()));

@@ -50,11 +50,7 @@ impl Pair<'_> {
     fn parameters(&self, a: &Parameter, b: &Parameter) -> bool {
         a.name.name == b.name.name
             && self.optional(a.default, b.default)
-            && match (&a.unit, &b.unit) {
-                (None, None) => true,
-                (Some(a), Some(b)) => self.units(a, b),
-                _ => false,
-            }
+            && self.optional_units(&a.unit, &b.unit)
             && a.constraints.len() == b.constraints.len()
             && a.constraints.iter().zip(&b.constraints).all(|(&a, &b)| self.expressions(a, b))
             && same_text(&a.description, &b.description)
@@ -68,6 +64,15 @@ impl Pair<'_> {
                 _ => false,
             }
             && self.expressions(a.body, b.body)
+            && self.optional_units(&a.unit, &b.unit)
+    }
+
+    fn optional_units(&self, a: &Option<Unit>, b: &Option<Unit>) -> bool {
+        match (a, b) {
+            (None, None) => true,
+            (Some(a), Some(b)) => self.units(a, b),
+            _ => false,
+        }
     }
 
     fn energies(&self, a: &Energy, b: &Energy) -> bool {
@@ -122,6 +127,10 @@ fn same_node(left: &ExprKind, right: &ExprKind, open: &mut Vec<(ExprId, ExprId)>
         (E::Call { function: f, arguments: a }, E::Call { function: g, arguments: b }) => {
             open.extend(a.iter().copied().zip(b.iter().copied()));
             f.name == g.name && a.len() == b.len()
+        }
+        (E::Table { file: f, argument: a }, E::Table { file: g, argument: b }) => {
+            open.push((*a, *b));
+            f.text == g.text
         }
         (E::Unary { operator: f, operand: a }, E::Unary { operator: g, operand: b }) => {
             open.push((*a, *b));

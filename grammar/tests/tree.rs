@@ -28,6 +28,7 @@ fn explicit(arena: &Arena, id: ExprId) -> String {
             let arguments: Vec<String> = arguments.iter().map(|&id| of(id)).collect();
             format!("{}({})", function.name, arguments.join(" "))
         }
+        ExprKind::Table { file, argument } => format!("table({} {})", file.text, of(*argument)),
         ExprKind::Unary { operator: UnaryOperator::Transpose, operand } => {
             format!("({}')", of(*operand))
         }
@@ -48,6 +49,8 @@ fn explicit(arena: &Arena, id: ExprId) -> String {
 fn operators_group_as_the_table_says() {
     for (text, tree) in [
         ("1+2*3", "(1 + (2 * 3))"),
+        ("table(\"a.csv\", x + 1)^2", "(table(a.csv (x + 1)) ^ 2)"),
+        ("table + 1", "(table + 1)"),
         ("1-2-3", "((1 - 2) - 3)"),
         ("8/4/2", "((8 / 4) / 2)"),
         ("a/b*c", "((a / b) * c)"),

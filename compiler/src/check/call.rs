@@ -40,10 +40,9 @@ impl<'a> Elaborator<'a> {
             }
             return self.tensor_call(tensor_function, (function, actual[0], given[0]), span);
         }
-        if !matches!(function.name.as_str(), "min" | "max") {
+        let Some(operator) = Operator::named(&function.name) else {
             return self.integral(actual[0], given[0], span);
-        }
-        let operator = if function.name == "min" { Operator::Min } else { Operator::Max };
+        };
         let mut result = (actual[0], self.number(actual[0], given[0])?);
         for (&value, &at) in actual.iter().zip(given).skip(1) {
             let quantity = self.number(value, at)?;

@@ -49,7 +49,7 @@ impl Elaborator<'_> {
                     _ => None,
                 }
             }
-            ExprKind::Call { .. } => None,
+            ExprKind::Call { .. } | ExprKind::Table { .. } => None,
             ExprKind::Unary { operator, operand } => match (operator, known.get(operand)?) {
                 (UnaryOperator::Negate, Num(x)) => Some(Num(-x)),
                 (UnaryOperator::Not, Truth(c)) => Some(Truth(!c)),

@@ -5,7 +5,9 @@
 
 use rustc_hash::FxHashMap;
 
-use piola_grammar::ast::{Arena, Ast, BinaryOperator, ExprId, ExprKind, Ident, UnaryOperator};
+use piola_grammar::ast::{
+    Arena, Ast, BinaryOperator, Definition, ExprId, ExprKind, Ident, UnaryOperator,
+};
 use piola_grammar::{Diagnostic, ExpressionAst, Span};
 
 use super::MAX_FINDINGS;
@@ -181,6 +183,9 @@ impl<'a> Elaborator<'a> {
                 let (c, x, y) = (of(condition), of(then), of(otherwise));
                 self.choice((c?, *condition), (x?, *then), (y?, *otherwise), span)
             }
+            ExprKind::Table { file, argument } => {
+                self.table(file, (of(argument)?, *argument), span)
+            }
             ExprKind::Call { function, arguments: given } => {
                 let actual: Option<Vec<Value>> = given.iter().map(of).collect();
                 self.call(function, given, actual?, span)
@@ -246,8 +251,11 @@ impl<'a> Elaborator<'a> {
     }
 
     /// Elaborates `k = ..` once; later uses read the result.
-    pub(crate) fn define_value(&mut self, number: usize, body: ExprId) {
-        let value = self.body(body, &[]);
+    pub(crate) fn define_value(&mut self, number: usize, definition: &Definition) {
+        let mut value = self.body(definition.body, &[]);
+        if let Some(unit) = &definition.unit {
+            value = value.and_then(|value| self.in_unit(value, definition.body, unit));
+        }
         self.values.insert(number, value);
     }
 

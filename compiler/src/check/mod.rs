@@ -4,6 +4,7 @@
 //! |---|---|
 //! | `names` | every name is known, used as what it is, and defined before its use |
 //! | `elaborate` | once per dimension: `d` folds, types and dimensions are checked, the graph is built |
+//! | `table` | the files of tables are read, each once |
 //!
 //! Before: any tree. After: a [`Model`], or every error of the file at once.
 
@@ -14,11 +15,13 @@ mod domain;
 mod elaborate;
 mod foreign;
 mod gathered;
+mod in_unit;
 mod names;
 mod quantity;
 mod statement;
 mod stretch;
 mod symbols;
+mod table;
 mod tensor;
 mod texts;
 pub mod unit;
@@ -30,7 +33,7 @@ use piola_grammar::{Ast, Diagnostic, Reading, Span, read, spell_out};
 use crate::model::Model;
 
 /// The codes of all findings of this crate, those about values and sizes included.
-pub const CODES: [&str; 24] = [
+pub const CODES: [&str; 25] = [
     "constraint-violated",
     "dimension-mismatch",
     "duplicate-name",
@@ -55,6 +58,7 @@ pub const CODES: [&str; 24] = [
     "wrong-measure",
     "wrong-number-of-arguments",
     "wrong-shape",
+    "wrong-table",
 ];
 
 /// After so many findings the rest of a file is not reported.
@@ -63,14 +67,27 @@ pub const MAX_FINDINGS: usize = 100;
 /// Reads and checks the text of a potential. Every mistake is reported in one run: what is wrong
 /// with the lines that can be read comes with what is wrong with the others.
 pub fn check_text(text: &str) -> Result<(Ast, Model), Vec<Diagnostic>> {
+    check_text_with(text, &no_files)
+}
+
+/// Gives the text of a file that a potential names, or says why there is none.
+pub type Files<'f> = &'f dyn Fn(&str) -> Result<String, String>;
+
+/// The files of a text that lies in no folder.
+fn no_files(_: &str) -> Result<String, String> {
+    Err("this text lies in no folder, and no file beside it".into())
+}
+
+/// The same for a text beside other files, from which its tables are read.
+pub fn check_text_with(text: &str, files: Files<'_>) -> Result<(Ast, Model), Vec<Diagnostic>> {
     let Reading { ast, mut findings, unread } = read(text);
     if findings.is_empty() {
-        return check(&ast).map(|model| (ast, model));
+        return check_with(&ast, files).map(|model| (ast, model));
     }
     let lost: Vec<String> = unread.iter().map(|line| spell_out(&text[line.range()])).collect();
     // What is right in two dimensions may be wrong in three.
     let checkable = !lost.iter().any(|line| line.starts_with("dimensions"));
-    if let Err(more) = if checkable { check(&ast).map(drop) } else { Ok(()) } {
+    if let Err(more) = if checkable { check_with(&ast, files).map(drop) } else { Ok(()) } {
         findings.extend(more.into_iter().filter(|finding| !follows(finding, text, &lost)));
     }
     findings.sort_by_key(|finding| finding.span);
@@ -95,7 +112,13 @@ fn follows(finding: &Diagnostic, text: &str, lost: &[String]) -> bool {
 /// Checks a potential. Every error of the file is reported in one run, in the order of the text;
 /// what depends on a name that is wrong is not looked at further.
 pub fn check(ast: &Ast) -> Result<Model, Vec<Diagnostic>> {
-    let (symbols, mut errors) = names::resolve(ast);
+    check_with(ast, &no_files)
+}
+
+/// The same with the files that tables are read from.
+fn check_with(ast: &Ast, files: Files<'_>) -> Result<Model, Vec<Diagnostic>> {
+    let (mut symbols, mut errors) = names::resolve(ast);
+    symbols.tables = table::read_all(ast, files, &mut errors);
     let model = if errors.len() < MAX_FINDINGS {
         statement::model(ast, &symbols, &mut errors)
     } else {
@@ -117,7 +140,7 @@ pub(crate) use gathered::MAX_INTEGRALS;
 pub(crate) use elaborate::elaborate_formula;
 
 /// What names stand for, for a second reading of a tree that was checked.
-pub(crate) use elaborate::{Meaning, meaning};
+pub(crate) use elaborate::{Elaborator, Meaning, meaning};
 pub(crate) use names::{parts, resolve};
 pub(crate) use symbols::{Kinematic, Symbol, Symbols, TensorFunction};
 

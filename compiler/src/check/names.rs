@@ -2,14 +2,14 @@
 
 use std::collections::HashMap;
 
-use piola_grammar::ast::{Arena, Ast, ExprId, ExprKind, Ident, Statement};
-use piola_grammar::names::UNARY_FUNCTIONS;
+use piola_grammar::ast::{Arena, Ast, ExprId, ExprKind, Ident, Statement, Unit};
+use piola_grammar::names::{BINARY_FUNCTIONS, UNARY_FUNCTIONS};
 use piola_grammar::{Diagnostic, Span, suggest};
 
 use super::MAX_FINDINGS;
 use super::foreign::{self, Place};
 use super::symbols::{Symbol, Symbols, TensorFunction};
-use crate::expression::Function;
+use crate::expression::{Function, Operator};
 
 /// Most parameters a function may have; every call names them all in its messages.
 const MAX_FORMALS: usize = 100;
@@ -87,10 +87,10 @@ impl<'a> Resolver<'a> {
                     self.symbols.names.insert(&p.name.name, Symbol::Parameter(self.n_parameters));
                 }
                 self.n_parameters += 1;
-                let exponents = p.unit.iter().flat_map(|u| &u.factors).filter_map(|f| f.exponent);
-                for id in p.constraints.iter().copied().chain(exponents) {
+                for &id in &p.constraints {
                     self.body(id, &[]);
                 }
+                self.unit(&p.unit);
             }
             Statement::Definition(definition) => {
                 let formals = definition.parameters.as_deref().unwrap_or(&[]);
@@ -101,6 +101,7 @@ impl<'a> Resolver<'a> {
                 } else {
                     self.body(definition.body, formals);
                 }
+                self.unit(&definition.unit);
                 if self.define(&definition.name) {
                     let symbol = match definition.parameters {
                         Some(_) => Symbol::Function(number),
@@ -115,6 +116,12 @@ impl<'a> Resolver<'a> {
             | Statement::Allow(_)
             | Statement::Dimensions(_)
             | Statement::Weights(_) => {}
+        }
+    }
+
+    fn unit(&mut self, unit: &Option<Unit>) {
+        for exponent in unit.iter().flat_map(|u| &u.factors).filter_map(|f| f.exponent) {
+            self.body(exponent, &[]);
         }
     }
 
@@ -164,7 +171,7 @@ pub(crate) fn check_formula(
 }
 
 fn may_be_named(name: &Ident, errors: &mut Vec<Diagnostic>) -> bool {
-    let builtin = Function::named(&name.name).is_some() || matches!(&*name.name, "min" | "max");
+    let builtin = Function::named(&name.name).is_some() || Operator::named(&name.name).is_some();
     let meaning = if builtin {
         Some("a built-in function")
     } else {
@@ -291,7 +298,7 @@ impl Checker<'_> {
             {
                 return;
             }
-            None if self.is_builtin(name) => Some(1),
+            None if self.is_builtin(name) => Some(builtin_arity(name)),
             None => None,
         };
         match arity {
@@ -314,7 +321,8 @@ impl Checker<'_> {
     fn is_builtin(&self, name: &str) -> bool {
         let tensors = self.scope.symbols.tensors && TensorFunction::named(name).is_some();
         let integral = name == INTEGRAL && self.ast.is_some();
-        tensors || integral || Function::named(name).is_some() || matches!(name, "min" | "max")
+        let function = Function::named(name).is_some() || Operator::named(name).is_some();
+        tensors || integral || function
     }
 
     /// Whether a function is one of `L` alone: without arguments it is taken at `L`.
@@ -370,7 +378,7 @@ impl Checker<'_> {
         }
         let known = self.scope.formals.iter().map(|f| f.name.as_str());
         let known = known.chain(names.keys().copied());
-        let known = known.chain(UNARY_FUNCTIONS).chain(["min", "max"]);
+        let known = known.chain(UNARY_FUNCTIONS).chain(BINARY_FUNCTIONS);
         let tensors = if self.scope.symbols.tensors { &TensorFunction::NAMES[..] } else { &[] };
         let known = known.chain(tensors.iter().copied());
         let mut known: Vec<&str> = known.collect();
@@ -388,7 +396,7 @@ impl Checker<'_> {
 }
 
 fn builtin_arity(name: &str) -> usize {
-    if matches!(name, "min" | "max") { 2 } else { 1 }
+    if Operator::named(name).is_some() { 2 } else { 1 }
 }
 
 fn counted(n: usize, what: &str) -> String {
@@ -396,7 +404,8 @@ fn counted(n: usize, what: &str) -> String {
 }
 
 fn not_called(name: &str, arity: usize, span: Span) -> Diagnostic {
-    let arguments: Vec<String> = (0..arity).map(|i| ["x", "y", "z"][i.min(2)].into()).collect();
+    let names = if name == "atan2" { ["y", "x", "z"] } else { ["x", "y", "z"] };
+    let arguments: Vec<&str> = (0..arity).map(|i| names[i.min(2)]).collect();
     Diagnostic::error("function-without-arguments", span, format!("`{name}` is a function"))
         .label("used as a number")
         .help(format!("write `{name}({})`", arguments.join(", ")))
@@ -433,7 +442,9 @@ pub(crate) fn children(kind: &ExprKind) -> Vec<ExprId> {
     match kind {
         ExprKind::Number(_) | ExprKind::Name(_) => Vec::new(),
         ExprKind::Call { arguments, .. } => arguments.clone(),
-        ExprKind::Unary { operand, .. } => vec![*operand],
+        ExprKind::Unary { operand, .. } | ExprKind::Table { argument: operand, .. } => {
+            vec![*operand]
+        }
         ExprKind::Binary { left, right, .. } => vec![*left, *right],
         ExprKind::If { condition, then, otherwise } => vec![*condition, *then, *otherwise],
     }

@@ -23,9 +23,14 @@ impl Elaborator<'_> {
             Operator::Multiply => Some(p.combine(q, Dimension::times)),
             Operator::Divide => Some(p.combine(q, Dimension::over)),
             Operator::Power => self.power_quantity((p, left), (q, right), exponent),
-            Operator::Add | Operator::Subtract | Operator::Min | Operator::Max => {
+            Operator::Add
+            | Operator::Subtract
+            | Operator::Min
+            | Operator::Max
+            | Operator::Atan2 => {
                 if let Some(common) = p.unify(q) {
-                    return Some(common);
+                    let angle = operator == Operator::Atan2;
+                    return Some(if angle { self.number_quantity() } else { common });
                 }
                 let message = match operator {
                     Operator::Add => {
@@ -33,6 +38,13 @@ impl Elaborator<'_> {
                     }
                     Operator::Subtract => {
                         format!("cannot subtract {} from {}", q.describe(), p.describe())
+                    }
+                    Operator::Atan2 => {
+                        format!(
+                            "no angle of {} against {}: `atan2` needs one unit",
+                            p.describe(),
+                            q.describe()
+                        )
                     }
                     _ => format!("cannot compare {} with {}", p.describe(), q.describe()),
                 };

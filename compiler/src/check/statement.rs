@@ -1,8 +1,8 @@
 //! Statements to a model, once per dimension.
 
 use piola_grammar::ast::{
-    Allow, Ast, Energy as EnergyAst, ExprId, ExprKind, Ident, Parameter as ParameterAst, Statement,
-    Text,
+    Allow, Ast, Definition, Energy as EnergyAst, ExprId, ExprKind, Ident,
+    Parameter as ParameterAst, Statement, Text,
 };
 use piola_grammar::{Diagnostic, Span, print_expression, suggest};
 
@@ -11,8 +11,8 @@ use super::dimension::Dimension;
 use super::elaborate::Elaborator;
 use super::names::parts;
 use super::symbols::{Symbol, Symbols, is_kinematic};
-use super::unit::{UnitValue, base_units, named_unit, prefixes, unit_names};
-use super::value::{GRADIENT, Quantity, Value};
+use super::unit::UnitValue;
+use super::value::{GRADIENT, IN_UNIT, Quantity, Value};
 use crate::expression::{ExprGraph, NodeId};
 use crate::lint::LINTS;
 use crate::measure::Measure;
@@ -36,7 +36,9 @@ pub(crate) fn model(
         errors.push(Diagnostic::error("too-large", declared[MAX_PARAMETERS].name.span, message));
         return None;
     }
-    let has_units = declared.iter().any(|p| p.unit.is_some());
+    let in_unit =
+        |s: &Statement| matches!(s, Statement::Definition(Definition { unit: Some(_), .. }));
+    let has_units = declared.iter().any(|p| p.unit.is_some()) || ast.statements.iter().any(in_unit);
     let mut variants = Vec::new();
     let mut stated = Vec::new();
     for &dimension in &dimensions {
@@ -195,7 +197,7 @@ fn constraints(
     for (number, statement) in ast.statements.iter().enumerate() {
         match statement {
             Statement::Definition(d) if d.parameters.is_none() => {
-                elaborator.define_value(number, d.body);
+                elaborator.define_value(number, d);
             }
             Statement::Parameter(p) => {
                 for &id in &p.constraints {
@@ -223,8 +225,16 @@ fn condition(elaborator: &mut Elaborator<'_>, id: ExprId) -> Option<NodeId> {
         return Some(value.node);
     }
     let span = elaborator.arena[id].span;
-    let message = "a condition on parameters cannot depend on the deformation";
-    elaborator.report(Diagnostic::error("wrong-measure", span, message));
+    let error = if value.uses & !IN_UNIT == 0 {
+        let message = "a condition on parameters holds a value that is stated in a unit";
+        Diagnostic::error("dimension-mismatch", span, message)
+            .label("parameters count in their own units here")
+            .help("write the number that the value is in the unit of the parameter")
+    } else {
+        let message = "a condition on parameters cannot depend on the deformation";
+        Diagnostic::error("wrong-measure", span, message)
+    };
+    elaborator.report(error);
     None
 }
 
@@ -265,7 +275,7 @@ impl<'a> Builder<'a> {
             match statement {
                 Statement::Parameter(p) => self.parameter(p),
                 Statement::Definition(d) if d.parameters.is_none() => {
-                    self.elaborator.define_value(number, d.body);
+                    self.elaborator.define_value(number, d);
                 }
                 Statement::Energy(energy) => self.energy(energy),
                 Statement::Domain(domain) => self.domain(domain),
@@ -280,7 +290,7 @@ impl<'a> Builder<'a> {
 
     fn parameter(&mut self, p: &ParameterAst) {
         let none = UnitValue { dimension: Dimension::NONE, scale: 1.0 };
-        let unit = p.unit.as_ref().map_or(Some(none), |unit| self.unit(unit));
+        let unit = p.unit.as_ref().map_or(Some(none), |unit| self.elaborator.unit(unit));
         let default = p.default.and_then(|default| self.default_value(p, default));
         self.variant.defaults.push(default);
         self.variant.units.push(unit.unwrap_or(none));
@@ -301,45 +311,6 @@ impl<'a> Builder<'a> {
         let span = self.ast.arena[root].span;
         self.elaborator.report(Diagnostic::error("not-a-constant", span, message));
         None
-    }
-
-    /// What a unit means; `None` if some of it is not understood, which is reported.
-    fn unit(&mut self, unit: &piola_grammar::ast::Unit) -> Option<UnitValue> {
-        let mut product = Some(UnitValue { dimension: Dimension::NONE, scale: 1.0 });
-        for factor in &unit.factors {
-            let power = self.unit_factor(factor);
-            product = product.zip(power).map(|(x, y)| UnitValue {
-                dimension: x.dimension.times(y.dimension),
-                scale: x.scale * y.scale,
-            });
-        }
-        let product = product?;
-        if product.scale.is_normal() {
-            return Some(product);
-        }
-        let message = format!("this unit is {} SI units: too much to count in", product.scale);
-        self.elaborator.report(Diagnostic::error("unknown-unit", unit.span, message));
-        None
-    }
-
-    fn unit_factor(&mut self, factor: &piola_grammar::ast::UnitFactor) -> Option<UnitValue> {
-        let name = &factor.name;
-        let Some(base) = named_unit(&name.name) else {
-            let error = unknown_unit(&name.name, name.span);
-            self.elaborator.report(error);
-            return None;
-        };
-        let exponent = match factor.exponent {
-            Some(exponent) => self.elaborator.constant(exponent)?,
-            None => 1.0,
-        };
-        let exponent = if factor.divided { -exponent } else { exponent };
-        let Some(dimension) = base.dimension.power(exponent) else {
-            let message = format!("{} to the power {exponent} has no sensible unit", name.name);
-            self.elaborator.report(Diagnostic::error("unknown-unit", name.span, message));
-            return None;
-        };
-        Some(UnitValue { dimension, scale: libm::pow(base.scale, exponent) })
     }
 
     fn energy(&mut self, energy: &EnergyAst) {
@@ -513,31 +484,6 @@ fn missing_factor(measure: Measure, d: usize, wanted: Dimension, found: Dimensio
         return format!("a factor in {} is missing, such as `{reference}`", missing.unit());
     }
     format!("a factor in {} is missing", missing.unit())
-}
-
-/// The unit after the number in "200 GPa", or why it is none.
-pub(crate) fn unknown_unit(name: &str, span: Span) -> Diagnostic {
-    let error = Diagnostic::error("unknown-unit", span, format!("unknown unit `{name}`"))
-        .label("not a unit");
-    if let Some((first, second)) = product_of_units(name) {
-        return error.help(format!("a product is written with `*`: `{first}*{second}`"));
-    }
-    match suggest(name, unit_names()) {
-        Some(near) => error.help(format!("did you mean `{near}`?")),
-        None => error.help(format!(
-            "units are products of powers of {}, each with a prefix out of {}",
-            base_units().join(", "),
-            prefixes().join(" ")
-        )),
-    }
-}
-
-/// The two units that a name such as `Nm` runs together.
-fn product_of_units(name: &str) -> Option<(&str, &str)> {
-    let cuts = name.char_indices().skip(1).map(|(at, _)| name.split_at(at));
-    let mut products =
-        cuts.filter(|(first, second)| named_unit(first).is_some() && named_unit(second).is_some());
-    products.next()
 }
 
 fn gathered_by_others(energy: &EnergyAst, name: &Ident) -> Diagnostic {

@@ -1,9 +1,11 @@
 //! What names stand for: built-in symbols, functions of tensors, what a file defines.
 
 use std::collections::{HashMap, HashSet};
+use std::rc::Rc;
 
 use piola_grammar::ast::{Ast, Energy, ExprId, Statement};
 
+use super::table::Table;
 use crate::measure::Measure;
 
 /// What a name outside a function's formal parameters stands for.
@@ -35,6 +37,8 @@ pub(crate) struct Symbols<'a> {
     pub(super) names: HashMap<&'a str, Symbol>,
     /// Whether functions of tensors are known.
     pub(super) tensors: bool,
+    /// What the files of tables hold, by their names in the text.
+    pub(super) tables: HashMap<String, Rc<Table>>,
     /// Roots of the expressions in which some name is wrong: nothing more is said of them.
     pub(super) unresolved: HashSet<ExprId>,
 }

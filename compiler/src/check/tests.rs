@@ -375,6 +375,33 @@ fn parameter_values_are_converted_and_checked() {
 }
 
 #[test]
+fn values_are_stated_in_units() {
+    let text = "potential p\ndimensions 3\nparameter n = 2\nY0 = 250 in MPa\n\
+                k = 3*n in kN/m^(d-1)\npsi(l) = (Y0 + k)/L^3*(l/L)\n";
+    let model = model(text);
+    let values = model.values(3, &[], None).unwrap();
+    let energy = model.specialise_as(&values, crate::Form::Textbook).unwrap().energies[0].clone();
+    let mut interpreter = crate::expression::interpret::Interpreter::<f64>::new();
+    energy.run(&mut interpreter, &2.0, &1.0, &1.0);
+    assert_eq!(interpreter.number(energy.roots[0]), 2.0 * (250e6 + 6e3));
+    for (lines, code) in [
+        ("Y0 = 250 in MPa\npsi(l) = Y0*l/L", "dimension-mismatch"),
+        ("Y0 = L in m\npsi(l) = Y0*l/L", "dimension-mismatch"),
+        ("Y0 = 1 in furlong\npsi(l) = Y0*l/L", "unknown-unit"),
+        ("Y0 = 1 in m^k\npsi(l) = Y0*l/L", "unknown-name"),
+        ("Y0 = 1 in MPa\nparameter C = 2*Y0\npsi(l) = Y0/L^3*C*l/L", "not-a-constant"),
+        ("Y0 = 1 in MPa\nparameter C = 2 in MPa, C > Y0\npsi(l) = C/L^3*l/L", "dimension-mismatch"),
+        ("Y0 = I in MPa\npsi(F) = tr(Y0)", "wrong-shape"),
+    ] {
+        assert_eq!(codes(&format!("potential p\ndimensions 3\n{lines}")), [code], "{lines}");
+    }
+    let found = check_text("potential p\nf(x) = x in MPa\npsi(l) = f(l)").unwrap_err();
+    assert_eq!(found[0].code, "syntax");
+    let found = check_text("potential p\nY0 = 250 MPa\npsi(l) = Y0*l").unwrap_err();
+    assert!(found[0].helps[0].contains("`250 in MPa`"), "{found:?}");
+}
+
+#[test]
 fn lines_that_cannot_be_read_hide_no_other_mistake() {
     let found = |text: &str| -> Vec<&str> {
         check_text(text).unwrap_err().iter().map(|finding| finding.code).collect()

@@ -59,6 +59,9 @@ pub(crate) const GRADIENT: u8 = 1 << 3;
 /// The same for integrals over families.
 pub(crate) const INTEGRAL: u8 = 1 << 4;
 
+/// The bit for values that are stated in a unit, among conditions, whose parameters are not in SI units.
+pub(crate) const IN_UNIT: u8 = 1 << 5;
+
 /// Which of the tensors of a file a value is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct TensorId(pub(crate) u32);

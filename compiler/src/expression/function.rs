@@ -41,6 +41,8 @@ pub enum Function {
     Cosh,
     /// Hyperbolic tangent.
     Tanh,
+    /// The error function, `2/sqrt(pi)` times the integral of `exp(-t^2)` from 0 to `x`.
+    Erf,
 }
 
 impl Function {
@@ -69,6 +71,7 @@ impl Function {
             "sinh" => Function::Sinh,
             "cosh" => Function::Cosh,
             "tanh" => Function::Tanh,
+            "erf" => Function::Erf,
             _ => return None,
         })
     }
@@ -97,6 +100,7 @@ impl Function {
             Function::Sinh => libm::sinh,
             Function::Cosh => libm::cosh,
             Function::Tanh => libm::tanh,
+            Function::Erf => libm::erf,
         })
     }
 }
@@ -139,9 +143,22 @@ pub enum Operator {
     Min,
     /// The larger; not a number if either is none, `-0 < +0`.
     Max,
+    /// The angle of the point with ordinate `x` and abscissa `y`, the first and the second operand, in
+    /// rad between -pi and pi; 0 at the origin.
+    Atan2,
 }
 
 impl Operator {
+    /// The operator that is a function with this name in the language.
+    pub fn named(name: &str) -> Option<Operator> {
+        Some(match name {
+            "min" => Operator::Min,
+            "max" => Operator::Max,
+            "atan2" => Operator::Atan2,
+            _ => return None,
+        })
+    }
+
     /// Whether the operands may be exchanged without changing a bit.
     pub fn commutes(self) -> bool {
         matches!(self, Operator::Add | Operator::Multiply | Operator::Min | Operator::Max)
@@ -157,6 +174,7 @@ impl Operator {
             Operator::Power => "^",
             Operator::Min => "min",
             Operator::Max => "max",
+            Operator::Atan2 => "atan2",
         }
     }
 }
@@ -206,6 +224,8 @@ impl Comparison {
 
 #[cfg(test)]
 mod tests {
+    use piola_grammar::names::BINARY_FUNCTIONS;
+
     use super::*;
 
     #[test]
@@ -213,5 +233,8 @@ mod tests {
         let names: Vec<&str> = Function::all_named().map(Function::name).collect();
         assert_eq!(names, UNARY_FUNCTIONS);
         assert_eq!(Function::Negate.name(), "-");
+        for name in BINARY_FUNCTIONS {
+            assert_eq!(Operator::named(name).map(Operator::name), Some(name));
+        }
     }
 }

@@ -197,7 +197,7 @@ impl ExprGraph {
     pub fn calls(&self) -> usize {
         let called = |node: Node| match node {
             Node::Unary(function, _) => function.libm().is_some(),
-            Node::Binary(Operator::Power, ..) => true,
+            Node::Binary(Operator::Power | Operator::Atan2, ..) => true,
             Node::PowerConstant(_, bits) => {
                 matches!(PowerPlan::new(f64::from_bits(bits)), PowerPlan::General(_))
             }

@@ -1,5 +1,7 @@
 //! What a number type must offer so that a graph can be evaluated over it.
 
+use std::f64::consts::FRAC_2_SQRT_PI;
+
 use num_dual::{Dual2_64, DualNum, HyperDual64};
 
 use super::function::log1pmx;
@@ -84,6 +86,7 @@ impl Number for f64 {
             Operator::Power => libm::pow(x, y),
             Operator::Min => min(x, y),
             Operator::Max => max(x, y),
+            Operator::Atan2 => libm::atan2(x, y),
         }
     }
 
@@ -173,6 +176,13 @@ macro_rules! dual_number {
                         (small * -2.0 / (small + 1.0) + 1.0) * side
                     }
                     Function::Tanh => x.tanh(),
+                    Function::Erf => {
+                        let (at, change) = (x.re, x - x.re);
+                        let slope = FRAC_2_SQRT_PI * libm::exp(-at * at);
+                        let mut value = change * (change * (-at) + 1.0) * slope;
+                        value.re = libm::erf(at);
+                        value
+                    }
                 }
             }
 
@@ -198,6 +208,17 @@ macro_rules! dual_number {
                     Operator::Max if max(x.re, y.re).to_bits() == x.re.to_bits() => x,
                     Operator::Min | Operator::Max if x.re.is_nan() => x,
                     Operator::Min | Operator::Max => y,
+                    Operator::Atan2 => {
+                        let (p, q) = (x - x.re, y - y.re);
+                        let size = libm::hypot(x.re, y.re);
+                        let (sine, cosine) = (x.re / size, y.re / size);
+                        // About the point, along the circle and along the radius.
+                        let along = (p * cosine - q * sine) / size;
+                        let out = (q * cosine + p * sine) / size;
+                        let mut angle = along - along * out;
+                        angle.re = libm::atan2(x.re, y.re);
+                        angle
+                    }
                 }
             }
 
@@ -231,6 +252,24 @@ mod tests {
             let second = -2.0 * tanh.re * slope;
             assert!((tanh.eps1eps2 - second).abs() <= 1e-14 * slope, "{x}: {tanh}");
         }
+    }
+
+    #[test]
+    fn dual_numbers_know_the_derivatives_of_two_variables() {
+        // d/dt and d/ds of erf(x) and of atan2(y, x), with x = t and y = s.
+        let (x, y) = (0.7, -1.3);
+        let erf = HyperDual64::unary(Function::Erf, HyperDual64::new(x, 1.0, 1.0, 0.0));
+        let slope = FRAC_2_SQRT_PI * libm::exp(-x * x);
+        let near = |found: f64, expected: f64| (found - expected).abs() <= 1e-15 * expected.abs();
+        assert_eq!(erf.re, libm::erf(x));
+        assert!(near(erf.eps1, slope) && near(erf.eps1eps2, -2.0 * x * slope), "{erf}");
+        let [t, s] = [HyperDual64::new(x, 1.0, 0.0, 0.0), HyperDual64::new(y, 0.0, 1.0, 0.0)];
+        let angle = HyperDual64::binary(Operator::Atan2, s, t);
+        let square = x * x + y * y;
+        assert_eq!(angle.re, libm::atan2(y, x));
+        assert!(near(angle.eps1, -y / square) && near(angle.eps2, x / square), "{angle}");
+        let mixed = (y * y - x * x) / (square * square);
+        assert!((angle.eps1eps2 - mixed).abs() <= 1e-15, "{angle}");
     }
 
     /// The witness must not be less accurate than what it is a witness for.

@@ -108,6 +108,20 @@ impl<const BITS: usize> Precise<BITS> {
         Self::if_any(parts, x.doubtful || y.doubtful)
     }
 
+    /// The angle of the point `(x, y)`.
+    fn angle(y: &Self, x: &Self) -> Self {
+        let parts = y.parts.as_ref().zip(x.parts.as_ref()).map(|([y, dy, ddy], [x, dx, ddx])| {
+            let square = x * x + y * y;
+            let square = square.only_if(!square.is_zero());
+            // angle' = (x y' - y x')/(x^2 + y^2), and the derivative of that quotient.
+            let first = (x * dy - y * dx) / &square;
+            let change = Real::from(2) * (x * dx + y * dy);
+            let second = (x * ddy - y * ddx - &first * change) / &square;
+            [Real::angle(y, x), first, second]
+        });
+        Self::if_any(parts, y.doubtful || x.doubtful)
+    }
+
     /// `x^c` for a known number `c`.
     fn raised(&self, c: &Real<BITS>) -> Self {
         let one = Real::from(1);
@@ -220,6 +234,11 @@ impl<const BITS: usize> Number for Precise<BITS> {
                 let second = -(two() * &tanh * &first);
                 [tanh, first, second]
             }),
+            Function::Erf => x.chain(|x| {
+                let first = x.error_slope();
+                let second = -(two() * x * &first);
+                [x.error_function(), first, second]
+            }),
         }
     }
 
@@ -243,6 +262,7 @@ impl<const BITS: usize> Number for Precise<BITS> {
                 };
                 if first { x } else { y }
             }
+            Operator::Atan2 => Self::angle(&x, &y),
         }
     }
 

@@ -164,6 +164,55 @@ impl<const BITS: usize> Real<BITS> {
         self.moderate().unary(|x, constants| Self::CONTEXT.tanh(x, Some(constants)))
     }
 
+    /// The angle of the point `(x, y)` between -pi and pi, 0 at the origin.
+    pub(crate) fn angle(y: &Self, x: &Self) -> Self {
+        let zero = Real::from(0);
+        let right = Real::from(1).asin();
+        if x.is_zero() && y.is_zero() {
+            return zero;
+        }
+        // What is divided by is the larger of both: no quotient overflows.
+        if x.size() > y.size() {
+            let angle = (y / x).atan();
+            return match (x.is_positive(), *y < zero) {
+                (true, _) => angle,
+                (false, false) => angle + Real::from(2) * right,
+                (false, true) => angle - Real::from(2) * right,
+            };
+        }
+        let angle = (x / y).atan();
+        if y.is_positive() { right - angle } else { -right - angle }
+    }
+
+    /// `2/sqrt(pi) exp(-x^2)`, the derivative of the error function.
+    pub(crate) fn error_slope(&self) -> Self {
+        let pi = Real::from(2) * Self::from(1).asin();
+        Real::from(2) / pi.sqrt() * (-(self * self)).exp()
+    }
+
+    /// The error function, by the series `x erf'(x) sum (2 x^2)^n/(1 3 5 .. (2 n + 1))`, of which no
+    /// term cancels another.
+    pub(crate) fn error_function(&self) -> Self {
+        let square = self * self;
+        if !square.is_number() {
+            return Self::NONE;
+        }
+        // Beyond, it is +-1 to all digits: erfc(x) < exp(-x^2).
+        if square.to_f64() > BITS as f64 {
+            let one = Real::from(1);
+            return if self.is_positive() { one } else { -one };
+        }
+        let twice = Real::from(2) * &square;
+        let (mut term, mut sum) = (Real::from(1), Real::from(1));
+        let mut n = 1;
+        while term.magnitude() >= sum.magnitude().map(|size| size - BITS as i64 - 2) {
+            term = term * &twice / Real::from(2 * n + 1);
+            sum = sum + &term;
+            n += 1;
+        }
+        self * self.error_slope() * sum
+    }
+
     /// `x^c`, for whole `c` of any `x`, else of `x > 0`; of 0 it is 1 for `c = 0`, 0 for `c > 0`.
     pub(crate) fn power(&self, c: &Self) -> Self {
         let (Some(_), Some(exponent)) = (&self.0, &c.0) else { return Self::NONE };

@@ -11,6 +11,8 @@ pub(super) enum Called {
     Unary(Function),
     /// `x^y`
     Pow,
+    /// The angle of the point `(y, x)`.
+    Atan2,
 }
 
 impl Called {
@@ -19,6 +21,7 @@ impl Called {
         match node {
             Node::Unary(function, _) => function.libm().map(|_| Called::Unary(function)),
             Node::Binary(Operator::Power, ..) => Some(Called::Pow),
+            Node::Binary(Operator::Atan2, ..) => Some(Called::Atan2),
             Node::PowerConstant(_, bits) => match PowerPlan::new(f64::from_bits(bits)) {
                 PowerPlan::General(_) => Some(Called::Pow),
                 PowerPlan::Chain { .. } => None,
@@ -30,7 +33,7 @@ impl Called {
     /// All of them.
     pub(super) fn all() -> impl Iterator<Item = Called> {
         let unary = Function::all_named().filter(|function| function.libm().is_some());
-        unary.map(Called::Unary).chain([Called::Pow])
+        unary.map(Called::Unary).chain([Called::Pow, Called::Atan2])
     }
 
     /// Whether the fast level has code of its own for it.
@@ -43,7 +46,7 @@ impl Called {
     pub(super) fn arity(self) -> usize {
         match self {
             Called::Unary(_) => 1,
-            Called::Pow => 2,
+            Called::Pow | Called::Atan2 => 2,
         }
     }
 
@@ -52,6 +55,7 @@ impl Called {
         match self {
             Called::Unary(f) => format!("piola_{}", f.name()),
             Called::Pow => "piola_pow".to_string(),
+            Called::Atan2 => "piola_atan2".to_string(),
         }
     }
 
@@ -68,8 +72,12 @@ impl Called {
         extern "C" fn pow(x: f64, y: f64) -> f64 {
             libm::pow(x, y)
         }
+        extern "C" fn atan2(x: f64, y: f64) -> f64 {
+            libm::atan2(x, y)
+        }
         let function = match self {
             Called::Pow => return Some(pow as *const u8),
+            Called::Atan2 => return Some(atan2 as *const u8),
             Called::Unary(function) => function,
         };
         match function {
@@ -88,6 +96,7 @@ impl Called {
             Function::Sinh => address!(libm::sinh),
             Function::Cosh => address!(libm::cosh),
             Function::Tanh => address!(libm::tanh),
+            Function::Erf => address!(libm::erf),
         }
     }
 }

@@ -344,6 +344,7 @@ impl Lowering<'_, '_> {
             Operator::Power => self.call(Called::Pow, &[x, y]),
             Operator::Min => ins.fmin(x, y),
             Operator::Max => ins.fmax(x, y),
+            Operator::Atan2 => self.call(Called::Atan2, &[x, y]),
         }
     }
 
@@ -372,6 +373,7 @@ impl Lowering<'_, '_> {
                 self.lanes.power(logarithm, arguments[1])
             }
             Called::Unary(function) => self.lanes.elementary(function, table, x)?,
+            Called::Atan2 => return None,
         };
         Some(self.noted(partial))
     }

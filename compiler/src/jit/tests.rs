@@ -144,6 +144,26 @@ fn powers() {
     }
 }
 
+/// Functions that are called at both levels keep the digits of `libm`.
+#[test]
+fn error_functions_and_angles() {
+    let mut numbers = both_signs(decades(-300, 0, 1));
+    numbers.extend(both_signs(spread(0.01, 6.5, 1500).collect()));
+    let truth = |x: f64, _| Exact::unary(Function::Erf, Exact::constant(x));
+    for error in largest_error("erf(l)", &alone(numbers), truth) {
+        assert!(error > 0.4 && error < 1.0, "{error}");
+    }
+    let sizes = both_signs(decades(-150, 150, 1));
+    let mut pairs: Vec<(f64, f64)> =
+        sizes.iter().zip(sizes.iter().skip(7)).map(|(x, y)| (*x, *y)).collect();
+    let near = both_signs(spread(0.01, 20.0, 300).collect());
+    pairs.extend(near.iter().zip(near.iter().rev()).flat_map(|(x, y)| [(*x, *y), (*y, 1.0)]));
+    let truth = |y: f64, x| Exact::binary(Operator::Atan2, Exact::constant(y), Exact::constant(x));
+    for error in largest_error("atan2(l, L)", &pairs, truth) {
+        assert!(error > 0.4 && error < 1.5, "{error}");
+    }
+}
+
 /// Powers of one base whose exponents differ by 1 are made from each other.
 #[test]
 fn neighbouring_powers() {

@@ -1,8 +1,10 @@
 //! Where branches meet: energy and force without jumps.
 //!
-//! Every node that chooses (`if`, `min`, `max`, `abs`, `sign`) is followed through the domain. Where
+//! Every node that chooses (`if`, `min`, `max`, `abs`, `sign`, `atan2` where it is +-pi) is followed through the domain. Where
 //! its choice changes between two points, bisection finds the place, and psi and psi' just before it
 //! are compared with those just behind it.
+
+use rustc_hash::FxHashSet;
 
 use super::Finding;
 use super::subject::{Subject, bisect, short};
@@ -47,7 +49,25 @@ pub(super) fn in_force(subject: &Subject<'_>) -> Option<Finding> {
     })
 }
 
-/// Stretches at which psi or psi' jumps, the nearest to rest first, and by how much.
+pub(super) fn in_stiffness(subject: &Subject<'_>) -> Option<Finding> {
+    let before = [jumps(subject, 0), jumps(subject, 1)].concat();
+    let only = |place: f64| !before.iter().any(|(other, _)| (other - place).abs() < 1e-12);
+    let found: Vec<_> = jumps(subject, 2).into_iter().filter(|(at, _)| only(*at)).collect();
+    let (place, jump) = *found.first()?;
+    let others = match found.len() - 1 {
+        0 => String::new(),
+        n => format!(", and at {n} more"),
+    };
+    let (symbol, place) = (subject.symbol(), subject.place(place));
+    Some(Finding {
+        message: format!("psi''({symbol}) jumps by {} at {place}{others}", short(jump)),
+        help: "Newton's method converges more slowly across it; it is usual where branches meet \
+               and at the points of a table"
+            .into(),
+    })
+}
+
+/// Stretches at which psi or psi' or psi'' jumps, the nearest to rest first, and by how much.
 fn jumps(subject: &Subject<'_>, order: usize) -> Vec<(f64, f64)> {
     let mut found = Vec::new();
     for (before, behind) in switches(subject) {
@@ -69,6 +89,12 @@ fn switches(subject: &Subject<'_>) -> Vec<(f64, f64)> {
     let graph = &subject.energy.graph;
     let needed = graph.reachable(&subject.energy.roots[..1]);
     let choosers = graph.nodes().filter(|(id, node)| needed[id.0 as usize] && chooses(*node));
+    // Choices by one condition change at one place.
+    let mut conditions = FxHashSet::default();
+    let choosers = choosers.filter(|(_, node)| match node {
+        Node::Select(condition, ..) => conditions.insert(*condition),
+        _ => true,
+    });
     let choosers: Vec<NodeId> = choosers.map(|(id, _)| id).collect();
     if choosers.is_empty() {
         return Vec::new();
@@ -96,7 +122,7 @@ fn chooses(node: Node) -> bool {
     matches!(
         node,
         Node::Select(..)
-            | Node::Binary(Operator::Min | Operator::Max, ..)
+            | Node::Binary(Operator::Min | Operator::Max | Operator::Atan2, ..)
             | Node::Unary(Function::Abs | Function::Sign, _)
     )
 }
@@ -105,6 +131,8 @@ fn chooses(node: Node) -> bool {
 fn choice(graph: &ExprGraph, values: &Interpreter<f64>, id: NodeId) -> bool {
     match graph[id] {
         Node::Select(condition, ..) => values.truth(condition),
+        // From -pi to pi behind the origin.
+        Node::Binary(Operator::Atan2, x, y) => values.number(x) < 0.0 && values.number(y) < 0.0,
         Node::Binary(_, x, y) => values.number(x) < values.number(y),
         Node::Unary(_, x) => values.number(x) > 0.0,
         _ => false,

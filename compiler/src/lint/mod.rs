@@ -7,6 +7,7 @@
 //! | `singular-in-domain` | is no finite number somewhere inside its domain |
 //! | `jump-in-energy`, `jump-in-force` | has branches that do not meet |
 //! | `no-bond-energy` | stands without one of bonds |
+//! | `jump-in-stiffness` | has no jump of psi'' where branches meet, or at points of a table |
 //! | `no-collapse-resistance`, `no-inversion-resistance` | stays finite where an interaction collapses, or is turned inside out |
 //!
 //! Before: a model. After: warnings. The energies are looked at for the defaults of their
@@ -53,13 +54,14 @@ struct Finding {
 }
 
 /// All lints.
-pub const LINTS: [Lint; 8] = [
+pub const LINTS: [Lint; 9] = [
     lint("not-stress-free", Look::Energy(rest::not_stress_free)),
     lint("not-stiff-at-rest", Look::Energy(rest::not_stiff)),
     lint("singular-in-domain", Look::Energy(domain::singular)),
     lint("jump-in-energy", Look::Energy(jump::in_energy)),
     lint("jump-in-force", Look::Energy(jump::in_force)),
     lint("no-bond-energy", Look::Model(no_bond_energy)),
+    pedantic("jump-in-stiffness", Look::Energy(jump::in_stiffness)),
     pedantic("no-collapse-resistance", Look::Energy(domain::no_collapse_resistance)),
     pedantic("no-inversion-resistance", Look::Energy(domain::no_inversion_resistance)),
 ];

@@ -18,7 +18,7 @@ fn message(statements: &str, code: &str) -> String {
 }
 
 /// Code, an energy that has it, an energy that has not.
-const PAIRS: [(&str, &str, &str); 22] = [
+const PAIRS: [(&str, &str, &str); 24] = [
     ("not-stress-free", "psi(l) = (l/L)^2", "psi(l) = (l/L - 1)^2"),
     ("not-stress-free", "psi(l) = ln(l)^2", "psi(l) = ln(l/L)^2"),
     (
@@ -49,6 +49,11 @@ const PAIRS: [(&str, &str, &str); 22] = [
         "psi(l) = (l/L - 1)^2*(2 + sign(l/L - 1))",
     ),
     (
+        "jump-in-energy",
+        "psi(l) = (l/L - 1)^2 + atan2(l/L - 1.5, -1)^3/100",
+        "psi(l) = (l/L - 1)^2 + atan2(l/L - 1.5, 1)^3/100",
+    ),
+    (
         "jump-in-force",
         "psi(l) = if l/L < 1.1 then (l/L - 1)^2 else 0.01",
         "psi(l) = if l > L then (l/L - 1)^2 else 2*(l/L - 1)^2",
@@ -58,6 +63,11 @@ const PAIRS: [(&str, &str, &str); 22] = [
         "jump-in-force",
         "psi(l) = (l/L - 1)^2 + max(0, l/L - 1.3)",
         "psi(l) = (l/L - 1)^2 + max(0, l/L - 1.3)^2",
+    ),
+    (
+        "jump-in-stiffness",
+        "psi(l) = (l/L - 1)^2 + max(0, l/L - 1.3)^2",
+        "psi(l) = (l/L - 1)^2 + max(0, l/L - 1.3)^3",
     ),
     ("jump-in-force", "psi(l) = min((l/L - 1)^2, 0.04)", "psi(l) = (l/L - 1)^2"),
     ("no-bond-energy", "psi(a) = (a/A - 1)^2", "psi(a) = (a/A - 1)^2\npsi(l) = (l/L - 1)^2"),

@@ -3,6 +3,7 @@
 //! Up to an edge it is `d^j` times a polynomial, beyond it the function less the first terms; the
 //! largest error in between is some units in the last place.
 
+use super::exact::Number;
 use super::polynomials::{POLYNOMIALS, Polynomial};
 use super::side::{Made, Stop};
 use crate::expression::{Comparison, Function, Node, NodeId, Operator, TooManyNodes};
@@ -18,6 +19,7 @@ pub(super) fn beyond(
     let odd = j.max(1) | 1;
     let even = (j + 1) & !1;
     match (function, j) {
+        (Function::Erf, _) => Ok(of_error_function(graph, &Number::from(0), d, j)?),
         (Function::Exp, 1) => Ok(graph.unary(Function::Expm1, d)?),
         (Function::Ln, 1) => Ok(graph.unary(Function::Log1p, d)?),
         (Function::Ln, 2) => Ok(graph.unary(Function::Log1pmx, d)?),
@@ -51,6 +53,42 @@ fn less_one(graph: &mut Simplifier, function: Function, d: NodeId) -> Made<NodeI
     let square = graph.power(value, 2.0)?;
     let factor = graph.number(factor)?;
     Ok(graph.multiply(factor, square)?)
+}
+
+/// Taylor terms of the error function: up to `|d| (1 + |c|) = 1` the next is below a rounding.
+const ERROR_TERMS: usize = 40;
+
+/// `erf(c + d) - sum of its terms below j`, `j >= 1`, about a number `c`.
+pub(crate) fn of_error_function(
+    graph: &mut Simplifier,
+    c: &Number,
+    d: NodeId,
+    j: usize,
+) -> Result<NodeId, TooManyNodes> {
+    let terms = super::taylor::of_error_function(c, ERROR_TERMS);
+    // About 0 it is odd.
+    let (first, step) = if c.is_zero() { (j | 1, 2) } else { (j, 1) };
+    let variable = graph.power(d, step as f64)?;
+    let mut near = graph.number(0.0)?;
+    for term in terms[first..].iter().step_by(step).rev() {
+        let product = graph.multiply(variable, near)?;
+        let term = graph.number(term.to_f64())?;
+        near = graph.add(term, product)?;
+    }
+    let power = graph.power(d, first as f64)?;
+    let near = graph.multiply(power, near)?;
+    let at_rest = graph.number(c.to_f64())?;
+    let whole = graph.add(at_rest, d)?;
+    let mut far = graph.unary(Function::Erf, whole)?;
+    for (k, term) in terms.iter().enumerate().take(j).filter(|(_, term)| !term.is_zero()) {
+        let (power, factor) = (graph.power(d, k as f64)?, graph.number(term.to_f64())?);
+        let term = if k == 0 { factor } else { graph.multiply(factor, power)? };
+        far = graph.subtract(far, term)?;
+    }
+    let size = graph.unary(Function::Abs, d)?;
+    let edge = graph.number(1.0 / (1.0 + c.to_f64().abs()))?;
+    let is_near = graph.make(Node::Compare(Comparison::Less, size, edge))?;
+    graph.make(Node::Select(is_near, near, far))
 }
 
 fn polynomial_or_difference(

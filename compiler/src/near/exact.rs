@@ -93,6 +93,7 @@ impl Exact {
             Function::Sinh => x.sinh(),
             Function::Cosh => x.cosh(),
             Function::Tanh => x.tanh(),
+            Function::Erf => x.error_function(),
             Function::Atan => x.atan(),
             Function::Asin => x.asin(),
             Function::Acos => x.acos(),
@@ -108,6 +109,7 @@ impl Exact {
             Function::Log1p | Function::Log1pmx => one() / (one() + x),
             Function::Tan => one() + &value * &value,
             Function::Asin | Function::Acos => one() / (one() - x * x).size().sqrt(),
+            Function::Erf => x.error_slope(),
             _ => one(),
         };
         if x.is_zero() {

@@ -177,6 +177,7 @@ impl Side<'_> {
                 let first = (sign <= 0) == (operator == Operator::Min);
                 Ok(if first { x.clone() } else { y.clone() })
             }
+            Operator::Atan2 => self.angle(x, y),
             Operator::Power => match Self::number_in(y) {
                 Some(exponent) => self.power(x, &exponent),
                 None => {
@@ -188,6 +189,34 @@ impl Side<'_> {
                 }
             },
         }
+    }
+
+    /// The angle of the point with ordinate `y` and abscissa `x`, by the quotient that is finite at rest.
+    fn angle(&mut self, y: &Sum, x: &Sum) -> Made<Sum> {
+        let right = || Self::number_sum(Number::from(1).asin());
+        let abscissa = if x.is_empty() { None } else { Some(self.id_of(x)?) };
+        if let Some(id) = abscissa
+            && self.order(id)? == 0
+        {
+            let quotient = self.quotient(y, x)?;
+            let angle = self.function(Function::Atan, &quotient)?;
+            if self.sign_of(x)? > 0 {
+                return Ok(angle);
+            }
+            let half = self.scaled(&right(), &Term::number(Number::from(2)))?;
+            return Ok(match self.sign_of(y)? {
+                -1 => Self::subtracted(&angle, &half),
+                _ => Self::added(&angle, &half),
+            });
+        }
+        let sign = self.sign_of(y)?;
+        if sign == 0 {
+            return Err(Stop::Lost);
+        }
+        let quotient = self.quotient(x, y)?;
+        let angle = self.function(Function::Atan, &quotient)?;
+        let side = self.scaled(&right(), &Term::number(Number::from(sign)))?;
+        Ok(Self::subtracted(&side, &angle))
     }
 
     fn number_in(sum: &Sum) -> Option<Number> {

@@ -1,6 +1,6 @@
 //! Code for what a node has beyond its first Taylor terms, made where it is demanded.
 
-use super::beyond::beyond;
+use super::beyond::{beyond, of_error_function};
 use super::coefficient::{Coefficient, Symbol, Term, as_number};
 use super::exact::Number;
 use super::side::{CHANGE, Id, Kind, Made, ONE, Plain, SAME, Side, Stop, Sum};
@@ -430,6 +430,10 @@ impl Side<'_> {
                     }
                 }
                 Ok(sum)
+            }
+            Function::Erf => {
+                let at = as_number(value).ok_or(Stop::Lost)?;
+                Ok(Some(of_error_function(self.target, &at.exact.value, d, j)?))
             }
             _ => beyond(self.target, function, d, j).map(Some),
         }

@@ -63,6 +63,11 @@ impl Side<'_> {
                 }
                 coefficients
             }
+            Function::Erf => {
+                let at = as_number(value).ok_or(Stop::Lost)?;
+                let numbers = of_error_function(&at.exact.value, n);
+                numbers.into_iter().map(|number| one(Term::number(number))).collect()
+            }
             Function::Tanh | Function::Atan | Function::Asin => {
                 if !value.is_empty() {
                     return Err(Stop::Lost);
@@ -99,6 +104,18 @@ fn over_factorials(terms: &[Term], n: usize) -> Vec<Coefficient> {
         coefficients.push(if is_zero { Vec::new() } else { vec![term.scaled(&factor)] });
     }
     coefficients
+}
+
+/// Of `erf` about `c`: those of `g = exp(-(c + d)^2)`, for which `g' = -2 (c + d) g`, integrated.
+pub(super) fn of_error_function(c: &Number, n: usize) -> Vec<Number> {
+    let (mut before, mut here) = (Number::from(0), c.error_slope());
+    let mut numbers = vec![c.error_function()];
+    for k in 1..n as i32 {
+        numbers.push(&here / Number::from(k));
+        let next = Number::from(-2) * (c * &here + &before) / Number::from(k);
+        before = std::mem::replace(&mut here, next);
+    }
+    numbers
 }
 
 /// Of odd functions about 0.

@@ -56,6 +56,11 @@ fn true_remainder(function: Function, d: f64, j: usize) -> f64 {
         Function::Atan => {
             (d.atan(), [(0, 1), (1, 1), (0, 1), (-1, 3), (0, 1)].map(|(p, q)| fraction(p, q)))
         }
+        Function::Erf => {
+            let slope = Many::from(0).error_slope();
+            let terms = [(0, 1), (1, 1), (0, 1), (-1, 3), (0, 1)];
+            (d.error_function(), terms.map(|(p, q)| &slope * fraction(p, q)))
+        }
         _ => (d.asin(), [(0, 1), (1, 1), (0, 1), (1, 6), (0, 1)].map(|(p, q)| fraction(p, q))),
     };
     let (mut rest, mut power) = (value, Many::from(1));
@@ -79,6 +84,7 @@ fn remainders_of_functions_have_their_digits_at_every_argument() {
         (Function::Tanh, 5, 30.0),
         (Function::Atan, 5, 30.0),
         (Function::Asin, 5, 0.999),
+        (Function::Erf, 5, 6.0),
     ];
     for (function, last, largest) in all {
         for j in 1..=last {
@@ -113,6 +119,9 @@ fn coefficients_are_those_of_true_derivatives() {
         "L*(l/L)^0.37*ln(2 + l/L)",
         "L*tanh(l/L)/(1 + atan(l/L))",
         "L*sqrt(1 + (l/L)^3)*cosh(l/L)",
+        "L*erf(l/L/2)*erf(l/L + 1)",
+        "L*atan2(l/L, 3 - l/L)",
+        "L*atan2(l/L, 1 - l/L)*atan2(-1, -l/L)",
         "L*asin(l/L/3)^2",
         "L*acos(l/L/3)*cos(l/L)",
         "L*sinh(l/L)^(l/L)",
@@ -177,6 +186,10 @@ fn kinks_have_a_form_on_either_side() {
     assert_eq!(n_forms("L*(exp(l/L) - 1)"), 1);
     assert_eq!(n_forms("L*max(exp(l/L) - exp(1), 0)^2"), 2);
     assert_eq!(n_forms("L*abs(sin(l/L) - sin(1))^2.5"), 2);
+    assert_eq!(n_forms("L*(erf(l/L) - erf(1))^2"), 1);
+    assert_eq!(n_forms("L*(atan2(l, L) - atan2(1, 1))^2"), 1);
+    // The cut begins at rest.
+    assert_eq!(n_forms("L*atan2(1 - l/L, -1)"), 2);
     // The same root on both sides.
     assert_eq!(n_forms("L*sqrt((l/L - 1)^2 + (l/L - 1)^4)"), 1);
     // Infinite at rest.

@@ -67,6 +67,13 @@ parameter lambda = 3
 parameter mu = 1
 psi(F) = mu*(U - I) : (U - I) + lambda/2*tr(U - I)^2";
 
+/// The error function about 1 and 0, angles of points to the right of the axis and above it.
+const ANGLES: &str = "potential angles
+parameter mu = 2
+psi(F) = mu*(E : E) + (erf(J) - erf(1))^2 + erf(tr(E))*(J - 1)
+psi(F) = (atan2(J, tr(C)) - atan2(1, d))^2 + atan2(J - 1, 3)^2 + (atan2(-3*J, F(1, 2)) + pi/2)^2
+psi(F) = (atan2(2, -tr(C)) - atan2(2, -d))^2";
+
 /// The energy is the sum of both.
 const TWO: &str = "potential two
 parameter k = 2
@@ -88,6 +95,7 @@ fn energies_of_the_gradient_have_right_digits_near_rest_and_far_from_it() {
         NEO_HOOKE,
         STABLE,
         MOONEY,
+        ANGLES,
         FUNG,
         FIBRE,
         HENCKY,

@@ -206,6 +206,7 @@ impl Writer<'_> {
                 Operator::Min => format!("piola_min(t{}, t{})", of(x), of(y)),
                 Operator::Max => format!("piola_max(t{}, t{})", of(x), of(y)),
                 Operator::Power => format!("pow(t{}, t{})", of(x), of(y)),
+                Operator::Atan2 => format!("atan2(t{}, t{})", of(x), of(y)),
                 arithmetic => format!("t{} {} t{}", of(x), arithmetic.name(), of(y)),
             },
             Node::Compare(comparison, x, y) => {

@@ -94,7 +94,11 @@ impl Notation for Latex<'_> {
             }
             Function::Sqrt => return Piece::atom(format!(r"\sqrt{{{}}}", x.text)),
             Function::Abs => return Piece::atom(format!(r"\left|{}\right|", x.text)),
-            Function::Sign | Function::Log1p | Function::Expm1 | Function::Log1pmx => {
+            Function::Sign
+            | Function::Log1p
+            | Function::Expm1
+            | Function::Log1pmx
+            | Function::Erf => {
                 format!(r"\operatorname{{{}}}", function.name())
             }
             Function::Asin | Function::Acos | Function::Atan => {
@@ -133,6 +137,10 @@ impl Notation for Latex<'_> {
             Operator::Power => return self.power(x, y),
             Operator::Min | Operator::Max => {
                 let text = format!(r"\{}\left({}, {}\right)", operator.name(), x.text, y.text);
+                return Piece::atom(text);
+            }
+            Operator::Atan2 => {
+                let text = format!(r"\operatorname{{atan2}}\left({}, {}\right)", x.text, y.text);
                 return Piece::atom(text);
             }
         };

@@ -179,7 +179,7 @@ impl Numbers<'_> {
             Node::Number(bits) => self.latex.number(f64::from_bits(bits)),
             Node::Unary(Function::Negate, _) => self.piece(node),
             Node::Unary(function, x) => self.latex.unary(function, piece(x)),
-            Node::Binary(operator @ (Operator::Min | Operator::Max), x, y) => {
+            Node::Binary(operator @ (Operator::Min | Operator::Max | Operator::Atan2), x, y) => {
                 self.latex.binary(operator, piece(x), piece(y))
             }
             Node::Compare(comparison, x, y) => self.latex.compare(comparison, piece(x), piece(y)),

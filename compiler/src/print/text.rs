@@ -95,7 +95,7 @@ impl Notation for Text<'_> {
                 (format!("{}/{}", self.wrap(x, Product), self.wrap(y, Power)), Product)
             }
             Operator::Power => return self.power(x, y),
-            Operator::Min | Operator::Max => {
+            Operator::Min | Operator::Max | Operator::Atan2 => {
                 return Piece::atom(format!("{}({}, {})", operator.name(), x.text, y.text));
             }
         };

@@ -41,6 +41,9 @@ pub enum NotInTensors {
     /// A choice between tensors.
     #[error("an `if` chooses between tensors")]
     Choice,
+    /// `table("data.csv", J)`
+    #[error("it is read off a table")]
+    Table,
     /// Something that only other kinds of energies have.
     #[error("the energy holds what is no function of `F`")]
     Foreign,

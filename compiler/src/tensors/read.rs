@@ -8,7 +8,9 @@ use piola_grammar::ast::{BinaryOperator, ExprId, ExprKind, Ident, Statement, Una
 
 use super::NotInTensors;
 use super::algebra::{Algebra, Factor, Tensor, transposed};
-use crate::check::{self, Kinematic, Meaning, Symbol, Symbols, TensorFunction, meaning};
+use crate::check::{
+    self, Elaborator, Kinematic, Meaning, Symbol, Symbols, TensorFunction, meaning,
+};
 use crate::expression::{Function, Input, Node, NodeId, Operator};
 
 /// Most expressions that are looked at, those of called functions included.
@@ -148,6 +150,8 @@ impl<'a> Reader<'a> {
                     _ => self.choice(condition, of(then)?, of(otherwise)?),
                 }
             }
+            // A reader has the points before him.
+            ExprKind::Table { .. } => Err(NotInTensors::Table),
             ExprKind::Call { function, arguments: given } => {
                 let actual: Result<Vec<Value>, _> = given.iter().map(of).collect();
                 self.call(&function.name, actual?)
@@ -203,7 +207,14 @@ impl<'a> Reader<'a> {
         let Statement::Definition(definition) = &ast.statements[number] else {
             return Err(NotInTensors::Foreign);
         };
-        let value = self.body(definition.body, &[])?;
+        let mut value = self.body(definition.body, &[])?;
+        if let Some(unit) = &definition.unit {
+            let d = self.algebra.dimension;
+            let mut units = Elaborator::new(&ast.arena, Some(ast), self.symbols, d, false);
+            let scale = units.unit(unit).ok_or(NotInTensors::Foreign)?.scale;
+            let scale = self.algebra.graph.number(scale)?;
+            value = Value::Number(self.algebra.graph.multiply(value.number()?, scale)?);
+        }
         if let Value::Number(node) = value {
             let given = matches!(
                 self.algebra.graph.graph()[node],
@@ -334,11 +345,7 @@ impl<'a> Reader<'a> {
         if let Some(function) = TensorFunction::named(name) {
             return self.tensor_call(function, actual);
         }
-        let operator = match name {
-            "min" => Operator::Min,
-            "max" => Operator::Max,
-            _ => return Err(NotInTensors::Foreign),
-        };
+        let Some(operator) = Operator::named(name) else { return Err(NotInTensors::Foreign) };
         let mut numbers = Vec::new();
         for value in actual {
             numbers.push(value.number()?);

@@ -67,6 +67,11 @@ fn conditions_extremes_and_powers_have_the_right_derivatives() {
         "exp(-L)*(l - L)*L",
         "exp(-L/l)*(l - L)^2",
         "exp(-l/L)*(l/L - 1)",
+        "(erf(l/L) - erf(1))^2",
+        "erf(C*(l/L - 1))*(l/L)^2",
+        "(atan2(l, L) - pi/4)^2",
+        "atan2(l/L - 1, 0.3)^2 + atan2(-l, L - 2*l)",
+        "atan2(0.3, l/L - 1)*l/L",
     ] {
         let text =
             format!("potential p\nparameter C = 1.5\ndomain l/L in (0.1, 10)\npsi(l) = {energy}");

@@ -5,6 +5,7 @@ use pest::iterators::Pair;
 
 use super::Builder;
 use super::parser::Rule;
+use super::statement::take;
 use crate::ast::{BinaryOperator, ExprId, ExprKind, UnaryOperator};
 use crate::operator::Binding;
 use crate::print::print_expression;
@@ -158,6 +159,7 @@ impl Builder {
             Rule::name => ExprKind::Name(self.ident(&pair).name),
             Rule::group => return self.group(pair),
             Rule::call => return self.call(pair),
+            Rule::table => return self.table(pair),
             Rule::conditional => return self.conditional(pair),
             _ => return None,
         };
@@ -180,6 +182,15 @@ impl Builder {
             arguments.push(self.expression(part)?.id);
         }
         let id = self.arena.push(ExprKind::Call { function, arguments }, span);
+        Some(Operand { id, outer: span })
+    }
+
+    fn table(&mut self, pair: Pair<'_, Rule>) -> Option<Operand> {
+        let span = self.span(&pair);
+        let mut parts = pair.into_inner();
+        let file = self.text(&take(&mut parts, Rule::string)?);
+        let argument = self.expression(take(&mut parts, Rule::expression)?)?.id;
+        let id = self.arena.push(ExprKind::Table { file, argument }, span);
         Some(Operand { id, outer: span })
     }
 

@@ -117,21 +117,26 @@ impl Builder {
         let name = take(&mut parts, Rule::name)?;
         let name = self.ident(&name);
         self.refuse_psi(&name.name, name.span);
-        let mut parameters = None;
+        let (mut parameters, mut body, mut unit) = (None, None, None);
         for part in parts {
             match part.as_rule() {
                 Rule::formals => {
                     let names = part.into_inner().filter(|part| part.as_rule() == Rule::name);
                     parameters = Some(names.map(|name| self.ident(&name)).collect());
                 }
-                Rule::expression => {
-                    let body = self.expression(part)?.id;
-                    return Some(Definition { name, parameters, body });
-                }
+                Rule::expression => body = Some(self.expression(part)?.id),
+                Rule::unit => unit = Some(self.unit(part)?),
                 _ => {}
             }
         }
-        None
+        if let (Some(_), Some(Unit { span, .. })) = (&parameters, &unit) {
+            let finding = Diagnostic::error("syntax", *span, "a function is not stated in a unit");
+            self.findings.push(finding.label("the unit of what?").help(
+                "a function has the unit of what stands on its right; name a value with a unit, as \
+                 in `Y0 = 250 in MPa`, and multiply by it",
+            ));
+        }
+        Some(Definition { name, parameters, body: body?, unit })
     }
 
     /// `psi` is what a potential defines; it is not free for anything else.
@@ -260,7 +265,7 @@ impl Builder {
         take(parts, Rule::string).map(|pair| self.text(&pair))
     }
 
-    fn text(&self, pair: &Pair<'_, Rule>) -> Text {
+    pub(super) fn text(&self, pair: &Pair<'_, Rule>) -> Text {
         let quoted = pair.as_str();
         let text = quoted.get(1..quoted.len().saturating_sub(1)).unwrap_or_default().to_string();
         Text { text, span: self.span(pair) }

@@ -28,6 +28,7 @@ pub(crate) fn energies(body: &Arc<Body>, horizon: f64) -> Vec<(String, Box<dyn E
     let solid = library("linear_peridynamic_solid", &[("K", 2.0), ("G", 0.5)], d, horizon);
     let kernels = solid.gathered.unwrap();
     let laws = StateLaws {
+        of_law: Vec::new(),
         integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
         points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
         bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),

@@ -20,7 +20,8 @@ pub(crate) fn energies(body: &Arc<Body>, horizon: f64) -> Vec<(&'static str, Sta
         ("of all", two, points(2), bonds(2)),
     ];
     let make = |(name, integrals, points, bonds)| {
-        let laws = StateLaws { integrals, points, bonds, ..StateLaws::default() };
+        let laws =
+            StateLaws { of_law: Vec::new(), integrals, points, bonds, ..StateLaws::default() };
         (name, StateEnergy::new(Arc::clone(body), horizon, laws).unwrap())
     };
     laws.into_iter().map(make).collect()

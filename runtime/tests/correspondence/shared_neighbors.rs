@@ -37,7 +37,13 @@ fn elements() -> Elements {
 /// Gathers the energies of its bonds and has none itself.
 fn gathering() -> StateLaws {
     let arguments = ["theta", "l"].map(String::from);
-    StateLaws { integrals: vec![spring()], points: None, bonds: None, arguments }
+    StateLaws {
+        of_law: Vec::new(),
+        integrals: vec![spring()],
+        points: None,
+        bonds: None,
+        arguments,
+    }
 }
 
 #[test]

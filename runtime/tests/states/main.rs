@@ -72,6 +72,7 @@ pub(crate) fn laws_at(
     let mode = Mode::Jit(level);
     let kernels = model.compile(&values, mode, Form::Accurate).unwrap().gathered.unwrap();
     StateLaws {
+        of_law: Vec::new(),
         integrals: kernels.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>).collect(),
         points: kernels.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
         bonds: kernels.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),

@@ -93,6 +93,9 @@ impl Expander<'_> {
         c: &Exact,
         d: NodeId,
     ) -> Result<Option<NodeId>, TooManyNodes> {
+        if function == Function::Erf {
+            return beyond::of_error_function(self.graph, &c.value, d, 2).map(Some);
+        }
         let rest = |graph: &mut _, function, d| beyond::second_order(graph, function, d).map(Some);
         match function {
             Function::Exp => {
@@ -178,6 +181,33 @@ impl Expander<'_> {
         self.combination(&at_rest, &moved, 1.0)
     }
 
+    /// The angle of the point with ordinate `y` and abscissa `x`: that at rest and what it turns by,
+    /// `atan((y x_0 - x y_0)/(x x_0 + y y_0))`, up to a right angle and on this side of the cut.
+    pub(super) fn angle(&mut self, id: NodeId, y: &Expansion, x: &Expansion) -> Expanded {
+        let any = self.opaque(id)?;
+        let (at_y, at_x) = (self.constant(y.value.clone()), self.constant(x.value.clone()));
+        let (right, up) = (x.value.value.is_positive(), !y.value.is_nothing());
+        if !any.value.value.is_number() || !(right || up) {
+            return Ok(any);
+        }
+        let zero = self.constant(Exact::from(0.0));
+        let (first, second) = (self.product(y, &at_x)?, self.product(x, &at_y)?);
+        let turned = self.combination(&first, &second, -1.0)?;
+        let (first, second) = (self.product(x, &at_x)?, self.product(y, &at_y)?);
+        let along = self.combination(&first, &second, 1.0)?;
+        let below = self.reciprocal(&along)?;
+        let slope = self.product(&turned, &below)?;
+        let turn = self.smooth(Function::Atan, &slope)?;
+        let at_rest = self.constant(any.value.clone());
+        let mut angle = self.combination(&at_rest, &turn, 1.0)?;
+        if !right {
+            let condition = self.compare(None, Comparison::Greater, &second, &zero)?;
+            angle = self.choice(condition, &angle, &any)?;
+        }
+        let condition = self.compare(None, Comparison::Greater, &along, &zero)?;
+        self.choice(condition, &angle, &any)
+    }
+
     /// `1/(c + p) - 1/c + p/c^2 = (p/c)^2/(c + p)`
     pub(super) fn reciprocal(&mut self, x: &Expansion) -> Expanded {
         let inverse = x.value.inverse();
@@ -243,6 +273,7 @@ fn slope(function: Function, c: &Exact, value: &Exact) -> Exact {
         Function::Cos => c.function(Function::Sin).negated(),
         Function::Sinh => c.function(Function::Cosh),
         Function::Cosh => c.function(Function::Sinh),
+        Function::Erf => Exact::new(c.value.error_slope()),
         // About 0.
         _ => Exact::from(1.0),
     }

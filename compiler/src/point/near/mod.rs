@@ -459,6 +459,7 @@ impl<'a> Expander<'a> {
                 self.smooth(Function::Exp, &exponent)
             }
             Operator::Power => self.opaque(id),
+            Operator::Atan2 => self.angle(id, &p, &q),
         }
     }
 
@@ -596,6 +597,9 @@ impl<'a> Expander<'a> {
             Node::Unary(function, x) => value_of(x).function(function),
             Node::PowerConstant(x, bits) => value_of(x).power(&Number::from(f64::from_bits(bits))),
             Node::Binary(Operator::Power, x, y) => value_of(x).power(&value_of(y).value),
+            Node::Binary(Operator::Atan2, x, y) => {
+                Exact::new(Number::angle(&value_of(x).value, &value_of(y).value))
+            }
             _ => Exact::new(Number::NONE),
         };
         let at_rest = self.graph.number(value.value.to_f64())?;

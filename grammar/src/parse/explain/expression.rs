@@ -75,6 +75,15 @@ pub(super) fn explain_missing_operator(failure: &Failure<'_>) -> Option<Diagnost
             before.text, found.text
         )));
     }
+    let is_named = failure.tokens.first().is_some_and(|first| first.text != "psi");
+    let may_be_unit = before.kind == Kind::Number && found.text.len() > 1 && is_named;
+    if failure.goal != Goal::Expression && may_be_unit && found.kind == Kind::Word {
+        let (number, word) = (before.text, found.text);
+        return Some(finding.help(format!(
+            "a product is written with `*`: `{number}*{word}`; a unit stands behind `in`, at the end \
+             of the line: `{number} in {word}`"
+        )));
+    }
     Some(match (before.text, found.text) {
         (left, "(") if before.kind == Kind::Number => {
             finding.help(format!("a product is written with `*`: `{left}*(...)`"))

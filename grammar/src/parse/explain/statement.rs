@@ -269,10 +269,6 @@ fn definition(failure: &Failure<'_>, head: Token<'_>) -> Option<Diagnostic> {
         });
         return Some(finding.help("write `S(x) = ...`"));
     }
-    if failure.found_text() == "in" && failure.expects(Rule::infix) {
-        let finding = failure.error("only a parameter has a unit").label("not after a definition");
-        return Some(finding.help(format!("write `parameter {} = ... in ...`", head.text)));
-    }
     None
 }
 

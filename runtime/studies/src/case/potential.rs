@@ -6,7 +6,7 @@ use std::path::Path;
 use num_dual::HyperDual64;
 use piola_compiler::{
     Dropped, GatheredKernels, Interval, Kernel, Mode, Model, Setting, ValueError, Values,
-    check_text,
+    check_text, check_text_with,
 };
 use piola_grammar::Diagnostic;
 use piola_mechanics::assembly::Elements;
@@ -18,7 +18,7 @@ use super::fields::{self, Columns, Field};
 use super::{CaseError, Library, explain};
 use crate::scene::{
     DerivativeSource, Material, ParameterSetting, ParameterText, Plane, Points, PotentialText,
-    Scene, SolverSettings,
+    Scene, SolverSettings, files_below,
 };
 
 /// One of the potentials whose energies add up.
@@ -77,7 +77,12 @@ impl Potential {
         library: &Library<'_>,
     ) -> Result<Potential, CaseError> {
         let text = scene.potential(material, folder, library.find, library.names)?;
-        let (_, model) = check_text(&text.text).map_err(|found| wrong(&text, found))?;
+        let folder = text.path.as_deref().and_then(Path::parent);
+        let checked = match folder {
+            Some(folder) => check_text_with(&text.text, &files_below(folder)),
+            None => check_text(&text.text),
+        };
+        let (_, model) = checked.map_err(|found| wrong(&text, found))?;
         let mut values = values(scene, material, &model)?;
         let mut fields = Vec::new();
         if matches!(scene.body.points, Points::Lattice(_)) {

@@ -173,6 +173,7 @@ psi(l, s) = (0.4 + s)^2*l^2 + 0.2*l
         let gathered = model.compile(&values, mode, Form::Accurate).unwrap().gathered.unwrap();
         let integrals = gathered.integrals.into_iter().map(|g| Box::new(g) as Box<dyn Law>);
         StateLaws {
+            of_law: Vec::new(),
             integrals: integrals.collect(),
             points: gathered.points.map(|law| Box::new(law) as Box<dyn VariablesLaw>),
             bonds: gathered.bonds.map(|law| Box::new(law) as Box<dyn VariablesLaw>),

@@ -44,7 +44,7 @@ use piola_solvers::steps::Start;
 
 pub use expression::Expression;
 pub use piola_mechanics::lattice::Nodes;
-pub use potential::PotentialText;
+pub use potential::{PotentialText, files_below};
 pub use read::MOST_LAWS;
 pub use source::{Finding, SceneReport, SourceText, Sources};
 

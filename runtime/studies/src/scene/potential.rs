@@ -1,6 +1,6 @@
 //! The text of the potential that a scene names.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use piola_grammar::Diagnostic;
 use piola_mechanics::weights::Weights;
@@ -126,6 +126,29 @@ fn read(path: &Path) -> Result<String, String> {
     String::from_utf8(bytes).map_err(|_| "it is not UTF-8 text".into())
 }
 
+/// Gives the texts of files at or below a folder, as potentials there name them; the reason of a
+/// failure is in words.
+pub fn files_below(folder: &Path) -> impl Fn(&str) -> Result<String, String> + use<> {
+    let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder }.to_path_buf();
+    move |name| {
+        let path = Path::new(name);
+        let is_below = path.components().all(|part| matches!(part, Component::Normal(_)));
+        let outside = || "it must lie at or below the folder of the potential".to_string();
+        if !is_below {
+            return Err(outside());
+        }
+        let real = |path: &Path| path.canonicalize().map_err(|error| error.to_string());
+        let (root, file) = (real(&folder)?, real(&folder.join(path))?);
+        if !file.starts_with(&root) {
+            return Err(outside());
+        }
+        if !file.is_file() {
+            return Err("it is not a file".into());
+        }
+        read(&file)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -136,6 +159,34 @@ mod tests {
 
     fn read(text: &str) -> Scene {
         Scene::read(text, "scene.toml", &[]).unwrap_or_else(|report| panic!("{report}"))
+    }
+
+    #[test]
+    fn files_are_read_at_or_below_the_folder_and_bounded() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        std::fs::create_dir_all(at("law/data")).unwrap();
+        std::fs::write(at("law/data/a.csv"), "1, 2\n").unwrap();
+        std::fs::write(at("secret.csv"), "1, 2\n").unwrap();
+        std::fs::write(at("law/long.csv"), vec![b'1'; 2 << 20]).unwrap();
+        let files = files_below(&at("law"));
+        assert_eq!(files("data/a.csv").unwrap(), "1, 2\n");
+        let absolute = at("secret.csv").display().to_string();
+        for (name, reason) in [
+            ("../secret.csv", "at or below"),
+            (absolute.as_str(), "at or below"),
+            ("data", "not a file"),
+            ("long.csv", "more than 1048576 bytes"),
+            ("b.csv", "No such file"),
+        ] {
+            let found = files(name).unwrap_err();
+            assert!(found.contains(reason), "{name}: {found}");
+        }
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink(at("secret.csv"), at("law/link.csv")).unwrap();
+            assert!(files("link.csv").unwrap_err().contains("at or below"));
+        }
     }
 
     #[test]

@@ -14,6 +14,7 @@ mod killed;
 mod machine;
 mod materials;
 mod moduli;
+mod motion;
 mod picture;
 mod plans;
 mod refusals;

@@ -5,6 +5,7 @@
 //! | `verlet` | takes velocities and displacements on by a step |
 //! | [`critical`] | the largest stable step |
 //! | [`balance`] | the account of energy, and its rows |
+//! | `settings` | the rule of integration and its choices, what drives a body, where it starts |
 //! | `error` | why a motion cannot start or go on |
 //!
 //! Velocity Verlet (partmann2026, section 3.7, Eqs. (3.60)-(3.68)) in its form of two leaps: velocities
@@ -15,6 +16,7 @@
 pub mod balance;
 pub mod critical;
 mod error;
+mod settings;
 mod verlet;
 
 #[cfg(test)]
@@ -22,7 +24,6 @@ mod tests;
 
 use piola_mechanics::energy::{Energy, EnergyParts, NonFinite, Wanted};
 use piola_mechanics::vector::norm_of;
-use piola_mechanics::words::Words;
 
 use crate::constraint::Constraints;
 use crate::march::{Advance, March, State};
@@ -31,6 +32,7 @@ use balance::Balance;
 pub use balance::Row;
 pub use critical::{CriticalStep, Precision, step_by_row_sums};
 pub use error::{FlownOff, MotionError};
+pub use settings::{Initial, Method, MotionDrive, MotionSettings};
 use verlet::{Kick, Sides, Summed, Sums, drift, n_pieces};
 
 /// The critical step is looked at again after so many steps: a body that is stretched gets stiffer.
@@ -41,104 +43,6 @@ const LOOK: Precision = Precision { tolerance: 1e-2, products: 30 };
 
 /// A step that divides the way up to here needs no further one.
 const ROUNDED: f64 = 1e-12;
-
-/// A rule of integration.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Method {
-    /// Velocity Verlet; damping acts on the mean of the velocities before and after.
-    #[default]
-    Verlet,
-    /// The same positions; velocities are those in the middle of the last step (ganzenmueller2015).
-    LeapFrog,
-    /// miranda, algorithm 3.2 with (32): the first kick is a whole one, loads are those at the end of
-    /// the step, `v_(n+1/2) = (v_(n-1/2) + dt a)/(1 + c dt)`: damping acts on the velocity after, so
-    /// that no damping is too much. Velocities are those of the last step.
-    Kinematic,
-}
-
-impl Words for Method {
-    const WORDS: &'static [(&'static str, Method)] = &[
-        ("verlet", Method::Verlet),
-        ("leap-frog", Method::LeapFrog),
-        ("kinematic", Method::Kinematic),
-    ];
-}
-
-impl Method {
-    /// The part of the velocity after the kick in what damping acts on.
-    fn damped_part(self) -> f64 {
-        match self {
-            Method::Verlet | Method::LeapFrog => 0.5,
-            Method::Kinematic => 1.0,
-        }
-    }
-}
-
-/// What drives a body: prescribed displacements, prescribed velocities and loads as functions of `t`
-/// in s. No degree of freedom is prescribed twice.
-pub trait MotionDrive: Sync {
-    /// The degrees of freedom with prescribed displacements, ascending; the same for all `t`.
-    fn displaced(&self) -> &[usize];
-
-    /// Fills in their displacements at `t`, in m.
-    fn displacements(&self, t: f64, values: &mut [f64]);
-
-    /// The degrees of freedom with prescribed velocities, ascending; the same for all `t`.
-    fn driven(&self) -> &[usize];
-
-    /// Fills in their velocities at `t`, in m/s.
-    fn velocities(&self, t: f64, values: &mut [f64]);
-
-    /// Fills in the loads (`n x d`) at `t`, in N.
-    fn loads(&self, t: f64, loads: &mut [f64]);
-
-    /// Whether the loads depend on `t`; if not they are asked for once.
-    fn loads_change(&self) -> bool {
-        true
-    }
-}
-
-/// Choices for a motion.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MotionSettings {
-    /// The rule of integration.
-    pub method: Method,
-    /// The last `t` in s; positive. It is met exactly: the step is `end` over a whole number.
-    pub end: f64,
-    /// The longest step in s; without it `safety` times the critical one.
-    pub step: Option<f64>,
-    /// Between 0 and 1.
-    pub safety: f64,
-    /// Mass-proportional damping `c` in 1/s: the force `-m c v`.
-    pub damping: f64,
-    /// Whether a step beyond the critical one is taken.
-    pub unstable: bool,
-    /// How many rows of the account there are after the first, spread evenly over the steps.
-    pub rows: usize,
-}
-
-impl Default for MotionSettings {
-    fn default() -> Self {
-        MotionSettings {
-            method: Method::default(),
-            end: 1.0,
-            step: None,
-            safety: 0.9,
-            damping: 0.0,
-            unstable: false,
-            rows: 1000,
-        }
-    }
-}
-
-/// Where a body starts; vectors are `n x d`, in the body's order. What is prescribed overrides it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Initial {
-    /// Displacements in m.
-    pub displacements: Vec<f64>,
-    /// Velocities in m/s.
-    pub velocities: Vec<f64>,
-}
 
 /// A body on its way in time.
 pub struct Motion<'a> {
@@ -175,6 +79,8 @@ pub struct Motion<'a> {
     pieces: Vec<Sums>,
     balance: Balance,
     notes: Vec<String>,
+    /// Whether who looks on wanted an end.
+    is_over: bool,
 }
 
 impl<'a> Motion<'a> {
@@ -223,6 +129,7 @@ impl<'a> Motion<'a> {
             pieces: vec![Sums::default(); n_pieces(n)],
             balance: Balance::default(),
             notes: Vec::new(),
+            is_over: false,
         };
         motion.place(0.0)?;
         motion.choose_step()?;
@@ -484,23 +391,25 @@ impl<'a> Motion<'a> {
         self.kick(wants_row)
     }
 
-    /// Goes to the end of this step, and gives the row there.
+    /// Goes to the end of this step, and gives the row there. Where who looks on wants an end, the next
+    /// step is the last, with its row.
     ///
     /// # Errors
     /// Energies and conditions that are not finite, points that fly off.
     pub fn advance_to(&mut self, step: usize) -> Result<Advance<Row>, MotionError> {
         assert!(step >= self.done && step <= self.n_steps, "steps lead on, up to the last");
-        while self.done < step {
-            if self.watch.wants_end() {
-                return Ok(Advance::Interrupted);
-            }
-            self.go(self.done + 1 == step)?;
+        if self.is_over {
+            return Ok(Advance::Interrupted);
+        }
+        while self.done < step && !self.is_over {
+            self.is_over = self.watch.wants_end();
+            self.go(self.is_over || self.done + 1 == step)?;
             if self.done.is_multiple_of(STEPS_BETWEEN_LOOKS) && self.done < self.n_steps {
                 self.look_again()?;
             }
         }
         let row = self.row();
-        self.watch.notice(Event::Moved { t: row.t, step, n_steps: self.n_steps });
+        self.watch.notice(Event::Moved { t: row.t, step: row.step, n_steps: self.n_steps });
         Ok(Advance::Step(row))
     }
 

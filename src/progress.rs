@@ -39,6 +39,8 @@ struct Now {
     /// The time of the attempt, with its iterations and the last residual over the reaction.
     t: Option<f64>,
     newton: Option<(usize, f64)>,
+    /// The steps that a body in motion has made, and all.
+    moved: Option<(usize, usize)>,
     /// When something was last shown.
     shown: Instant,
 }
@@ -57,7 +59,7 @@ impl Progress {
             bar
         });
         let start = Instant::now();
-        let now = Now { doing: "start", t: None, newton: None, shown: start };
+        let now = Now { doing: "start", t: None, newton: None, moved: None, shown: start };
         Progress {
             end,
             interrupt,
@@ -98,6 +100,9 @@ impl Progress {
     /// What is going on.
     fn line(&self, now: &Now) -> String {
         let Some(t) = now.t else { return now.doing.to_string() };
+        if let Some((step, n_steps)) = now.moved {
+            return format!("t = {t:.4e} s: step {step} of {n_steps}");
+        }
         let mut line = format!("t = {t:.6}:");
         if let Some((iterations, over_reaction)) = now.newton {
             line += &format!(" iteration {iterations}, residual/reaction {over_reaction:.1e}");
@@ -132,6 +137,15 @@ impl Progress {
             self.tell(now, &line);
         }
         self.products.store(0, Ordering::Relaxed);
+        self.refresh(now);
+    }
+
+    /// A body that moves: the bar goes on; lines come where it would be silent.
+    fn moved(&self, now: &mut Now, t: f64, step: usize, n_steps: usize) {
+        (now.t, now.moved) = (Some(t), Some((step, n_steps)));
+        if let Some(bar) = &self.bar {
+            bar.set_position((1000.0 * step as f64 / n_steps as f64) as u64);
+        }
         self.refresh(now);
     }
 
@@ -186,6 +200,7 @@ impl Observer for Progress {
                 self.tell(now, &line);
             }
             Event::Step(record) => self.step(now, record),
+            Event::Moved { t, step, n_steps } => self.moved(now, t, step, n_steps),
         }
     }
 

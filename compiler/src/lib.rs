@@ -56,7 +56,7 @@ pub use model::{
 pub use point::{GradientBatch, GradientEnergyForms, GradientKernel};
 pub use specialise::{CompileError, Dropped, Form, ScalarEnergy, Specialised};
 pub use tensors::{NotInTensors, TensorForm};
-pub use values::{Setting, ValueError, Values, is_quantity};
+pub use values::{Setting, ValueError, Values, is_quantity, quantity};
 
 #[cfg(test)]
 mod test_support;

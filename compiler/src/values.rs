@@ -317,6 +317,38 @@ pub fn is_quantity(text: &str) -> bool {
     split_quantity(text).is_some_and(|(_, unit)| unit.is_empty() || unit_product(unit).is_some())
 }
 
+/// A number with a unit, such as `2440 kg/m^3`, in SI units; `like` is a unit of the kind that it must
+/// be of, itself one of the SI, and that of a plain number.
+///
+/// # Errors
+/// A text that is none, and another kind of unit; `name` says of what.
+pub fn quantity(name: &str, text: &str, like: &str) -> Result<f64, ValueError> {
+    let error = |code, message: String, help: String| ValueError {
+        code,
+        parameter: name.to_string(),
+        message: format!("`{name}`: {message}"),
+        help,
+    };
+    let example = || format!("write for instance \"1 {like}\"");
+    let (value, unit) = split_quantity(text).ok_or_else(|| {
+        let message = format!("`{text}` is not a number with a unit");
+        error("not-a-number", message, example())
+    })?;
+    if unit.is_empty() {
+        return Ok(value);
+    }
+    let (dimension, scale) = unit_product(unit)
+        .ok_or_else(|| error("unknown-unit", format!("unknown unit `{unit}`"), example()))?;
+    match unit_product(like) {
+        Some((wanted, _)) if wanted != dimension => {
+            let (found, wanted) = (dimension.describe(), wanted.describe());
+            let message = format!("`{text}` is {found}, and {wanted} is expected");
+            Err(error("dimension-mismatch", message, example()))
+        }
+        _ => Ok(value * scale),
+    }
+}
+
 /// "200 GPa" into 200 and "GPa".
 fn split_quantity(text: &str) -> Option<(f64, &str)> {
     let text = text.trim();
@@ -368,6 +400,17 @@ mod tests {
         assert_eq!(split_quantity(" -1.5 "), Some((-1.5, "")));
         assert_eq!(split_quantity("3.J/m^4"), Some((3.0, "J/m^4")));
         assert_eq!(split_quantity("GPa"), None);
+    }
+
+    #[test]
+    fn quantities_are_in_si_units() {
+        let density = |text| quantity("density", text, "kg/m^3");
+        assert!((density("7.8 g/cm^3").unwrap() - 7800.0).abs() < 1e-9);
+        assert_eq!(density("2440"), Ok(2440.0));
+        let code = |text| density(text).unwrap_err().code;
+        assert_eq!(code("heavy"), "not-a-number");
+        assert_eq!(code("1 stone/m^3"), "unknown-unit");
+        assert_eq!(code("1 kg/m^2"), "dimension-mismatch");
     }
 
     #[test]

@@ -35,7 +35,7 @@ impl Worst {
         }
         let off = (found - expected).abs();
         let units = if off == 0.0 { 0.0 } else { off / (U * scale) };
-        if !(units <= self.0) {
+        if units.is_nan() || units > self.0 {
             *self = Worst(units, of());
         }
     }
@@ -140,7 +140,7 @@ fn gradient(kernel: &GradientKernel, strain: f64, field: f64) -> (f64, Vec<f64>,
     let change: Vec<f64> = (0..d * d)
         .map(|k| strain * [0.7, -0.2, 0.1, 0.3, -0.4, 0.25, -0.15, 0.05, 0.5][k])
         .collect();
-    let unit = |k: usize| if k % (d + 1) == 0 { 1.0 } else { 0.0 };
+    let unit = |k: usize| if k.is_multiple_of(d + 1) { 1.0 } else { 0.0 };
     let gradient: Vec<f64> = change.iter().enumerate().map(|(k, h)| unit(k) + h).collect();
     let fields = vec![field; kernel.fields().len()];
     let at = GradientBatch { n: 1, gradient: &gradient, change: &change, fields: &fields };

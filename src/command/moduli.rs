@@ -29,7 +29,8 @@ pub(super) fn execute(arguments: &Arguments) -> Exit {
     }
     let mut all = Vec::new();
     for (name, case) in &cases {
-        match moduli(case, arguments.density) {
+        let stated = case.scene.material().density.map(|density| density.value);
+        match moduli(case, arguments.density.or(stated)) {
             Ok(found) => all.push((*name, found)),
             Err(error) => {
                 scene::print_error(&error);

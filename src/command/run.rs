@@ -90,13 +90,14 @@ fn solve(mut case: Case, out: &Path, arguments: &Run) -> Exit {
     };
     let title = title(&arguments.scene);
     let interrupt = Interrupt::listen();
-    let progress = Arc::new(Progress::new(case.scene.steps.end, interrupt.clone()));
+    let end = case.scene.motion.as_ref().map_or(case.scene.steps.end, |motion| motion.end);
+    let progress = Arc::new(Progress::new(end, interrupt.clone()));
     let shown = progress.show();
     let options = RunOptions { title: &title, warnings };
     let ran = run(case, &folder, options, &Watch::by(progress));
     drop(shown);
     match ran {
-        Ok(ending) => report(&ending, &folder, interrupt.signal()),
+        Ok(ending) => report(case, &ending, &folder, interrupt.signal()),
         Err(RunError::Case(error)) => {
             folder.remove_if_empty();
             scene::print_error(&error);
@@ -117,7 +118,7 @@ pub(super) fn title(scene: &Path) -> String {
         .unwrap_or_default()
 }
 
-fn report(ending: &Ending, folder: &OutputFolder, signal: Option<Signal>) -> Exit {
+fn report(case: &Case, ending: &Ending, folder: &OutputFolder, signal: Option<Signal>) -> Exit {
     if ending.indefinite > 0 {
         render::warning(&format!(
             "{} of {} equilibria are not stable: their tangent is not positive definite",
@@ -135,6 +136,7 @@ fn report(ending: &Ending, folder: &OutputFolder, signal: Option<Signal>) -> Exi
         ));
     }
     let path = folder.path().display();
+    let is_motion = case.scene.motion.is_some();
     match ending.reason {
         ExitReason::Completed if ending.fails => render::error(
             "the end state is not stable: its tangent is not positive definite, so no body stays in it",
@@ -145,15 +147,19 @@ fn report(ending: &Ending, folder: &OutputFolder, signal: Option<Signal>) -> Exi
         ),
         ExitReason::Completed => {
             console::tell(&format!(
-                "{} steps converged; results in {path}: picture.png, run.pvd, summary.json",
-                ending.steps
+                "{}; results in {path}: {}, run.pvd, summary.json",
+                ending.done,
+                if is_motion { "motion.csv" } else { "picture.png" }
             ));
             return Exit::Done;
         }
         ExitReason::Interrupted => render::warning(&ending.message),
         _ => render::error(&ending.message, None),
     }
-    console::tell(&format!("the {} steps that converged are in {path}", ending.steps));
+    match is_motion {
+        true => console::tell(&format!("{} are in {path}", ending.done)),
+        false => console::tell(&format!("the {} steps that converged are in {path}", ending.steps)),
+    }
     match (ending.reason, signal) {
         (ExitReason::Completed, _) => Exit::Findings,
         (ExitReason::Interrupted, Some(Signal::Terminate)) => Exit::Terminated,

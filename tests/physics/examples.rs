@@ -25,12 +25,15 @@ impl Finished {
     }
 }
 
-/// The scenes of examples/, by folder.
+/// The scenes of examples/ that look for equilibria, by folder.
 pub(crate) fn all() -> Vec<String> {
     let entries = fs::read_dir(repository("examples")).unwrap();
     let mut names: Vec<String> = entries
         .map(|entry| entry.unwrap().path())
-        .filter(|path| path.join("scene.toml").exists())
+        .filter(|path| {
+            let scene = fs::read_to_string(path.join("scene.toml"));
+            scene.is_ok_and(|scene| !scene.contains("\n[motion]"))
+        })
         .map(|path| path.file_name().unwrap().to_str().unwrap().to_owned())
         .collect();
     names.sort();

@@ -17,4 +17,5 @@ mod small_clouds;
 mod subjects;
 mod sums;
 mod table6;
+mod wave;
 mod witness;

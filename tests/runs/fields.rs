@@ -135,4 +135,11 @@ fn wrong_fields_are_refused_with_their_place() {
     folder.file("warm.piola", WARM);
     let late = folder.run(&[]).expect(2).stderr;
     assert!(late.contains("t = 1") && late.contains("C > 0"), "{late}");
+    // A body in motion has an account of energy, in which such work has no column.
+    let motion = warm("dT = \"20*t\"", "[motion]\nend = 1e-3\n")
+        .replace("potential = \"warm.piola\"", "potential = \"warm.piola\"\ndensity = 1.0");
+    let folder = SceneFolder::new(&motion);
+    folder.file("warm.piola", WARM);
+    let refused = folder.run(&[]).expect(2).stderr;
+    assert!(refused.contains("changes with t") && refused.contains("[steps]"), "{refused}");
 }

@@ -15,6 +15,7 @@ mod killed;
 mod machine;
 mod materials;
 mod moduli;
+mod motion;
 mod picture;
 mod plans;
 mod refusals;

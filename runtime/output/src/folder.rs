@@ -22,6 +22,8 @@ pub enum OutputFile {
     Energy,
     /// `probes.csv`.
     Probes,
+    /// `motion.csv`.
+    Motion,
     /// `scene.resolved.toml`.
     ResolvedScene,
     /// `picture.svg`.
@@ -46,12 +48,13 @@ const FRAMES: &str = "frames";
 impl OutputFile {
     /// All files but the frames; `run.pvd` first, so that a removal that is cut short leaves no
     /// list of frames that are gone.
-    const SINGLE: [OutputFile; 13] = [
+    const SINGLE: [OutputFile; 14] = [
         OutputFile::Collection,
         OutputFile::Displacement,
         OutputFile::Reactions,
         OutputFile::Energy,
         OutputFile::Probes,
+        OutputFile::Motion,
         OutputFile::ResolvedScene,
         OutputFile::PictureSvg,
         OutputFile::PicturePng,
@@ -71,6 +74,7 @@ impl OutputFile {
             OutputFile::Reactions => "reactions.csv".to_owned(),
             OutputFile::Energy => "energy.csv".to_owned(),
             OutputFile::Probes => "probes.csv".to_owned(),
+            OutputFile::Motion => "motion.csv".to_owned(),
             OutputFile::ResolvedScene => "scene.resolved.toml".to_owned(),
             OutputFile::PictureSvg => "picture.svg".to_owned(),
             OutputFile::PicturePng => "picture.png".to_owned(),

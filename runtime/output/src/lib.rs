@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | `run.pvd`, `frames/*.vtu` | [`pvd::FrameSeries`] | the body at chosen times, for ParaView |
 //! | `displacement.csv`, `reactions.csv`, `energy.csv`, `probes.csv` | [`table`] | numbers, one row per point or step |
+//! | `motion.csv` | [`motion`] | the account of energy of a body in motion, and its momenta |
 //! | `picture.svg`, `picture.png` | [`picture`] | deformed body, reactions, Newton residuals |
 //! | `summary.json` | [`summary`] | everything about the run that fits a page |
 //! | `scene.resolved.toml` | the caller, through [`OutputFolder::write`] | the scene with all defaults |
@@ -23,6 +24,7 @@ pub mod folder;
 #[path = "../../../tests/support/frames.rs"]
 mod frames;
 pub mod history;
+pub mod motion;
 pub mod picture;
 pub mod pvd;
 pub mod read;
@@ -74,13 +76,15 @@ impl Points {
 /// The state of a body at one time, in the user's order of points.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Load parameter.
+    /// Load parameter, or time in s.
     pub t: f64,
     /// Displacements, `n x d` row by row, in m.
     pub displacement: Vec<f64>,
     /// `dE/du` minus the applied loads, `n x d`, in N: the residual where a component is free, the
     /// reaction where it is prescribed.
     pub residual: Vec<f64>,
+    /// Velocities of a body in motion, `n x d`, in m/s; else none.
+    pub velocity: Vec<f64>,
     /// Further numbers per point, each with its name.
     pub scalars: Vec<(String, Vec<f64>)>,
 }
@@ -92,6 +96,7 @@ impl Frame {
             t,
             displacement: body.to_user_order(displacement, body.dimension()),
             residual: body.to_user_order(residual, body.dimension()),
+            velocity: Vec::new(),
             scalars: Vec::new(),
         }
     }

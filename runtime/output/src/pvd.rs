@@ -79,7 +79,13 @@ mod tests {
     }
 
     fn frame(t: f64) -> Frame {
-        Frame { t, displacement: vec![t; 4], residual: vec![0.0; 4], scalars: Vec::new() }
+        Frame {
+            t,
+            displacement: vec![t; 4],
+            residual: vec![0.0; 4],
+            velocity: Vec::new(),
+            scalars: Vec::new(),
+        }
     }
 
     fn listed(folder: &OutputFolder) -> Vec<(f64, String)> {

@@ -10,6 +10,7 @@ use piola_mechanics::interaction::Inverted;
 use serde::ser::{SerializeMap, SerializeSeq};
 use serde::{Serialize, Serializer};
 
+use super::motion::MotionSummary;
 use super::{History, OutputError, OutputFile, OutputFolder, StepRecord};
 
 /// The summary of a run; the names of the fields are the names in the file.
@@ -34,8 +35,12 @@ pub struct Summary {
     pub dropped: InteractionCounts,
     /// What the user was warned of.
     pub warnings: Vec<String>,
-    /// How the equations were solved.
-    pub solver: SolverSummary,
+    /// How the equations of load steps were solved.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub solver: Option<SolverSummary>,
+    /// How a body moved, and what its account of energy says.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion: Option<MotionSummary>,
     /// Threads that worked.
     pub threads: usize,
     /// Wall time of the run in s.
@@ -371,7 +376,11 @@ mod tests {
             interactions: InteractionCounts { bonds: 3, triangles: 2, tetrahedra: 0 },
             dropped: InteractionCounts::default(),
             warnings: vec!["a set boundary is close to points".to_owned()],
-            solver: SolverSummary { linear: "Cholesky".to_owned(), ..SolverSummary::default() },
+            solver: Some(SolverSummary {
+                linear: "Cholesky".to_owned(),
+                ..SolverSummary::default()
+            }),
+            motion: None,
             threads: 2,
             wall_seconds: Number(0.5),
             phases: Vec::new(),

@@ -10,7 +10,7 @@ const COORDINATES: [&str; 3] = ["X", "Y", "Z"];
 /// Names of displacement components in tables.
 pub(super) const COMPONENTS: [&str; 3] = ["u", "v", "w"];
 /// Suffixes of the components of a reaction.
-const AXES: [&str; 3] = ["x", "y", "z"];
+pub(super) const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// `displacement.csv`: `X,Y[,Z],u,v[,w]` in m, one row per point in the user's order.
 pub fn displacement_table(points: &Points, displacement: &[f64]) -> String {
@@ -71,7 +71,7 @@ pub fn write_displacement(
 }
 
 /// `t`, then every name with every suffix.
-fn time_and(names: &[String], suffixes: &[&str]) -> Vec<String> {
+pub(super) fn time_and(names: &[String], suffixes: &[&str]) -> Vec<String> {
     let columns =
         names.iter().flat_map(|name| suffixes.iter().map(move |suffix| format!("{name}_{suffix}")));
     ["t".to_owned()].into_iter().chain(columns).collect()
@@ -100,7 +100,7 @@ impl Table {
 }
 
 /// A field in quotes if it needs them (RFC 4180): names of sets and probes are the user's.
-fn quoted(field: &str) -> String {
+pub(super) fn quoted(field: &str) -> String {
     if field.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", field.replace('"', "\"\""))
     } else {

@@ -21,7 +21,7 @@ const VTK_VERTEX: u8 = 1;
 
 /// A frame as the bytes of a `.vtu` file.
 ///
-/// Point arrays: `displacement` (m), `residual` (N), `volume` (m^d) and the frame's scalars.
+/// Point arrays: `displacement` (m), `residual` (N), in motion `velocity` (m/s), `volume` (m^d) and the frame's scalars.
 pub fn encode_vtu(points: &Points, frame: &Frame) -> Vec<u8> {
     let n = points.n_points();
     let d = points.dimension;
@@ -34,6 +34,9 @@ pub fn encode_vtu(points: &Points, frame: &Frame) -> Vec<u8> {
     };
     add("displacement", &frame.displacement, d);
     add("residual", &frame.residual, d);
+    if !frame.velocity.is_empty() {
+        add("velocity", &frame.velocity, d);
+    }
     add("volume", &points.volumes, 1);
     for (name, values) in &frame.scalars {
         add(name, values, 1);
@@ -163,6 +166,7 @@ mod tests {
             t: 0.1 + 0.2,
             displacement: many(n * dimension),
             residual: many(n * dimension),
+            velocity: many(n * dimension),
             scalars: vec![("a \"<&>\" b".to_owned(), many(n))],
         };
         for (slot, special) in
@@ -187,7 +191,8 @@ mod tests {
         assert_eq!(bits(&file.array("volume").unwrap().values), bits(&points.volumes));
         let (name, values) = &frame.scalars[0];
         assert_eq!(bits(&file.array(name).unwrap().values), bits(values));
-        assert_eq!(file.arrays.len(), 4);
+        expect_vectors(&frame.velocity, &file.array("velocity").unwrap().values);
+        assert_eq!(file.arrays.len(), 5);
     }
 
     #[test]

@@ -49,6 +49,12 @@ impl Constraints {
         Ok(Constraints { fixed: fixed.to_vec(), free, is_fixed })
     }
 
+    /// Nothing is fixed.
+    pub fn none(n_dofs: usize) -> Constraints {
+        let (fixed, free) = (Vec::new(), (0..n_dofs).collect());
+        Constraints { fixed, free, is_fixed: vec![false; n_dofs] }
+    }
+
     /// All degrees of freedom, fixed and free.
     pub fn n_dofs(&self) -> usize {
         self.is_fixed.len()

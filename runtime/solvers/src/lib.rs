@@ -1,4 +1,4 @@
-//! Equilibrium: constraints, linear systems, Newton's method, load steps.
+//! Equilibrium and motion: constraints, linear systems, Newton's method, load steps, time steps.
 //!
 //! | module | does |
 //! |---|---|
@@ -7,6 +7,7 @@
 //! | [`linear`] | solves `K_ff x = b` by Cholesky, LDLT, LU or preconditioned conjugate gradients |
 //! | [`newton`] | finds the stationary point of `E(u) - f.u` at fixed prescribed values |
 //! | [`march`] | the way from state to state: what marches, and who looks on at every step |
+//! | [`motion`] | goes through time, by explicit integration |
 //! | [`steps`] | goes from `t = 0` to the end, with smaller increments where Newton's method fails |
 //!
 //! Everything works on any [`Energy`](piola_mechanics::energy::Energy). The bits of the results do
@@ -23,6 +24,7 @@ mod increment;
 mod line_search;
 pub mod linear;
 pub mod march;
+pub mod motion;
 pub mod newton;
 mod newton_outcome;
 pub mod rigid_modes;

@@ -9,6 +9,8 @@ pub struct State<'a> {
     pub t: f64,
     /// Displacements in m.
     pub displacements: &'a [f64],
+    /// Velocities in m/s; none of a body that goes from equilibrium to equilibrium.
+    pub velocities: &'a [f64],
     /// `dE/du` in N; minus the loads they are the reactions of fixed degrees of freedom.
     pub internal_forces: &'a [f64],
     /// Loads in N.
@@ -25,7 +27,7 @@ pub enum Advance<T> {
     Interrupted,
 }
 
-/// A body on its way: load steps by Newton's method are one.
+/// A body on its way: load steps by Newton's method are one, a motion in time is another.
 pub trait March {
     /// What is told of a step.
     type Step;

@@ -511,6 +511,7 @@ impl March for LoadSteps<'_> {
         State {
             t: self.t,
             displacements: &self.u,
+            velocities: &[],
             internal_forces: self.newton.internal_forces(),
             loads: &self.loads,
         }

@@ -1,4 +1,4 @@
-//! Someone who looks on while equilibria are looked for, and may end the search.
+//! Someone who looks on while equilibria are looked for or a body moves, and may end that.
 
 use std::sync::Arc;
 
@@ -35,6 +35,15 @@ pub enum Event<'a> {
     },
     /// An equilibrium was found.
     Step(&'a StepRecord),
+    /// A body that moves has come this far.
+    Moved {
+        /// The time in s.
+        t: f64,
+        /// How many steps led there.
+        step: usize,
+        /// How many lead to the end.
+        n_steps: usize,
+    },
 }
 
 /// Who looks on, from any thread.

@@ -20,7 +20,7 @@ use piola_solvers::linear::{
 };
 use serde::Serialize;
 
-use crate::scene::{LatticeShape, Scene};
+use crate::scene::{LatticeShape, Motion, Scene};
 pub use count::{
     InteractionCount, Needed, count_in_box, count_interactions, estimate_interactions,
 };
@@ -163,10 +163,33 @@ pub struct Plan {
     /// Whether energies are of families.
     #[serde(skip)]
     of_families: bool,
+    /// Of a body that moves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion: Option<MotionPlan>,
     /// What was seen of the first increment, if it was tried.
     pub first: Option<FirstIncrement>,
     /// What the plan does not know of the body, in sentences.
     pub notes: Vec<String>,
+}
+
+/// What is known of a motion before it begins.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MotionPlan {
+    /// How many steps there are, where the scene says how long they are.
+    pub steps: Option<f64>,
+    /// Forces of one step, in s, at most.
+    pub pass: f64,
+    /// All of them, where they are known.
+    pub total: Option<f64>,
+}
+
+impl MotionPlan {
+    fn new(motion: &Motion, time: &TimeEstimate) -> MotionPlan {
+        let steps = motion.step.map(|step| (motion.end / step).ceil());
+        // Forces take no longer than forces with the tangent.
+        let pass = time.assembly;
+        MotionPlan { steps, pass, total: steps.map(|steps| time.setup + steps * pass) }
+    }
 }
 
 impl Plan {
@@ -176,6 +199,7 @@ impl Plan {
         let Costs { memory, time } = Costs::new(&input, &linear);
         let stored = Stored::new(&input, &linear);
         let unknowns = input.unknowns();
+        let motion = input.scene.motion.as_ref().map(|motion| MotionPlan::new(motion, &time));
         let PlanInput { scene, extent, interactions, kernels, threads, .. } = input;
         Plan {
             dimension: extent.dimension,
@@ -192,6 +216,7 @@ impl Plan {
             increments: scene.steps.increments,
             time,
             of_families: !input.families.is_empty(),
+            motion,
             first: None,
             notes: input.notes,
         }
@@ -340,9 +365,16 @@ impl Costs {
         let System { blocks, factor } =
             input.system(if linear.stores_matrix { families::reach(families) } else { 1 });
         let mut memory = memory(extent, interactions, blocks, linear, factor, families);
-        memory.extend(families::terms(input.of_interactions, families, linear, |reach| {
-            matrix_bytes(dimension, input.blocks(reach))
-        }));
+        if input.scene.motion.is_some() {
+            // Products with the Hessian are all that a motion wants beside forces.
+            memory.truncate(
+                2 + families.iter().map(|own| own.memory(1, 2, 1.0).len()).sum::<usize>(),
+            );
+        } else {
+            memory.extend(families::terms(input.of_interactions, families, linear, |reach| {
+                matrix_bytes(dimension, input.blocks(reach))
+            }));
+        }
         let time = if families.is_empty() {
             let horizons = extent.sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / input.layers();
             let choice = input.scene.solver.preconditioner;

@@ -21,6 +21,8 @@ use piola_runtime::deformation::OperatorOrder;
 use piola_runtime::energy::{Energy, EnergyParts, Products, Term, Total, Wanted};
 use piola_runtime::lattice::{Lattice, Nodes};
 use piola_runtime::matrix::BlockMatrix;
+use piola_runtime::solve::Watch;
+use piola_runtime::solve::motion::{Initial, Motion, MotionDrive, MotionSettings};
 use piola_runtime::weights::Weights;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use stats_alloc::{INSTRUMENTED_SYSTEM, StatsAlloc};
@@ -179,7 +181,48 @@ fn count(case: &Case, pool: &ThreadPool) {
         let hessian = energy.hessian(u).unwrap();
         allocates_nothing(case, "product", threads, || hessian.multiply(&p, &mut out));
         assert!(out.iter().all(|x| x.is_finite()), "{}", case.name);
+        steps_allocate_nothing(case, threads);
     });
+}
+
+/// Nothing drives the body.
+struct Free;
+
+impl MotionDrive for Free {
+    fn displaced(&self) -> &[usize] {
+        &[]
+    }
+
+    fn displacements(&self, _: f64, _: &mut [f64]) {}
+
+    fn driven(&self) -> &[usize] {
+        &[]
+    }
+
+    fn velocities(&self, _: f64, _: &mut [f64]) {}
+
+    fn loads(&self, _: f64, loads: &mut [f64]) {
+        loads.fill(0.0);
+    }
+}
+
+/// Six steps in time ask for no more memory than one does, with the row that is due at its end.
+fn steps_allocate_nothing(case: &Case, threads: usize) {
+    let masses = vec![1.0; case.u.len() / case.energy.dimension()];
+    let initial = Initial { displacements: case.u.clone(), velocities: vec![0.0; case.u.len()] };
+    let settings =
+        MotionSettings { end: 1e-5, step: Some(1e-7), unstable: true, ..MotionSettings::default() };
+    let watch = Watch::default();
+    let motion = Motion::new(&*case.energy, &masses, initial, &Free, &settings, &watch);
+    let mut motion = motion.unwrap();
+    let mut count = |step| {
+        let before = asked();
+        motion.advance_to(step).unwrap();
+        asked() - before
+    };
+    count(3);
+    let (one, six) = (count(4), count(10));
+    assert_eq!(one, six, "{}: steps, {threads} threads", case.name);
 }
 
 /// The same bits from all passes.

@@ -40,8 +40,8 @@ impl OnLattice {
         let shape = (energy.body.dimension(), energy.neighborhood.horizon());
         let kinds = [bonds, triangles].into_iter().flatten();
         let several = |materials: &&Arc<Materials>| materials.n_laws() > 1;
-        let materials = kinds.filter_map(|kind| kind.materials.as_ref());
-        let runs = match materials.filter(several).next() {
+        let mut materials = kinds.filter_map(|kind| kind.materials.as_ref());
+        let runs = match materials.find(several) {
             Some(materials) => runs.between(materials, shape.0),
             None => Some(runs),
         };

@@ -40,6 +40,22 @@ impl fmt::Display for Plan {
         writeln!(f, "  {:<28}{available:>14}", "available")?;
         let threads =
             if self.threads == 1 { "1 thread" } else { &format!("{} threads", self.threads) };
+        if let Some(motion) = &self.motion {
+            writeln!(f, "time on {threads}, estimated, within a factor of 3")?;
+            writeln!(f, "  {:<28}{:>14}", "setup", seconds(self.time.setup))?;
+            writeln!(f, "  {:<28}{:>14}   per step, at most", "forces", seconds(motion.pass))?;
+            if let (Some(steps), Some(total)) = (motion.steps, motion.total) {
+                let steps = format!("run of {steps} steps");
+                writeln!(f, "  {steps:<28}{:>14}   at most", seconds(total))?;
+            }
+            writeln!(f, "what this plan does not know, or takes for granted:")?;
+            let step = "the critical step, which is found when a run begins: a scene without `step` takes \
+                        as many steps as that asks for";
+            let notes = self.notes.iter().cloned().chain([step.to_string()]);
+            return notes
+                .flat_map(|note| wrapped(&note))
+                .try_for_each(|line| writeln!(f, "  {line}"));
+        }
         let basis = match self.time.basis {
             Basis::Estimate => "estimated, within a factor of 3",
             Basis::Iterations => "from the first iterations, a third of it or more",

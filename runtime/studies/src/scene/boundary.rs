@@ -5,7 +5,7 @@
 use piola_grammar::Diagnostic;
 use piola_mechanics::body::Body;
 
-use super::selection::{Selection, coordinates};
+use super::selection::{PointSet, Selection, coordinates};
 use super::{AXES, Load, LoadKind, Prescription, Quantity, Scene, SceneReport};
 
 /// The prescribed displacements and the loads of a scene on its body.
@@ -30,7 +30,7 @@ pub struct BoundaryConditions<'a> {
     AXES[*.axis], coordinates(.position)
 )]
 pub struct NonFiniteCondition {
-    /// `displacement`, `force` or `density`.
+    /// `displacement`, `velocity`, `force`, `density` or `acceleration`; the first two also `initial`.
     pub quantity: &'static str,
     /// 0, 1, 2 for X, Y, Z.
     pub axis: usize,
@@ -73,6 +73,27 @@ impl<'a> BoundaryConditions<'a> {
         &self.fixed_dofs
     }
 
+    /// The scene.
+    pub(super) fn scene(&self) -> &'a Scene {
+        self.scene
+    }
+
+    /// The body.
+    pub(super) fn body(&self) -> &'a Body {
+        self.body
+    }
+
+    /// A set of points, by its number in the scene.
+    pub(super) fn set(&self, number: usize) -> &'a PointSet {
+        &self.selection.sets[number]
+    }
+
+    /// The fixed degrees of freedom, ascending, with what prescribes them.
+    pub(super) fn prescribed_entries(&self) -> impl Iterator<Item = (usize, &'a Prescription)> {
+        let entry = |entry: &u32| &self.scene.prescriptions[*entry as usize];
+        self.fixed_dofs.iter().copied().zip(self.entries.iter().map(entry))
+    }
+
     /// The prescribed displacements at `t` in m, one per entry of [`Self::fixed_dofs`].
     pub fn prescribed(&self, t: f64) -> Result<Vec<f64>, NonFiniteCondition> {
         let dimension = self.body.dimension();
@@ -103,6 +124,8 @@ impl<'a> BoundaryConditions<'a> {
                 let share = match load.kind {
                     LoadKind::Force => self.body.volumes()[point] / set.volume,
                     LoadKind::Density => self.body.volumes()[point],
+                    // The reader allows it to bodies that move alone.
+                    LoadKind::Acceleration => f64::NAN,
                 };
                 for (axis, component) in load.components.iter().enumerate() {
                     let (quantity, kind) = (&component.value, load.kind.key());
@@ -114,7 +137,7 @@ impl<'a> BoundaryConditions<'a> {
         Ok(forces)
     }
 
-    fn evaluate(
+    pub(super) fn evaluate(
         &self,
         quantity: &Quantity,
         what: &'static str,

@@ -34,6 +34,8 @@ pub(super) enum Role {
     Condition,
     /// A number of X, Y, Z, t.
     Number,
+    /// A number of X, Y, Z: at the start.
+    Start,
     /// A number of L, delta.
     Influence,
 }
@@ -58,9 +60,19 @@ impl Expression {
                     .help("use t in the components of [[prescribe]] or [[load]]")
             }));
         }
+        if role == Role::Start {
+            found.extend(names(&text.value, "t").map(|span| {
+                Diagnostic::error(
+                    "time-in-condition",
+                    span,
+                    "there is no t: this is the state at t = 0",
+                )
+                .help("use t in the components of [[prescribe]] or [[load]]")
+            }));
+        }
         let compiled = match role {
             Role::Condition => Formula::condition(&text.value, &VARIABLES),
-            Role::Number => Formula::number(&text.value, &VARIABLES),
+            Role::Number | Role::Start => Formula::number(&text.value, &VARIABLES),
             Role::Influence => Formula::number(&text.value, &LENGTHS),
         };
         match compiled {
@@ -81,6 +93,11 @@ impl Expression {
     /// Its number for the length of a bond at rest and the horizon, both in m; for influence functions.
     pub fn influence(&self, length: f64, horizon: f64) -> f64 {
         self.formula.value(&[length, horizon])
+    }
+
+    /// Whether this name stands in it as a word of its own.
+    pub(crate) fn names(&self, name: &str) -> bool {
+        names(&self.text, name).next().is_some()
     }
 
     /// Its truth at a reference position (2 or 3 coordinates, in m).

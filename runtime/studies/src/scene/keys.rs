@@ -30,6 +30,12 @@ pub(super) enum Slot<'a> {
     Positive(&'a mut f64),
     /// Greater than 0 and less than 1.
     Fraction(&'a mut f64),
+    /// Not less than 0.
+    NotNegative(&'a mut f64),
+    /// `true` or `false`.
+    Switch(&'a mut bool),
+    /// Greater than 0, or the word.
+    PositiveOr(&'a mut Option<f64>, &'static str),
     /// A whole number, not less than the one beside it.
     Count(&'a mut usize, i64),
 }
@@ -65,6 +71,9 @@ impl Slot<'_> {
             Slot::Word(choice) => choice.read(reader, field),
             Slot::Positive(value) => take(value, reader.positive(field)),
             Slot::Fraction(value) => take(value, reader.fraction(field)),
+            Slot::NotNegative(value) => take(value, reader.not_negative(field)),
+            Slot::Switch(value) => take(value, reader.switch(field)),
+            Slot::PositiveOr(value, word) => take(value, reader.positive_or(field, word)),
             Slot::Count(value, least) => take(value, reader.count(field, least)),
         }
     }
@@ -72,7 +81,11 @@ impl Slot<'_> {
     fn text(self) -> String {
         match self {
             Slot::Word(choice) => string(choice.word()),
-            Slot::Positive(value) | Slot::Fraction(value) => number(*value),
+            Slot::Positive(value) | Slot::Fraction(value) | Slot::NotNegative(value) => {
+                number(*value)
+            }
+            Slot::Switch(value) => value.to_string(),
+            Slot::PositiveOr(value, word) => value.map_or_else(|| string(word), number),
             Slot::Count(value, _) => value.to_string(),
         }
     }

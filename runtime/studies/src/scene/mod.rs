@@ -6,6 +6,7 @@
 //! | [`selection::kept`] | conditions of `remove`, points | which points stay |
 //! | [`selection::select`] | [`Scene`], body | point sets, probes |
 //! | [`boundary::BoundaryConditions::new`] | [`Scene`], body, point sets | fixed components, loads |
+//! | [`drive::MotionConditions::new`] | the same, masses | conditions as functions of time |
 //!
 //! A [`Scene`] is complete: every default is filled in, every name of a set is known, every
 //! expression is compiled, numbers are finite and in range, vectors have one entry per dimension.
@@ -13,39 +14,44 @@
 
 pub mod boundary;
 mod check;
+pub mod drive;
 pub(crate) mod expression;
 mod keys;
+mod motion;
 mod overrides;
 mod potential;
 mod read;
 mod reader;
 pub mod selection;
+mod settings;
 mod source;
 mod tree;
 mod write;
 
 #[cfg(test)]
+mod answer_tests;
+#[cfg(test)]
 mod formula_tests;
 #[cfg(test)]
 mod material_tests;
 #[cfg(test)]
+mod motion_tests;
+#[cfg(test)]
 mod tests;
 
-use piola_compiler::Form;
 use piola_grammar::{Diagnostic, Span};
 use piola_mechanics::deformation::{Discretisation, OperatorOrder};
-use piola_mechanics::energy::Products;
-use piola_mechanics::kernel::Level;
 use piola_mechanics::weights::Weights;
 use piola_mechanics::words::Words;
-use piola_solvers::linear::{LinearMethod, PreconditionerChoice};
-use piola_solvers::newton::NewtonVariant;
-use piola_solvers::steps::Start;
 
 pub use expression::Expression;
+pub use motion::{Given, Initial, Motion};
 pub use piola_mechanics::lattice::Nodes;
 pub use potential::{PotentialText, files_below};
 pub use read::MOST_LAWS;
+pub use settings::{
+    DerivativeSource, OutputSettings, SolverSettings, Steps, StrainSource, Unstable,
+};
 pub use source::{Finding, SceneReport, SourceText, Sources};
 
 /// The coordinates as expressions and messages name them.
@@ -75,6 +81,8 @@ pub struct Scene {
     pub correspondence: Option<CorrespondenceSettings>,
     /// `[sets]`, in the order of the file.
     pub sets: Vec<SetDefinition>,
+    /// `[[initial]]`
+    pub initial: Vec<Initial>,
     /// `[[prescribe]]`
     pub prescriptions: Vec<Prescription>,
     /// `[[load]]`
@@ -83,6 +91,8 @@ pub struct Scene {
     pub probes: Vec<Probe>,
     /// `[steps]`
     pub steps: Steps,
+    /// `[motion]`, in place of steps.
+    pub motion: Option<Motion>,
     /// `[solver]`
     pub solver: SolverSettings,
     /// `[output]`
@@ -104,10 +114,12 @@ impl PartialEq for Scene {
             interfaces,
             correspondence,
             sets,
+            initial,
             prescriptions,
             loads,
             probes,
             steps,
+            motion,
             solver,
             output,
             warnings: _,
@@ -120,10 +132,12 @@ impl PartialEq for Scene {
             && *interfaces == other.interfaces
             && *correspondence == other.correspondence
             && *sets == other.sets
+            && *initial == other.initial
             && *prescriptions == other.prescriptions
             && *loads == other.loads
             && *probes == other.probes
             && *steps == other.steps
+            && *motion == other.motion
             && *solver == other.solver
             && *output == other.output
     }
@@ -292,6 +306,8 @@ pub struct Material {
     pub potential: Located<String>,
     /// The given parameters, in the order of the file.
     pub parameters: Vec<ParameterSetting>,
+    /// In kg/m^3, where the scene says it; of the first potential of a law alone.
+    pub density: Option<Located<f64>>,
 }
 
 /// The value of one parameter of a potential.
@@ -394,12 +410,14 @@ pub struct SetDefinition {
     pub condition: Expression,
 }
 
-/// One `[[prescribe]]`: displacements that are given.
+/// One `[[prescribe]]`: displacements or velocities that are given.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prescription {
     /// Index into [`Scene::sets`], and where the set is named.
     pub set: Located<usize>,
-    /// One entry per dimension, in m; `None` leaves the component free.
+    /// What is given.
+    pub given: Given,
+    /// One entry per dimension, in m or m/s; `None` leaves the component free.
     pub components: Vec<Located<Option<Quantity>>>,
 }
 
@@ -421,6 +439,8 @@ pub enum LoadKind {
     Force,
     /// Force per volume, in N/m^d.
     Density,
+    /// Force per mass, in m/s^2.
+    Acceleration,
 }
 
 impl LoadKind {
@@ -429,6 +449,7 @@ impl LoadKind {
         match self {
             LoadKind::Force => "force",
             LoadKind::Density => "density",
+            LoadKind::Acceleration => "acceleration",
         }
     }
 }
@@ -451,6 +472,11 @@ impl Quantity {
         }
     }
 
+    /// Whether this name stands in it as a word of its own.
+    pub(crate) fn names(&self, name: &str) -> bool {
+        matches!(self, Quantity::Expression(expression) if expression.names(name))
+    }
+
     /// Whether it is the number 0.
     pub fn is_zero(&self) -> bool {
         matches!(self, Quantity::Number(number) if *number == 0.0)
@@ -464,134 +490,4 @@ pub struct Probe {
     pub name: Located<String>,
     /// The place in m, one entry per dimension.
     pub at: Located<Vec<f64>>,
-}
-
-/// `[steps]`: t runs from 0 to `end` in equal increments.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Steps {
-    /// The last t.
-    pub end: f64,
-    /// How many increments there are, unless the solver cuts back.
-    pub increments: usize,
-}
-
-impl Default for Steps {
-    fn default() -> Self {
-        Steps { end: 1.0, increments: 25 }
-    }
-}
-
-/// `[solver]`: how equilibrium is found.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SolverSettings {
-    /// 2-norm of the free residual over the larger of the 2-norms of reactions and applied loads.
-    pub tolerance: f64,
-    /// Where an increment starts.
-    pub start: Start,
-    /// How much of each Newton step is new.
-    pub newton: NewtonVariant,
-    /// How linear systems are solved.
-    pub linear: LinearMethod,
-    /// What makes conjugate gradients and GMRES converge.
-    pub preconditioner: PreconditionerChoice,
-    /// How products with the tangent come about.
-    pub products: Products,
-    /// Where the derivatives come from.
-    pub derivatives: DerivativeSource,
-    /// Level of the machine code.
-    pub level: Level,
-    /// In which form energies are evaluated.
-    pub form: Form,
-    /// What strain is computed from.
-    pub strain: StrainSource,
-    /// Newton iterations per increment.
-    pub max_iterations: usize,
-    /// What an end state that is not stable means.
-    pub unstable: Unstable,
-}
-
-impl Default for SolverSettings {
-    fn default() -> Self {
-        SolverSettings {
-            tolerance: 1e-10,
-            start: Start::default(),
-            newton: NewtonVariant::default(),
-            linear: LinearMethod::default(),
-            preconditioner: PreconditionerChoice::default(),
-            products: Products::default(),
-            derivatives: DerivativeSource::default(),
-            level: Level::default(),
-            form: Form::default(),
-            strain: StrainSource::default(),
-            max_iterations: 25,
-            unstable: Unstable::default(),
-        }
-    }
-}
-
-/// What an end state means whose tangent is not positive definite: a maximum or a saddle of the
-/// energy, which no body keeps.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Unstable {
-    /// The run has failed.
-    #[default]
-    Fail,
-    /// It is what the scene is about.
-    Accept,
-}
-
-impl Words for Unstable {
-    const WORDS: &'static [(&'static str, Unstable)] =
-        &[("fail", Unstable::Fail), ("accept", Unstable::Accept)];
-}
-
-/// Where psi' and psi'' come from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum DerivativeSource {
-    /// Machine code of the symbolic derivatives.
-    #[default]
-    Jit,
-    /// The symbolic derivatives, interpreted.
-    Interpreter,
-    /// Hyper-dual numbers of the measure.
-    Hyperdual,
-    /// Hyper-dual numbers of the points' coordinates, as in firooz2023.
-    HyperdualCoordinates,
-}
-
-impl Words for DerivativeSource {
-    const WORDS: &'static [(&'static str, DerivativeSource)] = &[
-        ("jit", DerivativeSource::Jit),
-        ("interpreter", DerivativeSource::Interpreter),
-        ("hyperdual", DerivativeSource::Hyperdual),
-        ("hyperdual-coordinates", DerivativeSource::HyperdualCoordinates),
-    ];
-}
-
-/// What strain is computed from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum StrainSource {
-    /// Displacements.
-    #[default]
-    Displacements,
-    /// Current positions, rounded as a program that stores them has them; to compare with.
-    Positions,
-}
-
-impl Words for StrainSource {
-    const WORDS: &'static [(&'static str, StrainSource)] =
-        &[("displacements", StrainSource::Displacements), ("positions", StrainSource::Positions)];
-}
-
-/// `[output]`: what is written.
-#[derive(Clone, Debug, PartialEq)]
-pub struct OutputSettings {
-    /// How many frames the run writes after the undeformed one.
-    pub frames: usize,
-}
-
-impl Default for OutputSettings {
-    fn default() -> Self {
-        OutputSettings { frames: 25 }
-    }
 }

@@ -231,6 +231,33 @@ impl Reader {
         None
     }
 
+    /// A finite number not less than 0.
+    pub(super) fn not_negative(&mut self, field: Field<'_>) -> Option<f64> {
+        let number = self.number(field)?;
+        if number >= 0.0 {
+            return Some(number);
+        }
+        self.out_of_range(field, "at least 0");
+        None
+    }
+
+    /// A number greater than 0, or a word for none.
+    pub(super) fn positive_or(&mut self, field: Field<'_>, word: &str) -> Option<Option<f64>> {
+        match &field.node.kind {
+            Kind::Text(text) if text.value == word => Some(None),
+            _ => self.positive(field).map(Some),
+        }
+    }
+
+    /// `true` or `false`.
+    pub(super) fn switch(&mut self, field: Field<'_>) -> Option<bool> {
+        if let Kind::Boolean(value) = field.node.kind {
+            return Some(value);
+        }
+        self.wrong_type(field, "true or false");
+        None
+    }
+
     /// One of the words of an option.
     pub(super) fn choice<T: Words>(&mut self, field: Field<'_>) -> Option<T> {
         let text = self.text(field)?;

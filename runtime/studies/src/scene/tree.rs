@@ -20,7 +20,7 @@ pub(super) enum Kind {
         value: f64,
         whole: Option<i64>,
     },
-    Boolean,
+    Boolean(bool),
     Date,
     Array(Vec<Node>),
     Table(Vec<Entry>),
@@ -50,7 +50,7 @@ impl Node {
         match &self.kind {
             Kind::Text(_) => "a string",
             Kind::Number { .. } => "a number",
-            Kind::Boolean => "a boolean",
+            Kind::Boolean(_) => "a boolean",
             Kind::Date => "a date",
             Kind::Array(_) => "an array",
             Kind::Table(_) => "a table",
@@ -194,7 +194,7 @@ fn node(value: &Spanned<DeValue<'_>>, text: &str, base: usize) -> Node {
         DeValue::Float(float) => {
             Kind::Number { value: float.as_str().parse().unwrap_or(f64::NAN), whole: None }
         }
-        DeValue::Boolean(_) => Kind::Boolean,
+        DeValue::Boolean(value) => Kind::Boolean(*value),
         DeValue::Datetime(_) => Kind::Date,
         DeValue::Array(array) => {
             Kind::Array(array.iter().map(|item| node(item, text, base)).collect())

@@ -6,10 +6,11 @@ use piola_mechanics::deformation::{Discretisation, Stabilisation};
 use piola_mechanics::words::Words;
 
 use super::keys::{number, string, texts};
-use super::read::{OUTPUT_KEYS, SOLVER_KEYS, STEPS_KEYS};
+use super::read::{MOTION_KEYS, OUTPUT_KEYS, SOLVER_KEYS, STEPS_KEYS};
 use super::{
-    BodyShape, CorrespondenceSettings, Horizon, HorizonExtent, InterfaceRule, Load, Material,
-    ParameterText, Plane, Points, Prescription, Probe, Quantity, Region, Scene, SetDefinition,
+    BodyShape, CorrespondenceSettings, Horizon, HorizonExtent, Initial, InterfaceRule, Load,
+    Material, ParameterText, Plane, Points, Prescription, Probe, Quantity, Region, Scene,
+    SetDefinition,
 };
 
 impl Scene {
@@ -25,6 +26,9 @@ impl Scene {
             write_correspondence(&mut out, settings);
         }
         write_sets(&mut out, &self.sets);
+        for initial in &self.initial {
+            write_initial(&mut out, initial, &self.sets);
+        }
         for prescription in &self.prescriptions {
             write_prescription(&mut out, prescription, &self.sets);
         }
@@ -34,9 +38,15 @@ impl Scene {
         for probe in &self.probes {
             write_probe(&mut out, probe);
         }
-        write_pairs(&mut out, "[steps]", texts(&self.steps, &STEPS_KEYS));
+        match &self.motion {
+            Some(motion) => write_pairs(&mut out, "[motion]", texts(motion, &MOTION_KEYS)),
+            None => write_pairs(&mut out, "[steps]", texts(&self.steps, &STEPS_KEYS)),
+        }
         write_pairs(&mut out, "[solver]", texts(&self.solver, &SOLVER_KEYS));
-        write_pairs(&mut out, "[output]", texts(&self.output, &OUTPUT_KEYS));
+        let of_steps = |key: &str| self.motion.is_some() || key == "frames";
+        let output = texts(&self.output, &OUTPUT_KEYS);
+        let output = output.into_iter().filter(|(key, _)| of_steps(key)).collect();
+        write_pairs(&mut out, "[output]", output);
         out
     }
 
@@ -120,6 +130,9 @@ fn write_materials(out: &mut String, scene: &Scene) {
 
 fn write_material(out: &mut String, parameters: &str, material: &Material) {
     pair(out, "potential", string(&material.potential.value));
+    if let Some(density) = material.density {
+        pair(out, "density", number(density.value));
+    }
     section(out, parameters);
     for parameter in &material.parameters {
         let value = match &parameter.value.value {
@@ -177,7 +190,18 @@ fn write_prescription(out: &mut String, prescription: &Prescription, sets: &[Set
         .iter()
         .map(|component| component.value.as_ref().map_or("\"free\"".into(), quantity))
         .collect();
-    pair(out, "u", format!("[{}]", components.join(", ")));
+    pair(out, prescription.given.key(), format!("[{}]", components.join(", ")));
+}
+
+fn write_initial(out: &mut String, initial: &Initial, sets: &[SetDefinition]) {
+    section(out, "[[initial]]");
+    pair(out, "set", string(&sets[initial.set.value].name.value));
+    for (key, components) in [("u", &initial.displacements), ("v", &initial.velocities)] {
+        if let Some(components) = components {
+            let components: Vec<String> = components.value.iter().map(quantity).collect();
+            pair(out, key, format!("[{}]", components.join(", ")));
+        }
+    }
 }
 
 fn write_load(out: &mut String, load: &Load, sets: &[SetDefinition]) {

@@ -102,6 +102,7 @@ pub fn cost(
     mut clock: PhaseClock,
     rates: impl FnOnce() -> Rates,
 ) -> Result<SceneCost, CaseError> {
+    super::motion::refuse(case)?;
     clock.enter("compile");
     let compiled = case.compile()?;
     let terms = Terms::of(case, &compiled);

@@ -9,6 +9,7 @@ use piola_solvers::march::State;
 use piola_solvers::steps::{StepError, StepRecord, run_steps};
 use piola_solvers::{Event, Observer, Watch};
 
+use super::motion;
 use super::run::{SceneDrive, check_held, failed, settings, sum_over};
 use crate::case::{Case, CaseError};
 use crate::scene::boundary::BoundaryConditions;
@@ -63,6 +64,7 @@ pub enum Attempt {
 /// # Errors
 /// A case that cannot start, as for [`run`](super::run()).
 pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
+    motion::refuse(case)?;
     let start = Instant::now();
     let (energy, fields) = case.solved_energy(case.compile()?)?;
     let selection = case.selection()?;

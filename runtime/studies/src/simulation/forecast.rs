@@ -61,6 +61,7 @@ impl Case {
         let stored = plan.stored.as_ref().map_or(0.0, |stored| stored.assembly + stored.linear);
         let stored = Duration::try_from_secs_f64(stored).unwrap_or(Duration::MAX);
         if self.large_box().is_none()
+            && self.scene.motion.is_none()
             && is_quick
             && let Ok(Some(first)) = rehearsal::first_increment(self, compiled, PATIENCE, stored)
         {
@@ -145,7 +146,9 @@ impl Case {
         let interactions = if family * self.body.n_points() as f64 <= SEARCHED {
             let neighborhood = Neighborhood::new(&self.body, horizon)?;
             let bonds = BlockPattern::of_bonds(&neighborhood, self.body.dimension());
-            run::check_held(self, &bonds, &boundary)?;
+            if self.scene.motion.is_none() {
+                run::check_held(self, &bonds, &boundary)?;
+            }
             count_interactions(&self.body, &neighborhood, needed)
         } else {
             notes.push(

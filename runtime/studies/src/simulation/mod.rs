@@ -3,7 +3,7 @@
 //! | call | what |
 //! |---|---|
 //! | [`Case::plan`] | what will be modelled and what it costs |
-//! | [`run()`] | load steps, with everything they leave in the output folder |
+//! | [`run()`] | load steps or a motion, with everything they leave in the output folder |
 //! | [`cost()`] | time and memory of every phase up to the first linear system |
 //! | [`solve()`] | load steps, and only the last equilibrium |
 //!
@@ -12,6 +12,7 @@
 mod cost;
 mod equilibrium;
 mod forecast;
+mod motion;
 mod rehearsal;
 mod run;
 mod work;

@@ -115,7 +115,7 @@ impl Observer for Ledger {
                 seen.note_change(now);
                 seen.until = self.again.map(|again| now + again);
             }
-            Event::Phase(_) | Event::Step(_) => {}
+            Event::Phase(_) | Event::Moved { .. } | Event::Step(_) => {}
         }
     }
 

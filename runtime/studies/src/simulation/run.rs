@@ -31,6 +31,8 @@ use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
 use crate::scene::selection::Selection;
 use crate::scene::{Scene, Unstable};
 
+use super::motion;
+
 /// What a run is told beside the scene.
 pub struct RunOptions<'a> {
     /// In the headline of the picture.
@@ -46,7 +48,9 @@ pub struct Ending {
     pub reason: ExitReason,
     /// The reason in words; empty if all went well.
     pub message: String,
-    /// Converged steps.
+    /// What was done, in words: how many steps of which kind.
+    pub done: String,
+    /// Converged steps, or steps in time.
     pub steps: usize,
     /// How many of them are not stable equilibria.
     pub indefinite: usize,
@@ -87,6 +91,9 @@ pub fn run(
     options: RunOptions<'_>,
     watch: &Watch,
 ) -> Result<Ending, RunError> {
+    if let Some(scene) = &case.scene.motion {
+        return motion::run(case, scene, folder, options, watch);
+    }
     case.check_rest()?;
     let mut clock = PhaseClock::new();
     enter(&mut clock, watch, "compile");
@@ -119,7 +126,7 @@ pub fn run(
     Ok(ending)
 }
 
-fn enter(clock: &mut PhaseClock, watch: &Watch, phase: &'static str) {
+pub(super) fn enter(clock: &mut PhaseClock, watch: &Watch, phase: &'static str) {
     clock.enter(phase);
     watch.notice(Event::Phase(phase));
 }
@@ -288,9 +295,10 @@ fn ending(
         && history.steps.last().is_some_and(|s| s.definiteness.positive_definite == Some(false));
     let steps = history.steps.len();
     let inverted = history.steps.last().map_or(Inverted::default(), |step| step.inverted);
+    let done = format!("{steps} steps converged");
     let end = |reason, message| {
         let warnings = warnings.to_vec();
-        Ending { reason, message, steps, indefinite, fails, inverted, warnings }
+        Ending { reason, message, done: done.clone(), steps, indefinite, fails, inverted, warnings }
     };
     match result {
         // Only who looks on stops a run whose output could be written.
@@ -449,43 +457,19 @@ impl<'a> Recorder<'a> {
         options: RunOptions<'_>,
     ) -> Result<(), OutputError> {
         self.clock.enter("output");
-        let body = &self.case.body;
+        let (body, title) = (&self.case.body, options.title);
         if self.history.steps.is_empty() {
             table::write_history(self.folder, &self.history)?;
         }
         let displacement = body.to_user_order(&outcome.displacements, body.dimension());
         table::write_displacement(self.folder, self.points, &displacement)?;
-        self.clock.leave();
-        let report = self.energy.report();
-        let warnings = [options.warnings.as_slice(), &ending.warnings].concat();
-        let summary = Summary {
-            versions: versions(),
-            scene_hash: scene_hash(
-                resolved,
-                self.case.potentials.iter().map(|p| p.text.text.as_str()),
-            ),
-            exit_reason: ending.reason,
-            exit_message: ending.message.clone(),
-            dimension: body.dimension(),
-            points: body.n_points(),
-            interactions: interactions(&report),
-            dropped: InteractionCounts {
-                bonds: 0,
-                triangles: report.dropped_triangles as usize,
-                tetrahedra: report.dropped_tetrahedra as usize,
-            },
-            warnings,
-            solver: solver_summary(outcome),
-            threads: rayon::current_num_threads(),
-            wall_seconds: Number(self.clock.wall_seconds()),
-            phases: self.clock.phases().to_vec(),
-            peak_memory_bytes: memory().map(|memory| memory.peak),
-            memory_source: MEMORY_SOURCE,
-            steps: step_summaries(&self.history),
-        };
+        let mut summary =
+            summary(self.case, self.energy, ending, options.warnings, resolved, &mut self.clock);
+        summary.solver = Some(solver_summary(outcome));
+        summary.steps = step_summaries(&self.history);
         // Before the picture: that takes longer, and is the smaller loss.
         summary.write(self.folder)?;
-        self.draw(options.title)
+        self.draw(title)
     }
 
     fn draw(&self, title: &str) -> Result<(), OutputError> {
@@ -511,6 +495,43 @@ impl<'a> Recorder<'a> {
     }
 }
 
+/// What the summaries of all runs have.
+pub(super) fn summary(
+    case: &Case,
+    energy: &Total<'_>,
+    ending: &Ending,
+    mut warnings: Vec<String>,
+    resolved: &str,
+    clock: &mut PhaseClock,
+) -> Summary {
+    clock.leave();
+    let (report, body) = (energy.report(), &case.body);
+    warnings.extend(ending.warnings.iter().cloned());
+    Summary {
+        versions: versions(),
+        scene_hash: scene_hash(resolved, case.potentials.iter().map(|p| p.text.text.as_str())),
+        exit_reason: ending.reason,
+        exit_message: ending.message.clone(),
+        dimension: body.dimension(),
+        points: body.n_points(),
+        interactions: interactions(&report),
+        dropped: InteractionCounts {
+            bonds: 0,
+            triangles: report.dropped_triangles as usize,
+            tetrahedra: report.dropped_tetrahedra as usize,
+        },
+        warnings,
+        solver: None,
+        motion: None,
+        threads: rayon::current_num_threads(),
+        wall_seconds: Number(clock.wall_seconds()),
+        phases: clock.phases().to_vec(),
+        peak_memory_bytes: memory().map(|memory| memory.peak),
+        memory_source: MEMORY_SOURCE,
+        steps: Vec::new(),
+    }
+}
+
 fn interactions(report: &Report) -> InteractionCounts {
     InteractionCounts {
         bonds: report.bonds as usize,
@@ -520,7 +541,7 @@ fn interactions(report: &Report) -> InteractionCounts {
 }
 
 /// A frame of the body, with the materials of its points where there are several.
-fn frame(case: &Case, t: f64, displacement: &[f64], residual: &[f64]) -> Frame {
+pub(super) fn frame(case: &Case, t: f64, displacement: &[f64], residual: &[f64]) -> Frame {
     let frame = Frame::of(&case.body, t, displacement, residual);
     let Some(materials) = &case.materials else { return frame };
     let numbers: Vec<f64> =

@@ -6,15 +6,22 @@ use super::Context;
 use crate::scene::expression::Role;
 use crate::scene::reader::{Field, Reader, Schema, Table};
 use crate::scene::tree::{Kind, Node};
-use crate::scene::{Load, LoadKind, Located, Prescription, Probe, Quantity, SetDefinition};
+use crate::scene::{Given, Load, LoadKind, Located, Prescription, Probe, Quantity, SetDefinition};
 use piola_grammar::suggest;
 
 static SETS: Schema = Schema { title: "[sets]", keys: &[("*", "\"X < 0.1\"")] };
-static PRESCRIBE: Schema =
-    Schema { title: "[[prescribe]]", keys: &[("set", "\"left\""), ("u", "[0, \"0.1*t\"]")] };
+static PRESCRIBE: Schema = Schema {
+    title: "[[prescribe]]",
+    keys: &[("set", "\"left\""), ("u", "[0, \"0.1*t\"]"), ("v", "[0, \"0.1*t\"]")],
+};
 static LOAD: Schema = Schema {
     title: "[[load]]",
-    keys: &[("set", "\"right\""), ("force", "[\"0.1*t\", 0]"), ("density", "[0, -9.81]")],
+    keys: &[
+        ("set", "\"right\""),
+        ("force", "[\"0.1*t\", 0]"),
+        ("density", "[0, -9.81]"),
+        ("acceleration", "[0, -9.81]"),
+    ],
 };
 static PROBE: Schema =
     Schema { title: "[[probe]]", keys: &[("name", "\"tip\""), ("at", "[1.0, 0.5]")] };
@@ -96,13 +103,19 @@ impl Reader {
         let tables = self.tables(&PRESCRIBE, node);
         let read = tables.iter().filter_map(|table| {
             let set = self.known_set(table, context);
-            let components = self.required(table, "u").and_then(|field| {
+            // Without any of the two `u` is what is missing.
+            let key = match table.get("v") {
+                Some(_) => self.either(table, "u", "v").unwrap_or("u"),
+                None => "u",
+            };
+            let given = if key == "u" { Given::Displacement } else { Given::Velocity };
+            let components = self.required(table, key).and_then(|field| {
                 let items = self.components(field, context.dimension)?;
                 let read: Vec<_> =
                     items.iter().map(|item| self.displacement(field.item(item), context)).collect();
                 read.into_iter().collect()
             });
-            Some(Prescription { set: set?, components: components? })
+            Some(Prescription { set: set?, given, components: components? })
         });
         read.collect()
     }
@@ -139,7 +152,10 @@ impl Reader {
         let tables = self.tables(&LOAD, node);
         let read = tables.iter().filter_map(|table| {
             let set = self.known_set(table, context);
-            let key = self.either(table, "force", "density");
+            let key = match table.get("acceleration") {
+                Some(_) => self.one_load(table),
+                None => self.either(table, "force", "density"),
+            };
             let components = key.and_then(|key| table.field(key)).and_then(|field| {
                 let items = self.components(field, context.dimension)?;
                 let read: Vec<_> =
@@ -148,11 +164,22 @@ impl Reader {
             });
             let kind = match key? {
                 "force" => LoadKind::Force,
+                "acceleration" => LoadKind::Acceleration,
                 _ => LoadKind::Density,
             };
             Some(Load { set: set?, kind, components: components? })
         });
         read.collect()
+    }
+
+    /// An acceleration, unless there is another load beside it.
+    fn one_load(&mut self, table: &Table<'_>) -> Option<&'static str> {
+        for other in ["force", "density"] {
+            if table.get(other).is_some() {
+                return self.either(table, "acceleration", other);
+            }
+        }
+        Some("acceleration")
     }
 
     fn force(&mut self, field: Field<'_>, context: &Context) -> Option<Located<Quantity>> {

@@ -18,6 +18,7 @@ static MATERIAL: Schema = Schema {
         ("set", "\"left\""),
         ("name", "\"steel\""),
         ("potential", "\"law.piola\""),
+        ("density", "\"2440 kg/m^3\""),
         ("parameters", "{ C1 = 1.0, E = \"200 GPa\" }"),
         ("plus", "[{ .. }]"),
     ],
@@ -282,7 +283,8 @@ impl Reader {
         let potential = self.required(table, "potential").and_then(|field| self.name(field));
         let parameters = self
             .or(Some(table), "parameters", Vec::new(), |reader, field| reader.parameters(field));
-        Some(Material { law, potential: potential?, parameters: parameters? })
+        let density = self.density(table);
+        Some(Material { law, potential: potential?, parameters: parameters?, density: density? })
     }
 
     fn parameters(&mut self, field: Field<'_>) -> Option<Vec<ParameterSetting>> {

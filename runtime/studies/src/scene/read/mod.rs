@@ -4,6 +4,7 @@ mod body;
 mod conditions;
 mod correspondence;
 mod material;
+mod motion;
 
 use piola_grammar::{Diagnostic, Span};
 use piola_mechanics::energy::Products;
@@ -19,6 +20,7 @@ use super::source::Sources;
 use super::tree::{self, Kind, Node};
 use material::Composition;
 pub use material::MOST_LAWS;
+pub(super) use motion::MOTION_KEYS;
 
 use super::{
     Located, MAX_SCENE_BYTES, OutputSettings, Points, Scene, SceneReport, SolverSettings, Steps,
@@ -33,10 +35,12 @@ static SCENE: Schema = Schema {
         ("interface", "[{ .. }]"),
         ("correspondence", "{ .. }"),
         ("sets", "{ .. }"),
+        ("initial", "[{ .. }]"),
         ("prescribe", "[{ .. }]"),
         ("load", "[{ .. }]"),
         ("probe", "[{ .. }]"),
         ("steps", "{ .. }"),
+        ("motion", "{ .. }"),
         ("solver", "{ .. }"),
         ("output", "{ .. }"),
     ],
@@ -66,8 +70,11 @@ pub(super) const SOLVER_KEYS: [Row<SolverSettings>; 12] = [
     ("max_iterations", "25", |solver| Slot::Count(&mut solver.max_iterations, 1)),
 ];
 
-pub(super) const OUTPUT_KEYS: [Row<OutputSettings>; 1] =
-    [("frames", "25", |output| Slot::Count(&mut output.frames, 0))];
+pub(super) const OUTPUT_KEYS: [Row<OutputSettings>; 3] = [
+    ("frames", "25", |output| Slot::Count(&mut output.frames, 0)),
+    ("every", "1e-6", |output| Slot::PositiveOr(&mut output.every, "frames")),
+    ("rows", "1000", |output| Slot::Count(&mut output.rows, 1)),
+];
 
 impl Scene {
     /// Reads a scene and applies overrides (`solver.tolerance=1e-8`, see `--set`) to it.
@@ -134,12 +141,21 @@ impl Reader {
         let nodes = |key| root.get(key).map(|entry| &entry.node);
         let prescriptions = self.prescriptions(nodes("prescribe"), &context);
         let loads = self.loads(nodes("load"), &context);
+        let initial = self.initial(nodes("initial"), &context);
         let probes = self.probes(nodes("probe"), &context);
         let steps = self.settings(steps_table.as_ref(), &STEPS_KEYS);
         let solver = self.solver(solver_table.as_ref());
         let output = self.settings(output_table.as_ref(), &OUTPUT_KEYS);
         let warnings = check::warnings(&prescriptions, &loads, &sets);
+        let motion = root.get("motion").map(|entry| self.motion(entry));
         let Composition { materials, regions, interfaces } = made_of?;
+        let motion = match motion {
+            Some(motion) => Some(motion?),
+            None => None,
+        };
+        let keys = [root.get("steps"), root.get("initial")];
+        self.check_motion(motion.as_ref(), keys, (&prescriptions, &loads), (&materials, &regions));
+        self.check_output(motion.as_ref(), output_table.as_ref());
         Some(Scene {
             body: body?,
             horizon: horizon?,
@@ -151,10 +167,12 @@ impl Reader {
                 None => None,
             },
             sets,
+            initial,
             prescriptions,
             loads,
             probes,
             steps,
+            motion,
             solver,
             output,
             warnings,

@@ -1,0 +1,223 @@
+//! The tables of a body in motion, which grow by whole lines: a motion has too many rows for tables
+//! that are replaced after every one.
+
+use std::fs::{File, OpenOptions};
+use std::io::Write as _;
+use std::path::PathBuf;
+
+use serde::Serialize;
+
+use super::atomic::Operation;
+use super::summary::Number;
+use super::table::{AXES, COMPONENTS, quoted, time_and};
+use super::{OutputError, OutputFile, OutputFolder, decimal};
+
+/// Names of what the tables have columns for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionColumns {
+    /// 2 or 3.
+    pub dimension: usize,
+    /// The parts of the energy, `psi(l)`.
+    pub parts: Vec<String>,
+    /// The sets, in the scene's order.
+    pub sets: Vec<String>,
+    /// The probes, in the scene's order.
+    pub probes: Vec<String>,
+}
+
+/// A body in motion at one time; energies and work are in J.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MotionRow {
+    /// How many steps led here.
+    pub step: usize,
+    /// In s.
+    pub t: f64,
+    /// Kinetic energy.
+    pub kinetic: f64,
+    /// Kinetic energy between the velocities before and after, of free components.
+    pub kinetic_leapfrog: f64,
+    /// The stored energy by its parts.
+    pub parts: Vec<f64>,
+    /// What damping took.
+    pub damping: f64,
+    /// The work of loads.
+    pub external: f64,
+    /// The work of what is prescribed.
+    pub prescribed: f64,
+    /// The error of the integration.
+    pub quadrature: f64,
+    /// What does not close.
+    pub rounding: f64,
+    /// In kg m/s, one number per dimension.
+    pub momentum: Vec<f64>,
+    /// In kg m^2/s: one number in the plane, three in space.
+    pub angular_momentum: Vec<f64>,
+    /// Sum of `dE/du` minus the loads over each set, `d` numbers in N.
+    pub reactions: Vec<Vec<f64>>,
+    /// Displacement at each probe, `d` numbers in m.
+    pub probes: Vec<Vec<f64>>,
+}
+
+/// `motion.csv`, `reactions.csv` and `probes.csv` as they grow.
+#[derive(Debug)]
+pub struct MotionTables {
+    motion: Lines,
+    reactions: Lines,
+    probes: Lines,
+}
+
+impl MotionTables {
+    /// Tables with a header and no rows.
+    pub fn new(
+        folder: &OutputFolder,
+        columns: &MotionColumns,
+    ) -> Result<MotionTables, OutputError> {
+        let axes = &AXES[..columns.dimension];
+        let turns = if columns.dimension == 2 { &AXES[2..] } else { &AXES };
+        let mut names: Vec<String> =
+            ["step", "t", "kinetic", "kinetic_leapfrog", "stored"].map(str::to_owned).to_vec();
+        names.extend(columns.parts.iter().cloned());
+        let work = ["damping", "external", "prescribed", "quadrature", "rounding"];
+        names.extend(work.map(str::to_owned));
+        names.extend(axes.iter().map(|axis| format!("momentum_{axis}")));
+        names.extend(turns.iter().map(|axis| format!("angular_momentum_{axis}")));
+        let probes = time_and(&columns.probes, &COMPONENTS[..columns.dimension]);
+        Ok(MotionTables {
+            motion: Lines::new(folder, OutputFile::Motion, names)?,
+            reactions: Lines::new(folder, OutputFile::Reactions, time_and(&columns.sets, axes))?,
+            probes: Lines::new(folder, OutputFile::Probes, probes)?,
+        })
+    }
+
+    /// A line at the end of each table.
+    pub fn push(&mut self, row: &MotionRow) -> Result<(), OutputError> {
+        let stored = row.parts.iter().fold(0.0, |sum, part| sum + part);
+        let first = [row.step as f64, row.t, row.kinetic, row.kinetic_leapfrog, stored];
+        let work = [row.damping, row.external, row.prescribed, row.quadrature, row.rounding];
+        let all = first.iter().chain(&row.parts).chain(&work);
+        self.motion.push(all.chain(&row.momentum).chain(&row.angular_momentum))?;
+        let t = || [&row.t].into_iter();
+        self.reactions.push(t().chain(row.reactions.iter().flatten()))?;
+        self.probes.push(t().chain(row.probes.iter().flatten()))
+    }
+}
+
+/// A file of lines: each is there as a whole or not yet.
+#[derive(Debug)]
+struct Lines {
+    path: PathBuf,
+    file: File,
+}
+
+impl Lines {
+    fn new(
+        folder: &OutputFolder,
+        file: OutputFile,
+        header: Vec<String>,
+    ) -> Result<Lines, OutputError> {
+        let header: Vec<String> = header.iter().map(|name| quoted(name)).collect();
+        folder.write(file, (header.join(",") + "\n").as_bytes())?;
+        let path = folder.path_of(file);
+        let file = OpenOptions::new().append(true).open(&path);
+        Ok(Lines { file: file.map_err(Operation::Write.on(&path))?, path })
+    }
+
+    fn push<'a>(&mut self, values: impl Iterator<Item = &'a f64>) -> Result<(), OutputError> {
+        let values: Vec<String> = values.map(|value| decimal(*value)).collect();
+        let line = values.join(",") + "\n";
+        // One call: whoever reads, or ends the process, sees the line or does not.
+        self.file.write_all(line.as_bytes()).map_err(Operation::Write.on(&self.path))
+    }
+}
+
+/// What `summary.json` says of a motion.
+#[derive(Clone, Debug, Serialize)]
+pub struct MotionSummary {
+    /// The rule of integration.
+    pub method: String,
+    /// The step in s.
+    pub step_seconds: Number,
+    /// The critical step at the start in s; `null` where the body has no stiffness there.
+    pub critical_step_seconds: Option<Number>,
+    /// The smallest critical step that was found on the way, in s.
+    pub least_critical_step_seconds: Option<Number>,
+    /// How many steps there are, and how many were made.
+    pub steps: usize,
+    /// How many were made.
+    pub steps_made: usize,
+    /// The time that was reached, in s.
+    pub t: Number,
+    /// The mass of the body in kg.
+    pub mass: Number,
+    /// Energies at that time, and work up to there, in J.
+    pub energies: MotionEnergies,
+    /// The largest of `rounding` in `motion.csv`, over the largest of its energies.
+    pub rounding: Number,
+}
+
+/// Energies and work in J.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct MotionEnergies {
+    /// Kinetic energy.
+    pub kinetic: Number,
+    /// Stored energy.
+    pub stored: Number,
+    /// What damping took.
+    pub damping: Number,
+    /// The work of loads.
+    pub external: Number,
+    /// The work of what is prescribed.
+    pub prescribed: Number,
+    /// The error of the integration.
+    pub quadrature: Number,
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn lines_are_appended_whole() {
+        let dir = tempfile::tempdir().unwrap();
+        let folder = OutputFolder::create(dir.path(), false).unwrap();
+        let columns = MotionColumns {
+            dimension: 2,
+            parts: vec!["psi(l)".to_owned(), "psi(l, m)".to_owned()],
+            sets: vec!["left".to_owned()],
+            probes: vec!["tip".to_owned()],
+        };
+        let mut tables = MotionTables::new(&folder, &columns).unwrap();
+        let row = MotionRow {
+            step: 12,
+            t: 1e-6,
+            kinetic: 0.5,
+            kinetic_leapfrog: 0.25,
+            parts: vec![1.0, 2.0],
+            damping: 0.0,
+            external: 4.0,
+            prescribed: f64::NAN,
+            quadrature: -1e-9,
+            rounding: 1e-17,
+            momentum: vec![7.0, 8.0],
+            angular_momentum: vec![9.0],
+            reactions: vec![vec![1.0, -1.0]],
+            probes: vec![vec![0.1, 0.2]],
+        };
+        tables.push(&row).unwrap();
+        let read = |file| fs::read_to_string(folder.path_of(file)).unwrap();
+        let first = read(OutputFile::Motion);
+        assert_eq!(
+            first,
+            "step,t,kinetic,kinetic_leapfrog,stored,psi(l),\"psi(l, m)\",damping,external,\
+             prescribed,quadrature,rounding,momentum_x,momentum_y,angular_momentum_z\n\
+             12,1e-6,0.5,0.25,3,1,2,0,4,nan,-1e-9,1e-17,7,8,9\n"
+        );
+        tables.push(&row).unwrap();
+        let lines: Vec<String> = first.lines().map(str::to_owned).collect();
+        assert_eq!(read(OutputFile::Motion), first + &lines[1] + "\n");
+        assert_eq!(read(OutputFile::Reactions), "t,left_x,left_y\n1e-6,1,-1\n1e-6,1,-1\n");
+        assert_eq!(read(OutputFile::Probes), "t,tip_u,tip_v\n1e-6,0.1,0.2\n1e-6,0.1,0.2\n");
+    }
+}

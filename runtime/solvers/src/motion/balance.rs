@@ -1,0 +1,148 @@
+//! The account of energy of a body that moves, in which nothing is left over.
+//!
+//! Velocities are known half a step before and half a step after the time `t_n` of forces, and
+//! `u_(n+1) - u_n = dt v_(n+1/2)`. With the kinetic energy `K~_n = 1/2 m v_(n-1/2).v_(n+1/2)`
+//! (of the free degrees of freedom) and all forces `F` on them, damping included,
+//!
+//! ```text
+//! K~_(n+1) - K~_n = 1/2 m v_(n+1/2).(v_(n+3/2) - v_(n-1/2)) = 1/2 (F_n + F_(n+1)).(u_(n+1) - u_n)
+//! ```
+//!
+//! holds for any step, not only in the limit of short ones. So work is summed by that rule, and
+//! what does not close is rounding. What the energy changes by beside the work of its forces by
+//! that rule is the error of the integration, and has a column of its own.
+
+use piola_mechanics::energy::EnergyParts;
+
+use super::verlet::{Sides, Sums};
+
+/// What does not close, over the largest of what was added up, is rounding up to here.
+pub const CLOSES_TO: f64 = 1e-12;
+
+/// A sum that keeps what rounding leaves behind (Neumaier, ZAMM 54, 1974).
+#[derive(Clone, Copy, Debug, Default)]
+struct Sum {
+    value: f64,
+    low: f64,
+}
+
+impl Sum {
+    fn add(&mut self, term: f64) {
+        let whole = self.value + term;
+        self.low += match self.value.abs() >= term.abs() {
+            true => (self.value - whole) + term,
+            false => (term - whole) + self.value,
+        };
+        self.value = whole;
+    }
+
+    fn total(self) -> f64 {
+        self.value + self.low
+    }
+}
+
+/// A line of the account: a body at one time. Energies and work since the start are in J.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// How many steps led here.
+    pub step: usize,
+    /// In s.
+    pub t: f64,
+    /// `1/2 m v.v` with the velocities at `t`, of all points.
+    pub kinetic: f64,
+    /// `1/2 m v_(n-1/2).v_(n+1/2)` of the free degrees of freedom: what closes the account.
+    pub kinetic_leapfrog: f64,
+    /// The stored energy by its parts.
+    pub energy: EnergyParts,
+    /// What damping took.
+    pub damping: f64,
+    /// The work of the loads on free degrees of freedom.
+    pub external: f64,
+    /// The work against `dE/du` where displacements or velocities are prescribed.
+    pub prescribed: f64,
+    /// The error of the integration: the change of the stored energy less the work against its
+    /// forces, which goes with the square of the step; 0 where forces are linear in `u`.
+    pub quadrature: f64,
+    /// `kinetic_leapfrog` and work against forces, less external and prescribed work, plus damping,
+    /// since the start: zero but for rounding.
+    pub rounding: f64,
+    /// `sum m v` in kg m/s, as many numbers as dimensions.
+    pub momentum: Vec<f64>,
+    /// `sum m x cross v` about the origin, `x = X + u`, in kg m^2/s: one number in the plane, three in
+    /// space.
+    pub angular_momentum: Vec<f64>,
+}
+
+/// The sums of a motion.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Balance {
+    /// Work since the start, up to the present time.
+    internal: Sum,
+    external: Sum,
+    damping: Sum,
+    prescribed: Sum,
+    /// The other half of the trapezoid, as powers: of the step to come.
+    after: [f64; 4],
+    /// At the start.
+    first: Option<First>,
+    kinetic: f64,
+    /// The largest of all columns so far.
+    largest: f64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct First {
+    kinetic: f64,
+    energy: f64,
+}
+
+impl Balance {
+    /// Takes in the state at the end of a step of `dt`: `sums` of its kick, and the powers of the
+    /// internal forces where something is prescribed. At the start no step came before.
+    pub(super) fn arrive(&mut self, dt: f64, sums: &Sums, prescribed: Sides) {
+        let sides = [sums.internal, sums.external, sums.damping, prescribed];
+        self.kinetic = sums.kinetic;
+        if self.first.is_some() {
+            let work =
+                [&mut self.internal, &mut self.external, &mut self.damping, &mut self.prescribed];
+            for ((work, after), sides) in work.into_iter().zip(self.after).zip(sides) {
+                work.add(0.5 * dt * (after + sides.before));
+            }
+        }
+        self.after = sides.map(|sides| sides.after);
+    }
+
+    /// The row at the present time, in which the caller fills in what is no energy.
+    pub(super) fn row(&mut self, step: usize, t: f64, energy: EnergyParts, kinetic: f64) -> Row {
+        let stored = energy.total();
+        let first = *self.first.get_or_insert(First { kinetic: self.kinetic, energy: stored });
+        let [internal, external, damping, prescribed] =
+            [self.internal, self.external, self.damping, self.prescribed].map(Sum::total);
+        let columns = [self.kinetic, kinetic, energy.magnitude(), external, damping, prescribed];
+        self.largest = columns.iter().fold(self.largest, |most, x| most.max(x.abs()));
+        Row {
+            step,
+            t,
+            kinetic,
+            kinetic_leapfrog: self.kinetic,
+            energy,
+            damping,
+            external,
+            prescribed,
+            quadrature: (stored - first.energy) - (internal + prescribed),
+            rounding: (self.kinetic - first.kinetic) + internal - external + damping,
+            momentum: Vec::new(),
+            angular_momentum: Vec::new(),
+        }
+    }
+
+    /// Whether the account closes at this row.
+    pub(super) fn closes(&self, row: &Row) -> bool {
+        row.rounding.abs() <= CLOSES_TO * self.largest
+    }
+
+    /// The largest of all columns so far, in J.
+    pub(super) fn largest(&self) -> f64 {
+        self.largest
+    }
+}

@@ -1,0 +1,509 @@
+//! Bodies that move: `m a = f - dE/du` with lumped masses, integrated explicitly.
+//!
+//! | module | does |
+//! |---|---|
+//! | `verlet` | takes velocities and displacements on by a step |
+//! | [`critical`] | the largest stable step |
+//! | [`balance`] | the account of energy, and its rows |
+//! | `settings` | the rule of integration and its choices, what drives a body, where it starts |
+//! | `error` | why a motion cannot start or go on |
+//!
+//! Velocity Verlet (partmann2026, section 3.7, Eqs. (3.60)-(3.68)) in its form of two leaps: velocities
+//! are known in the middle of steps, `v_(n+1/2) = v_(n-1/2) + dt a_n`, `u_(n+1) = u_n + dt v_(n+1/2)`,
+//! and at the end of a step, where forces are, half of the kick is still to come:
+//! `v_n = v_(n-1/2) + dt/2 a_n`. Forces are evaluated once a step, the energy where a row is due.
+
+pub mod balance;
+pub mod critical;
+mod error;
+mod settings;
+mod verlet;
+
+#[cfg(test)]
+mod tests;
+
+use piola_mechanics::energy::{Energy, EnergyParts, NonFinite, Wanted};
+use piola_mechanics::vector::norm_of;
+
+use crate::constraint::Constraints;
+use crate::march::{Advance, March, State};
+use crate::watch::{Event, Watch};
+use balance::Balance;
+pub use balance::Row;
+pub use critical::{CriticalStep, Precision, step_by_row_sums};
+pub use error::{FlownOff, MotionError};
+pub use settings::{Initial, Method, MotionDrive, MotionSettings};
+use verlet::{Kick, Sides, Summed, Sums, drift, n_pieces};
+
+/// The critical step is looked at again after so many steps: a body that is stretched gets stiffer.
+const STEPS_BETWEEN_LOOKS: usize = 1000;
+
+/// How exactly it is then: few products.
+const LOOK: Precision = Precision { tolerance: 1e-2, products: 30 };
+
+/// A step that divides the way up to here needs no further one.
+const ROUNDED: f64 = 1e-12;
+
+/// A body on its way in time.
+pub struct Motion<'a> {
+    energy: &'a dyn Energy,
+    drive: &'a dyn MotionDrive,
+    watch: Watch,
+    settings: MotionSettings,
+    constraints: Constraints,
+    critical: Option<CriticalStep>,
+    /// The smallest critical step that was found on the way, in s.
+    least_critical: f64,
+    /// The step in s, how many there are, and how many are done.
+    dt: f64,
+    n_steps: usize,
+    done: usize,
+    /// One per point and one per degree of freedom, in kg.
+    point_masses: Vec<f64>,
+    masses: Vec<f64>,
+    is_fixed: Vec<bool>,
+    /// At the present time.
+    u: Summed,
+    forces: Vec<f64>,
+    loads: Vec<f64>,
+    parts: Vec<f64>,
+    /// In the middle of the step to come.
+    v: Summed,
+    /// At the present time, where a row is due.
+    mean: Vec<f64>,
+    /// What is prescribed: displacements at the end of the step to come, velocities in its middle.
+    displacements: Vec<f64>,
+    velocities: Vec<f64>,
+    /// A point that goes further than this in one step has flown off, in m.
+    extent: f64,
+    pieces: Vec<Sums>,
+    balance: Balance,
+    notes: Vec<String>,
+    /// Whether who looks on wanted an end.
+    is_over: bool,
+}
+
+impl<'a> Motion<'a> {
+    /// At the start, with the forces there; `masses` has one entry per point, in kg. The first row is
+    /// [`Motion::advance_to`] step 0.
+    ///
+    /// # Errors
+    /// Settings and masses that cannot be used, a step beyond the critical one, energies or
+    /// conditions that are not finite at the start.
+    pub fn new(
+        energy: &'a dyn Energy,
+        masses: &[f64],
+        initial: Initial,
+        drive: &'a dyn MotionDrive,
+        settings: &MotionSettings,
+        watch: &Watch,
+    ) -> Result<Motion<'a>, MotionError> {
+        error::check(settings, masses)?;
+        let (n, d) = (energy.positions().len(), energy.dimension());
+        assert!(masses.len() * d == n && initial.displacements.len() == n, "a mass per point");
+        let fixed = error::fixed(drive);
+        let constraints = Constraints::new(n, &fixed)?;
+        let mut motion = Motion {
+            energy,
+            drive,
+            watch: watch.clone(),
+            settings: *settings,
+            critical: None,
+            least_critical: f64::INFINITY,
+            dt: 0.0,
+            n_steps: 0,
+            done: 0,
+            masses: (0..n).map(|dof| masses[dof / d]).collect(),
+            point_masses: masses.to_vec(),
+            is_fixed: (0..n).map(|dof| constraints.is_fixed(dof)).collect(),
+            constraints,
+            u: Summed::new(initial.displacements),
+            forces: vec![0.0; n],
+            loads: vec![0.0; n],
+            parts: vec![0.0; energy.parts().len()],
+            v: Summed::new(initial.velocities),
+            mean: vec![0.0; n],
+            displacements: vec![0.0; drive.displaced().len()],
+            velocities: vec![0.0; drive.driven().len()],
+            extent: extent(energy.positions(), d),
+            pieces: vec![Sums::default(); n_pieces(n)],
+            balance: Balance::default(),
+            notes: Vec::new(),
+            is_over: false,
+        };
+        motion.place(0.0)?;
+        motion.choose_step()?;
+        motion.start()?;
+        Ok(motion)
+    }
+
+    /// The step in s: the largest part of the way that the settings allow.
+    pub fn step(&self) -> f64 {
+        self.dt
+    }
+
+    /// How many steps lead to the end.
+    pub fn n_steps(&self) -> usize {
+        self.n_steps
+    }
+
+    /// The critical step at the start; nothing where the body has no stiffness there.
+    pub fn critical(&self) -> Option<CriticalStep> {
+        self.critical
+    }
+
+    /// The smallest critical step that was found on the way, in s; infinite without stiffness.
+    pub fn least_critical(&self) -> f64 {
+        self.least_critical
+    }
+
+    /// What the reader should know, sentences without full stops.
+    pub fn notes(&self) -> &[String] {
+        &self.notes
+    }
+
+    fn time(&self, step: usize) -> f64 {
+        match step == self.n_steps {
+            true => self.settings.end,
+            false => self.settings.end * (step as f64 / self.n_steps as f64),
+        }
+    }
+
+    /// Puts the points with prescribed displacements where they are at `t`.
+    fn place(&mut self, t: f64) -> Result<(), MotionError> {
+        self.ask_displacements(t)?;
+        for (&dof, &value) in self.drive.displaced().iter().zip(&self.displacements) {
+            self.u.set(dof, value);
+        }
+        Ok(())
+    }
+
+    fn ask_displacements(&mut self, t: f64) -> Result<(), MotionError> {
+        self.drive.displacements(t, &mut self.displacements);
+        let (dofs, values) = (self.drive.displaced(), &self.displacements);
+        self.check_given("prescribed displacement", t, dofs.iter().copied().zip(values))
+    }
+
+    fn ask_velocities(&mut self, t: f64) -> Result<(), MotionError> {
+        self.drive.velocities(t, &mut self.velocities);
+        let (dofs, values) = (self.drive.driven(), &self.velocities);
+        self.check_given("prescribed velocity", t, dofs.iter().copied().zip(values))
+    }
+
+    fn check_given<'v>(
+        &self,
+        what: &'static str,
+        t: f64,
+        mut values: impl Iterator<Item = (usize, &'v f64)>,
+    ) -> Result<(), MotionError> {
+        let Some((dof, &value)) = values.find(|(_, value)| !value.is_finite()) else {
+            return Ok(());
+        };
+        let d = self.energy.dimension();
+        Err(MotionError::Drive { what, point: dof / d, component: dof % d, value, t })
+    }
+
+    /// The step and how many there are.
+    fn choose_step(&mut self) -> Result<(), MotionError> {
+        self.watch.notice(Event::Phase("critical step"));
+        let found = self.look(Precision::default()).map_err(|cause| self.not_finite(cause))?;
+        self.critical = found;
+        let critical = found.map_or(f64::INFINITY, |found| found.seconds);
+        self.least_critical = critical;
+        let wanted = match self.settings.step {
+            Some(step) => step,
+            None if critical.is_finite() => self.settings.safety * critical,
+            None => return Err(MotionError::NoStiffness),
+        };
+        let count = (self.settings.end / wanted * (1.0 - ROUNDED)).ceil().max(1.0);
+        if count > error::MOST_STEPS {
+            return Err(MotionError::TooMany { count, step: wanted });
+        }
+        self.n_steps = count as usize;
+        self.dt = self.settings.end / count;
+        if self.dt > critical && !self.settings.unstable {
+            return Err(MotionError::TooLong { step: self.dt, critical });
+        }
+        Ok(())
+    }
+
+    fn look(&self, precision: Precision) -> Result<Option<CriticalStep>, NonFinite> {
+        let (u, masses) = (&self.u.value, &self.point_masses);
+        CriticalStep::find(self.energy, u, masses, &self.constraints, precision)
+    }
+
+    /// Forces at the start, and the velocity half a step before it.
+    fn start(&mut self) -> Result<(), MotionError> {
+        self.ask_velocities(0.0)?;
+        for (&dof, &value) in self.drive.driven().iter().zip(&self.velocities) {
+            self.v.set(dof, value);
+        }
+        self.mean.copy_from_slice(&self.v.value);
+        self.ask_loads(true)?;
+        self.ask_forces(true)?;
+        let (c, dt) = (self.settings.damping, self.dt);
+        if self.settings.method != Method::Kinematic {
+            let over = 1.0 + c * dt * (self.settings.method.damped_part() - 0.5);
+            for dof in 0..self.masses.len() {
+                if !self.is_fixed[dof] {
+                    let push = (self.loads[dof] - self.forces[dof]) / self.masses[dof];
+                    let a = (push - c * self.v.value[dof]) / over;
+                    let before = self.v.value[dof] - 0.5 * dt * a;
+                    self.v.set(dof, before);
+                }
+            }
+        }
+        self.kick(true)
+    }
+
+    fn ask_loads(&mut self, first: bool) -> Result<(), MotionError> {
+        if !first && !self.drive.loads_change() {
+            return Ok(());
+        }
+        let t = self.time(match self.settings.method {
+            Method::Kinematic => (self.done + 1).min(self.n_steps),
+            Method::Verlet | Method::LeapFrog => self.done,
+        });
+        self.drive.loads(t, &mut self.loads);
+        if first { self.check_loads(t) } else { Ok(()) }
+    }
+
+    fn check_loads(&self, t: f64) -> Result<(), MotionError> {
+        self.check_given("load", t, self.loads.iter().enumerate())
+    }
+
+    fn ask_forces(&mut self, wants_energy: bool) -> Result<(), MotionError> {
+        let parts = if wants_energy { &mut self.parts[..] } else { &mut [] };
+        let evaluated =
+            self.energy.evaluate(&self.u.value, Wanted::Forces(&mut self.forces), parts);
+        evaluated.map_err(|cause| self.not_finite(cause))
+    }
+
+    fn not_finite(&self, cause: NonFinite) -> MotionError {
+        let t = if self.n_steps == 0 { 0.0 } else { self.time(self.done) };
+        MotionError::NonFinite { t, step: self.done, unstable: self.is_unstable(), cause }
+    }
+
+    /// The critical step in s, where the present one is beyond it.
+    fn is_unstable(&self) -> Option<f64> {
+        (self.dt > self.least_critical).then_some(self.least_critical)
+    }
+
+    /// The same, with a look at where the body is now.
+    fn unstable_by_now(&self) -> Option<f64> {
+        let now = self.look(LOOK).ok().flatten().map(|found| found.seconds);
+        self.is_unstable().or(now.filter(|critical| self.dt > *critical))
+    }
+
+    /// Takes velocities on to the middle of the step to come, and the account to the present time.
+    fn kick(&mut self, wants_row: bool) -> Result<(), MotionError> {
+        let kick = Kick {
+            internal: &self.forces,
+            loads: &self.loads,
+            masses: &self.masses,
+            is_fixed: &self.is_fixed,
+            step: self.dt,
+            damping: self.settings.damping,
+            part: self.settings.method.damped_part(),
+        };
+        let wants_mean = wants_row && self.settings.method == Method::Verlet;
+        if wants_row && !wants_mean && self.done > 0 {
+            self.mean.copy_from_slice(&self.v.value);
+        }
+        let mean = if wants_mean { &mut self.mean[..] } else { &mut [] };
+        let sums = kick.apply(&mut self.v, mean, &mut self.pieces);
+        let prescribed = self.kick_prescribed(wants_mean)?;
+        let fastest = self.dt * sums.fastest;
+        // What is not a number is in the sum, what is too fast among the fastest.
+        if !(sums.kinetic.is_finite() && fastest <= self.extent) {
+            return Err(self.flown_off());
+        }
+        self.balance.arrive(self.dt, &sums, prescribed);
+        Ok(())
+    }
+
+    /// The same where something is prescribed: the powers of `dE/du` there.
+    fn kick_prescribed(&mut self, wants_mean: bool) -> Result<Sides, MotionError> {
+        let mut sides = Sides::default();
+        if self.displacements.is_empty() && self.velocities.is_empty() {
+            return Ok(sides);
+        }
+        let (t, is_last) = (self.time(self.done), self.done == self.n_steps);
+        if wants_mean {
+            self.ask_velocities(t)?;
+            for (&dof, &value) in self.drive.driven().iter().zip(&self.velocities) {
+                self.mean[dof] = value;
+            }
+        }
+        // Nobody says what is prescribed behind the end.
+        if !is_last {
+            self.ask_displacements(self.time(self.done + 1))?;
+            self.ask_velocities(t + 0.5 * self.dt)?;
+        }
+        for (k, &dof) in self.drive.displaced().iter().enumerate() {
+            let before = self.v.value[dof];
+            let after = match is_last {
+                true => before,
+                false => (self.displacements[k] - self.u.value[dof]) / self.dt,
+            };
+            sides.add(self.forces[dof], before, after);
+            self.v.set(dof, after);
+            if wants_mean {
+                self.mean[dof] = if self.done == 0 { after } else { 0.5 * (before + after) };
+            }
+        }
+        for (k, &dof) in self.drive.driven().iter().enumerate() {
+            let after = if is_last { self.v.value[dof] } else { self.velocities[k] };
+            sides.add(self.forces[dof], self.v.value[dof], after);
+            self.v.set(dof, after);
+        }
+        Ok(sides)
+    }
+
+    fn flown_off(&self) -> MotionError {
+        let (d, t) = (self.energy.dimension(), self.time(self.done));
+        if let Err(problem) = self.check_loads(t) {
+            return problem;
+        }
+        let way = |dof: usize| self.dt * self.v.value[dof];
+        let is_off = |dof: &usize| way(*dof).is_nan() || way(*dof).abs() > self.extent;
+        let dof = (0..self.masses.len()).find(is_off).unwrap_or(0);
+        MotionError::FlownOff(Box::new(FlownOff {
+            t,
+            step: self.done,
+            point: dof / d,
+            way: norm_of(&(dof / d * d..dof / d * d + d).map(way).collect::<Vec<f64>>()),
+            extent: self.extent,
+            dt: self.dt,
+            critical: self.unstable_by_now(),
+        }))
+    }
+
+    /// One step; the energy is worked out where a row is due at its end.
+    fn go(&mut self, wants_row: bool) -> Result<(), MotionError> {
+        drift(self.dt, &self.v.value, &mut self.u);
+        for (&dof, &value) in self.drive.displaced().iter().zip(&self.displacements) {
+            self.u.set(dof, value);
+        }
+        self.done += 1;
+        self.ask_loads(false)?;
+        self.ask_forces(wants_row)?;
+        self.kick(wants_row)
+    }
+
+    /// Goes to the end of this step, and gives the row there. Where who looks on wants an end, the next
+    /// step is the last, with its row.
+    ///
+    /// # Errors
+    /// Energies and conditions that are not finite, points that fly off.
+    pub fn advance_to(&mut self, step: usize) -> Result<Advance<Row>, MotionError> {
+        assert!(step >= self.done && step <= self.n_steps, "steps lead on, up to the last");
+        if self.is_over {
+            return Ok(Advance::Interrupted);
+        }
+        while self.done < step && !self.is_over {
+            self.is_over = self.watch.wants_end();
+            self.go(self.is_over || self.done + 1 == step)?;
+            if self.done.is_multiple_of(STEPS_BETWEEN_LOOKS) && self.done < self.n_steps {
+                self.look_again()?;
+            }
+        }
+        let row = self.row();
+        self.watch.notice(Event::Moved { t: row.t, step: row.step, n_steps: self.n_steps });
+        Ok(Advance::Step(row))
+    }
+
+    fn look_again(&mut self) -> Result<(), MotionError> {
+        let found = self.look(LOOK).map_err(|cause| self.not_finite(cause))?;
+        // The residual is as large as the tolerance: what errs on the safe side is no reproach.
+        let critical =
+            found.map_or(f64::INFINITY, |found| found.seconds * (1.0 + found.uncertainty).sqrt());
+        if self.dt > critical && self.least_critical >= self.dt {
+            let t = self.time(self.done);
+            self.notes.push(format!(
+                "the body has become stiffer: the step {:e} s is beyond the critical one, \
+                 {critical:.4e} s, from t = {t:e} s or earlier",
+                self.dt
+            ));
+        }
+        self.least_critical = self.least_critical.min(critical);
+        Ok(())
+    }
+
+    fn row(&mut self) -> Row {
+        let kinetic =
+            self.mean.iter().zip(&self.masses).fold(0.0, |sum, (v, m)| sum + 0.5 * m * v * v);
+        let parts = EnergyParts::new(self.energy.parts(), self.parts.clone());
+        let mut row = self.balance.row(self.done, self.time(self.done), parts, kinetic);
+        (row.momentum, row.angular_momentum) = self.momenta();
+        if !self.balance.closes(&row) && self.notes.iter().all(|note| !note.contains("account")) {
+            self.notes.push(format!(
+                "the account of energy does not close at t = {:e} s: {:e} J are left over, of {:e} J",
+                row.t,
+                row.rounding,
+                self.balance.largest()
+            ));
+        }
+        row
+    }
+
+    /// Linear and angular momentum.
+    fn momenta(&self) -> (Vec<f64>, Vec<f64>) {
+        let d = self.energy.dimension();
+        let (mut linear, mut angular) = (vec![0.0; d], vec![0.0; if d == 2 { 1 } else { 3 }]);
+        let rest = self.energy.positions();
+        for (point, mass) in self.point_masses.iter().enumerate() {
+            let range = point * d..(point + 1) * d;
+            let v = &self.mean[range.clone()];
+            let x: Vec<f64> = range.map(|dof| rest[dof] + self.u.value[dof]).collect();
+            (0..d).for_each(|axis| linear[axis] += mass * v[axis]);
+            let turn = |a: usize, b: usize| mass * (x[a] * v[b] - x[b] * v[a]);
+            if d == 2 {
+                angular[0] += turn(0, 1);
+            } else {
+                (0..3).for_each(|axis| angular[axis] += turn((axis + 1) % 3, (axis + 2) % 3));
+            }
+        }
+        (linear, angular)
+    }
+
+    /// The step at which the next row is due.
+    fn next_row(&self) -> usize {
+        let rows = self.settings.rows.clamp(1, self.n_steps) as u128;
+        let (done, all) = (self.done as u128, self.n_steps as u128);
+        let next = done * rows / all + 1;
+        (next * all).div_ceil(rows).min(all) as usize
+    }
+}
+
+impl March for Motion<'_> {
+    type Step = Row;
+    type Stop = MotionError;
+
+    /// Goes to the next row.
+    fn advance(&mut self) -> Result<Advance<Row>, MotionError> {
+        if self.done == self.n_steps {
+            return Ok(Advance::End);
+        }
+        self.advance_to(self.next_row())
+    }
+
+    fn state(&self) -> State<'_> {
+        State {
+            t: self.time(self.done),
+            displacements: &self.u.value,
+            velocities: &self.mean,
+            internal_forces: &self.forces,
+            loads: &self.loads,
+        }
+    }
+}
+
+/// The diagonal of the box around points, in m.
+fn extent(positions: &[f64], d: usize) -> f64 {
+    let side = |axis: usize| {
+        let along = || positions.iter().skip(axis).step_by(d).copied();
+        along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)
+    };
+    norm_of(&(0..d).map(side).collect::<Vec<f64>>())
+}

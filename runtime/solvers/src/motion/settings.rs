@@ -1,0 +1,101 @@
+//! What a motion is told: the rule of integration, the step, what drives the body, where it starts.
+
+use piola_mechanics::words::Words;
+
+/// A rule of integration.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// Velocity Verlet; damping acts on the mean of the velocities before and after.
+    #[default]
+    Verlet,
+    /// The same positions; velocities are those in the middle of the last step (ganzenmueller2015).
+    LeapFrog,
+    /// miranda, algorithm 3.2 with (32): the first kick is a whole one, loads are those at the end of
+    /// the step, `v_(n+1/2) = (v_(n-1/2) + dt a)/(1 + c dt)`: damping acts on the velocity after, so
+    /// that no damping is too much. Velocities are those of the last step.
+    Kinematic,
+}
+
+impl Words for Method {
+    const WORDS: &'static [(&'static str, Method)] = &[
+        ("verlet", Method::Verlet),
+        ("leap-frog", Method::LeapFrog),
+        ("kinematic", Method::Kinematic),
+    ];
+}
+
+impl Method {
+    /// The part of the velocity after the kick in what damping acts on.
+    pub(super) fn damped_part(self) -> f64 {
+        match self {
+            Method::Verlet | Method::LeapFrog => 0.5,
+            Method::Kinematic => 1.0,
+        }
+    }
+}
+
+/// What drives a body: prescribed displacements, prescribed velocities and loads as functions of `t`
+/// in s. No degree of freedom is prescribed twice.
+pub trait MotionDrive: Sync {
+    /// The degrees of freedom with prescribed displacements, ascending; the same for all `t`.
+    fn displaced(&self) -> &[usize];
+
+    /// Fills in their displacements at `t`, in m.
+    fn displacements(&self, t: f64, values: &mut [f64]);
+
+    /// The degrees of freedom with prescribed velocities, ascending; the same for all `t`.
+    fn driven(&self) -> &[usize];
+
+    /// Fills in their velocities at `t`, in m/s.
+    fn velocities(&self, t: f64, values: &mut [f64]);
+
+    /// Fills in the loads (`n x d`) at `t`, in N.
+    fn loads(&self, t: f64, loads: &mut [f64]);
+
+    /// Whether the loads depend on `t`; if not they are asked for once.
+    fn loads_change(&self) -> bool {
+        true
+    }
+}
+
+/// Choices for a motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionSettings {
+    /// The rule of integration.
+    pub method: Method,
+    /// The last `t` in s; positive. It is met exactly: the step is `end` over a whole number.
+    pub end: f64,
+    /// The longest step in s; without it `safety` times the critical one.
+    pub step: Option<f64>,
+    /// Between 0 and 1.
+    pub safety: f64,
+    /// Mass-proportional damping `c` in 1/s: the force `-m c v`.
+    pub damping: f64,
+    /// Whether a step beyond the critical one is taken.
+    pub unstable: bool,
+    /// How many rows of the account there are after the first, spread evenly over the steps.
+    pub rows: usize,
+}
+
+impl Default for MotionSettings {
+    fn default() -> Self {
+        MotionSettings {
+            method: Method::default(),
+            end: 1.0,
+            step: None,
+            safety: 0.9,
+            damping: 0.0,
+            unstable: false,
+            rows: 1000,
+        }
+    }
+}
+
+/// Where a body starts; vectors are `n x d`, in the body's order. What is prescribed overrides it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Initial {
+    /// Displacements in m.
+    pub displacements: Vec<f64>,
+    /// Velocities in m/s.
+    pub velocities: Vec<f64>,
+}

@@ -1,0 +1,143 @@
+//! What a scene says of how it is solved and what is written: `[steps]`, `[solver]`, `[output]`.
+
+use piola_compiler::Form;
+use piola_mechanics::energy::Products;
+use piola_mechanics::kernel::Level;
+use piola_mechanics::words::Words;
+use piola_solvers::linear::{LinearMethod, PreconditionerChoice};
+use piola_solvers::newton::NewtonVariant;
+use piola_solvers::steps::Start;
+
+/// `[steps]`: t runs from 0 to `end` in equal increments.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Steps {
+    /// The last t.
+    pub end: f64,
+    /// How many increments there are, unless the solver cuts back.
+    pub increments: usize,
+}
+
+impl Default for Steps {
+    fn default() -> Self {
+        Steps { end: 1.0, increments: 25 }
+    }
+}
+
+/// `[solver]`: how equilibrium is found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SolverSettings {
+    /// 2-norm of the free residual over the larger of the 2-norms of reactions and applied loads.
+    pub tolerance: f64,
+    /// Where an increment starts.
+    pub start: Start,
+    /// How much of each Newton step is new.
+    pub newton: NewtonVariant,
+    /// How linear systems are solved.
+    pub linear: LinearMethod,
+    /// What makes conjugate gradients and GMRES converge.
+    pub preconditioner: PreconditionerChoice,
+    /// How products with the tangent come about.
+    pub products: Products,
+    /// Where the derivatives come from.
+    pub derivatives: DerivativeSource,
+    /// Level of the machine code.
+    pub level: Level,
+    /// In which form energies are evaluated.
+    pub form: Form,
+    /// What strain is computed from.
+    pub strain: StrainSource,
+    /// Newton iterations per increment.
+    pub max_iterations: usize,
+    /// What an end state that is not stable means.
+    pub unstable: Unstable,
+}
+
+impl Default for SolverSettings {
+    fn default() -> Self {
+        SolverSettings {
+            tolerance: 1e-10,
+            start: Start::default(),
+            newton: NewtonVariant::default(),
+            linear: LinearMethod::default(),
+            preconditioner: PreconditionerChoice::default(),
+            products: Products::default(),
+            derivatives: DerivativeSource::default(),
+            level: Level::default(),
+            form: Form::default(),
+            strain: StrainSource::default(),
+            max_iterations: 25,
+            unstable: Unstable::default(),
+        }
+    }
+}
+
+/// What an end state means whose tangent is not positive definite: a maximum or a saddle of the
+/// energy, which no body keeps.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Unstable {
+    /// The run has failed.
+    #[default]
+    Fail,
+    /// It is what the scene is about.
+    Accept,
+}
+
+impl Words for Unstable {
+    const WORDS: &'static [(&'static str, Unstable)] =
+        &[("fail", Unstable::Fail), ("accept", Unstable::Accept)];
+}
+
+/// Where psi' and psi'' come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DerivativeSource {
+    /// Machine code of the symbolic derivatives.
+    #[default]
+    Jit,
+    /// The symbolic derivatives, interpreted.
+    Interpreter,
+    /// Hyper-dual numbers of the measure.
+    Hyperdual,
+    /// Hyper-dual numbers of the points' coordinates, as in firooz2023.
+    HyperdualCoordinates,
+}
+
+impl Words for DerivativeSource {
+    const WORDS: &'static [(&'static str, DerivativeSource)] = &[
+        ("jit", DerivativeSource::Jit),
+        ("interpreter", DerivativeSource::Interpreter),
+        ("hyperdual", DerivativeSource::Hyperdual),
+        ("hyperdual-coordinates", DerivativeSource::HyperdualCoordinates),
+    ];
+}
+
+/// What strain is computed from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StrainSource {
+    /// Displacements.
+    #[default]
+    Displacements,
+    /// Current positions, rounded as a program that stores them has them; to compare with.
+    Positions,
+}
+
+impl Words for StrainSource {
+    const WORDS: &'static [(&'static str, StrainSource)] =
+        &[("displacements", StrainSource::Displacements), ("positions", StrainSource::Positions)];
+}
+
+/// `[output]`: what is written.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OutputSettings {
+    /// How many frames the run writes after the undeformed one.
+    pub frames: usize,
+    /// Of a motion: the time between frames in s, in place of their number.
+    pub every: Option<f64>,
+    /// Of a motion: how many rows its tables have after the first.
+    pub rows: usize,
+}
+
+impl Default for OutputSettings {
+    fn default() -> Self {
+        OutputSettings { frames: 25, every: None, rows: 1000 }
+    }
+}

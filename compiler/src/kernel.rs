@@ -249,7 +249,9 @@ impl Kernel {
                 });
             }
             Body::Dual(energy) => fill(batch, order, out, |i, [measure, reference, _]| {
-                energy.derivatives_with(measure, reference, |k| batch.field(k, i)).into()
+                // Terms that are left out may hold fields of which the kernel takes none.
+                let field = (!batch.fields.is_empty()).then_some(|k| batch.field(k, i));
+                energy.hyper_dual(measure, reference, field).into()
             }),
         }
     }
@@ -337,16 +339,7 @@ impl WrittenEnergy {
         self.hyper_dual(measure, reference, None::<fn(usize) -> f64>)
     }
 
-    /// The same with the values of fields, by their places among them.
-    fn derivatives_with(
-        &self,
-        measure: f64,
-        reference: f64,
-        field: impl Fn(usize) -> f64,
-    ) -> (f64, f64, f64) {
-        self.hyper_dual(measure, reference, Some(field))
-    }
-
+    /// The same with the values of fields, by their places among them; else they have typical ones.
     fn hyper_dual(
         &self,
         measure: f64,

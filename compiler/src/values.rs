@@ -19,7 +19,7 @@ pub enum Setting {
     /// A number with a unit, `200 GPa`, or a plain number as text.
     Text(String),
     /// A parameter that varies from place to place; the number, in the declared unit, is a typical value
-    /// of it. Conditions on it are checked where its values are: see [`Model::check_field`].
+    /// of it. Conditions on it are checked where its values are: see [`Model::check_fields`].
     Field(f64),
 }
 
@@ -312,9 +312,10 @@ impl Model {
     }
 }
 
-/// Whether a text is a number, or a number with a unit.
+/// Whether a text is a number, or a number with the name of a unit, known or not.
 pub fn is_quantity(text: &str) -> bool {
-    split_quantity(text).is_some_and(|(_, unit)| unit.is_empty() || unit_product(unit).is_some())
+    let is_name = |unit: &str| unit.is_empty() || unit.starts_with(char::is_alphabetic);
+    split_quantity(text).is_some_and(|(_, unit)| is_name(unit))
 }
 
 /// A number with a unit, such as `2440 kg/m^3`, in SI units; `like` is a unit of the kind that it must

@@ -254,6 +254,24 @@ fn energies_of_gathered_values_take_fields() {
     assert!(seen > 3 && worst.0 < 64.0, "{:.1} u ({})", worst.0, worst.1);
 }
 
+/// A term that a parameter drops may hold the only field.
+#[test]
+fn fields_may_drop_out_of_an_energy() {
+    let text = "potential p\nparameter k\nparameter g\npsi(l) = L*(l/L - 1)^2 + k*g*(l - L)^2";
+    let model = check(&parse(text).unwrap()).unwrap();
+    let settings = [("k".to_string(), Setting::Number(0.0)), ("g".into(), Setting::Field(2.0))];
+    let values = model.values(3, &settings, Some(1.0)).unwrap();
+    let of = |mode| {
+        let kernel = model.compile(&values, mode, Form::Accurate).unwrap().kernels.remove(0);
+        assert!(kernel.fields().is_empty());
+        measures(&kernel, f64::NAN)
+    };
+    let (found, written) = (of(Mode::Jit(Level::Strict)), of(Mode::HyperDual));
+    for (x, y) in found.iter().flatten().zip(written.iter().flatten()) {
+        assert!((x - y).abs() <= 1e-6 * x.abs() + 1e-15, "{x} {y}");
+    }
+}
+
 /// A multiple of its only field is told, at the fast level, where the law is affine in the measure.
 #[test]
 fn multiples_of_a_field_are_told() {

@@ -53,6 +53,9 @@ fn evaluate(case: &Case, arguments: &Energy) -> Result<Option<Value>, CaseError>
     for dropped in compiled.iter().flat_map(|potential| &potential.dropped) {
         console::note(&dropped.reason);
     }
+    if case.changes_in_time() {
+        console::note("parameters that change with t have the values of t = 0");
+    }
     let energy = case.energy(compiled)?;
     let mut gradient = vec![0.0; n * d];
     let mut tangent = arguments.tangent.then(|| BlockMatrix::zeros(energy.pattern()));

@@ -180,3 +180,30 @@ fn a_plan_knows_motions_and_equilibria_are_not_looked_for() {
         assert!(refused.stderr.contains("[motion]"), "{command}: {}", refused.stderr);
     }
 }
+
+/// Bonds that get stiffer when they are stretched: a step that was small enough at rest is not at the end,
+/// and the run says so; frames are refused that nobody could keep.
+#[test]
+fn a_body_that_gets_stiffer_is_warned_of() {
+    let scene = "[body]\nbox = [[0, 0], [1, 0.5]]\nspacing = 0.125\n[horizon]\nspacings = 2\n\
+                 [material]\npotential = \"stiffening.piola\"\ndensity = 1000\n\
+                 [sets]\nleft = \"X < 0.125\"\nright = \"X > 0.875\"\n\
+                 [[prescribe]]\nset = \"left\"\nv = [0, 0]\n\
+                 [[prescribe]]\nset = \"right\"\nv = [\"1e-3*SPEED\", 0]\n\
+                 [motion]\nend = 1\nsafety = 0.99\n[output]\nrows = 10\n";
+    let warned = |speed: &str| {
+        let folder = SceneFolder::new(&scene.replace("SPEED", speed));
+        let law = "potential stiffening\npsi(l) = 1/2*1e5*L*((l/L - 1)^2 + 5e5*(l/L - 1)^4)\n";
+        folder.file("stiffening.piola", law);
+        folder.run(&[]).expect(0).stderr.contains("stiffer")
+    };
+    assert!(warned("0.45") && !warned("0.001"));
+    let many = scene.replace("rows = 10", "every = 1e-12").replace("SPEED", "1");
+    let folder = SceneFolder::new(&many);
+    folder.file("stiffening.piola", "potential p\npsi(l) = l^2");
+    folder.run(&[]).expect(2).says(&["1.0e12 frames", "out-of-range"]);
+    let both = scene.replace("rows = 10", "every = 0.1\nframes = 3").replace("SPEED", "1");
+    let folder = SceneFolder::new(&both);
+    folder.file("stiffening.piola", "potential p\npsi(l) = l^2");
+    folder.run(&[]).expect(2).says(&["conflicting-keys", "both say which frames"]);
+}

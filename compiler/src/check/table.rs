@@ -13,13 +13,16 @@ use piola_grammar::{Diagnostic, Span, shortened};
 
 use super::dimension::Dimension;
 use super::elaborate::Elaborator;
-use super::value::{Kind, Quantity, Value};
+use super::value::{IN_UNIT, Kind, Quantity, Value};
 use super::{Files, MAX_FINDINGS};
 use crate::expression::{Comparison, ExprGraph, Node, NodeId, Operator, TooManyNodes};
 use crate::values::unit_product;
 
 /// Most points of a table: the kernel of an energy holds a choice for each of them.
 const MAX_ROWS: usize = 200;
+
+/// Most tables of a potential.
+const MAX_TABLES: usize = 100;
 
 /// A column: what it measures and how many SI units one of its unit is.
 type Column = (Dimension, f64);
@@ -47,6 +50,11 @@ pub(super) fn read_all(
             continue;
         }
         seen.push(&file.text);
+        if seen.len() > MAX_TABLES {
+            let message = format!("a potential has at most {MAX_TABLES} tables");
+            errors.push(Diagnostic::error("too-large", file.span, message));
+            break;
+        }
         let read = match files(&file.text) {
             Ok(text) => Table::read(&file.text, &text),
             Err(reason) => Err(format!("cannot read {}: {reason}", shortened(&file.text))),
@@ -73,6 +81,8 @@ impl Table {
         let none = (Dimension::NONE, 1.0);
         let mut table = Table { columns: [none; 2], x: vec![], y: vec![], slopes: vec![] };
         let mut is_first = true;
+        // Spreadsheets put a byte order mark in front.
+        let text = text.strip_prefix('\u{feff}').unwrap_or(text);
         for (number, line) in text.lines().enumerate() {
             let line = line.split('#').next().unwrap_or("");
             if line.trim().is_empty() {
@@ -85,7 +95,10 @@ impl Table {
                 return Err(at(1, format!("`{}` is not `x, y`", shortened(line.trim()))));
             };
             let cells = [(left, 1), (right, left.chars().count() + 2)];
-            if std::mem::take(&mut is_first) && left.trim().parse::<f64>().is_err() {
+            // Names, not numbers that cannot be read.
+            let is_name =
+                |cell: &str| cell.trim_matches([' ', '\t', '"']).starts_with(char::is_alphabetic);
+            if std::mem::take(&mut is_first) && is_name(left) && is_name(right) {
                 for (column, (cell, place)) in table.columns.iter_mut().zip(cells) {
                     *column = unit_of(cell).map_err(|what| at(place, what))?;
                 }
@@ -258,7 +271,10 @@ impl Elaborator<'_> {
         match table.curve(&mut self.graph, x.node) {
             Ok(node) => {
                 let quantity = if self.checked { found } else { Quantity::Any };
-                self.make(self.graph[node], Kind::Number(quantity), x.uses, span)
+                // Without dimensions parameters count in their own units, and a table in those of the SI.
+                let has_units = table.columns.iter().any(|c| *c != (Dimension::NONE, 1.0));
+                let uses = x.uses | if has_units && !self.checked { IN_UNIT } else { 0 };
+                self.make(self.graph[node], Kind::Number(quantity), uses, span)
             }
             Err(TooManyNodes) => {
                 self.out_of_room(span);

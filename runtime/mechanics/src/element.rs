@@ -64,7 +64,9 @@ pub trait Element: Send + Sync {
 
     /// Whether it is nothing but a law whose force is affine in the measure, or in its square.
     fn has_affine_law(&self) -> bool {
-        let is_affine = |law: &dyn Law| law.is_affine();
+        let is_affine = |law: &dyn Law| {
+            law.is_affine() && (law.fields().is_empty() || law.is_multiple_of_field())
+        };
         self.law().is_some_and(|(law, _)| is_affine(law) || law.squared().is_some_and(is_affine))
     }
 

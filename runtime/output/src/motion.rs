@@ -125,8 +125,15 @@ impl Lines {
     fn push<'a>(&mut self, values: impl Iterator<Item = &'a f64>) -> Result<(), OutputError> {
         let values: Vec<String> = values.map(|value| decimal(*value)).collect();
         let line = values.join(",") + "\n";
-        // One call: whoever reads, or ends the process, sees the line or does not.
-        self.file.write_all(line.as_bytes()).map_err(Operation::Write.on(&self.path))
+        let length = self.file.metadata().map(|metadata| metadata.len());
+        // One call: whoever reads, or ends the process, sees the line or does not. A full disk may take a
+        // part of it, which goes again.
+        self.file.write_all(line.as_bytes()).map_err(|error| {
+            if let Ok(length) = length {
+                let _ = self.file.set_len(length);
+            }
+            Operation::Write.on(&self.path)(error)
+        })
     }
 }
 

@@ -185,7 +185,7 @@ pub struct MotionPlan {
 
 impl MotionPlan {
     fn new(motion: &Motion, time: &TimeEstimate) -> MotionPlan {
-        let steps = motion.step.map(|step| (motion.end / step).ceil());
+        let steps = motion.step.map(|step| piola_solvers::motion::n_steps(motion.end, step));
         // Forces take no longer than forces with the tangent.
         let pass = time.assembly;
         MotionPlan { steps, pass, total: steps.map(|steps| time.setup + steps * pass) }

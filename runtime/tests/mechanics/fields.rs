@@ -272,3 +272,24 @@ fn multiples_of_a_field_go_along_rows() {
         assert_eq!(ways(name, "2.0"), ways(name, "\"2 + X\""), "{name}");
     }
 }
+
+/// What changes with t is set anew: energies are then those of the numbers at that time, forth and back.
+/// Stabilisations keep the stiffness of the start.
+#[test]
+fn fields_that_change_are_those_of_their_time() {
+    for kind in KINDS.iter().filter(|kind| kind.name != "stabilised") {
+        let case = kind.of("\"2 + t*(1 + X)\"");
+        let u = displacement(&case, 0.01);
+        let (energy, fields) = case.energy_in_time(case.compile().unwrap()).unwrap();
+        for (t, value) in [(0.0, "2.0"), (1.0, "\"3 + X\""), (0.5, "\"2.5 + X/2\""), (0.0, "2.0")] {
+            assert!(fields.advance(t).unwrap());
+            let mut forces = vec![0.0; u.len()];
+            let total = energy.forces(&u, &mut forces).unwrap().total();
+            let (expected, expected_forces) = evaluate(&kind.of(value), &u);
+            let off = (total / expected - 1.0).abs();
+            let off_forces = distance(&forces, &expected_forces);
+            assert!(off < 1e-13 && off_forces < 1e-12, "{} {t}: {off:e} {off_forces:e}", kind.name);
+        }
+    }
+    assert!(!KINDS[0].of("\"2 + X\"").changes_in_time());
+}

@@ -140,3 +140,14 @@ fn all_ways_agree_and_the_largest_table_fits_a_kernel() {
     let of_gradient = found("psi(F) = table(\"data.csv\", J - 1) + E : E");
     assert!(of_gradient.misses.iter().all(|miss| !miss.is_wrong), "{of_gradient:?}");
 }
+
+/// A byte order mark is no name, and what cannot be read is no head.
+#[test]
+fn first_lines_are_names_or_points() {
+    let points = |text: &str| Table::read("data.csv", text).map(|table| table.x);
+    assert_eq!(points("\u{feff}0, 0\n1, 2\n").unwrap(), [0.0, 1.0]);
+    assert_eq!(points("\"strain\", \"stress\"\n0, 0\n1, 2\n").unwrap(), [0.0, 1.0]);
+    for text in ["O, 0\n1, 2\n2, 3\n", "0.0.1, 5\n1, 6\n2, 7\n", "x, 5\n1, 6\n2, 7\n"] {
+        assert!(points(text).unwrap_err().contains("not a finite number"), "{text}");
+    }
+}

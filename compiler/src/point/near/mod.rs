@@ -18,8 +18,7 @@ use crate::expression::{
 };
 use crate::near::{Exact, Number};
 use crate::simplify::Simplifier;
-use crate::specialise::folded_into;
-use terms::Product;
+pub(crate) use terms::with_fields;
 
 /// A node near rest: `value + slope . H + rest`.
 #[derive(Clone, Debug)]
@@ -141,35 +140,6 @@ pub(crate) fn near_of_integrals(
     let varying = |&variable: &Input| Varying { variable, change: variable, at_rest: 0.0 };
     let variables: Vec<Varying> = vanishing.iter().map(varying).collect();
     Expander::new(graph, source, &variables, &[]).whole_of(root)
-}
-
-/// An energy near rest that may hold fields: `near` gives that of a root without any. What is a sum of
-/// products of fields with terms that have none is expanded term by term.
-pub(crate) fn with_fields(
-    graph: &mut Simplifier,
-    exact: &Simplifier,
-    written: NodeId,
-    near: impl Fn(&mut Simplifier, Source<'_>, NodeId) -> Result<Option<NodeId>, TooManyNodes>,
-) -> Result<Option<NodeId>, TooManyNodes> {
-    let mut exact = exact.clone();
-    let whole = || vec![Product { factor: None, term: written }];
-    let products = terms::products(&mut exact, written)?.unwrap_or_else(whole);
-    let needed =
-        products.iter().flat_map(|product| product.factor.into_iter().chain([product.term]));
-    let place = folded_into(graph, exact.graph(), &needed.collect::<Vec<NodeId>>())?;
-    let source = Source { graph: exact.graph(), place: &place };
-    let mut sum: Option<NodeId> = None;
-    for Product { factor, term } in products {
-        let Some(mut part) = near(graph, source, term)? else { return Ok(None) };
-        if let Some(factor) = factor {
-            part = graph.multiply(place[factor.0 as usize], part)?;
-        }
-        sum = Some(match sum {
-            Some(sum) => graph.add(sum, part)?,
-            None => part,
-        });
-    }
-    Ok(sum)
 }
 
 /// A variable of an energy.

@@ -3,24 +3,55 @@
 //! Near rest numbers cancel, and what is not known before a run, as the value of a field, cancels with
 //! nothing. `mu*(tr(C) - 3)/2 - mu*ln(J)` is `mu` times what cancels without it.
 
+use super::Source;
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::simplify::Simplifier;
+use crate::specialise::folded_into;
 
 /// Most products that are looked at.
 const MOST: usize = 16;
 
+/// An energy near rest that may hold fields: `near` gives that of a root without any. What is a sum of
+/// products of fields with terms that have none is expanded term by term.
+pub(crate) fn with_fields(
+    graph: &mut Simplifier,
+    exact: &Simplifier,
+    written: NodeId,
+    near: impl Fn(&mut Simplifier, Source<'_>, NodeId) -> Result<Option<NodeId>, TooManyNodes>,
+) -> Result<Option<NodeId>, TooManyNodes> {
+    let mut exact = exact.clone();
+    let whole = || vec![Product { factor: None, term: written }];
+    let products = products(&mut exact, written)?.unwrap_or_else(whole);
+    let needed =
+        products.iter().flat_map(|product| product.factor.into_iter().chain([product.term]));
+    let place = folded_into(graph, exact.graph(), &needed.collect::<Vec<NodeId>>())?;
+    let source = Source { graph: exact.graph(), place: &place };
+    let mut sum: Option<NodeId> = None;
+    for Product { factor, term } in products {
+        let Some(mut part) = near(graph, source, term)? else { return Ok(None) };
+        if let Some(factor) = factor {
+            part = graph.multiply(place[factor.0 as usize], part)?;
+        }
+        sum = Some(match sum {
+            Some(sum) => graph.add(sum, part)?,
+            None => part,
+        });
+    }
+    Ok(sum)
+}
+
 /// A factor that depends on fields alone, 1 where there is none, and a term without fields.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Product {
-    pub(crate) factor: Option<NodeId>,
-    pub(crate) term: NodeId,
+struct Product {
+    factor: Option<NodeId>,
+    term: NodeId,
 }
 
 /// A sum of products; nothing where a node is none.
 type Sum = Option<Vec<Product>>;
 
 /// The energy as such a sum, in the same graph; nothing where it is none, or holds no field.
-pub(crate) fn products(graph: &mut Simplifier, root: NodeId) -> Result<Sum, TooManyNodes> {
+fn products(graph: &mut Simplifier, root: NodeId) -> Result<Sum, TooManyNodes> {
     let source = graph.graph().clone();
     let held = Held::new(&source);
     if !held.fields[root.0 as usize] {

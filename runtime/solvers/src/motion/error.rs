@@ -49,6 +49,9 @@ pub enum MotionError {
     /// No step was given, and none is critical.
     #[error("the body has no stiffness at the start, so no step is critical: give one in s")]
     NoStiffness,
+    /// No step was given, and nothing moves by itself.
+    #[error("nothing is free to move, so no step is critical: give one in s")]
+    NothingFree,
     /// The step is beyond the critical one.
     #[error(
         "the step {step:e} s is beyond the critical one, {critical:.6e} s: the motion would grow without bound"

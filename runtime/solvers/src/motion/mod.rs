@@ -35,7 +35,8 @@ pub use error::{FlownOff, MotionError};
 pub use settings::{Initial, Method, MotionDrive, MotionSettings};
 use verlet::{Kick, Sides, Summed, Sums, drift, n_pieces};
 
-/// The critical step is looked at again after so many steps: a body that is stretched gets stiffer.
+/// The critical step is looked at again after so many steps, and at the end: a body that is stretched
+/// gets stiffer.
 const STEPS_BETWEEN_LOOKS: usize = 1000;
 
 /// How exactly it is then: few products.
@@ -43,6 +44,12 @@ const LOOK: Precision = Precision { tolerance: 1e-2, products: 30 };
 
 /// A step that divides the way up to here needs no further one.
 const ROUNDED: f64 = 1e-12;
+
+/// How many steps of about this length lead to the end, both in s; as a number, for there may be more than
+/// can be counted.
+pub fn n_steps(end: f64, step: f64) -> f64 {
+    (end / step * (1.0 - ROUNDED)).ceil().max(1.0)
+}
 
 /// A body on its way in time.
 pub struct Motion<'a> {
@@ -213,9 +220,10 @@ impl<'a> Motion<'a> {
         let wanted = match self.settings.step {
             Some(step) => step,
             None if critical.is_finite() => self.settings.safety * critical,
+            None if self.constraints.n_free() == 0 => return Err(MotionError::NothingFree),
             None => return Err(MotionError::NoStiffness),
         };
-        let count = (self.settings.end / wanted * (1.0 - ROUNDED)).ceil().max(1.0);
+        let count = n_steps(self.settings.end, wanted);
         if count > error::MOST_STEPS {
             return Err(MotionError::TooMany { count, step: wanted });
         }
@@ -348,8 +356,10 @@ impl<'a> Motion<'a> {
             };
             sides.add(self.forces[dof], before, after);
             self.v.set(dof, after);
-            if wants_mean {
-                self.mean[dof] = if self.done == 0 { after } else { 0.5 * (before + after) };
+            if self.done == 0 {
+                self.mean[dof] = after;
+            } else if wants_mean {
+                self.mean[dof] = 0.5 * (before + after);
             }
         }
         for (k, &dof) in self.drive.driven().iter().enumerate() {
@@ -404,7 +414,8 @@ impl<'a> Motion<'a> {
         while self.done < step && !self.is_over {
             self.is_over = self.watch.wants_end();
             self.go(self.is_over || self.done + 1 == step)?;
-            if self.done.is_multiple_of(STEPS_BETWEEN_LOOKS) && self.done < self.n_steps {
+            let is_end = self.done == self.n_steps || self.is_over;
+            if self.done.is_multiple_of(STEPS_BETWEEN_LOOKS) || is_end {
                 self.look_again()?;
             }
         }

@@ -64,12 +64,13 @@ pub(crate) fn explain(case: &Case, found: &NonFinite) -> String {
         .iter()
         .zip(&case.scene.materials)
         .filter(|(_, material)| laws.as_ref().is_none_or(|laws| laws.contains(&material.law)));
-    let readings = of_points.filter_map(|(potential, _)| {
+    let readings = of_points.filter_map(|(potential, material)| {
         let Potential { model, .. } = potential;
         let variant = model.variant(case.body.dimension())?;
         let has = variant.energies.iter().any(|energy| energy.measure == measure);
-        let values = case.values_between(potential, &found.points);
-        has.then_some(Reading { model, values, variant, measure, found })
+        let values = case.values_between((potential, material.law), &found.points);
+        let varies = !potential.values.fields.is_empty();
+        has.then_some(Reading { model, values, varies, variant, measure, found })
     });
     let readings: Vec<Reading<'_>> = readings.collect();
     // Of several potentials the one that fails, where that shows in what is written.
@@ -116,6 +117,8 @@ struct Reading<'a> {
     model: &'a Model,
     /// Of fields those at `t = 0`.
     values: Values,
+    /// Whether there are some.
+    varies: bool,
     variant: &'a Variant,
     measure: Measure,
     found: &'a NonFinite,
@@ -140,7 +143,8 @@ impl Reading<'_> {
             .map(|(_, (parameter, value))| format!("{} = {value:e}", parameter.name));
         let used: Vec<String> = used.collect();
         if !used.is_empty() {
-            let _ = write!(text, "\n  with {} in SI units", used.join(", "));
+            let when = if self.varies { ", at t = 0 where they vary" } else { "" };
+            let _ = write!(text, "\n  with {} in SI units{when}", used.join(", "));
         }
     }
 

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use super::{Case, CaseError, Potential};
 use crate::scene::expression::{names, placed};
 use crate::scene::selection::coordinates;
-use crate::scene::{Material, ParameterSetting, ParameterText, Points, Scene};
+use crate::scene::{Interface, Material, ParameterSetting, ParameterText, Points, Scene};
 
 /// What an expression may always name.
 const VARIABLES: [&str; 4] = ["X", "Y", "Z", "t"];
@@ -41,7 +41,7 @@ impl Columns {
         let texts: Vec<&str> = given.filter_map(expression_text).collect();
         let is_named = |column: &String| {
             !VARIABLES.contains(&column.as_str())
-                && texts.iter().any(|text| names(text, column).next().is_some())
+                && texts.iter().any(|text| names(without_unit(text).0, column).next().is_some())
         };
         let columns: Vec<String> = read::column_names(text).into_iter().filter(is_named).collect();
         let wanted: Vec<&str> = columns.iter().map(String::as_str).collect();
@@ -55,6 +55,14 @@ impl Columns {
         let kept = || rows.iter().zip(keep).filter(|(_, keep)| **keep).map(|(row, _)| row);
         let values = (0..wanted.len()).map(|k| kept().map(|row| row[k]).collect()).collect();
         Ok(Columns { names: columns, values })
+    }
+}
+
+/// An expression and the unit behind it.
+fn without_unit(text: &str) -> (&str, Option<&str>) {
+    match text.rsplit_once(IN) {
+        Some((expression, unit)) => (expression, Some(unit.trim())),
+        None => (text, None),
     }
 }
 
@@ -118,10 +126,7 @@ impl Field {
         columns: &Columns,
     ) -> Result<Field, Vec<Diagnostic>> {
         let (name, span) = (&setting.name.value, setting.value.span);
-        let (expression, unit) = match text.rsplit_once(IN) {
-            Some((expression, unit)) => (expression, Some(unit.trim())),
-            None => (text, None),
-        };
+        let (expression, unit) = without_unit(text);
         let factor = model.unit_of(name, unit, dimension).unwrap_or(Ok(1.0)).map_err(|error| {
             vec![Diagnostic::error(error.code, span, error.message).help(error.help)]
         })?;
@@ -153,7 +158,8 @@ impl Field {
     /// The same in the middle of a box, at `t = 0`.
     pub(super) fn in_the_middle(&self, low: &[f64], high: &[f64]) -> f64 {
         let middle: Vec<f64> = low.iter().zip(high).map(|(low, high)| 0.5 * (low + high)).collect();
-        self.value(&middle, std::iter::empty(), 0.0)
+        let value = self.value(&middle, std::iter::empty(), 0.0);
+        if value.is_finite() { value } else { self.factor }
     }
 }
 
@@ -291,21 +297,18 @@ impl Case {
     /// The points whose interactions may take a law: those of its material; of an interface all of the
     /// two materials that it lies between.
     fn points_of_law(&self, law: usize) -> impl Iterator<Item = usize> + '_ {
-        let of_interface: Vec<usize> = self
-            .scene
-            .interfaces
-            .iter()
-            .filter(|interface| interface.rule.law() == Some(law))
-            .flat_map(|interface| interface.between.map(|material| material.value))
-            .collect();
-        let is_own = move |point: &usize| match self.materials.as_deref() {
-            None => true,
-            Some(materials) => {
-                let material = usize::from(materials.of(*point));
-                material == law || of_interface.contains(&material)
-            }
+        (0..self.body.n_points()).filter(move |point| self.is_of_law(*point, law))
+    }
+
+    fn is_of_law(&self, point: usize, law: usize) -> bool {
+        let Some(materials) = self.materials.as_deref() else { return true };
+        let material = usize::from(materials.of(point));
+        let mut interfaces = self.scene.interfaces.iter();
+        let joins = |interface: &Interface| {
+            let between = interface.between.iter();
+            interface.rule.law() == Some(law) && between.map(|m| m.value).any(|m| m == material)
         };
-        (0..self.body.n_points()).filter(is_own)
+        material == law || interfaces.any(joins)
     }
 
     /// Shows what the fields of a potential are at all points of a law; the first that cannot be is an
@@ -354,16 +357,22 @@ impl Case {
         if let Some(error) = potential.model.check_fields(&potential.values, &values).pop() {
             let place = potential.fields.iter().position(|field| field.name == error.parameter);
             let place = place.unwrap_or(0);
-            return Err(wrong(&potential.fields[place], values[place], error.help));
+            let reason = format!("{}; {}", error.message, error.help);
+            return Err(wrong(&potential.fields[place], values[place], reason));
         }
         Ok(values)
     }
 
     /// The values of a potential's parameters between some points, of fields the mean of theirs at `t = 0`.
-    pub(super) fn values_between(&self, potential: &Potential, points: &[usize]) -> Values {
+    pub(super) fn values_between(
+        &self,
+        (potential, law): (&Potential, usize),
+        points: &[usize],
+    ) -> Values {
         let mut values = potential.values.without_fields();
+        let own = points.iter().filter(|point| self.is_of_law(**point, law));
         let of_points: Vec<Vec<f64>> =
-            points.iter().filter_map(|p| self.values_of(potential, *p, 0.0).ok()).collect();
+            own.filter_map(|p| self.values_of(potential, *p, 0.0).ok()).collect();
         for (k, parameter) in potential.values.fields.iter().enumerate() {
             let sum = of_points.iter().fold(0.0, |sum, row| sum + row[k]);
             if !of_points.is_empty() {
@@ -406,6 +415,11 @@ impl Case {
             potential.fields.clear();
         }
         case
+    }
+
+    /// Whether a parameter changes with t.
+    pub fn changes_in_time(&self) -> bool {
+        self.potentials.iter().flat_map(|potential| &potential.fields).any(|field| !field.is_steady)
     }
 
     /// Whether a parameter varies.

@@ -92,7 +92,8 @@ pub fn moduli(case: &Case, density: Option<f64>) -> Result<Moduli, CaseError> {
 }
 
 fn moduli_with(case: &Case, density: Option<f64>, inside: &Inside) -> Result<Moduli, CaseError> {
-    let affine = Affine::with(&case.without_fields(), inside)?;
+    let case = &case.without_fields();
+    let affine = Affine::with(case, inside)?;
     let d = case.scene.body.dimension;
     let (basis, spacing) = match &case.scene.body.points {
         Points::Lattice(shape) => (Basis::Lattice, Some(shape.spacing)),

@@ -116,7 +116,8 @@ impl Case {
     /// Whether the tangent is that of affine bonds of one potential on a lattice, and of nothing else.
     fn multiplies_along_rows(&self, compiled: &[Compiled]) -> bool {
         let [all] = compiled else { return false };
-        let alone = all.measures == [Measure::Length] && all.gradient.is_none();
+        let alone =
+            all.measures == [Measure::Length] && all.gradient.is_none() && !self.changes_in_time();
         let is_affine = all.elements.bond.as_ref().is_some_and(|bond| bond.has_affine_law());
         let is_lattice = matches!(self.scene.body.points, Points::Lattice(_));
         let is_exact = self.scene.solver.products == Products::Exact;

@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use piola_mechanics::energy::{Energy, Total};
+use piola_mechanics::interaction::Inverted;
 use piola_mechanics::words::Words;
 use piola_output::motion::{MotionColumns, MotionEnergies, MotionRow, MotionSummary, MotionTables};
 use piola_output::pvd::FrameSeries;
@@ -136,7 +137,7 @@ pub(super) fn run(
         steps: recorder.steps(),
         indefinite: 0,
         fails: false,
-        inverted: energy.inverted(motion.state().displacements),
+        inverted: recorder.inverted(&energy),
         warnings,
     };
     let told = recorder.summary(&motion, &masses, scene);
@@ -215,6 +216,8 @@ struct Recorder<'a> {
     frames: FrameSeries<'a>,
     tables: MotionTables,
     last: Option<(Row, Frame)>,
+    /// When the last frame was written.
+    framed: Option<f64>,
     /// The largest part of the account that did not close, over the largest energy.
     rounding: f64,
     largest: f64,
@@ -243,6 +246,7 @@ impl<'a> Recorder<'a> {
             frames: FrameSeries::new(folder, points)?,
             tables: MotionTables::new(folder, &columns)?,
             last: None,
+            framed: None,
             rounding: 0.0,
             largest: 0.0,
             failed: None,
@@ -298,6 +302,9 @@ impl<'a> Recorder<'a> {
             true => self.frames.push(&now),
             false => Ok(()),
         });
+        if is_due {
+            self.framed = Some(row.t);
+        }
         self.last = Some((row.clone(), now));
         match done {
             Ok(()) => ControlFlow::Continue(()),
@@ -346,10 +353,20 @@ impl<'a> Recorder<'a> {
         })
     }
 
-    /// The displacements at the end.
-    fn finish(self) -> Result<(), OutputError> {
+    /// What is turned inside out at the last row.
+    fn inverted(&self, energy: &Total<'_>) -> Inverted {
+        let Some((_, last)) = &self.last else { return Inverted::default() };
+        let body = &self.case.body;
+        energy.inverted(&body.from_user_order(&last.displacement, body.dimension()))
+    }
+
+    /// The frame of the last row, which may not be due, and the displacements at the end.
+    fn finish(mut self) -> Result<(), OutputError> {
         match &self.last {
-            Some((_, last)) => {
+            Some((row, last)) => {
+                if self.framed.is_none_or(|t| t < row.t) {
+                    self.frames.push(last)?;
+                }
                 table::write_displacement(self.folder, self.points, &last.displacement)
             }
             None => Ok(()),

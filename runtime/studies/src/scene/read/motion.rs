@@ -27,6 +27,9 @@ pub(in crate::scene) const MOTION_KEYS: [Row<Motion>; 6] = [
     ("unstable", "true", |motion| Slot::Switch(&mut motion.unstable)),
 ];
 
+/// Most frames of a motion, each a file.
+const MOST_FRAMES: f64 = 1e6;
+
 impl Reader {
     pub(super) fn motion(&mut self, entry: &Entry) -> Option<Motion> {
         let table = self.table(&MOTION, &entry.node)?;
@@ -114,6 +117,25 @@ impl Reader {
     /// Keys of `[output]` that tables of a motion have alone.
     pub(super) fn check_output(&mut self, motion: Option<&Motion>, output: Option<&Table<'_>>) {
         let Some(output) = output else { return };
+        let every = output.get("every").filter(|entry| !is_word(entry, "frames"));
+        if let (Some(motion), Some(_), Some(field)) = (motion, every, output.field("every")) {
+            if let Some(frames) = output.get("frames") {
+                let message = "`every` and `frames` both say which frames are written";
+                let found = Diagnostic::error("conflicting-keys", frames.key_span, message);
+                self.error(found.help("leave one of them out"));
+            }
+            if let Kind::Number { .. } = field.node.kind
+                && let Some(every) = self.number(field)
+                && motion.end / every > MOST_FRAMES
+            {
+                let frames = motion.end / every;
+                let message = format!("{frames:.1e} frames lead to the end of {:e} s", motion.end);
+                let found = Diagnostic::error("out-of-range", field.node.span, message);
+                self.error(
+                    found.help(format!("write at most {MOST_FRAMES} of them: a longer time")),
+                );
+            }
+        }
         if motion.is_none() {
             for key in ["every", "rows"] {
                 if let Some(entry) = output.get(key).filter(|entry| !is_word(entry, "frames")) {

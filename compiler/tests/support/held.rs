@@ -102,7 +102,8 @@ pub(crate) fn hold(witness: &impl Witness, found: [f64; 3], whole: bool) -> Resu
     let mut truth = Lazy::new(|| witness.truth());
     let mut scatter = Lazy::new(|| scatters(witness, dual));
     if !witness.is_number() && truth.get().is_none() {
-        if whole && found[0].is_finite() && !decided_by_signs(witness) {
+        let is_given = decided_by_signs(witness) || is_limit(witness.sides(), found[0]);
+        if whole && found[0].is_finite() && !is_given {
             return Err(format!("psi is {:e}, and no number as written", found[0]));
         }
         // Its derivatives may be numbers, but nobody asks for them.
@@ -159,6 +160,13 @@ pub(crate) fn hold(witness: &impl Witness, found: [f64; 3], whole: bool) -> Resu
         held.lost[order] += 1;
     }
     Ok(held)
+}
+
+/// Whether a value is what psi tends to from either side, where it is 0/0 as written: what cancels at rest
+/// may leave a number there.
+fn is_limit(sides: [[f64; 3]; 2], found: f64) -> bool {
+    let [left, right] = sides.map(|side| side[0]);
+    (found - 0.5 * (left + right)).abs() <= left.abs() + right.abs()
 }
 
 /// Whether a derivative jumps here: where `min(l, L)` is at rest, it is either one.

@@ -120,7 +120,10 @@ pub(super) fn run(
             let message = format!("interrupted; the motion has come to t = {:e} s", recorder.t());
             (ExitReason::Interrupted, message)
         }
-        Err(error) => stopped(case, &drive, error),
+        Err(error) => {
+            let (reason, message) = stopped(case, &drive, error);
+            (reason, format!("{message}; the last row is that of t = {:e} s", recorder.t()))
+        }
     };
     let mut warnings: Vec<String> = motion.notes().to_vec();
     if scene.unstable && motion.step() > motion.least_critical() {

@@ -193,6 +193,7 @@ impl Side<'_> {
 
     /// The angle of the point with ordinate `y` and abscissa `x`, by the quotient that is finite at rest.
     fn angle(&mut self, y: &Sum, x: &Sum) -> Made<Sum> {
+        self.within_reach()?;
         let right = || Self::number_sum(Number::from(1).asin());
         let abscissa = if x.is_empty() { None } else { Some(self.id_of(x)?) };
         if let Some(id) = abscissa
@@ -217,6 +218,18 @@ impl Side<'_> {
         let angle = self.function(Function::Atan, &quotient)?;
         let side = self.scaled(&right(), &Term::number(Number::from(sign)))?;
         Ok(Self::subtracted(&side, &angle))
+    }
+
+    /// Signs are known near rest: where a measure has turned its own, angles are others.
+    fn within_reach(&mut self) -> Made<()> {
+        let change = self.target.input(Input::Change(self.measure))?;
+        let size = self.target.unary(Function::Abs, change)?;
+        let reach = self.target.number(0.5)?;
+        let holds = self.target.make(Node::Compare(Comparison::Less, size, reach))?;
+        if !self.guards.contains(&holds) {
+            self.guards.push(holds);
+        }
+        Ok(())
     }
 
     fn number_in(sum: &Sum) -> Option<Number> {

@@ -25,6 +25,10 @@ use super::noise::{Noisy, begin, disturbed};
 /// Relative difference that needs no excuse: some hundred operations, each rounded by `1.1e-16`.
 const PLAIN: f64 = 1e-13;
 
+/// Derivatives of this share of psi are nothing: squares of numbers beyond 1e154, by which that of `atan2`
+/// divides, are infinite.
+const NOTHING: f64 = 1e-150;
+
 /// Evaluations whose scatter is looked at. Each result depends on many roundings, of which the
 /// largest few decide; that all eight times these nearly cancel is rare.
 const EVALUATIONS: u64 = 8;
@@ -133,7 +137,8 @@ pub(crate) fn hold(witness: &impl Witness, found: [f64; 3], whole: bool) -> Resu
             continue;
         }
         let below = if order == 0 { 0.0 } else { magnitude(order - 1) / witness.size() };
-        let plain = PLAIN * (magnitude(order) + below) + f64::MIN_POSITIVE;
+        let nothing = NOTHING * magnitude(0) / witness.size().powi(order as i32);
+        let plain = PLAIN * (magnitude(order) + below) + nothing + f64::MIN_POSITIVE;
         let error = (x - y).abs();
         if error <= plain {
             let told = plain <= SHARE * magnitude(order);

@@ -43,9 +43,13 @@ impl Scene {
             None => write_pairs(&mut out, "[steps]", texts(&self.steps, &STEPS_KEYS)),
         }
         write_pairs(&mut out, "[solver]", texts(&self.solver, &SOLVER_KEYS));
-        let of_steps = |key: &str| self.motion.is_some() || key == "frames";
+        // Of a motion `every` stands in the place of `frames`, where it says which are written.
+        let is_written = |key: &str| match (&self.motion, self.output.every) {
+            (None, _) => key == "frames",
+            (Some(_), every) => every.is_none() || key != "frames",
+        };
         let output = texts(&self.output, &OUTPUT_KEYS);
-        let output = output.into_iter().filter(|(key, _)| of_steps(key)).collect();
+        let output = output.into_iter().filter(|(key, _)| is_written(key)).collect();
         write_pairs(&mut out, "[output]", output);
         out
     }

@@ -137,7 +137,7 @@ pub(crate) fn hold(witness: &impl Witness, found: [f64; 3], whole: bool) -> Resu
             continue;
         }
         let below = if order == 0 { 0.0 } else { magnitude(order - 1) / witness.size() };
-        let nothing = NOTHING * magnitude(0) / libm::pow(witness.size(), order as f64);
+        let nothing = (0..order).fold(NOTHING * magnitude(0), |part, _| part / witness.size());
         let plain = PLAIN * (magnitude(order) + below) + nothing + f64::MIN_POSITIVE;
         let error = (x - y).abs();
         if error <= plain {

@@ -356,7 +356,8 @@ pub(crate) struct Energy {
 #[derive(Debug, Args)]
 pub(crate) struct Run {
     /// A scene file
-    pub(crate) scene: PathBuf,
+    #[arg(required_unless_present = "resume")]
+    pub(crate) scene: Option<PathBuf>,
     /// Where the results go; a new or empty folder
     #[arg(short, long)]
     pub(crate) out: Option<PathBuf>,
@@ -372,6 +373,10 @@ pub(crate) struct Run {
     /// Try even if the plan says that memory will not suffice
     #[arg(long)]
     pub(crate) yes: bool,
+    /// Go on with the motion whose results are in this folder, where its checkpoint stands; a scene is
+    /// named only if its file has moved
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["out", "settings", "force"])]
+    pub(crate) resume: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

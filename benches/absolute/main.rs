@@ -159,7 +159,7 @@ fn scene(criterion: &mut Criterion) {
     group.bench_function("first, 4 increments", |bencher| {
         bencher.iter(|| {
             let folder = OutputFolder::create(&out, true).expect("the build folder");
-            let options = RunOptions { title: "first", warnings: Vec::new() };
+            let options = RunOptions { title: "first", ..RunOptions::default() };
             let ending = run(&case, &folder, options, &Watch::default()).expect("it runs");
             assert_eq!(ending.reason, ExitReason::Completed);
         });

@@ -1,14 +1,15 @@
 //! `piola run`: solves a scene.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use piola_runtime::case::Case;
 use piola_runtime::interaction::Inverted;
-use piola_runtime::output::OutputFolder;
+use piola_runtime::output::checkpoint::Header;
 use piola_runtime::output::summary::ExitReason;
+use piola_runtime::output::{OutputError, OutputFolder};
 use piola_runtime::plan::Plan;
-use piola_runtime::simulation::{Ending, RunError, RunOptions, run};
+use piola_runtime::simulation::{Ending, Origin, RunError, RunOptions, run};
 use piola_runtime::solve::Watch;
 
 use super::{Exit, scene};
@@ -19,16 +20,48 @@ use crate::progress::Progress;
 use crate::render;
 
 pub(super) fn execute(arguments: &Run) -> Exit {
-    let Some(out) = &arguments.out else {
-        let name = title(&arguments.scene);
-        let help = format!("name a new or empty one: `-o out/{name}`");
+    let task = match &arguments.resume {
+        Some(folder) => resumed(folder, arguments),
+        None => Ok(Task {
+            scene: arguments.scene.clone().unwrap_or_default(),
+            settings: arguments.settings.clone(),
+            folder: None,
+        }),
+    };
+    let task = match task {
+        Ok(task) => task,
+        Err(error) => {
+            render::error(&error.to_string(), error.help());
+            return Exit::Input;
+        }
+    };
+    if task.folder.is_none() && arguments.out.is_none() {
+        let help = format!("name a new or empty one: `-o out/{}`", title(&task.scene));
         render::error("a run leaves files, and there is no folder for them", [help.as_str()]);
         return Exit::Input;
-    };
-    let Some(case) = scene::read_for_plan(&arguments.scene, &arguments.settings) else {
+    }
+    let Some(case) = scene::read_for_plan(&task.scene, &task.settings) else {
         return Exit::Input;
     };
-    scene::with_threads(arguments.threads, || solve(case, out, arguments)).unwrap_or(Exit::Input)
+    let solve = || solve(case, task, arguments);
+    scene::with_threads(arguments.threads, solve).unwrap_or(Exit::Input)
+}
+
+/// What is to be run.
+struct Task {
+    scene: PathBuf,
+    settings: Vec<String>,
+    /// The folder of the run that is taken up, if one is.
+    folder: Option<OutputFolder>,
+}
+
+/// The run whose results are in a folder.
+fn resumed(folder: &Path, arguments: &Run) -> Result<Task, OutputError> {
+    let folder = OutputFolder::open(folder)?;
+    let none = || OutputError::NoCheckpoint { path: folder.path().to_owned() };
+    let header = Header::read(&folder)?.ok_or_else(none)?;
+    let scene = arguments.scene.clone().unwrap_or_else(|| header.scene.into());
+    Ok(Task { scene, settings: header.settings, folder: Some(folder) })
 }
 
 /// What the case costs; nothing if it must not be tried, and what is wrong is printed.
@@ -53,7 +86,7 @@ fn planned(case: &Case, arguments: &Run) -> Option<Plan> {
     }
 }
 
-fn solve(mut case: Case, out: &Path, arguments: &Run) -> Exit {
+fn solve(mut case: Case, task: Task, arguments: &Run) -> Exit {
     if case.large_box().is_some() {
         // Of removed points the box knows nothing: it may hold far fewer than it seems to.
         if case.scene.body.remove.is_empty() && planned(&case, arguments).is_none() {
@@ -81,19 +114,23 @@ fn solve(mut case: Case, out: &Path, arguments: &Run) -> Exit {
         console::note(&note.reason);
         warnings.push(note.reason.clone());
     }
-    let folder = match OutputFolder::create(out, arguments.force) {
+    let resumes = task.folder.is_some();
+    let out = arguments.out.as_deref().unwrap_or(Path::new(""));
+    let folder = match task.folder.map_or_else(|| OutputFolder::create(out, arguments.force), Ok) {
         Ok(folder) => folder,
         Err(error) => {
             render::error(&error.to_string(), error.help());
             return Exit::Input;
         }
     };
-    let title = title(&arguments.scene);
+    let title = title(&task.scene);
+    let place = std::path::absolute(&task.scene).unwrap_or(task.scene).display().to_string();
     let interrupt = Interrupt::listen();
     let end = case.scene.motion.as_ref().map_or(case.scene.steps.end, |motion| motion.end);
     let progress = Arc::new(Progress::new(end, interrupt.clone()));
     let shown = progress.show();
-    let options = RunOptions { title: &title, warnings };
+    let origin = Origin { scene: &place, settings: &task.settings };
+    let options = RunOptions { title: &title, warnings, origin, resumes };
     let ran = run(case, &folder, options, &Watch::by(progress));
     drop(shown);
     match ran {

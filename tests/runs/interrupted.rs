@@ -26,7 +26,7 @@ fn laborious() -> SceneFolder {
 [body]
 dimension = 3
 box = [[0, 0, 0], [8, 1, 1]]
-spacing = 0.1
+spacing = 0.05
 [horizon]
 spacings = 3
 [material]

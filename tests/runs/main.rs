@@ -19,6 +19,8 @@ mod motion;
 mod picture;
 mod plans;
 mod refusals;
+#[cfg(unix)]
+mod resumed;
 mod scenes;
 mod solvers;
 #[cfg(unix)]

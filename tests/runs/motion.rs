@@ -6,7 +6,7 @@ use crate::support::frames::{read_pvd, read_vtu};
 use crate::support::{SceneFolder, json_file, number, piola, table};
 
 /// A strip of rubber that is thrown, with one side on its way.
-const THROWN: &str = r#"
+pub(crate) const THROWN: &str = r#"
 [body]
 box = [[0, 0], [1, 0.5]]
 spacing = 0.125

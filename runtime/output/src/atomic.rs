@@ -44,6 +44,31 @@ pub enum OutputError {
         /// The path.
         path: PathBuf,
     },
+    /// A run shall go on that left nothing to go on from.
+    #[error("`{}` holds no checkpoint", path.display())]
+    NoCheckpoint {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A checkpoint that is cut, damaged, or of another version.
+    #[error("`{}` is damaged, or was written by another version of piola", path.display())]
+    Checkpoint {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A table that is not as it was at the checkpoint.
+    #[error(
+        "`{}` has {found} bytes, and had {expected} at the checkpoint: it was changed since",
+        path.display()
+    )]
+    Table {
+        /// The file.
+        path: PathBuf,
+        /// How long it is.
+        found: u64,
+        /// How long it must be at least.
+        expected: u64,
+    },
     /// The picture could not be drawn.
     #[error("cannot draw `{file}`: {reason}")]
     Picture {
@@ -63,6 +88,13 @@ impl OutputError {
             }
             OutputError::InUse { .. } => Some("wait until it has ended, or name another folder"),
             OutputError::NotAFolder { .. } => Some("name another folder, or remove what is there"),
+            OutputError::NoCheckpoint { .. } => Some(
+                "runs of scenes with [motion] leave one when they are interrupted, and every ten \
+                 minutes (`checkpoint` in [output]); it is removed when all steps are done",
+            ),
+            OutputError::Checkpoint { .. } | OutputError::Table { .. } => {
+                Some("begin anew: `piola run SCENE --out FOLDER --force`")
+            }
             OutputError::Io { .. } | OutputError::Picture { .. } => None,
         }
     }
@@ -75,6 +107,8 @@ pub enum Operation {
     CreateFolder,
     /// Listing a folder.
     ReadFolder,
+    /// Reading a file.
+    Read,
     /// Writing the temporary file.
     Write,
     /// Giving the temporary file its name.
@@ -90,6 +124,7 @@ impl fmt::Display for Operation {
         f.write_str(match self {
             Operation::CreateFolder => "create the folder",
             Operation::ReadFolder => "list the folder",
+            Operation::Read => "read",
             Operation::Write => "write",
             Operation::Rename => "move into place",
             Operation::Remove => "remove",

@@ -24,6 +24,8 @@ pub enum OutputFile {
     Probes,
     /// `motion.csv`.
     Motion,
+    /// `checkpoint.bin`.
+    Checkpoint,
     /// `scene.resolved.toml`.
     ResolvedScene,
     /// `picture.svg`.
@@ -48,8 +50,9 @@ const FRAMES: &str = "frames";
 impl OutputFile {
     /// All files but the frames; `run.pvd` first, so that a removal that is cut short leaves no
     /// list of frames that are gone.
-    const SINGLE: [OutputFile; 14] = [
+    const SINGLE: [OutputFile; 15] = [
         OutputFile::Collection,
+        OutputFile::Checkpoint,
         OutputFile::Displacement,
         OutputFile::Reactions,
         OutputFile::Energy,
@@ -75,6 +78,7 @@ impl OutputFile {
             OutputFile::Energy => "energy.csv".to_owned(),
             OutputFile::Probes => "probes.csv".to_owned(),
             OutputFile::Motion => "motion.csv".to_owned(),
+            OutputFile::Checkpoint => "checkpoint.bin".to_owned(),
             OutputFile::ResolvedScene => "scene.resolved.toml".to_owned(),
             OutputFile::PictureSvg => "picture.svg".to_owned(),
             OutputFile::PicturePng => "picture.png".to_owned(),
@@ -138,6 +142,26 @@ impl OutputFolder {
             remove_earlier_run(path)?;
         }
         Ok(OutputFolder { path: path.to_owned(), lock })
+    }
+
+    /// Takes hold of the folder of an earlier run, and leaves everything in it but what that run had
+    /// begun to write when it was killed.
+    ///
+    /// # Errors
+    /// A folder that is not there, or in which another run is.
+    pub fn open(path: &Path) -> Result<OutputFolder, OutputError> {
+        let found = fs::metadata(path).map_err(Operation::ReadFolder.on(path))?;
+        if !found.is_dir() || !path.join(FRAMES).is_dir() {
+            return Err(OutputError::NoCheckpoint { path: path.to_owned() });
+        }
+        let folder = OutputFolder { path: path.to_owned(), lock: Lock::take(path)? };
+        remove_partials(path)?;
+        Ok(folder)
+    }
+
+    /// Removes a file, if it is there.
+    pub fn remove(&self, file: OutputFile) -> Result<(), OutputError> {
+        remove_if_there(&self.path_of(file))
     }
 
     /// Takes the folder away again if nothing was written into it.
@@ -240,18 +264,30 @@ fn entries(folder: &Path) -> Result<Vec<String>, OutputError> {
 }
 
 fn remove_earlier_run(folder: &Path) -> Result<(), OutputError> {
-    let ours = OutputFile::SINGLE.map(OutputFile::name);
-    for name in &ours {
-        remove_if_there(&folder.join(name))?;
+    for file in OutputFile::SINGLE {
+        remove_if_there(&folder.join(file.name()))?;
     }
+    remove_partials(folder)?;
+    remove_frames(folder, |_| true)
+}
+
+/// Removes what has a temporary name.
+fn remove_partials(folder: &Path) -> Result<(), OutputError> {
+    let ours = OutputFile::SINGLE.map(OutputFile::name);
     let is_ours = |name: &str| ours.iter().any(|file| file == name);
     for name in entries(folder)?.iter().filter(|name| of_partial(name).is_some_and(is_ours)) {
         remove_if_there(&folder.join(name))?;
     }
+    remove_frames(folder, |name| of_partial(name).is_some())
+}
+
+/// Removes those of the frames.
+fn remove_frames(folder: &Path, those: impl Fn(&str) -> bool) -> Result<(), OutputError> {
     let frames = folder.join(FRAMES);
     // A link named `frames` may lead out of the folder: it is refused later, never followed.
     if fs::symlink_metadata(&frames).is_ok_and(|found| found.is_dir()) {
-        for name in entries(&frames)?.iter().filter(|name| is_frame_name(name)) {
+        let names = entries(&frames)?;
+        for name in names.iter().filter(|name| is_frame_name(name) && those(name)) {
             remove_if_there(&frames.join(name))?;
         }
     }

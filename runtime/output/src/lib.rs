@@ -5,6 +5,7 @@
 //! | `run.pvd`, `frames/*.vtu` | [`pvd::FrameSeries`] | the body at chosen times, for ParaView |
 //! | `displacement.csv`, `reactions.csv`, `energy.csv`, `probes.csv` | [`table`] | numbers, one row per point or step |
 //! | `motion.csv` | [`motion`] | the account of energy of a body in motion, and its momenta |
+//! | `checkpoint.bin` | [`checkpoint`] | where a motion stands, until it is done |
 //! | `picture.svg`, `picture.png` | [`picture`] | deformed body, reactions, Newton residuals |
 //! | `summary.json` | [`summary`] | everything about the run that fits a page |
 //! | `scene.resolved.toml` | the caller, through [`OutputFolder::write`] | the scene with all defaults |
@@ -19,6 +20,7 @@
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
 pub mod atomic;
+pub mod checkpoint;
 pub mod folder;
 #[cfg(test)]
 #[path = "../../../tests/support/frames.rs"]

@@ -89,6 +89,36 @@ impl MotionTables {
         })
     }
 
+    /// The tables of an earlier run, cut to these lengths in bytes.
+    ///
+    /// # Errors
+    /// Tables that are shorter, or gone.
+    pub fn resume(folder: &OutputFolder, lengths: &[u64]) -> Result<MotionTables, OutputError> {
+        let files = [OutputFile::Motion, OutputFile::Reactions, OutputFile::Probes];
+        let mut lines = files.iter().zip(lengths).map(|(file, length)| {
+            let path = folder.path_of(*file);
+            Lines::resume(path, *length)
+        });
+        let mut next = || {
+            let path = folder.path_of(OutputFile::Checkpoint);
+            lines.next().ok_or(OutputError::Checkpoint { path })?
+        };
+        Ok(MotionTables { motion: next()?, reactions: next()?, probes: next()? })
+    }
+
+    /// How long the tables are, in bytes.
+    pub fn lengths(&self) -> Vec<u64> {
+        [&self.motion, &self.reactions, &self.probes].map(|lines| lines.length).to_vec()
+    }
+
+    /// Returns when the tables would survive a power cut.
+    pub fn synchronise(&self) -> Result<(), OutputError> {
+        for lines in [&self.motion, &self.reactions, &self.probes] {
+            lines.file.sync_data().map_err(Operation::Write.on(&lines.path))?;
+        }
+        Ok(())
+    }
+
     /// A line at the end of each table.
     pub fn push(&mut self, row: &MotionRow) -> Result<(), OutputError> {
         let stored = row.parts.iter().fold(0.0, |sum, part| sum + part);
@@ -107,6 +137,8 @@ impl MotionTables {
 struct Lines {
     path: PathBuf,
     file: File,
+    /// In bytes.
+    length: u64,
 }
 
 impl Lines {
@@ -116,24 +148,33 @@ impl Lines {
         header: Vec<String>,
     ) -> Result<Lines, OutputError> {
         let header: Vec<String> = header.iter().map(|name| quoted(name)).collect();
-        folder.write(file, (header.join(",") + "\n").as_bytes())?;
-        let path = folder.path_of(file);
+        let header = header.join(",") + "\n";
+        folder.write(file, header.as_bytes())?;
+        Lines::resume(folder.path_of(file), header.len() as u64)
+    }
+
+    fn resume(path: PathBuf, length: u64) -> Result<Lines, OutputError> {
         let file = OpenOptions::new().append(true).open(&path);
-        Ok(Lines { file: file.map_err(Operation::Write.on(&path))?, path })
+        let file = file.map_err(Operation::Write.on(&path))?;
+        let found = file.metadata().map_err(Operation::Read.on(&path))?.len();
+        if found < length {
+            return Err(OutputError::Table { path, found, expected: length });
+        }
+        file.set_len(length).map_err(Operation::Write.on(&path))?;
+        Ok(Lines { path, file, length })
     }
 
     fn push<'a>(&mut self, values: impl Iterator<Item = &'a f64>) -> Result<(), OutputError> {
         let values: Vec<String> = values.map(|value| decimal(*value)).collect();
         let line = values.join(",") + "\n";
-        let length = self.file.metadata().map(|metadata| metadata.len());
         // One call: whoever reads, or ends the process, sees the line or does not. A full disk may take a
         // part of it, which goes again.
         self.file.write_all(line.as_bytes()).map_err(|error| {
-            if let Ok(length) = length {
-                let _ = self.file.set_len(length);
-            }
+            let _ = self.file.set_len(self.length);
             Operation::Write.on(&self.path)(error)
-        })
+        })?;
+        self.length += line.len() as u64;
+        Ok(())
     }
 }
 
@@ -152,6 +193,8 @@ pub struct MotionSummary {
     pub steps: usize,
     /// How many were made.
     pub steps_made: usize,
+    /// The step of the checkpoint that the run went on from; `null` where it went from the start.
+    pub resumed_at_step: Option<usize>,
     /// The time that was reached, in s.
     pub t: Number,
     /// The mass of the body in kg.

@@ -28,6 +28,28 @@ impl<'a> FrameSeries<'a> {
         Ok(series)
     }
 
+    /// Goes on behind the frames of these times; later ones are no frames any more.
+    pub fn resume(
+        folder: &'a OutputFolder,
+        points: &'a Points,
+        times: Vec<f64>,
+    ) -> Result<FrameSeries<'a>, OutputError> {
+        let series = FrameSeries { folder, points, times };
+        series.write_list()?;
+        for index in series.times.len().. {
+            if !folder.path_of(OutputFile::Frame(index)).is_file() {
+                break;
+            }
+            folder.remove(OutputFile::Frame(index))?;
+        }
+        Ok(series)
+    }
+
+    /// The times of the frames.
+    pub fn times(&self) -> &[f64] {
+        &self.times
+    }
+
     /// Writes the next frame and the list that includes it.
     pub fn push(&mut self, frame: &Frame) -> Result<(), OutputError> {
         let file = OutputFile::Frame(self.times.len());

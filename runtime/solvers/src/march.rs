@@ -44,19 +44,19 @@ pub trait March {
     fn state(&self) -> State<'_>;
 }
 
-/// Goes on to the end, or until `see`, which is shown every step, or who looks on ends it: then it
-/// breaks.
+/// Goes on to the end, or until `see`, which is shown every step and where it led, or who looks on ends
+/// it: then it breaks.
 ///
 /// # Errors
 /// As [`March::advance`].
 pub fn march<M: March>(
     way: &mut M,
-    see: &mut dyn FnMut(&M::Step, &State<'_>) -> ControlFlow<()>,
+    see: &mut dyn FnMut(&M::Step, &M) -> ControlFlow<()>,
 ) -> Result<ControlFlow<()>, M::Stop> {
     loop {
         match way.advance()? {
             Advance::Step(step) => {
-                if see(&step, &way.state()).is_break() {
+                if see(&step, way).is_break() {
                     return Ok(ControlFlow::Break(()));
                 }
             }

@@ -212,7 +212,8 @@ pub fn run_steps(
     observer: &mut dyn FnMut(&StepRecord, &State<'_>) -> ControlFlow<()>,
 ) -> Result<Outcome, StepError> {
     let mut steps = LoadSteps::new(energy, drive, settings, watch)?;
-    let stopped = march(&mut steps, observer)?.is_break();
+    let see = &mut |step: &_, steps: &LoadSteps<'_>| observer(step, &steps.state());
+    let stopped = march(&mut steps, see)?.is_break();
     Ok(steps.outcome(stopped))
 }
 

@@ -97,6 +97,34 @@ struct First {
 }
 
 impl Balance {
+    /// How many numbers it is.
+    pub(super) const N_NUMBERS: usize = 8 + 4 + 4;
+
+    /// All that it knows.
+    pub(super) fn numbers(&self) -> Vec<f64> {
+        let sums = [self.internal, self.external, self.damping, self.prescribed];
+        let first = self.first.unwrap_or(First { kinetic: f64::NAN, energy: f64::NAN });
+        let sums = sums.into_iter().flat_map(|sum| [sum.value, sum.low]);
+        let rest = [first.kinetic, first.energy, self.kinetic, self.largest];
+        sums.chain(self.after).chain(rest).collect()
+    }
+
+    /// From these numbers, [`Balance::N_NUMBERS`] of them.
+    pub(super) fn of(numbers: &[f64]) -> Balance {
+        let sum = |place: usize| Sum { value: numbers[2 * place], low: numbers[2 * place + 1] };
+        let (kinetic, energy) = (numbers[12], numbers[13]);
+        Balance {
+            internal: sum(0),
+            external: sum(1),
+            damping: sum(2),
+            prescribed: sum(3),
+            after: [8, 9, 10, 11].map(|place| numbers[place]),
+            first: (!energy.is_nan()).then_some(First { kinetic, energy }),
+            kinetic: numbers[14],
+            largest: numbers[15],
+        }
+    }
+
     /// Takes in the state at the end of a step of `dt`: `sums` of its kick, and the powers of the
     /// internal forces where something is prescribed. At the start no step came before.
     pub(super) fn arrive(&mut self, dt: f64, sums: &Sums, prescribed: Sides) {

@@ -70,6 +70,12 @@ pub enum MotionError {
         /// In s.
         step: f64,
     },
+    /// A snapshot is not one of this motion.
+    #[error("this is not the motion that the checkpoint was made of: {what}")]
+    OtherMotion {
+        /// By what that is known.
+        what: &'static str,
+    },
     /// An energy that is not finite on the way.
     #[error("at t = {t:e} s, after {step} steps{}: {cause}", beyond(*.unstable))]
     NonFinite {

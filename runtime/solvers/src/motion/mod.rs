@@ -6,6 +6,7 @@
 //! | [`critical`] | the largest stable step |
 //! | [`balance`] | the account of energy, and its rows |
 //! | `settings` | the rule of integration and its choices, what drives a body, where it starts |
+//! | `snapshot` | where a motion stands, to go on from there with the same bits |
 //! | `error` | why a motion cannot start or go on |
 //!
 //! Velocity Verlet (partmann2026, section 3.7, Eqs. (3.60)-(3.68)) in its form of two leaps: velocities
@@ -17,6 +18,7 @@ pub mod balance;
 pub mod critical;
 mod error;
 mod settings;
+mod snapshot;
 mod verlet;
 
 #[cfg(test)]
@@ -33,6 +35,7 @@ pub use balance::Row;
 pub use critical::{CriticalStep, Precision, step_by_row_sums};
 pub use error::{FlownOff, MotionError};
 pub use settings::{Initial, Method, MotionDrive, MotionSettings};
+pub use snapshot::Snapshot;
 use verlet::{Kick, Sides, Summed, Sums, drift, n_pieces};
 
 /// The critical step is looked at again after so many steps, and at the end: a body that is stretched
@@ -88,6 +91,8 @@ pub struct Motion<'a> {
     notes: Vec<String>,
     /// Whether who looks on wanted an end.
     is_over: bool,
+    /// The scalars of a snapshot before the row of an end between two rows.
+    before_end: Option<Vec<f64>>,
 }
 
 impl<'a> Motion<'a> {
@@ -105,12 +110,28 @@ impl<'a> Motion<'a> {
         settings: &MotionSettings,
         watch: &Watch,
     ) -> Result<Motion<'a>, MotionError> {
+        let mut motion = Motion::of(energy, masses, initial, drive, settings, watch)?;
+        motion.place(0.0)?;
+        motion.choose_step()?;
+        motion.start()?;
+        Ok(motion)
+    }
+
+    /// Before its first step, without forces.
+    fn of(
+        energy: &'a dyn Energy,
+        masses: &[f64],
+        initial: Initial,
+        drive: &'a dyn MotionDrive,
+        settings: &MotionSettings,
+        watch: &Watch,
+    ) -> Result<Motion<'a>, MotionError> {
         error::check(settings, masses)?;
         let (n, d) = (energy.positions().len(), energy.dimension());
         assert!(masses.len() * d == n && initial.displacements.len() == n, "a mass per point");
         let fixed = error::fixed(drive);
         let constraints = Constraints::new(n, &fixed)?;
-        let mut motion = Motion {
+        Ok(Motion {
             energy,
             drive,
             watch: watch.clone(),
@@ -137,11 +158,8 @@ impl<'a> Motion<'a> {
             balance: Balance::default(),
             notes: Vec::new(),
             is_over: false,
-        };
-        motion.place(0.0)?;
-        motion.choose_step()?;
-        motion.start()?;
-        Ok(motion)
+            before_end: None,
+        })
     }
 
     /// The step in s: the largest part of the way that the settings allow.
@@ -152,6 +170,16 @@ impl<'a> Motion<'a> {
     /// How many steps lead to the end.
     pub fn n_steps(&self) -> usize {
         self.n_steps
+    }
+
+    /// How many steps are done.
+    pub fn step_reached(&self) -> usize {
+        self.done
+    }
+
+    /// The time after them, in s.
+    pub fn time_reached(&self) -> f64 {
+        self.time(self.done)
     }
 
     /// The critical step at the start; nothing where the body has no stiffness there.
@@ -414,10 +442,12 @@ impl<'a> Motion<'a> {
         while self.done < step && !self.is_over {
             self.is_over = self.watch.wants_end();
             self.go(self.is_over || self.done + 1 == step)?;
-            let is_end = self.done == self.n_steps || self.is_over;
-            if self.done.is_multiple_of(STEPS_BETWEEN_LOOKS) || is_end {
+            if self.done.is_multiple_of(STEPS_BETWEEN_LOOKS) || self.done == self.n_steps {
                 self.look_again()?;
             }
+        }
+        if self.is_over && self.done < step {
+            self.before_end = Some(self.numbers());
         }
         let row = self.row();
         self.watch.notice(Event::Moved { t: row.t, step: row.step, n_steps: self.n_steps });

@@ -393,6 +393,105 @@ fn who_looks_on_may_end_it() {
     assert_eq!(rows, [63, 126, 189, 190]);
 }
 
+/// Softening springs, one side driven, loads and damping that change nothing in what is at stake.
+fn stretched() -> (SpringNetwork, Conditions) {
+    let springs = SpringNetwork::lattice(&[6, 4], 1.0, softening);
+    let drive = Conditions {
+        displaced: vec![0, 1],
+        driven: vec![46, 47],
+        displacement: |t| 0.01 * t,
+        velocity: |t| 0.1 - 0.01 * t,
+        load: |t, dof| 1e-3 * t * dof as f64,
+    };
+    (springs, drive)
+}
+
+#[test]
+fn what_goes_on_from_a_snapshot_goes_on_with_the_same_bits() {
+    let (springs, drive) = stretched();
+    let n = springs.positions.len();
+    let masses = vec![1.0; springs.n_points()];
+    for method in [Method::Verlet, Method::LeapFrog, Method::Kinematic] {
+        let settings = MotionSettings { method, damping: 0.05, rows: 40, ..over(20.0, 0.01) };
+        let first = initial(vec![0.0; n], pseudo_random(n, 3).iter().map(|x| 0.01 * x).collect());
+        let mut whole = begin(&springs, first.clone(), &drive, settings).unwrap();
+        let rows: Vec<Row> = (0..=40).map(|row| go(&mut whole, 50 * row)).collect();
+        assert!(rows[40].external != 0.0 && rows[40].prescribed != 0.0 && rows[40].damping != 0.0);
+        let mut part = begin(&springs, first, &drive, settings).unwrap();
+        // The looks at the critical step are behind 1000 and 2000 steps.
+        for stop in [0, 1, 50, 777, 1000, 1999] {
+            while part.done < stop {
+                let next = stop.min(part.next_row());
+                go(&mut part, next);
+            }
+            let watch = Watch::default();
+            let snapshot = part.snapshot();
+            let resumed = Motion::resume(&springs, &masses, &drive, &settings, &watch, snapshot);
+            let mut resumed = resumed.unwrap();
+            assert_eq!(resumed.critical(), part.critical());
+            // What was seen on the way has to stay known.
+            for row in rows.iter().filter(|row| row.step > stop) {
+                assert_eq!(go(&mut resumed, row.step), *row, "{method:?} from {stop}");
+                assert_eq!(resumed.next_row(), (row.step + 50).min(2000));
+            }
+            assert_eq!(resumed.u.value, whole.u.value);
+            assert_eq!(resumed.mean, whole.mean);
+            assert_eq!(resumed.least_critical, whole.least_critical);
+            assert_eq!(resumed.notes, whole.notes);
+        }
+    }
+}
+
+#[test]
+fn an_end_between_rows_leaves_no_trace_in_the_snapshot() {
+    let (springs, drive) = stretched();
+    let n = springs.positions.len();
+    let masses = vec![1.0; springs.n_points()];
+    let settings = MotionSettings { rows: 10, ..over(6.0, 0.01) };
+    let start = || initial(vec![0.0; n], vec![0.0; n]);
+    let watch = Watch::by(Arc::new(Impatient(AtomicUsize::new(0))));
+    let mut ended = Motion::new(&springs, &masses, start(), &drive, &settings, &watch).unwrap();
+    let see = &mut |_: &Row, _: &Motion<'_>| std::ops::ControlFlow::Continue(());
+    assert!(crate::march::march(&mut ended, see).unwrap().is_break());
+    assert!(ended.is_between_rows());
+    let mut whole = begin(&springs, start(), &drive, settings).unwrap();
+    while whole.done + 60 <= ended.done {
+        let next = whole.next_row();
+        go(&mut whole, next);
+    }
+    while whole.done < ended.done {
+        whole.go(false).unwrap();
+    }
+    assert_eq!(whole.snapshot(), ended.snapshot());
+}
+
+#[test]
+fn a_snapshot_of_another_motion_is_refused() {
+    let (springs, drive) = stretched();
+    let n = springs.positions.len();
+    let masses = vec![1.0; springs.n_points()];
+    let settings = over(6.0, 0.01);
+    let mut motion =
+        begin(&springs, initial(vec![0.0; n], vec![0.0; n]), &drive, settings).unwrap();
+    go(&mut motion, 100);
+    let refused = |springs: &SpringNetwork, settings: &MotionSettings, snapshot: Snapshot<'_>| {
+        let watch = Watch::default();
+        let found = Motion::resume(springs, &masses, &drive, settings, &watch, snapshot);
+        match found {
+            Err(error @ MotionError::OtherMotion { .. }) => error.to_string(),
+            Err(error) => panic!("{error}"),
+            Ok(_) => panic!("this was taken"),
+        }
+    };
+    let stiff = SpringNetwork::lattice(&[6, 4], 1.0, linear);
+    assert!(refused(&stiff, &settings, motion.snapshot()).contains("forces"));
+    let longer = MotionSettings { end: 7.0, ..settings };
+    assert!(refused(&springs, &longer, motion.snapshot()).contains("steps"));
+    let mut cut = motion.snapshot();
+    cut.arrays[1].to_mut().pop();
+    assert!(refused(&springs, &settings, cut).contains("size"));
+}
+
 #[test]
 fn threads_do_not_change_a_bit() {
     let springs = SpringNetwork::lattice(&[150, 70], 1.0, linear);

@@ -34,8 +34,10 @@ pub(super) enum Slot<'a> {
     NotNegative(&'a mut f64),
     /// `true` or `false`.
     Switch(&'a mut bool),
-    /// Greater than 0, or the word.
-    PositiveOr(&'a mut Option<f64>, &'static str),
+    /// A time in s greater than 0; or a text with a unit.
+    Seconds(&'a mut f64),
+    /// The same, or the word.
+    SecondsOr(&'a mut Option<f64>, &'static str),
     /// A whole number, not less than the one beside it.
     Count(&'a mut usize, i64),
 }
@@ -73,7 +75,8 @@ impl Slot<'_> {
             Slot::Fraction(value) => take(value, reader.fraction(field)),
             Slot::NotNegative(value) => take(value, reader.not_negative(field)),
             Slot::Switch(value) => take(value, reader.switch(field)),
-            Slot::PositiveOr(value, word) => take(value, reader.positive_or(field, word)),
+            Slot::Seconds(value) => take(value, reader.seconds(field)),
+            Slot::SecondsOr(value, word) => take(value, reader.seconds_or(field, word)),
             Slot::Count(value, least) => take(value, reader.count(field, least)),
         }
     }
@@ -81,11 +84,12 @@ impl Slot<'_> {
     fn text(self) -> String {
         match self {
             Slot::Word(choice) => string(choice.word()),
-            Slot::Positive(value) | Slot::Fraction(value) | Slot::NotNegative(value) => {
-                number(*value)
-            }
+            Slot::Positive(value)
+            | Slot::Fraction(value)
+            | Slot::NotNegative(value)
+            | Slot::Seconds(value) => number(*value),
             Slot::Switch(value) => value.to_string(),
-            Slot::PositiveOr(value, word) => value.map_or_else(|| string(word), number),
+            Slot::SecondsOr(value, word) => value.map_or_else(|| string(word), number),
             Slot::Count(value, _) => value.to_string(),
         }
     }

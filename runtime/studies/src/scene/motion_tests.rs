@@ -61,7 +61,10 @@ fn every_key_of_a_motion_is_read_and_written() {
     assert_eq!((u.value[1].is_zero(), v.value[1].value(&[2.0, 0.0], 0.0)), (true, -64.0));
     assert_eq!(scene.prescriptions[0].given, Given::Velocity);
     assert_eq!(scene.loads[0].kind, LoadKind::Acceleration);
-    assert_eq!(scene.output, OutputSettings { frames: 25, every: Some(1e-6), rows: 300 });
+    assert_eq!(
+        scene.output,
+        OutputSettings { every: Some(1e-6), rows: 300, ..OutputSettings::default() }
+    );
     let again = read(&scene.resolved_toml());
     assert_eq!(again, scene, "{}", scene.resolved_toml());
     let automatic = read(&FULL.replace("step = 1e-8", "step = \"auto\""));
@@ -72,6 +75,19 @@ fn every_key_of_a_motion_is_read_and_written() {
 /// Without the quote that a string begins with.
 fn bare(text: &str) -> &str {
     text.trim_start_matches('"')
+}
+
+#[test]
+fn times_may_have_units() {
+    let text = FULL.replace("end = 6e-5", "end = \"60 us\"");
+    let text = text
+        .replace("step = 1e-8", "step = \"10 ns\"")
+        .replace("rows = 300", "checkpoint = \"1 ks\"");
+    let scene = read(&text);
+    let motion = scene.motion.as_ref().unwrap();
+    assert!((motion.end - 6e-5).abs() < 1e-19 && (motion.step.unwrap() - 1e-8).abs() < 1e-22);
+    assert_eq!(scene.output.checkpoint, 1000.0);
+    assert_eq!(read(&scene.resolved_toml()), scene);
 }
 
 #[test]
@@ -87,7 +103,9 @@ fn what_does_not_fit_a_motion_is_refused_where_it_stands() {
         ("end = 6e-5", "end = -1.0", "out-of-range", "-1.0"),
         ("damping = 12.5", "damping = -1.0", "out-of-range", "-1.0"),
         ("unstable = true", "unstable = \"yes\"", "wrong-type", "\"yes\""),
-        ("step = 1e-8", "step = \"short\"", "wrong-type", "\"short\""),
+        ("step = 1e-8", "step = \"short\"", "not-a-number", "short"),
+        ("step = 1e-8", "step = \"1 mm\"", "dimension-mismatch", "1 mm"),
+        ("step = 1e-8", "step = \"0 s\"", "out-of-range", "\"0 s\""),
         ("leap-frog", "euler", "unknown-choice", "\"euler\""),
         ("[output]", "[steps]\nend = 1.0\n[output]", "conflicting-keys", "steps"),
         ("v = [\"0.05", "u = [0, 0]\nv = [\"0.05", "conflicting-keys", "v"),

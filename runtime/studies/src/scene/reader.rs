@@ -241,11 +241,28 @@ impl Reader {
         None
     }
 
-    /// A number greater than 0, or a word for none.
-    pub(super) fn positive_or(&mut self, field: Field<'_>, word: &str) -> Option<Option<f64>> {
+    /// A time greater than 0: a number in s, or a text with a unit.
+    pub(super) fn seconds(&mut self, field: Field<'_>) -> Option<f64> {
+        let Kind::Text(text) = &field.node.kind else { return self.positive(field) };
+        match piola_compiler::quantity(field.key, &text.value, "s") {
+            Ok(value) if value > 0.0 && value.is_finite() => Some(value),
+            Ok(_) => {
+                self.out_of_range(field, "greater than 0");
+                None
+            }
+            Err(error) => {
+                let found = Diagnostic::error(error.code, text.content, error.message);
+                self.error(found.help("write a number in s, or a text with a unit: \"60 us\""));
+                None
+            }
+        }
+    }
+
+    /// The same, or a word for none.
+    pub(super) fn seconds_or(&mut self, field: Field<'_>, word: &str) -> Option<Option<f64>> {
         match &field.node.kind {
             Kind::Text(text) if text.value == word => Some(None),
-            _ => self.positive(field).map(Some),
+            _ => self.seconds(field).map(Some),
         }
     }
 

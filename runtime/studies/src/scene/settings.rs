@@ -134,10 +134,12 @@ pub struct OutputSettings {
     pub every: Option<f64>,
     /// Of a motion: how many rows its tables have after the first.
     pub rows: usize,
+    /// Of a motion: the time of the wall between checkpoints in s.
+    pub checkpoint: f64,
 }
 
 impl Default for OutputSettings {
     fn default() -> Self {
-        OutputSettings { frames: 25, every: None, rows: 1000 }
+        OutputSettings { frames: 25, every: None, rows: 1000, checkpoint: 600.0 }
     }
 }

@@ -184,7 +184,8 @@ fn every_default_is_filled_in() {
         max_iterations: 25,
     };
     assert_eq!(scene.solver, solver);
-    assert_eq!(scene.output, OutputSettings { frames: 25, every: None, rows: 1000 });
+    let output = OutputSettings { frames: 25, every: None, rows: 1000, checkpoint: 600.0 };
+    assert_eq!(scene.output, output);
 }
 
 const CLOUD: &str = "[body]\ndimension = 3\npoints = \"cloud.csv\"\n[horizon]\nradius = 0.2\n\

@@ -19,5 +19,5 @@ mod work;
 
 pub use cost::{LinearCost, PassCost, SceneCost, cost};
 pub use equilibrium::{Attempt, Equilibrium, NamedVector, solve};
-pub use run::{Ending, RunError, RunOptions, run};
+pub use run::{Ending, Origin, RunError, RunOptions, run};
 pub use work::Pass;

@@ -34,11 +34,25 @@ use crate::scene::{Scene, Unstable};
 use super::motion;
 
 /// What a run is told beside the scene.
+#[derive(Clone, Debug, Default)]
 pub struct RunOptions<'a> {
     /// In the headline of the picture.
     pub title: &'a str,
     /// What the user was warned of, for the summary.
     pub warnings: Vec<String>,
+    /// Where the scene comes from, for who takes up the run again.
+    pub origin: Origin<'a>,
+    /// Whether a motion goes on from the checkpoint in its folder.
+    pub resumes: bool,
+}
+
+/// What a scene was read from.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Origin<'a> {
+    /// The path of its file; empty where there is none.
+    pub scene: &'a str,
+    /// What was overridden, `KEY=VALUE`.
+    pub settings: &'a [String],
 }
 
 /// How a run ended.
@@ -93,6 +107,10 @@ pub fn run(
 ) -> Result<Ending, RunError> {
     if let Some(scene) = &case.scene.motion {
         return motion::run(case, scene, folder, options, watch);
+    }
+    if options.resumes {
+        let path = folder.path().to_owned();
+        return Err(OutputError::NoCheckpoint { path }.into());
     }
     case.check_rest()?;
     let mut clock = PhaseClock::new();
@@ -495,6 +513,11 @@ impl<'a> Recorder<'a> {
     }
 }
 
+/// The name of what is run.
+pub(super) fn hash(case: &Case, resolved: &str) -> String {
+    scene_hash(resolved, case.potentials.iter().map(|p| p.text.text.as_str()))
+}
+
 /// What the summaries of all runs have.
 pub(super) fn summary(
     case: &Case,
@@ -509,7 +532,7 @@ pub(super) fn summary(
     warnings.extend(ending.warnings.iter().cloned());
     Summary {
         versions: versions(),
-        scene_hash: scene_hash(resolved, case.potentials.iter().map(|p| p.text.text.as_str())),
+        scene_hash: hash(case, resolved),
         exit_reason: ending.reason,
         exit_message: ending.message.clone(),
         dimension: body.dimension(),

@@ -70,10 +70,11 @@ pub(super) const SOLVER_KEYS: [Row<SolverSettings>; 12] = [
     ("max_iterations", "25", |solver| Slot::Count(&mut solver.max_iterations, 1)),
 ];
 
-pub(super) const OUTPUT_KEYS: [Row<OutputSettings>; 3] = [
+pub(super) const OUTPUT_KEYS: [Row<OutputSettings>; 4] = [
     ("frames", "25", |output| Slot::Count(&mut output.frames, 0)),
-    ("every", "1e-6", |output| Slot::PositiveOr(&mut output.every, "frames")),
+    ("every", "\"1 us\"", |output| Slot::SecondsOr(&mut output.every, "frames")),
     ("rows", "1000", |output| Slot::Count(&mut output.rows, 1)),
+    ("checkpoint", "\"600 s\"", |output| Slot::Seconds(&mut output.checkpoint)),
 ];
 
 impl Scene {
@@ -155,7 +156,7 @@ impl Reader {
         };
         let keys = [root.get("steps"), root.get("initial")];
         self.check_motion(motion.as_ref(), keys, (&prescriptions, &loads), (&materials, &regions));
-        self.check_output(motion.as_ref(), output_table.as_ref());
+        self.check_output(motion.as_ref(), output_table.as_ref(), &output);
         Some(Scene {
             body: body?,
             horizon: horizon?,

@@ -8,7 +8,8 @@ use crate::scene::keys::{Row, Slot, named};
 use crate::scene::reader::{Field, Reader, Schema, Table};
 use crate::scene::tree::{Entry, Kind, Node};
 use crate::scene::{
-    Given, Initial, Load, LoadKind, Located, Material, Motion, Prescription, Quantity, Region,
+    Given, Initial, Load, LoadKind, Located, Material, Motion, OutputSettings, Prescription,
+    Quantity, Region,
 };
 
 static MOTION: Schema = Schema { title: "[motion]", keys: &named(&MOTION_KEYS) };
@@ -20,8 +21,8 @@ static INITIAL: Schema = Schema {
 /// In the order in which they are written.
 pub(in crate::scene) const MOTION_KEYS: [Row<Motion>; 6] = [
     ("method", "\"verlet\"", |motion| Slot::Word(&mut motion.method)),
-    ("end", "60e-6", |motion| Slot::Positive(&mut motion.end)),
-    ("step", "\"auto\"", |motion| Slot::PositiveOr(&mut motion.step, "auto")),
+    ("end", "\"60 us\"", |motion| Slot::Seconds(&mut motion.end)),
+    ("step", "\"auto\"", |motion| Slot::SecondsOr(&mut motion.step, "auto")),
     ("safety", "0.9", |motion| Slot::Fraction(&mut motion.safety)),
     ("damping", "0.0", |motion| Slot::NotNegative(&mut motion.damping)),
     ("unstable", "true", |motion| Slot::Switch(&mut motion.unstable)),
@@ -115,19 +116,21 @@ impl Reader {
     }
 
     /// Keys of `[output]` that tables of a motion have alone.
-    pub(super) fn check_output(&mut self, motion: Option<&Motion>, output: Option<&Table<'_>>) {
+    pub(super) fn check_output(
+        &mut self,
+        motion: Option<&Motion>,
+        output: Option<&Table<'_>>,
+        settings: &OutputSettings,
+    ) {
         let Some(output) = output else { return };
-        let every = output.get("every").filter(|entry| !is_word(entry, "frames"));
-        if let (Some(motion), Some(_), Some(field)) = (motion, every, output.field("every")) {
+        let every = settings.every.zip(output.field("every"));
+        if let (Some(motion), Some((every, field))) = (motion, every) {
             if let Some(frames) = output.get("frames") {
                 let message = "`every` and `frames` both say which frames are written";
                 let found = Diagnostic::error("conflicting-keys", frames.key_span, message);
                 self.error(found.help("leave one of them out"));
             }
-            if let Kind::Number { .. } = field.node.kind
-                && let Some(every) = self.number(field)
-                && motion.end / every > MOST_FRAMES
-            {
+            if motion.end / every > MOST_FRAMES {
                 let frames = motion.end / every;
                 let message = format!("{frames:.1e} frames lead to the end of {:e} s", motion.end);
                 let found = Diagnostic::error("out-of-range", field.node.span, message);
@@ -137,7 +140,7 @@ impl Reader {
             }
         }
         if motion.is_none() {
-            for key in ["every", "rows"] {
+            for key in ["every", "rows", "checkpoint"] {
                 if let Some(entry) = output.get(key).filter(|entry| !is_word(entry, "frames")) {
                     let message =
                         format!("`{key}` is for bodies that move, and the scene has no [motion]");

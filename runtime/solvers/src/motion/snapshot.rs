@@ -1,0 +1,112 @@
+//! A motion between two steps, to be taken up again with the same bits.
+
+use std::borrow::Cow;
+
+use piola_mechanics::energy::Energy;
+
+use super::balance::Balance;
+use super::{CriticalStep, Initial, Motion, MotionDrive, MotionError, MotionSettings};
+use crate::watch::Watch;
+
+/// Where a motion stands between two steps: all that its next steps rest on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Snapshot<'a> {
+    /// One array per name of [`Snapshot::NAMES`]: scalars, then vectors `n x d` in the body's order;
+    /// displacements in m, velocities in the middle of the step to come in m/s, each with what rounding
+    /// left behind, and `dE/du` in N, by which a body is known again.
+    pub arrays: [Cow<'a, [f64]>; 6],
+    /// What the reader was told so far.
+    pub notes: Cow<'a, [String]>,
+}
+
+impl Snapshot<'_> {
+    /// What its arrays are.
+    pub const NAMES: [&'static str; 6] =
+        ["numbers", "displacements", "displacements_low", "velocities", "velocities_low", "forces"];
+}
+
+/// Scalars in a snapshot before those of the account.
+const N_SCALARS: usize = 8;
+
+impl<'a> Motion<'a> {
+    /// Where the motion stands. If it was ended between two rows, the row there is none that
+    /// it would have had, and the snapshot knows nothing of it.
+    pub fn snapshot(&self) -> Snapshot<'_> {
+        let numbers = self.before_end.clone().unwrap_or_else(|| self.numbers());
+        let vectors = [&self.u.value, &self.u.low, &self.v.value, &self.v.low, &self.forces];
+        let [u, u_low, v, v_low, forces] = vectors.map(|vector| Cow::Borrowed(&vector[..]));
+        let notes = Cow::Borrowed(&self.notes[..]);
+        Snapshot { arrays: [Cow::Owned(numbers), u, u_low, v, v_low, forces], notes }
+    }
+
+    /// Whether the motion was ended between two rows.
+    pub fn is_between_rows(&self) -> bool {
+        self.before_end.is_some()
+    }
+
+    pub(super) fn numbers(&self) -> Vec<f64> {
+        let critical = self.critical.map_or([f64::NAN; 4], |found| {
+            [found.seconds, found.frequency, found.uncertainty, found.products as f64]
+        });
+        let [a, b, c, d] = critical;
+        let (step, steps) = (self.done as f64, self.n_steps as f64);
+        let mut numbers = vec![step, steps, self.dt, self.least_critical, a, b, c, d];
+        assert_eq!(numbers.len(), N_SCALARS, "as many as are read");
+        numbers.extend(self.balance.numbers());
+        numbers
+    }
+
+    /// Goes on where a motion of the same body, conditions and settings stood: the next bits are
+    /// those that it would have had.
+    ///
+    /// # Errors
+    /// As [`Motion::new`]; a snapshot of another motion.
+    pub fn resume(
+        energy: &'a dyn Energy,
+        masses: &[f64],
+        drive: &'a dyn MotionDrive,
+        settings: &MotionSettings,
+        watch: &Watch,
+        snapshot: Snapshot<'_>,
+    ) -> Result<Motion<'a>, MotionError> {
+        let n = energy.positions().len();
+        let Snapshot { arrays, notes } = snapshot;
+        let [numbers, u, u_low, v, v_low, forces] = arrays.map(Cow::into_owned);
+        let is_of_body = [&u, &u_low, &v, &v_low, &forces].iter().all(|array| array.len() == n);
+        let other = |what| MotionError::OtherMotion { what };
+        if !is_of_body || numbers.len() != N_SCALARS + Balance::N_NUMBERS {
+            return Err(other("its arrays are of another size"));
+        }
+        let start = Initial { displacements: u, velocities: v };
+        let mut motion = Motion::of(energy, masses, start, drive, settings, watch)?;
+        (motion.u.low, motion.v.low) = (u_low, v_low);
+        motion.notes = notes.into_owned();
+        let [step, steps, dt, least, seconds, frequency, uncertainty, products, ref balance @ ..] =
+            numbers[..]
+        else {
+            return Err(other("its arrays are of another size"));
+        };
+        if !(dt > 0.0 && step <= steps && settings.end / steps == dt) {
+            return Err(other("its steps are others"));
+        }
+        (motion.done, motion.n_steps, motion.dt) = (step as usize, steps as usize, dt);
+        motion.least_critical = least;
+        motion.critical = seconds.is_finite().then_some(CriticalStep {
+            seconds,
+            frequency,
+            uncertainty,
+            products: products as usize,
+        });
+        motion.balance = Balance::of(balance);
+        motion.ask_forces(false)?;
+        let bits = |(one, other): (&f64, &f64)| one.to_bits() == other.to_bits();
+        if !motion.forces.iter().zip(&forces).all(bits) {
+            return Err(other("the forces of this body are others at its displacements"));
+        }
+        motion.ask_loads(true)?;
+        if motion.done < motion.n_steps {
+            motion.ask_displacements(motion.time(motion.done + 1))?;
+        }
+        Ok(motion)
+    }
+}

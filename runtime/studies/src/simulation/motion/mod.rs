@@ -1,0 +1,264 @@
+//! A body in motion: integration in time, and everything it leaves in the output folder.
+
+mod recorder;
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+
+use piola_output::checkpoint::Checkpoint;
+use piola_output::summary::{ExitReason, PhaseClock};
+use piola_output::{OutputError, OutputFile, OutputFolder, Points};
+use piola_solvers::Watch;
+use piola_solvers::march::{Advance, March as _, march};
+use piola_solvers::motion::{self, MotionError, MotionSettings, Snapshot};
+
+use super::run::{Ending, RunError, RunOptions, enter, hash, summary};
+use crate::case::{Case, CaseError};
+use crate::scene::Motion;
+use crate::scene::boundary::BoundaryConditions;
+use crate::scene::drive::{MotionConditions, initial};
+use recorder::Recorder;
+
+impl Case {
+    /// The mass of every point in kg, in the body's order; of a body in two dimensions per metre of
+    /// thickness, unless the scene states one. Nothing where a material has no density.
+    pub fn masses(&self) -> Option<Vec<f64>> {
+        let density = |law: usize| {
+            let own = self.scene.materials.iter().find(|material| material.law == law)?;
+            Some(own.density?.value * self.thickness())
+        };
+        let of_point = |(point, volume): (usize, &f64)| {
+            let law = self.materials.as_ref().map_or(0, |materials| materials.of(point).into());
+            Some(density(law)? * volume)
+        };
+        self.body.volumes().iter().enumerate().map(of_point).collect()
+    }
+}
+
+/// Refuses a body that moves where equilibria are asked for.
+pub(super) fn refuse(case: &Case) -> Result<(), CaseError> {
+    match case.scene.motion {
+        None => Ok(()),
+        Some(_) => Err(CaseError::Body {
+            message:
+                "this looks at equilibria, and the scene has [motion]: write [steps] in its place"
+                    .to_string(),
+        }),
+    }
+}
+
+/// How a motion is integrated.
+pub(super) fn settings(case: &Case, scene: &Motion) -> MotionSettings {
+    let output = &case.scene.output;
+    MotionSettings {
+        method: scene.method,
+        end: scene.end,
+        step: scene.step,
+        safety: scene.safety,
+        damping: scene.damping,
+        unstable: scene.unstable,
+        // Frames are rows, too.
+        rows: output.rows.max(frames(case, scene).ceil() as usize),
+    }
+}
+
+/// How many frames lead to the end.
+fn frames(case: &Case, scene: &Motion) -> f64 {
+    let output = &case.scene.output;
+    output.every.map_or(output.frames as f64, |every| scene.end / every)
+}
+
+/// Runs a case that moves and fills the folder.
+pub(super) fn run(
+    case: &Case,
+    scene: &Motion,
+    folder: &OutputFolder,
+    options: RunOptions<'_>,
+    watch: &Watch,
+) -> Result<Ending, RunError> {
+    case.check_rest()?;
+    let mut clock = PhaseClock::new();
+    enter(&mut clock, watch, "compile");
+    let compiled = case.compile()?;
+    enter(&mut clock, watch, "interactions");
+    let (energy, fields) = case.solved_energy(compiled)?;
+    fields.must_be_steady()?;
+    let selection = case.selection()?;
+    let boundary =
+        BoundaryConditions::new(&case.scene, &case.body, &selection).map_err(CaseError::from)?;
+    let masses = case.masses().ok_or_else(|| no_density(case))?;
+    let drive = MotionConditions::new(&boundary, &masses).map_err(CaseError::from)?;
+    let start = initial(&boundary).map_err(CaseError::from)?;
+    let settings = settings(case, scene);
+    let resolved = case.scene.resolved_toml();
+    let hash = hash(case, &resolved);
+    let earlier = if options.resumes { Some(earlier(folder, &hash)?) } else { None };
+    let made = match &earlier {
+        Some(earlier) => {
+            let from = snapshot(earlier, folder)?;
+            motion::Motion::resume(&energy, &masses, &drive, &settings, watch, from)
+        }
+        None => motion::Motion::new(&energy, &masses, start, &drive, &settings, watch),
+    };
+    let mut motion = made.map_err(|error| refused(case, &drive, error))?;
+
+    // From here on there is something to keep.
+    folder.write(OutputFile::ResolvedScene, resolved.as_bytes())?;
+    enter(&mut clock, watch, "move");
+    let points = Points::of(&case.body);
+    let run = recorder::Run { case, selection: &selection, folder, points: &points };
+    let known = recorder::header(options.origin, &hash);
+    let mut recorder = match &earlier {
+        Some(earlier) => Recorder::resume(run, known, earlier, &motion)?,
+        None => Recorder::new(run, known, &energy)?,
+    };
+    let first = if earlier.is_some() { Ok(Advance::End) } else { motion.advance_to(0) };
+    let result = first.and_then(|first| {
+        if let Advance::Step(row) = first
+            && recorder.record(&row, &motion.state()).is_break()
+        {
+            return Ok(ControlFlow::Break(()));
+        }
+        march(&mut motion, &mut |row, motion| {
+            recorder.record(row, &motion.state())?;
+            recorder.save_in_time(motion)
+        })
+    });
+    if recorder.failed.is_none() && matches!(result, Ok(ControlFlow::Break(()))) {
+        recorder.save(&motion);
+    }
+    if let Some(error) = recorder.failed.take() {
+        return Err(error.into());
+    }
+    enter(&mut clock, watch, "output");
+    let (reason, message) = match result {
+        Ok(ControlFlow::Continue(())) => (ExitReason::Completed, String::new()),
+        Ok(ControlFlow::Break(())) => {
+            let message = format!(
+                "interrupted; the motion has come to t = {:e} s, `piola run --resume {}` goes on",
+                recorder.t(),
+                folder.path().display()
+            );
+            (ExitReason::Interrupted, message)
+        }
+        Err(error) => {
+            let (reason, message) = stopped(case, &drive, error);
+            (reason, format!("{message}; the last row is that of t = {:e} s", recorder.t()))
+        }
+    };
+    let mut warnings: Vec<String> = motion.notes().to_vec();
+    if scene.unstable && motion.step() > motion.least_critical() {
+        warnings.push(format!(
+            "the step {:e} s is beyond the critical one, {:.6e} s: the motion is unstable",
+            motion.step(),
+            motion.least_critical()
+        ));
+    }
+    let ending = Ending {
+        reason,
+        message,
+        done: format!("{} steps of {:.6e} s", recorder.steps(), motion.step()),
+        steps: recorder.steps(),
+        indefinite: 0,
+        fails: false,
+        inverted: recorder.inverted(&energy),
+        warnings,
+    };
+    let told = recorder.summary(&motion, &masses, scene);
+    recorder.finish()?;
+    if reason == ExitReason::Completed {
+        folder.remove(OutputFile::Checkpoint)?;
+    }
+    let summary = summary(case, &energy, &ending, options.warnings, &resolved, &mut clock);
+    piola_output::summary::Summary { motion: told, ..summary }.write(folder)?;
+    Ok(ending)
+}
+
+/// What an earlier run in the folder left of this scene.
+fn earlier(folder: &OutputFolder, hash: &str) -> Result<Checkpoint<'static>, RunError> {
+    let none = || OutputError::NoCheckpoint { path: folder.path().to_owned() };
+    let earlier = Checkpoint::read(folder)?.ok_or_else(none)?;
+    if earlier.header.scene_hash != hash {
+        let message = format!(
+            "the scene or its potential has changed since `{}` was run: a run goes on as it began, \
+             or begins anew with `--force`",
+            folder.path().display()
+        );
+        return Err(CaseError::Body { message }.into());
+    }
+    Ok(earlier)
+}
+
+/// Where the motion stood.
+fn snapshot<'a>(
+    earlier: &'a Checkpoint<'_>,
+    folder: &OutputFolder,
+) -> Result<Snapshot<'a>, OutputError> {
+    let array = |name: &str| earlier.arrays.iter().find(|(known, _)| known == name);
+    let found = Snapshot::NAMES.map(|name| array(name).map(|(_, values)| &values[..]));
+    if found.iter().any(Option::is_none) {
+        return Err(OutputError::Checkpoint { path: folder.path_of(OutputFile::Checkpoint) });
+    }
+    let arrays = found.map(|values| Cow::Borrowed(values.unwrap_or_default()));
+    Ok(Snapshot { arrays, notes: Cow::Borrowed(&earlier.header.notes) })
+}
+
+/// A scene that was changed after it was read: the reader wants a density of every material.
+fn no_density(case: &Case) -> CaseError {
+    let name = case.potentials.first().map_or("", |potential| potential.model.name());
+    CaseError::Body {
+        message: format!("a body that moves needs the density of its material ({name})"),
+    }
+}
+
+/// Why a motion cannot start, in the scene's words.
+fn refused(case: &Case, drive: &MotionConditions<'_>, error: MotionError) -> CaseError {
+    let message = match error {
+        MotionError::Drive { .. } => match drive.problem() {
+            Some(problem) => return problem.into(),
+            None => error.to_string(),
+        },
+        MotionError::TooLong { .. } => format!(
+            "{error}; leave `step` out, or write a smaller one in [motion] (unstable = true takes it \
+             all the same)"
+        ),
+        MotionError::NonFinite { ref cause, .. } => case.describe(cause),
+        _ => in_users_order(case, error).to_string(),
+    };
+    CaseError::Body { message }
+}
+
+/// Why a motion does not go on, in the scene's words.
+fn stopped(case: &Case, drive: &MotionConditions<'_>, error: MotionError) -> (ExitReason, String) {
+    match &error {
+        MotionError::Drive { .. } => {
+            let message = drive.problem().map_or_else(|| error.to_string(), |p| p.to_string());
+            (ExitReason::NonFinite, message)
+        }
+        MotionError::NonFinite { t, step, cause, unstable } => {
+            let unstable = match unstable {
+                Some(critical) => format!(" (unstable: the critical step is {critical:.6e} s)"),
+                None => String::new(),
+            };
+            let place = case.describe(cause);
+            (
+                ExitReason::NonFinite,
+                format!("at t = {t:e} s, after {step} steps{unstable}: {place}"),
+            )
+        }
+        _ => (ExitReason::Failed, in_users_order(case, error).to_string()),
+    }
+}
+
+/// The same with the number that the user knows the point by.
+fn in_users_order(case: &Case, error: MotionError) -> MotionError {
+    let number = |point: usize| case.body.user_index()[point] as usize;
+    match error {
+        MotionError::FlownOff(mut found) => {
+            found.point = number(found.point);
+            MotionError::FlownOff(found)
+        }
+        MotionError::Mass { point, mass } => MotionError::Mass { point: number(point), mass },
+        other => other,
+    }
+}

@@ -1,0 +1,312 @@
+//! What a body in motion leaves, row by row.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use piola_mechanics::energy::{Energy, Total};
+use piola_mechanics::interaction::Inverted;
+use piola_mechanics::words::Words;
+use piola_output::checkpoint::{Checkpoint, Header};
+use piola_output::motion::{MotionColumns, MotionEnergies, MotionRow, MotionSummary, MotionTables};
+use piola_output::pvd::FrameSeries;
+use piola_output::summary::Number;
+use piola_output::{Frame, OutputError, OutputFile, OutputFolder, Points, table};
+use piola_solvers::march::State;
+use piola_solvers::motion::{self, Row, Snapshot};
+
+use super::frames;
+use crate::case::Case;
+use crate::scene::Motion;
+use crate::scene::selection::Selection;
+use crate::simulation::run::{Origin, frame, sum_over};
+
+/// What is recorded, and where.
+#[derive(Clone, Copy)]
+pub(super) struct Run<'a> {
+    pub(super) case: &'a Case,
+    pub(super) selection: &'a Selection,
+    pub(super) folder: &'a OutputFolder,
+    pub(super) points: &'a Points,
+}
+
+/// What checkpoints know of a run.
+pub(super) fn header(origin: Origin<'_>, hash: &str) -> Header {
+    let (scene, settings) = (origin.scene.to_owned(), origin.settings.to_vec());
+    Header { scene, settings, scene_hash: hash.to_owned(), ..Header::default() }
+}
+
+/// Writes what the rows bring.
+pub(super) struct Recorder<'a> {
+    case: &'a Case,
+    selection: &'a Selection,
+    folder: &'a OutputFolder,
+    points: &'a Points,
+    frames: FrameSeries<'a>,
+    tables: MotionTables,
+    last: Option<(Row, Frame)>,
+    /// How many steps led to the last row, and its time in s.
+    reached: (usize, f64),
+    /// When the last frame was written.
+    framed: Option<f64>,
+    /// The largest part of the account that did not close, over the largest energy.
+    worst: Worst,
+    /// What every checkpoint of the run begins with.
+    known: Header,
+    /// What a checkpoint before the last row would hold of the output.
+    before: Mark,
+    /// When there was a checkpoint, or the run began.
+    saved: Instant,
+    /// From which step the run was taken up.
+    resumed: Option<usize>,
+    pub(super) failed: Option<OutputError>,
+}
+
+/// Energies in J.
+#[derive(Clone, Copy, Debug, Default)]
+struct Worst {
+    rounding: f64,
+    largest: f64,
+}
+
+/// How far the output is.
+#[derive(Clone, Debug, Default)]
+struct Mark {
+    tables: Vec<u64>,
+    frames: usize,
+    worst: Worst,
+}
+
+/// Arrays of a checkpoint beside those of the motion.
+const FRAME_TIMES: &str = "frame_times";
+const WORST: &str = "worst";
+
+impl<'a> Recorder<'a> {
+    pub(super) fn new(
+        run: Run<'a>,
+        known: Header,
+        energy: &Total<'_>,
+    ) -> Result<Recorder<'a>, OutputError> {
+        let Run { case, selection, folder, points } = run;
+        let columns = MotionColumns {
+            dimension: case.body.dimension(),
+            parts: energy.parts().to_vec(),
+            sets: selection.sets.iter().map(|set| set.name.clone()).collect(),
+            probes: selection.probes.iter().map(|probe| probe.name.clone()).collect(),
+        };
+        let (frames, tables) =
+            (FrameSeries::new(folder, points)?, MotionTables::new(folder, &columns)?);
+        Ok(Recorder::with(run, known, frames, tables))
+    }
+
+    /// Goes on where an earlier run stood; what it wrote after that is written again.
+    pub(super) fn resume(
+        run: Run<'a>,
+        known: Header,
+        earlier: &Checkpoint<'_>,
+        motion: &motion::Motion<'_>,
+    ) -> Result<Recorder<'a>, OutputError> {
+        let array = |name: &str| {
+            let found = earlier.arrays.iter().find(|(known, _)| known == name);
+            found.map(|(_, values)| values.to_vec()).ok_or_else(|| OutputError::Checkpoint {
+                path: run.folder.path_of(OutputFile::Checkpoint),
+            })
+        };
+        let (times, worst) = (array(FRAME_TIMES)?, array(WORST)?);
+        let framed = times.last().copied();
+        let tables = MotionTables::resume(run.folder, &earlier.header.tables)?;
+        let frames = FrameSeries::resume(run.folder, run.points, times)?;
+        let mut recorder = Recorder::with(run, known, frames, tables);
+        if let [rounding, largest] = worst[..] {
+            recorder.worst = Worst { rounding, largest };
+        }
+        recorder.reached = (motion.step_reached(), motion.time_reached());
+        recorder.resumed = Some(motion.step_reached());
+        recorder.framed = framed;
+        Ok(recorder)
+    }
+
+    fn with(
+        run: Run<'a>,
+        known: Header,
+        frames: FrameSeries<'a>,
+        tables: MotionTables,
+    ) -> Recorder<'a> {
+        let Run { case, selection, folder, points } = run;
+        Recorder {
+            case,
+            selection,
+            folder,
+            points,
+            frames,
+            tables,
+            last: None,
+            reached: (0, 0.0),
+            framed: None,
+            worst: Worst::default(),
+            known,
+            before: Mark::default(),
+            saved: Instant::now(),
+            resumed: None,
+            failed: None,
+        }
+    }
+
+    fn mark(&self) -> Mark {
+        Mark { tables: self.tables.lengths(), frames: self.frames.n_frames(), worst: self.worst }
+    }
+
+    /// A checkpoint behind the last row, when it is time for one.
+    pub(super) fn save_in_time(&mut self, motion: &motion::Motion<'_>) -> ControlFlow<()> {
+        let interval = Duration::try_from_secs_f64(self.case.scene.output.checkpoint);
+        if motion.is_between_rows() || !interval.is_ok_and(|time| self.saved.elapsed() >= time) {
+            return ControlFlow::Continue(());
+        }
+        self.save(motion);
+        if self.failed.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    /// A checkpoint where the motion stands. Of a row that is there only because the run was ended it
+    /// knows nothing: who goes on leaves the same files as who was never interrupted.
+    pub(super) fn save(&mut self, motion: &motion::Motion<'_>) {
+        let mark = if motion.is_between_rows() { self.before.clone() } else { self.mark() };
+        let Snapshot { arrays, notes } = motion.snapshot();
+        let names = Snapshot::NAMES.map(str::to_owned);
+        let mut all: Vec<_> = names.into_iter().zip(arrays).collect();
+        all.push((FRAME_TIMES.to_owned(), Cow::Borrowed(&self.frames.times()[..mark.frames])));
+        let worst = vec![mark.worst.rounding, mark.worst.largest];
+        all.push((WORST.to_owned(), Cow::Owned(worst)));
+        let header = Header { notes: notes.to_vec(), tables: mark.tables, ..self.known.clone() };
+        // No checkpoint of lines that a power cut could take.
+        let checkpoint = Checkpoint { header, arrays: all };
+        let written = self.tables.synchronise().and_then(|()| checkpoint.write(self.folder));
+        self.saved = Instant::now();
+        self.failed = written.err();
+    }
+
+    pub(super) fn t(&self) -> f64 {
+        self.reached.1
+    }
+
+    pub(super) fn steps(&self) -> usize {
+        self.reached.0
+    }
+
+    pub(super) fn record(&mut self, row: &Row, state: &State<'_>) -> ControlFlow<()> {
+        let (body, d) = (&self.case.body, self.case.body.dimension());
+        self.before = self.mark();
+        let residual: Vec<f64> =
+            state.internal_forces.iter().zip(state.loads).map(|(g, f)| g - f).collect();
+        let written = MotionRow {
+            step: row.step,
+            t: row.t,
+            kinetic: row.kinetic,
+            kinetic_leapfrog: row.kinetic_leapfrog,
+            parts: row.energy.iter().map(|(_, value)| value).collect(),
+            damping: row.damping,
+            external: row.external,
+            prescribed: row.prescribed,
+            quadrature: row.quadrature,
+            rounding: row.rounding,
+            momentum: row.momentum.clone(),
+            angular_momentum: row.angular_momentum.clone(),
+            reactions: self
+                .selection
+                .sets
+                .iter()
+                .map(|set| sum_over(&set.points, &residual, d))
+                .collect(),
+            probes: self
+                .selection
+                .probes
+                .iter()
+                .map(|probe| state.displacements[d * probe.point..d * (probe.point + 1)].to_vec())
+                .collect(),
+        };
+        let energies = [row.kinetic, row.external, row.prescribed, row.damping];
+        let largest = energies.iter().fold(row.energy.magnitude(), |most, x| most.max(x.abs()));
+        self.worst.largest = self.worst.largest.max(largest);
+        self.worst.rounding = self.worst.rounding.max(row.rounding.abs());
+        let is_due = self.is_due(row.t);
+        let mut now = frame(self.case, row.t, state.displacements, &residual);
+        now.velocity = body.to_user_order(state.velocities, d);
+        let done = self.tables.push(&written).and_then(|()| match is_due {
+            true => self.frames.push(&now),
+            false => Ok(()),
+        });
+        if is_due {
+            self.framed = Some(row.t);
+        }
+        self.reached = (row.step, row.t);
+        self.last = Some((row.clone(), now));
+        match done {
+            Ok(()) => ControlFlow::Continue(()),
+            Err(error) => {
+                self.failed = Some(error);
+                ControlFlow::Break(())
+            }
+        }
+    }
+
+    /// Frames are written at the first rows at or behind times that divide the way evenly.
+    fn is_due(&self, t: f64) -> bool {
+        let Some(motion) = &self.case.scene.motion else { return false };
+        let frames = frames(self.case, motion);
+        // The last row meets the end exactly, the others up to rounding.
+        let reached = (t / motion.end * frames * (1.0 + 1e-12)).floor() as usize;
+        reached >= self.frames.n_frames()
+    }
+
+    pub(super) fn summary(
+        &self,
+        motion: &motion::Motion<'_>,
+        masses: &[f64],
+        scene: &Motion,
+    ) -> Option<MotionSummary> {
+        let (row, _) = self.last.as_ref()?;
+        let finite = |x: f64| x.is_finite().then_some(Number(x));
+        Some(MotionSummary {
+            method: scene.method.word().to_string(),
+            step_seconds: Number(motion.step()),
+            critical_step_seconds: motion.critical().map(|found| Number(found.seconds)),
+            least_critical_step_seconds: finite(motion.least_critical()),
+            steps: motion.n_steps(),
+            steps_made: row.step,
+            t: Number(row.t),
+            mass: Number(masses.iter().fold(0.0, |sum, mass| sum + mass)),
+            energies: MotionEnergies {
+                kinetic: Number(row.kinetic),
+                stored: Number(row.energy.total()),
+                damping: Number(row.damping),
+                external: Number(row.external),
+                prescribed: Number(row.prescribed),
+                quadrature: Number(row.quadrature),
+            },
+            resumed_at_step: self.resumed,
+            rounding: Number(match self.worst {
+                Worst { rounding, largest } if largest > 0.0 => rounding / largest,
+                _ => 0.0,
+            }),
+        })
+    }
+
+    /// What is turned inside out at the last row.
+    pub(super) fn inverted(&self, energy: &Total<'_>) -> Inverted {
+        let Some((_, last)) = &self.last else { return Inverted::default() };
+        let body = &self.case.body;
+        energy.inverted(&body.from_user_order(&last.displacement, body.dimension()))
+    }
+
+    /// The frame of the last row, which may not be due, and the displacements at the end.
+    pub(super) fn finish(mut self) -> Result<(), OutputError> {
+        match &self.last {
+            Some((row, last)) => {
+                if self.framed.is_none_or(|t| t < row.t) {
+                    self.frames.push(last)?;
+                }
+                table::write_displacement(self.folder, self.points, &last.displacement)
+            }
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,182 @@
+//! Motions that are ended, however that may be, and taken up again.
+
+use std::fs;
+use std::io::Read as _;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use crate::motion::THROWN;
+use crate::scenes::STRIP;
+use crate::support::{Outcome, Random, SceneFolder, command, number, piola};
+
+/// How often runs are killed, in all.
+const KILLS: usize = 50;
+
+/// With a checkpoint at every row, for as many seconds of the body as make some of the wall.
+fn scene() -> SceneFolder {
+    let text = THROWN.replace("end = 0.5", "end = 40.0").replace("frames = 5", "frames = 20");
+    SceneFolder::new(&text.replace("rows = 50", "rows = 300\ncheckpoint = 1e-6"))
+}
+
+fn start(arguments: &[&str]) -> Child {
+    let mut command = command(arguments);
+    command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+    command.spawn().unwrap()
+}
+
+fn signal(child: &Child, name: &str) {
+    let status = Command::new("kill").args([name, &child.id().to_string()]).status().unwrap();
+    assert!(status.success());
+}
+
+fn resume(out: &Path, more: &[&str]) -> Outcome {
+    piola(&[&["run", "--resume", out.to_str().unwrap()], more].concat())
+}
+
+/// Everything that both folders hold, but what tells of the run and not of the body.
+fn are_the_same(one: &Path, other: &Path) {
+    let names = |folder: &Path| {
+        let mut names: Vec<String> = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .collect();
+        names.sort();
+        names
+    };
+    assert_eq!(names(one), names(other));
+    for folder in ["", "frames"] {
+        let [one, other] = [one, other].map(|out| out.join(folder));
+        assert_eq!(names(&one), names(&other));
+        for name in names(&one) {
+            if one.join(&name).is_file() && name != "summary.json" {
+                let same =
+                    fs::read(one.join(&name)).unwrap() == fs::read(other.join(&name)).unwrap();
+                assert!(same, "{folder}/{name}");
+            }
+        }
+    }
+}
+
+/// A run that nobody interrupts, and how long it takes.
+fn whole() -> (SceneFolder, Duration) {
+    let folder = scene();
+    let begin = Instant::now();
+    folder.run(&[]).expect(0);
+    assert!(!folder.out().join("checkpoint.bin").exists(), "there is nothing to go on with");
+    (folder, begin.elapsed())
+}
+
+/// Waits until a run has a checkpoint to go on from.
+fn wait_for_checkpoint(child: &mut Child, out: &Path) {
+    while !out.join("checkpoint.bin").exists() {
+        assert!(child.try_wait().unwrap().is_none(), "the run ended without a checkpoint");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+}
+
+#[test]
+fn a_run_that_is_killed_goes_on_with_the_same_bits() {
+    let (whole, time) = whole();
+    let mut random = Random(41);
+    let mut kills = 0;
+    while kills < KILLS {
+        let folder = scene();
+        let out = folder.out();
+        let (scene, out_name) = (folder.scene(), folder.path("out"));
+        let mut child = start(&["run", &scene, "--out", &out_name]);
+        wait_for_checkpoint(&mut child, &out);
+        loop {
+            std::thread::sleep(time.mul_f64(0.25 * random.next().abs()));
+            signal(&child, "-KILL");
+            if child.wait().unwrap().success() {
+                break;
+            }
+            kills += 1;
+            if !out.join("checkpoint.bin").exists() {
+                // Killed between the last step and the end of the program.
+                break;
+            }
+            child = start(&["run", "--resume", &out_name]);
+        }
+        if out.join("checkpoint.bin").exists() {
+            resume(&out, &[]).expect(0);
+        }
+        are_the_same(&whole.out(), &out);
+    }
+}
+
+#[test]
+fn a_run_that_is_interrupted_goes_on_with_the_same_bits() {
+    let (whole, _) = whole();
+    for (name, code) in [("-INT", 130), ("-TERM", 143)] {
+        let folder = scene();
+        let (scene, out) = (folder.scene(), folder.out());
+        let mut child = start(&["run", &scene, "--out", &folder.path("out")]);
+        wait_for_checkpoint(&mut child, &out);
+        signal(&child, name);
+        let mut said = String::new();
+        child.stderr.take().unwrap().read_to_string(&mut said).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(code), "{said}");
+        assert!(said.contains("piola run --resume"), "{said}");
+        let stopped = folder.summary();
+        assert_eq!(stopped["exit_reason"], "interrupted");
+        resume(&out, &["--threads", "1"]).expect(0);
+        are_the_same(&whole.out(), &out);
+        let summary = folder.summary();
+        assert_eq!(summary["exit_reason"], "completed");
+        assert_eq!(summary["motion"]["resumed_at_step"], stopped["motion"]["steps_made"]);
+        assert_eq!(summary["scene_hash"], whole.summary()["scene_hash"]);
+        assert_eq!(
+            number(&summary["motion"]["rounding"]),
+            number(&whole.summary()["motion"]["rounding"])
+        );
+        resume(&out, &[]).expect(2).says(&["no checkpoint", "[motion]"]);
+    }
+}
+
+/// A run that was ended at its first checkpoint.
+fn interrupted() -> SceneFolder {
+    let folder = scene();
+    let mut child = start(&["run", &folder.scene(), "--out", &folder.path("out")]);
+    wait_for_checkpoint(&mut child, &folder.out());
+    signal(&child, "-INT");
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    folder
+}
+
+#[test]
+fn what_is_no_longer_the_same_run_is_refused_and_nothing_is_touched() {
+    let folder = interrupted();
+    let out = folder.out();
+    let rows = fs::read(out.join("motion.csv")).unwrap();
+    let text = fs::read_to_string(folder.scene()).unwrap();
+    fs::write(folder.scene(), text.replace("C1 = 1e9", "C1 = 2e9")).unwrap();
+    resume(&out, &[]).expect(2).says(&["has changed", "--force"]);
+    // The scene may stand elsewhere now.
+    let moved = folder.file("moved.toml", &text);
+    fs::remove_file(folder.scene()).unwrap();
+    resume(&out, &[]).expect(2).says(&["scene.toml"]);
+    assert_eq!(fs::read(out.join("motion.csv")).unwrap(), rows);
+    for options in [["--out", "elsewhere"], ["--set", "motion.end=1"]] {
+        resume(&out, &options).expect(2).says(&["cannot be used with"]);
+    }
+    // A table that was cut, and a checkpoint that was.
+    fs::write(out.join("motion.csv"), &rows[..40]).unwrap();
+    resume(&out, &[&moved]).expect(2).says(&["motion.csv", "changed since"]);
+    fs::write(out.join("motion.csv"), &rows).unwrap();
+    let checkpoint = fs::read(out.join("checkpoint.bin")).unwrap();
+    fs::write(out.join("checkpoint.bin"), &checkpoint[..checkpoint.len() - 1]).unwrap();
+    resume(&out, &[&moved]).expect(2).says(&["checkpoint.bin", "damaged"]);
+    fs::write(out.join("checkpoint.bin"), &checkpoint).unwrap();
+    resume(&out, &[&moved]).expect(0);
+}
+
+#[test]
+fn there_must_be_something_to_go_on_from() {
+    let folder = SceneFolder::new(STRIP);
+    resume(&folder.out(), &[]).expect(2).says(&["out"]);
+    folder.run(&[]).expect(0);
+    resume(&folder.out(), &[]).expect(2).says(&["no checkpoint"]);
+    piola(&["run"]).expect(2).says(&["SCENE"]);
+}

@@ -39,10 +39,44 @@ struct Now {
     /// The time of the attempt, with its iterations and the last residual over the reaction.
     t: Option<f64>,
     newton: Option<(usize, f64)>,
-    /// The steps that a body in motion has made, and all.
-    moved: Option<(usize, usize)>,
+    /// How far a body in motion is.
+    moved: Option<Moved>,
     /// When something was last shown.
     shown: Instant,
+}
+
+/// The steps that a body in motion has made, and all; when the first of them was seen, and which
+/// that was: its pace is that since then.
+#[derive(Clone, Copy)]
+struct Moved {
+    step: usize,
+    n_steps: usize,
+    since: Instant,
+    from: usize,
+}
+
+impl Moved {
+    /// `step 120 of 3000, 214 steps per second, 13 s left`.
+    fn line(&self) -> String {
+        let Moved { step, n_steps, since, from } = *self;
+        let line = format!("step {step} of {n_steps}");
+        let pace = (step - from) as f64 / since.elapsed().as_secs_f64();
+        if step == from || !pace.is_finite() {
+            return line;
+        }
+        let left = Duration::try_from_secs_f64(((n_steps - step) as f64 / pace).ceil());
+        let left = left.map_or_else(|_| String::new(), |left| format!(", {} left", clock(left)));
+        format!("{line}, {pace:.3e} steps per second{left}")
+    }
+}
+
+/// `42 s`, `3 min 20 s`, `5 h 2 min`.
+fn clock(time: Duration) -> String {
+    match time.as_secs() {
+        s @ ..60 => format!("{s} s"),
+        s @ ..3600 => format!("{} min {} s", s / 60, s % 60),
+        s => format!("{} h {} min", s / 3600, s % 3600 / 60),
+    }
 }
 
 impl Progress {
@@ -100,8 +134,8 @@ impl Progress {
     /// What is going on.
     fn line(&self, now: &Now) -> String {
         let Some(t) = now.t else { return now.doing.to_string() };
-        if let Some((step, n_steps)) = now.moved {
-            return format!("t = {t:.4e} s: step {step} of {n_steps}");
+        if let Some(moved) = &now.moved {
+            return format!("t = {t:.4e} s: {}", moved.line());
         }
         let mut line = format!("t = {t:.6}:");
         if let Some((iterations, over_reaction)) = now.newton {
@@ -142,10 +176,13 @@ impl Progress {
 
     /// A body that moves: the bar goes on; lines come where it would be silent.
     fn moved(&self, now: &mut Now, t: f64, step: usize, n_steps: usize) {
-        (now.t, now.moved) = (Some(t), Some((step, n_steps)));
-        if let Some(bar) = &self.bar {
-            bar.set_position((1000.0 * step as f64 / n_steps as f64) as u64);
-        }
+        let (since, from) = match now.moved {
+            Some(before) => (before.since, before.from),
+            None => (Instant::now(), step),
+        };
+        (now.t, now.moved) = (Some(t), Some(Moved { step, n_steps, since, from }));
+        let Some(bar) = self.bar.as_ref().filter(|_| now.shown.elapsed() >= REFRESH) else { return };
+        bar.set_position((1000.0 * step as f64 / n_steps as f64) as u64);
         self.refresh(now);
     }
 
@@ -180,7 +217,7 @@ impl Observer for Progress {
         let now = &mut *self.now();
         match event {
             Event::Phase(doing) => {
-                (now.doing, now.t, now.newton) = (doing, None, None);
+                (now.doing, now.t, now.newton, now.moved) = (doing, None, None, None);
                 self.refresh(now);
             }
             Event::Attempt(t) => {
@@ -236,5 +273,16 @@ impl Drop for Shown {
             speaker.thread().unpark();
             let _ = speaker.join();
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_are_said_as_people_say_them() {
+        let said = [7, 200, 18_121].map(|s| clock(Duration::from_secs(s)));
+        assert_eq!(said, ["7 s", "3 min 20 s", "5 h 2 min"]);
     }
 }

@@ -442,6 +442,8 @@ impl<'a> Motion<'a> {
         while self.done < step && !self.is_over {
             self.is_over = self.watch.wants_end();
             self.go(self.is_over || self.done + 1 == step)?;
+            let (t, n_steps) = (self.time(self.done), self.n_steps);
+            self.watch.notice(Event::Moved { t, step: self.done, n_steps });
             if self.done.is_multiple_of(STEPS_BETWEEN_LOOKS) || self.done == self.n_steps {
                 self.look_again()?;
             }
@@ -449,9 +451,7 @@ impl<'a> Motion<'a> {
         if self.is_over && self.done < step {
             self.before_end = Some(self.numbers());
         }
-        let row = self.row();
-        self.watch.notice(Event::Moved { t: row.t, step: row.step, n_steps: self.n_steps });
-        Ok(Advance::Step(row))
+        Ok(Advance::Step(self.row()))
     }
 
     fn look_again(&mut self) -> Result<(), MotionError> {

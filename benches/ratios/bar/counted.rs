@@ -57,6 +57,10 @@ impl Energy for Counted<'_> {
         self.energy.springs(u, springs);
     }
 
+    fn virials(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {
+        self.energy.virials(u, virials)
+    }
+
     fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
         if matches!(wanted, Wanted::Forces(_)) {
             self.gradients.fetch_add(1, Ordering::Relaxed);

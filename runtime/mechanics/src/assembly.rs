@@ -415,6 +415,15 @@ impl Energy for DiscreteEnergy {
         }
     }
 
+    fn virials(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {
+        assert_eq!(virials.len(), u.len() * self.body.dimension(), "virials are n x d x d");
+        virials.fill(0.0);
+        match &self.rooms {
+            Rooms::Plane(rooms) => self.add_virials(rooms, u, virials),
+            Rooms::Space(rooms) => self.add_virials(rooms, u, virials),
+        }
+    }
+
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {
         let kind = self.signed().filter(|kind| kind.forbids_inversion())?;
         let end: Vec<f64> = u.iter().zip(step).map(|(u, step)| u + step).collect();

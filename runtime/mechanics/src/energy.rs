@@ -232,6 +232,21 @@ pub trait Energy: Sync {
     /// Energies that are not finite.
     fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite>;
 
+    /// How the energies of points change under a uniform displacement gradient `G` on top of `u`, where
+    /// the whole body moves by `G X`: `virials` become `dE_i/dG` in J, `n x d x d` row by row, of the
+    /// energies that [`Energy::shares`] gives. Over the volume that is the first Piola-Kirchhoff
+    /// stress: of `psi(F)` its derivative, of bonds their virial.
+    ///
+    /// # Errors
+    /// Derivatives that are not finite.
+    fn virials(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite>;
+
+    /// `F - I` of every point at `u`, where the energy is one of deformation gradients: `n x d x d` row by
+    /// row.
+    fn displacement_gradients(&self, _u: &[f64]) -> Option<Vec<f64>> {
+        None
+    }
+
     /// `d2E/du2` at `u`, for products: what they share is worked out now.
     ///
     /// # Errors

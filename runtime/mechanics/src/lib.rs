@@ -87,4 +87,4 @@ pub mod vector;
 pub mod weights;
 pub mod words;
 
-pub use fields::{deformation, states};
+pub use fields::{deformation, least_squares, states};

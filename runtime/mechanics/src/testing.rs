@@ -238,6 +238,12 @@ impl Energy for SpringNetwork {
         Ok(())
     }
 
+    /// Nor for these.
+    fn virials(&self, _: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {
+        virials.fill(f64::NAN);
+        Ok(())
+    }
+
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
         let mut tangent = BlockMatrix::zeros(&self.pattern);
         self.assemble(u, None, Some(&mut tangent))?;

@@ -293,3 +293,43 @@ fn fields_that_change_are_those_of_their_time() {
     }
     assert!(!KINDS[0].of("\"2 + X\"").changes_in_time());
 }
+
+/// The derivative of the energy of every point by a uniform gradient of displacements: against differences
+/// of these energies, and in their sum against the forces.
+#[test]
+fn virials_are_derivatives_of_the_energies_of_points() {
+    for kind in &KINDS {
+        for case in [kind.of("\"2 + X\""), kind.of_two("2.0", "5.0")] {
+            let energy = case.energy(case.compile().unwrap()).unwrap();
+            let (d, n) = (case.body.dimension(), case.body.n_points());
+            let u = displacement(&case, 0.02);
+            let mut virials = vec![0.0; n * d * d];
+            energy.virials(&u, &mut virials).unwrap();
+            let x = case.body.positions();
+            let mut forces = vec![0.0; u.len()];
+            energy.forces(&u, &mut forces).unwrap();
+            let (mut off, mut off_sum) = (0.0_f64, 0.0_f64);
+            for place in 0..d * d {
+                let (row, column) = (place / d, place % d);
+                let shares = |h: f64| {
+                    let along = |dof: usize| h * x[dof / d * d + column];
+                    let moved = |dof: usize| if dof % d == row { along(dof) } else { 0.0 };
+                    let moved: Vec<f64> = (0..u.len()).map(|dof| u[dof] + moved(dof)).collect();
+                    let mut shares = vec![0.0; n];
+                    energy.shares(&moved, &mut shares).unwrap();
+                    shares
+                };
+                let (after, before) = (shares(1e-5), shares(-1e-5));
+                let own = || virials.iter().skip(place).step_by(d * d);
+                for ((own, after), before) in own().zip(&after).zip(&before) {
+                    off = off.max((own - (after - before) / 2e-5).abs());
+                }
+                let pull = (0..n).fold(0.0, |sum, i| sum + forces[i * d + row] * x[i * d + column]);
+                off_sum = off_sum.max((own().fold(0.0, |sum, own| sum + own) - pull).abs());
+            }
+            let largest = virials.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            println!("{}: {:.1e}, sum {:.1e}", kind.name, off / largest, off_sum / largest);
+            assert!(off <= 1e-7 * largest && off_sum <= 1e-11 * largest, "{}", kind.name);
+        }
+    }
+}

@@ -1,4 +1,4 @@
-//! Products of the Hessian with a vector, without its matrix; and energies of points.
+//! Products of the Hessian with a vector, without its matrix; energies of points, and their virials.
 //!
 //! Each interaction's compact Hessian is used where it is evaluated and not added up. Rows of the
 //! Hessian add up to zero over the corners of an interaction, so that only displacements relative
@@ -68,6 +68,34 @@ impl<const D: usize, const K: usize> Sink<D, K> for Shares<'_> {
             let points = points::<D, K>(cliques, clique);
             let all = std::iter::once(cliques.owner()).chain(points);
             all.for_each(|point| self.rows[point] += part);
+        }
+    }
+}
+
+/// How the energies of the points change under a uniform displacement gradient.
+struct Virials<'a, const D: usize> {
+    /// At rest, in m.
+    positions: &'a [[f64; D]],
+    rows: Touched<'a, [[f64; D]; D]>,
+}
+
+impl<const D: usize, const K: usize> Sink<D, K> for Virials<'_, D> {
+    fn take(&mut self, cliques: &OwnerCliques<'_, D>, batch: &[Clique], out: &mut Contributions) {
+        let (owner, part) = (cliques.owner(), 1.0 / (K + 1) as f64);
+        for (lane, clique) in batch.iter().enumerate() {
+            let points = points::<D, K>(cliques, clique);
+            let mut virial = [[0.0; D]; D];
+            for (corner, &point) in points.iter().enumerate() {
+                let arm = minus(&self.positions[point], &self.positions[owner]);
+                for (axis, row) in virial.iter_mut().enumerate() {
+                    let force = part * out.gradient[corner * D + axis][lane];
+                    (0..D).for_each(|c| row[c] += force * arm[c]);
+                }
+            }
+            for point in std::iter::once(owner).chain(points) {
+                let all = self.rows[point].as_flattened_mut().iter_mut();
+                all.zip(virial.as_flattened()).for_each(|(sum, x)| *sum += x);
+            }
         }
     }
 }
@@ -171,6 +199,27 @@ impl DiscreteEnergy {
             let done = Visit { energy: self, slab, order: Order::Energy, u }.all(room, sink, true);
             done.map(|()| SlabEnergy::default())
         });
+        done.map(|_| ())
+    }
+
+    /// See [`crate::energy::Energy::virials`]; adds to what is there.
+    pub(super) fn add_virials<const D: usize>(
+        &self,
+        rooms: &Pool<Room<D>>,
+        u: &[f64],
+        virials: &mut [f64],
+    ) -> Result<(), NonFinite> {
+        let virials = virials.as_chunks_mut::<D>().0.as_chunks_mut::<D>().0;
+        let positions = self.body.positions().as_chunks::<D>().0;
+        let done = self.over_slabs(
+            rooms,
+            Part::new(Layout::Points(1), virials),
+            |slab, [here, next], room| {
+                let sink = Virials { positions, rows: Touched::new(here, next) };
+                let visit = Visit { energy: self, slab, order: Order::Gradient, u };
+                visit.all(room, sink, true).map(|()| SlabEnergy::default())
+            },
+        );
         done.map(|_| ())
     }
 }

@@ -336,6 +336,25 @@ impl Energy for Total<'_> {
         Ok(())
     }
 
+    fn virials(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {
+        let mut room = self.rooms.take(Room::default);
+        let Room { held, blocks: own, .. } = &mut *room;
+        let u = self.held(u, held);
+        own.resize(virials.len(), 0.0);
+        virials.fill(0.0);
+        for term in &self.terms {
+            term.virials(u, own)?;
+            add(virials, own);
+        }
+        Ok(())
+    }
+
+    fn displacement_gradients(&self, u: &[f64]) -> Option<Vec<f64>> {
+        let mut room = self.rooms.take(Room::default);
+        let u = self.held(u, &mut room.held);
+        self.terms.iter().find_map(|term| term.displacement_gradients(u))
+    }
+
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
         if self.products != Products::Exact {
             let (step, products) = (self.step(u), self.products);

@@ -5,6 +5,8 @@
 //! | [`deformation`] | deformation gradients, `H_i = sum_j (u_j - u_i) x G_ij`: correspondence peridynamics |
 //! | [`states`] | integrals of the lengths of bonds, `I_i = sum_j V_j g(l_ij, L_ij)`: ordinary state-based peridynamics |
 //!
+//! [`least_squares`] has deformation gradients for bodies whose energies know none.
+//!
 //! Both go one way: displacements give the fields, laws at points and at bonds give energies with their
 //! derivatives by the fields and by the displacements of bonds, and the transpose of the first map takes
 //! the former to forces. To first order the first map is `ds_i = sum_j G_ij (du_j - du_i)` for both, and
@@ -13,6 +15,7 @@
 //! preconditioned by.
 
 pub mod deformation;
+pub mod least_squares;
 pub(crate) mod springs;
 pub mod states;
 pub(crate) mod stored;

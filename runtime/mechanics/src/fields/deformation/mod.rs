@@ -262,6 +262,26 @@ impl DeformationEnergy {
         done.map(|_| ()).map_err(|failure| self.failed(failure, u))
     }
 
+    /// Stabilisations have none: they resist what is left of displacements beside their gradient.
+    fn virial<const D: usize>(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {
+        let mut room = self.room.take(Room::default);
+        let Room { h, parts, .. } = &mut *room;
+        let h = self.gradients_in::<D>(u, h);
+        let fields = Fields { u: u.as_chunks::<D>().0, h };
+        let (law, pass) = (self.law(), Pass::Virial);
+        let mut duals = Duals { stress: tensors::<D>(virials), ..Duals::default() };
+        let done = match &self.places {
+            Places::Bonds(bonds) => {
+                let whole = (&*self.body, self.operator.neighborhood(), &self.slabs);
+                over_bonds(&self.slabs, duals, parts, |slab, duals| {
+                    bonds.visit(law, whole, slab, (fields, pass), duals)
+                })
+            }
+            _ => over_points(law, self.body.volumes(), fields, pass, &mut duals, parts),
+        };
+        done.map(|_| ()).map_err(|failure| self.failed(failure, u))
+    }
+
     fn gradients<const D: usize>(&self, u: &[f64]) -> Vec<Tensor<D>> {
         let mut h = vec![[[0.0; D]; D]; self.body.n_points()];
         self.operator.gradient(u, &mut h);
@@ -482,6 +502,19 @@ impl Energy for DeformationEnergy {
             2 => self.share::<2>(u, shares),
             _ => self.share::<3>(u, shares),
         }
+    }
+
+    fn virials(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        virials.fill(0.0);
+        match self.body.dimension() {
+            2 => self.virial::<2>(u, virials),
+            _ => self.virial::<3>(u, virials),
+        }
+    }
+
+    fn displacement_gradients(&self, u: &[f64]) -> Option<Vec<f64>> {
+        Some(DeformationEnergy::displacement_gradients(self, u))
     }
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {

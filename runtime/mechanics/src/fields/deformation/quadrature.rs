@@ -63,6 +63,15 @@ impl<const D: usize> Bond<D> {
         h
     }
 
+    /// Adds half of a virial to either end.
+    fn share_virial(&self, stress: &Tensor<D>, weight: f64, duals: &mut TouchedDuals<'_, D>) {
+        let [i, j] = self.points;
+        for end in duals.stress.pair(i, j) {
+            let all = end.as_flattened_mut().iter_mut().zip(stress.as_flattened());
+            all.for_each(|(sum, x)| *sum += 0.5 * weight * x);
+        }
+    }
+
     /// Adds the transpose.
     #[inline(always)]
     fn scatter(&self, stress: &Tensor<D>, weight: f64, duals: &mut TouchedDuals<'_, D>) {
@@ -336,7 +345,7 @@ impl<const D: usize> Run<'_, D> {
         let places = (|lane: usize| bonds[lane].points, &*h);
         let done = match self.pass {
             Pass::Energy => self.batch.evaluate(law, places, false),
-            Pass::Gradient => self.batch.evaluate(law, places, true),
+            Pass::Gradient | Pass::Virial => self.batch.evaluate(law, places, true),
             Pass::Product(_) => self.batch.multiply(law, places, directions),
         };
         done.map_err(|lane| Failure {
@@ -348,7 +357,11 @@ impl<const D: usize> Run<'_, D> {
         }
         let (duals, batch) = (&mut self.duals, &self.batch);
         let lanes = || bonds.iter().zip(weights).enumerate();
-        if !duals.stress.is_empty() {
+        if matches!(self.pass, Pass::Virial) {
+            lanes().for_each(|(lane, (bond, weight))| {
+                bond.share_virial(&batch.tensor(lane), *weight, duals);
+            });
+        } else if !duals.stress.is_empty() {
             arch.dispatch(
                 #[inline(always)]
                 || {

@@ -29,6 +29,9 @@ pub(super) enum Pass<'a, const D: usize> {
     Energy,
     /// Also its derivatives.
     Gradient,
+    /// Also, in the place of the derivatives by `H`, those of the energies of points by a uniform `G`
+    /// on top of the fields: half of a bond's for either end.
+    Virial,
     /// Its second derivatives times these fields.
     Product(Fields<'a, D>),
 }
@@ -78,7 +81,7 @@ pub(super) fn over_points<const D: usize>(
         let places = (|lane| [range(chunk).start + lane; 2], h);
         let done = match pass {
             Pass::Energy => batch.evaluate(law, places, false),
-            Pass::Gradient => batch.evaluate(law, places, true),
+            Pass::Gradient | Pass::Virial => batch.evaluate(law, places, true),
             Pass::Product(direction) => batch.multiply(law, places, &direction.h[range(chunk)]),
         };
         done.map_err(|lane| Failure {

@@ -416,6 +416,15 @@ impl Energy for StateEnergy {
         Ok(())
     }
 
+    fn virials(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        virials.fill(0.0);
+        match self.body.dimension() {
+            2 => self.add_virials::<2>(u, virials),
+            _ => self.add_virials::<3>(u, virials),
+        }
+    }
+
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         match self.dimension() {

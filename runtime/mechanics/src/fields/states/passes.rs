@@ -45,6 +45,8 @@ pub(super) struct States {
     bends: Vec<f64>,
     /// The mean over both ends of the derivative of a bond's energy by its length.
     pub(super) tension: Vec<f64>,
+    /// Half of what it is more at the owner than at the other end, where virials are wanted.
+    uneven: Vec<f64>,
     /// The lowest point of each slab whose bonds have an energy that is not finite.
     failed: Vec<Option<usize>>,
 }
@@ -237,6 +239,16 @@ impl StateEnergy {
         u: &[f64],
         order: Order,
     ) -> Result<Taken<'_, States>, NonFinite> {
+        self.states_with::<D>(u, order, false)
+    }
+
+    /// The same; with the tensions of both ends apart, or not.
+    fn states_with<const D: usize>(
+        &self,
+        u: &[f64],
+        order: Order,
+        apart: bool,
+    ) -> Result<Taken<'_, States>, NonFinite> {
         self.work.provide(|| Work::new(self));
         let mut taken = self.states.take(States::default);
         let states = &mut *taken;
@@ -254,16 +266,18 @@ impl StateEnergy {
             Part::new(Layout::Points(1), &mut states.bonds),
             Part::new(Layout::Points(m), &mut states.adjoint),
         );
+        let n_uneven = if apart { n_tensions } else { 0 };
         let own = (
             Part::new(self.per_bond(1), room(&mut states.tension, n_tensions)),
+            Part::new(self.per_bond(1), room(&mut states.uneven, n_uneven)),
             Part::new(Layout::Slabs, &mut states.failed),
         );
         let known = (&states.integrals[..], &states.length[..], &states.change[..]);
-        visit(&self.slabs, shared, own, |slab, [here, next], (tension, failed)| {
+        visit(&self.slabs, shared, own, |slab, [here, next], (tension, uneven, failed)| {
             let energies = Touched::new(&mut here.0, &mut next.0);
             let adjoint = Touched::new(&mut here.1, &mut next.1);
-            let tension = tension.into_values();
-            let bad = self.energies_of_slab(slab, known, (energies, adjoint), tension);
+            let tensions = (tension.into_values(), uneven.into_values());
+            let bad = self.energies_of_slab(slab, known, (energies, adjoint), tensions);
             failed.into_values()[0] = bad;
         });
         let failed = states.failed.iter().copied().flatten();
@@ -306,7 +320,7 @@ impl StateEnergy {
         slab: usize,
         (integrals, length, change): (&[f64], &[f64], &[f64]),
         (mut energies, mut adjoint): (Touched<'_, f64>, Touched<'_, f64>),
-        tension: &mut [f64],
+        (tension, uneven): (&mut [f64], &mut [f64]),
     ) -> Option<usize> {
         let (volumes, m) = (self.body.volumes(), self.n_integrals());
         let (start, with_slopes) = (self.bonds_of(slab).start, !tension.is_empty());
@@ -319,8 +333,10 @@ impl StateEnergy {
             let rest = &self.rest[all.clone()];
             let n = all.len();
             let own = all.start - start..all.end - start;
-            let tension = if with_slopes { &mut tension[own] } else { &mut tension[0..0] };
+            let [tension, uneven] = [&mut *tension, &mut *uneven]
+                .map(|all| all.get_mut(own.clone()).unwrap_or_default());
             tension.fill(0.0);
+            uneven.fill(0.0);
             let work = &mut *work;
             if let Some(law) = &self.laws.bonds {
                 for end in 0..2 {
@@ -349,6 +365,8 @@ impl StateEnergy {
                         }
                     }
                     tension.iter_mut().zip(slopes).for_each(|(t, x)| *t += 0.5 * x);
+                    let half = if end == 0 { 0.5 } else { -0.5 };
+                    uneven.iter_mut().zip(slopes).for_each(|(t, x)| *t += half * x);
                 }
             }
         }
@@ -370,6 +388,44 @@ impl StateEnergy {
                 },
             );
         });
+    }
+
+    /// Adds the virials of points to `virials` (`n x d x d`).
+    pub(super) fn add_virials<const D: usize>(
+        &self,
+        u: &[f64],
+        virials: &mut [f64],
+    ) -> Result<(), NonFinite> {
+        let states = self.states_with::<D>(u, Order::Gradient, true)?;
+        let positions = self.body.positions().as_chunks::<D>().0;
+        let (volumes, m) = (self.body.volumes(), self.n_integrals());
+        let (normals, adjoint) = (states.normals::<D>(), &states.adjoint);
+        let virials = virials.as_chunks_mut::<D>().0.as_chunks_mut::<D>().0;
+        let virials = Part::new(Layout::Points(1), virials);
+        visit(&self.slabs, virials, (), |slab, [here, next], ()| {
+            let mut virials: Touched<'_, [[f64; D]; D]> = Touched::new(here, next);
+            let slopes = self.slopes(slab, &states);
+            for i in self.slabs.owners(slab) {
+                let bonds = self.neighborhood.bonds(i);
+                for (b, &j) in bonds.zip(self.neighborhood.upper(i)) {
+                    let j = j as usize;
+                    let (tension, uneven) = (states.tension[b], states.uneven[b]);
+                    for (point, direct) in [(i, tension + uneven), (j, tension - uneven)] {
+                        let mut pull = 0.5 * direct;
+                        for (place, k) in self.changing.iter().enumerate() {
+                            pull += adjoint[point * m + k] * slopes(place, b);
+                        }
+                        pull *= volumes[i] * volumes[j];
+                        for (row, normal) in virials[point].iter_mut().zip(&normals[b]) {
+                            for c in 0..D {
+                                row[c] += pull * normal * (positions[j][c] - positions[i][c]);
+                            }
+                        }
+                    }
+                }
+            }
+        });
+        Ok(())
     }
 
     #[inline(always)]

@@ -181,7 +181,9 @@ impl Progress {
             None => (Instant::now(), step),
         };
         (now.t, now.moved) = (Some(t), Some(Moved { step, n_steps, since, from }));
-        let Some(bar) = self.bar.as_ref().filter(|_| now.shown.elapsed() >= REFRESH) else { return };
+        let Some(bar) = self.bar.as_ref().filter(|_| now.shown.elapsed() >= REFRESH) else {
+            return;
+        };
         bar.set_position((1000.0 * step as f64 / n_steps as f64) as u64);
         self.refresh(now);
     }

@@ -60,16 +60,14 @@ pub(crate) fn decode_vtu(bytes: &[u8]) -> Result<VtuFile, String> {
 
     let piece = tag(header, "<Piece ").ok_or_else(|| wrong("there is no piece"))?;
     let n: usize = number(piece.0.get("NumberOfPoints"), "NumberOfPoints")?;
-    if number::<usize>(piece.0.get("NumberOfCells"), "NumberOfCells")? != n {
-        return Err(wrong("there must be one cell per point"));
-    }
+    let n_cells: usize = number(piece.0.get("NumberOfCells"), "NumberOfCells")?;
     let after_time = header.split_once("Name=\"TimeValue\"").map(|(_, rest)| rest);
     let time = after_time.and_then(|rest| rest.split_once('>')?.1.split_once('<'));
     let t = number(time.map(|(text, _)| text.to_owned()).as_ref(), "TimeValue")?;
 
     let mut file = VtuFile { t, positions: Vec::new(), arrays: Vec::new() };
     let mut rest = piece.1;
-    let mut cells_seen = 0;
+    let mut cells: HashMap<String, Vec<u8>> = HashMap::new();
     while let Some((attributes, after)) = tag(rest, "<DataArray ") {
         rest = after;
         let name = attributes.get("Name").map(|name| unescape(name)).unwrap_or_default();
@@ -79,21 +77,21 @@ pub(crate) fn decode_vtu(bytes: &[u8]) -> Result<VtuFile, String> {
         let kind = attributes.get("type").map(String::as_str).unwrap_or_default();
         let size = if kind == "UInt8" { 1 } else { 8 };
         let expected = n.checked_mul(components).and_then(|count| count.checked_mul(size));
-        if expected != Some(raw.len()) {
+        if kind == "Float64" && expected != Some(raw.len()) {
             return Err(wrong(format!("`{name}` has {} bytes for {n} points", raw.len())));
         }
         match (kind, name.as_str()) {
             ("Float64", "Points") if components == 3 => file.positions = floats(&raw),
             ("Float64", _) => file.arrays.push(VtuArray { name, components, values: floats(&raw) }),
             _ => {
-                cells_seen += 1;
-                check_cells(&name, &raw, n)?;
+                cells.insert(name, raw);
             }
         }
     }
-    if cells_seen != 3 || file.positions.len() != 3 * n {
-        return Err(wrong("the points or the cells are missing"));
+    if file.positions.len() != 3 * n {
+        return Err(wrong("the points are missing"));
     }
+    check_cells(&cells, n, n_cells)?;
     Ok(file)
 }
 
@@ -101,16 +99,37 @@ fn wrong(reason: impl std::fmt::Display) -> String {
     format!("not a whole piola frame: {reason}")
 }
 
-/// The cells must be vertices 0, 1, .. n-1.
-fn check_cells(name: &str, raw: &[u8], n: usize) -> Result<(), String> {
-    let integers = |first: i64| (0..n as i64).flat_map(move |k| (first + k).to_le_bytes());
-    let expected: Vec<u8> = match name {
-        "connectivity" => integers(0).collect(),
-        "offsets" => integers(1).collect(),
-        "types" => vec![VERTEX; n],
-        _ => return Err(wrong(format!("unknown array `{name}`"))),
+/// The cells must be vertices 0, 1, .. n-1, and then quadrilaterals or hexahedra of different points.
+fn check_cells(cells: &HashMap<String, Vec<u8>>, n: usize, n_cells: usize) -> Result<(), String> {
+    let array = |name: &str| {
+        cells.get(name).ok_or_else(|| wrong(format!("the array `{name}` of cells is missing")))
     };
-    if raw == expected { Ok(()) } else { Err(wrong(format!("`{name}` is not one vertex a point"))) }
+    let integers = |name: &str| -> Result<Vec<usize>, String> {
+        let words = array(name)?.chunks(8).map(|chunk| chunk.try_into().ok());
+        let words = words.collect::<Option<Vec<[u8; 8]>>>();
+        let words = words.ok_or_else(|| wrong(format!("`{name}` is cut")))?;
+        Ok(words.into_iter().map(|word| i64::from_le_bytes(word) as usize).collect())
+    };
+    let (points, ends, kinds) = (integers("connectivity")?, integers("offsets")?, array("types")?);
+    if cells.len() != 3 || ends.len() != n_cells || kinds.len() != n_cells || n_cells < n {
+        return Err(wrong("there must be a cell for each point at least"));
+    }
+    let mut start = 0;
+    for (cell, (end, kind)) in ends.iter().zip(kinds).enumerate() {
+        let own = points.get(start..*end).ok_or_else(|| wrong("a cell has no points"))?;
+        let is_right = match (cell < n, kind) {
+            (true, &VERTEX) => own == [cell],
+            (false, 9) => own.len() == 4,
+            (false, 12) => own.len() == 8,
+            _ => false,
+        };
+        let differ = (1..own.len()).all(|k| !own[..k].contains(&own[k]));
+        if !(is_right && differ && own.iter().all(|point| *point < n)) {
+            return Err(wrong(format!("cell {cell} of kind {kind} has the points {own:?}")));
+        }
+        start = *end;
+    }
+    if start == points.len() { Ok(()) } else { Err(wrong("there are points of no cell")) }
 }
 
 /// The attributes of the first element that starts with `opening`, and the text after it.

@@ -20,6 +20,7 @@
 #![cfg_attr(not(test), deny(clippy::print_stdout, clippy::print_stderr))]
 
 pub mod atomic;
+pub mod cells;
 pub mod checkpoint;
 pub mod folder;
 #[cfg(test)]
@@ -51,17 +52,21 @@ pub struct Points {
     pub volumes: Vec<f64>,
     /// Lattice spacing in m, if the points are a lattice.
     pub spacing: Option<f64>,
+    /// The cells between neighbours in a lattice, see [`cells::of_lattice`]; else none.
+    pub cells: Vec<u32>,
 }
 
 impl Points {
     /// The points of `body`, back in the user's order.
     pub fn of(body: &Body) -> Points {
-        Points {
-            dimension: body.dimension(),
-            positions: body.to_user_order(body.positions(), body.dimension()),
-            volumes: body.to_user_order(body.volumes(), 1),
-            spacing: body.spacing(),
-        }
+        let dimension = body.dimension();
+        let positions = body.to_user_order(body.positions(), dimension);
+        let cells = match body.spacing() {
+            Some(spacing) => cells::of_lattice(dimension, &positions, spacing),
+            None => Vec::new(),
+        };
+        let volumes = body.to_user_order(body.volumes(), 1);
+        Points { dimension, positions, volumes, spacing: body.spacing(), cells }
     }
 
     /// How many points there are.
@@ -87,8 +92,19 @@ pub struct Frame {
     pub residual: Vec<f64>,
     /// Velocities of a body in motion, `n x d`, in m/s; else none.
     pub velocity: Vec<f64>,
-    /// Further numbers per point, each with its name.
-    pub scalars: Vec<(String, Vec<f64>)>,
+    /// What else is known of every point.
+    pub fields: Vec<PointField>,
+}
+
+/// Numbers of every point, in the user's order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PointField {
+    /// Its name in ParaView.
+    pub name: String,
+    /// How many numbers a point has: 1, of a vector `d`, of a tensor 9, row by row.
+    pub components: usize,
+    /// Point by point.
+    pub values: Vec<f64>,
 }
 
 impl Frame {
@@ -99,13 +115,14 @@ impl Frame {
             displacement: body.to_user_order(displacement, body.dimension()),
             residual: body.to_user_order(residual, body.dimension()),
             velocity: Vec::new(),
-            scalars: Vec::new(),
+            fields: Vec::new(),
         }
     }
 
     /// The same frame with one more number per point, given in the body's order.
     pub fn with_scalar(mut self, body: &Body, name: &str, values: &[f64]) -> Frame {
-        self.scalars.push((name.to_owned(), body.to_user_order(values, 1)));
+        let (name, values) = (name.to_owned(), body.to_user_order(values, 1));
+        self.fields.push(PointField { name, components: 1, values });
         self
     }
 }
@@ -158,6 +175,7 @@ mod tests {
         let frame =
             Frame::of(&body, 0.5, &u, &[0.0; 6]).with_scalar(&body, "damage", &[2.0, 0.0, 1.0]);
         assert_eq!(frame.displacement, [0.0, 0.1, 1.0, 1.1, 2.0, 2.1]);
-        assert_eq!(frame.scalars, [("damage".to_owned(), vec![0.0, 1.0, 2.0])]);
+        assert_eq!(frame.fields[0].name, "damage");
+        assert_eq!(frame.fields[0].values, [0.0, 1.0, 2.0]);
     }
 }

@@ -97,6 +97,7 @@ mod tests {
             positions: vec![0.0, 0.0, 1.0, 0.0],
             volumes: vec![1.0, 1.0],
             spacing: Some(1.0),
+            cells: Vec::new(),
         }
     }
 
@@ -106,7 +107,7 @@ mod tests {
             displacement: vec![t; 4],
             residual: vec![0.0; 4],
             velocity: Vec::new(),
-            scalars: Vec::new(),
+            fields: Vec::new(),
         }
     }
 

@@ -160,8 +160,13 @@ mod tests {
             let numbers = |seed: f64| -> Vec<f64> {
                 (0..n * dimension).map(|i| (i as f64 + seed).sqrt() / 3.0 * 1e-3).collect()
             };
-            let points =
-                Points { dimension, positions: numbers(2.0), volumes: vec![1.0; n], spacing: None };
+            let points = Points {
+                dimension,
+                positions: numbers(2.0),
+                volumes: vec![1.0; n],
+                spacing: None,
+                cells: Vec::new(),
+            };
             let displacement = numbers(7.0);
             let text = displacement_table(&points, &displacement);
             let header = if dimension == 2 { "X,Y,u,v" } else { "X,Y,Z,u,v,w" };

@@ -1,4 +1,5 @@
-//! Frames as `.vtu` files: VTK's unstructured grid with one vertex cell per point.
+//! Frames as `.vtu` files: VTK's unstructured grid with one vertex cell per point, and of lattices
+//! quadrilaterals or hexahedra between them.
 //!
 //! The format is VTK XML with raw appended data, little endian, `UInt64` headers, zlib blocks
 //! (docs.vtk.org, "VTK XML file formats"). Points stand at their reference positions and carry
@@ -16,19 +17,21 @@ use super::{Frame, Points, decimal};
 /// Uncompressed bytes per zlib block: small enough to compress blocks on all threads.
 const BLOCK: usize = 1 << 18;
 
-/// The code of a vertex among VTK's cell types.
+/// Codes among VTK's cell types: a vertex, a quadrilateral, a hexahedron.
 const VTK_VERTEX: u8 = 1;
+const VTK_QUAD: u8 = 9;
+const VTK_HEXAHEDRON: u8 = 12;
 
 /// A frame as the bytes of a `.vtu` file.
 ///
-/// Point arrays: `displacement` (m), `residual` (N), in motion `velocity` (m/s), `volume` (m^d) and the frame's scalars.
+/// Point arrays: `displacement` (m), `residual` (N), in motion `velocity` (m/s), `volume` (m^d) and the frame's own.
 pub fn encode_vtu(points: &Points, frame: &Frame) -> Vec<u8> {
     let n = points.n_points();
     let d = points.dimension;
     let mut appended = Appended::default();
     let mut point_data = String::new();
     let mut add = |name: &str, values: &[f64], components: usize| {
-        let width = if components > 1 { 3 } else { 1 };
+        let width = if components == 2 { 3 } else { components };
         let bytes = float_bytes(&padded(values, components, width));
         point_data.push_str(&appended.array("Float64", name, width, &bytes));
     };
@@ -38,16 +41,22 @@ pub fn encode_vtu(points: &Points, frame: &Frame) -> Vec<u8> {
         add("velocity", &frame.velocity, d);
     }
     add("volume", &points.volumes, 1);
-    for (name, values) in &frame.scalars {
-        add(name, values, 1);
+    for field in &frame.fields {
+        add(&field.name, &field.values, field.components);
     }
     let positions = float_bytes(&padded(&points.positions, d, 3));
     let positions = appended.array("Float64", "Points", 3, &positions);
-    let connectivity = integer_bytes(0..n as i64);
+    let (corners, kind) = if d == 2 { (4, VTK_QUAD) } else { (8, VTK_HEXAHEDRON) };
+    let n_cells = points.cells.len() / corners;
+    let between = points.cells.iter().map(|point| i64::from(*point));
+    let connectivity = integer_bytes((0..n as i64).chain(between));
     let connectivity = appended.array("Int64", "connectivity", 1, &connectivity);
-    let offsets = integer_bytes(1..=n as i64);
+    let ends = (1..=n_cells).map(|cell| (n + cell * corners) as i64);
+    let offsets = integer_bytes((1..=n as i64).chain(ends));
     let offsets = appended.array("Int64", "offsets", 1, &offsets);
-    let types = appended.array("UInt8", "types", 1, &vec![VTK_VERTEX; n]);
+    let kinds = [vec![VTK_VERTEX; n], vec![kind; n_cells]].concat();
+    let types = appended.array("UInt8", "types", 1, &kinds);
+    let n_cells = n + n_cells;
     let t = decimal(frame.t);
 
     let mut out = format!(
@@ -57,7 +66,7 @@ pub fn encode_vtu(points: &Points, frame: &Frame) -> Vec<u8> {
 <FieldData>
 <DataArray type="Float64" Name="TimeValue" NumberOfTuples="1" format="ascii">{t}</DataArray>
 </FieldData>
-<Piece NumberOfPoints="{n}" NumberOfCells="{n}">
+<Piece NumberOfPoints="{n}" NumberOfCells="{n_cells}">
 <PointData Vectors="displacement">
 {point_data}</PointData>
 <Points>
@@ -150,7 +159,12 @@ pub(super) fn escape(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::PointField;
     use crate::frames::decode_vtu;
+
+    fn field(name: &str, components: usize, values: Vec<f64>) -> PointField {
+        PointField { name: name.to_owned(), components, values }
+    }
 
     /// `n` points with values that use all bits, some of them special.
     fn sample(dimension: usize, n: usize) -> (Points, Frame) {
@@ -160,14 +174,23 @@ mod tests {
             (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
         };
         let mut many = |count: usize| (0..count).map(|_| next()).collect::<Vec<f64>>();
-        let points =
-            Points { dimension, positions: many(n * dimension), volumes: many(n), spacing: None };
+        let points = Points {
+            dimension,
+            positions: many(n * dimension),
+            volumes: many(n),
+            spacing: None,
+            cells: Vec::new(),
+        };
         let mut frame = Frame {
             t: 0.1 + 0.2,
             displacement: many(n * dimension),
             residual: many(n * dimension),
             velocity: many(n * dimension),
-            scalars: vec![("a \"<&>\" b".to_owned(), many(n))],
+            fields: vec![
+                field("a \"<&>\" b", 1, many(n)),
+                field("vector", dimension, many(n * dimension)),
+                field("tensor", 9, many(9 * n)),
+            ],
         };
         for (slot, special) in
             frame.residual.iter_mut().zip([f64::INFINITY, -0.0, f64::MIN_POSITIVE / 8.0])
@@ -189,10 +212,15 @@ mod tests {
         expect_vectors(&frame.displacement, &file.array("displacement").unwrap().values);
         expect_vectors(&frame.residual, &file.array("residual").unwrap().values);
         assert_eq!(bits(&file.array("volume").unwrap().values), bits(&points.volumes));
-        let (name, values) = &frame.scalars[0];
-        assert_eq!(bits(&file.array(name).unwrap().values), bits(values));
+        let [scalar, vector, tensor] = &frame.fields[..] else { panic!("three") };
+        for field in [scalar, tensor] {
+            let read = file.array(&field.name).unwrap();
+            assert_eq!(read.components, field.components);
+            assert_eq!(bits(&read.values), bits(&field.values));
+        }
+        expect_vectors(&vector.values, &file.array("vector").unwrap().values);
         expect_vectors(&frame.velocity, &file.array("velocity").unwrap().values);
-        assert_eq!(file.arrays.len(), 5);
+        assert_eq!(file.arrays.len(), 7);
     }
 
     #[test]
@@ -202,6 +230,19 @@ mod tests {
         // Several blocks with a partial last one, and exactly full blocks (BLOCK / 8 numbers).
         check_round_trip(2, 30_000);
         check_round_trip(3, BLOCK / 8);
+    }
+
+    #[test]
+    fn a_lattice_has_cells_between_its_points() {
+        let (mut points, mut frame) = sample(3, 8);
+        points.positions = (0..8).flat_map(|k| [k / 4, k / 2 % 2, k % 2].map(f64::from)).collect();
+        points.cells = crate::cells::of_lattice(3, &points.positions, 1.0);
+        frame.fields.clear();
+        // The reader looks at every cell.
+        decode_vtu(&encode_vtu(&points, &frame)).unwrap();
+        assert_eq!(points.cells.len(), 8);
+        points.cells[3] = points.cells[2];
+        assert!(decode_vtu(&encode_vtu(&points, &frame)).is_err());
     }
 
     #[test]

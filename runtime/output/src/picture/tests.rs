@@ -37,9 +37,10 @@ fn stretched(n: [usize; 3], dimension: usize, stretch: f64) -> (Points, Frame, V
     }
     let n_points = positions.len() / dimension;
     let volumes = vec![libm::pow(spacing, dimension as f64); n_points];
-    let points = Points { dimension, positions, volumes, spacing: Some(spacing) };
+    let points =
+        Points { dimension, positions, volumes, spacing: Some(spacing), cells: Vec::new() };
     let residual = vec![0.0; displacement.len()];
-    let frame = Frame { t: 1.0, displacement, residual, velocity: Vec::new(), scalars: Vec::new() };
+    let frame = Frame { t: 1.0, displacement, residual, velocity: Vec::new(), fields: Vec::new() };
     let named = |name: &str, points| NamedPoints { name: name.to_owned(), points };
     (points, frame, vec![named("left", left), named("right", right)])
 }
@@ -310,14 +311,19 @@ fn strange_runs_are_drawn_too() {
     let svg = draw(&points, &frame, &sets, &empty);
     assert_eq!(svg.matches("no converged step").count(), 2);
     // One point, and a set that names points that do not exist.
-    let one =
-        Points { dimension: 2, positions: vec![1e9, -1e9], volumes: vec![1e-6], spacing: None };
+    let one = Points {
+        dimension: 2,
+        positions: vec![1e9, -1e9],
+        volumes: vec![1e-6],
+        spacing: None,
+        cells: Vec::new(),
+    };
     let still = Frame {
         t: 0.0,
         displacement: vec![0.0; 2],
         residual: vec![0.0; 2],
         velocity: Vec::new(),
-        scalars: Vec::new(),
+        fields: Vec::new(),
     };
     let ghosts = [NamedPoints { name: "ghosts".to_owned(), points: vec![7] }];
     assert!(!draw(&one, &still, &ghosts, &empty).contains("ghosts"));

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use piola_mechanics::words::Words;
 
+use super::FrameField;
 use super::reader::{Field, Reader, Table};
 
 /// A key, an example of its value that messages quote, and its field.
@@ -26,6 +27,8 @@ pub(super) const fn named<S, const N: usize>(
 pub(super) enum Slot<'a> {
     /// One of several words.
     Word(&'a mut dyn Choice),
+    /// An array of words, each once.
+    Fields(&'a mut Vec<FrameField>),
     /// Greater than 0.
     Positive(&'a mut f64),
     /// Greater than 0 and less than 1.
@@ -71,6 +74,7 @@ impl Slot<'_> {
     fn read(self, reader: &mut Reader, field: Field<'_>) {
         match self {
             Slot::Word(choice) => choice.read(reader, field),
+            Slot::Fields(fields) => take(fields, reader.choices(field)),
             Slot::Positive(value) => take(value, reader.positive(field)),
             Slot::Fraction(value) => take(value, reader.fraction(field)),
             Slot::NotNegative(value) => take(value, reader.not_negative(field)),
@@ -84,6 +88,10 @@ impl Slot<'_> {
     fn text(self) -> String {
         match self {
             Slot::Word(choice) => string(choice.word()),
+            Slot::Fields(fields) => {
+                let words: Vec<String> = fields.iter().map(|one| string(one.word())).collect();
+                format!("[{}]", words.join(", "))
+            }
             Slot::Positive(value)
             | Slot::Fraction(value)
             | Slot::NotNegative(value)

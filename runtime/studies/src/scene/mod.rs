@@ -50,7 +50,7 @@ pub use piola_mechanics::lattice::Nodes;
 pub use potential::{PotentialText, files_below};
 pub use read::MOST_LAWS;
 pub use settings::{
-    DerivativeSource, OutputSettings, SolverSettings, Steps, StrainSource, Unstable,
+    DerivativeSource, FrameField, OutputSettings, SolverSettings, Steps, StrainSource, Unstable,
 };
 pub use source::{Finding, SceneReport, SourceText, Sources};
 

@@ -277,19 +277,40 @@ impl Reader {
 
     /// One of the words of an option.
     pub(super) fn choice<T: Words>(&mut self, field: Field<'_>) -> Option<T> {
+        self.word(field, [""; 2])
+    }
+
+    /// The same; what stands around it where it is written.
+    fn word<T: Words>(&mut self, field: Field<'_>, [open, close]: [&str; 2]) -> Option<T> {
         let text = self.text(field)?;
         let choice = T::of_word(&text.value);
         if choice.is_none() {
             let words = T::words();
             let message = format!("`{}` cannot be \"{}\"", field.key, text.value);
             let diagnostic = Diagnostic::error("unknown-choice", field.node.span, message)
-                .help(format!("write {} = \"{}\"", field.key, words.join("\" or \"")));
+                .help(format!("write {} = {open}\"{}\"{close}", field.key, words.join("\" or \"")));
             self.error(match suggest(&text.value, words.iter().copied()) {
                 Some(near) => diagnostic.label(format!("did you mean \"{near}\"?")),
                 None => diagnostic,
             });
         }
         choice
+    }
+
+    /// Some of the words of an option, each at most once.
+    pub(super) fn choices<T: Words>(&mut self, field: Field<'_>) -> Option<Vec<T>> {
+        let items = self.array(field)?;
+        let read: Vec<Option<T>> =
+            items.iter().map(|item| self.word(field.item(item), ["[", ", ..]"])).collect();
+        let all = read.into_iter().collect::<Option<Vec<T>>>()?;
+        let again =
+            (0..all.len()).find(|&k| all[..k].iter().any(|one| one.word() == all[k].word()));
+        if let Some(again) = again {
+            let message = format!("\"{}\" stands here twice", all[again].word());
+            self.error(Diagnostic::error("conflicting-keys", items[again].span, message));
+            return None;
+        }
+        Some(all)
     }
 
     /// A key with one of the words of an option; without it the first of them.

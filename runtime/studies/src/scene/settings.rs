@@ -136,10 +136,59 @@ pub struct OutputSettings {
     pub rows: usize,
     /// Of a motion: the time of the wall between checkpoints in s.
     pub checkpoint: f64,
+    /// What frames have of every point beside displacement and residual.
+    pub fields: Vec<FrameField>,
+}
+
+/// What a frame may have of every point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FrameField {
+    /// Its energy over its volume.
+    EnergyDensity,
+    /// `F`.
+    DeformationGradient,
+    /// `det F`.
+    Jacobian,
+    /// Green and Lagrange's strain.
+    Strain,
+    /// Singular values of `F`.
+    PrincipalStretches,
+    /// First Piola-Kirchhoff stress.
+    PiolaStress,
+    /// Cauchy's stress.
+    Stress,
+    /// The equivalent of it by von Mises.
+    VonMises,
+    /// Its eigenvalues.
+    PrincipalStresses,
+    /// Of a motion.
+    Acceleration,
+    /// How many points are within the horizon.
+    Neighbours,
+    /// Which sets a point is in.
+    Sets,
+}
+
+impl Words for FrameField {
+    const WORDS: &'static [(&'static str, FrameField)] = &[
+        ("energy_density", FrameField::EnergyDensity),
+        ("deformation_gradient", FrameField::DeformationGradient),
+        ("jacobian", FrameField::Jacobian),
+        ("strain", FrameField::Strain),
+        ("principal_stretches", FrameField::PrincipalStretches),
+        ("piola_stress", FrameField::PiolaStress),
+        ("stress", FrameField::Stress),
+        ("von_mises", FrameField::VonMises),
+        ("principal_stresses", FrameField::PrincipalStresses),
+        ("acceleration", FrameField::Acceleration),
+        ("neighbours", FrameField::Neighbours),
+        ("sets", FrameField::Sets),
+    ];
 }
 
 impl Default for OutputSettings {
     fn default() -> Self {
-        OutputSettings { frames: 25, every: None, rows: 1000, checkpoint: 600.0 }
+        let fields = Vec::new();
+        OutputSettings { frames: 25, every: None, rows: 1000, checkpoint: 600.0, fields }
     }
 }

@@ -184,7 +184,13 @@ fn every_default_is_filled_in() {
         max_iterations: 25,
     };
     assert_eq!(scene.solver, solver);
-    let output = OutputSettings { frames: 25, every: None, rows: 1000, checkpoint: 600.0 };
+    let output = OutputSettings {
+        frames: 25,
+        every: None,
+        rows: 1000,
+        checkpoint: 600.0,
+        fields: Vec::new(),
+    };
     assert_eq!(scene.output, output);
 }
 

@@ -13,6 +13,7 @@ mod cost;
 mod equilibrium;
 mod forecast;
 mod motion;
+mod point_fields;
 mod rehearsal;
 mod run;
 mod work;

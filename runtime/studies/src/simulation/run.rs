@@ -28,10 +28,10 @@ use piola_solvers::{Event, Watch};
 use crate::case::{Case, CaseError, FieldsInTime, WrongField, explain};
 use crate::plan::available_memory;
 use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
-use crate::scene::selection::Selection;
 use crate::scene::{Scene, Unstable};
 
 use super::motion;
+use super::point_fields::PointFields;
 
 /// What a run is told beside the scene.
 #[derive(Clone, Debug, Default)]
@@ -129,7 +129,8 @@ pub fn run(
     enter(&mut clock, watch, "solve");
     let drive = SceneDrive::new(&boundary, &fields);
     let points = Points::of(&case.body);
-    let mut recorder = Recorder::new(case, &energy, &selection, folder, &points, clock)?;
+    let fields = PointFields { case, energy: &energy, selection: &selection, masses: None };
+    let mut recorder = Recorder::new(fields, folder, &points, clock)?;
     let result = run_steps(&energy, &drive, &settings(&case.scene), watch, &mut |record, state| {
         recorder.record(record, state)
     });
@@ -350,9 +351,7 @@ pub(super) fn failed(case: &Case, failure: &NotConverged) -> (ExitReason, String
 
 /// Writes what the steps bring.
 struct Recorder<'a> {
-    case: &'a Case,
-    energy: &'a Total<'a>,
-    selection: &'a Selection,
+    fields: PointFields<'a>,
     folder: &'a OutputFolder,
     points: &'a Points,
     clock: PhaseClock,
@@ -366,16 +365,16 @@ struct Recorder<'a> {
 
 impl<'a> Recorder<'a> {
     fn new(
-        case: &'a Case,
-        energy: &'a Total<'a>,
-        selection: &'a Selection,
+        fields: PointFields<'a>,
         folder: &'a OutputFolder,
         points: &'a Points,
         clock: PhaseClock,
     ) -> Result<Recorder<'a>, OutputError> {
+        let PointFields { case, energy, selection, .. } = fields;
         let mut frames = FrameSeries::new(folder, points)?;
         let zero = vec![0.0; points.positions.len()];
-        let last = frame(case, 0.0, &zero, &zero);
+        let mut last = frame(case, 0.0, &zero, &zero);
+        fields.fill(&mut last);
         frames.push(&last)?;
         let sets = selection.sets.iter().map(|set| set.name.clone()).collect();
         let probes = selection.probes.iter().map(|probe| probe.name.clone()).collect();
@@ -383,9 +382,7 @@ impl<'a> Recorder<'a> {
         let history = History::new(case.body.dimension(), parts, sets, probes);
         let nominal = 0;
         Ok(Recorder {
-            case,
-            energy,
-            selection,
+            fields,
             folder,
             points,
             clock,
@@ -400,8 +397,8 @@ impl<'a> Recorder<'a> {
 
     fn record(&mut self, record: &StepRecord, state: &State<'_>) -> ControlFlow<()> {
         self.clock.enter("output");
-        let body = &self.case.body;
-        let d = body.dimension();
+        let PointFields { case, energy, selection, .. } = self.fields;
+        let d = case.body.dimension();
         let residual: Vec<f64> =
             state.internal_forces.iter().zip(state.loads).map(|(g, f)| g - f).collect();
         self.history.push(piola_output::StepRecord {
@@ -410,14 +407,12 @@ impl<'a> Recorder<'a> {
             residual: record.residual.clone(),
             residual_over_reaction: record.residual_over_reaction.clone(),
             energy_parts: record.energy_parts.clone(),
-            reactions: self
-                .selection
+            reactions: selection
                 .sets
                 .iter()
                 .map(|set| sum_over(&set.points, &residual, d))
                 .collect(),
-            probes: self
-                .selection
+            probes: selection
                 .probes
                 .iter()
                 .map(|probe| state.displacements[d * probe.point..d * (probe.point + 1)].to_vec())
@@ -427,10 +422,10 @@ impl<'a> Recorder<'a> {
                 method: record.definiteness.method.clone(),
             },
             condition: record.condition,
-            inverted: self.energy.inverted(state.displacements),
+            inverted: energy.inverted(state.displacements),
         });
         self.warn_of_rounding(record);
-        self.last = frame(self.case, record.t, state.displacements, &residual);
+        self.last = frame(case, record.t, state.displacements, &residual);
         let written = self.write_step(record.nominal);
         self.clock.enter("solve");
         match written {
@@ -444,7 +439,7 @@ impl<'a> Recorder<'a> {
 
     /// Warns once of a tolerance that rounding does not let the residual meet but by luck.
     fn warn_of_rounding(&mut self, record: &StepRecord) {
-        let (tolerance, floor) = (self.case.scene.solver.tolerance, record.rounding_floor);
+        let (tolerance, floor) = (self.fields.case.scene.solver.tolerance, record.rounding_floor);
         if tolerance < floor && self.warnings.is_empty() {
             self.warnings.push(format!(
                 "the tolerance {tolerance:e} is below the rounding of the forces, {floor:.0e} of the \
@@ -458,9 +453,11 @@ impl<'a> Recorder<'a> {
         if nominal {
             self.nominal += 1;
             // Frames are spread evenly over the increments.
-            let (frames, all) = (self.case.scene.output.frames, self.case.scene.steps.increments);
+            let (frames, all) =
+                (self.fields.case.scene.output.frames, self.fields.case.scene.steps.increments);
             let due = |step: usize| step * frames.min(all) / all;
             if due(self.nominal) > due(self.nominal - 1) {
+                self.fields.fill(&mut self.last);
                 self.frames.push(&self.last)?;
             }
         }
@@ -475,14 +472,15 @@ impl<'a> Recorder<'a> {
         options: RunOptions<'_>,
     ) -> Result<(), OutputError> {
         self.clock.enter("output");
-        let (body, title) = (&self.case.body, options.title);
+        let PointFields { case, energy, .. } = self.fields;
+        let (body, title) = (&case.body, options.title);
         if self.history.steps.is_empty() {
             table::write_history(self.folder, &self.history)?;
         }
         let displacement = body.to_user_order(&outcome.displacements, body.dimension());
         table::write_displacement(self.folder, self.points, &displacement)?;
         let mut summary =
-            summary(self.case, self.energy, ending, options.warnings, resolved, &mut self.clock);
+            summary(case, energy, ending, options.warnings, resolved, &mut self.clock);
         summary.solver = Some(solver_summary(outcome));
         summary.steps = step_summaries(&self.history);
         // Before the picture: that takes longer, and is the smaller loss.
@@ -491,9 +489,9 @@ impl<'a> Recorder<'a> {
     }
 
     fn draw(&self, title: &str) -> Result<(), OutputError> {
-        let body = &self.case.body;
-        let sets: Vec<NamedPoints> = self
-            .selection
+        let PointFields { case, selection, .. } = self.fields;
+        let body = &case.body;
+        let sets: Vec<NamedPoints> = selection
             .sets
             .iter()
             .map(|set| NamedPoints {
@@ -507,7 +505,7 @@ impl<'a> Recorder<'a> {
             frame: &self.last,
             sets: &sets,
             history: &self.history,
-            tolerance: self.case.scene.solver.tolerance,
+            tolerance: self.fields.case.scene.solver.tolerance,
         };
         picture.write(self.folder)
     }
@@ -563,7 +561,8 @@ fn interactions(report: &Report) -> InteractionCounts {
     }
 }
 
-/// A frame of the body, with the materials of its points where there are several.
+/// A frame of the body, with the materials of its points where there are several; its own fields are
+/// filled in where it is written.
 pub(super) fn frame(case: &Case, t: f64, displacement: &[f64], residual: &[f64]) -> Frame {
     let frame = Frame::of(&case.body, t, displacement, residual);
     let Some(materials) = &case.materials else { return frame };

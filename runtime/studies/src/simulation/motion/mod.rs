@@ -17,6 +17,7 @@ use crate::case::{Case, CaseError};
 use crate::scene::Motion;
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::drive::{MotionConditions, initial};
+use crate::simulation::point_fields::PointFields;
 use recorder::Recorder;
 
 impl Case {
@@ -106,11 +107,13 @@ pub(super) fn run(
     folder.write(OutputFile::ResolvedScene, resolved.as_bytes())?;
     enter(&mut clock, watch, "move");
     let points = Points::of(&case.body);
-    let run = recorder::Run { case, selection: &selection, folder, points: &points };
+    let fields =
+        PointFields { case, energy: &energy, selection: &selection, masses: Some(&masses) };
+    let run = recorder::Run { fields, folder, points: &points };
     let known = recorder::header(options.origin, &hash);
     let mut recorder = match &earlier {
         Some(earlier) => Recorder::resume(run, known, earlier, &motion)?,
-        None => Recorder::new(run, known, &energy)?,
+        None => Recorder::new(run, known)?,
     };
     let first = if earlier.is_some() { Ok(Advance::End) } else { motion.advance_to(0) };
     let result = first.and_then(|first| {
@@ -161,7 +164,7 @@ pub(super) fn run(
         steps: recorder.steps(),
         indefinite: 0,
         fails: false,
-        inverted: recorder.inverted(&energy),
+        inverted: recorder.inverted(),
         warnings,
     };
     let told = recorder.summary(&motion, &masses, scene);

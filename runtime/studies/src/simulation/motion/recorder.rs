@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use piola_mechanics::energy::{Energy, Total};
+use piola_mechanics::energy::Energy as _;
 use piola_mechanics::interaction::Inverted;
 use piola_mechanics::words::Words;
 use piola_output::checkpoint::{Checkpoint, Header};
@@ -16,16 +16,15 @@ use piola_solvers::march::State;
 use piola_solvers::motion::{self, Row, Snapshot};
 
 use super::frames;
-use crate::case::Case;
 use crate::scene::Motion;
-use crate::scene::selection::Selection;
+use crate::simulation::point_fields::PointFields;
 use crate::simulation::run::{Origin, frame, sum_over};
 
 /// What is recorded, and where.
 #[derive(Clone, Copy)]
 pub(super) struct Run<'a> {
-    pub(super) case: &'a Case,
-    pub(super) selection: &'a Selection,
+    /// The body, its energy, its sets and what frames have of them.
+    pub(super) fields: PointFields<'a>,
     pub(super) folder: &'a OutputFolder,
     pub(super) points: &'a Points,
 }
@@ -38,8 +37,7 @@ pub(super) fn header(origin: Origin<'_>, hash: &str) -> Header {
 
 /// Writes what the rows bring.
 pub(super) struct Recorder<'a> {
-    case: &'a Case,
-    selection: &'a Selection,
+    fields: PointFields<'a>,
     folder: &'a OutputFolder,
     points: &'a Points,
     frames: FrameSeries<'a>,
@@ -82,12 +80,8 @@ const FRAME_TIMES: &str = "frame_times";
 const WORST: &str = "worst";
 
 impl<'a> Recorder<'a> {
-    pub(super) fn new(
-        run: Run<'a>,
-        known: Header,
-        energy: &Total<'_>,
-    ) -> Result<Recorder<'a>, OutputError> {
-        let Run { case, selection, folder, points } = run;
+    pub(super) fn new(run: Run<'a>, known: Header) -> Result<Recorder<'a>, OutputError> {
+        let Run { fields: PointFields { case, energy, selection, .. }, folder, points } = run;
         let columns = MotionColumns {
             dimension: case.body.dimension(),
             parts: energy.parts().to_vec(),
@@ -132,10 +126,9 @@ impl<'a> Recorder<'a> {
         frames: FrameSeries<'a>,
         tables: MotionTables,
     ) -> Recorder<'a> {
-        let Run { case, selection, folder, points } = run;
+        let Run { fields, folder, points } = run;
         Recorder {
-            case,
-            selection,
+            fields,
             folder,
             points,
             frames,
@@ -158,7 +151,7 @@ impl<'a> Recorder<'a> {
 
     /// A checkpoint behind the last row, when it is time for one.
     pub(super) fn save_in_time(&mut self, motion: &motion::Motion<'_>) -> ControlFlow<()> {
-        let interval = Duration::try_from_secs_f64(self.case.scene.output.checkpoint);
+        let interval = Duration::try_from_secs_f64(self.fields.case.scene.output.checkpoint);
         if motion.is_between_rows() || !interval.is_ok_and(|time| self.saved.elapsed() >= time) {
             return ControlFlow::Continue(());
         }
@@ -193,7 +186,8 @@ impl<'a> Recorder<'a> {
     }
 
     pub(super) fn record(&mut self, row: &Row, state: &State<'_>) -> ControlFlow<()> {
-        let (body, d) = (&self.case.body, self.case.body.dimension());
+        let PointFields { case, selection, .. } = self.fields;
+        let (body, d) = (&case.body, case.body.dimension());
         self.before = self.mark();
         let residual: Vec<f64> =
             state.internal_forces.iter().zip(state.loads).map(|(g, f)| g - f).collect();
@@ -210,14 +204,12 @@ impl<'a> Recorder<'a> {
             rounding: row.rounding,
             momentum: row.momentum.clone(),
             angular_momentum: row.angular_momentum.clone(),
-            reactions: self
-                .selection
+            reactions: selection
                 .sets
                 .iter()
                 .map(|set| sum_over(&set.points, &residual, d))
                 .collect(),
-            probes: self
-                .selection
+            probes: selection
                 .probes
                 .iter()
                 .map(|probe| state.displacements[d * probe.point..d * (probe.point + 1)].to_vec())
@@ -228,8 +220,11 @@ impl<'a> Recorder<'a> {
         self.worst.largest = self.worst.largest.max(largest);
         self.worst.rounding = self.worst.rounding.max(row.rounding.abs());
         let is_due = self.is_due(row.t);
-        let mut now = frame(self.case, row.t, state.displacements, &residual);
+        let mut now = frame(case, row.t, state.displacements, &residual);
         now.velocity = body.to_user_order(state.velocities, d);
+        if is_due {
+            self.fields.fill(&mut now);
+        }
         let done = self.tables.push(&written).and_then(|()| match is_due {
             true => self.frames.push(&now),
             false => Ok(()),
@@ -250,8 +245,8 @@ impl<'a> Recorder<'a> {
 
     /// Frames are written at the first rows at or behind times that divide the way evenly.
     fn is_due(&self, t: f64) -> bool {
-        let Some(motion) = &self.case.scene.motion else { return false };
-        let frames = frames(self.case, motion);
+        let Some(motion) = &self.fields.case.scene.motion else { return false };
+        let frames = frames(self.fields.case, motion);
         // The last row meets the end exactly, the others up to rounding.
         let reached = (t / motion.end * frames * (1.0 + 1e-12)).floor() as usize;
         reached >= self.frames.n_frames()
@@ -291,22 +286,19 @@ impl<'a> Recorder<'a> {
     }
 
     /// What is turned inside out at the last row.
-    pub(super) fn inverted(&self, energy: &Total<'_>) -> Inverted {
+    pub(super) fn inverted(&self) -> Inverted {
         let Some((_, last)) = &self.last else { return Inverted::default() };
-        let body = &self.case.body;
-        energy.inverted(&body.from_user_order(&last.displacement, body.dimension()))
+        let body = &self.fields.case.body;
+        self.fields.energy.inverted(&body.from_user_order(&last.displacement, body.dimension()))
     }
 
     /// The frame of the last row, which may not be due, and the displacements at the end.
     pub(super) fn finish(mut self) -> Result<(), OutputError> {
-        match &self.last {
-            Some((row, last)) => {
-                if self.framed.is_none_or(|t| t < row.t) {
-                    self.frames.push(last)?;
-                }
-                table::write_displacement(self.folder, self.points, &last.displacement)
-            }
-            None => Ok(()),
+        let Some((row, mut last)) = self.last.take() else { return Ok(()) };
+        if self.framed.is_none_or(|t| t < row.t) {
+            self.fields.fill(&mut last);
+            self.frames.push(&last)?;
         }
+        table::write_displacement(self.folder, self.points, &last.displacement)
     }
 }

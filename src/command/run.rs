@@ -186,7 +186,7 @@ fn report(case: &Case, ending: &Ending, folder: &OutputFolder, signal: Option<Si
             console::tell(&format!(
                 "{}; results in {path}: {}, run.pvd, summary.json",
                 ending.done,
-                if is_motion { "motion.csv" } else { "picture.png" }
+                if is_motion { "motion.csv, picture.png" } else { "picture.png" }
             ));
             return Exit::Done;
         }

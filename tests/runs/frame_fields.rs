@@ -169,6 +169,6 @@ fn fields_that_are_not_there_are_refused() {
         "fields = [",
     ]);
     scene("[\"stress\", \"stress\"]").expect(2).says(&["stands here twice"]);
-    scene("[\"acceleration\"]").expect(2).says(&["bodies that move"]);
+    scene("[\"acceleration\"]").expect(2).says(&["what bodies that move have"]);
     scene("\"stress\"").expect(2).says(&["expected an array", "[\"strain\""]);
 }

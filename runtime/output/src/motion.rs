@@ -1,13 +1,14 @@
 //! The tables of a body in motion, which grow by whole lines: a motion has too many rows for tables
 //! that are replaced after every one.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
 use std::path::PathBuf;
 
 use serde::Serialize;
 
 use super::atomic::Operation;
+use super::picture::Series;
 use super::summary::Number;
 use super::table::{AXES, COMPONENTS, quoted, time_and};
 use super::{OutputError, OutputFile, OutputFolder, decimal};
@@ -106,6 +107,28 @@ impl MotionTables {
         Ok(MotionTables { motion: next()?, reactions: next()?, probes: next()? })
     }
 
+    /// Energies in J and displacements at probes in m, against time in s, as the tables in the folder have
+    /// them: also those of an earlier part of the run.
+    ///
+    /// # Errors
+    /// Tables that cannot be read.
+    pub fn series(
+        folder: &OutputFolder,
+        columns: &MotionColumns,
+    ) -> Result<[Vec<Series>; 2], OutputError> {
+        let stored = 4;
+        let work = stored + columns.parts.len() + 1;
+        let names = ["kinetic", "stored", "damping", "external", "prescribed"];
+        let places = [2, stored, work, work + 1, work + 2];
+        let named = names.map(str::to_owned).into_iter().zip(places);
+        let is_there = |one: &Series| one.points.iter().any(|point| point.1 != 0.0);
+        let energies = read_series(folder, OutputFile::Motion, 1, named)?;
+        let probes = time_and(&columns.probes, &COMPONENTS[..columns.dimension]);
+        let named = probes.into_iter().zip(0..).skip(1);
+        let probes = read_series(folder, OutputFile::Probes, 0, named)?;
+        Ok([energies.into_iter().filter(is_there).collect(), probes])
+    }
+
     /// How long the tables are, in bytes.
     pub fn lengths(&self) -> Vec<u64> {
         [&self.motion, &self.reactions, &self.probes].map(|lines| lines.length).to_vec()
@@ -130,6 +153,26 @@ impl MotionTables {
         self.reactions.push(t().chain(row.reactions.iter().flatten()))?;
         self.probes.push(t().chain(row.probes.iter().flatten()))
     }
+}
+
+/// Columns of a table in the folder, with names, against the one that has the time.
+fn read_series(
+    folder: &OutputFolder,
+    file: OutputFile,
+    time: usize,
+    columns: impl Iterator<Item = (String, usize)>,
+) -> Result<Vec<Series>, OutputError> {
+    let path = folder.path_of(file);
+    let text = fs::read_to_string(&path).map_err(Operation::Read.on(&path))?;
+    let number = |field: &str| field.parse().unwrap_or(f64::NAN);
+    let rows: Vec<Vec<f64>> =
+        text.lines().skip(1).map(|line| line.split(',').map(number).collect()).collect();
+    let at = |row: &[f64], place: usize| row.get(place).copied().unwrap_or(f64::NAN);
+    let series = |(name, place)| {
+        let points = rows.iter().map(|row| (at(row, time), at(row, place))).collect();
+        Series { name, points }
+    };
+    Ok(columns.map(series).collect())
 }
 
 /// A file of lines: each is there as a whole or not yet.
@@ -269,5 +312,11 @@ mod tests {
         assert_eq!(read(OutputFile::Motion), first + &lines[1] + "\n");
         assert_eq!(read(OutputFile::Reactions), "t,left_x,left_y\n1e-6,1,-1\n1e-6,1,-1\n");
         assert_eq!(read(OutputFile::Probes), "t,tip_u,tip_v\n1e-6,0.1,0.2\n1e-6,0.1,0.2\n");
+        let [energies, probes] = MotionTables::series(&folder, &columns).unwrap();
+        let names = |all: &[Series]| all.iter().map(|one| one.name.clone()).collect::<Vec<_>>();
+        assert_eq!(names(&energies), ["kinetic", "stored", "external", "prescribed"]);
+        assert_eq!(energies[1].points, [(1e-6, 3.0); 2]);
+        assert_eq!(names(&probes), ["tip_u", "tip_v"]);
+        assert_eq!(probes[1].points, [(1e-6, 0.2); 2]);
     }
 }

@@ -5,7 +5,7 @@ use super::cells::{Cells, Facet};
 use super::chart::{Area, Axis, AxisKind, Chart, with_colour_bar};
 use super::discs::Discs;
 use super::motion::{Camera, Motion, bounds, dot};
-use super::{MOST_SHAPES, NamedPoints, ticks};
+use super::{Colour, MOST_SHAPES, NamedPoints, ticks};
 use crate::{Frame, Points};
 
 /// Below this fraction of the body's size, displacements are magnified to be seen.
@@ -46,8 +46,10 @@ pub(super) struct BodyView<'a> {
     names: Vec<&'a str>,
     camera: Camera,
     shapes: Shapes,
-    /// Largest magnitude of a displacement in m: the top of the colour bar.
-    largest: f64,
+    /// What colours show, and from where to where.
+    name: &'a str,
+    unit: &'a str,
+    shades: [f64; 2],
 }
 
 enum Shapes {
@@ -60,6 +62,7 @@ impl<'a> BodyView<'a> {
         points: &'a Points,
         frame: &'a Frame,
         sets: &'a [NamedPoints],
+        colour: Option<&'a Colour>,
     ) -> BodyView<'a> {
         let mut member_of = vec![0u32; points.n_points()];
         for (bit, set) in sets.iter().take(MOST_SETS).enumerate() {
@@ -70,7 +73,9 @@ impl<'a> BodyView<'a> {
             }
         }
         let displacement = &frame.displacement;
-        let mut motion = Motion { points, displacement, magnification: 1.0, sets: member_of };
+        let colours = colour.map(|colour| &colour.values[..]);
+        let mut motion =
+            Motion { points, displacement, magnification: 1.0, colours, sets: member_of };
         let largest = motion.finite_points().map(|p| motion.magnitude(p)).fold(0.0, f64::max);
         let (low, high) = bounds(motion.finite_points().map(|point| motion.reference(point)));
         let size = [0, 1, 2].map(|axis| high[axis] - low[axis]).into_iter().fold(0.0, f64::max);
@@ -83,7 +88,11 @@ impl<'a> BodyView<'a> {
             _ => Shapes::Discs(Discs::new(&motion, &camera, MOST_SHAPES)),
         };
         let names = sets.iter().take(MOST_SETS).map(|set| set.name.as_str()).collect();
-        BodyView { motion, names, camera, shapes, largest }
+        let (name, unit, shades) = match colour {
+            None => ("displacement |u|", "m", [0.0, largest]),
+            Some(colour) => (&colour.name[..], colour.unit, motion.range()),
+        };
+        BodyView { motion, names, camera, shapes, name, unit, shades }
     }
 
     /// What the reader should know about how the body is drawn.
@@ -111,8 +120,9 @@ impl<'a> BodyView<'a> {
         note
     }
 
-    fn colour(&self, magnitude: f64) -> Rgb {
-        viridis(if self.largest > 0.0 { magnitude / self.largest } else { 0.0 })
+    fn colour(&self, value: f64) -> Rgb {
+        let [low, high] = self.shades;
+        viridis(if high > low { (value - low) / (high - low) } else { 0.0 })
     }
 
     /// The body with its axes.
@@ -280,7 +290,7 @@ impl<'a> BodyView<'a> {
         for facet in &seen {
             let cell = &cells.cells[facet.cell];
             let brightness = facet.outward.map_or(1.0, |normal| self.camera.brightness(normal));
-            let fill = shaded(self.colour(cell.magnitude), brightness);
+            let fill = shaded(self.colour(cell.value), brightness);
             let in_marked_set = facet.outward.is_some() && cell.sets != 0;
             let stroke = shaded(fill, if in_marked_set { set_shade } else { edge_shade });
             let corners = facet.corners.map(place);
@@ -309,7 +319,7 @@ impl<'a> BodyView<'a> {
         for disc in &seen {
             // Far balls are darker; in two dimensions all are equally near.
             let depth = if near > far { (nearness(disc.at) - far) / (near - far) } else { 1.0 };
-            let fill = shaded(self.colour(disc.magnitude), 0.65 + 0.35 * depth);
+            let fill = shaded(self.colour(disc.value), 0.65 + 0.35 * depth);
             let at = fit.place(self.camera.flat(disc.at));
             let outline = if disc.sets != 0 { DARK } else { shaded(fill, 0.75) };
             canvas.disc(at, (disc.radius * fit.scale).max(0.8), fill, Some(outline));
@@ -317,10 +327,11 @@ impl<'a> BodyView<'a> {
         }
     }
 
-    /// The colours with their displacements.
+    /// The colours with what they show.
     pub(super) fn draw_colour_bar(&self, canvas: &mut Canvas, bar: Area) {
-        let top = if self.largest > 0.0 { self.largest } else { 1.0 };
-        let name = with_colour_bar(canvas, bar, ("displacement |u|", "m"), [0.0, top], 6);
+        let [low, high] = self.shades;
+        let high = if high > low { high } else { low + 1.0 };
+        let name = with_colour_bar(canvas, bar, (self.name, self.unit), [low, high], 6);
         canvas.text(bar.left - 40.0, bar.top - 16.0, &name, Text::new(15, Anchor::Start, DARK));
     }
 }

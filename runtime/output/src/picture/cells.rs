@@ -31,8 +31,8 @@ pub(super) struct Cell {
     current: [f64; 3],
     /// Columns of the deformation gradient.
     gradient: [[f64; 3]; 3],
-    /// Magnitude of the mean displacement in m.
-    pub(super) magnitude: f64,
+    /// What its colour shows.
+    pub(super) value: f64,
     /// Bit `s` tells whether a point of set `s` is in the block.
     pub(super) sets: u32,
 }
@@ -105,13 +105,13 @@ impl Cells {
                 cell.reference[axis] += reference[axis];
                 cell.current[axis] += current[axis];
             }
-            cell.magnitude += motion.magnitude(point);
+            cell.value += motion.value(point);
             cell.sets |= motion.sets_of(point);
         }
         for (cell, count) in cells.iter_mut().zip(counts) {
             cell.reference = cell.reference.map(|x| x / count);
             cell.current = cell.current.map(|x| x / count);
-            cell.magnitude /= count;
+            cell.value /= count;
         }
         let dimension = motion.points.dimension;
         Cells { dimension, block, size, origin, cells, index }
@@ -230,7 +230,7 @@ impl Cells {
 impl Cell {
     fn empty(key: Key) -> Cell {
         let gradient = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        Cell { key, reference: [0.0; 3], current: [0.0; 3], gradient, magnitude: 0.0, sets: 0 }
+        Cell { key, reference: [0.0; 3], current: [0.0; 3], gradient, value: 0.0, sets: 0 }
     }
 
     /// Where this cell's motion carries a reference position nearby.

@@ -1,5 +1,7 @@
-//! The two charts: reactions against the load parameter, residuals against the iteration.
+//! The charts: reactions against the load parameter, residuals against the iteration; of a body in motion
+//! what changes with time.
 
+use super::Series;
 use super::canvas::{Anchor, Canvas, DARK, GREY, Rgb, Text, shortened, viridis};
 use super::chart::{Area, Axis, AxisKind, Chart, EndLabel};
 use super::ticks;
@@ -64,6 +66,61 @@ pub(super) fn reactions(canvas: &mut Canvas, area: Area, history: &History) {
     }
     chart.label_ends(canvas, labels);
 }
+
+/// Lines against time; at most as many as there are colours, those that go furthest.
+pub(super) fn times(
+    canvas: &mut Canvas,
+    area: Area,
+    (name, unit): (&'static str, &'static str),
+    series: &[Series],
+) {
+    let finite = |one: &Series| -> Vec<(f64, f64)> {
+        let points = one.points.iter().copied();
+        points.filter(|(t, value)| t.is_finite() && value.is_finite()).collect()
+    };
+    let mut lines: Vec<(usize, Vec<(f64, f64)>)> =
+        series.iter().map(finite).enumerate().filter(|(_, points)| !points.is_empty()).collect();
+    let largest =
+        |points: &[(f64, f64)]| points.iter().fold(0.0_f64, |most, point| most.max(point.1.abs()));
+    lines.sort_by(|p, q| largest(&q.1).total_cmp(&largest(&p.1)));
+    lines.truncate(LINES.len());
+    lines.sort_by_key(|(place, _)| *place);
+    let all = || lines.iter().flat_map(|(_, points)| points.iter());
+    let (low, high) = padded_range(all().map(|point| point.1).chain([0.0]), 0.06);
+    let end = all().map(|point| point.0).fold(0.0, f64::max);
+    let chart = Chart {
+        area,
+        x: Axis {
+            name: "time t",
+            unit: "s",
+            low: 0.0,
+            high: if end > 0.0 { end } else { 1.0 },
+            kind: AxisKind::Linear(5),
+        },
+        y: Axis { name, unit, low, high, kind: AxisKind::Linear(5) },
+        grid: true,
+    };
+    chart.draw_axes(canvas);
+    if lines.is_empty() {
+        return chart.say(canvas, "none");
+    }
+    let mut labels = Vec::new();
+    for ((place, points), colour) in lines.iter().zip(LINES) {
+        let places: Vec<[f64; 2]> = spread(points.len(), MOST_TIMES)
+            .into_iter()
+            .map(|place| chart.place(points[place].0, points[place].1))
+            .collect();
+        draw_line(canvas, &places, colour, 1.6, 1);
+        if let Some(last) = places.last() {
+            let text = shortened(&series[*place].name, 16);
+            labels.push(EndLabel { y: last[1], text: text.to_string(), colour });
+        }
+    }
+    chart.label_ends(canvas, labels);
+}
+
+/// Most points of a line against time: more than pixels show nothing.
+const MOST_TIMES: usize = 2000;
 
 /// The dominant reaction component of one set.
 struct ReactionLine {

@@ -19,8 +19,8 @@ pub(super) struct Disc {
     pub(super) at: [f64; 3],
     /// In m.
     pub(super) radius: f64,
-    /// Magnitude of the displacement in m.
-    pub(super) magnitude: f64,
+    /// What its colour shows.
+    pub(super) value: f64,
     /// Bit `s` tells whether the point is in set `s`.
     pub(super) sets: u32,
 }
@@ -31,7 +31,7 @@ impl Discs {
         let disc = |point: usize| Disc {
             at: motion.current(point),
             radius: radius(motion.points.volumes[point], motion.points.dimension),
-            magnitude: motion.magnitude(point),
+            value: motion.value(point),
             sets: motion.sets_of(point),
         };
         let mut discs: Vec<Disc> = motion.finite_points().map(disc).collect();

@@ -1,8 +1,8 @@
 //! `picture.svg` and `picture.png`: what a run did, on one page.
 //!
-//! Left the deformed body coloured by the magnitude of the displacement; right top the reactions
-//! against the load parameter; right bottom the Newton residuals against the iteration. Both files
-//! are drawn from the same shapes. kuva turns shapes into SVG and pixels and brings the font; the
+//! Left the deformed body coloured by the magnitude of the displacement or by a field; right top the
+//! reactions against the load parameter, right bottom the Newton residuals against the iteration; of a
+//! body in motion its energies and what its probes do against time. Both files are drawn from the same shapes. kuva turns shapes into SVG and pixels and brings the font; the
 //! shapes are placed here, because a body of deformed cells is none of its plots.
 //!
 //! However large the body, at most [`MOST_SHAPES`] cells or points are drawn; a note under the
@@ -38,10 +38,9 @@ const PAGE: (f64, f64) = (1600.0, 800.0);
 const BODY: Area = Area { left: 80.0, top: 84.0, right: 760.0, bottom: 700.0 };
 /// Where the colour bar goes.
 const BAR: Area = Area { left: 815.0, top: 140.0, right: 837.0, bottom: 650.0 };
-/// Where the reactions go.
-const REACTIONS: Area = Area { left: 1020.0, top: 84.0, right: 1460.0, bottom: 345.0 };
-/// Where the residuals go.
-const RESIDUALS: Area = Area { left: 1020.0, top: 454.0, right: 1460.0, bottom: 715.0 };
+/// Where the charts go.
+const UPPER: Area = Area { left: 1020.0, top: 84.0, right: 1460.0, bottom: 345.0 };
+const LOWER: Area = Area { left: 1020.0, top: 454.0, right: 1460.0, bottom: 715.0 };
 
 /// What a picture shows.
 #[derive(Clone, Copy, Debug)]
@@ -54,10 +53,44 @@ pub struct Picture<'a> {
     pub frame: &'a Frame,
     /// Sets to mark on the body.
     pub sets: &'a [NamedPoints],
-    /// The converged steps.
-    pub history: &'a History,
-    /// The solver's tolerance on the residual over the reaction.
-    pub tolerance: f64,
+    /// What colours show; the magnitude of the displacement where there is nothing.
+    pub colour: Option<&'a Colour>,
+    /// What stands beside the body.
+    pub charts: Charts<'a>,
+}
+
+/// What colours show: a number of every point, in the user's order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Colour {
+    /// Its name.
+    pub name: String,
+    /// The unit; empty of pure numbers.
+    pub unit: &'static str,
+    /// Point by point.
+    pub values: Vec<f64>,
+}
+
+/// Two charts.
+#[derive(Clone, Copy, Debug)]
+pub enum Charts<'a> {
+    /// The converged steps, and the solver's tolerance on the residual over the reaction.
+    Steps(&'a History, f64),
+    /// Energies in J, and displacements at probes in m, against time in s.
+    Times {
+        /// By name.
+        energies: &'a [Series],
+        /// By name.
+        probes: &'a [Series],
+    },
+}
+
+/// What changes with time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Series {
+    /// Its name.
+    pub name: String,
+    /// Pairs of time in s and value.
+    pub points: Vec<(f64, f64)>,
 }
 
 /// A named set of points.
@@ -96,12 +129,20 @@ impl Picture<'_> {
             format!("{}, t = {t}", canvas::shortened(self.title, 60))
         };
         canvas.text(BODY.left, 38.0, &title, Text::new(20, Anchor::Start, DARK));
-        let view = body::BodyView::new(self.points, self.frame, self.sets);
+        let view = body::BodyView::new(self.points, self.frame, self.sets, self.colour);
         view.draw(&mut canvas, BODY);
         view.draw_colour_bar(&mut canvas, BAR);
         canvas.text(BODY.left, 778.0, &view.note(), Text::new(13, Anchor::Start, GREY));
-        charts::reactions(&mut canvas, REACTIONS, self.history);
-        charts::residuals(&mut canvas, RESIDUALS, self.history, self.tolerance);
+        match self.charts {
+            Charts::Steps(history, tolerance) => {
+                charts::reactions(&mut canvas, UPPER, history);
+                charts::residuals(&mut canvas, LOWER, history, tolerance);
+            }
+            Charts::Times { energies, probes } => {
+                charts::times(&mut canvas, UPPER, ("energy", "J"), energies);
+                charts::times(&mut canvas, LOWER, ("displacement at probes", "m"), probes);
+            }
+        }
         canvas
     }
 }

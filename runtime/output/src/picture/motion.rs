@@ -8,6 +8,8 @@ pub(super) struct Motion<'a> {
     pub(super) displacement: &'a [f64],
     /// Displacements are drawn this many times as large as they are.
     pub(super) magnification: f64,
+    /// What colours show; the magnitude of the displacement where there is nothing.
+    pub(super) colours: Option<&'a [f64]>,
     /// Bit `s` of a point's number tells whether it is in set `s`.
     pub(super) sets: Vec<u32>,
 }
@@ -33,14 +35,27 @@ impl Motion<'_> {
         dot(u, u).sqrt()
     }
 
+    /// What its colour shows.
+    pub(super) fn value(&self, point: usize) -> f64 {
+        self.colours.map_or_else(|| self.magnitude(point), |values| values[point])
+    }
+
     pub(super) fn sets_of(&self, point: usize) -> u32 {
         self.sets[point]
+    }
+
+    /// The least and the greatest of what colours show.
+    pub(super) fn range(&self) -> [f64; 2] {
+        self.finite_points().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], point| {
+            let value = self.value(point);
+            [low.min(value), high.max(value)]
+        })
     }
 
     /// The points that can be drawn.
     pub(super) fn finite_points(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.points.n_points()).filter(|&point| {
-            self.current(point).iter().all(|x| x.is_finite()) && self.magnitude(point).is_finite()
+            self.current(point).iter().all(|x| x.is_finite()) && self.value(point).is_finite()
         })
     }
 

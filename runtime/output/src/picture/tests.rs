@@ -135,7 +135,7 @@ fn check_picture(picture: &Picture, least_ink: f64) -> (String, Vec<u8>) {
     assert!(ink > least_ink, "the body covers {ink} of its area");
     assert!(ink < 0.99);
     assert!(colours.len() > 40, "the body has {} colours", colours.len());
-    for area in [BAR, REACTIONS, RESIDUALS] {
+    for area in [BAR, UPPER, LOWER] {
         let (ink, colours) = pixels.look(area);
         assert!(ink > 0.01 && colours.len() > 3, "{area:?} is blank");
     }
@@ -191,8 +191,8 @@ fn a_stretched_square_is_drawn() {
         points: &points,
         frame: &frame,
         sets: &sets,
-        history: &history,
-        tolerance: 1e-10,
+        colour: None,
+        charts: Charts::Steps(&history, 1e-10),
     };
     let (svg, _) = check_picture(&picture, 0.2);
     assert!(svg.contains("square at 100 %, t = 1<"));
@@ -210,11 +210,37 @@ fn a_stretched_bar_is_drawn_in_space() {
         points: &points,
         frame: &frame,
         sets: &sets,
-        history: &history,
-        tolerance: 1e-10,
+        colour: None,
+        charts: Charts::Steps(&history, 1e-10),
     };
     let (svg, _) = check_picture(&picture, 0.1);
     assert!(svg.contains("z (m)"));
+}
+
+#[test]
+fn a_body_in_motion_is_drawn_with_a_field_and_its_energies() {
+    let (points, frame, sets) = stretched([21, 21, 1], 2, 1.0);
+    let values: Vec<f64> = (0..points.n_points()).map(|point| point as f64 - 100.0).collect();
+    let colour = Colour { name: "von_mises".to_owned(), unit: "Pa", values };
+    let series = |name: &str, height: f64| Series {
+        name: name.to_owned(),
+        points: (0..3000).map(|k| (1e-8 * f64::from(k), height * f64::from(k % 100))).collect(),
+    };
+    let energies = [series("kinetic", 0.1), series("stored", 0.2)];
+    let picture = Picture {
+        title: "wave",
+        points: &points,
+        frame: &frame,
+        sets: &sets,
+        colour: Some(&colour),
+        charts: Charts::Times { energies: &energies, probes: &[] },
+    };
+    let (svg, _) = check_picture(&picture, 0.2);
+    for part in
+        ["von_mises (Pa)", "energy (J)", ">kinetic<", ">stored<", "time t", ">none<", "-100"]
+    {
+        assert!(svg.contains(part), "{part}");
+    }
 }
 
 #[test]
@@ -228,8 +254,8 @@ fn small_displacements_are_magnified_and_clouds_are_discs() {
             points: &points,
             frame: &frame,
             sets: &sets,
-            history: &history,
-            tolerance: 1e-10,
+            colour: None,
+            charts: Charts::Steps(&history, 1e-10),
         };
         // The colour bar needs a power of ten here, so the general check does not apply.
         let svg = picture.to_svg();
@@ -254,8 +280,8 @@ fn the_deformed_body_is_drawn_as_long_as_it_is() {
                 points: &points,
                 frame: &frame,
                 sets: &sets,
-                history: &history,
-                tolerance: 1e-10,
+                colour: None,
+                charts: Charts::Steps(&history, 1e-10),
             };
             let found = Pixels::decode(&picture.to_png().unwrap()).aspect(BODY);
             // Cells of the ends are stretched with the body, discs are not. The height is that of the
@@ -283,8 +309,8 @@ fn large_bodies_are_thinned_and_say_so() {
             points: &points,
             frame: &frame,
             sets: &sets,
-            history: &history,
-            tolerance: 1e-10,
+            colour: None,
+            charts: Charts::Steps(&history, 1e-10),
         };
         let (svg, _) = check_picture(&picture, 0.1);
         assert!(svg.len() < 4_000_000, "{} bytes", svg.len());
@@ -298,7 +324,8 @@ fn large_bodies_are_thinned_and_say_so() {
 fn strange_runs_are_drawn_too() {
     let draw = |points: &Points, frame: &Frame, sets: &[NamedPoints], history: &History| {
         let title = "<a & \"b\"> $x$ \u{7}";
-        let picture = Picture { title, points, frame, sets, history, tolerance: f64::NAN };
+        let charts = Charts::Steps(history, f64::NAN);
+        let picture = Picture { title, points, frame, sets, colour: None, charts };
         let svg = picture.to_svg();
         check_xml(&svg);
         assert!(svg.contains("&lt;a &amp; &quot;b&quot;&gt; $x$ "));
@@ -378,8 +405,8 @@ fn both_files_are_written() {
         points: &points,
         frame: &frame,
         sets: &sets,
-        history: &history,
-        tolerance: 1e-8,
+        colour: None,
+        charts: Charts::Steps(&history, 1e-8),
     };
     picture.write(&folder).unwrap();
     let read = |file| std::fs::read(folder.path_of(file)).unwrap();

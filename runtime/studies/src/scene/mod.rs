@@ -50,7 +50,8 @@ pub use piola_mechanics::lattice::Nodes;
 pub use potential::{PotentialText, files_below};
 pub use read::MOST_LAWS;
 pub use settings::{
-    DerivativeSource, FrameField, OutputSettings, SolverSettings, Steps, StrainSource, Unstable,
+    ColourBy, DerivativeSource, FrameField, OutputSettings, SolverSettings, Steps, StrainSource,
+    Unstable,
 };
 pub use source::{Finding, SceneReport, SourceText, Sources};
 

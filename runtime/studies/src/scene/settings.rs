@@ -138,6 +138,37 @@ pub struct OutputSettings {
     pub checkpoint: f64,
     /// What frames have of every point beside displacement and residual.
     pub fields: Vec<FrameField>,
+    /// What the picture's colours show.
+    pub colour: ColourBy,
+}
+
+/// What the colours of a picture show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ColourBy {
+    /// The magnitude of the displacement.
+    #[default]
+    Displacement,
+    /// The magnitude of the velocity.
+    Velocity,
+    /// That of the acceleration.
+    Acceleration,
+    /// The field of this name.
+    EnergyDensity,
+    /// The field of this name.
+    Jacobian,
+    /// The field of this name.
+    VonMises,
+}
+
+impl Words for ColourBy {
+    const WORDS: &'static [(&'static str, ColourBy)] = &[
+        ("displacement", ColourBy::Displacement),
+        ("velocity", ColourBy::Velocity),
+        ("acceleration", ColourBy::Acceleration),
+        ("energy_density", ColourBy::EnergyDensity),
+        ("jacobian", ColourBy::Jacobian),
+        ("von_mises", ColourBy::VonMises),
+    ];
 }
 
 /// What a frame may have of every point.
@@ -188,7 +219,13 @@ impl Words for FrameField {
 
 impl Default for OutputSettings {
     fn default() -> Self {
-        let fields = Vec::new();
-        OutputSettings { frames: 25, every: None, rows: 1000, checkpoint: 600.0, fields }
+        OutputSettings {
+            frames: 25,
+            every: None,
+            rows: 1000,
+            checkpoint: 600.0,
+            fields: Vec::new(),
+            colour: ColourBy::default(),
+        }
     }
 }

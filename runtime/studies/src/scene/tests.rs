@@ -184,14 +184,8 @@ fn every_default_is_filled_in() {
         max_iterations: 25,
     };
     assert_eq!(scene.solver, solver);
-    let output = OutputSettings {
-        frames: 25,
-        every: None,
-        rows: 1000,
-        checkpoint: 600.0,
-        fields: Vec::new(),
-    };
-    assert_eq!(scene.output, output);
+    assert_eq!(scene.output, OutputSettings::default());
+    assert_eq!((scene.output.frames, scene.output.rows), (25, 1000));
 }
 
 const CLOUD: &str = "[body]\ndimension = 3\npoints = \"cloud.csv\"\n[horizon]\nradius = 0.2\n\

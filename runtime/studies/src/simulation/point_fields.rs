@@ -8,11 +8,12 @@ use nalgebra::{Matrix3, SymmetricEigen};
 use piola_mechanics::energy::{Energy, Total};
 use piola_mechanics::least_squares;
 use piola_mechanics::words::Words as _;
+use piola_output::picture::{Colour, NamedPoints};
 use piola_output::{Frame, PointField};
 
 use crate::case::Case;
-use crate::scene::FrameField;
-use crate::scene::selection::Selection;
+use crate::scene::selection::{PointSet, Selection};
+use crate::scene::{ColourBy, FrameField};
 
 /// What is worked out for frames, and from what.
 #[derive(Clone, Copy)]
@@ -59,6 +60,40 @@ impl PointFields<'_> {
                 }
             }
         }
+    }
+
+    /// What the colours of a picture of this frame show, unless they show the displacement.
+    pub(super) fn colour(&self, frame: &Frame) -> Option<Colour> {
+        let (body, d) = (&self.case.body, self.case.body.dimension());
+        let by = self.case.scene.output.colour;
+        let length = |x: &[f64]| x.iter().fold(0.0, |sum, x| sum + x * x).sqrt();
+        let magnitudes = |of: &[f64]| of.chunks_exact(d).map(length).collect();
+        let worked_out = |field| {
+            let [u, residual] = [&frame.displacement, &frame.residual];
+            let [u, residual] = [u, residual].map(|of| body.from_user_order(of, d));
+            let state = State { u: &u, residual: &residual };
+            let (components, values) = self.values(field, &state, &mut Tensors::default());
+            body.to_user_order(&values, components)
+        };
+        let (unit, values) = match by {
+            ColourBy::Displacement => return None,
+            ColourBy::Velocity => ("m/s", magnitudes(&frame.velocity)),
+            ColourBy::Acceleration => ("m/s^2", magnitudes(&worked_out(FrameField::Acceleration))),
+            ColourBy::EnergyDensity => ("J/m^3", worked_out(FrameField::EnergyDensity)),
+            ColourBy::Jacobian => ("", worked_out(FrameField::Jacobian)),
+            ColourBy::VonMises => ("Pa", worked_out(FrameField::VonMises)),
+        };
+        Some(Colour { name: by.word().to_owned(), unit, values })
+    }
+
+    /// The sets, for a picture.
+    pub(super) fn named_sets(&self) -> Vec<NamedPoints> {
+        let number = |point: &usize| self.case.body.user_index()[*point] as usize;
+        let named = |set: &PointSet| NamedPoints {
+            name: set.name.clone(),
+            points: set.points.iter().map(number).collect(),
+        };
+        self.selection.sets.iter().map(named).collect()
     }
 
     /// A field of its own for each set: 1 in it, else 0.

@@ -6,7 +6,7 @@ use std::sync::Mutex;
 use piola_mechanics::energy::{Energy, Total};
 use piola_mechanics::interaction::{Inverted, Report};
 use piola_mechanics::matrix::BlockPattern;
-use piola_output::picture::{NamedPoints, Picture};
+use piola_output::picture::{Charts, Picture};
 use piola_output::pvd::FrameSeries;
 use piola_output::summary::{
     ExitReason, InteractionCounts, MEMORY_SOURCE, Number, PhaseClock, SolverSummary, Summary,
@@ -489,23 +489,15 @@ impl<'a> Recorder<'a> {
     }
 
     fn draw(&self, title: &str) -> Result<(), OutputError> {
-        let PointFields { case, selection, .. } = self.fields;
-        let body = &case.body;
-        let sets: Vec<NamedPoints> = selection
-            .sets
-            .iter()
-            .map(|set| NamedPoints {
-                name: set.name.clone(),
-                points: set.points.iter().map(|p| body.user_index()[*p] as usize).collect(),
-            })
-            .collect();
+        let tolerance = self.fields.case.scene.solver.tolerance;
+        let (sets, colour) = (self.fields.named_sets(), self.fields.colour(&self.last));
         let picture = Picture {
             title,
             points: self.points,
             frame: &self.last,
             sets: &sets,
-            history: &self.history,
-            tolerance: self.fields.case.scene.solver.tolerance,
+            colour: colour.as_ref(),
+            charts: Charts::Steps(&self.history, tolerance),
         };
         picture.write(self.folder)
     }

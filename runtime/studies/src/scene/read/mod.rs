@@ -70,12 +70,13 @@ pub(super) const SOLVER_KEYS: [Row<SolverSettings>; 12] = [
     ("max_iterations", "25", |solver| Slot::Count(&mut solver.max_iterations, 1)),
 ];
 
-pub(super) const OUTPUT_KEYS: [Row<OutputSettings>; 5] = [
+pub(super) const OUTPUT_KEYS: [Row<OutputSettings>; 6] = [
     ("frames", "25", |output| Slot::Count(&mut output.frames, 0)),
     ("every", "\"1 us\"", |output| Slot::SecondsOr(&mut output.every, "frames")),
     ("rows", "1000", |output| Slot::Count(&mut output.rows, 1)),
     ("checkpoint", "\"600 s\"", |output| Slot::Seconds(&mut output.checkpoint)),
     ("fields", "[\"strain\", \"stress\"]", |output| Slot::Fields(&mut output.fields)),
+    ("colour", "\"displacement\"", |output| Slot::Word(&mut output.colour)),
 ];
 
 impl Scene {

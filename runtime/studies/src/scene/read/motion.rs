@@ -8,8 +8,8 @@ use crate::scene::keys::{Row, Slot, named};
 use crate::scene::reader::{Field, Reader, Schema, Table};
 use crate::scene::tree::{Entry, Kind, Node};
 use crate::scene::{
-    FrameField, Given, Initial, Load, LoadKind, Located, Material, Motion, OutputSettings,
-    Prescription, Quantity, Region,
+    ColourBy, FrameField, Given, Initial, Load, LoadKind, Located, Material, Motion,
+    OutputSettings, Prescription, Quantity, Region,
 };
 
 static MOTION: Schema = Schema { title: "[motion]", keys: &named(&MOTION_KEYS) };
@@ -141,10 +141,14 @@ impl Reader {
         }
         if motion.is_none() {
             let moved = settings.fields.contains(&FrameField::Acceleration);
-            if let Some(entry) = output.get("fields").filter(|_| moved) {
-                let message =
-                    "accelerations are of bodies that move, and the scene has no [motion]";
-                self.error(Diagnostic::error("conflicting-keys", entry.key_span, message));
+            let coloured = matches!(settings.colour, ColourBy::Velocity | ColourBy::Acceleration);
+            for (key, moved) in [("fields", moved), ("colour", coloured)] {
+                if let Some(entry) = output.get(key).filter(|_| moved) {
+                    let message = format!(
+                        "`{key}` asks for what bodies that move have, and the scene has no [motion]"
+                    );
+                    self.error(Diagnostic::error("conflicting-keys", entry.key_span, message));
+                }
             }
             for key in ["every", "rows", "checkpoint"] {
                 if let Some(entry) = output.get(key).filter(|entry| !is_word(entry, "frames")) {

@@ -168,12 +168,13 @@ pub(super) fn run(
         warnings,
     };
     let told = recorder.summary(&motion, &masses, scene);
-    recorder.finish()?;
+    let summary = summary(case, &energy, &ending, options.warnings, &resolved, &mut clock);
+    piola_output::summary::Summary { motion: told, ..summary }.write(folder)?;
+    // The picture comes last: it takes longest, and is the smallest loss.
+    recorder.finish(options.title)?;
     if reason == ExitReason::Completed {
         folder.remove(OutputFile::Checkpoint)?;
     }
-    let summary = summary(case, &energy, &ending, options.warnings, &resolved, &mut clock);
-    piola_output::summary::Summary { motion: told, ..summary }.write(folder)?;
     Ok(ending)
 }
 

@@ -9,6 +9,7 @@ use piola_mechanics::interaction::Inverted;
 use piola_mechanics::words::Words;
 use piola_output::checkpoint::{Checkpoint, Header};
 use piola_output::motion::{MotionColumns, MotionEnergies, MotionRow, MotionSummary, MotionTables};
+use piola_output::picture::{Charts, Picture};
 use piola_output::pvd::FrameSeries;
 use piola_output::summary::Number;
 use piola_output::{Frame, OutputError, OutputFile, OutputFolder, Points, table};
@@ -33,6 +34,18 @@ pub(super) struct Run<'a> {
 pub(super) fn header(origin: Origin<'_>, hash: &str) -> Header {
     let (scene, settings) = (origin.scene.to_owned(), origin.settings.to_vec());
     Header { scene, settings, scene_hash: hash.to_owned(), ..Header::default() }
+}
+
+impl PointFields<'_> {
+    /// What the tables of the motion have columns for.
+    fn columns(&self) -> MotionColumns {
+        MotionColumns {
+            dimension: self.case.body.dimension(),
+            parts: self.energy.parts().to_vec(),
+            sets: self.selection.sets.iter().map(|set| set.name.clone()).collect(),
+            probes: self.selection.probes.iter().map(|probe| probe.name.clone()).collect(),
+        }
+    }
 }
 
 /// Writes what the rows bring.
@@ -81,15 +94,9 @@ const WORST: &str = "worst";
 
 impl<'a> Recorder<'a> {
     pub(super) fn new(run: Run<'a>, known: Header) -> Result<Recorder<'a>, OutputError> {
-        let Run { fields: PointFields { case, energy, selection, .. }, folder, points } = run;
-        let columns = MotionColumns {
-            dimension: case.body.dimension(),
-            parts: energy.parts().to_vec(),
-            sets: selection.sets.iter().map(|set| set.name.clone()).collect(),
-            probes: selection.probes.iter().map(|probe| probe.name.clone()).collect(),
-        };
-        let (frames, tables) =
-            (FrameSeries::new(folder, points)?, MotionTables::new(folder, &columns)?);
+        let Run { fields, folder, points } = run;
+        let tables = MotionTables::new(folder, &fields.columns())?;
+        let frames = FrameSeries::new(folder, points)?;
         Ok(Recorder::with(run, known, frames, tables))
     }
 
@@ -293,12 +300,24 @@ impl<'a> Recorder<'a> {
     }
 
     /// The frame of the last row, which may not be due, and the displacements at the end.
-    pub(super) fn finish(mut self) -> Result<(), OutputError> {
+    pub(super) fn finish(mut self, title: &str) -> Result<(), OutputError> {
         let Some((row, mut last)) = self.last.take() else { return Ok(()) };
         if self.framed.is_none_or(|t| t < row.t) {
             self.fields.fill(&mut last);
             self.frames.push(&last)?;
         }
-        table::write_displacement(self.folder, self.points, &last.displacement)
+        table::write_displacement(self.folder, self.points, &last.displacement)?;
+        let columns = self.fields.columns();
+        let [energies, probes] = MotionTables::series(self.folder, &columns)?;
+        let (sets, colour) = (self.fields.named_sets(), self.fields.colour(&last));
+        let picture = Picture {
+            title,
+            points: self.points,
+            frame: &last,
+            sets: &sets,
+            colour: colour.as_ref(),
+            charts: Charts::Times { energies: &energies, probes: &probes },
+        };
+        picture.write(self.folder)
     }
 }

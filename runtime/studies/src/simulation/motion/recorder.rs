@@ -156,10 +156,12 @@ impl<'a> Recorder<'a> {
         Mark { tables: self.tables.lengths(), frames: self.frames.n_frames(), worst: self.worst }
     }
 
-    /// A checkpoint behind the last row, when it is time for one.
+    /// A checkpoint behind the last row, when it is time for one; none behind the last of all, so that
+    /// who goes on has a step to make.
     pub(super) fn save_in_time(&mut self, motion: &motion::Motion<'_>) -> ControlFlow<()> {
         let interval = Duration::try_from_secs_f64(self.fields.case.scene.output.checkpoint);
-        if motion.is_between_rows() || !interval.is_ok_and(|time| self.saved.elapsed() >= time) {
+        let is_end = motion.step_reached() == motion.n_steps();
+        if is_end || motion.is_between_rows() || !interval.is_ok_and(|time| self.saved.elapsed() >= time) {
             return ControlFlow::Continue(());
         }
         self.save(motion);

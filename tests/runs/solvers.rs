@@ -18,6 +18,24 @@ fn solved(folder: &SceneFolder, choices: &[&str]) -> (f64, Value, Value) {
 }
 
 #[test]
+fn relaxation_finds_the_same_equilibria() {
+    let folder = strip();
+    let (expected, _, _) = solved(&folder, &[]);
+    let (energy, last, summary) = solved(&folder, &["steps.find=relaxation"]);
+    assert!((energy / expected - 1.0).abs() < 1e-9, "{energy} {expected}");
+    assert_eq!(last["positive_definite"], Value::Null);
+    assert!(
+        number(&last["iterations"]) > 10.0 && number(&last["residual_over_reaction"][0]) > 1e-9
+    );
+    assert_eq!(summary["solver"]["linear"], "none");
+    assert_eq!(summary["solver"]["linear_solves"], 0);
+    let svg = std::fs::read_to_string(folder.out().join("picture.svg")).unwrap();
+    assert!(svg.contains("hundreds of steps") && !svg.contains("Newton"));
+    let beyond = ["--force", "--set", "steps.find=relaxation", "--set", "solver.tolerance=1e-18"];
+    folder.run(&beyond).expect(3).says(&["rounding floor"]);
+}
+
+#[test]
 fn every_choice_leads_to_the_same_equilibria() {
     let folder = strip();
     let (expected, direct, summary) = solved(&folder, &[]);

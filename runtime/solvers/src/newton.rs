@@ -10,6 +10,8 @@
 //! happens otherwise. Modified Newton assembles forces alone and goes on with the tangent it has,
 //! as long as that serves.
 
+mod relaxation;
+
 use std::cell::Cell;
 
 use super::clock::{Counters, PhaseTimes, timed};

@@ -9,6 +9,7 @@ mod start;
 use std::ops::ControlFlow;
 
 use piola_mechanics::energy::{Energy, EnergyParts};
+use piola_mechanics::words::Words;
 
 use super::clock::{Counters, PhaseTimes};
 use super::constraint::{ConstraintError, Constraints};
@@ -51,6 +52,8 @@ pub struct StepSettings {
     pub end: f64,
     /// How many nominal increments lead there; at least 1.
     pub increments: usize,
+    /// How an equilibrium is found.
+    pub find: Find,
     /// Where Newton's method starts.
     pub start: Start,
     /// Newton's method.
@@ -64,12 +67,32 @@ impl Default for StepSettings {
         StepSettings {
             end: 1.0,
             increments: 1,
+            find: Find::default(),
             start: Start::default(),
             newton: NewtonSettings::default(),
             linear: LinearOptions::default(),
         }
     }
 }
+
+/// How an equilibrium is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Find {
+    /// By Newton's method.
+    #[default]
+    Newton,
+    /// By dynamic relaxation, in at most [`RELAXATION_STEPS`] times as many steps as there may be
+    /// iterations; its tangent is not judged.
+    Relaxation,
+}
+
+impl Words for Find {
+    const WORDS: &'static [(&'static str, Find)] =
+        &[("newton", Find::Newton), ("relaxation", Find::Relaxation)];
+}
+
+/// Steps of a relaxation in the place of an iteration of Newton's method.
+pub const RELAXATION_STEPS: usize = 2000;
 
 /// One converged step.
 #[derive(Clone, Debug, PartialEq)]
@@ -275,7 +298,12 @@ impl<'a> LoadSteps<'a> {
         check(settings)?;
         let n_dofs = energy.positions().len();
         let constraints = Constraints::new(n_dofs, drive.fixed())?;
-        let mut newton = Newton::new(energy, &constraints, settings.newton, settings.linear)?;
+        let mut linear = settings.linear;
+        if settings.find == Find::Relaxation {
+            // Nothing is solved, so nothing is stored.
+            linear.method = LinearMethod::MatrixFree;
+        }
+        let mut newton = Newton::new(energy, &constraints, settings.newton, linear)?;
         newton.watched(watch);
         Ok(LoadSteps {
             newton,
@@ -338,6 +366,9 @@ impl<'a> LoadSteps<'a> {
     /// The equilibrium at `t`: from a good guess by full steps, else from the last state. Where a
     /// guess leads astray the way bends, and the last state is closer.
     fn search(&mut self, last: Vec<f64>, loads: &[f64], t: f64) -> Result<Found, NewtonError> {
+        if self.settings.find == Find::Relaxation {
+            return self.relax(last, loads, t);
+        }
         if let Some((u, start)) = self.guess(&last, loads, t) {
             match self.equilibrium(u, loads, Newton::solve_by_full_steps) {
                 Ok(found) => return Ok(Found { start, ..found }),
@@ -346,6 +377,20 @@ impl<'a> LoadSteps<'a> {
             }
         }
         self.equilibrium(last, loads, Newton::solve)
+    }
+
+    /// The equilibrium at `t` by relaxation, from the line through the last two where that leads, else
+    /// from the last state.
+    fn relax(&mut self, last: Vec<f64>, loads: &[f64], t: f64) -> Result<Found, NewtonError> {
+        let start = self.by_line(&last, t).filter(|u| self.newton.check_jump(&self.u, u).is_ok());
+        let mut u = start.unwrap_or(last);
+        self.watch.notice(Event::Start);
+        self.newton.check_jump(&self.u, &u)?;
+        let most = RELAXATION_STEPS * self.settings.newton.max_iterations;
+        let report = self.newton.relax(&mut u, loads, most)?;
+        let method = "relaxation: not judged".to_owned();
+        let definiteness = Definiteness { positive_definite: None, negative_pivots: None, method };
+        Ok(Found { u, start: None, report, judged: (definiteness, None) })
     }
 
     /// The equilibrium with these loads from some displacements, and the judgement of its tangent.

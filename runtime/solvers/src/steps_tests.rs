@@ -497,3 +497,35 @@ fn whoever_looks_on_ends_the_search_within_a_step() {
         }
     }
 }
+
+/// Chains and lattices, under loads and prescribed displacements, soft and stiff beside each other.
+#[test]
+fn relaxation_comes_to_rest_where_newton_does() {
+    for law in [linear, softening] {
+        let network = SpringNetwork::lattice(&[12, 5], 2.1, law);
+        let value = |dof: usize| match (dof % 2, network.positions[dof - dof % 2] > 1.0) {
+            (0, true) => 0.2,
+            (1, true) => -0.1,
+            _ => 0.0,
+        };
+        let ends = network.dofs_where(|x| x[0] < 0.5 || x[0] > 10.5);
+        let prescribed: Vec<(usize, f64)> = ends.iter().map(|dof| (*dof, value(*dof))).collect();
+        let drive = Proportional { loads: vec![(31, 1e-3)], ..displaced(&prescribed) };
+        let newton = run(&network, &drive, &settings(3)).unwrap();
+        let relaxing = StepSettings { find: Find::Relaxation, ..settings(3) };
+        let relaxed = run(&network, &drive, &relaxing).unwrap();
+        assert_eq!(relaxed.records.len(), 3);
+        let largest = newton.displacements.iter().fold(0.0_f64, |most, u| most.max(u.abs()));
+        for (u, known) in relaxed.displacements.iter().zip(&newton.displacements) {
+            assert!((u - known).abs() < 1e-8 * largest, "{u} {known}");
+        }
+        for (record, other) in relaxed.records.iter().zip(&newton.records) {
+            assert!(*record.residual_over_reaction.last().unwrap() <= 1e-10);
+            assert!(record.iterations > 20 && record.linear.is_empty(), "{}", record.iterations);
+            let (e, known) = (record.energy_parts.total(), other.energy_parts.total());
+            assert!((e / known - 1.0).abs() < 1e-9);
+            assert_eq!(record.definiteness.positive_definite, None);
+        }
+        assert_eq!(relaxed.counters.linear_solves, 0);
+    }
+}

@@ -151,7 +151,12 @@ fn reaction_lines(history: &History) -> Vec<ReactionLine> {
 }
 
 /// Residual over reaction against the iteration, one line per step, few of them named.
-pub(super) fn residuals(canvas: &mut Canvas, area: Area, history: &History, tolerance: f64) {
+pub(super) fn residuals(
+    canvas: &mut Canvas,
+    area: Area,
+    history: &History,
+    (tolerance, entry): (f64, &'static str),
+) {
     let drawn = spread(history.steps.len(), MOST_STEPS);
     let exponent = |r: f64| if r > 0.0 { libm::log10(r).max(SMALLEST_EXPONENT) } else { r };
     let lines: Vec<(usize, Vec<(f64, f64)>)> = drawn
@@ -176,7 +181,7 @@ pub(super) fn residuals(canvas: &mut Canvas, area: Area, history: &History, tole
     let chart = Chart {
         area,
         x: Axis {
-            name: "Newton iteration",
+            name: entry,
             unit: "",
             low: -0.15,
             high: most_iterations + 0.15,

@@ -73,8 +73,9 @@ pub struct Colour {
 /// Two charts.
 #[derive(Clone, Copy, Debug)]
 pub enum Charts<'a> {
-    /// The converged steps, and the solver's tolerance on the residual over the reaction.
-    Steps(&'a History, f64),
+    /// The converged steps, the solver's tolerance on the residual over the reaction, and what an entry of a
+    /// step's residuals belongs to.
+    Steps(&'a History, f64, &'static str),
     /// Energies in J, and displacements at probes in m, against time in s.
     Times {
         /// By name.
@@ -134,9 +135,9 @@ impl Picture<'_> {
         view.draw_colour_bar(&mut canvas, BAR);
         canvas.text(BODY.left, 778.0, &view.note(), Text::new(13, Anchor::Start, GREY));
         match self.charts {
-            Charts::Steps(history, tolerance) => {
+            Charts::Steps(history, tolerance, entry) => {
                 charts::reactions(&mut canvas, UPPER, history);
-                charts::residuals(&mut canvas, LOWER, history, tolerance);
+                charts::residuals(&mut canvas, LOWER, history, (tolerance, entry));
             }
             Charts::Times { energies, probes } => {
                 charts::times(&mut canvas, UPPER, ("energy", "J"), energies);

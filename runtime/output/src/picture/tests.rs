@@ -192,7 +192,7 @@ fn a_stretched_square_is_drawn() {
         frame: &frame,
         sets: &sets,
         colour: None,
-        charts: Charts::Steps(&history, 1e-10),
+        charts: Charts::Steps(&history, 1e-10, "Newton iteration"),
     };
     let (svg, _) = check_picture(&picture, 0.2);
     assert!(svg.contains("square at 100 %, t = 1<"));
@@ -211,7 +211,7 @@ fn a_stretched_bar_is_drawn_in_space() {
         frame: &frame,
         sets: &sets,
         colour: None,
-        charts: Charts::Steps(&history, 1e-10),
+        charts: Charts::Steps(&history, 1e-10, "Newton iteration"),
     };
     let (svg, _) = check_picture(&picture, 0.1);
     assert!(svg.contains("z (m)"));
@@ -259,7 +259,7 @@ fn small_displacements_are_magnified_and_clouds_are_discs() {
             frame: &frame,
             sets: &sets,
             colour: None,
-            charts: Charts::Steps(&history, 1e-10),
+            charts: Charts::Steps(&history, 1e-10, "Newton iteration"),
         };
         // The colour bar needs a power of ten here, so the general check does not apply.
         let svg = picture.to_svg();
@@ -285,7 +285,7 @@ fn the_deformed_body_is_drawn_as_long_as_it_is() {
                 frame: &frame,
                 sets: &sets,
                 colour: None,
-                charts: Charts::Steps(&history, 1e-10),
+                charts: Charts::Steps(&history, 1e-10, "Newton iteration"),
             };
             let found = Pixels::decode(&picture.to_png().unwrap()).aspect(BODY);
             // Cells of the ends are stretched with the body, discs are not. The height is that of the
@@ -314,7 +314,7 @@ fn large_bodies_are_thinned_and_say_so() {
             frame: &frame,
             sets: &sets,
             colour: None,
-            charts: Charts::Steps(&history, 1e-10),
+            charts: Charts::Steps(&history, 1e-10, "Newton iteration"),
         };
         let (svg, _) = check_picture(&picture, 0.1);
         assert!(svg.len() < 4_000_000, "{} bytes", svg.len());
@@ -328,7 +328,7 @@ fn large_bodies_are_thinned_and_say_so() {
 fn strange_runs_are_drawn_too() {
     let draw = |points: &Points, frame: &Frame, sets: &[NamedPoints], history: &History| {
         let title = "<a & \"b\"> $x$ \u{7}";
-        let charts = Charts::Steps(history, f64::NAN);
+        let charts = Charts::Steps(history, f64::NAN, "Newton iteration");
         let picture = Picture { title, points, frame, sets, colour: None, charts };
         let svg = picture.to_svg();
         check_xml(&svg);
@@ -410,7 +410,7 @@ fn both_files_are_written() {
         frame: &frame,
         sets: &sets,
         colour: None,
-        charts: Charts::Steps(&history, 1e-8),
+        charts: Charts::Steps(&history, 1e-8, "Newton iteration"),
     };
     picture.write(&folder).unwrap();
     let read = |file| std::fs::read(folder.path_of(file)).unwrap();

@@ -47,7 +47,7 @@ impl LoadSteps<'_> {
     }
 
     /// Free displacements on the line through the last two states, where there are two.
-    fn by_line(&self, last: &[f64], t: f64) -> Option<Vec<f64>> {
+    pub(super) fn by_line(&self, last: &[f64], t: f64) -> Option<Vec<f64>> {
         let (t_before, before) = self.before.as_ref()?;
         let factor = (t - self.t) / (self.t - t_before);
         let mut u = last.to_vec();

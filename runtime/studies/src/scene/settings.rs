@@ -6,7 +6,7 @@ use piola_mechanics::kernel::Level;
 use piola_mechanics::words::Words;
 use piola_solvers::linear::{LinearMethod, PreconditionerChoice};
 use piola_solvers::newton::NewtonVariant;
-use piola_solvers::steps::Start;
+use piola_solvers::steps::{Find, Start};
 
 /// `[steps]`: t runs from 0 to `end` in equal increments.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,11 +15,13 @@ pub struct Steps {
     pub end: f64,
     /// How many increments there are, unless the solver cuts back.
     pub increments: usize,
+    /// How an equilibrium is found.
+    pub find: Find,
 }
 
 impl Default for Steps {
     fn default() -> Self {
-        Steps { end: 1.0, increments: 25 }
+        Steps { end: 1.0, increments: 25, find: Find::default() }
     }
 }
 

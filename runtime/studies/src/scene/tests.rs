@@ -9,6 +9,7 @@ use piola_mechanics::energy::Products;
 use piola_mechanics::kernel::Level;
 use piola_solvers::linear::{LinearMethod, PreconditionerChoice};
 use piola_solvers::newton::NewtonVariant;
+use piola_solvers::steps::Find;
 use piola_solvers::steps::Start;
 
 /// Every key of the format.
@@ -135,7 +136,7 @@ fn every_key_is_read() {
         (scene.probes[0].name.value.as_str(), &scene.probes[0].at.value[..]),
         ("tip", &[1.0, 0.5][..])
     );
-    assert_eq!(scene.steps, Steps { end: 2.0, increments: 40 });
+    assert_eq!(scene.steps, Steps { end: 2.0, increments: 40, ..Steps::default() });
     let solver = SolverSettings {
         tolerance: 1e-9,
         start: Start::Extrapolate,
@@ -168,7 +169,7 @@ fn every_default_is_filled_in() {
     assert_eq!(scene.material().parameters, []);
     assert_eq!((scene.sets.len(), scene.prescriptions.len()), (0, 0));
     assert_eq!((scene.loads.len(), scene.probes.len()), (0, 0));
-    assert_eq!(scene.steps, Steps { end: 1.0, increments: 25 });
+    assert_eq!(scene.steps, Steps { end: 1.0, increments: 25, find: Find::Newton });
     let solver = SolverSettings {
         tolerance: 1e-10,
         start: Start::Tangent,

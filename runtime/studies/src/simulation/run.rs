@@ -21,7 +21,7 @@ use piola_solvers::march::State;
 use piola_solvers::newton::{NewtonFailure, NewtonSettings, NewtonVariant};
 use piola_solvers::rigid_modes::check_rigid_motions;
 use piola_solvers::steps::{
-    self, Drive, NotConverged, NotGiven, StepError, StepRecord, StepSettings, run_steps,
+    self, Drive, Find, NotConverged, NotGiven, StepError, StepRecord, StepSettings, run_steps,
 };
 use piola_solvers::{Event, Watch};
 
@@ -187,6 +187,7 @@ pub(super) fn settings(scene: &Scene) -> StepSettings {
     StepSettings {
         end: scene.steps.end,
         increments: scene.steps.increments,
+        find: scene.steps.find,
         start: solver.start,
         newton: NewtonSettings {
             tolerance: solver.tolerance,
@@ -286,8 +287,20 @@ fn idle_choices(scene: &Scene, outcome: &steps::Outcome) -> Vec<String> {
     found
 }
 
-fn solver_summary(outcome: &steps::Outcome) -> SolverSummary {
+fn solver_summary(outcome: &steps::Outcome, find: Find) -> SolverSummary {
     let (linear, counters) = (&outcome.linear, outcome.counters);
+    if find == Find::Relaxation {
+        return SolverSummary {
+            linear: "none".to_string(),
+            linear_reason: "equilibria are found by relaxation".to_string(),
+            preconditioner: None,
+            linear_iterations: 0,
+            linear_solves: 0,
+            factorizations: 0,
+            tangents: counters.tangents,
+            gradients: counters.gradients,
+        };
+    }
     SolverSummary {
         linear: linear.method.name().to_string(),
         linear_reason: linear.reason.clone(),
@@ -481,7 +494,7 @@ impl<'a> Recorder<'a> {
         table::write_displacement(self.folder, self.points, &displacement)?;
         let mut summary =
             summary(case, energy, ending, options.warnings, resolved, &mut self.clock);
-        summary.solver = Some(solver_summary(outcome));
+        summary.solver = Some(solver_summary(outcome, case.scene.steps.find));
         summary.steps = step_summaries(&self.history);
         // Before the picture: that takes longer, and is the smaller loss.
         summary.write(self.folder)?;
@@ -489,7 +502,11 @@ impl<'a> Recorder<'a> {
     }
 
     fn draw(&self, title: &str) -> Result<(), OutputError> {
-        let tolerance = self.fields.case.scene.solver.tolerance;
+        let scene = &self.fields.case.scene;
+        let entry = match scene.steps.find {
+            Find::Newton => "Newton iteration",
+            Find::Relaxation => "hundreds of steps",
+        };
         let (sets, colour) = (self.fields.named_sets(), self.fields.colour(&self.last));
         let picture = Picture {
             title,
@@ -497,7 +514,7 @@ impl<'a> Recorder<'a> {
             frame: &self.last,
             sets: &sets,
             colour: colour.as_ref(),
-            charts: Charts::Steps(&self.history, tolerance),
+            charts: Charts::Steps(&self.history, scene.solver.tolerance, entry),
         };
         picture.write(self.folder)
     }

@@ -49,9 +49,10 @@ static STEPS: Schema = Schema { title: "[steps]", keys: &named(&STEPS_KEYS) };
 static SOLVER: Schema = Schema { title: "[solver]", keys: &named(&SOLVER_KEYS) };
 static OUTPUT: Schema = Schema { title: "[output]", keys: &named(&OUTPUT_KEYS) };
 
-pub(super) const STEPS_KEYS: [Row<Steps>; 2] = [
+pub(super) const STEPS_KEYS: [Row<Steps>; 3] = [
     ("end", "1.0", |steps| Slot::Positive(&mut steps.end)),
     ("increments", "25", |steps| Slot::Count(&mut steps.increments, 1)),
+    ("find", "\"newton\"", |steps| Slot::Word(&mut steps.find)),
 ];
 
 /// In the order in which they are written.

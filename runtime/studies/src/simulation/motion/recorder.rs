@@ -161,7 +161,10 @@ impl<'a> Recorder<'a> {
     pub(super) fn save_in_time(&mut self, motion: &motion::Motion<'_>) -> ControlFlow<()> {
         let interval = Duration::try_from_secs_f64(self.fields.case.scene.output.checkpoint);
         let is_end = motion.step_reached() == motion.n_steps();
-        if is_end || motion.is_between_rows() || !interval.is_ok_and(|time| self.saved.elapsed() >= time) {
+        if is_end
+            || motion.is_between_rows()
+            || !interval.is_ok_and(|time| self.saved.elapsed() >= time)
+        {
             return ControlFlow::Continue(());
         }
         self.save(motion);

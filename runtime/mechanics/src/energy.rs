@@ -1,6 +1,7 @@
 //! Energies of a body as the solvers see them, and their sum.
 
 mod differences;
+pub mod inertia;
 mod total;
 
 pub use total::{Term, Total};

@@ -103,6 +103,8 @@ pub struct Newton<'a> {
     started_from: Option<f64>,
     /// How exactly the next one is solved: its residual over its right-hand side.
     start_term: f64,
+    /// What residuals are compared with beside reactions and loads, in N.
+    scale: f64,
     /// Whether a shorter step ends a solve.
     full_steps_only: bool,
     /// Whether the linear solver holds the factors of `tangent`.
@@ -134,6 +136,7 @@ impl<'a> Newton<'a> {
             forcing: Forcing::new(settings.variant, settings.tolerance),
             started_from: None,
             start_term: Forcing::start(settings.variant),
+            scale: 0.0,
             full_steps_only: false,
             gradient: vec![0.0; constraints.n_dofs()],
             parts: vec![0.0; energy.parts().len()],
@@ -149,6 +152,12 @@ impl<'a> Newton<'a> {
     pub fn watched(&mut self, watch: &Watch) {
         self.watch = watch.clone();
         self.linear.watched(watch.clone());
+    }
+
+    /// From now on residuals are compared with this, too, in N: where neither reactions nor loads tell how
+    /// large forces are.
+    pub fn compare_with(&mut self, scale: f64) {
+        self.scale = scale;
     }
 
     /// The linear solver: its method and its estimate.
@@ -538,7 +547,7 @@ impl<'a> Newton<'a> {
 
     /// What the residual is compared with: the larger of the 2-norms of reactions and loads.
     fn force(&self, loads: &[f64]) -> f64 {
-        self.reaction_norm(loads).max(norm_of(loads))
+        self.reaction_norm(loads).max(norm_of(loads)).max(self.scale)
     }
 
     /// How far rounding the displacements changes the forces, relative to these; 0 where there are

@@ -14,6 +14,7 @@
 
 use piola_mechanics::energy::EnergyParts;
 
+use super::midpoint::Works;
 use super::verlet::{Sides, Sums};
 
 /// What does not close, over the largest of what was added up, is rounding up to here.
@@ -138,6 +139,20 @@ impl Balance {
             }
         }
         self.after = sides.map(|sides| sides.after);
+    }
+
+    /// Takes in the works of a whole step.
+    pub(super) fn step(&mut self, works: &Works) {
+        self.internal.add(works.internal);
+        self.external.add(works.external);
+        self.damping.add(works.damping);
+        self.prescribed.add(works.prescribed);
+        self.kinetic = works.kinetic;
+    }
+
+    /// Before the first step, with the kinetic energy in J of the free degrees of freedom.
+    pub(super) fn begin(&mut self, kinetic: f64) {
+        self.kinetic = kinetic;
     }
 
     /// The row at the present time, in which the caller fills in what is no energy.

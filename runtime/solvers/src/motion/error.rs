@@ -4,6 +4,7 @@ use piola_mechanics::energy::NonFinite;
 
 use super::{MotionDrive, MotionSettings};
 use crate::constraint::ConstraintError;
+use crate::newton::NewtonFailure;
 
 /// More steps than these are a mistake: at a microsecond each they take 30 years.
 pub(super) const MOST_STEPS: f64 = 1e15;
@@ -88,6 +89,20 @@ pub enum MotionError {
         /// What is not finite.
         cause: NonFinite,
     },
+    /// The equations of an implicit step have no solution near.
+    #[error(
+        "no way on from t = {t:e} s, after {step} steps of {dt:e} s: {failure}; a shorter step may help"
+    )]
+    NoStep {
+        /// The time in s.
+        t: f64,
+        /// How many steps led there.
+        step: usize,
+        /// The step in s.
+        dt: f64,
+        /// Why Newton's method failed.
+        failure: Box<NewtonFailure>,
+    },
     /// A point flies off.
     #[error(transparent)]
     FlownOff(Box<FlownOff>),
@@ -138,6 +153,12 @@ pub(super) fn check(settings: &MotionSettings, masses: &[f64]) -> Result<(), Mot
             "damping",
             "at least 0",
             settings.damping,
+        ),
+        (
+            settings.tolerance > 0.0 && settings.tolerance < 1.0,
+            "tolerance",
+            "between 0 and 1",
+            settings.tolerance,
         ),
     ];
     for (holds, what, must, value) in requirements {

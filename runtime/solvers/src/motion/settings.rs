@@ -14,6 +14,8 @@ pub enum Method {
     /// the step, `v_(n+1/2) = (v_(n-1/2) + dt a)/(1 + c dt)`: damping acts on the velocity after, so
     /// that no damping is too much. Velocities are those of the last step.
     Kinematic,
+    /// The implicit midpoint rule: stable for any step where forces are linear.
+    Midpoint,
 }
 
 impl Words for Method {
@@ -21,6 +23,7 @@ impl Words for Method {
         ("verlet", Method::Verlet),
         ("leap-frog", Method::LeapFrog),
         ("kinematic", Method::Kinematic),
+        ("midpoint", Method::Midpoint),
     ];
 }
 
@@ -28,7 +31,7 @@ impl Method {
     /// The part of the velocity after the kick in what damping acts on.
     pub(super) fn damped_part(self) -> f64 {
         match self {
-            Method::Verlet | Method::LeapFrog => 0.5,
+            Method::Verlet | Method::LeapFrog | Method::Midpoint => 0.5,
             Method::Kinematic => 1.0,
         }
     }
@@ -65,7 +68,8 @@ pub struct MotionSettings {
     pub method: Method,
     /// The last `t` in s; positive. It is met exactly: the step is `end` over a whole number.
     pub end: f64,
-    /// The longest step in s; without it `safety` times the critical one.
+    /// The longest step in s; without it `safety` times the critical one, of the midpoint rule ten times
+    /// as long.
     pub step: Option<f64>,
     /// Between 0 and 1.
     pub safety: f64,
@@ -73,6 +77,8 @@ pub struct MotionSettings {
     pub damping: f64,
     /// Whether a step beyond the critical one is taken.
     pub unstable: bool,
+    /// Of the midpoint rule: the residual of a step over the forces that accelerate the body.
+    pub tolerance: f64,
     /// How many rows of the account there are after the first, spread evenly over the steps.
     pub rows: usize,
 }
@@ -86,6 +92,7 @@ impl Default for MotionSettings {
             safety: 0.9,
             damping: 0.0,
             unstable: false,
+            tolerance: 1e-10,
             rows: 1000,
         }
     }

@@ -10,12 +10,12 @@ use super::*;
 use crate::watch::Observer;
 
 /// Conditions by closures.
-struct Conditions {
-    displaced: Vec<usize>,
-    driven: Vec<usize>,
-    displacement: fn(f64) -> f64,
-    velocity: fn(f64) -> f64,
-    load: fn(f64, usize) -> f64,
+pub(super) struct Conditions {
+    pub(super) displaced: Vec<usize>,
+    pub(super) driven: Vec<usize>,
+    pub(super) displacement: fn(f64) -> f64,
+    pub(super) velocity: fn(f64) -> f64,
+    pub(super) load: fn(f64, usize) -> f64,
 }
 
 impl Default for Conditions {
@@ -52,11 +52,11 @@ impl MotionDrive for Conditions {
     }
 }
 
-fn initial(displacements: Vec<f64>, velocities: Vec<f64>) -> Initial {
+pub(super) fn initial(displacements: Vec<f64>, velocities: Vec<f64>) -> Initial {
     Initial { displacements, velocities }
 }
 
-fn begin<'a>(
+pub(super) fn begin<'a>(
     springs: &'a SpringNetwork,
     start: Initial,
     drive: &'a Conditions,
@@ -66,7 +66,7 @@ fn begin<'a>(
     Motion::new(springs, &masses, start, drive, &settings, &Watch::default())
 }
 
-fn go(motion: &mut Motion<'_>, step: usize) -> Row {
+pub(super) fn go(motion: &mut Motion<'_>, step: usize) -> Row {
     match motion.advance_to(step).unwrap() {
         Advance::Step(row) => row,
         _ => panic!("nobody looks on"),
@@ -79,7 +79,7 @@ fn oscillator() -> (SpringNetwork, Conditions) {
     (springs, Conditions { displaced: vec![0, 1], ..Conditions::default() })
 }
 
-fn over(end: f64, step: f64) -> MotionSettings {
+pub(super) fn over(end: f64, step: f64) -> MotionSettings {
     MotionSettings { end, step: Some(step), ..MotionSettings::default() }
 }
 
@@ -108,7 +108,9 @@ fn a_spring_swings_as_its_difference_equation_does() {
 }
 
 /// A block with a clamped side, on its way for a while from an uneven start.
-fn block(law: piola_mechanics::testing::SpringLaw) -> (SpringNetwork, Conditions, Initial) {
+pub(super) fn block(
+    law: piola_mechanics::testing::SpringLaw,
+) -> (SpringNetwork, Conditions, Initial) {
     let springs = SpringNetwork::lattice(&[5, 4], 1.5, law);
     let held = springs.dofs_where(|x| x[0] < 0.5);
     let n = springs.positions.len();

@@ -79,6 +79,13 @@ impl Summed {
     }
 }
 
+impl Summed {
+    /// Adds to an entry.
+    pub(super) fn add(&mut self, entry: usize, term: f64) {
+        add(&mut self.value[entry], &mut self.low[entry], term);
+    }
+}
+
 /// `sum + low + term` as its nearest number and the rest (Knuth's sum of two numbers).
 #[inline]
 fn add(sum: &mut f64, low: &mut f64, term: f64) {

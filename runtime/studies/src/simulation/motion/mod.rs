@@ -58,6 +58,7 @@ pub(super) fn settings(case: &Case, scene: &Motion) -> MotionSettings {
         safety: scene.safety,
         damping: scene.damping,
         unstable: scene.unstable,
+        tolerance: case.scene.solver.tolerance,
         // Frames are rows, too.
         rows: output.rows.max(frames(case, scene).ceil() as usize),
     }

@@ -130,7 +130,7 @@ fn bodies_of_interactions_have_the_stress_of_their_lattice() {
         agree("work", &[work], &[density], 1e-5);
         // Voigt's order: the diagonal, and behind it yz, xz, xy with twice the strain; in a plane xy.
         let order: &[usize] = if dimension == 2 { &[0, 4, 1] } else { &[0, 4, 8, 5, 2, 1] };
-        let twice = |place: usize| if place % 4 == 0 { 1.0 } else { 2.0 };
+        let twice = |place: usize| if place.is_multiple_of(4) { 1.0 } else { 2.0 };
         let n = order.len();
         let known: Vec<f64> = (0..n)
             .map(|r| {

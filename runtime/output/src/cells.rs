@@ -17,7 +17,8 @@ pub fn of_lattice(d: usize, positions: &[f64], spacing: f64) -> Vec<u32> {
         let mut place = [0i64; 3];
         for axis in 0..d {
             let along = (x[axis] - low[axis]) / spacing;
-            if !((along - along.round()).abs() < NEAR) {
+            let is_near = (along - along.round()).abs() < NEAR;
+            if !is_near {
                 return Vec::new();
             }
             place[axis] = along.round() as i64;

@@ -14,6 +14,7 @@ mod moduli;
 mod nodes;
 mod same_bits;
 mod small_clouds;
+mod spinning_disc;
 mod subjects;
 mod sums;
 mod table6;

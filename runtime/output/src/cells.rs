@@ -1,50 +1,91 @@
 //! Cells between the points of a lattice, so that a body is seen as one and not as dots.
 
-use std::collections::HashMap;
-
 /// A point of a lattice is this near to its place, in spacings.
 const NEAR: f64 = 1e-3;
 
+/// Most places of a lattice for each point that is there: a body that is sparser has no cells.
+const SPARSE: usize = 64;
+
+/// No point.
+const NONE: u32 = u32::MAX;
+
 /// Quadrilaterals of four or hexahedra of eight neighbours in a lattice, as VTK orders their corners,
 /// one after the other: those whose corners are all there. `positions` are `n x d`, in m. Nothing where a
-/// point is not one of a lattice with this spacing.
+/// point is not one of a lattice with this spacing, and of lattices that are nearly empty.
 pub fn of_lattice(d: usize, positions: &[f64], spacing: f64) -> Vec<u32> {
-    let low: Vec<f64> = (0..d)
-        .map(|axis| positions.iter().skip(axis).step_by(d).copied().fold(f64::INFINITY, f64::min))
-        .collect();
-    let mut places = Vec::with_capacity(positions.len() / d);
-    for x in positions.chunks_exact(d) {
-        let mut place = [0i64; 3];
-        for axis in 0..d {
-            let along = (x[axis] - low[axis]) / spacing;
-            let is_near = (along - along.round()).abs() < NEAR;
-            if !is_near {
-                return Vec::new();
-            }
-            place[axis] = along.round() as i64;
-        }
-        places.push(place);
-    }
-    let numbers: HashMap<[i64; 3], u32> =
-        places.iter().enumerate().map(|(point, place)| (*place, point as u32)).collect();
-    const CORNERS: [[i64; 3]; 8] =
+    let Some(grid) = Grid::new(d, positions, spacing) else { return Vec::new() };
+    const CORNERS: [[usize; 3]; 8] =
         [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]];
     let corners = &CORNERS[..if d == 2 { 4 } else { 8 }];
     let mut cells = Vec::new();
-    for place in &places {
+    for place in &grid.places {
         let start = cells.len();
         for corner in corners {
-            let at = [0, 1, 2].map(|axis| place[axis] + corner[axis]);
-            match numbers.get(&at) {
-                Some(point) => cells.push(*point),
-                None => {
+            match grid.point([0, 1, 2].map(|axis| place[axis] + corner[axis])) {
+                NONE => {
                     cells.truncate(start);
                     break;
                 }
+                point => cells.push(point),
             }
         }
     }
     cells
+}
+
+/// The points of a lattice by their places.
+struct Grid {
+    counts: [usize; 3],
+    /// Of every place, the last axis fastest.
+    points: Vec<u32>,
+    /// Of every point.
+    places: Vec<[usize; 3]>,
+}
+
+impl Grid {
+    fn new(d: usize, positions: &[f64], spacing: f64) -> Option<Grid> {
+        let low = |axis: usize| {
+            positions.iter().skip(axis).step_by(d).copied().fold(f64::INFINITY, f64::min)
+        };
+        let low: Vec<f64> = (0..d).map(low).collect();
+        let mut counts = [1; 3];
+        let mut places = Vec::with_capacity(positions.len() / d);
+        for x in positions.chunks_exact(d) {
+            let mut place = [0; 3];
+            for axis in 0..d {
+                let along = (x[axis] - low[axis]) / spacing;
+                let is_near = (along - along.round()).abs() < NEAR;
+                if !is_near {
+                    return None;
+                }
+                place[axis] = along.round() as usize;
+                counts[axis] = counts[axis].max(place[axis].saturating_add(1));
+            }
+            places.push(place);
+        }
+        let [a, b, c] = counts;
+        let all = a.checked_mul(b)?.checked_mul(c)?;
+        if all / SPARSE > places.len() || places.len() >= NONE as usize {
+            return None;
+        }
+        let mut grid = Grid { counts, points: vec![NONE; all], places: Vec::new() };
+        for (point, place) in places.iter().enumerate() {
+            let index = grid.index(*place);
+            grid.points[index] = point as u32;
+        }
+        Some(Grid { places, ..grid })
+    }
+
+    fn index(&self, [x, y, z]: [usize; 3]) -> usize {
+        (x * self.counts[1] + y) * self.counts[2] + z
+    }
+
+    fn point(&self, place: [usize; 3]) -> u32 {
+        match (0..3).all(|axis| place[axis] < self.counts[axis]) {
+            true => self.points[self.index(place)],
+            false => NONE,
+        }
+    }
 }
 
 #[cfg(test)]

@@ -18,6 +18,7 @@ use piola_mechanics::body::Body;
 use piola_solvers::linear::{
     self, Choice, Circumstances, LinearMethod, MEMORY_SHARE, PreconditionerChoice,
 };
+use piola_solvers::steps::Find;
 use serde::Serialize;
 
 use crate::scene::{LatticeShape, Motion, Scene};
@@ -335,10 +336,18 @@ impl System {
     }
 }
 
+/// How linear systems are solved; a relaxation has none, and stores nothing.
+fn asked(scene: &Scene) -> LinearMethod {
+    match scene.steps.find {
+        Find::Newton => scene.solver.linear,
+        Find::Relaxation => LinearMethod::MatrixFree,
+    }
+}
+
 /// The method that linear systems begin with.
 fn chosen(input: &PlanInput<'_>) -> Choice {
     let solver = &input.scene.solver;
-    let settled = linear::settled(solver.linear, !input.families.is_empty(), solver.products);
+    let settled = linear::settled(asked(input.scene), !input.families.is_empty(), solver.products);
     let mut linear = settled.unwrap_or_else(|| {
         let system = input.system(1);
         let cost = || Ok::<_, Infallible>(system.cost());
@@ -409,7 +418,7 @@ pub struct Stored {
 
 impl Stored {
     fn new(input: &PlanInput<'_>, begins: &Choice) -> Option<Stored> {
-        let auto = input.scene.solver.linear == LinearMethod::Auto;
+        let auto = asked(input.scene) == LinearMethod::Auto;
         if !auto || begins.method != LinearMethod::MatrixFree || input.families.is_empty() {
             return None;
         }

@@ -6,7 +6,7 @@
 //! quotient of the last step and the change of the forces along it (Underwood 1983; Kilic and Madenci,
 //! Theor. Appl. Fract. Mech. 53, 2010). No linear system is solved and no tangent stored.
 
-use piola_mechanics::energy::{EnergyParts, Wanted};
+use piola_mechanics::energy::{EnergyParts, NonFinite, Wanted};
 
 use super::{History, Newton, NewtonError, NewtonFailure, NewtonReport};
 use crate::clock::timed;
@@ -78,8 +78,9 @@ impl Way {
         }
     }
 
+    /// Whether it is time to ask why the residual falls no more.
     fn is_stuck(&self) -> bool {
-        self.since >= PATIENCE
+        self.since > 0 && self.since.is_multiple_of(PATIENCE)
     }
 
     fn step(&self) -> f64 {
@@ -113,7 +114,7 @@ impl Newton<'_> {
         most: usize,
         history: &mut History,
     ) -> Result<NewtonReport, NewtonFailure> {
-        self.evaluate(u, false)?;
+        self.forces_alone(u)?;
         let pace = self.pace(u)?;
         let mut way = Way::new(u, &self.gradient, pace);
         let mut done = 0;
@@ -150,7 +151,7 @@ impl Newton<'_> {
                 way.pace = self.pace(u)?;
             }
             self.move_on(u, loads, &mut way);
-            if let Err(problem) = self.evaluate(u, false) {
+            if let Err(problem) = self.forces_alone(u) {
                 if way.halvings == MOST_HALVINGS {
                     return Err(problem.into());
                 }
@@ -166,7 +167,17 @@ impl Newton<'_> {
         way.part *= 0.5;
         u.copy_from_slice(&way.best);
         way.v.fill(0.0);
-        Ok(self.evaluate(u, false)?)
+        Ok(self.forces_alone(u)?)
+    }
+
+    /// `dE/du` at `u` without the energy, which nobody asks for on the way.
+    fn forces_alone(&mut self, u: &[f64]) -> Result<(), NonFinite> {
+        self.evaluated_at = None;
+        self.rounding.set(None);
+        self.counters.gradients += 1;
+        let (energy, gradient) = (self.energy, &mut self.gradient);
+        let wanted = Wanted::Forces(gradient);
+        timed(&mut self.times.assembly, || energy.evaluate(u, wanted, &mut []))
     }
 
     /// One step of the motion.

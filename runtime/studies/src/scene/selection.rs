@@ -46,6 +46,27 @@ pub struct Selection {
     pub warnings: Vec<Diagnostic>,
 }
 
+impl PointSet {
+    /// The sum over its points of a force per point (`n x d`, in N).
+    pub fn sum(&self, forces: &[f64], d: usize) -> Vec<f64> {
+        let along = |axis: usize| self.points.iter().fold(0.0, |sum, p| sum + forces[d * p + axis]);
+        (0..d).map(along).collect()
+    }
+}
+
+impl Selection {
+    /// Of each set the sum of a force per point (`n x d`, in N).
+    pub fn reactions(&self, residual: &[f64], d: usize) -> Vec<Vec<f64>> {
+        self.sets.iter().map(|set| set.sum(residual, d)).collect()
+    }
+
+    /// Of each probe the displacement of its point, of displacements `n x d` in m.
+    pub fn displacements(&self, u: &[f64], d: usize) -> Vec<Vec<f64>> {
+        let own = |probe: &ProbePoint| u[d * probe.point..d * (probe.point + 1)].to_vec();
+        self.probes.iter().map(own).collect()
+    }
+}
+
 /// Which points of a body remain.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Kept {

@@ -10,7 +10,7 @@ use piola_solvers::steps::{StepError, StepRecord, run_steps};
 use piola_solvers::{Event, Observer, Watch};
 
 use super::motion;
-use super::run::{SceneDrive, check_held, failed, settings, sum_over};
+use super::run::{SceneDrive, check_held, failed, settings};
 use crate::case::{Case, CaseError};
 use crate::scene::boundary::BoundaryConditions;
 
@@ -82,10 +82,7 @@ pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
             state.internal_forces.iter().zip(state.loads).map(|(g, f)| g - f).collect();
         let sets = selection.sets.iter();
         reached.reactions = sets
-            .map(|set| NamedVector {
-                name: set.name.clone(),
-                value: sum_over(&set.points, &residual, d),
-            })
+            .map(|set| NamedVector { name: set.name.clone(), value: set.sum(&residual, d) })
             .collect();
         let probes = selection.probes.iter();
         let at = |point: usize| state.displacements[d * point..d * (point + 1)].to_vec();

@@ -162,17 +162,6 @@ pub(super) fn check_held(
         .map_err(|error| explain::free_motion(&case.scene, &error))
 }
 
-/// The sum over some points of a force per point, `n x d`.
-pub(super) fn sum_over(points: &[usize], forces: &[f64], d: usize) -> Vec<f64> {
-    let mut sum = vec![0.0; d];
-    for &point in points {
-        for axis in 0..d {
-            sum[axis] += forces[d * point + axis];
-        }
-    }
-    sum
-}
-
 /// How the steps are solved.
 pub(super) fn settings(scene: &Scene) -> StepSettings {
     let solver = &scene.solver;
@@ -420,16 +409,8 @@ impl<'a> Recorder<'a> {
             residual: record.residual.clone(),
             residual_over_reaction: record.residual_over_reaction.clone(),
             energy_parts: record.energy_parts.clone(),
-            reactions: selection
-                .sets
-                .iter()
-                .map(|set| sum_over(&set.points, &residual, d))
-                .collect(),
-            probes: selection
-                .probes
-                .iter()
-                .map(|probe| state.displacements[d * probe.point..d * (probe.point + 1)].to_vec())
-                .collect(),
+            reactions: selection.reactions(&residual, d),
+            probes: selection.displacements(state.displacements, d),
             definiteness: Definiteness {
                 positive_definite: record.definiteness.positive_definite,
                 method: record.definiteness.method.clone(),

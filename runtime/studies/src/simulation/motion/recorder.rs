@@ -19,7 +19,7 @@ use piola_solvers::motion::{self, Row, Snapshot};
 use super::frames;
 use crate::scene::Motion;
 use crate::simulation::point_fields::PointFields;
-use crate::simulation::run::{Origin, frame, sum_over};
+use crate::simulation::run::{Origin, frame};
 
 /// What is recorded, and where.
 #[derive(Clone, Copy)]
@@ -216,16 +216,8 @@ impl<'a> Recorder<'a> {
             rounding: row.rounding,
             momentum: row.momentum.clone(),
             angular_momentum: row.angular_momentum.clone(),
-            reactions: selection
-                .sets
-                .iter()
-                .map(|set| sum_over(&set.points, &residual, d))
-                .collect(),
-            probes: selection
-                .probes
-                .iter()
-                .map(|probe| state.displacements[d * probe.point..d * (probe.point + 1)].to_vec())
-                .collect(),
+            reactions: selection.reactions(&residual, d),
+            probes: selection.displacements(state.displacements, d),
         };
         let energies = [row.kinetic, row.external, row.prescribed, row.damping];
         let largest = energies.iter().fold(row.energy.magnitude(), |most, x| most.max(x.abs()));

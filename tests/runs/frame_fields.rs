@@ -67,6 +67,8 @@ fn a_body_of_psi_of_f_has_its_own_stress() {
         let folder = even(3, "neo_hooke", &further);
         folder.run(&[]).expect(0);
         let frame = last_frame(&folder);
+        let resolved = fs::read_to_string(folder.out().join("scene.resolved.toml")).unwrap();
+        assert!(resolved.contains("\"von_mises\"") && resolved.contains("colour"), "{resolved}");
         let f = [[1.1, 0.05, 0.0], [0.0, 0.97, 0.0], [0.0, 0.0, 1.02]];
         let j: f64 = 1.1 * 0.97 * 1.02;
         // The inverse of an upper triangle, turned.

@@ -96,6 +96,14 @@ impl MotionTables {
     /// Tables that are shorter, or gone.
     pub fn resume(folder: &OutputFolder, lengths: &[u64]) -> Result<MotionTables, OutputError> {
         let files = [OutputFile::Motion, OutputFile::Reactions, OutputFile::Probes];
+        // Nothing is cut unless all are there.
+        for (file, expected) in files.iter().zip(lengths.iter().copied()) {
+            let path = folder.path_of(*file);
+            let found = fs::metadata(&path).map_or(0, |metadata| metadata.len());
+            if found < expected {
+                return Err(OutputError::Table { path, found, expected });
+            }
+        }
         let mut lines = files.iter().zip(lengths).map(|(file, length)| {
             let path = folder.path_of(*file);
             Lines::resume(path, *length)

@@ -45,7 +45,7 @@ impl Scene {
         write_pairs(&mut out, "[solver]", texts(&self.solver, &SOLVER_KEYS));
         // Of a motion `every` stands in the place of `frames`, where it says which are written.
         let is_written = |key: &str| match (&self.motion, self.output.every) {
-            (None, _) => key == "frames",
+            (None, _) => !["every", "rows", "checkpoint"].contains(&key),
             (Some(_), every) => every.is_none() || key != "frames",
         };
         let output = texts(&self.output, &OUTPUT_KEYS);

@@ -10,7 +10,7 @@ use piola_output::summary::{ExitReason, PhaseClock};
 use piola_output::{OutputError, OutputFile, OutputFolder, Points};
 use piola_solvers::Watch;
 use piola_solvers::march::{Advance, March as _, march};
-use piola_solvers::motion::{self, MotionError, MotionSettings, Snapshot};
+use piola_solvers::motion::{self, Method, MotionError, MotionSettings, Snapshot};
 
 use super::run::{Ending, RunError, RunOptions, enter, hash, summary};
 use crate::case::{Case, CaseError};
@@ -151,7 +151,8 @@ pub(super) fn run(
         }
     };
     let mut warnings: Vec<String> = motion.notes().to_vec();
-    if scene.unstable && motion.step() > motion.least_critical() {
+    let is_explicit = scene.method != Method::Midpoint;
+    if scene.unstable && is_explicit && motion.step() > motion.least_critical() {
         warnings.push(format!(
             "the step {:e} s is beyond the critical one, {:.6e} s: the motion is unstable",
             motion.step(),

@@ -7,7 +7,7 @@ use piola_runtime::case::Case;
 use piola_runtime::interaction::Inverted;
 use piola_runtime::output::checkpoint::Header;
 use piola_runtime::output::summary::ExitReason;
-use piola_runtime::output::{OutputError, OutputFolder};
+use piola_runtime::output::{OutputError, OutputFile, OutputFolder};
 use piola_runtime::plan::Plan;
 use piola_runtime::simulation::{Ending, Origin, RunError, RunOptions, run};
 use piola_runtime::solve::Watch;
@@ -141,7 +141,11 @@ fn solve(mut case: Case, task: Task, arguments: &Run) -> Exit {
             Exit::Input
         }
         Err(RunError::Output(message)) => {
-            render::error(&message, None);
+            let path = folder.path();
+            let goes_on = folder.path_of(OutputFile::Checkpoint).exists();
+            let help =
+                format!("`piola run --resume {}` goes on from its checkpoint", path.display());
+            render::error(&message, goes_on.then_some(help.as_str()));
             Exit::Input
         }
     }

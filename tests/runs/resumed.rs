@@ -13,10 +13,10 @@ use crate::support::{Outcome, Random, SceneFolder, command, number, piola};
 /// How often runs are killed, in all.
 const KILLS: usize = 50;
 
-/// With a checkpoint at every row, for as many seconds of the body as make some of the wall.
+/// With a checkpoint every few milliseconds, for as many seconds of the body as make some of the wall.
 fn scene() -> SceneFolder {
     let text = THROWN.replace("end = 0.5", "end = 40.0").replace("frames = 5", "frames = 20");
-    SceneFolder::new(&text.replace("rows = 50", "rows = 300\ncheckpoint = 1e-6"))
+    SceneFolder::new(&text.replace("rows = 50", "rows = 300\ncheckpoint = 2e-3"))
 }
 
 fn start(arguments: &[&str]) -> Child {
@@ -151,6 +151,7 @@ fn interrupted() -> SceneFolder {
 fn what_is_no_longer_the_same_run_is_refused_and_nothing_is_touched() {
     let folder = interrupted();
     let out = folder.out();
+    folder.run(&[]).expect(2).says(&["not empty", "--resume"]);
     let rows = fs::read(out.join("motion.csv")).unwrap();
     let text = fs::read_to_string(folder.scene()).unwrap();
     fs::write(folder.scene(), text.replace("C1 = 1e9", "C1 = 2e9")).unwrap();
@@ -171,6 +172,15 @@ fn what_is_no_longer_the_same_run_is_refused_and_nothing_is_touched() {
     fs::write(out.join("checkpoint.bin"), &checkpoint[..checkpoint.len() - 1]).unwrap();
     resume(&out, &[&moved]).expect(2).says(&["checkpoint.bin", "damaged"]);
     fs::write(out.join("checkpoint.bin"), &checkpoint).unwrap();
+    #[cfg(unix)]
+    {
+        let (frames, kept) = (out.join("frames"), out.join("kept"));
+        fs::rename(&frames, &kept).unwrap();
+        std::os::unix::fs::symlink(&kept, &frames).unwrap();
+        resume(&out, &[&moved]).expect(2).says(&["frames", "not a folder"]);
+        fs::remove_file(&frames).unwrap();
+        fs::rename(&kept, &frames).unwrap();
+    }
     resume(&out, &[&moved]).expect(0);
 }
 
@@ -181,4 +191,23 @@ fn there_must_be_something_to_go_on_from() {
     folder.run(&[]).expect(0);
     resume(&folder.out(), &[]).expect(2).says(&["no checkpoint"]);
     piola(&["run"]).expect(2).says(&["SCENE"]);
+}
+
+/// Steps of the implicit rule are long: one that is under way is given up.
+#[test]
+fn an_implicit_run_that_is_interrupted_goes_on_with_the_same_bits() {
+    let scene = || {
+        let text = THROWN.replace("[motion]", "[motion]\nmethod = \"midpoint\"");
+        let text = text.replace("end = 0.5", "end = 4.0").replace("rows = 50", "rows = 7");
+        SceneFolder::new(&text.replace("frames = 5", "frames = 3\ncheckpoint = 2e-3"))
+    };
+    let whole = scene();
+    whole.run(&[]).expect(0);
+    let folder = scene();
+    let mut child = start(&["run", &folder.scene(), "--out", &folder.path("out")]);
+    wait_for_checkpoint(&mut child, &folder.out());
+    signal(&child, "-INT");
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    resume(&folder.out(), &[]).expect(0);
+    are_the_same(&whole.out(), &folder.out());
 }

@@ -31,6 +31,8 @@ pub enum OutputError {
         path: PathBuf,
         /// One of its entries.
         example: String,
+        /// Whether the run in it can be taken up again.
+        resumable: bool,
     },
     /// Another run holds the folder.
     #[error("another run of piola is writing into `{}`", path.display())]
@@ -83,7 +85,10 @@ impl OutputError {
     /// What the user can do about it, where we know.
     pub fn help(&self) -> Option<&'static str> {
         match self {
-            OutputError::NotEmpty { .. } => {
+            OutputError::NotEmpty { resumable: true, .. } => Some(
+                "`piola run --resume FOLDER` goes on with the run in it; `--force` replaces it",
+            ),
+            OutputError::NotEmpty { resumable: false, .. } => {
                 Some("name another folder, or write `--force` to replace an earlier run in it")
             }
             OutputError::InUse { .. } => Some("wait until it has ended, or name another folder"),

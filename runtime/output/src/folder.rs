@@ -134,10 +134,12 @@ impl OutputFolder {
         })?;
         // Only who holds the folder looks into it: check and creation are one step.
         let lock = Lock::take(path)?;
-        if let Some(example) = entries(path)?.first() {
+        let found = entries(path)?;
+        if let Some(example) = found.first() {
             if !force {
-                let example = example.clone();
-                return Err(OutputError::NotEmpty { path: path.to_owned(), example });
+                let (path, example) = (path.to_owned(), example.clone());
+                let resumable = found.contains(&OutputFile::Checkpoint.name());
+                return Err(OutputError::NotEmpty { path, example, resumable });
             }
             remove_earlier_run(path)?;
         }
@@ -151,8 +153,15 @@ impl OutputFolder {
     /// A folder that is not there, or in which another run is.
     pub fn open(path: &Path) -> Result<OutputFolder, OutputError> {
         let found = fs::metadata(path).map_err(Operation::ReadFolder.on(path))?;
-        if !found.is_dir() || !path.join(FRAMES).is_dir() {
-            return Err(OutputError::NoCheckpoint { path: path.to_owned() });
+        if !found.is_dir() {
+            return Err(OutputError::NotAFolder { path: path.to_owned() });
+        }
+        // A link named `frames` may lead out of the folder.
+        let frames = path.join(FRAMES);
+        match fs::symlink_metadata(&frames) {
+            Ok(found) if found.is_dir() => {}
+            Ok(_) => return Err(OutputError::NotAFolder { path: frames }),
+            Err(_) => return Err(OutputError::NoCheckpoint { path: path.to_owned() }),
         }
         let folder = OutputFolder { path: path.to_owned(), lock: Lock::take(path)? };
         remove_partials(path)?;

@@ -21,6 +21,8 @@ pub struct State<'a> {
 pub enum Advance<T> {
     /// In the next state, and what is told of the step.
     Step(T),
+    /// On the way to the next state, where a pause was asked for.
+    Pause,
     /// There is no next state: this is the end.
     End,
     /// Who looks on wants an end.
@@ -60,6 +62,7 @@ pub fn march<M: March>(
                     return Ok(ControlFlow::Break(()));
                 }
             }
+            Advance::Pause => {}
             Advance::End => return Ok(ControlFlow::Continue(())),
             Advance::Interrupted => return Ok(ControlFlow::Break(())),
         }

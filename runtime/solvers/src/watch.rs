@@ -74,7 +74,23 @@ impl Watch {
         }
     }
 
+    /// Who hears nothing, and may want an end.
+    pub(crate) fn in_silence(&self) -> Watch {
+        Watch(self.0.clone().map(|observer| Arc::new(Silent(observer)) as Arc<dyn Observer>))
+    }
+
     pub(crate) fn wants_end(&self) -> bool {
         self.0.as_ref().is_some_and(|observer| observer.wants_end())
+    }
+}
+
+/// Passes nothing on.
+struct Silent(Arc<dyn Observer>);
+
+impl Observer for Silent {
+    fn notice(&self, _: Event<'_>) {}
+
+    fn wants_end(&self) -> bool {
+        self.0.wants_end()
     }
 }

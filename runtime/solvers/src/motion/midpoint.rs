@@ -8,6 +8,7 @@
 //! Geometric Numerical Integration, VI.4). The velocity is worked out from the forces there, and the
 //! displacement from the velocity, so that the account of energy closes however exactly the middle is known.
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use piola_mechanics::energy::inertia::Inertia;
@@ -51,8 +52,8 @@ impl Motion<'_> {
         Ok(middle)
     }
 
-    /// Where the body is half a step on, from where it would fly to.
-    fn middle(&mut self, flown: Vec<f64>) -> Result<Vec<f64>, MotionError> {
+    /// Where the body is half a step on, from where it would fly to; nothing where an end is wanted first.
+    fn middle(&mut self, flown: Vec<f64>) -> Result<Option<Vec<f64>>, MotionError> {
         let (dt, c, d) = (self.dt, self.settings.damping, self.energy.dimension());
         let spring = |dof: usize| match self.is_fixed[dof] {
             true => 0.0,
@@ -79,6 +80,7 @@ impl Motion<'_> {
         let solve = |method: LinearMethod| -> Result<Vec<f64>, NewtonFailure> {
             let linear = LinearOptions { method, ..LinearOptions::default() };
             let mut newton = Newton::new(&both, &self.constraints, settings, linear)?;
+            newton.watched(&self.watch.in_silence());
             newton.compare_with(push);
             let mut middle = start.clone();
             match newton.solve(&mut middle, &self.loads).map_err(|error| error.failure) {
@@ -88,8 +90,15 @@ impl Motion<'_> {
             }
         };
         // Inertia makes the tangent so even that few products do, unless it is indefinite all the same.
-        let found = solve(LinearMethod::MatrixFree);
-        found.or_else(|_| solve(LinearMethod::Auto)).map_err(|failure| self.no_step(failure))
+        let found = match solve(LinearMethod::MatrixFree) {
+            Err(failure) if failure != NewtonFailure::Interrupted => solve(LinearMethod::Auto),
+            found => found,
+        };
+        match found {
+            Ok(middle) => Ok(Some(middle)),
+            Err(NewtonFailure::Interrupted) => Ok(None),
+            Err(failure) => Err(self.no_step(failure)),
+        }
     }
 
     /// Where Newton's method starts: where the body would fly to, or where it is if no energy is known
@@ -123,28 +132,39 @@ impl Motion<'_> {
         }
     }
 
-    /// One step; forces and energy are worked out at its end where a row is due.
-    pub(super) fn go_implicitly(&mut self, wants_row: bool) -> Result<(), MotionError> {
+    /// One step; forces and energy are worked out at its end where a row is due. It breaks where an end is
+    /// wanted first.
+    pub(super) fn go_implicitly(
+        &mut self,
+        wants_row: bool,
+    ) -> Result<ControlFlow<()>, MotionError> {
         let flown = self.flight()?;
-        let middle = self.middle(flown)?;
+        let Some(middle) = self.middle(flown)? else { return Ok(ControlFlow::Break(())) };
         let evaluated = self.energy.evaluate(&middle, Wanted::Forces(&mut self.forces), &mut []);
         evaluated.map_err(|cause| self.not_finite(cause))?;
         let works = self.arrive();
         self.done += 1;
         self.balance.step(&works);
-        if !(works.kinetic.is_finite() && self.dt * works.fastest <= self.extent) {
+        let is_near = self.dt * works.fastest <= self.extent || self.stays_together();
+        if !(works.kinetic.is_finite() && is_near) {
             return Err(self.flown_off());
         }
         if wants_row {
-            let t = self.time(self.done);
-            self.drive.loads(t, &mut self.loads);
-            self.check_loads(t)?;
-            self.ask_forces(true)?;
-            self.mean.copy_from_slice(&self.v.value);
-            self.ask_velocities(t)?;
-            for (&dof, &value) in self.drive.driven().iter().zip(&self.velocities) {
-                self.mean[dof] = value;
-            }
+            self.stand()?;
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Loads, forces, energy and velocities where the last step has led, for a row there.
+    pub(super) fn stand(&mut self) -> Result<(), MotionError> {
+        let t = self.time(self.done);
+        self.drive.loads(t, &mut self.loads);
+        self.check_loads(t)?;
+        self.ask_forces(true)?;
+        self.mean.copy_from_slice(&self.v.value);
+        self.ask_velocities(t)?;
+        for (&dof, &value) in self.drive.driven().iter().zip(&self.velocities) {
+            self.mean[dof] = value;
         }
         Ok(())
     }

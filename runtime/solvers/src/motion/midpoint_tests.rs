@@ -1,9 +1,14 @@
 //! The implicit midpoint rule on networks of springs.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use piola_mechanics::testing::{SpringNetwork, linear, pseudo_random, softening};
 
 use super::tests::{Conditions, begin, block, go, initial, over};
 use super::*;
+use crate::march::{Advance, March as _};
+use crate::watch::{Event, Observer};
 
 fn midpoint(end: f64, step: f64) -> MotionSettings {
     MotionSettings { method: Method::Midpoint, tolerance: 1e-13, ..over(end, step) }
@@ -133,4 +138,74 @@ fn a_step_without_a_solution_is_named() {
         .and_then(|mut motion| motion.advance_to(1).map(|_| ()));
     let told = found.unwrap_err().to_string();
     assert!(told.contains("t = "), "{told}");
+}
+
+/// Gives an end once so many were asked for.
+struct Impatient {
+    asked: AtomicUsize,
+    end: usize,
+}
+
+impl Observer for Impatient {
+    fn notice(&self, _: Event<'_>) {}
+
+    fn wants_end(&self) -> bool {
+        self.asked.fetch_add(1, Ordering::Relaxed) >= self.end
+    }
+}
+
+#[test]
+fn an_end_gives_a_step_up_and_is_followed_by_the_same_bits() {
+    let (springs, drive, start) = block(softening);
+    let masses = vec![1.0; springs.n_points()];
+    let settings = MotionSettings { rows: 3, ..midpoint(6.0, 0.5) };
+    let mut whole = begin(&springs, start.clone(), &drive, settings).unwrap();
+    let last = go(&mut whole, 12);
+    let mut seen = Vec::new();
+    for end in (0..2000).step_by(9) {
+        let watch = Watch::by(Arc::new(Impatient { asked: AtomicUsize::new(0), end }));
+        let begun = Motion::new(&springs, &masses, start.clone(), &drive, &settings, &watch);
+        let mut motion = begun.unwrap();
+        motion.advance_to(0).unwrap();
+        let see = &mut |row: &Row, _: &Motion<'_>| {
+            seen.push(row.step);
+            std::ops::ControlFlow::Continue(())
+        };
+        if crate::march::march(&mut motion, see).unwrap().is_continue() {
+            break;
+        }
+        let (watch, snapshot) = (Watch::default(), motion.snapshot());
+        let resumed = Motion::resume(&springs, &masses, &drive, &settings, &watch, snapshot);
+        let mut resumed = resumed.unwrap();
+        assert_eq!(go(&mut resumed, 12).energy, last.energy, "{end}");
+        assert_eq!(resumed.u.value, whole.u.value, "{end}");
+    }
+    // Ends at and between rows, which are at steps 4, 8 and 12.
+    assert!(seen.contains(&3) && seen.contains(&4), "{seen:?}");
+}
+
+#[test]
+fn pauses_come_between_rows_and_change_nothing() {
+    let (springs, drive, start) = block(softening);
+    let settings = MotionSettings { rows: 2, ..midpoint(6.0, 0.5) };
+    let mut whole = begin(&springs, start.clone(), &drive, settings).unwrap();
+    let rows: Vec<Row> = [0, 6, 12].map(|step| go(&mut whole, step)).to_vec();
+    let masses = vec![1.0; springs.n_points()];
+    let mut motion = begin(&springs, start, &drive, settings).unwrap();
+    motion.pause_every(Duration::ZERO);
+    let (mut found, mut pauses) = (vec![go(&mut motion, 0)], 0);
+    loop {
+        match motion.advance().unwrap() {
+            Advance::Step(row) => found.push(row),
+            Advance::Pause => {
+                pauses += 1;
+                let (watch, snapshot) = (Watch::default(), motion.snapshot());
+                let resumed =
+                    Motion::resume(&springs, &masses, &drive, &settings, &watch, snapshot);
+                assert_eq!(go(&mut resumed.unwrap(), 12), rows[2]);
+            }
+            _ => break,
+        }
+    }
+    assert_eq!((found, pauses), (rows, 10));
 }

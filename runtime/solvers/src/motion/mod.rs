@@ -7,6 +7,7 @@
 //! | [`balance`] | the account of energy, and its rows |
 //! | `settings` | the rule of integration and its choices, what drives a body, where it starts |
 //! | `midpoint` | a step of the implicit midpoint rule |
+//! | `advance` | goes from row to row |
 //! | `snapshot` | where a motion stands, to go on from there with the same bits |
 //! | `error` | why a motion cannot start or go on |
 //!
@@ -15,6 +16,7 @@
 //! and at the end of a step, where forces are, half of the kick is still to come:
 //! `v_n = v_(n-1/2) + dt/2 a_n`. Forces are evaluated once a step, the energy where a row is due.
 
+mod advance;
 pub mod balance;
 pub mod critical;
 mod error;
@@ -28,29 +30,24 @@ mod midpoint_tests;
 #[cfg(test)]
 mod tests;
 
-use piola_mechanics::energy::{Energy, EnergyParts, NonFinite, Wanted};
+use std::time::{Duration, Instant};
+
+use piola_mechanics::energy::{Energy, NonFinite, Wanted};
 use piola_mechanics::vector::norm_of;
 
 use crate::constraint::Constraints;
-use crate::march::{Advance, March, State};
 use crate::watch::{Event, Watch};
+use advance::LOOK;
 use balance::Balance;
 pub use balance::Row;
 pub use critical::{CriticalStep, Precision, step_by_row_sums};
 pub use error::{FlownOff, MotionError};
 pub use settings::{Initial, Method, MotionDrive, MotionSettings};
 pub use snapshot::Snapshot;
-use verlet::{Kick, Sides, Summed, Sums, drift, n_pieces};
-
-/// The critical step is looked at again after so many steps, and at the end: a body that is stretched
-/// gets stiffer.
-const STEPS_BETWEEN_LOOKS: usize = 1000;
+use verlet::{Kick, Sides, Summed, Sums, n_pieces};
 
 /// Steps of the midpoint rule over critical ones, where the scene does not say.
 const IMPLICIT_STEPS: f64 = 10.0;
-
-/// How exactly it is then: few products.
-const LOOK: Precision = Precision { tolerance: 1e-2, products: 30 };
 
 /// A step that divides the way up to here needs no further one.
 const ROUNDED: f64 = 1e-12;
@@ -98,8 +95,18 @@ pub struct Motion<'a> {
     notes: Vec<String>,
     /// Whether who looks on wanted an end.
     is_over: bool,
-    /// The scalars of a snapshot before the row of an end between two rows.
-    before_end: Option<Vec<f64>>,
+    /// What a snapshot knows before the row of an end between two rows.
+    before_end: Option<BeforeRow>,
+    /// Why there is no next step, told behind the row of the last one.
+    stopped: Option<MotionError>,
+    /// How long it goes on at a stretch, and since when it does.
+    pauses: Option<(Duration, Instant)>,
+}
+
+/// What the row at an end between two rows changes: scalars of a snapshot, and how many notes there were.
+struct BeforeRow {
+    numbers: Vec<f64>,
+    n_notes: usize,
 }
 
 impl<'a> Motion<'a> {
@@ -166,6 +173,8 @@ impl<'a> Motion<'a> {
             notes: Vec::new(),
             is_over: false,
             before_end: None,
+            stopped: None,
+            pauses: None,
         })
     }
 
@@ -375,7 +384,7 @@ impl<'a> Motion<'a> {
         let prescribed = self.kick_prescribed(wants_mean)?;
         let fastest = self.dt * sums.fastest;
         // What is not a number is in the sum, what is too fast among the fastest.
-        if !(sums.kinetic.is_finite() && fastest <= self.extent) {
+        if !(sums.kinetic.is_finite() && (fastest <= self.extent || self.stays_together())) {
             return Err(self.flown_off());
         }
         self.balance.arrive(self.dt, &sums, prescribed);
@@ -422,14 +431,40 @@ impl<'a> Motion<'a> {
         Ok(sides)
     }
 
+    /// The velocity of the centre of mass in m/s.
+    fn drift_velocity(&self) -> Vec<f64> {
+        let d = self.energy.dimension();
+        let mass = self.point_masses.iter().fold(0.0, |sum, mass| sum + mass);
+        let mut drift = vec![0.0; d];
+        for (dof, (mass, v)) in self.masses.iter().zip(&self.v.value).enumerate() {
+            drift[dof % d] += mass * v;
+        }
+        drift.iter().map(|momentum| momentum / mass).collect()
+    }
+
+    /// Whether the body as a whole is so fast, and no point goes further than it is large as seen from its
+    /// centre of mass.
+    fn stays_together(&self) -> bool {
+        let (d, drift) = (self.energy.dimension(), self.drift_velocity());
+        self.v.value.iter().enumerate().all(|(dof, v)| {
+            let drift = drift[dof % d];
+            self.dt * (v - drift).abs() <= self.extent + ROUNDED * self.dt * drift.abs()
+        })
+    }
+
     fn flown_off(&self) -> MotionError {
         let (d, t) = (self.energy.dimension(), self.time(self.done));
         if let Err(problem) = self.check_loads(t) {
             return problem;
         }
-        let way = |dof: usize| self.dt * self.v.value[dof];
-        let is_off = |dof: &usize| way(*dof).is_nan() || way(*dof).abs() > self.extent;
-        let dof = (0..self.masses.len()).find(is_off).unwrap_or(0);
+        let drift = self.drift_velocity();
+        // Where nothing is a number, the first point stands for all.
+        let drift = |dof: usize| if drift[dof % d].is_finite() { drift[dof % d] } else { 0.0 };
+        let way = |dof: usize| self.dt * (self.v.value[dof] - drift(dof));
+        let far = |dof: &usize| if way(*dof).is_nan() { f64::INFINITY } else { way(*dof).abs() };
+        let farther = |one: &usize, other: &usize| far(one).total_cmp(&far(other));
+        // Of those that are equally far, the first.
+        let dof = (0..self.masses.len()).rev().max_by(farther).unwrap_or(0);
         MotionError::FlownOff(Box::new(FlownOff {
             t,
             step: self.done,
@@ -439,134 +474,6 @@ impl<'a> Motion<'a> {
             dt: self.dt,
             critical: self.unstable_by_now(),
         }))
-    }
-
-    /// One step; the energy is worked out where a row is due at its end.
-    fn go(&mut self, wants_row: bool) -> Result<(), MotionError> {
-        if self.is_implicit() {
-            return self.go_implicitly(wants_row);
-        }
-        drift(self.dt, &self.v.value, &mut self.u);
-        for (&dof, &value) in self.drive.displaced().iter().zip(&self.displacements) {
-            self.u.set(dof, value);
-        }
-        self.done += 1;
-        self.ask_loads(false)?;
-        self.ask_forces(wants_row)?;
-        self.kick(wants_row)
-    }
-
-    /// Goes to the end of this step, and gives the row there. Where who looks on wants an end, the next
-    /// step is the last, with its row.
-    ///
-    /// # Errors
-    /// Energies and conditions that are not finite, points that fly off.
-    pub fn advance_to(&mut self, step: usize) -> Result<Advance<Row>, MotionError> {
-        assert!(step >= self.done && step <= self.n_steps, "steps lead on, up to the last");
-        if self.is_over {
-            return Ok(Advance::Interrupted);
-        }
-        while self.done < step && !self.is_over {
-            self.is_over = self.watch.wants_end();
-            self.go(self.is_over || self.done + 1 == step)?;
-            let (t, n_steps) = (self.time(self.done), self.n_steps);
-            self.watch.notice(Event::Moved { t, step: self.done, n_steps });
-            if self.done.is_multiple_of(STEPS_BETWEEN_LOOKS) || self.done == self.n_steps {
-                self.look_again()?;
-            }
-        }
-        if self.is_over && self.done < step {
-            self.before_end = Some(self.numbers());
-        }
-        Ok(Advance::Step(self.row()))
-    }
-
-    fn look_again(&mut self) -> Result<(), MotionError> {
-        if self.is_implicit() {
-            return Ok(());
-        }
-        let found = self.look(LOOK).map_err(|cause| self.not_finite(cause))?;
-        // The residual is as large as the tolerance: what errs on the safe side is no reproach.
-        let critical =
-            found.map_or(f64::INFINITY, |found| found.seconds * (1.0 + found.uncertainty).sqrt());
-        if self.dt > critical && self.least_critical >= self.dt {
-            let t = self.time(self.done);
-            self.notes.push(format!(
-                "the body has become stiffer: the step {:e} s is beyond the critical one, \
-                 {critical:.4e} s, from t = {t:e} s or earlier",
-                self.dt
-            ));
-        }
-        self.least_critical = self.least_critical.min(critical);
-        Ok(())
-    }
-
-    fn row(&mut self) -> Row {
-        let kinetic =
-            self.mean.iter().zip(&self.masses).fold(0.0, |sum, (v, m)| sum + 0.5 * m * v * v);
-        let parts = EnergyParts::new(self.energy.parts(), self.parts.clone());
-        let mut row = self.balance.row(self.done, self.time(self.done), parts, kinetic);
-        (row.momentum, row.angular_momentum) = self.momenta();
-        if !self.balance.closes(&row) && self.notes.iter().all(|note| !note.contains("account")) {
-            self.notes.push(format!(
-                "the account of energy does not close at t = {:e} s: {:e} J are left over, of {:e} J",
-                row.t,
-                row.rounding,
-                self.balance.largest()
-            ));
-        }
-        row
-    }
-
-    /// Linear and angular momentum.
-    fn momenta(&self) -> (Vec<f64>, Vec<f64>) {
-        let d = self.energy.dimension();
-        let (mut linear, mut angular) = (vec![0.0; d], vec![0.0; if d == 2 { 1 } else { 3 }]);
-        let rest = self.energy.positions();
-        for (point, mass) in self.point_masses.iter().enumerate() {
-            let range = point * d..(point + 1) * d;
-            let v = &self.mean[range.clone()];
-            let x: Vec<f64> = range.map(|dof| rest[dof] + self.u.value[dof]).collect();
-            (0..d).for_each(|axis| linear[axis] += mass * v[axis]);
-            let turn = |a: usize, b: usize| mass * (x[a] * v[b] - x[b] * v[a]);
-            if d == 2 {
-                angular[0] += turn(0, 1);
-            } else {
-                (0..3).for_each(|axis| angular[axis] += turn((axis + 1) % 3, (axis + 2) % 3));
-            }
-        }
-        (linear, angular)
-    }
-
-    /// The step at which the next row is due.
-    fn next_row(&self) -> usize {
-        let rows = self.settings.rows.clamp(1, self.n_steps) as u128;
-        let (done, all) = (self.done as u128, self.n_steps as u128);
-        let next = done * rows / all + 1;
-        (next * all).div_ceil(rows).min(all) as usize
-    }
-}
-
-impl March for Motion<'_> {
-    type Step = Row;
-    type Stop = MotionError;
-
-    /// Goes to the next row.
-    fn advance(&mut self) -> Result<Advance<Row>, MotionError> {
-        if self.done == self.n_steps {
-            return Ok(Advance::End);
-        }
-        self.advance_to(self.next_row())
-    }
-
-    fn state(&self) -> State<'_> {
-        State {
-            t: self.time(self.done),
-            displacements: &self.u.value,
-            velocities: &self.mean,
-            internal_forces: &self.forces,
-            loads: &self.loads,
-        }
     }
 }
 

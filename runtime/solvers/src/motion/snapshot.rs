@@ -32,10 +32,12 @@ impl<'a> Motion<'a> {
     /// Where the motion stands. If it was ended between two rows, the row there is none that
     /// it would have had, and the snapshot knows nothing of it.
     pub fn snapshot(&self) -> Snapshot<'_> {
-        let numbers = self.before_end.clone().unwrap_or_else(|| self.numbers());
+        let before = self.before_end.as_ref();
+        let numbers = before.map_or_else(|| self.numbers(), |before| before.numbers.clone());
+        let n_notes = before.map_or(self.notes.len(), |before| before.n_notes);
         let vectors = [&self.u.value, &self.u.low, &self.v.value, &self.v.low, &self.forces];
         let [u, u_low, v, v_low, forces] = vectors.map(|vector| Cow::Borrowed(&vector[..]));
-        let notes = Cow::Borrowed(&self.notes[..]);
+        let notes = Cow::Borrowed(&self.notes[..n_notes]);
         Snapshot { arrays: [Cow::Owned(numbers), u, u_low, v, v_low, forces], notes }
     }
 

@@ -4,12 +4,13 @@ mod recorder;
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
+use std::time::Duration;
 
 use piola_output::checkpoint::Checkpoint;
 use piola_output::summary::{ExitReason, PhaseClock};
 use piola_output::{OutputError, OutputFile, OutputFolder, Points};
 use piola_solvers::Watch;
-use piola_solvers::march::{Advance, March as _, march};
+use piola_solvers::march::{Advance, March as _};
 use piola_solvers::motion::{self, Method, MotionError, MotionSettings, Snapshot};
 
 use super::run::{Ending, RunError, RunOptions, enter, hash, summary};
@@ -116,38 +117,24 @@ pub(super) fn run(
         Some(earlier) => Recorder::resume(run, known, earlier, &motion)?,
         None => Recorder::new(run, known)?,
     };
-    let first = if earlier.is_some() { Ok(Advance::End) } else { motion.advance_to(0) };
-    let result = first.and_then(|first| {
-        if let Advance::Step(row) = first
-            && recorder.record(&row, &motion.state()).is_break()
-        {
-            return Ok(ControlFlow::Break(()));
-        }
-        march(&mut motion, &mut |row, motion| {
-            recorder.record(row, &motion.state())?;
-            recorder.save_in_time(motion)
-        })
-    });
-    if recorder.failed.is_none() && matches!(result, Ok(ControlFlow::Break(()))) {
-        recorder.save(&motion);
+    if let Ok(interval) = Duration::try_from_secs_f64(case.scene.output.checkpoint) {
+        motion.pause_every(interval);
     }
-    if let Some(error) = recorder.failed.take() {
-        return Err(error.into());
-    }
+    let result = go(&mut motion, &mut recorder, earlier.is_some())?;
     enter(&mut clock, watch, "output");
     let (reason, message) = match result {
         Ok(ControlFlow::Continue(())) => (ExitReason::Completed, String::new()),
         Ok(ControlFlow::Break(())) => {
             let message = format!(
                 "interrupted; the motion has come to t = {:e} s, `piola run --resume {}` goes on",
-                recorder.t(),
+                motion.time_reached(),
                 folder.path().display()
             );
             (ExitReason::Interrupted, message)
         }
         Err(error) => {
             let (reason, message) = stopped(case, &drive, error);
-            (reason, format!("{message}; the last row is that of t = {:e} s", recorder.t()))
+            (reason, format!("{message}; {}", recorder.behind()))
         }
     };
     let mut warnings: Vec<String> = motion.notes().to_vec();
@@ -178,6 +165,30 @@ pub(super) fn run(
         folder.remove(OutputFile::Checkpoint)?;
     }
     Ok(ending)
+}
+
+/// Goes to the end, or to where the motion is interrupted, which breaks, or stops; with a checkpoint now and
+/// then, and at an interruption.
+fn go(
+    motion: &mut motion::Motion<'_>,
+    recorder: &mut Recorder<'_>,
+    is_resumed: bool,
+) -> Result<Result<ControlFlow<()>, MotionError>, OutputError> {
+    // The row that it starts from stands in the tables of a run that is taken up.
+    let mut next = if is_resumed { motion.advance() } else { motion.advance_to(0) };
+    loop {
+        match next {
+            Ok(Advance::Step(row)) => recorder.record(&row, &motion.state())?,
+            Ok(Advance::Pause) => recorder.save(motion)?,
+            Ok(Advance::End) => return Ok(Ok(ControlFlow::Continue(()))),
+            Ok(Advance::Interrupted) => {
+                recorder.save(motion)?;
+                return Ok(Ok(ControlFlow::Break(())));
+            }
+            Err(error) => return Ok(Err(error)),
+        }
+        next = motion.advance();
+    }
 }
 
 /// What an earlier run in the folder left of this scene.

@@ -1,8 +1,6 @@
 //! What a body in motion leaves, row by row.
 
 use std::borrow::Cow;
-use std::ops::ControlFlow;
-use std::time::{Duration, Instant};
 
 use piola_mechanics::energy::Energy as _;
 use piola_mechanics::interaction::Inverted;
@@ -66,11 +64,8 @@ pub(super) struct Recorder<'a> {
     known: Header,
     /// What a checkpoint before the last row would hold of the output.
     before: Mark,
-    /// When there was a checkpoint, or the run began.
-    saved: Instant,
     /// From which step the run was taken up.
     resumed: Option<usize>,
-    pub(super) failed: Option<OutputError>,
 }
 
 /// Energies in J.
@@ -146,9 +141,7 @@ impl<'a> Recorder<'a> {
             worst: Worst::default(),
             known,
             before: Mark::default(),
-            saved: Instant::now(),
             resumed: None,
-            failed: None,
         }
     }
 
@@ -156,24 +149,9 @@ impl<'a> Recorder<'a> {
         Mark { tables: self.tables.lengths(), frames: self.frames.n_frames(), worst: self.worst }
     }
 
-    /// A checkpoint behind the last row, when it is time for one; none behind the last of all, so that
-    /// who goes on has a step to make.
-    pub(super) fn save_in_time(&mut self, motion: &motion::Motion<'_>) -> ControlFlow<()> {
-        let interval = Duration::try_from_secs_f64(self.fields.case.scene.output.checkpoint);
-        let is_end = motion.step_reached() == motion.n_steps();
-        if is_end
-            || motion.is_between_rows()
-            || !interval.is_ok_and(|time| self.saved.elapsed() >= time)
-        {
-            return ControlFlow::Continue(());
-        }
-        self.save(motion);
-        if self.failed.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    }
-
     /// A checkpoint where the motion stands. Of a row that is there only because the run was ended it
     /// knows nothing: who goes on leaves the same files as who was never interrupted.
-    pub(super) fn save(&mut self, motion: &motion::Motion<'_>) {
+    pub(super) fn save(&mut self, motion: &motion::Motion<'_>) -> Result<(), OutputError> {
         let mark = if motion.is_between_rows() { self.before.clone() } else { self.mark() };
         let Snapshot { arrays, notes } = motion.snapshot();
         let names = Snapshot::NAMES.map(str::to_owned);
@@ -184,20 +162,27 @@ impl<'a> Recorder<'a> {
         let header = Header { notes: notes.to_vec(), tables: mark.tables, ..self.known.clone() };
         // No checkpoint of lines that a power cut could take.
         let checkpoint = Checkpoint { header, arrays: all };
-        let written = self.tables.synchronise().and_then(|()| checkpoint.write(self.folder));
-        self.saved = Instant::now();
-        self.failed = written.err();
+        self.tables.synchronise()?;
+        checkpoint.write(self.folder)
     }
 
     pub(super) fn t(&self) -> f64 {
         self.reached.1
     }
 
+    /// What the output of a run that failed reaches to.
+    pub(super) fn behind(&self) -> String {
+        match self.last {
+            Some(_) => format!("the last row is that of t = {:e} s", self.t()),
+            None => format!("no row was written since the checkpoint of t = {:e} s", self.t()),
+        }
+    }
+
     pub(super) fn steps(&self) -> usize {
         self.reached.0
     }
 
-    pub(super) fn record(&mut self, row: &Row, state: &State<'_>) -> ControlFlow<()> {
+    pub(super) fn record(&mut self, row: &Row, state: &State<'_>) -> Result<(), OutputError> {
         let PointFields { case, selection, .. } = self.fields;
         let (body, d) = (&case.body, case.body.dimension());
         self.before = self.mark();
@@ -229,22 +214,14 @@ impl<'a> Recorder<'a> {
         if is_due {
             self.fields.fill(&mut now);
         }
-        let done = self.tables.push(&written).and_then(|()| match is_due {
-            true => self.frames.push(&now),
-            false => Ok(()),
-        });
+        self.tables.push(&written)?;
         if is_due {
+            self.frames.push(&now)?;
             self.framed = Some(row.t);
         }
         self.reached = (row.step, row.t);
         self.last = Some((row.clone(), now));
-        match done {
-            Ok(()) => ControlFlow::Continue(()),
-            Err(error) => {
-                self.failed = Some(error);
-                ControlFlow::Break(())
-            }
-        }
+        Ok(())
     }
 
     /// Frames are written at the first rows at or behind times that divide the way evenly.

@@ -1,0 +1,215 @@
+//! A motion on its way from row to row.
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use piola_mechanics::energy::EnergyParts;
+
+use super::balance::Row;
+use super::critical::Precision;
+use super::verlet::drift;
+use super::{BeforeRow, Motion, MotionError};
+use crate::march::{Advance, March, State};
+use crate::watch::Event;
+
+/// The critical step is looked at again after so many steps, and at the end: a body that is stretched
+/// gets stiffer.
+const STEPS_BETWEEN_LOOKS: usize = 1000;
+
+/// How exactly it is then: few products.
+pub(super) const LOOK: Precision = Precision { tolerance: 1e-2, products: 30 };
+
+impl Motion<'_> {
+    /// Comes back with [`Advance::Pause`] after so long, between two steps and also between two rows, and
+    /// then again.
+    pub fn pause_every(&mut self, time: Duration) {
+        self.pauses = Some((time, Instant::now()));
+    }
+
+    /// Whether it is time for a pause, which begins the next stretch.
+    fn pauses_now(&mut self) -> bool {
+        match &mut self.pauses {
+            Some((time, since)) if since.elapsed() >= *time => {
+                *since = Instant::now();
+                true
+            }
+            _ => false,
+        }
+    }
+
+    /// One step; the energy is worked out where a row is due at its end. It breaks where an end is wanted
+    /// before the step is done: then nothing has moved.
+    pub(super) fn go(&mut self, wants_row: bool) -> Result<ControlFlow<()>, MotionError> {
+        if self.is_implicit() {
+            return match self.is_over {
+                true => Ok(ControlFlow::Break(())),
+                false => self.go_implicitly(wants_row),
+            };
+        }
+        drift(self.dt, &self.v.value, &mut self.u);
+        for (&dof, &value) in self.drive.displaced().iter().zip(&self.displacements) {
+            self.u.set(dof, value);
+        }
+        self.done += 1;
+        self.ask_loads(false)?;
+        self.ask_forces(wants_row)?;
+        self.kick(wants_row)?;
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Goes to the end of this step, and gives the row there. Where who looks on wants an end, explicit
+    /// rules make one more step; an implicit step is given up. Then, and where there is no next step, the
+    /// row is that of the last step that was made.
+    ///
+    /// # Errors
+    /// Energies and conditions that are not finite, points that fly off, implicit steps without a
+    /// solution.
+    pub fn advance_to(&mut self, step: usize) -> Result<Advance<Row>, MotionError> {
+        assert!(step >= self.done && step <= self.n_steps, "steps lead on, up to the last");
+        if let Some(error) = self.stopped.take() {
+            return Err(error);
+        }
+        if self.is_over {
+            return Ok(Advance::Interrupted);
+        }
+        let first = self.done;
+        while self.done < step && !self.is_over && self.stopped.is_none() {
+            if self.done > first && self.pauses_now() {
+                self.rest()?;
+                return Ok(Advance::Pause);
+            }
+            self.is_over = self.watch.wants_end();
+            let before = self.done;
+            match self.go(self.is_over || self.done + 1 == step) {
+                Ok(ControlFlow::Continue(())) => self.arrived()?,
+                Ok(ControlFlow::Break(())) => self.is_over = true,
+                Err(error) if self.done == before => self.stopped = Some(error),
+                Err(error) => return Err(error),
+            }
+        }
+        if self.done == step {
+            return Ok(Advance::Step(self.row()));
+        }
+        if self.is_at_row() {
+            return self.stopped.take().map_or(Ok(Advance::Interrupted), Err);
+        }
+        if self.is_implicit() {
+            self.stand()?;
+        }
+        self.before_end = Some(BeforeRow { numbers: self.numbers(), n_notes: self.notes.len() });
+        Ok(Advance::Step(self.row()))
+    }
+
+    /// Leaves behind a step what snapshots hold: implicit steps leave forces in their middle.
+    fn rest(&mut self) -> Result<(), MotionError> {
+        if self.is_implicit() { self.ask_forces(false) } else { Ok(()) }
+    }
+
+    /// At the end of a step.
+    fn arrived(&mut self) -> Result<(), MotionError> {
+        let (t, n_steps) = (self.time(self.done), self.n_steps);
+        self.watch.notice(Event::Moved { t, step: self.done, n_steps });
+        if self.done.is_multiple_of(STEPS_BETWEEN_LOOKS) || self.done == self.n_steps {
+            self.look_again()?;
+        }
+        Ok(())
+    }
+
+    fn look_again(&mut self) -> Result<(), MotionError> {
+        if self.is_implicit() {
+            return Ok(());
+        }
+        let found = self.look(LOOK).map_err(|cause| self.not_finite(cause))?;
+        // The residual is as large as the tolerance: what errs on the safe side is no reproach.
+        let critical =
+            found.map_or(f64::INFINITY, |found| found.seconds * (1.0 + found.uncertainty).sqrt());
+        if self.dt > critical && self.least_critical >= self.dt {
+            let t = self.time(self.done);
+            self.notes.push(format!(
+                "the body has become stiffer: the step {:e} s is beyond the critical one, \
+                 {critical:.4e} s, from t = {t:e} s or earlier",
+                self.dt
+            ));
+        }
+        self.least_critical = self.least_critical.min(critical);
+        Ok(())
+    }
+
+    fn row(&mut self) -> Row {
+        let kinetic =
+            self.mean.iter().zip(&self.masses).fold(0.0, |sum, (v, m)| sum + 0.5 * m * v * v);
+        let parts = EnergyParts::new(self.energy.parts(), self.parts.clone());
+        let mut row = self.balance.row(self.done, self.time(self.done), parts, kinetic);
+        (row.momentum, row.angular_momentum) = self.momenta();
+        if !self.balance.closes(&row) && self.notes.iter().all(|note| !note.contains("account")) {
+            self.notes.push(format!(
+                "the account of energy does not close at t = {:e} s: {:e} J are left over, of {:e} J",
+                row.t,
+                row.rounding,
+                self.balance.largest()
+            ));
+        }
+        row
+    }
+
+    /// Linear and angular momentum.
+    fn momenta(&self) -> (Vec<f64>, Vec<f64>) {
+        let d = self.energy.dimension();
+        let (mut linear, mut angular) = (vec![0.0; d], vec![0.0; if d == 2 { 1 } else { 3 }]);
+        let rest = self.energy.positions();
+        for (point, mass) in self.point_masses.iter().enumerate() {
+            let range = point * d..(point + 1) * d;
+            let v = &self.mean[range.clone()];
+            let x: Vec<f64> = range.map(|dof| rest[dof] + self.u.value[dof]).collect();
+            (0..d).for_each(|axis| linear[axis] += mass * v[axis]);
+            let turn = |a: usize, b: usize| mass * (x[a] * v[b] - x[b] * v[a]);
+            if d == 2 {
+                angular[0] += turn(0, 1);
+            } else {
+                (0..3).for_each(|axis| angular[axis] += turn((axis + 1) % 3, (axis + 2) % 3));
+            }
+        }
+        (linear, angular)
+    }
+
+    /// The step of the first row behind so many steps.
+    fn row_behind(&self, done: usize) -> usize {
+        let rows = self.settings.rows.clamp(1, self.n_steps) as u128;
+        let (done, all) = (done as u128, self.n_steps as u128);
+        let next = done * rows / all + 1;
+        (next * all).div_ceil(rows).min(all) as usize
+    }
+
+    /// The step at which the next row is due.
+    pub(super) fn next_row(&self) -> usize {
+        self.row_behind(self.done)
+    }
+
+    /// Whether there is a row at the present step.
+    fn is_at_row(&self) -> bool {
+        self.done == 0 || self.row_behind(self.done - 1) == self.done
+    }
+}
+
+impl March for Motion<'_> {
+    type Step = Row;
+    type Stop = MotionError;
+
+    /// Goes to the next row.
+    fn advance(&mut self) -> Result<Advance<Row>, MotionError> {
+        if self.done == self.n_steps {
+            return Ok(Advance::End);
+        }
+        self.advance_to(self.next_row())
+    }
+
+    fn state(&self) -> State<'_> {
+        State {
+            t: self.time(self.done),
+            displacements: &self.u.value,
+            velocities: &self.mean,
+            internal_forces: &self.forces,
+            loads: &self.loads,
+        }
+    }
+}

@@ -8,7 +8,7 @@ use piola_compiler::{Argument, Form, Level, Measure, Mode, Values};
 use piola_runtime::case::Case;
 use piola_runtime::element::cost::{self, CostError, EnergyCost, WayCost};
 use piola_runtime::output::summary::PhaseClock;
-use piola_runtime::simulation::{self, SceneCost};
+use piola_runtime::simulation::{self, MotionCost, SceneCost};
 use serde_json::{Value, json};
 
 use super::audit::units;
@@ -240,7 +240,12 @@ fn scene_text(path: &Path, cost: &SceneCost) -> String {
         );
     }
     out.push_str(&passes_text(cost));
-    let _ = writeln!(out, "\n{:26} {:>12} MB", "matrix", mb(Some(cost.matrix_bytes)));
+    out.push('\n');
+    if let Some(motion) = &cost.motion {
+        out.push_str(&motion_text(motion));
+    } else {
+        let _ = writeln!(out, "{:26} {:>12} MB", "matrix", mb(Some(cost.matrix_bytes)));
+    }
     if let Some(factor) = cost.linear.as_ref().and_then(|linear| linear.factor_bytes) {
         let _ = writeln!(out, "{:26} {:>12} MB", "factor", mb(Some(factor)));
     }
@@ -255,6 +260,21 @@ fn scene_text(path: &Path, cost: &SceneCost) -> String {
     }
     cost.notes.iter().for_each(|note| out.push_str(&format!("note: {note}\n")));
     out
+}
+
+fn motion_text(motion: &MotionCost) -> String {
+    let critical = match motion.critical_step_seconds {
+        Some(seconds) => format!("{seconds:.4e} s"),
+        None => "none".to_string(),
+    };
+    let together = match motion.wall_seconds {
+        Some(seconds) => format!("about {seconds:.3} s"),
+        None => "too few to be timed".to_string(),
+    };
+    format!(
+        "{}: {} steps of {:.4e} s, the critical one is {critical}; together {together}\n\n",
+        motion.method, motion.steps, motion.step_seconds
+    )
 }
 
 fn passes_text(cost: &SceneCost) -> String {

@@ -2,6 +2,7 @@
 
 use serde_json::Value;
 
+use crate::motion::THROWN;
 use crate::scenes::{STRIP, strip, strip_with};
 use crate::support::{SceneFolder, number, numbers, piola};
 
@@ -131,6 +132,26 @@ fn a_scene_is_timed_phase_by_phase() {
     assert!(number(&found["linear"]["factor_bytes"]) > 0.0);
     assert!(number(&found["linear"]["relative_residual"]) < 1e-10);
     assert!(list(&found["notes"]).is_empty(), "{}", found["notes"]);
+}
+
+#[test]
+fn a_motion_is_timed_by_step() {
+    let folder = SceneFolder::new(THROWN);
+    let found = bench(&folder.scene(), &["--threads", "1"]);
+    let passes: Vec<&str> =
+        list(&found["passes"]).iter().map(|pass| pass["name"].as_str().unwrap()).collect();
+    assert_eq!(passes, ["forces", "loads", "step", "row"]);
+    for pass in list(&found["passes"]) {
+        assert!(number(&pass["seconds"]) > 0.0, "{pass}");
+    }
+    let motion = &found["motion"];
+    assert_eq!((&motion["method"], &found["linear"]), (&"verlet".into(), &Value::Null));
+    let (step, critical) =
+        (number(&motion["step_seconds"]), number(&motion["critical_step_seconds"]));
+    assert!(step < critical && number(&motion["steps"]) * step > 0.49, "{motion}");
+    assert!(number(&motion["wall_seconds"]) > 0.0);
+    let text = piola(&["bench", &folder.scene()]).expect(0).stdout;
+    assert!(text.contains("critical step") && text.contains("steps of"), "{text}");
 }
 
 #[test]

@@ -186,19 +186,12 @@ fn conditions_and_energies_that_are_not_finite_are_named() {
 }
 
 #[test]
-fn a_plan_knows_motions_and_equilibria_are_not_looked_for() {
+fn plans_and_trades_of_motions_look_for_no_equilibria() {
     let folder = SceneFolder::new(&THROWN.replace("damping", "step = 1e-4\ndamping"));
     let plan = piola(&["plan", &folder.scene()]).expect(0).stdout;
     assert!(plan.contains("run of 5000 steps") && !plan.contains("Cholesky"), "{plan}");
-    for command in ["bench", "trade"] {
-        let mut arguments = vec![command, folder.path("scene.toml").leak()];
-        let out = folder.path("other");
-        if command == "trade" {
-            arguments.extend(["--out", &out]);
-        }
-        let refused = piola(&arguments).expect(2);
-        assert!(refused.stderr.contains("[motion]"), "{command}: {}", refused.stderr);
-    }
+    let listed = piola(&["trade", &folder.scene(), "--list"]).expect(0).stdout;
+    assert!(listed.contains("motion.safety=0.1") && !listed.contains("newton"), "{listed}");
 }
 
 /// Bonds that get stiffer when they are stretched: a step that was small enough at rest is not at the end,

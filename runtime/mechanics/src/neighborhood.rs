@@ -36,6 +36,7 @@ pub struct Neighborhood {
     bond_start: Vec<usize>,
     neighbors: Vec<u32>,
     shell_bonds: usize,
+    most_later: usize,
 }
 
 /// Why a body has no neighbourhoods.
@@ -160,6 +161,7 @@ impl Neighborhood {
             bond_start: Vec::with_capacity(n + 1),
             neighbors: Vec::with_capacity(rows.iter().map(|rows| rows.neighbors.len()).sum()),
             shell_bonds: rows.iter().map(|rows| rows.shell_bonds).sum(),
+            most_later: 0,
         };
         all.row_start.push(0);
         for rows in &rows {
@@ -170,7 +172,9 @@ impl Neighborhood {
         }
         all.bond_start.push(0);
         for point in 0..n {
-            all.bond_start.push(all.bond_start[point] + all.upper(point).len());
+            let later = all.upper(point).len();
+            all.bond_start.push(all.bond_start[point] + later);
+            all.most_later = all.most_later.max(later);
         }
         Ok(all)
     }
@@ -236,7 +240,7 @@ impl Neighborhood {
 
     /// The most later neighbours that any point has.
     pub fn most_later(&self) -> usize {
-        (0..self.n_points()).map(|point| self.upper(point).len()).max().unwrap_or(0)
+        self.most_later
     }
 
     /// Points without any neighbour, ascending.

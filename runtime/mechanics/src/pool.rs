@@ -5,8 +5,12 @@ use std::ops::{Deref, DerefMut};
 use std::sync::{Mutex, MutexGuard};
 
 /// Values that are free to be used. Two takers at once get two.
+///
+/// They are boxed: work arrays with buffers of fixed size are large, and bodies of a few hundred points
+/// would spend a third of a pass on moving them.
+#[expect(clippy::vec_box, reason = "what is taken is moved, not what stays in the vector")]
 pub(crate) struct Pool<T> {
-    free: Mutex<Vec<T>>,
+    free: Mutex<Vec<Box<T>>>,
 }
 
 impl<T> Pool<T> {
@@ -18,14 +22,14 @@ impl<T> Pool<T> {
     /// One that was given back, or a new one.
     pub(crate) fn take(&self, make: impl FnOnce() -> T) -> Taken<'_, T> {
         let known = lock(&self.free).pop();
-        Taken { pool: self, value: Some(known.unwrap_or_else(make)) }
+        Taken { pool: self, value: Some(known.unwrap_or_else(|| Box::new(make()))) }
     }
 
     /// Makes new ones until there is one for each thread: which threads will ask is chance.
     pub(crate) fn provide(&self, make: impl Fn() -> T) {
         let mut free = lock(&self.free);
         while free.len() < rayon::current_num_threads() {
-            free.push(make());
+            free.push(Box::new(make()));
         }
     }
 }
@@ -34,7 +38,7 @@ impl<T> Pool<T> {
 pub(crate) struct Taken<'a, T> {
     pool: &'a Pool<T>,
     /// There until it goes back.
-    value: Option<T>,
+    value: Option<Box<T>>,
 }
 
 impl<T> Deref for Taken<'_, T> {

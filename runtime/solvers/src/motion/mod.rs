@@ -270,7 +270,11 @@ impl<'a> Motion<'a> {
             None if self.constraints.n_free() == 0 => return Err(MotionError::NothingFree),
             None => return Err(MotionError::NoStiffness),
         };
-        let count = n_steps(self.settings.end, wanted);
+        let mut count = n_steps(self.settings.end, wanted);
+        if self.settings.even {
+            let rows = self.settings.rows.max(1) as f64;
+            count = (count / rows).ceil() * rows;
+        }
         if count > error::MOST_STEPS {
             return Err(MotionError::TooMany { count, step: wanted });
         }

@@ -81,6 +81,8 @@ pub struct MotionSettings {
     pub tolerance: f64,
     /// How many rows of the account there are after the first, spread evenly over the steps.
     pub rows: usize,
+    /// Whether rows come at even times whatever the step: then a further step or so may lead to each.
+    pub even: bool,
 }
 
 impl Default for MotionSettings {
@@ -94,6 +96,7 @@ impl Default for MotionSettings {
             unstable: false,
             tolerance: 1e-10,
             rows: 1000,
+            even: false,
         }
     }
 }

@@ -1,8 +1,10 @@
-//! What a scene costs: time and memory of every phase, from its energies to the first linear system.
+//! What a scene costs: time and memory of every phase, from its energies to the first linear system, or to
+//! the steps of a motion.
 
 use std::time::Instant;
 
 use piola_mechanics::energy::{Energy, NonFinite, Wanted};
+use piola_mechanics::interaction::Report;
 use piola_mechanics::words::Words;
 use piola_output::summary::{Phase, PhaseClock, memory};
 use piola_solvers::HeldTangent;
@@ -12,7 +14,7 @@ use piola_solvers::rigid_modes::check_rigid_motions;
 use serde::Serialize;
 
 use super::run;
-use super::work::{Pass, Terms};
+use super::work::{Pass, Terms, Work};
 use crate::case::{Case, CaseError};
 use crate::machine::Rates;
 use crate::scene::DerivativeSource;
@@ -42,17 +44,35 @@ pub struct SceneCost {
     /// What so many threads of this machine can do.
     pub rates: Rates,
     /// Passes over all interactions: energy; and gradient; and tangent, or where that is not stored
-    /// what preconditions it, and a product with it.
+    /// what preconditions it, and a product with it. Of a motion forces alone, loads that depend on time,
+    /// and all of a step.
     pub passes: Vec<PassCost>,
     /// Bytes of the tangent, or of springs like it where it is not stored: the blocks on and above
     /// the diagonal.
     pub matrix_bytes: u64,
     /// The linear system; nothing if it cannot be posed or solved.
     pub linear: Option<LinearCost>,
-    /// Why there is no linear system, or why the passes were made at rest.
+    /// How a motion goes; nothing of equilibria.
+    pub motion: Option<MotionCost>,
+    /// Why there is no linear system, why the passes were made at rest, why a motion did not go on.
     pub notes: Vec<String>,
     /// Largest memory of the process, in bytes.
     pub peak_memory_bytes: Option<u64>,
+}
+
+/// The steps of a motion.
+#[derive(Clone, Debug, Serialize)]
+pub struct MotionCost {
+    /// The rule of integration.
+    pub method: &'static str,
+    /// The step in s.
+    pub step_seconds: f64,
+    /// The critical one at the start in s; nothing without stiffness.
+    pub critical_step_seconds: Option<f64>,
+    /// How many lead to the end.
+    pub steps: usize,
+    /// What they take together, in s, as far as steps could be timed.
+    pub wall_seconds: Option<f64>,
 }
 
 /// A pass over all interactions.
@@ -102,7 +122,9 @@ pub fn cost(
     mut clock: PhaseClock,
     rates: impl FnOnce() -> Rates,
 ) -> Result<SceneCost, CaseError> {
-    super::motion::refuse(case)?;
+    if let Some(scene) = &case.scene.motion {
+        return super::motion::cost(case, scene, clock, rates);
+    }
     clock.enter("compile");
     let compiled = case.compile()?;
     let terms = Terms::of(case, &compiled);
@@ -141,39 +163,64 @@ pub fn cost(
     }
     let passes = passes(energy, &moved, &mut gradient, &mut tangent);
     let report = energy.report();
-    let peak_memory_bytes = memory().map(|memory| memory.peak);
-    let rates = rates();
-    let derivatives = match case.scene.solver.derivatives {
-        DerivativeSource::Jit => "compiled",
-        other => other.word(),
-    };
-    let pass = |(name, seconds): (Pass, f64)| {
-        let work = terms.work(name, energy, &report, tangent.bytes());
-        let interactions = (report.bonds + report.triangles + report.tetrahedra).max(1);
-        PassCost {
-            name,
-            seconds,
-            nanoseconds_per_interaction: seconds / interactions as f64 * 1e9,
-            bytes: work.bytes,
-            multiply_adds: work.multiply_adds,
-            share_of_bandwidth: work.bytes / (seconds * rates.bandwidth),
-            share_of_arithmetic: work.multiply_adds / (seconds * rates.arithmetic),
-        }
-    };
+    let matrix_bytes = tangent.bytes();
+    let work = |pass| terms.work(pass, energy, &report, matrix_bytes);
+    let common = SceneCost::of(case, &report, &passes, &work, rates);
     Ok(SceneCost {
-        threads: rayon::current_num_threads(),
-        points: report.n_points,
         unknowns: constraints.n_free(),
-        interactions: [report.bonds, report.triangles, report.tetrahedra],
         phases: clock.phases().to_vec(),
-        rates,
-        passes: passes.into_iter().map(pass).collect(),
-        ways: report.ways.iter().map(|way| named(way, derivatives)).collect(),
-        matrix_bytes: tangent.bytes(),
+        matrix_bytes,
         linear,
         notes,
-        peak_memory_bytes,
+        ..common
     })
+}
+
+impl SceneCost {
+    /// What equilibria and motions have in common; `passes` have the least times in s, `rates` is asked
+    /// last.
+    pub(super) fn of(
+        case: &Case,
+        report: &Report,
+        passes: &[(Pass, f64)],
+        work: &dyn Fn(Pass) -> Work,
+        rates: impl FnOnce() -> Rates,
+    ) -> SceneCost {
+        let peak_memory_bytes = memory().map(|memory| memory.peak);
+        let rates = rates();
+        let derivatives = match case.scene.solver.derivatives {
+            DerivativeSource::Jit => "compiled",
+            other => other.word(),
+        };
+        let interactions = (report.bonds + report.triangles + report.tetrahedra).max(1);
+        let pass = |(name, seconds): &(Pass, f64)| {
+            let (name, seconds, work) = (*name, *seconds, work(*name));
+            PassCost {
+                name,
+                seconds,
+                nanoseconds_per_interaction: seconds / interactions as f64 * 1e9,
+                bytes: work.bytes,
+                multiply_adds: work.multiply_adds,
+                share_of_bandwidth: work.bytes / (seconds * rates.bandwidth),
+                share_of_arithmetic: work.multiply_adds / (seconds * rates.arithmetic),
+            }
+        };
+        SceneCost {
+            threads: rayon::current_num_threads(),
+            points: report.n_points,
+            unknowns: 0,
+            interactions: [report.bonds, report.triangles, report.tetrahedra],
+            phases: Vec::new(),
+            passes: passes.iter().map(pass).collect(),
+            rates,
+            ways: report.ways.iter().map(|way| named(way, derivatives)).collect(),
+            matrix_bytes: 0,
+            linear: None,
+            motion: None,
+            notes: Vec::new(),
+            peak_memory_bytes,
+        }
+    }
 }
 
 /// How passes go over the body, and by which derivatives; rows of a lattice need none.
@@ -267,7 +314,7 @@ fn passes(
 ) -> Vec<(Pass, f64)> {
     let direction = energy.positions().to_vec();
     let (mut product, mut parts) = (vec![0.0; u.len()], vec![0.0; energy.parts().len()]);
-    let mut found = Pass::ALL.map(|pass| (pass, f64::INFINITY)).to_vec();
+    let mut found = Pass::OF_EQUILIBRIA.map(|pass| (pass, f64::INFINITY)).to_vec();
     found.truncate(if tangent.is_stored() { 3 } else { 4 });
     // Once at `u`; products share it, as in a linear system.
     let hessian = if tangent.is_stored() { None } else { energy.hessian(u).ok() };
@@ -283,7 +330,7 @@ fn passes(
                 Pass::Energy => energy.evaluate(u, Wanted::Energy, &mut parts),
                 Pass::Gradient => energy.evaluate(u, Wanted::Forces(gradient), &mut parts),
                 Pass::Tangent => tangent.evaluate(u, gradient, &mut parts),
-                Pass::Product => {
+                _ => {
                     hessian.iter().for_each(|hessian| hessian.multiply(&direction, &mut product));
                     Ok(())
                 }

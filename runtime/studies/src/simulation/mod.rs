@@ -4,13 +4,13 @@
 //! |---|---|
 //! | [`Case::plan`] | what will be modelled and what it costs |
 //! | [`run()`] | load steps or a motion, with everything they leave in the output folder |
-//! | [`cost()`] | time and memory of every phase up to the first linear system |
-//! | [`solve()`] | load steps, and only the last equilibrium |
+//! | [`cost()`] | time and memory of every phase, up to the first linear system or the steps of a motion |
+//! | [`solve()`] | load steps or a motion, and only what comparisons look at |
 //!
 //! [`Case::plan`]: crate::case::Case::plan
 
 mod cost;
-mod equilibrium;
+mod course;
 mod forecast;
 mod motion;
 mod point_fields;
@@ -18,7 +18,7 @@ mod rehearsal;
 mod run;
 mod work;
 
-pub use cost::{LinearCost, PassCost, SceneCost, cost};
-pub use equilibrium::{Attempt, Equilibrium, NamedVector, solve};
+pub use cost::{LinearCost, MotionCost, PassCost, SceneCost, cost};
+pub use course::{Attempt, Course, Moment, NamedVector, solve};
 pub use run::{Ending, Origin, RunError, RunOptions, run};
 pub use work::Pass;

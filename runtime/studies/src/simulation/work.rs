@@ -27,11 +27,20 @@ pub enum Pass {
     Tangent,
     /// A product with the tangent, where that is not stored.
     Product,
+    /// Forces alone, as steps in time take them.
+    Forces,
+    /// Loads that depend on time.
+    Loads,
+    /// A step in time: forces, loads, velocities, displacements and the account of energy.
+    Step,
+    /// The same with a row of the account behind it: energies and momenta.
+    Row,
 }
 
 impl Pass {
-    /// All of them.
-    pub const ALL: [Pass; 4] = [Pass::Energy, Pass::Gradient, Pass::Tangent, Pass::Product];
+    /// Those of equilibria.
+    pub const OF_EQUILIBRIA: [Pass; 4] =
+        [Pass::Energy, Pass::Gradient, Pass::Tangent, Pass::Product];
 
     /// What JSON calls it.
     pub fn name(self) -> &'static str {
@@ -40,6 +49,10 @@ impl Pass {
             Pass::Gradient => "gradient",
             Pass::Tangent => "tangent",
             Pass::Product => "product",
+            Pass::Forces => "forces",
+            Pass::Loads => "loads",
+            Pass::Step => "step",
+            Pass::Row => "row",
         }
     }
 }
@@ -87,6 +100,10 @@ impl Terms {
             Pass::Gradient => (3.0, 0.0),
             Pass::Tangent => (3.0, matrix_bytes as f64),
             Pass::Product => (4.0, 0.0),
+            Pass::Forces => (3.0, 0.0),
+            Pass::Loads => return Work { bytes: vector, multiply_adds: 0.0 },
+            // Displacements and velocities with what rounding leaves behind are read and written.
+            Pass::Step | Pass::Row => (3.0 + 10.0, 0.0),
         };
         let each = vectors * vector + 8.0 * n + 4.0 * pairs;
         let terms = (self.of_interactions + self.families.len()) as f64;
@@ -131,8 +148,9 @@ fn products(measure: Measure, dimension: usize, pass: Pass) -> f64 {
     };
     let unknowns = (measure.points() - 1) * dimension;
     let count = match pass {
+        Pass::Loads => 0,
         Pass::Energy => measured,
-        Pass::Gradient => measured + gradient,
+        Pass::Gradient | Pass::Forces | Pass::Step | Pass::Row => measured + gradient,
         Pass::Tangent => measured + gradient + hessian,
         Pass::Product => measured + gradient + hessian + unknowns * unknowns,
     };
@@ -163,11 +181,11 @@ mod tests {
             (Measure::Volume, 3),
         ];
         for (measure, d) in kinds {
-            let of = Pass::ALL.map(|pass| products(measure, d, pass));
+            let of = Pass::OF_EQUILIBRIA.map(|pass| products(measure, d, pass));
             assert!(of.is_sorted_by(|less, more| less < more), "{measure:?}: {of:?}");
         }
         for families in [Families::Nodal, Families::BondQuadrature, Families::States(2)] {
-            let of = Pass::ALL.map(|pass| gathered(families, 3, pass));
+            let of = Pass::OF_EQUILIBRIA.map(|pass| gathered(families, 3, pass));
             assert!(of.is_sorted() && of[0] > 0.0, "{families:?}: {of:?}");
         }
     }

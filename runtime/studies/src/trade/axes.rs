@@ -9,6 +9,7 @@ use piola_mechanics::energy::Products;
 use piola_mechanics::kernel::Level;
 use piola_mechanics::words::Words;
 use piola_solvers::linear::{LinearMethod, PreconditionerChoice};
+use piola_solvers::motion::Method;
 use piola_solvers::newton::NewtonVariant;
 use piola_solvers::steps::Start;
 
@@ -54,7 +55,36 @@ pub struct Axis {
     pub default: &'static str,
     /// Whether it is varied without being asked for.
     pub usual: bool,
+    /// What a scene must have that it says something of.
+    pub scenes: Scenes,
+    /// What must be set beside it for it to count.
+    pub beside: &'static [&'static str],
 }
+
+/// Which scenes an axis is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Scenes {
+    /// Those with equilibria.
+    Equilibria,
+    /// Those that move.
+    Motions,
+    /// All.
+    All,
+}
+
+/// An axis of equilibria that is varied without being asked for: what the others are told apart from.
+const USUAL: Axis = Axis {
+    name: "",
+    key: "",
+    about: "",
+    changes: Changes::Solution,
+    words: Vec::new,
+    reference: "",
+    default: "",
+    usual: true,
+    scenes: Scenes::Equilibria,
+    beside: &[],
+};
 
 /// All words of an option but `auto`, which stands for one of the others.
 fn tried<T: Words>() -> Vec<&'static str> {
@@ -67,101 +97,95 @@ pub const AXES: &[Axis] = &[
         name: "tolerance",
         key: "solver.tolerance",
         about: "residual over reaction at which Newton's method ends",
-        changes: Changes::Solution,
         words: || vec!["1e-2", "1e-4", "1e-6", "1e-8", "1e-10", "1e-12"],
-        reference: "",
         default: "1e-10",
-        usual: true,
+        ..USUAL
     },
     Axis {
         name: "start",
         key: "solver.start",
         about: "a step starts by the last tangent, on the line through the last two equilibria, or at the last",
-        changes: Changes::Solution,
         words: tried::<Start>,
         reference: "last",
         default: "tangent",
-        usual: true,
+        ..USUAL
     },
     Axis {
         name: "linear",
         key: "solver.linear",
         about: "linear systems by factorisation or by iteration",
-        changes: Changes::Solution,
         words: tried::<LinearMethod>,
         reference: "cholesky",
         default: "auto",
-        usual: true,
+        ..USUAL
     },
     Axis {
         name: "preconditioner",
         key: "solver.preconditioner",
         about: "what makes conjugate gradients converge sooner",
-        changes: Changes::Solution,
         words: tried::<PreconditionerChoice>,
-        reference: "",
         default: "auto",
         usual: false,
+        ..USUAL
     },
     Axis {
         name: "products",
         key: "solver.products",
         about: "products with the tangent exact, or by differences of forces",
-        changes: Changes::Solution,
         words: tried::<Products>,
         reference: "exact",
         default: "exact",
         usual: false,
+        ..USUAL
     },
     Axis {
         name: "newton",
         key: "solver.newton",
         about: "full Newton steps, inexact ones, or an old tangent",
-        changes: Changes::Solution,
         words: tried::<NewtonVariant>,
         reference: "full",
         default: "full",
-        usual: true,
+        ..USUAL
     },
     Axis {
         name: "level",
         key: "solver.level",
         about: "kernels bit for bit as interpreted, or with vector functions and fma",
-        changes: Changes::Solution,
         words: tried::<Level>,
         reference: "strict",
         default: "fast",
-        usual: true,
+        scenes: Scenes::All,
+        ..USUAL
     },
     Axis {
         name: "derivatives",
         key: "solver.derivatives",
         about: "psi' and psi'' from machine code, interpreted, or by hyper-dual numbers",
-        changes: Changes::Solution,
         words: tried::<DerivativeSource>,
         reference: "jit",
         default: "jit",
-        usual: true,
+        scenes: Scenes::All,
+        ..USUAL
     },
     Axis {
         name: "form",
         key: "solver.form",
         about: "energies rewritten to keep their digits, or as written",
-        changes: Changes::Solution,
         words: tried::<Form>,
         reference: "accurate",
         default: "accurate",
-        usual: true,
+        scenes: Scenes::All,
+        ..USUAL
     },
     Axis {
         name: "strain",
         key: "solver.strain",
         about: "strain from displacements or from positions",
-        changes: Changes::Solution,
         words: tried::<StrainSource>,
         reference: "displacements",
         default: "displacements",
-        usual: true,
+        scenes: Scenes::All,
+        ..USUAL
     },
     Axis {
         name: "increments",
@@ -169,9 +193,8 @@ pub const AXES: &[Axis] = &[
         about: "how many steps lead to the end",
         changes: Changes::Question,
         words: || vec!["1", "5", "10", "20", "50", "100"],
-        reference: "",
-        default: "",
         usual: false,
+        ..USUAL
     },
     Axis {
         name: "horizon",
@@ -179,9 +202,28 @@ pub const AXES: &[Axis] = &[
         about: "the horizon in spacings: another body, whose forces reach further or less far",
         changes: Changes::Question,
         words: || vec!["2", "3", "4"],
-        reference: "",
-        default: "",
         usual: false,
+        scenes: Scenes::All,
+        ..USUAL
+    },
+    Axis {
+        name: "step",
+        key: "motion.safety",
+        about: "steps in time over the critical one, of the midpoint rule over ten times as much",
+        words: || vec!["0.1", "0.2", "0.4", "0.6", "0.8", "0.95"],
+        scenes: Scenes::Motions,
+        beside: &["motion.step=auto"],
+        ..USUAL
+    },
+    Axis {
+        name: "method",
+        key: "motion.method",
+        about: "the rule of integration",
+        words: tried::<Method>,
+        reference: "verlet",
+        default: "verlet",
+        scenes: Scenes::Motions,
+        ..USUAL
     },
 ];
 
@@ -201,6 +243,9 @@ pub const COMBINATIONS: &[&[(&str, &str)]] = &[
     &[("linear", "cg"), ("tolerance", "1e-6")],
     &[("level", "fast"), ("start", "tangent")],
     &[("level", "fast"), ("start", "tangent"), ("tolerance", "1e-6")],
+    &[("method", "midpoint"), ("step", "0.1")],
+    &[("method", "midpoint"), ("step", "0.4")],
+    &[("level", "strict"), ("step", "0.95")],
 ];
 
 /// More settings than this are refused.
@@ -224,9 +269,22 @@ pub struct Setting {
     pub case: Case,
 }
 
-/// Axes that this scene has: their keys stand in its resolved text.
+/// Axes that this scene has: their keys stand in its resolved text, and say something of it.
 pub fn available(resolved: &str) -> Vec<&'static Axis> {
-    AXES.iter().filter(|axis| word_of(resolved, axis.key).is_some()).collect()
+    let document: toml::Table = toml::from_str(resolved).unwrap_or_default();
+    let other = match document.contains_key("motion") {
+        true => Scenes::Equilibria,
+        false => Scenes::Motions,
+    };
+    let is_here = |axis: &&Axis| axis.scenes != other && word_of(resolved, axis.key).is_some();
+    AXES.iter().filter(is_here).collect()
+}
+
+/// What is set in a scene for words of axes.
+fn overrides(words: &[(&'static Axis, &'static str)]) -> Vec<String> {
+    let beside = words.iter().flat_map(|(axis, _)| axis.beside).map(|set| set.to_string());
+    let own = words.iter().map(|(axis, word)| format!("{}={word}", axis.key));
+    beside.chain(own).collect()
 }
 
 /// The overrides of the reference run, all but the tolerance.
@@ -291,8 +349,7 @@ pub fn settings(read: &ReadCase<'_>, axes: &[String]) -> Result<Vec<Setting>, Tr
     for (name, words) in
         [(Some(DEFAULT), defaults)].into_iter().chain(wanted.into_iter().map(|words| (None, words)))
     {
-        let overrides: Vec<String> =
-            words.iter().map(|(axis, word)| format!("{}={word}", axis.key)).collect();
+        let overrides = overrides(&words);
         let Ok(case) = read(&overrides) else { continue };
         if settings.iter().any(|other| other.case.scene == case.scene) {
             continue;

@@ -2,13 +2,15 @@
 
 use super::TradeError;
 use crate::scene::Scene;
-use crate::simulation::{Equilibrium, NamedVector};
+use crate::simulation::{Course, Moment, NamedVector};
 
 /// A number, or a vector, of an equilibrium.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Quantity {
-    /// The total energy.
+    /// The stored energy.
     Energy,
+    /// The kinetic energy of a motion.
+    Kinetic,
     /// The reaction of a set.
     Reaction(String),
     /// The displacement of a probe.
@@ -24,6 +26,7 @@ impl Quantity {
     pub fn name(&self) -> String {
         match self {
             Quantity::Energy => "energy".to_string(),
+            Quantity::Kinetic => "kinetic".to_string(),
             Quantity::Reaction(set) => format!("reaction:{set}"),
             Quantity::Probe(probe) => format!("probe:{probe}"),
             Quantity::Displacement => "displacement".to_string(),
@@ -31,52 +34,75 @@ impl Quantity {
         }
     }
 
-    /// As [`Quantity::error`], for equilibria of different bodies: the residual says nothing there.
-    pub fn difference(&self, found: &Equilibrium, reference: &Equilibrium) -> f64 {
+    /// As [`Quantity::error`], for courses of different bodies: the residual says nothing there.
+    pub fn difference(&self, found: &Course, reference: &Course) -> f64 {
         if *self == Quantity::Residual { f64::NAN } else { self.error(found, reference) }
     }
 
-    /// How far `found` is from `reference`, relative to the size of such quantities in the
-    /// reference: the energy; the largest reaction of a set; the largest displacement of a point; the norm of all displacements. NaN where the two are of different
-    /// bodies.
-    pub fn error(&self, found: &Equilibrium, reference: &Equilibrium) -> f64 {
+    /// How far `found` is from `reference` where that is farthest, relative to the largest size of such
+    /// quantities in the reference, over all its moments: of the energies; of the reactions of sets; of the
+    /// displacements of probes, and at the end of all points; the norm of all displacements. NaN where the two
+    /// are of different bodies.
+    pub fn error(&self, found: &Course, reference: &Course) -> f64 {
+        if *self == Quantity::Residual {
+            return found.residual;
+        }
+        let (here, there) = (self.values(found), self.values(reference));
+        let is_comparable = here.len() == there.len()
+            && here.iter().zip(&there).all(|(h, t)| h.len() == t.len() && !h.is_empty());
+        if !is_comparable {
+            return f64::NAN;
+        }
+        let apart = |(here, there): (&Vec<f64>, &Vec<f64>)| {
+            norm(&here.iter().zip(there).map(|(h, t)| h - t).collect::<Vec<f64>>())
+        };
+        let farthest = here.iter().zip(&there).map(apart).fold(0.0, larger);
+        // The same numbers are right on any scale.
+        if farthest == 0.0 { 0.0 } else { farthest / self.scale(reference) }
+    }
+
+    /// Its numbers at every moment; none where it is not known.
+    fn values(&self, course: &Course) -> Vec<Vec<f64>> {
         let named = |all: &[NamedVector], name: &str| {
-            all.iter().find(|vector| vector.name == name).map(|vector| vector.value.clone())
+            let found = all.iter().find(|vector| vector.name == name);
+            found.map(|vector| vector.value.clone()).unwrap_or_default()
         };
-        let largest = |vectors: &[NamedVector]| {
-            vectors.iter().map(|vector| norm(&vector.value)).fold(0.0, f64::max)
+        let at = |moment: &Moment| match self {
+            Quantity::Energy => vec![moment.energy.total()],
+            Quantity::Kinetic => vec![moment.kinetic],
+            Quantity::Reaction(set) => named(&moment.reactions, set),
+            Quantity::Probe(probe) => named(&moment.probes, probe),
+            Quantity::Displacement | Quantity::Residual => Vec::new(),
         };
-        let (here, there, scale) = match self {
-            Quantity::Residual => return found.residual,
-            Quantity::Energy => {
-                let energy = reference.energy.total();
-                (Some(vec![found.energy.total()]), Some(vec![energy]), energy.abs())
-            }
-            Quantity::Reaction(set) => {
-                let [here, there] = [found, reference].map(|e| named(&e.reactions, set));
-                (here, there, largest(&reference.reactions))
-            }
-            Quantity::Probe(probe) => {
-                let [here, there] = [found, reference].map(|e| named(&e.probes, probe));
-                let d = there.as_ref().map_or(1, Vec::len).max(1);
-                let points = reference.displacements.chunks_exact(d).map(norm);
-                (here, there, points.fold(0.0, f64::max))
-            }
-            Quantity::Displacement => {
-                let [here, there] = [found, reference].map(|e| Some(e.displacements.clone()));
-                (here, there, norm(&reference.displacements))
-            }
-        };
-        match (here, there) {
-            (Some(here), Some(there)) if here.len() == there.len() => {
-                let difference: Vec<f64> = here.iter().zip(&there).map(|(h, t)| h - t).collect();
-                let difference = norm(&difference);
-                // The same numbers are right on any scale.
-                if difference == 0.0 { 0.0 } else { difference / scale }
-            }
-            _ => f64::NAN,
+        match self {
+            Quantity::Displacement => vec![course.displacements.clone()],
+            _ => course.moments.iter().map(at).collect(),
         }
     }
+
+    /// The largest size of such quantities.
+    fn scale(&self, course: &Course) -> f64 {
+        let largest = |of: &dyn Fn(&Moment) -> f64| course.moments.iter().map(of).fold(0.0, larger);
+        let of = |vectors: &[NamedVector]| vectors.iter().map(|v| norm(&v.value)).fold(0.0, larger);
+        match self {
+            Quantity::Energy => largest(&|moment| moment.energy.total().abs()),
+            Quantity::Kinetic => largest(&|moment| moment.kinetic),
+            Quantity::Reaction(_) => largest(&|moment| of(&moment.reactions)),
+            Quantity::Probe(_) => {
+                let d = course.moments.iter().flat_map(|moment| &moment.probes).next();
+                let d = d.map_or(1, |probe| probe.value.len()).max(1);
+                let points = course.displacements.chunks_exact(d).map(norm);
+                points.fold(largest(&|moment| of(&moment.probes)), larger)
+            }
+            Quantity::Displacement => norm(&course.displacements),
+            Quantity::Residual => 1.0,
+        }
+    }
+}
+
+/// The larger one, and NaN where one is.
+fn larger(x: f64, y: f64) -> f64 {
+    if y > x || y.is_nan() { y } else { x }
 }
 
 /// The 2-norm, without overflow or underflow: a body of nanometres has squares of 1e-36.
@@ -88,7 +114,7 @@ fn norm(x: &[f64]) -> f64 {
     largest * x.iter().map(|x| (x / largest) * (x / largest)).sum::<f64>().sqrt()
 }
 
-/// The quantities that were asked for, or the usual ones: energy, the reactions of sets with
+/// The quantities that were asked for, or the usual ones: energies, the reactions of sets with
 /// prescribed values, probes, the residual. `reaction` and `probe` stand for all of them.
 ///
 /// # Errors
@@ -101,8 +127,10 @@ pub fn quantities(scene: &Scene, wanted: &[String]) -> Result<Vec<Quantity>, Tra
     let of_prescribed: Vec<Quantity> = prescribed.into_iter().map(set).collect();
     let probes = scene.probes.iter().map(|probe| Quantity::Probe(probe.name.value.clone()));
     let probes: Vec<Quantity> = probes.collect();
+    let kinetic = scene.motion.as_ref().map(|_| Quantity::Kinetic);
     if wanted.is_empty() {
         let mut usual = vec![Quantity::Energy];
+        usual.extend(kinetic);
         usual.extend(of_prescribed);
         usual.extend(probes);
         usual.push(Quantity::Residual);
@@ -110,6 +138,7 @@ pub fn quantities(scene: &Scene, wanted: &[String]) -> Result<Vec<Quantity>, Tra
     }
     let sets = (0..scene.sets.len()).map(set);
     let mut all = vec![Quantity::Energy, Quantity::Displacement, Quantity::Residual];
+    all.extend(kinetic);
     all.extend(sets.chain(probes.iter().cloned()));
     let mut chosen: Vec<Quantity> = Vec::new();
     for name in wanted {
@@ -154,28 +183,32 @@ mod tests {
         EnergyParts::new(&names, vec![value])
     }
 
-    fn equilibrium(factor: f64) -> Equilibrium {
+    fn course(factor: f64) -> Course {
         let vector = |name: &str, value: [f64; 2]| NamedVector {
             name: name.to_string(),
             value: value.map(|x| x * factor).to_vec(),
         };
-        Equilibrium {
+        let moment = Moment {
             energy: energy(4.0 * factor),
-            displacements: [0.0, 0.0, 3.0, 4.0].map(|x| x * factor).to_vec(),
+            kinetic: 2.0 * factor,
             reactions: vec![vector("held", [0.0, 0.0]), vector("moved", [10.0, 0.0])],
             probes: vec![vector("tip", [3.0, 4.0])],
+        };
+        Course {
+            moments: vec![moment],
+            displacements: [0.0, 0.0, 3.0, 4.0].map(|x| x * factor).to_vec(),
             residual: 1e-12,
-            ..Equilibrium::default()
+            ..Course::default()
         }
     }
 
     #[test]
     fn errors_are_relative_to_the_size_of_the_quantity() {
-        let (reference, mut found) = (equilibrium(1.0), equilibrium(1.0));
-        found.energy = energy(4.1);
+        let (reference, mut found) = (course(1.0), course(1.0));
+        found.moments[0].energy = energy(4.1);
         // The held set has no reaction: the error is relative to that of the other.
-        found.reactions[0].value[1] = 0.1;
-        found.probes[0].value = vec![3.0, 4.5];
+        found.moments[0].reactions[0].value[1] = 0.1;
+        found.moments[0].probes[0].value = vec![3.0, 4.5];
         let check = |quantity: Quantity, expected: f64| {
             let error = quantity.error(&found, &reference);
             assert!((error - expected).abs() <= 1e-14 * expected, "{quantity:?} {error}");
@@ -197,7 +230,7 @@ mod tests {
             [Quantity::Energy, Quantity::Reaction("moved".to_string()), Quantity::Displacement];
         for factor in [1e-200, 1e-9, 1.0, 1e200] {
             for quantity in &quantities {
-                let (found, reference) = (equilibrium(1.5 * factor), equilibrium(factor));
+                let (found, reference) = (course(1.5 * factor), course(factor));
                 let error = quantity.error(&found, &reference);
                 assert!((error - 0.5).abs() < 1e-14, "{quantity:?} {factor:e} {error}");
             }

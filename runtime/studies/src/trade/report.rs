@@ -60,12 +60,20 @@ impl Study {
             .min_by(|(_, p), (_, q)| p.total_cmp(q))
     }
 
-    /// The `[solver]` table of a setting, with all its keys.
+    /// The `[solver]` table of a setting, with all its keys; of a motion behind its `[motion]`.
     pub fn solver_toml(&self, index: usize) -> String {
         let resolved = self.outcomes[index].setting.case.scene.resolved_toml();
-        let lines = resolved.lines().skip_while(|line| *line != "[solver]");
-        let table: Vec<&str> = lines.take_while(|line| !line.is_empty()).collect();
-        table.join("\n") + "\n"
+        let table = |header: &str| -> Option<String> {
+            let lines = resolved.lines().skip_while(|line| *line != header);
+            let table: Vec<&str> = lines.take_while(|line| !line.is_empty()).collect();
+            (!table.is_empty()).then(|| table.join("\n") + "\n")
+        };
+        let tables: Vec<String> = ["[motion]", "[solver]"].into_iter().filter_map(table).collect();
+        tables.join("\n")
+    }
+
+    fn is_of_motion(&self) -> bool {
+        self.reference.course.moments.len() > 1
     }
 
     /// Tables and sentences for people.
@@ -87,7 +95,8 @@ impl Study {
         for name in &names {
             let _ = write!(out, " {name:>w$}", w = name.len().max(8));
         }
-        let _ = writeln!(out, " {:>9}  standing", "its");
+        let counted = if self.is_of_motion() { "steps" } else { "its" };
+        let _ = writeln!(out, " {counted:>9}  standing");
         for outcome in self.sorted() {
             let name = &outcome.setting.name;
             match &outcome.result {
@@ -105,6 +114,7 @@ impl Study {
                         let _ = write!(out, " {:>w$}", short(*error), w = name.len().max(8));
                     }
                     let iterations = match measured.linear_iterations {
+                        0 if self.is_of_motion() => measured.steps.to_string(),
                         0 => measured.iterations.to_string(),
                         linear => format!("{}/{linear}", measured.iterations),
                     };
@@ -134,12 +144,22 @@ impl Study {
             .iter()
             .map(|(name, far)| format!("{name} {}", short(*far)))
             .collect();
-        let _ = writeln!(
-            out,
-            "Below {} there is only rounding: twice what equally exact runs differ from it ({}), at least 32 u.",
-            short(reference.level),
-            if witnesses.is_empty() { "none ran".to_string() } else { witnesses.join(", ") }
-        );
+        let witnesses =
+            if witnesses.is_empty() { "none ran".to_string() } else { witnesses.join(", ") };
+        let level = short(reference.level);
+        let _ = if self.is_of_motion() {
+            writeln!(
+                out,
+                "Errors are the largest of 20 times and the start. Below {level} there is the error of the \
+                 reference: a run with twice its step differs from it by so much ({witnesses})."
+            )
+        } else {
+            writeln!(
+                out,
+                "Below {level} there is only rounding: twice what equally exact runs differ from it \
+                 ({witnesses}), at least 32 u."
+            )
+        };
         if let Some(error) = reference.displacement_error() {
             let _ = writeln!(
                 out,
@@ -286,9 +306,9 @@ impl Study {
             "reference": {
                 "overrides": reference.overrides,
                 "seconds": number(reference.seconds),
-                "energy": number(reference.equilibrium.energy.total()),
-                "residual": number(reference.equilibrium.residual),
-                "condition": reference.equilibrium.condition.map(number),
+                "energy": number(reference.course.energy()),
+                "residual": number(reference.course.residual),
+                "condition": reference.course.condition.map(number),
                 "displacement_error": reference.displacement_error().map(number),
                 "rounding_level": number(reference.level),
                 "witnesses": reference
@@ -394,7 +414,8 @@ impl Study {
         if let Some(error) = self.reference.displacement_error() {
             lines.push(("u*cond".to_string(), error));
         }
-        lines.push(("rounding, measured".to_string(), self.reference.level));
+        let level = if self.is_of_motion() { "of the reference" } else { "rounding, measured" };
+        lines.push((level.to_string(), self.reference.level));
         let compared: Vec<String> = self
             .quantities
             .iter()

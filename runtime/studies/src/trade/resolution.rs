@@ -13,7 +13,7 @@ use piola_output::decimal;
 use super::{Quantity, ReadCase};
 use crate::case::Case;
 use crate::scene::{LatticeShape, Points};
-use crate::simulation::{Attempt, Equilibrium, solve};
+use crate::simulation::{Attempt, Course, solve};
 
 /// Spacings differ by at least this factor: closer lattices often have the same neighbours.
 const LEAST_FACTOR: f64 = 1.2;
@@ -23,6 +23,9 @@ const ROUNDED: f64 = 1e-9;
 
 /// How other lattices are solved: differences are of 1e-3 and more.
 const QUICK: [&str; 2] = ["solver.tolerance=1e-6", "solver.start=tangent"];
+
+/// And how they move: each with a step of its own.
+const QUICK_MOTION: [&str; 1] = ["motion.step=auto"];
 
 /// Fewer spacings than this in a horizon are no neighbourhood.
 const LEAST_RATIO: f64 = 1.99;
@@ -62,7 +65,7 @@ pub fn resolution(
     read: &ReadCase<'_>,
     case: &Case,
     quantities: &[Quantity],
-    own: &Equilibrium,
+    own: &Course,
     own_seconds: f64,
     limit: Duration,
     progress: &mut dyn FnMut(&str),
@@ -86,7 +89,9 @@ pub fn resolution(
         let size = decimal(spacing);
         progress(&format!("the scene on a {which} lattice, spacing {size}"));
         let lattice = [format!("body.spacing={spacing:?}"), format!("horizon.radius={horizon:?}")];
-        let overrides = [&lattice[..], &QUICK.map(str::to_string)].concat();
+        let quick: &[&str] = if case.scene.motion.is_some() { &QUICK_MOTION } else { &QUICK };
+        let quick = quick.iter().map(|set| set.to_string());
+        let overrides: Vec<String> = lattice.into_iter().chain(quick).collect();
         let ratio = horizon / spacing;
         match attempt(read, case, &overrides, own_seconds, left) {
             Ok((end, seconds)) => {
@@ -115,7 +120,7 @@ fn attempt(
     overrides: &[String],
     own_seconds: f64,
     limit: Duration,
-) -> Result<(Equilibrium, f64), String> {
+) -> Result<(Course, f64), String> {
     let first_line = |text: String| text.lines().next().unwrap_or_default().to_string();
     let case = read(overrides).map_err(|error| first_line(error.to_string()))?;
     let threads = rayon::current_num_threads();

@@ -12,7 +12,7 @@ use super::statistics::{Times, allot};
 use super::verdict::{Verdict, verdict};
 use super::{Quantity, ReadCase, Setting, TradeError};
 use crate::case::{Case, CaseError};
-use crate::simulation::{Attempt, Equilibrium, solve};
+use crate::simulation::{Attempt, Course, solve};
 
 /// A setting that takes this many times as long as the scene's own is given up, though not before
 /// the first part of the budget is gone, and at the latest after the second.
@@ -57,7 +57,7 @@ pub struct Study {
 /// A setting on its way.
 struct Running {
     setting: Setting,
-    end: Result<Equilibrium, String>,
+    end: Result<Course, String>,
     times: Vec<Duration>,
 }
 
@@ -89,7 +89,7 @@ pub fn study(
             own_time = time;
         }
         let rescued = match &end {
-            Err(failure) if failure.is_a_stall() => {
+            Err(failure) if failure.is_a_stall() && own.scene.motion.is_none() => {
                 rescued(read, &setting, &running, &mut || left().min(patience))
             }
             _ => None,
@@ -99,7 +99,7 @@ pub fn study(
         running.extend(rescued);
     }
     let limit = left().mul_f64(RESOLUTION_SHARE);
-    let end = &reference.equilibrium;
+    let end = &reference.course;
     let seconds = own_time.as_secs_f64();
     let resolution = resolution(read, &own, &quantities, end, seconds, limit, progress);
     repeat(&mut running, options.repeats, left(), progress);
@@ -154,7 +154,7 @@ impl Failure {
     }
 }
 
-fn first_run(case: &Case, limit: Duration) -> (Result<Equilibrium, Failure>, Duration) {
+fn first_run(case: &Case, limit: Duration) -> (Result<Course, Failure>, Duration) {
     if limit.is_zero() {
         return (Err(Failure::NoTime), Duration::ZERO);
     }
@@ -196,9 +196,9 @@ fn repeat(
 }
 
 fn outcome(run: Running, quantities: &[Quantity], reference: &Reference) -> Outcome {
-    let measured = |end: Equilibrium| {
+    let measured = |end: Course| {
         let errors: Vec<f64> =
-            quantities.iter().map(|q| q.error(&end, &reference.equilibrium)).collect();
+            quantities.iter().map(|q| q.error(&end, &reference.course)).collect();
         let times = Times::of(&run.times).ok_or("no run ended")?;
         Ok(Measured {
             worst: worst(quantities, &errors),

@@ -86,6 +86,13 @@ fn every_axis_is_known_to_the_scene_or_waits_for_its_key() {
         assert!(axis.reference.is_empty() || readable(&axis.reference), "{}", axis.name);
     }
     let names = |name: &str| AXES.iter().filter(|axis| axis.name == name).count();
+    let thrown = Strip::new(THROWN);
+    let of_motion = available(&thrown.read(&[]).unwrap().scene.resolved_toml());
+    for axis in AXES.iter().filter(|axis| axis.scenes != axes::Scenes::Equilibria) {
+        assert!(of_motion.iter().any(|known| known.name == axis.name), "{}", axis.name);
+        let readable = |word: &&&str| thrown.read(&[format!("{}={word}", axis.key)]).is_ok();
+        assert!((axis.words)().iter().filter(readable).count() >= 2, "{}", axis.name);
+    }
     for row in COMBINATIONS {
         for (name, word) in *row {
             assert_eq!(names(name), 1, "{name}");
@@ -188,4 +195,64 @@ fn what_cannot_be_compared_says_so() {
         study.verdict.cheapest.is_none()
             || study.outcomes.iter().any(|o| { o.result.as_ref().is_ok_and(|m| m.worst == 0.0) })
     );
+}
+
+/// The strip, thrown against what holds it.
+const THROWN: &str = "
+[body]
+dimension = 2
+box = [[0.0, 0.0], [1.0, 0.4]]
+spacing = 0.1
+nodes = \"corners-full\"
+[horizon]
+spacings = 3
+[material]
+potential = \"law\"
+density = 1.0
+[sets]
+left = \"X < 0.25\"
+all = \"X > -1\"
+[[prescribe]]
+set = \"left\"
+u = [0, 0]
+[[initial]]
+set = \"all\"
+v = [\"0.001*sin(2*X)\", 0]
+[[probe]]
+name = \"tip\"
+at = [1.0, 0.2]
+[motion]
+end = 120.0
+";
+
+#[test]
+fn errors_of_a_motion_go_with_the_square_of_the_step() {
+    let strip = Strip::new(THROWN);
+    let mut options = options();
+    options.axes = ["step", "method"].map(str::to_string).to_vec();
+    let study = strip.study(&options).unwrap();
+    let names: Vec<String> = study.quantities.iter().map(Quantity::name).collect();
+    assert_eq!(names, ["energy", "kinetic", "reaction:left", "probe:tip", "residual"]);
+    let find = |name: &str| {
+        let found = study.outcomes.iter().find(|outcome| outcome.setting.name == name);
+        found.unwrap_or_else(|| panic!("no {name}")).result.as_ref().unwrap()
+    };
+    let (long, short) = (find("step=0.4"), find("step=0.1"));
+    assert!(long.steps.is_multiple_of(20) && short.steps > 3 * long.steps);
+    let times = (short.steps as f64 / long.steps as f64) * (short.steps as f64 / long.steps as f64);
+    for (one, other) in long.errors.iter().zip(&short.errors).take(4) {
+        assert!((one / other / times - 1.0).abs() < 0.15, "{long:?} {short:?}");
+    }
+    assert!(study.reference.level < 0.1 * short.worst, "{:e}", study.reference.level);
+    // The midpoint rule is another way to the same course.
+    let implicit = find("step=0.1 method=midpoint");
+    assert!(implicit.worst < 0.3 && implicit.worst > short.worst, "{implicit:?}");
+    let residual = study.quantities.len() - 1;
+    assert!(short.errors[residual] < 1e-12, "the account closes");
+    assert!(study.solver_toml(0).starts_with("[motion]\nmethod = \"verlet\""));
+    assert!(study.to_text().contains("twice its step"));
+    // Equilibria have other axes.
+    let read = |overrides: &[String]| strip.read(overrides);
+    let error = settings(&read, &["newton".to_string()]).unwrap_err();
+    assert!(error.help().unwrap().contains("method"), "{error}");
 }

@@ -1,5 +1,8 @@
 //! A body in motion: integration in time, and everything it leaves in the output folder.
 
+mod cost;
+mod course;
+mod ready;
 mod recorder;
 
 use std::borrow::Cow;
@@ -11,65 +14,16 @@ use piola_output::summary::{ExitReason, PhaseClock};
 use piola_output::{OutputError, OutputFile, OutputFolder, Points};
 use piola_solvers::Watch;
 use piola_solvers::march::{Advance, March as _};
-use piola_solvers::motion::{self, Method, MotionError, MotionSettings, Snapshot};
+use piola_solvers::motion::{self, Method, MotionError, Snapshot};
 
 use super::run::{Ending, RunError, RunOptions, enter, hash, summary};
 use crate::case::{Case, CaseError};
 use crate::scene::Motion;
-use crate::scene::boundary::BoundaryConditions;
-use crate::scene::drive::{MotionConditions, initial};
 use crate::simulation::point_fields::PointFields;
+pub(super) use cost::cost;
+pub(super) use course::solve;
+use ready::{Ready, refused, settings, stopped, with_ready};
 use recorder::Recorder;
-
-impl Case {
-    /// The mass of every point in kg, in the body's order; of a body in two dimensions per metre of
-    /// thickness, unless the scene states one. Nothing where a material has no density.
-    pub fn masses(&self) -> Option<Vec<f64>> {
-        let density = |law: usize| {
-            let own = self.scene.materials.iter().find(|material| material.law == law)?;
-            Some(own.density?.value * self.thickness())
-        };
-        let of_point = |(point, volume): (usize, &f64)| {
-            let law = self.materials.as_ref().map_or(0, |materials| materials.of(point).into());
-            Some(density(law)? * volume)
-        };
-        self.body.volumes().iter().enumerate().map(of_point).collect()
-    }
-}
-
-/// Refuses a body that moves where equilibria are asked for.
-pub(super) fn refuse(case: &Case) -> Result<(), CaseError> {
-    match case.scene.motion {
-        None => Ok(()),
-        Some(_) => Err(CaseError::Body {
-            message:
-                "this looks at equilibria, and the scene has [motion]: write [steps] in its place"
-                    .to_string(),
-        }),
-    }
-}
-
-/// How a motion is integrated.
-pub(super) fn settings(case: &Case, scene: &Motion) -> MotionSettings {
-    let output = &case.scene.output;
-    MotionSettings {
-        method: scene.method,
-        end: scene.end,
-        step: scene.step,
-        safety: scene.safety,
-        damping: scene.damping,
-        unstable: scene.unstable,
-        tolerance: case.scene.solver.tolerance,
-        // Frames are rows, too.
-        rows: output.rows.max(frames(case, scene).ceil() as usize),
-    }
-}
-
-/// How many frames lead to the end.
-fn frames(case: &Case, scene: &Motion) -> f64 {
-    let output = &case.scene.output;
-    output.every.map_or(output.frames as f64, |every| scene.end / every)
-}
 
 /// Runs a case that moves and fills the folder.
 pub(super) fn run(
@@ -84,14 +38,20 @@ pub(super) fn run(
     enter(&mut clock, watch, "compile");
     let compiled = case.compile()?;
     enter(&mut clock, watch, "interactions");
-    let (energy, fields) = case.solved_energy(compiled)?;
-    fields.must_be_steady()?;
-    let selection = case.selection()?;
-    let boundary =
-        BoundaryConditions::new(&case.scene, &case.body, &selection).map_err(CaseError::from)?;
-    let masses = case.masses().ok_or_else(|| no_density(case))?;
-    let drive = MotionConditions::new(&boundary, &masses).map_err(CaseError::from)?;
-    let start = initial(&boundary).map_err(CaseError::from)?;
+    with_ready(case, compiled, |ready| follow(case, scene, ready, folder, options, watch, clock))?
+}
+
+/// The same from there on.
+fn follow(
+    case: &Case,
+    scene: &Motion,
+    ready: Ready<'_>,
+    folder: &OutputFolder,
+    options: RunOptions<'_>,
+    watch: &Watch,
+    mut clock: PhaseClock,
+) -> Result<Ending, RunError> {
+    let Ready { energy, selection, masses, drive, start } = ready;
     let settings = settings(case, scene);
     let resolved = case.scene.resolved_toml();
     let hash = hash(case, &resolved);
@@ -99,18 +59,17 @@ pub(super) fn run(
     let made = match &earlier {
         Some(earlier) => {
             let from = snapshot(earlier, folder)?;
-            motion::Motion::resume(&energy, &masses, &drive, &settings, watch, from)
+            motion::Motion::resume(energy, masses, drive, &settings, watch, from)
         }
-        None => motion::Motion::new(&energy, &masses, start, &drive, &settings, watch),
+        None => motion::Motion::new(energy, masses, start, drive, &settings, watch),
     };
-    let mut motion = made.map_err(|error| refused(case, &drive, error))?;
+    let mut motion = made.map_err(|error| refused(case, drive, error))?;
 
     // From here on there is something to keep.
     folder.write(OutputFile::ResolvedScene, resolved.as_bytes())?;
     enter(&mut clock, watch, "move");
     let points = Points::of(&case.body);
-    let fields =
-        PointFields { case, energy: &energy, selection: &selection, masses: Some(&masses) };
+    let fields = PointFields { case, energy, selection, masses: Some(masses) };
     let run = recorder::Run { fields, folder, points: &points };
     let known = recorder::header(options.origin, &hash);
     let mut recorder = match &earlier {
@@ -133,7 +92,7 @@ pub(super) fn run(
             (ExitReason::Interrupted, message)
         }
         Err(error) => {
-            let (reason, message) = stopped(case, &drive, error);
+            let (reason, message) = stopped(case, drive, error);
             (reason, format!("{message}; {}", recorder.behind()))
         }
     };
@@ -156,8 +115,8 @@ pub(super) fn run(
         inverted: recorder.inverted(),
         warnings,
     };
-    let told = recorder.summary(&motion, &masses, scene);
-    let summary = summary(case, &energy, &ending, options.warnings, &resolved, &mut clock);
+    let told = recorder.summary(&motion, masses, scene);
+    let summary = summary(case, energy, &ending, options.warnings, &resolved, &mut clock);
     piola_output::summary::Summary { motion: told, ..summary }.write(folder)?;
     // The picture comes last: it takes longest, and is the smallest loss.
     recorder.finish(options.title)?;
@@ -218,64 +177,4 @@ fn snapshot<'a>(
     }
     let arrays = found.map(|values| Cow::Borrowed(values.unwrap_or_default()));
     Ok(Snapshot { arrays, notes: Cow::Borrowed(&earlier.header.notes) })
-}
-
-/// A scene that was changed after it was read: the reader wants a density of every material.
-fn no_density(case: &Case) -> CaseError {
-    let name = case.potentials.first().map_or("", |potential| potential.model.name());
-    CaseError::Body {
-        message: format!("a body that moves needs the density of its material ({name})"),
-    }
-}
-
-/// Why a motion cannot start, in the scene's words.
-fn refused(case: &Case, drive: &MotionConditions<'_>, error: MotionError) -> CaseError {
-    let message = match error {
-        MotionError::Drive { .. } => match drive.problem() {
-            Some(problem) => return problem.into(),
-            None => error.to_string(),
-        },
-        MotionError::TooLong { .. } => format!(
-            "{error}; leave `step` out, or write a smaller one in [motion] (unstable = true takes it \
-             all the same)"
-        ),
-        MotionError::NonFinite { ref cause, .. } => case.describe(cause),
-        _ => in_users_order(case, error).to_string(),
-    };
-    CaseError::Body { message }
-}
-
-/// Why a motion does not go on, in the scene's words.
-fn stopped(case: &Case, drive: &MotionConditions<'_>, error: MotionError) -> (ExitReason, String) {
-    match &error {
-        MotionError::Drive { .. } => {
-            let message = drive.problem().map_or_else(|| error.to_string(), |p| p.to_string());
-            (ExitReason::NonFinite, message)
-        }
-        MotionError::NonFinite { t, step, cause, unstable } => {
-            let unstable = match unstable {
-                Some(critical) => format!(" (unstable: the critical step is {critical:.6e} s)"),
-                None => String::new(),
-            };
-            let place = case.describe(cause);
-            (
-                ExitReason::NonFinite,
-                format!("at t = {t:e} s, after {step} steps{unstable}: {place}"),
-            )
-        }
-        _ => (ExitReason::Failed, in_users_order(case, error).to_string()),
-    }
-}
-
-/// The same with the number that the user knows the point by.
-fn in_users_order(case: &Case, error: MotionError) -> MotionError {
-    let number = |point: usize| case.body.user_index()[point] as usize;
-    match error {
-        MotionError::FlownOff(mut found) => {
-            found.point = number(found.point);
-            MotionError::FlownOff(found)
-        }
-        MotionError::Mass { point, mass } => MotionError::Mass { point: number(point), mass },
-        other => other,
-    }
 }

@@ -14,7 +14,8 @@ use piola_output::{Frame, OutputError, OutputFile, OutputFolder, Points, table};
 use piola_solvers::march::State;
 use piola_solvers::motion::{self, Row, Snapshot};
 
-use super::frames;
+use super::course::Unclosed;
+use super::ready::frames;
 use crate::scene::Motion;
 use crate::simulation::point_fields::PointFields;
 use crate::simulation::run::{Origin, frame};
@@ -59,7 +60,7 @@ pub(super) struct Recorder<'a> {
     /// When the last frame was written.
     framed: Option<f64>,
     /// The largest part of the account that did not close, over the largest energy.
-    worst: Worst,
+    worst: Unclosed,
     /// What every checkpoint of the run begins with.
     known: Header,
     /// What a checkpoint before the last row would hold of the output.
@@ -68,19 +69,12 @@ pub(super) struct Recorder<'a> {
     resumed: Option<usize>,
 }
 
-/// Energies in J.
-#[derive(Clone, Copy, Debug, Default)]
-struct Worst {
-    rounding: f64,
-    largest: f64,
-}
-
 /// How far the output is.
 #[derive(Clone, Debug, Default)]
 struct Mark {
     tables: Vec<u64>,
     frames: usize,
-    worst: Worst,
+    worst: Unclosed,
 }
 
 /// Arrays of a checkpoint beside those of the motion.
@@ -114,7 +108,7 @@ impl<'a> Recorder<'a> {
         let frames = FrameSeries::resume(run.folder, run.points, times)?;
         let mut recorder = Recorder::with(run, known, frames, tables);
         if let [rounding, largest] = worst[..] {
-            recorder.worst = Worst { rounding, largest };
+            recorder.worst = Unclosed { rounding, largest };
         }
         recorder.reached = (motion.step_reached(), motion.time_reached());
         recorder.resumed = Some(motion.step_reached());
@@ -138,7 +132,7 @@ impl<'a> Recorder<'a> {
             last: None,
             reached: (0, 0.0),
             framed: None,
-            worst: Worst::default(),
+            worst: Unclosed::default(),
             known,
             before: Mark::default(),
             resumed: None,
@@ -204,10 +198,7 @@ impl<'a> Recorder<'a> {
             reactions: selection.reactions(&residual, d),
             probes: selection.displacements(state.displacements, d),
         };
-        let energies = [row.kinetic, row.external, row.prescribed, row.damping];
-        let largest = energies.iter().fold(row.energy.magnitude(), |most, x| most.max(x.abs()));
-        self.worst.largest = self.worst.largest.max(largest);
-        self.worst.rounding = self.worst.rounding.max(row.rounding.abs());
+        self.worst.note(row);
         let is_due = self.is_due(row.t);
         let mut now = frame(case, row.t, state.displacements, &residual);
         now.velocity = body.to_user_order(state.velocities, d);
@@ -259,10 +250,7 @@ impl<'a> Recorder<'a> {
                 quadrature: Number(row.quadrature),
             },
             resumed_at_step: self.resumed,
-            rounding: Number(match self.worst {
-                Worst { rounding, largest } if largest > 0.0 => rounding / largest,
-                _ => 0.0,
-            }),
+            rounding: Number(self.worst.share()),
         })
     }
 

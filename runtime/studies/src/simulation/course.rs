@@ -1,10 +1,10 @@
-//! The last equilibrium of a case, and nothing written: what comparisons of settings run.
+//! What a scene leads to, and nothing written: what comparisons of settings run.
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use piola_mechanics::energy::{Energy, EnergyParts};
+use piola_mechanics::energy::{Energy as _, EnergyParts};
 use piola_solvers::march::State;
 use piola_solvers::steps::{StepError, StepRecord, run_steps};
 use piola_solvers::{Event, Observer, Watch};
@@ -13,6 +13,7 @@ use super::motion;
 use super::run::{SceneDrive, check_held, failed, settings};
 use crate::case::{Case, CaseError};
 use crate::scene::boundary::BoundaryConditions;
+use crate::scene::selection::Selection;
 
 /// A vector of a set or a probe.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,24 +24,34 @@ pub struct NamedVector {
     pub value: Vec<f64>,
 }
 
-/// The equilibrium at the end of a scene.
+/// A body at one time.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Equilibrium {
-    /// Energy by kind of interaction.
+pub struct Moment {
+    /// Stored energy by kind of interaction, in J.
     pub energy: EnergyParts,
-    /// Displacements, `n x d`, in m, in the body's order.
-    pub displacements: Vec<f64>,
+    /// Kinetic energy in J; 0 of an equilibrium.
+    pub kinetic: f64,
     /// For every set the sum of dE/du minus the loads, in N.
     pub reactions: Vec<NamedVector>,
     /// For every probe its displacement in m.
     pub probes: Vec<NamedVector>,
-    /// 2-norm of the free residual over the larger of those of reactions and loads.
+}
+
+/// What a scene leads to: the equilibrium at its end, or a motion.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Course {
+    /// The end; of a motion the start and moments at even times before it, too.
+    pub moments: Vec<Moment>,
+    /// Displacements at the end, `n x d`, in m, in the body's order.
+    pub displacements: Vec<f64>,
+    /// 2-norm of the free residual over the larger of those of reactions and loads; of a motion what is left
+    /// over in the account of energy, over its largest column.
     pub residual: f64,
     /// Estimated condition of the tangent, where there are factors of it.
     pub condition: Option<f64>,
-    /// Converged steps, sub-steps included.
+    /// Converged steps, sub-steps included, or steps in time.
     pub steps: usize,
-    /// Iterations of Newton's method in all of them.
+    /// Iterations of Newton's method in all load steps.
     pub iterations: usize,
     /// Iterations of iterative methods in all of them.
     pub linear_iterations: usize,
@@ -48,50 +59,63 @@ pub struct Equilibrium {
     pub cut_backs: usize,
 }
 
+impl Moment {
+    /// From a state and its energies in J.
+    pub(super) fn new(
+        case: &Case,
+        selection: &Selection,
+        state: &State<'_>,
+        energy: EnergyParts,
+        kinetic: f64,
+    ) -> Moment {
+        let d = case.body.dimension();
+        let residual: Vec<f64> =
+            state.internal_forces.iter().zip(state.loads).map(|(g, f)| g - f).collect();
+        let sets = selection.sets.iter();
+        let reactions =
+            sets.map(|set| NamedVector { name: set.name.clone(), value: set.sum(&residual, d) });
+        let at = |point: usize| state.displacements[d * point..d * (point + 1)].to_vec();
+        let probes = selection.probes.iter();
+        let probes =
+            probes.map(|probe| NamedVector { name: probe.name.clone(), value: at(probe.point) });
+        Moment { energy, kinetic, reactions: reactions.collect(), probes: probes.collect() }
+    }
+}
+
 /// What came of an attempt to solve a case.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Attempt {
     /// The end of the scene was reached.
-    Reached(Box<Equilibrium>),
-    /// No equilibrium was found at some time; the reason in words.
+    Reached(Box<Course>),
+    /// No equilibrium was found at some time, or a motion could not go on; the reason in words.
     NotConverged(String),
     /// The time was up after the step at this `t`.
     OutOfTime(f64),
 }
 
-/// Compiles and assembles a case and follows its load steps; gives up soon after `limit`.
+/// Compiles and assembles a case and follows its load steps or its motion; gives up soon after `limit`.
 ///
 /// # Errors
 /// A case that cannot start, as for [`run`](super::run()).
 pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
-    motion::refuse(case)?;
-    let start = Instant::now();
+    let watch = Watch::by(Arc::new(Deadline { start: Instant::now(), limit }));
+    if let Some(scene) = &case.scene.motion {
+        return motion::solve(case, scene, &watch);
+    }
     let (energy, fields) = case.solved_energy(case.compile()?)?;
     let selection = case.selection()?;
     let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
     check_held(case, energy.bonds(), &boundary)?;
     let drive = SceneDrive::new(&boundary, &fields);
-    let mut reached = Equilibrium::default();
+    let mut reached = Course::default();
     let mut observer = |record: &StepRecord, state: &State<'_>| {
         reached.note(record);
-        if record.t < case.scene.steps.end {
-            return ControlFlow::Continue(());
+        if record.t >= case.scene.steps.end {
+            let energy = record.energy_parts.clone();
+            reached.moments = vec![Moment::new(case, &selection, state, energy, 0.0)];
         }
-        let d = case.body.dimension();
-        let residual: Vec<f64> =
-            state.internal_forces.iter().zip(state.loads).map(|(g, f)| g - f).collect();
-        let sets = selection.sets.iter();
-        reached.reactions = sets
-            .map(|set| NamedVector { name: set.name.clone(), value: set.sum(&residual, d) })
-            .collect();
-        let probes = selection.probes.iter();
-        let at = |point: usize| state.displacements[d * point..d * (point + 1)].to_vec();
-        reached.probes = probes
-            .map(|probe| NamedVector { name: probe.name.clone(), value: at(probe.point) })
-            .collect();
         ControlFlow::Continue(())
     };
-    let watch = Watch::by(Arc::new(Deadline { start, limit }));
     match run_steps(&energy, &drive, &settings(&case.scene), &watch, &mut observer) {
         Ok(outcome) if outcome.stopped => {
             Ok(Attempt::OutOfTime(outcome.records.last().map_or(0.0, |record| record.t)))
@@ -121,10 +145,14 @@ impl Observer for Deadline {
     }
 }
 
-impl Equilibrium {
+impl Course {
+    /// The stored energy at the end in J.
+    pub fn energy(&self) -> f64 {
+        self.moments.last().map_or(f64::NAN, |moment| moment.energy.total())
+    }
+
     /// Takes the step in; the last one stays.
     fn note(&mut self, record: &StepRecord) {
-        self.energy = record.energy_parts.clone();
         self.residual = record.residual_over_reaction.last().copied().unwrap_or(0.0);
         self.condition = record.condition;
         self.steps += 1;

@@ -426,6 +426,10 @@ pub(crate) struct Trade {
     /// combinations, if not given
     #[arg(long, value_name = "NAME", value_delimiter = ',')]
     pub(crate) axes: Vec<String>,
+    /// A key of the scene and values to be tried, combined with each other and with the axes:
+    /// material.potential=silling2000,miranda_modified_stretch
+    #[arg(long = "vary", value_name = "KEY=VALUE,VALUE")]
+    pub(crate) varied: Vec<String>,
     /// List the axes, or the settings of a scene, and do nothing
     #[arg(long)]
     pub(crate) list: bool,

@@ -33,7 +33,7 @@ pub(super) fn execute(arguments: &Trade) -> Exit {
     }
     let read = |more: &[String]| read(path, arguments, more);
     if arguments.list {
-        return list(&read, &arguments.axes);
+        return list(&read, arguments);
     }
     scene::with_threads(arguments.threads, || measure(path, &case, arguments))
         .unwrap_or(Exit::Input)
@@ -67,8 +67,8 @@ fn axes_text() -> String {
 }
 
 /// The settings that a scene would be solved with.
-fn list(read: &dyn Fn(&[String]) -> Result<Case, CaseError>, axes: &[String]) -> Exit {
-    match axes::settings(read, axes) {
+fn list(read: &dyn Fn(&[String]) -> Result<Case, CaseError>, arguments: &Trade) -> Exit {
+    match axes::settings(read, &arguments.axes, &arguments.varied) {
         Ok(settings) => {
             for setting in settings {
                 console::out(&format!("{:44} {}\n", setting.name, setting.overrides.join(" ")));
@@ -108,6 +108,7 @@ fn measure(path: &Path, case: &Case, arguments: &Trade) -> Exit {
     let options = Options {
         quantities: arguments.quantities.clone(),
         axes: arguments.axes.clone(),
+        varied: arguments.varied.clone(),
         repeats: usize::from(arguments.repeats),
         budget: Duration::from_secs_f64(arguments.budget),
         accuracy: arguments.accuracy,

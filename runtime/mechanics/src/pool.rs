@@ -8,7 +8,6 @@ use std::sync::{Mutex, MutexGuard};
 ///
 /// They are boxed: work arrays with buffers of fixed size are large, and bodies of a few hundred points
 /// would spend a third of a pass on moving them.
-#[expect(clippy::vec_box, reason = "what is taken is moved, not what stays in the vector")]
 pub(crate) struct Pool<T> {
     free: Mutex<Vec<Box<T>>>,
 }

@@ -280,13 +280,6 @@ pub fn available(resolved: &str) -> Vec<&'static Axis> {
     AXES.iter().filter(is_here).collect()
 }
 
-/// What is set in a scene for words of axes.
-fn overrides(words: &[(&'static Axis, &'static str)]) -> Vec<String> {
-    let beside = words.iter().flat_map(|(axis, _)| axis.beside).map(|set| set.to_string());
-    let own = words.iter().map(|(axis, word)| format!("{}={word}", axis.key));
-    beside.chain(own).collect()
-}
-
 /// The overrides of the reference run, all but the tolerance.
 pub fn reference_overrides(resolved: &str) -> Vec<String> {
     let fixed = available(resolved).into_iter().filter(|axis| !axis.reference.is_empty());
@@ -312,33 +305,102 @@ fn same_word(one: &str, other: &str) -> bool {
     }
 }
 
-/// Words to be set, each with its axis.
-type Pairs = Vec<(&'static Axis, &'static str)>;
+/// A word of an axis, or a value that the user wants tried.
+#[derive(Clone, Debug)]
+struct Choice {
+    /// `tolerance=1e-6`.
+    name: String,
+    /// What is set in the scene for it.
+    overrides: Vec<String>,
+    changes: Changes,
+    /// Whether the user named it: then it must be one that the scene's reader knows.
+    is_given: bool,
+}
+
+impl Choice {
+    fn of(axis: &Axis, word: &str) -> Choice {
+        let beside = axis.beside.iter().map(|set| set.to_string());
+        let own = format!("{}={word}", axis.key);
+        Choice {
+            name: format!("{}={word}", axis.name),
+            overrides: beside.chain([own]).collect(),
+            changes: axis.changes,
+            is_given: false,
+        }
+    }
+
+    /// All values of `material.potential=one,other`; another key asks another question.
+    fn given(text: &str) -> Result<Vec<Choice>, TradeError> {
+        let wrong = || TradeError::WrongVariation { text: text.to_string() };
+        let (key, values) = text.split_once('=').ok_or_else(wrong)?;
+        let name = key.rsplit('.').next().unwrap_or(key);
+        let values = separate(values);
+        if key.is_empty() || values.iter().any(|value| value.is_empty()) {
+            return Err(wrong());
+        }
+        let choice = |value: &str| Choice {
+            name: format!("{name}={value}"),
+            overrides: vec![format!("{key}={value}")],
+            changes: Changes::Question,
+            is_given: true,
+        };
+        Ok(values.into_iter().map(choice).collect())
+    }
+}
+
+/// The parts between commas that stand in no brackets and no quotes.
+fn separate(text: &str) -> Vec<&str> {
+    let (mut depth, mut quoted, mut start) = (0, false, 0);
+    let mut parts = Vec::new();
+    for (place, byte) in text.bytes().enumerate() {
+        match byte {
+            b'"' => quoted = !quoted,
+            b'[' | b'{' | b'(' if !quoted => depth += 1,
+            b']' | b'}' | b')' if !quoted => depth -= 1,
+            b',' if !quoted && depth == 0 => {
+                parts.push(text[start..place].trim());
+                start = place + 1;
+            }
+            _ => {}
+        }
+    }
+    parts.push(text[start..].trim());
+    parts
+}
 
 /// The settings of a study, the scene's own first; two that read to one scene count once, and a
-/// word that the scene's reader does not know is left out.
+/// word of an axis that the scene's reader does not know is left out.
 ///
-/// Without `axes`: the defaults, every usual axis changed alone, and [`COMBINATIONS`]. With `axes`:
-/// every combination of their words.
+/// With nothing named: the defaults, every usual axis changed alone, and [`COMBINATIONS`]. Else every
+/// combination of the words of `axes` and of the values of `varied`, `KEY=VALUE,VALUE`.
 ///
 /// # Errors
-/// An axis that there is not; too many settings; the scene itself.
-pub fn settings(read: &ReadCase<'_>, axes: &[String]) -> Result<Vec<Setting>, TradeError> {
+/// An axis that there is not; too many settings; values that the scene does not take; the scene itself.
+pub fn settings(
+    read: &ReadCase<'_>,
+    axes: &[String],
+    varied: &[String],
+) -> Result<Vec<Setting>, TradeError> {
     let own = read(&[])?;
     let resolved = own.scene.resolved_toml();
     let available = available(&resolved);
-    let wanted = if axes.is_empty() {
+    let mut wanted = if axes.is_empty() && varied.is_empty() {
         usual(&available, &resolved)
     } else {
-        product(&chosen(&available, axes)?, &resolved)?
+        let of_axis = |axis: &Axis| -> Vec<Choice> {
+            let words = other_words(axis, &resolved);
+            words.into_iter().map(|word| Choice::of(axis, word)).collect()
+        };
+        let known = chosen(&available, axes)?.into_iter().map(|axis| Ok(of_axis(axis)));
+        let given = varied.iter().map(|text| Choice::given(text));
+        product(&known.chain(given).collect::<Result<Vec<_>, TradeError>>()?)?
     };
     // What is slow comes last: the budget may end before.
-    let mut wanted = wanted;
-    wanted.sort_by_key(|words| words.iter().any(|(axis, _)| axis.name == "derivatives"));
-    let defaults: Pairs = available
+    wanted.sort_by_key(|all| all.iter().any(|choice| choice.name.starts_with("derivatives=")));
+    let defaults: Vec<Choice> = available
         .iter()
         .filter(|axis| axis.changes == Changes::Solution && !axis.default.is_empty())
-        .map(|axis| (*axis, axis.default))
+        .map(|axis| Choice::of(axis, axis.default))
         .collect();
     let mut settings = vec![Setting {
         name: OWN.to_string(),
@@ -346,17 +408,21 @@ pub fn settings(read: &ReadCase<'_>, axes: &[String]) -> Result<Vec<Setting>, Tr
         changes: Changes::Solution,
         case: own,
     }];
-    for (name, words) in
-        [(Some(DEFAULT), defaults)].into_iter().chain(wanted.into_iter().map(|words| (None, words)))
-    {
-        let overrides = overrides(&words);
-        let Ok(case) = read(&overrides) else { continue };
+    let wanted = wanted.into_iter().map(|all| (None, all));
+    for (name, all) in [(Some(DEFAULT), defaults)].into_iter().chain(wanted) {
+        let overrides: Vec<String> =
+            all.iter().flat_map(|choice| choice.overrides.iter().cloned()).collect();
+        let case = match read(&overrides) {
+            Ok(case) => case,
+            Err(error) if all.iter().any(|choice| choice.is_given) => return Err(error.into()),
+            Err(_) => continue,
+        };
         if settings.iter().any(|other| other.case.scene == case.scene) {
             continue;
         }
-        let question = words.iter().any(|(axis, _)| axis.changes == Changes::Question);
+        let question = all.iter().any(|choice| choice.changes == Changes::Question);
         settings.push(Setting {
-            name: name.map_or_else(|| name_of(&words), str::to_string),
+            name: name.map_or_else(|| name_of(&all), str::to_string),
             overrides,
             changes: if question { Changes::Question } else { Changes::Solution },
             case,
@@ -389,9 +455,8 @@ pub fn relaxed(read: &ReadCase<'_>, setting: &Setting) -> Vec<Setting> {
     looser.into_iter().filter_map(|word| with(axis, word)).collect()
 }
 
-fn name_of(words: &Pairs) -> String {
-    let parts: Vec<String> =
-        words.iter().map(|(axis, word)| format!("{}={word}", axis.name)).collect();
+fn name_of(all: &[Choice]) -> String {
+    let parts: Vec<&str> = all.iter().map(|choice| choice.name.as_str()).collect();
     parts.join(" ")
 }
 
@@ -413,40 +478,38 @@ fn chosen(available: &[&'static Axis], names: &[String]) -> Result<Vec<&'static 
 }
 
 /// Words of an axis that differ from the scene's own.
-fn other_words(axis: &'static Axis, resolved: &str) -> Vec<&'static str> {
+fn other_words(axis: &Axis, resolved: &str) -> Vec<&'static str> {
     let own = word_of(resolved, axis.key).unwrap_or_default();
     (axis.words)().into_iter().filter(|word| !same_word(word, &own)).collect()
 }
 
-fn usual(available: &[&'static Axis], resolved: &str) -> Vec<Pairs> {
-    let mut all: Vec<Pairs> = Vec::new();
-    for axis in available.iter().copied().filter(|axis| axis.usual) {
-        all.extend(other_words(axis, resolved).into_iter().map(|word| vec![(axis, word)]));
+fn usual(available: &[&'static Axis], resolved: &str) -> Vec<Vec<Choice>> {
+    let mut all: Vec<Vec<Choice>> = Vec::new();
+    for axis in available.iter().filter(|axis| axis.usual) {
+        let words = other_words(axis, resolved).into_iter();
+        all.extend(words.map(|word| vec![Choice::of(axis, word)]));
     }
     for row in COMBINATIONS {
-        let find = |name: &str| available.iter().copied().find(|axis| axis.name == name);
-        let words: Option<Pairs> =
-            row.iter().map(|&(name, word)| find(name).map(|axis| (axis, word))).collect();
-        all.extend(words);
+        let find = |name: &str| available.iter().find(|axis| axis.name == name);
+        let choices: Option<Vec<Choice>> =
+            row.iter().map(|(name, word)| find(name).map(|axis| Choice::of(axis, word))).collect();
+        all.extend(choices);
     }
     all
 }
 
-/// Every combination of the words of some axes, the scene's own among them.
-fn product(axes: &[&'static Axis], resolved: &str) -> Result<Vec<Pairs>, TradeError> {
-    let choices: Vec<Vec<&'static str>> =
-        axes.iter().map(|axis| other_words(axis, resolved)).collect();
+/// Every combination of some choices, the scene's own among them.
+fn product(choices: &[Vec<Choice>]) -> Result<Vec<Vec<Choice>>, TradeError> {
     let found = choices.iter().map(|words| words.len() + 1).product::<usize>();
     if found > MOST_SETTINGS {
         return Err(TradeError::TooManySettings { found, limit: MOST_SETTINGS });
     }
-    let mut all: Vec<Pairs> = vec![Vec::new()];
-    for (axis, words) in axes.iter().zip(&choices) {
+    let mut all: Vec<Vec<Choice>> = vec![Vec::new()];
+    for words in choices {
         let shorter = all.clone();
         for word in words {
-            all.extend(
-                shorter.iter().map(|before| [before.as_slice(), &[(*axis, *word)]].concat()),
-            );
+            let longer = |before: &Vec<Choice>| [before.as_slice(), &[word.clone()]].concat();
+            all.extend(shorter.iter().map(longer));
         }
     }
     all.retain(|words| !words.is_empty());

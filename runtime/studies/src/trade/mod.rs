@@ -64,6 +64,12 @@ pub enum TradeError {
         /// What there is.
         known: Vec<String>,
     },
+    /// Values to be tried that are not written as they must be.
+    #[error("`{text}` names no values to be tried")]
+    WrongVariation {
+        /// What was asked for.
+        text: String,
+    },
     /// More settings than anyone waits for.
     #[error("these axes have {found} settings, more than {limit}")]
     TooManySettings {
@@ -90,6 +96,10 @@ impl TradeError {
             TradeError::UnknownAxis { known, .. } => {
                 Some(format!("there are {}", known.join(", ")))
             }
+            TradeError::WrongVariation { .. } => Some(
+                "write a key and its values, `material.potential=silling2000,miranda_modified_stretch`"
+                    .to_string(),
+            ),
             TradeError::TooManySettings { .. } => Some("name fewer axes".to_string()),
             TradeError::NoReference { .. } => {
                 Some("give it a larger --budget, or make the scene smaller".to_string())

@@ -29,6 +29,8 @@ pub struct Options {
     pub quantities: Vec<String>,
     /// Names of axes whose words are combined; usual axes one at a time if empty.
     pub axes: Vec<String>,
+    /// Keys of the scene with values that are combined with these, `KEY=VALUE,VALUE`.
+    pub varied: Vec<String>,
     /// Runs of each setting, as far as the budget allows.
     pub repeats: usize,
     /// Time for everything.
@@ -72,7 +74,7 @@ pub fn study(
 ) -> Result<Study, TradeError> {
     let start = Instant::now();
     let left = || options.budget.saturating_sub(start.elapsed());
-    let settings = settings(read, &options.axes)?;
+    let settings = settings(read, &options.axes, &options.varied)?;
     let own = read(&[])?;
     let quantities = quantities(&own.scene, &options.quantities)?;
     let reference = reference(read, &quantities, left(), progress)?;

@@ -61,6 +61,7 @@ fn options() -> Options {
     Options {
         quantities: Vec::new(),
         axes: Vec::new(),
+        varied: Vec::new(),
         repeats: 2,
         budget: Duration::from_secs(60),
         accuracy: None,
@@ -106,7 +107,7 @@ fn every_axis_is_known_to_the_scene_or_waits_for_its_key() {
 fn settings_are_different_scenes() {
     let strip = Strip::new(STRIP);
     let read = |overrides: &[String]| strip.read(overrides);
-    let usual = settings(&read, &[]).unwrap();
+    let usual = settings(&read, &[], &[]).unwrap();
     assert_eq!(usual[0].name, OWN);
     // The strip's own setting is that of the defaults, so there is no second one.
     assert!(usual.iter().all(|setting| setting.name != DEFAULT));
@@ -118,20 +119,37 @@ fn settings_are_different_scenes() {
     let tight = Strip::new(&format!("{STRIP}[solver]\ntolerance = 1e-13\n"));
     let read = |overrides: &[String]| tight.read(overrides);
     let names: Vec<String> =
-        settings(&read, &[]).unwrap().into_iter().map(|setting| setting.name).collect();
+        settings(&read, &[], &[]).unwrap().into_iter().map(|setting| setting.name).collect();
     assert!(names.contains(&DEFAULT.to_string()), "{names:?}");
 
     // Two axes give all their combinations: 7 tolerances by 3 starts.
     let axes = ["tolerance", "start", "start"].map(str::to_string);
     let names: Vec<String> =
-        settings(&read, &axes).unwrap().into_iter().map(|setting| setting.name).collect();
+        settings(&read, &axes, &[]).unwrap().into_iter().map(|setting| setting.name).collect();
     assert_eq!(names.len(), 21, "{names:?}");
     assert!(names.contains(&"tolerance=1e-6 start=last".to_string()), "{names:?}");
-    let error = settings(&read, &["speed".to_string()]).unwrap_err();
+    // Values of any key, alone or with axes.
+    let varied = ["material.parameters.C1=1,2,3", "prescribe.1.u=[0.1, 0],[0.3, 0]"];
+    let varied = varied.map(str::to_string);
+    let found = settings(&read, &["strain".to_string()], &varied).unwrap();
+    assert_eq!(
+        found.len(),
+        4 * 3 * 2 + 1,
+        "three values, two and one beside the scene's own; the default"
+    );
+    assert!(found.iter().any(|s| s.name == "strain=positions C1=2 u=[0.3, 0]"));
+    assert!(found.iter().filter(|s| s.changes == axes::Changes::Question).count() == 22);
+    for wrong in ["C1", "material.parameters.C1=1,,2", "=3"] {
+        let error = settings(&read, &[], &[wrong.to_string()]).unwrap_err();
+        assert!(matches!(error, TradeError::WrongVariation { .. }), "{wrong}: {error}");
+    }
+    let unknown = settings(&read, &[], &["material.potential=law,unheard".to_string()]);
+    assert!(matches!(unknown, Err(TradeError::Case(_))));
+    let error = settings(&read, &["speed".to_string()], &[]).unwrap_err();
     assert!(error.help().unwrap().contains("tolerance"), "{error}");
     let all: Vec<String> =
         ["tolerance", "linear", "derivatives", "increments", "start"].map(str::to_string).to_vec();
-    assert!(matches!(settings(&read, &all), Err(TradeError::TooManySettings { .. })));
+    assert!(matches!(settings(&read, &all, &[]), Err(TradeError::TooManySettings { .. })));
 }
 
 #[test]
@@ -253,6 +271,6 @@ fn errors_of_a_motion_go_with_the_square_of_the_step() {
     assert!(study.to_text().contains("twice its step"));
     // Equilibria have other axes.
     let read = |overrides: &[String]| strip.read(overrides);
-    let error = settings(&read, &["newton".to_string()]).unwrap_err();
+    let error = settings(&read, &["newton".to_string()], &[]).unwrap_err();
     assert!(error.help().unwrap().contains("method"), "{error}");
 }

@@ -508,7 +508,8 @@ fn product(choices: &[Vec<Choice>]) -> Result<Vec<Vec<Choice>>, TradeError> {
     for words in choices {
         let shorter = all.clone();
         for word in words {
-            let longer = |before: &Vec<Choice>| [before.as_slice(), &[word.clone()]].concat();
+            let longer =
+                |before: &Vec<Choice>| [before.as_slice(), std::slice::from_ref(word)].concat();
             all.extend(shorter.iter().map(longer));
         }
     }

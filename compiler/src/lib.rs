@@ -44,7 +44,7 @@ mod written;
 pub use check::{CODES, Files, check, check_text, check_text_with};
 pub use compile::{Compiled, Kind};
 pub use density::DensityForm;
-pub use formula::Formula;
+pub use formula::{CompiledFormula, Formula};
 pub use gathered::{GatheredBatch, GatheredKernel, GatheredKernels, Integrand};
 pub use kernel::{Batch, Derivatives, Kernel, Level, Mode, Order, Outputs, WrittenEnergy};
 pub use lint::{LINTS, Lint};

@@ -194,6 +194,30 @@ fn plans_and_trades_of_motions_look_for_no_equilibria() {
     assert!(listed.contains("motion.safety=0.1") && !listed.contains("newton"), "{listed}");
 }
 
+/// A body whose every point is accelerated alike goes where Galileo says, without a force inside; one whose
+/// base alone is shaken follows it.
+#[test]
+fn a_shaken_base_takes_the_body_along() {
+    let scene = THROWN.replace("v = [\"0.05*min(t/0.01, 1)\", 0]", "a = [\"0.2*t\", 0]");
+    let all = scene.replace("set = \"left\"\na", "set = \"all\"\na").replace("damping = 0.1", "");
+    let all = all.replace("v = [\"0.1*X\", \"-0.2*X\"]", "v = [0.1, 0]");
+    let folder = SceneFolder::new(&all);
+    folder.run(&["--set", "motion.step=1e-4"]).expect(0);
+    let (_, probes) = table(&folder.out().join("probes.csv"));
+    let (_, motion) = table(&folder.out().join("motion.csv"));
+    let (last, row) = (probes.last().unwrap(), motion.last().unwrap());
+    // u = 0.1 t + 0.2 t^3/6 at t = 0.5, up to the square of the step.
+    assert!((last[1] - (0.05 + 0.2 * 0.125 / 6.0)).abs() < 1e-9, "{last:?}");
+    assert!(row[4].abs() < 1e-9 * row[2], "{row:?}");
+    let shaken = scene.replace("v = [\"0.1*X\", \"-0.2*X\"]", "v = [0, 0]");
+    let folder = SceneFolder::new(&shaken.replace("end = 0.5", "end = 3"));
+    folder.run(&[]).expect(0);
+    let (_, probes) = table(&folder.out().join("probes.csv"));
+    let follows = probes.last().unwrap()[1] / (0.2 * 27.0 / 6.0);
+    assert!((follows - 1.0).abs() < 0.01, "{follows}");
+    assert!(folder.summary()["motion"]["energies"]["prescribed"].as_f64().unwrap() > 0.0);
+}
+
 /// Bonds that get stiffer when they are stretched: a step that was small enough at rest is not at the end,
 /// and the run says so; frames are refused that nobody could keep.
 #[test]

@@ -100,7 +100,7 @@ fn the_scene_reference_knows_every_key_and_code() {
     {
         let text = read(path);
         let settings = between(&text, "_KEYS: [Row<", "];\n");
-        for schema in between(&text, "keys: &[", "],\n").into_iter().chain(settings) {
+        for schema in between(&text, "keys: &[", "};").into_iter().chain(settings) {
             for key in between(schema, "(\"", "\"").into_iter().filter(|key| *key != "*") {
                 keys += 1;
                 let named = page.contains(&format!("`{key}`"))

@@ -36,7 +36,7 @@ pub enum MotionError {
     /// A prescribed value or a load is not finite.
     #[error("the {what} of component {component} of point {point} is {value} at t = {t} s")]
     Drive {
-        /// "prescribed displacement", "prescribed velocity" or "load".
+        /// "prescribed displacement", "prescribed velocity", "prescribed acceleration" or "load".
         what: &'static str,
         /// The point.
         point: usize,
@@ -174,7 +174,7 @@ pub(super) fn check(settings: &MotionSettings, masses: &[f64]) -> Result<(), Mot
 
 /// All degrees of freedom that are prescribed, ascending; those that are so twice stand twice.
 pub(super) fn fixed(drive: &dyn MotionDrive) -> Vec<usize> {
-    let mut fixed = [drive.displaced(), drive.driven()].concat();
+    let mut fixed = [drive.displaced(), drive.driven(), drive.accelerated()].concat();
     fixed.sort_unstable();
     fixed
 }

@@ -49,6 +49,10 @@ impl Motion<'_> {
         for (k, &dof) in self.drive.driven().iter().enumerate() {
             middle[dof] = self.u.value[dof] + half * self.velocities[k];
         }
+        self.ask_accelerations(t)?;
+        for (&dof, a) in self.drive.accelerated().iter().zip(&self.accelerations) {
+            middle[dof] = self.u.value[dof] + half * (self.v.value[dof] + half * a);
+        }
         Ok(middle)
     }
 
@@ -201,6 +205,12 @@ impl Motion<'_> {
             works.prescribed += self.forces[dof] * way;
             self.u.add(dof, way);
             self.v.set(dof, self.velocities[k]);
+        }
+        for (&dof, a) in self.drive.accelerated().iter().zip(&self.accelerations) {
+            let way = dt * (self.v.value[dof] + 0.5 * dt * a);
+            works.prescribed += self.forces[dof] * way;
+            self.u.add(dof, way);
+            self.v.add(dof, dt * a);
         }
         works
     }

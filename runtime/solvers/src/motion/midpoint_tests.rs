@@ -21,8 +21,10 @@ fn distance(x: &[f64], y: &[f64]) -> f64 {
 #[test]
 fn errors_go_with_the_square_of_the_step_and_both_rules_agree() {
     let (springs, mut drive, start) = block(softening);
-    drive.driven = springs.dofs_where(|x| x[0] > 3.5);
+    drive.driven = springs.dofs_where(|x| x[0] > 3.5 && x[1] < 1.5);
     drive.velocity = |t| 0.02 * t;
+    drive.accelerated = springs.dofs_where(|x| x[0] > 3.5 && x[1] > 1.5);
+    drive.acceleration = |t| 0.02 * libm::cos(3.0 * t);
     drive.load = |t, dof| if dof.is_multiple_of(2) { 1e-3 * libm::sin(t) } else { 0.0 };
     let at_end = |halvings: i32, settings: MotionSettings| {
         let mut motion = begin(&springs, start.clone(), &drive, settings).unwrap();
@@ -50,9 +52,12 @@ fn errors_go_with_the_square_of_the_step_and_both_rules_agree() {
 #[test]
 fn the_account_closes_and_nothing_grows() {
     for law in [linear, softening] {
-        let (springs, mut drive, start) = block(law);
-        drive.driven = springs.dofs_where(|x| x[0] > 3.5);
+        let (springs, mut drive, mut start) = block(law);
+        drive.driven = springs.dofs_where(|x| x[0] > 3.5 && x[1] < 1.5);
         drive.velocity = |t| 0.01 * libm::sin(t);
+        drive.accelerated = springs.dofs_where(|x| x[0] > 3.5 && x[1] > 1.5);
+        drive.acceleration = |t| 0.01 * libm::cos(t);
+        drive.accelerated.iter().for_each(|dof| start.velocities[*dof] = 0.0);
         drive.load = |t, dof| if dof.is_multiple_of(3) { 1e-3 * t.min(1.0) } else { 0.0 };
         for (step, damping) in [(1.0, 0.0), (1.0, 0.1), (0.4, 0.02)] {
             let settings = MotionSettings { damping, rows: 7, ..midpoint(400.0 * step, step) };

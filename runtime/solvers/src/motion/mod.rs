@@ -85,9 +85,11 @@ pub struct Motion<'a> {
     v: Summed,
     /// At the present time, where a row is due.
     mean: Vec<f64>,
-    /// What is prescribed: displacements at the end of the step to come, velocities in its middle.
+    /// What is prescribed: displacements at the end of the step to come, velocities in its middle,
+    /// accelerations where forces are.
     displacements: Vec<f64>,
     velocities: Vec<f64>,
+    accelerations: Vec<f64>,
     /// A point that goes further than this in one step has flown off, in m.
     extent: f64,
     pieces: Vec<Sums>,
@@ -167,6 +169,7 @@ impl<'a> Motion<'a> {
             mean: vec![0.0; n],
             displacements: vec![0.0; drive.displaced().len()],
             velocities: vec![0.0; drive.driven().len()],
+            accelerations: vec![0.0; drive.accelerated().len()],
             extent: extent(energy.positions(), d),
             pieces: vec![Sums::default(); n_pieces(n)],
             balance: Balance::default(),
@@ -239,6 +242,12 @@ impl<'a> Motion<'a> {
         self.drive.velocities(t, &mut self.velocities);
         let (dofs, values) = (self.drive.driven(), &self.velocities);
         self.check_given("prescribed velocity", t, dofs.iter().copied().zip(values))
+    }
+
+    fn ask_accelerations(&mut self, t: f64) -> Result<(), MotionError> {
+        self.drive.accelerations(t, &mut self.accelerations);
+        let (dofs, values) = (self.drive.accelerated(), &self.accelerations);
+        self.check_given("prescribed acceleration", t, dofs.iter().copied().zip(values))
     }
 
     fn check_given<'v>(
@@ -317,6 +326,11 @@ impl<'a> Motion<'a> {
                     let before = self.v.value[dof] - 0.5 * dt * a;
                     self.v.set(dof, before);
                 }
+            }
+            self.ask_accelerations(0.0)?;
+            for (&dof, a) in self.drive.accelerated().iter().zip(&self.accelerations) {
+                let before = self.v.value[dof] - 0.5 * dt * a;
+                self.v.set(dof, before);
             }
         }
         self.kick(true)
@@ -398,7 +412,8 @@ impl<'a> Motion<'a> {
     /// The same where something is prescribed: the powers of `dE/du` there.
     fn kick_prescribed(&mut self, wants_mean: bool) -> Result<Sides, MotionError> {
         let mut sides = Sides::default();
-        if self.displacements.is_empty() && self.velocities.is_empty() {
+        let given = [&self.displacements, &self.velocities, &self.accelerations];
+        if given.iter().all(|values| values.is_empty()) {
             return Ok(sides);
         }
         let (t, is_last) = (self.time(self.done), self.done == self.n_steps);
@@ -431,6 +446,16 @@ impl<'a> Motion<'a> {
             let after = if is_last { self.v.value[dof] } else { self.velocities[k] };
             sides.add(self.forces[dof], self.v.value[dof], after);
             self.v.set(dof, after);
+        }
+        self.ask_accelerations(t)?;
+        for (&dof, a) in self.drive.accelerated().iter().zip(&self.accelerations) {
+            let before = self.v.value[dof];
+            self.v.add(dof, self.dt * a);
+            let after = self.v.value[dof];
+            sides.add(self.forces[dof], before, after);
+            if wants_mean {
+                self.mean[dof] = 0.5 * (before + after);
+            }
         }
         Ok(sides)
     }

@@ -37,8 +37,8 @@ impl Method {
     }
 }
 
-/// What drives a body: prescribed displacements, prescribed velocities and loads as functions of `t`
-/// in s. No degree of freedom is prescribed twice.
+/// What drives a body: prescribed displacements, velocities and accelerations, and loads, as functions of
+/// `t` in s. No degree of freedom is prescribed twice.
 pub trait MotionDrive: Sync {
     /// The degrees of freedom with prescribed displacements, ascending; the same for all `t`.
     fn displaced(&self) -> &[usize];
@@ -51,6 +51,14 @@ pub trait MotionDrive: Sync {
 
     /// Fills in their velocities at `t`, in m/s.
     fn velocities(&self, t: f64, values: &mut [f64]);
+
+    /// The degrees of freedom with prescribed accelerations, ascending; the same for all `t`.
+    fn accelerated(&self) -> &[usize] {
+        &[]
+    }
+
+    /// Fills in their accelerations at `t`, in m/s^2.
+    fn accelerations(&self, _t: f64, _values: &mut [f64]) {}
 
     /// Fills in the loads (`n x d`) at `t`, in N.
     fn loads(&self, t: f64, loads: &mut [f64]);

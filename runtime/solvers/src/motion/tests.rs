@@ -16,6 +16,8 @@ pub(super) struct Conditions {
     pub(super) driven: Vec<usize>,
     pub(super) displacement: fn(f64) -> f64,
     pub(super) velocity: fn(f64) -> f64,
+    pub(super) accelerated: Vec<usize>,
+    pub(super) acceleration: fn(f64) -> f64,
     pub(super) load: fn(f64, usize) -> f64,
 }
 
@@ -26,6 +28,8 @@ impl Default for Conditions {
             driven: Vec::new(),
             displacement: |_| 0.0,
             velocity: |_| 0.0,
+            accelerated: Vec::new(),
+            acceleration: |_| 0.0,
             load: |_, _| 0.0,
         }
     }
@@ -46,6 +50,14 @@ impl MotionDrive for Conditions {
 
     fn velocities(&self, t: f64, values: &mut [f64]) {
         values.fill((self.velocity)(t));
+    }
+
+    fn accelerated(&self) -> &[usize] {
+        &self.accelerated
+    }
+
+    fn accelerations(&self, t: f64, values: &mut [f64]) {
+        values.fill((self.acceleration)(t));
     }
 
     fn loads(&self, t: f64, loads: &mut [f64]) {
@@ -123,8 +135,10 @@ pub(super) fn block(
 #[test]
 fn errors_go_with_the_square_of_the_step() {
     let (springs, mut drive, start) = block(softening);
-    drive.driven = springs.dofs_where(|x| x[0] > 3.5);
+    drive.driven = springs.dofs_where(|x| x[0] > 3.5 && x[1] < 1.5);
     drive.velocity = |t| 0.02 * t;
+    drive.accelerated = springs.dofs_where(|x| x[0] > 3.5 && x[1] > 1.5);
+    drive.acceleration = |t| 0.02 * libm::cos(3.0 * t);
     drive.load = |t, dof| if dof.is_multiple_of(2) { 1e-3 * libm::sin(t) } else { 0.0 };
     for damping in [0.0, 0.3] {
         let at_end = |halvings: i32| {
@@ -152,9 +166,12 @@ fn errors_go_with_the_square_of_the_step() {
 /// All that takes part in the account, with steps close to the critical one, small ones and tiny ones.
 #[test]
 fn the_account_closes_at_any_step() {
-    let (springs, mut drive, start) = block(linear);
-    drive.driven = springs.dofs_where(|x| x[0] > 3.5);
+    let (springs, mut drive, mut start) = block(linear);
+    drive.driven = springs.dofs_where(|x| x[0] > 3.5 && x[1] < 1.5);
     drive.velocity = |t| 0.05 * libm::sin(t);
+    drive.accelerated = springs.dofs_where(|x| x[0] > 3.5 && x[1] > 1.5);
+    drive.acceleration = |t| 0.05 * libm::cos(t);
+    drive.accelerated.iter().for_each(|dof| start.velocities[*dof] = 0.0);
     drive.load = |t, dof| if dof.is_multiple_of(3) { 1e-3 * t.min(1.0) } else { 0.0 };
     for method in [Method::Verlet, Method::LeapFrog, Method::Kinematic] {
         for (step, damping) in [(0.4, 0.0), (0.4, 0.1), (0.1, 0.02), (1e-6, 0.1)] {
@@ -404,6 +421,8 @@ fn stretched() -> (SpringNetwork, Conditions) {
         driven: vec![46, 47],
         displacement: |t| 0.01 * t,
         velocity: |t| 0.1 - 0.01 * t,
+        accelerated: vec![44, 45],
+        acceleration: |t| 0.01 * libm::cos(t),
         load: |t, dof| 1e-3 * t * dof as f64,
     };
     (springs, drive)

@@ -1,6 +1,6 @@
 //! Expressions in the strings of a scene: X, Y, Z and t, each with its place.
 
-use piola_compiler::Formula;
+use piola_compiler::{CompiledFormula, Formula};
 use piola_grammar::{Diagnostic, Span};
 
 use super::tree::Text;
@@ -88,6 +88,12 @@ impl Expression {
     /// Its number at a reference position (2 or 3 coordinates, in m) and a time.
     pub fn value(&self, position: &[f64], t: f64) -> f64 {
         self.formula.value(&arguments(position, t))
+    }
+
+    /// Machine code of the same bits as [`Expression::value`] for arrays of X, Y, Z and t; nothing where it
+    /// cannot be compiled.
+    pub(crate) fn compiled(&self) -> Option<CompiledFormula> {
+        self.formula.compiled(VARIABLES.len() as u8).ok()
     }
 
     /// Its number for the length of a bond at rest and the horizon, both in m; for influence functions.

@@ -411,14 +411,14 @@ pub struct SetDefinition {
     pub condition: Expression,
 }
 
-/// One `[[prescribe]]`: displacements or velocities that are given.
+/// One `[[prescribe]]`: displacements, velocities or accelerations that are given.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Prescription {
     /// Index into [`Scene::sets`], and where the set is named.
     pub set: Located<usize>,
     /// What is given.
     pub given: Given,
-    /// One entry per dimension, in m or m/s; `None` leaves the component free.
+    /// One entry per dimension, in m, m/s or m/s^2; `None` leaves the component free.
     pub components: Vec<Located<Option<Quantity>>>,
 }
 
@@ -445,6 +445,9 @@ pub enum LoadKind {
 }
 
 impl LoadKind {
+    /// All of them.
+    pub const ALL: [LoadKind; 3] = [LoadKind::Force, LoadKind::Density, LoadKind::Acceleration];
+
     /// Its key in a scene file.
     pub fn key(self) -> &'static str {
         match self {

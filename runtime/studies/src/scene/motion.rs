@@ -69,14 +69,20 @@ pub enum Given {
     Displacement,
     /// Velocities in m/s.
     Velocity,
+    /// Accelerations in m/s^2.
+    Acceleration,
 }
 
 impl Given {
+    /// All of them.
+    pub const ALL: [Given; 3] = [Given::Displacement, Given::Velocity, Given::Acceleration];
+
     /// Its key in a scene file.
     pub fn key(self) -> &'static str {
         match self {
             Given::Displacement => "u",
             Given::Velocity => "v",
+            Given::Acceleration => "a",
         }
     }
 }

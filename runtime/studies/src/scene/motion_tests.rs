@@ -67,6 +67,9 @@ fn every_key_of_a_motion_is_read_and_written() {
     );
     let again = read(&scene.resolved_toml());
     assert_eq!(again, scene, "{}", scene.resolved_toml());
+    let shaken = read(&FULL.replace("v = [\"0.05", "a = [\"0.05"));
+    assert_eq!(shaken.prescriptions[0].given, Given::Acceleration);
+    assert_eq!(read(&shaken.resolved_toml()), shaken);
     let automatic = read(&FULL.replace("step = 1e-8", "step = \"auto\""));
     assert_eq!(automatic.motion.as_ref().unwrap().step, None);
     assert_eq!(read(&automatic.resolved_toml()), automatic);
@@ -109,6 +112,7 @@ fn what_does_not_fit_a_motion_is_refused_where_it_stands() {
         ("leap-frog", "euler", "unknown-choice", "\"euler\""),
         ("[output]", "[steps]\nend = 1.0\n[output]", "conflicting-keys", "steps"),
         ("v = [\"0.05", "u = [0, 0]\nv = [\"0.05", "conflicting-keys", "v"),
+        ("v = [\"0.05", "a = [0, 0]\nv = [\"0.05", "conflicting-keys", "v"),
         (
             "acceleration = [0",
             "force = [0, 0]\nacceleration = [0",

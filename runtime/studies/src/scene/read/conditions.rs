@@ -12,7 +12,12 @@ use piola_grammar::suggest;
 static SETS: Schema = Schema { title: "[sets]", keys: &[("*", "\"X < 0.1\"")] };
 static PRESCRIBE: Schema = Schema {
     title: "[[prescribe]]",
-    keys: &[("set", "\"left\""), ("u", "[0, \"0.1*t\"]"), ("v", "[0, \"0.1*t\"]")],
+    keys: &[
+        ("set", "\"left\""),
+        ("u", "[0, \"0.1*t\"]"),
+        ("v", "[0, \"0.1*t\"]"),
+        ("a", "[0, \"0.1*t\"]"),
+    ],
 };
 static LOAD: Schema = Schema {
     title: "[[load]]",
@@ -103,13 +108,10 @@ impl Reader {
         let tables = self.tables(&PRESCRIBE, node);
         let read = tables.iter().filter_map(|table| {
             let set = self.known_set(table, context);
-            // Without any of the two `u` is what is missing.
-            let key = match table.get("v") {
-                Some(_) => self.either(table, "u", "v").unwrap_or("u"),
-                None => "u",
-            };
-            let given = if key == "u" { Given::Displacement } else { Given::Velocity };
-            let components = self.required(table, key).and_then(|field| {
+            // Without any of them `u` is what is missing.
+            let given =
+                *self.one_of(table, &Given::ALL, Given::key).unwrap_or(&Given::Displacement);
+            let components = self.required(table, given.key()).and_then(|field| {
                 let items = self.components(field, context.dimension)?;
                 let read: Vec<_> =
                     items.iter().map(|item| self.displacement(field.item(item), context)).collect();
@@ -152,34 +154,36 @@ impl Reader {
         let tables = self.tables(&LOAD, node);
         let read = tables.iter().filter_map(|table| {
             let set = self.known_set(table, context);
-            let key = match table.get("acceleration") {
-                Some(_) => self.one_load(table),
-                None => self.either(table, "force", "density"),
-            };
-            let components = key.and_then(|key| table.field(key)).and_then(|field| {
+            let kind = self.one_of(table, &LoadKind::ALL, LoadKind::key).copied();
+            if LoadKind::ALL.iter().all(|kind| table.get(kind.key()).is_none()) {
+                self.either(table, LoadKind::Force.key(), LoadKind::Density.key());
+            }
+            let components = kind.and_then(|kind| table.field(kind.key())).and_then(|field| {
                 let items = self.components(field, context.dimension)?;
                 let read: Vec<_> =
                     items.iter().map(|item| self.force(field.item(item), context)).collect();
                 read.into_iter().collect()
             });
-            let kind = match key? {
-                "force" => LoadKind::Force,
-                "acceleration" => LoadKind::Acceleration,
-                _ => LoadKind::Density,
-            };
-            Some(Load { set: set?, kind, components: components? })
+            Some(Load { set: set?, kind: kind?, components: components? })
         });
         read.collect()
     }
 
-    /// An acceleration, unless there is another load beside it.
-    fn one_load(&mut self, table: &Table<'_>) -> Option<&'static str> {
-        for other in ["force", "density"] {
-            if table.get(other).is_some() {
-                return self.either(table, "acceleration", other);
+    /// Which of several keys a table has; of two at once the reader complains.
+    fn one_of<'k, T: Copy>(
+        &mut self,
+        table: &Table<'_>,
+        all: &'k [T],
+        key: impl Fn(T) -> &'static str,
+    ) -> Option<&'k T> {
+        let mut found = all.iter().filter(|one| table.get(key(**one)).is_some());
+        match (found.next(), found.next()) {
+            (Some(one), Some(other)) => {
+                self.either(table, key(*one), key(*other));
+                None
             }
+            (one, _) => one,
         }
-        Some("acceleration")
     }
 
     fn force(&mut self, field: Field<'_>, context: &Context) -> Option<Located<Quantity>> {

@@ -86,10 +86,13 @@ impl Reader {
         (materials, regions): (&[Material], &[Region]),
     ) {
         let Some(motion) = motion else {
-            let velocities = prescriptions.iter().filter(|entry| entry.given == Given::Velocity);
+            let given = prescriptions.iter().filter_map(|entry| match entry.given {
+                Given::Displacement => None,
+                Given::Velocity => Some(("a prescribed velocity", entry.set.span)),
+                Given::Acceleration => Some(("a prescribed acceleration", entry.set.span)),
+            });
             let accelerations = loads.iter().filter(|load| load.kind == LoadKind::Acceleration);
-            let spans = velocities.map(|entry| ("a prescribed velocity", entry.set.span));
-            let spans = spans.chain(accelerations.map(|load| ("an acceleration", load.set.span)));
+            let spans = given.chain(accelerations.map(|load| ("an acceleration", load.set.span)));
             for (what, span) in spans.chain(initial.map(|entry| ("[[initial]]", entry.key_span))) {
                 let message =
                     format!("{what} is for bodies that move, and the scene has no [motion]");

@@ -48,7 +48,7 @@ fn measured(
     rates: impl FnOnce() -> Rates,
 ) -> Result<SceneCost, CaseError> {
     let Ready { energy, drive, .. } = ready;
-    let fixed = drive.displaced().len() + drive.driven().len();
+    let fixed = [drive.displaced(), drive.driven(), drive.accelerated()].concat().len();
     clock.enter("critical step");
     let settings = settings(case, scene);
     let watch = Watch::default();

@@ -219,7 +219,7 @@ fn library(name: &str, parameters: &[(&str, f64)]) -> (Model, Values) {
     (model, values)
 }
 
-fn correspondence(body: &Arc<Body>, discretisation: Discretisation) -> DeformationEnergy {
+pub(crate) fn correspondence(body: &Arc<Body>, discretisation: Discretisation) -> DeformationEnergy {
     let (model, values) = library("st_venant_kirchhoff", &[("lambda", LAMBDA), ("mu", MU)]);
     let compiled = model.compile(&values, Mode::Jit(Level::default()), Form::Accurate);
     let law = compiled.expect("it compiles").gradient.expect("it has an energy of F");
@@ -233,7 +233,7 @@ fn correspondence(body: &Arc<Body>, discretisation: Discretisation) -> Deformati
         .expect("a cube has families")
 }
 
-fn solid(body: &Arc<Body>) -> StateEnergy {
+pub(crate) fn solid(body: &Arc<Body>) -> StateEnergy {
     let moduli = [("K", BULK), ("G", MU), ("p", 0.0)];
     let (model, values) = library("linear_peridynamic_solid", &moduli);
     let compiled = model.compile(&values, Mode::Jit(Level::default()), Form::Accurate);

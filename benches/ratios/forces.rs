@@ -17,7 +17,7 @@ use crate::ours::{SethHill, cube, discrete, displacement, with_threads};
 use crate::record::{Bar, Division, Statistic, Table};
 
 const ROUNDS: usize = 15;
-const HORIZON: f64 = 3.0;
+pub(crate) const HORIZON: f64 = 3.0;
 
 pub(crate) fn run() -> Vec<Table> {
     let mut forces = Table::of_ratios(
@@ -71,15 +71,15 @@ fn both_ways(law: &SethHill, body: &Arc<Body>, measure: Measure) -> [DiscreteEne
 }
 
 /// Bonds with their lengths at rest.
-struct ByHand {
+pub(crate) struct ByHand {
     positions: Vec<[f64; 3]>,
     start: Vec<usize>,
-    others: Vec<u32>,
+    pub(crate) others: Vec<u32>,
     lengths: Vec<f64>,
 }
 
 impl ByHand {
-    fn new(body: &Body) -> ByHand {
+    pub(crate) fn new(body: &Body) -> ByHand {
         let lists = Neighborhood::new(body, HORIZON).expect("a cube has neighbours");
         let positions = body.positions().as_chunks::<3>().0.to_vec();
         let mut all = ByHand { positions, start: vec![0], others: Vec::new(), lengths: Vec::new() };
@@ -128,7 +128,7 @@ impl ByHand {
 }
 
 /// `psi = 1/2 L (l/L - 1)^2`.
-fn by_length(bonds: &ByHand, u: &[[f64; 3]], out: &mut [[f64; 3]]) {
+pub(crate) fn by_length(bonds: &ByHand, u: &[[f64; 3]], out: &mut [[f64; 3]]) {
     bonds.forces(u, out, |grown, square, at_rest| {
         let length = square.sqrt();
         grown / (at_rest * (length + at_rest) * length)
@@ -136,11 +136,11 @@ fn by_length(bonds: &ByHand, u: &[[f64; 3]], out: &mut [[f64; 3]]) {
 }
 
 /// `psi = 1/2 L ((l^2/L^2 - 1)/2)^2`.
-fn by_square(bonds: &ByHand, u: &[[f64; 3]], out: &mut [[f64; 3]]) {
+pub(crate) fn by_square(bonds: &ByHand, u: &[[f64; 3]], out: &mut [[f64; 3]]) {
     bonds.forces(u, out, |grown, _, at_rest| 0.5 * grown / (at_rest * at_rest * at_rest));
 }
 
-type Loop = fn(&ByHand, &[[f64; 3]], &mut [[f64; 3]]);
+pub(crate) type Loop = fn(&ByHand, &[[f64; 3]], &mut [[f64; 3]]);
 
 fn compare(
     table: &mut Table,

@@ -23,6 +23,7 @@ mod machine;
 mod materials;
 mod memory;
 mod memory_bound;
+mod motion;
 mod newton;
 mod ours;
 mod papers;
@@ -46,7 +47,7 @@ const RENDER: &str = "render";
 /// A section: its name on the command line and what it measures.
 type Measurement = (&'static str, fn() -> Vec<Table>);
 
-const SECTIONS: [Measurement; 21] = [
+const SECTIONS: [Measurement; 22] = [
     ("kernels", kernels::against_hyper_dual),
     ("squares", squares::run),
     ("foreign", kernels::against_foreign),
@@ -60,6 +61,7 @@ const SECTIONS: [Measurement; 21] = [
     ("forces", forces::run),
     ("families", families::run),
     ("materials", materials::run),
+    ("motion", motion::run),
     ("threads", threads::run),
     ("bonds", memory_bound::run),
     ("newton", newton::run),

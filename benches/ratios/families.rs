@@ -219,7 +219,10 @@ fn library(name: &str, parameters: &[(&str, f64)]) -> (Model, Values) {
     (model, values)
 }
 
-pub(crate) fn correspondence(body: &Arc<Body>, discretisation: Discretisation) -> DeformationEnergy {
+pub(crate) fn correspondence(
+    body: &Arc<Body>,
+    discretisation: Discretisation,
+) -> DeformationEnergy {
     let (model, values) = library("st_venant_kirchhoff", &[("lambda", LAMBDA), ("mu", MU)]);
     let compiled = model.compile(&values, Mode::Jit(Level::default()), Form::Accurate);
     let law = compiled.expect("it compiles").gradient.expect("it has an energy of F");

@@ -65,7 +65,8 @@ pub(crate) fn run() -> Vec<Table> {
         let nodal = correspondence(&body, Discretisation::Nodal);
         let at_bonds = correspondence(&body, Discretisation::BondQuadrature);
         let lps = solid(&body);
-        let families: [(&str, &dyn Energy); 3] = [("CC", &nodal), ("BAQP", &at_bonds), ("LPS", &lps)];
+        let families: [(&str, &dyn Energy); 3] =
+            [("CC", &nodal), ("BAQP", &at_bonds), ("LPS", &lps)];
         for (name, energy) in families {
             over_forces(&mut over, name, energy);
         }
@@ -159,7 +160,8 @@ impl<'a> Verlet<'a> {
     }
 
     fn kick(&mut self, part: f64) {
-        for (v, gradient) in self.v.as_flattened_mut().iter_mut().zip(self.gradient.as_flattened()) {
+        for (v, gradient) in self.v.as_flattened_mut().iter_mut().zip(self.gradient.as_flattened())
+        {
             *v -= part * STEP * gradient;
         }
     }

@@ -11,12 +11,14 @@ mod accumulate;
 mod axes;
 mod bonds;
 pub(crate) mod error;
+mod fours;
 mod inversion;
 mod kind;
 mod on_lattice;
 mod pairs;
 mod product;
 pub(crate) mod quadratic;
+mod registers;
 mod rows;
 mod runs;
 mod slab;
@@ -43,6 +45,7 @@ use crate::matrix::BlockPattern;
 use crate::neighborhood::Neighborhood;
 use crate::pool::Pool;
 use crate::weights::Weights;
+use fours::BondFours;
 use inversion::Motion;
 use kind::Kind;
 use on_lattice::OnLattice;
@@ -110,6 +113,7 @@ pub struct DiscreteEnergy {
     pattern: Arc<BlockPattern>,
     bonds: Option<Kind>,
     on_lattice: OnLattice,
+    fours: Option<BondFours>,
     triangles: Option<Kind>,
     tetrahedra: Option<Kind>,
     /// `psi(l)`, `psi(a)`, `psi(v)`: those that are modelled.
@@ -225,6 +229,7 @@ impl DiscreteEnergy {
             pattern,
             bonds,
             on_lattice: OnLattice::default(),
+            fours: None,
             triangles,
             tetrahedra,
             names,
@@ -233,6 +238,9 @@ impl DiscreteEnergy {
             outcomes: Pool::new(),
         };
         energy.on_lattice = OnLattice::new(&energy);
+        if energy.on_lattice.bonds.is_none() {
+            energy.fours = BondFours::new(&energy);
+        }
         energy.report.ways = energy.ways();
         Ok(energy)
     }
@@ -251,7 +259,12 @@ impl DiscreteEnergy {
     fn ways(&self) -> Vec<&'static str> {
         let (on_rows, kinds) =
             (self.along_rows().len(), self.kinds().into_iter().flatten().count());
-        let ways = [("batches", kinds > on_rows), ("rows", on_rows > 0)];
+        let in_fours = usize::from(self.fours.is_some());
+        let ways = [
+            ("batches", kinds > on_rows + in_fours),
+            ("fours", in_fours > 0),
+            ("rows", on_rows > 0),
+        ];
         ways.into_iter().filter(|(_, is_taken)| *is_taken).map(|(way, _)| way).collect()
     }
 
@@ -378,9 +391,11 @@ impl Energy for DiscreteEnergy {
         &self.pattern
     }
 
-    /// Products of bonds along rows: 3 to 4 ns a bond in place of 13. Of triangles there are too many.
+    /// Products of bonds along rows, or in fours: 3 to 6 ns a bond in place of 13. Of triangles there are too
+    /// many.
     fn has_quick_products(&self) -> bool {
-        self.on_lattice.bonds.is_some() && self.triangles.is_none() && self.tetrahedra.is_none()
+        let are_quick = self.on_lattice.bonds.is_some() || self.fours.is_some();
+        are_quick && self.triangles.is_none() && self.tetrahedra.is_none()
     }
 
     fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {

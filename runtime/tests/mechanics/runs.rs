@@ -120,6 +120,56 @@ fn runs_give_what_batches_give() {
     }
 }
 
+/// The same points moved a little, so that nothing repeats.
+fn cloud(of: &Body) -> Arc<Body> {
+    let shaken = of.positions().iter().zip(displacements(of, 1e-3, 9));
+    let positions: Vec<f64> = shaken.map(|(x, u)| x + u).collect();
+    Arc::new(Body::new(of.dimension(), &positions, of.volumes(), None))
+}
+
+/// Of laws at rest at rest.
+const BARE: [&str; 2] = ["3*L*(l/L - 1)^2", "exp(-L/delta)*L*((l/L)^2 - 1)^2"];
+
+/// Bonds of clouds in fours, and of lattices whose runs are refused.
+#[test]
+fn fours_give_what_batches_give() {
+    for body in bodies().map(|body| cloud(&body)) {
+        for weights in [Weights::Volumes, Weights::Unit] {
+            for psi in BARE {
+                let of = |level| energy(&body, psi, level, weights);
+                let (fours, batches) = (of(Level::Fast), of(Level::Strict));
+                assert_eq!(fours.report().ways, ["batches", "fours"]);
+                assert_eq!(batches.report().ways, ["batches"]);
+                for strain in [0.3, 1e-3, 1e-9] {
+                    let u = displacements(&body, strain, 5);
+                    let (found, expected) = (state(&fours, &u), state(&batches, &u));
+                    let errors = [
+                        distance(&found.parts, &expected.parts),
+                        distance(&found.forces, &expected.forces),
+                        distance(&found.tangent, &expected.tangent),
+                        distance(&found.product, &expected.product),
+                    ];
+                    let bars = errors.map(|error| error < 4e-15);
+                    assert!(bars == [true; 4], "{psi}, {weights:?}, {strain}: {errors:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_fours_refuse_is_named() {
+    let body = cloud(&bodies()[2]);
+    let energy = energy(&body, BARE[0], Level::Fast, Weights::Unit);
+    let (mut u, mut forces) = (vec![0.0; 3 * body.n_points()], vec![0.0; 3 * body.n_points()]);
+    u[3 * 100 + 1] = f64::NAN;
+    let error = energy.forces(&u, &mut forces).unwrap_err();
+    assert!(error.points.contains(&100), "{error}");
+    // A law with a force at rest keeps its kernel.
+    let bent = self::energy(&body, TRUE, Level::Fast, Weights::Unit);
+    assert_eq!(bent.report().ways, ["batches"]);
+}
+
 /// Lengths of 1e-25 and of 1e24 m: squares of areas are far from the ends of the range of numbers.
 #[test]
 fn the_unit_of_length_does_not_matter() {
@@ -176,14 +226,16 @@ fn products_are_those_of_the_tangent() {
 
 #[test]
 fn threads_do_not_change_a_bit() {
-    let body = &bodies()[2];
-    let energy = energy(body, MODIFIED, Level::Fast, Weights::Truncated);
-    let u = displacements(body, 0.1, 8);
-    let [one, two] = [1, 3].map(|threads| {
-        let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| state(&energy, &u))
-    });
-    assert!(one.parts == two.parts && one.forces == two.forces && one.product == two.product);
+    let lattice = &bodies()[2];
+    for (body, psi) in [(lattice, MODIFIED), (&cloud(lattice), BARE[0])] {
+        let energy = energy(body, psi, Level::Fast, Weights::Volumes);
+        let u = displacements(body, 0.1, 8);
+        let [one, two] = [1, 3].map(|threads| {
+            let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| state(&energy, &u))
+        });
+        assert!(one.parts == two.parts && one.forces == two.forces && one.product == two.product);
+    }
 }
 
 #[test]

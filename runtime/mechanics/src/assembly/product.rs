@@ -167,17 +167,24 @@ impl InteractionHessian<'_> {
         let rows = Part::new(Layout::Points(1), out.as_chunks_mut::<D>().0);
         let done = energy.over_slabs(rooms, rows, |slab, [here, next], room| {
             let mut sink = Product { p, rows: Touched::new(here, next) };
-            let Room { axes, abreast, .. } = room;
+            let Room { axes, abreast, fours, .. } = room;
             let at = (u, Some(p));
+            let mut add = |point: usize, part: &[f64; D]| {
+                let row = &mut sink.rows[point];
+                (0..D).for_each(|axis| row[axis] += part[axis]);
+            };
             let lattice = &energy.on_lattice;
             let known = lattice.add::<D>(energy, slab, at, Wanted::Product, (axes, abreast));
-            if known.is_some() {
-                axes.each::<D>(|point, part| {
-                    let row = &mut sink.rows[point];
-                    (0..D).for_each(|axis| row[axis] += part[axis]);
-                });
+            let mut with_bonds = known.is_none();
+            if let Some(of_bonds) = energy.fours.as_ref().filter(|_| with_bonds) {
+                let known = of_bonds.add::<D>(energy, slab, at, Wanted::Product, fours);
+                with_bonds = known.is_none();
+                if known.is_some() {
+                    fours.each::<D>(&mut add);
+                }
+            } else if known.is_some() {
+                axes.each::<D>(&mut add);
             }
-            let with_bonds = known.is_none();
             let done = Visit { energy, slab, order, u }.all(room, sink, with_bonds);
             done.map(|()| SlabEnergy::default())
         });

@@ -176,6 +176,11 @@ impl Shares {
         Shares { padded: room.into_iter().chain(numbers).chain(room).collect(), are_added: true }
     }
 
+    /// The share of a point.
+    pub(super) fn at(&self, point: usize) -> f64 {
+        self.padded[WIDEST + point]
+    }
+
     /// The shares of points from one on, which may lie a little before the first.
     #[inline(always)]
     pub(super) fn from(&self, point: isize) -> &[f64] {

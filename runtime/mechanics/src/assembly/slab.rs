@@ -5,6 +5,7 @@ use super::abreast::AbreastRoom;
 use super::accumulate::{Added, OwnerSums};
 use super::axes::{Axes, Wanted};
 use super::bonds::{BondRoom, BondSums, Untouched};
+use super::fours::FoursRoom;
 use super::inversion::Motion;
 use super::kind::Kind;
 use super::on_lattice::OnLatticeSums;
@@ -70,6 +71,7 @@ pub(super) struct Room<const D: usize> {
     bonds: Option<BondRoom>,
     pub(super) axes: Axes,
     pub(super) abreast: AbreastRoom<D>,
+    pub(super) fours: FoursRoom,
     pairs: PairNumbers,
     by_pairs: TetrahedronSums,
     sums: OwnerSums<D>,
@@ -89,6 +91,7 @@ impl<const D: usize> Room<D> {
             bonds: energy.bonds.as_ref().map(|kind| BondRoom::new(energy, kind)),
             axes: if on_lattice.is_empty() { Axes::default() } else { Axes::new(energy) },
             abreast: AbreastRoom::new(on_lattice.triangles.as_ref()),
+            fours: FoursRoom::default(),
             pairs: PairNumbers::with_capacity(of_tetrahedra),
             by_pairs: TetrahedronSums::with_capacity(of_tetrahedra),
             sums: OwnerSums::with_capacity(members, of_tetrahedra * of_tetrahedra / 2),
@@ -157,7 +160,10 @@ impl<'a> SlabTask<'a> {
         let (energy, rows) = (visit.energy, &mut self.rows);
         let mut total = SlabEnergy::default();
         let order = visit.order;
-        let known = visit.on_lattice::<D>(room, rows);
+        let mut known = visit.on_lattice::<D>(room, rows);
+        if known.bonds.is_none() {
+            known.bonds = visit.in_fours::<D>(&mut room.fours, rows);
+        }
         if let (Some(kind), Some(room)) = (&energy.bonds, &mut room.bonds) {
             total.bonds = bonds::<D>(visit, untouched, (kind, known.bonds), room, rows)?;
         }
@@ -200,6 +206,19 @@ impl Visit<'_> {
             axes.each::<D>(|point, part| rows.add_gradient(point, part));
         }
         known.unwrap_or_default()
+    }
+}
+
+impl Visit<'_> {
+    /// The same for bonds that go in fours.
+    fn in_fours<const D: usize>(&self, room: &mut FoursRoom, rows: &mut Rows<'_>) -> Option<Sum> {
+        let fours = self.energy.fours.as_ref()?;
+        let wanted = Wanted::Order(self.order);
+        let sum = fours.add::<D>(self.energy, self.slab, (self.u, None), wanted, room)?;
+        if wanted.has_forces() {
+            room.each::<D>(|point, part| rows.add_gradient(point, part));
+        }
+        Some(sum)
     }
 }
 

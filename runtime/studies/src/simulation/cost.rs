@@ -223,9 +223,9 @@ impl SceneCost {
     }
 }
 
-/// How passes go over the body, and by which derivatives; rows of a lattice need none.
+/// How passes go over the body, and by which derivatives; affine laws in rows and in fours need none.
 fn named(way: &str, derivatives: &str) -> String {
-    if way == "rows" { way.to_string() } else { format!("{derivatives} {way}") }
+    if ["rows", "fours"].contains(&way) { way.to_string() } else { format!("{derivatives} {way}") }
 }
 
 /// The linear system of the first increment, from rest.

@@ -108,6 +108,38 @@ fn a_body_of_psi_of_f_has_its_own_stress() {
     }
 }
 
+/// St Venant-Kirchhoff's sheet with free faces: `E33 = -lambda/(lambda + 2 mu) (E11 + E22)`, so that its
+/// stretch across and its true stress are known.
+#[test]
+fn a_sheet_in_plane_stress_gets_thinner() {
+    for discretisation in ["nodal", "bond-quadrature"] {
+        let further = format!(
+            "parameters = {{ lambda = 2.0, mu = 1.0 }}\n[correspondence]\n\
+             discretisation = \"{discretisation}\"\nplane = \"stress\""
+        );
+        let folder = even(2, "st_venant_kirchhoff", &further);
+        folder.run(&[]).expect(0);
+        let frame = last_frame(&folder);
+        let f = [[1.1, 0.05], [0.0, 0.97]];
+        let square = |r: usize, c: usize| f[0][r] * f[0][c] + f[1][r] * f[1][c];
+        let e = |r: usize, c: usize| 0.5 * (square(r, c) - f64::from(u8::from(r == c)));
+        let across = -2.0 / 4.0 * (e(0, 0) + e(1, 1));
+        let f33 = (1.0 + 2.0 * across).sqrt();
+        let trace = e(0, 0) + e(1, 1) + across;
+        let s = |r: usize, c: usize| 2.0 * e(r, c) + if r == c { 2.0 * trace } else { 0.0 };
+        let j = 1.1 * 0.97 * f33;
+        let true_stress = |r: usize, c: usize| {
+            let terms = (0..4).map(|k| f[r][k / 2] * s(k / 2, k % 2) * f[c][k % 2]);
+            terms.fold(0.0, |sum, term| sum + term) / j
+        };
+        let known: Vec<f64> = (0..9)
+            .map(|k| if k / 3 < 2 && k % 3 < 2 { true_stress(k / 3, k % 3) } else { 0.0 })
+            .collect();
+        agree("J", &in_the_middle(&frame, "jacobian"), &[j], 1e-9);
+        agree("stress", &in_the_middle(&frame, "stress"), &known, 1e-9);
+    }
+}
+
 /// Bonds, triangles and gathered states: the stress does the work that the energy takes, and for small
 /// strains is what the moduli of the lattice make of them.
 #[test]

@@ -248,6 +248,12 @@ pub trait Energy: Sync {
         None
     }
 
+    /// Of sheets in plane stress: the stretch across the sheet, `F33`, of each point, for displacement
+    /// gradients as [`Energy::displacement_gradients`] gives them; nothing of other energies.
+    fn stretches_across(&self, _gradients: &[f64]) -> Option<Vec<f64>> {
+        None
+    }
+
     /// `d2E/du2` at `u`, for products: what they share is worked out now.
     ///
     /// # Errors

@@ -111,6 +111,12 @@ pub trait VariablesLaw: Send + Sync {
     /// Fills `product` with the second derivatives times `direction`.
     fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]);
 
+    /// Of a sheet in plane stress: fills in the stretch across it, `F33`, at every place, not a number where
+    /// nothing leaves the faces free. `false` of other laws, which fill in nothing.
+    fn stretch_across(&self, _at: Variables<'_>, _across: &mut [f64]) -> bool {
+        false
+    }
+
     /// Of an energy of bonds: whether its derivative by the length is known to be affine in it, and
     /// whether it changes with no integral but those that are fixed.
     fn is_affine_beside(&self, _is_fixed: &dyn Fn(usize) -> bool) -> bool {
@@ -129,6 +135,10 @@ impl VariablesLaw for Box<dyn VariablesLaw> {
 
     fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]) {
         (**self).product(at, direction, product);
+    }
+
+    fn stretch_across(&self, at: Variables<'_>, across: &mut [f64]) -> bool {
+        (**self).stretch_across(at, across)
     }
 
     fn is_affine_beside(&self, is_fixed: &dyn Fn(usize) -> bool) -> bool {

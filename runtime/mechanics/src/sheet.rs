@@ -24,6 +24,10 @@ impl<L: VariablesLaw> VariablesLaw for Thick<L> {
         self.law.product(at, direction, product);
         product.iter_mut().for_each(|x| *x *= self.thickness);
     }
+
+    fn stretch_across(&self, at: Variables<'_>, across: &mut [f64]) -> bool {
+        self.law.stretch_across(at, across)
+    }
 }
 
 /// The energy of a sheet whose faces nothing pulls: `psi(F) = min psi(F + F33 e3 x e3)` by F33 > 0.
@@ -136,6 +140,11 @@ impl<L: VariablesLaw> PlaneStress<L> {
 impl<L: VariablesLaw> VariablesLaw for PlaneStress<L> {
     fn n_variables(&self) -> usize {
         4
+    }
+
+    fn stretch_across(&self, at: Variables<'_>, across: &mut [f64]) -> bool {
+        across.iter_mut().zip(self.thinning(at)).for_each(|(across, h)| *across = 1.0 + h);
+        true
     }
 
     fn evaluate(&self, at: Variables<'_>, psi: &mut [f64], gradient: &mut [f64]) {

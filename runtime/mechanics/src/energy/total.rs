@@ -355,6 +355,10 @@ impl Energy for Total<'_> {
         self.terms.iter().find_map(|term| term.displacement_gradients(u))
     }
 
+    fn stretches_across(&self, gradients: &[f64]) -> Option<Vec<f64>> {
+        self.terms.iter().find_map(|term| term.stretches_across(gradients))
+    }
+
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
         if self.products != Products::Exact {
             let (step, products) = (self.step(u), self.products);

@@ -1,5 +1,6 @@
 //! The laws of several materials as one: each place takes its own.
 
+use std::cell::Cell;
 use std::ops::Range;
 
 use crate::kernel::{Variables, VariablesLaw};
@@ -150,6 +151,16 @@ impl VariablesLaw for ByMaterial {
         self.each(at, direction, (&mut [], product), |law, at, direction, _, product| {
             law.product(at, direction, product);
         });
+    }
+
+    fn stretch_across(&self, at: Variables<'_>, across: &mut [f64]) -> bool {
+        // The laws of a body are all of sheets, or none is; where there is no law nothing gets thinner.
+        let is_known = Cell::new(false);
+        self.each(at, &[], (across, &mut []), |law, at, _, across, _| {
+            is_known.set(is_known.get() | law.stretch_across(at, across));
+        });
+        across.iter_mut().filter(|across| **across == 0.0).for_each(|across| *across = 1.0);
+        is_known.into_inner()
     }
 
     fn is_affine_beside(&self, is_fixed: &dyn Fn(usize) -> bool) -> bool {

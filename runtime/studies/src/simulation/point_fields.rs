@@ -131,8 +131,9 @@ impl PointFields<'_> {
                 (9, rows(self.gradient(u, known).iter().map(one)))
             }
             FrameField::Jacobian => {
-                let one = |h: &Matrix3<f64>| (h + Matrix3::identity()).determinant();
-                (1, self.gradient(u, known).iter().map(one).collect())
+                let h = self.gradient(u, known);
+                let of_plane = |h: &Matrix3<f64>| (h + Matrix3::identity()).determinant();
+                (1, h.iter().map(of_plane).zip(self.across(h)).map(|(j, f33)| j * f33).collect())
             }
             FrameField::Strain => (9, rows(self.gradient(u, known).iter().map(strain))),
             FrameField::PrincipalStretches => {
@@ -192,14 +193,23 @@ impl PointFields<'_> {
     fn cauchy<'t>(&self, u: &[f64], tensors: &'t mut Tensors) -> &'t [Matrix3<f64>] {
         if tensors.cauchy.is_none() {
             let gradient = self.gradient(u, &mut tensors.gradient).to_vec();
+            let across = self.across(&gradient);
             let piola = self.piola(u, tensors);
-            let one = |(stress, h): (&Matrix3<f64>, &Matrix3<f64>)| {
+            let one = |((stress, h), f33): ((&Matrix3<f64>, &Matrix3<f64>), f64)| {
                 let f = h + Matrix3::identity();
-                stress * f.transpose() / f.determinant()
+                stress * f.transpose() / (f.determinant() * f33)
             };
-            tensors.cauchy = Some(piola.iter().zip(&gradient).map(one).collect());
+            tensors.cauchy = Some(piola.iter().zip(&gradient).zip(across).map(one).collect());
         }
         tensors.cauchy.as_deref().unwrap_or_default()
+    }
+
+    /// The stretch across sheets in plane stress; 1 of all other bodies.
+    fn across(&self, gradient: &[Matrix3<f64>]) -> Vec<f64> {
+        let d = self.case.body.dimension();
+        let rows = gradient.iter().flat_map(|h| (0..d * d).map(|k| h[(k / d, k % d)]));
+        let found = self.energy.stretches_across(&rows.collect::<Vec<f64>>());
+        found.unwrap_or_else(|| vec![1.0; gradient.len()])
     }
 
     fn acceleration(&self, state: &State<'_>) -> Vec<f64> {

@@ -44,7 +44,7 @@ use crate::body::Body;
 use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored::{self, Tensor};
 use crate::interaction::{Report, Slabs};
-use crate::kernel::VariablesLaw;
+use crate::kernel::{Variables, VariablesLaw};
 use crate::materials::{LawOfPoints, Materials};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
@@ -515,6 +515,21 @@ impl Energy for DeformationEnergy {
 
     fn displacement_gradients(&self, u: &[f64]) -> Option<Vec<f64>> {
         Some(DeformationEnergy::displacement_gradients(self, u))
+    }
+
+    fn stretches_across(&self, gradients: &[f64]) -> Option<Vec<f64>> {
+        let (n, d) = (self.body.n_points(), self.body.dimension());
+        assert_eq!(gradients.len(), n * d * d, "a tensor for each point");
+        let component = |k: usize| gradients.iter().skip(k).step_by(d * d);
+        let change: Vec<f64> = (0..d * d).flat_map(|k| component(k).copied()).collect();
+        let unit = |k: usize| if k / d == k % d { 1.0 } else { 0.0 };
+        let current: Vec<f64> =
+            (0..d * d).flat_map(|k| component(k).map(move |h| unit(k) + h)).collect();
+        let (law, mut given, mut across) = (self.law(), Vec::new(), vec![0.0; n]);
+        law.give(n, |point| [point; 2], &mut given);
+        let (given, laws) = (&given[..], law.numbers(0..n));
+        let at = Variables { n, current: &current, change: &change, given, laws };
+        law.law.stretch_across(at, &mut across).then_some(across)
     }
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {

@@ -114,8 +114,8 @@ pub struct PlanInput<'a> {
     pub kernels: Vec<KernelNote>,
     /// How many energies of bonds, triangles and tetrahedra there are.
     pub energies: [usize; 3],
-    /// Whether products with the tangent are those of bonds along the rows of a lattice.
-    pub along_rows: bool,
+    /// Whether products with the tangent are those of bonds that need no kernel.
+    pub quick_products: bool,
     /// How many potentials have energies of interactions.
     pub of_interactions: usize,
     /// What points know of their families, for each energy that needs it.
@@ -397,7 +397,7 @@ impl Costs {
             let jacobi = choice == PreconditionerChoice::BlockJacobi;
             let horizons = (jacobi || !linear.stores_matrix).then_some(horizons);
             let interactions = (interactions, input.energies);
-            let matrix = (dimension, blocks, input.along_rows);
+            let matrix = (dimension, blocks, input.quick_products);
             TimeEstimate::new(interactions, matrix, linear, factor, horizons, *pace)
         } else {
             let others = time::interaction_seconds(interactions, input.energies);

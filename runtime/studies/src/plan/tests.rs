@@ -149,7 +149,7 @@ fn plan_at(
             KernelNote { energy: "psi(v)".into(), modelled: false, reason: "C3 = 0".into() },
         ],
         energies: [1; 3],
-        along_rows: false,
+        quick_products: false,
         of_interactions,
         families: families.to_vec(),
         prescribed: 1200,

@@ -38,8 +38,8 @@ const CG_ITERATIONS: f64 = 20.0;
 const TWO_LEVEL_ITERATIONS: f64 = 50.0;
 const COARSE_TIME: f64 = 0.5;
 
-/// A product of one bond along the rows of a lattice, which needs no matrix, on one core, in s.
-const ROW_PRODUCT_SECONDS: f64 = 4e-9;
+/// A product of one bond along the rows of a lattice or in fours, which needs no matrix, on one core, in s.
+const QUICK_PRODUCT_SECONDS: f64 = 4e-9;
 
 /// Newton iterations that an increment usually takes.
 const NEWTON_ITERATIONS: f64 = 5.0;
@@ -160,7 +160,7 @@ impl TimeEstimate {
     /// `None` with two levels, where they do not.
     pub(super) fn new(
         (interactions, energies): (&InteractionCount, [usize; 3]),
-        (dimension, blocks, along_rows): (usize, f64, bool),
+        (dimension, blocks, quick_products): (usize, f64, bool),
         linear: &Choice,
         factor: FactorEstimate,
         horizons: Option<f64>,
@@ -176,7 +176,7 @@ impl TimeEstimate {
             _ => {
                 let matrix = matrix_bytes(dimension, blocks).0 / (MATRIX_SHARE * pace.bandwidth);
                 let product = match linear.stores_matrix {
-                    _ if along_rows => bonds * ROW_PRODUCT_SECONDS / pace.speed(),
+                    _ if quick_products => bonds * QUICK_PRODUCT_SECONDS / pace.speed(),
                     true => matrix,
                     false => assembly,
                 };

@@ -101,7 +101,7 @@ impl Case {
             interactions,
             kernels: self.kernel_notes(&compiled),
             energies: energies(&compiled),
-            along_rows: self.multiplies_along_rows(&compiled),
+            quick_products: self.multiplies_without_kernels(&compiled),
             of_interactions: layers(&compiled, Compiled::has_interactions),
             families: self.families(&compiled),
             prescribed,
@@ -113,15 +113,15 @@ impl Case {
         Ok((plan, compiled))
     }
 
-    /// Whether the tangent is that of affine bonds of one potential on a lattice, and of nothing else.
-    fn multiplies_along_rows(&self, compiled: &[Compiled]) -> bool {
+    /// Whether the tangent is that of affine bonds of one potential, and of nothing else: along the rows of a
+    /// lattice or in fours.
+    fn multiplies_without_kernels(&self, compiled: &[Compiled]) -> bool {
         let [all] = compiled else { return false };
         let alone =
             all.measures == [Measure::Length] && all.gradient.is_none() && !self.changes_in_time();
         let is_affine = all.elements.bond.as_ref().is_some_and(|bond| bond.has_affine_law());
-        let is_lattice = matches!(self.scene.body.points, Points::Lattice(_));
         let is_exact = self.scene.solver.products == Products::Exact;
-        is_lattice && is_exact && alone && all.gathered.is_none() && is_affine
+        is_exact && alone && all.gathered.is_none() && is_affine
     }
 
     fn outline_of_box(&self, shape: &LatticeShape, needed: Needed) -> Outline {

@@ -80,6 +80,27 @@ pub(super) fn horizon(
     None
 }
 
+/// Why bonds cannot be corrected with these weights.
+pub(super) fn correction(horizon: &Horizon) -> Option<Diagnostic> {
+    let (weights, span) = (horizon.weights.word(), horizon.correction_span?);
+    let (message, help) = match (horizon.weights, horizon.volumes) {
+        (Weights::Unit, _) => (
+            "a correction of bonds compares energies per volume, and weights = \"unit\" have no volumes"
+                .to_string(),
+            "leave it out, or write weights = \"volumes\"",
+        ),
+        (Weights::Uniform | Weights::Truncated, Volumes::Partial) => (
+            format!(
+                "`volumes` takes parts of the volumes of neighbours, and weights = \"{weights}\" are \
+                 made of a ball over their number"
+            ),
+            "write weights = \"volumes\", or leave `weights` out",
+        ),
+        _ => return None,
+    };
+    Some(Diagnostic::error("conflicting-keys", span, message).help(help))
+}
+
 /// Entries that have no effect.
 pub(super) fn warnings(
     prescriptions: &[Prescription],

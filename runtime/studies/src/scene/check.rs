@@ -1,8 +1,11 @@
 //! Checks that need more than one value: lattices that fit, horizons that reach, idle entries.
 
 use piola_grammar::{Diagnostic, Span};
+use piola_mechanics::surface::Volumes;
+use piola_mechanics::weights::Weights;
+use piola_mechanics::words::Words;
 
-use super::{AXES, HorizonExtent, LatticeShape, Load, Prescription, SetDefinition};
+use super::{AXES, Horizon, HorizonExtent, LatticeShape, Load, Prescription, SetDefinition};
 
 /// Extents are whole multiples of the spacing to this many spacings.
 const LATTICE_TOLERANCE: f64 = 1e-6;

@@ -33,6 +33,8 @@ mod answer_tests;
 #[cfg(test)]
 mod formula_tests;
 #[cfg(test)]
+mod horizon_tests;
+#[cfg(test)]
 mod material_tests;
 #[cfg(test)]
 mod motion_tests;

@@ -23,7 +23,7 @@ const FLOORS: [(&str, f64); 17] = [
     ("bimetal", 5.4e-14),
     ("bonds_beside_F", 4.2e-15),
     ("cantilever", 9.3e-14),
-    ("clamped_beam", 1e-13),
+    ("clamped_beam", 1.1e-14),
     ("cube_C1", 7.1e-16),
     ("cube_C1_C2", 8.2e-16),
     ("cube_C1_C3", 5.5e-15),

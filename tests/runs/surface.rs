@@ -4,7 +4,7 @@ use crate::support::{SceneFolder, number, piola};
 
 fn block(horizon: &str, material: &str) -> SceneFolder {
     SceneFolder::new(&format!(
-        "[body]\nbox = [[0, 0, 0], [1, 1, 1]]\nspacing = 0.1\n[horizon]\nspacings = 3\n{horizon}\n\
+        "[body]\nbox = [[0, 0, 0], [1, 1, 1]]\nspacing = 0.2\n[horizon]\nspacings = 3\n{horizon}\n\
          [material]\n{material}\n"
     ))
 }
@@ -37,6 +37,48 @@ fn what_has_no_bonds_to_correct_is_refused_with_its_place() {
     // Coefficients of 0 are no triangles.
     let bonds = "potential = \"javili2020\"\nparameters = { C1 = 1.0, C2 = 0.0, C3 = 0.0 }";
     piola(&["moduli", &block("surface = \"energy\"", bonds).scene()]).expect(0);
+}
+
+#[test]
+fn plans_count_the_memory_of_corrections() {
+    let bonds = "potential = \"silling2000\"\nparameters = { K = 1.0 }\n[sets]\nlow = \"X < 0.3\"\n\
+                 [[prescribe]]\nset = \"low\"\nu = [0, 0, 0]";
+    let of = |horizon: &str| piola(&["plan", &block(horizon, bonds).scene()]).expect(0).stdout;
+    assert!(of("surface = \"energy\"").contains("corrections of bonds"));
+    assert!(!of("").contains("corrections of bonds"));
+}
+
+/// A parameter that is the same everywhere, written as an expression, is a number: as a factor of psi, and
+/// where stiffness against length depends on it. One that varies as a factor leaves factors as they are.
+#[test]
+fn parameters_that_vary_count_at_each_point() {
+    let law = "potential p\nparameter C = 1\nparameter n = 1\n\
+               psi(l) = C*L*exp(-n*L)*(l/L - 1)^2\n";
+    let energy = |surface: &str, level: &str, parameters: &str| {
+        let material = format!("potential = \"p.piola\"\nparameters = {{ {parameters} }}");
+        let folder = block(&format!("surface = \"{surface}\""), &material);
+        folder.file("p.piola", law);
+        let row = |point: usize| {
+            let place = |axis: i32| (point as f64 / f64::from(10_i32.pow(axis as u32))).floor();
+            format!("{:?},{:?},0\n", 1e-3 * (place(0) % 7.0), 1e-3 * (place(1) % 5.0))
+        };
+        let u: String = (0..125).map(row).collect();
+        let level = format!("solver.level=\"{level}\"");
+        let said = folder.energy(&format!("u,v,w\n{u}"), &["--set", &level]).json();
+        number(&said["energy"])
+    };
+    for surface in ["energy", "directional"] {
+        for level in ["fast", "strict"] {
+            let of = |parameters: &str| energy(surface, level, parameters);
+            let close = |x: f64, y: f64| assert!((x / y - 1.0).abs() < 1e-12, "{x} {y}");
+            close(of("C = \"2 + 0*X\", n = 3.0"), of("C = 2.0, n = 3.0"));
+            close(of("C = 2.0, n = \"3 + 0*X\""), of("C = 2.0, n = 3.0"));
+            // Linear in C, factors do not depend on it.
+            let graded = of("C = \"2 + X\", n = 3.0");
+            let parts = of("C = \"1 + X\", n = 3.0") + of("C = 1.0, n = 3.0");
+            close(graded, parts);
+        }
+    }
 }
 
 /// Inside, the surface changes nothing and parts of cells multiply bonds by 1/2 + (3 - L), L in spacings.

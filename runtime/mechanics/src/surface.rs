@@ -25,7 +25,7 @@ use rayon::prelude::*;
 
 use crate::body::Body;
 use crate::element::Element;
-use crate::kernel::{Batch, Measure, Order, Outputs};
+use crate::kernel::{Batch, Law, Measure, Order, Outputs};
 use crate::lattice::{Shell, ordered, shells};
 use crate::materials::Materials;
 use crate::neighborhood::Neighborhood;
@@ -123,10 +123,10 @@ pub enum CorrectionError {
          leave it out, or take weights \"volumes\" or \"uniform\""
     )]
     Springs,
-    /// An element that is no function of its measure, or takes parameters that are not a factor.
+    /// An element that is no function of its measure.
     #[error(
-        "a surface correction needs psi(l) with derivatives by l, and with no parameter that varies but \
-         one that multiplies it: derivatives = \"hyperdual-coordinates\" and other fields have none"
+        "a surface correction needs psi(l) with derivatives by l: derivatives = \"hyperdual-coordinates\" \
+         have none, take \"hyperdual\""
     )]
     Law,
     /// An energy that does not grow with the strain.
@@ -232,6 +232,9 @@ struct Corrected<'a> {
 /// spacings.
 type Stiffness = Vec<f64>;
 
+/// A law with the energy densities of strains of 1 inside the lattice, four times as large.
+type Measured = (Stiffness, Axes);
+
 impl Corrected<'_> {
     /// `w_bulk/w` of all points, from the element that their material has for bonds.
     fn gains(
@@ -239,39 +242,53 @@ impl Corrected<'_> {
         elements: &[Option<Box<dyn Element>>],
         materials: Option<&Materials>,
     ) -> Result<Vec<Axes>, CorrectionError> {
-        let (mut laws, d) = (Vec::new(), self.body.dimension());
+        let weight = self.weight_inside()?;
+        let mut laws = Vec::new();
         for element in elements {
             let Some(element) = element else {
                 laws.push(None);
                 continue;
             };
-            let stiffness = self.stiffness(&**element)?;
-            let inside = self.inside(&stiffness)?;
-            if !(inside[0] > 0.0 && inside[0].is_finite()) {
-                let (place, found) = ("inside the lattice".to_string(), 0.25 * inside[0]);
-                return Err(CorrectionError::NoStiffness { place, found, dimension: d });
+            let (law, _) = element.law().ok_or(CorrectionError::Law)?;
+            let measured = self.measure(law, law.fields(), weight);
+            let inside = measured.1[0];
+            if !(inside > 0.0 && inside.is_finite()) {
+                let (place, found) = ("inside the lattice".to_string(), 0.25 * inside);
+                let dimension = self.body.dimension();
+                return Err(CorrectionError::NoStiffness { place, found, dimension });
             }
-            laws.push(Some((stiffness, inside)));
+            laws.push(Some((law, measured)));
         }
-        let law_of = |point: usize| {
-            let law = materials.map_or(0, |materials| usize::from(materials.of(point)));
-            laws[law].as_ref()
+        let of_point = |point: usize| {
+            let number = materials.map_or(0, |materials| usize::from(materials.of(point)));
+            let (law, measured) = laws[number].as_ref()?;
+            let compare = |(stiffness, inside): &Measured| (self.at(point, stiffness), *inside);
+            let Some(fields) =
+                materials.and_then(Materials::fields).filter(|_| !law.fields().is_empty())
+            else {
+                return Some(compare(measured));
+            };
+            // Its own values, here as inside.
+            let own = fields.of_law(number);
+            let own: Vec<f64> =
+                own.map(|field| fields.mean(field, std::iter::once(point))).collect();
+            Some(compare(&self.measure(*law, &own, weight)))
         };
-        let density = |point: usize| law_of(point).map(|(stiffness, _)| self.at(point, stiffness));
         let n = self.body.n_points();
-        let densities: Vec<Option<Axes>> = (0..n).into_par_iter().map(density).collect();
+        let densities: Vec<Option<(Axes, Axes)>> = (0..n).into_par_iter().map(of_point).collect();
         // Along an axis without bonds none asks for it.
-        let is_bad = |w: &Axes| !(w.iter().all(|w| *w >= 0.0) && w.iter().any(|w| *w > 0.0));
-        let mut measured = densities.iter().enumerate();
-        let bad = measured.find_map(|(point, w)| Some((point, w.filter(is_bad)?)));
-        if let Some((point, densities)) = bad {
-            return Err(self.without_stiffness(point, densities));
+        let is_fine = |(here, inside): &(Axes, Axes)| {
+            here.iter().all(|w| *w >= 0.0) && here.iter().any(|w| *w > 0.0) && inside[0] > 0.0
+        };
+        let bad = densities.iter().position(|pair| pair.as_ref().is_some_and(|p| !is_fine(p)));
+        if let Some((point, (here, _))) = bad.and_then(|point| Some((point, densities[point]?))) {
+            return Err(self.without_stiffness(point, here));
         }
-        let gain = |(point, here): (usize, Option<Axes>)| match law_of(point).zip(here) {
-            Some(((_, inside), here)) => [0, 1, 2].map(|axis| inside[axis] / here[axis]),
+        let gain = |densities: Option<(Axes, Axes)>| match densities {
+            Some((here, inside)) => [0, 1, 2].map(|axis| inside[axis] / here[axis]),
             None => [1.0; 3],
         };
-        Ok(densities.into_iter().enumerate().map(gain).collect())
+        Ok(densities.into_iter().map(gain).collect())
     }
 
     fn without_stiffness(&self, point: usize, densities: Axes) -> CorrectionError {
@@ -285,18 +302,14 @@ impl Corrected<'_> {
         }
     }
 
-    /// The stiffness of the bonds of a law.
-    fn stiffness(&self, element: &dyn Element) -> Result<Stiffness, CorrectionError> {
-        let (law, _) = element.law().ok_or(CorrectionError::Law)?;
-        if !(law.fields().is_empty() || law.is_multiple_of_field()) {
-            return Err(CorrectionError::Law);
-        }
+    /// What the bonds of a law have at rest with these values of its fields, and what is inside with them.
+    fn measure(&self, law: &dyn Law, fields: &[f64], weight: f64) -> Measured {
         let lengths: Vec<f64> =
             self.shells.iter().map(|shell| shell.measure * self.spacing).collect();
         let zeros = vec![0.0; lengths.len()];
         let (mut psi, mut first, mut second) = (zeros.clone(), zeros.clone(), zeros.clone());
-        // A field that multiplies psi counts at the point as inside: it cancels.
-        let fields = vec![1.0; lengths.len() * law.fields().len()];
+        let fields: Vec<f64> =
+            fields.iter().flat_map(|value| std::iter::repeat_n(*value, lengths.len())).collect();
         let at = Batch { measure: &lengths, reference: &lengths, change: &zeros, fields: &fields };
         let out = Outputs { psi: &mut psi, dpsi: &mut first, d2psi: &mut second };
         law.evaluate(at, Order::Tangent, out);
@@ -305,7 +318,8 @@ impl Corrected<'_> {
         for ((length, second), square) in lengths.iter().zip(&second).zip(squares) {
             stiffness[square] = self.part(*length) * length * length * second;
         }
-        Ok(stiffness)
+        let inside = weight * self.sum_inside(&stiffness);
+        (stiffness, [inside; 3])
     }
 
     /// The part of the cell at the end of a bond of this length in m.
@@ -313,23 +327,27 @@ impl Corrected<'_> {
         self.of.volumes.part(length, self.neighborhood.horizon(), self.spacing)
     }
 
-    /// Energy densities of strains of 1 inside the lattice, four times as large.
-    fn inside(&self, stiffness: &Stiffness) -> Result<Axes, CorrectionError> {
+    /// The weight of a bond inside the lattice, over the volume of a cell.
+    fn weight_inside(&self) -> Result<f64, WeightsError> {
         let (d, horizon) = (self.body.dimension(), self.neighborhood.horizon());
         let count = ordered(Measure::Length, self.shells);
-        let weight = self.of.weights.inside(Measure::Length, d, horizon, self.spacing, count)?;
+        self.of.weights.inside(Measure::Length, d, horizon, self.spacing, count)
+    }
+
+    /// The sum over the bonds of a point inside the lattice, for the strain of the correction.
+    fn sum_inside(&self, stiffness: &Stiffness) -> f64 {
         let of_shell = |shell: &Shell| {
             // By symmetry a third, or half, along each axis.
             let part = match self.of.surface {
-                Surface::Directional => shell.fourth / d as f64,
+                Surface::Directional => shell.fourth / self.body.dimension() as f64,
                 _ => 1.0,
             };
             2.0 * shell.count as f64 * part * stiffness[square_of(shell.measure)]
         };
-        Ok([weight * self.shells.iter().map(of_shell).sum::<f64>(); 3])
+        self.shells.iter().map(of_shell).sum()
     }
 
-    /// The same at a point of the body.
+    /// Energy densities of strains of 1 at a point of the body, four times as large.
     fn at(&self, point: usize, stiffness: &Stiffness) -> Axes {
         let begun = self.weights.begin(self.weights.share(point), &[]);
         let mut sum = [0.0; 3];

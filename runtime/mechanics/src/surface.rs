@@ -195,7 +195,8 @@ impl Weighting {
         body: &Body,
         neighborhood: &Neighborhood,
         weights: &CliqueWeights,
-        (elements, materials): (&[Option<Box<dyn Element>>], Option<&Materials>),
+        elements: &[Option<Box<dyn Element>>],
+        materials: Option<&Materials>,
     ) -> Result<Option<Vec<f64>>, CorrectionError> {
         let Some(spacing) = body.spacing().filter(|_| self.corrects()) else { return Ok(None) };
         let horizon = neighborhood.horizon();
@@ -436,8 +437,7 @@ mod tests {
                 let law = MeasureElement::new(Measure::Length, 3, Box::new(law));
                 let elements: [Option<Box<dyn Element>>; 1] = [Some(Box::new(law))];
                 let weighting = Weighting { surface, ..Weighting::from(weights) };
-                let laws = (&elements[..], None);
-                let factors = weighting.factors(&body, &neighborhood, &own, laws);
+                let factors = weighting.factors(&body, &neighborhood, &own, &elements, None);
                 let factors = factors.unwrap().unwrap();
                 let (mut inside, mut normal, mut along) = (0, 0.0, 0.0);
                 for owner in 0..body.n_points() {

@@ -43,8 +43,9 @@ impl Kind {
         neighborhood: &Neighborhood,
     ) -> Result<Kind, CorrectionError> {
         if self.measure == Measure::Length {
-            let laws = (&self.elements[..], self.materials.as_deref());
-            self.factors = weighting.factors(body, neighborhood, &self.weights, laws)?;
+            let (weights, materials) = (&self.weights, self.materials.as_deref());
+            let factors = weighting.factors(body, neighborhood, weights, &self.elements, materials);
+            self.factors = factors?;
         }
         Ok(self)
     }

@@ -2,7 +2,7 @@
 //!
 //! | crate | part | modules |
 //! |---|---|---|
-//! | [`piola_mechanics`] | bodies and who interacts | [`body`], [`lattice`], [`neighborhood`], [`interaction`], [`weights`] |
+//! | [`piola_mechanics`] | bodies and who interacts | [`body`], [`lattice`], [`neighborhood`], [`interaction`], [`weights`], [`surface`] |
 //! | | one energy and its derivatives | [`kernel`], [`geometry`], [`element`], [`assembly`], [`deformation`], [`states`], [`energy`], [`matrix`] |
 //! | [`piola_solvers`] | equilibrium | [`solve`] |
 //! | [`piola_output`] | what is left behind | [`output`] |
@@ -16,7 +16,7 @@
 
 pub use piola_mechanics::{
     assembly, body, deformation, energy, geometry, interaction, kernel, lattice, materials, matrix,
-    neighborhood, sheet, states, weights, words,
+    neighborhood, sheet, states, surface, weights, words,
 };
 pub use piola_output as output;
 pub use piola_solvers as solve;

@@ -37,9 +37,16 @@ struct Expected {
     floor: f64,
 }
 
-const EXPECTED: [Expected; 15] = [
+const EXPECTED: [Expected; 17] = [
     Expected { example: "bimetal", overrides: &[], c: 15.0, floor: FLOOR },
     Expected { example: "bonds_beside_F", overrides: &[], c: 6.0, floor: FLOOR },
+    Expected { example: "cantilever", overrides: &[], c: 0.2, floor: FLOOR },
+    Expected {
+        example: "clamped_beam",
+        overrides: &["material.parameters.K=5e7"],
+        c: 0.6,
+        floor: FLOOR,
+    },
     Expected { example: "cube_C1", overrides: &[], c: 0.7, floor: FLOOR },
     Expected { example: "cube_C1_C2", overrides: &[], c: 1.1, floor: FLOOR },
     Expected { example: "cube_C1_C3", overrides: &[], c: 2.5, floor: FLOOR },

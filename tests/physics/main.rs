@@ -5,6 +5,7 @@
 mod support;
 
 mod assembly;
+mod beams;
 mod convergence;
 mod examples;
 mod extension;

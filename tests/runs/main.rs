@@ -26,4 +26,5 @@ mod scenes;
 mod solvers;
 #[cfg(unix)]
 mod streams;
+mod surface;
 mod trade;

@@ -44,7 +44,7 @@ use crate::materials::Materials;
 use crate::matrix::BlockPattern;
 use crate::neighborhood::Neighborhood;
 use crate::pool::Pool;
-use crate::weights::Weights;
+use crate::surface::Weighting;
 use fours::BondFours;
 use inversion::Motion;
 use kind::Kind;
@@ -135,33 +135,33 @@ impl DiscreteEnergy {
     pub fn new(
         body: Arc<Body>,
         horizon: f64,
-        weights: Weights,
+        weighting: impl Into<Weighting>,
         laws: Laws,
     ) -> Result<DiscreteEnergy, AssemblyError> {
         let elements = laws.into_elements(body.dimension());
-        DiscreteEnergy::with_elements(body, horizon, weights, elements)
+        DiscreteEnergy::with_elements(body, horizon, weighting, elements)
     }
 
     /// The energy of any elements.
     pub fn with_elements(
         body: Arc<Body>,
         horizon: f64,
-        weights: Weights,
+        weighting: impl Into<Weighting>,
         elements: Elements,
     ) -> Result<DiscreteEnergy, AssemblyError> {
         error::check_elements(std::slice::from_ref(&elements), body.dimension())?;
         let neighborhood = Arc::new(Neighborhood::new(&body, horizon)?);
-        DiscreteEnergy::among(body, neighborhood, weights, elements)
+        DiscreteEnergy::among(body, neighborhood, weighting, elements)
     }
 
     /// The energy of any elements, of neighbours that energies of the body share.
     pub fn among(
         body: Arc<Body>,
         neighborhood: Arc<Neighborhood>,
-        weights: Weights,
+        weighting: impl Into<Weighting>,
         elements: Elements,
     ) -> Result<DiscreteEnergy, AssemblyError> {
-        DiscreteEnergy::of_materials(body, neighborhood, weights, None, vec![elements])
+        DiscreteEnergy::of_materials(body, neighborhood, weighting, None, vec![elements])
     }
 
     /// The energy of a body of several materials, of neighbours that energies of the body share:
@@ -170,7 +170,7 @@ impl DiscreteEnergy {
     pub fn of_materials(
         body: Arc<Body>,
         neighborhood: Arc<Neighborhood>,
-        weights: Weights,
+        weighting: impl Into<Weighting>,
         materials: Option<Arc<Materials>>,
         elements: Vec<Elements>,
     ) -> Result<DiscreteEnergy, AssemblyError> {
@@ -185,14 +185,17 @@ impl DiscreteEnergy {
         let slabs = Slabs::new(&neighborhood);
         let degeneracy = Degeneracy::new(&body);
         let needed = |measure: Measure| elements[measure as usize].iter().any(Option::is_some);
+        let weighting: Weighting = weighting.into();
+        weighting.check(&body, Measure::ALL.into_iter().filter(|measure| needed(*measure)))?;
         let census = Census::new(&body, &neighborhood, degeneracy, &slabs, needed);
         let mut kinds = [None, None, None];
         for (measure, (kind, elements)) in
             Measure::ALL.into_iter().zip(kinds.iter_mut().zip(elements))
         {
             if elements.iter().any(Option::is_some) {
-                let weights = weights.of_measure(measure, &body, horizon, &census)?;
-                *kind = Some(Kind::new(measure, elements, weights, materials.clone()));
+                let weights = weighting.weights.of_measure(measure, &body, horizon, &census)?;
+                let own = Kind::new(measure, elements, weights, materials.clone());
+                *kind = Some(own.corrected(weighting, &body, &neighborhood)?);
             }
         }
         let present = kinds.iter().flatten();

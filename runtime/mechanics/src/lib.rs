@@ -2,7 +2,7 @@
 //!
 //! | part | modules |
 //! |---|---|
-//! | bodies and who interacts | [`body`], [`lattice`], [`neighborhood`], [`interaction`], [`weights`] |
+//! | bodies and who interacts | [`body`], [`lattice`], [`neighborhood`], [`interaction`], [`weights`], [`surface`] |
 //! | energy densities | [`kernel`], on the measures of [`geometry`] by [`element`]; [`sheet`] |
 //! | energies of a body | [`assembly`] of interactions, [`deformation`] of deformation gradients, [`states`] of what points gather; all are an [`energy::Energy`] |
 //! | what they are made of | [`matrix`], [`vector`] |
@@ -81,6 +81,7 @@ pub mod matrix;
 pub mod neighborhood;
 mod pool;
 pub mod sheet;
+pub mod surface;
 #[doc(hidden)]
 pub mod testing;
 pub mod vector;

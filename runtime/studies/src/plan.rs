@@ -391,6 +391,11 @@ impl Costs {
                 matrix_bytes(dimension, input.blocks(reach))
             }));
         }
+        if input.scene.horizon.weighting().corrects() {
+            // A factor by its number, and once more along rows, with their ends.
+            let bytes = 20 * interactions.bonds;
+            memory.push(MemoryItem { item: "corrections of bonds", bytes });
+        }
         let time = if families.is_empty() {
             let horizons = extent.sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / input.layers();
             let choice = input.scene.solver.preconditioner;

@@ -16,4 +16,5 @@ mod runs;
 mod shared;
 mod small_clouds;
 mod squares;
+mod surface;
 mod thin;

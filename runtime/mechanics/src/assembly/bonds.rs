@@ -116,8 +116,9 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
             let mut grouped = std::mem::take(self.grouped);
             grouped.clear();
             grouped.extend_from_slice(others);
-            // Couplings have places in the order of the others; sums have none.
-            if self.visit.order < Order::Tangent || !rows.has_couplings() {
+            // Couplings and factors have places in the order of the others; sums have none.
+            let has_places = self.visit.order == Order::Tangent && rows.has_couplings();
+            if !has_places && self.kind.factors.is_none() {
                 grouped.sort_by_key(of);
             }
             let mut place = 0;
@@ -149,6 +150,11 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
         let Some(element) = self.kind.element(law) else { return Ok(()) };
         for others in others.chunks(CAPACITY) {
             self.fill(owner, others, part);
+            if let Some(factors) = &self.kind.factors {
+                let first = self.visit.energy.neighborhood.bonds(owner).start + place;
+                let factors = &factors[first..first + others.len()];
+                self.batch.weight.iter_mut().zip(factors).for_each(|(w, factor)| *w *= factor);
+            }
             if let Some(fields) = self.kind.fields_of(law) {
                 self.batch.take_fields(fields, |lane| [owner, others[lane] as usize].into_iter());
             }

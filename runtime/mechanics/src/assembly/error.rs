@@ -4,6 +4,7 @@ use super::Elements;
 use crate::body::Body;
 use crate::kernel::Measure;
 use crate::neighborhood::{Neighborhood, NeighborhoodError};
+use crate::surface::CorrectionError;
 use crate::weights::WeightsError;
 
 /// Why a body cannot be assembled.
@@ -15,6 +16,9 @@ pub enum AssemblyError {
     /// The interactions cannot be weighted.
     #[error(transparent)]
     Weights(#[from] WeightsError),
+    /// Bonds cannot be corrected.
+    #[error(transparent)]
+    Correction(#[from] CorrectionError),
     /// The body has no points.
     #[error("the body has no points: its box is empty or every point was removed")]
     Empty,

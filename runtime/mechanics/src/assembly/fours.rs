@@ -152,9 +152,10 @@ impl Prepared {
         let mut all = Prepared::default();
         for owner in owners.clone() {
             let begun = weights.begin(weights.share(owner), &[]);
+            let first = energy.neighborhood.bonds(owner).start;
             let fours = energy.neighborhood.upper(owner).chunks(4);
             all.counts.push(fours.len());
-            for four in fours {
+            for (bonds, four) in (first..).step_by(4).zip(fours) {
                 let last = four.len() - 1;
                 let others: [u32; 4] = each(|lane| four[lane.min(last)]);
                 let (mut lengths, mut bent) = ([0.0; 4], [0.0; 4]);
@@ -166,6 +167,9 @@ impl Prepared {
                         continue;
                     }
                     let mut weight: f64 = weights.join_last(begun, weights.share(other));
+                    if let Some(factors) = &kind.factors {
+                        weight *= factors[bonds + lane];
+                    }
                     if let Some(halves) = &field {
                         weight *= halves.at(owner) + halves.at(other);
                     }

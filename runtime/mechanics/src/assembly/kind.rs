@@ -5,10 +5,13 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::quadratic::{AffineLaw, Quadratic, Shares};
+use crate::body::Body;
 use crate::element::Element;
 use crate::interaction::OwnerCliques;
 use crate::kernel::Measure;
 use crate::materials::{Fields, Materials, Parts};
+use crate::neighborhood::Neighborhood;
+use crate::surface::{CorrectionError, Weighting};
 use crate::weights::CliqueWeights;
 
 /// The interactions of one measure.
@@ -17,6 +20,8 @@ pub(super) struct Kind {
     /// Of each law; one where the body is of one material.
     elements: Vec<Option<Box<dyn Element>>>,
     pub(super) weights: CliqueWeights,
+    /// What multiplies the weights of bonds, by their numbers; nothing where these hold.
+    pub(super) factors: Option<Vec<f64>>,
     pub(super) materials: Option<Arc<Materials>>,
 }
 
@@ -27,7 +32,22 @@ impl Kind {
         weights: CliqueWeights,
         materials: Option<Arc<Materials>>,
     ) -> Kind {
-        Kind { measure, elements, weights, materials }
+        Kind { measure, elements, weights, factors: None, materials }
+    }
+
+    /// The same with corrected bonds, if these are its interactions.
+    pub(super) fn corrected(
+        mut self,
+        weighting: Weighting,
+        body: &Body,
+        neighborhood: &Neighborhood,
+    ) -> Result<Kind, CorrectionError> {
+        if self.measure == Measure::Length {
+            let (weights, materials) = (&self.weights, self.materials.as_deref());
+            let factors = weighting.factors(body, neighborhood, weights, &self.elements, materials);
+            self.factors = factors?;
+        }
+        Ok(self)
     }
 
     pub(super) fn measure(&self) -> Measure {

@@ -46,9 +46,10 @@ impl OnLattice {
             None => Some(runs),
         };
         let Some(runs) = runs.map(Arc::new) else { return OnLattice::default() };
+        let around = (&*energy.body, &*energy.neighborhood);
         let of_triangles = |kind| TriangleRuns::new(&runs, kind, shape, energy.degeneracy);
         OnLattice {
-            bonds: bonds.and_then(|kind| BondRuns::new(&runs, kind, shape.0)),
+            bonds: bonds.and_then(|kind| BondRuns::new(&runs, kind, around)),
             triangles: triangles.and_then(of_triangles),
         }
     }

@@ -12,12 +12,14 @@ use super::axes::{Axes, Wanted, axes_of, axis_of};
 use super::kind::Kind;
 use super::quadratic::{Quadratic, Quadratics, ROOT, SQUARE, Shares};
 use super::sum::Sum;
+use crate::body::Body;
 use crate::element::WIDEST;
 use crate::geometry::bond::Bond;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::squares::Root;
 use crate::geometry::{Scalar, dot, each};
-use crate::interaction::runs::Runs;
+use crate::interaction::runs::{InRuns, Runs};
+use crate::neighborhood::Neighborhood;
 
 /// The bonds of a body in runs, with an affine law.
 pub(super) struct BondRuns {
@@ -31,15 +33,21 @@ pub(super) struct BondRuns {
     /// Half of the values of the field that the law is a multiple of, point by point: those of both ends
     /// make the mean.
     halves: Option<Shares>,
+    /// What multiplies the weights where bonds are corrected.
+    factors: Option<InRuns>,
     arch: Arch,
 }
 
 impl BondRuns {
     /// Nothing of laws that are not affine.
-    pub(super) fn new(runs: &Arc<Runs>, kind: &Kind, dimension: usize) -> Option<BondRuns> {
+    pub(super) fn new(
+        runs: &Arc<Runs>,
+        kind: &Kind,
+        (body, neighborhood): (&Body, &Neighborhood),
+    ) -> Option<BondRuns> {
         let all = kind.affine_laws()?;
         let (common, shares) = Shares::of(&kind.weights, 2);
-        let lengths: Vec<f64> = match dimension {
+        let lengths: Vec<f64> = match body.dimension() {
             2 => runs.vectors::<2>().iter().map(|vector| dot(vector, vector).sqrt()).collect(),
             _ => runs.vectors::<3>().iter().map(|vector| dot(vector, vector).sqrt()).collect(),
         };
@@ -48,7 +56,8 @@ impl BondRuns {
         };
         let laws = lengths.iter().enumerate().map(law).collect::<Option<_>>()?;
         let (runs, arch, halves) = (Arc::clone(runs), Arch::new(), kind.parts_of_field(2));
-        Some(BondRuns { runs, laws, by_square: all.by_square, shares, halves, arch })
+        let factors = kind.factors.as_ref().map(|factors| runs.in_runs(neighborhood, factors));
+        Some(BondRuns { runs, laws, by_square: all.by_square, shares, halves, factors, arch })
     }
 }
 
@@ -104,7 +113,7 @@ impl<const D: usize, const WAY: u8, const PRODUCT: bool> WithSimd for Sweep<'_, 
             if PRODUCT { each(|axis| axis_of(direction, axis, stride)) } else { [&[]; D] };
         let mut own = axes_of::<D>(own, stride);
         let mut other = axes_of::<D>(other, stride);
-        for run in runs.runs.of_slab(slab) {
+        for (run, place) in runs.runs.of_slab(slab).iter().zip(runs.runs.places(slab)) {
             let vector = run.vector as usize;
             let bond = Repeated {
                 vector: each(|axis| Lanes::splat(simd, vectors[vector][axis])),
@@ -135,6 +144,10 @@ impl<const D: usize, const WAY: u8, const PRODUCT: bool> WithSimd for Sweep<'_, 
                         S::as_simd_f64s(&halves[..padded]).0
                     })
                 }),
+                factors: runs
+                    .factors
+                    .as_ref()
+                    .map(|factors| S::as_simd_f64s(&factors.of_run(place)[..padded]).0),
             };
             let full = len / Lanes::<S>::WIDTH;
             for group in 0..full {
@@ -168,6 +181,7 @@ struct Ends<'a, S: Simd, const D: usize> {
     shares: Option<[&'a [S::f64s]; 2]>,
     are_added: bool,
     halves: Option<[&'a [S::f64s]; 2]>,
+    factors: Option<&'a [S::f64s]>,
 }
 
 /// What is added up over all bonds of a slab.
@@ -212,6 +226,13 @@ fn step<S: Simd, const D: usize, const WAY: u8, const PRODUCT: bool, const LAST:
         weight = Some(match weight {
             Some(weight) => weight * mean,
             None => mean,
+        });
+    }
+    if let Some(factors) = ends.factors {
+        let factor = lanes(factors[group]);
+        weight = Some(match weight {
+            Some(weight) => weight * factor,
+            None => factor,
         });
     }
     if let Some(weight) = weight {

@@ -47,6 +47,10 @@ impl Visit<'_> {
     ) -> Result<(), NonFinite> {
         self.energy.for_each_owner::<D, K, _>(self.slab, cliques, |cliques| {
             gathered.begin(kind, cliques, self.u);
+            if let Some(factors) = kind.factors.as_ref().filter(|_| K == 1) {
+                let own = self.energy.neighborhood.bonds(cliques.owner());
+                gathered.members.factors.extend_from_slice(&factors[own]);
+            }
             if sink.begin(cliques, gathered) {
                 cliques.each::<K, _>(|clique| {
                     gathered.list.push(clique);
@@ -166,6 +170,8 @@ pub(super) struct Members<const D: usize> {
     /// Shares in the weights: the owner's, and those of the members.
     pub(super) own_share: f64,
     pub(super) shares: Vec<f64>,
+    /// Of the bonds with the members, where they are corrected.
+    factors: Vec<f64>,
 }
 
 impl<const D: usize> Gathered<D> {
@@ -184,6 +190,7 @@ impl<const D: usize> Gathered<D> {
                 displacement: Vec::with_capacity(members),
                 own_share: 0.0,
                 shares: Vec::with_capacity(members),
+                factors: Vec::with_capacity(kind.factors.as_ref().map_or(0, |_| members)),
             },
             batch: InteractionBatch::new(measure, D),
             out: Contributions::new(measure, D),
@@ -194,7 +201,8 @@ impl<const D: usize> Gathered<D> {
         // A refusal ends a pass with interactions left.
         self.list.clear();
         self.law = kind.law_of(cliques);
-        let Members { displacement, own_share, shares } = &mut self.members;
+        let Members { displacement, own_share, shares, factors } = &mut self.members;
+        factors.clear();
         let (owner, members) = (cliques.owner(), cliques.members().iter());
         let own = row::<D>(u, owner);
         displacement.clear();
@@ -227,6 +235,10 @@ impl<const D: usize> Members<D> {
             }
             let last = self.shares[corners[K - 1]];
             batch.weight[lane] = kind.weights.join_last(known.1, last);
+        }
+        if !self.factors.is_empty() {
+            let of_lane = |lane: usize| self.factors[corners(lane)[0]];
+            (0..lanes.len()).for_each(|lane| batch.weight[lane] *= of_lane(lane));
         }
     }
 }

@@ -116,9 +116,44 @@ impl Runs {
         &self.runs[self.start[slab]..self.start[slab + 1]]
     }
 
+    /// Their places among all runs.
+    pub(crate) fn places(&self, slab: usize) -> Range<usize> {
+        self.start[slab]..self.start[slab + 1]
+    }
+
+    /// Numbers of bonds as runs have them, each followed by nothing up to whole registers.
+    pub(crate) fn in_runs(&self, neighborhood: &Neighborhood, of_bonds: &[f64]) -> InRuns {
+        let (mut numbers, mut start) = (Vec::with_capacity(of_bonds.len()), Vec::new());
+        for run in &self.runs {
+            start.push(numbers.len());
+            for k in 0..run.len {
+                let (owner, other) = ((run.owner + k) as usize, run.other + k);
+                let later = neighborhood.upper(owner).partition_point(|point| *point < other);
+                numbers.push(of_bonds[neighborhood.bonds(owner).start + later]);
+            }
+            numbers.resize(numbers.len().next_multiple_of(WIDEST), 0.0);
+        }
+        InRuns { numbers, start }
+    }
+
     /// The vectors at rest, in m.
     pub(crate) fn vectors<const D: usize>(&self) -> &[[f64; D]] {
         self.vectors.as_chunks::<D>().0
+    }
+}
+
+/// A number for every bond, run by run.
+pub(crate) struct InRuns {
+    numbers: Vec<f64>,
+    /// Where those of each run start.
+    start: Vec<usize>,
+}
+
+impl InRuns {
+    /// The numbers of a run, and what is behind them.
+    #[inline(always)]
+    pub(crate) fn of_run(&self, run: usize) -> &[f64] {
+        &self.numbers[self.start[run]..]
     }
 }
 

@@ -102,6 +102,11 @@ impl Case {
         } else if scene.correspondence.is_some() {
             return Err(no_gradients(&scene, &potentials));
         }
+        for Potential { model, .. } in &potentials {
+            let measures = ["l", "a", "v"];
+            let others = model.arguments().into_iter().filter(|one| !measures.contains(one));
+            check_corrections(&scene, model.name(), others)?;
+        }
         let mut warnings = scene.warnings.clone();
         for potential in &potentials {
             let model = &potential.model;
@@ -148,6 +153,9 @@ impl Case {
     pub fn compile(&self) -> Result<Vec<Compiled>, CaseError> {
         let compile = |(potential, place): (&Potential, (usize, usize))| {
             let mut compiled = potential.compile(&self.scene)?;
+            // Of triangles and tetrahedra those count whose coefficient is not 0.
+            let measures = compiled.measures.iter().map(|measure| measure.symbol());
+            check_corrections(&self.scene, &compiled.name, measures)?;
             (compiled.law, compiled.layer) = place;
             if !self.scene.regions.is_empty() {
                 compiled.label =
@@ -214,6 +222,33 @@ fn no_gradients(scene: &Scene, potentials: &[Potential]) -> CaseError {
         .label("its energies are of other arguments")
         .help("leave [correspondence] out, or take a potential with psi(F)");
     CaseError::Scene(scene.report(vec![found]))
+}
+
+/// Refuses corrections of bonds beside energies of other arguments.
+fn check_corrections<'a>(
+    scene: &Scene,
+    name: &str,
+    mut arguments: impl Iterator<Item = &'a str>,
+) -> Result<(), CaseError> {
+    let Some(span) = scene.horizon.correction_span else { return Ok(()) };
+    let Some(other) = arguments.find(|argument| *argument != "l") else { return Ok(()) };
+    let (label, help) = match other {
+        "a" | "v" => {
+            ("triangles and tetrahedra have none", "leave it out, or set their coefficients to 0")
+        }
+        "F" => (
+            "deformation gradients are exact for linear fields, at faces as inside",
+            "leave it out: psi(F) has its energy per volume at every point",
+        ),
+        _ => (
+            "gathered values are sums over the family that a point has",
+            "leave it out, and divide in the potential by what a family sums to, as \
+             `linear_peridynamic_solid` does",
+        ),
+    };
+    let message = format!("corrections are of bonds, and {name} has a psi({other})");
+    let found = Diagnostic::error("conflicting-keys", span, message).label(label).help(help);
+    Err(CaseError::Scene(scene.report(vec![found])))
 }
 
 /// The points of the scene without those that it removes.

@@ -97,10 +97,10 @@ impl Case {
         let has_interactions = layer.present().any(Compiled::has_interactions);
         let Parts { elements, gathered, gradients } = layer.parts();
         if has_interactions {
-            let ((body, neighborhood), weights) = (found(), self.scene.horizon.weights);
+            let ((body, neighborhood), weighting) = (found(), self.scene.horizon.weighting());
             let materials = materials.clone();
             let energy =
-                DiscreteEnergy::of_materials(body, neighborhood, weights, materials, elements)?;
+                DiscreteEnergy::of_materials(body, neighborhood, weighting, materials, elements)?;
             terms.push(Box::new(energy).into());
         }
         if gathered.iter().any(Option::is_some) {

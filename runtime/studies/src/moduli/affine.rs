@@ -57,7 +57,7 @@ impl Affine {
         inside: &Inside,
         potential: Compiled,
     ) -> Result<Affine, CaseError> {
-        let (weights, thickness) = (case.scene.horizon.weights, case.thickness());
+        let (weighting, thickness) = (case.scene.horizon.weighting(), case.thickness());
         let Compiled { elements, measures, gradient, gathered, arguments, .. } = potential;
         let d = self.dimension();
         if let Some(law) = &gradient {
@@ -70,7 +70,7 @@ impl Affine {
             self = self.plus(&inside.of_states(&laws)?.over(thickness));
         }
         if !measures.is_empty() || !has_families {
-            self = self.plus(&inside.of_interactions(elements, weights)?.over(thickness));
+            self = self.plus(&inside.of_interactions(elements, weighting)?.over(thickness));
         }
         Ok(self)
     }

@@ -8,7 +8,7 @@ use piola_mechanics::kernel::{Batch, Law, Measure, Order, Outputs};
 use piola_mechanics::lattice::{Shell, ordered, shells};
 use piola_mechanics::neighborhood::check_horizon;
 use piola_mechanics::states::StateLaws;
-use piola_mechanics::weights::Weights;
+use piola_mechanics::surface::Weighting;
 
 use super::Affine;
 use super::cubic::Cubic;
@@ -60,7 +60,7 @@ impl Inside {
     pub(super) fn of_interactions(
         &self,
         elements: Elements,
-        weights: Weights,
+        weighting: Weighting,
     ) -> Result<Affine, CaseError> {
         let kinds = [elements.bond, elements.triangle, elements.tetrahedron];
         if kinds.iter().all(Option::is_none) {
@@ -69,7 +69,7 @@ impl Inside {
         check_horizon(self.horizon).map_err(refused)?;
         let mut sum = Cubic::new(self.dimension);
         for element in kinds.iter().flatten() {
-            self.add(&mut sum, &**element, weights)?;
+            self.add(&mut sum, &**element, weighting)?;
         }
         Ok(sum.affine())
     }
@@ -85,7 +85,7 @@ impl Inside {
         &self,
         sum: &mut Cubic,
         element: &dyn Element,
-        weights: Weights,
+        weighting: Weighting,
     ) -> Result<(), CaseError> {
         let measure = element.measure();
         let shells = self.shells(measure);
@@ -95,11 +95,15 @@ impl Inside {
         };
         let count = ordered(measure, shells);
         let (dimension, horizon, spacing) = (self.dimension, self.horizon, self.spacing);
-        let weight =
-            weights.inside(measure, dimension, horizon, spacing, count).map_err(refused)?;
+        let weight = weighting
+            .weights
+            .inside(measure, dimension, horizon, spacing, count)
+            .map_err(refused)?;
         let rest = AtRest::new(law, measure, shells, self.spacing);
         for (shell, [first, second]) in shells.iter().zip(rest.slopes()) {
-            let weight = weight * shell.count as f64;
+            // What faces lack is nothing here: of corrections only parts of cells count.
+            let part = weighting.volumes.part(shell.measure * spacing, horizon, spacing);
+            let weight = weight * shell.count as f64 * part;
             sum.add(measure, shell.fourth, weight * first, weight * second);
         }
         Ok(())

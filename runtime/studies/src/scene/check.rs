@@ -1,8 +1,11 @@
 //! Checks that need more than one value: lattices that fit, horizons that reach, idle entries.
 
 use piola_grammar::{Diagnostic, Span};
+use piola_mechanics::surface::Volumes;
+use piola_mechanics::weights::Weights;
+use piola_mechanics::words::Words;
 
-use super::{AXES, HorizonExtent, LatticeShape, Load, Prescription, SetDefinition};
+use super::{AXES, Horizon, HorizonExtent, LatticeShape, Load, Prescription, SetDefinition};
 
 /// Extents are whole multiples of the spacing to this many spacings.
 const LATTICE_TOLERANCE: f64 = 1e-6;
@@ -78,6 +81,27 @@ pub(super) fn horizon(
         );
     }
     None
+}
+
+/// Why bonds cannot be corrected with these weights.
+pub(super) fn correction(horizon: &Horizon) -> Option<Diagnostic> {
+    let (weights, span) = (horizon.weights.word(), horizon.correction_span?);
+    let (message, help) = match (horizon.weights, horizon.volumes) {
+        (Weights::Unit, _) => (
+            "a correction of bonds compares energies per volume, and weights = \"unit\" have no volumes"
+                .to_string(),
+            "leave it out, or write weights = \"volumes\"",
+        ),
+        (Weights::Uniform | Weights::Truncated, Volumes::Partial) => (
+            format!(
+                "`volumes` takes parts of the volumes of neighbours, and weights = \"{weights}\" are \
+                 made of a ball over their number"
+            ),
+            "write weights = \"volumes\", or leave `weights` out",
+        ),
+        _ => return None,
+    };
+    Some(Diagnostic::error("conflicting-keys", span, message).help(help))
 }
 
 /// Entries that have no effect.

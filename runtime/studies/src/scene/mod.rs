@@ -33,6 +33,8 @@ mod answer_tests;
 #[cfg(test)]
 mod formula_tests;
 #[cfg(test)]
+mod horizon_tests;
+#[cfg(test)]
 mod material_tests;
 #[cfg(test)]
 mod motion_tests;
@@ -41,6 +43,7 @@ mod tests;
 
 use piola_grammar::{Diagnostic, Span};
 use piola_mechanics::deformation::{Discretisation, OperatorOrder};
+use piola_mechanics::surface::{Surface, Volumes};
 use piola_mechanics::weights::Weights;
 use piola_mechanics::words::Words;
 
@@ -241,11 +244,17 @@ pub struct Horizon {
     pub weights: Weights,
     /// Where the scene says so; without it the potential may ask for other weights.
     pub weights_span: Option<Span>,
+    /// How bonds near faces are corrected.
+    pub surface: Surface,
+    /// What of a neighbour's volume counts.
+    pub volumes: Volumes,
+    /// Where the scene asks for one of the two.
+    pub correction_span: Option<Span>,
 }
 
 impl PartialEq for Horizon {
     fn eq(&self, other: &Horizon) -> bool {
-        self.extent == other.extent && self.weights == other.weights
+        self.extent == other.extent && self.weighting() == other.weighting()
     }
 }
 

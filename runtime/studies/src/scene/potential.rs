@@ -3,6 +3,7 @@
 use std::path::{Component, Path, PathBuf};
 
 use piola_grammar::Diagnostic;
+use piola_mechanics::surface::Weighting;
 use piola_mechanics::weights::Weights;
 use piola_mechanics::words::Words;
 
@@ -104,6 +105,11 @@ impl Scene {
 }
 
 impl Horizon {
+    /// How interactions are weighted, and bonds corrected.
+    pub fn weighting(&self) -> Weighting {
+        Weighting { weights: self.weights, surface: self.surface, volumes: self.volumes }
+    }
+
     /// Takes products of volumes for weights, unless the scene states its own.
     pub(crate) fn weigh_volumes(&mut self) {
         if self.weights_span.is_none() {

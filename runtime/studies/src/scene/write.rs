@@ -88,6 +88,8 @@ fn write_horizon(out: &mut String, horizon: &Horizon) {
         HorizonExtent::Radius(radius) => pair(out, "radius", number(radius)),
     }
     pair(out, "weights", word(horizon.weights));
+    pair(out, "surface", word(horizon.surface));
+    pair(out, "volumes", word(horizon.volumes));
 }
 
 fn write_materials(out: &mut String, scene: &Scene) {

@@ -1,7 +1,9 @@
 //! `[body]` and `[horizon]`.
 
-use piola_grammar::Diagnostic;
+use piola_grammar::{Diagnostic, Span};
+use piola_mechanics::surface::{Surface, Volumes};
 use piola_mechanics::weights::Weights;
+use piola_mechanics::words::Words;
 
 use super::Context;
 use crate::scene::check;
@@ -24,7 +26,13 @@ pub(super) static BODY: Schema = Schema {
 };
 pub(super) static HORIZON: Schema = Schema {
     title: "[horizon]",
-    keys: &[("spacings", "3"), ("radius", "0.15"), ("weights", "\"uniform\"")],
+    keys: &[
+        ("spacings", "3"),
+        ("radius", "0.15"),
+        ("weights", "\"uniform\""),
+        ("surface", "\"directional\""),
+        ("volumes", "\"partial\""),
+    ],
 };
 
 impl Reader {
@@ -162,6 +170,8 @@ impl Reader {
         let field = key.and_then(|key| table.field(key));
         let size = field.and_then(|field| self.positive(field));
         let weights = self.weights(table, context);
+        let surface = self.correction(table, "surface", Surface::None, context);
+        let volumes = self.correction(table, "volumes", Volumes::Whole, context);
         let (field, size, spacing) = (field?, size?, context.spacing?);
         let (extent, radius) = match key? {
             "spacings" => (HorizonExtent::Spacings(size), size * spacing),
@@ -172,7 +182,53 @@ impl Reader {
             return None;
         }
         let weights_span = table.field("weights").map(|field| field.node.span);
-        Some(Horizon { extent, weights: weights?, weights_span })
+        let (weights, surface, volumes) = (weights?, surface?, volumes?);
+        let correction_span = surface.1.or(volumes.1);
+        let mut horizon = Horizon {
+            extent,
+            weights,
+            weights_span,
+            surface: surface.0,
+            volumes: volumes.0,
+            correction_span,
+        };
+        if volumes.0 == Volumes::Partial {
+            horizon.weigh_volumes();
+        }
+        match check::correction(&horizon) {
+            None => Some(horizon),
+            Some(diagnostic) => {
+                self.error(diagnostic);
+                None
+            }
+        }
+    }
+
+    /// A correction of bonds, and where the scene asks for it.
+    fn correction<T: Words + PartialEq>(
+        &mut self,
+        table: &Table<'_>,
+        key: &'static str,
+        none: T,
+        context: &Context,
+    ) -> Option<(T, Option<Span>)> {
+        let Some(field) = table.field(key) else { return Some((none, None)) };
+        let (chosen, span) = (self.choice::<T>(field)?, field.node.span);
+        if chosen == none {
+            return Some((none, None));
+        }
+        if context.spacing == Some(0.0) {
+            let message = format!(
+                "`{key}` compares bonds with those inside the body's lattice, and the body is a cloud \
+                 of points"
+            );
+            let diagnostic = Diagnostic::error("conflicting-keys", span, message);
+            self.error(diagnostic.help(
+                "leave it out; energies of `F` and of gathered values need no correction at faces",
+            ));
+            return None;
+        }
+        Some((chosen, Some(span)))
     }
 
     fn weights(&mut self, table: &Table<'_>, context: &Context) -> Option<Weights> {

@@ -10,6 +10,7 @@ use piola_runtime::energy::{Energy, Wanted};
 use piola_runtime::kernel::{Law, Measure};
 use piola_runtime::lattice::{Lattice, Nodes};
 use piola_runtime::matrix::BlockMatrix;
+use piola_runtime::surface::{Surface, Weighting};
 use piola_runtime::weights::Weights;
 use rayon::ThreadPoolBuilder;
 
@@ -153,6 +154,32 @@ fn fours_give_what_batches_give() {
                     assert!(bars == [true; 4], "{psi}, {weights:?}, {strain}: {errors:?}");
                 }
             }
+        }
+    }
+}
+
+/// Lattices so small that hardly a bond repeats, with bonds corrected at faces.
+#[test]
+fn fours_know_of_corrections() {
+    for counts in [&[6, 4][..], &[4, 3, 3]] {
+        let body = body(counts, Nodes::Corners);
+        for surface in [Surface::Energy, Surface::Directional] {
+            let weighting = Weighting { surface, ..Weighting::from(Weights::Volumes) };
+            let of = |level| {
+                let laws = Laws { triangle: None, ..laws(BARE[0], level, counts.len()) };
+                let (body, horizon) = (Arc::clone(&body), 2.2 * SPACING);
+                DiscreteEnergy::new(body, horizon, weighting, laws).unwrap()
+            };
+            let (fours, batches) = (of(Level::Fast), of(Level::Strict));
+            assert_eq!(fours.report().ways, ["fours"]);
+            let u = displacements(&body, 0.1, 5);
+            let [found, expected] = [&fours, &batches].map(|energy| {
+                let (mut forces, mut parts) = (vec![0.0; u.len()], vec![0.0]);
+                energy.evaluate(&u, Wanted::Forces(&mut forces), &mut parts).unwrap();
+                [parts, forces].concat()
+            });
+            let error = distance(&found, &expected);
+            assert!(error < 4e-15, "{counts:?} {surface:?}: {error:e}");
         }
     }
 }

@@ -89,7 +89,7 @@ fn a_run_that_is_killed_goes_on_with_the_same_bits() {
         let mut child = start(&["run", &scene, "--out", &out_name]);
         wait_for_checkpoint(&mut child, &out);
         loop {
-            std::thread::sleep(time.mul_f64(random.next().abs()));
+            std::thread::sleep(time.mul_f64(0.5 * random.next().abs()));
             signal(&child, "-KILL");
             if child.wait().unwrap().success() {
                 break;

@@ -192,6 +192,11 @@ impl Names<'_> {
             Input::Current(m) => m.symbol().to_string(),
             Input::Reference(m) => m.reference_symbol().to_string(),
             Input::Change(m) => format!("({}/{} - 1)", m.symbol(), m.reference_symbol()),
+            Input::Part(part) => part.symbol().to_string(),
+            Input::PartAtRest(part) => part.reference_symbol().to_string(),
+            Input::PartChange(part) => {
+                format!("({}/{} - 1)", part.symbol(), part.reference_symbol())
+            }
             Input::Horizon => "delta".to_string(),
             Input::Variable(k) => component("F", k),
             Input::VariableChange(k) => component("H", k),

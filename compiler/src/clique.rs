@@ -138,6 +138,14 @@ impl Variable {
         Some(Variable { measure, points, inputs })
     }
 
+    /// As written: `a`, `l1`.
+    pub fn symbol(&self) -> &'static str {
+        match self.inputs[0] {
+            Input::Part(part) => part.symbol(),
+            _ => self.measure.symbol(),
+        }
+    }
+
     /// Whose measure it is, by their numbers in the interaction: the owner has number 0.
     pub fn points(&self) -> &[u8] {
         &self.points[..self.measure.points()]

@@ -41,8 +41,7 @@ pub enum Kind {
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Kind; 4] =
-        [Kind::Measures, Kind::Gradient, Kind::Gathered, Kind::Coupled];
+    pub const ALL: [Kind; 4] = [Kind::Measures, Kind::Gradient, Kind::Gathered, Kind::Coupled];
 }
 
 impl Model {

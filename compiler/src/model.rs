@@ -268,6 +268,15 @@ impl Model {
         Measure::ALL.into_iter().filter(has).collect()
     }
 
+    /// What energies of triangles (`clique` is the area) or tetrahedra are functions of, where one of them is
+    /// of several measures.
+    pub fn of_clique(&self, clique: Measure) -> Vec<&str> {
+        let coupled = self.variants[0].coupled_energies.iter().filter(|e| e.clique == clique);
+        let coupled: Vec<&str> = coupled.map(|energy| energy.head.as_str()).collect();
+        let alone = !coupled.is_empty() && self.measures().contains(&clique);
+        alone.then(|| clique.symbol()).into_iter().chain(coupled).collect()
+    }
+
     /// What its energies are functions of, as written: `l`, `a`, `v`, `F`, `l, m`, `a, l1, l2`.
     pub fn arguments(&self) -> Vec<&str> {
         let measures = self.measures().into_iter().map(Measure::symbol);

@@ -399,7 +399,10 @@ impl Simplifier {
     }
 
     fn is_positive(&self, x: NodeId) -> bool {
-        matches!(self.graph[x], Node::Input(Input::Reference(_) | Input::PartAtRest(_) | Input::Horizon))
+        matches!(
+            self.graph[x],
+            Node::Input(Input::Reference(_) | Input::PartAtRest(_) | Input::Horizon)
+        )
     }
 
     /// `l - L = L*e`

@@ -35,7 +35,9 @@ impl Named {
     /// What an input is a measure of; nothing of those that no triangle or tetrahedron has.
     fn of(input: Input) -> Option<Named> {
         match input {
-            Input::Current(m) | Input::Reference(m) if m != Measure::Length => Some(Named::Whole(m)),
+            Input::Current(m) | Input::Reference(m) if m != Measure::Length => {
+                Some(Named::Whole(m))
+            }
             Input::Part(part) | Input::PartAtRest(part) => Some(Named::Part(part)),
             _ => None,
         }
@@ -220,7 +222,8 @@ impl Builder<'_> {
             ),
             (None, Input::Integral(_)) => (
                 "an integral over a family".to_string(),
-                "only bonds and points have gathered values: `psi(l, theta)`, `psi(theta)`".to_string(),
+                "only bonds and points have gathered values: `psi(l, theta)`, `psi(theta)`"
+                    .to_string(),
             ),
             (None, _) => (
                 "the deformation gradient".to_string(),
@@ -230,7 +233,9 @@ impl Builder<'_> {
         let symbols: Vec<&str> = match foreign {
             Some(Named::Part(part)) => vec![part.symbol(), part.reference_symbol()],
             Some(Named::Whole(m)) => vec![m.symbol(), m.reference_symbol()],
-            None => own.into_iter().flatten().flat_map(|m| [m.symbol(), m.reference_symbol()]).collect(),
+            None => {
+                own.into_iter().flatten().flat_map(|m| [m.symbol(), m.reference_symbol()]).collect()
+            }
         };
         let place = parts(arena, energy.body).into_iter().find(
             |id| matches!(&arena[*id].kind, ExprKind::Name(name) if symbols.contains(&&**name)),

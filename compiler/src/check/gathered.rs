@@ -7,7 +7,7 @@ use super::dimension::Dimension;
 use super::elaborate::Elaborator;
 use super::statement::Builder;
 use super::symbols::Symbol;
-use super::value::{GRADIENT, INTEGRAL, PART, Kind, Quantity, Value};
+use super::value::{GRADIENT, INTEGRAL, Kind, PART, Quantity, Value};
 use crate::expression::{Input, Node};
 use crate::measure::Measure;
 use crate::model::{GatheredEnergy, Integral};

@@ -43,7 +43,9 @@ fn reordered(
                 place.push(id);
                 continue;
             }
-            Node::Input(Input::Part(part)) => Node::Input(Input::Part(part.reordered(clique, order))),
+            Node::Input(Input::Part(part)) => {
+                Node::Input(Input::Part(part.reordered(clique, order)))
+            }
             Node::Input(Input::PartAtRest(part)) => {
                 Node::Input(Input::PartAtRest(part.reordered(clique, order)))
             }

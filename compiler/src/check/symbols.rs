@@ -182,7 +182,8 @@ pub(crate) fn is_coupled(ast: &Ast, energy: &Energy) -> bool {
     let is_part = |name: &str| Part::from_symbol(name).is_some() && !is_defined(ast, name);
     let is_whole = |name: &str| matches!(name, "a" | "v");
     let first = energy.measure.name.as_str();
-    is_part(first) || (is_whole(first) && names().skip(1).any(|name| is_part(name) || is_whole(name)))
+    is_part(first)
+        || (is_whole(first) && names().skip(1).any(|name| is_part(name) || is_whole(name)))
 }
 
 /// Whether an energy was meant to be one of the deformation gradient: `psi(C)`, `psi(J)`, `psi(U)`.

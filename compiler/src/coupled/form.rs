@@ -81,9 +81,8 @@ fn accurate(
             target.input(there(input).unwrap_or(input))
         })?;
         let own = rewritten(&mut lent, &own, length)?;
-        (graph, roots) = substituted(&lent, &own, |target, input| {
-            target.input(back(input).unwrap_or(input))
-        })?;
+        (graph, roots) =
+            substituted(&lent, &own, |target, input| target.input(back(input).unwrap_or(input)))?;
     }
     Ok((graph, roots))
 }

@@ -176,9 +176,10 @@ impl WrittenCoupledEnergy {
         let now = |own: Input| place(own).map_or(N::constant(f64::NAN), &variable);
         let before = |own: Input| place(own).map_or(N::constant(f64::NAN), &rest);
         self.energy.sum(|input| match input {
-            Input::Part(Part::Angle(k)) => {
-                angle(now(Input::Current(Measure::Area)), Part::sides(k).map(|s| now(Input::Part(s))))
-            }
+            Input::Part(Part::Angle(k)) => angle(
+                now(Input::Current(Measure::Area)),
+                Part::sides(k).map(|s| now(Input::Part(s))),
+            ),
             Input::PartAtRest(Part::Angle(k)) => angle(
                 before(Input::Reference(Measure::Area)),
                 Part::sides(k).map(|s| before(Input::PartAtRest(s))),

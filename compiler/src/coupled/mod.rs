@@ -7,6 +7,8 @@
 
 mod form;
 mod kernel;
+#[cfg(test)]
+mod tests;
 
 pub use kernel::{CoupledBatch, CoupledKernel, WrittenCoupledEnergy};
 
@@ -83,24 +85,46 @@ impl Model {
         clique: Measure,
         which: Form,
     ) -> Result<(Option<CoupledForm>, Vec<Dropped>), CompileError> {
-        let variant =
-            self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+        let (fold, is_missing) = (known(values), values.horizon.is_nan());
+        self.form_of(values.dimension, clique, (&fold, is_missing), (which, &values.fields))
+    }
+
+    /// The same with parameters left as symbols, as written.
+    ///
+    /// # Errors
+    /// As for [`Model::specialise`].
+    pub fn symbolic_coupled(
+        &self,
+        dimension: usize,
+        clique: Measure,
+    ) -> Result<Option<CoupledForm>, CompileError> {
+        let nothing = (&|_| None, false);
+        Ok(self.form_of(dimension, clique, nothing, (Form::Textbook, &[]))?.0)
+    }
+
+    fn form_of(
+        &self,
+        dimension: usize,
+        clique: Measure,
+        (fold, is_missing): (&impl Fn(Input) -> Option<f64>, bool),
+        (which, fields): (Form, &[u16]),
+    ) -> Result<(Option<CoupledForm>, Vec<Dropped>), CompileError> {
+        let variant = self.variant(dimension).ok_or(CompileError::WrongDimension(dimension))?;
         let Some(first) = energies(variant, clique).next() else { return Ok((None, Vec::new())) };
         let argument = argument(variant, clique);
-        if clique == Measure::Volume && values.dimension == 2 {
+        if clique == Measure::Volume && dimension == 2 {
             let reason =
                 format!("psi({argument}) is dropped: there are no tetrahedra in two dimensions");
             return Ok((None, vec![Dropped { argument, reason }]));
         }
         let named = Named { argument: &argument, span: first.span };
         let roots: Vec<NodeId> = energies(variant, clique).map(|energy| energy.root).collect();
-        named.has_horizon(&variant.graph, &roots, values.horizon.is_nan())?;
+        named.has_horizon(&variant.graph, &roots, is_missing)?;
         let (mut dropped, mut graph, mut psi) = (Vec::new(), Simplifier::new(), None);
         for energy in energies(variant, clique) {
             let subject = (energy.head.as_str(), energy.orders.as_slice());
-            let (exact, fold) = (Simplifier::exact(), known(values));
-            let sum =
-                sum_in(exact, &variant.graph, &self.parameters, subject, &fold, &mut dropped);
+            let (exact, parameters) = (Simplifier::exact(), &self.parameters);
+            let sum = sum_in(exact, &variant.graph, parameters, subject, fold, &mut dropped);
             let Some((exact, root)) = named.made(sum)? else { continue };
             let added = (|| {
                 let place = folded_into(&mut graph, exact.graph(), &[root])?;
@@ -111,7 +135,7 @@ impl Model {
             psi = Some(named.made(added)?);
         }
         let Some(psi) = psi else { return Ok((None, dropped)) };
-        let made = form::make(graph, psi, clique, which, &values.fields);
+        let made = form::make(graph, psi, clique, which, fields);
         let made = named.made(made)?;
         named.fits(&made.density.graph)?;
         Ok((Some(made), dropped))

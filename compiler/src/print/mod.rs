@@ -4,6 +4,7 @@
 //! a line, gets a name of its own (`t1 = ..`), so the text is never larger than the graph.
 
 mod c;
+mod coupled;
 mod gradient;
 mod latex;
 mod listing;
@@ -16,6 +17,7 @@ mod tests;
 mod text;
 
 pub use c::c_source;
+pub use coupled::{coupled_latex, coupled_listing, coupled_text};
 pub use gradient::{gradient_latex, gradient_listing, gradient_text};
 pub use latex::latex;
 pub use listing::{graph_listing, model_listing};

@@ -69,7 +69,8 @@ impl CoupledElement {
         let psi = |signed: usize, stretch: f64| {
             let (mut current, mut change, mut psi) = (vec![1.0; n], vec![0.0; n], [0.0]);
             (current[signed], change[signed]) = (stretch, stretch - 1.0);
-            let at = Variables { n: 1, current: &current, change: &change, given: &given, laws: &[] };
+            let at =
+                Variables { n: 1, current: &current, change: &change, given: &given, laws: &[] };
             law.evaluate(at, &mut psi, &mut []);
             psi[0]
         };

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use num_dual::HyperDual64;
 use piola_compiler::{
-    CoupledKernel, Dropped, GatheredKernels, Interval, Kernel, Mode, Model, Setting, ValueError, Values,
-    check_text, check_text_with,
+    CoupledKernel, Dropped, GatheredKernels, Interval, Kernel, Mode, Model, Setting, ValueError,
+    Values, check_text, check_text_with,
 };
 use piola_grammar::Diagnostic;
 use piola_mechanics::assembly::Elements;
@@ -143,13 +143,15 @@ impl Potential {
             .map_err(|error| CaseError::compile(&self.text, &error))?;
         let mut elements = Elements::default();
         if by_coordinates && !coupled.is_empty() {
-            let message = "derivatives by hyper-dual coordinates know energies of one measure: choose \
+            let message =
+                "derivatives by hyper-dual coordinates know energies of one measure: choose \
                            \"hyperdual\", which takes several by the measures"
-                .to_string();
+                    .to_string();
             return Err(CaseError::Body { message });
         }
         let measures = kernels.iter().map(Kernel::measure);
-        let mut measures: Vec<Measure> = measures.chain(coupled.iter().map(|k| k.clique())).collect();
+        let mut measures: Vec<Measure> =
+            measures.chain(coupled.iter().map(|k| k.clique())).collect();
         measures.sort_unstable();
         measures.dedup();
         for kernel in kernels {

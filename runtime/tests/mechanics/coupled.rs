@@ -168,7 +168,7 @@ fn an_angle_belongs_to_each_corner_in_turn() {
             DiscreteEnergy::with_elements(Arc::clone(&body), 0.21, weights, elements).unwrap();
         let mut u = vec![0.0; 6];
         for point in 0..3 {
-            let k = order[body.user_index()[point]];
+            let k = order[body.user_index()[point] as usize];
             for axis in 0..2 {
                 u[point * 2 + axis] = moved[k][axis] - x[k][axis];
             }

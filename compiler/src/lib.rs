@@ -16,7 +16,9 @@
 mod affine;
 pub mod audit;
 pub mod check;
+mod clique;
 pub mod compile;
+pub mod coupled;
 mod density;
 pub mod differentiate;
 mod example;
@@ -42,7 +44,9 @@ pub mod verify;
 mod written;
 
 pub use check::{CODES, Files, check, check_text, check_text_with};
+pub use clique::{Part as CliquePart, Variable};
 pub use compile::{Compiled, Kind};
+pub use coupled::{CoupledBatch, CoupledKernel, MAX_VARIABLES};
 pub use density::DensityForm;
 pub use formula::{CompiledFormula, Formula};
 pub use gathered::{GatheredBatch, GatheredKernel, GatheredKernels, Integrand};

@@ -107,6 +107,7 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
         Subject::Gathered(_) => {
             ("points", "largest errors against hyper-dual numbers in u = 2^-53", 0)
         }
+        Subject::Coupled(_) => ("points", "largest errors in u = 2^-53 of the largest part", 0),
     };
     let verdict = match found.outcome() {
         Outcome::Passed => "passed",

@@ -10,6 +10,7 @@
 
 mod call;
 mod constant;
+mod coupled;
 pub mod dimension;
 mod domain;
 mod elaborate;
@@ -17,6 +18,7 @@ mod foreign;
 mod gathered;
 mod in_unit;
 mod names;
+mod orders;
 mod quantity;
 mod statement;
 mod stretch;

@@ -107,7 +107,10 @@ impl Model {
     /// says that the body has further energies that may make it stiff.
     pub fn unfit_at_rest(&self, values: &Values, others: bool) -> Vec<Diagnostic> {
         let subjects = Subject::all(self, values);
-        let others = others || self.has_gradient_energy() || self.has_gathered_energy();
+        let others = others
+            || self.has_gradient_energy()
+            || self.has_gathered_energy()
+            || !self.coupled().is_empty();
         let is_bond = |subjects: &[Subject<'_>]| subjects[0].measure() == Measure::Length;
         let mut found = Vec::new();
         for lint in LINTS.iter().filter(|l| !self.allowed.iter().any(|code| code == l.code)) {

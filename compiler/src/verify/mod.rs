@@ -10,10 +10,12 @@
 //! | `measure` | energies of measures, and of their squares |
 //! | `gradient` | energies of the deformation gradient |
 //! | `gathered` | energies of gathered values |
+//! | `coupled` | energies of several measures of one interaction |
 //! | `cause`, `stated` | which subexpression loses digits, and what it is in the text |
 //! | [`sample`], [`truth`] | points to try energies of measures at, and their values there to any precision |
 
 pub(crate) mod cause;
+mod coupled;
 mod gathered;
 mod gradient;
 mod measure;
@@ -91,6 +93,8 @@ pub enum Subject {
     Argument(Argument),
     /// Gathered values, as written: `theta`; `l, m`.
     Gathered(String),
+    /// Several measures of one interaction, as written: `a, l1, l2`.
+    Coupled(String),
 }
 
 /// What an energy is held against, and where.
@@ -159,7 +163,7 @@ impl Subject {
     pub fn symbol(&self) -> &str {
         match self {
             Subject::Argument(argument) => argument.symbol(),
-            Subject::Gathered(head) => head,
+            Subject::Gathered(head) | Subject::Coupled(head) => head,
         }
     }
 
@@ -167,7 +171,7 @@ impl Subject {
     pub fn orders(&self) -> [&'static str; 3] {
         match self {
             Subject::Argument(argument) => argument.orders(),
-            Subject::Gathered(_) => ["psi", "gradient", "product"],
+            Subject::Gathered(_) | Subject::Coupled(_) => ["psi", "gradient", "product"],
         }
     }
 }
@@ -306,6 +310,7 @@ pub fn verify(
     let mut found = measure::verify(model, variant, values, &ways, n)?;
     found.extend(gathered::verify((model, variant), values, &ways, n));
     found.extend(gradient::verify(model, values, &ways, n));
+    found.extend(coupled::verify((model, variant), values, &ways, n));
     Ok((found, ways.interpreted.dropped))
 }
 

@@ -2,6 +2,7 @@
 
 mod common;
 mod consistency;
+mod coupled;
 mod differences;
 mod extremes;
 mod extremes_solved;

@@ -42,8 +42,8 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
     if loaded.model.has_gathered_energy() {
         console::note("derivatives of energies of gathered values are not printed");
     }
-    if !loaded.model.coupled().is_empty() && (arguments.explain || arguments.emit == Emit::C) {
-        console::note("energies of several measures are neither explained nor printed in C");
+    if !loaded.model.coupled().is_empty() && arguments.explain {
+        console::note("energies of several measures are not explained: see `piola verify`");
     }
     if arguments.explain {
         return explain(&loaded, dimension, arguments);
@@ -136,7 +136,11 @@ fn coupled(
             true => model.symbolic_coupled(dimension, clique),
             false => {
                 let (values, _) = all_values(loaded, dimension, arguments)?;
-                model.specialise_coupled(&values, clique, Form::Accurate).map(|(form, _)| form)
+                let made = model.specialise_coupled(&values, clique, Form::Accurate);
+                made.map(|(form, dropped)| {
+                    dropped.iter().for_each(|dropped| console::note(&dropped.reason));
+                    form
+                })
             }
         };
         match made {
@@ -296,7 +300,9 @@ fn emit(
     let model = &loaded.model;
     let listing = |energy| CompiledKernel::listing(energy, arguments.level.into());
     if arguments.emit == Emit::C {
-        return Ok(print::c_source(model, &specialised.energies, gradient));
+        let first = print::c_source(model, &specialised.energies, gradient);
+        let several = coupled.iter().map(|(clique, form)| print::coupled_c(model, *clique, form));
+        return Ok(std::iter::once(first).chain(several).collect::<Vec<_>>().join("\n"));
     }
     let mut parts = Vec::new();
     for energy in &specialised.energies {

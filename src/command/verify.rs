@@ -107,7 +107,7 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
         Subject::Gathered(_) => {
             ("points", "largest errors against hyper-dual numbers in u = 2^-53", 0)
         }
-        Subject::Coupled(_) => ("points", "largest errors in u = 2^-53 of the largest part", 0),
+        Subject::Coupled(..) => ("points", "largest errors in u = 2^-53 of the largest part", 0),
     };
     let verdict = match found.outcome() {
         Outcome::Passed => "passed",
@@ -295,6 +295,10 @@ fn place_of(subject: &Subject, miss: &Miss) -> String {
         Subject::Argument(Argument::Measure(measure) | Argument::Square(measure)) => {
             let (m, rest) = (miss.place[0], miss.place[1]);
             format!("{symbol} = {m:e}, {} = {rest:e}", measure.reference_symbol())
+        }
+        Subject::Coupled(_, symbols) => {
+            let changes: Vec<String> = miss.place.iter().map(|x| format!("{x:.1e}")).collect();
+            format!("changes of {} by ({}) of themselves", symbols.join(", "), changes.join(", "))
         }
         _ => format!("{symbol} = {}", numbers(&miss.place)),
     }

@@ -6,7 +6,7 @@
 use rustc_hash::FxHashMap;
 
 use crate::clique::orders;
-use crate::expression::{ExprGraph, Input, Node, NodeId, Operator, TooManyNodes};
+use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
 
 /// The different expressions that a root becomes, itself first. Each stands for equally many orders.
@@ -60,6 +60,8 @@ fn reordered(
 #[derive(Default)]
 struct Alike {
     classes: FxHashMap<Shape, u32>,
+    /// Of classes that are the negative of each other.
+    opposite: FxHashMap<u32, u32>,
 }
 
 /// A node over classes.
@@ -81,25 +83,52 @@ impl Alike {
             if !needed[index] {
                 continue;
             }
-            let shape = match node {
+            let own = |operator: Operator, operand: NodeId| match &rows[operand.0 as usize] {
+                Some((same, own)) if *same == operator => own.clone(),
+                _ => vec![class[operand.0 as usize]],
+            };
+            let negated = |alike: &mut Alike, operand: NodeId| -> Vec<u32> {
+                let own = own(Operator::Add, operand);
+                own.into_iter().map(|class| alike.negated(class)).collect()
+            };
+            let row = match node {
                 Node::Binary(operator, x, y) if is_commutative(operator) => {
-                    let mut row: Vec<u32> = Vec::new();
-                    for operand in [x, y] {
-                        match &rows[operand.0 as usize] {
-                            Some((same, own)) if *same == operator => row.extend(own),
-                            _ => row.push(class[operand.0 as usize]),
-                        }
-                    }
+                    Some((operator, [own(operator, x), own(operator, y)].concat()))
+                }
+                Node::Binary(Operator::Subtract, x, y) => {
+                    Some((Operator::Add, [own(Operator::Add, x), negated(self, y)].concat()))
+                }
+                Node::Unary(Function::Negate, x) => Some((Operator::Add, negated(self, x))),
+                _ => None,
+            };
+            class[index] = match row {
+                Some((_, row)) if row.len() == 1 => row[0],
+                Some((operator, mut row)) => {
                     row.sort_unstable();
                     rows[index] = Some((operator, row.clone()));
-                    Shape::Row(operator, row)
+                    self.known(Shape::Row(operator, row))
                 }
-                node => Shape::Other(node.map_operands(|x| NodeId(class[x.0 as usize]))),
+                None => {
+                    self.known(Shape::Other(node.map_operands(|x| NodeId(class[x.0 as usize]))))
+                }
             };
-            let next = self.classes.len() as u32;
-            class[index] = *self.classes.entry(shape).or_insert(next);
         }
         class[root.0 as usize]
+    }
+
+    fn known(&mut self, shape: Shape) -> u32 {
+        let next = self.classes.len() as u32;
+        *self.classes.entry(shape).or_insert(next)
+    }
+
+    /// The class of what is negative to a class.
+    fn negated(&mut self, class: u32) -> u32 {
+        if let Some(known) = self.opposite.get(&class) {
+            return *known;
+        }
+        let own = self.known(Shape::Other(Node::Unary(Function::Negate, NodeId(class))));
+        self.opposite.extend([(class, own), (own, class)]);
+        own
     }
 }
 
@@ -125,6 +154,9 @@ mod tests {
             ("psi(a, l1, l2, l3) = a^2/(l1*l2*l3)", 1),
             ("psi(angle) = f(angle)", 3),
             ("psi(angle, l1, l2) = f(angle)*f(l1)*f(l2)", 3),
+            ("psi(angle, l1, l2) = f(angle)*exp(2 - l1/L1 - l2/L2)", 3),
+            ("psi(angle, l1, l2) = f(angle)*exp(-(l1/L1 - 1) - (l2/L2 - 1))", 3),
+            ("psi(l1, l2) = (l1 - l2)*exp(l1 + l2)", 6),
             ("psi(a, l1) = a*l1", 3),
             ("psi(l1, l2) = l1*l2", 3),
             ("psi(a, l1, l2) = a*l1^2/l2", 6),

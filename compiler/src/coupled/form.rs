@@ -1,10 +1,10 @@
 //! The form in which an energy of several measures is evaluated.
 //!
 //! Rules that keep digits know one measure at a time, lengths of bonds for instance: each measure takes
-//! that place in turn. What an angle changes by follows from what sides and area change by, so that it
+//! that place in turn, after sums of several. What an angle changes by follows from what sides and area change by, so that it
 //! keeps the digits of these.
 
-use super::{CoupledForm, variables};
+use super::{CoupledForm, sums, variables};
 use crate::clique::{Part, Variable};
 use crate::density::DensityForm;
 use crate::expression::{Input, Node, NodeId, Operator, TooManyNodes};
@@ -58,11 +58,12 @@ fn inputs(variables: &[Variable]) -> Vec<Input> {
 
 /// The roots in the form that keeps the digits of every measure.
 fn accurate(
-    mut graph: Simplifier,
+    graph: Simplifier,
     roots: Vec<NodeId>,
     clique: Measure,
     parts: &[Input],
 ) -> Result<(Simplifier, Vec<NodeId>), TooManyNodes> {
+    let (mut graph, roots) = sums::by_changes(&graph, &roots)?;
     let mut roots = rewritten(&mut graph, &roots, clique)?;
     for part in parts {
         let Input::Part(part) = *part else { continue };

@@ -78,7 +78,7 @@ impl CoupledKernel {
         &self.variables
     }
 
-    /// The same as written: `a, l1, l2`; `a, l1), psi(angle`.
+    /// The same as written: `a, l1, l2`; `a, l1) + psi(angle`.
     pub fn argument(&self) -> &str {
         &self.argument
     }

@@ -7,6 +7,7 @@
 
 mod form;
 mod kernel;
+mod sums;
 #[cfg(test)]
 mod tests;
 
@@ -40,7 +41,7 @@ fn energies(variant: &Variant, clique: Measure) -> impl Iterator<Item = &Coupled
     variant.coupled_energies.iter().filter(move |energy| energy.clique == clique)
 }
 
-/// What the energies are functions of, as written: `a, l1, l2`.
+/// What the energies are functions of, as written: `a, l1, l2`; of several side by side, `a, l1) + psi(angle`.
 pub(crate) fn argument(variant: &Variant, clique: Measure) -> String {
     let mut heads: Vec<&str> = Vec::new();
     for energy in energies(variant, clique) {
@@ -48,11 +49,11 @@ pub(crate) fn argument(variant: &Variant, clique: Measure) -> String {
             heads.push(&energy.head);
         }
     }
-    heads.join("), psi(")
+    heads.join(") + psi(")
 }
 
 /// What some roots depend on: the measure of the whole, edges, faces. An angle stands for the area and the
-/// sides that it follows from.
+/// sides that it follows from, the whole for nothing at all.
 fn variables(graph: &ExprGraph, roots: &[NodeId], clique: Measure) -> Vec<Variable> {
     let needed = graph.reachable(roots);
     let (mut whole, mut parts) = (false, Vec::new());
@@ -62,14 +63,16 @@ fn variables(graph: &ExprGraph, roots: &[NodeId], clique: Measure) -> Vec<Variab
                 whole = true;
                 parts.extend(Part::sides(k));
             }
-            Node::Input(Input::Part(part) | Input::PartAtRest(part)) => parts.push(part),
-            Node::Input(Input::Current(_) | Input::Reference(_)) => whole = true,
+            Node::Input(Input::Part(part) | Input::PartAtRest(part) | Input::PartChange(part)) => {
+                parts.push(part);
+            }
+            Node::Input(Input::Current(_) | Input::Reference(_) | Input::Change(_)) => whole = true,
             _ => {}
         }
     }
     parts.sort_unstable();
     parts.dedup();
-    let whole = whole.then(|| Variable::whole(clique));
+    let whole = (whole || parts.is_empty()).then(|| Variable::whole(clique));
     whole.into_iter().chain(parts.iter().filter_map(|part| Variable::of(*part, clique))).collect()
 }
 

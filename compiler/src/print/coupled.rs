@@ -1,13 +1,14 @@
-//! Energies of several measures with their derivatives by each, as text, LaTeX, listings.
+//! Energies of several measures with their derivatives by each, as text, LaTeX, listings, C.
 
 use std::fmt::Write as _;
 
+use super::c::statements;
 use super::latex::Latex;
 use super::text::Text;
 use super::{Names, lines};
 use crate::clique::Variable;
 use crate::coupled::{CoupledForm, argument};
-use crate::expression::NodeId;
+use crate::expression::{Input, NodeId};
 use crate::measure::Measure;
 use crate::model::Model;
 
@@ -22,9 +23,11 @@ fn roots(
 }
 
 fn head(model: &Model, clique: Measure) -> String {
-    model.dimensions().last().and_then(|d| model.variant(d)).map_or_else(String::new, |variant| {
-        format!("psi({})", argument(variant, clique).replace("), psi(", ") + psi("))
-    })
+    model
+        .dimensions()
+        .last()
+        .and_then(|d| model.variant(d))
+        .map_or_else(String::new, |variant| format!("psi({})", argument(variant, clique)))
 }
 
 /// What the letters mean, where there is an angle.
@@ -71,6 +74,52 @@ pub fn coupled_listing(model: &Model, clique: Measure, form: &CoupledForm) -> St
     let by = |variable: &Variable| format!("dpsi/d{}", variable.symbol());
     for (name, root) in roots(form, head(model, clique), by) {
         let _ = writeln!(out, "{name} = %{}", root.0);
+    }
+    out
+}
+
+/// Two C functions, to follow those of [`super::c_source`]:
+/// `void NAME_triangle(size_t n, const double *measures, const double *reference, const double *change,
+/// double *psi, double *gradient)` and
+/// `void NAME_triangle_product(size_t n, .., const double *direction, double *product)`, or `tetrahedron`.
+/// Arrays hold measure after measure of `n` interactions, in the order that a comment gives; `change` is
+/// the measure over that at rest, less 1.
+pub fn coupled_c(model: &Model, clique: Measure, form: &CoupledForm) -> String {
+    let entry = |array: &str, k: usize| format!("{array}[{k} * n + i]");
+    let input = |input| {
+        let of = |variable: &Variable| variable.inputs.iter().position(|own| *own == input);
+        let found = form.variables.iter().map(of).enumerate();
+        match (input, found.filter_map(|(k, place)| Some((k, place?))).next()) {
+            (Input::Direction(k), _) => entry("direction", usize::from(k)),
+            (_, Some((k, place))) => entry(["measures", "reference", "change"][place], k),
+            // Specialisation has put numbers in the place of all others.
+            _ => "NAN".into(),
+        }
+    };
+    let name = format!("{}_{}", model.name(), clique.interaction());
+    let symbols: Vec<&str> = form.variables.iter().map(Variable::symbol).collect();
+    let mut out = format!("/* measures of a {}: {} */\n", clique.interaction(), symbols.join(", "));
+    let density = &form.density;
+    for (name, arrays, with_direction) in [
+        (name.clone(), "double *psi, double *gradient", false),
+        (format!("{name}_product"), "const double *direction, double *product", true),
+    ] {
+        let (array, roots) = match with_direction {
+            true => ("product", &density.product),
+            false => ("gradient", &density.gradient),
+        };
+        let psi = Some(("psi[i]".to_string(), density.psi)).filter(|_| !with_direction);
+        let all = roots.iter().enumerate().map(|(k, root)| (entry(array, k), *root));
+        let (targets, roots): (Vec<String>, Vec<NodeId>) = psi.into_iter().chain(all).unzip();
+        let (graph, roots) = density.graph.extract(&roots);
+        let _ = write!(
+            out,
+            "\nvoid {name}(size_t n, const double *measures, const double *reference,\n\
+             \x20   const double *change, {arrays}) {{\n\
+             \x20 for (size_t i = 0; i < n; i++) {{\n"
+        );
+        statements(&mut out, &graph, &input, targets.into_iter().zip(roots));
+        out.push_str("  }\n}\n");
     }
     out
 }

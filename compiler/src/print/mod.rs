@@ -17,7 +17,7 @@ mod tests;
 mod text;
 
 pub use c::c_source;
-pub use coupled::{coupled_latex, coupled_listing, coupled_text};
+pub use coupled::{coupled_c, coupled_latex, coupled_listing, coupled_text};
 pub use gradient::{gradient_latex, gradient_listing, gradient_text};
 pub use latex::latex;
 pub use listing::{graph_listing, model_listing};

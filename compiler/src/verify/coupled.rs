@@ -3,6 +3,7 @@
 
 use super::sample::Random;
 use super::{Subject, Verification, Ways, Witness};
+use crate::clique::Variable;
 use crate::coupled::{CoupledBatch, CoupledKernel, WrittenCoupledEnergy, argument};
 use crate::expression::Operator;
 use crate::expression::number::Number;
@@ -34,7 +35,8 @@ pub(super) fn verify(
         let [Some((kernel, strict)), Some(fast), Some(interpreted), Some(dual)] = found else {
             return None;
         };
-        let subject = Subject::Coupled(argument(variant, clique));
+        let symbols = kernel.variables().iter().map(Variable::symbol).collect();
+        let subject = Subject::Coupled(argument(variant, clique), symbols);
         let mut verification = Verification::new(subject, &[(Witness::HyperDual, BAR)]);
         let written = model.written_coupled(values, clique, kernel.variables());
         for (p, place) in strict.iter().enumerate() {
@@ -45,7 +47,7 @@ pub(super) fn verify(
             verification.undecided += usize::from(decides);
             for level in [place, &fast.1[p]] {
                 let found = [&*level.values, &*truth, dual];
-                verification.compare(0, &place.variables, found, largest);
+                verification.compare(0, &place.change, found, largest);
             }
         }
         Some(verification)

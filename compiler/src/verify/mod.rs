@@ -93,8 +93,8 @@ pub enum Subject {
     Argument(Argument),
     /// Gathered values, as written: `theta`; `l, m`.
     Gathered(String),
-    /// Several measures of one interaction, as written: `a, l1, l2`.
-    Coupled(String),
+    /// Several measures of one interaction: as written, `angle`, and what that follows from, `a`, `l1` ..
+    Coupled(String, Vec<&'static str>),
 }
 
 /// What an energy is held against, and where.
@@ -123,7 +123,8 @@ pub struct Errors {
 /// A value outside its tolerance: one number, or one for each variable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Miss {
-    /// What the energy is given: a measure and its value at rest; `F`, row by row; variables.
+    /// What the energy is given: a measure and its value at rest; `F`, row by row; variables; of several
+    /// measures what they change by, in parts of themselves.
     pub place: Vec<f64>,
     /// 0 for psi, 1 and 2 for its derivatives.
     pub order: usize,
@@ -163,7 +164,7 @@ impl Subject {
     pub fn symbol(&self) -> &str {
         match self {
             Subject::Argument(argument) => argument.symbol(),
-            Subject::Gathered(head) | Subject::Coupled(head) => head,
+            Subject::Gathered(head) | Subject::Coupled(head, _) => head,
         }
     }
 
@@ -171,7 +172,7 @@ impl Subject {
     pub fn orders(&self) -> [&'static str; 3] {
         match self {
             Subject::Argument(argument) => argument.orders(),
-            Subject::Gathered(_) | Subject::Coupled(_) => ["psi", "gradient", "product"],
+            Subject::Gathered(_) | Subject::Coupled(..) => ["psi", "gradient", "product"],
         }
     }
 }

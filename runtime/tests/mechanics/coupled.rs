@@ -69,8 +69,10 @@ fn all(energy: &DiscreteEnergy, u: &[f64]) -> (f64, Vec<f64>, Vec<f64>) {
 fn an_energy_of_the_whole_alone_is_that_energy() {
     for (d, alone, several) in [
         (2, "psi(a) = ln(a/A)^2", "psi(a, l1) = ln(a/A)^2"),
+        (2, "psi(a) = (a/A - 1)^2", "psi(a, l1) = (a/A - 1)^2"),
         (3, "psi(a) = A*(a/A - 1)^2", "psi(a, l1) = A*(a/A - 1)^2"),
         (3, "psi(v) = V*ln(v/V)^2", "psi(v, a1, l2) = V*ln(v/V)^2"),
+        (3, "psi(v) = (v/V - 1)^2", "psi(v, l6) = (v/V - 1)^2"),
     ] {
         let body = body(d);
         for strain in [0.05, 1e-9] {
@@ -143,26 +145,75 @@ fn forces_and_moments_sum_to_zero() {
     }
 }
 
-/// A triangle by hand: the mean over its corners, in whatever order its points stand.
+/// Turns by angles about an axis: the energy stays, forces turn with the body, products are those of the
+/// stored tangent.
+#[test]
+fn a_rotation_turns_the_forces_and_keeps_the_energy() {
+    for d in [2, 3] {
+        let body = body(d);
+        let energy = energy(RICH, &body);
+        let u = displacements(&body, 0.05, 11);
+        let (psi, forces, tangent) = all(&energy, &u);
+        let mut product = vec![0.0; u.len()];
+        energy.hessian(&u).unwrap().multiply(&u, &mut product);
+        let rows = tangent.chunks_exact(u.len());
+        let expected: Vec<f64> =
+            rows.map(|row| row.iter().zip(&u).map(|(k, x)| k * x).sum()).collect();
+        assert!(distance(&product, &expected) < 1e-13, "{:e}", distance(&product, &expected));
+        for angle in [0.02, 1.0, 3.1] {
+            let (s, c) = (libm::sin(angle), libm::cos(angle));
+            let turn = |rows: &[f64]| -> Vec<f64> {
+                let turned = rows.chunks_exact(d).flat_map(|x| {
+                    let plane = [c * x[0] - s * x[1], s * x[0] + c * x[1]];
+                    plane.into_iter().chain(x[2..].iter().copied()).collect::<Vec<f64>>()
+                });
+                turned.collect()
+            };
+            let rest = body.positions();
+            let now: Vec<f64> = rest.iter().zip(&u).map(|(x, u)| x + u).collect();
+            let turned: Vec<f64> = turn(&now).iter().zip(rest).map(|(now, x)| now - x).collect();
+            let (turned_psi, turned_forces, _) = all(&energy, &turned);
+            // Rounded positions strain a bond of 0.1 by u*0.4/0.1, a part u*4/0.05 of its strain.
+            let rounding = U * 4.0 / 0.05;
+            assert!((turned_psi - psi).abs() <= 8.0 * rounding * psi, "{angle} in {d} dimensions");
+            let error = distance(&turned_forces, &turn(&forces));
+            assert!(error <= 16.0 * rounding, "{angle} in {d} dimensions: {error:e}");
+        }
+    }
+}
+
+/// A triangle by hand: the mean over all orders of its points, in whatever order these stand.
 #[test]
 fn an_angle_belongs_to_each_corner_in_turn() {
     let x = [[0.0, 0.0], [0.1, 0.02], [0.03, 0.09]];
     let moved = [[0.01, 0.0], [0.11, 0.05], [0.02, 0.1]];
-    let angle = |at: &[[f64; 2]; 3], corner: usize| {
-        let side = |k: usize| {
-            let to = at[(corner + k) % 3];
-            [to[0] - at[corner][0], to[1] - at[corner][1]]
-        };
-        let (p, q) = (side(1), side(2));
-        let length = |p: [f64; 2]| libm::hypot(p[0], p[1]);
+    let side = |at: &[[f64; 2]; 3], from: usize, to: usize| -> [f64; 2] {
+        [at[to][0] - at[from][0], at[to][1] - at[from][1]]
+    };
+    let length = |p: [f64; 2]| libm::hypot(p[0], p[1]);
+    let angle = |at: &[[f64; 2]; 3], [corner, first, second]: [usize; 3]| {
+        let (p, q) = (side(at, corner, first), side(at, corner, second));
         libm::acos((p[0] * q[0] + p[1] * q[1]) / (length(p) * length(q)))
     };
-    let changed = |corner: usize| angle(&moved, corner) - angle(&x, corner);
-    let expected = (0..3).map(|corner| changed(corner) * changed(corner)).sum::<f64>() / 3.0;
-    for order in [[0, 1, 2], [2, 0, 1], [1, 0, 2]] {
+    let orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+    let mean = |psi: &dyn Fn([usize; 3]) -> f64| orders.map(psi).iter().sum::<f64>() / 6.0;
+    let changed = |order| angle(&moved, order) - angle(&x, order);
+    let stretch =
+        |from: usize, to: usize| length(side(&moved, from, to)) / length(side(&x, from, to));
+    let alone = mean(&|order| changed(order) * changed(order));
+    let with_sides = mean(&|order @ [corner, first, second]| {
+        let (p, q) = (stretch(corner, first), stretch(corner, second));
+        p * q * q * changed(order) * changed(order)
+    });
+    let cases = [
+        ("psi(angle) = (angle - Angle)^2", alone),
+        ("psi(angle, l1, l2) = l1/L1*(l2/L2)^2*(angle - Angle)^2", with_sides),
+    ];
+    let both = cases.into_iter().flat_map(|case| orders.map(|order| (case, order)));
+    for ((text, expected), order) in both {
         let positions: Vec<f64> = order.iter().flat_map(|k| x[*k]).collect();
         let body = Arc::new(Body::new(2, &positions, &[1.0; 3], None));
-        let elements = elements("potential p\npsi(angle) = (angle - Angle)^2", 2);
+        let elements = elements(&format!("potential p\n{text}"), 2);
         let weights = Weights::Unit;
         let energy =
             DiscreteEnergy::with_elements(Arc::clone(&body), 0.21, weights, elements).unwrap();
@@ -174,6 +225,6 @@ fn an_angle_belongs_to_each_corner_in_turn() {
             }
         }
         let found = energy.energy(&u).unwrap().total();
-        assert!((found - expected).abs() < 1e-14 * expected, "{found} {expected}");
+        assert!((found - expected).abs() < 1e-14 * expected, "{text}: {found} {expected}");
     }
 }

@@ -61,6 +61,12 @@ pub struct Compiled {
 }
 
 impl Compiled {
+    /// What its energies of bonds, triangles and tetrahedra are functions of, as written in `psi(..)`.
+    pub(crate) fn of_interactions(&self) -> impl Iterator<Item = &str> {
+        let Elements { bond, triangle, tetrahedron } = &self.elements;
+        [bond, triangle, tetrahedron].into_iter().flatten().map(|element| element.argument())
+    }
+
     /// Whether it has energies of interactions; what has no energy at all is refused there.
     pub(crate) fn has_interactions(&self) -> bool {
         !self.measures.is_empty() || (self.gathered.is_none() && self.gradient.is_none())
@@ -145,7 +151,7 @@ impl Potential {
         if by_coordinates && !coupled.is_empty() {
             let message =
                 "derivatives by hyper-dual coordinates know energies of one measure: choose \
-                           \"hyperdual\", which takes several by the measures"
+                 \"hyperdual\", which takes several by the measures"
                     .to_string();
             return Err(CaseError::Body { message });
         }

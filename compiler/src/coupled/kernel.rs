@@ -173,8 +173,9 @@ impl WrittenCoupledEnergy {
             let is_own = |variable: &Variable| variable.inputs[..2].contains(&own);
             self.variables.iter().position(is_own)
         };
-        let now = |own: Input| place(own).map_or(N::constant(f64::NAN), &variable);
-        let before = |own: Input| place(own).map_or(N::constant(f64::NAN), &rest);
+        // What is no variable has cancelled, or a coefficient that is 0: any number will do.
+        let now = |own: Input| place(own).map_or(N::constant(1.0), &variable);
+        let before = |own: Input| place(own).map_or(N::constant(1.0), &rest);
         self.energy.sum(|input| match input {
             Input::Part(Part::Angle(k)) => angle(
                 now(Input::Current(Measure::Area)),

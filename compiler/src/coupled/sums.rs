@@ -64,12 +64,14 @@ fn terms(graph: &ExprGraph, sum: NodeId) -> Vec<(f64, Term)> {
                 open.push((-factor, x));
                 continue;
             }
-            Node::Binary(Operator::Multiply, x, y) if number(graph, x).is_some() => {
-                open.push((factor * number(graph, x).unwrap_or(1.0), y));
-                continue;
-            }
             Node::Number(bits) => (factor * f64::from_bits(bits), Term::One),
-            node => (factor, term(graph, id, node)),
+            node => match scaled(graph, node) {
+                Some((number, x)) => {
+                    open.push((factor * number, x));
+                    continue;
+                }
+                None => term(graph, id, node, factor),
+            },
         };
         match found.iter_mut().find(|(_, known)| *known == term.1) {
             Some((coefficient, _)) => *coefficient += term.0,
@@ -89,28 +91,45 @@ fn number(graph: &ExprGraph, id: NodeId) -> Option<f64> {
     }
 }
 
-fn term(graph: &ExprGraph, id: NodeId, node: Node) -> Term {
+/// A number times something, or something over a number.
+fn scaled(graph: &ExprGraph, node: Node) -> Option<(f64, NodeId)> {
+    match node {
+        Node::Binary(Operator::Multiply, x, y) => {
+            number(graph, x).map(|x| (x, y)).or_else(|| Some((number(graph, y)?, x)))
+        }
+        Node::Binary(Operator::Divide, x, y) => Some((1.0 / number(graph, y)?, x)),
+        _ => None,
+    }
+}
+
+/// A term that is no sum and no multiple, but for `2*l1/L1`, times a factor.
+fn term(graph: &ExprGraph, id: NodeId, node: Node, factor: f64) -> (f64, Term) {
     let input = |id: NodeId| match graph[id] {
         Node::Input(input) => Some(input),
         _ => None,
     };
-    match node {
-        Node::Binary(Operator::Divide, x, y) => match (input(x), input(y)) {
-            (Some(Input::Part(now)), Some(Input::PartAtRest(rest))) if now == rest => {
-                Term::Grown(Input::PartChange(now))
-            }
-            (Some(Input::Current(now)), Some(Input::Reference(rest))) if now == rest => {
-                Term::Grown(Input::Change(now))
-            }
-            _ => Term::Other(id),
-        },
+    let term = match node {
+        Node::Binary(Operator::Divide, x, y) => {
+            let (number, x) = scaled(graph, graph[x]).unwrap_or((1.0, x));
+            let change = match (input(x), input(y)) {
+                (Some(Input::Part(now)), Some(Input::PartAtRest(rest))) if now == rest => {
+                    Input::PartChange(now)
+                }
+                (Some(Input::Current(now)), Some(Input::Reference(rest))) if now == rest => {
+                    Input::Change(now)
+                }
+                _ => return (factor, Term::Other(id)),
+            };
+            return (factor * number, Term::Grown(change));
+        }
         Node::Unary(Function::Cos, x) => match input(x) {
             Some(Input::Part(Part::Angle(k))) => Term::Cosine(k),
             Some(Input::PartAtRest(Part::Angle(k))) => Term::CosineAtRest(k),
             _ => Term::Other(id),
         },
         _ => Term::Other(id),
-    }
+    };
+    (factor, term)
 }
 
 /// The sum by changes, if what does not change in it cancels.

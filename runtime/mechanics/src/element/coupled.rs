@@ -5,7 +5,7 @@
 //! `sum_ij psi_ij dm_i dm_j + sum_i psi_i d2m_i`. Edges and faces that do not hold the owner are vectors
 //! between its neighbours; what they add to the owner's rows follows from those of the others.
 
-use super::batch::{Channel, Contributions, InteractionBatch};
+use super::batch::{CAPACITY, Channel, Contributions, InteractionBatch};
 use super::{Element, NonFiniteLane, Order, THIN};
 use crate::geometry::bond::Bond;
 use crate::geometry::double::Double;
@@ -29,7 +29,6 @@ pub struct CoupledElement {
 }
 
 /// Measures of a batch variable by variable, and what the law makes of them.
-#[derive(Default)]
 struct Room {
     current: Vec<f64>,
     /// Values at rest, then fields.
@@ -41,6 +40,23 @@ struct Room {
     direction: Vec<f64>,
     /// Second derivatives: products with the direction of each variable in turn.
     second: Vec<f64>,
+}
+
+impl Room {
+    /// For the largest batch.
+    fn new(n_parts: usize, n_fields: usize) -> Room {
+        let empty = |n: usize| Vec::with_capacity(n * CAPACITY);
+        Room {
+            current: empty(n_parts),
+            given: empty(n_parts + n_fields),
+            change: empty(n_parts),
+            slope: empty(n_parts),
+            psi: empty(1),
+            gradient: empty(n_parts),
+            direction: empty(n_parts),
+            second: empty(n_parts * n_parts),
+        }
+    }
 }
 
 /// Reference vectors and displacements of one interaction, from the owner, whose are 0.
@@ -220,7 +236,8 @@ impl Element for CoupledElement {
         order: Order,
         out: &mut Contributions,
     ) -> Result<(), NonFiniteLane> {
-        let mut room = self.rooms.take(Room::default);
+        let (n_parts, n_fields) = (self.law.parts().len(), self.n_fields());
+        let mut room = self.rooms.take_provided(|| Room::new(n_parts, n_fields));
         self.measure_all(batch, &mut room);
         self.evaluate_law(batch.len(), order, &mut room);
         for lane in 0..batch.len() {

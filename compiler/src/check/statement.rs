@@ -315,6 +315,10 @@ impl<'a> Builder<'a> {
     }
 
     fn energy(&mut self, energy: &EnergyAst) {
+        if is_coupled(self.ast, energy) {
+            self.coupled_energy(energy);
+            return;
+        }
         let is_defined = matches!(
             self.elaborator.symbols.get(&energy.measure.name),
             Some(Symbol::Value(_) | Symbol::Function(_) | Symbol::Parameter(_))
@@ -322,10 +326,6 @@ impl<'a> Builder<'a> {
         let of_bonds = energy.measure.name == "l";
         if is_defined || (of_bonds && !energy.gathered.is_empty()) {
             self.gathered_energy(energy);
-            return;
-        }
-        if is_coupled(self.ast, energy) {
-            self.coupled_energy(energy);
             return;
         }
         if let Some(name) = energy.gathered.first() {

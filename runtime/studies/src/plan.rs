@@ -112,7 +112,8 @@ pub struct PlanInput<'a> {
     pub interactions: InteractionCount,
     /// The energies of the potential.
     pub kernels: Vec<KernelNote>,
-    /// How many energies of bonds, triangles and tetrahedra there are.
+    /// How many energies of bonds, triangles and tetrahedra there are; those of several measures count as
+    /// often as they take longer.
     pub energies: [usize; 3],
     /// Whether products with the tangent are those of bonds that need no kernel.
     pub quick_products: bool,

@@ -187,9 +187,11 @@ impl CoupledElement {
                 let second = weight * product[j * n + lane];
                 changed.iter_mut().zip(slope).for_each(|(sum, slope)| *sum += second * slope);
             }
-            for row in 0..d + coordinates {
-                let slope = slopes[i][row];
-                hessian[row].iter_mut().zip(&changed).for_each(|(sum, c)| *sum += slope * c);
+            // The rows of the neighbours, right of the diagonal: all that is wanted.
+            for row in d..d + coordinates {
+                let (slope, own) = (slopes[i][row], row..d + coordinates);
+                let sums = hessian[row][own.clone()].iter_mut().zip(&changed[own]);
+                sums.for_each(|(sum, c)| *sum += slope * c);
             }
         }
         for row in 0..coordinates {

@@ -6,7 +6,7 @@ mod library;
 
 use library::cases;
 use num_dual::Dual2_64;
-use piola_compiler::verify::{Columns, sample, verify};
+use piola_compiler::verify::{Columns, Subject, sample, verify};
 use piola_compiler::{Batch, Derivatives, Form, Level, Mode, Order};
 
 /// Half the distance from 1 to the next number.
@@ -22,7 +22,10 @@ fn every_energy_agrees_with_hyperdual_numbers_of_what_was_written() {
         let (found, _) = verify(&case.model, &case.values, POINTS).unwrap();
         assert!(!found.is_empty(), "{}: nothing is modelled", case.name);
         for energy in found {
-            assert!(energy.n_places > POINTS / 2, "{}: {} points", case.name, energy.n_places);
+            // True values of several measures take long: there are fewer.
+            let is_coupled = matches!(energy.subject, Subject::Coupled(..));
+            let least = if is_coupled { POINTS / 4 } else { POINTS / 2 };
+            assert!(energy.n_places > least, "{}: {} points", case.name, energy.n_places);
             assert!(energy.different_bits == 0, "{}: {:?}", case.name, energy.different_bits);
             let misses = &energy.misses[..energy.misses.len().min(3)];
             let ratio = energy.over_tolerance().into_iter().fold(0.0, f64::max);

@@ -15,6 +15,7 @@
 
 mod affine;
 pub mod audit;
+mod breaking;
 pub mod check;
 pub mod compile;
 mod density;
@@ -41,6 +42,7 @@ mod values;
 pub mod verify;
 mod written;
 
+pub use breaking::Criterion;
 pub use check::{CODES, Files, check, check_text, check_text_with};
 pub use compile::{Compiled, Kind};
 pub use density::DensityForm;
@@ -50,7 +52,7 @@ pub use kernel::{Batch, Derivatives, Kernel, Level, Mode, Order, Outputs, Writte
 pub use lint::{LINTS, Lint};
 pub use measure::{Argument, Measure};
 pub use model::{
-    Constraint, Energy, GatheredEnergy, GradientEnergy, Integral, Interval, Model, Parameter,
+    Break, Constraint, Energy, GatheredEnergy, GradientEnergy, Integral, Interval, Model, Parameter,
     Variant,
 };
 pub use point::{GradientBatch, GradientEnergyForms, GradientKernel};

@@ -80,6 +80,8 @@ pub struct Variant {
     pub gathered_energies: Vec<GatheredEnergy>,
     /// Declared intervals of use.
     pub domains: Vec<Interval>,
+    /// When bonds break.
+    pub breaks: Vec<Break>,
     /// Numbers and components of tensors that depend on the deformation, and what they are in the text,
     /// the innermost expressions first.
     pub(crate) stated: Vec<(NodeId, Stated)>,
@@ -136,6 +138,21 @@ pub struct GatheredEnergy {
     pub span: Span,
     /// The expression as written, in canonical spelling.
     pub text: String,
+}
+
+/// One condition under which a bond breaks, `break when l/L - 1 > s0`.
+#[derive(Clone, Debug)]
+pub struct Break {
+    /// The margin in the variant's graph: above 0 where the condition holds, a function of `l` and `L`.
+    pub root: NodeId,
+    /// Whether the condition holds where the margin is 0.
+    pub holds_at_zero: bool,
+    /// Place of the condition.
+    pub span: Span,
+    /// The condition as written, in canonical spelling.
+    pub text: String,
+    /// What it is, in the words of the file.
+    pub reason: Option<String>,
 }
 
 /// A declared interval of use of one measure, or of `J`.
@@ -238,6 +255,11 @@ impl Model {
     /// Whether there is an energy of gathered values, such as `psi(theta)` or `psi(l, m)`.
     pub fn has_gathered_energy(&self) -> bool {
         !self.variants[0].gathered_energies.is_empty()
+    }
+
+    /// The conditions under which bonds break, as written.
+    pub fn breaks(&self) -> &[Break] {
+        &self.variants[0].breaks
     }
 
     /// What its energies are functions of, as written: `l`, `a`, `v`, `F`, `l, m`.

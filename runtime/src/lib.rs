@@ -15,7 +15,7 @@
 //! ([`scene`] and [`output`] translate).
 
 pub use piola_mechanics::{
-    assembly, body, deformation, energy, geometry, interaction, kernel, lattice, materials, matrix,
+    assembly, body, deformation, energy, fracture, geometry, interaction, kernel, lattice, materials, matrix,
     neighborhood, sheet, states, surface, weights, words,
 };
 pub use piola_output as output;

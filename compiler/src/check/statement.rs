@@ -262,6 +262,7 @@ impl<'a> Builder<'a> {
                 integrals: Vec::new(),
                 gathered_energies: Vec::new(),
                 domains: Vec::new(),
+                breaks: Vec::new(),
                 stated: Vec::new(),
                 graph: ExprGraph::new(),
                 conditions: Conditions::default(),
@@ -279,6 +280,7 @@ impl<'a> Builder<'a> {
                 }
                 Statement::Energy(energy) => self.energy(energy),
                 Statement::Domain(domain) => self.domain(domain),
+                Statement::Break(breaking) => self.breaking(breaking),
                 Statement::Definition(_)
                 | Statement::Source(_)
                 | Statement::Allow(_)

@@ -10,6 +10,7 @@ mod abreast;
 mod accumulate;
 mod axes;
 mod bonds;
+mod broken;
 pub(crate) mod error;
 mod fours;
 mod inversion;
@@ -26,6 +27,7 @@ pub(crate) mod sum;
 mod tetrahedra;
 mod visit;
 
+pub(crate) use broken::affine_threshold;
 pub use error::AssemblyError;
 
 use std::sync::Arc;
@@ -35,6 +37,7 @@ use rayon::prelude::*;
 use crate::body::Body;
 use crate::element::{Element, MeasureElement, Order};
 use crate::energy::{Energy, Hessian, Inversion, NonFinite, Wanted, check_sizes};
+use crate::fracture::Release;
 use crate::interaction::schedule::{Cut, Layout, Part, visit};
 use crate::interaction::{
     Census, CliqueRoom, ContributingPairs, Degeneracy, Inverted, OwnerCliques, Report, Slabs,
@@ -439,6 +442,26 @@ impl Energy for DiscreteEnergy {
         match &self.rooms {
             Rooms::Plane(rooms) => self.add_virials(rooms, u, virials),
             Rooms::Space(rooms) => self.add_virials(rooms, u, virials),
+        }
+    }
+
+    fn can_lose_bonds(&self) -> bool {
+        self.has_bonds_alone()
+    }
+
+    fn lose(&mut self, bonds: &[usize]) {
+        self.lose_bonds(bonds);
+    }
+
+    fn release(
+        &self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        bonds: &[usize],
+    ) -> Result<Release, NonFinite> {
+        match self.body.dimension() {
+            2 => self.release_bonds::<2>(u, way, bonds),
+            _ => self.release_bonds::<3>(u, way, bonds),
         }
     }
 

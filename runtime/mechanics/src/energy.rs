@@ -8,6 +8,7 @@ pub use total::{Term, Total};
 
 use std::sync::Arc;
 
+use crate::fracture::{Fracture, Release};
 use crate::interaction::{Inverted, Report};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -181,7 +182,7 @@ pub enum Wanted<'a> {
 ///
 /// Displacements `u` are `n x d` row by row, in m, in the body's order. Energies add up in a
 /// [`Total`].
-pub trait Energy: Sync {
+pub trait Energy: Send + Sync {
     /// 2 or 3.
     fn dimension(&self) -> usize;
 
@@ -269,6 +270,33 @@ pub trait Energy: Sync {
     /// How many interactions are turned inside out at `u`.
     fn inverted(&self, _u: &[f64]) -> Inverted {
         Inverted::default()
+    }
+
+    /// Whether [`Energy::lose`] can take out bonds.
+    fn can_lose_bonds(&self) -> bool {
+        false
+    }
+
+    /// Takes out bonds, by their numbers in the neighbourhood: from now on they have no energy.
+    fn lose(&mut self, _bonds: &[usize]) {}
+
+    /// The energy at `u` of some bonds that are still there, by their numbers, and the work that their
+    /// forces would do over the second half of a way `step*direction` that led to `u`.
+    ///
+    /// # Errors
+    /// Energies and forces that are not finite.
+    fn release(
+        &self,
+        _u: &[f64],
+        _way: (f64, &[f64]),
+        _bonds: &[usize],
+    ) -> Result<Release, NonFinite> {
+        Ok(Release::default())
+    }
+
+    /// The status of a body that can break.
+    fn fracture(&self) -> Option<&dyn Fracture> {
+        None
     }
 
     /// The energy alone.

@@ -225,6 +225,12 @@ impl Neighborhood {
         &self.bond_start
     }
 
+    /// The points of a bond, by its number: its owner, and the later one.
+    pub fn ends(&self, bond: usize) -> [usize; 2] {
+        let owner = self.bond_start.partition_point(|first| *first <= bond) - 1;
+        [owner, self.upper(owner)[bond - self.bond_start[owner]] as usize]
+    }
+
     /// For the place of each neighbour `j` of a point `i` the place of `i` in the row of `j`.
     pub fn mirrored(&self) -> Vec<u32> {
         // Rows are symmetric and ascending: going through the points in order, each finds its place

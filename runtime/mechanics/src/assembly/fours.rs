@@ -15,6 +15,7 @@ use super::registers::{Aligned, Four, Placed, Portable, Registers};
 use super::sum::Sum;
 use crate::element::WIDEST;
 use crate::geometry::{dot, each};
+use crate::neighborhood::Neighborhood;
 
 /// Owners whose bonds are prepared at a time.
 const CHUNK: usize = 1024;
@@ -80,6 +81,15 @@ impl BondFours {
             }
         }
         Some(all)
+    }
+
+    /// Takes out bonds.
+    pub(super) fn lose(&mut self, neighborhood: &Neighborhood, bonds: &[usize]) {
+        for &bond in bonds {
+            let [owner, _] = neighborhood.ends(bond);
+            let place = bond - neighborhood.bonds(owner).start;
+            self.bent[self.start[owner] + place / 4].0[place % 4] = 0.0;
+        }
     }
 
     /// Adds up the bonds of a slab, forces, or a product with a direction, in `room`; nothing where

@@ -62,6 +62,14 @@ impl BondRuns {
 }
 
 impl BondRuns {
+    /// Takes out bonds that have the factor 0 now.
+    pub(super) fn lose(&mut self, neighborhood: &Neighborhood, factors: &[f64], bonds: &[usize]) {
+        match &mut self.factors {
+            Some(known) => bonds.iter().for_each(|bond| known.set(*bond, 0.0)),
+            none => *none = Some(self.runs.in_runs(neighborhood, factors)),
+        }
+    }
+
     /// Works out the bonds of a slab; nothing where something is not finite.
     pub(super) fn add<const D: usize>(&self, of: Wanted, axes: &mut Axes) -> Option<Sum> {
         let mut sum = Sum::default();

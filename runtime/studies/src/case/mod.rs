@@ -11,6 +11,7 @@
 mod error;
 pub(crate) mod explain;
 mod fields;
+mod fracture;
 mod model;
 mod potential;
 pub(crate) mod size;

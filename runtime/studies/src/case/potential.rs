@@ -5,7 +5,7 @@ use std::path::Path;
 
 use num_dual::HyperDual64;
 use piola_compiler::{
-    Dropped, GatheredKernels, Interval, Kernel, Mode, Model, Setting, ValueError, Values,
+    Criterion, Dropped, GatheredKernels, Interval, Kernel, Mode, Model, Setting, ValueError, Values,
     check_text, check_text_with,
 };
 use piola_grammar::Diagnostic;
@@ -54,6 +54,8 @@ pub struct Compiled {
     pub gathered: Option<GatheredKernels>,
     /// What these are functions of, for points and for bonds: `theta`, `l, m`.
     pub arguments: [String; 2],
+    /// When its bonds break.
+    pub criteria: Vec<Criterion>,
     /// What is left out, and why.
     pub dropped: Vec<Dropped>,
 }
@@ -139,6 +141,10 @@ impl Potential {
             .model
             .compile(&self.values, mode(solver), solver.form)
             .map_err(|error| CaseError::compile(&self.text, &error))?;
+        let criteria = self
+            .model
+            .criteria(&self.values, mode(solver), solver.form)
+            .map_err(|error| CaseError::compile(&self.text, &error))?;
         let mut elements = Elements::default();
         let measures = kernels.iter().map(Kernel::measure).collect();
         for kernel in kernels {
@@ -166,6 +172,7 @@ impl Potential {
             gradient,
             gathered,
             arguments,
+            criteria,
             dropped,
         })
     }

@@ -1,0 +1,112 @@
+//! Cases whose bonds break, or are cut from the start.
+
+use std::sync::Arc;
+
+use piola_grammar::Diagnostic;
+use piola_mechanics::energy::Energy;
+use piola_mechanics::fracture::criteria::{Criteria, Criterion, Layer};
+use piola_mechanics::fracture::{Breaking, Fracture as _};
+use piola_mechanics::neighborhood::Neighborhood;
+
+use super::{Case, CaseError, Compiled};
+use crate::scene::selection;
+
+impl Case {
+    /// Whether bonds may break, or are cut from the start.
+    pub fn can_break(&self) -> bool {
+        let has_criteria = self.potentials.iter().any(|one| !one.model.breaks().is_empty());
+        has_criteria || !self.scene.cracks.is_empty()
+    }
+
+    /// The energies as one that loses bonds: those that cracks cut at once, others when a criterion says so.
+    ///
+    /// # Errors
+    /// Energies that cannot lose bonds.
+    pub(super) fn breaking(
+        &self,
+        terms: Vec<Box<dyn Energy>>,
+        names: Arc<[String]>,
+        neighborhood: Arc<Neighborhood>,
+        layers: Vec<Layer>,
+    ) -> Result<Breaking, CaseError> {
+        if let Some(term) = terms.iter().find(|term| !term.can_lose_bonds()) {
+            return Err(self.cannot_break(term.parts()));
+        }
+        let around = (&*self.body, &*neighborhood);
+        let is_unbreakable = selection::unbreakable(&self.scene, &self.body);
+        let criteria = Criteria::new(around, layers, is_unbreakable);
+        let (mut cut, mut absent) = (Vec::new(), Vec::new());
+        for crack in &self.scene.cracks {
+            let found = crack.shape.cut(&self.body, &neighborhood);
+            if crack.damaged { cut.extend(found.bonds) } else { absent.extend(found.bonds) }
+        }
+        absent.sort_unstable();
+        absent.dedup();
+        cut.retain(|bond| absent.binary_search(bond).is_err());
+        let body = Arc::clone(&self.body);
+        let breaking = Breaking::new((body, neighborhood), terms, names, criteria, absent);
+        breaking.take_out(&cut);
+        Ok(breaking)
+    }
+
+    /// What cracks cut of the body, and what they only touch, in sentences without full stops.
+    ///
+    /// # Errors
+    /// A body without neighbourhoods.
+    pub(crate) fn told_of_cracks(
+        &self,
+        neighborhood: &Neighborhood,
+    ) -> Vec<Diagnostic> {
+        let mut told = Vec::new();
+        for crack in &self.scene.cracks {
+            let found = crack.shape.cut(&self.body, neighborhood);
+            if found.bonds.is_empty() {
+                let message = "this crack cuts no bond";
+                told.push(Diagnostic::warning("idle-entry", crack.span, message));
+            }
+            if found.touching > 0 {
+                let message = format!(
+                    "this crack runs through points: {} bonds only touch it and are kept",
+                    found.touching
+                );
+                let help = "put it between the points, half a spacing from them";
+                let warning = Diagnostic::warning("boundary-on-points", crack.span, message);
+                told.push(warning.help(help));
+            }
+        }
+        told
+    }
+
+    fn cannot_break(&self, parts: &[String]) -> CaseError {
+        let parts = parts.join(" and ");
+        let breaking = self.potentials.iter().zip(&self.scene.materials);
+        let mut breaking = breaking.filter(|(one, _)| !one.model.breaks().is_empty());
+        let (what, span) = match (breaking.next(), self.scene.cracks.first()) {
+            (Some((one, material)), _) => {
+                (format!("{} says when bonds break", one.model.name()), material.potential.span)
+            }
+            (None, Some(crack)) => ("bonds are cut by a crack".to_string(), crack.span),
+            (None, None) => ("bonds break".to_string(), self.scene.material().potential.span),
+        };
+        let message = format!("{what}, and {parts} cannot lose bonds");
+        let found = Diagnostic::error("conflicting-keys", span, message)
+            .label("only energies psi(l) lose bonds")
+            .help("take a potential with psi(l) alone, or set the coefficients of the others to 0");
+        CaseError::Scene(self.scene.report(vec![found]))
+    }
+}
+
+/// The criteria of each layer and of each law in it.
+pub(super) fn criteria_of(compiled: &mut [Compiled], n_laws: usize) -> Vec<Vec<Vec<Criterion>>> {
+    let n_layers = compiled.iter().map(|one| one.layer + 1).max().unwrap_or(0);
+    let of_laws = || (0..n_laws).map(|_| Vec::new()).collect();
+    let mut layers: Vec<Vec<Vec<Criterion>>> = (0..n_layers).map(|_| of_laws()).collect();
+    for one in compiled {
+        let own = one.criteria.drain(..).map(|criterion| Criterion {
+            margin: Box::new(criterion.margin),
+            holds_at_zero: criterion.holds_at_zero,
+        });
+        layers[one.layer][one.law].extend(own);
+    }
+    layers
+}

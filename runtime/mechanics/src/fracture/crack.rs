@@ -7,7 +7,7 @@
 
 use crate::body::Body;
 use crate::geometry::{dot, each};
-use crate::neighborhood::Neighborhood;
+use crate::neighborhood::{HORIZON_TOLERANCE, Neighborhood};
 
 /// Distances below this share of the horizon are none.
 const TOUCHING: f64 = 1e-9;
@@ -68,6 +68,23 @@ impl Crack {
             Crack::Segment(_) => Ok(()),
             Crack::Polygon(corners) => Plane::of(corners).ok_or(CrackError::Flat)?.check(corners),
         }
+    }
+
+    /// The points of a body that are no further from the box around it than its horizon, in m.
+    pub fn points_nearby(&self, body: &Body, horizon: f64) -> Vec<usize> {
+        let corners: Vec<Vec<f64>> = match self {
+            Crack::Segment(ends) => ends.iter().map(|end| end.to_vec()).collect(),
+            Crack::Polygon(all) => all.iter().map(|corner| corner.to_vec()).collect(),
+        };
+        let reach = horizon * (1.0 + 2.0 * HORIZON_TOLERANCE);
+        let is_near = |point: &usize| {
+            body.position(*point).iter().enumerate().all(|(axis, x)| {
+                let along = || corners.iter().filter_map(|corner| corner.get(axis));
+                along().any(|corner| *corner >= x - reach)
+                    && along().any(|corner| *corner <= x + reach)
+            })
+        };
+        (0..body.n_points()).filter(is_near).collect()
     }
 
     /// The bonds of a body that it cuts. A crack of another dimension, or without an extent, cuts none.

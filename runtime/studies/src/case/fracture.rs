@@ -49,32 +49,46 @@ impl Case {
         Ok(breaking)
     }
 
-    /// What cracks cut of the body, and what they only touch, in sentences without full stops.
-    ///
-    /// # Errors
-    /// A body without neighbourhoods.
-    pub(crate) fn told_of_cracks(
-        &self,
-        neighborhood: &Neighborhood,
-    ) -> Vec<Diagnostic> {
-        let mut told = Vec::new();
+    /// Refuses load steps of bodies whose bonds break.
+    pub(super) fn check_breaks_in_motion(&self) -> Result<(), CaseError> {
+        let mut all = self.potentials.iter().zip(&self.scene.materials);
+        let breaking = all.find(|(one, _)| !one.model.breaks().is_empty());
+        let Some((one, material)) = breaking.filter(|_| self.scene.motion.is_none()) else {
+            return Ok(());
+        };
+        let message = format!("the bonds of {} break, and the scene has load steps", one.model.name());
+        let found = Diagnostic::error("conflicting-keys", material.potential.span, message)
+            .label("bonds break in bodies that move")
+            .help("write [motion] with an `end` in s, in place of [steps]");
+        Err(CaseError::Scene(self.scene.report(vec![found])))
+    }
+
+    /// Warnings of cracks that cut nothing, and of those that run through points.
+    pub(super) fn warnings_of_cracks(&self) -> Vec<Diagnostic> {
+        let mut warnings = Vec::new();
         for crack in &self.scene.cracks {
-            let found = crack.shape.cut(&self.body, neighborhood);
+            let horizon = self.scene.horizon_radius();
+            let nearby = crack.shape.points_nearby(&self.body, horizon);
+            // What is wrong with the body is said where its energy is made.
+            let Ok(around) = Neighborhood::around(&self.body, horizon, &nearby, false) else {
+                continue;
+            };
+            let found = crack.shape.cut(&self.body, &around);
             if found.bonds.is_empty() {
-                let message = "this crack cuts no bond";
-                told.push(Diagnostic::warning("idle-entry", crack.span, message));
+                let message = "this crack cuts no bond of the body";
+                let warning = Diagnostic::warning("idle-entry", crack.span, message);
+                warnings.push(warning.help("it cuts the bonds whose inside crosses its inside"));
             }
             if found.touching > 0 {
                 let message = format!(
-                    "this crack runs through points: {} bonds only touch it and are kept",
+                    "this crack runs through points: {} bonds only touch it, and are kept",
                     found.touching
                 );
-                let help = "put it between the points, half a spacing from them";
                 let warning = Diagnostic::warning("boundary-on-points", crack.span, message);
-                told.push(warning.help(help));
+                warnings.push(warning.help("put it half a spacing from the points beside it"));
             }
         }
-        told
+        warnings
     }
 
     fn cannot_break(&self, parts: &[String]) -> CaseError {

@@ -144,6 +144,7 @@ impl Case {
         self.materials = selection::materials(&self.scene, &body)?.map(Arc::new);
         (self.body, self.columns) = (Arc::new(body), columns);
         self.warnings.extend(warnings);
+        self.warnings.extend(self.warnings_of_cracks());
         self.with_fields()
     }
 

@@ -49,7 +49,11 @@ impl PointFields<'_> {
             residual: &body.from_user_order(&frame.residual, d),
         };
         let mut tensors = Tensors::default();
-        for field in &self.case.scene.output.fields {
+        let asked = &self.case.scene.output.fields;
+        // Whoever breaks a body wants to see where.
+        let damage = (self.energy.fracture().is_some() && !asked.contains(&FrameField::Damage))
+            .then_some(FrameField::Damage);
+        for field in damage.iter().chain(asked) {
             match field {
                 FrameField::Sets => self.sets(frame),
                 field => {
@@ -80,6 +84,7 @@ impl PointFields<'_> {
             ColourBy::Velocity => ("m/s", magnitudes(&frame.velocity)),
             ColourBy::Acceleration => ("m/s^2", magnitudes(&worked_out(FrameField::Acceleration))),
             ColourBy::EnergyDensity => ("J/m^3", worked_out(FrameField::EnergyDensity)),
+            ColourBy::Damage => ("", worked_out(FrameField::Damage)),
             ColourBy::Jacobian => ("", worked_out(FrameField::Jacobian)),
             ColourBy::VonMises => ("Pa", worked_out(FrameField::VonMises)),
         };
@@ -155,6 +160,10 @@ impl PointFields<'_> {
                 (d, self.cauchy(u, tensors).iter().flat_map(one).collect())
             }
             FrameField::Acceleration => (d, self.acceleration(state)),
+            FrameField::Damage => {
+                let whole = || vec![0.0; self.case.body.n_points()];
+                (1, self.energy.fracture().map_or_else(whole, |fracture| fracture.damage()))
+            }
             FrameField::Neighbours | FrameField::Sets => (1, self.neighbours()),
         }
     }

@@ -80,6 +80,7 @@ pub(crate) const LIBRARY: &[Entry] = entries![
     "neo_hooke" is Solid,
     "neo_hooke_stable" is Solid,
     "ogden" is Rubber,
+    "prototype_microelastic_brittle" is Bond,
     "silling2000" is Bond,
     "st_venant_kirchhoff" is Solid,
     "tension_only" is Bond,

@@ -73,4 +73,3 @@ impl Model {
         variant.breaks.iter().map(margin).collect()
     }
 }
-

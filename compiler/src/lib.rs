@@ -52,8 +52,8 @@ pub use kernel::{Batch, Derivatives, Kernel, Level, Mode, Order, Outputs, Writte
 pub use lint::{LINTS, Lint};
 pub use measure::{Argument, Measure};
 pub use model::{
-    Break, Constraint, Energy, GatheredEnergy, GradientEnergy, Integral, Interval, Model, Parameter,
-    Variant,
+    Break, Constraint, Energy, GatheredEnergy, GradientEnergy, Integral, Interval, Model,
+    Parameter, Variant,
 };
 pub use point::{GradientBatch, GradientEnergyForms, GradientKernel};
 pub use specialise::{CompileError, Dropped, Form, ScalarEnergy, Specialised};

@@ -10,9 +10,7 @@ use piola_grammar::{Diagnostic, print_expression};
 use super::names::parts;
 use super::statement::Builder;
 use super::value::{GRADIENT, INTEGRAL, Value};
-use crate::expression::{
-    Comparison, ExprGraph, Function, Node, NodeId, Operator, TooManyNodes,
-};
+use crate::expression::{Comparison, ExprGraph, Function, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
 use crate::model::Break;
 
@@ -70,9 +68,9 @@ impl Builder<'_> {
                 uses if uses & INTEGRAL != 0 => ("what points gather", &[]),
                 _ => ("a measure of triangles or tetrahedra", &["a", "A", "v", "V"]),
             };
-            let place = parts(arena, breaking.condition).into_iter().find(|id| {
-                matches!(&arena[*id].kind, ExprKind::Name(name) if names.contains(&&**name))
-            });
+            let place = parts(arena, breaking.condition).into_iter().find(
+                |id| matches!(&arena[*id].kind, ExprKind::Name(name) if names.contains(&&**name)),
+            );
             let span = place.map_or(span, |id| arena[id].span);
             Diagnostic::error("wrong-measure", span, "bonds break by their own length alone")
                 .label(what)

@@ -10,12 +10,14 @@
 //! | `measure` | energies of measures, and of their squares |
 //! | `gradient` | energies of the deformation gradient |
 //! | `gathered` | energies of gathered values |
+//! | `margin` | conditions under which bonds break |
 //! | `cause`, `stated` | which subexpression loses digits, and what it is in the text |
 //! | [`sample`], [`truth`] | points to try energies of measures at, and their values there to any precision |
 
 pub(crate) mod cause;
 mod gathered;
 mod gradient;
+mod margin;
 mod measure;
 pub mod sample;
 pub(crate) mod stated;
@@ -91,6 +93,8 @@ pub enum Subject {
     Argument(Argument),
     /// Gathered values, as written: `theta`; `l, m`.
     Gathered(String),
+    /// No energy, but a condition under which bonds break, as written.
+    Margin(String),
 }
 
 /// What an energy is held against, and where.
@@ -159,7 +163,7 @@ impl Subject {
     pub fn symbol(&self) -> &str {
         match self {
             Subject::Argument(argument) => argument.symbol(),
-            Subject::Gathered(head) => head,
+            Subject::Gathered(text) | Subject::Margin(text) => text,
         }
     }
 
@@ -168,6 +172,7 @@ impl Subject {
         match self {
             Subject::Argument(argument) => argument.orders(),
             Subject::Gathered(_) => ["psi", "gradient", "product"],
+            Subject::Margin(_) => ["margin", "margin'", "margin''"],
         }
     }
 }
@@ -306,6 +311,7 @@ pub fn verify(
     let mut found = measure::verify(model, variant, values, &ways, n)?;
     found.extend(gathered::verify((model, variant), values, &ways, n));
     found.extend(gradient::verify(model, values, &ways, n));
+    found.extend(margin::verify(model, variant, values, n)?);
     Ok((found, ways.interpreted.dropped))
 }
 

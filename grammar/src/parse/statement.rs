@@ -5,8 +5,8 @@ use pest::iterators::{Pair, Pairs};
 use super::Builder;
 use super::parser::Rule;
 use crate::ast::{
-    Allow, Bound, Break, Definition, Domain, Energy, ExprId, ExprKind, Ident, Parameter, Statement, Text,
-    UnaryOperator, Unit, UnitFactor,
+    Allow, Bound, Break, Definition, Domain, Energy, ExprId, ExprKind, Ident, Parameter, Statement,
+    Text, UnaryOperator, Unit, UnitFactor,
 };
 use crate::names;
 use crate::{Diagnostic, Span};

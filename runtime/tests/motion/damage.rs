@@ -116,8 +116,7 @@ fn bonds_break_on_given_paths_as_elsewhere() {
                 let found: Vec<f64> = found.iter().map(|g| -g).collect();
                 let errors = [
                     off(&found, &expected, scale),
-                    (stored - number(&step["stored"])).abs()
-                        / number(&step["stored"]).max(1e-3),
+                    (stored - number(&step["stored"])).abs() / number(&step["stored"]).max(1e-3),
                     (released - number(&step["stored_in_broken_at_break"])).abs()
                         / released.max(1e-3),
                     off(
@@ -148,8 +147,7 @@ fn bonds_break_in_motion_as_elsewhere() {
             numbers(&case["no_fail"]).iter().map(|point| place[*point as usize]).collect();
         let s0 = number(&case["s0"]);
         let whole = energy(&case["model"], &body, horizon);
-        let energy =
-            breaking((&body, horizon), whole, ("l/L - 1 > s0", s0, level), &kept);
+        let energy = breaking((&body, horizon), whole, ("l/L - 1 > s0", s0, level), &kept);
         let mut given = case.clone();
         given["pres"] = serde_json::json!({
             "points": case["moved"],
@@ -171,8 +169,7 @@ fn bonds_break_in_motion_as_elsewhere() {
             velocities: body.from_user_order(&numbers(&case["v0"]), d),
         };
         let watch = Watch::default();
-        let mut motion =
-            Motion::new(&energy, &masses, initial, &drive, &settings, &watch).unwrap();
+        let mut motion = Motion::new(&energy, &masses, initial, &drive, &settings, &watch).unwrap();
         let states = case["states"].as_array().unwrap();
         let scale = |key: &str| {
             states.iter().map(|state| largest(&numbers(&state[key]))).fold(0.0, f64::max)

@@ -159,7 +159,11 @@ fn breaking(failure: &Failure<'_>) -> Option<Diagnostic> {
         return None;
     }
     let finding = failure.error("`break` is followed by `when` and a condition");
-    Some(finding.label("expected `when`").help("write `break when l/L - 1 > s0 \"critical stretch\"`"))
+    Some(
+        finding
+            .label("expected `when`")
+            .help("write `break when l/L - 1 > s0 \"critical stretch\"`"),
+    )
 }
 
 fn parameter(failure: &Failure<'_>) -> Option<Diagnostic> {

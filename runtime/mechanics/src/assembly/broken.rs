@@ -74,9 +74,8 @@ impl DiscreteEnergy {
                     batch.take_fields(fields, |_| [owner, other].into_iter());
                 }
                 let evaluated = element.evaluate(&batch, Order::Gradient, &mut out);
-                evaluated.map_err(|lane| {
-                    Refusal { element, lane }.of::<D>(vec![owner, other], u)
-                })?;
+                evaluated
+                    .map_err(|lane| Refusal { element, lane }.of::<D>(vec![owner, other], u))?;
                 let pull: [f64; D] = std::array::from_fn(|axis| out.gradient[axis][0]);
                 release.energy += out.energy[0];
                 release.timing += 0.5 * step * dot(&pull, &minus(&v_of[other], &v_of[owner]));

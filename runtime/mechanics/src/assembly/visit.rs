@@ -217,7 +217,8 @@ impl<const D: usize> Members<D> {
     /// Takes in the factors of an owner's bonds; broken ones are at rest.
     fn correct(&mut self, factors: &[f64]) {
         self.factors.extend_from_slice(factors);
-        let broken = self.displacement.iter_mut().zip(factors).filter(|(_, factor)| **factor == 0.0);
+        let broken =
+            self.displacement.iter_mut().zip(factors).filter(|(_, factor)| **factor == 0.0);
         broken.for_each(|(displacement, _)| *displacement = [0.0; D]);
     }
 

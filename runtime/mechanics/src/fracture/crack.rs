@@ -185,7 +185,8 @@ impl Plane {
     fn of(corners: &[[f64; 3]]) -> Option<Plane> {
         let origin = *corners.first()?;
         let arms: Vec<[f64; 3]> = corners.iter().map(|corner| minus(corner, &origin)).collect();
-        let longest = |one: &&[f64; 3], other: &&[f64; 3]| dot(one, one).total_cmp(&dot(other, other));
+        let longest =
+            |one: &&[f64; 3], other: &&[f64; 3]| dot(one, one).total_cmp(&dot(other, other));
         // Twice the area, as a vector (Newell's sum).
         let mut area = [0.0; 3];
         for pair in arms.windows(2) {

@@ -204,7 +204,6 @@ impl Criteria {
         found.dedup();
         Ok(found)
     }
-
 }
 
 impl Margins {
@@ -235,7 +234,8 @@ impl Margins {
         for (law, margins) in self.of_law.iter().enumerate() {
             let takes = |bond: &&Candidate<D>| self.parts(bond.ends).iter().any(|p| p.0 == law);
             let own: Vec<&Candidate<D>> = bonds.iter().filter(takes).collect();
-            for (margin, bonds) in margins.iter().flat_map(|m| own.chunks(CAPACITY).map(move |c| (m, c)))
+            for (margin, bonds) in
+                margins.iter().flat_map(|m| own.chunks(CAPACITY).map(move |c| (m, c)))
             {
                 batch.fill(bonds.len(), |lane| (bonds[lane].xi, bonds[lane].eta, 1.0));
                 if let Some(fields) = self.materials.as_deref().and_then(Materials::fields)
@@ -245,7 +245,8 @@ impl Margins {
                     batch.take_fields((fields, of_law), |lane| bonds[lane].ends.into_iter());
                 }
                 let evaluated = margin.element.evaluate(batch, Order::Energy, out);
-                evaluated.map_err(|lane| bonds[lane.lane].refused(lane.value, lane.reference, u))?;
+                evaluated
+                    .map_err(|lane| bonds[lane.lane].refused(lane.value, lane.reference, u))?;
                 let broken = bonds.iter().zip(&out.energy).filter(|(_, m)| margin.breaks(**m));
                 found.extend(broken.map(|(candidate, _)| candidate.bond));
             }

@@ -56,7 +56,8 @@ impl Case {
         let Some((one, material)) = breaking.filter(|_| self.scene.motion.is_none()) else {
             return Ok(());
         };
-        let message = format!("the bonds of {} break, and the scene has load steps", one.model.name());
+        let message =
+            format!("the bonds of {} break, and the scene has load steps", one.model.name());
         let found = Diagnostic::error("conflicting-keys", material.potential.span, message)
             .label("bonds break in bodies that move")
             .help("write [motion] with an `end` in s, in place of [steps]");

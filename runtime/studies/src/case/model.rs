@@ -62,7 +62,8 @@ impl Case {
             let terms = terms.into_iter().map(Term::Owned).collect();
             return Ok((Total::named(terms, names), fields));
         }
-        let layer = |(number, of_law)| criteria::Layer { of_law, materials: fields.materials(number) };
+        let layer =
+            |(number, of_law)| criteria::Layer { of_law, materials: fields.materials(number) };
         let criteria = criteria.into_iter().enumerate().map(layer).collect();
         let breaking = self.breaking(terms, names, neighborhood, criteria)?;
         Ok((Total::of(Box::new(breaking)), fields))

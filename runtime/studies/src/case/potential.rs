@@ -5,8 +5,8 @@ use std::path::Path;
 
 use num_dual::HyperDual64;
 use piola_compiler::{
-    Criterion, Dropped, GatheredKernels, Interval, Kernel, Mode, Model, Setting, ValueError, Values,
-    check_text, check_text_with,
+    Criterion, Dropped, GatheredKernels, Interval, Kernel, Mode, Model, Setting, ValueError,
+    Values, check_text, check_text_with,
 };
 use piola_grammar::Diagnostic;
 use piola_mechanics::assembly::Elements;

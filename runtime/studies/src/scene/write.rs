@@ -9,9 +9,9 @@ use piola_mechanics::words::Words;
 use super::keys::{number, string, texts};
 use super::read::{MOTION_KEYS, OUTPUT_KEYS, SOLVER_KEYS, STEPS_KEYS};
 use super::{
-    BodyShape, CorrespondenceSettings, CrackEntry, FractureSettings, Horizon, HorizonExtent, Initial, InterfaceRule, Load,
-    Material, ParameterText, Plane, Points, Prescription, Probe, Quantity, Region, Scene,
-    SetDefinition,
+    BodyShape, CorrespondenceSettings, CrackEntry, FractureSettings, Horizon, HorizonExtent,
+    Initial, InterfaceRule, Load, Material, ParameterText, Plane, Points, Prescription, Probe,
+    Quantity, Region, Scene, SetDefinition,
 };
 
 impl Scene {

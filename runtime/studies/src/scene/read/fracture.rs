@@ -16,8 +16,7 @@ static CRACK: Schema = Schema {
         ("damaged", "true"),
     ],
 };
-static FRACTURE: Schema =
-    Schema { title: "[fracture]", keys: &[("unbreakable", "[\"grip\"]")] };
+static FRACTURE: Schema = Schema { title: "[fracture]", keys: &[("unbreakable", "[\"grip\"]")] };
 
 /// Most corners of a crack: every bond is held against every edge.
 const MOST_CORNERS: usize = 1000;

@@ -6,7 +6,9 @@ use piola_mechanics::energy::Energy as _;
 use piola_mechanics::interaction::Inverted;
 use piola_mechanics::words::Words;
 use piola_output::checkpoint::{Checkpoint, Header};
-use piola_output::motion::{BrokenRow, MotionColumns, MotionEnergies, MotionRow, MotionSummary, MotionTables};
+use piola_output::motion::{
+    BrokenRow, MotionColumns, MotionEnergies, MotionRow, MotionSummary, MotionTables,
+};
 use piola_output::picture::{Charts, Picture};
 use piola_output::pvd::FrameSeries;
 use piola_output::summary::Number;

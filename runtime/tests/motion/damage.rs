@@ -9,6 +9,7 @@ use piola_runtime::energy::Energy;
 use piola_runtime::fracture::crack::Crack;
 use piola_runtime::fracture::criteria::{Criteria, Criterion, Layer};
 use piola_runtime::fracture::{Breaking, Fracture};
+use piola_runtime::materials::{Interface, Materials};
 use piola_runtime::neighborhood::Neighborhood;
 use piola_runtime::solve::Watch;
 use piola_runtime::solve::march::March;
@@ -18,7 +19,7 @@ use serde_json::Value;
 
 use crate::families::{largest, numbers, reference};
 use crate::reference::{conditions, go, number, off, places};
-use crate::{bonds, cloud, energy};
+use crate::{Conditions, bonds, cloud, energy};
 
 /// When bonds of the cases break, for a threshold.
 fn criteria(text: &str, s0: f64, level: Level, dimension: usize) -> Vec<Criterion> {
@@ -261,5 +262,75 @@ fn cracks_cut_the_bonds_that_cross_them() {
         assert_eq!(listed(&body, horizon, &cut.bonds), pairs(&case["cut"]));
         let touching = case["touching"].as_array().unwrap().len();
         assert_eq!(cut.through_front + cut.touching, touching);
+    }
+}
+
+/// Two materials with thresholds of their own, and bonds between them that are those of the first.
+#[test]
+fn bonds_between_materials_break_as_elsewhere() {
+    let file = reference("two_materials.json");
+    let cases = file["explicit_with_breaking"].as_array().unwrap();
+    assert_eq!(cases.len(), 2);
+    for case in cases {
+        let (body, horizon) = cloud(&file, &case["cloud"]);
+        let d = body.dimension();
+        let name = case["cloud"].as_str().unwrap();
+        let of_user = numbers(&file["clouds"][name]["material"]);
+        let of_point: Vec<u8> =
+            body.user_index().iter().map(|user| of_user[*user as usize] as u8).collect();
+        let first = Interface::As { counts: 1, as_material: 0 };
+        let materials = Arc::new(Materials::new(of_point.clone(), vec![first]));
+        let [c, s0, rho] = ["c", "s0", "rho"].map(|key| numbers(&case[key]));
+        let elements = [0, 1].map(|k| bonds::laws([c[k], 0.0, 0.0], 1).into_elements(d));
+        let neighborhood = Arc::new(Neighborhood::new(&body, horizon).unwrap());
+        let energy = DiscreteEnergy::of_materials(
+            Arc::clone(&body),
+            Arc::clone(&neighborhood),
+            Weights::Volumes,
+            Some(Arc::clone(&materials)),
+            elements.into(),
+        );
+        let of_law = s0.iter().map(|s0| criteria("l/L - 1 > s0", *s0, Level::Fast, d)).collect();
+        let layers = vec![Layer { of_law, materials: Some(materials) }];
+        let criteria = Criteria::new((&body, &neighborhood), layers, vec![false; body.n_points()]);
+        let energy: Box<dyn Energy> = Box::new(energy.unwrap());
+        let (names, around) = (Arc::clone(energy.parts()), (Arc::clone(&body), neighborhood));
+        let energy = Breaking::new(around, vec![energy], names, criteria, Vec::new());
+        let masses: Vec<f64> =
+            body.volumes().iter().zip(&of_point).map(|(v, k)| rho[usize::from(*k)] * v).collect();
+        let (dt, steps) = (number(&case["dt"]), number(&case["steps"]) as usize);
+        let (end, step) = (dt * steps as f64, Some(dt));
+        let settings = MotionSettings { end, step, rows: steps, ..MotionSettings::default() };
+        let initial = Initial {
+            displacements: vec![0.0; d * body.n_points()],
+            velocities: body.from_user_order(&numbers(&case["v0"]), d),
+        };
+        let loads = vec![0.0; d * body.n_points()];
+        let drive = Conditions { loads, ..Conditions::default() };
+        let watch = Watch::default();
+        let mut motion = Motion::new(&energy, &masses, initial, &drive, &settings, &watch).unwrap();
+        let mut lists = case["broken_bonds"].as_array().unwrap().iter().peekable();
+        let mut known = Vec::new();
+        let states = case["states"].as_array().unwrap();
+        let most = states.iter().map(|state| largest(&numbers(&state["u"]))).fold(0.0, f64::max);
+        for step in 0..=steps {
+            let row = go(&mut motion, step);
+            let broken = energy.broken();
+            let new = listed(&body, horizon, &beyond(&broken, &known));
+            known = broken;
+            let expected = match lists.next_if(|list| list[0].as_u64() == Some(step as u64)) {
+                Some(list) => pairs(&list[1]),
+                None => Vec::new(),
+            };
+            assert_eq!(new, expected, "{name} at step {step}");
+            assert!(row.rounding.abs() <= 1e-12 * row.kinetic.max(row.released), "{name}");
+            if let Some(state) = states.iter().find(|state| state["step"] == step) {
+                let u = body.to_user_order(motion.state().displacements, d);
+                assert!(off(&u, &numbers(&state["u"]), most) <= 1e-11, "{name} at step {step}");
+                let lost = number(&state["energy_lost_in_breaking"]);
+                assert!((row.released - lost).abs() <= 1e-11 * row.kinetic.max(lost), "{name}");
+            }
+        }
+        assert!(lists.next().is_none(), "{name}");
     }
 }

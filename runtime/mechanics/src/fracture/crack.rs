@@ -195,7 +195,7 @@ impl Plane {
         }
         let arm = arms.iter().max_by(longest)?;
         let (square, size) = (dot(&area, &area).sqrt(), dot(arm, arm));
-        if !(square > TOUCHING * size) {
+        if square.is_nan() || square <= TOUCHING * size {
             return None;
         }
         let normal = unit(&area);

@@ -9,6 +9,7 @@ mod bench;
 mod contract;
 mod extremes;
 mod fields;
+mod fracture;
 mod frame_fields;
 #[cfg(unix)]
 mod interrupted;

@@ -18,20 +18,15 @@ impl Case {
         has_criteria || !self.scene.cracks.is_empty()
     }
 
-    /// The energies as one that loses bonds: those that cracks cut at once, others when a criterion says so.
-    ///
-    /// # Errors
-    /// Energies that cannot lose bonds.
+    /// The energies, all of bonds, as one that loses bonds: those that cracks cut at once, others when a
+    /// criterion says so.
     pub(super) fn breaking(
         &self,
         terms: Vec<Box<dyn Energy>>,
         names: Arc<[String]>,
         neighborhood: Arc<Neighborhood>,
         layers: Vec<Layer>,
-    ) -> Result<Breaking, CaseError> {
-        if let Some(term) = terms.iter().find(|term| !term.can_lose_bonds()) {
-            return Err(self.cannot_break(term.parts()));
-        }
+    ) -> Breaking {
         let around = (&*self.body, &*neighborhood);
         let is_unbreakable = selection::unbreakable(&self.scene, &self.body);
         let criteria = Criteria::new(around, layers, is_unbreakable);
@@ -46,7 +41,7 @@ impl Case {
         let body = Arc::clone(&self.body);
         let breaking = Breaking::new((body, neighborhood), terms, names, criteria, absent);
         breaking.take_out(&cut);
-        Ok(breaking)
+        breaking
     }
 
     /// Refuses load steps of bodies whose bonds break.
@@ -92,22 +87,36 @@ impl Case {
         warnings
     }
 
-    fn cannot_break(&self, parts: &[String]) -> CaseError {
-        let parts = parts.join(" and ");
-        let breaking = self.potentials.iter().zip(&self.scene.materials);
-        let mut breaking = breaking.filter(|(one, _)| !one.model.breaks().is_empty());
-        let (what, span) = match (breaking.next(), self.scene.cracks.first()) {
-            (Some((one, material)), _) => {
-                (format!("{} says when bonds break", one.model.name()), material.potential.span)
-            }
-            (None, Some(crack)) => ("bonds are cut by a crack".to_string(), crack.span),
-            (None, None) => ("bonds break".to_string(), self.scene.material().potential.span),
+    /// Refuses bonds that break, or are cut, beside energies that lose none: those of other `arguments`.
+    ///
+    /// # Errors
+    /// At the potential that says so, or at the crack.
+    pub(super) fn check_breaking<'a>(
+        &self,
+        name: &str,
+        mut arguments: impl Iterator<Item = &'a str>,
+    ) -> Result<(), CaseError> {
+        let Some(other) = arguments.find(|argument| *argument != "l").filter(|_| self.can_break())
+        else {
+            return Ok(());
         };
-        let message = format!("{what}, and {parts} cannot lose bonds");
+        let mut all = self.potentials.iter().zip(&self.scene.materials);
+        let breaking = all.find(|(one, _)| !one.model.breaks().is_empty());
+        let (what, span) = match (breaking, self.scene.cracks.first()) {
+            (Some((one, material)), _) => {
+                (format!("bonds of {} break", one.model.name()), material.potential.span)
+            }
+            (None, Some(crack)) => ("a crack cuts bonds".to_string(), crack.span),
+            (None, None) => return Ok(()),
+        };
+        let message = format!("{what}, and {name} has a psi({other})");
         let found = Diagnostic::error("conflicting-keys", span, message)
             .label("only energies psi(l) lose bonds")
-            .help("take a potential with psi(l) alone, or set the coefficients of the others to 0");
-        CaseError::Scene(self.scene.report(vec![found]))
+            .help(match other {
+                "a" | "v" => "set the coefficients of triangles and tetrahedra to 0",
+                _ => "take potentials with psi(l) alone",
+            });
+        Err(CaseError::Scene(self.scene.report(vec![found])))
     }
 }
 

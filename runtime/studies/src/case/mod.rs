@@ -132,7 +132,13 @@ impl Case {
         let body = Arc::new(Body::new(scene.body.dimension, &[], &[], None));
         let folder = folder.to_path_buf();
         let columns = Columns::default();
-        Ok(Case { scene, potentials, body, materials: None, columns, warnings, folder })
+        let case = Case { scene, potentials, body, materials: None, columns, warnings, folder };
+        for Potential { model, .. } in &case.potentials {
+            // Of triangles and tetrahedra those count whose coefficient is not 0.
+            let others = model.arguments().into_iter().filter(|one| !["a", "v"].contains(one));
+            case.check_breaking(model.name(), others)?;
+        }
+        Ok(case)
     }
 
     /// The same with its points.
@@ -157,7 +163,8 @@ impl Case {
             let mut compiled = potential.compile(&self.scene)?;
             // Of triangles and tetrahedra those count whose coefficient is not 0.
             let measures = compiled.measures.iter().map(|measure| measure.symbol());
-            check_corrections(&self.scene, &compiled.name, measures)?;
+            check_corrections(&self.scene, &compiled.name, measures.clone())?;
+            self.check_breaking(&compiled.name, measures)?;
             (compiled.law, compiled.layer) = place;
             if !self.scene.regions.is_empty() {
                 compiled.label =

@@ -65,7 +65,7 @@ impl Case {
         let layer =
             |(number, of_law)| criteria::Layer { of_law, materials: fields.materials(number) };
         let criteria = criteria.into_iter().enumerate().map(layer).collect();
-        let breaking = self.breaking(terms, names, neighborhood, criteria)?;
+        let breaking = self.breaking(terms, names, neighborhood, criteria);
         Ok((Total::of(Box::new(breaking)), fields))
     }
 

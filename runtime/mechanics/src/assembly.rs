@@ -30,7 +30,9 @@ mod visit;
 pub(crate) use broken::affine_threshold;
 pub use error::AssemblyError;
 
+use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use rayon::prelude::*;
 
@@ -125,6 +127,9 @@ pub struct DiscreteEnergy {
     /// Room for passes: of their threads, and for what becomes of slabs.
     rooms: Rooms,
     outcomes: Pool<Vec<Result<SlabEnergy, NonFinite>>>,
+    /// Whether bonds of each slab had grown beyond their limits when forces were last worked out; empty where
+    /// nobody watches.
+    exceeded: Vec<AtomicBool>,
 }
 
 /// Work arrays of threads by the dimension of the body.
@@ -242,6 +247,7 @@ impl DiscreteEnergy {
             report,
             rooms,
             outcomes: Pool::new(),
+            exceeded: Vec::new(),
         };
         energy.on_lattice = OnLattice::new(&energy);
         if energy.on_lattice.bonds.is_none() {
@@ -451,6 +457,14 @@ impl Energy for DiscreteEnergy {
 
     fn lose(&mut self, bonds: &[usize]) {
         self.lose_bonds(bonds);
+    }
+
+    fn watch(&mut self, limits: &[f32]) -> bool {
+        self.watch_bonds(limits)
+    }
+
+    fn exceeding(&self) -> Option<Vec<Range<usize>>> {
+        self.exceeding_owners()
     }
 
     fn release(

@@ -6,6 +6,7 @@ mod total;
 
 pub use total::{Term, Total};
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::fracture::{Fracture, Release};
@@ -279,6 +280,18 @@ pub trait Energy: Send + Sync {
 
     /// Takes out bonds, by their numbers in the neighbourhood: from now on they have no energy.
     fn lose(&mut self, _bonds: &[usize]) {}
+
+    /// Takes how much the square of each bond's length may grow before it may break, in m^2, by its number;
+    /// whether passes of forces will say which bonds have grown beyond that.
+    fn watch(&mut self, _limits: &[f32]) -> bool {
+        false
+    }
+
+    /// Owners among whose bonds some had grown beyond their limit when forces were last worked out; nothing
+    /// where nobody watches.
+    fn exceeding(&self) -> Option<Vec<Range<usize>>> {
+        None
+    }
 
     /// The energy at `u` of some bonds that are still there, by their numbers, and the work that their
     /// forces would do over the second half of a way `step*direction` that led to `u`.

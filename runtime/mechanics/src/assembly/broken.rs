@@ -4,6 +4,9 @@
 //! they are finite at any stretch. Kernels see a broken bond at rest, for its energy far from there may be
 //! infinite.
 
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use super::DiscreteEnergy;
 use super::quadratic::AffineLaw;
 use super::visit::{Refusal, minus};
@@ -44,6 +47,29 @@ impl DiscreteEnergy {
         if let Some(fours) = fours {
             fours.lose(neighborhood, bonds);
         }
+    }
+
+    /// See [`crate::energy::Energy::watch`].
+    pub(super) fn watch_bonds(&mut self, limits: &[f32]) -> bool {
+        let DiscreteEnergy { neighborhood, on_lattice, fours, body, slabs, exceeded, .. } = self;
+        match (&mut on_lattice.bonds, fours) {
+            (Some(runs), _) if body.dimension() == 2 => runs.watch::<2>(neighborhood, limits),
+            (Some(runs), _) => runs.watch::<3>(neighborhood, limits),
+            (None, Some(fours)) => fours.watch(neighborhood, limits),
+            (None, None) => return false,
+        }
+        exceeded.resize_with(slabs.len(), || AtomicBool::new(true));
+        true
+    }
+
+    /// See [`crate::energy::Energy::exceeding`].
+    pub(super) fn exceeding_owners(&self) -> Option<Vec<Range<usize>>> {
+        if self.exceeded.is_empty() {
+            return None;
+        }
+        let is_beyond = |slab: &usize| self.exceeded[*slab].load(Ordering::Relaxed);
+        let found = (0..self.slabs.len()).filter(is_beyond);
+        Some(found.map(|slab| self.slabs.owners(slab)).collect())
     }
 
     /// See [`crate::energy::Energy::release`].

@@ -35,6 +35,9 @@ pub(super) struct BondRuns {
     halves: Option<Shares>,
     /// What multiplies the weights where bonds are corrected.
     factors: Option<InRuns>,
+    /// How much the square of the length of a bond of each vector may grow before it may break, in m^2; none
+    /// where nobody watches.
+    limits: Vec<f64>,
     arch: Arch,
 }
 
@@ -57,7 +60,8 @@ impl BondRuns {
         let laws = lengths.iter().enumerate().map(law).collect::<Option<_>>()?;
         let (runs, arch, halves) = (Arc::clone(runs), Arch::new(), kind.parts_of_field(2));
         let factors = kind.factors.as_ref().map(|factors| runs.in_runs(neighborhood, factors));
-        Some(BondRuns { runs, laws, by_square: all.by_square, shares, halves, factors, arch })
+        let (by_square, limits) = (all.by_square, Vec::new());
+        Some(BondRuns { runs, laws, by_square, shares, halves, factors, limits, arch })
     }
 }
 
@@ -67,6 +71,17 @@ impl BondRuns {
         match &mut self.factors {
             Some(known) => bonds.iter().for_each(|bond| known.set(*bond, 0.0)),
             none => *none = Some(self.runs.in_runs(neighborhood, factors)),
+        }
+    }
+
+    /// Watches bonds that may grow by so much, in m^2, each by its number: of all with one vector the least.
+    pub(super) fn watch<const D: usize>(&mut self, neighborhood: &Neighborhood, limits: &[f32]) {
+        self.limits = vec![f64::INFINITY; self.runs.n_vectors::<D>()];
+        for ([owner, other], vector) in self.runs.bonds() {
+            let later =
+                neighborhood.upper(owner).partition_point(|point| (*point as usize) < other);
+            let own = f64::from(limits[neighborhood.bonds(owner).start + later]);
+            self.limits[vector] = self.limits[vector].min(own);
         }
     }
 
@@ -112,10 +127,12 @@ impl<const D: usize, const WAY: u8, const PRODUCT: bool> WithSimd for Sweep<'_, 
             ref direction,
             ref mut own,
             ref mut other,
+            ref mut is_beyond,
         } = *axes;
         let vectors = runs.runs.vectors::<D>();
         let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
-        let mut out = Added { refused: zero, energy, has_forces: of.has_forces() };
+        let beyond = Lanes::splat(simd, f64::NEG_INFINITY);
+        let mut out = Added { refused: zero, beyond, energy, has_forces: of.has_forces() };
         let u: [&[f64]; D] = each(|axis| axis_of(displacement, axis, stride));
         let p: [&[f64]; D] =
             if PRODUCT { each(|axis| axis_of(direction, axis, stride)) } else { [&[]; D] };
@@ -126,6 +143,7 @@ impl<const D: usize, const WAY: u8, const PRODUCT: bool> WithSimd for Sweep<'_, 
             let bond = Repeated {
                 vector: each(|axis| Lanes::splat(simd, vectors[vector][axis])),
                 law: Quadratics::new(simd, &runs.laws[vector]),
+                limit: runs.limits.get(vector).map(|limit| Lanes::splat(simd, *limit)),
             };
             let [i, j] = [run.owner, run.other].map(|point| point as usize + WIDEST - first);
             let len = run.len as usize;
@@ -167,6 +185,7 @@ impl<const D: usize, const WAY: u8, const PRODUCT: bool> WithSimd for Sweep<'_, 
                 step::<S, D, WAY, PRODUCT, true>(simd, &bond, &mut ends, full, inside, &mut out);
             }
         }
+        *is_beyond = out.beyond.largest() >= 0.0;
         out.refused.where_equal(zero, zero, one).largest() == 0.0
     }
 }
@@ -196,6 +215,8 @@ struct Ends<'a, S: Simd, const D: usize> {
 struct Added<'a, S: Simd> {
     /// 0 as long as all is well.
     refused: Lanes<S>,
+    /// The most that a square has grown beyond its limit.
+    beyond: Lanes<S>,
     energy: Option<&'a mut Sum>,
     has_forces: bool,
 }
@@ -235,6 +256,15 @@ fn step<S: Simd, const D: usize, const WAY: u8, const PRODUCT: bool, const LAST:
             Some(weight) => weight * mean,
             None => mean,
         });
+    }
+    if let Some(limit) = bond.limit {
+        let mut excess = squares.grown - limit;
+        if let Some(factors) = ends.factors {
+            // Broken bonds have the factor 0.
+            let factor = lanes(factors[group]);
+            excess = factor.where_equal(excess.alike(0.0), excess.alike(-1.0), excess);
+        }
+        out.beyond = out.beyond.max(excess);
     }
     if let Some(factors) = ends.factors {
         let factor = lanes(factors[group]);
@@ -276,4 +306,5 @@ fn step<S: Simd, const D: usize, const WAY: u8, const PRODUCT: bool, const LAST:
 struct Repeated<S: Simd, const D: usize> {
     vector: [Lanes<S>; D],
     law: Quadratics<S>,
+    limit: Option<Lanes<S>>,
 }

@@ -394,6 +394,18 @@ impl Energy for Total<'_> {
         }
     }
 
+    fn watch(&mut self, limits: &[f32]) -> bool {
+        // One is enough.
+        self.terms.iter_mut().any(|term| match term {
+            Term::Owned(energy) => energy.watch(limits),
+            Term::Borrowed(_) => false,
+        })
+    }
+
+    fn exceeding(&self) -> Option<Vec<Range<usize>>> {
+        self.terms.iter().find_map(|term| term.exceeding())
+    }
+
     fn release(
         &self,
         u: &[f64],

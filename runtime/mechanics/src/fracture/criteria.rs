@@ -134,8 +134,14 @@ impl Criteria {
         (least * NEARLY) as f32
     }
 
-    /// The bonds that break at displacements `u` in m (`n x d`), ascending, among those that are
-    /// `intact`.
+    /// How much the square of the length of each bond may grow before it may break, in m^2; nothing where
+    /// none can.
+    pub fn limits(&self) -> &[f32] {
+        &self.limits
+    }
+
+    /// The bonds that break at displacements `u` in m (`n x d`), ascending, among those of some owners that
+    /// are `intact`.
     ///
     /// # Errors
     /// Margins that are not finite.
@@ -143,14 +149,17 @@ impl Criteria {
         &self,
         around: (&Body, &Neighborhood),
         u: &[f64],
+        owners: &[Range<usize>],
         intact: impl Fn(usize) -> bool + Sync,
     ) -> Result<Vec<usize>, NonFinite> {
         if self.are_empty() {
             return Ok(Vec::new());
         }
-        let n = around.0.n_points();
-        let chunks: Vec<Range<usize>> =
-            (0..n).step_by(CHUNK).map(|k| k..n.min(k + CHUNK)).collect();
+        let pieces = |range: &Range<usize>| {
+            let Range { start, end } = *range;
+            (start..end).step_by(CHUNK).map(move |k| k..end.min(k + CHUNK))
+        };
+        let chunks: Vec<Range<usize>> = owners.iter().flat_map(pieces).collect();
         let parts: Result<Vec<Vec<usize>>, NonFinite> = chunks
             .into_par_iter()
             .map(|owners| match around.0.dimension() {

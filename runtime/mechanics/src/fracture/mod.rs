@@ -14,6 +14,7 @@
 pub mod crack;
 pub mod criteria;
 
+use std::ops::Range;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
 
 use crate::body::Body;
@@ -53,6 +54,14 @@ pub trait Fracture: Sync {
     /// # Errors
     /// Margins and energies that are not finite.
     fn advance(&self, u: &[f64], way: (f64, &[f64])) -> Result<Release, NonFinite>;
+
+    /// The same where the energy has worked out forces at these displacements just before, and nothing since:
+    /// bonds are judged only where that pass has seen some beyond their limits. If any break, the forces
+    /// are no longer those of the body.
+    ///
+    /// # Errors
+    /// As [`Fracture::advance`].
+    fn advance_behind_forces(&self, u: &[f64], way: (f64, &[f64])) -> Result<Release, NonFinite>;
 
     /// The bonds that are broken, in ascending order.
     fn broken(&self) -> Vec<usize>;
@@ -104,7 +113,10 @@ impl Breaking {
     ) -> Breaking {
         assert!(terms.iter().all(|term| term.can_lose_bonds()), "energies that can lose bonds");
         let terms = terms.into_iter().map(Term::Owned).collect();
-        let energy = Total::named(terms, Arc::clone(&names));
+        let mut energy = Total::named(terms, Arc::clone(&names));
+        if !criteria.are_empty() {
+            energy.watch(criteria.limits());
+        }
         let (pattern, bonds) = (Arc::clone(energy.pattern()), energy.bond_pattern().cloned());
         let is_broken = vec![false; neighborhood.n_bonds()];
         let status = RwLock::new(Status { energy, is_broken, n_broken: 0 });
@@ -115,6 +127,30 @@ impl Breaking {
         breaking
     }
 
+    fn all_owners(&self) -> Vec<Range<usize>> {
+        vec![0..self.body.n_points()]
+    }
+
+    /// Breaks bonds of some owners.
+    fn judge(
+        &self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        owners: &[Range<usize>],
+    ) -> Result<Release, NonFinite> {
+        let bonds = {
+            let Status { is_broken, .. } = &*self.now();
+            let around = (&*self.body, &*self.neighborhood);
+            self.criteria.judge(around, u, owners, |bond| !is_broken[bond])?
+        };
+        if bonds.is_empty() {
+            return Ok(Release::default());
+        }
+        let release = self.now().energy.release(u, way, &bonds)?;
+        self.take_out(&bonds);
+        Ok(Release { bonds: bonds.len(), ..release })
+    }
+
     /// A status that a panic elsewhere has left is as good as any: it changes in one go.
     fn now(&self) -> RwLockReadGuard<'_, Status> {
         self.status.read().unwrap_or_else(PoisonError::into_inner)
@@ -123,17 +159,12 @@ impl Breaking {
 
 impl Fracture for Breaking {
     fn advance(&self, u: &[f64], way: (f64, &[f64])) -> Result<Release, NonFinite> {
-        let bonds = {
-            let Status { is_broken, .. } = &*self.now();
-            let around = (&*self.body, &*self.neighborhood);
-            self.criteria.judge(around, u, |bond| !is_broken[bond])?
-        };
-        if bonds.is_empty() {
-            return Ok(Release::default());
-        }
-        let release = self.now().energy.release(u, way, &bonds)?;
-        self.take_out(&bonds);
-        Ok(Release { bonds: bonds.len(), ..release })
+        self.judge(u, way, &self.all_owners())
+    }
+
+    fn advance_behind_forces(&self, u: &[f64], way: (f64, &[f64])) -> Result<Release, NonFinite> {
+        let exceeding = self.now().energy.exceeding();
+        self.judge(u, way, &exceeding.unwrap_or_else(|| self.all_owners()))
     }
 
     fn broken(&self) -> Vec<usize> {

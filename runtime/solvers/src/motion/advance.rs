@@ -51,18 +51,30 @@ impl Motion<'_> {
             self.u.set(dof, value);
         }
         self.done += 1;
-        self.break_bonds(self.dt)?;
         self.ask_loads(false)?;
         self.ask_forces(wants_row)?;
+        self.break_behind_forces(wants_row)?;
         self.kick(wants_row)?;
         Ok(ControlFlow::Continue(()))
     }
 
-    /// Breaks what has gone too far, behind a step of `dt` (0 where forces at its end do not count in the work
-    /// over it).
-    pub(super) fn break_bonds(&mut self, dt: f64) -> Result<(), MotionError> {
+    /// Breaks what has gone too far in a step, where forces are those of the bonds that were there; they are
+    /// worked out again if any break.
+    fn break_behind_forces(&mut self, wants_row: bool) -> Result<(), MotionError> {
+        let Some(fracture) = self.energy.fracture() else { return Ok(()) };
+        let released = fracture.advance_behind_forces(&self.u.value, (self.dt, &self.v.value));
+        let released = released.map_err(|cause| self.not_finite(cause))?;
+        if released.bonds == 0 {
+            return Ok(());
+        }
+        self.balance.release(&released);
+        self.ask_forces(wants_row)
+    }
+
+    /// Breaks what has gone too far behind an implicit step, over which forces in its middle count.
+    pub(super) fn break_bonds(&mut self) -> Result<(), MotionError> {
         if let Some(fracture) = self.energy.fracture() {
-            let released = fracture.advance(&self.u.value, (dt, &self.v.value));
+            let released = fracture.advance(&self.u.value, (0.0, &self.v.value));
             let released = released.map_err(|cause| self.not_finite(cause))?;
             if released.bonds > 0 {
                 self.balance.release(&released);

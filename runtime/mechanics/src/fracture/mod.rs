@@ -128,7 +128,7 @@ impl Breaking {
     }
 
     fn all_owners(&self) -> Vec<Range<usize>> {
-        vec![0..self.body.n_points()]
+        std::iter::once(0..self.body.n_points()).collect()
     }
 
     /// Breaks bonds of some owners.

@@ -71,6 +71,7 @@ pub(crate) const LIBRARY: &[Entry] = entries![
     "javili2020" is Clique,
     "lennard_jones" is Bond,
     "linear_peridynamic_solid" is State,
+    "linear_peridynamic_solid_brittle" is State,
     "logarithmic" is Clique,
     "logarithmic_states" is State,
     "lopez_pamies" is Rubber,

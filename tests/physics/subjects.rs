@@ -81,7 +81,9 @@ fn of_the_library(name: &str) -> Vec<Material> {
         // Energies of deformation gradients: `gradients` tries them.
         _ if crate::gradients::MATERIALS.iter().any(|(known, _)| *known == name) => Vec::new(),
         // What points gather: `runtime/tests/states` tries it.
-        "linear_peridynamic_solid" | "logarithmic_states" => Vec::new(),
+        "linear_peridynamic_solid" | "linear_peridynamic_solid_brittle" | "logarithmic_states" => {
+            Vec::new()
+        }
         _ => panic!("`{name}` is new in the library: say here how it is to be tried"),
     }
 }

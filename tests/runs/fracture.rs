@@ -164,10 +164,11 @@ fn what_cannot_break_is_refused_with_its_place() {
     let areas = format!("{BRITTLE}psi(a) = (a/A - 1)^2\n");
     of(TORN, &areas).expect(2).says(&["conflicting-keys", "psi(a)", "coefficients"]);
     let states = format!("{BRITTLE}theta = integral(l/L - 1)\npsi(theta) = theta^2\n");
-    of(TORN, &states).expect(2).says(&["conflicting-keys", "psi(theta)", "psi(l) alone"]);
+    let implicit = TORN.replace("[motion]", "[motion]\nmethod = \"midpoint\"");
+    of(&implicit, &states).expect(2).says(&["conflicting-keys", "psi(theta)", "explicit"]);
     let whole = BRITTLE.replace("break", "#");
-    let cut = format!("{whole}theta = integral(l/L - 1)\npsi(theta) = theta^2\n");
-    of(TORN, &cut).expect(2).says(&["a crack cuts bonds", "scene.toml:14"]);
+    let cut = format!("{whole}psi(F) = 1e9*(tr(F'*F) - 2 - 2*ln(J))\n");
+    of(TORN, &cut).expect(2).says(&["a crack cuts bonds", "scene.toml:14", "psi(F)"]);
     for (from, to, says) in [
         ("segment = [[-0.1, 0.3], [0.4, 0.3]]", "segment = [[0, 0]]", "two points"),
         ("segment = [[-0.1, 0.3], [0.4, 0.3]]", "segment = [[1, 1], [1, 1]]", "extent"),
@@ -204,4 +205,45 @@ fn what_is_torn_at_the_start_breaks_there() {
     let (header, rows) = table(&folder.out().join("motion.csv"));
     let of = |name: &str| rows[0][header.iter().position(|x| x == name).unwrap()];
     assert!(of("released") == 0.0 && of("broken_bonds") > 0.0);
+}
+
+/// What the bonds across a plane hold, against a count of the bonds that cross the middle of a block.
+#[test]
+fn the_fracture_energy_of_a_lattice_is_that_of_the_bonds_across_a_plane() {
+    let (h, ratio, k, gc) = (0.5, 3.0, 7.0, 0.03);
+    let text = format!(
+        "[body]\nbox = [[0, 0, 0], [3, 3, 3]]\nspacing = {h}\n[horizon]\nspacings = {ratio}\n[material]\n\
+         potential = \"prototype_microelastic_brittle\"\nparameters = {{ K = {k}, Gc = {gc} }}\n"
+    );
+    let folder = SceneFolder::new(&text);
+    let found = piola(&["moduli", &folder.scene(), "--format", "json"]).expect(0).json();
+    let planes = found["fracture"]["planes"].as_array().unwrap();
+    let delta: f64 = ratio * h;
+    let s0 = (5.0 * gc / (9.0 * k * delta)).sqrt();
+    for (number, stretch) in [0, 1].map(|k| (k, number(&found["fracture"]["critical_stretch"][k])))
+    {
+        assert!((stretch / s0 - 1.0).abs() < 1e-12, "{number}");
+    }
+    let c = 18.0 * k / (std::f64::consts::PI * delta * delta * delta * delta);
+    // Points of a cell of the plane at all depths below it, and all points above.
+    let reach = 3_i32;
+    let mut sum = 0.0;
+    for depth in 0..reach {
+        for (dx, dy, dz) in (-reach..=reach).flat_map(|x| {
+            (-reach..=reach).flat_map(move |y| (-reach..=reach).map(move |z| (x, y, z)))
+        }) {
+            let squared = dx * dx + dy * dy + dz * dz;
+            if squared <= 9 && dx > depth {
+                let length = h * f64::from(squared).sqrt();
+                sum += (h * h * h) * (h * h * h) * 0.5 * c * length * s0 * s0;
+            }
+        }
+    }
+    let expected = sum / (h * h);
+    let of_plane = number(&planes[0][1]);
+    assert!((of_plane / expected - 1.0).abs() < 1e-12, "{of_plane:e} {expected:e}");
+    let elastic = text.replace("prototype_microelastic_brittle", "silling2000");
+    let elastic = SceneFolder::new(&elastic.replace(", Gc = 0.03", ""));
+    let found = piola(&["moduli", &elastic.scene(), "--format", "json"]).expect(0).json();
+    assert!(found["fracture"].is_null());
 }

@@ -467,16 +467,18 @@ impl Energy for DiscreteEnergy {
         self.exceeding_owners()
     }
 
-    fn release(
-        &self,
+    fn break_bonds(
+        &mut self,
         u: &[f64],
         way: (f64, &[f64]),
         bonds: &[usize],
     ) -> Result<Release, NonFinite> {
-        match self.body.dimension() {
-            2 => self.release_bonds::<2>(u, way, bonds),
-            _ => self.release_bonds::<3>(u, way, bonds),
-        }
+        let release = match self.body.dimension() {
+            2 => self.release_bonds::<2>(u, way, bonds)?,
+            _ => self.release_bonds::<3>(u, way, bonds)?,
+        };
+        self.lose_bonds(bonds);
+        Ok(release)
     }
 
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {

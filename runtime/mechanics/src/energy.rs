@@ -293,18 +293,26 @@ pub trait Energy: Send + Sync {
         None
     }
 
-    /// The energy at `u` of some bonds that are still there, by their numbers, and the work that their
-    /// forces would do over the second half of a way `step*direction` that led to `u`.
+    /// Takes out bonds at displacements `u`, to which a way `step*direction` has led: what they release is
+    /// the energy before less the energy after, and `timing` half of the work over that way of the forces
+    /// that go with them.
     ///
     /// # Errors
     /// Energies and forces that are not finite.
-    fn release(
-        &self,
-        _u: &[f64],
-        _way: (f64, &[f64]),
-        _bonds: &[usize],
+    fn break_bonds(
+        &mut self,
+        u: &[f64],
+        (step, direction): (f64, &[f64]),
+        bonds: &[usize],
     ) -> Result<Release, NonFinite> {
-        Ok(Release::default())
+        let mut forces = [vec![0.0; u.len()], vec![0.0; u.len()]];
+        let before = self.forces(u, &mut forces[0])?.total();
+        self.lose(bonds);
+        let after = self.forces(u, &mut forces[1])?.total();
+        let [old, new] = &forces;
+        let powers = old.iter().zip(new).zip(direction).map(|((old, new), v)| (old - new) * v);
+        let power = powers.fold(0.0, |sum, power| sum + power);
+        Ok(Release { bonds: bonds.len(), energy: before - after, timing: 0.5 * step * power })
     }
 
     /// The status of a body that can break.

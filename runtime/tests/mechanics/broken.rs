@@ -95,10 +95,9 @@ fn what_is_left_is_the_sum_over_bonds_that_are_left() {
                     (0..n).filter(|k| random.next() < share && !is_broken[*k]).collect();
                 let way = Random(11).vector(u.len());
                 let before = energy.energy(&u).unwrap().total();
-                let release = energy.release(&u, (0.5, &way), &new).unwrap();
                 let mut old = vec![0.0; u.len()];
                 energy.forces(&u, &mut old).unwrap();
-                energy.lose(&new);
+                let release = energy.break_bonds(&u, (0.5, &way), &new).unwrap();
                 new.iter().for_each(|bond| is_broken[*bond] = true);
                 let (expected, expected_forces) = by_hand(&body, horizon, *psi, &is_broken, &u);
                 let mut forces = vec![0.0; u.len()];
@@ -194,10 +193,10 @@ fn corrections_stay_and_triangles_refuse() {
     let mut corrected = with(Surface::Directional);
     let all = corrected.energy(&u).unwrap().total();
     let lost = [5, 40, 41, 200];
-    let Release { energy, .. } = corrected.release(&u, (0.0, &u), &lost).unwrap();
-    let Release { energy: plain, .. } = with(Surface::None).release(&u, (0.0, &u), &lost).unwrap();
+    let Release { energy, .. } = corrected.break_bonds(&u, (0.0, &u), &lost).unwrap();
+    let mut whole = with(Surface::None);
+    let Release { energy: plain, .. } = whole.break_bonds(&u, (0.0, &u), &lost).unwrap();
     assert!((energy / plain - 1.0).abs() > 1e-3, "corrections count");
-    corrected.lose(&lost);
     let left = corrected.energy(&u).unwrap().total();
     assert!((all - left - energy).abs() < 1e-13 * all);
 

@@ -136,9 +136,11 @@ fn bonds_break_on_given_paths_as_elsewhere() {
 fn bonds_break_in_motion_as_elsewhere() {
     let file = reference("damage_small.json");
     let cases = file["explicit_with_breaking"].as_array().unwrap();
-    let of_bonds = cases.iter().filter(|case| case["model"]["model"] == "BB");
+    let known = |case: &&Value| ["BB", "LPS"].iter().any(|name| case["model"]["model"] == *name);
     let mut count = 0;
-    for (case, level) in of_bonds.flat_map(|case| LEVELS.map(|level| (case, level))) {
+    for (case, level) in
+        cases.iter().filter(known).flat_map(|case| LEVELS.map(|level| (case, level)))
+    {
         count += 1;
         let name = case["name"].as_str().unwrap();
         let (body, horizon) = cloud(&file, &case["cloud"]);
@@ -210,7 +212,7 @@ fn bonds_break_in_motion_as_elsewhere() {
         println!("{name}: account, u, v, quadrature {worst:?}");
         assert!(worst[0] <= 1e-12 && worst[1] <= 1e-11 && worst[2] <= 1e-11, "{name} {worst:?}");
     }
-    assert_eq!(count, 4);
+    assert_eq!(count, 6);
 }
 
 /// The bonds that cracks cut of lattices, by rational arithmetic.
@@ -333,4 +335,46 @@ fn bonds_between_materials_break_as_elsewhere() {
         }
         assert!(lists.next().is_none(), "{name}");
     }
+}
+
+/// Bodies of which a rule has broken bonds: the whole model on the smaller families.
+#[test]
+fn models_on_smaller_families_are_those_of_elsewhere() {
+    let file = reference("damage_small.json");
+    let mut tried = 0;
+    for mask in file["masks"].as_array().unwrap() {
+        let (body, horizon) = cloud(&file, &mask["cloud"]);
+        let d = body.dimension();
+        let neighborhood = Neighborhood::new(&body, horizon).unwrap();
+        let user = |point: usize| body.user_index()[point] as usize;
+        let is_broken = |bond: &usize| {
+            let mut ends = neighborhood.ends(*bond).map(user);
+            ends.sort_unstable();
+            (7 * ends[0] + 13 * ends[1]) % 10 == 0
+        };
+        let broken: Vec<usize> = (0..neighborhood.n_bonds()).filter(is_broken).collect();
+        assert_eq!(broken.len(), number(&mask["broken"]) as usize);
+        let u = body.from_user_order(&numbers(&mask["u"]), d);
+        for row in mask["rows"].as_array().unwrap() {
+            let mut energy = energy(&row["model"], &body, horizon);
+            if !energy.can_lose_bonds() {
+                continue;
+            }
+            tried += 1;
+            // In two parts, as bonds break.
+            energy.lose(&broken[..7]);
+            energy.lose(&broken[7..]);
+            let mut forces = vec![0.0; u.len()];
+            let stored = energy.forces(&u, &mut forces).unwrap().total();
+            let expected = numbers(&row["force"]);
+            let found: Vec<f64> = body.to_user_order(&forces, d).iter().map(|g| -g).collect();
+            let errors = [
+                off(&found, &expected, largest(&expected)),
+                (stored / number(&row["stored"]) - 1.0).abs(),
+            ];
+            println!("{}: {errors:?}", row["model"]);
+            assert!(errors.iter().all(|error| *error <= 1e-11), "{} {errors:?}", row["model"]);
+        }
+    }
+    assert_eq!(tried, 2);
 }

@@ -72,14 +72,14 @@ impl DiscreteEnergy {
         Some(found.map(|slab| self.slabs.owners(slab)).collect())
     }
 
-    /// See [`crate::energy::Energy::release`].
+    /// What bonds that are still there release, one by one: see [`crate::energy::Energy::break_bonds`].
     pub(super) fn release_bonds<const D: usize>(
         &self,
         u: &[f64],
         (step, direction): (f64, &[f64]),
         bonds: &[usize],
     ) -> Result<Release, NonFinite> {
-        let mut release = Release::default();
+        let mut release = Release { bonds: bonds.len(), ..Release::default() };
         let Some(kind) = &self.bonds else { return Ok(release) };
         let positions = self.body.positions().as_chunks::<D>().0;
         let (u_of, v_of) = (u.as_chunks::<D>().0, direction.as_chunks::<D>().0);

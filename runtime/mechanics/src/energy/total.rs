@@ -406,17 +406,19 @@ impl Energy for Total<'_> {
         self.terms.iter().find_map(|term| term.exceeding())
     }
 
-    fn release(
-        &self,
+    fn break_bonds(
+        &mut self,
         u: &[f64],
         way: (f64, &[f64]),
         bonds: &[usize],
     ) -> Result<Release, NonFinite> {
         let mut sum = Release::default();
-        for term in &self.terms {
-            sum.add(term.release(u, way, bonds)?);
+        for term in &mut self.terms {
+            if let Term::Owned(energy) = term {
+                sum.add(energy.break_bonds(u, way, bonds)?);
+            }
         }
-        Ok(sum)
+        Ok(Release { bonds: bonds.len(), ..sum })
     }
 
     fn fracture(&self) -> Option<&dyn Fracture> {

@@ -15,7 +15,7 @@ pub mod crack;
 pub mod criteria;
 
 use std::ops::Range;
-use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard};
+use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use crate::body::Body;
 use crate::energy::{Energy, Hessian, Inversion, NonFinite, Products, Term, Total, Wanted};
@@ -100,6 +100,15 @@ struct Status {
     n_broken: usize,
 }
 
+impl Status {
+    fn note(&mut self, bonds: &[usize]) {
+        for &bond in bonds {
+            self.n_broken += usize::from(!self.is_broken[bond]);
+            self.is_broken[bond] = true;
+        }
+    }
+}
+
 impl Breaking {
     /// Energies of the body that [can lose bonds](Energy::can_lose_bonds), of these neighbours;
     /// `names` has a name for each of their parts. Bonds of `absent` (in ascending order) are not there
@@ -146,9 +155,14 @@ impl Breaking {
         if bonds.is_empty() {
             return Ok(Release::default());
         }
-        let release = self.now().energy.release(u, way, &bonds)?;
-        self.take_out(&bonds);
-        Ok(Release { bonds: bonds.len(), ..release })
+        let mut status = self.change();
+        let release = status.energy.break_bonds(u, way, &bonds)?;
+        status.note(&bonds);
+        Ok(release)
+    }
+
+    fn change(&self) -> RwLockWriteGuard<'_, Status> {
+        self.status.write().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// A status that a panic elsewhere has left is as good as any: it changes in one go.
@@ -176,13 +190,9 @@ impl Fracture for Breaking {
         if bonds.is_empty() {
             return;
         }
-        let mut status = self.status.write().unwrap_or_else(PoisonError::into_inner);
-        let Status { energy, is_broken, n_broken } = &mut *status;
-        for &bond in bonds {
-            *n_broken += usize::from(!is_broken[bond]);
-            is_broken[bond] = true;
-        }
-        energy.lose(bonds);
+        let mut status = self.change();
+        status.note(bonds);
+        status.energy.lose(bonds);
     }
 
     fn damage(&self) -> Vec<f64> {

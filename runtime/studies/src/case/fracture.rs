@@ -10,6 +10,7 @@ use piola_mechanics::neighborhood::Neighborhood;
 
 use super::{Case, CaseError, Compiled};
 use crate::scene::selection;
+use piola_solvers::motion::Method;
 
 impl Case {
     /// Whether bonds may break, or are cut from the start.
@@ -87,7 +88,8 @@ impl Case {
         warnings
     }
 
-    /// Refuses bonds that break, or are cut, beside energies that lose none: those of other `arguments`.
+    /// Refuses bonds that break, or are cut, beside energies that lose none: those of triangles, tetrahedra
+    /// and F, and those of gathered values but in explicit motions.
     ///
     /// # Errors
     /// At the potential that says so, or at the crack.
@@ -96,8 +98,14 @@ impl Case {
         name: &str,
         mut arguments: impl Iterator<Item = &'a str>,
     ) -> Result<(), CaseError> {
-        let Some(other) = arguments.find(|argument| *argument != "l").filter(|_| self.can_break())
-        else {
+        let is_explicit =
+            self.scene.motion.as_ref().is_some_and(|motion| motion.method != Method::Midpoint);
+        let keeps = |argument: &&str| match *argument {
+            "l" => false,
+            "a" | "v" | "F" => true,
+            _ => !is_explicit,
+        };
+        let Some(other) = arguments.find(keeps).filter(|_| self.can_break()) else {
             return Ok(());
         };
         let mut all = self.potentials.iter().zip(&self.scene.materials);
@@ -111,10 +119,14 @@ impl Case {
         };
         let message = format!("{what}, and {name} has a psi({other})");
         let found = Diagnostic::error("conflicting-keys", span, message)
-            .label("only energies psi(l) lose bonds")
+            .label(match other {
+                "a" | "v" | "F" => "these energies lose no bonds",
+                _ => "energies of gathered values lose bonds in explicit motions alone",
+            })
             .help(match other {
                 "a" | "v" => "set the coefficients of triangles and tetrahedra to 0",
-                _ => "take potentials with psi(l) alone",
+                "F" => "take potentials with psi(l) or gathered values",
+                _ => "write [motion] with an explicit `method`, or take a potential with psi(l) alone",
             });
         Err(CaseError::Scene(self.scene.report(vec![found])))
     }

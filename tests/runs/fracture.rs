@@ -167,8 +167,10 @@ fn what_cannot_break_is_refused_with_its_place() {
     let implicit = TORN.replace("[motion]", "[motion]\nmethod = \"midpoint\"");
     of(&implicit, &states).expect(2).says(&["conflicting-keys", "psi(theta)", "explicit"]);
     let whole = BRITTLE.replace("break", "#");
-    let cut = format!("{whole}psi(F) = 1e9*(tr(F'*F) - 2 - 2*ln(J))\n");
-    of(TORN, &cut).expect(2).says(&["a crack cuts bonds", "scene.toml:14", "psi(F)"]);
+    let cut = format!("{whole}psi(a) = (a/A - 1)^2\n");
+    of(TORN, &cut).expect(2).says(&["a crack cuts bonds", "scene.toml:14", "psi(a)"]);
+    let gradients = format!("{whole}psi(F) = 1e9*(tr(F'*F) - 2 - 2*ln(J))\n");
+    of(&implicit, &gradients).expect(2).says(&["psi(F)", "explicit motions"]);
     for (from, to, says) in [
         ("segment = [[-0.1, 0.3], [0.4, 0.3]]", "segment = [[0, 0]]", "two points"),
         ("segment = [[-0.1, 0.3], [0.4, 0.3]]", "segment = [[1, 1], [1, 1]]", "extent"),

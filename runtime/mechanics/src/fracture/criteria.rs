@@ -130,8 +130,7 @@ impl Criteria {
                 }
             }
         }
-        // Rounding to 32 bits is far below what is left here.
-        (least * NEARLY) as f32
+        rounded_down(least * NEARLY)
     }
 
     /// How much the square of the length of each bond may grow before it may break, in m^2; nothing where
@@ -261,6 +260,16 @@ impl Margins {
             }
         }
         Ok(())
+    }
+}
+
+/// In 32 bits, not above the number; what is too large for them is the largest of them, for an infinite limit
+/// says that a bond never breaks.
+fn rounded_down(x: f64) -> f32 {
+    let near = x as f32;
+    match f64::from(near) > x {
+        true => near.next_down(),
+        false => near,
     }
 }
 

@@ -88,8 +88,8 @@ impl Case {
         warnings
     }
 
-    /// Refuses bonds that break, or are cut, beside energies that lose none: those of triangles, tetrahedra
-    /// and F, and those of gathered values but in explicit motions.
+    /// Refuses bonds that break, or are cut, beside energies that lose none: those of triangles and
+    /// tetrahedra, and those of F and gathered values but in explicit motions.
     ///
     /// # Errors
     /// At the potential that says so, or at the crack.
@@ -102,7 +102,7 @@ impl Case {
             self.scene.motion.as_ref().is_some_and(|motion| motion.method != Method::Midpoint);
         let keeps = |argument: &&str| match *argument {
             "l" => false,
-            "a" | "v" | "F" => true,
+            "a" | "v" => true,
             _ => !is_explicit,
         };
         let Some(other) = arguments.find(keeps).filter(|_| self.can_break()) else {
@@ -120,12 +120,11 @@ impl Case {
         let message = format!("{what}, and {name} has a psi({other})");
         let found = Diagnostic::error("conflicting-keys", span, message)
             .label(match other {
-                "a" | "v" | "F" => "these energies lose no bonds",
-                _ => "energies of gathered values lose bonds in explicit motions alone",
+                "a" | "v" => "triangles and tetrahedra lose no edges",
+                _ => "families lose bonds in explicit motions alone",
             })
             .help(match other {
                 "a" | "v" => "set the coefficients of triangles and tetrahedra to 0",
-                "F" => "take potentials with psi(l) or gathered values",
                 _ => "write [motion] with an explicit `method`, or take a potential with psi(l) alone",
             });
         Err(CaseError::Scene(self.scene.report(vec![found])))

@@ -249,3 +249,23 @@ fn the_fracture_energy_of_a_lattice_is_that_of_the_bonds_across_a_plane() {
     let found = piola(&["moduli", &elastic.scene(), "--format", "json"]).expect(0).json();
     assert!(found["fracture"].is_null());
 }
+
+/// Strains of bonds near a crack that stands open are those of what is left: a body in two halves that fly
+/// apart has none.
+#[test]
+fn strains_look_at_bonds_that_are_left() {
+    let folder = torn(|scene| {
+        let halves = "[[initial]]\nset = \"upper\"\nv = [0, 10]\n";
+        let scene = scene.replace("[-0.1, 0.3], [0.4, 0.3]", "[-1, 0.4], [2, 0.4]");
+        let start = scene.find("[[prescribe]]").unwrap();
+        let end = scene.find("[motion]").unwrap();
+        let scene = format!("{}{halves}{}", &scene[..start], &scene[end..]);
+        scene.replace("[output]", "[output]\nfields = [\"strain\"]")
+    });
+    folder.run(&[]).expect(0);
+    let out = folder.out();
+    let frames = read_pvd(&fs::read_to_string(out.join("run.pvd")).unwrap()).unwrap();
+    let last = read_vtu(&out.join(&frames[frames.len() - 1].1)).unwrap();
+    assert!(last.array("displacement").unwrap().values.iter().any(|u| *u > 0.19));
+    assert!(last.array("strain").unwrap().values.iter().all(|e| e.abs() < 1e-9));
+}

@@ -377,11 +377,11 @@ fn models_on_smaller_families_are_those_of_elsewhere() {
     assert_eq!(tried, 6);
 }
 
+/// The bonds that broke in each step.
+type Lists = Vec<(usize, Vec<usize>)>;
+
 /// A body of bonds in free flight whose points part, in units of `length` m, `time` s and `mass` kg.
-fn apart(
-    [length, time, mass]: [f64; 3],
-    s0: f64,
-) -> (Vec<(usize, Vec<usize>)>, Vec<Row>, Vec<f64>) {
+fn apart([length, time, mass]: [f64; 3], s0: f64) -> (Lists, Vec<Row>, Vec<f64>) {
     let file = reference("damage_small.json");
     let cloud = &file["clouds"]["solid"];
     let scaled = |values: Vec<f64>, by: f64| values.iter().map(|x| x * by).collect::<Vec<f64>>();

@@ -80,6 +80,28 @@ pub trait Fracture: Sync {
     fn n_bonds(&self) -> usize;
 }
 
+/// A pattern of all bonds without those that are broken, by their numbers in ascending order.
+pub fn left_of(bonds: &BlockPattern, broken: &[usize]) -> BlockPattern {
+    let mut left = BlockPattern {
+        dimension: bonds.dimension,
+        row_start: vec![0],
+        columns: Vec::with_capacity(bonds.columns.len()),
+    };
+    let (mut number, mut broken) = (0, broken.iter().copied().peekable());
+    for row in bonds.row_start.windows(2) {
+        let point = left.row_start.len() as u32 - 1;
+        for &column in &bonds.columns[row[0]..row[1]] {
+            let is_bond = column != point;
+            if !(is_bond && broken.next_if_eq(&number).is_some()) {
+                left.columns.push(column);
+            }
+            number += usize::from(is_bond);
+        }
+        left.row_start.push(left.columns.len());
+    }
+    left
+}
+
 /// Energies of a body, added up, that lose bonds.
 pub struct Breaking {
     body: Arc<Body>,

@@ -6,6 +6,7 @@
 
 use nalgebra::{Matrix3, SymmetricEigen};
 use piola_mechanics::energy::{Energy, Total};
+use piola_mechanics::fracture::left_of;
 use piola_mechanics::least_squares;
 use piola_mechanics::words::Words as _;
 use piola_output::picture::{Colour, NamedPoints};
@@ -180,8 +181,16 @@ impl PointFields<'_> {
         known: &'t mut Option<Vec<Matrix3<f64>>>,
     ) -> &'t [Matrix3<f64>] {
         known.get_or_insert_with(|| {
-            let fitted =
-                || least_squares::displacement_gradients(&self.case.body, self.energy.bonds(), u);
+            // Of families that have lost bonds what is left counts.
+            let fitted = || match self.energy.fracture() {
+                Some(fracture) => {
+                    let left = left_of(self.energy.bonds(), &fracture.broken());
+                    least_squares::displacement_gradients(&self.case.body, &left, u)
+                }
+                None => {
+                    least_squares::displacement_gradients(&self.case.body, self.energy.bonds(), u)
+                }
+            };
             let found = self.energy.displacement_gradients(u).unwrap_or_else(fitted);
             matrices(&found, self.case.body.dimension())
         })

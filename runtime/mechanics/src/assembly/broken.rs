@@ -42,7 +42,7 @@ impl DiscreteEnergy {
         let factors = kind.factors.get_or_insert_with(|| vec![1.0; n_bonds]);
         bonds.iter().for_each(|bond| factors[*bond] = 0.0);
         if let Some(runs) = &mut on_lattice.bonds {
-            runs.lose(neighborhood, factors, bonds);
+            runs.lose(neighborhood, bonds);
         }
         if let Some(fours) = fours {
             fours.lose(neighborhood, bonds);

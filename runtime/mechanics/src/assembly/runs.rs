@@ -18,7 +18,7 @@ use crate::geometry::bond::Bond;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::squares::Root;
 use crate::geometry::{Scalar, dot, each};
-use crate::interaction::runs::{InRuns, Runs};
+use crate::interaction::runs::{InRuns, KeptInRuns, Runs};
 use crate::neighborhood::Neighborhood;
 
 /// The bonds of a body in runs, with an affine law.
@@ -35,6 +35,8 @@ pub(super) struct BondRuns {
     halves: Option<Shares>,
     /// What multiplies the weights where bonds are corrected.
     factors: Option<InRuns>,
+    /// Which bonds are not broken, where some are and none is corrected.
+    kept: Option<KeptInRuns>,
     /// How much the square of the length of a bond of each vector may grow before it may break, in m^2; none
     /// where nobody watches.
     limits: Vec<f64>,
@@ -61,17 +63,20 @@ impl BondRuns {
         let (runs, arch, halves) = (Arc::clone(runs), Arch::new(), kind.parts_of_field(2));
         let factors = kind.factors.as_ref().map(|factors| runs.in_runs(neighborhood, factors));
         let (by_square, limits) = (all.by_square, Vec::new());
-        Some(BondRuns { runs, laws, by_square, shares, halves, factors, limits, arch })
+        let kept = None;
+        Some(BondRuns { runs, laws, by_square, shares, halves, factors, kept, limits, arch })
     }
 }
 
 impl BondRuns {
-    /// Takes out bonds that have the factor 0 now.
-    pub(super) fn lose(&mut self, neighborhood: &Neighborhood, factors: &[f64], bonds: &[usize]) {
-        match &mut self.factors {
-            Some(known) => bonds.iter().for_each(|bond| known.set(*bond, 0.0)),
-            none => *none = Some(self.runs.in_runs(neighborhood, factors)),
+    /// Takes out bonds.
+    pub(super) fn lose(&mut self, neighborhood: &Neighborhood, bonds: &[usize]) {
+        if let Some(factors) = &mut self.factors {
+            bonds.iter().for_each(|bond| factors.set(*bond, 0.0));
+            return;
         }
+        let kept = self.kept.get_or_insert_with(|| self.runs.kept(neighborhood));
+        bonds.iter().for_each(|bond| kept.lose(*bond));
     }
 
     /// Watches bonds that may grow by so much, in m^2, each by its number: of all with one vector the least.
@@ -174,6 +179,7 @@ impl<const D: usize, const WAY: u8, const PRODUCT: bool> WithSimd for Sweep<'_, 
                     .factors
                     .as_ref()
                     .map(|factors| S::as_simd_f64s(&factors.of_run(place)[..padded]).0),
+                kept: runs.kept.as_ref().map(|kept| kept.of_run(place)),
             };
             let full = len / Lanes::<S>::WIDTH;
             for group in 0..full {
@@ -209,7 +215,26 @@ struct Ends<'a, S: Simd, const D: usize> {
     are_added: bool,
     halves: Option<[&'a [S::f64s]; 2]>,
     factors: Option<&'a [S::f64s]>,
+    /// A bit for each bond, a byte for [`WIDEST`] of them.
+    kept: Option<&'a [u8]>,
 }
+
+/// 1 for every bit of a byte, the lowest first, and 0 for those that are not there.
+static OF_BITS: [[f64; WIDEST]; 256] = {
+    let mut all = [[0.0; WIDEST]; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut bit = 0;
+        while bit < WIDEST {
+            if byte >> bit & 1 == 1 {
+                all[byte][bit] = 1.0;
+            }
+            bit += 1;
+        }
+        byte += 1;
+    }
+    all
+};
 
 /// What is added up over all bonds of a slab.
 struct Added<'a, S: Simd> {
@@ -257,17 +282,24 @@ fn step<S: Simd, const D: usize, const WAY: u8, const PRODUCT: bool, const LAST:
             None => mean,
         });
     }
+    // Broken bonds have the factor 0.
+    let factor = match (ends.factors, ends.kept) {
+        (Some(factors), _) => Some(lanes(factors[group])),
+        (None, Some(kept)) => {
+            let (first, width) = (group * Lanes::<S>::WIDTH, Lanes::<S>::WIDTH);
+            let bits = &OF_BITS[usize::from(kept[first / WIDEST])];
+            Some(Lanes::load(simd, bits, first % WIDEST / width))
+        }
+        (None, None) => None,
+    };
     if let Some(limit) = bond.limit {
         let mut excess = squares.grown - limit;
-        if let Some(factors) = ends.factors {
-            // Broken bonds have the factor 0.
-            let factor = lanes(factors[group]);
+        if let Some(factor) = factor {
             excess = factor.where_equal(excess.alike(0.0), excess.alike(-1.0), excess);
         }
         out.beyond = out.beyond.max(excess);
     }
-    if let Some(factors) = ends.factors {
-        let factor = lanes(factors[group]);
+    if let Some(factor) = factor {
         weight = Some(match weight {
             Some(weight) => weight * factor,
             None => factor,

@@ -139,9 +139,48 @@ impl Runs {
         InRuns { numbers, start, places }
     }
 
+    /// All bonds, each with a bit of its own.
+    pub(crate) fn kept(&self, neighborhood: &Neighborhood) -> KeptInRuns {
+        let (mut n_bytes, mut start) = (0, Vec::with_capacity(self.runs.len()));
+        let mut places = vec![0; neighborhood.n_bonds()];
+        for run in &self.runs {
+            start.push(n_bytes);
+            for k in 0..run.len {
+                let (owner, other) = ((run.owner + k) as usize, run.other + k);
+                let later = neighborhood.upper(owner).partition_point(|point| *point < other);
+                places[neighborhood.bonds(owner).start + later] = n_bytes * WIDEST + k as usize;
+            }
+            n_bytes += (run.len as usize).div_ceil(WIDEST);
+        }
+        KeptInRuns { bits: vec![u8::MAX; n_bytes], start, places }
+    }
+
     /// The vectors at rest, in m.
     pub(crate) fn vectors<const D: usize>(&self) -> &[[f64; D]] {
         self.vectors.as_chunks::<D>().0
+    }
+}
+
+/// A bit for every bond, run by run: whether it is still there.
+pub(crate) struct KeptInRuns {
+    bits: Vec<u8>,
+    /// Where those of each run start.
+    start: Vec<usize>,
+    /// Where that of each bond is, counted in bits.
+    places: Vec<usize>,
+}
+
+impl KeptInRuns {
+    /// Takes out a bond.
+    pub(crate) fn lose(&mut self, bond: usize) {
+        let place = self.places[bond];
+        self.bits[place / WIDEST] &= !(1 << (place % WIDEST));
+    }
+
+    /// The bits of a run, one byte for [`WIDEST`] bonds, and what is behind them.
+    #[inline(always)]
+    pub(crate) fn of_run(&self, run: usize) -> &[u8] {
+        &self.bits[self.start[run]..]
     }
 }
 

@@ -7,7 +7,7 @@ use clap::ValueEnum;
 pub(crate) enum Kind {
     /// Bonds alone
     Bond,
-    /// Lengths, areas and volumes
+    /// Lengths, areas, volumes and angles
     Clique,
     /// Families of points, by gathered states
     State,
@@ -66,6 +66,7 @@ pub(crate) const LIBRARY: &[Entry] = entries![
     "gasser_ogden_holzapfel" is Tissue,
     "gent" is Rubber,
     "guccione" is Tissue,
+    "harmonic_angles" is Clique,
     "hencky" is Solid,
     "hyperfoam" is Foam,
     "javili2020" is Clique,

@@ -3,6 +3,7 @@
 //! Before: a model with values. After: kernels over arrays, one per energy that something is left of,
 //! and a list of what is not modelled.
 
+use crate::coupled::CoupledKernel;
 use crate::gathered::GatheredKernels;
 use crate::kernel::{Kernel, Mode};
 use crate::model::Model;
@@ -19,6 +20,8 @@ pub struct Compiled {
     pub gradient: Option<GradientKernel>,
     /// Of gathered values, with the integrals that gather them.
     pub gathered: Option<GatheredKernels>,
+    /// Of several measures of triangles or of tetrahedra: at most one each.
+    pub coupled: Vec<CoupledKernel>,
     /// What is not modelled, and why.
     pub dropped: Vec<Dropped>,
 }
@@ -32,11 +35,13 @@ pub enum Kind {
     Gradient,
     /// Values gathered over families: `psi(theta)`, `psi(l, m)`.
     Gathered,
+    /// Several measures of one interaction: `psi(a, l1, l2)`, `psi(angle)`.
+    Coupled,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Kind; 3] = [Kind::Measures, Kind::Gradient, Kind::Gathered];
+    pub const ALL: [Kind; 4] = [Kind::Measures, Kind::Gradient, Kind::Gathered, Kind::Coupled];
 }
 
 impl Model {
@@ -71,6 +76,7 @@ impl Model {
                 Kind::Measures => self.compile_measures(values, mode, form, &mut compiled.kernels),
                 Kind::Gradient => self.compile_gradient(values, mode, form, &mut compiled.gradient),
                 Kind::Gathered => self.compile_gathered(values, mode, form, &mut compiled.gathered),
+                Kind::Coupled => self.compile_coupled(values, mode, form, &mut compiled.coupled),
             };
             compiled.dropped.extend(dropped?);
         }

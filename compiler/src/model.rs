@@ -78,6 +78,8 @@ pub struct Variant {
     pub integrals: Vec<Integral>,
     /// The energies of gathered values as written.
     pub gathered_energies: Vec<GatheredEnergy>,
+    /// The energies of several measures of triangles and tetrahedra as written.
+    pub coupled_energies: Vec<CoupledEnergy>,
     /// Declared intervals of use.
     pub domains: Vec<Interval>,
     /// When bonds break.
@@ -153,6 +155,24 @@ pub struct Break {
     pub text: String,
     /// What it is, in the words of the file.
     pub reason: Option<String>,
+}
+
+/// One energy statement of several measures, `psi(a, l1, l2)` or `psi(angle)`.
+#[derive(Clone, Debug)]
+pub struct CoupledEnergy {
+    /// What stands in its head, e.g. `a, l1, l2`.
+    pub head: String,
+    /// The measure of the interaction: areas of triangles, volumes of tetrahedra.
+    pub clique: Measure,
+    /// The energy density in the variant's graph: the mean of `orders`.
+    pub root: NodeId,
+    /// What is written for each order of the points in which it is another expression; the first as it
+    /// stands.
+    pub orders: Vec<NodeId>,
+    /// Place of the energy's expression.
+    pub span: Span,
+    /// The expression as written, in canonical spelling.
+    pub text: String,
 }
 
 /// A declared interval of use of one measure, or of `J`.
@@ -262,14 +282,33 @@ impl Model {
         &self.variants[0].breaks
     }
 
-    /// What its energies are functions of, as written: `l`, `a`, `v`, `F`, `l, m`.
+    /// The measures of the interactions that have an energy of several measures, ascending: areas for
+    /// triangles, volumes for tetrahedra.
+    pub fn coupled(&self) -> Vec<Measure> {
+        let first = &self.variants[0];
+        let has = |m: &Measure| first.coupled_energies.iter().any(|e| e.clique == *m);
+        Measure::ALL.into_iter().filter(has).collect()
+    }
+
+    /// What energies of triangles (`clique` is the area) or tetrahedra are functions of, where one of them is
+    /// of several measures.
+    pub fn of_clique(&self, clique: Measure) -> Vec<&str> {
+        let coupled = self.variants[0].coupled_energies.iter().filter(|e| e.clique == clique);
+        let coupled: Vec<&str> = coupled.map(|energy| energy.head.as_str()).collect();
+        let alone = !coupled.is_empty() && self.measures().contains(&clique);
+        alone.then(|| clique.symbol()).into_iter().chain(coupled).collect()
+    }
+
+    /// What its energies are functions of, as written: `l`, `a`, `v`, `F`, `l, m`, `a, l1, l2`.
     pub fn arguments(&self) -> Vec<&str> {
         let measures = self.measures().into_iter().map(Measure::symbol);
         let mut arguments: Vec<&str> =
             measures.chain(self.has_gradient_energy().then_some("F")).collect();
-        for energy in &self.variants[0].gathered_energies {
-            if !arguments.contains(&energy.head.as_str()) {
-                arguments.push(&energy.head);
+        let gathered = self.variants[0].gathered_energies.iter().map(|energy| &energy.head);
+        let coupled = self.variants[0].coupled_energies.iter().map(|energy| &energy.head);
+        for head in gathered.chain(coupled) {
+            if !arguments.contains(&head.as_str()) {
+                arguments.push(head);
             }
         }
         arguments

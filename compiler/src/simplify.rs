@@ -395,11 +395,14 @@ impl Simplifier {
     }
 
     fn is_reference(&self, x: NodeId) -> bool {
-        matches!(self.graph[x], Node::Input(Input::Reference(_)))
+        matches!(self.graph[x], Node::Input(Input::Reference(_) | Input::PartAtRest(_)))
     }
 
     fn is_positive(&self, x: NodeId) -> bool {
-        matches!(self.graph[x], Node::Input(Input::Reference(_) | Input::Horizon))
+        matches!(
+            self.graph[x],
+            Node::Input(Input::Reference(_) | Input::PartAtRest(_) | Input::Horizon)
+        )
     }
 
     /// `l - L = L*e`

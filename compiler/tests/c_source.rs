@@ -16,8 +16,8 @@ use piola_compiler::expression::{ExprGraph, Node, Operator};
 use piola_compiler::verify::sample::{Point, Random, points};
 use piola_compiler::verify::{Columns, UNIT_ROUNDOFF, same_bits};
 use piola_compiler::{
-    Derivatives, Form, GradientBatch, GradientEnergyForms, Level, Measure, Mode, Model,
-    ScalarEnergy, Setting, Values, check, print,
+    CoupledBatch, Derivatives, Form, GradientBatch, GradientEnergyForms, Level, Measure, Mode,
+    Model, ScalarEnergy, Setting, Values, check, print,
 };
 use piola_grammar::parse;
 
@@ -417,4 +417,80 @@ impl Drop for Folder {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.0);
     }
+}
+
+/// Energies of several measures: `measures`, `reference`, `change` and a direction, measure after measure.
+#[test]
+fn printed_c_of_several_measures_gives_the_same_numbers() {
+    if !machine::has_c_compiler() {
+        return;
+    }
+    let text = "potential p\npsi(a, l1) = (a/A - 1)^2*(l1/L1)^3/(1 + a*l1)
+psi(v, a1, l6) = abs(v)/V*(a1/A1 - 1)^2*sqrt(l6)";
+    let model = check(&parse(text).unwrap()).unwrap();
+    let values = model.values(3, &[], None).unwrap();
+    let compiled = model.compile(&values, Mode::Jit(Level::Strict), Form::Accurate).unwrap();
+    assert_eq!(compiled.coupled.len(), 2);
+    for kernel in &compiled.coupled {
+        let (form, _) = model.specialise_coupled(&values, kernel.clique(), Form::Accurate).unwrap();
+        let form = form.unwrap();
+        assert!(has_only_exact_operations(&form.density.graph));
+        let (m, n) = (kernel.variables().len(), 7);
+        let mut random = Random::new(0x0f_ac_e5);
+        let mut numbers =
+            |low, high| -> Vec<f64> { (0..m * n).map(|_| random.uniform(low, high)).collect() };
+        let (reference, change) = (numbers(0.5, 2.0), numbers(-0.3, 0.3));
+        let direction = numbers(-1.0, 1.0);
+        let variables: Vec<f64> =
+            reference.iter().zip(&change).map(|(rest, e)| rest * (1.0 + e)).collect();
+        let at = CoupledBatch {
+            n,
+            variables: &variables,
+            reference: &reference,
+            change: &change,
+            fields: &[],
+        };
+        let (mut psi, mut gradient, mut product) =
+            (vec![0.0; n], vec![0.0; m * n], vec![0.0; m * n]);
+        kernel.evaluate(at, &mut psi, &mut gradient);
+        kernel.product(at, &direction, &mut product);
+        let name = format!("p_{}", kernel.clique().interaction());
+        let folder = Folder::new(&format!("piola_c_source_{name}"));
+        let source = print::c_source(&model, &[], None);
+        let source = source + &print::coupled_c(&model, kernel.clique(), &form);
+        let path = folder.0.join("energies.c");
+        std::fs::write(&path, source).unwrap();
+        let arrays = [&variables, &reference, &change, &direction].map(|array| {
+            let numbers: Vec<String> = array.iter().map(|x| format!("{x:?}")).collect();
+            format!("{{{}}}", numbers.join(","))
+        });
+        let main = several_main(&name, m * n, n, &arrays);
+        let printed = run(&folder, vec![path], &main);
+        let found = printed.lines().map(|bits| u64::from_str_radix(bits, 16).unwrap());
+        let expected = [psi, gradient, product].concat();
+        assert!(found.eq(expected.iter().map(|x| x.to_bits())), "{name}");
+    }
+}
+
+/// A program that runs both functions of an energy and prints the bits of psi, gradient and product.
+fn several_main(name: &str, all: usize, n: usize, arrays: &[String; 4]) -> String {
+    let [m, rest, change, direction] = arrays;
+    format!(
+        "#include <stddef.h>\n#include <stdint.h>\n#include <stdio.h>\n#include <string.h>\n\
+         void {name}(size_t, const double *, const double *, const double *, double *, double *);\n\
+         void {name}_product(size_t, const double *, const double *, const double *, const double *, \
+         double *);\n\
+         int main(void) {{\n\
+         \x20 static const double m[] = {m}, r[] = {rest}, e[] = {change}, d[] = {direction};\n\
+         \x20 static double out[{n} + 2 * {all}];\n\
+         \x20 {name}({n}, m, r, e, out, out + {n});\n\
+         \x20 {name}_product({n}, m, r, e, d, out + {n} + {all});\n\
+         \x20 for (size_t i = 0; i < {n} + 2 * {all}; i++) {{\n\
+         \x20   uint64_t u;\n\
+         \x20   memcpy(&u, &out[i], sizeof u);\n\
+         \x20   printf(\"%016llx\\n\", (unsigned long long)u);\n\
+         \x20 }}\n\
+         \x20 return 0;\n\
+         }}\n"
+    )
 }

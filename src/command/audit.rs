@@ -28,6 +28,9 @@ pub(super) fn execute(arguments: &cli::Audit) -> Exit {
     if model.has_gathered_energy() {
         console::note("energies of gathered values are not audited: see `piola verify`");
     }
+    if !model.coupled().is_empty() {
+        console::note("energies of several measures are not audited: see `piola verify`");
+    }
     let form = if arguments.textbook { Form::Textbook } else { Form::Accurate };
     let settings = Settings {
         form,

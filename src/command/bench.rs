@@ -47,6 +47,9 @@ fn of_potential(name: &str, arguments: &Bench) -> Exit {
     let model = &loaded.model;
     let values = potential::every_energy(model, arguments.dim, &arguments.inputs, "timed");
     let Some(values) = values else { return Exit::Input };
+    if !model.coupled().is_empty() {
+        console::note("energies of several measures are timed in a body: `piola bench SCENE`");
+    }
     let costs = match cost::cost(model, &values) {
         Ok(costs) => costs,
         Err(CostError::Compile(error)) => {

@@ -1,12 +1,13 @@
 //! `piola derive`: derivatives as text, and every stage on the way to machine code.
 
 use piola_compiler::audit::{self, Lost, Place};
+use piola_compiler::coupled::CoupledForm;
 use piola_compiler::jit::CompiledKernel;
 use piola_compiler::point::gradient_listing;
 use piola_compiler::rewrite::{self, Explanation, Side};
 use piola_compiler::simplify::Rule;
 use piola_compiler::{
-    Argument, CompileError, Form, GradientEnergyForms, Specialised, Values, print,
+    Argument, CompileError, Form, GradientEnergyForms, Measure, Specialised, Values, print,
 };
 
 use piola_runtime::output::decimal;
@@ -41,6 +42,9 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
     if loaded.model.has_gathered_energy() {
         console::note("derivatives of energies of gathered values are not printed");
     }
+    if !loaded.model.coupled().is_empty() && arguments.explain {
+        console::note("energies of several measures are not explained: see `piola verify`");
+    }
     if arguments.explain {
         return explain(&loaded, dimension, arguments);
     }
@@ -63,7 +67,15 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
         }
         None => return Exit::Input,
     };
-    match emit(&loaded, &specialised, gradient.as_ref(), arguments) {
+    let coupled = match coupled(&loaded, dimension, arguments) {
+        Some(Ok(coupled)) => coupled,
+        Some(Err(error)) => {
+            print_compile_error(&loaded, &error);
+            return Exit::Input;
+        }
+        None => return Exit::Input,
+    };
+    match emit(&loaded, &specialised, (gradient.as_ref(), &coupled), arguments) {
         Ok(text) => {
             console::out(&text);
             Exit::Done
@@ -107,6 +119,36 @@ fn specialise_gradient(
         dropped.iter().for_each(|dropped| console::note(&dropped.reason));
         forms
     }))
+}
+
+/// The same for energies of several measures.
+fn coupled(
+    loaded: &Loaded,
+    dimension: usize,
+    arguments: &Derive,
+) -> Option<Result<Vec<(Measure, CoupledForm)>, CompileError>> {
+    let (model, mut found) = (&loaded.model, Vec::new());
+    let settings = potential::settings(&arguments.inputs)?;
+    let symbols_allowed = matches!(arguments.emit, Emit::Text | Emit::Latex | Emit::Graph);
+    let is_symbolic = symbols_allowed && settings.is_empty() && arguments.inputs.delta.is_none();
+    for clique in model.coupled() {
+        let made = match is_symbolic {
+            true => model.symbolic_coupled(dimension, clique),
+            false => {
+                let (values, _) = all_values(loaded, dimension, arguments)?;
+                let made = model.specialise_coupled(&values, clique, Form::Accurate);
+                made.map(|(form, dropped)| {
+                    dropped.iter().for_each(|dropped| console::note(&dropped.reason));
+                    form
+                })
+            }
+        };
+        match made {
+            Ok(form) => found.extend(form.map(|form| (clique, form))),
+            Err(error) => return Some(Err(error)),
+        }
+    }
+    Some(Ok(found))
 }
 
 /// Values for every parameter: 1 for want of one, which is said.
@@ -252,13 +294,15 @@ fn explanation(e: &Explanation) -> String {
 fn emit(
     loaded: &Loaded,
     specialised: &Specialised,
-    gradient: Option<&GradientEnergyForms>,
+    (gradient, coupled): (Option<&GradientEnergyForms>, &[(Measure, CoupledForm)]),
     arguments: &Derive,
 ) -> Result<String, CompileError> {
     let model = &loaded.model;
     let listing = |energy| CompiledKernel::listing(energy, arguments.level.into());
     if arguments.emit == Emit::C {
-        return Ok(print::c_source(model, &specialised.energies, gradient));
+        let first = print::c_source(model, &specialised.energies, gradient);
+        let several = coupled.iter().map(|(clique, form)| print::coupled_c(model, *clique, form));
+        return Ok(std::iter::once(first).chain(several).collect::<Vec<_>>().join("\n"));
     }
     let mut parts = Vec::new();
     for energy in &specialised.energies {
@@ -284,6 +328,16 @@ fn emit(
             Emit::Clif => parts.extend(listings()?.into_iter().map(|listing| listing.clif)),
             Emit::Asm => parts.extend(listings()?.into_iter().map(|listing| listing.assembly)),
             _ => parts.push(print::gradient_text(model, forms)),
+        }
+    }
+    for (clique, form) in coupled {
+        let listings = || form.density.listings(arguments.level.into());
+        match arguments.emit {
+            Emit::Latex => parts.push(print::coupled_latex(model, *clique, form)),
+            Emit::Graph => parts.push(print::coupled_listing(model, *clique, form)),
+            Emit::Clif => parts.extend(listings()?.into_iter().map(|listing| listing.clif)),
+            Emit::Asm => parts.extend(listings()?.into_iter().map(|listing| listing.assembly)),
+            _ => parts.push(print::coupled_text(model, *clique, form)),
         }
     }
     Ok(parts.join("\n"))

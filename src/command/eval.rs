@@ -37,7 +37,7 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
         let known = arguments_of.iter().filter(|a| matches!(**a, "l" | "a" | "v" | "F"));
         let has: Vec<String> = known.map(|a| format!("--measure {a}")).collect();
         let help = match has.is_empty() {
-            true => "energies of gathered values need a body: `piola energy SCENE`".to_string(),
+            true => "energies of gathered values and of several measures need a body: `piola energy SCENE`".to_string(),
             false => format!("use {}", has.join(" or ")),
         };
         render::error(&message, Some(help.as_str()));

@@ -110,6 +110,7 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
         Subject::Gathered(_) | Subject::Margin(_) => {
             ("points", "largest errors against hyper-dual numbers in u = 2^-53", 0)
         }
+        Subject::Coupled(..) => ("points", "largest errors in u = 2^-53 of the largest part", 0),
     };
     let verdict = match found.outcome() {
         Outcome::Passed => "passed",
@@ -323,6 +324,10 @@ fn place_of(subject: &Subject, miss: &Miss) -> String {
             format!("{symbol} = {m:e}, {} = {rest:e}", measure.reference_symbol())
         }
         Subject::Margin(_) => format!("l = {:e}, L = {:e}", miss.place[0], miss.place[1]),
+        Subject::Coupled(_, symbols) => {
+            let changes: Vec<String> = miss.place.iter().map(|x| format!("{x:.1e}")).collect();
+            format!("changes of {} by ({}) of themselves", symbols.join(", "), changes.join(", "))
+        }
         _ => format!("{symbol} = {}", numbers(&miss.place)),
     }
 }

@@ -7,6 +7,7 @@ mod support;
 mod accuracy;
 mod bench;
 mod contract;
+mod coupled;
 mod extremes;
 mod fields;
 mod fracture;

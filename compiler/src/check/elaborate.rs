@@ -222,6 +222,8 @@ impl<'a> Elaborator<'a> {
                 let kind = self.known(of(m));
                 self.make(Node::Input(Input::Reference(m)), kind, bit(m), span)
             }
+            Symbol::Part(part) => self.part(part, Input::Part(part), span),
+            Symbol::PartAtRest(part) => self.part(part, Input::PartAtRest(part), span),
             Symbol::Horizon => {
                 let kind = self.known(Dimension::LENGTH);
                 self.make(Node::Input(Input::Horizon), kind, 0, span)

@@ -11,6 +11,7 @@
 mod breaking;
 mod call;
 mod constant;
+mod coupled;
 pub mod dimension;
 mod domain;
 mod elaborate;
@@ -18,6 +19,7 @@ mod foreign;
 mod gathered;
 mod in_unit;
 mod names;
+mod orders;
 mod quantity;
 mod statement;
 mod stretch;

@@ -10,9 +10,9 @@ use super::MAX_FINDINGS;
 use super::dimension::Dimension;
 use super::elaborate::Elaborator;
 use super::names::parts;
-use super::symbols::{Symbol, Symbols, is_kinematic};
+use super::symbols::{Symbol, Symbols, is_coupled, is_kinematic};
 use super::unit::UnitValue;
-use super::value::{GRADIENT, IN_UNIT, Quantity, Value};
+use super::value::{GRADIENT, IN_UNIT, PART, Quantity, Value};
 use crate::expression::{ExprGraph, NodeId};
 use crate::lint::LINTS;
 use crate::measure::Measure;
@@ -261,6 +261,7 @@ impl<'a> Builder<'a> {
                 traces: Vec::new(),
                 integrals: Vec::new(),
                 gathered_energies: Vec::new(),
+                coupled_energies: Vec::new(),
                 domains: Vec::new(),
                 breaks: Vec::new(),
                 stated: Vec::new(),
@@ -323,6 +324,10 @@ impl<'a> Builder<'a> {
         let of_bonds = energy.measure.name == "l";
         if is_defined || (of_bonds && !energy.gathered.is_empty()) {
             self.gathered_energy(energy);
+            return;
+        }
+        if is_coupled(self.ast, energy) {
+            self.coupled_energy(energy);
             return;
         }
         if let Some(name) = energy.gathered.first() {
@@ -456,6 +461,15 @@ impl Argument {
     const GRADIENT: Argument =
         Argument { bit: GRADIENT, names: &["F", "J", "C", "E", "U"], of: "point" };
 
+    const PART: Argument = Argument {
+        bit: PART,
+        names: &[
+            "l1", "l2", "l3", "l4", "l5", "l6", "a1", "a2", "a3", "a4", "angle", "L1", "L2", "L3",
+            "L4", "L5", "L6", "A1", "A2", "A3", "A4", "Angle",
+        ],
+        of: "triangle or a tetrahedron, named in the head",
+    };
+
     fn of(measure: Measure) -> Argument {
         let names: &[&str] = match measure {
             Measure::Length => &["l", "L"],
@@ -466,7 +480,7 @@ impl Argument {
     }
 
     fn all() -> impl Iterator<Item = Argument> {
-        Measure::ALL.into_iter().map(Argument::of).chain([Argument::GRADIENT])
+        Measure::ALL.into_iter().map(Argument::of).chain([Argument::GRADIENT, Argument::PART])
     }
 }
 

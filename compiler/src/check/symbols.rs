@@ -1,11 +1,13 @@
 //! What names stand for: built-in symbols, functions of tensors, what a file defines.
 
 use std::collections::{HashMap, HashSet};
+use std::iter::once;
 use std::rc::Rc;
 
 use piola_grammar::ast::{Ast, Energy, ExprId, Statement};
 
 use super::table::Table;
+use crate::clique::Part;
 use crate::measure::Measure;
 
 /// What a name outside a function's formal parameters stands for.
@@ -15,6 +17,10 @@ pub(crate) enum Symbol {
     Current(Measure),
     /// Reference measure.
     Reference(Measure),
+    /// A measure of a part of a triangle or a tetrahedron, in a file with an energy of several measures.
+    Part(Part),
+    /// The same at rest.
+    PartAtRest(Part),
     /// `delta`
     Horizon,
     /// `d`
@@ -68,6 +74,12 @@ impl<'a> Symbols<'a> {
         for measure in Measure::ALL {
             symbols.names.insert(measure.symbol(), Symbol::Current(measure));
             symbols.names.insert(measure.reference_symbol(), Symbol::Reference(measure));
+        }
+        if ast.statements.iter().any(|s| matches!(s, Statement::Energy(e) if is_coupled(ast, e))) {
+            for part in Part::named() {
+                symbols.names.insert(part.symbol(), Symbol::Part(part));
+                symbols.names.insert(part.reference_symbol(), Symbol::PartAtRest(part));
+            }
         }
         symbols.names.insert("delta", Symbol::Horizon);
         symbols.names.insert("d", Symbol::Dimension);
@@ -154,15 +166,30 @@ impl Kinematic {
     ];
 }
 
-/// Whether an energy was meant to be one of the deformation gradient: `psi(C)`, `psi(J)`, `psi(U)`.
-pub(crate) fn is_kinematic(ast: &Ast, energy: &Energy) -> bool {
-    let name = energy.measure.name.as_str();
-    let defined = |statement: &Statement| match statement {
+/// Whether a file defines a name.
+fn is_defined(ast: &Ast, name: &str) -> bool {
+    ast.statements.iter().any(|statement| match statement {
         Statement::Definition(definition) => definition.name.name == name,
         Statement::Parameter(parameter) => parameter.name.name == name,
         _ => false,
-    };
+    })
+}
+
+/// Whether an energy is one of several measures of a triangle or a tetrahedron: `psi(a, l1, l2)`,
+/// `psi(angle)`.
+pub(crate) fn is_coupled(ast: &Ast, energy: &Energy) -> bool {
+    let names = || once(&energy.measure).chain(&energy.gathered).map(|name| name.name.as_str());
+    let is_part = |name: &str| Part::from_symbol(name).is_some() && !is_defined(ast, name);
+    let is_whole = |name: &str| matches!(name, "a" | "v");
+    let first = energy.measure.name.as_str();
+    is_part(first)
+        || (is_whole(first) && names().skip(1).any(|name| is_part(name) || is_whole(name)))
+}
+
+/// Whether an energy was meant to be one of the deformation gradient: `psi(C)`, `psi(J)`, `psi(U)`.
+pub(crate) fn is_kinematic(ast: &Ast, energy: &Energy) -> bool {
+    let name = energy.measure.name.as_str();
     Kinematic::NAMED.iter().any(|(known, _)| *known == name)
         && energy.gathered.is_empty()
-        && !ast.statements.iter().any(defined)
+        && !is_defined(ast, name)
 }

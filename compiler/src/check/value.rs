@@ -62,6 +62,9 @@ pub(crate) const INTEGRAL: u8 = 1 << 4;
 /// The bit for values that are stated in a unit, among conditions, whose parameters are not in SI units.
 pub(crate) const IN_UNIT: u8 = 1 << 5;
 
+/// The bit for parts of triangles and tetrahedra.
+pub(crate) const PART: u8 = 1 << 6;
+
 /// Which of the tensors of a file a value is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct TensorId(pub(crate) u32);
@@ -89,8 +92,8 @@ pub(crate) struct Value {
     pub(crate) node: NodeId,
     /// What it is.
     pub(crate) kind: Kind,
-    /// Which measures it depends on, a bit per measure, and whether on [`GRADIENT`] or
-    /// [`INTEGRAL`].
+    /// Which measures it depends on, a bit per measure, and whether on [`GRADIENT`], [`INTEGRAL`] or
+    /// [`PART`].
     pub(crate) uses: u8,
     /// Its bits, if it is a number known before any parameter has a value.
     pub(crate) constant: Option<u64>,

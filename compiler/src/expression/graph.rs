@@ -7,6 +7,7 @@ use rustc_hash::FxHashMap;
 
 use super::power::PowerPlan;
 use super::{Comparison, Function, Operator};
+use crate::clique::Part;
 use crate::measure::Measure;
 
 /// Most nodes a graph may hold.
@@ -30,6 +31,12 @@ pub enum Input {
     Reference(Measure),
     /// Relative change `(l - L)/L` of the measure, as the runtime computes it from displacements.
     Change(Measure),
+    /// A measure of a part of a triangle or a tetrahedron: `l1`, `a1`, `angle`.
+    Part(Part),
+    /// The same at rest: `L1`, `A1`, `Angle`; finite and > 0.
+    PartAtRest(Part),
+    /// Its relative change, `(l1 - L1)/L1`, as the runtime computes it from displacements.
+    PartChange(Part),
     /// The horizon `delta`, finite and > 0.
     Horizon,
     /// A parameter of the potential, or a variable of a formula, by its number.

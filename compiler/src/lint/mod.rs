@@ -132,7 +132,10 @@ impl Model {
     /// says that the body has further energies that may make it stiff.
     pub fn unfit_at_rest(&self, values: &Values, others: bool) -> Vec<Diagnostic> {
         let subjects = Subject::all(self, values);
-        let others = others || self.has_gradient_energy() || self.has_gathered_energy();
+        let others = others
+            || self.has_gradient_energy()
+            || self.has_gathered_energy()
+            || !self.coupled().is_empty();
         let is_bond = |subjects: &[Subject<'_>]| subjects[0].measure() == Measure::Length;
         let mut found = Vec::new();
         for lint in LINTS.iter().filter(|l| !self.allowed.iter().any(|code| code == l.code)) {
@@ -154,14 +157,15 @@ impl Model {
         found.into_iter().map(|error| Diagnostic { severity: Severity::Error, ..error }).collect()
     }
 
-    /// An error about what all energies add up to, at the first of F or of gathered values if there is
-    /// one; nothing where the file allows its code.
+    /// An error about what all energies add up to, at the first of F, of gathered values or of several
+    /// measures if there is one; nothing where the file allows its code.
     pub fn unfit_sum(&self, code: &'static str, message: String) -> Option<Diagnostic> {
         let variant = &self.variants[0];
         let gathered = variant.gathered_energies.iter().map(|energy| energy.span);
         let of_measures = variant.energies.iter().map(|energy| energy.span);
         let gradients = variant.gradient_energies.iter().map(|energy| energy.span);
-        let span = gradients.chain(gathered).chain(of_measures).next();
+        let coupled = variant.coupled_energies.iter().map(|energy| energy.span);
+        let span = gradients.chain(gathered).chain(coupled).chain(of_measures).next();
         let allowed = self.allowed.iter().any(|allowed| allowed == code);
         let error = Diagnostic::error(code, span?, message)
             .help("look at its coefficients: `piola moduli` tells stress and stiffness at rest")
@@ -198,6 +202,10 @@ impl Model {
 }
 
 fn no_bond_energy(model: &Model) -> Option<(Measure, Finding)> {
+    // What holds sides beside an area resists shear.
+    if !model.coupled().is_empty() {
+        return None;
+    }
     only_cliques(*model.measures().first()?)
 }
 

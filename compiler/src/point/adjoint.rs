@@ -2,6 +2,7 @@
 //! its change in a direction by one sweep forward. Neither grows with the number of variables as
 //! derivatives taken one by one would.
 
+use crate::clique::Variable;
 use crate::differentiate::{Derivative, binary, derivative_of, power_constant, unary};
 use crate::expression::{Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
@@ -21,6 +22,8 @@ pub(crate) enum Varied<'a> {
     Integrals(usize),
     /// The length of a bond, then so many integrals.
     LengthAndIntegrals(usize),
+    /// Measures of a triangle or a tetrahedron and of its parts.
+    Clique(&'a [Variable]),
 }
 
 impl Varied<'_> {
@@ -30,6 +33,7 @@ impl Varied<'_> {
             Varied::Stretch => 1,
             Varied::Integrals(n) => n,
             Varied::LengthAndIntegrals(n) => n + 1,
+            Varied::Clique(variables) => variables.len(),
         }
     }
 
@@ -52,6 +56,10 @@ impl Varied<'_> {
                 Varied::LengthAndIntegrals(_),
                 Input::Current(Measure::Length) | Input::Change(Measure::Length),
             ) => Some(0),
+            (Varied::Clique(variables), input) => variables.iter().position(|variable| {
+                let [now, _, change] = variable.inputs;
+                input == now || input == change
+            }),
             _ => None,
         }
     }
@@ -73,6 +81,10 @@ fn slope(graph: &mut Simplifier, input: Input, part: NodeId) -> Result<NodeId, T
     match input {
         Input::Change(measure) => {
             let reference = graph.input(Input::Reference(measure))?;
+            graph.divide(part, reference)
+        }
+        Input::PartChange(own) => {
+            let reference = graph.input(Input::PartAtRest(own))?;
             graph.divide(part, reference)
         }
         _ => Ok(part),

@@ -155,7 +155,7 @@ fn gradient_functions(out: &mut String, model: &Model, forms: &GradientEnergyFor
 }
 
 /// Every operation of a graph, then what is wanted of them.
-fn statements(
+pub(super) fn statements(
     out: &mut String,
     graph: &ExprGraph,
     input: &dyn Fn(Input) -> String,

@@ -42,6 +42,14 @@ pub fn model_listing(model: &Model) -> String {
             };
             let _ = writeln!(out, "  psi({}) in {unit} = {}", energy.head, energy.text);
         }
+        for energy in &variant.coupled_energies {
+            let unit = Model::energy_unit(energy.clique, d);
+            let _ = write!(out, "  psi({}) in {unit} = {}", energy.head, energy.text);
+            let _ = match energy.orders.len() {
+                1 => writeln!(out),
+                n => writeln!(out, ", the mean over {n} orders of the points"),
+            };
+        }
         for domain in &variant.domains {
             let _ = writeln!(out, "  domain {domain}");
         }

@@ -4,6 +4,7 @@
 //! a line, gets a name of its own (`t1 = ..`), so the text is never larger than the graph.
 
 mod c;
+mod coupled;
 mod gradient;
 mod latex;
 mod listing;
@@ -16,6 +17,7 @@ mod tests;
 mod text;
 
 pub use c::c_source;
+pub use coupled::{coupled_c, coupled_latex, coupled_listing, coupled_text};
 pub use gradient::{gradient_latex, gradient_listing, gradient_text};
 pub use latex::latex;
 pub use listing::{graph_listing, model_listing};
@@ -192,6 +194,11 @@ impl Names<'_> {
             Input::Current(m) => m.symbol().to_string(),
             Input::Reference(m) => m.reference_symbol().to_string(),
             Input::Change(m) => format!("({}/{} - 1)", m.symbol(), m.reference_symbol()),
+            Input::Part(part) => part.symbol().to_string(),
+            Input::PartAtRest(part) => part.reference_symbol().to_string(),
+            Input::PartChange(part) => {
+                format!("({}/{} - 1)", part.symbol(), part.reference_symbol())
+            }
             Input::Horizon => "delta".to_string(),
             Input::Variable(k) => component("F", k),
             Input::VariableChange(k) => component("H", k),

@@ -171,9 +171,11 @@ impl<'a> Reader<'a> {
             Symbol::Parameter(i) => self.input(Input::Parameter(i as u16)),
             Symbol::Kinematic(which) => self.kinematic(which),
             Symbol::Value(number) => self.definition(number, name),
-            Symbol::Current(_) | Symbol::Reference(_) | Symbol::Function(_) => {
-                Err(NotInTensors::Foreign)
-            }
+            Symbol::Current(_)
+            | Symbol::Reference(_)
+            | Symbol::Part(_)
+            | Symbol::PartAtRest(_)
+            | Symbol::Function(_) => Err(NotInTensors::Foreign),
         }
     }
 

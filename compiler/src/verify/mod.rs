@@ -11,10 +11,12 @@
 //! | `gradient` | energies of the deformation gradient |
 //! | `gathered` | energies of gathered values |
 //! | `margin` | conditions under which bonds break |
+//! | `coupled` | energies of several measures of one interaction |
 //! | `cause`, `stated` | which subexpression loses digits, and what it is in the text |
 //! | [`sample`], [`truth`] | points to try energies of measures at, and their values there to any precision |
 
 pub(crate) mod cause;
+mod coupled;
 mod gathered;
 mod gradient;
 mod margin;
@@ -95,6 +97,8 @@ pub enum Subject {
     Gathered(String),
     /// No energy, but a condition under which bonds break, as written.
     Margin(String),
+    /// Several measures of one interaction: as written, `angle`, and what that follows from, `a`, `l1` ..
+    Coupled(String, Vec<&'static str>),
 }
 
 /// What an energy is held against, and where.
@@ -123,7 +127,8 @@ pub struct Errors {
 /// A value outside its tolerance: one number, or one for each variable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Miss {
-    /// What the energy is given: a measure and its value at rest; `F`, row by row; variables.
+    /// What the energy is given: a measure and its value at rest; `F`, row by row; variables; of several
+    /// measures what they change by, in parts of themselves.
     pub place: Vec<f64>,
     /// 0 for psi, 1 and 2 for its derivatives.
     pub order: usize,
@@ -163,7 +168,7 @@ impl Subject {
     pub fn symbol(&self) -> &str {
         match self {
             Subject::Argument(argument) => argument.symbol(),
-            Subject::Gathered(text) | Subject::Margin(text) => text,
+            Subject::Gathered(text) | Subject::Margin(text) | Subject::Coupled(text, _) => text,
         }
     }
 
@@ -171,7 +176,7 @@ impl Subject {
     pub fn orders(&self) -> [&'static str; 3] {
         match self {
             Subject::Argument(argument) => argument.orders(),
-            Subject::Gathered(_) => ["psi", "gradient", "product"],
+            Subject::Gathered(_) | Subject::Coupled(..) => ["psi", "gradient", "product"],
             Subject::Margin(_) => ["margin", "margin'", "margin''"],
         }
     }
@@ -312,6 +317,7 @@ pub fn verify(
     found.extend(gathered::verify((model, variant), values, &ways, n));
     found.extend(gradient::verify(model, values, &ways, n));
     found.extend(margin::verify(model, variant, values, n)?);
+    found.extend(coupled::verify((model, variant), values, &ways, n));
     Ok((found, ways.interpreted.dropped))
 }
 

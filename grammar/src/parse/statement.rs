@@ -176,11 +176,12 @@ impl Builder {
                      their sum"
                 ),
             };
-            self.findings.push(
+            let mut error =
                 Diagnostic::error("reserved-word", place, "an energy is a function of one measure")
                     .label("expected the one measure of an energy")
-                    .help(help),
-            );
+                    .help(help);
+            error.helps.extend(coupled(first, second));
+            self.findings.push(error);
         }
         let body = self.expression(take(&mut parts, Rule::expression)?)?.id;
         Some(Energy { measure, gathered, body, head: span })
@@ -281,4 +282,24 @@ impl Builder {
 /// The next part made by this rule.
 pub(super) fn take<'t>(parts: &mut Pairs<'t, Rule>, rule: Rule) -> Option<Pair<'t, Rule>> {
     parts.find(|part| part.as_rule() == rule)
+}
+
+/// How a triangle or a tetrahedron is coupled to its parts, where a head names two measures for it.
+fn coupled(first: &str, second: &str) -> Option<String> {
+    let help = match (first, second) {
+        ("a", "l") | ("l", "a") => "or, of a triangle and its sides, `psi(a, l1, l2, l3) = ..`",
+        ("v", "a") | ("a", "v") => {
+            "or, of a tetrahedron and its faces, `psi(v, a1, a2, a3, a4) = ..`"
+        }
+        ("v", "l") | ("l", "v") => {
+            "or, of a tetrahedron and its edges, `psi(v, l1, l2, l3, l4, l5, l6) = ..`"
+        }
+        (part, "a" | "v") if !MEASURES.contains(&part) => {
+            return Some(format!(
+                "the measure of the whole stands first: `psi({second}, {part}) = ..`"
+            ));
+        }
+        _ => return None,
+    };
+    Some(help.to_string())
 }

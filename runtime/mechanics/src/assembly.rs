@@ -207,7 +207,7 @@ impl DiscreteEnergy {
             }
         }
         let present = kinds.iter().flatten();
-        let names = present.map(|kind| format!("psi({})", kind.measure().symbol())).collect();
+        let names = present.map(|kind| format!("psi({})", kind.argument())).collect();
         let [bonds, triangles, tetrahedra] = kinds;
         let pattern = Arc::new(BlockPattern::of_bonds(&neighborhood, body.dimension()));
         let matrix_bytes = 8 * pattern.n_blocks() * body.dimension() * body.dimension();

@@ -1,20 +1,24 @@
 //! Elements: what turns the shape of an interaction into energy, forces and stiffness.
 //!
 //! An [`Element`] takes a batch of interactions of one kind and returns weighted energies with
-//! their compact derivatives (see [`crate::geometry`]). There are two: [`MeasureElement`]
-//! differentiates the energy in its measure and the measure by hand-written geometry;
-//! [`CoordinateElement`] differentiates the whole energy in the coordinates with hyper-dual
-//! numbers, as in firooz2023.
+//! their compact derivatives (see [`crate::geometry`]). [`MeasureElement`] differentiates the energy in its
+//! measure and the measure by hand-written geometry; [`CoupledElement`] does so for several measures of one
+//! interaction; [`CoordinateElement`] differentiates the whole energy in the coordinates with hyper-dual
+//! numbers, as in firooz2023. A [`SumElement`] is two of them.
 
 mod batch;
 mod coordinate;
+mod coupled;
 mod measure;
+mod sum;
 
 pub(crate) use batch::WIDEST;
 pub use batch::{CAPACITY, Channel, Contributions, InteractionBatch};
 pub use coordinate::{CoordinateElement, CoordinateEnergy};
+pub use coupled::CoupledElement;
 pub use measure::MeasureElement;
 pub(crate) use measure::THIN;
+pub use sum::SumElement;
 
 use pulp::Arch;
 
@@ -43,6 +47,11 @@ fn breaks_down(mut psi: impl FnMut(f64) -> f64) -> bool {
 pub trait Element: Send + Sync {
     /// The kind of interaction.
     fn measure(&self) -> Measure;
+
+    /// What its energy is a function of, as written in `psi(..)`.
+    fn argument(&self) -> &str {
+        self.measure().symbol()
+    }
 
     /// 2 or 3.
     fn dimension(&self) -> usize;

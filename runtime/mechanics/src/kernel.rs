@@ -124,6 +124,85 @@ pub trait VariablesLaw: Send + Sync {
     }
 }
 
+/// A part of a triangle or a tetrahedron that an energy is a function of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct CliquePart {
+    /// What is measured.
+    pub measure: Measure,
+    /// Whose measure it is: numbers of points in the interaction, that of the owner is 0.
+    pub points: Vec<u8>,
+}
+
+/// An energy density of several measures of one interaction: of a triangle's area and its sides, of a
+/// tetrahedron's volume and its faces.
+///
+/// Each of them is a variable, at most [`piola_compiler::MAX_VARIABLES`]; `change` has `(m - M)/M` of each,
+/// `given` the values at rest of each, then fields.
+pub trait CoupledLaw: VariablesLaw {
+    /// What its variables are.
+    fn parts(&self) -> &[CliquePart];
+
+    /// The same as written in `psi(..)`.
+    fn argument(&self) -> &str;
+
+    /// Typical values of the parameters that vary.
+    fn fields(&self) -> &[f64] {
+        &[]
+    }
+}
+
+/// A kernel of several measures.
+pub struct Coupled {
+    kernel: piola_compiler::CoupledKernel,
+    parts: Vec<CliquePart>,
+}
+
+impl Coupled {
+    /// With what it is a function of.
+    pub fn new(kernel: piola_compiler::CoupledKernel) -> Coupled {
+        let part = |variable: &piola_compiler::Variable| CliquePart {
+            measure: variable.measure,
+            points: variable.points().to_vec(),
+        };
+        let parts = kernel.variables().iter().map(part).collect();
+        Coupled { kernel, parts }
+    }
+
+    fn batch<'a>(&self, at: Variables<'a>) -> piola_compiler::CoupledBatch<'a> {
+        let (reference, fields) = at.given.split_at(at.current.len());
+        let (n, variables, change) = (at.n, at.current, at.change);
+        piola_compiler::CoupledBatch { n, variables, reference, change, fields }
+    }
+}
+
+impl CoupledLaw for Coupled {
+    fn parts(&self) -> &[CliquePart] {
+        &self.parts
+    }
+
+    fn argument(&self) -> &str {
+        self.kernel.argument()
+    }
+
+    fn fields(&self) -> &[f64] {
+        self.kernel.fields()
+    }
+}
+
+impl VariablesLaw for Coupled {
+    fn n_variables(&self) -> usize {
+        self.parts.len()
+    }
+
+    fn evaluate(&self, at: Variables<'_>, psi: &mut [f64], gradient: &mut [f64]) {
+        self.kernel.evaluate(self.batch(at), psi, gradient);
+    }
+
+    fn product(&self, at: Variables<'_>, direction: &[f64], product: &mut [f64]) {
+        self.kernel.product(self.batch(at), direction, product);
+    }
+}
+
 impl VariablesLaw for Box<dyn VariablesLaw> {
     fn n_variables(&self) -> usize {
         (**self).n_variables()

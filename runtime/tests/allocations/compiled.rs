@@ -3,11 +3,14 @@
 use std::sync::Arc;
 
 use piola_compiler::{Compiled, Form, Level, Mode, Setting, check_text};
+use piola_runtime::assembly::{DiscreteEnergy, Elements};
 use piola_runtime::body::Body;
 use piola_runtime::deformation::{DeformationEnergy, Formulation, OperatorOrder};
+use piola_runtime::element::{CoupledElement, Element, MeasureElement, SumElement};
 use piola_runtime::energy::Energy;
-use piola_runtime::kernel::{Law, VariablesLaw};
+use piola_runtime::kernel::{Coupled, Law, VariablesLaw};
 use piola_runtime::states::{StateEnergy, StateLaws};
+use piola_runtime::weights::Weights;
 
 use crate::families;
 
@@ -48,5 +51,32 @@ pub(crate) fn energies(body: &Arc<Body>, horizon: f64) -> Vec<(String, Box<dyn E
             energies.push((format!("compiled {name}, {discretisation:?}"), Box::new(energy)));
         }
     }
+    energies.push(("compiled sides, areas and volumes".into(), of_cliques(body, horizon)));
     energies
+}
+
+/// Energies of several measures beside those of one, of triangles or, in space, of tetrahedra.
+fn of_cliques(body: &Arc<Body>, horizon: f64) -> Box<dyn Energy> {
+    let d = body.dimension();
+    let text = match d {
+        2 => "potential p\npsi(a) = (a/A - 1)^2\npsi(a, l1) = (a/A - 1)^2*l1/L1",
+        _ => "potential p\npsi(v) = (v/V - 1)^2\npsi(v, a1, l1) = (v/V - 1)^2*a1/A1*l1/L1",
+    };
+    let (_, model) = check_text(text).unwrap();
+    let values = model.values(d, &[], Some(horizon)).unwrap();
+    let mode = Mode::Jit(Level::default());
+    let Compiled { kernels, coupled, .. } = model.compile(&values, mode, Form::Accurate).unwrap();
+    let [kernel] = kernels.try_into().unwrap();
+    let alone = MeasureElement::new(kernel.measure(), d, Box::new(kernel));
+    let several = coupled
+        .into_iter()
+        .map(|kernel| CoupledElement::new(kernel.clique(), d, Box::new(Coupled::new(kernel))));
+    let sum: Box<dyn Element> = several
+        .fold(Box::new(alone), |sum, element| Box::new(SumElement::new(sum, Box::new(element))));
+    let elements = match d {
+        2 => Elements { triangle: Some(sum), ..Elements::default() },
+        _ => Elements { tetrahedron: Some(sum), ..Elements::default() },
+    };
+    let weights = Weights::Truncated;
+    Box::new(DiscreteEnergy::with_elements(Arc::clone(body), horizon, weights, elements).unwrap())
 }

@@ -3,6 +3,7 @@
 mod broken;
 mod common;
 mod consistency;
+mod coupled;
 mod differences;
 mod extremes;
 mod extremes_solved;

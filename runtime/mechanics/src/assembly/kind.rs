@@ -54,6 +54,14 @@ impl Kind {
         self.measure
     }
 
+    /// What its energies are functions of, as written in `psi(..)`; those of several laws side by side.
+    pub(super) fn argument(&self) -> String {
+        let mut all: Vec<&str> = self.elements().map(|element| element.argument()).collect();
+        all.sort_unstable();
+        all.dedup();
+        all.join(") | psi(")
+    }
+
     /// The element of a law, where interactions of this kind have an energy in it.
     #[inline(always)]
     pub(super) fn element(&self, law: usize) -> Option<&dyn Element> {

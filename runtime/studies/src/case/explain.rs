@@ -49,12 +49,16 @@ pub(crate) fn explain(case: &Case, found: &NonFinite) -> String {
         ) + &displaced(case, found);
     };
     let (symbol, twin) = (measure.symbol(), measure.reference_symbol());
+    let arguments: Vec<&str> =
+        case.potentials.iter().flat_map(|p| p.model.of_clique(measure)).collect();
+    let argument =
+        if arguments.is_empty() { symbol.to_string() } else { arguments.join(") + psi(") };
     let kind = measure.interaction();
     let named = format!("{kind} of the points {}", points.join(", "));
     let mut text = if found.inverted {
-        format!("psi({symbol}) forbids that the {named} turns inside out")
+        format!("psi({argument}) forbids that the {named} turns inside out")
     } else {
-        format!("psi({symbol}) or a derivative is not finite for the {named}")
+        format!("psi({argument}) or a derivative is not finite for the {named}")
     };
     let _ = write!(text, ": {symbol} = {:e}, {twin} = {:e}", found.value, found.reference);
     text += &displaced(case, found);
@@ -79,6 +83,11 @@ pub(crate) fn explain(case: &Case, found: &NonFinite) -> String {
     for energy in failing.map_or(&readings[..], std::slice::from_ref) {
         energy.write_statements(&mut text);
         let _ = write!(text, "\n  {}", energy.reason());
+    }
+    let variants = case.potentials.iter().filter_map(|p| p.model.variant(case.body.dimension()));
+    let of_several = variants.flat_map(|variant| &variant.coupled_energies);
+    for energy in of_several.filter(|energy| energy.clique == measure) {
+        let _ = write!(text, "\n  psi({}) = {}", energy.head, energy.text);
     }
     text
 }

@@ -8,7 +8,7 @@ use piola_mechanics::fracture::criteria::{Criteria, Criterion, Layer};
 use piola_mechanics::fracture::{Breaking, Fracture as _};
 use piola_mechanics::neighborhood::Neighborhood;
 
-use super::{Case, CaseError, Compiled};
+use super::{Case, CaseError, Compiled, Potential};
 use crate::scene::selection;
 use piola_solvers::motion::Method;
 
@@ -88,26 +88,47 @@ impl Case {
         warnings
     }
 
-    /// Refuses bonds that break, or are cut, beside energies that lose none: those of triangles and
-    /// tetrahedra, and those of F and gathered values but in explicit motions.
+    /// Refuses bonds that break, or are cut, beside triangles and tetrahedra, which lose no edges: energies
+    /// of several corners that have these `arguments`.
     ///
     /// # Errors
     /// At the potential that says so, or at the crack.
-    pub(super) fn check_breaking<'a>(
+    pub(super) fn check_cliques<'a>(
         &self,
         name: &str,
         mut arguments: impl Iterator<Item = &'a str>,
     ) -> Result<(), CaseError> {
+        let Some(other) = arguments.find(|argument| *argument != "l") else { return Ok(()) };
+        let label = "triangles and tetrahedra lose no edges";
+        self.refuse_breaking(name, other, [label, "set the coefficients of these energies to 0"])
+    }
+
+    /// The same beside energies of F and of gathered values, but in explicit motions.
+    ///
+    /// # Errors
+    /// As [`Case::check_cliques`].
+    pub(super) fn check_families(&self, potential: &Potential) -> Result<(), CaseError> {
         let is_explicit =
             self.scene.motion.as_ref().is_some_and(|motion| motion.method != Method::Midpoint);
-        let keeps = |argument: &&str| match *argument {
-            "l" => false,
-            "a" | "v" => true,
-            _ => !is_explicit,
-        };
-        let Some(other) = arguments.find(keeps).filter(|_| self.can_break()) else {
+        if is_explicit || !potential.has_families() {
             return Ok(());
-        };
+        }
+        let model = &potential.model;
+        let of_interactions = |one: &&str| ["l", "a", "v"].contains(one);
+        let mut others = model.arguments().into_iter().filter(|one| !of_interactions(one));
+        let other = if model.has_gradient_energy() { "F" } else { others.next().unwrap_or("l") };
+        let help =
+            "write [motion] with an explicit `method`, or take a potential with psi(l) alone";
+        let label = "families lose bonds in explicit motions alone";
+        self.refuse_breaking(model.name(), other, [label, help])
+    }
+
+    fn refuse_breaking(
+        &self,
+        name: &str,
+        other: &str,
+        [label, help]: [&str; 2],
+    ) -> Result<(), CaseError> {
         let mut all = self.potentials.iter().zip(&self.scene.materials);
         let breaking = all.find(|(one, _)| !one.model.breaks().is_empty());
         let (what, span) = match (breaking, self.scene.cracks.first()) {
@@ -118,15 +139,7 @@ impl Case {
             (None, None) => return Ok(()),
         };
         let message = format!("{what}, and {name} has a psi({other})");
-        let found = Diagnostic::error("conflicting-keys", span, message)
-            .label(match other {
-                "a" | "v" => "triangles and tetrahedra lose no edges",
-                _ => "families lose bonds in explicit motions alone",
-            })
-            .help(match other {
-                "a" | "v" => "set the coefficients of triangles and tetrahedra to 0",
-                _ => "write [motion] with an explicit `method`, or take a potential with psi(l) alone",
-            });
+        let found = Diagnostic::error("conflicting-keys", span, message).label(label).help(help);
         Err(CaseError::Scene(self.scene.report(vec![found])))
     }
 }

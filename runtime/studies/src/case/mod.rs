@@ -32,6 +32,7 @@ use crate::scene::selection::{self, Selection};
 use crate::scene::{MAX_SCENE_BYTES, Material, Points, Scene};
 use piola_mechanics::body::Body;
 use piola_mechanics::energy::NonFinite;
+use piola_mechanics::kernel::Measure;
 
 use piola_mechanics::lattice::Lattice;
 use piola_mechanics::materials::Materials;
@@ -104,9 +105,12 @@ impl Case {
             return Err(no_gradients(&scene, &potentials));
         }
         for Potential { model, .. } in &potentials {
-            let measures = ["l", "a", "v"];
-            let others = model.arguments().into_iter().filter(|one| !measures.contains(one));
-            check_corrections(&scene, model.name(), others)?;
+            let of_cliques: Vec<&str> =
+                Measure::ALL.into_iter().flat_map(|measure| model.of_clique(measure)).collect();
+            let is_of_family =
+                |one: &&str| !["l", "a", "v"].contains(one) && !of_cliques.contains(one);
+            let families = model.arguments().into_iter().filter(is_of_family);
+            check_corrections(&scene, model.name(), families, FAMILIES)?;
         }
         let mut warnings = scene.warnings.clone();
         for potential in &potentials {
@@ -116,7 +120,9 @@ impl Case {
             }
         }
         let has_families = potentials.iter().any(Potential::has_families);
-        if has_families && potentials.iter().any(|p| !p.model.measures().is_empty()) {
+        let has_interactions =
+            |p: &Potential| !p.model.measures().is_empty() || !p.model.coupled().is_empty();
+        if has_families && potentials.iter().any(has_interactions) {
             // Families sum over volumes: so does what is beside them, unless the scene says otherwise.
             scene.horizon.weigh_volumes();
         }
@@ -133,10 +139,8 @@ impl Case {
         let folder = folder.to_path_buf();
         let columns = Columns::default();
         let case = Case { scene, potentials, body, materials: None, columns, warnings, folder };
-        for Potential { model, .. } in &case.potentials {
-            // Of triangles and tetrahedra those count whose coefficient is not 0.
-            let others = model.arguments().into_iter().filter(|one| !["a", "v"].contains(one));
-            case.check_breaking(model.name(), others)?;
+        for potential in &case.potentials {
+            case.check_families(potential)?;
         }
         Ok(case)
     }
@@ -162,9 +166,8 @@ impl Case {
         let compile = |(potential, place): (&Potential, (usize, usize))| {
             let mut compiled = potential.compile(&self.scene)?;
             // Of triangles and tetrahedra those count whose coefficient is not 0.
-            let measures = compiled.measures.iter().map(|measure| measure.symbol());
-            check_corrections(&self.scene, &compiled.name, measures.clone())?;
-            self.check_breaking(&compiled.name, measures)?;
+            check_corrections(&self.scene, &compiled.name, compiled.of_interactions(), CLIQUES)?;
+            self.check_cliques(&compiled.name, compiled.of_interactions())?;
             (compiled.law, compiled.layer) = place;
             if !self.scene.regions.is_empty() {
                 compiled.label =
@@ -233,27 +236,33 @@ fn no_gradients(scene: &Scene, potentials: &[Potential]) -> CaseError {
     CaseError::Scene(scene.report(vec![found]))
 }
 
-/// Refuses corrections of bonds beside energies of other arguments.
+/// Why energies of gathered values have no corrections, and what to write.
+const FAMILIES: [&str; 2] = [
+    "gathered values are sums over the family that a point has",
+    "leave it out, and divide in the potential by what a family sums to, as `linear_peridynamic_solid` \
+     does",
+];
+
+/// The same of energies of triangles and tetrahedra.
+const CLIQUES: [&str; 2] =
+    ["triangles and tetrahedra have none", "leave it out, or set their coefficients to 0"];
+
+/// Refuses corrections of bonds beside energies of other arguments; `others` is about those that are none
+/// of F.
 fn check_corrections<'a>(
     scene: &Scene,
     name: &str,
     mut arguments: impl Iterator<Item = &'a str>,
+    others: [&'static str; 2],
 ) -> Result<(), CaseError> {
     let Some(span) = scene.horizon.correction_span else { return Ok(()) };
     let Some(other) = arguments.find(|argument| *argument != "l") else { return Ok(()) };
-    let (label, help) = match other {
-        "a" | "v" => {
-            ("triangles and tetrahedra have none", "leave it out, or set their coefficients to 0")
-        }
-        "F" => (
+    let [label, help] = match other {
+        "F" => [
             "deformation gradients are exact for linear fields, at faces as inside",
             "leave it out: psi(F) has its energy per volume at every point",
-        ),
-        _ => (
-            "gathered values are sums over the family that a point has",
-            "leave it out, and divide in the potential by what a family sums to, as \
-             `linear_peridynamic_solid` does",
-        ),
+        ],
+        _ => others,
     };
     let message = format!("corrections are of bonds, and {name} has a psi({other})");
     let found = Diagnostic::error("conflicting-keys", span, message).label(label).help(help);

@@ -5,13 +5,15 @@ use std::path::Path;
 
 use num_dual::HyperDual64;
 use piola_compiler::{
-    Criterion, Dropped, GatheredKernels, Interval, Kernel, Mode, Model, Setting, ValueError,
-    Values, check_text, check_text_with,
+    CoupledKernel, Criterion, Dropped, GatheredKernels, Interval, Kernel, Mode, Model, Setting,
+    ValueError, Values, check_text, check_text_with,
 };
 use piola_grammar::Diagnostic;
 use piola_mechanics::assembly::Elements;
-use piola_mechanics::element::{CoordinateElement, Element, MeasureElement};
-use piola_mechanics::kernel::{Measure, VariablesLaw};
+use piola_mechanics::element::{
+    CoordinateElement, CoupledElement, Element, MeasureElement, SumElement,
+};
+use piola_mechanics::kernel::{Coupled, Measure, VariablesLaw};
 use piola_mechanics::sheet::PlaneStress;
 
 use super::fields::{self, Columns, Field};
@@ -61,6 +63,12 @@ pub struct Compiled {
 }
 
 impl Compiled {
+    /// What its energies of bonds, triangles and tetrahedra are functions of, as written in `psi(..)`.
+    pub(crate) fn of_interactions(&self) -> impl Iterator<Item = &str> {
+        let Elements { bond, triangle, tetrahedron } = &self.elements;
+        [bond, triangle, tetrahedron].into_iter().flatten().map(|element| element.argument())
+    }
+
     /// Whether it has energies of interactions; what has no energy at all is refused there.
     pub(crate) fn has_interactions(&self) -> bool {
         !self.measures.is_empty() || (self.gathered.is_none() && self.gradient.is_none())
@@ -137,7 +145,7 @@ impl Potential {
                     .to_string();
             return Err(CaseError::Body { message });
         }
-        let piola_compiler::Compiled { kernels, gradient, gathered, dropped } = self
+        let piola_compiler::Compiled { kernels, gradient, gathered, coupled, dropped } = self
             .model
             .compile(&self.values, mode(solver), solver.form)
             .map_err(|error| CaseError::compile(&self.text, &error))?;
@@ -146,7 +154,18 @@ impl Potential {
             .criteria(&self.values, mode(solver), solver.form)
             .map_err(|error| CaseError::compile(&self.text, &error))?;
         let mut elements = Elements::default();
-        let measures = kernels.iter().map(Kernel::measure).collect();
+        if by_coordinates && !coupled.is_empty() {
+            let message =
+                "derivatives by hyper-dual coordinates know energies of one measure: choose \
+                 \"hyperdual\", which takes several by the measures"
+                    .to_string();
+            return Err(CaseError::Body { message });
+        }
+        let measures = kernels.iter().map(Kernel::measure);
+        let mut measures: Vec<Measure> =
+            measures.chain(coupled.iter().map(|k| k.clique())).collect();
+        measures.sort_unstable();
+        measures.dedup();
         for kernel in kernels {
             let measure = kernel.measure();
             let element = Some(self.element(kernel, scene));
@@ -155,6 +174,17 @@ impl Potential {
                 Measure::Area => elements.triangle = element,
                 Measure::Volume => elements.tetrahedron = element,
             }
+        }
+        for kernel in coupled {
+            let element = self.coupled_element(kernel, scene);
+            let place = match element.measure() {
+                Measure::Volume => &mut elements.tetrahedron,
+                _ => &mut elements.triangle,
+            };
+            *place = Some(match place.take() {
+                Some(first) => Box::new(SumElement::new(first, element)),
+                None => element,
+            });
         }
         let gradient = gradient.map(|kernel| -> Box<dyn VariablesLaw> {
             if is_sheet(scene) { Box::new(PlaneStress::new(kernel)) } else { Box::new(kernel) }
@@ -193,6 +223,15 @@ impl Potential {
         }
         let mut element = MeasureElement::new(measure, dimension, Box::new(kernel));
         if forbids_inversion {
+            element.forbid_inversion();
+        }
+        Box::new(element)
+    }
+
+    fn coupled_element(&self, kernel: CoupledKernel, scene: &Scene) -> Box<dyn Element> {
+        let (measure, law) = (kernel.clique(), Box::new(Coupled::new(kernel)));
+        let mut element = CoupledElement::new(measure, scene.body.dimension, law);
+        if self.declares_positive(measure) {
             element.forbid_inversion();
         }
         Box::new(element)

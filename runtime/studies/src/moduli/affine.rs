@@ -75,11 +75,11 @@ impl Affine {
         Ok(self)
     }
 
-    fn zero(d: usize) -> Affine {
+    pub(super) fn zero(d: usize) -> Affine {
         Affine { stress: vec![0.0; d * d], volumetric: 0.0, rest: DMatrix::zeros(d * d, d * d) }
     }
 
-    fn plus(self, other: &Affine) -> Affine {
+    pub(super) fn plus(self, other: &Affine) -> Affine {
         Affine {
             stress: self.stress.iter().zip(&other.stress).map(|(x, y)| x + y).collect(),
             volumetric: self.volumetric + other.volumetric,

@@ -9,8 +9,10 @@ use piola_mechanics::lattice::{Shell, ordered, shells};
 use piola_mechanics::neighborhood::check_horizon;
 use piola_mechanics::states::StateLaws;
 use piola_mechanics::surface::Weighting;
+use piola_mechanics::weights::Weights;
 
 use super::Affine;
+use super::cliques::of_cliques;
 use super::cubic::Cubic;
 use super::states::of_states;
 use crate::case::{Case, CaseError, Compiled};
@@ -73,10 +75,14 @@ impl Inside {
         }
         check_horizon(self.horizon).map_err(refused)?;
         let mut sum = Cubic::new(self.dimension);
+        let mut others = Affine::zero(self.dimension);
         for element in kinds.iter().flatten() {
-            self.add(&mut sum, &**element, weighting)?;
+            match element.law() {
+                Some((law, _)) => self.add(&mut sum, (element.measure(), law), weighting)?,
+                None => others = others.plus(&self.of_cliques(&**element, weighting.weights)?),
+            }
         }
-        Ok(sum.affine())
+        Ok(others.plus(&sum.affine()))
     }
 
     /// Of energies of gathered states.
@@ -89,21 +95,12 @@ impl Inside {
     fn add(
         &self,
         sum: &mut Cubic,
-        element: &dyn Element,
+        (measure, law): (Measure, &dyn Law),
         weighting: Weighting,
     ) -> Result<(), CaseError> {
-        let measure = element.measure();
         let shells = self.shells(measure);
-        let Some((law, _)) = element.law() else {
-            let message = format!("psi({}) is no function of its measure", measure.symbol());
-            return Err(CaseError::Body { message });
-        };
-        let count = ordered(measure, shells);
-        let (dimension, horizon, spacing) = (self.dimension, self.horizon, self.spacing);
-        let weight = weighting
-            .weights
-            .inside(measure, dimension, horizon, spacing, count)
-            .map_err(refused)?;
+        let weight = self.weight(measure, weighting.weights)?;
+        let (horizon, spacing) = (self.horizon, self.spacing);
         let rest = AtRest::new(law, measure, shells, self.spacing);
         for (shell, [first, second]) in shells.iter().zip(rest.slopes()) {
             // What faces lack is nothing here: of corrections only parts of cells count.
@@ -112,6 +109,21 @@ impl Inside {
             sum.add(measure, shell.fourth, weight * first, weight * second);
         }
         Ok(())
+    }
+}
+
+impl Inside {
+    /// The weight of an interaction, per volume.
+    fn weight(&self, measure: Measure, weights: Weights) -> Result<f64, CaseError> {
+        let count = ordered(measure, self.shells(measure));
+        let (dimension, horizon, spacing) = (self.dimension, self.horizon, self.spacing);
+        weights.inside(measure, dimension, horizon, spacing, count).map_err(refused)
+    }
+
+    /// Of energies that are no function of one measure: clique by clique.
+    fn of_cliques(&self, element: &dyn Element, weights: Weights) -> Result<Affine, CaseError> {
+        let weight = self.weight(element.measure(), weights)?;
+        of_cliques(element, self.horizon / self.spacing, self.spacing, weight)
     }
 }
 

@@ -5,6 +5,7 @@
 //! | [`affine`] | second derivatives of the energy density by homogeneous displacement gradients |
 //! | `inside` | a point inside an endless lattice: its cliques by their measure, what they sum up to |
 //! | `cubic` | the form that sums over a lattice have, for each kind of measure |
+//! | `cliques` | energies of several measures there, clique by clique |
 //! | `states` | energies of gathered states there |
 //! | [`stiffness`] | the elasticity tensor and the numbers that are read off it, with derivatives |
 //! | `fracture` | what breaking a plane through a lattice releases |
@@ -22,6 +23,7 @@
 
 pub mod affine;
 pub mod calibrate;
+mod cliques;
 mod cubic;
 mod fracture;
 mod inside;

@@ -4,7 +4,7 @@ use piola_grammar::Diagnostic;
 use piola_mechanics::kernel::Measure;
 
 use super::moduli;
-use crate::case::{Case, CaseError};
+use crate::case::{Case, CaseError, Potential};
 use crate::scene::Points;
 
 /// Stress at rest over the largest modulus that is rounding.
@@ -28,7 +28,9 @@ impl Case {
         let is_stiff = |number: usize| {
             let others = self.potentials.iter().enumerate().filter(|(other, _)| *other != number);
             others.into_iter().any(|(_, other)| {
-                other.has_families() || other.model.measures().contains(&Measure::Length)
+                let model = &other.model;
+                let has_cliques = !model.coupled().is_empty();
+                other.has_families() || has_cliques || model.measures().contains(&Measure::Length)
             })
         };
         for (number, potential) in self.potentials.iter().enumerate() {
@@ -40,14 +42,16 @@ impl Case {
         self.unfit_lattice().map_or(Ok(()), Err)
     }
 
-    /// Stress at rest, and strains that cost nothing, of sums of energies and of energies of F and of
-    /// gathered values inside a lattice: what they are for one interaction or point does not tell.
+    /// Stress at rest, and strains that cost nothing, of sums of energies and of energies of F, of
+    /// gathered values and of several measures inside a lattice: what they are for one interaction or
+    /// point does not tell.
     fn unfit_lattice(&self) -> Option<CaseError> {
         let is_lattice = matches!(self.scene.body.points, Points::Lattice(_));
-        // The message is about the first potential of families, or the first of all.
-        let families = self.potentials.iter().find(|potential| potential.has_families());
+        // The message is about the first potential of families or of several measures, or the first of all.
+        let is_of_many = |p: &&Potential| p.has_families() || !p.model.coupled().is_empty();
+        let of_many = self.potentials.iter().find(is_of_many);
         let several = self.potentials.first().filter(|_| self.potentials.len() > 1);
-        let potential = families.or(several).filter(|_| is_lattice)?;
+        let potential = of_many.or(several).filter(|_| is_lattice)?;
         // What is no number at rest is named by the run itself, with its place.
         let found = moduli(self, None).ok()?;
         let size = |values: &[f64]| values.iter().fold(0.0f64, |size, x| size.max(x.abs()));

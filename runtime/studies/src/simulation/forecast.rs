@@ -211,7 +211,7 @@ fn kernel_notes(compiled: &Compiled, scene: &Scene) -> Vec<KernelNote> {
         modelled: true,
         reason,
     };
-    let measures = compiled.measures.iter().map(|m| modelled(m.symbol(), String::new()));
+    let measures = compiled.of_interactions().map(|argument| modelled(argument, String::new()));
     let gradient = compiled.gradient.iter().map(|_| {
         let reason = scene.correspondence.as_ref().map_or_else(String::new, |c| c.to_string());
         modelled("F", reason)

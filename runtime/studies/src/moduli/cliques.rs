@@ -1,0 +1,158 @@
+//! Energies of several measures inside an endless lattice, in a homogeneous displacement: no measure alone
+//! tells what a clique stores, so each clique that belongs to a point is taken. Parameters do not vary here.
+
+use piola_mechanics::element::{CAPACITY, Contributions, Element, InteractionBatch, Order};
+use piola_mechanics::geometry::packed;
+use piola_mechanics::kernel::Measure;
+use piola_mechanics::neighborhood::HORIZON_TOLERANCE;
+
+use super::Affine;
+use crate::case::CaseError;
+
+type Vector = [i64; 3];
+
+/// The energy per volume, for cliques of this weight per volume. `ratio` is the horizon in spacings.
+pub(super) fn of_cliques(
+    element: &dyn Element,
+    ratio: f64,
+    spacing: f64,
+    weight: f64,
+) -> Result<Affine, CaseError> {
+    let (measure, d) = (element.measure(), element.dimension());
+    let mut sum = Sum {
+        element,
+        spacing,
+        batch: InteractionBatch::new(measure, d),
+        out: Contributions::new(measure, d),
+        listed: Vec::new(),
+        affine: Affine::zero(d),
+    };
+    let later = later_neighbors(d, ratio);
+    let near = |p: &Vector, q: &Vector| square(difference(*p, *q)) <= reach(ratio);
+    for (first, p) in later.iter().enumerate() {
+        for (second, q) in later.iter().enumerate().skip(first + 1).filter(|(_, q)| near(p, q)) {
+            if measure == Measure::Area {
+                sum.take(cross(*p, *q) != [0; 3], vec![*p, *q], weight)?;
+                continue;
+            }
+            for r in later[second + 1..].iter().filter(|r| near(p, r) && near(q, r)) {
+                sum.take(dot(cross(*p, *q), *r) != 0, vec![*p, *q, *r], weight)?;
+            }
+        }
+    }
+    sum.flush(weight)?;
+    Ok(sum.affine)
+}
+
+/// Cliques on their way into the derivatives.
+struct Sum<'a> {
+    element: &'a dyn Element,
+    spacing: f64,
+    batch: InteractionBatch,
+    out: Contributions,
+    listed: Vec<Vec<Vector>>,
+    affine: Affine,
+}
+
+impl Sum<'_> {
+    fn take(&mut self, is_one: bool, corners: Vec<Vector>, weight: f64) -> Result<(), CaseError> {
+        self.listed.extend(is_one.then_some(corners));
+        if self.listed.len() == CAPACITY { self.flush(weight) } else { Ok(()) }
+    }
+
+    /// Adds what is listed.
+    fn flush(&mut self, weight: f64) -> Result<(), CaseError> {
+        let d = self.element.dimension();
+        let Some(first) = self.listed.first() else { return Ok(()) };
+        let n_corners = first.len();
+        let all: Vec<Vec<f64>> = self.listed.iter().map(|corners| self.vectors(corners)).collect();
+        match (n_corners, d) {
+            (2, 2) => self.gather::<2, 2>(&all),
+            (2, _) => self.gather::<2, 3>(&all),
+            _ => self.gather::<3, 3>(&all),
+        }
+        self.batch.weight[..all.len()].fill(weight);
+        let found = self.element.evaluate(&self.batch, Order::Tangent, &mut self.out);
+        if found.is_err() {
+            let message = "at rest, inside the body: the energy or a derivative is not finite";
+            return Err(CaseError::Body { message: message.to_string() });
+        }
+        let (n, size) = (d * d, n_corners * d);
+        for (lane, x) in all.iter().enumerate() {
+            let gradient = |row: usize| self.out.gradient[row][lane];
+            let hessian =
+                |r: usize, c: usize| self.out.hessian[packed(size, r.min(c), r.max(c))][lane];
+            // du_a = G_ai X_i, so that component a of corner c changes by X_i of that corner.
+            for row in 0..n {
+                let (a, i) = (row / d, row % d);
+                for c in 0..n_corners {
+                    self.affine.stress[row] += gradient(c * d + a) * x[c * d + i];
+                }
+                for column in 0..n {
+                    let (b, j) = (column / d, column % d);
+                    let pairs = (0..n_corners * n_corners).map(|k| (k / n_corners, k % n_corners));
+                    let parts = pairs
+                        .map(|(c, e)| hessian(c * d + a, e * d + b) * x[c * d + i] * x[e * d + j]);
+                    self.affine.rest[(row, column)] += parts.sum::<f64>();
+                }
+            }
+        }
+        self.listed.clear();
+        Ok(())
+    }
+
+    fn gather<const K: usize, const D: usize>(&mut self, all: &[Vec<f64>]) {
+        let rows = all.iter().flat_map(|corners| corners.chunks_exact(D));
+        let places: Vec<[f64; D]> = rows.map(|row| std::array::from_fn(|axis| row[axis])).collect();
+        let still = vec![[0.0; D]; places.len()];
+        let corners = |lane: usize| std::array::from_fn(|k| lane * K + k);
+        self.batch.gather::<K, D>(all.len(), &places, &still, corners);
+    }
+
+    /// In m, corner by corner.
+    fn vectors(&self, corners: &[Vector]) -> Vec<f64> {
+        let d = self.element.dimension();
+        let numbers = corners.iter().flat_map(|corner| &corner[..d]);
+        numbers.map(|number| *number as f64 * self.spacing).collect()
+    }
+}
+
+/// Largest squared distance of neighbours, in spacings.
+fn reach(ratio: f64) -> i64 {
+    let radius = ratio * (1.0 + HORIZON_TOLERANCE);
+    (radius * radius).floor() as i64
+}
+
+/// The neighbours that come after a point, in ascending order: a clique belongs to its first point.
+fn later_neighbors(d: usize, ratio: f64) -> Vec<Vector> {
+    let (reach, mut found) = (reach(ratio), Vec::new());
+    let most = reach.isqrt();
+    let depth = if d == 3 { most } else { 0 };
+    for x in 0..=most {
+        for y in -most..=most {
+            for z in -depth..=depth {
+                let place = [x, y, z];
+                if place > [0; 3] && square(place) <= reach {
+                    found.push(place);
+                }
+            }
+        }
+    }
+    found
+}
+
+fn difference(p: Vector, q: Vector) -> Vector {
+    std::array::from_fn(|axis| p[axis] - q[axis])
+}
+
+fn dot(p: Vector, q: Vector) -> i64 {
+    p.iter().zip(q).map(|(x, y)| x * y).sum()
+}
+
+fn square(p: Vector) -> i64 {
+    dot(p, p)
+}
+
+fn cross(p: Vector, q: Vector) -> Vector {
+    [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
+}

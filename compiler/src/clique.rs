@@ -53,6 +53,11 @@ impl Part {
         Part::named().find(|part| part.symbol() == symbol)
     }
 
+    /// The part whose value at rest has this symbol.
+    pub(crate) fn at_rest(symbol: &str) -> Option<Part> {
+        Part::named().find(|part| part.reference_symbol() == symbol)
+    }
+
     /// The dimension is this power of a length: 1, 2, or 0 of an angle.
     pub(crate) fn length_exponent(self) -> i64 {
         match self {

@@ -150,9 +150,21 @@ impl Builder<'_> {
             (_, Some(part), Some(super::symbols::Symbol::Part(_))) if part.is_of(clique) => {
                 Ok(Named::Part(part))
             }
+            (_, Some(part), Some(_)) if part.is_of(clique) => wrong(
+                "defined in this file",
+                format!("give it another name there, so that `{}` is what the {} has",
+                    name.name, clique.interaction()),
+            ),
             (_, Some(Part::Angle(_)), _) => wrong(
                 "an angle between two sides of a triangle",
                 "write an energy of triangles of its own: `psi(angle) = ..`".to_string(),
+            ),
+            (symbol, None, _) if Part::at_rest(symbol).is_some() => wrong(
+                "a value at rest",
+                format!(
+                    "name what it is now, `{}`: the energy may hold both",
+                    symbol.to_lowercase()
+                ),
             ),
             ("a", ..) => wrong(
                 "the measure of a triangle",

@@ -35,6 +35,12 @@ const BONDS: &[(&str, &str)] = &[
     ("e", "the base of the natural logarithm is `exp(1)`; the strain of a bond is `l/L - 1`"),
     ("r", "the current length of a bond is `l`, its reference length `L`"),
     ("s", "the stretch of a bond is `l/L - 1`"),
+    ("l1", "the sides of a triangle stand in energies that name them: `psi(a, l1, l2, l3) = ..`"),
+    (
+        "a1",
+        "the faces of a tetrahedron stand in energies that name them: `psi(v, a1, a2, a3, a4) = ..`",
+    ),
+    ("angle", "the angle of a triangle stands in energies that name it: `psi(angle) = ..`"),
 ];
 
 /// Functions of vectors and tensors, and what is written in a file with `psi(F)`.

@@ -432,7 +432,10 @@ impl<'a> Builder<'a> {
             |id| matches!(&arena[*id].kind, ExprKind::Name(name) if other.names.contains(&&**name)),
         );
         let span = arena[place.unwrap_or(energy.body)].span;
-        let (symbol, foreign) = (own.names[0], other.names[0]);
+        let (symbol, mut foreign) = (own.names[0], other.names[0].to_string());
+        if let (PART, Some(ExprKind::Name(name))) = (other.bit, place.map(|id| &arena[id].kind)) {
+            foreign = name.to_lowercase();
+        }
         let message =
             format!("psi({symbol}) is the energy of a {} and cannot depend on `{foreign}`", own.of);
         self.elaborator.report(
@@ -528,7 +531,8 @@ fn unknown_measure(ast: &Ast, energy: &EnergyAst) -> Diagnostic {
             .help(format!("`{name}` is the value at rest; write `psi({})`", name.to_lowercase())),
         _ => error.help(
             "`l` is the length of a bond, `a` twice the area of a triangle, `v` six times the volume \
-             of a tetrahedron, `F` the deformation gradient; a value that points gather is \
+             of a tetrahedron, `angle` that between two sides of a triangle, `F` the deformation \
+             gradient; a value that points gather is \
              defined above, with `integral`",
         ),
     }

@@ -179,11 +179,13 @@ fn is_defined(ast: &Ast, name: &str) -> bool {
 /// `psi(angle)`.
 pub(crate) fn is_coupled(ast: &Ast, energy: &Energy) -> bool {
     let names = || once(&energy.measure).chain(&energy.gathered).map(|name| name.name.as_str());
-    let is_part = |name: &str| Part::from_symbol(name).is_some() && !is_defined(ast, name);
-    let is_whole = |name: &str| matches!(name, "a" | "v");
+    let is_part = |name: &str| {
+        let known = Part::from_symbol(name).or_else(|| Part::at_rest(name));
+        known.is_some() && !is_defined(ast, name)
+    };
+    let is_whole = |name: &str| matches!(name, "l" | "a" | "v");
     let first = energy.measure.name.as_str();
-    is_part(first)
-        || (is_whole(first) && names().skip(1).any(|name| is_part(name) || is_whole(name)))
+    is_part(first) || (is_whole(first) && names().skip(1).any(is_part))
 }
 
 /// Whether an energy was meant to be one of the deformation gradient: `psi(C)`, `psi(J)`, `psi(U)`.

@@ -13,7 +13,7 @@ psi(angle) = (angle - Angle)^2
 psi(angle, l1, l2) = exp(-l1/L1 - l2/L2)*(angle/Angle - 1)^2
 psi(a, l1, l2, l3) = (a/A - 1)*(l1/L1 + l2/L2 + l3/L3 - 3) + S(l1/L1)^2 + S(l2/L2)^2 + S(l3/L3)^2
 psi(a, l1) = ln(a/A)*(l1 - L1) + (a/A - l1/L1)^2
-psi(angle) = (cos(angle) - cos(Angle))^2 + 2*cos(angle) - 2*cos(Angle)
+psi(angle) = (2*cos(angle) - 2*cos(Angle))^2
 psi(v, a1, a2, a3, a4) = (v/V - 1)*((a1 - A1) + (a2 - A2) + (a3 - A3) + (a4 - A4)) + (v/V - 1)^2
 psi(v, a1, l1, l6) = S(l1/L1)*S(l6/L6) + ln(v/V)^2 + (l1/L1 - l6/L6)^2*(2*a1/A1 - v/V - 1)
 ";

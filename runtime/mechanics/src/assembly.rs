@@ -337,6 +337,11 @@ impl DiscreteEnergy {
         run: impl Fn(usize, [&mut P; 2], &mut Room<D>) -> Result<SlabEnergy, NonFinite> + Sync,
     ) -> Result<[f64; 3], NonFinite> {
         rooms.provide(|| Room::new(self));
+        self.kinds()
+            .into_iter()
+            .flatten()
+            .flat_map(Kind::elements)
+            .for_each(|element| element.provide());
         let mut outcomes = self.outcomes.take(Vec::new);
         outcomes.clear();
         outcomes.resize_with(self.slabs.len(), || Ok(SlabEnergy::default()));

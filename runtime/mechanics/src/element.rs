@@ -84,6 +84,9 @@ pub trait Element: Send + Sync {
         if self.forbids_inversion() { f64::MIN_POSITIVE } else { f64::NEG_INFINITY }
     }
 
+    /// Makes the work arrays of a pass, if it has any, for all threads: before the pass begins.
+    fn provide(&self) {}
+
     /// Fills `out` for the interactions of the batch: weight times energy, and for the orders that
     /// ask for it weight times gradient and Hessian.
     ///

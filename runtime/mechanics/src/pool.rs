@@ -24,17 +24,6 @@ impl<T> Pool<T> {
         Taken { pool: self, value: Some(known.unwrap_or_else(|| Box::new(make()))) }
     }
 
-    /// One that was given back, or one of as many new ones as there are threads: those that ask later find
-    /// theirs.
-    pub(crate) fn take_provided(&self, make: impl Fn() -> T) -> Taken<'_, T> {
-        let known = lock(&self.free).pop();
-        if known.is_none() {
-            self.provide(&make);
-        }
-        let known = known.or_else(|| lock(&self.free).pop());
-        Taken { pool: self, value: Some(known.unwrap_or_else(|| Box::new(make()))) }
-    }
-
     /// Makes new ones until there is one for each thread: which threads will ask is chance.
     pub(crate) fn provide(&self, make: impl Fn() -> T) {
         let mut free = lock(&self.free);

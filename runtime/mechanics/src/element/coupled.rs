@@ -44,7 +44,8 @@ struct Room {
 
 impl Room {
     /// For the largest batch.
-    fn new(n_parts: usize, n_fields: usize) -> Room {
+    fn new(law: &dyn CoupledLaw) -> Room {
+        let (n_parts, n_fields) = (law.parts().len(), law.fields().len());
         let empty = |n: usize| Vec::with_capacity(n * CAPACITY);
         Room {
             current: empty(n_parts),
@@ -230,14 +231,17 @@ impl Element for CoupledElement {
         self.law.fields().len()
     }
 
+    fn provide(&self) {
+        self.rooms.provide(|| Room::new(&*self.law));
+    }
+
     fn evaluate(
         &self,
         batch: &InteractionBatch,
         order: Order,
         out: &mut Contributions,
     ) -> Result<(), NonFiniteLane> {
-        let (n_parts, n_fields) = (self.law.parts().len(), self.n_fields());
-        let mut room = self.rooms.take_provided(|| Room::new(n_parts, n_fields));
+        let mut room = self.rooms.take(|| Room::new(&*self.law));
         self.measure_all(batch, &mut room);
         self.evaluate_law(batch.len(), order, &mut room);
         for lane in 0..batch.len() {

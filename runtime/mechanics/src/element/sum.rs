@@ -46,6 +46,12 @@ impl Element for SumElement {
         self.first.n_fields().max(self.second.n_fields())
     }
 
+    fn provide(&self) {
+        self.rooms.provide(|| Contributions::new(self.measure(), self.dimension()));
+        self.first.provide();
+        self.second.provide();
+    }
+
     fn evaluate(
         &self,
         batch: &InteractionBatch,
@@ -54,7 +60,7 @@ impl Element for SumElement {
     ) -> Result<(), NonFiniteLane> {
         self.first.evaluate(batch, order, out)?;
         let (measure, dimension) = (self.measure(), self.dimension());
-        let mut other = self.rooms.take_provided(|| Contributions::new(measure, dimension));
+        let mut other = self.rooms.take(|| Contributions::new(measure, dimension));
         self.second.evaluate(batch, order, &mut other)?;
         let (coordinates, n) = (n_neighbors(measure) * dimension, batch.len());
         let add = |sum: &mut [f64], part: &[f64]| {

@@ -10,7 +10,7 @@ const SPACE: &str = "[body]\nbox = [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]]\nspacing =
 fn scene(body: &str, more: &str, energies: &str) -> SceneFolder {
     let scene = format!("{body}[material]\npotential = \"law.piola\"\n{more}");
     let folder = SceneFolder::new(&scene);
-    folder.file("law.piola", &format!("potential law\nparameter k = 1\n{energies}\n"));
+    folder.file("law.piola", format!("potential law\nparameter k = 1\n{energies}\n"));
     folder
 }
 

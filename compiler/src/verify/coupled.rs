@@ -97,7 +97,7 @@ fn evaluate(kernel: &CoupledKernel, n: usize) -> Vec<Place> {
     let mut change = numbers(-0.3, 0.3);
     for (index, change) in change.iter_mut().enumerate() {
         let place = index % n;
-        let decade = if place % 2 == 0 { place / 2 % 12 } else { 0 };
+        let decade = if place.is_multiple_of(2) { place / 2 % 12 } else { 0 };
         *change *= libm::pow(10.0, -(decade as f64));
     }
     let grown = |(rest, e): (&f64, &f64)| rest * (1.0 + e);

@@ -37,7 +37,7 @@ struct Expected {
     floor: f64,
 }
 
-const EXPECTED: [Expected; 17] = [
+const EXPECTED: [Expected; 18] = [
     Expected { example: "bimetal", overrides: &[], c: 15.0, floor: FLOOR },
     Expected { example: "bonds_beside_F", overrides: &[], c: 6.0, floor: FLOOR },
     Expected { example: "cantilever", overrides: &[], c: 0.2, floor: FLOOR },
@@ -47,6 +47,7 @@ const EXPECTED: [Expected; 17] = [
         c: 0.6,
         floor: FLOOR,
     },
+    Expected { example: "cork", overrides: &[], c: 0.7, floor: FLOOR },
     Expected { example: "cube_C1", overrides: &[], c: 0.7, floor: FLOOR },
     Expected { example: "cube_C1_C2", overrides: &[], c: 1.1, floor: FLOOR },
     Expected { example: "cube_C1_C3", overrides: &[], c: 2.5, floor: FLOOR },

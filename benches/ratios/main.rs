@@ -7,6 +7,7 @@
 
 mod assembly;
 mod bar;
+mod breaking;
 mod clock;
 mod compile;
 mod families;
@@ -47,7 +48,7 @@ const RENDER: &str = "render";
 /// A section: its name on the command line and what it measures.
 type Measurement = (&'static str, fn() -> Vec<Table>);
 
-const SECTIONS: [Measurement; 22] = [
+const SECTIONS: [Measurement; 23] = [
     ("kernels", kernels::against_hyper_dual),
     ("squares", squares::run),
     ("foreign", kernels::against_foreign),
@@ -62,6 +63,7 @@ const SECTIONS: [Measurement; 22] = [
     ("families", families::run),
     ("materials", materials::run),
     ("motion", motion::run),
+    ("breaking", breaking::run),
     ("threads", threads::run),
     ("bonds", memory_bound::run),
     ("newton", newton::run),

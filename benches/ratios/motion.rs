@@ -80,7 +80,7 @@ pub(crate) fn run() -> Vec<Table> {
 }
 
 /// A cube whose points are moved a little, so that no two bonds are alike.
-fn shaken(n: usize) -> Arc<Body> {
+pub(crate) fn shaken(n: usize) -> Arc<Body> {
     let body = cube(n);
     let mut state = 1u64;
     let mut next = || {
@@ -117,7 +117,7 @@ impl MotionDrive for Free {
 }
 
 /// A motion from some strain, that comes back after every step.
-fn motion<'a>(energy: &'a dyn Energy, u: &[f64]) -> Motion<'a> {
+pub(crate) fn motion<'a>(energy: &'a dyn Energy, u: &[f64]) -> Motion<'a> {
     let settings = MotionSettings {
         end: STEP * STEPS as f64,
         step: Some(STEP),
@@ -134,7 +134,7 @@ fn motion<'a>(energy: &'a dyn Energy, u: &[f64]) -> Motion<'a> {
     motion
 }
 
-fn step(motion: &mut Motion<'_>) {
+pub(crate) fn step(motion: &mut Motion<'_>) {
     let before = motion.step_reached();
     assert!(matches!(motion.advance_to(STEPS), Ok(Advance::Pause)), "it goes on");
     assert_eq!(motion.step_reached(), before + 1, "one step");

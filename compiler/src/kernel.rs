@@ -193,6 +193,11 @@ impl Kernel {
         Ok(Kernel { measure, body, is_constant, is_affine, squared: None, fields, is_multiple })
     }
 
+    /// The same with its form as a function of the square.
+    pub(crate) fn with_squared(self, squared: Kernel) -> Kernel {
+        Kernel { squared: Some(Box::new(squared)), ..self }
+    }
+
     /// Typical values of the parameters that are fields, in the order of [`Values::fields`]: the kernel
     /// takes the values of each at every interaction. Nothing where it depends on none.
     pub fn fields(&self) -> &[f64] {

@@ -15,6 +15,7 @@
 
 mod affine;
 pub mod audit;
+mod breaking;
 pub mod check;
 mod clique;
 pub mod compile;
@@ -43,6 +44,7 @@ mod values;
 pub mod verify;
 mod written;
 
+pub use breaking::Criterion;
 pub use check::{CODES, Files, check, check_text, check_text_with};
 pub use clique::{Part as CliquePart, Variable};
 pub use compile::{Compiled, Kind};
@@ -54,8 +56,8 @@ pub use kernel::{Batch, Derivatives, Kernel, Level, Mode, Order, Outputs, Writte
 pub use lint::{LINTS, Lint};
 pub use measure::{Argument, Measure};
 pub use model::{
-    Constraint, Energy, GatheredEnergy, GradientEnergy, Integral, Interval, Model, Parameter,
-    Variant,
+    Break, Constraint, Energy, GatheredEnergy, GradientEnergy, Integral, Interval, Model,
+    Parameter, Variant,
 };
 pub use point::{GradientBatch, GradientEnergyForms, GradientKernel};
 pub use specialise::{CompileError, Dropped, Form, ScalarEnergy, Specialised};

@@ -82,6 +82,8 @@ pub struct Variant {
     pub coupled_energies: Vec<CoupledEnergy>,
     /// Declared intervals of use.
     pub domains: Vec<Interval>,
+    /// When bonds break.
+    pub breaks: Vec<Break>,
     /// Numbers and components of tensors that depend on the deformation, and what they are in the text,
     /// the innermost expressions first.
     pub(crate) stated: Vec<(NodeId, Stated)>,
@@ -138,6 +140,21 @@ pub struct GatheredEnergy {
     pub span: Span,
     /// The expression as written, in canonical spelling.
     pub text: String,
+}
+
+/// One condition under which a bond breaks, `break when l/L - 1 > s0`.
+#[derive(Clone, Debug)]
+pub struct Break {
+    /// The margin in the variant's graph: above 0 where the condition holds, a function of `l` and `L`.
+    pub root: NodeId,
+    /// Whether the condition holds where the margin is 0.
+    pub holds_at_zero: bool,
+    /// Place of the condition.
+    pub span: Span,
+    /// The condition as written, in canonical spelling.
+    pub text: String,
+    /// What it is, in the words of the file.
+    pub reason: Option<String>,
 }
 
 /// One energy statement of several measures, `psi(a, l1, l2)` or `psi(angle)`.
@@ -258,6 +275,11 @@ impl Model {
     /// Whether there is an energy of gathered values, such as `psi(theta)` or `psi(l, m)`.
     pub fn has_gathered_energy(&self) -> bool {
         !self.variants[0].gathered_energies.is_empty()
+    }
+
+    /// The conditions under which bonds break, as written.
+    pub fn breaks(&self) -> &[Break] {
+        &self.variants[0].breaks
     }
 
     /// The measures of the interactions that have an energy of several measures, ascending: areas for

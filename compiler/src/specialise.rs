@@ -263,7 +263,7 @@ pub(crate) fn roots_of(variant: &Variant, measure: Measure) -> Vec<NodeId> {
 
 /// The simplified energy of a measure, with all digits of its numbers: see [`Simplifier::exact`].
 pub(crate) struct SimpleEnergy {
-    measure: Measure,
+    pub(crate) measure: Measure,
     pub(crate) graph: Simplifier,
     pub(crate) psi: NodeId,
     /// A typical measure at rest, of few digits.
@@ -385,6 +385,17 @@ pub(crate) fn of_bonds(
     values: &Values,
     form: Form,
 ) -> Result<ScalarEnergy, TooManyNodes> {
+    let function = function_of_bonds(graph, parameters, root, values)?;
+    Ok(function.derivatives(form)?.scalar_energy())
+}
+
+/// A function of one bond in the place of an energy; what parameters make zero is 0.
+pub(crate) fn function_of_bonds(
+    graph: &ExprGraph,
+    parameters: &[Parameter],
+    root: NodeId,
+    values: &Values,
+) -> Result<SimpleEnergy, TooManyNodes> {
     let (measure, fold) = (Measure::Length, &known(values));
     let subject = ("l", std::slice::from_ref(&root));
     let made = sum_in(Simplifier::exact(), graph, parameters, subject, fold, &mut Vec::new())?;
@@ -398,8 +409,7 @@ pub(crate) fn of_bonds(
     };
     let reference = typical_reference(measure, fold);
     let fields = values.typical().collect();
-    let energy = SimpleEnergy { measure, graph, psi, reference, fields };
-    Ok(energy.derivatives(form)?.scalar_energy())
+    Ok(SimpleEnergy { measure, graph, psi, reference, fields })
 }
 
 /// The simplified sum of some energies of one argument, in a graph that is given; `None` if nothing is

@@ -13,7 +13,7 @@ use crate::measure::Measure;
 use crate::model::Model;
 use crate::rewrite::stretch;
 use crate::simplify::Simplifier;
-use crate::specialise::{Form, MAX_OPERATIONS, ScalarEnergy, energy, known};
+use crate::specialise::{Form, MAX_OPERATIONS, ScalarEnergy, SimpleEnergy, energy, known};
 use crate::values::Values;
 
 impl Model {
@@ -26,11 +26,20 @@ impl Model {
         }
         let variant = self.variant(values.dimension)?;
         let found = energy(variant, self.parameters(), measure, &known(values), &mut Vec::new());
-        let mut energy = found.ok()??;
-        (energy.graph, energy.psi) = squared(energy.graph.graph(), energy.psi, measure).ok()??;
-        let derived = energy.of(values).derivatives(Form::Accurate).ok()?.scalar_energy();
+        let derived = square_of(found.ok()??, values).ok()??;
         (derived.graph.len() <= MAX_OPERATIONS).then_some(derived)
     }
+}
+
+/// The same function of `q = m^2/M` with its derivatives by `q`; nothing where it has an odd power.
+pub(crate) fn square_of(
+    mut function: SimpleEnergy,
+    values: &Values,
+) -> Result<Option<ScalarEnergy>, TooManyNodes> {
+    let (graph, measure) = (function.graph.graph(), function.measure);
+    let Some(squared) = squared(graph, function.psi, measure)? else { return Ok(None) };
+    (function.graph, function.psi) = squared;
+    Ok(Some(function.of(values).derivatives(Form::Accurate)?.scalar_energy()))
 }
 
 /// `rest * m^current * M^reference`, where the rest is a function of `q` and `M`.

@@ -207,6 +207,8 @@ pub enum Statement {
     Energy(Energy),
     /// `domain l/L in (0, 10]`
     Domain(Domain),
+    /// `break when l/L - 1 > s0 "critical stretch"`
+    Break(Break),
 }
 
 /// A lint that is not to be reported.
@@ -277,6 +279,17 @@ pub struct Energy {
     pub body: ExprId,
     /// Place of `psi(..)`.
     pub head: Span,
+}
+
+/// A condition under which an interaction breaks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Break {
+    /// The condition.
+    pub condition: ExprId,
+    /// What it is.
+    pub reason: Option<Text>,
+    /// The whole statement.
+    pub span: Span,
 }
 
 /// A declared interval of use.

@@ -1,7 +1,7 @@
 //! Words the language knows by itself, and Greek letters spelled out.
 
 /// Words with a meaning in the grammar; they cannot name anything.
-pub const KEYWORDS: [&str; 14] = [
+pub const KEYWORDS: [&str; 16] = [
     "potential",
     "source",
     "allow",
@@ -9,6 +9,8 @@ pub const KEYWORDS: [&str; 14] = [
     "dimensions",
     "weights",
     "domain",
+    "break",
+    "when",
     "in",
     "if",
     "then",
@@ -19,8 +21,8 @@ pub const KEYWORDS: [&str; 14] = [
 ];
 
 /// Keywords a statement begins with.
-pub const STATEMENT_KEYWORDS: [&str; 7] =
-    ["potential", "source", "allow", "parameter", "dimensions", "weights", "domain"];
+pub const STATEMENT_KEYWORDS: [&str; 8] =
+    ["potential", "source", "allow", "parameter", "dimensions", "weights", "domain", "break"];
 
 /// Functions of one number.
 pub const UNARY_FUNCTIONS: [&str; 18] = [

@@ -6,7 +6,7 @@
 //! long.
 
 use crate::ast::{
-    Allow, Arena, Ast, BinaryOperator, Bound, Definition, Energy, ExprId, ExprKind, Ident,
+    Allow, Arena, Ast, BinaryOperator, Bound, Break, Definition, Energy, ExprId, ExprKind, Ident,
     Parameter, Statement, Text, UnaryOperator, Unit,
 };
 use crate::operator::Binding;
@@ -89,6 +89,11 @@ impl<'a> Printer<'a> {
                 self.push(", ");
                 self.bound(&domain.upper);
                 self.push(if domain.upper.inclusive { "]" } else { ")" });
+            }
+            Statement::Break(Break { condition, reason, .. }) => {
+                self.push("break when ");
+                self.expression(*condition);
+                self.text_after(" ", reason);
             }
         }
     }

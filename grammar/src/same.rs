@@ -43,6 +43,9 @@ impl Pair<'_> {
             (S::Definition(a), S::Definition(b)) => self.definitions(a, b),
             (S::Energy(a), S::Energy(b)) => self.energies(a, b),
             (S::Domain(a), S::Domain(b)) => self.domains(a, b),
+            (S::Break(a), S::Break(b)) => {
+                self.expressions(a.condition, b.condition) && same_text(&a.reason, &b.reason)
+            }
             _ => false,
         }
     }

@@ -15,8 +15,8 @@
 //! ([`scene`] and [`output`] translate).
 
 pub use piola_mechanics::{
-    assembly, body, deformation, energy, geometry, interaction, kernel, lattice, materials, matrix,
-    neighborhood, sheet, states, surface, weights, words,
+    assembly, body, deformation, energy, fracture, geometry, interaction, kernel, lattice,
+    materials, matrix, neighborhood, sheet, states, surface, weights, words,
 };
 pub use piola_output as output;
 pub use piola_solvers as solve;

@@ -316,6 +316,10 @@ fn emit(
             _ => print::text(model, energy),
         });
     }
+    if matches!(arguments.emit, Emit::Text) {
+        let lines = model.breaks().iter().map(|one| format!("break when {}\n", one.text));
+        parts.extend(Some(lines.collect::<String>()).filter(|lines| !lines.is_empty()));
+    }
     if let Some(forms) = gradient {
         let listings = || gradient_listing(forms, arguments.level.into());
         match arguments.emit {

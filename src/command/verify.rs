@@ -97,6 +97,9 @@ fn words(witness: Witness) -> (&'static str, &'static str) {
 
 /// What was found for one energy, in words.
 fn report(place: &str, found: &Verification, text: &str) -> String {
+    if let Subject::Margin(condition) = &found.subject {
+        return report_margin(place, condition, found);
+    }
     let (places, what, digits) = match &found.subject {
         Subject::Argument(Argument::Measure(_) | Argument::Square(_)) => {
             ("points", "largest error over tolerance against hyper-dual numbers", 2)
@@ -104,7 +107,7 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
         Subject::Argument(Argument::Gradient) => {
             ("gradients", "largest errors in u = 2^-53 of the norm", 0)
         }
-        Subject::Gathered(_) => {
+        Subject::Gathered(_) | Subject::Margin(_) => {
             ("points", "largest errors against hyper-dual numbers in u = 2^-53", 0)
         }
         Subject::Coupled(..) => ("points", "largest errors in u = 2^-53 of the largest part", 0),
@@ -153,6 +156,30 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
                 out.push_str(&format!("        .. and {} more\n", wrong().count() - 5));
             }
         }
+    }
+    out
+}
+
+/// The same of a condition under which bonds break.
+fn report_margin(place: &str, condition: &str, found: &Verification) -> String {
+    let verdict = if found.passed() { "passed" } else { "WRONG" };
+    let bits = match found.different_bits {
+        0 => "machine code = interpreter to the last bit".to_string(),
+        n => format!("machine code differs from the interpreter at {n} points"),
+    };
+    let largest = found.errors.iter().fold(0.0, |most: f64, errors| most.max(errors.largest[0]));
+    let judged = match largest {
+        0.0 => "every bond is judged as written".to_string(),
+        _ => format!(
+            "bonds are judged as written from {largest:.0} units in the last place of l around the \
+             threshold on"
+        ),
+    };
+    let points = found.n_places;
+    let mut out =
+        format!("{verdict}  {place} break when {condition}: {points} points; {bits}; {judged}\n");
+    for miss in found.misses.iter().take(5) {
+        out.push_str(&describe(&found.subject, miss));
     }
     out
 }
@@ -296,6 +323,7 @@ fn place_of(subject: &Subject, miss: &Miss) -> String {
             let (m, rest) = (miss.place[0], miss.place[1]);
             format!("{symbol} = {m:e}, {} = {rest:e}", measure.reference_symbol())
         }
+        Subject::Margin(_) => format!("l = {:e}, L = {:e}", miss.place[0], miss.place[1]),
         Subject::Coupled(_, symbols) => {
             let changes: Vec<String> = miss.place.iter().map(|x| format!("{x:.1e}")).collect();
             format!("changes of {} by ({}) of themselves", symbols.join(", "), changes.join(", "))

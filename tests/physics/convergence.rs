@@ -47,7 +47,7 @@ const EXPECTED: [Expected; 18] = [
         c: 0.6,
         floor: FLOOR,
     },
-    Expected { example: "cork", overrides: &[], c: 0.6, floor: FLOOR },
+    Expected { example: "cork", overrides: &[], c: 0.7, floor: FLOOR },
     Expected { example: "cube_C1", overrides: &[], c: 0.7, floor: FLOOR },
     Expected { example: "cube_C1_C2", overrides: &[], c: 1.1, floor: FLOOR },
     Expected { example: "cube_C1_C3", overrides: &[], c: 2.5, floor: FLOOR },

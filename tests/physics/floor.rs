@@ -24,7 +24,7 @@ const FLOORS: [(&str, f64); 18] = [
     ("bonds_beside_F", 4.2e-15),
     ("cantilever", 9.3e-14),
     ("clamped_beam", 1.1e-14),
-    ("cork", 6.5e-15),
+    ("cork", 6.4e-15),
     ("cube_C1", 7.1e-16),
     ("cube_C1_C2", 8.2e-16),
     ("cube_C1_C3", 5.5e-15),

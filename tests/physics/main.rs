@@ -10,6 +10,7 @@ mod convergence;
 mod examples;
 mod extension;
 mod floor;
+mod fracture;
 mod gradients;
 mod moduli;
 mod nodes;

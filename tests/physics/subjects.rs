@@ -72,6 +72,7 @@ fn of_the_library(name: &str) -> Vec<Material> {
             .flat_map(|n| three_kinds("firooz2023", Some(n)))
             .collect(),
         "silling2000" => vec![bonds_in_space("silling2000")],
+        "prototype_microelastic_brittle" => vec![bonds_in_space("prototype_microelastic_brittle")],
         "miranda_modified_stretch" => vec![bonds_in_space("miranda_modified_stretch")],
         "tension_only" => bonds("tension_only", "C1", C[0]).into(),
         // As stiff at rest: psi'' = 2*alpha^2*D/L with alpha = 3, and 72*D/L.
@@ -82,7 +83,9 @@ fn of_the_library(name: &str) -> Vec<Material> {
         // Energies of several measures: `runtime/tests/mechanics/coupled` tries them.
         "harmonic_angles" => Vec::new(),
         // What points gather: `runtime/tests/states` tries it.
-        "linear_peridynamic_solid" | "logarithmic_states" => Vec::new(),
+        "linear_peridynamic_solid" | "linear_peridynamic_solid_brittle" | "logarithmic_states" => {
+            Vec::new()
+        }
         _ => panic!("`{name}` is new in the library: say here how it is to be tried"),
     }
 }

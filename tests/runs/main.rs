@@ -10,6 +10,7 @@ mod contract;
 mod coupled;
 mod extremes;
 mod fields;
+mod fracture;
 mod frame_fields;
 #[cfg(unix)]
 mod interrupted;

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::fracture::TORN;
 use crate::motion::THROWN;
 use crate::scenes::STRIP;
 use crate::support::{Outcome, Random, SceneFolder, command, number, piola};
@@ -211,4 +212,31 @@ fn an_implicit_run_that_is_interrupted_goes_on_with_the_same_bits() {
     assert_eq!(child.wait().unwrap().code(), Some(130));
     resume(&folder.out(), &[]).expect(0);
     are_the_same(&whole.out(), &folder.out());
+}
+
+/// In the middle of a crack: which bonds are broken is part of where a motion stands.
+#[test]
+fn a_crack_that_is_interrupted_goes_on_with_the_same_bits() {
+    let scene = || {
+        let text = TORN.replace("spacing = 0.05", "spacing = 0.02").replace("0.05\"", "0.02\"");
+        let folder = SceneFolder::new(&text.replace("rows = 40", "rows = 40\ncheckpoint = 2e-3"));
+        folder.file("brittle.piola", crate::fracture::BRITTLE);
+        folder
+    };
+    let whole = scene();
+    let begin = Instant::now();
+    whole.run(&[]).expect(0);
+    let time = begin.elapsed();
+    for part in [0.3, 0.5, 0.6, 0.7, 0.8] {
+        let folder = scene();
+        let mut child = start(&["run", &folder.scene(), "--out", &folder.path("out")]);
+        wait_for_checkpoint(&mut child, &folder.out());
+        std::thread::sleep(time.mul_f64(part));
+        signal(&child, "-KILL");
+        child.wait().unwrap();
+        if folder.out().join("checkpoint.bin").exists() {
+            resume(&folder.out(), &[]).expect(0);
+        }
+        are_the_same(&whole.out(), &folder.out());
+    }
 }

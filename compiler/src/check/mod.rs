@@ -8,6 +8,7 @@
 //!
 //! Before: any tree. After: a [`Model`], or every error of the file at once.
 
+mod breaking;
 mod call;
 mod constant;
 mod coupled;
@@ -35,7 +36,7 @@ use piola_grammar::{Ast, Diagnostic, Reading, Span, read, spell_out};
 use crate::model::Model;
 
 /// The codes of all findings of this crate, those about values and sizes included.
-pub const CODES: [&str; 25] = [
+pub const CODES: [&str; 26] = [
     "constraint-violated",
     "dimension-mismatch",
     "duplicate-name",
@@ -45,6 +46,7 @@ pub const CODES: [&str; 25] = [
     "missing-parameter",
     "no-energy",
     "no-horizon",
+    "no-threshold",
     "not-a-constant",
     "not-a-function",
     "not-a-number",

@@ -112,6 +112,7 @@ impl<'a> Resolver<'a> {
             }
             Statement::Energy(energy) => self.body(energy.body, &[]),
             Statement::Domain(domain) => self.body(domain.quantity, &[]),
+            Statement::Break(breaking) => self.body(breaking.condition, &[]),
             Statement::Source(_)
             | Statement::Allow(_)
             | Statement::Dimensions(_)

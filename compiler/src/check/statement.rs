@@ -263,6 +263,7 @@ impl<'a> Builder<'a> {
                 gathered_energies: Vec::new(),
                 coupled_energies: Vec::new(),
                 domains: Vec::new(),
+                breaks: Vec::new(),
                 stated: Vec::new(),
                 graph: ExprGraph::new(),
                 conditions: Conditions::default(),
@@ -280,6 +281,7 @@ impl<'a> Builder<'a> {
                 }
                 Statement::Energy(energy) => self.energy(energy),
                 Statement::Domain(domain) => self.domain(domain),
+                Statement::Break(breaking) => self.breaking(breaking),
                 Statement::Definition(_)
                 | Statement::Source(_)
                 | Statement::Allow(_)

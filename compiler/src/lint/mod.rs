@@ -7,6 +7,7 @@
 //! | `singular-in-domain` | is no finite number somewhere inside its domain |
 //! | `jump-in-energy`, `jump-in-force` | has branches that do not meet |
 //! | `no-bond-energy` | stands without one of bonds |
+//! | `breaks-at-rest`, `never-breaks`, `breaks-in-compression` | has a condition `break when` that holds there |
 //! | `jump-in-stiffness` | has no jump of psi'' where branches meet, or at points of a table |
 //! | `no-collapse-resistance`, `no-inversion-resistance` | stays finite where an interaction collapses, or is turned inside out |
 //!
@@ -14,6 +15,7 @@
 //! parameters, at points of their declared domains: what is not found may still be there. The last
 //! two are true of proven potentials, among them the quadratic bond, and so only told on request.
 
+mod breaking;
 mod domain;
 mod jump;
 mod rest;
@@ -24,6 +26,7 @@ use piola_grammar::{Diagnostic, Severity};
 use crate::measure::Measure;
 use crate::model::Model;
 use crate::values::Values;
+use breaking::Breaking;
 use subject::Subject;
 
 /// One kind of thing that is probably a mistake.
@@ -43,6 +46,8 @@ enum Look {
     Model(fn(&Model) -> Option<(Measure, Finding)>),
     /// One energy with values.
     Energy(fn(&Subject<'_>) -> Option<Finding>),
+    /// One condition under which bonds break, with values.
+    Break(fn(&Breaking<'_>) -> Option<Finding>),
 }
 
 /// What a lint has to say.
@@ -54,13 +59,16 @@ struct Finding {
 }
 
 /// All lints.
-pub const LINTS: [Lint; 9] = [
+pub const LINTS: [Lint; 12] = [
     lint("not-stress-free", Look::Energy(rest::not_stress_free)),
     lint("not-stiff-at-rest", Look::Energy(rest::not_stiff)),
     lint("singular-in-domain", Look::Energy(domain::singular)),
     lint("jump-in-energy", Look::Energy(jump::in_energy)),
     lint("jump-in-force", Look::Energy(jump::in_force)),
     lint("no-bond-energy", Look::Model(no_bond_energy)),
+    lint("breaks-at-rest", Look::Break(breaking::at_rest)),
+    lint("never-breaks", Look::Break(breaking::never)),
+    lint("breaks-in-compression", Look::Break(breaking::in_compression)),
     pedantic("jump-in-stiffness", Look::Energy(jump::in_stiffness)),
     pedantic("no-collapse-resistance", Look::Energy(domain::no_collapse_resistance)),
     pedantic("no-inversion-resistance", Look::Energy(domain::no_inversion_resistance)),
@@ -72,6 +80,16 @@ const fn lint(code: &'static str, look: Look) -> Lint {
 
 const fn pedantic(code: &'static str, look: Look) -> Lint {
     Lint { code, pedantic: true, look }
+}
+
+impl Lint {
+    /// What it says of a condition under which bonds break.
+    fn look_at_break(&self, breaking: &Breaking<'_>) -> Option<Diagnostic> {
+        let Look::Break(look) = self.look else { return None };
+        let Finding { message, help } = look(breaking)?;
+        let warning = Diagnostic::warning(self.code, breaking.condition.span, message).help(help);
+        Some(warning.help(format!("if it is meant so: `allow \"{}\" \"why\"`", self.code)))
+    }
 }
 
 impl Model {
@@ -92,6 +110,13 @@ impl Model {
         for subjects in self.dimensions().flat_map(|dimension| Subject::examples(self, dimension)) {
             for warning in wanted.iter().filter_map(|lint| self.look(lint, &subjects)) {
                 // What is found in two dimensions is mostly found in three too.
+                if !found.iter().any(|f| f.code == warning.code && f.span == warning.span) {
+                    found.push(warning);
+                }
+            }
+        }
+        for breaking in self.dimensions().flat_map(|d| Breaking::examples(self, d)) {
+            for warning in wanted.iter().filter_map(|lint| lint.look_at_break(&breaking)) {
                 if !found.iter().any(|f| f.code == warning.code && f.span == warning.span) {
                     found.push(warning);
                 }

@@ -165,7 +165,7 @@ impl<'m> Subject<'m> {
 
 /// Defaults; where a parameter has none, 1 or another number that satisfies its conditions; and
 /// coefficients that are 0 by default switched on, so that no energy is left out.
-fn example(model: &Model, dimension: usize) -> Option<Values> {
+pub(super) fn example(model: &Model, dimension: usize) -> Option<Values> {
     let horizon = Some(HORIZON);
     let mut settings: Vec<(String, Setting)> = Vec::new();
     let missing = model.fill_with_one(dimension, &mut settings);

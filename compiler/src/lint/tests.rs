@@ -18,7 +18,32 @@ fn message(statements: &str, code: &str) -> String {
 }
 
 /// Code, an energy that has it, an energy that has not.
-const PAIRS: [(&str, &str, &str); 24] = [
+const PAIRS: [(&str, &str, &str); 29] = [
+    (
+        "breaks-at-rest",
+        "psi(l) = (l/L - 1)^2\nbreak when l >= L",
+        "psi(l) = (l/L - 1)^2\nbreak when l > L",
+    ),
+    (
+        "never-breaks",
+        "psi(l) = (l/L - 1)^2\nbreak when (l/L - 1)^2 > 81.5",
+        "psi(l) = (l/L - 1)^2\nbreak when (l/L - 1)^2 > 80 and l > L",
+    ),
+    (
+        "never-breaks",
+        "psi(l) = (l/L - 1)^2\ndomain l/L in (0, 2)\nbreak when l/L > 2",
+        "psi(l) = (l/L - 1)^2\ndomain l/L in (0, 2)\nbreak when l/L > 1.99",
+    ),
+    (
+        "breaks-in-compression",
+        "psi(l) = (l/L - 1)^2\nbreak when (l/L - 1)^2 > 1/4",
+        "psi(l) = (l/L - 1)^2\nbreak when (l/L - 1)^2 > 4",
+    ),
+    (
+        "breaks-in-compression",
+        "psi(l) = (l/L - 1)^2\nbreak when L - l > 0.1*delta",
+        "psi(l) = (l/L - 1)^2\nbreak when l - L > 0.5*delta",
+    ),
     ("not-stress-free", "psi(l) = (l/L)^2", "psi(l) = (l/L - 1)^2"),
     ("not-stress-free", "psi(l) = ln(l)^2", "psi(l) = ln(l/L)^2"),
     (

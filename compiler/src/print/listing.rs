@@ -53,6 +53,9 @@ pub fn model_listing(model: &Model) -> String {
         for domain in &variant.domains {
             let _ = writeln!(out, "  domain {domain}");
         }
+        for breaking in &variant.breaks {
+            let _ = writeln!(out, "  break when {}", breaking.text);
+        }
     }
     for constraint in model.constraints() {
         let _ = writeln!(out, "constraint {}", constraint.text);

@@ -10,6 +10,7 @@
 //! | `measure` | energies of measures, and of their squares |
 //! | `gradient` | energies of the deformation gradient |
 //! | `gathered` | energies of gathered values |
+//! | `margin` | conditions under which bonds break |
 //! | `coupled` | energies of several measures of one interaction |
 //! | `cause`, `stated` | which subexpression loses digits, and what it is in the text |
 //! | [`sample`], [`truth`] | points to try energies of measures at, and their values there to any precision |
@@ -18,6 +19,7 @@ pub(crate) mod cause;
 mod coupled;
 mod gathered;
 mod gradient;
+mod margin;
 mod measure;
 pub mod sample;
 pub(crate) mod stated;
@@ -93,6 +95,8 @@ pub enum Subject {
     Argument(Argument),
     /// Gathered values, as written: `theta`; `l, m`.
     Gathered(String),
+    /// No energy, but a condition under which bonds break, as written.
+    Margin(String),
     /// Several measures of one interaction: as written, `angle`, and what that follows from, `a`, `l1` ..
     Coupled(String, Vec<&'static str>),
 }
@@ -164,7 +168,7 @@ impl Subject {
     pub fn symbol(&self) -> &str {
         match self {
             Subject::Argument(argument) => argument.symbol(),
-            Subject::Gathered(head) | Subject::Coupled(head, _) => head,
+            Subject::Gathered(text) | Subject::Margin(text) | Subject::Coupled(text, _) => text,
         }
     }
 
@@ -173,6 +177,7 @@ impl Subject {
         match self {
             Subject::Argument(argument) => argument.orders(),
             Subject::Gathered(_) | Subject::Coupled(..) => ["psi", "gradient", "product"],
+            Subject::Margin(_) => ["margin", "margin'", "margin''"],
         }
     }
 }
@@ -311,6 +316,7 @@ pub fn verify(
     let mut found = measure::verify(model, variant, values, &ways, n)?;
     found.extend(gathered::verify((model, variant), values, &ways, n));
     found.extend(gradient::verify(model, values, &ways, n));
+    found.extend(margin::verify(model, variant, values, n)?);
     found.extend(coupled::verify((model, variant), values, &ways, n));
     Ok((found, ways.interpreted.dropped))
 }

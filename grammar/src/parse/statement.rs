@@ -5,8 +5,8 @@ use pest::iterators::{Pair, Pairs};
 use super::Builder;
 use super::parser::Rule;
 use crate::ast::{
-    Allow, Bound, Definition, Domain, Energy, ExprId, ExprKind, Ident, Parameter, Statement, Text,
-    UnaryOperator, Unit, UnitFactor,
+    Allow, Bound, Break, Definition, Domain, Energy, ExprId, ExprKind, Ident, Parameter, Statement,
+    Text, UnaryOperator, Unit, UnitFactor,
 };
 use crate::names;
 use crate::{Diagnostic, Span};
@@ -44,6 +44,7 @@ impl Builder {
             Rule::weights => Statement::Weights(self.weights(&take(&mut parts, Rule::name)?)),
             Rule::parameter => Statement::Parameter(self.parameter(parts)?),
             Rule::domain => Statement::Domain(self.domain(span.start, parts)?),
+            Rule::breaking => Statement::Break(self.breaking(span, parts)?),
             Rule::energy => Statement::Energy(self.energy(parts)?),
             Rule::definition => Statement::Definition(self.definition(parts)?),
             _ => return None,
@@ -198,6 +199,11 @@ impl Builder {
             upper: Bound { value: upper, inclusive: closing.as_str() == "]" },
             span: Span { start, end: self.span(&closing).end },
         })
+    }
+
+    fn breaking(&mut self, span: Span, mut parts: Pairs<'_, Rule>) -> Option<Break> {
+        let condition = self.expression(take(&mut parts, Rule::expression)?)?.id;
+        Some(Break { condition, reason: self.optional_text(&mut parts), span })
     }
 
     /// Builds a product of powers of units.

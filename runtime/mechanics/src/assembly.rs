@@ -10,6 +10,7 @@ mod abreast;
 mod accumulate;
 mod axes;
 mod bonds;
+mod broken;
 pub(crate) mod error;
 mod fours;
 mod inversion;
@@ -26,15 +27,19 @@ pub(crate) mod sum;
 mod tetrahedra;
 mod visit;
 
+pub(crate) use broken::affine_threshold;
 pub use error::AssemblyError;
 
+use std::ops::Range;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use rayon::prelude::*;
 
 use crate::body::Body;
 use crate::element::{Element, MeasureElement, Order};
 use crate::energy::{Energy, Hessian, Inversion, NonFinite, Wanted, check_sizes};
+use crate::fracture::Release;
 use crate::interaction::schedule::{Cut, Layout, Part, visit};
 use crate::interaction::{
     Census, CliqueRoom, ContributingPairs, Degeneracy, Inverted, OwnerCliques, Report, Slabs,
@@ -122,6 +127,9 @@ pub struct DiscreteEnergy {
     /// Room for passes: of their threads, and for what becomes of slabs.
     rooms: Rooms,
     outcomes: Pool<Vec<Result<SlabEnergy, NonFinite>>>,
+    /// Whether bonds of each slab had grown beyond their limits when forces were last worked out; empty where
+    /// nobody watches.
+    exceeded: Vec<AtomicBool>,
 }
 
 /// Work arrays of threads by the dimension of the body.
@@ -239,6 +247,7 @@ impl DiscreteEnergy {
             report,
             rooms,
             outcomes: Pool::new(),
+            exceeded: Vec::new(),
         };
         energy.on_lattice = OnLattice::new(&energy);
         if energy.on_lattice.bonds.is_none() {
@@ -445,6 +454,36 @@ impl Energy for DiscreteEnergy {
             Rooms::Plane(rooms) => self.add_virials(rooms, u, virials),
             Rooms::Space(rooms) => self.add_virials(rooms, u, virials),
         }
+    }
+
+    fn can_lose_bonds(&self) -> bool {
+        self.has_bonds_alone()
+    }
+
+    fn lose(&mut self, bonds: &[usize]) {
+        self.lose_bonds(bonds);
+    }
+
+    fn watch(&mut self, limits: &[f32]) -> bool {
+        self.watch_bonds(limits)
+    }
+
+    fn exceeding(&self) -> Option<Vec<Range<usize>>> {
+        self.exceeding_owners()
+    }
+
+    fn break_bonds(
+        &mut self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        bonds: &[usize],
+    ) -> Result<Release, NonFinite> {
+        let release = match self.body.dimension() {
+            2 => self.release_bonds::<2>(u, way, bonds)?,
+            _ => self.release_bonds::<3>(u, way, bonds)?,
+        };
+        self.lose_bonds(bonds);
+        Ok(release)
     }
 
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {

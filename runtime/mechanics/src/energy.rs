@@ -6,8 +6,10 @@ mod total;
 
 pub use total::{Term, Total};
 
+use std::ops::Range;
 use std::sync::Arc;
 
+use crate::fracture::{Fracture, Release};
 use crate::interaction::{Inverted, Report};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -181,7 +183,7 @@ pub enum Wanted<'a> {
 ///
 /// Displacements `u` are `n x d` row by row, in m, in the body's order. Energies add up in a
 /// [`Total`].
-pub trait Energy: Sync {
+pub trait Energy: Send + Sync {
     /// 2 or 3.
     fn dimension(&self) -> usize;
 
@@ -269,6 +271,53 @@ pub trait Energy: Sync {
     /// How many interactions are turned inside out at `u`.
     fn inverted(&self, _u: &[f64]) -> Inverted {
         Inverted::default()
+    }
+
+    /// Whether [`Energy::lose`] can take out bonds.
+    fn can_lose_bonds(&self) -> bool {
+        false
+    }
+
+    /// Takes out bonds, by their numbers in the neighbourhood: from now on they have no energy.
+    fn lose(&mut self, _bonds: &[usize]) {}
+
+    /// Takes how much the square of each bond's length may grow before it may break, in m^2, by its number;
+    /// whether passes of forces will say which bonds have grown beyond that.
+    fn watch(&mut self, _limits: &[f32]) -> bool {
+        false
+    }
+
+    /// Owners among whose bonds some had grown beyond their limit when forces were last worked out; nothing
+    /// where nobody watches.
+    fn exceeding(&self) -> Option<Vec<Range<usize>>> {
+        None
+    }
+
+    /// Takes out bonds at displacements `u`, to which a way `step*direction` has led: what they release is
+    /// the energy before less the energy after, and `timing` half of the work over that way of the forces
+    /// that go with them.
+    ///
+    /// # Errors
+    /// Energies and forces that are not finite.
+    fn break_bonds(
+        &mut self,
+        u: &[f64],
+        (step, direction): (f64, &[f64]),
+        bonds: &[usize],
+    ) -> Result<Release, NonFinite> {
+        let mut forces = [vec![0.0; u.len()], vec![0.0; u.len()]];
+        let before = self.forces(u, &mut forces[0])?.total();
+        self.lose(bonds);
+        let after = self.forces(u, &mut forces[1])?.total();
+        let [old, new] = &forces;
+        let powers = old.iter().zip(new).zip(direction).map(|((old, new), v)| (old - new) * v);
+        let power = powers.fold(0.0, |sum, power| sum + power);
+        Ok(Release { bonds: bonds.len(), energy: before - after, timing: 0.5 * step * power })
+    }
+
+    /// The status of a body that can break.
+    fn fracture(&self) -> Option<&dyn Fracture> {
+        None
     }
 
     /// The energy alone.

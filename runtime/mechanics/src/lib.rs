@@ -3,6 +3,7 @@
 //! | part | modules |
 //! |---|---|
 //! | bodies and who interacts | [`body`], [`lattice`], [`neighborhood`], [`interaction`], [`weights`], [`surface`] |
+//! | bonds that break | [`fracture`] |
 //! | energy densities | [`kernel`], on the measures of [`geometry`] by [`element`]; [`sheet`] |
 //! | energies of a body | [`assembly`] of interactions, [`deformation`] of deformation gradients, [`states`] of what points gather; all are an [`energy::Energy`] |
 //! | what they are made of | [`matrix`], [`vector`] |
@@ -72,6 +73,7 @@ pub mod body;
 pub mod element;
 pub mod energy;
 mod fields;
+pub mod fracture;
 pub mod geometry;
 pub mod interaction;
 pub mod kernel;

@@ -200,6 +200,48 @@ impl Neighborhood {
         self.shell_bonds
     }
 
+    /// The same without some bonds, by their numbers; those that are left are numbered anew.
+    pub(crate) fn without(&self, is_lost: &[bool]) -> Neighborhood {
+        let n = self.n_points();
+        let kept = |point: usize| {
+            let bonds = self.bonds(point).zip(self.upper(point));
+            bonds.filter(|(bond, _)| !is_lost[*bond]).map(|(_, other)| *other)
+        };
+        let (mut lower, mut later) = (vec![0; n], vec![0; n]);
+        for point in 0..n {
+            for other in kept(point) {
+                later[point] += 1;
+                lower[other as usize] += 1;
+            }
+        }
+        let mut all = Neighborhood {
+            horizon: self.horizon,
+            row_start: vec![0],
+            upper_start: Vec::with_capacity(n),
+            bond_start: vec![0],
+            neighbors: Vec::new(),
+            shell_bonds: self.shell_bonds,
+            most_later: later.iter().copied().max().unwrap_or(0),
+        };
+        for point in 0..n {
+            let start = all.row_start[point];
+            all.upper_start.push(start + lower[point]);
+            all.row_start.push(start + lower[point] + later[point]);
+            all.bond_start.push(all.bond_start[point] + later[point]);
+        }
+        all.neighbors = vec![0; all.row_start[n]];
+        // Owners come in order, so that rows are ascending.
+        let mut next = all.row_start[..n].to_vec();
+        for point in 0..n {
+            for (k, other) in kept(point).enumerate() {
+                all.neighbors[all.upper_start[point] + k] = other;
+                all.neighbors[next[other as usize]] = point as u32;
+                next[other as usize] += 1;
+            }
+        }
+        all
+    }
+
     /// All neighbours of a point, ascending.
     pub fn row(&self, point: usize) -> &[u32] {
         &self.neighbors[self.row_start[point]..self.row_start[point + 1]]
@@ -223,6 +265,12 @@ impl Neighborhood {
     /// The number of the first bond of every owner, and how many bonds there are.
     pub fn bond_starts(&self) -> &[usize] {
         &self.bond_start
+    }
+
+    /// The points of a bond, by its number: its owner, and the later one.
+    pub fn ends(&self, bond: usize) -> [usize; 2] {
+        let owner = self.bond_start.partition_point(|first| *first <= bond) - 1;
+        [owner, self.upper(owner)[bond - self.bond_start[owner]] as usize]
     }
 
     /// For the place of each neighbour `j` of a point `i` the place of `i` in the row of `j`.

@@ -24,6 +24,8 @@ pub struct MotionColumns {
     pub sets: Vec<String>,
     /// The probes, in the scene's order.
     pub probes: Vec<String>,
+    /// Whether bonds can break.
+    pub breaks: bool,
 }
 
 /// A body in motion at one time; energies and work are in J.
@@ -49,6 +51,8 @@ pub struct MotionRow {
     pub quadrature: f64,
     /// What does not close.
     pub rounding: f64,
+    /// Of a body whose bonds can break.
+    pub broken: Option<BrokenRow>,
     /// In kg m/s, one number per dimension.
     pub momentum: Vec<f64>,
     /// In kg m^2/s: one number in the plane, three in space.
@@ -57,6 +61,17 @@ pub struct MotionRow {
     pub reactions: Vec<Vec<f64>>,
     /// Displacement at each probe, `d` numbers in m.
     pub probes: Vec<Vec<f64>>,
+}
+
+/// What bonds left that are broken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BrokenRow {
+    /// How many.
+    pub bonds: usize,
+    /// The energy that they held when they broke, in J.
+    pub released: f64,
+    /// The work that their forces would have done over the halves of steps before, in J.
+    pub timing: f64,
 }
 
 /// `motion.csv`, `reactions.csv` and `probes.csv` as they grow.
@@ -80,6 +95,9 @@ impl MotionTables {
         names.extend(columns.parts.iter().cloned());
         let work = ["damping", "external", "prescribed", "quadrature", "rounding"];
         names.extend(work.map(str::to_owned));
+        if columns.breaks {
+            names.extend(["released", "timing", "broken_bonds"].map(str::to_owned));
+        }
         names.extend(axes.iter().map(|axis| format!("momentum_{axis}")));
         names.extend(turns.iter().map(|axis| format!("angular_momentum_{axis}")));
         let probes = time_and(&columns.probes, &COMPONENTS[..columns.dimension]);
@@ -126,9 +144,17 @@ impl MotionTables {
     ) -> Result<[Vec<Series>; 2], OutputError> {
         let stored = 4;
         let work = stored + columns.parts.len() + 1;
-        let names = ["kinetic", "stored", "damping", "external", "prescribed"];
-        let places = [2, stored, work, work + 1, work + 2];
-        let named = names.map(str::to_owned).into_iter().zip(places);
+        let mut named = vec![
+            ("kinetic", 2),
+            ("stored", stored),
+            ("damping", work),
+            ("external", work + 1),
+            ("prescribed", work + 2),
+        ];
+        if columns.breaks {
+            named.push(("released", work + 5));
+        }
+        let named = named.into_iter().map(|(name, place)| (name.to_owned(), place));
         let is_there = |one: &Series| one.points.iter().any(|point| point.1 != 0.0);
         let energies = read_series(folder, OutputFile::Motion, 1, named)?;
         let probes = time_and(&columns.probes, &COMPONENTS[..columns.dimension]);
@@ -155,7 +181,8 @@ impl MotionTables {
         let stored = row.parts.iter().fold(0.0, |sum, part| sum + part);
         let first = [row.step as f64, row.t, row.kinetic, row.kinetic_leapfrog, stored];
         let work = [row.damping, row.external, row.prescribed, row.quadrature, row.rounding];
-        let all = first.iter().chain(&row.parts).chain(&work);
+        let broken = row.broken.map(|row| [row.released, row.timing, row.bonds as f64]);
+        let all = first.iter().chain(&row.parts).chain(&work).chain(broken.iter().flatten());
         self.motion.push(all.chain(&row.momentum).chain(&row.angular_momentum))?;
         let t = || [&row.t].into_iter();
         self.reactions.push(t().chain(row.reactions.iter().flatten()))?;
@@ -271,6 +298,12 @@ pub struct MotionEnergies {
     pub prescribed: Number,
     /// The error of the integration.
     pub quadrature: Number,
+    /// What broken bonds held; nothing where none can break.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub released: Option<Number>,
+    /// How many bonds are broken.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub broken_bonds: Option<usize>,
 }
 
 #[cfg(test)]
@@ -288,6 +321,7 @@ mod tests {
             parts: vec!["psi(l)".to_owned(), "psi(l, m)".to_owned()],
             sets: vec!["left".to_owned()],
             probes: vec!["tip".to_owned()],
+            breaks: true,
         };
         let mut tables = MotionTables::new(&folder, &columns).unwrap();
         let row = MotionRow {
@@ -301,6 +335,7 @@ mod tests {
             prescribed: f64::NAN,
             quadrature: -1e-9,
             rounding: 1e-17,
+            broken: Some(BrokenRow { bonds: 7, released: 0.25, timing: -0.5 }),
             momentum: vec![7.0, 8.0],
             angular_momentum: vec![9.0],
             reactions: vec![vec![1.0, -1.0]],
@@ -312,8 +347,9 @@ mod tests {
         assert_eq!(
             first,
             "step,t,kinetic,kinetic_leapfrog,stored,psi(l),\"psi(l, m)\",damping,external,\
-             prescribed,quadrature,rounding,momentum_x,momentum_y,angular_momentum_z\n\
-             12,1e-6,0.5,0.25,3,1,2,0,4,nan,-1e-9,1e-17,7,8,9\n"
+             prescribed,quadrature,rounding,released,timing,broken_bonds,momentum_x,momentum_y,\
+             angular_momentum_z\n\
+             12,1e-6,0.5,0.25,3,1,2,0,4,nan,-1e-9,1e-17,0.25,-0.5,7,7,8,9\n"
         );
         tables.push(&row).unwrap();
         let lines: Vec<String> = first.lines().map(str::to_owned).collect();
@@ -322,7 +358,7 @@ mod tests {
         assert_eq!(read(OutputFile::Probes), "t,tip_u,tip_v\n1e-6,0.1,0.2\n1e-6,0.1,0.2\n");
         let [energies, probes] = MotionTables::series(&folder, &columns).unwrap();
         let names = |all: &[Series]| all.iter().map(|one| one.name.clone()).collect::<Vec<_>>();
-        assert_eq!(names(&energies), ["kinetic", "stored", "external", "prescribed"]);
+        assert_eq!(names(&energies), ["kinetic", "stored", "external", "prescribed", "released"]);
         assert_eq!(energies[1].points, [(1e-6, 3.0); 2]);
         assert_eq!(names(&probes), ["tip_u", "tip_v"]);
         assert_eq!(probes[1].points, [(1e-6, 0.2); 2]);

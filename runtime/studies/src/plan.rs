@@ -117,6 +117,8 @@ pub struct PlanInput<'a> {
     pub energies: [usize; 3],
     /// Whether products with the tangent are those of bonds that need no kernel.
     pub quick_products: bool,
+    /// Whether bonds can break, or are cut.
+    pub breaks: bool,
     /// How many potentials have energies of interactions.
     pub of_interactions: usize,
     /// What points know of their families, for each energy that needs it.
@@ -396,6 +398,11 @@ impl Costs {
             // A factor by its number, and once more along rows, with their ends.
             let bytes = 20 * interactions.bonds;
             memory.push(MemoryItem { item: "corrections of bonds", bytes });
+        }
+        if input.breaks {
+            // Whether it is broken, how far it may grow, and a factor with its place along rows.
+            let bytes = 21 * interactions.bonds;
+            memory.push(MemoryItem { item: "status of bonds", bytes });
         }
         let time = if families.is_empty() {
             let horizons = extent.sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / input.layers();

@@ -1,5 +1,6 @@
 //! The mechanics of bodies against independent references and against physics.
 
+mod broken;
 mod common;
 mod consistency;
 mod coupled;

@@ -18,14 +18,14 @@ use crate::families::{largest, numbers, reference};
 use crate::{Conditions, bonds, cloud, energy};
 
 /// The place of each of the user's points in the body's order.
-fn places(body: &Body) -> Vec<usize> {
+pub(crate) fn places(body: &Body) -> Vec<usize> {
     let mut places = vec![0; body.n_points()];
     body.user_index().iter().enumerate().for_each(|(place, user)| places[*user as usize] = place);
     places
 }
 
 /// What a case of the file does to its body.
-fn conditions(case: &Value, body: &Body) -> Conditions {
+pub(crate) fn conditions(case: &Value, body: &Body) -> Conditions {
     let (d, place) = (body.dimension(), places(body));
     let dofs = |of: &Value| -> Vec<usize> {
         let components = numbers(&of["components"]);
@@ -65,7 +65,7 @@ fn conditions(case: &Value, body: &Body) -> Conditions {
     Conditions { displaced, displacements, driven, velocities, loads, ramp }
 }
 
-fn number(value: &Value) -> f64 {
+pub(crate) fn number(value: &Value) -> f64 {
     value.as_f64().unwrap()
 }
 
@@ -116,7 +116,7 @@ impl Read {
     }
 }
 
-fn go(motion: &mut Motion<'_>, step: usize) -> Row {
+pub(crate) fn go(motion: &mut Motion<'_>, step: usize) -> Row {
     match motion.advance_to(step).unwrap() {
         Advance::Step(row) => row,
         _ => panic!("nobody looks on"),
@@ -124,7 +124,7 @@ fn go(motion: &mut Motion<'_>, step: usize) -> Row {
 }
 
 /// The largest difference over a scale.
-fn off(found: &[f64], expected: &[f64], scale: f64) -> f64 {
+pub(crate) fn off(found: &[f64], expected: &[f64], scale: f64) -> f64 {
     assert_eq!(found.len(), expected.len());
     let difference: Vec<f64> = found.iter().zip(expected).map(|(f, e)| f - e).collect();
     largest(&difference) / scale

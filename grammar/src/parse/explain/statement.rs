@@ -23,6 +23,10 @@ const FOREIGN_HEADS: &[(&[&str], &str)] = &[
     ),
     (&["dim", "dims"], "write `dimensions 2, 3`"),
     (&["unit", "units"], "units stand behind parameters: `parameter C in Pa`"),
+    (
+        &["fail", "failure", "rupture", "damage", "remove", "delete", "crack"],
+        "write `break when l/L - 1 > s0`",
+    ),
     (&["range", "where", "for", "assume"], "write `domain l/L in (0, 10)`"),
     (&["import", "include", "use"], "a file stands for itself: there are no imports"),
     (&["return", "print"], "the energies `psi(..)` are the results of a file"),
@@ -47,6 +51,7 @@ pub(super) fn explain(failure: &Failure<'_>) -> Option<Diagnostic> {
         "weights" => weights(failure),
         "parameter" => parameter(failure),
         "domain" => domain(failure),
+        "break" => breaking(failure),
         "psi" | "ψ" => energy(failure).or_else(|| definition(failure, *head)),
         _ => definition(failure, *head),
     };
@@ -147,6 +152,18 @@ fn domain(failure: &Failure<'_>) -> Option<Diagnostic> {
         return Some(finding.label("expected a comma").help(example));
     }
     None
+}
+
+fn breaking(failure: &Failure<'_>) -> Option<Diagnostic> {
+    if failure.index > 1 {
+        return None;
+    }
+    let finding = failure.error("`break` is followed by `when` and a condition");
+    Some(
+        finding
+            .label("expected `when`")
+            .help("write `break when l/L - 1 > s0 \"critical stretch\"`"),
+    )
 }
 
 fn parameter(failure: &Failure<'_>) -> Option<Diagnostic> {
@@ -298,7 +315,7 @@ fn unknown_head(failure: &Failure<'_>, head: Token<'_>) -> Diagnostic {
         Some((_, help)) if failure.found_kind() != Some(Kind::Mark) => finding.help(*help),
         _ => finding.help(format!("to define it, write `{} = ...`", head.text)).help(
             "a statement begins with `potential`, `source`, `allow`, `parameter`, `dimensions`, \
-             `weights`, `domain`, `psi(..) =` or `name =`",
+             `weights`, `domain`, `break when`, `psi(..) =` or `name =`",
         ),
     }
 }

@@ -40,6 +40,8 @@ pub(super) struct Axes {
     pub(super) own: Vec<f64>,
     /// What points get otherwise: forces in N, or a product.
     pub(super) other: Vec<f64>,
+    /// Whether some bond has grown beyond its limit.
+    pub(super) is_beyond: bool,
 }
 
 impl Axes {

@@ -149,12 +149,7 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
     ) -> Result<(), NonFinite> {
         let Some(element) = self.kind.element(law) else { return Ok(()) };
         for others in others.chunks(CAPACITY) {
-            self.fill(owner, others, part);
-            if let Some(factors) = &self.kind.factors {
-                let first = self.visit.energy.neighborhood.bonds(owner).start + place;
-                let factors = &factors[first..first + others.len()];
-                self.batch.weight.iter_mut().zip(factors).for_each(|(w, factor)| *w *= factor);
-            }
+            self.fill(owner, others, place, part);
             if let Some(fields) = self.kind.fields_of(law) {
                 self.batch.take_fields(fields, |lane| [owner, others[lane] as usize].into_iter());
             }
@@ -165,15 +160,25 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
         Ok(())
     }
 
-    fn fill(&mut self, owner: usize, others: &[u32], part: f64) {
+    fn fill(&mut self, owner: usize, others: &[u32], place: usize, part: f64) {
         let (positions, _) = self.visit.energy.body.positions().as_chunks::<D>();
         let (displacements, _) = self.visit.u.as_chunks::<D>();
         let (rest, eta, weights) = (positions[owner], displacements[owner], &self.kind.weights);
         let begun = weights.begin(weights.share(owner), &[]);
-        self.batch.fill(others.len(), |lane| {
+        let bond = |lane: usize| {
             let other = others[lane] as usize;
             let weight = part * weights.join_last(begun, weights.share(other));
             (minus(&positions[other], &rest), minus(&displacements[other], &eta), weight)
+        };
+        let Some(factors) = &self.kind.factors else {
+            self.batch.fill(others.len(), bond);
+            return;
+        };
+        let first = self.visit.energy.neighborhood.bonds(owner).start + place;
+        let factors = &factors[first..first + others.len()];
+        self.batch.fill(others.len(), |lane| match (bond(lane), factors[lane]) {
+            ((xi, _, _), 0.0) => (xi, [0.0; D], 0.0),
+            ((xi, eta, weight), factor) => (xi, eta, weight * factor),
         });
     }
 

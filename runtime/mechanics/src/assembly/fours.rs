@@ -15,6 +15,7 @@ use super::registers::{Aligned, Four, Placed, Portable, Registers};
 use super::sum::Sum;
 use crate::element::WIDEST;
 use crate::geometry::{dot, each};
+use crate::neighborhood::Neighborhood;
 
 /// Owners whose bonds are prepared at a time.
 const CHUNK: usize = 1024;
@@ -30,6 +31,8 @@ pub(super) struct BondFours {
     lengths: Vec<Aligned>,
     /// Coefficients of the square of what has grown.
     bent: Vec<Aligned>,
+    /// How much the squares of lengths may grow before a bond may break, in m^2; none where nobody watches.
+    limits: Vec<[f32; 4]>,
     #[cfg(target_arch = "x86_64")]
     wide: Option<pulp::x86::V3>,
 }
@@ -43,6 +46,8 @@ pub(super) struct FoursRoom {
     direction: Vec<Aligned>,
     /// Forces in N, or a product.
     forces: Vec<Aligned>,
+    /// Whether some bond has grown beyond its limit.
+    pub(super) is_beyond: bool,
 }
 
 impl BondFours {
@@ -65,6 +70,7 @@ impl BondFours {
             others: Vec::with_capacity(count),
             lengths: Vec::with_capacity(if laws.by_square { 0 } else { count }),
             bent: Vec::with_capacity(count),
+            limits: Vec::new(),
             #[cfg(target_arch = "x86_64")]
             wide: pulp::x86::V3::try_new(),
         };
@@ -80,6 +86,35 @@ impl BondFours {
             }
         }
         Some(all)
+    }
+
+    /// Takes out bonds.
+    pub(super) fn lose(&mut self, neighborhood: &Neighborhood, bonds: &[usize]) {
+        for &bond in bonds {
+            let [owner, _] = neighborhood.ends(bond);
+            let place = bond - neighborhood.bonds(owner).start;
+            let four = self.start[owner] + place / 4;
+            self.bent[four].0[place % 4] = 0.0;
+            if let Some(limits) = self.limits.get_mut(four) {
+                // Places behind the last bond of an owner stand for it.
+                let lasts = if bond + 1 == neighborhood.bonds(owner).end {
+                    place % 4..4
+                } else {
+                    place % 4..place % 4 + 1
+                };
+                limits[lasts].fill(f32::INFINITY);
+            }
+        }
+    }
+
+    /// Watches bonds that may grow by so much, in m^2, each by its number.
+    pub(super) fn watch(&mut self, neighborhood: &Neighborhood, limits: &[f32]) {
+        self.limits.clear();
+        for owner in 0..neighborhood.n_points() {
+            for four in limits[neighborhood.bonds(owner)].chunks(4) {
+                self.limits.push(each(|lane| four[lane.min(four.len() - 1)]));
+            }
+        }
     }
 
     /// Adds up the bonds of a slab, forces, or a product with a direction, in `room`; nothing where
@@ -105,6 +140,7 @@ impl BondFours {
         }
         room.forces.clear();
         room.forces.resize(touched.len(), Aligned::default());
+        room.is_beyond = false;
         let mut sum = Sum::default();
         let sum_of = wanted.has_energy().then_some(&mut sum);
         let pass = Pass { fours: self, owners, room, sum: sum_of, is_product: p.is_some() };
@@ -229,23 +265,35 @@ impl Pass<'_> {
             (false, true) => ENERGIES,
             (false, false) => FORCES,
         };
-        match (self.fours.lengths.is_empty(), of) {
-            (true, ENERGIES) => self.sweep::<R, true, ENERGIES>(registers),
-            (true, PRODUCTS) => self.sweep::<R, true, PRODUCTS>(registers),
-            (true, _) => self.sweep::<R, true, FORCES>(registers),
-            (false, ENERGIES) => self.sweep::<R, false, ENERGIES>(registers),
-            (false, PRODUCTS) => self.sweep::<R, false, PRODUCTS>(registers),
-            (false, _) => self.sweep::<R, false, FORCES>(registers),
+        match (self.fours.limits.is_empty(), of) {
+            (_, PRODUCTS) => self.sweep_by::<R, PRODUCTS, false>(registers),
+            (true, ENERGIES) => self.sweep_by::<R, ENERGIES, false>(registers),
+            (true, _) => self.sweep_by::<R, FORCES, false>(registers),
+            (false, ENERGIES) => self.sweep_by::<R, ENERGIES, true>(registers),
+            (false, _) => self.sweep_by::<R, FORCES, true>(registers),
         }
     }
 
     #[inline(always)]
-    fn sweep<R: Registers, const BY_SQUARE: bool, const OF: u8>(mut self, r: R) -> bool {
-        let BondFours { start, others, lengths, bent, .. } = self.fours;
-        let FoursRoom { first, ref places, ref direction, ref mut forces } = *self.room;
+    fn sweep_by<R: Registers, const OF: u8, const WATCHES: bool>(self, registers: R) -> bool {
+        match self.fours.lengths.is_empty() {
+            true => self.sweep::<R, true, OF, WATCHES>(registers),
+            false => self.sweep::<R, false, OF, WATCHES>(registers),
+        }
+    }
+
+    #[inline(always)]
+    fn sweep<R: Registers, const BY_SQUARE: bool, const OF: u8, const WATCHES: bool>(
+        mut self,
+        r: R,
+    ) -> bool {
+        let BondFours { start, others, lengths, bent, limits, .. } = self.fours;
+        let FoursRoom { first, ref places, ref direction, ref mut forces, ref mut is_beyond } =
+            *self.room;
         let (places, direction, forces) = (&places[..], &direction[..], &mut forces[..]);
         let zero = r.row(&[0.0; 4]);
         let mut refused = zero;
+        let mut beyond = r.row(&[f64::NEG_INFINITY; 4]);
         for owner in self.owners {
             let here = &places[owner - first];
             let (rest, moved) = (r.row(&here.position), r.row(&here.displacement));
@@ -253,6 +301,7 @@ impl Pass<'_> {
             let mut own = zero;
             let range = start[owner]..start[owner + 1];
             let lengths = if BY_SQUARE { &[][..] } else { &lengths[range.clone()] };
+            let limits = if WATCHES { &limits[range.clone()] } else { &[][..] };
             let fours = others[range.clone()].iter().zip(&bent[range]);
             for (four, (others, bent)) in fours.enumerate() {
                 let others: [usize; 4] = others.map(|other| other as usize - first);
@@ -262,6 +311,10 @@ impl Pass<'_> {
                 let x: [R::Row; 4] = each(|k| r.add(xi[k], eta[k]));
                 // l^2 - L^2, without the digits that the difference would lose.
                 let grown = r.sums(each(|k| r.multiply(eta[k], r.add(xi[k], x[k]))));
+                if WATCHES {
+                    let limit = r.row(&limits[four].map(f64::from));
+                    beyond = r.larger(r.subtract(grown, limit), beyond);
+                }
                 let bent = r.row(&bent.0);
                 let twice = r.add(bent, bent);
                 let four_times = r.add(twice, twice);
@@ -315,6 +368,7 @@ impl Pass<'_> {
             let row = &mut forces[owner - first].0;
             *row = r.numbers(r.subtract(r.row(row), own));
         }
+        *is_beyond = r.numbers(beyond).iter().any(|x| *x >= 0.0);
         r.numbers(refused).iter().all(|x| *x == 0.0)
     }
 }

@@ -31,6 +31,8 @@ pub(super) trait Registers: Copy {
     fn multiply(self, x: Self::Row, y: Self::Row) -> Self::Row;
     fn divide(self, x: Self::Row, y: Self::Row) -> Self::Row;
     fn root(self, x: Self::Row) -> Self::Row;
+    /// The larger of each two; of a number and of what is none, either.
+    fn larger(self, x: Self::Row, y: Self::Row) -> Self::Row;
     /// The sum of each of four registers, `(x0 + x1) + (x2 + x3)`, side by side.
     fn sums(self, rows: [Self::Row; 4]) -> Self::Row;
     /// Each of four numbers in all of a register.
@@ -77,6 +79,11 @@ impl Registers for Portable {
     #[inline(always)]
     fn root(self, x: Four) -> Four {
         x.map(f64::sqrt)
+    }
+
+    #[inline(always)]
+    fn larger(self, x: Four, y: Four) -> Four {
+        each(|k| if x[k] > y[k] { x[k] } else { y[k] })
     }
 
     #[inline(always)]
@@ -133,6 +140,11 @@ mod wide {
         #[inline(always)]
         fn root(self, x: f64x4) -> f64x4 {
             self.sqrt_f64s(x)
+        }
+
+        #[inline(always)]
+        fn larger(self, x: f64x4, y: f64x4) -> f64x4 {
+            self.max_f64s(x, y)
         }
 
         #[inline(always)]

@@ -18,7 +18,7 @@ use crate::geometry::bond::Bond;
 use crate::geometry::lanes::Lanes;
 use crate::geometry::squares::Root;
 use crate::geometry::{Scalar, dot, each};
-use crate::interaction::runs::{InRuns, Runs};
+use crate::interaction::runs::{InRuns, KeptInRuns, Runs};
 use crate::neighborhood::Neighborhood;
 
 /// The bonds of a body in runs, with an affine law.
@@ -35,6 +35,11 @@ pub(super) struct BondRuns {
     halves: Option<Shares>,
     /// What multiplies the weights where bonds are corrected.
     factors: Option<InRuns>,
+    /// Which bonds are not broken, where some are and none is corrected.
+    kept: Option<KeptInRuns>,
+    /// How much the square of the length of a bond of each vector may grow before it may break, in m^2; none
+    /// where nobody watches.
+    limits: Vec<f64>,
     arch: Arch,
 }
 
@@ -57,11 +62,34 @@ impl BondRuns {
         let laws = lengths.iter().enumerate().map(law).collect::<Option<_>>()?;
         let (runs, arch, halves) = (Arc::clone(runs), Arch::new(), kind.parts_of_field(2));
         let factors = kind.factors.as_ref().map(|factors| runs.in_runs(neighborhood, factors));
-        Some(BondRuns { runs, laws, by_square: all.by_square, shares, halves, factors, arch })
+        let (by_square, limits) = (all.by_square, Vec::new());
+        let kept = None;
+        Some(BondRuns { runs, laws, by_square, shares, halves, factors, kept, limits, arch })
     }
 }
 
 impl BondRuns {
+    /// Takes out bonds.
+    pub(super) fn lose(&mut self, neighborhood: &Neighborhood, bonds: &[usize]) {
+        if let Some(factors) = &mut self.factors {
+            bonds.iter().for_each(|bond| factors.set(*bond, 0.0));
+            return;
+        }
+        let kept = self.kept.get_or_insert_with(|| self.runs.kept(neighborhood));
+        bonds.iter().for_each(|bond| kept.lose(*bond));
+    }
+
+    /// Watches bonds that may grow by so much, in m^2, each by its number: of all with one vector the least.
+    pub(super) fn watch<const D: usize>(&mut self, neighborhood: &Neighborhood, limits: &[f32]) {
+        self.limits = vec![f64::INFINITY; self.runs.n_vectors::<D>()];
+        for ([owner, other], vector) in self.runs.bonds() {
+            let later =
+                neighborhood.upper(owner).partition_point(|point| (*point as usize) < other);
+            let own = f64::from(limits[neighborhood.bonds(owner).start + later]);
+            self.limits[vector] = self.limits[vector].min(own);
+        }
+    }
+
     /// Works out the bonds of a slab; nothing where something is not finite.
     pub(super) fn add<const D: usize>(&self, of: Wanted, axes: &mut Axes) -> Option<Sum> {
         let mut sum = Sum::default();
@@ -104,10 +132,12 @@ impl<const D: usize, const WAY: u8, const PRODUCT: bool> WithSimd for Sweep<'_, 
             ref direction,
             ref mut own,
             ref mut other,
+            ref mut is_beyond,
         } = *axes;
         let vectors = runs.runs.vectors::<D>();
         let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
-        let mut out = Added { refused: zero, energy, has_forces: of.has_forces() };
+        let beyond = Lanes::splat(simd, f64::NEG_INFINITY);
+        let mut out = Added { refused: zero, beyond, energy, has_forces: of.has_forces() };
         let u: [&[f64]; D] = each(|axis| axis_of(displacement, axis, stride));
         let p: [&[f64]; D] =
             if PRODUCT { each(|axis| axis_of(direction, axis, stride)) } else { [&[]; D] };
@@ -118,6 +148,7 @@ impl<const D: usize, const WAY: u8, const PRODUCT: bool> WithSimd for Sweep<'_, 
             let bond = Repeated {
                 vector: each(|axis| Lanes::splat(simd, vectors[vector][axis])),
                 law: Quadratics::new(simd, &runs.laws[vector]),
+                limit: runs.limits.get(vector).map(|limit| Lanes::splat(simd, *limit)),
             };
             let [i, j] = [run.owner, run.other].map(|point| point as usize + WIDEST - first);
             let len = run.len as usize;
@@ -148,6 +179,7 @@ impl<const D: usize, const WAY: u8, const PRODUCT: bool> WithSimd for Sweep<'_, 
                     .factors
                     .as_ref()
                     .map(|factors| S::as_simd_f64s(&factors.of_run(place)[..padded]).0),
+                kept: runs.kept.as_ref().map(|kept| kept.of_run(place)),
             };
             let full = len / Lanes::<S>::WIDTH;
             for group in 0..full {
@@ -159,6 +191,7 @@ impl<const D: usize, const WAY: u8, const PRODUCT: bool> WithSimd for Sweep<'_, 
                 step::<S, D, WAY, PRODUCT, true>(simd, &bond, &mut ends, full, inside, &mut out);
             }
         }
+        *is_beyond = out.beyond.largest() >= 0.0;
         out.refused.where_equal(zero, zero, one).largest() == 0.0
     }
 }
@@ -182,12 +215,33 @@ struct Ends<'a, S: Simd, const D: usize> {
     are_added: bool,
     halves: Option<[&'a [S::f64s]; 2]>,
     factors: Option<&'a [S::f64s]>,
+    /// A bit for each bond, a byte for [`WIDEST`] of them.
+    kept: Option<&'a [u8]>,
 }
+
+/// 1 for every bit of a byte, the lowest first, and 0 for those that are not there.
+static OF_BITS: [[f64; WIDEST]; 256] = {
+    let mut all = [[0.0; WIDEST]; 256];
+    let mut byte = 0;
+    while byte < 256 {
+        let mut bit = 0;
+        while bit < WIDEST {
+            if byte >> bit & 1 == 1 {
+                all[byte][bit] = 1.0;
+            }
+            bit += 1;
+        }
+        byte += 1;
+    }
+    all
+};
 
 /// What is added up over all bonds of a slab.
 struct Added<'a, S: Simd> {
     /// 0 as long as all is well.
     refused: Lanes<S>,
+    /// The most that a square has grown beyond its limit.
+    beyond: Lanes<S>,
     energy: Option<&'a mut Sum>,
     has_forces: bool,
 }
@@ -228,8 +282,24 @@ fn step<S: Simd, const D: usize, const WAY: u8, const PRODUCT: bool, const LAST:
             None => mean,
         });
     }
-    if let Some(factors) = ends.factors {
-        let factor = lanes(factors[group]);
+    // Broken bonds have the factor 0.
+    let factor = match (ends.factors, ends.kept) {
+        (Some(factors), _) => Some(lanes(factors[group])),
+        (None, Some(kept)) => {
+            let (first, width) = (group * Lanes::<S>::WIDTH, Lanes::<S>::WIDTH);
+            let bits = &OF_BITS[usize::from(kept[first / WIDEST])];
+            Some(Lanes::load(simd, bits, first % WIDEST / width))
+        }
+        (None, None) => None,
+    };
+    if let Some(limit) = bond.limit {
+        let mut excess = squares.grown - limit;
+        if let Some(factor) = factor {
+            excess = factor.where_equal(excess.alike(0.0), excess.alike(-1.0), excess);
+        }
+        out.beyond = out.beyond.max(excess);
+    }
+    if let Some(factor) = factor {
         weight = Some(match weight {
             Some(weight) => weight * factor,
             None => factor,
@@ -268,4 +338,5 @@ fn step<S: Simd, const D: usize, const WAY: u8, const PRODUCT: bool, const LAST:
 struct Repeated<S: Simd, const D: usize> {
     vector: [Lanes<S>; D],
     law: Quadratics<S>,
+    limit: Option<Lanes<S>>,
 }

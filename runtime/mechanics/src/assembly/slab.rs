@@ -1,5 +1,7 @@
 //! The interactions that one slab owns, added up in the rows of its points.
 
+use std::sync::atomic::Ordering;
+
 use super::DiscreteEnergy;
 use super::abreast::AbreastRoom;
 use super::accumulate::{Added, OwnerSums};
@@ -163,6 +165,12 @@ impl<'a> SlabTask<'a> {
         let mut known = visit.on_lattice::<D>(room, rows);
         if known.bonds.is_none() {
             known.bonds = visit.in_fours::<D>(&mut room.fours, rows);
+        }
+        if let Some(exceeded) = energy.exceeded.get(visit.slab) {
+            let Room { axes, fours, .. } = &*room;
+            let by_rows = energy.on_lattice.bonds.is_some();
+            let is_beyond = if by_rows { axes.is_beyond } else { fours.is_beyond };
+            exceeded.store(known.bonds.is_none() || is_beyond, Ordering::Relaxed);
         }
         if let (Some(kind), Some(room)) = (&energy.bonds, &mut room.bonds) {
             total.bonds = bonds::<D>(visit, untouched, (kind, known.bonds), room, rows)?;

@@ -49,7 +49,7 @@ impl Visit<'_> {
             gathered.begin(kind, cliques, self.u);
             if let Some(factors) = kind.factors.as_ref().filter(|_| K == 1) {
                 let own = self.energy.neighborhood.bonds(cliques.owner());
-                gathered.members.factors.extend_from_slice(&factors[own]);
+                gathered.members.correct(&factors[own]);
             }
             if sink.begin(cliques, gathered) {
                 cliques.each::<K, _>(|clique| {
@@ -214,6 +214,14 @@ impl<const D: usize> Gathered<D> {
 }
 
 impl<const D: usize> Members<D> {
+    /// Takes in the factors of an owner's bonds; broken ones are at rest.
+    fn correct(&mut self, factors: &[f64]) {
+        self.factors.extend_from_slice(factors);
+        let broken =
+            self.displacement.iter_mut().zip(factors).filter(|(_, factor)| **factor == 0.0);
+        broken.for_each(|(displacement, _)| *displacement = [0.0; D]);
+    }
+
     /// Fills a batch, of at most [`CAPACITY`].
     fn gather<const K: usize>(
         &self,

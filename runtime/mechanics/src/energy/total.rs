@@ -15,6 +15,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::differences::{ForceDifferences, smallest_distance, step};
 use super::{Energy, Hessian, Inversion, NonFinite, Products, Wanted, check_sizes};
+use crate::fracture::{Fracture, Release};
 use crate::interaction::{Inverted, Report};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::pool::Pool;
@@ -378,6 +379,50 @@ impl Energy for Total<'_> {
         let u = self.held(u, &mut room.held);
         let found = self.terms.iter().filter_map(|term| term.first_inversion(u, step));
         found.min_by(|p, q| p.part.total_cmp(&q.part))
+    }
+
+    fn can_lose_bonds(&self) -> bool {
+        let can = |term: &Term<'_>| matches!(term, Term::Owned(_)) && term.can_lose_bonds();
+        self.terms.iter().all(can)
+    }
+
+    fn lose(&mut self, bonds: &[usize]) {
+        for term in &mut self.terms {
+            if let Term::Owned(energy) = term {
+                energy.lose(bonds);
+            }
+        }
+    }
+
+    fn watch(&mut self, limits: &[f32]) -> bool {
+        // One is enough.
+        self.terms.iter_mut().any(|term| match term {
+            Term::Owned(energy) => energy.watch(limits),
+            Term::Borrowed(_) => false,
+        })
+    }
+
+    fn exceeding(&self) -> Option<Vec<Range<usize>>> {
+        self.terms.iter().find_map(|term| term.exceeding())
+    }
+
+    fn break_bonds(
+        &mut self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        bonds: &[usize],
+    ) -> Result<Release, NonFinite> {
+        let mut sum = Release::default();
+        for term in &mut self.terms {
+            if let Term::Owned(energy) = term {
+                sum.add(energy.break_bonds(u, way, bonds)?);
+            }
+        }
+        Ok(Release { bonds: bonds.len(), ..sum })
+    }
+
+    fn fracture(&self) -> Option<&dyn Fracture> {
+        self.terms.iter().find_map(|term| term.fracture())
     }
 
     fn inverted(&self, u: &[f64]) -> Inverted {

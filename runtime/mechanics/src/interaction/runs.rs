@@ -124,16 +124,35 @@ impl Runs {
     /// Numbers of bonds as runs have them, each followed by nothing up to whole registers.
     pub(crate) fn in_runs(&self, neighborhood: &Neighborhood, of_bonds: &[f64]) -> InRuns {
         let (mut numbers, mut start) = (Vec::with_capacity(of_bonds.len()), Vec::new());
+        let mut places = vec![0; of_bonds.len()];
         for run in &self.runs {
             start.push(numbers.len());
             for k in 0..run.len {
                 let (owner, other) = ((run.owner + k) as usize, run.other + k);
                 let later = neighborhood.upper(owner).partition_point(|point| *point < other);
-                numbers.push(of_bonds[neighborhood.bonds(owner).start + later]);
+                let bond = neighborhood.bonds(owner).start + later;
+                places[bond] = numbers.len();
+                numbers.push(of_bonds[bond]);
             }
             numbers.resize(numbers.len().next_multiple_of(WIDEST), 0.0);
         }
-        InRuns { numbers, start }
+        InRuns { numbers, start, places }
+    }
+
+    /// All bonds, each with a bit of its own.
+    pub(crate) fn kept(&self, neighborhood: &Neighborhood) -> KeptInRuns {
+        let (mut n_bytes, mut start) = (0, Vec::with_capacity(self.runs.len()));
+        let mut places = vec![0; neighborhood.n_bonds()];
+        for run in &self.runs {
+            start.push(n_bytes);
+            for k in 0..run.len {
+                let (owner, other) = ((run.owner + k) as usize, run.other + k);
+                let later = neighborhood.upper(owner).partition_point(|point| *point < other);
+                places[neighborhood.bonds(owner).start + later] = n_bytes * WIDEST + k as usize;
+            }
+            n_bytes += (run.len as usize).div_ceil(WIDEST);
+        }
+        KeptInRuns { bits: vec![u8::MAX; n_bytes], start, places }
     }
 
     /// The vectors at rest, in m.
@@ -142,14 +161,44 @@ impl Runs {
     }
 }
 
+/// A bit for every bond, run by run: whether it is still there.
+pub(crate) struct KeptInRuns {
+    bits: Vec<u8>,
+    /// Where those of each run start.
+    start: Vec<usize>,
+    /// Where that of each bond is, counted in bits.
+    places: Vec<usize>,
+}
+
+impl KeptInRuns {
+    /// Takes out a bond.
+    pub(crate) fn lose(&mut self, bond: usize) {
+        let place = self.places[bond];
+        self.bits[place / WIDEST] &= !(1 << (place % WIDEST));
+    }
+
+    /// The bits of a run, one byte for [`WIDEST`] bonds, and what is behind them.
+    #[inline(always)]
+    pub(crate) fn of_run(&self, run: usize) -> &[u8] {
+        &self.bits[self.start[run]..]
+    }
+}
+
 /// A number for every bond, run by run.
 pub(crate) struct InRuns {
     numbers: Vec<f64>,
     /// Where those of each run start.
     start: Vec<usize>,
+    /// Where that of each bond is.
+    places: Vec<usize>,
 }
 
 impl InRuns {
+    /// Another number of a bond.
+    pub(crate) fn set(&mut self, bond: usize, number: f64) {
+        self.numbers[self.places[bond]] = number;
+    }
+
     /// The numbers of a run, and what is behind them.
     #[inline(always)]
     pub(crate) fn of_run(&self, run: usize) -> &[f64] {

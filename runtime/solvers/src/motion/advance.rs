@@ -53,8 +53,49 @@ impl Motion<'_> {
         self.done += 1;
         self.ask_loads(false)?;
         self.ask_forces(wants_row)?;
+        self.break_behind_forces(wants_row)?;
         self.kick(wants_row)?;
         Ok(ControlFlow::Continue(()))
+    }
+
+    /// Breaks what has gone too far in a step, where forces are those of the bonds that were there; they are
+    /// worked out again if any break.
+    fn break_behind_forces(&mut self, wants_row: bool) -> Result<(), MotionError> {
+        let Some(fracture) = self.energy.fracture() else { return Ok(()) };
+        let released = fracture.advance_behind_forces(&self.u.value, (self.dt, &self.v.value));
+        let released = released.map_err(|cause| self.not_finite(cause))?;
+        if released.bonds == 0 {
+            return Ok(());
+        }
+        self.balance.release(&released);
+        self.ask_forces(wants_row)
+    }
+
+    /// Breaks what has gone too far behind an implicit step, over which forces in its middle count.
+    pub(super) fn break_bonds(&mut self) -> Result<(), MotionError> {
+        if let Some(fracture) = self.energy.fracture() {
+            let released = fracture.advance(&self.u.value, (0.0, &self.v.value));
+            let released = released.map_err(|cause| self.not_finite(cause))?;
+            if released.bonds > 0 {
+                self.balance.release(&released);
+            }
+        }
+        Ok(())
+    }
+
+    /// Breaks what has gone too far before anything moves: the account begins behind that.
+    pub(super) fn break_at_start(&mut self) -> Result<(), MotionError> {
+        let Some(fracture) = self.energy.fracture() else { return Ok(()) };
+        let released = fracture.advance(&self.u.value, (0.0, &self.v.value));
+        let released = released.map_err(|cause| self.not_finite(cause))?;
+        if released.bonds > 0 {
+            self.notes.push(format!(
+                "{} bonds break before the first step: the displacements of the start are beyond their \
+                 criterion",
+                released.bonds
+            ));
+        }
+        Ok(())
     }
 
     /// Goes to the end of this step, and gives the row there. Where who looks on wants an end, explicit
@@ -141,6 +182,7 @@ impl Motion<'_> {
         let parts = EnergyParts::new(self.energy.parts(), self.parts.clone());
         let mut row = self.balance.row(self.done, self.time(self.done), parts, kinetic);
         (row.momentum, row.angular_momentum) = self.momenta();
+        row.broken = self.energy.fracture().map(|fracture| fracture.counts()[1]);
         if !self.balance.closes(&row) && self.notes.iter().all(|note| !note.contains("account")) {
             self.notes.push(format!(
                 "the account of energy does not close at t = {:e} s: {:e} J are left over, of {:e} J",

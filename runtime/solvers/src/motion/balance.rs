@@ -11,8 +11,14 @@
 //! holds for any step, not only in the limit of short ones. So work is summed by that rule, and
 //! what does not close is rounding. What the energy changes by beside the work of its forces by
 //! that rule is the error of the integration, and has a column of its own.
+//!
+//! Bonds break at the end of a step, before its forces: those of the broken ones are missing from the half
+//! of the step behind `u_(n+1)` and from the half before it. What they would have added to the work over
+//! that one is `timing`; what they held at `u_(n+1)` is `released`. With both the energy is accounted for:
+//! `E - E(0) = work of dE/du + timing - released + quadrature`.
 
 use piola_mechanics::energy::EnergyParts;
+use piola_mechanics::fracture::Release;
 
 use super::midpoint::Works;
 use super::verlet::{Sides, Sums};
@@ -67,6 +73,12 @@ pub struct Row {
     /// `kinetic_leapfrog` and work against forces, less external and prescribed work, plus damping,
     /// since the start: zero but for rounding.
     pub rounding: f64,
+    /// The energy that broken bonds held when they broke.
+    pub released: f64,
+    /// The work that their forces would have done over the halves of steps at whose ends they broke.
+    pub timing: f64,
+    /// How many bonds are broken, those of cracks included; nothing where none can break.
+    pub broken: Option<usize>,
     /// `sum m v` in kg m/s, as many numbers as dimensions.
     pub momentum: Vec<f64>,
     /// `sum m x cross v` about the origin, `x = X + u`, in kg m^2/s: one number in the plane, three in
@@ -82,6 +94,8 @@ pub(super) struct Balance {
     external: Sum,
     damping: Sum,
     prescribed: Sum,
+    released: Sum,
+    timing: Sum,
     /// The other half of the trapezoid, as powers: of the step to come.
     after: [f64; 4],
     /// At the start.
@@ -99,7 +113,7 @@ struct First {
 
 impl Balance {
     /// How many numbers it is.
-    pub(super) const N_NUMBERS: usize = 8 + 4 + 4;
+    pub(super) const N_NUMBERS: usize = 8 + 4 + 4 + 4;
 
     /// All that it knows.
     pub(super) fn numbers(&self) -> Vec<f64> {
@@ -107,7 +121,8 @@ impl Balance {
         let first = self.first.unwrap_or(First { kinetic: f64::NAN, energy: f64::NAN });
         let sums = sums.into_iter().flat_map(|sum| [sum.value, sum.low]);
         let rest = [first.kinetic, first.energy, self.kinetic, self.largest];
-        sums.chain(self.after).chain(rest).collect()
+        let broken = [self.released, self.timing].into_iter().flat_map(|sum| [sum.value, sum.low]);
+        sums.chain(self.after).chain(rest).chain(broken).collect()
     }
 
     /// From these numbers, [`Balance::N_NUMBERS`] of them.
@@ -119,6 +134,8 @@ impl Balance {
             external: sum(1),
             damping: sum(2),
             prescribed: sum(3),
+            released: sum(8),
+            timing: sum(9),
             after: [8, 9, 10, 11].map(|place| numbers[place]),
             first: (!energy.is_nan()).then_some(First { kinetic, energy }),
             kinetic: numbers[14],
@@ -150,6 +167,12 @@ impl Balance {
         self.kinetic = works.kinetic;
     }
 
+    /// Takes in what bonds leave that break at the present time.
+    pub(super) fn release(&mut self, release: &Release) {
+        self.released.add(release.energy);
+        self.timing.add(release.timing);
+    }
+
     /// Before the first step, with the kinetic energy in J of the free degrees of freedom.
     pub(super) fn begin(&mut self, kinetic: f64) {
         self.kinetic = kinetic;
@@ -161,8 +184,10 @@ impl Balance {
         let first = *self.first.get_or_insert(First { kinetic: self.kinetic, energy: stored });
         let [internal, external, damping, prescribed] =
             [self.internal, self.external, self.damping, self.prescribed].map(Sum::total);
-        let columns = [self.kinetic, kinetic, energy.magnitude(), external, damping, prescribed];
-        self.largest = columns.iter().fold(self.largest, |most, x| most.max(x.abs()));
+        let [released, timing] = [self.released, self.timing].map(Sum::total);
+        let works = [external, damping, prescribed, released, timing];
+        let columns = [self.kinetic, kinetic, energy.magnitude()].into_iter().chain(works);
+        self.largest = columns.fold(self.largest, |most, x| most.max(x.abs()));
         Row {
             step,
             t,
@@ -172,8 +197,11 @@ impl Balance {
             damping,
             external,
             prescribed,
-            quadrature: (stored - first.energy) - (internal + prescribed),
+            quadrature: (stored - first.energy) + (released - timing) - (internal + prescribed),
             rounding: (self.kinetic - first.kinetic) + internal - external + damping,
+            released,
+            timing,
+            broken: None,
             momentum: Vec::new(),
             angular_momentum: Vec::new(),
         }

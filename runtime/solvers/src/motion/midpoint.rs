@@ -153,6 +153,8 @@ impl Motion<'_> {
         if !(works.kinetic.is_finite() && is_near) {
             return Err(self.flown_off());
         }
+        // Forces in the middle of the step were those of the bonds that were there.
+        self.break_bonds()?;
         if wants_row {
             self.stand()?;
         }

@@ -308,6 +308,7 @@ impl<'a> Motion<'a> {
         }
         self.mean.copy_from_slice(&self.v.value);
         self.ask_loads(true)?;
+        self.break_at_start()?;
         self.ask_forces(true)?;
         if self.is_implicit() {
             let free = self.constraints.free().iter();

@@ -13,16 +13,24 @@ use crate::watch::Watch;
 pub struct Snapshot<'a> {
     /// One array per name of [`Snapshot::NAMES`]: scalars, then vectors `n x d` in the body's order;
     /// displacements in m, velocities in the middle of the step to come in m/s, each with what rounding
-    /// left behind, and `dE/du` in N, by which a body is known again.
-    pub arrays: [Cow<'a, [f64]>; 6],
+    /// left behind, and `dE/du` in N, by which a body is known again; then the numbers of the bonds that are
+    /// broken.
+    pub arrays: [Cow<'a, [f64]>; 7],
     /// What the reader was told so far.
     pub notes: Cow<'a, [String]>,
 }
 
 impl Snapshot<'_> {
     /// What its arrays are.
-    pub const NAMES: [&'static str; 6] =
-        ["numbers", "displacements", "displacements_low", "velocities", "velocities_low", "forces"];
+    pub const NAMES: [&'static str; 7] = [
+        "numbers",
+        "displacements",
+        "displacements_low",
+        "velocities",
+        "velocities_low",
+        "forces",
+        "broken",
+    ];
 }
 
 /// Scalars in a snapshot before those of the account.
@@ -38,7 +46,9 @@ impl<'a> Motion<'a> {
         let vectors = [&self.u.value, &self.u.low, &self.v.value, &self.v.low, &self.forces];
         let [u, u_low, v, v_low, forces] = vectors.map(|vector| Cow::Borrowed(&vector[..]));
         let notes = Cow::Borrowed(&self.notes[..n_notes]);
-        Snapshot { arrays: [Cow::Owned(numbers), u, u_low, v, v_low, forces], notes }
+        let broken = self.energy.fracture().map(|fracture| fracture.broken()).unwrap_or_default();
+        let broken = Cow::Owned(broken.into_iter().map(|bond| bond as f64).collect());
+        Snapshot { arrays: [Cow::Owned(numbers), u, u_low, v, v_low, forces, broken], notes }
     }
 
     /// Whether the motion was ended between two rows.
@@ -73,7 +83,7 @@ impl<'a> Motion<'a> {
     ) -> Result<Motion<'a>, MotionError> {
         let n = energy.positions().len();
         let Snapshot { arrays, notes } = snapshot;
-        let [numbers, u, u_low, v, v_low, forces] = arrays.map(Cow::into_owned);
+        let [numbers, u, u_low, v, v_low, forces, broken] = arrays.map(Cow::into_owned);
         let is_of_body = [&u, &u_low, &v, &v_low, &forces].iter().all(|array| array.len() == n);
         let other = |what| MotionError::OtherMotion { what };
         if !is_of_body || numbers.len() != N_SCALARS + Balance::N_NUMBERS {
@@ -100,6 +110,17 @@ impl<'a> Motion<'a> {
             products: products as usize,
         });
         motion.balance = Balance::of(balance);
+        match energy.fracture() {
+            Some(fracture) => {
+                let broken: Vec<usize> = broken.iter().map(|bond| *bond as usize).collect();
+                if broken.last().is_some_and(|last| *last >= fracture.n_bonds()) {
+                    return Err(other("its bonds are others"));
+                }
+                fracture.take_out(&broken);
+            }
+            None if broken.is_empty() => {}
+            None => return Err(other("bonds of it are broken")),
+        }
         motion.ask_forces(false)?;
         let bits = |(one, other): (&f64, &f64)| one.to_bits() == other.to_bits();
         if !motion.forces.iter().zip(&forces).all(bits) {

@@ -11,6 +11,7 @@
 mod error;
 pub(crate) mod explain;
 mod fields;
+mod fracture;
 mod model;
 mod potential;
 pub(crate) mod size;
@@ -137,7 +138,11 @@ impl Case {
         let body = Arc::new(Body::new(scene.body.dimension, &[], &[], None));
         let folder = folder.to_path_buf();
         let columns = Columns::default();
-        Ok(Case { scene, potentials, body, materials: None, columns, warnings, folder })
+        let case = Case { scene, potentials, body, materials: None, columns, warnings, folder };
+        for potential in &case.potentials {
+            case.check_families(potential)?;
+        }
+        Ok(case)
     }
 
     /// The same with its points.
@@ -149,6 +154,7 @@ impl Case {
         self.materials = selection::materials(&self.scene, &body)?.map(Arc::new);
         (self.body, self.columns) = (Arc::new(body), columns);
         self.warnings.extend(warnings);
+        self.warnings.extend(self.warnings_of_cracks());
         self.with_fields()
     }
 
@@ -161,6 +167,7 @@ impl Case {
             let mut compiled = potential.compile(&self.scene)?;
             // Of triangles and tetrahedra those count whose coefficient is not 0.
             check_corrections(&self.scene, &compiled.name, compiled.of_interactions(), CLIQUES)?;
+            self.check_cliques(&compiled.name, compiled.of_interactions())?;
             (compiled.law, compiled.layer) = place;
             if !self.scene.regions.is_empty() {
                 compiled.label =

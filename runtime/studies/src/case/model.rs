@@ -6,13 +6,15 @@ use piola_compiler::{GatheredKernels, Integrand};
 use piola_mechanics::assembly::{AssemblyError, DiscreteEnergy, Elements};
 use piola_mechanics::deformation::influence::{Constant, CubicSpline, Influence, InverseLength};
 use piola_mechanics::deformation::{DeformationEnergy, Discretisation, Formulation, Stabilisation};
-use piola_mechanics::energy::{Term, Total};
+use piola_mechanics::energy::{Energy, Term, Total};
+use piola_mechanics::fracture::criteria;
 use piola_mechanics::kernel::{Law, VariablesLaw};
 use piola_mechanics::materials::{ByMaterial, Fields, MaterialLaw, Materials};
 use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::sheet::Thick;
 use piola_mechanics::states::{StateEnergy, StateLaws};
 
+use super::fracture::criteria_of;
 use super::{Case, CaseError, Compiled, FieldsInTime, size};
 use crate::scene::{InfluenceChoice, NamedInfluence, StrainSource};
 
@@ -32,8 +34,9 @@ impl Case {
     /// As [`Case::energy`].
     pub fn energy_in_time(
         &self,
-        compiled: Vec<Compiled>,
+        mut compiled: Vec<Compiled>,
     ) -> Result<(Total<'static>, FieldsInTime<'_>), CaseError> {
+        let criteria = criteria_of(&mut compiled, self.scene.n_laws());
         let fields = FieldsInTime::new(self).map_err(|wrong| self.wrong_field(wrong))?;
         let horizon = self.scene.horizon_radius();
         size::check_neighbors(&self.body, horizon, size::family(&self.body, horizon))?;
@@ -54,7 +57,16 @@ impl Case {
                 terms.push(term);
             }
         }
-        Ok((Total::named(terms, names.into()), fields))
+        let names: Arc<[String]> = names.into();
+        if !self.can_break() {
+            let terms = terms.into_iter().map(Term::Owned).collect();
+            return Ok((Total::named(terms, names), fields));
+        }
+        let layer =
+            |(number, of_law)| criteria::Layer { of_law, materials: fields.materials(number) };
+        let criteria = criteria.into_iter().enumerate().map(layer).collect();
+        let breaking = self.breaking(terms, names, neighborhood, criteria);
+        Ok((Total::of(Box::new(breaking)), fields))
     }
 
     /// The same as a run of the scene sees it: strain and products come about as the scene says.
@@ -65,6 +77,7 @@ impl Case {
         &self,
         compiled: Vec<Compiled>,
     ) -> Result<(Total<'static>, FieldsInTime<'_>), CaseError> {
+        self.check_breaks_in_motion()?;
         let solver = &self.scene.solver;
         let (energy, fields) = self.energy_in_time(compiled)?;
         let energy = energy.with_products(solver.products);
@@ -90,10 +103,10 @@ impl Case {
         layer: Layer,
         neighborhood: &Arc<Neighborhood>,
         materials: Option<Arc<Materials>>,
-    ) -> Result<Vec<Term<'static>>, CaseError> {
+    ) -> Result<Vec<Box<dyn Energy>>, CaseError> {
         let fields = materials.as_deref().and_then(Materials::fields);
         let found = || (Arc::clone(&self.body), Arc::clone(neighborhood));
-        let mut terms = Vec::new();
+        let mut terms: Vec<Box<dyn Energy>> = Vec::new();
         let has_interactions = layer.present().any(Compiled::has_interactions);
         let Parts { elements, gathered, gradients } = layer.parts();
         if has_interactions {
@@ -101,18 +114,18 @@ impl Case {
             let materials = materials.clone();
             let energy =
                 DiscreteEnergy::of_materials(body, neighborhood, weighting, materials, elements)?;
-            terms.push(Box::new(energy).into());
+            terms.push(Box::new(energy));
         }
         if gathered.iter().any(Option::is_some) {
             let laws = states_of_materials(gathered, self.thickness(), fields);
             let (body, neighborhood) = found();
             let materials = materials.clone();
             let energy = StateEnergy::of_materials(body, neighborhood, materials, laws)?;
-            terms.push(Box::new(energy).into());
+            terms.push(Box::new(energy));
         }
         if gradients.iter().any(Option::is_some) {
             let energy = self.correspondence(gradients, found().1, materials.clone())?;
-            terms.push(Box::new(energy).into());
+            terms.push(Box::new(energy));
         }
         Ok(terms)
     }

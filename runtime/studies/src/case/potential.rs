@@ -5,8 +5,8 @@ use std::path::Path;
 
 use num_dual::HyperDual64;
 use piola_compiler::{
-    CoupledKernel, Dropped, GatheredKernels, Interval, Kernel, Mode, Model, Setting, ValueError,
-    Values, check_text, check_text_with,
+    CoupledKernel, Criterion, Dropped, GatheredKernels, Interval, Kernel, Mode, Model, Setting,
+    ValueError, Values, check_text, check_text_with,
 };
 use piola_grammar::Diagnostic;
 use piola_mechanics::assembly::Elements;
@@ -56,6 +56,8 @@ pub struct Compiled {
     pub gathered: Option<GatheredKernels>,
     /// What these are functions of, for points and for bonds: `theta`, `l, m`.
     pub arguments: [String; 2],
+    /// When its bonds break.
+    pub criteria: Vec<Criterion>,
     /// What is left out, and why.
     pub dropped: Vec<Dropped>,
 }
@@ -147,6 +149,10 @@ impl Potential {
             .model
             .compile(&self.values, mode(solver), solver.form)
             .map_err(|error| CaseError::compile(&self.text, &error))?;
+        let criteria = self
+            .model
+            .criteria(&self.values, mode(solver), solver.form)
+            .map_err(|error| CaseError::compile(&self.text, &error))?;
         let mut elements = Elements::default();
         if by_coordinates && !coupled.is_empty() {
             let message =
@@ -196,6 +202,7 @@ impl Potential {
             gradient,
             gathered,
             arguments,
+            criteria,
             dropped,
         })
     }

@@ -43,6 +43,11 @@ impl Inside {
         }
     }
 
+    /// Of the lattice in m; infinite of a cloud.
+    pub(super) fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
     pub(super) fn shells(&self, measure: Measure) -> &[Shell] {
         let find = || shells(self.dimension, self.horizon / self.spacing, measure);
         self.shells[measure.points() - 2].get_or_init(find)

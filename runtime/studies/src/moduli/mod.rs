@@ -8,6 +8,7 @@
 //! | `cliques` | energies of several measures there, clique by clique |
 //! | `states` | energies of gathered states there |
 //! | [`stiffness`] | the elasticity tensor and the numbers that are read off it, with derivatives |
+//! | `fracture` | what breaking a plane through a lattice releases |
 //! | [`time_step`] | the largest stable step of central differences |
 //! | [`mod@calibrate`] | parameters of a potential for which the body has given moduli |
 //! | `text` | tables for people |
@@ -24,6 +25,7 @@ pub mod affine;
 pub mod calibrate;
 mod cliques;
 mod cubic;
+mod fracture;
 mod inside;
 mod rest;
 mod states;
@@ -35,6 +37,7 @@ use serde::Serialize;
 
 pub use affine::Affine;
 pub use calibrate::{CalibrateError, Calibrated, Target, calibrate};
+pub use fracture::FractureEnergy;
 use inside::Inside;
 pub use stiffness::{Modulus, Stiffness};
 pub use time_step::TimeStep;
@@ -82,6 +85,8 @@ pub struct Moduli {
     pub waves: Option<Waves>,
     /// The largest step of central differences, where a density is known.
     pub time_step: Option<TimeStep>,
+    /// What breaking releases, of bonds on a lattice.
+    pub fracture: Option<FractureEnergy>,
 }
 
 /// Reads the moduli off a scene. With a density in kg/m^3 (of the solid, also in two dimensions:
@@ -120,6 +125,7 @@ fn moduli_with(case: &Case, density: Option<f64>, inside: &Inside) -> Result<Mod
         stress: affine.stress,
         waves,
         time_step,
+        fracture: FractureEnergy::new(case, inside)?,
     })
 }
 
@@ -153,6 +159,7 @@ impl Moduli {
         json["stress"] = self.stress.chunks_exact(d).map(<[f64]>::to_vec).collect();
         json["waves"] = serde_json::json!(self.waves);
         json["time_step"] = serde_json::json!(self.time_step);
+        json["fracture"] = serde_json::json!(self.fracture);
         json
     }
 }

@@ -77,6 +77,21 @@ impl fmt::Display for Moduli {
             );
             line(f, "dt", &format!("{:.6e}", step.seconds), "s", &meaning)?;
         }
+        if let Some(fracture) = &self.fracture {
+            for (normal, energy) in &fracture.planes {
+                let normal: String = normal.iter().map(i32::to_string).collect();
+                let meaning = "energy of the bonds across a plane of this normal when they break";
+                line(f, &format!("Gc[{normal}]"), &format!("{energy:.8e}"), "J/m^2", meaning)?;
+            }
+            let [least, most] = fracture.critical_stretch;
+            let meaning = match least == most {
+                true => "stretch less 1 at which bonds break".to_string(),
+                false => {
+                    format!("stretch less 1 at which the first bonds break, {most:.6e} the last")
+                }
+            };
+            line(f, "s0", &format!("{least:.8e}"), "", &meaning)?;
+        }
         Ok(())
     }
 }

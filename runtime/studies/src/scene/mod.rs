@@ -16,6 +16,7 @@ pub mod boundary;
 mod check;
 pub mod drive;
 pub(crate) mod expression;
+mod fracture;
 mod keys;
 mod motion;
 mod overrides;
@@ -48,6 +49,7 @@ use piola_mechanics::weights::Weights;
 use piola_mechanics::words::Words;
 
 pub use expression::Expression;
+pub use fracture::{CrackEntry, FractureSettings};
 pub use motion::{Given, Initial, Motion};
 pub use piola_mechanics::lattice::Nodes;
 pub use potential::{PotentialText, files_below};
@@ -93,6 +95,10 @@ pub struct Scene {
     pub loads: Vec<Load>,
     /// `[[probe]]`
     pub probes: Vec<Probe>,
+    /// `[[crack]]`
+    pub cracks: Vec<CrackEntry>,
+    /// `[fracture]`
+    pub fracture: FractureSettings,
     /// `[steps]`
     pub steps: Steps,
     /// `[motion]`, in place of steps.
@@ -122,6 +128,8 @@ impl PartialEq for Scene {
             prescriptions,
             loads,
             probes,
+            cracks,
+            fracture,
             steps,
             motion,
             solver,
@@ -140,6 +148,8 @@ impl PartialEq for Scene {
             && *prescriptions == other.prescriptions
             && *loads == other.loads
             && *probes == other.probes
+            && *cracks == other.cracks
+            && *fracture == other.fracture
             && *steps == other.steps
             && *motion == other.motion
             && *solver == other.solver

@@ -159,6 +159,17 @@ pub fn select(scene: &Scene, body: &Body) -> Result<Selection, SceneReport> {
     Err(scene.report(errors))
 }
 
+/// Of which points the scene says that their bonds never break.
+pub fn unbreakable(scene: &Scene, body: &Body) -> Vec<bool> {
+    let mut all = vec![false; body.n_points()];
+    for set in &scene.fracture.unbreakable {
+        let condition = &scene.sets[set.value].condition;
+        let inside = membership(condition, body.positions(), body.dimension());
+        all.iter_mut().zip(inside).for_each(|(all, inside)| *all |= inside);
+    }
+    all
+}
+
 /// The materials of the points of a body; nothing of a scene with one material.
 pub fn materials(scene: &Scene, body: &Body) -> Result<Option<Materials>, SceneReport> {
     if scene.regions.is_empty() {

@@ -157,6 +157,8 @@ pub enum ColourBy {
     /// The field of this name.
     EnergyDensity,
     /// The field of this name.
+    Damage,
+    /// The field of this name.
     Jacobian,
     /// The field of this name.
     VonMises,
@@ -168,6 +170,7 @@ impl Words for ColourBy {
         ("velocity", ColourBy::Velocity),
         ("acceleration", ColourBy::Acceleration),
         ("energy_density", ColourBy::EnergyDensity),
+        ("damage", ColourBy::Damage),
         ("jacobian", ColourBy::Jacobian),
         ("von_mises", ColourBy::VonMises),
     ];
@@ -196,6 +199,8 @@ pub enum FrameField {
     PrincipalStresses,
     /// Of a motion.
     Acceleration,
+    /// The share of its neighbours' volume whose bonds with it are broken.
+    Damage,
     /// How many points are within the horizon.
     Neighbours,
     /// Which sets a point is in.
@@ -214,6 +219,7 @@ impl Words for FrameField {
         ("von_mises", FrameField::VonMises),
         ("principal_stresses", FrameField::PrincipalStresses),
         ("acceleration", FrameField::Acceleration),
+        ("damage", FrameField::Damage),
         ("neighbours", FrameField::Neighbours),
         ("sets", FrameField::Sets),
     ];

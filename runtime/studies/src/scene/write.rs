@@ -3,14 +3,15 @@
 use std::fmt::Write;
 
 use piola_mechanics::deformation::{Discretisation, Stabilisation};
+use piola_mechanics::fracture::crack::Crack;
 use piola_mechanics::words::Words;
 
 use super::keys::{number, string, texts};
 use super::read::{MOTION_KEYS, OUTPUT_KEYS, SOLVER_KEYS, STEPS_KEYS};
 use super::{
-    BodyShape, CorrespondenceSettings, Horizon, HorizonExtent, Initial, InterfaceRule, Load,
-    Material, ParameterText, Plane, Points, Prescription, Probe, Quantity, Region, Scene,
-    SetDefinition,
+    BodyShape, CorrespondenceSettings, CrackEntry, FractureSettings, Horizon, HorizonExtent,
+    Initial, InterfaceRule, Load, Material, ParameterText, Plane, Points, Prescription, Probe,
+    Quantity, Region, Scene, SetDefinition,
 };
 
 impl Scene {
@@ -38,6 +39,10 @@ impl Scene {
         for probe in &self.probes {
             write_probe(&mut out, probe);
         }
+        for crack in &self.cracks {
+            write_crack(&mut out, crack);
+        }
+        write_fracture(&mut out, &self.fracture, &self.sets);
         match &self.motion {
             Some(motion) => write_pairs(&mut out, "[motion]", texts(motion, &MOTION_KEYS)),
             None => write_pairs(&mut out, "[steps]", texts(&self.steps, &STEPS_KEYS)),
@@ -221,6 +226,33 @@ fn write_probe(out: &mut String, probe: &Probe) {
     section(out, "[[probe]]");
     pair(out, "name", string(&probe.name.value));
     pair(out, "at", vector(&probe.at.value));
+}
+
+fn write_crack(out: &mut String, crack: &CrackEntry) {
+    section(out, "[[crack]]");
+    let corners = |corners: &mut dyn Iterator<Item = &[f64]>| {
+        format!("[{}]", corners.map(vector).collect::<Vec<String>>().join(", "))
+    };
+    match &crack.shape {
+        Crack::Segment(ends) => {
+            pair(out, "segment", corners(&mut ends.iter().map(|end| &end[..])));
+        }
+        Crack::Polygon(all) => {
+            pair(out, "polygon", corners(&mut all.iter().map(|corner| &corner[..])));
+        }
+    }
+    pair(out, "damaged", crack.damaged);
+}
+
+fn write_fracture(out: &mut String, fracture: &FractureSettings, sets: &[SetDefinition]) {
+    let FractureSettings { unbreakable } = fracture;
+    if unbreakable.is_empty() {
+        return;
+    }
+    section(out, "[fracture]");
+    let names: Vec<String> =
+        unbreakable.iter().map(|set| string(&sets[set.value].name.value)).collect();
+    pair(out, "unbreakable", format!("[{}]", names.join(", ")));
 }
 
 fn write_pairs(out: &mut String, header: &str, pairs: Vec<(&str, String)>) {

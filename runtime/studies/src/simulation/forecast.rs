@@ -104,6 +104,7 @@ impl Case {
             kernels: self.kernel_notes(&compiled),
             energies: costs(&compiled),
             quick_products: self.multiplies_without_kernels(&compiled),
+            breaks: self.can_break(),
             of_interactions: layers(&compiled, Compiled::has_interactions),
             families: self.families(&compiled),
             prescribed,

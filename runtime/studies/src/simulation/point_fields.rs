@@ -6,6 +6,7 @@
 
 use nalgebra::{Matrix3, SymmetricEigen};
 use piola_mechanics::energy::{Energy, Total};
+use piola_mechanics::fracture::left_of;
 use piola_mechanics::least_squares;
 use piola_mechanics::words::Words as _;
 use piola_output::picture::{Colour, NamedPoints};
@@ -49,7 +50,11 @@ impl PointFields<'_> {
             residual: &body.from_user_order(&frame.residual, d),
         };
         let mut tensors = Tensors::default();
-        for field in &self.case.scene.output.fields {
+        let asked = &self.case.scene.output.fields;
+        // Whoever breaks a body wants to see where.
+        let damage = (self.energy.fracture().is_some() && !asked.contains(&FrameField::Damage))
+            .then_some(FrameField::Damage);
+        for field in damage.iter().chain(asked) {
             match field {
                 FrameField::Sets => self.sets(frame),
                 field => {
@@ -80,6 +85,7 @@ impl PointFields<'_> {
             ColourBy::Velocity => ("m/s", magnitudes(&frame.velocity)),
             ColourBy::Acceleration => ("m/s^2", magnitudes(&worked_out(FrameField::Acceleration))),
             ColourBy::EnergyDensity => ("J/m^3", worked_out(FrameField::EnergyDensity)),
+            ColourBy::Damage => ("", worked_out(FrameField::Damage)),
             ColourBy::Jacobian => ("", worked_out(FrameField::Jacobian)),
             ColourBy::VonMises => ("Pa", worked_out(FrameField::VonMises)),
         };
@@ -155,6 +161,10 @@ impl PointFields<'_> {
                 (d, self.cauchy(u, tensors).iter().flat_map(one).collect())
             }
             FrameField::Acceleration => (d, self.acceleration(state)),
+            FrameField::Damage => {
+                let whole = || vec![0.0; self.case.body.n_points()];
+                (1, self.energy.fracture().map_or_else(whole, |fracture| fracture.damage()))
+            }
             FrameField::Neighbours | FrameField::Sets => (1, self.neighbours()),
         }
     }
@@ -171,8 +181,16 @@ impl PointFields<'_> {
         known: &'t mut Option<Vec<Matrix3<f64>>>,
     ) -> &'t [Matrix3<f64>] {
         known.get_or_insert_with(|| {
-            let fitted =
-                || least_squares::displacement_gradients(&self.case.body, self.energy.bonds(), u);
+            // Of families that have lost bonds what is left counts.
+            let fitted = || match self.energy.fracture() {
+                Some(fracture) => {
+                    let left = left_of(self.energy.bonds(), &fracture.broken());
+                    least_squares::displacement_gradients(&self.case.body, &left, u)
+                }
+                None => {
+                    least_squares::displacement_gradients(&self.case.body, self.energy.bonds(), u)
+                }
+            };
             let found = self.energy.displacement_gradients(u).unwrap_or_else(fitted);
             matrices(&found, self.case.body.dimension())
         })

@@ -20,6 +20,7 @@
 //! is not the gradient of the energy, (4.31) is.
 
 mod batch;
+mod broken;
 mod elastic;
 mod error;
 pub mod influence;
@@ -50,6 +51,7 @@ use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use crate::pool::Pool;
 use crate::weights::check_families;
+use broken::Whole;
 pub use error::DeformationError;
 use influence::Influence;
 use linear::{Bonds, FieldStiffness};
@@ -96,7 +98,10 @@ pub struct DeformationEnergy {
     law: Box<dyn VariablesLaw>,
     /// Where the law is that of several materials.
     materials: Option<Arc<Materials>>,
+    discretisation: Discretisation,
     places: Places,
+    /// The families before bonds were lost.
+    whole: Option<Box<Whole>>,
     slabs: Slabs,
     /// `psi(F)`, and `stabilisation` where there is one.
     names: Arc<[String]>,
@@ -120,6 +125,15 @@ struct Room {
 /// Tensors row by row, from their numbers.
 fn tensors<const D: usize>(numbers: &mut [f64]) -> &mut [Tensor<D>] {
     numbers.as_chunks_mut::<D>().0.as_chunks_mut::<D>().0
+}
+
+/// Which families there are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Families {
+    /// Those of the body: each must determine a deformation gradient.
+    Whole,
+    /// What bonds that broke have left: points whose family does not are released.
+    Left,
 }
 
 /// The discretisation with its weights.
@@ -183,23 +197,12 @@ impl DeformationEnergy {
         check_neighbors(&body, &neighborhood)?;
         check_families(&body).map_err(AssemblyError::from)?;
         let influence = influences(&body, &neighborhood, influence)?;
-        let operator = GradientOperator::new(&body, neighborhood, order, &influence)?;
-        let neighborhood = operator.neighborhood();
-        let places = match discretisation {
-            Discretisation::Nodal => Places::Points,
-            Discretisation::Stabilised(kind) => Places::Stabilised(Deviations::new(
-                &body,
-                neighborhood,
-                &influence,
-                LawOfPoints { law: &*law, materials: materials.as_deref() },
-                kind,
-                order == OperatorOrder::First,
-            )?),
-            Discretisation::BondQuadrature => {
-                Places::Bonds(BondQuadrature::new(&body, neighborhood, &influence)?)
-            }
-        };
-        let slabs = Slabs::new(neighborhood);
+        let operator =
+            GradientOperator::new(&body, neighborhood, order, &influence, Families::Whole)?;
+        let of_points = LawOfPoints { law: &*law, materials: materials.as_deref() };
+        let places =
+            Places::new(&operator, &influence, of_points, discretisation, Families::Whole)?;
+        let slabs = Slabs::new(operator.neighborhood());
         let is_stabilised = matches!(places, Places::Stabilised(_));
         let names = ["psi(F)"].into_iter().chain(is_stabilised.then_some("stabilisation"));
         let names = names.map(String::from).collect();
@@ -210,7 +213,9 @@ impl DeformationEnergy {
             operator,
             law,
             materials,
+            discretisation,
             places,
+            whole: None,
             slabs,
             names,
             pattern,
@@ -467,8 +472,9 @@ impl Energy for DeformationEnergy {
     fn pattern(&self) -> &Arc<BlockPattern> {
         let reach = if matches!(self.places, Places::Bonds(_)) { 3 } else { 2 };
         self.pattern.get_or_init(|| {
-            let (neighborhood, d) = (self.operator.neighborhood(), self.dimension());
-            Arc::new(BlockPattern::of_reach(neighborhood, d, reach))
+            let own = || self.operator.neighborhood();
+            let whole = self.whole.as_ref().map_or_else(own, |whole| &whole.neighborhood);
+            Arc::new(BlockPattern::of_reach(whole, self.dimension(), reach))
         })
     }
 
@@ -530,6 +536,14 @@ impl Energy for DeformationEnergy {
         let (given, laws) = (&given[..], law.numbers(0..n));
         let at = Variables { n, current: &current, change: &change, given, laws };
         law.law.stretch_across(at, &mut across).then_some(across)
+    }
+
+    fn can_lose_bonds(&self) -> bool {
+        true
+    }
+
+    fn lose(&mut self, bonds: &[usize]) {
+        self.lose_bonds(bonds);
     }
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {

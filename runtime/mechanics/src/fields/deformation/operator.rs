@@ -12,6 +12,7 @@ use std::sync::Arc;
 use pulp::Arch;
 use rayon::prelude::*;
 
+use super::Families;
 use super::error::DeformationError;
 use super::moments::{self, OperatorOrder};
 use super::rows::AlongRows;
@@ -41,6 +42,8 @@ pub(super) struct GradientOperator {
     positions: Vec<f64>,
     /// Whether the family of a point is so regular that its sum is taken before its coefficients.
     is_regular: Vec<bool>,
+    /// Whether the neighbours of a point that are left determine no gradient.
+    is_released: Vec<bool>,
     /// What is known of lattices, of first order.
     rows: Option<AlongRows>,
     /// The largest condition number of a moment matrix.
@@ -82,6 +85,7 @@ impl GradientOperator {
         neighborhood: Arc<Neighborhood>,
         order: OperatorOrder,
         influence: &[f64],
+        families: Families,
     ) -> Result<GradientOperator, DeformationError> {
         let (d, n) = (body.dimension(), neighborhood.n_points());
         if u32::try_from(influence.len()).is_err() {
@@ -98,6 +102,7 @@ impl GradientOperator {
             moments: vec![0.0; n * m],
             positions: [body.positions(), &[0.0; PADDING]].concat(),
             is_regular: Vec::new(),
+            is_released: Vec::new(),
             rows: None,
             condition: 0.0,
             neighborhood,
@@ -109,12 +114,23 @@ impl GradientOperator {
         };
         let rows = coefficients.par_chunks_exact_mut(m * d).zip(moments.par_chunks_exact_mut(m));
         let conditions: Vec<_> = rows.enumerate().with_min_len(POINTS).map(of_family).collect();
-        let condition = check(body, &operator.neighborhood, order, &conditions)?;
+        let condition = match families {
+            Families::Whole => check(body, &operator.neighborhood, order, &conditions)?,
+            // Coefficients of points that are released are 0.
+            Families::Left => conditions.iter().flatten().fold(0.0, |most: f64, c| most.max(*c)),
+        };
+        let is_released = conditions.iter().map(Result::is_err).collect();
         let is_first = order == OperatorOrder::First;
         let is_regular =
             conditions.iter().map(|c| is_first && c.is_ok_and(|c| c <= REGULAR)).collect();
-        let mut operator =
-            GradientOperator { coefficients, moments, condition, is_regular, ..operator };
+        let mut operator = GradientOperator {
+            coefficients,
+            moments,
+            condition,
+            is_regular,
+            is_released,
+            ..operator
+        };
         operator.rows = if is_first { operator.along_rows() } else { None };
         Ok(operator)
     }
@@ -158,6 +174,31 @@ impl GradientOperator {
             here.iter().zip(there).map(|(x, y)| (y - x) * self.per_length)
         };
         (strengths.collect(), row.iter().flat_map(offset).collect())
+    }
+
+    /// The body.
+    pub(super) fn body(&self) -> &Body {
+        &self.body
+    }
+
+    /// Which polynomials are differentiated exactly.
+    pub(super) fn order(&self) -> OperatorOrder {
+        self.order
+    }
+
+    /// The influence of each directed bond over its largest value.
+    pub(super) fn influence(&self) -> &[f64] {
+        &self.influence
+    }
+
+    /// Whether the neighbours of a point that are left determine no gradient.
+    pub(super) fn is_released(&self, point: usize) -> bool {
+        self.is_released[point]
+    }
+
+    /// See [`GradientOperator::neighborhood`].
+    pub(super) fn shared_neighborhood(&self) -> &Arc<Neighborhood> {
+        &self.neighborhood
     }
 
     /// Who belongs to whose family.

@@ -9,8 +9,10 @@
 use nalgebra::DMatrix;
 use pulp::Arch;
 
+use super::Families;
 use super::elastic::elasticity;
 use super::error::DeformationError;
+use super::operator::GradientOperator;
 use super::sweep::{Fields, Pass, TouchedDuals};
 use crate::assembly::sum::Sum;
 use crate::body::Body;
@@ -76,13 +78,12 @@ pub(super) fn check_sums(
 impl Deviations {
     /// `influence` has a value for each directed bond.
     pub(super) fn new(
-        body: &Body,
-        neighborhood: &Neighborhood,
+        operator: &GradientOperator,
         influence: &[f64],
         law: LawOfPoints<'_>,
-        kind: Stabilisation,
-        is_stationary: bool,
+        (kind, is_stationary, families): (Stabilisation, bool, Families),
     ) -> Result<Deviations, DeformationError> {
+        let (body, neighborhood) = (operator.body(), operator.neighborhood());
         let (d, volumes) = (body.dimension(), body.volumes());
         let mut strength = Vec::with_capacity(neighborhood.n_bonds());
         for i in 0..neighborhood.n_points() {
@@ -92,14 +93,16 @@ impl Deviations {
                 strength.push(volumes[i] * volumes[j as usize] * w);
             }
         }
-        let stiffness = match kind {
+        let mut stiffness: Vec<f64> = match kind {
             Stabilisation::Silling { stiffness } => {
                 let sums = sums(body, neighborhood, influence);
-                check_sums(body, &sums, "the stabilisation")?;
+                if families == Families::Whole {
+                    check_sums(body, &sums, "the stabilisation")?;
+                }
                 sums.iter().flat_map(|sum| isotropic(d, stiffness / sum)).collect()
             }
             Stabilisation::Wan | Stabilisation::Isotropic => {
-                let wan = wan(body, neighborhood, influence, law)?;
+                let wan = wan(body, neighborhood, influence, law, families)?;
                 if kind == Stabilisation::Wan {
                     wan
                 } else {
@@ -109,6 +112,11 @@ impl Deviations {
                 }
             }
         };
+        for (point, own) in stiffness.chunks_exact_mut(d * d).enumerate() {
+            if operator.is_released(point) {
+                own.fill(0.0);
+            }
+        }
         Ok(Deviations { strength, stiffness, is_stationary })
     }
 
@@ -215,6 +223,7 @@ fn wan(
     neighborhood: &Neighborhood,
     influence: &[f64],
     law: LawOfPoints<'_>,
+    families: Families,
 ) -> Result<Vec<f64>, DeformationError> {
     let d = body.dimension();
     let n_laws = law.materials.map_or(1, |materials| materials.n_laws());
@@ -237,6 +246,10 @@ fn wan(
         let size = shape.amax();
         let inverse = (shape / size).try_inverse().filter(|k| k.iter().all(|x| x.is_finite()));
         let Some(inverse) = inverse else {
+            if families == Families::Left {
+                all.extend(std::iter::repeat_n(0.0, d * d));
+                continue;
+            }
             return Err(DeformationError::ShapeTensor {
                 point: body.user_index()[point] as usize,
                 position: body.position(point).to_vec(),

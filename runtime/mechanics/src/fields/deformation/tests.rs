@@ -95,7 +95,8 @@ fn shape_tensors_and_deformation_gradients_of_bonds_are_those_of_the_reference()
         let first = place(0);
         let sum = stabilisation::sums(&body, &neighborhood, &influence)[first];
         let order = OperatorOrder::First;
-        let operator = GradientOperator::new(&body, neighborhood, order, &influence).unwrap();
+        let operator =
+            GradientOperator::new(&body, neighborhood, order, &influence, Families::Whole).unwrap();
         let (strengths, offsets) = operator.family(first);
         // A power of two: strengths have no unit.
         let unit = sum / strengths.iter().sum::<f64>();
@@ -141,8 +142,14 @@ fn linear_fields_are_exact_in_nearly_flat_families() {
     let body = Arc::new(Body::new(3, &positions, &[1.0; 125], None));
     let neighborhood = Arc::new(Neighborhood::new(&body, 2.5).unwrap());
     let influence = influences(&body, &neighborhood, &Constant).unwrap();
-    let operator =
-        GradientOperator::new(&body, neighborhood, OperatorOrder::First, &influence).unwrap();
+    let operator = GradientOperator::new(
+        &body,
+        neighborhood,
+        OperatorOrder::First,
+        &influence,
+        Families::Whole,
+    )
+    .unwrap();
     let condition = operator.condition();
     assert!(condition > 1e10, "{condition:e}");
     let slopes = [[0.3, -0.2, 0.1], [0.5, 0.7, -0.4], [-0.6, 0.2, 0.9]];

@@ -9,6 +9,7 @@
 //! | `passes` | what points gather, energies, forces: each bond once |
 //! | `linear` | products with the Hessian from second derivatives at fixed displacements |
 //! | `stiffness` | the same for the stored Hessian, and springs like it |
+//! | `broken` | families that lose bonds |
 //! | `rows`, `sweep` | along the rows of lattices, where laws are affine; the bonds of a slab there |
 //!
 //! The derivative goes the way back (reverse mode): `a_i = dw_i/dI_i`, then each bond has
@@ -18,6 +19,7 @@
 //!
 //! Silling, Epton, Weckner, Xu, Askari 2007; Partmann, Wieners, Weinberg 2026, (3.17) to (3.23).
 
+mod broken;
 mod linear;
 mod passes;
 mod rows;
@@ -40,6 +42,7 @@ use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use crate::pool::Pool;
 use crate::weights::check_families;
+use broken::Whole;
 use linear::Linear;
 use passes::{States, Work};
 use rows::AlongRows;
@@ -112,6 +115,8 @@ pub struct StateEnergy {
     bond_pattern: OnceLock<Arc<BlockPattern>>,
     /// Stiffnesses of springs like the bonds at rest, in N/m.
     springs: OnceLock<Vec<f64>>,
+    /// The families before bonds were lost.
+    whole: Option<Box<Whole>>,
     /// Room for passes, and for their threads.
     states: Pool<States>,
     work: Pool<Work>,
@@ -181,6 +186,7 @@ impl StateEnergy {
             pattern: OnceLock::new(),
             bond_pattern: OnceLock::new(),
             springs: OnceLock::new(),
+            whole: None,
             states: Pool::new(),
             work: Pool::new(),
         };
@@ -377,9 +383,9 @@ impl Energy for StateEnergy {
     }
 
     fn pattern(&self) -> &Arc<BlockPattern> {
-        self.pattern.get_or_init(|| {
-            Arc::new(BlockPattern::of_reach(&self.neighborhood, self.dimension(), 2))
-        })
+        let whole = self.whole.as_ref().map_or(&self.neighborhood, |whole| &whole.neighborhood);
+        let make = || Arc::new(BlockPattern::of_reach(whole, self.dimension(), 2));
+        self.pattern.get_or_init(make)
     }
 
     fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
@@ -423,6 +429,14 @@ impl Energy for StateEnergy {
             2 => self.add_virials::<2>(u, virials),
             _ => self.add_virials::<3>(u, virials),
         }
+    }
+
+    fn can_lose_bonds(&self) -> bool {
+        true
+    }
+
+    fn lose(&mut self, bonds: &[usize]) {
+        self.lose_bonds(bonds);
     }
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {

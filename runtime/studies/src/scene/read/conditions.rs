@@ -83,6 +83,15 @@ impl Reader {
         context: &Context,
     ) -> Option<Located<usize>> {
         let field = self.required(table, "set")?;
+        self.set_named(field, context)
+    }
+
+    /// The set that a text names.
+    pub(super) fn set_named(
+        &mut self,
+        field: Field<'_>,
+        context: &Context,
+    ) -> Option<Located<usize>> {
         let text = self.text(field)?;
         let index = context.sets.iter().position(|name| *name == text.value);
         if index.is_none() {

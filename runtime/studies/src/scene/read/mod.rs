@@ -3,6 +3,7 @@
 mod body;
 mod conditions;
 mod correspondence;
+mod fracture;
 mod material;
 mod motion;
 
@@ -41,6 +42,8 @@ static SCENE: Schema = Schema {
         ("probe", "[{ .. }]"),
         ("steps", "{ .. }"),
         ("motion", "{ .. }"),
+        ("crack", "[{ .. }]"),
+        ("fracture", "{ .. }"),
         ("solver", "{ .. }"),
         ("output", "{ .. }"),
     ],
@@ -147,6 +150,8 @@ impl Reader {
         let loads = self.loads(nodes("load"), &context);
         let initial = self.initial(nodes("initial"), &context);
         let probes = self.probes(nodes("probe"), &context);
+        let cracks = self.cracks(nodes("crack"), &context);
+        let fracture = self.fracture(root.get("fracture"), &context);
         let steps = self.settings(steps_table.as_ref(), &STEPS_KEYS);
         let solver = self.solver(solver_table.as_ref());
         let output = self.settings(output_table.as_ref(), &OUTPUT_KEYS);
@@ -175,6 +180,8 @@ impl Reader {
             prescriptions,
             loads,
             probes,
+            cracks,
+            fracture: fracture?,
             steps,
             motion,
             solver,

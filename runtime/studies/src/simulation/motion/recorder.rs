@@ -6,7 +6,9 @@ use piola_mechanics::energy::Energy as _;
 use piola_mechanics::interaction::Inverted;
 use piola_mechanics::words::Words;
 use piola_output::checkpoint::{Checkpoint, Header};
-use piola_output::motion::{MotionColumns, MotionEnergies, MotionRow, MotionSummary, MotionTables};
+use piola_output::motion::{
+    BrokenRow, MotionColumns, MotionEnergies, MotionRow, MotionSummary, MotionTables,
+};
 use piola_output::picture::{Charts, Picture};
 use piola_output::pvd::FrameSeries;
 use piola_output::summary::Number;
@@ -43,6 +45,7 @@ impl PointFields<'_> {
             parts: self.energy.parts().to_vec(),
             sets: self.selection.sets.iter().map(|set| set.name.clone()).collect(),
             probes: self.selection.probes.iter().map(|probe| probe.name.clone()).collect(),
+            breaks: self.energy.fracture().is_some(),
         }
     }
 }
@@ -193,6 +196,11 @@ impl<'a> Recorder<'a> {
             prescribed: row.prescribed,
             quadrature: row.quadrature,
             rounding: row.rounding,
+            broken: row.broken.map(|bonds| BrokenRow {
+                bonds,
+                released: row.released,
+                timing: row.timing,
+            }),
             momentum: row.momentum.clone(),
             angular_momentum: row.angular_momentum.clone(),
             reactions: selection.reactions(&residual, d),
@@ -248,6 +256,8 @@ impl<'a> Recorder<'a> {
                 external: Number(row.external),
                 prescribed: Number(row.prescribed),
                 quadrature: Number(row.quadrature),
+                released: row.broken.map(|_| Number(row.released)),
+                broken_bonds: row.broken,
             },
             resumed_at_step: self.resumed,
             rounding: Number(self.worst.share()),

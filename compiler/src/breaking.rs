@@ -1,0 +1,75 @@
+//! The conditions under which bonds break, compiled: a margin is a function of a bond like an energy, so
+//! it is rewritten, differentiated and compiled by the same code, and keeps its digits near the threshold.
+
+use crate::kernel::{Kernel, Mode, WrittenEnergy};
+use crate::model::Model;
+use crate::specialise::{CompileError, Form, MAX_OPERATIONS, Named, function_of_bonds, of_bonds};
+use crate::squares::square_of;
+use crate::values::Values;
+
+/// What errors call a margin.
+const ARGUMENT: &str = "l";
+
+/// When a bond breaks.
+#[derive(Debug)]
+pub struct Criterion {
+    /// The margin, in the place of psi: the bond breaks where it is above 0.
+    pub margin: Kernel,
+    /// Whether it breaks where the margin is 0, too.
+    pub holds_at_zero: bool,
+    /// The condition as written, in canonical spelling.
+    pub text: String,
+    /// What it is, in the words of the file.
+    pub reason: Option<String>,
+}
+
+impl Criterion {
+    /// Whether a bond with this margin breaks.
+    pub fn breaks(&self, margin: f64) -> bool {
+        margin > 0.0 || self.holds_at_zero && margin == 0.0
+    }
+}
+
+impl Model {
+    /// When bonds break, for these values: any one of these conditions is enough.
+    ///
+    /// # Errors
+    /// A condition that is too large, or the horizon where none is given.
+    pub fn criteria(
+        &self,
+        values: &Values,
+        mode: Mode,
+        form: Form,
+    ) -> Result<Vec<Criterion>, CompileError> {
+        let variant =
+            self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+        let criterion = |one: &crate::model::Break| {
+            let (graph, root) = (&variant.graph, one.root);
+            let named = Named { argument: ARGUMENT, span: one.span };
+            named.has_horizon(graph, &[root], values.horizon.is_nan())?;
+            let made = named.made(of_bonds(graph, self.parameters(), root, values, form))?;
+            named.fits(&made.graph)?;
+            let written = || WrittenEnergy::of_root(graph, root, values);
+            let mut margin = Kernel::new(made, (mode, form), written)?;
+            if form == Form::Accurate && mode != Mode::HyperDual {
+                let function = function_of_bonds(graph, self.parameters(), root, values);
+                let squared = function.and_then(|function| square_of(function, values)).ok();
+                let squared = squared.flatten().filter(|made| made.graph.len() <= MAX_OPERATIONS);
+                if let Some(squared) = squared {
+                    margin = margin.with_squared(Kernel::new(squared, (mode, form), written)?);
+                }
+            }
+            let (text, reason) = (one.text.clone(), one.reason.clone());
+            Ok(Criterion { margin, holds_at_zero: one.holds_at_zero, text, reason })
+        };
+        variant.breaks.iter().map(criterion).collect()
+    }
+
+    /// The margins of bonds as written, for these values.
+    pub fn written_margins(&self, values: &Values) -> Vec<WrittenEnergy> {
+        let Some(variant) = self.variant(values.dimension) else { return Vec::new() };
+        let margin =
+            |one: &crate::model::Break| WrittenEnergy::of_root(&variant.graph, one.root, values);
+        variant.breaks.iter().map(margin).collect()
+    }
+}

@@ -1,0 +1,155 @@
+//! Conditions under which bonds break, as margins: numbers that are above 0 where a condition holds.
+//!
+//! A margin says more than a truth value: how far a bond is from breaking, and at which load it breaks
+//! first. `x > y` becomes `x - y`, `and` the smaller of two margins, `or` the larger, `not` the negative.
+//! What holds where its margin is 0 differs between `>` and `>=` alone, and is known of the whole.
+
+use piola_grammar::ast::{Break as BreakAst, ExprKind};
+use piola_grammar::{Diagnostic, print_expression};
+
+use super::names::parts;
+use super::statement::Builder;
+use super::value::{GRADIENT, INTEGRAL, Value};
+use crate::expression::{Comparison, ExprGraph, Function, Node, NodeId, Operator, TooManyNodes};
+use crate::measure::Measure;
+use crate::model::Break;
+
+const LENGTH: u8 = 1 << (Measure::Length as u8);
+
+impl Builder<'_> {
+    /// `break when CONDITION "reason"`.
+    pub(super) fn breaking(&mut self, breaking: &BreakAst) {
+        let arena = &self.ast.arena;
+        let (condition, span) = (breaking.condition, arena[breaking.condition].span);
+        let Some(value) = self.elaborator.expression(condition) else { return };
+        if self.elaborator.truth(value, condition).is_none() || !self.is_of_bonds(breaking, value) {
+            return;
+        }
+        match margin(&mut self.elaborator.graph, value.node) {
+            Ok(Some(Margin { root, inclusive })) => self.variant.breaks.push(Break {
+                root,
+                holds_at_zero: inclusive.unwrap_or(false),
+                span,
+                text: print_expression(arena, condition),
+                reason: breaking.reason.as_ref().map(|text| text.text.clone()),
+            }),
+            Ok(None) => {
+                let message = "this condition has no one threshold";
+                self.elaborator.report(
+                    Diagnostic::error("no-threshold", span, message)
+                        .label("`>` or `<` beside `>=` or `<=`, or `==`")
+                        .help(
+                            "compare with `>` and `<` alone, or with `>=` and `<=` alone, and write \
+                             several lines with `break when` for what should differ",
+                        ),
+                );
+            }
+            Err(TooManyNodes) => self.elaborator.out_of_room(span),
+        }
+    }
+
+    /// Whether the condition is one of a bond; reports it if not.
+    fn is_of_bonds(&mut self, breaking: &BreakAst, value: Value) -> bool {
+        let arena = &self.ast.arena;
+        let span = arena[breaking.condition].span;
+        let foreign = value.uses & !LENGTH;
+        if value.uses & LENGTH != 0 && foreign == 0 {
+            return true;
+        }
+        let example = "write for instance `break when l/L - 1 > s0 \"critical stretch\"`";
+        let error = if foreign == 0 {
+            Diagnostic::error("wrong-measure", span, "this condition says nothing of a bond")
+                .label("the same for all bonds at all times")
+        } else {
+            let (what, names): (&str, &[&str]) = match foreign {
+                uses if uses & GRADIENT != 0 => {
+                    ("the deformation gradient", &["F", "J", "C", "E", "U"])
+                }
+                uses if uses & INTEGRAL != 0 => ("what points gather", &[]),
+                _ => ("a measure of triangles or tetrahedra", &["a", "A", "v", "V"]),
+            };
+            let place = parts(arena, breaking.condition).into_iter().find(
+                |id| matches!(&arena[*id].kind, ExprKind::Name(name) if names.contains(&&**name)),
+            );
+            let span = place.map_or(span, |id| arena[id].span);
+            Diagnostic::error("wrong-measure", span, "bonds break by their own length alone")
+                .label(what)
+        };
+        self.elaborator.report(error.help(example));
+        false
+    }
+}
+
+/// A number with the sign of a condition.
+#[derive(Clone, Copy)]
+struct Margin {
+    root: NodeId,
+    /// Whether the condition holds where it is 0; nothing where it is never 0.
+    inclusive: Option<bool>,
+}
+
+impl Margin {
+    /// Whether two conditions agree on what holds at 0, and what that is.
+    fn agree(self, other: Margin) -> Option<Option<bool>> {
+        match (self.inclusive, other.inclusive) {
+            (Some(one), Some(other)) if one != other => None,
+            (one, other) => Some(one.or(other)),
+        }
+    }
+}
+
+/// The margin of a truth value; nothing where there is no one threshold.
+fn margin(graph: &mut ExprGraph, root: NodeId) -> Result<Option<Margin>, TooManyNodes> {
+    let needed = graph.reachable(&[root]);
+    let nodes: Vec<(NodeId, Node)> =
+        graph.nodes().filter(|(id, _)| needed[id.0 as usize]).collect();
+    let mut margins: Vec<Option<Margin>> = vec![None; needed.len()];
+    for (id, node) in nodes {
+        let of = |x: NodeId| margins[x.0 as usize];
+        let made = match node {
+            Node::Truth(holds) => {
+                let root = graph.intern(Node::number(if holds { 1.0 } else { -1.0 }))?;
+                Some(Margin { root, inclusive: None })
+            }
+            Node::Compare(comparison, x, y) => {
+                let (x, y, inclusive) = match comparison {
+                    Comparison::Greater => (x, y, false),
+                    Comparison::GreaterEqual => (x, y, true),
+                    Comparison::Less => (y, x, false),
+                    Comparison::LessEqual => (y, x, true),
+                    Comparison::Equal | Comparison::NotEqual => continue,
+                };
+                let root = graph.intern(Node::Binary(Operator::Subtract, x, y))?;
+                Some(Margin { root, inclusive: Some(inclusive) })
+            }
+            Node::Not(x) => match of(x) {
+                Some(Margin { root, inclusive }) => {
+                    let root = graph.intern(Node::Unary(Function::Negate, root))?;
+                    Some(Margin { root, inclusive: inclusive.map(|inclusive| !inclusive) })
+                }
+                None => None,
+            },
+            Node::And(x, y) | Node::Or(x, y) => {
+                let operator =
+                    if matches!(node, Node::And(..)) { Operator::Min } else { Operator::Max };
+                joined(graph, of(x), of(y), |x, y| Node::Binary(operator, x, y))?
+            }
+            Node::Select(c, x, y) => joined(graph, of(x), of(y), |x, y| Node::Select(c, x, y))?,
+            _ => None,
+        };
+        margins[id.0 as usize] = made;
+    }
+    Ok(margins[root.0 as usize])
+}
+
+fn joined(
+    graph: &mut ExprGraph,
+    x: Option<Margin>,
+    y: Option<Margin>,
+    node: impl Fn(NodeId, NodeId) -> Node,
+) -> Result<Option<Margin>, TooManyNodes> {
+    let (Some(x), Some(y)) = (x, y) else { return Ok(None) };
+    let Some(inclusive) = x.agree(y) else { return Ok(None) };
+    let root = graph.intern(node(x.root, y.root))?;
+    Ok(Some(Margin { root, inclusive }))
+}

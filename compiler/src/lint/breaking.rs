@@ -1,0 +1,108 @@
+//! Conditions under which bonds break: that hold at rest, never, or in compression.
+
+use super::Finding;
+use super::subject::{example, short};
+use crate::breaking::Criterion;
+use crate::kernel::{Batch, Mode, Order, Outputs};
+use crate::measure::Measure;
+use crate::model::{Break, Model};
+use crate::specialise::Form;
+use crate::verify::sample::{Point, contains};
+
+/// Lengths at rest that are tried, over the horizon.
+const REFERENCES: [f64; 2] = [0.5, 0.15];
+
+/// Points of every decade of the length.
+const POINTS_PER_DECADE: i32 = 100;
+
+/// A condition with values for everything it depends on.
+pub(super) struct Breaking<'m> {
+    pub(super) condition: &'m Break,
+    /// Stretches in the declared domain, and whether a bond breaks there.
+    tried: Vec<(f64, bool)>,
+}
+
+impl<'m> Breaking<'m> {
+    /// The conditions of a model for some values; none if no values are found, or they are too large to be
+    /// compiled.
+    pub(super) fn examples(model: &'m Model, dimension: usize) -> Vec<Breaking<'m>> {
+        let Some(variant) = model.variant(dimension) else { return Vec::new() };
+        let Some(values) = example(model, dimension) else { return Vec::new() };
+        let criteria = model.criteria(&values, Mode::Interpreter, Form::Textbook);
+        let stretches: Vec<f64> = (-3 * POINTS_PER_DECADE..=POINTS_PER_DECADE)
+            .map(|k| libm::pow(10.0, f64::from(k) / f64::from(POINTS_PER_DECADE)))
+            .chain((2..=12).flat_map(|k| {
+                let strain = libm::pow(10.0, f64::from(-k));
+                [1.0 - strain, 1.0 + strain]
+            }))
+            .collect();
+        let points = |part: f64| {
+            let reference = part * values.horizon;
+            let point = move |stretch: f64| Point { measure: stretch * reference, reference };
+            let declares = |point: &Point| contains(variant, Measure::Length, &values, *point);
+            stretches.iter().map(|stretch| point(*stretch)).filter(declares).collect::<Vec<_>>()
+        };
+        let points: Vec<Point> = REFERENCES.into_iter().flat_map(points).collect();
+        let breaking = |(condition, criterion): (&'m Break, Criterion)| {
+            let tried = |point: &Point| {
+                let stretch = point.measure / point.reference;
+                (stretch, criterion.breaks(margin(&criterion, *point)))
+            };
+            Breaking { condition, tried: points.iter().map(tried).collect() }
+        };
+        let criteria = criteria.unwrap_or_default();
+        variant.breaks.iter().zip(criteria).map(breaking).collect()
+    }
+
+    /// A stretch at which a bond breaks.
+    fn broken_at(&self, wanted: impl Fn(f64) -> bool) -> Option<f64> {
+        self.tried.iter().find(|(stretch, breaks)| *breaks && wanted(*stretch)).map(|tried| tried.0)
+    }
+}
+
+fn margin(criterion: &Criterion, point: Point) -> f64 {
+    let mut psi = [0.0];
+    let batch = Batch {
+        measure: &[point.measure],
+        reference: &[point.reference],
+        change: &[point.change()],
+        fields: criterion.margin.fields(),
+    };
+    let out = Outputs { psi: &mut psi, dpsi: &mut [], d2psi: &mut [] };
+    criterion.margin.evaluate(batch, Order::Energy, out);
+    psi[0]
+}
+
+/// A condition that holds where nothing is deformed.
+pub(super) fn at_rest(breaking: &Breaking<'_>) -> Option<Finding> {
+    breaking.broken_at(|stretch| stretch == 1.0)?;
+    Some(Finding {
+        message: "bonds break at rest: the condition holds at l = L".into(),
+        help: "let it hold beyond a stretch: `break when l/L - 1 > s0`".into(),
+    })
+}
+
+/// A condition that holds nowhere in the domain.
+pub(super) fn never(breaking: &Breaking<'_>) -> Option<Finding> {
+    if breaking.broken_at(|_| true).is_some() {
+        return None;
+    }
+    let largest = breaking.tried.iter().fold(0.0, |most: f64, tried| most.max(tried.0));
+    Some(Finding {
+        message: format!(
+            "no bond breaks: the condition holds nowhere in the domain, up to l/L = {}",
+            short(largest)
+        ),
+        help: "compare a quantity that grows with the length, or widen the `domain`".into(),
+    })
+}
+
+/// A condition that holds for bonds that are shortened, and not at rest.
+pub(super) fn in_compression(breaking: &Breaking<'_>) -> Option<Finding> {
+    let is_at_rest = breaking.broken_at(|stretch| stretch == 1.0).is_some();
+    let stretch = breaking.broken_at(|stretch| stretch < 1.0).filter(|_| !is_at_rest)?;
+    Some(Finding {
+        message: format!("bonds break in compression, at l/L = {} for instance", short(stretch)),
+        help: "a crack opens by tension: compare `l/L - 1` and not its absolute value".into(),
+    })
+}

@@ -1,0 +1,108 @@
+//! Conditions under which bonds break: whether they are judged as written, up to a few roundings of the
+//! length around where they change.
+
+use super::{Columns, Miss, Subject, Verification, Witness, sample};
+use crate::expression::number::Number as _;
+use crate::expression::precise::Precise;
+use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};
+use crate::measure::Measure;
+use crate::model::{Model, Variant};
+use crate::specialise::{CompileError, Form};
+use crate::values::Values;
+use sample::Point;
+
+/// How far from a threshold a bond may be misjudged, in units in the last place of its length.
+const BAR: f64 = 4.0;
+
+/// How far from a threshold bonds are judged, in such units.
+const AROUND: i32 = 16;
+
+/// Verifies every condition at about `2 n` points, and around every threshold between them.
+pub(super) fn verify(
+    model: &Model,
+    variant: &Variant,
+    values: &Values,
+    n: usize,
+) -> Result<Vec<Verification>, CompileError> {
+    let criteria = |mode| model.criteria(values, mode, Form::Accurate);
+    let strict = criteria(Mode::Jit(Level::Strict))?;
+    let fast = criteria(Mode::Jit(Level::Fast))?;
+    let interpreted = criteria(Mode::Interpreter)?;
+    let mut points = sample::points(variant, Measure::Length, values, n);
+    points.sort_by(|p, q| (p.measure / p.reference).total_cmp(&(q.measure / q.reference)));
+    let written = model.written_margins(values);
+    let mut found = Vec::new();
+    for (k, written) in written.iter().enumerate() {
+        let kernels = [&strict[k].margin, &fast[k].margin, &interpreted[k].margin];
+        let subject = Subject::Margin(strict[k].text.clone());
+        let verification = Verification::new(subject, &[(Witness::TruthFar, BAR)]);
+        found.push(judge(verification, kernels, written, &points));
+    }
+    Ok(found)
+}
+
+fn judge(
+    mut found: Verification,
+    kernels: [&Kernel; 3],
+    written: &WrittenEnergy,
+    points: &[Point],
+) -> Verification {
+    let mut all: Vec<(Point, f64)> = points.iter().map(|point| (*point, f64::INFINITY)).collect();
+    for pair in points.windows(2) {
+        let at = |point: &Point| truth(written, *point).map(|margin| margin > 0.0);
+        // The same bond at two lengths.
+        let other =
+            Point { measure: pair[1].measure / pair[1].reference * pair[0].reference, ..pair[0] };
+        if let (Some(one), Some(two)) = (at(&pair[0]), at(&other))
+            && one != two
+        {
+            all.extend(around(written, pair[0], other.measure));
+        }
+    }
+    let places: Vec<Point> = all.iter().map(|(point, _)| *point).collect();
+    let columns = Columns::new(&places);
+    let [strict, fast, interpreted] = kernels.map(|kernel| kernel.derivatives(columns.batch()).psi);
+    for (k, (point, distance)) in all.iter().enumerate() {
+        found.count(&[strict[k]], &[interpreted[k]]);
+        let Some(truth) = truth(written, *point) else { continue };
+        for margin in [strict[k], fast[k]] {
+            // A margin of exactly 0 is on neither side.
+            let is_right = (margin > 0.0) == (truth > 0.0) || truth == 0.0;
+            let error = if is_right { 0.0 } else { *distance };
+            found.see(0, 0, error, |_| Miss {
+                place: vec![point.measure, point.reference],
+                order: 0,
+                compiled: vec![margin],
+                expected: vec![truth],
+                tolerance: 0.0,
+                is_wrong: true,
+            });
+        }
+    }
+    found
+}
+
+/// The margin as written to many digits, where it is a number.
+fn truth(written: &WrittenEnergy, point: Point) -> Option<f64> {
+    let measure = Precise::<512>::line(point.measure, 1.0, 0.0);
+    let reference = Precise::constant(point.reference);
+    let margin = written.evaluate(measure, reference);
+    margin.parts().map(|_| margin.rounded()[0])
+}
+
+/// Lengths around the threshold between two, with how far they are from it in units in the last place.
+fn around(written: &WrittenEnergy, from: Point, to: f64) -> Vec<(Point, f64)> {
+    let at = |measure: f64| truth(written, Point { measure, ..from }).map(|margin| margin > 0.0);
+    let start = at(from.measure);
+    let (mut low, mut high) = (from.measure, to);
+    loop {
+        let middle = low + 0.5 * (high - low);
+        if middle == low || middle == high {
+            break;
+        }
+        if at(middle) == start { low = middle } else { high = middle }
+    }
+    let unit = (high - low).abs().max(f64::EPSILON * 0.5 * low.abs());
+    let place = |k: i32| (Point { measure: low + f64::from(k) * unit, ..from }, f64::from(k.abs()));
+    (-AROUND..=AROUND).map(place).collect()
+}

@@ -1,0 +1,303 @@
+//! Which bonds break: those whose margin is above 0.
+//!
+//! Most bonds are far from breaking. Where a margin is affine in the length, or in its square, the bond
+//! knows how much its square must have grown before the margin is worked out at all.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use crate::assembly::affine_threshold;
+use crate::body::Body;
+use crate::element::{CAPACITY, Contributions, Element, InteractionBatch, MeasureElement, Order};
+use crate::energy::{Argument, NonFinite};
+use crate::geometry::{dot, each};
+use crate::kernel::{Law, Measure};
+use crate::materials::{Materials, Parts};
+use crate::neighborhood::Neighborhood;
+
+/// Owners whose bonds are judged by one task; fixed, so that results do not depend on threads.
+const CHUNK: usize = 1024;
+
+/// Bonds are judged exactly from this share of what they may grow on: rounding is far below.
+const NEARLY: f64 = 1.0 - 1e-6;
+
+/// One condition under which bonds break.
+pub struct Criterion {
+    /// The margin, in the place of psi.
+    pub margin: Box<dyn Law>,
+    /// Whether a bond breaks where its margin is 0, too.
+    pub holds_at_zero: bool,
+}
+
+/// The criteria of the potentials of a body that add up to one energy.
+pub struct Layer {
+    /// Those of each law of the materials, of the only one where there are none.
+    pub of_law: Vec<Vec<Criterion>>,
+    /// Which laws bonds take. A bond between points of several materials breaks if any of the laws that it
+    /// takes says so.
+    pub materials: Option<Arc<Materials>>,
+}
+
+/// When the bonds of a body break: each criterion is enough.
+pub struct Criteria {
+    layers: Vec<Margins>,
+    /// Points whose bonds never break.
+    is_unbreakable: Vec<bool>,
+    /// How much the square of the length of each bond in m^2 must have grown before it is judged.
+    limits: Vec<f32>,
+}
+
+/// A [`Layer`] as functions of bonds.
+struct Margins {
+    of_law: Vec<Vec<Margin>>,
+    materials: Option<Arc<Materials>>,
+}
+
+/// A criterion as a function of a bond.
+struct Margin {
+    element: MeasureElement,
+    holds_at_zero: bool,
+}
+
+impl Margin {
+    fn breaks(&self, margin: f64) -> bool {
+        margin > 0.0 || self.holds_at_zero && margin == 0.0
+    }
+}
+
+impl Criteria {
+    /// The criteria of some layers; bonds with a point of which `is_unbreakable` never break.
+    pub fn new(
+        (body, neighborhood): (&Body, &Neighborhood),
+        layers: Vec<Layer>,
+        is_unbreakable: Vec<bool>,
+    ) -> Criteria {
+        assert_eq!(is_unbreakable.len(), body.n_points(), "one for each point");
+        let d = body.dimension();
+        let layers = layers.into_iter().map(|layer| Margins::new(layer, d));
+        let layers = layers.filter(|layer| !layer.of_law.iter().all(Vec::is_empty)).collect();
+        let mut criteria = Criteria { layers, is_unbreakable, limits: Vec::new() };
+        if criteria.are_empty() {
+            return criteria;
+        }
+        let owners: Vec<usize> = (0..body.n_points()).collect();
+        let limits = owners.par_chunks(CHUNK).map(|owners| match d {
+            2 => criteria.limits_of::<2>(body, neighborhood, owners),
+            _ => criteria.limits_of::<3>(body, neighborhood, owners),
+        });
+        criteria.limits = limits.collect::<Vec<_>>().concat();
+        criteria
+    }
+
+    /// Whether no bond can break.
+    pub fn are_empty(&self) -> bool {
+        self.layers.is_empty()
+    }
+
+    fn limits_of<const D: usize>(
+        &self,
+        body: &Body,
+        neighborhood: &Neighborhood,
+        owners: &[usize],
+    ) -> Vec<f32> {
+        let positions = body.positions().as_chunks::<D>().0;
+        let mut limits = Vec::new();
+        for &owner in owners {
+            for &other in neighborhood.upper(owner) {
+                let xi = minus(&positions[other as usize], &positions[owner]);
+                limits.push(self.limit([owner, other as usize], dot(&xi, &xi).sqrt()));
+            }
+        }
+        limits
+    }
+
+    /// What the square of the length of a bond may grow by before it is judged.
+    fn limit(&self, ends: [usize; 2], length: f64) -> f32 {
+        if ends.iter().any(|end| self.is_unbreakable[*end]) {
+            return f32::INFINITY;
+        }
+        let mut least = f64::INFINITY;
+        for layer in &self.layers {
+            for (law, _) in layer.parts(ends).iter() {
+                for margin in &layer.of_law[law] {
+                    let law = margin.element.law();
+                    let grown = law.and_then(|(law, _)| affine_threshold(law, length));
+                    // Below rest, and where nothing is known, bonds are judged at any length.
+                    let grown = grown.filter(|grown| *grown > 0.0).unwrap_or(f64::NEG_INFINITY);
+                    least = least.min(grown);
+                }
+            }
+        }
+        rounded_down(least * NEARLY)
+    }
+
+    /// How much the square of the length of each bond may grow before it may break, in m^2; nothing where
+    /// none can.
+    pub fn limits(&self) -> &[f32] {
+        &self.limits
+    }
+
+    /// The bonds that break at displacements `u` in m (`n x d`), ascending, among those of some owners that
+    /// are `intact`.
+    ///
+    /// # Errors
+    /// Margins that are not finite.
+    pub fn judge(
+        &self,
+        around: (&Body, &Neighborhood),
+        u: &[f64],
+        owners: &[Range<usize>],
+        intact: impl Fn(usize) -> bool + Sync,
+    ) -> Result<Vec<usize>, NonFinite> {
+        if self.are_empty() {
+            return Ok(Vec::new());
+        }
+        let pieces = |range: &Range<usize>| {
+            let Range { start, end } = *range;
+            (start..end).step_by(CHUNK).map(move |k| k..end.min(k + CHUNK))
+        };
+        let chunks: Vec<Range<usize>> = owners.iter().flat_map(pieces).collect();
+        let parts: Result<Vec<Vec<usize>>, NonFinite> = chunks
+            .into_par_iter()
+            .map(|owners| match around.0.dimension() {
+                2 => self.judge_owners::<2>(around, owners, u, &intact),
+                _ => self.judge_owners::<3>(around, owners, u, &intact),
+            })
+            .collect();
+        Ok(parts?.concat())
+    }
+
+    fn judge_owners<const D: usize>(
+        &self,
+        (body, neighborhood): (&Body, &Neighborhood),
+        owners: Range<usize>,
+        u: &[f64],
+        intact: &impl Fn(usize) -> bool,
+    ) -> Result<Vec<usize>, NonFinite> {
+        let (positions, _) = body.positions().as_chunks::<D>();
+        let (displacements, _) = u.as_chunks::<D>();
+        let (mut found, mut nearly) = (Vec::new(), Vec::new());
+        let mut room = None;
+        for owner in owners {
+            let (rest, moved) = (positions[owner], displacements[owner]);
+            let bonds = neighborhood.bonds(owner);
+            let limits = &self.limits[bonds.clone()];
+            nearly.clear();
+            for ((bond, &other), limit) in bonds.zip(neighborhood.upper(owner)).zip(limits) {
+                let other = other as usize;
+                let xi = minus(&positions[other], &rest);
+                let eta = minus(&displacements[other], &moved);
+                // l^2 - L^2, without the digits that the difference would lose.
+                let grown = dot(&eta, &each(|axis| 2.0 * xi[axis] + eta[axis]));
+                // What is not a number is looked at.
+                let is_far = grown < f64::from(*limit);
+                if !is_far && *limit < f32::INFINITY && intact(bond) {
+                    nearly.push(Candidate { bond, ends: [owner, other], xi, eta });
+                }
+            }
+            if !nearly.is_empty() {
+                let room = room.get_or_insert_with(|| {
+                    let bonds = Measure::Length;
+                    (InteractionBatch::new(bonds, D), Contributions::new(bonds, D))
+                });
+                let first = found.len();
+                for layer in &self.layers {
+                    layer.judge(&nearly, room, u, &mut found)?;
+                }
+                found[first..].sort_unstable();
+            }
+        }
+        found.dedup();
+        Ok(found)
+    }
+}
+
+impl Margins {
+    fn new(layer: Layer, dimension: usize) -> Margins {
+        let n_laws = layer.materials.as_ref().map_or(1, |materials| materials.n_laws());
+        assert_eq!(layer.of_law.len(), n_laws, "criteria for each law");
+        let margin = |Criterion { margin, holds_at_zero }| Margin {
+            element: MeasureElement::new(Measure::Length, dimension, margin),
+            holds_at_zero,
+        };
+        let of_law = layer.of_law.into_iter().map(|own| own.into_iter().map(margin).collect());
+        Margins { of_law: of_law.collect(), materials: layer.materials }
+    }
+
+    fn parts(&self, [one, other]: [usize; 2]) -> Parts {
+        let Some(materials) = &self.materials else { return Parts::whole(0) };
+        materials.parts(&[materials.of(one), materials.of(other)])
+    }
+
+    /// The bonds of an owner that break, some perhaps twice.
+    fn judge<const D: usize>(
+        &self,
+        bonds: &[Candidate<D>],
+        (batch, out): &mut (InteractionBatch, Contributions),
+        u: &[f64],
+        found: &mut Vec<usize>,
+    ) -> Result<(), NonFinite> {
+        for (law, margins) in self.of_law.iter().enumerate() {
+            let takes = |bond: &&Candidate<D>| self.parts(bond.ends).iter().any(|p| p.0 == law);
+            let own: Vec<&Candidate<D>> = bonds.iter().filter(takes).collect();
+            for (margin, bonds) in
+                margins.iter().flat_map(|m| own.chunks(CAPACITY).map(move |c| (m, c)))
+            {
+                batch.fill(bonds.len(), |lane| (bonds[lane].xi, bonds[lane].eta, 1.0));
+                if let Some(fields) = self.materials.as_deref().and_then(Materials::fields)
+                    && margin.element.n_fields() > 0
+                {
+                    let of_law = fields.of_law(law);
+                    batch.take_fields((fields, of_law), |lane| bonds[lane].ends.into_iter());
+                }
+                let evaluated = margin.element.evaluate(batch, Order::Energy, out);
+                evaluated
+                    .map_err(|lane| bonds[lane.lane].refused(lane.value, lane.reference, u))?;
+                let broken = bonds.iter().zip(&out.energy).filter(|(_, m)| margin.breaks(**m));
+                found.extend(broken.map(|(candidate, _)| candidate.bond));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// In 32 bits, not above the number; what is too large for them is the largest of them, for an infinite limit
+/// says that a bond never breaks.
+fn rounded_down(x: f64) -> f32 {
+    let near = x as f32;
+    match f64::from(near) > x {
+        true => near.next_down(),
+        false => near,
+    }
+}
+
+/// A bond that may break.
+struct Candidate<const D: usize> {
+    bond: usize,
+    ends: [usize; 2],
+    /// At rest, in m.
+    xi: [f64; D],
+    /// What it has changed by, in m.
+    eta: [f64; D],
+}
+
+impl<const D: usize> Candidate<D> {
+    fn refused(&self, value: f64, reference: f64, u: &[f64]) -> NonFinite {
+        let of = |point: &usize| u[point * D..(point + 1) * D].to_vec();
+        NonFinite {
+            argument: Argument::Measure(Measure::Length),
+            points: self.ends.to_vec(),
+            displacements: self.ends.iter().flat_map(of).collect(),
+            value,
+            reference,
+            inverted: false,
+        }
+    }
+}
+
+/// `p - q`.
+fn minus<const D: usize>(p: &[f64; D], q: &[f64; D]) -> [f64; D] {
+    each(|axis| p[axis] - q[axis])
+}

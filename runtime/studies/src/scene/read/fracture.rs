@@ -1,0 +1,95 @@
+//! `[[crack]]`, `[fracture]`.
+
+use piola_grammar::Diagnostic;
+use piola_mechanics::fracture::crack::Crack;
+
+use super::Context;
+use crate::scene::reader::{Field, Reader, Schema, Table};
+use crate::scene::tree::{Entry, Node};
+use crate::scene::{CrackEntry, FractureSettings, Located};
+
+static CRACK: Schema = Schema {
+    title: "[[crack]]",
+    keys: &[
+        ("segment", "[[0.0, 0.02], [0.05, 0.02]]"),
+        ("polygon", "[[0, 0.02, 0], [0.05, 0.02, 0], [0.05, 0.02, 0.01], [0, 0.02, 0.01]]"),
+        ("damaged", "true"),
+    ],
+};
+static FRACTURE: Schema = Schema { title: "[fracture]", keys: &[("unbreakable", "[\"grip\"]")] };
+
+/// Most corners of a crack: every bond is held against every edge.
+const MOST_CORNERS: usize = 1000;
+
+impl Reader {
+    /// The cracks of a body, in the order of the file.
+    pub(super) fn cracks(&mut self, node: Option<&Node>, context: &Context) -> Vec<CrackEntry> {
+        let tables = self.tables(&CRACK, node);
+        tables.iter().filter_map(|table| self.crack(table, context)).collect()
+    }
+
+    fn crack(&mut self, table: &Table<'_>, context: &Context) -> Option<CrackEntry> {
+        let key = self.either(table, "segment", "polygon")?;
+        let damaged = self.or(Some(table), "damaged", true, Reader::switch);
+        let field = table.field(key)?;
+        let (wanted, other) = if key == "segment" { (2, "polygon") } else { (3, "segment") };
+        if context.dimension.is_some_and(|dimension| dimension != wanted) {
+            let message = format!("a {key} is a crack in {wanted} dimensions");
+            let found = Diagnostic::error("conflicting-keys", field.node.span, message);
+            self.error(found.help(format!("write `{other} = [..]`")));
+            return None;
+        }
+        let shape = match key {
+            "segment" => {
+                let corners: Vec<[f64; 2]> = self.corners_of(field)?;
+                let [p, q] = corners[..] else {
+                    self.out_of_range(field, "two points, [[X, Y], [X, Y]]");
+                    return None;
+                };
+                Crack::Segment([p, q])
+            }
+            _ => {
+                let corners: Vec<[f64; 3]> = self.corners_of(field)?;
+                if corners.len() < 3 || corners.len() > MOST_CORNERS {
+                    self.out_of_range(field, "3 to 1000 corners, [[X, Y, Z], ..]");
+                    return None;
+                }
+                Crack::Polygon(corners)
+            }
+        };
+        if let Err(error) = shape.check() {
+            let found = Diagnostic::error("out-of-range", field.node.span, error.to_string());
+            self.error(found.help("write the corners in their order around the crack"));
+            return None;
+        }
+        Some(CrackEntry { shape, damaged: damaged?, span: table.span })
+    }
+
+    fn corners_of<const D: usize>(&mut self, field: Field<'_>) -> Option<Vec<[f64; D]>> {
+        let items = self.array(field)?;
+        let corner = |item: &Node| {
+            let numbers = self.vector(field.item(item), Some(D))?;
+            numbers.try_into().ok()
+        };
+        let read: Vec<Option<[f64; D]>> = items.iter().map(corner).collect();
+        read.into_iter().collect()
+    }
+
+    /// `[fracture]`.
+    pub(super) fn fracture(
+        &mut self,
+        entry: Option<&Entry>,
+        context: &Context,
+    ) -> Option<FractureSettings> {
+        let Some(entry) = entry else { return Some(FractureSettings::default()) };
+        let table = self.table(&FRACTURE, &entry.node)?;
+        let Some(field) = table.field("unbreakable") else {
+            return Some(FractureSettings::default());
+        };
+        let items = self.array(field)?;
+        let set = |item: &Node| self.set_named(field.item(item), context);
+        let read: Vec<Option<Located<usize>>> = items.iter().map(set).collect();
+        let unbreakable = read.into_iter().collect::<Option<Vec<_>>>()?;
+        Some(FractureSettings { unbreakable })
+    }
+}

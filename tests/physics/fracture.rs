@@ -1,0 +1,122 @@
+//! Plates that break, against the bands of fracture_bars.json and against the sums of another program.
+
+use crate::examples;
+use crate::support::frames::{read_pvd, read_vtu};
+use crate::support::{json_file, number, reference, table};
+
+/// What is damaged, column by column of one x: in the middle layers of z, upwards.
+struct Damaged {
+    t: f64,
+    /// Whether a point is damaged; at the places of `heights`.
+    columns: Vec<Vec<bool>>,
+    /// The damage itself, the larger of the two middle layers.
+    values: Vec<Vec<f64>>,
+}
+
+/// The frames of a run on a lattice of these counts, whose last axis goes fastest.
+fn frames(folder: &std::path::Path, [nx, ny, nz]: [usize; 3]) -> Vec<Damaged> {
+    let list = read_pvd(&std::fs::read_to_string(folder.join("run.pvd")).unwrap()).unwrap();
+    let frame = |(t, name): &(f64, String)| {
+        let frame = read_vtu(&folder.join(name)).unwrap();
+        let damage = &frame.array("damage").unwrap().values;
+        let middle = [(nz - 1) / 2, nz / 2];
+        let at = |x: usize, y: usize| {
+            middle.iter().map(|z| damage[(x * ny + y) * nz + z]).fold(0.0, f64::max)
+        };
+        let values: Vec<Vec<f64>> = (0..nx).map(|x| (0..ny).map(|y| at(x, y)).collect()).collect();
+        let columns = values.iter().map(|c| c.iter().map(|d| *d > 0.35).collect()).collect();
+        Damaged { t: *t, columns, values }
+    };
+    list.iter().map(frame).collect()
+}
+
+/// Runs of damaged points in a column, with gaps of at most one.
+fn groups(column: &[bool]) -> usize {
+    let damaged: Vec<usize> = (0..column.len()).filter(|k| column[*k]).collect();
+    damaged.windows(2).filter(|pair| pair[1] - pair[0] > 2).count()
+        + usize::from(!damaged.is_empty())
+}
+
+/// How many columns with damage follow one another from the notch on.
+fn tip(frame: &Damaged, notch: usize) -> usize {
+    (notch..frame.columns.len()).take_while(|x| groups(&frame.columns[*x]) > 0).count()
+}
+
+/// At the step of the reference the same bonds break until the crack starts; then it is through at once.
+#[test]
+fn a_plate_in_mode_one_breaks_when_and_where_it_should() {
+    let known = &reference("fracture_bars.json")["mode_I"];
+    let step = number(&reference("fracture_bars.json")["exact"]["mode_I"]["dt_07_of_3_58"]);
+    let run = examples::run("mode_I", &[&format!("motion.step={step}")]);
+    let (header, rows) = table(&run.path().join("motion.csv"));
+    let column = |name: &str| header.iter().position(|x| x == name).unwrap();
+    let (t, broken) = (column("t"), column("broken_bonds"));
+    let cut = rows[0][broken];
+    let exact = &reference("fracture_bars.json")["exact"]["grids"]["50x50x5"];
+    assert_eq!(cut, number(&exact["cut"]));
+    // What the other program has seen at its times, while nothing runs: single bonds at the notch.
+    let at = |time: f64| rows.iter().rev().find(|row| row[t] <= time).unwrap()[broken] - cut;
+    for seen in known["ours"]["tip"].as_array().unwrap().iter().take(12) {
+        let (time, count) = (number(&seen[0]), number(&seen[2]));
+        let (before, behind) = (at(time - 1e-7), at(time + 1e-7));
+        assert!(before <= count && count <= behind, "{time:e}: {count}, {before} to {behind}");
+    }
+    let first = rows.iter().find(|row| row[broken] > cut).unwrap()[t];
+    assert!((first - number(&known["ours"]["first_break"])).abs() < 1e-7, "{first:e}");
+    let frames = frames(run.path(), [50, 50, 5]);
+    let start = frames.iter().find(|frame| tip(frame, 25) > 0).unwrap().t;
+    let through = frames.iter().find(|frame| tip(frame, 25) == 25).unwrap().t;
+    println!("first {first:e}, start {start:e}, through {through:e}");
+    assert!((48e-6..=57e-6).contains(&start) && through - start <= 5e-6 + 1e-6);
+    let last = frames.last().unwrap();
+    for column in &last.columns {
+        assert_eq!(groups(column), 1);
+        let off = |k: usize| (k as f64 - 24.5).abs();
+        assert!((0..50).filter(|k| column[*k]).all(|k| off(k) <= 3.5), "near the middle");
+    }
+    let summary = json_file(&run.path().join("summary.json"));
+    assert!(number(&summary["motion"]["rounding"]) < 1e-12);
+}
+
+/// The crack forks where and as fast as in the reference, and its two branches are mirror images.
+#[test]
+fn a_plate_under_tension_forks() {
+    let known = reference("fracture_bars.json");
+    let run = examples::run("boundary_tension", &[]);
+    let (header, rows) = table(&run.path().join("motion.csv"));
+    let broken = header.iter().position(|x| x == "broken_bonds").unwrap();
+    let exact = &known["exact"]["grids"]["200x80x8"];
+    assert_eq!(rows[0][broken], number(&exact["cut"]));
+    let spacing = 5e-4;
+    let frames = frames(run.path(), [200, 80, 8]);
+    let tips: Vec<(f64, f64)> =
+        frames.iter().map(|frame| (frame.t, spacing * (100 + tip(frame, 100)) as f64)).collect();
+    let start = tips.iter().find(|(_, x)| *x >= 0.0505).unwrap().0;
+    let exit = tips.iter().find(|(_, x)| *x >= 0.0995).unwrap().0;
+    let way: Vec<&(f64, f64)> = tips.iter().filter(|(_, x)| (0.055..0.0945).contains(x)).collect();
+    let (first, last) = (way[0], way[way.len() - 1]);
+    let speed = (last.1 - first.1) / (last.0 - first.0);
+    let rayleigh = number(&known["exact"]["boundary_tension"]["c_R_bond_based"]);
+    // Two groups in three columns, beyond the notch by two horizons.
+    let forks = |frame: &Damaged| {
+        let beyond = 100 + 6;
+        let all: Vec<usize> = (beyond..200).filter(|x| groups(&frame.columns[*x]) >= 2).collect();
+        (all.len() >= 3).then(|| all[0])
+    };
+    let fork = frames.iter().find_map(forks).unwrap() as f64 * spacing + spacing / 2.0;
+    println!("start {start:e}, fork {fork:e}, speed {:.3} c_R, exit {exit:e}", speed / rayleigh);
+    assert!((8e-6..=11e-6).contains(&start) && (0.060..=0.077).contains(&fork));
+    assert!((0.35..=0.65).contains(&(speed / rayleigh)) && (50e-6..=62e-6).contains(&exit));
+    // Mirror images, to two spacings.
+    let end = frames.last().unwrap();
+    for column in &end.values {
+        for k in 0..40 {
+            let near = |d: f64, at: usize| {
+                (at.saturating_sub(2)..(at + 3).min(80)).any(|j| (column[j] - d).abs() < 0.2)
+            };
+            assert!(near(column[k], 79 - k), "mirror");
+        }
+    }
+    let summary = json_file(&run.path().join("summary.json"));
+    assert!(number(&summary["motion"]["rounding"]) < 1e-12);
+}

@@ -1,0 +1,271 @@
+//! Bodies that break, through the program: what a run leaves, what is refused, and runs that are ended in the
+//! middle of a crack.
+
+use std::fs;
+
+use crate::support::frames::{read_pvd, read_vtu};
+use crate::support::{SceneFolder, number, piola, table};
+
+/// A bond of unit constant that breaks at a stretch of 1 %.
+pub(crate) const BRITTLE: &str = "potential brittle\nparameter C = 1e13\nparameter s0 = 0.01\n\
+                       psi(l) = 1/2*C*L*(l/L - 1)^2\nbreak when l/L - 1 > s0 \"critical stretch\"\n";
+
+/// A plate with a slit that is torn apart.
+pub(crate) const TORN: &str = r#"
+[body]
+box = [[0, 0], [1, 0.6]]
+spacing = 0.05
+[horizon]
+spacings = 3.015
+[material]
+potential = "brittle.piola"
+density = 1000
+[sets]
+upper = "Y > 0.4"
+low = "Y < 0.05"
+high = "Y > 0.55"
+[[crack]]
+segment = [[-0.1, 0.3], [0.4, 0.3]]
+[fracture]
+unbreakable = ["low", "high"]
+[[prescribe]]
+set = "low"
+v = [0, -0.5]
+[[prescribe]]
+set = "high"
+v = [0, 0.5]
+[motion]
+end = 0.02
+[output]
+frames = 4
+rows = 40
+colour = "damage"
+"#;
+
+/// The damage of the first frame and of the last, of every point.
+fn damage(folder: &SceneFolder) -> [Vec<f64>; 2] {
+    let out = folder.out();
+    let frames = read_pvd(&fs::read_to_string(out.join("run.pvd")).unwrap()).unwrap();
+    [0, frames.len() - 1].map(|k| {
+        let frame = read_vtu(&out.join(&frames[k].1)).unwrap();
+        frame.array("damage").unwrap().values.clone()
+    })
+}
+
+fn torn(change: impl Fn(&str) -> String) -> SceneFolder {
+    let folder = SceneFolder::new(&change(TORN));
+    folder.file("brittle.piola", BRITTLE);
+    folder
+}
+
+#[test]
+fn a_plate_is_torn_and_its_account_closes() {
+    let folder = torn(str::to_owned);
+    folder.run(&[]).expect(0);
+    let out = folder.out();
+    let (header, rows) = table(&out.join("motion.csv"));
+    let column = |name: &str| header.iter().position(|x| *x == name).unwrap();
+    let of = |row: &[f64], name: &str| row[column(name)];
+    // The slit cuts 8 columns of points: rational arithmetic is tried elsewhere.
+    let (first, last) = (&rows[0], rows.last().unwrap());
+    assert!(of(first, "broken_bonds") > 100.0 && of(first, "released") == 0.0);
+    assert!(of(last, "broken_bonds") > of(first, "broken_bonds") + 200.0);
+    let largest = rows.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+    for pair in rows.windows(2) {
+        assert!(of(&pair[1], "broken_bonds") >= of(&pair[0], "broken_bonds"));
+        assert!(of(&pair[1], "released") >= of(&pair[0], "released"));
+    }
+    let sum = |row: &[f64]| {
+        let of = |name: &str| of(row, name);
+        of("kinetic_leapfrog") + of("stored") - of("quadrature") + of("released")
+            - of("timing")
+            - of("prescribed")
+    };
+    for row in &rows {
+        assert!((sum(row) - sum(first)).abs() < 1e-12 * largest);
+        assert!(of(row, "rounding").abs() < 1e-12 * largest);
+    }
+    let summary = folder.summary();
+    let motion = &summary["motion"];
+    assert_eq!(number(&motion["energies"]["broken_bonds"]), of(last, "broken_bonds"));
+    assert_eq!(number(&motion["energies"]["released"]), of(last, "released"));
+    let [start, end] = damage(&folder);
+    assert!(start.iter().chain(&end).all(|d| (0.0..=1.0).contains(d)));
+    assert!(start.iter().zip(&end).all(|(before, after)| after >= before));
+    assert!(start.iter().any(|d| *d > 0.3) && end.iter().filter(|d| **d > 0.3).count() > 30);
+    let picture = fs::read_to_string(out.join("picture.svg")).unwrap();
+    assert!(picture.contains("damage") && picture.contains("released"));
+}
+
+/// The same bits for any number of threads, and the same picture above as below, as long as the crack
+/// runs straight.
+#[test]
+fn threads_change_nothing_and_the_plate_is_torn_as_its_mirror_image() {
+    let [one, two] = ["1", "2"].map(|threads| {
+        let folder = torn(str::to_owned);
+        folder.run(&["--threads", threads]).expect(0);
+        fs::read(folder.out().join("motion.csv")).unwrap()
+    });
+    assert_eq!(one, two);
+    let folder = torn(|scene| scene.replace("end = 0.02", "end = 0.012"));
+    folder.run(&[]).expect(0);
+    let [_, damage] = damage(&folder);
+    // Columns of 12 points: the last coordinate goes fastest.
+    for column in damage.chunks(12) {
+        for k in 0..6 {
+            assert!((column[k] - column[11 - k]).abs() < 1e-12, "{column:?}");
+        }
+    }
+}
+
+/// A slit is no damage, and a crack in a body at rest makes it softer.
+#[test]
+fn slits_and_cracks_at_rest() {
+    let folder = torn(|scene| {
+        scene.replace("segment", "damaged = false\nsegment").replace("end = 0.02", "end = 1e-3")
+    });
+    folder.run(&[]).expect(0);
+    let (header, rows) = table(&folder.out().join("motion.csv"));
+    let broken = header.iter().position(|x| x == "broken_bonds").unwrap();
+    assert_eq!(rows[0][broken], 0.0);
+    assert!(damage(&folder)[0].iter().all(|d| *d == 0.0));
+
+    let pull = |crack: &str| {
+        let text = format!(
+            "[body]\nbox = [[0, 0], [1, 0.6]]\nspacing = 0.05\n[horizon]\nspacings = 3.015\n\
+             [material]\npotential = \"javili2020\"\nparameters = {{ C1 = 1.0 }}\n[sets]\n\
+             low = \"Y < 0.05\"\nhigh = \"Y > 0.55\"\n{crack}\n[[prescribe]]\nset = \"low\"\n\
+             u = [0, 0]\n[[prescribe]]\nset = \"high\"\nu = [0, \"1e-3*t\"]\n[steps]\n\
+             increments = 1\n"
+        );
+        let folder = SceneFolder::new(&text);
+        folder.run(&[]).expect(0);
+        let (header, rows) = table(&folder.out().join("reactions.csv"));
+        rows.last().unwrap()[header.iter().position(|x| x == "high_y").unwrap()]
+    };
+    let crack = "[[crack]]\nsegment = [[-1, 0.3], [0.4, 0.3]]";
+    let (whole, cracked) = (pull(""), pull(crack));
+    assert!(cracked > 0.3 * whole && cracked < 0.9 * whole, "{cracked} {whole}");
+    let through = pull("[[crack]]\nsegment = [[-1, 0.3], [2, 0.3]]\ndamaged = false");
+    assert!(through.abs() < 1e-9 * whole, "{through}");
+}
+
+#[test]
+fn what_cannot_break_is_refused_with_its_place() {
+    let of = |scene: &str, potential: &str| {
+        let folder = SceneFolder::new(scene);
+        folder.file("brittle.piola", potential);
+        piola(&["run", &folder.scene(), "--out", &folder.path("out")])
+    };
+    let steps =
+        TORN.replace("[motion]\nend = 0.02", "[steps]").replace("v = [0, -0.5]", "u = [0, 0]");
+    let steps = steps.replace("v = [0, 0.5]", "u = [0, \"t\"]").replace("rows = 40\n", "");
+    of(&steps, BRITTLE).expect(2).says(&["conflicting-keys", "scene.toml:8:13", "[motion]"]);
+    let areas = format!("{BRITTLE}psi(a) = (a/A - 1)^2\n");
+    of(TORN, &areas).expect(2).says(&["conflicting-keys", "psi(a)", "coefficients"]);
+    let states = format!("{BRITTLE}theta = integral(l/L - 1)\npsi(theta) = theta^2\n");
+    let implicit = TORN.replace("[motion]", "[motion]\nmethod = \"midpoint\"");
+    of(&implicit, &states).expect(2).says(&["conflicting-keys", "psi(theta)", "explicit"]);
+    let whole = BRITTLE.replace("break", "#");
+    let cut = format!("{whole}psi(a) = (a/A - 1)^2\n");
+    of(TORN, &cut).expect(2).says(&["a crack cuts bonds", "scene.toml:14", "psi(a)"]);
+    let gradients = format!("{whole}psi(F) = 1e9*(tr(F'*F) - 2 - 2*ln(J))\n");
+    of(&implicit, &gradients).expect(2).says(&["psi(F)", "explicit motions"]);
+    for (from, to, says) in [
+        ("segment = [[-0.1, 0.3], [0.4, 0.3]]", "segment = [[0, 0]]", "two points"),
+        ("segment = [[-0.1, 0.3], [0.4, 0.3]]", "segment = [[1, 1], [1, 1]]", "extent"),
+        ("segment = [[-0.1, 0.3], [0.4, 0.3]]", "segment = [[0, 0, 0], [1, 1, 1]]", "components"),
+        ("segment", "polygon", "a crack in 3 dimensions"),
+        ("segment = [[-0.1, 0.3], [0.4, 0.3]]", "", "neither `segment` nor `polygon`"),
+        ("unbreakable = [\"low\", \"high\"]", "unbreakable = [\"lo\"]", "did you mean `low`"),
+        ("unbreakable = [\"low\", \"high\"]", "unbreakable = \"low\"", "expected an array"),
+        ("[fracture]\nunbreakable", "[fracture]\nunbreakabel", "did you mean `unbreakable`"),
+    ] {
+        assert!(TORN.contains(from));
+        of(&TORN.replacen(from, to, 1), BRITTLE).expect(2).says(&[says]);
+    }
+    // What runs through points is told, and what misses the body.
+    let folder =
+        torn(|scene| scene.replace("[-0.1, 0.3], [0.4, 0.3]", "[-0.1, 0.325], [0.4, 0.325]"));
+    piola(&["check", &folder.scene()]).expect(0).says(&["boundary-on-points", "half a spacing"]);
+    let folder = torn(|scene| scene.replace("[-0.1, 0.3], [0.4, 0.3]", "[-0.1, 3], [0.4, 3]"));
+    piola(&["check", &folder.scene()]).expect(0).says(&["idle-entry", "cuts no bond"]);
+    let planned = piola(&["plan", &torn(str::to_owned).scene()]).expect(0).stdout;
+    assert!(planned.contains("status of bonds"), "{planned}");
+}
+
+/// Bonds that are beyond their threshold at the start break there, and the account begins behind that.
+#[test]
+fn what_is_torn_at_the_start_breaks_there() {
+    let folder = torn(|scene| {
+        scene.replace(
+            "[[prescribe]]\nset = \"low\"",
+            "[[initial]]\nset = \"upper\"\nu = [0, 0.02]\n[[prescribe]]\nset = \"low\"",
+        )
+    });
+    folder.run(&[]).expect(0).says(&["bonds break before the first step"]);
+    let (header, rows) = table(&folder.out().join("motion.csv"));
+    let of = |name: &str| rows[0][header.iter().position(|x| x == name).unwrap()];
+    assert!(of("released") == 0.0 && of("broken_bonds") > 0.0);
+}
+
+/// What the bonds across a plane hold, against a count of the bonds that cross the middle of a block.
+#[test]
+fn the_fracture_energy_of_a_lattice_is_that_of_the_bonds_across_a_plane() {
+    let (h, ratio, k, gc) = (0.5, 3.0, 7.0, 0.03);
+    let text = format!(
+        "[body]\nbox = [[0, 0, 0], [3, 3, 3]]\nspacing = {h}\n[horizon]\nspacings = {ratio}\n[material]\n\
+         potential = \"prototype_microelastic_brittle\"\nparameters = {{ K = {k}, Gc = {gc} }}\n"
+    );
+    let folder = SceneFolder::new(&text);
+    let found = piola(&["moduli", &folder.scene(), "--format", "json"]).expect(0).json();
+    let planes = found["fracture"]["planes"].as_array().unwrap();
+    let delta: f64 = ratio * h;
+    let s0 = (5.0 * gc / (9.0 * k * delta)).sqrt();
+    for (number, stretch) in [0, 1].map(|k| (k, number(&found["fracture"]["critical_stretch"][k])))
+    {
+        assert!((stretch / s0 - 1.0).abs() < 1e-12, "{number}");
+    }
+    let c = 18.0 * k / (std::f64::consts::PI * delta * delta * delta * delta);
+    // Points of a cell of the plane at all depths below it, and all points above.
+    let reach = 3_i32;
+    let mut sum = 0.0;
+    for depth in 0..reach {
+        for (dx, dy, dz) in (-reach..=reach).flat_map(|x| {
+            (-reach..=reach).flat_map(move |y| (-reach..=reach).map(move |z| (x, y, z)))
+        }) {
+            let squared = dx * dx + dy * dy + dz * dz;
+            if squared <= 9 && dx > depth {
+                let length = h * f64::from(squared).sqrt();
+                sum += (h * h * h) * (h * h * h) * 0.5 * c * length * s0 * s0;
+            }
+        }
+    }
+    let expected = sum / (h * h);
+    let of_plane = number(&planes[0][1]);
+    assert!((of_plane / expected - 1.0).abs() < 1e-12, "{of_plane:e} {expected:e}");
+    let elastic = text.replace("prototype_microelastic_brittle", "silling2000");
+    let elastic = SceneFolder::new(&elastic.replace(", Gc = 0.03", ""));
+    let found = piola(&["moduli", &elastic.scene(), "--format", "json"]).expect(0).json();
+    assert!(found["fracture"].is_null());
+}
+
+/// Strains of bonds near a crack that stands open are those of what is left: a body in two halves that fly
+/// apart has none.
+#[test]
+fn strains_look_at_bonds_that_are_left() {
+    let folder = torn(|scene| {
+        let halves = "[[initial]]\nset = \"upper\"\nv = [0, 10]\n";
+        let scene = scene.replace("[-0.1, 0.3], [0.4, 0.3]", "[-1, 0.4], [2, 0.4]");
+        let start = scene.find("[[prescribe]]").unwrap();
+        let end = scene.find("[motion]").unwrap();
+        let scene = format!("{}{halves}{}", &scene[..start], &scene[end..]);
+        scene.replace("[output]", "[output]\nfields = [\"strain\"]")
+    });
+    folder.run(&[]).expect(0);
+    let out = folder.out();
+    let frames = read_pvd(&fs::read_to_string(out.join("run.pvd")).unwrap()).unwrap();
+    let last = read_vtu(&out.join(&frames[frames.len() - 1].1)).unwrap();
+    assert!(last.array("displacement").unwrap().values.iter().any(|u| *u > 0.19));
+    assert!(last.array("strain").unwrap().values.iter().all(|e| e.abs() < 1e-9));
+}

@@ -1,8 +1,9 @@
-//! The conditions under which bonds break, compiled: a margin is a function of a bond like an energy, so
-//! it is rewritten, differentiated and compiled by the same code, and keeps its digits near the threshold.
+//! The conditions under which bonds break, and what they remember, compiled: a margin and a next state are
+//! functions of a bond like an energy, so they are rewritten, differentiated and compiled by the same code,
+//! and keep their digits near a threshold.
 
 use crate::kernel::{Kernel, Mode, WrittenEnergy};
-use crate::model::Model;
+use crate::model::{Model, Update};
 use crate::specialise::{CompileError, Form, MAX_OPERATIONS, Named, function_of_bonds, of_bonds};
 use crate::squares::square_of;
 use crate::values::Values;
@@ -28,6 +29,18 @@ impl Criterion {
     pub fn breaks(&self, margin: f64) -> bool {
         margin > 0.0 || self.holds_at_zero && margin == 0.0
     }
+}
+
+/// What a state of a bond becomes.
+#[derive(Debug)]
+pub struct NextState {
+    /// The number of the state among the fields of the values ([`Values::fields`]).
+    pub field: usize,
+    /// The next value in SI units, in the place of psi. Its fields are those of the values, and behind them
+    /// the time step in s where some update depends on it.
+    pub next: Kernel,
+    /// The next value as written, in canonical spelling.
+    pub text: String,
 }
 
 impl Model {
@@ -63,6 +76,43 @@ impl Model {
             Ok(Criterion { margin, holds_at_zero: one.holds_at_zero, text, reason })
         };
         variant.breaks.iter().map(criterion).collect()
+    }
+
+    /// What states of bonds become, for these values with states among the fields
+    /// ([`Values::with_states`]). All of them are worked out from the states as they are, then they change
+    /// at once.
+    ///
+    /// # Errors
+    /// A next value that is too large, or the horizon where none is given.
+    pub fn next_states(
+        &self,
+        values: &Values,
+        mode: Mode,
+        form: Form,
+    ) -> Result<Vec<NextState>, CompileError> {
+        let variant =
+            self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+        let in_time = values.clone().with_states(self).with_time_step(self);
+        let next = |one: &Update| {
+            let (graph, root) = (&variant.graph, one.root);
+            let named = Named { argument: ARGUMENT, span: one.span };
+            named.has_horizon(graph, &[root], values.horizon.is_nan())?;
+            let made = named.made(of_bonds(graph, self.parameters(), root, &in_time, form))?;
+            named.fits(&made.graph)?;
+            let written = || WrittenEnergy::of_root(graph, root, &in_time);
+            let next = Kernel::new(made, (mode, form), written)?;
+            let field = in_time.fields.partition_point(|field| usize::from(*field) < one.state);
+            Ok(NextState { field, next, text: one.text.clone() })
+        };
+        variant.updates.iter().map(next).collect()
+    }
+
+    /// What states become as written, for these values, with the time step behind their fields.
+    pub fn written_next_states(&self, values: &Values) -> Vec<WrittenEnergy> {
+        let Some(variant) = self.variant(values.dimension) else { return Vec::new() };
+        let in_time = values.clone().with_states(self).with_time_step(self);
+        let next = |one: &Update| WrittenEnergy::of_root(&variant.graph, one.root, &in_time);
+        variant.updates.iter().map(next).collect()
     }
 
     /// The margins of bonds as written, for these values.

@@ -35,6 +35,7 @@ mod near;
 pub mod point;
 pub mod print;
 mod program;
+pub mod remember;
 pub mod rewrite;
 pub mod simplify;
 pub mod specialise;
@@ -44,7 +45,7 @@ mod values;
 pub mod verify;
 mod written;
 
-pub use breaking::Criterion;
+pub use breaking::{Criterion, NextState};
 pub use check::{CODES, Files, check, check_text, check_text_with};
 pub use clique::{Part as CliquePart, Variable};
 pub use compile::{Compiled, Kind};

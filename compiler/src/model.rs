@@ -10,9 +10,12 @@ use piola_grammar::Span;
 
 use crate::check::dimension::Dimension;
 use crate::check::unit::UnitValue;
-use crate::expression::{ExprGraph, NodeId};
+use crate::expression::{ExprGraph, Input, NodeId};
 use crate::measure::{Argument, Measure};
 use crate::verify::Stated;
+
+/// The time step of a motion in what states become.
+pub(crate) const TIME_STEP: &str = "dt";
 
 /// A checked potential.
 #[derive(Clone, Debug)]
@@ -33,6 +36,8 @@ pub struct Model {
 pub struct Parameter {
     /// Its name.
     pub name: String,
+    /// Whether it is a state: what an interaction remembers. Its default is what it begins with.
+    pub is_state: bool,
     /// What it is.
     pub description: Option<String>,
     /// The unit as written.
@@ -84,6 +89,8 @@ pub struct Variant {
     pub domains: Vec<Interval>,
     /// When bonds break.
     pub breaks: Vec<Break>,
+    /// What states of bonds become, at most one for each.
+    pub updates: Vec<Update>,
     /// Numbers and components of tensors that depend on the deformation, and what they are in the text,
     /// the innermost expressions first.
     pub(crate) stated: Vec<(NodeId, Stated)>,
@@ -155,6 +162,20 @@ pub struct Break {
     pub text: String,
     /// What it is, in the words of the file.
     pub reason: Option<String>,
+}
+
+/// What a state of a bond becomes, `update k = max(k, l/L - 1)`.
+#[derive(Clone, Debug)]
+pub struct Update {
+    /// The number of the state among the parameters.
+    pub state: usize,
+    /// Its next value in SI units in the variant's graph, a function of `l`, `L`, of states as they are and
+    /// of the time step.
+    pub root: NodeId,
+    /// Place of the next value.
+    pub span: Span,
+    /// The next value as written, in canonical spelling.
+    pub text: String,
 }
 
 /// One energy statement of several measures, `psi(a, l1, l2)` or `psi(angle)`.
@@ -280,6 +301,31 @@ impl Model {
     /// The conditions under which bonds break, as written.
     pub fn breaks(&self) -> &[Break] {
         &self.variants[0].breaks
+    }
+
+    /// What states become, as written.
+    pub fn updates(&self) -> &[Update] {
+        &self.variants[0].updates
+    }
+
+    /// The numbers of the parameters that are states, ascending.
+    pub fn states(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.parameters.len()).filter(|number| self.parameters[*number].is_state)
+    }
+
+    /// The name of a parameter by its number, or of the time step behind them.
+    pub(crate) fn input_name(&self, number: usize) -> &str {
+        self.parameters.get(number).map_or(TIME_STEP, |parameter| &parameter.name)
+    }
+
+    /// The number of the time step, where some update depends on it.
+    pub(crate) fn time_step(&self) -> Option<u16> {
+        let number = self.parameters.len() as u16;
+        let depends = |variant: &Variant| {
+            let roots: Vec<NodeId> = variant.updates.iter().map(|update| update.root).collect();
+            variant.graph.depends_on(&roots, Input::Parameter(number))
+        };
+        self.variants.iter().any(depends).then_some(number)
     }
 
     /// The measures of the interactions that have an energy of several measures, ascending: areas for

@@ -51,6 +51,20 @@ impl Values {
         self
     }
 
+    /// The same with the states of a model among the fields: each bond has its own.
+    pub fn with_states(mut self, model: &Model) -> Values {
+        self.fields.extend(model.states().map(|state| state as u16));
+        self.fields.sort_unstable();
+        self.fields.dedup();
+        self
+    }
+
+    /// The same with the time step, where updates depend on it, behind all fields.
+    pub(crate) fn with_time_step(mut self, model: &Model) -> Values {
+        self.fields.extend(model.time_step());
+        self
+    }
+
     /// The same where fields have their typical values everywhere.
     pub fn without_fields(&self) -> Values {
         Values { fields: Vec::new(), ..self.clone() }
@@ -122,12 +136,18 @@ impl Model {
                 });
             }
         }
-        if let Some(last) = fields.get(MAX_FIELDS) {
-            let message = format!("a potential has at most {MAX_FIELDS} parameters that vary");
+        let states = self.states().map(|state| state as u16);
+        let states: Vec<u16> = states.filter(|state| !fields.contains(state)).collect();
+        // A time step is one more input.
+        let n_inputs = fields.len() + states.len() + usize::from(self.time_step().is_some());
+        if n_inputs > MAX_FIELDS {
+            let last = fields.last().or(states.last()).copied().unwrap_or_default();
             errors.push(ValueError {
                 code: "too-large",
-                parameter: self.parameters[usize::from(*last)].name.clone(),
-                message,
+                parameter: self.parameters[usize::from(last)].name.clone(),
+                message: format!(
+                    "a potential has at most {MAX_FIELDS} parameters that vary, states and `dt` included"
+                ),
                 help: "give some of them one number".into(),
             });
         }
@@ -139,7 +159,7 @@ impl Model {
         errors.extend(self.broken_constraints(variant, &declared, horizon, |of| {
             of.iter().all(|parameter| !fields.contains(parameter))
         }));
-        let parameters: Vec<f64> =
+        let mut parameters: Vec<f64> =
             declared.iter().zip(&variant.units).map(|(x, unit)| x * unit.scale).collect();
         for (parameter, value) in self.parameters.iter().zip(&parameters) {
             if !value.is_finite() {
@@ -153,6 +173,8 @@ impl Model {
             }
         }
         if errors.is_empty() {
+            // Statics have no time step.
+            parameters.extend((!self.updates().is_empty()).then_some(0.0));
             let horizon = horizon.unwrap_or(f64::NAN);
             Ok(Values { dimension, parameters, fields, horizon })
         } else {

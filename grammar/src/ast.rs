@@ -199,8 +199,10 @@ pub enum Statement {
     /// `weights volumes`, with the place of the word: interactions weigh the product of the volumes
     /// of their points.
     Weights(Span),
-    /// `parameter C = 1 in Pa, C > 0 "stiffness"`
+    /// `parameter C = 1 in Pa, C > 0 "stiffness"`, or `state k = 0 "largest stretch so far"`
     Parameter(Parameter),
+    /// `update k = max(k, l/L - 1)`
+    Update(Update),
     /// `S(x) = ..` or `k = ..`
     Definition(Definition),
     /// `psi(l) = ..`
@@ -220,9 +222,11 @@ pub struct Allow {
     pub reason: Option<Text>,
 }
 
-/// A parameter declaration.
+/// The declaration of a parameter, or of a state: what an interaction remembers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parameter {
+    /// Whether it is a state, whose default is what interactions begin with.
+    pub is_state: bool,
     /// Its name.
     pub name: Ident,
     /// Default value, a constant expression.
@@ -279,6 +283,17 @@ pub struct Energy {
     pub body: ExprId,
     /// Place of `psi(..)`.
     pub head: Span,
+}
+
+/// What a state becomes.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Update {
+    /// The state.
+    pub state: Ident,
+    /// Its next value.
+    pub body: ExprId,
+    /// The whole statement.
+    pub span: Span,
 }
 
 /// A condition under which an interaction breaks.

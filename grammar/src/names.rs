@@ -1,7 +1,7 @@
 //! Words the language knows by itself, and Greek letters spelled out.
 
 /// Words with a meaning in the grammar; they cannot name anything.
-pub const KEYWORDS: [&str; 16] = [
+pub const KEYWORDS: [&str; 18] = [
     "potential",
     "source",
     "allow",
@@ -11,6 +11,8 @@ pub const KEYWORDS: [&str; 16] = [
     "domain",
     "break",
     "when",
+    "state",
+    "update",
     "in",
     "if",
     "then",
@@ -21,8 +23,18 @@ pub const KEYWORDS: [&str; 16] = [
 ];
 
 /// Keywords a statement begins with.
-pub const STATEMENT_KEYWORDS: [&str; 8] =
-    ["potential", "source", "allow", "parameter", "dimensions", "weights", "domain", "break"];
+pub const STATEMENT_KEYWORDS: [&str; 10] = [
+    "potential",
+    "source",
+    "allow",
+    "parameter",
+    "dimensions",
+    "weights",
+    "domain",
+    "break",
+    "state",
+    "update",
+];
 
 /// Functions of one number.
 pub const UNARY_FUNCTIONS: [&str; 18] = [

@@ -7,7 +7,7 @@
 
 use crate::ast::{
     Allow, Arena, Ast, BinaryOperator, Bound, Break, Definition, Energy, ExprId, ExprKind, Ident,
-    Parameter, Statement, Text, UnaryOperator, Unit,
+    Parameter, Statement, Text, UnaryOperator, Unit, Update,
 };
 use crate::operator::Binding;
 
@@ -90,6 +90,10 @@ impl<'a> Printer<'a> {
                 self.bound(&domain.upper);
                 self.push(if domain.upper.inclusive { "]" } else { ")" });
             }
+            Statement::Update(Update { state, body, .. }) => {
+                self.push(&format!("update {} = ", state.name));
+                self.expression(*body);
+            }
             Statement::Break(Break { condition, reason, .. }) => {
                 self.push("break when ");
                 self.expression(*condition);
@@ -103,7 +107,7 @@ impl<'a> Printer<'a> {
     }
 
     fn parameter(&mut self, parameter: &Parameter) {
-        self.push("parameter ");
+        self.push(if parameter.is_state { "state " } else { "parameter " });
         self.push(&parameter.name.name);
         if let Some(default) = parameter.default {
             self.push(" = ");

@@ -43,6 +43,9 @@ impl Pair<'_> {
             (S::Definition(a), S::Definition(b)) => self.definitions(a, b),
             (S::Energy(a), S::Energy(b)) => self.energies(a, b),
             (S::Domain(a), S::Domain(b)) => self.domains(a, b),
+            (S::Update(a), S::Update(b)) => {
+                a.state.name == b.state.name && self.expressions(a.body, b.body)
+            }
             (S::Break(a), S::Break(b)) => {
                 self.expressions(a.condition, b.condition) && same_text(&a.reason, &b.reason)
             }
@@ -52,6 +55,7 @@ impl Pair<'_> {
 
     fn parameters(&self, a: &Parameter, b: &Parameter) -> bool {
         a.name.name == b.name.name
+            && a.is_state == b.is_state
             && self.optional(a.default, b.default)
             && self.optional_units(&a.unit, &b.unit)
             && a.constraints.len() == b.constraints.len()

@@ -4,7 +4,7 @@
 //! first. `x > y` becomes `x - y`, `and` the smaller of two margins, `or` the larger, `not` the negative.
 //! What holds where its margin is 0 differs between `>` and `>=` alone, and is known of the whole.
 
-use piola_grammar::ast::{Break as BreakAst, ExprKind};
+use piola_grammar::ast::{Break as BreakAst, ExprId, ExprKind};
 use piola_grammar::{Diagnostic, print_expression};
 
 use super::names::parts;
@@ -14,7 +14,8 @@ use crate::expression::{Comparison, ExprGraph, Function, Node, NodeId, Operator,
 use crate::measure::Measure;
 use crate::model::Break;
 
-const LENGTH: u8 = 1 << (Measure::Length as u8);
+/// The bit of [`Value::uses`] for lengths of bonds.
+pub(super) const LENGTH: u8 = 1 << (Measure::Length as u8);
 
 impl Builder<'_> {
     /// `break when CONDITION "reason"`.
@@ -53,7 +54,8 @@ impl Builder<'_> {
         let arena = &self.ast.arena;
         let span = arena[breaking.condition].span;
         let foreign = value.uses & !LENGTH;
-        if value.uses & LENGTH != 0 && foreign == 0 {
+        let is_own = value.uses & LENGTH != 0 || self.elaborator.depends_on_states(&[value.node]);
+        if is_own && foreign == 0 {
             return true;
         }
         let example = "write for instance `break when l/L - 1 > s0 \"critical stretch\"`";
@@ -61,22 +63,27 @@ impl Builder<'_> {
             Diagnostic::error("wrong-measure", span, "this condition says nothing of a bond")
                 .label("the same for all bonds at all times")
         } else {
-            let (what, names): (&str, &[&str]) = match foreign {
-                uses if uses & GRADIENT != 0 => {
-                    ("the deformation gradient", &["F", "J", "C", "E", "U"])
-                }
-                uses if uses & INTEGRAL != 0 => ("what points gather", &[]),
-                _ => ("a measure of triangles or tetrahedra", &["a", "A", "v", "V"]),
-            };
-            let place = parts(arena, breaking.condition).into_iter().find(
-                |id| matches!(&arena[*id].kind, ExprKind::Name(name) if names.contains(&&**name)),
-            );
-            let span = place.map_or(span, |id| arena[id].span);
-            Diagnostic::error("wrong-measure", span, "bonds break by their own length alone")
-                .label(what)
+            self.not_of_bonds(breaking.condition, foreign, "bonds break by their own length alone")
         };
         self.elaborator.report(error.help(example));
         false
+    }
+
+    /// An expression that depends on more than a bond, at the first place where it does.
+    pub(super) fn not_of_bonds(&self, root: ExprId, foreign: u8, message: &str) -> Diagnostic {
+        let arena = &self.ast.arena;
+        let (what, names): (&str, &[&str]) = match foreign {
+            uses if uses & GRADIENT != 0 => {
+                ("the deformation gradient", &["F", "J", "C", "E", "U"])
+            }
+            uses if uses & INTEGRAL != 0 => ("what points gather", &[]),
+            _ => ("a measure of triangles or tetrahedra", &["a", "A", "v", "V"]),
+        };
+        let place = parts(arena, root).into_iter().find(
+            |id| matches!(&arena[*id].kind, ExprKind::Name(name) if names.contains(&&**name)),
+        );
+        let span = arena[place.unwrap_or(root)].span;
+        Diagnostic::error("wrong-measure", span, message).label(what)
     }
 }
 

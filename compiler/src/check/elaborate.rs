@@ -241,6 +241,10 @@ impl<'a> Elaborator<'a> {
                 let node = Node::Input(Input::Parameter(i as u16));
                 self.make(node, Kind::Number(quantity), 0, span)
             }
+            Symbol::TimeStep(i) => {
+                let kind = self.known(Dimension::of(0, 0, 1, 0));
+                self.make(Node::Input(Input::Parameter(i as u16)), kind, 0, span)
+            }
             Symbol::Kinematic(which) => self.kinematic(which, span),
             Symbol::Value(number) => self.values.get(&number).copied().flatten(),
             // `w` alone is `w(L)`.

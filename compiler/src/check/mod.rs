@@ -22,6 +22,7 @@ mod names;
 mod orders;
 mod quantity;
 mod statement;
+mod states;
 mod stretch;
 mod symbols;
 mod table;
@@ -36,7 +37,7 @@ use piola_grammar::{Ast, Diagnostic, Reading, Span, read, spell_out};
 use crate::model::Model;
 
 /// The codes of all findings of this crate, those about values and sizes included.
-pub const CODES: [&str; 26] = [
+pub const CODES: [&str; 27] = [
     "constraint-violated",
     "dimension-mismatch",
     "duplicate-name",
@@ -50,6 +51,7 @@ pub const CODES: [&str; 26] = [
     "not-a-constant",
     "not-a-function",
     "not-a-number",
+    "not-a-state",
     "reserved-name",
     "too-large",
     "type-mismatch",

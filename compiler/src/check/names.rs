@@ -85,6 +85,7 @@ impl<'a> Resolver<'a> {
                 }
                 if self.define(&p.name) {
                     self.symbols.names.insert(&p.name.name, Symbol::Parameter(self.n_parameters));
+                    self.symbols.states.extend(p.is_state.then_some(self.n_parameters));
                 }
                 self.n_parameters += 1;
                 for &id in &p.constraints {
@@ -113,6 +114,10 @@ impl<'a> Resolver<'a> {
             Statement::Energy(energy) => self.body(energy.body, &[]),
             Statement::Domain(domain) => self.body(domain.quantity, &[]),
             Statement::Break(breaking) => self.body(breaking.condition, &[]),
+            Statement::Update(update) => {
+                self.body(update.body, &[]);
+                self.state(&update.state);
+            }
             Statement::Source(_)
             | Statement::Allow(_)
             | Statement::Dimensions(_)
@@ -137,6 +142,34 @@ impl<'a> Resolver<'a> {
         if !checker.body(root) {
             self.symbols.unresolved.insert(root);
         }
+    }
+
+    /// Reports what is updated and no state.
+    fn state(&mut self, name: &Ident) {
+        let number = match self.symbols.get(&name.name) {
+            Some(Symbol::Parameter(number)) => Some(number),
+            _ => None,
+        };
+        if number.is_some_and(|number| self.symbols.states.contains(&number)) {
+            return;
+        }
+        let later = self.ast.statements.iter().any(
+            |s| matches!(s, Statement::Parameter(p) if p.is_state && p.name.name == name.name),
+        );
+        let message = format!("`{}` is no state", name.name);
+        let error = Diagnostic::error("not-a-state", name.span, message);
+        let help = match (later, self.places.get(name.name.as_str())) {
+            (true, _) => "a state is declared above the line that updates it".to_string(),
+            (_, Some(_)) => format!(
+                "what changes is declared so: `state {} = 0`, with the value that bonds begin with",
+                name.name
+            ),
+            _ => format!(
+                "declare it above, with the value that bonds begin with: `state {} = 0`",
+                name.name
+            ),
+        };
+        self.errors.push(error.label("nothing that an interaction remembers").help(help));
     }
 
     /// Whether the name is free; reports it if not.

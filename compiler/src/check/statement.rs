@@ -46,6 +46,7 @@ pub(crate) fn model(
         builder.statements();
         builder.variant.integrals = builder.integrals();
         builder.variant.traces = builder.elaborator.traces.clone();
+        builder.check_states();
         builder.variant.stated = std::mem::take(&mut builder.elaborator.stated.all);
         merge(errors, builder.elaborator.errors);
         let conditions;
@@ -147,6 +148,7 @@ fn parameter(ast: &Ast, p: &ParameterAst) -> Parameter {
     let unit = p.unit.as_ref().map(|unit| piola_grammar::print_unit(&ast.arena, unit));
     Parameter {
         name: p.name.name.clone(),
+        is_state: p.is_state,
         description: p.description.as_ref().map(|t| t.text.clone()),
         unit,
         span: p.name.span,
@@ -221,10 +223,15 @@ fn constraints(
 fn condition(elaborator: &mut Elaborator<'_>, id: ExprId) -> Option<NodeId> {
     let value = elaborator.expression(id)?;
     elaborator.truth(value, id)?;
+    let span = elaborator.arena[id].span;
+    if elaborator.depends_on_states(&[value.node]) {
+        let message = "a condition on parameters cannot depend on what bonds remember";
+        elaborator.report(Diagnostic::error("wrong-measure", span, message));
+        return None;
+    }
     if value.uses == 0 {
         return Some(value.node);
     }
-    let span = elaborator.arena[id].span;
     let error = if value.uses & !IN_UNIT == 0 {
         let message = "a condition on parameters holds a value that is stated in a unit";
         Diagnostic::error("dimension-mismatch", span, message)
@@ -264,6 +271,7 @@ impl<'a> Builder<'a> {
                 coupled_energies: Vec::new(),
                 domains: Vec::new(),
                 breaks: Vec::new(),
+                updates: Vec::new(),
                 stated: Vec::new(),
                 graph: ExprGraph::new(),
                 conditions: Conditions::default(),
@@ -282,6 +290,7 @@ impl<'a> Builder<'a> {
                 Statement::Energy(energy) => self.energy(energy),
                 Statement::Domain(domain) => self.domain(domain),
                 Statement::Break(breaking) => self.breaking(breaking),
+                Statement::Update(update) => self.update(update),
                 Statement::Definition(_)
                 | Statement::Source(_)
                 | Statement::Allow(_)

@@ -29,8 +29,10 @@ pub(crate) enum Symbol {
     Pi,
     /// `F`, `I`, `J`, `C` or `E`, in a file with an energy of `F`.
     Kinematic(Kinematic),
-    /// A parameter, by number.
+    /// A parameter or a state, by number.
     Parameter(usize),
+    /// `dt`, in a file with updates; numbered behind all parameters.
+    TimeStep(usize),
     /// A definition without parameters, by number of its statement.
     Value(usize),
     /// A user's function, by number of its statement.
@@ -41,6 +43,8 @@ pub(crate) enum Symbol {
 #[derive(Default)]
 pub(crate) struct Symbols<'a> {
     pub(super) names: HashMap<&'a str, Symbol>,
+    /// The parameters that are states, by number, ascending.
+    pub(super) states: Vec<usize>,
     /// Whether functions of tensors are known.
     pub(super) tensors: bool,
     /// What the files of tables hold, by their names in the text.
@@ -80,6 +84,10 @@ impl<'a> Symbols<'a> {
                 symbols.names.insert(part.symbol(), Symbol::Part(part));
                 symbols.names.insert(part.reference_symbol(), Symbol::PartAtRest(part));
             }
+        }
+        if ast.statements.iter().any(|s| matches!(s, Statement::Update(_))) {
+            let declared = ast.statements.iter().filter(|s| matches!(s, Statement::Parameter(_)));
+            symbols.names.insert("dt", Symbol::TimeStep(declared.count()));
         }
         symbols.names.insert("delta", Symbol::Horizon);
         symbols.names.insert("d", Symbol::Dimension);

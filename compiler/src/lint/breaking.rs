@@ -3,9 +3,10 @@
 use super::Finding;
 use super::subject::{example, short};
 use crate::breaking::Criterion;
-use crate::kernel::{Batch, Mode, Order, Outputs};
+use crate::kernel::Mode;
 use crate::measure::Measure;
 use crate::model::{Break, Model};
+use crate::remember::Remembering;
 use crate::specialise::Form;
 use crate::verify::sample::{Point, contains};
 
@@ -14,6 +15,9 @@ const REFERENCES: [f64; 2] = [0.5, 0.15];
 
 /// Points of every decade of the length.
 const POINTS_PER_DECADE: i32 = 100;
+
+/// A time in s in which all has happened to a bond that time can do.
+const AGE: f64 = 1e12;
 
 /// A condition with values for everything it depends on.
 pub(super) struct Breaking<'m> {
@@ -28,6 +32,9 @@ impl<'m> Breaking<'m> {
     pub(super) fn examples(model: &'m Model, dimension: usize) -> Vec<Breaking<'m>> {
         let Some(variant) = model.variant(dimension) else { return Vec::new() };
         let Some(values) = example(model, dimension) else { return Vec::new() };
+        let values = values.with_states(model);
+        let begin = || Remembering::new(model, &values, Mode::Interpreter, Form::Textbook);
+        let Ok(bond) = begin() else { return Vec::new() };
         let criteria = model.criteria(&values, Mode::Interpreter, Form::Textbook);
         let stretches: Vec<f64> = (-3 * POINTS_PER_DECADE..=POINTS_PER_DECADE)
             .map(|k| libm::pow(10.0, f64::from(k) / f64::from(POINTS_PER_DECADE)))
@@ -46,7 +53,7 @@ impl<'m> Breaking<'m> {
         let breaking = |(condition, criterion): (&'m Break, Criterion)| {
             let tried = |point: &Point| {
                 let stretch = point.measure / point.reference;
-                (stretch, criterion.breaks(margin(&criterion, *point)))
+                (stretch, breaks_in_time(bond.clone(), &criterion, *point))
             };
             Breaking { condition, tried: points.iter().map(tried).collect() }
         };
@@ -60,17 +67,15 @@ impl<'m> Breaking<'m> {
     }
 }
 
-fn margin(criterion: &Criterion, point: Point) -> f64 {
-    let mut psi = [0.0];
-    let batch = Batch {
-        measure: &[point.measure],
-        reference: &[point.reference],
-        change: &[point.change()],
-        fields: criterion.margin.fields(),
-    };
-    let out = Outputs { psi: &mut psi, dpsi: &mut [], d2psi: &mut [] };
-    criterion.margin.evaluate(batch, Order::Energy, out);
-    psi[0]
+/// Whether a bond breaks that comes to a length and stays there for a long time, but at rest.
+fn breaks_in_time(mut bond: Remembering, criterion: &Criterion, point: Point) -> bool {
+    let mut breaks = bond.breaks(criterion, point);
+    if point.measure != point.reference {
+        for dt in [0.0, AGE] {
+            breaks |= bond.advance(point, dt) && bond.breaks(criterion, point);
+        }
+    }
+    breaks
 }
 
 /// A condition that holds where nothing is deformed.

@@ -8,6 +8,8 @@
 //! | `jump-in-energy`, `jump-in-force` | has branches that do not meet |
 //! | `no-bond-energy` | stands without one of bonds |
 //! | `breaks-at-rest`, `never-breaks`, `breaks-in-compression` | has a condition `break when` that holds there |
+//! | `update-creates-energy`, `update-not-settled` | grows, or changes again, when bonds remember |
+//! | `state-unused` | has a state that changes nothing |
 //! | `jump-in-stiffness` | has no jump of psi'' where branches meet, or at points of a table |
 //! | `no-collapse-resistance`, `no-inversion-resistance` | stays finite where an interaction collapses, or is turned inside out |
 //!
@@ -18,15 +20,17 @@
 mod breaking;
 mod domain;
 mod jump;
+mod remember;
 mod rest;
 mod subject;
 
-use piola_grammar::{Diagnostic, Severity};
+use piola_grammar::{Diagnostic, Severity, Span};
 
 use crate::measure::Measure;
-use crate::model::Model;
+use crate::model::{Model, Parameter};
 use crate::values::Values;
 use breaking::Breaking;
+use remember::Updating;
 use subject::Subject;
 
 /// One kind of thing that is probably a mistake.
@@ -48,6 +52,10 @@ enum Look {
     Energy(fn(&Subject<'_>) -> Option<Finding>),
     /// One condition under which bonds break, with values.
     Break(fn(&Breaking<'_>) -> Option<Finding>),
+    /// What bonds remember, with values; gives the update that is to be pointed at.
+    Update(fn(&Updating<'_>) -> Option<(usize, Finding)>),
+    /// One state.
+    State(fn(&Model, &Parameter) -> Option<Finding>),
 }
 
 /// What a lint has to say.
@@ -59,7 +67,7 @@ struct Finding {
 }
 
 /// All lints.
-pub const LINTS: [Lint; 12] = [
+pub const LINTS: [Lint; 15] = [
     lint("not-stress-free", Look::Energy(rest::not_stress_free)),
     lint("not-stiff-at-rest", Look::Energy(rest::not_stiff)),
     lint("singular-in-domain", Look::Energy(domain::singular)),
@@ -69,6 +77,9 @@ pub const LINTS: [Lint; 12] = [
     lint("breaks-at-rest", Look::Break(breaking::at_rest)),
     lint("never-breaks", Look::Break(breaking::never)),
     lint("breaks-in-compression", Look::Break(breaking::in_compression)),
+    lint("update-creates-energy", Look::Update(remember::creates_energy)),
+    lint("update-not-settled", Look::Update(remember::not_settled)),
+    lint("state-unused", Look::State(remember::unused)),
     pedantic("jump-in-stiffness", Look::Energy(jump::in_stiffness)),
     pedantic("no-collapse-resistance", Look::Energy(domain::no_collapse_resistance)),
     pedantic("no-inversion-resistance", Look::Energy(domain::no_inversion_resistance)),
@@ -86,9 +97,25 @@ impl Lint {
     /// What it says of a condition under which bonds break.
     fn look_at_break(&self, breaking: &Breaking<'_>) -> Option<Diagnostic> {
         let Look::Break(look) = self.look else { return None };
-        let Finding { message, help } = look(breaking)?;
-        let warning = Diagnostic::warning(self.code, breaking.condition.span, message).help(help);
-        Some(warning.help(format!("if it is meant so: `allow \"{}\" \"why\"`", self.code)))
+        Some(self.warning(breaking.condition.span, look(breaking)?))
+    }
+
+    /// What it says of what bonds remember.
+    fn look_at_updates(&self, updating: &Updating<'_>) -> Option<Diagnostic> {
+        let Look::Update(look) = self.look else { return None };
+        let (update, finding) = look(updating)?;
+        Some(self.warning(updating.updates[update].span, finding))
+    }
+
+    /// What it says of a state.
+    fn look_at_state(&self, model: &Model, state: &Parameter) -> Option<Diagnostic> {
+        let Look::State(look) = self.look else { return None };
+        Some(self.warning(state.span, look(model, state)?))
+    }
+
+    fn warning(&self, span: Span, Finding { message, help }: Finding) -> Diagnostic {
+        let warning = Diagnostic::warning(self.code, span, message).help(help);
+        warning.help(format!("if it is meant so: `allow \"{}\" \"why\"`", self.code))
     }
 }
 
@@ -115,11 +142,22 @@ impl Model {
                 }
             }
         }
-        for breaking in self.dimensions().flat_map(|d| Breaking::examples(self, d)) {
-            for warning in wanted.iter().filter_map(|lint| lint.look_at_break(&breaking)) {
-                if !found.iter().any(|f| f.code == warning.code && f.span == warning.span) {
-                    found.push(warning);
-                }
+        let states = self.parameters.iter().filter(|parameter| parameter.is_state);
+        for state in states {
+            found.extend(wanted.iter().filter_map(|lint| lint.look_at_state(self, state)));
+        }
+        let mut of_bonds: Vec<Diagnostic> = Vec::new();
+        for dimension in self.dimensions() {
+            for breaking in Breaking::examples(self, dimension) {
+                of_bonds.extend(wanted.iter().filter_map(|lint| lint.look_at_break(&breaking)));
+            }
+            if let Some(updating) = Updating::examples(self, dimension) {
+                of_bonds.extend(wanted.iter().filter_map(|lint| lint.look_at_updates(&updating)));
+            }
+        }
+        for warning in of_bonds {
+            if !found.iter().any(|f| f.code == warning.code && f.span == warning.span) {
+                found.push(warning);
             }
         }
         found.sort_by_key(|warning| warning.span);

@@ -18,7 +18,37 @@ fn message(statements: &str, code: &str) -> String {
 }
 
 /// Code, an energy that has it, an energy that has not.
-const PAIRS: [(&str, &str, &str); 29] = [
+const PAIRS: [(&str, &str, &str); 35] = [
+    (
+        "never-breaks",
+        "state k = 0\nupdate k = max(k, l/L - 1)\npsi(l) = (l/L - 1)^2\nbreak when k > 20",
+        "state k = 0\nupdate k = max(k, l/L - 1)\npsi(l) = (l/L - 1)^2\nbreak when k > 0.1",
+    ),
+    (
+        "never-breaks",
+        "state life = 1\nupdate life = life + max(0, l/L - 1)*dt\npsi(l) = (l/L - 1)^2\nbreak when life <= 0",
+        "state life = 1\nupdate life = life - max(0, l/L - 1)*dt\npsi(l) = (l/L - 1)^2\nbreak when life <= 0",
+    ),
+    (
+        "update-creates-energy",
+        "state k = 0\nupdate k = max(k, l/L - 1)\npsi(l) = (1 + k)*(l/L - 1)^2",
+        "state k = 0\nupdate k = max(k, l/L - 1)\npsi(l) = (l/L - 1)^2/(1 + k)",
+    ),
+    (
+        "update-not-settled",
+        "state k = 0\nupdate k = 1/2*k + l/L - 1\npsi(l) = (l/L - 1)^2*(3 - sign(k))",
+        "state k = 0\nupdate k = k + dt*(l/L - 1)\npsi(l) = (l/L - 1)^2*(3 - sign(k))",
+    ),
+    (
+        "state-unused",
+        "state k = 0\nupdate k = max(k, l/L - 1)\npsi(l) = (l/L - 1)^2",
+        "state k = 0\nupdate k = max(k, l/L - 1)\npsi(l) = (l/L - 1)^2/(1 + k)",
+    ),
+    (
+        "state-unused",
+        "state k = 0\npsi(l) = (l/L - 1)^2/(1 + k)",
+        "parameter k = 0\npsi(l) = (l/L - 1)^2/(1 + k)",
+    ),
     (
         "breaks-at-rest",
         "psi(l) = (l/L - 1)^2\nbreak when l >= L",

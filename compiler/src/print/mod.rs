@@ -209,7 +209,7 @@ impl Names<'_> {
             Input::RightAxis(k) => component("N", k),
             Input::Integral(k) => format!("I{}", k + 1),
             Input::Direction(k) => component("dF", k),
-            Input::Parameter(i) => self.model.parameters()[usize::from(i)].name.clone(),
+            Input::Parameter(i) => self.model.input_name(usize::from(i)).to_string(),
         }
     }
 

@@ -168,7 +168,7 @@ impl<'a> Reader<'a> {
             Symbol::Dimension => Ok(Value::Number(self.algebra.graph.number(dimension)?)),
             Symbol::Pi => Ok(Value::Number(self.algebra.graph.number(std::f64::consts::PI)?)),
             Symbol::Horizon => self.input(Input::Horizon),
-            Symbol::Parameter(i) => self.input(Input::Parameter(i as u16)),
+            Symbol::Parameter(i) | Symbol::TimeStep(i) => self.input(Input::Parameter(i as u16)),
             Symbol::Kinematic(which) => self.kinematic(which),
             Symbol::Value(number) => self.definition(number, name),
             Symbol::Current(_)

@@ -6,7 +6,7 @@ use super::Builder;
 use super::parser::Rule;
 use crate::ast::{
     Allow, Bound, Break, Definition, Domain, Energy, ExprId, ExprKind, Ident, Parameter, Statement,
-    Text, UnaryOperator, Unit, UnitFactor,
+    Text, UnaryOperator, Unit, UnitFactor, Update,
 };
 use crate::names;
 use crate::{Diagnostic, Span};
@@ -42,7 +42,9 @@ impl Builder {
             }
             Rule::dimensions => Statement::Dimensions(self.dimensions(parts)),
             Rule::weights => Statement::Weights(self.weights(&take(&mut parts, Rule::name)?)),
-            Rule::parameter => Statement::Parameter(self.parameter(parts)?),
+            Rule::parameter => Statement::Parameter(self.parameter(parts, false)?),
+            Rule::state => Statement::Parameter(self.parameter(parts, true)?),
+            Rule::update => Statement::Update(self.update(span, parts)?),
             Rule::domain => Statement::Domain(self.domain(span.start, parts)?),
             Rule::breaking => Statement::Break(self.breaking(span, parts)?),
             Rule::energy => Statement::Energy(self.energy(parts)?),
@@ -83,11 +85,12 @@ impl Builder {
         span
     }
 
-    fn parameter(&mut self, mut parts: Pairs<'_, Rule>) -> Option<Parameter> {
+    fn parameter(&mut self, mut parts: Pairs<'_, Rule>, is_state: bool) -> Option<Parameter> {
         let name = take(&mut parts, Rule::name)?;
         let name = self.ident(&name);
         self.refuse_psi(&name.name, name.span);
         let mut parameter = Parameter {
+            is_state,
             name,
             default: None,
             unit: None,
@@ -204,6 +207,13 @@ impl Builder {
     fn breaking(&mut self, span: Span, mut parts: Pairs<'_, Rule>) -> Option<Break> {
         let condition = self.expression(take(&mut parts, Rule::expression)?)?.id;
         Some(Break { condition, reason: self.optional_text(&mut parts), span })
+    }
+
+    fn update(&mut self, span: Span, mut parts: Pairs<'_, Rule>) -> Option<Update> {
+        let state = take(&mut parts, Rule::name)?;
+        let state = self.ident(&state);
+        let body = self.expression(take(&mut parts, Rule::expression)?)?.id;
+        Some(Update { state, body, span })
     }
 
     /// Builds a product of powers of units.

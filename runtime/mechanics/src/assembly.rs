@@ -39,7 +39,7 @@ use rayon::prelude::*;
 use crate::body::Body;
 use crate::element::{Element, MeasureElement, Order};
 use crate::energy::{Energy, Hessian, Inversion, NonFinite, Wanted, check_sizes};
-use crate::fracture::Release;
+use crate::fracture::{Held, Release};
 use crate::interaction::schedule::{Cut, Layout, Part, visit};
 use crate::interaction::{
     Census, CliqueRoom, ContributingPairs, Degeneracy, Inverted, OwnerCliques, Report, Slabs,
@@ -478,12 +478,23 @@ impl Energy for DiscreteEnergy {
         way: (f64, &[f64]),
         bonds: &[usize],
     ) -> Result<Release, NonFinite> {
-        let release = match self.body.dimension() {
-            2 => self.release_bonds::<2>(u, way, bonds)?,
-            _ => self.release_bonds::<3>(u, way, bonds)?,
-        };
+        let mut held = vec![Held::default(); bonds.len()];
+        self.add_held(u, way, bonds, &mut held)?;
         self.lose_bonds(bonds);
-        Ok(release)
+        Ok(held.iter().fold(Release::of(bonds.len()), Release::and_all_of))
+    }
+
+    fn add_held(
+        &self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        bonds: &[usize],
+        held: &mut [Held],
+    ) -> Result<(), NonFinite> {
+        match self.body.dimension() {
+            2 => self.add_held_by::<2>(u, way, bonds, held),
+            _ => self.add_held_by::<3>(u, way, bonds, held),
+        }
     }
 
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {

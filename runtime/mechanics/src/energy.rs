@@ -9,7 +9,7 @@ pub use total::{Term, Total};
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::fracture::{Fracture, Release};
+use crate::fracture::{Fracture, Held, Release};
 use crate::interaction::{Inverted, Report};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -312,7 +312,26 @@ pub trait Energy: Send + Sync {
         let [old, new] = &forces;
         let powers = old.iter().zip(new).zip(direction).map(|((old, new), v)| (old - new) * v);
         let power = powers.fold(0.0, |sum, power| sum + power);
-        Ok(Release { bonds: bonds.len(), energy: before - after, timing: 0.5 * step * power })
+        Ok(Release {
+            energy: before - after,
+            timing: 0.5 * step * power,
+            ..Release::of(bonds.len())
+        })
+    }
+
+    /// Adds what each of some bonds holds at displacements `u`, to which a way `step*direction` has led:
+    /// energies of bonds alone, for these may change with what bonds remember.
+    ///
+    /// # Errors
+    /// Energies and forces that are not finite.
+    fn add_held(
+        &self,
+        _u: &[f64],
+        _way: (f64, &[f64]),
+        _bonds: &[usize],
+        _held: &mut [Held],
+    ) -> Result<(), NonFinite> {
+        Ok(())
     }
 
     /// The status of a body that can break.

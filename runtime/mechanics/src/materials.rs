@@ -97,6 +97,11 @@ impl Materials {
         self.fields.as_deref()
     }
 
+    /// The same, to be shared.
+    pub(crate) fn shared_fields(&self) -> Option<&Arc<Fields>> {
+        self.fields.as_ref()
+    }
+
     /// The material of a point.
     #[inline(always)]
     pub fn of(&self, point: usize) -> u8 {

@@ -26,6 +26,8 @@ pub struct MotionColumns {
     pub probes: Vec<String>,
     /// Whether bonds can break.
     pub breaks: bool,
+    /// Whether they remember something that changes.
+    pub remembers: bool,
 }
 
 /// A body in motion at one time; energies and work are in J.
@@ -63,14 +65,16 @@ pub struct MotionRow {
     pub probes: Vec<Vec<f64>>,
 }
 
-/// What bonds left that are broken.
+/// What bonds left that are broken, or remember something else.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BrokenRow {
     /// How many.
     pub bonds: usize,
     /// The energy that they held when they broke, in J.
     pub released: f64,
-    /// The work that their forces would have done over the halves of steps before, in J.
+    /// The energy in J that bonds lost by what they came to remember; nothing where they remember nothing.
+    pub dissipated: Option<f64>,
+    /// The work that the forces which went would have done over the halves of steps before, in J.
     pub timing: f64,
 }
 
@@ -96,7 +100,9 @@ impl MotionTables {
         let work = ["damping", "external", "prescribed", "quadrature", "rounding"];
         names.extend(work.map(str::to_owned));
         if columns.breaks {
-            names.extend(["released", "timing", "broken_bonds"].map(str::to_owned));
+            names.push("released".to_owned());
+            names.extend(columns.remembers.then(|| "dissipated".to_owned()));
+            names.extend(["timing", "broken_bonds"].map(str::to_owned));
         }
         names.extend(axes.iter().map(|axis| format!("momentum_{axis}")));
         names.extend(turns.iter().map(|axis| format!("angular_momentum_{axis}")));
@@ -181,8 +187,12 @@ impl MotionTables {
         let stored = row.parts.iter().fold(0.0, |sum, part| sum + part);
         let first = [row.step as f64, row.t, row.kinetic, row.kinetic_leapfrog, stored];
         let work = [row.damping, row.external, row.prescribed, row.quadrature, row.rounding];
-        let broken = row.broken.map(|row| [row.released, row.timing, row.bonds as f64]);
-        let all = first.iter().chain(&row.parts).chain(&work).chain(broken.iter().flatten());
+        let broken =
+            row.broken.map(|row| (row.released, row.dissipated, [row.timing, row.bonds as f64]));
+        let broken = broken.iter().flat_map(|(released, dissipated, others)| {
+            std::iter::once(released).chain(dissipated).chain(others)
+        });
+        let all = first.iter().chain(&row.parts).chain(&work).chain(broken);
         self.motion.push(all.chain(&row.momentum).chain(&row.angular_momentum))?;
         let t = || [&row.t].into_iter();
         self.reactions.push(t().chain(row.reactions.iter().flatten()))?;
@@ -301,6 +311,9 @@ pub struct MotionEnergies {
     /// What broken bonds held; nothing where none can break.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub released: Option<Number>,
+    /// What bonds lost by what they remember; nothing where they remember nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dissipated: Option<Number>,
     /// How many bonds are broken.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub broken_bonds: Option<usize>,
@@ -322,6 +335,7 @@ mod tests {
             sets: vec!["left".to_owned()],
             probes: vec!["tip".to_owned()],
             breaks: true,
+            remembers: false,
         };
         let mut tables = MotionTables::new(&folder, &columns).unwrap();
         let row = MotionRow {
@@ -335,7 +349,7 @@ mod tests {
             prescribed: f64::NAN,
             quadrature: -1e-9,
             rounding: 1e-17,
-            broken: Some(BrokenRow { bonds: 7, released: 0.25, timing: -0.5 }),
+            broken: Some(BrokenRow { bonds: 7, released: 0.25, dissipated: None, timing: -0.5 }),
             momentum: vec![7.0, 8.0],
             angular_momentum: vec![9.0],
             reactions: vec![vec![1.0, -1.0]],

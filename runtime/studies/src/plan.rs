@@ -119,6 +119,8 @@ pub struct PlanInput<'a> {
     pub quick_products: bool,
     /// Whether bonds can break, or are cut.
     pub breaks: bool,
+    /// How many numbers each bond remembers.
+    pub states: usize,
     /// How many potentials have energies of interactions.
     pub of_interactions: usize,
     /// What points know of their families, for each energy that needs it.
@@ -403,6 +405,10 @@ impl Costs {
             // Whether it is broken, how far it may grow, and a factor with its place along rows.
             let bytes = 21 * interactions.bonds;
             memory.push(MemoryItem { item: "status of bonds", bytes });
+        }
+        if input.states > 0 {
+            let bytes = 8 * input.states as u64 * interactions.bonds;
+            memory.push(MemoryItem { item: "states of bonds", bytes });
         }
         let time = if families.is_empty() {
             let horizons = extent.sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / input.layers();

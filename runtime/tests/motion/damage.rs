@@ -8,6 +8,7 @@ use piola_runtime::body::Body;
 use piola_runtime::energy::Energy;
 use piola_runtime::fracture::crack::Crack;
 use piola_runtime::fracture::criteria::{Criteria, Criterion, Layer};
+use piola_runtime::fracture::memory::Memory;
 use piola_runtime::fracture::{Breaking, Fracture};
 use piola_runtime::materials::{Interface, Materials};
 use piola_runtime::neighborhood::Neighborhood;
@@ -49,7 +50,13 @@ pub(crate) fn breaking(
     let layers = vec![Layer { of_law, materials: None }];
     let criteria = Criteria::new((body, &neighborhood), layers, is_kept);
     let names = Arc::clone(energy.parts());
-    Breaking::new((Arc::clone(body), neighborhood), vec![energy], names, criteria, Vec::new())
+    Breaking::new(
+        (Arc::clone(body), neighborhood),
+        vec![energy],
+        names,
+        (criteria, Memory::default()),
+        Vec::new(),
+    )
 }
 
 /// Bonds as the file lists them: the user's numbers, ascending.
@@ -100,7 +107,7 @@ fn bonds_break_on_given_paths_as_elsewhere() {
             let mut known = Vec::new();
             for step in path["steps"].as_array().unwrap() {
                 let u: Vec<f64> = u1.iter().map(|u| number(&step["factor"]) * u).collect();
-                let release = energy.advance(&u, (0.0, &u)).unwrap();
+                let release = energy.advance(&u, 0.0, (0.0, &u)).unwrap();
                 released += release.energy;
                 let broken = energy.broken();
                 let new = listed(&body, horizon, &beyond(&broken, &known));
@@ -298,7 +305,8 @@ fn bonds_between_materials_break_as_elsewhere() {
         let criteria = Criteria::new((&body, &neighborhood), layers, vec![false; body.n_points()]);
         let energy: Box<dyn Energy> = Box::new(energy.unwrap());
         let (names, around) = (Arc::clone(energy.parts()), (Arc::clone(&body), neighborhood));
-        let energy = Breaking::new(around, vec![energy], names, criteria, Vec::new());
+        let energy =
+            Breaking::new(around, vec![energy], names, (criteria, Memory::default()), Vec::new());
         let masses: Vec<f64> =
             body.volumes().iter().zip(&of_point).map(|(v, k)| rho[usize::from(*k)] * v).collect();
         let (dt, steps) = (number(&case["dt"]), number(&case["steps"]) as usize);

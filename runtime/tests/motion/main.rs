@@ -11,6 +11,7 @@ mod extremes;
 #[path = "../correspondence/common.rs"]
 mod families;
 mod reference;
+mod states;
 
 use std::sync::Arc;
 

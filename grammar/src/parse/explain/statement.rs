@@ -27,6 +27,10 @@ const FOREIGN_HEADS: &[(&[&str], &str)] = &[
         &["fail", "failure", "rupture", "damage", "remove", "delete", "crack"],
         "write `break when l/L - 1 > s0`",
     ),
+    (
+        &["history", "memory", "internal", "statev", "variable"],
+        "what a bond remembers is a state: `state k = 0`, and `update k = max(k, l/L - 1)`",
+    ),
     (&["range", "where", "for", "assume"], "write `domain l/L in (0, 10)`"),
     (&["import", "include", "use"], "a file stands for itself: there are no imports"),
     (&["return", "print"], "the energies `psi(..)` are the results of a file"),
@@ -52,6 +56,8 @@ pub(super) fn explain(failure: &Failure<'_>) -> Option<Diagnostic> {
         "parameter" => parameter(failure),
         "domain" => domain(failure),
         "break" => breaking(failure),
+        "state" => state(failure),
+        "update" => update(failure),
         "psi" | "ψ" => energy(failure).or_else(|| definition(failure, *head)),
         _ => definition(failure, *head),
     };
@@ -164,6 +170,32 @@ fn breaking(failure: &Failure<'_>) -> Option<Diagnostic> {
             .label("expected `when`")
             .help("write `break when l/L - 1 > s0 \"critical stretch\"`"),
     )
+}
+
+fn state(failure: &Failure<'_>) -> Option<Diagnostic> {
+    let example = "write `state k = 0 \"largest stretch so far\"`";
+    let finding = match failure.index {
+        1 => failure
+            .reserved()
+            .unwrap_or_else(|| failure.error("a state has a name").label("expected a name")),
+        2 => failure
+            .error("a state begins with a value, which every bond has at the start")
+            .label("expected `=`"),
+        _ if failure.found_text() == "," => {
+            failure.error("a state has no conditions").label("parameters have")
+        }
+        _ => return unit(failure),
+    };
+    Some(finding.help(example))
+}
+
+fn update(failure: &Failure<'_>) -> Option<Diagnostic> {
+    let finding = match failure.index {
+        1 => failure.error("`update` is followed by the name of a state").label("expected a name"),
+        2 => failure.error("an update says what a state becomes").label("expected `=`"),
+        _ => return None,
+    };
+    Some(finding.help("write `update k = max(k, l/L - 1)`"))
 }
 
 fn parameter(failure: &Failure<'_>) -> Option<Diagnostic> {
@@ -315,7 +347,7 @@ fn unknown_head(failure: &Failure<'_>, head: Token<'_>) -> Diagnostic {
         Some((_, help)) if failure.found_kind() != Some(Kind::Mark) => finding.help(*help),
         _ => finding.help(format!("to define it, write `{} = ...`", head.text)).help(
             "a statement begins with `potential`, `source`, `allow`, `parameter`, `dimensions`, \
-             `weights`, `domain`, `break when`, `psi(..) =` or `name =`",
+             `weights`, `domain`, `break when`, `state`, `update`, `psi(..) =` or `name =`",
         ),
     }
 }

@@ -116,9 +116,9 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
             let mut grouped = std::mem::take(self.grouped);
             grouped.clear();
             grouped.extend_from_slice(others);
-            // Couplings and factors have places in the order of the others; sums have none.
+            // Couplings, factors and states have places in the order of the others; sums have none.
             let has_places = self.visit.order == Order::Tangent && rows.has_couplings();
-            if !has_places && self.kind.factors.is_none() {
+            if !has_places && self.kind.factors.is_none() && !self.kind.has_states() {
                 grouped.sort_by_key(of);
             }
             let mut place = 0;
@@ -151,7 +151,9 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
         for others in others.chunks(CAPACITY) {
             self.fill(owner, others, place, part);
             if let Some(fields) = self.kind.fields_of(law) {
-                self.batch.take_fields(fields, |lane| [owner, others[lane] as usize].into_iter());
+                let first = self.visit.energy.neighborhood.bonds(owner).start + place;
+                let bond = |lane: usize| ([owner, others[lane] as usize], first + lane);
+                self.batch.take_fields_of_bonds(fields, bond);
             }
             self.evaluate(element, owner, others)?;
             self.scatter(owner, others, place, own, rows);

@@ -7,14 +7,20 @@
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+use rayon::prelude::*;
+
 use super::DiscreteEnergy;
+use super::kind::Kind;
 use super::quadratic::AffineLaw;
 use super::visit::{Refusal, minus};
-use crate::element::{Contributions, InteractionBatch, Order};
+use crate::element::{CAPACITY, Contributions, InteractionBatch, Order};
 use crate::energy::NonFinite;
-use crate::fracture::Release;
+use crate::fracture::Held;
 use crate::geometry::dot;
 use crate::kernel::{Law, Measure};
+
+/// Bonds that one task looks at.
+const CHUNK: usize = 1024;
 
 /// How much the square of a length must have grown, in m^2, until a margin is 0 that is negative at rest
 /// and grows with the length; nothing of margins that are not affine in the length or in its square.
@@ -72,41 +78,78 @@ impl DiscreteEnergy {
         Some(found.map(|slab| self.slabs.owners(slab)).collect())
     }
 
-    /// What bonds that are still there release, one by one: see [`crate::energy::Energy::break_bonds`].
-    pub(super) fn release_bonds<const D: usize>(
+    /// See [`crate::energy::Energy::add_held`].
+    pub(super) fn add_held_by<const D: usize>(
         &self,
         u: &[f64],
-        (step, direction): (f64, &[f64]),
+        way: (f64, &[f64]),
         bonds: &[usize],
-    ) -> Result<Release, NonFinite> {
-        let mut release = Release { bonds: bonds.len(), ..Release::default() };
-        let Some(kind) = &self.bonds else { return Ok(release) };
+        held: &mut [Held],
+    ) -> Result<(), NonFinite> {
+        let Some(kind) = &self.bonds else { return Ok(()) };
+        let chunks = bonds.par_chunks(CHUNK).zip(held.par_chunks_mut(CHUNK));
+        let add = |(bonds, held): (&[usize], &mut [Held])| {
+            let ends: Vec<[usize; 2]> = bonds.iter().map(|b| self.neighborhood.ends(*b)).collect();
+            let mut room =
+                (InteractionBatch::new(Measure::Length, D), Contributions::new(Measure::Length, D));
+            (0..kind.n_laws()).try_for_each(|law| {
+                let part_of = |lane: usize| {
+                    let own = kind.parts_of(&ends[lane]).iter().find(|part| part.0 == law);
+                    own.map(|(_, part)| (lane, part))
+                };
+                let lanes: Vec<(usize, f64)> = (0..bonds.len()).filter_map(part_of).collect();
+                let law = OfLaw { kind, law, bonds, ends: &ends };
+                let mut batches = lanes.chunks(CAPACITY);
+                batches.try_for_each(|lanes| {
+                    self.add_held::<D>(&law, lanes, (u, way), &mut room, held)
+                })
+            })
+        };
+        chunks.map(add).collect()
+    }
+
+    /// The same of some bonds that take one law, with the part that it has in each.
+    fn add_held<const D: usize>(
+        &self,
+        &OfLaw { kind, law, bonds, ends }: &OfLaw<'_>,
+        lanes: &[(usize, f64)],
+        (u, (step, direction)): (&[f64], (f64, &[f64])),
+        (batch, out): &mut (InteractionBatch, Contributions),
+        held: &mut [Held],
+    ) -> Result<(), NonFinite> {
+        let Some(element) = kind.element(law) else { return Ok(()) };
         let positions = self.body.positions().as_chunks::<D>().0;
         let (u_of, v_of) = (u.as_chunks::<D>().0, direction.as_chunks::<D>().0);
-        let mut batch = InteractionBatch::new(Measure::Length, D);
-        let mut out = Contributions::new(Measure::Length, D);
-        for &bond in bonds {
-            let [owner, other] = self.neighborhood.ends(bond);
-            let xi = minus(&positions[other], &positions[owner]);
-            let eta = minus(&u_of[other], &u_of[owner]);
-            let weights = &kind.weights;
+        batch.fill(lanes.len(), |k| {
+            let (lane, part) = lanes[k];
+            let ([owner, other], weights) = (ends[lane], &kind.weights);
             let begun = weights.begin(weights.share(owner), &[]);
-            let factor = kind.factors.as_ref().map_or(1.0, |factors| factors[bond]);
+            let factor = kind.factors.as_ref().map_or(1.0, |factors| factors[bonds[lane]]);
             let weight = factor * weights.join_last(begun, weights.share(other));
-            for (law, part) in kind.parts_of(&[owner, other]).iter() {
-                let Some(element) = kind.element(law) else { continue };
-                batch.fill(1, |_| (xi, eta, part * weight));
-                if let Some(fields) = kind.fields_of(law) {
-                    batch.take_fields(fields, |_| [owner, other].into_iter());
-                }
-                let evaluated = element.evaluate(&batch, Order::Gradient, &mut out);
-                evaluated
-                    .map_err(|lane| Refusal { element, lane }.of::<D>(vec![owner, other], u))?;
-                let pull: [f64; D] = std::array::from_fn(|axis| out.gradient[axis][0]);
-                release.energy += out.energy[0];
-                release.timing += 0.5 * step * dot(&pull, &minus(&v_of[other], &v_of[owner]));
-            }
+            let eta = minus(&u_of[other], &u_of[owner]);
+            (minus(&positions[other], &positions[owner]), eta, part * weight)
+        });
+        if let Some(fields) = kind.fields_of(law) {
+            batch.take_fields_of_bonds(fields, |k| (ends[lanes[k].0], bonds[lanes[k].0]));
         }
-        Ok(release)
+        element.evaluate(batch, Order::Gradient, out).map_err(|lane| {
+            let points = ends[lanes[lane.lane].0].to_vec();
+            Refusal { element, lane }.of::<D>(points, u)
+        })?;
+        for (k, (lane, _)) in lanes.iter().enumerate() {
+            let [owner, other] = ends[*lane];
+            let pull: [f64; D] = std::array::from_fn(|axis| out.gradient[axis][k]);
+            held[*lane].energy += out.energy[k];
+            held[*lane].timing += 0.5 * step * dot(&pull, &minus(&v_of[other], &v_of[owner]));
+        }
+        Ok(())
     }
+}
+
+/// Bonds on their way through the element of a law.
+struct OfLaw<'a> {
+    kind: &'a Kind,
+    law: usize,
+    bonds: &'a [usize],
+    ends: &'a [[usize; 2]],
 }

@@ -68,6 +68,11 @@ impl Kind {
         self.elements[law].as_deref()
     }
 
+    /// How many laws there are.
+    pub(super) fn n_laws(&self) -> usize {
+        self.elements.len()
+    }
+
     /// The elements of all laws that have one.
     pub(super) fn elements(&self) -> impl Iterator<Item = &dyn Element> + Clone {
         self.elements.iter().flatten().map(|element| &**element)
@@ -107,6 +112,12 @@ impl Kind {
         Some((fields, fields.of_law(law)))
     }
 
+    /// Whether bonds remember something that a law takes.
+    pub(super) fn has_states(&self) -> bool {
+        let has = |(fields, own): (&Fields, Range<usize>)| fields.have_states(own);
+        (0..self.elements.len()).any(|law| self.fields_of(law).is_some_and(has))
+    }
+
     /// The values of the field that affine laws are a multiple of, in equal parts of so many corners.
     pub(super) fn parts_of_field(&self, corners: usize) -> Option<Shares> {
         let (fields, own) = self.fields_of(0)?;
@@ -144,9 +155,10 @@ impl Kind {
         }
         let of_laws = self.elements.iter().map(|element| element.as_deref().map_or(Some(None), of));
         let laws: Vec<Option<AffineLaw<'_>>> = of_laws.collect::<Option<_>>()?;
-        // Of several laws each would have a field of its own, and what changes in time is looked up.
+        // Of several laws each would have a field of its own, and what changes in time or from bond to bond
+        // is looked up.
         let steady = || self.fields_of(0).is_some_and(|(fields, _)| fields.is_steady());
-        if self.has_fields() && !(laws.len() == 1 && steady()) {
+        if self.has_fields() && !(laws.len() == 1 && steady() && !self.has_states()) {
             return None;
         }
         let by_square = laws.iter().flatten().next()?.by_square;

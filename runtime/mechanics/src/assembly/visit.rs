@@ -138,9 +138,18 @@ impl Visit<'_> {
             if let Some(fields) = kind.fields_of(law) {
                 let members = |lane: usize| lanes[lane].corners::<K>().into_iter();
                 let point = |member: usize| cliques.members()[member] as usize;
-                batch.take_fields(fields, |lane| {
-                    std::iter::once(cliques.owner()).chain(members(lane).map(point))
-                });
+                if K == 1 {
+                    // Members are the owner's later neighbours, with its bonds.
+                    let first = self.energy.neighborhood.bonds(cliques.owner()).start;
+                    batch.take_fields_of_bonds(fields, |lane| {
+                        let [member] = lanes[lane].corners::<1>();
+                        ([cliques.owner(), point(member)], first + member)
+                    });
+                } else {
+                    batch.take_fields(fields, |lane| {
+                        std::iter::once(cliques.owner()).chain(members(lane).map(point))
+                    });
+                }
             }
             element.evaluate(batch, self.order, out).map_err(|lane| {
                 let points = lanes[lane.lane].corners::<K>();

@@ -57,6 +57,18 @@ impl InteractionBatch {
         fields.add(of_law, padded, |lane| corners(lane.min(last)), &mut self.fields);
     }
 
+    /// The same of bonds: `bond(lane)` are its points and its number.
+    #[inline(always)]
+    pub(crate) fn take_fields_of_bonds(
+        &mut self,
+        (fields, of_law): (&Fields, Range<usize>),
+        bond: impl Fn(usize) -> ([usize; 2], usize),
+    ) {
+        self.fields.clear();
+        let (last, padded) = (self.len.saturating_sub(1), self.padded_len());
+        fields.add_of_bonds(of_law, padded, |lane| bond(lane.min(last)), &mut self.fields);
+    }
+
     /// How many interactions it holds.
     pub fn len(&self) -> usize {
         self.len

@@ -15,7 +15,7 @@ use std::sync::{Arc, OnceLock};
 
 use super::differences::{ForceDifferences, smallest_distance, step};
 use super::{Energy, Hessian, Inversion, NonFinite, Products, Wanted, check_sizes};
-use crate::fracture::{Fracture, Release};
+use crate::fracture::{Fracture, Held, Release};
 use crate::interaction::{Inverted, Report};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::pool::Pool;
@@ -419,6 +419,16 @@ impl Energy for Total<'_> {
             }
         }
         Ok(Release { bonds: bonds.len(), ..sum })
+    }
+
+    fn add_held(
+        &self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        bonds: &[usize],
+        held: &mut [Held],
+    ) -> Result<(), NonFinite> {
+        self.terms.iter().try_for_each(|term| term.add_held(u, way, bonds, held))
     }
 
     fn fracture(&self) -> Option<&dyn Fracture> {

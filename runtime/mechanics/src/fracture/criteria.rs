@@ -18,7 +18,7 @@ use crate::materials::{Materials, Parts};
 use crate::neighborhood::Neighborhood;
 
 /// Owners whose bonds are judged by one task; fixed, so that results do not depend on threads.
-const CHUNK: usize = 1024;
+pub(super) const CHUNK: usize = 1024;
 
 /// Bonds are judged exactly from this share of what they may grow on: rounding is far below.
 const NEARLY: f64 = 1.0 - 1e-6;
@@ -198,10 +198,7 @@ impl Criteria {
                 }
             }
             if !nearly.is_empty() {
-                let room = room.get_or_insert_with(|| {
-                    let bonds = Measure::Length;
-                    (InteractionBatch::new(bonds, D), Contributions::new(bonds, D))
-                });
+                let room = room.get_or_insert_with(|| room_for(D));
                 let first = found.len();
                 for layer in &self.layers {
                     layer.judge(&nearly, room, u, &mut found)?;
@@ -235,7 +232,7 @@ impl Margins {
     fn judge<const D: usize>(
         &self,
         bonds: &[Candidate<D>],
-        (batch, out): &mut (InteractionBatch, Contributions),
+        (batch, out): &mut Room,
         u: &[f64],
         found: &mut Vec<usize>,
     ) -> Result<(), NonFinite> {
@@ -250,7 +247,9 @@ impl Margins {
                     && margin.element.n_fields() > 0
                 {
                     let of_law = fields.of_law(law);
-                    batch.take_fields((fields, of_law), |lane| bonds[lane].ends.into_iter());
+                    batch.take_fields_of_bonds((fields, of_law), |lane| {
+                        (bonds[lane].ends, bonds[lane].bond)
+                    });
                 }
                 let evaluated = margin.element.evaluate(batch, Order::Energy, out);
                 evaluated
@@ -273,18 +272,39 @@ fn rounded_down(x: f64) -> f32 {
     }
 }
 
-/// A bond that may break.
-struct Candidate<const D: usize> {
-    bond: usize,
-    ends: [usize; 2],
+/// What functions of bonds are worked out in.
+pub(super) type Room = (InteractionBatch, Contributions);
+
+/// Room for bonds in so many dimensions.
+pub(super) fn room_for(dimension: usize) -> Room {
+    let bonds = Measure::Length;
+    (InteractionBatch::new(bonds, dimension), Contributions::new(bonds, dimension))
+}
+
+/// A bond that may break, or whose states may change.
+pub(super) struct Candidate<const D: usize> {
+    pub(super) bond: usize,
+    pub(super) ends: [usize; 2],
     /// At rest, in m.
-    xi: [f64; D],
+    pub(super) xi: [f64; D],
     /// What it has changed by, in m.
-    eta: [f64; D],
+    pub(super) eta: [f64; D],
 }
 
 impl<const D: usize> Candidate<D> {
-    fn refused(&self, value: f64, reference: f64, u: &[f64]) -> NonFinite {
+    /// The bond of this number between two points, from positions at rest and displacements of all.
+    pub(super) fn new(
+        bond: usize,
+        ends: [usize; 2],
+        positions: &[[f64; D]],
+        displacements: &[[f64; D]],
+    ) -> Candidate<D> {
+        let [owner, other] = ends;
+        let xi = minus(&positions[other], &positions[owner]);
+        Candidate { bond, ends, xi, eta: minus(&displacements[other], &displacements[owner]) }
+    }
+
+    pub(super) fn refused(&self, value: f64, reference: f64, u: &[f64]) -> NonFinite {
         let of = |point: &usize| u[point * D..(point + 1) * D].to_vec();
         NonFinite {
             argument: Argument::Measure(Measure::Length),

@@ -4,15 +4,18 @@
 //! |---|---|
 //! | [`Breaking`] | the energy of what is left, and its [`Fracture`] |
 //! | [`criteria`] | which bonds break at given displacements |
+//! | [`memory`] | what bonds remember, and what that becomes |
 //! | [`crack`] | which bonds a crack cuts that is there from the start |
 //!
 //! With the status `h` a body has one energy `E(u; h)`, of which forces and tangents are exact
 //! derivatives as ever. `h` changes in [`Fracture::advance`] alone, at fixed `u`: so what breaking releases
-//! is by definition `E(u; old) - E(u; new)`. All bonds are judged at the same displacements before any of
-//! them is taken out, and none comes back.
+//! is by definition `E(u; old) - E(u; new)`, and so is what is dissipated where bonds remember. All bonds
+//! are judged at the same displacements, with what they remember as it is, before any of them is taken out
+//! or changes, and none comes back.
 
 pub mod crack;
 pub mod criteria;
+pub mod memory;
 
 use std::ops::Range;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
@@ -23,45 +26,86 @@ use crate::interaction::{Inverted, Report};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use criteria::Criteria;
+use memory::Memory;
 
-/// What bonds that break leave behind.
+/// What bonds leave behind that break, or that remember something else.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Release {
-    /// How many bonds.
+    /// How many bonds broke.
     pub bonds: usize,
     /// The energy that they held, in J.
     pub energy: f64,
-    /// The work in J that their forces would have done over the second half of the way that led here: half
-    /// of the power of `dE/du` of these bonds with the displacements of that way.
+    /// How many others changed what they remember.
+    pub changed: usize,
+    /// The energy in J that these lost by it.
+    pub dissipated: f64,
+    /// The work in J that the forces which went would have done over the second half of the way that led
+    /// here: half of their power with the displacements of that way.
     pub timing: f64,
 }
 
 impl Release {
+    /// Of so many bonds that break, without energy so far.
+    pub(crate) fn of(bonds: usize) -> Release {
+        Release { bonds, ..Release::default() }
+    }
+
     /// Adds that of other bonds.
     pub fn add(&mut self, other: Release) {
         self.bonds += other.bonds;
         self.energy += other.energy;
+        self.changed += other.changed;
+        self.dissipated += other.dissipated;
         self.timing += other.timing;
     }
+
+    /// The same with all that a bond held.
+    pub(crate) fn and_all_of(self, held: &Held) -> Release {
+        Release { energy: self.energy + held.energy, timing: self.timing + held.timing, ..self }
+    }
+
+    /// Whether energy and forces are others than before.
+    pub fn has_changed(&self) -> bool {
+        self.bonds > 0 || self.changed > 0
+    }
+}
+
+/// What a bond holds.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Held {
+    /// Its energy in J.
+    pub energy: f64,
+    /// The work in J of its forces over the second half of a way; see [`Release::timing`].
+    pub timing: f64,
 }
 
 /// The status of a body that can break, and how it changes. Bonds have the numbers of the neighbourhood
 /// ([`Neighborhood::bonds`]).
 pub trait Fracture: Sync {
     /// Breaks the bonds whose criteria say so at displacements `u`, after a way of the displacements
-    /// `step*direction`, all in m and `n x d`.
+    /// `step*direction`, all in m and `n x d`; others remember what they have come to `dt` s after the last
+    /// time.
     ///
     /// # Errors
-    /// Margins and energies that are not finite.
-    fn advance(&self, u: &[f64], way: (f64, &[f64])) -> Result<Release, NonFinite>;
+    /// Margins, next states and energies that are not finite.
+    fn advance(&self, u: &[f64], dt: f64, way: (f64, &[f64])) -> Result<Release, NonFinite>;
 
-    /// The same where the energy has worked out forces at these displacements just before, and nothing since:
-    /// bonds are judged only where that pass has seen some beyond their limits. If any break, the forces
-    /// are no longer those of the body.
+    /// The same where the energy has worked out forces at these displacements just before, and nothing since,
+    /// and bonds [remember nothing](Fracture::n_states): they are judged only where that pass has seen some
+    /// beyond their limits. If any break, the forces are no longer those of the body.
     ///
     /// # Errors
     /// As [`Fracture::advance`].
     fn advance_behind_forces(&self, u: &[f64], way: (f64, &[f64])) -> Result<Release, NonFinite>;
+
+    /// How many numbers each bond remembers.
+    fn n_states(&self) -> usize;
+
+    /// What bonds remember, in SI units: number by number, of each all bonds in their order.
+    fn states(&self) -> Vec<f64>;
+
+    /// Gives bonds what [`Fracture::states`] told of them, and says nothing of energies.
+    fn remember(&self, states: &[f64]);
 
     /// The bonds that are broken, in ascending order.
     fn broken(&self) -> Vec<usize>;
@@ -110,6 +154,7 @@ pub struct Breaking {
     pattern: Arc<BlockPattern>,
     bond_pattern: Option<Arc<BlockPattern>>,
     criteria: Criteria,
+    memory: Memory,
     /// Bonds that count as if they had never been there, ascending.
     absent: Vec<usize>,
     status: RwLock<Status>,
@@ -132,28 +177,39 @@ impl Status {
 }
 
 impl Breaking {
-    /// Energies of the body that [can lose bonds](Energy::can_lose_bonds), of these neighbours;
-    /// `names` has a name for each of their parts. Bonds of `absent` (in ascending order) are not there
+    /// Energies of the body of these neighbours, which [can lose bonds](Energy::can_lose_bonds) if any may
+    /// break; `names` has a name for each of their parts. Bonds of `absent` (in ascending order) are not there
     /// at all: their points are not damaged by that.
     pub fn new(
         (body, neighborhood): (Arc<Body>, Arc<Neighborhood>),
         terms: Vec<Box<dyn Energy>>,
         names: Arc<[String]>,
-        criteria: Criteria,
+        (criteria, memory): (Criteria, Memory),
         absent: Vec<usize>,
     ) -> Breaking {
-        assert!(terms.iter().all(|term| term.can_lose_bonds()), "energies that can lose bonds");
+        let loses_none = criteria.are_empty() && absent.is_empty();
+        let can_lose = loses_none || terms.iter().all(|term| term.can_lose_bonds());
+        assert!(can_lose, "energies that can lose bonds");
         let terms = terms.into_iter().map(Term::Owned).collect();
         let mut energy = Total::named(terms, Arc::clone(&names));
-        if !criteria.are_empty() {
+        if !criteria.are_empty() && memory.is_empty() {
             energy.watch(criteria.limits());
         }
         let (pattern, bonds) = (Arc::clone(energy.pattern()), energy.bond_pattern().cloned());
         let is_broken = vec![false; neighborhood.n_bonds()];
         let status = RwLock::new(Status { energy, is_broken, n_broken: 0 });
         let bond_pattern = bonds;
-        let breaking =
-            Breaking { body, neighborhood, names, pattern, bond_pattern, criteria, absent, status };
+        let breaking = Breaking {
+            body,
+            neighborhood,
+            names,
+            pattern,
+            bond_pattern,
+            criteria,
+            memory,
+            absent,
+            status,
+        };
         breaking.take_out(&breaking.absent);
         breaking
     }
@@ -162,24 +218,56 @@ impl Breaking {
         std::iter::once(0..self.body.n_points()).collect()
     }
 
-    /// Breaks bonds of some owners.
-    fn judge(
+    /// The bonds of some owners that break at displacements `u`, ascending.
+    fn judge(&self, u: &[f64], owners: &[Range<usize>]) -> Result<Vec<usize>, NonFinite> {
+        let Status { is_broken, .. } = &*self.now();
+        let around = (&*self.body, &*self.neighborhood);
+        self.criteria.judge(around, u, owners, |bond| !is_broken[bond])
+    }
+
+    /// Breaks bonds.
+    fn break_all(
         &self,
         u: &[f64],
         way: (f64, &[f64]),
-        owners: &[Range<usize>],
+        bonds: &[usize],
     ) -> Result<Release, NonFinite> {
-        let bonds = {
-            let Status { is_broken, .. } = &*self.now();
-            let around = (&*self.body, &*self.neighborhood);
-            self.criteria.judge(around, u, owners, |bond| !is_broken[bond])?
-        };
         if bonds.is_empty() {
             return Ok(Release::default());
         }
         let mut status = self.change();
-        let release = status.energy.break_bonds(u, way, &bonds)?;
-        status.note(&bonds);
+        let release = status.energy.break_bonds(u, way, bonds)?;
+        status.note(bonds);
+        Ok(release)
+    }
+
+    /// Changes what all bonds remember but those that break.
+    fn change_states(
+        &self,
+        (u, dt): (&[f64], f64),
+        way: (f64, &[f64]),
+        breaking: &[usize],
+    ) -> Result<Release, NonFinite> {
+        let mut release = Release::default();
+        if self.memory.is_empty() {
+            return Ok(release);
+        }
+        let Status { energy, is_broken, .. } = &*self.now();
+        let around = (&*self.body, &*self.neighborhood);
+        let stays = |bond: usize| !is_broken[bond] && breaking.binary_search(&bond).is_err();
+        for owners in Memory::blocks(&self.neighborhood) {
+            let changes = self.memory.changes(around, (u, dt), owners, stays)?;
+            let mut held = [(); 2].map(|()| vec![Held::default(); changes.bonds.len()]);
+            energy.add_held(u, way, &changes.bonds, &mut held[0])?;
+            self.memory.make(&changes);
+            energy.add_held(u, way, &changes.bonds, &mut held[1])?;
+            let [before, after] = &held;
+            for (before, after) in before.iter().zip(after) {
+                release.dissipated += before.energy - after.energy;
+                release.timing += before.timing - after.timing;
+            }
+            release.changed += changes.bonds.len();
+        }
         Ok(release)
     }
 
@@ -194,13 +282,30 @@ impl Breaking {
 }
 
 impl Fracture for Breaking {
-    fn advance(&self, u: &[f64], way: (f64, &[f64])) -> Result<Release, NonFinite> {
-        self.judge(u, way, &self.all_owners())
+    fn advance(&self, u: &[f64], dt: f64, way: (f64, &[f64])) -> Result<Release, NonFinite> {
+        let breaking = self.judge(u, &self.all_owners())?;
+        let mut release = self.change_states((u, dt), way, &breaking)?;
+        release.add(self.break_all(u, way, &breaking)?);
+        Ok(release)
     }
 
     fn advance_behind_forces(&self, u: &[f64], way: (f64, &[f64])) -> Result<Release, NonFinite> {
+        assert!(self.memory.is_empty(), "bonds remember nothing");
         let exceeding = self.now().energy.exceeding();
-        self.judge(u, way, &exceeding.unwrap_or_else(|| self.all_owners()))
+        let breaking = self.judge(u, &exceeding.unwrap_or_else(|| self.all_owners()))?;
+        self.break_all(u, way, &breaking)
+    }
+
+    fn n_states(&self) -> usize {
+        self.memory.n_states()
+    }
+
+    fn states(&self) -> Vec<f64> {
+        self.memory.all(self.neighborhood.n_bonds())
+    }
+
+    fn remember(&self, states: &[f64]) {
+        self.memory.set_all(states, self.neighborhood.n_bonds());
     }
 
     fn broken(&self) -> Vec<usize> {

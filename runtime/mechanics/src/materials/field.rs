@@ -2,9 +2,11 @@
 //!
 //! A point has the values of the parameters of its material. What belongs to a point alone takes them; an
 //! interaction takes the mean of its corners, of those that have a value: where materials meet, the
-//! parameters of one are not those of the other.
+//! parameters of one are not those of the other. A field may also be a state: then each bond has a value of
+//! its own, which it remembers.
 
 use std::ops::Range;
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// The fields of all laws, one after the other, at all points.
@@ -17,6 +19,10 @@ pub struct Fields {
     /// Bits of numbers, field by field: they may be set anew between passes.
     values: Vec<AtomicU64>,
     is_steady: bool,
+    /// Which of them are states.
+    is_state: Vec<bool>,
+    /// What bonds have of each that is one, by their numbers; once there are bonds.
+    of_bonds: OnceLock<Vec<Option<Box<[AtomicU64]>>>>,
 }
 
 impl Fields {
@@ -31,7 +37,53 @@ impl Fields {
         let typical = of_laws.concat();
         let nothing = || AtomicU64::new(f64::NAN.to_bits());
         let values = (0..n_points * typical.len()).map(|_| nothing()).collect();
-        Fields { n_points, first, typical, values, is_steady }
+        let is_state = vec![false; typical.len()];
+        let of_bonds = OnceLock::new();
+        Fields { n_points, first, typical, values, is_steady, is_state, of_bonds }
+    }
+
+    /// The same where some fields are states: each bond has a value of its own.
+    pub fn with_states(self, is_state: Vec<bool>) -> Fields {
+        assert_eq!(is_state.len(), self.len(), "one for each field");
+        Fields { is_state, ..self }
+    }
+
+    /// Gives bonds, by their numbers with these ends, the states that they begin with: the mean of what
+    /// their points have. Nothing happens where they have some.
+    pub(crate) fn begin_states(&self, ends: impl Iterator<Item = [usize; 2]> + Clone) {
+        let begin = |field: usize| {
+            let own = ends.clone().map(|ends| self.mean(field, ends.into_iter()));
+            self.is_state[field].then(|| own.map(|value| AtomicU64::new(value.to_bits())).collect())
+        };
+        self.of_bonds.get_or_init(|| (0..self.len()).map(begin).collect());
+    }
+
+    /// Whether some of these fields are states.
+    #[inline(always)]
+    pub(crate) fn have_states(&self, fields: Range<usize>) -> bool {
+        self.is_state[fields].contains(&true)
+    }
+
+    fn states(&self, field: usize) -> Option<&[AtomicU64]> {
+        self.of_bonds.get()?[field].as_deref()
+    }
+
+    /// The numbers of the fields that are states.
+    pub(crate) fn numbers_of_states(&self) -> impl Iterator<Item = usize> + '_ {
+        (0..self.len()).filter(|field| self.is_state[*field])
+    }
+
+    /// What a bond remembers as a field that is a state; nothing before bonds have begun.
+    pub(crate) fn state(&self, field: usize, bond: usize) -> Option<f64> {
+        let value = &self.states(field)?[bond];
+        Some(f64::from_bits(value.load(Ordering::Relaxed)))
+    }
+
+    /// Gives a bond another state.
+    pub(crate) fn set_state(&self, field: usize, bond: usize, value: f64) {
+        if let Some(states) = self.states(field) {
+            states[bond].store(value.to_bits(), Ordering::Relaxed);
+        }
     }
 
     /// How many there are.
@@ -94,6 +146,26 @@ impl Fields {
     ) {
         for field in fields {
             out.extend((0..n).map(|place| self.mean(field, points(place))));
+        }
+    }
+
+    /// The same of bonds, which have states of their own: their points and their numbers.
+    #[inline(always)]
+    pub(crate) fn add_of_bonds(
+        &self,
+        fields: Range<usize>,
+        n: usize,
+        bond: impl Fn(usize) -> ([usize; 2], usize),
+        out: &mut Vec<f64>,
+    ) {
+        for field in fields {
+            match self.states(field) {
+                Some(states) => out
+                    .extend((0..n).map(|place| {
+                        f64::from_bits(states[bond(place).1].load(Ordering::Relaxed))
+                    })),
+                None => out.extend((0..n).map(|k| self.mean(field, bond(k).0.into_iter()))),
+            }
         }
     }
 

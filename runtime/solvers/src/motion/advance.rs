@@ -52,8 +52,14 @@ impl Motion<'_> {
         }
         self.done += 1;
         self.ask_loads(false)?;
+        let remembers = self.energy.fracture().is_some_and(|fracture| fracture.n_states() > 0);
+        if remembers {
+            self.change_status(self.dt)?;
+        }
         self.ask_forces(wants_row)?;
-        self.break_behind_forces(wants_row)?;
+        if !remembers {
+            self.break_behind_forces(wants_row)?;
+        }
         self.kick(wants_row)?;
         Ok(ControlFlow::Continue(()))
     }
@@ -71,12 +77,14 @@ impl Motion<'_> {
         self.ask_forces(wants_row)
     }
 
-    /// Breaks what has gone too far behind an implicit step, over which forces in its middle count.
-    pub(super) fn break_bonds(&mut self) -> Result<(), MotionError> {
+    /// Breaks what has gone too far in a step, and changes what bonds remember, before forces. Those of the
+    /// step that is over counted for the share `over` of it in s: of an implicit one, over which forces in its
+    /// middle count, for none.
+    pub(super) fn change_status(&mut self, over: f64) -> Result<(), MotionError> {
         if let Some(fracture) = self.energy.fracture() {
-            let released = fracture.advance(&self.u.value, (0.0, &self.v.value));
+            let released = fracture.advance(&self.u.value, self.dt, (over, &self.v.value));
             let released = released.map_err(|cause| self.not_finite(cause))?;
-            if released.bonds > 0 {
+            if released.has_changed() {
                 self.balance.release(&released);
             }
         }
@@ -86,7 +94,7 @@ impl Motion<'_> {
     /// Breaks what has gone too far before anything moves: the account begins behind that.
     pub(super) fn break_at_start(&mut self) -> Result<(), MotionError> {
         let Some(fracture) = self.energy.fracture() else { return Ok(()) };
-        let released = fracture.advance(&self.u.value, (0.0, &self.v.value));
+        let released = fracture.advance(&self.u.value, 0.0, (0.0, &self.v.value));
         let released = released.map_err(|cause| self.not_finite(cause))?;
         if released.bonds > 0 {
             self.notes.push(format!(

@@ -15,7 +15,8 @@
 //! Bonds break at the end of a step, before its forces: those of the broken ones are missing from the half
 //! of the step behind `u_(n+1)` and from the half before it. What they would have added to the work over
 //! that one is `timing`; what they held at `u_(n+1)` is `released`. With both the energy is accounted for:
-//! `E - E(0) = work of dE/du + timing - released + quadrature`.
+//! `E - E(0) = work of dE/du + timing - released - dissipated + quadrature`, where `dissipated` is what bonds
+//! lost by what they remember.
 
 use piola_mechanics::energy::EnergyParts;
 use piola_mechanics::fracture::Release;
@@ -75,7 +76,10 @@ pub struct Row {
     pub rounding: f64,
     /// The energy that broken bonds held when they broke.
     pub released: f64,
-    /// The work that their forces would have done over the halves of steps at whose ends they broke.
+    /// The energy that bonds lost by what they came to remember.
+    pub dissipated: f64,
+    /// The work that the forces which went would have done over the halves of steps at whose ends they
+    /// went.
     pub timing: f64,
     /// How many bonds are broken, those of cracks included; nothing where none can break.
     pub broken: Option<usize>,
@@ -95,6 +99,7 @@ pub(super) struct Balance {
     damping: Sum,
     prescribed: Sum,
     released: Sum,
+    dissipated: Sum,
     timing: Sum,
     /// The other half of the trapezoid, as powers: of the step to come.
     after: [f64; 4],
@@ -113,7 +118,7 @@ struct First {
 
 impl Balance {
     /// How many numbers it is.
-    pub(super) const N_NUMBERS: usize = 8 + 4 + 4 + 4;
+    pub(super) const N_NUMBERS: usize = 8 + 4 + 4 + 6;
 
     /// All that it knows.
     pub(super) fn numbers(&self) -> Vec<f64> {
@@ -121,7 +126,8 @@ impl Balance {
         let first = self.first.unwrap_or(First { kinetic: f64::NAN, energy: f64::NAN });
         let sums = sums.into_iter().flat_map(|sum| [sum.value, sum.low]);
         let rest = [first.kinetic, first.energy, self.kinetic, self.largest];
-        let broken = [self.released, self.timing].into_iter().flat_map(|sum| [sum.value, sum.low]);
+        let broken = [self.released, self.timing, self.dissipated];
+        let broken = broken.into_iter().flat_map(|sum| [sum.value, sum.low]);
         sums.chain(self.after).chain(rest).chain(broken).collect()
     }
 
@@ -136,6 +142,7 @@ impl Balance {
             prescribed: sum(3),
             released: sum(8),
             timing: sum(9),
+            dissipated: sum(10),
             after: [8, 9, 10, 11].map(|place| numbers[place]),
             first: (!energy.is_nan()).then_some(First { kinetic, energy }),
             kinetic: numbers[14],
@@ -167,9 +174,10 @@ impl Balance {
         self.kinetic = works.kinetic;
     }
 
-    /// Takes in what bonds leave that break at the present time.
+    /// Takes in what bonds leave that break, or remember something else, at the present time.
     pub(super) fn release(&mut self, release: &Release) {
         self.released.add(release.energy);
+        self.dissipated.add(release.dissipated);
         self.timing.add(release.timing);
     }
 
@@ -184,8 +192,10 @@ impl Balance {
         let first = *self.first.get_or_insert(First { kinetic: self.kinetic, energy: stored });
         let [internal, external, damping, prescribed] =
             [self.internal, self.external, self.damping, self.prescribed].map(Sum::total);
-        let [released, timing] = [self.released, self.timing].map(Sum::total);
-        let works = [external, damping, prescribed, released, timing];
+        let [released, dissipated, timing] =
+            [self.released, self.dissipated, self.timing].map(Sum::total);
+        let works = [external, damping, prescribed, released, dissipated, timing];
+        let lost = released + dissipated;
         let columns = [self.kinetic, kinetic, energy.magnitude()].into_iter().chain(works);
         self.largest = columns.fold(self.largest, |most, x| most.max(x.abs()));
         Row {
@@ -197,9 +207,10 @@ impl Balance {
             damping,
             external,
             prescribed,
-            quadrature: (stored - first.energy) + (released - timing) - (internal + prescribed),
+            quadrature: (stored - first.energy) + (lost - timing) - (internal + prescribed),
             rounding: (self.kinetic - first.kinetic) + internal - external + damping,
             released,
+            dissipated,
             timing,
             broken: None,
             momentum: Vec::new(),

@@ -154,7 +154,7 @@ impl Motion<'_> {
             return Err(self.flown_off());
         }
         // Forces in the middle of the step were those of the bonds that were there.
-        self.break_bonds()?;
+        self.change_status(0.0)?;
         if wants_row {
             self.stand()?;
         }

@@ -14,15 +14,15 @@ pub struct Snapshot<'a> {
     /// One array per name of [`Snapshot::NAMES`]: scalars, then vectors `n x d` in the body's order;
     /// displacements in m, velocities in the middle of the step to come in m/s, each with what rounding
     /// left behind, and `dE/du` in N, by which a body is known again; then the numbers of the bonds that are
-    /// broken.
-    pub arrays: [Cow<'a, [f64]>; 7],
+    /// broken, and what bonds remember.
+    pub arrays: [Cow<'a, [f64]>; 8],
     /// What the reader was told so far.
     pub notes: Cow<'a, [String]>,
 }
 
 impl Snapshot<'_> {
     /// What its arrays are.
-    pub const NAMES: [&'static str; 7] = [
+    pub const NAMES: [&'static str; 8] = [
         "numbers",
         "displacements",
         "displacements_low",
@@ -30,6 +30,7 @@ impl Snapshot<'_> {
         "velocities_low",
         "forces",
         "broken",
+        "states",
     ];
 }
 
@@ -46,9 +47,12 @@ impl<'a> Motion<'a> {
         let vectors = [&self.u.value, &self.u.low, &self.v.value, &self.v.low, &self.forces];
         let [u, u_low, v, v_low, forces] = vectors.map(|vector| Cow::Borrowed(&vector[..]));
         let notes = Cow::Borrowed(&self.notes[..n_notes]);
-        let broken = self.energy.fracture().map(|fracture| fracture.broken()).unwrap_or_default();
+        let fracture = self.energy.fracture();
+        let broken = fracture.map(|fracture| fracture.broken()).unwrap_or_default();
         let broken = Cow::Owned(broken.into_iter().map(|bond| bond as f64).collect());
-        Snapshot { arrays: [Cow::Owned(numbers), u, u_low, v, v_low, forces, broken], notes }
+        let states = Cow::Owned(fracture.map(|fracture| fracture.states()).unwrap_or_default());
+        let numbers = Cow::Owned(numbers);
+        Snapshot { arrays: [numbers, u, u_low, v, v_low, forces, broken, states], notes }
     }
 
     /// Whether the motion was ended between two rows.
@@ -83,7 +87,7 @@ impl<'a> Motion<'a> {
     ) -> Result<Motion<'a>, MotionError> {
         let n = energy.positions().len();
         let Snapshot { arrays, notes } = snapshot;
-        let [numbers, u, u_low, v, v_low, forces, broken] = arrays.map(Cow::into_owned);
+        let [numbers, u, u_low, v, v_low, forces, broken, states] = arrays.map(Cow::into_owned);
         let is_of_body = [&u, &u_low, &v, &v_low, &forces].iter().all(|array| array.len() == n);
         let other = |what| MotionError::OtherMotion { what };
         if !is_of_body || numbers.len() != N_SCALARS + Balance::N_NUMBERS {
@@ -113,10 +117,12 @@ impl<'a> Motion<'a> {
         match energy.fracture() {
             Some(fracture) => {
                 let broken: Vec<usize> = broken.iter().map(|bond| *bond as usize).collect();
-                if broken.last().is_some_and(|last| *last >= fracture.n_bonds()) {
+                let is_beyond = broken.last().is_some_and(|last| *last >= fracture.n_bonds());
+                if is_beyond || states.len() != fracture.n_states() * fracture.n_bonds() {
                     return Err(other("its bonds are others"));
                 }
                 fracture.take_out(&broken);
+                fracture.remember(&states);
             }
             None if broken.is_empty() => {}
             None => return Err(other("bonds of it are broken")),

@@ -96,26 +96,43 @@ pub(crate) struct Field {
 }
 
 impl Field {
-    /// Compiles the fields of a material, in the order of the parameters of its potential.
+    /// Compiles the fields of a material, in the order of the parameters of its potential; states with what
+    /// bonds begin with.
     pub(super) fn of(
         scene: &Scene,
         material: &Material,
-        (model, dimension): (&Model, usize),
+        (model, values): (&Model, &Values),
         columns: &Columns,
     ) -> Result<Vec<Field>, CaseError> {
         let mut errors = Vec::new();
         let mut fields = Vec::new();
-        for parameter in model.parameters() {
+        for (parameter, value) in model.parameters().iter().zip(&values.parameters) {
             let given = material.parameters.iter().find(|p| p.name.value == parameter.name);
             let Some((setting, text)) = given.and_then(|p| Some((p, varying(scene, p)?))) else {
+                let span = given.map_or(material.potential.span, |setting| setting.value.span);
+                let even = || Field::even(&parameter.name, *value, span);
+                fields.extend(parameter.is_state.then(even).flatten());
                 continue;
             };
-            match Field::new(scene, setting, text, (model, dimension), columns) {
+            match Field::new(scene, setting, text, (model, values.dimension), columns) {
+                Ok(field) if parameter.is_state && !field.is_steady => {
+                    let message =
+                        format!("what bonds begin to remember as `{}` knows no t", field.name);
+                    let found = Diagnostic::error("conflicting-keys", field.span, message);
+                    errors.push(found.help("leave t out of it: it changes as the potential says"));
+                }
                 Ok(field) => fields.push(field),
                 Err(found) => errors.extend(found),
             }
         }
         if errors.is_empty() { Ok(fields) } else { Err(CaseError::Scene(scene.report(errors))) }
+    }
+
+    /// The same value in SI units everywhere.
+    fn even(name: &str, value: f64, span: Span) -> Option<Field> {
+        let formula = Formula::number("1", &[]).ok()?;
+        let (name, text) = (name.to_string(), value.to_string());
+        Some(Field { name, text, span, formula, factor: value, is_steady: true })
     }
 
     fn new(
@@ -206,15 +223,18 @@ impl<'a> FieldsInTime<'a> {
         let n_layers = places.iter().map(|(_, layer)| layer + 1).max().unwrap_or(0);
         let of_layer = |layer: usize| {
             let mut typical = vec![Vec::new(); n_laws];
+            let mut is_state = vec![Vec::new(); n_laws];
             let mut is_steady = true;
             let own = case.potentials.iter().zip(&places).filter(|(_, place)| place.1 == layer);
             for (potential, (law, _)) in own {
                 let values = potential.values.fields.iter();
                 let values = values.map(|i| potential.values.parameters[usize::from(*i)]);
                 typical[*law] = values.collect();
+                is_state[*law] = potential.which_are_states();
                 is_steady &= potential.fields.iter().all(|field| field.is_steady);
             }
             let fields = Fields::new(case.body.n_points(), &typical, is_steady);
+            let fields = fields.with_states(is_state.concat());
             (!fields.is_empty()).then(|| Arc::new(fields))
         };
         let fields = FieldsInTime { case, layers: (0..n_layers).map(of_layer).collect() };
@@ -390,7 +410,7 @@ impl Case {
             if potential.values.fields.is_empty() {
                 continue;
             }
-            let of = (&potential.model, potential.values.dimension);
+            let of = (&potential.model, &potential.values);
             let fields = Field::of(&self.scene, material, of, &self.columns)?;
             self.potentials[number].fields = fields;
             let (law, potential) = (self.scene.materials[number].law, &self.potentials[number]);
@@ -422,9 +442,16 @@ impl Case {
         self.potentials.iter().flat_map(|potential| &potential.fields).any(|field| !field.is_steady)
     }
 
-    /// Whether a parameter varies.
+    /// Whether a parameter varies; what bonds remember is none.
     pub fn has_fields(&self) -> bool {
-        self.potentials.iter().any(|potential| !potential.values.fields.is_empty())
+        let varies = |potential: &Potential| {
+            let is_parameter = |field: &u16| {
+                let parameter = &potential.model.parameters()[usize::from(*field)];
+                !parameter.is_state
+            };
+            potential.values.fields.iter().any(is_parameter)
+        };
+        self.potentials.iter().any(varies)
     }
 
     /// A value of a field that only shows at a later time, at its place in the scene.

@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use piola_grammar::Diagnostic;
 use piola_mechanics::energy::Energy;
-use piola_mechanics::fracture::criteria::{Criteria, Criterion, Layer};
+use piola_mechanics::fracture::criteria::{self, Criteria, Criterion};
+use piola_mechanics::fracture::memory::{self, Memory, NextState};
 use piola_mechanics::fracture::{Breaking, Fracture as _};
 use piola_mechanics::neighborhood::Neighborhood;
 
@@ -19,18 +20,24 @@ impl Case {
         has_criteria || !self.scene.cracks.is_empty()
     }
 
-    /// The energies, all of bonds, as one that loses bonds: those that cracks cut at once, others when a
-    /// criterion says so.
+    /// How many numbers each bond remembers that change.
+    pub fn n_states(&self) -> usize {
+        self.potentials.iter().map(|one| one.model.updates().len()).sum()
+    }
+
+    /// The energies as one whose status changes: bonds that cracks cut are broken at once, others when a
+    /// criterion says so, and what they remember changes.
     pub(super) fn breaking(
         &self,
         terms: Vec<Box<dyn Energy>>,
         names: Arc<[String]>,
         neighborhood: Arc<Neighborhood>,
-        layers: Vec<Layer>,
+        (criteria, states): (Vec<criteria::Layer>, Vec<memory::Layer>),
     ) -> Breaking {
         let around = (&*self.body, &*neighborhood);
         let is_unbreakable = selection::unbreakable(&self.scene, &self.body);
-        let criteria = Criteria::new(around, layers, is_unbreakable);
+        let criteria = Criteria::new(around, criteria, is_unbreakable);
+        let memory = Memory::new(around, states);
         let (mut cut, mut absent) = (Vec::new(), Vec::new());
         for crack in &self.scene.cracks {
             let found = crack.shape.cut(&self.body, &neighborhood);
@@ -40,22 +47,26 @@ impl Case {
         absent.dedup();
         cut.retain(|bond| absent.binary_search(bond).is_err());
         let body = Arc::clone(&self.body);
-        let breaking = Breaking::new((body, neighborhood), terms, names, criteria, absent);
+        let breaking =
+            Breaking::new((body, neighborhood), terms, names, (criteria, memory), absent);
         breaking.take_out(&cut);
         breaking
     }
 
-    /// Refuses load steps of bodies whose bonds break.
+    /// Refuses load steps of bodies whose bonds break or remember.
     pub(super) fn check_breaks_in_motion(&self) -> Result<(), CaseError> {
         let mut all = self.potentials.iter().zip(&self.scene.materials);
-        let breaking = all.find(|(one, _)| !one.model.breaks().is_empty());
-        let Some((one, material)) = breaking.filter(|_| self.scene.motion.is_none()) else {
+        let evolves =
+            |one: &Potential| !one.model.breaks().is_empty() || !one.model.updates().is_empty();
+        let evolving = all.find(|(one, _)| evolves(one));
+        let Some((one, material)) = evolving.filter(|_| self.scene.motion.is_none()) else {
             return Ok(());
         };
+        let does = if one.model.breaks().is_empty() { "remember" } else { "break" };
         let message =
-            format!("the bonds of {} break, and the scene has load steps", one.model.name());
+            format!("the bonds of {} {does}, and the scene has load steps", one.model.name());
         let found = Diagnostic::error("conflicting-keys", material.potential.span, message)
-            .label("bonds break in bodies that move")
+            .label(format!("bonds {does} in bodies that move"))
             .help("write [motion] with an `end` in s, in place of [steps]");
         Err(CaseError::Scene(self.scene.report(vec![found])))
     }
@@ -144,17 +155,29 @@ impl Case {
     }
 }
 
-/// The criteria of each layer and of each law in it.
-pub(super) fn criteria_of(compiled: &mut [Compiled], n_laws: usize) -> Vec<Vec<Vec<Criterion>>> {
+/// What the potentials of each layer say of bonds, by law.
+pub(super) fn of_layers<T, U>(
+    compiled: &mut [Compiled],
+    n_laws: usize,
+    take: impl Fn(&mut Compiled) -> Vec<T>,
+    make: impl Fn(T) -> U,
+) -> Vec<Vec<Vec<U>>> {
     let n_layers = compiled.iter().map(|one| one.layer + 1).max().unwrap_or(0);
     let of_laws = || (0..n_laws).map(|_| Vec::new()).collect();
-    let mut layers: Vec<Vec<Vec<Criterion>>> = (0..n_layers).map(|_| of_laws()).collect();
+    let mut layers: Vec<Vec<Vec<U>>> = (0..n_layers).map(|_| of_laws()).collect();
     for one in compiled {
-        let own = one.criteria.drain(..).map(|criterion| Criterion {
-            margin: Box::new(criterion.margin),
-            holds_at_zero: criterion.holds_at_zero,
-        });
+        let own = take(one).into_iter().map(&make);
         layers[one.layer][one.law].extend(own);
     }
     layers
+}
+
+/// A criterion for the mechanics.
+pub(super) fn criterion(one: piola_compiler::Criterion) -> Criterion {
+    Criterion { margin: Box::new(one.margin), holds_at_zero: one.holds_at_zero }
+}
+
+/// The same of a next state.
+pub(super) fn next_state(one: piola_compiler::NextState) -> NextState {
+    NextState { field: one.field, next: Box::new(one.next) }
 }

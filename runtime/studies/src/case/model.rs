@@ -7,14 +7,14 @@ use piola_mechanics::assembly::{AssemblyError, DiscreteEnergy, Elements};
 use piola_mechanics::deformation::influence::{Constant, CubicSpline, Influence, InverseLength};
 use piola_mechanics::deformation::{DeformationEnergy, Discretisation, Formulation, Stabilisation};
 use piola_mechanics::energy::{Energy, Term, Total};
-use piola_mechanics::fracture::criteria;
+use piola_mechanics::fracture::{criteria, memory};
 use piola_mechanics::kernel::{Law, VariablesLaw};
 use piola_mechanics::materials::{ByMaterial, Fields, MaterialLaw, Materials};
 use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::sheet::Thick;
 use piola_mechanics::states::{StateEnergy, StateLaws};
 
-use super::fracture::criteria_of;
+use super::fracture::{criterion, next_state, of_layers};
 use super::{Case, CaseError, Compiled, FieldsInTime, size};
 use crate::scene::{InfluenceChoice, NamedInfluence, StrainSource};
 
@@ -36,7 +36,15 @@ impl Case {
         &self,
         mut compiled: Vec<Compiled>,
     ) -> Result<(Total<'static>, FieldsInTime<'_>), CaseError> {
-        let criteria = criteria_of(&mut compiled, self.scene.n_laws());
+        let n_laws = self.scene.n_laws();
+        let criteria =
+            of_layers(&mut compiled, n_laws, |one| std::mem::take(&mut one.criteria), criterion);
+        let states = of_layers(
+            &mut compiled,
+            n_laws,
+            |one| std::mem::take(&mut one.next_states),
+            next_state,
+        );
         let fields = FieldsInTime::new(self).map_err(|wrong| self.wrong_field(wrong))?;
         let horizon = self.scene.horizon_radius();
         size::check_neighbors(&self.body, horizon, size::family(&self.body, horizon))?;
@@ -58,14 +66,17 @@ impl Case {
             }
         }
         let names: Arc<[String]> = names.into();
-        if !self.can_break() {
+        if !self.can_break() && self.n_states() == 0 {
             let terms = terms.into_iter().map(Term::Owned).collect();
             return Ok((Total::named(terms, names), fields));
         }
         let layer =
             |(number, of_law)| criteria::Layer { of_law, materials: fields.materials(number) };
         let criteria = criteria.into_iter().enumerate().map(layer).collect();
-        let breaking = self.breaking(terms, names, neighborhood, criteria);
+        let states = states.into_iter().enumerate().filter_map(|(number, of_law)| {
+            Some(memory::Layer { of_law, materials: fields.materials(number)? })
+        });
+        let breaking = self.breaking(terms, names, neighborhood, (criteria, states.collect()));
         Ok((Total::of(Box::new(breaking)), fields))
     }
 

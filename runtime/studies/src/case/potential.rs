@@ -5,8 +5,8 @@ use std::path::Path;
 
 use num_dual::HyperDual64;
 use piola_compiler::{
-    CoupledKernel, Criterion, Dropped, GatheredKernels, Interval, Kernel, Mode, Model, Setting,
-    ValueError, Values, check_text, check_text_with,
+    CoupledKernel, Criterion, Dropped, GatheredKernels, Interval, Kernel, Mode, Model, NextState,
+    Setting, ValueError, Values, check_text, check_text_with,
 };
 use piola_grammar::Diagnostic;
 use piola_mechanics::assembly::Elements;
@@ -58,6 +58,8 @@ pub struct Compiled {
     pub arguments: [String; 2],
     /// When its bonds break.
     pub criteria: Vec<Criterion>,
+    /// What bonds remember, and what that becomes.
+    pub next_states: Vec<NextState>,
     /// What is left out, and why.
     pub dropped: Vec<Dropped>,
 }
@@ -93,10 +95,10 @@ impl Potential {
             None => check_text(&text.text),
         };
         let (_, model) = checked.map_err(|found| wrong(&text, found))?;
-        let mut values = values(scene, material, &model)?;
+        let mut values = values(scene, material, &model)?.with_states(&model);
         let mut fields = Vec::new();
         if matches!(scene.body.points, Points::Lattice(_)) {
-            let of = (&model, values.dimension);
+            let of = (&model, &values);
             fields = Field::of(scene, material, of, &Columns::default())?;
             for (number, field) in values.fields.iter().zip(&fields) {
                 values.parameters[usize::from(*number)] = fields::typical(scene, field);
@@ -110,6 +112,13 @@ impl Potential {
     /// Whether it has energies of families, which are per volume: of F or of gathered values.
     pub(crate) fn has_families(&self) -> bool {
         self.model.has_gradient_energy() || self.model.has_gathered_energy()
+    }
+
+    /// Of each field whether bonds remember it and it changes.
+    pub(super) fn which_are_states(&self) -> Vec<bool> {
+        let updates = self.model.updates();
+        let is_updated = |field: &u16| updates.iter().any(|one| one.state == usize::from(*field));
+        self.values.fields.iter().map(is_updated).collect()
     }
 
     /// Refuses plane stress for a potential with other energies than those of F: they would be those
@@ -140,7 +149,7 @@ impl Potential {
         let by_coordinates = solver.derivatives == DerivativeSource::HyperdualCoordinates;
         if by_coordinates && !self.values.fields.is_empty() {
             let message =
-                "derivatives by hyper-dual coordinates know no parameters that vary: choose \
+                "derivatives by hyper-dual coordinates know no parameters that vary and no states: choose \
                  \"hyperdual\", which takes them by the measure"
                     .to_string();
             return Err(CaseError::Body { message });
@@ -152,6 +161,10 @@ impl Potential {
         let criteria = self
             .model
             .criteria(&self.values, mode(solver), solver.form)
+            .map_err(|error| CaseError::compile(&self.text, &error))?;
+        let next_states = self
+            .model
+            .next_states(&self.values, mode(solver), solver.form)
             .map_err(|error| CaseError::compile(&self.text, &error))?;
         let mut elements = Elements::default();
         if by_coordinates && !coupled.is_empty() {
@@ -203,6 +216,7 @@ impl Potential {
             gathered,
             arguments,
             criteria,
+            next_states,
             dropped,
         })
     }

@@ -38,6 +38,10 @@ pub(super) fn header(origin: Origin<'_>, hash: &str) -> Header {
 }
 
 impl PointFields<'_> {
+    fn remembers(&self) -> bool {
+        self.energy.fracture().is_some_and(|fracture| fracture.n_states() > 0)
+    }
+
     /// What the tables of the motion have columns for.
     fn columns(&self) -> MotionColumns {
         MotionColumns {
@@ -46,6 +50,7 @@ impl PointFields<'_> {
             sets: self.selection.sets.iter().map(|set| set.name.clone()).collect(),
             probes: self.selection.probes.iter().map(|probe| probe.name.clone()).collect(),
             breaks: self.energy.fracture().is_some(),
+            remembers: self.remembers(),
         }
     }
 }
@@ -199,6 +204,7 @@ impl<'a> Recorder<'a> {
             broken: row.broken.map(|bonds| BrokenRow {
                 bonds,
                 released: row.released,
+                dissipated: self.fields.remembers().then_some(row.dissipated),
                 timing: row.timing,
             }),
             momentum: row.momentum.clone(),
@@ -257,6 +263,7 @@ impl<'a> Recorder<'a> {
                 prescribed: Number(row.prescribed),
                 quadrature: Number(row.quadrature),
                 released: row.broken.map(|_| Number(row.released)),
+                dissipated: self.fields.remembers().then_some(Number(row.dissipated)),
                 broken_bonds: row.broken,
             },
             resumed_at_step: self.resumed,

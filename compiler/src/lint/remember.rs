@@ -1,0 +1,146 @@
+//! What bonds remember: states that nobody asks, and next states that create energy or do not settle.
+
+use super::Finding;
+use super::subject::{example, short};
+use crate::expression::Input;
+use crate::kernel::{Kernel, Mode};
+use crate::measure::Measure;
+use crate::model::{Model, Parameter, Update};
+use crate::remember::Remembering;
+use crate::specialise::Form;
+use crate::verify::sample::{Point, contains};
+
+/// Stretches that lead somewhere, and from there on.
+const STRETCHES: [f64; 15] =
+    [1.0, 1.0001, 1.001, 1.005, 1.01, 1.02, 1.05, 1.1, 1.3, 2.0, 0.999, 0.99, 0.95, 0.8, 0.5];
+
+/// A bond's length at rest, over the horizon.
+const REFERENCE: f64 = 0.5;
+
+/// By which part of what it can be an energy must grow, or a state change, to be told.
+const TOLD: f64 = 1e-9;
+
+/// What bonds remember, with values for everything it depends on.
+pub(super) struct Updating<'m> {
+    pub(super) updates: &'m [Update],
+    model: &'m Model,
+    tried: Vec<Tried>,
+}
+
+/// A bond that has been at one stretch and comes to another.
+struct Tried {
+    stretches: [f64; 2],
+    /// psi with states before they change and behind that.
+    psi: [f64; 2],
+    /// The next states, one for each update, and what becomes of these at the same length at once.
+    next: [Vec<f64>; 2],
+}
+
+impl<'m> Updating<'m> {
+    /// The updates of a model for some values; nothing where there are none, or no values are found.
+    pub(super) fn examples(model: &'m Model, dimension: usize) -> Option<Updating<'m>> {
+        let variant = model.variant(dimension).filter(|variant| !variant.updates.is_empty())?;
+        let values = example(model, dimension)?.with_states(model);
+        let compiled = model.compile(&values, Mode::Interpreter, Form::Textbook).ok()?;
+        let of_bonds = |kernel: &&Kernel| kernel.measure() == Measure::Length;
+        let kernel = compiled.kernels.iter().find(of_bonds);
+        let begin = || Remembering::new(model, &values, Mode::Interpreter, Form::Textbook).ok();
+        let mut tried = Vec::new();
+        for [first, second] in STRETCHES.iter().flat_map(|one| STRETCHES.map(|two| [*one, two])) {
+            let reference = REFERENCE * values.horizon;
+            let [one, two] =
+                [first, second].map(|stretch| Point { measure: stretch * reference, reference });
+            if ![one, two].iter().all(|p| contains(variant, Measure::Length, &values, *p)) {
+                continue;
+            }
+            let mut bond = begin()?;
+            bond.advance(one, 0.0);
+            let psi = |bond: &Remembering| kernel.map_or(0.0, |kernel| bond.energy(kernel, two)[0]);
+            let next = |bond: &Remembering| -> Vec<f64> {
+                bond.next(two, 0.0).into_iter().map(|(_, value)| value).collect()
+            };
+            let (before, states) = (psi(&bond), next(&bond));
+            bond.advance(two, 0.0);
+            tried.push(Tried {
+                stretches: [first, second],
+                psi: [before, psi(&bond)],
+                next: [states, next(&bond)],
+            });
+        }
+        Some(Updating { updates: &variant.updates, model, tried })
+    }
+
+    fn name(&self, update: usize) -> &str {
+        &self.model.parameters()[self.updates[update].state].name
+    }
+}
+
+/// In words where a bond has been and where it comes to.
+fn way([first, second]: [f64; 2]) -> String {
+    format!("at l/L = {} after l/L = {}", short(second), short(first))
+}
+
+/// Energy that grows at a fixed length when states change.
+pub(super) fn creates_energy(updating: &Updating<'_>) -> Option<(usize, Finding)> {
+    let most = updating.tried.iter().flat_map(|tried| tried.psi).filter(|psi| psi.is_finite());
+    let most = most.fold(0.0, |most: f64, psi| most.max(psi.abs()));
+    let creates = |tried: &&Tried| tried.psi[1] - tried.psi[0] > TOLD * most;
+    let found = updating.tried.iter().find(creates)?;
+    let finding = Finding {
+        message: format!(
+            "what bonds remember creates energy: psi(l) grows from {} to {} {}, at a fixed length",
+            short(found.psi[0]),
+            short(found.psi[1]),
+            way(found.stretches)
+        ),
+        help: "let psi(l) fall or stay as it is when a state changes: what is lost is dissipated"
+            .into(),
+    };
+    Some((0, finding))
+}
+
+/// A state that goes on changing at a fixed length without a time.
+pub(super) fn not_settled(updating: &Updating<'_>) -> Option<(usize, Finding)> {
+    (0..updating.updates.len()).find_map(|update| {
+        let all = updating.tried.iter().flat_map(|tried| &tried.next);
+        let most = all.map(|next| next[update]).filter(|x| x.is_finite());
+        let most = most.fold(0.0, |most: f64, x| most.max(x.abs()));
+        let moves = |tried: &&Tried| {
+            let [one, two] = tried.next.each_ref().map(|next| next[update]);
+            (one - two).abs() > TOLD * most
+        };
+        let found = updating.tried.iter().find(moves)?;
+        let [one, two] = found.next.each_ref().map(|next| short(next[update]));
+        let name = updating.name(update);
+        let message = format!(
+            "`{name}` does not settle: {} it becomes {one}, and {two} at once again",
+            way(found.stretches)
+        );
+        let help = "what does not depend on the time stays when it is worked out again at the same length; \
+                    what does, holds `dt`"
+            .into();
+        Some((update, Finding { message, help }))
+    })
+}
+
+/// A state that changes nothing, or that nothing changes.
+pub(super) fn unused(model: &Model, state: &Parameter) -> Option<Finding> {
+    let variant = model.variant(model.dimensions().next()?)?;
+    let number = model.parameters().iter().position(|own| own.name == state.name)?;
+    let name = &state.name;
+    if variant.updates.iter().all(|update| update.state != number) {
+        return Some(Finding {
+            message: format!("`{name}` never changes: there is no `update {name} = ..`"),
+            help: format!("say what it becomes, or declare it so: `parameter {name}`"),
+        });
+    }
+    let others = variant.updates.iter().filter(|update| update.state != number);
+    let energies = variant.energies.iter().map(|energy| energy.root);
+    let breaks = variant.breaks.iter().map(|one| one.root);
+    let roots: Vec<_> = energies.chain(breaks).chain(others.map(|update| update.root)).collect();
+    let is_used = variant.graph.depends_on(&roots, Input::Parameter(number as u16));
+    (!is_used).then(|| Finding {
+        message: format!("`{name}` changes nothing: no psi(l), condition or other state holds it"),
+        help: "let psi(l) or a condition depend on it, or leave it out".into(),
+    })
+}

@@ -1,0 +1,88 @@
+//! One bond and what it remembers, from length to length: for lints, verification and studies of single
+//! bonds.
+
+use std::sync::Arc;
+
+use crate::breaking::{Criterion, NextState};
+use crate::kernel::{Batch, Kernel, Mode, Order, Outputs};
+use crate::model::Model;
+use crate::specialise::{CompileError, Form};
+use crate::values::Values;
+use crate::verify::sample::Point;
+
+/// A bond with its history.
+#[derive(Clone, Debug)]
+pub struct Remembering {
+    next: Arc<[NextState]>,
+    /// The fields of the values, states among them, as they are now.
+    fields: Vec<f64>,
+}
+
+impl Remembering {
+    /// A bond that begins with the states that the values say, in SI units.
+    ///
+    /// # Errors
+    /// As [`Model::next_states`].
+    pub fn new(
+        model: &Model,
+        values: &Values,
+        mode: Mode,
+        form: Form,
+    ) -> Result<Remembering, CompileError> {
+        let next = model.next_states(values, mode, form)?.into();
+        let fields = values.clone().with_states(model).typical().map(|(_, value)| value).collect();
+        Ok(Remembering { next, fields })
+    }
+
+    /// The values of all fields, as kernels for values [with states](Values::with_states) take them.
+    pub fn fields(&self) -> &[f64] {
+        &self.fields
+    }
+
+    /// The next values at a length, `dt` s after the last: of each state its number among the fields and
+    /// what it becomes.
+    pub fn next(&self, point: Point, dt: f64) -> Vec<(usize, f64)> {
+        let value = |one: &NextState| (one.field, value(&one.next, point, &self.fields, Some(dt)));
+        self.next.iter().map(value).collect()
+    }
+
+    /// Changes the states, all at once; whether any is another.
+    pub fn advance(&mut self, point: Point, dt: f64) -> bool {
+        let next = self.next(point, dt);
+        let mut changes = false;
+        for (field, value) in next {
+            changes |= self.fields[field].to_bits() != value.to_bits();
+            self.fields[field] = value;
+        }
+        changes
+    }
+
+    /// psi, psi' and psi'' of an energy at a length, with states as they are.
+    pub fn energy(&self, kernel: &Kernel, point: Point) -> [f64; 3] {
+        derivatives(kernel, point, &self.fields, None)
+    }
+
+    /// Whether the bond breaks at a length, with states as they are.
+    pub fn breaks(&self, criterion: &Criterion, point: Point) -> bool {
+        criterion.breaks(value(&criterion.margin, point, &self.fields, None))
+    }
+}
+
+fn value(kernel: &Kernel, point: Point, fields: &[f64], dt: Option<f64>) -> f64 {
+    derivatives(kernel, point, fields, dt)[0]
+}
+
+/// psi and its derivatives, with fields and, where the kernel takes it, the time step behind them.
+fn derivatives(kernel: &Kernel, point: Point, fields: &[f64], dt: Option<f64>) -> [f64; 3] {
+    let all: Vec<f64> = fields.iter().copied().chain(dt).collect();
+    let batch = Batch {
+        measure: &[point.measure],
+        reference: &[point.reference],
+        change: &[point.change()],
+        fields: &all[..kernel.fields().len()],
+    };
+    let [mut psi, mut dpsi, mut d2psi] = [[0.0]; 3];
+    let out = Outputs { psi: &mut psi, dpsi: &mut dpsi, d2psi: &mut d2psi };
+    kernel.evaluate(batch, Order::Tangent, out);
+    [psi[0], dpsi[0], d2psi[0]]
+}

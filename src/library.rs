@@ -58,8 +58,11 @@ macro_rules! entries {
 /// Every file of `potentials/`, in alphabetical order.
 pub(crate) const LIBRARY: &[Entry] = entries![
     "arruda_boyce" is Rubber,
+    "bilinear_softening" is Bond,
     "blatz_ko" is Foam,
+    "exponential_softening" is Bond,
     "exponentiated_hencky" is Solid,
+    "fatigue" is Bond,
     "fibre_reinforced" is Tissue,
     "firooz2023" is Clique,
     "fung" is Tissue,
@@ -76,6 +79,7 @@ pub(crate) const LIBRARY: &[Entry] = entries![
     "logarithmic" is Clique,
     "logarithmic_states" is State,
     "lopez_pamies" is Rubber,
+    "micro_plastic" is Bond,
     "miranda_modified_stretch" is Bond,
     "mooney_rivlin" is Rubber,
     "morse" is Bond,

@@ -4,7 +4,10 @@
 
 use crate::kernel::{Kernel, Mode, WrittenEnergy};
 use crate::model::{Model, Update};
-use crate::specialise::{CompileError, Form, MAX_OPERATIONS, Named, function_of_bonds, of_bonds};
+use crate::specialise::{
+    CompileError, Form, MAX_OPERATIONS, Named, ScalarEnergy, function_of_bonds, of_bonds,
+    symbolic_of_bonds,
+};
 use crate::squares::square_of;
 use crate::values::Values;
 
@@ -31,6 +34,32 @@ impl Criterion {
     }
 }
 
+/// A function of a bond that is no energy, for those who print it.
+#[derive(Clone, Debug)]
+pub struct BondFunction {
+    /// What it is.
+    pub kind: BondFunctionKind,
+    /// As written, in canonical spelling.
+    pub text: String,
+    /// The margin or the next value in the place of psi.
+    pub function: ScalarEnergy,
+}
+
+/// What a [`BondFunction`] says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BondFunctionKind {
+    /// The margin of the condition of this number, from 1: the bond breaks where it is above 0, or also at
+    /// 0.
+    Margin {
+        /// Which condition.
+        number: usize,
+        /// Whether the bond breaks at 0, too.
+        holds_at_zero: bool,
+    },
+    /// What the state of this name becomes.
+    Next(String),
+}
+
 /// What a state of a bond becomes.
 #[derive(Debug)]
 pub struct NextState {
@@ -44,6 +73,41 @@ pub struct NextState {
 }
 
 impl Model {
+    /// Margins of conditions, then what states become, as they are compiled for these values; with symbols
+    /// for parameters where there are none.
+    ///
+    /// # Errors
+    /// As [`Model::criteria`].
+    pub fn bond_functions(
+        &self,
+        dimension: usize,
+        values: Option<&Values>,
+    ) -> Result<Vec<BondFunction>, CompileError> {
+        let variant = self.variant(dimension).ok_or(CompileError::WrongDimension(dimension))?;
+        let in_time = values.map(|own| own.clone().with_states(self).with_time_step(self));
+        let make = |root, span| {
+            let named = Named { argument: ARGUMENT, span };
+            let (graph, parameters) = (&variant.graph, self.parameters());
+            let made = match &in_time {
+                Some(values) => of_bonds(graph, parameters, root, values, Form::Accurate),
+                None => symbolic_of_bonds(graph, parameters, root),
+            };
+            named.made(made)
+        };
+        let margin = |(k, one): (usize, &crate::model::Break)| {
+            let kind = BondFunctionKind::Margin { number: k + 1, holds_at_zero: one.holds_at_zero };
+            let text = one.text.clone();
+            Ok(BondFunction { kind, text, function: make(one.root, one.span)? })
+        };
+        let next = |one: &Update| {
+            let kind = BondFunctionKind::Next(self.input_name(one.state).to_string());
+            let text = one.text.clone();
+            Ok(BondFunction { kind, text, function: make(one.root, one.span)? })
+        };
+        let margins = variant.breaks.iter().enumerate().map(margin);
+        margins.chain(variant.updates.iter().map(next)).collect()
+    }
+
     /// When bonds break, for these values: any one of these conditions is enough.
     ///
     /// # Errors

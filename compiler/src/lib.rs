@@ -45,7 +45,7 @@ mod values;
 pub mod verify;
 mod written;
 
-pub use breaking::{Criterion, NextState};
+pub use breaking::{BondFunction, BondFunctionKind, Criterion, NextState};
 pub use check::{CODES, Files, check, check_text, check_text_with};
 pub use clique::{Part as CliquePart, Variable};
 pub use compile::{Compiled, Kind};

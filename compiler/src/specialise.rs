@@ -389,6 +389,16 @@ pub(crate) fn of_bonds(
     Ok(function.derivatives(form)?.scalar_energy())
 }
 
+/// The same with parameters as symbols, in the form as written.
+pub(crate) fn symbolic_of_bonds(
+    graph: &ExprGraph,
+    parameters: &[Parameter],
+    root: NodeId,
+) -> Result<ScalarEnergy, TooManyNodes> {
+    let function = made_of_bonds(graph, parameters, root, &|_| None, Vec::new())?;
+    Ok(function.derivatives(Form::Textbook)?.scalar_energy())
+}
+
 /// A function of one bond in the place of an energy; what parameters make zero is 0.
 pub(crate) fn function_of_bonds(
     graph: &ExprGraph,
@@ -396,7 +406,17 @@ pub(crate) fn function_of_bonds(
     root: NodeId,
     values: &Values,
 ) -> Result<SimpleEnergy, TooManyNodes> {
-    let (measure, fold) = (Measure::Length, &known(values));
+    made_of_bonds(graph, parameters, root, &known(values), values.typical().collect())
+}
+
+fn made_of_bonds(
+    graph: &ExprGraph,
+    parameters: &[Parameter],
+    root: NodeId,
+    fold: &impl Fn(Input) -> Option<f64>,
+    fields: Vec<(u16, f64)>,
+) -> Result<SimpleEnergy, TooManyNodes> {
+    let measure = Measure::Length;
     let subject = ("l", std::slice::from_ref(&root));
     let made = sum_in(Simplifier::exact(), graph, parameters, subject, fold, &mut Vec::new())?;
     let (graph, psi) = match made {
@@ -408,7 +428,6 @@ pub(crate) fn function_of_bonds(
         }
     };
     let reference = typical_reference(measure, fold);
-    let fields = values.typical().collect();
     Ok(SimpleEnergy { measure, graph, psi, reference, fields })
 }
 

@@ -494,3 +494,72 @@ fn several_main(name: &str, all: usize, n: usize, arrays: &[String; 4]) -> Strin
          }}\n"
     )
 }
+
+/// What bonds remember and when they break: functions with states and a time step, to the last bit.
+#[test]
+fn printed_c_of_bonds_that_remember_gives_the_same_numbers() {
+    if !machine::has_c_compiler() {
+        return;
+    }
+    let text = "potential memory\nstate k = 0.25\nstate life = 2\ns = l/L - 1\n\
+                update k = max(k, s)\nupdate life = life - max(0, s - 1/8)^2*dt\n\
+                psi(l) = L*s^2/(1 + k)\nbreak when k + s > 3/4\nbreak when life <= 1 or s >= 2";
+    let model = check(&parse(text).unwrap()).unwrap();
+    let values = model.values(3, &[], Some(1.0)).unwrap().with_states(&model);
+    let folder = Folder::new("piola_c_of_bonds");
+    let mut source = print::c_source(&model, &model.specialise(&values).unwrap().energies, None);
+    source += &print::c_of_bonds(&model, &model.bond_functions(3, Some(&values)).unwrap());
+    let path = folder.0.join("memory.c");
+    std::fs::write(&path, &source).unwrap();
+    let measures = [0.5, 1.0, 1.0625, 1.125, 1.5, 2.0, 3.5];
+    let list =
+        |values: &[f64]| values.iter().map(|x| format!("{x:e}")).collect::<Vec<_>>().join(", ");
+    let changes = measures.map(|l| l - 1.0);
+    let (lives, ks) =
+        ([2.0, 1.5, 1.0, 0.5, 1.25, 3.0, 2.5], [0.0, 0.5, 0.25, 0.125, 1.0, 0.0, 2.0]);
+    let main = format!(
+        "#include <stdio.h>\n#include \"memory.c\"\nint main(void) {{\n\
+         double l[] = {{{}}}, L[] = {{{}}}, e[] = {{{}}}, k[] = {{{}}}, a[] = {{{}}}, x[7], y[7], z[7];\n\
+         memory_l(7, l, L, e, k, a, x, y, z);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", y[i]);\n\
+         memory_next_k(7, l, L, e, k, a, 0.5, x);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", x[i]);\n\
+         memory_next_life(7, l, L, e, k, a, 0.5, x);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", x[i]);\n\
+         memory_margin_1(7, l, L, e, k, a, x);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", x[i]);\n\
+         memory_margin_2(7, l, L, e, k, a, x);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", x[i]);\n\
+         return 0;\n}}\n",
+        list(&measures),
+        list(&[1.0; 7]),
+        list(&changes),
+        list(&ks),
+        list(&lives),
+    );
+    let printed = run(&folder, Vec::new(), &main);
+    let mut printed = printed.lines().map(|line| line.parse::<f64>().unwrap());
+    let mode = Mode::Jit(Level::Strict);
+    let fields = |with_time: bool| {
+        let dt = [0.5; 7];
+        let all =
+            if with_time { [&ks[..], &lives, &dt].concat() } else { [&ks[..], &lives].concat() };
+        all
+    };
+    let reference = [1.0; 7];
+    let batch = |fields| piola_compiler::Batch {
+        measure: &measures,
+        reference: &reference,
+        change: &changes,
+        fields,
+    };
+    let (of_energy, of_next) = (fields(false), fields(true));
+    let kernels = model.compile(&values, mode, Form::Accurate).unwrap().kernels;
+    let mut expected = kernels[0].derivatives(batch(&of_energy)).dpsi;
+    for next in model.next_states(&values, mode, Form::Accurate).unwrap() {
+        expected.extend(next.next.derivatives(batch(&of_next)).psi);
+    }
+    for criterion in model.criteria(&values, mode, Form::Accurate).unwrap() {
+        expected.extend(criterion.margin.derivatives(batch(&of_energy)).psi);
+    }
+    for (k, expected) in expected.iter().enumerate() {
+        let found = printed.next().unwrap();
+        assert!(same_bits(found, *expected), "{k}: {found:e} and {expected:e}\n{source}");
+    }
+    assert!(printed.next().is_none());
+}

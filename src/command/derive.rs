@@ -7,7 +7,8 @@ use piola_compiler::point::gradient_listing;
 use piola_compiler::rewrite::{self, Explanation, Side};
 use piola_compiler::simplify::Rule;
 use piola_compiler::{
-    Argument, CompileError, Form, GradientEnergyForms, Measure, Specialised, Values, print,
+    Argument, BondFunction, BondFunctionKind, CompileError, Form, GradientEnergyForms, Measure,
+    Specialised, Values, print,
 };
 
 use piola_runtime::output::decimal;
@@ -75,7 +76,16 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
         }
         None => return Exit::Input,
     };
-    match emit(&loaded, &specialised, (gradient.as_ref(), &coupled), arguments) {
+    let of_bonds = match of_bonds(&loaded, dimension, arguments) {
+        Some(Ok(of_bonds)) => of_bonds,
+        Some(Err(error)) => {
+            print_compile_error(&loaded, &error);
+            return Exit::Input;
+        }
+        None => return Exit::Input,
+    };
+    let others = (gradient.as_ref(), &coupled[..], &of_bonds[..]);
+    match emit(&loaded, &specialised, others, arguments) {
         Ok(text) => {
             console::out(&text);
             Exit::Done
@@ -151,6 +161,21 @@ fn coupled(
     Some(Ok(found))
 }
 
+/// When bonds break and what they remember.
+fn of_bonds(
+    loaded: &Loaded,
+    dimension: usize,
+    arguments: &Derive,
+) -> Option<Result<Vec<BondFunction>, CompileError>> {
+    let settings = potential::settings(&arguments.inputs)?;
+    let symbols_allowed = matches!(arguments.emit, Emit::Text | Emit::Latex | Emit::Graph);
+    if symbols_allowed && settings.is_empty() && arguments.inputs.delta.is_none() {
+        return Some(loaded.model.bond_functions(dimension, None));
+    }
+    let (values, _) = all_values(loaded, dimension, arguments)?;
+    Some(loaded.model.bond_functions(dimension, Some(&values)))
+}
+
 /// Values for every parameter: 1 for want of one, which is said.
 fn filled_values(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Option<Values> {
     let (values, filled) = all_values(loaded, dimension, arguments)?;
@@ -170,7 +195,7 @@ fn all_values(
     let filled = loaded.model.fill_with_one(dimension, &mut settings);
     let delta = arguments.inputs.delta.or(Some(1.0));
     let values = potential::values(&loaded.model, dimension, &settings, delta)?;
-    Some((values, filled))
+    Some((values.with_states(&loaded.model), filled))
 }
 
 /// Prints what was rewritten, and what it gained.
@@ -294,7 +319,11 @@ fn explanation(e: &Explanation) -> String {
 fn emit(
     loaded: &Loaded,
     specialised: &Specialised,
-    (gradient, coupled): (Option<&GradientEnergyForms>, &[(Measure, CoupledForm)]),
+    (gradient, coupled, of_bonds): (
+        Option<&GradientEnergyForms>,
+        &[(Measure, CoupledForm)],
+        &[BondFunction],
+    ),
     arguments: &Derive,
 ) -> Result<String, CompileError> {
     let model = &loaded.model;
@@ -302,7 +331,8 @@ fn emit(
     if arguments.emit == Emit::C {
         let first = print::c_source(model, &specialised.energies, gradient);
         let several = coupled.iter().map(|(clique, form)| print::coupled_c(model, *clique, form));
-        return Ok(std::iter::once(first).chain(several).collect::<Vec<_>>().join("\n"));
+        let all = std::iter::once(first).chain(several).collect::<Vec<_>>().join("\n");
+        return Ok(all + &print::c_of_bonds(model, of_bonds));
     }
     let mut parts = Vec::new();
     for energy in &specialised.energies {
@@ -316,10 +346,12 @@ fn emit(
             _ => print::text(model, energy),
         });
     }
-    if matches!(arguments.emit, Emit::Text) {
-        let lines = model.breaks().iter().map(|one| format!("break when {}\n", one.text));
-        parts.extend(Some(lines.collect::<String>()).filter(|lines| !lines.is_empty()));
-    }
+    let evolution = match arguments.emit {
+        Emit::Text => of_bonds.iter().map(in_words).collect(),
+        Emit::Latex => print::latex_of_bonds(model, of_bonds),
+        _ => String::new(),
+    };
+    parts.extend(Some(evolution).filter(|lines| !lines.is_empty()));
     if let Some(forms) = gradient {
         let listings = || gradient_listing(forms, arguments.level.into());
         match arguments.emit {
@@ -341,6 +373,14 @@ fn emit(
         }
     }
     Ok(parts.join("\n"))
+}
+
+/// A condition, or what a state becomes, as it is written.
+fn in_words(one: &BondFunction) -> String {
+    match &one.kind {
+        BondFunctionKind::Margin { .. } => format!("break when {}\n", one.text),
+        BondFunctionKind::Next(state) => format!("update {state} = {}\n", one.text),
+    }
 }
 
 /// In tensors, or in components where it cannot be written so, which is said.

@@ -100,6 +100,9 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
     if let Subject::Margin(condition) = &found.subject {
         return report_margin(place, condition, found);
     }
+    if let Subject::NextState(next) = &found.subject {
+        return report_next_state(place, next, found);
+    }
     let (places, what, digits) = match &found.subject {
         Subject::Argument(Argument::Measure(_) | Argument::Square(_)) => {
             ("points", "largest error over tolerance against hyper-dual numbers", 2)
@@ -107,7 +110,7 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
         Subject::Argument(Argument::Gradient) => {
             ("gradients", "largest errors in u = 2^-53 of the norm", 0)
         }
-        Subject::Gathered(_) | Subject::Margin(_) => {
+        Subject::Gathered(_) | Subject::Margin(_) | Subject::NextState(_) => {
             ("points", "largest errors against hyper-dual numbers in u = 2^-53", 0)
         }
         Subject::Coupled(..) => ("points", "largest errors in u = 2^-53 of the largest part", 0),
@@ -178,6 +181,29 @@ fn report_margin(place: &str, condition: &str, found: &Verification) -> String {
     let points = found.n_places;
     let mut out =
         format!("{verdict}  {place} break when {condition}: {points} points; {bits}; {judged}\n");
+    for miss in found.misses.iter().take(5) {
+        out.push_str(&describe(&found.subject, miss));
+    }
+    out
+}
+
+/// The same of what a state becomes.
+fn report_next_state(place: &str, next: &str, found: &Verification) -> String {
+    let verdict = match found.outcome() {
+        Outcome::Passed => "passed",
+        Outcome::DigitsLost => "DIGITS LOST",
+        Outcome::Wrong => "WRONG",
+    };
+    let bits = match found.different_bits {
+        0 => "machine code = interpreter to the last bit".to_string(),
+        n => format!("machine code differs from the interpreter at {n} points"),
+    };
+    let largest = found.errors.iter().fold(0.0, |most: f64, errors| most.max(errors.largest[0]));
+    let points = found.n_places;
+    let mut out = format!(
+        "{verdict}  {place} update {next}: {points} points; {bits}; off by at most {largest:.1} roundings of \
+         it or of the change of the length\n"
+    );
     for miss in found.misses.iter().take(5) {
         out.push_str(&describe(&found.subject, miss));
     }
@@ -323,7 +349,9 @@ fn place_of(subject: &Subject, miss: &Miss) -> String {
             let (m, rest) = (miss.place[0], miss.place[1]);
             format!("{symbol} = {m:e}, {} = {rest:e}", measure.reference_symbol())
         }
-        Subject::Margin(_) => format!("l = {:e}, L = {:e}", miss.place[0], miss.place[1]),
+        Subject::Margin(_) | Subject::NextState(_) => {
+            format!("l = {:e}, L = {:e}", miss.place[0], miss.place[1])
+        }
         Subject::Coupled(_, symbols) => {
             let changes: Vec<String> = miss.place.iter().map(|x| format!("{x:.1e}")).collect();
             format!("changes of {} by ({}) of themselves", symbols.join(", "), changes.join(", "))

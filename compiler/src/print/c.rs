@@ -5,6 +5,7 @@
 
 use std::fmt::Write as _;
 
+use crate::breaking::{BondFunction, BondFunctionKind};
 use crate::density::DensityForm;
 use crate::expression::graph::components;
 use crate::expression::power::{PowerOps, PowerPlan};
@@ -15,7 +16,7 @@ use crate::specialise::ScalarEnergy;
 
 /// A C99 file with one function per energy of a measure:
 /// `void NAME_l(size_t n, const double *measure, const double *reference, const double *change,
-/// double *psi, double *dpsi, double *d2psi)`,
+/// double *psi, double *dpsi, double *d2psi)`, with an array for each state before `psi`,
 /// and two for the energy of the deformation gradient, whose arrays hold component after component,
 /// row by row, of `n` places (`change` is `F - I`):
 /// `void NAME_F(size_t n, const double *gradient, const double *change, double *psi,
@@ -69,24 +70,78 @@ static inline double piola_log1pmx(double x) {
 const AXES: &str = include_str!("axes.c");
 
 fn function(out: &mut String, model: &Model, energy: &ScalarEnergy) {
+    let name = energy.measure.symbol();
+    let targets = [("psi", 0), ("dpsi", 1), ("d2psi", 2)];
+    array_function(out, model, name, energy, &targets.map(|(name, k)| (name, energy.roots[k])));
+}
+
+/// A function over arrays of bonds, or of other interactions, with one array for each result. States are
+/// arrays, too, all that the values have if the function takes any, and the time step is a number.
+fn array_function(
+    out: &mut String,
+    model: &Model,
+    name: &str,
+    energy: &ScalarEnergy,
+    results: &[(&str, NodeId)],
+) {
+    let given = energy.fields.iter().map(|(number, _)| match model.time_step() {
+        Some(dt) if dt == *number => "double dt, ".to_string(),
+        _ => format!("const double *{}, ", state(model, *number)),
+    });
+    let given: String = given.collect();
+    let arrays: Vec<String> = results.iter().map(|(name, _)| format!("double *{name}")).collect();
     let _ = write!(
         out,
-        "\nvoid {}_{}(size_t n, const double *measure, const double *reference,\n\
-         \x20   const double *change, double *psi, double *dpsi, double *d2psi) {{\n\
+        "\nvoid {}_{name}(size_t n, const double *measure, const double *reference,\n\
+         \x20   const double *change, {given}{}) {{\n\
          \x20 for (size_t i = 0; i < n; i++) {{\n",
         model.name(),
-        energy.measure.symbol()
+        arrays.join(", ")
     );
     let input = |input| match input {
         Input::Current(_) => "measure[i]".into(),
         Input::Reference(_) => "reference[i]".into(),
         Input::Change(_) => "change[i]".into(),
+        Input::Parameter(number) if model.time_step() == Some(number) => "dt".into(),
+        Input::Parameter(number) => format!("{}[i]", state(model, number)),
         // Specialisation has put numbers in their place.
         _ => "NAN".into(),
     };
-    let targets = ["psi[i]", "dpsi[i]", "d2psi[i]"].map(str::to_string);
-    statements(out, &energy.graph, &input, targets.into_iter().zip(energy.roots));
+    let targets = results.iter().map(|(name, root)| (format!("{name}[i]"), *root));
+    statements(out, &energy.graph, &input, targets);
     out.push_str("  }\n}\n");
+}
+
+/// What C calls a state.
+fn state(model: &Model, number: u16) -> String {
+    format!("state_{}", model.input_name(usize::from(number)))
+}
+
+/// C99 functions for when bonds break and what they remember, beside those of [`c_source`]:
+/// `void NAME_margin_1(size_t n, const double *measure, const double *reference, const double *change,
+/// const double *state_k, double *margin)`, and `NAME_next_k` with `double dt` where it depends on the time
+/// step.
+pub fn c_of_bonds(model: &Model, functions: &[BondFunction]) -> String {
+    let mut out = String::new();
+    for BondFunction { kind, text, function } in functions {
+        let (name, result, meaning) = match kind {
+            BondFunctionKind::Margin { number, holds_at_zero } => {
+                let sign = if *holds_at_zero { ">=" } else { ">" };
+                let meaning = format!("A bond breaks where this is {sign} 0: {text}");
+                (format!("margin_{number}"), "margin", meaning)
+            }
+            BondFunctionKind::Next(state) => (
+                format!("next_{state}"),
+                "next",
+                format!("What a bond remembers next: {state} = {text}"),
+            ),
+        };
+        let _ = write!(out, "\n/* {meaning} */");
+        let (graph, roots) = function.graph.extract(&function.roots[..1]);
+        let alone = ScalarEnergy { graph, roots: [roots[0]; 3], ..function.clone() };
+        array_function(&mut out, model, &name, &alone, &[(result, roots[0])]);
+    }
+    out
 }
 
 /// psi with P, and dP: near rest by the form in `F - I`, as our kernels choose.

@@ -1,6 +1,7 @@
 //! Graphs in LaTeX.
 
 use super::{Binding, Names, Notation, Piece, lines};
+use crate::breaking::{BondFunction, BondFunctionKind};
 use crate::expression::{Comparison, Function, Input, Operator};
 use crate::model::Model;
 use crate::specialise::ScalarEnergy;
@@ -15,6 +16,30 @@ pub fn latex(model: &Model, energy: &ScalarEnergy) -> String {
         .map(|(name, expression)| format!("  {name} &= {expression}"))
         .collect();
     format!("\\begin{{align*}}\n{}\n\\end{{align*}}\n", rows.join(" \\\\\n"))
+}
+
+/// When bonds break and what they remember, in one `align*` environment; nothing where they do neither.
+pub fn latex_of_bonds(model: &Model, functions: &[BondFunction]) -> String {
+    let mut rows = Vec::new();
+    for BondFunction { kind, function, .. } in functions {
+        let name = match kind {
+            BondFunctionKind::Margin { number, .. } => format!("g_{{{number}}}"),
+            BondFunctionKind::Next(state) => format!(r"{}^{{\text{{next}}}}", Latex::symbol(state)),
+        };
+        let roots = [(name, function.roots[0])];
+        for (name, expression) in lines(&function.graph, &roots, &Latex { names: Names { model } })
+        {
+            rows.push(format!("  {name} &= {expression}"));
+        }
+        if let BondFunctionKind::Margin { number, holds_at_zero } = kind {
+            let sign = if *holds_at_zero { r"\ge" } else { ">" };
+            rows.push(format!(r"  &\text{{a bond breaks where }} g_{{{number}}} {sign} 0"));
+        }
+    }
+    match rows.is_empty() {
+        true => String::new(),
+        false => format!("\\begin{{align*}}\n{}\n\\end{{align*}}\n", rows.join(" \\\\\n")),
+    }
 }
 
 pub(super) struct Latex<'a> {

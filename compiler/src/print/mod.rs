@@ -16,10 +16,10 @@ mod tensor_tests;
 mod tests;
 mod text;
 
-pub use c::c_source;
+pub use c::{c_of_bonds, c_source};
 pub use coupled::{coupled_c, coupled_latex, coupled_listing, coupled_text};
 pub use gradient::{gradient_latex, gradient_listing, gradient_text};
-pub use latex::latex;
+pub use latex::{latex, latex_of_bonds};
 pub use listing::{graph_listing, model_listing};
 pub use tensor::tensor_latex;
 pub use text::{expression, text};

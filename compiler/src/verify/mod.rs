@@ -11,6 +11,7 @@
 //! | `gradient` | energies of the deformation gradient |
 //! | `gathered` | energies of gathered values |
 //! | `margin` | conditions under which bonds break |
+//! | `remember` | what bonds remember, and all of the above with it |
 //! | `coupled` | energies of several measures of one interaction |
 //! | `cause`, `stated` | which subexpression loses digits, and what it is in the text |
 //! | [`sample`], [`truth`] | points to try energies of measures at, and their values there to any precision |
@@ -21,6 +22,7 @@ mod gathered;
 mod gradient;
 mod margin;
 mod measure;
+mod remember;
 pub mod sample;
 pub(crate) mod stated;
 pub mod truth;
@@ -97,6 +99,8 @@ pub enum Subject {
     Gathered(String),
     /// No energy, but a condition under which bonds break, as written.
     Margin(String),
+    /// No energy, but what a state becomes: `p = max(p, l/L - 1)`.
+    NextState(String),
     /// Several measures of one interaction: as written, `angle`, and what that follows from, `a`, `l1` ..
     Coupled(String, Vec<&'static str>),
 }
@@ -168,7 +172,10 @@ impl Subject {
     pub fn symbol(&self) -> &str {
         match self {
             Subject::Argument(argument) => argument.symbol(),
-            Subject::Gathered(text) | Subject::Margin(text) | Subject::Coupled(text, _) => text,
+            Subject::Gathered(text)
+            | Subject::Margin(text)
+            | Subject::NextState(text)
+            | Subject::Coupled(text, _) => text,
         }
     }
 
@@ -178,6 +185,7 @@ impl Subject {
             Subject::Argument(argument) => argument.orders(),
             Subject::Gathered(_) | Subject::Coupled(..) => ["psi", "gradient", "product"],
             Subject::Margin(_) => ["margin", "margin'", "margin''"],
+            Subject::NextState(_) => ["next", "next'", "next''"],
         }
     }
 }
@@ -224,6 +232,20 @@ impl Verification {
     pub fn over_tolerance(&self) -> [f64; 3] {
         let largest = |order: usize| self.errors.iter().map(move |e| e.largest[order] / e.bar);
         [0, 1, 2].map(|order| largest(order).fold(0.0, f64::max))
+    }
+
+    /// Takes in what was found for the same energy elsewhere.
+    fn join(&mut self, other: Verification) {
+        self.n_places += other.n_places;
+        self.different_bits += other.different_bits;
+        self.misses.extend(other.misses);
+        for (own, of_other) in self.errors.iter_mut().zip(other.errors) {
+            own.largest = std::array::from_fn(|k| own.largest[k].max(of_other.largest[k]));
+        }
+        self.undecided += other.undecided;
+        let is_new = |cause: &Cause| self.causes.iter().all(|own| own.order != cause.order);
+        let causes: Vec<Cause> = other.causes.into_iter().filter(is_new).collect();
+        self.causes.extend(causes);
     }
 
     /// Counts a place, and whether machine code and interpreter differ there.
@@ -295,11 +317,34 @@ struct Ways {
 
 /// Verifies every energy of a model for these values, and once more where it has a kernel for the
 /// squared measure: at about `2 n` points of measures, at `2 n` gradients and at most 200, at `n`
-/// places of gathered values.
+/// places of gathered values. Where bonds remember, with what they remember at the start and after some
+/// histories, and what they remember next.
 ///
 /// # Errors
 /// Energies that cannot be compiled.
 pub fn verify(
+    model: &Model,
+    values: &Values,
+    n: usize,
+) -> Result<(Vec<Verification>, Vec<Dropped>), CompileError> {
+    let mut all = (Vec::<Verification>::new(), Vec::new());
+    for (k, values) in remember::histories(model, values)?.iter().enumerate() {
+        let (found, dropped) = verify_at(model, values, n)?;
+        for one in found {
+            match all.0.iter_mut().find(|known| known.subject == one.subject) {
+                Some(known) if k > 0 => known.join(one),
+                _ => all.0.push(one),
+            }
+        }
+        if k == 0 {
+            all.1 = dropped;
+        }
+    }
+    Ok(all)
+}
+
+/// The same with what bonds remember by the values.
+fn verify_at(
     model: &Model,
     values: &Values,
     n: usize,
@@ -317,6 +362,7 @@ pub fn verify(
     found.extend(gathered::verify((model, variant), values, &ways, n));
     found.extend(gradient::verify(model, values, &ways, n));
     found.extend(margin::verify(model, variant, values, n)?);
+    found.extend(remember::verify(model, variant, values, n)?);
     found.extend(coupled::verify((model, variant), values, &ways, n));
     Ok((found, ways.interpreted.dropped))
 }

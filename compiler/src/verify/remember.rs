@@ -1,0 +1,126 @@
+//! What bonds remember: energies and conditions with what they remember after some histories, and next
+//! states against numbers of any precision.
+//!
+//! A next state may be off by 64 roundings of itself, and by what it changes by when the change of the
+//! length, or the length itself, is rounded: a return map takes the strain and hands on its rounding.
+
+use super::{Columns, Miss, Subject, UNIT_ROUNDOFF, Verification, Witness, sample};
+use crate::expression::number::Number as _;
+use crate::expression::precise::Precise;
+use crate::kernel::{Batch, Kernel, Level, Mode, WrittenEnergy};
+use crate::measure::Measure;
+use crate::model::{Model, Variant};
+use crate::remember::Remembering;
+use crate::specialise::{CompileError, Form};
+use crate::values::Values;
+use sample::Point;
+
+/// Largest error of a next state, in roundings.
+const BAR: f64 = 64.0;
+
+/// Stretches through which bonds have gone, one way after the other.
+const HISTORIES: [&[f64]; 4] = [&[1.02], &[1.3, 1.1], &[0.9], &[1.005, 0.98, 1.6]];
+
+/// The values as they are, and with what bonds remember after some histories, each once.
+pub(super) fn histories(model: &Model, values: &Values) -> Result<Vec<Values>, CompileError> {
+    let mut all = vec![values.clone()];
+    if model.updates().is_empty() {
+        return Ok(all);
+    }
+    let fields = values.clone().with_states(model).fields;
+    let horizon = if values.horizon.is_finite() { values.horizon } else { 1.0 };
+    let bond = Remembering::new(model, values, Mode::Interpreter, Form::Accurate)?;
+    for stretches in HISTORIES {
+        let mut bond = bond.clone();
+        for stretch in stretches {
+            let reference = 0.5 * horizon;
+            bond.advance(Point { measure: stretch * reference, reference }, 1.0);
+        }
+        let mut after = values.clone();
+        for (field, value) in fields.iter().zip(bond.fields()) {
+            after.parameters[usize::from(*field)] = *value;
+        }
+        if after.parameters.iter().all(|x| x.is_finite()) && !all.contains(&after) {
+            all.push(after);
+        }
+    }
+    Ok(all)
+}
+
+/// Verifies what every state becomes at about `2 n` points, a second after the last time.
+pub(super) fn verify(
+    model: &Model,
+    variant: &Variant,
+    values: &Values,
+    n: usize,
+) -> Result<Vec<Verification>, CompileError> {
+    let mut values = values.clone();
+    if let Some(dt) = model.time_step() {
+        values.parameters[usize::from(dt)] = 1.0;
+    }
+    let next = |mode| model.next_states(&values, mode, Form::Accurate);
+    let strict = next(Mode::Jit(Level::Strict))?;
+    let fast = next(Mode::Jit(Level::Fast))?;
+    let interpreted = next(Mode::Interpreter)?;
+    let points = sample::points(variant, Measure::Length, &values, n);
+    let written = model.written_next_states(&values);
+    let of_state = |(k, written): (usize, &WrittenEnergy)| {
+        let name = &model.parameters()[model.updates()[k].state].name;
+        let subject = Subject::NextState(format!("{name} = {}", strict[k].text));
+        let verification = Verification::new(subject, &[(Witness::TruthFar, BAR)]);
+        let kernels = [&strict[k].next, &fast[k].next, &interpreted[k].next];
+        compare(verification, kernels, written, &points)
+    };
+    Ok(written.iter().enumerate().map(of_state).collect())
+}
+
+fn compare(
+    mut found: Verification,
+    kernels: [&Kernel; 3],
+    written: &WrittenEnergy,
+    points: &[Point],
+) -> Verification {
+    let columns = Columns::new(points);
+    let values = |kernel: &Kernel| {
+        let fields = kernel.fields().iter().flat_map(|value| points.iter().map(move |_| *value));
+        let fields: Vec<f64> = fields.collect();
+        kernel.derivatives(Batch { fields: &fields, ..columns.batch() }).psi
+    };
+    let [strict, fast, interpreted] = kernels.map(values);
+    for (k, point) in points.iter().enumerate() {
+        found.count(&[strict[k]], &[interpreted[k]]);
+        let Some(truth) = truth(written, point.measure, point.reference) else { continue };
+        let unit = UNIT_ROUNDOFF * truth.abs() + rounded_inputs(written, *point, truth);
+        for value in [strict[k], fast[k]] {
+            let error = (value - truth).abs() / (unit + f64::MIN_POSITIVE);
+            found.see(0, 0, error, |bar| Miss {
+                place: vec![point.measure, point.reference],
+                order: 0,
+                compiled: vec![value],
+                expected: vec![truth],
+                tolerance: bar * unit,
+                is_wrong: (value - truth).abs() > super::WRONG * truth.abs(),
+            });
+        }
+    }
+    found
+}
+
+/// How much a next state changes where the change of the length is rounded, with the length by so much.
+fn rounded_inputs(written: &WrittenEnergy, point: Point, truth_here: f64) -> f64 {
+    let size = point.measure - point.reference;
+    let moved = [-UNIT_ROUNDOFF, UNIT_ROUNDOFF].map(|u| {
+        // In half as many digits again the step is not lost.
+        let at = Precise::<512>::line(point.measure, 1.0, u * size);
+        let there = written.evaluate(at, Precise::constant(point.reference));
+        there.parts().map_or(0.0, |_| (there.rounded()[0] - truth_here).abs())
+    });
+    moved[0].max(moved[1])
+}
+
+/// A next state as written to many digits, where it is a number.
+fn truth(written: &WrittenEnergy, measure: f64, reference: f64) -> Option<f64> {
+    let next =
+        written.evaluate(Precise::<512>::line(measure, 1.0, 0.0), Precise::constant(reference));
+    next.parts().map(|_| next.rounded()[0])
+}

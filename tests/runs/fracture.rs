@@ -244,6 +244,12 @@ fn the_fracture_energy_of_a_lattice_is_that_of_the_bonds_across_a_plane() {
     let expected = sum / (h * h);
     let of_plane = number(&planes[0][1]);
     assert!((of_plane / expected - 1.0).abs() < 1e-12, "{of_plane:e} {expected:e}");
+    // Bonds that soften take the same work on a longer way.
+    let soft = text.replace("prototype_microelastic_brittle", "bilinear_softening");
+    let soft = SceneFolder::new(&soft.replace("Gc = 0.03", "Gc = 0.03, s0 = 0.02"));
+    let found = piola(&["moduli", &soft.scene(), "--format", "json"]).expect(0).json();
+    let softened = number(&found["fracture"]["planes"][0][1]);
+    assert!((softened / expected - 1.0).abs() < 1e-7, "{softened:e} {expected:e}");
     let elastic = text.replace("prototype_microelastic_brittle", "silling2000");
     let elastic = SceneFolder::new(&elastic.replace(", Gc = 0.03", ""));
     let found = piola(&["moduli", &elastic.scene(), "--format", "json"]).expect(0).json();

@@ -41,6 +41,11 @@ fn tried(potential: &str, parameter: &str) -> (Vec<f64>, f64) {
         (_, "C1") => (vec![2e-3, 1.0], 1.5),
         (_, "C2" | "C3") => (vec![0.0, 1e6], 40.0),
         (_, "K") => (vec![1.0, 1e9], 2.5e10),
+        // Below what the fracture energy lets bonds take at once.
+        (_, "s0") => (vec![1e-5, 3e-5], 2e-5),
+        (_, "k") => (vec![0.0, 3e-5], 0.0),
+        // Another permanent stretch is another rest, where the energy as written loses digits.
+        (_, "p") if potential == "micro_plastic" => (vec![0.0], 0.0),
         _ => (vec![0.3, 3.0], 1.0),
     }
 }

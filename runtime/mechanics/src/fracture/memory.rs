@@ -182,9 +182,10 @@ impl Memory {
                 if states.is_empty() {
                     continue;
                 }
+                let is_alone = rules.of_law.len() == 1;
                 let takes = |bond: &&Candidate<D>| {
-                    let [one, other] = bond.ends.map(|end| rules.materials.of(end));
-                    rules.materials.parts(&[one, other]).iter().any(|part| part.0 == law)
+                    let corners = || bond.ends.map(|end| rules.materials.of(end));
+                    is_alone || rules.materials.parts(&corners()).iter().any(|part| part.0 == law)
                 };
                 let own: Vec<&Candidate<D>> = bonds.iter().filter(takes).collect();
                 for bonds in own.chunks(CAPACITY) {

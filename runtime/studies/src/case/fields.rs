@@ -437,6 +437,23 @@ impl Case {
         case
     }
 
+    /// The same with what bonds remember as the only fields: for single bonds.
+    pub(crate) fn with_states_alone(&self) -> Case {
+        let mut case = self.without_fields();
+        for potential in &mut case.potentials {
+            potential.values = potential.values.clone().with_states(&potential.model);
+        }
+        case
+    }
+
+    /// Of each potential the typical values of its fields, in SI units.
+    pub(crate) fn typical_fields(&self) -> Vec<Vec<f64>> {
+        let of = |Potential { values, .. }: &Potential| {
+            values.fields.iter().map(|k| values.parameters[usize::from(*k)]).collect()
+        };
+        self.potentials.iter().map(of).collect()
+    }
+
     /// Whether a parameter changes with t.
     pub fn changes_in_time(&self) -> bool {
         self.potentials.iter().flat_map(|potential| &potential.fields).any(|field| !field.is_steady)

@@ -75,8 +75,9 @@ fn breaking(body: &Arc<Body>, law: &SethHill) -> Breaking {
     let values = model.values(3, &settings, None).expect("values");
     let criteria = model.criteria(&values, Mode::Jit(Level::Fast), Form::Accurate);
     let criterion = |one: piola_compiler::Criterion| Criterion {
-        margin: Box::new(one.margin),
+        measure: one.measure(),
         holds_at_zero: one.holds_at_zero,
+        margin: Box::new(one.margin),
     };
     let own = criteria.expect("a condition").into_iter().map(criterion).collect();
     let layers = vec![Layer { of_law: vec![own], materials: None }];

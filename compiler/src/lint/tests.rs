@@ -74,6 +74,16 @@ const PAIRS: [(&str, &str, &str); 35] = [
         "psi(l) = (l/L - 1)^2\nbreak when L - l > 0.1*delta",
         "psi(l) = (l/L - 1)^2\nbreak when l - L > 0.5*delta",
     ),
+    (
+        "breaks-at-rest",
+        "psi(a) = (a/A - 1)^2\nbreak when a >= A",
+        "psi(a) = (a/A - 1)^2\nbreak when abs(a/A - 1) > 0.1",
+    ),
+    (
+        "never-breaks",
+        "psi(a) = (a/A - 1)^2\nbreak when a/A > 11",
+        "psi(a) = (a/A - 1)^2\nbreak when a/A > 9",
+    ),
     ("not-stress-free", "psi(l) = (l/L)^2", "psi(l) = (l/L - 1)^2"),
     ("not-stress-free", "psi(l) = ln(l)^2", "psi(l) = ln(l/L)^2"),
     (

@@ -53,7 +53,11 @@ impl FractureEnergy {
         if !compiled.iter().all(is_of_bonds) {
             return Ok(None);
         }
-        let criteria: Vec<&Criterion> = compiled.iter().flat_map(|one| &one.criteria).collect();
+        let criteria: Vec<&Criterion> = compiled
+            .iter()
+            .flat_map(|one| &one.criteria)
+            .filter(|one| one.measure() == Measure::Length)
+            .collect();
         let elements = compiled.iter().filter_map(|one| one.elements.bond.as_ref());
         let laws: Vec<&dyn Law> =
             elements.filter_map(|element| element.law().map(|(law, _)| law)).collect();

@@ -1,4 +1,5 @@
-//! Conditions under which bonds, triangles and tetrahedra break, as margins: numbers that are above 0 where a condition holds.
+//! Conditions under which bonds, triangles and tetrahedra break, as margins: numbers that are above 0 where a
+//! condition holds.
 //!
 //! A margin says more than a truth value: how far a bond is from breaking, and at which load it breaks
 //! first. `x > y` becomes `x - y`, `and` the smaller of two margins, `or` the larger, `not` the negative.

@@ -18,7 +18,7 @@ fn message(statements: &str, code: &str) -> String {
 }
 
 /// Code, an energy that has it, an energy that has not.
-const PAIRS: [(&str, &str, &str); 35] = [
+const PAIRS: [(&str, &str, &str); 37] = [
     (
         "never-breaks",
         "state k = 0\nupdate k = max(k, l/L - 1)\npsi(l) = (l/L - 1)^2\nbreak when k > 20",

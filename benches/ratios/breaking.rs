@@ -6,6 +6,7 @@ use piola_compiler::{Form, Level, Measure, Mode, Setting, check_text};
 use piola_runtime::body::Body;
 use piola_runtime::energy::Energy;
 use piola_runtime::fracture::criteria::{Criteria, Criterion, Layer};
+use piola_runtime::fracture::memory::Memory;
 use piola_runtime::fracture::{Breaking, Fracture as _};
 use piola_runtime::neighborhood::Neighborhood;
 
@@ -75,13 +76,14 @@ fn breaking(body: &Arc<Body>, law: &SethHill) -> Breaking {
     let values = model.values(3, &settings, None).expect("values");
     let criteria = model.criteria(&values, Mode::Jit(Level::Fast), Form::Accurate);
     let criterion = |one: piola_compiler::Criterion| Criterion {
-        margin: Box::new(one.margin),
+        measure: one.measure(),
         holds_at_zero: one.holds_at_zero,
+        margin: Box::new(one.margin),
     };
     let own = criteria.expect("a condition").into_iter().map(criterion).collect();
     let layers = vec![Layer { of_law: vec![own], materials: None }];
     let criteria = Criteria::new((body, &neighborhood), layers, vec![false; body.n_points()]);
     let energy: Box<dyn Energy> = Box::new(law.energy(body, HORIZON, &[Measure::Length]));
     let (names, around) = (Arc::clone(energy.parts()), (Arc::clone(body), neighborhood));
-    Breaking::new(around, vec![energy], names, criteria, Vec::new())
+    Breaking::new(around, vec![energy], names, (criteria, Memory::default()), Vec::new())
 }

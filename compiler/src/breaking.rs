@@ -3,21 +3,18 @@
 //! and keep their digits near a threshold.
 
 use crate::kernel::{Kernel, Mode, WrittenEnergy};
+use crate::measure::Measure;
 use crate::model::{Model, Update};
 use crate::specialise::{
-    CompileError, Form, MAX_OPERATIONS, Named, ScalarEnergy, function_of_bonds, of_bonds,
-    symbolic_of_bonds,
+    CompileError, Form, MAX_OPERATIONS, Named, ScalarEnergy, function_of, of_measure, symbolic_of,
 };
 use crate::squares::square_of;
 use crate::values::Values;
 
-/// What errors call a margin.
-const ARGUMENT: &str = "l";
-
-/// When a bond breaks.
+/// When a bond breaks, a triangle or a tetrahedron.
 #[derive(Debug)]
 pub struct Criterion {
-    /// The margin, in the place of psi: the bond breaks where it is above 0.
+    /// The margin, in the place of psi: what has its measure breaks where it is above 0.
     pub margin: Kernel,
     /// Whether it breaks where the margin is 0, too.
     pub holds_at_zero: bool,
@@ -28,7 +25,12 @@ pub struct Criterion {
 }
 
 impl Criterion {
-    /// Whether a bond with this margin breaks.
+    /// What it is a condition of: bonds, triangles or tetrahedra.
+    pub fn measure(&self) -> Measure {
+        self.margin.measure()
+    }
+
+    /// Whether one with this margin breaks.
     pub fn breaks(&self, margin: f64) -> bool {
         margin > 0.0 || self.holds_at_zero && margin == 0.0
     }
@@ -85,30 +87,33 @@ impl Model {
     ) -> Result<Vec<BondFunction>, CompileError> {
         let variant = self.variant(dimension).ok_or(CompileError::WrongDimension(dimension))?;
         let in_time = values.map(|own| own.clone().with_states(self).with_time_step(self));
-        let make = |root, span| {
-            let named = Named { argument: ARGUMENT, span };
+        let make = |measure: Measure, root, span| {
+            let named = Named { argument: measure.symbol(), span };
             let (graph, parameters) = (&variant.graph, self.parameters());
             let made = match &in_time {
-                Some(values) => of_bonds(graph, parameters, root, values, Form::Accurate),
-                None => symbolic_of_bonds(graph, parameters, root),
+                Some(values) => {
+                    of_measure(graph, parameters, (measure, root), values, Form::Accurate)
+                }
+                None => symbolic_of(graph, parameters, (measure, root)),
             };
             named.made(made)
         };
         let margin = |(k, one): (usize, &crate::model::Break)| {
             let kind = BondFunctionKind::Margin { number: k + 1, holds_at_zero: one.holds_at_zero };
             let text = one.text.clone();
-            Ok(BondFunction { kind, text, function: make(one.root, one.span)? })
+            Ok(BondFunction { kind, text, function: make(one.measure, one.root, one.span)? })
         };
         let next = |one: &Update| {
             let kind = BondFunctionKind::Next(self.input_name(one.state).to_string());
             let text = one.text.clone();
-            Ok(BondFunction { kind, text, function: make(one.root, one.span)? })
+            Ok(BondFunction { kind, text, function: make(Measure::Length, one.root, one.span)? })
         };
         let margins = variant.breaks.iter().enumerate().map(margin);
         margins.chain(variant.updates.iter().map(next)).collect()
     }
 
-    /// When bonds break, for these values: any one of these conditions is enough.
+    /// When bonds, triangles and tetrahedra break, for these values: of each kind any one of these conditions
+    /// is enough.
     ///
     /// # Errors
     /// A condition that is too large, or the horizon where none is given.
@@ -121,15 +126,15 @@ impl Model {
         let variant =
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
         let criterion = |one: &crate::model::Break| {
-            let (graph, root) = (&variant.graph, one.root);
-            let named = Named { argument: ARGUMENT, span: one.span };
+            let (graph, root, subject) = (&variant.graph, one.root, (one.measure, one.root));
+            let named = Named { argument: one.measure.symbol(), span: one.span };
             named.has_horizon(graph, &[root], values.horizon.is_nan())?;
-            let made = named.made(of_bonds(graph, self.parameters(), root, values, form))?;
+            let made = named.made(of_measure(graph, self.parameters(), subject, values, form))?;
             named.fits(&made.graph)?;
             let written = || WrittenEnergy::of_root(graph, root, values);
             let mut margin = Kernel::new(made, (mode, form), written)?;
             if form == Form::Accurate && mode != Mode::HyperDual {
-                let function = function_of_bonds(graph, self.parameters(), root, values);
+                let function = function_of(graph, self.parameters(), subject, values);
                 let squared = function.and_then(|function| square_of(function, values)).ok();
                 let squared = squared.flatten().filter(|made| made.graph.len() <= MAX_OPERATIONS);
                 if let Some(squared) = squared {
@@ -159,9 +164,10 @@ impl Model {
         let in_time = values.clone().with_states(self).with_time_step(self);
         let next = |one: &Update| {
             let (graph, root) = (&variant.graph, one.root);
-            let named = Named { argument: ARGUMENT, span: one.span };
+            let subject = (Measure::Length, root);
+            let named = Named { argument: subject.0.symbol(), span: one.span };
             named.has_horizon(graph, &[root], values.horizon.is_nan())?;
-            let made = named.made(of_bonds(graph, self.parameters(), root, &in_time, form))?;
+            let made = named.made(of_measure(graph, self.parameters(), subject, &in_time, form))?;
             named.fits(&made.graph)?;
             let written = || WrittenEnergy::of_root(graph, root, &in_time);
             let next = Kernel::new(made, (mode, form), written)?;
@@ -179,7 +185,7 @@ impl Model {
         variant.updates.iter().map(next).collect()
     }
 
-    /// The margins of bonds as written, for these values.
+    /// The margins as written, for these values.
     pub fn written_margins(&self, values: &Values) -> Vec<WrittenEnergy> {
         let Some(variant) = self.variant(values.dimension) else { return Vec::new() };
         let margin =

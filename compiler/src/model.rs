@@ -149,10 +149,13 @@ pub struct GatheredEnergy {
     pub text: String,
 }
 
-/// One condition under which a bond breaks, `break when l/L - 1 > s0`.
+/// One condition under which a bond breaks, `break when l/L - 1 > s0`, or a triangle, or a tetrahedron.
 #[derive(Clone, Debug)]
 pub struct Break {
-    /// The margin in the variant's graph: above 0 where the condition holds, a function of `l` and `L`.
+    /// What it is a condition of: `l` of bonds, `a` of triangles, `v` of tetrahedra.
+    pub measure: Measure,
+    /// The margin in the variant's graph: above 0 where the condition holds, a function of the measure and of
+    /// its value at rest.
     pub root: NodeId,
     /// Whether the condition holds where the margin is 0.
     pub holds_at_zero: bool,

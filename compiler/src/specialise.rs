@@ -377,47 +377,46 @@ pub(crate) fn energy(
     Ok(sum.map(|(graph, psi)| SimpleEnergy { measure, graph, psi, reference, fields }))
 }
 
-/// A function of one bond with its derivatives by the length; what parameters make zero is 0.
-pub(crate) fn of_bonds(
+/// A function of one interaction with its derivatives by the measure; what parameters make zero is 0.
+pub(crate) fn of_measure(
     graph: &ExprGraph,
     parameters: &[Parameter],
-    root: NodeId,
+    subject: (Measure, NodeId),
     values: &Values,
     form: Form,
 ) -> Result<ScalarEnergy, TooManyNodes> {
-    let function = function_of_bonds(graph, parameters, root, values)?;
+    let function = function_of(graph, parameters, subject, values)?;
     Ok(function.derivatives(form)?.scalar_energy())
 }
 
 /// The same with parameters as symbols, in the form as written.
-pub(crate) fn symbolic_of_bonds(
+pub(crate) fn symbolic_of(
     graph: &ExprGraph,
     parameters: &[Parameter],
-    root: NodeId,
+    subject: (Measure, NodeId),
 ) -> Result<ScalarEnergy, TooManyNodes> {
-    let function = made_of_bonds(graph, parameters, root, &|_| None, Vec::new())?;
+    let function = made_of(graph, parameters, subject, &|_| None, Vec::new())?;
     Ok(function.derivatives(Form::Textbook)?.scalar_energy())
 }
 
-/// A function of one bond in the place of an energy; what parameters make zero is 0.
-pub(crate) fn function_of_bonds(
+/// A function of one interaction in the place of an energy; what parameters make zero is 0.
+pub(crate) fn function_of(
     graph: &ExprGraph,
     parameters: &[Parameter],
-    root: NodeId,
+    (measure, root): (Measure, NodeId),
     values: &Values,
 ) -> Result<SimpleEnergy, TooManyNodes> {
-    made_of_bonds(graph, parameters, root, &known(values), values.typical().collect())
+    made_of(graph, parameters, (measure, root), &known(values), values.typical().collect())
 }
 
-fn made_of_bonds(
+fn made_of(
     graph: &ExprGraph,
     parameters: &[Parameter],
-    root: NodeId,
+    (measure, root): (Measure, NodeId),
     fold: &impl Fn(Input) -> Option<f64>,
     fields: Vec<(u16, f64)>,
 ) -> Result<SimpleEnergy, TooManyNodes> {
-    let measure = Measure::Length;
-    let subject = ("l", std::slice::from_ref(&root));
+    let subject = (measure.symbol(), std::slice::from_ref(&root));
     let made = sum_in(Simplifier::exact(), graph, parameters, subject, fold, &mut Vec::new())?;
     let (graph, psi) = match made {
         Some(made) => made,

@@ -537,9 +537,7 @@ fn printed_c_of_bonds_that_remember_gives_the_same_numbers() {
     let mode = Mode::Jit(Level::Strict);
     let fields = |with_time: bool| {
         let dt = [0.5; 7];
-        let all =
-            if with_time { [&ks[..], &lives, &dt].concat() } else { [&ks[..], &lives].concat() };
-        all
+        if with_time { [&ks[..], &lives, &dt].concat() } else { [&ks[..], &lives].concat() }
     };
     let reference = [1.0; 7];
     let batch = |fields| piola_compiler::Batch {

@@ -96,11 +96,6 @@ fn what_knows_one_measure_alone_says_so() {
     of("plan", &folder, &["--set", "solver.derivatives=hyperdual-coordinates"])
         .expect(2)
         .says(&["energies of one measure: choose \"hyperdual\""]);
-    let breaking = scene(PLANE, "", &format!("{BENDING}\nbreak when l/L - 1 > 0.05"));
-    of("plan", &breaking, &[]).expect(2).says(&[
-        "bonds of law break, and law has a psi(angle, l1, l2)",
-        "triangles and tetrahedra lose no edges",
-    ]);
     let law = folder.path("law.piola");
     piola(&["audit", &law])
         .expect(0)

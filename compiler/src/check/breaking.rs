@@ -1,4 +1,5 @@
-//! Conditions under which bonds break, as margins: numbers that are above 0 where a condition holds.
+//! Conditions under which bonds, triangles and tetrahedra break, as margins: numbers that are above 0 where a
+//! condition holds.
 //!
 //! A margin says more than a truth value: how far a bond is from breaking, and at which load it breaks
 //! first. `x > y` becomes `x - y`, `and` the smaller of two margins, `or` the larger, `not` the negative.
@@ -15,7 +16,12 @@ use crate::measure::Measure;
 use crate::model::Break;
 
 /// The bit of [`Value::uses`] for lengths of bonds.
-pub(super) const LENGTH: u8 = 1 << (Measure::Length as u8);
+pub(super) const LENGTH: u8 = bit(Measure::Length);
+
+/// The bit of [`Value::uses`] for a measure.
+const fn bit(measure: Measure) -> u8 {
+    1 << (measure as u8)
+}
 
 impl Builder<'_> {
     /// `break when CONDITION "reason"`.
@@ -23,11 +29,13 @@ impl Builder<'_> {
         let arena = &self.ast.arena;
         let (condition, span) = (breaking.condition, arena[breaking.condition].span);
         let Some(value) = self.elaborator.expression(condition) else { return };
-        if self.elaborator.truth(value, condition).is_none() || !self.is_of_bonds(breaking, value) {
+        if self.elaborator.truth(value, condition).is_none() {
             return;
         }
+        let Some(measure) = self.measure_of(breaking, value) else { return };
         match margin(&mut self.elaborator.graph, value.node) {
             Ok(Some(Margin { root, inclusive })) => self.variant.breaks.push(Break {
+                measure,
                 root,
                 holds_at_zero: inclusive.unwrap_or(false),
                 span,
@@ -49,24 +57,40 @@ impl Builder<'_> {
         }
     }
 
-    /// Whether the condition is one of a bond; reports it if not.
-    fn is_of_bonds(&mut self, breaking: &BreakAst, value: Value) -> bool {
+    /// The measure that the condition is one of, as for `domain`: it holds one. Reports it if not.
+    fn measure_of(&mut self, breaking: &BreakAst, value: Value) -> Option<Measure> {
         let arena = &self.ast.arena;
         let span = arena[breaking.condition].span;
-        let foreign = value.uses & !LENGTH;
-        let is_own = value.uses & LENGTH != 0 || self.elaborator.depends_on_states(&[value.node]);
-        if is_own && foreign == 0 {
-            return true;
-        }
+        let foreign = value.uses & !Measure::ALL.into_iter().fold(0, |all, one| all | bit(one));
+        let remembers = self.elaborator.depends_on_states(&[value.node]);
+        // States are those of bonds.
+        let holds =
+            |one: &Measure| value.uses & bit(*one) != 0 || remembers && *one == Measure::Length;
+        let held: Vec<Measure> = Measure::ALL.into_iter().filter(holds).collect();
         let example = "write for instance `break when l/L - 1 > s0 \"critical stretch\"`";
-        let error = if foreign == 0 {
-            Diagnostic::error("wrong-measure", span, "this condition says nothing of a bond")
+        let error = match held[..] {
+            _ if foreign != 0 => {
+                let message = "bonds, triangles and tetrahedra break by their own measures alone";
+                self.not_of_bonds(breaking.condition, foreign, message).help(example)
+            }
+            [measure] => return Some(measure),
+            [] => Diagnostic::error("wrong-measure", span, "this condition says nothing of a bond")
                 .label("the same for all bonds at all times")
-        } else {
-            self.not_of_bonds(breaking.condition, foreign, "bonds break by their own length alone")
+                .help(example),
+            _ => {
+                let message = "a condition is one of bonds, of triangles or of tetrahedra";
+                let whose = |one: &Measure| match (one, remembers) {
+                    (Measure::Length, true) => "what bonds remember".to_string(),
+                    _ => format!("`{}`", one.symbol()),
+                };
+                let all: Vec<String> = held.iter().map(whose).collect();
+                Diagnostic::error("wrong-measure", span, message)
+                    .label(format!("holds {}", all.join(" and ")))
+                    .help("write a line with `break when` for each: any of them breaks its own")
+            }
         };
-        self.elaborator.report(error.help(example));
-        false
+        self.elaborator.report(error);
+        None
     }
 
     /// An expression that depends on more than a bond, at the first place where it does.

@@ -20,7 +20,7 @@ use crate::point::near::{near_of_integrals, with_fields};
 use crate::rewrite::{expand, rewrite};
 use crate::simplify::Simplifier;
 use crate::specialise::{
-    CompileError, Dropped, Form, Named, ScalarEnergy, folded, known, of_bonds, sum_in,
+    CompileError, Dropped, Form, Named, ScalarEnergy, folded, known, of_measure, sum_in,
 };
 use crate::values::Values;
 use crate::written::Written;
@@ -205,7 +205,8 @@ impl Model {
         for integral in &variant.integrals {
             let named = Named { argument: "l", span: integral.span };
             named.has_horizon(&variant.graph, &[integral.root], values.horizon.is_nan())?;
-            let made = of_bonds(&variant.graph, &self.parameters, integral.root, values, form);
+            let subject = (Measure::Length, integral.root);
+            let made = of_measure(&variant.graph, &self.parameters, subject, values, form);
             let made = named.made(made)?;
             named.fits(&made.graph)?;
             kernels.functions.push(Integrand::new(&made));

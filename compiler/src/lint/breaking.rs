@@ -1,4 +1,4 @@
-//! Conditions under which bonds break: that hold at rest, never, or in compression.
+//! Conditions under which bonds, triangles and tetrahedra break: that hold at rest, never, or in compression.
 
 use super::Finding;
 use super::subject::{example, short};
@@ -10,10 +10,10 @@ use crate::remember::Remembering;
 use crate::specialise::Form;
 use crate::verify::sample::{Point, contains};
 
-/// Lengths at rest that are tried, over the horizon.
+/// Lengths at rest that are tried, over the horizon; areas and volumes are their powers.
 const REFERENCES: [f64; 2] = [0.5, 0.15];
 
-/// Points of every decade of the length.
+/// Points of every decade of the measure.
 const POINTS_PER_DECADE: i32 = 100;
 
 /// A time in s in which all has happened to a bond that time can do.
@@ -22,7 +22,7 @@ const AGE: f64 = 1e12;
 /// A condition with values for everything it depends on.
 pub(super) struct Breaking<'m> {
     pub(super) condition: &'m Break,
-    /// Stretches in the declared domain, and whether a bond breaks there.
+    /// Stretches in the declared domain, ratios of the measure to that at rest, and whether one breaks there.
     tried: Vec<(f64, bool)>,
 }
 
@@ -43,25 +43,49 @@ impl<'m> Breaking<'m> {
                 [1.0 - strain, 1.0 + strain]
             }))
             .collect();
-        let points = |part: f64| {
-            let reference = part * values.horizon;
+        let points = |measure: Measure, part: f64| {
+            let length = part * values.horizon;
+            let reference = (1..measure.points()).fold(1.0, |power, _| power * length);
             let point = move |stretch: f64| Point { measure: stretch * reference, reference };
-            let declares = |point: &Point| contains(variant, Measure::Length, &values, *point);
+            let declares = |point: &Point| contains(variant, measure, &values, *point);
             stretches.iter().map(|stretch| point(*stretch)).filter(declares).collect::<Vec<_>>()
         };
-        let points: Vec<Point> = REFERENCES.into_iter().flat_map(points).collect();
+        let of_measures = Measure::ALL.map(|measure| -> Vec<Point> {
+            REFERENCES.into_iter().flat_map(|part| points(measure, part)).collect()
+        });
         let breaking = |(condition, criterion): (&'m Break, Criterion)| {
             let tried = |point: &Point| {
                 let stretch = point.measure / point.reference;
                 (stretch, breaks_in_time(bond.clone(), &criterion, *point))
             };
+            let points = &of_measures[condition.measure as usize];
             Breaking { condition, tried: points.iter().map(tried).collect() }
         };
         let criteria = criteria.unwrap_or_default();
         variant.breaks.iter().zip(criteria).map(breaking).collect()
     }
 
-    /// A stretch at which a bond breaks.
+    /// The measure, that at rest, and what has them.
+    fn words(&self) -> [&'static str; 3] {
+        let measure = self.condition.measure;
+        let all = match measure {
+            Measure::Length => "bond",
+            Measure::Area => "triangle",
+            Measure::Volume => "tetrahedron",
+        };
+        [measure.symbol(), measure.reference_symbol(), all]
+    }
+
+    /// The same of many.
+    fn many(&self) -> &'static str {
+        match self.condition.measure {
+            Measure::Length => "bonds",
+            Measure::Area => "triangles",
+            Measure::Volume => "tetrahedra",
+        }
+    }
+
+    /// A stretch at which one breaks.
     fn broken_at(&self, wanted: impl Fn(f64) -> bool) -> Option<f64> {
         self.tried.iter().find(|(stretch, breaks)| *breaks && wanted(*stretch)).map(|tried| tried.0)
     }
@@ -81,9 +105,10 @@ fn breaks_in_time(mut bond: Remembering, criterion: &Criterion, point: Point) ->
 /// A condition that holds where nothing is deformed.
 pub(super) fn at_rest(breaking: &Breaking<'_>) -> Option<Finding> {
     breaking.broken_at(|stretch| stretch == 1.0)?;
+    let ([m, rest, _], many) = (breaking.words(), breaking.many());
     Some(Finding {
-        message: "bonds break at rest: the condition holds at l = L".into(),
-        help: "let it hold beyond a stretch: `break when l/L - 1 > s0`".into(),
+        message: format!("{many} break at rest: the condition holds at {m} = {rest}"),
+        help: format!("let it hold beyond a stretch: `break when {m}/{rest} - 1 > s0`"),
     })
 }
 
@@ -93,17 +118,27 @@ pub(super) fn never(breaking: &Breaking<'_>) -> Option<Finding> {
         return None;
     }
     let largest = breaking.tried.iter().fold(0.0, |most: f64, tried| most.max(tried.0));
+    let [m, rest, one] = breaking.words();
+    let quantity = match breaking.condition.measure {
+        Measure::Length => "length",
+        Measure::Area => "area",
+        Measure::Volume => "volume",
+    };
     Some(Finding {
         message: format!(
-            "no bond breaks: the condition holds nowhere in the domain, up to l/L = {}",
+            "no {one} breaks: the condition holds nowhere in the domain, up to {m}/{rest} = {}",
             short(largest)
         ),
-        help: "compare a quantity that grows with the length, or widen the `domain`".into(),
+        help: format!("compare a quantity that grows with the {quantity}, or widen the `domain`"),
     })
 }
 
-/// A condition that holds for bonds that are shortened, and not at rest.
+/// A condition that holds for bonds that are shortened, and not at rest. Areas shrink where a body is stretched
+/// along one side, and volumes that fail by changing at all are meant so.
 pub(super) fn in_compression(breaking: &Breaking<'_>) -> Option<Finding> {
+    if breaking.condition.measure != Measure::Length {
+        return None;
+    }
     let is_at_rest = breaking.broken_at(|stretch| stretch == 1.0).is_some();
     let stretch = breaking.broken_at(|stretch| stretch < 1.0).filter(|_| !is_at_rest)?;
     Some(Finding {

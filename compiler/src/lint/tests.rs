@@ -18,7 +18,7 @@ fn message(statements: &str, code: &str) -> String {
 }
 
 /// Code, an energy that has it, an energy that has not.
-const PAIRS: [(&str, &str, &str); 35] = [
+const PAIRS: [(&str, &str, &str); 37] = [
     (
         "never-breaks",
         "state k = 0\nupdate k = max(k, l/L - 1)\npsi(l) = (l/L - 1)^2\nbreak when k > 20",
@@ -73,6 +73,16 @@ const PAIRS: [(&str, &str, &str); 35] = [
         "breaks-in-compression",
         "psi(l) = (l/L - 1)^2\nbreak when L - l > 0.1*delta",
         "psi(l) = (l/L - 1)^2\nbreak when l - L > 0.5*delta",
+    ),
+    (
+        "breaks-at-rest",
+        "psi(a) = (a/A - 1)^2\nbreak when a >= A",
+        "psi(a) = (a/A - 1)^2\nbreak when abs(a/A - 1) > 0.1",
+    ),
+    (
+        "never-breaks",
+        "psi(a) = (a/A - 1)^2\nbreak when a/A > 11",
+        "psi(a) = (a/A - 1)^2\nbreak when a/A > 9",
     ),
     ("not-stress-free", "psi(l) = (l/L)^2", "psi(l) = (l/L - 1)^2"),
     ("not-stress-free", "psi(l) = ln(l)^2", "psi(l) = ln(l/L)^2"),

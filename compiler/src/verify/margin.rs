@@ -1,5 +1,5 @@
-//! Conditions under which bonds break: whether they are judged as written, up to a few roundings of the
-//! length around where they change.
+//! Conditions under which bonds, triangles and tetrahedra break: whether they are judged as written, up to a
+//! few roundings of the measure around where they change.
 
 use super::{Columns, Miss, Subject, Verification, Witness, sample};
 use crate::expression::number::Number as _;
@@ -11,10 +11,10 @@ use crate::specialise::{CompileError, Form};
 use crate::values::Values;
 use sample::Point;
 
-/// How far from a threshold a bond may be misjudged, in units in the last place of its length.
+/// How far from a threshold one may be misjudged, in units in the last place of its measure.
 const BAR: f64 = 4.0;
 
-/// How far from a threshold bonds are judged, in such units.
+/// How far from a threshold they are judged, in such units.
 const AROUND: i32 = 16;
 
 /// Verifies every condition at about `2 n` points, and around every threshold between them.
@@ -28,15 +28,23 @@ pub(super) fn verify(
     let strict = criteria(Mode::Jit(Level::Strict))?;
     let fast = criteria(Mode::Jit(Level::Fast))?;
     let interpreted = criteria(Mode::Interpreter)?;
-    let mut points = sample::points(variant, Measure::Length, values, n);
-    points.sort_by(|p, q| (p.measure / p.reference).total_cmp(&(q.measure / q.reference)));
+    let of_measures = Measure::ALL.map(|measure| {
+        let is_held = variant.breaks.iter().any(|one| one.measure == measure);
+        let mut points = match is_held {
+            true => sample::points(variant, measure, values, n),
+            false => Vec::new(),
+        };
+        points.sort_by(|p, q| (p.measure / p.reference).total_cmp(&(q.measure / q.reference)));
+        points
+    });
     let written = model.written_margins(values);
     let mut found = Vec::new();
     for (k, written) in written.iter().enumerate() {
         let kernels = [&strict[k].margin, &fast[k].margin, &interpreted[k].margin];
         let subject = Subject::Margin(strict[k].text.clone());
         let verification = Verification::new(subject, &[(Witness::TruthFar, BAR)]);
-        found.push(judge(verification, kernels, written, &points));
+        let points = &of_measures[strict[k].measure() as usize];
+        found.push(judge(verification, kernels, written, points));
     }
     Ok(found)
 }
@@ -50,7 +58,7 @@ fn judge(
     let mut all: Vec<(Point, f64)> = points.iter().map(|point| (*point, f64::INFINITY)).collect();
     for pair in points.windows(2) {
         let at = |point: &Point| truth(written, *point).map(|margin| margin > 0.0);
-        // The same bond at two lengths.
+        // The same interaction at two values of its measure.
         let other =
             Point { measure: pair[1].measure / pair[1].reference * pair[0].reference, ..pair[0] };
         if let (Some(one), Some(two)) = (at(&pair[0]), at(&other))
@@ -90,7 +98,7 @@ fn truth(written: &WrittenEnergy, point: Point) -> Option<f64> {
     margin.parts().map(|_| margin.rounded()[0])
 }
 
-/// Lengths around the threshold between two, with how far they are from it in units in the last place.
+/// Values of the measure around the threshold between two, with how far they are from it in units in the last place.
 fn around(written: &WrittenEnergy, from: Point, to: f64) -> Vec<(Point, f64)> {
     let at = |measure: f64| truth(written, Point { measure, ..from }).map(|margin| margin > 0.0);
     let start = at(from.measure);

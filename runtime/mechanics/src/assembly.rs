@@ -11,6 +11,7 @@ mod accumulate;
 mod axes;
 mod bonds;
 mod broken;
+mod broken_cliques;
 pub(crate) mod error;
 mod fours;
 mod inversion;
@@ -42,7 +43,8 @@ use crate::energy::{Energy, Hessian, Inversion, NonFinite, Wanted, check_sizes};
 use crate::fracture::{Held, Release};
 use crate::interaction::schedule::{Cut, Layout, Part, visit};
 use crate::interaction::{
-    Census, CliqueRoom, ContributingPairs, Degeneracy, Inverted, OwnerCliques, Report, Slabs,
+    Bits, Census, CliqueRoom, ContributingPairs, Degeneracy, Inverted, Lost, OwnerCliques, Ranks,
+    Report, Slabs,
 };
 use crate::kernel::{Law, Measure};
 use crate::materials::Materials;
@@ -130,6 +132,8 @@ pub struct DiscreteEnergy {
     /// Whether bonds of each slab had grown beyond their limits when forces were last worked out; empty where
     /// nobody watches.
     exceeded: Vec<AtomicBool>,
+    /// What is gone of triangles and tetrahedra; nothing as long as none is.
+    lost: Option<Box<Lost>>,
 }
 
 /// Work arrays of threads by the dimension of the body.
@@ -248,6 +252,7 @@ impl DiscreteEnergy {
             rooms,
             outcomes: Pool::new(),
             exceeded: Vec::new(),
+            lost: None,
         };
         energy.on_lattice = OnLattice::new(&energy);
         if energy.on_lattice.bonds.is_none() {
@@ -369,17 +374,26 @@ impl DiscreteEnergy {
         &self,
         slab: usize,
         room: &mut CliqueRoom<D>,
+        see: impl FnMut(&OwnerCliques<'_, D>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.for_each_owner_of::<D, K, E>((slab, None), room, see)
+    }
+
+    /// The same of `only` some owners, where these are given.
+    fn for_each_owner_of<const D: usize, const K: usize, E>(
+        &self,
+        (slab, only): (usize, Option<&Bits>),
+        room: &mut CliqueRoom<D>,
         mut see: impl FnMut(&OwnerCliques<'_, D>) -> Result<(), E>,
     ) -> Result<(), E> {
         let (touched, arrays) = (self.slabs.touched(slab), std::mem::take(room));
         let (body, neighborhood) = (&self.body, &self.neighborhood);
         let cliques = OwnerCliques::in_room(body, neighborhood, self.degeneracy, touched, arrays);
-        let mut cliques = cliques.with_contributing(self.contributing.as_ref());
-        let result = self.slabs.owners(slab).try_for_each(|owner| {
-            match K {
-                1 => cliques.set_bonds(owner),
-                _ => cliques.set(owner),
-            }
+        let cliques = cliques.with_contributing(self.contributing.as_ref());
+        let mut cliques = cliques.with_lost(self.lost.as_deref());
+        let is_seen = |owner: &usize| only.is_none_or(|only| only.has(*owner));
+        let result = self.slabs.owners(slab).filter(is_seen).try_for_each(|owner| {
+            cliques.set_of::<K>(owner);
             see(&cliques)
         });
         *room = cliques.into_room();
@@ -457,7 +471,7 @@ impl Energy for DiscreteEnergy {
     }
 
     fn can_lose_bonds(&self) -> bool {
-        self.has_bonds_alone()
+        true
     }
 
     fn lose(&mut self, bonds: &[usize]) {
@@ -478,10 +492,20 @@ impl Energy for DiscreteEnergy {
         way: (f64, &[f64]),
         bonds: &[usize],
     ) -> Result<Release, NonFinite> {
-        let mut held = vec![Held::default(); bonds.len()];
-        self.add_held(u, way, bonds, &mut held)?;
-        self.lose_bonds(bonds);
-        Ok(held.iter().fold(Release::of(bonds.len()), Release::and_all_of))
+        self.release_bonds(u, way, bonds)
+    }
+
+    fn lose_cliques(&mut self, measure: Measure, ranks: &Ranks, numbers: &[usize]) {
+        self.lose_own(measure, ranks, numbers);
+    }
+
+    fn break_cliques(
+        &mut self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        cliques: (Measure, &Ranks, &[usize]),
+    ) -> Result<Release, NonFinite> {
+        self.release_own(u, way, cliques)
     }
 
     fn add_held(
@@ -491,10 +515,7 @@ impl Energy for DiscreteEnergy {
         bonds: &[usize],
         held: &mut [Held],
     ) -> Result<(), NonFinite> {
-        match self.body.dimension() {
-            2 => self.add_held_by::<2>(u, way, bonds, held),
-            _ => self.add_held_by::<3>(u, way, bonds, held),
-        }
+        self.add_held_of(u, way, bonds, held)
     }
 
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {

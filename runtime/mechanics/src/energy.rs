@@ -10,7 +10,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::fracture::{Fracture, Held, Release};
-use crate::interaction::{Inverted, Report};
+use crate::interaction::{Inverted, Ranks, Report};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
 
@@ -280,6 +280,24 @@ pub trait Energy: Send + Sync {
 
     /// Takes out bonds, by their numbers in the neighbourhood: from now on they have no energy.
     fn lose(&mut self, _bonds: &[usize]) {}
+
+    /// Takes out triangles or tetrahedra, by their numbers: from now on they have no energy, while their bonds
+    /// keep theirs.
+    fn lose_cliques(&mut self, _measure: Measure, _ranks: &Ranks, _numbers: &[usize]) {}
+
+    /// Takes out triangles or tetrahedra as [`Energy::lose_cliques`], and says what they release as
+    /// [`Energy::break_bonds`] does.
+    ///
+    /// # Errors
+    /// Energies and forces that are not finite.
+    fn break_cliques(
+        &mut self,
+        _u: &[f64],
+        _way: (f64, &[f64]),
+        _cliques: (Measure, &Ranks, &[usize]),
+    ) -> Result<Release, NonFinite> {
+        Ok(Release::default())
+    }
 
     /// Takes how much the square of each bond's length may grow before it may break, in m^2, by its number;
     /// whether passes of forces will say which bonds have grown beyond that.

@@ -13,8 +13,8 @@ pub(crate) mod schedule;
 mod slab;
 
 pub use census::Census;
+pub use clique::{Bits, ContributingPairs, Lost, OwnerCliques, Ranks, never_fails};
 pub(crate) use clique::{Clique, CliqueRoom};
-pub use clique::{ContributingPairs, OwnerCliques, never_fails};
 pub use counts::{Inverted, Report};
 pub use degenerate::Degeneracy;
 pub use slab::Slabs;

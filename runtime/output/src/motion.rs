@@ -26,6 +26,8 @@ pub struct MotionColumns {
     pub probes: Vec<String>,
     /// Whether bonds can break.
     pub breaks: bool,
+    /// Whether triangles, and tetrahedra, can break by criteria of their own.
+    pub breaks_cliques: [bool; 2],
     /// Whether they remember something that changes.
     pub remembers: bool,
 }
@@ -70,6 +72,8 @@ pub struct MotionRow {
 pub struct BrokenRow {
     /// How many.
     pub bonds: usize,
+    /// How many triangles and tetrahedra broke by criteria of their own; nothing where they have none.
+    pub cliques: [Option<usize>; 2],
     /// The energy that they held when they broke, in J.
     pub released: f64,
     /// The energy in J that bonds lost by what they came to remember; nothing where they remember nothing.
@@ -77,6 +81,9 @@ pub struct BrokenRow {
     /// The work that the forces which went would have done over the halves of steps before, in J.
     pub timing: f64,
 }
+
+/// Columns of triangles and tetrahedra that broke by criteria of their own.
+const BROKEN_CLIQUES: [&str; 2] = ["broken_areas", "broken_volumes"];
 
 /// `motion.csv`, `reactions.csv` and `probes.csv` as they grow.
 #[derive(Debug)]
@@ -103,6 +110,8 @@ impl MotionTables {
             names.push("released".to_owned());
             names.extend(columns.remembers.then(|| "dissipated".to_owned()));
             names.extend(["timing", "broken_bonds"].map(str::to_owned));
+            let cliques = columns.breaks_cliques.into_iter().zip(BROKEN_CLIQUES);
+            names.extend(cliques.filter(|one| one.0).map(|one| one.1.to_owned()));
         }
         names.extend(axes.iter().map(|axis| format!("momentum_{axis}")));
         names.extend(turns.iter().map(|axis| format!("angular_momentum_{axis}")));
@@ -187,10 +196,13 @@ impl MotionTables {
         let stored = row.parts.iter().fold(0.0, |sum, part| sum + part);
         let first = [row.step as f64, row.t, row.kinetic, row.kinetic_leapfrog, stored];
         let work = [row.damping, row.external, row.prescribed, row.quadrature, row.rounding];
-        let broken =
-            row.broken.map(|row| (row.released, row.dissipated, [row.timing, row.bonds as f64]));
-        let broken = broken.iter().flat_map(|(released, dissipated, others)| {
-            std::iter::once(released).chain(dissipated).chain(others)
+        let broken = row.broken.map(|row| {
+            let cliques = row.cliques.map(|n| n.map(|n| n as f64));
+            (row.released, row.dissipated, [row.timing, row.bonds as f64], cliques)
+        });
+        let broken = broken.iter().flat_map(|(released, dissipated, others, cliques)| {
+            let cliques = cliques.iter().flatten();
+            std::iter::once(released).chain(dissipated).chain(others).chain(cliques)
         });
         let all = first.iter().chain(&row.parts).chain(&work).chain(broken);
         self.motion.push(all.chain(&row.momentum).chain(&row.angular_momentum))?;
@@ -317,6 +329,12 @@ pub struct MotionEnergies {
     /// How many bonds are broken.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub broken_bonds: Option<usize>,
+    /// How many triangles broke by criteria of their own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub broken_areas: Option<usize>,
+    /// How many tetrahedra did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub broken_volumes: Option<usize>,
 }
 
 #[cfg(test)]
@@ -335,6 +353,7 @@ mod tests {
             sets: vec!["left".to_owned()],
             probes: vec!["tip".to_owned()],
             breaks: true,
+            breaks_cliques: [true, false],
             remembers: false,
         };
         let mut tables = MotionTables::new(&folder, &columns).unwrap();
@@ -349,7 +368,13 @@ mod tests {
             prescribed: f64::NAN,
             quadrature: -1e-9,
             rounding: 1e-17,
-            broken: Some(BrokenRow { bonds: 7, released: 0.25, dissipated: None, timing: -0.5 }),
+            broken: Some(BrokenRow {
+                bonds: 7,
+                cliques: [Some(11), None],
+                released: 0.25,
+                dissipated: None,
+                timing: -0.5,
+            }),
             momentum: vec![7.0, 8.0],
             angular_momentum: vec![9.0],
             reactions: vec![vec![1.0, -1.0]],
@@ -361,9 +386,9 @@ mod tests {
         assert_eq!(
             first,
             "step,t,kinetic,kinetic_leapfrog,stored,psi(l),\"psi(l, m)\",damping,external,\
-             prescribed,quadrature,rounding,released,timing,broken_bonds,momentum_x,momentum_y,\
-             angular_momentum_z\n\
-             12,1e-6,0.5,0.25,3,1,2,0,4,nan,-1e-9,1e-17,0.25,-0.5,7,7,8,9\n"
+             prescribed,quadrature,rounding,released,timing,broken_bonds,broken_areas,momentum_x,\
+             momentum_y,angular_momentum_z\n\
+             12,1e-6,0.5,0.25,3,1,2,0,4,nan,-1e-9,1e-17,0.25,-0.5,7,11,7,8,9\n"
         );
         tables.push(&row).unwrap();
         let lines: Vec<String> = first.lines().map(str::to_owned).collect();

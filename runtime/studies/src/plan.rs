@@ -119,6 +119,8 @@ pub struct PlanInput<'a> {
     pub quick_products: bool,
     /// Whether bonds can break, or are cut.
     pub breaks: bool,
+    /// Whether triangles, and tetrahedra, can break by conditions of their own.
+    pub breaks_cliques: [bool; 2],
     /// How many numbers each bond remembers.
     pub states: usize,
     /// How many potentials have energies of interactions.
@@ -405,6 +407,13 @@ impl Costs {
             // Whether it is broken, how far it may grow, and a factor with its place along rows.
             let bytes = 21 * interactions.bonds;
             memory.push(MemoryItem { item: "status of bonds", bytes });
+        }
+        if input.breaks_cliques != [false; 2] {
+            // A bit in the energy and one beside it.
+            let of = [interactions.triangles, interactions.tetrahedra];
+            let judged = of.iter().zip(input.breaks_cliques).filter(|(_, breaks)| *breaks);
+            let bytes = judged.map(|(n, _)| n / 4).sum();
+            memory.push(MemoryItem { item: "status of cliques", bytes });
         }
         if input.states > 0 {
             let bytes = 8 * input.states as u64 * interactions.bonds;

@@ -1,6 +1,7 @@
 //! The mechanics of bodies against independent references and against physics.
 
 mod broken;
+mod broken_cliques;
 mod common;
 mod consistency;
 mod coupled;

@@ -30,8 +30,9 @@ fn criteria(text: &str, s0: f64, level: Level, dimension: usize) -> Vec<Criterio
     let values = model.values(dimension, &settings, Some(1.0)).unwrap();
     let found = model.criteria(&values, Mode::Jit(level), Form::Accurate).unwrap();
     let law = |one: piola_compiler::Criterion| Criterion {
-        margin: Box::new(one.margin),
+        measure: one.measure(),
         holds_at_zero: one.holds_at_zero,
+        margin: Box::new(one.margin),
     };
     found.into_iter().map(law).collect()
 }

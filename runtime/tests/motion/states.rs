@@ -96,8 +96,9 @@ pub(crate) fn remembering(
     let memory = memory::Layer { of_law, materials: Arc::clone(&materials) };
     let memory = Memory::new((body, &neighborhood), vec![memory]);
     let criterion = |one: piola_compiler::Criterion| Criterion {
-        margin: Box::new(one.margin),
+        measure: one.measure(),
         holds_at_zero: one.holds_at_zero,
+        margin: Box::new(one.margin),
     };
     let found = model.criteria(&values, mode, Form::Accurate).unwrap();
     let of_law = vec![found.into_iter().map(criterion).collect()];

@@ -6,6 +6,7 @@
 //! table of pairs; forces of a bond's other end are summed where the bond is, and go to their points
 //! with the group.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use pulp::{Arch, Simd, WithSimd};
@@ -17,8 +18,8 @@ use super::sum::Sum;
 use crate::element::{THIN, WIDEST};
 use crate::geometry::lanes::Lanes;
 use crate::geometry::{Scalar, dot, each};
-use crate::interaction::Degeneracy;
 use crate::interaction::runs::{Bundle, GroupRoom, Runs};
+use crate::interaction::{Bits, Degeneracy};
 use crate::neighborhood::HORIZON_TOLERANCE;
 
 /// One number of eight owners.
@@ -70,16 +71,17 @@ impl TriangleRuns {
         Some(TriangleRuns { runs, pairs, start, by_square, shares, thirds, arch: Arch::new() })
     }
 
-    /// Works out the triangles of a slab's owners; nothing where something is not finite, or thin.
+    /// Works out the triangles of a slab's owners but for the `rest`; nothing where something is not finite,
+    /// or thin.
     pub(super) fn add<const D: usize>(
         &self,
-        owners: std::ops::Range<usize>,
+        (owners, rest): (Range<usize>, Option<&Bits>),
         of: Wanted,
         axes: &mut Axes,
         room: &mut AbreastRoom<D>,
     ) -> Option<Sum> {
         let mut sum = Sum::default();
-        let pass = Pass { of: self, owners, wanted: of, axes, room, sum: &mut sum };
+        let pass = Pass { of: self, owners, rest, wanted: of, axes, room, sum: &mut sum };
         let is_fine = match (D, self.by_square) {
             (2, _) => self.arch.dispatch(Sweep::<D, SIGNED>(pass)),
             (_, false) => self.arch.dispatch(Sweep::<D, ROOT>(pass)),
@@ -207,7 +209,8 @@ impl<const D: usize> AbreastRoom<D> {
 /// The triangles of a slab on their way.
 struct Pass<'a, const D: usize> {
     of: &'a TriangleRuns,
-    owners: std::ops::Range<usize>,
+    owners: Range<usize>,
+    rest: Option<&'a Bits>,
     wanted: Wanted,
     axes: &'a mut Axes,
     room: &'a mut AbreastRoom<D>,
@@ -222,16 +225,19 @@ impl<const D: usize, const WAY: u8> WithSimd for Sweep<'_, D, WAY> {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> bool {
-        let Pass { of, owners, wanted, axes, room, sum } = self.0;
+        let Pass { of, owners, rest, wanted, axes, room, sum } = self.0;
         let AbreastRoom { groups, bonds, first: first_of } = room;
         let (zero, one) = (Lanes::splat(simd, 0.0), Lanes::splat(simd, 1.0));
         let sum = wanted.has_energy().then_some(sum);
         let mut out = Added { refused: zero, sum, has_forces: wanted.has_forces() };
         let mut groups = of.runs.groups(axes.slab, owners, groups);
         while let Some((owners, bundles)) = groups.next() {
-            let all = owners.len() == WIDEST;
-            let whole = all && bundles.iter().all(|bundle| bundle.owners == u8::MAX);
-            let group = Group { of, first: owners.start };
+            let here = owners_of(owners.clone(), rest);
+            if here == 0 {
+                continue;
+            }
+            let whole = here == u8::MAX && bundles.iter().all(|bundle| bundle.owners == u8::MAX);
+            let group = Group { of, first: owners.start, here };
             group.gather(simd, bundles, axes, bonds, first_of);
             for register in 0..WIDEST / Lanes::<S>::WIDTH {
                 if whole {
@@ -249,6 +255,13 @@ impl<const D: usize, const WAY: u8> WithSimd for Sweep<'_, D, WAY> {
     }
 }
 
+/// A bit for each of at most eight owners, but for the `rest`.
+fn owners_of(owners: Range<usize>, rest: Option<&Bits>) -> u8 {
+    let goes = |owner: &usize| rest.is_none_or(|rest| !rest.has(*owner));
+    let first = owners.start;
+    owners.filter(goes).fold(0, |all, owner| all | 1 << (owner - first))
+}
+
 /// What is added up over all triangles of a slab.
 struct Added<'a, S: Simd> {
     /// 0 as long as all is well.
@@ -262,6 +275,8 @@ struct Group<'a> {
     of: &'a TriangleRuns,
     /// The first of them.
     first: usize,
+    /// A bit for each that goes with the group.
+    here: u8,
 }
 
 impl Group<'_> {
@@ -280,6 +295,7 @@ impl Group<'_> {
         let own = place(self.first as isize);
         bonds.clear();
         for (number, &Bundle { vector, other, owners }) in bundles.iter().enumerate() {
+            let owners = owners & self.here;
             let mut bond = Beside {
                 vector,
                 other,

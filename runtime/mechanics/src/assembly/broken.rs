@@ -35,13 +35,9 @@ pub(crate) fn affine_threshold(margin: &dyn Law, length: f64) -> Option<f64> {
 }
 
 impl DiscreteEnergy {
-    /// Bonds alone: a triangle or a tetrahedron would go with the first of its edges.
-    pub(super) fn has_bonds_alone(&self) -> bool {
-        self.triangles.is_none() && self.tetrahedra.is_none()
-    }
-
     /// See [`crate::energy::Energy::lose`].
     pub(super) fn lose_bonds(&mut self, bonds: &[usize]) {
+        self.lose_edges(bonds);
         let DiscreteEnergy { neighborhood, bonds: kind, on_lattice, fours, .. } = self;
         let Some(kind) = kind else { return };
         let n_bonds = neighborhood.n_bonds();
@@ -79,7 +75,20 @@ impl DiscreteEnergy {
     }
 
     /// See [`crate::energy::Energy::add_held`].
-    pub(super) fn add_held_by<const D: usize>(
+    pub(super) fn add_held_of(
+        &self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        bonds: &[usize],
+        held: &mut [Held],
+    ) -> Result<(), NonFinite> {
+        match self.body.dimension() {
+            2 => self.add_held_by::<2>(u, way, bonds, held),
+            _ => self.add_held_by::<3>(u, way, bonds, held),
+        }
+    }
+
+    fn add_held_by<const D: usize>(
         &self,
         u: &[f64],
         way: (f64, &[f64]),

@@ -79,7 +79,8 @@ impl OnLattice {
         }
         if let Some(triangles) = self.triangles.as_ref().filter(|_| wanted != Wanted::Product) {
             let owners = energy.slabs.owners(slab);
-            sums.triangles = Some(triangles.add::<D>(owners, wanted, axes, abreast)?);
+            let rest = energy.lost.as_ref().map(|lost| lost.owners());
+            sums.triangles = Some(triangles.add::<D>((owners, rest), wanted, axes, abreast)?);
         }
         Some(sums)
     }

@@ -102,7 +102,7 @@ impl<const D: usize, const K: usize> Sink<D, K> for Virials<'_, D> {
 
 /// The points of an interaction besides the owner.
 #[inline(always)]
-fn points<const D: usize, const K: usize>(
+pub(super) fn points<const D: usize, const K: usize>(
     cliques: &OwnerCliques<'_, D>,
     clique: &Clique,
 ) -> [usize; K] {
@@ -111,7 +111,7 @@ fn points<const D: usize, const K: usize>(
 
 impl Visit<'_> {
     /// Hands the slab's interactions of all kinds to a sink, or of all but bonds.
-    fn all<const D: usize, S>(
+    pub(super) fn all<const D: usize, S>(
         self,
         room: &mut Room<D>,
         mut sink: S,
@@ -185,7 +185,8 @@ impl InteractionHessian<'_> {
             } else if known.is_some() {
                 axes.each::<D>(&mut add);
             }
-            let done = Visit { energy, slab, order, u }.all(room, sink, with_bonds);
+            let visit = Visit { energy, slab, order, u, only: None };
+            let done = visit.all(room, sink, with_bonds);
             done.map(|()| SlabEnergy::default())
         });
         done.map(|_| ())
@@ -203,7 +204,8 @@ impl DiscreteEnergy {
         let shares = Part::new(Layout::Points(1), shares);
         let done = self.over_slabs(rooms, shares, |slab, [here, next], room| {
             let sink = Shares { rows: Touched::new(here, next) };
-            let done = Visit { energy: self, slab, order: Order::Energy, u }.all(room, sink, true);
+            let visit = Visit { energy: self, slab, order: Order::Energy, u, only: None };
+            let done = visit.all(room, sink, true);
             done.map(|()| SlabEnergy::default())
         });
         done.map(|_| ())
@@ -223,7 +225,7 @@ impl DiscreteEnergy {
             Part::new(Layout::Points(1), virials),
             |slab, [here, next], room| {
                 let sink = Virials { positions, rows: Touched::new(here, next) };
-                let visit = Visit { energy: self, slab, order: Order::Gradient, u };
+                let visit = Visit { energy: self, slab, order: Order::Gradient, u, only: None };
                 visit.all(room, sink, true).map(|()| SlabEnergy::default())
             },
         );

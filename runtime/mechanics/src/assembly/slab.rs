@@ -19,7 +19,7 @@ use super::visit::{Gathered, Sink, Visit};
 use crate::element::{Contributions, Order};
 use crate::energy::NonFinite;
 use crate::interaction::schedule::{Part, Touched};
-use crate::interaction::{Clique, CliqueRoom, OwnerCliques};
+use crate::interaction::{Bits, Clique, CliqueRoom, OwnerCliques};
 
 /// A slab with the rows it may write to.
 pub(super) struct SlabTask<'a> {
@@ -130,7 +130,8 @@ impl<'a> SlabTask<'a> {
         u: &[f64],
         room: &mut Room<2>,
     ) -> Result<SlabEnergy, NonFinite> {
-        self.bonds_and_triangles(Visit { energy, slab: self.slab, order, u }, room)
+        let visit = Visit { energy, slab: self.slab, order, u, only: None };
+        self.bonds_and_triangles(visit, room)
     }
 
     /// The same in space.
@@ -141,7 +142,7 @@ impl<'a> SlabTask<'a> {
         u: &[f64],
         room: &mut Room<3>,
     ) -> Result<SlabEnergy, NonFinite> {
-        let visit = Visit { energy, slab: self.slab, order, u };
+        let visit = Visit { energy, slab: self.slab, order, u, only: None };
         let mut total = self.bonds_and_triangles(visit, room)?;
         let Room { cliques, gathered: [_, _, gathered], pairs, by_pairs, sums, .. } = room;
         if let (Some(kind), Some(gathered)) = (&energy.tetrahedra, gathered) {
@@ -177,15 +178,21 @@ impl<'a> SlabTask<'a> {
         }
         let Room { cliques, gathered: [_, gathered, _], sums, .. } = room;
         if let (Some(kind), Some(gathered)) = (&energy.triangles, gathered) {
-            let mut added = Added::new(order);
-            added.forces &= known.triangles.is_none();
-            if added.blocks || known.triangles.is_none() {
-                let sum = Sum::default();
-                let mut sink = TriangleRows { order, added, sums, rows, sum };
-                visit.run(kind, (cliques, gathered), &mut sink)?;
+            // Owners whose triangles are no longer all there have not gone abreast.
+            let rest = energy.lost.as_ref().map(|lost| lost.owners());
+            let rest = rest.filter(|rest| rest.have_any(energy.slabs.owners(visit.slab)));
+            let is_known = known.triangles.is_some();
+            let added = Added::new(order);
+            if added.blocks || !is_known || rest.is_some() {
+                let sum = known.triangles.unwrap_or_default();
+                let mut sink =
+                    TriangleRows { order, added, is_known, rest, sums, rows, is_own: true, sum };
+                let only = rest.filter(|_| is_known && !added.blocks);
+                Visit { only, ..visit }.run(kind, (cliques, gathered), &mut sink)?;
                 total.triangles = sink.sum;
+            } else {
+                total.triangles = known.triangles.unwrap_or_default();
             }
-            total.triangles = known.triangles.unwrap_or(total.triangles);
         }
         Ok(total)
     }
@@ -254,19 +261,27 @@ fn bonds<const D: usize>(
 struct TriangleRows<'a, 'r, const D: usize> {
     order: Order,
     added: Added,
+    /// Whether forces and energies are known of all owners but the `rest`.
+    is_known: bool,
+    rest: Option<&'a Bits>,
     sums: &'a mut OwnerSums<D>,
     rows: &'a mut Rows<'r>,
+    /// Whether the owner's forces and energies count.
+    is_own: bool,
     sum: Sum,
 }
 
 impl<const D: usize> Sink<D, 2> for TriangleRows<'_, '_, D> {
     fn begin(&mut self, cliques: &OwnerCliques<'_, D>, _: &mut Gathered<D>) -> bool {
+        let owner = cliques.owner();
+        self.is_own = !self.is_known || self.rest.is_some_and(|rest| rest.has(owner));
+        self.added.forces = self.is_own && Added::new(self.order).forces;
         self.sums.reset(self.added, cliques.members().len(), 0);
         true
     }
 
     fn take(&mut self, cliques: &OwnerCliques<'_, D>, batch: &[Clique], out: &mut Contributions) {
-        if self.order.has_energy() {
+        if self.order.has_energy() && self.is_own {
             self.sum.add(out.energies(batch.len()));
         }
         self.sums.add_triangles(batch, out, self.added, cliques, self.rows);
@@ -306,6 +321,9 @@ impl Sink<3, 3> for TetrahedronRows<'_, '_> {
     fn begin(&mut self, cliques: &OwnerCliques<'_, 3>, gathered: &mut Gathered<3>) -> bool {
         self.pairs.set(cliques);
         self.sums.reset(Added::new(self.order), cliques.members().len(), self.pairs.count());
+        if cliques.have_own_losses() {
+            return true;
+        }
         let Some(rules) = gathered.law.and_then(|law| self.rules(law)) else { return true };
         let owner = Owner { cliques, members: &gathered.members, pairs: self.pairs };
         if !self.by_pairs.fill(&rules, &owner) {

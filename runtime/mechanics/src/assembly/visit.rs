@@ -10,7 +10,7 @@ use super::DiscreteEnergy;
 use super::kind::Kind;
 use crate::element::{CAPACITY, Contributions, Element, InteractionBatch, NonFiniteLane, Order};
 use crate::energy::{Argument, NonFinite};
-use crate::interaction::{Clique, CliqueRoom, OwnerCliques};
+use crate::interaction::{Bits, Clique, CliqueRoom, OwnerCliques};
 
 /// What becomes of interactions with `K` corners besides the owner.
 pub(super) trait Sink<const D: usize, const K: usize> {
@@ -35,6 +35,8 @@ pub(super) struct Visit<'a> {
     pub(super) slab: usize,
     pub(super) order: Order,
     pub(super) u: &'a [f64],
+    /// The owners that are visited, where these are not all.
+    pub(super) only: Option<&'a Bits>,
 }
 
 impl Visit<'_> {
@@ -45,7 +47,7 @@ impl Visit<'_> {
         (cliques, gathered): (&mut CliqueRoom<D>, &mut Gathered<D>),
         sink: &mut impl Sink<D, K>,
     ) -> Result<(), NonFinite> {
-        self.energy.for_each_owner::<D, K, _>(self.slab, cliques, |cliques| {
+        self.energy.for_each_owner_of::<D, K, _>((self.slab, self.only), cliques, |cliques| {
             gathered.begin(kind, cliques, self.u);
             if let Some(factors) = kind.factors.as_ref().filter(|_| K == 1) {
                 let own = self.energy.neighborhood.bonds(cliques.owner());

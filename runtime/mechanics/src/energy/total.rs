@@ -16,7 +16,8 @@ use std::sync::{Arc, OnceLock};
 use super::differences::{ForceDifferences, smallest_distance, step};
 use super::{Energy, Hessian, Inversion, NonFinite, Products, Wanted, check_sizes};
 use crate::fracture::{Fracture, Held, Release};
-use crate::interaction::{Inverted, Report};
+use crate::interaction::{Inverted, Ranks, Report};
+use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::pool::Pool;
 
@@ -392,6 +393,29 @@ impl Energy for Total<'_> {
                 energy.lose(bonds);
             }
         }
+    }
+
+    fn lose_cliques(&mut self, measure: Measure, ranks: &Ranks, numbers: &[usize]) {
+        for term in &mut self.terms {
+            if let Term::Owned(energy) = term {
+                energy.lose_cliques(measure, ranks, numbers);
+            }
+        }
+    }
+
+    fn break_cliques(
+        &mut self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        cliques: (Measure, &Ranks, &[usize]),
+    ) -> Result<Release, NonFinite> {
+        let mut sum = Release::default();
+        for term in &mut self.terms {
+            if let Term::Owned(energy) = term {
+                sum.add(energy.break_cliques(u, way, cliques)?);
+            }
+        }
+        Ok(sum)
     }
 
     fn watch(&mut self, limits: &[f32]) -> bool {

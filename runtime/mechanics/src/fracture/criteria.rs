@@ -1,4 +1,4 @@
-//! Which bonds break: those whose margin is above 0.
+//! Which bonds break: those whose margin is above 0. Triangles and tetrahedra are judged beside them.
 //!
 //! Most bonds are far from breaking. Where a margin is affine in the length, or in its square, the bond
 //! knows how much its square must have grown before the margin is worked out at all.
@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use super::cliques::CliqueCriteria;
 use crate::assembly::affine_threshold;
 use crate::body::Body;
 use crate::element::{CAPACITY, Contributions, Element, InteractionBatch, MeasureElement, Order};
@@ -23,11 +24,13 @@ pub(super) const CHUNK: usize = 1024;
 /// Bonds are judged exactly from this share of what they may grow on: rounding is far below.
 const NEARLY: f64 = 1.0 - 1e-6;
 
-/// One condition under which bonds break.
+/// One condition under which bonds, triangles or tetrahedra break.
 pub struct Criterion {
+    /// Of which of them it is.
+    pub measure: Measure,
     /// The margin, in the place of psi.
     pub margin: Box<dyn Law>,
-    /// Whether a bond breaks where its margin is 0, too.
+    /// Whether one breaks where its margin is 0, too.
     pub holds_at_zero: bool,
 }
 
@@ -35,40 +38,42 @@ pub struct Criterion {
 pub struct Layer {
     /// Those of each law of the materials, of the only one where there are none.
     pub of_law: Vec<Vec<Criterion>>,
-    /// Which laws bonds take. A bond between points of several materials breaks if any of the laws that it
+    /// Which laws interactions take. One between points of several materials breaks if any of the laws that it
     /// takes says so.
     pub materials: Option<Arc<Materials>>,
 }
 
-/// When the bonds of a body break: each criterion is enough.
+/// When the bonds of a body break, its triangles and its tetrahedra: each criterion is enough.
 pub struct Criteria {
     layers: Vec<Margins>,
-    /// Points whose bonds never break.
-    is_unbreakable: Vec<bool>,
+    /// Of triangles and tetrahedra.
+    pub(super) cliques: CliqueCriteria,
+    /// Points whose interactions never break.
+    pub(super) is_unbreakable: Vec<bool>,
     /// How much the square of the length of each bond in m^2 must have grown before it is judged.
     limits: Vec<f32>,
 }
 
-/// A [`Layer`] as functions of bonds.
-struct Margins {
-    of_law: Vec<Vec<Margin>>,
-    materials: Option<Arc<Materials>>,
+/// A [`Layer`] as functions of interactions of one kind.
+pub(super) struct Margins {
+    pub(super) of_law: Vec<Vec<Margin>>,
+    pub(super) materials: Option<Arc<Materials>>,
 }
 
-/// A criterion as a function of a bond.
-struct Margin {
-    element: MeasureElement,
+/// A criterion as a function of an interaction.
+pub(super) struct Margin {
+    pub(super) element: MeasureElement,
     holds_at_zero: bool,
 }
 
 impl Margin {
-    fn breaks(&self, margin: f64) -> bool {
+    pub(super) fn breaks(&self, margin: f64) -> bool {
         margin > 0.0 || self.holds_at_zero && margin == 0.0
     }
 }
 
 impl Criteria {
-    /// The criteria of some layers; bonds with a point of which `is_unbreakable` never break.
+    /// The criteria of some layers; interactions with a point of which `is_unbreakable` never break by them.
     pub fn new(
         (body, neighborhood): (&Body, &Neighborhood),
         layers: Vec<Layer>,
@@ -76,9 +81,14 @@ impl Criteria {
     ) -> Criteria {
         assert_eq!(is_unbreakable.len(), body.n_points(), "one for each point");
         let d = body.dimension();
-        let layers = layers.into_iter().map(|layer| Margins::new(layer, d));
-        let layers = layers.filter(|layer| !layer.of_law.iter().all(Vec::is_empty)).collect();
-        let mut criteria = Criteria { layers, is_unbreakable, limits: Vec::new() };
+        let mut of_measures = [const { Vec::new() }; 3];
+        for layer in layers {
+            let by_measure = Margins::by_measure(layer, d);
+            of_measures.iter_mut().zip(by_measure).for_each(|(all, own)| all.extend(own));
+        }
+        let [layers, areas, volumes] = of_measures;
+        let cliques = CliqueCriteria::new((body, neighborhood), [areas, volumes]);
+        let mut criteria = Criteria { layers, cliques, is_unbreakable, limits: Vec::new() };
         if criteria.are_empty() {
             return criteria;
         }
@@ -91,7 +101,7 @@ impl Criteria {
         criteria
     }
 
-    /// Whether no bond can break.
+    /// Whether no bond can break; triangles and tetrahedra may.
     pub fn are_empty(&self) -> bool {
         self.layers.is_empty()
     }
@@ -120,7 +130,7 @@ impl Criteria {
         }
         let mut least = f64::INFINITY;
         for layer in &self.layers {
-            for (law, _) in layer.parts(ends).iter() {
+            for (law, _) in layer.parts(&ends).iter() {
                 for margin in &layer.of_law[law] {
                     let law = margin.element.law();
                     let grown = law.and_then(|(law, _)| affine_threshold(law, length));
@@ -212,20 +222,31 @@ impl Criteria {
 }
 
 impl Margins {
-    fn new(layer: Layer, dimension: usize) -> Margins {
+    /// Those of a layer for bonds, triangles and tetrahedra; nothing for those without.
+    fn by_measure(layer: Layer, dimension: usize) -> [Option<Margins>; 3] {
         let n_laws = layer.materials.as_ref().map_or(1, |materials| materials.n_laws());
         assert_eq!(layer.of_law.len(), n_laws, "criteria for each law");
-        let margin = |Criterion { margin, holds_at_zero }| Margin {
-            element: MeasureElement::new(Measure::Length, dimension, margin),
-            holds_at_zero,
-        };
-        let of_law = layer.of_law.into_iter().map(|own| own.into_iter().map(margin).collect());
-        Margins { of_law: of_law.collect(), materials: layer.materials }
+        let nothing = || (0..n_laws).map(|_| Vec::new()).collect::<Vec<Vec<Margin>>>();
+        let mut all: [Vec<Vec<Margin>>; 3] = [nothing(), nothing(), nothing()];
+        for (law, own) in layer.of_law.into_iter().enumerate() {
+            for Criterion { measure, margin, holds_at_zero } in own {
+                let element = MeasureElement::new(measure, dimension, margin);
+                all[measure as usize][law].push(Margin { element, holds_at_zero });
+            }
+        }
+        all.map(|of_law| {
+            let materials = layer.materials.clone();
+            (!of_law.iter().all(Vec::is_empty)).then_some(Margins { of_law, materials })
+        })
     }
 
-    fn parts(&self, [one, other]: [usize; 2]) -> Parts {
+    /// The laws of an interaction of these points.
+    pub(super) fn parts(&self, points: &[usize]) -> Parts {
         let Some(materials) = &self.materials else { return Parts::whole(0) };
-        materials.parts(&[materials.of(one), materials.of(other)])
+        let mut corners = [0; 4];
+        let corners = &mut corners[..points.len()];
+        corners.iter_mut().zip(points).for_each(|(corner, point)| *corner = materials.of(*point));
+        materials.parts(corners)
     }
 
     /// The bonds of an owner that break, some perhaps twice.
@@ -237,7 +258,7 @@ impl Margins {
         found: &mut Vec<usize>,
     ) -> Result<(), NonFinite> {
         for (law, margins) in self.of_law.iter().enumerate() {
-            let takes = |bond: &&Candidate<D>| self.parts(bond.ends).iter().any(|p| p.0 == law);
+            let takes = |bond: &&Candidate<D>| self.parts(&bond.ends).iter().any(|p| p.0 == law);
             let own: Vec<&Candidate<D>> = bonds.iter().filter(takes).collect();
             for (margin, bonds) in
                 margins.iter().flat_map(|m| own.chunks(CAPACITY).map(move |c| (m, c)))

@@ -5,14 +5,17 @@
 //! | [`Breaking`] | the energy of what is left, and its [`Fracture`] |
 //! | [`criteria`] | which bonds break at given displacements |
 //! | [`memory`] | what bonds remember, and what that becomes |
+//! | `cliques` | which triangles and tetrahedra break by a criterion of their own |
 //! | [`crack`] | which bonds a crack cuts that is there from the start |
 //!
 //! With the status `h` a body has one energy `E(u; h)`, of which forces and tangents are exact
 //! derivatives as ever. `h` changes in [`Fracture::advance`] alone, at fixed `u`: so what breaking releases
 //! is by definition `E(u; old) - E(u; new)`, and so is what is dissipated where bonds remember. All bonds
 //! are judged at the same displacements, with what they remember as it is, before any of them is taken out
-//! or changes, and none comes back.
+//! or changes, and none comes back. A triangle or a tetrahedron with a broken edge is broken, too; one that
+//! breaks itself leaves its bonds as they are.
 
+mod cliques;
 pub mod crack;
 pub mod criteria;
 pub mod memory;
@@ -22,7 +25,8 @@ use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use crate::body::Body;
 use crate::energy::{Energy, Hessian, Inversion, NonFinite, Products, Term, Total, Wanted};
-use crate::interaction::{Inverted, Report};
+use crate::interaction::{Inverted, Lost, Ranks, Report, n_neighbors};
+use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use criteria::Criteria;
@@ -33,7 +37,9 @@ use memory::Memory;
 pub struct Release {
     /// How many bonds broke.
     pub bonds: usize,
-    /// The energy that they held, in J.
+    /// How many triangles and tetrahedra broke by criteria of their own.
+    pub cliques: [usize; 2],
+    /// The energy that they held, in J, with that of triangles and tetrahedra that went with their edges.
     pub energy: f64,
     /// How many others changed what they remember.
     pub changed: usize,
@@ -53,6 +59,7 @@ impl Release {
     /// Adds that of other bonds.
     pub fn add(&mut self, other: Release) {
         self.bonds += other.bonds;
+        self.cliques.iter_mut().zip(other.cliques).for_each(|(all, own)| *all += own);
         self.energy += other.energy;
         self.changed += other.changed;
         self.dissipated += other.dissipated;
@@ -66,7 +73,7 @@ impl Release {
 
     /// Whether energy and forces are others than before.
     pub fn has_changed(&self) -> bool {
-        self.bonds > 0 || self.changed > 0
+        self.bonds > 0 || self.changed > 0 || self.cliques != [0; 2]
     }
 }
 
@@ -77,6 +84,18 @@ pub struct Held {
     pub energy: f64,
     /// The work in J of its forces over the second half of a way; see [`Release::timing`].
     pub timing: f64,
+}
+
+impl Held {
+    /// What both hold.
+    pub(crate) fn and(self, other: &Held) -> Held {
+        Held { energy: self.energy + other.energy, timing: self.timing + other.timing }
+    }
+
+    /// What one holds more than another.
+    pub(crate) fn less(&self, other: &Held) -> Held {
+        Held { energy: self.energy - other.energy, timing: self.timing - other.timing }
+    }
 }
 
 /// The status of a body that can break, and how it changes. Bonds have the numbers of the neighbourhood
@@ -122,6 +141,17 @@ pub trait Fracture: Sync {
 
     /// How many numbers of bonds there are.
     fn n_bonds(&self) -> usize;
+
+    /// How many triangles, or tetrahedra, there are where these have criteria of their own, and how many of
+    /// them broke by these; nothing where they have none.
+    fn counts_of(&self, measure: Measure) -> Option<[usize; 2]>;
+
+    /// The triangles, or the tetrahedra, that broke by criteria of their own, by their [`Ranks`], ascending.
+    fn broken_cliques(&self, measure: Measure) -> Vec<usize>;
+
+    /// Breaks these triangles or tetrahedra, and says nothing of energies; does nothing where these have no
+    /// criteria of their own.
+    fn take_out_cliques(&self, measure: Measure, numbers: &[usize]);
 }
 
 /// A pattern of all bonds without those that are broken, by their numbers in ascending order.
@@ -165,10 +195,30 @@ struct Status {
     energy: Total<'static>,
     is_broken: Vec<bool>,
     n_broken: usize,
+    /// Where triangles or tetrahedra have criteria of their own.
+    lost: Option<Lost>,
+}
+
+/// What breaks at one time.
+#[derive(Default)]
+struct Found {
+    /// Bonds, ascending.
+    bonds: Vec<usize>,
+    /// Of each measure with criteria its cliques, ascending.
+    cliques: Vec<Vec<usize>>,
+}
+
+impl Found {
+    fn is_empty(&self) -> bool {
+        self.bonds.is_empty() && self.cliques.iter().all(Vec::is_empty)
+    }
 }
 
 impl Status {
-    fn note(&mut self, bonds: &[usize]) {
+    fn note(&mut self, neighborhood: &Neighborhood, bonds: &[usize]) {
+        if let Some(lost) = &mut self.lost {
+            lost.lose_edges(bonds, &Lost::owners_of(neighborhood, bonds));
+        }
         for &bond in bonds {
             self.n_broken += usize::from(!self.is_broken[bond]);
             self.is_broken[bond] = true;
@@ -187,7 +237,8 @@ impl Breaking {
         (criteria, memory): (Criteria, Memory),
         absent: Vec<usize>,
     ) -> Breaking {
-        let loses_none = criteria.are_empty() && absent.is_empty();
+        let has_cliques = !criteria.cliques.are_empty();
+        let loses_none = criteria.are_empty() && !has_cliques && absent.is_empty();
         let can_lose = loses_none || terms.iter().all(|term| term.can_lose_bonds());
         assert!(can_lose, "energies that can lose bonds");
         let terms = terms.into_iter().map(Term::Owned).collect();
@@ -197,7 +248,8 @@ impl Breaking {
         }
         let (pattern, bonds) = (Arc::clone(energy.pattern()), energy.bond_pattern().cloned());
         let is_broken = vec![false; neighborhood.n_bonds()];
-        let status = RwLock::new(Status { energy, is_broken, n_broken: 0 });
+        let lost = has_cliques.then(|| Lost::nothing_of(&neighborhood));
+        let status = RwLock::new(Status { energy, is_broken, n_broken: 0, lost });
         let bond_pattern = bonds;
         let breaking = Breaking {
             body,
@@ -218,27 +270,49 @@ impl Breaking {
         std::iter::once(0..self.body.n_points()).collect()
     }
 
-    /// The bonds of some owners that break at displacements `u`, ascending.
-    fn judge(&self, u: &[f64], owners: &[Range<usize>]) -> Result<Vec<usize>, NonFinite> {
-        let Status { is_broken, .. } = &*self.now();
+    /// What breaks at displacements `u`: of bonds among those of some owners.
+    fn judge(&self, u: &[f64], owners: &[Range<usize>]) -> Result<Found, NonFinite> {
+        let Status { is_broken, lost, .. } = &*self.now();
         let around = (&*self.body, &*self.neighborhood);
-        self.criteria.judge(around, u, owners, |bond| !is_broken[bond])
+        let bonds = self.criteria.judge(around, u, owners, |bond| !is_broken[bond])?;
+        let Criteria { cliques, is_unbreakable, .. } = &self.criteria;
+        let cliques = match lost {
+            Some(lost) => cliques.judge(around, u, (lost, is_unbreakable))?,
+            None => Vec::new(),
+        };
+        Ok(Found { bonds, cliques })
     }
 
-    /// Breaks bonds.
+    /// Breaks what was found: bonds, and then of triangles and tetrahedra what has not gone with them.
     fn break_all(
         &self,
         u: &[f64],
         way: (f64, &[f64]),
-        bonds: &[usize],
+        found: &Found,
     ) -> Result<Release, NonFinite> {
-        if bonds.is_empty() {
-            return Ok(Release::default());
+        let mut release = Release::default();
+        if found.is_empty() {
+            return Ok(release);
         }
         let mut status = self.change();
-        let release = status.energy.break_bonds(u, way, bonds)?;
-        status.note(bonds);
+        if !found.bonds.is_empty() {
+            release = status.energy.break_bonds(u, way, &found.bonds)?;
+            status.note(&self.neighborhood, &found.bonds);
+        }
+        for ((measure, ranks), numbers) in self.criteria.cliques.kinds().zip(&found.cliques) {
+            let cliques = (measure, ranks, &numbers[..]);
+            release.add(status.energy.break_cliques(u, way, cliques)?);
+            if let Some(lost) = &mut status.lost {
+                lost.lose_cliques(n_neighbors(measure), ranks, numbers);
+            }
+            release.cliques[n_neighbors(measure) - 2] += numbers.len();
+        }
         Ok(release)
+    }
+
+    /// The numbers of triangles or tetrahedra, where these have criteria of their own.
+    fn ranks(&self, measure: Measure) -> Option<&Ranks> {
+        self.criteria.cliques.kinds().find(|kind| kind.0 == measure).map(|kind| kind.1)
     }
 
     /// Changes what all bonds remember but those that break.
@@ -284,7 +358,7 @@ impl Breaking {
 impl Fracture for Breaking {
     fn advance(&self, u: &[f64], dt: f64, way: (f64, &[f64])) -> Result<Release, NonFinite> {
         let breaking = self.judge(u, &self.all_owners())?;
-        let mut release = self.change_states((u, dt), way, &breaking)?;
+        let mut release = self.change_states((u, dt), way, &breaking.bonds)?;
         release.add(self.break_all(u, way, &breaking)?);
         Ok(release)
     }
@@ -318,7 +392,7 @@ impl Fracture for Breaking {
             return;
         }
         let mut status = self.change();
-        status.note(bonds);
+        status.note(&self.neighborhood, bonds);
         status.energy.lose(bonds);
     }
 
@@ -354,6 +428,27 @@ impl Fracture for Breaking {
     fn counts(&self) -> [usize; 2] {
         let absent = self.absent.len();
         [self.neighborhood.n_bonds() - absent, self.now().n_broken - absent]
+    }
+
+    fn counts_of(&self, measure: Measure) -> Option<[usize; 2]> {
+        let ranks = self.ranks(measure)?;
+        let broken =
+            self.now().lost.as_ref().map_or(0, |lost| lost.own(n_neighbors(measure)).count());
+        Some([ranks.count(), broken])
+    }
+
+    fn broken_cliques(&self, measure: Measure) -> Vec<usize> {
+        let status = self.now();
+        status.lost.iter().flat_map(|lost| lost.own(n_neighbors(measure))).collect()
+    }
+
+    fn take_out_cliques(&self, measure: Measure, numbers: &[usize]) {
+        let Some(ranks) = self.ranks(measure).filter(|_| !numbers.is_empty()) else { return };
+        let mut status = self.change();
+        status.energy.lose_cliques(measure, ranks, numbers);
+        if let Some(lost) = &mut status.lost {
+            lost.lose_cliques(n_neighbors(measure), ranks, numbers);
+        }
     }
 }
 

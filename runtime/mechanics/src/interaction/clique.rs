@@ -1,5 +1,9 @@
 //! The cliques of one owner.
 
+mod lost;
+
+pub use lost::{Bits, Lost, Ranks};
+
 use std::convert::Infallible;
 
 use rayon::prelude::*;
@@ -53,6 +57,12 @@ pub struct OwnerCliques<'a, const D: usize> {
     first: usize,
     /// Rows of all owners, without collinear pairs.
     contributing: Option<&'a ContributingPairs>,
+    /// What is gone of the body's cliques.
+    lost: Option<&'a Lost>,
+    /// The bits before pairs with broken edges were cleared; empty where none are.
+    all: Vec<u64>,
+    /// Which cliques of the size to be visited broke themselves, and the first number of the owner.
+    broken: Option<(&'a Bits, usize)>,
 }
 
 /// The arrays of [`OwnerCliques`], kept for the next owners.
@@ -61,6 +71,7 @@ pub(crate) struct CliqueRoom<const D: usize> {
     reference: Vec<[f64; D]>,
     squares: Vec<f64>,
     bits: Vec<u64>,
+    all: Vec<u64>,
     /// [`NO_MEMBER`] for all.
     member_of: Vec<u32>,
 }
@@ -74,6 +85,7 @@ impl<const D: usize> CliqueRoom<D> {
             reference: Vec::with_capacity(n),
             squares: Vec::with_capacity(n),
             bits: Vec::with_capacity(2 * n * n.div_ceil(64)),
+            all: Vec::new(),
             member_of: vec![NO_MEMBER; points.unwrap_or(0)],
         }
     }
@@ -102,7 +114,7 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         points: std::ops::Range<usize>,
         room: CliqueRoom<D>,
     ) -> Self {
-        let CliqueRoom { reference, squares, bits, mut member_of } = room;
+        let CliqueRoom { reference, squares, bits, all, mut member_of } = room;
         member_of.resize(points.len().max(member_of.len()), NO_MEMBER);
         debug_assert_eq!(body.dimension(), D, "the dimension of the body");
         OwnerCliques {
@@ -119,13 +131,16 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
             member_of,
             first: points.start,
             contributing: None,
+            lost: None,
+            all,
+            broken: None,
         }
     }
 
     /// The arrays, for others.
     pub(crate) fn into_room(self) -> CliqueRoom<D> {
-        let OwnerCliques { reference, squares, bits, member_of, .. } = self;
-        CliqueRoom { reference, squares, bits, member_of }
+        let OwnerCliques { reference, squares, bits, all, member_of, .. } = self;
+        CliqueRoom { reference, squares, bits, all, member_of }
     }
 
     /// Takes pairs from a table: no triangle has to be tested again, and members that are collinear
@@ -143,6 +158,8 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
     /// Moves to another owner, of which bonds alone will be visited.
     pub(crate) fn set_bonds(&mut self, owner: usize) {
         self.owner = owner;
+        self.broken = None;
+        self.all.clear();
         self.members = self.neighborhood.upper(owner);
         let here: [f64; D] = self.position(owner);
         self.reference.clear();
@@ -254,6 +271,9 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         };
         match K {
             1 => (0..self.members.len()).try_for_each(|j| visit([j, 0, 0], 0)),
+            _ if self.broken.is_some() => self.each_numbered::<K, E>(|clique, _| {
+                visit(clique.corners::<3>(), clique.place as usize)
+            }),
             2 => self.triangles(|j, k, place| visit([j, k, 0], place)).map(|_| ()),
             _ => self.tetrahedra(|j, k, l| visit([j, k, l], 0)).map(|_| ()),
         }
@@ -311,7 +331,7 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         let mut dropped = 0;
         for j in 0..self.members.len() {
             for k in ones(self.row(j)) {
-                dropped += self.tetrahedra_on(j, k, &mut visit)?;
+                dropped += self.tetrahedra_on((j, k), (self.row(j), self.row(k)), &mut visit)?;
             }
         }
         Ok(dropped)
@@ -345,11 +365,11 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         self.degeneracy
     }
 
-    /// The tetrahedra on one triangle.
+    /// The tetrahedra on one triangle, from the bits of its members.
     fn tetrahedra_on<E>(
         &self,
-        j: usize,
-        k: usize,
+        (j, k): (usize, usize),
+        (row_j, row_k): (&[u64], &[u64]),
         visit: &mut impl FnMut(usize, usize, usize) -> Result<(), E>,
     ) -> Result<u64, E> {
         let mut dropped = 0;
@@ -357,7 +377,6 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         let normal = cross(first, second);
         let longest = self.squares[j].max(self.squares[k]);
         let base = longest.max(between(first, second));
-        let (row_j, row_k) = (self.row(j), self.row(k));
         for word in 0..self.words {
             let mut bits = row_j[word] & row_k[word];
             while bits != 0 {

@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use piola_mechanics::energy::EnergyParts;
+use piola_mechanics::kernel::Measure;
 
 use super::balance::Row;
 use super::critical::Precision;
@@ -70,7 +71,7 @@ impl Motion<'_> {
         let Some(fracture) = self.energy.fracture() else { return Ok(()) };
         let released = fracture.advance_behind_forces(&self.u.value, (self.dt, &self.v.value));
         let released = released.map_err(|cause| self.not_finite(cause))?;
-        if released.bonds == 0 {
+        if !released.has_changed() {
             return Ok(());
         }
         self.balance.release(&released);
@@ -101,6 +102,14 @@ impl Motion<'_> {
                 "{} bonds break before the first step: the displacements of the start are beyond their \
                  criterion",
                 released.bonds
+            ));
+        }
+        if let [areas, volumes] = released.cliques
+            && areas + volumes > 0
+        {
+            self.notes.push(format!(
+                "{areas} triangles and {volumes} tetrahedra break before the first step: the displacements \
+                 of the start are beyond their criterion"
             ));
         }
         Ok(())
@@ -191,6 +200,8 @@ impl Motion<'_> {
         let mut row = self.balance.row(self.done, self.time(self.done), parts, kinetic);
         (row.momentum, row.angular_momentum) = self.momenta();
         row.broken = self.energy.fracture().map(|fracture| fracture.counts()[1]);
+        row.broken_cliques = [Measure::Area, Measure::Volume]
+            .map(|measure| self.energy.fracture()?.counts_of(measure).map(|counts| counts[1]));
         if !self.balance.closes(&row) && self.notes.iter().all(|note| !note.contains("account")) {
             self.notes.push(format!(
                 "the account of energy does not close at t = {:e} s: {:e} J are left over, of {:e} J",

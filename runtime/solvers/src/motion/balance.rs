@@ -83,6 +83,8 @@ pub struct Row {
     pub timing: f64,
     /// How many bonds are broken, those of cracks included; nothing where none can break.
     pub broken: Option<usize>,
+    /// How many triangles and tetrahedra broke by criteria of their own; nothing where they have none.
+    pub broken_cliques: [Option<usize>; 2],
     /// `sum m v` in kg m/s, as many numbers as dimensions.
     pub momentum: Vec<f64>,
     /// `sum m x cross v` about the origin, `x = X + u`, in kg m^2/s: one number in the plane, three in
@@ -213,6 +215,7 @@ impl Balance {
             dissipated,
             timing,
             broken: None,
+            broken_cliques: [None; 2],
             momentum: Vec::new(),
             angular_momentum: Vec::new(),
         }

@@ -3,6 +3,8 @@
 use std::borrow::Cow;
 
 use piola_mechanics::energy::Energy;
+use piola_mechanics::fracture::Fracture;
+use piola_mechanics::kernel::Measure;
 
 use super::balance::Balance;
 use super::{CriticalStep, Initial, Motion, MotionDrive, MotionError, MotionSettings};
@@ -14,7 +16,8 @@ pub struct Snapshot<'a> {
     /// One array per name of [`Snapshot::NAMES`]: scalars, then vectors `n x d` in the body's order;
     /// displacements in m, velocities in the middle of the step to come in m/s, each with what rounding
     /// left behind, and `dE/du` in N, by which a body is known again; then the numbers of the bonds that are
-    /// broken, and what bonds remember.
+    /// broken, behind all of these those of triangles that broke themselves, and of tetrahedra; and what bonds
+    /// remember.
     pub arrays: [Cow<'a, [f64]>; 8],
     /// What the reader was told so far.
     pub notes: Cow<'a, [String]>,
@@ -34,6 +37,40 @@ impl Snapshot<'_> {
     ];
 }
 
+/// How many numbers bonds have, triangles with criteria of their own, and tetrahedra.
+fn numbers_of(fracture: &dyn Fracture) -> [usize; 3] {
+    let [areas, volumes] =
+        CLIQUES.map(|measure| fracture.counts_of(measure).map_or(0, |counts| counts[0]));
+    [fracture.n_bonds(), areas, volumes]
+}
+
+/// All that is broken, with numbers one behind the other.
+fn all_broken(fracture: &dyn Fracture) -> Vec<usize> {
+    let [bonds, areas, _] = numbers_of(fracture);
+    let mut all = fracture.broken();
+    for (measure, first) in CLIQUES.into_iter().zip([bonds, bonds + areas]) {
+        all.extend(fracture.broken_cliques(measure).into_iter().map(|number| first + number));
+    }
+    all
+}
+
+/// Takes out what [`all_broken`] told of.
+fn take_out_all(fracture: &dyn Fracture, broken: &[usize]) {
+    let [bonds, areas, _] = numbers_of(fracture);
+    let behind = |first: usize| broken.partition_point(|number| *number < first);
+    let (areas_from, volumes_from) = (behind(bonds), behind(bonds + areas));
+    fracture.take_out(&broken[..areas_from]);
+    let parts =
+        [(bonds, &broken[areas_from..volumes_from]), (bonds + areas, &broken[volumes_from..])];
+    for (measure, (first, part)) in CLIQUES.into_iter().zip(parts) {
+        let numbers: Vec<usize> = part.iter().map(|number| number - first).collect();
+        fracture.take_out_cliques(measure, &numbers);
+    }
+}
+
+/// What may have criteria of its own beside bonds.
+const CLIQUES: [Measure; 2] = [Measure::Area, Measure::Volume];
+
 /// Scalars in a snapshot before those of the account.
 const N_SCALARS: usize = 8;
 
@@ -48,7 +85,7 @@ impl<'a> Motion<'a> {
         let [u, u_low, v, v_low, forces] = vectors.map(|vector| Cow::Borrowed(&vector[..]));
         let notes = Cow::Borrowed(&self.notes[..n_notes]);
         let fracture = self.energy.fracture();
-        let broken = fracture.map(|fracture| fracture.broken()).unwrap_or_default();
+        let broken = fracture.map(all_broken).unwrap_or_default();
         let broken = Cow::Owned(broken.into_iter().map(|bond| bond as f64).collect());
         let states = Cow::Owned(fracture.map(|fracture| fracture.states()).unwrap_or_default());
         let numbers = Cow::Owned(numbers);
@@ -117,11 +154,12 @@ impl<'a> Motion<'a> {
         match energy.fracture() {
             Some(fracture) => {
                 let broken: Vec<usize> = broken.iter().map(|bond| *bond as usize).collect();
-                let is_beyond = broken.last().is_some_and(|last| *last >= fracture.n_bonds());
+                let n: [usize; 3] = numbers_of(fracture);
+                let is_beyond = broken.last().is_some_and(|last| *last >= n.iter().sum());
                 if is_beyond || states.len() != fracture.n_states() * fracture.n_bonds() {
                     return Err(other("its bonds are others"));
                 }
-                fracture.take_out(&broken);
+                take_out_all(fracture, &broken);
                 fracture.remember(&states);
             }
             None if broken.is_empty() => {}

@@ -7,6 +7,7 @@ use piola_mechanics::energy::Energy;
 use piola_mechanics::fracture::criteria::{self, Criteria, Criterion};
 use piola_mechanics::fracture::memory::{self, Memory, NextState};
 use piola_mechanics::fracture::{Breaking, Fracture as _};
+use piola_mechanics::kernel::Measure;
 use piola_mechanics::neighborhood::Neighborhood;
 
 use super::{Case, CaseError, Compiled, Potential};
@@ -18,6 +19,15 @@ impl Case {
     pub fn can_break(&self) -> bool {
         let has_criteria = self.potentials.iter().any(|one| !one.model.breaks().is_empty());
         has_criteria || !self.scene.cracks.is_empty()
+    }
+
+    /// Whether triangles, and tetrahedra, may break by conditions of their own.
+    pub fn can_break_cliques(&self) -> [bool; 2] {
+        let is_of = |measure| {
+            let mut all = self.potentials.iter().flat_map(|one| one.model.breaks());
+            all.any(|one| one.measure == measure)
+        };
+        [Measure::Area, Measure::Volume].map(is_of)
     }
 
     /// How many numbers each bond remembers that change.
@@ -99,25 +109,11 @@ impl Case {
         warnings
     }
 
-    /// Refuses bonds that break, or are cut, beside triangles and tetrahedra, which lose no edges: energies
-    /// of several corners that have these `arguments`.
+    /// Refuses bonds that break, or are cut, beside energies of F and of gathered values, but in explicit
+    /// motions.
     ///
     /// # Errors
     /// At the potential that says so, or at the crack.
-    pub(super) fn check_cliques<'a>(
-        &self,
-        name: &str,
-        mut arguments: impl Iterator<Item = &'a str>,
-    ) -> Result<(), CaseError> {
-        let Some(other) = arguments.find(|argument| *argument != "l") else { return Ok(()) };
-        let label = "triangles and tetrahedra lose no edges";
-        self.refuse_breaking(name, other, [label, "set the coefficients of these energies to 0"])
-    }
-
-    /// The same beside energies of F and of gathered values, but in explicit motions.
-    ///
-    /// # Errors
-    /// As [`Case::check_cliques`].
     pub(super) fn check_families(&self, potential: &Potential) -> Result<(), CaseError> {
         let is_explicit =
             self.scene.motion.as_ref().is_some_and(|motion| motion.method != Method::Midpoint);
@@ -174,7 +170,8 @@ pub(super) fn of_layers<T, U>(
 
 /// A criterion for the mechanics.
 pub(super) fn criterion(one: piola_compiler::Criterion) -> Criterion {
-    Criterion { margin: Box::new(one.margin), holds_at_zero: one.holds_at_zero }
+    let (measure, holds_at_zero) = (one.measure(), one.holds_at_zero);
+    Criterion { measure, margin: Box::new(one.margin), holds_at_zero }
 }
 
 /// The same of a next state.

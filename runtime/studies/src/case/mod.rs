@@ -167,7 +167,6 @@ impl Case {
             let mut compiled = potential.compile(&self.scene)?;
             // Of triangles and tetrahedra those count whose coefficient is not 0.
             check_corrections(&self.scene, &compiled.name, compiled.of_interactions(), CLIQUES)?;
-            self.check_cliques(&compiled.name, compiled.of_interactions())?;
             (compiled.law, compiled.layer) = place;
             if !self.scene.regions.is_empty() {
                 compiled.label =

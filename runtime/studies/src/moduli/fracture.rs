@@ -150,7 +150,8 @@ impl<'a> Part<'a> {
         let mut fields = self.fields.clone();
         self.remember(&mut fields, length, strain);
         let margin = |one: &Criterion| value(&one.margin, (length, strain), &fields, Order::Energy);
-        self.criteria.iter().any(|one| one.breaks(margin(one)))
+        let mut of_bonds = self.criteria.iter().filter(|one| one.measure() == Measure::Length);
+        of_bonds.any(|one| one.breaks(margin(one)))
     }
 
     /// psi at a strain; of a bond that remembers the work of its force on the way there.

@@ -151,6 +151,7 @@ fn plan_at(
         energies: [1; 3],
         quick_products: false,
         breaks: false,
+        breaks_cliques: [false; 2],
         states: 0,
         of_interactions,
         families: families.to_vec(),

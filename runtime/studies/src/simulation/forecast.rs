@@ -105,6 +105,7 @@ impl Case {
             energies: costs(&compiled),
             quick_products: self.multiplies_without_kernels(&compiled),
             breaks: self.can_break(),
+            breaks_cliques: self.can_break_cliques(),
             states: self.n_states(),
             of_interactions: layers(&compiled, Compiled::has_interactions),
             families: self.families(&compiled),

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 
 use piola_mechanics::energy::Energy as _;
 use piola_mechanics::interaction::Inverted;
+use piola_mechanics::kernel::Measure;
 use piola_mechanics::words::Words;
 use piola_output::checkpoint::{Checkpoint, Header};
 use piola_output::motion::{
@@ -50,6 +51,9 @@ impl PointFields<'_> {
             sets: self.selection.sets.iter().map(|set| set.name.clone()).collect(),
             probes: self.selection.probes.iter().map(|probe| probe.name.clone()).collect(),
             breaks: self.energy.fracture().is_some(),
+            breaks_cliques: [Measure::Area, Measure::Volume].map(|measure| {
+                self.energy.fracture().is_some_and(|fracture| fracture.counts_of(measure).is_some())
+            }),
             remembers: self.remembers(),
         }
     }
@@ -203,6 +207,7 @@ impl<'a> Recorder<'a> {
             rounding: row.rounding,
             broken: row.broken.map(|bonds| BrokenRow {
                 bonds,
+                cliques: row.broken_cliques,
                 released: row.released,
                 dissipated: self.fields.remembers().then_some(row.dissipated),
                 timing: row.timing,
@@ -265,6 +270,8 @@ impl<'a> Recorder<'a> {
                 released: row.broken.map(|_| Number(row.released)),
                 dissipated: self.fields.remembers().then_some(Number(row.dissipated)),
                 broken_bonds: row.broken,
+                broken_areas: row.broken_cliques[0],
+                broken_volumes: row.broken_cliques[1],
             },
             resumed_at_step: self.resumed,
             rounding: Number(self.worst.share()),

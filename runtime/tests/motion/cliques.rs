@@ -1,0 +1,264 @@
+//! Bodies of bonds, triangles and tetrahedra in free flight that break by criteria of all three: every list
+//! against a loop over what is left, the account of energy, threads, and motions that are taken up again.
+
+use std::borrow::Cow;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use piola_compiler::{Form, Level, Mode, check_text};
+use piola_runtime::assembly::{DiscreteEnergy, Laws};
+use piola_runtime::body::Body;
+use piola_runtime::energy::Energy;
+use piola_runtime::fracture::criteria::{Criteria, Criterion, Layer};
+use piola_runtime::fracture::memory::Memory;
+use piola_runtime::fracture::{Breaking, Fracture};
+use piola_runtime::kernel::{Law, Measure};
+use piola_runtime::neighborhood::Neighborhood;
+use piola_runtime::solve::Watch;
+use piola_runtime::solve::march::March;
+use piola_runtime::solve::motion::{Initial, Motion, MotionSettings, Row, Snapshot};
+use piola_runtime::weights::Weights;
+
+use crate::Conditions;
+use crate::bonds::{Random, cloud, lattice, norm};
+use crate::reference::go;
+
+/// Thresholds of bonds, triangles and tetrahedra: these also fail where they shrink.
+const LIMITS: [f64; 3] = [0.16, 0.2, 0.22];
+
+fn breaking(body: &Arc<Body>, horizon: f64, kept: &[usize]) -> Breaking {
+    let d = body.dimension();
+    let [s0, g0, h0] = LIMITS;
+    let mut text = format!(
+        "potential p\npsi(l) = 3e4*L*(l/L - 1)^2\nbreak when l/L - 1 > {s0}\n\
+         psi(a) = 4e5*A*(a/A - 1)^2\nbreak when a/A - 1 > {g0}\n"
+    );
+    if d == 3 {
+        text.push_str(&format!("psi(v) = 4e7*V*(v/V - 1)^2\nbreak when abs(v/V - 1) > {h0}\n"));
+    }
+    let (_, model) = check_text(&text).unwrap();
+    let values = model.values(d, &[], Some(horizon)).unwrap();
+    let mode = Mode::Jit(Level::Fast);
+    let mut laws = Laws::default();
+    for kernel in model.compile(&values, mode, Form::Accurate).unwrap().kernels {
+        let place = match kernel.measure() {
+            Measure::Length => &mut laws.bond,
+            Measure::Area => &mut laws.triangle,
+            Measure::Volume => &mut laws.tetrahedron,
+        };
+        *place = Some(Box::new(kernel) as Box<dyn Law>);
+    }
+    let energy = DiscreteEnergy::new(Arc::clone(body), horizon, Weights::Volumes, laws).unwrap();
+    let criterion = |one: piola_compiler::Criterion| Criterion {
+        measure: one.measure(),
+        holds_at_zero: one.holds_at_zero,
+        margin: Box::new(one.margin),
+    };
+    let found = model.criteria(&values, mode, Form::Accurate).unwrap();
+    let of_law = vec![found.into_iter().map(criterion).collect()];
+    let neighborhood = Arc::new(Neighborhood::new(body, horizon).unwrap());
+    let is_kept = (0..body.n_points()).map(|point| kept.contains(&point)).collect();
+    let layers = vec![Layer { of_law, materials: None }];
+    let criteria = Criteria::new((body, &neighborhood), layers, is_kept);
+    let names = Arc::clone(energy.parts());
+    let terms: Vec<Box<dyn Energy>> = vec![Box::new(energy)];
+    let around = (Arc::clone(body), neighborhood);
+    Breaking::new(around, terms, names, (criteria, Memory::default()), Vec::new())
+}
+
+/// What of a body is left, kind by kind, judged by loops.
+struct Judge<'a> {
+    body: &'a Body,
+    /// Bonds, triangles and tetrahedra by their points, in lexicographic order.
+    all: [Vec<Vec<usize>>; 3],
+    broken: [BTreeSet<usize>; 3],
+    kept: &'a [usize],
+}
+
+impl<'a> Judge<'a> {
+    fn new(body: &'a Body, horizon: f64, kept: &'a [usize]) -> Judge<'a> {
+        let n = body.n_points();
+        let near = |p: usize, q: usize| {
+            let x = |axis: usize| body.position(q)[axis] - body.position(p)[axis];
+            norm(&(0..body.dimension()).map(x).collect::<Vec<f64>>()) <= horizon * (1.0 + 1e-9)
+        };
+        let longer = |all: &[Vec<usize>]| -> Vec<Vec<usize>> {
+            let of = |clique: &Vec<usize>| {
+                let from = clique[clique.len() - 1] + 1;
+                let next = (from..n).filter(|q| clique.iter().all(|p| near(*p, *q)));
+                next.map(|q| [&clique[..], &[q]].concat()).collect::<Vec<_>>()
+            };
+            all.iter().flat_map(of).collect()
+        };
+        let bonds = longer(&(0..n).map(|point| vec![point]).collect::<Vec<_>>());
+        let (triangles, rest) = (longer(&bonds), vec![0.0; body.positions().len()]);
+        let tetrahedra = if body.dimension() == 3 { longer(&triangles) } else { Vec::new() };
+        let mut all = [bonds, triangles, tetrahedra];
+        for (kind, own) in all.iter_mut().enumerate() {
+            let floor = 1e-8 * libm::pow(horizon, (kind + 1) as f64);
+            own.retain(|clique| size(body, &rest, clique).abs() > floor);
+        }
+        Judge { body, all, broken: Default::default(), kept }
+    }
+
+    /// Whether something with these points has an edge that is broken.
+    fn has_broken_edge(&self, clique: &[usize]) -> bool {
+        self.broken[0].iter().any(|bond| self.all[0][*bond].iter().all(|p| clique.contains(p)))
+    }
+
+    /// Breaks what does at some displacements, all at once.
+    fn step(&mut self, u: &[f64]) {
+        let rest = vec![0.0; u.len()];
+        let new = [0, 1, 2].map(|kind| {
+            let breaks = |clique: &[usize]| {
+                let strain = size(self.body, u, clique) / size(self.body, &rest, clique) - 1.0;
+                if kind == 2 { strain.abs() > LIMITS[2] } else { strain > LIMITS[kind] }
+            };
+            let own = self.all[kind].iter().enumerate().filter(|(number, clique)| {
+                !self.broken[kind].contains(number)
+                    && !clique.iter().any(|p| self.kept.contains(p))
+                    && breaks(clique)
+                    && (kind == 0 || !self.has_broken_edge(clique))
+            });
+            own.map(|(number, _)| number).collect::<Vec<usize>>()
+        });
+        self.broken.iter_mut().zip(new).for_each(|(all, new)| all.extend(new));
+    }
+}
+
+/// Length, area or volume, with a sign where it has one.
+fn size(body: &Body, u: &[f64], clique: &[usize]) -> f64 {
+    let d = body.dimension();
+    let place = |point: usize| -> [f64; 3] {
+        std::array::from_fn(|axis| match axis < d {
+            true => body.position(point)[axis] + u[point * d + axis],
+            false => 0.0,
+        })
+    };
+    let first = place(clique[0]);
+    let edge = |point: &usize| -> [f64; 3] {
+        let there = place(*point);
+        std::array::from_fn(|axis| there[axis] - first[axis])
+    };
+    let x: Vec<[f64; 3]> = clique[1..].iter().map(edge).collect();
+    let cross = |p: &[f64; 3], q: &[f64; 3]| {
+        let at = |a: usize, b: usize| p[a] * q[b] - p[b] * q[a];
+        [at(1, 2), at(2, 0), at(0, 1)]
+    };
+    match x.len() {
+        1 => norm(&x[0]),
+        2 if d == 2 => cross(&x[0], &x[1])[2],
+        2 => norm(&cross(&x[0], &x[1])),
+        _ => {
+            let normal = cross(&x[1], &x[2]);
+            (0..3).map(|axis| x[0][axis] * normal[axis]).sum()
+        }
+    }
+}
+
+/// A start from which points part, and turn about, so that edges break and areas and volumes fail.
+fn start(body: &Body, seed: u64) -> Initial {
+    let mut random = Random(seed);
+    let velocity = |x: &f64| 4.0 * x + 0.6 * random.next();
+    let velocities = body.positions().iter().map(velocity).collect();
+    Initial { displacements: vec![0.0; body.positions().len()], velocities }
+}
+
+const STEPS: usize = 120;
+
+fn settings() -> MotionSettings {
+    let dt = 1.5e-3;
+    MotionSettings {
+        end: dt * STEPS as f64,
+        step: Some(dt),
+        rows: STEPS,
+        ..MotionSettings::default()
+    }
+}
+
+fn largest(row: &Row) -> f64 {
+    row.kinetic.max(row.energy.total()).max(row.released)
+}
+
+fn bodies() -> [(Arc<Body>, f64); 3] {
+    [
+        (cloud(&[10, 7], 0.1, 5), 0.25),
+        (cloud(&[5, 4, 3], 0.1, 6), 0.2),
+        (lattice(&[0.0, 0.0], &[17, 6], 0.1), 0.25),
+    ]
+}
+
+#[test]
+fn all_kinds_break_as_loops_say_and_the_account_closes() {
+    for (number, (body, horizon)) in bodies().iter().enumerate() {
+        let (d, kept) = (body.dimension(), [3, 4]);
+        let energy = breaking(body, *horizon, &kept);
+        let mut judge = Judge::new(body, *horizon, &kept);
+        let counts = [Measure::Area, Measure::Volume].map(|m| energy.counts_of(m).map(|n| n[0]));
+        assert_eq!(counts[0], Some(judge.all[1].len()));
+        assert_eq!(counts[1], (d == 3).then_some(judge.all[2].len()));
+        let masses: Vec<f64> = body.volumes().iter().map(|v| 1e3 * v).collect();
+        let drive = Conditions { loads: vec![0.0; d * body.n_points()], ..Conditions::default() };
+        let (watch, settings) = (Watch::default(), settings());
+        let mut motion =
+            Motion::new(&energy, &masses, start(body, 9), &drive, &settings, &watch).unwrap();
+        let again = breaking(body, *horizon, &kept);
+        let mut resumed: Option<Motion<'_>> = None;
+        let mut worst = 0.0_f64;
+        for step in 0..=STEPS {
+            let row = go(&mut motion, step);
+            judge.step(motion.state().displacements);
+            let found = [
+                energy.broken(),
+                energy.broken_cliques(Measure::Area),
+                energy.broken_cliques(Measure::Volume),
+            ];
+            for (found, expected) in found.iter().zip(&judge.broken) {
+                assert!(found.iter().eq(expected), "body {number} at step {step}");
+            }
+            assert_eq!(row.broken, Some(found[0].len()));
+            let volumes = (d == 3).then_some(found[2].len());
+            assert_eq!(row.broken_cliques, [Some(found[1].len()), volumes]);
+            worst = worst.max(row.rounding.abs() / largest(&row));
+            // What breaking releases is no error of the integrator.
+            assert!(row.quadrature.abs() < 0.05 * largest(&row), "{}", row.quadrature);
+            if step == STEPS / 2 {
+                let Snapshot { arrays, notes } = motion.snapshot();
+                let arrays = arrays.map(|array| Cow::Owned(array.into_owned()));
+                let snapshot = Snapshot { arrays, notes: notes.into_owned().into() };
+                let taken_up = Motion::resume(&again, &masses, &drive, &settings, &watch, snapshot);
+                resumed = Some(taken_up.unwrap());
+            } else if let Some(resumed) = &mut resumed {
+                assert_eq!(go(resumed, step), row, "a motion that was taken up");
+                assert_eq!(resumed.state().displacements, motion.state().displacements);
+            }
+        }
+        let all: Vec<(usize, usize)> =
+            judge.broken.iter().zip(&judge.all).map(|(b, all)| (b.len(), all.len())).collect();
+        println!("body {number}: account {worst:e}, broken of all {all:?}");
+        assert!(worst < 1e-12, "body {number}: {worst}");
+        assert!(all[..d].iter().all(|(broken, all)| *broken > 10 && broken < all), "{all:?}");
+    }
+}
+
+#[test]
+fn threads_do_not_matter() {
+    for (body, horizon) in bodies() {
+        let run = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| {
+                let energy = breaking(&body, horizon, &[]);
+                let masses: Vec<f64> = body.volumes().iter().map(|v| 1e3 * v).collect();
+                let n = body.positions().len();
+                let drive = Conditions { loads: vec![0.0; n], ..Conditions::default() };
+                let (watch, settings) = (Watch::default(), settings());
+                let start = start(&body, 9);
+                let mut motion =
+                    Motion::new(&energy, &masses, start, &drive, &settings, &watch).unwrap();
+                let row = go(&mut motion, STEPS);
+                (row, motion.state().displacements.to_vec())
+            })
+        };
+        assert_eq!(run(1), run(2));
+    }
+}

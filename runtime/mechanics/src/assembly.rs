@@ -30,6 +30,7 @@ mod visit;
 pub(crate) use broken::affine_threshold;
 pub use error::AssemblyError;
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -130,6 +131,8 @@ pub struct DiscreteEnergy {
     /// Whether bonds of each slab had grown beyond their limits when forces were last worked out; empty where
     /// nobody watches.
     exceeded: Vec<AtomicBool>,
+    /// The corrections of bonds that were taken out, where they are not 1.
+    lost_factors: BTreeMap<usize, f64>,
 }
 
 /// Work arrays of threads by the dimension of the body.
@@ -248,6 +251,7 @@ impl DiscreteEnergy {
             rooms,
             outcomes: Pool::new(),
             exceeded: Vec::new(),
+            lost_factors: BTreeMap::new(),
         };
         energy.on_lattice = OnLattice::new(&energy);
         if energy.on_lattice.bonds.is_none() {
@@ -462,6 +466,10 @@ impl Energy for DiscreteEnergy {
 
     fn lose(&mut self, bonds: &[usize]) {
         self.lose_bonds(bonds);
+    }
+
+    fn regain(&mut self, bonds: &[usize]) {
+        self.regain_bonds(bonds);
     }
 
     fn watch(&mut self, limits: &[f32]) -> bool {

@@ -281,6 +281,9 @@ pub trait Energy: Send + Sync {
     /// Takes out bonds, by their numbers in the neighbourhood: from now on they have no energy.
     fn lose(&mut self, _bonds: &[usize]) {}
 
+    /// Puts back bonds that were taken out: for attempts at an equilibrium that came to nothing.
+    fn regain(&mut self, _bonds: &[usize]) {}
+
     /// Takes how much the square of each bond's length may grow before it may break, in m^2, by its number;
     /// whether passes of forces will say which bonds have grown beyond that.
     fn watch(&mut self, _limits: &[f32]) -> bool {

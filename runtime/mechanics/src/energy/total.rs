@@ -387,9 +387,19 @@ impl Energy for Total<'_> {
     }
 
     fn lose(&mut self, bonds: &[usize]) {
+        self.bond_pattern = OnceLock::new();
         for term in &mut self.terms {
             if let Term::Owned(energy) = term {
                 energy.lose(bonds);
+            }
+        }
+    }
+
+    fn regain(&mut self, bonds: &[usize]) {
+        self.bond_pattern = OnceLock::new();
+        for term in &mut self.terms {
+            if let Term::Owned(energy) = term {
+                energy.regain(bonds);
             }
         }
     }
@@ -412,6 +422,7 @@ impl Energy for Total<'_> {
         way: (f64, &[f64]),
         bonds: &[usize],
     ) -> Result<Release, NonFinite> {
+        self.bond_pattern = OnceLock::new();
         let mut sum = Release::default();
         for term in &mut self.terms {
             if let Term::Owned(energy) = term {

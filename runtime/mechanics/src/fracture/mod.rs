@@ -9,10 +9,12 @@
 //! With the status `h` a body has one energy `E(u; h)`, of which forces and tangents are exact
 //! derivatives as ever. `h` changes in [`Fracture::advance`] alone, at fixed `u`: so what breaking releases
 //! is by definition `E(u; old) - E(u; new)`. All bonds are judged at the same displacements before any of
-//! them is taken out, and none comes back.
+//! them is taken out, and none comes back: but for [`Fracture::restore`], after attempts at an equilibrium
+//! that came to nothing, which never were states of the body.
 
 pub mod crack;
 pub mod criteria;
+mod equilibria;
 
 use std::ops::Range;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
@@ -23,6 +25,7 @@ use crate::interaction::{Inverted, Report};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use criteria::Criteria;
+pub use criteria::margin::Foremost;
 
 /// What bonds that break leave behind.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -62,6 +65,30 @@ pub trait Fracture: Sync {
     /// # Errors
     /// As [`Fracture::advance`].
     fn advance_behind_forces(&self, u: &[f64], way: (f64, &[f64])) -> Result<Release, NonFinite>;
+
+    /// Breaks the bond whose margin is largest, and those within `tie` of it, if any bond breaks at `u` at
+    /// all: as [`Fracture::foremost`] finds them.
+    ///
+    /// # Errors
+    /// As [`Fracture::advance`].
+    fn advance_foremost(&self, u: &[f64], tie: f64) -> Result<Release, NonFinite>;
+
+    /// The bonds that are closest to breaking at displacements `u` in m; none where no bond can break.
+    /// With them go those whose margins are below the largest by no more than `tie`, a share.
+    ///
+    /// # Errors
+    /// Margins that are not finite.
+    fn foremost(&self, u: &[f64], tie: f64) -> Result<Option<Foremost>, NonFinite>;
+
+    /// Breaks these bonds at displacements `u` in m, whatever criteria say: there is no way that led there.
+    ///
+    /// # Errors
+    /// Energies that are not finite.
+    fn break_at(&self, u: &[f64], bonds: &[usize]) -> Result<Release, NonFinite>;
+
+    /// Makes these bonds, ascending, the ones that are broken: as [`Fracture::broken`] had them at the last
+    /// equilibrium, after attempts that never became states.
+    fn restore(&self, broken: &[usize]);
 
     /// The bonds that are broken, in ascending order.
     fn broken(&self) -> Vec<usize>;
@@ -203,6 +230,22 @@ impl Fracture for Breaking {
         self.judge(u, way, &exceeding.unwrap_or_else(|| self.all_owners()))
     }
 
+    fn advance_foremost(&self, u: &[f64], tie: f64) -> Result<Release, NonFinite> {
+        self.judge_foremost(u, tie)
+    }
+
+    fn foremost(&self, u: &[f64], tie: f64) -> Result<Option<Foremost>, NonFinite> {
+        self.find_foremost(u, tie)
+    }
+
+    fn break_at(&self, u: &[f64], bonds: &[usize]) -> Result<Release, NonFinite> {
+        self.take_out_at(u, bonds)
+    }
+
+    fn restore(&self, broken: &[usize]) {
+        self.put_back(broken);
+    }
+
     fn broken(&self) -> Vec<usize> {
         let status = self.now();
         (0..status.is_broken.len()).filter(|bond| status.is_broken[*bond]).collect()
@@ -278,7 +321,7 @@ impl Energy for Breaking {
     }
 
     fn springs(&self, u: &[f64], springs: &mut BlockMatrix) {
-        self.now().energy.springs(u, springs);
+        self.springs_of_whole(u, springs);
     }
 
     fn products(&self) -> Products {

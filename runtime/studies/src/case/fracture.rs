@@ -11,6 +11,7 @@ use piola_mechanics::neighborhood::Neighborhood;
 use super::{Case, CaseError, Compiled, Potential};
 use crate::scene::selection;
 use piola_solvers::motion::Method;
+use piola_solvers::steps::Control;
 
 impl Case {
     /// Whether bonds may break, or are cut from the start.
@@ -45,19 +46,18 @@ impl Case {
         breaking
     }
 
-    /// Refuses load steps of bodies whose bonds break.
-    pub(super) fn check_breaks_in_motion(&self) -> Result<(), CaseError> {
-        let mut all = self.potentials.iter().zip(&self.scene.materials);
-        let breaking = all.find(|(one, _)| !one.model.breaks().is_empty());
-        let Some((one, material)) = breaking.filter(|_| self.scene.motion.is_none()) else {
+    /// Refuses steps by events where nothing breaks.
+    pub(super) fn check_events(&self) -> Result<(), CaseError> {
+        let breaks = self.potentials.iter().any(|one| !one.model.breaks().is_empty());
+        let by_events = self.scene.steps.control == Control::Event && self.scene.motion.is_none();
+        if breaks || !by_events {
             return Ok(());
-        };
-        let message =
-            format!("the bonds of {} break, and the scene has load steps", one.model.name());
-        let found = Diagnostic::error("conflicting-keys", material.potential.span, message)
-            .label("bonds break in bodies that move")
-            .help("write [motion] with an `end` in s, in place of [steps]");
-        Err(CaseError::Scene(self.scene.report(vec![found])))
+        }
+        let material = self.scene.material();
+        let message = "the steps go by events, and no bond breaks: no potential has a `break when`";
+        let found = Diagnostic::error("conflicting-keys", material.potential.span, message);
+        let help = "write control = \"load\" in [steps], or take a potential with `break when`";
+        Err(CaseError::Scene(self.scene.report(vec![found.help(help)])))
     }
 
     /// Warnings of cracks that cut nothing, and of those that run through points.
@@ -103,14 +103,14 @@ impl Case {
         self.refuse_breaking(name, other, [label, "set the coefficients of these energies to 0"])
     }
 
-    /// The same beside energies of F and of gathered values, but in explicit motions.
+    /// The same beside energies of F and of gathered values in motions by an implicit rule.
     ///
     /// # Errors
     /// As [`Case::check_cliques`].
     pub(super) fn check_families(&self, potential: &Potential) -> Result<(), CaseError> {
-        let is_explicit =
-            self.scene.motion.as_ref().is_some_and(|motion| motion.method != Method::Midpoint);
-        if is_explicit || !potential.has_families() {
+        let is_midpoint =
+            self.scene.motion.as_ref().is_some_and(|motion| motion.method == Method::Midpoint);
+        if !is_midpoint || !potential.has_families() {
             return Ok(());
         }
         let model = &potential.model;
@@ -119,7 +119,7 @@ impl Case {
         let other = if model.has_gradient_energy() { "F" } else { others.next().unwrap_or("l") };
         let help =
             "write [motion] with an explicit `method`, or take a potential with psi(l) alone";
-        let label = "families lose bonds in explicit motions alone";
+        let label = "families lose bonds in explicit motions and in load steps";
         self.refuse_breaking(model.name(), other, [label, help])
     }
 

@@ -13,7 +13,7 @@ use piola_output::summary::{
     memory, scene_hash, step_summaries, versions,
 };
 use piola_output::{
-    Definiteness, Frame, History, OutputError, OutputFile, OutputFolder, Points, table,
+    Broken, Definiteness, Frame, History, OutputError, OutputFile, OutputFolder, Points, table,
 };
 use piola_solvers::constraint::Constraints;
 use piola_solvers::linear::{self, BLOCK_JACOBI, LinearOptions, PreconditionerChoice};
@@ -21,7 +21,8 @@ use piola_solvers::march::State;
 use piola_solvers::newton::{NewtonFailure, NewtonSettings, NewtonVariant};
 use piola_solvers::rigid_modes::check_rigid_motions;
 use piola_solvers::steps::{
-    self, Drive, Find, NotConverged, NotGiven, StepError, StepRecord, StepSettings, run_steps,
+    self, BreakSettings, Control, Drive, Find, NotConverged, NotGiven, StepError, StepRecord,
+    StepSettings, run_steps,
 };
 use piola_solvers::{Event, Watch};
 
@@ -184,6 +185,13 @@ pub(super) fn settings(scene: &Scene) -> StepSettings {
             variant: solver.newton,
         },
         linear: options,
+        breaking: BreakSettings {
+            control: scene.steps.control,
+            breaking: scene.steps.breaking,
+            tie: scene.steps.tie,
+            events: scene.steps.events,
+            loose: scene.fracture.loose,
+        },
     }
 }
 
@@ -351,6 +359,9 @@ pub(super) fn failed(case: &Case, failure: &NotConverged) -> (ExitReason, String
     }
 }
 
+/// Notes of steps at which bonds break, at most.
+const MOST_NOTES: usize = 100;
+
 /// Writes what the steps bring.
 struct Recorder<'a> {
     fields: PointFields<'a>,
@@ -417,8 +428,19 @@ impl<'a> Recorder<'a> {
             },
             condition: record.condition,
             inverted: energy.inverted(state.displacements),
+            broken: record.broken.map(|broken| Broken {
+                bonds: broken.bonds,
+                rounds: broken.rounds,
+                all: broken.all,
+                released: broken.account.released,
+                relaxed: broken.account.relaxed,
+                external: broken.account.external,
+                prescribed: broken.account.prescribed,
+                quadrature: broken.account.quadrature,
+            }),
         });
         self.warn_of_rounding(record);
+        self.note_loose(record);
         self.last = frame(case, record.t, state.displacements, &residual);
         let written = self.write_step(record.nominal);
         self.clock.enter("solve");
@@ -443,8 +465,25 @@ impl<'a> Recorder<'a> {
         }
     }
 
+    /// What came loose, of which the user is told.
+    fn note_loose(&mut self, record: &StepRecord) {
+        if record.broken.is_some() && self.warnings.len() < MOST_NOTES {
+            let at = |note: &String| format!("at t = {}: {note}", record.t);
+            self.warnings.extend(record.notes.iter().map(at));
+        }
+    }
+
     fn write_step(&mut self, nominal: bool) -> Result<(), OutputError> {
-        if nominal {
+        let scene = &self.fields.case.scene;
+        if scene.steps.control == Control::Event {
+            // Between nominal times t comes and goes: every so many events there is a frame, too.
+            let stride = scene.steps.events.div_ceil(scene.output.frames.max(1));
+            let is_due = nominal || self.history.steps.len().is_multiple_of(stride);
+            if is_due && scene.output.frames > 0 {
+                self.fields.fill(&mut self.last);
+                self.frames.push(&self.last)?;
+            }
+        } else if nominal {
             self.nominal += 1;
             // Frames are spread evenly over the increments.
             let (frames, all) =

@@ -41,7 +41,7 @@ frames = 2
 fn chain(points: usize, spacings: f64, s0: &str, steps: &str) -> SceneFolder {
     let (last, pulled) = (points - 1, 0.05 * points as f64);
     let folder = SceneFolder::new(&format!(
-        "[body]\nbox = [[0, 0], [{points}, 1]]\nspacing = 1\n[horizon]\nspacings = {spacings}\n\
+        "[body]\nbox = [[0, 0], [{points}, 1]]\nspacing = 1\n[horizon]\nspacings = {spacings}\nweights = \"volumes\"\n\
          [material]\npotential = \"brittle.piola\"\nparameters = {{ C = 1, s0 = {s0} }}\n[sets]\n\
          all = \"X > 0\"\nleft = \"X < 1\"\nright = \"X > {last}\"\n[[prescribe]]\nset = \"all\"\n\
          u = [\"free\", 0]\n[[prescribe]]\nset = \"left\"\nu = [0, \"free\"]\n[[prescribe]]\n\
@@ -210,7 +210,7 @@ fn points_that_come_loose_are_held() {
     let step = &folder.summary()["steps"][0];
     assert_eq!((number(&step["bonds_broke"]), number(&step["rounds"])), (4.0, 1.0));
     let folder = chain(5, 1.01, "0.01", "[fracture]\nloose = \"stop\"\n");
-    folder.run(&[]).expect(1).says(&["come loose", "(1.5, 0.5)"]);
+    folder.run(&[]).expect(2).says(&["come loose", "(1.5, 0.5)"]);
 }
 
 /// Events come in mirror images, give the same bits for any number of threads, and close their account.
@@ -248,10 +248,43 @@ fn load_steps_break_bonds_in_rounds() {
     });
     assert!(all.1 < largest.1, "{} {}", all.1, largest.1);
     for (rows, _) in [&all, &largest] {
-        // The plate is cut through.
-        assert!(rows.last("total") < 1e-3 * rows.last("released"));
+        assert!(rows.last("total") < 1e-2 * rows.last("released"));
         assert!(rows.last("relaxed") > 0.0);
     }
+}
+
+/// Bonds that broke on the way to an equilibrium that was not found come back: the first attempt at t = 0.2
+/// breaks more than a hundred, two iterations are too few for what is left, and at half the step none breaks.
+#[test]
+fn what_breaks_in_a_failed_attempt_comes_back() {
+    let folder = notched(|scene| scene.to_owned() + "[solver]\nmax_iterations = 2\n");
+    folder.run(&[]).expect(3).says(&["half the increment is tried", "no equilibrium"]);
+    let rows = Rows::of(&folder);
+    let (t, broken) = (rows.column("t"), rows.column("broken_bonds"));
+    assert_eq!((t[0], t[1]), (0.1, 0.15));
+    assert_eq!(broken[0], broken[1], "{broken:?}");
+    assert!(rows.last("broken_bonds") < broken[0] + 50.0, "{broken:?}");
+    rows.close();
+}
+
+/// The plate of the examples, on a lattice a fifth as fine: nothing is released but by bonds across the plane,
+/// at their thresholds, and where the last ones go at once.
+#[test]
+fn a_double_notched_plate_releases_the_fracture_energy_of_its_crack() {
+    let scene = "examples/double_notch/scene.toml";
+    let coarse = ["--set", "body.spacing=0.005", "--set", "steps.end=5.0"];
+    let folder = SceneFolder::new("");
+    let out = folder.path("out");
+    piola(&[&["run", scene, "--out", &out], &coarse[..]].concat()).expect(0);
+    let moduli = [&["moduli", scene, "--format", "json"], &coarse[..]].concat();
+    let found = piola(&moduli).expect(0).json();
+    let gc = number(&found["fracture"]["planes"][0][1]);
+    let (header, rows) = table(&std::path::Path::new(&out).join("energy.csv"));
+    let rows = Rows { header, rows };
+    rows.close();
+    let ratio = rows.last("released") / (gc * 0.1);
+    assert!(1.0 < ratio && ratio < 1.3, "{ratio}");
+    assert!(rows.last("total") < 1e-6 * rows.last("released"));
 }
 
 /// Families lose bonds in load steps, too.
@@ -280,12 +313,12 @@ fn keys_of_load_steps_that_break_are_checked() {
         piola(&["run", &folder.scene(), "--out", &folder.path("out")]).expect(2).says(says);
     };
     let steps = |keys: &str, says: &[&str]| of("[steps]", &format!("[steps]\n{keys}"), says);
-    steps("control = \"arc\"", &["bad-choice", "\"load\", \"event\""]);
+    steps("control = \"arc\"", &["unknown-choice", "\"load\" or \"event\""]);
     steps("tie = 0.1", &["conflicting-keys", "only steps by events"]);
     steps("control = \"event\"\ntie = 1", &["out-of-range", "tie"]);
     steps("control = \"event\"\nbreaking = \"all\"", &["conflicting-keys", "breaking"]);
     steps("control = \"event\"\nfind = \"relaxation\"", &["conflicting-keys", "Newton"]);
-    of("[fracture]", "[fracture]\nloose = \"keep\"", &["loose", "\"freeze\", \"stop\""]);
+    of("[fracture]", "[fracture]\nloose = \"keep\"", &["loose", "\"freeze\" or \"stop\""]);
     let folder = notched(|scene| scene.replace("[steps]", "[steps]\ncontrol = \"event\""));
     folder.file("brittle.piola", BRITTLE.split("break").next().unwrap());
     let run = piola(&["run", &folder.scene(), "--out", &folder.path("out")]);

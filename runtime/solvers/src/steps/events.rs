@@ -87,7 +87,6 @@ impl<'a> LoadSteps<'a> {
     }
 
     /// The state behind the next event, with its loads and its time, and whether bonds broke there.
-    #[expect(clippy::type_complexity, reason = "what `take` takes")]
     fn next_event(&mut self, before: Before) -> Tried<(Found, Vec<f64>, f64, bool)> {
         let reached = match self.locate()? {
             Ok(reached) => reached,

@@ -13,7 +13,7 @@ use piola_output::summary::{
     memory, scene_hash, step_summaries, versions,
 };
 use piola_output::{
-    Broken, Definiteness, Frame, History, OutputError, OutputFile, OutputFolder, Points, table,
+    Definiteness, Frame, History, OutputError, OutputFile, OutputFolder, Points, table,
 };
 use piola_solvers::constraint::Constraints;
 use piola_solvers::linear::{self, BLOCK_JACOBI, LinearOptions, PreconditionerChoice};
@@ -31,8 +31,8 @@ use crate::plan::available_memory;
 use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
 use crate::scene::{Scene, Unstable};
 
-use super::motion;
 use super::point_fields::PointFields;
+use super::{breaking, motion};
 
 /// What a run is told beside the scene.
 #[derive(Clone, Debug, Default)]
@@ -359,9 +359,6 @@ pub(super) fn failed(case: &Case, failure: &NotConverged) -> (ExitReason, String
     }
 }
 
-/// Notes of steps at which bonds break, at most.
-const MOST_NOTES: usize = 100;
-
 /// Writes what the steps bring.
 struct Recorder<'a> {
     fields: PointFields<'a>,
@@ -428,19 +425,10 @@ impl<'a> Recorder<'a> {
             },
             condition: record.condition,
             inverted: energy.inverted(state.displacements),
-            broken: record.broken.map(|broken| Broken {
-                bonds: broken.bonds,
-                rounds: broken.rounds,
-                all: broken.all,
-                released: broken.account.released,
-                relaxed: broken.account.relaxed,
-                external: broken.account.external,
-                prescribed: broken.account.prescribed,
-                quadrature: broken.account.quadrature,
-            }),
+            broken: breaking::told(record),
         });
         self.warn_of_rounding(record);
-        self.note_loose(record);
+        self.warnings.extend(breaking::notes(record, self.warnings.len()));
         self.last = frame(case, record.t, state.displacements, &residual);
         let written = self.write_step(record.nominal);
         self.clock.enter("solve");
@@ -465,20 +453,11 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    /// What came loose, of which the user is told.
-    fn note_loose(&mut self, record: &StepRecord) {
-        if record.broken.is_some() && self.warnings.len() < MOST_NOTES {
-            let at = |note: &String| format!("at t = {}: {note}", record.t);
-            self.warnings.extend(record.notes.iter().map(at));
-        }
-    }
-
     fn write_step(&mut self, nominal: bool) -> Result<(), OutputError> {
         let scene = &self.fields.case.scene;
         if scene.steps.control == Control::Event {
             // Between nominal times t comes and goes: every so many events there is a frame, too.
-            let stride = scene.steps.events.div_ceil(scene.output.frames.max(1));
-            let is_due = nominal || self.history.steps.len().is_multiple_of(stride);
+            let is_due = nominal || breaking::has_frame(scene, self.history.steps.len());
             if is_due && scene.output.frames > 0 {
                 self.fields.fill(&mut self.last);
                 self.frames.push(&self.last)?;

@@ -157,10 +157,6 @@ fn what_cannot_break_is_refused_with_its_place() {
         folder.file("brittle.piola", potential);
         piola(&["run", &folder.scene(), "--out", &folder.path("out")])
     };
-    let steps =
-        TORN.replace("[motion]\nend = 0.02", "[steps]").replace("v = [0, -0.5]", "u = [0, 0]");
-    let steps = steps.replace("v = [0, 0.5]", "u = [0, \"t\"]").replace("rows = 40\n", "");
-    of(&steps, BRITTLE).expect(2).says(&["conflicting-keys", "scene.toml:8:13", "[motion]"]);
     let areas = format!("{BRITTLE}psi(a) = (a/A - 1)^2\n");
     of(TORN, &areas).expect(2).says(&["conflicting-keys", "psi(a)", "coefficients"]);
     let states = format!("{BRITTLE}theta = integral(l/L - 1)\npsi(theta) = theta^2\n");

@@ -15,6 +15,7 @@ mod frame_fields;
 #[cfg(unix)]
 mod interrupted;
 mod killed;
+mod load_steps;
 mod machine;
 mod materials;
 mod moduli;

@@ -31,6 +31,7 @@ mod visit;
 pub(crate) use broken::affine_threshold;
 pub use error::AssemblyError;
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -134,6 +135,8 @@ pub struct DiscreteEnergy {
     exceeded: Vec<AtomicBool>,
     /// What is gone of triangles and tetrahedra; nothing as long as none is.
     lost: Option<Box<Lost>>,
+    /// The corrections of bonds that were taken out, where they are not 1.
+    lost_factors: BTreeMap<usize, f64>,
 }
 
 /// Work arrays of threads by the dimension of the body.
@@ -253,6 +256,7 @@ impl DiscreteEnergy {
             outcomes: Pool::new(),
             exceeded: Vec::new(),
             lost: None,
+            lost_factors: BTreeMap::new(),
         };
         energy.on_lattice = OnLattice::new(&energy);
         if energy.on_lattice.bonds.is_none() {
@@ -476,6 +480,10 @@ impl Energy for DiscreteEnergy {
 
     fn lose(&mut self, bonds: &[usize]) {
         self.lose_bonds(bonds);
+    }
+
+    fn regain(&mut self, bonds: &[usize]) {
+        self.regain_bonds(bonds);
     }
 
     fn watch(&mut self, limits: &[f32]) -> bool {

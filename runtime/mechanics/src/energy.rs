@@ -298,6 +298,8 @@ pub trait Energy: Send + Sync {
     ) -> Result<Release, NonFinite> {
         Ok(Release::default())
     }
+    /// Puts back bonds that were taken out: for attempts at an equilibrium that came to nothing.
+    fn regain(&mut self, _bonds: &[usize]) {}
 
     /// Takes how much the square of each bond's length may grow before it may break, in m^2, by its number;
     /// whether passes of forces will say which bonds have grown beyond that.

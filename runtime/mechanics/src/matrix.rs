@@ -100,7 +100,7 @@ impl BlockPattern {
     }
 
     /// The columns of the blocks of a row.
-    pub(crate) fn row(&self, row: usize) -> &[u32] {
+    pub fn row(&self, row: usize) -> &[u32] {
         &self.columns[self.row_start[row]..self.row_start[row + 1]]
     }
 

@@ -42,6 +42,29 @@ pub struct StepRecord {
     pub condition: Option<f64>,
     /// Interactions turned inside out.
     pub inverted: Inverted,
+    /// What broke, of a body that can break.
+    pub broken: Option<Broken>,
+}
+
+/// What broke at a load step, and where the energy went since the start, in J.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Broken {
+    /// How many bonds broke at this step.
+    pub bonds: usize,
+    /// In how many rounds.
+    pub rounds: usize,
+    /// How many bonds are broken.
+    pub all: usize,
+    /// What bonds held when they broke.
+    pub released: f64,
+    /// What the body gave away behind that at fixed loads.
+    pub relaxed: f64,
+    /// The work of loads.
+    pub external: f64,
+    /// The work where displacements are prescribed.
+    pub prescribed: f64,
+    /// What the trapezoidal rule of that work misses.
+    pub quadrature: f64,
 }
 
 /// Whether the tangent at an equilibrium is positive definite, and how that is known.

@@ -147,6 +147,18 @@ pub struct StepSummary {
     pub displacement_error: Option<Number>,
     /// Interactions turned inside out.
     pub inverted: Inverted,
+    /// How many bonds broke at this step, of a body that can break.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bonds_broke: Option<usize>,
+    /// In how many rounds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rounds: Option<usize>,
+    /// How many bonds are broken.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub broken_bonds: Option<usize>,
+    /// What bonds held when they broke, since the start, in J.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub released: Option<Number>,
 }
 
 /// Unit roundoff of f64.
@@ -173,6 +185,10 @@ fn step_summary(sets: &[String], step: &StepRecord) -> StepSummary {
         condition: step.condition.map(Number),
         displacement_error: step.condition.map(|condition| Number(condition * ROUNDOFF)),
         inverted: step.inverted,
+        bonds_broke: step.broken.map(|broken| broken.bonds),
+        rounds: step.broken.map(|broken| broken.rounds),
+        broken_bonds: step.broken.map(|broken| broken.all),
+        released: step.broken.map(|broken| Number(broken.released)),
     }
 }
 
@@ -371,6 +387,7 @@ mod tests {
             },
             condition: Some(1.0 / ROUNDOFF),
             inverted: Inverted { triangles: 3, tetrahedra: 0 },
+            broken: None,
         });
         Summary {
             versions: versions(),

@@ -3,7 +3,7 @@
 //! Numbers are the shortest decimals that read back as the same `f64` ([`decimal`]); numbers that
 //! are not finite are written `inf`, `-inf`, `nan`. Every table has a header, also without rows.
 
-use super::{History, OutputError, OutputFile, OutputFolder, Points, decimal};
+use super::{Broken, History, OutputError, OutputFile, OutputFolder, Points, decimal};
 
 /// Names of reference coordinates in tables.
 const COORDINATES: [&str; 3] = ["X", "Y", "Z"];
@@ -32,13 +32,26 @@ pub fn reactions_table(history: &History) -> String {
     table.text
 }
 
-/// `energy.csv`: `t,total`, then every part of the energy by its name, `psi(l)`; in J.
+/// Columns of what broke, behind those of the energies.
+const BROKEN: [&str; 6] =
+    ["released", "relaxed", "external", "prescribed", "quadrature", "broken_bonds"];
+
+/// `energy.csv`: `t,total`, then every part of the energy by its name, `psi(l)`; in J. Of a body that breaks
+/// the account of energy behind that, `released` to `quadrature`, and how many bonds are broken.
 pub fn energy_table(history: &History) -> String {
     let first = ["t", "total"].map(str::to_owned).into_iter();
-    let mut table = Table::new(first.chain(history.parts.iter().cloned()));
+    let breaks = history.steps.iter().any(|step| step.broken.is_some());
+    let broken = BROKEN.iter().filter(|_| breaks).map(|name| (*name).to_owned());
+    let mut table = Table::new(first.chain(history.parts.iter().cloned()).chain(broken));
     for step in &history.steps {
         let values = history.parts.iter().map(|part| step.energy_parts.of(part));
-        let row: Vec<f64> = [step.t, step.energy_parts.total()].into_iter().chain(values).collect();
+        let mut row: Vec<f64> =
+            [step.t, step.energy_parts.total()].into_iter().chain(values).collect();
+        if let Some(Broken { released, relaxed, external, prescribed, quadrature, all, .. }) =
+            step.broken
+        {
+            row.extend([released, relaxed, external, prescribed, quadrature, all as f64]);
+        }
         table.row(&row);
     }
     table.text
@@ -134,6 +147,7 @@ mod tests {
             definiteness: Definiteness { positive_definite: None, method: "none".to_owned() },
             condition: None,
             inverted: Inverted::default(),
+            broken: None,
         });
         history
     }

@@ -10,6 +10,7 @@
 //! happens otherwise. Modified Newton assembles forces alone and goes on with the tangent it has,
 //! as long as that serves.
 
+mod constrain;
 mod relaxation;
 
 use std::cell::Cell;
@@ -172,7 +173,8 @@ impl<'a> Newton<'a> {
 
     /// What was evaluated and solved so far.
     pub fn counters(&self) -> Counters {
-        Counters { factorizations: self.linear.n_factorizations(), ..self.counters }
+        let before = self.counters.factorizations;
+        Counters { factorizations: before + self.linear.n_factorizations(), ..self.counters }
     }
 
     /// Forgets what was worked out of the energy: it is another one from now on.

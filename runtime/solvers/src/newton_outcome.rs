@@ -99,6 +99,12 @@ pub struct NewtonError {
     pub history: History,
 }
 
+impl From<NonFinite> for NewtonError {
+    fn from(cause: NonFinite) -> NewtonError {
+        NewtonError { failure: cause.into(), history: History::default() }
+    }
+}
+
 fn last_residual(history: &History) -> String {
     match (history.residual.last(), history.residual_over_reaction.last()) {
         (Some(residual), Some(ratio)) => format!(

@@ -179,20 +179,68 @@ fn free_motions(
     constraints: &Constraints,
 ) -> Vec<String> {
     let motions = RigidMotions::new(d, positions, points);
-    let rows = |fixed_only: bool| {
-        let motions = &motions;
-        points.iter().flat_map(move |&p| {
-            (0..d)
-                .filter(move |a| !fixed_only || constraints.is_fixed(p * d + a))
-                .map(move |a| motions.row(&positions[p * d..(p + 1) * d], a))
-        })
-    };
-    // Motions that move some point at all: a single point has no rotations, a straight line of
-    // points none about itself.
-    let moving = eigenvectors(&motions.gram(rows(false)), points.len() as f64, false);
-    let held = moving.transpose() * motions.gram(rows(true)) * &moving;
-    let free = &moving * eigenvectors(&held, 1.0, true);
+    let free = motions.free(positions, points, constraints);
     simplest_basis(free).iter().map(|motion| motions.describe(motion)).collect()
+}
+
+/// The free motions of a part of a body at `positions` (`n x d`, in m) in words, and degrees of freedom that
+/// hold it, as few as do: they carry nothing but loads. Both are empty where it is held.
+pub(crate) fn holders(
+    d: usize,
+    positions: &[f64],
+    points: &[usize],
+    constraints: &Constraints,
+) -> (Vec<String>, Vec<usize>) {
+    let motions = RigidMotions::new(d, positions, points);
+    let free = motions.free(positions, points, constraints);
+    if free.ncols() == 0 {
+        return (Vec::new(), Vec::new());
+    }
+    let dofs = points.iter().flat_map(|p| p * d..(p + 1) * d);
+    let dofs = dofs.filter(|dof| !constraints.is_fixed(*dof));
+    let mut left: Vec<(usize, Vec<f64>)> = dofs
+        .map(|dof| {
+            let row = motions.row(&positions[dof / d * d..(dof / d + 1) * d], dof % d);
+            let along = |column: usize| (0..row.len()).map(|k| row[k] * free[(k, column)]).sum();
+            (dof, (0..free.ncols()).map(along).collect())
+        })
+        .collect();
+    let mut holders = Vec::new();
+    for _ in 0..free.ncols() {
+        // The one that the motions that are left move most; of equals the first.
+        let size = |moved: &[f64]| moved.iter().map(|x| x * x).sum::<f64>();
+        let most = left.iter().map(|(_, moved)| size(moved)).fold(0.0, f64::max);
+        let chosen =
+            left.iter().find(|(_, moved)| most > 0.0 && size(moved) >= most * (1.0 - 1e-9));
+        let Some((dof, axis)) = chosen.cloned() else { break };
+        holders.push(dof);
+        for (_, moved) in &mut left {
+            let share = moved.iter().zip(&axis).map(|(x, y)| x * y).sum::<f64>() / size(&axis);
+            moved.iter_mut().zip(&axis).for_each(|(x, y)| *x -= share * y);
+        }
+        left.retain(|(other, _)| *other != dof);
+    }
+    let words = simplest_basis(free).iter().map(|motion| motions.describe(motion)).collect();
+    (words, holders)
+}
+
+impl RigidMotions {
+    /// The motions of these points that leave their fixed degrees of freedom alone, as columns.
+    fn free(&self, positions: &[f64], points: &[usize], constraints: &Constraints) -> DMatrix<f64> {
+        let (d, motions) = (self.dimension, self);
+        let rows = |fixed_only: bool| {
+            points.iter().flat_map(move |&p| {
+                (0..d)
+                    .filter(move |a| !fixed_only || constraints.is_fixed(p * d + a))
+                    .map(move |a| motions.row(&positions[p * d..(p + 1) * d], a))
+            })
+        };
+        // Motions that move some point at all: a single point has no rotations, a straight line of
+        // points none about itself.
+        let moving = eigenvectors(&motions.gram(rows(false)), points.len() as f64, false);
+        let held = moving.transpose() * motions.gram(rows(true)) * &moving;
+        &moving * eigenvectors(&held, 1.0, true)
+    }
 }
 
 /// Eigenvectors (columns) whose eigenvalue is at most (or above) [`HELD`]` * scale`.

@@ -4,20 +4,27 @@
 //! increment is halved, down to 1/1024 of the nominal one, and it doubles again after two easy
 //! steps. Times within an increment are counted in its 1024ths, so no rounding accumulates.
 
+mod breaking;
+mod events;
+mod loose;
+mod outcome;
 mod start;
 
 use std::ops::ControlFlow;
 
-use piola_mechanics::energy::{Energy, EnergyParts};
+use piola_mechanics::energy::Energy;
 use piola_mechanics::words::Words;
 
-use super::clock::{Counters, PhaseTimes};
-use super::constraint::{ConstraintError, Constraints};
+use super::clock::PhaseTimes;
+use super::constraint::Constraints;
 use super::increment::{Increment, TICKS};
 use super::linear::{Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport};
 use super::march::{Advance, March, State, march};
 use super::newton::{Newton, NewtonError, NewtonFailure, NewtonReport, NewtonSettings};
 use super::watch::{Event, Watch};
+use breaking::Fracturing;
+pub use breaking::{Account, BreakSettings, Breaking, Broken, Control, Loose};
+pub use outcome::{LinearSummary, NotConverged, Outcome, StepError, StepRecord};
 pub use start::Start;
 
 /// What drives the body: prescribed values and loads as functions of `t`.
@@ -60,6 +67,8 @@ pub struct StepSettings {
     pub newton: NewtonSettings,
     /// Linear systems.
     pub linear: LinearOptions,
+    /// How bonds break.
+    pub breaking: BreakSettings,
 }
 
 impl Default for StepSettings {
@@ -71,6 +80,7 @@ impl Default for StepSettings {
             start: Start::default(),
             newton: NewtonSettings::default(),
             linear: LinearOptions::default(),
+            breaking: BreakSettings::default(),
         }
     }
 }
@@ -93,134 +103,6 @@ impl Words for Find {
 
 /// Steps of a relaxation in the place of an iteration of Newton's method.
 pub const RELAXATION_STEPS: usize = 2000;
-
-/// One converged step.
-#[derive(Clone, Debug, PartialEq)]
-pub struct StepRecord {
-    /// The time of the step.
-    pub t: f64,
-    /// Whether it is a nominal time; if not, a cut-back led here.
-    pub nominal: bool,
-    /// Iterations of Newton's method.
-    pub iterations: usize,
-    /// 2-norm of the free residual in N, before any iteration and after each.
-    pub residual: Vec<f64>,
-    /// The same over the larger of the 2-norms of reactions and loads.
-    pub residual_over_reaction: Vec<f64>,
-    /// Energy by kind of interaction.
-    pub energy_parts: EnergyParts,
-    /// Whether the tangent is positive definite, and how that is known.
-    pub definiteness: Definiteness,
-    /// An estimate of the condition of the tangent on the free degrees of freedom (1-norm), where
-    /// it was factorised or conjugate gradients converged.
-    pub condition: Option<f64>,
-    /// How far rounding the displacements changes the forces, relative to reactions or loads.
-    pub rounding_floor: f64,
-    /// The linear system that led to the start of Newton's method, where one did.
-    pub start: Option<LinearReport>,
-    /// The linear systems of its iterations, one each.
-    pub linear: Vec<LinearReport>,
-    /// The accepted parts of the Newton steps; 1 for a full step.
-    pub step_lengths: Vec<f64>,
-    /// How often the increment was halved on the way from the last converged step.
-    pub cut_backs: usize,
-    /// What the reader should know.
-    pub notes: Vec<String>,
-    /// Time by phase, failed attempts included.
-    pub times: PhaseTimes,
-}
-
-/// How a run ended.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
-    /// The converged steps, sub-steps included.
-    pub records: Vec<StepRecord>,
-    /// Displacements of the last one in m.
-    pub displacements: Vec<f64>,
-    /// What was evaluated and solved.
-    pub counters: Counters,
-    /// How linear systems were solved.
-    pub linear: LinearSummary,
-    /// Whether the run ended before its end: by who looked on, or without convergence.
-    pub stopped: bool,
-}
-
-/// How the linear systems of a run were solved, and why so.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LinearSummary {
-    /// The method that the last one started with.
-    pub method: LinearMethod,
-    /// Why, a sentence without its full stop.
-    pub reason: String,
-    /// Whether it worked on a stored tangent.
-    pub stores_matrix: bool,
-    /// The preconditioner in words, where one was made.
-    pub preconditioner: Option<String>,
-    /// Iterations of all systems that belong to converged steps.
-    pub iterations: usize,
-}
-
-/// A run that did not reach its end.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum StepError {
-    /// The settings cannot be used.
-    #[error("{what} must be {must} (it is {value})")]
-    Settings {
-        /// The setting.
-        what: &'static str,
-        /// What it must be.
-        must: &'static str,
-        /// Its value.
-        value: f64,
-    },
-    /// The drive's list of fixed degrees of freedom cannot be used.
-    #[error(transparent)]
-    Constraint(#[from] ConstraintError),
-    /// A prescribed value or a load is not finite.
-    #[error("the {what} of component {component} of point {point} is {value} at t = {t}")]
-    Drive {
-        /// "prescribed displacement" or "load".
-        what: &'static str,
-        /// The point in the body's order.
-        point: usize,
-        /// The component, from 0.
-        component: usize,
-        /// The number that is not finite.
-        value: f64,
-        /// The time.
-        t: f64,
-    },
-    /// What the energy takes of a time cannot be had.
-    #[error("a parameter has no value at t = {t}")]
-    Given {
-        /// The time.
-        t: f64,
-    },
-    /// The linear solver cannot start.
-    #[error(transparent)]
-    Linear(#[from] LinearError),
-    /// Newton's method failed, also with the smallest increment where smaller ones may help.
-    #[error(transparent)]
-    NotConverged(Box<NotConverged>),
-}
-
-/// No equilibrium was found at some time, however small the increment.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error(
-    "no equilibrium at t = {t_failed}, the last is at t = {t_converged} ({cut_backs} cut-backs): {cause}"
-)]
-pub struct NotConverged {
-    /// The last converged time.
-    pub t_converged: f64,
-    /// The time that was tried last.
-    pub t_failed: f64,
-    /// How often the increment was halved during the run.
-    pub cut_backs: usize,
-    /// The last failure, with its residuals.
-    pub cause: NewtonError,
-    /// The run up to the last converged time.
-    pub outcome: Outcome,
-}
 
 /// Follows the drive from rest at `t = 0` to the end; `observer` sees each converged step and may
 /// end the run, `watch` sees what goes on within steps and may end it there.
@@ -250,6 +132,12 @@ fn check(settings: &StepSettings) -> Result<(), StepError> {
             "between 0 and 1",
             settings.newton.tolerance,
         ),
+        (
+            settings.breaking.tie >= 0.0 && settings.breaking.tie < 1.0,
+            "tie",
+            "not less than 0, and less than 1",
+            settings.breaking.tie,
+        ),
     ];
     for (holds, what, must, value) in requirements {
         if !holds {
@@ -261,10 +149,14 @@ fn check(settings: &StepSettings) -> Result<(), StepError> {
 
 /// Load steps by Newton's method: the march from rest through equilibria.
 pub struct LoadSteps<'a> {
+    energy: &'a dyn Energy,
     newton: Newton<'a>,
     watch: Watch,
     dimension: usize,
+    /// What is prescribed, and what of loose parts is held.
     constraints: Constraints,
+    /// What breaks, where something can.
+    fracture: Option<Fracturing<'a>>,
     drive: &'a dyn Drive,
     settings: StepSettings,
     /// The last converged state.
@@ -305,11 +197,14 @@ impl<'a> LoadSteps<'a> {
         }
         let mut newton = Newton::new(energy, &constraints, settings.newton, linear)?;
         newton.watched(watch);
-        Ok(LoadSteps {
+        let fracture = energy.fracture().map(|status| Fracturing::new(status, n_dofs));
+        let mut steps = LoadSteps {
+            energy,
             newton,
             watch: watch.clone(),
             dimension: energy.dimension(),
             constraints,
+            fracture,
             drive,
             settings: *settings,
             t: 0.0,
@@ -323,7 +218,10 @@ impl<'a> LoadSteps<'a> {
             cut_backs: 0,
             all_cut_backs: 0,
             times: PhaseTimes::default(),
-        })
+        };
+        // Cracks that are there from the start may have cut something off.
+        steps.hold_loose(0.0, &vec![0.0; n_dofs], &vec![0.0; n_dofs])?;
+        Ok(steps)
     }
 
     /// Where the next attempt ends: in ticks of the nominal increment, and its time.
@@ -350,13 +248,31 @@ impl<'a> LoadSteps<'a> {
         let loads = self.loads(t)?;
         let last = self.last(t)?;
         let found = self.search(last, &loads, t);
-        self.times.add(&self.newton.take_times());
-        let Found { u, start, report, judged } = match found {
-            Ok(found) => found,
-            Err(cause) => return Ok(Attempt::Failed(cause)),
+        let found = match found {
+            Ok(found) => self.settle(found, &loads, t)?,
+            Err(cause) => Err(cause),
         };
+        self.times.add(&self.newton.take_times());
+        match found {
+            Ok(found) => self.take(found, loads, t, nominal),
+            Err(cause) => Ok(Attempt::Failed(cause)),
+        }
+    }
+
+    /// Makes an equilibrium the present state.
+    fn take(
+        &mut self,
+        found: Found,
+        loads: Vec<f64>,
+        t: f64,
+        nominal: bool,
+    ) -> Result<Attempt, StepError> {
+        let Found { u, start, report, judged } = found;
         let record = self.record(t, nominal, start, report, judged);
-        self.before = Some((self.t, std::mem::replace(&mut self.u, u)));
+        let old = std::mem::replace(&mut self.u, u);
+        // No line leads through equilibria of bodies that are not the same.
+        let is_same = record.broken.as_ref().is_none_or(|broken| broken.bonds == 0);
+        self.before = is_same.then_some((self.t, old));
         (self.t, self.loads) = (t, loads);
         self.watch.notice(Event::Step(&record));
         self.records.push(record.clone());
@@ -388,9 +304,7 @@ impl<'a> LoadSteps<'a> {
         self.newton.check_jump(&self.u, &u)?;
         let most = RELAXATION_STEPS * self.settings.newton.max_iterations;
         let report = self.newton.relax(&mut u, loads, most)?;
-        let method = "relaxation: not judged".to_owned();
-        let definiteness = Definiteness { positive_definite: None, negative_pivots: None, method };
-        Ok(Found { u, start: None, report, judged: (definiteness, None) })
+        Ok(Found { u, start: None, report, judged: breaking::not_judged("relaxation") })
     }
 
     /// The equilibrium with these loads from some displacements, and the judgement of its tangent.
@@ -422,6 +336,8 @@ impl<'a> LoadSteps<'a> {
         report: NewtonReport,
         (definiteness, condition): Judged,
     ) -> StepRecord {
+        let (broken, mut notes) = self.take_broken();
+        notes.extend(report.notes);
         StepRecord {
             t,
             nominal,
@@ -436,7 +352,8 @@ impl<'a> LoadSteps<'a> {
             linear: report.linear,
             step_lengths: report.step_lengths,
             cut_backs: std::mem::take(&mut self.cut_backs),
-            notes: report.notes,
+            broken,
+            notes,
             times: std::mem::take(&mut self.times),
         }
     }
@@ -452,14 +369,19 @@ impl<'a> LoadSteps<'a> {
 
     /// The last state with the fixed displacements of `t`.
     fn last(&self, t: f64) -> Result<Vec<f64>, StepError> {
-        let fixed = self.constraints.fixed();
+        self.with_prescribed(&self.u, t)
+    }
+
+    /// Displacements with what is prescribed at `t`.
+    fn with_prescribed(&self, u: &[f64], t: f64) -> Result<Vec<f64>, StepError> {
+        let fixed = self.drive.fixed();
         let mut values = vec![0.0; fixed.len()];
         self.drive.prescribed(t, &mut values);
         if let Some(k) = values.iter().position(|x| !x.is_finite()) {
             return Err(self.drive_error("prescribed displacement", fixed[k], values[k], t));
         }
-        let mut u = self.u.clone();
-        self.constraints.scatter_fixed(&values, &mut u);
+        let mut u = u.to_vec();
+        fixed.iter().zip(&values).for_each(|(dof, value)| u[*dof] = *value);
         Ok(u)
     }
 
@@ -523,6 +445,9 @@ impl March for LoadSteps<'_> {
     type Stop = StepError;
 
     fn advance(&mut self) -> Result<Advance<StepRecord>, StepError> {
+        if self.settings.breaking.control == Control::Event && self.fracture.is_some() {
+            return self.advance_by_events();
+        }
         while self.nominal < self.settings.increments {
             if self.watch.wants_end() {
                 return Ok(Advance::Interrupted);

@@ -98,6 +98,12 @@ fn what_is_left_is_the_sum_over_bonds_that_are_left() {
                 let mut old = vec![0.0; u.len()];
                 energy.forces(&u, &mut old).unwrap();
                 let release = energy.break_bonds(&u, (0.5, &way), &new).unwrap();
+                // What was taken out in an attempt that failed comes back to the bit.
+                energy.regain(&new);
+                let mut again = vec![0.0; u.len()];
+                assert_eq!(energy.forces(&u, &mut again).unwrap().total(), before);
+                assert_eq!(again, old, "{text} {share}");
+                energy.lose(&new);
                 new.iter().for_each(|bond| is_broken[*bond] = true);
                 let (expected, expected_forces) = by_hand(&body, horizon, *psi, &is_broken, &u);
                 let mut forces = vec![0.0; u.len()];
@@ -199,4 +205,6 @@ fn corrections_stay() {
     assert!((energy / plain - 1.0).abs() > 1e-3, "corrections count");
     let left = corrected.energy(&u).unwrap().total();
     assert!((all - left - energy).abs() < 1e-13 * all);
+    corrected.regain(&lost);
+    assert_eq!(corrected.energy(&u).unwrap().total(), all);
 }

@@ -38,16 +38,39 @@ impl DiscreteEnergy {
     /// See [`crate::energy::Energy::lose`].
     pub(super) fn lose_bonds(&mut self, bonds: &[usize]) {
         self.lose_edges(bonds);
-        let DiscreteEnergy { neighborhood, bonds: kind, on_lattice, fours, .. } = self;
+        let DiscreteEnergy { neighborhood, bonds: kind, on_lattice, fours, lost_factors, .. } =
+            self;
         let Some(kind) = kind else { return };
         let n_bonds = neighborhood.n_bonds();
         let factors = kind.factors.get_or_insert_with(|| vec![1.0; n_bonds]);
-        bonds.iter().for_each(|bond| factors[*bond] = 0.0);
+        for &bond in bonds {
+            if factors[bond] != 1.0 {
+                lost_factors.entry(bond).or_insert(factors[bond]);
+            }
+            factors[bond] = 0.0;
+        }
         if let Some(runs) = &mut on_lattice.bonds {
             runs.lose(neighborhood, bonds);
         }
         if let Some(fours) = fours {
             fours.lose(neighborhood, bonds);
+        }
+    }
+
+    /// See [`crate::energy::Energy::regain`].
+    pub(super) fn regain_bonds(&mut self, bonds: &[usize]) {
+        let DiscreteEnergy { neighborhood, bonds: kind, on_lattice, fours, lost_factors, .. } =
+            self;
+        let Some(factors) = kind.as_mut().and_then(|kind| kind.factors.as_mut()) else { return };
+        for &bond in bonds {
+            let factor = lost_factors.remove(&bond).unwrap_or(1.0);
+            factors[bond] = factor;
+            if let Some(runs) = &mut on_lattice.bonds {
+                runs.regain(bond, factor);
+            }
+        }
+        if let Some(fours) = fours {
+            fours.regain(neighborhood, bonds);
         }
     }
 

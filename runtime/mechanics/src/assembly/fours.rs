@@ -6,6 +6,8 @@
 //! four bonds of an owner side by side. Of a bond two numbers are kept: its length at rest and the
 //! coefficient of its law ([`super::quadratic`]), with its weight. No kernel is called.
 
+use std::collections::BTreeMap;
+
 use rayon::prelude::*;
 
 use super::DiscreteEnergy;
@@ -33,6 +35,8 @@ pub(super) struct BondFours {
     bent: Vec<Aligned>,
     /// How much the squares of lengths may grow before a bond may break, in m^2; none where nobody watches.
     limits: Vec<[f32; 4]>,
+    /// The coefficients of bonds that were taken out.
+    lost: BTreeMap<usize, f64>,
     #[cfg(target_arch = "x86_64")]
     wide: Option<pulp::x86::V3>,
 }
@@ -71,6 +75,7 @@ impl BondFours {
             lengths: Vec::with_capacity(if laws.by_square { 0 } else { count }),
             bent: Vec::with_capacity(count),
             limits: Vec::new(),
+            lost: BTreeMap::new(),
             #[cfg(target_arch = "x86_64")]
             wide: pulp::x86::V3::try_new(),
         };
@@ -94,7 +99,8 @@ impl BondFours {
             let [owner, _] = neighborhood.ends(bond);
             let place = bond - neighborhood.bonds(owner).start;
             let four = self.start[owner] + place / 4;
-            self.bent[four].0[place % 4] = 0.0;
+            let bent = std::mem::take(&mut self.bent[four].0[place % 4]);
+            self.lost.entry(bond).or_insert(bent);
             if let Some(limits) = self.limits.get_mut(four) {
                 // Places behind the last bond of an owner stand for it.
                 let lasts = if bond + 1 == neighborhood.bonds(owner).end {
@@ -104,6 +110,16 @@ impl BondFours {
                 };
                 limits[lasts].fill(f32::INFINITY);
             }
+        }
+    }
+
+    /// Puts back bonds that were taken out; who watches has to watch anew.
+    pub(super) fn regain(&mut self, neighborhood: &Neighborhood, bonds: &[usize]) {
+        for bond in bonds {
+            let Some(bent) = self.lost.remove(bond) else { continue };
+            let [owner, _] = neighborhood.ends(*bond);
+            let place = bond - neighborhood.bonds(owner).start;
+            self.bent[self.start[owner] + place / 4].0[place % 4] = bent;
         }
     }
 

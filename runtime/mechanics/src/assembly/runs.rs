@@ -79,6 +79,15 @@ impl BondRuns {
         bonds.iter().for_each(|bond| kept.lose(*bond));
     }
 
+    /// Puts back a bond that was taken out, with its correction.
+    pub(super) fn regain(&mut self, bond: usize, factor: f64) {
+        if let Some(factors) = &mut self.factors {
+            factors.set(bond, factor);
+        } else if let Some(kept) = &mut self.kept {
+            kept.regain(bond);
+        }
+    }
+
     /// Watches bonds that may grow by so much, in m^2, each by its number: of all with one vector the least.
     pub(super) fn watch<const D: usize>(&mut self, neighborhood: &Neighborhood, limits: &[f32]) {
         self.limits = vec![f64::INFINITY; self.runs.n_vectors::<D>()];

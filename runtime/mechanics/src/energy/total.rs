@@ -388,6 +388,7 @@ impl Energy for Total<'_> {
     }
 
     fn lose(&mut self, bonds: &[usize]) {
+        self.bond_pattern = OnceLock::new();
         for term in &mut self.terms {
             if let Term::Owned(energy) = term {
                 energy.lose(bonds);
@@ -399,6 +400,15 @@ impl Energy for Total<'_> {
         for term in &mut self.terms {
             if let Term::Owned(energy) = term {
                 energy.lose_cliques(measure, ranks, numbers);
+            }
+        }
+    }
+
+    fn regain(&mut self, bonds: &[usize]) {
+        self.bond_pattern = OnceLock::new();
+        for term in &mut self.terms {
+            if let Term::Owned(energy) = term {
+                energy.regain(bonds);
             }
         }
     }
@@ -436,6 +446,7 @@ impl Energy for Total<'_> {
         way: (f64, &[f64]),
         bonds: &[usize],
     ) -> Result<Release, NonFinite> {
+        self.bond_pattern = OnceLock::new();
         let mut sum = Release::default();
         for term in &mut self.terms {
             if let Term::Owned(energy) = term {

@@ -3,6 +3,8 @@
 //! Most bonds are far from breaking. Where a margin is affine in the length, or in its square, the bond
 //! knows how much its square must have grown before the margin is worked out at all.
 
+pub(super) mod margin;
+
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -12,12 +12,14 @@
 //! derivatives as ever. `h` changes in [`Fracture::advance`] alone, at fixed `u`: so what breaking releases
 //! is by definition `E(u; old) - E(u; new)`, and so is what is dissipated where bonds remember. All bonds
 //! are judged at the same displacements, with what they remember as it is, before any of them is taken out
-//! or changes, and none comes back. A triangle or a tetrahedron with a broken edge is broken, too; one that
+//! or changes, and none comes back: but for [`Fracture::restore`], after attempts at an equilibrium
+//! that came to nothing, which never were states of the body. A triangle or a tetrahedron with a broken edge is broken, too; one that
 //! breaks itself leaves its bonds as they are.
 
 mod cliques;
 pub mod crack;
 pub mod criteria;
+mod equilibria;
 pub mod memory;
 
 use std::ops::Range;
@@ -30,6 +32,7 @@ use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use criteria::Criteria;
+pub use criteria::margin::Foremost;
 use memory::Memory;
 
 /// What bonds leave behind that break, or that remember something else.
@@ -125,6 +128,30 @@ pub trait Fracture: Sync {
 
     /// Gives bonds what [`Fracture::states`] told of them, and says nothing of energies.
     fn remember(&self, states: &[f64]);
+
+    /// Breaks the bond whose margin is largest, and those within `tie` of it, if any bond breaks at `u` at
+    /// all: as [`Fracture::foremost`] finds them.
+    ///
+    /// # Errors
+    /// As [`Fracture::advance`].
+    fn advance_foremost(&self, u: &[f64], tie: f64) -> Result<Release, NonFinite>;
+
+    /// The bonds that are closest to breaking at displacements `u` in m; none where no bond can break.
+    /// With them go those whose margins are below the largest by no more than `tie`, a share.
+    ///
+    /// # Errors
+    /// Margins that are not finite.
+    fn foremost(&self, u: &[f64], tie: f64) -> Result<Option<Foremost>, NonFinite>;
+
+    /// Breaks these bonds at displacements `u` in m, whatever criteria say: there is no way that led there.
+    ///
+    /// # Errors
+    /// Energies that are not finite.
+    fn break_at(&self, u: &[f64], bonds: &[usize]) -> Result<Release, NonFinite>;
+
+    /// Makes these bonds, ascending, the ones that are broken: as [`Fracture::broken`] had them at the last
+    /// equilibrium, after attempts that never became states.
+    fn restore(&self, broken: &[usize]);
 
     /// The bonds that are broken, in ascending order.
     fn broken(&self) -> Vec<usize>;
@@ -382,6 +409,22 @@ impl Fracture for Breaking {
         self.memory.set_all(states, self.neighborhood.n_bonds());
     }
 
+    fn advance_foremost(&self, u: &[f64], tie: f64) -> Result<Release, NonFinite> {
+        self.judge_foremost(u, tie)
+    }
+
+    fn foremost(&self, u: &[f64], tie: f64) -> Result<Option<Foremost>, NonFinite> {
+        self.find_foremost(u, tie)
+    }
+
+    fn break_at(&self, u: &[f64], bonds: &[usize]) -> Result<Release, NonFinite> {
+        self.take_out_at(u, bonds)
+    }
+
+    fn restore(&self, broken: &[usize]) {
+        self.put_back(broken);
+    }
+
     fn broken(&self) -> Vec<usize> {
         let status = self.now();
         (0..status.is_broken.len()).filter(|bond| status.is_broken[*bond]).collect()
@@ -478,7 +521,7 @@ impl Energy for Breaking {
     }
 
     fn springs(&self, u: &[f64], springs: &mut BlockMatrix) {
-        self.now().energy.springs(u, springs);
+        self.springs_of_whole(u, springs);
     }
 
     fn products(&self) -> Products {

@@ -177,6 +177,12 @@ impl KeptInRuns {
         self.bits[place / WIDEST] &= !(1 << (place % WIDEST));
     }
 
+    /// Puts back a bond.
+    pub(crate) fn regain(&mut self, bond: usize) {
+        let place = self.places[bond];
+        self.bits[place / WIDEST] |= 1 << (place % WIDEST);
+    }
+
     /// The bits of a run, one byte for [`WIDEST`] bonds, and what is behind them.
     #[inline(always)]
     pub(crate) fn of_run(&self, run: usize) -> &[u8] {

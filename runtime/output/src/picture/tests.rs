@@ -71,6 +71,7 @@ fn history(dimension: usize, n_steps: usize) -> History {
             definiteness: Definiteness { positive_definite: None, method: "none".to_owned() },
             condition: None,
             inverted: Inverted::default(),
+            broken: None,
         });
     }
     history

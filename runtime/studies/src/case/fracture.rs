@@ -13,6 +13,7 @@ use piola_mechanics::neighborhood::Neighborhood;
 use super::{Case, CaseError, Compiled, Potential};
 use crate::scene::selection;
 use piola_solvers::motion::Method;
+use piola_solvers::steps::Control;
 
 impl Case {
     /// Whether bonds may break, or are cut from the start.
@@ -63,22 +64,51 @@ impl Case {
         breaking
     }
 
-    /// Refuses load steps of bodies whose bonds break or remember.
-    pub(super) fn check_breaks_in_motion(&self) -> Result<(), CaseError> {
-        let mut all = self.potentials.iter().zip(&self.scene.materials);
-        let evolves =
-            |one: &Potential| !one.model.breaks().is_empty() || !one.model.updates().is_empty();
-        let evolving = all.find(|(one, _)| evolves(one));
-        let Some((one, material)) = evolving.filter(|_| self.scene.motion.is_none()) else {
+    /// Refuses load steps of bodies that break or remember as these cannot: attempts at an equilibrium that
+    /// come to nothing put back bonds alone.
+    ///
+    /// # Errors
+    /// At the potential that says so.
+    pub(super) fn check_load_steps(&self, compiled: &[Compiled]) -> Result<(), CaseError> {
+        if self.scene.motion.is_some() {
             return Ok(());
+        }
+        let has_cliques = || {
+            let mut arguments = compiled.iter().flat_map(|one| one.of_interactions());
+            arguments.any(|argument| argument != "l")
         };
-        let does = if one.model.breaks().is_empty() { "remember" } else { "break" };
-        let message =
-            format!("the bonds of {} {does}, and the scene has load steps", one.model.name());
-        let found = Diagnostic::error("conflicting-keys", material.potential.span, message)
-            .label(format!("bonds {does} in bodies that move"))
-            .help("write [motion] with an `end` in s, in place of [steps]");
-        Err(CaseError::Scene(self.scene.report(vec![found])))
+        for (one, material) in self.potentials.iter().zip(&self.scene.materials) {
+            let (breaks, name) = (one.model.breaks(), one.model.name());
+            let what = match breaks.iter().find(|one| one.measure != Measure::Length) {
+                Some(other) if other.measure == Measure::Area => "triangles break",
+                Some(_) => "tetrahedra break",
+                None if !one.model.updates().is_empty() => "bonds remember",
+                None if !breaks.is_empty() && has_cliques() => {
+                    "bonds break, with triangles or tetrahedra on them,"
+                }
+                None => continue,
+            };
+            let message = format!("{what} in {name}, and the scene has load steps");
+            let found = Diagnostic::error("conflicting-keys", material.potential.span, message)
+                .label("in load steps bonds break alone, and remember nothing")
+                .help("write [motion] with an `end` in s, in place of [steps]");
+            return Err(CaseError::Scene(self.scene.report(vec![found])));
+        }
+        Ok(())
+    }
+
+    /// Refuses steps by events where nothing breaks.
+    pub(super) fn check_events(&self) -> Result<(), CaseError> {
+        let breaks = self.potentials.iter().any(|one| !one.model.breaks().is_empty());
+        let by_events = self.scene.steps.control == Control::Event && self.scene.motion.is_none();
+        if breaks || !by_events {
+            return Ok(());
+        }
+        let material = self.scene.material();
+        let message = "the steps go by events, and no bond breaks: no potential has a `break when`";
+        let found = Diagnostic::error("conflicting-keys", material.potential.span, message);
+        let help = "write control = \"load\" in [steps], or take a potential with `break when`";
+        Err(CaseError::Scene(self.scene.report(vec![found.help(help)])))
     }
 
     /// Warnings of cracks that cut nothing, and of those that run through points.
@@ -115,9 +145,9 @@ impl Case {
     /// # Errors
     /// At the potential that says so, or at the crack.
     pub(super) fn check_families(&self, potential: &Potential) -> Result<(), CaseError> {
-        let is_explicit =
-            self.scene.motion.as_ref().is_some_and(|motion| motion.method != Method::Midpoint);
-        if is_explicit || !potential.has_families() {
+        let is_midpoint =
+            self.scene.motion.as_ref().is_some_and(|motion| motion.method == Method::Midpoint);
+        if !is_midpoint || !potential.has_families() {
             return Ok(());
         }
         let model = &potential.model;
@@ -126,7 +156,7 @@ impl Case {
         let other = if model.has_gradient_energy() { "F" } else { others.next().unwrap_or("l") };
         let help =
             "write [motion] with an explicit `method`, or take a potential with psi(l) alone";
-        let label = "families lose bonds in explicit motions alone";
+        let label = "families lose bonds in explicit motions and in load steps";
         self.refuse_breaking(model.name(), other, [label, help])
     }
 

@@ -88,7 +88,8 @@ impl Case {
         &self,
         compiled: Vec<Compiled>,
     ) -> Result<(Total<'static>, FieldsInTime<'_>), CaseError> {
-        self.check_breaks_in_motion()?;
+        self.check_events()?;
+        self.check_load_steps(&compiled)?;
         let solver = &self.scene.solver;
         let (energy, fields) = self.energy_in_time(compiled)?;
         let energy = energy.with_products(solver.products);

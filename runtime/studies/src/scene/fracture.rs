@@ -2,6 +2,7 @@
 
 use piola_grammar::Span;
 use piola_mechanics::fracture::crack::Crack;
+use piola_solvers::steps::Loose;
 
 use super::Located;
 
@@ -28,4 +29,6 @@ impl PartialEq for CrackEntry {
 pub struct FractureSettings {
     /// Indices into [`super::Scene::sets`]: bonds with a point of one of them never break.
     pub unbreakable: Vec<Located<usize>>,
+    /// Of load steps: what becomes of parts that hang on nothing.
+    pub loose: Loose,
 }

@@ -6,7 +6,7 @@ use piola_mechanics::kernel::Level;
 use piola_mechanics::words::Words;
 use piola_solvers::linear::{LinearMethod, PreconditionerChoice};
 use piola_solvers::newton::NewtonVariant;
-use piola_solvers::steps::{Find, Start};
+use piola_solvers::steps::{BreakSettings, Breaking, Control, Find, Start};
 
 /// `[steps]`: t runs from 0 to `end` in equal increments.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,11 +17,20 @@ pub struct Steps {
     pub increments: usize,
     /// How an equilibrium is found.
     pub find: Find,
+    /// Where bonds break: what steps go by.
+    pub control: Control,
+    /// Where bonds break: which of them do at a step.
+    pub breaking: Breaking,
+    /// By which share of the way from rest a bond may be behind the first and break in one event with it.
+    pub tie: f64,
+    /// After how many events a run ends.
+    pub events: usize,
 }
 
 impl Default for Steps {
     fn default() -> Self {
-        Steps { end: 1.0, increments: 25, find: Find::default() }
+        let BreakSettings { control, breaking, tie, events, .. } = BreakSettings::default();
+        Steps { end: 1.0, increments: 25, find: Find::default(), control, breaking, tie, events }
     }
 }
 

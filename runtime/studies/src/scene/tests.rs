@@ -9,7 +9,6 @@ use piola_mechanics::energy::Products;
 use piola_mechanics::kernel::Level;
 use piola_solvers::linear::{LinearMethod, PreconditionerChoice};
 use piola_solvers::newton::NewtonVariant;
-use piola_solvers::steps::Find;
 use piola_solvers::steps::Start;
 
 /// Every key of the format.
@@ -169,7 +168,7 @@ fn every_default_is_filled_in() {
     assert_eq!(scene.material().parameters, []);
     assert_eq!((scene.sets.len(), scene.prescriptions.len()), (0, 0));
     assert_eq!((scene.loads.len(), scene.probes.len()), (0, 0));
-    assert_eq!(scene.steps, Steps { end: 1.0, increments: 25, find: Find::Newton });
+    assert_eq!(scene.steps, Steps { end: 1.0, increments: 25, ..Steps::default() });
     let solver = SolverSettings {
         tolerance: 1e-10,
         start: Start::Tangent,

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use piola_mechanics::deformation::{Discretisation, Stabilisation};
 use piola_mechanics::fracture::crack::Crack;
 use piola_mechanics::words::Words;
+use piola_solvers::steps::{Control, Loose};
 
 use super::keys::{number, string, texts};
 use super::read::{MOTION_KEYS, OUTPUT_KEYS, SOLVER_KEYS, STEPS_KEYS};
@@ -45,7 +46,14 @@ impl Scene {
         write_fracture(&mut out, &self.fracture, &self.sets);
         match &self.motion {
             Some(motion) => write_pairs(&mut out, "[motion]", texts(motion, &MOTION_KEYS)),
-            None => write_pairs(&mut out, "[steps]", texts(&self.steps, &STEPS_KEYS)),
+            None => {
+                let is_idle = |key: &str| match self.steps.control {
+                    Control::Load => key == "tie" || key == "events",
+                    Control::Event => key == "breaking",
+                };
+                let steps = texts(&self.steps, &STEPS_KEYS).into_iter();
+                write_pairs(&mut out, "[steps]", steps.filter(|(key, _)| !is_idle(key)).collect());
+            }
         }
         write_pairs(&mut out, "[solver]", texts(&self.solver, &SOLVER_KEYS));
         // Of a motion `every` stands in the place of `frames`, where it says which are written.
@@ -245,11 +253,17 @@ fn write_crack(out: &mut String, crack: &CrackEntry) {
 }
 
 fn write_fracture(out: &mut String, fracture: &FractureSettings, sets: &[SetDefinition]) {
-    let FractureSettings { unbreakable } = fracture;
-    if unbreakable.is_empty() {
+    let FractureSettings { unbreakable, loose } = fracture;
+    if *fracture == FractureSettings::default() {
         return;
     }
     section(out, "[fracture]");
+    if *loose != Loose::default() {
+        pair(out, "loose", string(loose.word()));
+    }
+    if unbreakable.is_empty() {
+        return;
+    }
     let names: Vec<String> =
         unbreakable.iter().map(|set| string(&sets[set.value].name.value)).collect();
     pair(out, "unbreakable", format!("[{}]", names.join(", ")));

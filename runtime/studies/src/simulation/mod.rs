@@ -9,6 +9,7 @@
 //!
 //! [`Case::plan`]: crate::case::Case::plan
 
+mod breaking;
 mod cost;
 mod course;
 mod forecast;

@@ -21,7 +21,8 @@ use piola_solvers::march::State;
 use piola_solvers::newton::{NewtonFailure, NewtonSettings, NewtonVariant};
 use piola_solvers::rigid_modes::check_rigid_motions;
 use piola_solvers::steps::{
-    self, Drive, Find, NotConverged, NotGiven, StepError, StepRecord, StepSettings, run_steps,
+    self, BreakSettings, Control, Drive, Find, NotConverged, NotGiven, StepError, StepRecord,
+    StepSettings, run_steps,
 };
 use piola_solvers::{Event, Watch};
 
@@ -30,8 +31,8 @@ use crate::plan::available_memory;
 use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
 use crate::scene::{Scene, Unstable};
 
-use super::motion;
 use super::point_fields::PointFields;
+use super::{breaking, motion};
 
 /// What a run is told beside the scene.
 #[derive(Clone, Debug, Default)]
@@ -184,6 +185,13 @@ pub(super) fn settings(scene: &Scene) -> StepSettings {
             variant: solver.newton,
         },
         linear: options,
+        breaking: BreakSettings {
+            control: scene.steps.control,
+            breaking: scene.steps.breaking,
+            tie: scene.steps.tie,
+            events: scene.steps.events,
+            loose: scene.fracture.loose,
+        },
     }
 }
 
@@ -417,8 +425,10 @@ impl<'a> Recorder<'a> {
             },
             condition: record.condition,
             inverted: energy.inverted(state.displacements),
+            broken: breaking::told(record),
         });
         self.warn_of_rounding(record);
+        self.warnings.extend(breaking::notes(record, self.warnings.len()));
         self.last = frame(case, record.t, state.displacements, &residual);
         let written = self.write_step(record.nominal);
         self.clock.enter("solve");
@@ -444,7 +454,15 @@ impl<'a> Recorder<'a> {
     }
 
     fn write_step(&mut self, nominal: bool) -> Result<(), OutputError> {
-        if nominal {
+        let scene = &self.fields.case.scene;
+        if scene.steps.control == Control::Event {
+            // Between nominal times t comes and goes: every so many events there is a frame, too.
+            let is_due = nominal || breaking::has_frame(scene, self.history.steps.len());
+            if is_due && scene.output.frames > 0 {
+                self.fields.fill(&mut self.last);
+                self.frames.push(&self.last)?;
+            }
+        } else if nominal {
             self.nominal += 1;
             // Frames are spread evenly over the increments.
             let (frames, all) =

@@ -4,7 +4,7 @@
 //! point whose neighbours no longer determine a deformation gradient is released: its gradient is that of
 //! rest from then on, and with it its energy; what stabilises it goes, too.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::operator::GradientOperator;
 use super::quadrature::BondQuadrature;
@@ -62,15 +62,15 @@ impl Places {
 }
 
 impl DeformationEnergy {
-    /// See [`crate::energy::Energy::lose`].
-    pub(super) fn lose_bonds(&mut self, bonds: &[usize]) {
+    /// See [`crate::energy::Energy::lose`]; or puts bonds back.
+    pub(super) fn lose_bonds(&mut self, bonds: &[usize], is_lost: bool) {
         let mut whole = self.whole.take().unwrap_or_else(|| {
             let neighborhood = Arc::clone(self.operator.shared_neighborhood());
             let is_lost = vec![false; neighborhood.n_bonds()];
             let influence = self.operator.influence().to_vec();
             Box::new(Whole { neighborhood, influence, is_lost })
         });
-        bonds.iter().for_each(|bond| whole.is_lost[*bond] = true);
+        bonds.iter().for_each(|bond| whole.is_lost[*bond] = is_lost);
         let left = Arc::new(whole.neighborhood.without(&whole.is_lost));
         let influence = whole.influence_of(&left);
         let (order, families) = (self.operator.order(), Families::Left);
@@ -84,7 +84,7 @@ impl DeformationEnergy {
         if let Ok((operator, places)) = made {
             (self.operator, self.places) = (operator, places);
         }
-        self.room = Pool::new();
+        (self.bond_pattern, self.room) = (OnceLock::new(), Pool::new());
         self.whole = Some(whole);
     }
 }

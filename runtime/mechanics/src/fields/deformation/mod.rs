@@ -543,7 +543,11 @@ impl Energy for DeformationEnergy {
     }
 
     fn lose(&mut self, bonds: &[usize]) {
-        self.lose_bonds(bonds);
+        self.lose_bonds(bonds, true);
+    }
+
+    fn regain(&mut self, bonds: &[usize]) {
+        self.lose_bonds(bonds, false);
     }
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {

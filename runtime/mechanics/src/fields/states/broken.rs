@@ -19,14 +19,14 @@ pub(super) struct Whole {
 }
 
 impl StateEnergy {
-    /// See [`crate::energy::Energy::lose`].
-    pub(super) fn lose_bonds(&mut self, bonds: &[usize]) {
+    /// See [`crate::energy::Energy::lose`]; or puts bonds back.
+    pub(super) fn lose_bonds(&mut self, bonds: &[usize], is_lost: bool) {
         let mut whole = self.whole.take().unwrap_or_else(|| {
             let (neighborhood, at_rest) = (Arc::clone(&self.neighborhood), self.at_rest.clone());
             let is_lost = vec![false; neighborhood.n_bonds()];
             Box::new(Whole { neighborhood, at_rest, is_lost })
         });
-        bonds.iter().for_each(|bond| whole.is_lost[*bond] = true);
+        bonds.iter().for_each(|bond| whole.is_lost[*bond] = is_lost);
         self.neighborhood = Arc::new(whole.neighborhood.without(&whole.is_lost));
         self.rest = rest_lengths(&self.body, &self.neighborhood);
         self.rows = None;

@@ -436,7 +436,11 @@ impl Energy for StateEnergy {
     }
 
     fn lose(&mut self, bonds: &[usize]) {
-        self.lose_bonds(bonds);
+        self.lose_bonds(bonds, true);
+    }
+
+    fn regain(&mut self, bonds: &[usize]) {
+        self.lose_bonds(bonds, false);
     }
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {

@@ -2,6 +2,7 @@
 
 use piola_grammar::Diagnostic;
 use piola_mechanics::fracture::crack::Crack;
+use piola_solvers::steps::Loose;
 
 use super::Context;
 use crate::scene::reader::{Field, Reader, Schema, Table};
@@ -16,7 +17,8 @@ static CRACK: Schema = Schema {
         ("damaged", "true"),
     ],
 };
-static FRACTURE: Schema = Schema { title: "[fracture]", keys: &[("unbreakable", "[\"grip\"]")] };
+static FRACTURE: Schema =
+    Schema { title: "[fracture]", keys: &[("unbreakable", "[\"grip\"]"), ("loose", "\"freeze\"")] };
 
 /// Most corners of a crack: every bond is held against every edge.
 const MOST_CORNERS: usize = 1000;
@@ -83,13 +85,14 @@ impl Reader {
     ) -> Option<FractureSettings> {
         let Some(entry) = entry else { return Some(FractureSettings::default()) };
         let table = self.table(&FRACTURE, &entry.node)?;
+        let loose = self.or(Some(&table), "loose", Loose::default(), Reader::choice)?;
         let Some(field) = table.field("unbreakable") else {
-            return Some(FractureSettings::default());
+            return Some(FractureSettings { unbreakable: Vec::new(), loose });
         };
         let items = self.array(field)?;
         let set = |item: &Node| self.set_named(field.item(item), context);
         let read: Vec<Option<Located<usize>>> = items.iter().map(set).collect();
         let unbreakable = read.into_iter().collect::<Option<Vec<_>>>()?;
-        Some(FractureSettings { unbreakable })
+        Some(FractureSettings { unbreakable, loose })
     }
 }

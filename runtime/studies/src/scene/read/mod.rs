@@ -11,6 +11,7 @@ use piola_grammar::{Diagnostic, Span};
 use piola_mechanics::energy::Products;
 use piola_mechanics::words::Words;
 use piola_solvers::linear::settled;
+use piola_solvers::steps::{Control, Find};
 
 use super::check;
 use super::expression::{Expression, Role};
@@ -52,10 +53,14 @@ static STEPS: Schema = Schema { title: "[steps]", keys: &named(&STEPS_KEYS) };
 static SOLVER: Schema = Schema { title: "[solver]", keys: &named(&SOLVER_KEYS) };
 static OUTPUT: Schema = Schema { title: "[output]", keys: &named(&OUTPUT_KEYS) };
 
-pub(super) const STEPS_KEYS: [Row<Steps>; 3] = [
+pub(super) const STEPS_KEYS: [Row<Steps>; 7] = [
     ("end", "1.0", |steps| Slot::Positive(&mut steps.end)),
     ("increments", "25", |steps| Slot::Count(&mut steps.increments, 1)),
     ("find", "\"newton\"", |steps| Slot::Word(&mut steps.find)),
+    ("control", "\"load\"", |steps| Slot::Word(&mut steps.control)),
+    ("breaking", "\"all\"", |steps| Slot::Word(&mut steps.breaking)),
+    ("tie", "1e-9", |steps| Slot::Fraction(&mut steps.tie)),
+    ("events", "10000", |steps| Slot::Count(&mut steps.events, 1)),
 ];
 
 /// In the order in which they are written.
@@ -152,7 +157,7 @@ impl Reader {
         let probes = self.probes(nodes("probe"), &context);
         let cracks = self.cracks(nodes("crack"), &context);
         let fracture = self.fracture(root.get("fracture"), &context);
-        let steps = self.settings(steps_table.as_ref(), &STEPS_KEYS);
+        let steps = self.steps(steps_table.as_ref());
         let solver = self.solver(solver_table.as_ref());
         let output = self.settings(output_table.as_ref(), &OUTPUT_KEYS);
         let warnings = check::warnings(&prescriptions, &loads, &sets);
@@ -266,6 +271,28 @@ impl Reader {
                 None
             }
         }
+    }
+
+    fn steps(&mut self, table: Option<&Table<'_>>) -> Steps {
+        let steps = self.settings(table, &STEPS_KEYS);
+        let given = |key: &str| table.and_then(|table| table.get(key));
+        let refused = match (steps.control, steps.find) {
+            (Control::Event, Find::Relaxation) => given("find")
+                .map(|entry| (entry, "events are found by Newton's method", "find = \"newton\"")),
+            (Control::Event, _) => given("breaking").map(|entry| {
+                (entry, "in an event the first bonds break, whatever `breaking` says", "tie = 1e-9")
+            }),
+            (Control::Load, _) => {
+                ["tie", "events"].iter().find_map(|key| given(key)).map(|entry| {
+                    (entry, "only steps by events have `tie` and `events`", "control = \"event\"")
+                })
+            }
+        };
+        if let Some((entry, message, instead)) = refused {
+            let found = Diagnostic::error("conflicting-keys", entry.key_span, message);
+            self.error(found.help(format!("write {instead}, or leave the key out")));
+        }
+        steps
     }
 
     fn solver(&mut self, table: Option<&Table<'_>>) -> SolverSettings {

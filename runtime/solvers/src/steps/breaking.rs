@@ -1,0 +1,310 @@
+//! Bonds that break at equilibria, and the account of energy of a body that loses them.
+//!
+//! At each load step an equilibrium is found at the present status; bonds beyond their criteria break, all at
+//! once or the foremost, and the equilibrium of what is left is found at the same loads, until none breaks.
+//! Where one is not found, bonds that were broken on the way come back: the step never was.
+
+use piola_mechanics::fracture::{Fracture, Release};
+use piola_mechanics::vector::{dot, norm};
+use piola_mechanics::words::Words;
+
+use super::{Find, Found, LoadSteps, RELAXATION_STEPS, StepError};
+use crate::constraint::Constraints;
+use crate::linear::Definiteness;
+use crate::newton::{History, NewtonError, NewtonReport};
+
+/// Bonds of `breaking = "largest"` go with the foremost within this share: mirror images.
+const MIRRORED: f64 = 1e-9;
+
+/// What the load steps of a body that breaks go by.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Control {
+    /// By `t`, which grows: bonds break at given loads.
+    #[default]
+    Load,
+    /// By breaking: `t` is found where the next bond breaks, and may fall.
+    Event,
+}
+
+impl Words for Control {
+    const WORDS: &'static [(&'static str, Control)] =
+        &[("load", Control::Load), ("event", Control::Event)];
+}
+
+/// Which bonds break at a load step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Breaking {
+    /// All that are beyond their criteria.
+    #[default]
+    All,
+    /// The one whose margin is largest over its amount at rest, and its mirror images.
+    Largest,
+}
+
+impl Words for Breaking {
+    const WORDS: &'static [(&'static str, Breaking)] =
+        &[("all", Breaking::All), ("largest", Breaking::Largest)];
+}
+
+/// What becomes of parts that hang on nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Loose {
+    /// They are held where they are, by as few degrees of freedom as do.
+    #[default]
+    Freeze,
+    /// The run ends.
+    Stop,
+}
+
+impl Words for Loose {
+    const WORDS: &'static [(&'static str, Loose)] =
+        &[("freeze", Loose::Freeze), ("stop", Loose::Stop)];
+}
+
+/// How bonds break.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BreakSettings {
+    /// What steps go by.
+    pub control: Control,
+    /// Which bonds break at a load step.
+    pub breaking: Breaking,
+    /// By which share of the way from rest a bond may be behind the foremost and break in one event with it.
+    pub tie: f64,
+    /// After how many events a run ends.
+    pub events: usize,
+    /// What becomes of loose parts.
+    pub loose: Loose,
+}
+
+impl Default for BreakSettings {
+    fn default() -> Self {
+        BreakSettings {
+            control: Control::default(),
+            breaking: Breaking::default(),
+            tie: 1e-9,
+            events: 10_000,
+            loose: Loose::default(),
+        }
+    }
+}
+
+/// Where the energy of a body that breaks went since the start, in J:
+/// `stored + released + relaxed - external - prescribed - quadrature` stays what it was.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Account {
+    /// What bonds held when they broke.
+    pub released: f64,
+    /// What the body gave away at fixed loads after bonds had broken, until it was in equilibrium again: what
+    /// a motion would have carried off.
+    pub relaxed: f64,
+    /// The work of loads, by the trapezoidal rule between equilibria.
+    pub external: f64,
+    /// The work where displacements are prescribed, by the same rule.
+    pub prescribed: f64,
+    /// What that rule misses of the change of the stored energy between equilibria, and what energies
+    /// whose parameters change with `t` gain by that.
+    pub quadrature: f64,
+}
+
+/// What broke at a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Broken {
+    /// How many bonds broke at this step.
+    pub bonds: usize,
+    /// In how many rounds: an equilibrium follows each.
+    pub rounds: usize,
+    /// How many bonds are broken, those that a crack cut included.
+    pub all: usize,
+    /// Where the energy went.
+    pub account: Account,
+}
+
+/// What is written down on the way.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Ledger {
+    account: Account,
+    /// Stored at the present equilibrium, and the most so far, in J.
+    pub(super) energy: f64,
+    pub(super) most: f64,
+    /// `dE/du` there, in N.
+    pull: Vec<f64>,
+    /// The largest 2-norm of reactions and loads so far, in N.
+    scale: f64,
+    /// Since the last record.
+    bonds: usize,
+    rounds: usize,
+    pub(super) notes: Vec<String>,
+    /// How many events there were.
+    pub(super) events: usize,
+}
+
+/// A body that breaks.
+pub(super) struct Fracturing<'a> {
+    pub(super) status: &'a dyn Fracture,
+    pub(super) ledger: Ledger,
+}
+
+impl<'a> Fracturing<'a> {
+    pub(super) fn new(status: &'a dyn Fracture, n_dofs: usize) -> Fracturing<'a> {
+        Fracturing { status, ledger: Ledger { pull: vec![0.0; n_dofs], ..Ledger::default() } }
+    }
+}
+
+/// A status to come back to.
+pub(super) struct Before {
+    broken: Vec<usize>,
+    ledger: Ledger,
+    constraints: Constraints,
+}
+
+/// An equilibrium that is not judged.
+pub(super) type Rested = (Vec<f64>, NewtonReport);
+
+/// What a step that may fail gives.
+pub(super) type Tried<T> = Result<Result<T, NewtonError>, StepError>;
+
+impl<'a> LoadSteps<'a> {
+    /// Breaks bonds at an equilibrium, round by round, until none goes any more.
+    pub(super) fn settle(&mut self, found: Found, loads: &[f64], t: f64) -> Tried<Found> {
+        let Some(before) = self.before_breaking() else { return Ok(Ok(found)) };
+        self.follow(&found.u, &found.report, loads);
+        let nowhere = vec![0.0; found.u.len()];
+        let mut settled = found;
+        loop {
+            let Some(fracture) = &self.fracture else { return Ok(Ok(settled)) };
+            let release = match self.settings.breaking.breaking {
+                Breaking::All => fracture.status.advance(&settled.u, 0.0, (0.0, &nowhere)),
+                Breaking::Largest => fracture.status.advance_foremost(&settled.u, MIRRORED),
+            };
+            let release = match release {
+                Ok(release) if release.bonds == 0 => break,
+                Ok(release) => release,
+                Err(cause) => return self.undo(before, cause.into()),
+            };
+            match self.rest_again(&settled.u, release, loads, t)? {
+                Ok((u, report)) => settled = Found { u, report, ..settled },
+                Err(cause) => return self.undo(before, cause),
+            }
+        }
+        self.judged(settled, before)
+    }
+
+    /// With the judgement of its tangent, if anything broke on the way.
+    fn judged(&mut self, mut settled: Found, before: Before) -> Tried<Found> {
+        let broke = self.fracture.as_ref().is_some_and(|fracture| fracture.ledger.bonds > 0);
+        if broke && self.settings.find == Find::Newton {
+            match self.judge() {
+                Ok(judged) => settled.judged = judged,
+                Err(failure) => {
+                    return self.undo(before, NewtonError { failure, history: History::default() });
+                }
+            }
+        }
+        Ok(Ok(settled))
+    }
+
+    /// What there is to come back to; nothing where nothing breaks.
+    pub(super) fn before_breaking(&self) -> Option<Before> {
+        let Fracturing { status, ledger } = self.fracture.as_ref()?;
+        let (broken, ledger) = (status.broken(), ledger.clone());
+        Some(Before { broken, ledger, constraints: self.constraints.clone() })
+    }
+
+    /// Comes back to the last state: bonds that broke on the way did not.
+    pub(super) fn undo<T>(&mut self, before: Before, cause: NewtonError) -> Tried<T> {
+        let Some(fracture) = &mut self.fracture else { return Ok(Err(cause)) };
+        fracture.status.restore(&before.broken);
+        fracture.ledger = before.ledger;
+        self.newton.forget();
+        if self.constraints != before.constraints {
+            self.constrain(before.constraints)?;
+        }
+        Ok(Err(cause))
+    }
+
+    /// The equilibrium of what is left, at the same loads.
+    pub(super) fn rest_again(
+        &mut self,
+        from: &[f64],
+        release: Release,
+        loads: &[f64],
+        t: f64,
+    ) -> Tried<Rested> {
+        self.newton.forget();
+        if let Some(Fracturing { ledger, .. }) = &self.fracture {
+            // What is left of a body that is cut through carries nothing to compare residuals with.
+            self.newton.compare_with(ledger.scale);
+        }
+        self.hold_loose(t, from, loads)?;
+        let held = match self.energy.energy(from) {
+            Ok(parts) => parts.total(),
+            Err(cause) => return Ok(Err(cause.into())),
+        };
+        let mut u = from.to_vec();
+        let report = match self.settings.find {
+            Find::Newton => self.newton.solve(&mut u, loads),
+            Find::Relaxation => {
+                let most = RELAXATION_STEPS * self.settings.newton.max_iterations;
+                self.newton.relax(&mut u, loads, most)
+            }
+        };
+        let report = match report {
+            Ok(report) => report,
+            Err(cause) => return Ok(Err(cause)),
+        };
+        if let Some(Fracturing { ledger, .. }) = &mut self.fracture {
+            let way: Vec<f64> = u.iter().zip(from).map(|(new, old)| new - old).collect();
+            let (work, stored) = (dot(loads, &way), report.energy.total());
+            ledger.account.released += release.energy;
+            ledger.account.external += work;
+            ledger.account.relaxed += held - stored + work;
+            ledger.bonds += release.bonds;
+            ledger.rounds += 1;
+            ledger.energy = stored;
+            ledger.pull.copy_from_slice(self.newton.internal_forces());
+        }
+        Ok(Ok((u, report)))
+    }
+
+    /// Writes down the way from the present state to an equilibrium of the same body.
+    pub(super) fn follow(&mut self, u: &[f64], report: &NewtonReport, loads: &[f64]) {
+        let Some(Fracturing { ledger, .. }) = &mut self.fracture else { return };
+        let pull = self.newton.internal_forces();
+        let (mut external, mut prescribed) = (0.0, 0.0);
+        for dof in 0..u.len() {
+            let way = 0.5 * (u[dof] - self.u[dof]);
+            external += (self.loads[dof] + loads[dof]) * way;
+            if self.constraints.is_fixed(dof) {
+                let reactions = ledger.pull[dof] - self.loads[dof] + (pull[dof] - loads[dof]);
+                prescribed += reactions * way;
+            }
+        }
+        let stored = report.energy.total();
+        ledger.account.external += external;
+        ledger.account.prescribed += prescribed;
+        ledger.account.quadrature += stored - ledger.energy - external - prescribed;
+        ledger.energy = stored;
+        ledger.most = ledger.most.max(stored);
+        ledger.pull.copy_from_slice(pull);
+        let reactions = self.constraints.fixed().iter().map(|dof| pull[*dof] - loads[*dof]);
+        let force = norm(reactions).max(norm(loads.iter().copied()));
+        ledger.scale = ledger.scale.max(force);
+    }
+
+    /// What broke since the last record, and what is to be said of it.
+    pub(super) fn take_broken(&mut self) -> (Option<Broken>, Vec<String>) {
+        let Some(Fracturing { status, ledger }) = &mut self.fracture else {
+            return (None, Vec::new());
+        };
+        let (bonds, rounds) =
+            (std::mem::take(&mut ledger.bonds), std::mem::take(&mut ledger.rounds));
+        let broken = Broken { bonds, rounds, all: status.counts()[1], account: ledger.account };
+        (Some(broken), std::mem::take(&mut ledger.notes))
+    }
+}
+
+/// How an equilibrium was judged that was not.
+pub(super) fn not_judged(why: &str) -> (Definiteness, Option<f64>) {
+    let method = format!("{why}: not judged");
+    (Definiteness { positive_definite: None, negative_pivots: None, method }, None)
+}

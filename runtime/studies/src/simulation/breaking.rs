@@ -1,0 +1,39 @@
+//! What is told of load steps at which bonds break.
+
+use piola_output::Broken;
+use piola_solvers::steps::StepRecord;
+
+use crate::scene::Scene;
+
+/// What came loose is told in so many warnings at most.
+const MOST_NOTES: usize = 100;
+
+/// What broke, for the tables.
+pub(super) fn told(record: &StepRecord) -> Option<Broken> {
+    let broken = record.broken?;
+    let account = broken.account;
+    Some(Broken {
+        bonds: broken.bonds,
+        rounds: broken.rounds,
+        all: broken.all,
+        released: account.released,
+        relaxed: account.relaxed,
+        external: account.external,
+        prescribed: account.prescribed,
+        quadrature: account.quadrature,
+    })
+}
+
+/// What came loose at a step, where there are not too many warnings yet.
+pub(super) fn notes(record: &StepRecord, n_warnings: usize) -> Vec<String> {
+    if record.broken.is_none() || n_warnings >= MOST_NOTES {
+        return Vec::new();
+    }
+    record.notes.iter().map(|note| format!("at t = {}: {note}", record.t)).collect()
+}
+
+/// Whether there is a frame after so many steps by events: they are spread evenly over the most there may be.
+pub(super) fn has_frame(scene: &Scene, n_steps: usize) -> bool {
+    let stride = scene.steps.events.div_ceil(scene.output.frames.max(1));
+    n_steps.is_multiple_of(stride)
+}

@@ -1,0 +1,326 @@
+//! Load steps of bodies whose bonds break: events that are known in closed form, the account of energy, parts
+//! that come loose, what is refused.
+
+use std::collections::BTreeSet;
+use std::fs;
+
+use crate::fracture::BRITTLE;
+use crate::support::{SceneFolder, number, piola, table};
+
+/// A plate with two notches.
+const NOTCHED: &str = r#"
+[body]
+box = [[0, 0], [1, 0.6]]
+spacing = 0.05
+[horizon]
+spacings = 3.015
+[material]
+potential = "brittle.piola"
+[sets]
+low = "Y < 0.1"
+high = "Y > 0.5"
+[[crack]]
+segment = [[-0.1, 0.3], [0.3, 0.3]]
+[[crack]]
+segment = [[0.7, 0.3], [1.1, 0.3]]
+[fracture]
+unbreakable = ["low", "high"]
+[[prescribe]]
+set = "low"
+u = [0, 0]
+[[prescribe]]
+set = "high"
+u = [0, "0.02*t"]
+[steps]
+increments = 10
+[output]
+frames = 2
+"#;
+
+/// A chain of points one apart, pulled at its ends.
+fn chain(points: usize, spacings: f64, s0: &str, steps: &str) -> SceneFolder {
+    let (last, pulled) = (points - 1, 0.05 * points as f64);
+    let folder = SceneFolder::new(&format!(
+        "[body]\nbox = [[0, 0], [{points}, 1]]\nspacing = 1\n[horizon]\nspacings = {spacings}\nweights = \"volumes\"\n\
+         [material]\npotential = \"brittle.piola\"\nparameters = {{ C = 1, s0 = {s0} }}\n[sets]\n\
+         all = \"X > 0\"\nleft = \"X < 1\"\nright = \"X > {last}\"\n[[prescribe]]\nset = \"all\"\n\
+         u = [\"free\", 0]\n[[prescribe]]\nset = \"left\"\nu = [0, \"free\"]\n[[prescribe]]\n\
+         set = \"right\"\nu = [\"{pulled}*t\", \"free\"]\n[steps]\nincrements = 4\n{steps}"
+    ));
+    folder.file("brittle.piola", BRITTLE);
+    folder
+}
+
+fn notched(change: impl Fn(&str) -> String) -> SceneFolder {
+    let folder = SceneFolder::new(&change(NOTCHED));
+    folder.file("brittle.piola", BRITTLE);
+    folder
+}
+
+/// The columns of a run's `energy.csv` by name, row by row.
+struct Rows {
+    header: Vec<String>,
+    rows: Vec<Vec<f64>>,
+}
+
+impl Rows {
+    fn of(folder: &SceneFolder) -> Rows {
+        let (header, rows) = table(&folder.out().join("energy.csv"));
+        Rows { header, rows }
+    }
+
+    fn column(&self, name: &str) -> Vec<f64> {
+        let at = self.header.iter().position(|x| x == name).unwrap();
+        self.rows.iter().map(|row| row[at]).collect()
+    }
+
+    fn last(&self, name: &str) -> f64 {
+        *self.column(name).last().unwrap()
+    }
+
+    /// `t` and the number of broken bonds where some broke.
+    fn events(&self) -> Vec<(f64, usize)> {
+        let mut before = 0.0;
+        let all = self.column("t").into_iter().zip(self.column("broken_bonds"));
+        let new = all.filter(|(_, broken)| std::mem::replace(&mut before, *broken) != *broken);
+        new.map(|(t, broken)| (t, broken as usize)).collect()
+    }
+
+    /// The account closes to 1e-12 of its largest column at every step.
+    fn close(&self) {
+        let terms = [
+            ("total", 1.0),
+            ("released", 1.0),
+            ("relaxed", 1.0),
+            ("external", -1.0),
+            ("prescribed", -1.0),
+            ("quadrature", -1.0),
+        ];
+        let mut sums = vec![0.0; self.rows.len()];
+        let mut largest = 0.0_f64;
+        for (name, sign) in terms {
+            for (sum, value) in sums.iter_mut().zip(self.column(name)) {
+                *sum += sign * value;
+                largest = largest.max(value.abs());
+            }
+        }
+        assert!(largest > 0.0);
+        assert!(sums.iter().all(|sum| sum.abs() < 1e-12 * largest), "{sums:?} {largest}");
+    }
+}
+
+/// The events of a chain with bonds over one and two spacings, by linear algebra: at each the bond breaks that
+/// has least to go, where all stretches are in proportion to `t`.
+fn expected(points: usize, s0: impl Fn(f64) -> f64) -> Vec<f64> {
+    let place = |k: usize| k as f64 + 0.5;
+    let mut bonds: Vec<(usize, usize)> =
+        [1, 2].iter().flat_map(|far| (0..points - far).map(move |k| (k, k + far))).collect();
+    let pulled = 0.05 * points as f64;
+    let mut times = Vec::new();
+    loop {
+        let n = points;
+        // Rows of K u = 0 with the ends prescribed, at t = 1.
+        let mut rows = vec![vec![0.0; n + 1]; n];
+        for &(i, j) in &bonds {
+            let stiffness = 1.0 / (j - i) as f64;
+            for (own, other) in [(i, j), (j, i)] {
+                rows[own][own] += stiffness;
+                rows[own][other] -= stiffness;
+            }
+        }
+        for (end, value) in [(0, 0.0), (n - 1, pulled)] {
+            rows[end] = vec![0.0; n + 1];
+            (rows[end][end], rows[end][n]) = (1.0, value);
+        }
+        let Some(u) = solved(rows) else { return times };
+        let share = |&(i, j): &(usize, usize)| {
+            let stretch = (u[j] - u[i]) / (j - i) as f64;
+            0.5 * (s0(place(i)) + s0(place(j))) / stretch
+        };
+        let all = bonds.iter().map(share).enumerate().filter(|(_, t)| *t > 0.0);
+        let Some((first, t)) = all.min_by(|p, q| p.1.total_cmp(&q.1)).filter(|e| e.1 < 1e6) else {
+            return times;
+        };
+        times.push(t);
+        bonds.remove(first);
+    }
+}
+
+/// The solution of a linear system by elimination; nothing where it is singular.
+fn solved(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
+    let n = rows.len();
+    for k in 0..n {
+        let pivot = (k..n).max_by(|p, q| rows[*p][k].abs().total_cmp(&rows[*q][k].abs()))?;
+        rows.swap(k, pivot);
+        if rows[k][k].abs() < 1e-9 {
+            return None;
+        }
+        let own = rows[k].clone();
+        for (number, row) in rows.iter_mut().enumerate().filter(|(number, _)| *number != k) {
+            let factor = row[k] / own[k];
+            assert!(number < n);
+            row.iter_mut().zip(&own).for_each(|(x, y)| *x -= factor * y);
+        }
+    }
+    Some((0..n).map(|k| rows[k][n] / rows[k][k]).collect())
+}
+
+/// A bond breaks where its stretch is that of its criterion, and everything that it held is released.
+#[test]
+fn a_bond_breaks_at_its_threshold() {
+    let folder = chain(2, 1.01, "0.01", "control = \"event\"\n");
+    folder.run(&[]).expect(0);
+    let rows = Rows::of(&folder);
+    let events = rows.events();
+    assert_eq!(events.len(), 1);
+    // 0.1 t is the change of a length of 1.
+    assert!((events[0].0 - 0.1).abs() < 1e-9, "{events:?}");
+    assert!((rows.last("released") / 0.5e-4 - 1.0).abs() < 1e-8);
+    assert!((rows.last("prescribed") / 0.5e-4 - 1.0).abs() < 1e-8);
+    assert_eq!(rows.last("total"), 0.0);
+    rows.close();
+}
+
+/// A chain whose bonds have thresholds of their own snaps back, event by event.
+#[test]
+fn a_chain_snaps_back_where_linear_algebra_has_it() {
+    let s0 = |x: f64| 0.01 * (1.0 + 0.4 * libm::sin(7.0 * x));
+    let folder = chain(12, 2.01, "\"0.01*(1 + 0.4*sin(7*X))\"", "control = \"event\"\n");
+    folder.run(&[]).expect(0);
+    let rows = Rows::of(&folder);
+    let (found, expected) = (rows.events(), expected(12, s0));
+    assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");
+    for ((t, _), expected) in found.iter().zip(&expected) {
+        assert!((t / expected - 1.0).abs() < 1e-8, "{found:?} {expected:?}");
+    }
+    assert!(expected.windows(2).any(|pair| pair[1] < 0.9 * pair[0]), "{expected:?}");
+    assert!(rows.last("total") < 1e-12 * rows.last("released"));
+    rows.close();
+}
+
+/// All bonds of a chain break at once, and its points are held where they are; or the run ends.
+#[test]
+fn points_that_come_loose_are_held() {
+    let folder = chain(5, 1.01, "0.01", "");
+    folder.run(&[]).expect(0).says(&["came loose", "translation along x"]);
+    let rows = Rows::of(&folder);
+    assert_eq!(rows.last("broken_bonds"), 4.0);
+    assert_eq!(rows.last("total"), 0.0);
+    rows.close();
+    let step = &folder.summary()["steps"][0];
+    assert_eq!((number(&step["bonds_broke"]), number(&step["rounds"])), (4.0, 1.0));
+    let folder = chain(5, 1.01, "0.01", "[fracture]\nloose = \"stop\"\n");
+    folder.run(&[]).expect(2).says(&["come loose", "(1.5, 0.5)"]);
+}
+
+/// Events come in mirror images, give the same bits for any number of threads, and close their account.
+#[test]
+fn a_plate_with_notches_fails_event_by_event() {
+    let [one, two] = ["1", "2"].map(|threads| {
+        let folder = notched(|scene| scene.replace("[steps]", "[steps]\ncontrol = \"event\""));
+        folder.run(&["--threads", threads]).expect(0);
+        let text = fs::read(folder.out().join("energy.csv")).unwrap();
+        (folder, text)
+    });
+    assert_eq!(one.1, two.1);
+    let rows = Rows::of(&one.0);
+    rows.close();
+    let events = rows.events();
+    assert!(events.len() > 40, "{events:?}");
+    let sizes = events.windows(2).map(|pair| pair[1].1 - pair[0].1);
+    // Bonds that cross a line of symmetry at its middle have one image, others three.
+    assert_eq!(sizes.collect::<BTreeSet<usize>>(), BTreeSet::from([2, 4]));
+    assert!(events.windows(2).any(|pair| pair[1].0 < pair[0].0));
+}
+
+/// By loads and by events a plate gives up the same in the end but for what bonds hold beyond their
+/// thresholds; one by one there are more rounds.
+#[test]
+fn load_steps_break_bonds_in_rounds() {
+    let [all, largest] = ["all", "largest"].map(|which| {
+        let folder =
+            notched(|scene| scene.replace("[steps]", &format!("[steps]\nbreaking = \"{which}\"")));
+        folder.run(&[]).expect(0);
+        let rows = Rows::of(&folder);
+        rows.close();
+        let steps = folder.summary()["steps"].as_array().unwrap().clone();
+        (rows, steps.iter().map(|step| number(&step["rounds"])).sum::<f64>())
+    });
+    assert!(all.1 < largest.1, "{} {}", all.1, largest.1);
+    for (rows, _) in [&all, &largest] {
+        assert!(rows.last("total") < 1e-2 * rows.last("released"));
+        assert!(rows.last("relaxed") > 0.0);
+    }
+}
+
+/// Bonds that broke on the way to an equilibrium that was not found come back: the first attempt at t = 0.2
+/// breaks more than a hundred, two iterations are too few for what is left, and at half the step none breaks.
+#[test]
+fn what_breaks_in_a_failed_attempt_comes_back() {
+    let folder = notched(|scene| scene.to_owned() + "[solver]\nmax_iterations = 2\n");
+    folder.run(&[]).expect(3).says(&["half the increment is tried", "no equilibrium"]);
+    let rows = Rows::of(&folder);
+    let (t, broken) = (rows.column("t"), rows.column("broken_bonds"));
+    assert!((t[1] - 0.15).abs() < 1e-12, "{t:?}");
+    assert_eq!(broken[0], broken[1], "{broken:?}");
+    assert!(rows.last("broken_bonds") < broken[0] + 50.0, "{broken:?}");
+    rows.close();
+}
+
+/// The plate of the examples, on a lattice a fifth as fine: nothing is released but by bonds across the plane,
+/// at their thresholds, and where the last ones go at once.
+#[test]
+fn a_double_notched_plate_releases_the_fracture_energy_of_its_crack() {
+    let scene = "examples/double_notch/scene.toml";
+    let coarse = ["--set", "body.spacing=0.005"];
+    let folder = SceneFolder::new("");
+    let out = folder.path("out");
+    piola(&[&["run", scene, "--out", &out], &coarse[..]].concat()).expect(0);
+    let moduli = [&["moduli", scene, "--format", "json"], &coarse[..]].concat();
+    let found = piola(&moduli).expect(0).json();
+    let gc = number(&found["fracture"]["planes"][0][1]);
+    let (header, rows) = table(&std::path::Path::new(&out).join("energy.csv"));
+    let rows = Rows { header, rows };
+    rows.close();
+    let ratio = rows.last("released") / (gc * 0.1);
+    assert!(1.0 < ratio && ratio < 1.3, "{ratio}");
+    assert!(rows.last("total") < 1e-3 * rows.last("released"));
+}
+
+/// Families lose bonds in load steps, too.
+#[test]
+fn families_break_at_equilibria() {
+    let states = "potential brittle\nparameter C = 1e9\nparameter s0 = 0.01\n\
+                  m = integral(L^2)\ntheta = 2/m*integral(L*(l - L))\npsi(theta) = 1/2*C*theta^2\n\
+                  psi(l, m) = C/m*(l - L)^2\nbreak when l/L - 1 > s0\n";
+    for control in ["load", "event\"\nevents = 6 # \""] {
+        let folder = SceneFolder::new(
+            &NOTCHED.replace("[steps]", &format!("[steps]\ncontrol = \"{control}\"")),
+        );
+        folder.file("brittle.piola", states);
+        folder.run(&[]).expect(0);
+        let rows = Rows::of(&folder);
+        rows.close();
+        assert!(rows.last("released") > 0.0 && rows.events().len() > 1);
+    }
+}
+
+#[test]
+fn keys_of_load_steps_that_break_are_checked() {
+    let of = |from: &str, to: &str, says: &[&str]| {
+        assert!(NOTCHED.contains(from));
+        let folder = notched(|scene| scene.replace(from, to));
+        piola(&["run", &folder.scene(), "--out", &folder.path("out")]).expect(2).says(says);
+    };
+    let steps = |keys: &str, says: &[&str]| of("[steps]", &format!("[steps]\n{keys}"), says);
+    steps("control = \"arc\"", &["unknown-choice", "\"load\" or \"event\""]);
+    steps("tie = 0.1", &["conflicting-keys", "only steps by events"]);
+    steps("control = \"event\"\ntie = 1", &["out-of-range", "tie"]);
+    steps("control = \"event\"\nbreaking = \"all\"", &["conflicting-keys", "breaking"]);
+    steps("control = \"event\"\nfind = \"relaxation\"", &["conflicting-keys", "Newton"]);
+    of("[fracture]", "[fracture]\nloose = \"keep\"", &["loose", "\"freeze\" or \"stop\""]);
+    let folder = notched(|scene| scene.replace("[steps]", "[steps]\ncontrol = \"event\""));
+    folder.file("brittle.piola", BRITTLE.split("break").next().unwrap());
+    let run = piola(&["run", &folder.scene(), "--out", &folder.path("out")]);
+    run.expect(2).says(&["conflicting-keys", "no bond breaks", "control = \"load\""]);
+}

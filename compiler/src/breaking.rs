@@ -2,6 +2,7 @@
 //! functions of a bond like an energy, so they are rewritten, differentiated and compiled by the same code,
 //! and keep their digits near a threshold.
 
+use crate::expression::NodeId;
 use crate::kernel::{Kernel, Mode, WrittenEnergy};
 use crate::measure::Measure;
 use crate::model::{Model, Update};
@@ -36,7 +37,8 @@ impl Criterion {
     }
 }
 
-/// A function of a bond that is no energy, for those who print it.
+/// A function of a bond, or of a triangle or a tetrahedron that breaks, that is no energy: for those who print
+/// it.
 #[derive(Clone, Debug)]
 pub struct BondFunction {
     /// What it is.
@@ -86,27 +88,27 @@ impl Model {
         values: Option<&Values>,
     ) -> Result<Vec<BondFunction>, CompileError> {
         let variant = self.variant(dimension).ok_or(CompileError::WrongDimension(dimension))?;
-        let in_time = values.map(|own| own.clone().with_states(self).with_time_step(self));
-        let make = |measure: Measure, root, span| {
+        let values = values.map(|own| own.clone().with_states(self));
+        let in_time = values.clone().map(|own| own.with_time_step(self));
+        let make = |(measure, root): (Measure, NodeId), span, values: &Option<Values>| {
             let named = Named { argument: measure.symbol(), span };
             let (graph, parameters) = (&variant.graph, self.parameters());
-            let made = match &in_time {
+            named.made(match values {
                 Some(values) => {
                     of_measure(graph, parameters, (measure, root), values, Form::Accurate)
                 }
                 None => symbolic_of(graph, parameters, (measure, root)),
-            };
-            named.made(made)
+            })
         };
         let margin = |(k, one): (usize, &crate::model::Break)| {
             let kind = BondFunctionKind::Margin { number: k + 1, holds_at_zero: one.holds_at_zero };
-            let text = one.text.clone();
-            Ok(BondFunction { kind, text, function: make(one.measure, one.root, one.span)? })
+            let function = make((one.measure, one.root), one.span, &values)?;
+            Ok(BondFunction { kind, text: one.text.clone(), function })
         };
         let next = |one: &Update| {
             let kind = BondFunctionKind::Next(self.input_name(one.state).to_string());
-            let text = one.text.clone();
-            Ok(BondFunction { kind, text, function: make(Measure::Length, one.root, one.span)? })
+            let function = make((Measure::Length, one.root), one.span, &in_time)?;
+            Ok(BondFunction { kind, text: one.text.clone(), function })
         };
         let margins = variant.breaks.iter().enumerate().map(margin);
         margins.chain(variant.updates.iter().map(next)).collect()

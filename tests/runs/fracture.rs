@@ -157,14 +157,24 @@ fn what_cannot_break_is_refused_with_its_place() {
         folder.file("brittle.piola", potential);
         piola(&["run", &folder.scene(), "--out", &folder.path("out")])
     };
+    let (moves, _) = TORN.split_once("[motion]").unwrap();
+    let standing = moves.replace("v = ", "u = ") + "[steps]\nincrements = 2\n";
     let areas = format!("{BRITTLE}psi(a) = (a/A - 1)^2\n");
-    of(TORN, &areas).expect(2).says(&["conflicting-keys", "psi(a)", "coefficients"]);
+    let refused = "the scene has load steps";
+    of(&standing, &areas).expect(2).says(&[
+        "conflicting-keys",
+        "triangles or tetrahedra on",
+        refused,
+    ]);
+    let failing = format!("{areas}break when a/A > 1.1\n");
+    of(&standing, &failing).expect(2).says(&["conflicting-keys", "triangles break", refused]);
+    let softening = "potential p\nstate k = 0\nupdate k = max(k, l/L - 1)\n\
+                     psi(l) = (l/L - 1)^2/(1 + k)\n";
+    of(&standing, softening).expect(2).says(&["conflicting-keys", "bonds remember", refused]);
     let states = format!("{BRITTLE}theta = integral(l/L - 1)\npsi(theta) = theta^2\n");
     let implicit = TORN.replace("[motion]", "[motion]\nmethod = \"midpoint\"");
     of(&implicit, &states).expect(2).says(&["conflicting-keys", "psi(theta)", "explicit"]);
     let whole = BRITTLE.replace("break", "#");
-    let cut = format!("{whole}psi(a) = (a/A - 1)^2\n");
-    of(TORN, &cut).expect(2).says(&["a crack cuts bonds", "scene.toml:14", "psi(a)"]);
     let gradients = format!("{whole}psi(F) = 1e9*(tr(F'*F) - 2 - 2*ln(J))\n");
     of(&implicit, &gradients).expect(2).says(&["psi(F)", "explicit motions"]);
     for (from, to, says) in [
@@ -188,6 +198,43 @@ fn what_cannot_break_is_refused_with_its_place() {
     piola(&["check", &folder.scene()]).expect(0).says(&["idle-entry", "cuts no bond"]);
     let planned = piola(&["plan", &torn(str::to_owned).scene()]).expect(0).stdout;
     assert!(planned.contains("status of bonds"), "{planned}");
+}
+
+/// Bonds that soften before they break: what they lose by it has a column, the account closes, states that
+/// the scene gives count, and a run that was interrupted goes on with the same bits.
+#[test]
+fn bonds_that_remember_leave_an_account() {
+    let soft = "potential soft\nparameter s0 = 0.01\nparameter s1 = 0.03\nstate k = 0\ns = l/L - 1\n\
+                update k = if s > s0 then max(k, s) else k\n\
+                D = if k <= s0 then 0 else (if k >= s1 then 1 else s1*(k - s0)/(k*(s1 - s0)))\n\
+                psi(l) = (if s > 0 then 1 - D else 1)*1e9*L*s^2\nbreak when s > s1\n";
+    let run = |scene: &str, threads: &str| {
+        let folder = SceneFolder::new(scene);
+        folder.file("brittle.piola", soft);
+        folder.run(&["--threads", threads]).expect(0);
+        let bytes = fs::read(folder.out().join("motion.csv")).unwrap();
+        let rounding = number(&folder.summary()["motion"]["rounding"]);
+        assert!(rounding < 1e-12, "{rounding:e}");
+        let (header, rows) = table(&folder.out().join("motion.csv"));
+        let last = |name: &str| {
+            let column = header.iter().position(|x| x == name).unwrap();
+            rows.last().unwrap()[column]
+        };
+        (bytes, ["dissipated", "released", "broken_bonds"].map(last))
+    };
+    let scene = TORN.replace("end = 0.02", "end = 0.01");
+    let (one, [dissipated, released, broken]) = run(&scene, "1");
+    let (two, _) = run(&scene, "2");
+    assert_eq!(one, two, "any number of threads");
+    // What softens is nearly gone when it breaks.
+    assert!(dissipated > 10.0 * released && released >= 0.0 && broken > 20.0);
+    let begun = scene.replace("density = 1000", "density = 1000\nparameters = { k = \"0.02*X\" }");
+    let (_, [less, _, _]) = run(&begun, "1");
+    assert!(less < 0.95 * dissipated, "bonds that begin softer lose less: {less} of {dissipated}");
+    let in_time = scene.replace("density = 1000", "density = 1000\nparameters = { k = \"t\" }");
+    let folder = SceneFolder::new(&in_time);
+    folder.file("brittle.piola", soft);
+    folder.run(&[]).expect(2).says(&["knows no t", "as the potential says"]);
 }
 
 /// Bonds that are beyond their threshold at the start break there, and the account begins behind that.

@@ -127,7 +127,10 @@ pub fn c_of_bonds(model: &Model, functions: &[BondFunction]) -> String {
         let (name, result, meaning) = match kind {
             BondFunctionKind::Margin { number, holds_at_zero } => {
                 let sign = if *holds_at_zero { ">=" } else { ">" };
-                let meaning = format!("A bond breaks where this is {sign} 0: {text}");
+                let meaning = format!(
+                    "A {} breaks where this is {sign} 0: {text}",
+                    function.measure.interaction()
+                );
                 (format!("margin_{number}"), "margin", meaning)
             }
             BondFunctionKind::Next(state) => (

@@ -33,7 +33,8 @@ pub fn latex_of_bonds(model: &Model, functions: &[BondFunction]) -> String {
         }
         if let BondFunctionKind::Margin { number, holds_at_zero } = kind {
             let sign = if *holds_at_zero { r"\ge" } else { ">" };
-            rows.push(format!(r"  &\text{{a bond breaks where }} g_{{{number}}} {sign} 0"));
+            let what = function.measure.interaction();
+            rows.push(format!(r"  &\text{{a {what} breaks where }} g_{{{number}}} {sign} 0"));
         }
     }
     match rows.is_empty() {

@@ -381,3 +381,69 @@ fn tangents_are_those_of_what_bonds_remember() {
     let stored = tangent.multiply(&p);
     assert!(off(&product, &stored, scale) <= 1e-13);
 }
+
+/// Every potential of the library whose bonds remember, after some history: forces are derivatives of the
+/// energy, the tangent is theirs and symmetric, momenta balance, and a turned body has the same energy.
+#[test]
+fn potentials_of_the_library_that_remember_have_one_energy() {
+    let file = reference("damage_small.json");
+    let case = &file["micro_plastic_cloud"][0];
+    let (body, horizon) = cloud(&file, &case["cloud"]);
+    let u1 = body.from_user_order(&numbers(&case["u1"]), 3);
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../potentials");
+    let softening = [("K", 1e3), ("Gc", 5.0), ("s0", 0.03)];
+    let (plastic, tired) = ([("K", 1e3), ("sY", 0.02)], [("K", 1e3), ("Gc", 5.0), ("rate", 1.0)]);
+    for (name, parameters, dt) in [
+        ("bilinear_softening", &softening[..], 0.0),
+        ("exponential_softening", &softening, 0.0),
+        ("micro_plastic", &plastic, 0.0),
+        ("fatigue", &tired, 0.1),
+    ] {
+        let text = std::fs::read_to_string(format!("{folder}/{name}.piola")).unwrap();
+        for level in LEVELS {
+            let energy = remembering((&body, horizon), &text, parameters, level);
+            let before = energy.states();
+            let [far, near] = [1.0, 0.8].map(|f| u1.iter().map(|u| f * u).collect::<Vec<f64>>());
+            let release = energy.advance(&far, dt, (0.0, &far)).unwrap();
+            assert!(release.changed > 0 && energy.states() != before, "{name} remembers");
+            assert!(release.dissipated >= 0.0, "{name} creates no energy");
+            let stored = |u: &[f64]| energy.energy(u).unwrap().total();
+            let mut tangent = piola_runtime::matrix::BlockMatrix::zeros(energy.pattern());
+            let mut forces = vec![0.0; near.len()];
+            energy.tangent(&near, &mut forces, &mut tangent).unwrap();
+            let scale = largest(&forces);
+            let p: Vec<f64> =
+                (0..near.len()).map(|k| ((k * k + 3) % 17) as f64 / 8.0 - 1.0).collect();
+            let q: Vec<f64> =
+                (0..near.len()).map(|k| ((7 * k + 1) % 13) as f64 / 6.0 - 1.0).collect();
+            let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            let moved = |h: f64| near.iter().zip(&p).map(|(u, p)| u + h * p).collect::<Vec<f64>>();
+            let h = 1e-6;
+            let power = (stored(&moved(h)) - stored(&moved(-h))) / (2.0 * h);
+            assert!((power - dot(&forces, &p)).abs() <= 1e-7 * scale * near.len() as f64, "{name}");
+            let (of_p, of_q) = (tangent.multiply(&p), tangent.multiply(&q));
+            let skew = (dot(&of_p, &q) - dot(&of_q, &p)).abs();
+            assert!(skew <= 1e-13 * largest(&of_p) * near.len() as f64, "{name}: {skew:e}");
+            for axis in 0..3 {
+                let (a, b) = ((axis + 1) % 3, (axis + 2) % 3);
+                let points = 0..body.n_points();
+                let sum: f64 = points.clone().map(|i| forces[3 * i + axis]).sum();
+                let x = |i: usize, k: usize| body.position(i)[k] + near[3 * i + k];
+                let turn: f64 =
+                    points.map(|i| x(i, a) * forces[3 * i + b] - x(i, b) * forces[3 * i + a]).sum();
+                assert!(sum.abs().max(turn.abs()) <= 1e-13 * scale * near.len() as f64, "{name}");
+            }
+            let (sine, cosine) = (0.6, 0.8);
+            let turned: Vec<f64> = (0..body.n_points())
+                .flat_map(|i| {
+                    let rest = body.position(i);
+                    let x: [f64; 3] = std::array::from_fn(|k| rest[k] + near[3 * i + k]);
+                    let y = [cosine * x[0] - sine * x[1], sine * x[0] + cosine * x[1], x[2]];
+                    std::array::from_fn::<f64, 3, _>(|k| y[k] - rest[k])
+                })
+                .collect();
+            let all = stored(&near);
+            assert!((stored(&turned) - all).abs() <= 1e-11 * all, "{name}");
+        }
+    }
+}

@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use piola_mechanics::energy::EnergyParts;
+use piola_mechanics::fracture::Release;
 use piola_mechanics::kernel::Measure;
 
 use super::balance::Row;
@@ -16,6 +17,12 @@ use crate::watch::Event;
 /// The critical step is looked at again after so many steps, and at the end: a body that is stretched
 /// gets stiffer.
 const STEPS_BETWEEN_LOOKS: usize = 1000;
+
+/// How notes of energy from nothing begin.
+const CREATED: &str = "breaking creates energy";
+
+/// Which part of the largest column of the account a step must create to be told.
+const TOLD: f64 = 1e-9;
 
 /// How exactly it is then: few products.
 pub(super) const LOOK: Precision = Precision { tolerance: 1e-2, products: 30 };
@@ -74,19 +81,33 @@ impl Motion<'_> {
         if !released.has_changed() {
             return Ok(());
         }
-        self.balance.release(&released);
+        self.take_in(&released);
         self.ask_forces(wants_row)
     }
 
-    /// Breaks what has gone too far in a step, and changes what bonds remember, before forces. Those of the
-    /// step that is over counted for the share `over` of it in s: of an implicit one, over which forces in its
-    /// middle count, for none.
+    /// Takes what bonds leave into the account, and tells when energy comes out of nothing for the first time.
+    fn take_in(&mut self, released: &Release) {
+        self.balance.release(released);
+        let gained = -(released.energy.min(0.0) + released.dissipated.min(0.0));
+        let is_told = self.notes.iter().any(|note| note.contains(CREATED));
+        if gained > TOLD * self.balance.largest() && !is_told {
+            let t = self.time(self.done);
+            self.notes.push(format!(
+                "{CREATED} from t = {t:e} s on, {gained:e} J in a step: families that lose bonds have other \
+                 gradients and sums, or what bonds remember creates it"
+            ));
+        }
+    }
+
+    /// Breaks what has gone too far in a step, and changes what bonds remember, before forces. Those that go
+    /// count as having acted over the last `over` s, up to now: behind an implicit step, over which forces in
+    /// its middle count, for none.
     pub(super) fn change_status(&mut self, over: f64) -> Result<(), MotionError> {
         if let Some(fracture) = self.energy.fracture() {
             let released = fracture.advance(&self.u.value, self.dt, (over, &self.v.value));
             let released = released.map_err(|cause| self.not_finite(cause))?;
             if released.has_changed() {
-                self.balance.release(&released);
+                self.take_in(&released);
             }
         }
         Ok(())

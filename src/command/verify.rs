@@ -95,6 +95,23 @@ fn words(witness: Witness) -> (&'static str, &'static str) {
     }
 }
 
+/// What came out, in a word or two.
+fn verdict(found: &Verification) -> &'static str {
+    match found.outcome() {
+        Outcome::Passed => "passed",
+        Outcome::DigitsLost => "DIGITS LOST",
+        Outcome::Wrong => "WRONG",
+    }
+}
+
+/// Whether machine code is what was compiled.
+fn bits(found: &Verification, places: &str) -> String {
+    match found.different_bits {
+        0 => "machine code = interpreter to the last bit".to_string(),
+        n => format!("machine code differs from the interpreter at {n} {places}"),
+    }
+}
+
 /// What was found for one energy, in words.
 fn report(place: &str, found: &Verification, text: &str) -> String {
     if let Subject::Margin(condition) = &found.subject {
@@ -115,15 +132,7 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
         }
         Subject::Coupled(..) => ("points", "largest errors in u = 2^-53 of the largest part", 0),
     };
-    let verdict = match found.outcome() {
-        Outcome::Passed => "passed",
-        Outcome::DigitsLost => "DIGITS LOST",
-        Outcome::Wrong => "WRONG",
-    };
-    let bits = match found.different_bits {
-        0 => "machine code = interpreter to the last bit".to_string(),
-        n => format!("machine code differs from the interpreter at {n} {places}"),
-    };
+    let (verdict, bits) = (verdict(found), bits(found, places));
     let orders = found.subject.orders();
     let errors = found.errors.iter().map(|errors| {
         let of =
@@ -165,11 +174,7 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
 
 /// The same of a condition under which bonds break.
 fn report_margin(place: &str, condition: &str, found: &Verification) -> String {
-    let verdict = if found.passed() { "passed" } else { "WRONG" };
-    let bits = match found.different_bits {
-        0 => "machine code = interpreter to the last bit".to_string(),
-        n => format!("machine code differs from the interpreter at {n} points"),
-    };
+    let (verdict, bits) = (verdict(found), bits(found, "points"));
     let largest = found.errors.iter().fold(0.0, |most: f64, errors| most.max(errors.largest[0]));
     let judged = match largest {
         0.0 => "every bond is judged as written".to_string(),
@@ -189,15 +194,7 @@ fn report_margin(place: &str, condition: &str, found: &Verification) -> String {
 
 /// The same of what a state becomes.
 fn report_next_state(place: &str, next: &str, found: &Verification) -> String {
-    let verdict = match found.outcome() {
-        Outcome::Passed => "passed",
-        Outcome::DigitsLost => "DIGITS LOST",
-        Outcome::Wrong => "WRONG",
-    };
-    let bits = match found.different_bits {
-        0 => "machine code = interpreter to the last bit".to_string(),
-        n => format!("machine code differs from the interpreter at {n} points"),
-    };
+    let (verdict, bits) = (verdict(found), bits(found, "points"));
     let largest = found.errors.iter().fold(0.0, |most: f64, errors| most.max(errors.largest[0]));
     let points = found.n_places;
     let mut out = format!(

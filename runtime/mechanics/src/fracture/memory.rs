@@ -126,7 +126,7 @@ impl Memory {
         intact: impl Fn(usize) -> bool + Sync,
     ) -> Result<Changes, NonFinite> {
         let Range { start, end } = owners;
-        // A tenth of a chunk of those that are judged, which work out less.
+        // An eighth of those that are judged: here every bond is worked out.
         let size = CHUNK / 8;
         let chunks: Vec<Range<usize>> =
             (start..end).step_by(size).map(|k| k..end.min(k + size)).collect();

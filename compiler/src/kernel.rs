@@ -367,11 +367,16 @@ impl Model {
         kernels: &mut Vec<Kernel>,
     ) -> Result<Vec<Dropped>, CompileError> {
         let specialised = self.specialise_as(values, form)?;
-        for energy in specialised.energies {
+        for mut energy in specialised.energies {
             let measure = energy.measure;
+            let follows = measure == Measure::Length && values.follow_states(self);
+            if follows {
+                energy = self.consistent(&energy, values, form)?;
+            }
             let written = || self.written(values, measure);
             let mut kernel = Kernel::new(energy, (mode, form), written)?;
-            if form == Form::Accurate
+            if !follows
+                && form == Form::Accurate
                 && mode != Mode::HyperDual
                 && let Some(energy) = self.squared(values, measure)
             {

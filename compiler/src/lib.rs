@@ -19,6 +19,7 @@ mod breaking;
 pub mod check;
 mod clique;
 pub mod compile;
+mod consistent;
 pub mod coupled;
 mod density;
 pub mod differentiate;

@@ -321,6 +321,11 @@ impl Model {
         self.parameters.get(number).map_or(TIME_STEP, |parameter| &parameter.name)
     }
 
+    /// The number of the time step, where there are updates.
+    pub(crate) fn number_of_time_step(&self) -> Option<u16> {
+        (!self.updates().is_empty()).then_some(self.parameters.len() as u16)
+    }
+
     /// The number of the time step, where some update depends on it.
     pub(crate) fn time_step(&self) -> Option<u16> {
         let number = self.parameters.len() as u16;

@@ -52,16 +52,20 @@ impl Values {
     }
 
     /// The same with the states of a model among the fields: each bond has its own.
-    pub fn with_states(mut self, model: &Model) -> Values {
-        self.fields.extend(model.states().map(|state| state as u16));
-        self.fields.sort_unstable();
-        self.fields.dedup();
-        self
+    pub fn with_states(self, model: &Model) -> Values {
+        model.states().fold(self, |values, state| values.with_field(state as u16))
     }
 
     /// The same with the time step, where updates depend on it, behind all fields.
-    pub(crate) fn with_time_step(mut self, model: &Model) -> Values {
-        self.fields.extend(model.time_step());
+    pub(crate) fn with_time_step(self, model: &Model) -> Values {
+        model.time_step().into_iter().fold(self, Values::with_field)
+    }
+
+    /// The same with a parameter among the fields.
+    pub(crate) fn with_field(mut self, number: u16) -> Values {
+        if let Err(place) = self.fields.binary_search(&number) {
+            self.fields.insert(place, number);
+        }
         self
     }
 
@@ -138,8 +142,8 @@ impl Model {
         }
         let states = self.states().map(|state| state as u16);
         let states: Vec<u16> = states.filter(|state| !fields.contains(state)).collect();
-        // A time step is one more input.
-        let n_inputs = fields.len() + states.len() + usize::from(self.time_step().is_some());
+        // A time step is one more input: load steps tell it all bonds that remember.
+        let n_inputs = fields.len() + states.len() + usize::from(!self.updates().is_empty());
         if n_inputs > MAX_FIELDS {
             let last = fields.last().or(states.last()).copied().unwrap_or_default();
             errors.push(ValueError {

@@ -57,6 +57,8 @@ pub struct Broken {
     pub all: usize,
     /// What bonds held when they broke.
     pub released: f64,
+    /// What bonds that remember lost as they came to remember something else.
+    pub dissipated: f64,
     /// What the body gave away behind that at fixed loads.
     pub relaxed: f64,
     /// The work of loads.

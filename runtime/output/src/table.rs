@@ -33,8 +33,15 @@ pub fn reactions_table(history: &History) -> String {
 }
 
 /// Columns of what broke, behind those of the energies.
-const BROKEN: [&str; 6] =
-    ["released", "relaxed", "external", "prescribed", "quadrature", "broken_bonds"];
+const BROKEN: [&str; 7] = [
+    "released",
+    "dissipated",
+    "relaxed",
+    "external",
+    "prescribed",
+    "quadrature",
+    "broken_bonds",
+];
 
 /// `energy.csv`: `t,total`, then every part of the energy by its name, `psi(l)`; in J. Of a body that breaks
 /// the account of energy behind that, `released` to `quadrature`, and how many bonds are broken.
@@ -47,10 +54,10 @@ pub fn energy_table(history: &History) -> String {
         let values = history.parts.iter().map(|part| step.energy_parts.of(part));
         let mut row: Vec<f64> =
             [step.t, step.energy_parts.total()].into_iter().chain(values).collect();
-        if let Some(Broken { released, relaxed, external, prescribed, quadrature, all, .. }) =
-            step.broken
-        {
-            row.extend([released, relaxed, external, prescribed, quadrature, all as f64]);
+        if let Some(broken) = step.broken {
+            let Broken { released, dissipated, relaxed, external, prescribed, .. } = broken;
+            row.extend([released, dissipated, relaxed, external, prescribed]);
+            row.extend([broken.quadrature, broken.all as f64]);
         }
         table.row(&row);
     }

@@ -19,7 +19,7 @@ const SHORTEST: f64 = 1.0 / 1024.0;
 /// A state along the Newton step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Trial {
-    /// `E - f.u` in J.
+    /// `E - f.u` in J; not a number where that is no potential of the forces, then residuals alone decide.
     pub(super) potential: f64,
     /// Derivative of the potential along the full Newton step, in J.
     pub(super) slope: f64,

@@ -106,6 +106,8 @@ pub struct Newton<'a> {
     start_term: f64,
     /// What residuals are compared with beside reactions and loads, in N.
     scale: f64,
+    /// Whether the energy is a potential of the forces.
+    has_potential: bool,
     /// Whether a shorter step ends a solve.
     full_steps_only: bool,
     /// Whether the linear solver holds the factors of `tangent`.
@@ -138,6 +140,7 @@ impl<'a> Newton<'a> {
             started_from: None,
             start_term: Forcing::start(settings.variant),
             scale: 0.0,
+            has_potential: true,
             full_steps_only: false,
             gradient: vec![0.0; constraints.n_dofs()],
             parts: vec![0.0; energy.parts().len()],
@@ -159,6 +162,12 @@ impl<'a> Newton<'a> {
     /// large forces are.
     pub fn compare_with(&mut self, scale: f64) {
         self.scale = scale;
+    }
+
+    /// From now on residuals alone say how far a step goes: forces may not be derivatives of the energy, as
+    /// where bonds come to remember something else on the way.
+    pub fn without_potential(&mut self) {
+        self.has_potential = false;
     }
 
     /// The linear solver: its method and its estimate.
@@ -512,7 +521,7 @@ impl<'a> Newton<'a> {
         let residual = |&dof: &usize| gradient[dof] - loads[dof];
         let free = self.constraints.free();
         Trial {
-            potential: total(parts) - dot(loads, u),
+            potential: if self.has_potential { total(parts) - dot(loads, u) } else { f64::NAN },
             slope: free.iter().fold(0.0, |sum, dof| sum + residual(dof) * direction[*dof]),
             residual: norm(free.iter().map(residual)),
         }

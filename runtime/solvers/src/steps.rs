@@ -197,6 +197,9 @@ impl<'a> LoadSteps<'a> {
         }
         let mut newton = Newton::new(energy, &constraints, settings.newton, linear)?;
         newton.watched(watch);
+        if energy.fracture().is_some_and(|status| status.n_states() > 0) {
+            newton.without_potential();
+        }
         let fracture = energy.fracture().map(|status| Fracturing::new(status, n_dofs));
         let mut steps = LoadSteps {
             energy,
@@ -247,11 +250,13 @@ impl<'a> LoadSteps<'a> {
         }
         let loads = self.loads(t)?;
         let last = self.last(t)?;
+        self.follow_memory(t - self.t);
         let found = self.search(last, &loads, t);
         let found = match found {
             Ok(found) => self.settle(found, &loads, t)?,
             Err(cause) => Err(cause),
         };
+        self.hold_memory();
         self.times.add(&self.newton.take_times());
         match found {
             Ok(found) => self.take(found, loads, t, nominal),

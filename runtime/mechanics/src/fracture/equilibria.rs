@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use super::criteria::margin::Foremost;
-use super::{Breaking, Fracture as _, Release, Status};
+use super::memory::Memory;
+use super::{Breaking, Fracture as _, Held, Release, Status};
 use crate::energy::{Energy as _, NonFinite};
 use crate::matrix::BlockMatrix;
 
@@ -35,6 +36,32 @@ impl Breaking {
         let mut status = self.change();
         let release = status.energy.break_bonds(u, (0.0, &nowhere), bonds)?;
         status.note(&self.neighborhood, bonds);
+        Ok(release)
+    }
+
+    /// See [`super::Fracture::evolve`].
+    pub(super) fn evolve_states(
+        &self,
+        [from, to]: [&[f64]; 2],
+        dt: f64,
+    ) -> Result<Release, NonFinite> {
+        let mut release = Release::default();
+        self.memory.set_time_step(-1.0);
+        let Status { energy, is_broken, .. } = &*self.now();
+        let around = (&*self.body, &*self.neighborhood);
+        let nowhere = vec![0.0; to.len()];
+        for owners in Memory::blocks(&self.neighborhood) {
+            let changes = self.memory.changes(around, (to, dt), owners, |bond| !is_broken[bond])?;
+            let held = |u: &[f64]| {
+                let mut held = vec![Held::default(); changes.bonds.len()];
+                energy.add_held(u, (0.0, &nowhere), &changes.bonds, &mut held)?;
+                Ok(held.iter().fold(0.0, |sum, one| sum + one.energy))
+            };
+            let before = [held(from)?, held(to)?];
+            self.memory.make(&changes);
+            release.dissipated += 0.5 * (before[0] - held(from)? + (before[1] - held(to)?));
+            release.changed += changes.bonds.len();
+        }
         Ok(release)
     }
 

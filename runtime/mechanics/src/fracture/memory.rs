@@ -25,7 +25,7 @@ pub struct NextState {
     /// The number of the state among the fields of its law.
     pub field: usize,
     /// The next value, in the place of psi. It takes the fields of the law, and behind them the time in s
-    /// since the last change if it takes one more.
+    /// since the last change if it takes one more; where the law has a field for the time step it is there.
     pub next: Box<dyn Law>,
 }
 
@@ -228,6 +228,11 @@ impl Memory {
         }
     }
 
+    /// Lets laws follow what bonds come to remember in `dt` s; below 0 they hold what bonds remember.
+    pub(super) fn set_time_step(&self, dt: f64) {
+        self.layers.iter().for_each(|rules| rules.fields.set_time_step(dt));
+    }
+
     /// How many states a bond has.
     pub(super) fn n_states(&self) -> usize {
         self.states().count()
@@ -253,13 +258,15 @@ impl Rules {
         batch.fill(bonds.len(), |lane| (bonds[lane].xi, bonds[lane].eta, 1.0));
         if element.n_fields() > 0 {
             let own = self.fields.of_law(law);
-            let knows_time = element.n_fields() > own.len();
+            let time_step = self.fields.time_steps().iter().find(|field| own.contains(field));
+            let place = time_step.map_or(own.len(), |field| field - own.start);
             batch.take_fields_of_bonds((&*self.fields, own), |lane| {
                 (bonds[lane].ends, bonds[lane].bond)
             });
-            if knows_time {
-                let n = batch.fields.len() + batch.padded_len();
-                batch.fields.resize(n, dt);
+            if element.n_fields() > place {
+                let padded = batch.padded_len();
+                batch.fields.resize(element.n_fields() * padded, dt);
+                batch.fields[place * padded..][..padded].fill(dt);
             }
         }
         let evaluated = element.evaluate(batch, Order::Energy, out);

@@ -120,6 +120,27 @@ pub trait Fracture: Sync {
     /// As [`Fracture::advance`].
     fn advance_behind_forces(&self, u: &[f64], way: (f64, &[f64])) -> Result<Release, NonFinite>;
 
+    /// From now on energies follow what bonds come to remember in `dt` s, as load steps ask: forces are those
+    /// at the states that bonds come to, and the tangent is their derivative, where the laws are made for it;
+    /// energies at these states are no potential of the forces. With nothing they are again what they are
+    /// between changes of the status.
+    fn follow(&self, dt: Option<f64>);
+
+    /// Bonds remember what they come to at displacements `to`, `dt` s after the last time, on a way from
+    /// displacements `from`, in m; none breaks, and energies follow nothing any more. What is dissipated is
+    /// the mean of what the change takes from the energy at both ends of the way, which is of second order
+    /// in the way: the fall of the energy at `to` alone would count the way beyond what held.
+    ///
+    /// # Errors
+    /// As [`Fracture::advance`].
+    fn evolve(&self, ways: [&[f64]; 2], dt: f64) -> Result<Release, NonFinite>;
+
+    /// Breaks the bonds whose criteria say so at displacements `u` in m; what others remember stays.
+    ///
+    /// # Errors
+    /// As [`Fracture::advance`].
+    fn advance_bonds(&self, u: &[f64]) -> Result<Release, NonFinite>;
+
     /// How many numbers each bond remembers.
     fn n_states(&self) -> usize;
 
@@ -395,6 +416,19 @@ impl Fracture for Breaking {
         let exceeding = self.now().energy.exceeding();
         let breaking = self.judge(u, &exceeding.unwrap_or_else(|| self.all_owners()))?;
         self.break_all(u, way, &breaking)
+    }
+
+    fn follow(&self, dt: Option<f64>) {
+        self.memory.set_time_step(dt.unwrap_or(-1.0));
+    }
+
+    fn evolve(&self, ways: [&[f64]; 2], dt: f64) -> Result<Release, NonFinite> {
+        self.evolve_states(ways, dt)
+    }
+
+    fn advance_bonds(&self, u: &[f64]) -> Result<Release, NonFinite> {
+        let breaking = self.judge(u, &self.all_owners())?;
+        self.break_all(u, (0.0, &vec![0.0; u.len()]), &breaking)
     }
 
     fn n_states(&self) -> usize {

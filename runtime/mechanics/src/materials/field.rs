@@ -21,6 +21,9 @@ pub struct Fields {
     is_steady: bool,
     /// Which of them are states.
     is_state: Vec<bool>,
+    /// Which of them are the time step in which laws follow their states, at most one of each law: it is
+    /// below 0 where states are held.
+    time_steps: Vec<usize>,
     /// What bonds have of each that is one, by their numbers; once there are bonds.
     of_bonds: OnceLock<Vec<Option<Box<[AtomicU64]>>>>,
 }
@@ -38,14 +41,33 @@ impl Fields {
         let nothing = || AtomicU64::new(f64::NAN.to_bits());
         let values = (0..n_points * typical.len()).map(|_| nothing()).collect();
         let is_state = vec![false; typical.len()];
-        let of_bonds = OnceLock::new();
-        Fields { n_points, first, typical, values, is_steady, is_state, of_bonds }
+        let (time_steps, of_bonds) = (Vec::new(), OnceLock::new());
+        Fields { n_points, first, typical, values, is_steady, is_state, time_steps, of_bonds }
     }
 
     /// The same where some fields are states: each bond has a value of its own.
     pub fn with_states(self, is_state: Vec<bool>) -> Fields {
         assert_eq!(is_state.len(), self.len(), "one for each field");
         Fields { is_state, ..self }
+    }
+
+    /// The same where some fields, by their numbers, are the time step in s: see
+    /// [`Fields::set_time_step`]. They are not steady.
+    pub fn with_time_steps(self, time_steps: Vec<usize>) -> Fields {
+        let is_steady = self.is_steady && time_steps.is_empty();
+        Fields { is_steady, time_steps, ..self }
+    }
+
+    /// The fields that are the time step, by their numbers.
+    pub(crate) fn time_steps(&self) -> &[usize] {
+        &self.time_steps
+    }
+
+    /// Gives all points a time step in s; below 0 for laws that hold their states.
+    pub(crate) fn set_time_step(&self, dt: f64) {
+        for field in &self.time_steps {
+            (0..self.n_points).for_each(|point| self.set(*field, point, dt));
+        }
     }
 
     /// Gives bonds, by their numbers with these ends, the states that they begin with: the mean of what

@@ -89,11 +89,13 @@ impl Default for BreakSettings {
 }
 
 /// Where the energy of a body that breaks went since the start, in J:
-/// `stored + released + relaxed - external - prescribed - quadrature` stays what it was.
+/// `stored + released + dissipated + relaxed - external - prescribed - quadrature` stays what it was.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Account {
     /// What bonds held when they broke.
     pub released: f64,
+    /// What bonds that remember lost as they came to remember something else.
+    pub dissipated: f64,
     /// What the body gave away at fixed loads after bonds had broken, until it was in equilibrium again: what
     /// a motion would have carried off.
     pub relaxed: f64,
@@ -148,11 +150,17 @@ impl<'a> Fracturing<'a> {
     pub(super) fn new(status: &'a dyn Fracture, n_dofs: usize) -> Fracturing<'a> {
         Fracturing { status, ledger: Ledger { pull: vec![0.0; n_dofs], ..Ledger::default() } }
     }
+
+    /// The status, where bonds remember anything.
+    fn memory(&self) -> Option<&'a dyn Fracture> {
+        Some(self.status).filter(|status| status.n_states() > 0)
+    }
 }
 
 /// A status to come back to.
 pub(super) struct Before {
     broken: Vec<usize>,
+    states: Vec<f64>,
     ledger: Ledger,
     constraints: Constraints,
 }
@@ -167,13 +175,15 @@ impl<'a> LoadSteps<'a> {
     /// Breaks bonds at an equilibrium, round by round, until none goes any more.
     pub(super) fn settle(&mut self, found: Found, loads: &[f64], t: f64) -> Tried<Found> {
         let Some(before) = self.before_breaking() else { return Ok(Ok(found)) };
-        self.follow(&found.u, &found.report, loads);
-        let nowhere = vec![0.0; found.u.len()];
+        match self.evolve(&self.u.clone(), &found.u, t - self.t) {
+            Ok(dissipated) => self.follow(&found.u, &found.report, (loads, dissipated)),
+            Err(cause) => return self.undo(before, cause),
+        }
         let mut settled = found;
         loop {
             let Some(fracture) = &self.fracture else { return Ok(Ok(settled)) };
             let release = match self.settings.breaking.breaking {
-                Breaking::All => fracture.status.advance(&settled.u, 0.0, (0.0, &nowhere)),
+                Breaking::All => fracture.status.advance_bonds(&settled.u),
                 Breaking::Largest => fracture.status.advance_foremost(&settled.u, MIRRORED),
             };
             let release = match release {
@@ -206,14 +216,43 @@ impl<'a> LoadSteps<'a> {
     /// What there is to come back to; nothing where nothing breaks.
     pub(super) fn before_breaking(&self) -> Option<Before> {
         let Fracturing { status, ledger } = self.fracture.as_ref()?;
-        let (broken, ledger) = (status.broken(), ledger.clone());
-        Some(Before { broken, ledger, constraints: self.constraints.clone() })
+        let (broken, states) = (status.broken(), status.states());
+        let (ledger, constraints) = (ledger.clone(), self.constraints.clone());
+        Some(Before { broken, states, ledger, constraints })
+    }
+
+    /// Lets bonds come to remember something else in `dt` s on the way to the next equilibrium; they remember
+    /// it after [`LoadSteps::evolve`].
+    pub(super) fn follow_memory(&mut self, dt: f64) {
+        if let Some(memory) = self.fracture.as_ref().and_then(Fracturing::memory) {
+            memory.follow(Some(dt));
+            self.newton.forget();
+        }
+    }
+
+    /// Holds what bonds remember.
+    pub(super) fn hold_memory(&mut self) {
+        if let Some(memory) = self.fracture.as_ref().and_then(Fracturing::memory) {
+            memory.follow(None);
+            self.newton.forget();
+        }
+    }
+
+    /// Bonds remember what they came to at an equilibrium; what is dissipated by that, in J.
+    fn evolve(&mut self, from: &[f64], to: &[f64], dt: f64) -> Result<f64, NewtonError> {
+        let memory = self.fracture.as_ref().and_then(Fracturing::memory);
+        let Some(memory) = memory else { return Ok(0.0) };
+        let release = memory.evolve([from, to], dt)?;
+        // Rounds that follow are at the same time.
+        memory.follow(Some(0.0));
+        Ok(release.dissipated)
     }
 
     /// Comes back to the last state: bonds that broke on the way did not.
     pub(super) fn undo<T>(&mut self, before: Before, cause: NewtonError) -> Tried<T> {
         let Some(fracture) = &mut self.fracture else { return Ok(Err(cause)) };
         fracture.status.restore(&before.broken);
+        fracture.status.remember(&before.states);
         fracture.ledger = before.ledger;
         self.newton.forget();
         if self.constraints != before.constraints {
@@ -252,12 +291,17 @@ impl<'a> LoadSteps<'a> {
             Ok(report) => report,
             Err(cause) => return Ok(Err(cause)),
         };
+        let dissipated = match self.evolve(from, &u, 0.0) {
+            Ok(dissipated) => dissipated,
+            Err(cause) => return Ok(Err(cause)),
+        };
         if let Some(Fracturing { ledger, .. }) = &mut self.fracture {
             let way: Vec<f64> = u.iter().zip(from).map(|(new, old)| new - old).collect();
             let (work, stored) = (dot(loads, &way), report.energy.total());
             ledger.account.released += release.energy;
+            ledger.account.dissipated += dissipated;
             ledger.account.external += work;
-            ledger.account.relaxed += held - stored + work;
+            ledger.account.relaxed += held - stored - dissipated + work;
             ledger.bonds += release.bonds;
             ledger.rounds += 1;
             ledger.energy = stored;
@@ -266,8 +310,14 @@ impl<'a> LoadSteps<'a> {
         Ok(Ok((u, report)))
     }
 
-    /// Writes down the way from the present state to an equilibrium of the same body.
-    pub(super) fn follow(&mut self, u: &[f64], report: &NewtonReport, loads: &[f64]) {
+    /// Writes down the way from the present state to an equilibrium of the same body, with what bonds that
+    /// remember dissipated on it.
+    pub(super) fn follow(
+        &mut self,
+        u: &[f64],
+        report: &NewtonReport,
+        (loads, dissipated): (&[f64], f64),
+    ) {
         let Some(Fracturing { ledger, .. }) = &mut self.fracture else { return };
         let pull = self.newton.internal_forces();
         let (mut external, mut prescribed) = (0.0, 0.0);
@@ -282,7 +332,9 @@ impl<'a> LoadSteps<'a> {
         let stored = report.energy.total();
         ledger.account.external += external;
         ledger.account.prescribed += prescribed;
-        ledger.account.quadrature += stored - ledger.energy - external - prescribed;
+        ledger.account.dissipated += dissipated;
+        ledger.account.quadrature +=
+            stored + dissipated - ledger.energy - external - prescribed;
         ledger.energy = stored;
         ledger.most = ledger.most.max(stored);
         ledger.pull.copy_from_slice(pull);

@@ -98,7 +98,7 @@ impl<'a> LoadSteps<'a> {
             Ok(rested) => rested,
             Err(cause) => return self.undo(before, cause),
         };
-        self.follow(&u, &report, &place.loads);
+        self.follow(&u, &report, (&place.loads, 0.0));
         let mut found = Found { u, start: None, report, judged: not_judged("event") };
         if is_event {
             match self.break_foremost(&found, &place)? {

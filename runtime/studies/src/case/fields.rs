@@ -125,6 +125,10 @@ impl Field {
                 Err(found) => errors.extend(found),
             }
         }
+        if values.follow_states(model) {
+            // Energies hold what bonds remember, but where load steps say otherwise.
+            fields.extend(Field::even("dt", -1.0, material.potential.span));
+        }
         if errors.is_empty() { Ok(fields) } else { Err(CaseError::Scene(scene.report(errors))) }
     }
 
@@ -234,7 +238,11 @@ impl<'a> FieldsInTime<'a> {
                 is_steady &= potential.fields.iter().all(|field| field.is_steady);
             }
             let fields = Fields::new(case.body.n_points(), &typical, is_steady);
-            let fields = fields.with_states(is_state.concat());
+            let follow = case.potentials.iter().zip(&places).filter(|(one, place)| {
+                place.1 == layer && one.values.follow_states(&one.model)
+            });
+            let time_steps = follow.map(|(_, (law, _))| fields.of_law(*law).end - 1).collect();
+            let fields = fields.with_states(is_state.concat()).with_time_steps(time_steps);
             (!fields.is_empty()).then(|| Arc::new(fields))
         };
         let fields = FieldsInTime { case, layers: (0..n_layers).map(of_layer).collect() };
@@ -463,8 +471,8 @@ impl Case {
     pub fn has_fields(&self) -> bool {
         let varies = |potential: &Potential| {
             let is_parameter = |field: &u16| {
-                let parameter = &potential.model.parameters()[usize::from(*field)];
-                !parameter.is_state
+                let parameters = potential.model.parameters();
+                parameters.get(usize::from(*field)).is_some_and(|parameter| !parameter.is_state)
             };
             potential.values.fields.iter().any(is_parameter)
         };

@@ -64,7 +64,7 @@ impl Case {
         breaking
     }
 
-    /// Refuses load steps of bodies that break or remember as these cannot: attempts at an equilibrium that
+    /// Refuses load steps of bodies that break as these cannot: attempts at an equilibrium that
     /// come to nothing put back bonds alone.
     ///
     /// # Errors
@@ -82,7 +82,6 @@ impl Case {
             let what = match breaks.iter().find(|one| one.measure != Measure::Length) {
                 Some(other) if other.measure == Measure::Area => "triangles break",
                 Some(_) => "tetrahedra break",
-                None if !one.model.updates().is_empty() => "bonds remember",
                 None if !breaks.is_empty() && has_cliques() => {
                     "bonds break, with triangles or tetrahedra on them,"
                 }
@@ -90,25 +89,37 @@ impl Case {
             };
             let message = format!("{what} in {name}, and the scene has load steps");
             let found = Diagnostic::error("conflicting-keys", material.potential.span, message)
-                .label("in load steps bonds break alone, and remember nothing")
+                .label("in load steps bonds break alone")
                 .help("write [motion] with an `end` in s, in place of [steps]");
             return Err(CaseError::Scene(self.scene.report(vec![found])));
         }
         Ok(())
     }
 
-    /// Refuses steps by events where nothing breaks.
+    /// Refuses steps by events where nothing breaks, or bonds remember: where a margin is 0 is not asked
+    /// along the way on which these change.
     pub(super) fn check_events(&self) -> Result<(), CaseError> {
-        let breaks = self.potentials.iter().any(|one| !one.model.breaks().is_empty());
         let by_events = self.scene.steps.control == Control::Event && self.scene.motion.is_none();
-        if breaks || !by_events {
+        if !by_events {
             return Ok(());
         }
-        let material = self.scene.material();
-        let message = "the steps go by events, and no bond breaks: no potential has a `break when`";
-        let found = Diagnostic::error("conflicting-keys", material.potential.span, message);
-        let help = "write control = \"load\" in [steps], or take a potential with `break when`";
-        Err(CaseError::Scene(self.scene.report(vec![found.help(help)])))
+        let mut all = self.potentials.iter().zip(&self.scene.materials);
+        let breaks = self.potentials.iter().any(|one| !one.model.breaks().is_empty());
+        let (span, message, help) = match all.find(|(one, _)| !one.model.updates().is_empty()) {
+            Some((one, material)) => (
+                material.potential.span,
+                format!("the steps go by events, and bonds of {} remember", one.model.name()),
+                "write control = \"load\" in [steps], or [motion] in its place",
+            ),
+            None if !breaks => (
+                self.scene.material().potential.span,
+                "the steps go by events, and no bond breaks: no potential has a `break when`".into(),
+                "write control = \"load\" in [steps], or take a potential with `break when`",
+            ),
+            None => return Ok(()),
+        };
+        let found = Diagnostic::error("conflicting-keys", span, message).help(help);
+        Err(CaseError::Scene(self.scene.report(vec![found])))
     }
 
     /// Warnings of cracks that cut nothing, and of those that run through points.

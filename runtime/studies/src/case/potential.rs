@@ -96,6 +96,9 @@ impl Potential {
         };
         let (_, model) = checked.map_err(|found| wrong(&text, found))?;
         let mut values = values(scene, material, &model)?.with_states(&model);
+        if scene.motion.is_none() {
+            values = values.following_states(&model);
+        }
         let mut fields = Vec::new();
         if matches!(scene.body.points, Points::Lattice(_)) {
             let of = (&model, &values);
@@ -147,6 +150,15 @@ impl Potential {
     pub(crate) fn compile(&self, scene: &Scene) -> Result<Compiled, CaseError> {
         let solver = &scene.solver;
         let by_coordinates = solver.derivatives == DerivativeSource::HyperdualCoordinates;
+        if solver.derivatives == DerivativeSource::Hyperdual
+            && self.values.follow_states(&self.model)
+        {
+            let message =
+                "bonds that remember need symbolic derivatives in load steps: hyper-dual numbers hold what \
+                 they remember"
+                    .to_string();
+            return Err(CaseError::Body { message });
+        }
         if by_coordinates && !self.values.fields.is_empty() {
             let message =
                 "derivatives by hyper-dual coordinates know no parameters that vary and no states: choose \

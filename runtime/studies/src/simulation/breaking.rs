@@ -17,6 +17,7 @@ pub(super) fn told(record: &StepRecord) -> Option<Broken> {
         rounds: broken.rounds,
         all: broken.all,
         released: account.released,
+        dissipated: account.dissipated,
         relaxed: account.relaxed,
         external: account.external,
         prescribed: account.prescribed,

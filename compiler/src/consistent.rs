@@ -1,0 +1,146 @@
+//! Bonds that remember, at load steps: energies at the states that bonds come to within the step.
+//!
+//! Before: psi, psi' and psi'' of a bond with states `p` held, and what each state becomes, `P(l, p, dt)`.
+//! After: psi and psi' at `p = P(l, p, dt)`, and the derivative of that psi' by the length,
+//! `psi'' + sum dpsi'/dp dP/dl`, the consistent tangent: a bond's force is a function of its length alone, so
+//! the tangent of the body stays symmetric whatever the update. A time step below 0 stands for states that
+//! are held: then all three are what they were.
+
+use crate::differentiate::derivative_by;
+use crate::expression::{Comparison, Input, Node, NodeId, TooManyNodes};
+use crate::measure::Measure;
+use crate::model::{Model, Update};
+use crate::simplify::Simplifier;
+use crate::specialise::{CompileError, Form, Named, ScalarEnergy, folded, of_measure};
+use crate::values::Values;
+
+impl Values {
+    /// The same for load steps: with states and the time step in s among the fields, where the model has
+    /// updates. Energies of bonds then follow what bonds come to remember in that time, and hold what they
+    /// remember where the time step is below 0, as its typical value is.
+    pub fn following_states(self, model: &Model) -> Values {
+        let Some(dt) = model.number_of_time_step() else { return self };
+        let mut values = self.with_states(model).with_field(dt);
+        values.parameters[usize::from(dt)] = -1.0;
+        values
+    }
+
+    /// Whether energies of bonds follow what bonds come to remember.
+    pub fn follow_states(&self, model: &Model) -> bool {
+        model.number_of_time_step().is_some_and(|dt| self.fields.contains(&dt))
+    }
+}
+
+impl Model {
+    /// An energy of bonds at what they come to remember, for values that
+    /// [follow states](Values::following_states).
+    pub(crate) fn consistent(
+        &self,
+        energy: &ScalarEnergy,
+        values: &Values,
+        form: Form,
+    ) -> Result<ScalarEnergy, CompileError> {
+        let depends = |state: usize| {
+            energy.graph.depends_on(&energy.roots, Input::Parameter(state as u16))
+        };
+        let (Some(dt), Some(variant)) =
+            (self.number_of_time_step(), self.variant(values.dimension))
+        else {
+            return Ok(energy.clone());
+        };
+        if !self.updates().iter().any(|update| depends(update.state)) {
+            return Ok(energy.clone());
+        }
+        let next = |update: &Update| {
+            let subject = (Measure::Length, update.root);
+            let named = Named { argument: Measure::Length.symbol(), span: update.span };
+            let next = of_measure(&variant.graph, self.parameters(), subject, values, form);
+            Ok(Next { state: update.state as u16, function: named.made(next)? })
+        };
+        let next = variant.updates.iter().map(next).collect::<Result<Vec<Next>, CompileError>>()?;
+        let span = variant.energies.iter().find(|one| one.measure == Measure::Length);
+        let named = Named {
+            argument: Measure::Length.symbol(),
+            span: span.map_or(Default::default(), |one| one.span),
+        };
+        let made = named.made(composed(energy, &next, dt, values))?;
+        named.fits(&made.graph)?;
+        Ok(made)
+    }
+}
+
+/// What a state becomes, with its derivative by the length.
+struct Next {
+    state: u16,
+    function: ScalarEnergy,
+}
+
+/// The energy with the next states in the place of the states.
+fn composed(
+    energy: &ScalarEnergy,
+    next: &[Next],
+    dt: u16,
+    values: &Values,
+) -> Result<ScalarEnergy, TooManyNodes> {
+    // With states held: psi, psi', psi'', then the derivative of psi' by each state.
+    let (mut held, place) = folded(&energy.graph, &energy.roots)?;
+    let mut roots: Vec<NodeId> = energy.roots.iter().map(|root| place[root.0 as usize]).collect();
+    for Next { state, .. } in next {
+        let by_state = |graph: &mut Simplifier, input| match input {
+            Input::Parameter(number) if number == *state => graph.number(1.0).map(Some),
+            _ => Ok(None),
+        };
+        let slope = roots[1];
+        let derivative = derivative_by(&mut held, slope, &by_state)?;
+        roots.push(derivative.map_or_else(|| held.number(0.0), Ok)?);
+    }
+    let mut graph = Simplifier::new();
+    let zero = graph.number(0.0)?;
+    let step = graph.input(Input::Parameter(dt))?;
+    let follows = graph.make(Node::Compare(Comparison::GreaterEqual, step, zero))?;
+    let (mut states, mut rates) = (Vec::new(), Vec::new());
+    for Next { state, function } in next {
+        let [value, rate, _] = function.roots;
+        let found = placed(&mut graph, function, &[value, rate], |_| None)?;
+        let now = graph.input(Input::Parameter(*state))?;
+        states.push((*state, graph.make(Node::Select(follows, found[0], now))?));
+        rates.push(found[1]);
+    }
+    let of_state = |input| match input {
+        Input::Parameter(number) => states.iter().find(|one| one.0 == number).map(|one| one.1),
+        _ => None,
+    };
+    let held = ScalarEnergy { graph: held.graph().clone(), ..energy.clone() };
+    let roots = placed(&mut graph, &held, &roots, of_state)?;
+    let mut curvature = roots[2];
+    for (mixed, rate) in roots[3..].iter().zip(rates) {
+        let product = graph.multiply(*mixed, rate)?;
+        curvature = graph.add(curvature, product)?;
+    }
+    let curvature = graph.make(Node::Select(follows, curvature, roots[2]))?;
+    let (graph, roots) = graph.graph().extract(&[roots[0], roots[1], curvature]);
+    let roots = [roots[0], roots[1], roots[2]];
+    Ok(ScalarEnergy { measure: energy.measure, graph, roots, fields: values.typical().collect() })
+}
+
+/// Some roots of a function in another graph, with other nodes in the place of inputs.
+fn placed(
+    graph: &mut Simplifier,
+    function: &ScalarEnergy,
+    roots: &[NodeId],
+    instead: impl Fn(Input) -> Option<NodeId>,
+) -> Result<Vec<NodeId>, TooManyNodes> {
+    let needed = function.graph.reachable(roots);
+    let mut place = vec![NodeId(0); function.graph.len()];
+    for (id, node) in function.graph.nodes().filter(|(id, _)| needed[id.0 as usize]) {
+        let other = match node {
+            Node::Input(input) => instead(input),
+            _ => None,
+        };
+        place[id.0 as usize] = match other {
+            Some(other) => other,
+            None => graph.make(node.map_operands(|x| place[x.0 as usize]))?,
+        };
+    }
+    Ok(roots.iter().map(|root| place[root.0 as usize]).collect())
+}

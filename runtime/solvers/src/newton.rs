@@ -590,6 +590,14 @@ impl<'a> Newton<'a> {
         Ok(definiteness)
     }
 
+    /// Works out forces and tangent at displacements in m, to be judged there.
+    ///
+    /// # Errors
+    /// What is not finite.
+    pub fn look_at(&mut self, u: &[f64]) -> Result<(), NewtonFailure> {
+        Ok(self.evaluate(u, true)?)
+    }
+
     /// The condition of the tangent just judged, on the free degrees of freedom, where it can be
     /// estimated.
     pub fn condition(&mut self) -> Result<Option<f64>, NewtonFailure> {

@@ -7,6 +7,7 @@
 mod breaking;
 mod events;
 mod loose;
+mod memory;
 mod outcome;
 mod start;
 
@@ -250,11 +251,16 @@ impl<'a> LoadSteps<'a> {
         }
         let loads = self.loads(t)?;
         let last = self.last(t)?;
-        self.follow_memory(t - self.t);
-        let found = self.search(last, &loads, t);
-        let found = match found {
+        self.follow_memory(Some(t - self.t));
+        let found = match self.search(last.clone(), &loads, t) {
             Ok(found) => self.settle(found, &loads, t)?,
             Err(cause) => Err(cause),
+        };
+        let found = match found {
+            Err(cause) if self.remembers() && smaller_may_help(&cause.failure) => {
+                self.by_turns(last, &loads, t)?
+            }
+            found => found,
         };
         self.hold_memory();
         self.times.add(&self.newton.take_times());

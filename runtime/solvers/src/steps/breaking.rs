@@ -8,6 +8,7 @@ use piola_mechanics::fracture::{Fracture, Release};
 use piola_mechanics::vector::{dot, norm};
 use piola_mechanics::words::Words;
 
+use super::memory::Evolved;
 use super::{Find, Found, LoadSteps, RELAXATION_STEPS, StepError};
 use crate::constraint::Constraints;
 use crate::linear::Definiteness;
@@ -144,15 +145,18 @@ pub(super) struct Ledger {
 pub(super) struct Fracturing<'a> {
     pub(super) status: &'a dyn Fracture,
     pub(super) ledger: Ledger,
+    /// See [`LoadSteps::take_turns`].
+    pub(super) takes_turns: bool,
 }
 
 impl<'a> Fracturing<'a> {
     pub(super) fn new(status: &'a dyn Fracture, n_dofs: usize) -> Fracturing<'a> {
-        Fracturing { status, ledger: Ledger { pull: vec![0.0; n_dofs], ..Ledger::default() } }
+        let ledger = Ledger { pull: vec![0.0; n_dofs], ..Ledger::default() };
+        Fracturing { status, ledger, takes_turns: false }
     }
 
     /// The status, where bonds remember anything.
-    fn memory(&self) -> Option<&'a dyn Fracture> {
+    pub(super) fn memory(&self) -> Option<&'a dyn Fracture> {
         Some(self.status).filter(|status| status.n_states() > 0)
     }
 }
@@ -176,22 +180,23 @@ impl<'a> LoadSteps<'a> {
     pub(super) fn settle(&mut self, found: Found, loads: &[f64], t: f64) -> Tried<Found> {
         let Some(before) = self.before_breaking() else { return Ok(Ok(found)) };
         match self.evolve(&self.u.clone(), &found.u, t - self.t) {
-            Ok(dissipated) => self.follow(&found.u, &found.report, (loads, dissipated)),
+            Ok(evolved) => self.follow(&found.u, &found.report, (loads, evolved)),
             Err(cause) => return self.undo(before, cause),
         }
         let mut settled = found;
-        loop {
-            let Some(fracture) = &self.fracture else { return Ok(Ok(settled)) };
+        for round in 1.. {
+            let Some(fracture) = &mut self.fracture else { return Ok(Ok(settled)) };
+            let is_on_its_way = fracture.goes_on(&settled.report, round);
             let release = match self.settings.breaking.breaking {
                 Breaking::All => fracture.status.advance_bonds(&settled.u),
                 Breaking::Largest => fracture.status.advance_foremost(&settled.u, MIRRORED),
             };
             let release = match release {
-                Ok(release) if release.bonds == 0 => break,
+                Ok(release) if release.bonds == 0 && !is_on_its_way => break,
                 Ok(release) => release,
                 Err(cause) => return self.undo(before, cause.into()),
             };
-            match self.rest_again(&settled.u, release, loads, t)? {
+            match self.rest(&settled.u, release, (loads, t), round)? {
                 Ok((u, report)) => settled = Found { u, report, ..settled },
                 Err(cause) => return self.undo(before, cause),
             }
@@ -199,15 +204,21 @@ impl<'a> LoadSteps<'a> {
         self.judged(settled, before)
     }
 
-    /// With the judgement of its tangent, if anything broke on the way.
+    /// With the judgement of its tangent, where rounds led to it.
     fn judged(&mut self, mut settled: Found, before: Before) -> Tried<Found> {
-        let broke = self.fracture.as_ref().is_some_and(|fracture| fracture.ledger.bonds > 0);
-        if broke && self.settings.find == Find::Newton {
-            match self.judge() {
-                Ok(judged) => settled.judged = judged,
-                Err(failure) => {
-                    return self.undo(before, NewtonError { failure, history: History::default() });
-                }
+        let Some(fracture) = &self.fracture else { return Ok(Ok(settled)) };
+        if fracture.ledger.rounds == 0 || self.settings.find != Find::Newton {
+            return Ok(Ok(settled));
+        }
+        let mut looked = Ok(());
+        if fracture.takes_turns {
+            self.take_turns(false);
+            looked = self.newton.look_at(&settled.u);
+        }
+        match looked.and_then(|()| self.judge()) {
+            Ok(judged) => settled.judged = judged,
+            Err(failure) => {
+                return self.undo(before, NewtonError { failure, history: History::default() });
             }
         }
         Ok(Ok(settled))
@@ -215,37 +226,10 @@ impl<'a> LoadSteps<'a> {
 
     /// What there is to come back to; nothing where nothing breaks.
     pub(super) fn before_breaking(&self) -> Option<Before> {
-        let Fracturing { status, ledger } = self.fracture.as_ref()?;
+        let Fracturing { status, ledger, .. } = self.fracture.as_ref()?;
         let (broken, states) = (status.broken(), status.states());
         let (ledger, constraints) = (ledger.clone(), self.constraints.clone());
         Some(Before { broken, states, ledger, constraints })
-    }
-
-    /// Lets bonds come to remember something else in `dt` s on the way to the next equilibrium; they remember
-    /// it after [`LoadSteps::evolve`].
-    pub(super) fn follow_memory(&mut self, dt: f64) {
-        if let Some(memory) = self.fracture.as_ref().and_then(Fracturing::memory) {
-            memory.follow(Some(dt));
-            self.newton.forget();
-        }
-    }
-
-    /// Holds what bonds remember.
-    pub(super) fn hold_memory(&mut self) {
-        if let Some(memory) = self.fracture.as_ref().and_then(Fracturing::memory) {
-            memory.follow(None);
-            self.newton.forget();
-        }
-    }
-
-    /// Bonds remember what they came to at an equilibrium; what is dissipated by that, in J.
-    fn evolve(&mut self, from: &[f64], to: &[f64], dt: f64) -> Result<f64, NewtonError> {
-        let memory = self.fracture.as_ref().and_then(Fracturing::memory);
-        let Some(memory) = memory else { return Ok(0.0) };
-        let release = memory.evolve([from, to], dt)?;
-        // Rounds that follow are at the same time.
-        memory.follow(Some(0.0));
-        Ok(release.dissipated)
     }
 
     /// Comes back to the last state: bonds that broke on the way did not.
@@ -269,6 +253,19 @@ impl<'a> LoadSteps<'a> {
         loads: &[f64],
         t: f64,
     ) -> Tried<Rested> {
+        match self.solve_again(from, loads, t)? {
+            Ok(again) => Ok(self.book(from, again, release, loads)),
+            Err(cause) => Ok(Err(cause)),
+        }
+    }
+
+    /// The same before it is judged or written down, with the energy in J that was there before.
+    pub(super) fn solve_again(
+        &mut self,
+        from: &[f64],
+        loads: &[f64],
+        t: f64,
+    ) -> Tried<(Rested, f64)> {
         self.newton.forget();
         if let Some(Fracturing { ledger, .. }) = &self.fracture {
             // What is left of a body that is cut through carries nothing to compare residuals with.
@@ -287,27 +284,31 @@ impl<'a> LoadSteps<'a> {
                 self.newton.relax(&mut u, loads, most)
             }
         };
-        let report = match report {
-            Ok(report) => report,
-            Err(cause) => return Ok(Err(cause)),
-        };
-        let dissipated = match self.evolve(from, &u, 0.0) {
-            Ok(dissipated) => dissipated,
-            Err(cause) => return Ok(Err(cause)),
-        };
+        Ok(report.map(|report| ((u, report), held)))
+    }
+
+    /// Bonds remember what they come to at an equilibrium of what is left, and the way there is written down.
+    pub(super) fn book(
+        &mut self,
+        from: &[f64],
+        ((u, report), held): (Rested, f64),
+        release: Release,
+        loads: &[f64],
+    ) -> Result<Rested, NewtonError> {
+        let evolved = self.evolve(from, &u, 0.0)?;
         if let Some(Fracturing { ledger, .. }) = &mut self.fracture {
             let way: Vec<f64> = u.iter().zip(from).map(|(new, old)| new - old).collect();
-            let (work, stored) = (dot(loads, &way), report.energy.total());
+            let (work, stored) = (dot(loads, &way), report.energy.total() - evolved.behind);
             ledger.account.released += release.energy;
-            ledger.account.dissipated += dissipated;
+            ledger.account.dissipated += evolved.dissipated;
             ledger.account.external += work;
-            ledger.account.relaxed += held - stored - dissipated + work;
+            ledger.account.relaxed += held - stored - evolved.dissipated + work;
             ledger.bonds += release.bonds;
             ledger.rounds += 1;
             ledger.energy = stored;
             ledger.pull.copy_from_slice(self.newton.internal_forces());
         }
-        Ok(Ok((u, report)))
+        Ok((u, report))
     }
 
     /// Writes down the way from the present state to an equilibrium of the same body, with what bonds that
@@ -316,7 +317,7 @@ impl<'a> LoadSteps<'a> {
         &mut self,
         u: &[f64],
         report: &NewtonReport,
-        (loads, dissipated): (&[f64], f64),
+        (loads, evolved): (&[f64], Evolved),
     ) {
         let Some(Fracturing { ledger, .. }) = &mut self.fracture else { return };
         let pull = self.newton.internal_forces();
@@ -329,12 +330,11 @@ impl<'a> LoadSteps<'a> {
                 prescribed += reactions * way;
             }
         }
-        let stored = report.energy.total();
+        let (stored, dissipated) = (report.energy.total() - evolved.behind, evolved.dissipated);
         ledger.account.external += external;
         ledger.account.prescribed += prescribed;
         ledger.account.dissipated += dissipated;
-        ledger.account.quadrature +=
-            stored + dissipated - ledger.energy - external - prescribed;
+        ledger.account.quadrature += stored + dissipated - ledger.energy - external - prescribed;
         ledger.energy = stored;
         ledger.most = ledger.most.max(stored);
         ledger.pull.copy_from_slice(pull);
@@ -345,7 +345,7 @@ impl<'a> LoadSteps<'a> {
 
     /// What broke since the last record, and what is to be said of it.
     pub(super) fn take_broken(&mut self) -> (Option<Broken>, Vec<String>) {
-        let Some(Fracturing { status, ledger }) = &mut self.fracture else {
+        let Some(Fracturing { status, ledger, .. }) = &mut self.fracture else {
             return (None, Vec::new());
         };
         let (bonds, rounds) =

@@ -7,6 +7,7 @@
 //! there says how exactly, and so on, with the event between the two last `t` once it has been passed.
 
 use super::breaking::{Before, Rested, Tried, not_judged};
+use super::memory::Evolved;
 use super::{Attempt, Event, Found, LoadSteps, NotGiven, StepError, StepRecord, smaller_may_help};
 use crate::march::Advance;
 use crate::newton::{History, NewtonError, NewtonFailure};
@@ -98,7 +99,7 @@ impl<'a> LoadSteps<'a> {
             Ok(rested) => rested,
             Err(cause) => return self.undo(before, cause),
         };
-        self.follow(&u, &report, (&place.loads, 0.0));
+        self.follow(&u, &report, (&place.loads, Evolved::default()));
         let mut found = Found { u, start: None, report, judged: not_judged("event") };
         if is_event {
             match self.break_foremost(&found, &place)? {

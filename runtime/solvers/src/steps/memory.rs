@@ -1,0 +1,141 @@
+//! Bonds that remember, at load steps.
+//!
+//! On the way to an equilibrium bonds come to remember something else with every step of Newton's method
+//! ([`Fracture::follow`]), and remember it once it is found. Where none is found that way, as where softening
+//! bonds carry less the further they are stretched, they take turns: an equilibrium with what bonds
+//! remember, then what they come to remember there, and again, at the same loads.
+
+use piola_mechanics::fracture::Release;
+
+use super::breaking::{Fracturing, Rested, Tried};
+use super::{Found, LoadSteps, smaller_may_help};
+use crate::newton::{NewtonError, NewtonReport};
+
+/// Most turns at one load.
+const MOST_ROUNDS: usize = 10_000;
+
+/// After so many rounds of turns, and after twice as many each time, the equilibrium is looked for once more
+/// with bonds that follow.
+const FIRST_TRY: usize = 4;
+
+/// What bonds that remember lost at an equilibrium, in J.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Evolved {
+    pub(super) dissipated: f64,
+    /// How much less is stored than was found at the equilibrium.
+    pub(super) behind: f64,
+}
+
+impl Fracturing<'_> {
+    /// Whether bonds have another turn after an equilibrium: they may come to remember something else as long
+    /// as it moves.
+    pub(super) fn goes_on(&mut self, report: &NewtonReport, round: usize) -> bool {
+        let moves = self.takes_turns && report.iterations > 0;
+        if moves && round == MOST_ROUNDS {
+            let residual = report.history.residual.last().copied().unwrap_or_default();
+            self.ledger.notes.push(format!(
+                "what bonds remember does not settle in {MOST_ROUNDS} rounds: the last began with a residual of {residual:.2e} N"
+            ));
+        }
+        moves && round < MOST_ROUNDS
+    }
+}
+
+impl LoadSteps<'_> {
+    /// Whether bonds remember anything.
+    pub(super) fn remembers(&self) -> bool {
+        self.fracture.as_ref().and_then(Fracturing::memory).is_some()
+    }
+
+    /// Lets bonds come to remember something else in `dt` s on the way to the next equilibrium, or hold what
+    /// they remember.
+    pub(super) fn follow_memory(&mut self, dt: Option<f64>) {
+        if let Some(memory) = self.fracture.as_ref().and_then(Fracturing::memory) {
+            memory.follow(dt);
+            self.newton.forget();
+        }
+    }
+
+    /// Holds what bonds remember, and ends their turns.
+    pub(super) fn hold_memory(&mut self) {
+        if let Some(fracture) = &mut self.fracture {
+            fracture.takes_turns = false;
+        }
+        self.follow_memory(None);
+    }
+
+    /// From now on bonds take turns, or they follow in no time.
+    pub(super) fn take_turns(&mut self, takes_turns: bool) {
+        if let Some(fracture) = &mut self.fracture {
+            fracture.takes_turns = takes_turns;
+        }
+        self.follow_memory((!takes_turns).then_some(0.0));
+    }
+
+    fn takes_turns(&self) -> bool {
+        self.fracture.as_ref().is_some_and(|fracture| fracture.takes_turns)
+    }
+
+    /// Bonds remember what they come to at an equilibrium, `dt` s after the last one. Where they held what
+    /// they remembered on the way there, the energy falls once it is found, by all that is dissipated.
+    pub(super) fn evolve(
+        &mut self,
+        from: &[f64],
+        to: &[f64],
+        dt: f64,
+    ) -> Result<Evolved, NewtonError> {
+        let takes_turns = self.takes_turns();
+        let memory = self.fracture.as_ref().and_then(Fracturing::memory);
+        let Some(memory) = memory else { return Ok(Evolved::default()) };
+        let from = if takes_turns { to } else { from };
+        let dissipated = memory.evolve([from, to], dt)?.dissipated;
+        if takes_turns {
+            return Ok(Evolved { dissipated, behind: dissipated });
+        }
+        // Rounds that follow are at the same time.
+        memory.follow(Some(0.0));
+        Ok(Evolved { dissipated, behind: 0.0 })
+    }
+
+    /// The equilibrium at `t` by turns, from displacements `last` on.
+    pub(super) fn by_turns(&mut self, last: Vec<f64>, loads: &[f64], t: f64) -> Tried<Found> {
+        self.take_turns(true);
+        match self.search(last, loads, t) {
+            Ok(found) => self.settle(found, loads, t),
+            Err(cause) => Ok(Err(cause)),
+        }
+    }
+
+    /// The equilibrium of what is left at the same loads, where this is the round of that number: by turns
+    /// where there is no other.
+    pub(super) fn rest(
+        &mut self,
+        from: &[f64],
+        release: Release,
+        (loads, t): (&[f64], f64),
+        round: usize,
+    ) -> Tried<Rested> {
+        let may_do_without = round >= FIRST_TRY && round.is_power_of_two();
+        if self.takes_turns() && may_do_without {
+            self.take_turns(false);
+            // Where it is not stable turns lead away from it.
+            if let Ok(again) = self.solve_again(from, loads, t)?
+                && self.newton.judge().is_ok_and(|judged| judged.positive_definite == Some(true))
+            {
+                return Ok(self.book(from, again, release, loads));
+            }
+            self.take_turns(true);
+        }
+        match self.rest_again(from, release, loads, t)? {
+            Err(cause)
+                if self.remembers()
+                    && !self.takes_turns()
+                    && smaller_may_help(&cause.failure) =>
+            {
+                self.take_turns(true);
+                self.rest_again(from, release, loads, t)
+            }
+            rested => Ok(rested),
+        }
+    }
+}

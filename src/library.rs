@@ -89,6 +89,7 @@ pub(crate) const LIBRARY: &[Entry] = entries![
     "prototype_microelastic_brittle" is Bond,
     "silling2000" is Bond,
     "st_venant_kirchhoff" is Solid,
+    "standard_linear_solid" is Bond,
     "tension_only" is Bond,
     "yeoh" is Rubber,
 ];

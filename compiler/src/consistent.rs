@@ -40,9 +40,8 @@ impl Model {
         values: &Values,
         form: Form,
     ) -> Result<ScalarEnergy, CompileError> {
-        let depends = |state: usize| {
-            energy.graph.depends_on(&energy.roots, Input::Parameter(state as u16))
-        };
+        let depends =
+            |state: usize| energy.graph.depends_on(&energy.roots, Input::Parameter(state as u16));
         let (Some(dt), Some(variant)) =
             (self.number_of_time_step(), self.variant(values.dimension))
         else {

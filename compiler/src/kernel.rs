@@ -320,6 +320,21 @@ impl WrittenEnergy {
         self.evaluate_with(measure, reference, None::<fn(usize) -> f64>)
     }
 
+    /// The same with some parameters, by their numbers, that vary.
+    pub(crate) fn evaluate_at_states<N: Number>(
+        &self,
+        measure: N,
+        reference: N,
+        state: impl Fn(u16) -> Option<N>,
+    ) -> N {
+        self.energy.sum(|input| match input {
+            Input::Current(_) => measure.clone(),
+            Input::Reference(_) => reference.clone(),
+            Input::Parameter(number) if let Some(own) = state(number) => own,
+            _ => self.energy.known(input, None::<&fn(usize) -> f64>),
+        })
+    }
+
     /// The same with the values of fields, by their places among them; else they have typical ones.
     fn evaluate_with<N: Number>(
         &self,

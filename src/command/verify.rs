@@ -131,6 +131,13 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
             ("points", "largest errors against hyper-dual numbers in u = 2^-53", 0)
         }
         Subject::Coupled(..) => ("points", "largest errors in u = 2^-53 of the largest part", 0),
+        Subject::Following => {
+            ("points", "largest errors in roundings of the value and what it takes", 0)
+        }
+    };
+    let place = match found.subject {
+        Subject::Following => format!("{place} load steps,"),
+        _ => place.to_string(),
     };
     let (verdict, bits) = (verdict(found), bits(found, places));
     let orders = found.subject.orders();
@@ -346,7 +353,7 @@ fn place_of(subject: &Subject, miss: &Miss) -> String {
             let (m, rest) = (miss.place[0], miss.place[1]);
             format!("{symbol} = {m:e}, {} = {rest:e}", measure.reference_symbol())
         }
-        Subject::Margin(_) | Subject::NextState(_) => {
+        Subject::Margin(_) | Subject::NextState(_) | Subject::Following => {
             format!("l = {:e}, L = {:e}", miss.place[0], miss.place[1])
         }
         Subject::Coupled(_, symbols) => {

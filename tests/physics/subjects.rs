@@ -74,7 +74,11 @@ fn of_the_library(name: &str) -> Vec<Material> {
         "silling2000" => vec![bonds_in_space("silling2000")],
         "prototype_microelastic_brittle" => vec![bonds_in_space("prototype_microelastic_brittle")],
         // Bonds that remember: `runtime/tests/motion/states` tries them.
-        "bilinear_softening" | "exponential_softening" | "micro_plastic" | "fatigue" => Vec::new(),
+        "bilinear_softening"
+        | "exponential_softening"
+        | "micro_plastic"
+        | "fatigue"
+        | "standard_linear_solid" => Vec::new(),
         "miranda_modified_stretch" => vec![bonds_in_space("miranda_modified_stretch")],
         "tension_only" => bonds("tension_only", "C1", C[0]).into(),
         // As stiff at rest: psi'' = 2*alpha^2*D/L with alpha = 3, and 72*D/L.

@@ -91,6 +91,7 @@ impl Rows {
         let terms = [
             ("total", 1.0),
             ("released", 1.0),
+            ("dissipated", 1.0),
             ("relaxed", 1.0),
             ("external", -1.0),
             ("prescribed", -1.0),
@@ -323,4 +324,143 @@ fn keys_of_load_steps_that_break_are_checked() {
     folder.file("brittle.piola", BRITTLE.split("break").next().unwrap());
     let run = piola(&["run", &folder.scene(), "--out", &folder.path("out")]);
     run.expect(2).says(&["conflicting-keys", "no bond breaks", "control = \"load\""]);
+}
+
+/// A chain whose bonds remember, with parameters of its own and what its end does.
+fn remembering(points: usize, potential: &str, pulled: &str, steps: &str) -> SceneFolder {
+    let last = points - 1;
+    let folder = SceneFolder::new(&format!(
+        "[body]\nbox = [[0, 0], [{points}, 1]]\nspacing = 1\n[horizon]\nspacings = 1.01\nweights = \"volumes\"\n\
+         [material]\npotential = \"law.piola\"\n[sets]\n\
+         all = \"X > 0\"\nleft = \"X < 1\"\nright = \"X > {last}\"\n[[prescribe]]\nset = \"all\"\n\
+         u = [\"free\", 0]\n[[prescribe]]\nset = \"left\"\nu = [0, \"free\"]\n[[prescribe]]\n\
+         set = \"right\"\nu = [\"{pulled}\", \"free\"]\n[steps]\n{steps}"
+    ));
+    folder.file("law.piola", potential);
+    folder
+}
+
+/// The reaction of a set along x, step by step.
+fn reactions(folder: &SceneFolder) -> Vec<f64> {
+    let (header, rows) = table(&folder.out().join("reactions.csv"));
+    let at = header.iter().position(|name| name == "right_x").unwrap();
+    rows.iter().map(|row| row[at]).collect()
+}
+
+/// Bonds in a row harden after they yield: stretched, let go and pushed they follow the closed form, with as
+/// many increments as one likes, and dissipate the work on the permanent stretch.
+#[test]
+fn bonds_yield_in_load_steps() {
+    // Elastic up to sY, then the tangent is h/(1 + h): p grows by (s - p - sY - h p)/(1 + h).
+    let law = "potential hardening\nparameter sY = 0.01\nparameter h = 0.25\nstate p = 0\ns = l/L - 1\n\
+               over = abs(s - p - h*p) - sY\n\
+               update p = if over > 0 then p + sign(s - p - h*p)*over/(1 + h) else p\n\
+               psi(l) = 1/2*L*(s - p)^2 + 1/2*h*L*p^2\n";
+    let stretch = |t: f64| 0.04 * t.min(2.0 - t);
+    for increments in [2, 8, 50] {
+        let steps = format!("end = 2\nincrements = {increments}\n");
+        let folder = remembering(4, law, "3*0.04*min(t, 2 - t)", &steps);
+        folder.run(&[]).expect(0);
+        let rows = Rows::of(&folder);
+        rows.close();
+        let mut p = 0.0;
+        let (mut dissipated, mut before) = (0.0, 0.0);
+        for (t, force) in rows.column("t").into_iter().zip(reactions(&folder)) {
+            // Exact for any step: the way is straight.
+            let s = stretch(t);
+            let over = (s - p - 0.25 * p).abs() - 0.01;
+            if over > 0.0 {
+                let change = (s - 1.25 * p).signum() * over / 1.25;
+                // The mean of the driving stretch s - p - h p at both ends, at the mean of p.
+                let mean = p + 0.5 * change;
+                dissipated += 3.0 * change * (0.5 * (s + before) - 1.25 * mean);
+                p += change;
+            }
+            before = s;
+            assert!((force - (s - p)).abs() < 1e-12, "{increments}: {t} {force} {}", s - p);
+        }
+        assert!((rows.last("dissipated") - dissipated).abs() < 1e-10 * dissipated);
+        let iterations = folder.summary()["steps"].as_array().unwrap().clone();
+        assert!(iterations.iter().all(|step| number(&step["iterations"]) <= 3.0));
+    }
+}
+
+/// Of bonds in a row that soften the weakest goes alone, and the others come back to rest: too stiff to be
+/// followed, so bonds take turns.
+#[test]
+fn the_weakest_bond_softens_alone() {
+    let law = "potential softening\nparameter s0 = 0.01\nparameter sc = 0.05\nparameter C = 1\nstate k = 0\n\
+               s = l/L - 1\nupdate k = max(k, s)\n\
+               D = if k <= s0 then 0 else (if k >= sc then 1 else sc*(k - s0)/(k*(sc - s0)))\n\
+               psi(l) = (1 - D)*1/2*C*L*s^2\nbreak when k >= sc\n";
+    let of = |points: usize, threads: &str| {
+        let n = points - 1;
+        let steps = "increments = 30\n";
+        let folder = remembering(points, law, &format!("{n}*0.03*t"), steps);
+        let weak = format!("s0 = \"if abs(X - {}) < 0.6 then 0.0095 else 0.01\"", points / 2);
+        let scene = fs::read_to_string(folder.scene()).unwrap();
+        let scene = scene.replace("[sets]", &format!("parameters = {{ {weak} }}\n[sets]"));
+        folder.file("scene.toml", &scene);
+        folder.run(&["--threads", threads]).expect(0);
+        let bytes = fs::read(folder.out().join("energy.csv")).unwrap();
+        (folder, bytes)
+    };
+    let [(folder, one), (_, two)] = ["1", "2"].map(|threads| of(9, threads));
+    assert_eq!(one, two);
+    let rows = Rows::of(&folder);
+    rows.close();
+    assert_eq!(rows.last("broken_bonds"), 1.0);
+    assert!(rows.last("total") < 1e-12 * rows.last("dissipated"));
+    assert!(reactions(&folder).last().unwrap().abs() < 1e-12);
+    assert!(rows.last("relaxed") > 0.0);
+    // All that the weak bond can take up, and not what another would.
+    let area = 0.5 * 0.00975 * 0.05;
+    assert!(rows.last("dissipated") + rows.last("released") > 0.9 * area);
+}
+
+/// t counts cycles, and life shrinks by a step's share of it: bonds break at the first step at which none is left.
+#[test]
+fn bonds_tire_in_load_steps() {
+    let law = "potential tiring\nparameter rate = 2\nstate life = 1\ns = l/L - 1\n\
+               update life = life - rate*max(0, s - 0.01)*dt\npsi(l) = 1/2*L*s^2\n\
+               break when life <= 0 \"fatigue\"\n";
+    // Each cycle takes 2*(0.03 - 0.01): 25 cycles are a life.
+    let folder = remembering(4, law, "3*0.03*min(t, 1)", "end = 40\nincrements = 40\n");
+    folder.run(&[]).expect(0).says(&["came loose"]);
+    let rows = Rows::of(&folder);
+    rows.close();
+    assert_eq!(rows.events(), [(25.0, 3)]);
+    assert_eq!(rows.last("dissipated"), 0.0);
+}
+
+/// A block is held: what its bonds add at once decays at every step, the rest stays.
+#[test]
+fn bonds_relax_in_load_steps() {
+    let folder = SceneFolder::new(
+        "[body]\nbox = [[0, 0, 0], [4, 4, 4]]\nspacing = 1\n[horizon]\nspacings = 1.5\n[material]\n\
+         potential = \"standard_linear_solid\"\nparameters = { K = 2, K1 = 3, tau = 10 }\n[sets]\nall = \"X > 0\"\n\
+         right = \"X > 2\"\n[[prescribe]]\nset = \"all\"\nu = [\"1e-3*X\", 0, 0]\n[steps]\nend = 40\nincrements = 8\n",
+    );
+    folder.run(&[]).expect(0);
+    Rows::of(&folder).close();
+    let forces = reactions(&folder);
+    for (k, force) in forces.iter().enumerate() {
+        let left = |k: i32| 2.0 + 3.0 * libm::pow(1.5, f64::from(-k));
+        let expected = left(k as i32 + 1) / left(1) * forces[0];
+        assert!((force - expected).abs() < 1e-12 * expected.abs(), "{k} {force} {expected}");
+    }
+    assert!(forces[0] > 0.0);
+}
+
+#[test]
+fn what_load_steps_cannot_remember_is_refused() {
+    let law = "potential softening\nstate k = 0\nupdate k = max(k, l/L - 1)\n\
+               psi(l) = (if k > 0.1 then 0 else 1/2)*L*(l/L - 1)^2\nbreak when k > 0.2\n";
+    let refused = |steps: &str, more: &[&str], says: &[&str]| {
+        let folder = remembering(3, law, "0.02*t", steps);
+        let run = ["run", &folder.scene(), "--out", &folder.path("out")];
+        piola(&[&run[..], more].concat()).expect(2).says(says);
+    };
+    refused("control = \"event\"\n", &[], &["conflicting-keys", "remember", "control = \"load\""]);
+    refused("", &["--set", "solver.derivatives=\"hyperdual\""], &["symbolic derivatives"]);
 }

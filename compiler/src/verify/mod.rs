@@ -12,11 +12,13 @@
 //! | `gathered` | energies of gathered values |
 //! | `margin` | conditions under which bonds break |
 //! | `remember` | what bonds remember, and all of the above with it |
+//! | `consistent` | energies of bonds at what these come to remember, with the tangent of load steps |
 //! | `coupled` | energies of several measures of one interaction |
 //! | `cause`, `stated` | which subexpression loses digits, and what it is in the text |
 //! | [`sample`], [`truth`] | points to try energies of measures at, and their values there to any precision |
 
 pub(crate) mod cause;
+mod consistent;
 mod coupled;
 mod gathered;
 mod gradient;
@@ -101,6 +103,8 @@ pub enum Subject {
     Margin(String),
     /// No energy, but what a state becomes: `p = max(p, l/L - 1)`.
     NextState(String),
+    /// The energy of bonds at the states that they come to, and how its force changes with the length.
+    Following,
     /// Several measures of one interaction: as written, `angle`, and what that follows from, `a`, `l1` ..
     Coupled(String, Vec<&'static str>),
 }
@@ -176,6 +180,7 @@ impl Subject {
             | Subject::Margin(text)
             | Subject::NextState(text)
             | Subject::Coupled(text, _) => text,
+            Subject::Following => "l",
         }
     }
 
@@ -186,6 +191,7 @@ impl Subject {
             Subject::Gathered(_) | Subject::Coupled(..) => ["psi", "gradient", "product"],
             Subject::Margin(_) => ["margin", "margin'", "margin''"],
             Subject::NextState(_) => ["next", "next'", "next''"],
+            Subject::Following => ["psi", "psi'", "dpsi'/dl"],
         }
     }
 }
@@ -363,6 +369,7 @@ fn verify_at(
     found.extend(gradient::verify(model, values, &ways, n));
     found.extend(margin::verify(model, variant, values, n)?);
     found.extend(remember::verify(model, variant, values, n)?);
+    found.extend(consistent::verify(model, variant, values, n)?);
     found.extend(coupled::verify((model, variant), values, &ways, n));
     Ok((found, ways.interpreted.dropped))
 }

@@ -45,7 +45,9 @@ fn tried(potential: &str, parameter: &str) -> (Vec<f64>, f64) {
         (_, "s0") => (vec![1e-5, 3e-5], 2e-5),
         (_, "k") => (vec![0.0, 3e-5], 0.0),
         // Another permanent stretch is another rest, where the energy as written loses digits.
-        (_, "p") if potential == "micro_plastic" => (vec![0.0], 0.0),
+        (_, "p") if ["micro_plastic", "standard_linear_solid"].contains(&potential) => {
+            (vec![0.0], 0.0)
+        }
         _ => (vec![0.3, 3.0], 1.0),
     }
 }

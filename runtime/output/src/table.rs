@@ -33,15 +33,8 @@ pub fn reactions_table(history: &History) -> String {
 }
 
 /// Columns of what broke, behind those of the energies.
-const BROKEN: [&str; 7] = [
-    "released",
-    "dissipated",
-    "relaxed",
-    "external",
-    "prescribed",
-    "quadrature",
-    "broken_bonds",
-];
+const BROKEN: [&str; 7] =
+    ["released", "dissipated", "relaxed", "external", "prescribed", "quadrature", "broken_bonds"];
 
 /// `energy.csv`: `t,total`, then every part of the energy by its name, `psi(l)`; in J. Of a body that breaks
 /// the account of energy behind that, `released` to `quadrature`, and how many bonds are broken.

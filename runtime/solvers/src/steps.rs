@@ -251,18 +251,7 @@ impl<'a> LoadSteps<'a> {
         }
         let loads = self.loads(t)?;
         let last = self.last(t)?;
-        self.follow_memory(Some(t - self.t));
-        let found = match self.search(last.clone(), &loads, t) {
-            Ok(found) => self.settle(found, &loads, t)?,
-            Err(cause) => Err(cause),
-        };
-        let found = match found {
-            Err(cause) if self.remembers() && smaller_may_help(&cause.failure) => {
-                self.by_turns(last, &loads, t)?
-            }
-            found => found,
-        };
-        self.hold_memory();
+        let found = self.settled(last, &loads, t)?;
         self.times.add(&self.newton.take_times());
         match found {
             Ok(found) => self.take(found, loads, t, nominal),

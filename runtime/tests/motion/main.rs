@@ -11,6 +11,7 @@ mod extremes;
 #[allow(dead_code)]
 #[path = "../correspondence/common.rs"]
 mod families;
+mod following;
 mod reference;
 mod states;
 

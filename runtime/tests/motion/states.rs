@@ -33,7 +33,7 @@ update p = if abs(s - p) > sY then s - sign(s - p)*sY else p
 psi(l) = 1/2*c*L*(s - p)^2";
 
 /// Straight down from s0 to sc.
-const BILINEAR: &str = "potential bilinear
+pub(crate) const BILINEAR: &str = "potential bilinear
 parameter c
 parameter s0
 parameter sc
@@ -45,7 +45,7 @@ psi(l) = (1 - D)*1/2*c*L*s^2
 break when k >= sc";
 
 /// An exponential tail.
-const EXPONENTIAL: &str = "potential exponential
+pub(crate) const EXPONENTIAL: &str = "potential exponential
 parameter c
 parameter s0
 parameter sf
@@ -57,22 +57,38 @@ psi(l) = (1 - D)*1/2*c*L*s^2";
 
 /// A body whose bonds remember.
 pub(crate) fn remembering(
-    (body, horizon): (&Arc<Body>, f64),
+    around: (&Arc<Body>, f64),
     text: &str,
     parameters: &[(&str, f64)],
     level: Level,
+) -> Breaking {
+    remembering_as(around, text, parameters, (level, false))
+}
+
+/// The same; with kernels that follow what bonds come to remember, if wanted.
+pub(crate) fn remembering_as(
+    (body, horizon): (&Arc<Body>, f64),
+    text: &str,
+    parameters: &[(&str, f64)],
+    (level, follows): (Level, bool),
 ) -> Breaking {
     let (_, model) = check_text(text).unwrap();
     let settings: Vec<(String, Setting)> =
         parameters.iter().map(|(name, x)| (name.to_string(), Setting::Number(*x))).collect();
     let values = model.values(body.dimension(), &settings, Some(horizon)).unwrap();
-    let values = values.with_states(&model);
+    let mut values = values.with_states(&model);
+    if follows {
+        values = values.following_states(&model);
+    }
     let mode = Mode::Jit(level);
     let neighborhood = Arc::new(Neighborhood::new(body, horizon).unwrap());
     let typical: Vec<f64> =
         values.fields.iter().map(|field| values.parameters[usize::from(*field)]).collect();
     let fields = Fields::new(body.n_points(), std::slice::from_ref(&typical), true);
-    let fields = Arc::new(fields.with_states(vec![true; typical.len()]));
+    let time_steps = if follows { vec![typical.len() - 1] } else { Vec::new() };
+    let mut is_state = vec![true; typical.len()];
+    time_steps.iter().for_each(|field| is_state[*field] = false);
+    let fields = Arc::new(fields.with_states(is_state).with_time_steps(time_steps));
     let materials = Materials::new(vec![0; body.n_points()], Vec::new());
     let materials = Arc::new(materials.with_fields(Arc::clone(&fields)));
     for (field, value) in typical.iter().enumerate() {

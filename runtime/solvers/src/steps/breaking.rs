@@ -147,12 +147,14 @@ pub(super) struct Fracturing<'a> {
     pub(super) ledger: Ledger,
     /// See [`LoadSteps::take_turns`].
     pub(super) takes_turns: bool,
+    /// Whether bonds came to remember something else at the last equilibrium.
+    pub(super) has_changed: bool,
 }
 
 impl<'a> Fracturing<'a> {
     pub(super) fn new(status: &'a dyn Fracture, n_dofs: usize) -> Fracturing<'a> {
         let ledger = Ledger { pull: vec![0.0; n_dofs], ..Ledger::default() };
-        Fracturing { status, ledger, takes_turns: false }
+        Fracturing { status, ledger, takes_turns: false, has_changed: false }
     }
 
     /// The status, where bonds remember anything.

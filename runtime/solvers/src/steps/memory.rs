@@ -27,10 +27,11 @@ pub(super) struct Evolved {
 }
 
 impl Fracturing<'_> {
-    /// Whether bonds have another turn after an equilibrium: they may come to remember something else as long
-    /// as it moves.
+    /// Whether bonds have another turn after an equilibrium: some came to remember something else there, and
+    /// it is not where the one before was.
     pub(super) fn goes_on(&mut self, report: &NewtonReport, round: usize) -> bool {
-        let moves = self.takes_turns && report.iterations > 0;
+        let is_another = report.iterations > 0 || round == 1;
+        let moves = self.takes_turns && self.has_changed && is_another;
         if moves && round == MOST_ROUNDS {
             let residual = report.history.residual.last().copied().unwrap_or_default();
             self.ledger.notes.push(format!(
@@ -88,7 +89,10 @@ impl LoadSteps<'_> {
         let memory = self.fracture.as_ref().and_then(Fracturing::memory);
         let Some(memory) = memory else { return Ok(Evolved::default()) };
         let from = if takes_turns { to } else { from };
-        let dissipated = memory.evolve([from, to], dt)?.dissipated;
+        let Release { dissipated, changed, .. } = memory.evolve([from, to], dt)?;
+        if let Some(fracture) = &mut self.fracture {
+            fracture.has_changed = changed > 0;
+        }
         if takes_turns {
             return Ok(Evolved { dissipated, behind: dissipated });
         }
@@ -97,13 +101,46 @@ impl LoadSteps<'_> {
         Ok(Evolved { dissipated, behind: 0.0 })
     }
 
-    /// The equilibrium at `t` by turns, from displacements `last` on.
-    pub(super) fn by_turns(&mut self, last: Vec<f64>, loads: &[f64], t: f64) -> Tried<Found> {
-        self.take_turns(true);
+    /// The equilibrium at `t` with what breaks there, from displacements `last` on. Bonds that remember take
+    /// turns where none is found on which they follow, and where it is not stable: a body leaves such a one.
+    /// It is taken where turns lead nowhere.
+    pub(super) fn settled(&mut self, last: Vec<f64>, loads: &[f64], t: f64) -> Tried<Found> {
+        if !self.remembers() {
+            return self.found_and_settled(last, loads, t);
+        }
+        self.follow_memory(Some(t - self.t));
+        let found = self.search(last.clone(), loads, t);
+        let is_stable = |found: &Found| found.judged.0.positive_definite != Some(false);
+        let settled = match found {
+            Ok(found) if is_stable(&found) => self.settle(found, loads, t)?,
+            Ok(_) => {
+                let by_turns = self.by_turns(last.clone(), loads, t)?;
+                if by_turns.as_ref().is_err_and(|cause| smaller_may_help(&cause.failure)) {
+                    self.hold_memory();
+                    self.follow_memory(Some(t - self.t));
+                    self.found_and_settled(last, loads, t)?
+                } else {
+                    by_turns
+                }
+            }
+            Err(cause) if smaller_may_help(&cause.failure) => self.by_turns(last, loads, t)?,
+            Err(cause) => Err(cause),
+        };
+        self.hold_memory();
+        Ok(settled)
+    }
+
+    fn found_and_settled(&mut self, last: Vec<f64>, loads: &[f64], t: f64) -> Tried<Found> {
         match self.search(last, loads, t) {
             Ok(found) => self.settle(found, loads, t),
             Err(cause) => Ok(Err(cause)),
         }
+    }
+
+    /// The equilibrium at `t` by turns, from displacements `last` on.
+    fn by_turns(&mut self, last: Vec<f64>, loads: &[f64], t: f64) -> Tried<Found> {
+        self.take_turns(true);
+        self.found_and_settled(last, loads, t)
     }
 
     /// The equilibrium of what is left at the same loads, where this is the round of that number: by turns
@@ -128,9 +165,7 @@ impl LoadSteps<'_> {
         }
         match self.rest_again(from, release, loads, t)? {
             Err(cause)
-                if self.remembers()
-                    && !self.takes_turns()
-                    && smaller_may_help(&cause.failure) =>
+                if self.remembers() && !self.takes_turns() && smaller_may_help(&cause.failure) =>
             {
                 self.take_turns(true);
                 self.rest_again(from, release, loads, t)

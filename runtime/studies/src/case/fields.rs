@@ -238,9 +238,10 @@ impl<'a> FieldsInTime<'a> {
                 is_steady &= potential.fields.iter().all(|field| field.is_steady);
             }
             let fields = Fields::new(case.body.n_points(), &typical, is_steady);
-            let follow = case.potentials.iter().zip(&places).filter(|(one, place)| {
-                place.1 == layer && one.values.follow_states(&one.model)
-            });
+            let follow =
+                case.potentials.iter().zip(&places).filter(|(one, place)| {
+                    place.1 == layer && one.values.follow_states(&one.model)
+                });
             let time_steps = follow.map(|(_, (law, _))| fields.of_law(*law).end - 1).collect();
             let fields = fields.with_states(is_state.concat()).with_time_steps(time_steps);
             (!fields.is_empty()).then(|| Arc::new(fields))

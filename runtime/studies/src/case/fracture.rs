@@ -113,7 +113,8 @@ impl Case {
             ),
             None if !breaks => (
                 self.scene.material().potential.span,
-                "the steps go by events, and no bond breaks: no potential has a `break when`".into(),
+                "the steps go by events, and no bond breaks: no potential has a `break when`"
+                    .into(),
                 "write control = \"load\" in [steps], or take a potential with `break when`",
             ),
             None => return Ok(()),

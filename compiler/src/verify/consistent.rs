@@ -1,0 +1,132 @@
+//! Energies of bonds that follow what they come to remember, as load steps take them: psi, psi' there, and
+//! the derivative of that psi' by the length.
+//!
+//! The witness is one evaluation of the energy as written over hyper-dual numbers: the length varies in both
+//! parts, and the states are what the updates as written make of them, varying in the second part alone.
+//! So its mixed part is `psi'' + sum dpsi'/dp dP/dl`. Values may be off by 64 roundings of themselves, by what
+//! they change by when the length, or the states that bonds come to, are rounded so often, and by what the
+//! energy as written loses near rest, as energies with held states may.
+
+use num_dual::HyperDual64;
+
+use super::{Columns, Miss, Subject, UNIT_ROUNDOFF, Verification, Witness, sample};
+use crate::compile::Kind;
+use crate::expression::{Input, NodeId};
+use crate::kernel::{Batch, Kernel, Level, Mode, WrittenEnergy};
+use crate::measure::Measure;
+use crate::model::{Model, Update, Variant};
+use crate::specialise::{CompileError, Form};
+use crate::values::Values;
+use sample::Point;
+
+/// Largest error, in roundings.
+const BAR: f64 = 64.0;
+
+/// Verifies the energy of bonds at about `2 n` points with the states of the values, a second after the last
+/// time; nothing where it depends on no state that is updated.
+pub(super) fn verify(
+    model: &Model,
+    variant: &Variant,
+    values: &Values,
+    n: usize,
+) -> Result<Option<Verification>, CompileError> {
+    let of_bonds = variant.energies.iter().filter(|one| one.measure == Measure::Length);
+    let roots: Vec<NodeId> = of_bonds.map(|energy| energy.root).collect();
+    let depends =
+        |update: &Update| variant.graph.depends_on(&roots, Input::Parameter(update.state as u16));
+    let (true, Some(dt)) = (variant.updates.iter().any(depends), model.number_of_time_step())
+    else {
+        return Ok(None);
+    };
+    let mut following = values.clone().following_states(model);
+    following.parameters[usize::from(dt)] = 1.0;
+    let kernel = |mode| -> Result<Option<Kernel>, CompileError> {
+        let compiled = model.compile_only(&[Kind::Measures], &following, mode, Form::Accurate)?;
+        Ok(compiled.kernels.into_iter().find(|kernel| kernel.measure() == Measure::Length))
+    };
+    let strict = kernel(Mode::Jit(Level::Strict))?;
+    let (fast, interpreted) = (kernel(Mode::Jit(Level::Fast))?, kernel(Mode::Interpreter)?);
+    let (Some(strict), Some(fast), Some(interpreted)) = (strict, fast, interpreted) else {
+        return Ok(None);
+    };
+    let next = model.written_next_states(&following);
+    let states = variant.updates.iter().map(|update| update.state as u16);
+    let witness = Following {
+        energy: model.written(&following, Measure::Length),
+        next: states.zip(next).collect(),
+    };
+    let points = sample::points(variant, Measure::Length, values, n);
+    Ok(Some(compare([&strict, &fast, &interpreted], &witness, &points)))
+}
+
+fn compare(kernels: [&Kernel; 3], witness: &Following, points: &[Point]) -> Verification {
+    let mut found = Verification::new(Subject::Following, &[(Witness::HyperDual, BAR)]);
+    let columns = Columns::new(points);
+    let [strict, fast, interpreted] = kernels.map(|kernel| {
+        let fields = kernel.fields().iter().flat_map(|value| points.iter().map(move |_| *value));
+        let fields: Vec<f64> = fields.collect();
+        kernel.derivatives(Batch { fields: &fields, ..columns.batch() })
+    });
+    for (k, point) in points.iter().enumerate() {
+        let [strict, fast, interpreted] =
+            [&strict, &fast, &interpreted].map(|all| [all.psi[k], all.dpsi[k], all.d2psi[k]]);
+        found.count(&strict, &interpreted);
+        let (expected, units) = witness.with_units(*point);
+        for compiled in [strict, fast] {
+            for order in 0..3 {
+                let (value, expected) = (compiled[order], expected[order]);
+                let error = (value - expected).abs() / (units[order] + f64::MIN_POSITIVE);
+                found.see(0, order, error, |bar| Miss {
+                    place: vec![point.measure, point.reference],
+                    order,
+                    compiled: vec![value],
+                    expected: vec![expected],
+                    tolerance: bar * units[order],
+                    is_wrong: (value - expected).abs() > super::WRONG * expected.abs(),
+                });
+            }
+        }
+    }
+    found
+}
+
+/// The energy and the updates as written.
+struct Following {
+    energy: WrittenEnergy,
+    /// What becomes of each state, by its number.
+    next: Vec<(u16, WrittenEnergy)>,
+}
+
+impl Following {
+    /// psi and psi' at the next states, and the derivative of that psi' by the length; the measure and the
+    /// next states are off by so many parts of themselves.
+    fn at(&self, point: Point, [of_measure, of_states]: [f64; 2]) -> [f64; 3] {
+        let measure = point.measure * (1.0 + of_measure);
+        let reference = || HyperDual64::from_re(point.reference);
+        let next = |written: &WrittenEnergy| {
+            let alone = written.evaluate(HyperDual64::new(measure, 0.0, 1.0, 0.0), reference());
+            HyperDual64::new(alone.re * (1.0 + of_states), 0.0, alone.eps2, 0.0)
+        };
+        let states: Vec<(u16, HyperDual64)> =
+            self.next.iter().map(|(state, written)| (*state, next(written))).collect();
+        let state = |number: u16| states.iter().find(|one| one.0 == number).map(|one| one.1);
+        let both = HyperDual64::new(measure, 1.0, 1.0, 0.0);
+        let psi = self.energy.evaluate_at_states(both, reference(), state);
+        [psi.re, psi.eps1, psi.eps1eps2]
+    }
+
+    /// The same, and what counts as one rounding of each.
+    fn with_units(&self, point: Point) -> ([f64; 3], [f64; 3]) {
+        let here = self.at(point, [0.0; 2]);
+        let mut units = here.map(|value| UNIT_ROUNDOFF * value.abs());
+        for u in [-2.0 * UNIT_ROUNDOFF, 2.0 * UNIT_ROUNDOFF] {
+            for off in [[u, 0.0], [0.0, u]] {
+                let there = self.at(point, off);
+                for order in 0..3 {
+                    units[order] += (there[order] - here[order]).abs();
+                }
+            }
+        }
+        (here, units)
+    }
+}

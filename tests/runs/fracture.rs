@@ -182,7 +182,10 @@ fn what_cannot_break_is_refused_with_its_place() {
         ("segment = [[-0.1, 0.3], [0.4, 0.3]]", "segment = [[1, 1], [1, 1]]", "extent"),
         ("segment = [[-0.1, 0.3], [0.4, 0.3]]", "segment = [[0, 0, 0], [1, 1, 1]]", "components"),
         ("segment", "polygon", "a crack in 3 dimensions"),
-        ("segment = [[-0.1, 0.3], [0.4, 0.3]]", "", "neither `segment` nor `polygon`"),
+        ("segment = [[-0.1, 0.3], [0.4, 0.3]]", "", "neither `segment`, `polygon` nor `between`"),
+        ("segment", "between = [\"low\", \"high\"]\nsegment", "both `between` and `segment`"),
+        ("segment = [[-0.1, 0.3], [0.4, 0.3]]", "between = [\"low\"]", "two names of sets"),
+        ("segment = [[-0.1, 0.3], [0.4, 0.3]]", "between = [\"low\", \"hihg\"]", "mean `high`"),
         ("unbreakable = [\"low\", \"high\"]", "unbreakable = [\"lo\"]", "did you mean `low`"),
         ("unbreakable = [\"low\", \"high\"]", "unbreakable = \"low\"", "expected an array"),
         ("[fracture]\nunbreakable", "[fracture]\nunbreakabel", "did you mean `unbreakable`"),
@@ -196,8 +199,49 @@ fn what_cannot_break_is_refused_with_its_place() {
     piola(&["check", &folder.scene()]).expect(0).says(&["boundary-on-points", "half a spacing"]);
     let folder = torn(|scene| scene.replace("[-0.1, 0.3], [0.4, 0.3]", "[-0.1, 3], [0.4, 3]"));
     piola(&["check", &folder.scene()]).expect(0).says(&["idle-entry", "cuts no bond"]);
+    let between = "between = [\"low\", \"high\"]";
+    let folder = torn(|scene| scene.replace("segment = [[-0.1, 0.3], [0.4, 0.3]]", between));
+    piola(&["check", &folder.scene()]).expect(0).says(&["idle-entry", "within the horizon"]);
     let planned = piola(&["plan", &torn(str::to_owned).scene()]).expect(0).stdout;
     assert!(planned.contains("status of bonds"), "{planned}");
+}
+
+/// A crack between two sets cuts the bonds between them and no others, and the scene that a run leaves says so;
+/// bonds that never were there are not broken ones.
+#[test]
+fn a_crack_between_two_sets_cuts_their_bonds() {
+    let line = "segment = [[-0.1, 0.3], [0.4, 0.3]]";
+    let sets = "[sets]\nbelow = \"X < 0.4 and Y < 0.3\"\nabove = \"X < 0.4 and Y > 0.3\"\n";
+    let run = |crack: &str| {
+        let folder = torn(|scene| scene.replace(line, crack).replace("[sets]\n", sets));
+        folder.run(&[]).expect(0);
+        let motion = fs::read(folder.out().join("motion.csv")).unwrap();
+        let (header, rows) = table(&folder.out().join("motion.csv"));
+        let cut = rows[0][header.iter().position(|x| x == "broken_bonds").unwrap()];
+        (motion, cut, fs::read_to_string(folder.out().join("scene.resolved.toml")).unwrap())
+    };
+    let (forwards, cut, resolved) = run("between = [\"below\", \"above\"]");
+    assert!(resolved.contains("between = [\"below\", \"above\"]"), "{resolved}");
+    let (backwards, _, _) = run("between = [\"above\", \"below\"]");
+    assert!(forwards == backwards, "the order of the sets means nothing");
+    // Eight columns of points on either side.
+    assert_eq!(cut, crossing_bonds(8) as f64);
+    let (whole, none, _) = run("between = [\"below\", \"above\"]\ndamaged = false");
+    assert_eq!(none, 0.0);
+    assert!(whole != forwards, "they are not counted");
+}
+
+/// Bonds of a horizon of 3.015 spacings that cross a row between `n` columns of points, all of them there.
+fn crossing_bonds(n: i64) -> usize {
+    let mut count = 0;
+    for (below, above) in (1..=3).flat_map(|below| (1..=3).map(move |above| (below, above))) {
+        let dy = below + above - 1;
+        for (one, other) in (0..n).flat_map(|one| (0..n).map(move |other| (one, other))) {
+            let dx = one - other;
+            count += usize::from(((dx * dx + dy * dy) as f64).sqrt() <= 3.015);
+        }
+    }
+    count
 }
 
 /// Bonds that soften before they break: what they lose by it has a column, the account closes, states that

@@ -120,6 +120,21 @@ fn cut(neighborhood: &Neighborhood, meets: impl Fn(usize, usize) -> Meeting) -> 
     cut
 }
 
+/// The bonds between a point of one set and a point of the other, ascending: an interface that never held. Sets
+/// have an entry per point; of a point that is in both, all bonds with points of either.
+pub fn between(neighborhood: &Neighborhood, sets: [&[bool]; 2]) -> Vec<usize> {
+    let mut bonds = Vec::new();
+    for owner in 0..neighborhood.n_points() {
+        for (bond, &other) in neighborhood.bonds(owner).zip(neighborhood.upper(owner)) {
+            let meets = |one: usize, two: usize| sets[0][one] && sets[1][two];
+            if meets(owner, other as usize) || meets(other as usize, owner) {
+                bonds.push(bond);
+            }
+        }
+    }
+    bonds
+}
+
 /// -1, 0 or 1: on which side something lies that is so far off.
 fn side(distance: f64, near: f64) -> i8 {
     if distance.abs() <= near { 0 } else { distance.signum() as i8 }

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use piola_grammar::Diagnostic;
 use piola_mechanics::energy::Energy;
+use piola_mechanics::fracture::crack::{self, Cut};
 use piola_mechanics::fracture::criteria::{self, Criteria, Criterion};
 use piola_mechanics::fracture::memory::{self, Memory, NextState};
 use piola_mechanics::fracture::{Breaking, Fracture as _};
@@ -11,7 +12,7 @@ use piola_mechanics::kernel::Measure;
 use piola_mechanics::neighborhood::Neighborhood;
 
 use super::{Case, CaseError, Compiled, Potential};
-use crate::scene::selection;
+use crate::scene::{CrackEntry, CrackShape, selection};
 use piola_solvers::motion::Method;
 use piola_solvers::steps::Control;
 
@@ -51,8 +52,8 @@ impl Case {
         let memory = Memory::new(around, states);
         let (mut cut, mut absent) = (Vec::new(), Vec::new());
         for crack in &self.scene.cracks {
-            let found = crack.shape.cut(&self.body, &neighborhood);
-            if crack.damaged { cut.extend(found.bonds) } else { absent.extend(found.bonds) }
+            let bonds = self.cut(crack, &neighborhood).bonds;
+            if crack.damaged { cut.extend(bonds) } else { absent.extend(bonds) }
         }
         absent.sort_unstable();
         absent.dedup();
@@ -62,6 +63,31 @@ impl Case {
             Breaking::new((body, neighborhood), terms, names, (criteria, memory), absent);
         breaking.take_out(&cut);
         breaking
+    }
+
+    /// What a crack does to the bonds of these neighbours.
+    fn cut(&self, crack: &CrackEntry, neighborhood: &Neighborhood) -> Cut {
+        match &crack.shape {
+            CrackShape::Across(shape) => shape.cut(&self.body, neighborhood),
+            CrackShape::Between(sets) => {
+                let [one, other] =
+                    sets.map(|set| selection::in_sets(&self.scene, &self.body, &[set.value]));
+                let bonds = crack::between(neighborhood, [&one, &other]);
+                Cut { bonds, ..Cut::default() }
+            }
+        }
+    }
+
+    /// The points whose bonds a crack may cut: a bond is found at its lower end, so of two sets all.
+    fn near_crack(&self, crack: &CrackEntry, horizon: f64) -> Vec<usize> {
+        match &crack.shape {
+            CrackShape::Across(shape) => shape.points_nearby(&self.body, horizon),
+            CrackShape::Between(sets) => {
+                let sets = sets.map(|set| set.value);
+                let inside = selection::in_sets(&self.scene, &self.body, &sets);
+                (0..inside.len()).filter(|point| inside[*point]).collect()
+            }
+        }
     }
 
     /// Refuses load steps of bodies that break as these cannot: attempts at an equilibrium that
@@ -128,16 +154,20 @@ impl Case {
         let mut warnings = Vec::new();
         for crack in &self.scene.cracks {
             let horizon = self.scene.horizon_radius();
-            let nearby = crack.shape.points_nearby(&self.body, horizon);
+            let nearby = self.near_crack(crack, horizon);
             // What is wrong with the body is said where its energy is made.
             let Ok(around) = Neighborhood::around(&self.body, horizon, &nearby, false) else {
                 continue;
             };
-            let found = crack.shape.cut(&self.body, &around);
+            let found = self.cut(crack, &around);
             if found.bonds.is_empty() {
                 let message = "this crack cuts no bond of the body";
                 let warning = Diagnostic::warning("idle-entry", crack.span, message);
-                warnings.push(warning.help("it cuts the bonds whose inside crosses its inside"));
+                let help = match crack.shape {
+                    CrackShape::Across(_) => "it cuts the bonds whose inside crosses its inside",
+                    CrackShape::Between(_) => "no point of one set is within the horizon of the other",
+                };
+                warnings.push(warning.help(help));
             }
             if found.touching > 0 {
                 let message = format!(

@@ -6,11 +6,20 @@ use piola_solvers::steps::Loose;
 
 use super::Located;
 
+/// Which bonds a crack cuts.
+#[derive(Clone, Debug, PartialEq)]
+pub enum CrackShape {
+    /// Those that cross it.
+    Across(Crack),
+    /// Those between points of two sets, by indices into [`super::Scene::sets`].
+    Between([Located<usize>; 2]),
+}
+
 /// One `[[crack]]`: bonds that are cut from the start.
 #[derive(Clone, Debug)]
 pub struct CrackEntry {
     /// Where it is.
-    pub shape: Crack,
+    pub shape: CrackShape,
     /// Whether points at it are damaged; else the bonds that it cuts were never there.
     pub damaged: bool,
     /// Where it stands.

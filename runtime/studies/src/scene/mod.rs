@@ -49,7 +49,7 @@ use piola_mechanics::weights::Weights;
 use piola_mechanics::words::Words;
 
 pub use expression::Expression;
-pub use fracture::{CrackEntry, FractureSettings};
+pub use fracture::{CrackEntry, CrackShape, FractureSettings};
 pub use motion::{Given, Initial, Motion};
 pub use piola_mechanics::lattice::Nodes;
 pub use potential::{PotentialText, files_below};

@@ -159,15 +159,20 @@ pub fn select(scene: &Scene, body: &Body) -> Result<Selection, SceneReport> {
     Err(scene.report(errors))
 }
 
-/// Of which points the scene says that their bonds never break.
-pub fn unbreakable(scene: &Scene, body: &Body) -> Vec<bool> {
+/// Which points are in some of the sets of a scene; `sets` are indices into [`Scene::sets`].
+pub fn in_sets(scene: &Scene, body: &Body, sets: &[usize]) -> Vec<bool> {
     let mut all = vec![false; body.n_points()];
-    for set in &scene.fracture.unbreakable {
-        let condition = &scene.sets[set.value].condition;
-        let inside = membership(condition, body.positions(), body.dimension());
+    for set in sets {
+        let inside = membership(&scene.sets[*set].condition, body.positions(), body.dimension());
         all.iter_mut().zip(inside).for_each(|(all, inside)| *all |= inside);
     }
     all
+}
+
+/// Of which points the scene says that their bonds never break.
+pub fn unbreakable(scene: &Scene, body: &Body) -> Vec<bool> {
+    let sets: Vec<usize> = scene.fracture.unbreakable.iter().map(|set| set.value).collect();
+    in_sets(scene, body, &sets)
 }
 
 /// The materials of the points of a body; nothing of a scene with one material.

@@ -10,7 +10,7 @@ use piola_solvers::steps::{Control, Loose};
 use super::keys::{number, string, texts};
 use super::read::{MOTION_KEYS, OUTPUT_KEYS, SOLVER_KEYS, STEPS_KEYS};
 use super::{
-    BodyShape, CorrespondenceSettings, CrackEntry, FractureSettings, Horizon, HorizonExtent,
+    BodyShape, CorrespondenceSettings, CrackEntry, CrackShape, FractureSettings, Horizon, HorizonExtent,
     Initial, InterfaceRule, Load, Material, ParameterText, Plane, Points, Prescription, Probe,
     Quantity, Region, Scene, SetDefinition,
 };
@@ -41,7 +41,7 @@ impl Scene {
             write_probe(&mut out, probe);
         }
         for crack in &self.cracks {
-            write_crack(&mut out, crack);
+            write_crack(&mut out, crack, &self.sets);
         }
         write_fracture(&mut out, &self.fracture, &self.sets);
         match &self.motion {
@@ -236,17 +236,21 @@ fn write_probe(out: &mut String, probe: &Probe) {
     pair(out, "at", vector(&probe.at.value));
 }
 
-fn write_crack(out: &mut String, crack: &CrackEntry) {
+fn write_crack(out: &mut String, crack: &CrackEntry, sets: &[SetDefinition]) {
     section(out, "[[crack]]");
     let corners = |corners: &mut dyn Iterator<Item = &[f64]>| {
         format!("[{}]", corners.map(vector).collect::<Vec<String>>().join(", "))
     };
     match &crack.shape {
-        Crack::Segment(ends) => {
+        CrackShape::Across(Crack::Segment(ends)) => {
             pair(out, "segment", corners(&mut ends.iter().map(|end| &end[..])));
         }
-        Crack::Polygon(all) => {
+        CrackShape::Across(Crack::Polygon(all)) => {
             pair(out, "polygon", corners(&mut all.iter().map(|corner| &corner[..])));
+        }
+        CrackShape::Between(both) => {
+            let [one, other] = both.map(|set| string(&sets[set.value].name.value));
+            pair(out, "between", format!("[{one}, {other}]"));
         }
     }
     pair(out, "damaged", crack.damaged);

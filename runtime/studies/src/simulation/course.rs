@@ -37,11 +37,28 @@ pub struct Moment {
     pub probes: Vec<NamedVector>,
 }
 
+/// How the bonds of a body broke while it moved.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Failure {
+    /// When the first bond broke, in s; the end of the motion if none did.
+    pub first: f64,
+    /// When half of those were broken that are at the end, in s: the crack is about half way.
+    pub half: f64,
+    /// How many broke, without those that cracks cut.
+    pub bonds: usize,
+    /// What they held, in J.
+    pub released: f64,
+    /// For every set the largest reaction at any step, in N: one entry each.
+    pub peaks: Vec<NamedVector>,
+}
+
 /// What a scene leads to: the equilibrium at its end, or a motion.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Course {
     /// The end; of a motion the start and moments at even times before it, too.
     pub moments: Vec<Moment>,
+    /// How its bonds broke, of a motion of a body that breaks.
+    pub failure: Option<Failure>,
     /// Displacements at the end, `n x d`, in m, in the body's order.
     pub displacements: Vec<f64>,
     /// 2-norm of the free residual over the larger of those of reactions and loads; of a motion what is left

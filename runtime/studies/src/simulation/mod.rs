@@ -20,6 +20,6 @@ mod run;
 mod work;
 
 pub use cost::{LinearCost, MotionCost, PassCost, SceneCost, cost};
-pub use course::{Attempt, Course, Moment, NamedVector, solve};
+pub use course::{Attempt, Course, Failure, Moment, NamedVector, solve};
 pub use run::{Ending, Origin, RunError, RunOptions, run};
 pub use work::Pass;

@@ -9,6 +9,8 @@ use super::statistics::Times;
 pub struct Measured {
     /// For each quantity.
     pub errors: Vec<f64>,
+    /// The size of each at the end in its unit; NaN where there is none.
+    pub values: Vec<f64>,
     /// The largest of them, the residual left out.
     pub worst: f64,
     /// Time to solution.

@@ -1,8 +1,8 @@
 //! What is compared between two ways to solve a scene: numbers at its end.
 
 use super::TradeError;
-use crate::scene::Scene;
-use crate::simulation::{Course, Moment, NamedVector};
+use crate::case::Case;
+use crate::simulation::{Course, Failure, Moment, NamedVector};
 
 /// A number, or a vector, of an equilibrium.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -17,6 +17,16 @@ pub enum Quantity {
     Probe(String),
     /// The displacements of all points.
     Displacement,
+    /// When the first bond breaks.
+    FirstBreak,
+    /// When half of the bonds are broken that are at the end.
+    HalfBroken,
+    /// How many bonds break.
+    BrokenBonds,
+    /// What they held.
+    Released,
+    /// The largest reaction of a set at any step.
+    Peak(String),
     /// The free residual over the reaction: its value, not its difference from the reference.
     Residual,
 }
@@ -30,13 +40,38 @@ impl Quantity {
             Quantity::Reaction(set) => format!("reaction:{set}"),
             Quantity::Probe(probe) => format!("probe:{probe}"),
             Quantity::Displacement => "displacement".to_string(),
+            Quantity::FirstBreak => "first_break".to_string(),
+            Quantity::HalfBroken => "half_broken".to_string(),
+            Quantity::BrokenBonds => "broken_bonds".to_string(),
+            Quantity::Released => "released".to_string(),
+            Quantity::Peak(set) => format!("peak:{set}"),
             Quantity::Residual => "residual".to_string(),
         }
     }
 
-    /// As [`Quantity::error`], for courses of different bodies: the residual says nothing there.
+    /// The size of what a course has at its end, and its unit; nothing where it has none of it.
+    pub fn of(&self, course: &Course) -> Option<(f64, &'static str)> {
+        if *self == Quantity::Residual {
+            return None;
+        }
+        let unit = match self {
+            Quantity::Energy | Quantity::Kinetic | Quantity::Released => "J",
+            Quantity::Reaction(_) | Quantity::Peak(_) => "N",
+            Quantity::Probe(_) | Quantity::Displacement => "m",
+            Quantity::FirstBreak | Quantity::HalfBroken => "s",
+            Quantity::BrokenBonds | Quantity::Residual => "",
+        };
+        let last = self.values(course).pop().filter(|value| !value.is_empty())?;
+        Some((norm(&last), unit))
+    }
+
+    /// As [`Quantity::error`], for courses of different bodies: the residual, and the number of bonds, say
+    /// nothing there.
     pub fn difference(&self, found: &Course, reference: &Course) -> f64 {
-        if *self == Quantity::Residual { f64::NAN } else { self.error(found, reference) }
+        match self {
+            Quantity::Residual | Quantity::BrokenBonds => f64::NAN,
+            _ => self.error(found, reference),
+        }
     }
 
     /// How far `found` is from `reference` where that is farthest, relative to the largest size of such
@@ -72,10 +107,18 @@ impl Quantity {
             Quantity::Kinetic => vec![moment.kinetic],
             Quantity::Reaction(set) => named(&moment.reactions, set),
             Quantity::Probe(probe) => named(&moment.probes, probe),
-            Quantity::Displacement | Quantity::Residual => Vec::new(),
+            _ => Vec::new(),
+        };
+        let once = |value: &dyn Fn(&Failure) -> Vec<f64>| -> Vec<Vec<f64>> {
+            course.failure.iter().map(value).collect()
         };
         match self {
             Quantity::Displacement => vec![course.displacements.clone()],
+            Quantity::FirstBreak => once(&|failure| vec![failure.first]),
+            Quantity::HalfBroken => once(&|failure| vec![failure.half]),
+            Quantity::BrokenBonds => once(&|failure| vec![failure.bonds as f64]),
+            Quantity::Released => once(&|failure| vec![failure.released]),
+            Quantity::Peak(set) => once(&|failure| named(&failure.peaks, set)),
             _ => course.moments.iter().map(at).collect(),
         }
     }
@@ -95,7 +138,10 @@ impl Quantity {
                 points.fold(largest(&|moment| of(&moment.probes)), larger)
             }
             Quantity::Displacement => norm(&course.displacements),
+            Quantity::Peak(_) => course.failure.as_ref().map_or(0.0, |failure| of(&failure.peaks)),
             Quantity::Residual => 1.0,
+            // One number.
+            _ => self.values(course).iter().map(|value| norm(value)).fold(0.0, larger),
         }
     }
 }
@@ -115,19 +161,38 @@ fn norm(x: &[f64]) -> f64 {
 }
 
 /// The quantities that were asked for, or the usual ones: energies, the reactions of sets with
-/// prescribed values, probes, the residual. `reaction` and `probe` stand for all of them.
+/// prescribed values, probes, the residual; of a motion in which bonds break when and how many do, what they
+/// release, and the largest reactions. `reaction`, `peak` and `probe` stand for all of them.
 ///
 /// # Errors
 /// A quantity that the scene does not have.
-pub fn quantities(scene: &Scene, wanted: &[String]) -> Result<Vec<Quantity>, TradeError> {
+pub fn quantities(case: &Case, wanted: &[String]) -> Result<Vec<Quantity>, TradeError> {
+    let scene = &case.scene;
     let mut prescribed: Vec<usize> = scene.prescriptions.iter().map(|p| p.set.value).collect();
     prescribed.sort_unstable();
     prescribed.dedup();
     let set = |index: usize| Quantity::Reaction(scene.sets[index].name.value.clone());
-    let of_prescribed: Vec<Quantity> = prescribed.into_iter().map(set).collect();
+    let of_prescribed: Vec<Quantity> = prescribed.iter().map(|index| set(*index)).collect();
+    let peak = |index: usize| Quantity::Peak(scene.sets[index].name.value.clone());
+    let peaks: Vec<Quantity> = prescribed.into_iter().map(peak).collect();
+    let breaks = case.potentials.iter().any(|one| !one.model.breaks().is_empty());
+    let failure = match scene.motion.is_some() && breaks {
+        true => vec![
+            Quantity::FirstBreak,
+            Quantity::HalfBroken,
+            Quantity::BrokenBonds,
+            Quantity::Released,
+        ],
+        false => Vec::new(),
+    };
     let probes = scene.probes.iter().map(|probe| Quantity::Probe(probe.name.value.clone()));
     let probes: Vec<Quantity> = probes.collect();
     let kinetic = scene.motion.as_ref().map(|_| Quantity::Kinetic);
+    if wanted.is_empty() && !failure.is_empty() {
+        // A crack that comes a little later makes energies at given times others by as much as they are.
+        let residual = vec![Quantity::Residual];
+        return Ok([failure, peaks, probes, residual].concat());
+    }
     if wanted.is_empty() {
         let mut usual = vec![Quantity::Energy];
         usual.extend(kinetic);
@@ -139,11 +204,15 @@ pub fn quantities(scene: &Scene, wanted: &[String]) -> Result<Vec<Quantity>, Tra
     let sets = (0..scene.sets.len()).map(set);
     let mut all = vec![Quantity::Energy, Quantity::Displacement, Quantity::Residual];
     all.extend(kinetic);
+    if !failure.is_empty() {
+        all.extend(failure.into_iter().chain((0..scene.sets.len()).map(peak)));
+    }
     all.extend(sets.chain(probes.iter().cloned()));
     let mut chosen: Vec<Quantity> = Vec::new();
     for name in wanted {
         let found: Vec<Quantity> = match name.as_str() {
             "reaction" => of_prescribed.clone(),
+            "peak" => peaks.clone(),
             "probe" => probes.clone(),
             _ => all.iter().filter(|quantity| quantity.name() == *name).cloned().collect(),
         };

@@ -139,6 +139,14 @@ impl Study {
             reference.overrides.join(", "),
             1e3 * reference.seconds
         );
+        if reference.course.failure.is_some() {
+            let values: Vec<String> = self
+                .values_of_reference()
+                .into_iter()
+                .map(|(name, value, unit)| format!("{name} {value:.4e} {unit}").trim().to_string())
+                .collect();
+            let _ = writeln!(out, "The reference has {}.", values.join(", "));
+        }
         let witnesses: Vec<String> = reference
             .witnesses
             .iter()
@@ -193,6 +201,15 @@ impl Study {
         if !errors.is_empty() {
             let _ = writeln!(out, "Discretisation error, about: {}.", errors.join(", "));
         }
+    }
+
+    /// Of the quantities what the reference has at its end, with units.
+    fn values_of_reference(&self) -> Vec<(String, f64, &'static str)> {
+        let of = |quantity: &Quantity| {
+            let (value, unit) = quantity.of(&self.reference.course)?;
+            Some((quantity.name(), value, unit))
+        };
+        self.quantities.iter().filter_map(of).collect()
     }
 
     fn write_verdict(&self, out: &mut String) {
@@ -307,6 +324,9 @@ impl Study {
                 "overrides": reference.overrides,
                 "seconds": number(reference.seconds),
                 "energy": number(reference.course.energy()),
+                "values": self.values_of_reference().into_iter()
+                    .map(|(name, value, _)| (name, number(value)))
+                    .collect::<Value>(),
                 "residual": number(reference.course.residual),
                 "condition": reference.course.condition.map(number),
                 "displacement_error": reference.displacement_error().map(number),
@@ -343,6 +363,7 @@ impl Study {
                 value["runs"] = json!(m.times.runs);
                 value["worst"] = number(m.worst);
                 value["errors"] = by_name(&m.errors);
+                value["values"] = by_name(&m.values);
                 value["standing"] = json!(match m.standing {
                     Some(Standing::Front) => "front",
                     Some(Standing::Near) => "near",

@@ -76,7 +76,7 @@ pub fn study(
     let left = || options.budget.saturating_sub(start.elapsed());
     let settings = settings(read, &options.axes, &options.varied)?;
     let own = read(&[])?;
-    let quantities = quantities(&own.scene, &options.quantities)?;
+    let quantities = quantities(&own, &options.quantities)?;
     let reference = reference(read, &quantities, left(), progress)?;
     let mut running: Vec<Running> = Vec::new();
     let mut own_time = Duration::from_secs_f64(reference.seconds);
@@ -203,6 +203,7 @@ fn outcome(run: Running, quantities: &[Quantity], reference: &Reference) -> Outc
             quantities.iter().map(|q| q.error(&end, &reference.course)).collect();
         let times = Times::of(&run.times).ok_or("no run ended")?;
         Ok(Measured {
+            values: quantities.iter().map(|q| q.of(&end).map_or(f64::NAN, |(x, _)| x)).collect(),
             worst: worst(quantities, &errors),
             errors,
             times,

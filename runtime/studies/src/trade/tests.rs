@@ -8,6 +8,8 @@ use super::*;
 use crate::case::Library;
 
 const LAW: &str = "potential law\nparameter C1 = 1\npsi(l) = 1/2*C1*L*(l/L - 1)^2\n";
+const BRITTLE: &str = "potential brittle\nparameter C1 = 1\npsi(l) = 1/2*C1*L*(l/L - 1)^2\n\
+                       break when l/L - 1 > 0.005\n";
 const STRIP: &str = "
 [body]
 dimension = 2
@@ -34,6 +36,34 @@ at = [0.5, 0.2]
 increments = 3
 ";
 
+/// A strip with a slit that is torn apart.
+const TORN: &str = "
+[body]
+dimension = 2
+box = [[0.0, 0.0], [1.0, 0.6]]
+spacing = 0.1
+[horizon]
+spacings = 3
+[material]
+potential = \"brittle\"
+density = 1.0
+[sets]
+low = \"Y < 0.1\"
+high = \"Y > 0.5\"
+[[crack]]
+segment = [[-0.1, 0.3], [0.4, 0.3]]
+[fracture]
+unbreakable = [\"low\", \"high\"]
+[[prescribe]]
+set = \"low\"
+v = [0, 0]
+[[prescribe]]
+set = \"high\"
+v = [0, 1e-4]
+[motion]
+end = 200.0
+";
+
 /// A folder with the strip, and a reader of it.
 struct Strip {
     folder: tempfile::TempDir,
@@ -47,8 +77,12 @@ impl Strip {
     }
 
     fn read(&self, overrides: &[String]) -> Result<Case, CaseError> {
-        let find = |name: &str| (name == "law").then_some(LAW);
-        let library = Library { find: &find, names: &["law"] };
+        let find = |name: &str| match name {
+            "law" => Some(LAW),
+            "brittle" => Some(BRITTLE),
+            _ => None,
+        };
+        let library = Library { find: &find, names: &["law", "brittle"] };
         Case::read(&self.folder.path().join("scene.toml"), overrides, &library)
     }
 
@@ -273,4 +307,40 @@ fn errors_of_a_motion_go_with_the_square_of_the_step() {
     let read = |overrides: &[String]| strip.read(overrides);
     let error = settings(&read, &["newton".to_string()], &[]).unwrap_err();
     assert!(error.help().unwrap().contains("method"), "{error}");
+}
+
+#[test]
+fn bodies_that_break_are_compared_by_how_they_did() {
+    let strip = Strip::new(TORN);
+    let mut options = options();
+    options.axes = vec!["step".to_string()];
+    options.repeats = 1;
+    let study = strip.study(&options).unwrap();
+    let names: Vec<String> = study.quantities.iter().map(Quantity::name).collect();
+    let failure = ["first_break", "half_broken", "broken_bonds", "released"];
+    assert_eq!(names, [&failure[..], &["peak:low", "peak:high", "residual"]].concat());
+    let reference = study.reference.course.failure.as_ref().unwrap();
+    assert!(0.0 < reference.first && reference.first < reference.half && reference.half < 200.0);
+    assert!(reference.bonds > 10 && reference.released > 0.0);
+    // What is released has been put in by the grips.
+    let put_in: f64 = 1e-4 * 200.0 * reference.peaks[1].value[0];
+    assert!(reference.released < put_in, "{reference:?}");
+    let find = |name: &str| {
+        let found = study.outcomes.iter().find(|outcome| outcome.setting.name == name);
+        found.unwrap_or_else(|| panic!("no {name}")).result.as_ref().unwrap()
+    };
+    // A step of the longer motion is the least by which times are known.
+    let (long, short) = (find("step=0.8"), find("step=0.1"));
+    let step = 200.0 / long.steps as f64;
+    assert!((long.values[0] - reference.first).abs() <= 2.0 * step, "{long:?}");
+    assert!(short.errors[0] <= long.errors[0] && short.errors[0] < 0.01, "{short:?} {long:?}");
+    assert!((long.values[2] - reference.bonds as f64).abs() < 0.5 * reference.bonds as f64);
+    assert!(study.to_text().contains("The reference has first_break"));
+    assert!(study.to_json("torn").contains("\"half_broken\""));
+    // A crack alone breaks nothing more: the quantities are those of other motions.
+    let whole = Strip::new(&TORN.replace("\"brittle\"", "\"law\""));
+    let usual = quantity::quantities(&whole.read(&[]).unwrap(), &[]).unwrap();
+    assert_eq!(usual[0], Quantity::Energy);
+    let wanted = ["released".to_string()];
+    assert!(quantity::quantities(&whole.read(&[]).unwrap(), &wanted).is_err());
 }

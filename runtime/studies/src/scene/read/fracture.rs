@@ -7,13 +7,14 @@ use piola_solvers::steps::Loose;
 use super::Context;
 use crate::scene::reader::{Field, Reader, Schema, Table};
 use crate::scene::tree::{Entry, Node};
-use crate::scene::{CrackEntry, FractureSettings, Located};
+use crate::scene::{CrackEntry, CrackShape, FractureSettings, Located};
 
 static CRACK: Schema = Schema {
     title: "[[crack]]",
     keys: &[
         ("segment", "[[0.0, 0.02], [0.05, 0.02]]"),
         ("polygon", "[[0, 0.02, 0], [0.05, 0.02, 0], [0.05, 0.02, 0.01], [0, 0.02, 0.01]]"),
+        ("between", "[\"one\", \"other\"]"),
         ("damaged", "true"),
     ],
 };
@@ -31,9 +32,14 @@ impl Reader {
     }
 
     fn crack(&mut self, table: &Table<'_>, context: &Context) -> Option<CrackEntry> {
-        let key = self.either(table, "segment", "polygon")?;
+        let key = self.key_of_crack(table)?;
         let damaged = self.or(Some(table), "damaged", true, Reader::switch);
         let field = table.field(key)?;
+        let span = table.span;
+        if key == "between" {
+            let shape = CrackShape::Between(self.two_sets(field, context)?);
+            return Some(CrackEntry { shape, damaged: damaged?, span });
+        }
         let (wanted, other) = if key == "segment" { (2, "polygon") } else { (3, "segment") };
         if context.dimension.is_some_and(|dimension| dimension != wanted) {
             let message = format!("a {key} is a crack in {wanted} dimensions");
@@ -64,7 +70,37 @@ impl Reader {
             self.error(found.help("write the corners in their order around the crack"));
             return None;
         }
-        Some(CrackEntry { shape, damaged: damaged?, span: table.span })
+        Some(CrackEntry { shape: CrackShape::Across(shape), damaged: damaged?, span })
+    }
+
+    /// The one of its keys that says where a crack is.
+    fn key_of_crack(&mut self, table: &Table<'_>) -> Option<&'static str> {
+        let is_there = |key: &&str| table.get(key).is_some();
+        match (is_there(&"between"), ["segment", "polygon"].into_iter().find(is_there)) {
+            (true, None) => Some("between"),
+            (true, Some(other)) => self.either(table, "between", other),
+            (false, Some(_)) => self.either(table, "segment", "polygon"),
+            (false, None) => {
+                let message = "[[crack]] has neither `segment`, `polygon` nor `between`";
+                let found = Diagnostic::error("missing-key", table.span, message);
+                self.error(found.help(
+                    "write the ends or the corners of the crack, or the names of two sets whose \
+                     bonds with each other it cuts",
+                ));
+                None
+            }
+        }
+    }
+
+    fn two_sets(&mut self, field: Field<'_>, context: &Context) -> Option<[Located<usize>; 2]> {
+        let items = self.array(field)?;
+        let [one, other] = items else {
+            self.out_of_range(field, "two names of sets, [\"one\", \"other\"]");
+            return None;
+        };
+        let both = [one, other].map(|item| self.set_named(field.item(item), context));
+        let [Some(one), Some(other)] = both else { return None };
+        Some([one, other])
     }
 
     fn corners_of<const D: usize>(&mut self, field: Field<'_>) -> Option<Vec<[f64; D]>> {

@@ -7,10 +7,12 @@ use crate::kernel::{Kernel, Mode, WrittenEnergy};
 use crate::measure::Measure;
 use crate::model::{Model, Update};
 use crate::specialise::{
-    CompileError, Form, MAX_OPERATIONS, Named, ScalarEnergy, function_of, of_measure, symbolic_of,
+    CompileError, Derived, Form, MAX_OPERATIONS, Named, ScalarEnergy, function_of, of_measure,
+    symbolic_of,
 };
 use crate::squares::square_of;
 use crate::values::Values;
+use crate::verify::Subject;
 
 /// When a bond breaks, a triangle or a tetrahedron.
 #[derive(Debug)]
@@ -177,6 +179,43 @@ impl Model {
             Ok(NextState { field, next, text: one.text.clone() })
         };
         variant.updates.iter().map(next).collect()
+    }
+
+    /// Hands over margins, then next states, with their derivatives in the graph they were made in, and as
+    /// written: with everything held but the measure, states as the values say and the time step 1 s.
+    pub(crate) fn derive_functions(
+        &self,
+        values: &Values,
+        form: Form,
+        mut take: impl FnMut(Subject, Derived, WrittenEnergy) -> Result<(), CompileError>,
+    ) -> Result<(), CompileError> {
+        let variant =
+            self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+        let mut values = values.without_fields();
+        if let Some(dt) = self.time_step() {
+            values.parameters[usize::from(dt)] = 1.0;
+        }
+        let margin = |one: &crate::model::Break| {
+            (Subject::Margin(one.measure, one.text.clone()), (one.measure, one.root), one.span)
+        };
+        let next = |one: &Update| {
+            let text = format!("{} = {}", self.input_name(one.state), one.text);
+            (Subject::NextState(text), (Measure::Length, one.root), one.span)
+        };
+        let all = variant.breaks.iter().map(margin).chain(variant.updates.iter().map(next));
+        for (subject, (measure, root), span) in all {
+            // There are no tetrahedra in the plane.
+            if measure.points() > values.dimension + 1 {
+                continue;
+            }
+            let named = Named { argument: measure.symbol(), span };
+            named.has_horizon(&variant.graph, &[root], values.horizon.is_nan())?;
+            let function = function_of(&variant.graph, self.parameters(), (measure, root), &values);
+            let derived = named.made(function.and_then(|function| function.derivatives(form)))?;
+            named.fits(&derived.scalar_energy().graph)?;
+            take(subject, derived, WrittenEnergy::of_root(&variant.graph, root, &values))?;
+        }
+        Ok(())
     }
 
     /// What states become as written, for these values, with the time step behind their fields.

@@ -58,6 +58,15 @@ impl Measure {
         }
     }
 
+    /// The same of many: "bonds", "triangles", "tetrahedra".
+    pub fn interactions(self) -> &'static str {
+        match self {
+            Measure::Length => "bonds",
+            Measure::Area => "triangles",
+            Measure::Volume => "tetrahedra",
+        }
+    }
+
     /// Its value at rest, as written.
     pub fn reference_symbol(self) -> &'static str {
         match self {

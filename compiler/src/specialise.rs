@@ -49,7 +49,8 @@ pub enum Form {
 }
 
 impl ScalarEnergy {
-    /// Evaluates every node at a measure, its value at rest and the relative change between them.
+    /// Evaluates every node at a measure, its value at rest and the relative change between them, with the
+    /// typical values of fields.
     pub fn run<N: Number>(
         &self,
         interpreter: &mut Interpreter<N>,
@@ -57,7 +58,10 @@ impl ScalarEnergy {
         reference: &N,
         change: &N,
     ) {
-        self.run_with(interpreter, [measure, reference, change], |_| f64::NAN);
+        let typical = |of: u16| self.fields.iter().find(|(field, _)| *field == of);
+        self.run_with(interpreter, [measure, reference, change], |of| {
+            typical(of).map_or(f64::NAN, |(_, value)| *value)
+        });
     }
 
     /// The same with the values of fields, by the number of the parameter.

@@ -4,7 +4,8 @@
 //! is a test case and a shrunk byte string is a smaller program. Any bytes give a program that
 //! parses and whose names, numbers of arguments and types are right; most have no units, and those
 //! that have get the dimensions right. The energies are arbitrary: they need not be real numbers
-//! everywhere, stable, or zero at rest. A parameter without a default wants any positive number.
+//! everywhere, stable, or zero at rest; so are the conditions under which something breaks, and what
+//! bonds remember. A parameter without a default wants any positive number.
 
 /// A potential file made from these bytes.
 pub fn potential_text(bytes: &[u8]) -> String {
@@ -35,6 +36,8 @@ const FUEL: usize = 24;
 const DEPTH: usize = 6;
 
 const PARAMETER_NAMES: [&str; 8] = ["C", "k", "n", "λ", "mu", "κ_", "r_c", "Θ"];
+const STATE_NAMES: [&str; 3] = ["k_", "η", "damage"];
+const MEASURES: [(&str, &str); 3] = [("l", "L"), ("a", "A"), ("v", "V")];
 const FUNCTION_NAMES: [&str; 4] = ["S", "f", "g", "φ"];
 const NUMBERS: [&str; 12] =
     ["1", "2", "0.5", "3", ".25", "1.5", "2e-3", "1e2", "0", "7.125", "1.0E+1", "0.1"];
@@ -120,13 +123,21 @@ impl<'b> Writer<'b> {
         let mut scope = Scope { leaves: vec!["pi".into(), "d".into()] };
         self.parameters(&mut scope);
         self.definitions(&mut scope);
+        let states = self.states();
         for _ in 0..=self.pick(3) {
             let measure = self.pick(3);
+            // What bonds remember is theirs alone.
+            let names: Vec<&str> = states.iter().map(String::as_str).collect();
+            let scope = scope.with(if measure == 0 && kind != 6 { &names } else { &[] });
             match kind {
                 7 => self.energy_with_units(&scope, measure),
                 6 => self.gradient_energy(&scope),
                 _ => self.energy(&scope, measure),
             }
+        }
+        self.updates(&scope, &states, kind == 7);
+        for _ in 0..self.pick(4).saturating_sub(1) {
+            self.breaking(&scope, &states, kind == 7);
         }
         let domain = self.pick_of(&[
             "",
@@ -185,8 +196,83 @@ impl<'b> Writer<'b> {
         }
     }
 
+    /// What bonds remember: none in half of the files.
+    fn states(&mut self) -> Vec<String> {
+        let mut names = Vec::new();
+        for i in 0..self.pick(4).saturating_sub(1) {
+            let name = format!("{}s{i}", self.pick_of(&STATE_NAMES));
+            let value = self.pick_of(&["0", "1", "0.25", "-1/8", "2e-3*pi"]);
+            let description = self.pick_of(&["", " \"what it keeps\""]);
+            self.line(&format!("state {name} = {value}{description}"));
+            names.push(name);
+        }
+        names
+    }
+
+    /// What states become; some stay as they are.
+    fn updates(&mut self, scope: &Scope, states: &[String], has_units: bool) {
+        let names: Vec<&str> = states.iter().map(String::as_str).collect();
+        // Lengths and the time step have units.
+        let of_bonds = if has_units { &["l/L"][..] } else { &["delta", "dt", "L", "l", "l/L"] };
+        let scope = scope.with(&names).with(of_bonds);
+        for name in states {
+            let body = self.body(&scope);
+            match self.pick(4) {
+                0 => self.line(&format!("update {name} = max({name}, {body})")),
+                1 => self.line(&format!("update {name} = {body}")),
+                2 => self.line(&format!("update {name} = if l/L > 1.1 then {body} else {name}")),
+                _ => {}
+            }
+        }
+    }
+
+    /// A condition under which bonds, triangles or tetrahedra break. All its comparisons are of one kind, so
+    /// that it has one threshold.
+    fn breaking(&mut self, scope: &Scope, states: &[String], has_units: bool) {
+        let measure = self.pick(3);
+        let (now, rest) = MEASURES[measure];
+        let stretch = format!("{now}/{rest}");
+        let names: Vec<&str> = states.iter().map(String::as_str).collect();
+        let of_measure = if has_units { &[][..] } else { &["delta", rest, now] };
+        let scope = scope.with(if measure == 0 { &names } else { &[] }).with(of_measure);
+        let scope = scope.with(&[&stretch]);
+        let strict = self.pick(2) == 0;
+        let first = match self.pick(3) {
+            0 => format!("{stretch} - 1"),
+            1 => self.pick_of(&STRAINS).replace('S', &format!("({stretch})")),
+            _ => format!("{stretch}*({})", self.body(&scope)),
+        };
+        let first = self.comparison(&first, strict, &scope);
+        let condition = match self.pick(6) {
+            2 => format!("not ({first})"),
+            3 | 4 => {
+                let operator = self.pick_of(&["and", "or"]);
+                let left = self.body(&scope);
+                let second = self.comparison(&left, strict, &scope);
+                format!("{first} {operator} {second}")
+            }
+            5 => {
+                self.fuel = FUEL;
+                let which = self.condition(&scope, 1);
+                let left = self.body(&scope);
+                let second = self.comparison(&left, strict, &scope);
+                format!("if {which} then {first} else {second}")
+            }
+            _ => first,
+        };
+        let reason = self.pick_of(&["", " \"reason (of it\""]);
+        self.line(&format!("break when {condition}{reason}"));
+    }
+
+    /// A comparison that holds at equality, or one that does not.
+    fn comparison(&mut self, left: &str, strict: bool, scope: &Scope) -> String {
+        let operator = self.pick_of(if strict { &[" > ", "<"] } else { &[" >= ", "<="] });
+        let right = self.body(scope);
+        format!("{left}{operator}{right}")
+    }
+
     fn energy(&mut self, scope: &Scope, measure: usize) {
-        let (now, rest) = [("l", "L"), ("a", "A"), ("v", "V")][measure];
+        let (now, rest) = MEASURES[measure];
         let stretch = format!("{now}/{rest}");
         let mut scope = scope.with(&["delta", rest, now, &stretch]);
         if self.pick(4) >= 2 {

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use piola_compiler::audit::{Audit, Place, Regime, Settings, audit};
+use piola_compiler::audit::{Audit, Place, Regime, Settings, audit, functions};
 use piola_compiler::{Argument, Form};
 use piola_runtime::output::atomic::write_atomically;
 use piola_runtime::output::decimal;
@@ -38,7 +38,11 @@ pub(super) fn execute(arguments: &cli::Audit) -> Exit {
         points: arguments.points,
         bar: arguments.bar,
     };
-    let audits = match audit(model, &values, &settings) {
+    let found = audit(model, &values, &settings).and_then(|(mut audits, dropped)| {
+        audits.extend(functions(model, &values, &settings)?);
+        Ok((audits, dropped))
+    });
+    let audits = match found {
         Ok((audits, dropped)) => {
             dropped.iter().for_each(|dropped| console::note(&dropped.reason));
             audits
@@ -71,10 +75,10 @@ fn passes(worst: &[f64; 3], bar: f64) -> bool {
 fn human(audits: &[Audit], bar: f64) -> String {
     let mut out = String::new();
     for audit in audits {
-        let (symbol, orders) = (audit.argument.symbol(), audit.argument.orders());
+        let (symbol, orders) = (audit.argument.symbol(), audit.orders());
+        let n = audit.n_orders();
         let of = if audit.argument == Argument::Gradient { "norm" } else { "value" };
         let width = audit.regimes.iter().map(|regime| regime.name.len()).fold(16, usize::max);
-        let [psi, first, second] = orders;
         if let Argument::Square(measure) = audit.argument {
             let m = measure.symbol();
             let _ =
@@ -82,14 +86,16 @@ fn human(audits: &[Audit], bar: f64) -> String {
         }
         let _ = writeln!(
             out,
-            "psi({symbol}): largest errors, raw in u = 1.1e-16 of the {of};\n\
-             left: what rounding the inputs does not excuse, bar {bar}\n\
-             {:width$} {:>7} {psi:>10} {:>8} {first:>10} {:>8} {second:>10} {:>8}",
-            "regime", "points", "left", "left", "left"
+            "{}: largest errors, raw in u = 1.1e-16 of the {of};\n\
+             left: what rounding the inputs does not excuse, bar {bar}",
+            audit.title()
         );
+        let columns = orders[..n].iter().map(|of| format!(" {of:>10} {:>8}", "left"));
+        let columns = columns.collect::<String>();
+        let _ = writeln!(out, "{:width$} {:>7}{columns}", "regime", "points");
         for regime in &audit.regimes {
             let _ = write!(out, "{:width$} {:>7}", regime.name, regime.n_points);
-            for (raw, left) in regime.raw.into_iter().zip(regime.worst) {
+            for (raw, left) in regime.raw.into_iter().zip(regime.worst).take(n) {
                 let _ = write!(out, " {:>10} {:>8}", units(raw), units(left));
             }
             out.push('\n');
@@ -135,12 +141,20 @@ fn listed(numbers: &[f64], separator: &str) -> String {
     numbers.iter().map(|x| decimal(*x)).collect::<Vec<_>>().join(separator)
 }
 
+/// The measure of an energy; of anything else what it is, in quotes.
+fn measure(audit: &Audit) -> String {
+    match audit.function {
+        None => audit.argument.symbol().to_string(),
+        Some(_) => format!("\"{}\"", audit.title().replace('"', "\"\"")),
+    }
+}
+
 /// The input and what it is at rest; of `F` all components, and `F - I`.
 fn csv(audits: &[Audit]) -> String {
     let mut out = "measure,regime,points,order,raw,error,at,at_reference,at_change\n".to_string();
     for audit in audits {
         for regime in &audit.regimes {
-            for order in 0..3 {
+            for order in 0..audit.n_orders() {
                 let at = match &regime.at[order] {
                     Some(Place::Interaction(point)) => {
                         [point.measure, point.reference, point.change()].map(decimal)
@@ -153,7 +167,7 @@ fn csv(audits: &[Audit]) -> String {
                 let _ = writeln!(
                     out,
                     "{},{},{},{order},{},{},{}",
-                    audit.argument.symbol(),
+                    measure(audit),
                     regime.name,
                     regime.n_points,
                     decimal(regime.raw[order]),
@@ -189,6 +203,7 @@ fn json_lines(file: &str, dimension: usize, audits: &[Audit], bar: f64) -> Strin
             "file": file,
             "dimension": dimension,
             "measure": audit.argument.symbol(),
+            "subject": audit.title(),
             "bar": bar,
             "passed": passes(&audit.worst(), bar),
             "regimes": audit.regimes.iter().map(regime).collect::<Vec<_>>(),
@@ -206,13 +221,13 @@ fn picture(path: &Path, name: &str, audits: &[Audit]) -> Result<(), String> {
                 let error = regime.raw[order] * piola_compiler::verify::UNIT_ROUNDOFF;
                 Some((regime.strain?, error))
             });
-            (audit.argument.orders()[order].to_string(), near.collect())
+            (audit.orders()[order].to_string(), near.collect())
         };
         LogarithmicPanel {
-            title: format!("psi({})", audit.argument.symbol()),
+            title: audit.title(),
             x: "strain",
             y: "largest relative error",
-            lines: (0..3).map(line).collect(),
+            lines: (0..audit.n_orders()).map(line).collect(),
         }
     };
     let plot = LogarithmicPlot {

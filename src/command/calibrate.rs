@@ -1,6 +1,8 @@
 //! `piola calibrate`: parameters for which the discrete body has given moduli.
 
-use piola_runtime::moduli::{CalibrateError, Calibrated, Modulus, Target, calibrate};
+use piola_runtime::moduli::{
+    CalibrateError, Calibrated, FractureTarget, Modulus, Target, Wanted, calibrate,
+};
 use serde_json::{Value, json};
 
 use super::{Exit, scene};
@@ -9,11 +11,7 @@ use crate::console;
 use crate::render;
 
 pub(super) fn execute(arguments: &Calibrate) -> Exit {
-    let Some(targets) =
-        arguments.targets.iter().map(|text| target(text)).collect::<Option<Vec<_>>>()
-    else {
-        return Exit::Input;
-    };
+    let Some(wanted) = wanted(&arguments.targets) else { return Exit::Input };
     let Some(case) = scene::read(&arguments.scene, &arguments.settings) else {
         return Exit::Input;
     };
@@ -27,11 +25,11 @@ pub(super) fn execute(arguments: &Calibrate) -> Exit {
         render::error("the scene has several materials", Some(help.as_str()));
         return Exit::Input;
     };
-    match calibrate(case, &targets, &arguments.vary) {
+    match calibrate(case, &wanted, &arguments.vary) {
         Ok(found) => {
             console::out(&match arguments.format {
-                Format::Human => human(&found, &targets),
-                Format::Json => format!("{:#}\n", machine(&found, &targets)),
+                Format::Human => human(&found, &wanted),
+                Format::Json => format!("{:#}\n", machine(&found, &wanted)),
             });
             Exit::Done
         }
@@ -50,50 +48,106 @@ pub(super) fn execute(arguments: &Calibrate) -> Exit {
     }
 }
 
-/// `E=200e9` or `E=200 GPa`; prints what is wrong.
-fn target(text: &str) -> Option<Target> {
-    let names = Modulus::ALL.map(Modulus::name).join(", ");
-    let Some((name, value)) = text.split_once('=') else {
-        render::error(&format!("--target {text}: this is not NAME=VALUE"), Some("E=200e9,nu=0.3"));
-        return None;
-    };
-    let Some(modulus) = Modulus::named(name.trim()) else {
-        let message = format!("--target {text}: there is no modulus `{}`", name.trim());
-        render::error(&message, Some(format!("there are {names}").as_str()));
-        return None;
-    };
-    let value = value.trim();
-    let units = [("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3), ("Pa", 1.0)];
-    let unit = units.iter().find(|(unit, _)| modulus.is_stress() && value.ends_with(unit));
+/// What all targets ask for; prints what is wrong.
+fn wanted(targets: &[String]) -> Option<Wanted> {
+    let mut wanted = Wanted::default();
+    for text in targets {
+        let Some((name, value)) = text.split_once('=') else {
+            let help = "E=200e9,nu=0.3,Gc=2700";
+            render::error(&format!("--target {text}: this is not NAME=VALUE"), Some(help));
+            return None;
+        };
+        let (name, value) = (name.trim(), value.trim());
+        if let Some(modulus) = Modulus::named(name) {
+            let units = if modulus.is_stress() { &STRESSES[..] } else { &[] };
+            let value = quantity(text, value, units)?;
+            wanted.moduli.push(Target { modulus, value });
+        } else if let Some(normal) = plane(name) {
+            let target =
+                FractureTarget { normal, value: quantity(text, value, &FRACTURE_ENERGIES)? };
+            if let Some(first) = wanted.fracture.replace(target) {
+                let message = format!("--target {text}: `{}` is a target, too", first.name());
+                render::error(
+                    &message,
+                    Some("one threshold gives one fracture energy: name one plane"),
+                );
+                return None;
+            }
+        } else {
+            let names = Modulus::ALL.map(Modulus::name).join(", ");
+            let message = format!("--target {text}: there is no modulus `{name}`");
+            let help = format!("there are {names}, and Gc, Gc[110] .. of bodies that break");
+            render::error(&message, Some(help.as_str()));
+            return None;
+        }
+    }
+    Some(wanted)
+}
+
+/// Units of stresses in Pa.
+const STRESSES: [(&str, f64); 4] = [("GPa", 1e9), ("MPa", 1e6), ("kPa", 1e3), ("Pa", 1.0)];
+
+/// Units of fracture energies in J/m^2.
+const FRACTURE_ENERGIES: [(&str, f64); 5] =
+    [("kJ/m^2", 1e3), ("mJ/m^2", 1e-3), ("J/m^2", 1.0), ("kN/m", 1e3), ("N/m", 1.0)];
+
+/// `Gc` or `Gc[110]`, with the normal of the plane if it names one.
+fn plane(name: &str) -> Option<Option<Vec<i32>>> {
+    let of_plane = name.strip_prefix("Gc")?;
+    if of_plane.is_empty() {
+        return Some(None);
+    }
+    let digits = of_plane.strip_prefix('[')?.strip_suffix(']')?;
+    let normal: Option<Vec<i32>> =
+        digits.chars().map(|digit| digit.to_digit(10).map(|digit| digit as i32)).collect();
+    normal.map(Some)
+}
+
+/// `200e9` or `200 GPa`; prints what is wrong.
+fn quantity(text: &str, value: &str, units: &[(&str, f64)]) -> Option<f64> {
+    let unit = units.iter().find(|(unit, _)| value.ends_with(unit));
     let (number, scale) = match unit {
         Some((unit, scale)) => (value[..value.len() - unit.len()].trim(), *scale),
         None => (value, 1.0),
     };
     match number.parse::<f64>() {
-        Ok(number) if number.is_finite() => Some(Target { modulus, value: number * scale }),
+        Ok(number) if number.is_finite() => Some(number * scale),
         _ => {
-            let unit = if modulus.is_stress() { " in Pa, or with kPa, MPa, GPa" } else { "" };
+            let unit = match units {
+                [] => "",
+                _ if units == STRESSES => " in Pa, or with kPa, MPa, GPa",
+                _ => " in J/m^2, or with kJ/m^2, N/m",
+            };
             render::error(&format!("--target {text}: `{value}` is not a number{unit}"), None);
             None
         }
     }
 }
 
-fn human(found: &Calibrated, targets: &[Target]) -> String {
-    let names: Vec<&str> = found.parameters.iter().map(|(name, _)| name.as_str()).collect();
-    let how = if found.linear { "are linear in" } else { "depend in no linear way on" };
-    let mut text = format!(
-        "# The moduli {how} {}; {} elasticity tensors were computed.\n",
-        names.join(", "),
-        found.evaluations
-    );
-    for target in targets {
-        let achieved = found.moduli.stiffness.modulus(target.modulus).unwrap_or(f64::NAN);
+fn human(found: &Calibrated, wanted: &Wanted) -> String {
+    let mut text = String::new();
+    let names = |are_varied: bool| -> String {
+        let names = found.parameters.iter().map(|(name, _)| name.as_str());
+        let is_last = |name: &&str| found.threshold.as_deref() == Some(*name);
+        names.filter(|name| is_last(name) != are_varied).collect::<Vec<_>>().join(", ")
+    };
+    if !wanted.moduli.is_empty() {
+        let how = if found.linear { "are linear in" } else { "depend in no linear way on" };
         text.push_str(&format!(
-            "# {} = {achieved}, asked for {}\n",
-            target.modulus.name(),
-            target.value
+            "# The moduli {how} {}; {} elasticity tensors were computed.\n",
+            names(true),
+            found.evaluations
         ));
+    }
+    if wanted.fracture.is_some() {
+        text.push_str(&format!(
+            "# The fracture energy follows from {}; it was computed {} times.\n",
+            names(false),
+            found.fracture_evaluations
+        ));
+    }
+    for (name, achieved, value) in reached(found, wanted) {
+        text.push_str(&format!("# {name} = {achieved}, asked for {value}\n"));
     }
     text.push_str(found.scene.material_toml().trim_start());
     for line in found.moduli.to_string().lines() {
@@ -102,18 +156,31 @@ fn human(found: &Calibrated, targets: &[Target]) -> String {
     text
 }
 
-fn machine(found: &Calibrated, targets: &[Target]) -> Value {
+/// Of each target its name, what the body has and what was asked for.
+fn reached(found: &Calibrated, wanted: &Wanted) -> Vec<(String, f64, f64)> {
+    let moduli = wanted.moduli.iter().map(|target| {
+        let achieved = found.moduli.stiffness.modulus(target.modulus);
+        (target.modulus.name().to_string(), achieved.unwrap_or(f64::NAN), target.value)
+    });
+    let fracture = wanted.fracture.iter().map(|target| {
+        let energies = found.moduli.fracture.as_ref().ok();
+        let achieved = energies.and_then(|energies| energies.along(target.normal.as_deref()));
+        (target.name(), achieved.unwrap_or(f64::NAN), target.value)
+    });
+    moduli.chain(fracture).collect()
+}
+
+fn machine(found: &Calibrated, wanted: &Wanted) -> Value {
     let parameters: serde_json::Map<String, Value> =
         found.parameters.iter().map(|(name, value)| (name.clone(), json!(value))).collect();
-    let asked: serde_json::Map<String, Value> = targets
-        .iter()
-        .map(|target| (target.modulus.name().to_string(), json!(target.value)))
-        .collect();
+    let asked: serde_json::Map<String, Value> =
+        reached(found, wanted).into_iter().map(|(name, _, value)| (name, json!(value))).collect();
     json!({
         "parameters": parameters,
         "targets": asked,
         "moduli": found.moduli.json(),
         "linear": found.linear,
         "evaluations": found.evaluations,
+        "fracture_evaluations": found.fracture_evaluations,
     })
 }

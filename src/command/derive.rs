@@ -251,8 +251,8 @@ fn left(loaded: &Loaded, is_as_written: bool, lost: &[Lost]) -> String {
         );
     }
     let mut out = "what is left\n".to_string();
-    for Lost { argument, cause, at, error } in lost {
-        let (symbol, name) = (argument.symbol(), argument.orders()[cause.order]);
+    for one in lost {
+        let Lost { cause, at, error, .. } = one;
         let place = match at {
             Place::Interaction(at) => {
                 format!("at a stretch of {}", decimal(at.measure / at.reference))
@@ -263,7 +263,8 @@ fn left(loaded: &Loaded, is_as_written: bool, lost: &[Lost]) -> String {
             Place::Gradient { gradient, .. } => format!("where F = {}", rows(gradient)),
         };
         out.push_str(&format!(
-            "  {name}({symbol}) is off by {} {place}\n    {}\n",
+            "  {} is off by {} {place}\n    {}\n",
+            one.subject(),
             units(*error),
             super::verify::advice(cause, &loaded.text)
         ));
@@ -299,9 +300,9 @@ fn explanation(e: &Explanation) -> String {
         format!("{} operations, {} calls, {:.1} ns", side.operations, side.calls, side.nanoseconds)
     };
     format!(
-        "psi({}): {}\n  identity  {}\n  valid     {}\n  before    {}\n  after     {}\n\
+        "{}: {}\n  identity  {}\n  valid     {}\n  before    {}\n  after     {}\n\
          \x20 error     near rest {} -> {}, far from it {} -> {}\n  cost      {} -> {}\n",
-        e.measure.symbol(),
+        audit::title(Argument::Measure(e.measure), e.function.as_ref()),
         e.rule.name,
         e.rule.identity,
         e.rule.condition,

@@ -1,9 +1,9 @@
 //! `piola verify`: machine code against the interpreter and hyper-dual numbers.
 
-use piola_compiler::Argument;
 use piola_compiler::verify::{
     Cause, Miss, Outcome, Part, Stated, Subject, Verification, Witness, verify,
 };
+use piola_compiler::{Argument, Measure};
 use serde_json::{Value, json};
 
 use super::Exit;
@@ -114,8 +114,8 @@ fn bits(found: &Verification, places: &str) -> String {
 
 /// What was found for one energy, in words.
 fn report(place: &str, found: &Verification, text: &str) -> String {
-    if let Subject::Margin(condition) = &found.subject {
-        return report_margin(place, condition, found);
+    if let Subject::Margin(measure, condition) = &found.subject {
+        return report_margin(place, (*measure, condition), found);
     }
     if let Subject::NextState(next) = &found.subject {
         return report_next_state(place, next, found);
@@ -127,7 +127,7 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
         Subject::Argument(Argument::Gradient) => {
             ("gradients", "largest errors in u = 2^-53 of the norm", 0)
         }
-        Subject::Gathered(_) | Subject::Margin(_) | Subject::NextState(_) => {
+        Subject::Gathered(_) | Subject::Margin(..) | Subject::NextState(_) => {
             ("points", "largest errors against hyper-dual numbers in u = 2^-53", 0)
         }
         Subject::Coupled(..) => ("points", "largest errors in u = 2^-53 of the largest part", 0),
@@ -179,16 +179,23 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
     out
 }
 
-/// The same of a condition under which bonds break.
-fn report_margin(place: &str, condition: &str, found: &Verification) -> String {
+/// The same of a condition under which bonds, triangles or tetrahedra break.
+fn report_margin(
+    place: &str,
+    (measure, condition): (Measure, &str),
+    found: &Verification,
+) -> String {
     let (verdict, bits) = (verdict(found), bits(found, "points"));
     let largest = found.errors.iter().fold(0.0, |most: f64, errors| most.max(errors.largest[0]));
     let judged = match largest {
-        0.0 => "every bond is judged as written".to_string(),
-        _ => format!(
-            "bonds are judged as written from {largest:.0} units in the last place of l around the \
-             threshold on"
-        ),
+        0.0 => format!("every {} is judged as written", measure.interaction()),
+        _ => {
+            let (all, symbol) = (measure.interactions(), measure.symbol());
+            format!(
+                "{all} are judged as written from {largest:.0} units in the last place of {symbol} around \
+                 the threshold on"
+            )
+        }
     };
     let points = found.n_places;
     let mut out =
@@ -353,8 +360,13 @@ fn place_of(subject: &Subject, miss: &Miss) -> String {
             let (m, rest) = (miss.place[0], miss.place[1]);
             format!("{symbol} = {m:e}, {} = {rest:e}", measure.reference_symbol())
         }
-        Subject::Margin(_) | Subject::NextState(_) | Subject::Following => {
-            format!("l = {:e}, L = {:e}", miss.place[0], miss.place[1])
+        Subject::Margin(..) | Subject::NextState(_) | Subject::Following => {
+            let measure = match subject {
+                Subject::Margin(measure, _) => *measure,
+                _ => Measure::Length,
+            };
+            let (now, rest) = (measure.symbol(), measure.reference_symbol());
+            format!("{now} = {:e}, {rest} = {:e}", miss.place[0], miss.place[1])
         }
         Subject::Coupled(_, symbols) => {
             let changes: Vec<String> = miss.place.iter().map(|x| format!("{x:.1e}")).collect();

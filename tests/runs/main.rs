@@ -11,6 +11,7 @@ mod coupled;
 mod extremes;
 mod fields;
 mod fracture;
+mod fracture_energy;
 mod frame_fields;
 #[cfg(unix)]
 mod interrupted;

@@ -1,5 +1,6 @@
 //! What is still lost, and by which subexpression: an audit with causes.
 
+use super::functions::functions_at;
 use super::{Place, Settings, audit};
 use crate::measure::Argument;
 use crate::model::Model;
@@ -7,15 +8,18 @@ use crate::point::GradientEnergyForms;
 use crate::point::sample::Sample;
 use crate::specialise::{CompileError, ScalarEnergy};
 use crate::values::Values;
-use crate::verify::Cause;
 use crate::verify::cause::cause;
+use crate::verify::remember::histories;
 use crate::verify::stated::cause_of_gradient;
+use crate::verify::{Cause, Subject};
 
 /// A subexpression that loses digits in the compiled form.
 #[derive(Clone, Debug)]
 pub struct Lost {
     /// The energy it belongs to.
     pub argument: Argument,
+    /// What it belongs to, if that is no energy.
+    pub function: Option<Subject>,
     /// The subexpression.
     pub cause: Cause,
     /// Where the error is largest.
@@ -73,11 +77,51 @@ pub fn lost(
                 };
                 let Some(cause) = cause else { continue };
                 let error = regime.worst[order];
-                note(&mut all, Lost { argument: audit.argument, cause, at, error });
+                let (argument, function) = (audit.argument, None);
+                note(&mut all, Lost { argument, function, cause, at, error });
             }
         }
     }
+    for values in histories(model, values)? {
+        lost_of_functions(model, &values, settings, &mut all)?;
+    }
     Ok(all)
+}
+
+/// The same of margins and next states, with what bonds remember by the values.
+fn lost_of_functions(
+    model: &Model,
+    values: &Values,
+    settings: &Settings,
+    all: &mut Vec<Lost>,
+) -> Result<(), CompileError> {
+    let audits = functions_at(model, values, settings)?;
+    model.derive_functions(values, settings.form, |subject, derived, _| {
+        let audit = audits.iter().find(|audit| audit.function.as_ref() == Some(&subject));
+        let missed = audit.into_iter().flat_map(|audit| &audit.regimes);
+        for regime in missed.filter(|regime| regime.worst[0] > settings.bar) {
+            let Some(Place::Interaction(point)) = regime.at[0] else { continue };
+            let Some(cause) = cause(model, &derived.scalar_energy(), 0, point) else { continue };
+            let (argument, error) = (Argument::Measure(derived.measure), regime.worst[0]);
+            let function = Some(subject.clone());
+            let at = Place::Interaction(point);
+            note(all, Lost { argument, function, cause, at, error });
+        }
+        Ok(())
+    })
+}
+
+impl Lost {
+    /// What loses them: `psi'(l)`, `margin of break when l/L - 1 > s0`.
+    pub fn subject(&self) -> String {
+        match &self.function {
+            None => {
+                format!("{}({})", self.argument.orders()[self.cause.order], self.argument.symbol())
+            }
+            Some(Subject::NextState(text)) => format!("update {text}"),
+            Some(function) => format!("the margin of `{}`", function.symbol()),
+        }
+    }
 }
 
 /// Adds a loss, or keeps the larger one of two of the same subexpression.
@@ -88,7 +132,8 @@ fn note(all: &mut Vec<Lost>, lost: Lost) {
         None => (cause.order, None, cause.expression.clone()),
     };
     let is_same = |known: &&mut Lost| {
-        known.argument == lost.argument && name(&known.cause) == name(&lost.cause)
+        let is_one = known.argument == lost.argument && known.function == lost.function;
+        is_one && name(&known.cause) == name(&lost.cause)
     };
     match all.iter_mut().find(is_same) {
         Some(known) if known.error >= lost.error => {}

@@ -18,12 +18,12 @@ pub(super) fn regimes(
     values: &Values,
     argument: Argument,
     (kernel, energy, written): (&Kernel, &ScalarEnergy, &WrittenEnergy),
-    settings: &Settings,
+    (settings, orders): (&Settings, &[&str]),
 ) -> Vec<Regime> {
     let measure = kernel.measure();
     let of_square = argument == Argument::Square(measure);
     let mut regimes = Vec::new();
-    for (name, strain, stretches) in stretches(energy, argument, settings.points) {
+    for (name, strain, stretches) in stretches(energy, argument, (settings.points, orders)) {
         let mut points = points_of(&stretches);
         points.retain(|&point| {
             let point = if of_square { point.root() } else { point };
@@ -34,7 +34,7 @@ pub(super) fn regimes(
         let mut regime = Regime::new(name, strain);
         for (i, &point) in points.iter().enumerate() {
             let found = [out.psi[i], out.dpsi[i], out.d2psi[i]];
-            measure_errors(&mut regime, written, point, found, settings.bar);
+            measure_errors(&mut regime, written, point, &found[..orders.len()], settings.bar);
         }
         regimes.push(regime);
     }
@@ -45,13 +45,13 @@ fn measure_errors(
     regime: &mut Regime,
     written: &WrittenEnergy,
     point: Point,
-    found: [f64; 3],
+    found: &[f64],
     bar: f64,
 ) {
     let Some(expected) = truth(written, point) else { return };
     regime.n_points += 1;
-    for order in 0..3 {
-        let (found, expected) = (found[order], expected[order]);
+    for (order, found) in found.iter().copied().enumerate() {
+        let expected = expected[order];
         let raw = in_units(found, expected, expected.abs());
         let left = if raw > bar { error_left(written, point, order, found, expected) } else { raw };
         regime.see(order, [raw, left], || Place::Interaction(point));
@@ -61,7 +61,11 @@ fn measure_errors(
 /// Regimes: name, decade of the strain near rest, stretches.
 type Stretches = Vec<(String, Option<f64>, Vec<f64>)>;
 
-fn stretches(energy: &ScalarEnergy, argument: Argument, n: usize) -> Stretches {
+fn stretches(
+    energy: &ScalarEnergy,
+    argument: Argument,
+    (n, orders): (usize, &[&str]),
+) -> Stretches {
     let measure = energy.measure;
     // Strains and stretches are those of the measure, also where its square is given.
     let given = |stretch: f64| match argument {
@@ -91,7 +95,7 @@ fn stretches(energy: &ScalarEnergy, argument: Argument, n: usize) -> Stretches {
     }
     let grid = Grid::new(energy);
     regimes.push(("guards".to_string(), None, grid.guards()));
-    for (order, of) in ["psi", "psi'", "psi''"].into_iter().enumerate() {
+    for (order, of) in orders.iter().enumerate() {
         regimes.push((format!("zeros of {of}"), None, grid.zeros(order)));
     }
     regimes

@@ -6,14 +6,19 @@
 //! what is left of it counts in what rounding the inputs changes the value by: no formula can do better
 //! for an argument that is rounded. For measures `condition` says which input that is and where; for
 //! energies of the deformation gradient `tensor` does.
+//!
+//! Conditions under which something breaks, and what bonds remember, are held to the same by [`functions`],
+//! but for derivatives, which nobody takes of them.
 
 mod condition;
+mod functions;
 mod gradient;
 mod lost;
 mod measure;
 mod places;
 mod tensor;
 
+pub use functions::functions;
 pub use lost::{Lost, lost};
 
 use crate::compile::Kind;
@@ -22,11 +27,14 @@ use crate::measure::Argument;
 use crate::model::Model;
 use crate::specialise::{CompileError, Dropped, Form, ScalarEnergy};
 use crate::values::Values;
-use crate::verify::UNIT_ROUNDOFF;
 use crate::verify::sample::Point;
+use crate::verify::{Subject, UNIT_ROUNDOFF};
 
 /// Below this a true value may be lost to underflow.
 const SMALLEST: f64 = 1e-290;
+
+/// An energy and its derivatives, as names of regimes have them.
+const PSI: &[&str] = &["psi", "psi'", "psi''"];
 
 /// What an audit looks at.
 #[derive(Clone, Copy, Debug)]
@@ -82,6 +90,18 @@ impl Regime {
         Regime { name, strain, n_points: 0, raw: none, worst: none, at: [None, None, None] }
     }
 
+    /// Takes in what was found at other states.
+    fn join(&mut self, other: Regime) {
+        self.n_points += other.n_points;
+        for (order, at) in other.at.into_iter().enumerate() {
+            self.raw[order] = self.raw[order].max(other.raw[order]);
+            if other.worst[order] > self.worst[order] {
+                self.worst[order] = other.worst[order];
+                self.at[order] = at;
+            }
+        }
+    }
+
     /// An error, raw and what is left of it.
     fn see(&mut self, order: usize, [raw, left]: [f64; 2], place: impl FnOnce() -> Place) {
         self.raw[order] = self.raw[order].max(raw);
@@ -92,11 +112,13 @@ impl Regime {
     }
 }
 
-/// Errors of one energy.
+/// Errors of one energy, margin or next state.
 #[derive(Clone, Debug)]
 pub struct Audit {
     /// What it is a function of.
     pub argument: Argument,
+    /// What it is, if it is no energy.
+    pub function: Option<Subject>,
     /// Regimes with points in the domain.
     pub regimes: Vec<Regime>,
 }
@@ -104,7 +126,32 @@ pub struct Audit {
 impl Audit {
     fn new(argument: Argument, mut regimes: Vec<Regime>) -> Audit {
         regimes.retain(|regime| regime.n_points > 0);
-        Audit { argument, regimes }
+        Audit { argument, function: None, regimes }
+    }
+
+    /// How many of a value and its derivatives are judged.
+    pub fn n_orders(&self) -> usize {
+        if self.function.is_some() { 1 } else { 3 }
+    }
+
+    /// As they are named.
+    pub fn orders(&self) -> [&'static str; 3] {
+        self.function.as_ref().map_or(self.argument.orders(), Subject::orders)
+    }
+
+    /// What is judged, as written: `psi(l)`, `break when l/L - 1 > s0`, `update k = max(k, s)`.
+    pub fn title(&self) -> String {
+        title(self.argument, self.function.as_ref())
+    }
+
+    /// Takes in what was found of the same function at other states.
+    fn join(&mut self, other: Audit) {
+        for regime in other.regimes {
+            match self.regimes.iter_mut().find(|own| own.name == regime.name) {
+                Some(own) => own.join(regime),
+                None => self.regimes.push(regime),
+            }
+        }
     }
 
     /// Largest error of psi and its derivatives that is left, in units of [`UNIT_ROUNDOFF`].
@@ -116,6 +163,15 @@ impl Audit {
             }
         }
         worst
+    }
+}
+
+/// What is judged, as written: an energy of an argument, or a function that is none.
+pub fn title(argument: Argument, function: Option<&Subject>) -> String {
+    match function {
+        Some(Subject::NextState(text)) => format!("update {text}"),
+        Some(function) => format!("break when {}", function.symbol()),
+        None => format!("psi({})", argument.symbol()),
     }
 }
 
@@ -140,7 +196,7 @@ pub fn audit(
         let measure = kernel.measure();
         let written = model.written(values, measure);
         let mut look_at = |argument, of: (&Kernel, &ScalarEnergy, &WrittenEnergy)| {
-            let regimes = measure::regimes(variant, values, argument, of, settings);
+            let regimes = measure::regimes(variant, values, argument, of, (settings, PSI));
             audits.push(Audit::new(argument, regimes));
         };
         look_at(Argument::Measure(measure), (kernel, energy, &written));

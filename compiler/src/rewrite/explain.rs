@@ -16,8 +16,8 @@ use crate::print;
 use crate::simplify::{Rule, Simplifier};
 use crate::specialise::{CompileError, Form, ScalarEnergy};
 use crate::values::Values;
-use crate::verify::UNIT_ROUNDOFF;
 use crate::verify::sample::Point;
+use crate::verify::{Subject, UNIT_ROUNDOFF};
 
 /// Precision of the true values, in binary digits.
 const BITS: usize = 256;
@@ -33,6 +33,8 @@ const RUNS: usize = 15;
 pub struct Explanation {
     /// The energy it belongs to.
     pub measure: Measure,
+    /// What it belongs to, if that is no energy.
+    pub function: Option<Subject>,
     /// Which rule.
     pub rule: &'static Rule,
     /// What was there.
@@ -58,15 +60,20 @@ pub struct Side {
     pub nanoseconds: f64,
 }
 
-/// Every rewrite of the energies for these values, each pair of expressions once.
+/// Every rewrite of the energies for these values, then of conditions and of what bonds remember, each pair of
+/// expressions once.
 ///
 /// # Errors
 /// As for [`Model::specialise`].
 pub fn explain(model: &Model, values: &Values) -> Result<Vec<Explanation>, CompileError> {
     let mut all = Vec::new();
-    model.derive(values, Form::Accurate, |derived, _| all.push(derived))?;
+    model.derive(values, Form::Accurate, |derived, _| all.push((None, derived)))?;
+    model.derive_functions(values, Form::Accurate, |subject, derived, _| {
+        all.push((Some(subject), derived));
+        Ok(())
+    })?;
     let mut explanations: Vec<Explanation> = Vec::new();
-    for derived in all {
+    for (function, derived) in all {
         let mut graph = derived.graph;
         for Applied { rule, before, after } in derived.applied {
             // Numbers that were worked out have lost what makes them cancel.
@@ -79,7 +86,8 @@ pub fn explain(model: &Model, values: &Values) -> Result<Vec<Explanation>, Compi
             let known =
                 |e: &Explanation| e.before.text == before.text && e.after.text == after.text;
             if before.text != after.text && !explanations.iter().any(known) {
-                explanations.push(Explanation { measure: derived.measure, rule, before, after });
+                let (measure, function) = (derived.measure, function.clone());
+                explanations.push(Explanation { measure, function, rule, before, after });
             }
         }
     }

@@ -41,7 +41,7 @@ pub(super) fn verify(
     let mut found = Vec::new();
     for (k, written) in written.iter().enumerate() {
         let kernels = [&strict[k].margin, &fast[k].margin, &interpreted[k].margin];
-        let subject = Subject::Margin(strict[k].text.clone());
+        let subject = Subject::Margin(strict[k].measure(), strict[k].text.clone());
         let verification = Verification::new(subject, &[(Witness::TruthFar, BAR)]);
         let points = &of_measures[strict[k].measure() as usize];
         found.push(judge(verification, kernels, written, points));

@@ -24,14 +24,14 @@ mod gathered;
 mod gradient;
 mod margin;
 mod measure;
-mod remember;
+pub(crate) mod remember;
 pub mod sample;
 pub(crate) mod stated;
 pub mod truth;
 
 use crate::compile::Compiled;
 use crate::kernel::{Batch, Level, Mode};
-use crate::measure::Argument;
+use crate::measure::{Argument, Measure};
 use crate::model::Model;
 use crate::point::truth::parts;
 use crate::specialise::{CompileError, Dropped, Form};
@@ -99,8 +99,9 @@ pub enum Subject {
     Argument(Argument),
     /// Gathered values, as written: `theta`; `l, m`.
     Gathered(String),
-    /// No energy, but a condition under which bonds break, as written.
-    Margin(String),
+    /// No energy, but a condition under which bonds, triangles or tetrahedra break, as written, with their
+    /// measure.
+    Margin(Measure, String),
     /// No energy, but what a state becomes: `p = max(p, l/L - 1)`.
     NextState(String),
     /// The energy of bonds at the states that they come to, and how its force changes with the length.
@@ -177,7 +178,7 @@ impl Subject {
         match self {
             Subject::Argument(argument) => argument.symbol(),
             Subject::Gathered(text)
-            | Subject::Margin(text)
+            | Subject::Margin(_, text)
             | Subject::NextState(text)
             | Subject::Coupled(text, _) => text,
             Subject::Following => "l",
@@ -189,7 +190,7 @@ impl Subject {
         match self {
             Subject::Argument(argument) => argument.orders(),
             Subject::Gathered(_) | Subject::Coupled(..) => ["psi", "gradient", "product"],
-            Subject::Margin(_) => ["margin", "margin'", "margin''"],
+            Subject::Margin(..) => ["margin", "margin'", "margin''"],
             Subject::NextState(_) => ["next", "next'", "next''"],
             Subject::Following => ["psi", "psi'", "dpsi'/dl"],
         }

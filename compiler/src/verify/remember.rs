@@ -22,7 +22,7 @@ const BAR: f64 = 64.0;
 const HISTORIES: [&[f64]; 4] = [&[1.02], &[1.3, 1.1], &[0.9], &[1.005, 0.98, 1.6]];
 
 /// The values as they are, and with what bonds remember after some histories, each once.
-pub(super) fn histories(model: &Model, values: &Values) -> Result<Vec<Values>, CompileError> {
+pub(crate) fn histories(model: &Model, values: &Values) -> Result<Vec<Values>, CompileError> {
     let mut all = vec![values.clone()];
     if model.updates().is_empty() {
         return Ok(all);
@@ -65,7 +65,7 @@ pub(super) fn verify(
     let points = sample::points(variant, Measure::Length, &values, n);
     let written = model.written_next_states(&values);
     let of_state = |(k, written): (usize, &WrittenEnergy)| {
-        let name = &model.parameters()[model.updates()[k].state].name;
+        let name = &model.parameters()[variant.updates[k].state].name;
         let subject = Subject::NextState(format!("{name} = {}", strict[k].text));
         let verification = Verification::new(subject, &[(Witness::TruthFar, BAR)]);
         let kernels = [&strict[k].next, &fast[k].next, &interpreted[k].next];

@@ -2,6 +2,8 @@
 //!
 //! Used by the property tests and, with more time, by the fuzz target `check_derive_compile`.
 
+#[path = "functions.rs"]
+mod functions;
 #[path = "held.rs"]
 mod held;
 #[path = "noise.rs"]
@@ -100,6 +102,7 @@ pub(crate) fn follow(text: &str) -> (Outcome, Held) {
         let Ok(specialised) = placed(text, model.specialise(&values)) else { continue };
         prints(&model, &specialised, dimension);
         evaluates(&model, &values);
+        held.add(functions::follow(text, &model, &values));
         held.add(holds(&model, &values, &specialised));
         for energy in &specialised.energies {
             round_trip(&model, energy, dimension);

@@ -108,7 +108,7 @@ pub enum CorrectionError {
     /// Energies of other interactions.
     #[error(
         "corrections (surface, volumes) are of bonds, and psi({}) is of {}: leave them out, or take a \
-         potential with psi(l) alone", _0.symbol(), plural(*_0)
+         potential with psi(l) alone", _0.symbol(), _0.interactions()
     )]
     NotBonds(Measure),
     /// Parts of cells with weights that do not sum volumes.
@@ -145,14 +145,6 @@ pub enum CorrectionError {
     /// The inside cannot be weighted.
     #[error(transparent)]
     Weights(#[from] WeightsError),
-}
-
-fn plural(measure: Measure) -> &'static str {
-    match measure {
-        Measure::Length => "bonds",
-        Measure::Area => "triangles",
-        Measure::Volume => "tetrahedra",
-    }
 }
 
 /// Of a point, or inside the lattice: a number for each axis.

@@ -3,19 +3,23 @@
 //! Elasticity tensors that are linear in the parameters, as with coefficients of the energies, are
 //! sampled once per parameter and then known exactly; the rest is Gauss and Newton on small
 //! matrices from many starts. Others are sampled along the way. Either way the result is evaluated
-//! anew, and only that counts.
+//! anew, and only that counts. A fracture energy has a parameter of its own, which changes no modulus: it
+//! is found when those of the moduli are.
 
 mod response;
 mod search;
+mod threshold;
 
 use piola_compiler::ValueError;
 
 use super::inside::Inside;
-use super::{Affine, Moduli, Modulus, Stiffness, moduli_with};
+use super::{Affine, FractureEnergy, Moduli, Modulus, Stiffness, moduli_with, name_of_plane};
 use crate::case::{self, Case, CaseError, Potential};
 use crate::scene::{Located, ParameterSetting, ParameterText, Scene};
 use response::{Linear, Response, Sampled};
 use search::{Found, explore, refine};
+pub use threshold::FractureTarget;
+use threshold::Search;
 
 /// What a modulus shall be.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,6 +28,15 @@ pub struct Target {
     pub modulus: Modulus,
     /// In Pa, or a plain number.
     pub value: f64,
+}
+
+/// What a body shall have.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Wanted {
+    /// Elastic moduli.
+    pub moduli: Vec<Target>,
+    /// What breaking a plane of the lattice releases.
+    pub fracture: Option<FractureTarget>,
 }
 
 /// A material that has the moduli asked for.
@@ -39,6 +52,10 @@ pub struct Calibrated {
     pub linear: bool,
     /// How many elasticity tensors were computed.
     pub evaluations: usize,
+    /// The varied parameter that the fracture energy follows from, where one was asked for.
+    pub threshold: Option<String>,
+    /// How many fracture energies were computed.
+    pub fracture_evaluations: usize,
 }
 
 /// Why there is no such material.
@@ -72,55 +89,71 @@ fn input(message: impl Into<String>, help: impl Into<String>) -> CalibrateError 
 /// Largest residual of a target that counts as reached: relative for stresses, absolute for numbers.
 const REACHED: f64 = 1e-10;
 
+/// Largest change of the elasticity tensor, over its size, that a parameter without influence makes.
+const IDLE: f64 = 1e-12;
+
 /// Most parameters that can be varied.
 const MOST_PARAMETERS: usize = 3;
 
-/// Changes the named parameters of a scene until its body has the target moduli.
+/// Changes the named parameters of a scene until its body has the target moduli and fracture energy.
 ///
 /// # Errors
 /// Names that do not exist, more parameters than targets, parameters without influence, targets
-/// that no admissible values reach; everything that is wrong with the scene.
+/// that no admissible values reach, a fracture energy where none can be read off the lattice; everything that
+/// is wrong with the scene.
 pub fn calibrate(
     case: &Case,
-    targets: &[Target],
+    wanted: &Wanted,
     vary: &[String],
 ) -> Result<Calibrated, CalibrateError> {
-    let problem = Problem::new(case, targets, vary)?;
-    let base = problem.base();
-    let first = problem.moduli_at(&base)?;
-    let scale = problem.scale(&first);
-    let mut evaluations = 1;
-    let linear = Linear::sample(&problem, &base, &first, scale, &mut evaluations)?;
-    let found = match &linear {
-        Some(linear) => {
-            let starts = explore(linear, &problem, true);
-            search::best(starts.iter().map(|start| refine(linear, &problem, start, true)))
-        }
-        None => {
-            let sampled = Sampled::new(&problem, &base);
-            let starts = sampled.starts();
-            let found =
-                search::best(starts.iter().map(|start| refine(&sampled, &problem, start, true)));
-            evaluations += sampled.evaluations();
-            found
-        }
+    let problem = Problem::new(case, &wanted.moduli, vary)?;
+    problem.check(wanted.fracture.as_ref())?;
+    let Some(target) = &wanted.fracture else { return problem.solve()?.calibrated(None, 0) };
+    let threshold = problem.threshold()?;
+    let others: Vec<String> = vary.iter().filter(|name| **name != threshold).cloned().collect();
+    let mut solved = match others.is_empty() {
+        true => Solved::of(case.clone()),
+        false => Problem { inside: problem.inside, ..Problem::new(case, &wanted.moduli, &others)? }
+            .solve()?,
     };
-    let Some(found) = found else {
-        return Err(problem.unreachable(linear.as_ref(), None));
-    };
-    let (found, more) = problem.correct(found, linear.as_ref(), scale)?;
-    if found.worst() > REACHED {
-        return Err(problem.unreachable(linear.as_ref(), Some(&found)));
+    let own = Problem::new(&solved.case, &[], std::slice::from_ref(&threshold))?;
+    let (found, evaluations) = Search::new(&own, target).run()?;
+    let case = own.with(&[found]).map_err(|error| input(error.message, error.help))?;
+    solved.parameters.push((threshold.clone(), found));
+    let place = |name: &String| vary.iter().position(|varied| varied == name);
+    solved.parameters.sort_by_key(|(name, _)| place(name));
+    Solved { case, ..solved }.calibrated(Some(threshold), evaluations)
+}
+
+/// A case that has the moduli.
+struct Solved {
+    case: Case,
+    parameters: Vec<(String, f64)>,
+    linear: bool,
+    evaluations: usize,
+}
+
+impl Solved {
+    /// A case as it is.
+    fn of(case: Case) -> Solved {
+        Solved { case, parameters: Vec::new(), linear: false, evaluations: 0 }
     }
-    let solved =
-        problem.with(&found.parameters).map_err(|error| input(error.message, error.help))?;
-    Ok(Calibrated {
-        parameters: problem.names.iter().cloned().zip(found.parameters).collect(),
-        moduli: moduli_with(&solved, None, &problem.inside)?,
-        scene: solved.scene,
-        linear: linear.is_some(),
-        evaluations: evaluations + more,
-    })
+
+    fn calibrated(
+        self,
+        threshold: Option<String>,
+        fracture_evaluations: usize,
+    ) -> Result<Calibrated, CalibrateError> {
+        Ok(Calibrated {
+            parameters: self.parameters,
+            moduli: moduli_with(&self.case, None, &Inside::new(&self.case))?,
+            scene: self.case.scene,
+            linear: self.linear,
+            evaluations: self.evaluations,
+            threshold,
+            fracture_evaluations,
+        })
+    }
 }
 
 /// What is asked.
@@ -207,21 +240,76 @@ impl<'a> Problem<'a> {
                 return Err(input(message, format!("{name} must be a positive number{unit}")));
             }
         }
-        if targets.is_empty() || vary.is_empty() {
+        Ok(Problem { case, targets, names: vary.to_vec(), places, inside: Inside::new(case) })
+    }
+
+    /// Refuses what cannot be asked for.
+    fn check(&self, fracture: Option<&FractureTarget>) -> Result<(), CalibrateError> {
+        let (n_targets, n_varied) =
+            (self.targets.len() + usize::from(fracture.is_some()), self.names.len());
+        if n_targets == 0 || n_varied == 0 {
             return Err(input("there is nothing to calibrate", "name targets and parameters"));
         }
-        if vary.len() > targets.len() || vary.len() > MOST_PARAMETERS {
+        if n_varied > n_targets || n_varied > MOST_PARAMETERS {
             let message = format!(
-                "{} parameters are varied for {} targets: many values would do",
-                vary.len(),
-                targets.len()
+                "{n_varied} parameters are varied for {n_targets} targets: many values would do"
             );
             let help = format!(
                 "vary at most as many parameters as there are targets, and at most {MOST_PARAMETERS}"
             );
             return Err(input(message, help));
         }
-        Ok(Problem { case, targets, names: vary.to_vec(), places, inside: Inside::new(case) })
+        let Some(target) = fracture else { return Ok(()) };
+        let (name, value) = (target.name(), target.value);
+        if !(value.is_finite() && value > 0.0) {
+            let message = format!("{name} = {value} is no fracture energy");
+            return Err(input(message, "it must be a positive number, in J/m^2"));
+        }
+        let d = self.case.scene.body.dimension;
+        let planes = FractureEnergy::normals(d);
+        if target.normal.as_ref().is_some_and(|normal| !planes.contains(normal)) {
+            let names: Vec<String> = planes.iter().map(|normal| name_of_plane(normal)).collect();
+            let message = format!("`{name}` is no plane of this lattice of {d} dimensions");
+            return Err(input(message, format!("there are Gc and {}", names.join(", "))));
+        }
+        Ok(())
+    }
+
+    /// The parameter that is varied for the fracture energy: the one that changes no modulus.
+    fn threshold(&self) -> Result<String, CalibrateError> {
+        if self.targets.is_empty() {
+            return Ok(self.names[0].clone());
+        }
+        let base = self.base();
+        let first = self.moduli_at(&base)?;
+        let is_idle = |k: &usize| {
+            // Of values that are not admissible others are tried.
+            let moved = [1.25, 0.75, 1.01, 0.99].into_iter().find_map(|factor| {
+                let mut at = base.clone();
+                at[*k] = if at[*k] == 0.0 { factor - 1.0 } else { factor * at[*k] };
+                self.moduli_at(&at).ok()
+            });
+            moved.is_some_and(|there| there.plus(-1.0, &first).size() <= IDLE * first.size())
+        };
+        let idle: Vec<&String> =
+            (0..self.names.len()).filter(is_idle).map(|k| &self.names[k]).collect();
+        match &idle[..] {
+            [name] => Ok(name.to_string()),
+            [] => {
+                let message = format!(
+                    "every one of {} changes the moduli: none is left for the fracture energy",
+                    self.names.join(", ")
+                );
+                Err(input(message, "vary the parameter that says when something breaks, too"))
+            }
+            [first, second, ..] => {
+                let message = format!("the moduli depend neither on `{first}` nor on `{second}`");
+                Err(input(
+                    message,
+                    "vary one of them for the fracture energy, and others for the moduli",
+                ))
+            }
+        }
     }
 
     /// The scene's own values of the varied parameters, in declared units.
@@ -254,6 +342,44 @@ impl<'a> Problem<'a> {
             potential.values = found.with_fields_of(&potential.values).without_fields();
         }
         Ok(case)
+    }
+
+    /// Finds parameters for the moduli.
+    fn solve(&self) -> Result<Solved, CalibrateError> {
+        let base = self.base();
+        let first = self.moduli_at(&base)?;
+        let scale = self.scale(&first);
+        let mut evaluations = 1;
+        let linear = Linear::sample(self, &base, &first, scale, &mut evaluations)?;
+        let found = match &linear {
+            Some(linear) => {
+                let starts = explore(linear, self, true);
+                search::best(starts.iter().map(|start| refine(linear, self, start, true)))
+            }
+            None => {
+                let sampled = Sampled::new(self, &base);
+                let starts = sampled.starts();
+                let found =
+                    search::best(starts.iter().map(|start| refine(&sampled, self, start, true)));
+                evaluations += sampled.evaluations();
+                found
+            }
+        };
+        let Some(found) = found else {
+            return Err(self.unreachable(linear.as_ref(), None));
+        };
+        let (found, more) = self.correct(found, linear.as_ref(), scale)?;
+        if found.worst() > REACHED {
+            return Err(self.unreachable(linear.as_ref(), Some(&found)));
+        }
+        let case =
+            self.with(&found.parameters).map_err(|error| input(error.message, error.help))?;
+        Ok(Solved {
+            case,
+            parameters: self.names.iter().cloned().zip(found.parameters).collect(),
+            linear: linear.is_some(),
+            evaluations: evaluations + more,
+        })
     }
 
     /// The condition of the potentials that these values break.
@@ -374,15 +500,18 @@ impl<'a> Problem<'a> {
                 ));
             }
         }
+        helps.extend(self.not_varied());
+        CalibrateError::Unreachable { message, helps }
+    }
+
+    /// Which other parameters there are.
+    fn not_varied(&self) -> Option<String> {
         let all = self.case.potentials.iter().flat_map(|potential| potential.model.parameters());
         let others: Vec<&str> = all
             .map(|parameter| parameter.name.as_str())
             .filter(|name| !self.names.iter().any(|varied| varied == name))
             .collect();
-        if !others.is_empty() {
-            helps.push(format!("not varied: {}", others.join(", ")));
-        }
-        CalibrateError::Unreachable { message, helps }
+        (!others.is_empty()).then(|| format!("not varied: {}", others.join(", ")))
     }
 
     fn assigned(&self, parameters: &[f64]) -> String {

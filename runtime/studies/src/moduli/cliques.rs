@@ -9,7 +9,8 @@ use piola_mechanics::neighborhood::HORIZON_TOLERANCE;
 use super::Affine;
 use crate::case::CaseError;
 
-type Vector = [i64; 3];
+/// In spacings.
+pub(super) type Vector = [i64; 3];
 
 /// The energy per volume, for cliques of this weight per volume. `ratio` is the horizon in spacings.
 pub(super) fn of_cliques(
@@ -27,21 +28,64 @@ pub(super) fn of_cliques(
         listed: Vec::new(),
         affine: Affine::zero(d),
     };
+    for_each_clique(measure, d, ratio, |corners| sum.take(corners.to_vec(), weight))?;
+    sum.flush(weight)?;
+    Ok(sum.affine)
+}
+
+/// Calls with each triangle or tetrahedron that begins at a point, one after the other: its other corners
+/// from there, in spacings, without collinear and coplanar ones.
+pub(super) fn for_each_clique<E>(
+    measure: Measure,
+    d: usize,
+    ratio: f64,
+    mut visit: impl FnMut(&[Vector]) -> Result<(), E>,
+) -> Result<(), E> {
     let later = later_neighbors(d, ratio);
     let near = |p: &Vector, q: &Vector| square(difference(*p, *q)) <= reach(ratio);
     for (first, p) in later.iter().enumerate() {
         for (second, q) in later.iter().enumerate().skip(first + 1).filter(|(_, q)| near(p, q)) {
             if measure == Measure::Area {
-                sum.take(cross(*p, *q) != [0; 3], vec![*p, *q], weight)?;
+                if cross(*p, *q) != [0; 3] {
+                    visit(&[*p, *q])?;
+                }
                 continue;
             }
             for r in later[second + 1..].iter().filter(|r| near(p, r) && near(q, r)) {
-                sum.take(dot(cross(*p, *q), *r) != 0, vec![*p, *q, *r], weight)?;
+                if dot(cross(*p, *q), *r) != 0 {
+                    visit(&[*p, *q, *r])?;
+                }
             }
         }
     }
-    sum.flush(weight)?;
-    Ok(sum.affine)
+    Ok(())
+}
+
+/// Puts cliques into a batch: the other corners of each from its first, and their displacements against
+/// it, in m, corner by corner. Weights are left to the caller.
+pub(super) fn gather(
+    batch: &mut InteractionBatch,
+    [n_corners, d]: [usize; 2],
+    [reference, displacement]: [&[f64]; 2],
+) {
+    match (n_corners, d) {
+        (2, 2) => gather_of::<2, 2>(batch, reference, displacement),
+        (2, _) => gather_of::<2, 3>(batch, reference, displacement),
+        _ => gather_of::<3, 3>(batch, reference, displacement),
+    }
+}
+
+fn gather_of<const K: usize, const D: usize>(
+    batch: &mut InteractionBatch,
+    reference: &[f64],
+    displacement: &[f64],
+) {
+    let [reference, displacement] = [reference, displacement].map(|all| {
+        let rows = all.chunks_exact(D).map(|row| std::array::from_fn(|axis| row[axis]));
+        rows.collect::<Vec<[f64; D]>>()
+    });
+    let corners = |lane: usize| std::array::from_fn(|k| lane * K + k);
+    batch.gather::<K, D>(reference.len() / K, &reference, &displacement, corners);
 }
 
 /// Cliques on their way into the derivatives.
@@ -55,8 +99,8 @@ struct Sum<'a> {
 }
 
 impl Sum<'_> {
-    fn take(&mut self, is_one: bool, corners: Vec<Vector>, weight: f64) -> Result<(), CaseError> {
-        self.listed.extend(is_one.then_some(corners));
+    fn take(&mut self, corners: Vec<Vector>, weight: f64) -> Result<(), CaseError> {
+        self.listed.push(corners);
         if self.listed.len() == CAPACITY { self.flush(weight) } else { Ok(()) }
     }
 
@@ -66,11 +110,9 @@ impl Sum<'_> {
         let Some(first) = self.listed.first() else { return Ok(()) };
         let n_corners = first.len();
         let all: Vec<Vec<f64>> = self.listed.iter().map(|corners| self.vectors(corners)).collect();
-        match (n_corners, d) {
-            (2, 2) => self.gather::<2, 2>(&all),
-            (2, _) => self.gather::<2, 3>(&all),
-            _ => self.gather::<3, 3>(&all),
-        }
+        let reference = all.concat();
+        let still = vec![0.0; reference.len()];
+        gather(&mut self.batch, [n_corners, d], [&reference, &still]);
         self.batch.weight[..all.len()].fill(weight);
         let found = self.element.evaluate(&self.batch, Order::Tangent, &mut self.out);
         if found.is_err() {
@@ -99,14 +141,6 @@ impl Sum<'_> {
         }
         self.listed.clear();
         Ok(())
-    }
-
-    fn gather<const K: usize, const D: usize>(&mut self, all: &[Vec<f64>]) {
-        let rows = all.iter().flat_map(|corners| corners.chunks_exact(D));
-        let places: Vec<[f64; D]> = rows.map(|row| std::array::from_fn(|axis| row[axis])).collect();
-        let still = vec![[0.0; D]; places.len()];
-        let corners = |lane: usize| std::array::from_fn(|k| lane * K + k);
-        self.batch.gather::<K, D>(all.len(), &places, &still, corners);
     }
 
     /// In m, corner by corner.

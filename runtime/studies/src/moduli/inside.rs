@@ -114,7 +114,7 @@ impl Inside {
 
 impl Inside {
     /// The weight of an interaction, per volume.
-    fn weight(&self, measure: Measure, weights: Weights) -> Result<f64, CaseError> {
+    pub(super) fn weight(&self, measure: Measure, weights: Weights) -> Result<f64, CaseError> {
         let count = ordered(measure, self.shells(measure));
         let (dimension, horizon, spacing) = (self.dimension, self.horizon, self.spacing);
         weights.inside(measure, dimension, horizon, spacing, count).map_err(refused)

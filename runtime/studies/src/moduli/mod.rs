@@ -36,8 +36,8 @@ pub mod time_step;
 use serde::Serialize;
 
 pub use affine::Affine;
-pub use calibrate::{CalibrateError, Calibrated, Target, calibrate};
-pub use fracture::FractureEnergy;
+pub use calibrate::{CalibrateError, Calibrated, FractureTarget, Target, Wanted, calibrate};
+pub use fracture::{FractureEnergy, NoFractureEnergy, name_of_plane};
 use inside::Inside;
 pub use stiffness::{Modulus, Stiffness};
 pub use time_step::TimeStep;
@@ -85,8 +85,8 @@ pub struct Moduli {
     pub waves: Option<Waves>,
     /// The largest step of central differences, where a density is known.
     pub time_step: Option<TimeStep>,
-    /// What breaking releases, of bonds on a lattice.
-    pub fracture: Option<FractureEnergy>,
+    /// What breaking releases, on a lattice; else why that is not known.
+    pub fracture: Result<FractureEnergy, NoFractureEnergy>,
 }
 
 /// Reads the moduli off a scene. With a density in kg/m^3 (of the solid, also in two dimensions:
@@ -159,7 +159,11 @@ impl Moduli {
         json["stress"] = self.stress.chunks_exact(d).map(<[f64]>::to_vec).collect();
         json["waves"] = serde_json::json!(self.waves);
         json["time_step"] = serde_json::json!(self.time_step);
-        json["fracture"] = serde_json::json!(self.fracture);
+        json["fracture"] = serde_json::json!(self.fracture.as_ref().ok());
+        let is_told = |why: &&NoFractureEnergy| **why != NoFractureEnergy::NothingBreaks;
+        if let Some(why) = self.fracture.as_ref().err().filter(is_told) {
+            json["no_fracture"] = serde_json::json!(why.to_string());
+        }
         json
     }
 }

@@ -3,7 +3,8 @@
 use piola_grammar::Diagnostic;
 use piola_mechanics::kernel::Measure;
 
-use super::moduli;
+use super::inside::Inside;
+use super::{Affine, Stiffness};
 use crate::case::{Case, CaseError, Potential};
 use crate::scene::Points;
 
@@ -53,16 +54,17 @@ impl Case {
         let several = self.potentials.first().filter(|_| self.potentials.len() > 1);
         let potential = of_many.or(several).filter(|_| is_lattice)?;
         // What is no number at rest is named by the run itself, with its place.
-        let found = moduli(self, None).ok()?;
+        let affine = Affine::with(&self.without_fields(), &Inside::new(self)).ok()?;
+        let stiffness = Stiffness::new(&affine);
         let size = |values: &[f64]| values.iter().fold(0.0f64, |size, x| size.max(x.abs()));
-        let (stress, kelvin) = (size(&found.stress), found.stiffness.kelvin());
+        let (stress, kelvin) = (size(&affine.stress), stiffness.kelvin());
         let largest = size(&kelvin);
         let stressed = (stress > NO_STRESS * largest).then(|| {
             let message =
                 format!("the body is not stress-free: {stress:.3e} Pa at rest, of moduli of {largest:.3e} Pa");
             potential.model.unfit_sum("not-stress-free", message)
         });
-        let soft = (!found.stiffness.is_stable()).then(|| {
+        let soft = (!stiffness.is_stable()).then(|| {
             let least = kelvin.iter().copied().fold(f64::INFINITY, f64::min);
             let message = format!(
                 "the body is not stiff at rest: against one strain its modulus is {least:.3e} Pa, the \

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{Basis, Moduli, Modulus};
+use super::{Basis, FractureEnergy, Moduli, Modulus, NoFractureEnergy, name_of_plane};
 
 impl fmt::Display for Moduli {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -77,23 +77,31 @@ impl fmt::Display for Moduli {
             );
             line(f, "dt", &format!("{:.6e}", step.seconds), "s", &meaning)?;
         }
-        if let Some(fracture) = &self.fracture {
-            for (normal, energy) in &fracture.planes {
-                let normal: String = normal.iter().map(i32::to_string).collect();
-                let meaning = "energy of the bonds across a plane of this normal when they break";
-                line(f, &format!("Gc[{normal}]"), &format!("{energy:.8e}"), "J/m^2", meaning)?;
-            }
-            let [least, most] = fracture.critical_stretch;
-            let meaning = match least == most {
-                true => "stretch less 1 at which bonds break".to_string(),
-                false => {
-                    format!("stretch less 1 at which the first bonds break, {most:.6e} the last")
-                }
-            };
-            line(f, "s0", &format!("{least:.8e}"), "", &meaning)?;
+        match &self.fracture {
+            Ok(fracture) => of_fracture(f, fracture)?,
+            Err(NoFractureEnergy::NothingBreaks) => {}
+            Err(why) => line(f, "Gc", "none", "", &why.to_string())?,
         }
         Ok(())
     }
+}
+
+fn of_fracture(f: &mut fmt::Formatter<'_>, fracture: &FractureEnergy) -> fmt::Result {
+    let meaning = match fracture.has_cliques {
+        true => {
+            "work to pull two rigid halves apart along this normal, until all across has broken"
+        }
+        false => "energy of the bonds across a plane of this normal when they break",
+    };
+    for (normal, energy) in &fracture.planes {
+        line(f, &name_of_plane(normal), &format!("{energy:.8e}"), "J/m^2", meaning)?;
+    }
+    let Some([least, most]) = fracture.critical_stretch else { return Ok(()) };
+    let meaning = match least == most {
+        true => "stretch less 1 at which bonds break".to_string(),
+        false => format!("stretch less 1 at which the first bonds break, {most:.6e} the last"),
+    };
+    line(f, "s0", &format!("{least:.8e}"), "", &meaning)
 }
 
 fn line(

@@ -1,0 +1,61 @@
+//! Conditions under which something breaks, and what bonds remember.
+//!
+//! A margin is 0 at its threshold, so that it has no digits there; what counts is where it changes its sign.
+//! The regime `zeros of margin` lies around thresholds: an error of one unit that rounding the inputs does not
+//! excuse is a threshold that is off by one unit in the last place of the measure, or of the change since
+//! rest where that is smaller.
+
+use super::{Audit, Settings, measure};
+use crate::kernel::{Kernel, Mode};
+use crate::measure::Argument;
+use crate::model::Model;
+use crate::specialise::CompileError;
+use crate::values::Values;
+use crate::verify::Subject;
+use crate::verify::remember::histories;
+
+/// Audits margins, then next states, for these values: with what bonds remember at the start, and after some
+/// histories, all in one.
+///
+/// # Errors
+/// What cannot be compiled.
+pub fn functions(
+    model: &Model,
+    values: &Values,
+    settings: &Settings,
+) -> Result<Vec<Audit>, CompileError> {
+    let mut all: Vec<Audit> = Vec::new();
+    for values in histories(model, values)? {
+        for audit in functions_at(model, &values, settings)? {
+            match all.iter_mut().find(|known| known.function == audit.function) {
+                Some(known) => known.join(audit),
+                None => all.push(audit),
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// The same with what bonds remember by the values.
+pub(super) fn functions_at(
+    model: &Model,
+    values: &Values,
+    settings: &Settings,
+) -> Result<Vec<Audit>, CompileError> {
+    let variant =
+        model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+    let mode = Mode::Jit(settings.level);
+    let mut all: Vec<Audit> = Vec::new();
+    model.derive_functions(values, settings.form, |subject, derived, written| {
+        let energy = derived.scalar_energy();
+        let kernel = Kernel::new(energy.clone(), (mode, settings.form), || written.clone())?;
+        let orders: &[&str] =
+            if matches!(subject, Subject::Margin(..)) { &["margin"] } else { &["next"] };
+        let argument = Argument::Measure(energy.measure);
+        let of = (&kernel, &energy, &written);
+        let regimes = measure::regimes(variant, values, argument, of, (settings, orders));
+        all.push(Audit { function: Some(subject), ..Audit::new(argument, regimes) });
+        Ok(())
+    })?;
+    Ok(all)
+}

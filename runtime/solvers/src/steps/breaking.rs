@@ -171,11 +171,13 @@ impl<'a> LoadSteps<'a> {
         let nowhere = vec![0.0; found.u.len()];
         let mut settled = found;
         loop {
-            let Some(fracture) = &self.fracture else { return Ok(Ok(settled)) };
+            let Some(fracture) = &mut self.fracture else { return Ok(Ok(settled)) };
             let release = match self.settings.breaking.breaking {
                 Breaking::All => fracture.status.advance(&settled.u, 0.0, (0.0, &nowhere)),
                 Breaking::Largest => fracture.status.advance_foremost(&settled.u, MIRRORED),
             };
+            let on_threshold = fracture.status.on_threshold();
+            fracture.ledger.notes.extend(on_threshold.map(|found| found.to_string()));
             let release = match release {
                 Ok(release) if release.bonds == 0 => break,
                 Ok(release) => release,

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
+use piola_runtime::simulation::Place;
 
 use crate::console::{Color, Verbosity};
 use crate::library::Kind;
@@ -32,6 +33,9 @@ const MODULI_EXAMPLE: &str = "Example:
 
 const CALIBRATE_EXAMPLE: &str = "Example:
   piola calibrate examples/square/scene.toml --target E=200e9,nu=0.4 --vary C1,C2";
+
+const EXPLAIN_BOND_EXAMPLE: &str = "Example:
+  piola explain-bond examples/areas_that_fail/scene.toml --at 0.0705,0.0195 0.0705,0.0205";
 
 const COMPLETIONS_EXAMPLE: &str = "Example:
   piola completions bash > ~/.local/share/bash-completion/completions/piola";
@@ -107,6 +111,9 @@ pub(crate) enum Command {
     Info(Info),
     /// Say what the code of a message means, with examples; list all codes
     Explain(Explain),
+    /// Run a scene and tell why a bond of it broke, or did not: the history of its margins, states, energy
+    #[command(after_help = EXPLAIN_BOND_EXAMPLE)]
+    ExplainBond(ExplainBond),
     /// Print completions for a shell
     #[command(after_help = COMPLETIONS_EXAMPLE)]
     Completions {
@@ -519,4 +526,23 @@ pub(crate) struct Info {
 pub(crate) struct Explain {
     /// The code in the brackets of a message, e.g. `not-stress-free`; all codes if not given
     pub(crate) code: Option<String>,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ExplainBond {
+    /// A scene file
+    pub(crate) scene: PathBuf,
+    /// The ends of the bond: numbers of two points, counted from 0 in the order of the frames, or their
+    /// coordinates at rest in m, `0.1,0.25`
+    #[arg(long, num_args = 2, value_names = ["P", "Q"], required = true, allow_hyphen_values = true)]
+    pub(crate) at: Vec<Place>,
+    /// Override a value of the scene, e.g. `body.spacing=0.1`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) settings: Vec<String>,
+    /// How many threads work; all processors if not given
+    #[arg(long, value_parser = count::<MOST_THREADS>)]
+    pub(crate) threads: Option<usize>,
+    /// How the history is written
+    #[arg(long, default_value = "human")]
+    pub(crate) format: Format,
 }

@@ -10,6 +10,7 @@ mod energy;
 mod eval;
 mod eval_gradient;
 mod explain;
+mod explain_bond;
 mod info;
 mod machine;
 mod moduli;
@@ -63,6 +64,7 @@ pub(crate) fn execute(command: Command) -> Exit {
         Command::Calibrate(arguments) => calibrate::execute(&arguments),
         Command::Info(arguments) => info::execute(&arguments),
         Command::Explain(arguments) => explain::execute(&arguments),
+        Command::ExplainBond(arguments) => explain_bond::execute(&arguments),
         Command::Completions { shell } => completions::execute(shell),
     }
 }

@@ -62,6 +62,13 @@ fn a_plate_in_mode_one_breaks_when_and_where_it_should() {
         assert!(before <= count && count <= behind, "{time:e}: {count}, {before} to {behind}");
     }
     let first = rows.iter().find(|row| row[broken] > cut).unwrap()[t];
+    let (names, tracked) = table(&run.path().join("fracture.csv"));
+    let own = |name: &str| names.iter().position(|x| x == name).unwrap();
+    let (new, x) = (own("new_bonds"), own("tip_tip"));
+    assert_eq!(tracked.iter().find(|row| row[new] > 0.0).unwrap()[0], first);
+    let moves = |way: f64| tracked.iter().find(|row| row[x] > 5e-4 + way).unwrap()[0];
+    println!("the tip has moved at {:e}, is through at {:e}", moves(1e-5), moves(4.8e-4));
+    assert!((48e-6..=57e-6).contains(&moves(1e-5)) && moves(4.8e-4) - moves(1e-5) < 5e-6);
     assert!((first - number(&known["ours"]["first_break"])).abs() < 1e-7, "{first:e}");
     let frames = frames(run.path(), [50, 50, 5]);
     let start = frames.iter().find(|frame| tip(frame, 25) > 0).unwrap().t;
@@ -76,6 +83,34 @@ fn a_plate_in_mode_one_breaks_when_and_where_it_should() {
     }
     let summary = json_file(&run.path().join("summary.json"));
     assert!(number(&summary["motion"]["rounding"]) < 1e-12);
+}
+
+/// `fracture.csv` against tips by frames, (t, x) in s and m, and against the speed that follows from them.
+fn track(folder: &std::path::Path, tips: &[(f64, f64)], speed: f64, rayleigh: f64) {
+    let (names, rows) = table(&folder.join("fracture.csv"));
+    let own = |name: &str| names.iter().position(|x| x == name).unwrap();
+    let (x, v, share) = (own("tip_tip"), own("tip_speed"), own("tip_speed_over_c_R"));
+    let per_area = own("tip_released_per_area");
+    for (t, by_hand) in tips.iter().filter(|(_, x)| *x > 0.0505) {
+        // The row nearest to the frame; by hand the tip is where the cell of the last point ends.
+        let row = rows.iter().find(|row| row[0] >= *t).unwrap();
+        assert!((row[x] + 2.5e-4 - by_hand).abs() < 1.3e-3, "{t}: {} {by_hand}", row[x]);
+    }
+    let on_way: Vec<&Vec<f64>> =
+        rows.iter().filter(|row| (0.055..0.0945).contains(&row[x])).collect();
+    let n = on_way.len() as f64;
+    let mean = on_way.iter().map(|row| row[v]).sum::<f64>() / n;
+    let released = on_way.iter().map(|row| row[per_area]).sum::<f64>() / n;
+    let own_rayleigh = on_way[0][v] / on_way[0][share];
+    println!(
+        "by fracture.csv {mean:.1} m/s on {n} rows ({:.3} of its c_R, {own_rayleigh:.1} m/s), by hand \
+         {speed:.1} m/s ({:.3}); {released:.3} J/m^2",
+        mean / own_rayleigh,
+        speed / rayleigh
+    );
+    assert!((mean / speed - 1.0).abs() < 0.06, "{mean} {speed}");
+    assert!((own_rayleigh / rayleigh - 1.0).abs() < 0.08, "{own_rayleigh} {rayleigh}");
+    assert!((0.35..=0.65).contains(&(mean / own_rayleigh)));
 }
 
 /// The crack forks where and as fast as in the reference, and its two branches are mirror images.
@@ -104,6 +139,7 @@ fn a_plate_under_tension_forks() {
         (all.len() >= 3).then(|| all[0])
     };
     let fork = frames.iter().find_map(forks).unwrap() as f64 * spacing + spacing / 2.0;
+    track(run.path(), &tips, speed, rayleigh);
     println!("start {start:e}, fork {fork:e}, speed {:.3} c_R, exit {exit:e}", speed / rayleigh);
     assert!((8e-6..=11e-6).contains(&start) && (0.060..=0.077).contains(&fork));
     assert!((0.35..=0.65).contains(&(speed / rayleigh)) && (50e-6..=62e-6).contains(&exit));
@@ -220,7 +256,11 @@ fn a_bar_yields_both_ways() {
     let back = (top..t.len()).find(|k| force[*k] < 0.0).unwrap();
     println!(
         "yields at {} N, {} m; {} N at the top; {} m stay; {} J",
-        force[yields], pulled[yields], force[top], pulled[back], dissipated[t.len() - 1]
+        force[yields],
+        pulled[yields],
+        force[top],
+        pulled[back],
+        dissipated[t.len() - 1]
     );
     // Elastic up to sY, in the gauge length of 0.1 m.
     assert!((1.5e-4..=2.7e-4).contains(&pulled[yields]));

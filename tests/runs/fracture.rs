@@ -28,6 +28,9 @@ high = "Y > 0.55"
 segment = [[-0.1, 0.3], [0.4, 0.3]]
 [fracture]
 unbreakable = ["low", "high"]
+[[track]]
+name = "tip"
+axis = "X"
 [[prescribe]]
 set = "low"
 v = [0, -0.5]

@@ -8,6 +8,7 @@ mod accuracy;
 mod bench;
 mod contract;
 mod coupled;
+mod explain_bond;
 mod extremes;
 mod fields;
 mod fracture;
@@ -31,4 +32,5 @@ mod solvers;
 #[cfg(unix)]
 mod streams;
 mod surface;
+mod tracks;
 mod trade;

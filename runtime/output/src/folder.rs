@@ -24,6 +24,8 @@ pub enum OutputFile {
     Probes,
     /// `motion.csv`.
     Motion,
+    /// `fracture.csv`.
+    Fracture,
     /// `checkpoint.bin`.
     Checkpoint,
     /// `scene.resolved.toml`.
@@ -50,7 +52,7 @@ const FRAMES: &str = "frames";
 impl OutputFile {
     /// All files but the frames; `run.pvd` first, so that a removal that is cut short leaves no
     /// list of frames that are gone.
-    const SINGLE: [OutputFile; 15] = [
+    const SINGLE: [OutputFile; 16] = [
         OutputFile::Collection,
         OutputFile::Checkpoint,
         OutputFile::Displacement,
@@ -58,6 +60,7 @@ impl OutputFile {
         OutputFile::Energy,
         OutputFile::Probes,
         OutputFile::Motion,
+        OutputFile::Fracture,
         OutputFile::ResolvedScene,
         OutputFile::PictureSvg,
         OutputFile::PicturePng,
@@ -78,6 +81,7 @@ impl OutputFile {
             OutputFile::Energy => "energy.csv".to_owned(),
             OutputFile::Probes => "probes.csv".to_owned(),
             OutputFile::Motion => "motion.csv".to_owned(),
+            OutputFile::Fracture => "fracture.csv".to_owned(),
             OutputFile::Checkpoint => "checkpoint.bin".to_owned(),
             OutputFile::ResolvedScene => "scene.resolved.toml".to_owned(),
             OutputFile::PictureSvg => "picture.svg".to_owned(),

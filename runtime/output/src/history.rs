@@ -3,6 +3,8 @@
 use piola_mechanics::energy::EnergyParts;
 use piola_mechanics::interaction::Inverted;
 
+use super::fracture::FractureTable;
+
 /// The converged steps of a run.
 #[derive(Clone, Debug, PartialEq)]
 pub struct History {
@@ -16,6 +18,8 @@ pub struct History {
     pub probes: Vec<String>,
     /// One record per converged step.
     pub steps: Vec<StepRecord>,
+    /// Of a body that can break.
+    pub fracture: Option<FractureTable>,
 }
 
 /// One converged load step.
@@ -86,7 +90,7 @@ impl History {
         sets: Vec<String>,
         probes: Vec<String>,
     ) -> History {
-        History { dimension, parts, sets, probes, steps: Vec::new() }
+        History { dimension, parts, sets, probes, steps: Vec::new(), fracture: None }
     }
 
     /// Appends a step.

@@ -5,6 +5,7 @@
 //! | `run.pvd`, `frames/*.vtu` | [`pvd::FrameSeries`] | the body at chosen times, for ParaView |
 //! | `displacement.csv`, `reactions.csv`, `energy.csv`, `probes.csv` | [`table`] | numbers, one row per point or step |
 //! | `motion.csv` | [`motion`] | the account of energy of a body in motion, and its momenta |
+//! | `fracture.csv` | [`fracture`], by [`motion`] or [`table`] | what broke, and where the tips of cracks are |
 //! | `checkpoint.bin` | [`checkpoint`] | where a motion stands, until it is done |
 //! | `picture.svg`, `picture.png` | [`picture`] | deformed body, reactions, Newton residuals |
 //! | `summary.json` | [`summary`] | everything about the run that fits a page |
@@ -23,6 +24,7 @@ pub mod atomic;
 pub mod cells;
 pub mod checkpoint;
 pub mod folder;
+pub mod fracture;
 #[cfg(test)]
 #[path = "../../../tests/support/frames.rs"]
 mod frames;

@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use super::atomic::Operation;
+use super::fracture::{FractureColumns, FractureRow};
 use super::picture::Series;
 use super::summary::Number;
 use super::table::{AXES, COMPONENTS, quoted, time_and};
@@ -30,6 +31,8 @@ pub struct MotionColumns {
     pub breaks_cliques: [bool; 2],
     /// Whether they remember something that changes.
     pub remembers: bool,
+    /// Of `fracture.csv`, where bonds can break.
+    pub fracture: Option<FractureColumns>,
 }
 
 /// A body in motion at one time; energies and work are in J.
@@ -65,6 +68,8 @@ pub struct MotionRow {
     pub reactions: Vec<Vec<f64>>,
     /// Displacement at each probe, `d` numbers in m.
     pub probes: Vec<Vec<f64>>,
+    /// What broke, and where tips are, where bonds can break.
+    pub fracture: Option<FractureRow>,
 }
 
 /// What bonds left that are broken, or remember something else.
@@ -85,12 +90,13 @@ pub struct BrokenRow {
 /// Columns of triangles and tetrahedra that broke by criteria of their own.
 const BROKEN_CLIQUES: [&str; 2] = ["broken_areas", "broken_volumes"];
 
-/// `motion.csv`, `reactions.csv` and `probes.csv` as they grow.
+/// `motion.csv`, `reactions.csv` and `probes.csv` as they grow, and `fracture.csv` of a body that can break.
 #[derive(Debug)]
 pub struct MotionTables {
     motion: Lines,
     reactions: Lines,
     probes: Lines,
+    fracture: Option<(FractureColumns, Lines)>,
 }
 
 impl MotionTables {
@@ -120,6 +126,13 @@ impl MotionTables {
             motion: Lines::new(folder, OutputFile::Motion, names)?,
             reactions: Lines::new(folder, OutputFile::Reactions, time_and(&columns.sets, axes))?,
             probes: Lines::new(folder, OutputFile::Probes, probes)?,
+            fracture: match &columns.fracture {
+                Some(columns) => {
+                    let lines = Lines::new(folder, OutputFile::Fracture, columns.header())?;
+                    Some((columns.clone(), lines))
+                }
+                None => None,
+            },
         })
     }
 
@@ -127,8 +140,13 @@ impl MotionTables {
     ///
     /// # Errors
     /// Tables that are shorter, or gone.
-    pub fn resume(folder: &OutputFolder, lengths: &[u64]) -> Result<MotionTables, OutputError> {
-        let files = [OutputFile::Motion, OutputFile::Reactions, OutputFile::Probes];
+    pub fn resume(
+        folder: &OutputFolder,
+        columns: &MotionColumns,
+        lengths: &[u64],
+    ) -> Result<MotionTables, OutputError> {
+        let mut files = vec![OutputFile::Motion, OutputFile::Reactions, OutputFile::Probes];
+        files.extend(columns.fracture.as_ref().map(|_| OutputFile::Fracture));
         // Nothing is cut unless all are there.
         for (file, expected) in files.iter().zip(lengths.iter().copied()) {
             let path = folder.path_of(*file);
@@ -145,7 +163,15 @@ impl MotionTables {
             let path = folder.path_of(OutputFile::Checkpoint);
             lines.next().ok_or(OutputError::Checkpoint { path })?
         };
-        Ok(MotionTables { motion: next()?, reactions: next()?, probes: next()? })
+        Ok(MotionTables {
+            motion: next()?,
+            reactions: next()?,
+            probes: next()?,
+            fracture: match &columns.fracture {
+                Some(columns) => Some((columns.clone(), next()?)),
+                None => None,
+            },
+        })
     }
 
     /// Energies in J and displacements at probes in m, against time in s, as the tables in the folder have
@@ -180,12 +206,17 @@ impl MotionTables {
 
     /// How long the tables are, in bytes.
     pub fn lengths(&self) -> Vec<u64> {
-        [&self.motion, &self.reactions, &self.probes].map(|lines| lines.length).to_vec()
+        self.all().map(|lines| lines.length).collect()
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Lines> {
+        let fracture = self.fracture.iter().map(|(_, lines)| lines);
+        [&self.motion, &self.reactions, &self.probes].into_iter().chain(fracture)
     }
 
     /// Returns when the tables would survive a power cut.
     pub fn synchronise(&self) -> Result<(), OutputError> {
-        for lines in [&self.motion, &self.reactions, &self.probes] {
+        for lines in self.all() {
             lines.file.sync_data().map_err(Operation::Write.on(&lines.path))?;
         }
         Ok(())
@@ -208,7 +239,11 @@ impl MotionTables {
         self.motion.push(all.chain(&row.momentum).chain(&row.angular_momentum))?;
         let t = || [&row.t].into_iter();
         self.reactions.push(t().chain(row.reactions.iter().flatten()))?;
-        self.probes.push(t().chain(row.probes.iter().flatten()))
+        self.probes.push(t().chain(row.probes.iter().flatten()))?;
+        match (&mut self.fracture, &row.fracture) {
+            (Some((columns, lines)), Some(row)) => lines.push(columns.numbers(row).iter()),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -355,6 +390,7 @@ mod tests {
             breaks: true,
             breaks_cliques: [true, false],
             remembers: false,
+            fracture: Some(FractureColumns::default()),
         };
         let mut tables = MotionTables::new(&folder, &columns).unwrap();
         let row = MotionRow {
@@ -379,6 +415,13 @@ mod tests {
             angular_momentum: vec![9.0],
             reactions: vec![vec![1.0, -1.0]],
             probes: vec![vec![0.1, 0.2]],
+            fracture: Some(FractureRow {
+                t: 1e-6,
+                bonds: [3, 7],
+                cliques: [None, None],
+                released: 0.25,
+                tracks: Vec::new(),
+            }),
         };
         tables.push(&row).unwrap();
         let read = |file| fs::read_to_string(folder.path_of(file)).unwrap();

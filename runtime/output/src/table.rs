@@ -3,6 +3,7 @@
 //! Numbers are the shortest decimals that read back as the same `f64` ([`decimal`]); numbers that
 //! are not finite are written `inf`, `-inf`, `nan`. Every table has a header, also without rows.
 
+use super::fracture::FractureTable;
 use super::{Broken, History, OutputError, OutputFile, OutputFolder, Points, decimal};
 
 /// Names of reference coordinates in tables.
@@ -66,11 +67,23 @@ pub fn probes_table(history: &History) -> String {
     table.text
 }
 
-/// Writes `reactions.csv`, `energy.csv` and `probes.csv`; they are small enough to be replaced
-/// after every step.
+/// `fracture.csv` of load steps.
+pub fn fracture_table(fracture: &FractureTable) -> String {
+    let mut table = Table::new(fracture.columns.header());
+    for row in &fracture.rows {
+        table.row(&fracture.columns.numbers(row));
+    }
+    table.text
+}
+
+/// Writes `reactions.csv`, `energy.csv` and `probes.csv`, and `fracture.csv` of a body that can break; they
+/// are small enough to be replaced after every step.
 pub fn write_history(folder: &OutputFolder, history: &History) -> Result<(), OutputError> {
     folder.write(OutputFile::Reactions, reactions_table(history).as_bytes())?;
     folder.write(OutputFile::Energy, energy_table(history).as_bytes())?;
+    if let Some(fracture) = &history.fracture {
+        folder.write(OutputFile::Fracture, fracture_table(fracture).as_bytes())?;
+    }
     folder.write(OutputFile::Probes, probes_table(history).as_bytes())
 }
 

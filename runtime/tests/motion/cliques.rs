@@ -11,7 +11,7 @@ use piola_runtime::body::Body;
 use piola_runtime::energy::Energy;
 use piola_runtime::fracture::criteria::{Criteria, Criterion, Layer};
 use piola_runtime::fracture::memory::Memory;
-use piola_runtime::fracture::{Breaking, Fracture};
+use piola_runtime::fracture::{Breaking, Fracture, Inspection};
 use piola_runtime::kernel::{Law, Measure};
 use piola_runtime::neighborhood::Neighborhood;
 use piola_runtime::solve::Watch;
@@ -126,6 +126,29 @@ impl<'a> Judge<'a> {
     }
 }
 
+impl Judge<'_> {
+    /// The share of what is broken at each point: of bonds by the volumes of neighbours, of triangles and
+    /// tetrahedra by their measures at rest.
+    fn damage(&self, kind: usize) -> Vec<f64> {
+        let rest = vec![0.0; self.body.positions().len()];
+        let n = self.body.n_points();
+        let (mut all, mut gone) = (vec![0.0; n], vec![0.0; n]);
+        for (number, clique) in self.all[kind].iter().enumerate() {
+            let is_gone =
+                self.broken[kind].contains(&number) || kind > 0 && self.has_broken_edge(clique);
+            let measure = size(self.body, &rest, clique).abs();
+            for &point in clique {
+                let others = clique.iter().filter(|other| **other != point);
+                let volume: f64 = others.map(|other| self.body.volumes()[*other]).sum();
+                let part = if kind == 0 { volume } else { measure };
+                all[point] += part;
+                gone[point] += if is_gone { part } else { 0.0 };
+            }
+        }
+        gone.iter().zip(&all).map(|(gone, all)| if *all > 0.0 { gone / all } else { 0.0 }).collect()
+    }
+}
+
 /// Length, area or volume, with a sign where it has one.
 fn size(body: &Body, u: &[f64], clique: &[usize]) -> f64 {
     let d = body.dimension();
@@ -215,6 +238,16 @@ fn all_kinds_break_as_loops_say_and_the_account_closes() {
             ];
             for (found, expected) in found.iter().zip(&judge.broken) {
                 assert!(found.iter().eq(expected), "body {number} at step {step}");
+            }
+            if step % 15 == 0 {
+                let kinds = [Measure::Length, Measure::Area, Measure::Volume];
+                for (kind, measure) in kinds.into_iter().enumerate() {
+                    let (damage, expected) = (energy.damage_of(measure), judge.damage(kind));
+                    let error = |(x, y): (&f64, &f64)| (x - y).abs();
+                    let worst = damage.iter().zip(&expected).map(error).fold(0.0, f64::max);
+                    assert!(worst < 1e-13, "body {number} at step {step}: {worst:e}");
+                    assert!(step == 0 || kind == d || damage.iter().any(|x| *x > 0.0));
+                }
             }
             assert_eq!(row.broken, Some(found[0].len()));
             let volumes = (d == 3).then_some(found[2].len());

@@ -9,7 +9,7 @@ use piola_runtime::energy::Energy;
 use piola_runtime::fracture::crack::Crack;
 use piola_runtime::fracture::criteria::{Criteria, Criterion, Layer};
 use piola_runtime::fracture::memory::Memory;
-use piola_runtime::fracture::{Breaking, Fracture};
+use piola_runtime::fracture::{Breaking, Fracture, Inspection as _};
 use piola_runtime::materials::{Interface, Materials};
 use piola_runtime::neighborhood::Neighborhood;
 use piola_runtime::solve::Watch;

@@ -4,6 +4,7 @@
 //! knows how much its square must have grown before the margin is worked out at all.
 
 pub(super) mod margin;
+mod ties;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -13,12 +14,14 @@ use rayon::prelude::*;
 use super::cliques::CliqueCriteria;
 use crate::assembly::affine_threshold;
 use crate::body::Body;
-use crate::element::{CAPACITY, Contributions, Element, InteractionBatch, MeasureElement, Order};
+use crate::element::{CAPACITY, Contributions, Element, InteractionBatch, MeasureElement};
 use crate::energy::{Argument, NonFinite};
 use crate::geometry::{dot, each};
 use crate::kernel::{Law, Measure};
 use crate::materials::{Materials, Parts};
 use crate::neighborhood::Neighborhood;
+pub use margin::Judged;
+use ties::Ties;
 
 /// Owners whose bonds are judged by one task; fixed, so that results do not depend on threads.
 pub(super) const CHUNK: usize = 1024;
@@ -54,10 +57,13 @@ pub struct Criteria {
     pub(super) is_unbreakable: Vec<bool>,
     /// How much the square of the length of each bond in m^2 must have grown before it is judged.
     limits: Vec<f32>,
+    ties: Ties,
 }
 
 /// A [`Layer`] as functions of interactions of one kind.
 pub(super) struct Margins {
+    /// The number of the layer.
+    layer: usize,
     pub(super) of_law: Vec<Vec<Margin>>,
     pub(super) materials: Option<Arc<Materials>>,
 }
@@ -66,6 +72,8 @@ pub(super) struct Margins {
 pub(super) struct Margin {
     pub(super) element: MeasureElement,
     holds_at_zero: bool,
+    /// What margins of bonds amount to at rest, as far as a few of them tell.
+    at_rest: f64,
 }
 
 impl Margin {
@@ -84,16 +92,18 @@ impl Criteria {
         assert_eq!(is_unbreakable.len(), body.n_points(), "one for each point");
         let d = body.dimension();
         let mut of_measures = [const { Vec::new() }; 3];
-        for layer in layers {
+        for layer in layers.into_iter().enumerate() {
             let by_measure = Margins::by_measure(layer, d);
             of_measures.iter_mut().zip(by_measure).for_each(|(all, own)| all.extend(own));
         }
         let [layers, areas, volumes] = of_measures;
         let cliques = CliqueCriteria::new((body, neighborhood), [areas, volumes]);
-        let mut criteria = Criteria { layers, cliques, is_unbreakable, limits: Vec::new() };
+        let (limits, ties) = (Vec::new(), Ties::default());
+        let mut criteria = Criteria { layers, cliques, is_unbreakable, limits, ties };
         if criteria.are_empty() {
             return criteria;
         }
+        criteria.weigh((body, neighborhood));
         let owners: Vec<usize> = (0..body.n_points()).collect();
         let limits = owners.par_chunks(CHUNK).map(|owners| match d {
             2 => criteria.limits_of::<2>(body, neighborhood, owners),
@@ -213,7 +223,7 @@ impl Criteria {
                 let room = room.get_or_insert_with(|| room_for(D));
                 let first = found.len();
                 for layer in &self.layers {
-                    layer.judge(&nearly, room, u, &mut found)?;
+                    layer.judge(&nearly, room, u, (&mut found, &self.ties))?;
                 }
                 found[first..].sort_unstable();
             }
@@ -225,7 +235,7 @@ impl Criteria {
 
 impl Margins {
     /// Those of a layer for bonds, triangles and tetrahedra; nothing for those without.
-    fn by_measure(layer: Layer, dimension: usize) -> [Option<Margins>; 3] {
+    fn by_measure((number, layer): (usize, Layer), dimension: usize) -> [Option<Margins>; 3] {
         let n_laws = layer.materials.as_ref().map_or(1, |materials| materials.n_laws());
         assert_eq!(layer.of_law.len(), n_laws, "criteria for each law");
         let nothing = || (0..n_laws).map(|_| Vec::new()).collect::<Vec<Vec<Margin>>>();
@@ -233,12 +243,13 @@ impl Margins {
         for (law, own) in layer.of_law.into_iter().enumerate() {
             for Criterion { measure, margin, holds_at_zero } in own {
                 let element = MeasureElement::new(measure, dimension, margin);
-                all[measure as usize][law].push(Margin { element, holds_at_zero });
+                all[measure as usize][law].push(Margin { element, holds_at_zero, at_rest: 0.0 });
             }
         }
         all.map(|of_law| {
             let materials = layer.materials.clone();
-            (!of_law.iter().all(Vec::is_empty)).then_some(Margins { of_law, materials })
+            let is_empty = of_law.iter().all(Vec::is_empty);
+            (!is_empty).then_some(Margins { layer: number, of_law, materials })
         })
     }
 
@@ -255,9 +266,9 @@ impl Margins {
     fn judge<const D: usize>(
         &self,
         bonds: &[Candidate<D>],
-        (batch, out): &mut Room,
+        room: &mut Room,
         u: &[f64],
-        found: &mut Vec<usize>,
+        (found, ties): (&mut Vec<usize>, &Ties),
     ) -> Result<(), NonFinite> {
         for (law, margins) in self.of_law.iter().enumerate() {
             let takes = |bond: &&Candidate<D>| self.parts(&bond.ends).iter().any(|p| p.0 == law);
@@ -265,20 +276,15 @@ impl Margins {
             for (margin, bonds) in
                 margins.iter().flat_map(|m| own.chunks(CAPACITY).map(move |c| (m, c)))
             {
-                batch.fill(bonds.len(), |lane| (bonds[lane].xi, bonds[lane].eta, 1.0));
-                if let Some(fields) = self.materials.as_deref().and_then(Materials::fields)
-                    && margin.element.n_fields() > 0
-                {
-                    let of_law = fields.of_law(law);
-                    batch.take_fields_of_bonds((fields, of_law), |lane| {
-                        (bonds[lane].ends, bonds[lane].bond)
-                    });
-                }
-                let evaluated = margin.element.evaluate(batch, Order::Energy, out);
-                evaluated
-                    .map_err(|lane| bonds[lane.lane].refused(lane.value, lane.reference, u))?;
-                let broken = bonds.iter().zip(&out.energy).filter(|(_, m)| margin.breaks(**m));
+                let margins = self.values((margin, law), bonds, |bond| bond.eta, room, u)?;
+                let broken = bonds.iter().zip(margins).filter(|(_, m)| margin.breaks(**m));
                 found.extend(broken.map(|(candidate, _)| candidate.bond));
+                if !ties.are_told() && margins.iter().any(|m| margin.is_nearly_zero(*m)) {
+                    let near =
+                        bonds.iter().zip(margins).filter(|(_, m)| margin.is_nearly_zero(**m));
+                    let near: Vec<&Candidate<D>> = near.map(|(bond, _)| *bond).collect();
+                    ties.add(self.decided_by_rounding((margin, law), &near, room, u)?);
+                }
             }
         }
         Ok(())

@@ -32,6 +32,7 @@ impl Breaking {
 
     /// See [`super::Fracture::break_at`].
     pub(super) fn take_out_at(&self, u: &[f64], bonds: &[usize]) -> Result<Release, NonFinite> {
+        self.see_breaking(u, bonds)?;
         let nowhere = vec![0.0; u.len()];
         let mut status = self.change();
         let release = status.energy.break_bonds(u, (0.0, &nowhere), bonds)?;
@@ -75,9 +76,11 @@ impl Breaking {
                 let stays = kept.next_if_eq(&bond).is_some();
                 if *is_broken && !stays {
                     *is_broken = false;
+                    status.damage.touch(&self.neighborhood, bond);
                     regained.push(bond);
                 }
             }
+            self.inspected.forget(&regained);
             status.n_broken -= regained.len();
             if !regained.is_empty() {
                 status.energy.regain(&regained);

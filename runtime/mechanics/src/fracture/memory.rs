@@ -233,6 +233,21 @@ impl Memory {
         self.layers.iter().for_each(|rules| rules.fields.set_time_step(dt));
     }
 
+    /// A state of a bond by its number, with the part that the law of the state has in the bond; nothing where
+    /// it has none.
+    pub(super) fn state_of(
+        &self,
+        number: usize,
+        bond: usize,
+        ends: [usize; 2],
+    ) -> Option<(f64, f64)> {
+        let (rules, field) = self.states().nth(number)?;
+        let law = (0..rules.of_law.len()).find(|law| rules.fields.of_law(*law).contains(&field))?;
+        let parts = rules.materials.parts(&ends.map(|end| rules.materials.of(end)));
+        let (_, part) = parts.iter().find(|part| part.0 == law)?;
+        Some((part, rules.fields.state(field, bond)?))
+    }
+
     /// How many states a bond has.
     pub(super) fn n_states(&self) -> usize {
         self.states().count()

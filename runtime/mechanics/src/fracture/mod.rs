@@ -6,6 +6,7 @@
 //! | [`criteria`] | which bonds break at given displacements |
 //! | [`memory`] | what bonds remember, and what that becomes |
 //! | `cliques` | which triangles and tetrahedra break by a criterion of their own |
+//! | `inspect` | what there is to see: damage (`damage`), states at points, single bonds ([`Inspection`]) |
 //! | [`crack`] | which bonds a crack cuts that is there from the start |
 //!
 //! With the status `h` a body has one energy `E(u; h)`, of which forces and tangents are exact
@@ -19,7 +20,9 @@
 mod cliques;
 pub mod crack;
 pub mod criteria;
+mod damage;
 mod equilibria;
+mod inspect;
 pub mod memory;
 
 use std::ops::Range;
@@ -32,7 +35,11 @@ use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use criteria::Criteria;
+pub use criteria::Judged;
 pub use criteria::margin::Foremost;
+use damage::Damage;
+use inspect::Inspected;
+pub use inspect::{Inspection, Look, OnThreshold};
 use memory::Memory;
 
 /// What bonds leave behind that break, or that remember something else.
@@ -103,7 +110,7 @@ impl Held {
 
 /// The status of a body that can break, and how it changes. Bonds have the numbers of the neighbourhood
 /// ([`Neighborhood::bonds`]).
-pub trait Fracture: Sync {
+pub trait Fracture: Inspection {
     /// Breaks the bonds whose criteria say so at displacements `u`, after a way of the displacements
     /// `step*direction`, all in m and `n x d`; others remember what they have come to `dt` s after the last
     /// time.
@@ -180,10 +187,6 @@ pub trait Fracture: Sync {
     /// Breaks these bonds, and says nothing of energies: bonds of a crack, or of an earlier run.
     fn take_out(&self, bonds: &[usize]);
 
-    /// The share of the volume of each point's neighbours whose bonds with it are broken, between 0 and 1:
-    /// partmann2026 (5.8). 0 of a point that has no neighbours.
-    fn damage(&self) -> Vec<f64>;
-
     /// How many bonds there are, and how many of them are broken; without those that never were there.
     fn counts(&self) -> [usize; 2];
 
@@ -236,6 +239,8 @@ pub struct Breaking {
     /// Bonds that count as if they had never been there, ascending.
     absent: Vec<usize>,
     status: RwLock<Status>,
+    /// What is kept for those who look.
+    inspected: Inspected,
 }
 
 /// What changes when bonds break.
@@ -245,6 +250,7 @@ struct Status {
     n_broken: usize,
     /// Where triangles or tetrahedra have criteria of their own.
     lost: Option<Lost>,
+    damage: Damage,
 }
 
 /// What breaks at one time.
@@ -270,6 +276,7 @@ impl Status {
         for &bond in bonds {
             self.n_broken += usize::from(!self.is_broken[bond]);
             self.is_broken[bond] = true;
+            self.damage.touch(neighborhood, bond);
         }
     }
 }
@@ -297,7 +304,8 @@ impl Breaking {
         let (pattern, bonds) = (Arc::clone(energy.pattern()), energy.bond_pattern().cloned());
         let is_broken = vec![false; neighborhood.n_bonds()];
         let lost = has_cliques.then(|| Lost::nothing_of(&neighborhood));
-        let status = RwLock::new(Status { energy, is_broken, n_broken: 0, lost });
+        let damage = Damage::default();
+        let status = RwLock::new(Status { energy, is_broken, n_broken: 0, lost, damage });
         let bond_pattern = bonds;
         let breaking = Breaking {
             body,
@@ -309,6 +317,7 @@ impl Breaking {
             memory,
             absent,
             status,
+            inspected: Inspected::default(),
         };
         breaking.take_out(&breaking.absent);
         breaking
@@ -342,6 +351,7 @@ impl Breaking {
         if found.is_empty() {
             return Ok(release);
         }
+        self.see_breaking(u, &found.bonds)?;
         let mut status = self.change();
         if !found.bonds.is_empty() {
             release = status.energy.break_bonds(u, way, &found.bonds)?;
@@ -471,31 +481,6 @@ impl Fracture for Breaking {
         let mut status = self.change();
         status.note(&self.neighborhood, bonds);
         status.energy.lose(bonds);
-    }
-
-    fn damage(&self) -> Vec<f64> {
-        let status = self.now();
-        let n = self.body.n_points();
-        let (mut family, mut lost) = (vec![0.0; n], vec![0.0; n]);
-        let volumes = self.body.volumes();
-        let mut absent = self.absent.iter().copied().peekable();
-        for point in 0..n {
-            let bonds = self.neighborhood.bonds(point);
-            for (bond, &other) in bonds.zip(self.neighborhood.upper(point)) {
-                if absent.next_if_eq(&bond).is_some() {
-                    continue;
-                }
-                let other = other as usize;
-                family[point] += volumes[other];
-                family[other] += volumes[point];
-                if status.is_broken[bond] {
-                    lost[point] += volumes[other];
-                    lost[other] += volumes[point];
-                }
-            }
-        }
-        let share = |(lost, family): (&f64, &f64)| if *family > 0.0 { lost / family } else { 0.0 };
-        lost.iter().zip(&family).map(share).collect()
     }
 
     fn n_bonds(&self) -> usize {

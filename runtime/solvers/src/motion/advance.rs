@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use piola_mechanics::energy::EnergyParts;
-use piola_mechanics::fracture::Release;
+use piola_mechanics::fracture::{Fracture, OnThreshold, Release};
 use piola_mechanics::kernel::Measure;
 
 use super::balance::Row;
@@ -78,11 +78,22 @@ impl Motion<'_> {
         let Some(fracture) = self.energy.fracture() else { return Ok(()) };
         let released = fracture.advance_behind_forces(&self.u.value, (self.dt, &self.v.value));
         let released = released.map_err(|cause| self.not_finite(cause))?;
+        self.tell_ties(fracture);
         if !released.has_changed() {
             return Ok(());
         }
         self.take_in(&released);
         self.ask_forces(wants_row)
+    }
+
+    /// Tells of bonds at their threshold, once.
+    fn tell_ties(&mut self, fracture: &dyn Fracture) {
+        let is_told = |note: &String| note.contains(OnThreshold::CODE);
+        if let Some(found) = fracture.on_threshold()
+            && !self.notes.iter().any(is_told)
+        {
+            self.notes.push(format!("at t = {:e} s {found}", self.time(self.done)));
+        }
     }
 
     /// Takes what bonds leave into the account, and tells when energy comes out of nothing for the first time.
@@ -106,6 +117,7 @@ impl Motion<'_> {
         if let Some(fracture) = self.energy.fracture() {
             let released = fracture.advance(&self.u.value, self.dt, (over, &self.v.value));
             let released = released.map_err(|cause| self.not_finite(cause))?;
+            self.tell_ties(fracture);
             if released.has_changed() {
                 self.take_in(&released);
             }
@@ -118,6 +130,7 @@ impl Motion<'_> {
         let Some(fracture) = self.energy.fracture() else { return Ok(()) };
         let released = fracture.advance(&self.u.value, 0.0, (0.0, &self.v.value));
         let released = released.map_err(|cause| self.not_finite(cause))?;
+        self.tell_ties(fracture);
         if released.bonds > 0 {
             self.notes.push(format!(
                 "{} bonds break before the first step: the displacements of the start are beyond their \

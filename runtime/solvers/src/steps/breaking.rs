@@ -193,6 +193,8 @@ impl<'a> LoadSteps<'a> {
                 Breaking::All => fracture.status.advance_bonds(&settled.u),
                 Breaking::Largest => fracture.status.advance_foremost(&settled.u, MIRRORED),
             };
+            let on_threshold = fracture.status.on_threshold();
+            fracture.ledger.notes.extend(on_threshold.map(|found| found.to_string()));
             let release = match release {
                 Ok(release) if release.bonds == 0 && !is_on_its_way => break,
                 Ok(release) => release,

@@ -12,7 +12,7 @@ use piola_mechanics::kernel::Measure;
 use piola_mechanics::neighborhood::Neighborhood;
 
 use super::{Case, CaseError, Compiled, Potential};
-use crate::scene::{CrackEntry, CrackShape, selection};
+use crate::scene::{ColourBy, CrackEntry, CrackShape, selection};
 use piola_solvers::motion::Method;
 use piola_solvers::steps::Control;
 
@@ -35,6 +35,63 @@ impl Case {
     /// How many numbers each bond remembers that change.
     pub fn n_states(&self) -> usize {
         self.potentials.iter().map(|one| one.model.updates().len()).sum()
+    }
+
+    /// The names of what bonds remember, as [`Fracture::states`](piola_mechanics::fracture::Fracture::states)
+    /// has its numbers: layer by layer, law by law, in the order of the potential.
+    pub(crate) fn all_states(&self) -> Vec<&str> {
+        let mut all: Vec<(usize, usize, &str)> = Vec::new();
+        for (potential, (law, layer)) in self.potentials.iter().zip(self.places()) {
+            let fields = potential.values.fields.iter().zip(potential.which_are_states());
+            let names = fields.filter(|(_, is_state)| *is_state).map(|(number, _)| {
+                potential.model.parameters()[usize::from(*number)].name.as_str()
+            });
+            all.extend(names.map(|name| (layer, law, name)));
+        }
+        all.sort_by_key(|(layer, law, _)| (*layer, *law));
+        all.into_iter().map(|(_, _, name)| name).collect()
+    }
+
+    /// The names of what bonds remember, each once.
+    pub(crate) fn names_of_states(&self) -> Vec<String> {
+        let mut names: Vec<String> = Vec::new();
+        for name in self.all_states() {
+            if !names.iter().any(|known| known == name) {
+                names.push(name.to_owned());
+            }
+        }
+        names
+    }
+
+    /// The numbers of the states of this name: of several materials there may be several.
+    pub(crate) fn states_called(&self, name: &str) -> Vec<usize> {
+        let all = self.all_states();
+        (0..all.len()).filter(|number| all[*number] == name).collect()
+    }
+
+    /// Refuses pictures of states that no potential has.
+    ///
+    /// # Errors
+    /// At the material.
+    pub(super) fn check_colour(&self) -> Result<(), CaseError> {
+        let ColourBy::State(wanted) = &self.scene.output.colour else { return Ok(()) };
+        let names = self.names_of_states();
+        if names.contains(wanted) {
+            return Ok(());
+        }
+        let message =
+            format!("the colours of the picture show the state `{wanted}`, and bonds have none");
+        let span = self.scene.material().potential.span;
+        let found = Diagnostic::error("conflicting-keys", span, message)
+            .label("the states of bonds are those of the potentials that an `update` changes");
+        let help = match names.is_empty() {
+            true => "write colour = \"damage\" in [output], or take a potential with `update`"
+                .to_owned(),
+            false => {
+                format!("write colour = \"state {}\" in [output]", names.join("\" or \"state "))
+            }
+        };
+        Err(CaseError::Scene(self.scene.report(vec![found.help(help)])))
     }
 
     /// The energies as one whose status changes: bonds that cracks cut are broken at once, others when a
@@ -149,9 +206,15 @@ impl Case {
         Err(CaseError::Scene(self.scene.report(vec![found])))
     }
 
-    /// Warnings of cracks that cut nothing, and of those that run through points.
+    /// Warnings of cracks that cut nothing, of those that run through points, and of tracks without a crack.
     pub(super) fn warnings_of_cracks(&self) -> Vec<Diagnostic> {
         let mut warnings = Vec::new();
+        for track in self.scene.tracks.iter().filter(|_| !self.can_break()) {
+            let message = "no bond of this scene can break: there is nothing to follow";
+            let warning = Diagnostic::warning("idle-entry", track.name.span, message);
+            warnings
+                .push(warning.help("take a potential with `break when`, or leave [[track]] out"));
+        }
         for crack in &self.scene.cracks {
             let horizon = self.scene.horizon_radius();
             let nearby = self.near_crack(crack, horizon);
@@ -165,7 +228,9 @@ impl Case {
                 let warning = Diagnostic::warning("idle-entry", crack.span, message);
                 let help = match crack.shape {
                     CrackShape::Across(_) => "it cuts the bonds whose inside crosses its inside",
-                    CrackShape::Between(_) => "no point of one set is within the horizon of the other",
+                    CrackShape::Between(_) => {
+                        "no point of one set is within the horizon of the other"
+                    }
                 };
                 warnings.push(warning.help(help));
             }

@@ -142,6 +142,7 @@ impl Case {
         for potential in &case.potentials {
             case.check_families(potential)?;
         }
+        case.check_colour()?;
         Ok(case)
     }
 

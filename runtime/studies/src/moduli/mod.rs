@@ -8,6 +8,7 @@
 //! | `cliques` | energies of several measures there, clique by clique |
 //! | `states` | energies of gathered states there |
 //! | [`stiffness`] | the elasticity tensor and the numbers that are read off it, with derivatives |
+//! | `rayleigh` | the speed of Rayleigh waves |
 //! | `fracture` | what breaking a plane through a lattice releases |
 //! | [`time_step`] | the largest stable step of central differences |
 //! | [`mod@calibrate`] | parameters of a potential for which the body has given moduli |
@@ -27,6 +28,7 @@ mod cliques;
 mod cubic;
 mod fracture;
 mod inside;
+mod rayleigh;
 mod rest;
 mod states;
 pub mod stiffness;
@@ -39,6 +41,7 @@ pub use affine::Affine;
 pub use calibrate::{CalibrateError, Calibrated, FractureTarget, Target, Wanted, calibrate};
 pub use fracture::{FractureEnergy, NoFractureEnergy, name_of_plane};
 use inside::Inside;
+pub use rayleigh::rayleigh_speeds;
 pub use stiffness::{Modulus, Stiffness};
 pub use time_step::TimeStep;
 

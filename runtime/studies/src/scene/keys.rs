@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use piola_mechanics::words::Words;
 
-use super::FrameField;
 use super::reader::{Field, Reader, Table};
+use super::{ColourBy, FrameField};
 
 /// A key, an example of its value that messages quote, and its field.
 pub(super) type Row<S> = (&'static str, &'static str, fn(&mut S) -> Slot<'_>);
@@ -27,6 +27,8 @@ pub(super) const fn named<S, const N: usize>(
 pub(super) enum Slot<'a> {
     /// One of several words.
     Word(&'a mut dyn Choice),
+    /// What colours show.
+    Colour(&'a mut ColourBy),
     /// An array of words, each once.
     Fields(&'a mut Vec<FrameField>),
     /// Greater than 0.
@@ -74,6 +76,7 @@ impl Slot<'_> {
     fn read(self, reader: &mut Reader, field: Field<'_>) {
         match self {
             Slot::Word(choice) => choice.read(reader, field),
+            Slot::Colour(colour) => take(colour, reader.colour(field)),
             Slot::Fields(fields) => take(fields, reader.choices(field)),
             Slot::Positive(value) => take(value, reader.positive(field)),
             Slot::Fraction(value) => take(value, reader.fraction(field)),
@@ -88,6 +91,7 @@ impl Slot<'_> {
     fn text(self) -> String {
         match self {
             Slot::Word(choice) => string(choice.word()),
+            Slot::Colour(colour) => string(&colour.word()),
             Slot::Fields(fields) => {
                 let words: Vec<String> = fields.iter().map(|one| string(one.word())).collect();
                 format!("[{}]", words.join(", "))

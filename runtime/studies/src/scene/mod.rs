@@ -49,11 +49,12 @@ use piola_mechanics::weights::Weights;
 use piola_mechanics::words::Words;
 
 pub use expression::Expression;
-pub use fracture::{CrackEntry, CrackShape, FractureSettings};
+pub use fracture::{CrackEntry, CrackShape, FractureSettings, Track, TrackAxis};
 pub use motion::{Given, Initial, Motion};
 pub use piola_mechanics::lattice::Nodes;
 pub use potential::{PotentialText, files_below};
 pub use read::MOST_LAWS;
+pub(crate) use settings::STATE;
 pub use settings::{
     ColourBy, DerivativeSource, FrameField, OutputSettings, SolverSettings, Steps, StrainSource,
     Unstable,
@@ -99,6 +100,8 @@ pub struct Scene {
     pub cracks: Vec<CrackEntry>,
     /// `[fracture]`
     pub fracture: FractureSettings,
+    /// `[[track]]`
+    pub tracks: Vec<Track>,
     /// `[steps]`
     pub steps: Steps,
     /// `[motion]`, in place of steps.
@@ -130,6 +133,7 @@ impl PartialEq for Scene {
             probes,
             cracks,
             fracture,
+            tracks,
             steps,
             motion,
             solver,
@@ -150,6 +154,7 @@ impl PartialEq for Scene {
             && *probes == other.probes
             && *cracks == other.cracks
             && *fracture == other.fracture
+            && *tracks == other.tracks
             && *steps == other.steps
             && *motion == other.motion
             && *solver == other.solver

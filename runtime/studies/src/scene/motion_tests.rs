@@ -26,6 +26,12 @@ v = ["0.05*min(t/1e-5, 1)", "free"]
 [[load]]
 set = "right"
 acceleration = [0, -9.81]
+[[track]]
+name = "tip"
+axis = "-Y"
+threshold = 0.4
+set = "right"
+thickness = 2
 [motion]
 method = "leap-frog"
 end = 6e-5
@@ -36,6 +42,8 @@ unstable = true
 [output]
 every = 1e-6
 rows = 300
+colour = "state k"
+fields = ["states", "damage_a", "damage_v"]
 "#;
 
 fn read(text: &str) -> Scene {
@@ -61,10 +69,14 @@ fn every_key_of_a_motion_is_read_and_written() {
     assert_eq!((u.value[1].is_zero(), v.value[1].value(&[2.0, 0.0], 0.0)), (true, -64.0));
     assert_eq!(scene.prescriptions[0].given, Given::Velocity);
     assert_eq!(scene.loads[0].kind, LoadKind::Acceleration);
-    assert_eq!(
-        scene.output,
-        OutputSettings { every: Some(1e-6), rows: 300, ..OutputSettings::default() }
-    );
+    let fields = vec![FrameField::States, FrameField::DamageOfAreas, FrameField::DamageOfVolumes];
+    let colour = ColourBy::State("k".to_owned());
+    let every = Some(1e-6);
+    let expected = OutputSettings { every, rows: 300, fields, colour, ..OutputSettings::default() };
+    assert_eq!(scene.output, expected);
+    let [track] = &scene.tracks[..] else { panic!("one") };
+    assert_eq!((track.axis, track.threshold), (TrackAxis::MinusY, 0.4));
+    assert_eq!((track.set.unwrap().value, track.thickness), (1, Some(2.0)));
     let again = read(&scene.resolved_toml());
     assert_eq!(again, scene, "{}", scene.resolved_toml());
     let shaken = read(&FULL.replace("v = [\"0.05", "a = [\"0.05"));

@@ -7,6 +7,7 @@
 use piola_grammar::{Diagnostic, Span};
 use piola_mechanics::words::Words;
 
+use super::ColourBy;
 use super::tree::{Entry, Kind, Node, Text};
 use piola_grammar::suggest;
 
@@ -280,12 +281,25 @@ impl Reader {
         self.word(field, [""; 2])
     }
 
+    /// What colours show.
+    pub(super) fn colour(&mut self, field: Field<'_>) -> Option<ColourBy> {
+        self.one_of_words(field, [""; 2], (ColourBy::of_word, &ColourBy::words()))
+    }
+
     /// The same; what stands around it where it is written.
-    fn word<T: Words>(&mut self, field: Field<'_>, [open, close]: [&str; 2]) -> Option<T> {
+    fn word<T: Words>(&mut self, field: Field<'_>, around: [&str; 2]) -> Option<T> {
+        self.one_of_words(field, around, (T::of_word, &T::words()))
+    }
+
+    fn one_of_words<T>(
+        &mut self,
+        field: Field<'_>,
+        [open, close]: [&str; 2],
+        (of_word, words): (impl Fn(&str) -> Option<T>, &[&str]),
+    ) -> Option<T> {
         let text = self.text(field)?;
-        let choice = T::of_word(&text.value);
+        let choice = of_word(&text.value);
         if choice.is_none() {
-            let words = T::words();
             let message = format!("`{}` cannot be \"{}\"", field.key, text.value);
             let diagnostic = Diagnostic::error("unknown-choice", field.node.span, message)
                 .help(format!("write {} = {open}\"{}\"{close}", field.key, words.join("\" or \"")));

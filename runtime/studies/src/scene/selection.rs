@@ -325,7 +325,7 @@ pub(crate) fn typical_spacing(dimension: usize, volumes: &[f64], spacing: Option
 }
 
 /// The point next to a place; of several the one that the user listed first.
-fn nearest(body: &Body, place: &[f64]) -> (usize, f64) {
+pub(crate) fn nearest(body: &Body, place: &[f64]) -> (usize, f64) {
     let squared = |point: usize| -> f64 {
         body.position(point).iter().zip(place).map(|(x, y)| (x - y) * (x - y)).sum()
     };

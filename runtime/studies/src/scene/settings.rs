@@ -154,7 +154,7 @@ pub struct OutputSettings {
 }
 
 /// What the colours of a picture show.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum ColourBy {
     /// The magnitude of the displacement.
     #[default]
@@ -167,23 +167,59 @@ pub enum ColourBy {
     EnergyDensity,
     /// The field of this name.
     Damage,
+    /// The field `damage_a`.
+    DamageOfAreas,
+    /// The field `damage_v`.
+    DamageOfVolumes,
+    /// The mean of what bonds of a point remember as this.
+    State(String),
     /// The field of this name.
     Jacobian,
     /// The field of this name.
     VonMises,
 }
 
-impl Words for ColourBy {
-    const WORDS: &'static [(&'static str, ColourBy)] = &[
+impl ColourBy {
+    /// All but the states, with their words.
+    const WORDS: [(&'static str, ColourBy); 9] = [
         ("displacement", ColourBy::Displacement),
         ("velocity", ColourBy::Velocity),
         ("acceleration", ColourBy::Acceleration),
         ("energy_density", ColourBy::EnergyDensity),
         ("damage", ColourBy::Damage),
+        ("damage_a", ColourBy::DamageOfAreas),
+        ("damage_v", ColourBy::DamageOfVolumes),
         ("jacobian", ColourBy::Jacobian),
         ("von_mises", ColourBy::VonMises),
     ];
+
+    /// As a scene has it: one of its words, or `state NAME`.
+    pub fn of_word(word: &str) -> Option<ColourBy> {
+        if let Some(state) = word.strip_prefix(STATE) {
+            return (!state.is_empty()).then(|| ColourBy::State(state.to_owned()));
+        }
+        ColourBy::WORDS.into_iter().find(|(own, _)| *own == word).map(|(_, colour)| colour)
+    }
+
+    /// What a scene may have.
+    pub fn words() -> Vec<&'static str> {
+        ColourBy::WORDS.iter().map(|(word, _)| *word).chain(["state NAME"]).collect()
+    }
+
+    /// As a scene has it.
+    pub fn word(&self) -> String {
+        match self {
+            ColourBy::State(name) => format!("{STATE}{name}"),
+            other => {
+                let own = ColourBy::WORDS.into_iter().find(|(_, colour)| colour == other);
+                own.map_or_else(String::new, |(word, _)| word.to_owned())
+            }
+        }
+    }
 }
+
+/// How the name of a field begins that has the means of a state.
+pub(crate) const STATE: &str = "state ";
 
 /// What a frame may have of every point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -210,6 +246,12 @@ pub enum FrameField {
     Acceleration,
     /// The share of its neighbours' volume whose bonds with it are broken.
     Damage,
+    /// The share of the triangles at it that are gone.
+    DamageOfAreas,
+    /// The share of the tetrahedra at it that are gone.
+    DamageOfVolumes,
+    /// The means of what its bonds remember.
+    States,
     /// How many points are within the horizon.
     Neighbours,
     /// Which sets a point is in.
@@ -229,6 +271,9 @@ impl Words for FrameField {
         ("principal_stresses", FrameField::PrincipalStresses),
         ("acceleration", FrameField::Acceleration),
         ("damage", FrameField::Damage),
+        ("damage_a", FrameField::DamageOfAreas),
+        ("damage_v", FrameField::DamageOfVolumes),
+        ("states", FrameField::States),
         ("neighbours", FrameField::Neighbours),
         ("sets", FrameField::Sets),
     ];

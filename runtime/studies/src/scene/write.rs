@@ -10,9 +10,9 @@ use piola_solvers::steps::{Control, Loose};
 use super::keys::{number, string, texts};
 use super::read::{MOTION_KEYS, OUTPUT_KEYS, SOLVER_KEYS, STEPS_KEYS};
 use super::{
-    BodyShape, CorrespondenceSettings, CrackEntry, CrackShape, FractureSettings, Horizon, HorizonExtent,
-    Initial, InterfaceRule, Load, Material, ParameterText, Plane, Points, Prescription, Probe,
-    Quantity, Region, Scene, SetDefinition,
+    BodyShape, CorrespondenceSettings, CrackEntry, CrackShape, FractureSettings, Horizon,
+    HorizonExtent, Initial, InterfaceRule, Load, Material, ParameterText, Plane, Points,
+    Prescription, Probe, Quantity, Region, Scene, SetDefinition, Track,
 };
 
 impl Scene {
@@ -44,6 +44,9 @@ impl Scene {
             write_crack(&mut out, crack, &self.sets);
         }
         write_fracture(&mut out, &self.fracture, &self.sets);
+        for track in &self.tracks {
+            write_track(&mut out, track, &self.sets);
+        }
         match &self.motion {
             Some(motion) => write_pairs(&mut out, "[motion]", texts(motion, &MOTION_KEYS)),
             None => {
@@ -271,6 +274,19 @@ fn write_fracture(out: &mut String, fracture: &FractureSettings, sets: &[SetDefi
     let names: Vec<String> =
         unbreakable.iter().map(|set| string(&sets[set.value].name.value)).collect();
     pair(out, "unbreakable", format!("[{}]", names.join(", ")));
+}
+
+fn write_track(out: &mut String, track: &Track, sets: &[SetDefinition]) {
+    section(out, "[[track]]");
+    pair(out, "name", string(&track.name.value));
+    pair(out, "axis", word(track.axis));
+    pair(out, "threshold", number(track.threshold));
+    if let Some(set) = track.set {
+        pair(out, "set", string(&sets[set.value].name.value));
+    }
+    if let Some(thickness) = track.thickness {
+        pair(out, "thickness", number(thickness));
+    }
 }
 
 fn write_pairs(out: &mut String, header: &str, pairs: Vec<(&str, String)>) {

@@ -5,10 +5,12 @@
 //! | [`Case::plan`] | what will be modelled and what it costs |
 //! | [`run()`] | load steps or a motion, with everything they leave in the output folder |
 //! | [`cost()`] | time and memory of every phase, up to the first linear system or the steps of a motion |
+//! | [`bond_history`] | the history of one bond: why it broke, or did not |
 //! | [`solve()`] | load steps or a motion, and only what comparisons look at |
 //!
 //! [`Case::plan`]: crate::case::Case::plan
 
+mod bond;
 mod breaking;
 mod cost;
 mod course;
@@ -17,8 +19,13 @@ mod motion;
 mod point_fields;
 mod rehearsal;
 mod run;
+mod tracks;
 mod work;
 
+pub use bond::{
+    BondBreak, BondCondition, BondEnd, BondHistory, BondRow, LargestMargin, Place, bond_history,
+    points_of,
+};
 pub use cost::{LinearCost, MotionCost, PassCost, SceneCost, cost};
 pub use course::{Attempt, Course, Failure, Moment, NamedVector, solve};
 pub use run::{Ending, Origin, RunError, RunOptions, run};

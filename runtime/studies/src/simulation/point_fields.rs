@@ -7,6 +7,7 @@
 use nalgebra::{Matrix3, SymmetricEigen};
 use piola_mechanics::energy::{Energy, Total};
 use piola_mechanics::fracture::left_of;
+use piola_mechanics::kernel::Measure;
 use piola_mechanics::least_squares;
 use piola_mechanics::words::Words as _;
 use piola_output::picture::{Colour, NamedPoints};
@@ -14,7 +15,7 @@ use piola_output::{Frame, PointField};
 
 use crate::case::Case;
 use crate::scene::selection::{PointSet, Selection};
-use crate::scene::{ColourBy, FrameField};
+use crate::scene::{ColourBy, FrameField, STATE};
 
 /// What is worked out for frames, and from what.
 #[derive(Clone, Copy)]
@@ -57,6 +58,7 @@ impl PointFields<'_> {
         for field in damage.iter().chain(asked) {
             match field {
                 FrameField::Sets => self.sets(frame),
+                FrameField::States => self.states(frame),
                 field => {
                     let (components, values) = self.values(*field, &state, &mut tensors);
                     let values = self.case.body.to_user_order(&values, components);
@@ -70,7 +72,7 @@ impl PointFields<'_> {
     /// What the colours of a picture of this frame show, unless they show the displacement.
     pub(super) fn colour(&self, frame: &Frame) -> Option<Colour> {
         let (body, d) = (&self.case.body, self.case.body.dimension());
-        let by = self.case.scene.output.colour;
+        let by = &self.case.scene.output.colour;
         let length = |x: &[f64]| x.iter().fold(0.0, |sum, x| sum + x * x).sqrt();
         let magnitudes = |of: &[f64]| of.chunks_exact(d).map(length).collect();
         let worked_out = |field| {
@@ -86,10 +88,13 @@ impl PointFields<'_> {
             ColourBy::Acceleration => ("m/s^2", magnitudes(&worked_out(FrameField::Acceleration))),
             ColourBy::EnergyDensity => ("J/m^3", worked_out(FrameField::EnergyDensity)),
             ColourBy::Damage => ("", worked_out(FrameField::Damage)),
+            ColourBy::DamageOfAreas => ("", worked_out(FrameField::DamageOfAreas)),
+            ColourBy::DamageOfVolumes => ("", worked_out(FrameField::DamageOfVolumes)),
+            ColourBy::State(name) => ("", body.to_user_order(&self.mean_of_state(name), 1)),
             ColourBy::Jacobian => ("", worked_out(FrameField::Jacobian)),
             ColourBy::VonMises => ("Pa", worked_out(FrameField::VonMises)),
         };
-        Some(Colour { name: by.word().to_owned(), unit, values })
+        Some(Colour { name: by.word(), unit, values })
     }
 
     /// The sets, for a picture.
@@ -114,6 +119,29 @@ impl PointFields<'_> {
                 values,
             });
         }
+    }
+
+    /// A field of its own for each state, by its name.
+    fn states(&self, frame: &mut Frame) {
+        for name in self.case.names_of_states() {
+            let values = self.case.body.to_user_order(&self.mean_of_state(&name), 1);
+            let name = format!("{STATE}{name}");
+            frame.fields.push(PointField { name, components: 1, values });
+        }
+    }
+
+    /// The mean over each point's unbroken bonds of what they remember by this name.
+    fn mean_of_state(&self, name: &str) -> Vec<f64> {
+        let numbers = self.case.states_called(name);
+        match self.energy.fracture() {
+            Some(fracture) => fracture.mean_states(&numbers),
+            None => vec![f64::NAN; self.case.body.n_points()],
+        }
+    }
+
+    fn damage_of(&self, measure: Measure) -> Vec<f64> {
+        let whole = || vec![0.0; self.case.body.n_points()];
+        self.energy.fracture().map_or_else(whole, |fracture| fracture.damage_of(measure))
     }
 
     /// How many numbers a point has, and these in the body's order.
@@ -165,7 +193,11 @@ impl PointFields<'_> {
                 let whole = || vec![0.0; self.case.body.n_points()];
                 (1, self.energy.fracture().map_or_else(whole, |fracture| fracture.damage()))
             }
-            FrameField::Neighbours | FrameField::Sets => (1, self.neighbours()),
+            FrameField::DamageOfAreas => (1, self.damage_of(Measure::Area)),
+            FrameField::DamageOfVolumes => (1, self.damage_of(Measure::Volume)),
+            FrameField::Neighbours | FrameField::Sets | FrameField::States => {
+                (1, self.neighbours())
+            }
         }
     }
 

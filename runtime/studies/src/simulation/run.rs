@@ -6,6 +6,7 @@ use std::sync::Mutex;
 use piola_mechanics::energy::{Energy, Total};
 use piola_mechanics::interaction::{Inverted, Report};
 use piola_mechanics::matrix::BlockPattern;
+use piola_output::fracture::FractureTable;
 use piola_output::picture::{Charts, Picture};
 use piola_output::pvd::FrameSeries;
 use piola_output::summary::{
@@ -32,6 +33,7 @@ use crate::scene::boundary::{BoundaryConditions, NonFiniteCondition};
 use crate::scene::{Scene, Unstable};
 
 use super::point_fields::PointFields;
+use super::tracks::Tracks;
 use super::{breaking, motion};
 
 /// What a run is told beside the scene.
@@ -362,6 +364,7 @@ pub(super) fn failed(case: &Case, failure: &NotConverged) -> (ExitReason, String
 /// Writes what the steps bring.
 struct Recorder<'a> {
     fields: PointFields<'a>,
+    tracks: Option<Tracks<'a>>,
     folder: &'a OutputFolder,
     points: &'a Points,
     clock: PhaseClock,
@@ -389,10 +392,17 @@ impl<'a> Recorder<'a> {
         let sets = selection.sets.iter().map(|set| set.name.clone()).collect();
         let probes = selection.probes.iter().map(|probe| probe.name.clone()).collect();
         let parts = energy.parts().to_vec();
-        let history = History::new(case.body.dimension(), parts, sets, probes);
+        let mut history = History::new(case.body.dimension(), parts, sets, probes);
+        let tracks = Tracks::new(case, energy, selection, false);
+        let table = |tracks: &Tracks<'_>| FractureTable {
+            columns: tracks.columns(),
+            ..FractureTable::default()
+        };
+        history.fracture = tracks.as_ref().map(table);
         let nominal = 0;
         Ok(Recorder {
             fields,
+            tracks,
             folder,
             points,
             clock,
@@ -427,6 +437,10 @@ impl<'a> Recorder<'a> {
             inverted: energy.inverted(state.displacements),
             broken: breaking::told(record),
         });
+        if let (Some(tracks), Some(table)) = (&mut self.tracks, &mut self.history.fracture) {
+            let released = record.broken.map_or(0.0, |broken| broken.account.released);
+            table.rows.push(tracks.row(record.t, released));
+        }
         self.warn_of_rounding(record);
         self.warnings.extend(breaking::notes(record, self.warnings.len()));
         self.last = frame(case, record.t, state.displacements, &residual);

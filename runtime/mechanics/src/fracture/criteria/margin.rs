@@ -28,7 +28,56 @@ impl Foremost {
     }
 }
 
+/// A condition of a bond at some displacements.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Judged {
+    /// The layer, and the law in it.
+    pub layer: usize,
+    /// The law in it.
+    pub law: usize,
+    /// Which of the conditions of bonds that this law has in the layer, from 0.
+    pub number: usize,
+    /// The margin: the bond breaks where it is above 0, or at 0 if the condition says so.
+    pub margin: f64,
+    /// The same of the bond at rest, with what it remembers now.
+    pub at_rest: f64,
+    /// Whether the condition holds.
+    pub breaks: bool,
+}
+
 impl Criteria {
+    /// The conditions of a bond at displacements `u` in m, `n x d`, whether or not it is broken.
+    ///
+    /// # Errors
+    /// Margins that are not finite.
+    pub(in crate::fracture) fn judged(
+        &self,
+        around: (&Body, &Neighborhood),
+        bond: usize,
+        u: &[f64],
+    ) -> Result<Vec<Judged>, NonFinite> {
+        match around.0.dimension() {
+            2 => self.judged_in::<2>(around, bond, u),
+            _ => self.judged_in::<3>(around, bond, u),
+        }
+    }
+
+    fn judged_in<const D: usize>(
+        &self,
+        (body, neighborhood): (&Body, &Neighborhood),
+        bond: usize,
+        u: &[f64],
+    ) -> Result<Vec<Judged>, NonFinite> {
+        let (positions, displacements) =
+            (body.positions().as_chunks::<D>().0, u.as_chunks::<D>().0);
+        let bond = Candidate::new(bond, neighborhood.ends(bond), positions, displacements);
+        let (mut room, mut found) = (room_for(D), Vec::new());
+        for layer in &self.layers {
+            layer.judged(&bond, &mut room, u, &mut found)?;
+        }
+        Ok(found)
+    }
+
     /// The bonds that are closest to breaking at displacements `u` in m (`n x d`) among those that are
     /// `intact`, and those within `tie` of the largest margin.
     ///
@@ -111,10 +160,11 @@ impl Margins {
             for (margin, own) in
                 of_law.iter().flat_map(|one| own.chunks(CAPACITY).map(move |chunk| (one, chunk)))
             {
-                let at_rest = self.values((margin, law), bonds, own, 0.0, room, u)?;
-                let now = self.values((margin, law), bonds, own, 1.0, room, u)?;
-                for ((k, rest), now) in own.iter().zip(at_rest).zip(now) {
-                    let scaled = if rest < 0.0 { now / -rest } else { now };
+                let all: Vec<&Candidate<D>> = own.iter().map(|k| &bonds[*k]).collect();
+                let rest = self.values((margin, law), &all, at_rest, room, u)?.to_vec();
+                let now = self.values((margin, law), &all, |bond| bond.eta, room, u)?;
+                for ((k, rest), now) in own.iter().zip(rest).zip(now) {
+                    let scaled = if rest < 0.0 { now / -rest } else { *now };
                     margins[*k].1 = margins[*k].1.max(scaled);
                 }
             }
@@ -122,29 +172,49 @@ impl Margins {
         Ok(())
     }
 
-    /// A margin of some bonds, at a `part` of their displacements.
-    fn values<const D: usize>(
+    /// A margin of some bonds, changed as said.
+    pub(super) fn values<'r, const D: usize>(
         &self,
         (margin, law): (&Margin, usize),
-        bonds: &[Candidate<D>],
-        own: &[usize],
-        part: f64,
-        (batch, out): &mut Room,
+        bonds: &[&Candidate<D>],
+        eta: impl Fn(&Candidate<D>) -> [f64; D],
+        (batch, out): &'r mut Room,
         u: &[f64],
-    ) -> Result<Vec<f64>, NonFinite> {
-        batch.fill(own.len(), |lane| {
-            let bond = &bonds[own[lane]];
-            (bond.xi, bond.eta.map(|eta| part * eta), 1.0)
-        });
+    ) -> Result<&'r [f64], NonFinite> {
+        batch.fill(bonds.len(), |lane| (bonds[lane].xi, eta(bonds[lane]), 1.0));
         if let Some(fields) = self.materials.as_deref().and_then(Materials::fields)
             && margin.element.n_fields() > 0
         {
             let of_law = fields.of_law(law);
-            let bond = |lane: usize| (bonds[own[lane]].ends, bonds[own[lane]].bond);
+            let bond = |lane: usize| (bonds[lane].ends, bonds[lane].bond);
             batch.take_fields_of_bonds((fields, of_law), bond);
         }
         let evaluated = margin.element.evaluate(batch, Order::Energy, out);
-        evaluated.map_err(|lane| bonds[own[lane.lane]].refused(lane.value, lane.reference, u))?;
-        Ok(out.energy[..own.len()].to_vec())
+        evaluated.map_err(|lane| bonds[lane.lane].refused(lane.value, lane.reference, u))?;
+        Ok(&out.energy[..bonds.len()])
     }
+
+    /// The conditions of a bond.
+    fn judged<const D: usize>(
+        &self,
+        bond: &Candidate<D>,
+        room: &mut Room,
+        u: &[f64],
+        found: &mut Vec<Judged>,
+    ) -> Result<(), NonFinite> {
+        for (law, _) in self.parts(&bond.ends).iter() {
+            for (number, margin) in self.of_law[law].iter().enumerate() {
+                let rest = self.values((margin, law), &[bond], at_rest, room, u)?[0];
+                let now = self.values((margin, law), &[bond], |bond| bond.eta, room, u)?[0];
+                let (layer, breaks) = (self.layer, margin.breaks(now));
+                found.push(Judged { layer, law, number, margin: now, at_rest: rest, breaks });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Where nothing has moved.
+pub(super) fn at_rest<const D: usize>(_: &Candidate<D>) -> [f64; D] {
+    [0.0; D]
 }

@@ -1,4 +1,4 @@
-//! `[[crack]]`, `[fracture]`.
+//! `[[crack]]`, `[fracture]`, `[[track]]`.
 
 use piola_grammar::Diagnostic;
 use piola_mechanics::fracture::crack::Crack;
@@ -7,7 +7,7 @@ use piola_solvers::steps::Loose;
 use super::Context;
 use crate::scene::reader::{Field, Reader, Schema, Table};
 use crate::scene::tree::{Entry, Node};
-use crate::scene::{CrackEntry, CrackShape, FractureSettings, Located};
+use crate::scene::{CrackEntry, CrackShape, FractureSettings, Located, Track, TrackAxis};
 
 static CRACK: Schema = Schema {
     title: "[[crack]]",
@@ -20,6 +20,20 @@ static CRACK: Schema = Schema {
 };
 static FRACTURE: Schema =
     Schema { title: "[fracture]", keys: &[("unbreakable", "[\"grip\"]"), ("loose", "\"freeze\"")] };
+
+static TRACK: Schema = Schema {
+    title: "[[track]]",
+    keys: &[
+        ("name", "\"tip\""),
+        ("axis", "\"X\""),
+        ("threshold", "0.35"),
+        ("set", "\"upper\""),
+        ("thickness", "0.004"),
+    ],
+};
+
+/// The damage at which a point is of a crack.
+const THRESHOLD: f64 = 0.35;
 
 /// Most corners of a crack: every bond is held against every edge.
 const MOST_CORNERS: usize = 1000;
@@ -111,6 +125,47 @@ impl Reader {
         };
         let read: Vec<Option<[f64; D]>> = items.iter().map(corner).collect();
         read.into_iter().collect()
+    }
+
+    /// The cracks that are followed, in the order of the file.
+    pub(super) fn tracks(&mut self, node: Option<&Node>, context: &Context) -> Vec<Track> {
+        let tables = self.tables(&TRACK, node);
+        let mut tracks: Vec<Track> = Vec::new();
+        for table in &tables {
+            let Some(track) = self.track(table, context) else { continue };
+            if let Some(first) = tracks.iter().find(|other| other.name == track.name) {
+                let message = format!("two tracks are called `{}`", track.name.value);
+                let found = Diagnostic::error("conflicting-keys", track.name.span, message);
+                self.error(found.note(first.name.span, "the first stands here"));
+            }
+            tracks.push(track);
+        }
+        tracks
+    }
+
+    fn track(&mut self, table: &Table<'_>, context: &Context) -> Option<Track> {
+        let name = self.required(table, "name").and_then(|field| self.name(field));
+        if let Some(name) = &name {
+            self.check_name("track", &name.value, name.span);
+        }
+        let axis = self.required(table, "axis").and_then(|field| {
+            let axis: TrackAxis = self.choice(field)?;
+            if context.dimension.is_some_and(|dimension| axis.number_and_sign().0 >= dimension) {
+                let message = "there is no Z in two dimensions";
+                let found = Diagnostic::error("no-third-dimension", field.node.span, message);
+                self.error(found.help("write axis = \"X\" or \"Y\""));
+                return None;
+            }
+            Some(axis)
+        });
+        let threshold = self.or(Some(table), "threshold", THRESHOLD, Reader::fraction);
+        let positive = |reader: &mut Reader, field| reader.positive(field).map(Some);
+        let thickness = self.or(Some(table), "thickness", None, positive);
+        let set = self.or(Some(table), "set", None, |reader, field| {
+            reader.set_named(field, context).map(Some)
+        });
+        let (threshold, thickness) = (threshold?, thickness?);
+        Some(Track { name: name?, axis: axis?, threshold, set: set?, thickness })
     }
 
     /// `[fracture]`.

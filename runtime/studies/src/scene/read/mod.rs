@@ -45,6 +45,7 @@ static SCENE: Schema = Schema {
         ("motion", "{ .. }"),
         ("crack", "[{ .. }]"),
         ("fracture", "{ .. }"),
+        ("track", "[{ .. }]"),
         ("solver", "{ .. }"),
         ("output", "{ .. }"),
     ],
@@ -85,7 +86,7 @@ pub(super) const OUTPUT_KEYS: [Row<OutputSettings>; 6] = [
     ("rows", "1000", |output| Slot::Count(&mut output.rows, 1)),
     ("checkpoint", "\"600 s\"", |output| Slot::Seconds(&mut output.checkpoint)),
     ("fields", "[\"strain\", \"stress\"]", |output| Slot::Fields(&mut output.fields)),
-    ("colour", "\"displacement\"", |output| Slot::Word(&mut output.colour)),
+    ("colour", "\"displacement\"", |output| Slot::Colour(&mut output.colour)),
 ];
 
 impl Scene {
@@ -157,6 +158,7 @@ impl Reader {
         let probes = self.probes(nodes("probe"), &context);
         let cracks = self.cracks(nodes("crack"), &context);
         let fracture = self.fracture(root.get("fracture"), &context);
+        let tracks = self.tracks(nodes("track"), &context);
         let steps = self.steps(steps_table.as_ref());
         let solver = self.solver(solver_table.as_ref());
         let output = self.settings(output_table.as_ref(), &OUTPUT_KEYS);
@@ -187,6 +189,7 @@ impl Reader {
             probes,
             cracks,
             fracture: fracture?,
+            tracks,
             steps,
             motion,
             solver,

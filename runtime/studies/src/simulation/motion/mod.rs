@@ -20,9 +20,10 @@ use super::run::{Ending, RunError, RunOptions, enter, hash, summary};
 use crate::case::{Case, CaseError};
 use crate::scene::Motion;
 use crate::simulation::point_fields::PointFields;
+use crate::simulation::tracks::Tracks;
 pub(super) use cost::cost;
 pub(super) use course::solve;
-use ready::{Ready, refused, settings, stopped, with_ready};
+pub(super) use ready::{Ready, refused, settings, stopped, with_ready};
 use recorder::Recorder;
 
 /// Runs a case that moves and fills the folder.
@@ -53,6 +54,7 @@ fn follow(
 ) -> Result<Ending, RunError> {
     let Ready { energy, selection, masses, drive, start } = ready;
     let settings = settings(case, scene);
+    let tracks = Tracks::new(case, energy, selection, true);
     let resolved = case.scene.resolved_toml();
     let hash = hash(case, &resolved);
     let earlier = if options.resumes { Some(earlier(folder, &hash)?) } else { None };
@@ -70,7 +72,7 @@ fn follow(
     enter(&mut clock, watch, "move");
     let points = Points::of(&case.body);
     let fields = PointFields { case, energy, selection, masses: Some(masses) };
-    let run = recorder::Run { fields, folder, points: &points };
+    let run = recorder::Run { fields, tracks, folder, points: &points };
     let known = recorder::header(options.origin, &hash);
     let mut recorder = match &earlier {
         Some(earlier) => Recorder::resume(run, known, earlier, &motion)?,

@@ -11,20 +11,20 @@ use crate::scene::selection::Selection;
 use piola_output::summary::ExitReason;
 
 /// A body with its energy, its masses, what drives it and where it starts.
-pub(super) struct Ready<'a> {
-    pub(super) energy: &'a Total<'a>,
-    pub(super) selection: &'a Selection,
+pub(in crate::simulation) struct Ready<'a> {
+    pub(in crate::simulation) energy: &'a Total<'a>,
+    pub(in crate::simulation) selection: &'a Selection,
     /// One per point in kg, in the body's order.
-    pub(super) masses: &'a [f64],
-    pub(super) drive: &'a MotionConditions<'a>,
-    pub(super) start: Initial,
+    pub(in crate::simulation) masses: &'a [f64],
+    pub(in crate::simulation) drive: &'a MotionConditions<'a>,
+    pub(in crate::simulation) start: Initial,
 }
 
 /// Assembles a case with its compiled energies, and hands it on.
 ///
 /// # Errors
 /// What is wrong with the body, the energies or the conditions.
-pub(super) fn with_ready<T>(
+pub(in crate::simulation) fn with_ready<T>(
     case: &Case,
     compiled: Vec<Compiled>,
     then: impl FnOnce(Ready<'_>) -> T,
@@ -57,7 +57,7 @@ impl Case {
 }
 
 /// How a motion is integrated.
-pub(super) fn settings(case: &Case, scene: &Motion) -> MotionSettings {
+pub(in crate::simulation) fn settings(case: &Case, scene: &Motion) -> MotionSettings {
     let output = &case.scene.output;
     MotionSettings {
         method: scene.method,
@@ -74,7 +74,7 @@ pub(super) fn settings(case: &Case, scene: &Motion) -> MotionSettings {
 }
 
 /// How many frames lead to the end.
-pub(super) fn frames(case: &Case, scene: &Motion) -> f64 {
+pub(in crate::simulation) fn frames(case: &Case, scene: &Motion) -> f64 {
     let output = &case.scene.output;
     output.every.map_or(output.frames as f64, |every| scene.end / every)
 }
@@ -88,7 +88,11 @@ fn no_density(case: &Case) -> CaseError {
 }
 
 /// Why a motion cannot start, in the scene's words.
-pub(super) fn refused(case: &Case, drive: &MotionConditions<'_>, error: MotionError) -> CaseError {
+pub(in crate::simulation) fn refused(
+    case: &Case,
+    drive: &MotionConditions<'_>,
+    error: MotionError,
+) -> CaseError {
     let message = match error {
         MotionError::Drive { .. } => match drive.problem() {
             Some(problem) => return problem.into(),
@@ -105,7 +109,7 @@ pub(super) fn refused(case: &Case, drive: &MotionConditions<'_>, error: MotionEr
 }
 
 /// Why a motion does not go on, in the scene's words.
-pub(super) fn stopped(
+pub(in crate::simulation) fn stopped(
     case: &Case,
     drive: &MotionConditions<'_>,
     error: MotionError,

@@ -22,12 +22,14 @@ use super::ready::frames;
 use crate::scene::Motion;
 use crate::simulation::point_fields::PointFields;
 use crate::simulation::run::{Origin, frame};
+use crate::simulation::tracks::{Progress, Tracks};
 
 /// What is recorded, and where.
-#[derive(Clone, Copy)]
 pub(super) struct Run<'a> {
     /// The body, its energy, its sets and what frames have of them.
     pub(super) fields: PointFields<'a>,
+    /// Of a body that can break, before anything moved.
+    pub(super) tracks: Option<Tracks<'a>>,
     pub(super) folder: &'a OutputFolder,
     pub(super) points: &'a Points,
 }
@@ -44,7 +46,7 @@ impl PointFields<'_> {
     }
 
     /// What the tables of the motion have columns for.
-    fn columns(&self) -> MotionColumns {
+    fn columns(&self, tracks: Option<&Tracks<'_>>) -> MotionColumns {
         MotionColumns {
             dimension: self.case.body.dimension(),
             parts: self.energy.parts().to_vec(),
@@ -55,6 +57,7 @@ impl PointFields<'_> {
                 self.energy.fracture().is_some_and(|fracture| fracture.counts_of(measure).is_some())
             }),
             remembers: self.remembers(),
+            fracture: tracks.map(Tracks::columns),
         }
     }
 }
@@ -62,6 +65,7 @@ impl PointFields<'_> {
 /// Writes what the rows bring.
 pub(super) struct Recorder<'a> {
     fields: PointFields<'a>,
+    tracks: Option<Tracks<'a>>,
     folder: &'a OutputFolder,
     points: &'a Points,
     frames: FrameSeries<'a>,
@@ -87,23 +91,25 @@ struct Mark {
     tables: Vec<u64>,
     frames: usize,
     worst: Unclosed,
+    tracks: Option<Progress>,
 }
 
 /// Arrays of a checkpoint beside those of the motion.
 const FRAME_TIMES: &str = "frame_times";
 const WORST: &str = "worst";
+const TRACKS: &str = "tracks";
 
 impl<'a> Recorder<'a> {
     pub(super) fn new(run: Run<'a>, known: Header) -> Result<Recorder<'a>, OutputError> {
-        let Run { fields, folder, points } = run;
-        let tables = MotionTables::new(folder, &fields.columns())?;
-        let frames = FrameSeries::new(folder, points)?;
+        let columns = run.fields.columns(run.tracks.as_ref());
+        let tables = MotionTables::new(run.folder, &columns)?;
+        let frames = FrameSeries::new(run.folder, run.points)?;
         Ok(Recorder::with(run, known, frames, tables))
     }
 
     /// Goes on where an earlier run stood; what it wrote after that is written again.
     pub(super) fn resume(
-        run: Run<'a>,
+        mut run: Run<'a>,
         known: Header,
         earlier: &Checkpoint<'_>,
         motion: &motion::Motion<'_>,
@@ -116,7 +122,15 @@ impl<'a> Recorder<'a> {
         };
         let (times, worst) = (array(FRAME_TIMES)?, array(WORST)?);
         let framed = times.last().copied();
-        let tables = MotionTables::resume(run.folder, &earlier.header.tables)?;
+        if let Some(tracks) = &mut run.tracks {
+            let (case, numbers) = (run.fields.case, array(TRACKS)?);
+            let (n_tracks, n_points) = (case.scene.tracks.len(), case.body.n_points());
+            let progress = Progress::of_numbers(&numbers, n_tracks, n_points);
+            let path = run.folder.path_of(OutputFile::Checkpoint);
+            tracks.resume(progress.ok_or(OutputError::Checkpoint { path })?);
+        }
+        let columns = run.fields.columns(run.tracks.as_ref());
+        let tables = MotionTables::resume(run.folder, &columns, &earlier.header.tables)?;
         let frames = FrameSeries::resume(run.folder, run.points, times)?;
         let mut recorder = Recorder::with(run, known, frames, tables);
         if let [rounding, largest] = worst[..] {
@@ -134,9 +148,10 @@ impl<'a> Recorder<'a> {
         frames: FrameSeries<'a>,
         tables: MotionTables,
     ) -> Recorder<'a> {
-        let Run { fields, folder, points } = run;
+        let Run { fields, tracks, folder, points } = run;
         Recorder {
             fields,
+            tracks,
             folder,
             points,
             frames,
@@ -152,7 +167,12 @@ impl<'a> Recorder<'a> {
     }
 
     fn mark(&self) -> Mark {
-        Mark { tables: self.tables.lengths(), frames: self.frames.n_frames(), worst: self.worst }
+        Mark {
+            tables: self.tables.lengths(),
+            frames: self.frames.n_frames(),
+            worst: self.worst,
+            tracks: self.tracks.as_ref().map(|tracks| tracks.progress().clone()),
+        }
     }
 
     /// A checkpoint where the motion stands. Of a row that is there only because the run was ended it
@@ -165,6 +185,8 @@ impl<'a> Recorder<'a> {
         all.push((FRAME_TIMES.to_owned(), Cow::Borrowed(&self.frames.times()[..mark.frames])));
         let worst = vec![mark.worst.rounding, mark.worst.largest];
         all.push((WORST.to_owned(), Cow::Owned(worst)));
+        let tracks = mark.tracks.map(|progress| Cow::Owned(progress.numbers()));
+        all.extend(tracks.map(|numbers| (TRACKS.to_owned(), numbers)));
         let header = Header { notes: notes.to_vec(), tables: mark.tables, ..self.known.clone() };
         // No checkpoint of lines that a power cut could take.
         let checkpoint = Checkpoint { header, arrays: all };
@@ -216,6 +238,7 @@ impl<'a> Recorder<'a> {
             angular_momentum: row.angular_momentum.clone(),
             reactions: selection.reactions(&residual, d),
             probes: selection.displacements(state.displacements, d),
+            fracture: self.tracks.as_mut().map(|tracks| tracks.row(row.t, row.released)),
         };
         self.worst.note(row);
         let is_due = self.is_due(row.t);
@@ -293,7 +316,7 @@ impl<'a> Recorder<'a> {
             self.frames.push(&last)?;
         }
         table::write_displacement(self.folder, self.points, &last.displacement)?;
-        let columns = self.fields.columns();
+        let columns = self.fields.columns(self.tracks.as_ref());
         let [energies, probes] = MotionTables::series(self.folder, &columns)?;
         let (sets, colour) = (self.fields.named_sets(), self.fields.colour(&last));
         let picture = Picture {

@@ -3,6 +3,7 @@
 //! Numbers are the shortest decimals that read back as the same `f64` ([`decimal`]); numbers that
 //! are not finite are written `inf`, `-inf`, `nan`. Every table has a header, also without rows.
 
+use super::motion::BROKEN_CLIQUES;
 use super::{Broken, History, OutputError, OutputFile, OutputFolder, Points, decimal};
 
 /// Names of reference coordinates in tables.
@@ -37,20 +38,25 @@ const BROKEN: [&str; 6] =
     ["released", "relaxed", "external", "prescribed", "quadrature", "broken_bonds"];
 
 /// `energy.csv`: `t,total`, then every part of the energy by its name, `psi(l)`; in J. Of a body that breaks
-/// the account of energy behind that, `released` to `quadrature`, and how many bonds are broken.
+/// the account of energy behind that, `released` to `quadrature`, how many bonds are broken, and how many
+/// triangles and tetrahedra broke by criteria of their own where they have any.
 pub fn energy_table(history: &History) -> String {
     let first = ["t", "total"].map(str::to_owned).into_iter();
-    let breaks = history.steps.iter().any(|step| step.broken.is_some());
-    let broken = BROKEN.iter().filter(|_| breaks).map(|name| (*name).to_owned());
+    let first_broken = history.steps.iter().find_map(|step| step.broken);
+    let has_cliques =
+        first_broken.map_or([false; 2], |first| first.all_cliques.map(|n| n.is_some()));
+    let cliques = BROKEN_CLIQUES.iter().zip(has_cliques).filter(|(_, has)| *has);
+    let bonds = BROKEN.iter().filter(|_| first_broken.is_some());
+    let broken = bonds.chain(cliques.map(|(name, _)| name)).map(|name| (*name).to_owned());
     let mut table = Table::new(first.chain(history.parts.iter().cloned()).chain(broken));
     for step in &history.steps {
         let values = history.parts.iter().map(|part| step.energy_parts.of(part));
         let mut row: Vec<f64> =
             [step.t, step.energy_parts.total()].into_iter().chain(values).collect();
-        if let Some(Broken { released, relaxed, external, prescribed, quadrature, all, .. }) =
-            step.broken
-        {
-            row.extend([released, relaxed, external, prescribed, quadrature, all as f64]);
+        if let Some(broken) = step.broken {
+            let Broken { released, relaxed, external, prescribed, quadrature, .. } = broken;
+            row.extend([released, relaxed, external, prescribed, quadrature, broken.all as f64]);
+            row.extend(broken.all_cliques.into_iter().flatten().map(|n| n as f64));
         }
         table.row(&row);
     }

@@ -64,37 +64,24 @@ impl Case {
         breaking
     }
 
-    /// Refuses load steps of bodies that break or remember as these cannot: attempts at an equilibrium that
-    /// come to nothing put back bonds alone.
+    /// Refuses load steps of bodies whose bonds remember: attempts at an equilibrium that come to nothing do not
+    /// give them back what they remembered.
     ///
     /// # Errors
     /// At the potential that says so.
-    pub(super) fn check_load_steps(&self, compiled: &[Compiled]) -> Result<(), CaseError> {
+    pub(super) fn check_load_steps(&self) -> Result<(), CaseError> {
         if self.scene.motion.is_some() {
             return Ok(());
         }
-        let has_cliques = || {
-            let mut arguments = compiled.iter().flat_map(|one| one.of_interactions());
-            arguments.any(|argument| argument != "l")
-        };
-        for (one, material) in self.potentials.iter().zip(&self.scene.materials) {
-            let (breaks, name) = (one.model.breaks(), one.model.name());
-            let what = match breaks.iter().find(|one| one.measure != Measure::Length) {
-                Some(other) if other.measure == Measure::Area => "triangles break",
-                Some(_) => "tetrahedra break",
-                None if !one.model.updates().is_empty() => "bonds remember",
-                None if !breaks.is_empty() && has_cliques() => {
-                    "bonds break, with triangles or tetrahedra on them,"
-                }
-                None => continue,
-            };
-            let message = format!("{what} in {name}, and the scene has load steps");
-            let found = Diagnostic::error("conflicting-keys", material.potential.span, message)
-                .label("in load steps bonds break alone, and remember nothing")
-                .help("write [motion] with an `end` in s, in place of [steps]");
-            return Err(CaseError::Scene(self.scene.report(vec![found])));
-        }
-        Ok(())
+        let mut all = self.potentials.iter().zip(&self.scene.materials);
+        let remembers = all.find(|(one, _)| !one.model.updates().is_empty());
+        let Some((one, material)) = remembers else { return Ok(()) };
+        let message =
+            format!("bonds remember in {}, and the scene has load steps", one.model.name());
+        let found = Diagnostic::error("conflicting-keys", material.potential.span, message)
+            .label("in load steps bonds remember nothing")
+            .help("write [motion] with an `end` in s, in place of [steps]");
+        Err(CaseError::Scene(self.scene.report(vec![found])))
     }
 
     /// Refuses steps by events where nothing breaks.
@@ -105,7 +92,7 @@ impl Case {
             return Ok(());
         }
         let material = self.scene.material();
-        let message = "the steps go by events, and no bond breaks: no potential has a `break when`";
+        let message = "the steps go by events, and nothing breaks: no potential has a `break when`";
         let found = Diagnostic::error("conflicting-keys", material.potential.span, message);
         let help = "write control = \"load\" in [steps], or take a potential with `break when`";
         Err(CaseError::Scene(self.scene.report(vec![found.help(help)])))

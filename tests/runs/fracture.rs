@@ -162,15 +162,7 @@ fn what_cannot_break_is_refused_with_its_place() {
     };
     let (moves, _) = TORN.split_once("[motion]").unwrap();
     let standing = moves.replace("v = ", "u = ") + "[steps]\nincrements = 2\n";
-    let areas = format!("{BRITTLE}psi(a) = (a/A - 1)^2\n");
     let refused = "the scene has load steps";
-    of(&standing, &areas).expect(2).says(&[
-        "conflicting-keys",
-        "triangles or tetrahedra on",
-        refused,
-    ]);
-    let failing = format!("{areas}break when a/A > 1.1\n");
-    of(&standing, &failing).expect(2).says(&["conflicting-keys", "triangles break", refused]);
     let softening = "potential p\nstate k = 0\nupdate k = max(k, l/L - 1)\n\
                      psi(l) = (l/L - 1)^2/(1 + k)\n";
     of(&standing, softening).expect(2).says(&["conflicting-keys", "bonds remember", refused]);

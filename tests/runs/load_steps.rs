@@ -8,7 +8,7 @@ use crate::fracture::BRITTLE;
 use crate::support::{SceneFolder, number, piola, table};
 
 /// A plate with two notches.
-const NOTCHED: &str = r#"
+pub(crate) const NOTCHED: &str = r#"
 [body]
 box = [[0, 0], [1, 0.6]]
 spacing = 0.05
@@ -58,23 +58,23 @@ fn notched(change: impl Fn(&str) -> String) -> SceneFolder {
 }
 
 /// The columns of a run's `energy.csv` by name, row by row.
-struct Rows {
+pub(crate) struct Rows {
     header: Vec<String>,
     rows: Vec<Vec<f64>>,
 }
 
 impl Rows {
-    fn of(folder: &SceneFolder) -> Rows {
+    pub(crate) fn of(folder: &SceneFolder) -> Rows {
         let (header, rows) = table(&folder.out().join("energy.csv"));
         Rows { header, rows }
     }
 
-    fn column(&self, name: &str) -> Vec<f64> {
+    pub(crate) fn column(&self, name: &str) -> Vec<f64> {
         let at = self.header.iter().position(|x| x == name).unwrap();
         self.rows.iter().map(|row| row[at]).collect()
     }
 
-    fn last(&self, name: &str) -> f64 {
+    pub(crate) fn last(&self, name: &str) -> f64 {
         *self.column(name).last().unwrap()
     }
 
@@ -87,7 +87,7 @@ impl Rows {
     }
 
     /// The account closes to 1e-12 of its largest column at every step.
-    fn close(&self) {
+    pub(crate) fn close(&self) {
         let terms = [
             ("total", 1.0),
             ("released", 1.0),
@@ -148,7 +148,7 @@ fn expected(points: usize, s0: impl Fn(f64) -> f64) -> Vec<f64> {
 }
 
 /// The solution of a linear system by elimination; nothing where it is singular.
-fn solved(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
+pub(crate) fn solved(mut rows: Vec<Vec<f64>>) -> Option<Vec<f64>> {
     let n = rows.len();
     for k in 0..n {
         let pivot = (k..n).max_by(|p, q| rows[*p][k].abs().total_cmp(&rows[*q][k].abs()))?;
@@ -210,8 +210,32 @@ fn points_that_come_loose_are_held() {
     rows.close();
     let step = &folder.summary()["steps"][0];
     assert_eq!((number(&step["bonds_broke"]), number(&step["rounds"])), (4.0, 1.0));
-    let folder = chain(5, 1.01, "0.01", "[fracture]\nloose = \"stop\"\n");
-    folder.run(&[]).expect(2).says(&["come loose", "(1.5, 0.5)"]);
+}
+
+/// With `loose = "stop"` a run ends in the last equilibrium before, with all of it written and nothing of the
+/// attempt that failed.
+#[test]
+fn a_run_ends_where_parts_come_loose() {
+    for (steps, t) in [("", "t = 0.2"), ("control = \"event\"\n", "t = 0.16")] {
+        let folder = chain(5, 1.01, "0.01", &format!("{steps}[fracture]\nloose = \"stop\"\n"));
+        let scene = fs::read_to_string(folder.scene()).unwrap();
+        fs::write(folder.scene(), scene.replace("increments = 4", "increments = 10")).unwrap();
+        let says = [t, "have come loose", "(1.5, 0.5)", "the last equilibrium is at t = 0.1"];
+        folder.run(&[]).expect(3).says(&says);
+        assert_eq!(folder.summary()["exit_reason"], "came_loose");
+        let rows = Rows::of(&folder);
+        rows.close();
+        // Bonds of length 1 grow by 0.0625 t.
+        assert_eq!(rows.column("t"), [0.1]);
+        assert_eq!((rows.last("broken_bonds"), rows.last("released")), (0.0, 0.0));
+        let expected = 4.0 * 0.5 * 0.00625 * 0.00625;
+        assert!((rows.last("total") / expected - 1.0).abs() < 1e-9);
+        let frames = fs::read_to_string(folder.out().join("run.pvd")).unwrap();
+        assert!(frames.contains("timestep=\"0.1\""), "{frames}");
+        for name in ["displacement.csv", "picture.png"] {
+            assert!(folder.out().join(name).is_file(), "{name}");
+        }
+    }
 }
 
 /// Events come in mirror images, give the same bits for any number of threads, and close their account.
@@ -323,7 +347,7 @@ fn keys_of_load_steps_that_break_are_checked() {
     let folder = notched(|scene| scene.replace("[steps]", "[steps]\ncontrol = \"event\""));
     folder.file("brittle.piola", BRITTLE.split("break").next().unwrap());
     let run = piola(&["run", &folder.scene(), "--out", &folder.path("out")]);
-    run.expect(2).says(&["conflicting-keys", "no bond breaks", "control = \"load\""]);
+    run.expect(2).says(&["conflicting-keys", "nothing breaks", "control = \"load\""]);
 }
 
 /// A chain whose bonds remember, with parameters of its own and what its end does.

@@ -18,6 +18,7 @@ mod frame_fields;
 mod interrupted;
 mod killed;
 mod load_steps;
+mod load_steps_of_cliques;
 mod machine;
 mod materials;
 mod moduli;

@@ -1,4 +1,5 @@
-//! Conditions under which bonds, triangles and tetrahedra break: that hold at rest, never, or in compression.
+//! Conditions under which bonds, triangles and tetrahedra break: that hold at rest, never, or in
+//! compression, or that take nothing away.
 
 use super::Finding;
 use super::subject::{example, short};
@@ -22,6 +23,8 @@ const AGE: f64 = 1e12;
 /// A condition with values for everything it depends on.
 pub(super) struct Breaking<'m> {
     pub(super) condition: &'m Break,
+    /// Whether what breaks by it has an energy. Bonds always count as if: triangles go with them.
+    has_energy: bool,
     /// Stretches in the declared domain, ratios of the measure to that at rest, and whether one breaks there.
     tried: Vec<(f64, bool)>,
 }
@@ -58,8 +61,12 @@ impl<'m> Breaking<'m> {
                 let stretch = point.measure / point.reference;
                 (stretch, breaks_in_time(bond.clone(), &criterion, *point))
             };
-            let points = &of_measures[condition.measure as usize];
-            Breaking { condition, tried: points.iter().map(tried).collect() }
+            let measure = condition.measure;
+            let points = &of_measures[measure as usize];
+            let has_energy = measure == Measure::Length
+                || model.measures().contains(&measure)
+                || model.coupled().contains(&measure);
+            Breaking { condition, has_energy, tried: points.iter().map(tried).collect() }
         };
         let criteria = criteria.unwrap_or_default();
         variant.breaks.iter().zip(criteria).map(breaking).collect()
@@ -144,5 +151,20 @@ pub(super) fn in_compression(breaking: &Breaking<'_>) -> Option<Finding> {
     Some(Finding {
         message: format!("bonds break in compression, at l/L = {} for instance", short(stretch)),
         help: "a crack opens by tension: compare `l/L - 1` and not its absolute value".into(),
+    })
+}
+
+/// A condition of triangles or tetrahedra in a potential that gives them no energy.
+pub(super) fn nothing(breaking: &Breaking<'_>) -> Option<Finding> {
+    if breaking.has_energy {
+        return None;
+    }
+    let ([m, rest, one], many) = (breaking.words(), breaking.many());
+    Some(Finding {
+        message: format!("a {one} that breaks loses no energy: there is no psi({m})"),
+        help: format!(
+            "give {many} an energy, `psi({m}) = 1/2*C*{rest}*({m}/{rest} - 1)^2`, or compare `l/L - 1`: then \
+             bonds break"
+        ),
     })
 }

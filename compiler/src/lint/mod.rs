@@ -8,6 +8,7 @@
 //! | `jump-in-energy`, `jump-in-force` | has branches that do not meet |
 //! | `no-bond-energy` | stands without one of bonds |
 //! | `breaks-at-rest`, `never-breaks`, `breaks-in-compression` | has a condition `break when` that holds there |
+//! | `breaks-nothing` | has one of triangles or tetrahedra, and no energy of them |
 //! | `update-creates-energy`, `update-not-settled` | grows, or changes again, when bonds remember |
 //! | `state-unused` | has a state that changes nothing |
 //! | `jump-in-stiffness` | has no jump of psi'' where branches meet, or at points of a table |
@@ -67,7 +68,7 @@ struct Finding {
 }
 
 /// All lints.
-pub const LINTS: [Lint; 15] = [
+pub const LINTS: [Lint; 16] = [
     lint("not-stress-free", Look::Energy(rest::not_stress_free)),
     lint("not-stiff-at-rest", Look::Energy(rest::not_stiff)),
     lint("singular-in-domain", Look::Energy(domain::singular)),
@@ -77,6 +78,7 @@ pub const LINTS: [Lint; 15] = [
     lint("breaks-at-rest", Look::Break(breaking::at_rest)),
     lint("never-breaks", Look::Break(breaking::never)),
     lint("breaks-in-compression", Look::Break(breaking::in_compression)),
+    lint("breaks-nothing", Look::Break(breaking::nothing)),
     lint("update-creates-energy", Look::Update(remember::creates_energy)),
     lint("update-not-settled", Look::Update(remember::not_settled)),
     lint("state-unused", Look::State(remember::unused)),

@@ -18,7 +18,17 @@ fn message(statements: &str, code: &str) -> String {
 }
 
 /// Code, an energy that has it, an energy that has not.
-const PAIRS: [(&str, &str, &str); 37] = [
+const PAIRS: [(&str, &str, &str); 39] = [
+    (
+        "breaks-nothing",
+        "psi(l) = (l/L - 1)^2\nbreak when a/A - 1 > 0.1",
+        "psi(l) = (l/L - 1)^2\npsi(angle) = (angle - Angle)^2\nbreak when a/A - 1 > 0.1",
+    ),
+    (
+        "breaks-nothing",
+        "psi(l) = (l/L - 1)^2\npsi(a) = (a/A - 1)^2\nbreak when v/V > 2",
+        "psi(l) = (l/L - 1)^2\npsi(v) = (v/V - 1)^2\nbreak when v/V > 2",
+    ),
     (
         "never-breaks",
         "state k = 0\nupdate k = max(k, l/L - 1)\npsi(l) = (l/L - 1)^2\nbreak when k > 20",

@@ -507,6 +507,10 @@ impl Energy for DiscreteEnergy {
         self.lose_own(measure, ranks, numbers);
     }
 
+    fn regain_cliques(&mut self, measure: Measure, numbers: &[usize]) {
+        self.regain_own(measure, numbers);
+    }
+
     fn break_cliques(
         &mut self,
         u: &[f64],

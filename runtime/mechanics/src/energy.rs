@@ -298,8 +298,13 @@ pub trait Energy: Send + Sync {
     ) -> Result<Release, NonFinite> {
         Ok(Release::default())
     }
-    /// Puts back bonds that were taken out: for attempts at an equilibrium that came to nothing.
+
+    /// Puts back bonds that were taken out, with the triangles and tetrahedra on them: for attempts at an
+    /// equilibrium that came to nothing.
     fn regain(&mut self, _bonds: &[usize]) {}
+
+    /// The same of triangles or tetrahedra that were taken out by their numbers.
+    fn regain_cliques(&mut self, _measure: Measure, _numbers: &[usize]) {}
 
     /// Takes how much the square of each bond's length may grow before it may break, in m^2, by its number;
     /// whether passes of forces will say which bonds have grown beyond that.

@@ -55,10 +55,14 @@ pub struct StepRecord {
 pub struct Broken {
     /// How many bonds broke at this step.
     pub bonds: usize,
+    /// How many triangles, and tetrahedra, broke at it by criteria of their own.
+    pub cliques: [usize; 2],
     /// In how many rounds.
     pub rounds: usize,
     /// How many bonds are broken.
     pub all: usize,
+    /// How many triangles, and tetrahedra, broke by criteria of their own; nothing where these have none.
+    pub all_cliques: [Option<usize>; 2],
     /// What bonds held when they broke.
     pub released: f64,
     /// What bonds that remember lost as they came to remember something else.

@@ -88,7 +88,7 @@ pub struct BrokenRow {
 }
 
 /// Columns of triangles and tetrahedra that broke by criteria of their own.
-const BROKEN_CLIQUES: [&str; 2] = ["broken_areas", "broken_volumes"];
+pub(super) const BROKEN_CLIQUES: [&str; 2] = ["broken_areas", "broken_volumes"];
 
 /// `motion.csv`, `reactions.csv` and `probes.csv` as they grow, and `fracture.csv` of a body that can break.
 #[derive(Debug)]

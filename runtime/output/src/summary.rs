@@ -101,6 +101,8 @@ pub enum ExitReason {
     NotConverged,
     /// An energy or one of its derivatives is not a finite number.
     NonFinite,
+    /// Parts of the body came loose, and the scene says that the run ends there.
+    CameLoose,
     /// The user stopped the run.
     Interrupted,
     /// Something else went wrong; the message says what.
@@ -150,12 +152,24 @@ pub struct StepSummary {
     /// How many bonds broke at this step, of a body that can break.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bonds_broke: Option<usize>,
+    /// How many triangles broke at it by criteria of their own, where they have any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub areas_broke: Option<usize>,
+    /// How many tetrahedra broke at it by criteria of their own, where they have any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub volumes_broke: Option<usize>,
     /// In how many rounds.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rounds: Option<usize>,
     /// How many bonds are broken.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub broken_bonds: Option<usize>,
+    /// How many triangles broke by criteria of their own, where they have any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub broken_areas: Option<usize>,
+    /// How many tetrahedra broke by criteria of their own, where they have any.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub broken_volumes: Option<usize>,
     /// What bonds held when they broke, since the start, in J.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub released: Option<Number>,
@@ -172,6 +186,11 @@ pub fn step_summaries(history: &History) -> Vec<StepSummary> {
 fn step_summary(sets: &[String], step: &StepRecord) -> StepSummary {
     let numbers = |values: &[f64]| values.iter().copied().map(Number).collect::<Vec<_>>();
     let parts = &step.energy_parts;
+    let all_cliques = |kind: usize| step.broken.and_then(|broken| broken.all_cliques[kind]);
+    let cliques_broke = |kind: usize| {
+        let broken = step.broken?;
+        broken.all_cliques[kind].map(|_| broken.cliques[kind])
+    };
     StepSummary {
         t: Number(step.t),
         iterations: step.iterations,
@@ -186,8 +205,12 @@ fn step_summary(sets: &[String], step: &StepRecord) -> StepSummary {
         displacement_error: step.condition.map(|condition| Number(condition * ROUNDOFF)),
         inverted: step.inverted,
         bonds_broke: step.broken.map(|broken| broken.bonds),
+        areas_broke: cliques_broke(0),
+        volumes_broke: cliques_broke(1),
         rounds: step.broken.map(|broken| broken.rounds),
         broken_bonds: step.broken.map(|broken| broken.all),
+        broken_areas: all_cliques(0),
+        broken_volumes: all_cliques(1),
         released: step.broken.map(|broken| Number(broken.released)),
     }
 }

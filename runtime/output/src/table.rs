@@ -4,6 +4,7 @@
 //! are not finite are written `inf`, `-inf`, `nan`. Every table has a header, also without rows.
 
 use super::fracture::FractureTable;
+use super::motion::BROKEN_CLIQUES;
 use super::{Broken, History, OutputError, OutputFile, OutputFolder, Points, decimal};
 
 /// Names of reference coordinates in tables.
@@ -38,11 +39,16 @@ const BROKEN: [&str; 7] =
     ["released", "dissipated", "relaxed", "external", "prescribed", "quadrature", "broken_bonds"];
 
 /// `energy.csv`: `t,total`, then every part of the energy by its name, `psi(l)`; in J. Of a body that breaks
-/// the account of energy behind that, `released` to `quadrature`, and how many bonds are broken.
+/// the account of energy behind that, `released` to `quadrature`, how many bonds are broken, and how many
+/// triangles and tetrahedra broke by criteria of their own where they have any.
 pub fn energy_table(history: &History) -> String {
     let first = ["t", "total"].map(str::to_owned).into_iter();
-    let breaks = history.steps.iter().any(|step| step.broken.is_some());
-    let broken = BROKEN.iter().filter(|_| breaks).map(|name| (*name).to_owned());
+    let first_broken = history.steps.iter().find_map(|step| step.broken);
+    let has_cliques =
+        first_broken.map_or([false; 2], |first| first.all_cliques.map(|n| n.is_some()));
+    let cliques = BROKEN_CLIQUES.iter().zip(has_cliques).filter(|(_, has)| *has);
+    let bonds = BROKEN.iter().filter(|_| first_broken.is_some());
+    let broken = bonds.chain(cliques.map(|(name, _)| name)).map(|name| (*name).to_owned());
     let mut table = Table::new(first.chain(history.parts.iter().cloned()).chain(broken));
     for step in &history.steps {
         let values = history.parts.iter().map(|part| step.energy_parts.of(part));
@@ -52,6 +58,7 @@ pub fn energy_table(history: &History) -> String {
             let Broken { released, dissipated, relaxed, external, prescribed, .. } = broken;
             row.extend([released, dissipated, relaxed, external, prescribed]);
             row.extend([broken.quadrature, broken.all as f64]);
+            row.extend(broken.all_cliques.into_iter().flatten().map(|n| n as f64));
         }
         table.row(&row);
     }

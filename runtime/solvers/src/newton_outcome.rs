@@ -3,6 +3,7 @@
 use piola_mechanics::energy::{EnergyParts, NonFinite};
 
 use super::linear::{LinearError, LinearReport};
+use super::rigid_modes::UnderConstrained;
 
 /// How the residual fell; the first entries belong to the state before any iteration.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -66,6 +67,14 @@ pub enum NewtonFailure {
     /// A linear system could not be solved.
     #[error(transparent)]
     Linear(LinearError),
+    /// Parts of the body have come loose, and are not to be held.
+    #[error("at t = {t} parts of the body have come loose: {parts}")]
+    Loose {
+        /// The time.
+        t: f64,
+        /// The parts.
+        parts: UnderConstrained,
+    },
     /// Whoever looked on wanted an end.
     #[error("the solution was interrupted")]
     Interrupted,

@@ -224,8 +224,11 @@ impl<'a> LoadSteps<'a> {
             times: PhaseTimes::default(),
         };
         // Cracks that are there from the start may have cut something off.
-        steps.hold_loose(0.0, &vec![0.0; n_dofs], &vec![0.0; n_dofs])?;
-        Ok(steps)
+        let nothing = vec![0.0; n_dofs];
+        match steps.hold_loose(&nothing, &nothing)? {
+            Some(parts) => Err(StepError::Loose { t: 0.0, parts }),
+            None => Ok(steps),
+        }
     }
 
     /// Where the next attempt ends: in ticks of the nominal increment, and its time.
@@ -271,7 +274,7 @@ impl<'a> LoadSteps<'a> {
         let record = self.record(t, nominal, start, report, judged);
         let old = std::mem::replace(&mut self.u, u);
         // No line leads through equilibria of bodies that are not the same.
-        let is_same = record.broken.as_ref().is_none_or(|broken| broken.bonds == 0);
+        let is_same = record.broken.as_ref().is_none_or(|broken| broken.rounds == 0);
         self.before = is_same.then_some((self.t, old));
         (self.t, self.loads) = (t, loads);
         self.watch.notice(Event::Step(&record));
@@ -489,12 +492,14 @@ impl March for LoadSteps<'_> {
     }
 }
 
-/// Rounding and memory do not improve with smaller increments, and an end that is wanted is one.
+/// Rounding and memory do not improve with smaller increments, and an end that is wanted is one: what comes
+/// loose ends a run, and is not sought more closely.
 fn smaller_may_help(failure: &NewtonFailure) -> bool {
     !matches!(
         failure,
         NewtonFailure::RoundingFloor { .. }
             | NewtonFailure::Interrupted
+            | NewtonFailure::Loose { .. }
             | NewtonFailure::Linear(LinearError::TooLarge { .. } | LinearError::OutOfMemory)
     )
 }

@@ -19,7 +19,7 @@ use piola_solvers::linear::{
     self, Choice, Circumstances, LinearMethod, MEMORY_SHARE, PreconditionerChoice,
 };
 use piola_solvers::motion::Method;
-use piola_solvers::steps::Find;
+use piola_solvers::steps::{Control, Find};
 use serde::Serialize;
 
 use crate::scene::{LatticeShape, Motion, Scene};
@@ -175,6 +175,9 @@ pub struct Plan {
     /// Of a body that moves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motion: Option<MotionPlan>,
+    /// Of load steps that go by events.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub events: Option<EventPlan>,
     /// What was seen of the first increment, if it was tried.
     pub first: Option<FirstIncrement>,
     /// What the plan does not know of the body, in sentences.
@@ -191,6 +194,27 @@ pub struct MotionPlan {
     pub pass: f64,
     /// All of them, where they are known.
     pub total: Option<f64>,
+}
+
+/// What is known of load steps by events before they begin.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct EventPlan {
+    /// How many events there are at most: how many there will be nobody knows.
+    pub most: usize,
+    /// One of them, in s.
+    pub each: f64,
+    /// The run with so many of them, in s.
+    pub total: f64,
+}
+
+/// Newton iterations of an event: the plate of `examples/double_notch` took 2600 factorisations for 511.
+const EVENT_ITERATIONS: f64 = 5.0;
+
+impl EventPlan {
+    fn new(most: usize, time: &TimeEstimate) -> EventPlan {
+        let each = EVENT_ITERATIONS * (time.assembly + time.linear);
+        EventPlan { most, each, total: time.total + most as f64 * each }
+    }
 }
 
 /// Products with the Hessian and evaluations of forces in a step of the midpoint rule: 90 to 150 were seen for
@@ -215,6 +239,9 @@ impl Plan {
         let stored = Stored::new(&input, &linear);
         let unknowns = input.unknowns();
         let motion = input.scene.motion.as_ref().map(|motion| MotionPlan::new(motion, &time));
+        let goes_by_events =
+            input.scene.motion.is_none() && input.scene.steps.control == Control::Event;
+        let events = goes_by_events.then(|| EventPlan::new(input.scene.steps.events, &time));
         let PlanInput { scene, extent, interactions, kernels, threads, .. } = input;
         Plan {
             dimension: extent.dimension,
@@ -232,6 +259,7 @@ impl Plan {
             time,
             of_families: !input.families.is_empty(),
             motion,
+            events,
             first: None,
             notes: input.notes,
         }
@@ -242,6 +270,7 @@ impl Plan {
     pub fn rehearsed(&mut self, first: FirstIncrement) {
         let step = self.stored.as_ref().map(|stored| (stored.assembly, stored.linear));
         self.time = self.time.of(&first, step, self.increments);
+        self.events = self.events.map(|events| EventPlan::new(events.most, &self.time));
         if first.stored.is_some()
             && let Some(stored) = &self.stored
         {

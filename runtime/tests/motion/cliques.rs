@@ -11,8 +11,9 @@ use piola_runtime::body::Body;
 use piola_runtime::energy::Energy;
 use piola_runtime::fracture::criteria::{Criteria, Criterion, Layer};
 use piola_runtime::fracture::memory::Memory;
-use piola_runtime::fracture::{Breaking, Fracture, Inspection};
+use piola_runtime::fracture::{Breaking, Fracture, Inspection, Interactions};
 use piola_runtime::kernel::{Law, Measure};
+use piola_runtime::matrix::BlockMatrix;
 use piola_runtime::neighborhood::Neighborhood;
 use piola_runtime::solve::Watch;
 use piola_runtime::solve::march::March;
@@ -124,6 +125,38 @@ impl<'a> Judge<'a> {
         });
         self.broken.iter_mut().zip(new).for_each(|(all, new)| all.extend(new));
     }
+
+    /// The largest margin over its amount at rest among what is left, and what is within `tie` of it.
+    fn foremost(&self, u: &[f64], tie: f64) -> (f64, Interactions) {
+        let rest = vec![0.0; u.len()];
+        let margins = [0, 1, 2].map(|kind| {
+            let margin = |clique: &[usize]| {
+                let strain = size(self.body, u, clique) / size(self.body, &rest, clique) - 1.0;
+                (if kind == 2 { strain.abs() } else { strain }) / LIMITS[kind] - 1.0
+            };
+            let left = self.all[kind].iter().enumerate().filter(|(number, clique)| {
+                !self.broken[kind].contains(number)
+                    && !clique.iter().any(|p| self.kept.contains(p))
+                    && (kind == 0 || !self.has_broken_edge(clique))
+            });
+            left.map(|(number, clique)| (number, margin(clique))).collect::<Vec<_>>()
+        });
+        let most = margins.iter().flatten().map(|one| one.1).fold(f64::NEG_INFINITY, f64::max);
+        let least = most - tie * (1.0 + most).abs();
+        let [bonds, areas, volumes] = margins.map(|all| {
+            all.into_iter().filter(|(_, own)| *own >= least).map(|(number, _)| number).collect()
+        });
+        (most, Interactions { bonds, cliques: [areas, volumes] })
+    }
+}
+
+/// Energy, forces, tangent, and a product with the Hessian, at some displacements.
+fn all_of(energy: &Breaking, u: &[f64]) -> [Vec<f64>; 4] {
+    let (mut forces, mut product) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+    let mut tangent = BlockMatrix::zeros(energy.pattern());
+    let parts = energy.tangent(u, &mut forces, &mut tangent).unwrap();
+    energy.hessian(u).unwrap().multiply(&Random(5).vector(u.len()), &mut product);
+    [vec![parts.total()], forces, tangent.values, product]
 }
 
 impl Judge<'_> {
@@ -293,5 +326,71 @@ fn threads_do_not_matter() {
             })
         };
         assert_eq!(run(1), run(2));
+    }
+}
+
+/// At given displacements what has the largest margin over its amount at rest goes first, of all kinds together,
+/// and comes back with the same bits: to any state before, and in a body that never was in that.
+#[test]
+fn the_foremost_of_all_kinds_go_first_and_come_back() {
+    for (number, (body, horizon)) in bodies().iter().enumerate() {
+        let (energy, kept) = (breaking(body, *horizon, &[3, 4]), [3, 4]);
+        let mut judge = Judge::new(body, *horizon, &kept);
+        let mut random = Random(21);
+        let displaced = |x: &f64| 0.05 * x + 0.012 * random.next();
+        let u: Vec<f64> = body.positions().iter().map(displaced).collect();
+        let (whole, tie) = (all_of(&energy, &u), 1e-3);
+        let mut halfway = None;
+        let mut kinds = [0; 3];
+        for round in 0..60 {
+            let found = energy.foremost(&u, tie).unwrap().unwrap();
+            let (margin, which) = judge.foremost(&u, tie);
+            assert!((found.margin - margin).abs() < 1e-12 * (1.0 + margin.abs()));
+            assert_eq!(found.which, which, "body {number}, round {round}");
+            let [before, ..] = all_of(&energy, &u);
+            let release = energy.break_at(&u, &which).unwrap();
+            let [after, ..] = all_of(&energy, &u);
+            assert!((before[0] - after[0] - release.energy).abs() < 1e-13 * before[0]);
+            let Interactions { bonds, cliques: [areas, volumes] } = which;
+            assert_eq!(
+                (release.bonds, release.cliques),
+                (bonds.len(), [areas.len(), volumes.len()])
+            );
+            for (kind, new) in [bonds, areas, volumes].into_iter().enumerate() {
+                kinds[kind] += new.len();
+                judge.broken[kind].extend(new);
+            }
+            if round == 30 {
+                halfway = Some((energy.gone(), all_of(&energy, &u)));
+            }
+        }
+        println!("body {number}: {kinds:?}");
+        assert!(kinds[..body.dimension()].iter().all(|n| *n > 0), "body {number}: {kinds:?}");
+        let (last, at_last) = (energy.gone(), all_of(&energy, &u));
+        let (gone, at_halfway) = halfway.unwrap();
+        let other = breaking(body, *horizon, &kept);
+        let nothing = Interactions::default();
+        let states =
+            [(&gone, &at_halfway), (&nothing, &whole), (&last, &at_last), (&gone, &at_halfway)];
+        for (gone, expected) in states {
+            for energy in [&energy, &other] {
+                energy.restore(gone);
+                assert_eq!(&energy.gone(), gone);
+                assert_eq!(&all_of(energy, &u), expected, "body {number}");
+            }
+            let counts = [gone.bonds.len(), gone.cliques[0].len()];
+            let found = [energy.counts()[1], energy.counts_of(Measure::Area).unwrap()[1]];
+            assert_eq!(counts, found);
+        }
+        // What is judged is what is left then.
+        energy.restore(&nothing);
+        let mut fresh = Judge::new(body, *horizon, &kept);
+        fresh.step(&u);
+        energy.advance(&u, 0.0, (0.0, &vec![0.0; u.len()])).unwrap();
+        let found = energy.gone();
+        let [areas, volumes] = &found.cliques;
+        for (found, expected) in [&found.bonds, areas, volumes].into_iter().zip(&fresh.broken) {
+            assert!(found.iter().eq(expected), "body {number}");
+        }
     }
 }

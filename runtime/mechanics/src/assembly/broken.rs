@@ -59,6 +59,7 @@ impl DiscreteEnergy {
 
     /// See [`crate::energy::Energy::regain`].
     pub(super) fn regain_bonds(&mut self, bonds: &[usize]) {
+        self.regain_edges(bonds);
         let DiscreteEnergy { neighborhood, bonds: kind, on_lattice, fours, lost_factors, .. } =
             self;
         let Some(factors) = kind.as_mut().and_then(|kind| kind.factors.as_mut()) else { return };

@@ -44,6 +44,20 @@ impl DiscreteEnergy {
         }
     }
 
+    /// Puts back cliques with these edges. Where nothing is gone any more all is as it was before anything went.
+    pub(super) fn regain_edges(&mut self, bonds: &[usize]) {
+        let Some(lost) = &mut self.lost else { return };
+        lost.regain_edges(&self.neighborhood, bonds);
+        self.lost.take_if(|lost| lost.is_nothing());
+    }
+
+    /// See [`crate::energy::Energy::regain_cliques`].
+    pub(super) fn regain_own(&mut self, measure: Measure, numbers: &[usize]) {
+        let Some(lost) = &mut self.lost else { return };
+        lost.regain_cliques(&self.neighborhood, n_neighbors(measure), numbers);
+        self.lost.take_if(|lost| lost.is_nothing());
+    }
+
     /// Breaks bonds as [`crate::energy::Energy::break_bonds`] says.
     pub(super) fn release_bonds(
         &mut self,

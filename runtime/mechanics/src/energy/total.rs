@@ -413,6 +413,14 @@ impl Energy for Total<'_> {
         }
     }
 
+    fn regain_cliques(&mut self, measure: Measure, numbers: &[usize]) {
+        for term in &mut self.terms {
+            if let Term::Owned(energy) = term {
+                energy.regain_cliques(measure, numbers);
+            }
+        }
+    }
+
     fn break_cliques(
         &mut self,
         u: &[f64],

@@ -1,10 +1,11 @@
-//! Which triangles and tetrahedra break by a criterion of their own.
+//! Which triangles and tetrahedra break by a criterion of their own, and which are closest to that.
 //!
 //! All that are left are judged, each by the laws that it takes. Those whose edges are broken are gone
 //! already.
 
 use rayon::prelude::*;
 
+use super::criteria::margin::{WithMargins, leading, over_rest};
 use super::criteria::{Margin, Margins};
 use crate::body::Body;
 use crate::element::{CAPACITY, Contributions, Element, InteractionBatch, Order};
@@ -59,8 +60,8 @@ impl CliqueCriteria {
         self.kinds.iter().map(|kind| (kind.measure, &kind.ranks))
     }
 
-    /// The cliques that break at displacements `u` in m (`n x d`), kind by kind, ascending: of what is not
-    /// `lost`, and none with a point that `is_unbreakable`.
+    /// The triangles, and the tetrahedra, that break at displacements `u` in m (`n x d`), ascending: of what is
+    /// not `lost`, and none with a point that `is_unbreakable`.
     ///
     /// # Errors
     /// Margins that are not finite.
@@ -69,20 +70,46 @@ impl CliqueCriteria {
         around: (&Body, &Neighborhood),
         u: &[f64],
         (lost, is_unbreakable): (&Lost, &[bool]),
-    ) -> Result<Vec<Vec<usize>>, NonFinite> {
-        let of_kind = |kind: &OfKind| {
-            let judge = Judge { of: self, kind, around, u, lost, is_unbreakable };
-            let slabs = (0..self.slabs.len()).into_par_iter();
-            let found = slabs.map(|slab| match (around.0.dimension(), kind.measure) {
-                (2, _) => judge.slab::<2, 2>(slab),
-                (_, Measure::Area) => judge.slab::<3, 2>(slab),
-                _ => judge.slab::<3, 3>(slab),
-            });
-            let found: Result<Vec<Vec<usize>>, NonFinite> = found.collect();
-            Ok(found?.concat())
-        };
-        self.kinds.iter().map(of_kind).collect()
+    ) -> Result<[Vec<usize>; 2], NonFinite> {
+        let mut all: [Vec<usize>; 2] = Default::default();
+        for kind in &self.kinds {
+            let judge =
+                Judge { of: self, kind, around, u, lost, is_unbreakable, wanted: Wanted::Breaking };
+            let found = judge.all(|found| found)?;
+            all[n_neighbors(kind.measure) - 2] =
+                found.into_iter().map(|(number, _)| number).collect();
+        }
+        Ok(all)
     }
+
+    /// The triangles, and the tetrahedra, that may be the foremost of all, with their margins over those at
+    /// rest.
+    ///
+    /// # Errors
+    /// Margins that are not finite.
+    pub(super) fn leading(
+        &self,
+        around: (&Body, &Neighborhood),
+        (u, tie): (&[f64], f64),
+        (lost, is_unbreakable): (&Lost, &[bool]),
+    ) -> Result<[WithMargins; 2], NonFinite> {
+        let mut all: [WithMargins; 2] = Default::default();
+        for kind in &self.kinds {
+            let judge =
+                Judge { of: self, kind, around, u, lost, is_unbreakable, wanted: Wanted::Margins };
+            all[n_neighbors(kind.measure) - 2] = judge.all(|found| leading(found, tie))?;
+        }
+        Ok(all)
+    }
+}
+
+/// What is asked of cliques.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Wanted {
+    /// Those that break, with their margins.
+    Breaking,
+    /// All, with their largest margins over those at rest.
+    Margins,
 }
 
 /// Cliques of one size on their way through their margins.
@@ -93,10 +120,29 @@ struct Judge<'a> {
     u: &'a [f64],
     lost: &'a Lost,
     is_unbreakable: &'a [bool],
+    wanted: Wanted,
 }
 
 impl Judge<'_> {
-    fn slab<const D: usize, const K: usize>(&self, slab: usize) -> Result<Vec<usize>, NonFinite> {
+    /// What is found slab by slab, of which some is kept.
+    fn all(
+        &self,
+        keep: impl Fn(WithMargins) -> WithMargins + Sync,
+    ) -> Result<WithMargins, NonFinite> {
+        let slabs = (0..self.of.slabs.len()).into_par_iter();
+        let found = slabs.map(|slab| {
+            let found = match (self.around.0.dimension(), self.kind.measure) {
+                (2, _) => self.slab::<2, 2>(slab),
+                (_, Measure::Area) => self.slab::<3, 2>(slab),
+                _ => self.slab::<3, 3>(slab),
+            };
+            Ok(keep(found?))
+        });
+        let found: Result<Vec<WithMargins>, NonFinite> = found.collect();
+        Ok(found?.concat())
+    }
+
+    fn slab<const D: usize, const K: usize>(&self, slab: usize) -> Result<WithMargins, NonFinite> {
         let (body, neighborhood) = self.around;
         let slabs = &self.of.slabs;
         let (touched, degeneracy) = (slabs.touched(slab), self.of.degeneracy);
@@ -106,6 +152,7 @@ impl Judge<'_> {
         assert_eq!(K, n_neighbors(measure), "the size of the cliques");
         let mut room = Room {
             displacement: Vec::new(),
+            nowhere: Vec::new(),
             listed: Vec::new(),
             batch: InteractionBatch::new(measure, D),
             out: Contributions::new(measure, D),
@@ -119,6 +166,7 @@ impl Judge<'_> {
             room.displacement.extend(cliques.members().iter().map(|member| -> [f64; D] {
                 each(|axis| points[*member as usize][axis] - own[axis])
             }));
+            room.nowhere.resize(cliques.members().len(), [0.0; D]);
             let (first, begun) = (self.kind.ranks.first(owner), room.found.len());
             cliques.each_numbered::<K, NonFinite>(|clique, number| {
                 let mut members = clique.corners::<K>().into_iter();
@@ -131,9 +179,10 @@ impl Judge<'_> {
                 Ok(())
             })?;
             self.listed::<D, K>(&cliques, &mut room)?;
-            room.found[begun..].sort_unstable();
+            // Of several criteria the largest margin comes first.
+            room.found[begun..].sort_unstable_by(|p, q| p.0.cmp(&q.0).then(q.1.total_cmp(&p.1)));
         }
-        room.found.dedup();
+        room.found.dedup_by_key(|one| one.0);
         Ok(room.found)
     }
 
@@ -168,39 +217,64 @@ impl Judge<'_> {
 
     fn judge<const D: usize, const K: usize>(
         &self,
-        (cliques, lanes): (&OwnerCliques<'_, D>, &[(Clique, usize)]),
-        (layer, law): (&Margins, usize),
+        of: (&OwnerCliques<'_, D>, &[(Clique, usize)]),
+        own: (&Margins, usize),
         margins: &[Margin],
         room: &mut Room<D>,
     ) -> Result<(), NonFinite> {
-        let Room { displacement, batch, out, found, .. } = room;
-        let corners = |lane: usize| lanes[lane].0.corners::<K>();
-        batch.gather(lanes.len(), cliques.reference(), displacement, corners);
-        batch.weight[..lanes.len()].fill(1.0);
+        let lanes = of.1;
         for margin in margins {
-            if let Some(fields) = layer.materials.as_deref().and_then(Materials::fields)
-                && margin.element.n_fields() > 0
-            {
-                batch.take_fields((fields, fields.of_law(law)), |lane| {
-                    points::<D, K>(cliques, &lanes[lane].0).into_iter()
-                });
+            let mut at_rest = Vec::new();
+            if self.wanted == Wanted::Margins {
+                self.evaluate::<D, K>(of, own, (margin, true), room)?;
+                at_rest.extend_from_slice(&room.out.energy[..lanes.len()]);
             }
-            margin.element.evaluate(batch, Order::Energy, out).map_err(|lane| {
-                let points = points::<D, K>(cliques, &lanes[lane.lane].0);
-                let of = |point: &usize| self.u[point * D..(point + 1) * D].to_vec();
-                NonFinite {
-                    argument: Argument::Measure(self.kind.measure),
-                    displacements: points.iter().flat_map(of).collect(),
-                    points,
-                    value: lane.value,
-                    reference: lane.reference,
-                    inverted: false,
+            self.evaluate::<D, K>(of, own, (margin, false), room)?;
+            let now = lanes.iter().zip(&room.out.energy).map(|((_, number), now)| (*number, *now));
+            match self.wanted {
+                Wanted::Breaking => room.found.extend(now.filter(|(_, now)| margin.breaks(*now))),
+                Wanted::Margins => {
+                    let scaled = now.zip(at_rest).map(|((n, now), rest)| (n, over_rest(now, rest)));
+                    room.found.extend(scaled);
                 }
-            })?;
-            let breaking = lanes.iter().zip(&out.energy).filter(|(_, m)| margin.breaks(**m));
-            found.extend(breaking.map(|((_, number), _)| *number));
+            }
         }
         Ok(())
+    }
+
+    /// Works out a margin of some cliques, as energies in the room: of what is displaced, or at rest.
+    fn evaluate<const D: usize, const K: usize>(
+        &self,
+        (cliques, lanes): (&OwnerCliques<'_, D>, &[(Clique, usize)]),
+        (layer, law): (&Margins, usize),
+        (margin, at_rest): (&Margin, bool),
+        room: &mut Room<D>,
+    ) -> Result<(), NonFinite> {
+        let Room { displacement, nowhere, batch, out, .. } = room;
+        let displacement = if at_rest { nowhere } else { displacement };
+        batch.gather(lanes.len(), cliques.reference(), displacement, |lane| {
+            lanes[lane].0.corners::<K>()
+        });
+        batch.weight[..lanes.len()].fill(1.0);
+        if let Some(fields) = layer.materials.as_deref().and_then(Materials::fields)
+            && margin.element.n_fields() > 0
+        {
+            batch.take_fields((fields, fields.of_law(law)), |lane| {
+                points::<D, K>(cliques, &lanes[lane].0).into_iter()
+            });
+        }
+        margin.element.evaluate(batch, Order::Energy, out).map_err(|lane| {
+            let points = points::<D, K>(cliques, &lanes[lane.lane].0);
+            let of = |point: &usize| self.u[point * D..(point + 1) * D].to_vec();
+            NonFinite {
+                argument: Argument::Measure(self.kind.measure),
+                displacements: points.iter().flat_map(of).collect(),
+                points,
+                value: lane.value,
+                reference: lane.reference,
+                inverted: false,
+            }
+        })
     }
 }
 
@@ -208,11 +282,14 @@ impl Judge<'_> {
 struct Room<const D: usize> {
     /// Of the owner's members relative to it, in m.
     displacement: Vec<[f64; D]>,
+    /// As many vectors of length 0.
+    nowhere: Vec<[f64; D]>,
     /// Cliques that come next, with their numbers.
     listed: Vec<(Clique, usize)>,
     batch: InteractionBatch,
     out: Contributions,
-    found: Vec<usize>,
+    /// Numbers and margins.
+    found: WithMargins,
 }
 
 /// The points of a clique.

@@ -1,4 +1,4 @@
-//! What load steps ask of a body that breaks: which bonds come first, and the status before an attempt.
+//! What load steps ask of a body that breaks: what comes first, and the status before an attempt.
 
 use std::sync::Arc;
 
@@ -6,38 +6,49 @@ use super::criteria::margin::Foremost;
 use super::memory::Memory;
 use super::{Breaking, Fracture as _, Held, Release, Status};
 use crate::energy::{Energy as _, NonFinite};
-use crate::matrix::BlockMatrix;
+use crate::interaction::n_neighbors;
+use crate::kernel::Measure;
+use crate::matrix::{BlockMatrix, BlockPattern};
+
+/// A pattern of all bonds without those that are broken, by their numbers in ascending order.
+pub fn left_of(bonds: &BlockPattern, broken: &[usize]) -> BlockPattern {
+    let mut left = BlockPattern {
+        dimension: bonds.dimension,
+        row_start: vec![0],
+        columns: Vec::with_capacity(bonds.columns.len()),
+    };
+    let (mut number, mut broken) = (0, broken.iter().copied().peekable());
+    for row in bonds.row_start.windows(2) {
+        let point = left.row_start.len() as u32 - 1;
+        for &column in &bonds.columns[row[0]..row[1]] {
+            let is_bond = column != point;
+            if !(is_bond && broken.next_if_eq(&number).is_some()) {
+                left.columns.push(column);
+            }
+            number += usize::from(is_bond);
+        }
+        left.row_start.push(left.columns.len());
+    }
+    left
+}
 
 impl Breaking {
     /// See [`super::Fracture::foremost`].
     pub(super) fn find_foremost(&self, u: &[f64], tie: f64) -> Result<Option<Foremost>, NonFinite> {
-        let Status { is_broken, .. } = &*self.now();
+        let Status { is_broken, lost, .. } = &*self.now();
         let around = (&*self.body, &*self.neighborhood);
-        self.criteria.foremost(around, u, tie, |bond| !is_broken[bond])
+        self.criteria.foremost(around, (u, tie), |bond| !is_broken[bond], lost.as_ref())
     }
 
     /// See [`super::Fracture::advance_foremost`].
     pub(super) fn judge_foremost(&self, u: &[f64], tie: f64) -> Result<Release, NonFinite> {
-        let breaks = {
-            let Status { is_broken, .. } = &*self.now();
-            let around = (&*self.body, &*self.neighborhood);
-            let owners = self.all_owners();
-            !self.criteria.judge(around, u, &owners, |bond| !is_broken[bond])?.is_empty()
-        };
-        match self.find_foremost(u, tie)? {
-            Some(Foremost { bonds, .. }) if breaks => self.take_out_at(u, &bonds),
-            _ => Ok(Release::default()),
+        if self.judge(u, &self.all_owners())?.is_empty() {
+            return Ok(Release::default());
         }
-    }
-
-    /// See [`super::Fracture::break_at`].
-    pub(super) fn take_out_at(&self, u: &[f64], bonds: &[usize]) -> Result<Release, NonFinite> {
-        self.see_breaking(u, bonds)?;
-        let nowhere = vec![0.0; u.len()];
-        let mut status = self.change();
-        let release = status.energy.break_bonds(u, (0.0, &nowhere), bonds)?;
-        status.note(&self.neighborhood, bonds);
-        Ok(release)
+        match self.find_foremost(u, tie)? {
+            Some(Foremost { which, .. }) => self.break_at(u, &which),
+            None => Ok(Release::default()),
+        }
     }
 
     /// See [`super::Fracture::evolve`].
@@ -66,7 +77,7 @@ impl Breaking {
         Ok(release)
     }
 
-    /// See [`super::Fracture::restore`].
+    /// See [`super::Fracture::restore`]: of bonds.
     pub(super) fn put_back(&self, broken: &[usize]) {
         let mut regained = Vec::new();
         {
@@ -84,6 +95,9 @@ impl Breaking {
             status.n_broken -= regained.len();
             if !regained.is_empty() {
                 status.energy.regain(&regained);
+                if let Some(lost) = &mut status.lost {
+                    lost.regain_edges(&self.neighborhood, &regained);
+                }
                 if !self.criteria.are_empty() {
                     status.energy.watch(self.criteria.limits());
                 }
@@ -94,6 +108,24 @@ impl Breaking {
             broken.iter().copied().filter(|bond| !status.is_broken[*bond]).collect()
         };
         self.take_out(&missing);
+    }
+
+    /// The same of triangles or tetrahedra that broke by criteria of their own.
+    pub(super) fn put_back_cliques(&self, measure: Measure, broken: &[usize]) {
+        let without = |all: &[usize], others: &[usize]| -> Vec<usize> {
+            let stays = |number: &usize| others.binary_search(number).is_err();
+            all.iter().copied().filter(stays).collect()
+        };
+        let now = self.broken_cliques(measure);
+        let regained = without(&now, broken);
+        if !regained.is_empty() {
+            let mut status = self.change();
+            status.energy.regain_cliques(measure, &regained);
+            if let Some(lost) = &mut status.lost {
+                lost.regain_cliques(&self.neighborhood, n_neighbors(measure), &regained);
+            }
+        }
+        self.take_out_cliques(measure, &without(broken, &now));
     }
 
     /// Springs of what is left, on the pattern of the whole body.

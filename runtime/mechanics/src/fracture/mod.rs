@@ -38,6 +38,7 @@ use criteria::Criteria;
 pub use criteria::Judged;
 pub use criteria::margin::Foremost;
 use damage::Damage;
+pub use equilibria::left_of;
 use inspect::Inspected;
 pub use inspect::{Inspection, Look, OnThreshold};
 use memory::Memory;
@@ -81,9 +82,14 @@ impl Release {
         Release { energy: self.energy + held.energy, timing: self.timing + held.timing, ..self }
     }
 
+    /// Whether anything broke.
+    pub fn breaks(&self) -> bool {
+        self.bonds > 0 || self.cliques != [0; 2]
+    }
+
     /// Whether energy and forces are others than before.
     pub fn has_changed(&self) -> bool {
-        self.bonds > 0 || self.changed > 0 || self.cliques != [0; 2]
+        self.breaks() || self.changed > 0
     }
 }
 
@@ -107,6 +113,25 @@ impl Held {
         Held { energy: self.energy - other.energy, timing: self.timing - other.timing }
     }
 }
+
+/// Bonds, triangles and tetrahedra of a body by their numbers.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Interactions {
+    /// Bonds, ascending.
+    pub bonds: Vec<usize>,
+    /// Triangles, and tetrahedra, by their [`Ranks`], ascending: those that break by criteria of their own.
+    pub cliques: [Vec<usize>; 2],
+}
+
+impl Interactions {
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.bonds.is_empty() && self.cliques.iter().all(Vec::is_empty)
+    }
+}
+
+/// Triangles and tetrahedra, in the order of [`Interactions::cliques`].
+const CLIQUES: [Measure; 2] = [Measure::Area, Measure::Volume];
 
 /// The status of a body that can break, and how it changes. Bonds have the numbers of the neighbourhood
 /// ([`Neighborhood::bonds`]).
@@ -157,29 +182,35 @@ pub trait Fracture: Inspection {
     /// Gives bonds what [`Fracture::states`] told of them, and says nothing of energies.
     fn remember(&self, states: &[f64]);
 
-    /// Breaks the bond whose margin is largest, and those within `tie` of it, if any bond breaks at `u` at
-    /// all: as [`Fracture::foremost`] finds them.
+    /// Breaks the bond, triangle or tetrahedron whose margin is largest, and those within `tie` of it, if any
+    /// breaks at `u` at all: as [`Fracture::foremost`] finds them.
     ///
     /// # Errors
     /// As [`Fracture::advance`].
     fn advance_foremost(&self, u: &[f64], tie: f64) -> Result<Release, NonFinite>;
 
-    /// The bonds that are closest to breaking at displacements `u` in m; none where no bond can break.
-    /// With them go those whose margins are below the largest by no more than `tie`, a share.
+    /// What is closest to breaking at displacements `u` in m; nothing where nothing can break. With it go
+    /// those whose margins are below the largest by no more than `tie`, a share.
     ///
     /// # Errors
     /// Margins that are not finite.
     fn foremost(&self, u: &[f64], tie: f64) -> Result<Option<Foremost>, NonFinite>;
 
-    /// Breaks these bonds at displacements `u` in m, whatever criteria say: there is no way that led there.
+    /// Breaks these at displacements `u` in m, whatever criteria say: there is no way that led there.
     ///
     /// # Errors
     /// Energies that are not finite.
-    fn break_at(&self, u: &[f64], bonds: &[usize]) -> Result<Release, NonFinite>;
+    fn break_at(&self, u: &[f64], which: &Interactions) -> Result<Release, NonFinite>;
 
-    /// Makes these bonds, ascending, the ones that are broken: as [`Fracture::broken`] had them at the last
-    /// equilibrium, after attempts that never became states.
-    fn restore(&self, broken: &[usize]);
+    /// Makes these the ones that are broken: as [`Fracture::gone`] had them at the last equilibrium, after
+    /// attempts that never became states.
+    fn restore(&self, gone: &Interactions);
+
+    /// The bonds that are broken, and the triangles and tetrahedra that broke by criteria of their own.
+    fn gone(&self) -> Interactions {
+        let cliques = CLIQUES.map(|measure| self.broken_cliques(measure));
+        Interactions { bonds: self.broken(), cliques }
+    }
 
     /// The bonds that are broken, in ascending order.
     fn broken(&self) -> Vec<usize>;
@@ -203,28 +234,6 @@ pub trait Fracture: Inspection {
     /// Breaks these triangles or tetrahedra, and says nothing of energies; does nothing where these have no
     /// criteria of their own.
     fn take_out_cliques(&self, measure: Measure, numbers: &[usize]);
-}
-
-/// A pattern of all bonds without those that are broken, by their numbers in ascending order.
-pub fn left_of(bonds: &BlockPattern, broken: &[usize]) -> BlockPattern {
-    let mut left = BlockPattern {
-        dimension: bonds.dimension,
-        row_start: vec![0],
-        columns: Vec::with_capacity(bonds.columns.len()),
-    };
-    let (mut number, mut broken) = (0, broken.iter().copied().peekable());
-    for row in bonds.row_start.windows(2) {
-        let point = left.row_start.len() as u32 - 1;
-        for &column in &bonds.columns[row[0]..row[1]] {
-            let is_bond = column != point;
-            if !(is_bond && broken.next_if_eq(&number).is_some()) {
-                left.columns.push(column);
-            }
-            number += usize::from(is_bond);
-        }
-        left.row_start.push(left.columns.len());
-    }
-    left
 }
 
 /// Energies of a body, added up, that lose bonds.
@@ -251,21 +260,6 @@ struct Status {
     /// Where triangles or tetrahedra have criteria of their own.
     lost: Option<Lost>,
     damage: Damage,
-}
-
-/// What breaks at one time.
-#[derive(Default)]
-struct Found {
-    /// Bonds, ascending.
-    bonds: Vec<usize>,
-    /// Of each measure with criteria its cliques, ascending.
-    cliques: Vec<Vec<usize>>,
-}
-
-impl Found {
-    fn is_empty(&self) -> bool {
-        self.bonds.is_empty() && self.cliques.iter().all(Vec::is_empty)
-    }
 }
 
 impl Status {
@@ -328,16 +322,16 @@ impl Breaking {
     }
 
     /// What breaks at displacements `u`: of bonds among those of some owners.
-    fn judge(&self, u: &[f64], owners: &[Range<usize>]) -> Result<Found, NonFinite> {
+    fn judge(&self, u: &[f64], owners: &[Range<usize>]) -> Result<Interactions, NonFinite> {
         let Status { is_broken, lost, .. } = &*self.now();
         let around = (&*self.body, &*self.neighborhood);
         let bonds = self.criteria.judge(around, u, owners, |bond| !is_broken[bond])?;
         let Criteria { cliques, is_unbreakable, .. } = &self.criteria;
         let cliques = match lost {
             Some(lost) => cliques.judge(around, u, (lost, is_unbreakable))?,
-            None => Vec::new(),
+            None => Default::default(),
         };
-        Ok(Found { bonds, cliques })
+        Ok(Interactions { bonds, cliques })
     }
 
     /// Breaks what was found: bonds, and then of triangles and tetrahedra what has not gone with them.
@@ -345,7 +339,7 @@ impl Breaking {
         &self,
         u: &[f64],
         way: (f64, &[f64]),
-        found: &Found,
+        found: &Interactions,
     ) -> Result<Release, NonFinite> {
         let mut release = Release::default();
         if found.is_empty() {
@@ -357,13 +351,14 @@ impl Breaking {
             release = status.energy.break_bonds(u, way, &found.bonds)?;
             status.note(&self.neighborhood, &found.bonds);
         }
-        for ((measure, ranks), numbers) in self.criteria.cliques.kinds().zip(&found.cliques) {
+        for (kind, (measure, numbers)) in CLIQUES.into_iter().zip(&found.cliques).enumerate() {
+            let Some(ranks) = self.ranks(measure).filter(|_| !numbers.is_empty()) else { continue };
             let cliques = (measure, ranks, &numbers[..]);
             release.add(status.energy.break_cliques(u, way, cliques)?);
             if let Some(lost) = &mut status.lost {
                 lost.lose_cliques(n_neighbors(measure), ranks, numbers);
             }
-            release.cliques[n_neighbors(measure) - 2] += numbers.len();
+            release.cliques[kind] += numbers.len();
         }
         Ok(release)
     }
@@ -461,12 +456,15 @@ impl Fracture for Breaking {
         self.find_foremost(u, tie)
     }
 
-    fn break_at(&self, u: &[f64], bonds: &[usize]) -> Result<Release, NonFinite> {
-        self.take_out_at(u, bonds)
+    fn break_at(&self, u: &[f64], which: &Interactions) -> Result<Release, NonFinite> {
+        self.break_all(u, (0.0, &vec![0.0; u.len()]), which)
     }
 
-    fn restore(&self, broken: &[usize]) {
-        self.put_back(broken);
+    fn restore(&self, gone: &Interactions) {
+        self.put_back(&gone.bonds);
+        for (measure, broken) in CLIQUES.into_iter().zip(&gone.cliques) {
+            self.put_back_cliques(measure, broken);
+        }
     }
 
     fn broken(&self) -> Vec<usize> {

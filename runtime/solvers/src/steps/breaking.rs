@@ -1,10 +1,12 @@
-//! Bonds that break at equilibria, and the account of energy of a body that loses them.
+//! Bonds, triangles and tetrahedra that break at equilibria, and the account of energy of a body that loses
+//! them.
 //!
-//! At each load step an equilibrium is found at the present status; bonds beyond their criteria break, all at
-//! once or the foremost, and the equilibrium of what is left is found at the same loads, until none breaks.
-//! Where one is not found, bonds that were broken on the way come back: the step never was.
+//! At each load step an equilibrium is found at the present status; what is beyond its criteria breaks, all at
+//! once or the foremost, and the equilibrium of what is left is found at the same loads, until nothing breaks.
+//! Where one is not found, what was broken on the way comes back: the step never was.
 
-use piola_mechanics::fracture::{Fracture, Release};
+use piola_mechanics::fracture::{Fracture, Interactions, Release};
+use piola_mechanics::kernel::Measure;
 use piola_mechanics::vector::{dot, norm};
 use piola_mechanics::words::Words;
 
@@ -12,9 +14,9 @@ use super::memory::Evolved;
 use super::{Find, Found, LoadSteps, RELAXATION_STEPS, StepError};
 use crate::constraint::Constraints;
 use crate::linear::Definiteness;
-use crate::newton::{History, NewtonError, NewtonReport};
+use crate::newton::{History, NewtonError, NewtonFailure, NewtonReport};
 
-/// Bonds of `breaking = "largest"` go with the foremost within this share: mirror images.
+/// What breaks by `breaking = "largest"` goes with the foremost within this share: mirror images.
 const MIRRORED: f64 = 1e-9;
 
 /// What the load steps of a body that breaks go by.
@@ -114,10 +116,15 @@ pub struct Account {
 pub struct Broken {
     /// How many bonds broke at this step.
     pub bonds: usize,
+    /// How many triangles, and tetrahedra, broke at it by criteria of their own.
+    pub cliques: [usize; 2],
     /// In how many rounds: an equilibrium follows each.
     pub rounds: usize,
     /// How many bonds are broken, those that a crack cut included.
     pub all: usize,
+    /// How many triangles, and tetrahedra, broke by criteria of their own since the start; nothing where these
+    /// have none.
+    pub all_cliques: [Option<usize>; 2],
     /// Where the energy went.
     pub account: Account,
 }
@@ -135,6 +142,7 @@ pub(super) struct Ledger {
     scale: f64,
     /// Since the last record.
     bonds: usize,
+    cliques: [usize; 2],
     rounds: usize,
     pub(super) notes: Vec<String>,
     /// How many events there were.
@@ -165,7 +173,7 @@ impl<'a> Fracturing<'a> {
 
 /// A status to come back to.
 pub(super) struct Before {
-    broken: Vec<usize>,
+    gone: Interactions,
     states: Vec<f64>,
     ledger: Ledger,
     constraints: Constraints,
@@ -178,7 +186,7 @@ pub(super) type Rested = (Vec<f64>, NewtonReport);
 pub(super) type Tried<T> = Result<Result<T, NewtonError>, StepError>;
 
 impl<'a> LoadSteps<'a> {
-    /// Breaks bonds at an equilibrium, round by round, until none goes any more.
+    /// Breaks what is beyond its criteria at an equilibrium, round by round, until nothing goes any more.
     pub(super) fn settle(&mut self, found: Found, loads: &[f64], t: f64) -> Tried<Found> {
         let Some(before) = self.before_breaking() else { return Ok(Ok(found)) };
         match self.evolve(&self.u.clone(), &found.u, t - self.t) {
@@ -196,7 +204,7 @@ impl<'a> LoadSteps<'a> {
             let on_threshold = fracture.status.on_threshold();
             fracture.ledger.notes.extend(on_threshold.map(|found| found.to_string()));
             let release = match release {
-                Ok(release) if release.bonds == 0 && !is_on_its_way => break,
+                Ok(release) if !release.breaks() && !is_on_its_way => break,
                 Ok(release) => release,
                 Err(cause) => return self.undo(before, cause.into()),
             };
@@ -231,15 +239,15 @@ impl<'a> LoadSteps<'a> {
     /// What there is to come back to; nothing where nothing breaks.
     pub(super) fn before_breaking(&self) -> Option<Before> {
         let Fracturing { status, ledger, .. } = self.fracture.as_ref()?;
-        let (broken, states) = (status.broken(), status.states());
+        let (gone, states) = (status.gone(), status.states());
         let (ledger, constraints) = (ledger.clone(), self.constraints.clone());
-        Some(Before { broken, states, ledger, constraints })
+        Some(Before { gone, states, ledger, constraints })
     }
 
-    /// Comes back to the last state: bonds that broke on the way did not.
+    /// Comes back to the last state: what broke on the way did not.
     pub(super) fn undo<T>(&mut self, before: Before, cause: NewtonError) -> Tried<T> {
         let Some(fracture) = &mut self.fracture else { return Ok(Err(cause)) };
-        fracture.status.restore(&before.broken);
+        fracture.status.restore(&before.gone);
         fracture.status.remember(&before.states);
         fracture.ledger = before.ledger;
         self.newton.forget();
@@ -275,7 +283,10 @@ impl<'a> LoadSteps<'a> {
             // What is left of a body that is cut through carries nothing to compare residuals with.
             self.newton.compare_with(ledger.scale);
         }
-        self.hold_loose(t, from, loads)?;
+        if let Some(parts) = self.hold_loose(from, loads)? {
+            let failure = NewtonFailure::Loose { t, parts };
+            return Ok(Err(NewtonError { failure, history: History::default() }));
+        }
         let held = match self.energy.energy(from) {
             Ok(parts) => parts.total(),
             Err(cause) => return Ok(Err(cause.into())),
@@ -308,6 +319,7 @@ impl<'a> LoadSteps<'a> {
             ledger.account.external += work;
             ledger.account.relaxed += held - stored - evolved.dissipated + work;
             ledger.bonds += release.bonds;
+            ledger.cliques.iter_mut().zip(release.cliques).for_each(|(all, own)| *all += own);
             ledger.rounds += 1;
             ledger.energy = stored;
             ledger.pull.copy_from_slice(self.newton.internal_forces());
@@ -352,9 +364,15 @@ impl<'a> LoadSteps<'a> {
         let Some(Fracturing { status, ledger, .. }) = &mut self.fracture else {
             return (None, Vec::new());
         };
-        let (bonds, rounds) =
-            (std::mem::take(&mut ledger.bonds), std::mem::take(&mut ledger.rounds));
-        let broken = Broken { bonds, rounds, all: status.counts()[1], account: ledger.account };
+        let (bonds, cliques, rounds) = (
+            std::mem::take(&mut ledger.bonds),
+            std::mem::take(&mut ledger.cliques),
+            std::mem::take(&mut ledger.rounds),
+        );
+        let all_cliques = [Measure::Area, Measure::Volume]
+            .map(|measure| status.counts_of(measure).map(|[_, broken]| broken));
+        let (all, account) = (status.counts()[1], ledger.account);
+        let broken = Broken { bonds, cliques, rounds, all, all_cliques, account };
         (Some(broken), std::mem::take(&mut ledger.notes))
     }
 }

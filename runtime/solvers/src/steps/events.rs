@@ -1,4 +1,5 @@
-//! Load steps by events: `t` is found where the next bond breaks, and falls where a body snaps back.
+//! Load steps by events: `t` is found where the next bond, triangle or tetrahedron breaks, and falls where a
+//! body snaps back.
 //!
 //! Between two events the status does not change, and the largest margin is a smooth function of `t` along
 //! the equilibria. It is 0 at the event. Behind it, at the same `t`, what is left of the body has other
@@ -35,7 +36,7 @@ struct Place {
     t: f64,
     u: Vec<f64>,
     loads: Vec<f64>,
-    /// The largest margin; below all others where no bond can break.
+    /// The largest margin; below all others where nothing can break.
     margin: f64,
 }
 
@@ -43,12 +44,12 @@ struct Place {
 struct Reached {
     place: Place,
     rested: Option<Rested>,
-    /// Whether bonds break there; else it is a nominal time.
+    /// Whether anything breaks there; else it is a nominal time.
     is_event: bool,
 }
 
 impl<'a> LoadSteps<'a> {
-    /// The next event, or the next nominal time where no bond breaks before.
+    /// The next event, or the next nominal time where nothing breaks before.
     pub(super) fn advance_by_events(&mut self) -> Result<Advance<StepRecord>, StepError> {
         if self.is_over() {
             return Ok(Advance::End);
@@ -87,7 +88,7 @@ impl<'a> LoadSteps<'a> {
             || ledger.events > 0 && ledger.energy <= NOTHING * ledger.most
     }
 
-    /// The state behind the next event, with its loads and its time, and whether bonds broke there.
+    /// The state behind the next event, with its loads and its time, and whether anything broke there.
     fn next_event(&mut self, before: Before) -> Tried<(Found, Vec<f64>, f64, bool)> {
         let reached = match self.locate()? {
             Ok(reached) => reached,
@@ -116,7 +117,7 @@ impl<'a> LoadSteps<'a> {
         Ok(Ok((found, place.loads, place.t, is_event)))
     }
 
-    /// Breaks the foremost bonds at an equilibrium; that of what is left.
+    /// Breaks the foremost at an equilibrium; that of what is left.
     fn break_foremost(&mut self, found: &Found, place: &Place) -> Tried<Rested> {
         let (tie, most) = (self.settings.breaking.tie, self.settings.breaking.events);
         let Some(fracture) = &mut self.fracture else {
@@ -125,7 +126,7 @@ impl<'a> LoadSteps<'a> {
         let status = fracture.status;
         let foremost = status.foremost(&found.u, tie);
         let release = foremost.and_then(|first| match first {
-            Some(first) => status.break_at(&found.u, &first.bonds),
+            Some(first) => status.break_at(&found.u, &first.which),
             None => Ok(Default::default()),
         });
         let release = match release {
@@ -153,7 +154,7 @@ impl<'a> LoadSteps<'a> {
         Ok((u, report))
     }
 
-    /// Finds where the next bond breaks.
+    /// Finds where the next event is.
     fn locate(&mut self) -> Tried<Reached> {
         let mut here = Place {
             t: self.t,
@@ -166,12 +167,12 @@ impl<'a> LoadSteps<'a> {
         };
         let rises = here.margin <= ON_THRESHOLD;
         let limit = if rises { self.nominal_after(here.t) } else { 0.0 };
-        // Where no bond breaks, and where one does, as far as is known.
+        // Where nothing breaks, and where something does, as far as is known.
         let mut within: [Option<f64>; 2] =
             if rises { [Some(here.t), None] } else { [None, Some(here.t)] };
         let mut rested = None;
         for k in 0..MOST_EQUILIBRIA {
-            // Where behind an event the margin is 0 at once, the next bond breaks at the same t.
+            // Where behind an event the margin is 0 at once, the next one breaks at the same t.
             let jumps = matches!(within, [Some(low), Some(high)] if (high - low).abs() <= JUMP * high.abs());
             let is_at = here.margin.abs() <= ON_THRESHOLD || jumps && here.margin > 0.0;
             let is_first = k == 0 && rises && here.margin < -ON_THRESHOLD;
@@ -295,7 +296,7 @@ impl<'a> LoadSteps<'a> {
         Ok(Ok((Place { t, u: u.clone(), loads, margin }, (u, report))))
     }
 
-    /// The largest margin of all bonds that are left.
+    /// The largest margin of all that is left.
     fn margin(&self, u: &[f64]) -> Result<f64, NewtonError> {
         let Some(fracture) = &self.fracture else { return Ok(f64::NEG_INFINITY) };
         let first = fracture.status.foremost(u, 0.0)?;

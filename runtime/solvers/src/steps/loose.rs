@@ -38,12 +38,16 @@ struct Sight<'a> {
 }
 
 impl LoadSteps<'_> {
-    /// Holds what hangs on nothing at displacements `u`, or refuses it.
-    pub(super) fn hold_loose(&mut self, t: f64, u: &[f64], loads: &[f64]) -> Result<(), StepError> {
-        let Some(fracture) = &self.fracture else { return Ok(()) };
+    /// Holds what hangs on nothing at displacements `u`; gives it where the run is to end there.
+    pub(super) fn hold_loose(
+        &mut self,
+        u: &[f64],
+        loads: &[f64],
+    ) -> Result<Option<UnderConstrained>, StepError> {
+        let Some(fracture) = &self.fracture else { return Ok(None) };
         let broken = fracture.status.broken();
         if broken.is_empty() {
-            return Ok(());
+            return Ok(None);
         }
         let left = left_of(self.energy.bonds(), &broken);
         let mut is_prescribed = vec![false; u.len() / self.dimension];
@@ -59,7 +63,7 @@ impl LoadSteps<'_> {
         // Families hold points by more than the directions of bonds.
         let found = sight.loose(&left, self.energy.bond_pattern().is_none());
         if found.dofs.is_empty() {
-            return Ok(());
+            return Ok(None);
         }
         let load = |points: &Vec<usize>| {
             let own = points.iter().flat_map(|p| p * self.dimension..(p + 1) * self.dimension);
@@ -68,7 +72,7 @@ impl LoadSteps<'_> {
         let load = found.points.iter().map(load).fold(0.0, f64::max);
         let parts = UnderConstrained { components: found.parts };
         if self.settings.breaking.loose == Loose::Stop {
-            return Err(StepError::Loose { t, parts });
+            return Ok(Some(parts));
         }
         let mut note = format!("came loose, and is held where it is: {parts}");
         if load > 0.0 {
@@ -81,7 +85,7 @@ impl LoadSteps<'_> {
         if let Some(fracture) = &mut self.fracture {
             fracture.ledger.notes.push(note);
         }
-        Ok(())
+        Ok(None)
     }
 
     /// Goes on with other constraints.

@@ -147,38 +147,6 @@ impl Case {
         }
     }
 
-    /// Refuses load steps of bodies that break as these cannot: attempts at an equilibrium that
-    /// come to nothing put back bonds alone.
-    ///
-    /// # Errors
-    /// At the potential that says so.
-    pub(super) fn check_load_steps(&self, compiled: &[Compiled]) -> Result<(), CaseError> {
-        if self.scene.motion.is_some() {
-            return Ok(());
-        }
-        let has_cliques = || {
-            let mut arguments = compiled.iter().flat_map(|one| one.of_interactions());
-            arguments.any(|argument| argument != "l")
-        };
-        for (one, material) in self.potentials.iter().zip(&self.scene.materials) {
-            let (breaks, name) = (one.model.breaks(), one.model.name());
-            let what = match breaks.iter().find(|one| one.measure != Measure::Length) {
-                Some(other) if other.measure == Measure::Area => "triangles break",
-                Some(_) => "tetrahedra break",
-                None if !breaks.is_empty() && has_cliques() => {
-                    "bonds break, with triangles or tetrahedra on them,"
-                }
-                None => continue,
-            };
-            let message = format!("{what} in {name}, and the scene has load steps");
-            let found = Diagnostic::error("conflicting-keys", material.potential.span, message)
-                .label("in load steps bonds break alone")
-                .help("write [motion] with an `end` in s, in place of [steps]");
-            return Err(CaseError::Scene(self.scene.report(vec![found])));
-        }
-        Ok(())
-    }
-
     /// Refuses steps by events where nothing breaks, or bonds remember: where a margin is 0 is not asked
     /// along the way on which these change.
     pub(super) fn check_events(&self) -> Result<(), CaseError> {
@@ -196,7 +164,7 @@ impl Case {
             ),
             None if !breaks => (
                 self.scene.material().potential.span,
-                "the steps go by events, and no bond breaks: no potential has a `break when`"
+                "the steps go by events, and nothing breaks: no potential has a `break when`"
                     .into(),
                 "write control = \"load\" in [steps], or take a potential with `break when`",
             ),

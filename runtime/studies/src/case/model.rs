@@ -89,7 +89,6 @@ impl Case {
         compiled: Vec<Compiled>,
     ) -> Result<(Total<'static>, FieldsInTime<'_>), CaseError> {
         self.check_events()?;
-        self.check_load_steps(&compiled)?;
         let solver = &self.scene.solver;
         let (energy, fields) = self.energy_in_time(compiled)?;
         let energy = energy.with_products(solver.products);

@@ -468,3 +468,21 @@ fn boxes_and_samples_come_close_to_the_count() {
     let ball = 2.0 / 3.0 * std::f64::consts::PI * 160.0 * 160.0 * 160.0 * 1e12;
     assert!((bonds_in_box(&counts, 160.0) / ball - 1.0).abs() < 0.01);
 }
+
+/// An event takes as long as the Newton iterations that lead to it, and how many there are is not known.
+#[test]
+fn events_have_a_cost_and_no_number() {
+    let events =
+        "[steps]\ncontrol = \"event\"\nevents = 700\nincrements = 2\n[solver]\nlinear = \"cg\"";
+    let plan = plan(&scene(events), None);
+    let found = plan.events.unwrap();
+    let iteration = plan.time.assembly + plan.time.linear;
+    assert_eq!((found.most, found.each), (700, 5.0 * iteration));
+    assert_eq!(found.total, plan.time.setup + 2.0 * plan.time.increment + 700.0 * found.each);
+    let text = plan.to_string();
+    assert!(text.contains("run of 700 events") && text.contains("the number of events"), "{text}");
+    let mut slower = plan;
+    let first = FirstIncrement { iterations: 4, linear: 8.0, solved: 1.0, ..Default::default() };
+    slower.rehearsed(first);
+    assert_eq!(slower.events.unwrap().each, 10.0);
+}

@@ -77,13 +77,22 @@ impl fmt::Display for Plan {
         writeln!(f, "  {:<28}{:>14}   per iteration", "assembly", seconds(self.time.assembly))?;
         writeln!(f, "  {method:<28}{:>14}   per iteration", seconds(self.time.linear))?;
         writeln!(f, "  {:<28}{:>14}", "increment", seconds(self.time.increment))?;
-        let total = format!("run of {} increments", self.increments);
-        writeln!(f, "  {total:<28}{:>14}", seconds(self.time.total))?;
+        match &self.events {
+            Some(events) => {
+                writeln!(f, "  {:<28}{:>14}", "event", seconds(events.each))?;
+                let total = format!("run of {} events", grouped(events.most as u64));
+                writeln!(f, "  {total:<28}{:>14}   at most", seconds(events.total))?;
+            }
+            None => {
+                let total = format!("run of {} increments", self.increments);
+                writeln!(f, "  {total:<28}{:>14}", seconds(self.time.total))?;
+            }
+        }
         writeln!(f, "linear systems by {name}{without}:")?;
         let reason = format!("{}{}", self.linear.reason, self.takes_over());
         wrapped(&reason).iter().try_for_each(|line| writeln!(f, "  {line}"))?;
         writeln!(f, "what this plan does not know, or takes for granted:")?;
-        let notes = self.notes.iter().cloned().chain([self.time_note()]);
+        let notes = self.notes.iter().cloned().chain(self.event_note()).chain([self.time_note()]);
         notes.flat_map(|note| wrapped(&note)).try_for_each(|line| writeln!(f, "  {line}"))
     }
 }
@@ -111,6 +120,15 @@ impl Plan {
             ),
             (None, None) => String::new(),
         }
+    }
+
+    /// What is not known of events, in a sentence without its full stop.
+    fn event_note(&self) -> Option<String> {
+        let most = grouped(self.events?.most as u64);
+        Some(format!(
+            "the number of events: each breaks a bond, a triangle or a tetrahedron, and those that come to \
+             their thresholds with it; the run ends after {most}, the `events` of [steps], or before"
+        ))
     }
 
     /// What the time rests on, in a sentence without its full stop.

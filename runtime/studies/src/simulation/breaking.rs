@@ -1,4 +1,4 @@
-//! What is told of load steps at which bonds break.
+//! What is told of load steps of bodies that break.
 
 use piola_output::Broken;
 use piola_solvers::steps::StepRecord;
@@ -14,8 +14,10 @@ pub(super) fn told(record: &StepRecord) -> Option<Broken> {
     let account = broken.account;
     Some(Broken {
         bonds: broken.bonds,
+        cliques: broken.cliques,
         rounds: broken.rounds,
         all: broken.all,
+        all_cliques: broken.all_cliques,
         released: account.released,
         dissipated: account.dissipated,
         relaxed: account.relaxed,

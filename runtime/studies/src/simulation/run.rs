@@ -1,5 +1,7 @@
 //! A whole run: load steps, and everything they leave in the output folder.
 
+mod frames;
+
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 
@@ -22,8 +24,8 @@ use piola_solvers::march::State;
 use piola_solvers::newton::{NewtonFailure, NewtonSettings, NewtonVariant};
 use piola_solvers::rigid_modes::check_rigid_motions;
 use piola_solvers::steps::{
-    self, BreakSettings, Control, Drive, Find, NotConverged, NotGiven, StepError, StepRecord,
-    StepSettings, run_steps,
+    self, BreakSettings, Drive, Find, NotConverged, NotGiven, StepError, StepRecord, StepSettings,
+    run_steps,
 };
 use piola_solvers::{Event, Watch};
 
@@ -138,6 +140,7 @@ pub fn run(
         recorder.record(record, state)
     });
     watch.notice(Event::Phase("output"));
+    recorder.return_to_last(&drive);
     if let Some(error) = recorder.failed.take() {
         return Err(error.into());
     }
@@ -357,6 +360,11 @@ pub(super) fn failed(case: &Case, failure: &NotConverged) -> (ExitReason, String
                 format!("no equilibrium at t = {tried}, the last is at t = {last}: {place}");
             (ExitReason::NonFinite, message)
         }
+        loose @ NewtonFailure::Loose { .. } => {
+            let message =
+                format!("{loose}; the last equilibrium is at t = {}", failure.t_converged);
+            (ExitReason::CameLoose, message)
+        }
         _ => (ExitReason::NotConverged, failure.to_string()),
     }
 }
@@ -372,6 +380,8 @@ struct Recorder<'a> {
     history: History,
     warnings: Vec<String>,
     last: Frame,
+    /// How many steps there were at the last frame.
+    framed: usize,
     nominal: usize,
     failed: Option<OutputError>,
 }
@@ -410,6 +420,7 @@ impl<'a> Recorder<'a> {
             history,
             warnings: Vec::new(),
             last,
+            framed: 0,
             nominal,
             failed: None,
         })
@@ -467,29 +478,6 @@ impl<'a> Recorder<'a> {
         }
     }
 
-    fn write_step(&mut self, nominal: bool) -> Result<(), OutputError> {
-        let scene = &self.fields.case.scene;
-        if scene.steps.control == Control::Event {
-            // Between nominal times t comes and goes: every so many events there is a frame, too.
-            let is_due = nominal || breaking::has_frame(scene, self.history.steps.len());
-            if is_due && scene.output.frames > 0 {
-                self.fields.fill(&mut self.last);
-                self.frames.push(&self.last)?;
-            }
-        } else if nominal {
-            self.nominal += 1;
-            // Frames are spread evenly over the increments.
-            let (frames, all) =
-                (self.fields.case.scene.output.frames, self.fields.case.scene.steps.increments);
-            let due = |step: usize| step * frames.min(all) / all;
-            if due(self.nominal) > due(self.nominal - 1) {
-                self.fields.fill(&mut self.last);
-                self.frames.push(&self.last)?;
-            }
-        }
-        table::write_history(self.folder, &self.history)
-    }
-
     fn finish(
         mut self,
         outcome: &steps::Outcome,
@@ -498,6 +486,7 @@ impl<'a> Recorder<'a> {
         options: RunOptions<'_>,
     ) -> Result<(), OutputError> {
         self.clock.enter("output");
+        self.write_last_frame()?;
         let PointFields { case, energy, .. } = self.fields;
         let (body, title) = (&case.body, options.title);
         if self.history.steps.is_empty() {

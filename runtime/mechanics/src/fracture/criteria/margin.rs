@@ -1,4 +1,4 @@
-//! How close bonds are to breaking.
+//! How close bonds are to breaking, and which of them, of triangles and of tetrahedra come first.
 
 use std::ops::Range;
 
@@ -8,24 +8,45 @@ use super::{CHUNK, Candidate, Criteria, Margin, Margins, Room, room_for};
 use crate::body::Body;
 use crate::element::{CAPACITY, Element as _, Order};
 use crate::energy::NonFinite;
+use crate::fracture::Interactions;
+use crate::interaction::Lost;
 use crate::materials::Materials;
 use crate::neighborhood::Neighborhood;
 
-/// The bonds that are closest to breaking.
+/// What is closest to breaking.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Foremost {
     /// The largest margin, over its amount at rest: -1 at rest, 0 at the threshold. A margin that is not
     /// negative at rest stands as it is.
     pub margin: f64,
-    /// The bonds that have it, or nearly so, ascending.
-    pub bonds: Vec<usize>,
+    /// What has it, or nearly so.
+    pub which: Interactions,
 }
 
-impl Foremost {
-    /// How small the margin of a bond may be that breaks with these: a `tie` is a share of the way from rest.
-    fn least(&self, tie: f64) -> f64 {
-        self.margin - tie * (1.0 + self.margin).abs()
+/// Interactions of one kind by their numbers, with their margins.
+pub(in super::super) type WithMargins = Vec<(usize, f64)>;
+
+/// A margin over its amount at rest.
+pub(in super::super) fn over_rest(now: f64, at_rest: f64) -> f64 {
+    if at_rest < 0.0 { now / -at_rest } else { now }
+}
+
+/// How small a margin may be that breaks with the largest: a `tie` is a share of the way from rest. It grows
+/// with the largest.
+fn least(largest: f64, tie: f64) -> f64 {
+    largest - tie * (1.0 + largest).abs()
+}
+
+fn largest(found: &[(usize, f64)]) -> Option<f64> {
+    found.iter().map(|(_, margin)| *margin).max_by(f64::total_cmp)
+}
+
+/// Leaves those that may be the foremost of all.
+pub(in super::super) fn leading(mut found: WithMargins, tie: f64) -> WithMargins {
+    if let Some(largest) = largest(&found) {
+        found.retain(|(_, margin)| *margin >= least(largest, tie));
     }
+    found
 }
 
 /// A condition of a bond at some displacements.
@@ -78,39 +99,59 @@ impl Criteria {
         Ok(found)
     }
 
-    /// The bonds that are closest to breaking at displacements `u` in m (`n x d`) among those that are
-    /// `intact`, and those within `tie` of the largest margin.
+    /// What is closest to breaking at displacements `u` in m (`n x d`) among the bonds that are `intact` and the
+    /// triangles and tetrahedra that are not `lost`, and what is within `tie` of the largest margin.
     ///
     /// # Errors
     /// Margins that are not finite.
     pub fn foremost(
         &self,
         around: (&Body, &Neighborhood),
-        u: &[f64],
-        tie: f64,
+        (u, tie): (&[f64], f64),
         intact: impl Fn(usize) -> bool + Sync,
+        lost: Option<&Lost>,
     ) -> Result<Option<Foremost>, NonFinite> {
+        let bonds = self.leading_bonds(around, (u, tie), intact)?;
+        let [areas, volumes] = match lost {
+            Some(lost) => self.cliques.leading(around, (u, tie), (lost, &self.is_unbreakable))?,
+            None => Default::default(),
+        };
+        let kinds = [bonds, areas, volumes];
+        let most = kinds.iter().filter_map(|kind| largest(kind)).max_by(f64::total_cmp);
+        let Some(margin) = most else { return Ok(None) };
+        let first = |kind: WithMargins| -> Vec<usize> {
+            let found = kind.into_iter().filter(|(_, own)| *own >= least(margin, tie));
+            found.map(|(number, _)| number).collect()
+        };
+        let [bonds, areas, volumes] = kinds.map(first);
+        let which = Interactions { bonds, cliques: [areas, volumes] };
+        Ok(Some(Foremost { margin, which }))
+    }
+
+    /// The bonds that may be the foremost of all.
+    fn leading_bonds(
+        &self,
+        around: (&Body, &Neighborhood),
+        (u, tie): (&[f64], f64),
+        intact: impl Fn(usize) -> bool + Sync,
+    ) -> Result<WithMargins, NonFinite> {
         if self.are_empty() {
-            return Ok(None);
+            return Ok(Vec::new());
         }
         let n = around.0.n_points();
         let chunks: Vec<Range<usize>> =
             (0..n).step_by(CHUNK).map(|k| k..n.min(k + CHUNK)).collect();
-        let parts: Result<Vec<Vec<(usize, f64)>>, NonFinite> = chunks
+        let parts: Result<Vec<WithMargins>, NonFinite> = chunks
             .into_par_iter()
-            .map(|owners| match around.0.dimension() {
-                2 => self.margins::<2>(around, owners, u, &intact),
-                _ => self.margins::<3>(around, owners, u, &intact),
+            .map(|owners| {
+                let found = match around.0.dimension() {
+                    2 => self.margins::<2>(around, owners, u, &intact),
+                    _ => self.margins::<3>(around, owners, u, &intact),
+                };
+                Ok(leading(found?, tie))
             })
             .collect();
-        let all = parts?.concat();
-        let Some(margin) = all.iter().map(|(_, margin)| *margin).max_by(f64::total_cmp) else {
-            return Ok(None);
-        };
-        let mut first = Foremost { margin, bonds: Vec::new() };
-        let least = first.least(tie);
-        first.bonds.extend(all.iter().filter(|(_, own)| *own >= least).map(|(bond, _)| *bond));
-        Ok(Some(first))
+        Ok(parts?.concat())
     }
 
     /// The margins of the bonds of some owners, those that can break.
@@ -120,7 +161,7 @@ impl Criteria {
         owners: Range<usize>,
         u: &[f64],
         intact: &impl Fn(usize) -> bool,
-    ) -> Result<Vec<(usize, f64)>, NonFinite> {
+    ) -> Result<WithMargins, NonFinite> {
         let (positions, _) = body.positions().as_chunks::<D>();
         let (displacements, _) = u.as_chunks::<D>();
         let mut room = room_for(D);
@@ -164,8 +205,7 @@ impl Margins {
                 let rest = self.values((margin, law), &all, at_rest, room, u)?.to_vec();
                 let now = self.values((margin, law), &all, |bond| bond.eta, room, u)?;
                 for ((k, rest), now) in own.iter().zip(rest).zip(now) {
-                    let scaled = if rest < 0.0 { now / -rest } else { *now };
-                    margins[*k].1 = margins[*k].1.max(scaled);
+                    margins[*k].1 = margins[*k].1.max(over_rest(*now, rest));
                 }
             }
         }

@@ -37,6 +37,21 @@ impl Bits {
         self.0[number / 64] >> (number % 64) & 1 == 1
     }
 
+    /// Takes a number out.
+    pub(crate) fn remove(&mut self, number: usize) {
+        self.0[number / 64] &= !(1 << (number % 64));
+    }
+
+    /// Whether none is there.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.0.iter().all(|word| *word == 0)
+    }
+
+    /// Puts in all of another set below the same bound.
+    fn insert_all(&mut self, other: &Bits) {
+        self.0.iter_mut().zip(&other.0).for_each(|(own, other)| *own |= other);
+    }
+
     /// Those that are there, ascending.
     pub fn iter(&self) -> impl Iterator<Item = usize> {
         ones(&self.0)
@@ -154,7 +169,7 @@ impl Lost {
         bonds.iter().for_each(|bond| {
             self.bonds.insert(*bond);
         });
-        self.owners.0.iter_mut().zip(&owners.0).for_each(|(all, new)| *all |= new);
+        self.owners.insert_all(owners);
     }
 
     /// Takes out cliques of `corners` points besides the owner, by their numbers.
@@ -170,6 +185,42 @@ impl Lost {
             let owner = own.ranks.owner(number);
             own.owners.insert(owner);
             self.owners.insert(owner);
+        }
+    }
+
+    /// Whether nothing is gone.
+    pub(crate) fn is_nothing(&self) -> bool {
+        let is_whole = |own: &Own| own.broken.is_empty();
+        self.bonds.is_empty() && self.own.iter().flatten().all(is_whole)
+    }
+
+    /// Puts back cliques with these edges, but for those that have another broken edge or broke themselves.
+    pub(crate) fn regain_edges(&mut self, neighborhood: &Neighborhood, bonds: &[usize]) {
+        bonds.iter().for_each(|bond| self.bonds.remove(*bond));
+        self.find_owners(neighborhood);
+    }
+
+    /// Puts back cliques of `corners` points besides the owner that broke themselves, by their numbers.
+    pub(crate) fn regain_cliques(
+        &mut self,
+        neighborhood: &Neighborhood,
+        corners: usize,
+        numbers: &[usize],
+    ) {
+        let Some(own) = &mut self.own[corners - 2] else { return };
+        numbers.iter().for_each(|number| own.broken.remove(*number));
+        own.owners.0.fill(0);
+        for number in own.broken.iter() {
+            own.owners.insert(own.ranks.owner(number));
+        }
+        self.find_owners(neighborhood);
+    }
+
+    /// Owners of what is gone, anew.
+    fn find_owners(&mut self, neighborhood: &Neighborhood) {
+        self.owners = Lost::owners_of(neighborhood, &self.bonds.iter().collect::<Vec<_>>());
+        for own in self.own.iter().flatten() {
+            self.owners.insert_all(&own.owners);
         }
     }
 

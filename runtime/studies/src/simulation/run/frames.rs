@@ -1,0 +1,57 @@
+//! Which states of load steps are frames.
+
+use piola_output::{OutputError, table};
+use piola_solvers::steps::{Control, Drive as _};
+
+use super::{Recorder, SceneDrive};
+use crate::simulation::breaking;
+
+impl Recorder<'_> {
+    /// Writes the tables of the steps so far, and a frame where one is due.
+    pub(super) fn write_step(&mut self, nominal: bool) -> Result<(), OutputError> {
+        let scene = &self.fields.case.scene;
+        if scene.steps.control == Control::Event {
+            // Between nominal times t comes and goes: every so many events there is a frame, too.
+            let is_due = nominal || breaking::has_frame(scene, self.history.steps.len());
+            if is_due && scene.output.frames > 0 {
+                self.push_frame()?;
+            }
+        } else if nominal {
+            self.nominal += 1;
+            // Frames are spread evenly over the increments.
+            let (frames, all) =
+                (self.fields.case.scene.output.frames, self.fields.case.scene.steps.increments);
+            let due = |step: usize| step * frames.min(all) / all;
+            if due(self.nominal) > due(self.nominal - 1) {
+                self.push_frame()?;
+            }
+        }
+        table::write_history(self.folder, &self.history)
+    }
+
+    /// Writes the last state as a frame.
+    fn push_frame(&mut self) -> Result<(), OutputError> {
+        self.fields.fill(&mut self.last);
+        self.framed = self.history.steps.len();
+        self.frames.push(&self.last)
+    }
+
+    /// A body that breaks may end anywhere, cut through or where nothing more is found: its last state is a
+    /// frame in any case, where frames are wanted.
+    pub(super) fn write_last_frame(&mut self) -> Result<(), OutputError> {
+        let breaks = self.history.steps.last().is_some_and(|step| step.broken.is_some());
+        let is_written = self.framed == self.history.steps.len();
+        match breaks && !is_written && self.fields.case.scene.output.frames > 0 {
+            true => self.push_frame(),
+            false => Ok(()),
+        }
+    }
+
+    /// Gives the energy what it takes of the time of the last state: later times were tried behind it.
+    pub(super) fn return_to_last(&self, drive: &SceneDrive<'_>) {
+        if let Some(step) = self.history.steps.last() {
+            // It could be given it when that step was found.
+            let _ = drive.begin(step.t);
+        }
+    }
+}

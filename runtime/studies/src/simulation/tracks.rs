@@ -54,7 +54,8 @@ struct Way {
     seeds: Vec<usize>,
     /// The point at the tip.
     tip: Option<usize>,
-    /// Of each place of the tip the last row that had it there, back to a horizon behind the tip.
+    /// Of each place of the tip the first row that had it there, back to a horizon behind the tip; of the place
+    /// where it began the last.
     passed: Vec<Passed>,
 }
 
@@ -155,7 +156,9 @@ impl<'a> Tracks<'a> {
         let paths = self.paths.iter().zip(&mut self.progress.tracks);
         let tracks = paths.map(|(path, way)| {
             let Some(tip) = way.tip else { return NOWHERE };
-            path.row(way.window((t, path.place(self.case, tip), released), horizon), self.case, tip)
+            let now = Passed { t, at: path.place(self.case, tip), released };
+            way.take(now, horizon);
+            path.row(way.window(horizon), now, self.case, tip)
         });
         let tracks = tracks.collect();
         // Bonds that load steps put back were never broken.
@@ -242,38 +245,42 @@ impl Path<'_> {
         })
     }
 
-    fn row(&self, [then, now]: [Passed; 2], case: &Case, tip: usize) -> TrackRow {
+    /// The row of a track whose tip is `now` there, and has come there by this window.
+    fn row(&self, window: Option<[Passed; 2]>, now: Passed, case: &Case, tip: usize) -> TrackRow {
         let (_, sign) = self.track.axis.number_and_sign();
-        let way = now.at - then.at;
-        let speed = if way > 0.0 { way / (now.t - then.t) } else { 0.0 };
         let law = case.materials.as_ref().map_or(0, |materials| usize::from(materials.of(tip)));
         let rayleigh = self.rayleigh.get(law).copied().flatten();
-        let area = way * self.thickness;
-        TrackRow {
-            tip: sign * now.at,
-            speed,
-            over_rayleigh: speed / rayleigh.unwrap_or(f64::NAN),
-            released_per_area: match area > 0.0 {
-                true => (now.released - then.released) / area,
-                false => f64::NAN,
-            },
+        let mut row = TrackRow { tip: sign * now.at, ..NOWHERE };
+        if let Some([then, there]) = window {
+            let (way, time) = (there.at - then.at, there.t - then.t);
+            let stands = now.t - there.t > time;
+            row.speed = if stands { 0.0 } else { way / time };
+            row.released_per_area = (there.released - then.released) / (way * self.thickness);
         }
+        row.over_rayleigh = row.speed / rayleigh.unwrap_or(f64::NAN);
+        row
     }
 }
 
 impl Way {
-    /// Takes in a row with a tip: the last row that had it a horizon or more behind, and this one; twice
-    /// this one where there is none.
-    fn window(&mut self, (t, at, released): (f64, f64, f64), horizon: f64) -> [Passed; 2] {
-        let now = Passed { t, at, released };
-        match self.passed.last_mut() {
-            Some(last) if last.at == at => *last = now,
-            _ => self.passed.push(now),
+    /// Takes in a row with a tip.
+    fn take(&mut self, row: Passed, horizon: f64) {
+        match &mut self.passed[..] {
+            // The clock of a crack that waits begins when it leaves.
+            [first] if first.at == row.at => *first = row,
+            [.., last] if last.at == row.at => {}
+            _ => self.passed.push(row),
         }
-        let is_behind = |passed: &Passed| at - passed.at >= horizon * (1.0 - ROUNDED);
+        let is_behind = |passed: &Passed| row.at - passed.at >= horizon * (1.0 - ROUNDED);
         let behind = self.passed.iter().rposition(is_behind);
         self.passed.drain(..behind.unwrap_or(0));
-        [behind.map_or(now, |_| self.passed[0]), now]
+    }
+
+    /// Where the tip came to a place a horizon or more behind, and where it came to where it is; nothing as long
+    /// as it has not run so far.
+    fn window(&self, horizon: f64) -> Option<[Passed; 2]> {
+        let (then, now) = (self.passed.first()?, self.passed.last()?);
+        (now.at - then.at >= horizon * (1.0 - ROUNDED)).then_some([*then, *now])
     }
 }
 
@@ -345,18 +352,17 @@ mod tests {
     #[test]
     fn speeds_are_over_the_last_horizon_and_progress_is_kept_to_the_bit() {
         let mut way = Way { seeds: vec![3, 5], tip: Some(7), passed: Vec::new() };
-        let mut row = |t: f64, at: f64| way.window((t, at, 10.0 * at), 3.0);
+        let mut row = |t: f64, at: f64| {
+            way.take(Passed { t, at, released: 10.0 * at }, 3.0);
+            way.window(3.0).map(|window| window.map(|one| (one.t, one.at)))
+        };
         for (t, at) in [(0.0, 0.0), (1.0, 0.0), (2.0, 1.0), (3.0, 2.0)] {
-            let [then, now] = row(t, at);
-            assert_eq!(then, now, "no horizon yet");
+            assert_eq!(row(t, at), None, "no horizon yet");
         }
-        let [then, now] = row(4.0, 3.0);
-        // The last row at which it stood where it began.
-        assert_eq!((then.t, then.at, now.t, now.at), (1.0, 0.0, 4.0, 3.0));
-        let [then, _] = row(5.0, 5.5);
-        assert_eq!((then.t, then.at), (3.0, 2.0));
-        let [then, now] = row(9.0, 5.5);
-        assert_eq!((then.t, now.t), (3.0, 9.0), "it has stopped");
+        // From when it left where it began.
+        assert_eq!(row(4.0, 3.0), Some([(1.0, 0.0), (4.0, 3.0)]));
+        assert_eq!(row(5.0, 5.5), Some([(3.0, 2.0), (5.0, 5.5)]));
+        assert_eq!(row(9.0, 5.5), Some([(3.0, 2.0), (5.0, 5.5)]), "it has stopped");
         assert_eq!(way.passed.len(), 3, "what is farther behind is forgotten");
         let progress = Progress { broken: [1, 2, 3], tracks: vec![way, Way::default()] };
         let numbers = progress.numbers();

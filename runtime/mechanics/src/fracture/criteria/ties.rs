@@ -7,6 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use super::margin::at_rest;
 use super::{Candidate, Criteria, Margin, Margins, Room, room_for};
 use crate::body::Body;
+use crate::element::CAPACITY;
 use crate::energy::NonFinite;
 use crate::geometry::each;
 use crate::neighborhood::Neighborhood;
@@ -16,9 +17,6 @@ const ROUNDING: f64 = 4.0 * f64::EPSILON;
 
 /// Only margins below this part of what they amount to at rest are looked at.
 const NEARLY_ZERO: f64 = 1e-6;
-
-/// Of how many bonds a margin is worked out at rest to know its size.
-const SAMPLE: usize = 64;
 
 /// Bonds at their threshold, until they have been told.
 #[derive(Default)]
@@ -77,7 +75,7 @@ impl Criteria {
                     neighborhood.upper(owner).iter().map(move |other| [owner, *other as usize]);
                 neighborhood.bonds(owner).zip(ends)
             });
-            let bonds = bonds.filter(|(_, ends)| takes(ends)).take(SAMPLE);
+            let bonds = bonds.filter(|(_, ends)| takes(ends)).take(CAPACITY);
             let bonds: Vec<Candidate<D>> =
                 bonds.map(|(bond, ends)| Candidate::new(bond, ends, positions, &nowhere)).collect();
             let bonds: Vec<&Candidate<D>> = bonds.iter().collect();

@@ -220,7 +220,11 @@ fn a_bar_yields_both_ways() {
     let back = (top..t.len()).find(|k| force[*k] < 0.0).unwrap();
     println!(
         "yields at {} N, {} m; {} N at the top; {} m stay; {} J",
-        force[yields], pulled[yields], force[top], pulled[back], dissipated[t.len() - 1]
+        force[yields],
+        pulled[yields],
+        force[top],
+        pulled[back],
+        dissipated[t.len() - 1]
     );
     // Elastic up to sY, in the gauge length of 0.1 m.
     assert!((1.5e-4..=2.7e-4).contains(&pulled[yields]));

@@ -153,7 +153,9 @@ impl Case {
                 let warning = Diagnostic::warning("idle-entry", crack.span, message);
                 let help = match crack.shape {
                     CrackShape::Across(_) => "it cuts the bonds whose inside crosses its inside",
-                    CrackShape::Between(_) => "no point of one set is within the horizon of the other",
+                    CrackShape::Between(_) => {
+                        "no point of one set is within the horizon of the other"
+                    }
                 };
                 warnings.push(warning.help(help));
             }

@@ -10,9 +10,9 @@ use piola_solvers::steps::{Control, Loose};
 use super::keys::{number, string, texts};
 use super::read::{MOTION_KEYS, OUTPUT_KEYS, SOLVER_KEYS, STEPS_KEYS};
 use super::{
-    BodyShape, CorrespondenceSettings, CrackEntry, CrackShape, FractureSettings, Horizon, HorizonExtent,
-    Initial, InterfaceRule, Load, Material, ParameterText, Plane, Points, Prescription, Probe,
-    Quantity, Region, Scene, SetDefinition,
+    BodyShape, CorrespondenceSettings, CrackEntry, CrackShape, FractureSettings, Horizon,
+    HorizonExtent, Initial, InterfaceRule, Load, Material, ParameterText, Plane, Points,
+    Prescription, Probe, Quantity, Region, Scene, SetDefinition,
 };
 
 impl Scene {

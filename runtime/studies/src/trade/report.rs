@@ -158,7 +158,8 @@ impl Study {
         let _ = if self.is_of_motion() {
             writeln!(
                 out,
-                "Errors are the largest of 20 times and the start. Below {level} there is the error of the \
+                "Errors are the largest of 20 times and the start, or of the whole motion where a quantity is \
+                 one number of it. Below {level} there is the error of the \
                  reference: a run with twice its step differs from it by so much ({witnesses})."
             )
         } else {

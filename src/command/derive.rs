@@ -201,6 +201,8 @@ fn all_values(
 /// Prints what was rewritten, and what it gained.
 fn explain(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Exit {
     let Some(values) = filled_values(loaded, dimension, arguments) else { return Exit::Input };
+    // With what bonds remember at the start, and, of margins and updates, after some histories.
+    let values = values.without_fields();
     let settings = audit::Settings {
         form: Form::Accurate,
         level: arguments.level.into(),

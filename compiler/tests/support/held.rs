@@ -56,6 +56,8 @@ pub(crate) struct Held {
     pub(crate) narrowed: usize,
     /// Places where psi is no number as written, nor compiled.
     pub(crate) outside: usize,
+    /// Values of margins and next states that are told, and that are lost.
+    pub(crate) functions: [usize; 2],
 }
 
 impl Held {
@@ -69,6 +71,13 @@ impl Held {
         }
         self.narrowed += other.narrowed;
         self.outside += other.outside;
+        self.functions = [0, 1].map(|k| self.functions[k] + other.functions[k]);
+    }
+
+    /// What came of functions that are no energies, counted apart.
+    pub(crate) fn as_functions(self) -> Held {
+        let count = |counts: [usize; 3]| counts.iter().sum();
+        Held { functions: [count(self.told), count(self.lost)], ..Held::default() }
     }
 
     /// Which share of the values that are numbers, and not zero, is lost.

@@ -138,9 +138,11 @@ fn verify_names_what_breaks() {
                 break when l/L - 1 > 0.1\nbreak when a/A - 1 > 0.1\nbreak when abs(v/V - 1) > 0.2\n";
     let file = folder.file("torn.piola", text);
     let text = piola(&["verify", &file, "--dim", "3"]).expect(0).stdout;
-    for (condition, what) in
-        [("l/L - 1 > 0.1", "bond"), ("a/A - 1 > 0.1", "triangle"), ("abs(v/V - 1) > 0.2", "tetrahedron")]
-    {
+    for (condition, what) in [
+        ("l/L - 1 > 0.1", "bond"),
+        ("a/A - 1 > 0.1", "triangle"),
+        ("abs(v/V - 1) > 0.2", "tetrahedron"),
+    ] {
         let line = text.lines().find(|line| line.contains(&format!("break when {condition}:")));
         let judged = format!("every {what} is judged as written");
         assert!(line.is_some_and(|line| line.contains(&judged)), "{text}");

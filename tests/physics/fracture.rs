@@ -158,7 +158,7 @@ fn a_plate_under_tension_forks() {
 }
 
 /// Column `name` of a table.
-fn of<'a>((header, rows): &'a (Vec<String>, Vec<Vec<f64>>), name: &str) -> Vec<f64> {
+fn of((header, rows): &(Vec<String>, Vec<Vec<f64>>), name: &str) -> Vec<f64> {
     let column = header.iter().position(|x| x == name).unwrap();
     rows.iter().map(|row| row[column]).collect()
 }

@@ -100,6 +100,55 @@ fn an_audit_is_csv_json_and_a_picture() {
     audit("javili2020", &["--picture", &folder.path("no/folder.png")]).expect(2);
 }
 
+/// Conditions and what bonds remember are audited like energies, and a threshold that loses its digits is
+/// found, with what it loses them by.
+#[test]
+fn conditions_and_next_states_are_audited() {
+    for name in ["prototype_microelastic_brittle", "bilinear_softening", "micro_plastic", "fatigue"]
+    {
+        let text = audit(name, &[]).expect(0).stdout;
+        let remembers = name != "prototype_microelastic_brittle";
+        assert_eq!(text.contains("\nupdate "), remembers, "{text}");
+        assert_eq!(text.contains("\nbreak when "), name != "micro_plastic", "{text}");
+        assert_eq!(text.contains("zeros of margin"), name != "micro_plastic", "{text}");
+    }
+    let folder = SceneFolder::new("");
+    let lossy = "potential lossy\nparameter w = 1e-9\npsi(l) = (l - L)^2/L\ns = l/L\n\
+                 break when w > s^2 - 2.6*s + 1.69\n";
+    let file = folder.file("lossy.piola", lossy);
+    let text = audit(&file, &[]).expect(1).stdout;
+    let missed: Vec<&str> = text.lines().filter(|line| line.contains("missed")).collect();
+    assert!(
+        matches!(missed[..], [line] if line.starts_with("  missed: margin at l = 1.29")),
+        "{text}"
+    );
+    let csv = audit(&file, &["--format", "csv"]).expect(1).stdout;
+    assert!(csv.contains("\n\"break when w > s^2 - 2.6*s + 1.69\",zeros of margin,"), "{csv}");
+    let explained = piola(&["derive", "--explain", &file]).expect(0).stdout;
+    assert!(explained.contains("the margin of `w > s^2 - 2.6*s + 1.69` is off by"), "{explained}");
+    // What bonds remember is known by its value there.
+    piola(&["derive", "--explain", "micro_plastic"]).expect(0);
+}
+
+/// Of triangles and tetrahedra it is these that are judged.
+#[test]
+fn verify_names_what_breaks() {
+    let folder = SceneFolder::new("");
+    let text = "potential torn\npsi(l) = (l/L - 1)^2\npsi(a) = (a/A - 1)^2\npsi(v) = (v/V - 1)^2\n\
+                break when l/L - 1 > 0.1\nbreak when a/A - 1 > 0.1\nbreak when abs(v/V - 1) > 0.2\n";
+    let file = folder.file("torn.piola", text);
+    let text = piola(&["verify", &file, "--dim", "3"]).expect(0).stdout;
+    for (condition, what) in [
+        ("l/L - 1 > 0.1", "bond"),
+        ("a/A - 1 > 0.1", "triangle"),
+        ("abs(v/V - 1) > 0.2", "tetrahedron"),
+    ] {
+        let line = text.lines().find(|line| line.contains(&format!("break when {condition}:")));
+        let judged = format!("every {what} is judged as written");
+        assert!(line.is_some_and(|line| line.contains(&judged)), "{text}");
+    }
+}
+
 /// Audits an energy of bonds: the exit code, the largest errors raw and left of each order.
 fn largest(energy: &str, more: &[&str], exit: i32) -> [[f64; 3]; 2] {
     let folder = SceneFolder::new("");

@@ -4,8 +4,8 @@
 use piola_compiler::verify::same_bits;
 use piola_compiler::verify::sample::Point;
 use piola_compiler::{
-    Batch, BondFunctionKind, Form, Kernel, Level, Mode, Model, ScalarEnergy, Values, WrittenEnergy,
-    print,
+    Batch, BondFunctionKind, Form, Kernel, Level, Measure, Mode, Model, ScalarEnergy, Values,
+    WrittenEnergy, print,
 };
 
 use super::held::{Held, OfMeasure, hold};
@@ -55,7 +55,7 @@ pub(super) fn follow(text: &str, model: &Model, values: &Values) -> Held {
                 same(&kernels[k], &interpreted[k], &one.text);
             }
             let is_margin = matches!(one.kind, BondFunctionKind::Margin { .. });
-            let found = means(&kernels[k], &one.function, &written[k]);
+            let found = means(&kernels[k], &one.function, &written[k], dimension);
             held.add(found.unwrap_or_else(|what| {
                 let kind = if is_margin { "break when" } else { "update to" };
                 panic!("{kind} {} {what}, {level:?}", one.text)
@@ -115,9 +115,14 @@ fn means(
     kernel: &Kernel,
     function: &ScalarEnergy,
     written: &WrittenEnergy,
+    dimension: usize,
 ) -> Result<Held, String> {
     let mut held = Held::default();
-    for [stretch, reference] in PLACES {
+    // Lengths are no negative numbers, and `min(0, l)` is compiled as 0.
+    let is_signed = |measure: Measure| measure.is_signed(dimension);
+    let places =
+        PLACES.into_iter().filter(|[stretch, _]| *stretch >= 0.0 || is_signed(kernel.measure()));
+    for [stretch, reference] in places {
         let point = Point { measure: stretch * reference, reference };
         let batch = Batch {
             measure: &[point.measure],

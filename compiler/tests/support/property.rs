@@ -102,7 +102,10 @@ pub(crate) fn follow(text: &str) -> (Outcome, Held) {
         let Ok(specialised) = placed(text, model.specialise(&values)) else { continue };
         prints(&model, &specialised, dimension);
         evaluates(&model, &values);
-        held.add(functions::follow(text, &model, &values).as_functions());
+        // Nothing of them but `d` is another in the plane.
+        if Some(dimension) == model.dimensions().last() {
+            held.add(functions::follow(text, &model, &values).as_functions());
+        }
         held.add(holds(&model, &values, &specialised));
         for energy in &specialised.energies {
             round_trip(&model, energy, dimension);

@@ -98,7 +98,7 @@ impl Breaking {
                 if let Some(lost) = &mut status.lost {
                     lost.regain_edges(&self.neighborhood, &regained);
                 }
-                if !self.criteria.are_empty() {
+                if !self.criteria.are_empty() && self.memory.is_empty() {
                     status.energy.watch(self.criteria.limits());
                 }
             }

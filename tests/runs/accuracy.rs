@@ -106,7 +106,7 @@ fn an_audit_is_csv_json_and_a_picture() {
 fn conditions_and_next_states_are_audited() {
     for name in ["prototype_microelastic_brittle", "bilinear_softening", "micro_plastic", "fatigue"]
     {
-        let text = audit(name, &[]).expect(0).stdout;
+        let text = piola(&["audit", name, "--points", "3"]).expect(0).stdout;
         let remembers = name != "prototype_microelastic_brittle";
         assert_eq!(text.contains("\nupdate "), remembers, "{text}");
         assert_eq!(text.contains("\nbreak when "), name != "micro_plastic", "{text}");

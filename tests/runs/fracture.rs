@@ -160,12 +160,6 @@ fn what_cannot_break_is_refused_with_its_place() {
         folder.file("brittle.piola", potential);
         piola(&["run", &folder.scene(), "--out", &folder.path("out")])
     };
-    let (moves, _) = TORN.split_once("[motion]").unwrap();
-    let standing = moves.replace("v = ", "u = ") + "[steps]\nincrements = 2\n";
-    let refused = "the scene has load steps";
-    let softening = "potential p\nstate k = 0\nupdate k = max(k, l/L - 1)\n\
-                     psi(l) = (l/L - 1)^2/(1 + k)\n";
-    of(&standing, softening).expect(2).says(&["conflicting-keys", "bonds remember", refused]);
     let states = format!("{BRITTLE}theta = integral(l/L - 1)\npsi(theta) = theta^2\n");
     let implicit = TORN.replace("[motion]", "[motion]\nmethod = \"midpoint\"");
     of(&implicit, &states).expect(2).says(&["conflicting-keys", "psi(theta)", "explicit"]);

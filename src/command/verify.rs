@@ -131,9 +131,7 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
             ("points", "largest errors against hyper-dual numbers in u = 2^-53", 0)
         }
         Subject::Coupled(..) => ("points", "largest errors in u = 2^-53 of the largest part", 0),
-        Subject::Following => {
-            ("points", "largest errors in roundings of the value and what it takes", 0)
-        }
+        Subject::Following => ("points", "largest errors, where 64 is a billionth of the value", 0),
     };
     let place = match found.subject {
         Subject::Following => format!("{place} load steps,"),

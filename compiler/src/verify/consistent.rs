@@ -3,9 +3,10 @@
 //!
 //! The witness is one evaluation of the energy as written over hyper-dual numbers: the length varies in both
 //! parts, and the states are what the updates as written make of them, varying in the second part alone.
-//! So its mixed part is `psi'' + sum dpsi'/dp dP/dl`. Values may be off by 64 roundings of themselves, by what
-//! they change by when the length, or the states that bonds come to, are rounded so often, and by what the
-//! energy as written loses near rest, as energies with held states may.
+//! So its mixed part is `psi'' + sum dpsi'/dp dP/dl`. Digits are what the lines with held states are about;
+//! here it is whether the chain rule is right. So values may be off by a billionth of themselves and of the
+//! order below over the length, and near rest by 64 times what they change by when the length, or the states
+//! that bonds come to, are rounded.
 
 use num_dual::HyperDual64;
 
@@ -19,8 +20,11 @@ use crate::specialise::{CompileError, Form};
 use crate::values::Values;
 use sample::Point;
 
-/// Largest error, in roundings.
+/// Largest error over what counts as one.
 const BAR: f64 = 64.0;
+
+/// What values may be off by, as a part of themselves and of the order below over the length.
+const RELATIVE: f64 = 1e-9;
 
 /// Verifies the energy of bonds at about `2 n` points with the states of the values, a second after the last
 /// time; nothing where it depends on no state that is updated.
@@ -115,10 +119,12 @@ impl Following {
         [psi.re, psi.eps1, psi.eps1eps2]
     }
 
-    /// The same, and what counts as one rounding of each.
+    /// The same, and what counts as an error of one of each.
     fn with_units(&self, point: Point) -> ([f64; 3], [f64; 3]) {
         let here = self.at(point, [0.0; 2]);
-        let mut units = here.map(|value| UNIT_ROUNDOFF * value.abs());
+        let [psi, slope, curvature] = here.map(f64::abs);
+        let scales = [psi, slope + psi / point.measure, curvature + slope / point.measure];
+        let mut units = scales.map(|scale| RELATIVE / BAR * scale);
         for u in [-2.0 * UNIT_ROUNDOFF, 2.0 * UNIT_ROUNDOFF] {
             for off in [[u, 0.0], [0.0, u]] {
                 let there = self.at(point, off);

@@ -51,8 +51,8 @@ impl Fields {
         Fields { is_state, ..self }
     }
 
-    /// The same where some fields, by their numbers, are the time step in s: see
-    /// [`Fields::set_time_step`]. They are not steady.
+    /// The same where some fields, by their numbers, are the time step in s in which laws follow their states;
+    /// below 0 laws hold them. They are not steady.
     pub fn with_time_steps(self, time_steps: Vec<usize>) -> Fields {
         let is_steady = self.is_steady && time_steps.is_empty();
         Fields { is_steady, time_steps, ..self }

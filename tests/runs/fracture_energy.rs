@@ -145,7 +145,7 @@ fn the_fracture_energy_of_cliques_is_that_of_a_count() {
             let g0 = if own.is_finite() { own } else { 1.0 };
             let material = format!("potential = \"torn.piola\"\nparameters = {{ g0 = {g0} }}");
             let folder = scene(d, ratio, &material);
-            folder.file("torn.piola", &law(d, &more));
+            folder.file("torn.piola", law(d, &more));
             let found = planes(&moduli(&folder));
             let normals = [[1, 0, 0], [1, 1, 0], [1, 1, 1]];
             assert_eq!(found.len(), d);
@@ -163,7 +163,7 @@ fn the_fracture_energy_of_cliques_is_that_of_a_count() {
 fn energies_of_several_measures_hold_what_those_of_one_do() {
     let of = |energy: &str| {
         let folder = scene(2, 2.0, "potential = \"torn.piola\"");
-        folder.file("torn.piola", &law(2, "").replace("psi(a) = 1/2*C2*A*(a/A - 1)^2", energy));
+        folder.file("torn.piola", law(2, "").replace("psi(a) = 1/2*C2*A*(a/A - 1)^2", energy));
         moduli(&folder)
     };
     let plain = planes(&of("psi(a) = 1/2*C2*A*(a/A - 1)^2"));
@@ -199,7 +199,7 @@ fn calibrate(folder: &SceneFolder, target: &str, vary: &str, more: &[&str]) -> O
 
 fn brittle(d: usize, ratio: f64) -> SceneFolder {
     let folder = scene(d, ratio, "potential = \"torn.piola\"");
-    folder.file("torn.piola", &law(d, ""));
+    folder.file("torn.piola", law(d, ""));
     folder
 }
 
@@ -214,7 +214,7 @@ fn calibrated_bodies_have_the_fracture_energy() {
         let material =
             format!("potential = \"torn.piola\"\nparameters = {{ C2 = {c2}, s0 = {s0} }}");
         let again = scene(3, 1.5, &material);
-        again.file("torn.piola", &law(3, ""));
+        again.file("torn.piola", law(3, ""));
         let json = moduli(&again);
         assert!((number(&json["E"]) / 2e3 - 1.0).abs() < 1e-9, "{json:#}");
         let reached = planes(&json)[number_of_plane];

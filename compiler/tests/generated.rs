@@ -79,10 +79,10 @@ fn generated_potentials_go_all_the_way() {
     assert!(lost < 0.02, "{lost}");
     let told: usize = census.held.told.iter().sum();
     assert!(census.held.narrowed <= told / 300, "{:?}", census.held);
-    // Margins and next states: 8 % of their values are lost, where conditions jump from one side to the other.
+    // Margins and next states: 17 values of a program are told, 0.3 % are lost.
     let [of_functions, lost] = census.held.functions;
     assert!(of_functions > 10 * PROGRAMS as usize, "{of_functions}");
-    assert!(lost * 5 < of_functions, "{lost} of {of_functions}");
+    assert!(lost * 50 < of_functions, "{lost} of {of_functions}");
     assert!(census.held.outside > 0, "no place was outside the domain of an energy");
 }
 

@@ -3,6 +3,10 @@
 use super::coefficient::{Coefficient, Symbol, Term, add, settled};
 use super::side::{Made, Side, Stop};
 
+/// Most terms of a coefficient. Where energies hold together one or two powers of the measure at rest are in
+/// each; where lengths are added to areas every product has more of them, and quotients take minutes.
+const MOST_TERMS: usize = 64;
+
 impl Side<'_> {
     pub(super) fn times(&mut self, x: &Term, y: &Term) -> Made<Term> {
         let other = match (x.symbol.other, y.symbol.other) {
@@ -46,6 +50,9 @@ impl Side<'_> {
             for b in y {
                 let term = self.times(a, b)?;
                 add(&mut product, term);
+            }
+            if product.len() > MOST_TERMS {
+                return Err(Stop::Lost);
             }
         }
         Ok(product)

@@ -38,6 +38,12 @@ const NEAR: f64 = 1e-3;
 /// Most steps towards the root.
 const STEPS: usize = 200;
 
+/// The logarithm of base 2 of the ratio of the parameter to the scene's value, and the fracture energy there.
+type Place = (f64, f64);
+
+/// The end of a way: the parameter there, and what is wrong with it.
+type End = (f64, String);
+
 /// The search for one parameter.
 pub(super) struct Search<'a> {
     problem: &'a Problem<'a>,
@@ -121,7 +127,7 @@ impl<'a> Search<'a> {
     }
 
     /// Where the scene's value has no fracture energy, another one.
-    fn start(&mut self) -> Result<(f64, f64), CalibrateError> {
+    fn start(&mut self) -> Result<Place, CalibrateError> {
         let mut first = None;
         for x in [0.0, -1.0, 1.0, -2.0, 2.0, -4.0, 4.0, -8.0, 8.0, -16.0, 16.0] {
             match self.energy(x) {
@@ -149,7 +155,7 @@ impl<'a> Search<'a> {
     }
 
     /// First the side to which the fracture energy comes nearer to the target.
-    fn sides(&mut self, start: (f64, f64)) -> Result<[f64; 2], CalibrateError> {
+    fn sides(&mut self, start: Place) -> Result<[f64; 2], CalibrateError> {
         for side in [1.0, -1.0] {
             match self.energy(start.0 + side * NEAR) {
                 Ok(there) if self.miss(there).abs() < self.miss(start.1).abs() => {
@@ -165,12 +171,11 @@ impl<'a> Search<'a> {
 
     /// Places ever farther to one side, until the target lies between the last two, and what ended the way
     /// otherwise.
-    #[allow(clippy::type_complexity)] // places are pairs
     fn walk(
         &mut self,
-        start: (f64, f64),
+        start: Place,
         side: f64,
-    ) -> Result<(Vec<(f64, f64)>, Option<(f64, String)>), CalibrateError> {
+    ) -> Result<(Vec<Place>, Option<End>), CalibrateError> {
         let (mut way, mut step, mut at) = (Vec::new(), 1.0, start);
         let (mut end, mut halvings) = (None, 0);
         while halvings < HALVINGS && (at.0 + side * step).abs() <= FARTHEST {
@@ -199,11 +204,7 @@ impl<'a> Search<'a> {
 
     /// The parameter between two places, by the rule of false position; where one end stays, its value counts
     /// half (Illinois), and where that is slow the interval is halved.
-    fn between(
-        &mut self,
-        mut low: (f64, f64),
-        mut high: (f64, f64),
-    ) -> Result<f64, CalibrateError> {
+    fn between(&mut self, mut low: Place, mut high: Place) -> Result<f64, CalibrateError> {
         let [mut of_low, mut of_high] = [low.1, high.1].map(|energy| self.miss(energy));
         let mut stayed = 0;
         for step in 0..STEPS {
@@ -249,9 +250,9 @@ impl<'a> Search<'a> {
         format!("{name} = {value:.6e} J/m^2 cannot be reached by varying {parameter}")
     }
 
-    fn unreachable(&self, seen: &[(f64, f64)], ends: &[(f64, String)]) -> CalibrateError {
+    fn unreachable(&self, seen: &[Place], ends: &[End]) -> CalibrateError {
         let (name, parameter) = (self.target.name(), &self.problem.names[0]);
-        let range = |of: &dyn Fn(&(f64, f64)) -> f64| {
+        let range = |of: &dyn Fn(&Place) -> f64| {
             seen.iter().map(of).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
                 [low.min(x), high.max(x)]
             })
@@ -262,9 +263,7 @@ impl<'a> Search<'a> {
                 format!("{name} does not depend on `{parameter}`: it is {high:.6e} J/m^2");
             return input(message, "vary the parameter that says when something breaks");
         }
-        let near = |p: &&(f64, f64), q: &&(f64, f64)| {
-            self.miss(p.1).abs().total_cmp(&self.miss(q.1).abs())
-        };
+        let near = |p: &&Place, q: &&Place| self.miss(p.1).abs().total_cmp(&self.miss(q.1).abs());
         let closest = seen.iter().min_by(near).map_or(String::new(), |(x, energy)| {
             let at = self.parameter(*x);
             format!(": closest is {name} = {energy:.6e} J/m^2 at {parameter} = {at:.6e}")
@@ -275,15 +274,15 @@ impl<'a> Search<'a> {
             "{name} reaches from about {low:.4e} to {high:.4e} J/m^2 with {parameter} from {from:.4e} to \
              {to:.4e}"
         )];
-        let end = |(at, why): &(f64, String)| format!("at {parameter} = {at:.6e}: {why}");
+        let end = |(at, why): &End| format!("at {parameter} = {at:.6e}: {why}");
         helps.extend(ends.iter().map(end));
         helps.extend(self.problem.not_varied());
         CalibrateError::Unreachable { message, helps }
     }
 
-    fn jump(&self, ends: [(f64, f64); 2]) -> CalibrateError {
+    fn jump(&self, ends: [Place; 2]) -> CalibrateError {
         let (name, parameter) = (self.target.name(), &self.problem.names[0]);
-        let place = |(x, energy): (f64, f64)| {
+        let place = |(x, energy): Place| {
             format!("{energy:.9e} J/m^2 at {parameter} = {:e}", self.parameter(x))
         };
         let [low, high] = ends.map(place);

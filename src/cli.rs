@@ -490,7 +490,7 @@ pub(crate) struct Calibrate {
     pub(crate) scene: PathBuf,
     /// Moduli that the body shall have, in Pa or with a unit: `E=200e9,nu=0.3`; names are E, nu, K, mu,
     /// C11, C12, C44, dilation (1 - 2 nu) and, in two dimensions, E_strain and nu_strain; of bodies that
-    /// break also a fracture energy in J/m^2, Gc or of another plane Gc[110]
+    /// break also a fracture energy in J/m^2, `Gc` or of another plane `Gc[110]`
     #[arg(long = "target", value_name = "NAME=VALUE", value_delimiter = ',', required = true)]
     pub(crate) targets: Vec<String>,
     /// Parameters of the potential that may change

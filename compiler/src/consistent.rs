@@ -11,7 +11,9 @@ use crate::expression::{Comparison, Input, Node, NodeId, TooManyNodes};
 use crate::measure::Measure;
 use crate::model::{Model, Update};
 use crate::simplify::Simplifier;
-use crate::specialise::{CompileError, Form, Named, ScalarEnergy, folded, of_measure};
+use crate::specialise::{
+    CompileError, Form, Named, ScalarEnergy, folded, folded_into, of_measure, substituted_into,
+};
 use crate::values::Values;
 
 impl Values {
@@ -100,17 +102,18 @@ fn composed(
     let (mut states, mut rates) = (Vec::new(), Vec::new());
     for Next { state, function } in next {
         let [value, rate, _] = function.roots;
-        let found = placed(&mut graph, function, &[value, rate], |_| None)?;
+        let place = folded_into(&mut graph, &function.graph, &[value, rate])?;
         let now = graph.input(Input::Parameter(*state))?;
-        states.push((*state, graph.make(Node::Select(follows, found[0], now))?));
-        rates.push(found[1]);
+        let next = graph.make(Node::Select(follows, place[value.0 as usize], now))?;
+        states.push((*state, next));
+        rates.push(place[rate.0 as usize]);
     }
     let of_state = |input| match input {
         Input::Parameter(number) => states.iter().find(|one| one.0 == number).map(|one| one.1),
         _ => None,
     };
-    let held = ScalarEnergy { graph: held.graph().clone(), ..energy.clone() };
-    let roots = placed(&mut graph, &held, &roots, of_state)?;
+    let place = substituted_into(&mut graph, held.graph(), &roots, of_state)?;
+    let roots: Vec<NodeId> = roots.iter().map(|root| place[root.0 as usize]).collect();
     let mut curvature = roots[2];
     for (mixed, rate) in roots[3..].iter().zip(rates) {
         let product = graph.multiply(*mixed, rate)?;
@@ -120,26 +123,4 @@ fn composed(
     let (graph, roots) = graph.graph().extract(&[roots[0], roots[1], curvature]);
     let roots = [roots[0], roots[1], roots[2]];
     Ok(ScalarEnergy { measure: energy.measure, graph, roots, fields: values.typical().collect() })
-}
-
-/// Some roots of a function in another graph, with other nodes in the place of inputs.
-fn placed(
-    graph: &mut Simplifier,
-    function: &ScalarEnergy,
-    roots: &[NodeId],
-    instead: impl Fn(Input) -> Option<NodeId>,
-) -> Result<Vec<NodeId>, TooManyNodes> {
-    let needed = function.graph.reachable(roots);
-    let mut place = vec![NodeId(0); function.graph.len()];
-    for (id, node) in function.graph.nodes().filter(|(id, _)| needed[id.0 as usize]) {
-        let other = match node {
-            Node::Input(input) => instead(input),
-            _ => None,
-        };
-        place[id.0 as usize] = match other {
-            Some(other) => other,
-            None => graph.make(node.map_operands(|x| place[x.0 as usize]))?,
-        };
-    }
-    Ok(roots.iter().map(|root| place[root.0 as usize]).collect())
 }

@@ -11,7 +11,7 @@ use crate::differentiate::differentiate;
 use crate::expression::graph::MAX_NODES;
 use crate::expression::interpret::Interpreter;
 use crate::expression::number::Number;
-use crate::expression::{ExprGraph, Input, NodeId, TooManyNodes};
+use crate::expression::{ExprGraph, Input, Node, NodeId, TooManyNodes};
 use crate::measure::Measure;
 use crate::model::{Model, Parameter, Variant};
 use crate::near;
@@ -347,10 +347,27 @@ pub(crate) fn folded_into(
     exact: &ExprGraph,
     roots: &[NodeId],
 ) -> Result<Vec<NodeId>, TooManyNodes> {
+    substituted_into(graph, exact, roots, |_| None)
+}
+
+/// The same with nodes of the graph that is given in the place of some inputs.
+pub(crate) fn substituted_into(
+    graph: &mut Simplifier,
+    exact: &ExprGraph,
+    roots: &[NodeId],
+    instead: impl Fn(Input) -> Option<NodeId>,
+) -> Result<Vec<NodeId>, TooManyNodes> {
     let needed = exact.reachable(roots);
     let mut place = vec![NodeId(0); exact.len()];
     for (id, node) in exact.nodes().filter(|(id, _)| needed[id.0 as usize]) {
-        place[id.0 as usize] = graph.make(node.map_operands(|x| place[x.0 as usize]))?;
+        let other = match node {
+            Node::Input(input) => instead(input),
+            _ => None,
+        };
+        place[id.0 as usize] = match other {
+            Some(other) => other,
+            None => graph.make(node.map_operands(|x| place[x.0 as usize]))?,
+        };
     }
     Ok(place)
 }

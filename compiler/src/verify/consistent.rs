@@ -13,7 +13,7 @@ use num_dual::HyperDual64;
 use super::{Columns, Miss, Subject, UNIT_ROUNDOFF, Verification, Witness, sample};
 use crate::compile::Kind;
 use crate::expression::{Input, NodeId};
-use crate::kernel::{Batch, Kernel, Level, Mode, WrittenEnergy};
+use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};
 use crate::measure::Measure;
 use crate::model::{Model, Update, Variant};
 use crate::specialise::{CompileError, Form};
@@ -66,11 +66,7 @@ pub(super) fn verify(
 fn compare(kernels: [&Kernel; 3], witness: &Following, points: &[Point]) -> Verification {
     let mut found = Verification::new(Subject::Following, &[(Witness::HyperDual, BAR)]);
     let columns = Columns::new(points);
-    let [strict, fast, interpreted] = kernels.map(|kernel| {
-        let fields = kernel.fields().iter().flat_map(|value| points.iter().map(move |_| *value));
-        let fields: Vec<f64> = fields.collect();
-        kernel.derivatives(Batch { fields: &fields, ..columns.batch() })
-    });
+    let [strict, fast, interpreted] = kernels.map(|kernel| columns.derivatives(kernel));
     for (k, point) in points.iter().enumerate() {
         let [strict, fast, interpreted] =
             [&strict, &fast, &interpreted].map(|all| [all.psi[k], all.dpsi[k], all.d2psi[k]]);

@@ -30,7 +30,7 @@ pub(crate) mod stated;
 pub mod truth;
 
 use crate::compile::Compiled;
-use crate::kernel::{Batch, Level, Mode};
+use crate::kernel::{Batch, Derivatives, Kernel, Level, Mode};
 use crate::measure::{Argument, Measure};
 use crate::model::Model;
 use crate::point::truth::parts;
@@ -406,6 +406,14 @@ impl Columns {
             change: &self.change,
             fields: &[],
         }
+    }
+
+    /// What a kernel finds there, with typical values of fields at every point.
+    pub fn derivatives(&self, kernel: &Kernel) -> Derivatives {
+        let n = self.measure.len();
+        let fields: Vec<f64> =
+            kernel.fields().iter().flat_map(|value| std::iter::repeat_n(*value, n)).collect();
+        kernel.derivatives(Batch { fields: &fields, ..self.batch() })
     }
 }
 

@@ -7,7 +7,7 @@
 use super::{Columns, Miss, Subject, UNIT_ROUNDOFF, Verification, Witness, sample};
 use crate::expression::number::Number as _;
 use crate::expression::precise::Precise;
-use crate::kernel::{Batch, Kernel, Level, Mode, WrittenEnergy};
+use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};
 use crate::measure::Measure;
 use crate::model::{Model, Variant};
 use crate::remember::Remembering;
@@ -81,12 +81,7 @@ fn compare(
     points: &[Point],
 ) -> Verification {
     let columns = Columns::new(points);
-    let values = |kernel: &Kernel| {
-        let fields = kernel.fields().iter().flat_map(|value| points.iter().map(move |_| *value));
-        let fields: Vec<f64> = fields.collect();
-        kernel.derivatives(Batch { fields: &fields, ..columns.batch() }).psi
-    };
-    let [strict, fast, interpreted] = kernels.map(values);
+    let [strict, fast, interpreted] = kernels.map(|kernel| columns.derivatives(kernel).psi);
     for (k, point) in points.iter().enumerate() {
         found.count(&[strict[k]], &[interpreted[k]]);
         let Some(truth) = truth(written, point.measure, point.reference) else { continue };

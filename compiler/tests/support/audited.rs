@@ -2,7 +2,7 @@
 //!
 //! Used by the tests and, with more time, by the fuzz target `audit`.
 
-use piola_compiler::audit::{Settings, audit};
+use piola_compiler::audit::{Settings, audit, functions};
 use piola_compiler::expression::number::Number;
 use piola_compiler::expression::precise::Precise;
 use piola_compiler::{Form, Level, Model, Setting, Values, check_text};
@@ -100,7 +100,8 @@ pub(crate) fn audited(text: &str) -> usize {
     for (_, values) in with_values(&model) {
         let settings =
             Settings { form: Form::Accurate, level: Level::Strict, points: 1, bar: 64.0 };
-        let Ok((audits, _)) = audit(&model, &values, &settings) else { continue };
+        let Ok((mut audits, _)) = audit(&model, &values, &settings) else { continue };
+        audits.extend(functions(&model, &values, &settings).unwrap_or_default());
         let regimes = audits.iter().flat_map(|audit| &audit.regimes);
         n_points += regimes.map(|regime| regime.n_points).sum::<usize>();
     }

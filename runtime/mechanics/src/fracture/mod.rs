@@ -37,7 +37,7 @@ use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use criteria::Criteria;
 pub use criteria::Judged;
-pub use criteria::margin::Foremost;
+pub use criteria::margin::{Foremost, over_rest};
 use damage::Damage;
 pub use equilibria::left_of;
 use inspect::Inspected;

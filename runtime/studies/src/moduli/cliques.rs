@@ -1,6 +1,8 @@
 //! Energies of several measures inside an endless lattice, in a homogeneous displacement: no measure alone
 //! tells what a clique stores, so each clique that belongs to a point is taken. Parameters do not vary here.
 
+use std::ops::{Add, Mul, Sub};
+
 use piola_mechanics::element::{CAPACITY, Contributions, Element, InteractionBatch, Order};
 use piola_mechanics::geometry::packed;
 use piola_mechanics::kernel::Measure;
@@ -179,14 +181,20 @@ fn difference(p: Vector, q: Vector) -> Vector {
     std::array::from_fn(|axis| p[axis] - q[axis])
 }
 
-fn dot(p: Vector, q: Vector) -> i64 {
-    p.iter().zip(q).map(|(x, y)| x * y).sum()
+pub(super) fn dot<T>(p: [T; 3], q: [T; 3]) -> T
+where
+    T: Copy + Mul<Output = T> + Add<Output = T>,
+{
+    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
 }
 
 fn square(p: Vector) -> i64 {
     dot(p, p)
 }
 
-fn cross(p: Vector, q: Vector) -> Vector {
+pub(super) fn cross<T>(p: [T; 3], q: [T; 3]) -> [T; 3]
+where
+    T: Copy + Mul<Output = T> + Sub<Output = T>,
+{
     [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
 }

@@ -26,8 +26,9 @@ pub struct Foremost {
 /// Interactions of one kind by their numbers, with their margins.
 pub(in super::super) type WithMargins = Vec<(usize, f64)>;
 
-/// A margin over its amount at rest.
-pub(in super::super) fn over_rest(now: f64, at_rest: f64) -> f64 {
+/// A margin over its amount at rest: -1 at rest, 0 at the threshold. One that is not negative at rest stands as
+/// it is.
+pub fn over_rest(now: f64, at_rest: f64) -> f64 {
     if at_rest < 0.0 { now / -at_rest } else { now }
 }
 

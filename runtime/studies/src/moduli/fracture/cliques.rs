@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use piola_mechanics::element::{CAPACITY, Contributions, Element, InteractionBatch, Order};
 use piola_mechanics::lattice::ordered;
 
-use super::super::cliques::{Vector, for_each_clique, gather};
+use super::super::cliques::{Vector, cross, dot, for_each_clique, gather};
 use super::super::inside::Inside;
 use super::bonds::{Part, threshold};
 use super::{Edges, NoFractureEnergy, norm, weight};
@@ -324,15 +324,4 @@ fn key(corners: &[Vector]) -> i64 {
         }
         _ => 0,
     }
-}
-
-fn dot<T: Copy + std::ops::Mul<Output = T> + std::ops::Add<Output = T>>(p: [T; 3], q: [T; 3]) -> T {
-    p[0] * q[0] + p[1] * q[1] + p[2] * q[2]
-}
-
-fn cross<T: Copy + std::ops::Mul<Output = T> + std::ops::Sub<Output = T>>(
-    p: [T; 3],
-    q: [T; 3],
-) -> [T; 3] {
-    [p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]]
 }

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use piola_compiler::Measure;
 use piola_mechanics::energy::{Energy as _, NonFinite};
-use piola_mechanics::fracture::{Fracture, Look};
+use piola_mechanics::fracture::{Fracture, Look, over_rest};
 use piola_output::summary::ExitReason;
 use piola_solvers::Watch;
 use piola_solvers::march::{Advance, March as _, State};
@@ -304,12 +304,10 @@ impl<'a> Seen<'a> {
 
     /// Takes in margins of a bond that is there.
     fn raise(&mut self, t: f64, look: &Look) {
-        let size =
-            |margin: f64, at_rest: f64| if at_rest < 0.0 { margin / -at_rest } else { margin };
         for (condition, one) in look.margins.iter().enumerate() {
             let known = self.history.largest.as_ref();
-            let own = size(one.margin, one.at_rest);
-            if known.is_none_or(|known| own > size(known.margin, known.at_rest)) {
+            let own = over_rest(one.margin, one.at_rest);
+            if known.is_none_or(|known| own > over_rest(known.margin, known.at_rest)) {
                 let share = (one.at_rest < 0.0).then_some(1.0 + own);
                 let (margin, at_rest) = (one.margin, one.at_rest);
                 self.history.largest = Some(LargestMargin { t, condition, margin, at_rest, share });

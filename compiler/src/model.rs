@@ -326,6 +326,11 @@ impl Model {
         (!self.updates().is_empty()).then_some(self.parameters.len() as u16)
     }
 
+    /// Whether what bonds remember changes with time, by itself.
+    pub fn remembers_time(&self) -> bool {
+        self.time_step().is_some()
+    }
+
     /// The number of the time step, where some update depends on it.
     pub(crate) fn time_step(&self) -> Option<u16> {
         let number = self.parameters.len() as u16;

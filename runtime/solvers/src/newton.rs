@@ -10,6 +10,7 @@
 //! happens otherwise. Modified Newton assembles forces alone and goes on with the tangent it has,
 //! as long as that serves.
 
+mod along;
 mod constrain;
 mod judge;
 mod relaxation;
@@ -24,6 +25,7 @@ use super::line_search::{LineSearch, Trial};
 use super::linear::{LinearError, LinearOptions, LinearReport, LinearSolver, Tangent};
 pub use super::newton_outcome::{History, NewtonError, NewtonFailure, NewtonReport};
 use super::watch::{Event, Watch};
+pub(crate) use along::Distance;
 use piola_mechanics::energy::{Energy, EnergyParts, NonFinite, Wanted, magnitude, total};
 use piola_mechanics::vector::{dot, norm, norm_of};
 use piola_mechanics::words::Words;

@@ -14,6 +14,17 @@ pub struct History {
     pub residual_over_reaction: Vec<f64>,
 }
 
+impl History {
+    /// With another behind it, which begins where this ends: the last entry is that of the other.
+    pub(crate) fn followed_by(mut self, next: History) -> History {
+        self.residual.pop();
+        self.residual.extend(next.residual);
+        self.residual_over_reaction.pop();
+        self.residual_over_reaction.extend(next.residual_over_reaction);
+        self
+    }
+}
+
 /// A converged state.
 #[derive(Clone, Debug, PartialEq)]
 pub struct NewtonReport {
@@ -75,6 +86,9 @@ pub enum NewtonFailure {
         /// The parts.
         parts: UnderConstrained,
     },
+    /// Nothing but the way back was found at some distance from the last equilibrium.
+    #[error("the way of equilibria goes on nowhere that is found")]
+    WayLost,
     /// Whoever looked on wanted an end.
     #[error("the solution was interrupted")]
     Interrupted,

@@ -4,6 +4,7 @@
 //! increment is halved, down to 1/1024 of the nominal one, and it doubles again after two easy
 //! steps. Times within an increment are counted in its 1024ths, so no rounding accumulates.
 
+mod arc_length;
 mod breaking;
 mod events;
 mod loose;
@@ -170,6 +171,8 @@ pub struct LoadSteps<'a> {
     nominal: usize,
     position: u32,
     increment: Increment,
+    /// Of steps by the length of the way: what they go by, once something has moved.
+    way: Option<arc_length::Way>,
     records: Vec<StepRecord>,
     /// Since the last converged step, and in all.
     cut_backs: usize,
@@ -218,6 +221,7 @@ impl<'a> LoadSteps<'a> {
             nominal: 0,
             position: 0,
             increment: Increment::nominal(),
+            way: None,
             records: Vec::new(),
             cut_backs: 0,
             all_cut_backs: 0,
@@ -244,6 +248,25 @@ impl<'a> LoadSteps<'a> {
             return self.settings.end;
         }
         self.settings.end * (number as f64 / self.settings.increments as f64)
+    }
+
+    /// How many nominal times there are up to `t`: those that it passes again after it fell are not new.
+    fn passed(&self, t: f64) -> usize {
+        (1..=self.settings.increments).filter(|number| self.nominal_time(*number) <= t).count()
+    }
+
+    /// A shorter step after one of so many ticks to `t` has failed.
+    ///
+    /// # Errors
+    /// No step, where a shorter one does not help.
+    fn cut_back(&mut self, t: f64, cause: NewtonError, tried: u32) -> Result<(), StepError> {
+        if !smaller_may_help(&cause.failure) || !self.increment.halve(tried) {
+            return Err(self.not_converged(t, cause));
+        }
+        self.watch.notice(Event::CutBack { t, cause: &cause });
+        self.cut_backs += 1;
+        self.all_cut_backs += 1;
+        Ok(())
     }
 
     /// One equilibrium at `t`; the state changes only if it is found.
@@ -448,8 +471,10 @@ impl March for LoadSteps<'_> {
     type Stop = StepError;
 
     fn advance(&mut self) -> Result<Advance<StepRecord>, StepError> {
-        if self.settings.breaking.control == Control::Event && self.fracture.is_some() {
-            return self.advance_by_events();
+        match self.settings.breaking.control {
+            Control::Event if self.fracture.is_some() => return self.advance_by_events(),
+            Control::ArcLength => return self.advance_along(),
+            Control::Event | Control::Load => {}
         }
         while self.nominal < self.settings.increments {
             if self.watch.wants_end() {
@@ -467,15 +492,7 @@ impl March for LoadSteps<'_> {
                 Attempt::Failed(cause) if cause.failure == NewtonFailure::Interrupted => {
                     return Ok(Advance::Interrupted);
                 }
-                Attempt::Failed(cause) => {
-                    let tried = end - self.position;
-                    if !smaller_may_help(&cause.failure) || !self.increment.halve(tried) {
-                        return Err(self.not_converged(t, cause));
-                    }
-                    self.watch.notice(Event::CutBack { t, cause: &cause });
-                    self.cut_backs += 1;
-                    self.all_cut_backs += 1;
-                }
+                Attempt::Failed(cause) => self.cut_back(t, cause, end - self.position)?,
             }
         }
         Ok(Advance::End)

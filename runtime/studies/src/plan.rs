@@ -242,7 +242,14 @@ impl Plan {
         let goes_by_events =
             input.scene.motion.is_none() && input.scene.steps.control == Control::Event;
         let events = goes_by_events.then(|| EventPlan::new(input.scene.steps.events, &time));
-        let PlanInput { scene, extent, interactions, kernels, threads, .. } = input;
+        let PlanInput { scene, extent, interactions, kernels, threads, mut notes, .. } = input;
+        if scene.motion.is_none() && scene.steps.control == Control::ArcLength {
+            notes.push(format!(
+                "the number of steps: the plan takes {}, as if t never fell; a run along the way ends at \
+                 `end`, after {} steps, the `arcs` of [steps], or before",
+                scene.steps.increments, scene.steps.arcs
+            ));
+        }
         Plan {
             dimension: extent.dimension,
             points: extent.points,
@@ -261,7 +268,7 @@ impl Plan {
             motion,
             events,
             first: None,
-            notes: input.notes,
+            notes,
         }
     }
 

@@ -16,10 +16,13 @@ use crate::constraint::Constraints;
 use crate::linear::Definiteness;
 use crate::newton::{History, NewtonError, NewtonFailure, NewtonReport};
 
+/// A body carries nothing where less than this of the most energy is left in it.
+pub(super) const NOTHING: f64 = 1e-12;
+
 /// What breaks by `breaking = "largest"` goes with the foremost within this share: mirror images.
 const MIRRORED: f64 = 1e-9;
 
-/// What the load steps of a body that breaks go by.
+/// What load steps go by.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Control {
     /// By `t`, which grows: bonds break at given loads.
@@ -27,11 +30,13 @@ pub enum Control {
     Load,
     /// By breaking: `t` is found where the next bond breaks, and may fall.
     Event,
+    /// By the length of the way that the body goes: `t` is found with the equilibrium, and may fall.
+    ArcLength,
 }
 
 impl Words for Control {
     const WORDS: &'static [(&'static str, Control)] =
-        &[("load", Control::Load), ("event", Control::Event)];
+        &[("load", Control::Load), ("event", Control::Event), ("arc-length", Control::ArcLength)];
 }
 
 /// Which bonds break at a load step.
@@ -64,7 +69,7 @@ impl Words for Loose {
         &[("freeze", Loose::Freeze), ("stop", Loose::Stop)];
 }
 
-/// How bonds break.
+/// What steps go by, and how bonds break.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BreakSettings {
     /// What steps go by.
@@ -75,6 +80,8 @@ pub struct BreakSettings {
     pub tie: f64,
     /// After how many events a run ends.
     pub events: usize,
+    /// After how many steps along the way a run ends.
+    pub arcs: usize,
     /// What becomes of loose parts.
     pub loose: Loose,
 }
@@ -86,6 +93,7 @@ impl Default for BreakSettings {
             breaking: Breaking::default(),
             tie: 1e-9,
             events: 10_000,
+            arcs: 1000,
             loose: Loose::default(),
         }
     }
@@ -189,7 +197,7 @@ impl<'a> LoadSteps<'a> {
     /// Breaks what is beyond its criteria at an equilibrium, round by round, until nothing goes any more.
     pub(super) fn settle(&mut self, found: Found, loads: &[f64], t: f64) -> Tried<Found> {
         let Some(before) = self.before_breaking() else { return Ok(Ok(found)) };
-        match self.evolve(&self.u.clone(), &found.u, t - self.t) {
+        match self.evolve(&self.u.clone(), &found.u, self.elapsed(t)) {
             Ok(evolved) => self.follow(&found.u, &found.report, (loads, evolved)),
             Err(cause) => return self.undo(before, cause),
         }

@@ -7,7 +7,7 @@
 //! linearised at the last equilibrium says where, which is exact where the response is linear; the equilibrium
 //! there says how exactly, and so on, with the event between the two last `t` once it has been passed.
 
-use super::breaking::{Before, Rested, Tried, not_judged};
+use super::breaking::{Before, NOTHING, Rested, Tried, not_judged};
 use super::memory::Evolved;
 use super::{Attempt, Event, Found, LoadSteps, NotGiven, StepError, StepRecord, smaller_may_help};
 use crate::march::Advance;
@@ -27,9 +27,6 @@ const MOST_HALVINGS: usize = 10;
 
 /// Halvings on the way to where a margin is 0 in the linearised body.
 const HALVINGS: usize = 60;
-
-/// A body carries nothing where less than this of the most energy is left in it.
-const NOTHING: f64 = 1e-12;
 
 /// An equilibrium on the way.
 struct Place {
@@ -62,9 +59,7 @@ impl<'a> LoadSteps<'a> {
         self.times.add(&self.newton.take_times());
         match found? {
             Ok((found, loads, t, is_event)) => {
-                // Times that t passes again after it fell are not new.
-                let count = (1..=self.settings.increments).filter(|k| self.nominal_time(*k) <= t);
-                let passed = if is_event { 0 } else { count.count() };
+                let passed = if is_event { 0 } else { self.passed(t) };
                 let is_new = passed > self.nominal;
                 self.nominal = self.nominal.max(passed);
                 match self.take(found, loads, t, is_new)? {

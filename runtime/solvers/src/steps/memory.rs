@@ -7,7 +7,7 @@
 
 use piola_mechanics::fracture::Release;
 
-use super::breaking::{Fracturing, Rested, Tried};
+use super::breaking::{Control, Fracturing, Rested, Tried};
 use super::{Found, LoadSteps, smaller_may_help};
 use crate::newton::{NewtonError, NewtonReport};
 
@@ -46,6 +46,14 @@ impl LoadSteps<'_> {
     /// Whether bonds remember anything.
     pub(super) fn remembers(&self) -> bool {
         self.fracture.as_ref().and_then(Fracturing::memory).is_some()
+    }
+
+    /// What passes until `t`; nothing along the way, on which `t` is what drives the body alone.
+    pub(super) fn elapsed(&self, t: f64) -> f64 {
+        match self.settings.breaking.control {
+            Control::ArcLength => 0.0,
+            Control::Load | Control::Event => t - self.t,
+        }
     }
 
     /// Lets bonds come to remember something else in `dt` s on the way to the next equilibrium, or hold what
@@ -108,7 +116,7 @@ impl LoadSteps<'_> {
         if !self.remembers() {
             return self.found_and_settled(last, loads, t);
         }
-        self.follow_memory(Some(t - self.t));
+        self.follow_memory(Some(self.elapsed(t)));
         let found = self.search(last.clone(), loads, t);
         let is_stable = |found: &Found| found.judged.0.positive_definite != Some(false);
         let settled = match found {
@@ -117,7 +125,7 @@ impl LoadSteps<'_> {
                 let by_turns = self.by_turns(last.clone(), loads, t)?;
                 if by_turns.as_ref().is_err_and(|cause| smaller_may_help(&cause.failure)) {
                     self.hold_memory();
-                    self.follow_memory(Some(t - self.t));
+                    self.follow_memory(Some(self.elapsed(t)));
                     self.found_and_settled(last, loads, t)?
                 } else {
                     by_turns

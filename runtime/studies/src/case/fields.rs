@@ -96,6 +96,11 @@ pub(crate) struct Field {
 }
 
 impl Field {
+    /// Whether it is the same at all t.
+    pub(super) fn is_steady(&self) -> bool {
+        self.is_steady
+    }
+
     /// Compiles the fields of a material, in the order of the parameters of its potential; states with what
     /// bonds begin with.
     pub(super) fn of(
@@ -465,7 +470,7 @@ impl Case {
 
     /// Whether a parameter changes with t.
     pub fn changes_in_time(&self) -> bool {
-        self.potentials.iter().flat_map(|potential| &potential.fields).any(|field| !field.is_steady)
+        self.potentials.iter().any(Potential::changes_in_time)
     }
 
     /// Whether a parameter varies; what bonds remember is none.

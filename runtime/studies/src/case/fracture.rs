@@ -147,13 +147,40 @@ impl Case {
         }
     }
 
+    /// Refuses steps by what this case cannot go by.
+    pub(super) fn check_control(&self) -> Result<(), CaseError> {
+        match self.scene.steps.control {
+            _ if self.scene.motion.is_some() => Ok(()),
+            Control::Load => Ok(()),
+            Control::Event => self.check_events(),
+            Control::ArcLength => self.check_way(),
+        }
+    }
+
+    /// Refuses steps along the way where what the body is made of goes with `t`: that may fall, and is what
+    /// drives the body alone.
+    fn check_way(&self) -> Result<(), CaseError> {
+        let mut all = self.potentials.iter().zip(&self.scene.materials);
+        let of = |potential: &Potential| {
+            if potential.model.remembers_time() {
+                return Some("remember the time that passes");
+            }
+            potential.changes_in_time().then_some("have parameters that vary with t")
+        };
+        let found = all.find_map(|(one, material)| Some((of(one)?, one, material)));
+        let Some((why, one, material)) = found else { return Ok(()) };
+        let message = format!(
+            "the steps go by the length of the way, and bonds of {} {why}",
+            one.model.name()
+        );
+        let found = Diagnostic::error("conflicting-keys", material.potential.span, message)
+            .help("write control = \"load\" in [steps]: t grows there");
+        Err(CaseError::Scene(self.scene.report(vec![found])))
+    }
+
     /// Refuses steps by events where nothing breaks, or bonds remember: where a margin is 0 is not asked
     /// along the way on which these change.
-    pub(super) fn check_events(&self) -> Result<(), CaseError> {
-        let by_events = self.scene.steps.control == Control::Event && self.scene.motion.is_none();
-        if !by_events {
-            return Ok(());
-        }
+    fn check_events(&self) -> Result<(), CaseError> {
         let mut all = self.potentials.iter().zip(&self.scene.materials);
         let breaks = self.potentials.iter().any(|one| !one.model.breaks().is_empty());
         let (span, message, help) = match all.find(|(one, _)| !one.model.updates().is_empty()) {

@@ -88,7 +88,7 @@ impl Case {
         &self,
         compiled: Vec<Compiled>,
     ) -> Result<(Total<'static>, FieldsInTime<'_>), CaseError> {
-        self.check_events()?;
+        self.check_control()?;
         let solver = &self.scene.solver;
         let (energy, fields) = self.energy_in_time(compiled)?;
         let energy = energy.with_products(solver.products);

@@ -78,6 +78,11 @@ impl Compiled {
 }
 
 impl Potential {
+    /// Whether a parameter changes with t.
+    pub(crate) fn changes_in_time(&self) -> bool {
+        self.fields.iter().any(|field| !field.is_steady())
+    }
+
     /// Reads and checks what a scene names.
     ///
     /// # Errors

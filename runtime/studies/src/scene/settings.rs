@@ -17,7 +17,7 @@ pub struct Steps {
     pub increments: usize,
     /// How an equilibrium is found.
     pub find: Find,
-    /// Where bonds break: what steps go by.
+    /// What steps go by.
     pub control: Control,
     /// Where bonds break: which of them do at a step.
     pub breaking: Breaking,
@@ -25,12 +25,15 @@ pub struct Steps {
     pub tie: f64,
     /// After how many events a run ends.
     pub events: usize,
+    /// After how many steps along the way a run ends.
+    pub arcs: usize,
 }
 
 impl Default for Steps {
     fn default() -> Self {
-        let BreakSettings { control, breaking, tie, events, .. } = BreakSettings::default();
-        Steps { end: 1.0, increments: 25, find: Find::default(), control, breaking, tie, events }
+        let BreakSettings { control, breaking, tie, events, arcs, .. } = BreakSettings::default();
+        let find = Find::default();
+        Steps { end: 1.0, increments: 25, find, control, breaking, tie, events, arcs }
     }
 }
 

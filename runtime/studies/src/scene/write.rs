@@ -51,8 +51,9 @@ impl Scene {
             Some(motion) => write_pairs(&mut out, "[motion]", texts(motion, &MOTION_KEYS)),
             None => {
                 let is_idle = |key: &str| match self.steps.control {
-                    Control::Load => key == "tie" || key == "events",
-                    Control::Event => key == "breaking",
+                    Control::Load => ["tie", "events", "arcs"].contains(&key),
+                    Control::Event => ["breaking", "arcs"].contains(&key),
+                    Control::ArcLength => ["tie", "events"].contains(&key),
                 };
                 let steps = texts(&self.steps, &STEPS_KEYS).into_iter();
                 write_pairs(&mut out, "[steps]", steps.filter(|(key, _)| !is_idle(key)).collect());

@@ -1,7 +1,7 @@
 //! What is told of load steps of bodies that break.
 
 use piola_output::Broken;
-use piola_solvers::steps::StepRecord;
+use piola_solvers::steps::{Control, StepRecord};
 
 use crate::scene::Scene;
 
@@ -35,8 +35,13 @@ pub(super) fn notes(record: &StepRecord, n_warnings: usize) -> Vec<String> {
     record.notes.iter().map(|note| format!("at t = {}: {note}", record.t)).collect()
 }
 
-/// Whether there is a frame after so many steps by events: they are spread evenly over the most there may be.
+/// Whether there is a frame after so many steps by events or along the way: they are spread evenly over the most
+/// there may be.
 pub(super) fn has_frame(scene: &Scene, n_steps: usize) -> bool {
-    let stride = scene.steps.events.div_ceil(scene.output.frames.max(1));
+    let most = match scene.steps.control {
+        Control::ArcLength => scene.steps.arcs,
+        Control::Event | Control::Load => scene.steps.events,
+    };
+    let stride = most.div_ceil(scene.output.frames.max(1));
     n_steps.is_multiple_of(stride)
 }

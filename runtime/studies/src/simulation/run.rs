@@ -195,6 +195,7 @@ pub(super) fn settings(scene: &Scene) -> StepSettings {
             breaking: scene.steps.breaking,
             tie: scene.steps.tie,
             events: scene.steps.events,
+            arcs: scene.steps.arcs,
             loose: scene.fracture.loose,
         },
     }

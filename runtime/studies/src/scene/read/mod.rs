@@ -54,7 +54,7 @@ static STEPS: Schema = Schema { title: "[steps]", keys: &named(&STEPS_KEYS) };
 static SOLVER: Schema = Schema { title: "[solver]", keys: &named(&SOLVER_KEYS) };
 static OUTPUT: Schema = Schema { title: "[output]", keys: &named(&OUTPUT_KEYS) };
 
-pub(super) const STEPS_KEYS: [Row<Steps>; 7] = [
+pub(super) const STEPS_KEYS: [Row<Steps>; 8] = [
     ("end", "1.0", |steps| Slot::Positive(&mut steps.end)),
     ("increments", "25", |steps| Slot::Count(&mut steps.increments, 1)),
     ("find", "\"newton\"", |steps| Slot::Word(&mut steps.find)),
@@ -62,6 +62,7 @@ pub(super) const STEPS_KEYS: [Row<Steps>; 7] = [
     ("breaking", "\"all\"", |steps| Slot::Word(&mut steps.breaking)),
     ("tie", "1e-9", |steps| Slot::Fraction(&mut steps.tie)),
     ("events", "10000", |steps| Slot::Count(&mut steps.events, 1)),
+    ("arcs", "1000", |steps| Slot::Count(&mut steps.arcs, 1)),
 ];
 
 /// In the order in which they are written.
@@ -279,19 +280,37 @@ impl Reader {
     fn steps(&mut self, table: Option<&Table<'_>>) -> Steps {
         let steps = self.settings(table, &STEPS_KEYS);
         let given = |key: &str| table.and_then(|table| table.get(key));
+        let by_newton = |message| given("find").map(|entry| (entry, message, "find = \"newton\""));
         let refused = match (steps.control, steps.find) {
-            (Control::Event, Find::Relaxation) => given("find")
-                .map(|entry| (entry, "events are found by Newton's method", "find = \"newton\"")),
+            (Control::Event, Find::Relaxation) => by_newton("events are found by Newton's method"),
+            (Control::ArcLength, Find::Relaxation) => {
+                by_newton("the way of equilibria is followed by Newton's method")
+            }
             (Control::Event, _) => given("breaking").map(|entry| {
                 (entry, "in an event the first bonds break, whatever `breaking` says", "tie = 1e-9")
             }),
-            (Control::Load, _) => {
-                ["tie", "events"].iter().find_map(|key| given(key)).map(|entry| {
-                    (entry, "only steps by events have `tie` and `events`", "control = \"event\"")
-                })
-            }
+            (Control::Load | Control::ArcLength, _) => None,
         };
-        if let Some((entry, message, instead)) = refused {
+        let has = |control| steps.control == control;
+        let idle = [
+            ("tie", has(Control::Event), "only steps by events have `tie`", "control = \"event\""),
+            (
+                "events",
+                has(Control::Event),
+                "only steps by events have `events`",
+                "control = \"event\"",
+            ),
+            (
+                "arcs",
+                has(Control::ArcLength),
+                "only steps along the way have `arcs`",
+                "control = \"arc-length\"",
+            ),
+        ];
+        let idle = idle.into_iter().find_map(|(key, fits, message, instead)| {
+            given(key).filter(|_| !fits).map(|entry| (entry, message, instead))
+        });
+        if let Some((entry, message, instead)) = refused.or(idle) {
             let found = Diagnostic::error("conflicting-keys", entry.key_span, message);
             self.error(found.help(format!("write {instead}, or leave the key out")));
         }

@@ -10,8 +10,8 @@ impl Recorder<'_> {
     /// Writes the tables of the steps so far, and a frame where one is due.
     pub(super) fn write_step(&mut self, nominal: bool) -> Result<(), OutputError> {
         let scene = &self.fields.case.scene;
-        if scene.steps.control == Control::Event {
-            // Between nominal times t comes and goes: every so many events there is a frame, too.
+        if scene.steps.control != Control::Load {
+            // Between nominal times t comes and goes: every so many steps there is a frame, too.
             let is_due = nominal || breaking::has_frame(scene, self.history.steps.len());
             if is_due && scene.output.frames > 0 {
                 self.push_frame()?;
@@ -36,10 +36,11 @@ impl Recorder<'_> {
         self.frames.push(&self.last)
     }
 
-    /// A body that breaks may end anywhere, cut through or where nothing more is found: its last state is a
-    /// frame in any case, where frames are wanted.
+    /// A body that breaks, or is followed on its way, may end anywhere, cut through or where nothing more is
+    /// found: its last state is a frame in any case, where frames are wanted.
     pub(super) fn write_last_frame(&mut self) -> Result<(), OutputError> {
-        let breaks = self.history.steps.last().is_some_and(|step| step.broken.is_some());
+        let breaks = self.history.steps.last().is_some_and(|step| step.broken.is_some())
+            || self.fields.case.scene.steps.control != Control::Load;
         let is_written = self.framed == self.history.steps.len();
         match breaks && !is_written && self.fields.case.scene.output.frames > 0 {
             true => self.push_frame(),

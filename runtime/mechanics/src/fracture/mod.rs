@@ -496,6 +496,10 @@ impl Energy for Breaking {
         self.now().energy.inverted(u)
     }
 
+    fn singular(&self) -> Vec<usize> {
+        self.now().energy.singular()
+    }
+
     fn fracture(&self) -> Option<&dyn Fracture> {
         Some(self)
     }

@@ -15,6 +15,7 @@ use super::{Find, Found, LoadSteps, RELAXATION_STEPS, StepError};
 use crate::constraint::Constraints;
 use crate::linear::Definiteness;
 use crate::newton::{History, NewtonError, NewtonFailure, NewtonReport};
+use crate::singular::{Singular, Watched};
 
 /// What breaks by `breaking = "largest"` goes with the foremost within this share: mirror images.
 const MIRRORED: f64 = 1e-9;
@@ -77,6 +78,8 @@ pub struct BreakSettings {
     pub events: usize,
     /// What becomes of loose parts.
     pub loose: Loose,
+    /// What becomes of the run where families become too small.
+    pub singular: Singular,
 }
 
 impl Default for BreakSettings {
@@ -87,6 +90,7 @@ impl Default for BreakSettings {
             tie: 1e-9,
             events: 10_000,
             loose: Loose::default(),
+            singular: Singular::default(),
         }
     }
 }
@@ -152,6 +156,7 @@ pub(super) struct Ledger {
 /// A body that breaks.
 pub(super) struct Fracturing<'a> {
     pub(super) status: &'a dyn Fracture,
+    families: Watched,
     pub(super) ledger: Ledger,
     /// See [`LoadSteps::take_turns`].
     pub(super) takes_turns: bool,
@@ -160,9 +165,13 @@ pub(super) struct Fracturing<'a> {
 }
 
 impl<'a> Fracturing<'a> {
-    pub(super) fn new(status: &'a dyn Fracture, n_dofs: usize) -> Fracturing<'a> {
+    pub(super) fn new(
+        status: &'a dyn Fracture,
+        families: Watched,
+        n_dofs: usize,
+    ) -> Fracturing<'a> {
         let ledger = Ledger { pull: vec![0.0; n_dofs], ..Ledger::default() };
-        Fracturing { status, ledger, takes_turns: false, has_changed: false }
+        Fracturing { status, families, ledger, takes_turns: false, has_changed: false }
     }
 
     /// The status, where bonds remember anything.
@@ -285,6 +294,11 @@ impl<'a> LoadSteps<'a> {
         }
         if let Some(parts) = self.hold_loose(from, loads)? {
             let failure = NewtonFailure::Loose { t, parts };
+            return Ok(Err(NewtonError { failure, history: History::default() }));
+        }
+        let families = self.fracture.as_ref().and_then(|f| f.families.failed(self.energy));
+        if let Some(families) = families {
+            let failure = NewtonFailure::Singular { t, families };
             return Ok(Err(NewtonError { failure, history: History::default() }));
         }
         let held = match self.energy.energy(from) {

@@ -542,6 +542,10 @@ impl Energy for DeformationEnergy {
         true
     }
 
+    fn singular(&self) -> Vec<usize> {
+        (0..self.body.n_points()).filter(|point| self.operator.is_released(*point)).collect()
+    }
+
     fn lose(&mut self, bonds: &[usize]) {
         self.lose_bonds(bonds, true);
     }

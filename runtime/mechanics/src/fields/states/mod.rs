@@ -435,6 +435,10 @@ impl Energy for StateEnergy {
         true
     }
 
+    fn singular(&self) -> Vec<usize> {
+        self.whole.as_ref().map_or_else(Vec::new, |_| self.neighborhood.isolated())
+    }
+
     fn lose(&mut self, bonds: &[usize]) {
         self.lose_bonds(bonds, true);
     }

@@ -29,6 +29,7 @@ mod refusals;
 #[cfg(unix)]
 mod resumed;
 mod scenes;
+mod singular;
 mod solvers;
 #[cfg(unix)]
 mod streams;

@@ -281,6 +281,12 @@ pub trait Energy: Send + Sync {
     /// Takes out bonds, by their numbers in the neighbourhood: from now on they have no energy.
     fn lose(&mut self, _bonds: &[usize]) {}
 
+    /// The points, ascending, whose families bonds that were taken out have left too small: what is left
+    /// determines no deformation gradient, or there is nothing to gather from. They are released.
+    fn singular(&self) -> Vec<usize> {
+        Vec::new()
+    }
+
     /// Takes out triangles or tetrahedra, by their numbers: from now on they have no energy, while their bonds
     /// keep theirs.
     fn lose_cliques(&mut self, _measure: Measure, _ranks: &Ranks, _numbers: &[usize]) {}

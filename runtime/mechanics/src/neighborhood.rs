@@ -4,11 +4,14 @@
 //! points at one place. Distances come from differences of coordinates, so that a body far from the
 //! origin has the same neighbours as at the origin, up to the rounding of its coordinates.
 
+mod gaps;
+
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use crate::body::Body;
+pub(crate) use gaps::Gaps;
 
 /// A neighbour is within `horizon*(1 + HORIZON_TOLERANCE)`.
 ///
@@ -198,48 +201,6 @@ impl Neighborhood {
     /// programs without a tolerance.
     pub fn shell_bonds(&self) -> usize {
         self.shell_bonds
-    }
-
-    /// The same without some bonds, by their numbers; those that are left are numbered anew.
-    pub(crate) fn without(&self, is_lost: &[bool]) -> Neighborhood {
-        let n = self.n_points();
-        let kept = |point: usize| {
-            let bonds = self.bonds(point).zip(self.upper(point));
-            bonds.filter(|(bond, _)| !is_lost[*bond]).map(|(_, other)| *other)
-        };
-        let (mut lower, mut later) = (vec![0; n], vec![0; n]);
-        for point in 0..n {
-            for other in kept(point) {
-                later[point] += 1;
-                lower[other as usize] += 1;
-            }
-        }
-        let mut all = Neighborhood {
-            horizon: self.horizon,
-            row_start: vec![0],
-            upper_start: Vec::with_capacity(n),
-            bond_start: vec![0],
-            neighbors: Vec::new(),
-            shell_bonds: self.shell_bonds,
-            most_later: later.iter().copied().max().unwrap_or(0),
-        };
-        for point in 0..n {
-            let start = all.row_start[point];
-            all.upper_start.push(start + lower[point]);
-            all.row_start.push(start + lower[point] + later[point]);
-            all.bond_start.push(all.bond_start[point] + later[point]);
-        }
-        all.neighbors = vec![0; all.row_start[n]];
-        // Owners come in order, so that rows are ascending.
-        let mut next = all.row_start[..n].to_vec();
-        for point in 0..n {
-            for (k, other) in kept(point).enumerate() {
-                all.neighbors[all.upper_start[point] + k] = other;
-                all.neighbors[next[other as usize]] = point as u32;
-                next[other as usize] += 1;
-            }
-        }
-        all
     }
 
     /// All neighbours of a point, ascending.

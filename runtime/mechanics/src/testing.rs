@@ -268,3 +268,18 @@ pub fn pseudo_random(n: usize, seed: u64) -> Vec<f64> {
     };
     (0..n).map(|_| next()).collect()
 }
+
+/// Bonds of so many that go at once, in no order, and which are lost behind that: some, more, and all.
+#[cfg(test)]
+pub(crate) fn goes_to_pieces(n: usize) -> Vec<(Vec<usize>, Vec<bool>)> {
+    let mut is_lost = vec![false; n];
+    let shares = [-0.99, -0.9, -0.5, 0.0, 0.7, 2.0];
+    let goes = shares.iter().enumerate().map(|(seed, share)| {
+        let chances = pseudo_random(n, seed as u64 + 40);
+        let is_new = |bond: &usize| !is_lost[*bond] && chances[*bond] < *share;
+        let new: Vec<usize> = (0..n).rev().filter(is_new).collect();
+        new.iter().for_each(|bond| is_lost[*bond] = true);
+        (new, is_lost.clone())
+    });
+    goes.collect()
+}

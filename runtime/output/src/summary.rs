@@ -103,6 +103,8 @@ pub enum ExitReason {
     NonFinite,
     /// Parts of the body came loose, and the scene says that the run ends there.
     CameLoose,
+    /// Breaking left families too small, and the scene says that the run ends there.
+    Singular,
     /// The user stopped the run.
     Interrupted,
     /// Something else went wrong; the message says what.

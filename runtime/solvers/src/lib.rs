@@ -8,6 +8,7 @@
 //! | [`newton`] | finds the stationary point of `E(u) - f.u` at fixed prescribed values |
 //! | [`march`] | the way from state to state: what marches, and who looks on at every step |
 //! | [`motion`] | goes through time, by explicit integration |
+//! | [`singular`] | says what becomes of a run where breaking leaves families too small |
 //! | [`steps`] | goes from `t = 0` to the end, with smaller increments where Newton's method fails |
 //!
 //! Everything works on any [`Energy`](piola_mechanics::energy::Energy). The bits of the results do
@@ -28,6 +29,7 @@ pub mod motion;
 pub mod newton;
 mod newton_outcome;
 pub mod rigid_modes;
+pub mod singular;
 pub mod steps;
 mod watch;
 

@@ -4,6 +4,7 @@ use piola_mechanics::energy::{EnergyParts, NonFinite};
 
 use super::linear::{LinearError, LinearReport};
 use super::rigid_modes::UnderConstrained;
+use super::singular::SmallFamilies;
 
 /// How the residual fell; the first entries belong to the state before any iteration.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -89,6 +90,14 @@ pub enum NewtonFailure {
     /// Nothing but the way back was found at some distance from the last equilibrium.
     #[error("the way of equilibria goes on nowhere that is found")]
     WayLost,
+    /// Breaking has left families too small, and the run is to end there.
+    #[error("at t = {t} {families}")]
+    Singular {
+        /// The time.
+        t: f64,
+        /// The points of the families, in the body's order.
+        families: SmallFamilies,
+    },
     /// Whoever looked on wanted an end.
     #[error("the solution was interrupted")]
     Interrupted,

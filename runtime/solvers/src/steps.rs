@@ -23,6 +23,7 @@ use super::increment::{Increment, TICKS};
 use super::linear::{Definiteness, LinearError, LinearMethod, LinearOptions, LinearReport};
 use super::march::{Advance, March, State, march};
 use super::newton::{Newton, NewtonError, NewtonFailure, NewtonReport, NewtonSettings};
+use super::singular::Watched;
 use super::watch::{Event, Watch};
 use breaking::Fracturing;
 pub use breaking::{Account, BreakSettings, Breaking, Broken, Control, Loose};
@@ -204,7 +205,8 @@ impl<'a> LoadSteps<'a> {
         if energy.fracture().is_some_and(|status| status.n_states() > 0) {
             newton.without_potential();
         }
-        let fracture = energy.fracture().map(|status| Fracturing::new(status, n_dofs));
+        let families = Watched::new(energy, settings.breaking.singular);
+        let fracture = energy.fracture().map(|status| Fracturing::new(status, families, n_dofs));
         let mut steps = LoadSteps {
             energy,
             newton,
@@ -510,13 +512,14 @@ impl March for LoadSteps<'_> {
 }
 
 /// Rounding and memory do not improve with smaller increments, and an end that is wanted is one: what comes
-/// loose ends a run, and is not sought more closely.
+/// loose, or leaves families too small, ends a run, and is not sought more closely.
 fn smaller_may_help(failure: &NewtonFailure) -> bool {
     !matches!(
         failure,
         NewtonFailure::RoundingFloor { .. }
             | NewtonFailure::Interrupted
             | NewtonFailure::Loose { .. }
+            | NewtonFailure::Singular { .. }
             | NewtonFailure::Linear(LinearError::TooLarge { .. } | LinearError::OutOfMemory)
     )
 }

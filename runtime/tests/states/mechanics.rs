@@ -269,8 +269,13 @@ fn integrals_that_do_not_change_are_gathered_once() {
             energy.hessian(&u).unwrap().multiply(&p, &mut product);
             let mut tangent = BlockMatrix::zeros(energy.pattern());
             energy.tangent(&u, &mut forces, &mut tangent).unwrap();
-            (parts, energy.integrals(&u), forces, product, tangent.values)
+            [vec![parts.total()], energy.integrals(&u), forces, product, tangent.values]
         };
-        assert!(all(known) == all(unknown), "{name}");
+        // The same terms in another order, of at most two hundred neighbours.
+        for (one, other) in all(known).iter().zip(all(unknown)) {
+            let largest = other.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+            let off = one.iter().zip(&other).map(|(x, y)| (x - y).abs());
+            assert!(off.fold(0.0, f64::max) < 200.0 * f64::EPSILON * largest, "{name}");
+        }
     }
 }

@@ -396,6 +396,13 @@ impl Energy for Total<'_> {
         }
     }
 
+    fn singular(&self) -> Vec<usize> {
+        let mut all: Vec<usize> = self.terms.iter().flat_map(|term| term.singular()).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
     fn lose_cliques(&mut self, measure: Measure, ranks: &Ranks, numbers: &[usize]) {
         for term in &mut self.terms {
             if let Term::Owned(energy) = term {

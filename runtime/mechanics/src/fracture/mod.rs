@@ -7,6 +7,7 @@
 //! | [`memory`] | what bonds remember, and what that becomes |
 //! | `cliques` | which triangles and tetrahedra break by a criterion of their own |
 //! | `inspect` | what there is to see: damage (`damage`), states at points, single bonds ([`Inspection`]) |
+//! | `joined` | what holds points together where only triangles and tetrahedra have energies |
 //! | [`crack`] | which bonds a crack cuts that is there from the start |
 //!
 //! With the status `h` a body has one energy `E(u; h)`, of which forces and tangents are exact
@@ -23,6 +24,7 @@ pub mod criteria;
 mod damage;
 mod equilibria;
 mod inspect;
+mod joined;
 pub mod memory;
 mod release;
 
@@ -126,6 +128,10 @@ pub trait Fracture: Inspection {
         let cliques = CLIQUES.map(|measure| self.broken_cliques(measure));
         Interactions { bonds: self.broken(), cliques }
     }
+
+    /// Of a body in which triangles and tetrahedra alone have energies: a pattern in which points are connected
+    /// that what is left of these holds together. Nothing where bonds have energies, or families.
+    fn joined(&self) -> Option<BlockPattern>;
 
     /// The bonds that are broken, in ascending order.
     fn broken(&self) -> Vec<usize>;
@@ -382,6 +388,10 @@ impl Fracture for Breaking {
         }
     }
 
+    fn joined(&self) -> Option<BlockPattern> {
+        self.joined_by_cliques()
+    }
+
     fn broken(&self) -> Vec<usize> {
         let status = self.now();
         (0..status.is_broken.len()).filter(|bond| status.is_broken[*bond]).collect()
@@ -494,6 +504,10 @@ impl Energy for Breaking {
 
     fn inverted(&self, u: &[f64]) -> Inverted {
         self.now().energy.inverted(u)
+    }
+
+    fn singular(&self) -> Vec<usize> {
+        self.now().energy.singular()
     }
 
     fn fracture(&self) -> Option<&dyn Fracture> {

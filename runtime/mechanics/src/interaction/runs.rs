@@ -289,6 +289,18 @@ impl Directed {
     pub(crate) fn of_group(&self, group: usize) -> &[Bundle] {
         &self.bundles[self.start[group]..self.start[group + 1]]
     }
+
+    /// Takes out the bond of a point with another, one way.
+    pub(crate) fn lose(&mut self, point: usize, other: usize) {
+        let (group, lane) = (point / WIDEST, point % WIDEST);
+        let own = &mut self.bundles[self.start[group]..self.start[group + 1]];
+        let has = |bundle: &&mut Bundle| {
+            bundle.owners >> lane & 1 == 1 && bundle.other + lane as isize == other as isize
+        };
+        if let Some(bundle) = own.iter_mut().find(has) {
+            bundle.owners &= !(1 << lane);
+        }
+    }
 }
 
 impl Runs {

@@ -64,11 +64,11 @@ impl Motion<'_> {
         if remembers {
             self.change_status(self.dt)?;
         }
-        self.ask_forces(wants_row)?;
+        self.ask_forces(wants_row || self.stopped.is_some())?;
         if !remembers {
             self.break_behind_forces(wants_row)?;
         }
-        self.kick(wants_row)?;
+        self.kick(wants_row || self.stopped.is_some())?;
         Ok(ControlFlow::Continue(()))
     }
 
@@ -83,7 +83,7 @@ impl Motion<'_> {
             return Ok(());
         }
         self.take_in(&released);
-        self.ask_forces(wants_row)
+        self.ask_forces(wants_row || self.stopped.is_some())
     }
 
     /// Tells of bonds at their threshold, once.
@@ -96,9 +96,13 @@ impl Motion<'_> {
         }
     }
 
-    /// Takes what bonds leave into the account, and tells when energy comes out of nothing for the first time.
+    /// Takes what bonds leave into the account, and tells when energy comes out of nothing for the first time;
+    /// where families that end a motion have become too small, this step is the last.
     fn take_in(&mut self, released: &Release) {
         self.balance.release(released);
+        if released.breaks() {
+            self.stopped = self.too_small();
+        }
         let gained = -(released.energy.min(0.0) + released.dissipated.min(0.0));
         let is_told = self.notes.iter().any(|note| note.contains(CREATED));
         if gained > TOLD * self.balance.largest() && !is_told {
@@ -125,6 +129,12 @@ impl Motion<'_> {
         Ok(())
     }
 
+    /// Why the motion ends where something has just broken.
+    fn too_small(&self) -> Option<MotionError> {
+        let families = self.families.failed(self.energy)?;
+        Some(MotionError::Singular { t: self.time(self.done), step: self.done, families })
+    }
+
     /// Breaks what has gone too far before anything moves: the account begins behind that.
     pub(super) fn break_at_start(&mut self) -> Result<(), MotionError> {
         let Some(fracture) = self.energy.fracture() else { return Ok(()) };
@@ -146,7 +156,7 @@ impl Motion<'_> {
                  of the start are beyond their criterion"
             ));
         }
-        Ok(())
+        self.too_small().map_or(Ok(()), Err)
     }
 
     /// Goes to the end of this step, and gives the row there. Where who looks on wants an end, explicit
@@ -292,7 +302,7 @@ impl March for Motion<'_> {
 
     /// Goes to the next row.
     fn advance(&mut self) -> Result<Advance<Row>, MotionError> {
-        if self.done == self.n_steps {
+        if self.done == self.n_steps && self.stopped.is_none() {
             return Ok(Advance::End);
         }
         self.advance_to(self.next_row())

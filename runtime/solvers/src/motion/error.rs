@@ -5,6 +5,7 @@ use piola_mechanics::energy::NonFinite;
 use super::{MotionDrive, MotionSettings};
 use crate::constraint::ConstraintError;
 use crate::newton::NewtonFailure;
+use crate::singular::SmallFamilies;
 
 /// More steps than these are a mistake: at a microsecond each they take 30 years.
 pub(super) const MOST_STEPS: f64 = 1e15;
@@ -102,6 +103,16 @@ pub enum MotionError {
         dt: f64,
         /// Why Newton's method failed.
         failure: Box<NewtonFailure>,
+    },
+    /// Breaking has left families too small, and the motion is to end there.
+    #[error("at t = {t:e} s, after {step} steps, {families}")]
+    Singular {
+        /// The time in s.
+        t: f64,
+        /// How many steps led there.
+        step: usize,
+        /// The points of the families.
+        families: SmallFamilies,
     },
     /// A point flies off.
     #[error(transparent)]

@@ -36,6 +36,7 @@ use piola_mechanics::energy::{Energy, NonFinite, Wanted};
 use piola_mechanics::vector::norm_of;
 
 use crate::constraint::Constraints;
+use crate::singular::Watched;
 use crate::watch::{Event, Watch};
 use advance::LOOK;
 use balance::Balance;
@@ -65,6 +66,7 @@ pub struct Motion<'a> {
     watch: Watch,
     settings: MotionSettings,
     constraints: Constraints,
+    families: Watched,
     critical: Option<CriticalStep>,
     /// The smallest critical step that was found on the way, in s.
     least_critical: f64,
@@ -161,6 +163,7 @@ impl<'a> Motion<'a> {
             point_masses: masses.to_vec(),
             is_fixed: (0..n).map(|dof| constraints.is_fixed(dof)).collect(),
             constraints,
+            families: Watched::new(energy, settings.singular),
             u: Summed::new(initial.displacements),
             forces: vec![0.0; n],
             loads: vec![0.0; n],

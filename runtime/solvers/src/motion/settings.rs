@@ -2,6 +2,8 @@
 
 use piola_mechanics::words::Words;
 
+use crate::singular::Singular;
+
 /// A rule of integration.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Method {
@@ -91,6 +93,8 @@ pub struct MotionSettings {
     pub rows: usize,
     /// Whether rows come at even times whatever the step: then a further step or so may lead to each.
     pub even: bool,
+    /// What becomes of the motion where families become too small.
+    pub singular: Singular,
 }
 
 impl Default for MotionSettings {
@@ -105,6 +109,7 @@ impl Default for MotionSettings {
             tolerance: 1e-10,
             rows: 1000,
             even: false,
+            singular: Singular::default(),
         }
     }
 }

@@ -15,6 +15,7 @@ use super::{Find, Found, LoadSteps, RELAXATION_STEPS, StepError};
 use crate::constraint::Constraints;
 use crate::linear::Definiteness;
 use crate::newton::{History, NewtonError, NewtonFailure, NewtonReport};
+use crate::singular::{Singular, Watched};
 
 /// A body carries nothing where less than this of the most energy is left in it.
 pub(super) const NOTHING: f64 = 1e-12;
@@ -84,6 +85,8 @@ pub struct BreakSettings {
     pub arcs: usize,
     /// What becomes of loose parts.
     pub loose: Loose,
+    /// What becomes of the run where families become too small.
+    pub singular: Singular,
 }
 
 impl Default for BreakSettings {
@@ -95,6 +98,7 @@ impl Default for BreakSettings {
             events: 10_000,
             arcs: 1000,
             loose: Loose::default(),
+            singular: Singular::default(),
         }
     }
 }
@@ -160,6 +164,7 @@ pub(super) struct Ledger {
 /// A body that breaks.
 pub(super) struct Fracturing<'a> {
     pub(super) status: &'a dyn Fracture,
+    families: Watched,
     pub(super) ledger: Ledger,
     /// See [`LoadSteps::take_turns`].
     pub(super) takes_turns: bool,
@@ -168,9 +173,13 @@ pub(super) struct Fracturing<'a> {
 }
 
 impl<'a> Fracturing<'a> {
-    pub(super) fn new(status: &'a dyn Fracture, n_dofs: usize) -> Fracturing<'a> {
+    pub(super) fn new(
+        status: &'a dyn Fracture,
+        families: Watched,
+        n_dofs: usize,
+    ) -> Fracturing<'a> {
         let ledger = Ledger { pull: vec![0.0; n_dofs], ..Ledger::default() };
-        Fracturing { status, ledger, takes_turns: false, has_changed: false }
+        Fracturing { status, families, ledger, takes_turns: false, has_changed: false }
     }
 
     /// The status, where bonds remember anything.
@@ -293,6 +302,11 @@ impl<'a> LoadSteps<'a> {
         }
         if let Some(parts) = self.hold_loose(from, loads)? {
             let failure = NewtonFailure::Loose { t, parts };
+            return Ok(Err(NewtonError { failure, history: History::default() }));
+        }
+        let families = self.fracture.as_ref().and_then(|f| f.families.failed(self.energy));
+        if let Some(families) = families {
+            let failure = NewtonFailure::Singular { t, families };
             return Ok(Err(NewtonError { failure, history: History::default() }));
         }
         let held = match self.energy.energy(from) {

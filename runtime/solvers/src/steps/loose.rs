@@ -4,7 +4,8 @@
 //! cost no energy, and the tangent is singular. As many of its degrees of freedom are held where they are as
 //! take these motions away and no more: it springs back to rest and carries nothing. A point that hangs on
 //! bonds too few to hold it swings about them without force, and is held in the same way; where that is all
-//! its points do, a whole arm goes, from its end.
+//! its points do, a whole arm goes, from its end. Where bonds have no energy of their own, the triangles and
+//! tetrahedra that are left hold their points together.
 
 use piola_mechanics::fracture::left_of;
 use piola_mechanics::matrix::BlockPattern;
@@ -45,11 +46,18 @@ impl LoadSteps<'_> {
         loads: &[f64],
     ) -> Result<Option<UnderConstrained>, StepError> {
         let Some(fracture) = &self.fracture else { return Ok(None) };
-        let broken = fracture.status.broken();
-        if broken.is_empty() {
+        let gone = fracture.status.gone();
+        if gone.is_empty() {
             return Ok(None);
         }
-        let left = left_of(self.energy.bonds(), &broken);
+        // Families hold points by more than the directions of bonds, and so do triangles and tetrahedra.
+        let (left, by_bonds) = match fracture.status.joined() {
+            Some(joined) => (joined, false),
+            None => {
+                let bonds = self.energy.bonds();
+                (left_of(bonds, &gone.bonds), self.energy.bond_pattern().is_none())
+            }
+        };
         let mut is_prescribed = vec![false; u.len() / self.dimension];
         self.drive.fixed().iter().for_each(|dof| is_prescribed[dof / self.dimension] = true);
         let rest = self.energy.positions();
@@ -60,8 +68,7 @@ impl LoadSteps<'_> {
             constraints: &self.constraints,
             is_prescribed,
         };
-        // Families hold points by more than the directions of bonds.
-        let found = sight.loose(&left, self.energy.bond_pattern().is_none());
+        let found = sight.loose(&left, by_bonds);
         if found.dofs.is_empty() {
             return Ok(None);
         }

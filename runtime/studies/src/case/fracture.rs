@@ -14,6 +14,7 @@ use piola_mechanics::neighborhood::Neighborhood;
 use super::{Case, CaseError, Compiled, Potential};
 use crate::scene::{ColourBy, CrackEntry, CrackShape, selection};
 use piola_solvers::motion::Method;
+use piola_solvers::singular::{Singular, SmallFamilies};
 use piola_solvers::steps::Control;
 
 impl Case {
@@ -199,6 +200,40 @@ impl Case {
         };
         let found = Diagnostic::error("conflicting-keys", span, message).help(help);
         Err(CaseError::Scene(self.scene.report(vec![found])))
+    }
+
+    /// Refuses cracks that leave families too small, where the scene says so.
+    ///
+    /// # Errors
+    /// At the first crack.
+    pub(super) fn check_singular(&self, energy: &dyn Energy) -> Result<(), CaseError> {
+        let [crack, ..] = &self.scene.cracks[..] else { return Ok(()) };
+        if self.scene.fracture.singular != Singular::Refuse {
+            return Ok(());
+        }
+        let Some(families) = SmallFamilies::of(energy, &[]) else { return Ok(()) };
+        let message = format!("cut by cracks, {}", self.numbered(&families));
+        let label = "[fracture] says singular = \"refuse\"";
+        let help = "write singular = \"release\" to go on without the energy that such points have by \
+                    their families, or leave them more neighbours: a crack elsewhere, a longer horizon";
+        let found = Diagnostic::error("conflicting-keys", crack.span, message);
+        Err(CaseError::Scene(self.scene.report(vec![found.label(label).help(help)])))
+    }
+
+    /// The same of a case whose energy is not there yet; of more points than a plan looks at it is not said.
+    pub(crate) fn check_cut_families(&self) -> Result<(), CaseError> {
+        let is_asked = self.scene.fracture.singular == Singular::Refuse
+            && !self.scene.cracks.is_empty()
+            && self.potentials.iter().any(Potential::has_families);
+        if !is_asked || self.large_box().is_some() {
+            return Ok(());
+        }
+        self.check_singular(&self.energy(self.compile()?)?)
+    }
+
+    /// Families with the numbers that the user knows their points by.
+    pub(crate) fn numbered(&self, families: &SmallFamilies) -> SmallFamilies {
+        families.clone().numbered(|point| self.body.user_index()[point] as usize)
     }
 
     /// Warnings of cracks that cut nothing, of those that run through points, and of tracks without a crack.

@@ -91,6 +91,7 @@ impl Case {
         self.check_control()?;
         let solver = &self.scene.solver;
         let (energy, fields) = self.energy_in_time(compiled)?;
+        self.check_singular(&energy)?;
         let energy = energy.with_products(solver.products);
         Ok((energy.from_positions(solver.strain == StrainSource::Positions), fields))
     }

@@ -3,6 +3,7 @@
 use piola_grammar::Span;
 use piola_mechanics::fracture::crack::Crack;
 use piola_mechanics::words::Words;
+use piola_solvers::singular::Singular;
 use piola_solvers::steps::Loose;
 
 use super::Located;
@@ -98,4 +99,6 @@ pub struct FractureSettings {
     pub unbreakable: Vec<Located<usize>>,
     /// Of load steps: what becomes of parts that hang on nothing.
     pub loose: Loose,
+    /// What becomes of the run where families become too small.
+    pub singular: Singular,
 }

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use piola_mechanics::deformation::{Discretisation, Stabilisation};
 use piola_mechanics::fracture::crack::Crack;
 use piola_mechanics::words::Words;
+use piola_solvers::singular::Singular;
 use piola_solvers::steps::{Control, Loose};
 
 use super::keys::{number, string, texts};
@@ -261,13 +262,16 @@ fn write_crack(out: &mut String, crack: &CrackEntry, sets: &[SetDefinition]) {
 }
 
 fn write_fracture(out: &mut String, fracture: &FractureSettings, sets: &[SetDefinition]) {
-    let FractureSettings { unbreakable, loose } = fracture;
+    let FractureSettings { unbreakable, loose, singular } = fracture;
     if *fracture == FractureSettings::default() {
         return;
     }
     section(out, "[fracture]");
     if *loose != Loose::default() {
         pair(out, "loose", string(loose.word()));
+    }
+    if *singular != Singular::default() {
+        pair(out, "singular", string(singular.word()));
     }
     if unbreakable.is_empty() {
         return;

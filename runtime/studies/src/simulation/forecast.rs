@@ -88,6 +88,7 @@ impl Case {
         pace: Pace,
     ) -> Result<(Plan, Vec<Compiled>), CaseError> {
         self.check_rest()?;
+        self.check_cut_families()?;
         let compiled = self.compile()?;
         let needed = Needed {
             triangles: compiled.iter().any(|all| all.measures.contains(&Measure::Area)),

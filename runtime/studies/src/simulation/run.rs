@@ -197,6 +197,7 @@ pub(super) fn settings(scene: &Scene) -> StepSettings {
             events: scene.steps.events,
             arcs: scene.steps.arcs,
             loose: scene.fracture.loose,
+            singular: scene.fracture.singular,
         },
     }
 }
@@ -365,6 +366,11 @@ pub(super) fn failed(case: &Case, failure: &NotConverged) -> (ExitReason, String
             let message =
                 format!("{loose}; the last equilibrium is at t = {}", failure.t_converged);
             (ExitReason::CameLoose, message)
+        }
+        NewtonFailure::Singular { t, families } => {
+            let (families, last) = (case.numbered(families), failure.t_converged);
+            let message = format!("at t = {t} {families}; the last equilibrium is at t = {last}");
+            (ExitReason::Singular, message)
         }
         _ => (ExitReason::NotConverged, failure.to_string()),
     }

@@ -2,17 +2,18 @@
 //!
 //! A family without a bond is a smaller family: its shape tensor and all weights are those of what is left. A
 //! point whose neighbours no longer determine a deformation gradient is released: its gradient is that of
-//! rest from then on, and with it its energy; what stabilises it goes, too.
+//! rest from then on, and with it its energy; what stabilises it goes, too. Only what belongs to the ends of
+//! bonds that go is worked out again, so that the result does not depend on the order in which they go.
 
+use std::collections::BTreeSet;
 use std::sync::{Arc, OnceLock};
 
 use super::operator::GradientOperator;
 use super::quadrature::BondQuadrature;
-use super::stabilisation::Deviations;
-use super::{DeformationEnergy, Discretisation, Families, OperatorOrder, Places};
+use super::stabilisation::{Deviations, Stabilisation, check_sums};
+use super::{DeformationEnergy, Discretisation, Places};
 use crate::materials::LawOfPoints;
-use crate::neighborhood::Neighborhood;
-use crate::pool::Pool;
+use crate::neighborhood::{Gaps, Neighborhood};
 
 /// The families before any bond was lost.
 pub(super) struct Whole {
@@ -22,69 +23,95 @@ pub(super) struct Whole {
     is_lost: Vec<bool>,
 }
 
-impl Whole {
-    /// The influence of the directed bonds that are left.
-    fn influence_of(&self, left: &Neighborhood) -> Vec<f64> {
-        let mut influence = Vec::with_capacity(2 * left.n_bonds());
-        for point in 0..left.n_points() {
-            let own = self.neighborhood.row(point).iter();
-            let mut known = own.zip(&self.influence[self.neighborhood.places(point)]);
-            // Both rows are ascending.
-            let of = |other: &u32| known.by_ref().find(|(j, _)| *j == other).map(|(_, w)| *w);
-            influence.extend(left.row(point).iter().filter_map(of));
-        }
-        influence
-    }
-}
-
 impl Places {
-    /// The discretisation of some families with its weights.
+    /// The discretisation of whole families with its weights; `influence` has a value for each directed bond.
     pub(super) fn new(
         operator: &GradientOperator,
         influence: &[f64],
         law: LawOfPoints<'_>,
         discretisation: Discretisation,
-        families: Families,
     ) -> Result<Places, super::DeformationError> {
+        let (body, neighborhood) = (operator.body(), operator.neighborhood());
         Ok(match discretisation {
             Discretisation::Nodal => Places::Points,
             Discretisation::Stabilised(kind) => {
-                let is_stationary = operator.order() == OperatorOrder::First;
-                let how = (kind, is_stationary, families);
-                Places::Stabilised(Deviations::new(operator, influence, law, how)?)
+                if matches!(kind, Stabilisation::Silling { .. }) {
+                    check_sums(body, neighborhood, influence, "the stabilisation")?;
+                }
+                Places::Stabilised(Deviations::new(operator, law, kind)?)
             }
             Discretisation::BondQuadrature => {
-                let (body, neighborhood) = (operator.body(), operator.neighborhood());
-                Places::Bonds(BondQuadrature::new(body, neighborhood, influence, families)?)
+                check_sums(body, neighborhood, influence, "bond quadrature")?;
+                Places::Bonds(BondQuadrature::new(operator))
             }
         })
+    }
+
+    /// Follows an operator that has lost bonds between these points.
+    pub(super) fn lose(
+        &mut self,
+        left: (&GradientOperator, &Gaps),
+        law: LawOfPoints<'_>,
+        discretisation: Discretisation,
+        points: &[usize],
+    ) {
+        match (self, discretisation) {
+            (Places::Bonds(quadrature), _) => quadrature.lose(left, points),
+            (Places::Stabilised(deviations), Discretisation::Stabilised(kind)) => {
+                deviations.lose(left, law, kind, points);
+            }
+            _ => {}
+        }
     }
 }
 
 impl DeformationEnergy {
-    /// See [`crate::energy::Energy::lose`]; or puts bonds back.
-    pub(super) fn lose_bonds(&mut self, bonds: &[usize], is_lost: bool) {
-        let mut whole = self.whole.take().unwrap_or_else(|| {
+    /// See [`crate::energy::Energy::lose`].
+    pub(super) fn lose_bonds(&mut self, bonds: &[usize]) {
+        let whole = self.whole.get_or_insert_with(|| {
             let neighborhood = Arc::clone(self.operator.shared_neighborhood());
             let is_lost = vec![false; neighborhood.n_bonds()];
             let influence = self.operator.influence().to_vec();
             Box::new(Whole { neighborhood, influence, is_lost })
         });
-        bonds.iter().for_each(|bond| whole.is_lost[*bond] = is_lost);
-        let left = Arc::new(whole.neighborhood.without(&whole.is_lost));
-        let influence = whole.influence_of(&left);
-        let (order, families) = (self.operator.order(), Families::Left);
-        let operator = GradientOperator::new(&self.body, left, order, &influence, families);
+        let mut ends = Vec::with_capacity(bonds.len());
+        for &bond in bonds {
+            if !std::mem::replace(&mut whole.is_lost[bond], true) {
+                ends.push(whole.neighborhood.ends(bond));
+            }
+        }
+        self.take_out(&ends);
+    }
+
+    /// See [`crate::energy::Energy::regain`]: attempts that come to nothing are rare, so the whole families are
+    /// made anew and lose what is still lost.
+    pub(super) fn regain_bonds(&mut self, bonds: &[usize]) {
+        let Some(mut whole) = self.whole.take() else { return };
+        bonds.iter().for_each(|bond| whole.is_lost[*bond] = false);
+        let (order, neighborhood) = (self.operator.order(), Arc::clone(&whole.neighborhood));
+        let operator = GradientOperator::new(&self.body, neighborhood, order, &whole.influence);
         let made = operator.and_then(|operator| {
-            let law = self.law();
-            let places = Places::new(&operator, &influence, law, self.discretisation, families)?;
+            let (law, influence) = (self.law(), operator.influence());
+            let places = Places::new(&operator, influence, law, self.discretisation)?;
             Ok((operator, places))
         });
-        // Families that are left are not refused.
+        // They were made before.
         if let Ok((operator, places)) = made {
             (self.operator, self.places) = (operator, places);
         }
-        (self.bond_pattern, self.room) = (OnceLock::new(), Pool::new());
+        let lost = (0..whole.is_lost.len()).filter(|bond| whole.is_lost[*bond]);
+        let ends: Vec<[usize; 2]> = lost.map(|bond| whole.neighborhood.ends(bond)).collect();
+        self.take_out(&ends);
         self.whole = Some(whole);
+    }
+
+    /// Takes out bonds that are there, by their ends.
+    fn take_out(&mut self, bonds: &[[usize; 2]]) {
+        let points: BTreeSet<usize> = bonds.iter().flatten().copied().collect();
+        let points: Vec<usize> = points.into_iter().collect();
+        let gaps = self.operator.lose(bonds, &points);
+        let law = LawOfPoints { law: &*self.law, materials: self.materials.as_deref() };
+        self.places.lose((&self.operator, &gaps), law, self.discretisation, &points);
+        self.bond_pattern = OnceLock::new();
     }
 }

@@ -127,15 +127,6 @@ fn tensors<const D: usize>(numbers: &mut [f64]) -> &mut [Tensor<D>] {
     numbers.as_chunks_mut::<D>().0.as_chunks_mut::<D>().0
 }
 
-/// Which families there are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Families {
-    /// Those of the body: each must determine a deformation gradient.
-    Whole,
-    /// What bonds that broke have left: points whose family does not are released.
-    Left,
-}
-
 /// The discretisation with its weights.
 enum Places {
     Points,
@@ -197,11 +188,9 @@ impl DeformationEnergy {
         check_neighbors(&body, &neighborhood)?;
         check_families(&body).map_err(AssemblyError::from)?;
         let influence = influences(&body, &neighborhood, influence)?;
-        let operator =
-            GradientOperator::new(&body, neighborhood, order, &influence, Families::Whole)?;
+        let operator = GradientOperator::new(&body, neighborhood, order, &influence)?;
         let of_points = LawOfPoints { law: &*law, materials: materials.as_deref() };
-        let places =
-            Places::new(&operator, &influence, of_points, discretisation, Families::Whole)?;
+        let places = Places::new(&operator, &influence, of_points, discretisation)?;
         let slabs = Slabs::new(operator.neighborhood());
         let is_stabilised = matches!(places, Places::Stabilised(_));
         let names = ["psi(F)"].into_iter().chain(is_stabilised.then_some("stabilisation"));
@@ -542,12 +531,16 @@ impl Energy for DeformationEnergy {
         true
     }
 
+    fn singular(&self) -> Vec<usize> {
+        (0..self.body.n_points()).filter(|point| self.operator.is_released(*point)).collect()
+    }
+
     fn lose(&mut self, bonds: &[usize]) {
-        self.lose_bonds(bonds, true);
+        self.lose_bonds(bonds);
     }
 
     fn regain(&mut self, bonds: &[usize]) {
-        self.lose_bonds(bonds, false);
+        self.regain_bonds(bonds);
     }
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {

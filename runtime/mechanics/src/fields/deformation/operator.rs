@@ -4,7 +4,7 @@
 //! `G_ij = V_j w_ij B_i q(X_j - X_i)` is a product of what the bond has, its influence, and of what the
 //! point has, `d x m` coefficients of the `m` polynomials `q`: it is worked out where it is used, which
 //! takes no more time than reading it, and a bond that breaks changes the coefficients of its two ends
-//! alone. The transpose gathers, too: every point sums over its own family, so that all points go at
+//! alone ([`GradientOperator::lose`]). The transpose gathers, too: every point sums over its own family, so that all points go at
 //! once and the order of every sum is that of the body.
 
 use std::sync::Arc;
@@ -12,13 +12,12 @@ use std::sync::Arc;
 use pulp::Arch;
 use rayon::prelude::*;
 
-use super::Families;
 use super::error::DeformationError;
 use super::moments::{self, OperatorOrder};
 use super::rows::AlongRows;
 use crate::body::Body;
 use crate::fields::stored::Tensor;
-use crate::neighborhood::Neighborhood;
+use crate::neighborhood::{Gaps, Neighborhood};
 
 /// Points per task; fixed, so that results do not depend on threads.
 const POINTS: usize = 256;
@@ -42,12 +41,11 @@ pub(super) struct GradientOperator {
     positions: Vec<f64>,
     /// Whether the family of a point is so regular that its sum is taken before its coefficients.
     is_regular: Vec<bool>,
-    /// Whether the neighbours of a point that are left determine no gradient.
-    is_released: Vec<bool>,
     /// What is known of lattices, of first order.
-    rows: Option<AlongRows>,
-    /// The largest condition number of a moment matrix.
-    condition: f64,
+    pub(super) rows: Option<AlongRows>,
+    /// The condition numbers of moment matrices; infinite where the neighbours of a point that are left
+    /// determine no gradient.
+    conditions: Vec<f64>,
 }
 
 /// What an operator of first order knows of its families: see the fields of the same names.
@@ -85,7 +83,6 @@ impl GradientOperator {
         neighborhood: Arc<Neighborhood>,
         order: OperatorOrder,
         influence: &[f64],
-        families: Families,
     ) -> Result<GradientOperator, DeformationError> {
         let (d, n) = (body.dimension(), neighborhood.n_points());
         if u32::try_from(influence.len()).is_err() {
@@ -102,9 +99,8 @@ impl GradientOperator {
             moments: vec![0.0; n * m],
             positions: [body.positions(), &[0.0; PADDING]].concat(),
             is_regular: Vec::new(),
-            is_released: Vec::new(),
             rows: None,
-            condition: 0.0,
+            conditions: Vec::new(),
             neighborhood,
         };
         let mut coefficients = std::mem::take(&mut operator.coefficients);
@@ -114,25 +110,60 @@ impl GradientOperator {
         };
         let rows = coefficients.par_chunks_exact_mut(m * d).zip(moments.par_chunks_exact_mut(m));
         let conditions: Vec<_> = rows.enumerate().with_min_len(POINTS).map(of_family).collect();
-        let condition = match families {
-            Families::Whole => check(body, &operator.neighborhood, order, &conditions)?,
-            // Coefficients of points that are released are 0.
-            Families::Left => conditions.iter().flatten().fold(0.0, |most: f64, c| most.max(*c)),
-        };
-        let is_released = conditions.iter().map(Result::is_err).collect();
-        let is_first = order == OperatorOrder::First;
-        let is_regular =
-            conditions.iter().map(|c| is_first && c.is_ok_and(|c| c <= REGULAR)).collect();
-        let mut operator = GradientOperator {
-            coefficients,
-            moments,
-            condition,
-            is_regular,
-            is_released,
-            ..operator
-        };
-        operator.rows = if is_first { operator.along_rows() } else { None };
+        let conditions = check(body, &operator.neighborhood, order, conditions)?;
+        let is_regular = conditions.iter().map(|c| operator.is_regular_of(*c)).collect();
+        let mut operator =
+            GradientOperator { coefficients, moments, conditions, is_regular, ..operator };
+        operator.rows = if order == OperatorOrder::First { operator.along_rows() } else { None };
         Ok(operator)
+    }
+
+    /// Takes out bonds by their ends, the lower one first: families become smaller, which is not refused. A
+    /// point whose family determines no gradient any more has that of rest. `points` are all ends, each once;
+    /// what belongs to others stays as it is, so that the result does not depend on what went first.
+    pub(super) fn lose(&mut self, bonds: &[[usize; 2]], points: &[usize]) -> Gaps {
+        let gaps = Arc::make_mut(&mut self.neighborhood).take_out(bonds);
+        gaps.close_places(&mut self.influence);
+        if let Some(rows) = &mut self.rows {
+            rows.lose(bonds);
+        }
+        self.fit_again(points);
+        gaps
+    }
+
+    /// Works out what some points have by their families, of which bonds have been taken out.
+    pub(super) fn fit_again(&mut self, points: &[usize]) {
+        let d = self.body.dimension();
+        let m = self.order.n_functions(d);
+        let of_point = |point: &usize| {
+            // Those of points that are released are 0.
+            let (mut coefficients, mut moments) = (vec![0.0; m * d], vec![0.0; m]);
+            let condition = self.fit(*point, &mut coefficients, &mut moments);
+            (coefficients, moments, condition.unwrap_or(f64::INFINITY))
+        };
+        let fitted: Vec<_> = points.par_iter().map(of_point).collect();
+        for (&point, (coefficients, moments, condition)) in points.iter().zip(fitted) {
+            self.coefficients[point * m * d..(point + 1) * m * d].copy_from_slice(&coefficients);
+            self.moments[point * m..(point + 1) * m].copy_from_slice(&moments);
+            self.conditions[point] = condition;
+            self.is_regular[point] = self.is_regular_of(condition);
+            if let Some(rows) = &mut self.rows {
+                rows.set(point, &coefficients, &moments);
+            }
+        }
+    }
+
+    /// The bits of all that it knows of families.
+    #[cfg(test)]
+    pub(super) fn bits(&self) -> Vec<u64> {
+        let all = [&self.influence, &self.coefficients, &self.moments, &self.conditions];
+        let regular = self.is_regular.iter().map(|is_regular| u64::from(*is_regular));
+        all.into_iter().flatten().map(|x| x.to_bits()).chain(regular).collect()
+    }
+
+    /// Whether a family of this condition is so regular that its sum is taken before its coefficients.
+    fn is_regular_of(&self, condition: f64) -> bool {
+        self.order == OperatorOrder::First && condition <= REGULAR
     }
 
     fn along_rows(&self) -> Option<AlongRows> {
@@ -191,9 +222,15 @@ impl GradientOperator {
         &self.influence
     }
 
+    /// The influence of the bonds with later points, over the same.
+    pub(super) fn later_influence(&self, point: usize) -> &[f64] {
+        let own = &self.influence[self.neighborhood.places(point)];
+        &own[own.len() - self.neighborhood.upper(point).len()..]
+    }
+
     /// Whether the neighbours of a point that are left determine no gradient.
     pub(super) fn is_released(&self, point: usize) -> bool {
-        self.is_released[point]
+        self.conditions[point] == f64::INFINITY
     }
 
     /// See [`GradientOperator::neighborhood`].
@@ -213,7 +250,8 @@ impl GradientOperator {
 
     /// The largest condition number of a moment matrix, of lengths in horizons.
     pub(super) fn condition(&self) -> f64 {
-        self.condition
+        let fitted = self.conditions.iter().filter(|condition| condition.is_finite());
+        fitted.fold(0.0, |most, condition| most.max(*condition))
     }
 
     /// The weights `G_ij` in 1/m of all directed bonds, in the order of the neighbours.
@@ -491,13 +529,13 @@ fn window<const W: usize>(values: &[f64], start: usize) -> [f64; W] {
     std::array::from_fn(|k| window[k])
 }
 
-/// The largest condition number, or the worst of those that are too large.
+/// The condition numbers, or the worst of those that are too large.
 fn check(
     body: &Body,
     neighborhood: &Neighborhood,
     order: OperatorOrder,
-    conditions: &[Result<f64, f64>],
-) -> Result<f64, DeformationError> {
+    conditions: Vec<Result<f64, f64>>,
+) -> Result<Vec<f64>, DeformationError> {
     let refused = conditions.iter().enumerate().filter_map(|(p, c)| c.err().map(|c| (p, c)));
     let user = |point: usize| body.user_index()[point] as usize;
     let worst = refused.clone().reduce(|worst, other| {
@@ -505,7 +543,7 @@ fn check(
         if is_worse { other } else { worst }
     });
     match worst {
-        None => Ok(conditions.iter().flatten().fold(0.0, |most: f64, c| most.max(*c))),
+        None => Ok(conditions.into_iter().flatten().collect()),
         Some((point, condition)) => Err(DeformationError::ShapeTensor {
             point: user(point),
             position: body.position(point).to_vec(),

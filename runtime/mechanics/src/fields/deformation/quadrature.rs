@@ -11,22 +11,23 @@ use std::ops::Range;
 use pulp::Arch;
 use rayon::prelude::*;
 
-use super::Families;
 use super::batch::{CAPACITY, LawBatch, determinant};
-use super::error::DeformationError;
-use super::stabilisation::{check_sums, sums};
+use super::operator::GradientOperator;
+use super::stabilisation::sum_of;
 use super::sweep::{Failure, Fields, Pass, TouchedDuals, turned};
 use crate::assembly::sum::Sum;
 use crate::body::Body;
 use crate::fields::stored::Tensor;
 use crate::interaction::Slabs;
 use crate::materials::LawOfPoints;
-use crate::neighborhood::Neighborhood;
+use crate::neighborhood::{Gaps, Neighborhood};
 
 /// The weights of all bonds.
 pub(super) struct BondQuadrature {
     /// `2 V_i V_j wb_ij` in m^d, of each bond once.
-    weight: Vec<f64>,
+    pub(super) weight: Vec<f64>,
+    /// `w0_i`.
+    sums: Vec<f64>,
 }
 
 /// A bond with its deformation gradient.
@@ -161,29 +162,49 @@ impl BondStiffness {
 }
 
 impl BondQuadrature {
-    /// `influence` has a value for each directed bond.
-    pub(super) fn new(
-        body: &Body,
-        neighborhood: &Neighborhood,
-        influence: &[f64],
-        families: Families,
-    ) -> Result<BondQuadrature, DeformationError> {
-        let sums = sums(body, neighborhood, influence);
-        // Without bonds a sum is 0, and no bond asks for it.
-        if families == Families::Whole {
-            check_sums(body, &sums, "bond quadrature")?;
+    /// Of the families of an operator.
+    pub(super) fn new(operator: &GradientOperator) -> BondQuadrature {
+        let neighborhood = operator.neighborhood();
+        let points = 0..neighborhood.n_points();
+        let sums = points.clone().map(|point| sum_of(operator, point)).collect();
+        let weight = Vec::with_capacity(neighborhood.n_bonds());
+        let mut quadrature = BondQuadrature { weight, sums };
+        for i in points {
+            let later = neighborhood.upper(i).iter().zip(operator.later_influence(i));
+            let weights = later.map(|(&j, w)| quadrature.of_bond(operator, [i, j as usize], *w));
+            let weights: Vec<f64> = weights.collect();
+            quadrature.weight.extend(weights);
         }
-        let volumes = body.volumes();
-        let mut weight = Vec::with_capacity(neighborhood.n_bonds());
-        for i in 0..neighborhood.n_points() {
-            let skipped = neighborhood.row(i).len() - neighborhood.upper(i).len();
-            let influence = &influence[neighborhood.places(i)][skipped..];
-            for (&j, w) in neighborhood.upper(i).iter().zip(influence) {
-                let j = j as usize;
-                weight.push(volumes[i] * volumes[j] * (w / sums[i] + w / sums[j]));
+        quadrature
+    }
+
+    /// Follows an operator that has lost bonds: those of their ends have other weights. Without bonds a sum is
+    /// 0, and no bond asks for it.
+    pub(super) fn lose(&mut self, (operator, gaps): (&GradientOperator, &Gaps), points: &[usize]) {
+        gaps.close_bonds(&mut self.weight);
+        points.iter().for_each(|point| self.sums[*point] = sum_of(operator, *point));
+        let neighborhood = operator.neighborhood();
+        for &point in points {
+            let bonds = neighborhood.bonds(point);
+            let later = neighborhood.upper(point).iter().zip(operator.later_influence(point));
+            for (bond, (&j, w)) in bonds.zip(later) {
+                self.weight[bond] = self.of_bond(operator, [point, j as usize], *w);
+            }
+            let earlier = neighborhood.row(point).iter().map(|j| *j as usize);
+            for i in earlier.take_while(|j| *j < point) {
+                if let Ok(place) = neighborhood.upper(i).binary_search(&(point as u32)) {
+                    let w = operator.later_influence(i)[place];
+                    let bond = neighborhood.bonds(i).start + place;
+                    self.weight[bond] = self.of_bond(operator, [i, point], w);
+                }
             }
         }
-        Ok(BondQuadrature { weight })
+    }
+
+    /// The weight of a bond of this influence.
+    fn of_bond(&self, operator: &GradientOperator, [i, j]: [usize; 2], w: f64) -> f64 {
+        let volumes = operator.body().volumes();
+        volumes[i] * volumes[j] * (w / self.sums[i] + w / self.sums[j])
     }
 
     /// The second derivatives of all bonds' energies by the fields, from those by `F_ij`.

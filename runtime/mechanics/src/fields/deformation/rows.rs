@@ -87,6 +87,26 @@ impl AlongRows {
         })
     }
 
+    /// Takes out bonds by their ends.
+    pub(super) fn lose(&mut self, bonds: &[[usize; 2]]) {
+        for &[i, j] in bonds {
+            self.directed.lose(i, j);
+            self.directed.lose(j, i);
+        }
+    }
+
+    /// Other coefficients `B_i` in 1/m and moments of a point.
+    pub(super) fn set(&mut self, point: usize, coefficients: &[f64], moments: &[f64]) {
+        let (group, lane) = (point / WIDEST, point % WIDEST);
+        for (all, own, factor) in [
+            (&mut self.coefficients, coefficients, self.per_length),
+            (&mut self.moments, moments, 1.0),
+        ] {
+            let all = &mut all[group * own.len() * WIDEST..];
+            own.iter().enumerate().for_each(|(k, x)| all[k * WIDEST + lane] = factor * x);
+        }
+    }
+
     /// From one axis to the next of arrays that are read by groups.
     fn stride(&self) -> usize {
         self.n_points.next_multiple_of(WIDEST) + 2 * WIDEST

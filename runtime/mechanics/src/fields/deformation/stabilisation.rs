@@ -9,9 +9,9 @@
 use nalgebra::DMatrix;
 use pulp::Arch;
 
-use super::Families;
 use super::elastic::elasticity;
 use super::error::DeformationError;
+use super::moments::OperatorOrder;
 use super::operator::GradientOperator;
 use super::sweep::{Fields, Pass, TouchedDuals};
 use crate::assembly::sum::Sum;
@@ -20,7 +20,7 @@ use crate::element::WIDEST;
 use crate::fields::stored::Tensor;
 use crate::interaction::Slabs;
 use crate::materials::LawOfPoints;
-use crate::neighborhood::Neighborhood;
+use crate::neighborhood::{Gaps, Neighborhood};
 
 /// The stiffness `A_i` against deviations.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,28 +43,41 @@ pub(super) struct Deviations {
     /// `V_i V_j w_ij` of each bond once.
     pub(super) strength: Vec<f64>,
     /// `A_i`, `d x d` row by row.
-    stiffness: Vec<f64>,
+    pub(super) stiffness: Vec<f64>,
     /// Whether the deviations of a family are orthogonal to its offsets, so that the energy is
     /// stationary with respect to `H`.
     is_stationary: bool,
 }
 
-/// `sum_j V_j w_ij` around every point.
+/// `sum_j V_j w_ij` around every point, of an influence for each directed bond.
 pub(super) fn sums(body: &Body, neighborhood: &Neighborhood, influence: &[f64]) -> Vec<f64> {
-    let sum = |point: usize| {
-        let influence = &influence[neighborhood.places(point)];
-        let row = neighborhood.row(point).iter().zip(influence);
-        row.fold(0.0, |sum, (&j, w)| sum + body.volumes()[j as usize] * w)
-    };
-    (0..neighborhood.n_points()).map(sum).collect()
+    let around = (body.volumes(), neighborhood, influence);
+    (0..neighborhood.n_points()).map(|point| sum_around(around, point)).collect()
 }
 
-/// Refuses sums that are not positive.
+/// The same around a point, of the influences of an operator.
+pub(super) fn sum_of(operator: &GradientOperator, point: usize) -> f64 {
+    let volumes = operator.body().volumes();
+    sum_around((volumes, operator.neighborhood(), operator.influence()), point)
+}
+
+fn sum_around(
+    (volumes, neighborhood, influence): (&[f64], &Neighborhood, &[f64]),
+    point: usize,
+) -> f64 {
+    let influence = &influence[neighborhood.places(point)];
+    let row = neighborhood.row(point).iter().zip(influence);
+    row.fold(0.0, |sum, (&j, w)| sum + volumes[j as usize] * w)
+}
+
+/// Refuses influences whose sums are not positive.
 pub(super) fn check_sums(
     body: &Body,
-    sums: &[f64],
+    neighborhood: &Neighborhood,
+    influence: &[f64],
     what: &'static str,
 ) -> Result<(), DeformationError> {
+    let sums = sums(body, neighborhood, influence);
     match sums.iter().position(|sum| !(*sum > 0.0 && sum.is_finite())) {
         None => Ok(()),
         Some(point) => Err(DeformationError::NoInfluence {
@@ -76,48 +89,51 @@ pub(super) fn check_sums(
 }
 
 impl Deviations {
-    /// `influence` has a value for each directed bond.
+    /// Of the families of an operator.
+    ///
+    /// # Errors
+    /// Shape tensors without an inverse, where the stiffness takes it.
     pub(super) fn new(
         operator: &GradientOperator,
-        influence: &[f64],
         law: LawOfPoints<'_>,
-        (kind, is_stationary, families): (Stabilisation, bool, Families),
+        kind: Stabilisation,
     ) -> Result<Deviations, DeformationError> {
         let (body, neighborhood) = (operator.body(), operator.neighborhood());
-        let (d, volumes) = (body.dimension(), body.volumes());
+        let volumes = body.volumes();
         let mut strength = Vec::with_capacity(neighborhood.n_bonds());
         for i in 0..neighborhood.n_points() {
-            let skipped = neighborhood.row(i).len() - neighborhood.upper(i).len();
-            let influence = &influence[neighborhood.places(i)][skipped..];
-            for (&j, w) in neighborhood.upper(i).iter().zip(influence) {
-                strength.push(volumes[i] * volumes[j as usize] * w);
-            }
+            let later = neighborhood.upper(i).iter().zip(operator.later_influence(i));
+            strength.extend(later.map(|(&j, w)| volumes[i] * volumes[j as usize] * w));
         }
-        let mut stiffness: Vec<f64> = match kind {
-            Stabilisation::Silling { stiffness } => {
-                let sums = sums(body, neighborhood, influence);
-                if families == Families::Whole {
-                    check_sums(body, &sums, "the stabilisation")?;
-                }
-                sums.iter().flat_map(|sum| isotropic(d, stiffness / sum)).collect()
-            }
-            Stabilisation::Wan | Stabilisation::Isotropic => {
-                let wan = wan(body, neighborhood, influence, law, families)?;
-                if kind == Stabilisation::Wan {
-                    wan
-                } else {
-                    let trace = |a: &[f64]| a.iter().step_by(d + 1).fold(0.0, |sum, x| sum + x);
-                    let mean = |a: &[f64]| isotropic(d, trace(a) / d as f64);
-                    wan.chunks_exact(d * d).flat_map(mean).collect()
-                }
-            }
-        };
-        for (point, own) in stiffness.chunks_exact_mut(d * d).enumerate() {
-            if operator.is_released(point) {
-                own.fill(0.0);
-            }
+        let of_points = OfPoints::new(operator, law, kind);
+        let mut stiffness = Vec::with_capacity(body.n_points() * body.dimension().pow(2));
+        for point in 0..body.n_points() {
+            stiffness.extend(of_points.stiffness(point).ok_or_else(|| of_points.singular(point))?);
         }
+        let is_stationary = operator.order() == OperatorOrder::First;
         Ok(Deviations { strength, stiffness, is_stationary })
+    }
+
+    /// Follows an operator that has lost bonds: their ends have other stiffnesses, those that are released
+    /// none.
+    pub(super) fn lose(
+        &mut self,
+        (operator, gaps): (&GradientOperator, &Gaps),
+        law: LawOfPoints<'_>,
+        kind: Stabilisation,
+        points: &[usize],
+    ) {
+        gaps.close_bonds(&mut self.strength);
+        let of_points = OfPoints::new(operator, law, kind);
+        let size = operator.body().dimension().pow(2);
+        for &point in points {
+            let own = &mut self.stiffness[point * size..(point + 1) * size];
+            own.fill(0.0);
+            let left = Some(point).filter(|point| !operator.is_released(*point));
+            if let Some(stiffness) = left.and_then(|point| of_points.stiffness(point)) {
+                own.copy_from_slice(&stiffness);
+            }
+        }
     }
 
     /// `A_i`.
@@ -217,22 +233,54 @@ fn times<const D: usize>(a: &Tensor<D>, z: &[f64; D]) -> [f64; D] {
     std::array::from_fn(|r| (0..D).fold(0.0, |sum, c| sum + a[r][c] * z[c]))
 }
 
-/// `C : K_i^-1` of all points, `C` being the second derivative of their law at `F = I`.
-fn wan(
-    body: &Body,
-    neighborhood: &Neighborhood,
-    influence: &[f64],
-    law: LawOfPoints<'_>,
-    families: Families,
-) -> Result<Vec<f64>, DeformationError> {
-    let d = body.dimension();
-    let n_laws = law.materials.map_or(1, |materials| materials.n_laws());
-    let elasticities: Vec<_> = (0..n_laws).map(|k| elasticity(law, (k as u8, None), d)).collect();
-    let has_fields = law.materials.is_some_and(|materials| materials.fields().is_some());
-    let n = neighborhood.n_points();
-    let mut all = Vec::with_capacity(n * d * d);
-    for point in 0..n {
-        let influence = &influence[neighborhood.places(point)];
+/// What the stiffness of points is made of.
+struct OfPoints<'a> {
+    operator: &'a GradientOperator,
+    law: LawOfPoints<'a>,
+    kind: Stabilisation,
+    /// The second derivative at `F = I` of each law, where stiffnesses take it.
+    elasticities: Vec<Vec<f64>>,
+    has_fields: bool,
+}
+
+impl<'a> OfPoints<'a> {
+    fn new(
+        operator: &'a GradientOperator,
+        law: LawOfPoints<'a>,
+        kind: Stabilisation,
+    ) -> OfPoints<'a> {
+        let d = operator.body().dimension();
+        let n_laws = match kind {
+            Stabilisation::Silling { .. } => 0,
+            Stabilisation::Wan | Stabilisation::Isotropic => {
+                law.materials.map_or(1, |materials| materials.n_laws())
+            }
+        };
+        let elasticities = (0..n_laws).map(|k| elasticity(law, (k as u8, None), d)).collect();
+        let has_fields = law.materials.is_some_and(|materials| materials.fields().is_some());
+        OfPoints { operator, law, kind, elasticities, has_fields }
+    }
+
+    /// `A_i`; nothing where it takes the inverse of a shape tensor that has none.
+    fn stiffness(&self, point: usize) -> Option<Vec<f64>> {
+        let d = self.operator.body().dimension();
+        match self.kind {
+            Stabilisation::Silling { stiffness } => {
+                Some(isotropic(d, stiffness / sum_of(self.operator, point)))
+            }
+            Stabilisation::Wan => self.wan(point),
+            Stabilisation::Isotropic => self.wan(point).map(|a| {
+                let trace = a.iter().step_by(d + 1).fold(0.0, |sum, x| sum + x);
+                isotropic(d, trace / d as f64)
+            }),
+        }
+    }
+
+    /// `C : K_i^-1`, `C` being the second derivative of the point's law at `F = I`.
+    fn wan(&self, point: usize) -> Option<Vec<f64>> {
+        let (body, neighborhood) = (self.operator.body(), self.operator.neighborhood());
+        let d = body.dimension();
+        let influence = &self.operator.influence()[neighborhood.places(point)];
         let mut shape = DMatrix::<f64>::zeros(d, d);
         for (&j, w) in neighborhood.row(point).iter().zip(influence) {
             let strength = body.volumes()[j as usize] * w;
@@ -244,29 +292,27 @@ fn wan(
             }
         }
         let size = shape.amax();
-        let inverse = (shape / size).try_inverse().filter(|k| k.iter().all(|x| x.is_finite()));
-        let Some(inverse) = inverse else {
-            if families == Families::Left {
-                all.extend(std::iter::repeat_n(0.0, d * d));
-                continue;
-            }
-            return Err(DeformationError::ShapeTensor {
-                point: body.user_index()[point] as usize,
-                position: body.position(point).to_vec(),
-                neighbors: neighborhood.row(point).len(),
-                functions: d,
-                condition: f64::INFINITY,
-                count: 1,
-            });
-        };
-        let number = law.number(point);
-        let own = has_fields.then(|| elasticity(law, (number, Some(point)), d));
-        let elasticity = own.as_ref().unwrap_or(&elasticities[usize::from(number)]);
-        for rc in 0..d * d {
+        let inverse = (shape / size).try_inverse().filter(|k| k.iter().all(|x| x.is_finite()))?;
+        let number = self.law.number(point);
+        let own = self.has_fields.then(|| elasticity(self.law, (number, Some(point)), d));
+        let elasticity = own.as_ref().unwrap_or(&self.elasticities[usize::from(number)]);
+        let entry = |rc: usize| {
             let row = &elasticity[rc * d * d..(rc + 1) * d * d];
-            let entry = |(k, c): (usize, &f64)| c * inverse[(k / d, k % d)] / size;
-            all.push(row.iter().enumerate().map(entry).fold(0.0, |sum, x| sum + x));
+            let term = |(k, c): (usize, &f64)| c * inverse[(k / d, k % d)] / size;
+            row.iter().enumerate().map(term).fold(0.0, |sum, x| sum + x)
+        };
+        Some((0..d * d).map(entry).collect())
+    }
+
+    fn singular(&self, point: usize) -> DeformationError {
+        let body = self.operator.body();
+        DeformationError::ShapeTensor {
+            point: body.user_index()[point] as usize,
+            position: body.position(point).to_vec(),
+            neighbors: self.operator.neighborhood().row(point).len(),
+            functions: body.dimension(),
+            condition: f64::INFINITY,
+            count: 1,
         }
     }
-    Ok(all)
 }

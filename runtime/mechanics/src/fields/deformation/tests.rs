@@ -3,18 +3,20 @@
 use super::influence::Constant;
 use super::*;
 use crate::kernel::Variables;
+use crate::neighborhood::Gaps;
+use crate::testing::{goes_to_pieces, pseudo_random};
 
-/// `psi = 1/2 H:H`.
-struct Linear;
+/// `psi = 1/2 H:H` of so many components.
+struct Linear(usize);
 
 impl VariablesLaw for Linear {
     fn n_variables(&self) -> usize {
-        4
+        self.0
     }
 
     fn evaluate(&self, at: Variables<'_>, psi: &mut [f64], gradient: &mut [f64]) {
         for p in 0..at.n {
-            psi[p] = (0..4)
+            psi[p] = (0..self.0)
                 .fold(0.0, |sum, k| sum + 0.5 * at.change[k * at.n + p] * at.change[k * at.n + p]);
         }
         if !gradient.is_empty() {
@@ -36,7 +38,7 @@ fn energy(discretisation: Discretisation) -> DeformationEnergy {
         discretisation,
         influence: &Constant,
     };
-    DeformationEnergy::new(body, formulation, Box::new(Linear)).unwrap()
+    DeformationEnergy::new(body, formulation, Box::new(Linear(4))).unwrap()
 }
 
 #[test]
@@ -95,8 +97,7 @@ fn shape_tensors_and_deformation_gradients_of_bonds_are_those_of_the_reference()
         let first = place(0);
         let sum = stabilisation::sums(&body, &neighborhood, &influence)[first];
         let order = OperatorOrder::First;
-        let operator =
-            GradientOperator::new(&body, neighborhood, order, &influence, Families::Whole).unwrap();
+        let operator = GradientOperator::new(&body, neighborhood, order, &influence).unwrap();
         let (strengths, offsets) = operator.family(first);
         // A power of two: strengths have no unit.
         let unit = sum / strengths.iter().sum::<f64>();
@@ -142,14 +143,8 @@ fn linear_fields_are_exact_in_nearly_flat_families() {
     let body = Arc::new(Body::new(3, &positions, &[1.0; 125], None));
     let neighborhood = Arc::new(Neighborhood::new(&body, 2.5).unwrap());
     let influence = influences(&body, &neighborhood, &Constant).unwrap();
-    let operator = GradientOperator::new(
-        &body,
-        neighborhood,
-        OperatorOrder::First,
-        &influence,
-        Families::Whole,
-    )
-    .unwrap();
+    let operator =
+        GradientOperator::new(&body, neighborhood, OperatorOrder::First, &influence).unwrap();
     let condition = operator.condition();
     assert!(condition > 1e10, "{condition:e}");
     let slopes = [[0.3, -0.2, 0.1], [0.5, 0.7, -0.4], [-0.6, 0.2, 0.9]];
@@ -162,4 +157,89 @@ fn linear_fields_are_exact_in_nearly_flat_families() {
         h.iter().map(|h| error(h.as_flattened(), slopes.as_flattened())).fold(0.0, f64::max);
     println!("{condition:e}: {wrong:e}");
     assert!(wrong < 10.0 * f64::EPSILON * condition.sqrt(), "{condition:e}: {wrong:e}");
+}
+
+/// Bodies: a lattice whose rows are gone along, with one volume, and clouds with many.
+fn bodies() -> [(Arc<Body>, f64); 3] {
+    let lattice = (0..12 * 8 * 9).map(|k| [k / 72, k / 9 % 8, k % 9].map(f64::from));
+    let lattice: Vec<f64> = lattice.flatten().collect();
+    let cloud = |d: usize, n: usize| {
+        let volumes: Vec<f64> = pseudo_random(n, 5).iter().map(|x| 2.0 + x).collect();
+        Arc::new(Body::new(d, &pseudo_random(n * d, 3), &volumes, None))
+    };
+    [
+        (Arc::new(Body::new(3, &lattice, &[1.0; 864], Some(1.0))), 2.01),
+        (cloud(2, 150), 0.6),
+        (cloud(3, 150), 1.2),
+    ]
+}
+
+/// The bits of the weights of points and bonds.
+fn bits(places: &Places) -> Vec<u64> {
+    let numbers = match places {
+        Places::Points => Vec::new(),
+        Places::Stabilised(deviations) => {
+            [&deviations.strength[..], &deviations.stiffness].concat()
+        }
+        Places::Bonds(quadrature) => quadrature.weight.clone(),
+    };
+    numbers.into_iter().map(f64::to_bits).collect()
+}
+
+/// What the ends of bonds that went have alone is what all points have of what is left, to the bit: gradients,
+/// weights of bonds, stiffnesses against deviations.
+#[test]
+fn ends_have_what_all_points_have_of_what_is_left() {
+    let kinds = [
+        Discretisation::Nodal,
+        Discretisation::Stabilised(Stabilisation::Silling { stiffness: 3.0 }),
+        Discretisation::Stabilised(Stabilisation::Wan),
+        Discretisation::BondQuadrature,
+    ];
+    let mut released = 0;
+    for (body, horizon) in bodies() {
+        let (d, n) = (body.dimension(), body.n_points());
+        let cubic = influence::CubicSpline { dimension: d, horizon };
+        for (discretisation, order) in kinds
+            .into_iter()
+            .flat_map(|kind| [(kind, OperatorOrder::First), (kind, OperatorOrder::Second)])
+        {
+            let formulation = Formulation { horizon, order, discretisation, influence: &cubic };
+            let law = Box::new(Linear(d * d));
+            let mut energy = DeformationEnergy::new(Arc::clone(&body), formulation, law).unwrap();
+            let whole = Arc::clone(energy.operator.shared_neighborhood());
+            let u = pseudo_random(n * d, 9);
+            for (new, is_lost) in goes_to_pieces(whole.n_bonds()) {
+                energy.lose(&new);
+                let left = whole.without(&is_lost);
+                assert_eq!(*energy.neighborhood(), left);
+                let known = (energy.operator.bits(), bits(&energy.places));
+                let h = energy.displacement_gradients(&u);
+                assert_eq!(
+                    energy.operator.has_rows(),
+                    d * n == 3 * 864 && order == OperatorOrder::First
+                );
+                let rows = energy.operator.rows.take();
+                let size = h.iter().fold(1e-9, |size: f64, x| size.max(x.abs()));
+                for (one, other) in h.iter().zip(energy.displacement_gradients(&u)) {
+                    assert!((one - other).abs() < 1e-11 * size, "{one:e} {other:e}");
+                }
+                energy.operator.rows = rows;
+                let all: Vec<usize> = (0..n).collect();
+                energy.operator.fit_again(&all);
+                let law = LawOfPoints { law: &*energy.law, materials: None };
+                let as_before = (&energy.operator, &Gaps::default());
+                energy.places.lose(as_before, law, discretisation, &all);
+                assert!((energy.operator.bits(), bits(&energy.places)) == known);
+                assert_eq!(energy.displacement_gradients(&u), h);
+                // What comes back is what never went.
+                energy.regain(&new);
+                energy.lose(&new);
+                assert!((energy.operator.bits(), bits(&energy.places)) == known);
+                assert_eq!(energy.displacement_gradients(&u), h);
+                released += energy.singular().len();
+            }
+        }
+    }
+    assert!(released > 1000, "{released}");
 }

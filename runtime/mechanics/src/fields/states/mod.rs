@@ -29,6 +29,8 @@ mod sweep;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
+use rayon::prelude::*;
+
 use crate::assembly::AssemblyError;
 use crate::assembly::error::check_neighbors;
 use crate::assembly::sum::Sum;
@@ -36,7 +38,7 @@ use crate::body::Body;
 use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored;
 use crate::interaction::{Report, Slabs};
-use crate::kernel::{Law, Order, Variables, VariablesLaw};
+use crate::kernel::{Batch, Law, Order, Outputs, Variables, VariablesLaw};
 use crate::materials::{Fields, Materials};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
@@ -175,7 +177,7 @@ impl StateEnergy {
         let mut energy = StateEnergy {
             slabs: Slabs::new(&neighborhood),
             rest: rest_lengths(&body, &neighborhood),
-            changing: (0..n_integrals).collect(),
+            changing: Vec::new(),
             at_rest: vec![0.0; body.n_points() * n_integrals],
             body,
             neighborhood,
@@ -190,25 +192,54 @@ impl StateEnergy {
             states: Pool::new(),
             work: Pool::new(),
         };
-        energy.fix();
+        energy.changing = (0..n_integrals).filter(|k| energy.is_changing(*k)).collect();
+        let points: Vec<usize> = (0..energy.body.n_points()).collect();
+        energy.fix(&points);
         energy.rows = AlongRows::new(&energy);
         Ok(energy)
     }
 
-    /// Works out the integrals that do not change, once for all passes.
-    fn fix(&mut self) {
-        // What takes fields may change with them.
-        let is_steady = |k: &usize| self.fields_of(*k).is_none_or(|(fields, _)| fields.is_steady());
-        let is_fixed = |k: &usize| self.laws.integrals[*k].is_constant() && is_steady(k);
-        let (fixed, changing): (Vec<usize>, Vec<usize>) =
-            (0..self.n_integrals()).partition(is_fixed);
+    /// Whether an integral depends on displacements, or on fields that change.
+    fn is_changing(&self, integral: usize) -> bool {
+        let is_steady = self.fields_of(integral).is_none_or(|(fields, _)| fields.is_steady());
+        !(self.laws.integrals[integral].is_constant() && is_steady)
+    }
+
+    /// Works out the integrals that do not change around some points, once for all passes.
+    fn fix(&mut self, points: &[usize]) {
+        let m = self.n_integrals();
+        let fixed: Vec<usize> = (0..m).filter(|k| !self.changing.contains(k)).collect();
         if fixed.is_empty() {
             return;
         }
-        let mut at_rest = self.integrals(&vec![0.0; self.body.positions().len()]);
-        let m = self.n_integrals();
-        at_rest.chunks_exact_mut(m).for_each(|row| changing.iter().for_each(|k| row[*k] = 0.0));
-        (self.at_rest, self.changing) = (at_rest, changing);
+        let values: Vec<Vec<f64>> =
+            points.par_iter().map(|point| self.at_rest_around(*point, &fixed)).collect();
+        for (point, values) in points.iter().zip(values) {
+            fixed.iter().zip(values).for_each(|(k, value)| self.at_rest[point * m + k] = value);
+        }
+    }
+
+    /// Some integrals of a point at rest, by the order of its neighbours.
+    fn at_rest_around(&self, point: usize, integrals: &[usize]) -> Vec<f64> {
+        let row = self.neighborhood.row(point);
+        let lengths: Vec<f64> =
+            row.iter().map(|&j| distance(&self.body, point, j as usize)).collect();
+        let (nothing, mut given) = (vec![0.0; row.len()], Vec::new());
+        let mut out = [nothing.clone(), nothing.clone(), nothing.clone()];
+        let value = |&k: &usize| {
+            given.clear();
+            if let Some((fields, own)) = self.fields_of(k) {
+                let ends = |b: usize| [point, row[b] as usize].into_iter();
+                fields.add(own, row.len(), ends, &mut given);
+            }
+            let (measure, reference) = (&lengths[..], &lengths[..]);
+            let batch = Batch { measure, reference, change: &nothing, fields: &given };
+            let [psi, dpsi, d2psi] = &mut out;
+            self.laws.integrals[k].evaluate(batch, Order::Energy, Outputs { psi, dpsi, d2psi });
+            let terms = row.iter().zip(&*psi);
+            terms.fold(0.0, |sum, (&j, psi)| sum + self.body.volumes()[j as usize] * psi)
+        };
+        integrals.iter().map(value).collect()
     }
 
     /// The body.
@@ -339,12 +370,15 @@ impl StateEnergy {
 
 /// Lengths at rest of each bond once, in m.
 fn rest_lengths(body: &Body, neighborhood: &Neighborhood) -> Vec<f64> {
-    let length = |i: usize, j: usize| {
-        let ends = body.position(i).iter().zip(body.position(j));
-        ends.fold(0.0, |sum, (x, y)| sum + (y - x) * (y - x)).sqrt()
-    };
     let owners = 0..neighborhood.n_points();
-    owners.flat_map(|i| neighborhood.upper(i).iter().map(move |&j| length(i, j as usize))).collect()
+    let of_owner = |i| neighborhood.upper(i).iter().map(move |&j| distance(body, i, j as usize));
+    owners.flat_map(of_owner).collect()
+}
+
+/// Between two points at rest, in m.
+fn distance(body: &Body, i: usize, j: usize) -> f64 {
+    let ends = body.position(i).iter().zip(body.position(j));
+    ends.fold(0.0, |sum, (x, y)| sum + (y - x) * (y - x)).sqrt()
 }
 
 /// From point by point to variable by variable.
@@ -435,12 +469,16 @@ impl Energy for StateEnergy {
         true
     }
 
+    fn singular(&self) -> Vec<usize> {
+        self.whole.as_ref().map_or_else(Vec::new, |_| self.neighborhood.isolated())
+    }
+
     fn lose(&mut self, bonds: &[usize]) {
-        self.lose_bonds(bonds, true);
+        self.lose_bonds(bonds);
     }
 
     fn regain(&mut self, bonds: &[usize]) {
-        self.lose_bonds(bonds, false);
+        self.regain_bonds(bonds);
     }
 
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {

@@ -2,6 +2,7 @@
 
 use piola_grammar::Diagnostic;
 use piola_mechanics::fracture::crack::Crack;
+use piola_solvers::singular::Singular;
 use piola_solvers::steps::Loose;
 
 use super::Context;
@@ -18,8 +19,10 @@ static CRACK: Schema = Schema {
         ("damaged", "true"),
     ],
 };
-static FRACTURE: Schema =
-    Schema { title: "[fracture]", keys: &[("unbreakable", "[\"grip\"]"), ("loose", "\"freeze\"")] };
+static FRACTURE: Schema = Schema {
+    title: "[fracture]",
+    keys: &[("unbreakable", "[\"grip\"]"), ("loose", "\"freeze\""), ("singular", "\"release\"")],
+};
 
 static TRACK: Schema = Schema {
     title: "[[track]]",
@@ -176,14 +179,16 @@ impl Reader {
     ) -> Option<FractureSettings> {
         let Some(entry) = entry else { return Some(FractureSettings::default()) };
         let table = self.table(&FRACTURE, &entry.node)?;
-        let loose = self.or(Some(&table), "loose", Loose::default(), Reader::choice)?;
+        let loose = self.or(Some(&table), "loose", Loose::default(), Reader::choice);
+        let singular = self.or(Some(&table), "singular", Singular::default(), Reader::choice);
+        let (loose, singular) = (loose?, singular?);
         let Some(field) = table.field("unbreakable") else {
-            return Some(FractureSettings { unbreakable: Vec::new(), loose });
+            return Some(FractureSettings { unbreakable: Vec::new(), loose, singular });
         };
         let items = self.array(field)?;
         let set = |item: &Node| self.set_named(field.item(item), context);
         let read: Vec<Option<Located<usize>>> = items.iter().map(set).collect();
         let unbreakable = read.into_iter().collect::<Option<Vec<_>>>()?;
-        Some(FractureSettings { unbreakable, loose })
+        Some(FractureSettings { unbreakable, loose, singular })
     }
 }

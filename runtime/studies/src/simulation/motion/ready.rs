@@ -70,6 +70,7 @@ pub(in crate::simulation) fn settings(case: &Case, scene: &Motion) -> MotionSett
         // Frames are rows, too.
         rows: output.rows.max(frames(case, scene).ceil() as usize),
         even: false,
+        singular: case.scene.fracture.singular,
     }
 }
 
@@ -130,6 +131,9 @@ pub(in crate::simulation) fn stopped(
                 format!("at t = {t:e} s, after {step} steps{unstable}: {place}"),
             )
         }
+        MotionError::Singular { .. } => {
+            (ExitReason::Singular, in_users_order(case, error).to_string())
+        }
         _ => (ExitReason::Failed, in_users_order(case, error).to_string()),
     }
 }
@@ -141,6 +145,9 @@ fn in_users_order(case: &Case, error: MotionError) -> MotionError {
         MotionError::FlownOff(mut found) => {
             found.point = number(found.point);
             MotionError::FlownOff(found)
+        }
+        MotionError::Singular { t, step, families } => {
+            MotionError::Singular { t, step, families: case.numbered(&families) }
         }
         MotionError::Mass { point, mass } => MotionError::Mass { point: number(point), mass },
         other => other,

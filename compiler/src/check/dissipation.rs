@@ -63,10 +63,11 @@ impl Builder<'_> {
         let second = Dimension::of(0, 0, 1, 0);
         let wanted = Dimension::energy_density(2, self.variant.dimension).over(second);
         if self.has_units && Quantity::Known(wanted).unify(quantity).is_none() {
-            let (d, unit) = (self.variant.dimension, wanted.unit());
+            let d = self.variant.dimension;
             let found = quantity.describe();
             let message = format!(
-                "dissipation(l) must be the unit of psi(l) per second, {unit} (d = {d}), not {found}"
+                "dissipation(l) must be the unit of psi(l) per second, W/m^{} (d = {d}), not {found}",
+                2 * d
             );
             let mut error = Diagnostic::error("dimension-mismatch", span, message).label(found);
             if let Quantity::Known(found) = quantity {

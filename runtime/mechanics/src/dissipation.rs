@@ -73,6 +73,8 @@ struct Lane {
 struct Room {
     lanes: Vec<Lane>,
     lengths: Vec<f64>,
+    /// One over them.
+    inverse: Vec<f64>,
     rates: Vec<f64>,
     at_rest: Vec<f64>,
     /// `(rate - L)/L`, as laws take the change of a measure.
@@ -247,17 +249,16 @@ impl Dashpots {
             let between = |of: &[[f64; D]]| -> [f64; D] { each(|k| of[other][k] - of[owner][k]) };
             let (xi, eta, speed) = (between(positions), between(u), between(v));
             let x: [f64; D] = each(|axis| xi[axis] + eta[axis]);
-            let (at_rest, length) = (dot(&xi, &xi).sqrt(), dot(&x, &x).sqrt());
             let mut along = [0.0; 3];
-            along.iter_mut().zip(x).for_each(|(along, x)| *along = x / length);
-            let rate = (0..D).fold(0.0, |sum, axis| sum + along[axis] * speed[axis]);
+            along[..D].copy_from_slice(&x);
             let weight = part * factor * self.weights.join_last(begun, self.weights.share(other));
             room.lanes.push(Lane { other, bond, weight, along });
-            room.lengths.push(length);
-            room.rates.push(rate);
-            room.at_rest.push(at_rest);
-            room.change.push((rate - at_rest) / at_rest);
+            // Squares and a product so far: roots and quotients go several at a time.
+            room.lengths.push(dot(&x, &x));
+            room.rates.push(dot(&x, &speed));
+            room.at_rest.push(dot(&xi, &xi));
         }
+        room.take_roots();
     }
 }
 
@@ -266,6 +267,26 @@ impl Room {
         self.lanes.clear();
         let Room { lengths, rates, at_rest, change, .. } = self;
         [lengths, rates, at_rest, change].into_iter().for_each(Vec::clear);
+    }
+
+    /// Makes lengths of squares, rates of products and unit vectors of those along bonds.
+    fn take_roots(&mut self) {
+        let n = self.lanes.len();
+        self.inverse.resize(n, 0.0);
+        self.change.resize(n, 0.0);
+        let (lengths, inverse) = (&mut self.lengths[..n], &mut self.inverse[..n]);
+        let (rates, at_rest) = (&mut self.rates[..n], &mut self.at_rest[..n]);
+        let change = &mut self.change[..n];
+        for k in 0..n {
+            lengths[k] = lengths[k].sqrt();
+            at_rest[k] = at_rest[k].sqrt();
+            inverse[k] = 1.0 / lengths[k];
+            rates[k] *= inverse[k];
+            change[k] = (rates[k] - at_rest[k]) / at_rest[k];
+        }
+        for (lane, inverse) in self.lanes.iter_mut().zip(inverse) {
+            lane.along.iter_mut().for_each(|x| *x *= *inverse);
+        }
     }
 
     /// The fields of the bonds' law, and their lengths behind them, where the law takes some.
@@ -320,11 +341,11 @@ fn spread<const D: usize>(
     pull: f64,
     along: &[f64; 3],
 ) {
-    for axis in 0..D {
-        let force = pull * along[axis];
-        rows[owner * D + axis] -= force;
-        rows[other * D + axis] += force;
-    }
+    let force: [f64; D] = each(|axis| pull * along[axis]);
+    let own = rows.range(owner * D..(owner + 1) * D);
+    own.iter_mut().zip(force).for_each(|(own, force)| *own -= force);
+    let far = rows.range(other * D..(other + 1) * D);
+    far.iter_mut().zip(force).for_each(|(far, force)| *far += force);
 }
 
 impl Dissipation for Dashpots {
@@ -387,8 +408,8 @@ mod tests {
     impl Law for Quartic {
         fn evaluate(&self, at: Batch<'_>, order: Order, out: Outputs<'_>) {
             for (k, (rate, length)) in at.measure.iter().zip(at.fields).enumerate() {
-                out.psi[k] = 0.5 * length * rate * rate + 0.25 * rate.powi(4);
-                out.dpsi[k] = length * rate + rate.powi(3);
+                out.psi[k] = 0.5 * length * rate * rate + 0.25 * rate * rate * rate * rate;
+                out.dpsi[k] = length * rate + rate * rate * rate;
                 if order == Order::Tangent {
                     out.d2psi[k] = length + 3.0 * rate * rate;
                 }

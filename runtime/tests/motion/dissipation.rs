@@ -7,7 +7,7 @@ use piola_compiler::{Form, Level, Mode, Setting, check_text};
 use piola_runtime::assembly::{DiscreteEnergy, Laws};
 use piola_runtime::body::Body;
 use piola_runtime::dissipation::{Dashpots, Layer};
-use piola_runtime::energy::{Dissipation as _, Energy, Total};
+use piola_runtime::energy::{Energy, Total};
 use piola_runtime::kernel::Law;
 use piola_runtime::lattice::{Lattice, Nodes};
 use piola_runtime::neighborhood::Neighborhood;

@@ -96,7 +96,7 @@ impl CriticalStep {
         }
         let seconds = match viscosity {
             0.0 => 2.0 / frequency,
-            _ => 2.0 / (frequency.hypot(viscosity) + viscosity),
+            _ => 2.0 / ((stiff.bound() + viscosity * viscosity).sqrt() + viscosity),
         };
         let uncertainty = stiff.uncertainty().max(viscous.uncertainty());
         let products = stiff.products + viscous.products;

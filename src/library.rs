@@ -73,6 +73,7 @@ pub(crate) const LIBRARY: &[Entry] = entries![
     "hencky" is Solid,
     "hyperfoam" is Foam,
     "javili2020" is Clique,
+    "kelvin_voigt" is Bond,
     "lennard_jones" is Bond,
     "linear_peridynamic_solid" is State,
     "linear_peridynamic_solid_brittle" is State,

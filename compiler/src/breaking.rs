@@ -47,7 +47,7 @@ pub struct BondFunction {
     pub kind: BondFunctionKind,
     /// As written, in canonical spelling.
     pub text: String,
-    /// The margin or the next value in the place of psi.
+    /// The margin, the next value or what is dissipated in the place of psi.
     pub function: ScalarEnergy,
 }
 
@@ -64,6 +64,8 @@ pub enum BondFunctionKind {
     },
     /// What the state of this name becomes.
     Next(String),
+    /// What bonds dissipate, with its derivatives by the rate.
+    Dissipation,
 }
 
 /// What a state of a bond becomes.
@@ -79,7 +81,7 @@ pub struct NextState {
 }
 
 impl Model {
-    /// Margins of conditions, then what states become, as they are compiled for these values; with symbols
+    /// Margins of conditions, what states become, then what is dissipated, as they are compiled for these values; with symbols
     /// for parameters where there are none.
     ///
     /// # Errors
@@ -113,7 +115,8 @@ impl Model {
             Ok(BondFunction { kind, text: one.text.clone(), function })
         };
         let margins = variant.breaks.iter().enumerate().map(margin);
-        margins.chain(variant.updates.iter().map(next)).collect()
+        let dissipation = self.dissipation_function(variant, values.as_ref()).transpose();
+        margins.chain(variant.updates.iter().map(next)).chain(dissipation).collect()
     }
 
     /// When bonds, triangles and tetrahedra break, for these values: of each kind any one of these conditions

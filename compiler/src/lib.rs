@@ -23,6 +23,7 @@ mod consistent;
 pub mod coupled;
 mod density;
 pub mod differentiate;
+mod dissipation;
 mod example;
 pub mod expression;
 mod formula;
@@ -58,8 +59,8 @@ pub use kernel::{Batch, Derivatives, Kernel, Level, Mode, Order, Outputs, Writte
 pub use lint::{LINTS, Lint};
 pub use measure::{Argument, Measure};
 pub use model::{
-    Break, Constraint, Energy, GatheredEnergy, GradientEnergy, Integral, Interval, Model,
-    Parameter, Variant,
+    Break, Constraint, Dissipation, Energy, GatheredEnergy, GradientEnergy, Integral, Interval,
+    Model, Parameter, Variant,
 };
 pub use point::{GradientBatch, GradientEnergyForms, GradientKernel};
 pub use specialise::{CompileError, Dropped, Form, ScalarEnergy, Specialised};

@@ -89,6 +89,8 @@ pub struct Variant {
     pub domains: Vec<Interval>,
     /// When bonds break.
     pub breaks: Vec<Break>,
+    /// What bonds dissipate.
+    pub dissipations: Vec<Dissipation>,
     /// What states of bonds become, at most one for each.
     pub updates: Vec<Update>,
     /// Numbers and components of tensors that depend on the deformation, and what they are in the text,
@@ -165,6 +167,17 @@ pub struct Break {
     pub text: String,
     /// What it is, in the words of the file.
     pub reason: Option<String>,
+}
+
+/// One potential of how fast a bond's length changes, `dissipation(l) = 1/2*eta*rate(l)^2`.
+#[derive(Clone, Debug)]
+pub struct Dissipation {
+    /// The potential in the variant's graph, in W/m^(2d), a function of `rate(l)`, `l`, `L` and states.
+    pub root: NodeId,
+    /// Its place.
+    pub span: Span,
+    /// The potential as written, in canonical spelling.
+    pub text: String,
 }
 
 /// What a state of a bond becomes, `update k = max(k, l/L - 1)`.
@@ -306,6 +319,11 @@ impl Model {
         &self.variants[0].breaks
     }
 
+    /// What bonds dissipate, as written.
+    pub fn dissipations(&self) -> &[Dissipation] {
+        &self.variants[0].dissipations
+    }
+
     /// What states become, as written.
     pub fn updates(&self) -> &[Update] {
         &self.variants[0].updates
@@ -314,6 +332,12 @@ impl Model {
     /// The numbers of the parameters that are states, ascending.
     pub fn states(&self) -> impl Iterator<Item = usize> + '_ {
         (0..self.parameters.len()).filter(|number| self.parameters[*number].is_state)
+    }
+
+    /// The number that stands for the length of a bond where its rate is the variable: behind that of the
+    /// time step.
+    pub(crate) fn number_of_length(&self) -> u16 {
+        self.parameters.len() as u16 + 1
     }
 
     /// The name of a parameter by its number, or of the time step behind them.

@@ -72,9 +72,15 @@ fn value(kernel: &Kernel, point: Point, fields: &[f64], dt: Option<f64>) -> f64 
     derivatives(kernel, point, fields, dt)[0]
 }
 
-/// psi and its derivatives, with fields and, where the kernel takes it, the time step behind them.
-fn derivatives(kernel: &Kernel, point: Point, fields: &[f64], dt: Option<f64>) -> [f64; 3] {
-    let all: Vec<f64> = fields.iter().copied().chain(dt).collect();
+/// psi and its derivatives, with fields and, where the kernel takes it, one more behind them: the time step,
+/// or the length beside its rate.
+pub(crate) fn derivatives(
+    kernel: &Kernel,
+    point: Point,
+    fields: &[f64],
+    last: Option<f64>,
+) -> [f64; 3] {
+    let all: Vec<f64> = fields.iter().copied().chain(last).collect();
     let batch = Batch {
         measure: &[point.measure],
         reference: &[point.reference],

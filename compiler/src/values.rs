@@ -143,14 +143,18 @@ impl Model {
         let states = self.states().map(|state| state as u16);
         let states: Vec<u16> = states.filter(|state| !fields.contains(state)).collect();
         // A time step is one more input: load steps tell it all bonds that remember.
-        let n_inputs = fields.len() + states.len() + usize::from(!self.updates().is_empty());
+        // So is a length: dissipation takes it beside its rate.
+        let n_more = [self.updates().is_empty(), self.dissipations().is_empty()];
+        let n_more = n_more.into_iter().filter(|is_empty| !is_empty).count();
+        let n_inputs = fields.len() + states.len() + n_more;
         if n_inputs > MAX_FIELDS {
             let last = fields.last().or(states.last()).copied().unwrap_or_default();
             errors.push(ValueError {
                 code: "too-large",
                 parameter: self.parameters[usize::from(last)].name.clone(),
                 message: format!(
-                    "a potential has at most {MAX_FIELDS} parameters that vary, states and `dt` included"
+                    "a potential has at most {MAX_FIELDS} parameters that vary; states count, `dt` of \
+                     updates does, and the length beside `rate(l)`"
                 ),
                 help: "give some of them one number".into(),
             });

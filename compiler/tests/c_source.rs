@@ -503,7 +503,7 @@ fn printed_c_of_bonds_that_remember_gives_the_same_numbers() {
     }
     let text = "potential memory\nstate k = 0.25\nstate life = 2\ns = l/L - 1\n\
                 update k = max(k, s)\nupdate life = life - max(0, s - 1/8)^2*dt\n\
-                psi(l) = L*s^2/(1 + k)\nbreak when k + s > 3/4\nbreak when life <= 1 or s >= 2";
+                psi(l) = L*s^2/(1 + k)\ndissipation(l) = k*l*rate(l)^2*abs(rate(l))\nbreak when k + s > 3/4\nbreak when life <= 1 or s >= 2";
     let model = check(&parse(text).unwrap()).unwrap();
     let values = model.values(3, &[], Some(1.0)).unwrap().with_states(&model);
     let folder = Folder::new("piola_c_of_bonds");
@@ -515,22 +515,25 @@ fn printed_c_of_bonds_that_remember_gives_the_same_numbers() {
     let list =
         |values: &[f64]| values.iter().map(|x| format!("{x:e}")).collect::<Vec<_>>().join(", ");
     let changes = measures.map(|l| l - 1.0);
+    let rates = [0.5, -2.0, 1.5, 1e-3, -7.0, 3.0, 0.125];
     let (lives, ks) =
         ([2.0, 1.5, 1.0, 0.5, 1.25, 3.0, 2.5], [0.0, 0.5, 0.25, 0.125, 1.0, 0.0, 2.0]);
     let main = format!(
         "#include <stdio.h>\n#include \"memory.c\"\nint main(void) {{\n\
-         double l[] = {{{}}}, L[] = {{{}}}, e[] = {{{}}}, k[] = {{{}}}, a[] = {{{}}}, x[7], y[7], z[7];\n\
+         double l[] = {{{}}}, L[] = {{{}}}, e[] = {{{}}}, k[] = {{{}}}, a[] = {{{}}}, r[] = {{{}}}, x[7], y[7], z[7];\n\
          memory_l(7, l, L, e, k, a, x, y, z);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", y[i]);\n\
          memory_next_k(7, l, L, e, k, a, 0.5, x);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", x[i]);\n\
          memory_next_life(7, l, L, e, k, a, 0.5, x);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", x[i]);\n\
          memory_margin_1(7, l, L, e, k, a, x);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", x[i]);\n\
          memory_margin_2(7, l, L, e, k, a, x);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", x[i]);\n\
+         memory_dissipation(7, l, L, e, r, k, a, x, y, z);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", y[i]);\n\
          return 0;\n}}\n",
         list(&measures),
         list(&[1.0; 7]),
         list(&changes),
         list(&ks),
         list(&lives),
+        list(&rates),
     );
     let printed = run(&folder, Vec::new(), &main);
     let mut printed = printed.lines().map(|line| line.parse::<f64>().unwrap());
@@ -555,6 +558,11 @@ fn printed_c_of_bonds_that_remember_gives_the_same_numbers() {
     for criterion in model.criteria(&values, mode, Form::Accurate).unwrap() {
         expected.extend(criterion.margin.derivatives(batch(&of_energy)).psi);
     }
+    let dissipation = model.dissipation(&values, mode).unwrap().unwrap();
+    let of_rate = [&ks[..], &lives, &measures].concat();
+    let change = rates.map(|rate| rate - 1.0);
+    let by_rate = piola_compiler::Batch { measure: &rates, change: &change, ..batch(&of_rate) };
+    expected.extend(dissipation.derivatives(by_rate).dpsi);
     for (k, expected) in expected.iter().enumerate() {
         let found = printed.next().unwrap();
         assert!(same_bits(found, *expected), "{k}: {found:e} and {expected:e}\n{source}");

@@ -207,6 +207,8 @@ pub enum Statement {
     Definition(Definition),
     /// `psi(l) = ..`
     Energy(Energy),
+    /// `dissipation(l) = 1/2*eta*rate(l)^2`, of the same shape
+    Dissipation(Energy),
     /// `domain l/L in (0, 10]`
     Domain(Domain),
     /// `break when l/L - 1 > s0 "critical stretch"`
@@ -272,16 +274,17 @@ pub struct Definition {
     pub unit: Option<Unit>,
 }
 
-/// An energy density of one measure, or of values gathered over families.
+/// An energy density of one measure, or of values gathered over families; or a potential of how fast a
+/// measure changes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Energy {
-    /// What stands first in the parentheses of `psi(..)`.
+    /// What stands first in the parentheses of `psi(..)` or `dissipation(..)`.
     pub measure: Ident,
     /// The gathered values named behind it.
     pub gathered: Vec<Ident>,
-    /// The energy.
+    /// The energy, or the potential.
     pub body: ExprId,
-    /// Place of `psi(..)`.
+    /// Place of what stands before `=`.
     pub head: Span,
 }
 

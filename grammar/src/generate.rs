@@ -4,8 +4,8 @@
 //! is a test case and a shrunk byte string is a smaller program. Any bytes give a program that
 //! parses and whose names, numbers of arguments and types are right; most have no units, and those
 //! that have get the dimensions right. The energies are arbitrary: they need not be real numbers
-//! everywhere, stable, or zero at rest; so are the conditions under which something breaks, and what
-//! bonds remember. A parameter without a default wants any positive number.
+//! everywhere, stable, or zero at rest; so are the conditions under which something breaks, what
+//! bonds remember and what they dissipate. A parameter without a default wants any positive number.
 
 /// A potential file made from these bytes.
 pub fn potential_text(bytes: &[u8]) -> String {
@@ -134,6 +134,9 @@ impl<'b> Writer<'b> {
                 6 => self.gradient_energy(&scope),
                 _ => self.energy(&scope, measure),
             }
+        }
+        if self.pick(4) == 3 {
+            self.dissipation(&scope, &states, kind == 7);
         }
         self.updates(&scope, &states, kind == 7);
         for _ in 0..self.pick(4).saturating_sub(1) {
@@ -294,6 +297,22 @@ impl<'b> Writer<'b> {
         self.line(&format!("parameter {stiffness} = 2 in {unit}, {stiffness} > 0"));
         let body = self.body(&scope.with(&[&format!("{now}/{rest}")]));
         self.line(&format!("psi({now}) = 1/2*{stiffness}*{rest}*({body})"));
+    }
+
+    /// A potential of how fast bonds change; the rate may stand in it anywhere.
+    fn dissipation(&mut self, scope: &Scope, states: &[String], has_units: bool) {
+        let names: Vec<&str> = states.iter().map(String::as_str).collect();
+        if has_units {
+            let viscosity = format!("viscosity_{}", self.out.len());
+            self.line(&format!("parameter {viscosity} = 2 in W*s^2/m^(2*d + 2)"));
+            let body = self.body(&scope.with(&names).with(&["l/L"]));
+            self.line(&format!("dissipation(l) = {viscosity}*rate(l)^2*({body})"));
+            return;
+        }
+        let scope = scope.with(&names).with(&["delta", "L", "l", "rate(l)", "rate(l)/L"]);
+        let body = self.body(&scope);
+        let first = self.pick_of(&["1/2*rate(l)^2", "rate(l)", "abs(rate(l))^1.5"]);
+        self.line(&format!("dissipation(l) = {first}*({body})"));
     }
 
     /// An energy of the deformation gradient: an arbitrary function of a few numbers made of it.

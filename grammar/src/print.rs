@@ -76,11 +76,8 @@ impl<'a> Printer<'a> {
             Statement::Weights(_) => self.push("weights volumes"),
             Statement::Parameter(parameter) => self.parameter(parameter),
             Statement::Definition(definition) => self.definition(definition),
-            Statement::Energy(Energy { measure, gathered, body, .. }) => {
-                let names = [measure].into_iter().chain(gathered).map(|name| name.name.as_str());
-                self.push(&format!("psi({}) = ", names.collect::<Vec<_>>().join(", ")));
-                self.expression(*body);
-            }
+            Statement::Energy(energy) => self.energy("psi", energy),
+            Statement::Dissipation(potential) => self.energy("dissipation", potential),
             Statement::Domain(domain) => {
                 self.push("domain ");
                 self.expression(domain.quantity);
@@ -100,6 +97,13 @@ impl<'a> Printer<'a> {
                 self.text_after(" ", reason);
             }
         }
+    }
+
+    fn energy(&mut self, head: &str, energy: &Energy) {
+        let names = [&energy.measure].into_iter().chain(&energy.gathered);
+        let names: Vec<&str> = names.map(|name| name.name.as_str()).collect();
+        self.push(&format!("{head}({}) = ", names.join(", ")));
+        self.expression(energy.body);
     }
 
     fn bound(&mut self, bound: &Bound) {

@@ -41,7 +41,9 @@ impl Pair<'_> {
             (S::Weights(_), S::Weights(_)) => true,
             (S::Parameter(a), S::Parameter(b)) => self.parameters(a, b),
             (S::Definition(a), S::Definition(b)) => self.definitions(a, b),
-            (S::Energy(a), S::Energy(b)) => self.energies(a, b),
+            (S::Energy(a), S::Energy(b)) | (S::Dissipation(a), S::Dissipation(b)) => {
+                self.energies(a, b)
+            }
             (S::Domain(a), S::Domain(b)) => self.domains(a, b),
             (S::Update(a), S::Update(b)) => {
                 a.state.name == b.state.name && self.expressions(a.body, b.body)

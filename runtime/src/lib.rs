@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | [`piola_mechanics`] | bodies and who interacts | [`body`], [`lattice`], [`neighborhood`], [`interaction`], [`weights`], [`surface`] |
 //! | | one energy and its derivatives | [`kernel`], [`geometry`], [`element`], [`assembly`], [`deformation`], [`states`], [`energy`], [`matrix`] |
+//! | | bonds that break, bonds that dissipate | [`fracture`], [`dissipation`] |
 //! | [`piola_solvers`] | equilibrium | [`solve`] |
 //! | [`piola_output`] | what is left behind | [`output`] |
 //! | [`piola_studies`] | what is asked for | [`scene`], [`plan`] |
@@ -15,8 +16,8 @@
 //! ([`scene`] and [`output`] translate).
 
 pub use piola_mechanics::{
-    assembly, body, deformation, energy, fracture, geometry, interaction, kernel, lattice,
-    materials, matrix, neighborhood, sheet, states, surface, weights, words,
+    assembly, body, deformation, dissipation, energy, fracture, geometry, interaction, kernel,
+    lattice, materials, matrix, neighborhood, sheet, states, surface, weights, words,
 };
 pub use piola_output as output;
 pub use piola_solvers as solve;

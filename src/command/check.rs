@@ -55,8 +55,9 @@ fn of_scene(case: &Case) -> String {
 /// What was checked, in one line.
 fn describe(loaded: &Loaded) -> String {
     let model = &loaded.model;
-    let energies: Vec<String> =
+    let mut energies: Vec<String> =
         model.arguments().iter().map(|argument| format!("psi({argument})")).collect();
+    energies.extend((!model.dissipations().is_empty()).then(|| "dissipation(l)".to_string()));
     let dimensions: Vec<String> = model.dimensions().map(|d| d.to_string()).collect();
     let units = if model.has_units() {
         "dimensions agree"

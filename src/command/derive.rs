@@ -2,13 +2,14 @@
 
 use piola_compiler::audit::{self, Lost, Place};
 use piola_compiler::coupled::CoupledForm;
+use piola_compiler::expression::NodeId;
 use piola_compiler::jit::CompiledKernel;
 use piola_compiler::point::gradient_listing;
 use piola_compiler::rewrite::{self, Explanation, Side};
 use piola_compiler::simplify::Rule;
 use piola_compiler::{
     Argument, BondFunction, BondFunctionKind, CompileError, Form, GradientEnergyForms, Measure,
-    Specialised, Values, print,
+    Model, Specialised, Values, print,
 };
 
 use piola_runtime::output::decimal;
@@ -350,7 +351,7 @@ fn emit(
         });
     }
     let evolution = match arguments.emit {
-        Emit::Text => of_bonds.iter().map(in_words).collect(),
+        Emit::Text => of_bonds.iter().map(|one| in_words(model, one)).collect(),
         Emit::Latex => print::latex_of_bonds(model, of_bonds),
         _ => String::new(),
     };
@@ -378,11 +379,18 @@ fn emit(
     Ok(parts.join("\n"))
 }
 
-/// A condition, or what a state becomes, as it is written.
-fn in_words(one: &BondFunction) -> String {
+/// A condition, or what a state becomes, as it is written; what is dissipated with its derivatives.
+fn in_words(model: &Model, one: &BondFunction) -> String {
     match &one.kind {
         BondFunctionKind::Margin { .. } => format!("break when {}\n", one.text),
         BondFunctionKind::Next(state) => format!("update {state} = {}\n", one.text),
+        BondFunctionKind::Dissipation => {
+            let line = |(primes, root): (&str, &NodeId)| {
+                let right = print::expression(model, &one.function.graph, *root);
+                format!("dissipation{primes}(l) = {right}\n")
+            };
+            ["", "'", "''"].into_iter().zip(&one.function.roots).map(line).collect()
+        }
     }
 }
 

@@ -121,7 +121,7 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
         return report_next_state(place, next, found);
     }
     let (places, what, digits) = match &found.subject {
-        Subject::Argument(Argument::Measure(_) | Argument::Square(_)) => {
+        Subject::Argument(Argument::Measure(_) | Argument::Square(_)) | Subject::Dissipation(_) => {
             ("points", "largest error over tolerance against hyper-dual numbers", 2)
         }
         Subject::Argument(Argument::Gradient) => {
@@ -138,6 +138,10 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
         _ => place.to_string(),
     };
     let (verdict, bits) = (verdict(found), bits(found, places));
+    let head = match &found.subject {
+        Subject::Dissipation(_) => "dissipation(l)".to_string(),
+        subject => format!("psi({})", subject.symbol()),
+    };
     let orders = found.subject.orders();
     let errors = found.errors.iter().map(|errors| {
         let of =
@@ -146,8 +150,7 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
         if found.errors.len() > 1 { format!("{} {of}", words(errors.witness).0) } else { of }
     });
     let mut out = format!(
-        "{verdict}  {place} psi({}): {} {places}; {bits}; {what}: {}\n",
-        found.subject.symbol(),
+        "{verdict}  {place} {head}: {} {places}; {bits}; {what}: {}\n",
         found.n_places,
         errors.collect::<Vec<_>>().join("; ")
     );
@@ -357,6 +360,9 @@ fn place_of(subject: &Subject, miss: &Miss) -> String {
         Subject::Argument(Argument::Measure(measure) | Argument::Square(measure)) => {
             let (m, rest) = (miss.place[0], miss.place[1]);
             format!("{symbol} = {m:e}, {} = {rest:e}", measure.reference_symbol())
+        }
+        Subject::Dissipation(_) => {
+            format!("rate(l) = {:e}, L = {:e}", miss.place[0], miss.place[1])
         }
         Subject::Margin(..) | Subject::NextState(_) | Subject::Following => {
             let measure = match subject {

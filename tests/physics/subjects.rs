@@ -72,6 +72,7 @@ fn of_the_library(name: &str) -> Vec<Material> {
             .flat_map(|n| three_kinds("firooz2023", Some(n)))
             .collect(),
         "silling2000" => vec![bonds_in_space("silling2000")],
+        "kelvin_voigt" => vec![bonds_in_space("kelvin_voigt")],
         "prototype_microelastic_brittle" => vec![bonds_in_space("prototype_microelastic_brittle")],
         // Bonds that remember: `runtime/tests/motion/states` tries them.
         "bilinear_softening"

@@ -8,6 +8,7 @@ mod accuracy;
 mod bench;
 mod contract;
 mod coupled;
+mod dissipation;
 mod explain_bond;
 mod extremes;
 mod fields;

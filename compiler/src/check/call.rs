@@ -3,6 +3,7 @@
 use piola_grammar::Span;
 use piola_grammar::ast::{Ast, ExprId, Ident, Statement};
 
+use super::dissipation;
 use super::elaborate::{Elaborator, MAX_CALL_DEPTH};
 use super::symbols::{Symbol, TensorFunction};
 use super::value::{Kind, Value};
@@ -39,6 +40,9 @@ impl<'a> Elaborator<'a> {
                 _ => {}
             }
             return self.tensor_call(tensor_function, (function, actual[0], given[0]), span);
+        }
+        if function.name == dissipation::NAME {
+            return self.rate(actual[0], given[0], span);
         }
         let Some(operator) = Operator::named(&function.name) else {
             return self.integral(actual[0], given[0], span);

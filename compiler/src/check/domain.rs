@@ -5,7 +5,7 @@ use piola_grammar::{Diagnostic, print_expression};
 
 use super::statement::Builder;
 use super::symbols::{Kinematic, Symbol};
-use super::value::{GRADIENT, INTEGRAL};
+use super::value::{GRADIENT, INTEGRAL, RATE};
 use crate::measure::{Argument, Measure};
 use crate::model::Interval;
 
@@ -24,22 +24,23 @@ impl Builder<'_> {
             ExprKind::Name(name)
                 if self.elaborator.symbols.get(name) == Some(Symbol::Kinematic(Kinematic::Jacobian))
         );
-        let argument =
-            match (measures.as_slice(), value.uses & (GRADIENT | INTEGRAL)) {
-                (&[measure], 0) => Argument::Measure(measure),
-                ([], GRADIENT) if is_jacobian => Argument::Gradient,
-                (_, others) => {
-                    let span = self.ast.arena[domain.quantity].span;
-                    let message = match others {
-                        0 | INTEGRAL => "a domain bounds a quantity of one measure",
-                        _ => "a domain of `F` bounds `J`",
-                    };
-                    self.elaborator.report(Diagnostic::error("wrong-measure", span, message).help(
+        let argument = match (measures.as_slice(), value.uses & (GRADIENT | INTEGRAL | RATE)) {
+            (&[measure], 0) => Argument::Measure(measure),
+            ([], GRADIENT) if is_jacobian => Argument::Gradient,
+            (_, others) => {
+                let span = self.ast.arena[domain.quantity].span;
+                let message = match others {
+                    others if others & GRADIENT == 0 => "a domain bounds a quantity of one measure",
+                    _ => "a domain of `F` bounds `J`",
+                };
+                self.elaborator.report(
+                    Diagnostic::error("wrong-measure", span, message).help(
                         "write for instance `domain l/L in (0, 10]` or `domain J in (0, inf)`",
-                    ));
-                    return;
-                }
-            };
+                    ),
+                );
+                return;
+            }
+        };
         // Ends that are no numbers make no domain either.
         if lower.0.partial_cmp(&upper.0) != Some(std::cmp::Ordering::Less) {
             let message = format!("the domain is empty: {} is not below {}", lower.0, upper.0);

@@ -198,7 +198,7 @@ impl<'a> Elaborator<'a> {
         if self.checked { Quantity::NUMBER } else { Quantity::Any }
     }
 
-    fn known(&self, dimension: Dimension) -> Kind {
+    pub(super) fn known(&self, dimension: Dimension) -> Kind {
         Kind::Number(if self.checked { Quantity::Known(dimension) } else { Quantity::Any })
     }
 

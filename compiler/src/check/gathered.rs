@@ -7,7 +7,7 @@ use super::dimension::Dimension;
 use super::elaborate::Elaborator;
 use super::statement::Builder;
 use super::symbols::Symbol;
-use super::value::{GRADIENT, INTEGRAL, Kind, PART, Quantity, Value};
+use super::value::{GRADIENT, INTEGRAL, Kind, PART, Quantity, RATE, Value};
 use crate::expression::{Input, Node};
 use crate::measure::Measure;
 use crate::model::{GatheredEnergy, Integral};
@@ -18,12 +18,13 @@ pub(crate) const MAX_INTEGRALS: usize = 8;
 const LENGTH: u8 = 1 << (Measure::Length as u8);
 
 /// What no integrand may hold, and why.
-const FOREIGN: [(u8, &str); 5] = [
+const FOREIGN: [(u8, &str); 6] = [
     (INTEGRAL, "another integral: integrals do not nest"),
     (GRADIENT, "the deformation gradient"),
     (1 << (Measure::Area as u8), "a measure of triangles"),
     (1 << (Measure::Volume as u8), "a measure of tetrahedra"),
     (PART, "a part of a triangle or a tetrahedron"),
+    (RATE, "how fast bonds change"),
 ];
 
 impl Elaborator<'_> {

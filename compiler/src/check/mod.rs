@@ -13,6 +13,7 @@ mod call;
 mod constant;
 mod coupled;
 pub mod dimension;
+mod dissipation;
 mod domain;
 mod elaborate;
 mod foreign;

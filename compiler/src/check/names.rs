@@ -7,6 +7,7 @@ use piola_grammar::names::{BINARY_FUNCTIONS, UNARY_FUNCTIONS};
 use piola_grammar::{Diagnostic, Span, suggest};
 
 use super::MAX_FINDINGS;
+use super::dissipation;
 use super::foreign::{self, Place};
 use super::symbols::{Symbol, Symbols, TensorFunction};
 use crate::expression::{Function, Operator};
@@ -37,6 +38,7 @@ const RESERVED: &[(&str, &str)] = &[
     ("Y", "a coordinate in scenes"),
     ("Z", "a coordinate in scenes"),
     ("psi", "an energy"),
+    ("dissipation", "a potential of rates"),
     ("inf", "infinity, the end of a domain"),
 ];
 
@@ -111,7 +113,9 @@ impl<'a> Resolver<'a> {
                     self.symbols.names.insert(&definition.name.name, symbol);
                 }
             }
-            Statement::Energy(energy) => self.body(energy.body, &[]),
+            Statement::Energy(energy) | Statement::Dissipation(energy) => {
+                self.body(energy.body, &[]);
+            }
             Statement::Domain(domain) => self.body(domain.quantity, &[]),
             Statement::Break(breaking) => self.body(breaking.condition, &[]),
             Statement::Update(update) => {
@@ -311,6 +315,13 @@ impl Checker<'_> {
             {
                 return;
             }
+            Some(_) if name == dissipation::NAME => {
+                self.errors.push(not_a_function(function).help(
+                    "`rate(l)` is how fast a bond's length changes where nothing else is called `rate`: \
+                     give that another name",
+                ));
+                return;
+            }
             Some(_) => {
                 self.errors.push(not_a_function(function));
                 return;
@@ -354,9 +365,9 @@ impl Checker<'_> {
 
     fn is_builtin(&self, name: &str) -> bool {
         let tensors = self.scope.symbols.tensors && TensorFunction::named(name).is_some();
-        let integral = name == INTEGRAL && self.ast.is_some();
+        let of_bonds = matches!(name, INTEGRAL | dissipation::NAME) && self.ast.is_some();
         let function = Function::named(name).is_some() || Operator::named(name).is_some();
-        tensors || integral || function
+        tensors || of_bonds || function
     }
 
     /// Whether a function is one of `L` alone: without arguments it is taken at `L`.

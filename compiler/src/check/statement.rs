@@ -47,6 +47,7 @@ pub(crate) fn model(
         builder.variant.integrals = builder.integrals();
         builder.variant.traces = builder.elaborator.traces.clone();
         builder.check_states();
+        builder.check_rates();
         builder.variant.stated = std::mem::take(&mut builder.elaborator.stated.all);
         merge(errors, builder.elaborator.errors);
         let conditions;
@@ -271,6 +272,7 @@ impl<'a> Builder<'a> {
                 coupled_energies: Vec::new(),
                 domains: Vec::new(),
                 breaks: Vec::new(),
+                dissipations: Vec::new(),
                 updates: Vec::new(),
                 stated: Vec::new(),
                 graph: ExprGraph::new(),
@@ -290,6 +292,7 @@ impl<'a> Builder<'a> {
                 Statement::Energy(energy) => self.energy(energy),
                 Statement::Domain(domain) => self.domain(domain),
                 Statement::Break(breaking) => self.breaking(breaking),
+                Statement::Dissipation(potential) => self.dissipation(potential),
                 Statement::Update(update) => self.update(update),
                 Statement::Definition(_)
                 | Statement::Source(_)

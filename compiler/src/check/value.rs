@@ -65,6 +65,9 @@ pub(crate) const IN_UNIT: u8 = 1 << 5;
 /// The bit for parts of triangles and tetrahedra.
 pub(crate) const PART: u8 = 1 << 6;
 
+/// The bit for how fast lengths of bonds change.
+pub(crate) const RATE: u8 = 1 << 7;
+
 /// Which of the tensors of a file a value is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct TensorId(pub(crate) u32);
@@ -92,8 +95,8 @@ pub(crate) struct Value {
     pub(crate) node: NodeId,
     /// What it is.
     pub(crate) kind: Kind,
-    /// Which measures it depends on, a bit per measure, and whether on [`GRADIENT`], [`INTEGRAL`] or
-    /// [`PART`].
+    /// Which measures it depends on, a bit per measure, and whether on [`GRADIENT`], [`INTEGRAL`],
+    /// [`PART`] or [`RATE`].
     pub(crate) uses: u8,
     /// Its bits, if it is a number known before any parameter has a value.
     pub(crate) constant: Option<u64>,

@@ -37,6 +37,8 @@ pub enum Input {
     PartAtRest(Part),
     /// Its relative change, `(l1 - L1)/L1`, as the runtime computes it from displacements.
     PartChange(Part),
+    /// `rate(l)`: how fast the length of a bond changes, in m/s.
+    Rate,
     /// The horizon `delta`, finite and > 0.
     Horizon,
     /// A parameter of the potential, or a variable of a formula, by its number.

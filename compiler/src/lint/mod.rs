@@ -11,6 +11,7 @@
 //! | `breaks-nothing` | has one of triangles or tetrahedra, and no energy of them |
 //! | `update-creates-energy`, `update-not-settled` | grows, or changes again, when bonds remember |
 //! | `state-unused` | has a state that changes nothing |
+//! | `dissipation-creates-energy` | has a dissipation whose force drives what changes |
 //! | `jump-in-stiffness` | has no jump of psi'' where branches meet, or at points of a table |
 //! | `no-collapse-resistance`, `no-inversion-resistance` | stays finite where an interaction collapses, or is turned inside out |
 //!
@@ -19,6 +20,7 @@
 //! two are true of proven potentials, among them the quadratic bond, and so only told on request.
 
 mod breaking;
+mod dissipation;
 mod domain;
 mod jump;
 mod remember;
@@ -31,6 +33,7 @@ use crate::measure::Measure;
 use crate::model::{Model, Parameter};
 use crate::values::Values;
 use breaking::Breaking;
+use dissipation::Dissipating;
 use remember::Updating;
 use subject::Subject;
 
@@ -55,6 +58,8 @@ enum Look {
     Break(fn(&Breaking<'_>) -> Option<Finding>),
     /// What bonds remember, with values; gives the update that is to be pointed at.
     Update(fn(&Updating<'_>) -> Option<(usize, Finding)>),
+    /// What bonds dissipate, with values.
+    Dissipation(fn(&Dissipating) -> Option<Finding>),
     /// One state.
     State(fn(&Model, &Parameter) -> Option<Finding>),
 }
@@ -68,7 +73,7 @@ struct Finding {
 }
 
 /// All lints.
-pub const LINTS: [Lint; 16] = [
+pub const LINTS: [Lint; 17] = [
     lint("not-stress-free", Look::Energy(rest::not_stress_free)),
     lint("not-stiff-at-rest", Look::Energy(rest::not_stiff)),
     lint("singular-in-domain", Look::Energy(domain::singular)),
@@ -81,6 +86,7 @@ pub const LINTS: [Lint; 16] = [
     lint("breaks-nothing", Look::Break(breaking::nothing)),
     lint("update-creates-energy", Look::Update(remember::creates_energy)),
     lint("update-not-settled", Look::Update(remember::not_settled)),
+    lint("dissipation-creates-energy", Look::Dissipation(dissipation::creates_energy)),
     lint("state-unused", Look::State(remember::unused)),
     pedantic("jump-in-stiffness", Look::Energy(jump::in_stiffness)),
     pedantic("no-collapse-resistance", Look::Energy(domain::no_collapse_resistance)),
@@ -107,6 +113,12 @@ impl Lint {
         let Look::Update(look) = self.look else { return None };
         let (update, finding) = look(updating)?;
         Some(self.warning(updating.updates[update].span, finding))
+    }
+
+    /// What it says of what bonds dissipate.
+    fn look_at_dissipation(&self, dissipating: &Dissipating) -> Option<Diagnostic> {
+        let Look::Dissipation(look) = self.look else { return None };
+        Some(self.warning(dissipating.span, look(dissipating)?))
     }
 
     /// What it says of a state.
@@ -155,6 +167,9 @@ impl Model {
             }
             if let Some(updating) = Updating::examples(self, dimension) {
                 of_bonds.extend(wanted.iter().filter_map(|lint| lint.look_at_updates(&updating)));
+            }
+            if let Some(own) = Dissipating::examples(self, dimension) {
+                of_bonds.extend(wanted.iter().filter_map(|lint| lint.look_at_dissipation(&own)));
             }
         }
         for warning in of_bonds {

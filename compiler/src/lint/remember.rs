@@ -137,7 +137,9 @@ pub(super) fn unused(model: &Model, state: &Parameter) -> Option<Finding> {
     let others = variant.updates.iter().filter(|update| update.state != number);
     let energies = variant.energies.iter().map(|energy| energy.root);
     let breaks = variant.breaks.iter().map(|one| one.root);
-    let roots: Vec<_> = energies.chain(breaks).chain(others.map(|update| update.root)).collect();
+    let dissipations = variant.dissipations.iter().map(|one| one.root);
+    let of_bonds = energies.chain(breaks).chain(dissipations);
+    let roots: Vec<_> = of_bonds.chain(others.map(|update| update.root)).collect();
     let is_used = variant.graph.depends_on(&roots, Input::Parameter(number as u16));
     (!is_used).then(|| Finding {
         message: format!("`{name}` changes nothing: no psi(l), condition or other state holds it"),

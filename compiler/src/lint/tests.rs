@@ -18,7 +18,7 @@ fn message(statements: &str, code: &str) -> String {
 }
 
 /// Code, an energy that has it, an energy that has not.
-const PAIRS: [(&str, &str, &str); 39] = [
+const PAIRS: [(&str, &str, &str); 42] = [
     (
         "breaks-nothing",
         "psi(l) = (l/L - 1)^2\nbreak when a/A - 1 > 0.1",
@@ -48,6 +48,21 @@ const PAIRS: [(&str, &str, &str); 39] = [
         "update-not-settled",
         "state k = 0\nupdate k = 1/2*k + l/L - 1\npsi(l) = (l/L - 1)^2*(3 - sign(k))",
         "state k = 0\nupdate k = k + dt*(l/L - 1)\npsi(l) = (l/L - 1)^2*(3 - sign(k))",
+    ),
+    (
+        "dissipation-creates-energy",
+        "psi(l) = (l/L - 1)^2\ndissipation(l) = -rate(l)^2",
+        "psi(l) = (l/L - 1)^2\ndissipation(l) = abs(rate(l))^1.5 + abs(rate(l))",
+    ),
+    (
+        "dissipation-creates-energy",
+        "psi(l) = (l/L - 1)^2\ndissipation(l) = (rate(l) + 1e-3)^2",
+        "psi(l) = (l/L - 1)^2\ndissipation(l) = l*rate(l)^2 + rate(l)^4/L",
+    ),
+    (
+        "state-unused",
+        "state k = 0\nupdate k = max(k, l/L - 1)\npsi(l) = (l/L - 1)^2\ndissipation(l) = rate(l)^2",
+        "state k = 0\nupdate k = max(k, l/L - 1)\npsi(l) = (l/L - 1)^2\ndissipation(l) = (1 + k)*rate(l)^2",
     ),
     (
         "state-unused",

@@ -89,11 +89,13 @@ fn array_function(
         _ => format!("const double *{}, ", state(model, *number)),
     });
     let given: String = given.collect();
+    let has_rate = energy.graph.depends_on(&energy.roots, Input::Rate);
+    let rate = if has_rate { "const double *rate, " } else { "" };
     let arrays: Vec<String> = results.iter().map(|(name, _)| format!("double *{name}")).collect();
     let _ = write!(
         out,
         "\nvoid {}_{name}(size_t n, const double *measure, const double *reference,\n\
-         \x20   const double *change, {given}{}) {{\n\
+         \x20   const double *change, {rate}{given}{}) {{\n\
          \x20 for (size_t i = 0; i < n; i++) {{\n",
         model.name(),
         arrays.join(", ")
@@ -102,6 +104,7 @@ fn array_function(
         Input::Current(_) => "measure[i]".into(),
         Input::Reference(_) => "reference[i]".into(),
         Input::Change(_) => "change[i]".into(),
+        Input::Rate => "rate[i]".into(),
         Input::Parameter(number) if model.time_step() == Some(number) => "dt".into(),
         Input::Parameter(number) => format!("{}[i]", state(model, number)),
         // Specialisation has put numbers in their place.
@@ -120,7 +123,7 @@ fn state(model: &Model, number: u16) -> String {
 /// C99 functions for when bonds break and what they remember, beside those of [`c_source`]:
 /// `void NAME_margin_1(size_t n, const double *measure, const double *reference, const double *change,
 /// const double *state_k, double *margin)`, and `NAME_next_k` with `double dt` where it depends on the time
-/// step.
+/// step; `NAME_dissipation` takes `const double *rate` behind `change`, and gives `R`, `dR` and `d2R`.
 pub fn c_of_bonds(model: &Model, functions: &[BondFunction]) -> String {
     let mut out = String::new();
     for BondFunction { kind, text, function } in functions {
@@ -138,6 +141,16 @@ pub fn c_of_bonds(model: &Model, functions: &[BondFunction]) -> String {
                 "next",
                 format!("What a bond remembers next: {state} = {text}"),
             ),
+            BondFunctionKind::Dissipation => {
+                let _ = write!(
+                    out,
+                    "\n/* What a bond dissipates, with derivatives by its rate: {text} */"
+                );
+                let names = ["R", "dR", "d2R"].into_iter().zip(function.roots);
+                let results: Vec<(&str, NodeId)> = names.collect();
+                array_function(&mut out, model, "dissipation", function, &results);
+                continue;
+            }
         };
         let _ = write!(out, "\n/* {meaning} */");
         let (graph, roots) = function.graph.extract(&function.roots[..1]);

@@ -25,8 +25,17 @@ pub fn latex_of_bonds(model: &Model, functions: &[BondFunction]) -> String {
         let name = match kind {
             BondFunctionKind::Margin { number, .. } => format!("g_{{{number}}}"),
             BondFunctionKind::Next(state) => format!(r"{}^{{\text{{next}}}}", Latex::symbol(state)),
+            BondFunctionKind::Dissipation => r"R(\dot{l})".to_string(),
         };
-        let roots = [(name, function.roots[0])];
+        let mut roots = vec![(name, function.roots[0])];
+        if *kind == BondFunctionKind::Dissipation {
+            roots.extend(
+                ["'", "''"]
+                    .map(|primes| format!(r"R{primes}(\dot{{l}})"))
+                    .into_iter()
+                    .zip(function.roots[1..].iter().copied()),
+            );
+        }
         for (name, expression) in lines(&function.graph, &roots, &Latex { names: Names { model } })
         {
             rows.push(format!("  {name} &= {expression}"));
@@ -104,6 +113,7 @@ impl Notation for Latex<'_> {
                 text: format!(r"\frac{{{}}}{{{}}} - 1", m.symbol(), m.reference_symbol()),
                 binding: Binding::Sum,
             },
+            Input::Rate => Piece::atom(r"\dot{l}".to_string()),
             other => Piece::atom(Self::symbol(&self.names.input(other))),
         }
     }

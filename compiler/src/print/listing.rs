@@ -53,6 +53,9 @@ pub fn model_listing(model: &Model) -> String {
         for domain in &variant.domains {
             let _ = writeln!(out, "  domain {domain}");
         }
+        for one in &variant.dissipations {
+            let _ = writeln!(out, "  dissipation(l) in W/m^{} = {}", 2 * d, one.text);
+        }
         for breaking in &variant.breaks {
             let _ = writeln!(out, "  break when {}", breaking.text);
         }

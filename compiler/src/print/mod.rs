@@ -199,6 +199,7 @@ impl Names<'_> {
             Input::PartChange(part) => {
                 format!("({}/{} - 1)", part.symbol(), part.reference_symbol())
             }
+            Input::Rate => "rate(l)".to_string(),
             Input::Horizon => "delta".to_string(),
             Input::Variable(k) => component("F", k),
             Input::VariableChange(k) => component("H", k),

@@ -12,6 +12,7 @@
 //! | `gathered` | energies of gathered values |
 //! | `margin` | conditions under which bonds break |
 //! | `remember` | what bonds remember, and all of the above with it |
+//! | `dissipation` | what bonds dissipate |
 //! | `consistent` | energies of bonds at what these come to remember, with the tangent of load steps |
 //! | `coupled` | energies of several measures of one interaction |
 //! | `cause`, `stated` | which subexpression loses digits, and what it is in the text |
@@ -20,6 +21,7 @@
 pub(crate) mod cause;
 mod consistent;
 mod coupled;
+mod dissipation;
 mod gathered;
 mod gradient;
 mod margin;
@@ -104,6 +106,8 @@ pub enum Subject {
     Margin(Measure, String),
     /// No energy, but what a state becomes: `p = max(p, l/L - 1)`.
     NextState(String),
+    /// No energy, but what bonds dissipate, a function of their rate: `1/2*eta*rate(l)^2`.
+    Dissipation(String),
     /// The energy of bonds at the states that they come to, and how its force changes with the length.
     Following,
     /// Several measures of one interaction: as written, `angle`, and what that follows from, `a`, `l1` ..
@@ -180,6 +184,7 @@ impl Subject {
             Subject::Gathered(text)
             | Subject::Margin(_, text)
             | Subject::NextState(text)
+            | Subject::Dissipation(text)
             | Subject::Coupled(text, _) => text,
             Subject::Following => "l",
         }
@@ -192,6 +197,7 @@ impl Subject {
             Subject::Gathered(_) | Subject::Coupled(..) => ["psi", "gradient", "product"],
             Subject::Margin(..) => ["margin", "margin'", "margin''"],
             Subject::NextState(_) => ["next", "next'", "next''"],
+            Subject::Dissipation(_) => ["R", "R'", "R''"],
             Subject::Following => ["psi", "psi'", "dpsi'/dl"],
         }
     }
@@ -325,7 +331,7 @@ struct Ways {
 /// Verifies every energy of a model for these values, and once more where it has a kernel for the
 /// squared measure: at about `2 n` points of measures, at `2 n` gradients and at most 200, at `n`
 /// places of gathered values. Where bonds remember, with what they remember at the start and after some
-/// histories, and what they remember next.
+/// histories, and what they remember next; what they dissipate by how fast they change.
 ///
 /// # Errors
 /// Energies that cannot be compiled.
@@ -370,6 +376,7 @@ fn verify_at(
     found.extend(gradient::verify(model, values, &ways, n));
     found.extend(margin::verify(model, variant, values, n)?);
     found.extend(remember::verify(model, variant, values, n)?);
+    found.extend(dissipation::verify(model, variant, values)?);
     found.extend(consistent::verify(model, variant, values, n)?);
     found.extend(coupled::verify((model, variant), values, &ways, n));
     Ok((found, ways.interpreted.dropped))

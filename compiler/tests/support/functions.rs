@@ -4,8 +4,8 @@
 use piola_compiler::verify::same_bits;
 use piola_compiler::verify::sample::Point;
 use piola_compiler::{
-    Batch, BondFunctionKind, Form, Kernel, Level, Measure, Mode, Model, ScalarEnergy, Values,
-    WrittenEnergy, print,
+    Batch, BondFunction, BondFunctionKind, Form, Kernel, Level, Measure, Mode, Model, ScalarEnergy,
+    Values, WrittenEnergy, print,
 };
 
 use super::held::{Held, OfMeasure, hold};
@@ -24,7 +24,9 @@ pub(super) fn follow(text: &str, model: &Model, values: &Values) -> Held {
     let mut held = Held::default();
     let dimension = values.dimension;
     if let Ok(symbolic) = placed(text, model.bond_functions(dimension, None)) {
+        let (dissipation, symbolic) = apart(symbolic);
         symbolic.iter().for_each(|one| prints(model, &one.function, dimension));
+        super::dissipation::follow(text, model, values, &dissipation);
     }
     let mut values = values.clone();
     // The time step stands behind the parameters.
@@ -34,6 +36,8 @@ pub(super) fn follow(text: &str, model: &Model, values: &Values) -> Held {
     let Ok(functions) = placed(text, model.bond_functions(dimension, Some(&values))) else {
         return held;
     };
+    let (dissipation, functions) = apart(functions);
+    super::dissipation::follow(text, model, &values, &dissipation);
     let remembering = values.clone().with_states(model);
     let Some(of_levels) = Level::ALL
         .into_iter()
@@ -65,6 +69,11 @@ pub(super) fn follow(text: &str, model: &Model, values: &Values) -> Held {
     held
 }
 
+/// What is dissipated, and all else.
+fn apart(functions: Vec<BondFunction>) -> (Vec<BondFunction>, Vec<BondFunction>) {
+    functions.into_iter().partition(|one| one.kind == BondFunctionKind::Dissipation)
+}
+
 /// Kernels of margins, then of next states; nothing where one is too large.
 fn kernels(text: &str, model: &Model, values: &Values, mode: Mode) -> Option<Vec<Kernel>> {
     let margins = placed(text, model.criteria(values, mode, Form::Accurate)).ok()?;
@@ -86,7 +95,7 @@ fn prints(model: &Model, function: &ScalarEnergy, dimension: usize) {
 }
 
 /// Machine code gives the interpreter's bits, at any point and whatever is remembered.
-fn same(code: &Kernel, graph: &Kernel, text: &str) {
+pub(super) fn same(code: &Kernel, graph: &Kernel, text: &str) {
     for shift in 0..REMEMBERED.len() {
         let fields: Vec<f64> = (0..code.fields().len() * POINTS.len())
             .map(|k| REMEMBERED[(k / POINTS.len() + shift) % REMEMBERED.len()])

@@ -2,6 +2,8 @@
 //!
 //! Used by the property tests and, with more time, by the fuzz target `check_derive_compile`.
 
+#[path = "dissipation.rs"]
+mod dissipation;
 #[path = "functions.rs"]
 mod functions;
 #[path = "held.rs"]

@@ -48,6 +48,7 @@ impl Builder {
             Rule::domain => Statement::Domain(self.domain(span.start, parts)?),
             Rule::breaking => Statement::Break(self.breaking(span, parts)?),
             Rule::energy => Statement::Energy(self.energy(parts)?),
+            Rule::dissipation => Statement::Dissipation(self.dissipation(parts)?),
             Rule::definition => Statement::Definition(self.definition(parts)?),
             _ => return None,
         };
@@ -185,6 +186,25 @@ impl Builder {
                     .help(help);
             error.helps.extend(coupled(first, second));
             self.findings.push(error);
+        }
+        let body = self.expression(take(&mut parts, Rule::expression)?)?.id;
+        Some(Energy { measure, gathered, body, head: span })
+    }
+
+    fn dissipation(&mut self, mut parts: Pairs<'_, Rule>) -> Option<Energy> {
+        let head = take(&mut parts, Rule::dissipation_head)?;
+        let span = self.span(&head);
+        let names = head.into_inner().filter(|part| part.as_rule() == Rule::name);
+        let mut names = names.map(|name| self.ident(&name)).collect::<Vec<_>>().into_iter();
+        let measure = names.next()?;
+        let gathered: Vec<Ident> = names.collect();
+        if let Some(second) = gathered.first() {
+            let message = "a dissipation is one of the length of a bond";
+            let error = Diagnostic::error("syntax", second.span, message);
+            self.findings.push(error.label("one name too many").help(
+                "write `dissipation(l) = ..`; its right side may hold `rate(l)`, `l`, `L`, `delta` and \
+                 parameters",
+            ));
         }
         let body = self.expression(take(&mut parts, Rule::expression)?)?.id;
         Some(Energy { measure, gathered, body, head: span })

@@ -104,6 +104,8 @@ pub enum Argument {
     DeformationGradient,
     /// What is gathered over the family of a point.
     Gathered,
+    /// How fast the length of a bond changes: what is dissipated is no energy.
+    Rate,
 }
 
 /// An interaction or a deformation gradient whose energy or derivatives are not finite numbers, or
@@ -119,9 +121,9 @@ pub struct NonFinite {
     /// Their displacements in m, one after the other.
     pub displacements: Vec<f64>,
     /// Current value of the measure; the determinant of a deformation gradient; the first
-    /// integral of a point.
+    /// integral of a point; the rate of a bond in m/s.
     pub value: f64,
-    /// Reference value of the measure; 1 otherwise.
+    /// Reference value of the measure, also beside its rate; 1 otherwise.
     pub reference: f64,
     /// Whether it is turned inside out where its energy forbids that.
     pub inverted: bool,
@@ -135,6 +137,11 @@ impl NonFinite {
             (Argument::Measure(measure), _) => format!(
                 "the energy of the {} of points {points:?} is {what}: measure {value:e}, reference {:e}",
                 measure.interaction(),
+                self.reference
+            ),
+            (Argument::Rate, _) => format!(
+                "what the bond of points {points:?} dissipates is {what}: its length of {:e} m at rest changes by \
+                 {value:e} m/s",
                 self.reference
             ),
             (Argument::Gathered, _) => {
@@ -165,6 +172,23 @@ pub trait Hessian: Sync {
     /// `product` becomes `d2E/du2 p` in N (`n x d`), for `p` in m; NaN where second derivatives are not
     /// finite.
     fn multiply(&self, p: &[f64], product: &mut [f64]);
+}
+
+/// What a body dissipates: a Rayleigh potential `R(v; u)` in W, of which dissipative forces are the exact
+/// derivatives by velocities. Vectors are `n x d`, in the body's order.
+pub trait Dissipation: Send + Sync {
+    /// `forces` become `dR/dv` in N at displacements `u` in m and velocities `v` in m/s: their power `dR/dv.v`
+    /// is lost.
+    ///
+    /// # Errors
+    /// Forces that are not finite.
+    fn forces(&self, u: &[f64], v: &[f64], forces: &mut [f64]) -> Result<(), NonFinite>;
+
+    /// `d2R/dv2` in N s/m at `u` and `v`, for products.
+    ///
+    /// # Errors
+    /// Second derivatives that are not finite.
+    fn viscosity(&self, u: &[f64], v: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite>;
 }
 
 /// What is worked out beside an energy. What is given is overwritten; vectors are `n x d`.
@@ -367,6 +391,11 @@ pub trait Energy: Send + Sync {
 
     /// The status of a body that can break.
     fn fracture(&self) -> Option<&dyn Fracture> {
+        None
+    }
+
+    /// What the body dissipates beside its energy; nothing where it dissipates nothing.
+    fn dissipation(&self) -> Option<&dyn Dissipation> {
         None
     }
 

@@ -3,7 +3,7 @@
 //! | part | modules |
 //! |---|---|
 //! | bodies and who interacts | [`body`], [`lattice`], [`neighborhood`], [`interaction`], [`weights`], [`surface`] |
-//! | bonds that break | [`fracture`] |
+//! | bonds that break, bonds that dissipate | [`fracture`], [`dissipation`] |
 //! | energy densities | [`kernel`], on the measures of [`geometry`] by [`element`]; [`sheet`] |
 //! | energies of a body | [`assembly`] of interactions, [`deformation`] of deformation gradients, [`states`] of what points gather; all are an [`energy::Energy`] |
 //! | what they are made of | [`matrix`], [`vector`] |
@@ -70,6 +70,7 @@
 
 pub mod assembly;
 pub mod body;
+pub mod dissipation;
 pub mod element;
 pub mod energy;
 mod fields;

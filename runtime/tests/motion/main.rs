@@ -7,6 +7,7 @@ mod balance;
 mod bonds;
 mod cliques;
 mod damage;
+mod dissipation;
 mod extremes;
 #[allow(dead_code)]
 #[path = "../correspondence/common.rs"]

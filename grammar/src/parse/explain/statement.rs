@@ -31,6 +31,10 @@ const FOREIGN_HEADS: &[(&[&str], &str)] = &[
         &["history", "memory", "internal", "statev", "variable"],
         "what a bond remembers is a state: `state k = 0`, and `update k = max(k, l/L - 1)`",
     ),
+    (
+        &["viscosity", "damping", "dashpot", "rayleigh", "viscous"],
+        "what bonds dissipate has a potential: `dissipation(l) = 1/2*eta*rate(l)^2`",
+    ),
     (&["range", "where", "for", "assume"], "write `domain l/L in (0, 10)`"),
     (&["import", "include", "use"], "a file stands for itself: there are no imports"),
     (&["return", "print"], "the energies `psi(..)` are the results of a file"),
@@ -59,6 +63,7 @@ pub(super) fn explain(failure: &Failure<'_>) -> Option<Diagnostic> {
         "state" => state(failure),
         "update" => update(failure),
         "psi" | "ψ" => energy(failure).or_else(|| definition(failure, *head)),
+        "dissipation" => dissipation(failure).or_else(|| definition(failure, *head)),
         _ => definition(failure, *head),
     };
     explained.or_else(|| second_statement(failure))
@@ -303,6 +308,20 @@ fn energy(failure: &Failure<'_>) -> Option<Diagnostic> {
     ))
 }
 
+/// The head of `dissipation(l) = ...`.
+fn dissipation(failure: &Failure<'_>) -> Option<Diagnostic> {
+    let before_body = !failure.tokens[..failure.index].iter().any(|token| token.text == "=");
+    if !before_body || failure.expects(Rule::equals) && failure.index > 2 {
+        return None;
+    }
+    let finding = failure.error("a dissipation names the length of a bond in parentheses");
+    Some(
+        finding
+            .label("expected `dissipation(l)`")
+            .help("write `dissipation(l) = 1/2*eta*rate(l)^2`"),
+    )
+}
+
 /// `S(x) = ...`, `k = ...`, or a line that is no statement at all.
 fn definition(failure: &Failure<'_>, head: Token<'_>) -> Option<Diagnostic> {
     if failure.index == 1 && failure.expects(Rule::equals) {
@@ -347,7 +366,7 @@ fn unknown_head(failure: &Failure<'_>, head: Token<'_>) -> Diagnostic {
         Some((_, help)) if failure.found_kind() != Some(Kind::Mark) => finding.help(*help),
         _ => finding.help(format!("to define it, write `{} = ...`", head.text)).help(
             "a statement begins with `potential`, `source`, `allow`, `parameter`, `dimensions`, \
-             `weights`, `domain`, `break when`, `state`, `update`, `psi(..) =` or `name =`",
+             `weights`, `domain`, `break when`, `state`, `update`, `psi(..) =`, `dissipation(l) =` or `name =`",
         ),
     }
 }

@@ -14,7 +14,8 @@ use std::ops::{Deref, Range};
 use std::sync::{Arc, OnceLock};
 
 use super::differences::{ForceDifferences, smallest_distance, step};
-use super::{Energy, Hessian, Inversion, NonFinite, Products, Wanted, check_sizes};
+use super::{Dissipation, Energy, Hessian, Inversion, NonFinite, Products, Wanted, check_sizes};
+use crate::dissipation::Dashpots;
 use crate::fracture::{Fracture, Held, Release};
 use crate::interaction::{Inverted, Ranks, Report};
 use crate::kernel::Measure;
@@ -62,6 +63,8 @@ pub struct Total<'a> {
     bond_pattern: OnceLock<Option<Arc<BlockPattern>>>,
     from_positions: bool,
     products: Products,
+    /// What the body dissipates, where no term says it.
+    dissipation: Option<Dashpots>,
     /// The smallest distance of neighbours at rest, in m, once it is asked for.
     smallest: OnceLock<f64>,
     /// Room for what the terms give before it is added.
@@ -113,6 +116,7 @@ impl<'a> Total<'a> {
             bond_pattern: OnceLock::new(),
             from_positions: false,
             products: Products::Exact,
+            dissipation: None,
             smallest: OnceLock::new(),
             rooms: Pool::new(),
             terms,
@@ -127,6 +131,11 @@ impl<'a> Total<'a> {
     /// The same with products that come about so.
     pub fn with_products(self, products: Products) -> Total<'a> {
         Total { products, ..self }
+    }
+
+    /// The same of a body that dissipates.
+    pub fn with_dissipation(self, dissipation: Dashpots) -> Total<'a> {
+        Total { dissipation: Some(dissipation), ..self }
     }
 
     /// How far the point that moves most is moved from displacements `u`, in m, for products by
@@ -483,6 +492,11 @@ impl Energy for Total<'_> {
 
     fn fracture(&self) -> Option<&dyn Fracture> {
         self.terms.iter().find_map(|term| term.fracture())
+    }
+
+    fn dissipation(&self) -> Option<&dyn Dissipation> {
+        let own = self.dissipation.as_ref().map(|own| own as &dyn Dissipation);
+        own.or_else(|| self.terms.iter().find_map(|term| term.dissipation()))
     }
 
     fn inverted(&self, u: &[f64]) -> Inverted {

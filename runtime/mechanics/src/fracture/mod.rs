@@ -32,7 +32,10 @@ use std::ops::Range;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use crate::body::Body;
-use crate::energy::{Energy, Hessian, Inversion, NonFinite, Products, Term, Total, Wanted};
+use crate::dissipation::Dashpots;
+use crate::energy::{
+    Dissipation, Energy, Hessian, Inversion, NonFinite, Products, Term, Total, Wanted,
+};
 use crate::interaction::{Inverted, Lost, Ranks, Report, n_neighbors};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -166,9 +169,11 @@ pub struct Breaking {
     bond_pattern: Option<Arc<BlockPattern>>,
     criteria: Criteria,
     memory: Memory,
+    /// What bonds that are there dissipate.
+    dissipation: Option<Damping>,
     /// Bonds that count as if they had never been there, ascending.
     absent: Vec<usize>,
-    status: RwLock<Status>,
+    status: Arc<RwLock<Status>>,
     /// What is kept for those who look.
     inspected: Inspected,
 }
@@ -220,7 +225,8 @@ impl Breaking {
         let is_broken = vec![false; neighborhood.n_bonds()];
         let lost = has_cliques.then(|| Lost::nothing_of(&neighborhood));
         let damage = Damage::default();
-        let status = RwLock::new(Status { energy, is_broken, n_broken: 0, lost, damage });
+        let status = Status { energy, is_broken, n_broken: 0, lost, damage };
+        let status = Arc::new(RwLock::new(status));
         let bond_pattern = bonds;
         let breaking = Breaking {
             body,
@@ -230,12 +236,19 @@ impl Breaking {
             bond_pattern,
             criteria,
             memory,
+            dissipation: None,
             absent,
             status,
             inspected: Inspected::default(),
         };
         breaking.take_out(&breaking.absent);
         breaking
+    }
+
+    /// The same of bonds that dissipate as long as they are there.
+    pub fn with_dissipation(self, dissipation: Dashpots) -> Breaking {
+        let status = Arc::clone(&self.status);
+        Breaking { dissipation: Some(Damping { dashpots: dissipation, status }), ..self }
     }
 
     fn all_owners(&self) -> Vec<Range<usize>> {
@@ -325,8 +338,12 @@ impl Breaking {
 
     /// A status that a panic elsewhere has left is as good as any: it changes in one go.
     fn now(&self) -> RwLockReadGuard<'_, Status> {
-        self.status.read().unwrap_or_else(PoisonError::into_inner)
+        now(&self.status)
     }
+}
+
+fn now(status: &RwLock<Status>) -> RwLockReadGuard<'_, Status> {
+    status.read().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Fracture for Breaking {
@@ -512,6 +529,28 @@ impl Energy for Breaking {
 
     fn fracture(&self) -> Option<&dyn Fracture> {
         Some(self)
+    }
+
+    fn dissipation(&self) -> Option<&dyn Dissipation> {
+        self.dissipation.as_ref().map(|own| own as &dyn Dissipation)
+    }
+}
+
+/// What bonds dissipate that are not broken.
+struct Damping {
+    dashpots: Dashpots,
+    status: Arc<RwLock<Status>>,
+}
+
+impl Dissipation for Damping {
+    fn forces(&self, u: &[f64], v: &[f64], forces: &mut [f64]) -> Result<(), NonFinite> {
+        let Status { is_broken, .. } = &*now(&self.status);
+        self.dashpots.forces_of((u, v), |bond| is_broken[bond], forces)
+    }
+
+    fn viscosity(&self, u: &[f64], v: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
+        let Status { is_broken, .. } = &*now(&self.status);
+        Ok(Box::new(self.dashpots.viscosity_of((u, v), |bond| is_broken[bond])?))
     }
 }
 

@@ -68,6 +68,7 @@ impl Motion<'_> {
         if !remembers {
             self.break_behind_forces(wants_row)?;
         }
+        self.ask_dissipation()?;
         self.kick(wants_row || self.stopped.is_some())?;
         Ok(ControlFlow::Continue(()))
     }
@@ -313,7 +314,7 @@ impl March for Motion<'_> {
             t: self.time(self.done),
             displacements: &self.u.value,
             velocities: &self.mean,
-            internal_forces: &self.forces,
+            internal_forces: self.all_forces(),
             loads: &self.loads,
         }
     }

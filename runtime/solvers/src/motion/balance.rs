@@ -62,11 +62,12 @@ pub struct Row {
     pub kinetic_leapfrog: f64,
     /// The stored energy by its parts.
     pub energy: EnergyParts,
-    /// What damping took.
+    /// What damping took, and what bonds dissipated by their rates.
     pub damping: f64,
     /// The work of the loads on free degrees of freedom.
     pub external: f64,
-    /// The work against `dE/du` where displacements or velocities are prescribed.
+    /// The work against `dE/du`, and against what bonds dissipate, where displacements or velocities are
+    /// prescribed.
     pub prescribed: f64,
     /// The error of the integration: the change of the stored energy less the work against its
     /// forces, which goes with the square of the step; 0 where forces are linear in `u`.
@@ -100,11 +101,13 @@ pub(super) struct Balance {
     external: Sum,
     damping: Sum,
     prescribed: Sum,
+    /// What bonds dissipate of the work where something is prescribed.
+    held: Sum,
     released: Sum,
     dissipated: Sum,
     timing: Sum,
     /// The other half of the trapezoid, as powers: of the step to come.
-    after: [f64; 4],
+    after: [f64; 5],
     /// At the start.
     first: Option<First>,
     kinetic: f64,
@@ -120,11 +123,11 @@ struct First {
 
 impl Balance {
     /// How many numbers it is.
-    pub(super) const N_NUMBERS: usize = 8 + 4 + 4 + 6;
+    pub(super) const N_NUMBERS: usize = 10 + 5 + 4 + 6;
 
     /// All that it knows.
     pub(super) fn numbers(&self) -> Vec<f64> {
-        let sums = [self.internal, self.external, self.damping, self.prescribed];
+        let sums = [self.internal, self.external, self.damping, self.prescribed, self.held];
         let first = self.first.unwrap_or(First { kinetic: f64::NAN, energy: f64::NAN });
         let sums = sums.into_iter().flat_map(|sum| [sum.value, sum.low]);
         let rest = [first.kinetic, first.energy, self.kinetic, self.largest];
@@ -135,31 +138,33 @@ impl Balance {
 
     /// From these numbers, [`Balance::N_NUMBERS`] of them.
     pub(super) fn of(numbers: &[f64]) -> Balance {
-        let sum = |place: usize| Sum { value: numbers[2 * place], low: numbers[2 * place + 1] };
-        let (kinetic, energy) = (numbers[12], numbers[13]);
+        let sum = |place: usize| Sum { value: numbers[place], low: numbers[place + 1] };
+        let (kinetic, energy) = (numbers[15], numbers[16]);
         Balance {
             internal: sum(0),
-            external: sum(1),
-            damping: sum(2),
-            prescribed: sum(3),
-            released: sum(8),
-            timing: sum(9),
-            dissipated: sum(10),
-            after: [8, 9, 10, 11].map(|place| numbers[place]),
+            external: sum(2),
+            damping: sum(4),
+            prescribed: sum(6),
+            held: sum(8),
+            released: sum(19),
+            timing: sum(21),
+            dissipated: sum(23),
+            after: [10, 11, 12, 13, 14].map(|place| numbers[place]),
             first: (!energy.is_nan()).then_some(First { kinetic, energy }),
-            kinetic: numbers[14],
-            largest: numbers[15],
+            kinetic: numbers[17],
+            largest: numbers[18],
         }
     }
 
-    /// Takes in the state at the end of a step of `dt`: `sums` of its kick, and the powers of the
-    /// internal forces where something is prescribed. At the start no step came before.
-    pub(super) fn arrive(&mut self, dt: f64, sums: &Sums, prescribed: Sides) {
-        let sides = [sums.internal, sums.external, sums.damping, prescribed];
+    /// Takes in the state at the end of a step of `dt`: `sums` of its kick, and where something is
+    /// prescribed the powers of the internal forces and of what bonds dissipate. At the start no step came
+    /// before.
+    pub(super) fn arrive(&mut self, dt: f64, sums: &Sums, [prescribed, held]: [Sides; 2]) {
+        let sides = [sums.internal, sums.external, sums.damping, prescribed, held];
         self.kinetic = sums.kinetic;
         if self.first.is_some() {
-            let work =
-                [&mut self.internal, &mut self.external, &mut self.damping, &mut self.prescribed];
+            let Balance { internal, external, damping, prescribed, held, .. } = self;
+            let work = [internal, external, damping, prescribed, held];
             for ((work, after), sides) in work.into_iter().zip(self.after).zip(sides) {
                 work.add(0.5 * dt * (after + sides.before));
             }
@@ -196,7 +201,8 @@ impl Balance {
             [self.internal, self.external, self.damping, self.prescribed].map(Sum::total);
         let [released, dissipated, timing] =
             [self.released, self.dissipated, self.timing].map(Sum::total);
-        let works = [external, damping, prescribed, released, dissipated, timing];
+        let held = self.held.total();
+        let works = [external, damping + held, prescribed + held, released, dissipated, timing];
         let lost = released + dissipated;
         let columns = [self.kinetic, kinetic, energy.magnitude()].into_iter().chain(works);
         self.largest = columns.fold(self.largest, |most, x| most.max(x.abs()));
@@ -206,9 +212,9 @@ impl Balance {
             kinetic,
             kinetic_leapfrog: self.kinetic,
             energy,
-            damping,
+            damping: damping + held,
             external,
-            prescribed,
+            prescribed: prescribed + held,
             quadrature: (stored - first.energy) + (lost - timing) - (internal + prescribed),
             rounding: (self.kinetic - first.kinetic) + internal - external + damping,
             released,

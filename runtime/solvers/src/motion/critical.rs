@@ -1,11 +1,19 @@
-//! The largest stable step of explicit integration, `2/omega_max`, with lumped masses.
+//! The largest stable step of explicit integration, with lumped masses.
 //!
-//! The largest eigenvalue `omega_max^2` of `M^-1 K` is found by Lanczos' method with exact products:
-//! an eigenvalue lies within the residual of the one found, and it is the largest unless the start
-//! has nothing of its eigenvector. The sums of the rows of `K` bound it for certain, from above.
+//! Without dissipation it is `2/omega`, with the largest eigenvalue `omega^2` of `M^-1 K`. It is found by
+//! Lanczos' method with exact products: an eigenvalue lies within the residual of the one found, and it is the
+//! largest unless the start has nothing of its eigenvector. The sums of the rows of `K` bound it for certain,
+//! from above.
+//!
+//! What bonds dissipate acts with velocities that a straight line leads to ([`super`]). A motion of growth `z`
+//! per step then obeys `z^3 - 2 z^2 + z + W z^2 + m (3 z^2 - 4 z + 1)/2 = 0`, with the means `W` of
+//! `dt^2 M^-1 K` and `m` of `dt M^-1 C` over it, `C` the second derivative of the Rayleigh potential. By the
+//! criterion of Schur and Cohn no root lies outside the unit circle as long as `W + 4 m <= 4`: steps up to
+//! `2/(sqrt(omega^2 + mu^2) + mu)` are stable, with the largest eigenvalue `mu` of `M^-1 C`. Where both belong
+//! to one motion, as where all bonds are as viscous as stiff, longer ones are not.
 
 use nalgebra::{DMatrix, SymmetricEigen};
-use piola_mechanics::energy::{Energy, NonFinite};
+use piola_mechanics::energy::{Energy, Hessian, NonFinite};
 use piola_mechanics::matrix::BlockMatrix;
 use piola_mechanics::vector::dot;
 
@@ -29,11 +37,13 @@ impl Default for Precision {
 /// The largest stable step at some displacements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CriticalStep {
-    /// In s: 2 over the largest angular frequency.
+    /// In s: 2 over the largest angular frequency, and less where bonds dissipate.
     pub seconds: f64,
     /// The largest angular frequency in 1/s; the residual of its square is added, so that the step
     /// errs on the safe side.
     pub frequency: f64,
+    /// The largest eigenvalue of `M^-1 C` in 1/s with its residual; 0 where nothing is dissipated.
+    pub viscosity: f64,
     /// The residual over the eigenvalue.
     pub uncertainty: f64,
     /// Products with the Hessian.
@@ -41,9 +51,8 @@ pub struct CriticalStep {
 }
 
 impl CriticalStep {
-    /// By Lanczos' method on `M^-1/2 K M^-1/2` of the free degrees of freedom, from a vector that
-    /// nothing distinguishes. `u` is `n x d` in m, `masses` has one entry per point, in kg. Nothing
-    /// where the largest eigenvalue is not positive.
+    /// At rest at displacements `u` (`n x d`) in m; `masses` has one entry per point, in kg. Nothing where
+    /// neither the largest eigenvalue of `M^-1 K` nor that of `M^-1 C` is positive.
     ///
     /// # Errors
     /// Second derivatives that are not finite.
@@ -54,24 +63,70 @@ impl CriticalStep {
         constraints: &Constraints,
         precision: Precision,
     ) -> Result<Option<CriticalStep>, NonFinite> {
+        let at_rest = vec![0.0; u.len()];
+        CriticalStep::find_moving(energy, (u, &at_rest), masses, constraints, precision)
+    }
+
+    /// The same with velocities (`n x d`) in m/s, on which depends what is dissipated.
+    ///
+    /// # Errors
+    /// As [`CriticalStep::find`].
+    pub fn find_moving(
+        energy: &dyn Energy,
+        (u, v): (&[f64], &[f64]),
+        masses: &[f64],
+        constraints: &Constraints,
+        precision: Precision,
+    ) -> Result<Option<CriticalStep>, NonFinite> {
         let d = energy.dimension();
-        let n = masses.len() * d;
         // Fixed degrees of freedom are scaled away, before and after the product.
-        let scale: Vec<f64> = (0..n)
+        let scale: Vec<f64> = (0..masses.len() * d)
             .map(|dof| if constraints.is_fixed(dof) { 0.0 } else { 1.0 / masses[dof / d].sqrt() })
             .collect();
-        let hessian = energy.hessian(u)?;
-        let mut vector = start(&scale);
+        let most = precision.products.min(constraints.n_free());
+        let precision = Precision { products: most, ..precision };
+        let stiff = Largest::of(&*energy.hessian(u)?, &scale, precision);
+        let viscous = match energy.dissipation() {
+            Some(dissipation) => Largest::of(&*dissipation.viscosity(u, v)?, &scale, precision),
+            None => Largest::default(),
+        };
+        let (frequency, viscosity) = (stiff.bound().sqrt(), viscous.bound());
+        if frequency == 0.0 && viscosity == 0.0 {
+            return Ok(None);
+        }
+        let seconds = match viscosity {
+            0.0 => 2.0 / frequency,
+            _ => 2.0 / ((stiff.bound() + viscosity * viscosity).sqrt() + viscosity),
+        };
+        let uncertainty = stiff.uncertainty().max(viscous.uncertainty());
+        let products = stiff.products + viscous.products;
+        Ok(Some(CriticalStep { seconds, frequency, viscosity, uncertainty, products }))
+    }
+}
+
+/// The largest eigenvalue of `M^-1 A` for a matrix `A`, as far as it is known.
+#[derive(Clone, Copy, Debug, Default)]
+struct Largest {
+    value: f64,
+    residual: f64,
+    products: usize,
+}
+
+impl Largest {
+    /// By Lanczos' method on `M^-1/2 A M^-1/2`, from a vector that nothing distinguishes; `scale` has the
+    /// entries of `M^-1/2`, 0 of what is fixed.
+    fn of(matrix: &dyn Hessian, scale: &[f64], precision: Precision) -> Largest {
+        let n = scale.len();
+        let mut vector = start(scale);
         let [mut before, mut product, mut scaled] = [(); 3].map(|()| vec![0.0; n]);
         let (mut diagonal, mut beside): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
-        let mut found = (0.0, f64::INFINITY);
-        let most = precision.products.min(constraints.n_free());
+        let (mut found, most) = ((0.0, f64::INFINITY), precision.products);
         while diagonal.len() < most {
             for dof in 0..n {
                 scaled[dof] = vector[dof] * scale[dof];
             }
-            hessian.multiply(&scaled, &mut product);
-            product.iter_mut().zip(&scale).for_each(|(x, s)| *x *= s);
+            matrix.multiply(&scaled, &mut product);
+            product.iter_mut().zip(scale).for_each(|(x, s)| *x *= s);
             let along = dot(&product, &vector);
             let last = beside.last().copied().unwrap_or(0.0);
             for dof in 0..n {
@@ -92,21 +147,24 @@ impl CriticalStep {
                 vector[dof] = product[dof] / norm;
             }
         }
-        let (eigenvalue, residual) = found;
-        if !(eigenvalue > 0.0 && eigenvalue.is_finite()) {
-            return Ok(None);
-        }
-        let frequency = (eigenvalue + residual).sqrt();
-        Ok(Some(CriticalStep {
-            seconds: 2.0 / frequency,
-            frequency,
-            uncertainty: residual / eigenvalue,
-            products: diagonal.len(),
-        }))
+        Largest { value: found.0, residual: found.1, products: diagonal.len() }
+    }
+
+    fn is_positive(self) -> bool {
+        self.value > 0.0 && self.value.is_finite()
+    }
+
+    /// The eigenvalue on the safe side; 0 where it is not positive.
+    fn bound(self) -> f64 {
+        if self.is_positive() { self.value + self.residual } else { 0.0 }
+    }
+
+    fn uncertainty(self) -> f64 {
+        if self.is_positive() { self.residual / self.value } else { 0.0 }
     }
 }
 
-/// A step in s that is stable for certain: `2/sqrt(max_i sum_j |K_ij|/m_i)` over the free degrees of
+/// A step in s that is stable for certain where nothing is dissipated: `2/sqrt(max_i sum_j |K_ij|/m_i)` over the free degrees of
 /// freedom (Gershgorin); infinite without stiffness. Takes the whole tangent into memory.
 ///
 /// # Errors

@@ -54,6 +54,11 @@ pub enum MotionError {
     /// No step was given, and nothing moves by itself.
     #[error("nothing is free to move, so no step is critical: give one in s")]
     NothingFree,
+    /// Bonds dissipate by their rates, and the rule is implicit.
+    #[error(
+        "the implicit midpoint rule takes no dissipation of bonds: choose an explicit rule of integration"
+    )]
+    ImplicitDissipation,
     /// The step is beyond the critical one.
     #[error(
         "the step {step:e} s is beyond the critical one, {critical:.6e} s: the motion would grow without bound"

@@ -6,6 +6,7 @@
 //! | [`critical`] | the largest stable step |
 //! | [`balance`] | the account of energy, and its rows |
 //! | `settings` | the rule of integration and its choices, what drives a body, where it starts |
+//! | `dissipation` | what bonds dissipate on the way |
 //! | `midpoint` | a step of the implicit midpoint rule |
 //! | `advance` | goes from row to row |
 //! | `snapshot` | where a motion stands, to go on from there with the same bits |
@@ -19,6 +20,7 @@
 mod advance;
 pub mod balance;
 pub mod critical;
+mod dissipation;
 mod error;
 mod midpoint;
 mod settings;
@@ -42,6 +44,7 @@ use advance::LOOK;
 use balance::Balance;
 pub use balance::Row;
 pub use critical::{CriticalStep, Precision, step_by_row_sums};
+use dissipation::Viscous;
 pub use error::{FlownOff, MotionError};
 pub use settings::{Initial, Method, MotionDrive, MotionSettings};
 pub use snapshot::Snapshot;
@@ -81,6 +84,8 @@ pub struct Motion<'a> {
     /// At the present time.
     u: Summed,
     forces: Vec<f64>,
+    /// Where bonds dissipate.
+    viscous: Option<Viscous>,
     loads: Vec<f64>,
     parts: Vec<f64>,
     /// In the middle of the step to come.
@@ -145,6 +150,9 @@ impl<'a> Motion<'a> {
         watch: &Watch,
     ) -> Result<Motion<'a>, MotionError> {
         error::check(settings, masses)?;
+        if settings.method == Method::Midpoint && energy.dissipation().is_some() {
+            return Err(MotionError::ImplicitDissipation);
+        }
         let (n, d) = (energy.positions().len(), energy.dimension());
         assert!(masses.len() * d == n && initial.displacements.len() == n, "a mass per point");
         let fixed = error::fixed(drive);
@@ -166,6 +174,7 @@ impl<'a> Motion<'a> {
             families: Watched::new(energy, settings.singular),
             u: Summed::new(initial.displacements),
             forces: vec![0.0; n],
+            viscous: energy.dissipation().map(|_| Viscous::new(n)),
             loads: vec![0.0; n],
             parts: vec![0.0; energy.parts().len()],
             v: Summed::new(initial.velocities),
@@ -299,8 +308,8 @@ impl<'a> Motion<'a> {
     }
 
     fn look(&self, precision: Precision) -> Result<Option<CriticalStep>, NonFinite> {
-        let (u, masses) = (&self.u.value, &self.point_masses);
-        CriticalStep::find(self.energy, u, masses, &self.constraints, precision)
+        let (now, masses) = ((&self.u.value[..], &self.v.value[..]), &self.point_masses);
+        CriticalStep::find_moving(self.energy, now, masses, &self.constraints, precision)
     }
 
     /// Forces at the start, and the velocity half a step before it.
@@ -320,12 +329,14 @@ impl<'a> Motion<'a> {
             self.balance.begin(free.map(of).fold(0.0, |sum, part| sum + part));
             return Ok(());
         }
+        self.begin_dissipation()?;
         let (c, dt) = (self.settings.damping, self.dt);
         if self.settings.method != Method::Kinematic {
             let over = 1.0 + c * dt * (self.settings.method.damped_part() - 0.5);
             for dof in 0..self.masses.len() {
                 if !self.is_fixed[dof] {
-                    let push = (self.loads[dof] - self.forces[dof]) / self.masses[dof];
+                    let force = self.loads[dof] - self.forces[dof] - self.lost_force(dof);
+                    let push = force / self.masses[dof];
                     let a = (push - c * self.v.value[dof]) / over;
                     let before = self.v.value[dof] - 0.5 * dt * a;
                     self.v.set(dof, before);
@@ -388,8 +399,10 @@ impl<'a> Motion<'a> {
 
     /// Takes velocities on to the middle of the step to come, and the account to the present time.
     fn kick(&mut self, wants_row: bool) -> Result<(), MotionError> {
+        self.remember_velocities();
         let kick = Kick {
             internal: &self.forces,
+            viscous: self.viscous.as_ref().map(|viscous| &viscous.forces[..]),
             loads: &self.loads,
             masses: &self.masses,
             is_fixed: &self.is_fixed,
@@ -403,19 +416,19 @@ impl<'a> Motion<'a> {
         }
         let mean = if wants_mean { &mut self.mean[..] } else { &mut [] };
         let sums = kick.apply(&mut self.v, mean, &mut self.pieces);
-        let prescribed = self.kick_prescribed(wants_mean)?;
+        let [prescribed, held] = self.kick_prescribed(wants_mean)?;
         let fastest = self.dt * sums.fastest;
         // What is not a number is in the sum, what is too fast among the fastest.
         if !(sums.kinetic.is_finite() && (fastest <= self.extent || self.stays_together())) {
             return Err(self.flown_off());
         }
-        self.balance.arrive(self.dt, &sums, prescribed);
+        self.balance.arrive(self.dt, &sums, [prescribed, held]);
         Ok(())
     }
 
-    /// The same where something is prescribed: the powers of `dE/du` there.
-    fn kick_prescribed(&mut self, wants_mean: bool) -> Result<Sides, MotionError> {
-        let mut sides = Sides::default();
+    /// The same where something is prescribed: the powers of `dE/du` there, and of what is dissipated.
+    fn kick_prescribed(&mut self, wants_mean: bool) -> Result<[Sides; 2], MotionError> {
+        let mut sides = [Sides::default(); 2];
         let given = [&self.displacements, &self.velocities, &self.accelerations];
         if given.iter().all(|values| values.is_empty()) {
             return Ok(sides);
@@ -438,7 +451,7 @@ impl<'a> Motion<'a> {
                 true => before,
                 false => (self.displacements[k] - self.u.value[dof]) / self.dt,
             };
-            sides.add(self.forces[dof], before, after);
+            self.add_powers(&mut sides, dof, before, after);
             self.v.set(dof, after);
             if self.done == 0 {
                 self.mean[dof] = after;
@@ -448,7 +461,7 @@ impl<'a> Motion<'a> {
         }
         for (k, &dof) in self.drive.driven().iter().enumerate() {
             let after = if is_last { self.v.value[dof] } else { self.velocities[k] };
-            sides.add(self.forces[dof], self.v.value[dof], after);
+            self.add_powers(&mut sides, dof, self.v.value[dof], after);
             self.v.set(dof, after);
         }
         self.ask_accelerations(t)?;
@@ -456,12 +469,17 @@ impl<'a> Motion<'a> {
             let before = self.v.value[dof];
             self.v.add(dof, self.dt * a);
             let after = self.v.value[dof];
-            sides.add(self.forces[dof], before, after);
+            self.add_powers(&mut sides, dof, before, after);
             if wants_mean {
                 self.mean[dof] = 0.5 * (before + after);
             }
         }
         Ok(sides)
+    }
+
+    fn add_powers(&self, [stored, lost]: &mut [Sides; 2], dof: usize, before: f64, after: f64) {
+        stored.add(self.forces[dof], before, after);
+        lost.add(self.lost_force(dof), before, after);
     }
 
     /// The velocity of the centre of mass in m/s.

@@ -16,16 +16,16 @@ pub struct Snapshot<'a> {
     /// One array per name of [`Snapshot::NAMES`]: scalars, then vectors `n x d` in the body's order;
     /// displacements in m, velocities in the middle of the step to come in m/s, each with what rounding
     /// left behind, and `dE/du` in N, by which a body is known again; then the numbers of the bonds that are
-    /// broken, behind all of these those of triangles that broke themselves, and of tetrahedra; and what bonds
-    /// remember.
-    pub arrays: [Cow<'a, [f64]>; 8],
+    /// broken, behind all of these those of triangles that broke themselves, and of tetrahedra; what bonds
+    /// remember; and velocities before the last kick, where bonds dissipate.
+    pub arrays: [Cow<'a, [f64]>; 9],
     /// What the reader was told so far.
     pub notes: Cow<'a, [String]>,
 }
 
 impl Snapshot<'_> {
     /// What its arrays are.
-    pub const NAMES: [&'static str; 8] = [
+    pub const NAMES: [&'static str; 9] = [
         "numbers",
         "displacements",
         "displacements_low",
@@ -34,6 +34,7 @@ impl Snapshot<'_> {
         "forces",
         "broken",
         "states",
+        "velocities_before",
     ];
 }
 
@@ -72,7 +73,7 @@ fn take_out_all(fracture: &dyn Fracture, broken: &[usize]) {
 const CLIQUES: [Measure; 2] = [Measure::Area, Measure::Volume];
 
 /// Scalars in a snapshot before those of the account.
-const N_SCALARS: usize = 8;
+const N_SCALARS: usize = 9;
 
 impl<'a> Motion<'a> {
     /// Where the motion stands. If it was ended between two rows, the row there is none that
@@ -89,7 +90,10 @@ impl<'a> Motion<'a> {
         let broken = Cow::Owned(broken.into_iter().map(|bond| bond as f64).collect());
         let states = Cow::Owned(fracture.map(|fracture| fracture.states()).unwrap_or_default());
         let numbers = Cow::Owned(numbers);
-        Snapshot { arrays: [numbers, u, u_low, v, v_low, forces, broken, states], notes }
+        let before = self.viscous.as_ref().map_or(&[][..], |viscous| &viscous.earlier);
+        let before = Cow::Borrowed(before);
+        let arrays = [numbers, u, u_low, v, v_low, forces, broken, states, before];
+        Snapshot { arrays, notes }
     }
 
     /// Whether the motion was ended between two rows.
@@ -98,12 +102,13 @@ impl<'a> Motion<'a> {
     }
 
     pub(super) fn numbers(&self) -> Vec<f64> {
-        let critical = self.critical.map_or([f64::NAN; 4], |found| {
-            [found.seconds, found.frequency, found.uncertainty, found.products as f64]
+        let critical = self.critical.map_or([f64::NAN; 5], |found| {
+            let CriticalStep { seconds, frequency, viscosity, uncertainty, products } = found;
+            [seconds, frequency, viscosity, uncertainty, products as f64]
         });
-        let [a, b, c, d] = critical;
         let (step, steps) = (self.done as f64, self.n_steps as f64);
-        let mut numbers = vec![step, steps, self.dt, self.least_critical, a, b, c, d];
+        let mut numbers = vec![step, steps, self.dt, self.least_critical];
+        numbers.extend(critical);
         assert_eq!(numbers.len(), N_SCALARS, "as many as are read");
         numbers.extend(self.balance.numbers());
         numbers
@@ -124,7 +129,8 @@ impl<'a> Motion<'a> {
     ) -> Result<Motion<'a>, MotionError> {
         let n = energy.positions().len();
         let Snapshot { arrays, notes } = snapshot;
-        let [numbers, u, u_low, v, v_low, forces, broken, states] = arrays.map(Cow::into_owned);
+        let arrays = arrays.map(Cow::into_owned);
+        let [numbers, u, u_low, v, v_low, forces, broken, states, before] = arrays;
         let is_of_body = [&u, &u_low, &v, &v_low, &forces].iter().all(|array| array.len() == n);
         let other = |what| MotionError::OtherMotion { what };
         if !is_of_body || numbers.len() != N_SCALARS + Balance::N_NUMBERS {
@@ -133,9 +139,15 @@ impl<'a> Motion<'a> {
         let start = Initial { displacements: u, velocities: v };
         let mut motion = Motion::of(energy, masses, start, drive, settings, watch)?;
         (motion.u.low, motion.v.low) = (u_low, v_low);
+        match &mut motion.viscous {
+            Some(viscous) if before.len() == n => viscous.earlier = before,
+            None if before.is_empty() => {}
+            _ => return Err(other("what its bonds dissipate is another")),
+        }
         motion.notes = notes.into_owned();
-        let [step, steps, dt, least, seconds, frequency, uncertainty, products, ref balance @ ..] =
-            numbers[..]
+        let (scalars, balance) = numbers.split_at(N_SCALARS);
+        let &[step, steps, dt, least, seconds, frequency, viscosity, uncertainty, products] =
+            scalars
         else {
             return Err(other("its arrays are of another size"));
         };
@@ -147,6 +159,7 @@ impl<'a> Motion<'a> {
         motion.critical = seconds.is_finite().then_some(CriticalStep {
             seconds,
             frequency,
+            viscosity,
             uncertainty,
             products: products as usize,
         });

@@ -17,7 +17,7 @@ pub(super) struct Sums {
     pub(super) internal: Sides,
     /// `f . v`.
     pub(super) external: Sides,
-    /// Minus the power of the damping forces.
+    /// Minus the power of the damping forces, and of what bonds dissipate.
     pub(super) damping: Sides,
     /// `1/2 m v_before . v_after` in J.
     pub(super) kinetic: f64,
@@ -100,6 +100,8 @@ fn add(sum: &mut f64, low: &mut f64, term: f64) {
 pub(super) struct Kick<'a> {
     /// `dE/du` in N.
     pub(super) internal: &'a [f64],
+    /// `dR/dv` in N, where bonds dissipate.
+    pub(super) viscous: Option<&'a [f64]>,
     /// Loads in N.
     pub(super) loads: &'a [f64],
     /// In kg.
@@ -113,8 +115,8 @@ pub(super) struct Kick<'a> {
 }
 
 impl Kick<'_> {
-    /// Takes the velocities of the free degrees of freedom on by a step. The force
-    /// `f - g - m c (p v_after + (1 - p) v_before)` is linear in `v_after`, which is solved for:
+    /// Takes the velocities of the free degrees of freedom on by a step. The force, without what bonds
+    /// dissipate, `f - g - m c (p v_after + (1 - p) v_before)` is linear in `v_after`, which is solved for:
     /// `v_after - v_before = (dt a - c dt v_before)/(1 + p c dt)`.
     /// `mean` becomes the mean of both velocities, unless it is empty.
     pub(super) fn apply(&self, v: &mut Summed, mean: &mut [f64], pieces: &mut [Sums]) -> Sums {
@@ -141,6 +143,7 @@ impl Kick<'_> {
         mut mean: Option<&mut [f64]>,
     ) -> Sums {
         let range = start..start + v.len();
+        let viscous = self.viscous.map(|all| &all[range.clone()]);
         let (internal, loads) = (&self.internal[range.clone()], &self.loads[range.clone()]);
         let (masses, is_fixed) = (&self.masses[range.clone()], &self.is_fixed[range]);
         let rate = self.damping * self.step;
@@ -151,13 +154,14 @@ impl Kick<'_> {
                 continue;
             }
             let (force, load, mass, before) = (internal[k], loads[k], masses[k], v[k]);
-            let push = self.step * ((load - force) / mass) - rate * before;
+            let lost = viscous.map_or(0.0, |viscous| viscous[k]);
+            let push = self.step * ((load - force - lost) / mass) - rate * before;
             add(&mut v[k], &mut low[k], push / divisor);
             let after = v[k];
             sums.internal.add(force, before, after);
             sums.external.add(load, before, after);
             let damped = self.part * after + (1.0 - self.part) * before;
-            sums.damping.add(mass * self.damping * damped, before, after);
+            sums.damping.add(mass * self.damping * damped + lost, before, after);
             sums.kinetic += 0.5 * mass * before * after;
             sums.fastest = sums.fastest.max(after.abs());
             if let Some(mean) = mean.as_deref_mut() {

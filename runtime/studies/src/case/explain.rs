@@ -28,6 +28,18 @@ pub(crate) fn explain(case: &Case, found: &NonFinite) -> String {
             found.value
         ) + &displaced(case, found);
     }
+    if found.argument == Argument::Rate {
+        let mut text = format!(
+            "what is dissipated or a derivative is not finite for the bond of the points {}: rate(l) = \
+             {:e}, L = {:e}",
+            points.join(", "),
+            found.value,
+            found.reference
+        ) + &displaced(case, found);
+        let all = case.potentials.iter().flat_map(|potential| potential.model.dissipations());
+        all.for_each(|one| text += &format!("\n  dissipation(l) = {}", one.text));
+        return text;
+    }
     let Argument::Measure(measure) = found.argument else {
         let place = if points.len() == 1 { "the point" } else { "the bond of the points" };
         if let Some(bound) = left_domain(case, found.value) {

@@ -8,6 +8,7 @@
 //!
 //! [`crate::moduli`] looks at the body at rest, [`crate::simulation`] plans and runs it.
 
+mod dissipation;
 mod error;
 pub(crate) mod explain;
 mod fields;
@@ -122,7 +123,8 @@ impl Case {
         let has_families = potentials.iter().any(Potential::has_families);
         let has_interactions =
             |p: &Potential| !p.model.measures().is_empty() || !p.model.coupled().is_empty();
-        if has_families && potentials.iter().any(has_interactions) {
+        let dissipates = |p: &Potential| !p.model.dissipations().is_empty();
+        if has_families && potentials.iter().any(|p| has_interactions(p) || dissipates(p)) {
             // Families sum over volumes: so does what is beside them, unless the scene says otherwise.
             scene.horizon.weigh_volumes();
         }

@@ -50,6 +50,7 @@ impl Case {
         size::check_neighbors(&self.body, horizon, size::family(&self.body, horizon))?;
         let neighborhood = Neighborhood::new(&self.body, horizon).map_err(AssemblyError::from)?;
         let neighborhood = Arc::new(neighborhood);
+        let dashpots = self.dashpots(&mut compiled, &fields, &neighborhood)?;
         let layers = self.layers(compiled);
         let alone = layers.len() == 1;
         let (mut terms, mut names) = (Vec::new(), Vec::new());
@@ -68,7 +69,11 @@ impl Case {
         let names: Arc<[String]> = names.into();
         if !self.can_break() && self.n_states() == 0 {
             let terms = terms.into_iter().map(Term::Owned).collect();
-            return Ok((Total::named(terms, names), fields));
+            let total = Total::named(terms, names);
+            return Ok(match dashpots {
+                Some(dashpots) => (total.with_dissipation(dashpots), fields),
+                None => (total, fields),
+            });
         }
         let layer =
             |(number, of_law)| criteria::Layer { of_law, materials: fields.materials(number) };
@@ -76,7 +81,10 @@ impl Case {
         let states = states.into_iter().enumerate().filter_map(|(number, of_law)| {
             Some(memory::Layer { of_law, materials: fields.materials(number)? })
         });
-        let breaking = self.breaking(terms, names, neighborhood, (criteria, states.collect()));
+        let mut breaking = self.breaking(terms, names, neighborhood, (criteria, states.collect()));
+        if let Some(dashpots) = dashpots {
+            breaking = breaking.with_dissipation(dashpots);
+        }
         Ok((Total::of(Box::new(breaking)), fields))
     }
 
@@ -89,6 +97,7 @@ impl Case {
         compiled: Vec<Compiled>,
     ) -> Result<(Total<'static>, FieldsInTime<'_>), CaseError> {
         self.check_control()?;
+        self.check_dissipation()?;
         let solver = &self.scene.solver;
         let (energy, fields) = self.energy_in_time(compiled)?;
         self.check_singular(&energy)?;

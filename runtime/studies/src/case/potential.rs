@@ -60,6 +60,8 @@ pub struct Compiled {
     pub criteria: Vec<Criterion>,
     /// What bonds remember, and what that becomes.
     pub next_states: Vec<NextState>,
+    /// What bonds dissipate, as a function of their rate.
+    pub dissipation: Option<Kernel>,
     /// What is left out, and why.
     pub dropped: Vec<Dropped>,
 }
@@ -183,6 +185,10 @@ impl Potential {
             .model
             .next_states(&self.values, mode(solver), solver.form)
             .map_err(|error| CaseError::compile(&self.text, &error))?;
+        let dissipation = self
+            .model
+            .dissipation(&self.values, mode(solver))
+            .map_err(|error| CaseError::compile(&self.text, &error))?;
         let mut elements = Elements::default();
         if by_coordinates && !coupled.is_empty() {
             let message =
@@ -234,6 +240,7 @@ impl Potential {
             arguments,
             criteria,
             next_states,
+            dissipation,
             dropped,
         })
     }

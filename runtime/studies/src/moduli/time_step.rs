@@ -28,7 +28,7 @@ impl TimeStep {
         let n = energy.positions().len();
         let (rest, free) = (vec![0.0; n], Constraints::none(n));
         let found = CriticalStep::find(energy, &rest, masses, &free, Precision::default())?;
-        Ok(found.map(|CriticalStep { seconds, frequency, uncertainty, products }| TimeStep {
+        Ok(found.map(|CriticalStep { seconds, frequency, uncertainty, products, .. }| TimeStep {
             seconds,
             frequency,
             uncertainty,

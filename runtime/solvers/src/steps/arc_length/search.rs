@@ -80,7 +80,7 @@ impl Place {
     /// How far it is from an equilibrium at the distance that is wanted, in N.
     fn missed(&self) -> f64 {
         let Distance { residual, force, .. } = self.distance;
-        residual.hypot(force * (self.part - 1.0))
+        libm::hypot(residual, force * (self.part - 1.0))
     }
 
     fn is_there(&self) -> bool {

@@ -116,11 +116,11 @@ fn a_flat_truss_snaps_through() {
     let network = SpringNetwork::new(2, positions, vec![(0, 1), (1, 2)], linear);
     let drive = One { fixed: vec![0, 1, 4, 5], prescribed: None, load: Some((3, -0.02)) };
     let seen = follow(&network, &drive, &settings(20, 300), 3).unwrap();
-    let long = 1.0_f64.hypot(height);
+    let long = libm::hypot(1.0, height);
     let mut last = 0.0;
     for (record, u) in &seen {
         let above = height + u;
-        let length = 1.0_f64.hypot(above);
+        let length = libm::hypot(1.0, above);
         // Two bars of the force l/L - 1, downwards.
         let load = -2.0 * (length / long - 1.0) * above / length;
         assert!((0.02 * record.t - load).abs() <= 1e-12, "{} {load}", record.t);

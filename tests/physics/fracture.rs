@@ -274,3 +274,26 @@ fn a_bar_yields_both_ways() {
     assert!((top + t.len() / 16..top + t.len() / 6).all(flat));
     assert!(number(&run.summary["motion"]["rounding"]) < 1e-12);
 }
+
+/// A bar that softens is followed until it has come apart, up and down, without springing anywhere.
+#[test]
+fn a_bar_that_softens_is_followed_along_its_way() {
+    let run = examples::run("softening_bar", &[]);
+    let energy = table(&run.path().join("energy.csv"));
+    let [t, stored, lost] = ["t", "total", "dissipated"].map(|name| of(&energy, name));
+    let most = stored.iter().fold(0.0, |most: f64, x| most.max(*x));
+    assert_eq!(t.last(), Some(&0.5));
+    assert!(t.windows(2).filter(|pair| pair[1] < pair[0]).count() > 10);
+    // What is dissipated does not come back, and nothing is given away: within rounding.
+    assert!(lost.windows(2).all(|pair| pair[1] >= pair[0] - 1e-12 * most));
+    assert!(of(&energy, "relaxed").iter().all(|relaxed| relaxed.abs() < 1e-6 * most));
+    let external = of(&energy, "prescribed");
+    let quadrature = of(&energy, "quadrature");
+    for k in 0..t.len() {
+        let missed = stored[k] + lost[k] - external[k] - quadrature[k];
+        assert!(missed.abs() < 1e-6 * most, "{k}: {missed:e}");
+    }
+    let all = lost[t.len() - 1];
+    println!("{} steps; {all} J dissipated, {most} J stored at most", t.len());
+    assert!((1.0..=1.3).contains(&all));
+}

@@ -33,7 +33,7 @@ pub(crate) fn all() -> Vec<String> {
         .filter(|path| {
             let scene = fs::read_to_string(path.join("scene.toml"));
             let is_other = |scene: &str| {
-                scene.contains("\n[motion]") || scene.contains("\ncontrol = \"event\"")
+                scene.contains("\n[motion]") || scene.contains("\ncontrol = \"")
             };
             scene.is_ok_and(|scene| !is_other(&scene))
         })

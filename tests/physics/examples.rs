@@ -32,9 +32,8 @@ pub(crate) fn all() -> Vec<String> {
         .map(|entry| entry.unwrap().path())
         .filter(|path| {
             let scene = fs::read_to_string(path.join("scene.toml"));
-            let is_other = |scene: &str| {
-                scene.contains("\n[motion]") || scene.contains("\ncontrol = \"")
-            };
+            let is_other =
+                |scene: &str| scene.contains("\n[motion]") || scene.contains("\ncontrol = \"");
             scene.is_ok_and(|scene| !is_other(&scene))
         })
         .map(|path| path.file_name().unwrap().to_str().unwrap().to_owned())

@@ -81,8 +81,8 @@ pub struct NextState {
 }
 
 impl Model {
-    /// Margins of conditions, what states become, then what is dissipated, as they are compiled for these values; with symbols
-    /// for parameters where there are none.
+    /// Margins of conditions, what states become, then what is dissipated, as they are compiled for these
+    /// values; with symbols for parameters where there are none.
     ///
     /// # Errors
     /// As [`Model::criteria`].

@@ -3,7 +3,7 @@
 
 use super::sample::Point;
 use super::{Columns, Subject, Verification, Witness, measure, same_bits};
-use crate::kernel::{Batch, Kernel, Level, Mode};
+use crate::kernel::{Kernel, Level, Mode};
 use crate::model::{Model, Variant};
 use crate::specialise::CompileError;
 use crate::values::Values;
@@ -42,12 +42,9 @@ pub(super) fn verify(
         let known = values.clone().with_states(model);
         let typical: Vec<f64> = known.typical().map(|(_, value)| value).chain([length]).collect();
         let columns = Columns::new(&points);
-        let [strict, fast, interpreted] = [&strict, &fast, &interpreted].map(|kernel: &Kernel| {
-            let own = &typical[..kernel.fields().len()];
-            let fields = own.iter().flat_map(|value| points.iter().map(|_| *value));
-            let fields: Vec<f64> = fields.collect();
-            kernel.derivatives(Batch { fields: &fields, ..columns.batch() })
-        });
+        let at =
+            |kernel: &Kernel| columns.derivatives_at(kernel, &typical[..kernel.fields().len()]);
+        let [strict, fast, interpreted] = [&strict, &fast, &interpreted].map(at);
         for (i, &point) in points.iter().enumerate() {
             let [strict, fast, interpreted] =
                 [&strict, &fast, &interpreted].map(|all| [all.psi[i], all.dpsi[i], all.d2psi[i]]);

@@ -417,9 +417,14 @@ impl Columns {
 
     /// What a kernel finds there, with typical values of fields at every point.
     pub fn derivatives(&self, kernel: &Kernel) -> Derivatives {
+        self.derivatives_at(kernel, kernel.fields())
+    }
+
+    /// The same with these values of its fields at every point.
+    pub fn derivatives_at(&self, kernel: &Kernel, fields: &[f64]) -> Derivatives {
         let n = self.measure.len();
         let fields: Vec<f64> =
-            kernel.fields().iter().flat_map(|value| std::iter::repeat_n(*value, n)).collect();
+            fields.iter().flat_map(|value| std::iter::repeat_n(*value, n)).collect();
         kernel.derivatives(Batch { fields: &fields, ..self.batch() })
     }
 }

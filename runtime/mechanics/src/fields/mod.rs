@@ -12,10 +12,11 @@
 //! the former to forces. To first order the first map is `ds_i = sum_j G_ij (du_j - du_i)` for both, and
 //! what follows from that is worked out once: `stored` makes the Hessian and its diagonal from the weights
 //! `G` and from second derivatives by the fields, `springs` fills the matrix that products are
-//! preconditioned by.
+//! preconditioned by. `lost` knows which bonds families have lost.
 
 pub mod deformation;
 pub mod least_squares;
+mod lost;
 pub(crate) mod springs;
 pub mod states;
 pub(crate) mod stored;

@@ -164,8 +164,8 @@ impl Largest {
     }
 }
 
-/// A step in s that is stable for certain where nothing is dissipated: `2/sqrt(max_i sum_j |K_ij|/m_i)` over the free degrees of
-/// freedom (Gershgorin); infinite without stiffness. Takes the whole tangent into memory.
+/// A step in s that is stable for certain where nothing is dissipated: `2/sqrt(max_i sum_j |K_ij|/m_i)` over the
+/// free degrees of freedom (Gershgorin); infinite without stiffness. Takes the whole tangent into memory.
 ///
 /// # Errors
 /// Second derivatives that are not finite.

@@ -5,22 +5,21 @@
 //! rest from then on, and with it its energy; what stabilises it goes, too. Only what belongs to the ends of
 //! bonds that go is worked out again, so that the result does not depend on the order in which they go.
 
-use std::collections::BTreeSet;
 use std::sync::{Arc, OnceLock};
 
 use super::operator::GradientOperator;
 use super::quadrature::BondQuadrature;
 use super::stabilisation::{Deviations, Stabilisation, check_sums};
 use super::{DeformationEnergy, Discretisation, Places};
+use crate::fields::lost::{LostBonds, points_of};
 use crate::materials::LawOfPoints;
-use crate::neighborhood::{Gaps, Neighborhood};
+use crate::neighborhood::Gaps;
 
 /// The families before any bond was lost.
 pub(super) struct Whole {
-    pub(super) neighborhood: Arc<Neighborhood>,
-    /// Over its largest value, for each directed bond.
+    pub(super) lost: LostBonds,
+    /// Over its largest value, for each directed bond of the whole families.
     influence: Vec<f64>,
-    is_lost: Vec<bool>,
 }
 
 impl Places {
@@ -69,17 +68,10 @@ impl DeformationEnergy {
     /// See [`crate::energy::Energy::lose`].
     pub(super) fn lose_bonds(&mut self, bonds: &[usize]) {
         let whole = self.whole.get_or_insert_with(|| {
-            let neighborhood = Arc::clone(self.operator.shared_neighborhood());
-            let is_lost = vec![false; neighborhood.n_bonds()];
-            let influence = self.operator.influence().to_vec();
-            Box::new(Whole { neighborhood, influence, is_lost })
+            let lost = LostBonds::none_of(Arc::clone(self.operator.shared_neighborhood()));
+            Box::new(Whole { lost, influence: self.operator.influence().to_vec() })
         });
-        let mut ends = Vec::with_capacity(bonds.len());
-        for &bond in bonds {
-            if !std::mem::replace(&mut whole.is_lost[bond], true) {
-                ends.push(whole.neighborhood.ends(bond));
-            }
-        }
+        let ends = whole.lost.lose(bonds);
         self.take_out(&ends);
     }
 
@@ -87,8 +79,8 @@ impl DeformationEnergy {
     /// made anew and lose what is still lost.
     pub(super) fn regain_bonds(&mut self, bonds: &[usize]) {
         let Some(mut whole) = self.whole.take() else { return };
-        bonds.iter().for_each(|bond| whole.is_lost[*bond] = false);
-        let (order, neighborhood) = (self.operator.order(), Arc::clone(&whole.neighborhood));
+        let still = whole.lost.regain(bonds);
+        let (order, neighborhood) = (self.operator.order(), Arc::clone(&whole.lost.neighborhood));
         let operator = GradientOperator::new(&self.body, neighborhood, order, &whole.influence);
         let made = operator.and_then(|operator| {
             let (law, influence) = (self.law(), operator.influence());
@@ -99,16 +91,13 @@ impl DeformationEnergy {
         if let Ok((operator, places)) = made {
             (self.operator, self.places) = (operator, places);
         }
-        let lost = (0..whole.is_lost.len()).filter(|bond| whole.is_lost[*bond]);
-        let ends: Vec<[usize; 2]> = lost.map(|bond| whole.neighborhood.ends(bond)).collect();
-        self.take_out(&ends);
+        self.take_out(&still);
         self.whole = Some(whole);
     }
 
     /// Takes out bonds that are there, by their ends.
     fn take_out(&mut self, bonds: &[[usize; 2]]) {
-        let points: BTreeSet<usize> = bonds.iter().flatten().copied().collect();
-        let points: Vec<usize> = points.into_iter().collect();
+        let points = points_of(bonds);
         let gaps = self.operator.lose(bonds, &points);
         let law = LawOfPoints { law: &*self.law, materials: self.materials.as_deref() };
         self.places.lose((&self.operator, &gaps), law, self.discretisation, &points);

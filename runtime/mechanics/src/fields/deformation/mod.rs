@@ -462,7 +462,7 @@ impl Energy for DeformationEnergy {
         let reach = if matches!(self.places, Places::Bonds(_)) { 3 } else { 2 };
         self.pattern.get_or_init(|| {
             let own = || self.operator.neighborhood();
-            let whole = self.whole.as_ref().map_or_else(own, |whole| &whole.neighborhood);
+            let whole = self.whole.as_ref().map_or_else(own, |whole| &whole.lost.neighborhood);
             Arc::new(BlockPattern::of_reach(whole, self.dimension(), reach))
         })
     }

@@ -4,8 +4,8 @@
 //! `G_ij = V_j w_ij B_i q(X_j - X_i)` is a product of what the bond has, its influence, and of what the
 //! point has, `d x m` coefficients of the `m` polynomials `q`: it is worked out where it is used, which
 //! takes no more time than reading it, and a bond that breaks changes the coefficients of its two ends
-//! alone ([`GradientOperator::lose`]). The transpose gathers, too: every point sums over its own family, so that all points go at
-//! once and the order of every sum is that of the body.
+//! alone ([`GradientOperator::lose`]). The transpose gathers, too: every point sums over its own family, so
+//! that all points go at once and the order of every sum is that of the body.
 
 use std::sync::Arc;
 

@@ -5,48 +5,38 @@
 //! gaps then, and are no longer used. A point that has lost all of its bonds keeps the integrals of its whole
 //! family, by which potentials divide; what changes with displacements is a sum over nothing.
 
-use std::collections::BTreeSet;
 use std::sync::{Arc, OnceLock};
 
 use super::StateEnergy;
-use crate::neighborhood::Neighborhood;
+use crate::fields::lost::{LostBonds, points_of};
 
 /// The families before any bond was lost.
 pub(super) struct Whole {
-    pub(super) neighborhood: Arc<Neighborhood>,
+    pub(super) lost: LostBonds,
     at_rest: Vec<f64>,
     rest: Vec<f64>,
-    is_lost: Vec<bool>,
 }
 
 impl StateEnergy {
     /// See [`crate::energy::Energy::lose`].
     pub(super) fn lose_bonds(&mut self, bonds: &[usize]) {
         let whole = self.whole.get_or_insert_with(|| {
-            let neighborhood = Arc::clone(&self.neighborhood);
-            let is_lost = vec![false; neighborhood.n_bonds()];
+            let lost = LostBonds::none_of(Arc::clone(&self.neighborhood));
             let (at_rest, rest) = (self.at_rest.clone(), self.rest.clone());
-            Box::new(Whole { neighborhood, at_rest, rest, is_lost })
+            Box::new(Whole { lost, at_rest, rest })
         });
-        let mut ends = Vec::with_capacity(bonds.len());
-        for &bond in bonds {
-            if !std::mem::replace(&mut whole.is_lost[bond], true) {
-                ends.push(whole.neighborhood.ends(bond));
-            }
-        }
+        let ends = whole.lost.lose(bonds);
         self.take_out(&ends);
     }
 
     /// See [`crate::energy::Energy::regain`]: the whole families lose what is still lost.
     pub(super) fn regain_bonds(&mut self, bonds: &[usize]) {
         let Some(whole) = &mut self.whole else { return };
-        bonds.iter().for_each(|bond| whole.is_lost[*bond] = false);
-        self.neighborhood = Arc::clone(&whole.neighborhood);
+        let still = whole.lost.regain(bonds);
+        self.neighborhood = Arc::clone(&whole.lost.neighborhood);
         self.rest.clone_from(&whole.rest);
         self.at_rest.clone_from(&whole.at_rest);
-        let lost = (0..whole.is_lost.len()).filter(|bond| whole.is_lost[*bond]);
-        let ends: Vec<[usize; 2]> = lost.map(|bond| whole.neighborhood.ends(bond)).collect();
-        self.take_out(&ends);
+        self.take_out(&still);
     }
 
     /// Takes out bonds that are there, by their ends.
@@ -55,9 +45,9 @@ impl StateEnergy {
         gaps.close_bonds(&mut self.rest);
         self.rows = None;
         (self.springs, self.bond_pattern) = (OnceLock::new(), OnceLock::new());
-        let points: BTreeSet<usize> = bonds.iter().flatten().copied().collect();
-        let (left, alone): (Vec<usize>, Vec<usize>) =
-            points.into_iter().partition(|point| !self.neighborhood.row(*point).is_empty());
+        let (left, alone): (Vec<usize>, Vec<usize>) = points_of(bonds)
+            .into_iter()
+            .partition(|point| !self.neighborhood.row(*point).is_empty());
         self.fix(&left);
         if let Some(whole) = &self.whole {
             let m = self.n_integrals();

@@ -417,7 +417,8 @@ impl Energy for StateEnergy {
     }
 
     fn pattern(&self) -> &Arc<BlockPattern> {
-        let whole = self.whole.as_ref().map_or(&self.neighborhood, |whole| &whole.neighborhood);
+        let whole =
+            self.whole.as_ref().map_or(&self.neighborhood, |whole| &whole.lost.neighborhood);
         let make = || Arc::new(BlockPattern::of_reach(whole, self.dimension(), 2));
         self.pattern.get_or_init(make)
     }

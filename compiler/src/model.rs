@@ -89,6 +89,8 @@ pub struct Variant {
     pub domains: Vec<Interval>,
     /// When bonds break.
     pub breaks: Vec<Break>,
+    /// When bonds break by deformation gradients.
+    pub gradient_breaks: Vec<GradientBreak>,
     /// What bonds dissipate.
     pub dissipations: Vec<Dissipation>,
     /// What states of bonds become, at most one for each.
@@ -158,6 +160,22 @@ pub struct Break {
     pub measure: Measure,
     /// The margin in the variant's graph: above 0 where the condition holds, a function of the measure and of
     /// its value at rest.
+    pub root: NodeId,
+    /// Whether the condition holds where the margin is 0.
+    pub holds_at_zero: bool,
+    /// Place of the condition.
+    pub span: Span,
+    /// The condition as written, in canonical spelling.
+    pub text: String,
+    /// What it is, in the words of the file.
+    pub reason: Option<String>,
+}
+
+/// One condition of the deformation gradient under which bonds break, `break when J - 1 > h0`: where `psi(F)`
+/// is at bonds, a bond by its own gradient, where it is at points all bonds of a point by the point's.
+#[derive(Clone, Debug)]
+pub struct GradientBreak {
+    /// The margin in the variant's graph: above 0 where the condition holds.
     pub root: NodeId,
     /// Whether the condition holds where the margin is 0.
     pub holds_at_zero: bool,
@@ -317,6 +335,16 @@ impl Model {
     /// The conditions under which bonds break, as written.
     pub fn breaks(&self) -> &[Break] {
         &self.variants[0].breaks
+    }
+
+    /// The conditions of the deformation gradient, as written.
+    pub fn gradient_breaks(&self) -> &[GradientBreak] {
+        &self.variants[0].gradient_breaks
+    }
+
+    /// Whether any interaction can break.
+    pub fn can_break(&self) -> bool {
+        !self.breaks().is_empty() || !self.gradient_breaks().is_empty()
     }
 
     /// What bonds dissipate, as written.

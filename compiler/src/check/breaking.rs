@@ -5,7 +5,7 @@
 //! first. `x > y` becomes `x - y`, `and` the smaller of two margins, `or` the larger, `not` the negative.
 //! What holds where its margin is 0 differs between `>` and `>=` alone, and is known of the whole.
 
-use piola_grammar::ast::{Break as BreakAst, ExprId, ExprKind};
+use piola_grammar::ast::{Break as BreakAst, ExprId, ExprKind, Statement};
 use piola_grammar::{Diagnostic, print_expression};
 
 use super::names::parts;
@@ -13,7 +13,7 @@ use super::statement::Builder;
 use super::value::{GRADIENT, INTEGRAL, RATE, Value};
 use crate::expression::{Comparison, ExprGraph, Function, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
-use crate::model::Break;
+use crate::model::{Break, GradientBreak};
 
 /// The bit of [`Value::uses`] for lengths of bonds.
 pub(super) const LENGTH: u8 = bit(Measure::Length);
@@ -21,6 +21,14 @@ pub(super) const LENGTH: u8 = bit(Measure::Length);
 /// The bit of [`Value::uses`] for a measure.
 const fn bit(measure: Measure) -> u8 {
     1 << (measure as u8)
+}
+
+/// What a condition is one of.
+enum Of {
+    /// Bonds, triangles or tetrahedra, by their measure.
+    Measure(Measure),
+    /// Deformation gradients.
+    Gradient,
 }
 
 impl Builder<'_> {
@@ -32,16 +40,30 @@ impl Builder<'_> {
         if self.elaborator.truth(value, condition).is_none() {
             return;
         }
-        let Some(measure) = self.measure_of(breaking, value) else { return };
+        let Some(subject) = self.subject_of(breaking, value) else { return };
         match margin(&mut self.elaborator.graph, value.node) {
-            Ok(Some(Margin { root, inclusive })) => self.variant.breaks.push(Break {
-                measure,
-                root,
-                holds_at_zero: inclusive.unwrap_or(false),
-                span,
-                text: print_expression(arena, condition),
-                reason: breaking.reason.as_ref().map(|text| text.text.clone()),
-            }),
+            Ok(Some(Margin { root, inclusive })) => {
+                let holds_at_zero = inclusive.unwrap_or(false);
+                let text = print_expression(arena, condition);
+                let reason = breaking.reason.as_ref().map(|text| text.text.clone());
+                match subject {
+                    Of::Measure(measure) => self.variant.breaks.push(Break {
+                        measure,
+                        root,
+                        holds_at_zero,
+                        span,
+                        text,
+                        reason,
+                    }),
+                    Of::Gradient => self.variant.gradient_breaks.push(GradientBreak {
+                        root,
+                        holds_at_zero,
+                        span,
+                        text,
+                        reason,
+                    }),
+                }
+            }
             Ok(None) => {
                 let message = "this condition has no one threshold";
                 self.elaborator.report(
@@ -57,12 +79,16 @@ impl Builder<'_> {
         }
     }
 
-    /// The measure that the condition is one of, as for `domain`: it holds one. Reports it if not.
-    fn measure_of(&mut self, breaking: &BreakAst, value: Value) -> Option<Measure> {
+    /// What the condition is one of, as for `domain`: it holds one measure, or deformation gradients alone.
+    /// Reports it if not.
+    fn subject_of(&mut self, breaking: &BreakAst, value: Value) -> Option<Of> {
         let arena = &self.ast.arena;
         let span = arena[breaking.condition].span;
         let foreign = value.uses & !Measure::ALL.into_iter().fold(0, |all, one| all | bit(one));
         let remembers = self.elaborator.depends_on_states(&[value.node]);
+        if value.uses == GRADIENT && !remembers {
+            return Some(Of::Gradient);
+        }
         // States are those of bonds.
         let holds =
             |one: &Measure| value.uses & bit(*one) != 0 || remembers && *one == Measure::Length;
@@ -71,9 +97,16 @@ impl Builder<'_> {
         let error = match held[..] {
             _ if foreign != 0 => {
                 let message = "bonds, triangles and tetrahedra break by their own measures alone";
-                self.not_of_bonds(breaking.condition, foreign, message).help(example)
+                let error = self.not_of_bonds(breaking.condition, foreign, message);
+                error.help(match foreign & GRADIENT {
+                    0 => example,
+                    _ => {
+                        "a condition of the deformation gradient holds nothing else: write a line with \
+                         `break when` for each, any of them is enough"
+                    }
+                })
             }
-            [measure] => return Some(measure),
+            [measure] => return Some(Of::Measure(measure)),
             [] => Diagnostic::error("wrong-measure", span, "this condition says nothing of a bond")
                 .label("the same for all bonds at all times")
                 .help(example),
@@ -91,6 +124,23 @@ impl Builder<'_> {
         };
         self.elaborator.report(error);
         None
+    }
+
+    /// Refuses conditions of deformation gradients where there are none.
+    pub(super) fn check_gradient_breaks(&mut self) {
+        let [first, ..] = &self.variant.gradient_breaks[..] else { return };
+        let is_of_gradient =
+            |one: &Statement| matches!(one, Statement::Energy(one) if one.measure.name == "F");
+        if self.ast.statements.iter().any(is_of_gradient) {
+            return;
+        }
+        let message = "this condition holds a deformation gradient, and there is no psi(F)";
+        let error = Diagnostic::error("wrong-measure", first.span, message)
+            .label("gradients are those of an energy of F")
+            .help(
+                "add an energy `psi(F)`, or write a condition of bonds: `break when l/L - 1 > s0`",
+            );
+        self.elaborator.report(error);
     }
 
     /// An expression that depends on more than a bond, at the first place where it does.

@@ -91,6 +91,8 @@ impl Builder<'_> {
         of_others.extend(integrals.map(|one| ("an integral".to_string(), one.root, one.span)));
         let breaks = variant.breaks.iter();
         of_bonds.extend(breaks.map(|one| ("a condition".to_string(), one.root, one.span)));
+        let breaks = variant.gradient_breaks.iter();
+        of_others.extend(breaks.map(|one| ("a condition of F".to_string(), one.root, one.span)));
         let dissipations = variant.dissipations.iter();
         of_bonds.extend(dissipations.map(|one| ("a dissipation".to_string(), one.root, one.span)));
         for (what, root, span) in &of_others {

@@ -13,7 +13,7 @@ use crate::density::{Evaluator, listed};
 use crate::expression::{Input, NodeId, graph};
 use crate::jit::Listing;
 use crate::kernel::{Level, Mode};
-use crate::model::Model;
+use crate::model::{Model, Variant};
 use crate::specialise::{CompileError, Dropped, Form};
 use crate::values::{MAX_FIELDS, Values};
 use crate::written::{Dual, Written};
@@ -97,6 +97,25 @@ impl GradientKernel {
         let body = Body::Forms(Box::new(far), near.map(Box::new));
         let (fields, domain) = (vec![f64::NAN; n_fields], VolumeDomain::default());
         Ok(GradientKernel { dimension, n_axes, fields, body, domain })
+    }
+
+    /// The kernel of a function of these values, which as written is a witness.
+    pub(super) fn of(
+        forms: GradientEnergyForms,
+        values: &Values,
+        mode: Mode,
+        written: impl FnOnce() -> WrittenGradientEnergy,
+    ) -> Result<GradientKernel, CompileError> {
+        let mut made = match mode {
+            Mode::HyperDual => {
+                let fields = vec![f64::NAN; forms.far.n_fields()];
+                let (body, domain) = (Body::Dual(written()), VolumeDomain::default());
+                GradientKernel { dimension: values.dimension, n_axes: 0, fields, body, domain }
+            }
+            _ => GradientKernel::new(forms, mode)?,
+        };
+        made.fields.iter_mut().zip(values.typical()).for_each(|(own, (_, value))| *own = value);
+        Ok(made)
     }
 
     /// Typical values of the parameters that are fields, in the order of [`Values::fields`]: the kernel
@@ -271,6 +290,13 @@ pub struct WrittenGradientEnergy {
 }
 
 impl WrittenGradientEnergy {
+    /// The sum of functions of the deformation gradient, for these values.
+    pub(super) fn new(variant: &Variant, roots: &[NodeId], values: &Values) -> Self {
+        let written = |roots: &[NodeId]| Written::new(&variant.graph, roots, values);
+        let traces = variant.traces.iter().map(|root| written(&[*root])).collect();
+        WrittenGradientEnergy { energy: written(roots), traces }
+    }
+
     /// The energy over any number type; components by [`graph::component`].
     pub fn psi<N: Principal>(&self, component: impl Fn(u8) -> N) -> N {
         self.psi_with(component, None::<&fn(usize) -> f64>)
@@ -344,16 +370,7 @@ impl Model {
     ) -> Result<Vec<Dropped>, CompileError> {
         let (forms, dropped) = self.specialise_gradient(values, form)?;
         let Some(forms) = forms else { return Ok(dropped) };
-        let mut made = match mode {
-            Mode::HyperDual => {
-                let body = Body::Dual(self.written_gradient(values));
-                let n_fields = forms.far.n_fields();
-                let (fields, domain) = (vec![f64::NAN; n_fields], VolumeDomain::default());
-                GradientKernel { dimension: values.dimension, n_axes: 0, fields, body, domain }
-            }
-            _ => GradientKernel::new(forms, mode)?,
-        };
-        made.fields.iter_mut().zip(values.typical()).for_each(|(own, (_, value))| *own = value);
+        let mut made = GradientKernel::of(forms, values, mode, || self.written_gradient(values))?;
         made.domain = self.variant(values.dimension).map(VolumeDomain::of).unwrap_or_default();
         *kernel = Some(made);
         Ok(dropped)
@@ -364,9 +381,7 @@ impl Model {
         let Some(variant) = self.variant(values.dimension) else {
             return WrittenGradientEnergy { energy: Written::nothing(values), traces: Vec::new() };
         };
-        let written = |roots: &[NodeId]| Written::new(&variant.graph, roots, values);
         let roots: Vec<NodeId> = variant.gradient_energies.iter().map(|e| e.root).collect();
-        let traces = variant.traces.iter().map(|root| written(&[*root])).collect();
-        WrittenGradientEnergy { energy: written(&roots), traces }
+        WrittenGradientEnergy::new(variant, &roots, values)
     }
 }

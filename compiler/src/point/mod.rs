@@ -11,6 +11,7 @@
 //! | `adjoint` | derivatives by several variables |
 //! | `principal` | functions of the right stretch tensor |
 //! | `kernel` | both forms over arrays, and the choice between them |
+//! | `margin` | conditions of `F` under which bonds break |
 //! | `domain` | declared bounds of `J` |
 //! | `sample`, `truth` | gradients to try an energy at, and its values there to any precision |
 
@@ -18,6 +19,7 @@ pub(crate) mod adjoint;
 mod domain;
 mod invariants;
 mod kernel;
+mod margin;
 mod modular;
 pub(crate) mod near;
 mod principal;
@@ -26,10 +28,13 @@ pub(crate) mod truth;
 
 pub use invariants::INVARIANTS;
 pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy, gradient_listing};
+pub use margin::GradientCriterion;
 
 use adjoint::Varied;
 pub(crate) use principal::axes;
 use principal::{Open, StretchFunction};
+
+use piola_grammar::Span;
 
 use crate::density::DensityForm;
 use crate::expression::graph;
@@ -51,6 +56,21 @@ pub struct GradientEnergyForms {
     pub near: Option<DensityForm>,
     /// The invariants that were recognised.
     pub recognised: Vec<&'static Rule>,
+}
+
+/// Functions of the deformation gradient that are added up.
+struct Subject<'a> {
+    variant: &'a Variant,
+    roots: Vec<NodeId>,
+    /// Where the first of them is written.
+    span: Span,
+}
+
+/// The energies of a variant, if there are any.
+fn of_energies(variant: &Variant) -> Option<Subject<'_>> {
+    let span = variant.gradient_energies.first()?.span;
+    let roots = variant.gradient_energies.iter().map(|e| e.root).collect();
+    Some(Subject { variant, roots, span })
 }
 
 /// psi, P and dP in one graph, far from rest or near it.
@@ -95,8 +115,21 @@ impl Model {
         values: &Values,
         form: Form,
     ) -> Result<(Option<GradientEnergyForms>, Vec<Dropped>), CompileError> {
-        let of = (values.dimension, &values.fields[..]);
-        self.gradient_forms(of, values.horizon.is_nan(), form, &known(values))
+        let variant =
+            self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
+        let Some(subject) = of_energies(variant) else { return Ok((None, Vec::new())) };
+        self.forms_of(subject, values, form)
+    }
+
+    /// The sum of some functions of the deformation gradient for these values.
+    fn forms_of(
+        &self,
+        subject: Subject<'_>,
+        values: &Values,
+        form: Form,
+    ) -> Result<(Option<GradientEnergyForms>, Vec<Dropped>), CompileError> {
+        let lacks_horizon = values.horizon.is_nan();
+        self.gradient_forms(subject, (&values.fields, lacks_horizon), form, &known(values))
     }
 
     /// The same with parameters left as symbols, as `derive` prints them.
@@ -107,20 +140,20 @@ impl Model {
         &self,
         dimension: usize,
     ) -> Result<Option<GradientEnergyForms>, CompileError> {
-        Ok(self.gradient_forms((dimension, &[]), false, Form::Textbook, &|_| None)?.0)
+        let variant = self.variant(dimension).ok_or(CompileError::WrongDimension(dimension))?;
+        let Some(subject) = of_energies(variant) else { return Ok(None) };
+        Ok(self.gradient_forms(subject, (&[], false), Form::Textbook, &|_| None)?.0)
     }
 
     fn gradient_forms(
         &self,
-        (dimension, fields): (usize, &[u16]),
-        no_horizon: bool,
+        Subject { variant, roots, span }: Subject<'_>,
+        (fields, no_horizon): (&[u16], bool),
         which: Form,
         fold: &impl Fn(Input) -> Option<f64>,
     ) -> Result<(Option<GradientEnergyForms>, Vec<Dropped>), CompileError> {
-        let variant = self.variant(dimension).ok_or(CompileError::WrongDimension(dimension))?;
-        let roots: Vec<NodeId> = variant.gradient_energies.iter().map(|e| e.root).collect();
-        let Some(first) = variant.gradient_energies.first() else { return Ok((None, Vec::new())) };
-        let named = Named { argument: "F", span: first.span };
+        let dimension = variant.dimension;
+        let named = Named { argument: "F", span };
         let all: Vec<NodeId> = roots.iter().chain(&variant.traces).copied().collect();
         named.has_horizon(&variant.graph, &all, no_horizon)?;
         let mut dropped = Vec::new();

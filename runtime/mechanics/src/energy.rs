@@ -9,7 +9,7 @@ pub use total::{Term, Total};
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::fracture::{Fracture, Held, Release};
+use crate::fracture::{Asked, Fracture, Held, Judged, Release};
 use crate::interaction::{Inverted, Ranks, Report};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -295,6 +295,19 @@ pub trait Energy: Send + Sync {
     /// How many interactions are turned inside out at `u`.
     fn inverted(&self, _u: &[f64]) -> Inverted {
         Inverted::default()
+    }
+
+    /// Whether bonds break by conditions of deformation gradients.
+    fn has_gradient_conditions(&self) -> bool {
+        false
+    }
+
+    /// The margins of conditions of deformation gradients at displacements `u` in m (`n x d`).
+    ///
+    /// # Errors
+    /// Margins that are not finite.
+    fn gradient_margins(&self, _u: &[f64], _asked: Asked) -> Result<Vec<Judged>, NonFinite> {
+        Ok(Vec::new())
     }
 
     /// Whether [`Energy::lose`] can take out bonds.

@@ -234,6 +234,13 @@ impl Neighborhood {
         [owner, self.upper(owner)[bond - self.bond_start[owner]] as usize]
     }
 
+    /// The number of the bond between two points; nothing where there is none.
+    pub fn bond_between(&self, ends: [usize; 2]) -> Option<usize> {
+        let [low, high] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
+        let place = self.upper(low).binary_search(&(high as u32)).ok()?;
+        Some(self.bonds(low).start + place)
+    }
+
     /// For the place of each neighbour `j` of a point `i` the place of `i` in the row of `j`.
     pub fn mirrored(&self) -> Vec<u32> {
         // Rows are symmetric and ascending: going through the points in order, each finds its place

@@ -13,6 +13,7 @@ mod extremes;
 #[path = "../correspondence/common.rs"]
 mod families;
 mod following;
+mod gradients;
 mod reference;
 mod states;
 

@@ -16,7 +16,7 @@ use std::sync::{Arc, OnceLock};
 use super::differences::{ForceDifferences, smallest_distance, step};
 use super::{Dissipation, Energy, Hessian, Inversion, NonFinite, Products, Wanted, check_sizes};
 use crate::dissipation::Dashpots;
-use crate::fracture::{Fracture, Held, Release};
+use crate::fracture::{Asked, Fracture, Held, Judged, Release};
 use crate::interaction::{Inverted, Ranks, Report};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -389,6 +389,12 @@ impl Energy for Total<'_> {
         let u = self.held(u, &mut room.held);
         let found = self.terms.iter().filter_map(|term| term.first_inversion(u, step));
         found.min_by(|p, q| p.part.total_cmp(&q.part))
+    }
+
+    fn gradient_margins(&self, u: &[f64], asked: Asked) -> Result<Vec<Judged>, NonFinite> {
+        let found: Result<Vec<_>, _> =
+            self.terms.iter().map(|term| term.gradient_margins(u, asked)).collect();
+        Ok(found?.concat())
     }
 
     fn can_lose_bonds(&self) -> bool {

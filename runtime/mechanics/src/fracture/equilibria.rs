@@ -35,9 +35,11 @@ pub fn left_of(bonds: &BlockPattern, broken: &[usize]) -> BlockPattern {
 impl Breaking {
     /// See [`super::Fracture::foremost`].
     pub(super) fn find_foremost(&self, u: &[f64], tie: f64) -> Result<Option<Foremost>, NonFinite> {
-        let Status { is_broken, lost, .. } = &*self.now();
+        let status = &*self.now();
+        let Status { is_broken, lost, .. } = status;
         let around = (&*self.body, &*self.neighborhood);
-        self.criteria.foremost(around, (u, tie), |bond| !is_broken[bond], lost.as_ref())
+        let others = (lost.as_ref(), self.leading_by_gradients(status, u)?);
+        self.criteria.foremost(around, (u, tie), |bond| !is_broken[bond], others)
     }
 
     /// See [`super::Fracture::advance_foremost`].

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
+use super::Asked;
 use super::criteria::Judged;
 use super::damage::{OfCliques, lost_of, mean_states, without_edges};
 use super::{Breaking, Held};
@@ -182,9 +183,7 @@ impl Inspection for Breaking {
     }
 
     fn bond_between(&self, ends: [usize; 2]) -> Option<usize> {
-        let [low, high] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
-        let place = self.neighborhood.upper(low).binary_search(&(high as u32)).ok()?;
-        Some(self.neighborhood.bonds(low).start + place)
+        self.neighborhood.bond_between(ends)
     }
 
     fn is_absent(&self, bond: usize) -> bool {
@@ -203,10 +202,11 @@ impl Inspection for Breaking {
         // l^2 - L^2, without the digits that the difference would lose.
         let grown = along(&|xi, eta| eta * (2.0 * xi + eta));
         let around = (&*self.body, &*self.neighborhood);
-        let margins = self.criteria.judged(around, bond, u)?;
+        let mut margins = self.criteria.judged(around, bond, u)?;
         let states = (0..self.memory.n_states())
             .map(|number| self.memory.state_of(number, bond, ends).map(|(_, value)| value));
         let status = self.now();
+        margins.extend(status.energy.gradient_margins(u, Asked::Bond(ends))?);
         let (nowhere, mut held) = (vec![0.0; u.len()], [Held::default()]);
         status.energy.add_held(u, (0.0, &nowhere), &[bond], &mut held)?;
         Ok(Look {

@@ -11,6 +11,7 @@ use piola_mechanics::fracture::{Breaking, Fracture as _};
 use piola_mechanics::kernel::Measure;
 use piola_mechanics::neighborhood::Neighborhood;
 
+use super::potential::is_sheet;
 use super::{Case, CaseError, Compiled, Potential};
 use crate::scene::{ColourBy, CrackEntry, CrackShape, selection};
 use piola_solvers::motion::Method;
@@ -20,7 +21,7 @@ use piola_solvers::steps::Control;
 impl Case {
     /// Whether bonds may break, or are cut from the start.
     pub fn can_break(&self) -> bool {
-        let has_criteria = self.potentials.iter().any(|one| !one.model.breaks().is_empty());
+        let has_criteria = self.potentials.iter().any(|one| one.model.can_break());
         has_criteria || !self.scene.cracks.is_empty()
     }
 
@@ -183,7 +184,7 @@ impl Case {
     /// along the way on which these change.
     fn check_events(&self) -> Result<(), CaseError> {
         let mut all = self.potentials.iter().zip(&self.scene.materials);
-        let breaks = self.potentials.iter().any(|one| !one.model.breaks().is_empty());
+        let breaks = self.potentials.iter().any(|one| one.model.can_break());
         let (span, message, help) = match all.find(|(one, _)| !one.model.updates().is_empty()) {
             Some((one, material)) => (
                 material.potential.span,
@@ -199,6 +200,25 @@ impl Case {
             None => return Ok(()),
         };
         let found = Diagnostic::error("conflicting-keys", span, message).help(help);
+        Err(CaseError::Scene(self.scene.report(vec![found])))
+    }
+
+    /// Refuses conditions of deformation gradients of sheets, whose gradients have no component across.
+    ///
+    /// # Errors
+    /// At the material.
+    pub(super) fn check_gradient_breaks(&self) -> Result<(), CaseError> {
+        let mut all = self.potentials.iter().zip(&self.scene.materials);
+        let found = all.find(|(one, _)| !one.model.gradient_breaks().is_empty());
+        let Some((one, material)) = found.filter(|_| is_sheet(&self.scene)) else { return Ok(()) };
+        let message = format!(
+            "bonds of {} break by a deformation gradient, and in plane stress what lies across the sheet is \
+             not there",
+            one.model.name()
+        );
+        let found = Diagnostic::error("conflicting-keys", material.potential.span, message).help(
+            "write plane = \"strain\" in [correspondence], or a condition of bonds: `break when l/L - 1 > s0`",
+        );
         Err(CaseError::Scene(self.scene.report(vec![found])))
     }
 
@@ -304,7 +324,7 @@ impl Case {
         [label, help]: [&str; 2],
     ) -> Result<(), CaseError> {
         let mut all = self.potentials.iter().zip(&self.scene.materials);
-        let breaking = all.find(|(one, _)| !one.model.breaks().is_empty());
+        let breaking = all.find(|(one, _)| one.model.can_break());
         let (what, span) = match (breaking, self.scene.cracks.first()) {
             (Some((one, material)), _) => {
                 (format!("bonds of {} break", one.model.name()), material.potential.span)

@@ -144,6 +144,7 @@ impl Case {
         for potential in &case.potentials {
             case.check_families(potential)?;
         }
+        case.check_gradient_breaks()?;
         case.check_colour()?;
         Ok(case)
     }

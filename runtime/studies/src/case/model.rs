@@ -2,10 +2,12 @@
 
 use std::sync::Arc;
 
-use piola_compiler::{GatheredKernels, Integrand};
+use piola_compiler::{GatheredKernels, GradientCriterion, Integrand};
 use piola_mechanics::assembly::{AssemblyError, DiscreteEnergy, Elements};
 use piola_mechanics::deformation::influence::{Constant, CubicSpline, Influence, InverseLength};
-use piola_mechanics::deformation::{DeformationEnergy, Discretisation, Formulation, Stabilisation};
+use piola_mechanics::deformation::{
+    self, DeformationEnergy, Discretisation, Formulation, Stabilisation,
+};
 use piola_mechanics::energy::{Energy, Term, Total};
 use piola_mechanics::fracture::{criteria, memory};
 use piola_mechanics::kernel::{Law, VariablesLaw};
@@ -57,7 +59,7 @@ impl Case {
         for (number, layer) in layers.into_iter().enumerate() {
             let potential = layer.name();
             let materials = fields.materials(number);
-            for term in self.terms(layer, &neighborhood, materials)? {
+            for term in self.terms((number, layer), &neighborhood, materials)? {
                 let own = term.parts().iter();
                 names.extend(own.map(|part| match alone {
                     true => part.clone(),
@@ -121,7 +123,7 @@ impl Case {
     /// The energies of a layer: of interactions, of gathered states, of deformation gradients.
     fn terms(
         &self,
-        layer: Layer,
+        (number, layer): (usize, Layer),
         neighborhood: &Arc<Neighborhood>,
         materials: Option<Arc<Materials>>,
     ) -> Result<Vec<Box<dyn Energy>>, CaseError> {
@@ -129,7 +131,7 @@ impl Case {
         let found = || (Arc::clone(&self.body), Arc::clone(neighborhood));
         let mut terms: Vec<Box<dyn Energy>> = Vec::new();
         let has_interactions = layer.present().any(Compiled::has_interactions);
-        let Parts { elements, gathered, gradients } = layer.parts();
+        let Parts { elements, gathered, gradients, conditions } = layer.parts();
         if has_interactions {
             let ((body, neighborhood), weighting) = (found(), self.scene.horizon.weighting());
             let materials = materials.clone();
@@ -146,7 +148,8 @@ impl Case {
         }
         if gradients.iter().any(Option::is_some) {
             let energy = self.correspondence(gradients, found().1, materials.clone())?;
-            terms.push(Box::new(energy));
+            let criteria = gradient_criteria(self.body.dimension(), number, conditions, fields);
+            terms.push(Box::new(energy.with_criteria(criteria)));
         }
         Ok(terms)
     }
@@ -185,6 +188,7 @@ struct Parts {
     elements: Vec<Elements>,
     gathered: Vec<Option<(GatheredKernels, [String; 2])>>,
     gradients: Vec<Option<Box<dyn VariablesLaw>>>,
+    conditions: Vec<Vec<GradientCriterion>>,
 }
 
 impl Layer {
@@ -202,15 +206,18 @@ impl Layer {
     fn parts(self) -> Parts {
         let mut parts = Parts::default();
         for compiled in self.0 {
-            let (elements, gathered, gradient) = match compiled {
-                Some(Compiled { elements, gathered, gradient, arguments, .. }) => {
-                    (elements, gathered.map(|gathered| (gathered, arguments)), gradient)
+            let (elements, gathered, gradient, conditions) = match compiled {
+                Some(one) => {
+                    let Compiled { elements, gathered, gradient, gradient_criteria, .. } = one;
+                    let gathered = gathered.map(|gathered| (gathered, one.arguments));
+                    (elements, gathered, gradient, gradient_criteria)
                 }
                 None => Default::default(),
             };
             parts.elements.push(elements);
             parts.gathered.push(gathered);
             parts.gradients.push(gradient);
+            parts.conditions.push(conditions);
         }
         parts
     }
@@ -238,6 +245,28 @@ fn by_material(
     };
     let laws = laws.into_iter().enumerate().map(law).collect();
     Box::new(ByMaterial::new(n_variables, fields.map_or(0, Fields::len), laws))
+}
+
+/// The conditions of deformation gradients of a layer, from those of each law.
+fn gradient_criteria(
+    dimension: usize,
+    layer: usize,
+    conditions: Vec<Vec<GradientCriterion>>,
+    fields: Option<&Fields>,
+) -> Vec<deformation::GradientCriterion> {
+    let n_laws = conditions.len();
+    let criterion = |law: usize, number: usize, one: GradientCriterion| {
+        let mut laws: Vec<Option<Numbered>> = (0..n_laws).map(|_| None).collect();
+        laws[law] = Some((Box::new(one.margin), None));
+        let margin = by_material(dimension * dimension, laws, fields);
+        let holds_at_zero = one.holds_at_zero;
+        deformation::GradientCriterion { layer, law: law as u8, number, margin, holds_at_zero }
+    };
+    let of_law = |(law, all): (usize, Vec<GradientCriterion>)| {
+        all.into_iter().enumerate().map(move |(number, one)| (law, number, one))
+    };
+    let all = conditions.into_iter().enumerate().flat_map(of_law);
+    all.map(|(law, number, one)| criterion(law, number, one)).collect()
 }
 
 /// The energies of gathered states of several materials: of integrals that are the same function in

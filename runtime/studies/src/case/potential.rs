@@ -5,8 +5,8 @@ use std::path::Path;
 
 use num_dual::HyperDual64;
 use piola_compiler::{
-    CoupledKernel, Criterion, Dropped, GatheredKernels, Interval, Kernel, Mode, Model, NextState,
-    Setting, ValueError, Values, check_text, check_text_with,
+    CoupledKernel, Criterion, Dropped, GatheredKernels, GradientCriterion, Interval, Kernel, Mode,
+    Model, NextState, Setting, ValueError, Values, check_text, check_text_with,
 };
 use piola_grammar::Diagnostic;
 use piola_mechanics::assembly::Elements;
@@ -58,6 +58,8 @@ pub struct Compiled {
     pub arguments: [String; 2],
     /// When its bonds break.
     pub criteria: Vec<Criterion>,
+    /// Under which conditions of deformation gradients they do.
+    pub gradient_criteria: Vec<GradientCriterion>,
     /// What bonds remember, and what that becomes.
     pub next_states: Vec<NextState>,
     /// What bonds dissipate, as a function of their rate.
@@ -181,6 +183,10 @@ impl Potential {
             .model
             .criteria(&self.values, mode(solver), solver.form)
             .map_err(|error| CaseError::compile(&self.text, &error))?;
+        let gradient_criteria = self
+            .model
+            .gradient_criteria(&self.values, mode(solver), solver.form)
+            .map_err(|error| CaseError::compile(&self.text, &error))?;
         let next_states = self
             .model
             .next_states(&self.values, mode(solver), solver.form)
@@ -239,6 +245,7 @@ impl Potential {
             gathered,
             arguments,
             criteria,
+            gradient_criteria,
             next_states,
             dissipation,
             dropped,

@@ -78,7 +78,7 @@ impl FractureEnergy {
     /// # Errors
     /// Energies that cannot be compiled.
     pub(super) fn new(case: &Case, inside: &Inside) -> Result<Found, CaseError> {
-        if case.potentials.iter().all(|one| one.model.breaks().is_empty()) {
+        if !case.potentials.iter().any(|one| one.model.can_break()) {
             return Ok(Err(NoFractureEnergy::NothingBreaks));
         }
         if inside.spacing().is_infinite() {

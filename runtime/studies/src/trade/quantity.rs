@@ -175,7 +175,7 @@ pub fn quantities(case: &Case, wanted: &[String]) -> Result<Vec<Quantity>, Trade
     let of_prescribed: Vec<Quantity> = prescribed.iter().map(|index| set(*index)).collect();
     let peak = |index: usize| Quantity::Peak(scene.sets[index].name.value.clone());
     let peaks: Vec<Quantity> = prescribed.into_iter().map(peak).collect();
-    let breaks = case.potentials.iter().any(|one| !one.model.breaks().is_empty());
+    let breaks = case.potentials.iter().any(|one| one.model.can_break());
     let failure = match scene.motion.is_some() && breaks {
         true => vec![
             Quantity::FirstBreak,

@@ -1,5 +1,11 @@
 //! Influence functions: how much a neighbour counts, from its distance at rest.
 
+use rayon::prelude::*;
+
+use super::DeformationError;
+use crate::body::Body;
+use crate::neighborhood::Neighborhood;
+
 /// An influence function `w(L)` of the length of a bond at rest.
 ///
 /// Its unit cancels from deformation gradients and bond weights. Closures are influence functions.
@@ -68,6 +74,35 @@ impl Influence for Gaussian {
     fn value(&self, length: f64) -> f64 {
         let q = length / self.width;
         libm::exp(-q * q)
+    }
+}
+
+/// The influence function at each directed bond.
+pub(super) fn influences(
+    body: &Body,
+    neighborhood: &Neighborhood,
+    influence: &dyn Influence,
+) -> Result<Vec<f64>, DeformationError> {
+    let length = |i: usize, j: usize| {
+        let ends = body.position(i).iter().zip(body.position(j));
+        ends.fold(0.0, |sum, (x, y)| sum + (y - x) * (y - x)).sqrt()
+    };
+    let row = |i: usize| {
+        let row = neighborhood.row(i).iter();
+        row.map(move |&j| influence.value(length(i, j as usize)))
+    };
+    let values: Vec<f64> =
+        (0..neighborhood.n_points()).into_par_iter().flat_map_iter(row).collect();
+    match values.iter().position(|value| !value.is_finite()) {
+        None => Ok(values),
+        Some(place) => {
+            let rows = 0..neighborhood.n_points();
+            let point =
+                rows.into_iter().find(|&i| neighborhood.places(i).contains(&place)).unwrap_or(0);
+            let k = place - neighborhood.places(point).start;
+            let length = length(point, neighborhood.row(point)[k] as usize);
+            Err(DeformationError::Influence { length, value: values[place] })
+        }
     }
 }
 

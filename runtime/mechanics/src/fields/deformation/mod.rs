@@ -7,6 +7,7 @@
 //! | `sweep`, `batch` | what is asked of an energy of the fields `u` and `H`, at points and at bonds; laws over batches |
 //! | `stabilisation` | energies of what neighbours deviate from a point's deformation gradient |
 //! | `quadrature` | deformation gradients at bonds |
+//! | `margins` | conditions of deformation gradients under which bonds break |
 //! | `linear` | second derivatives by the fields, of which the stored Hessian is made |
 //! | `elastic` | the law at rest: stiffnesses of stabilisation and of springs like the Hessian |
 //!
@@ -25,6 +26,7 @@ mod elastic;
 mod error;
 pub mod influence;
 mod linear;
+mod margins;
 mod moments;
 mod operator;
 mod quadrature;
@@ -37,13 +39,12 @@ mod words;
 
 use std::sync::{Arc, OnceLock};
 
-use rayon::prelude::*;
-
 use crate::assembly::error::check_neighbors;
 use crate::assembly::{AssemblyError, sum::Sum};
 use crate::body::Body;
 use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored::{self, Tensor};
+use crate::fracture::{Asked, Judged};
 use crate::interaction::{Report, Slabs};
 use crate::kernel::{Variables, VariablesLaw};
 use crate::materials::{LawOfPoints, Materials};
@@ -53,8 +54,9 @@ use crate::pool::Pool;
 use crate::weights::check_families;
 use broken::Whole;
 pub use error::DeformationError;
-use influence::Influence;
+use influence::{Influence, influences};
 use linear::{Bonds, FieldStiffness};
+pub use margins::GradientCriterion;
 pub use moments::OperatorOrder;
 use operator::GradientOperator;
 use quadrature::BondQuadrature;
@@ -100,6 +102,8 @@ pub struct DeformationEnergy {
     materials: Option<Arc<Materials>>,
     discretisation: Discretisation,
     places: Places,
+    /// By which bonds break.
+    criteria: Vec<GradientCriterion>,
     /// The families before bonds were lost.
     whole: Option<Box<Whole>>,
     slabs: Slabs,
@@ -204,6 +208,7 @@ impl DeformationEnergy {
             materials,
             discretisation,
             places,
+            criteria: Vec::new(),
             whole: None,
             slabs,
             names,
@@ -408,35 +413,6 @@ impl DeformationEnergy {
     }
 }
 
-/// The influence function at each directed bond.
-fn influences(
-    body: &Body,
-    neighborhood: &Neighborhood,
-    influence: &dyn Influence,
-) -> Result<Vec<f64>, DeformationError> {
-    let length = |i: usize, j: usize| {
-        let ends = body.position(i).iter().zip(body.position(j));
-        ends.fold(0.0, |sum, (x, y)| sum + (y - x) * (y - x)).sqrt()
-    };
-    let row = |i: usize| {
-        let row = neighborhood.row(i).iter();
-        row.map(move |&j| influence.value(length(i, j as usize)))
-    };
-    let values: Vec<f64> =
-        (0..neighborhood.n_points()).into_par_iter().flat_map_iter(row).collect();
-    match values.iter().position(|value| !value.is_finite()) {
-        None => Ok(values),
-        Some(place) => {
-            let rows = 0..neighborhood.n_points();
-            let point =
-                rows.into_iter().find(|&i| neighborhood.places(i).contains(&place)).unwrap_or(0);
-            let k = place - neighborhood.places(point).start;
-            let length = length(point, neighborhood.row(point)[k] as usize);
-            Err(DeformationError::Influence { length, value: values[place] })
-        }
-    }
-}
-
 impl Energy for DeformationEnergy {
     fn dimension(&self) -> usize {
         self.body.dimension()
@@ -525,6 +501,19 @@ impl Energy for DeformationEnergy {
         let (given, laws) = (&given[..], law.numbers(0..n));
         let at = Variables { n, current: &current, change: &change, given, laws };
         law.law.stretch_across(at, &mut across).then_some(across)
+    }
+
+    fn has_gradient_conditions(&self) -> bool {
+        !self.criteria.is_empty()
+    }
+
+    fn gradient_margins(&self, u: &[f64], asked: Asked) -> Result<Vec<Judged>, NonFinite> {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        match self.dimension() {
+            _ if self.criteria.is_empty() => Ok(Vec::new()),
+            2 => self.margins::<2>(u, asked),
+            _ => self.margins::<3>(u, asked),
+        }
     }
 
     fn can_lose_bonds(&self) -> bool {

@@ -53,11 +53,14 @@ pub(in super::super) fn leading(mut found: WithMargins, tie: f64) -> WithMargins
 /// A condition of a bond at some displacements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judged {
+    /// Whose deformation gradient it is a condition of: a bond's, between two points, or a point's, the same
+    /// twice. Nothing of a condition of the bond's length.
+    pub of: Option<[usize; 2]>,
     /// The layer, and the law in it.
     pub layer: usize,
     /// The law in it.
     pub law: usize,
-    /// Which of the conditions of bonds that this law has in the layer, from 0.
+    /// Which of the conditions that this law has in the layer, from 0: of lengths, or of gradients.
     pub number: usize,
     /// The margin: the bond breaks where it is above 0, or at 0 if the condition says so.
     pub margin: f64,
@@ -102,17 +105,19 @@ impl Criteria {
 
     /// What is closest to breaking at displacements `u` in m (`n x d`) among the bonds that are `intact` and the
     /// triangles and tetrahedra that are not `lost`, and what is within `tie` of the largest margin.
+    /// `by_gradients` has bonds with the margins that deformation gradients give them.
     ///
     /// # Errors
     /// Margins that are not finite.
-    pub fn foremost(
+    pub(in crate::fracture) fn foremost(
         &self,
         around: (&Body, &Neighborhood),
         (u, tie): (&[f64], f64),
         intact: impl Fn(usize) -> bool + Sync,
-        lost: Option<&Lost>,
+        (lost, by_gradients): (Option<&Lost>, WithMargins),
     ) -> Result<Option<Foremost>, NonFinite> {
-        let bonds = self.leading_bonds(around, (u, tie), intact)?;
+        let mut bonds = self.leading_bonds(around, (u, tie), intact)?;
+        bonds.extend(by_gradients);
         let [areas, volumes] = match lost {
             Some(lost) => self.cliques.leading(around, (u, tie), (lost, &self.is_unbreakable))?,
             None => Default::default(),
@@ -122,7 +127,10 @@ impl Criteria {
         let Some(margin) = most else { return Ok(None) };
         let first = |kind: WithMargins| -> Vec<usize> {
             let found = kind.into_iter().filter(|(_, own)| *own >= least(margin, tie));
-            found.map(|(number, _)| number).collect()
+            let mut numbers: Vec<usize> = found.map(|(number, _)| number).collect();
+            numbers.sort_unstable();
+            numbers.dedup();
+            numbers
         };
         let [bonds, areas, volumes] = kinds.map(first);
         let which = Interactions { bonds, cliques: [areas, volumes] };
@@ -247,8 +255,8 @@ impl Margins {
             for (number, margin) in self.of_law[law].iter().enumerate() {
                 let rest = self.values((margin, law), &[bond], at_rest, room, u)?[0];
                 let now = self.values((margin, law), &[bond], |bond| bond.eta, room, u)?[0];
-                let (layer, breaks) = (self.layer, margin.breaks(now));
-                found.push(Judged { layer, law, number, margin: now, at_rest: rest, breaks });
+                let (of, layer, breaks) = (None, self.layer, margin.breaks(now));
+                found.push(Judged { of, layer, law, number, margin: now, at_rest: rest, breaks });
             }
         }
         Ok(())

@@ -194,9 +194,10 @@ fn not_finite(case: &Case, found: &NonFinite) -> CaseError {
     CaseError::Body { message: case.describe(found) }
 }
 
-/// A condition, and where the body has it: its layer, its law, its number among those of bonds there.
+/// A condition, and where the body has it: whether it is one of deformation gradients, its layer, its law,
+/// its number among those of its kind there.
 struct Known {
-    place: (usize, usize, usize),
+    place: (bool, usize, usize, usize),
     text: String,
     reason: Option<String>,
 }
@@ -204,13 +205,17 @@ struct Known {
 /// The conditions of bonds of all potentials.
 fn conditions(compiled: &[Compiled]) -> Vec<Known> {
     let of_one = |one: &Compiled| {
-        let own = one.criteria.iter().filter(|own| own.measure() == Measure::Length);
-        let known = |(number, own): (usize, &piola_compiler::Criterion)| Known {
-            place: (one.layer, one.law, number),
-            text: own.text.clone(),
-            reason: own.reason.clone(),
-        };
-        own.enumerate().map(known).collect::<Vec<Known>>()
+        let known =
+            |of_gradient: bool, number: usize, text: &String, reason: &Option<String>| Known {
+                place: (of_gradient, one.layer, one.law, number),
+                text: text.clone(),
+                reason: reason.clone(),
+            };
+        let lengths = one.criteria.iter().filter(|own| own.measure() == Measure::Length);
+        let lengths = lengths.enumerate().map(|(k, own)| known(false, k, &own.text, &own.reason));
+        let gradients = one.gradient_criteria.iter().enumerate();
+        let gradients = gradients.map(|(k, own)| known(true, k, &own.text, &own.reason));
+        lengths.chain(gradients).collect::<Vec<Known>>()
     };
     compiled.iter().flat_map(of_one).collect()
 }
@@ -253,11 +258,19 @@ impl<'a> Seen<'a> {
         let look = fracture.look_at(bond, &vec![0.0; case.body.positions().len()]);
         let look = look.map_err(|found| not_finite(case, &found))?;
         let condition = |one: &piola_mechanics::fracture::Judged| {
-            let place = (one.layer, one.law, one.number);
+            let place = (one.of.is_some(), one.layer, one.law, one.number);
             let known = conditions.iter().find(|known| known.place == place);
             let of = (!case.scene.regions.is_empty()).then(|| case.scene.law_name(one.law));
+            let text = known.map_or_else(String::new, |known| known.text.clone());
             BondCondition {
-                text: known.map_or_else(String::new, |known| known.text.clone()),
+                text: match one.of {
+                    // Of a point, not of the bond: either end has one.
+                    Some([i, j]) if i == j => {
+                        let end = usize::from(i != ends[0]);
+                        format!("{text} at {}", points[end])
+                    }
+                    _ => text,
+                },
                 reason: known.and_then(|known| known.reason.clone()),
                 of,
             }

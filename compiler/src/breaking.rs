@@ -4,7 +4,7 @@
 
 use crate::expression::NodeId;
 use crate::kernel::{Kernel, Mode, WrittenEnergy};
-use crate::measure::Measure;
+use crate::measure::{Argument, Measure};
 use crate::model::{Model, Update};
 use crate::specialise::{
     CompileError, Derived, Form, MAX_OPERATIONS, Named, ScalarEnergy, function_of, of_measure,
@@ -199,7 +199,8 @@ impl Model {
             values.parameters[usize::from(dt)] = 1.0;
         }
         let margin = |one: &crate::model::Break| {
-            (Subject::Margin(one.measure, one.text.clone()), (one.measure, one.root), one.span)
+            let subject = Subject::Margin(Argument::Measure(one.measure), one.text.clone());
+            (subject, (one.measure, one.root), one.span)
         };
         let next = |one: &Update| {
             let text = format!("{} = {}", self.input_name(one.state), one.text);

@@ -62,7 +62,9 @@ pub use model::{
     Break, Constraint, Dissipation, Energy, GatheredEnergy, GradientEnergy, Integral, Interval,
     Model, Parameter, Variant,
 };
-pub use point::{GradientBatch, GradientCriterion, GradientEnergyForms, GradientKernel};
+pub use point::{
+    GradientBatch, GradientCondition, GradientCriterion, GradientEnergyForms, GradientKernel,
+};
 pub use specialise::{CompileError, Dropped, Form, ScalarEnergy, Specialised};
 pub use tensors::{NotInTensors, TensorForm};
 pub use values::{Setting, ValueError, Values, is_quantity, quantity};

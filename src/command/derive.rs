@@ -8,8 +8,8 @@ use piola_compiler::point::gradient_listing;
 use piola_compiler::rewrite::{self, Explanation, Side};
 use piola_compiler::simplify::Rule;
 use piola_compiler::{
-    Argument, BondFunction, BondFunctionKind, CompileError, Form, GradientEnergyForms, Measure,
-    Model, Specialised, Values, print,
+    Argument, BondFunction, BondFunctionKind, CompileError, Form, GradientCondition,
+    GradientEnergyForms, Measure, Model, Specialised, Values, print,
 };
 
 use piola_runtime::output::decimal;
@@ -85,7 +85,7 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
         }
         None => return Exit::Input,
     };
-    let others = (gradient.as_ref(), &coupled[..], &of_bonds[..]);
+    let others = (gradient.as_ref(), &coupled[..], (&of_bonds.0[..], &of_bonds.1[..]));
     match emit(&loaded, &specialised, others, arguments) {
         Ok(text) => {
             console::out(&text);
@@ -162,19 +162,26 @@ fn coupled(
     Some(Ok(found))
 }
 
-/// When bonds break and what they remember.
+/// When bonds break and what they remember; when they break by deformation gradients.
+type OfBonds = (Vec<BondFunction>, Vec<GradientCondition>);
+
 fn of_bonds(
     loaded: &Loaded,
     dimension: usize,
     arguments: &Derive,
-) -> Option<Result<Vec<BondFunction>, CompileError>> {
+) -> Option<Result<OfBonds, CompileError>> {
     let settings = potential::settings(&arguments.inputs)?;
     let symbols_allowed = matches!(arguments.emit, Emit::Text | Emit::Latex | Emit::Graph);
-    if symbols_allowed && settings.is_empty() && arguments.inputs.delta.is_none() {
-        return Some(loaded.model.bond_functions(dimension, None));
-    }
-    let (values, _) = all_values(loaded, dimension, arguments)?;
-    Some(loaded.model.bond_functions(dimension, Some(&values)))
+    let has_symbols = symbols_allowed && settings.is_empty() && arguments.inputs.delta.is_none();
+    let values = match has_symbols {
+        true => None,
+        false => Some(all_values(loaded, dimension, arguments)?.0),
+    };
+    let made = || {
+        let functions = loaded.model.bond_functions(dimension, values.as_ref())?;
+        Ok((functions, loaded.model.gradient_conditions(dimension, values.as_ref())?))
+    };
+    Some(made())
 }
 
 /// Values for every parameter: 1 for want of one, which is said.
@@ -320,14 +327,17 @@ fn explanation(e: &Explanation) -> String {
     )
 }
 
+/// What there is beside energies of one measure.
+type Others<'a> = (
+    Option<&'a GradientEnergyForms>,
+    &'a [(Measure, CoupledForm)],
+    (&'a [BondFunction], &'a [GradientCondition]),
+);
+
 fn emit(
     loaded: &Loaded,
     specialised: &Specialised,
-    (gradient, coupled, of_bonds): (
-        Option<&GradientEnergyForms>,
-        &[(Measure, CoupledForm)],
-        &[BondFunction],
-    ),
+    (gradient, coupled, (of_bonds, conditions)): Others<'_>,
     arguments: &Derive,
 ) -> Result<String, CompileError> {
     let model = &loaded.model;
@@ -336,7 +346,8 @@ fn emit(
         let first = print::c_source(model, &specialised.energies, gradient);
         let several = coupled.iter().map(|(clique, form)| print::coupled_c(model, *clique, form));
         let all = std::iter::once(first).chain(several).collect::<Vec<_>>().join("\n");
-        return Ok(all + &print::c_of_bonds(model, of_bonds));
+        let of_bonds = print::c_of_bonds(model, of_bonds);
+        return Ok(all + &of_bonds + &print::c_of_gradient_conditions(model, conditions));
     }
     let mut parts = Vec::new();
     for energy in &specialised.energies {
@@ -351,8 +362,14 @@ fn emit(
         });
     }
     let evolution = match arguments.emit {
-        Emit::Text => of_bonds.iter().map(|one| in_words(model, one)).collect(),
-        Emit::Latex => print::latex_of_bonds(model, of_bonds),
+        Emit::Text => {
+            let gradients = conditions.iter().map(|one| format!("break when {}\n", one.text));
+            of_bonds.iter().map(|one| in_words(model, one)).chain(gradients).collect()
+        }
+        Emit::Latex => {
+            let gradients = print::latex_of_gradient_conditions(model, conditions);
+            print::latex_of_bonds(model, of_bonds) + &gradients
+        }
         _ => String::new(),
     };
     parts.extend(Some(evolution).filter(|lines| !lines.is_empty()));

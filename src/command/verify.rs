@@ -114,8 +114,8 @@ fn bits(found: &Verification, places: &str) -> String {
 
 /// What was found for one energy, in words.
 fn report(place: &str, found: &Verification, text: &str) -> String {
-    if let Subject::Margin(measure, condition) = &found.subject {
-        return report_margin(place, (*measure, condition), found);
+    if let Subject::Margin(argument, condition) = &found.subject {
+        return report_margin(place, (*argument, condition), found);
     }
     if let Subject::NextState(next) = &found.subject {
         return report_next_state(place, next, found);
@@ -183,24 +183,27 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
 /// The same of a condition under which bonds, triangles or tetrahedra break.
 fn report_margin(
     place: &str,
-    (measure, condition): (Measure, &str),
+    (argument, condition): (Argument, &str),
     found: &Verification,
 ) -> String {
-    let (verdict, bits) = (verdict(found), bits(found, "points"));
-    let largest = found.errors.iter().fold(0.0, |most: f64, errors| most.max(errors.largest[0]));
-    let judged = match largest {
-        0.0 => format!("every {} is judged as written", measure.interaction()),
-        _ => {
-            let (all, symbol) = (measure.interactions(), measure.symbol());
-            format!(
-                "{all} are judged as written from {largest:.0} units in the last place of {symbol} around \
-                 the threshold on"
-            )
+    let (one, all, points, size) = match argument {
+        Argument::Gradient => ("gradient", "gradients", "gradients", "the norm"),
+        Argument::Measure(measure) | Argument::Square(measure) => {
+            (measure.interaction(), measure.interactions(), "points", measure.symbol())
         }
     };
-    let points = found.n_places;
+    let (verdict, bits) = (verdict(found), bits(found, points));
+    let largest = found.errors.iter().fold(0.0, |most: f64, errors| most.max(errors.largest[0]));
+    let judged = match largest {
+        0.0 => format!("every {one} is judged as written"),
+        _ => format!(
+            "{all} are judged as written from {largest:.0} units in the last place of {size} around the \
+             threshold on"
+        ),
+    };
+    let n = found.n_places;
     let mut out =
-        format!("{verdict}  {place} break when {condition}: {points} points; {bits}; {judged}\n");
+        format!("{verdict}  {place} break when {condition}: {n} {points}; {bits}; {judged}\n");
     for miss in found.misses.iter().take(5) {
         out.push_str(&describe(&found.subject, miss));
     }
@@ -364,9 +367,9 @@ fn place_of(subject: &Subject, miss: &Miss) -> String {
         Subject::Dissipation(_) => {
             format!("rate(l) = {:e}, L = {:e}", miss.place[0], miss.place[1])
         }
-        Subject::Margin(..) | Subject::NextState(_) | Subject::Following => {
+        Subject::Margin(Argument::Measure(_), _) | Subject::NextState(_) | Subject::Following => {
             let measure = match subject {
-                Subject::Margin(measure, _) => *measure,
+                Subject::Margin(Argument::Measure(measure), _) => *measure,
                 _ => Measure::Length,
             };
             let (now, rest) = (measure.symbol(), measure.reference_symbol());
@@ -376,6 +379,7 @@ fn place_of(subject: &Subject, miss: &Miss) -> String {
             let changes: Vec<String> = miss.place.iter().map(|x| format!("{x:.1e}")).collect();
             format!("changes of {} by ({}) of themselves", symbols.join(", "), changes.join(", "))
         }
+        Subject::Margin(..) => format!("F = {}", numbers(&miss.place)),
         _ => format!("{symbol} = {}", numbers(&miss.place)),
     }
 }

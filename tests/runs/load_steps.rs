@@ -462,6 +462,9 @@ fn a_chain_that_softens_is_followed_along_its_way() {
     assert!((rows.last("dissipated") + rows.last("released") - area).abs() < 0.02 * area);
     assert!(rows.column("relaxed").iter().all(|relaxed| relaxed.abs() < 1e-9 * area));
     assert!(rows.last("total") < 1e-12 * area);
+    // Cut short, it says so.
+    let short = folder.run(&["--force", "--set", "steps.arcs=12"]);
+    short.expect(0).says(&["12 steps along the way", "`arcs`", "to come to t = 1"]);
 }
 
 /// Of bonds in a row that soften the weakest goes alone, and the others come back to rest: too stiff to be

@@ -15,6 +15,7 @@ mod fields;
 mod fracture;
 mod fracture_energy;
 mod frame_fields;
+mod gradient_breaks;
 #[cfg(unix)]
 mod interrupted;
 mod killed;

@@ -5,7 +5,7 @@
 //! first. `x > y` becomes `x - y`, `and` the smaller of two margins, `or` the larger, `not` the negative.
 //! What holds where its margin is 0 differs between `>` and `>=` alone, and is known of the whole.
 
-use piola_grammar::ast::{Break as BreakAst, ExprId, ExprKind, Statement};
+use piola_grammar::ast::{Break as BreakAst, ExprId, ExprKind};
 use piola_grammar::{Diagnostic, print_expression};
 
 use super::names::parts;
@@ -95,16 +95,15 @@ impl Builder<'_> {
         let held: Vec<Measure> = Measure::ALL.into_iter().filter(holds).collect();
         let example = "write for instance `break when l/L - 1 > s0 \"critical stretch\"`";
         let error = match held[..] {
+            _ if foreign & GRADIENT != 0 => {
+                let message = "a condition is one of a measure or of the deformation gradient";
+                self.not_of_bonds(breaking.condition, foreign, message).help(
+                    "write a line with `break when` for each: any of them is enough to break a bond",
+                )
+            }
             _ if foreign != 0 => {
                 let message = "bonds, triangles and tetrahedra break by their own measures alone";
-                let error = self.not_of_bonds(breaking.condition, foreign, message);
-                error.help(match foreign & GRADIENT {
-                    0 => example,
-                    _ => {
-                        "a condition of the deformation gradient holds nothing else: write a line with \
-                         `break when` for each, any of them is enough"
-                    }
-                })
+                self.not_of_bonds(breaking.condition, foreign, message).help(example)
             }
             [measure] => return Some(Of::Measure(measure)),
             [] => Diagnostic::error("wrong-measure", span, "this condition says nothing of a bond")
@@ -124,23 +123,6 @@ impl Builder<'_> {
         };
         self.elaborator.report(error);
         None
-    }
-
-    /// Refuses conditions of deformation gradients where there are none.
-    pub(super) fn check_gradient_breaks(&mut self) {
-        let [first, ..] = &self.variant.gradient_breaks[..] else { return };
-        let is_of_gradient =
-            |one: &Statement| matches!(one, Statement::Energy(one) if one.measure.name == "F");
-        if self.ast.statements.iter().any(is_of_gradient) {
-            return;
-        }
-        let message = "this condition holds a deformation gradient, and there is no psi(F)";
-        let error = Diagnostic::error("wrong-measure", first.span, message)
-            .label("gradients are those of an energy of F")
-            .help(
-                "add an energy `psi(F)`, or write a condition of bonds: `break when l/L - 1 > s0`",
-            );
-        self.elaborator.report(error);
     }
 
     /// An expression that depends on more than a bond, at the first place where it does.

@@ -47,7 +47,6 @@ pub(crate) fn model(
         builder.variant.integrals = builder.integrals();
         builder.variant.traces = builder.elaborator.traces.clone();
         builder.check_states();
-        builder.check_gradient_breaks();
         builder.check_rates();
         builder.variant.stated = std::mem::take(&mut builder.elaborator.stated.all);
         merge(errors, builder.elaborator.errors);

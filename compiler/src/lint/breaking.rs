@@ -1,15 +1,19 @@
 //! Conditions under which bonds, triangles and tetrahedra break: that hold at rest, never, or in
-//! compression, or that take nothing away.
+//! compression, or that take nothing away; those of deformation gradients, too.
+
+use piola_grammar::Span;
 
 use super::Finding;
 use super::subject::{example, short};
 use crate::breaking::Criterion;
 use crate::kernel::Mode;
 use crate::measure::Measure;
-use crate::model::{Break, Model};
+use crate::model::{Break, GradientBreak, Model};
+use crate::point::GradientCriterion;
+use crate::point::sample::{self, Sample};
 use crate::remember::Remembering;
 use crate::specialise::Form;
-use crate::verify::sample::{Point, contains};
+use crate::verify::sample::{Point, Random, contains};
 
 /// Lengths at rest that are tried, over the horizon; areas and volumes are their powers.
 const REFERENCES: [f64; 2] = [0.5, 0.15];
@@ -17,22 +21,69 @@ const REFERENCES: [f64; 2] = [0.5, 0.15];
 /// Points of every decade of the measure.
 const POINTS_PER_DECADE: i32 = 100;
 
+/// Largest stretches of gradients that are tried.
+const STRETCHES_OF_GRADIENTS: [f64; 17] = [
+    1.0, 0.1, 0.5, 0.8, 0.9, 0.95, 0.99, 0.999, 0.9999, 1.0001, 1.001, 1.01, 1.05, 1.1, 1.5, 3.0,
+    10.0,
+];
+
 /// A time in s in which all has happened to a bond that time can do.
 const AGE: f64 = 1e12;
 
 /// A condition with values for everything it depends on.
-pub(super) struct Breaking<'m> {
-    pub(super) condition: &'m Break,
+pub(super) struct Breaking {
+    pub(super) span: Span,
+    /// What it is a condition of; nothing of deformation gradients.
+    measure: Option<Measure>,
     /// Whether what breaks by it has an energy. Bonds always count as if: triangles go with them.
     has_energy: bool,
-    /// Stretches in the declared domain, ratios of the measure to that at rest, and whether one breaks there.
+    /// Stretches in the declared domain, ratios of the measure to that at rest, and whether one breaks there. Of
+    /// gradients the largest stretch; below 1 it is the same in all directions.
     tried: Vec<(f64, bool)>,
 }
 
-impl<'m> Breaking<'m> {
+impl Breaking {
     /// The conditions of a model for some values; none if no values are found, or they are too large to be
     /// compiled.
-    pub(super) fn examples(model: &'m Model, dimension: usize) -> Vec<Breaking<'m>> {
+    pub(super) fn examples(model: &Model, dimension: usize) -> Vec<Breaking> {
+        let mut all = Breaking::of_measures(model, dimension);
+        all.extend(Breaking::of_gradients(model, dimension));
+        all
+    }
+
+    /// Those of deformation gradients, tried at bodies that are stretched in all directions, or in one, or
+    /// sheared.
+    fn of_gradients(model: &Model, dimension: usize) -> Vec<Breaking> {
+        let Some(variant) = model.variant(dimension) else { return Vec::new() };
+        let Some(values) = example(model, dimension) else { return Vec::new() };
+        let criteria = model.gradient_criteria(&values, Mode::Interpreter, Form::Textbook);
+        let unit = |k: usize| if k / dimension == k % dimension { 1.0 } else { 0.0 };
+        let all = |of: &dyn Fn(usize) -> f64| (0..dimension * dimension).map(of).collect();
+        let (mut stretches, mut samples) = (Vec::new(), Vec::new());
+        let mut random = Random::new(1);
+        let mut add = |stretch: f64, change: Vec<f64>| {
+            stretches.push(stretch);
+            samples.push(Sample::of_change(change, &mut random));
+        };
+        for stretch in STRETCHES_OF_GRADIENTS {
+            let e = stretch - 1.0;
+            add(stretch, all(&|k| e * unit(k)));
+            if e > 0.0 {
+                add(stretch, all(&|k| if k == 0 { e } else { 0.0 }));
+                add(stretch, all(&|k| if k == 1 { e } else { 0.0 }));
+            }
+        }
+        let breaking = |(condition, one): (&GradientBreak, GradientCriterion)| {
+            let margins = sample::evaluate(&one.margin, &samples);
+            let breaks = margins.iter().map(|margin| one.breaks(margin[0]));
+            let tried = stretches.iter().copied().zip(breaks).collect();
+            Breaking { span: condition.span, measure: None, has_energy: true, tried }
+        };
+        let criteria = criteria.unwrap_or_default();
+        variant.gradient_breaks.iter().zip(criteria).map(breaking).collect()
+    }
+
+    fn of_measures(model: &Model, dimension: usize) -> Vec<Breaking> {
         let Some(variant) = model.variant(dimension) else { return Vec::new() };
         let Some(values) = example(model, dimension) else { return Vec::new() };
         let values = values.with_states(model);
@@ -56,7 +107,7 @@ impl<'m> Breaking<'m> {
         let of_measures = Measure::ALL.map(|measure| -> Vec<Point> {
             REFERENCES.into_iter().flat_map(|part| points(measure, part)).collect()
         });
-        let breaking = |(condition, criterion): (&'m Break, Criterion)| {
+        let breaking = |(condition, criterion): (&Break, Criterion)| {
             let tried = |point: &Point| {
                 let stretch = point.measure / point.reference;
                 (stretch, breaks_in_time(bond.clone(), &criterion, *point))
@@ -66,30 +117,22 @@ impl<'m> Breaking<'m> {
             let has_energy = measure == Measure::Length
                 || model.measures().contains(&measure)
                 || model.coupled().contains(&measure);
-            Breaking { condition, has_energy, tried: points.iter().map(tried).collect() }
+            let (span, measure) = (condition.span, Some(condition.measure));
+            Breaking { span, measure, has_energy, tried: points.iter().map(tried).collect() }
         };
         let criteria = criteria.unwrap_or_default();
         variant.breaks.iter().zip(criteria).map(breaking).collect()
     }
 
-    /// The measure, that at rest, and what has them.
-    fn words(&self) -> [&'static str; 3] {
-        let measure = self.condition.measure;
-        let all = match measure {
-            Measure::Length => "bond",
-            Measure::Area => "triangle",
-            Measure::Volume => "tetrahedron",
+    /// The measure, that at rest, what has them, and many of these.
+    fn words(&self) -> [&'static str; 4] {
+        let Some(measure) = self.measure else { return ["F", "I", "bond", "bonds"] };
+        let [one, many] = match measure {
+            Measure::Length => ["bond", "bonds"],
+            Measure::Area => ["triangle", "triangles"],
+            Measure::Volume => ["tetrahedron", "tetrahedra"],
         };
-        [measure.symbol(), measure.reference_symbol(), all]
-    }
-
-    /// The same of many.
-    fn many(&self) -> &'static str {
-        match self.condition.measure {
-            Measure::Length => "bonds",
-            Measure::Area => "triangles",
-            Measure::Volume => "tetrahedra",
-        }
+        [measure.symbol(), measure.reference_symbol(), one, many]
     }
 
     /// A stretch at which one breaks.
@@ -110,26 +153,39 @@ fn breaks_in_time(mut bond: Remembering, criterion: &Criterion, point: Point) ->
 }
 
 /// A condition that holds where nothing is deformed.
-pub(super) fn at_rest(breaking: &Breaking<'_>) -> Option<Finding> {
+pub(super) fn at_rest(breaking: &Breaking) -> Option<Finding> {
     breaking.broken_at(|stretch| stretch == 1.0)?;
-    let ([m, rest, _], many) = (breaking.words(), breaking.many());
+    let [m, rest, _, many] = breaking.words();
     Some(Finding {
         message: format!("{many} break at rest: the condition holds at {m} = {rest}"),
-        help: format!("let it hold beyond a stretch: `break when {m}/{rest} - 1 > s0`"),
+        help: match breaking.measure {
+            Some(_) => format!("let it hold beyond a stretch: `break when {m}/{rest} - 1 > s0`"),
+            None => "let it hold beyond a change of volume: `break when J - 1 > h0`".into(),
+        },
     })
 }
 
 /// A condition that holds nowhere in the domain.
-pub(super) fn never(breaking: &Breaking<'_>) -> Option<Finding> {
+pub(super) fn never(breaking: &Breaking) -> Option<Finding> {
     if breaking.broken_at(|_| true).is_some() {
         return None;
     }
     let largest = breaking.tried.iter().fold(0.0, |most: f64, tried| most.max(tried.0));
-    let [m, rest, one] = breaking.words();
-    let quantity = match breaking.condition.measure {
-        Measure::Length => "length",
-        Measure::Area => "area",
-        Measure::Volume => "volume",
+    let [m, rest, one, _] = breaking.words();
+    let quantity = match breaking.measure {
+        Some(Measure::Length) => "length",
+        Some(Measure::Area) => "area",
+        Some(Measure::Volume) => "volume",
+        None => {
+            return Some(Finding {
+                message: format!(
+                    "no bond breaks: the condition holds nowhere up to a stretch of {}, of all directions or \
+                     one, and in no shear",
+                    short(largest)
+                ),
+                help: "compare a quantity that grows with the deformation: `J - 1`, `E : E`".into(),
+            });
+        }
     };
     Some(Finding {
         message: format!(
@@ -142,24 +198,32 @@ pub(super) fn never(breaking: &Breaking<'_>) -> Option<Finding> {
 
 /// A condition that holds for bonds that are shortened, and not at rest. Areas shrink where a body is stretched
 /// along one side, and volumes that fail by changing at all are meant so.
-pub(super) fn in_compression(breaking: &Breaking<'_>) -> Option<Finding> {
-    if breaking.condition.measure != Measure::Length {
+pub(super) fn in_compression(breaking: &Breaking) -> Option<Finding> {
+    if !matches!(breaking.measure, None | Some(Measure::Length)) {
         return None;
     }
     let is_at_rest = breaking.broken_at(|stretch| stretch == 1.0).is_some();
     let stretch = breaking.broken_at(|stretch| stretch < 1.0).filter(|_| !is_at_rest)?;
-    Some(Finding {
-        message: format!("bonds break in compression, at l/L = {} for instance", short(stretch)),
-        help: "a crack opens by tension: compare `l/L - 1` and not its absolute value".into(),
+    let at = short(stretch);
+    Some(match breaking.measure {
+        Some(_) => Finding {
+            message: format!("bonds break in compression, at l/L = {at} for instance"),
+            help: "a crack opens by tension: compare `l/L - 1` and not its absolute value".into(),
+        },
+        None => Finding {
+            message: format!("bonds break in compression, at F = {at}*I for instance"),
+            help: "a crack opens by tension: ask for `J > 1`, too: `break when J > 1 and ..`"
+                .into(),
+        },
     })
 }
 
 /// A condition of triangles or tetrahedra in a potential that gives them no energy.
-pub(super) fn nothing(breaking: &Breaking<'_>) -> Option<Finding> {
+pub(super) fn nothing(breaking: &Breaking) -> Option<Finding> {
     if breaking.has_energy {
         return None;
     }
-    let ([m, rest, one], many) = (breaking.words(), breaking.many());
+    let [m, rest, one, many] = breaking.words();
     Some(Finding {
         message: format!("a {one} that breaks loses no energy: there is no psi({m})"),
         help: format!(

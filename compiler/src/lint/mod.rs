@@ -55,7 +55,7 @@ enum Look {
     /// One energy with values.
     Energy(fn(&Subject<'_>) -> Option<Finding>),
     /// One condition under which bonds break, with values.
-    Break(fn(&Breaking<'_>) -> Option<Finding>),
+    Break(fn(&Breaking) -> Option<Finding>),
     /// What bonds remember, with values; gives the update that is to be pointed at.
     Update(fn(&Updating<'_>) -> Option<(usize, Finding)>),
     /// What bonds dissipate, with values.
@@ -103,9 +103,9 @@ const fn pedantic(code: &'static str, look: Look) -> Lint {
 
 impl Lint {
     /// What it says of a condition under which bonds break.
-    fn look_at_break(&self, breaking: &Breaking<'_>) -> Option<Diagnostic> {
+    fn look_at_break(&self, breaking: &Breaking) -> Option<Diagnostic> {
         let Look::Break(look) = self.look else { return None };
-        Some(self.warning(breaking.condition.span, look(breaking)?))
+        Some(self.warning(breaking.span, look(breaking)?))
     }
 
     /// What it says of what bonds remember.

@@ -1,8 +1,8 @@
 //! Conditions of the deformation gradient under which bonds break, compiled: a margin is a function of `F` like
 //! an energy, so it is made by the same code and keeps its digits near rest.
 
-use super::Subject;
 use super::kernel::{GradientKernel, WrittenGradientEnergy};
+use super::{GradientEnergyForms, Subject};
 use crate::kernel::Mode;
 use crate::model::{GradientBreak, Model};
 use crate::specialise::{CompileError, Form};
@@ -19,6 +19,19 @@ pub struct GradientCriterion {
     pub text: String,
     /// What it is, in the words of the file.
     pub reason: Option<String>,
+}
+
+/// A condition of the deformation gradient as a function of it, for those who print it.
+#[derive(Clone, Debug)]
+pub struct GradientCondition {
+    /// Which of the conditions of the potential it is, from 1: those of measures come first.
+    pub number: usize,
+    /// Whether bonds break where the margin is 0, too.
+    pub holds_at_zero: bool,
+    /// As written, in canonical spelling.
+    pub text: String,
+    /// The margin in the place of psi.
+    pub forms: GradientEnergyForms,
 }
 
 impl GradientCriterion {
@@ -51,6 +64,31 @@ impl Model {
         };
         // One of which nothing is left holds nowhere.
         variant.gradient_breaks.iter().map(criterion).filter_map(Result::transpose).collect()
+    }
+
+    /// The conditions of the deformation gradient as they are compiled for these values; with symbols for
+    /// parameters where there are none.
+    ///
+    /// # Errors
+    /// As [`Model::gradient_criteria`].
+    pub fn gradient_conditions(
+        &self,
+        dimension: usize,
+        values: Option<&Values>,
+    ) -> Result<Vec<GradientCondition>, CompileError> {
+        let variant = self.variant(dimension).ok_or(CompileError::WrongDimension(dimension))?;
+        let condition = |(k, one): (usize, &GradientBreak)| {
+            let subject = Subject { variant, roots: vec![one.root], span: one.span };
+            let (forms, _) = match values {
+                Some(values) => self.forms_of(subject, values, Form::Accurate)?,
+                None => self.gradient_forms(subject, (&[], false), Form::Textbook, &|_| None)?,
+            };
+            let (number, text) = (variant.breaks.len() + k + 1, one.text.clone());
+            let holds_at_zero = one.holds_at_zero;
+            Ok(forms.map(|forms| GradientCondition { number, holds_at_zero, text, forms }))
+        };
+        let all = variant.gradient_breaks.iter().enumerate().map(condition);
+        all.filter_map(Result::transpose).collect()
     }
 
     /// The margins as written, for these values.

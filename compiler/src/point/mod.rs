@@ -28,7 +28,7 @@ pub(crate) mod truth;
 
 pub use invariants::INVARIANTS;
 pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy, gradient_listing};
-pub use margin::GradientCriterion;
+pub use margin::{GradientCondition, GradientCriterion};
 
 use adjoint::Varied;
 pub(crate) use principal::axes;

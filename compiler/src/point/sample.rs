@@ -28,6 +28,16 @@ impl Sample {
         Sample { change, direction: direction(gradient.len(), random), gradient }
     }
 
+    /// The same with another `F - I`, which is exact where it is near rest; else `F` is.
+    pub(crate) fn with_change(&self, change: Vec<f64>) -> Sample {
+        let gradient = plus_identity(&change, 1.0);
+        let moved = Sample { gradient, change, direction: self.direction.clone() };
+        match moved.is_near() {
+            true => moved,
+            false => Sample { change: plus_identity(&moved.gradient, -1.0), ..moved },
+        }
+    }
+
     /// Whether kernels take `F - I` here, and it is what is given.
     pub(crate) fn is_near(&self) -> bool {
         self.change.iter().all(|h| h.abs() < NEAR)

@@ -1,4 +1,6 @@
 
+#ifndef PIOLA_AXES
+#define PIOLA_AXES
 /* Principal stretches s, s - 1 and principal axes after and before deformation, F = sum_i s_i n_i N_i,
    of the place at x: F, or near rest F - I; component k stands at x[k * n]. */
 static double piola_dot(int d, const double *x, const double *y, int step) {
@@ -109,3 +111,4 @@ static void piola_axes(int d, int near, const double *x, size_t n, double *axes)
     }
   }
 }
+#endif

@@ -11,7 +11,7 @@ use crate::expression::graph::components;
 use crate::expression::power::{PowerOps, PowerPlan};
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::model::Model;
-use crate::point::{GradientEnergyForms, NEAR, axes};
+use crate::point::{GradientCondition, GradientEnergyForms, NEAR, axes};
 use crate::specialise::ScalarEnergy;
 
 /// A C99 file with one function per energy of a measure:
@@ -41,7 +41,8 @@ pub fn c_source(
         if forms.far.has_axes() {
             out.push_str(AXES);
         }
-        gradient_functions(&mut out, model, forms);
+        let both = [("F", Of::Psi), ("F_product", Of::Product)];
+        gradient_functions(&mut out, model, forms, &both);
     }
     out
 }
@@ -160,8 +161,37 @@ pub fn c_of_bonds(model: &Model, functions: &[BondFunction]) -> String {
     out
 }
 
-/// psi with P, and dP: near rest by the form in `F - I`, as our kernels choose.
-fn gradient_functions(out: &mut String, model: &Model, forms: &GradientEnergyForms) {
+/// C99 functions for conditions of the deformation gradient, beside those of [`c_source`]:
+/// `void NAME_F_margin_1(size_t n, const double *gradient, const double *change, double *margin)`.
+pub fn c_of_gradient_conditions(model: &Model, conditions: &[GradientCondition]) -> String {
+    let mut out = String::new();
+    for GradientCondition { number, holds_at_zero, text, forms } in conditions {
+        if forms.far.has_axes() {
+            out.push_str(AXES);
+        }
+        let sign = if *holds_at_zero { ">=" } else { ">" };
+        let _ = write!(out, "\n/* Bonds break where this is {sign} 0: {text} */");
+        let name = format!("F_margin_{number}");
+        gradient_functions(&mut out, model, forms, &[(&name, Of::Margin)]);
+    }
+    out
+}
+
+/// What a function of gradients gives.
+#[derive(Clone, Copy)]
+enum Of {
+    Psi,
+    Product,
+    Margin,
+}
+
+/// Functions by name: near rest by the form in `F - I`, as our kernels choose.
+fn gradient_functions(
+    out: &mut String,
+    model: &Model,
+    forms: &GradientEnergyForms,
+    functions: &[(&str, Of)],
+) {
     let order = components(forms.dimension);
     let entry = |array: &str, k: usize| format!("{array}[{k} * n + i]");
     let of = |array: &str, c: u8| entry(array, order.iter().position(|x| *x == c).unwrap_or(0));
@@ -176,14 +206,19 @@ fn gradient_functions(out: &mut String, model: &Model, forms: &GradientEnergyFor
             None => "NAN".into(),
         },
     };
-    let write = |out: &mut String, form: &DensityForm, with_direction: bool| {
-        let (array, tensor) = match with_direction {
-            true => ("product", &form.product),
-            false => ("stress", &form.gradient),
+    let write = |out: &mut String, form: &DensityForm, what: Of| {
+        let tensor = match what {
+            Of::Psi => ("stress", &form.gradient[..]),
+            Of::Product => ("product", &form.product[..]),
+            Of::Margin => ("", &[][..]),
         };
-        let psi = Some(("psi[i]".to_string(), form.psi)).filter(|_| !with_direction);
-        let all = tensor.iter().enumerate().map(|(k, root)| (entry(array, k), *root));
-        let (targets, roots): (Vec<String>, Vec<NodeId>) = psi.into_iter().chain(all).unzip();
+        let scalar = match what {
+            Of::Psi => Some(("psi[i]".to_string(), form.psi)),
+            Of::Product => None,
+            Of::Margin => Some(("margin[i]".to_string(), form.psi)),
+        };
+        let all = tensor.1.iter().enumerate().map(|(k, root)| (entry(tensor.0, k), *root));
+        let (targets, roots): (Vec<String>, Vec<NodeId>) = scalar.into_iter().chain(all).unzip();
         let (graph, roots) = form.graph.extract(&roots);
         if form.has_axes() {
             let near = forms.near.as_ref().is_some_and(|near| std::ptr::eq(near, form));
@@ -198,10 +233,12 @@ fn gradient_functions(out: &mut String, model: &Model, forms: &GradientEnergyFor
         }
         statements(out, &graph, &input, targets.into_iter().zip(roots));
     };
-    for (name, arrays, with_direction) in [
-        ("F", "double *psi, double *stress", false),
-        ("F_product", "const double *direction, double *product", true),
-    ] {
+    for (name, what) in functions {
+        let arrays = match what {
+            Of::Psi => "double *psi, double *stress",
+            Of::Product => "const double *direction, double *product",
+            Of::Margin => "double *margin",
+        };
         let _ = write!(
             out,
             "\nvoid {}_{name}(size_t n, const double *gradient, const double *change,\n\
@@ -217,10 +254,10 @@ fn gradient_functions(out: &mut String, model: &Model, forms: &GradientEnergyFor
                  \x20   if (near) {{",
                 order.len()
             );
-            write(out, near, with_direction);
+            write(out, near, *what);
             out.push_str("    continue;\n    }\n");
         }
-        write(out, &forms.far, with_direction);
+        write(out, &forms.far, *what);
         out.push_str("  }\n}\n");
     }
 }

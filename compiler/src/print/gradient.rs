@@ -9,7 +9,7 @@ use crate::density::DensityForm;
 use crate::expression::NodeId;
 use crate::expression::graph::components;
 use crate::model::Model;
-use crate::point::GradientEnergyForms;
+use crate::point::{GradientCondition, GradientEnergyForms};
 
 /// The roots of a form with their names: `psi(F)`, `P11`, .., `dP11`, ..
 fn roots(form: &DensityForm, dimension: usize, psi: &str) -> Vec<(String, NodeId)> {
@@ -67,6 +67,23 @@ pub fn gradient_latex(model: &Model, forms: &GradientEnergyForms) -> String {
         .map(|(name, text)| format!("  {name} &= {text}"))
         .collect();
     let legend = legend(forms, '%');
+    format!("{legend}\\begin{{align*}}\n{}\n\\end{{align*}}\n", rows.join(" \\\\\n"))
+}
+
+/// Conditions of the deformation gradient under which bonds break, in one `align*` environment; nothing where
+/// there are none.
+pub fn latex_of_gradient_conditions(model: &Model, conditions: &[GradientCondition]) -> String {
+    let notation = Latex { names: Names { model } };
+    let mut rows = Vec::new();
+    for GradientCondition { number, holds_at_zero, forms, .. } in conditions {
+        let root = [(format!("g_{{{number}}}"), forms.far.psi)];
+        let own = lines(&forms.far.graph, &root, &notation).into_iter();
+        rows.extend(own.map(|(name, text)| format!("  {name} &= {text}")));
+        let sign = if *holds_at_zero { r"\ge" } else { ">" };
+        rows.push(format!(r"  &\text{{bonds break where }} g_{{{number}}} {sign} 0"));
+    }
+    let Some(first) = conditions.first() else { return String::new() };
+    let legend = legend(&first.forms, '%');
     format!("{legend}\\begin{{align*}}\n{}\n\\end{{align*}}\n", rows.join(" \\\\\n"))
 }
 

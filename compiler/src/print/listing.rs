@@ -56,8 +56,9 @@ pub fn model_listing(model: &Model) -> String {
         for one in &variant.dissipations {
             let _ = writeln!(out, "  dissipation(l) in W/m^{} = {}", 2 * d, one.text);
         }
-        for breaking in &variant.breaks {
-            let _ = writeln!(out, "  break when {}", breaking.text);
+        let gradients = variant.gradient_breaks.iter().map(|breaking| &breaking.text);
+        for text in variant.breaks.iter().map(|breaking| &breaking.text).chain(gradients) {
+            let _ = writeln!(out, "  break when {text}");
         }
     }
     for constraint in model.constraints() {

@@ -81,7 +81,7 @@ fn find_causes(found: &mut Verification, model: &Model, values: &Values, samples
 
 /// Gradients near rest, by decades of `|H|` from 1e-1 to 1e-12, and far from it, by stretches and
 /// rotations, never turned inside out; each with a direction.
-fn samples(dimension: usize, n: usize) -> Vec<Sample> {
+pub(super) fn samples(dimension: usize, n: usize) -> Vec<Sample> {
     let mut random = Random::new(0x67_7261_6469_656e);
     let mut samples = Vec::new();
     for k in 0..(2 * n).min(MOST) {

@@ -5,7 +5,7 @@ use super::{Columns, Miss, Subject, Verification, Witness, sample};
 use crate::expression::number::Number as _;
 use crate::expression::precise::Precise;
 use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};
-use crate::measure::Measure;
+use crate::measure::{Argument, Measure};
 use crate::model::{Model, Variant};
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
@@ -41,7 +41,8 @@ pub(super) fn verify(
     let mut found = Vec::new();
     for (k, written) in written.iter().enumerate() {
         let kernels = [&strict[k].margin, &fast[k].margin, &interpreted[k].margin];
-        let subject = Subject::Margin(strict[k].measure(), strict[k].text.clone());
+        let subject =
+            Subject::Margin(Argument::Measure(strict[k].measure()), strict[k].text.clone());
         let verification = Verification::new(subject, &[(Witness::TruthFar, BAR)]);
         let points = &of_measures[strict[k].measure() as usize];
         found.push(judge(verification, kernels, written, points));

@@ -10,7 +10,7 @@
 //! | `measure` | energies of measures, and of their squares |
 //! | `gradient` | energies of the deformation gradient |
 //! | `gathered` | energies of gathered values |
-//! | `margin` | conditions under which bonds break |
+//! | `margin`, `gradient_margin` | conditions under which bonds break |
 //! | `remember` | what bonds remember, and all of the above with it |
 //! | `dissipation` | what bonds dissipate |
 //! | `consistent` | energies of bonds at what these come to remember, with the tangent of load steps |
@@ -24,6 +24,7 @@ mod coupled;
 mod dissipation;
 mod gathered;
 mod gradient;
+mod gradient_margin;
 mod margin;
 mod measure;
 pub(crate) mod remember;
@@ -33,7 +34,7 @@ pub mod truth;
 
 use crate::compile::Compiled;
 use crate::kernel::{Batch, Derivatives, Kernel, Level, Mode};
-use crate::measure::{Argument, Measure};
+use crate::measure::Argument;
 use crate::model::Model;
 use crate::point::truth::parts;
 use crate::specialise::{CompileError, Dropped, Form};
@@ -101,9 +102,9 @@ pub enum Subject {
     Argument(Argument),
     /// Gathered values, as written: `theta`; `l, m`.
     Gathered(String),
-    /// No energy, but a condition under which bonds, triangles or tetrahedra break, as written, with their
-    /// measure.
-    Margin(Measure, String),
+    /// No energy, but a condition under which bonds, triangles or tetrahedra break, as written, with what it is
+    /// a condition of: their measure, or deformation gradients.
+    Margin(Argument, String),
     /// No energy, but what a state becomes: `p = max(p, l/L - 1)`.
     NextState(String),
     /// No energy, but what bonds dissipate, a function of their rate: `1/2*eta*rate(l)^2`.
@@ -375,6 +376,7 @@ fn verify_at(
     found.extend(gathered::verify((model, variant), values, &ways, n));
     found.extend(gradient::verify(model, values, &ways, n));
     found.extend(margin::verify(model, variant, values, n)?);
+    found.extend(gradient_margin::verify(model, values, n)?);
     found.extend(remember::verify(model, variant, values, n)?);
     found.extend(dissipation::verify(model, variant, values)?);
     found.extend(consistent::verify(model, variant, values, n)?);

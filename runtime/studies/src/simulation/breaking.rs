@@ -1,7 +1,7 @@
 //! What is told of load steps of bodies that break.
 
 use piola_output::Broken;
-use piola_solvers::steps::{Control, StepRecord};
+use piola_solvers::steps::{Control, Outcome, StepRecord};
 
 use crate::scene::Scene;
 
@@ -44,4 +44,20 @@ pub(super) fn has_frame(scene: &Scene, n_steps: usize) -> bool {
     };
     let stride = most.div_ceil(scene.output.frames.max(1));
     n_steps.is_multiple_of(stride)
+}
+
+/// That a run along the way came to no end: there were as many steps as there may be.
+pub(super) fn before_the_end(scene: &Scene, outcome: &Outcome) -> Option<String> {
+    let steps = &scene.steps;
+    let last = outcome.records.last()?;
+    let is_over =
+        outcome.stopped || outcome.records.len() < steps.arcs || last.t.abs() >= steps.end;
+    if steps.control != Control::ArcLength || is_over {
+        return None;
+    }
+    Some(format!(
+        "at t = {}: the run ends after {} steps along the way, the most that `arcs` allows; it was to come \
+         to t = {}",
+        last.t, steps.arcs, steps.end
+    ))
 }

@@ -147,6 +147,7 @@ pub fn run(
     let (mut ending, outcome) =
         ending(case, result, &drive, &recorder.history, &recorder.warnings)?;
     ending.warnings.extend(idle_choices(&case.scene, &outcome));
+    ending.warnings.extend(breaking::before_the_end(&case.scene, &outcome));
     recorder.finish(&outcome, &ending, &resolved, options)?;
     Ok(ending)
 }

@@ -1,0 +1,123 @@
+//! Conditions of deformation gradients under which bonds break: whether gradients are judged as written, up to
+//! some roundings of their norm around where the condition changes.
+
+use super::{Miss, Subject, Verification, Witness, gradient};
+use crate::expression::graph::{self, dimension};
+use crate::expression::precise::Precise;
+use crate::kernel::{Level, Mode};
+use crate::measure::Argument;
+use crate::model::Model;
+use crate::point::sample::{self, Sample};
+use crate::point::truth::norm;
+use crate::point::{GradientCriterion, WrittenGradientEnergy};
+use crate::specialise::{CompileError, Form};
+use crate::values::Values;
+
+/// How far from a threshold a gradient may be misjudged, in units in the last place of its norm, near rest of
+/// that of `F - I`.
+const BAR: f64 = 16.0;
+
+/// How far from a threshold gradients are judged, in such units.
+const AROUND: i32 = 24;
+
+/// Every how many units they are.
+const EVERY: usize = 1;
+
+/// Around how many thresholds.
+const THRESHOLDS: usize = 8;
+
+/// Verifies every condition at `2 n` gradients and at most 200, and around thresholds between them.
+pub(super) fn verify(
+    model: &Model,
+    values: &Values,
+    n: usize,
+) -> Result<Vec<Verification>, CompileError> {
+    let criteria = |mode| model.gradient_criteria(values, mode, Form::Accurate);
+    let strict = criteria(Mode::Jit(Level::Strict))?;
+    let fast = criteria(Mode::Jit(Level::Fast))?;
+    let interpreted = criteria(Mode::Interpreter)?;
+    let written = model.written_gradient_margins(values);
+    let samples = gradient::samples(values.dimension, n);
+    let judged = |(k, written): (usize, &WrittenGradientEnergy)| {
+        judge([&strict[k], &fast[k], &interpreted[k]], written, &samples)
+    };
+    Ok(written.iter().enumerate().map(judged).collect())
+}
+
+fn judge(
+    kernels: [&GradientCriterion; 3],
+    written: &WrittenGradientEnergy,
+    samples: &[Sample],
+) -> Verification {
+    let subject = Subject::Margin(Argument::Gradient, kernels[0].text.clone());
+    let mut found = Verification::new(subject, &[(Witness::TruthFar, BAR)]);
+    let mut all: Vec<(Sample, f64)> = samples.iter().map(|s| (s.clone(), f64::INFINITY)).collect();
+    let holds = |sample: &Sample| truth(written, sample).map(|margin| margin > 0.0);
+    let differ = |pair: &&[Sample]| match (holds(&pair[0]), holds(&pair[1])) {
+        (Some(one), Some(other)) => one != other,
+        _ => false,
+    };
+    for pair in samples.windows(2).filter(differ).take(THRESHOLDS) {
+        all.extend(around(&holds, &pair[0], &pair[1]));
+    }
+    let places: Vec<Sample> = all.iter().map(|(sample, _)| sample.clone()).collect();
+    let margins = kernels.map(|one| sample::evaluate(&one.margin, &places));
+    for (k, (place, distance)) in all.iter().enumerate() {
+        let [strict, fast, interpreted] = margins.each_ref().map(|all| all[k][0]);
+        found.count(&[strict], &[interpreted]);
+        let Some(truth) = truth(written, place) else { continue };
+        for margin in [strict, fast] {
+            // A margin of exactly 0 is on neither side.
+            let is_right = (margin > 0.0) == (truth > 0.0) || truth == 0.0;
+            let error = if is_right { 0.0 } else { *distance };
+            found.see(0, 0, error, |_| Miss {
+                place: place.gradient.clone(),
+                order: 0,
+                compiled: vec![margin],
+                expected: vec![truth],
+                tolerance: 0.0,
+                is_wrong: true,
+            });
+        }
+    }
+    found
+}
+
+/// The margin as written to many digits, where it is a number.
+fn truth(written: &WrittenGradientEnergy, sample: &Sample) -> Option<f64> {
+    let (given, near) = (sample.given(), sample.is_near());
+    let components = graph::components(dimension(given.len()));
+    let margin: Precise<256> = written.psi(|c| {
+        let j = components.iter().position(|known| *known == c).unwrap_or(0);
+        let rest = if near { f64::from(u8::from(c % 4 == 0)) } else { 0.0 };
+        Precise::line(given[j], 0.0, rest)
+    });
+    margin.parts().map(|_| margin.rounded()[0])
+}
+
+/// Gradients around the threshold on the line between two, with how far they are from it in units in the last
+/// place of their norm.
+fn around(
+    holds: &impl Fn(&Sample) -> Option<bool>,
+    from: &Sample,
+    to: &Sample,
+) -> Vec<(Sample, f64)> {
+    let at = |t: f64| {
+        let change = from.change.iter().zip(&to.change).map(|(x, y)| x + t * (y - x));
+        from.with_change(change.collect())
+    };
+    let start = holds(from);
+    let (mut low, mut high) = (0.0, 1.0);
+    loop {
+        let middle = low + 0.5 * (high - low);
+        if middle == low || middle == high {
+            break;
+        }
+        if holds(&at(middle)) == start { low = middle } else { high = middle }
+    }
+    let way: Vec<f64> = from.change.iter().zip(&to.change).map(|(x, y)| y - x).collect();
+    let size = norm(at(low).given().iter().copied());
+    let unit = (f64::EPSILON * size / norm(way)).max(f64::EPSILON * low);
+    let place = |k: i32| (at(low + f64::from(k) * unit), f64::from(k.abs()));
+    (-AROUND..=AROUND).step_by(EVERY).map(place).collect()
+}

@@ -199,7 +199,7 @@ impl Model {
             values.parameters[usize::from(dt)] = 1.0;
         }
         let margin = |one: &crate::model::Break| {
-            let subject = Subject::Margin(Argument::Measure(one.measure), one.text.clone());
+            let subject = Subject::Margin(Some(Argument::Measure(one.measure)), one.text.clone());
             (subject, (one.measure, one.root), one.span)
         };
         let next = |one: &Update| {

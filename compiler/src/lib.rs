@@ -54,7 +54,7 @@ pub use compile::{Compiled, Kind};
 pub use coupled::{CoupledBatch, CoupledKernel, MAX_VARIABLES};
 pub use density::DensityForm;
 pub use formula::{CompiledFormula, Formula};
-pub use gathered::{GatheredBatch, GatheredKernel, GatheredKernels, Integrand};
+pub use gathered::{GatheredBatch, GatheredCriterion, GatheredKernel, GatheredKernels, Integrand};
 pub use kernel::{Batch, Derivatives, Kernel, Level, Mode, Order, Outputs, WrittenEnergy};
 pub use lint::{LINTS, Lint};
 pub use measure::{Argument, Measure};

@@ -91,6 +91,8 @@ pub struct Variant {
     pub breaks: Vec<Break>,
     /// When bonds break by deformation gradients.
     pub gradient_breaks: Vec<GradientBreak>,
+    /// When bonds break by what points gather.
+    pub gathered_breaks: Vec<GatheredBreak>,
     /// What bonds dissipate.
     pub dissipations: Vec<Dissipation>,
     /// What states of bonds become, at most one for each.
@@ -175,6 +177,24 @@ pub struct Break {
 /// is at bonds, a bond by its own gradient, where it is at points all bonds of a point by the point's.
 #[derive(Clone, Debug)]
 pub struct GradientBreak {
+    /// The margin in the variant's graph: above 0 where the condition holds.
+    pub root: NodeId,
+    /// Whether the condition holds where the margin is 0.
+    pub holds_at_zero: bool,
+    /// Place of the condition.
+    pub span: Span,
+    /// The condition as written, in canonical spelling.
+    pub text: String,
+    /// What it is, in the words of the file.
+    pub reason: Option<String>,
+}
+
+/// One condition of gathered values under which bonds break: `break when l/L - 1 > s0 + theta` of a bond by what
+/// either of its ends gathers, `break when theta > t0` of all bonds of a point.
+#[derive(Clone, Debug)]
+pub struct GatheredBreak {
+    /// Whether it holds the length of a bond.
+    pub of_bonds: bool,
     /// The margin in the variant's graph: above 0 where the condition holds.
     pub root: NodeId,
     /// Whether the condition holds where the margin is 0.
@@ -342,9 +362,15 @@ impl Model {
         &self.variants[0].gradient_breaks
     }
 
+    /// The conditions of gathered values, as written.
+    pub fn gathered_breaks(&self) -> &[GatheredBreak] {
+        &self.variants[0].gathered_breaks
+    }
+
     /// Whether any interaction can break.
     pub fn can_break(&self) -> bool {
-        !self.breaks().is_empty() || !self.gradient_breaks().is_empty()
+        let by_fields = !self.gradient_breaks().is_empty() || !self.gathered_breaks().is_empty();
+        by_fields || !self.breaks().is_empty()
     }
 
     /// What bonds dissipate, as written.

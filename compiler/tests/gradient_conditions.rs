@@ -49,7 +49,7 @@ fn margins_are_those_as_written_in_every_way() {
         let (found, _) = verify(&model, &values, 30).unwrap();
         let margins: Vec<_> = found
             .iter()
-            .filter(|one| matches!(one.subject, Subject::Margin(Argument::Gradient, _)))
+            .filter(|one| matches!(one.subject, Subject::Margin(Some(Argument::Gradient), _)))
             .collect();
         assert_eq!(margins.len(), 4);
         for one in margins {

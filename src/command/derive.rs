@@ -363,8 +363,11 @@ fn emit(
     }
     let evolution = match arguments.emit {
         Emit::Text => {
-            let gradients = conditions.iter().map(|one| format!("break when {}\n", one.text));
-            of_bonds.iter().map(|one| in_words(model, one)).chain(gradients).collect()
+            let line = |text: &String| format!("break when {text}\n");
+            let gradients = conditions.iter().map(|one| line(&one.text));
+            let gathered = model.gathered_breaks().iter().map(|one| line(&one.text));
+            let of_bonds = of_bonds.iter().map(|one| in_words(model, one));
+            of_bonds.chain(gradients).chain(gathered).collect()
         }
         Emit::Latex => {
             let gradients = print::latex_of_gradient_conditions(model, conditions);

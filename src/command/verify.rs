@@ -183,12 +183,13 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
 /// The same of a condition under which bonds, triangles or tetrahedra break.
 fn report_margin(
     place: &str,
-    (argument, condition): (Argument, &str),
+    (argument, condition): (Option<Argument>, &str),
     found: &Verification,
 ) -> String {
     let (one, all, points, size) = match argument {
-        Argument::Gradient => ("gradient", "gradients", "gradients", "the norm"),
-        Argument::Measure(measure) | Argument::Square(measure) => {
+        None => ("place", "places", "places", "the norm"),
+        Some(Argument::Gradient) => ("gradient", "gradients", "gradients", "the norm"),
+        Some(Argument::Measure(measure) | Argument::Square(measure)) => {
             (measure.interaction(), measure.interactions(), "points", measure.symbol())
         }
     };
@@ -367,9 +368,11 @@ fn place_of(subject: &Subject, miss: &Miss) -> String {
         Subject::Dissipation(_) => {
             format!("rate(l) = {:e}, L = {:e}", miss.place[0], miss.place[1])
         }
-        Subject::Margin(Argument::Measure(_), _) | Subject::NextState(_) | Subject::Following => {
+        Subject::Margin(Some(Argument::Measure(_)), _)
+        | Subject::NextState(_)
+        | Subject::Following => {
             let measure = match subject {
-                Subject::Margin(Argument::Measure(measure), _) => *measure,
+                Subject::Margin(Some(Argument::Measure(measure)), _) => *measure,
                 _ => Measure::Length,
             };
             let (now, rest) = (measure.symbol(), measure.reference_symbol());
@@ -379,6 +382,7 @@ fn place_of(subject: &Subject, miss: &Miss) -> String {
             let changes: Vec<String> = miss.place.iter().map(|x| format!("{x:.1e}")).collect();
             format!("changes of {} by ({}) of themselves", symbols.join(", "), changes.join(", "))
         }
+        Subject::Margin(None, _) => format!("lengths and integrals = {}", numbers(&miss.place)),
         Subject::Margin(..) => format!("F = {}", numbers(&miss.place)),
         _ => format!("{symbol} = {}", numbers(&miss.place)),
     }

@@ -5,7 +5,7 @@
 //! first. `x > y` becomes `x - y`, `and` the smaller of two margins, `or` the larger, `not` the negative.
 //! What holds where its margin is 0 differs between `>` and `>=` alone, and is known of the whole.
 
-use piola_grammar::ast::{Break as BreakAst, ExprId, ExprKind};
+use piola_grammar::ast::{Break as BreakAst, ExprId, ExprKind, Statement};
 use piola_grammar::{Diagnostic, print_expression};
 
 use super::names::parts;
@@ -13,7 +13,7 @@ use super::statement::Builder;
 use super::value::{GRADIENT, INTEGRAL, RATE, Value};
 use crate::expression::{Comparison, ExprGraph, Function, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
-use crate::model::{Break, GradientBreak};
+use crate::model::{Break, GatheredBreak, GradientBreak};
 
 /// The bit of [`Value::uses`] for lengths of bonds.
 pub(super) const LENGTH: u8 = bit(Measure::Length);
@@ -29,6 +29,8 @@ enum Of {
     Measure(Measure),
     /// Deformation gradients.
     Gradient,
+    /// What points gather, of bonds beside their lengths.
+    Gathered { of_bonds: bool },
 }
 
 impl Builder<'_> {
@@ -49,6 +51,14 @@ impl Builder<'_> {
                 match subject {
                     Of::Measure(measure) => self.variant.breaks.push(Break {
                         measure,
+                        root,
+                        holds_at_zero,
+                        span,
+                        text,
+                        reason,
+                    }),
+                    Of::Gathered { of_bonds } => self.variant.gathered_breaks.push(GatheredBreak {
+                        of_bonds,
                         root,
                         holds_at_zero,
                         span,
@@ -79,8 +89,8 @@ impl Builder<'_> {
         }
     }
 
-    /// What the condition is one of, as for `domain`: it holds one measure, or deformation gradients alone.
-    /// Reports it if not.
+    /// What the condition is one of, as for `domain`: it holds one measure, or deformation gradients
+    /// alone, or what points gather. Reports it if not.
     fn subject_of(&mut self, breaking: &BreakAst, value: Value) -> Option<Of> {
         let arena = &self.ast.arena;
         let span = arena[breaking.condition].span;
@@ -88,6 +98,9 @@ impl Builder<'_> {
         let remembers = self.elaborator.depends_on_states(&[value.node]);
         if value.uses == GRADIENT && !remembers {
             return Some(Of::Gradient);
+        }
+        if value.uses & !LENGTH == INTEGRAL && !remembers {
+            return Some(Of::Gathered { of_bonds: value.uses & LENGTH != 0 });
         }
         // States are those of bonds.
         let holds =
@@ -123,6 +136,26 @@ impl Builder<'_> {
         };
         self.elaborator.report(error);
         None
+    }
+
+    /// Refuses conditions of gathered values where no energy gathers any.
+    pub(super) fn check_gathered_breaks(&mut self) {
+        let [first, ..] = &self.variant.gathered_breaks[..] else { return };
+        // What is wrong with an energy is told there.
+        let of_gathered = |one: &Statement| match one {
+            Statement::Energy(one) => {
+                !one.gathered.is_empty() || Measure::from_symbol(&one.measure.name).is_none()
+            }
+            _ => false,
+        };
+        if self.ast.statements.iter().any(of_gathered) {
+            return;
+        }
+        let message = "this condition holds what points gather, and no energy does";
+        let error = Diagnostic::error("wrong-measure", first.span, message)
+            .label("points gather for energies")
+            .help("add an energy of gathered values: `psi(theta) = ..`, `psi(l, theta) = ..`");
+        self.elaborator.report(error);
     }
 
     /// An expression that depends on more than a bond, at the first place where it does.

@@ -47,6 +47,7 @@ pub(crate) fn model(
         builder.variant.integrals = builder.integrals();
         builder.variant.traces = builder.elaborator.traces.clone();
         builder.check_states();
+        builder.check_gathered_breaks();
         builder.check_rates();
         builder.variant.stated = std::mem::take(&mut builder.elaborator.stated.all);
         merge(errors, builder.elaborator.errors);
@@ -273,6 +274,7 @@ impl<'a> Builder<'a> {
                 domains: Vec::new(),
                 breaks: Vec::new(),
                 gradient_breaks: Vec::new(),
+                gathered_breaks: Vec::new(),
                 dissipations: Vec::new(),
                 updates: Vec::new(),
                 stated: Vec::new(),

@@ -91,6 +91,9 @@ impl Builder<'_> {
         of_others.extend(integrals.map(|one| ("an integral".to_string(), one.root, one.span)));
         let breaks = variant.breaks.iter();
         of_bonds.extend(breaks.map(|one| ("a condition".to_string(), one.root, one.span)));
+        let breaks = variant.gathered_breaks.iter().map(|one| (one.root, one.span));
+        let what = "a condition of gathered values";
+        of_others.extend(breaks.map(|(root, span)| (what.to_string(), root, span)));
         let breaks = variant.gradient_breaks.iter();
         of_others.extend(breaks.map(|one| ("a condition of F".to_string(), one.root, one.span)));
         let dissipations = variant.dissipations.iter();

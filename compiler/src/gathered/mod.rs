@@ -6,8 +6,10 @@
 //! each as machine code over arrays.
 
 mod kernel;
+mod margin;
 
 pub use kernel::{GatheredBatch, GatheredKernel, WrittenGatheredEnergy};
+pub use margin::GatheredCriterion;
 
 use crate::density::DensityForm;
 use crate::expression::{Input, Node, NodeId, TooManyNodes};
@@ -135,7 +137,18 @@ impl Model {
         let Some(first) = energies(variant, of_bonds).next() else { return Ok((None, Vec::new())) };
         let argument = argument(variant, of_bonds);
         let named = Named { argument: &argument, span: first.span };
-        named.has_horizon(&variant.graph, &roots, values.horizon.is_nan())?;
+        self.gathered_form((variant, of_bonds, &roots), named, values, which)
+    }
+
+    /// The sum of some functions of gathered values, and of lengths or not.
+    fn gathered_form(
+        &self,
+        (variant, of_bonds, roots): (&Variant, bool, &[NodeId]),
+        named: Named<'_>,
+        values: &Values,
+        which: Form,
+    ) -> Result<(Option<DensityForm>, Vec<Dropped>), CompileError> {
+        named.has_horizon(&variant.graph, roots, values.horizon.is_nan())?;
         let kind = (of_bonds, variant.integrals.len());
         let mut dropped = Vec::new();
         let fold = known(values);
@@ -143,7 +156,7 @@ impl Model {
             Form::Accurate => Some(named.made(self.vanishing(variant, &fold))?),
             Form::Textbook => None,
         };
-        let (exact, subject) = (Simplifier::exact(), (argument.as_str(), roots.as_slice()));
+        let (exact, subject) = (Simplifier::exact(), (named.argument, roots));
         let made = sum_in(exact, &variant.graph, &self.parameters, subject, &fold, &mut dropped)
             .and_then(|energy| {
                 let fields = &values.fields;

@@ -57,7 +57,8 @@ pub fn model_listing(model: &Model) -> String {
             let _ = writeln!(out, "  dissipation(l) in W/m^{} = {}", 2 * d, one.text);
         }
         let gradients = variant.gradient_breaks.iter().map(|breaking| &breaking.text);
-        for text in variant.breaks.iter().map(|breaking| &breaking.text).chain(gradients) {
+        let fields = gradients.chain(variant.gathered_breaks.iter().map(|breaking| &breaking.text));
+        for text in variant.breaks.iter().map(|breaking| &breaking.text).chain(fields) {
             let _ = writeln!(out, "  break when {text}");
         }
     }

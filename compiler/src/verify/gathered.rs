@@ -90,15 +90,27 @@ fn largest(numbers: &[f64]) -> f64 {
 }
 
 /// The variables of a place with a direction, and psi, gradient and product there.
-struct Place {
-    variables: Vec<f64>,
+#[derive(Clone)]
+pub(super) struct Place {
+    pub(super) variables: Vec<f64>,
     direction: Vec<f64>,
     /// Of bonds the length at rest.
-    reference: f64,
+    pub(super) reference: f64,
     values: Vec<f64>,
 }
 
 impl Place {
+    /// The same bond, or point, a part `t` of the way to another: lengths go by stretches.
+    pub(super) fn with(&self, other: &Place, t: f64) -> Place {
+        let is_bond = !self.reference.is_nan();
+        let variable = |(k, (x, y)): (usize, (&f64, &f64))| match k == 0 && is_bond {
+            true => x + t * (y / other.reference * self.reference - x),
+            false => x + t * (y - x),
+        };
+        let variables = self.variables.iter().zip(&other.variables).enumerate().map(variable);
+        Place { variables: variables.collect(), ..self.clone() }
+    }
+
     /// What is true there; nothing where that is no finite number.
     fn truth(&self, written: &WrittenGatheredEnergy) -> Option<Vec<f64>> {
         let truth = by_lines(&self.direction, |slope| {
@@ -111,6 +123,24 @@ impl Place {
 
 /// The same places for every kernel of one energy.
 fn evaluate(kernel: &GatheredKernel, n: usize) -> Vec<Place> {
+    let mut all = places(kernel, n);
+    let mut psi = vec![0.0; n];
+    let size = kernel.n_variables() * n;
+    let [mut gradient, mut product] = [vec![0.0; size], vec![0.0; size]];
+    let direction = columns(&all, |place| &place.direction);
+    batch(kernel, &all, |at| {
+        kernel.evaluate(at, &mut psi, &mut gradient);
+        kernel.product(at, &direction, &mut product);
+    });
+    for (p, place) in all.iter_mut().enumerate() {
+        let column = |array: &[f64]| array.iter().skip(p).step_by(n).copied().collect::<Vec<f64>>();
+        place.values = [column(&psi), column(&gradient), column(&product)].concat();
+    }
+    all
+}
+
+/// Random lengths and integrals, with directions, and no values yet.
+pub(super) fn places(kernel: &GatheredKernel, n: usize) -> Vec<Place> {
     let mut random = Random::new(0x7374_6174_6573);
     let n_variables = kernel.n_variables();
     let mut numbers = |n: usize| (0..n).map(|_| random.uniform(0.5, 2.0)).collect::<Vec<f64>>();
@@ -121,24 +151,37 @@ fn evaluate(kernel: &GatheredKernel, n: usize) -> Vec<Place> {
     for (l, rest) in variables.iter_mut().zip(&reference) {
         *l = rest * if (*l - 1.0).abs() < 0.1 { *l + 0.25 } else { *l };
     }
-    let change: Vec<f64> =
-        variables.iter().zip(&reference).map(|(l, rest)| (l - rest) / rest).collect();
-    let at = GatheredBatch {
-        n,
+    let place = |p: usize| {
+        let column = |array: &[f64]| array.iter().skip(p).step_by(n).copied().collect::<Vec<f64>>();
+        let reference = reference.get(p).copied().unwrap_or(f64::NAN);
+        let (variables, direction) = (column(&variables), column(&direction));
+        Place { variables, direction, reference, values: Vec::new() }
+    };
+    (0..n).map(place).collect()
+}
+
+/// Hands places over as a kernel takes them.
+pub(super) fn batch(
+    kernel: &GatheredKernel,
+    places: &[Place],
+    take: impl FnOnce(GatheredBatch<'_>),
+) {
+    let variables = columns(places, |place| &place.variables);
+    let of_bonds = places.iter().filter(|_| kernel.of_bonds());
+    let reference: Vec<f64> = of_bonds.map(|place| place.reference).collect();
+    let lengths = variables.iter().zip(&reference);
+    let change: Vec<f64> = lengths.map(|(l, rest)| (l - rest) / rest).collect();
+    take(GatheredBatch {
+        n: places.len(),
         variables: &variables,
         change: &change,
         reference: &reference,
         fields: &[],
-    };
-    let mut psi = vec![0.0; n];
-    let [mut gradient, mut product] = [vec![0.0; variables.len()], vec![0.0; variables.len()]];
-    kernel.evaluate(at, &mut psi, &mut gradient);
-    kernel.product(at, &direction, &mut product);
-    let place = |p: usize| {
-        let column = |array: &[f64]| array.iter().skip(p).step_by(n).copied().collect::<Vec<f64>>();
-        let values = [column(&psi), column(&gradient), column(&product)].concat();
-        let reference = reference.get(p).copied().unwrap_or(f64::NAN);
-        Place { variables: column(&variables), direction: column(&direction), reference, values }
-    };
-    (0..n).map(place).collect()
+    });
+}
+
+/// Variable by variable, of all places.
+fn columns(places: &[Place], of: impl Fn(&Place) -> &Vec<f64>) -> Vec<f64> {
+    let n = places.first().map_or(0, |place| of(place).len());
+    (0..n).flat_map(|k| places.iter().map(|place| of(place)[k]).collect::<Vec<f64>>()).collect()
 }

@@ -49,7 +49,7 @@ fn judge(
     written: &WrittenGradientEnergy,
     samples: &[Sample],
 ) -> Verification {
-    let subject = Subject::Margin(Argument::Gradient, kernels[0].text.clone());
+    let subject = Subject::Margin(Some(Argument::Gradient), kernels[0].text.clone());
     let mut found = Verification::new(subject, &[(Witness::TruthFar, BAR)]);
     let mut all: Vec<(Sample, f64)> = samples.iter().map(|s| (s.clone(), f64::INFINITY)).collect();
     let holds = |sample: &Sample| truth(written, sample).map(|margin| margin > 0.0);

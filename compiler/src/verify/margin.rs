@@ -42,7 +42,7 @@ pub(super) fn verify(
     for (k, written) in written.iter().enumerate() {
         let kernels = [&strict[k].margin, &fast[k].margin, &interpreted[k].margin];
         let subject =
-            Subject::Margin(Argument::Measure(strict[k].measure()), strict[k].text.clone());
+            Subject::Margin(Some(Argument::Measure(strict[k].measure())), strict[k].text.clone());
         let verification = Verification::new(subject, &[(Witness::TruthFar, BAR)]);
         let points = &of_measures[strict[k].measure() as usize];
         found.push(judge(verification, kernels, written, points));

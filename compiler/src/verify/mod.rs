@@ -10,7 +10,7 @@
 //! | `measure` | energies of measures, and of their squares |
 //! | `gradient` | energies of the deformation gradient |
 //! | `gathered` | energies of gathered values |
-//! | `margin`, `gradient_margin` | conditions under which bonds break |
+//! | `margin`, `gradient_margin`, `gathered_margin` | conditions under which bonds break |
 //! | `remember` | what bonds remember, and all of the above with it |
 //! | `dissipation` | what bonds dissipate |
 //! | `consistent` | energies of bonds at what these come to remember, with the tangent of load steps |
@@ -23,6 +23,7 @@ mod consistent;
 mod coupled;
 mod dissipation;
 mod gathered;
+mod gathered_margin;
 mod gradient;
 mod gradient_margin;
 mod margin;
@@ -103,8 +104,8 @@ pub enum Subject {
     /// Gathered values, as written: `theta`; `l, m`.
     Gathered(String),
     /// No energy, but a condition under which bonds, triangles or tetrahedra break, as written, with what it is
-    /// a condition of: their measure, or deformation gradients.
-    Margin(Argument, String),
+    /// a condition of: their measure, deformation gradients; nothing of one of gathered values.
+    Margin(Option<Argument>, String),
     /// No energy, but what a state becomes: `p = max(p, l/L - 1)`.
     NextState(String),
     /// No energy, but what bonds dissipate, a function of their rate: `1/2*eta*rate(l)^2`.
@@ -377,6 +378,7 @@ fn verify_at(
     found.extend(gradient::verify(model, values, &ways, n));
     found.extend(margin::verify(model, variant, values, n)?);
     found.extend(gradient_margin::verify(model, values, n)?);
+    found.extend(gathered_margin::verify(model, values, n)?);
     found.extend(remember::verify(model, variant, values, n)?);
     found.extend(dissipation::verify(model, variant, values)?);
     found.extend(consistent::verify(model, variant, values, n)?);

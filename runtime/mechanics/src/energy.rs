@@ -297,16 +297,16 @@ pub trait Energy: Send + Sync {
         Inverted::default()
     }
 
-    /// Whether bonds break by conditions of deformation gradients.
-    fn has_gradient_conditions(&self) -> bool {
+    /// Whether bonds break by conditions of deformation gradients, or of gathered values.
+    fn has_field_conditions(&self) -> bool {
         false
     }
 
-    /// The margins of conditions of deformation gradients at displacements `u` in m (`n x d`).
+    /// The margins of conditions of deformation gradients and of gathered values at displacements `u` in m (`n x d`).
     ///
     /// # Errors
     /// Margins that are not finite.
-    fn gradient_margins(&self, _u: &[f64], _asked: Asked) -> Result<Vec<Judged>, NonFinite> {
+    fn field_margins(&self, _u: &[f64], _asked: Asked) -> Result<Vec<Judged>, NonFinite> {
         Ok(Vec::new())
     }
 

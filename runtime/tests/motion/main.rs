@@ -13,6 +13,7 @@ mod extremes;
 #[path = "../correspondence/common.rs"]
 mod families;
 mod following;
+mod gathered;
 mod gradients;
 mod reference;
 mod states;

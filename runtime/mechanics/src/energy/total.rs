@@ -391,9 +391,9 @@ impl Energy for Total<'_> {
         found.min_by(|p, q| p.part.total_cmp(&q.part))
     }
 
-    fn gradient_margins(&self, u: &[f64], asked: Asked) -> Result<Vec<Judged>, NonFinite> {
+    fn field_margins(&self, u: &[f64], asked: Asked) -> Result<Vec<Judged>, NonFinite> {
         let found: Result<Vec<_>, _> =
-            self.terms.iter().map(|term| term.gradient_margins(u, asked)).collect();
+            self.terms.iter().map(|term| term.field_margins(u, asked)).collect();
         Ok(found?.concat())
     }
 

@@ -38,7 +38,7 @@ impl Breaking {
         let status = &*self.now();
         let Status { is_broken, lost, .. } = status;
         let around = (&*self.body, &*self.neighborhood);
-        let others = (lost.as_ref(), self.leading_by_gradients(status, u)?);
+        let others = (lost.as_ref(), self.leading_by_fields(status, u)?);
         self.criteria.foremost(around, (u, tie), |bond| !is_broken[bond], others)
     }
 

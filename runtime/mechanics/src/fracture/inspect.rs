@@ -206,7 +206,7 @@ impl Inspection for Breaking {
         let states = (0..self.memory.n_states())
             .map(|number| self.memory.state_of(number, bond, ends).map(|(_, value)| value));
         let status = self.now();
-        margins.extend(status.energy.gradient_margins(u, Asked::Bond(ends))?);
+        margins.extend(status.energy.field_margins(u, Asked::Bond(ends))?);
         let (nowhere, mut held) = (vec![0.0; u.len()], [Held::default()]);
         status.energy.add_held(u, (0.0, &nowhere), &[bond], &mut held)?;
         Ok(Look {

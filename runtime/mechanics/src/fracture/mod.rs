@@ -6,7 +6,7 @@
 //! | [`criteria`] | which bonds break at given displacements |
 //! | [`memory`] | what bonds remember, and what that becomes |
 //! | `cliques` | which triangles and tetrahedra break by a criterion of their own |
-//! | `gradients` | which bonds break by deformation gradients |
+//! | `fields` | which bonds break by deformation gradients, and by what points gather |
 //! | `inspect` | what there is to see: damage (`damage`), states at points, single bonds ([`Inspection`]) |
 //! | `joined` | what holds points together where only triangles and tetrahedra have energies |
 //! | [`crack`] | which bonds a crack cuts that is there from the start |
@@ -24,7 +24,7 @@ pub mod crack;
 pub mod criteria;
 mod damage;
 mod equilibria;
-mod gradients;
+mod fields;
 mod inspect;
 mod joined;
 pub mod memory;
@@ -47,7 +47,7 @@ pub use criteria::Judged;
 pub use criteria::margin::{Foremost, over_rest};
 use damage::Damage;
 pub use equilibria::left_of;
-pub use gradients::Asked;
+pub use fields::Asked;
 use inspect::Inspected;
 pub use inspect::{Inspection, Look, OnThreshold};
 use memory::Memory;
@@ -216,8 +216,8 @@ impl Breaking {
         absent: Vec<usize>,
     ) -> Breaking {
         let has_cliques = !criteria.cliques.are_empty();
-        let by_gradients = terms.iter().any(|term| term.has_gradient_conditions());
-        let loses_none = criteria.are_empty() && !has_cliques && !by_gradients && absent.is_empty();
+        let by_fields = terms.iter().any(|term| term.has_field_conditions());
+        let loses_none = criteria.are_empty() && !has_cliques && !by_fields && absent.is_empty();
         let can_lose = loses_none || terms.iter().all(|term| term.can_lose_bonds());
         assert!(can_lose, "energies that can lose bonds");
         let terms = terms.into_iter().map(Term::Owned).collect();
@@ -265,7 +265,7 @@ impl Breaking {
         let Status { is_broken, lost, .. } = status;
         let around = (&*self.body, &*self.neighborhood);
         let bonds = self.criteria.judge(around, u, owners, |bond| !is_broken[bond])?;
-        let bonds = self.with_gradients(status, u, bonds)?;
+        let bonds = self.with_fields(status, u, bonds)?;
         let Criteria { cliques, is_unbreakable, .. } = &self.criteria;
         let cliques = match lost {
             Some(lost) => cliques.judge(around, u, (lost, is_unbreakable))?,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use piola_compiler::{GatheredKernels, GradientCriterion, Integrand};
+use piola_compiler::{GatheredCriterion, GatheredKernels, GradientCriterion, Integrand};
 use piola_mechanics::assembly::{AssemblyError, DiscreteEnergy, Elements};
 use piola_mechanics::deformation::influence::{Constant, CubicSpline, Influence, InverseLength};
 use piola_mechanics::deformation::{
@@ -14,7 +14,7 @@ use piola_mechanics::kernel::{Law, VariablesLaw};
 use piola_mechanics::materials::{ByMaterial, Fields, MaterialLaw, Materials};
 use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::sheet::Thick;
-use piola_mechanics::states::{StateEnergy, StateLaws};
+use piola_mechanics::states::{self, StateEnergy, StateLaws};
 
 use super::fracture::{criterion, next_state, of_layers};
 use super::{Case, CaseError, Compiled, FieldsInTime, size};
@@ -132,6 +132,7 @@ impl Case {
         let mut terms: Vec<Box<dyn Energy>> = Vec::new();
         let has_interactions = layer.present().any(Compiled::has_interactions);
         let Parts { elements, gathered, gradients, conditions } = layer.parts();
+        let (of_gradients, of_gathered): (Vec<_>, Vec<_>) = conditions.into_iter().unzip();
         if has_interactions {
             let ((body, neighborhood), weighting) = (found(), self.scene.horizon.weighting());
             let materials = materials.clone();
@@ -140,15 +141,18 @@ impl Case {
             terms.push(Box::new(energy));
         }
         if gathered.iter().any(Option::is_some) {
-            let laws = states_of_materials(gathered, self.thickness(), fields);
+            let (laws, numbers) = states_of_materials(gathered, self.thickness(), fields);
+            let firsts = of_gradients.iter().map(Vec::len);
+            let conditions = of_gathered.into_iter().zip(firsts).zip(numbers).collect();
+            let criteria = gathered_criteria((number, laws.integrals.len()), conditions, fields);
             let (body, neighborhood) = found();
             let materials = materials.clone();
             let energy = StateEnergy::of_materials(body, neighborhood, materials, laws)?;
-            terms.push(Box::new(energy));
+            terms.push(Box::new(energy.with_criteria(criteria)));
         }
         if gradients.iter().any(Option::is_some) {
             let energy = self.correspondence(gradients, found().1, materials.clone())?;
-            let criteria = gradient_criteria(self.body.dimension(), number, conditions, fields);
+            let criteria = gradient_criteria(self.body.dimension(), number, of_gradients, fields);
             terms.push(Box::new(energy.with_criteria(criteria)));
         }
         Ok(terms)
@@ -188,7 +192,8 @@ struct Parts {
     elements: Vec<Elements>,
     gathered: Vec<Option<(GatheredKernels, [String; 2])>>,
     gradients: Vec<Option<Box<dyn VariablesLaw>>>,
-    conditions: Vec<Vec<GradientCriterion>>,
+    /// Of gradients, and of gathered values.
+    conditions: Vec<(Vec<GradientCriterion>, Vec<GatheredCriterion>)>,
 }
 
 impl Layer {
@@ -208,9 +213,9 @@ impl Layer {
         for compiled in self.0 {
             let (elements, gathered, gradient, conditions) = match compiled {
                 Some(one) => {
-                    let Compiled { elements, gathered, gradient, gradient_criteria, .. } = one;
-                    let gathered = gathered.map(|gathered| (gathered, one.arguments));
-                    (elements, gathered, gradient, gradient_criteria)
+                    let gathered = one.gathered.map(|gathered| (gathered, one.arguments));
+                    let conditions = (one.gradient_criteria, one.gathered_criteria);
+                    (one.elements, gathered, one.gradient, conditions)
                 }
                 None => Default::default(),
             };
@@ -269,20 +274,54 @@ fn gradient_criteria(
     all.map(|(law, number, one)| criterion(law, number, one)).collect()
 }
 
+/// The conditions of gathered values of a layer, from those of each law with the number of its first and which
+/// of all integrals it has.
+fn gathered_criteria(
+    (layer, n_integrals): (usize, usize),
+    conditions: Vec<((Vec<GatheredCriterion>, usize), Vec<usize>)>,
+    fields: Option<&Fields>,
+) -> Vec<states::GatheredCriterion> {
+    let n_laws = conditions.len();
+    let mut all = Vec::new();
+    for (law, ((of_law, first), numbers)) in conditions.into_iter().enumerate() {
+        for (k, one) in of_law.into_iter().enumerate() {
+            let of_bonds = one.margin.of_bonds();
+            let beside = usize::from(of_bonds);
+            let variables = (0..beside).chain(numbers.iter().map(|number| number + beside));
+            let mut laws: Vec<Option<Numbered>> = (0..n_laws).map(|_| None).collect();
+            laws[law] = Some((Box::new(one.margin), Some(variables.collect())));
+            let margin = by_material(n_integrals + beside, laws, fields);
+            let (number, holds_at_zero) = (first + k, one.holds_at_zero);
+            let law = law as u8;
+            all.push(states::GatheredCriterion {
+                layer,
+                law,
+                number,
+                of_bonds,
+                margin,
+                holds_at_zero,
+            });
+        }
+    }
+    all
+}
+
 /// The energies of gathered states of several materials: of integrals that are the same function in
-/// several of them there is one.
+/// several of them there is one. With which of all integrals each material has.
 fn states_of_materials(
     gathered: Vec<Option<(GatheredKernels, [String; 2])>>,
     thickness: f64,
     fields: Option<&Fields>,
-) -> StateLaws {
+) -> (StateLaws, Vec<Vec<usize>>) {
     let mut laws = StateLaws::default();
+    let mut numbers_of: Vec<Vec<usize>> = Vec::new();
     let mut known: Vec<Integrand> = Vec::new();
     let (mut points, mut bonds) = (Vec::new(), Vec::new());
     for (material, of_material) in gathered.into_iter().enumerate() {
         let Some((kernels, arguments)) = of_material else {
             points.push(None);
             bonds.push(None);
+            numbers_of.push(Vec::new());
             continue;
         };
         // Those of one material stay apart, also where its parameters make them alike.
@@ -302,6 +341,7 @@ fn states_of_materials(
         let thick = |law| thick(law, thickness);
         points.push(kernels.points.map(|law| (thick(law), Some(numbers.clone()))));
         bonds.push(kernels.bonds.map(|law| (thick(law), Some(with_length()))));
+        numbers_of.push(numbers);
         for (all, own) in laws.arguments.iter_mut().zip(arguments) {
             if !own.is_empty() && *all != own {
                 *all = if all.is_empty() { own } else { format!("{all}) | psi({own}") };
@@ -312,7 +352,7 @@ fn states_of_materials(
     let some = |laws: &[Option<Numbered>]| laws.iter().any(Option::is_some);
     laws.points = some(&points).then(|| by_material(n, points, fields));
     laws.bonds = some(&bonds).then(|| by_material(n + 1, bonds, fields));
-    laws
+    (laws, numbers_of)
 }
 
 /// A law per volume as one per volume of points: per area in two dimensions.

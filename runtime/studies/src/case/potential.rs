@@ -5,8 +5,9 @@ use std::path::Path;
 
 use num_dual::HyperDual64;
 use piola_compiler::{
-    CoupledKernel, Criterion, Dropped, GatheredKernels, GradientCriterion, Interval, Kernel, Mode,
-    Model, NextState, Setting, ValueError, Values, check_text, check_text_with,
+    CoupledKernel, Criterion, Dropped, GatheredCriterion, GatheredKernels, GradientCriterion,
+    Interval, Kernel, Mode, Model, NextState, Setting, ValueError, Values, check_text,
+    check_text_with,
 };
 use piola_grammar::Diagnostic;
 use piola_mechanics::assembly::Elements;
@@ -60,6 +61,8 @@ pub struct Compiled {
     pub criteria: Vec<Criterion>,
     /// Under which conditions of deformation gradients they do.
     pub gradient_criteria: Vec<GradientCriterion>,
+    /// Under which conditions of gathered values they do.
+    pub gathered_criteria: Vec<GatheredCriterion>,
     /// What bonds remember, and what that becomes.
     pub next_states: Vec<NextState>,
     /// What bonds dissipate, as a function of their rate.
@@ -187,6 +190,10 @@ impl Potential {
             .model
             .gradient_criteria(&self.values, mode(solver), solver.form)
             .map_err(|error| CaseError::compile(&self.text, &error))?;
+        let gathered_criteria = self
+            .model
+            .gathered_criteria(&self.values, mode(solver), solver.form)
+            .map_err(|error| CaseError::compile(&self.text, &error))?;
         let next_states = self
             .model
             .next_states(&self.values, mode(solver), solver.form)
@@ -246,6 +253,7 @@ impl Potential {
             arguments,
             criteria,
             gradient_criteria,
+            gathered_criteria,
             next_states,
             dissipation,
             dropped,

@@ -51,7 +51,7 @@ impl DeformationEnergy {
         DeformationEnergy { criteria, ..self }
     }
 
-    /// See [`crate::energy::Energy::gradient_margins`].
+    /// See [`crate::energy::Energy::field_margins`].
     pub(super) fn margins<const D: usize>(
         &self,
         u: &[f64],

@@ -503,11 +503,11 @@ impl Energy for DeformationEnergy {
         law.law.stretch_across(at, &mut across).then_some(across)
     }
 
-    fn has_gradient_conditions(&self) -> bool {
+    fn has_field_conditions(&self) -> bool {
         !self.criteria.is_empty()
     }
 
-    fn gradient_margins(&self, u: &[f64], asked: Asked) -> Result<Vec<Judged>, NonFinite> {
+    fn field_margins(&self, u: &[f64], asked: Asked) -> Result<Vec<Judged>, NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         match self.dimension() {
             _ if self.criteria.is_empty() => Ok(Vec::new()),

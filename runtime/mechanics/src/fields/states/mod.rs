@@ -10,6 +10,7 @@
 //! | `linear` | products with the Hessian from second derivatives at fixed displacements |
 //! | `stiffness` | the same for the stored Hessian, and springs like it |
 //! | `broken` | families that lose bonds |
+//! | `margins` | conditions of gathered values under which bonds break |
 //! | `rows`, `sweep` | along the rows of lattices, where laws are affine; the bonds of a slab there |
 //!
 //! The derivative goes the way back (reverse mode): `a_i = dw_i/dI_i`, then each bond has
@@ -21,6 +22,7 @@
 
 mod broken;
 mod linear;
+mod margins;
 mod passes;
 mod rows;
 mod stiffness;
@@ -37,6 +39,7 @@ use crate::assembly::sum::Sum;
 use crate::body::Body;
 use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored;
+use crate::fracture::{Asked, Judged};
 use crate::interaction::{Report, Slabs};
 use crate::kernel::{Batch, Law, Order, Outputs, Variables, VariablesLaw};
 use crate::materials::{Fields, Materials};
@@ -46,6 +49,7 @@ use crate::pool::Pool;
 use crate::weights::check_families;
 use broken::Whole;
 use linear::Linear;
+pub use margins::GatheredCriterion;
 use passes::{States, Work};
 use rows::AlongRows;
 use stiffness::StateStiffness;
@@ -117,6 +121,8 @@ pub struct StateEnergy {
     bond_pattern: OnceLock<Arc<BlockPattern>>,
     /// Stiffnesses of springs like the bonds at rest, in N/m.
     springs: OnceLock<Vec<f64>>,
+    /// By which bonds break.
+    criteria: Vec<GatheredCriterion>,
     /// The families before bonds were lost.
     whole: Option<Box<Whole>>,
     /// Room for passes, and for their threads.
@@ -188,6 +194,7 @@ impl StateEnergy {
             pattern: OnceLock::new(),
             bond_pattern: OnceLock::new(),
             springs: OnceLock::new(),
+            criteria: Vec::new(),
             whole: None,
             states: Pool::new(),
             work: Pool::new(),
@@ -463,6 +470,18 @@ impl Energy for StateEnergy {
         match self.body.dimension() {
             2 => self.add_virials::<2>(u, virials),
             _ => self.add_virials::<3>(u, virials),
+        }
+    }
+
+    fn has_field_conditions(&self) -> bool {
+        !self.criteria.is_empty()
+    }
+
+    fn field_margins(&self, u: &[f64], asked: Asked) -> Result<Vec<Judged>, NonFinite> {
+        match self.dimension() {
+            _ if self.criteria.is_empty() => Ok(Vec::new()),
+            2 => self.margins::<2>(u, asked),
+            _ => self.margins::<3>(u, asked),
         }
     }
 

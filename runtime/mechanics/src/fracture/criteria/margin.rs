@@ -53,14 +53,15 @@ pub(in super::super) fn leading(mut found: WithMargins, tie: f64) -> WithMargins
 /// A condition of a bond at some displacements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judged {
-    /// Whose deformation gradient it is a condition of: a bond's, between two points, or a point's, the same
-    /// twice. Nothing of a condition of the bond's length.
+    /// Of a condition of a deformation gradient, or of gathered values, whose these are: a bond's, between two
+    /// points of which the first gathers, or a point's, the same twice. Nothing of a condition of the bond's
+    /// length.
     pub of: Option<[usize; 2]>,
     /// The layer, and the law in it.
     pub layer: usize,
     /// The law in it.
     pub law: usize,
-    /// Which of the conditions that this law has in the layer, from 0: of lengths, or of gradients.
+    /// Which of the conditions that this law has in the layer, from 0: of lengths, or of fields.
     pub number: usize,
     /// The margin: the bond breaks where it is above 0, or at 0 if the condition says so.
     pub margin: f64,
@@ -105,7 +106,7 @@ impl Criteria {
 
     /// What is closest to breaking at displacements `u` in m (`n x d`) among the bonds that are `intact` and the
     /// triangles and tetrahedra that are not `lost`, and what is within `tie` of the largest margin.
-    /// `by_gradients` has bonds with the margins that deformation gradients give them.
+    /// `by_fields` has bonds with the margins that deformation gradients and gathered values give them.
     ///
     /// # Errors
     /// Margins that are not finite.
@@ -114,10 +115,10 @@ impl Criteria {
         around: (&Body, &Neighborhood),
         (u, tie): (&[f64], f64),
         intact: impl Fn(usize) -> bool + Sync,
-        (lost, by_gradients): (Option<&Lost>, WithMargins),
+        (lost, by_fields): (Option<&Lost>, WithMargins),
     ) -> Result<Option<Foremost>, NonFinite> {
         let mut bonds = self.leading_bonds(around, (u, tie), intact)?;
-        bonds.extend(by_gradients);
+        bonds.extend(by_fields);
         let [areas, volumes] = match lost {
             Some(lost) => self.cliques.leading(around, (u, tie), (lost, &self.is_unbreakable))?,
             None => Default::default(),

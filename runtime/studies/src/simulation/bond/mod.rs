@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use piola_compiler::Measure;
 use piola_mechanics::energy::{Energy as _, NonFinite};
-use piola_mechanics::fracture::{Fracture, Look, over_rest};
+use piola_mechanics::fracture::{Fracture, Judged, Look, over_rest};
 use piola_output::summary::ExitReason;
 use piola_solvers::Watch;
 use piola_solvers::march::{Advance, March as _, State};
@@ -194,7 +194,7 @@ fn not_finite(case: &Case, found: &NonFinite) -> CaseError {
     CaseError::Body { message: case.describe(found) }
 }
 
-/// A condition, and where the body has it: whether it is one of deformation gradients, its layer, its law,
+/// A condition, and where the body has it: whether it is one of gradients or gathered values, its layer, its law,
 /// its number among those of its kind there.
 struct Known {
     place: (bool, usize, usize, usize),
@@ -215,7 +215,10 @@ fn conditions(compiled: &[Compiled]) -> Vec<Known> {
         let lengths = lengths.enumerate().map(|(k, own)| known(false, k, &own.text, &own.reason));
         let gradients = one.gradient_criteria.iter().enumerate();
         let gradients = gradients.map(|(k, own)| known(true, k, &own.text, &own.reason));
-        lengths.chain(gradients).collect::<Vec<Known>>()
+        let first = one.gradient_criteria.len();
+        let gathered = one.gathered_criteria.iter().enumerate();
+        let gathered = gathered.map(|(k, own)| known(true, first + k, &own.text, &own.reason));
+        lengths.chain(gradients).chain(gathered).collect::<Vec<Known>>()
     };
     compiled.iter().flat_map(of_one).collect()
 }
@@ -257,15 +260,18 @@ impl<'a> Seen<'a> {
         fracture.watch_bond(bond);
         let look = fracture.look_at(bond, &vec![0.0; case.body.positions().len()]);
         let look = look.map_err(|found| not_finite(case, &found))?;
-        let condition = |one: &piola_mechanics::fracture::Judged| {
-            let place = (one.of.is_some(), one.layer, one.law, one.number);
-            let known = conditions.iter().find(|known| known.place == place);
+        let place = |one: &Judged| (one.of.is_some(), one.layer, one.law, one.number);
+        let of_either = |one: &Judged| {
+            look.margins.iter().filter(|other| place(other) == place(one)).count() > 1
+        };
+        let condition = |one: &Judged| {
+            let known = conditions.iter().find(|known| known.place == place(one));
             let of = (!case.scene.regions.is_empty()).then(|| case.scene.law_name(one.law));
             let text = known.map_or_else(String::new, |known| known.text.clone());
             BondCondition {
                 text: match one.of {
-                    // Of a point, not of the bond: either end has one.
-                    Some([i, j]) if i == j => {
+                    // Of an end, not of the bond: either has one.
+                    Some([i, j]) if i == j || of_either(one) => {
                         let end = usize::from(i != ends[0]);
                         format!("{text} at {}", points[end])
                     }

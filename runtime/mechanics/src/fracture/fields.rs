@@ -1,5 +1,5 @@
-//! Bonds that break by deformation gradients: where these are those of bonds each by its own, else all bonds of
-//! a point by the point's.
+//! Bonds that break by deformation gradients and by gathered values: those of bonds each by its own, by those of
+//! a point all of its bonds.
 
 use super::criteria::margin::{WithMargins, over_rest};
 use super::{Breaking, Judged, Status};
@@ -17,14 +17,14 @@ pub enum Asked {
 }
 
 impl Breaking {
-    /// Takes in the bonds that break by deformation gradients at displacements `u`: ascending, each once.
-    pub(super) fn with_gradients(
+    /// Takes in the bonds that break by fields at displacements `u`: ascending, each once.
+    pub(super) fn with_fields(
         &self,
         status: &Status,
         u: &[f64],
         mut bonds: Vec<usize>,
     ) -> Result<Vec<usize>, NonFinite> {
-        let judged = status.energy.gradient_margins(u, Asked::Breaking)?;
+        let judged = status.energy.field_margins(u, Asked::Breaking)?;
         if judged.is_empty() {
             return Ok(bonds);
         }
@@ -34,13 +34,13 @@ impl Breaking {
         Ok(bonds)
     }
 
-    /// The bonds that deformation gradients judge, with their margins over those at rest.
-    pub(super) fn leading_by_gradients(
+    /// The bonds that fields judge, with their margins over those at rest.
+    pub(super) fn leading_by_fields(
         &self,
         status: &Status,
         u: &[f64],
     ) -> Result<WithMargins, NonFinite> {
-        let judged = status.energy.gradient_margins(u, Asked::All)?;
+        let judged = status.energy.field_margins(u, Asked::All)?;
         let with_margins = |one: &Judged| {
             let margin = over_rest(one.margin, one.at_rest);
             self.bonds_of(status, one).into_iter().map(move |bond| (bond, margin))
@@ -48,7 +48,7 @@ impl Breaking {
         Ok(judged.iter().flat_map(with_margins).collect())
     }
 
-    /// The bonds that are there, and may break, of which a gradient decides.
+    /// The bonds that are there, and may break, of which a place decides.
     fn bonds_of(&self, status: &Status, judged: &Judged) -> Vec<usize> {
         let Some([i, j]) = judged.of else { return Vec::new() };
         let is_unbreakable = &self.criteria.is_unbreakable;

@@ -1,0 +1,111 @@
+//! Conditions of gathered values under which bonds break: whether they are judged as written, up to some
+//! roundings of lengths and integrals around where the condition changes.
+
+use super::gathered::{Place, batch, places};
+use super::{Miss, Subject, Verification, Witness};
+use crate::expression::number::Number as _;
+use crate::expression::precise::Precise;
+use crate::gathered::{GatheredCriterion, WrittenGatheredEnergy};
+use crate::kernel::{Level, Mode};
+use crate::model::Model;
+use crate::point::truth::norm;
+use crate::specialise::{CompileError, Form};
+use crate::values::Values;
+
+/// How far from a threshold a condition may be misjudged, in units in the last place of the norm of all that it
+/// depends on.
+const BAR: f64 = 16.0;
+
+/// How far from a threshold it is judged, in such units.
+const AROUND: i32 = 24;
+
+/// Around how many thresholds.
+const THRESHOLDS: usize = 16;
+
+/// Verifies every condition at `n` places, and around thresholds between them.
+pub(super) fn verify(
+    model: &Model,
+    values: &Values,
+    n: usize,
+) -> Result<Vec<Verification>, CompileError> {
+    let criteria = |mode| model.gathered_criteria(values, mode, Form::Accurate);
+    let strict = criteria(Mode::Jit(Level::Strict))?;
+    let fast = criteria(Mode::Jit(Level::Fast))?;
+    let interpreted = criteria(Mode::Interpreter)?;
+    let written = model.written_gathered_margins(values);
+    let judged = |(k, written): (usize, &WrittenGatheredEnergy)| {
+        judge([&strict[k], &fast[k], &interpreted[k]], written, n)
+    };
+    Ok(written.iter().enumerate().map(judged).collect())
+}
+
+fn judge(
+    kernels: [&GatheredCriterion; 3],
+    written: &WrittenGatheredEnergy,
+    n: usize,
+) -> Verification {
+    let subject = Subject::Margin(None, kernels[0].text.clone());
+    let mut found = Verification::new(subject, &[(Witness::TruthFar, BAR)]);
+    let samples = places(&kernels[0].margin, n);
+    let mut all: Vec<(Place, f64)> = samples.iter().map(|p| (p.clone(), f64::INFINITY)).collect();
+    let holds = |place: &Place| truth(written, place).map(|margin| margin > 0.0);
+    let differ = |pair: &&[Place]| match (holds(&pair[0]), holds(&pair[0].with(&pair[1], 1.0))) {
+        (Some(one), Some(other)) => one != other,
+        _ => false,
+    };
+    for pair in samples.windows(2).filter(differ).take(THRESHOLDS) {
+        all.extend(around(&holds, &pair[0], &pair[1]));
+    }
+    let places: Vec<Place> = all.iter().map(|(place, _)| place.clone()).collect();
+    let margins = kernels.map(|one| {
+        let mut margins = vec![0.0; places.len()];
+        batch(&one.margin, &places, |at| one.margin.evaluate(at, &mut margins, &mut []));
+        margins
+    });
+    for (k, (place, distance)) in all.iter().enumerate() {
+        let [strict, fast, interpreted] = margins.each_ref().map(|all| all[k]);
+        found.count(&[strict], &[interpreted]);
+        let Some(truth) = truth(written, place) else { continue };
+        for margin in [strict, fast] {
+            // A margin of exactly 0 is on neither side.
+            let is_right = (margin > 0.0) == (truth > 0.0) || truth == 0.0;
+            let error = if is_right { 0.0 } else { *distance };
+            found.see(0, 0, error, |_| Miss {
+                place: place.variables.clone(),
+                order: 0,
+                compiled: vec![margin],
+                expected: vec![truth],
+                tolerance: 0.0,
+                is_wrong: true,
+            });
+        }
+    }
+    found
+}
+
+/// The margin as written to many digits, where it is a number.
+fn truth(written: &WrittenGatheredEnergy, place: &Place) -> Option<f64> {
+    let variable = |k: usize| Precise::<256>::line(place.variables[k], 0.0, 0.0);
+    let margin = written.psi(variable, Precise::constant(place.reference));
+    margin.parts().map(|_| margin.rounded()[0])
+}
+
+/// Places around the threshold on the way from one to another, with how far they are from it in units in the
+/// last place.
+fn around(holds: &impl Fn(&Place) -> Option<bool>, from: &Place, to: &Place) -> Vec<(Place, f64)> {
+    let start = holds(from);
+    let (mut low, mut high) = (0.0, 1.0);
+    loop {
+        let middle = low + 0.5 * (high - low);
+        if middle == low || middle == high {
+            break;
+        }
+        if holds(&from.with(to, middle)) == start { low = middle } else { high = middle }
+    }
+    let end = from.with(to, 1.0);
+    let way = norm(from.variables.iter().zip(&end.variables).map(|(x, y)| y - x));
+    let size = norm(from.with(to, low).variables);
+    let unit = (f64::EPSILON * size / way).max(f64::EPSILON * low);
+    let place = |k: i32| (from.with(to, low + f64::from(k) * unit), f64::from(k.abs()));
+    (-AROUND..=AROUND).map(place).collect()
+}

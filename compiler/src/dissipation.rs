@@ -16,6 +16,11 @@ use crate::values::Values;
 const RATE: Input = Input::Current(Measure::Length);
 
 impl Values {
+    /// A length of bonds in m: half of the horizon, or of 1 m where there is none.
+    pub(crate) fn typical_length(&self) -> f64 {
+        0.5 * Some(self.horizon).filter(|horizon| horizon.is_finite()).unwrap_or(1.0)
+    }
+
     /// The same with states and, behind all fields, the length of the bond among them.
     fn with_length(self, model: &Model, length: f64) -> Values {
         let number = model.number_of_length();
@@ -79,8 +84,7 @@ impl Model {
     }
 
     fn at_typical_length(&self, values: &Values) -> Values {
-        let horizon = Some(values.horizon).filter(|horizon| horizon.is_finite());
-        values.clone().with_length(self, 0.5 * horizon.unwrap_or(1.0))
+        values.clone().with_length(self, values.typical_length())
     }
 
     /// The sum of all dissipations with the rate as the variable, and the length as a parameter.

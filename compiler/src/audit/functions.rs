@@ -1,11 +1,11 @@
-//! Conditions under which something breaks, and what bonds remember.
+//! Conditions under which something breaks, what bonds remember, and what they dissipate.
 //!
 //! A margin is 0 at its threshold, so that it has no digits there; what counts is where it changes its sign.
 //! The regime `zeros of margin` lies around thresholds: an error of one unit that rounding the inputs does not
 //! excuse is a threshold that is off by one unit in the last place of the measure, or of the change since
 //! rest where that is smaller.
 
-use super::{Audit, Settings, measure};
+use super::{Audit, Settings, dissipation, measure};
 use crate::kernel::{Kernel, Mode};
 use crate::measure::Argument;
 use crate::model::Model;
@@ -14,7 +14,7 @@ use crate::values::Values;
 use crate::verify::Subject;
 use crate::verify::remember::histories;
 
-/// Audits margins, then next states, for these values: with what bonds remember at the start, and after some
+/// Audits margins, then next states, then what is dissipated, for these values: with what bonds remember at the start, and after some
 /// histories, all in one.
 ///
 /// # Errors
@@ -57,5 +57,6 @@ pub(super) fn functions_at(
         all.push(Audit { function: Some(subject), ..Audit::new(argument, regimes) });
         Ok(())
     })?;
+    all.extend(dissipation::audit(model, values, settings)?);
     Ok(all)
 }

@@ -41,7 +41,7 @@ pub(super) fn regimes(
     regimes
 }
 
-fn measure_errors(
+pub(super) fn measure_errors(
     regime: &mut Regime,
     written: &WrittenEnergy,
     point: Point,

@@ -8,9 +8,10 @@
 //! energies of the deformation gradient `tensor` does.
 //!
 //! Conditions under which something breaks, and what bonds remember, are held to the same by [`functions`],
-//! but for derivatives, which nobody takes of them.
+//! but for derivatives, which nobody takes of them; what bonds dissipate with its derivatives by the rate.
 
 mod condition;
+mod dissipation;
 mod functions;
 mod gradient;
 mod lost;
@@ -131,7 +132,10 @@ impl Audit {
 
     /// How many of a value and its derivatives are judged.
     pub fn n_orders(&self) -> usize {
-        if self.function.is_some() { 1 } else { 3 }
+        match self.function {
+            None | Some(Subject::Dissipation(_)) => 3,
+            Some(_) => 1,
+        }
     }
 
     /// As they are named.
@@ -170,6 +174,7 @@ impl Audit {
 pub fn title(argument: Argument, function: Option<&Subject>) -> String {
     match function {
         Some(Subject::NextState(text)) => format!("update {text}"),
+        Some(Subject::Dissipation(text)) => format!("dissipation(l) = {text}"),
         Some(function) => format!("break when {}", function.symbol()),
         None => format!("psi({})", argument.symbol()),
     }

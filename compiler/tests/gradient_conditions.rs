@@ -7,6 +7,7 @@ mod machine;
 use std::path::Path;
 use std::process::Command;
 
+use piola_compiler::audit::{Settings, functions};
 use piola_compiler::verify::{Subject, verify};
 use piola_compiler::{
     Argument, Form, GradientBatch, GradientCriterion, Level, Mode, Model, Values, check, print,
@@ -81,6 +82,24 @@ fn near_rest_margins_keep_their_digits() {
             }
             assert!(all[0].breaks(1e-300) && !all[0].breaks(0.0) && !all[0].breaks(f64::NAN));
         }
+    }
+}
+
+/// An audit judges margins, and takes no derivatives of them.
+#[test]
+fn audits_judge_margins() {
+    let model = model("break when J - 1 > h0\nbreak when tr(ln(U)) > h0");
+    let values = model.values(3, &[], None).unwrap();
+    let (form, level) = (Form::Accurate, Level::Strict);
+    let settings = Settings { form, level, points: 4, bar: 64.0 };
+    let found = functions(&model, &values, &settings).unwrap();
+    let titles: Vec<String> = found.iter().map(|audit| audit.title()).collect();
+    assert_eq!(titles, ["break when J - 1 > h0", "break when tr(ln(U)) > h0"]);
+    for audit in &found {
+        println!("{}: {:?}", audit.title(), audit.worst());
+        assert!(audit.n_orders() == 1 && audit.regimes.len() > 20);
+        assert!(audit.worst()[0] <= 64.0, "{:?}", audit.worst());
+        assert_eq!(audit.worst()[1..], [0.0; 2]);
     }
 }
 

@@ -5,7 +5,7 @@
 //! excuse is a threshold that is off by one unit in the last place of the measure, or of the change since
 //! rest where that is smaller.
 
-use super::{Audit, Settings, dissipation, measure};
+use super::{Audit, Settings, dissipation, gradient, measure};
 use crate::kernel::{Kernel, Mode};
 use crate::measure::Argument;
 use crate::model::Model;
@@ -57,6 +57,12 @@ pub(super) fn functions_at(
         all.push(Audit { function: Some(subject), ..Audit::new(argument, regimes) });
         Ok(())
     })?;
+    let criteria = model.gradient_criteria(values, mode, settings.form)?;
+    for one in criteria {
+        let regimes = gradient::regimes(&one.margin, &one.written, (settings, 1));
+        let function = Some(Subject::Margin(Some(Argument::Gradient), one.text));
+        all.push(Audit { function, ..Audit::new(Argument::Gradient, regimes) });
+    }
     all.extend(dissipation::audit(model, values, settings)?);
     Ok(all)
 }

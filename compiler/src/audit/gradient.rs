@@ -7,18 +7,18 @@ use crate::point::truth::{norm, parts, truth};
 use crate::point::{GradientKernel, NEAR, WrittenGradientEnergy};
 use crate::verify::sample::Random;
 
-/// Errors of a kernel in every regime.
+/// Errors of a kernel in every regime: of so many of psi, P and dP.
 pub(super) fn regimes(
     kernel: &GradientKernel,
     written: &WrittenGradientEnergy,
-    settings: &Settings,
+    (settings, n_orders): (&Settings, usize),
 ) -> Vec<Regime> {
     let mut regimes = Vec::new();
     for (name, strain, mut samples) in samples(kernel.dimension(), settings.points) {
         samples.retain(|sample| kernel.admits(&sample.gradient));
         let mut regime = Regime::new(name, strain);
         for (sample, found) in samples.iter().zip(sample::evaluate(kernel, &samples)) {
-            measure_errors(&mut regime, written, sample, &found, settings.bar);
+            measure_errors(&mut regime, written, sample, (&found, n_orders), settings.bar);
         }
         regimes.push(regime);
     }
@@ -29,12 +29,12 @@ fn measure_errors(
     regime: &mut Regime,
     written: &WrittenGradientEnergy,
     sample: &Sample,
-    found: &[f64],
+    (found, n_orders): (&[f64], usize),
     bar: f64,
 ) {
     let Some(expected) = truth(written, sample) else { return };
     regime.n_points += 1;
-    for (order, part) in parts(sample.gradient.len()).into_iter().enumerate() {
+    for (order, part) in parts(sample.gradient.len()).into_iter().take(n_orders).enumerate() {
         let size = norm(expected[part.clone()].iter().copied());
         let difference = norm(part.map(|k| found[k] - expected[k]));
         let raw = tensor_in_units(difference, size, size);

@@ -210,7 +210,7 @@ pub fn audit(
         }
     }
     if let Some(kernel) = compiled.gradient {
-        let regimes = gradient::regimes(&kernel, &model.written_gradient(values), settings);
+        let regimes = gradient::regimes(&kernel, &model.written_gradient(values), (settings, 3));
         audits.push(Audit::new(Argument::Gradient, regimes));
     }
     Ok((audits, compiled.dropped))

@@ -3,7 +3,7 @@
 
 use super::kernel::{GatheredKernel, WrittenGatheredEnergy};
 use crate::kernel::Mode;
-use crate::model::{GatheredBreak, Model, Variant};
+use crate::model::{GatheredBreak, Model};
 use crate::specialise::{CompileError, Form, Named};
 use crate::values::Values;
 use crate::written::Written;
@@ -13,6 +13,8 @@ use crate::written::Written;
 pub struct GatheredCriterion {
     /// The margin, in the place of psi: bonds break where it is above 0.
     pub margin: GatheredKernel,
+    /// The same as written.
+    pub written: WrittenGatheredEnergy,
     /// Whether they break where the margin is 0, too.
     pub holds_at_zero: bool,
     /// The condition as written, in canonical spelling.
@@ -47,23 +49,15 @@ impl Model {
             let subject = (variant, one.of_bonds, &[one.root][..]);
             let (made, _) = self.gathered_form(subject, named, values, form)?;
             let Some(made) = made else { return Ok(None) };
-            let margin = GatheredKernel::new(made, (mode, form), written(variant, one, values))?;
+            let energy = Written::new(&variant.graph, &[one.root], values);
+            let (of_bonds, n_integrals) = (one.of_bonds, variant.integrals.len());
+            let written = WrittenGatheredEnergy { energy, of_bonds, n_integrals };
+            let margin = GatheredKernel::new(made, (mode, form), written.clone())?;
             let (text, reason) = (one.text.clone(), one.reason.clone());
-            Ok(Some(GatheredCriterion { margin, holds_at_zero: one.holds_at_zero, text, reason }))
+            let holds_at_zero = one.holds_at_zero;
+            Ok(Some(GatheredCriterion { margin, written, holds_at_zero, text, reason }))
         };
         // One of which nothing is left holds nowhere.
         variant.gathered_breaks.iter().map(criterion).filter_map(Result::transpose).collect()
     }
-
-    /// The margins as written, for these values.
-    pub fn written_gathered_margins(&self, values: &Values) -> Vec<WrittenGatheredEnergy> {
-        let Some(variant) = self.variant(values.dimension) else { return Vec::new() };
-        variant.gathered_breaks.iter().map(|one| written(variant, one, values)).collect()
-    }
-}
-
-fn written(variant: &Variant, one: &GatheredBreak, values: &Values) -> WrittenGatheredEnergy {
-    let energy = Written::new(&variant.graph, &[one.root], values);
-    let n_integrals = variant.integrals.len();
-    WrittenGatheredEnergy { energy, of_bonds: one.of_bonds, n_integrals }
 }

@@ -9,7 +9,6 @@ use crate::breaking::Criterion;
 use crate::kernel::Mode;
 use crate::measure::Measure;
 use crate::model::{Break, GradientBreak, Model};
-use crate::point::GradientCriterion;
 use crate::point::sample::{self, Sample};
 use crate::remember::Remembering;
 use crate::specialise::Form;
@@ -73,14 +72,16 @@ impl Breaking {
                 add(stretch, all(&|k| if k == 1 { e } else { 0.0 }));
             }
         }
-        let breaking = |(condition, one): (&GradientBreak, GradientCriterion)| {
+        let criteria = criteria.unwrap_or_default();
+        let breaking = |condition: &GradientBreak| {
+            // One of which these values leave nothing is not there.
+            let one = criteria.iter().find(|one| one.text == condition.text)?;
             let margins = sample::evaluate(&one.margin, &samples);
             let breaks = margins.iter().map(|margin| one.breaks(margin[0]));
             let tried = stretches.iter().copied().zip(breaks).collect();
-            Breaking { span: condition.span, measure: None, has_energy: true, tried }
+            Some(Breaking { span: condition.span, measure: None, has_energy: true, tried })
         };
-        let criteria = criteria.unwrap_or_default();
-        variant.gradient_breaks.iter().zip(criteria).map(breaking).collect()
+        variant.gradient_breaks.iter().filter_map(breaking).collect()
     }
 
     fn of_measures(model: &Model, dimension: usize) -> Vec<Breaking> {

@@ -18,7 +18,7 @@ fn message(statements: &str, code: &str) -> String {
 }
 
 /// Code, an energy that has it, an energy that has not.
-const PAIRS: [(&str, &str, &str); 42] = [
+const PAIRS: [(&str, &str, &str); 45] = [
     (
         "breaks-nothing",
         "psi(l) = (l/L - 1)^2\nbreak when a/A - 1 > 0.1",
@@ -73,6 +73,13 @@ const PAIRS: [(&str, &str, &str); 42] = [
         "state-unused",
         "state k = 0\npsi(l) = (l/L - 1)^2/(1 + k)",
         "parameter k = 0\npsi(l) = (l/L - 1)^2/(1 + k)",
+    ),
+    ("breaks-at-rest", "psi(F) = E : E\nbreak when J >= 1", "psi(F) = E : E\nbreak when J > 1"),
+    ("never-breaks", "psi(F) = E : E\nbreak when J > 1000.5", "psi(F) = E : E\nbreak when J > 99"),
+    (
+        "breaks-in-compression",
+        "psi(F) = E : E\nbreak when E : E > 0.01",
+        "psi(F) = E : E\nbreak when E : E > 0.01 and J > 1",
     ),
     (
         "breaks-at-rest",

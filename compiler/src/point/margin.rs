@@ -13,6 +13,8 @@ use crate::values::Values;
 pub struct GradientCriterion {
     /// The margin, in the place of psi: bonds break where it is above 0.
     pub margin: GradientKernel,
+    /// The same as written.
+    pub written: WrittenGradientEnergy,
     /// Whether they break where the margin is 0, too.
     pub holds_at_zero: bool,
     /// The condition as written, in canonical spelling.
@@ -57,10 +59,11 @@ impl Model {
         let criterion = |one: &GradientBreak| {
             let subject = Subject { variant, roots: vec![one.root], span: one.span };
             let (Some(forms), _) = self.forms_of(subject, values, form)? else { return Ok(None) };
-            let written = || WrittenGradientEnergy::new(variant, &[one.root], values);
-            let margin = GradientKernel::of(forms, values, mode, written)?;
+            let written = WrittenGradientEnergy::new(variant, &[one.root], values);
+            let margin = GradientKernel::of(forms, values, mode, || written.clone())?;
             let (text, reason) = (one.text.clone(), one.reason.clone());
-            Ok(Some(GradientCriterion { margin, holds_at_zero: one.holds_at_zero, text, reason }))
+            let holds_at_zero = one.holds_at_zero;
+            Ok(Some(GradientCriterion { margin, written, holds_at_zero, text, reason }))
         };
         // One of which nothing is left holds nowhere.
         variant.gradient_breaks.iter().map(criterion).filter_map(Result::transpose).collect()
@@ -89,13 +92,5 @@ impl Model {
         };
         let all = variant.gradient_breaks.iter().enumerate().map(condition);
         all.filter_map(Result::transpose).collect()
-    }
-
-    /// The margins as written, for these values.
-    pub fn written_gradient_margins(&self, values: &Values) -> Vec<WrittenGradientEnergy> {
-        let Some(variant) = self.variant(values.dimension) else { return Vec::new() };
-        let written =
-            |one: &GradientBreak| WrittenGradientEnergy::new(variant, &[one.root], values);
-        variant.gradient_breaks.iter().map(written).collect()
     }
 }

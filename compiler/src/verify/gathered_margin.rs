@@ -32,11 +32,8 @@ pub(super) fn verify(
     let strict = criteria(Mode::Jit(Level::Strict))?;
     let fast = criteria(Mode::Jit(Level::Fast))?;
     let interpreted = criteria(Mode::Interpreter)?;
-    let written = model.written_gathered_margins(values);
-    let judged = |(k, written): (usize, &WrittenGatheredEnergy)| {
-        judge([&strict[k], &fast[k], &interpreted[k]], written, n)
-    };
-    Ok(written.iter().enumerate().map(judged).collect())
+    let judged = |k: usize| judge([&strict[k], &fast[k], &interpreted[k]], &strict[k].written, n);
+    Ok((0..strict.len()).map(judged).collect())
 }
 
 fn judge(

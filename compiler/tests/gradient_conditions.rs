@@ -55,7 +55,7 @@ fn margins_are_those_as_written_in_every_way() {
         assert_eq!(margins.len(), 4);
         for one in margins {
             println!("{:?}: {} places, {:?}", one.subject, one.n_places, one.errors);
-            assert!(one.passed() && one.n_places > 300, "{:?}", one.misses.first());
+            assert!(one.passed() && one.n_places > 200, "{:?}", one.misses.first());
         }
     }
 }

@@ -18,13 +18,13 @@ use crate::values::Values;
 const BAR: f64 = 16.0;
 
 /// How far from a threshold gradients are judged, in such units.
-const AROUND: i32 = 24;
+const AROUND: i32 = 16;
 
 /// Every how many units they are.
 const EVERY: usize = 1;
 
 /// Around how many thresholds.
-const THRESHOLDS: usize = 8;
+const THRESHOLDS: usize = 6;
 
 /// Verifies every condition at `2 n` gradients and at most 200, and around thresholds between them.
 pub(super) fn verify(

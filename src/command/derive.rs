@@ -162,7 +162,7 @@ fn coupled(
     Some(Ok(found))
 }
 
-/// When bonds break and what they remember.
+/// When bonds, triangles and tetrahedra break and what they remember.
 fn of_bonds(
     loaded: &Loaded,
     dimension: usize,
@@ -202,7 +202,7 @@ fn all_values(
 /// Prints what was rewritten, and what it gained.
 fn explain(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Exit {
     let Some(values) = filled_values(loaded, dimension, arguments) else { return Exit::Input };
-    // With what bonds remember at the start, and, of margins and updates, after some histories.
+    // With what is remembered at the start, and, of margins and updates, after some histories.
     let values = values.without_fields();
     let settings = audit::Settings {
         form: Form::Accurate,

@@ -226,7 +226,7 @@ fn condition(elaborator: &mut Elaborator<'_>, id: ExprId) -> Option<NodeId> {
     elaborator.truth(value, id)?;
     let span = elaborator.arena[id].span;
     if elaborator.depends_on_states(&[value.node]) {
-        let message = "a condition on parameters cannot depend on what bonds remember";
+        let message = "a condition on parameters cannot depend on a state";
         elaborator.report(Diagnostic::error("wrong-measure", span, message));
         return None;
     }
@@ -252,6 +252,8 @@ pub(super) struct Builder<'a> {
     pub(super) has_units: bool,
     pub(super) elaborator: Elaborator<'a>,
     pub(super) variant: Variant,
+    /// The measure that each update holds, if it holds one.
+    pub(super) said: Vec<Option<Measure>>,
 }
 
 impl<'a> Builder<'a> {
@@ -259,6 +261,7 @@ impl<'a> Builder<'a> {
         Builder {
             ast,
             has_units,
+            said: Vec::new(),
             elaborator: Elaborator::new(&ast.arena, Some(ast), symbols, dimension, has_units),
             variant: Variant {
                 dimension,
@@ -283,6 +286,7 @@ impl<'a> Builder<'a> {
 
     fn statements(&mut self) {
         let ast = self.ast;
+        let (mut breaks, mut conditions) = (Vec::new(), Vec::new());
         for (number, statement) in ast.statements.iter().enumerate() {
             match statement {
                 Statement::Parameter(p) => self.parameter(p),
@@ -291,7 +295,12 @@ impl<'a> Builder<'a> {
                 }
                 Statement::Energy(energy) => self.energy(energy),
                 Statement::Domain(domain) => self.domain(domain),
-                Statement::Break(breaking) => self.breaking(breaking),
+                Statement::Break(breaking) => {
+                    if let Some(condition) = self.condition(breaking) {
+                        breaks.push(breaking);
+                        conditions.push(condition);
+                    }
+                }
                 Statement::Dissipation(potential) => self.dissipation(potential),
                 Statement::Update(update) => self.update(update),
                 Statement::Definition(_)
@@ -300,6 +309,11 @@ impl<'a> Builder<'a> {
                 | Statement::Dimensions(_)
                 | Statement::Weights(_) => {}
             }
+        }
+        // What a condition of states alone breaks is known once all that remembers is.
+        self.find_kinds(&conditions);
+        for (breaking, condition) in breaks.into_iter().zip(conditions) {
+            self.breaking(breaking, condition);
         }
     }
 

@@ -17,7 +17,7 @@ const REFERENCES: [f64; 2] = [0.5, 0.15];
 /// Points of every decade of the measure.
 const POINTS_PER_DECADE: i32 = 100;
 
-/// A time in s in which all has happened to a bond that time can do.
+/// A time in s in which all has happened that time can do.
 const AGE: f64 = 1e12;
 
 /// A condition with values for everything it depends on.
@@ -36,8 +36,10 @@ impl<'m> Breaking<'m> {
         let Some(variant) = model.variant(dimension) else { return Vec::new() };
         let Some(values) = example(model, dimension) else { return Vec::new() };
         let values = values.with_states(model);
-        let begin = || Remembering::new(model, &values, Mode::Interpreter, Form::Textbook);
-        let Ok(bond) = begin() else { return Vec::new() };
+        let begin = |measure| {
+            Remembering::new(model, measure, &values, Mode::Interpreter, Form::Textbook).ok()
+        };
+        let of_kinds = Measure::ALL.map(begin);
         let criteria = model.criteria(&values, Mode::Interpreter, Form::Textbook);
         let stretches: Vec<f64> = (-3 * POINTS_PER_DECADE..=POINTS_PER_DECADE)
             .map(|k| libm::pow(10.0, f64::from(k) / f64::from(POINTS_PER_DECADE)))
@@ -57,19 +59,21 @@ impl<'m> Breaking<'m> {
             REFERENCES.into_iter().flat_map(|part| points(measure, part)).collect()
         });
         let breaking = |(condition, criterion): (&'m Break, Criterion)| {
+            let measure = condition.measure;
+            let one = of_kinds[measure as usize].as_ref()?;
             let tried = |point: &Point| {
                 let stretch = point.measure / point.reference;
-                (stretch, breaks_in_time(bond.clone(), &criterion, *point))
+                (stretch, breaks_in_time(one.clone(), &criterion, *point))
             };
-            let measure = condition.measure;
             let points = &of_measures[measure as usize];
             let has_energy = measure == Measure::Length
                 || model.measures().contains(&measure)
                 || model.coupled().contains(&measure);
-            Breaking { condition, has_energy, tried: points.iter().map(tried).collect() }
+            let tried = points.iter().map(tried).collect();
+            Some(Breaking { condition, has_energy, tried })
         };
         let criteria = criteria.unwrap_or_default();
-        variant.breaks.iter().zip(criteria).map(breaking).collect()
+        variant.breaks.iter().zip(criteria).filter_map(breaking).collect()
     }
 
     /// The measure, that at rest, and what has them.
@@ -98,7 +102,7 @@ impl<'m> Breaking<'m> {
     }
 }
 
-/// Whether a bond breaks that comes to a length and stays there for a long time, but at rest.
+/// Whether one breaks that comes to a measure and stays there for a long time, but at rest.
 fn breaks_in_time(mut bond: Remembering, criterion: &Criterion, point: Point) -> bool {
     let mut breaks = bond.breaks(criterion, point);
     if point.measure != point.reference {

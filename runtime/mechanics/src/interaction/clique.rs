@@ -19,6 +19,8 @@ pub(crate) struct Clique {
     pub(crate) members: [u32; 3],
     /// Of a triangle the place of the second member in the row of later neighbours of the first.
     pub(crate) place: u32,
+    /// Its number among all that the owner had, where these are counted; else 0.
+    pub(crate) number: u32,
 }
 
 impl Clique {
@@ -266,14 +268,15 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         &self,
         mut visit: impl FnMut(Clique) -> Result<(), E>,
     ) -> Result<(), E> {
+        if self.broken.is_some() && K > 1 {
+            return self.each_numbered::<K, E>(visit);
+        }
         let mut visit = |members: [usize; 3], place: usize| {
-            visit(Clique { members: members.map(|member| member as u32), place: place as u32 })
+            let members = members.map(|member| member as u32);
+            visit(Clique { members, place: place as u32, number: 0 })
         };
         match K {
             1 => (0..self.members.len()).try_for_each(|j| visit([j, 0, 0], 0)),
-            _ if self.broken.is_some() => self.each_numbered::<K, E>(|clique, _| {
-                visit(clique.corners::<3>(), clique.place as usize)
-            }),
             2 => self.triangles(|j, k, place| visit([j, k, 0], place)).map(|_| ()),
             _ => self.tetrahedra(|j, k, l| visit([j, k, l], 0)).map(|_| ()),
         }

@@ -1,5 +1,7 @@
 //! Statements to a model, once per dimension.
 
+use std::collections::HashMap;
+
 use piola_grammar::ast::{
     Allow, Ast, Definition, Energy as EnergyAst, ExprId, ExprKind, Ident,
     Parameter as ParameterAst, Statement, Text,
@@ -254,6 +256,8 @@ pub(super) struct Builder<'a> {
     pub(super) variant: Variant,
     /// The measure that each update holds, if it holds one.
     pub(super) said: Vec<Option<Measure>>,
+    /// Of which kinds the states are that are updated, once it is known.
+    pub(super) kinds: HashMap<usize, Measure>,
 }
 
 impl<'a> Builder<'a> {
@@ -262,6 +266,7 @@ impl<'a> Builder<'a> {
             ast,
             has_units,
             said: Vec::new(),
+            kinds: HashMap::new(),
             elaborator: Elaborator::new(&ast.arena, Some(ast), symbols, dimension, has_units),
             variant: Variant {
                 dimension,

@@ -3,6 +3,8 @@
 //! A state is one of bonds, of triangles or of tetrahedra: that of the measure that its update holds. Where
 //! this holds none, the states in it say so, or else the lines that hold the state.
 
+use std::collections::HashMap;
+
 use piola_grammar::ast::{Statement, Update as UpdateAst};
 use piola_grammar::{Diagnostic, Span, print_expression};
 
@@ -152,12 +154,13 @@ impl Builder<'_> {
         let dissipations = variant.dissipations.iter();
         let dissipations = dissipations.map(|one| line(Some(Measure::Length), one.root));
         let others: Vec<Line> = energies.chain(dissipations).chain(conditions).collect();
-        let number = |state: &usize| variant.updates.iter().position(|own| own.state == *state);
+        let places: HashMap<usize, usize> =
+            variant.updates.iter().enumerate().map(|(place, own)| (own.state, place)).collect();
         // Each round finds one at least, or is the last.
         loop {
             let found = updates.iter().zip(&variant.updates).map(|(own, update)| {
-                let of = |state: &usize| updates[number(state)?].measure;
-                let holds = |line: &&Line| line.states.contains(&update.state);
+                let of = |state: &usize| updates[*places.get(state)?].measure;
+                let holds = |line: &&Line| line.states.binary_search(&update.state).is_ok();
                 let by_holders = || updates.iter().chain(&others).filter(holds);
                 let held = || own.states.iter().find_map(of);
                 own.measure.or_else(held).or_else(|| by_holders().find_map(|line| line.measure))
@@ -171,13 +174,13 @@ impl Builder<'_> {
         }
         for (update, line) in self.variant.updates.iter_mut().zip(updates) {
             update.measure = line.measure.unwrap_or(Measure::Length);
+            self.kinds.insert(update.state, update.measure);
         }
     }
 
     /// The kind of a state; one that never changes is of bonds.
     pub(super) fn kind(&self, state: usize) -> Measure {
-        let own = self.variant.updates.iter().find(|update| update.state == state);
-        own.map_or(Measure::Length, |update| update.measure)
+        self.kinds.get(&state).copied().unwrap_or(Measure::Length)
     }
 
     /// The kinds of the states on which a node depends, each once.
@@ -262,10 +265,10 @@ impl Builder<'_> {
     fn state_in(&self, root: NodeId, kind: Measure) -> &str {
         let states = self.elaborator.states_in(&[root]);
         let state = states.into_iter().find(|state| self.kind(*state) == kind);
-        let parameters = self.ast.statements.iter().filter_map(|statement| match statement {
+        let mut parameters = self.ast.statements.iter().filter_map(|statement| match statement {
             Statement::Parameter(parameter) => Some(parameter.name.name.as_str()),
             _ => None,
         });
-        state.and_then(|state| parameters.skip(state).next()).unwrap_or_default()
+        state.and_then(|state| parameters.nth(state)).unwrap_or_default()
     }
 }

@@ -13,8 +13,8 @@
 //!
 //! With the status `h` a body has one energy `E(u; h)`, of which forces and tangents are exact
 //! derivatives as ever. `h` changes in [`Fracture::advance`] alone, at fixed `u`: so what breaking releases
-//! is by definition `E(u; old) - E(u; new)`, and so is what is dissipated where bonds remember. All bonds
-//! are judged at the same displacements, with what they remember as it is, before any of them is taken out
+//! is by definition `E(u; old) - E(u; new)`, and so is what is dissipated where something is remembered. All
+//! bonds are judged at the same displacements, with what they remember as it is, before any of them is taken out
 //! or changes, and none comes back: but for [`Fracture::restore`], after attempts at an equilibrium
 //! that came to nothing, which never were states of the body. A triangle or a tetrahedron with a broken edge is broken, too; one that
 //! breaks itself leaves its bonds as they are.
@@ -61,8 +61,8 @@ const CLIQUES: [Measure; 2] = [Measure::Area, Measure::Volume];
 /// ([`Neighborhood::bonds`]).
 pub trait Fracture: Inspection {
     /// Breaks the bonds whose criteria say so at displacements `u`, after a way of the displacements
-    /// `step*direction`, all in m and `n x d`; others remember what they have come to `dt` s after the last
-    /// time.
+    /// `step*direction`, all in m and `n x d`, and triangles and tetrahedra; others remember what they have come
+    /// to `dt` s after the last time.
     ///
     /// # Errors
     /// Margins, next states and energies that are not finite.
@@ -76,13 +76,13 @@ pub trait Fracture: Inspection {
     /// As [`Fracture::advance`].
     fn advance_behind_forces(&self, u: &[f64], way: (f64, &[f64])) -> Result<Release, NonFinite>;
 
-    /// From now on energies follow what bonds come to remember in `dt` s, as load steps ask: forces are those
-    /// at the states that bonds come to, and the tangent is their derivative, where the laws are made for it;
+    /// From now on energies follow what comes to be remembered in `dt` s, as load steps ask: forces are those
+    /// at the states that come of it, and the tangent is their derivative, where the laws are made for it;
     /// energies at these states are no potential of the forces. With nothing they are again what they are
     /// between changes of the status.
     fn follow(&self, dt: Option<f64>);
 
-    /// Bonds remember what they come to at displacements `to`, `dt` s after the last time, on a way from
+    /// All remember what they come to at displacements `to`, `dt` s after the last time, on a way from
     /// displacements `from`, in m; none breaks, and energies follow nothing any more. What is dissipated is
     /// the mean of what the change takes from the energy at both ends of the way, which is of second order
     /// in the way: the fall of the energy at `to` alone would count the way beyond what held.

@@ -1,5 +1,5 @@
-//! The conditions under which bonds break, and what they remember, compiled: a margin and a next state are
-//! functions of a bond like an energy, so they are rewritten, differentiated and compiled by the same code,
+//! The conditions under which bonds, triangles and tetrahedra break, and what they remember, compiled: a margin
+//! and a next state are functions of one of them like an energy, so they are rewritten, differentiated and compiled by the same code,
 //! and keep their digits near a threshold.
 
 use crate::expression::NodeId;
@@ -39,8 +39,7 @@ impl Criterion {
     }
 }
 
-/// A function of a bond, or of a triangle or a tetrahedron that breaks, that is no energy: for those who print
-/// it.
+/// A function of a bond, a triangle or a tetrahedron that is no energy: for those who print it.
 #[derive(Clone, Debug)]
 pub struct BondFunction {
     /// What it is.
@@ -68,7 +67,7 @@ pub enum BondFunctionKind {
     Dissipation,
 }
 
-/// What a state of a bond becomes.
+/// What a state of a bond becomes, of a triangle or of a tetrahedron.
 #[derive(Debug)]
 pub struct NextState {
     /// The number of the state among the fields of the values ([`Values::fields`]).
@@ -78,6 +77,13 @@ pub struct NextState {
     pub next: Kernel,
     /// The next value as written, in canonical spelling.
     pub text: String,
+}
+
+impl NextState {
+    /// Of which kind the state is: one of bonds, of triangles or of tetrahedra.
+    pub fn measure(&self) -> Measure {
+        self.next.measure()
+    }
 }
 
 impl Model {
@@ -111,7 +117,7 @@ impl Model {
         };
         let next = |one: &Update| {
             let kind = BondFunctionKind::Next(self.input_name(one.state).to_string());
-            let function = make((Measure::Length, one.root), one.span, &in_time)?;
+            let function = make((one.measure, one.root), one.span, &in_time)?;
             Ok(BondFunction { kind, text: one.text.clone(), function })
         };
         let margins = variant.breaks.iter().enumerate().map(margin);
@@ -154,7 +160,7 @@ impl Model {
         variant.breaks.iter().map(criterion).collect()
     }
 
-    /// What states of bonds become, for these values with states among the fields
+    /// What states become, for these values with states among the fields
     /// ([`Values::with_states`]). All of them are worked out from the states as they are, then they change
     /// at once.
     ///
@@ -171,7 +177,7 @@ impl Model {
         let in_time = values.clone().with_states(self).with_time_step(self);
         let next = |one: &Update| {
             let (graph, root) = (&variant.graph, one.root);
-            let subject = (Measure::Length, root);
+            let subject = (one.measure, root);
             let named = Named { argument: subject.0.symbol(), span: one.span };
             named.has_horizon(graph, &[root], values.horizon.is_nan())?;
             let made = named.made(of_measure(graph, self.parameters(), subject, &in_time, form))?;
@@ -204,7 +210,7 @@ impl Model {
         };
         let next = |one: &Update| {
             let text = format!("{} = {}", self.input_name(one.state), one.text);
-            (Subject::NextState(text), (Measure::Length, one.root), one.span)
+            (Subject::NextState(one.measure, text), (one.measure, one.root), one.span)
         };
         let all = variant.breaks.iter().map(margin).chain(variant.updates.iter().map(next));
         for (subject, (measure, root), span) in all {

@@ -1,14 +1,13 @@
-//! Bonds that remember, at load steps: energies at the states that bonds come to within the step.
+//! Interactions that remember, at load steps: energies at the states that they come to within the step.
 //!
-//! Before: psi, psi' and psi'' of a bond with states `p` held, and what each state becomes, `P(l, p, dt)`.
-//! After: psi and psi' at `p = P(l, p, dt)`, and the derivative of that psi' by the length,
-//! `psi'' + sum dpsi'/dp dP/dl`, the consistent tangent: a bond's force is a function of its length alone, so
-//! the tangent of the body stays symmetric whatever the update. A time step below 0 stands for states that
+//! Before: psi, psi' and psi'' of a measure `m` with states `p` held, and what each state becomes, `P(m, p, dt)`.
+//! After: psi and psi' at `p = P(m, p, dt)`, and the derivative of that psi' by the measure,
+//! `psi'' + sum dpsi'/dp dP/dm`, the consistent tangent: what a bond, a triangle or a tetrahedron pulls with is
+//! a function of its measure alone, so the tangent of the body stays symmetric whatever the update. A time step below 0 stands for states that
 //! are held: then all three are what they were.
 
 use crate::differentiate::derivative_by;
 use crate::expression::{Comparison, Input, Node, NodeId, TooManyNodes};
-use crate::measure::Measure;
 use crate::model::{Model, Update};
 use crate::simplify::Simplifier;
 use crate::specialise::{
@@ -18,8 +17,8 @@ use crate::values::Values;
 
 impl Values {
     /// The same for load steps: with states and the time step in s among the fields, where the model has
-    /// updates. Energies of bonds then follow what bonds come to remember in that time, and hold what they
-    /// remember where the time step is below 0, as its typical value is.
+    /// updates. Energies of measures then follow what comes to be remembered in that time, and hold what is
+    /// remembered where the time step is below 0, as its typical value is.
     pub fn following_states(self, model: &Model) -> Values {
         let Some(dt) = model.number_of_time_step() else { return self };
         let mut values = self.with_states(model).with_field(dt);
@@ -27,14 +26,14 @@ impl Values {
         values
     }
 
-    /// Whether energies of bonds follow what bonds come to remember.
+    /// Whether energies of measures follow what comes to be remembered.
     pub fn follow_states(&self, model: &Model) -> bool {
         model.number_of_time_step().is_some_and(|dt| self.fields.contains(&dt))
     }
 }
 
 impl Model {
-    /// An energy of bonds at what they come to remember, for values that
+    /// An energy of a measure at what its interactions come to remember, for values that
     /// [follow states](Values::following_states).
     pub(crate) fn consistent(
         &self,
@@ -49,19 +48,21 @@ impl Model {
         else {
             return Ok(energy.clone());
         };
-        if !self.updates().iter().any(|update| depends(update.state)) {
+        let measure = energy.measure;
+        let own = || variant.updates.iter().filter(|update| update.measure == measure);
+        if !own().any(|update| depends(update.state)) {
             return Ok(energy.clone());
         }
         let next = |update: &Update| {
-            let subject = (Measure::Length, update.root);
-            let named = Named { argument: Measure::Length.symbol(), span: update.span };
+            let subject = (measure, update.root);
+            let named = Named { argument: measure.symbol(), span: update.span };
             let next = of_measure(&variant.graph, self.parameters(), subject, values, form);
             Ok(Next { state: update.state as u16, function: named.made(next)? })
         };
-        let next = variant.updates.iter().map(next).collect::<Result<Vec<Next>, CompileError>>()?;
-        let span = variant.energies.iter().find(|one| one.measure == Measure::Length);
+        let next = own().map(next).collect::<Result<Vec<Next>, CompileError>>()?;
+        let span = variant.energies.iter().find(|one| one.measure == measure);
         let named = Named {
-            argument: Measure::Length.symbol(),
+            argument: measure.symbol(),
             span: span.map_or(Default::default(), |one| one.span),
         };
         let made = named.made(composed(energy, &next, dt, values))?;
@@ -70,7 +71,7 @@ impl Model {
     }
 }
 
-/// What a state becomes, with its derivative by the length.
+/// What a state becomes, with its derivative by the measure.
 struct Next {
     state: u16,
     function: ScalarEnergy,

@@ -384,7 +384,7 @@ impl Model {
         let specialised = self.specialise_as(values, form)?;
         for mut energy in specialised.energies {
             let measure = energy.measure;
-            let follows = measure == Measure::Length && values.follow_states(self);
+            let follows = values.follow_states(self) && self.remembers(measure);
             if follows {
                 energy = self.consistent(&energy, values, form)?;
             }

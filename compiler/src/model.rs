@@ -87,7 +87,7 @@ pub struct Variant {
     pub coupled_energies: Vec<CoupledEnergy>,
     /// Declared intervals of use.
     pub domains: Vec<Interval>,
-    /// When bonds break.
+    /// When bonds, triangles and tetrahedra break.
     pub breaks: Vec<Break>,
     /// When bonds break by deformation gradients.
     pub gradient_breaks: Vec<GradientBreak>,
@@ -95,7 +95,7 @@ pub struct Variant {
     pub gathered_breaks: Vec<GatheredBreak>,
     /// What bonds dissipate.
     pub dissipations: Vec<Dissipation>,
-    /// What states of bonds become, at most one for each.
+    /// What states become, at most one for each.
     pub updates: Vec<Update>,
     /// Numbers and components of tensors that depend on the deformation, and what they are in the text,
     /// the innermost expressions first.
@@ -218,13 +218,15 @@ pub struct Dissipation {
     pub text: String,
 }
 
-/// What a state of a bond becomes, `update k = max(k, l/L - 1)`.
+/// What a state of a bond becomes, `update k = max(k, l/L - 1)`, of a triangle, or of a tetrahedron.
 #[derive(Clone, Debug)]
 pub struct Update {
     /// The number of the state among the parameters.
     pub state: usize,
-    /// Its next value in SI units in the variant's graph, a function of `l`, `L`, of states as they are and
-    /// of the time step.
+    /// Of which kind it is: `l` of bonds, `a` of triangles, `v` of tetrahedra.
+    pub measure: Measure,
+    /// Its next value in SI units in the variant's graph, a function of the measure and of its value at rest,
+    /// of states of its kind as they are and of the time step.
     pub root: NodeId,
     /// Place of the next value.
     pub span: Span,
@@ -381,6 +383,16 @@ impl Model {
     /// What states become, as written.
     pub fn updates(&self) -> &[Update] {
         &self.variants[0].updates
+    }
+
+    /// Whether interactions of this measure remember anything that changes.
+    pub fn remembers(&self, measure: Measure) -> bool {
+        self.updates().iter().any(|update| update.measure == measure)
+    }
+
+    /// Of which kind a state is that is updated; nothing of one that never changes.
+    pub fn kind_of_state(&self, state: usize) -> Option<Measure> {
+        self.updates().iter().find(|update| update.state == state).map(|update| update.measure)
     }
 
     /// The numbers of the parameters that are states, ascending.

@@ -1,16 +1,17 @@
-//! One bond and what it remembers, from length to length: for lints, verification and studies of single
-//! bonds.
+//! One bond, triangle or tetrahedron and what it remembers, from measure to measure: for lints, verification and
+//! studies of single ones.
 
 use std::sync::Arc;
 
 use crate::breaking::{Criterion, NextState};
 use crate::kernel::{Batch, Kernel, Mode, Order, Outputs};
+use crate::measure::Measure;
 use crate::model::Model;
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
 use crate::verify::sample::Point;
 
-/// A bond with its history.
+/// An interaction with its history.
 #[derive(Clone, Debug)]
 pub struct Remembering {
     next: Arc<[NextState]>,
@@ -19,17 +20,19 @@ pub struct Remembering {
 }
 
 impl Remembering {
-    /// A bond that begins with the states that the values say, in SI units.
+    /// A bond, a triangle or a tetrahedron that begins with the states that the values say, in SI units.
     ///
     /// # Errors
     /// As [`Model::next_states`].
     pub fn new(
         model: &Model,
+        measure: Measure,
         values: &Values,
         mode: Mode,
         form: Form,
     ) -> Result<Remembering, CompileError> {
-        let next = model.next_states(values, mode, form)?.into();
+        let next = model.next_states(values, mode, form)?;
+        let next = next.into_iter().filter(|next| next.measure() == measure).collect();
         let fields = values.clone().with_states(model).typical().map(|(_, value)| value).collect();
         Ok(Remembering { next, fields })
     }
@@ -39,7 +42,7 @@ impl Remembering {
         &self.fields
     }
 
-    /// The next values at a length, `dt` s after the last: of each state its number among the fields and
+    /// The next values at a measure, `dt` s after the last: of each state its number among the fields and
     /// what it becomes.
     pub fn next(&self, point: Point, dt: f64) -> Vec<(usize, f64)> {
         let value = |one: &NextState| (one.field, value(&one.next, point, &self.fields, Some(dt)));
@@ -57,12 +60,12 @@ impl Remembering {
         changes
     }
 
-    /// psi, psi' and psi'' of an energy at a length, with states as they are.
+    /// psi, psi' and psi'' of an energy at a measure, with states as they are.
     pub fn energy(&self, kernel: &Kernel, point: Point) -> [f64; 3] {
         derivatives(kernel, point, &self.fields, None)
     }
 
-    /// Whether the bond breaks at a length, with states as they are.
+    /// Whether it breaks at a measure, with states as they are.
     pub fn breaks(&self, criterion: &Criterion, point: Point) -> bool {
         criterion.breaks(value(&criterion.margin, point, &self.fields, None))
     }

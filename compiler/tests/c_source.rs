@@ -503,6 +503,7 @@ fn printed_c_of_bonds_that_remember_gives_the_same_numbers() {
     }
     let text = "potential memory\nstate k = 0.25\nstate life = 2\ns = l/L - 1\n\
                 update k = max(k, s)\nupdate life = life - max(0, s - 1/8)^2*dt\n\
+                state g = 0.5\nupdate g = max(g, a/A - 1)\npsi(a) = A*g*(a/A - 1)^2\n\
                 psi(l) = L*s^2/(1 + k)\ndissipation(l) = k*l*rate(l)^2*abs(rate(l))\nbreak when k + s > 3/4\nbreak when life <= 1 or s >= 2";
     let model = check(&parse(text).unwrap()).unwrap();
     let values = model.values(3, &[], Some(1.0)).unwrap().with_states(&model);
@@ -518,12 +519,14 @@ fn printed_c_of_bonds_that_remember_gives_the_same_numbers() {
     let rates = [0.5, -2.0, 1.5, 1e-3, -7.0, 3.0, 0.125];
     let (lives, ks) =
         ([2.0, 1.5, 1.0, 0.5, 1.25, 3.0, 2.5], [0.0, 0.5, 0.25, 0.125, 1.0, 0.0, 2.0]);
+    let gs = [0.5, 0.25, 0.0, 1.0, 0.75, 0.5, 3.0];
     let main = format!(
         "#include <stdio.h>\n#include \"memory.c\"\nint main(void) {{\n\
-         double l[] = {{{}}}, L[] = {{{}}}, e[] = {{{}}}, k[] = {{{}}}, a[] = {{{}}}, r[] = {{{}}}, x[7], y[7], z[7];\n\
+         double l[] = {{{}}}, L[] = {{{}}}, e[] = {{{}}}, k[] = {{{}}}, a[] = {{{}}}, g[] = {{{}}}, r[] = {{{}}}, x[7], y[7], z[7];\n\
          memory_l(7, l, L, e, k, a, x, y, z);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", y[i]);\n\
          memory_next_k(7, l, L, e, k, a, 0.5, x);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", x[i]);\n\
          memory_next_life(7, l, L, e, k, a, 0.5, x);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", x[i]);\n\
+         memory_next_g(7, l, L, e, g, 0.5, x);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", x[i]);\n\
          memory_margin_1(7, l, L, e, k, a, x);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", x[i]);\n\
          memory_margin_2(7, l, L, e, k, a, x);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", x[i]);\n\
          memory_dissipation(7, l, L, e, r, k, a, x, y, z);\nfor (int i = 0; i < 7; i++) printf(\"%.17g\\n\", y[i]);\n\
@@ -533,6 +536,7 @@ fn printed_c_of_bonds_that_remember_gives_the_same_numbers() {
         list(&changes),
         list(&ks),
         list(&lives),
+        list(&gs),
         list(&rates),
     );
     let printed = run(&folder, Vec::new(), &main);
@@ -540,7 +544,11 @@ fn printed_c_of_bonds_that_remember_gives_the_same_numbers() {
     let mode = Mode::Jit(Level::Strict);
     let fields = |with_time: bool| {
         let dt = [0.5; 7];
-        if with_time { [&ks[..], &lives, &dt].concat() } else { [&ks[..], &lives].concat() }
+        if with_time {
+            [&ks[..], &lives, &gs, &dt].concat()
+        } else {
+            [&ks[..], &lives, &gs].concat()
+        }
     };
     let reference = [1.0; 7];
     let batch = |fields| piola_compiler::Batch {
@@ -559,7 +567,7 @@ fn printed_c_of_bonds_that_remember_gives_the_same_numbers() {
         expected.extend(criterion.margin.derivatives(batch(&of_energy)).psi);
     }
     let dissipation = model.dissipation(&values, mode).unwrap().unwrap();
-    let of_rate = [&ks[..], &lives, &measures].concat();
+    let of_rate = [&ks[..], &lives, &gs, &measures].concat();
     let change = rates.map(|rate| rate - 1.0);
     let by_rate = piola_compiler::Batch { measure: &rates, change: &change, ..batch(&of_rate) };
     expected.extend(dissipation.derivatives(by_rate).dpsi);

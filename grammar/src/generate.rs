@@ -59,6 +59,17 @@ const STRAINS: [&str; 13] = [
     "S^0.5 - 1",
 ];
 
+/// A state, by the number of the measure of what remembers it.
+struct State {
+    name: String,
+    measure: usize,
+}
+
+/// The names of the states of one measure.
+fn of_measure(states: &[State], measure: usize) -> Vec<&str> {
+    states.iter().filter(|one| one.measure == measure).map(|one| one.name.as_str()).collect()
+}
+
 /// What may stand at the leaves of an expression.
 #[derive(Clone, Default)]
 struct Scope {
@@ -126,9 +137,9 @@ impl<'b> Writer<'b> {
         let states = self.states();
         for _ in 0..=self.pick(3) {
             let measure = self.pick(3);
-            // What bonds remember is theirs alone.
-            let names: Vec<&str> = states.iter().map(String::as_str).collect();
-            let scope = scope.with(if measure == 0 && kind != 6 { &names } else { &[] });
+            // What bonds, triangles and tetrahedra remember is theirs alone.
+            let names = of_measure(&states, measure);
+            let scope = scope.with(if kind != 6 { &names } else { &[] });
             match kind {
                 7 => self.energy_with_units(&scope, measure),
                 6 => self.gradient_energy(&scope),
@@ -199,45 +210,49 @@ impl<'b> Writer<'b> {
         }
     }
 
-    /// What bonds remember: none in half of the files.
-    fn states(&mut self) -> Vec<String> {
-        let mut names = Vec::new();
+    /// What is remembered: nothing in half of the files.
+    fn states(&mut self) -> Vec<State> {
+        let mut states = Vec::new();
         for i in 0..self.pick(4).saturating_sub(1) {
             let name = format!("{}s{i}", self.pick_of(&STATE_NAMES));
             let value = self.pick_of(&["0", "1", "0.25", "-1/8", "2e-3*pi"]);
             let description = self.pick_of(&["", " \"what it keeps\""]);
             self.line(&format!("state {name} = {value}{description}"));
-            names.push(name);
+            let measure = self.pick(5).saturating_sub(2);
+            states.push(State { name, measure });
         }
-        names
+        states
     }
 
-    /// What states become; some stay as they are.
-    fn updates(&mut self, scope: &Scope, states: &[String], has_units: bool) {
-        let names: Vec<&str> = states.iter().map(String::as_str).collect();
-        // Lengths and the time step have units.
-        let of_bonds = if has_units { &["l/L"][..] } else { &["delta", "dt", "L", "l", "l/L"] };
-        let scope = scope.with(&names).with(of_bonds);
-        for name in states {
+    /// What states become; some of bonds stay as they are.
+    fn updates(&mut self, scope: &Scope, states: &[State], has_units: bool) {
+        for State { name, measure } in states {
+            let (now, rest) = MEASURES[*measure];
+            let stretch = format!("{now}/{rest}");
+            // Measures and the time step have units.
+            let own = if has_units { &[][..] } else { &["delta", "dt", rest, now] };
+            let names = of_measure(states, *measure);
+            let scope = scope.with(&names).with(own).with(&[&stretch]);
             let body = self.body(&scope);
             match self.pick(4) {
                 0 => self.line(&format!("update {name} = max({name}, {body})")),
                 1 => self.line(&format!("update {name} = {body}")),
-                2 => self.line(&format!("update {name} = if l/L > 1.1 then {body} else {name}")),
-                _ => {}
+                // What never changes is of bonds.
+                3 if *measure == 0 => {}
+                _ => self
+                    .line(&format!("update {name} = if {stretch} > 1.1 then {body} else {name}")),
             }
         }
     }
 
     /// A condition under which bonds, triangles or tetrahedra break. All its comparisons are of one kind, so
     /// that it has one threshold.
-    fn breaking(&mut self, scope: &Scope, states: &[String], has_units: bool) {
+    fn breaking(&mut self, scope: &Scope, states: &[State], has_units: bool) {
         let measure = self.pick(3);
         let (now, rest) = MEASURES[measure];
         let stretch = format!("{now}/{rest}");
-        let names: Vec<&str> = states.iter().map(String::as_str).collect();
-        let of_measure = if has_units { &[][..] } else { &["delta", rest, now] };
-        let scope = scope.with(if measure == 0 { &names } else { &[] }).with(of_measure);
+        let own = if has_units { &[][..] } else { &["delta", rest, now] };
+        let scope = scope.with(&of_measure(states, measure)).with(own);
         let scope = scope.with(&[&stretch]);
         let strict = self.pick(2) == 0;
         let first = match self.pick(3) {
@@ -300,8 +315,8 @@ impl<'b> Writer<'b> {
     }
 
     /// A potential of how fast bonds change; the rate may stand in it anywhere.
-    fn dissipation(&mut self, scope: &Scope, states: &[String], has_units: bool) {
-        let names: Vec<&str> = states.iter().map(String::as_str).collect();
+    fn dissipation(&mut self, scope: &Scope, states: &[State], has_units: bool) {
+        let names = of_measure(states, 0);
         if has_units {
             let viscosity = format!("viscosity_{}", self.out.len());
             self.line(&format!("parameter {viscosity} = 2 in W*s^2/m^(2*d + 2)"));

@@ -162,7 +162,7 @@ fn coupled(
     Some(Ok(found))
 }
 
-/// When bonds break and what they remember; when they break by deformation gradients.
+/// When bonds, triangles and tetrahedra break and what they remember; when bonds do by deformation gradients.
 type OfBonds = (Vec<BondFunction>, Vec<GradientCondition>);
 
 fn of_bonds(
@@ -209,7 +209,7 @@ fn all_values(
 /// Prints what was rewritten, and what it gained.
 fn explain(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Exit {
     let Some(values) = filled_values(loaded, dimension, arguments) else { return Exit::Input };
-    // With what bonds remember at the start, and, of margins and updates, after some histories.
+    // With what is remembered at the start, and, of margins and updates, after some histories.
     let values = values.without_fields();
     let settings = audit::Settings {
         form: Form::Accurate,

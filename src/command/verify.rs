@@ -1,9 +1,9 @@
 //! `piola verify`: machine code against the interpreter and hyper-dual numbers.
 
+use piola_compiler::Argument;
 use piola_compiler::verify::{
     Cause, Miss, Outcome, Part, Stated, Subject, Verification, Witness, verify,
 };
-use piola_compiler::{Argument, Measure};
 use serde_json::{Value, json};
 
 use super::Exit;
@@ -117,7 +117,7 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
     if let Subject::Margin(argument, condition) = &found.subject {
         return report_margin(place, (*argument, condition), found);
     }
-    if let Subject::NextState(next) = &found.subject {
+    if let Subject::NextState(_, next) = &found.subject {
         return report_next_state(place, next, found);
     }
     let (places, what, digits) = match &found.subject {
@@ -127,14 +127,16 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
         Subject::Argument(Argument::Gradient) => {
             ("gradients", "largest errors in u = 2^-53 of the norm", 0)
         }
-        Subject::Gathered(_) | Subject::Margin(..) | Subject::NextState(_) => {
+        Subject::Gathered(_) | Subject::Margin(..) | Subject::NextState(..) => {
             ("points", "largest errors against hyper-dual numbers in u = 2^-53", 0)
         }
         Subject::Coupled(..) => ("points", "largest errors in u = 2^-53 of the largest part", 0),
-        Subject::Following => ("points", "largest errors, where 64 is a billionth of the value", 0),
+        Subject::Following(_) => {
+            ("points", "largest errors, where 64 is a billionth of the value", 0)
+        }
     };
     let place = match found.subject {
-        Subject::Following => format!("{place} load steps,"),
+        Subject::Following(_) => format!("{place} load steps,"),
         _ => place.to_string(),
     };
     let (verdict, bits) = (verdict(found), bits(found, places));
@@ -368,13 +370,9 @@ fn place_of(subject: &Subject, miss: &Miss) -> String {
         Subject::Dissipation(_) => {
             format!("rate(l) = {:e}, L = {:e}", miss.place[0], miss.place[1])
         }
-        Subject::Margin(Some(Argument::Measure(_)), _)
-        | Subject::NextState(_)
-        | Subject::Following => {
-            let measure = match subject {
-                Subject::Margin(Some(Argument::Measure(measure)), _) => *measure,
-                _ => Measure::Length,
-            };
+        Subject::Margin(Some(Argument::Measure(measure)), _)
+        | Subject::NextState(measure, _)
+        | Subject::Following(measure) => {
             let (now, rest) = (measure.symbol(), measure.reference_symbol());
             format!("{now} = {:e}, {rest} = {:e}", miss.place[0], miss.place[1])
         }

@@ -534,7 +534,7 @@ fn what_load_steps_cannot_remember_is_refused() {
                   psi(l) = 1/2*L*(l/L - 1)^2\nbreak when life <= 0\n";
     let folder = remembering(3, tiring, "0.02*t", "control = \"arc-length\"\n");
     let run = piola(&["run", &folder.scene(), "--out", &folder.path("out")]);
-    run.expect(2).says(&["conflicting-keys", "remember the time that passes"]);
+    run.expect(2).says(&["conflicting-keys", "remembers the time that passes"]);
     folder.file("law.piola", "potential warm\nparameter c = 1\npsi(l) = 1/2*c*L*(l/L - 1)^2\n");
     let set = ["--set", "material.parameters.c=\"1 + t\""];
     let run = piola(&[&["run", &folder.scene(), "--out", &folder.path("out")], &set[..]].concat());

@@ -6,6 +6,7 @@ mod support;
 
 mod accuracy;
 mod bench;
+mod clique_states;
 mod contract;
 mod coupled;
 mod dissipation;

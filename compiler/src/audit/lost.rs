@@ -118,7 +118,7 @@ impl Lost {
             None => {
                 format!("{}({})", self.argument.orders()[self.cause.order], self.argument.symbol())
             }
-            Some(Subject::NextState(text)) => format!("update {text}"),
+            Some(Subject::NextState(_, text)) => format!("update {text}"),
             Some(function) => format!("the margin of `{}`", function.symbol()),
         }
     }

@@ -173,7 +173,7 @@ impl Audit {
 /// What is judged, as written: an energy of an argument, or a function that is none.
 pub fn title(argument: Argument, function: Option<&Subject>) -> String {
     match function {
-        Some(Subject::NextState(text)) => format!("update {text}"),
+        Some(Subject::NextState(_, text)) => format!("update {text}"),
         Some(Subject::Dissipation(text)) => format!("dissipation(l) = {text}"),
         Some(function) => format!("break when {}", function.symbol()),
         None => format!("psi({})", argument.symbol()),

@@ -18,6 +18,9 @@ use crate::model::{Break, GatheredBreak, GradientBreak};
 /// The bit of [`Value::uses`] for lengths of bonds.
 pub(super) const LENGTH: u8 = bit(Measure::Length);
 
+/// The bits of all measures.
+pub(super) const ALL_MEASURES: u8 = LENGTH | bit(Measure::Area) | bit(Measure::Volume);
+
 /// The bit of [`Value::uses`] for a measure.
 const fn bit(measure: Measure) -> u8 {
     1 << (measure as u8)
@@ -33,15 +36,23 @@ enum Of {
     Gathered { of_bonds: bool },
 }
 
+/// The measures among what a value uses.
+pub(super) fn measures_in(uses: u8) -> Vec<Measure> {
+    Measure::ALL.into_iter().filter(|measure| uses & bit(*measure) != 0).collect()
+}
+
 impl Builder<'_> {
-    /// `break when CONDITION "reason"`.
-    pub(super) fn breaking(&mut self, breaking: &BreakAst) {
+    /// The condition of `break when CONDITION "reason"`, where it is one.
+    pub(super) fn condition(&mut self, breaking: &BreakAst) -> Option<Value> {
+        let value = self.elaborator.expression(breaking.condition)?;
+        self.elaborator.truth(value, breaking.condition)?;
+        Some(value)
+    }
+
+    /// `break when CONDITION "reason"`, with what its condition is; states are of known kinds.
+    pub(super) fn breaking(&mut self, breaking: &BreakAst, value: Value) {
         let arena = &self.ast.arena;
         let (condition, span) = (breaking.condition, arena[breaking.condition].span);
-        let Some(value) = self.elaborator.expression(condition) else { return };
-        if self.elaborator.truth(value, condition).is_none() {
-            return;
-        }
         let Some(subject) = self.subject_of(breaking, value) else { return };
         match margin(&mut self.elaborator.graph, value.node) {
             Ok(Some(Margin { root, inclusive })) => {
@@ -94,18 +105,18 @@ impl Builder<'_> {
     fn subject_of(&mut self, breaking: &BreakAst, value: Value) -> Option<Of> {
         let arena = &self.ast.arena;
         let span = arena[breaking.condition].span;
-        let foreign = value.uses & !Measure::ALL.into_iter().fold(0, |all, one| all | bit(one));
-        let remembers = self.elaborator.depends_on_states(&[value.node]);
-        if value.uses == GRADIENT && !remembers {
+        let foreign = value.uses & !ALL_MEASURES;
+        let remembering = self.kinds_in(value.node);
+        if value.uses == GRADIENT && remembering.is_empty() {
             return Some(Of::Gradient);
         }
-        if value.uses & !LENGTH == INTEGRAL && !remembers {
+        if value.uses & !LENGTH == INTEGRAL && remembering.is_empty() {
             return Some(Of::Gathered { of_bonds: value.uses & LENGTH != 0 });
         }
-        // States are those of bonds.
-        let holds =
-            |one: &Measure| value.uses & bit(*one) != 0 || remembers && *one == Measure::Length;
-        let held: Vec<Measure> = Measure::ALL.into_iter().filter(holds).collect();
+        let mut held = measures_in(value.uses);
+        held.extend(&remembering);
+        held.sort_unstable();
+        held.dedup();
         let example = "write for instance `break when l/L - 1 > s0 \"critical stretch\"`";
         let error = match held[..] {
             _ if foreign & GRADIENT != 0 => {
@@ -124,9 +135,9 @@ impl Builder<'_> {
                 .help(example),
             _ => {
                 let message = "a condition is one of bonds, of triangles or of tetrahedra";
-                let whose = |one: &Measure| match (one, remembers) {
-                    (Measure::Length, true) => "what bonds remember".to_string(),
-                    _ => format!("`{}`", one.symbol()),
+                let whose = |one: &Measure| match remembering.contains(one) {
+                    true => format!("what {} remember", one.interactions()),
+                    false => format!("`{}`", one.symbol()),
                 };
                 let all: Vec<String> = held.iter().map(whose).collect();
                 Diagnostic::error("wrong-measure", span, message)

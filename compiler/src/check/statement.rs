@@ -1,5 +1,7 @@
 //! Statements to a model, once per dimension.
 
+use std::collections::HashMap;
+
 use piola_grammar::ast::{
     Allow, Ast, Definition, Energy as EnergyAst, ExprId, ExprKind, Ident,
     Parameter as ParameterAst, Statement, Text,
@@ -227,7 +229,7 @@ fn condition(elaborator: &mut Elaborator<'_>, id: ExprId) -> Option<NodeId> {
     elaborator.truth(value, id)?;
     let span = elaborator.arena[id].span;
     if elaborator.depends_on_states(&[value.node]) {
-        let message = "a condition on parameters cannot depend on what bonds remember";
+        let message = "a condition on parameters cannot depend on a state";
         elaborator.report(Diagnostic::error("wrong-measure", span, message));
         return None;
     }
@@ -253,6 +255,10 @@ pub(super) struct Builder<'a> {
     pub(super) has_units: bool,
     pub(super) elaborator: Elaborator<'a>,
     pub(super) variant: Variant,
+    /// The measure that each update holds, if it holds one.
+    pub(super) said: Vec<Option<Measure>>,
+    /// Of which kinds the states are that are updated, once it is known.
+    pub(super) kinds: HashMap<usize, Measure>,
 }
 
 impl<'a> Builder<'a> {
@@ -260,6 +266,8 @@ impl<'a> Builder<'a> {
         Builder {
             ast,
             has_units,
+            said: Vec::new(),
+            kinds: HashMap::new(),
             elaborator: Elaborator::new(&ast.arena, Some(ast), symbols, dimension, has_units),
             variant: Variant {
                 dimension,
@@ -286,6 +294,7 @@ impl<'a> Builder<'a> {
 
     fn statements(&mut self) {
         let ast = self.ast;
+        let (mut breaks, mut conditions) = (Vec::new(), Vec::new());
         for (number, statement) in ast.statements.iter().enumerate() {
             match statement {
                 Statement::Parameter(p) => self.parameter(p),
@@ -294,7 +303,12 @@ impl<'a> Builder<'a> {
                 }
                 Statement::Energy(energy) => self.energy(energy),
                 Statement::Domain(domain) => self.domain(domain),
-                Statement::Break(breaking) => self.breaking(breaking),
+                Statement::Break(breaking) => {
+                    if let Some(condition) = self.condition(breaking) {
+                        breaks.push(breaking);
+                        conditions.push(condition);
+                    }
+                }
                 Statement::Dissipation(potential) => self.dissipation(potential),
                 Statement::Update(update) => self.update(update),
                 Statement::Definition(_)
@@ -303,6 +317,11 @@ impl<'a> Builder<'a> {
                 | Statement::Dimensions(_)
                 | Statement::Weights(_) => {}
             }
+        }
+        // What a condition of states alone breaks is known once all that remembers is.
+        self.find_kinds(&conditions);
+        for (breaking, condition) in breaks.into_iter().zip(conditions) {
+            self.breaking(breaking, condition);
         }
     }
 

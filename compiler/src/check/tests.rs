@@ -420,3 +420,73 @@ fn lines_that_cannot_be_read_hide_no_other_mistake() {
         "nesting-too-deep"
     );
 }
+
+/// Of which kinds the states of a potential are, as `k: a`.
+fn kinds(lines: &str) -> Vec<String> {
+    let model = model(&format!("potential p\n{lines}"));
+    let name = |state: usize| model.parameters()[state].name.clone();
+    model
+        .updates()
+        .iter()
+        .map(|update| format!("{}: {}", name(update.state), update.measure.symbol()))
+        .collect()
+}
+
+#[test]
+fn states_are_of_the_kind_that_their_updates_hold() {
+    let psi = "psi(l) = (l/L)^2\npsi(a) = (a/A)^2\npsi(v) = (v/V)^2";
+    for (lines, expected) in [
+        ("state k = 0\nupdate k = max(k, l/L - 1)", &["k: l"][..]),
+        ("state k = 0\nupdate k = max(k, a/A - 1)", &["k: a"]),
+        ("state k = 0\nupdate k = max(k, V)", &["k: v"]),
+        // Through a definition, and through other states, in either order.
+        ("state k = 0\ng = a/A - 1\nupdate k = max(k, g)", &["k: a"]),
+        (
+            "state k = 0\nstate p = 0\nupdate p = p + k*dt\nupdate k = max(k, a/A - 1)",
+            &["p: a", "k: a"],
+        ),
+        (
+            "state k = 0\nstate p = 0\nstate q = 0\nupdate q = p\nupdate p = k\nupdate k = v",
+            &["q: v", "p: v", "k: v"],
+        ),
+        // By what holds them.
+        ("state k = 0\nupdate k = k + dt\npsi(a) = k*(a/A)^2", &["k: a"]),
+        ("state k = 0\nupdate k = k + dt\nbreak when k > 1 or v/V > 2", &["k: v"]),
+        ("state k = 0\nstate p = 0\nupdate k = k + dt\nupdate p = max(p, k*a)", &["k: a", "p: a"]),
+        ("state k = 0\nupdate k = k + dt\nbreak when k > 1", &["k: l"]),
+        ("state k = 0\nbreak when k > 0.1\nupdate k = max(k, a/A - 1)", &["k: a"]),
+    ] {
+        assert_eq!(kinds(&format!("{lines}\n{psi}")), expected, "{lines}");
+    }
+    let text = "state k = 0\nbreak when k > 0.1\nupdate k = max(k, a/A - 1)\npsi(a) = (a/A)^2";
+    let model = model(&format!("potential p\n{text}"));
+    assert_eq!(model.breaks()[0].measure, Measure::Area);
+}
+
+#[test]
+fn states_of_one_kind_are_refused_to_others() {
+    let of_areas = "potential p\nstate k = 0\nupdate k = max(k, a/A - 1)\npsi(l) = (l/L)^2\n";
+    for (line, what, label) in [
+        ("psi(l) = k*l/L", "psi(l) cannot depend on what triangles remember", "holds `k`"),
+        ("psi(v) = k*v/V", "psi(v) cannot depend on what triangles remember", "of triangles"),
+        ("psi(F) = k*tr(E)^2", "psi(F) cannot depend on what triangles remember", "of triangles"),
+        ("psi(a, l1) = k*a/A*l1", "cannot depend on what triangles remember", "of triangles"),
+        ("dissipation(l) = k*rate(l)^2", "a dissipation cannot", "a state of triangles"),
+        ("break when k > 1 and l/L > 1", "a condition is one of bonds", "what triangles remember"),
+        ("state p = 0\nupdate p = k*l", "what bonds remember cannot", "a state of triangles"),
+        ("state p = 0\nupdate p = a*l", "`p` would be a state of several", "`l` and `a`"),
+        ("m = integral(l)\nstate p = 0\nupdate p = m", "remember by their own measures", "gather"),
+    ] {
+        let found = errors(&format!("{of_areas}{line}"));
+        let all: Vec<String> = found
+            .iter()
+            .map(|one| format!("{}: {}: {:?}", one.message, one.label, one.helps))
+            .collect();
+        assert!(all.iter().any(|one| one.contains(what) && one.contains(label)), "{line}: {all:?}");
+        let is_helped = |one: &Diagnostic| !one.helps.is_empty();
+        assert!(found.iter().all(is_helped), "{line}: {found:?}");
+    }
+    // What never changes is of bonds, as what varies from bond to bond.
+    let found = errors("potential p\nstate k = 0\npsi(a) = k*(a/A)^2");
+    assert_eq!(found[0].message, "psi(a) cannot depend on what bonds remember");
+}

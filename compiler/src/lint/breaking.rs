@@ -26,7 +26,7 @@ const STRETCHES_OF_GRADIENTS: [f64; 17] = [
     10.0,
 ];
 
-/// A time in s in which all has happened to a bond that time can do.
+/// A time in s in which all has happened that time can do.
 const AGE: f64 = 1e12;
 
 /// A condition with values for everything it depends on.
@@ -88,8 +88,10 @@ impl Breaking {
         let Some(variant) = model.variant(dimension) else { return Vec::new() };
         let Some(values) = example(model, dimension) else { return Vec::new() };
         let values = values.with_states(model);
-        let begin = || Remembering::new(model, &values, Mode::Interpreter, Form::Textbook);
-        let Ok(bond) = begin() else { return Vec::new() };
+        let begin = |measure| {
+            Remembering::new(model, measure, &values, Mode::Interpreter, Form::Textbook).ok()
+        };
+        let of_kinds = Measure::ALL.map(begin);
         let criteria = model.criteria(&values, Mode::Interpreter, Form::Textbook);
         let stretches: Vec<f64> = (-3 * POINTS_PER_DECADE..=POINTS_PER_DECADE)
             .map(|k| libm::pow(10.0, f64::from(k) / f64::from(POINTS_PER_DECADE)))
@@ -109,20 +111,22 @@ impl Breaking {
             REFERENCES.into_iter().flat_map(|part| points(measure, part)).collect()
         });
         let breaking = |(condition, criterion): (&Break, Criterion)| {
+            let measure = condition.measure;
+            let one = of_kinds[measure as usize].as_ref()?;
             let tried = |point: &Point| {
                 let stretch = point.measure / point.reference;
-                (stretch, breaks_in_time(bond.clone(), &criterion, *point))
+                (stretch, breaks_in_time(one.clone(), &criterion, *point))
             };
-            let measure = condition.measure;
             let points = &of_measures[measure as usize];
             let has_energy = measure == Measure::Length
                 || model.measures().contains(&measure)
                 || model.coupled().contains(&measure);
             let (span, measure) = (condition.span, Some(condition.measure));
-            Breaking { span, measure, has_energy, tried: points.iter().map(tried).collect() }
+            let tried = points.iter().map(tried).collect();
+            Some(Breaking { span, measure, has_energy, tried })
         };
         let criteria = criteria.unwrap_or_default();
-        variant.breaks.iter().zip(criteria).map(breaking).collect()
+        variant.breaks.iter().zip(criteria).filter_map(breaking).collect()
     }
 
     /// The measure, that at rest, what has them, and many of these.
@@ -142,7 +146,7 @@ impl Breaking {
     }
 }
 
-/// Whether a bond breaks that comes to a length and stays there for a long time, but at rest.
+/// Whether one breaks that comes to a measure and stays there for a long time, but at rest.
 fn breaks_in_time(mut bond: Remembering, criterion: &Criterion, point: Point) -> bool {
     let mut breaks = bond.breaks(criterion, point);
     if point.measure != point.reference {

@@ -9,7 +9,7 @@
 //! | `no-bond-energy` | stands without one of bonds |
 //! | `breaks-at-rest`, `never-breaks`, `breaks-in-compression` | has a condition `break when` that holds there |
 //! | `breaks-nothing` | has one of triangles or tetrahedra, and no energy of them |
-//! | `update-creates-energy`, `update-not-settled` | grows, or changes again, when bonds remember |
+//! | `update-creates-energy`, `update-not-settled` | grows, or changes again, when interactions remember |
 //! | `state-unused` | has a state that changes nothing |
 //! | `dissipation-creates-energy` | has a dissipation whose force drives what changes |
 //! | `jump-in-stiffness` | has no jump of psi'' where branches meet, or at points of a table |
@@ -56,7 +56,7 @@ enum Look {
     Energy(fn(&Subject<'_>) -> Option<Finding>),
     /// One condition under which bonds break, with values.
     Break(fn(&Breaking) -> Option<Finding>),
-    /// What bonds remember, with values; gives the update that is to be pointed at.
+    /// What is remembered, with values; gives the update that is to be pointed at.
     Update(fn(&Updating<'_>) -> Option<(usize, Finding)>),
     /// What bonds dissipate, with values.
     Dissipation(fn(&Dissipating) -> Option<Finding>),
@@ -108,7 +108,7 @@ impl Lint {
         Some(self.warning(breaking.span, look(breaking)?))
     }
 
-    /// What it says of what bonds remember.
+    /// What it says of what is remembered.
     fn look_at_updates(&self, updating: &Updating<'_>) -> Option<Diagnostic> {
         let Look::Update(look) = self.look else { return None };
         let (update, finding) = look(updating)?;
@@ -165,7 +165,8 @@ impl Model {
             for breaking in Breaking::examples(self, dimension) {
                 of_bonds.extend(wanted.iter().filter_map(|lint| lint.look_at_break(&breaking)));
             }
-            if let Some(updating) = Updating::examples(self, dimension) {
+            let updating = |measure| Updating::examples(self, measure, dimension);
+            for updating in Measure::ALL.into_iter().filter_map(updating) {
                 of_bonds.extend(wanted.iter().filter_map(|lint| lint.look_at_updates(&updating)));
             }
             if let Some(own) = Dissipating::examples(self, dimension) {

@@ -1,9 +1,9 @@
-//! What bonds remember: states that nobody asks, and next states that create energy or do not settle.
+//! What interactions remember: states that nobody asks, and next states that create energy or do not settle.
 
 use super::Finding;
 use super::subject::{example, short};
 use crate::expression::Input;
-use crate::kernel::{Kernel, Mode};
+use crate::kernel::Mode;
 use crate::measure::Measure;
 use crate::model::{Model, Parameter, Update};
 use crate::remember::Remembering;
@@ -14,46 +14,57 @@ use crate::verify::sample::{Point, contains};
 const STRETCHES: [f64; 13] =
     [1.1, 1.3, 2.0, 1.05, 1.02, 1.01, 1.0, 0.99, 0.95, 0.8, 0.5, 1.001, 0.999];
 
-/// A bond's length at rest, over the horizon.
+/// A length at rest, over the horizon; areas and volumes are its powers.
 const REFERENCE: f64 = 0.5;
 
 /// By which part of what it can be an energy must grow, or a state change, to be told.
 const TOLD: f64 = 1e-9;
 
-/// What bonds remember, with values for everything it depends on.
+/// What bonds remember, or triangles, or tetrahedra, with values for everything it depends on.
 pub(super) struct Updating<'m> {
-    pub(super) updates: &'m [Update],
+    pub(super) updates: Vec<&'m Update>,
+    measure: Measure,
     model: &'m Model,
     tried: Vec<Tried>,
 }
 
-/// A bond that has been at one stretch and comes to another.
+/// An interaction that has been at one stretch and comes to another.
 struct Tried {
     stretches: [f64; 2],
     /// psi with states before they change and behind that.
     psi: [f64; 2],
-    /// The next states, one for each update, and what becomes of these at the same length at once.
+    /// The next states, one for each update, and what becomes of these at the same measure at once.
     next: [Vec<f64>; 2],
 }
 
 impl<'m> Updating<'m> {
-    /// The updates of a model for some values; nothing where there are none, or no values are found.
-    pub(super) fn examples(model: &'m Model, dimension: usize) -> Option<Updating<'m>> {
-        let variant = model.variant(dimension).filter(|variant| !variant.updates.is_empty())?;
+    /// The updates of a measure of a model for some values; nothing where there are none, or no values are found.
+    pub(super) fn examples(
+        model: &'m Model,
+        measure: Measure,
+        dimension: usize,
+    ) -> Option<Updating<'m>> {
+        let variant = model.variant(dimension)?;
+        let own = variant.updates.iter().filter(|update| update.measure == measure);
+        let updates: Vec<&Update> = own.collect();
+        if updates.is_empty() {
+            return None;
+        }
         let values = example(model, dimension)?.with_states(model);
         let compiled = model.compile(&values, Mode::Interpreter, Form::Textbook).ok()?;
-        let of_bonds = |kernel: &&Kernel| kernel.measure() == Measure::Length;
-        let kernel = compiled.kernels.iter().find(of_bonds);
-        let begin = || Remembering::new(model, &values, Mode::Interpreter, Form::Textbook).ok();
+        let kernel = compiled.kernels.iter().find(|kernel| kernel.measure() == measure);
+        let begin = Remembering::new(model, measure, &values, Mode::Interpreter, Form::Textbook);
+        let begin = begin.ok()?;
+        let length = REFERENCE * values.horizon;
+        let reference = (1..measure.points()).fold(1.0, |power, _| power * length);
         let mut tried = Vec::new();
         for [first, second] in STRETCHES.iter().flat_map(|one| STRETCHES.map(|two| [*one, two])) {
-            let reference = REFERENCE * values.horizon;
             let [one, two] =
                 [first, second].map(|stretch| Point { measure: stretch * reference, reference });
-            if ![one, two].iter().all(|p| contains(variant, Measure::Length, &values, *p)) {
+            if ![one, two].iter().all(|p| contains(variant, measure, &values, *p)) {
                 continue;
             }
-            let mut bond = begin()?;
+            let mut bond = begin.clone();
             bond.advance(one, 0.0);
             let psi = |bond: &Remembering| kernel.map_or(0.0, |kernel| bond.energy(kernel, two)[0]);
             let next = |bond: &Remembering| -> Vec<f64> {
@@ -67,39 +78,53 @@ impl<'m> Updating<'m> {
                 next: [states, next(&bond)],
             });
         }
-        Some(Updating { updates: &variant.updates, model, tried })
+        Some(Updating { updates, measure, model, tried })
     }
 
     fn name(&self, update: usize) -> &str {
         &self.model.parameters()[self.updates[update].state].name
     }
+
+    /// In words where one has been and where it comes to.
+    fn way(&self, [first, second]: [f64; 2]) -> String {
+        let (m, rest) = (self.measure.symbol(), self.measure.reference_symbol());
+        format!("at {m}/{rest} = {} after {m}/{rest} = {}", short(second), short(first))
+    }
+
+    /// What stays as it is while states change.
+    fn held(&self) -> &'static str {
+        match self.measure {
+            Measure::Length => "length",
+            Measure::Area => "area",
+            Measure::Volume => "volume",
+        }
+    }
 }
 
-/// In words where a bond has been and where it comes to.
-fn way([first, second]: [f64; 2]) -> String {
-    format!("at l/L = {} after l/L = {}", short(second), short(first))
-}
-
-/// Energy that grows at a fixed length when states change.
+/// Energy that grows at a fixed measure when states change.
 pub(super) fn creates_energy(updating: &Updating<'_>) -> Option<(usize, Finding)> {
     let most = updating.tried.iter().flat_map(|tried| tried.psi).filter(|psi| psi.is_finite());
     let most = most.fold(0.0, |most: f64, psi| most.max(psi.abs()));
     let creates = |tried: &&Tried| tried.psi[1] - tried.psi[0] > TOLD * most;
     let found = updating.tried.iter().find(creates)?;
+    let m = updating.measure.symbol();
     let finding = Finding {
         message: format!(
-            "what bonds remember creates energy: psi(l) grows from {} to {} {}, at a fixed length",
+            "what {} remember creates energy: psi({m}) grows from {} to {} {}, at a fixed {}",
+            updating.measure.interactions(),
             short(found.psi[0]),
             short(found.psi[1]),
-            way(found.stretches)
+            updating.way(found.stretches),
+            updating.held()
         ),
-        help: "let psi(l) fall or stay as it is when a state changes: what is lost is dissipated"
-            .into(),
+        help: format!(
+            "let psi({m}) fall or stay as it is when a state changes: what is lost is dissipated"
+        ),
     };
     Some((0, finding))
 }
 
-/// A state that goes on changing at a fixed length without a time.
+/// A state that goes on changing at a fixed measure without a time.
 pub(super) fn not_settled(updating: &Updating<'_>) -> Option<(usize, Finding)> {
     (0..updating.updates.len()).find_map(|update| {
         let all = updating.tried.iter().flat_map(|tried| &tried.next);
@@ -114,11 +139,12 @@ pub(super) fn not_settled(updating: &Updating<'_>) -> Option<(usize, Finding)> {
         let name = updating.name(update);
         let message = format!(
             "`{name}` does not settle: {} it becomes {one}, and {two} at once again",
-            way(found.stretches)
+            updating.way(found.stretches)
         );
-        let help =
-            "let it come to rest in one go at a fixed length, or let it depend on the time by `dt`";
-        let help = help.into();
+        let help = format!(
+            "let it come to rest in one go at a fixed {}, or let it depend on the time by `dt`",
+            updating.held()
+        );
         Some((update, Finding { message, help }))
     })
 }
@@ -138,11 +164,14 @@ pub(super) fn unused(model: &Model, state: &Parameter) -> Option<Finding> {
     let energies = variant.energies.iter().map(|energy| energy.root);
     let breaks = variant.breaks.iter().map(|one| one.root);
     let dissipations = variant.dissipations.iter().map(|one| one.root);
-    let of_bonds = energies.chain(breaks).chain(dissipations);
-    let roots: Vec<_> = of_bonds.chain(others.map(|update| update.root)).collect();
+    let holders = energies.chain(breaks).chain(dissipations);
+    let roots: Vec<_> = holders.chain(others.map(|update| update.root)).collect();
     let is_used = variant.graph.depends_on(&roots, Input::Parameter(number as u16));
+    let m = model.kind_of_state(number).unwrap_or(Measure::Length).symbol();
     (!is_used).then(|| Finding {
-        message: format!("`{name}` changes nothing: no psi(l), condition or other state holds it"),
-        help: "let psi(l) or a condition depend on it, or leave it out".into(),
+        message: format!(
+            "`{name}` changes nothing: no psi({m}), condition or other state holds it"
+        ),
+        help: format!("let psi({m}) or a condition depend on it, or leave it out"),
     })
 }

@@ -18,7 +18,27 @@ fn message(statements: &str, code: &str) -> String {
 }
 
 /// Code, an energy that has it, an energy that has not.
-const PAIRS: [(&str, &str, &str); 45] = [
+const PAIRS: [(&str, &str, &str); 49] = [
+    (
+        "update-creates-energy",
+        "state k = 0\nupdate k = max(k, a/A - 1)\npsi(l) = (l/L - 1)^2\npsi(a) = (1 + k)*(a/A - 1)^2",
+        "state k = 0\nupdate k = max(k, a/A - 1)\npsi(l) = (l/L - 1)^2\npsi(a) = (a/A - 1)^2/(1 + k)",
+    ),
+    (
+        "update-not-settled",
+        "state k = 0\nupdate k = 1/2*k + v/V - 1\npsi(v) = (v/V - 1)^2*(3 - sign(k))",
+        "state k = 0\nupdate k = k + dt*(v/V - 1)\npsi(v) = (v/V - 1)^2*(3 - sign(k))",
+    ),
+    (
+        "state-unused",
+        "state k = 0\nupdate k = max(k, a/A - 1)\npsi(l) = (l/L - 1)^2\npsi(a) = (a/A - 1)^2",
+        "state k = 0\nupdate k = max(k, a/A - 1)\npsi(l) = (l/L - 1)^2\npsi(a) = (a/A - 1)^2/(1 + k)",
+    ),
+    (
+        "breaks-at-rest",
+        "state k = 0\nupdate k = max(k, a/A - 1)\npsi(a) = (a/A - 1)^2\nbreak when k >= 0",
+        "state k = 0\nupdate k = max(k, a/A - 1)\npsi(a) = (a/A - 1)^2\nbreak when k > 0.1",
+    ),
     (
         "breaks-nothing",
         "psi(l) = (l/L - 1)^2\nbreak when a/A - 1 > 0.1",

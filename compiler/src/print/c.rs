@@ -10,13 +10,14 @@ use crate::density::DensityForm;
 use crate::expression::graph::components;
 use crate::expression::power::{PowerOps, PowerPlan};
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator};
+use crate::measure::Measure;
 use crate::model::Model;
 use crate::point::{GradientCondition, GradientEnergyForms, NEAR, axes};
 use crate::specialise::ScalarEnergy;
 
 /// A C99 file with one function per energy of a measure:
 /// `void NAME_l(size_t n, const double *measure, const double *reference, const double *change,
-/// double *psi, double *dpsi, double *d2psi)`, with an array for each state before `psi`,
+/// double *psi, double *dpsi, double *d2psi)`, with an array for each state of its kind before `psi`,
 /// and two for the energy of the deformation gradient, whose arrays hold component after component,
 /// row by row, of `n` places (`change` is `F - I`):
 /// `void NAME_F(size_t n, const double *gradient, const double *change, double *psi,
@@ -77,7 +78,8 @@ fn function(out: &mut String, model: &Model, energy: &ScalarEnergy) {
 }
 
 /// A function over arrays of bonds, or of other interactions, with one array for each result. States are
-/// arrays, too, all that the values have if the function takes any, and the time step is a number.
+/// arrays, too, all of their kind that the values have if the function takes any, and the time step is a
+/// number.
 fn array_function(
     out: &mut String,
     model: &Model,
@@ -85,7 +87,12 @@ fn array_function(
     energy: &ScalarEnergy,
     results: &[(&str, NodeId)],
 ) {
-    let given = energy.fields.iter().map(|(number, _)| match model.time_step() {
+    let is_own = |number: u16| {
+        let kind = model.kind_of_state(usize::from(number));
+        model.time_step() == Some(number) || kind.unwrap_or(Measure::Length) == energy.measure
+    };
+    let own = energy.fields.iter().filter(|(number, _)| is_own(*number));
+    let given = own.map(|(number, _)| match model.time_step() {
         Some(dt) if dt == *number => "double dt, ".to_string(),
         _ => format!("const double *{}, ", state(model, *number)),
     });
@@ -121,7 +128,7 @@ fn state(model: &Model, number: u16) -> String {
     format!("state_{}", model.input_name(usize::from(number)))
 }
 
-/// C99 functions for when bonds break and what they remember, beside those of [`c_source`]:
+/// C99 functions for when bonds, triangles and tetrahedra break and what they remember, beside those of [`c_source`]:
 /// `void NAME_margin_1(size_t n, const double *measure, const double *reference, const double *change,
 /// const double *state_k, double *margin)`, and `NAME_next_k` with `double dt` where it depends on the time
 /// step; `NAME_dissipation` takes `const double *rate` behind `change`, and gives `R`, `dR` and `d2R`.
@@ -140,7 +147,10 @@ pub fn c_of_bonds(model: &Model, functions: &[BondFunction]) -> String {
             BondFunctionKind::Next(state) => (
                 format!("next_{state}"),
                 "next",
-                format!("What a bond remembers next: {state} = {text}"),
+                format!(
+                    "What a {} remembers next: {state} = {text}",
+                    function.measure.interaction()
+                ),
             ),
             BondFunctionKind::Dissipation => {
                 let _ = write!(

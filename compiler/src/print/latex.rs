@@ -18,7 +18,7 @@ pub fn latex(model: &Model, energy: &ScalarEnergy) -> String {
     format!("\\begin{{align*}}\n{}\n\\end{{align*}}\n", rows.join(" \\\\\n"))
 }
 
-/// When bonds break and what they remember, in one `align*` environment; nothing where they do neither.
+/// When bonds, triangles and tetrahedra break and what they remember, in one `align*` environment; nothing where they do neither.
 pub fn latex_of_bonds(model: &Model, functions: &[BondFunction]) -> String {
     let mut rows = Vec::new();
     for BondFunction { kind, function, .. } in functions {

@@ -1,12 +1,12 @@
-//! Energies of bonds that follow what they come to remember, as load steps take them: psi, psi' there, and
-//! the derivative of that psi' by the length.
+//! Energies of measures that follow what comes to be remembered, as load steps take them: psi, psi' there, and
+//! the derivative of that psi' by the measure.
 //!
-//! The witness is one evaluation of the energy as written over hyper-dual numbers: the length varies in both
+//! The witness is one evaluation of the energy as written over hyper-dual numbers: the measure varies in both
 //! parts, and the states are what the updates as written make of them, varying in the second part alone.
-//! So its mixed part is `psi'' + sum dpsi'/dp dP/dl`. Digits are what the lines with held states are about;
+//! So its mixed part is `psi'' + sum dpsi'/dp dP/dm`. Digits are what the lines with held states are about;
 //! here it is whether the chain rule is right. So values may be off by a billionth of themselves and of the
-//! order below over the length, and near rest by 64 times what they change by when the length, or the states
-//! that bonds come to, are rounded.
+//! order below over the measure, and near rest by 64 times what they change by when the measure, or the states
+//! that come of it, are rounded.
 
 use num_dual::HyperDual64;
 
@@ -26,16 +26,29 @@ const BAR: f64 = 64.0;
 /// What values may be off by, as a part of themselves and of the order below over the length.
 const RELATIVE: f64 = 1e-9;
 
-/// Verifies the energy of bonds at about `2 n` points with the states of the values, a second after the last
-/// time; nothing where it depends on no state that is updated.
+/// Verifies energies at about `2 n` points with the states of the values, a second after the last time: of the
+/// measures whose energy depends on a state that is updated.
 pub(super) fn verify(
     model: &Model,
     variant: &Variant,
     values: &Values,
     n: usize,
+) -> Result<Vec<Verification>, CompileError> {
+    let mut all = Vec::new();
+    for measure in Measure::ALL {
+        all.extend(verify_of((model, variant), measure, values, n)?);
+    }
+    Ok(all)
+}
+
+fn verify_of(
+    (model, variant): (&Model, &Variant),
+    measure: Measure,
+    values: &Values,
+    n: usize,
 ) -> Result<Option<Verification>, CompileError> {
-    let of_bonds = variant.energies.iter().filter(|one| one.measure == Measure::Length);
-    let roots: Vec<NodeId> = of_bonds.map(|energy| energy.root).collect();
+    let own = variant.energies.iter().filter(|one| one.measure == measure);
+    let roots: Vec<NodeId> = own.map(|energy| energy.root).collect();
     let depends =
         |update: &Update| variant.graph.depends_on(&roots, Input::Parameter(update.state as u16));
     let (true, Some(dt)) = (variant.updates.iter().any(depends), model.number_of_time_step())
@@ -46,7 +59,7 @@ pub(super) fn verify(
     following.parameters[usize::from(dt)] = 1.0;
     let kernel = |mode| -> Result<Option<Kernel>, CompileError> {
         let compiled = model.compile_only(&[Kind::Measures], &following, mode, Form::Accurate)?;
-        Ok(compiled.kernels.into_iter().find(|kernel| kernel.measure() == Measure::Length))
+        Ok(compiled.kernels.into_iter().find(|kernel| kernel.measure() == measure))
     };
     let strict = kernel(Mode::Jit(Level::Strict))?;
     let (fast, interpreted) = (kernel(Mode::Jit(Level::Fast))?, kernel(Mode::Interpreter)?);
@@ -54,17 +67,22 @@ pub(super) fn verify(
         return Ok(None);
     };
     let next = model.written_next_states(&following);
-    let states = variant.updates.iter().map(|update| update.state as u16);
+    let next = variant.updates.iter().zip(next).filter(|(update, _)| update.measure == measure);
     let witness = Following {
-        energy: model.written(&following, Measure::Length),
-        next: states.zip(next).collect(),
+        energy: model.written(&following, measure),
+        next: next.map(|(update, next)| (update.state as u16, next)).collect(),
     };
-    let points = sample::points(variant, Measure::Length, values, n);
-    Ok(Some(compare([&strict, &fast, &interpreted], &witness, &points)))
+    let points = sample::points(variant, measure, values, n);
+    let found = Verification::new(Subject::Following(measure), &[(Witness::HyperDual, BAR)]);
+    Ok(Some(compare(found, [&strict, &fast, &interpreted], &witness, &points)))
 }
 
-fn compare(kernels: [&Kernel; 3], witness: &Following, points: &[Point]) -> Verification {
-    let mut found = Verification::new(Subject::Following, &[(Witness::HyperDual, BAR)]);
+fn compare(
+    mut found: Verification,
+    kernels: [&Kernel; 3],
+    witness: &Following,
+    points: &[Point],
+) -> Verification {
     let columns = Columns::new(points);
     let [strict, fast, interpreted] = kernels.map(|kernel| columns.derivatives(kernel));
     for (k, point) in points.iter().enumerate() {
@@ -98,7 +116,7 @@ struct Following {
 }
 
 impl Following {
-    /// psi and psi' at the next states, and the derivative of that psi' by the length; the measure and the
+    /// psi and psi' at the next states, and the derivative of that psi' by the measure; the measure and the
     /// next states are off by so many parts of themselves.
     fn at(&self, point: Point, [of_measure, of_states]: [f64; 2]) -> [f64; 3] {
         let measure = point.measure * (1.0 + of_measure);

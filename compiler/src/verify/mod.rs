@@ -11,9 +11,9 @@
 //! | `gradient` | energies of the deformation gradient |
 //! | `gathered` | energies of gathered values |
 //! | `margin`, `gradient_margin`, `gathered_margin` | conditions under which bonds break |
-//! | `remember` | what bonds remember, and all of the above with it |
+//! | `remember` | what interactions remember, and all of the above with it |
 //! | `dissipation` | what bonds dissipate |
-//! | `consistent` | energies of bonds at what these come to remember, with the tangent of load steps |
+//! | `consistent` | energies of measures at what interactions come to remember, with the tangent of load steps |
 //! | `coupled` | energies of several measures of one interaction |
 //! | `cause`, `stated` | which subexpression loses digits, and what it is in the text |
 //! | [`sample`], [`truth`] | points to try energies of measures at, and their values there to any precision |
@@ -35,7 +35,7 @@ pub mod truth;
 
 use crate::compile::Compiled;
 use crate::kernel::{Batch, Derivatives, Kernel, Level, Mode};
-use crate::measure::Argument;
+use crate::measure::{Argument, Measure};
 use crate::model::Model;
 use crate::point::truth::parts;
 use crate::specialise::{CompileError, Dropped, Form};
@@ -106,12 +106,13 @@ pub enum Subject {
     /// No energy, but a condition under which bonds, triangles or tetrahedra break, as written, with what it is
     /// a condition of: their measure, deformation gradients; nothing of one of gathered values.
     Margin(Option<Argument>, String),
-    /// No energy, but what a state becomes: `p = max(p, l/L - 1)`.
-    NextState(String),
+    /// No energy, but what a state becomes: `p = max(p, l/L - 1)`, with the measure of what remembers it.
+    NextState(Measure, String),
     /// No energy, but what bonds dissipate, a function of their rate: `1/2*eta*rate(l)^2`.
     Dissipation(String),
-    /// The energy of bonds at the states that they come to, and how its force changes with the length.
-    Following,
+    /// The energy of a measure at the states that interactions come to, and how its force changes with the
+    /// measure.
+    Following(Measure),
     /// Several measures of one interaction: as written, `angle`, and what that follows from, `a`, `l1` ..
     Coupled(String, Vec<&'static str>),
 }
@@ -185,10 +186,10 @@ impl Subject {
             Subject::Argument(argument) => argument.symbol(),
             Subject::Gathered(text)
             | Subject::Margin(_, text)
-            | Subject::NextState(text)
+            | Subject::NextState(_, text)
             | Subject::Dissipation(text)
             | Subject::Coupled(text, _) => text,
-            Subject::Following => "l",
+            Subject::Following(measure) => measure.symbol(),
         }
     }
 
@@ -198,9 +199,11 @@ impl Subject {
             Subject::Argument(argument) => argument.orders(),
             Subject::Gathered(_) | Subject::Coupled(..) => ["psi", "gradient", "product"],
             Subject::Margin(..) => ["margin", "margin'", "margin''"],
-            Subject::NextState(_) => ["next", "next'", "next''"],
+            Subject::NextState(..) => ["next", "next'", "next''"],
             Subject::Dissipation(_) => ["R", "R'", "R''"],
-            Subject::Following => ["psi", "psi'", "dpsi'/dl"],
+            Subject::Following(Measure::Length) => ["psi", "psi'", "dpsi'/dl"],
+            Subject::Following(Measure::Area) => ["psi", "psi'", "dpsi'/da"],
+            Subject::Following(Measure::Volume) => ["psi", "psi'", "dpsi'/dv"],
         }
     }
 }
@@ -332,8 +335,8 @@ struct Ways {
 
 /// Verifies every energy of a model for these values, and once more where it has a kernel for the
 /// squared measure: at about `2 n` points of measures, at `2 n` gradients and at most 200, at `n`
-/// places of gathered values. Where bonds remember, with what they remember at the start and after some
-/// histories, and what they remember next; what they dissipate by how fast they change.
+/// places of gathered values. Where interactions remember, with what they remember at the start and after some
+/// histories, and what they remember next; what bonds dissipate by how fast they change.
 ///
 /// # Errors
 /// Energies that cannot be compiled.
@@ -358,7 +361,7 @@ pub fn verify(
     Ok(all)
 }
 
-/// The same with what bonds remember by the values.
+/// The same with what is remembered by the values.
 fn verify_at(
     model: &Model,
     values: &Values,

@@ -2,7 +2,7 @@
 //! states against numbers of any precision.
 //!
 //! A next state may be off by 64 roundings of itself, and by what it changes by when the change of the
-//! length, or the length itself, is rounded: a return map takes the strain and hands on its rounding.
+//! measure, or the measure itself, is rounded: a return map takes the strain and hands on its rounding.
 
 use super::{Columns, Miss, Subject, UNIT_ROUNDOFF, Verification, Witness, sample};
 use crate::expression::number::Number as _;
@@ -18,7 +18,7 @@ use sample::Point;
 /// Largest error of a next state, in roundings.
 const BAR: f64 = 64.0;
 
-/// Stretches through which bonds have gone, one way after the other.
+/// Stretches through which bonds, triangles and tetrahedra have gone, one way after the other.
 const HISTORIES: [&[f64]; 4] = [&[1.02], &[1.3, 1.1], &[0.9], &[1.005, 0.98, 1.6]];
 
 /// The values as they are, and with what bonds remember after some histories, each once.
@@ -29,16 +29,22 @@ pub(crate) fn histories(model: &Model, values: &Values) -> Result<Vec<Values>, C
     }
     let fields = values.clone().with_states(model).fields;
     let horizon = if values.horizon.is_finite() { values.horizon } else { 1.0 };
-    let bond = Remembering::new(model, values, Mode::Interpreter, Form::Accurate)?;
+    let mut of_kinds = Vec::new();
+    for measure in Measure::ALL.into_iter().filter(|measure| model.remembers(*measure)) {
+        let one = Remembering::new(model, measure, values, Mode::Interpreter, Form::Accurate)?;
+        of_kinds.push((measure, one));
+    }
     for stretches in HISTORIES {
-        let mut bond = bond.clone();
-        for stretch in stretches {
-            let reference = 0.5 * horizon;
-            bond.advance(Point { measure: stretch * reference, reference }, 1.0);
-        }
         let mut after = values.clone();
-        for (field, value) in fields.iter().zip(bond.fields()) {
-            after.parameters[usize::from(*field)] = *value;
+        for (measure, mut one) in of_kinds.iter().cloned() {
+            let reference = (1..measure.points()).fold(1.0, |power, _| power * 0.5 * horizon);
+            for stretch in stretches {
+                one.advance(Point { measure: stretch * reference, reference }, 1.0);
+            }
+            let own = |field: &u16| model.kind_of_state(usize::from(*field)) == Some(measure);
+            for (field, value) in fields.iter().zip(one.fields()).filter(|(field, _)| own(field)) {
+                after.parameters[usize::from(*field)] = *value;
+            }
         }
         if after.parameters.iter().all(|x| x.is_finite()) && !all.contains(&after) {
             all.push(after);
@@ -62,16 +68,20 @@ pub(super) fn verify(
     let strict = next(Mode::Jit(Level::Strict))?;
     let fast = next(Mode::Jit(Level::Fast))?;
     let interpreted = next(Mode::Interpreter)?;
-    let points = sample::points(variant, Measure::Length, &values, n);
     let written = model.written_next_states(&values);
     let of_state = |(k, written): (usize, &WrittenEnergy)| {
-        let name = &model.parameters()[variant.updates[k].state].name;
-        let subject = Subject::NextState(format!("{name} = {}", strict[k].text));
+        let (name, measure) =
+            (&model.parameters()[variant.updates[k].state].name, strict[k].measure());
+        let points = sample::points(variant, measure, &values, n);
+        let subject = Subject::NextState(measure, format!("{name} = {}", strict[k].text));
         let verification = Verification::new(subject, &[(Witness::TruthFar, BAR)]);
         let kernels = [&strict[k].next, &fast[k].next, &interpreted[k].next];
         compare(verification, kernels, written, &points)
     };
-    Ok(written.iter().enumerate().map(of_state).collect())
+    // There are no tetrahedra in the plane.
+    let is_there =
+        |(k, _): &(usize, &WrittenEnergy)| strict[*k].measure().points() <= variant.dimension + 1;
+    Ok(written.iter().enumerate().filter(is_there).map(of_state).collect())
 }
 
 fn compare(
@@ -101,7 +111,7 @@ fn compare(
     found
 }
 
-/// How much a next state changes where the change of the length is rounded, with the length by so much.
+/// How much a next state changes where the change of the measure is rounded, with the measure by so much.
 fn rounded_inputs(written: &WrittenEnergy, point: Point, truth_here: f64) -> f64 {
     let size = point.measure - point.reference;
     let moved = [-UNIT_ROUNDOFF, UNIT_ROUNDOFF].map(|u| {

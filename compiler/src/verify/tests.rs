@@ -330,3 +330,36 @@ fn rules_keep_the_values_of_what_is_written() {
         }
     }
 }
+
+/// Softening areas and yielding volumes: with states held after histories, what these become, and the energy
+/// that follows them, all against numbers of the energy as written.
+#[test]
+fn what_triangles_and_tetrahedra_remember_is_verified() {
+    use super::Subject;
+    let model = model(
+        "potential memory\nstate k = 0\nstate p = 0\nstate q = 0\ng = a/A - 1\nh = v/V - 1\n\
+         update k = max(k, g)\n\
+         update p = if abs(h - p) > 0.05 then h - sign(h - p)*0.05 else p\n\
+         update q = (q + dt*(l/L - 1))/(1 + dt)\n\
+         left = if k <= 0.1 then 1 else 0.1/k*exp(-(k - 0.1)/0.2)\n\
+         psi(l) = 1/2*L*(l/L - 1 - q)^2\npsi(a) = 1/2*A*left*g^2\npsi(v) = 1/2*V*(h - p)^2\n\
+         break when k > 1",
+    );
+    for d in [2, 3] {
+        let (found, dropped) = verify(&model, &values(&model, d, &[]), 100).unwrap();
+        assert_eq!(dropped.len(), if d == 3 { 0 } else { 1 });
+        let all = &Measure::ALL[..d];
+        for measure in all {
+            let of = |subject: &Subject| match subject {
+                Subject::NextState(own, _) | Subject::Following(own) => own == measure,
+                _ => false,
+            };
+            assert_eq!(found.iter().filter(|one| of(&one.subject)).count(), 2, "{measure:?}");
+        }
+        for one in found {
+            let shown = &one.misses[..one.misses.len().min(3)];
+            assert!(one.n_places > 100, "{:?}", one.subject);
+            assert!(one.passed(), "{:?} in {d}: {:?} {shown:#?}", one.subject, one.errors);
+        }
+    }
+}

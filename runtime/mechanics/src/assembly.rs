@@ -530,6 +530,16 @@ impl Energy for DiscreteEnergy {
         self.add_held_of(u, way, bonds, held)
     }
 
+    fn add_held_by_cliques(
+        &self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        cliques: (Measure, &Ranks, &[usize]),
+        held: &mut [Held],
+    ) -> Result<(), NonFinite> {
+        self.add_held_of_cliques(u, way, cliques, held)
+    }
+
     fn first_inversion(&self, u: &[f64], step: &[f64]) -> Option<Inversion> {
         let kind = self.signed().filter(|kind| kind.forbids_inversion())?;
         let end: Vec<f64> = u.iter().zip(step).map(|(u, step)| u + step).collect();

@@ -297,8 +297,9 @@ impl Room {
         }
         let lanes = &self.lanes;
         if let Some(fields) = layer.materials.as_deref().and_then(Materials::fields) {
-            let bond = |lane: usize| ([owner, lanes[lane].other], lanes[lane].bond);
-            fields.add_of_bonds(fields.of_law(number), lanes.len(), bond, &mut self.fields);
+            let bond = |lane: usize| ([owner, lanes[lane].other].into_iter(), lanes[lane].bond);
+            let (measure, own) = (Measure::Length, fields.of_law(number));
+            fields.add_of(measure, own, lanes.len(), bond, &mut self.fields);
         }
         self.fields.extend_from_slice(&self.lengths);
     }

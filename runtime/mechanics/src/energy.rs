@@ -402,6 +402,20 @@ pub trait Energy: Send + Sync {
         Ok(())
     }
 
+    /// The same of triangles or tetrahedra by their numbers, ascending: of energies that hold what these remember.
+    ///
+    /// # Errors
+    /// Energies and forces that are not finite.
+    fn add_held_by_cliques(
+        &self,
+        _u: &[f64],
+        _way: (f64, &[f64]),
+        _cliques: (Measure, &Ranks, &[usize]),
+        _held: &mut [Held],
+    ) -> Result<(), NonFinite> {
+        Ok(())
+    }
+
     /// The status of a body that can break.
     fn fracture(&self) -> Option<&dyn Fracture> {
         None

@@ -121,8 +121,8 @@ pub struct PlanInput<'a> {
     pub breaks: bool,
     /// Whether triangles, and tetrahedra, can break by conditions of their own.
     pub breaks_cliques: [bool; 2],
-    /// How many numbers each bond remembers.
-    pub states: usize,
+    /// How many numbers each bond remembers, each triangle and each tetrahedron.
+    pub states: [usize; 3],
     /// How many potentials have energies of interactions.
     pub of_interactions: usize,
     /// What points know of their families, for each energy that needs it.
@@ -451,9 +451,14 @@ impl Costs {
             let bytes = judged.map(|(n, _)| n / 4).sum();
             memory.push(MemoryItem { item: "status of cliques", bytes });
         }
-        if input.states > 0 {
-            let bytes = 8 * input.states as u64 * interactions.bonds;
-            memory.push(MemoryItem { item: "states of bonds", bytes });
+        let remembering = [
+            ("states of bonds", interactions.bonds),
+            ("states of triangles", interactions.triangles),
+            ("states of tetrahedra", interactions.tetrahedra),
+        ];
+        for ((item, n), states) in remembering.into_iter().zip(input.states) {
+            let bytes = 8 * states as u64 * n;
+            memory.extend((bytes > 0).then_some(MemoryItem { item, bytes }));
         }
         let time = if families.is_empty() {
             let horizons = extent.sides.iter().fold(0.0_f64, |a, b| a.max(*b)) / input.layers();

@@ -68,16 +68,16 @@ fn breaking(body: &Arc<Body>, horizon: f64, kept: &[usize]) -> Breaking {
 }
 
 /// What of a body is left, kind by kind, judged by loops.
-struct Judge<'a> {
+pub(crate) struct Judge<'a> {
     body: &'a Body,
     /// Bonds, triangles and tetrahedra by their points, in lexicographic order.
-    all: [Vec<Vec<usize>>; 3],
+    pub(crate) all: [Vec<Vec<usize>>; 3],
     broken: [BTreeSet<usize>; 3],
     kept: &'a [usize],
 }
 
 impl<'a> Judge<'a> {
-    fn new(body: &'a Body, horizon: f64, kept: &'a [usize]) -> Judge<'a> {
+    pub(crate) fn new(body: &'a Body, horizon: f64, kept: &'a [usize]) -> Judge<'a> {
         let n = body.n_points();
         let near = |p: usize, q: usize| {
             let x = |axis: usize| body.position(q)[axis] - body.position(p)[axis];
@@ -183,7 +183,7 @@ impl Judge<'_> {
 }
 
 /// Length, area or volume, with a sign where it has one.
-fn size(body: &Body, u: &[f64], clique: &[usize]) -> f64 {
+pub(crate) fn size(body: &Body, u: &[f64], clique: &[usize]) -> f64 {
     let d = body.dimension();
     let place = |point: usize| -> [f64; 3] {
         std::array::from_fn(|axis| match axis < d {
@@ -213,7 +213,7 @@ fn size(body: &Body, u: &[f64], clique: &[usize]) -> f64 {
 }
 
 /// A start from which points part, and turn about, so that edges break and areas and volumes fail.
-fn start(body: &Body, seed: u64) -> Initial {
+pub(crate) fn start(body: &Body, seed: u64) -> Initial {
     let mut random = Random(seed);
     let velocity = |x: &f64| 4.0 * x + 0.6 * random.next();
     let velocities = body.positions().iter().map(velocity).collect();
@@ -236,7 +236,7 @@ fn largest(row: &Row) -> f64 {
     row.kinetic.max(row.energy.total()).max(row.released)
 }
 
-fn bodies() -> [(Arc<Body>, f64); 3] {
+pub(crate) fn bodies() -> [(Arc<Body>, f64); 3] {
     [
         (cloud(&[10, 7], 0.1, 5), 0.25),
         (cloud(&[5, 4, 3], 0.1, 6), 0.2),

@@ -79,7 +79,7 @@ fn forces_and_tangents_are_those_of_what_bonds_come_to_remember() {
 }
 
 /// Products with two directions are symmetric, and the differences of forces along them.
-fn tangents_are_derivatives(energy: &dyn Energy, u: &[f64], spacing: f64, text: &str) {
+pub(crate) fn tangents_are_derivatives(energy: &dyn Energy, u: &[f64], spacing: f64, text: &str) {
     let n = u.len();
     let [p, q] = [0.7, 2.9].map(|w| (0..n).map(|k| libm::cos(w * k as f64)).collect::<Vec<_>>());
     let hessian = energy.hessian(u).unwrap();

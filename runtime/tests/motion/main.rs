@@ -5,6 +5,7 @@ mod balance;
 #[allow(dead_code)]
 #[path = "../mechanics/common.rs"]
 mod bonds;
+mod clique_states;
 mod cliques;
 mod damage;
 mod dissipation;

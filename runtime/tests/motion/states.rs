@@ -55,7 +55,7 @@ update k = max(k, s)
 D = if k <= s0 then 0 else 1 - s0/k*exp(-(k - s0)/(sf - s0))
 psi(l) = (1 - D)*1/2*c*L*s^2";
 
-/// A body whose bonds remember.
+/// A body whose bonds, triangles or tetrahedra remember.
 pub(crate) fn remembering(
     around: (&Arc<Body>, f64),
     text: &str,
@@ -65,7 +65,7 @@ pub(crate) fn remembering(
     remembering_as(around, text, parameters, (level, false))
 }
 
-/// The same; with kernels that follow what bonds come to remember, if wanted.
+/// The same; with kernels that follow what comes to be remembered, if wanted.
 pub(crate) fn remembering_as(
     (body, horizon): (&Arc<Body>, f64),
     text: &str,
@@ -86,17 +86,23 @@ pub(crate) fn remembering_as(
         values.fields.iter().map(|field| values.parameters[usize::from(*field)]).collect();
     let fields = Fields::new(body.n_points(), std::slice::from_ref(&typical), true);
     let time_steps = if follows { vec![typical.len() - 1] } else { Vec::new() };
-    let mut is_state = vec![true; typical.len()];
-    time_steps.iter().for_each(|field| is_state[*field] = false);
-    let fields = Arc::new(fields.with_states(is_state).with_time_steps(time_steps));
+    let kinds = values.fields.iter().map(|field| model.kind_of_state(usize::from(*field)));
+    let fields = Arc::new(fields.with_states(kinds.collect()).with_time_steps(time_steps));
     let materials = Materials::new(vec![0; body.n_points()], Vec::new());
     let materials = Arc::new(materials.with_fields(Arc::clone(&fields)));
     for (field, value) in typical.iter().enumerate() {
         (0..body.n_points()).for_each(|point| fields.set(field, point, *value));
     }
-    let kernel = model.compile(&values, mode, Form::Accurate).unwrap().kernels.pop().unwrap();
-    let bond = MeasureElement::new(Measure::Length, body.dimension(), Box::new(kernel));
-    let elements = Elements { bond: Some(Box::new(bond)), ..Elements::default() };
+    let mut elements = Elements::default();
+    for kernel in model.compile(&values, mode, Form::Accurate).unwrap().kernels {
+        let place = match kernel.measure() {
+            Measure::Length => &mut elements.bond,
+            Measure::Area => &mut elements.triangle,
+            Measure::Volume => &mut elements.tetrahedron,
+        };
+        let (measure, d) = (kernel.measure(), body.dimension());
+        *place = Some(Box::new(MeasureElement::new(measure, d, Box::new(kernel))));
+    }
     let energy = DiscreteEnergy::of_materials(
         Arc::clone(body),
         Arc::clone(&neighborhood),
@@ -105,8 +111,11 @@ pub(crate) fn remembering_as(
         vec![elements],
     );
     let energy = energy.unwrap();
-    let next =
-        |one: piola_compiler::NextState| NextState { field: one.field, next: Box::new(one.next) };
+    let next = |one: piola_compiler::NextState| NextState {
+        measure: one.measure(),
+        field: one.field,
+        next: Box::new(one.next),
+    };
     let states = model.next_states(&values, mode, Form::Accurate).unwrap();
     let of_law = vec![states.into_iter().map(next).collect()];
     let memory = memory::Layer { of_law, materials: Arc::clone(&materials) };

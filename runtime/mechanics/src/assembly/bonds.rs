@@ -14,6 +14,7 @@ use super::visit::{Refusal, Visit, minus};
 use crate::element::{CAPACITY, Channel, Contributions, Element, InteractionBatch, Order};
 use crate::energy::NonFinite;
 use crate::geometry::{each, packed, packed_len};
+use crate::kernel::Measure;
 
 /// What the rows hold before the bonds are added.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -152,8 +153,9 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
             self.fill(owner, others, place, part);
             if let Some(fields) = self.kind.fields_of(law) {
                 let first = self.visit.energy.neighborhood.bonds(owner).start + place;
-                let bond = |lane: usize| ([owner, others[lane] as usize], first + lane);
-                self.batch.take_fields_of_bonds(fields, bond);
+                let ends = |lane: usize| [owner, others[lane] as usize].into_iter();
+                let bond = |lane: usize| (ends(lane), first + lane);
+                self.batch.take_fields(fields, Measure::Length, bond);
             }
             self.evaluate(element, owner, others)?;
             self.scatter(owner, others, place, own, rows);

@@ -163,7 +163,10 @@ impl DiscreteEnergy {
             (minus(&positions[other], &positions[owner]), eta, part * weight)
         });
         if let Some(fields) = kind.fields_of(law) {
-            batch.take_fields_of_bonds(fields, |k| (ends[lanes[k].0], bonds[lanes[k].0]));
+            batch.take_fields(fields, Measure::Length, |k| {
+                let (lane, _) = lanes[k];
+                (ends[lane].into_iter(), bonds[lane])
+            });
         }
         element.evaluate(batch, Order::Gradient, out).map_err(|lane| {
             let points = ends[lanes[lane.lane].0].to_vec();

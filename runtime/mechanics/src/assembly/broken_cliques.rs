@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::product::points;
 use super::slab::Room;
-use super::visit::{Sink, Visit, minus, row};
+use super::visit::{Gathered, Sink, Visit, minus, row};
 use super::{DiscreteEnergy, Rooms};
 use crate::element::{Contributions, Order};
 use crate::energy::NonFinite;
@@ -131,6 +131,112 @@ impl DiscreteEnergy {
         let found: Result<Vec<Held>, NonFinite> = slabs.map(of_slab).collect();
         Ok(found?.iter().fold(Held::default(), Held::and))
     }
+
+    /// See [`crate::energy::Energy::add_held_by_cliques`]. What remembers nothing holds the same as before.
+    pub(super) fn add_held_of_cliques(
+        &self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        (measure, ranks, numbers): (Measure, &Ranks, &[usize]),
+        held: &mut [Held],
+    ) -> Result<(), NonFinite> {
+        let kind = self.kinds()[measure as usize];
+        let Some(kind) = kind.filter(|kind| kind.has_states() && !numbers.is_empty()) else {
+            return Ok(());
+        };
+        let mut owners = Bits::none_of(self.body.n_points());
+        numbers.iter().for_each(|number| {
+            owners.insert(ranks.owner(*number));
+        });
+        let (mut numbers, mut held, mut pieces) = (numbers, held, Vec::new());
+        for slab in 0..self.slabs.len() {
+            let end = ranks.first(self.slabs.owners(slab).end);
+            let (own, others) = numbers.split_at(numbers.partition_point(|number| *number < end));
+            let (own_held, others_held) = held.split_at_mut(own.len());
+            (numbers, held) = (others, others_held);
+            if !own.is_empty() {
+                pieces.push((slab, own, own_held));
+            }
+        }
+        let pieces = pieces.into_par_iter();
+        let found = pieces.map(|(slab, numbers, held)| {
+            let (direction, half) = (way.1, 0.5 * way.0);
+            let mut each = HoldingEach { ranks, numbers, held, first: 0, direction, half };
+            let only = Some(&owners);
+            let visit = Visit { energy: self, slab, order: Order::Gradient, u, only };
+            match &self.rooms {
+                Rooms::Plane(rooms) => {
+                    let mut room = rooms.take(|| Room::new(self));
+                    let Room { cliques, gathered: [_, triangles, _], .. } = &mut *room;
+                    let Some(gathered) = triangles else { return Ok(()) };
+                    visit.run::<2, 2>(kind, (cliques, gathered), &mut each)
+                }
+                Rooms::Space(rooms) => {
+                    let mut room = rooms.take(|| Room::new(self));
+                    let Room { cliques, gathered: [_, triangles, tetrahedra], .. } = &mut *room;
+                    match (measure, triangles, tetrahedra) {
+                        (Measure::Area, Some(gathered), _) => {
+                            visit.run::<3, 2>(kind, (cliques, gathered), &mut each)
+                        }
+                        (Measure::Volume, _, Some(gathered)) => {
+                            visit.run::<3, 3>(kind, (cliques, gathered), &mut each)
+                        }
+                        _ => Ok(()),
+                    }
+                }
+            }
+        });
+        found.collect()
+    }
+}
+
+/// The power of what a clique pulls with on a way.
+fn power<const D: usize, const K: usize>(
+    cliques: &OwnerCliques<'_, D>,
+    (clique, lane): (&Clique, usize),
+    out: &Contributions,
+    direction: &[f64],
+) -> f64 {
+    let own = row::<D>(direction, cliques.owner());
+    let mut power = 0.0;
+    for (corner, point) in points::<D, K>(cliques, clique).into_iter().enumerate() {
+        let pull: [f64; D] = std::array::from_fn(|axis| out.gradient[corner * D + axis][lane]);
+        power += dot(&pull, &minus(&row::<D>(direction, point), &own));
+    }
+    power
+}
+
+/// What single cliques hold on a way.
+struct HoldingEach<'a> {
+    ranks: &'a Ranks,
+    /// Ascending.
+    numbers: &'a [usize],
+    held: &'a mut [Held],
+    /// The first number of the owner.
+    first: usize,
+    direction: &'a [f64],
+    half: f64,
+}
+
+impl<const D: usize, const K: usize> Sink<D, K> for HoldingEach<'_> {
+    fn begin(&mut self, cliques: &OwnerCliques<'_, D>, _: &mut Gathered<D>) -> bool {
+        self.first = self.ranks.first(cliques.owner());
+        true
+    }
+
+    fn wants(&self, clique: &Clique) -> bool {
+        self.numbers.binary_search(&(self.first + clique.number as usize)).is_ok()
+    }
+
+    fn take(&mut self, cliques: &OwnerCliques<'_, D>, batch: &[Clique], out: &mut Contributions) {
+        for (lane, clique) in batch.iter().enumerate() {
+            let number = self.first + clique.number as usize;
+            let Ok(place) = self.numbers.binary_search(&number) else { continue };
+            let power = power::<D, K>(cliques, (clique, lane), out, self.direction);
+            self.held[place].energy += out.energy[lane];
+            self.held[place].timing += self.half * power;
+        }
+    }
 }
 
 /// What cliques hold on a way, added up.
@@ -142,14 +248,8 @@ struct Holding<'a> {
 
 impl<const D: usize, const K: usize> Sink<D, K> for &mut Holding<'_> {
     fn take(&mut self, cliques: &OwnerCliques<'_, D>, batch: &[Clique], out: &mut Contributions) {
-        let own = row::<D>(self.direction, cliques.owner());
         for (lane, clique) in batch.iter().enumerate() {
-            let mut power = 0.0;
-            for (corner, point) in points::<D, K>(cliques, clique).into_iter().enumerate() {
-                let pull: [f64; D] =
-                    std::array::from_fn(|axis| out.gradient[corner * D + axis][lane]);
-                power += dot(&pull, &minus(&row::<D>(self.direction, point), &own));
-            }
+            let power = power::<D, K>(cliques, (clique, lane), out, self.direction);
             self.held.energy += out.energy[lane];
             self.held.timing += self.half * power;
         }

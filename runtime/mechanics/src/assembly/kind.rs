@@ -112,9 +112,14 @@ impl Kind {
         Some((fields, fields.of_law(law)))
     }
 
-    /// Whether bonds remember something that a law takes.
+    /// Whether these interactions remember something that a law takes.
     pub(super) fn has_states(&self) -> bool {
-        let has = |(fields, own): (&Fields, Range<usize>)| fields.have_states(own);
+        self.takes_states(Some(self.measure))
+    }
+
+    /// Whether a law takes what interactions of a measure remember, or of any.
+    fn takes_states(&self, measure: Option<Measure>) -> bool {
+        let has = |(fields, own): (&Fields, Range<usize>)| fields.have_states(own, measure);
         (0..self.elements.len()).any(|law| self.fields_of(law).is_some_and(has))
     }
 
@@ -158,7 +163,8 @@ impl Kind {
         // Of several laws each would have a field of its own, and what changes in time or from bond to bond
         // is looked up.
         let steady = || self.fields_of(0).is_some_and(|(fields, _)| fields.is_steady());
-        if self.has_fields() && !(laws.len() == 1 && steady() && !self.has_states()) {
+        let has_states = || self.takes_states(None);
+        if self.has_fields() && !(laws.len() == 1 && steady() && !has_states()) {
             return None;
         }
         let by_square = laws.iter().flatten().next()?.by_square;

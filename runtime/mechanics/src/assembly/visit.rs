@@ -20,6 +20,12 @@ pub(super) trait Sink<const D: usize, const K: usize> {
         true
     }
 
+    /// Whether the interaction is to be evaluated; asked where interactions are counted.
+    #[inline(always)]
+    fn wants(&self, _clique: &Clique) -> bool {
+        true
+    }
+
     /// Takes a batch: interactions of the owner, and for each of them, side by side, what its element
     /// gave.
     fn take(&mut self, cliques: &OwnerCliques<'_, D>, batch: &[Clique], out: &mut Contributions);
@@ -54,14 +60,22 @@ impl Visit<'_> {
                 gathered.members.correct(&factors[own]);
             }
             if sink.begin(cliques, gathered) {
-                cliques.each::<K, _>(|clique| {
+                let mut list = |clique: Clique, sink: &mut _| -> Result<(), NonFinite> {
                     gathered.list.push(clique);
                     // Tetrahedra are too many to be listed.
                     if K == 3 && gathered.list.len() == CAPACITY {
                         self.flush(kind, cliques, gathered, sink)?;
                     }
                     Ok(())
-                })?;
+                };
+                // What triangles and tetrahedra remember is found by their numbers.
+                match K > 1 && kind.has_states() {
+                    true => cliques.each_numbered::<K, _>(|clique| match sink.wants(&clique) {
+                        true => list(clique, &mut *sink),
+                        false => Ok(()),
+                    })?,
+                    false => cliques.each::<K, _>(|clique| list(clique, &mut *sink))?,
+                }
             }
             self.flush(kind, cliques, gathered, sink)?;
             sink.end(cliques);
@@ -138,20 +152,19 @@ impl Visit<'_> {
                 batch.weight.iter_mut().for_each(|weight| *weight *= part);
             }
             if let Some(fields) = kind.fields_of(law) {
-                let members = |lane: usize| lanes[lane].corners::<K>().into_iter();
+                let (owner, measure) = (cliques.owner(), kind.measure());
                 let point = |member: usize| cliques.members()[member] as usize;
-                if K == 1 {
+                let first = match K {
                     // Members are the owner's later neighbours, with its bonds.
-                    let first = self.energy.neighborhood.bonds(cliques.owner()).start;
-                    batch.take_fields_of_bonds(fields, |lane| {
-                        let [member] = lanes[lane].corners::<1>();
-                        ([cliques.owner(), point(member)], first + member)
-                    });
-                } else {
-                    batch.take_fields(fields, |lane| {
-                        std::iter::once(cliques.owner()).chain(members(lane).map(point))
-                    });
-                }
+                    1 => self.energy.neighborhood.bonds(owner).start,
+                    _ => fields.0.first_number(measure, owner),
+                };
+                batch.take_fields(fields, measure, |lane| {
+                    let corners = lanes[lane].corners::<K>();
+                    let own = if K == 1 { corners[0] } else { lanes[lane].number as usize };
+                    let members = corners.into_iter().map(point);
+                    (std::iter::once(owner).chain(members), first + own)
+                });
             }
             element.evaluate(batch, self.order, out).map_err(|lane| {
                 let points = lanes[lane.lane].corners::<K>();

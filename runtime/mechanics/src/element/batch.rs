@@ -45,28 +45,36 @@ impl InteractionBatch {
         }
     }
 
-    /// Takes the mean over the corners of some fields, which `corners(lane)` names by their points.
+    /// Takes some fields: the mean over the corners, or what interactions of this measure remember by
+    /// themselves. `interaction(lane)` are its points and its number.
     #[inline(always)]
     pub(crate) fn take_fields<I: Iterator<Item = usize> + Clone>(
         &mut self,
         (fields, of_law): (&Fields, Range<usize>),
-        corners: impl Fn(usize) -> I,
+        measure: Measure,
+        interaction: impl Fn(usize) -> (I, usize),
     ) {
         self.fields.clear();
         let (last, padded) = (self.len.saturating_sub(1), self.padded_len());
-        fields.add(of_law, padded, |lane| corners(lane.min(last)), &mut self.fields);
+        let interaction = |lane: usize| interaction(lane.min(last));
+        fields.add_of(measure, of_law, padded, interaction, &mut self.fields);
     }
 
-    /// The same of bonds: `bond(lane)` are its points and its number.
-    #[inline(always)]
-    pub(crate) fn take_fields_of_bonds(
+    /// Takes a time step in s for a law of so many fields, if it takes one behind the others or where its
+    /// fields have a place for it.
+    pub(crate) fn take_time_step(
         &mut self,
         (fields, of_law): (&Fields, Range<usize>),
-        bond: impl Fn(usize) -> ([usize; 2], usize),
+        n_fields: usize,
+        dt: f64,
     ) {
-        self.fields.clear();
-        let (last, padded) = (self.len.saturating_sub(1), self.padded_len());
-        fields.add_of_bonds(of_law, padded, |lane| bond(lane.min(last)), &mut self.fields);
+        let time_step = fields.time_steps().iter().find(|field| of_law.contains(field));
+        let place = time_step.map_or(of_law.len(), |field| field - of_law.start);
+        if n_fields > place {
+            let padded = self.padded_len();
+            self.fields.resize(n_fields * padded, dt);
+            self.fields[place * padded..][..padded].fill(dt);
+        }
     }
 
     /// How many interactions it holds.

@@ -496,6 +496,16 @@ impl Energy for Total<'_> {
         self.terms.iter().try_for_each(|term| term.add_held(u, way, bonds, held))
     }
 
+    fn add_held_by_cliques(
+        &self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        cliques: (Measure, &Ranks, &[usize]),
+        held: &mut [Held],
+    ) -> Result<(), NonFinite> {
+        self.terms.iter().try_for_each(|term| term.add_held_by_cliques(u, way, cliques, held))
+    }
+
     fn fracture(&self) -> Option<&dyn Fracture> {
         self.terms.iter().find_map(|term| term.fracture())
     }

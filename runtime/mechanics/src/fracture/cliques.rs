@@ -7,11 +7,10 @@ use rayon::prelude::*;
 
 use super::criteria::margin::{WithMargins, leading, over_rest};
 use super::criteria::{Margin, Margins};
+use super::walk::{Listed, Of, OfOwners, Room, Walk};
 use crate::body::Body;
-use crate::element::{CAPACITY, Contributions, Element, InteractionBatch, Order};
-use crate::energy::{Argument, NonFinite};
-use crate::geometry::each;
-use crate::interaction::{Clique, Degeneracy, Lost, OwnerCliques, Ranks, Slabs, n_neighbors};
+use crate::energy::NonFinite;
+use crate::interaction::{Clique, Lost, Ranks, n_neighbors};
 use crate::kernel::Measure;
 use crate::materials::Materials;
 use crate::neighborhood::Neighborhood;
@@ -19,35 +18,23 @@ use crate::neighborhood::Neighborhood;
 /// When the triangles and tetrahedra of a body break: each criterion is enough.
 pub(super) struct CliqueCriteria {
     kinds: Vec<OfKind>,
-    slabs: Slabs,
-    degeneracy: Degeneracy,
 }
 
 /// The criteria of cliques of one size.
 struct OfKind {
-    measure: Measure,
     layers: Vec<Margins>,
-    ranks: Ranks,
+    cliques: OfOwners,
 }
 
 impl CliqueCriteria {
     /// Those among the criteria of some layers, of which none is left for bonds.
     pub(super) fn new(
-        (body, neighborhood): (&Body, &Neighborhood),
+        around: (&Body, &Neighborhood),
         of_measures: [Vec<Margins>; 2],
     ) -> CliqueCriteria {
-        let slabs = Slabs::new(neighborhood);
-        let kind = |(measure, layers): (Measure, Vec<Margins>)| {
-            let ranks = match (body.dimension(), measure) {
-                (2, _) => Ranks::new::<2, 2>(body, neighborhood, &slabs),
-                (_, Measure::Area) => Ranks::new::<3, 2>(body, neighborhood, &slabs),
-                _ => Ranks::new::<3, 3>(body, neighborhood, &slabs),
-            };
-            OfKind { measure, layers, ranks }
-        };
         let all = [Measure::Area, Measure::Volume].into_iter().zip(of_measures);
-        let kinds = all.filter(|(_, layers)| !layers.is_empty()).map(kind).collect();
-        CliqueCriteria { kinds, slabs, degeneracy: Degeneracy::new(body) }
+        let kind = |(measure, layers)| OfKind { layers, cliques: OfOwners::new(around, measure) };
+        CliqueCriteria { kinds: all.filter(|one| !one.1.is_empty()).map(kind).collect() }
     }
 
     /// Whether neither triangles nor tetrahedra can break but by their edges.
@@ -57,7 +44,7 @@ impl CliqueCriteria {
 
     /// The measures that have criteria, with the numbers of their cliques.
     pub(super) fn kinds(&self) -> impl Iterator<Item = (Measure, &Ranks)> {
-        self.kinds.iter().map(|kind| (kind.measure, &kind.ranks))
+        self.kinds.iter().map(|kind| (kind.cliques.measure, &kind.cliques.ranks))
     }
 
     /// The triangles, and the tetrahedra, that break at displacements `u` in m (`n x d`), ascending: of what is
@@ -73,10 +60,10 @@ impl CliqueCriteria {
     ) -> Result<[Vec<usize>; 2], NonFinite> {
         let mut all: [Vec<usize>; 2] = Default::default();
         for kind in &self.kinds {
-            let judge =
-                Judge { of: self, kind, around, u, lost, is_unbreakable, wanted: Wanted::Breaking };
+            let walk = Walk { around, u, lost };
+            let judge = Judge { kind, walk, is_unbreakable, wanted: Wanted::Breaking };
             let found = judge.all(|found| found)?;
-            all[n_neighbors(kind.measure) - 2] =
+            all[n_neighbors(kind.cliques.measure) - 2] =
                 found.into_iter().map(|(number, _)| number).collect();
         }
         Ok(all)
@@ -95,9 +82,9 @@ impl CliqueCriteria {
     ) -> Result<[WithMargins; 2], NonFinite> {
         let mut all: [WithMargins; 2] = Default::default();
         for kind in &self.kinds {
-            let judge =
-                Judge { of: self, kind, around, u, lost, is_unbreakable, wanted: Wanted::Margins };
-            all[n_neighbors(kind.measure) - 2] = judge.all(|found| leading(found, tie))?;
+            let walk = Walk { around, u, lost };
+            let judge = Judge { kind, walk, is_unbreakable, wanted: Wanted::Margins };
+            all[n_neighbors(kind.cliques.measure) - 2] = judge.all(|found| leading(found, tie))?;
         }
         Ok(all)
     }
@@ -114,11 +101,8 @@ enum Wanted {
 
 /// Cliques of one size on their way through their margins.
 struct Judge<'a> {
-    of: &'a CliqueCriteria,
     kind: &'a OfKind,
-    around: (&'a Body, &'a Neighborhood),
-    u: &'a [f64],
-    lost: &'a Lost,
+    walk: Walk<'a>,
     is_unbreakable: &'a [bool],
     wanted: Wanted,
 }
@@ -129,12 +113,14 @@ impl Judge<'_> {
         &self,
         keep: impl Fn(WithMargins) -> WithMargins + Sync,
     ) -> Result<WithMargins, NonFinite> {
-        let slabs = (0..self.of.slabs.len()).into_par_iter();
-        let found = slabs.map(|slab| {
-            let found = match (self.around.0.dimension(), self.kind.measure) {
-                (2, _) => self.slab::<2, 2>(slab),
-                (_, Measure::Area) => self.slab::<3, 2>(slab),
-                _ => self.slab::<3, 3>(slab),
+        let (body, _) = self.walk.around;
+        let OfOwners { measure, .. } = self.kind.cliques;
+        let slabs = self.kind.cliques.pieces(0..body.n_points(), usize::MAX).into_par_iter();
+        let found = slabs.map(|piece| {
+            let found = match (body.dimension(), measure) {
+                (2, _) => self.piece::<2, 2>(piece),
+                (_, Measure::Area) => self.piece::<3, 2>(piece),
+                _ => self.piece::<3, 3>(piece),
             };
             Ok(keep(found?))
         });
@@ -142,161 +128,84 @@ impl Judge<'_> {
         Ok(found?.concat())
     }
 
-    fn slab<const D: usize, const K: usize>(&self, slab: usize) -> Result<WithMargins, NonFinite> {
-        let (body, neighborhood) = self.around;
-        let slabs = &self.of.slabs;
-        let (touched, degeneracy) = (slabs.touched(slab), self.of.degeneracy);
-        let cliques = OwnerCliques::<D>::new(body, neighborhood, degeneracy, touched);
-        let mut cliques = cliques.with_lost(Some(self.lost));
-        let measure = self.kind.measure;
-        assert_eq!(K, n_neighbors(measure), "the size of the cliques");
-        let mut room = Room {
-            displacement: Vec::new(),
-            nowhere: Vec::new(),
-            listed: Vec::new(),
-            batch: InteractionBatch::new(measure, D),
-            out: Contributions::new(measure, D),
-            found: Vec::new(),
-        };
-        let points = self.u.as_chunks::<D>().0;
-        for owner in slabs.owners(slab).filter(|owner| !self.is_unbreakable[*owner]) {
-            cliques.set_of::<K>(owner);
-            let own = points[owner];
-            room.displacement.clear();
-            room.displacement.extend(cliques.members().iter().map(|member| -> [f64; D] {
-                each(|axis| points[*member as usize][axis] - own[axis])
-            }));
-            room.nowhere.resize(cliques.members().len(), [0.0; D]);
-            let (first, begun) = (self.kind.ranks.first(owner), room.found.len());
-            cliques.each_numbered::<K, NonFinite>(|clique, number| {
-                let mut members = clique.corners::<K>().into_iter();
-                if !members.any(|m| self.is_unbreakable[cliques.members()[m] as usize]) {
-                    room.listed.push((clique, first + number));
-                }
-                if room.listed.len() == CAPACITY {
-                    return self.listed::<D, K>(&cliques, &mut room);
-                }
-                Ok(())
-            })?;
-            self.listed::<D, K>(&cliques, &mut room)?;
-            // Of several criteria the largest margin comes first.
-            room.found[begun..].sort_unstable_by(|p, q| p.0.cmp(&q.0).then(q.1.total_cmp(&p.1)));
-        }
-        room.found.dedup_by_key(|one| one.0);
-        Ok(room.found)
+    fn piece<const D: usize, const K: usize>(
+        &self,
+        piece: (usize, std::ops::Range<usize>),
+    ) -> Result<WithMargins, NonFinite> {
+        let OfKind { cliques, .. } = self.kind;
+        let mut found = Found { room: Room::new(cliques.measure, D), all: Vec::new() };
+        let is_left_out = |point: usize| self.is_unbreakable[point];
+        cliques.show::<D, K>(self.walk, piece, is_left_out, |listed, lanes| {
+            self.listed::<D, K>((listed, lanes), &mut found)
+        })?;
+        // Of several criteria the largest margin comes first.
+        found.all.sort_unstable_by(|p, q| p.0.cmp(&q.0).then(q.1.total_cmp(&p.1)));
+        found.all.dedup_by_key(|one| one.0);
+        Ok(found.all)
     }
 
     /// Judges what is listed, layer by layer and law by law.
     fn listed<const D: usize, const K: usize>(
         &self,
-        cliques: &OwnerCliques<'_, D>,
-        room: &mut Room<D>,
+        (listed, lanes): (&Listed<'_, '_, D>, &[Clique]),
+        found: &mut Found,
     ) -> Result<(), NonFinite> {
-        let mut listed = std::mem::take(&mut room.listed);
         for layer in &self.kind.layers {
-            let takes = |law: usize, (clique, _): &(Clique, usize)| {
-                let points = points::<D, K>(cliques, clique);
-                layer.parts(&points).iter().any(|part| part.0 == law)
-            };
             for (law, margins) in layer.of_law.iter().enumerate() {
-                if layer.materials.is_none() && !listed.is_empty() {
-                    self.judge::<D, K>((cliques, &listed), (layer, law), margins, room)?;
+                if layer.materials.is_none() {
+                    self.judge::<D, K>((listed, lanes), (layer, law), margins, found)?;
                     continue;
                 }
-                let own: Vec<(Clique, usize)> =
-                    listed.iter().filter(|one| takes(law, one)).copied().collect();
+                let takes = |clique: &&Clique| {
+                    let points = listed.points::<K>(clique);
+                    layer.parts(&points[..=K]).iter().any(|part| part.0 == law)
+                };
+                let own: Vec<Clique> = lanes.iter().filter(takes).copied().collect();
                 if !own.is_empty() {
-                    self.judge::<D, K>((cliques, &own), (layer, law), margins, room)?;
+                    self.judge::<D, K>((listed, &own), (layer, law), margins, found)?;
                 }
             }
         }
-        listed.clear();
-        room.listed = listed;
         Ok(())
     }
 
     fn judge<const D: usize, const K: usize>(
         &self,
-        of: (&OwnerCliques<'_, D>, &[(Clique, usize)]),
-        own: (&Margins, usize),
+        (listed, lanes): (&Listed<'_, '_, D>, &[Clique]),
+        (layer, law): (&Margins, usize),
         margins: &[Margin],
-        room: &mut Room<D>,
+        Found { room, all }: &mut Found,
     ) -> Result<(), NonFinite> {
-        let lanes = of.1;
+        let fields = layer.materials.as_deref().and_then(Materials::fields);
+        let fields = fields.map(|fields| (fields, fields.of_law(law)));
         for margin in margins {
+            let of = |at_rest| {
+                let (element, fields) = (&margin.element, fields.clone());
+                Of { element, fields, dt: None, at_rest }
+            };
             let mut at_rest = Vec::new();
             if self.wanted == Wanted::Margins {
-                self.evaluate::<D, K>(of, own, (margin, true), room)?;
+                listed.evaluate::<K>(lanes, of(true), room)?;
                 at_rest.extend_from_slice(&room.out.energy[..lanes.len()]);
             }
-            self.evaluate::<D, K>(of, own, (margin, false), room)?;
-            let now = lanes.iter().zip(&room.out.energy).map(|((_, number), now)| (*number, *now));
+            listed.evaluate::<K>(lanes, of(false), room)?;
+            let now = lanes.iter().zip(&room.out.energy);
+            let now = now.map(|(clique, now)| (listed.number(clique), *now));
             match self.wanted {
-                Wanted::Breaking => room.found.extend(now.filter(|(_, now)| margin.breaks(*now))),
+                Wanted::Breaking => all.extend(now.filter(|(_, now)| margin.breaks(*now))),
                 Wanted::Margins => {
-                    let scaled = now.zip(at_rest).map(|((n, now), rest)| (n, over_rest(now, rest)));
-                    room.found.extend(scaled);
+                    let scaled = now.zip(at_rest);
+                    all.extend(scaled.map(|((n, now), rest)| (n, over_rest(now, rest))));
                 }
             }
         }
         Ok(())
     }
-
-    /// Works out a margin of some cliques, as energies in the room: of what is displaced, or at rest.
-    fn evaluate<const D: usize, const K: usize>(
-        &self,
-        (cliques, lanes): (&OwnerCliques<'_, D>, &[(Clique, usize)]),
-        (layer, law): (&Margins, usize),
-        (margin, at_rest): (&Margin, bool),
-        room: &mut Room<D>,
-    ) -> Result<(), NonFinite> {
-        let Room { displacement, nowhere, batch, out, .. } = room;
-        let displacement = if at_rest { nowhere } else { displacement };
-        batch.gather(lanes.len(), cliques.reference(), displacement, |lane| {
-            lanes[lane].0.corners::<K>()
-        });
-        batch.weight[..lanes.len()].fill(1.0);
-        if let Some(fields) = layer.materials.as_deref().and_then(Materials::fields)
-            && margin.element.n_fields() > 0
-        {
-            batch.take_fields((fields, fields.of_law(law)), |lane| {
-                points::<D, K>(cliques, &lanes[lane].0).into_iter()
-            });
-        }
-        margin.element.evaluate(batch, Order::Energy, out).map_err(|lane| {
-            let points = points::<D, K>(cliques, &lanes[lane.lane].0);
-            let of = |point: &usize| self.u[point * D..(point + 1) * D].to_vec();
-            NonFinite {
-                argument: Argument::Measure(self.kind.measure),
-                displacements: points.iter().flat_map(of).collect(),
-                points,
-                value: lane.value,
-                reference: lane.reference,
-                inverted: false,
-            }
-        })
-    }
 }
 
-/// Work arrays of a task.
-struct Room<const D: usize> {
-    /// Of the owner's members relative to it, in m.
-    displacement: Vec<[f64; D]>,
-    /// As many vectors of length 0.
-    nowhere: Vec<[f64; D]>,
-    /// Cliques that come next, with their numbers.
-    listed: Vec<(Clique, usize)>,
-    batch: InteractionBatch,
-    out: Contributions,
+/// What is found, and where it is worked out.
+struct Found {
+    room: Room,
     /// Numbers and margins.
-    found: WithMargins,
-}
-
-/// The points of a clique.
-fn points<const D: usize, const K: usize>(
-    cliques: &OwnerCliques<'_, D>,
-    clique: &Clique,
-) -> Vec<usize> {
-    let members = clique.corners::<K>().into_iter().map(|m| cliques.members()[m] as usize);
-    std::iter::once(cliques.owner()).chain(members).collect()
+    all: WithMargins,
 }

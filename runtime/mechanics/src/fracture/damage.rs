@@ -3,7 +3,6 @@
 use rayon::prelude::*;
 
 use super::Status;
-use super::memory::Memory;
 use crate::body::Body;
 use crate::interaction::{Clique, Degeneracy, Lost, OwnerCliques, Ranks, Slabs, never_fails};
 use crate::neighborhood::Neighborhood;
@@ -125,14 +124,14 @@ impl<const D: usize, const K: usize> OfCliques<'_, D, K> {
                 }
                 numbers.clear();
                 left.set_of::<K>(owner);
-                never_fails(left.each_numbered::<K, _>(|_, number| {
-                    numbers.push(number);
+                never_fails(left.each_numbered::<K, _>(|clique| {
+                    numbers.push(clique.number);
                     Ok(())
                 }));
             }
             whole.set_of::<K>(owner);
-            never_fails(whole.each_numbered::<K, _>(|clique, number| {
-                if lost.is_none() || numbers.binary_search(&number).is_err() {
+            never_fails(whole.each_numbered::<K, _>(|clique| {
+                if lost.is_none() || numbers.binary_search(&clique.number).is_err() {
                     let measure = measure::<D, K>(whole.reference(), &clique);
                     let members = clique.corners::<K>().map(|m| whole.members()[m] as usize);
                     for point in std::iter::once(owner).chain(members) {
@@ -147,7 +146,10 @@ impl<const D: usize, const K: usize> OfCliques<'_, D, K> {
 }
 
 /// The measure at rest of a clique whose members are at these vectors from the owner.
-fn measure<const D: usize, const K: usize>(reference: &[[f64; D]], clique: &Clique) -> f64 {
+pub(super) fn measure<const D: usize, const K: usize>(
+    reference: &[[f64; D]],
+    clique: &Clique,
+) -> f64 {
     let edge = |k: usize| {
         let xi = &reference[clique.corners::<K>()[k]];
         [xi[0], xi[1], if D == 3 { xi[2] } else { 0.0 }]
@@ -178,30 +180,4 @@ pub(super) fn without_edges(neighborhood: &Neighborhood, bonds: &[usize]) -> Los
     let mut lost = Lost::nothing_of(neighborhood);
     lost.lose_edges(bonds, &Lost::owners_of(neighborhood, bonds));
     lost
-}
-
-/// The mean over each point's unbroken bonds of states by their numbers ([`Memory::all`]), each bond with the
-/// volume of the neighbour and the part that the law of the state has in it; not a number where there are none.
-pub(super) fn mean_states(
-    (body, neighborhood): (&Body, &Neighborhood),
-    memory: &Memory,
-    is_broken: &[bool],
-    states: &[usize],
-) -> Vec<f64> {
-    let n = body.n_points();
-    let (mut sums, mut volumes) = (vec![0.0; n], vec![0.0; n]);
-    for owner in 0..n {
-        let bonds = neighborhood.bonds(owner).zip(neighborhood.upper(owner));
-        for (bond, &other) in bonds.filter(|(bond, _)| !is_broken[*bond]) {
-            let ends = [owner, other as usize];
-            for (part, value) in states.iter().filter_map(|k| memory.state_of(*k, bond, ends)) {
-                for (point, neighbor) in [(ends[0], ends[1]), (ends[1], ends[0])] {
-                    let volume = part * body.volumes()[neighbor];
-                    sums[point] += volume * value;
-                    volumes[point] += volume;
-                }
-            }
-        }
-    }
-    sums.iter().zip(&volumes).map(|(sum, volume)| sum / volume).collect()
 }

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use super::criteria::margin::Foremost;
-use super::memory::Memory;
-use super::{Breaking, Fracture as _, Held, Release, Status};
+use super::memory::Gone;
+use super::{Breaking, Fracture as _, Release, Status};
 use crate::energy::{Energy as _, NonFinite};
 use crate::interaction::n_neighbors;
 use crate::kernel::Measure;
@@ -61,20 +61,22 @@ impl Breaking {
     ) -> Result<Release, NonFinite> {
         let mut release = Release::default();
         self.memory.set_time_step(-1.0);
-        let Status { energy, is_broken, .. } = &*self.now();
+        let Status { energy, is_broken, lost, .. } = &*self.now();
+        let gone = Gone { is_broken, breaking: &[], lost: lost.as_ref() };
         let around = (&*self.body, &*self.neighborhood);
         let nowhere = vec![0.0; to.len()];
-        for owners in Memory::blocks(&self.neighborhood) {
-            let changes = self.memory.changes(around, (to, dt), owners, |bond| !is_broken[bond])?;
-            let held = |u: &[f64]| {
-                let mut held = vec![Held::default(); changes.bonds.len()];
-                energy.add_held(u, (0.0, &nowhere), &changes.bonds, &mut held)?;
-                Ok(held.iter().fold(0.0, |sum, one| sum + one.energy))
-            };
-            let before = [held(from)?, held(to)?];
-            self.memory.make(&changes);
-            release.dissipated += 0.5 * (before[0] - held(from)? + (before[1] - held(to)?));
-            release.changed += changes.bonds.len();
+        for measure in self.memory.kinds() {
+            for owners in self.memory.blocks(&self.neighborhood, measure) {
+                let changes = self.memory.changes(around, (to, dt), (measure, owners), gone)?;
+                let held = |u: &[f64]| {
+                    let held = self.held(energy, (u, (0.0, &nowhere)), measure, &changes)?;
+                    Ok(held.iter().fold(0.0, |sum, one| sum + one.energy))
+                };
+                let before = [held(from)?, held(to)?];
+                self.memory.make(&changes);
+                release.dissipated += 0.5 * (before[0] - held(from)? + (before[1] - held(to)?));
+                release.changed += changes.numbers.len();
+            }
         }
         Ok(release)
     }

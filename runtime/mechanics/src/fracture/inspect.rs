@@ -5,7 +5,8 @@ use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
 use super::Asked;
 use super::criteria::Judged;
-use super::damage::{OfCliques, lost_of, mean_states, without_edges};
+use super::damage::{OfCliques, lost_of, without_edges};
+use super::means::States;
 use super::{Breaking, Held};
 use crate::energy::{Energy as _, NonFinite};
 use crate::interaction::n_neighbors;
@@ -23,7 +24,7 @@ pub struct Look {
     /// The conditions of the laws that it takes, layer by layer, law by law.
     pub margins: Vec<Judged>,
     /// What it remembers, as [`super::Fracture::states`] has it; nothing in the place of states of laws that it
-    /// does not take.
+    /// does not take, or of triangles and tetrahedra.
     pub states: Vec<Option<f64>>,
     /// The energy in J that it holds by itself; 0 of a broken one.
     pub energy: f64,
@@ -73,9 +74,9 @@ pub trait Inspection: Sync {
     /// those with a broken edge, and those that broke themselves. 0 of a body without energies of them.
     fn damage_of(&self, measure: Measure) -> Vec<f64>;
 
-    /// The mean over each point's unbroken bonds of states by their numbers ([`super::Fracture::states`]), each
-    /// bond with the volume of the neighbour and the part that the law of the state has in it; not a number
-    /// where there are none.
+    /// The mean of states by their numbers ([`super::Fracture::states`]) over what is unbroken at each point: a
+    /// bond counts with the volume of the neighbour, a triangle or a tetrahedron with its measure at rest, each
+    /// by the part that the law of the state has in it; not a number where there are none.
     fn mean_states(&self, states: &[usize]) -> Vec<f64>;
 
     /// The number of the bond between two points; nothing where there is none.
@@ -179,7 +180,8 @@ impl Inspection for Breaking {
 
     fn mean_states(&self, states: &[usize]) -> Vec<f64> {
         let around = (&*self.body, &*self.neighborhood);
-        mean_states(around, &self.memory, &self.now().is_broken, states)
+        let states = States { around, memory: &self.memory, numbers: states };
+        states.means(&self.now())
     }
 
     fn bond_between(&self, ends: [usize; 2]) -> Option<usize> {
@@ -204,7 +206,8 @@ impl Inspection for Breaking {
         let around = (&*self.body, &*self.neighborhood);
         let mut margins = self.criteria.judged(around, bond, u)?;
         let states = (0..self.memory.n_states())
-            .map(|number| self.memory.state_of(number, bond, ends).map(|(_, value)| value));
+            .map(|number| self.memory.state_of(number, Measure::Length, (bond, &ends)))
+            .map(|found| found.map(|(_, value)| value));
         let status = self.now();
         margins.extend(status.energy.field_margins(u, Asked::Bond(ends))?);
         let (nowhere, mut held) = (vec![0.0; u.len()], [Held::default()]);

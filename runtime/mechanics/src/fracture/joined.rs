@@ -47,7 +47,7 @@ impl Breaking {
                 let mut missing = own.iter().filter(|joined| !**joined).count();
                 cliques.set_of::<K>(owner);
                 // All that is asked is known long before the last clique.
-                let _: Result<(), Done> = cliques.each_numbered::<K, Done>(|clique, _| {
+                let _: Result<(), Done> = cliques.each_numbered::<K, Done>(|clique| {
                     for member in clique.corners::<K>() {
                         missing -= usize::from(!std::mem::replace(&mut own[member], true));
                     }

@@ -1,8 +1,11 @@
-//! What bonds remember: states, and what these become at given displacements.
+//! What bonds, triangles and tetrahedra remember: states, and what these become at given displacements.
 //!
-//! A state is a field of its law of which each bond has a value of its own, so the energy takes it like a
-//! parameter that varies. The next values of a bond follow from its length, the time since the last and its
-//! values as they are; no bond sees another.
+//! A state is a field of its law of which each bond has a value of its own, or each triangle, or each
+//! tetrahedron, so the energy takes it like a parameter that varies. The next values follow from the measure,
+//! the time since the last and the values as they are; none sees another. Here bonds are worked out, in
+//! [`cliques`] triangles and tetrahedra.
+
+mod cliques;
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -10,18 +13,22 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::criteria::{CHUNK, Candidate, Room, room_for};
+use super::walk::OfOwners;
 use crate::body::Body;
 use crate::element::{CAPACITY, Element as _, MeasureElement, Order};
 use crate::energy::NonFinite;
+use crate::interaction::{Lost, Ranks};
 use crate::kernel::{Law, Measure};
-use crate::materials::{Fields, Materials};
+use crate::materials::{Fields, Materials, Parts};
 use crate::neighborhood::Neighborhood;
 
-/// Bonds whose states are worked out and changed at a time, more or less: as many as fit a cache.
+/// Interactions whose states are worked out and changed at a time, more or less: as many as fit a cache.
 const BLOCK: usize = 1 << 16;
 
 /// What a state becomes.
 pub struct NextState {
+    /// Of which interactions it is a state.
+    pub measure: Measure,
     /// The number of the state among the fields of its law.
     pub field: usize,
     /// The next value, in the place of psi. It takes the fields of the law, and behind them the time in s
@@ -33,20 +40,24 @@ pub struct NextState {
 pub struct Layer {
     /// Those of each law of the materials.
     pub of_law: Vec<Vec<NextState>>,
-    /// Which laws bonds take, with the fields among which the states are.
+    /// Which laws interactions take, with the fields among which the states are.
     pub materials: Arc<Materials>,
 }
 
-/// What the bonds of a body remember; by default nothing.
+/// What the bonds of a body remember, its triangles and its tetrahedra; by default nothing.
 #[derive(Default)]
 pub struct Memory {
     layers: Vec<Rules>,
+    /// Triangles, and tetrahedra, where these remember anything.
+    cliques: [Option<OfOwners>; 2],
 }
 
-/// A [`Layer`] as functions of bonds.
+/// Of each law the states of one kind, with their numbers among all fields.
+type OfLaws = Vec<Vec<(usize, MeasureElement)>>;
+
+/// A [`Layer`] as functions of bonds, triangles and tetrahedra.
 struct Rules {
-    /// With the numbers of the states among all fields.
-    of_law: Vec<Vec<(usize, MeasureElement)>>,
+    of_kinds: [OfLaws; 3],
     materials: Arc<Materials>,
     fields: Arc<Fields>,
 }
@@ -56,69 +67,140 @@ struct Rules {
 struct Change {
     layer: usize,
     field: usize,
-    bond: usize,
+    number: usize,
     value: f64,
 }
 
-/// The changes of some bonds at given displacements, all worked out from states as they were.
+/// The changes of some interactions of one kind at given displacements, all worked out from states as they were.
 pub(super) struct Changes {
     all: Vec<Change>,
-    /// The bonds, ascending.
-    pub(super) bonds: Vec<usize>,
+    /// Those that change by their numbers, ascending.
+    pub(super) numbers: Vec<usize>,
+}
+
+impl Changes {
+    fn new(parts: Vec<Vec<Change>>) -> Changes {
+        let all = parts.concat();
+        let mut numbers: Vec<usize> = all.iter().map(|change| change.number).collect();
+        numbers.sort_unstable();
+        numbers.dedup();
+        Changes { all, numbers }
+    }
+}
+
+/// What does not change its states: what is broken, and what is about to break.
+#[derive(Clone, Copy)]
+pub(super) struct Gone<'a> {
+    pub(super) is_broken: &'a [bool],
+    /// Bonds that are about to break, ascending.
+    pub(super) breaking: &'a [usize],
+    /// Of triangles and tetrahedra, where these remember anything.
+    pub(super) lost: Option<&'a Lost>,
 }
 
 impl Memory {
-    /// The states of some layers; bonds begin with what the fields of their points say.
+    /// The states of some layers; interactions begin with the mean of what the fields of their points say.
     pub fn new((body, neighborhood): (&Body, &Neighborhood), layers: Vec<Layer>) -> Memory {
+        let d = body.dimension();
         let with_states =
             layers.into_iter().filter(|layer| !layer.of_law.iter().all(Vec::is_empty));
-        let rules = |layer: Layer| {
-            let fields = Arc::clone(layer.materials.shared_fields()?);
+        let layers: Vec<Rules> = with_states.filter_map(|layer| Rules::new(layer, d)).collect();
+        let remember = |measure: Measure| layers.iter().any(|rules| rules.have(measure));
+        let cliques = super::CLIQUES
+            .map(|measure| remember(measure).then(|| OfOwners::new((body, neighborhood), measure)));
+        let memory = Memory { layers, cliques };
+        memory.begin((body, neighborhood));
+        memory
+    }
+
+    /// Gives all interactions their first states.
+    fn begin(&self, (body, neighborhood): (&Body, &Neighborhood)) {
+        for Rules { fields, .. } in &self.layers {
             let owners = 0..neighborhood.n_points();
             let ends = owners.flat_map(|owner| {
                 neighborhood.upper(owner).iter().map(move |other| [owner, *other as usize])
             });
-            fields.begin_states(ends);
-            let own = |(law, next): (usize, Vec<NextState>)| {
-                let first = fields.of_law(law).start;
-                let element = |NextState { field, next }| {
-                    let element = MeasureElement::new(Measure::Length, body.dimension(), next);
-                    (first + field, element)
-                };
-                next.into_iter().map(element).collect()
-            };
-            let of_law = layer.of_law.into_iter().enumerate().map(own).collect();
-            Some(Rules { of_law, materials: layer.materials, fields })
-        };
-        Memory { layers: with_states.filter_map(rules).collect() }
+            fields.begin_states(Measure::Length, None, |field| {
+                ends.clone().map(|ends| fields.mean(field, ends.into_iter())).collect()
+            });
+            for all in self.cliques.iter().flatten() {
+                cliques::begin(all, (body, neighborhood), fields);
+            }
+        }
     }
 
-    /// Whether no bond remembers anything.
+    /// Whether nothing is remembered.
     pub fn is_empty(&self) -> bool {
         self.layers.is_empty()
     }
 
-    /// Stretches of owners whose states are changed one after the other.
-    pub(super) fn blocks(neighborhood: &Neighborhood) -> Vec<Range<usize>> {
-        let starts = neighborhood.bond_starts();
+    /// The measures of what remembers anything, ascending.
+    pub(super) fn kinds(&self) -> impl Iterator<Item = Measure> {
+        let remember = |measure: &Measure| self.layers.iter().any(|rules| rules.have(*measure));
+        Measure::ALL.into_iter().filter(remember)
+    }
+
+    /// Whether triangles or tetrahedra remember anything.
+    pub(super) fn has_cliques(&self) -> bool {
+        self.cliques.iter().any(Option::is_some)
+    }
+
+    /// The triangles, or the tetrahedra, where these remember anything.
+    pub(super) fn cliques(&self, measure: Measure) -> Option<&OfOwners> {
+        self.cliques.get((measure as usize).wrapping_sub(1))?.as_ref()
+    }
+
+    /// Their numbers.
+    pub(super) fn ranks(&self, measure: Measure) -> Option<&Ranks> {
+        self.cliques(measure).map(|all| &all.ranks)
+    }
+
+    /// Stretches of owners whose states of one kind are changed one after the other.
+    pub(super) fn blocks(
+        &self,
+        neighborhood: &Neighborhood,
+        measure: Measure,
+    ) -> Vec<Range<usize>> {
         let n = neighborhood.n_points();
-        let mut blocks = Vec::new();
-        let mut first = 0;
-        while first < n {
-            let end = starts.partition_point(|start| *start < starts[first] + BLOCK);
-            let end = end.clamp(first + 1, n);
-            blocks.push(first..end);
-            first = end;
+        let ranks = self.ranks(measure);
+        let start = |owner: usize| match ranks {
+            Some(ranks) => ranks.first(owner),
+            None => neighborhood.bond_starts()[owner],
+        };
+        let mut blocks: Vec<Range<usize>> = Vec::new();
+        for owner in 0..n {
+            match blocks.last_mut() {
+                Some(block) if start(owner) < start(block.start) + BLOCK => block.end = owner + 1,
+                _ => blocks.push(owner..owner + 1),
+            }
         }
         blocks
     }
 
-    /// What the states of some owners' bonds that are `intact` become at displacements `u` in m (`n x d`),
-    /// `dt` s after the last change; only what changes.
+    /// What the states of one kind of some owners become at displacements `u` in m (`n x d`), `dt` s after the
+    /// last change; only what changes.
     ///
     /// # Errors
     /// Next values that are not finite.
     pub(super) fn changes(
+        &self,
+        around: (&Body, &Neighborhood),
+        at: (&[f64], f64),
+        (measure, owners): (Measure, Range<usize>),
+        gone: Gone<'_>,
+    ) -> Result<Changes, NonFinite> {
+        match (self.cliques(measure), gone.lost) {
+            (Some(all), Some(lost)) => self.changes_of_cliques(all, (around, lost), at, owners),
+            _ => {
+                let Gone { is_broken, breaking, .. } = gone;
+                let stays = |b: usize| !is_broken[b] && breaking.binary_search(&b).is_err();
+                self.changes_of_bonds(around, at, owners, stays)
+            }
+        }
+    }
+
+    /// The same of bonds that are `intact`.
+    fn changes_of_bonds(
         &self,
         around: (&Body, &Neighborhood),
         (u, dt): (&[f64], f64),
@@ -137,11 +219,7 @@ impl Memory {
                 _ => self.changes_of::<3>(around, (u, dt), owners, &intact),
             })
             .collect();
-        let all = parts?.concat();
-        let mut bonds: Vec<usize> = all.iter().map(|change| change.bond).collect();
-        bonds.sort_unstable();
-        bonds.dedup();
-        Ok(Changes { all, bonds })
+        Ok(Changes::new(parts?))
     }
 
     fn changes_of<const D: usize>(
@@ -178,14 +256,14 @@ impl Memory {
         changes: &mut Vec<Change>,
     ) -> Result<(), NonFinite> {
         for (layer, rules) in self.layers.iter().enumerate() {
-            for (law, states) in rules.of_law.iter().enumerate() {
+            let of_laws = &rules.of_kinds[Measure::Length as usize];
+            for (law, states) in of_laws.iter().enumerate() {
                 if states.is_empty() {
                     continue;
                 }
-                let is_alone = rules.of_law.len() == 1;
+                let is_alone = of_laws.len() == 1;
                 let takes = |bond: &&Candidate<D>| {
-                    let corners = || bond.ends.map(|end| rules.materials.of(end));
-                    is_alone || rules.materials.parts(&corners()).iter().any(|part| part.0 == law)
+                    is_alone || rules.parts(&bond.ends).iter().any(|part| part.0 == law)
                 };
                 let own: Vec<&Candidate<D>> = bonds.iter().filter(takes).collect();
                 for bonds in own.chunks(CAPACITY) {
@@ -193,10 +271,7 @@ impl Memory {
                         rules.next((law, element), bonds, (u, dt), room)?;
                         let next = bonds.iter().zip(&room.1.energy);
                         changes.extend(next.filter_map(|(candidate, &value)| {
-                            let bond = candidate.bond;
-                            let is_same =
-                                rules.fields.state(*field, bond)?.to_bits() == value.to_bits();
-                            (!is_same).then_some(Change { layer, field: *field, bond, value })
+                            rules.change(layer, *field, candidate.bond, value)
                         }));
                     }
                 }
@@ -207,48 +282,63 @@ impl Memory {
 
     /// Makes changes.
     pub(super) fn make(&self, changes: &Changes) {
-        for &Change { layer, field, bond, value } in &changes.all {
-            self.layers[layer].fields.set_state(field, bond, value);
+        for &Change { layer, field, number, value } in &changes.all {
+            self.layers[layer].fields.set_state(field, number, value);
         }
     }
 
-    /// All states of all bonds: layer by layer, state by state, in the order of the bonds.
-    pub(super) fn all(&self, n_bonds: usize) -> Vec<f64> {
+    /// All states: layer by layer, state by state, in the order of what remembers them.
+    pub(super) fn all(&self) -> Vec<f64> {
         let states = self.states().flat_map(|(rules, field)| {
-            (0..n_bonds).map(move |bond| rules.fields.state(field, bond).unwrap_or(f64::NAN))
+            let all = 0..rules.fields.n_remembering(field);
+            all.map(move |number| rules.fields.state(field, number).unwrap_or(f64::NAN))
         });
         states.collect()
     }
 
-    /// Gives bonds the states that [`Memory::all`] told of them.
-    pub(super) fn set_all(&self, all: &[f64], n_bonds: usize) {
-        for ((rules, field), values) in self.states().zip(all.chunks_exact(n_bonds.max(1))) {
-            let set = |(bond, value): (usize, &f64)| rules.fields.set_state(field, bond, *value);
-            values.iter().enumerate().for_each(set);
+    /// Gives back the states that [`Memory::all`] told.
+    pub(super) fn set_all(&self, all: &[f64]) {
+        let mut values = all.iter();
+        for (rules, field) in self.states() {
+            let own = 0..rules.fields.n_remembering(field);
+            let set = |(number, value): (usize, &f64)| {
+                rules.fields.set_state(field, number, *value);
+            };
+            own.zip(&mut values).for_each(set);
         }
     }
 
-    /// Lets laws follow what bonds come to remember in `dt` s; below 0 they hold what bonds remember.
+    /// Lets laws follow what comes to be remembered in `dt` s; below 0 they hold what is remembered.
     pub(super) fn set_time_step(&self, dt: f64) {
         self.layers.iter().for_each(|rules| rules.fields.set_time_step(dt));
     }
 
-    /// A state of a bond by its number, with the part that the law of the state has in the bond; nothing where
-    /// it has none.
+    /// Of which interactions a state is, by its number.
+    pub(super) fn kind_of(&self, number: usize) -> Option<Measure> {
+        let (rules, field) = self.states().nth(number)?;
+        rules.fields.kind_of_state(field)
+    }
+
+    /// A state of an interaction by its number, with the part that the law of the state has in it; nothing
+    /// where it has none.
     pub(super) fn state_of(
         &self,
         number: usize,
-        bond: usize,
-        ends: [usize; 2],
+        measure: Measure,
+        (own, points): (usize, &[usize]),
     ) -> Option<(f64, f64)> {
         let (rules, field) = self.states().nth(number)?;
-        let law = (0..rules.of_law.len()).find(|law| rules.fields.of_law(*law).contains(&field))?;
-        let parts = rules.materials.parts(&ends.map(|end| rules.materials.of(end)));
+        if rules.fields.kind_of_state(field) != Some(measure) {
+            return None;
+        }
+        let n_laws = rules.of_kinds[measure as usize].len();
+        let law = (0..n_laws).find(|law| rules.fields.of_law(*law).contains(&field))?;
+        let parts = rules.parts(points);
         let (_, part) = parts.iter().find(|part| part.0 == law)?;
-        Some((part, rules.fields.state(field, bond)?))
+        Some((part, rules.fields.state(field, own)?))
     }
 
-    /// How many states a bond has.
+    /// How many states there are.
     pub(super) fn n_states(&self) -> usize {
         self.states().count()
     }
@@ -262,6 +352,42 @@ impl Memory {
 }
 
 impl Rules {
+    /// Those of a layer whose laws have fields.
+    fn new(layer: Layer, dimension: usize) -> Option<Rules> {
+        let fields = Arc::clone(layer.materials.shared_fields()?);
+        let nothing = || layer.of_law.iter().map(|_| Vec::new()).collect::<OfLaws>();
+        let mut of_kinds = [(); 3].map(|()| nothing());
+        for (law, own) in layer.of_law.into_iter().enumerate() {
+            let first = fields.of_law(law).start;
+            // There are no tetrahedra in the plane.
+            let own = own.into_iter().filter(|next| next.measure.points() <= dimension + 1);
+            for NextState { measure, field, next } in own {
+                let element = MeasureElement::new(measure, dimension, next);
+                of_kinds[measure as usize][law].push((first + field, element));
+            }
+        }
+        Some(Rules { of_kinds, materials: layer.materials, fields })
+    }
+
+    /// Whether interactions of this measure remember anything.
+    fn have(&self, measure: Measure) -> bool {
+        !self.of_kinds[measure as usize].iter().all(Vec::is_empty)
+    }
+
+    /// The laws of an interaction of these points.
+    fn parts(&self, points: &[usize]) -> Parts {
+        let mut corners = [0; 4];
+        let corners = &mut corners[..points.len()];
+        corners.iter_mut().zip(points).for_each(|(corner, p)| *corner = self.materials.of(*p));
+        self.materials.parts(corners)
+    }
+
+    /// Another value of a state, if it is another.
+    fn change(&self, layer: usize, field: usize, number: usize, value: f64) -> Option<Change> {
+        let is_same = self.fields.state(field, number)?.to_bits() == value.to_bits();
+        (!is_same).then_some(Change { layer, field, number, value })
+    }
+
     /// Works out the next values of a state of some bonds, as energies in the room.
     fn next<const D: usize>(
         &self,
@@ -272,17 +398,11 @@ impl Rules {
     ) -> Result<(), NonFinite> {
         batch.fill(bonds.len(), |lane| (bonds[lane].xi, bonds[lane].eta, 1.0));
         if element.n_fields() > 0 {
-            let own = self.fields.of_law(law);
-            let time_step = self.fields.time_steps().iter().find(|field| own.contains(field));
-            let place = time_step.map_or(own.len(), |field| field - own.start);
-            batch.take_fields_of_bonds((&*self.fields, own), |lane| {
-                (bonds[lane].ends, bonds[lane].bond)
+            let fields = (&*self.fields, self.fields.of_law(law));
+            batch.take_fields(fields.clone(), Measure::Length, |lane| {
+                (bonds[lane].ends.into_iter(), bonds[lane].bond)
             });
-            if element.n_fields() > place {
-                let padded = batch.padded_len();
-                batch.fields.resize(element.n_fields() * padded, dt);
-                batch.fields[place * padded..][..padded].fill(dt);
-            }
+            batch.take_time_step(fields, element.n_fields(), dt);
         }
         let evaluated = element.evaluate(batch, Order::Energy, out);
         evaluated.map_err(|lane| bonds[lane.lane].refused(lane.value, lane.reference, u))

@@ -4,17 +4,18 @@
 //! |---|---|
 //! | [`Breaking`] | the energy of what is left, and its [`Fracture`] |
 //! | [`criteria`] | which bonds break at given displacements |
-//! | [`memory`] | what bonds remember, and what that becomes |
+//! | [`memory`] | what bonds, triangles and tetrahedra remember, and what that becomes (`states`: of the body) |
 //! | `cliques` | which triangles and tetrahedra break by a criterion of their own |
 //! | `fields` | which bonds break by deformation gradients, and by what points gather |
-//! | `inspect` | what there is to see: damage (`damage`), states at points, single bonds ([`Inspection`]) |
+//! | `walk` | what is left of triangles and tetrahedra, shown to both |
+//! | `inspect` | what there is to see: damage (`damage`), states at points (`means`), single bonds ([`Inspection`]) |
 //! | `joined` | what holds points together where only triangles and tetrahedra have energies |
 //! | [`crack`] | which bonds a crack cuts that is there from the start |
 //!
 //! With the status `h` a body has one energy `E(u; h)`, of which forces and tangents are exact
 //! derivatives as ever. `h` changes in [`Fracture::advance`] alone, at fixed `u`: so what breaking releases
-//! is by definition `E(u; old) - E(u; new)`, and so is what is dissipated where bonds remember. All bonds
-//! are judged at the same displacements, with what they remember as it is, before any of them is taken out
+//! is by definition `E(u; old) - E(u; new)`, and so is what is dissipated where something is remembered. All
+//! bonds are judged at the same displacements, with what they remember as it is, before any of them is taken out
 //! or changes, and none comes back: but for [`Fracture::restore`], after attempts at an equilibrium
 //! that came to nothing, which never were states of the body. A triangle or a tetrahedron with a broken edge is broken, too; one that
 //! breaks itself leaves its bonds as they are.
@@ -27,8 +28,11 @@ mod equilibria;
 mod fields;
 mod inspect;
 mod joined;
+mod means;
 pub mod memory;
 mod release;
+mod states;
+mod walk;
 
 use std::ops::Range;
 use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
@@ -60,8 +64,8 @@ const CLIQUES: [Measure; 2] = [Measure::Area, Measure::Volume];
 /// ([`Neighborhood::bonds`]).
 pub trait Fracture: Inspection {
     /// Breaks the bonds whose criteria say so at displacements `u`, after a way of the displacements
-    /// `step*direction`, all in m and `n x d`; others remember what they have come to `dt` s after the last
-    /// time.
+    /// `step*direction`, all in m and `n x d`, and triangles and tetrahedra; others remember what they have come
+    /// to `dt` s after the last time.
     ///
     /// # Errors
     /// Margins, next states and energies that are not finite.
@@ -75,13 +79,13 @@ pub trait Fracture: Inspection {
     /// As [`Fracture::advance`].
     fn advance_behind_forces(&self, u: &[f64], way: (f64, &[f64])) -> Result<Release, NonFinite>;
 
-    /// From now on energies follow what bonds come to remember in `dt` s, as load steps ask: forces are those
-    /// at the states that bonds come to, and the tangent is their derivative, where the laws are made for it;
+    /// From now on energies follow what comes to be remembered in `dt` s, as load steps ask: forces are those
+    /// at the states that come of it, and the tangent is their derivative, where the laws are made for it;
     /// energies at these states are no potential of the forces. With nothing they are again what they are
     /// between changes of the status.
     fn follow(&self, dt: Option<f64>);
 
-    /// Bonds remember what they come to at displacements `to`, `dt` s after the last time, on a way from
+    /// All remember what they come to at displacements `to`, `dt` s after the last time, on a way from
     /// displacements `from`, in m; none breaks, and energies follow nothing any more. What is dissipated is
     /// the mean of what the change takes from the energy at both ends of the way, which is of second order
     /// in the way: the fall of the energy at `to` alone would count the way beyond what held.
@@ -96,13 +100,13 @@ pub trait Fracture: Inspection {
     /// As [`Fracture::advance`].
     fn advance_bonds(&self, u: &[f64]) -> Result<Release, NonFinite>;
 
-    /// How many numbers each bond remembers.
+    /// How many states there are, of bonds, of triangles and of tetrahedra.
     fn n_states(&self) -> usize;
 
-    /// What bonds remember, in SI units: number by number, of each all bonds in their order.
+    /// What is remembered, in SI units: state by state, of each all that remember it in their order.
     fn states(&self) -> Vec<f64>;
 
-    /// Gives bonds what [`Fracture::states`] told of them, and says nothing of energies.
+    /// Gives back what [`Fracture::states`] told, and says nothing of energies.
     fn remember(&self, states: &[f64]);
 
     /// Breaks the bond, triangle or tetrahedron whose margin is largest, and those within `tie` of it, if any
@@ -186,7 +190,7 @@ struct Status {
     energy: Total<'static>,
     is_broken: Vec<bool>,
     n_broken: usize,
-    /// Where triangles or tetrahedra have criteria of their own.
+    /// Where triangles or tetrahedra have criteria of their own, or remember anything.
     lost: Option<Lost>,
     damage: Damage,
 }
@@ -218,6 +222,7 @@ impl Breaking {
         let has_cliques = !criteria.cliques.are_empty();
         let by_fields = terms.iter().any(|term| term.has_field_conditions());
         let loses_none = criteria.are_empty() && !has_cliques && !by_fields && absent.is_empty();
+        let has_cliques = has_cliques || memory.has_cliques();
         let can_lose = loses_none || terms.iter().all(|term| term.can_lose_bonds());
         assert!(can_lose, "energies that can lose bonds");
         let terms = terms.into_iter().map(Term::Owned).collect();
@@ -308,36 +313,6 @@ impl Breaking {
         self.criteria.cliques.kinds().find(|kind| kind.0 == measure).map(|kind| kind.1)
     }
 
-    /// Changes what all bonds remember but those that break.
-    fn change_states(
-        &self,
-        (u, dt): (&[f64], f64),
-        way: (f64, &[f64]),
-        breaking: &[usize],
-    ) -> Result<Release, NonFinite> {
-        let mut release = Release::default();
-        if self.memory.is_empty() {
-            return Ok(release);
-        }
-        let Status { energy, is_broken, .. } = &*self.now();
-        let around = (&*self.body, &*self.neighborhood);
-        let stays = |bond: usize| !is_broken[bond] && breaking.binary_search(&bond).is_err();
-        for owners in Memory::blocks(&self.neighborhood) {
-            let changes = self.memory.changes(around, (u, dt), owners, stays)?;
-            let mut held = [(); 2].map(|()| vec![Held::default(); changes.bonds.len()]);
-            energy.add_held(u, way, &changes.bonds, &mut held[0])?;
-            self.memory.make(&changes);
-            energy.add_held(u, way, &changes.bonds, &mut held[1])?;
-            let [before, after] = &held;
-            for (before, after) in before.iter().zip(after) {
-                release.dissipated += before.energy - after.energy;
-                release.timing += before.timing - after.timing;
-            }
-            release.changed += changes.bonds.len();
-        }
-        Ok(release)
-    }
-
     fn change(&self) -> RwLockWriteGuard<'_, Status> {
         self.status.write().unwrap_or_else(PoisonError::into_inner)
     }
@@ -355,7 +330,7 @@ fn now(status: &RwLock<Status>) -> RwLockReadGuard<'_, Status> {
 impl Fracture for Breaking {
     fn advance(&self, u: &[f64], dt: f64, way: (f64, &[f64])) -> Result<Release, NonFinite> {
         let breaking = self.judge(u, &self.all_owners())?;
-        let mut release = self.change_states((u, dt), way, &breaking.bonds)?;
+        let mut release = self.change_states((u, dt), way, &breaking)?;
         release.add(self.break_all(u, way, &breaking)?);
         Ok(release)
     }
@@ -385,11 +360,11 @@ impl Fracture for Breaking {
     }
 
     fn states(&self) -> Vec<f64> {
-        self.memory.all(self.neighborhood.n_bonds())
+        self.memory.all()
     }
 
     fn remember(&self, states: &[f64]) {
-        self.memory.set_all(states, self.neighborhood.n_bonds());
+        self.memory.set_all(states);
     }
 
     fn advance_foremost(&self, u: &[f64], tie: f64) -> Result<Release, NonFinite> {

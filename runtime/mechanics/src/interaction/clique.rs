@@ -19,6 +19,8 @@ pub(crate) struct Clique {
     pub(crate) members: [u32; 3],
     /// Of a triangle the place of the second member in the row of later neighbours of the first.
     pub(crate) place: u32,
+    /// Its number among all that the owner had, where these are counted; else 0.
+    pub(crate) number: u32,
 }
 
 impl Clique {
@@ -266,14 +268,14 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         &self,
         mut visit: impl FnMut(Clique) -> Result<(), E>,
     ) -> Result<(), E> {
+        if self.broken.is_some() && K > 1 {
+            return self.each_numbered::<K, E>(visit);
+        }
         let mut visit = |members: [usize; 3], place: usize| {
-            visit(Clique { members: members.map(|member| member as u32), place: place as u32 })
+            visit(Clique { members: members.map(|m| m as u32), place: place as u32, number: 0 })
         };
         match K {
             1 => (0..self.members.len()).try_for_each(|j| visit([j, 0, 0], 0)),
-            _ if self.broken.is_some() => self.each_numbered::<K, E>(|clique, _| {
-                visit(clique.corners::<3>(), clique.place as usize)
-            }),
             2 => self.triangles(|j, k, place| visit([j, k, 0], place)).map(|_| ()),
             _ => self.tetrahedra(|j, k, l| visit([j, k, l], 0)).map(|_| ()),
         }
@@ -346,8 +348,7 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
     /// Visits the members that are neighbours of both `j < k` and come after them, ascending.
     #[inline(always)]
     pub fn for_each_common(&self, j: usize, k: usize, mut visit: impl FnMut(usize)) {
-        let words = self.row(j).iter().zip(self.row(k));
-        for (word, (of_j, of_k)) in words.enumerate() {
+        for (word, (of_j, of_k)) in self.row(j).iter().zip(self.row(k)).enumerate() {
             let mut bits = of_j & of_k;
             while bits != 0 {
                 visit(next_bit(word, &mut bits));
@@ -527,8 +528,7 @@ mod tests {
         for _ in 1..size {
             let mut longer = Vec::new();
             for clique in &all {
-                let last = clique[clique.len() - 1];
-                for next in last + 1..neighborhood.n_points() {
+                for next in clique[clique.len() - 1] + 1..neighborhood.n_points() {
                     let near = |&p: &usize| neighborhood.row(p).contains(&(next as u32));
                     if clique.iter().all(near) {
                         longer.push([clique.as_slice(), &[next]].concat());

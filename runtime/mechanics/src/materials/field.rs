@@ -3,11 +3,14 @@
 //! A point has the values of the parameters of its material. What belongs to a point alone takes them; an
 //! interaction takes the mean of its corners, of those that have a value: where materials meet, the
 //! parameters of one are not those of the other. A field may also be a state: then each bond has a value of
-//! its own, which it remembers.
+//! its own, which it remembers, or each triangle, or each tetrahedron.
 
 use std::ops::Range;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
+
+use crate::interaction::Ranks;
+use crate::kernel::Measure;
 
 /// The fields of all laws, one after the other, at all points.
 #[derive(Debug)]
@@ -19,13 +22,15 @@ pub struct Fields {
     /// Bits of numbers, field by field: they may be set anew between passes.
     values: Vec<AtomicU64>,
     is_steady: bool,
-    /// Which of them are states.
-    is_state: Vec<bool>,
+    /// Of which interactions each is a state; nothing of those that are none.
+    state_of: Vec<Option<Measure>>,
     /// Which of them are the time step in which laws follow their states, at most one of each law: it is
     /// below 0 where states are held.
     time_steps: Vec<usize>,
-    /// What bonds have of each that is one, by their numbers; once there are bonds.
-    of_bonds: OnceLock<Vec<Option<Box<[AtomicU64]>>>>,
+    /// What interactions have of each that is a state, by their numbers; once there are some.
+    states: Vec<OnceLock<Box<[AtomicU64]>>>,
+    /// The numbers of triangles, and of tetrahedra, once these have states.
+    ranks: [OnceLock<Ranks>; 2],
 }
 
 impl Fields {
@@ -40,15 +45,25 @@ impl Fields {
         let typical = of_laws.concat();
         let nothing = || AtomicU64::new(f64::NAN.to_bits());
         let values = (0..n_points * typical.len()).map(|_| nothing()).collect();
-        let is_state = vec![false; typical.len()];
-        let (time_steps, of_bonds) = (Vec::new(), OnceLock::new());
-        Fields { n_points, first, typical, values, is_steady, is_state, time_steps, of_bonds }
+        let states = typical.iter().map(|_| OnceLock::new()).collect();
+        let state_of = vec![None; typical.len()];
+        Fields {
+            n_points,
+            first,
+            typical,
+            values,
+            is_steady,
+            state_of,
+            time_steps: Vec::new(),
+            states,
+            ranks: Default::default(),
+        }
     }
 
-    /// The same where some fields are states: each bond has a value of its own.
-    pub fn with_states(self, is_state: Vec<bool>) -> Fields {
-        assert_eq!(is_state.len(), self.len(), "one for each field");
-        Fields { is_state, ..self }
+    /// The same where some fields are states: each bond, triangle or tetrahedron has a value of its own.
+    pub fn with_states(self, state_of: Vec<Option<Measure>>) -> Fields {
+        assert_eq!(state_of.len(), self.len(), "one for each field");
+        Fields { state_of, ..self }
     }
 
     /// The same where some fields, by their numbers, are the time step in s in which laws follow their states;
@@ -70,41 +85,79 @@ impl Fields {
         }
     }
 
-    /// Gives bonds, by their numbers with these ends, the states that they begin with: the mean of what
-    /// their points have. Nothing happens where they have some.
-    pub(crate) fn begin_states(&self, ends: impl Iterator<Item = [usize; 2]> + Clone) {
-        let begin = |field: usize| {
-            let own = ends.clone().map(|ends| self.mean(field, ends.into_iter()));
-            self.is_state[field].then(|| own.map(|value| AtomicU64::new(value.to_bits())).collect())
-        };
-        self.of_bonds.get_or_init(|| (0..self.len()).map(begin).collect());
+    /// Gives bonds, or others with these numbers, the states that they begin with, which `values` tells of a
+    /// field. Nothing happens where they have some.
+    pub(crate) fn begin_states(
+        &self,
+        measure: Measure,
+        ranks: Option<&Ranks>,
+        values: impl Fn(usize) -> Vec<f64>,
+    ) {
+        if let (Some(ranks), Some(own)) = (ranks, self.ranks_of(measure)) {
+            own.get_or_init(|| ranks.clone());
+        }
+        for field in self.numbers_of_states().filter(|k| self.state_of[*k] == Some(measure)) {
+            self.states[field].get_or_init(|| {
+                let bits = values(field).into_iter().map(f64::to_bits);
+                bits.map(AtomicU64::new).collect()
+            });
+        }
     }
 
-    /// Whether some of these fields are states.
+    /// Where the numbers of triangles or tetrahedra are kept.
+    fn ranks_of(&self, measure: Measure) -> Option<&OnceLock<Ranks>> {
+        self.ranks.get((measure as usize).wrapping_sub(1))
+    }
+
+    /// The first number of an owner's triangles or tetrahedra; 0 where these have no states.
     #[inline(always)]
-    pub(crate) fn have_states(&self, fields: Range<usize>) -> bool {
-        self.is_state[fields].contains(&true)
+    pub(crate) fn first_number(&self, measure: Measure, owner: usize) -> usize {
+        let ranks = self.ranks_of(measure).and_then(OnceLock::get);
+        ranks.map_or(0, |ranks| ranks.first(owner))
     }
 
-    fn states(&self, field: usize) -> Option<&[AtomicU64]> {
-        self.of_bonds.get()?[field].as_deref()
+    /// Whether some of these fields are states, of a measure or of any.
+    #[inline(always)]
+    pub(crate) fn have_states(&self, fields: Range<usize>, measure: Option<Measure>) -> bool {
+        let is_it =
+            |state: &Option<Measure>| state.is_some() && (measure.is_none() || *state == measure);
+        self.state_of[fields].iter().any(is_it)
+    }
+
+    /// Of which interactions a field is a state.
+    pub(crate) fn kind_of_state(&self, field: usize) -> Option<Measure> {
+        self.state_of[field]
     }
 
     /// The numbers of the fields that are states.
     pub(crate) fn numbers_of_states(&self) -> impl Iterator<Item = usize> + '_ {
-        (0..self.len()).filter(|field| self.is_state[*field])
+        (0..self.len()).filter(|field| self.state_of[*field].is_some())
     }
 
-    /// What a bond remembers as a field that is a state; nothing before bonds have begun.
-    pub(crate) fn state(&self, field: usize, bond: usize) -> Option<f64> {
-        let value = &self.states(field)?[bond];
+    /// What interactions remember as a field that is a state of theirs; nothing before they have begun.
+    #[inline(always)]
+    fn states_of(&self, field: usize, measure: Measure) -> Option<&[AtomicU64]> {
+        if self.state_of[field] != Some(measure) {
+            return None;
+        }
+        self.states[field].get().map(|states| &**states)
+    }
+
+    /// How many interactions remember a field that is a state; 0 before they have begun.
+    pub(crate) fn n_remembering(&self, field: usize) -> usize {
+        self.states[field].get().map_or(0, |states| states.len())
+    }
+
+    /// What an interaction remembers as a field that is a state; nothing before it has begun.
+    pub(crate) fn state(&self, field: usize, number: usize) -> Option<f64> {
+        let value = &self.states[field].get()?[number];
         Some(f64::from_bits(value.load(Ordering::Relaxed)))
     }
 
-    /// Gives a bond another state.
-    pub(crate) fn set_state(&self, field: usize, bond: usize, value: f64) {
-        if let Some(states) = self.states(field) {
-            states[bond].store(value.to_bits(), Ordering::Relaxed);
+    /// Gives an interaction another state.
+    pub(crate) fn set_state(&self, field: usize, number: usize, value: f64) {
+        if let Some(states) = self.states[field].get() {
+            states[number].store(value.to_bits(), Ordering::Relaxed);
         }
     }
 
@@ -171,22 +224,22 @@ impl Fields {
         }
     }
 
-    /// The same of bonds, which have states of their own: their points and their numbers.
+    /// The same of interactions, which have states of their own: their points and their numbers.
     #[inline(always)]
-    pub(crate) fn add_of_bonds(
+    pub(crate) fn add_of<I: Iterator<Item = usize> + Clone>(
         &self,
+        measure: Measure,
         fields: Range<usize>,
         n: usize,
-        bond: impl Fn(usize) -> ([usize; 2], usize),
+        interaction: impl Fn(usize) -> (I, usize),
         out: &mut Vec<f64>,
     ) {
         for field in fields {
-            match self.states(field) {
-                Some(states) => out
-                    .extend((0..n).map(|place| {
-                        f64::from_bits(states[bond(place).1].load(Ordering::Relaxed))
-                    })),
-                None => out.extend((0..n).map(|k| self.mean(field, bond(k).0.into_iter()))),
+            match self.states_of(field, measure) {
+                Some(states) => out.extend((0..n).map(|place| {
+                    f64::from_bits(states[interaction(place).1].load(Ordering::Relaxed))
+                })),
+                None => out.extend((0..n).map(|place| self.mean(field, interaction(place).0))),
             }
         }
     }

@@ -110,7 +110,7 @@ impl Motion<'_> {
             let t = self.time(self.done);
             self.notes.push(format!(
                 "{CREATED} from t = {t:e} s on, {gained:e} J in a step: families that lose bonds have other \
-                 gradients and sums, or what bonds remember creates it"
+                 gradients and sums, or what is remembered creates it"
             ));
         }
     }

@@ -169,7 +169,7 @@ impl<'a> Motion<'a> {
                 let broken: Vec<usize> = broken.iter().map(|bond| *bond as usize).collect();
                 let n: [usize; 3] = numbers_of(fracture);
                 let is_beyond = broken.last().is_some_and(|last| *last >= n.iter().sum());
-                if is_beyond || states.len() != fracture.n_states() * fracture.n_bonds() {
+                if is_beyond || states.len() != fracture.states().len() {
                     return Err(other("its bonds are others"));
                 }
                 take_out_all(fracture, &broken);

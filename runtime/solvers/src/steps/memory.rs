@@ -35,7 +35,7 @@ impl Fracturing<'_> {
         if moves && round == MOST_ROUNDS {
             let residual = report.history.residual.last().copied().unwrap_or_default();
             self.ledger.notes.push(format!(
-                "what bonds remember does not settle in {MOST_ROUNDS} rounds: the last began with a residual of {residual:.2e} N"
+                "what is remembered does not settle in {MOST_ROUNDS} rounds: the last began with a residual of {residual:.2e} N"
             ));
         }
         moves && round < MOST_ROUNDS

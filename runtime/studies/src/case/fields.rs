@@ -101,8 +101,8 @@ impl Field {
         self.is_steady
     }
 
-    /// Compiles the fields of a material, in the order of the parameters of its potential; states with what
-    /// bonds begin with.
+    /// Compiles the fields of a material, in the order of the parameters of its potential; states with what they
+    /// begin with.
     pub(super) fn of(
         scene: &Scene,
         material: &Material,
@@ -122,7 +122,7 @@ impl Field {
             match Field::new(scene, setting, text, (model, values.dimension), columns) {
                 Ok(field) if parameter.is_state && !field.is_steady => {
                     let message =
-                        format!("what bonds begin to remember as `{}` knows no t", field.name);
+                        format!("the state `{}` begins with a value that knows no t", field.name);
                     let found = Diagnostic::error("conflicting-keys", field.span, message);
                     errors.push(found.help("leave t out of it: it changes as the potential says"));
                 }
@@ -131,7 +131,7 @@ impl Field {
             }
         }
         if values.follow_states(model) {
-            // Energies hold what bonds remember, but where load steps say otherwise.
+            // Energies hold what is remembered, but where load steps say otherwise.
             fields.extend(Field::even("dt", -1.0, material.potential.span));
         }
         if errors.is_empty() { Ok(fields) } else { Err(CaseError::Scene(scene.report(errors))) }
@@ -232,14 +232,14 @@ impl<'a> FieldsInTime<'a> {
         let n_layers = places.iter().map(|(_, layer)| layer + 1).max().unwrap_or(0);
         let of_layer = |layer: usize| {
             let mut typical = vec![Vec::new(); n_laws];
-            let mut is_state = vec![Vec::new(); n_laws];
+            let mut states = vec![Vec::new(); n_laws];
             let mut is_steady = true;
             let own = case.potentials.iter().zip(&places).filter(|(_, place)| place.1 == layer);
             for (potential, (law, _)) in own {
                 let values = potential.values.fields.iter();
                 let values = values.map(|i| potential.values.parameters[usize::from(*i)]);
                 typical[*law] = values.collect();
-                is_state[*law] = potential.which_are_states();
+                states[*law] = potential.which_are_states();
                 is_steady &= potential.fields.iter().all(|field| field.is_steady);
             }
             let fields = Fields::new(case.body.n_points(), &typical, is_steady);
@@ -248,7 +248,7 @@ impl<'a> FieldsInTime<'a> {
                     place.1 == layer && one.values.follow_states(&one.model)
                 });
             let time_steps = follow.map(|(_, (law, _))| fields.of_law(*law).end - 1).collect();
-            let fields = fields.with_states(is_state.concat()).with_time_steps(time_steps);
+            let fields = fields.with_states(states.concat()).with_time_steps(time_steps);
             (!fields.is_empty()).then(|| Arc::new(fields))
         };
         let fields = FieldsInTime { case, layers: (0..n_layers).map(of_layer).collect() };
@@ -451,7 +451,7 @@ impl Case {
         case
     }
 
-    /// The same with what bonds remember as the only fields: for single bonds.
+    /// The same with what is remembered as the only fields: for single interactions.
     pub(crate) fn with_states_alone(&self) -> Case {
         let mut case = self.without_fields();
         for potential in &mut case.potentials {
@@ -473,7 +473,7 @@ impl Case {
         self.potentials.iter().any(Potential::changes_in_time)
     }
 
-    /// Whether a parameter varies; what bonds remember is none.
+    /// Whether a parameter varies; what is remembered is none.
     pub fn has_fields(&self) -> bool {
         let varies = |potential: &Potential| {
             let is_parameter = |field: &u16| {

@@ -34,18 +34,25 @@ impl Case {
         [Measure::Area, Measure::Volume].map(is_of)
     }
 
-    /// How many numbers each bond remembers that change.
+    /// How many states there are that change.
     pub fn n_states(&self) -> usize {
-        self.potentials.iter().map(|one| one.model.updates().len()).sum()
+        self.n_states_of().iter().sum()
     }
 
-    /// The names of what bonds remember, as [`Fracture::states`](piola_mechanics::fracture::Fracture::states)
+    /// The same of each bond, of each triangle and of each tetrahedron.
+    pub(crate) fn n_states_of(&self) -> [usize; 3] {
+        let updates = || self.potentials.iter().flat_map(|one| one.model.updates());
+        let own = |measure| updates().filter(|update| update.measure == measure).count();
+        Measure::ALL.map(own)
+    }
+
+    /// The names of what is remembered, as [`Fracture::states`](piola_mechanics::fracture::Fracture::states)
     /// has its numbers: layer by layer, law by law, in the order of the potential.
     pub(crate) fn all_states(&self) -> Vec<&str> {
         let mut all: Vec<(usize, usize, &str)> = Vec::new();
         for (potential, (law, layer)) in self.potentials.iter().zip(self.places()) {
             let fields = potential.values.fields.iter().zip(potential.which_are_states());
-            let names = fields.filter(|(_, is_state)| *is_state).map(|(number, _)| {
+            let names = fields.filter(|(_, state)| state.is_some()).map(|(number, _)| {
                 potential.model.parameters()[usize::from(*number)].name.as_str()
             });
             all.extend(names.map(|name| (layer, law, name)));
@@ -54,7 +61,7 @@ impl Case {
         all.into_iter().map(|(_, _, name)| name).collect()
     }
 
-    /// The names of what bonds remember, each once.
+    /// The names of what is remembered, each once.
     pub(crate) fn names_of_states(&self) -> Vec<String> {
         let mut names: Vec<String> = Vec::new();
         for name in self.all_states() {
@@ -82,10 +89,10 @@ impl Case {
             return Ok(());
         }
         let message =
-            format!("the colours of the picture show the state `{wanted}`, and bonds have none");
+            format!("the colours of the picture show the state `{wanted}`, and there is none");
         let span = self.scene.material().potential.span;
         let found = Diagnostic::error("conflicting-keys", span, message)
-            .label("the states of bonds are those of the potentials that an `update` changes");
+            .label("states are those of the potentials that an `update` changes");
         let help = match names.is_empty() {
             true => "write colour = \"damage\" in [output], or take a potential with `update`"
                 .to_owned(),
@@ -165,22 +172,20 @@ impl Case {
         let mut all = self.potentials.iter().zip(&self.scene.materials);
         let of = |potential: &Potential| {
             if potential.model.remembers_time() {
-                return Some("remember the time that passes");
+                return Some("remembers the time that passes");
             }
-            potential.changes_in_time().then_some("have parameters that vary with t")
+            potential.changes_in_time().then_some("has parameters that vary with t")
         };
         let found = all.find_map(|(one, material)| Some((of(one)?, one, material)));
         let Some((why, one, material)) = found else { return Ok(()) };
-        let message = format!(
-            "the steps go by the length of the way, and bonds of {} {why}",
-            one.model.name()
-        );
+        let message =
+            format!("the steps go by the length of the way, and {} {why}", one.model.name());
         let found = Diagnostic::error("conflicting-keys", material.potential.span, message)
             .help("write control = \"load\" in [steps]: t grows there");
         Err(CaseError::Scene(self.scene.report(vec![found])))
     }
 
-    /// Refuses steps by events where nothing breaks, or bonds remember: where a margin is 0 is not asked
+    /// Refuses steps by events where nothing breaks, or something is remembered: where a margin is 0 is not asked
     /// along the way on which these change.
     fn check_events(&self) -> Result<(), CaseError> {
         let mut all = self.potentials.iter().zip(&self.scene.materials);
@@ -188,7 +193,7 @@ impl Case {
         let (span, message, help) = match all.find(|(one, _)| !one.model.updates().is_empty()) {
             Some((one, material)) => (
                 material.potential.span,
-                format!("the steps go by events, and bonds of {} remember", one.model.name()),
+                format!("the steps go by events, and {} remembers", one.model.name()),
                 "write control = \"load\" in [steps], or [motion] in its place",
             ),
             None if !breaks => (
@@ -363,5 +368,5 @@ pub(super) fn criterion(one: piola_compiler::Criterion) -> Criterion {
 
 /// The same of a next state.
 pub(super) fn next_state(one: piola_compiler::NextState) -> NextState {
-    NextState { field: one.field, next: Box::new(one.next) }
+    NextState { measure: one.measure(), field: one.field, next: Box::new(one.next) }
 }

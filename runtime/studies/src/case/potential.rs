@@ -63,7 +63,7 @@ pub struct Compiled {
     pub gradient_criteria: Vec<GradientCriterion>,
     /// Under which conditions of gathered values they do.
     pub gathered_criteria: Vec<GatheredCriterion>,
-    /// What bonds remember, and what that becomes.
+    /// What is remembered, and what that becomes.
     pub next_states: Vec<NextState>,
     /// What bonds dissipate, as a function of their rate.
     pub dissipation: Option<Kernel>,
@@ -129,11 +129,10 @@ impl Potential {
         self.model.has_gradient_energy() || self.model.has_gathered_energy()
     }
 
-    /// Of each field whether bonds remember it and it changes.
-    pub(super) fn which_are_states(&self) -> Vec<bool> {
-        let updates = self.model.updates();
-        let is_updated = |field: &u16| updates.iter().any(|one| one.state == usize::from(*field));
-        self.values.fields.iter().map(is_updated).collect()
+    /// Of each field which interactions remember it, where it changes.
+    pub(super) fn which_are_states(&self) -> Vec<Option<Measure>> {
+        let kind = |field: &u16| self.model.kind_of_state(usize::from(*field));
+        self.values.fields.iter().map(kind).collect()
     }
 
     /// Refuses plane stress for a potential with other energies than those of F: they would be those
@@ -166,8 +165,7 @@ impl Potential {
             && self.values.follow_states(&self.model)
         {
             let message =
-                "bonds that remember need symbolic derivatives in load steps: hyper-dual numbers hold what \
-                 they remember"
+                "what is remembered needs symbolic derivatives in load steps: hyper-dual numbers hold it"
                     .to_string();
             return Err(CaseError::Body { message });
         }

@@ -55,6 +55,12 @@ pub enum NoFractureEnergy {
          pulled apart by ten horizons"
     )]
     NeverBreaks(&'static str),
+    /// What breaking takes depends on the whole way.
+    #[error(
+        "{0} remember, and what it takes to break them depends on the whole way there, which their own \
+         conditions do not give"
+    )]
+    Remember(&'static str),
     /// Energies that are no numbers on the way.
     #[error("the energy of some {0} across a plane is not finite before they break")]
     NotFinite(&'static str),
@@ -104,6 +110,10 @@ impl FractureEnergy {
         for one in compiled {
             for element in [&one.elements.triangle, &one.elements.tetrahedron].into_iter().flatten()
             {
+                if parts.iter().any(|part| part.remembers(element.measure())) {
+                    let many = element.measure().interactions();
+                    return Err(NoFractureEnergy::Remember(many));
+                }
                 let cliques = Cliques::new(&**element, &parts, &edges);
                 cliques.add((case, inside), &mut planes)?;
                 has_cliques = true;

@@ -107,7 +107,7 @@ impl Case {
             quick_products: self.multiplies_without_kernels(&compiled),
             breaks: self.can_break(),
             breaks_cliques: self.can_break_cliques(),
-            states: self.n_states(),
+            states: self.n_states_of(),
             of_interactions: layers(&compiled, Compiled::has_interactions),
             families: self.families(&compiled),
             prescribed,

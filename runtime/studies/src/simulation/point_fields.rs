@@ -130,7 +130,7 @@ impl PointFields<'_> {
         }
     }
 
-    /// The mean over each point's unbroken bonds of what they remember by this name.
+    /// The mean over what is unbroken at each point of what is remembered by this name.
     fn mean_of_state(&self, name: &str) -> Vec<f64> {
         let numbers = self.case.states_called(name);
         match self.energy.fracture() {

@@ -232,7 +232,8 @@ impl Block {
                 if *weight != 0.0 && is_thin {
                     *weight = 0.0;
                     let l = thirds.members[place];
-                    thin.push(Clique { members: [row.j as u32, thirds.k as u32, l], place: 0 });
+                    let members = [row.j as u32, thirds.k as u32, l];
+                    thin.push(Clique { members, place: 0, number: 0 });
                 }
             }
         }

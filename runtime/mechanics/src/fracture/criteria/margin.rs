@@ -10,6 +10,7 @@ use crate::element::{CAPACITY, Element as _, Order};
 use crate::energy::NonFinite;
 use crate::fracture::Interactions;
 use crate::interaction::Lost;
+use crate::kernel::Measure;
 use crate::materials::Materials;
 use crate::neighborhood::Neighborhood;
 
@@ -236,8 +237,8 @@ impl Margins {
             && margin.element.n_fields() > 0
         {
             let of_law = fields.of_law(law);
-            let bond = |lane: usize| (bonds[lane].ends, bonds[lane].bond);
-            batch.take_fields_of_bonds((fields, of_law), bond);
+            let bond = |lane: usize| (bonds[lane].ends.into_iter(), bonds[lane].bond);
+            batch.take_fields((fields, of_law), Measure::Length, bond);
         }
         let evaluated = margin.element.evaluate(batch, Order::Energy, out);
         evaluated.map_err(|lane| bonds[lane.lane].refused(lane.value, lane.reference, u))?;

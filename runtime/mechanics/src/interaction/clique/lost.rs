@@ -285,7 +285,7 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
     /// owner had. Stops at the visitor's first error.
     pub(crate) fn each_numbered<const K: usize, E>(
         &self,
-        mut visit: impl FnMut(Clique, usize) -> Result<(), E>,
+        mut visit: impl FnMut(Clique) -> Result<(), E>,
     ) -> Result<(), E> {
         let rows = if self.all.is_empty() { &self.bits } else { &self.all };
         let row = |j: usize| &rows[j * self.stride()..][..self.stride()];
@@ -295,11 +295,12 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
             let is_whole = self.are_neighbors(j, k)
                 && (K == 2 || self.are_neighbors(j, l) && self.are_neighbors(k, l));
             let is_broken = self.broken.is_some_and(|(broken, first)| broken.has(first + number));
+            let own = number as u32;
             number += 1;
             match is_whole && !is_broken {
                 true => {
                     let members = members.map(|member| member as u32);
-                    visit(Clique { members, place: place as u32 }, number - 1)
+                    visit(Clique { members, place: place as u32, number: own })
                 }
                 false => Ok(()),
             }

@@ -26,7 +26,7 @@ pub(super) struct Part<'a> {
     criteria: &'a [Criterion],
     next: &'a [NextState],
     law: Option<&'a dyn Law>,
-    /// What the bond remembers at the start, as fields.
+    /// What is remembered at the start, as fields.
     fields: Vec<f64>,
 }
 
@@ -42,20 +42,24 @@ impl<'a> Part<'a> {
         self.law.is_some()
     }
 
-    /// What the bond remembers at a strain to which it comes with these fields.
-    fn remember(&self, fields: &mut [f64], length: f64, strain: f64) {
+    /// What an interaction of this measure remembers at a strain to which it comes with these fields.
+    fn remember(&self, fields: &mut [f64], measure: Measure, reference: f64, strain: f64) {
         let at_once: Vec<f64> = fields.iter().copied().chain([0.0]).collect();
-        for state in self.next {
-            fields[state.field] = value(&state.next, (length, strain), &at_once, Order::Energy);
+        for state in self.next.iter().filter(|state| state.measure() == measure) {
+            let next = value(&state.next, (reference, strain), &at_once, Order::Energy);
+            fields[state.field] = next;
         }
+    }
+
+    /// Whether interactions of this measure remember anything.
+    pub(super) fn remembers(&self, measure: Measure) -> bool {
+        self.next.iter().any(|state| state.measure() == measure)
     }
 
     /// Whether a bond breaks, or by its own condition a triangle or a tetrahedron.
     fn breaks(&self, measure: Measure, reference: f64, strain: f64) -> bool {
         let mut fields = self.fields.clone();
-        if measure == Measure::Length {
-            self.remember(&mut fields, reference, strain);
-        }
+        self.remember(&mut fields, measure, reference, strain);
         let margin =
             |one: &Criterion| value(&one.margin, (reference, strain), &fields, Order::Energy);
         let mut own = self.criteria.iter().filter(|one| one.measure() == measure);
@@ -65,7 +69,7 @@ impl<'a> Part<'a> {
     /// psi at a strain; of a bond that remembers the work of its force on the way there.
     fn work(&self, length: f64, strain: f64) -> f64 {
         let Some(law) = self.law else { return 0.0 };
-        if self.next.is_empty() {
+        if !self.remembers(Measure::Length) {
             return value(law, (length, strain), &self.fields, Order::Energy);
         }
         let mut fields = self.fields.clone();
@@ -75,7 +79,7 @@ impl<'a> Part<'a> {
         for start in 0..PARTS {
             for place in gauss {
                 let strain = part * (f64::from(start) + place);
-                self.remember(&mut fields, length, strain);
+                self.remember(&mut fields, Measure::Length, length, strain);
                 work += 0.5 * part * length * value(law, (length, strain), &fields, Order::Force);
             }
         }

@@ -3,7 +3,7 @@
 //! A state is a field of its law of which each bond has a value of its own, or each triangle, or each
 //! tetrahedron, so the energy takes it like a parameter that varies. The next values follow from the measure,
 //! the time since the last and the values as they are; none sees another. Here bonds are worked out, in
-//! [`cliques`] triangles and tetrahedra.
+//! `cliques` triangles and tetrahedra.
 
 mod cliques;
 

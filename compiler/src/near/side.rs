@@ -308,14 +308,14 @@ impl Side<'_> {
         let [p, q] = [x, y].map(|id| self.nodes[id].clone());
         let mut series = self.product_of_series(&p.series, &q.series)?;
         let mut fraction = p.fraction + q.fraction;
-        let mut degree = p.degree.zip(q.degree).map(|(x, y)| x + y);
+        let mut degree = p.degree.zip(q.degree).map(|(x, y): (usize, usize)| x.saturating_add(y));
         if fraction >= 1.0 - SAME {
             // |e| = sign*e
             fraction -= 1.0;
             series.truncate(self.n - 1);
             series.insert(0, Coefficient::new());
             series = self.turned(&series);
-            degree = degree.map(|degree| degree + 1);
+            degree = degree.map(|degree| degree.saturating_add(1));
         }
         while fraction < -SAME && series.first().is_some_and(Vec::is_empty) {
             fraction += 1.0;

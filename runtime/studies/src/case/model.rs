@@ -143,7 +143,9 @@ impl Case {
         if gathered.iter().any(Option::is_some) {
             let (laws, numbers) = states_of_materials(gathered, self.thickness(), fields);
             let firsts = of_gradients.iter().map(Vec::len);
-            let conditions = of_gathered.into_iter().zip(firsts).zip(numbers).collect();
+            let of_law = |((criteria, first), numbers)| OfLaw { criteria, first, numbers };
+            let conditions = of_gathered.into_iter().zip(firsts).zip(numbers).map(of_law);
+            let conditions = conditions.collect();
             let criteria = gathered_criteria((number, laws.integrals.len()), conditions, fields);
             let (body, neighborhood) = found();
             let materials = materials.clone();
@@ -274,17 +276,24 @@ fn gradient_criteria(
     all.map(|(law, number, one)| criterion(law, number, one)).collect()
 }
 
-/// The conditions of gathered values of a layer, from those of each law with the number of its first and which
-/// of all integrals it has.
+/// What a law says of gathered values: conditions, the number of the first among those of fields, and which of
+/// all integrals it has.
+struct OfLaw {
+    criteria: Vec<GatheredCriterion>,
+    first: usize,
+    numbers: Vec<usize>,
+}
+
+/// The conditions of gathered values of a layer, from those of each law.
 fn gathered_criteria(
     (layer, n_integrals): (usize, usize),
-    conditions: Vec<((Vec<GatheredCriterion>, usize), Vec<usize>)>,
+    conditions: Vec<OfLaw>,
     fields: Option<&Fields>,
 ) -> Vec<states::GatheredCriterion> {
     let n_laws = conditions.len();
     let mut all = Vec::new();
-    for (law, ((of_law, first), numbers)) in conditions.into_iter().enumerate() {
-        for (k, one) in of_law.into_iter().enumerate() {
+    for (law, OfLaw { criteria, first, numbers }) in conditions.into_iter().enumerate() {
+        for (k, one) in criteria.into_iter().enumerate() {
             let of_bonds = one.margin.of_bonds();
             let beside = usize::from(of_bonds);
             let variables = (0..beside).chain(numbers.iter().map(|number| number + beside));

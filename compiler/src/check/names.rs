@@ -9,7 +9,7 @@ use piola_grammar::{Diagnostic, Span, suggest};
 use super::MAX_FINDINGS;
 use super::dissipation;
 use super::foreign::{self, Place};
-use super::symbols::{Kinematic, Symbol, Symbols, TensorFunction};
+use super::symbols::{Symbol, Symbols, TensorFunction};
 use crate::expression::{Function, Operator};
 
 /// Most parameters a function may have; every call names them all in its messages.
@@ -406,11 +406,12 @@ impl Checker<'_> {
         let integral = (what == "function" && self.ast.is_some()).then_some(INTEGRAL);
         if let Some(near) = suggest(name, known.iter().copied().chain(integral)) {
             error.help(format!("did you mean `{near}`?"))
-        } else if self.ast.is_some() && Kinematic::NAMED.iter().any(|(known, _)| *known == name) {
-            error.help(format!(
-                "`{name}` is known in potentials that have an energy `psi(F)`; here declare it: `parameter \
-                 {name}`, or define it: `{name} = ..`"
-            ))
+        } else if self.ast.is_some() && name == "J" {
+            // Other names of gradients are those of parameters more often.
+            error.help(
+                "`J` is known in potentials that have an energy `psi(F)`; here declare it: `parameter J`, or \
+                 define it: `J = ..`",
+            )
         } else if what == "name" && self.ast.is_some() {
             error.help(format!("declare it: `parameter {name}`, or define it: `{name} = ..`"))
         } else if known.is_empty() {

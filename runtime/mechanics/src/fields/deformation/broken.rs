@@ -14,7 +14,6 @@ use super::{DeformationEnergy, Discretisation, Places};
 use crate::fields::lost::{LostBonds, points_of};
 use crate::materials::LawOfPoints;
 use crate::neighborhood::Gaps;
-use crate::pool::Pool;
 
 /// The families before any bond was lost.
 pub(super) struct Whole {
@@ -103,7 +102,5 @@ impl DeformationEnergy {
         let law = LawOfPoints { law: &*self.law, materials: self.materials.as_deref() };
         self.places.lose((&self.operator, &gaps), law, self.discretisation, &points);
         self.bond_pattern = OnceLock::new();
-        // What is kept of gradients is that of other families.
-        self.room = Pool::new();
     }
 }

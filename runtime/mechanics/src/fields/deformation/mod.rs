@@ -115,19 +115,11 @@ pub struct DeformationEnergy {
     room: Pool<Room>,
 }
 
-/// Displacement gradients, `d x d` for each point, and the displacements they are those of: conditions under
-/// which bonds break, forces and energies are asked for at the same ones, one after the other.
-#[derive(Default)]
-struct Gradients {
-    values: Vec<f64>,
-    at: Vec<f64>,
-}
-
 /// What passes work with, from point to point.
 #[derive(Default)]
 struct Room {
-    h: Gradients,
-    /// Derivatives by them, `d x d` for each point.
+    /// Displacement gradients, and derivatives by them, `d x d` for each point.
+    h: Vec<f64>,
     stress: Vec<f64>,
     /// The latter column by column.
     columns: Vec<f64>,
@@ -298,17 +290,11 @@ impl DeformationEnergy {
     fn gradients_in<'a, const D: usize>(
         &self,
         u: &[f64],
-        Gradients { values, at }: &'a mut Gradients,
+        room: &'a mut Vec<f64>,
     ) -> &'a [Tensor<D>] {
-        let is_same = |(x, y): (&f64, &f64)| x.to_bits() == y.to_bits();
-        let is_known = at.len() == u.len() && at.iter().zip(u).all(is_same);
-        values.resize(self.body.n_points() * D * D, 0.0);
-        let h = tensors::<D>(values);
-        if !is_known {
-            self.operator.gradient(u, h);
-            at.clear();
-            at.extend_from_slice(u);
-        }
+        room.resize(self.body.n_points() * D * D, 0.0);
+        let h = tensors::<D>(room);
+        self.operator.gradient(u, h);
         h
     }
 

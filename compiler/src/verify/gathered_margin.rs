@@ -2,7 +2,7 @@
 //! roundings of lengths and integrals around where the condition changes.
 
 use super::gathered::{Place, batch, places};
-use super::{Miss, Subject, Verification, Witness};
+use super::{Subject, Verification, Witness, threshold};
 use crate::expression::number::Number as _;
 use crate::expression::precise::Precise;
 use crate::gathered::{GatheredCriterion, WrittenGatheredEnergy};
@@ -11,13 +11,6 @@ use crate::model::Model;
 use crate::point::truth::norm;
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
-
-/// How far from a threshold a condition may be misjudged, in units in the last place of the norm of all that it
-/// depends on.
-const BAR: f64 = 16.0;
-
-/// How far from a threshold it is judged, in such units.
-const AROUND: i32 = 24;
 
 /// Around how many thresholds.
 const THRESHOLDS: usize = 16;
@@ -42,7 +35,7 @@ fn judge(
     n: usize,
 ) -> Verification {
     let subject = Subject::Margin(None, kernels[0].text.clone());
-    let mut found = Verification::new(subject, &[(Witness::TruthFar, BAR)]);
+    let mut found = Verification::new(subject, &[(Witness::TruthFar, threshold::BAR)]);
     let samples = places(&kernels[0].margin, n);
     let mut all: Vec<(Place, f64)> = samples.iter().map(|p| (p.clone(), f64::INFINITY)).collect();
     let holds = |place: &Place| truth(written, place).map(|margin| margin > 0.0);
@@ -59,24 +52,9 @@ fn judge(
         batch(&one.margin, &places, |at| one.margin.evaluate(at, &mut margins, &mut []));
         margins
     });
-    for (k, (place, distance)) in all.iter().enumerate() {
-        let [strict, fast, interpreted] = margins.each_ref().map(|all| all[k]);
-        found.count(&[strict], &[interpreted]);
-        let Some(truth) = truth(written, place) else { continue };
-        for margin in [strict, fast] {
-            // A margin of exactly 0 is on neither side.
-            let is_right = (margin > 0.0) == (truth > 0.0) || truth == 0.0;
-            let error = if is_right { 0.0 } else { *distance };
-            found.see(0, 0, error, |_| Miss {
-                place: place.variables.clone(),
-                order: 0,
-                compiled: vec![margin],
-                expected: vec![truth],
-                tolerance: 0.0,
-                is_wrong: true,
-            });
-        }
-    }
+    let margins = margins.each_ref().map(|all| &all[..]);
+    let numbers = |place: &Place| place.variables.clone();
+    threshold::judge(&mut found, &all, margins, |place| truth(written, place), numbers);
     found
 }
 
@@ -90,19 +68,8 @@ fn truth(written: &WrittenGatheredEnergy, place: &Place) -> Option<f64> {
 /// Places around the threshold on the way from one to another, with how far they are from it in units in the
 /// last place.
 fn around(holds: &impl Fn(&Place) -> Option<bool>, from: &Place, to: &Place) -> Vec<(Place, f64)> {
-    let start = holds(from);
-    let (mut low, mut high) = (0.0, 1.0);
-    loop {
-        let middle = low + 0.5 * (high - low);
-        if middle == low || middle == high {
-            break;
-        }
-        if holds(&from.with(to, middle)) == start { low = middle } else { high = middle }
-    }
     let end = from.with(to, 1.0);
     let way = norm(from.variables.iter().zip(&end.variables).map(|(x, y)| y - x));
-    let size = norm(from.with(to, low).variables);
-    let unit = (f64::EPSILON * size / way).max(f64::EPSILON * low);
-    let place = |k: i32| (from.with(to, low + f64::from(k) * unit), f64::from(k.abs()));
-    (-AROUND..=AROUND).map(place).collect()
+    let size = |place: &Place| norm(place.variables.iter().copied());
+    threshold::on_a_way(|t| from.with(to, t), holds, (way, size))
 }

@@ -1,7 +1,7 @@
 //! Conditions of deformation gradients under which bonds break: whether gradients are judged as written, up to
 //! some roundings of their norm around where the condition changes.
 
-use super::{Miss, Subject, Verification, Witness, gradient};
+use super::{Subject, Verification, Witness, gradient, threshold};
 use crate::expression::graph::{self, dimension};
 use crate::expression::precise::Precise;
 use crate::kernel::{Level, Mode};
@@ -12,16 +12,6 @@ use crate::point::truth::norm;
 use crate::point::{GradientCriterion, WrittenGradientEnergy};
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
-
-/// How far from a threshold a gradient may be misjudged, in units in the last place of its norm, near rest of
-/// that of `F - I`.
-const BAR: f64 = 16.0;
-
-/// How far from a threshold gradients are judged, in such units.
-const AROUND: i32 = 16;
-
-/// Every how many units they are.
-const EVERY: usize = 1;
 
 /// Around how many thresholds.
 const THRESHOLDS: usize = 6;
@@ -48,7 +38,7 @@ fn judge(
     samples: &[Sample],
 ) -> Verification {
     let subject = Subject::Margin(Some(Argument::Gradient), kernels[0].text.clone());
-    let mut found = Verification::new(subject, &[(Witness::TruthFar, BAR)]);
+    let mut found = Verification::new(subject, &[(Witness::TruthFar, threshold::BAR)]);
     let mut all: Vec<(Sample, f64)> = samples.iter().map(|s| (s.clone(), f64::INFINITY)).collect();
     let holds = |sample: &Sample| truth(written, sample).map(|margin| margin > 0.0);
     let differ = |pair: &&[Sample]| match (holds(&pair[0]), holds(&pair[1])) {
@@ -60,24 +50,10 @@ fn judge(
     }
     let places: Vec<Sample> = all.iter().map(|(sample, _)| sample.clone()).collect();
     let margins = kernels.map(|one| sample::evaluate(&one.margin, &places));
-    for (k, (place, distance)) in all.iter().enumerate() {
-        let [strict, fast, interpreted] = margins.each_ref().map(|all| all[k][0]);
-        found.count(&[strict], &[interpreted]);
-        let Some(truth) = truth(written, place) else { continue };
-        for margin in [strict, fast] {
-            // A margin of exactly 0 is on neither side.
-            let is_right = (margin > 0.0) == (truth > 0.0) || truth == 0.0;
-            let error = if is_right { 0.0 } else { *distance };
-            found.see(0, 0, error, |_| Miss {
-                place: place.gradient.clone(),
-                order: 0,
-                compiled: vec![margin],
-                expected: vec![truth],
-                tolerance: 0.0,
-                is_wrong: true,
-            });
-        }
-    }
+    let margins = margins.map(|all| all.iter().map(|place| place[0]).collect::<Vec<f64>>());
+    let margins = margins.each_ref().map(|all| &all[..]);
+    let numbers = |place: &Sample| place.gradient.clone();
+    threshold::judge(&mut found, &all, margins, |place| truth(written, place), numbers);
     found
 }
 
@@ -100,22 +76,8 @@ fn around(
     from: &Sample,
     to: &Sample,
 ) -> Vec<(Sample, f64)> {
-    let at = |t: f64| {
-        let change = from.change.iter().zip(&to.change).map(|(x, y)| x + t * (y - x));
-        from.with_change(change.collect())
-    };
-    let start = holds(from);
-    let (mut low, mut high) = (0.0, 1.0);
-    loop {
-        let middle = low + 0.5 * (high - low);
-        if middle == low || middle == high {
-            break;
-        }
-        if holds(&at(middle)) == start { low = middle } else { high = middle }
-    }
-    let way: Vec<f64> = from.change.iter().zip(&to.change).map(|(x, y)| y - x).collect();
-    let size = norm(at(low).given().iter().copied());
-    let unit = (f64::EPSILON * size / norm(way)).max(f64::EPSILON * low);
-    let place = |k: i32| (at(low + f64::from(k) * unit), f64::from(k.abs()));
-    (-AROUND..=AROUND).step_by(EVERY).map(place).collect()
+    let steps = || from.change.iter().zip(&to.change).map(|(x, y)| (x, y - x));
+    let at = |t: f64| from.with_change(steps().map(|(x, step)| x + t * step).collect());
+    let size = |place: &Sample| norm(place.given().iter().copied());
+    threshold::on_a_way(at, holds, (norm(steps().map(|(_, step)| step)), size))
 }

@@ -1,7 +1,7 @@
 //! Conditions under which bonds, triangles and tetrahedra break: whether they are judged as written, up to a
 //! few roundings of the measure around where they change.
 
-use super::{Columns, Miss, Subject, Verification, Witness, sample};
+use super::{Columns, Subject, Verification, Witness, sample, threshold};
 use crate::expression::number::Number as _;
 use crate::expression::precise::Precise;
 use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};
@@ -71,23 +71,9 @@ fn judge(
     let places: Vec<Point> = all.iter().map(|(point, _)| *point).collect();
     let columns = Columns::new(&places);
     let [strict, fast, interpreted] = kernels.map(|kernel| kernel.derivatives(columns.batch()).psi);
-    for (k, (point, distance)) in all.iter().enumerate() {
-        found.count(&[strict[k]], &[interpreted[k]]);
-        let Some(truth) = truth(written, *point) else { continue };
-        for margin in [strict[k], fast[k]] {
-            // A margin of exactly 0 is on neither side.
-            let is_right = (margin > 0.0) == (truth > 0.0) || truth == 0.0;
-            let error = if is_right { 0.0 } else { *distance };
-            found.see(0, 0, error, |_| Miss {
-                place: vec![point.measure, point.reference],
-                order: 0,
-                compiled: vec![margin],
-                expected: vec![truth],
-                tolerance: 0.0,
-                is_wrong: true,
-            });
-        }
-    }
+    let margins = [&strict[..], &fast, &interpreted];
+    let numbers = |point: &Point| vec![point.measure, point.reference];
+    threshold::judge(&mut found, &all, margins, |point| truth(written, *point), numbers);
     found
 }
 
@@ -102,15 +88,7 @@ fn truth(written: &WrittenEnergy, point: Point) -> Option<f64> {
 /// Values of the measure around the threshold between two, with how far they are from it in units in the last place.
 fn around(written: &WrittenEnergy, from: Point, to: f64) -> Vec<(Point, f64)> {
     let at = |measure: f64| truth(written, Point { measure, ..from }).map(|margin| margin > 0.0);
-    let start = at(from.measure);
-    let (mut low, mut high) = (from.measure, to);
-    loop {
-        let middle = low + 0.5 * (high - low);
-        if middle == low || middle == high {
-            break;
-        }
-        if at(middle) == start { low = middle } else { high = middle }
-    }
+    let [low, high] = threshold::between(at, [from.measure, to]);
     let unit = (high - low).abs().max(f64::EPSILON * 0.5 * low.abs());
     let place = |k: i32| (Point { measure: low + f64::from(k) * unit, ..from }, f64::from(k.abs()));
     (-AROUND..=AROUND).map(place).collect()

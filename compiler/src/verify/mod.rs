@@ -10,7 +10,7 @@
 //! | `measure` | energies of measures, and of their squares |
 //! | `gradient` | energies of the deformation gradient |
 //! | `gathered` | energies of gathered values |
-//! | `margin`, `gradient_margin`, `gathered_margin` | conditions under which bonds break |
+//! | `margin`, `gradient_margin`, `gathered_margin` | conditions under which bonds break (`threshold`) |
 //! | `remember` | what interactions remember, and all of the above with it |
 //! | `dissipation` | what bonds dissipate |
 //! | `consistent` | energies of measures at what interactions come to remember, with the tangent of load steps |
@@ -31,6 +31,7 @@ mod measure;
 pub(crate) mod remember;
 pub mod sample;
 pub(crate) mod stated;
+mod threshold;
 pub mod truth;
 
 use crate::compile::Compiled;

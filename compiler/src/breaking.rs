@@ -5,7 +5,7 @@
 use crate::expression::NodeId;
 use crate::kernel::{Kernel, Mode, WrittenEnergy};
 use crate::measure::{Argument, Measure};
-use crate::model::{Model, Update};
+use crate::model::{Break, Model, OfFamily, Update};
 use crate::specialise::{
     CompileError, Derived, Form, MAX_OPERATIONS, Named, ScalarEnergy, function_of, of_measure,
     symbolic_of,
@@ -34,6 +34,33 @@ impl Criterion {
     }
 
     /// Whether one with this margin breaks.
+    pub fn breaks(&self, margin: f64) -> bool {
+        margin > 0.0 || self.holds_at_zero && margin == 0.0
+    }
+}
+
+/// When bonds break by what families give: a kernel, and the same as written.
+#[derive(Debug)]
+pub struct FamilyCriterion<K, W> {
+    /// The margin, in the place of psi: bonds break where it is above 0.
+    pub margin: K,
+    /// The same as written.
+    pub written: W,
+    /// Whether they break where the margin is 0, too.
+    pub holds_at_zero: bool,
+    /// The condition as written, in canonical spelling.
+    pub text: String,
+    /// What it is, in the words of the file.
+    pub reason: Option<String>,
+}
+
+impl<K, W> FamilyCriterion<K, W> {
+    pub(crate) fn new(condition: &Break<OfFamily>, margin: K, written: W) -> Self {
+        let Break { holds_at_zero, text, reason, .. } = condition.clone();
+        FamilyCriterion { margin, written, holds_at_zero, text, reason }
+    }
+
+    /// Whether something with this margin breaks.
     pub fn breaks(&self, margin: f64) -> bool {
         margin > 0.0 || self.holds_at_zero && margin == 0.0
     }
@@ -110,9 +137,9 @@ impl Model {
                 None => symbolic_of(graph, parameters, (measure, root)),
             })
         };
-        let margin = |(k, one): (usize, &crate::model::Break)| {
+        let margin = |(k, one): (usize, &Break<Measure>)| {
             let kind = BondFunctionKind::Margin { number: k + 1, holds_at_zero: one.holds_at_zero };
-            let function = make((one.measure, one.root), one.span, &values)?;
+            let function = make((one.of, one.root), one.span, &values)?;
             Ok(BondFunction { kind, text: one.text.clone(), function })
         };
         let next = |one: &Update| {
@@ -138,9 +165,9 @@ impl Model {
     ) -> Result<Vec<Criterion>, CompileError> {
         let variant =
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
-        let criterion = |one: &crate::model::Break| {
-            let (graph, root, subject) = (&variant.graph, one.root, (one.measure, one.root));
-            let named = Named { argument: one.measure.symbol(), span: one.span };
+        let criterion = |one: &Break<Measure>| {
+            let (graph, root, subject) = (&variant.graph, one.root, (one.of, one.root));
+            let named = Named { argument: one.of.symbol(), span: one.span };
             named.has_horizon(graph, &[root], values.horizon.is_nan())?;
             let made = named.made(of_measure(graph, self.parameters(), subject, values, form))?;
             named.fits(&made.graph)?;
@@ -204,9 +231,9 @@ impl Model {
         if let Some(dt) = self.time_step() {
             values.parameters[usize::from(dt)] = 1.0;
         }
-        let margin = |one: &crate::model::Break| {
-            let subject = Subject::Margin(Some(Argument::Measure(one.measure)), one.text.clone());
-            (subject, (one.measure, one.root), one.span)
+        let margin = |one: &Break<Measure>| {
+            let subject = Subject::Margin(Some(Argument::Measure(one.of)), one.text.clone());
+            (subject, (one.of, one.root), one.span)
         };
         let next = |one: &Update| {
             let text = format!("{} = {}", self.input_name(one.state), one.text);
@@ -240,7 +267,7 @@ impl Model {
     pub fn written_margins(&self, values: &Values) -> Vec<WrittenEnergy> {
         let Some(variant) = self.variant(values.dimension) else { return Vec::new() };
         let margin =
-            |one: &crate::model::Break| WrittenEnergy::of_root(&variant.graph, one.root, values);
+            |one: &Break<Measure>| WrittenEnergy::of_root(&variant.graph, one.root, values);
         variant.breaks.iter().map(margin).collect()
     }
 }

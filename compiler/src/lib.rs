@@ -47,7 +47,7 @@ mod values;
 pub mod verify;
 mod written;
 
-pub use breaking::{BondFunction, BondFunctionKind, Criterion, NextState};
+pub use breaking::{BondFunction, BondFunctionKind, Criterion, FamilyCriterion, NextState};
 pub use check::{CODES, Files, check, check_text, check_text_with};
 pub use clique::{Part as CliquePart, Variable};
 pub use compile::{Compiled, Kind};
@@ -60,7 +60,7 @@ pub use lint::{LINTS, Lint};
 pub use measure::{Argument, Measure};
 pub use model::{
     Break, Constraint, Dissipation, Energy, GatheredEnergy, GradientEnergy, Integral, Interval,
-    Model, Parameter, Variant,
+    Model, OfFamily, Parameter, Variant,
 };
 pub use point::{
     GradientBatch, GradientCondition, GradientCriterion, GradientEnergyForms, GradientKernel,

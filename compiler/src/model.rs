@@ -88,11 +88,9 @@ pub struct Variant {
     /// Declared intervals of use.
     pub domains: Vec<Interval>,
     /// When bonds, triangles and tetrahedra break.
-    pub breaks: Vec<Break>,
-    /// When bonds break by deformation gradients.
-    pub gradient_breaks: Vec<GradientBreak>,
-    /// When bonds break by what points gather.
-    pub gathered_breaks: Vec<GatheredBreak>,
+    pub breaks: Vec<Break<Measure>>,
+    /// When bonds break by what families give.
+    pub family_breaks: Vec<Break<OfFamily>>,
     /// What bonds dissipate.
     pub dissipations: Vec<Dissipation>,
     /// What states become, at most one for each.
@@ -155,28 +153,11 @@ pub struct GatheredEnergy {
     pub text: String,
 }
 
-/// One condition under which a bond breaks, `break when l/L - 1 > s0`, or a triangle, or a tetrahedron.
+/// One condition under which something breaks, `break when l/L - 1 > s0`: with what it is a condition of.
 #[derive(Clone, Debug)]
-pub struct Break {
-    /// What it is a condition of: `l` of bonds, `a` of triangles, `v` of tetrahedra.
-    pub measure: Measure,
-    /// The margin in the variant's graph: above 0 where the condition holds, a function of the measure and of
-    /// its value at rest.
-    pub root: NodeId,
-    /// Whether the condition holds where the margin is 0.
-    pub holds_at_zero: bool,
-    /// Place of the condition.
-    pub span: Span,
-    /// The condition as written, in canonical spelling.
-    pub text: String,
-    /// What it is, in the words of the file.
-    pub reason: Option<String>,
-}
-
-/// One condition of the deformation gradient under which bonds break, `break when J - 1 > h0`: where `psi(F)`
-/// is at bonds, a bond by its own gradient, where it is at points all bonds of a point by the point's.
-#[derive(Clone, Debug)]
-pub struct GradientBreak {
+pub struct Break<T> {
+    /// What it is a condition of: `l` of bonds, `a` of triangles, `v` of tetrahedra; or what families give.
+    pub of: T,
     /// The margin in the variant's graph: above 0 where the condition holds.
     pub root: NodeId,
     /// Whether the condition holds where the margin is 0.
@@ -189,22 +170,24 @@ pub struct GradientBreak {
     pub reason: Option<String>,
 }
 
-/// One condition of gathered values under which bonds break: `break when l/L - 1 > s0 + theta` of a bond by what
-/// either of its ends gathers, `break when theta > t0` of all bonds of a point.
-#[derive(Clone, Debug)]
-pub struct GatheredBreak {
-    /// Whether it holds the length of a bond.
-    pub of_bonds: bool,
-    /// The margin in the variant's graph: above 0 where the condition holds.
-    pub root: NodeId,
-    /// Whether the condition holds where the margin is 0.
-    pub holds_at_zero: bool,
-    /// Place of the condition.
-    pub span: Span,
-    /// The condition as written, in canonical spelling.
-    pub text: String,
-    /// What it is, in the words of the file.
-    pub reason: Option<String>,
+impl Break<()> {
+    /// The same with what it is a condition of.
+    pub(crate) fn of<T>(self, of: T) -> Break<T> {
+        let Break { of: (), root, holds_at_zero, span, text, reason } = self;
+        Break { of, root, holds_at_zero, span, text, reason }
+    }
+}
+
+/// What families give by which bonds break.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OfFamily {
+    /// A deformation gradient, `break when J - 1 > h0`: where `psi(F)` is at bonds, a bond's own, where it is at
+    /// points a point's, which breaks all of its bonds.
+    Gradient,
+    /// What a point gathers, `break when theta > t0`: all of its bonds break.
+    Points,
+    /// A bond's length with what either of its ends gathers, `break when l/L - 1 > s0 + theta`.
+    Bonds,
 }
 
 /// One potential of how fast a bond's length changes, `dissipation(l) = 1/2*eta*rate(l)^2`.
@@ -354,25 +337,19 @@ impl Model {
         !self.variants[0].gathered_energies.is_empty()
     }
 
-    /// The conditions under which bonds break, as written.
-    pub fn breaks(&self) -> &[Break] {
+    /// The conditions of measures under which bonds, triangles and tetrahedra break, as written.
+    pub fn breaks(&self) -> &[Break<Measure>] {
         &self.variants[0].breaks
     }
 
-    /// The conditions of the deformation gradient, as written.
-    pub fn gradient_breaks(&self) -> &[GradientBreak] {
-        &self.variants[0].gradient_breaks
-    }
-
-    /// The conditions of gathered values, as written.
-    pub fn gathered_breaks(&self) -> &[GatheredBreak] {
-        &self.variants[0].gathered_breaks
+    /// The conditions of what families give, as written.
+    pub fn family_breaks(&self) -> &[Break<OfFamily>] {
+        &self.variants[0].family_breaks
     }
 
     /// Whether any interaction can break.
     pub fn can_break(&self) -> bool {
-        let by_fields = !self.gradient_breaks().is_empty() || !self.gathered_breaks().is_empty();
-        by_fields || !self.breaks().is_empty()
+        !self.breaks().is_empty() || !self.family_breaks().is_empty()
     }
 
     /// What bonds dissipate, as written.

@@ -1,8 +1,8 @@
 //! Conditions of gathered values under which bonds break: margins as written in all ways to evaluate them, and
 //! what is refused.
 
-use piola_compiler::check;
 use piola_compiler::verify::{Subject, verify};
+use piola_compiler::{OfFamily, check};
 use piola_grammar::parse;
 
 #[test]
@@ -13,8 +13,8 @@ fn margins_are_those_as_written_in_every_way() {
                 break when l/L - 1 >= s0\n";
     let model = check(&parse(text).unwrap()).unwrap();
     assert!(model.can_break() && model.breaks().len() == 1);
-    let of_bonds: Vec<bool> = model.gathered_breaks().iter().map(|one| one.of_bonds).collect();
-    assert_eq!(of_bonds, [false, true]);
+    let of: Vec<OfFamily> = model.family_breaks().iter().map(|one| one.of).collect();
+    assert_eq!(of, [OfFamily::Points, OfFamily::Bonds]);
     for d in [2, 3] {
         let values = model.values(d, &[], Some(1.0)).unwrap();
         let (found, _) = verify(&model, &values, 60).unwrap();

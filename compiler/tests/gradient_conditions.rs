@@ -43,7 +43,7 @@ fn margins_are_those_as_written_in_every_way() {
                       break when tr(ln(U)) >= h0 and J >= 1\nbreak when tr(C) - tr(I) > 2*h0";
     let model = model(conditions);
     assert!(model.can_break() && model.breaks().is_empty());
-    let whether: Vec<bool> = model.gradient_breaks().iter().map(|one| one.holds_at_zero).collect();
+    let whether: Vec<bool> = model.family_breaks().iter().map(|one| one.holds_at_zero).collect();
     assert_eq!(whether, [false, false, true, false]);
     for d in [2, 3] {
         let values = model.values(d, &[], None).unwrap();

@@ -364,10 +364,8 @@ fn emit(
     let evolution = match arguments.emit {
         Emit::Text => {
             let line = |text: &String| format!("break when {text}\n");
-            let gradients = conditions.iter().map(|one| line(&one.text));
-            let gathered = model.gathered_breaks().iter().map(|one| line(&one.text));
-            let of_bonds = of_bonds.iter().map(|one| in_words(model, one));
-            of_bonds.chain(gradients).chain(gathered).collect()
+            let families = model.family_breaks().iter().map(|one| line(&one.text));
+            of_bonds.iter().map(|one| in_words(model, one)).chain(families).collect()
         }
         Emit::Latex => {
             let gradients = print::latex_of_gradient_conditions(model, conditions);

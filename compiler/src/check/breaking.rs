@@ -13,7 +13,7 @@ use super::statement::Builder;
 use super::value::{GRADIENT, INTEGRAL, RATE, Value};
 use crate::expression::{Comparison, ExprGraph, Function, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
-use crate::model::{Break, GatheredBreak, GradientBreak};
+use crate::model::{Break, OfFamily};
 
 /// The bit of [`Value::uses`] for lengths of bonds.
 pub(super) const LENGTH: u8 = bit(Measure::Length);
@@ -30,10 +30,8 @@ const fn bit(measure: Measure) -> u8 {
 enum Of {
     /// Bonds, triangles or tetrahedra, by their measure.
     Measure(Measure),
-    /// Deformation gradients.
-    Gradient,
-    /// What points gather, of bonds beside their lengths.
-    Gathered { of_bonds: bool },
+    /// Bonds, by what families give.
+    Family(OfFamily),
 }
 
 /// The measures among what a value uses.
@@ -56,33 +54,17 @@ impl Builder<'_> {
         let Some(subject) = self.subject_of(breaking, value) else { return };
         match margin(&mut self.elaborator.graph, value.node) {
             Ok(Some(Margin { root, inclusive })) => {
-                let holds_at_zero = inclusive.unwrap_or(false);
-                let text = print_expression(arena, condition);
-                let reason = breaking.reason.as_ref().map(|text| text.text.clone());
+                let condition = Break {
+                    of: (),
+                    root,
+                    holds_at_zero: inclusive.unwrap_or(false),
+                    span,
+                    text: print_expression(arena, condition),
+                    reason: breaking.reason.as_ref().map(|text| text.text.clone()),
+                };
                 match subject {
-                    Of::Measure(measure) => self.variant.breaks.push(Break {
-                        measure,
-                        root,
-                        holds_at_zero,
-                        span,
-                        text,
-                        reason,
-                    }),
-                    Of::Gathered { of_bonds } => self.variant.gathered_breaks.push(GatheredBreak {
-                        of_bonds,
-                        root,
-                        holds_at_zero,
-                        span,
-                        text,
-                        reason,
-                    }),
-                    Of::Gradient => self.variant.gradient_breaks.push(GradientBreak {
-                        root,
-                        holds_at_zero,
-                        span,
-                        text,
-                        reason,
-                    }),
+                    Of::Measure(measure) => self.variant.breaks.push(condition.of(measure)),
+                    Of::Family(family) => self.variant.family_breaks.push(condition.of(family)),
                 }
             }
             Ok(None) => {
@@ -108,10 +90,12 @@ impl Builder<'_> {
         let foreign = value.uses & !ALL_MEASURES;
         let remembering = self.kinds_in(value.node);
         if value.uses == GRADIENT && remembering.is_empty() {
-            return Some(Of::Gradient);
+            return Some(Of::Family(OfFamily::Gradient));
         }
         if value.uses & !LENGTH == INTEGRAL && remembering.is_empty() {
-            return Some(Of::Gathered { of_bonds: value.uses & LENGTH != 0 });
+            let of_bonds = value.uses & LENGTH != 0;
+            let family = if of_bonds { OfFamily::Bonds } else { OfFamily::Points };
+            return Some(Of::Family(family));
         }
         let mut held = measures_in(value.uses);
         held.extend(&remembering);
@@ -151,7 +135,8 @@ impl Builder<'_> {
 
     /// Refuses conditions of gathered values where no energy gathers any.
     pub(super) fn check_gathered_breaks(&mut self) {
-        let [first, ..] = &self.variant.gathered_breaks[..] else { return };
+        let mut all = self.variant.family_breaks.iter();
+        let Some(first) = all.find(|one| one.of != OfFamily::Gradient) else { return };
         // What is wrong with an energy is told there.
         let of_gathered = |one: &Statement| match one {
             Statement::Energy(one) => {

@@ -15,7 +15,7 @@ use super::symbols::Symbol;
 use super::value::{Quantity, Value};
 use crate::expression::{Input, Node, NodeId};
 use crate::measure::Measure;
-use crate::model::{TIME_STEP, Update};
+use crate::model::{OfFamily, TIME_STEP, Update};
 
 /// What to write where kinds meet.
 const EACH_ITS_OWN: &str = "a state is one of bonds, of triangles or of tetrahedra: write one of its own for \
@@ -246,8 +246,8 @@ impl Builder<'_> {
         let integrals = variant.integrals.iter();
         let integrals = integrals.map(|one| place("an integral".into(), None, one.root, one.span));
         let breaks = variant.breaks.iter().map(|one| {
-            let what = format!("a condition of {}", one.measure.interactions());
-            place(what, Some(one.measure), one.root, one.span)
+            let what = format!("a condition of {}", one.of.interactions());
+            place(what, Some(one.of), one.root, one.span)
         });
         let dissipations = variant
             .dissipations
@@ -257,15 +257,15 @@ impl Builder<'_> {
             let what = format!("what {} remember", one.measure.interactions());
             Place { knows_time_step: true, ..place(what, Some(one.measure), one.root, one.span) }
         });
-        let breaks_by = |what: &str, root: NodeId, span: Span| place(what.into(), None, root, span);
-        let by_gradients = variant.gradient_breaks.iter();
-        let by_gradients =
-            by_gradients.map(|one| breaks_by("a condition of F", one.root, one.span));
-        let by_gathered = variant.gathered_breaks.iter();
-        let by_gathered =
-            by_gathered.map(|one| breaks_by("a condition of gathered values", one.root, one.span));
+        let by_families = variant.family_breaks.iter().map(|one| {
+            let what = match one.of {
+                OfFamily::Gradient => "a condition of F",
+                OfFamily::Points | OfFamily::Bonds => "a condition of gathered values",
+            };
+            place(what.into(), None, one.root, one.span)
+        });
         let of_interactions = energies.chain(breaks).chain(dissipations).chain(updates);
-        let of_points = gradients.chain(gathered).chain(by_gradients).chain(by_gathered);
+        let of_points = gradients.chain(gathered).chain(by_families);
         of_interactions.chain(of_points).chain(coupled).chain(integrals).collect()
     }
 

@@ -460,7 +460,7 @@ fn states_are_of_the_kind_that_their_updates_hold() {
     }
     let text = "state k = 0\nbreak when k > 0.1\nupdate k = max(k, a/A - 1)\npsi(a) = (a/A)^2";
     let model = model(&format!("potential p\n{text}"));
-    assert_eq!(model.breaks()[0].measure, Measure::Area);
+    assert_eq!(model.breaks()[0].of, Measure::Area);
 }
 
 #[test]

@@ -8,7 +8,7 @@ use super::subject::{example, short};
 use crate::breaking::Criterion;
 use crate::kernel::Mode;
 use crate::measure::Measure;
-use crate::model::{Break, GradientBreak, Model};
+use crate::model::{Break, Model, OfFamily};
 use crate::point::sample::{self, Sample};
 use crate::remember::Remembering;
 use crate::specialise::Form;
@@ -73,15 +73,15 @@ impl Breaking {
             }
         }
         let criteria = criteria.unwrap_or_default();
-        let breaking = |condition: &GradientBreak| {
-            // One of which these values leave nothing is not there.
+        let breaking = |condition: &Break<OfFamily>| {
+            // One of gathered values is not there, nor one of which these values leave nothing.
             let one = criteria.iter().find(|one| one.text == condition.text)?;
             let margins = sample::evaluate(&one.margin, &samples);
             let breaks = margins.iter().map(|margin| one.breaks(margin[0]));
             let tried = stretches.iter().copied().zip(breaks).collect();
             Some(Breaking { span: condition.span, measure: None, has_energy: true, tried })
         };
-        variant.gradient_breaks.iter().filter_map(breaking).collect()
+        variant.family_breaks.iter().filter_map(breaking).collect()
     }
 
     fn of_measures(model: &Model, dimension: usize) -> Vec<Breaking> {
@@ -110,8 +110,8 @@ impl Breaking {
         let of_measures = Measure::ALL.map(|measure| -> Vec<Point> {
             REFERENCES.into_iter().flat_map(|part| points(measure, part)).collect()
         });
-        let breaking = |(condition, criterion): (&Break, Criterion)| {
-            let measure = condition.measure;
+        let breaking = |(condition, criterion): (&Break<Measure>, Criterion)| {
+            let measure = condition.of;
             let one = of_kinds[measure as usize].as_ref()?;
             let tried = |point: &Point| {
                 let stretch = point.measure / point.reference;
@@ -121,7 +121,7 @@ impl Breaking {
             let has_energy = measure == Measure::Length
                 || model.measures().contains(&measure)
                 || model.coupled().contains(&measure);
-            let (span, measure) = (condition.span, Some(condition.measure));
+            let (span, measure) = (condition.span, Some(condition.of));
             let tried = points.iter().map(tried).collect();
             Some(Breaking { span, measure, has_energy, tried })
         };

@@ -3,25 +3,14 @@
 
 use super::kernel::{GradientKernel, WrittenGradientEnergy};
 use super::{GradientEnergyForms, Subject};
+use crate::breaking::FamilyCriterion;
 use crate::kernel::Mode;
-use crate::model::{GradientBreak, Model};
+use crate::model::{Break, Model, OfFamily, Variant};
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
 
 /// When bonds break by a deformation gradient: their own, or that of a point at one of their ends.
-#[derive(Debug)]
-pub struct GradientCriterion {
-    /// The margin, in the place of psi: bonds break where it is above 0.
-    pub margin: GradientKernel,
-    /// The same as written.
-    pub written: WrittenGradientEnergy,
-    /// Whether they break where the margin is 0, too.
-    pub holds_at_zero: bool,
-    /// The condition as written, in canonical spelling.
-    pub text: String,
-    /// What it is, in the words of the file.
-    pub reason: Option<String>,
-}
+pub type GradientCriterion = FamilyCriterion<GradientKernel, WrittenGradientEnergy>;
 
 /// A condition of the deformation gradient as a function of it, for those who print it.
 #[derive(Clone, Debug)]
@@ -36,11 +25,9 @@ pub struct GradientCondition {
     pub forms: GradientEnergyForms,
 }
 
-impl GradientCriterion {
-    /// Whether something with this margin breaks.
-    pub fn breaks(&self, margin: f64) -> bool {
-        margin > 0.0 || self.holds_at_zero && margin == 0.0
-    }
+/// The conditions of a variant's deformation gradients.
+fn of_gradients(variant: &Variant) -> impl Iterator<Item = &Break<OfFamily>> {
+    variant.family_breaks.iter().filter(|one| one.of == OfFamily::Gradient)
 }
 
 impl Model {
@@ -56,17 +43,15 @@ impl Model {
     ) -> Result<Vec<GradientCriterion>, CompileError> {
         let variant =
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
-        let criterion = |one: &GradientBreak| {
+        let criterion = |one: &Break<OfFamily>| {
             let subject = Subject { variant, roots: vec![one.root], span: one.span };
             let (Some(forms), _) = self.forms_of(subject, values, form)? else { return Ok(None) };
             let written = WrittenGradientEnergy::new(variant, &[one.root], values);
             let margin = GradientKernel::of(forms, values, mode, || written.clone())?;
-            let (text, reason) = (one.text.clone(), one.reason.clone());
-            let holds_at_zero = one.holds_at_zero;
-            Ok(Some(GradientCriterion { margin, written, holds_at_zero, text, reason }))
+            Ok(Some(GradientCriterion::new(one, margin, written)))
         };
         // One of which nothing is left holds nowhere.
-        variant.gradient_breaks.iter().map(criterion).filter_map(Result::transpose).collect()
+        of_gradients(variant).map(criterion).filter_map(Result::transpose).collect()
     }
 
     /// The conditions of the deformation gradient as they are compiled for these values; with symbols for
@@ -80,7 +65,7 @@ impl Model {
         values: Option<&Values>,
     ) -> Result<Vec<GradientCondition>, CompileError> {
         let variant = self.variant(dimension).ok_or(CompileError::WrongDimension(dimension))?;
-        let condition = |(k, one): (usize, &GradientBreak)| {
+        let condition = |(k, one): (usize, &Break<OfFamily>)| {
             let subject = Subject { variant, roots: vec![one.root], span: one.span };
             let (forms, _) = match values {
                 Some(values) => self.forms_of(subject, values, Form::Accurate)?,
@@ -90,7 +75,7 @@ impl Model {
             let holds_at_zero = one.holds_at_zero;
             Ok(forms.map(|forms| GradientCondition { number, holds_at_zero, text, forms }))
         };
-        let all = variant.gradient_breaks.iter().enumerate().map(condition);
+        let all = of_gradients(variant).enumerate().map(condition);
         all.filter_map(Result::transpose).collect()
     }
 }

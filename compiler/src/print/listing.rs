@@ -56,9 +56,8 @@ pub fn model_listing(model: &Model) -> String {
         for one in &variant.dissipations {
             let _ = writeln!(out, "  dissipation(l) in W/m^{} = {}", 2 * d, one.text);
         }
-        let gradients = variant.gradient_breaks.iter().map(|breaking| &breaking.text);
-        let fields = gradients.chain(variant.gathered_breaks.iter().map(|breaking| &breaking.text));
-        for text in variant.breaks.iter().map(|breaking| &breaking.text).chain(fields) {
+        let families = variant.family_breaks.iter().map(|breaking| &breaking.text);
+        for text in variant.breaks.iter().map(|breaking| &breaking.text).chain(families) {
             let _ = writeln!(out, "  break when {text}");
         }
     }

@@ -29,7 +29,7 @@ pub(super) fn verify(
     let fast = criteria(Mode::Jit(Level::Fast))?;
     let interpreted = criteria(Mode::Interpreter)?;
     let of_measures = Measure::ALL.map(|measure| {
-        let is_held = variant.breaks.iter().any(|one| one.measure == measure);
+        let is_held = variant.breaks.iter().any(|one| one.of == measure);
         let mut points = match is_held {
             true => sample::points(variant, measure, values, n),
             false => Vec::new(),

@@ -13,6 +13,7 @@ mod extremes;
 #[allow(dead_code)]
 #[path = "../correspondence/common.rs"]
 mod families;
+mod families_break;
 mod following;
 mod gathered;
 mod gradients;

@@ -4,6 +4,7 @@
 use super::criteria::margin::{WithMargins, over_rest};
 use super::{Breaking, Judged, Status};
 use crate::energy::{Energy as _, NonFinite};
+use crate::kernel::VariablesLaw;
 
 /// Whose margins are asked for, and which.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,6 +15,46 @@ pub enum Asked {
     All,
     /// Those by which a bond is judged, between these points.
     Bond([usize; 2]),
+}
+
+/// A condition of what families give: of deformation gradients, or of what points gather.
+pub struct FamilyCriterion {
+    /// The number of the layer of energies that it belongs to.
+    pub layer: usize,
+    /// The law in it: places that take this law are judged.
+    pub law: u8,
+    /// Which of such conditions of the law it is, from 0.
+    pub number: usize,
+    /// The margin, in the place of psi, with its variables.
+    pub margin: Box<dyn VariablesLaw>,
+    /// Whether bonds break where it is 0, too.
+    pub holds_at_zero: bool,
+}
+
+impl FamilyCriterion {
+    /// Adds what is judged at places between two points, or twice the same: all of it where margins at rest are
+    /// there to tell, else what breaks.
+    pub(crate) fn judge(
+        &self,
+        places: &[[usize; 2]],
+        (margins, at_rest): (&[f64], Option<&[f64]>),
+        found: &mut Vec<Judged>,
+    ) {
+        for (k, (&ends, &margin)) in places.iter().zip(margins).enumerate() {
+            let breaks = margin > 0.0 || self.holds_at_zero && margin == 0.0;
+            if at_rest.is_some() || breaks {
+                found.push(Judged {
+                    of: Some(ends),
+                    layer: self.layer,
+                    law: usize::from(self.law),
+                    number: self.number,
+                    margin,
+                    at_rest: at_rest.map_or(f64::NAN, |all| all[k]),
+                    breaks,
+                });
+            }
+        }
+    }
 }
 
 impl Breaking {

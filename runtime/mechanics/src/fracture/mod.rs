@@ -51,7 +51,7 @@ pub use criteria::Judged;
 pub use criteria::margin::{Foremost, over_rest};
 use damage::Damage;
 pub use equilibria::left_of;
-pub use fields::Asked;
+pub use fields::{Asked, FamilyCriterion};
 use inspect::Inspected;
 pub use inspect::{Inspection, Look, OnThreshold};
 use memory::Memory;

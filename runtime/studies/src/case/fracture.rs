@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use piola_compiler::OfFamily;
 use piola_grammar::Diagnostic;
 use piola_mechanics::energy::Energy;
 use piola_mechanics::fracture::crack::{self, Cut};
@@ -29,7 +30,7 @@ impl Case {
     pub fn can_break_cliques(&self) -> [bool; 2] {
         let is_of = |measure| {
             let mut all = self.potentials.iter().flat_map(|one| one.model.breaks());
-            all.any(|one| one.measure == measure)
+            all.any(|one| one.of == measure)
         };
         [Measure::Area, Measure::Volume].map(is_of)
     }
@@ -214,7 +215,9 @@ impl Case {
     /// At the material.
     pub(super) fn check_gradient_breaks(&self) -> Result<(), CaseError> {
         let mut all = self.potentials.iter().zip(&self.scene.materials);
-        let found = all.find(|(one, _)| !one.model.gradient_breaks().is_empty());
+        let found = all.find(|(one, _)| {
+            one.model.family_breaks().iter().any(|one| one.of == OfFamily::Gradient)
+        });
         let Some((one, material)) = found.filter(|_| is_sheet(&self.scene)) else { return Ok(()) };
         let message = format!(
             "bonds of {} break by a deformation gradient, and in plane stress what lies across the sheet is \

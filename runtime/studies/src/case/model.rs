@@ -5,16 +5,14 @@ use std::sync::Arc;
 use piola_compiler::{GatheredCriterion, GatheredKernels, GradientCriterion, Integrand};
 use piola_mechanics::assembly::{AssemblyError, DiscreteEnergy, Elements};
 use piola_mechanics::deformation::influence::{Constant, CubicSpline, Influence, InverseLength};
-use piola_mechanics::deformation::{
-    self, DeformationEnergy, Discretisation, Formulation, Stabilisation,
-};
+use piola_mechanics::deformation::{DeformationEnergy, Discretisation, Formulation, Stabilisation};
 use piola_mechanics::energy::{Energy, Term, Total};
-use piola_mechanics::fracture::{criteria, memory};
+use piola_mechanics::fracture::{FamilyCriterion, criteria, memory};
 use piola_mechanics::kernel::{Law, VariablesLaw};
 use piola_mechanics::materials::{ByMaterial, Fields, MaterialLaw, Materials};
 use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::sheet::Thick;
-use piola_mechanics::states::{self, StateEnergy, StateLaws};
+use piola_mechanics::states::{StateEnergy, StateLaws};
 
 use super::fracture::{criterion, next_state, of_layers};
 use super::{Case, CaseError, Compiled, FieldsInTime, size};
@@ -132,7 +130,7 @@ impl Case {
         let mut terms: Vec<Box<dyn Energy>> = Vec::new();
         let has_interactions = layer.present().any(Compiled::has_interactions);
         let Parts { elements, gathered, gradients, conditions } = layer.parts();
-        let (of_gradients, of_gathered): (Vec<_>, Vec<_>) = conditions.into_iter().unzip();
+        let (by_gradients, by_gathered): (Vec<_>, Vec<_>) = conditions.into_iter().unzip();
         if has_interactions {
             let ((body, neighborhood), weighting) = (found(), self.scene.horizon.weighting());
             let materials = materials.clone();
@@ -142,11 +140,12 @@ impl Case {
         }
         if gathered.iter().any(Option::is_some) {
             let (laws, numbers) = states_of_materials(gathered, self.thickness(), fields);
-            let firsts = of_gradients.iter().map(Vec::len);
-            let of_law = |((criteria, first), numbers)| OfLaw { criteria, first, numbers };
-            let conditions = of_gathered.into_iter().zip(firsts).zip(numbers).map(of_law);
-            let conditions = conditions.collect();
-            let criteria = gathered_criteria((number, laws.integrals.len()), conditions, fields);
+            let n = laws.integrals.len();
+            let own = |((all, others), numbers): ((Vec<_>, &Vec<_>), Vec<usize>)| {
+                of_gathered((n, others.len()), &numbers, all)
+            };
+            let own = by_gathered.into_iter().zip(&by_gradients).zip(numbers).map(own).collect();
+            let criteria = family_criteria(number, own, fields);
             let (body, neighborhood) = found();
             let materials = materials.clone();
             let energy = StateEnergy::of_materials(body, neighborhood, materials, laws)?;
@@ -154,7 +153,9 @@ impl Case {
         }
         if gradients.iter().any(Option::is_some) {
             let energy = self.correspondence(gradients, found().1, materials.clone())?;
-            let criteria = gradient_criteria(self.body.dimension(), number, of_gradients, fields);
+            let n = self.body.dimension() * self.body.dimension();
+            let own = by_gradients.into_iter().map(|all| of_gradients(n, all)).collect();
+            let criteria = family_criteria(number, own, fields);
             terms.push(Box::new(energy.with_criteria(criteria)));
         }
         Ok(terms)
@@ -254,65 +255,58 @@ fn by_material(
     Box::new(ByMaterial::new(n_variables, fields.map_or(0, Fields::len), laws))
 }
 
-/// The conditions of deformation gradients of a layer, from those of each law.
-fn gradient_criteria(
-    dimension: usize,
+/// A condition of what families give.
+struct Condition {
+    /// Which of those of its law it is.
+    number: usize,
+    /// How many variables all materials have together.
+    n_variables: usize,
+    margin: Numbered,
+    holds_at_zero: bool,
+}
+
+/// The conditions of the gradients of a law, of so many components.
+fn of_gradients(n_variables: usize, all: Vec<GradientCriterion>) -> Vec<Condition> {
+    let condition = |(number, one): (usize, GradientCriterion)| {
+        let (margin, holds_at_zero): (Numbered, _) =
+            ((Box::new(one.margin), None), one.holds_at_zero);
+        Condition { number, n_variables, margin, holds_at_zero }
+    };
+    all.into_iter().enumerate().map(condition).collect()
+}
+
+/// Those of the gathered values of a law behind `first` others; `numbers` says which of all `n` integrals it
+/// has.
+fn of_gathered(
+    (n, first): (usize, usize),
+    numbers: &[usize],
+    all: Vec<GatheredCriterion>,
+) -> Vec<Condition> {
+    let condition = |(number, one): (usize, GatheredCriterion)| {
+        let beside = usize::from(one.margin.of_bonds());
+        let variables = (0..beside).chain(numbers.iter().map(|number| number + beside));
+        let margin: Numbered = (Box::new(one.margin), Some(variables.collect()));
+        Condition { number, n_variables: n + beside, margin, holds_at_zero: one.holds_at_zero }
+    };
+    (first..).zip(all).map(condition).collect()
+}
+
+/// The conditions of a layer, from those of each law.
+fn family_criteria(
     layer: usize,
-    conditions: Vec<Vec<GradientCriterion>>,
+    of_laws: Vec<Vec<Condition>>,
     fields: Option<&Fields>,
-) -> Vec<deformation::GradientCriterion> {
-    let n_laws = conditions.len();
-    let criterion = |law: usize, number: usize, one: GradientCriterion| {
+) -> Vec<FamilyCriterion> {
+    let n_laws = of_laws.len();
+    let criterion = |(law, one): (usize, Condition)| {
+        let Condition { number, n_variables, margin, holds_at_zero } = one;
         let mut laws: Vec<Option<Numbered>> = (0..n_laws).map(|_| None).collect();
-        laws[law] = Some((Box::new(one.margin), None));
-        let margin = by_material(dimension * dimension, laws, fields);
-        let holds_at_zero = one.holds_at_zero;
-        deformation::GradientCriterion { layer, law: law as u8, number, margin, holds_at_zero }
+        laws[law] = Some(margin);
+        let margin = by_material(n_variables, laws, fields);
+        FamilyCriterion { layer, law: law as u8, number, margin, holds_at_zero }
     };
-    let of_law = |(law, all): (usize, Vec<GradientCriterion>)| {
-        all.into_iter().enumerate().map(move |(number, one)| (law, number, one))
-    };
-    let all = conditions.into_iter().enumerate().flat_map(of_law);
-    all.map(|(law, number, one)| criterion(law, number, one)).collect()
-}
-
-/// What a law says of gathered values: conditions, the number of the first among those of fields, and which of
-/// all integrals it has.
-struct OfLaw {
-    criteria: Vec<GatheredCriterion>,
-    first: usize,
-    numbers: Vec<usize>,
-}
-
-/// The conditions of gathered values of a layer, from those of each law.
-fn gathered_criteria(
-    (layer, n_integrals): (usize, usize),
-    conditions: Vec<OfLaw>,
-    fields: Option<&Fields>,
-) -> Vec<states::GatheredCriterion> {
-    let n_laws = conditions.len();
-    let mut all = Vec::new();
-    for (law, OfLaw { criteria, first, numbers }) in conditions.into_iter().enumerate() {
-        for (k, one) in criteria.into_iter().enumerate() {
-            let of_bonds = one.margin.of_bonds();
-            let beside = usize::from(of_bonds);
-            let variables = (0..beside).chain(numbers.iter().map(|number| number + beside));
-            let mut laws: Vec<Option<Numbered>> = (0..n_laws).map(|_| None).collect();
-            laws[law] = Some((Box::new(one.margin), Some(variables.collect())));
-            let margin = by_material(n_integrals + beside, laws, fields);
-            let (number, holds_at_zero) = (first + k, one.holds_at_zero);
-            let law = law as u8;
-            all.push(states::GatheredCriterion {
-                layer,
-                law,
-                number,
-                of_bonds,
-                margin,
-                holds_at_zero,
-            });
-        }
-    }
-    all
+    let each = |(law, own): (usize, Vec<Condition>)| own.into_iter().map(move |one| (law, one));
+    of_laws.into_iter().enumerate().flat_map(each).map(criterion).collect()
 }
 
 /// The energies of gathered states of several materials: of integrals that are the same function in

@@ -9,36 +9,15 @@ use super::sweep::{Failure, Fields};
 use super::{DeformationEnergy, Places, Room};
 use crate::energy::NonFinite;
 use crate::fields::stored::Tensor;
-use crate::fracture::{Asked, Judged};
-use crate::kernel::VariablesLaw;
+use crate::fracture::{Asked, FamilyCriterion, Judged};
 use crate::materials::LawOfPoints;
 
 /// Owners whose bonds are judged by one task; fixed, so that results do not depend on threads.
 const CHUNK: usize = 64;
 
-/// A condition of deformation gradients.
-pub struct GradientCriterion {
-    /// The number of the layer of energies that it belongs to.
-    pub layer: usize,
-    /// The law in it: places that take this law are judged.
-    pub law: u8,
-    /// Which of the conditions of the law it is, from 0.
-    pub number: usize,
-    /// The margin, in the place of psi.
-    pub margin: Box<dyn VariablesLaw>,
-    /// Whether bonds break where it is 0, too.
-    pub holds_at_zero: bool,
-}
-
-impl GradientCriterion {
-    fn breaks(&self, margin: f64) -> bool {
-        margin > 0.0 || self.holds_at_zero && margin == 0.0
-    }
-}
-
 /// Places on their way through a margin.
 struct Judging<'a, const D: usize> {
-    criterion: &'a GradientCriterion,
+    criterion: &'a FamilyCriterion,
     law: LawOfPoints<'a>,
     /// Whether all margins are asked for, with those at rest.
     all: bool,
@@ -47,7 +26,7 @@ struct Judging<'a, const D: usize> {
 
 impl DeformationEnergy {
     /// The same with conditions under which bonds break.
-    pub fn with_criteria(self, criteria: Vec<GradientCriterion>) -> DeformationEnergy {
+    pub fn with_criteria(self, criteria: Vec<FamilyCriterion>) -> DeformationEnergy {
         DeformationEnergy { criteria, ..self }
     }
 
@@ -144,20 +123,11 @@ impl<const D: usize> Judging<'_, D> {
         for places in own.chunks(CAPACITY) {
             let h: Vec<Tensor<D>> = places.iter().map(|place| gradient(*place)).collect();
             let at_rest = match self.all {
-                true => self.values(batch, places, &vec![[[0.0; D]; D]; h.len()])?,
-                false => Vec::new(),
+                true => Some(self.values(batch, places, &vec![[[0.0; D]; D]; h.len()])?),
+                false => None,
             };
             let margins = self.values(batch, places, &h)?;
-            for (k, (&ends, margin)) in places.iter().zip(margins).enumerate() {
-                let GradientCriterion { layer, law, number, .. } = *self.criterion;
-                let breaks = self.criterion.breaks(margin);
-                if self.all || breaks {
-                    let at_rest = at_rest.get(k).copied().unwrap_or(f64::NAN);
-                    let law = usize::from(law);
-                    let of = Some(ends);
-                    self.found.push(Judged { of, layer, law, number, margin, at_rest, breaks });
-                }
-            }
+            self.criterion.judge(places, (&margins, at_rest.as_deref()), &mut self.found);
         }
         Ok(())
     }

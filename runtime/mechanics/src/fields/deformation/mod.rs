@@ -44,7 +44,7 @@ use crate::assembly::{AssemblyError, sum::Sum};
 use crate::body::Body;
 use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored::{self, Tensor};
-use crate::fracture::{Asked, Judged};
+use crate::fracture::{Asked, FamilyCriterion, Judged};
 use crate::interaction::{Report, Slabs};
 use crate::kernel::{Variables, VariablesLaw};
 use crate::materials::{LawOfPoints, Materials};
@@ -56,7 +56,6 @@ use broken::Whole;
 pub use error::DeformationError;
 use influence::{Influence, influences};
 use linear::{Bonds, FieldStiffness};
-pub use margins::GradientCriterion;
 pub use moments::OperatorOrder;
 use operator::GradientOperator;
 use quadrature::BondQuadrature;
@@ -103,7 +102,7 @@ pub struct DeformationEnergy {
     discretisation: Discretisation,
     places: Places,
     /// By which bonds break.
-    criteria: Vec<GradientCriterion>,
+    criteria: Vec<FamilyCriterion>,
     /// The families before bonds were lost.
     whole: Option<Box<Whole>>,
     slabs: Slabs,

@@ -5,32 +5,16 @@ use rayon::prelude::*;
 
 use super::StateEnergy;
 use crate::energy::NonFinite;
-use crate::fracture::{Asked, Judged};
+use crate::fracture::{Asked, FamilyCriterion, Judged};
 use crate::geometry::Geometry;
 use crate::geometry::bond::Bond;
-use crate::kernel::{Variables, VariablesLaw};
+use crate::kernel::Variables;
 
 /// Points whose bonds are judged by one task; fixed, so that results do not depend on threads.
 const CHUNK: usize = 64;
 
 /// Places that go through a margin at once.
 const CAPACITY: usize = 128;
-
-/// A condition of what points gather.
-pub struct GatheredCriterion {
-    /// The number of the layer of energies that it belongs to.
-    pub layer: usize,
-    /// The law in it: points that take this law are judged, and their ends of bonds.
-    pub law: u8,
-    /// Which of the conditions of fields of the law it is, from 0.
-    pub number: usize,
-    /// Whether it holds the length of a bond.
-    pub of_bonds: bool,
-    /// The margin, in the place of psi, with the variables of energies of bonds or of points.
-    pub margin: Box<dyn VariablesLaw>,
-    /// Whether bonds break where it is 0, too.
-    pub holds_at_zero: bool,
-}
 
 /// A body at some displacements: what points gather, point by point, and displacements in m.
 #[derive(Clone, Copy)]
@@ -41,7 +25,7 @@ struct Deformed<'a> {
 
 impl StateEnergy {
     /// The same with conditions under which bonds break.
-    pub fn with_criteria(self, criteria: Vec<GatheredCriterion>) -> StateEnergy {
+    pub fn with_criteria(self, criteria: Vec<FamilyCriterion>) -> StateEnergy {
         StateEnergy { criteria, ..self }
     }
 
@@ -60,7 +44,8 @@ impl StateEnergy {
         for criterion in &self.criteria {
             let judge = |places: Vec<[usize; 2]>| self.judge::<D>(criterion, &places, now, at_rest);
             if let Asked::Bond([i, j]) = asked {
-                let places = if criterion.of_bonds { [[i, j], [j, i]] } else { [[i; 2], [j; 2]] };
+                let places =
+                    if self.holds_length(criterion) { [[i, j], [j, i]] } else { [[i; 2], [j; 2]] };
                 all.extend(judge(places.to_vec())?);
                 continue;
             }
@@ -68,7 +53,7 @@ impl StateEnergy {
             let chunk = |number: usize| {
                 let points = number * CHUNK..n.min((number + 1) * CHUNK);
                 let row = |i: usize| self.neighborhood.row(i).iter().map(move |j| [i, *j as usize]);
-                judge(match criterion.of_bonds {
+                judge(match self.holds_length(criterion) {
                     true => points.flat_map(row).collect(),
                     false => points.map(|i| [i; 2]).collect(),
                 })
@@ -83,38 +68,33 @@ impl StateEnergy {
     /// Judges places by what their first points gather, those that take the law.
     fn judge<const D: usize>(
         &self,
-        criterion: &GatheredCriterion,
+        criterion: &FamilyCriterion,
         places: &[[usize; 2]],
         now: Deformed<'_>,
         at_rest: Option<Deformed<'_>>,
     ) -> Result<Vec<Judged>, NonFinite> {
-        let GatheredCriterion { layer, law, number, holds_at_zero, .. } = *criterion;
         let of = |point: usize| self.materials.as_ref().map_or(0, |materials| materials.of(point));
-        let own: Vec<[usize; 2]> =
-            places.iter().filter(|ends| of(ends[0]) == law).copied().collect();
+        let takes = |ends: &&[usize; 2]| of(ends[0]) == criterion.law;
+        let own: Vec<[usize; 2]> = places.iter().filter(takes).copied().collect();
         let mut found = Vec::new();
         for places in own.chunks(CAPACITY) {
-            let rest = match at_rest {
-                Some(at_rest) => self.values::<D>(criterion, places, at_rest)?,
-                None => Vec::new(),
-            };
+            let rest = at_rest.map(|at_rest| self.values::<D>(criterion, places, at_rest));
+            let rest = rest.transpose()?;
             let margins = self.values::<D>(criterion, places, now)?;
-            for (k, (ends, margin)) in places.iter().zip(margins).enumerate() {
-                let breaks = margin > 0.0 || holds_at_zero && margin == 0.0;
-                if at_rest.is_some() || breaks {
-                    let (of, at_rest) = (Some(*ends), rest.get(k).copied().unwrap_or(f64::NAN));
-                    let law = usize::from(law);
-                    found.push(Judged { of, layer, law, number, margin, at_rest, breaks });
-                }
-            }
+            criterion.judge(places, (&margins, rest.as_deref()), &mut found);
         }
         Ok(found)
+    }
+
+    /// Whether a condition holds the length of a bond, beside what points gather.
+    fn holds_length(&self, criterion: &FamilyCriterion) -> bool {
+        criterion.margin.n_variables() > self.n_integrals()
     }
 
     /// Margins at some places.
     fn values<const D: usize>(
         &self,
-        criterion: &GatheredCriterion,
+        criterion: &FamilyCriterion,
         places: &[[usize; 2]],
         Deformed { integrals, u }: Deformed<'_>,
     ) -> Result<Vec<f64>, NonFinite> {
@@ -122,7 +102,7 @@ impl StateEnergy {
         let positions = self.body.positions().as_chunks::<D>().0;
         let displacements = u.as_chunks::<D>().0;
         let (mut current, mut change, mut given) = (Vec::new(), Vec::new(), Vec::new());
-        if criterion.of_bonds {
+        if self.holds_length(criterion) {
             for &[i, j] in places {
                 let xi: [f64; D] = std::array::from_fn(|c| positions[j][c] - positions[i][c]);
                 let eta = std::array::from_fn(|c| displacements[j][c] - displacements[i][c]);

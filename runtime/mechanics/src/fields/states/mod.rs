@@ -39,7 +39,7 @@ use crate::assembly::sum::Sum;
 use crate::body::Body;
 use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored;
-use crate::fracture::{Asked, Judged};
+use crate::fracture::{Asked, FamilyCriterion, Judged};
 use crate::interaction::{Report, Slabs};
 use crate::kernel::{Batch, Law, Order, Outputs, Variables, VariablesLaw};
 use crate::materials::{Fields, Materials};
@@ -49,7 +49,6 @@ use crate::pool::Pool;
 use crate::weights::check_families;
 use broken::Whole;
 use linear::Linear;
-pub use margins::GatheredCriterion;
 use passes::{States, Work};
 use rows::AlongRows;
 use stiffness::StateStiffness;
@@ -122,7 +121,7 @@ pub struct StateEnergy {
     /// Stiffnesses of springs like the bonds at rest, in N/m.
     springs: OnceLock<Vec<f64>>,
     /// By which bonds break.
-    criteria: Vec<GatheredCriterion>,
+    criteria: Vec<FamilyCriterion>,
     /// The families before bonds were lost.
     whole: Option<Box<Whole>>,
     /// Room for passes, and for their threads.

@@ -8,7 +8,7 @@ use piola_runtime::body::Body;
 use piola_runtime::energy::Energy;
 use piola_runtime::fracture::criteria::Criteria;
 use piola_runtime::fracture::memory::Memory;
-use piola_runtime::fracture::{Breaking, Fracture, Inspection};
+use piola_runtime::fracture::{Breaking, Fracture};
 use piola_runtime::neighborhood::Neighborhood;
 use piola_runtime::solve::Watch;
 use piola_runtime::solve::march::March;

@@ -5,7 +5,7 @@
 use crate::expression::NodeId;
 use crate::kernel::{Kernel, Mode, WrittenEnergy};
 use crate::measure::{Argument, Measure};
-use crate::model::{Break, Model, OfFamily, Update};
+use crate::model::{Break, Model, Of, OfFamily, Update};
 use crate::specialise::{
     CompileError, Derived, Form, MAX_OPERATIONS, Named, ScalarEnergy, function_of, of_measure,
     symbolic_of,
@@ -63,6 +63,28 @@ impl<K, W> FamilyCriterion<K, W> {
     /// Whether something with this margin breaks.
     pub fn breaks(&self, margin: f64) -> bool {
         margin > 0.0 || self.holds_at_zero && margin == 0.0
+    }
+}
+
+/// What a state becomes by what families give: a kernel, and the same as written.
+#[derive(Debug)]
+pub struct FamilyNextState<K, W> {
+    /// The number of the state among the fields of the values ([`Values::fields`]).
+    pub field: usize,
+    /// The next value in SI units, in the place of psi.
+    pub next: K,
+    /// The same as written.
+    pub written: W,
+    /// The number of the state among the parameters.
+    pub state: usize,
+    /// The next value as written, in canonical spelling.
+    pub text: String,
+}
+
+impl<K, W> FamilyNextState<K, W> {
+    pub(crate) fn new(update: &Update<OfFamily>, values: &Values, next: K, written: W) -> Self {
+        let field = values.fields.partition_point(|field| usize::from(*field) < update.state);
+        FamilyNextState { field, next, written, state: update.state, text: update.text.clone() }
     }
 }
 
@@ -142,9 +164,9 @@ impl Model {
             let function = make((one.of, one.root), one.span, &values)?;
             Ok(BondFunction { kind, text: one.text.clone(), function })
         };
-        let next = |one: &Update| {
+        let next = |one: &Update<Measure>| {
             let kind = BondFunctionKind::Next(self.input_name(one.state).to_string());
-            let function = make((one.measure, one.root), one.span, &in_time)?;
+            let function = make((one.of, one.root), one.span, &in_time)?;
             Ok(BondFunction { kind, text: one.text.clone(), function })
         };
         let margins = variant.breaks.iter().enumerate().map(margin);
@@ -202,9 +224,9 @@ impl Model {
         let variant =
             self.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
         let in_time = values.clone().with_states(self).with_time_step(self);
-        let next = |one: &Update| {
+        let next = |one: &Update<Measure>| {
             let (graph, root) = (&variant.graph, one.root);
-            let subject = (one.measure, root);
+            let subject = (one.of, root);
             let named = Named { argument: subject.0.symbol(), span: one.span };
             named.has_horizon(graph, &[root], values.horizon.is_nan())?;
             let made = named.made(of_measure(graph, self.parameters(), subject, &in_time, form))?;
@@ -235,9 +257,9 @@ impl Model {
             let subject = Subject::Margin(Some(Argument::Measure(one.of)), one.text.clone());
             (subject, (one.of, one.root), one.span)
         };
-        let next = |one: &Update| {
+        let next = |one: &Update<Measure>| {
             let text = format!("{} = {}", self.input_name(one.state), one.text);
-            (Subject::NextState(one.measure, text), (one.measure, one.root), one.span)
+            (Subject::NextState(Of::Measure(one.of), text), (one.of, one.root), one.span)
         };
         let all = variant.breaks.iter().map(margin).chain(variant.updates.iter().map(next));
         for (subject, (measure, root), span) in all {
@@ -259,7 +281,8 @@ impl Model {
     pub fn written_next_states(&self, values: &Values) -> Vec<WrittenEnergy> {
         let Some(variant) = self.variant(values.dimension) else { return Vec::new() };
         let in_time = values.clone().with_states(self).with_time_step(self);
-        let next = |one: &Update| WrittenEnergy::of_root(&variant.graph, one.root, &in_time);
+        let next =
+            |one: &Update<Measure>| WrittenEnergy::of_root(&variant.graph, one.root, &in_time);
         variant.updates.iter().map(next).collect()
     }
 

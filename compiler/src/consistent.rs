@@ -8,6 +8,7 @@
 
 use crate::differentiate::derivative_by;
 use crate::expression::{Comparison, Input, Node, NodeId, TooManyNodes};
+use crate::measure::Measure;
 use crate::model::{Model, Update};
 use crate::simplify::Simplifier;
 use crate::specialise::{
@@ -49,11 +50,11 @@ impl Model {
             return Ok(energy.clone());
         };
         let measure = energy.measure;
-        let own = || variant.updates.iter().filter(|update| update.measure == measure);
+        let own = || variant.updates.iter().filter(|update| update.of == measure);
         if !own().any(|update| depends(update.state)) {
             return Ok(energy.clone());
         }
-        let next = |update: &Update| {
+        let next = |update: &Update<Measure>| {
             let subject = (measure, update.root);
             let named = Named { argument: measure.symbol(), span: update.span };
             let next = of_measure(&variant.graph, self.parameters(), subject, values, form);

@@ -54,16 +54,19 @@ pub use compile::{Compiled, Kind};
 pub use coupled::{CoupledBatch, CoupledKernel, MAX_VARIABLES};
 pub use density::DensityForm;
 pub use formula::{CompiledFormula, Formula};
-pub use gathered::{GatheredBatch, GatheredCriterion, GatheredKernel, GatheredKernels, Integrand};
+pub use gathered::{
+    GatheredBatch, GatheredCriterion, GatheredKernel, GatheredKernels, GatheredNextState, Integrand,
+};
 pub use kernel::{Batch, Derivatives, Kernel, Level, Mode, Order, Outputs, WrittenEnergy};
 pub use lint::{LINTS, Lint};
 pub use measure::{Argument, Measure};
 pub use model::{
     Break, Constraint, Dissipation, Energy, GatheredEnergy, GradientEnergy, Integral, Interval,
-    Model, OfFamily, Parameter, Variant,
+    Model, Of, OfFamily, Parameter, Update, Variant,
 };
 pub use point::{
-    GradientBatch, GradientCondition, GradientCriterion, GradientEnergyForms, GradientKernel,
+    GradientBatch, GradientCriterion, GradientEnergyForms, GradientFunction, GradientFunctionKind,
+    GradientKernel, GradientNextState,
 };
 pub use specialise::{CompileError, Dropped, Form, ScalarEnergy, Specialised};
 pub use tensors::{NotInTensors, TensorForm};

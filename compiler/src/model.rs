@@ -93,8 +93,10 @@ pub struct Variant {
     pub family_breaks: Vec<Break<OfFamily>>,
     /// What bonds dissipate.
     pub dissipations: Vec<Dissipation>,
-    /// What states become, at most one for each.
-    pub updates: Vec<Update>,
+    /// What states of bonds, triangles and tetrahedra become, at most one for each.
+    pub updates: Vec<Update<Measure>>,
+    /// What states become of what families give, at most one for each.
+    pub family_updates: Vec<Update<OfFamily>>,
     /// Numbers and components of tensors that depend on the deformation, and what they are in the text,
     /// the innermost expressions first.
     pub(crate) stated: Vec<(NodeId, Stated)>,
@@ -178,8 +180,8 @@ impl Break<()> {
     }
 }
 
-/// What families give by which bonds break.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// What families give, by which bonds break, and with which something is remembered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum OfFamily {
     /// A deformation gradient, `break when J - 1 > h0`: where `psi(F)` is at bonds, a bond's own, where it is at
     /// points a point's, which breaks all of its bonds.
@@ -188,6 +190,36 @@ pub enum OfFamily {
     Points,
     /// A bond's length with what either of its ends gathers, `break when l/L - 1 > s0 + theta`.
     Bonds,
+}
+
+/// What a condition is one of, or a state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Of {
+    /// Bonds, triangles or tetrahedra, by their measure.
+    Measure(Measure),
+    /// What families give.
+    Family(OfFamily),
+}
+
+impl Of {
+    /// Those that remember a state of this kind, in the plural.
+    pub fn many(self) -> &'static str {
+        match self {
+            Of::Measure(measure) => measure.interactions(),
+            Of::Family(OfFamily::Gradient) => "deformation gradients",
+            Of::Family(OfFamily::Points | OfFamily::Bonds) => "points",
+        }
+    }
+
+    /// What an energy of this kind is a function of, for instance.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Of::Measure(measure) => measure.symbol(),
+            Of::Family(OfFamily::Gradient) => "F",
+            Of::Family(OfFamily::Points) => "theta",
+            Of::Family(OfFamily::Bonds) => "l, theta",
+        }
+    }
 }
 
 /// One potential of how fast a bond's length changes, `dissipation(l) = 1/2*eta*rate(l)^2`.
@@ -201,20 +233,28 @@ pub struct Dissipation {
     pub text: String,
 }
 
-/// What a state of a bond becomes, `update k = max(k, l/L - 1)`, of a triangle, or of a tetrahedron.
+/// What a state becomes, `update k = max(k, l/L - 1)`, with what it is a state of.
 #[derive(Clone, Debug)]
-pub struct Update {
+pub struct Update<T> {
     /// The number of the state among the parameters.
     pub state: usize,
-    /// Of which kind it is: `l` of bonds, `a` of triangles, `v` of tetrahedra.
-    pub measure: Measure,
-    /// Its next value in SI units in the variant's graph, a function of the measure and of its value at rest,
-    /// of states of its kind as they are and of the time step.
+    /// Of which kind it is: `l` of bonds, `a` of triangles, `v` of tetrahedra; or of what families give.
+    pub of: T,
+    /// Its next value in SI units in the variant's graph, a function of what it is a state of, of states of
+    /// its kind as they are and of the time step.
     pub root: NodeId,
     /// Place of the next value.
     pub span: Span,
     /// The next value as written, in canonical spelling.
     pub text: String,
+}
+
+impl<T> Update<T> {
+    /// The same as one of another kind.
+    pub(crate) fn of<U>(self, of: U) -> Update<U> {
+        let Update { state, root, span, text, .. } = self;
+        Update { state, of, root, span, text }
+    }
 }
 
 /// One energy statement of several measures, `psi(a, l1, l2)` or `psi(angle)`.
@@ -357,19 +397,31 @@ impl Model {
         &self.variants[0].dissipations
     }
 
-    /// What states become, as written.
-    pub fn updates(&self) -> &[Update] {
+    /// What states of bonds, triangles and tetrahedra become, as written.
+    pub fn updates(&self) -> &[Update<Measure>] {
         &self.variants[0].updates
+    }
+
+    /// What states become of what families give, as written.
+    pub fn family_updates(&self) -> &[Update<OfFamily>] {
+        &self.variants[0].family_updates
+    }
+
+    /// Whether anything is remembered that changes.
+    pub fn has_memory(&self) -> bool {
+        !self.updates().is_empty() || !self.family_updates().is_empty()
     }
 
     /// Whether interactions of this measure remember anything that changes.
     pub fn remembers(&self, measure: Measure) -> bool {
-        self.updates().iter().any(|update| update.measure == measure)
+        self.updates().iter().any(|update| update.of == measure)
     }
 
     /// Of which kind a state is that is updated; nothing of one that never changes.
-    pub fn kind_of_state(&self, state: usize) -> Option<Measure> {
-        self.updates().iter().find(|update| update.state == state).map(|update| update.measure)
+    pub fn kind_of_state(&self, state: usize) -> Option<Of> {
+        let own = self.updates().iter().find(|update| update.state == state);
+        let of_families = || self.family_updates().iter().find(|update| update.state == state);
+        own.map(|own| Of::Measure(own.of)).or_else(|| of_families().map(|own| Of::Family(own.of)))
     }
 
     /// The numbers of the parameters that are states, ascending.
@@ -390,15 +442,26 @@ impl Model {
 
     /// The number of the time step, where there are updates.
     pub(crate) fn number_of_time_step(&self) -> Option<u16> {
-        (!self.updates().is_empty()).then_some(self.parameters.len() as u16)
+        self.has_memory().then_some(self.parameters.len() as u16)
     }
 
-    /// Whether what bonds remember changes with time, by itself.
+    /// Whether what is remembered changes with time, by itself.
     pub fn remembers_time(&self) -> bool {
-        self.time_step().is_some()
+        self.time_step().is_some() || self.families_remember_time()
     }
 
-    /// The number of the time step, where some update depends on it.
+    /// Whether some update of what families give depends on the time step.
+    pub fn families_remember_time(&self) -> bool {
+        let number = self.parameters.len() as u16;
+        let depends = |variant: &Variant| {
+            let updates = variant.family_updates.iter();
+            let roots: Vec<NodeId> = updates.map(|update| update.root).collect();
+            variant.graph.depends_on(&roots, Input::Parameter(number))
+        };
+        self.variants.iter().any(depends)
+    }
+
+    /// The number of the time step, where some update of a measure depends on it.
     pub(crate) fn time_step(&self) -> Option<u16> {
         let number = self.parameters.len() as u16;
         let depends = |variant: &Variant| {

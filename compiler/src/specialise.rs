@@ -439,16 +439,23 @@ fn made_of(
 ) -> Result<SimpleEnergy, TooManyNodes> {
     let subject = (measure.symbol(), std::slice::from_ref(&root));
     let made = sum_in(Simplifier::exact(), graph, parameters, subject, fold, &mut Vec::new())?;
-    let (graph, psi) = match made {
-        Some(made) => made,
+    let (graph, psi) = or_zero(made)?;
+    let reference = typical_reference(measure, fold);
+    Ok(SimpleEnergy { measure, graph, psi, reference, fields })
+}
+
+/// A sum of which nothing may be left, as a function: then it is 0.
+pub(crate) fn or_zero(
+    made: Option<(Simplifier, NodeId)>,
+) -> Result<(Simplifier, NodeId), TooManyNodes> {
+    match made {
+        Some(made) => Ok(made),
         None => {
             let mut graph = Simplifier::exact();
             let zero = graph.number(0.0)?;
-            (graph, zero)
+            Ok((graph, zero))
         }
-    };
-    let reference = typical_reference(measure, fold);
-    Ok(SimpleEnergy { measure, graph, psi, reference, fields })
+    }
 }
 
 /// The simplified sum of some energies of one argument, in a graph that is given; `None` if nothing is

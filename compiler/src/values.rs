@@ -144,8 +144,8 @@ impl Model {
         let states: Vec<u16> = states.filter(|state| !fields.contains(state)).collect();
         // A time step is one more input: load steps tell it all bonds that remember.
         // So is a length: dissipation takes it beside its rate.
-        let n_more = [self.updates().is_empty(), self.dissipations().is_empty()];
-        let n_more = n_more.into_iter().filter(|is_empty| !is_empty).count();
+        let more = [self.has_memory(), !self.dissipations().is_empty()];
+        let n_more = more.into_iter().filter(|is_there| *is_there).count();
         let n_inputs = fields.len() + states.len() + n_more;
         if n_inputs > MAX_FIELDS {
             let last = fields.last().or(states.last()).copied().unwrap_or_default();
@@ -182,7 +182,7 @@ impl Model {
         }
         if errors.is_empty() {
             // Statics have no time step.
-            parameters.extend((!self.updates().is_empty()).then_some(0.0));
+            parameters.extend(self.has_memory().then_some(0.0));
             let horizon = horizon.unwrap_or(f64::NAN);
             Ok(Values { dimension, parameters, fields, horizon })
         } else {

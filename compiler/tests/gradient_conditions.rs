@@ -108,17 +108,17 @@ fn printed_conditions_are_those_compiled() {
     let model = model(
         "break when l/L > 2\npsi(l) = (l - L)^2\nbreak when J >= 1 + h0\nbreak when tr(ln(U)) > h0",
     );
-    let conditions = model.gradient_conditions(2, None).unwrap();
-    let latex = print::latex_of_gradient_conditions(&model, &conditions);
+    let conditions = model.gradient_functions(2, None).unwrap();
+    let latex = print::latex_of_gradient_functions(&model, &conditions);
     assert!(latex.contains(r"g_{2} &= ") && latex.contains(r"g_{2} \ge 0"), "{latex}");
     assert!(latex.contains(r"g_{3} > 0"), "{latex}");
     if !machine::has_c_compiler() {
         return;
     }
     let values = model.values(2, &[], Some(1.0)).unwrap();
-    let conditions = model.gradient_conditions(2, Some(&values)).unwrap();
+    let conditions = model.gradient_functions(2, Some(&values)).unwrap();
     let source =
-        print::c_source(&model, &[], None) + &print::c_of_gradient_conditions(&model, &conditions);
+        print::c_source(&model, &[], None) + &print::c_of_gradient_functions(&model, &conditions);
     let changes: Vec<Vec<f64>> = vec![
         vec![0.0; 4],
         vec![0.01, 1e-3, -2e-3, 1e-9],

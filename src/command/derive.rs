@@ -8,8 +8,8 @@ use piola_compiler::point::gradient_listing;
 use piola_compiler::rewrite::{self, Explanation, Side};
 use piola_compiler::simplify::Rule;
 use piola_compiler::{
-    Argument, BondFunction, BondFunctionKind, CompileError, Form, GradientCondition,
-    GradientEnergyForms, Measure, Model, Specialised, Values, print,
+    Argument, BondFunction, BondFunctionKind, CompileError, Form, GradientEnergyForms,
+    GradientFunction, Measure, Model, Specialised, Values, print,
 };
 
 use piola_runtime::output::decimal;
@@ -163,7 +163,7 @@ fn coupled(
 }
 
 /// When bonds, triangles and tetrahedra break and what they remember; when bonds do by deformation gradients.
-type OfBonds = (Vec<BondFunction>, Vec<GradientCondition>);
+type OfBonds = (Vec<BondFunction>, Vec<GradientFunction>);
 
 fn of_bonds(
     loaded: &Loaded,
@@ -179,7 +179,7 @@ fn of_bonds(
     };
     let made = || {
         let functions = loaded.model.bond_functions(dimension, values.as_ref())?;
-        Ok((functions, loaded.model.gradient_conditions(dimension, values.as_ref())?))
+        Ok((functions, loaded.model.gradient_functions(dimension, values.as_ref())?))
     };
     Some(made())
 }
@@ -331,7 +331,7 @@ fn explanation(e: &Explanation) -> String {
 type Others<'a> = (
     Option<&'a GradientEnergyForms>,
     &'a [(Measure, CoupledForm)],
-    (&'a [BondFunction], &'a [GradientCondition]),
+    (&'a [BondFunction], &'a [GradientFunction]),
 );
 
 fn emit(
@@ -347,7 +347,7 @@ fn emit(
         let several = coupled.iter().map(|(clique, form)| print::coupled_c(model, *clique, form));
         let all = std::iter::once(first).chain(several).collect::<Vec<_>>().join("\n");
         let of_bonds = print::c_of_bonds(model, of_bonds);
-        return Ok(all + &of_bonds + &print::c_of_gradient_conditions(model, conditions));
+        return Ok(all + &of_bonds + &print::c_of_gradient_functions(model, conditions));
     }
     let mut parts = Vec::new();
     for energy in &specialised.energies {
@@ -363,12 +363,17 @@ fn emit(
     }
     let evolution = match arguments.emit {
         Emit::Text => {
-            let line = |text: &String| format!("break when {text}\n");
-            let families = model.family_breaks().iter().map(|one| line(&one.text));
-            of_bonds.iter().map(|one| in_words(model, one)).chain(families).collect()
+            let breaks = model.family_breaks().iter();
+            let breaks = breaks.map(|one| format!("break when {}\n", one.text));
+            let updates = model.family_updates().iter().map(|one| {
+                let name = &model.parameters()[one.state].name;
+                format!("update {name} = {}\n", one.text)
+            });
+            let of_bonds = of_bonds.iter().map(|one| in_words(model, one));
+            of_bonds.chain(breaks).chain(updates).collect()
         }
         Emit::Latex => {
-            let gradients = print::latex_of_gradient_conditions(model, conditions);
+            let gradients = print::latex_of_gradient_functions(model, conditions);
             print::latex_of_bonds(model, of_bonds) + &gradients
         }
         _ => String::new(),

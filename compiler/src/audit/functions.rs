@@ -8,10 +8,11 @@
 use super::{Audit, Settings, dissipation, gradient, measure};
 use crate::kernel::{Kernel, Mode};
 use crate::measure::Argument;
-use crate::model::Model;
+use crate::model::{Model, Of, OfFamily};
 use crate::specialise::CompileError;
 use crate::values::Values;
 use crate::verify::Subject;
+use crate::verify::families::a_second_later;
 use crate::verify::remember::histories;
 
 /// Audits margins, then next states, then what is dissipated, for these values: with what bonds remember at the start, and after some
@@ -62,6 +63,13 @@ pub(super) fn functions_at(
         let regimes = gradient::regimes(&one.margin, &one.written, (settings, 1));
         let function = Some(Subject::Margin(Some(Argument::Gradient), one.text));
         all.push(Audit { function, ..Audit::new(Argument::Gradient, regimes) });
+    }
+    let later = a_second_later(model, values);
+    for one in model.gradient_next_states(&later.without_fields(), mode, settings.form)? {
+        let regimes = gradient::regimes(&one.next, &one.written, (settings, 1));
+        let text = format!("{} = {}", model.input_name(one.state), one.text);
+        let subject = Subject::NextState(Of::Family(OfFamily::Gradient), text);
+        all.push(Audit { function: Some(subject), ..Audit::new(Argument::Gradient, regimes) });
     }
     all.extend(dissipation::audit(model, values, settings)?);
     Ok(all)

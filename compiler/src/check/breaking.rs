@@ -13,7 +13,7 @@ use super::statement::Builder;
 use super::value::{GRADIENT, INTEGRAL, RATE, Value};
 use crate::expression::{Comparison, ExprGraph, Function, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
-use crate::model::{Break, OfFamily};
+use crate::model::{Break, Of, OfFamily, Variant};
 
 /// The bit of [`Value::uses`] for lengths of bonds.
 pub(super) const LENGTH: u8 = bit(Measure::Length);
@@ -24,14 +24,6 @@ pub(super) const ALL_MEASURES: u8 = LENGTH | bit(Measure::Area) | bit(Measure::V
 /// The bit of [`Value::uses`] for a measure.
 const fn bit(measure: Measure) -> u8 {
     1 << (measure as u8)
-}
-
-/// What a condition is one of.
-enum Of {
-    /// Bonds, triangles or tetrahedra, by their measure.
-    Measure(Measure),
-    /// Bonds, by what families give.
-    Family(OfFamily),
 }
 
 /// The measures among what a value uses.
@@ -89,16 +81,19 @@ impl Builder<'_> {
         let span = arena[breaking.condition].span;
         let foreign = value.uses & !ALL_MEASURES;
         let remembering = self.kinds_in(value.node);
-        if value.uses == GRADIENT && remembering.is_empty() {
+        let of_one = |family| remembering.iter().all(|kind| *kind == Of::Family(family));
+        let remembers = !remembering.is_empty();
+        if (value.uses == GRADIENT || value.uses == 0 && remembers) && of_one(OfFamily::Gradient) {
             return Some(Of::Family(OfFamily::Gradient));
         }
-        if value.uses & !LENGTH == INTEGRAL && remembering.is_empty() {
+        let is_gathered = value.uses & !LENGTH == INTEGRAL;
+        if (is_gathered || value.uses & !LENGTH == 0 && remembers) && of_one(OfFamily::Points) {
             let of_bonds = value.uses & LENGTH != 0;
             let family = if of_bonds { OfFamily::Bonds } else { OfFamily::Points };
             return Some(Of::Family(family));
         }
-        let mut held = measures_in(value.uses);
-        held.extend(&remembering);
+        let held = measures_in(value.uses).into_iter().map(Of::Measure);
+        let mut held: Vec<Of> = held.chain(remembering.iter().copied()).collect();
         held.sort_unstable();
         held.dedup();
         let example = "write for instance `break when l/L - 1 > s0 \"critical stretch\"`";
@@ -113,14 +108,14 @@ impl Builder<'_> {
                 let message = "bonds, triangles and tetrahedra break by their own measures alone";
                 self.not_of_bonds(breaking.condition, foreign, message).help(example)
             }
-            [measure] => return Some(Of::Measure(measure)),
+            [Of::Measure(measure)] => return Some(Of::Measure(measure)),
             [] => Diagnostic::error("wrong-measure", span, "this condition says nothing of a bond")
                 .label("the same for all bonds at all times")
                 .help(example),
             _ => {
                 let message = "a condition is one of bonds, of triangles or of tetrahedra";
-                let whose = |one: &Measure| match remembering.contains(one) {
-                    true => format!("what {} remember", one.interactions()),
+                let whose = |one: &Of| match remembering.contains(one) {
+                    true => format!("what {} remember", one.many()),
                     false => format!("`{}`", one.symbol()),
                 };
                 let all: Vec<String> = held.iter().map(whose).collect();
@@ -133,22 +128,26 @@ impl Builder<'_> {
         None
     }
 
-    /// Refuses conditions of gathered values where no energy gathers any.
-    pub(super) fn check_gathered_breaks(&mut self) {
-        let mut all = self.variant.family_breaks.iter();
-        let Some(first) = all.find(|one| one.of != OfFamily::Gradient) else { return };
+    /// Refuses conditions and states of gathered values where no energy gathers any.
+    pub(super) fn check_gathered(&mut self) {
         // What is wrong with an energy is told there.
-        let of_gathered = |one: &Statement| match one {
+        let is_gathered = |one: &Statement| match one {
             Statement::Energy(one) => {
-                !one.gathered.is_empty() || Measure::from_symbol(&one.measure.name).is_none()
+                let head = &one.measure.name;
+                !one.gathered.is_empty() || Measure::from_symbol(head).is_none() && head != "F"
             }
             _ => false,
         };
-        if self.ast.statements.iter().any(of_gathered) {
+        if self.ast.statements.iter().any(is_gathered) {
             return;
         }
-        let message = "this condition holds what points gather, and no energy does";
-        let error = Diagnostic::error("wrong-measure", first.span, message)
+        let Variant { family_breaks, family_updates, .. } = &self.variant;
+        let breaks = family_breaks.iter().map(|one| ("condition", one.of, one.span));
+        let updates = family_updates.iter().map(|one| ("next state", one.of, one.span));
+        let mut all = breaks.chain(updates);
+        let Some((what, _, span)) = all.find(|one| one.1 != OfFamily::Gradient) else { return };
+        let message = format!("this {what} holds what points gather, and no energy does");
+        let error = Diagnostic::error("wrong-measure", span, message)
             .label("points gather for energies")
             .help("add an energy of gathered values: `psi(theta) = ..`, `psi(l, theta) = ..`");
         self.elaborator.report(error);

@@ -18,7 +18,9 @@ use super::value::{GRADIENT, IN_UNIT, PART, Quantity, Value};
 use crate::expression::{ExprGraph, NodeId};
 use crate::lint::LINTS;
 use crate::measure::Measure;
-use crate::model::{Conditions, Constraint, Energy, GradientEnergy, Model, Parameter, Variant};
+use crate::model::{
+    Conditions, Constraint, Energy, GradientEnergy, Model, Of, Parameter, Update, Variant,
+};
 
 /// Most parameters a potential may have: their numbers are 16 bits wide.
 const MAX_PARAMETERS: usize = 1000;
@@ -49,7 +51,7 @@ pub(crate) fn model(
         builder.variant.integrals = builder.integrals();
         builder.variant.traces = builder.elaborator.traces.clone();
         builder.check_states();
-        builder.check_gathered_breaks();
+        builder.check_gathered();
         builder.check_rates();
         builder.variant.stated = std::mem::take(&mut builder.elaborator.stated.all);
         merge(errors, builder.elaborator.errors);
@@ -255,10 +257,10 @@ pub(super) struct Builder<'a> {
     pub(super) has_units: bool,
     pub(super) elaborator: Elaborator<'a>,
     pub(super) variant: Variant,
-    /// The measure that each update holds, if it holds one.
-    pub(super) said: Vec<Option<Measure>>,
+    /// The updates, with the kinds that they say by what they hold.
+    pub(super) updates: Vec<Update<Option<Of>>>,
     /// Of which kinds the states are that are updated, once it is known.
-    pub(super) kinds: HashMap<usize, Measure>,
+    pub(super) kinds: HashMap<usize, Of>,
 }
 
 impl<'a> Builder<'a> {
@@ -266,7 +268,7 @@ impl<'a> Builder<'a> {
         Builder {
             ast,
             has_units,
-            said: Vec::new(),
+            updates: Vec::new(),
             kinds: HashMap::new(),
             elaborator: Elaborator::new(&ast.arena, Some(ast), symbols, dimension, has_units),
             variant: Variant {
@@ -284,6 +286,7 @@ impl<'a> Builder<'a> {
                 family_breaks: Vec::new(),
                 dissipations: Vec::new(),
                 updates: Vec::new(),
+                family_updates: Vec::new(),
                 stated: Vec::new(),
                 graph: ExprGraph::new(),
                 conditions: Conditions::default(),

@@ -1,25 +1,26 @@
-//! What bonds, triangles and tetrahedra remember: states, and what these become.
+//! What bonds, triangles, tetrahedra and points remember: states, and what these become.
 //!
-//! A state is one of bonds, of triangles or of tetrahedra: that of the measure that its update holds. Where
-//! this holds none, the states in it say so, or else the lines that hold the state.
+//! A state is one of bonds, of triangles or of tetrahedra: that of the measure that its update holds; or one of
+//! deformation gradients, or of points by what they gather. Where its update holds none of these, the states in
+//! it say so, or else the lines that hold the state.
 
 use std::collections::HashMap;
 
 use piola_grammar::ast::{Statement, Update as UpdateAst};
 use piola_grammar::{Diagnostic, Span, print_expression};
 
-use super::breaking::{ALL_MEASURES, measures_in};
+use super::breaking::{ALL_MEASURES, LENGTH, measures_in};
 use super::elaborate::Elaborator;
 use super::statement::Builder;
 use super::symbols::Symbol;
-use super::value::{Quantity, Value};
+use super::value::{GRADIENT, INTEGRAL, Quantity, Value};
 use crate::expression::{Input, Node, NodeId};
 use crate::measure::Measure;
-use crate::model::{OfFamily, TIME_STEP, Update};
+use crate::model::{Of, OfFamily, TIME_STEP, Update};
 
 /// What to write where kinds meet.
-const EACH_ITS_OWN: &str = "a state is one of bonds, of triangles or of tetrahedra: write one of its own for \
-                            each, with its own `update`";
+const EACH_ITS_OWN: &str = "a state is one of bonds, of triangles, of tetrahedra, of deformation gradients or of \
+                            points by what they gather: write one of its own for each, with its own `update`";
 
 impl Elaborator<'_> {
     /// Whether any of these nodes depends on a state.
@@ -46,9 +47,9 @@ impl Elaborator<'_> {
     }
 }
 
-/// A line, with the measure that it says and the states that it holds.
+/// A line, with the kind that it says and the states that it holds.
 struct Line {
-    measure: Option<Measure>,
+    of: Option<Of>,
     states: Vec<usize>,
 }
 
@@ -57,7 +58,7 @@ struct Place {
     /// In words.
     what: String,
     /// Of which kind; nothing where no state may stand.
-    measure: Option<Measure>,
+    of: Option<Of>,
     root: NodeId,
     span: Span,
     knows_time_step: bool,
@@ -74,7 +75,7 @@ impl Builder<'_> {
         let Some(Symbol::Parameter(state)) = self.elaborator.symbols.get(&name.name) else {
             return;
         };
-        let Some(measure) = self.measure_of_update(update, value) else { return };
+        let Some(of) = self.kind_of_update(update, value) else { return };
         let own = self.elaborator.parameter_quantities.get(state).copied();
         let own = own.unwrap_or(Quantity::Any);
         if self.has_units && own.unify(quantity).is_none() {
@@ -92,7 +93,7 @@ impl Builder<'_> {
             );
             return;
         }
-        if self.variant.updates.iter().any(|known| known.state == state) {
+        if self.updates.iter().any(|known| known.state == state) {
             let first = self.ast.statements.iter().find_map(|statement| match statement {
                 Statement::Update(known) if known.state.name == name.name => Some(known.state.span),
                 _ => None,
@@ -105,27 +106,37 @@ impl Builder<'_> {
             return;
         }
         let text = print_expression(arena, update.body);
-        self.said.push(measure);
-        let measure = measure.unwrap_or(Measure::Length);
-        self.variant.updates.push(Update { state, measure, root: value.node, span, text });
+        self.updates.push(Update { state, of, root: value.node, span, text });
     }
 
-    /// The measure that an update holds, if it holds one; nothing at all where it cannot be, which is
-    /// reported.
-    fn measure_of_update(&mut self, update: &UpdateAst, value: Value) -> Option<Option<Measure>> {
+    /// What an update holds by which its state is of a kind, if it holds anything; nothing at all where it
+    /// cannot be, which is reported.
+    fn kind_of_update(&mut self, update: &UpdateAst, value: Value) -> Option<Option<Of>> {
+        match value.uses {
+            GRADIENT => return Some(Some(Of::Family(OfFamily::Gradient))),
+            INTEGRAL => return Some(Some(Of::Family(OfFamily::Points))),
+            _ => {}
+        }
         let foreign = value.uses & !ALL_MEASURES;
         let held = measures_in(value.uses);
+        let span = self.ast.arena[update.body].span;
         let error = match held[..] {
+            _ if foreign == INTEGRAL && value.uses == INTEGRAL | LENGTH => {
+                let message = "what points gather is remembered by points, and lengths by bonds";
+                self.not_of_bonds(update.body, foreign, message).help(
+                    "write a state of points, `update p = max(p, theta)`, and one of bonds, \
+                     `update k = max(k, l/L - 1)`",
+                )
+            }
             _ if foreign != 0 => {
                 let message =
-                    "bonds, triangles and tetrahedra remember by their own measures alone";
+                    "a state is one of a measure, of deformation gradients, or of gathered values";
                 self.not_of_bonds(update.body, foreign, message)
                     .help("write for instance `update k = max(k, l/L - 1)`")
             }
             [] => return Some(None),
-            [measure] => return Some(Some(measure)),
+            [measure] => return Some(Some(Of::Measure(measure))),
             _ => {
-                let span = self.ast.arena[update.body].span;
                 let message = format!("`{}` would be a state of several kinds", update.state.name);
                 let all: Vec<String> = held.iter().map(|m| format!("`{}`", m.symbol())).collect();
                 Diagnostic::error("wrong-measure", span, message)
@@ -139,54 +150,60 @@ impl Builder<'_> {
 
     /// Finds of which kind the states are; `breaks` has the conditions under which something breaks.
     pub(super) fn find_kinds(&mut self, breaks: &[Value]) {
-        let line = |measure: Option<Measure>, root: NodeId| Line {
-            measure,
-            states: self.elaborator.states_in(&[root]),
-        };
+        let line =
+            |of: Option<Of>, root: NodeId| Line { of, states: self.elaborator.states_in(&[root]) };
         let variant = &self.variant;
-        let said = self.said.iter().zip(&variant.updates);
-        let mut updates: Vec<Line> = said.map(|(said, own)| line(*said, own.root)).collect();
-        let conditions = breaks.iter().filter_map(|value| match measures_in(value.uses)[..] {
-            [measure] => Some(line(Some(measure), value.node)),
-            _ => None,
-        });
-        let energies = variant.energies.iter().map(|one| line(Some(one.measure), one.root));
-        let dissipations = variant.dissipations.iter();
-        let dissipations = dissipations.map(|one| line(Some(Measure::Length), one.root));
-        let others: Vec<Line> = energies.chain(dissipations).chain(conditions).collect();
+        let mut updates: Vec<Line> =
+            self.updates.iter().map(|own| line(own.of, own.root)).collect();
+        let conditions =
+            breaks.iter().filter_map(|value| Some(line(Some(kind_by(value.uses)?), value.node)));
+        let energies = variant.energies.iter().map(|one| (Of::Measure(one.measure), one.root));
+        let bonds = Of::Measure(Measure::Length);
+        let dissipations = variant.dissipations.iter().map(|one| (bonds, one.root));
+        let gradient = Of::Family(OfFamily::Gradient);
+        let gradients = variant.gradient_energies.iter().map(|one| (gradient, one.root));
+        let points = Of::Family(OfFamily::Points);
+        let gathered = variant.gathered_energies.iter().map(|one| (points, one.root));
+        let lines = energies.chain(dissipations).chain(gradients).chain(gathered);
+        let lines = lines.map(|(of, root)| line(Some(of), root));
+        let others: Vec<Line> = lines.chain(conditions).collect();
         let places: HashMap<usize, usize> =
-            variant.updates.iter().enumerate().map(|(place, own)| (own.state, place)).collect();
+            self.updates.iter().enumerate().map(|(place, own)| (own.state, place)).collect();
         // Each round finds one at least, or is the last.
         loop {
-            let found = updates.iter().zip(&variant.updates).map(|(own, update)| {
-                let of = |state: &usize| updates[*places.get(state)?].measure;
+            let found = updates.iter().zip(&self.updates).map(|(own, update)| {
+                let of = |state: &usize| updates[*places.get(state)?].of;
                 let holds = |line: &&Line| line.states.binary_search(&update.state).is_ok();
                 let by_holders = || updates.iter().chain(&others).filter(holds);
                 let held = || own.states.iter().find_map(of);
-                own.measure.or_else(held).or_else(|| by_holders().find_map(|line| line.measure))
+                own.of.or_else(held).or_else(|| by_holders().find_map(|line| line.of))
             });
-            let found: Vec<Option<Measure>> = found.collect();
-            let is_last = found.iter().zip(&updates).all(|(found, line)| *found == line.measure);
-            updates.iter_mut().zip(found).for_each(|(line, found)| line.measure = found);
+            let found: Vec<Option<Of>> = found.collect();
+            let is_last = found.iter().zip(&updates).all(|(found, line)| *found == line.of);
+            updates.iter_mut().zip(found).for_each(|(line, found)| line.of = found);
             if is_last {
                 break;
             }
         }
-        for (update, line) in self.variant.updates.iter_mut().zip(updates) {
-            update.measure = line.measure.unwrap_or(Measure::Length);
-            self.kinds.insert(update.state, update.measure);
+        for (update, line) in std::mem::take(&mut self.updates).into_iter().zip(updates) {
+            let of = line.of.unwrap_or(Of::Measure(Measure::Length));
+            self.kinds.insert(update.state, of);
+            match of {
+                Of::Measure(of) => self.variant.updates.push(update.of(of)),
+                Of::Family(of) => self.variant.family_updates.push(update.of(of)),
+            }
         }
     }
 
     /// The kind of a state; one that never changes is of bonds.
-    pub(super) fn kind(&self, state: usize) -> Measure {
-        self.kinds.get(&state).copied().unwrap_or(Measure::Length)
+    pub(super) fn kind(&self, state: usize) -> Of {
+        self.kinds.get(&state).copied().unwrap_or(Of::Measure(Measure::Length))
     }
 
     /// The kinds of the states on which a node depends, each once.
-    pub(super) fn kinds_in(&self, root: NodeId) -> Vec<Measure> {
+    pub(super) fn kinds_in(&self, root: NodeId) -> Vec<Of> {
         let states = self.elaborator.states_in(&[root]);
-        let mut kinds: Vec<Measure> = states.into_iter().map(|state| self.kind(state)).collect();
+        let mut kinds: Vec<Of> = states.into_iter().map(|state| self.kind(state)).collect();
         kinds.sort_unstable();
         kinds.dedup();
         kinds
@@ -199,13 +216,13 @@ impl Builder<'_> {
             _ => None,
         };
         for place in self.places() {
-            let Place { what, measure, root, span, knows_time_step } = place;
-            let foreign = self.kinds_in(root).into_iter().find(|kind| Some(*kind) != measure);
+            let Place { what, of, root, span, knows_time_step } = place;
+            let foreign = self.kinds_in(root).into_iter().find(|kind| Some(*kind) != of);
             if let Some(kind) = foreign {
-                let many = kind.interactions();
+                let many = kind.many();
                 let message = format!("{what} cannot depend on what {many} remember");
                 let label = format!("holds `{}`, a state of {many}", self.state_in(root, kind));
-                let help = match measure {
+                let help = match of {
                     Some(_) => EACH_ITS_OWN.to_string(),
                     None => format!("write this part as an energy `psi({})`", kind.symbol()),
                 };
@@ -224,53 +241,60 @@ impl Builder<'_> {
 
     /// All where states might stand.
     fn places(&self) -> Vec<Place> {
-        let place = |what: String, measure: Option<Measure>, root: NodeId, span: Span| Place {
+        let place = |what: String, of: Option<Of>, root: NodeId, span: Span| Place {
             what,
-            measure,
+            of,
             root,
             span,
             knows_time_step: false,
         };
         let psi = |head: &str| format!("psi({head})");
         let variant = &self.variant;
-        let energies = variant
-            .energies
-            .iter()
-            .map(|one| place(psi(one.measure.symbol()), Some(one.measure), one.root, one.span));
+        let energies = variant.energies.iter().map(|one| {
+            let of = Of::Measure(one.measure);
+            place(psi(of.symbol()), Some(of), one.root, one.span)
+        });
         let gradients = variant.gradient_energies.iter();
-        let gradients = gradients.map(|one| place(psi("F"), None, one.root, one.span));
+        let of_gradient = Some(Of::Family(OfFamily::Gradient));
+        let gradients = gradients.map(|one| place(psi("F"), of_gradient, one.root, one.span));
         let gathered = variant.gathered_energies.iter();
-        let gathered = gathered.map(|one| place(psi(&one.head), None, one.root, one.span));
+        let of_points = Some(Of::Family(OfFamily::Points));
+        let gathered = gathered.map(|one| place(psi(&one.head), of_points, one.root, one.span));
         let coupled = variant.coupled_energies.iter();
         let coupled = coupled.map(|one| place(psi(&one.head), None, one.root, one.span));
         let integrals = variant.integrals.iter();
         let integrals = integrals.map(|one| place("an integral".into(), None, one.root, one.span));
         let breaks = variant.breaks.iter().map(|one| {
             let what = format!("a condition of {}", one.of.interactions());
-            place(what, Some(one.of), one.root, one.span)
+            place(what, Some(Of::Measure(one.of)), one.root, one.span)
         });
+        let of_bonds = Some(Of::Measure(Measure::Length));
         let dissipations = variant
             .dissipations
             .iter()
-            .map(|one| place("a dissipation".into(), Some(Measure::Length), one.root, one.span));
-        let updates = variant.updates.iter().map(|one| {
-            let what = format!("what {} remember", one.measure.interactions());
-            Place { knows_time_step: true, ..place(what, Some(one.measure), one.root, one.span) }
-        });
+            .map(|one| place("a dissipation".into(), of_bonds, one.root, one.span));
+        let next = |of: Of, root: NodeId, span: Span| {
+            let what = format!("what {} remember", of.many());
+            Place { knows_time_step: true, ..place(what, Some(of), root, span) }
+        };
+        let updates =
+            variant.updates.iter().map(|one| next(Of::Measure(one.of), one.root, one.span));
+        let family_updates = variant.family_updates.iter();
+        let family_updates = family_updates.map(|one| next(Of::Family(one.of), one.root, one.span));
         let by_families = variant.family_breaks.iter().map(|one| {
-            let what = match one.of {
-                OfFamily::Gradient => "a condition of F",
-                OfFamily::Points | OfFamily::Bonds => "a condition of gathered values",
+            let (what, of) = match one.of {
+                OfFamily::Gradient => ("a condition of F", of_gradient),
+                OfFamily::Points | OfFamily::Bonds => ("a condition of gathered values", of_points),
             };
-            place(what.into(), None, one.root, one.span)
+            place(what.into(), of, one.root, one.span)
         });
         let of_interactions = energies.chain(breaks).chain(dissipations).chain(updates);
-        let of_points = gradients.chain(gathered).chain(by_families);
+        let of_points = gradients.chain(gathered).chain(by_families).chain(family_updates);
         of_interactions.chain(of_points).chain(coupled).chain(integrals).collect()
     }
 
     /// The name of a state of this kind on which a node depends.
-    fn state_in(&self, root: NodeId, kind: Measure) -> &str {
+    fn state_in(&self, root: NodeId, kind: Of) -> &str {
         let states = self.elaborator.states_in(&[root]);
         let state = states.into_iter().find(|state| self.kind(*state) == kind);
         let mut parameters = self.ast.statements.iter().filter_map(|statement| match statement {
@@ -278,5 +302,15 @@ impl Builder<'_> {
             _ => None,
         });
         state.and_then(|state| parameters.nth(state)).unwrap_or_default()
+    }
+}
+
+/// The kind that a condition says by what it holds, if it says one.
+fn kind_by(uses: u8) -> Option<Of> {
+    match (uses, &measures_in(uses)[..]) {
+        (GRADIENT, _) => Some(Of::Family(OfFamily::Gradient)),
+        (uses, _) if uses & !LENGTH == INTEGRAL => Some(Of::Family(OfFamily::Points)),
+        (_, [measure]) => Some(Of::Measure(*measure)),
+        _ => None,
     }
 }

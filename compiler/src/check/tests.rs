@@ -1,7 +1,7 @@
 //! What the checker accepts, and what it says of the rest.
 
 use crate::test_support::{SETH_HILL, codes, model};
-use crate::{Measure, Setting, check_text};
+use crate::{Measure, OfFamily, Setting, check_text};
 use piola_grammar::Diagnostic;
 
 fn errors(text: &str) -> Vec<Diagnostic> {
@@ -424,11 +424,10 @@ fn lines_that_cannot_be_read_hide_no_other_mistake() {
 /// Of which kinds the states of a potential are, as `k: a`.
 fn kinds(lines: &str) -> Vec<String> {
     let model = model(&format!("potential p\n{lines}"));
-    let name = |state: usize| model.parameters()[state].name.clone();
+    let kind = |state: usize| model.kind_of_state(state).unwrap().symbol();
     model
-        .updates()
-        .iter()
-        .map(|update| format!("{}: {}", name(update.state), update.measure.symbol()))
+        .states()
+        .map(|state| format!("{}: {}", model.parameters()[state].name, kind(state)))
         .collect()
 }
 
@@ -443,11 +442,11 @@ fn states_are_of_the_kind_that_their_updates_hold() {
         ("state k = 0\ng = a/A - 1\nupdate k = max(k, g)", &["k: a"]),
         (
             "state k = 0\nstate p = 0\nupdate p = p + k*dt\nupdate k = max(k, a/A - 1)",
-            &["p: a", "k: a"],
+            &["k: a", "p: a"],
         ),
         (
             "state k = 0\nstate p = 0\nstate q = 0\nupdate q = p\nupdate p = k\nupdate k = v",
-            &["q: v", "p: v", "k: v"],
+            &["k: v", "p: v", "q: v"],
         ),
         // By what holds them.
         ("state k = 0\nupdate k = k + dt\npsi(a) = k*(a/A)^2", &["k: a"]),
@@ -458,6 +457,28 @@ fn states_are_of_the_kind_that_their_updates_hold() {
     ] {
         assert_eq!(kinds(&format!("{lines}\n{psi}")), expected, "{lines}");
     }
+    let psi = "m = integral(l)\npsi(F) = tr(E)^2\npsi(m) = m^2\npsi(l) = (l/L)^2";
+    for (lines, expected) in [
+        ("state k = 0\nupdate k = max(k, J - 1)", &["k: F"][..]),
+        ("state k = 0\nstate p = 0\nupdate k = k + p*dt\nupdate p = max(p, J)", &["k: F", "p: F"]),
+        ("state k = 0\nupdate k = k + dt\npsi(F) = k*tr(E)^2", &["k: F"]),
+        ("state k = 0\nupdate k = k + dt\nbreak when k > 1 and J > 2", &["k: F"]),
+        ("m2 = integral(l^2)\nstate k = 0\nupdate k = max(k, m2)", &["k: theta"]),
+        ("m2 = integral(l^2)\nstate k = 0\nupdate k = k + dt\npsi(l, m2) = k*m2*l", &["k: theta"]),
+        ("m2 = integral(l^2)\nstate k = 0\nupdate k = dt\nbreak when l > k*m2", &["k: theta"]),
+    ] {
+        assert_eq!(kinds(&format!("{lines}\n{psi}")), expected, "{lines}");
+    }
+    let of_families = |line: &str| {
+        let text = "state k = 0\nstate p = 0\nupdate k = max(k, J)\nupdate p = max(p, m)";
+        let all = format!("potential p\n{psi}\n{text}\n{line}");
+        let model = model(&all);
+        model.family_breaks().iter().map(|one| one.of).collect::<Vec<_>>()
+    };
+    assert_eq!(of_families("break when k > 1"), [OfFamily::Gradient]);
+    assert_eq!(of_families("break when k > J"), [OfFamily::Gradient]);
+    assert_eq!(of_families("break when p > 1"), [OfFamily::Points]);
+    assert_eq!(of_families("break when l > p"), [OfFamily::Bonds]);
     let text = "state k = 0\nbreak when k > 0.1\nupdate k = max(k, a/A - 1)\npsi(a) = (a/A)^2";
     let model = model(&format!("potential p\n{text}"));
     assert_eq!(model.breaks()[0].of, Measure::Area);
@@ -475,7 +496,19 @@ fn states_of_one_kind_are_refused_to_others() {
         ("break when k > 1 and l/L > 1", "a condition is one of bonds", "what triangles remember"),
         ("state p = 0\nupdate p = k*l", "what bonds remember cannot", "a state of triangles"),
         ("state p = 0\nupdate p = a*l", "`p` would be a state of several", "`l` and `a`"),
-        ("m = integral(l)\nstate p = 0\nupdate p = m", "remember by their own measures", "gather"),
+        ("m = integral(l)\nstate p = 0\nupdate p = m*a", "a state is one of a measure", "gather"),
+        ("m = integral(l)\nstate p = 0\nupdate p = m*l", "remembered by points", "gather"),
+        (
+            "m = integral(l)\nstate p = 0\nupdate p = m",
+            "what points gather, and no energy does",
+            "for energies",
+        ),
+        ("psi(F) = J\nstate p = 0\nupdate p = J*l", "a state is one of a measure", "gradient"),
+        (
+            "psi(F) = J\nstate p = 0\nupdate p = J*k",
+            "what deformation gradients remember",
+            "of triangles",
+        ),
     ] {
         let found = errors(&format!("{of_areas}{line}"));
         let all: Vec<String> = found

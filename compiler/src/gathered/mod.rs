@@ -5,11 +5,11 @@
 //! `phi` with their gradients by all their variables, and with what these change by in a direction;
 //! each as machine code over arrays.
 
+mod functions;
 mod kernel;
-mod margin;
 
+pub use functions::{GatheredCriterion, GatheredNextState};
 pub use kernel::{GatheredBatch, GatheredKernel, WrittenGatheredEnergy};
-pub use margin::GatheredCriterion;
 
 use crate::density::DensityForm;
 use crate::expression::{Input, Node, NodeId, TooManyNodes};
@@ -22,7 +22,7 @@ use crate::point::near::{near_of_integrals, with_fields};
 use crate::rewrite::{expand, rewrite};
 use crate::simplify::Simplifier;
 use crate::specialise::{
-    CompileError, Dropped, Form, Named, ScalarEnergy, folded, known, of_measure, sum_in,
+    CompileError, Dropped, Form, Named, ScalarEnergy, folded, known, of_measure, or_zero, sum_in,
 };
 use crate::values::Values;
 use crate::written::Written;
@@ -103,6 +103,16 @@ fn form(
     Ok(DensityForm::new(graph, &roots, kernel::inputs(of_bonds, n_integrals), fields))
 }
 
+/// Functions of gathered values, and of lengths or not, that are added up.
+#[derive(Clone, Copy)]
+struct Subject<'a> {
+    variant: &'a Variant,
+    of_bonds: bool,
+    roots: &'a [NodeId],
+    /// Whether there is one also where parameters leave nothing of it: 0.
+    is_kept: bool,
+}
+
 /// The energies of points or of bonds.
 fn energies(variant: &Variant, of_bonds: bool) -> impl Iterator<Item = &GatheredEnergy> {
     variant.gathered_energies.iter().filter(move |energy| energy.of_bonds == of_bonds)
@@ -137,13 +147,14 @@ impl Model {
         let Some(first) = energies(variant, of_bonds).next() else { return Ok((None, Vec::new())) };
         let argument = argument(variant, of_bonds);
         let named = Named { argument: &argument, span: first.span };
-        self.gathered_form((variant, of_bonds, &roots), named, values, which)
+        let subject = Subject { variant, of_bonds, roots: &roots, is_kept: false };
+        self.gathered_form(subject, named, values, which)
     }
 
     /// The sum of some functions of gathered values, and of lengths or not.
     fn gathered_form(
         &self,
-        (variant, of_bonds, roots): (&Variant, bool, &[NodeId]),
+        Subject { variant, of_bonds, roots, is_kept }: Subject<'_>,
         named: Named<'_>,
         values: &Values,
         which: Form,
@@ -161,6 +172,7 @@ impl Model {
             .and_then(|energy| {
                 let fields = &values.fields;
                 let made = |(graph, psi)| form(&graph, psi, kind, vanishing.as_deref(), fields);
+                let energy = if is_kept { Some(or_zero(energy)?) } else { energy };
                 energy.map(made).transpose()
             });
         let made = named.made(made)?;

@@ -5,7 +5,7 @@ use super::subject::{example, short};
 use crate::expression::Input;
 use crate::kernel::Mode;
 use crate::measure::Measure;
-use crate::model::{Model, Parameter, Update};
+use crate::model::{Model, Of, Parameter, Update};
 use crate::remember::Remembering;
 use crate::specialise::Form;
 use crate::verify::sample::{Point, contains};
@@ -22,7 +22,7 @@ const TOLD: f64 = 1e-9;
 
 /// What bonds remember, or triangles, or tetrahedra, with values for everything it depends on.
 pub(super) struct Updating<'m> {
-    pub(super) updates: Vec<&'m Update>,
+    pub(super) updates: Vec<&'m Update<Measure>>,
     measure: Measure,
     model: &'m Model,
     tried: Vec<Tried>,
@@ -45,8 +45,8 @@ impl<'m> Updating<'m> {
         dimension: usize,
     ) -> Option<Updating<'m>> {
         let variant = model.variant(dimension)?;
-        let own = variant.updates.iter().filter(|update| update.measure == measure);
-        let updates: Vec<&Update> = own.collect();
+        let own = variant.updates.iter().filter(|update| update.of == measure);
+        let updates: Vec<&Update<Measure>> = own.collect();
         if updates.is_empty() {
             return None;
         }
@@ -154,7 +154,7 @@ pub(super) fn unused(model: &Model, state: &Parameter) -> Option<Finding> {
     let variant = model.variant(model.dimensions().next()?)?;
     let number = model.parameters().iter().position(|own| own.name == state.name)?;
     let name = &state.name;
-    if variant.updates.iter().all(|update| update.state != number) {
+    if model.kind_of_state(number).is_none() {
         return Some(Finding {
             message: format!("`{name}` never changes: there is no `update {name} = ..`"),
             help: format!("say what it becomes, or declare it so: `parameter {name}`"),
@@ -164,10 +164,15 @@ pub(super) fn unused(model: &Model, state: &Parameter) -> Option<Finding> {
     let energies = variant.energies.iter().map(|energy| energy.root);
     let breaks = variant.breaks.iter().map(|one| one.root);
     let dissipations = variant.dissipations.iter().map(|one| one.root);
-    let holders = energies.chain(breaks).chain(dissipations);
+    let gradients = variant.gradient_energies.iter().map(|one| one.root);
+    let gathered = variant.gathered_energies.iter().map(|one| one.root);
+    let by_families = variant.family_breaks.iter().map(|one| one.root);
+    let more = variant.family_updates.iter().filter(|update| update.state != number);
+    let of_families = gradients.chain(gathered).chain(by_families).chain(more.map(|one| one.root));
+    let holders = energies.chain(breaks).chain(dissipations).chain(of_families);
     let roots: Vec<_> = holders.chain(others.map(|update| update.root)).collect();
     let is_used = variant.graph.depends_on(&roots, Input::Parameter(number as u16));
-    let m = model.kind_of_state(number).unwrap_or(Measure::Length).symbol();
+    let m = model.kind_of_state(number).unwrap_or(Of::Measure(Measure::Length)).symbol();
     (!is_used).then(|| Finding {
         message: format!(
             "`{name}` changes nothing: no psi({m}), condition or other state holds it"

@@ -11,24 +11,24 @@
 //! | `adjoint` | derivatives by several variables |
 //! | `principal` | functions of the right stretch tensor |
 //! | `kernel` | both forms over arrays, and the choice between them |
-//! | `margin` | conditions of `F` under which bonds break |
+//! | `functions` | conditions of `F` under which bonds break, and what is remembered next |
 //! | `domain` | declared bounds of `J` |
 //! | `sample`, `truth` | gradients to try an energy at, and its values there to any precision |
 
 pub(crate) mod adjoint;
 mod domain;
+mod functions;
 mod invariants;
 mod kernel;
-mod margin;
 mod modular;
 pub(crate) mod near;
 mod principal;
 pub(crate) mod sample;
 pub(crate) mod truth;
 
+pub use functions::{GradientCriterion, GradientFunction, GradientFunctionKind, GradientNextState};
 pub use invariants::INVARIANTS;
 pub use kernel::{GradientBatch, GradientKernel, NEAR, WrittenGradientEnergy, gradient_listing};
-pub use margin::{GradientCondition, GradientCriterion};
 
 use adjoint::Varied;
 pub(crate) use principal::axes;
@@ -41,7 +41,7 @@ use crate::expression::graph;
 use crate::expression::{ExprGraph, Input, Node, NodeId, TooManyNodes};
 use crate::model::{Model, Variant};
 use crate::simplify::{Rule, Simplifier};
-use crate::specialise::{CompileError, Dropped, Form, Named, folded, known, sum_in};
+use crate::specialise::{CompileError, Dropped, Form, Named, folded, known, or_zero, sum_in};
 use crate::values::Values;
 
 /// An energy of the deformation gradient with values folded in: psi, the stress P as its gradient, dP as
@@ -64,13 +64,22 @@ struct Subject<'a> {
     roots: Vec<NodeId>,
     /// Where the first of them is written.
     span: Span,
+    /// Whether there is one also where parameters leave nothing of it: 0.
+    is_kept: bool,
+}
+
+impl<'a> Subject<'a> {
+    /// A function that is no energy.
+    fn of_function(variant: &'a Variant, root: NodeId, span: Span) -> Subject<'a> {
+        Subject { variant, roots: vec![root], span, is_kept: true }
+    }
 }
 
 /// The energies of a variant, if there are any.
 fn of_energies(variant: &Variant) -> Option<Subject<'_>> {
     let span = variant.gradient_energies.first()?.span;
     let roots = variant.gradient_energies.iter().map(|e| e.root).collect();
-    Some(Subject { variant, roots, span })
+    Some(Subject { variant, roots, span, is_kept: false })
 }
 
 /// psi, P and dP in one graph, far from rest or near it.
@@ -147,7 +156,7 @@ impl Model {
 
     fn gradient_forms(
         &self,
-        Subject { variant, roots, span }: Subject<'_>,
+        Subject { variant, roots, span, is_kept }: Subject<'_>,
         (fields, no_horizon): (&[u16], bool),
         which: Form,
         fold: &impl Fn(Input) -> Option<f64>,
@@ -162,6 +171,7 @@ impl Model {
         let subject = ("F", roots.as_slice());
         let forms = sum_in(exact, &variant.graph, &self.parameters, subject, fold, &mut dropped)
             .and_then(|energy| {
+                let energy = if is_kept { Some(or_zero(energy)?) } else { energy };
                 let Some((mut exact, mut written)) = energy else { return Ok(None) };
                 let mut recognised = Vec::new();
                 if which == Form::Accurate {
@@ -216,14 +226,7 @@ impl Model {
             let (exact, subject) = (Simplifier::exact(), ("F", roots));
             let parameters = &self.parameters;
             let made = sum_in(exact, &variant.graph, parameters, subject, fold, &mut Vec::new())?;
-            let (graph, root) = match made {
-                Some(made) => made,
-                None => {
-                    let mut graph = Simplifier::exact();
-                    let zero = graph.number(0.0)?;
-                    (graph, zero)
-                }
-            };
+            let (graph, root) = or_zero(made)?;
             StretchFunction::new(&graph, root)
         };
         variant.traces.iter().enumerate().map(function).collect()

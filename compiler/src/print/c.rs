@@ -11,8 +11,8 @@ use crate::expression::graph::components;
 use crate::expression::power::{PowerOps, PowerPlan};
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::measure::Measure;
-use crate::model::Model;
-use crate::point::{GradientCondition, GradientEnergyForms, NEAR, axes};
+use crate::model::{Model, Of as Kind, OfFamily};
+use crate::point::{GradientEnergyForms, GradientFunction, GradientFunctionKind, NEAR, axes};
 use crate::specialise::ScalarEnergy;
 
 /// A C99 file with one function per energy of a measure:
@@ -89,7 +89,8 @@ fn array_function(
 ) {
     let is_own = |number: u16| {
         let kind = model.kind_of_state(usize::from(number));
-        model.time_step() == Some(number) || kind.unwrap_or(Measure::Length) == energy.measure
+        model.time_step() == Some(number)
+            || kind.unwrap_or(Kind::Measure(Measure::Length)) == Kind::Measure(energy.measure)
     };
     let own = energy.fields.iter().filter(|(number, _)| is_own(*number));
     let given = own.map(|(number, _)| match model.time_step() {
@@ -171,18 +172,30 @@ pub fn c_of_bonds(model: &Model, functions: &[BondFunction]) -> String {
     out
 }
 
-/// C99 functions for conditions of the deformation gradient, beside those of [`c_source`]:
-/// `void NAME_F_margin_1(size_t n, const double *gradient, const double *change, double *margin)`.
-pub fn c_of_gradient_conditions(model: &Model, conditions: &[GradientCondition]) -> String {
+/// C99 functions for conditions of the deformation gradient and for what is remembered with it, beside those of
+/// [`c_source`]: `void NAME_F_margin_1(size_t n, const double *gradient, const double *change,
+/// const double *state_k, double *margin)`, and `NAME_F_next_k` with `double dt` where it depends on the time
+/// step.
+pub fn c_of_gradient_functions(model: &Model, functions: &[GradientFunction]) -> String {
     let mut out = String::new();
-    for GradientCondition { number, holds_at_zero, text, forms } in conditions {
+    for GradientFunction { kind, text, forms } in functions {
         if forms.far.has_axes() {
             out.push_str(AXES);
         }
-        let sign = if *holds_at_zero { ">=" } else { ">" };
-        let _ = write!(out, "\n/* Bonds break where this is {sign} 0: {text} */");
-        let name = format!("F_margin_{number}");
-        gradient_functions(&mut out, model, forms, &[(&name, Of::Margin)]);
+        let (name, what, meaning) = match kind {
+            GradientFunctionKind::Margin { number, holds_at_zero } => {
+                let sign = if *holds_at_zero { ">=" } else { ">" };
+                let meaning = format!("Bonds break where this is {sign} 0: {text}");
+                (format!("F_margin_{number}"), Of::Margin, meaning)
+            }
+            GradientFunctionKind::Next(state) => (
+                format!("F_next_{state}"),
+                Of::Next,
+                format!("What is remembered next: {state} = {text}"),
+            ),
+        };
+        let _ = write!(out, "\n/* {meaning} */");
+        gradient_functions(&mut out, model, forms, &[(&name, what)]);
     }
     out
 }
@@ -193,6 +206,7 @@ enum Of {
     Psi,
     Product,
     Margin,
+    Next,
 }
 
 /// Functions by name: near rest by the form in `F - I`, as our kernels choose.
@@ -210,6 +224,8 @@ fn gradient_functions(
         Input::Variable(c) => of("gradient", c),
         Input::VariableChange(c) => of("change", c),
         Input::Direction(c) => of("direction", c),
+        Input::Parameter(number) if model.number_of_time_step() == Some(number) => "dt".into(),
+        Input::Parameter(number) => format!("{}[i]", state(model, number)),
         // Specialisation has put numbers in the place of all others.
         _ => match axes.iter().position(|known| *known == input) {
             Some(k) => format!("axes[{k}]"),
@@ -220,12 +236,13 @@ fn gradient_functions(
         let tensor = match what {
             Of::Psi => ("stress", &form.gradient[..]),
             Of::Product => ("product", &form.product[..]),
-            Of::Margin => ("", &[][..]),
+            Of::Margin | Of::Next => ("", &[][..]),
         };
         let scalar = match what {
             Of::Psi => Some(("psi[i]".to_string(), form.psi)),
             Of::Product => None,
             Of::Margin => Some(("margin[i]".to_string(), form.psi)),
+            Of::Next => Some(("next[i]".to_string(), form.psi)),
         };
         let all = tensor.1.iter().enumerate().map(|(k, root)| (entry(tensor.0, k), *root));
         let (targets, roots): (Vec<String>, Vec<NodeId>) = scalar.into_iter().chain(all).unzip();
@@ -243,16 +260,18 @@ fn gradient_functions(
         }
         statements(out, &graph, &input, targets.into_iter().zip(roots));
     };
+    let given = remembered(model, forms);
     for (name, what) in functions {
         let arrays = match what {
             Of::Psi => "double *psi, double *stress",
             Of::Product => "const double *direction, double *product",
             Of::Margin => "double *margin",
+            Of::Next => "double *next",
         };
         let _ = write!(
             out,
             "\nvoid {}_{name}(size_t n, const double *gradient, const double *change,\n\
-             \x20   {arrays}) {{\n\
+             \x20   {given}{arrays}) {{\n\
              \x20 for (size_t i = 0; i < n; i++) {{\n",
             model.name()
         );
@@ -270,6 +289,24 @@ fn gradient_functions(
         write(out, &forms.far, *what);
         out.push_str("  }\n}\n");
     }
+}
+
+/// The states of deformation gradients, and the time step, as arguments of a function that takes any.
+fn remembered(model: &Model, forms: &GradientEnergyForms) -> String {
+    if forms.far.n_fields() == 0 {
+        return String::new();
+    }
+    let kind = Some(Kind::Family(OfFamily::Gradient));
+    let own = model.states().filter(|state| model.kind_of_state(*state) == kind);
+    let states: String =
+        own.map(|number| format!("const double *{}, ", state(model, number as u16))).collect();
+    let has_time = model.number_of_time_step().is_some_and(|dt| {
+        let holds = |form: &DensityForm| {
+            form.graph.nodes().any(|(_, node)| node == Node::Input(Input::Parameter(dt)))
+        };
+        holds(&forms.far)
+    });
+    states + if has_time { "double dt, " } else { "" }
 }
 
 /// Every operation of a graph, then what is wanted of them.

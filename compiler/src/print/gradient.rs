@@ -9,7 +9,7 @@ use crate::density::DensityForm;
 use crate::expression::NodeId;
 use crate::expression::graph::components;
 use crate::model::Model;
-use crate::point::{GradientCondition, GradientEnergyForms};
+use crate::point::{GradientEnergyForms, GradientFunction, GradientFunctionKind};
 
 /// The roots of a form with their names: `psi(F)`, `P11`, .., `dP11`, ..
 fn roots(form: &DensityForm, dimension: usize, psi: &str) -> Vec<(String, NodeId)> {
@@ -70,19 +70,25 @@ pub fn gradient_latex(model: &Model, forms: &GradientEnergyForms) -> String {
     format!("{legend}\\begin{{align*}}\n{}\n\\end{{align*}}\n", rows.join(" \\\\\n"))
 }
 
-/// Conditions of the deformation gradient under which bonds break, in one `align*` environment; nothing where
-/// there are none.
-pub fn latex_of_gradient_conditions(model: &Model, conditions: &[GradientCondition]) -> String {
+/// Conditions of the deformation gradient under which bonds break, and what is remembered with it, in one
+/// `align*` environment; nothing where there are none.
+pub fn latex_of_gradient_functions(model: &Model, functions: &[GradientFunction]) -> String {
     let notation = Latex { names: Names { model } };
     let mut rows = Vec::new();
-    for GradientCondition { number, holds_at_zero, forms, .. } in conditions {
-        let root = [(format!("g_{{{number}}}"), forms.far.psi)];
+    for GradientFunction { kind, forms, .. } in functions {
+        let name = match kind {
+            GradientFunctionKind::Margin { number, .. } => format!("g_{{{number}}}"),
+            GradientFunctionKind::Next(state) => super::latex::next(state),
+        };
+        let root = [(name, forms.far.psi)];
         let own = lines(&forms.far.graph, &root, &notation).into_iter();
         rows.extend(own.map(|(name, text)| format!("  {name} &= {text}")));
-        let sign = if *holds_at_zero { r"\ge" } else { ">" };
-        rows.push(format!(r"  &\text{{bonds break where }} g_{{{number}}} {sign} 0"));
+        if let GradientFunctionKind::Margin { number, holds_at_zero } = kind {
+            let sign = if *holds_at_zero { r"\ge" } else { ">" };
+            rows.push(format!(r"  &\text{{bonds break where }} g_{{{number}}} {sign} 0"));
+        }
     }
-    let Some(first) = conditions.first() else { return String::new() };
+    let Some(first) = functions.first() else { return String::new() };
     let legend = legend(&first.forms, '%');
     format!("{legend}\\begin{{align*}}\n{}\n\\end{{align*}}\n", rows.join(" \\\\\n"))
 }

@@ -24,7 +24,7 @@ pub fn latex_of_bonds(model: &Model, functions: &[BondFunction]) -> String {
     for BondFunction { kind, function, .. } in functions {
         let name = match kind {
             BondFunctionKind::Margin { number, .. } => format!("g_{{{number}}}"),
-            BondFunctionKind::Next(state) => format!(r"{}^{{\text{{next}}}}", Latex::symbol(state)),
+            BondFunctionKind::Next(state) => next(state),
             BondFunctionKind::Dissipation => r"R(\dot{l})".to_string(),
         };
         let mut roots = vec![(name, function.roots[0])];
@@ -215,4 +215,9 @@ impl Notation for Latex<'_> {
             x.text, c.text, y.text
         ))
     }
+}
+
+/// What a state becomes.
+pub(super) fn next(state: &str) -> String {
+    format!(r"{}^{{\text{{next}}}}", Latex::symbol(state))
 }

@@ -16,9 +16,9 @@ mod tensor_tests;
 mod tests;
 mod text;
 
-pub use c::{c_of_bonds, c_of_gradient_conditions, c_source};
+pub use c::{c_of_bonds, c_of_gradient_functions, c_source};
 pub use coupled::{coupled_c, coupled_latex, coupled_listing, coupled_text};
-pub use gradient::{gradient_latex, gradient_listing, gradient_text, latex_of_gradient_conditions};
+pub use gradient::{gradient_latex, gradient_listing, gradient_text, latex_of_gradient_functions};
 pub use latex::{latex, latex_of_bonds};
 pub use listing::{graph_listing, model_listing};
 pub use tensor::tensor_latex;

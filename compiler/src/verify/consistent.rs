@@ -49,8 +49,9 @@ fn verify_of(
 ) -> Result<Option<Verification>, CompileError> {
     let own = variant.energies.iter().filter(|one| one.measure == measure);
     let roots: Vec<NodeId> = own.map(|energy| energy.root).collect();
-    let depends =
-        |update: &Update| variant.graph.depends_on(&roots, Input::Parameter(update.state as u16));
+    let depends = |update: &Update<Measure>| {
+        variant.graph.depends_on(&roots, Input::Parameter(update.state as u16))
+    };
     let (true, Some(dt)) = (variant.updates.iter().any(depends), model.number_of_time_step())
     else {
         return Ok(None);
@@ -67,7 +68,7 @@ fn verify_of(
         return Ok(None);
     };
     let next = model.written_next_states(&following);
-    let next = variant.updates.iter().zip(next).filter(|(update, _)| update.measure == measure);
+    let next = variant.updates.iter().zip(next).filter(|(update, _)| update.of == measure);
     let witness = Following {
         energy: model.written(&following, measure),
         next: next.map(|(update, next)| (update.state as u16, next)).collect(),

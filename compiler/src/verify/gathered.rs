@@ -111,6 +111,11 @@ impl Place {
         Place { variables: variables.collect(), ..self.clone() }
     }
 
+    /// The same with other variables.
+    pub(super) fn moved(&self, variables: Vec<f64>) -> Place {
+        Place { variables, ..self.clone() }
+    }
+
     /// What is true there; nothing where that is no finite number.
     fn truth(&self, written: &WrittenGatheredEnergy) -> Option<Vec<f64>> {
         let truth = by_lines(&self.direction, |slope| {

@@ -58,8 +58,8 @@ fn judge(
     found
 }
 
-/// The margin as written to many digits, where it is a number.
-fn truth(written: &WrittenGatheredEnergy, place: &Place) -> Option<f64> {
+/// A margin, or another function, as written to many digits, where it is a number.
+pub(super) fn truth(written: &WrittenGatheredEnergy, place: &Place) -> Option<f64> {
     let variable = |k: usize| Precise::<256>::line(place.variables[k], 0.0, 0.0);
     let margin = written.psi(variable, Precise::constant(place.reference));
     margin.parts().map(|_| margin.rounded()[0])

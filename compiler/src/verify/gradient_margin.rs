@@ -57,8 +57,8 @@ fn judge(
     found
 }
 
-/// The margin as written to many digits, where it is a number.
-fn truth(written: &WrittenGradientEnergy, sample: &Sample) -> Option<f64> {
+/// A margin, or another function, as written to many digits, where it is a number.
+pub(super) fn truth(written: &WrittenGradientEnergy, sample: &Sample) -> Option<f64> {
     let (given, near) = (sample.given(), sample.is_near());
     let components = graph::components(dimension(given.len()));
     let margin: Precise<256> = written.psi(|c| {

@@ -22,6 +22,7 @@ pub(crate) mod cause;
 mod consistent;
 mod coupled;
 mod dissipation;
+pub(crate) mod families;
 mod gathered;
 mod gathered_margin;
 mod gradient;
@@ -37,7 +38,7 @@ pub mod truth;
 use crate::compile::Compiled;
 use crate::kernel::{Batch, Derivatives, Kernel, Level, Mode};
 use crate::measure::{Argument, Measure};
-use crate::model::Model;
+use crate::model::{Model, Of};
 use crate::point::truth::parts;
 use crate::specialise::{CompileError, Dropped, Form};
 use crate::values::Values;
@@ -107,8 +108,8 @@ pub enum Subject {
     /// No energy, but a condition under which bonds, triangles or tetrahedra break, as written, with what it is
     /// a condition of: their measure, deformation gradients; nothing of one of gathered values.
     Margin(Option<Argument>, String),
-    /// No energy, but what a state becomes: `p = max(p, l/L - 1)`, with the measure of what remembers it.
-    NextState(Measure, String),
+    /// No energy, but what a state becomes: `p = max(p, l/L - 1)`, with what it is a state of.
+    NextState(Of, String),
     /// No energy, but what bonds dissipate, a function of their rate: `1/2*eta*rate(l)^2`.
     Dissipation(String),
     /// The energy of a measure at the states that interactions come to, and how its force changes with the
@@ -384,6 +385,7 @@ fn verify_at(
     found.extend(gradient_margin::verify(model, values, n)?);
     found.extend(gathered_margin::verify(model, values, n)?);
     found.extend(remember::verify(model, variant, values, n)?);
+    found.extend(families::verify(model, values, n)?);
     found.extend(dissipation::verify(model, variant, values)?);
     found.extend(consistent::verify(model, variant, values, n)?);
     found.extend(coupled::verify((model, variant), values, &ways, n));

@@ -4,12 +4,12 @@
 //! A next state may be off by 64 roundings of itself, and by what it changes by when the change of the
 //! measure, or the measure itself, is rounded: a return map takes the strain and hands on its rounding.
 
-use super::{Columns, Miss, Subject, UNIT_ROUNDOFF, Verification, Witness, sample};
+use super::{Columns, Miss, Subject, UNIT_ROUNDOFF, Verification, Witness, families, sample};
 use crate::expression::number::Number as _;
 use crate::expression::precise::Precise;
 use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};
 use crate::measure::Measure;
-use crate::model::{Model, Variant};
+use crate::model::{Model, Of, Variant};
 use crate::remember::Remembering;
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
@@ -24,7 +24,7 @@ const HISTORIES: [&[f64]; 4] = [&[1.02], &[1.3, 1.1], &[0.9], &[1.005, 0.98, 1.6
 /// The values as they are, and with what bonds remember after some histories, each once.
 pub(crate) fn histories(model: &Model, values: &Values) -> Result<Vec<Values>, CompileError> {
     let mut all = vec![values.clone()];
-    if model.updates().is_empty() {
+    if !model.has_memory() {
         return Ok(all);
     }
     let fields = values.clone().with_states(model).fields;
@@ -41,10 +41,15 @@ pub(crate) fn histories(model: &Model, values: &Values) -> Result<Vec<Values>, C
             for stretch in stretches {
                 one.advance(Point { measure: stretch * reference, reference }, 1.0);
             }
-            let own = |field: &u16| model.kind_of_state(usize::from(*field)) == Some(measure);
+            let own = |field: &u16| {
+                model.kind_of_state(usize::from(*field)) == Some(Of::Measure(measure))
+            };
             for (field, value) in fields.iter().zip(one.fields()).filter(|(field, _)| own(field)) {
                 after.parameters[usize::from(*field)] = *value;
             }
+        }
+        for (state, value) in families::after(model, values, stretches)? {
+            after.parameters[state] = value;
         }
         if after.parameters.iter().all(|x| x.is_finite()) && !all.contains(&after) {
             all.push(after);
@@ -73,7 +78,8 @@ pub(super) fn verify(
         let (name, measure) =
             (&model.parameters()[variant.updates[k].state].name, strict[k].measure());
         let points = sample::points(variant, measure, &values, n);
-        let subject = Subject::NextState(measure, format!("{name} = {}", strict[k].text));
+        let subject =
+            Subject::NextState(Of::Measure(measure), format!("{name} = {}", strict[k].text));
         let verification = Verification::new(subject, &[(Witness::TruthFar, BAR)]);
         let kernels = [&strict[k].next, &fast[k].next, &interpreted[k].next];
         compare(verification, kernels, written, &points)

@@ -336,6 +336,7 @@ fn rules_keep_the_values_of_what_is_written() {
 #[test]
 fn what_triangles_and_tetrahedra_remember_is_verified() {
     use super::Subject;
+    use crate::model::Of;
     let model = model(
         "potential memory\nstate k = 0\nstate p = 0\nstate q = 0\ng = a/A - 1\nh = v/V - 1\n\
          update k = max(k, g)\n\
@@ -351,7 +352,8 @@ fn what_triangles_and_tetrahedra_remember_is_verified() {
         let all = &Measure::ALL[..d];
         for measure in all {
             let of = |subject: &Subject| match subject {
-                Subject::NextState(own, _) | Subject::Following(own) => own == measure,
+                Subject::NextState(own, _) => *own == Of::Measure(*measure),
+                Subject::Following(own) => own == measure,
                 _ => false,
             };
             assert_eq!(found.iter().filter(|one| of(&one.subject)).count(), 2, "{measure:?}");

@@ -1,0 +1,206 @@
+//! What deformation gradients, and points by what they gather, remember: states after some histories, and next
+//! states against numbers of any precision.
+//!
+//! A next state may be off by 64 roundings of itself, and by what it changes by when one of its inputs is rounded
+//! in the last place of their norm.
+
+use super::gathered::{self, Place};
+use super::{Miss, Subject, UNIT_ROUNDOFF, Verification, WRONG, Witness, gradient};
+use crate::gathered::{GatheredBatch, GatheredNextState, WrittenGatheredEnergy};
+use crate::kernel::{Level, Mode};
+use crate::model::{Model, Of, OfFamily};
+use crate::point::sample::{self, Sample};
+use crate::point::truth::norm;
+use crate::point::{GradientBatch, GradientNextState, WrittenGradientEnergy};
+use crate::specialise::{CompileError, Form};
+use crate::values::Values;
+
+/// Largest error of a next state, in roundings.
+const BAR: f64 = 64.0;
+
+/// The states of families after a history of stretches, one way after the other: their numbers with their
+/// values.
+pub(super) fn after(
+    model: &Model,
+    values: &Values,
+    stretches: &[f64],
+) -> Result<Vec<(usize, f64)>, CompileError> {
+    if model.family_updates().is_empty() {
+        return Ok(Vec::new());
+    }
+    let values = a_second_later(model, values).with_states(model);
+    let (mode, form) = (Mode::Interpreter, Form::Accurate);
+    let of_gradients = model.gradient_next_states(&values, mode, form)?;
+    let of_points = model.gathered_next_states(&values, mode, form)?;
+    let mut fields: Vec<f64> = values.typical().map(|(_, value)| value).collect();
+    for stretch in stretches {
+        let of_gradients = of_gradients.iter().map(|one| {
+            let own = if one.next.fields().is_empty() { &[][..] } else { &fields };
+            (one.field, at_gradient(one, *stretch, own))
+        });
+        let of_points = of_points.iter().map(|one| {
+            let own = if one.next.fields().is_empty() { &[][..] } else { &fields };
+            (one.field, at_integrals(one, *stretch, own))
+        });
+        let next: Vec<(usize, f64)> = of_gradients.chain(of_points).collect();
+        next.into_iter().for_each(|(field, value)| fields[field] = value);
+    }
+    let states = of_gradients.iter().map(|one| (one.state, one.field));
+    let states = states.chain(of_points.iter().map(|one| (one.state, one.field)));
+    Ok(states.map(|(state, field)| (state, fields[field])).collect())
+}
+
+/// What a state becomes where a body is stretched along one axis, widened by a third of that, and sheared.
+fn at_gradient(one: &GradientNextState, stretch: f64, fields: &[f64]) -> f64 {
+    let d = one.next.dimension();
+    let size = stretch - 1.0;
+    let change: Vec<f64> = (0..d * d)
+        .map(|k| match (k / d, k % d) {
+            (0, 0) => size,
+            (0, 1) => 0.2 * size,
+            (r, c) if r == c => size / 3.0,
+            _ => 0.0,
+        })
+        .collect();
+    let gradient = sample::plus_identity(&change, 1.0);
+    let mut next = [0.0];
+    let at = GradientBatch { n: 1, gradient: &gradient, change: &change, fields };
+    one.next.evaluate(at, &mut next, &mut []);
+    next[0]
+}
+
+/// The same where all integrals are a number.
+fn at_integrals(one: &GatheredNextState, number: f64, fields: &[f64]) -> f64 {
+    let variables = vec![number; one.next.n_variables()];
+    let mut next = [0.0];
+    let at = GatheredBatch { n: 1, variables: &variables, change: &[], reference: &[], fields };
+    one.next.evaluate(at, &mut next, &mut []);
+    next[0]
+}
+
+/// The values with a time step of one second.
+pub(crate) fn a_second_later(model: &Model, values: &Values) -> Values {
+    let mut values = values.clone();
+    if let Some(dt) = model.number_of_time_step() {
+        values.parameters[usize::from(dt)] = 1.0;
+    }
+    values
+}
+
+/// Verifies what every state of deformation gradients becomes at `2 n` gradients and at most 200, and of
+/// points at `n` places, a second after the last time.
+pub(super) fn verify(
+    model: &Model,
+    values: &Values,
+    n: usize,
+) -> Result<Vec<Verification>, CompileError> {
+    let values = a_second_later(model, values).without_fields();
+    let modes = [Mode::Jit(Level::Strict), Mode::Jit(Level::Fast), Mode::Interpreter];
+    let found = |state: usize, text: &str, family: OfFamily| {
+        let name = &model.parameters()[state].name;
+        let subject = Subject::NextState(Of::Family(family), format!("{name} = {text}"));
+        Verification::new(subject, &[(Witness::TruthFar, BAR)])
+    };
+    let mut all = Vec::new();
+    let samples = gradient::samples(values.dimension, n);
+    let [strict, fast, interpreted] =
+        modes.map(|mode| model.gradient_next_states(&values, mode, Form::Accurate));
+    for ((strict, fast), interpreted) in strict?.iter().zip(&fast?).zip(&interpreted?) {
+        let levels = [strict, fast, interpreted].map(|one| {
+            let all = sample::evaluate(&one.next, &samples);
+            all.iter().map(|place| place[0]).collect::<Vec<f64>>()
+        });
+        let mut one = found(strict.state, &strict.text, OfFamily::Gradient);
+        compare(&mut one, levels, &samples, &strict.written);
+        all.push(one);
+    }
+    let [strict, fast, interpreted] =
+        modes.map(|mode| model.gathered_next_states(&values, mode, Form::Accurate));
+    for ((strict, fast), interpreted) in strict?.iter().zip(&fast?).zip(&interpreted?) {
+        let places = gathered::places(&strict.next, n);
+        let levels = [strict, fast, interpreted].map(|one| {
+            let mut next = vec![0.0; places.len()];
+            gathered::batch(&one.next, &places, |at| one.next.evaluate(at, &mut next, &mut []));
+            next
+        });
+        let mut one = found(strict.state, &strict.text, OfFamily::Points);
+        compare(&mut one, levels, &places, &strict.written);
+        all.push(one);
+    }
+    Ok(all)
+}
+
+/// A place at which a function as written is known to many digits.
+trait Known<W> {
+    /// What is true there, where it is a number.
+    fn truth(&self, written: &W) -> Option<f64>;
+    /// What is given there.
+    fn given(&self) -> &[f64];
+    /// The same where other numbers are given.
+    fn moved(&self, given: Vec<f64>) -> Self;
+}
+
+impl Known<WrittenGradientEnergy> for Sample {
+    fn truth(&self, written: &WrittenGradientEnergy) -> Option<f64> {
+        super::gradient_margin::truth(written, self)
+    }
+
+    fn given(&self) -> &[f64] {
+        Sample::given(self)
+    }
+
+    fn moved(&self, given: Vec<f64>) -> Sample {
+        Sample::moved(self, given)
+    }
+}
+
+impl Known<WrittenGatheredEnergy> for Place {
+    fn truth(&self, written: &WrittenGatheredEnergy) -> Option<f64> {
+        super::gathered_margin::truth(written, self)
+    }
+
+    fn given(&self) -> &[f64] {
+        &self.variables
+    }
+
+    fn moved(&self, given: Vec<f64>) -> Place {
+        Place::moved(self, given)
+    }
+}
+
+fn compare<W, P: Known<W>>(
+    found: &mut Verification,
+    [strict, fast, interpreted]: [Vec<f64>; 3],
+    places: &[P],
+    written: &W,
+) {
+    for (k, place) in places.iter().enumerate() {
+        found.count(&[strict[k]], &[interpreted[k]]);
+        let Some(truth) = place.truth(written) else { continue };
+        let unit = UNIT_ROUNDOFF * truth.abs() + rounded_inputs(place, written, truth);
+        for value in [strict[k], fast[k]] {
+            let error = (value - truth).abs() / (unit + f64::MIN_POSITIVE);
+            found.see(0, 0, error, |bar| Miss {
+                place: place.given().to_vec(),
+                order: 0,
+                compiled: vec![value],
+                expected: vec![truth],
+                tolerance: bar * unit,
+                is_wrong: (value - truth).abs() > WRONG * truth.abs(),
+            });
+        }
+    }
+}
+
+/// The most that a next state changes by where one of its inputs is rounded in the last place of their norm.
+fn rounded_inputs<W, P: Known<W>>(place: &P, written: &W, truth: f64) -> f64 {
+    let given = place.given();
+    let step = f64::EPSILON * norm(given.iter().copied());
+    let change = |k: usize, sign: f64| {
+        let mut moved = given.to_vec();
+        moved[k] += sign * step;
+        place.moved(moved).truth(written).map_or(0.0, |there| (there - truth).abs())
+    };
+    let each = (0..given.len()).flat_map(|k| [change(k, 1.0), change(k, -1.0)]);
+    each.fold(0.0, f64::max)
+}

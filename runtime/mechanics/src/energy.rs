@@ -9,7 +9,7 @@ pub use total::{Term, Total};
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::fracture::{Asked, Fracture, Held, Judged, Release};
+use crate::fracture::{Asked, Change, Fracture, Held, Judged, Release};
 use crate::interaction::{Inverted, Ranks, Report};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -308,6 +308,38 @@ pub trait Energy: Send + Sync {
     /// Margins that are not finite.
     fn field_margins(&self, _u: &[f64], _asked: Asked) -> Result<Vec<Judged>, NonFinite> {
         Ok(Vec::new())
+    }
+
+    /// Whether anything is remembered with deformation gradients, or by points with what they gather.
+    fn has_field_states(&self) -> bool {
+        false
+    }
+
+    /// What of that changes at displacements `u` in m (`n x d`), all worked out from states as they are.
+    ///
+    /// # Errors
+    /// Next states that are not finite.
+    fn field_changes(&self, _u: &[f64]) -> Result<Vec<Change>, NonFinite> {
+        Ok(Vec::new())
+    }
+
+    /// What all of an energy holds that depends on it, at displacements `u`, to which a way `step*direction` has
+    /// led; nothing of others.
+    ///
+    /// # Errors
+    /// Energies and forces that are not finite.
+    fn held_by_fields(
+        &self,
+        u: &[f64],
+        (step, direction): (f64, &[f64]),
+    ) -> Result<Held, NonFinite> {
+        if !self.has_field_states() {
+            return Ok(Held::default());
+        }
+        let mut forces = vec![0.0; u.len()];
+        let energy = self.forces(u, &mut forces)?.total();
+        let power = forces.iter().zip(direction).fold(0.0, |sum, (force, v)| sum + force * v);
+        Ok(Held { energy, timing: 0.5 * step * power })
     }
 
     /// Whether [`Energy::lose`] can take out bonds.

@@ -14,10 +14,10 @@ mod law;
 use std::ops::Range;
 use std::sync::Arc;
 
-pub use field::Fields;
+pub use field::{Fields, StateOf};
 pub use law::{ByMaterial, MaterialLaw};
 
-use crate::kernel::VariablesLaw;
+use crate::kernel::{Measure, VariablesLaw};
 
 /// Most corners of an interaction.
 const CORNERS: usize = 4;
@@ -180,6 +180,22 @@ impl Materials {
     }
 }
 
+/// Where a law is evaluated: between two points or, twice the same, at one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    pub(crate) ends: [usize; 2],
+    /// The number of the bond, where bonds remember something.
+    pub(crate) bond: usize,
+}
+
+impl Place {
+    /// At a point.
+    #[inline(always)]
+    pub(crate) fn at(point: usize) -> Place {
+        Place { ends: [point; 2], bond: 0 }
+    }
+}
+
 /// A law with the materials of the points at which it is evaluated.
 #[derive(Clone, Copy)]
 pub(crate) struct LawOfPoints<'a> {
@@ -188,14 +204,29 @@ pub(crate) struct LawOfPoints<'a> {
 }
 
 impl<'a> LawOfPoints<'a> {
-    /// `given` becomes what the law takes of fields at so many places, which are between two points or,
-    /// twice the same, at one.
+    /// `given` becomes what the law takes of fields at so many places.
     #[inline(always)]
-    pub(crate) fn give(self, n: usize, ends: impl Fn(usize) -> [usize; 2], given: &mut Vec<f64>) {
+    pub(crate) fn give(self, n: usize, places: impl Fn(usize) -> Place, given: &mut Vec<f64>) {
         given.clear();
-        if let Some(fields) = self.materials.and_then(Materials::fields) {
-            fields.add(0..fields.len(), n, |place| ends(place).into_iter(), given);
+        if let Some(fields) = self.fields() {
+            let of = |place: usize| {
+                let Place { ends, bond } = places(place);
+                (ends.into_iter(), bond)
+            };
+            fields.add_of(Measure::Length, 0..fields.len(), n, of, given);
         }
+    }
+
+    /// Parameters that vary, and states; nothing where there are none.
+    #[inline(always)]
+    pub(crate) fn fields(self) -> Option<&'a Fields> {
+        self.materials.and_then(Materials::fields)
+    }
+
+    /// Whether bonds remember something.
+    pub(crate) fn has_states_of_bonds(self) -> bool {
+        let kind = Some(StateOf::Interactions(Measure::Length));
+        self.fields().is_some_and(|fields| fields.have_states(0..fields.len(), kind))
     }
 
     /// The numbers of the laws of some points, as [`crate::kernel::Variables`] takes them.

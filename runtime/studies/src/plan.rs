@@ -121,8 +121,8 @@ pub struct PlanInput<'a> {
     pub breaks: bool,
     /// Whether triangles, and tetrahedra, can break by conditions of their own.
     pub breaks_cliques: [bool; 2],
-    /// How many numbers each bond remembers, each triangle and each tetrahedron.
-    pub states: [usize; 3],
+    /// How many numbers each bond remembers, each triangle, each tetrahedron and each point.
+    pub states: [usize; 4],
     /// How many potentials have energies of interactions.
     pub of_interactions: usize,
     /// What points know of their families, for each energy that needs it.
@@ -455,6 +455,7 @@ impl Costs {
             ("states of bonds", interactions.bonds),
             ("states of triangles", interactions.triangles),
             ("states of tetrahedra", interactions.tetrahedra),
+            ("states of points", extent.points as u64),
         ];
         for ((item, n), states) in remembering.into_iter().zip(input.states) {
             let bytes = 8 * states as u64 * n;

@@ -9,7 +9,7 @@ use crate::body::Body;
 use crate::element::Element;
 use crate::interaction::OwnerCliques;
 use crate::kernel::Measure;
-use crate::materials::{Fields, Materials, Parts};
+use crate::materials::{Fields, Materials, Parts, StateOf};
 use crate::neighborhood::Neighborhood;
 use crate::surface::{CorrectionError, Weighting};
 use crate::weights::CliqueWeights;
@@ -114,12 +114,12 @@ impl Kind {
 
     /// Whether these interactions remember something that a law takes.
     pub(super) fn has_states(&self) -> bool {
-        self.takes_states(Some(self.measure))
+        self.takes_states(Some(StateOf::Interactions(self.measure)))
     }
 
-    /// Whether a law takes what interactions of a measure remember, or of any.
-    fn takes_states(&self, measure: Option<Measure>) -> bool {
-        let has = |(fields, own): (&Fields, Range<usize>)| fields.have_states(own, measure);
+    /// Whether a law takes states of a kind, or of any.
+    fn takes_states(&self, kind: Option<StateOf>) -> bool {
+        let has = |(fields, own): (&Fields, Range<usize>)| fields.have_states(own, kind);
         (0..self.elements.len()).any(|law| self.fields_of(law).is_some_and(has))
     }
 

@@ -16,7 +16,7 @@ use std::sync::{Arc, OnceLock};
 use super::differences::{ForceDifferences, smallest_distance, step};
 use super::{Dissipation, Energy, Hessian, Inversion, NonFinite, Products, Wanted, check_sizes};
 use crate::dissipation::Dashpots;
-use crate::fracture::{Asked, Fracture, Held, Judged, Release};
+use crate::fracture::{Asked, Change, Fracture, Held, Judged, Release};
 use crate::interaction::{Inverted, Ranks, Report};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -395,6 +395,21 @@ impl Energy for Total<'_> {
         let found: Result<Vec<_>, _> =
             self.terms.iter().map(|term| term.field_margins(u, asked)).collect();
         Ok(found?.concat())
+    }
+
+    fn has_field_states(&self) -> bool {
+        self.terms.iter().any(|term| term.has_field_states())
+    }
+
+    fn field_changes(&self, u: &[f64]) -> Result<Vec<Change>, NonFinite> {
+        let found: Result<Vec<_>, _> =
+            self.terms.iter().map(|term| term.field_changes(u)).collect();
+        Ok(found?.concat())
+    }
+
+    fn held_by_fields(&self, u: &[f64], way: (f64, &[f64])) -> Result<Held, NonFinite> {
+        let mut all = self.terms.iter().map(|term| term.held_by_fields(u, way));
+        all.try_fold(Held::default(), |sum, held| Ok(sum.and(&held?)))
     }
 
     fn can_lose_bonds(&self) -> bool {

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::criteria::margin::Foremost;
 use super::memory::Gone;
-use super::{Breaking, Fracture as _, Release, Status};
+use super::{Breaking, Fracture as _, Interactions, Release, Status};
 use crate::energy::{Energy as _, NonFinite};
 use crate::interaction::n_neighbors;
 use crate::kernel::Measure;
@@ -61,10 +61,14 @@ impl Breaking {
     ) -> Result<Release, NonFinite> {
         let mut release = Release::default();
         self.memory.set_time_step(-1.0);
-        let Status { energy, is_broken, lost, .. } = &*self.now();
+        let status = &*self.now();
+        let Status { energy, is_broken, lost, .. } = status;
         let gone = Gone { is_broken, breaking: &[], lost: lost.as_ref() };
         let around = (&*self.body, &*self.neighborhood);
         let nowhere = vec![0.0; to.len()];
+        // Energies of these do not follow on the way: they held what was remembered until its end.
+        let way = ((to, dt), (0.0, &nowhere[..]));
+        release.add(self.change_field_states(status, way.0, way.1, &Interactions::default())?);
         for measure in self.memory.kinds() {
             for owners in self.memory.blocks(&self.neighborhood, measure) {
                 let changes = self.memory.changes(around, (to, dt), (measure, owners), gone)?;

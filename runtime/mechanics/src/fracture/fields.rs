@@ -1,10 +1,12 @@
 //! Bonds that break by deformation gradients and by gathered values: those of bonds each by its own, by those of
-//! a point all of its bonds.
+//! a point all of its bonds; and what is remembered with these.
 
 use super::criteria::margin::{WithMargins, over_rest};
-use super::{Breaking, Judged, Status};
+use super::memory::Change;
+use super::{Breaking, Interactions, Judged, Release, Status};
 use crate::energy::{Energy as _, NonFinite};
-use crate::kernel::VariablesLaw;
+use crate::kernel::{Measure, VariablesLaw};
+use crate::materials::{Fields, StateOf};
 
 /// Whose margins are asked for, and which.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,6 +31,26 @@ pub struct FamilyCriterion {
     pub margin: Box<dyn VariablesLaw>,
     /// Whether bonds break where it is 0, too.
     pub holds_at_zero: bool,
+}
+
+/// What a state becomes of deformation gradients, or of what points gather.
+pub struct FamilyNextState {
+    /// The number of the layer of energies that it belongs to.
+    pub layer: usize,
+    /// The law in it: places that take this law remember.
+    pub law: u8,
+    /// The number of the state among the fields of all laws.
+    pub field: usize,
+    /// The next value, in the place of psi, with its variables.
+    pub next: Box<dyn VariablesLaw>,
+}
+
+impl FamilyNextState {
+    /// Another value of the state, if it is another.
+    pub(crate) fn change(&self, fields: &Fields, number: usize, value: f64) -> Option<Change> {
+        let is_same = fields.state(self.field, number)?.to_bits() == value.to_bits();
+        (!is_same).then_some(Change { layer: self.layer, field: self.field, number, value })
+    }
 }
 
 impl FamilyCriterion {
@@ -87,6 +109,43 @@ impl Breaking {
             self.bonds_of(status, one).into_iter().map(move |bond| (bond, margin))
         };
         Ok(judged.iter().flat_map(with_margins).collect())
+    }
+
+    /// Changes at displacements `u` in m, `dt` s after the last time, what deformation gradients and gathered
+    /// values are remembered by, but for bonds that are about to break.
+    pub(super) fn change_field_states(
+        &self,
+        status: &Status,
+        (u, dt): (&[f64], f64),
+        way: (f64, &[f64]),
+        breaking: &Interactions,
+    ) -> Result<Release, NonFinite> {
+        let energy = &status.energy;
+        if !energy.has_field_states() {
+            return Ok(Release::default());
+        }
+        // Next states take the time step as energies that follow do, and these hold again what is remembered.
+        self.memory.set_time_step(dt);
+        let changes = energy.field_changes(u);
+        self.memory.set_time_step(-1.0);
+        let mut changes = changes?;
+        let of_bonds = Some(StateOf::Interactions(Measure::Length));
+        changes.retain(|change| {
+            let is_breaking = || breaking.bonds.binary_search(&change.number).is_ok();
+            !(self.memory.kind_of_change(change) == of_bonds && is_breaking())
+        });
+        if changes.is_empty() {
+            return Ok(Release::default());
+        }
+        let before = energy.held_by_fields(u, way)?;
+        changes.iter().for_each(|change| self.memory.make_one(change));
+        let after = energy.held_by_fields(u, way)?;
+        Ok(Release {
+            changed: changes.len(),
+            dissipated: before.energy - after.energy,
+            timing: before.timing - after.timing,
+            ..Release::default()
+        })
     }
 
     /// The bonds that are there, and may break, of which a place decides.

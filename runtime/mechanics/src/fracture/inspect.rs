@@ -11,6 +11,7 @@ use super::{Breaking, Held};
 use crate::energy::{Energy as _, NonFinite};
 use crate::interaction::n_neighbors;
 use crate::kernel::Measure;
+use crate::materials::StateOf;
 
 /// A bond at some displacements.
 #[derive(Clone, Debug, PartialEq)]
@@ -143,6 +144,19 @@ impl Breaking {
         Ok(())
     }
 
+    /// What a bond remembers as a state, or the mean of what its ends do.
+    fn state_beside(&self, number: usize, bond: usize) -> Option<f64> {
+        let ends = self.neighborhood.ends(bond);
+        if self.memory.kind_of(number)? != StateOf::Points {
+            let kind = StateOf::Interactions(Measure::Length);
+            return Some(self.memory.state_of(number, kind, (bond, &ends))?.1);
+        }
+        let of_end = |end| Some(self.memory.state_of(number, StateOf::Points, (end, &[end]))?.1);
+        let (sum, n) =
+            ends.into_iter().filter_map(of_end).fold((0.0, 0), |(sum, n), x| (sum + x, n + 1));
+        (n > 0).then(|| sum / f64::from(n))
+    }
+
     /// Damage by cliques of one size.
     fn damage_by<const D: usize, const K: usize>(&self, measure: Measure) -> Vec<f64> {
         let absent = &without_edges(&self.neighborhood, &self.absent);
@@ -205,9 +219,7 @@ impl Inspection for Breaking {
         let grown = along(&|xi, eta| eta * (2.0 * xi + eta));
         let around = (&*self.body, &*self.neighborhood);
         let mut margins = self.criteria.judged(around, bond, u)?;
-        let states = (0..self.memory.n_states())
-            .map(|number| self.memory.state_of(number, Measure::Length, (bond, &ends)))
-            .map(|found| found.map(|(_, value)| value));
+        let states = (0..self.memory.n_states()).map(|number| self.state_beside(number, bond));
         let status = self.now();
         margins.extend(status.energy.field_margins(u, Asked::Bond(ends))?);
         let (nowhere, mut held) = (vec![0.0; u.len()], [Held::default()]);

@@ -1,4 +1,4 @@
-//! What is remembered around points: means over their bonds, triangles or tetrahedra.
+//! What is remembered at points, and around them: means over their bonds, triangles or tetrahedra.
 
 use std::ops::Range;
 
@@ -12,6 +12,7 @@ use crate::body::Body;
 use crate::energy::NonFinite;
 use crate::interaction::Lost;
 use crate::kernel::Measure;
+use crate::materials::StateOf;
 use crate::neighborhood::Neighborhood;
 
 /// Sums over what there is at some points, and of the weights in them.
@@ -51,18 +52,23 @@ impl States<'_> {
     /// state has in it; not a number where there are none. Where the states are of several kinds it is the mean
     /// of theirs.
     pub(super) fn means(&self, status: &Status) -> Vec<f64> {
-        let held = |measure: &Measure| {
-            self.numbers.iter().any(|number| self.memory.kind_of(*number) == Some(*measure))
+        let held = |kind: &StateOf| {
+            self.numbers.iter().any(|number| self.memory.kind_of(*number) == Some(*kind))
         };
-        let of_kind = |kind: Measure| match (self.memory.cliques(kind), &status.lost) {
-            (Some(all), Some(lost)) => match (self.around.0.dimension(), kind) {
+        let of_measure = |measure: Measure| match (self.memory.cliques(measure), &status.lost) {
+            (Some(all), Some(lost)) => match (self.around.0.dimension(), measure) {
                 (2, _) => self.of_cliques::<2, 2>(all, lost),
                 (_, Measure::Area) => self.of_cliques::<3, 2>(all, lost),
                 _ => self.of_cliques::<3, 3>(all, lost),
             },
             _ => self.of_bonds(&status.is_broken),
         };
-        let kinds: Vec<Vec<f64>> = Measure::ALL.into_iter().filter(held).map(of_kind).collect();
+        let of_kind = |kind: StateOf| match kind {
+            StateOf::Interactions(measure) => of_measure(measure),
+            StateOf::Points => self.of_points(),
+        };
+        let all = Measure::ALL.into_iter().map(StateOf::Interactions).chain([StateOf::Points]);
+        let kinds: Vec<Vec<f64>> = all.filter(held).map(of_kind).collect();
         let mean = |point: usize| {
             let there = kinds.iter().map(|means| means[point]).filter(|mean| !mean.is_nan());
             let (sum, n) = there.fold((0.0, 0.0), |(sum, n), mean| (sum + mean, n + 1.0));
@@ -72,12 +78,21 @@ impl States<'_> {
     }
 
     /// The states of an interaction, with the parts of their laws.
-    fn of(&self, kind: Measure, (own, points): (usize, &[usize]), mut see: impl FnMut(f64, f64)) {
+    fn of(&self, kind: StateOf, (own, points): (usize, &[usize]), mut see: impl FnMut(f64, f64)) {
         for number in self.numbers {
             if let Some((part, value)) = self.memory.state_of(*number, kind, (own, points)) {
                 see(part, value);
             }
         }
+    }
+
+    /// What points themselves remember.
+    fn of_points(&self) -> Vec<f64> {
+        let mut all = Sums::of(0..self.around.0.n_points());
+        for point in all.points.clone() {
+            self.of(StateOf::Points, (point, &[point]), |part, value| all.add(point, part, value));
+        }
+        all.means()
     }
 
     fn of_bonds(&self, is_broken: &[bool]) -> Vec<f64> {
@@ -87,7 +102,7 @@ impl States<'_> {
             let bonds = neighborhood.bonds(owner).zip(neighborhood.upper(owner));
             for (bond, &other) in bonds.filter(|(bond, _)| !is_broken[*bond]) {
                 let ends = [owner, other as usize];
-                self.of(Measure::Length, (bond, &ends), |part, value| {
+                self.of(StateOf::Interactions(Measure::Length), (bond, &ends), |part, value| {
                     for (point, neighbor) in [(ends[0], ends[1]), (ends[1], ends[0])] {
                         all.add(point, part * body.volumes()[neighbor], value);
                     }
@@ -117,7 +132,7 @@ impl States<'_> {
                         let points = listed.points::<K>(clique);
                         let weight = measure::<D, K>(listed.reference(), clique);
                         let own = (listed.number(clique), &points[..=K]);
-                        self.of(cliques.measure, own, |part, value| {
+                        self.of(StateOf::Interactions(cliques.measure), own, |part, value| {
                             points[..=K].iter().for_each(|p| sums.add(*p, part * weight, value));
                         });
                     }

@@ -1,9 +1,10 @@
-//! What bonds, triangles and tetrahedra remember: states, and what these become at given displacements.
+//! What bonds, triangles, tetrahedra and points remember: states, and what these become at given displacements.
 //!
 //! A state is a field of its law of which each bond has a value of its own, or each triangle, or each
 //! tetrahedron, so the energy takes it like a parameter that varies. The next values follow from the measure,
 //! the time since the last and the values as they are; none sees another. Here bonds are worked out, in
-//! `cliques` triangles and tetrahedra.
+//! `cliques` triangles and tetrahedra; what is remembered with deformation gradients and with gathered values is
+//! worked out by the energies of these.
 
 mod cliques;
 
@@ -19,7 +20,7 @@ use crate::element::{CAPACITY, Element as _, MeasureElement, Order};
 use crate::energy::NonFinite;
 use crate::interaction::{Lost, Ranks};
 use crate::kernel::{Law, Measure};
-use crate::materials::{Fields, Materials, Parts};
+use crate::materials::{Fields, Materials, Parts, StateOf};
 use crate::neighborhood::Neighborhood;
 
 /// Interactions whose states are worked out and changed at a time, more or less: as many as fit a cache.
@@ -38,6 +39,8 @@ pub struct NextState {
 
 /// The states of the potentials of a body that add up to one energy.
 pub struct Layer {
+    /// Its number among all layers.
+    pub number: usize,
     /// Those of each law of the materials.
     pub of_law: Vec<Vec<NextState>>,
     /// Which laws interactions take, with the fields among which the states are.
@@ -57,6 +60,7 @@ type OfLaws = Vec<Vec<(usize, MeasureElement)>>;
 
 /// A [`Layer`] as functions of bonds, triangles and tetrahedra.
 struct Rules {
+    number: usize,
     of_kinds: [OfLaws; 3],
     materials: Arc<Materials>,
     fields: Arc<Fields>,
@@ -64,11 +68,14 @@ struct Rules {
 
 /// Another value of a state.
 #[derive(Clone, Copy, Debug)]
-struct Change {
-    layer: usize,
-    field: usize,
-    number: usize,
-    value: f64,
+pub struct Change {
+    /// The number of the layer.
+    pub(crate) layer: usize,
+    /// The number of the state among the fields of all laws.
+    pub(crate) field: usize,
+    /// Of what remembers it.
+    pub(crate) number: usize,
+    pub(crate) value: f64,
 }
 
 /// The changes of some interactions of one kind at given displacements, all worked out from states as they were.
@@ -102,9 +109,8 @@ impl Memory {
     /// The states of some layers; interactions begin with the mean of what the fields of their points say.
     pub fn new((body, neighborhood): (&Body, &Neighborhood), layers: Vec<Layer>) -> Memory {
         let d = body.dimension();
-        let with_states =
-            layers.into_iter().filter(|layer| !layer.of_law.iter().all(Vec::is_empty));
-        let layers: Vec<Rules> = with_states.filter_map(|layer| Rules::new(layer, d)).collect();
+        let layers = layers.into_iter().filter_map(|layer| Rules::new(layer, d));
+        let layers: Vec<Rules> = layers.collect();
         let remember = |measure: Measure| layers.iter().any(|rules| rules.have(measure));
         let cliques = super::CLIQUES
             .map(|measure| remember(measure).then(|| OfOwners::new((body, neighborhood), measure)));
@@ -255,7 +261,7 @@ impl Memory {
         room: &mut Room,
         changes: &mut Vec<Change>,
     ) -> Result<(), NonFinite> {
-        for (layer, rules) in self.layers.iter().enumerate() {
+        for rules in &self.layers {
             let of_laws = &rules.of_kinds[Measure::Length as usize];
             for (law, states) in of_laws.iter().enumerate() {
                 if states.is_empty() {
@@ -271,7 +277,7 @@ impl Memory {
                         rules.next((law, element), bonds, (u, dt), room)?;
                         let next = bonds.iter().zip(&room.1.energy);
                         changes.extend(next.filter_map(|(candidate, &value)| {
-                            rules.change(layer, *field, candidate.bond, value)
+                            rules.change(*field, candidate.bond, value)
                         }));
                     }
                 }
@@ -282,9 +288,23 @@ impl Memory {
 
     /// Makes changes.
     pub(super) fn make(&self, changes: &Changes) {
-        for &Change { layer, field, number, value } in &changes.all {
-            self.layers[layer].fields.set_state(field, number, value);
+        changes.all.iter().for_each(|change| self.make_one(change));
+    }
+
+    /// Makes one.
+    pub(super) fn make_one(&self, &Change { layer, field, number, value }: &Change) {
+        if let Some(rules) = self.rules(layer) {
+            rules.fields.set_state(field, number, value);
         }
+    }
+
+    /// What remembers a state that changes.
+    pub(super) fn kind_of_change(&self, change: &Change) -> Option<StateOf> {
+        self.rules(change.layer)?.fields.kind_of_state(change.field)
+    }
+
+    fn rules(&self, layer: usize) -> Option<&Rules> {
+        self.layers.iter().find(|rules| rules.number == layer)
     }
 
     /// All states: layer by layer, state by state, in the order of what remembers them.
@@ -313,25 +333,25 @@ impl Memory {
         self.layers.iter().for_each(|rules| rules.fields.set_time_step(dt));
     }
 
-    /// Of which interactions a state is, by its number.
-    pub(super) fn kind_of(&self, number: usize) -> Option<Measure> {
+    /// What remembers a state, by its number.
+    pub(super) fn kind_of(&self, number: usize) -> Option<StateOf> {
         let (rules, field) = self.states().nth(number)?;
         rules.fields.kind_of_state(field)
     }
 
-    /// A state of an interaction by its number, with the part that the law of the state has in it; nothing
-    /// where it has none.
+    /// A state of an interaction by its number, or of a point, with the part that the law of the state has in
+    /// it; nothing where it has none.
     pub(super) fn state_of(
         &self,
         number: usize,
-        measure: Measure,
+        kind: StateOf,
         (own, points): (usize, &[usize]),
     ) -> Option<(f64, f64)> {
         let (rules, field) = self.states().nth(number)?;
-        if rules.fields.kind_of_state(field) != Some(measure) {
+        if rules.fields.kind_of_state(field) != Some(kind) {
             return None;
         }
-        let n_laws = rules.of_kinds[measure as usize].len();
+        let n_laws = rules.of_kinds[0].len();
         let law = (0..n_laws).find(|law| rules.fields.of_law(*law).contains(&field))?;
         let parts = rules.parts(points);
         let (_, part) = parts.iter().find(|part| part.0 == law)?;
@@ -352,9 +372,10 @@ impl Memory {
 }
 
 impl Rules {
-    /// Those of a layer whose laws have fields.
+    /// Those of a layer whose laws have states.
     fn new(layer: Layer, dimension: usize) -> Option<Rules> {
         let fields = Arc::clone(layer.materials.shared_fields()?);
+        fields.numbers_of_states().next()?;
         let nothing = || layer.of_law.iter().map(|_| Vec::new()).collect::<OfLaws>();
         let mut of_kinds = [(); 3].map(|()| nothing());
         for (law, own) in layer.of_law.into_iter().enumerate() {
@@ -366,7 +387,7 @@ impl Rules {
                 of_kinds[measure as usize][law].push((first + field, element));
             }
         }
-        Some(Rules { of_kinds, materials: layer.materials, fields })
+        Some(Rules { number: layer.number, of_kinds, materials: layer.materials, fields })
     }
 
     /// Whether interactions of this measure remember anything.
@@ -383,9 +404,9 @@ impl Rules {
     }
 
     /// Another value of a state, if it is another.
-    fn change(&self, layer: usize, field: usize, number: usize, value: f64) -> Option<Change> {
+    fn change(&self, field: usize, number: usize, value: f64) -> Option<Change> {
         let is_same = self.fields.state(field, number)?.to_bits() == value.to_bits();
-        (!is_same).then_some(Change { layer, field, number, value })
+        (!is_same).then_some(Change { layer: self.number, field, number, value })
     }
 
     /// Works out the next values of a state of some bonds, as energies in the room.

@@ -51,9 +51,10 @@ pub use criteria::Judged;
 pub use criteria::margin::{Foremost, over_rest};
 use damage::Damage;
 pub use equilibria::left_of;
-pub use fields::{Asked, FamilyCriterion};
+pub use fields::{Asked, FamilyCriterion, FamilyNextState};
 use inspect::Inspected;
 pub use inspect::{Inspection, Look, OnThreshold};
+pub use memory::Change;
 use memory::Memory;
 pub use release::{Held, Interactions, Release};
 
@@ -84,6 +85,10 @@ pub trait Fracture: Inspection {
     /// energies at these states are no potential of the forces. With nothing they are again what they are
     /// between changes of the status.
     fn follow(&self, dt: Option<f64>);
+
+    /// Whether energies can [follow](Fracture::follow) all that is remembered: what is remembered with deformation
+    /// gradients, or by points, is held on the way to an equilibrium.
+    fn can_follow(&self) -> bool;
 
     /// All remember what they come to at displacements `to`, `dt` s after the last time, on a way from
     /// displacements `from`, in m; none breaks, and energies follow nothing any more. What is dissipated is
@@ -344,6 +349,10 @@ impl Fracture for Breaking {
 
     fn follow(&self, dt: Option<f64>) {
         self.memory.set_time_step(dt.unwrap_or(-1.0));
+    }
+
+    fn can_follow(&self) -> bool {
+        !self.now().energy.has_field_states()
     }
 
     fn evolve(&self, ways: [&[f64]; 2], dt: f64) -> Result<Release, NonFinite> {

@@ -22,9 +22,10 @@ impl Breaking {
         }
         let status = &*self.now();
         let lost = self.lost_with(status, breaking);
-        let (is_broken, breaking) = (&status.is_broken, &breaking.bonds);
+        let (is_broken, whole, breaking) = (&status.is_broken, breaking, &breaking.bonds);
         let gone = Gone { is_broken, breaking, lost: lost.as_deref() };
         let around = (&*self.body, &*self.neighborhood);
+        release.add(self.change_field_states(status, (u, dt), way, whole)?);
         for measure in self.memory.kinds() {
             for owners in self.memory.blocks(&self.neighborhood, measure) {
                 let changes = self.memory.changes(around, (u, dt), (measure, owners), gone)?;

@@ -3,7 +3,8 @@
 //! A point has the values of the parameters of its material. What belongs to a point alone takes them; an
 //! interaction takes the mean of its corners, of those that have a value: where materials meet, the
 //! parameters of one are not those of the other. A field may also be a state: then each bond has a value of
-//! its own, which it remembers, or each triangle, or each tetrahedron.
+//! its own, which it remembers, or each triangle, or each tetrahedron; or points have, and what belongs to a
+//! point takes that point's.
 
 use std::ops::Range;
 use std::sync::OnceLock;
@@ -11,6 +12,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::interaction::Ranks;
 use crate::kernel::Measure;
+
+/// What remembers a state, each a value of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StateOf {
+    /// Bonds, triangles or tetrahedra.
+    Interactions(Measure),
+    /// Points.
+    Points,
+}
 
 /// The fields of all laws, one after the other, at all points.
 #[derive(Debug)]
@@ -22,12 +32,13 @@ pub struct Fields {
     /// Bits of numbers, field by field: they may be set anew between passes.
     values: Vec<AtomicU64>,
     is_steady: bool,
-    /// Of which interactions each is a state; nothing of those that are none.
-    state_of: Vec<Option<Measure>>,
+    /// What remembers each that is a state; nothing of those that are none.
+    state_of: Vec<Option<StateOf>>,
     /// Which of them are the time step in which laws follow their states, at most one of each law: it is
     /// below 0 where states are held.
     time_steps: Vec<usize>,
-    /// What interactions have of each that is a state, by their numbers; once there are some.
+    /// What interactions have of each that is a state of theirs, by their numbers; once there are some. Those of
+    /// points are among the values.
     states: Vec<OnceLock<Box<[AtomicU64]>>>,
     /// The numbers of triangles, and of tetrahedra, once these have states.
     ranks: [OnceLock<Ranks>; 2],
@@ -60,8 +71,8 @@ impl Fields {
         }
     }
 
-    /// The same where some fields are states: each bond, triangle or tetrahedron has a value of its own.
-    pub fn with_states(self, state_of: Vec<Option<Measure>>) -> Fields {
+    /// The same where some fields are states: each bond, triangle, tetrahedron or point has a value of its own.
+    pub fn with_states(self, state_of: Vec<Option<StateOf>>) -> Fields {
         assert_eq!(state_of.len(), self.len(), "one for each field");
         Fields { state_of, ..self }
     }
@@ -96,7 +107,8 @@ impl Fields {
         if let (Some(ranks), Some(own)) = (ranks, self.ranks_of(measure)) {
             own.get_or_init(|| ranks.clone());
         }
-        for field in self.numbers_of_states().filter(|k| self.state_of[*k] == Some(measure)) {
+        let kind = Some(StateOf::Interactions(measure));
+        for field in self.numbers_of_states().filter(|k| self.state_of[*k] == kind) {
             self.states[field].get_or_init(|| {
                 let bits = values(field).into_iter().map(f64::to_bits);
                 bits.map(AtomicU64::new).collect()
@@ -116,16 +128,15 @@ impl Fields {
         ranks.map_or(0, |ranks| ranks.first(owner))
     }
 
-    /// Whether some of these fields are states, of a measure or of any.
+    /// Whether some of these fields are states, of a kind or of any.
     #[inline(always)]
-    pub(crate) fn have_states(&self, fields: Range<usize>, measure: Option<Measure>) -> bool {
-        let is_it =
-            |state: &Option<Measure>| state.is_some() && (measure.is_none() || *state == measure);
+    pub(crate) fn have_states(&self, fields: Range<usize>, kind: Option<StateOf>) -> bool {
+        let is_it = |state: &Option<StateOf>| state.is_some() && (kind.is_none() || *state == kind);
         self.state_of[fields].iter().any(is_it)
     }
 
-    /// Of which interactions a field is a state.
-    pub(crate) fn kind_of_state(&self, field: usize) -> Option<Measure> {
+    /// What remembers a field that is a state.
+    pub(crate) fn kind_of_state(&self, field: usize) -> Option<StateOf> {
         self.state_of[field]
     }
 
@@ -137,26 +148,35 @@ impl Fields {
     /// What interactions remember as a field that is a state of theirs; nothing before they have begun.
     #[inline(always)]
     fn states_of(&self, field: usize, measure: Measure) -> Option<&[AtomicU64]> {
-        if self.state_of[field] != Some(measure) {
+        if self.state_of[field] != Some(StateOf::Interactions(measure)) {
             return None;
         }
         self.states[field].get().map(|states| &**states)
     }
 
-    /// How many interactions remember a field that is a state; 0 before they have begun.
+    /// How many interactions remember a field that is a state, or points; 0 before interactions have begun.
     pub(crate) fn n_remembering(&self, field: usize) -> usize {
-        self.states[field].get().map_or(0, |states| states.len())
+        match self.state_of[field] {
+            Some(StateOf::Points) => self.n_points,
+            _ => self.states[field].get().map_or(0, |states| states.len()),
+        }
     }
 
-    /// What an interaction remembers as a field that is a state; nothing before it has begun.
+    /// What an interaction remembers as a field that is a state, or a point: nothing before an interaction has
+    /// begun, not a number of a point that has none.
     pub(crate) fn state(&self, field: usize, number: usize) -> Option<f64> {
+        if self.state_of[field] == Some(StateOf::Points) {
+            return Some(self.at(field, number));
+        }
         let value = &self.states[field].get()?[number];
         Some(f64::from_bits(value.load(Ordering::Relaxed)))
     }
 
-    /// Gives an interaction another state.
+    /// Gives an interaction another state, or a point.
     pub(crate) fn set_state(&self, field: usize, number: usize, value: f64) {
-        if let Some(states) = self.states[field].get() {
+        if self.state_of[field] == Some(StateOf::Points) {
+            self.set(field, number, value);
+        } else if let Some(states) = self.states[field].get() {
             states[number].store(value.to_bits(), Ordering::Relaxed);
         }
     }
@@ -210,7 +230,8 @@ impl Fields {
         if n == 0.0 { self.typical[field] } else { sum / n }
     }
 
-    /// Adds to `out` what places take of some fields: field by field, of each all places in their order.
+    /// Adds to `out` what places take of some fields: field by field, of each all places in their order. States of
+    /// points are those of the first of a place.
     #[inline(always)]
     pub(crate) fn add<I: Iterator<Item = usize> + Clone>(
         &self,
@@ -220,7 +241,22 @@ impl Fields {
         out: &mut Vec<f64>,
     ) {
         for field in fields {
+            if self.state_of[field] == Some(StateOf::Points) {
+                out.extend((0..n).map(|place| self.mean(field, points(place).take(1))));
+                continue;
+            }
             out.extend((0..n).map(|place| self.mean(field, points(place))));
+        }
+    }
+
+    /// Adds what so many places at a point take of all fields, with typical states.
+    pub(crate) fn add_at_start(&self, n: usize, point: usize, out: &mut Vec<f64>) {
+        for (field, (state, typical)) in self.state_of.iter().zip(&self.typical).enumerate() {
+            let value = match state {
+                Some(_) => *typical,
+                None => self.mean(field, std::iter::once(point)),
+            };
+            out.resize(out.len() + n, value);
         }
     }
 
@@ -272,5 +308,22 @@ mod tests {
         let mut out = vec![-1.0];
         fields.add(0..3, 2, |place| [place, place + 1].into_iter(), &mut out);
         assert_eq!(out, [-1.0, 2.0, 3.0, 8.0, 8.0, 9.0, 5.0]);
+    }
+
+    #[test]
+    fn states_of_points_are_those_of_the_first_point() {
+        let fields = Fields::new(3, &[vec![7.0, 8.0]], true);
+        let fields = fields.with_states(vec![None, Some(StateOf::Points)]);
+        for (point, value) in [(0, 1.0), (1, 3.0)] {
+            fields.set(0, point, value);
+            fields.set_state(1, point, 10.0 * value);
+        }
+        assert_eq!((fields.state(1, 1), fields.n_remembering(1)), (Some(30.0), 3));
+        let mut out = Vec::new();
+        fields.add(0..2, 3, |place| [[0, 1], [1, 0], [2, 0]][place].into_iter(), &mut out);
+        assert_eq!(out, [2.0, 2.0, 1.0, 10.0, 30.0, 8.0]);
+        out.clear();
+        fields.add_at_start(2, 1, &mut out);
+        assert_eq!(out, [3.0, 3.0, 8.0, 8.0]);
     }
 }

@@ -3,7 +3,8 @@
 //! On the way to an equilibrium bonds come to remember something else with every step of Newton's method
 //! ([`Fracture::follow`]), and remember it once it is found. Where none is found that way, as where softening
 //! bonds carry less the further they are stretched, they take turns: an equilibrium with what bonds
-//! remember, then what they come to remember there, and again, at the same loads.
+//! remember, then what they come to remember there, and again, at the same loads. So does all that energies
+//! cannot follow: what is remembered with deformation gradients, or by points.
 
 use piola_mechanics::fracture::Release;
 
@@ -46,6 +47,11 @@ impl LoadSteps<'_> {
     /// Whether bonds remember anything.
     pub(super) fn remembers(&self) -> bool {
         self.fracture.as_ref().and_then(Fracturing::memory).is_some()
+    }
+
+    /// Whether energies follow all that is remembered.
+    fn can_follow(&self) -> bool {
+        self.fracture.as_ref().is_none_or(|fracture| fracture.status.can_follow())
     }
 
     /// What passes until `t`; nothing along the way, on which `t` is what drives the body alone.
@@ -116,6 +122,11 @@ impl LoadSteps<'_> {
         if !self.remembers() {
             return self.found_and_settled(last, loads, t);
         }
+        if !self.can_follow() {
+            let settled = self.by_turns(last, loads, t)?;
+            self.hold_memory();
+            return Ok(settled);
+        }
         self.follow_memory(Some(self.elapsed(t)));
         let found = self.search(last.clone(), loads, t);
         let is_stable = |found: &Found| found.judged.0.positive_definite != Some(false);
@@ -160,7 +171,7 @@ impl LoadSteps<'_> {
         (loads, t): (&[f64], f64),
         round: usize,
     ) -> Tried<Rested> {
-        let may_do_without = round >= FIRST_TRY && round.is_power_of_two();
+        let may_do_without = self.can_follow() && round >= FIRST_TRY && round.is_power_of_two();
         if self.takes_turns() && may_do_without {
             self.take_turns(false);
             // Where it is not stable turns lead away from it.

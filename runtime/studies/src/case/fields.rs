@@ -239,7 +239,7 @@ impl<'a> FieldsInTime<'a> {
                 let values = potential.values.fields.iter();
                 let values = values.map(|i| potential.values.parameters[usize::from(*i)]);
                 typical[*law] = values.collect();
-                states[*law] = potential.which_are_states();
+                states[*law] = potential.which_are_states(&case.scene);
                 is_steady &= potential.fields.iter().all(|field| field.is_steady);
             }
             let fields = Fields::new(case.body.n_points(), &typical, is_steady);

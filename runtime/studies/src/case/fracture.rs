@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use piola_compiler::OfFamily;
+use piola_compiler::{Model, OfFamily};
 use piola_grammar::Diagnostic;
 use piola_mechanics::energy::Energy;
 use piola_mechanics::fracture::crack::{self, Cut};
@@ -10,6 +10,7 @@ use piola_mechanics::fracture::criteria::{self, Criteria, Criterion};
 use piola_mechanics::fracture::memory::{self, Memory, NextState};
 use piola_mechanics::fracture::{Breaking, Fracture as _};
 use piola_mechanics::kernel::Measure;
+use piola_mechanics::materials::StateOf;
 use piola_mechanics::neighborhood::Neighborhood;
 
 use super::potential::is_sheet;
@@ -40,11 +41,17 @@ impl Case {
         self.n_states_of().iter().sum()
     }
 
-    /// The same of each bond, of each triangle and of each tetrahedron.
-    pub(crate) fn n_states_of(&self) -> [usize; 3] {
-        let updates = || self.potentials.iter().flat_map(|one| one.model.updates());
-        let own = |measure| updates().filter(|update| update.measure == measure).count();
-        Measure::ALL.map(own)
+    /// The same of each bond, of each triangle, of each tetrahedron and of each point.
+    pub(crate) fn n_states_of(&self) -> [usize; 4] {
+        let all: Vec<StateOf> = self
+            .potentials
+            .iter()
+            .flat_map(|one| one.which_are_states(&self.scene).into_iter().flatten())
+            .collect();
+        let own = |kind| all.iter().filter(|one| **one == kind).count();
+        let [bonds, triangles, tetrahedra] =
+            Measure::ALL.map(|measure| own(StateOf::Interactions(measure)));
+        [bonds, triangles, tetrahedra, own(StateOf::Points)]
     }
 
     /// The names of what is remembered, as [`Fracture::states`](piola_mechanics::fracture::Fracture::states)
@@ -52,7 +59,8 @@ impl Case {
     pub(crate) fn all_states(&self) -> Vec<&str> {
         let mut all: Vec<(usize, usize, &str)> = Vec::new();
         for (potential, (law, layer)) in self.potentials.iter().zip(self.places()) {
-            let fields = potential.values.fields.iter().zip(potential.which_are_states());
+            let fields =
+                potential.values.fields.iter().zip(potential.which_are_states(&self.scene));
             let names = fields.filter(|(_, state)| state.is_some()).map(|(number, _)| {
                 potential.model.parameters()[usize::from(*number)].name.as_str()
             });
@@ -175,6 +183,11 @@ impl Case {
             if potential.model.remembers_time() {
                 return Some("remembers the time that passes");
             }
+            if !potential.model.family_updates().is_empty() {
+                return Some(
+                    "remembers by what families give, which is not followed along the way",
+                );
+            }
             potential.changes_in_time().then_some("has parameters that vary with t")
         };
         let found = all.find_map(|(one, material)| Some((of(one)?, one, material)));
@@ -191,7 +204,7 @@ impl Case {
     fn check_events(&self) -> Result<(), CaseError> {
         let mut all = self.potentials.iter().zip(&self.scene.materials);
         let breaks = self.potentials.iter().any(|one| one.model.can_break());
-        let (span, message, help) = match all.find(|(one, _)| !one.model.updates().is_empty()) {
+        let (span, message, help) = match all.find(|(one, _)| one.model.has_memory()) {
             Some((one, material)) => (
                 material.potential.span,
                 format!("the steps go by events, and {} remembers", one.model.name()),
@@ -209,24 +222,30 @@ impl Case {
         Err(CaseError::Scene(self.scene.report(vec![found])))
     }
 
-    /// Refuses conditions of deformation gradients of sheets, whose gradients have no component across.
+    /// Refuses conditions and states of deformation gradients of sheets, whose gradients have no component across.
     ///
     /// # Errors
     /// At the material.
-    pub(super) fn check_gradient_breaks(&self) -> Result<(), CaseError> {
+    pub(super) fn check_gradient_functions(&self) -> Result<(), CaseError> {
         let mut all = self.potentials.iter().zip(&self.scene.materials);
-        let found = all.find(|(one, _)| {
-            one.model.family_breaks().iter().any(|one| one.of == OfFamily::Gradient)
-        });
+        let breaks =
+            |model: &Model| model.family_breaks().iter().any(|one| one.of == OfFamily::Gradient);
+        let remembers =
+            |model: &Model| model.family_updates().iter().any(|one| one.of == OfFamily::Gradient);
+        let found = all.find(|(one, _)| breaks(&one.model) || remembers(&one.model));
         let Some((one, material)) = found.filter(|_| is_sheet(&self.scene)) else { return Ok(()) };
+        let (what, instead) = match breaks(&one.model) {
+            true => ("bonds of", "a condition of bonds: `break when l/L - 1 > s0`"),
+            false => ("states of", "a state of bonds: `update k = max(k, l/L - 1)`"),
+        };
+        let how = if breaks(&one.model) { "break by" } else { "follow" };
         let message = format!(
-            "bonds of {} break by a deformation gradient, and in plane stress what lies across the sheet is \
+            "{what} {} {how} a deformation gradient, and in plane stress what lies across the sheet is \
              not there",
             one.model.name()
         );
-        let found = Diagnostic::error("conflicting-keys", material.potential.span, message).help(
-            "write plane = \"strain\" in [correspondence], or a condition of bonds: `break when l/L - 1 > s0`",
-        );
+        let found = Diagnostic::error("conflicting-keys", material.potential.span, message)
+            .help(format!("write plane = \"strain\" in [correspondence], or {instead}"));
         Err(CaseError::Scene(self.scene.report(vec![found])))
     }
 

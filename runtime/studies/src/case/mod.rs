@@ -11,6 +11,7 @@
 mod dissipation;
 mod error;
 pub(crate) mod explain;
+mod family;
 mod fields;
 mod fracture;
 mod model;
@@ -144,7 +145,7 @@ impl Case {
         for potential in &case.potentials {
             case.check_families(potential)?;
         }
-        case.check_gradient_breaks()?;
+        case.check_gradient_functions()?;
         case.check_colour()?;
         Ok(case)
     }

@@ -1,19 +1,21 @@
 //! The energies that a scene models, added up.
 
+use std::mem::take;
 use std::sync::Arc;
 
-use piola_compiler::{GatheredCriterion, GatheredKernels, GradientCriterion, Integrand};
+use piola_compiler::{GatheredKernels, Integrand};
 use piola_mechanics::assembly::{AssemblyError, DiscreteEnergy, Elements};
 use piola_mechanics::deformation::influence::{Constant, CubicSpline, Influence, InverseLength};
 use piola_mechanics::deformation::{DeformationEnergy, Discretisation, Formulation, Stabilisation};
 use piola_mechanics::energy::{Energy, Term, Total};
-use piola_mechanics::fracture::{FamilyCriterion, criteria, memory};
+use piola_mechanics::fracture::{criteria, memory};
 use piola_mechanics::kernel::{Law, VariablesLaw};
 use piola_mechanics::materials::{ByMaterial, Fields, MaterialLaw, Materials};
 use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::sheet::Thick;
 use piola_mechanics::states::{StateEnergy, StateLaws};
 
+use super::family::{FamilyFunctions, OfLayer};
 use super::fracture::{criterion, next_state, of_layers};
 use super::{Case, CaseError, Compiled, FieldsInTime, size};
 use crate::scene::{InfluenceChoice, NamedInfluence, StrainSource};
@@ -37,14 +39,8 @@ impl Case {
         mut compiled: Vec<Compiled>,
     ) -> Result<(Total<'static>, FieldsInTime<'_>), CaseError> {
         let n_laws = self.scene.n_laws();
-        let criteria =
-            of_layers(&mut compiled, n_laws, |one| std::mem::take(&mut one.criteria), criterion);
-        let states = of_layers(
-            &mut compiled,
-            n_laws,
-            |one| std::mem::take(&mut one.next_states),
-            next_state,
-        );
+        let criteria = of_layers(&mut compiled, n_laws, |one| take(&mut one.criteria), criterion);
+        let states = of_layers(&mut compiled, n_laws, |one| take(&mut one.next_states), next_state);
         let fields = FieldsInTime::new(self).map_err(|wrong| self.wrong_field(wrong))?;
         let horizon = self.scene.horizon_radius();
         size::check_neighbors(&self.body, horizon, size::family(&self.body, horizon))?;
@@ -79,7 +75,7 @@ impl Case {
             |(number, of_law)| criteria::Layer { of_law, materials: fields.materials(number) };
         let criteria = criteria.into_iter().enumerate().map(layer).collect();
         let states = states.into_iter().enumerate().filter_map(|(number, of_law)| {
-            Some(memory::Layer { of_law, materials: fields.materials(number)? })
+            Some(memory::Layer { number, of_law, materials: fields.materials(number)? })
         });
         let mut breaking = self.breaking(terms, names, neighborhood, (criteria, states.collect()));
         if let Some(dashpots) = dashpots {
@@ -129,8 +125,7 @@ impl Case {
         let found = || (Arc::clone(&self.body), Arc::clone(neighborhood));
         let mut terms: Vec<Box<dyn Energy>> = Vec::new();
         let has_interactions = layer.present().any(Compiled::has_interactions);
-        let Parts { elements, gathered, gradients, conditions } = layer.parts();
-        let (by_gradients, by_gathered): (Vec<_>, Vec<_>) = conditions.into_iter().unzip();
+        let Parts { elements, gathered, gradients, mut functions } = layer.parts();
         if has_interactions {
             let ((body, neighborhood), weighting) = (found(), self.scene.horizon.weighting());
             let materials = materials.clone();
@@ -140,23 +135,29 @@ impl Case {
         }
         if gathered.iter().any(Option::is_some) {
             let (laws, numbers) = states_of_materials(gathered, self.thickness(), fields);
-            let n = laws.integrals.len();
-            let own = |((all, others), numbers): ((Vec<_>, &Vec<_>), Vec<usize>)| {
-                of_gathered((n, others.len()), &numbers, all)
-            };
-            let own = by_gathered.into_iter().zip(&by_gradients).zip(numbers).map(own).collect();
-            let criteria = family_criteria(number, own, fields);
+            let (n_laws, n_variables) = (functions.len(), laws.integrals.len());
+            let of = OfLayer { number, n_laws, n_variables, fields };
+            let (mut criteria, mut next) = (Vec::new(), Vec::new());
+            for (law, (own, numbers)) in functions.iter_mut().zip(&numbers).enumerate() {
+                let place = (law, own.gradient_criteria.len());
+                criteria.extend(of.by_gathered(place, numbers, take(&mut own.gathered_criteria)));
+                next.extend(of.next_by_gathered(law, numbers, take(&mut own.gathered_next)));
+            }
             let (body, neighborhood) = found();
             let materials = materials.clone();
             let energy = StateEnergy::of_materials(body, neighborhood, materials, laws)?;
-            terms.push(Box::new(energy.with_criteria(criteria)));
+            terms.push(Box::new(energy.with_criteria(criteria).with_next_states(next)));
         }
         if gradients.iter().any(Option::is_some) {
             let energy = self.correspondence(gradients, found().1, materials.clone())?;
-            let n = self.body.dimension() * self.body.dimension();
-            let own = by_gradients.into_iter().map(|all| of_gradients(n, all)).collect();
-            let criteria = family_criteria(number, own, fields);
-            terms.push(Box::new(energy.with_criteria(criteria)));
+            let n_variables = self.body.dimension() * self.body.dimension();
+            let of = OfLayer { number, n_laws: functions.len(), n_variables, fields };
+            let (mut criteria, mut next) = (Vec::new(), Vec::new());
+            for (law, own) in functions.into_iter().enumerate() {
+                criteria.extend(of.by_gradients(law, own.gradient_criteria));
+                next.extend(of.next_by_gradients(law, own.gradient_next));
+            }
+            terms.push(Box::new(energy.with_criteria(criteria).with_next_states(next)));
         }
         Ok(terms)
     }
@@ -195,8 +196,7 @@ struct Parts {
     elements: Vec<Elements>,
     gathered: Vec<Option<(GatheredKernels, [String; 2])>>,
     gradients: Vec<Option<Box<dyn VariablesLaw>>>,
-    /// Of gradients, and of gathered values.
-    conditions: Vec<(Vec<GradientCriterion>, Vec<GatheredCriterion>)>,
+    functions: Vec<FamilyFunctions>,
 }
 
 impl Layer {
@@ -214,28 +214,27 @@ impl Layer {
     fn parts(self) -> Parts {
         let mut parts = Parts::default();
         for compiled in self.0 {
-            let (elements, gathered, gradient, conditions) = match compiled {
+            let (elements, gathered, gradient, functions) = match compiled {
                 Some(one) => {
                     let gathered = one.gathered.map(|gathered| (gathered, one.arguments));
-                    let conditions = (one.gradient_criteria, one.gathered_criteria);
-                    (one.elements, gathered, one.gradient, conditions)
+                    (one.elements, gathered, one.gradient, one.of_families)
                 }
                 None => Default::default(),
             };
             parts.elements.push(elements);
             parts.gathered.push(gathered);
             parts.gradients.push(gradient);
-            parts.conditions.push(conditions);
+            parts.functions.push(functions);
         }
         parts
     }
 }
 
 /// A law and, unless they are all, which of the variables of all materials it has.
-type Numbered = (Box<dyn VariablesLaw>, Option<Vec<usize>>);
+pub(super) type Numbered = (Box<dyn VariablesLaw>, Option<Vec<usize>>);
 
 /// The laws of several materials as one; the law itself of one material.
-fn by_material(
+pub(super) fn by_material(
     n_variables: usize,
     mut laws: Vec<Option<Numbered>>,
     fields: Option<&Fields>,
@@ -253,60 +252,6 @@ fn by_material(
     };
     let laws = laws.into_iter().enumerate().map(law).collect();
     Box::new(ByMaterial::new(n_variables, fields.map_or(0, Fields::len), laws))
-}
-
-/// A condition of what families give.
-struct Condition {
-    /// Which of those of its law it is.
-    number: usize,
-    /// How many variables all materials have together.
-    n_variables: usize,
-    margin: Numbered,
-    holds_at_zero: bool,
-}
-
-/// The conditions of the gradients of a law, of so many components.
-fn of_gradients(n_variables: usize, all: Vec<GradientCriterion>) -> Vec<Condition> {
-    let condition = |(number, one): (usize, GradientCriterion)| {
-        let (margin, holds_at_zero): (Numbered, _) =
-            ((Box::new(one.margin), None), one.holds_at_zero);
-        Condition { number, n_variables, margin, holds_at_zero }
-    };
-    all.into_iter().enumerate().map(condition).collect()
-}
-
-/// Those of the gathered values of a law behind `first` others; `numbers` says which of all `n` integrals it
-/// has.
-fn of_gathered(
-    (n, first): (usize, usize),
-    numbers: &[usize],
-    all: Vec<GatheredCriterion>,
-) -> Vec<Condition> {
-    let condition = |(number, one): (usize, GatheredCriterion)| {
-        let beside = usize::from(one.margin.of_bonds());
-        let variables = (0..beside).chain(numbers.iter().map(|number| number + beside));
-        let margin: Numbered = (Box::new(one.margin), Some(variables.collect()));
-        Condition { number, n_variables: n + beside, margin, holds_at_zero: one.holds_at_zero }
-    };
-    (first..).zip(all).map(condition).collect()
-}
-
-/// The conditions of a layer, from those of each law.
-fn family_criteria(
-    layer: usize,
-    of_laws: Vec<Vec<Condition>>,
-    fields: Option<&Fields>,
-) -> Vec<FamilyCriterion> {
-    let n_laws = of_laws.len();
-    let criterion = |(law, one): (usize, Condition)| {
-        let Condition { number, n_variables, margin, holds_at_zero } = one;
-        let mut laws: Vec<Option<Numbered>> = (0..n_laws).map(|_| None).collect();
-        laws[law] = Some(margin);
-        let margin = by_material(n_variables, laws, fields);
-        FamilyCriterion { layer, law: law as u8, number, margin, holds_at_zero }
-    };
-    let each = |(law, own): (usize, Vec<Condition>)| own.into_iter().map(move |one| (law, one));
-    of_laws.into_iter().enumerate().flat_map(each).map(criterion).collect()
 }
 
 /// The energies of gathered states of several materials: of integrals that are the same function in

@@ -5,18 +5,20 @@ use std::path::Path;
 
 use num_dual::HyperDual64;
 use piola_compiler::{
-    CoupledKernel, Criterion, Dropped, GatheredCriterion, GatheredKernels, GradientCriterion,
-    Interval, Kernel, Mode, Model, NextState, Setting, ValueError, Values, check_text,
-    check_text_with,
+    CoupledKernel, Criterion, Dropped, GatheredKernels, Interval, Kernel, Mode, Model, NextState,
+    Of, OfFamily, Setting, ValueError, Values, check_text, check_text_with,
 };
 use piola_grammar::Diagnostic;
 use piola_mechanics::assembly::Elements;
+use piola_mechanics::deformation::Discretisation;
 use piola_mechanics::element::{
     CoordinateElement, CoupledElement, Element, MeasureElement, SumElement,
 };
 use piola_mechanics::kernel::{Coupled, Measure, VariablesLaw};
+use piola_mechanics::materials::StateOf;
 use piola_mechanics::sheet::PlaneStress;
 
+use super::family::FamilyFunctions;
 use super::fields::{self, Columns, Field};
 use super::{CaseError, Library, explain};
 use crate::scene::{
@@ -59,10 +61,8 @@ pub struct Compiled {
     pub arguments: [String; 2],
     /// When its bonds break.
     pub criteria: Vec<Criterion>,
-    /// Under which conditions of deformation gradients they do.
-    pub gradient_criteria: Vec<GradientCriterion>,
-    /// Under which conditions of gathered values they do.
-    pub gathered_criteria: Vec<GatheredCriterion>,
+    /// When they do by what families give, and what is remembered with that.
+    pub of_families: FamilyFunctions,
     /// What is remembered, and what that becomes.
     pub next_states: Vec<NextState>,
     /// What bonds dissipate, as a function of their rate.
@@ -108,7 +108,7 @@ impl Potential {
         };
         let (_, model) = checked.map_err(|found| wrong(&text, found))?;
         let mut values = values(scene, material, &model)?.with_states(&model);
-        if scene.motion.is_none() {
+        if scene.motion.is_none() || model.families_remember_time() {
             values = values.following_states(&model);
         }
         let mut fields = Vec::new();
@@ -129,9 +129,10 @@ impl Potential {
         self.model.has_gradient_energy() || self.model.has_gathered_energy()
     }
 
-    /// Of each field which interactions remember it, where it changes.
-    pub(super) fn which_are_states(&self) -> Vec<Option<Measure>> {
-        let kind = |field: &u16| self.model.kind_of_state(usize::from(*field));
+    /// Of each field what remembers it, where it changes.
+    pub(super) fn which_are_states(&self, scene: &Scene) -> Vec<Option<StateOf>> {
+        let kind =
+            |field: &u16| Some(stored_at(self.model.kind_of_state(usize::from(*field))?, scene));
         self.values.fields.iter().map(kind).collect()
     }
 
@@ -163,6 +164,7 @@ impl Potential {
         let by_coordinates = solver.derivatives == DerivativeSource::HyperdualCoordinates;
         if solver.derivatives == DerivativeSource::Hyperdual
             && self.values.follow_states(&self.model)
+            && !self.model.updates().is_empty()
         {
             let message =
                 "what is remembered needs symbolic derivatives in load steps: hyper-dual numbers hold it"
@@ -184,13 +186,8 @@ impl Potential {
             .model
             .criteria(&self.values, mode(solver), solver.form)
             .map_err(|error| CaseError::compile(&self.text, &error))?;
-        let gradient_criteria = self
-            .model
-            .gradient_criteria(&self.values, mode(solver), solver.form)
-            .map_err(|error| CaseError::compile(&self.text, &error))?;
-        let gathered_criteria = self
-            .model
-            .gathered_criteria(&self.values, mode(solver), solver.form)
+        let how = (mode(solver), solver.form);
+        let of_families = FamilyFunctions::new(&self.model, &self.values, how)
             .map_err(|error| CaseError::compile(&self.text, &error))?;
         let next_states = self
             .model
@@ -250,8 +247,7 @@ impl Potential {
             gathered,
             arguments,
             criteria,
-            gradient_criteria,
-            gathered_criteria,
+            of_families,
             next_states,
             dissipation,
             dropped,
@@ -375,4 +371,17 @@ fn values(scene: &Scene, material: &Material, model: &Model) -> Result<Values, C
         });
         CaseError::Scene(scene.report(diagnostics.collect()))
     })
+}
+
+/// What remembers states of a kind: bonds do with their own deformation gradients, points with theirs.
+pub(super) fn stored_at(kind: Of, scene: &Scene) -> StateOf {
+    let at_bonds = scene
+        .correspondence
+        .as_ref()
+        .is_none_or(|settings| settings.discretisation == Discretisation::BondQuadrature);
+    match kind {
+        Of::Measure(measure) => StateOf::Interactions(measure),
+        Of::Family(OfFamily::Gradient) if at_bonds => StateOf::Interactions(Measure::Length),
+        Of::Family(_) => StateOf::Points,
+    }
 }

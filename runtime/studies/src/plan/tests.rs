@@ -152,7 +152,7 @@ fn plan_at(
         quick_products: false,
         breaks: false,
         breaks_cliques: [false; 2],
-        states: [0; 3],
+        states: [0; 4],
         of_interactions,
         families: families.to_vec(),
         prescribed: 1200,

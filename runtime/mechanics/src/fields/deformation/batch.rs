@@ -2,7 +2,7 @@
 
 use crate::fields::stored::Tensor;
 use crate::kernel::Variables;
-use crate::materials::LawOfPoints;
+use crate::materials::{LawOfPoints, Place};
 use crate::vector::are_finite;
 
 /// Deformation gradients evaluated at once.
@@ -38,16 +38,15 @@ impl<const D: usize> LawBatch<D> {
     }
 
     /// psi and, if asked for, the stress at displacement gradients `h`, at most [`CAPACITY`], with the
-    /// numbers of their laws. Places are between the points of `ends`, twice the same for places at points.
-    /// `Err` holds the first lane where something is not finite.
+    /// numbers of their laws. `Err` holds the first lane where something is not finite.
     pub(super) fn evaluate(
         &mut self,
         (law, laws): (LawOfPoints<'_>, &[u8]),
-        (ends, h): (impl Fn(usize) -> [usize; 2], &[Tensor<D>]),
+        (places, h): (impl Fn(usize) -> Place, &[Tensor<D>]),
         with_stress: bool,
     ) -> Result<(), usize> {
         self.take(h);
-        law.give(self.n, ends, &mut self.given);
+        law.give(self.n, places, &mut self.given);
         let size = D * D * self.n;
         let at = Variables {
             n: self.n,
@@ -65,11 +64,11 @@ impl<const D: usize> LawBatch<D> {
     pub(super) fn multiply(
         &mut self,
         (law, laws): (LawOfPoints<'_>, &[u8]),
-        (ends, h): (impl Fn(usize) -> [usize; 2], &[Tensor<D>]),
+        (places, h): (impl Fn(usize) -> Place, &[Tensor<D>]),
         directions: &[Tensor<D>],
     ) -> Result<(), usize> {
         self.take(h);
-        law.give(self.n, ends, &mut self.given);
+        law.give(self.n, places, &mut self.given);
         let (n, size) = (self.n, D * D * self.n);
         for (lane, direction) in directions.iter().enumerate() {
             for (k, x) in direction.as_flattened().iter().enumerate() {
@@ -87,12 +86,12 @@ impl<const D: usize> LawBatch<D> {
         self.check(true, false)
     }
 
-    /// The second derivatives at one place, between two points or at one, `d^2 x d^2` row by row; `Err`
+    /// The second derivatives at one place, `d^2 x d^2` row by row; `Err`
     /// holds its determinant.
     pub(super) fn second(
         &mut self,
         (law, number): (LawOfPoints<'_>, u8),
-        (ends, h): ([usize; 2], &Tensor<D>),
+        (place, h): (Place, &Tensor<D>),
     ) -> Result<&[f64], f64> {
         // One lane for each unit direction: products come out as columns, and rows are the same.
         let lanes = [*h; 9];
@@ -100,7 +99,7 @@ impl<const D: usize> LawBatch<D> {
         for (k, direction) in directions[..D * D].iter_mut().enumerate() {
             direction[k / D][k % D] = 1.0;
         }
-        let places = (|_| ends, &lanes[..D * D]);
+        let places = (|_| place, &lanes[..D * D]);
         self.multiply((law, &[number; 9][..D * D]), places, &directions[..D * D])
             .map_err(|_| determinant(h))?;
         Ok(&self.out[..D * D * D * D])

@@ -41,7 +41,7 @@ impl Places {
             }
             Discretisation::BondQuadrature => {
                 check_sums(body, neighborhood, influence, "bond quadrature")?;
-                Places::Bonds(BondQuadrature::new(operator))
+                Places::Bonds(BondQuadrature::new(operator, law.has_states_of_bonds()))
             }
         })
     }

@@ -11,7 +11,7 @@ use crate::body::Body;
 use crate::fields::springs;
 use crate::interaction::Slabs;
 use crate::kernel::Variables;
-use crate::materials::{LawOfPoints, Materials};
+use crate::materials::LawOfPoints;
 use crate::matrix::BlockMatrix;
 
 /// The least part of the largest modulus of the axes that a bond has: laws may be soft along some
@@ -78,7 +78,8 @@ impl<const D: usize> Modulus<D> {
 }
 
 /// The elasticity tensor at rest of the law of a number, `d^2 x d^2` row by row: entry `(rc, se)` is
-/// `dP_rc/dF_se`. Fields are those of a point, or typical.
+/// `dP_rc/dF_se`. Fields are those of a point, or typical; states are typical, for what is remembered later
+/// must not decide what bonds that break then make of it.
 pub(super) fn elasticity(
     law: LawOfPoints<'_>,
     (number, point): (u8, Option<usize>),
@@ -92,10 +93,10 @@ pub(super) fn elasticity(
     let direction: Vec<f64> =
         (0..size * size).map(|k| if k / size == k % size { 1.0 } else { 0.0 }).collect();
     let (mut product, laws, mut given) = (vec![0.0; size * size], vec![number; size], Vec::new());
-    match (point, law.materials.and_then(Materials::fields)) {
-        (Some(point), _) => law.give(size, |_| [point; 2], &mut given),
+    match (point, law.fields()) {
+        (Some(point), Some(fields)) => fields.add_at_start(size, point, &mut given),
         (None, Some(fields)) => fields.add_typical(size, &mut given),
-        (None, None) => {}
+        (_, None) => {}
     }
     law.law.product(
         Variables { n: size, current: &current, change: &change, given: &given, laws: &laws },

@@ -13,7 +13,7 @@ use crate::body::Body;
 use crate::fields::stored::{Linearised, Seen, Tensor};
 use crate::interaction::Slabs;
 use crate::interaction::schedule::{Layout, Part, Touched, visit};
-use crate::materials::LawOfPoints;
+use crate::materials::{LawOfPoints, Place};
 use crate::neighborhood::Neighborhood;
 
 /// Second derivatives of the energy by the fields.
@@ -49,7 +49,7 @@ impl<'a, const D: usize> FieldStiffness<'a, D> {
             let Some(law) = law else { return Ok(()) };
             let h = &fields.h[point];
             let second = batch
-                .second((law, law.number(point)), ([point; 2], h))
+                .second((law, law.number(point)), (Place::at(point), h))
                 .map_err(|_| Failure { points: vec![point], determinant: determinant(h) })?;
             let (volume, n) = (body.volumes()[point], D * D);
             for (place, second) in second.iter().enumerate() {

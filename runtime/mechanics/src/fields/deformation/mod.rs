@@ -7,7 +7,7 @@
 //! | `sweep`, `batch` | what is asked of an energy of the fields `u` and `H`, at points and at bonds; laws over batches |
 //! | `stabilisation` | energies of what neighbours deviate from a point's deformation gradient |
 //! | `quadrature` | deformation gradients at bonds |
-//! | `margins` | conditions of deformation gradients under which bonds break |
+//! | `functions` | conditions of deformation gradients under which bonds break, and what is remembered next |
 //! | `linear` | second derivatives by the fields, of which the stored Hessian is made |
 //! | `elastic` | the law at rest: stiffnesses of stabilisation and of springs like the Hessian |
 //!
@@ -24,9 +24,9 @@ mod batch;
 mod broken;
 mod elastic;
 mod error;
+mod functions;
 pub mod influence;
 mod linear;
-mod margins;
 mod moments;
 mod operator;
 mod quadrature;
@@ -44,10 +44,10 @@ use crate::assembly::{AssemblyError, sum::Sum};
 use crate::body::Body;
 use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored::{self, Tensor};
-use crate::fracture::{Asked, FamilyCriterion, Judged};
+use crate::fracture::{Asked, Change, FamilyCriterion, FamilyNextState, Judged};
 use crate::interaction::{Report, Slabs};
 use crate::kernel::{Variables, VariablesLaw};
-use crate::materials::{LawOfPoints, Materials};
+use crate::materials::{LawOfPoints, Materials, Place};
 use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use crate::pool::Pool;
@@ -103,6 +103,8 @@ pub struct DeformationEnergy {
     places: Places,
     /// By which bonds break.
     criteria: Vec<FamilyCriterion>,
+    /// What is remembered.
+    next_states: Vec<FamilyNextState>,
     /// The families before bonds were lost.
     whole: Option<Box<Whole>>,
     slabs: Slabs,
@@ -208,6 +210,7 @@ impl DeformationEnergy {
             discretisation,
             places,
             criteria: Vec::new(),
+            next_states: Vec::new(),
             whole: None,
             slabs,
             names,
@@ -496,7 +499,7 @@ impl Energy for DeformationEnergy {
         let current: Vec<f64> =
             (0..d * d).flat_map(|k| component(k).map(move |h| unit(k) + h)).collect();
         let (law, mut given, mut across) = (self.law(), Vec::new(), vec![0.0; n]);
-        law.give(n, |point| [point; 2], &mut given);
+        law.give(n, Place::at, &mut given);
         let (given, laws) = (&given[..], law.numbers(0..n));
         let at = Variables { n, current: &current, change: &change, given, laws };
         law.law.stretch_across(at, &mut across).then_some(across)
@@ -504,6 +507,18 @@ impl Energy for DeformationEnergy {
 
     fn has_field_conditions(&self) -> bool {
         !self.criteria.is_empty()
+    }
+
+    fn has_field_states(&self) -> bool {
+        !self.next_states.is_empty()
+    }
+
+    fn field_changes(&self, u: &[f64]) -> Result<Vec<Change>, NonFinite> {
+        match self.body.dimension() {
+            _ if self.next_states.is_empty() => Ok(Vec::new()),
+            2 => self.next_changes::<2>(u),
+            _ => self.next_changes::<3>(u),
+        }
     }
 
     fn field_margins(&self, u: &[f64], asked: Asked) -> Result<Vec<Judged>, NonFinite> {

@@ -19,7 +19,7 @@ use crate::assembly::sum::Sum;
 use crate::body::Body;
 use crate::fields::stored::Tensor;
 use crate::interaction::Slabs;
-use crate::materials::LawOfPoints;
+use crate::materials::{LawOfPoints, Place};
 use crate::neighborhood::{Gaps, Neighborhood};
 
 /// The weights of all bonds.
@@ -28,12 +28,16 @@ pub(super) struct BondQuadrature {
     pub(super) weight: Vec<f64>,
     /// `w0_i`.
     sums: Vec<f64>,
+    /// The numbers of the bonds among those of the whole families, where bonds remember something.
+    numbers: Option<Vec<usize>>,
 }
 
 /// A bond with its deformation gradient.
 #[derive(Clone, Copy)]
 pub(super) struct Bond<const D: usize> {
     points: [usize; 2],
+    /// Among the bonds of the whole families, where bonds remember something.
+    number: usize,
     /// `X_j - X_i`.
     dx: [f64; D],
     /// `dX/L^2`.
@@ -41,10 +45,16 @@ pub(super) struct Bond<const D: usize> {
 }
 
 impl<const D: usize> Bond<D> {
-    pub(super) fn new(positions: &[[f64; D]], i: usize, j: usize) -> Bond<D> {
+    pub(super) fn new(positions: &[[f64; D]], [i, j]: [usize; 2], number: usize) -> Bond<D> {
         let dx: [f64; D] = std::array::from_fn(|c| positions[j][c] - positions[i][c]);
         let squared = dx.iter().fold(0.0, |sum, x| sum + x * x);
-        Bond { points: [i, j], dx, along: dx.map(|x| x / squared) }
+        Bond { points: [i, j], number, dx, along: dx.map(|x| x / squared) }
+    }
+
+    /// Where its law is evaluated.
+    #[inline(always)]
+    pub(super) fn place(&self) -> Place {
+        Place { ends: self.points, bond: self.number }
     }
 
     /// `F_ij - I` from the fields.
@@ -162,13 +172,14 @@ impl BondStiffness {
 }
 
 impl BondQuadrature {
-    /// Of the families of an operator.
-    pub(super) fn new(operator: &GradientOperator) -> BondQuadrature {
+    /// Of the whole families of an operator, whose bonds remember something or not.
+    pub(super) fn new(operator: &GradientOperator, remember: bool) -> BondQuadrature {
         let neighborhood = operator.neighborhood();
         let points = 0..neighborhood.n_points();
         let sums = points.clone().map(|point| sum_of(operator, point)).collect();
         let weight = Vec::with_capacity(neighborhood.n_bonds());
-        let mut quadrature = BondQuadrature { weight, sums };
+        let numbers = remember.then(|| (0..neighborhood.n_bonds()).collect());
+        let mut quadrature = BondQuadrature { weight, sums, numbers };
         for i in points {
             let later = neighborhood.upper(i).iter().zip(operator.later_influence(i));
             let weights = later.map(|(&j, w)| quadrature.of_bond(operator, [i, j as usize], *w));
@@ -182,6 +193,7 @@ impl BondQuadrature {
     /// 0, and no bond asks for it.
     pub(super) fn lose(&mut self, (operator, gaps): (&GradientOperator, &Gaps), points: &[usize]) {
         gaps.close_bonds(&mut self.weight);
+        self.numbers.iter_mut().for_each(|numbers| gaps.close_bonds(numbers));
         points.iter().for_each(|point| self.sums[*point] = sum_of(operator, *point));
         let neighborhood = operator.neighborhood();
         for &point in points {
@@ -201,6 +213,17 @@ impl BondQuadrature {
         }
     }
 
+    /// The number among the bonds of the whole families of a bond that is left, where bonds remember something.
+    #[inline(always)]
+    pub(super) fn number(&self, bond: usize) -> usize {
+        self.numbers.as_ref().map_or(0, |numbers| numbers[bond])
+    }
+
+    /// Whether bonds remember something.
+    pub(super) fn remembers(&self) -> bool {
+        self.numbers.is_some()
+    }
+
     /// The weight of a bond of this influence.
     fn of_bond(&self, operator: &GradientOperator, [i, j]: [usize; 2], w: f64) -> f64 {
         let volumes = operator.body().volumes();
@@ -216,7 +239,8 @@ impl BondQuadrature {
     ) -> Result<BondStiffness, Failure> {
         let positions = body.positions().as_chunks::<D>().0;
         let bonds = |i: usize| {
-            neighborhood.upper(i).iter().map(move |&j| Bond::new(positions, i, j as usize))
+            let bonds = neighborhood.bonds(i).zip(neighborhood.upper(i));
+            bonds.map(move |(bond, &j)| Bond::new(positions, [i, j as usize], self.number(bond)))
         };
         let entries = BondStiffness::entries(D);
         let mut values = vec![0.0; self.weight.len() * entries];
@@ -233,7 +257,7 @@ impl BondQuadrature {
                 bonds(i).zip(&self.weight[neighborhood.bonds(i)]).zip(row.chunks_exact_mut(entries))
             {
                 for (number, part) in law.parts(bond.points).iter() {
-                    let place = (bond.points, &bond.gradient(fields));
+                    let place = (bond.place(), &bond.gradient(fields));
                     let second = batch.second((law, number as u8), place);
                     let second = second.map_err(|determinant| Failure {
                         points: bond.points.to_vec(),
@@ -261,7 +285,7 @@ impl BondQuadrature {
     ) -> Result<Sum, Failure> {
         let arch = Arch::new();
         let positions = body.positions().as_chunks::<D>().0;
-        let nothing = Bond { points: [0; 2], dx: [0.0; D], along: [0.0; D] };
+        let nothing = Bond { points: [0; 2], number: 0, dx: [0.0; D], along: [0.0; D] };
         let mut run = Run {
             law,
             fields,
@@ -299,14 +323,15 @@ impl BondQuadrature {
         part: impl Fn([usize; 2]) -> Option<f64>,
     ) -> Result<(), Failure> {
         for i in owners {
-            let weights = &self.weight[neighborhood.bonds(i)];
-            for (&j, &weight) in neighborhood.upper(i).iter().zip(weights) {
+            let all = neighborhood.bonds(i);
+            let weights = all.clone().zip(&self.weight[all]);
+            for (&j, (bond, &weight)) in neighborhood.upper(i).iter().zip(weights) {
                 let ends = [i, j as usize];
                 // Bonds as long as the horizon have no weight where the influence ends there.
                 if weight != 0.0
                     && let Some(part) = part(ends)
                 {
-                    run.push(Bond::new(positions, i, ends[1]), part * weight, number)?;
+                    run.push(Bond::new(positions, ends, self.number(bond)), part * weight, number)?;
                 }
             }
         }
@@ -368,7 +393,7 @@ impl<const D: usize> Run<'_, D> {
         );
         let laws = if self.law.materials.is_some() { &self.laws[..n] } else { &[] };
         let law = (self.law, laws);
-        let places = (|lane: usize| bonds[lane].points, &*h);
+        let places = (|lane: usize| bonds[lane].place(), &*h);
         let done = match self.pass {
             Pass::Energy => self.batch.evaluate(law, places, false),
             Pass::Gradient | Pass::Virial => self.batch.evaluate(law, places, true),

@@ -7,7 +7,7 @@ use crate::assembly::sum::Sum;
 use crate::fields::stored::Tensor;
 use crate::interaction::Slabs;
 use crate::interaction::schedule::{Layout, Part, Touched, visit};
-use crate::materials::LawOfPoints;
+use crate::materials::{LawOfPoints, Place};
 
 /// Displacements with their gradients at the points.
 #[derive(Clone, Copy)]
@@ -78,7 +78,7 @@ pub(super) fn over_points<const D: usize>(
     let evaluate = |batch: &mut LawBatch<D>, chunk: usize| -> Result<Sum, Failure> {
         let h = &fields.h[range(chunk)];
         let law = (law, law.numbers(range(chunk)));
-        let places = (|lane| [range(chunk).start + lane; 2], h);
+        let places = (|lane| Place::at(range(chunk).start + lane), h);
         let done = match pass {
             Pass::Energy => batch.evaluate(law, places, false),
             Pass::Gradient | Pass::Virial => batch.evaluate(law, places, true),

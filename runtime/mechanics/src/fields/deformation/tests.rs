@@ -120,7 +120,7 @@ fn shape_tensors_and_deformation_gradients_of_bonds_are_those_of_the_reference()
         let fields = Fields { u: u.as_chunks::<3>().0, h: &h };
         let [i, j] = ["i", "j"].map(|end| place(bond[end].as_u64().unwrap()));
         let positions = body.positions().as_chunks::<3>().0;
-        let mut f = quadrature::Bond::new(positions, i, j).gradient(fields);
+        let mut f = quadrature::Bond::new(positions, [i, j], 0).gradient(fields);
         (0..3).for_each(|k| f[k][k] += 1.0);
         let found = error(f.as_flattened(), &numbers(&bond["F"]));
         println!("F_{kernel} {found:e}");

@@ -214,7 +214,7 @@ impl StateEnergy {
                 work.take(length, &states.integrals, m, end);
                 work.set_laws(self.materials.as_deref(), end);
                 work.slopes.resize((1 + m) * n, 0.0);
-                work.give(self, rest);
+                work.give(self, rest, end);
                 let (current, laws) = (&work.variables[..], &work.laws[..]);
                 let at = Variables { n, current, change, given: &work.given, laws };
                 direction.clear();

@@ -10,7 +10,7 @@
 //! | `linear` | products with the Hessian from second derivatives at fixed displacements |
 //! | `stiffness` | the same for the stored Hessian, and springs like it |
 //! | `broken` | families that lose bonds |
-//! | `margins` | conditions of gathered values under which bonds break |
+//! | `functions` | conditions of gathered values under which bonds break, and what points remember next |
 //! | `rows`, `sweep` | along the rows of lattices, where laws are affine; the bonds of a slab there |
 //!
 //! The derivative goes the way back (reverse mode): `a_i = dw_i/dI_i`, then each bond has
@@ -21,8 +21,8 @@
 //! Silling, Epton, Weckner, Xu, Askari 2007; Partmann, Wieners, Weinberg 2026, (3.17) to (3.23).
 
 mod broken;
+mod functions;
 mod linear;
-mod margins;
 mod passes;
 mod rows;
 mod stiffness;
@@ -39,7 +39,7 @@ use crate::assembly::sum::Sum;
 use crate::body::Body;
 use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored;
-use crate::fracture::{Asked, FamilyCriterion, Judged};
+use crate::fracture::{Asked, Change, FamilyCriterion, FamilyNextState, Judged};
 use crate::interaction::{Report, Slabs};
 use crate::kernel::{Batch, Law, Order, Outputs, Variables, VariablesLaw};
 use crate::materials::{Fields, Materials};
@@ -122,6 +122,8 @@ pub struct StateEnergy {
     springs: OnceLock<Vec<f64>>,
     /// By which bonds break.
     criteria: Vec<FamilyCriterion>,
+    /// What points remember.
+    next_states: Vec<FamilyNextState>,
     /// The families before bonds were lost.
     whole: Option<Box<Whole>>,
     /// Room for passes, and for their threads.
@@ -194,6 +196,7 @@ impl StateEnergy {
             bond_pattern: OnceLock::new(),
             springs: OnceLock::new(),
             criteria: Vec::new(),
+            next_states: Vec::new(),
             whole: None,
             states: Pool::new(),
             work: Pool::new(),
@@ -474,6 +477,18 @@ impl Energy for StateEnergy {
 
     fn has_field_conditions(&self) -> bool {
         !self.criteria.is_empty()
+    }
+
+    fn has_field_states(&self) -> bool {
+        !self.next_states.is_empty()
+    }
+
+    fn field_changes(&self, u: &[f64]) -> Result<Vec<Change>, NonFinite> {
+        match self.body.dimension() {
+            _ if self.next_states.is_empty() => Ok(Vec::new()),
+            2 => self.next_changes::<2>(u),
+            _ => self.next_changes::<3>(u),
+        }
     }
 
     fn field_margins(&self, u: &[f64], asked: Asked) -> Result<Vec<Judged>, NonFinite> {

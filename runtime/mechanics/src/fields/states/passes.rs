@@ -344,7 +344,7 @@ impl StateEnergy {
                     work.set_laws(self.materials.as_deref(), end);
                     work.slopes.resize(if with_slopes { (1 + m) * n } else { 0 }, 0.0);
                     work.psi.resize(n, 0.0);
-                    work.give(self, rest);
+                    work.give(self, rest, end);
                     let (current, laws) = (&work.variables[..], &work.laws[..]);
                     let at = Variables { n, current, change, given: &work.given, laws };
                     law.evaluate(at, &mut work.psi, &mut work.slopes);
@@ -527,12 +527,13 @@ impl Work {
         }
     }
 
-    /// What is given of bonds: their lengths at rest, and fields.
-    pub(super) fn give(&mut self, energy: &StateEnergy, rest: &[f64]) {
+    /// What is given of bonds: their lengths at rest, and fields, with the states of one of their ends.
+    pub(super) fn give(&mut self, energy: &StateEnergy, rest: &[f64], end: usize) {
         let Work { given, ends, .. } = self;
         given.clear();
         given.extend_from_slice(rest);
-        energy.give(rest.len(), |b| ends[b].map(|end| end as usize), given);
+        let ends = |b: usize| [ends[b][end] as usize, ends[b][1 - end] as usize];
+        energy.give(rest.len(), ends, given);
     }
 
     /// The laws are those of one of the ends.

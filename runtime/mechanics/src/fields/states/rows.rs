@@ -19,6 +19,7 @@ use crate::geometry::{dot, each};
 use crate::interaction::runs::Runs;
 use crate::interaction::schedule::{Layout, Part, Touched, visit};
 use crate::kernel::{Variables, VariablesLaw};
+use crate::materials::{Fields, StateOf};
 use crate::pool::{Pool, Taken};
 use crate::vector::are_finite;
 
@@ -87,7 +88,10 @@ impl AlongRows {
         let is_fixed = |k: usize| !energy.changing.contains(&k);
         let of_bonds = energy.laws.bonds.as_ref();
         // What bonds have at rest is known once.
-        if of_bonds.is_some() && energy.fields().is_some_and(|fields| !fields.is_steady()) {
+        let changes = |fields: &Fields| {
+            !fields.is_steady() || fields.have_states(0..fields.len(), Some(StateOf::Points))
+        };
+        if of_bonds.is_some() && energy.fields().is_some_and(changes) {
             return None;
         }
         if laws.len() > MOST || of_bonds.is_some_and(|law| !law.is_affine_beside(&is_fixed)) {

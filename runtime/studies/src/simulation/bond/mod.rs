@@ -213,10 +213,10 @@ fn conditions(compiled: &[Compiled]) -> Vec<Known> {
             };
         let lengths = one.criteria.iter().filter(|own| own.measure() == Measure::Length);
         let lengths = lengths.enumerate().map(|(k, own)| known(false, k, &own.text, &own.reason));
-        let gradients = one.gradient_criteria.iter().enumerate();
+        let gradients = one.of_families.gradient_criteria.iter().enumerate();
         let gradients = gradients.map(|(k, own)| known(true, k, &own.text, &own.reason));
-        let first = one.gradient_criteria.len();
-        let gathered = one.gathered_criteria.iter().enumerate();
+        let first = one.of_families.gradient_criteria.len();
+        let gathered = one.of_families.gathered_criteria.iter().enumerate();
         let gathered = gathered.map(|(k, own)| known(true, first + k, &own.text, &own.reason));
         lengths.chain(gradients).chain(gathered).collect::<Vec<Known>>()
     };

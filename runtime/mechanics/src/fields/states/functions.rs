@@ -1,16 +1,17 @@
-//! Conditions of gathered values under which bonds break: one that holds the length of a bond is asked of a bond
-//! with what either of its ends gathers, one without of a point, and breaks all of its bonds.
+//! Functions of gathered values that are no energies: conditions under which bonds break, and what points
+//! remember next. A condition that holds the length of a bond is asked of a bond with what either of its ends
+//! gathers, one without of a point, and breaks all of its bonds.
 
 use rayon::prelude::*;
 
 use super::StateEnergy;
 use crate::energy::NonFinite;
-use crate::fracture::{Asked, FamilyCriterion, Judged};
+use crate::fracture::{Asked, Change, FamilyCriterion, FamilyNextState, Judged};
 use crate::geometry::Geometry;
 use crate::geometry::bond::Bond;
-use crate::kernel::Variables;
+use crate::kernel::{Variables, VariablesLaw};
 
-/// Points whose bonds are judged by one task; fixed, so that results do not depend on threads.
+/// Points that are worked out by one task, or whose bonds are; fixed, so that results do not depend on threads.
 const CHUNK: usize = 64;
 
 /// Places that go through a margin at once.
@@ -29,6 +30,44 @@ impl StateEnergy {
         StateEnergy { criteria, ..self }
     }
 
+    /// The same with what points remember.
+    pub fn with_next_states(self, next_states: Vec<FamilyNextState>) -> StateEnergy {
+        StateEnergy { next_states, ..self }
+    }
+
+    /// See [`crate::energy::Energy::field_changes`].
+    pub(super) fn next_changes<const D: usize>(&self, u: &[f64]) -> Result<Vec<Change>, NonFinite> {
+        let integrals = self.integrals(u);
+        let now = Deformed { integrals: &integrals, u };
+        let (Some(fields), n) = (self.fields(), self.body.n_points()) else {
+            return Ok(Vec::new());
+        };
+        let mut all = Vec::new();
+        for one in &self.next_states {
+            let chunk = |number: usize| {
+                let points = number * CHUNK..n.min((number + 1) * CHUNK);
+                let own = self.own(one.law, &points.map(|i| [i; 2]).collect::<Vec<_>>());
+                let mut changes = Vec::new();
+                for places in own.chunks(CAPACITY) {
+                    let next = self.values::<D>((&*one.next, one.law), places, now)?;
+                    let places = places.iter().zip(next);
+                    changes.extend(places.filter_map(|([i, _], x)| one.change(fields, *i, x)));
+                }
+                Ok(changes)
+            };
+            let parts: Result<Vec<_>, NonFinite> =
+                (0..n.div_ceil(CHUNK)).into_par_iter().map(chunk).collect();
+            all.extend(parts?.concat());
+        }
+        Ok(all)
+    }
+
+    /// The places whose first points are of a law.
+    fn own(&self, law: u8, places: &[[usize; 2]]) -> Vec<[usize; 2]> {
+        let of = |point: usize| self.materials.as_ref().map_or(0, |materials| materials.of(point));
+        places.iter().filter(|ends| of(ends[0]) == law).copied().collect()
+    }
+
     /// See [`crate::energy::Energy::field_margins`].
     pub(super) fn margins<const D: usize>(
         &self,
@@ -44,8 +83,11 @@ impl StateEnergy {
         for criterion in &self.criteria {
             let judge = |places: Vec<[usize; 2]>| self.judge::<D>(criterion, &places, now, at_rest);
             if let Asked::Bond([i, j]) = asked {
-                let places =
-                    if self.holds_length(criterion) { [[i, j], [j, i]] } else { [[i; 2], [j; 2]] };
+                let places = if self.holds_length(&*criterion.margin) {
+                    [[i, j], [j, i]]
+                } else {
+                    [[i; 2], [j; 2]]
+                };
                 all.extend(judge(places.to_vec())?);
                 continue;
             }
@@ -53,7 +95,7 @@ impl StateEnergy {
             let chunk = |number: usize| {
                 let points = number * CHUNK..n.min((number + 1) * CHUNK);
                 let row = |i: usize| self.neighborhood.row(i).iter().map(move |j| [i, *j as usize]);
-                judge(match self.holds_length(criterion) {
+                judge(match self.holds_length(&*criterion.margin) {
                     true => points.flat_map(row).collect(),
                     false => points.map(|i| [i; 2]).collect(),
                 })
@@ -73,28 +115,27 @@ impl StateEnergy {
         now: Deformed<'_>,
         at_rest: Option<Deformed<'_>>,
     ) -> Result<Vec<Judged>, NonFinite> {
-        let of = |point: usize| self.materials.as_ref().map_or(0, |materials| materials.of(point));
-        let takes = |ends: &&[usize; 2]| of(ends[0]) == criterion.law;
-        let own: Vec<[usize; 2]> = places.iter().filter(takes).copied().collect();
+        let own = self.own(criterion.law, places);
+        let margin = (&*criterion.margin, criterion.law);
         let mut found = Vec::new();
         for places in own.chunks(CAPACITY) {
-            let rest = at_rest.map(|at_rest| self.values::<D>(criterion, places, at_rest));
+            let rest = at_rest.map(|at_rest| self.values::<D>(margin, places, at_rest));
             let rest = rest.transpose()?;
-            let margins = self.values::<D>(criterion, places, now)?;
+            let margins = self.values::<D>(margin, places, now)?;
             criterion.judge(places, (&margins, rest.as_deref()), &mut found);
         }
         Ok(found)
     }
 
     /// Whether a condition holds the length of a bond, beside what points gather.
-    fn holds_length(&self, criterion: &FamilyCriterion) -> bool {
-        criterion.margin.n_variables() > self.n_integrals()
+    fn holds_length(&self, function: &dyn VariablesLaw) -> bool {
+        function.n_variables() > self.n_integrals()
     }
 
-    /// Margins at some places.
+    /// A function at some places.
     fn values<const D: usize>(
         &self,
-        criterion: &FamilyCriterion,
+        (function, law): (&dyn VariablesLaw, u8),
         places: &[[usize; 2]],
         Deformed { integrals, u }: Deformed<'_>,
     ) -> Result<Vec<f64>, NonFinite> {
@@ -102,7 +143,7 @@ impl StateEnergy {
         let positions = self.body.positions().as_chunks::<D>().0;
         let displacements = u.as_chunks::<D>().0;
         let (mut current, mut change, mut given) = (Vec::new(), Vec::new(), Vec::new());
-        if self.holds_length(criterion) {
+        if self.holds_length(function) {
             for &[i, j] in places {
                 let xi: [f64; D] = std::array::from_fn(|c| positions[j][c] - positions[i][c]);
                 let eta = std::array::from_fn(|c| displacements[j][c] - displacements[i][c]);
@@ -114,10 +155,10 @@ impl StateEnergy {
         }
         current.extend((0..m).flat_map(|k| places.iter().map(move |[i, _]| integrals[i * m + k])));
         self.give(n, |place| places[place], &mut given);
-        let laws = vec![criterion.law; n];
+        let laws = vec![law; n];
         let at = Variables { n, current: &current, change: &change, given: &given, laws: &laws };
         let mut margins = vec![0.0; n];
-        criterion.margin.evaluate(at, &mut margins, &mut []);
+        function.evaluate(at, &mut margins, &mut []);
         match margins.iter().position(|margin| !margin.is_finite()) {
             Some(lane) => {
                 let point = places[lane][0];

@@ -38,12 +38,12 @@ pub(crate) fn breaking((body, horizon): &Case, energy: impl Energy + 'static) ->
 /// The bonds of a body, found by a loop, and which of them are broken.
 pub(crate) struct Left<'a> {
     pub(crate) body: &'a Body,
-    all: Vec<[usize; 2]>,
-    broken: BTreeSet<usize>,
+    pub(crate) all: Vec<[usize; 2]>,
+    pub(crate) broken: BTreeSet<usize>,
 }
 
 impl<'a> Left<'a> {
-    fn of((body, horizon): &'a Case) -> Left<'a> {
+    pub(crate) fn of((body, horizon): &'a Case) -> Left<'a> {
         let n = body.n_points();
         let pairs = (0..n).flat_map(|p| (p + 1..n).map(move |q| [p, q]));
         let rest = vec![0.0; body.positions().len()];

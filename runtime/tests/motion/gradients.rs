@@ -38,7 +38,7 @@ fn body((body, horizon): &Case, kind: Discretisation, level: Level) -> Breaking 
 }
 
 /// `F - I` of a point by what is left of its family; nothing where that determines none.
-fn of_point(left: &Left<'_>, u: &[f64], point: usize) -> Option<DMatrix<f64>> {
+pub(crate) fn of_point(left: &Left<'_>, u: &[f64], point: usize) -> Option<DMatrix<f64>> {
     let d = left.body.dimension();
     let (mut shape, mut moved) = (DMatrix::zeros(d, d), DMatrix::zeros(d, d));
     for other in left.family(point) {

@@ -14,6 +14,7 @@ mod extremes;
 #[path = "../correspondence/common.rs"]
 mod families;
 mod families_break;
+mod family_states;
 mod following;
 mod gathered;
 mod gradients;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use piola_compiler::{Form, Level, Mode, Setting, check_text};
+use piola_compiler::{Form, Level, Mode, Of, Setting, check_text};
 use piola_runtime::assembly::{DiscreteEnergy, Elements};
 use piola_runtime::body::Body;
 use piola_runtime::element::MeasureElement;
@@ -11,7 +11,7 @@ use piola_runtime::fracture::criteria::{Criteria, Criterion, Layer};
 use piola_runtime::fracture::memory::{self, Memory, NextState};
 use piola_runtime::fracture::{Breaking, Fracture};
 use piola_runtime::kernel::Measure;
-use piola_runtime::materials::{Fields, Materials};
+use piola_runtime::materials::{Fields, Materials, StateOf};
 use piola_runtime::neighborhood::Neighborhood;
 use piola_runtime::solve::Watch;
 use piola_runtime::solve::march::March;
@@ -86,7 +86,10 @@ pub(crate) fn remembering_as(
         values.fields.iter().map(|field| values.parameters[usize::from(*field)]).collect();
     let fields = Fields::new(body.n_points(), std::slice::from_ref(&typical), true);
     let time_steps = if follows { vec![typical.len() - 1] } else { Vec::new() };
-    let kinds = values.fields.iter().map(|field| model.kind_of_state(usize::from(*field)));
+    let kinds = values.fields.iter().map(|field| match model.kind_of_state(usize::from(*field)) {
+        Some(Of::Measure(measure)) => Some(StateOf::Interactions(measure)),
+        _ => None,
+    });
     let fields = Arc::new(fields.with_states(kinds.collect()).with_time_steps(time_steps));
     let materials = Materials::new(vec![0; body.n_points()], Vec::new());
     let materials = Arc::new(materials.with_fields(Arc::clone(&fields)));
@@ -118,7 +121,7 @@ pub(crate) fn remembering_as(
     };
     let states = model.next_states(&values, mode, Form::Accurate).unwrap();
     let of_law = vec![states.into_iter().map(next).collect()];
-    let memory = memory::Layer { of_law, materials: Arc::clone(&materials) };
+    let memory = memory::Layer { number: 0, of_law, materials: Arc::clone(&materials) };
     let memory = Memory::new((body, &neighborhood), vec![memory]);
     let criterion = |one: piola_compiler::Criterion| Criterion {
         measure: one.measure(),

@@ -46,7 +46,9 @@ impl StateEnergy {
         for one in &self.next_states {
             let chunk = |number: usize| {
                 let points = number * CHUNK..n.min((number + 1) * CHUNK);
-                let own = self.own(one.law, &points.map(|i| [i; 2]).collect::<Vec<_>>());
+                // A point that has nothing to gather from any more goes on remembering what it did.
+                let there = points.filter(|i| !self.neighborhood.row(*i).is_empty());
+                let own = self.own(one.law, &there.map(|i| [i; 2]).collect::<Vec<_>>());
                 let mut changes = Vec::new();
                 for places in own.chunks(CAPACITY) {
                     let next = self.values::<D>((&*one.next, one.law), places, now)?;

@@ -1,6 +1,8 @@
 //! One bond, triangle or tetrahedron and what it remembers, from measure to measure: for lints, verification and
 //! studies of single ones.
 
+mod gradient;
+
 use std::sync::Arc;
 
 use crate::breaking::{Criterion, NextState};
@@ -10,6 +12,7 @@ use crate::model::Model;
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
 use crate::verify::sample::Point;
+pub(crate) use gradient::RememberingGradient;
 
 /// An interaction with its history.
 #[derive(Clone, Debug)]

@@ -9,10 +9,9 @@ use crate::breaking::Criterion;
 use crate::kernel::Mode;
 use crate::measure::Measure;
 use crate::model::{Break, Model, OfFamily};
-use crate::point::sample::{self, Sample};
-use crate::remember::Remembering;
+use crate::remember::{Remembering, RememberingGradient};
 use crate::specialise::Form;
-use crate::verify::sample::{Point, Random, contains};
+use crate::verify::sample::{Point, contains};
 
 /// Lengths at rest that are tried, over the horizon; areas and volumes are their powers.
 const REFERENCES: [f64; 2] = [0.5, 0.15];
@@ -55,31 +54,36 @@ impl Breaking {
     fn of_gradients(model: &Model, dimension: usize) -> Vec<Breaking> {
         let Some(variant) = model.variant(dimension) else { return Vec::new() };
         let Some(values) = example(model, dimension) else { return Vec::new() };
-        let criteria = model.gradient_criteria(&values, Mode::Interpreter, Form::Textbook);
+        let (mode, form) = (Mode::Interpreter, Form::Textbook);
+        let made = RememberingGradient::new(model, &values, mode, form)
+            .and_then(|(begin, values)| Ok((begin, model.gradient_criteria(&values, mode, form)?)));
+        let Ok((begin, criteria)) = made else { return Vec::new() };
         let unit = |k: usize| if k / dimension == k % dimension { 1.0 } else { 0.0 };
         let all = |of: &dyn Fn(usize) -> f64| (0..dimension * dimension).map(of).collect();
-        let (mut stretches, mut samples) = (Vec::new(), Vec::new());
-        let mut random = Random::new(1);
-        let mut add = |stretch: f64, change: Vec<f64>| {
-            stretches.push(stretch);
-            samples.push(Sample::of_change(change, &mut random));
-        };
+        let mut gradients: Vec<(f64, Vec<f64>)> = Vec::new();
         for stretch in STRETCHES_OF_GRADIENTS {
             let e = stretch - 1.0;
-            add(stretch, all(&|k| e * unit(k)));
+            gradients.push((stretch, all(&|k| e * unit(k))));
             if e > 0.0 {
-                add(stretch, all(&|k| if k == 0 { e } else { 0.0 }));
-                add(stretch, all(&|k| if k == 1 { e } else { 0.0 }));
+                gradients.push((stretch, all(&|k| if k == 0 { e } else { 0.0 })));
+                gradients.push((stretch, all(&|k| if k == 1 { e } else { 0.0 })));
             }
         }
-        let criteria = criteria.unwrap_or_default();
         let breaking = |condition: &Break<OfFamily>| {
-            // One of gathered values is not there, nor one of which these values leave nothing.
+            // One of gathered values is not there.
             let one = criteria.iter().find(|one| one.text == condition.text)?;
-            let margins = sample::evaluate(&one.margin, &samples);
-            let breaks = margins.iter().map(|margin| one.breaks(margin[0]));
-            let tried = stretches.iter().copied().zip(breaks).collect();
-            Some(Breaking { span: condition.span, measure: None, has_energy: true, tried })
+            let breaks = |change: &[f64]| {
+                let mut gradient = begin.clone();
+                // At once, with what is remembered there, and after a long time.
+                [0.0, 0.0, AGE].into_iter().any(|dt| {
+                    let breaks = gradient.breaks(one, change);
+                    gradient.advance(change, dt);
+                    breaks || gradient.breaks(one, change)
+                })
+            };
+            let tried = gradients.iter().map(|(stretch, change)| (*stretch, breaks(change)));
+            let (span, tried) = (condition.span, tried.collect());
+            Some(Breaking { span, measure: None, has_energy: true, tried })
         };
         variant.family_breaks.iter().filter_map(breaking).collect()
     }

@@ -112,7 +112,7 @@ impl Lint {
     fn look_at_updates(&self, updating: &Updating<'_>) -> Option<Diagnostic> {
         let Look::Update(look) = self.look else { return None };
         let (update, finding) = look(updating)?;
-        Some(self.warning(updating.updates[update].span, finding))
+        Some(self.warning(updating.updates[update].1, finding))
     }
 
     /// What it says of what bonds dissipate.
@@ -166,7 +166,8 @@ impl Model {
                 of_bonds.extend(wanted.iter().filter_map(|lint| lint.look_at_break(&breaking)));
             }
             let updating = |measure| Updating::examples(self, measure, dimension);
-            for updating in Measure::ALL.into_iter().filter_map(updating) {
+            let of_gradients = Updating::of_gradients(self, dimension);
+            for updating in Measure::ALL.into_iter().filter_map(updating).chain(of_gradients) {
                 of_bonds.extend(wanted.iter().filter_map(|lint| lint.look_at_updates(&updating)));
             }
             if let Some(own) = Dissipating::examples(self, dimension) {

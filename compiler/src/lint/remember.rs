@@ -1,12 +1,14 @@
 //! What interactions remember: states that nobody asks, and next states that create energy or do not settle.
 
+use piola_grammar::Span;
+
 use super::Finding;
 use super::subject::{example, short};
 use crate::expression::Input;
 use crate::kernel::Mode;
 use crate::measure::Measure;
-use crate::model::{Model, Of, Parameter, Update};
-use crate::remember::Remembering;
+use crate::model::{Model, Of, OfFamily, Parameter};
+use crate::remember::{Remembering, RememberingGradient};
 use crate::specialise::Form;
 use crate::verify::sample::{Point, contains};
 
@@ -20,15 +22,17 @@ const REFERENCE: f64 = 0.5;
 /// By which part of what it can be an energy must grow, or a state change, to be told.
 const TOLD: f64 = 1e-9;
 
-/// What bonds remember, or triangles, or tetrahedra, with values for everything it depends on.
+/// What bonds remember, or triangles, or tetrahedra, or deformation gradients, with values for everything it
+/// depends on.
 pub(super) struct Updating<'m> {
-    pub(super) updates: Vec<&'m Update<Measure>>,
-    measure: Measure,
+    /// States by their numbers, with the places of their next values.
+    pub(super) updates: Vec<(usize, Span)>,
+    of: Of,
     model: &'m Model,
     tried: Vec<Tried>,
 }
 
-/// An interaction that has been at one stretch and comes to another.
+/// An interaction that has been at one stretch and comes to another, or a body that has, along one axis.
 struct Tried {
     stretches: [f64; 2],
     /// psi with states before they change and behind that.
@@ -46,7 +50,7 @@ impl<'m> Updating<'m> {
     ) -> Option<Updating<'m>> {
         let variant = model.variant(dimension)?;
         let own = variant.updates.iter().filter(|update| update.of == measure);
-        let updates: Vec<&Update<Measure>> = own.collect();
+        let updates: Vec<(usize, Span)> = own.map(|one| (one.state, one.span)).collect();
         if updates.is_empty() {
             return None;
         }
@@ -78,25 +82,69 @@ impl<'m> Updating<'m> {
                 next: [states, next(&bond)],
             });
         }
-        Some(Updating { updates, measure, model, tried })
+        Some(Updating { updates, of: Of::Measure(measure), model, tried })
+    }
+
+    /// The same of deformation gradients.
+    pub(super) fn of_gradients(model: &'m Model, dimension: usize) -> Option<Updating<'m>> {
+        let variant = model.variant(dimension)?;
+        let of = Of::Family(OfFamily::Gradient);
+        let own = variant.family_updates.iter().filter(|update| update.of == OfFamily::Gradient);
+        let updates: Vec<(usize, Span)> = own.map(|one| (one.state, one.span)).collect();
+        if updates.is_empty() {
+            return None;
+        }
+        let (mode, form) = (Mode::Interpreter, Form::Textbook);
+        let values = example(model, dimension)?;
+        let (begin, values) = RememberingGradient::new(model, &values, mode, form).ok()?;
+        let kernel = model.compile(&values, mode, form).ok()?.gradient;
+        let mut tried = Vec::new();
+        for [first, second] in STRETCHES.iter().flat_map(|one| STRETCHES.map(|two| [*one, two])) {
+            let change = |stretch: f64| -> Vec<f64> {
+                (0..dimension * dimension)
+                    .map(|k| if k == 0 { stretch - 1.0 } else { 0.0 })
+                    .collect()
+            };
+            let [one, two] = [first, second].map(change);
+            let mut gradient = begin.clone();
+            gradient.advance(&one, 0.0);
+            let psi = |gradient: &RememberingGradient| {
+                kernel.as_ref().map_or(0.0, |kernel| gradient.energy(kernel, &two))
+            };
+            let (before, states) = (psi(&gradient), gradient.next(&two, 0.0));
+            gradient.advance(&two, 0.0);
+            tried.push(Tried {
+                stretches: [first, second],
+                psi: [before, psi(&gradient)],
+                next: [states, gradient.next(&two, 0.0)],
+            });
+        }
+        Some(Updating { updates, of, model, tried })
     }
 
     fn name(&self, update: usize) -> &str {
-        &self.model.parameters()[self.updates[update].state].name
+        &self.model.parameters()[self.updates[update].0].name
     }
 
     /// In words where one has been and where it comes to.
     fn way(&self, [first, second]: [f64; 2]) -> String {
-        let (m, rest) = (self.measure.symbol(), self.measure.reference_symbol());
-        format!("at {m}/{rest} = {} after {m}/{rest} = {}", short(second), short(first))
+        let (first, second) = (short(first), short(second));
+        match self.of {
+            Of::Measure(measure) => {
+                let (m, rest) = (measure.symbol(), measure.reference_symbol());
+                format!("at {m}/{rest} = {second} after {m}/{rest} = {first}")
+            }
+            Of::Family(_) => format!("at a stretch of {second} along X after one of {first}"),
+        }
     }
 
     /// What stays as it is while states change.
     fn held(&self) -> &'static str {
-        match self.measure {
-            Measure::Length => "length",
-            Measure::Area => "area",
-            Measure::Volume => "volume",
+        match self.of {
+            Of::Measure(Measure::Length) => "length",
+            Of::Measure(Measure::Area) => "area",
+            Of::Measure(Measure::Volume) => "volume",
+            Of::Family(_) => "deformation gradient",
         }
     }
 }
@@ -107,11 +155,11 @@ pub(super) fn creates_energy(updating: &Updating<'_>) -> Option<(usize, Finding)
     let most = most.fold(0.0, |most: f64, psi| most.max(psi.abs()));
     let creates = |tried: &&Tried| tried.psi[1] - tried.psi[0] > TOLD * most;
     let found = updating.tried.iter().find(creates)?;
-    let m = updating.measure.symbol();
+    let m = updating.of.symbol();
     let finding = Finding {
         message: format!(
             "what {} remember creates energy: psi({m}) grows from {} to {} {}, at a fixed {}",
-            updating.measure.interactions(),
+            updating.of.many(),
             short(found.psi[0]),
             short(found.psi[1]),
             updating.way(found.stretches),

@@ -244,3 +244,28 @@ fn messages_are_short_and_name_the_place() {
     let found = message(text, "jump-in-energy");
     assert_eq!(found, "psi(l) jumps by -5e8 at l/L = 1.71 (L = 1); with E = 2, c = 0.707");
 }
+
+/// What deformation gradients remember is tried like what bonds do.
+#[test]
+fn states_of_gradients_are_looked_at() {
+    let potential = |lines: &str| format!("potential p\nstate k = 0\n{lines}\n");
+    for (lines, code) in [
+        ("update k = max(k, E : E)\npsi(F) = (1 + k)*(E : E)", "update-creates-energy"),
+        ("update k = k + (J - 1)^2\npsi(F) = exp(-k)*(E : E)", "update-not-settled"),
+        ("update k = max(k, J - 1)\npsi(F) = E : E", "state-unused"),
+        ("update k = max(k, J - 1)\npsi(F) = exp(-k)*(E : E)\nbreak when k < 0", "never-breaks"),
+        ("update k = max(k, J - 1)\npsi(F) = exp(-k)*(E : E)\nbreak when k >= 0", "breaks-at-rest"),
+        (
+            "update k = max(k, 1 - J)\npsi(F) = exp(-k)*(E : E)\nbreak when k > 0.2",
+            "breaks-in-compression",
+        ),
+        // What a state brings about in the end is seen.
+        ("update k = max(k, J - 1)\npsi(F) = exp(-k)*(E : E)\nbreak when k > 0.2", ""),
+        ("update k = k + max(0, J - 1)*dt\npsi(F) = exp(-k)*(E : E)\nbreak when k > 1e9", ""),
+    ] {
+        let found: Vec<&str> =
+            model(&potential(lines)).lint(false).iter().map(|found| found.code).collect();
+        let expected: &[&str] = if code.is_empty() { &[] } else { &[code] };
+        assert_eq!(found, expected, "{lines}");
+    }
+}

@@ -9,9 +9,10 @@ use super::{Miss, Subject, UNIT_ROUNDOFF, Verification, WRONG, Witness, gradient
 use crate::gathered::{GatheredBatch, GatheredNextState, WrittenGatheredEnergy};
 use crate::kernel::{Level, Mode};
 use crate::model::{Model, Of, OfFamily};
+use crate::point::WrittenGradientEnergy;
 use crate::point::sample::{self, Sample};
 use crate::point::truth::norm;
-use crate::point::{GradientBatch, GradientNextState, WrittenGradientEnergy};
+use crate::remember::RememberingGradient;
 use crate::specialise::{CompileError, Form};
 use crate::values::Values;
 
@@ -28,49 +29,35 @@ pub(super) fn after(
     if model.family_updates().is_empty() {
         return Ok(Vec::new());
     }
-    let values = a_second_later(model, values).with_states(model);
     let (mode, form) = (Mode::Interpreter, Form::Accurate);
-    let of_gradients = model.gradient_next_states(&values, mode, form)?;
+    let (mut gradient, _) = RememberingGradient::new(model, values, mode, form)?;
+    let values = a_second_later(model, values).with_states(model);
     let of_points = model.gathered_next_states(&values, mode, form)?;
     let mut fields: Vec<f64> = values.typical().map(|(_, value)| value).collect();
     for stretch in stretches {
-        let of_gradients = of_gradients.iter().map(|one| {
-            let own = if one.next.fields().is_empty() { &[][..] } else { &fields };
-            (one.field, at_gradient(one, *stretch, own))
-        });
-        let of_points = of_points.iter().map(|one| {
-            let own = if one.next.fields().is_empty() { &[][..] } else { &fields };
-            (one.field, at_integrals(one, *stretch, own))
-        });
-        let next: Vec<(usize, f64)> = of_gradients.chain(of_points).collect();
-        next.into_iter().for_each(|(field, value)| fields[field] = value);
+        gradient.advance(&stretched(values.dimension, stretch - 1.0), 1.0);
+        let next: Vec<f64> =
+            of_points.iter().map(|one| at_integrals(one, *stretch, &fields)).collect();
+        of_points.iter().zip(next).for_each(|(one, value)| fields[one.field] = value);
     }
-    let states = of_gradients.iter().map(|one| (one.state, one.field));
-    let states = states.chain(of_points.iter().map(|one| (one.state, one.field)));
-    Ok(states.map(|(state, field)| (state, fields[field])).collect())
+    let of_points = of_points.iter().map(|one| (one.state, fields[one.field]));
+    Ok(gradient.states().chain(of_points).collect())
 }
 
-/// What a state becomes where a body is stretched along one axis, widened by a third of that, and sheared.
-fn at_gradient(one: &GradientNextState, stretch: f64, fields: &[f64]) -> f64 {
-    let d = one.next.dimension();
-    let size = stretch - 1.0;
-    let change: Vec<f64> = (0..d * d)
-        .map(|k| match (k / d, k % d) {
-            (0, 0) => size,
-            (0, 1) => 0.2 * size,
-            (r, c) if r == c => size / 3.0,
-            _ => 0.0,
-        })
-        .collect();
-    let gradient = sample::plus_identity(&change, 1.0);
-    let mut next = [0.0];
-    let at = GradientBatch { n: 1, gradient: &gradient, change: &change, fields };
-    one.next.evaluate(at, &mut next, &mut []);
-    next[0]
+/// `F - I`, row by row, where a body is stretched along one axis, widened by a third of that, and sheared.
+fn stretched(d: usize, size: f64) -> Vec<f64> {
+    let component = |k: usize| match (k / d, k % d) {
+        (0, 0) => size,
+        (0, 1) => 0.2 * size,
+        (r, c) if r == c => size / 3.0,
+        _ => 0.0,
+    };
+    (0..d * d).map(component).collect()
 }
 
-/// The same where all integrals are a number.
+/// What a state of a point becomes where all integrals are a number.
 fn at_integrals(one: &GatheredNextState, number: f64, fields: &[f64]) -> f64 {
+    let fields = if one.next.fields().is_empty() { &[] } else { fields };
     let variables = vec![number; one.next.n_variables()];
     let mut next = [0.0];
     let at = GatheredBatch { n: 1, variables: &variables, change: &[], reference: &[], fields };

@@ -1,9 +1,9 @@
 //! `piola verify`: machine code against the interpreter and hyper-dual numbers.
 
-use piola_compiler::Argument;
 use piola_compiler::verify::{
     Cause, Miss, Outcome, Part, Stated, Subject, Verification, Witness, verify,
 };
+use piola_compiler::{Argument, Of, OfFamily};
 use serde_json::{Value, json};
 
 use super::Exit;
@@ -117,8 +117,8 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
     if let Subject::Margin(argument, condition) = &found.subject {
         return report_margin(place, (*argument, condition), found);
     }
-    if let Subject::NextState(_, next) = &found.subject {
-        return report_next_state(place, next, found);
+    if let Subject::NextState(of, next) = &found.subject {
+        return report_next_state(place, (*of, next), found);
     }
     let (places, what, digits) = match &found.subject {
         Subject::Argument(Argument::Measure(_) | Argument::Square(_)) | Subject::Dissipation(_) => {
@@ -214,13 +214,18 @@ fn report_margin(
 }
 
 /// The same of what a state becomes.
-fn report_next_state(place: &str, next: &str, found: &Verification) -> String {
-    let (verdict, bits) = (verdict(found), bits(found, "points"));
+fn report_next_state(place: &str, (of, next): (Of, &str), found: &Verification) -> String {
+    let (places, rounded) = match of {
+        Of::Measure(_) => ("points", "of the change of the length"),
+        Of::Family(OfFamily::Gradient) => ("gradients", "of what is given, in its norm"),
+        Of::Family(_) => ("places", "of what is given, in its norm"),
+    };
+    let (verdict, bits) = (verdict(found), bits(found, places));
     let largest = found.errors.iter().fold(0.0, |most: f64, errors| most.max(errors.largest[0]));
     let points = found.n_places;
     let mut out = format!(
-        "{verdict}  {place} update {next}: {points} points; {bits}; off by at most {largest:.1} roundings of \
-         it or of the change of the length\n"
+        "{verdict}  {place} update {next}: {points} {places}; {bits}; off by at most {largest:.1} roundings of \
+         it or {rounded}\n"
     );
     for miss in found.misses.iter().take(5) {
         out.push_str(&describe(&found.subject, miss));
@@ -371,7 +376,7 @@ fn place_of(subject: &Subject, miss: &Miss) -> String {
             format!("rate(l) = {:e}, L = {:e}", miss.place[0], miss.place[1])
         }
         Subject::Margin(Some(Argument::Measure(measure)), _)
-        | Subject::NextState(measure, _)
+        | Subject::NextState(Of::Measure(measure), _)
         | Subject::Following(measure) => {
             let (now, rest) = (measure.symbol(), measure.reference_symbol());
             format!("{now} = {:e}, {rest} = {:e}", miss.place[0], miss.place[1])
@@ -381,6 +386,10 @@ fn place_of(subject: &Subject, miss: &Miss) -> String {
             format!("changes of {} by ({}) of themselves", symbols.join(", "), changes.join(", "))
         }
         Subject::Margin(None, _) => format!("lengths and integrals = {}", numbers(&miss.place)),
+        Subject::NextState(Of::Family(OfFamily::Points), _) => {
+            format!("integrals = {}", numbers(&miss.place))
+        }
+        Subject::NextState(..) => format!("F, or F - I near rest, = {}", numbers(&miss.place)),
         Subject::Margin(..) => format!("F = {}", numbers(&miss.place)),
         _ => format!("{symbol} = {}", numbers(&miss.place)),
     }

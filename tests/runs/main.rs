@@ -12,6 +12,7 @@ mod coupled;
 mod dissipation;
 mod explain_bond;
 mod extremes;
+mod family_states;
 mod fields;
 mod fracture;
 mod fracture_energy;

@@ -9,7 +9,7 @@ pub use total::{Term, Total};
 use std::ops::Range;
 use std::sync::Arc;
 
-use crate::fracture::{Asked, Change, Fracture, Held, Judged, Release};
+use crate::fracture::{Asked, Fracture, Held, Judged, Release};
 use crate::interaction::{Inverted, Ranks, Report};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -315,31 +315,19 @@ pub trait Energy: Send + Sync {
         false
     }
 
-    /// What of that changes at displacements `u` in m (`n x d`), all worked out from states as they are.
+    /// Changes what of that changes at displacements `u` in m (`n x d`), to which a way `step*direction` has led,
+    /// all worked out from states as they are, but for bonds that are about to break, by their numbers,
+    /// ascending: how many places change, what the energy falls by, and of which work that takes half.
     ///
     /// # Errors
-    /// Next states that are not finite.
-    fn field_changes(&self, _u: &[f64]) -> Result<Vec<Change>, NonFinite> {
-        Ok(Vec::new())
-    }
-
-    /// What all of an energy holds that depends on it, at displacements `u`, to which a way `step*direction` has
-    /// led; nothing of others.
-    ///
-    /// # Errors
-    /// Energies and forces that are not finite.
-    fn held_by_fields(
+    /// Next states, energies and forces that are not finite; some states may have changed then.
+    fn change_field_states(
         &self,
-        u: &[f64],
-        (step, direction): (f64, &[f64]),
-    ) -> Result<Held, NonFinite> {
-        if !self.has_field_states() {
-            return Ok(Held::default());
-        }
-        let mut forces = vec![0.0; u.len()];
-        let energy = self.forces(u, &mut forces)?.total();
-        let power = forces.iter().zip(direction).fold(0.0, |sum, (force, v)| sum + force * v);
-        Ok(Held { energy, timing: 0.5 * step * power })
+        _u: &[f64],
+        _way: (f64, &[f64]),
+        _breaking: &[usize],
+    ) -> Result<Release, NonFinite> {
+        Ok(Release::default())
     }
 
     /// Whether [`Energy::lose`] can take out bonds.

@@ -116,8 +116,7 @@ fn body((body, horizon): &Case, kind: Option<Discretisation>, level: Level) -> B
             Box::new(energy.with_next_states(next_states(next)))
         }
     };
-    let (number, of_law) = (0, vec![Vec::new()]);
-    let layer = memory::Layer { number, of_law, materials };
+    let layer = memory::Layer { of_law: vec![Vec::new()], materials };
     let around = (&**body, &*neighborhood);
     let never = vec![false; body.n_points()];
     let status = (Criteria::new(around, Vec::new(), never), Memory::new(around, vec![layer]));
@@ -141,7 +140,7 @@ fn criteria(all: impl Iterator<Item = (Box<dyn VariablesLaw>, bool)>) -> Vec<Fam
 }
 
 fn next_states(all: impl Iterator<Item = (usize, Box<dyn VariablesLaw>)>) -> Vec<FamilyNextState> {
-    all.map(|(field, next)| FamilyNextState { layer: 0, law: 0, field, next }).collect()
+    all.map(|(field, next)| FamilyNextState { law: 0, field, next }).collect()
 }
 
 /// One material whose states begin everywhere with the same; the last field is the time step.

@@ -121,7 +121,7 @@ pub(crate) fn remembering_as(
     };
     let states = model.next_states(&values, mode, Form::Accurate).unwrap();
     let of_law = vec![states.into_iter().map(next).collect()];
-    let memory = memory::Layer { number: 0, of_law, materials: Arc::clone(&materials) };
+    let memory = memory::Layer { of_law, materials: Arc::clone(&materials) };
     let memory = Memory::new((body, &neighborhood), vec![memory]);
     let criterion = |one: piola_compiler::Criterion| Criterion {
         measure: one.measure(),

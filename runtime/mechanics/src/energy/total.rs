@@ -16,7 +16,7 @@ use std::sync::{Arc, OnceLock};
 use super::differences::{ForceDifferences, smallest_distance, step};
 use super::{Dissipation, Energy, Hessian, Inversion, NonFinite, Products, Wanted, check_sizes};
 use crate::dissipation::Dashpots;
-use crate::fracture::{Asked, Change, Fracture, Held, Judged, Release};
+use crate::fracture::{Asked, Fracture, Held, Judged, Release};
 use crate::interaction::{Inverted, Ranks, Report};
 use crate::kernel::Measure;
 use crate::matrix::{BlockMatrix, BlockPattern};
@@ -401,15 +401,17 @@ impl Energy for Total<'_> {
         self.terms.iter().any(|term| term.has_field_states())
     }
 
-    fn field_changes(&self, u: &[f64]) -> Result<Vec<Change>, NonFinite> {
-        let found: Result<Vec<_>, _> =
-            self.terms.iter().map(|term| term.field_changes(u)).collect();
-        Ok(found?.concat())
-    }
-
-    fn held_by_fields(&self, u: &[f64], way: (f64, &[f64])) -> Result<Held, NonFinite> {
-        let mut all = self.terms.iter().map(|term| term.held_by_fields(u, way));
-        all.try_fold(Held::default(), |sum, held| Ok(sum.and(&held?)))
+    fn change_field_states(
+        &self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        breaking: &[usize],
+    ) -> Result<Release, NonFinite> {
+        let mut all = self.terms.iter().map(|term| term.change_field_states(u, way, breaking));
+        all.try_fold(Release::default(), |mut sum, release| {
+            sum.add(release?);
+            Ok(sum)
+        })
     }
 
     fn can_lose_bonds(&self) -> bool {

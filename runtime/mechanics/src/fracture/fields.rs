@@ -2,11 +2,10 @@
 //! a point all of its bonds; and what is remembered with these.
 
 use super::criteria::margin::{WithMargins, over_rest};
-use super::memory::Change;
 use super::{Breaking, Interactions, Judged, Release, Status};
 use crate::energy::{Energy as _, NonFinite};
-use crate::kernel::{Measure, VariablesLaw};
-use crate::materials::{Fields, StateOf};
+use crate::kernel::VariablesLaw;
+use crate::materials::Fields;
 
 /// Whose margins are asked for, and which.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,9 +34,7 @@ pub struct FamilyCriterion {
 
 /// What a state becomes of deformation gradients, or of what points gather.
 pub struct FamilyNextState {
-    /// The number of the layer of energies that it belongs to.
-    pub layer: usize,
-    /// The law in it: places that take this law remember.
+    /// The law: places that take this law remember.
     pub law: u8,
     /// The number of the state among the fields of all laws.
     pub field: usize,
@@ -46,10 +43,9 @@ pub struct FamilyNextState {
 }
 
 impl FamilyNextState {
-    /// Another value of the state, if it is another.
-    pub(crate) fn change(&self, fields: &Fields, number: usize, value: f64) -> Option<Change> {
-        let is_same = fields.state(self.field, number)?.to_bits() == value.to_bits();
-        (!is_same).then_some(Change { layer: self.layer, field: self.field, number, value })
+    /// Whether a value is another than what is remembered by this number.
+    pub(crate) fn differs(&self, fields: &Fields, number: usize, value: f64) -> bool {
+        fields.state(self.field, number).is_some_and(|state| state.to_bits() != value.to_bits())
     }
 }
 
@@ -120,32 +116,14 @@ impl Breaking {
         way: (f64, &[f64]),
         breaking: &Interactions,
     ) -> Result<Release, NonFinite> {
-        let energy = &status.energy;
-        if !energy.has_field_states() {
+        if !status.energy.has_field_states() {
             return Ok(Release::default());
         }
         // Next states take the time step as energies that follow do, and these hold again what is remembered.
         self.memory.set_time_step(dt);
-        let changes = energy.field_changes(u);
+        let release = status.energy.change_field_states(u, way, &breaking.bonds);
         self.memory.set_time_step(-1.0);
-        let mut changes = changes?;
-        let of_bonds = Some(StateOf::Interactions(Measure::Length));
-        changes.retain(|change| {
-            let is_breaking = || breaking.bonds.binary_search(&change.number).is_ok();
-            !(self.memory.kind_of_change(change) == of_bonds && is_breaking())
-        });
-        if changes.is_empty() {
-            return Ok(Release::default());
-        }
-        let before = energy.held_by_fields(u, way)?;
-        changes.iter().for_each(|change| self.memory.make_one(change));
-        let after = energy.held_by_fields(u, way)?;
-        Ok(Release {
-            changed: changes.len(),
-            dissipated: before.energy - after.energy,
-            timing: before.timing - after.timing,
-            ..Release::default()
-        })
+        release
     }
 
     /// The bonds that are there, and may break, of which a place decides.

@@ -39,8 +39,6 @@ pub struct NextState {
 
 /// The states of the potentials of a body that add up to one energy.
 pub struct Layer {
-    /// Its number among all layers.
-    pub number: usize,
     /// Those of each law of the materials.
     pub of_law: Vec<Vec<NextState>>,
     /// Which laws interactions take, with the fields among which the states are.
@@ -60,7 +58,6 @@ type OfLaws = Vec<Vec<(usize, MeasureElement)>>;
 
 /// A [`Layer`] as functions of bonds, triangles and tetrahedra.
 struct Rules {
-    number: usize,
     of_kinds: [OfLaws; 3],
     materials: Arc<Materials>,
     fields: Arc<Fields>,
@@ -68,14 +65,11 @@ struct Rules {
 
 /// Another value of a state.
 #[derive(Clone, Copy, Debug)]
-pub struct Change {
-    /// The number of the layer.
-    pub(crate) layer: usize,
-    /// The number of the state among the fields of all laws.
-    pub(crate) field: usize,
-    /// Of what remembers it.
-    pub(crate) number: usize,
-    pub(crate) value: f64,
+struct Change {
+    layer: usize,
+    field: usize,
+    number: usize,
+    value: f64,
 }
 
 /// The changes of some interactions of one kind at given displacements, all worked out from states as they were.
@@ -261,7 +255,7 @@ impl Memory {
         room: &mut Room,
         changes: &mut Vec<Change>,
     ) -> Result<(), NonFinite> {
-        for rules in &self.layers {
+        for (layer, rules) in self.layers.iter().enumerate() {
             let of_laws = &rules.of_kinds[Measure::Length as usize];
             for (law, states) in of_laws.iter().enumerate() {
                 if states.is_empty() {
@@ -277,7 +271,7 @@ impl Memory {
                         rules.next((law, element), bonds, (u, dt), room)?;
                         let next = bonds.iter().zip(&room.1.energy);
                         changes.extend(next.filter_map(|(candidate, &value)| {
-                            rules.change(*field, candidate.bond, value)
+                            rules.change(layer, *field, candidate.bond, value)
                         }));
                     }
                 }
@@ -288,23 +282,9 @@ impl Memory {
 
     /// Makes changes.
     pub(super) fn make(&self, changes: &Changes) {
-        changes.all.iter().for_each(|change| self.make_one(change));
-    }
-
-    /// Makes one.
-    pub(super) fn make_one(&self, &Change { layer, field, number, value }: &Change) {
-        if let Some(rules) = self.rules(layer) {
-            rules.fields.set_state(field, number, value);
+        for &Change { layer, field, number, value } in &changes.all {
+            self.layers[layer].fields.set_state(field, number, value);
         }
-    }
-
-    /// What remembers a state that changes.
-    pub(super) fn kind_of_change(&self, change: &Change) -> Option<StateOf> {
-        self.rules(change.layer)?.fields.kind_of_state(change.field)
-    }
-
-    fn rules(&self, layer: usize) -> Option<&Rules> {
-        self.layers.iter().find(|rules| rules.number == layer)
     }
 
     /// All states: layer by layer, state by state, in the order of what remembers them.
@@ -387,7 +367,7 @@ impl Rules {
                 of_kinds[measure as usize][law].push((first + field, element));
             }
         }
-        Some(Rules { number: layer.number, of_kinds, materials: layer.materials, fields })
+        Some(Rules { of_kinds, materials: layer.materials, fields })
     }
 
     /// Whether interactions of this measure remember anything.
@@ -404,9 +384,9 @@ impl Rules {
     }
 
     /// Another value of a state, if it is another.
-    fn change(&self, field: usize, number: usize, value: f64) -> Option<Change> {
+    fn change(&self, layer: usize, field: usize, number: usize, value: f64) -> Option<Change> {
         let is_same = self.fields.state(field, number)?.to_bits() == value.to_bits();
-        (!is_same).then_some(Change { layer: self.number, field, number, value })
+        (!is_same).then_some(Change { layer, field, number, value })
     }
 
     /// Works out the next values of a state of some bonds, as energies in the room.

@@ -54,7 +54,6 @@ pub use equilibria::left_of;
 pub use fields::{Asked, FamilyCriterion, FamilyNextState};
 use inspect::Inspected;
 pub use inspect::{Inspection, Look, OnThreshold};
-pub use memory::Change;
 use memory::Memory;
 pub use release::{Held, Interactions, Release};
 

@@ -60,8 +60,8 @@ impl OfLayer<'_> {
 
     fn next(&self, law: usize, field: usize, next: Numbered) -> FamilyNextState {
         let first = self.fields.map_or(0, |fields| fields.of_law(law).start);
-        let (layer, next) = (self.number, self.function(law, 0, next));
-        FamilyNextState { layer, law: law as u8, field: first + field, next }
+        let next = self.function(law, 0, next);
+        FamilyNextState { law: law as u8, field: first + field, next }
     }
 
     /// The conditions of the gradients of a law.

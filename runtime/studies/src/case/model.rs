@@ -75,7 +75,7 @@ impl Case {
             |(number, of_law)| criteria::Layer { of_law, materials: fields.materials(number) };
         let criteria = criteria.into_iter().enumerate().map(layer).collect();
         let states = states.into_iter().enumerate().filter_map(|(number, of_law)| {
-            Some(memory::Layer { number, of_law, materials: fields.materials(number)? })
+            Some(memory::Layer { of_law, materials: fields.materials(number)? })
         });
         let mut breaking = self.breaking(terms, names, neighborhood, (criteria, states.collect()));
         if let Some(dashpots) = dashpots {

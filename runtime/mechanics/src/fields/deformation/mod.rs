@@ -44,7 +44,7 @@ use crate::assembly::{AssemblyError, sum::Sum};
 use crate::body::Body;
 use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored::{self, Tensor};
-use crate::fracture::{Asked, Change, FamilyCriterion, FamilyNextState, Judged};
+use crate::fracture::{Asked, FamilyCriterion, FamilyNextState, Judged, Release};
 use crate::interaction::{Report, Slabs};
 use crate::kernel::{Variables, VariablesLaw};
 use crate::materials::{LawOfPoints, Materials, Place};
@@ -513,11 +513,16 @@ impl Energy for DeformationEnergy {
         !self.next_states.is_empty()
     }
 
-    fn field_changes(&self, u: &[f64]) -> Result<Vec<Change>, NonFinite> {
+    fn change_field_states(
+        &self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        breaking: &[usize],
+    ) -> Result<Release, NonFinite> {
         match self.body.dimension() {
-            _ if self.next_states.is_empty() => Ok(Vec::new()),
-            2 => self.next_changes::<2>(u),
-            _ => self.next_changes::<3>(u),
+            _ if self.next_states.is_empty() => Ok(Release::default()),
+            2 => self.change_states::<2>(u, way, breaking),
+            _ => self.change_states::<3>(u, way, breaking),
         }
     }
 

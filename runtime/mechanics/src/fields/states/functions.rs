@@ -5,11 +5,12 @@
 use rayon::prelude::*;
 
 use super::StateEnergy;
-use crate::energy::NonFinite;
-use crate::fracture::{Asked, Change, FamilyCriterion, FamilyNextState, Judged};
+use crate::energy::{Energy, NonFinite};
+use crate::fracture::{Asked, FamilyCriterion, FamilyNextState, Judged, Release};
 use crate::geometry::Geometry;
 use crate::geometry::bond::Bond;
 use crate::kernel::{Variables, VariablesLaw};
+use crate::materials::Fields;
 
 /// Points that are worked out by one task, or whose bonds are; fixed, so that results do not depend on threads.
 const CHUNK: usize = 64;
@@ -35,13 +36,49 @@ impl StateEnergy {
         StateEnergy { next_states, ..self }
     }
 
-    /// See [`crate::energy::Energy::field_changes`].
-    pub(super) fn next_changes<const D: usize>(&self, u: &[f64]) -> Result<Vec<Change>, NonFinite> {
+    /// See [`crate::energy::Energy::change_field_states`]: of what points remember all bonds of a point depend,
+    /// so it is the energy of the body that falls.
+    pub(super) fn change_states<const D: usize>(
+        &self,
+        u: &[f64],
+        (step, direction): (f64, &[f64]),
+    ) -> Result<Release, NonFinite> {
+        let Some(fields) = self.fields() else { return Ok(Release::default()) };
+        let changes = self.changes_of_states::<D>(u, fields)?;
+        if changes.is_empty() {
+            return Ok(Release::default());
+        }
+        let mut forces = vec![0.0; u.len()];
+        let mut held = || {
+            let energy = Energy::forces(self, u, &mut forces)?.total();
+            let power = forces.iter().zip(direction).fold(0.0, |sum, (force, v)| sum + force * v);
+            Ok([energy, power])
+        };
+        let before = held()?;
+        for (field, point, next) in &changes {
+            fields.set_state(*field, *point, *next);
+        }
+        let after = held()?;
+        let mut points: Vec<usize> = changes.iter().map(|change| change.1).collect();
+        points.sort_unstable();
+        points.dedup();
+        Ok(Release {
+            changed: points.len(),
+            dissipated: before[0] - after[0],
+            timing: 0.5 * step * (before[1] - after[1]),
+            ..Release::default()
+        })
+    }
+
+    /// What points remember next, of those that do not remember it already: fields, points and values.
+    fn changes_of_states<const D: usize>(
+        &self,
+        u: &[f64],
+        fields: &Fields,
+    ) -> Result<Vec<(usize, usize, f64)>, NonFinite> {
         let integrals = self.integrals(u);
         let now = Deformed { integrals: &integrals, u };
-        let (Some(fields), n) = (self.fields(), self.body.n_points()) else {
-            return Ok(Vec::new());
-        };
+        let n = self.body.n_points();
         let mut all = Vec::new();
         for one in &self.next_states {
             let chunk = |number: usize| {
@@ -53,7 +90,8 @@ impl StateEnergy {
                 for places in own.chunks(CAPACITY) {
                     let next = self.values::<D>((&*one.next, one.law), places, now)?;
                     let places = places.iter().zip(next);
-                    changes.extend(places.filter_map(|([i, _], x)| one.change(fields, *i, x)));
+                    let differs = |([i, _], x): &(&[usize; 2], f64)| one.differs(fields, *i, *x);
+                    changes.extend(places.filter(differs).map(|([i, _], x)| (one.field, *i, x)));
                 }
                 Ok(changes)
             };

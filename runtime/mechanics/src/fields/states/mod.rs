@@ -39,7 +39,7 @@ use crate::assembly::sum::Sum;
 use crate::body::Body;
 use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored;
-use crate::fracture::{Asked, Change, FamilyCriterion, FamilyNextState, Judged};
+use crate::fracture::{Asked, FamilyCriterion, FamilyNextState, Judged, Release};
 use crate::interaction::{Report, Slabs};
 use crate::kernel::{Batch, Law, Order, Outputs, Variables, VariablesLaw};
 use crate::materials::{Fields, Materials};
@@ -483,11 +483,16 @@ impl Energy for StateEnergy {
         !self.next_states.is_empty()
     }
 
-    fn field_changes(&self, u: &[f64]) -> Result<Vec<Change>, NonFinite> {
+    fn change_field_states(
+        &self,
+        u: &[f64],
+        way: (f64, &[f64]),
+        _breaking: &[usize],
+    ) -> Result<Release, NonFinite> {
         match self.body.dimension() {
-            _ if self.next_states.is_empty() => Ok(Vec::new()),
-            2 => self.next_changes::<2>(u),
-            _ => self.next_changes::<3>(u),
+            _ if self.next_states.is_empty() => Ok(Release::default()),
+            2 => self.change_states::<2>(u, way),
+            _ => self.change_states::<3>(u, way),
         }
     }
 

@@ -100,7 +100,7 @@ impl Memory {
         room: &mut Room,
         changes: &mut Vec<Change>,
     ) -> Result<(), NonFinite> {
-        for rules in &self.layers {
+        for (layer, rules) in self.layers.iter().enumerate() {
             let of_laws = &rules.of_kinds[measure as usize];
             for (law, states) in of_laws.iter().enumerate().filter(|(_, own)| !own.is_empty()) {
                 let is_alone = of_laws.len() == 1;
@@ -119,7 +119,7 @@ impl Memory {
                     listed.evaluate::<K>(&own, of, room)?;
                     let next = own.iter().zip(&room.out.energy);
                     changes.extend(next.filter_map(|(clique, &value)| {
-                        rules.change(*field, listed.number(clique), value)
+                        rules.change(layer, *field, listed.number(clique), value)
                     }));
                 }
             }

@@ -146,3 +146,44 @@ fn what_is_not_followed_is_refused() {
         run.says(&["remembers", "control = \"load\""]);
     }
 }
+
+/// Of two materials one is damaged, by points as well as by bonds; a bond between both has a part in it. However
+/// derivatives come about, and with a checkpoint between, the run is the same.
+#[test]
+fn materials_remember_by_themselves() {
+    for discretisation in ["bond-quadrature", "stabilised", "nodal"] {
+        let scene = |more: &str| {
+            format!(
+                "[body]\nbox = [[0, 0], [1, 0.5]]\nspacing = 0.1\n[horizon]\nspacings = 2.015\n{more}\n\
+                 [correspondence]\ndiscretisation = \"{discretisation}\"\n\
+                 [sets]\nsoft = \"X < 0.5\"\nhard = \"X > 0.5\"\n\
+                 [[material]]\nset = \"soft\"\npotential = \"law.piola\"\ndensity = 1e3\n\
+                 [[material]]\nset = \"hard\"\npotential = \"st_venant_kirchhoff\"\ndensity = 1e3\n\
+                 parameters = {{ K = 1e9, G = 1e9 }}\n\
+                 [[initial]]\nset = \"hard\"\nv = [\"100*X\", 0]\n\
+                 [motion]\nend = \"1 ms\"\n[output]\nframes = 2\nrows = 40\nfields = [\"states\"]\n"
+            )
+        };
+        let run = |more: &str, arguments: &[&str]| {
+            let folder = SceneFolder::new(&scene(more));
+            folder.file("law.piola", OF_GRADIENTS);
+            folder.run(arguments).expect(0);
+            table(&folder.out().join("motion.csv"))
+        };
+        let (header, rows) = run("", &[]);
+        let column = |name: &str| header.iter().position(|x| *x == name).unwrap();
+        let last = rows.last().unwrap();
+        let largest = rows.iter().flatten().fold(0.0_f64, |most, x| most.max(x.abs()));
+        assert!(last[column("dissipated")] > 1e-3 * largest, "{discretisation}: {last:?}");
+        assert!(rows.iter().all(|row| row[column("rounding")].abs() <= 1e-12 * largest));
+        for more in
+            ["derivatives = \"hyperdual\"", "derivatives = \"interpreter\"", "level = \"strict\""]
+        {
+            let (_, others) = run(&format!("[solver]\n{more}"), &[]);
+            let off = others.iter().flatten().zip(rows.iter().flatten());
+            let off = off.fold(0.0_f64, |most, (x, y)| most.max((x - y).abs()));
+            println!("{discretisation}, {more}: {off:e} of {largest:e}");
+            assert!(off <= 1e-9 * largest, "{discretisation}, {more}: {off:e}");
+        }
+    }
+}

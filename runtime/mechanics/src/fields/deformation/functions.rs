@@ -32,6 +32,38 @@ struct Shown<'a, const D: usize> {
     places: &'a [(Place, f64)],
     h: &'a [Tensor<D>],
     batch: &'a mut LawBatch<D>,
+    changing: &'a mut Changing<D>,
+}
+
+/// Places that take a law, as one task works them out.
+struct Work<const D: usize> {
+    places: Vec<(Place, f64)>,
+    h: Vec<Tensor<D>>,
+    batch: LawBatch<D>,
+    changing: Changing<D>,
+}
+
+/// Room for places whose states change.
+#[derive(Default)]
+struct Changing<const D: usize> {
+    /// What states become at all places that are shown, state by state.
+    next: Vec<f64>,
+    /// Which of these change.
+    lanes: Vec<usize>,
+    places: Vec<(Place, f64)>,
+    h: Vec<Tensor<D>>,
+    /// How gradients change along the way.
+    along: Vec<Tensor<D>>,
+    /// The energy densities that go, and their powers.
+    falls: [Vec<f64>; 2],
+    weights: Vec<f64>,
+}
+
+impl<const D: usize> Work<D> {
+    fn new() -> Work<D> {
+        let (places, h, changing) = (Vec::new(), Vec::new(), Changing::default());
+        Work { places, h, batch: LawBatch::new(), changing }
+    }
 }
 
 impl DeformationEnergy {
@@ -128,17 +160,21 @@ impl DeformationEnergy {
         ends: [usize; 2],
         show: impl Fn(Shown<'_, D>) -> Result<Vec<T>, Failure>,
     ) -> Result<Vec<T>, Failure> {
-        let bond = || self.operator.neighborhood().bond_between(ends);
-        let places = match &self.places {
-            Places::Bonds(bonds) => {
-                // One that is gone is judged as if it were there, with what it began with.
-                let known = if bonds.remembers() { bond() } else { None };
-                let place = Place { ends, bond: known.map_or(0, |bond| bonds.number(bond)) };
-                vec![(place, 0.0)]
+        let whole = self.whole.as_ref().map(|whole| &*whole.lost.neighborhood);
+        let whole = whole.unwrap_or(self.operator.neighborhood());
+        let mut work = Work::new();
+        match &self.places {
+            // One that is gone remembers what it did.
+            Places::Bonds(bonds) if bonds.remembers() => {
+                let bond = whole.bond_between(ends).unwrap_or(0);
+                work.places.push((Place { ends, bond }, 0.0));
             }
-            _ => ends.map(|end| (Place::at(end), 0.0)).to_vec(),
-        };
-        self.show(function, fields, &places, &mut LawBatch::new(), &show)
+            Places::Bonds(_) => work.places.push((Place { ends, bond: 0 }, 0.0)),
+            _ => work.places.extend(ends.map(|end| (Place::at(end), 0.0))),
+        }
+        let takes = |place: &Place| function.law.part(place.ends, function.number).is_some();
+        work.places.retain(|(place, _)| takes(place));
+        self.show(function, fields, &mut work, &show)
     }
 
     /// Shows all places, those of points in their order, those of bonds owner by owner.
@@ -149,52 +185,52 @@ impl DeformationEnergy {
         show: impl Fn(Shown<'_, D>) -> Result<Vec<T>, Failure> + Sync,
     ) -> Result<Vec<T>, Failure> {
         let (n, neighborhood) = (self.body.n_points(), self.operator.neighborhood());
-        let chunk = |number: usize| {
+        let part = |points: [usize; 2]| function.law.part(points, function.number);
+        let chunk = |work: &mut Work<D>, number: usize| {
             let points = number * CHUNK..n.min((number + 1) * CHUNK);
-            let mut places: Vec<(Place, f64)> = Vec::new();
+            work.places.clear();
             for i in points {
                 match &self.places {
                     Places::Bonds(quadrature) => {
                         let bonds = neighborhood.bonds(i).zip(neighborhood.upper(i));
-                        places.extend(bonds.map(|(bond, &j)| {
+                        let place = |(bond, &j): (usize, &u32)| {
                             let (ends, number) = ([i, j as usize], quadrature.number(bond));
-                            (Place { ends, bond: number }, quadrature.weight[bond])
-                        }));
+                            let weight = part(ends)? * quadrature.weight[bond];
+                            Some((Place { ends, bond: number }, weight))
+                        };
+                        work.places.extend(bonds.filter_map(place));
                     }
                     // What is left of a released family determines no gradient.
                     _ if self.operator.is_released(i) => {}
-                    _ => places.push((Place::at(i), self.body.volumes()[i])),
+                    _ => {
+                        let weight = part([i; 2]).map(|part| part * self.body.volumes()[i]);
+                        work.places.extend(weight.map(|weight| (Place::at(i), weight)));
+                    }
                 }
             }
-            self.show(function, fields, &places, &mut LawBatch::new(), &show)
+            self.show(function, fields, work, &show)
         };
-        let parts: Result<Vec<_>, Failure> =
-            (0..n.div_ceil(CHUNK)).into_par_iter().map(chunk).collect();
+        let chunks = (0..n.div_ceil(CHUNK)).into_par_iter();
+        let parts: Result<Vec<_>, Failure> = chunks.map_init(Work::new, chunk).collect();
         let mut all = Vec::new();
         parts?.into_iter().for_each(|part| all.extend(part));
         Ok(all)
     }
 
-    /// Shows those of some places that take the law, by the parts that it has in them.
+    /// Shows the places of some work.
     fn show<const D: usize, T>(
         &self,
         function: Function<'_>,
         fields: Fields<'_, D>,
-        places: &[(Place, f64)],
-        batch: &mut LawBatch<D>,
+        Work { places, h, batch, changing }: &mut Work<D>,
         show: &impl Fn(Shown<'_, D>) -> Result<Vec<T>, Failure>,
     ) -> Result<Vec<T>, Failure> {
-        let own: Vec<(Place, f64)> = places
-            .iter()
-            .filter_map(|(place, weight)| {
-                Some((*place, function.law.part(place.ends, function.number)? * weight))
-            })
-            .collect();
         let mut all = Vec::new();
-        for places in own.chunks(CAPACITY) {
-            let h: Vec<Tensor<D>> =
-                places.iter().map(|(place, _)| self.gradient(fields, place)).collect();
-            all.extend(show(Shown { function, places, h: &h, batch: &mut *batch })?);
+        for places in places.chunks(CAPACITY) {
+            h.clear();
+            h.extend(places.iter().map(|(place, _)| self.gradient(fields, place)));
+            let (batch, changing) = (&mut *batch, &mut *changing);
+            all.extend(show(Shown { function, places, h, batch, changing })?);
         }
         Ok(all)
     }
@@ -218,46 +254,90 @@ impl Remembering<'_> {
         shown: Shown<'_, D>,
         along: impl Fn(&Place) -> Option<Tensor<D>>,
     ) -> Result<(usize, [Sum; 2]), Failure> {
-        let values = |one: &&FamilyNextState| {
-            let function = self.energy.function(&*one.next, one.law);
-            Shown { function, batch: &mut *shown.batch, ..shown }.values(None)
-        };
-        let next: Vec<Vec<f64>> = self.next.iter().map(values).collect::<Result<_, _>>()?;
-        let number = |place: &Place| if self.at_bonds { place.bond } else { place.ends[0] };
-        let changes = |lane: &usize| {
-            let number = number(&shown.places[*lane].0);
-            let differs = |(one, next): (&&FamilyNextState, &Vec<f64>)| {
-                one.differs(self.states, number, next[*lane])
-            };
-            let stays = self.at_bonds && self.breaking.binary_search(&number).is_ok();
-            !stays && self.next.iter().zip(&next).any(differs)
-        };
-        let lanes: Vec<usize> = (0..shown.places.len()).filter(changes).collect();
-        if lanes.is_empty() {
-            return Ok((0, [Sum::default(); 2]));
+        let Shown { function, places, h, batch, changing } = shown;
+        let n = places.len();
+        changing.next.clear();
+        for one in &self.next {
+            let next = self.energy.function(&*one.next, one.law);
+            evaluate(next, (places, h), batch, false)?;
+            changing.next.extend_from_slice(batch.psi());
         }
-        let places: Vec<(Place, f64)> = lanes.iter().map(|lane| shown.places[*lane]).collect();
-        let h: Vec<Tensor<D>> = lanes.iter().map(|lane| shown.h[*lane]).collect();
-        let of_way: Option<Vec<Tensor<D>>> = places.iter().map(|(place, _)| along(place)).collect();
-        let (function, batch) = (shown.function, shown.batch);
-        let mut held = || {
-            let changing = Shown { function, places: &places, h: &h, batch: &mut *batch };
-            changing.held(of_way.as_deref())
-        };
-        let before = held()?;
-        for (one, next) in self.next.iter().zip(&next) {
-            for (lane, (place, _)) in lanes.iter().zip(&places) {
-                self.states.set_state(one.field, number(place), next[*lane]);
+        let number = |place: &Place| if self.at_bonds { place.bond } else { place.ends[0] };
+        changing.clear();
+        for (lane, one) in places.iter().enumerate() {
+            let number = number(&one.0);
+            let mut next = self.next.iter().zip(changing.next.iter().skip(lane).step_by(n));
+            let stays = self.at_bonds && self.breaking.binary_search(&number).is_ok();
+            if !stays && next.any(|(state, next)| state.differs(self.states, number, *next)) {
+                changing.lanes.push(lane);
+                changing.places.push(*one);
+                changing.h.push(h[lane]);
+                changing.weights.push(one.1);
+                changing.along.extend(along(&one.0));
             }
         }
-        let after = held()?;
-        let weights: Vec<f64> = places.iter().map(|(_, weight)| *weight).collect();
-        let fall = |k: usize| {
-            let falls = before[k].iter().zip(&after[k]).map(|(before, after)| before - after);
-            Sum::of_products(&falls.collect::<Vec<f64>>(), &weights)
-        };
-        Ok((lanes.len(), [fall(0), fall(1)]))
+        let changed = changing.lanes.len();
+        if changed > 0 {
+            changing.hold(function, batch, 1.0)?;
+            for (one, next) in self.next.iter().zip(changing.next.chunks(n)) {
+                for (lane, (place, _)) in changing.lanes.iter().zip(&changing.places) {
+                    self.states.set_state(one.field, number(place), next[*lane]);
+                }
+            }
+            changing.hold(function, batch, -1.0)?;
+        }
+        let fall = |fall: &Vec<f64>| Sum::of_products(fall, &changing.weights);
+        Ok((changed, changing.falls.each_ref().map(fall)))
     }
+}
+
+impl<const D: usize> Changing<D> {
+    /// Forgets the places that change.
+    fn clear(&mut self) {
+        let Changing { lanes, places, h, along, falls, weights, .. } = self;
+        lanes.clear();
+        places.clear();
+        h.clear();
+        along.clear();
+        weights.clear();
+        falls.iter_mut().for_each(Vec::clear);
+    }
+
+    /// Adds what is held at these places, so many times, to what goes.
+    fn hold(
+        &mut self,
+        function: Function<'_>,
+        batch: &mut LawBatch<D>,
+        times: f64,
+    ) -> Result<(), Failure> {
+        let Changing { places, h, along, falls: [energy, power], .. } = self;
+        evaluate(function, (places, h), batch, !along.is_empty())?;
+        energy.resize(h.len(), 0.0);
+        power.resize(along.len(), 0.0);
+        energy.iter_mut().zip(batch.psi()).for_each(|(sum, psi)| *sum += times * psi);
+        for (lane, (sum, along)) in power.iter_mut().zip(along).enumerate() {
+            let stress = batch.tensor(lane);
+            let parts = stress.as_flattened().iter().zip(along.as_flattened());
+            *sum += times * parts.fold(0.0, |sum, (p, h)| sum + p * h);
+        }
+        Ok(())
+    }
+}
+
+/// Evaluates a function at places with their gradients.
+fn evaluate<const D: usize>(
+    function: Function<'_>,
+    (places, h): (&[(Place, f64)], &[Tensor<D>]),
+    batch: &mut LawBatch<D>,
+    with_stress: bool,
+) -> Result<(), Failure> {
+    let laws = [function.number; CAPACITY];
+    let law = (function.law, &laws[..places.len()]);
+    let done = batch.evaluate(law, (|lane: usize| places[lane].0, h), with_stress);
+    done.map_err(|lane| Failure {
+        points: places[lane].0.ends.to_vec(),
+        determinant: determinant(&h[lane]),
+    })
 }
 
 /// Judges places: all of them with margins at rest, or those that break.
@@ -278,29 +358,7 @@ fn judge<const D: usize>(
 impl<const D: usize> Shown<'_, D> {
     /// The function at the places, at their gradients or at others.
     fn values(&mut self, others: Option<&[Tensor<D>]>) -> Result<Vec<f64>, Failure> {
-        self.evaluate(others.unwrap_or(self.h), false)?;
+        evaluate(self.function, (self.places, others.unwrap_or(self.h)), self.batch, false)?;
         Ok(self.batch.psi().to_vec())
-    }
-
-    /// The function, and its power where gradients change like this; nothing of the latter without.
-    fn held(mut self, along: Option<&[Tensor<D>]>) -> Result<[Vec<f64>; 2], Failure> {
-        self.evaluate(self.h, along.is_some())?;
-        let power = |(lane, along): (usize, &Tensor<D>)| {
-            let (stress, along) = (self.batch.tensor(lane), along.as_flattened());
-            stress.as_flattened().iter().zip(along).fold(0.0, |sum, (p, h)| sum + p * h)
-        };
-        let powers = along.iter().flat_map(|all| all.iter().enumerate().map(power)).collect();
-        Ok([self.batch.psi().to_vec(), powers])
-    }
-
-    fn evaluate(&mut self, h: &[Tensor<D>], with_stress: bool) -> Result<(), Failure> {
-        let places = self.places;
-        let laws = vec![self.function.number; places.len()];
-        let law = (self.function.law, &laws[..]);
-        let done = self.batch.evaluate(law, (|lane: usize| places[lane].0, h), with_stress);
-        done.map_err(|lane| Failure {
-            points: places[lane].0.ends.to_vec(),
-            determinant: determinant(&h[lane]),
-        })
     }
 }

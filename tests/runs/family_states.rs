@@ -6,7 +6,7 @@ use crate::support::{SceneFolder, number, piola, repository, table};
 /// Softens by the energy that is stored, and ages while it is stretched.
 const OF_GRADIENTS: &str = "potential softening\nstate k = 0\nstate life = 1\nw = E : E\n\
     update k = max(k, w)\nupdate life = life - max(0, J - 1)*dt\n\
-    psi(F) = 1e9*life*exp(-50*k)*w\n";
+    parameter c = 1\npsi(F) = 1e9*c*life*exp(-50*k)*w\n";
 
 /// Yields by its dilatation.
 const OF_POINTS: &str = "potential yielding\nm = integral(L^2)\ntheta = 2/m*integral(L*(l - L))\n\
@@ -53,16 +53,22 @@ fn has_energies(folder: &SceneFolder, expected: &[[f64; 2]]) {
 /// A body that is stretched evenly remembers at every place what closed forms say, in steps as long as these.
 #[test]
 fn load_steps_are_those_of_closed_forms() {
-    for discretisation in ["bond-quadrature", "stabilised", "nodal"] {
-        let keys = format!("[correspondence]\ndiscretisation = \"{discretisation}\"");
+    let kinds = ["bond-quadrature", "stabilised", "nodal"];
+    for (discretisation, grows) in kinds.into_iter().flat_map(|kind| [(kind, 0.0), (kind, 1.0)]) {
+        let keys = format!(
+            "parameters = {{ c = \"1 + {grows}*t\" }}\n\
+             [correspondence]\ndiscretisation = \"{discretisation}\""
+        );
         let folder = square(OF_GRADIENTS, &keys, TO_AND_FRO);
         folder.run(&[]).expect(0);
         let (mut k, mut life, mut dissipated) = (0.0_f64, 1.0_f64, 0.0);
         let mut expected = Vec::new();
         for step in 1..=8 {
-            let f = 1.0 + 0.2 * (0.5 - (f64::from(step) / 8.0 - 0.5).abs());
+            let t = f64::from(step) / 8.0;
+            let f = 1.0 + 0.2 * (0.5 - (t - 0.5).abs());
             let w = 0.5 * (f * f - 1.0) * (f * f - 1.0);
-            let psi = |k: f64, life: f64| 1e9 * life * libm::exp(-50.0 * k) * w;
+            let c = 1e9 * (1.0 + grows * t);
+            let psi = |k: f64, life: f64| c * life * libm::exp(-50.0 * k) * w;
             let before = psi(k, life);
             (k, life) = (k.max(w), life - (f * f - 1.0).max(0.0) / 8.0);
             dissipated += before - psi(k, life);
@@ -159,7 +165,7 @@ fn materials_remember_by_themselves() {
                  [sets]\nsoft = \"X < 0.5\"\nhard = \"X > 0.5\"\n\
                  [[material]]\nset = \"soft\"\npotential = \"law.piola\"\ndensity = 1e3\n\
                  [[material]]\nset = \"hard\"\npotential = \"st_venant_kirchhoff\"\ndensity = 1e3\n\
-                 parameters = {{ K = 1e9, G = 1e9 }}\n\
+                 parameters = {{ lambda = 1e9, mu = 1e9 }}\n\
                  [[initial]]\nset = \"hard\"\nv = [\"100*X\", 0]\n\
                  [motion]\nend = \"1 ms\"\n[output]\nframes = 2\nrows = 40\nfields = [\"states\"]\n"
             )

@@ -11,7 +11,7 @@ use crate::expression::graph::components;
 use crate::expression::power::{PowerOps, PowerPlan};
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::measure::Measure;
-use crate::model::{Model, Of as Kind, OfFamily};
+use crate::model::{Model, Of, OfFamily};
 use crate::point::{GradientEnergyForms, GradientFunction, GradientFunctionKind, NEAR, axes};
 use crate::specialise::ScalarEnergy;
 
@@ -42,7 +42,7 @@ pub fn c_source(
         if forms.far.has_axes() {
             out.push_str(AXES);
         }
-        let both = [("F", Of::Psi), ("F_product", Of::Product)];
+        let both = [("F", Gives::Psi), ("F_product", Gives::Product)];
         gradient_functions(&mut out, model, forms, &both);
     }
     out
@@ -90,7 +90,7 @@ fn array_function(
     let is_own = |number: u16| {
         let kind = model.kind_of_state(usize::from(number));
         model.time_step() == Some(number)
-            || kind.unwrap_or(Kind::Measure(Measure::Length)) == Kind::Measure(energy.measure)
+            || kind.unwrap_or(Of::Measure(Measure::Length)) == Of::Measure(energy.measure)
     };
     let own = energy.fields.iter().filter(|(number, _)| is_own(*number));
     let given = own.map(|(number, _)| match model.time_step() {
@@ -186,11 +186,11 @@ pub fn c_of_gradient_functions(model: &Model, functions: &[GradientFunction]) ->
             GradientFunctionKind::Margin { number, holds_at_zero } => {
                 let sign = if *holds_at_zero { ">=" } else { ">" };
                 let meaning = format!("Bonds break where this is {sign} 0: {text}");
-                (format!("F_margin_{number}"), Of::Margin, meaning)
+                (format!("F_margin_{number}"), Gives::Margin, meaning)
             }
             GradientFunctionKind::Next(state) => (
                 format!("F_next_{state}"),
-                Of::Next,
+                Gives::Next,
                 format!("What is remembered next: {state} = {text}"),
             ),
         };
@@ -202,7 +202,7 @@ pub fn c_of_gradient_functions(model: &Model, functions: &[GradientFunction]) ->
 
 /// What a function of gradients gives.
 #[derive(Clone, Copy)]
-enum Of {
+enum Gives {
     Psi,
     Product,
     Margin,
@@ -214,7 +214,7 @@ fn gradient_functions(
     out: &mut String,
     model: &Model,
     forms: &GradientEnergyForms,
-    functions: &[(&str, Of)],
+    functions: &[(&str, Gives)],
 ) {
     let order = components(forms.dimension);
     let entry = |array: &str, k: usize| format!("{array}[{k} * n + i]");
@@ -232,17 +232,17 @@ fn gradient_functions(
             None => "NAN".into(),
         },
     };
-    let write = |out: &mut String, form: &DensityForm, what: Of| {
+    let write = |out: &mut String, form: &DensityForm, what: Gives| {
         let tensor = match what {
-            Of::Psi => ("stress", &form.gradient[..]),
-            Of::Product => ("product", &form.product[..]),
-            Of::Margin | Of::Next => ("", &[][..]),
+            Gives::Psi => ("stress", &form.gradient[..]),
+            Gives::Product => ("product", &form.product[..]),
+            Gives::Margin | Gives::Next => ("", &[][..]),
         };
         let scalar = match what {
-            Of::Psi => Some(("psi[i]".to_string(), form.psi)),
-            Of::Product => None,
-            Of::Margin => Some(("margin[i]".to_string(), form.psi)),
-            Of::Next => Some(("next[i]".to_string(), form.psi)),
+            Gives::Psi => Some(("psi[i]".to_string(), form.psi)),
+            Gives::Product => None,
+            Gives::Margin => Some(("margin[i]".to_string(), form.psi)),
+            Gives::Next => Some(("next[i]".to_string(), form.psi)),
         };
         let all = tensor.1.iter().enumerate().map(|(k, root)| (entry(tensor.0, k), *root));
         let (targets, roots): (Vec<String>, Vec<NodeId>) = scalar.into_iter().chain(all).unzip();
@@ -263,10 +263,10 @@ fn gradient_functions(
     let given = remembered(model, forms);
     for (name, what) in functions {
         let arrays = match what {
-            Of::Psi => "double *psi, double *stress",
-            Of::Product => "const double *direction, double *product",
-            Of::Margin => "double *margin",
-            Of::Next => "double *next",
+            Gives::Psi => "double *psi, double *stress",
+            Gives::Product => "const double *direction, double *product",
+            Gives::Margin => "double *margin",
+            Gives::Next => "double *next",
         };
         let _ = write!(
             out,
@@ -296,7 +296,7 @@ fn remembered(model: &Model, forms: &GradientEnergyForms) -> String {
     if forms.far.n_fields() == 0 {
         return String::new();
     }
-    let kind = Some(Kind::Family(OfFamily::Gradient));
+    let kind = Some(Of::Family(OfFamily::Gradient));
     let own = model.states().filter(|state| model.kind_of_state(*state) == kind);
     let states: String =
         own.map(|number| format!("const double *{}, ", state(model, number as u16))).collect();

@@ -308,8 +308,11 @@ impl<'a> FieldsInTime<'a> {
             if !potential.fields.iter().any(&is_wanted) {
                 continue;
             }
+            // What points remember by now is no longer what they began with.
+            let wanted: Vec<bool> = potential.fields.iter().map(&is_wanted).collect();
             self.case.each_value(potential, law, t, |point, values| {
-                own.clone().zip(values).for_each(|(field, value)| fields.set(field, point, *value));
+                let values = own.clone().zip(values).zip(&wanted).filter(|(_, wanted)| **wanted);
+                values.for_each(|((field, value), _)| fields.set(field, point, *value));
             })?;
         }
         Ok(())

@@ -143,6 +143,27 @@ fn plates_soften_before_they_tear() {
 fn what_is_not_followed_is_refused() {
     let folder = square(OF_GRADIENTS, "[correspondence]\nplane = \"stress\"", TO_AND_FRO);
     folder.run(&[]).expect(2).says(&["states of softening", "plane stress", "plane = \"strain\""]);
+    // Of two materials one has no energy left that would gather.
+    let both = |parameters: &str| {
+        let law = "potential fading\nparameter K = 1e9\nm = integral(L^2)\n\
+                   theta = 2/m*integral(L*(l - L))\nstate p = 0\nupdate p = max(p, theta)\n\
+                   psi(theta) = K*exp(-p)*theta^2\npsi(l, m) = K/m*(l - L)^2\n";
+        let text = std::fs::read_to_string(square(law, "", TO_AND_FRO).scene()).unwrap();
+        let text = text.replace("state k", "state p");
+        let one = "[material]\npotential = \"law.piola\"\n";
+        let two = format!(
+            "[[material]]\nset = \"right\"\npotential = \"law.piola\"\n{parameters}\n\
+             [[material]]\nset = \"left\"\npotential = \"law.piola\"\n"
+        );
+        let sets = "[sets]\nleft = \"X < 0.5\"\nright = \"X > 0.5\"\n";
+        assert!(text.contains(one) && text.contains("[sets]\n"));
+        let made = SceneFolder::new(&text.replace(one, &two).replace("[sets]\n", sets));
+        made.file("law.piola", law);
+        made
+    };
+    both("").run(&[]).expect(0);
+    let what = ["leave nothing of the energies of gathered values of fading", "give parameters"];
+    both("parameters = { K = 0 }").run(&[]).expect(2).says(&what);
     for (law, control) in
         [(OF_GRADIENTS, "arc-length"), (OF_POINTS, "arc-length"), (OF_POINTS, "event")]
     {

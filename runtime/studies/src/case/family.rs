@@ -38,6 +38,18 @@ impl FamilyFunctions {
             gathered_next: model.gathered_next_states(values, mode, form)?,
         })
     }
+
+    /// Of what there are functions and no energy that would ask for them, where there are energies of gradients
+    /// and of gathered values, or not.
+    pub(super) fn without_energy(&self, [gradients, gathered]: [bool; 2]) -> Option<&'static str> {
+        let of_gradients = !self.gradient_criteria.is_empty() || !self.gradient_next.is_empty();
+        let of_gathered = !self.gathered_criteria.is_empty() || !self.gathered_next.is_empty();
+        match (of_gradients && !gradients, of_gathered && !gathered) {
+            (true, _) => Some("deformation gradients"),
+            (_, true) => Some("gathered values"),
+            _ => None,
+        }
+    }
 }
 
 /// A layer of energies with the laws of its materials.

@@ -165,6 +165,7 @@ impl Potential {
         if solver.derivatives == DerivativeSource::Hyperdual
             && self.values.follow_states(&self.model)
             && !self.model.updates().is_empty()
+            && scene.motion.is_none()
         {
             let message =
                 "what is remembered needs symbolic derivatives in load steps: hyper-dual numbers hold it"
@@ -197,6 +198,15 @@ impl Potential {
             .model
             .dissipation(&self.values, mode(solver))
             .map_err(|error| CaseError::compile(&self.text, &error))?;
+        let left = [gradient.is_some(), gathered.is_some()];
+        if let Some(what) = of_families.without_energy(left) {
+            let name = self.model.name();
+            let message = format!(
+                "parameters leave nothing of the energies of {what} of {name}, by which bonds break or something \
+                 is remembered: give parameters that leave some of them, or take a potential without these lines"
+            );
+            return Err(CaseError::Body { message });
+        }
         let mut elements = Elements::default();
         if by_coordinates && !coupled.is_empty() {
             let message =

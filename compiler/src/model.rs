@@ -452,23 +452,22 @@ impl Model {
 
     /// Whether some update of what families give depends on the time step.
     pub fn families_remember_time(&self) -> bool {
-        let number = self.parameters.len() as u16;
-        let depends = |variant: &Variant| {
-            let updates = variant.family_updates.iter();
-            let roots: Vec<NodeId> = updates.map(|update| update.root).collect();
-            variant.graph.depends_on(&roots, Input::Parameter(number))
-        };
-        self.variants.iter().any(depends)
+        let updates =
+            |variant: &Variant| variant.family_updates.iter().map(|one| one.root).collect();
+        self.depend_on_time(updates)
+    }
+
+    /// Whether some of these nodes of a variant depend on the time step.
+    fn depend_on_time(&self, roots: impl Fn(&Variant) -> Vec<NodeId>) -> bool {
+        let dt = Input::Parameter(self.parameters.len() as u16);
+        let mut all = self.variants.iter();
+        all.any(|variant| variant.graph.depends_on(&roots(variant), dt))
     }
 
     /// The number of the time step, where some update of a measure depends on it.
     pub(crate) fn time_step(&self) -> Option<u16> {
-        let number = self.parameters.len() as u16;
-        let depends = |variant: &Variant| {
-            let roots: Vec<NodeId> = variant.updates.iter().map(|update| update.root).collect();
-            variant.graph.depends_on(&roots, Input::Parameter(number))
-        };
-        self.variants.iter().any(depends).then_some(number)
+        let updates = |variant: &Variant| variant.updates.iter().map(|one| one.root).collect();
+        self.depend_on_time(updates).then_some(self.parameters.len() as u16)
     }
 
     /// The measures of the interactions that have an energy of several measures, ascending: areas for

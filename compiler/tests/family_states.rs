@@ -77,14 +77,14 @@ fn states_at_a_place_are_those_that_are_given() {
         for (k, life, dt) in [(0.0, 1.0, 0.0), (0.7, 0.9, 0.25), (0.125, 0.5, 2.0)] {
             let fields = [k, life, dt];
             let at = GradientBatch { n: 1, gradient: &gradient, change: &change, fields: &fields };
-            let become_ = |one: usize| {
+            let becomes = |one: usize| {
                 let mut found = [f64::NAN];
                 next[one].next.evaluate(at, &mut found, &mut []);
                 found[0]
             };
             // E is 0.5 (F'F - I).
-            assert_eq!(become_(0), f64::max(k, 0.625));
-            assert!((become_(1) - (life - f64::max(0.0, 0.5 - k) * dt)).abs() < 1e-15);
+            assert_eq!(becomes(0), f64::max(k, 0.625));
+            assert!((becomes(1) - (life - f64::max(0.0, 0.5 - k) * dt)).abs() < 1e-15);
         }
     }
     let points = model(OF_POINTS);
@@ -102,14 +102,14 @@ fn states_at_a_place_are_those_that_are_given() {
                 reference: &[],
                 fields: &fields,
             };
-            let become_ = |one: usize| {
+            let becomes = |one: usize| {
                 let mut found = [f64::NAN];
                 next[one].next.evaluate(at, &mut found, &mut []);
                 found[0]
             };
             let expected = if 0.375 - p > 0.1 { 0.275 } else { p };
-            assert!((become_(0) - expected).abs() < 1e-15);
-            assert!((become_(1) - (f64::max(q, 0.140625) + p * dt)).abs() < 1e-15);
+            assert!((becomes(0) - expected).abs() < 1e-15);
+            assert!((becomes(1) - (f64::max(q, 0.140625) + p * dt)).abs() < 1e-15);
         }
     }
 }

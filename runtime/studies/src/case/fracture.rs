@@ -234,13 +234,12 @@ impl Case {
             |model: &Model| model.family_updates().iter().any(|one| one.of == OfFamily::Gradient);
         let found = all.find(|(one, _)| breaks(&one.model) || remembers(&one.model));
         let Some((one, material)) = found.filter(|_| is_sheet(&self.scene)) else { return Ok(()) };
-        let (what, instead) = match breaks(&one.model) {
-            true => ("bonds of", "a condition of bonds: `break when l/L - 1 > s0`"),
-            false => ("states of", "a state of bonds: `update k = max(k, l/L - 1)`"),
+        let (what, follow, instead) = match breaks(&one.model) {
+            true => ("bonds of", "break by", "a condition of bonds: `break when l/L - 1 > s0`"),
+            false => ("states of", "follow", "a state of bonds: `update k = max(k, l/L - 1)`"),
         };
-        let how = if breaks(&one.model) { "break by" } else { "follow" };
         let message = format!(
-            "{what} {} {how} a deformation gradient, and in plane stress what lies across the sheet is \
+            "{what} {} {follow} a deformation gradient, and in plane stress what lies across the sheet is \
              not there",
             one.model.name()
         );

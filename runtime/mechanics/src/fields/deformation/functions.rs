@@ -346,8 +346,10 @@ fn judge<const D: usize>(
     all: bool,
     mut shown: Shown<'_, D>,
 ) -> Result<Vec<Judged>, Failure> {
-    let nowhere = vec![[[0.0; D]; D]; shown.h.len()];
-    let at_rest = all.then(|| shown.values(Some(&nowhere))).transpose()?;
+    let at_rest = match all {
+        true => Some(shown.values(Some(&vec![[[0.0; D]; D]; shown.h.len()]))?),
+        false => None,
+    };
     let margins = shown.values(None)?;
     let ends: Vec<[usize; 2]> = shown.places.iter().map(|(place, _)| place.ends).collect();
     let mut found = Vec::new();

@@ -5,6 +5,7 @@
 //! everything the later stages do.
 
 use std::fmt;
+use std::ops::Range;
 
 use piola_grammar::Span;
 
@@ -16,6 +17,18 @@ use crate::verify::Stated;
 
 /// The time step of a motion in what states become.
 pub(crate) const TIME_STEP: &str = "dt";
+
+/// How many inputs stand for the direction of a bond at rest, behind all parameters: its components, of which
+/// the plane has no third.
+const DIRECTIONS: usize = 3;
+
+/// The components of that direction, as written.
+const DIRECTION: [&str; DIRECTIONS] = ["(Xi(1)/L)", "(Xi(2)/L)", "(Xi(3)/L)"];
+
+/// The number of the time step where there are so many parameters: behind the direction of a bond.
+pub(crate) fn number_of_time_step(n_parameters: usize) -> usize {
+    n_parameters + DIRECTIONS
+}
 
 /// A checked potential.
 #[derive(Clone, Debug)]
@@ -97,6 +110,8 @@ pub struct Variant {
     pub updates: Vec<Update<Measure>>,
     /// What states become of what families give, at most one for each.
     pub family_updates: Vec<Update<OfFamily>>,
+    /// Whether anything depends on the direction that a bond has at rest.
+    pub sees_directions: bool,
     /// Numbers and components of tensors that depend on the deformation, and what they are in the text,
     /// the innermost expressions first.
     pub(crate) stated: Vec<(NodeId, Stated)>,
@@ -429,20 +444,35 @@ impl Model {
         (0..self.parameters.len()).filter(|number| self.parameters[*number].is_state)
     }
 
+    /// Whether anything depends on the direction that a bond has at rest, in some dimension.
+    pub fn sees_directions(&self) -> bool {
+        self.variants.iter().any(|variant| variant.sees_directions)
+    }
+
+    /// The numbers that stand for the components of the direction that a bond has at rest, the unit vector
+    /// `Xi/L`, in so many dimensions: behind all parameters, among the fields of all values. None where nothing
+    /// depends on it.
+    pub fn directions(&self, dimension: usize) -> Range<u16> {
+        let first = self.parameters.len() as u16;
+        first..first + if self.sees_directions() { dimension as u16 } else { 0 }
+    }
+
     /// The number that stands for the length of a bond where its rate is the variable: behind that of the
     /// time step.
     pub(crate) fn number_of_length(&self) -> u16 {
-        self.parameters.len() as u16 + 1
+        number_of_time_step(self.parameters.len()) as u16 + 1
     }
 
-    /// The name of a parameter by its number, or of the time step behind them.
+    /// The name of a parameter by its number, or of what stands behind them.
     pub(crate) fn input_name(&self, number: usize) -> &str {
-        self.parameters.get(number).map_or(TIME_STEP, |parameter| &parameter.name)
+        let behind = |n: usize| DIRECTION.get(number - n).copied().unwrap_or(TIME_STEP);
+        let own = self.parameters.get(number).map(|parameter| parameter.name.as_str());
+        own.unwrap_or_else(|| behind(self.parameters.len()))
     }
 
     /// The number of the time step, where there are updates.
     pub(crate) fn number_of_time_step(&self) -> Option<u16> {
-        self.has_memory().then_some(self.parameters.len() as u16)
+        self.has_memory().then_some(number_of_time_step(self.parameters.len()) as u16)
     }
 
     /// Whether what is remembered changes with time, by itself.
@@ -459,7 +489,7 @@ impl Model {
 
     /// Whether some of these nodes of a variant depend on the time step.
     fn depend_on_time(&self, roots: impl Fn(&Variant) -> Vec<NodeId>) -> bool {
-        let dt = Input::Parameter(self.parameters.len() as u16);
+        let dt = Input::Parameter(number_of_time_step(self.parameters.len()) as u16);
         let mut all = self.variants.iter();
         all.any(|variant| variant.graph.depends_on(&roots(variant), dt))
     }
@@ -467,7 +497,7 @@ impl Model {
     /// The number of the time step, where some update of a measure depends on it.
     pub(crate) fn time_step(&self) -> Option<u16> {
         let updates = |variant: &Variant| variant.updates.iter().map(|one| one.root).collect();
-        self.depend_on_time(updates).then_some(self.parameters.len() as u16)
+        self.depend_on_time(updates).then_some(number_of_time_step(self.parameters.len()) as u16)
     }
 
     /// The measures of the interactions that have an energy of several measures, ascending: areas for

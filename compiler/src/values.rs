@@ -6,7 +6,7 @@ use crate::check::dimension::Dimension;
 use crate::check::unit::named_unit;
 use crate::expression::Input;
 use crate::expression::interpret::Interpreter;
-use crate::model::{Conditions, Model, Variant};
+use crate::model::{Conditions, Model, Variant, number_of_time_step};
 
 /// Most parameters of a potential that are fields: kernels take an array of each.
 pub(crate) const MAX_FIELDS: usize = 8;
@@ -65,6 +65,21 @@ impl Values {
     pub(crate) fn with_field(mut self, number: u16) -> Values {
         if let Err(place) = self.fields.binary_search(&number) {
             self.fields.insert(place, number);
+        }
+        self
+    }
+
+    /// The same with nothing among the fields but the direction of a bond, which no two bonds share.
+    pub fn without_parameters_that_vary(&self, model: &Model) -> Values {
+        let directions = model.directions(self.dimension);
+        let fields = self.fields.iter().copied().filter(|field| directions.contains(field));
+        Values { fields: fields.collect(), ..self.clone() }
+    }
+
+    /// The same where the bonds that are meant have this direction at rest, a unit vector of d components.
+    pub fn with_direction(mut self, model: &Model, direction: &[f64]) -> Values {
+        for (number, component) in model.directions(self.dimension).zip(direction) {
+            self.parameters[usize::from(number)] = *component;
         }
         self
     }
@@ -146,6 +161,7 @@ impl Model {
         // So is a length: dissipation takes it beside its rate.
         let more = [self.has_memory(), !self.dissipations().is_empty()];
         let n_more = more.into_iter().filter(|is_there| *is_there).count();
+        let n_more = n_more + self.directions(dimension).len();
         let n_inputs = fields.len() + states.len() + n_more;
         if n_inputs > MAX_FIELDS {
             let last = fields.last().or(states.last()).copied().unwrap_or_default();
@@ -154,7 +170,7 @@ impl Model {
                 parameter: self.parameters[usize::from(last)].name.clone(),
                 message: format!(
                     "a potential has at most {MAX_FIELDS} parameters that vary; states count, `dt` of \
-                     updates does, and the length beside `rate(l)`"
+                     updates does, the length beside `rate(l)`, and the components of `Xi`"
                 ),
                 help: "give some of them one number".into(),
             });
@@ -181,8 +197,16 @@ impl Model {
             }
         }
         if errors.is_empty() {
-            // Statics have no time step.
-            parameters.extend(self.has_memory().then_some(0.0));
+            let directions = self.directions(dimension);
+            if !directions.is_empty() {
+                parameters.extend(typical_direction(dimension));
+            }
+            fields.extend(directions);
+            if self.has_memory() {
+                // Statics have no time step.
+                parameters.resize(number_of_time_step(self.parameters.len()), 0.0);
+                parameters.push(0.0);
+            }
             let horizon = horizon.unwrap_or(f64::NAN);
             Ok(Values { dimension, parameters, fields, horizon })
         } else {
@@ -340,6 +364,11 @@ impl Model {
             })
             .collect()
     }
+}
+
+/// A direction of a bond that no symmetry singles out.
+fn typical_direction(dimension: usize) -> &'static [f64] {
+    if dimension == 2 { &[0.6, 0.8] } else { &[0.48, 0.6, 0.64] }
 }
 
 /// Whether a text is a number, or a number with the name of a unit, known or not.

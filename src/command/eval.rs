@@ -54,11 +54,16 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
             return Exit::Input;
         }
     };
-    let names = [measure.symbol(), measure.reference_symbol()];
-    let Some(rows) = table::rows(&arguments.points, &names, not_a_reference) else {
+    let directed = measure == Measure::Length && loaded.model.sees_directions();
+    let names = match directed {
+        true => &["l", "Xi1", "Xi2", "Xi3"][..=dimension],
+        false => &[measure.symbol(), measure.reference_symbol()][..],
+    };
+    let Some(rows) = table::rows(&arguments.points, names, not_a_reference) else {
         return Exit::Input;
     };
-    let columns: (Vec<f64>, Vec<f64>) = rows.iter().map(|row| (row[0], row[1])).unzip();
+    let columns: (Vec<f64>, Vec<f64>) =
+        rows.iter().map(|row| (row[0], length(&row[1..]))).unzip();
     for dropped in compiled.dropped.iter().filter(|d| d.argument == measure.symbol()) {
         console::note(&dropped.reason);
     }
@@ -66,8 +71,13 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
         Some(kernel) => {
             let change: Vec<f64> =
                 columns.0.iter().zip(&columns.1).map(|(l, rest)| (l - rest) / rest).collect();
-            let batch =
-                Batch { measure: &columns.0, reference: &columns.1, change: &change, fields: &[] };
+            let axes = if kernel.fields().is_empty() { 0..0 } else { 1..1 + dimension };
+            let component = |axis: usize| {
+                rows.iter().zip(&columns.1).map(move |(row, length)| row[axis] / length)
+            };
+            let (measure, reference) = (&columns.0[..], &columns.1[..]);
+            let fields: Vec<f64> = axes.flat_map(component).collect();
+            let batch = Batch { measure, reference, change: &change, fields: &fields };
             kernel.derivatives(batch)
         }
         // An energy with coefficient 0 is not modelled: it is 0 everywhere.
@@ -76,10 +86,19 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
     print_rows(measure, &columns, &out)
 }
 
-/// What is wrong with the second number of a row as a measure at rest.
+/// The length of a vector at rest; a measure at rest, which may not be negative, as it stands.
+fn length(rest: &[f64]) -> f64 {
+    match rest {
+        [alone] => *alone,
+        vector => vector.iter().fold(0.0, |square, x| square + x * x).sqrt(),
+    }
+}
+
+/// What is wrong with the numbers of a row behind the first as a measure at rest, or as the vector of a bond.
 fn not_a_reference(row: &[f64]) -> Option<(usize, String)> {
-    let is_one = row[1].is_finite() && row[1] > 0.0;
-    (!is_one).then(|| (1, format!("a reference measure is finite and > 0, not {}", row[1])))
+    let rest = length(&row[1..]);
+    let is_one = rest.is_finite() && rest > 0.0;
+    (!is_one).then(|| (1, format!("a reference measure is finite and > 0, not {rest}")))
 }
 
 fn print_rows(measure: Measure, columns: &(Vec<f64>, Vec<f64>), out: &Derivatives) -> Exit {

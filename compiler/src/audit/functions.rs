@@ -26,7 +26,7 @@ pub fn functions(
     settings: &Settings,
 ) -> Result<Vec<Audit>, CompileError> {
     let mut all: Vec<Audit> = Vec::new();
-    for values in histories(model, values)? {
+    for values in histories(model, &values.without_fields())? {
         for audit in functions_at(model, &values, settings)? {
             match all.iter_mut().find(|known| known.function == audit.function) {
                 Some(known) => known.join(audit),

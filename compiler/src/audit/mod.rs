@@ -190,6 +190,8 @@ pub fn audit(
     values: &Values,
     settings: &Settings,
 ) -> Result<(Vec<Audit>, Vec<Dropped>), CompileError> {
+    // With a typical direction of bonds.
+    let values = &values.without_fields();
     let mode = Mode::Jit(settings.level);
     let kinds = [Kind::Measures, Kind::Gradient];
     let compiled = model.compile_only(&kinds, values, mode, settings.form)?;

@@ -245,6 +245,7 @@ impl<'a> Elaborator<'a> {
                 let kind = self.known(Dimension::of(0, 0, 1, 0));
                 self.make(Node::Input(Input::Parameter(i as u16)), kind, 0, span)
             }
+            Symbol::Bond(first) => self.bond(first, span),
             Symbol::Kinematic(which) => self.kinematic(which, span),
             Symbol::Value(number) => self.values.get(&number).copied().flatten(),
             // `w` alone is `w(L)`.

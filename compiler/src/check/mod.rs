@@ -8,6 +8,7 @@
 //!
 //! Before: any tree. After: a [`Model`], or every error of the file at once.
 
+mod bond;
 mod breaking;
 mod call;
 mod constant;

@@ -310,7 +310,7 @@ impl Checker<'_> {
         let arity = match self.scope.symbols.get(name) {
             Some(Symbol::Function(number)) => Some(self.arity(number)),
             // Of a tensor `F(1, 2)` is a component; of which values are tensors the check knows.
-            Some(Symbol::Kinematic(_) | Symbol::Value(_))
+            Some(Symbol::Kinematic(_) | Symbol::Value(_) | Symbol::Bond(_))
                 if self.scope.symbols.tensors && matches!(given, 1 | 2) =>
             {
                 return;
@@ -390,7 +390,8 @@ impl Checker<'_> {
                 .note(later, "it is defined here, after its use")
                 .help("move the definition above the line that uses it");
         }
-        let place = match (self.ast.is_some(), self.scope.symbols.tensors) {
+        let has_gradient = self.scope.symbols.get("F").is_some();
+        let place = match (self.ast.is_some(), has_gradient) {
             (true, true) => Place::EnergyOfGradient,
             (true, false) => Place::Energy,
             (false, _) => Place::Scene,

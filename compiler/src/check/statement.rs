@@ -51,6 +51,7 @@ pub(crate) fn model(
         builder.variant.integrals = builder.integrals();
         builder.variant.traces = builder.elaborator.traces.clone();
         builder.check_states();
+        builder.check_directions();
         builder.check_gathered();
         builder.check_rates();
         builder.variant.stated = std::mem::take(&mut builder.elaborator.stated.all);
@@ -287,6 +288,7 @@ impl<'a> Builder<'a> {
                 dissipations: Vec::new(),
                 updates: Vec::new(),
                 family_updates: Vec::new(),
+                sees_directions: false,
                 stated: Vec::new(),
                 graph: ExprGraph::new(),
                 conditions: Conditions::default(),

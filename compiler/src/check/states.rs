@@ -54,13 +54,13 @@ struct Line {
 }
 
 /// Where a state may stand.
-struct Place {
+pub(super) struct Place {
     /// In words.
-    what: String,
+    pub(super) what: String,
     /// Of which kind; nothing where no state may stand.
     of: Option<Of>,
-    root: NodeId,
-    span: Span,
+    pub(super) root: NodeId,
+    pub(super) span: Span,
     knows_time_step: bool,
 }
 
@@ -240,7 +240,7 @@ impl Builder<'_> {
     }
 
     /// All where states might stand.
-    fn places(&self) -> Vec<Place> {
+    pub(super) fn places(&self) -> Vec<Place> {
         let place = |what: String, of: Option<Of>, root: NodeId, span: Span| Place {
             what,
             of,

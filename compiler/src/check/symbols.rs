@@ -4,11 +4,15 @@ use std::collections::{HashMap, HashSet};
 use std::iter::once;
 use std::rc::Rc;
 
-use piola_grammar::ast::{Ast, Energy, ExprId, Statement};
+use piola_grammar::ast::{Ast, Energy, ExprId, ExprKind, Statement};
 
 use super::table::Table;
 use crate::clique::Part;
 use crate::measure::Measure;
+use crate::model::number_of_time_step;
+
+/// The vector of a bond at rest.
+pub(crate) const BOND: &str = "Xi";
 
 /// What a name outside a function's formal parameters stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +37,9 @@ pub(crate) enum Symbol {
     Parameter(usize),
     /// `dt`, in a file with updates; numbered behind all parameters.
     TimeStep(usize),
+    /// `Xi`, the vector of a bond at rest, in a file that names it; the number of the first component of its
+    /// direction, behind all parameters.
+    Bond(usize),
     /// A definition without parameters, by number of its statement.
     Value(usize),
     /// A user's function, by number of its statement.
@@ -69,8 +76,9 @@ impl<'a> Symbols<'a> {
         let tensors = ast.statements.iter().any(
             |s| matches!(s, Statement::Energy(e) if e.measure.name == "F" || is_kinematic(ast, e)),
         );
-        let mut symbols = Symbols { tensors, ..Symbols::default() };
-        if symbols.tensors {
+        let sees_bond = is_named(ast, BOND);
+        let mut symbols = Symbols { tensors: tensors || sees_bond, ..Symbols::default() };
+        if tensors {
             for (name, which) in Kinematic::NAMED {
                 symbols.names.insert(name, Symbol::Kinematic(which));
             }
@@ -87,7 +95,11 @@ impl<'a> Symbols<'a> {
         }
         if ast.statements.iter().any(|s| matches!(s, Statement::Update(_))) {
             let declared = ast.statements.iter().filter(|s| matches!(s, Statement::Parameter(_)));
-            symbols.names.insert("dt", Symbol::TimeStep(declared.count()));
+            symbols.names.insert("dt", Symbol::TimeStep(number_of_time_step(declared.count())));
+        }
+        if sees_bond {
+            let declared = ast.statements.iter().filter(|s| matches!(s, Statement::Parameter(_)));
+            symbols.names.insert(BOND, Symbol::Bond(declared.count()));
         }
         symbols.names.insert("delta", Symbol::Horizon);
         symbols.names.insert("d", Symbol::Dimension);
@@ -172,6 +184,15 @@ impl Kinematic {
         ("E", Kinematic::Strain),
         ("U", Kinematic::Stretch),
     ];
+}
+
+/// Whether an expression of a file holds a name, or calls it: `Xi(1)`.
+fn is_named(ast: &Ast, name: &str) -> bool {
+    ast.arena.iter().any(|(_, expression)| match &expression.kind {
+        ExprKind::Name(own) => own == name,
+        ExprKind::Call { function, .. } => function.name == name,
+        _ => false,
+    })
 }
 
 /// Whether a file defines a name.

@@ -102,6 +102,9 @@ impl Elaborator<'_> {
 
     /// The sum of the products of all components: `n*m` of vectors, `A : B` of tensors.
     pub(super) fn dot(&mut self, x: &Tensor, y: &Tensor, span: Span) -> Option<Value> {
+        if let Some(product) = self.dot_with_bond(x, y, span) {
+            return Some(product);
+        }
         let mut sum = None;
         for (&a, &b) in x.components.iter().zip(&y.components) {
             let term = self.component(Operator::Multiply, a, b, span)?;
@@ -123,6 +126,9 @@ impl Elaborator<'_> {
             );
             return None;
         };
+        if self.direction_in(&tensor).is_some() {
+            return self.name("L", span, &[]);
+        }
         let square = self.dot(&tensor, &tensor, span)?;
         let node = self.operation(Node::Unary(Function::Sqrt, square.node), span)?;
         let kind = super::value::Kind::Number(tensor.quantity);

@@ -27,8 +27,11 @@ pub(super) fn not_stress_free(subject: &Subject<'_>) -> Option<Finding> {
     })
 }
 
-/// psi'' at rest, if it is not positive.
+/// psi'' at rest, if it is not positive. Bonds across a fibre may have none.
 pub(super) fn not_stiff(subject: &Subject<'_>) -> Option<Finding> {
+    if subject.sees_direction() {
+        return None;
+    }
     let (stiffness, around) = at_rest(subject, 2)?;
     if stiffness > NOTHING * around {
         return None;

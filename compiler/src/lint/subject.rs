@@ -70,6 +70,12 @@ impl<'m> Subject<'m> {
         self.energy.measure
     }
 
+    /// Whether the energy depends on the direction of a bond: it is looked at in one.
+    pub(super) fn sees_direction(&self) -> bool {
+        let directions = self.model.directions(self.dimension());
+        self.energy.fields.iter().any(|(number, _)| directions.contains(number))
+    }
+
     pub(super) fn dimension(&self) -> usize {
         self.variant.dimension
     }

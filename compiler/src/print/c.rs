@@ -77,6 +77,9 @@ fn function(out: &mut String, model: &Model, energy: &ScalarEnergy) {
     array_function(out, model, name, energy, &targets.map(|(name, k)| (name, energy.roots[k])));
 }
 
+/// As many components as a direction may have.
+const SPACE: usize = 3;
+
 /// A function over arrays of bonds, or of other interactions, with one array for each result. States are
 /// arrays, too, all of their kind that the values have if the function takes any, and the time step is a
 /// number.
@@ -124,9 +127,12 @@ fn array_function(
     out.push_str("  }\n}\n");
 }
 
-/// What C calls a state.
+/// What C calls a state, or a component of the direction of a bond.
 fn state(model: &Model, number: u16) -> String {
-    format!("state_{}", model.input_name(usize::from(number)))
+    match model.directions(SPACE).position(|own| own == number) {
+        Some(axis) => format!("direction_{}", axis + 1),
+        None => format!("state_{}", model.input_name(usize::from(number))),
+    }
 }
 
 /// C99 functions for when bonds, triangles and tetrahedra break and what they remember, beside those of [`c_source`]:

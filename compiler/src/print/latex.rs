@@ -114,6 +114,9 @@ impl Notation for Latex<'_> {
                 binding: Binding::Sum,
             },
             Input::Rate => Piece::atom(r"\dot{l}".to_string()),
+            Input::Parameter(number) if let Some(axis) = self.names.axis(number) => {
+                Piece::atom(format!(r"(\Xi_{{{axis}}}/L)"))
+            }
             other => Piece::atom(Self::symbol(&self.names.input(other))),
         }
     }

@@ -214,6 +214,11 @@ impl Names<'_> {
         }
     }
 
+    /// Which component of the direction of a bond an input is, from 1.
+    fn axis(&self, number: u16) -> Option<usize> {
+        self.model.directions(3).position(|own| own == number).map(|axis| axis + 1)
+    }
+
     /// The name of a part: `t1`, or `tt1` where a parameter is called `t1` or `t_1`, and so on.
     fn temporary(&self, number: usize) -> String {
         let mut stem = "t".to_string();

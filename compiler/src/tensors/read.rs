@@ -173,6 +173,7 @@ impl<'a> Reader<'a> {
             Symbol::Value(number) => self.definition(number, name),
             Symbol::Current(_)
             | Symbol::Reference(_)
+            | Symbol::Bond(_)
             | Symbol::Part(_)
             | Symbol::PartAtRest(_)
             | Symbol::Function(_) => Err(NotInTensors::Foreign),

@@ -11,10 +11,10 @@
 use super::cause::cause;
 use super::sample::{self, Point};
 use super::{Columns, Miss, Subject, UNIT_ROUNDOFF, Verification, Ways, Witness, same_bits, truth};
-use crate::kernel::{Kernel, WrittenEnergy};
+use crate::kernel::{Kernel, Level, Mode, WrittenEnergy};
 use crate::measure::Argument;
 use crate::model::{Model, Variant};
-use crate::specialise::{CompileError, ScalarEnergy};
+use crate::specialise::{CompileError, Form, ScalarEnergy};
 use crate::values::Values;
 
 /// Largest relative error where hyper-dual numbers of the energy as written have lost the digits.
@@ -35,7 +35,7 @@ pub(super) fn verify(
         let points = sample::points(variant, measure, values, n);
         let written = model.written(values, measure);
         let kernels = [&ways.strict.kernels[k], &ways.fast.kernels[k], graph];
-        let mut of_measure = verify_kernels(Argument::Measure(measure), kernels, &written, &points);
+        let mut of_measure = verify_kernels(Argument::Measure(measure), (kernels, &[]), &written, &points);
         find_causes(&mut of_measure, model, &energies[k]);
         found.push(of_measure);
         let [Some(strict), Some(fast), Some(graph)] = kernels.map(Kernel::squared) else {
@@ -44,11 +44,47 @@ pub(super) fn verify(
         let points: Vec<Point> = points.into_iter().map(Point::squared).collect();
         let kernels = [strict, fast, graph];
         let written = written.of_square();
-        let mut of_square = verify_kernels(Argument::Square(measure), kernels, &written, &points);
+        let mut of_square = verify_kernels(Argument::Square(measure), (kernels, &[]), &written, &points);
         if let Some(energy) = model.squared(values, measure) {
             find_causes(&mut of_square, model, &energy);
         }
         found.push(of_square);
+    }
+    Ok(found)
+}
+
+/// Verifies energies of bonds that take the direction of a bond as an input, each in several directions.
+pub(super) fn verify_directed(
+    model: &Model,
+    values: &Values,
+    n: usize,
+) -> Result<Vec<Verification>, CompileError> {
+    let directions = super::directions(model, values.dimension);
+    let (Some(variant), 2..) = (model.variant(values.dimension), directions.len()) else {
+        return Ok(Vec::new());
+    };
+    let compiled = |mode| model.compile(values, mode, Form::Accurate).map(|all| all.kernels);
+    let strict = compiled(Mode::Jit(Level::Strict))?;
+    let fast = compiled(Mode::Jit(Level::Fast))?;
+    let interpreted = compiled(Mode::Interpreter)?;
+    let mut found = Vec::new();
+    for (k, graph) in interpreted.iter().enumerate().filter(|(_, all)| !all.fields().is_empty()) {
+        let measure = graph.measure();
+        let points = sample::points(variant, measure, values, n);
+        let squares: Vec<Point> = points.iter().map(|point| point.squared()).collect();
+        for direction in &directions {
+            let at = values.clone().with_direction(model, direction);
+            let fields: Vec<f64> = at.typical().map(|(_, value)| value).collect();
+            let (kernels, written) = ([&strict[k], &fast[k], graph], model.written(&at, measure));
+            let (argument, fields) = (Argument::Measure(measure), &fields[..]);
+            found.push(verify_kernels(argument, (kernels, fields), &written, &points));
+            let [Some(strict), Some(fast), Some(graph)] = kernels.map(Kernel::squared) else {
+                continue;
+            };
+            let (argument, kernels) = (Argument::Square(measure), [strict, fast, graph]);
+            let written = written.of_square();
+            found.push(verify_kernels(argument, (kernels, fields), &written, &squares));
+        }
     }
     Ok(found)
 }
@@ -62,15 +98,16 @@ fn find_causes(found: &mut Verification, model: &Model, energy: &ScalarEnergy) {
     }
 }
 
-/// Verifies machine code at the strict level, at the fast one, and the interpreter.
+/// Verifies machine code at the strict level, at the fast one, and the interpreter, with some values of their
+/// fields.
 fn verify_kernels(
     argument: Argument,
-    kernels: [&Kernel; 3],
+    (kernels, fields): ([&Kernel; 3], &[f64]),
     written: &WrittenEnergy,
     points: &[Point],
 ) -> Verification {
     let columns = Columns::new(points);
-    let [strict, fast, interpreted] = kernels.map(|kernel| kernel.derivatives(columns.batch()));
+    let [strict, fast, interpreted] = kernels.map(|kernel| columns.derivatives_at(kernel, fields));
     let subject = Subject::Argument(argument);
     let mut verification = Verification::new(subject, &[(Witness::HyperDual, 1.0)]);
     for (i, &point) in points.iter().enumerate() {

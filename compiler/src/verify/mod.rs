@@ -348,7 +348,12 @@ pub fn verify(
     n: usize,
 ) -> Result<(Vec<Verification>, Vec<Dropped>), CompileError> {
     let mut all = (Vec::<Verification>::new(), Vec::new());
-    for (k, values) in remember::histories(model, values)?.iter().enumerate() {
+    let mut cases = Vec::new();
+    for direction in directions(model, values.dimension) {
+        let held = values.clone().with_direction(model, &direction).without_fields();
+        cases.extend(remember::histories(model, &held)?);
+    }
+    for (k, values) in cases.iter().enumerate() {
         let (found, dropped) = verify_at(model, values, n)?;
         for one in found {
             match all.0.iter_mut().find(|known| known.subject == one.subject) {
@@ -360,7 +365,30 @@ pub fn verify(
             all.1 = dropped;
         }
     }
+    // Once more as bodies run it: the direction is an input.
+    for one in measure::verify_directed(model, values, n)? {
+        if let Some(known) = all.0.iter_mut().find(|known| known.subject == one.subject) {
+            known.join(one);
+        }
+    }
     Ok(all)
+}
+
+/// Directions of bonds at rest to verify at: one that no symmetry singles out, and others along the axes and
+/// between them; a single empty one where nothing depends on it.
+fn directions(model: &Model, dimension: usize) -> Vec<Vec<f64>> {
+    let all: &[&[f64]] = match dimension {
+        _ if model.directions(dimension).is_empty() => &[&[]],
+        2 => &[&[0.6, 0.8], &[1.0, 0.0], &[0.0, -1.0], &[-0.28, 0.96]],
+        _ => &[
+            &[0.48, 0.6, 0.64],
+            &[1.0, 0.0, 0.0],
+            &[0.0, -1.0, 0.0],
+            &[0.0, 0.0, 1.0],
+            &[-0.6, 0.8, 0.0],
+        ],
+    };
+    all.iter().map(|direction| direction.to_vec()).collect()
 }
 
 /// The same with what is remembered by the values.

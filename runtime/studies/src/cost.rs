@@ -131,6 +131,7 @@ fn cost_of(way: Way, model: &Model, values: &Values) -> Result<WayCost, CostErro
     let compiled = compile(values)?;
     for kernel in compiled.kernels {
         let measure = kernel.measure();
+        let fields = kernel.fields().to_vec();
         let element: Box<dyn Element> = if way.in_coordinates {
             let written = model.written(values, measure);
             let psi = move |m: HyperDual64, reference: f64| {
@@ -141,7 +142,7 @@ fn cost_of(way: Way, model: &Model, values: &Values) -> Result<WayCost, CostErro
             Box::new(MeasureElement::new(measure, dimension, Box::new(kernel)))
         };
         let nanoseconds =
-            time(&*element, way).map_err(|at| CostError::NonFinite { measure, at })?;
+            time(&*element, &fields, way).map_err(|at| CostError::NonFinite { measure, at })?;
         energies.push(EnergyCost { argument: Argument::Measure(measure), nanoseconds });
     }
     if !way.in_coordinates
@@ -154,11 +155,17 @@ fn cost_of(way: Way, model: &Model, values: &Values) -> Result<WayCost, CostErro
 }
 
 /// Nanoseconds per interaction for each order.
-fn time(element: &dyn Element, way: Way) -> Result<[f64; 3], NonFiniteLane> {
+fn time(element: &dyn Element, fields: &[f64], way: Way) -> Result<[f64; 3], NonFiniteLane> {
     let (measure, dimension) = (element.measure(), element.dimension());
     let mut random = Random(0x7069_6f6c_6100 ^ measure as u64);
-    let batches: Vec<InteractionBatch> =
+    let mut batches: Vec<InteractionBatch> =
         (0..way.batches).map(|_| random.batch(measure, dimension)).collect();
+    if element.n_fields() > 0 {
+        for batch in &mut batches {
+            let n = batch.padded_len();
+            batch.fields = fields.iter().flat_map(|x| std::iter::repeat_n(*x, n)).collect();
+        }
+    }
     let mut out = Contributions::new(measure, dimension);
     let mut least = [f64::INFINITY; 3];
     for _ in 0..=way.rounds {

@@ -126,7 +126,7 @@ impl Table<'_> {
                     return None;
                 }
                 let parts = self.kind.parts(&[own, first, second]);
-                let law = self.laws.at(parts, area_squared.sqrt(), self.common)?;
+                let law = self.laws.at(parts, area_squared.sqrt(), &[], self.common)?;
                 // In the plane the second bond lies to the left of the first.
                 let turned = D == 2 && normal[0] < 0.0;
                 let (first, second) = if turned { (b, a) } else { (a, b) };

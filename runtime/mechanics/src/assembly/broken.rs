@@ -24,9 +24,15 @@ const CHUNK: usize = 1024;
 
 /// How much the square of a length must have grown, in m^2, until a margin is 0 that is negative at rest
 /// and grows with the length; nothing of margins that are not affine in the length or in its square.
-pub(crate) fn affine_threshold(margin: &dyn Law, length: f64) -> Option<f64> {
-    let law = AffineLaw::of(margin).filter(|_| margin.fields().is_empty())?;
-    let at_rest = law.at(length, 1.0)?;
+/// `direction` is that of the bond at rest where these are the fields of the margin; nothing of others.
+pub(crate) fn affine_threshold(
+    margin: &dyn Law,
+    length: f64,
+    direction: Option<&[f64]>,
+) -> Option<f64> {
+    let is_known = margin.fields().is_empty() || direction.is_some();
+    let law = AffineLaw::of(margin, direction.is_some()).filter(|_| is_known)?;
+    let at_rest = law.at(length, direction.unwrap_or_default(), 1.0)?;
     if at_rest.bent != 0.0 || at_rest.linear <= 0.0 {
         return None;
     }

@@ -225,7 +225,10 @@ impl Prepared {
                     if let Some(halves) = &field {
                         weight *= halves.at(owner) + halves.at(other);
                     }
-                    let law = laws.at(kind.parts_of(&[owner, other]), lengths[lane], weight)?;
+                    let direction: Four = each(|k| vector[k] / lengths[lane]);
+                    let direction = &direction[..energy.body.dimension()];
+                    let parts = kind.parts_of(&[owner, other]);
+                    let law = laws.at(parts, lengths[lane], direction, weight)?;
                     if law.rest != 0.0 || law.linear != 0.0 {
                         return None;
                     }

@@ -125,10 +125,15 @@ impl Kind {
 
     /// The values of the field that affine laws are a multiple of, in equal parts of so many corners.
     pub(super) fn parts_of_field(&self, corners: usize) -> Option<Shares> {
-        let (fields, own) = self.fields_of(0)?;
+        let (fields, own) = self.fields_of(0).filter(|_| !self.is_by_direction(0))?;
         let n_points = self.materials.as_ref().map_or(0, |materials| materials.n_points());
         let part = |point: usize| fields.mean(own.start, std::iter::once(point)) / corners as f64;
         Some(Shares::added((0..n_points).map(part)))
+    }
+
+    /// Whether the fields of a law are the direction of bonds at rest and nothing else.
+    fn is_by_direction(&self, law: usize) -> bool {
+        self.fields_of(law).is_some_and(|(fields, own)| fields.are_direction(own))
     }
 
     /// Whether an element takes fields.
@@ -155,16 +160,23 @@ impl Kind {
 
     /// The laws, where passes need no kernel for them; nothing of those without an element.
     pub(super) fn affine_laws(&self) -> Option<AffineLaws<'_>> {
-        fn of(element: &dyn Element) -> Option<Option<AffineLaw<'_>>> {
-            AffineLaw::of(element.law()?.0).map(Some)
+        let mut laws: Vec<Option<AffineLaw<'_>>> = Vec::with_capacity(self.elements.len());
+        for (number, element) in self.elements.iter().enumerate() {
+            laws.push(match element.as_deref() {
+                Some(element) => {
+                    Some(AffineLaw::of(element.law()?.0, self.is_by_direction(number))?)
+                }
+                None => None,
+            });
         }
-        let of_laws = self.elements.iter().map(|element| element.as_deref().map_or(Some(None), of));
-        let laws: Vec<Option<AffineLaw<'_>>> = of_laws.collect::<Option<_>>()?;
+        // What bonds have from their own ends is known once.
+        let by_direction = (0..laws.len())
+            .all(|law| self.fields_of(law).is_none() || self.is_by_direction(law));
         // Of several laws each would have a field of its own, and what changes in time or from bond to bond
         // is looked up.
         let steady = || self.fields_of(0).is_some_and(|(fields, _)| fields.is_steady());
         let has_states = || self.takes_states(None);
-        if self.has_fields() && !(laws.len() == 1 && steady() && !has_states()) {
+        if self.has_fields() && !by_direction && !(laws.len() == 1 && steady() && !has_states()) {
             return None;
         }
         let by_square = laws.iter().flatten().next()?.by_square;
@@ -180,13 +192,19 @@ pub(super) struct AffineLaws<'a> {
 }
 
 impl AffineLaws<'_> {
-    /// The energy of interactions with these parts in the laws, of one measure at rest; nothing where it
-    /// is not finite.
-    pub(super) fn at(&self, parts: Parts, reference: f64, weight: f64) -> Option<Quadratic> {
+    /// The energy of interactions with these parts in the laws, of one measure at rest, of bonds with this
+    /// direction; nothing where it is not finite.
+    pub(super) fn at(
+        &self,
+        parts: Parts,
+        reference: f64,
+        direction: &[f64],
+        weight: f64,
+    ) -> Option<Quadratic> {
         let mut sum = Quadratic { reference, ..Quadratic::default() };
         for (law, part) in parts.iter() {
             let Some(law) = self.laws[law] else { continue };
-            sum.add(&law.at(reference, weight * part)?);
+            sum.add(&law.at(reference, direction, weight * part)?);
         }
         Some(sum)
     }

@@ -45,32 +45,41 @@ pub(crate) struct AffineLaw<'a> {
     law: &'a dyn Law,
     /// Whether it is by the square of the measure.
     pub(super) by_square: bool,
+    /// Whether its fields are the direction of a bond at rest.
+    by_direction: bool,
 }
 
 impl<'a> AffineLaw<'a> {
-    /// By the square of its measure rather than by its root; nothing where it is not affine.
-    pub(super) fn of(law: &'a dyn Law) -> Option<AffineLaw<'a>> {
+    /// By the square of its measure rather than by its root; nothing where it is not affine. Fields may be the
+    /// direction of a bond at rest, which `by_direction` says, or one of which it is a multiple.
+    pub(super) fn of(law: &'a dyn Law, by_direction: bool) -> Option<AffineLaw<'a>> {
         let serves = |law: &&dyn Law| {
-            law.is_affine() && (law.fields().is_empty() || law.is_multiple_of_field())
+            let is_known = law.fields().is_empty() || by_direction || law.is_multiple_of_field();
+            law.is_affine() && is_known
         };
         let square = law.squared().filter(serves);
         let by_square = square.is_some();
         let law = square.or(Some(law).filter(serves))?;
-        Some(AffineLaw { law, by_square })
+        Some(AffineLaw { law, by_square, by_direction })
     }
 
     /// By its measure; nothing where it is not affine in that.
     pub(crate) fn by_measure(law: &'a dyn Law) -> Option<AffineLaw<'a>> {
         let serves = law.is_affine() && law.fields().is_empty();
-        serves.then_some(AffineLaw { law, by_square: false })
+        serves.then_some(AffineLaw { law, by_square: false, by_direction: false })
     }
 
     /// The energy of interactions of one measure at rest, times what weights have in common, for one unit
-    /// of its field where it has one; nothing where psi or a derivative is not finite.
-    pub(crate) fn at(self, reference: f64, weight: f64) -> Option<Quadratic> {
+    /// of its field where it has one; nothing where psi or a derivative is not finite. `direction` is that of a
+    /// bond at rest, for laws that ask for it.
+    pub(crate) fn at(self, reference: f64, direction: &[f64], weight: f64) -> Option<Quadratic> {
         let (at, [mut psi, mut dpsi, mut d2psi]) = ([reference], [[0.0]; 3]);
-        let unit = if self.law.fields().is_empty() { &[][..] } else { &[1.0] };
-        let batch = Batch { measure: &at, reference: &at, change: &[0.0], fields: unit };
+        let fields = match (self.law.fields().is_empty(), self.by_direction) {
+            (true, _) => &[][..],
+            (false, true) => direction,
+            (false, false) => &[1.0],
+        };
+        let batch = Batch { measure: &at, reference: &at, change: &[0.0], fields };
         let out = Outputs { psi: &mut psi, dpsi: &mut dpsi, d2psi: &mut d2psi };
         self.law.evaluate(batch, Order::Tangent, out);
         // By `q = m^2/M`, of which `m^2 - M^2` is `M` times the change.

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use pulp::{Arch, Simd, WithSimd};
 
 use super::axes::{Axes, Wanted, axes_of, axis_of};
-use super::kind::Kind;
+use super::kind::{AffineLaws, Kind};
 use super::quadratic::{Quadratic, Quadratics, ROOT, SQUARE, Shares};
 use super::sum::Sum;
 use crate::body::Body;
@@ -52,14 +52,10 @@ impl BondRuns {
     ) -> Option<BondRuns> {
         let all = kind.affine_laws()?;
         let (common, shares) = Shares::of(&kind.weights, 2);
-        let lengths: Vec<f64> = match body.dimension() {
-            2 => runs.vectors::<2>().iter().map(|vector| dot(vector, vector).sqrt()).collect(),
-            _ => runs.vectors::<3>().iter().map(|vector| dot(vector, vector).sqrt()).collect(),
+        let laws = match body.dimension() {
+            2 => laws_of::<2>(&all, kind, runs, common)?,
+            _ => laws_of::<3>(&all, kind, runs, common)?,
         };
-        let law = |(vector, length): (usize, &f64)| {
-            all.at(kind.parts(&runs.materials(vector)), *length, common)
-        };
-        let laws = lengths.iter().enumerate().map(law).collect::<Option<_>>()?;
         let (runs, arch, halves) = (Arc::clone(runs), Arch::new(), kind.parts_of_field(2));
         let factors = kind.factors.as_ref().map(|factors| runs.in_runs(neighborhood, factors));
         let (by_square, limits) = (all.by_square, Vec::new());
@@ -112,6 +108,21 @@ impl BondRuns {
         };
         is_fine.then_some(sum)
     }
+}
+
+/// The energies of the bonds of each vector.
+fn laws_of<const D: usize>(
+    laws: &AffineLaws<'_>,
+    kind: &Kind,
+    runs: &Runs,
+    common: f64,
+) -> Option<Vec<Quadratic>> {
+    let law = |(number, vector): (usize, &[f64; D])| {
+        let length = dot(vector, vector).sqrt();
+        let direction = vector.map(|component| component / length);
+        laws.at(kind.parts(&runs.materials(number)), length, &direction, common)
+    };
+    runs.vectors::<D>().iter().enumerate().map(law).collect()
 }
 
 /// The runs of a slab on their way.

@@ -129,23 +129,29 @@ impl Criteria {
         for &owner in owners {
             for &other in neighborhood.upper(owner) {
                 let xi = minus(&positions[other as usize], &positions[owner]);
-                limits.push(self.limit([owner, other as usize], dot(&xi, &xi).sqrt()));
+                let length = dot(&xi, &xi).sqrt();
+                let direction = xi.map(|component| component / length);
+                limits.push(self.limit([owner, other as usize], length, &direction));
             }
         }
         limits
     }
 
     /// What the square of the length of a bond may grow by before it is judged.
-    fn limit(&self, ends: [usize; 2], length: f64) -> f32 {
+    fn limit(&self, ends: [usize; 2], length: f64, direction: &[f64]) -> f32 {
         if ends.iter().any(|end| self.is_unbreakable[*end]) {
             return f32::INFINITY;
         }
         let mut least = f64::INFINITY;
         for layer in &self.layers {
-            for (law, _) in layer.parts(&ends).iter() {
-                for margin in &layer.of_law[law] {
+            for (number, _) in layer.parts(&ends).iter() {
+                let fields = layer.materials.as_deref().and_then(Materials::fields);
+                let by_direction =
+                    fields.is_some_and(|fields| fields.are_direction(fields.of_law(number)));
+                let direction = by_direction.then_some(direction);
+                for margin in &layer.of_law[number] {
                     let law = margin.element.law();
-                    let grown = law.and_then(|(law, _)| affine_threshold(law, length));
+                    let grown = law.and_then(|(law, _)| affine_threshold(law, length, direction));
                     // Below rest, and where nothing is known, bonds are judged at any length.
                     let grown = grown.filter(|grown| *grown > 0.0).unwrap_or(f64::NEG_INFINITY);
                     least = least.min(grown);

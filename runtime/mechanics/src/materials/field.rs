@@ -4,12 +4,14 @@
 //! interaction takes the mean of its corners, of those that have a value: where materials meet, the
 //! parameters of one are not those of the other. A field may also be a state: then each bond has a value of
 //! its own, which it remembers, or each triangle, or each tetrahedron; or points have, and what belongs to a
-//! point takes that point's.
+//! point takes that point's. Or it may be a component of the direction that a bond has at rest, which follows
+//! from the positions of its ends.
 
 use std::ops::Range;
-use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
+use crate::body::Body;
 use crate::interaction::Ranks;
 use crate::kernel::Measure;
 
@@ -37,6 +39,10 @@ pub struct Fields {
     /// Which of them are the time step in which laws follow their states, at most one of each law: it is
     /// below 0 where states are held.
     time_steps: Vec<usize>,
+    /// The axis of each that is a component of the direction of bonds at rest; nothing of those that are none.
+    axes: Vec<Option<u8>>,
+    /// Where the points are, if there are such fields.
+    body: Option<Arc<Body>>,
     /// What interactions have of each that is a state of theirs, by their numbers; once there are some. Those of
     /// points are among the values.
     states: Vec<OnceLock<Box<[AtomicU64]>>>,
@@ -58,6 +64,7 @@ impl Fields {
         let values = (0..n_points * typical.len()).map(|_| nothing()).collect();
         let states = typical.iter().map(|_| OnceLock::new()).collect();
         let state_of = vec![None; typical.len()];
+        let axes = vec![None; typical.len()];
         Fields {
             n_points,
             first,
@@ -66,6 +73,8 @@ impl Fields {
             is_steady,
             state_of,
             time_steps: Vec::new(),
+            axes,
+            body: None,
             states,
             ranks: Default::default(),
         }
@@ -75,6 +84,15 @@ impl Fields {
     pub fn with_states(self, state_of: Vec<Option<StateOf>>) -> Fields {
         assert_eq!(state_of.len(), self.len(), "one for each field");
         Fields { state_of, ..self }
+    }
+
+    /// The same where some fields are components of the direction of bonds at rest, each with its axis: the unit
+    /// vector from one end to the other, in the body that all of them are of.
+    pub fn with_directions(self, axes: Vec<Option<u8>>, body: &Arc<Body>) -> Fields {
+        assert_eq!(axes.len(), self.len(), "one for each field");
+        assert_eq!(body.n_points(), self.n_points, "the fields of its points");
+        let body = axes.iter().any(Option::is_some).then(|| Arc::clone(body));
+        Fields { axes, body, ..self }
     }
 
     /// The same where some fields, by their numbers, are the time step in s in which laws follow their states;
@@ -181,6 +199,21 @@ impl Fields {
         }
     }
 
+    /// Whether these are the components of the direction of bonds at rest, in their order, and nothing else.
+    pub(crate) fn are_direction(&self, mut fields: Range<usize>) -> bool {
+        let dimension = self.body.as_ref().map_or(0, |body| body.dimension());
+        let first = fields.start;
+        dimension > 0
+            && fields.len() == dimension
+            && fields.all(|field| self.axes[field].map(usize::from) == Some(field - first))
+    }
+
+    /// The axis of a field that is a component of the direction of bonds, with the positions of points.
+    #[inline(always)]
+    fn along(&self, field: usize) -> Option<(usize, &Body)> {
+        Some((usize::from(self.axes[field]?), self.body.as_deref()?))
+    }
+
     /// How many there are.
     pub fn len(&self) -> usize {
         self.typical.len()
@@ -245,6 +278,10 @@ impl Fields {
                 out.extend((0..n).map(|place| self.mean(field, points(place).take(1))));
                 continue;
             }
+            if let Some((axis, body)) = self.along(field) {
+                out.extend((0..n).map(|place| component(body, points(place), axis)));
+                continue;
+            }
             out.extend((0..n).map(|place| self.mean(field, points(place))));
         }
     }
@@ -271,6 +308,10 @@ impl Fields {
         out: &mut Vec<f64>,
     ) {
         for field in fields {
+            if let Some((axis, body)) = self.along(field) {
+                out.extend((0..n).map(|place| component(body, interaction(place).0, axis)));
+                continue;
+            }
             match self.states_of(field, measure) {
                 Some(states) => out.extend((0..n).map(|place| {
                     f64::from_bits(states[interaction(place).1].load(Ordering::Relaxed))
@@ -286,6 +327,18 @@ impl Fields {
             out.resize(out.len() + n, *value);
         }
     }
+}
+
+/// A component of the unit vector from the first of some points to the second at rest; 0 where that is the same.
+#[inline(always)]
+fn component(body: &Body, mut points: impl Iterator<Item = usize>, axis: usize) -> f64 {
+    let (Some(from), Some(to)) = (points.next(), points.next()) else { return 0.0 };
+    if from == to {
+        return 0.0;
+    }
+    let (from, to) = (body.position(from), body.position(to));
+    let square = from.iter().zip(to).fold(0.0, |sum, (p, q)| sum + (q - p) * (q - p));
+    (to[axis] - from[axis]) / square.sqrt()
 }
 
 #[cfg(test)]

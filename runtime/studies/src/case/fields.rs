@@ -3,6 +3,7 @@
 //! Before: texts of a scene. After: [`FieldsInTime`], values at all points that energies look up, worked
 //! out anew where they change with t.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use piola_compiler::{Formula, Model, Values, is_quantity};
@@ -130,6 +131,11 @@ impl Field {
                 Err(found) => errors.extend(found),
             }
         }
+        for number in model.directions(values.dimension) {
+            // Each bond has its own, by its ends; this is a typical one.
+            let typical = values.parameters[usize::from(number)];
+            fields.extend(Field::even("Xi", typical, material.potential.span));
+        }
         if values.follow_states(model) {
             // Energies hold what is remembered, but where load steps say otherwise.
             fields.extend(Field::even("dt", -1.0, material.potential.span));
@@ -233,6 +239,7 @@ impl<'a> FieldsInTime<'a> {
         let of_layer = |layer: usize| {
             let mut typical = vec![Vec::new(); n_laws];
             let mut states = vec![Vec::new(); n_laws];
+            let mut axes = vec![Vec::new(); n_laws];
             let mut is_steady = true;
             let own = case.potentials.iter().zip(&places).filter(|(_, place)| place.1 == layer);
             for (potential, (law, _)) in own {
@@ -240,6 +247,7 @@ impl<'a> FieldsInTime<'a> {
                 let values = values.map(|i| potential.values.parameters[usize::from(*i)]);
                 typical[*law] = values.collect();
                 states[*law] = potential.which_are_states(&case.scene);
+                axes[*law] = potential.axes_of_directions();
                 is_steady &= potential.fields.iter().all(|field| field.is_steady);
             }
             let fields = Fields::new(case.body.n_points(), &typical, is_steady);
@@ -249,6 +257,7 @@ impl<'a> FieldsInTime<'a> {
                 });
             let time_steps = follow.map(|(_, (law, _))| fields.of_law(*law).end - 1).collect();
             let fields = fields.with_states(states.concat()).with_time_steps(time_steps);
+            let fields = fields.with_directions(axes.concat(), &case.body);
             (!fields.is_empty()).then(|| Arc::new(fields))
         };
         let fields = FieldsInTime { case, layers: (0..n_layers).map(of_layer).collect() };
@@ -416,6 +425,10 @@ impl Case {
                 values.parameters[usize::from(*parameter)] = sum / of_points.len() as f64;
             }
         }
+        if let [from, to] = *points {
+            let (from, to) = (self.body.position(from), self.body.position(to));
+            values = values.with_direction(&potential.model, &direction(from, to));
+        }
         values
     }
 
@@ -448,8 +461,9 @@ impl Case {
     pub fn without_fields(&self) -> Case {
         let mut case = self.clone();
         for potential in &mut case.potentials {
-            potential.values = potential.values.without_fields();
-            potential.fields.clear();
+            let Potential { model, values, fields, .. } = potential;
+            *values = values.without_parameters_that_vary(model);
+            fields.retain(|field| field.name == "Xi");
         }
         case
     }
@@ -467,6 +481,16 @@ impl Case {
     pub(crate) fn typical_fields(&self) -> Vec<Vec<f64>> {
         let of = |Potential { values, .. }: &Potential| {
             values.fields.iter().map(|k| values.parameters[usize::from(*k)]).collect()
+        };
+        self.potentials.iter().map(of).collect()
+    }
+
+    /// Of each potential where the direction of a bond stands among its fields.
+    pub(crate) fn places_of_directions(&self) -> Vec<Range<usize>> {
+        let of = |Potential { values, model, .. }: &Potential| {
+            let directions = model.directions(values.dimension);
+            let first = values.fields.partition_point(|field| *field < directions.start);
+            first..first + directions.len()
         };
         self.potentials.iter().map(of).collect()
     }
@@ -492,6 +516,12 @@ impl Case {
     pub fn wrong_field(&self, wrong: WrongField) -> CaseError {
         wrong.report(&self.scene)
     }
+}
+
+/// The unit vector from one place to another.
+pub(crate) fn direction(from: &[f64], to: &[f64]) -> Vec<f64> {
+    let square = from.iter().zip(to).fold(0.0, |sum, (p, q)| sum + (q - p) * (q - p));
+    from.iter().zip(to).map(|(p, q)| (q - p) / square.sqrt()).collect()
 }
 
 /// A typical value of a field in SI units before there are points.

@@ -9,6 +9,10 @@ use super::inside::Inside;
 use crate::case::{Case, CaseError, Compiled, state_laws};
 use crate::scene::Points;
 
+/// Why there are no moduli of gathered values that see `Xi`.
+const DIRECTED: &str = "moduli of energies of gathered values that hold `Xi` are not read off a lattice: give the \
+                        points as a cloud, of which the whole body is taken";
+
 /// Derivatives at rest of the energy density W by the displacement gradient G in `u = G X`.
 ///
 /// Components of `G` are numbered row by row: `G[a][i] = du_a/dX_i` has the number `d*a + i`. Second
@@ -66,6 +70,12 @@ impl Affine {
         }
         let has_families = gradient.is_some() || gathered.is_some();
         if let Some(kernels) = gathered {
+            // Of all that varies from bond to bond directions alone are left.
+            let of_bonds = kernels.bonds.iter().map(|kernel| kernel.fields().len());
+            let fields = kernels.integrals.iter().map(|kernel| kernel.fields().len());
+            if fields.chain(of_bonds).any(|n| n > 0) {
+                return Err(CaseError::Body { message: DIRECTED.to_string() });
+            }
             let laws = state_laws(kernels, arguments, thickness);
             self = self.plus(&inside.of_states(&laws)?.over(thickness));
         }

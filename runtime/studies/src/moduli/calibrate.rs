@@ -339,7 +339,8 @@ impl<'a> Problem<'a> {
         }
         for (potential, material) in case.potentials.iter_mut().zip(&case.scene.materials) {
             let found = values(potential, &case::settings(&case.scene, material))?;
-            potential.values = found.with_fields_of(&potential.values).without_fields();
+            let found = found.with_fields_of(&potential.values);
+            potential.values = found.without_parameters_that_vary(&potential.model);
         }
         Ok(case)
     }

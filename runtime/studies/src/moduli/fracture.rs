@@ -19,7 +19,7 @@ use serde::Serialize;
 
 use super::inside::Inside;
 use crate::case::{Case, CaseError, Compiled};
-use bonds::{Broken, Part, broken};
+use bonds::{Broken, Part, broken, directed};
 use cliques::Cliques;
 
 /// What breaking a plane through the lattice releases, in J/m^2.
@@ -99,8 +99,9 @@ impl FractureEnergy {
     }
 
     fn of_interactions(case: &Case, inside: &Inside, compiled: &[Compiled]) -> Found {
-        let part = |(one, fields)| Part::of(one, fields);
-        let parts: Vec<Part<'_>> = compiled.iter().zip(case.typical_fields()).map(part).collect();
+        let fields = case.typical_fields().into_iter().zip(case.places_of_directions());
+        let parts: Vec<Part<'_>> =
+            compiled.iter().zip(fields).map(|(one, fields)| Part::of(one, fields)).collect();
         let d = case.scene.body.dimension;
         let mut planes: Vec<(Vec<i32>, f64)> =
             FractureEnergy::normals(d).into_iter().map(|normal| (normal, 0.0)).collect();
@@ -144,8 +145,10 @@ pub fn name_of_plane(normal: &[i32]) -> String {
 struct Edges {
     /// One of each pair of opposite lattice vectors within the horizon, in spacings.
     vectors: Vec<Vec<i32>>,
-    /// By the square of the length in spacings.
-    known: BTreeMap<i32, Option<Broken>>,
+    /// By the square of the length in spacings, or by the vector where its direction counts.
+    known: BTreeMap<Vec<i32>, Option<Broken>>,
+    /// Whether it counts.
+    by_vector: bool,
     /// Whether bonds have an energy.
     has_energy: bool,
 }
@@ -155,15 +158,20 @@ impl Edges {
         let (d, spacing) = (case.scene.body.dimension, inside.spacing());
         let vectors = half_space(d, case.scene.horizon_radius() / spacing);
         let mut known = BTreeMap::new();
+        let by_vector = parts.iter().any(Part::sees_directions);
         for vector in &vectors {
-            known.entry(square(vector)).or_insert_with(|| broken(parts, spacing * norm(vector)));
+            let direction: Vec<f64> =
+                vector.iter().map(|x| f64::from(*x) / norm(vector)).collect();
+            let bond = || broken(&directed(parts, &direction), spacing * norm(vector));
+            known.entry(key(vector, by_vector)).or_insert_with(bond);
         }
-        Edges { vectors, known, has_energy: parts.iter().any(Part::has_law) }
+        Edges { vectors, known, by_vector, has_energy: parts.iter().any(Part::has_law) }
     }
 
-    /// The stretch less 1 at which a bond breaks, if it does.
-    fn strain(&self, square: i32) -> Option<f64> {
-        self.known.get(&square).and_then(|broken| broken.map(|broken| broken.strain))
+    /// The stretch less 1 at which the bond with a vector breaks, if it does.
+    fn strain(&self, vector: &[i32]) -> Option<f64> {
+        let known = self.known.get(&key(vector, self.by_vector))?;
+        known.map(|broken| broken.strain)
     }
 
     /// Adds what bonds hold to the planes; gives back the smallest and the largest strain at which they
@@ -179,7 +187,7 @@ impl Edges {
         let weight = if self.has_energy { weight(case, inside, Measure::Length)? } else { 0.0 };
         let mut critical: Option<[f64; 2]> = None;
         for vector in &self.vectors {
-            let Some(broken) = self.known[&square(vector)] else {
+            let Some(broken) = self.known[&key(vector, self.by_vector)] else {
                 if self.has_energy {
                     return Err(NoFractureEnergy::NeverBreaks("bonds"));
                 }
@@ -201,6 +209,15 @@ impl Edges {
     }
 }
 
+/// What bonds have alike: the square of their length, or the vector up to its sign.
+fn key(vector: &[i32], by_vector: bool) -> Vec<i32> {
+    if !by_vector {
+        return vec![square(vector)];
+    }
+    let opposite: Vec<i32> = vector.iter().map(|x| -x).collect();
+    opposite.max(vector.to_vec())
+}
+
 /// The weight of an interaction inside the lattice, over the volume of a cell.
 fn weight(case: &Case, inside: &Inside, measure: Measure) -> Result<f64, NoFractureEnergy> {
     inside
@@ -217,7 +234,7 @@ fn square(vector: &[i32]) -> i32 {
 }
 
 /// One of each pair of opposite lattice vectors within the horizon, in spacings.
-fn half_space(d: usize, horizon: f64) -> Vec<Vec<i32>> {
+pub(super) fn half_space(d: usize, horizon: f64) -> Vec<Vec<i32>> {
     let reach = (horizon * (1.0 + HORIZON_TOLERANCE)).floor() as i32;
     let side = 2 * reach + 1;
     let n = (0..d).fold(1, |n, _| n * side);

@@ -14,6 +14,7 @@ use piola_mechanics::weights::Weights;
 use super::Affine;
 use super::cliques::of_cliques;
 use super::cubic::Cubic;
+use super::directed;
 use super::states::of_states;
 use crate::case::{Case, CaseError, Compiled};
 use crate::scene::{DerivativeSource, Points};
@@ -78,11 +79,23 @@ impl Inside {
         let mut others = Affine::zero(self.dimension);
         for element in kinds.iter().flatten() {
             match element.law() {
+                Some((law, _)) if !law.fields().is_empty() => {
+                    others = others.plus(&self.of_directed_bonds(law, weighting)?);
+                }
                 Some((law, _)) => self.add(&mut sum, (element.measure(), law), weighting)?,
                 None => others = others.plus(&self.of_cliques(&**element, weighting.weights)?),
             }
         }
         Ok(others.plus(&sum.affine()))
+    }
+
+    /// Of energies of bonds by their direction, the only fields that are left.
+    fn of_directed_bonds(&self, law: &dyn Law, weighting: Weighting) -> Result<Affine, CaseError> {
+        let whole = self.weight(Measure::Length, weighting.weights)?;
+        let (horizon, spacing) = (self.horizon, self.spacing);
+        let weight =
+            |size: f64| whole * weighting.volumes.part(size * spacing, horizon, spacing);
+        Ok(directed::of_bonds(law, self.dimension, (horizon / spacing, spacing), weight))
     }
 
     /// Of energies of gathered states.

@@ -6,6 +6,7 @@
 //! | `inside` | a point inside an endless lattice: its cliques by their measure, what they sum up to |
 //! | `cubic` | the form that sums over a lattice have, for each kind of measure |
 //! | `cliques` | energies of several measures there, clique by clique |
+//! | `directed` | energies of bonds by their direction there, vector by vector |
 //! | `states` | energies of gathered states there |
 //! | [`stiffness`] | the elasticity tensor and the numbers that are read off it, with derivatives |
 //! | `rayleigh` | the speed of Rayleigh waves |
@@ -26,6 +27,7 @@ pub mod affine;
 pub mod calibrate;
 mod cliques;
 mod cubic;
+mod directed;
 mod fracture;
 mod inside;
 mod rayleigh;

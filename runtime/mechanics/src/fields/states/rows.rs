@@ -105,7 +105,7 @@ impl AlongRows {
         let of_vector = |length: &f64| {
             let mut all = [Quadratic { reference: *length, ..Quadratic::default() }; MOST];
             for (of, law) in all.iter_mut().zip(&laws) {
-                *of = law.at(*length, 1.0)?;
+                *of = law.at(*length, &[], 1.0)?;
             }
             Some(all)
         };

@@ -1,5 +1,7 @@
 //! Single interactions up to where they break.
 
+use std::ops::Range;
+
 use piola_compiler::{Criterion, NextState};
 use piola_mechanics::kernel::{Batch, Law, Measure, Order, Outputs};
 
@@ -22,19 +24,27 @@ pub(super) struct Broken {
 }
 
 /// What one potential says of interactions.
+#[derive(Clone)]
 pub(super) struct Part<'a> {
     criteria: &'a [Criterion],
     next: &'a [NextState],
     law: Option<&'a dyn Law>,
-    /// What is remembered at the start, as fields.
+    /// What is remembered at the start and the direction of a bond, as fields.
     fields: Vec<f64>,
+    /// Which of them are that direction.
+    directions: Range<usize>,
 }
 
 impl<'a> Part<'a> {
-    pub(super) fn of(one: &'a Compiled, fields: Vec<f64>) -> Part<'a> {
+    pub(super) fn of(one: &'a Compiled, (fields, directions): (Vec<f64>, Range<usize>)) -> Part<'a> {
         let element = one.elements.bond.as_ref();
         let law = element.and_then(|element| element.law()).map(|(law, _)| law);
-        Part { criteria: &one.criteria, next: &one.next_states, law, fields }
+        Part { criteria: &one.criteria, next: &one.next_states, law, fields, directions }
+    }
+
+    /// Whether anything depends on the direction of a bond.
+    pub(super) fn sees_directions(&self) -> bool {
+        !self.directions.is_empty()
     }
 
     /// Whether bonds have an energy.
@@ -85,6 +95,15 @@ impl<'a> Part<'a> {
         }
         work
     }
+}
+
+/// The same of bonds with this direction at rest, a unit vector.
+pub(super) fn directed<'a>(parts: &[Part<'a>], direction: &[f64]) -> Vec<Part<'a>> {
+    let mut parts = parts.to_vec();
+    for part in parts.iter_mut().filter(|part| part.sees_directions()) {
+        part.fields[part.directions.clone()].copy_from_slice(direction);
+    }
+    parts
 }
 
 /// The shortest length beyond rest at which a bond breaks, and what it takes to get there.

@@ -104,8 +104,8 @@ impl<'a> Cliques<'a> {
     /// How far the corners above are moved when the clique breaks, in spacings.
     fn opening(&self, crossing: &Crossing, own: [Option<f64>; 2], farthest: f64) -> Opening {
         let edges = crossing.edges().filter_map(|edge| {
-            let square = edge.iter().map(|x| x * x).sum::<i64>();
-            let strain = self.edges.strain(square as i32)?;
+            let d = self.element.dimension();
+            let strain = self.edges.strain(&edge.map(|x| x as i32)[..d])?;
             Some(crossing.until_length(edge, strain))
         });
         let first = edges.fold(f64::INFINITY, f64::min);

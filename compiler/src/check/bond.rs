@@ -1,0 +1,224 @@
+//! `Xi`, the vector of a bond at rest: its length `L` times its direction, a unit vector.
+//!
+//! The components of the direction are inputs behind all parameters, so that any `L` goes with any of them. A
+//! bond has no first end: what is written of it must be the same for `Xi` and `-Xi`.
+
+use piola_grammar::{Diagnostic, Span};
+
+use super::elaborate::Elaborator;
+use super::statement::Builder;
+use super::symbols::{BOND, Symbol};
+use super::tensor::Tensor;
+use super::value::{Kind, Value};
+use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator};
+use crate::measure::Measure;
+
+const LENGTH: Node = Node::Input(Input::Reference(Measure::Length));
+
+impl Elaborator<'_> {
+    /// `Xi`; `first` is the number of the first component of its direction.
+    pub(super) fn bond(&mut self, first: usize, span: Span) -> Option<Value> {
+        let mut components = Vec::with_capacity(self.dimension);
+        for axis in 0..self.dimension {
+            let component = Node::Input(Input::Parameter((first + axis) as u16));
+            components.push(Some(self.operation(component, span)?));
+        }
+        let quantity = self.number_quantity();
+        self.bond_along(Tensor { components, quantity, uses: 0 }, span)
+    }
+
+    /// A direction times `L`.
+    fn bond_along(&mut self, direction: Tensor, span: Span) -> Option<Value> {
+        let length = self.name("L", span, &[])?;
+        let mut components = Vec::with_capacity(direction.components.len());
+        for component in direction.components {
+            let product = self.component(Operator::Multiply, component, Some(length.node), span)?;
+            components.push(product);
+        }
+        let Kind::Number(quantity) = length.kind else { return None };
+        Some(self.tensor(Tensor { components, quantity, uses: length.uses }))
+    }
+
+    /// Whether a node is `L`.
+    pub(super) fn is_length(&self, node: NodeId) -> bool {
+        self.graph[node] == LENGTH
+    }
+
+    /// The components of the direction, where a tensor is `Xi` itself.
+    pub(super) fn direction_in(&self, x: &Tensor) -> Option<Vec<NodeId>> {
+        let Some(Symbol::Bond(first)) = self.symbols.get(BOND) else { return None };
+        let direction = |(axis, component): (usize, &Option<NodeId>)| {
+            let Node::Binary(Operator::Multiply, own, length) = self.graph[(*component)?] else {
+                return None;
+            };
+            let is_own = self.graph[own] == Node::Input(Input::Parameter((first + axis) as u16));
+            (is_own && self.is_length(length)).then_some(own)
+        };
+        x.components.iter().enumerate().map(direction).collect()
+    }
+
+    /// `Xi/L`, of a tensor that is `Xi` itself.
+    pub(super) fn direction(&self, x: &Tensor) -> Option<Tensor> {
+        let components = self.direction_in(x)?.into_iter().map(Some).collect();
+        Some(Tensor { components, quantity: self.number_quantity(), uses: x.uses })
+    }
+
+    /// `n*Xi`: the length is a factor of the whole. Nothing where none or both are `Xi` itself.
+    pub(super) fn dot_with_bond(&mut self, x: &Tensor, y: &Tensor, span: Span) -> Option<Value> {
+        let (bond, other) = match [x, y].map(|one| self.direction_in(one).is_some()) {
+            [true, false] => (x, y),
+            [false, true] => (y, x),
+            _ => return None,
+        };
+        let direction = self.direction(bond)?;
+        let cosine = self.dot(&direction, other, span)?;
+        let length = self.name("L", span, &[])?;
+        let node = Node::Binary(Operator::Multiply, cosine.node, length.node);
+        let Kind::Number(quantity) = cosine.kind else { return None };
+        let quantity = quantity.combine(bond.quantity, |p, q| p.times(q));
+        let uses = cosine.uses | length.uses;
+        self.make(node, Kind::Number(quantity), uses, span)
+    }
+}
+
+/// What becomes of a value where a bond is seen from its other end.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Parity {
+    /// Nothing.
+    Even,
+    /// It changes its sign.
+    Odd,
+    /// Something else, or nobody knows.
+    Neither,
+}
+
+/// Of each node, with the direction among these inputs.
+fn parities(graph: &ExprGraph, is_direction: impl Fn(Input) -> bool) -> Vec<Parity> {
+    use Parity::{Even, Neither, Odd};
+    let mut parities: Vec<Parity> = Vec::with_capacity(graph.len());
+    for (_, node) in graph.nodes() {
+        let of = |x: NodeId| parities[x.0 as usize];
+        let all_even = || if node.operands().all(|x| of(x) == Even) { Even } else { Neither };
+        let parity = match node {
+            Node::Input(input) if is_direction(input) => Odd,
+            Node::Unary(Function::Negate, x) => of(x),
+            Node::Unary(function, x) if of(x) == Odd => match function {
+                Function::Abs | Function::Cos | Function::Cosh => Even,
+                Function::Sign
+                | Function::Sin
+                | Function::Tan
+                | Function::Sinh
+                | Function::Tanh
+                | Function::Asin
+                | Function::Atan
+                | Function::Erf => Odd,
+                _ => Neither,
+            },
+            Node::Binary(Operator::Add | Operator::Subtract, x, y) => match (of(x), of(y)) {
+                (x, y) if x == y => x,
+                _ => Neither,
+            },
+            Node::Binary(Operator::Multiply | Operator::Divide, x, y) => match (of(x), of(y)) {
+                (Neither, _) | (_, Neither) => Neither,
+                (x, y) if x == y => Even,
+                _ => Odd,
+            },
+            Node::Binary(Operator::Power, x, y) if of(x) == Odd => {
+                graph.as_number(y).map_or(Neither, power_of_odd)
+            }
+            Node::PowerConstant(x, power) if of(x) == Odd => power_of_odd(f64::from_bits(power)),
+            Node::Select(c, x, y) if of(c) == Even && of(x) == of(y) => of(x),
+            _ => all_even(),
+        };
+        parities.push(parity);
+    }
+    parities
+}
+
+fn power_of_odd(power: f64) -> Parity {
+    match power % 2.0 {
+        0.0 => Parity::Even,
+        1.0 | -1.0 => Parity::Odd,
+        _ => Parity::Neither,
+    }
+}
+
+impl Builder<'_> {
+    /// Finds out whether anything depends on the direction of a bond, and refuses what is another from its
+    /// other end.
+    pub(super) fn check_directions(&mut self) {
+        let Some(Symbol::Bond(first)) = self.elaborator.symbols.get(BOND) else { return };
+        let graph = &self.elaborator.graph;
+        let numbers = first..first + self.variant.dimension;
+        let is_direction = |input: Input| match input {
+            Input::Parameter(number) => numbers.contains(&usize::from(number)),
+            _ => false,
+        };
+        let seen = |root: NodeId| {
+            let needed = graph.reachable(&[root]);
+            let mut inputs = graph.nodes().filter(|(id, _)| needed[id.0 as usize]);
+            inputs.any(|(_, node)| matches!(node, Node::Input(input) if is_direction(input)))
+        };
+        let places = self.places();
+        let parities = parities(graph, is_direction);
+        let mut errors = Vec::new();
+        for place in places.iter().filter(|place| seen(place.root)) {
+            self.variant.sees_directions = true;
+            let parity = parities[place.root.0 as usize];
+            if parity == Parity::Even {
+                continue;
+            }
+            let what = &place.what;
+            let message = match parity {
+                Parity::Odd => format!("{what} changes its sign where `{BOND}` does"),
+                _ => format!("{what} may be another where `{BOND}` changes its sign"),
+            };
+            let error = Diagnostic::error("wrong-measure", place.span, message)
+                .label("a bond has no first end: both of its ends see it alike")
+                .help(format!("hold even powers of `{BOND}` or `abs`: `(n*{BOND}/L)^2`, `abs(n*{BOND})`"));
+            errors.push(error);
+        }
+        errors.into_iter().for_each(|error| self.elaborator.report(error));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::check::check_text;
+
+    fn found(lines: &str) -> Vec<&'static str> {
+        let text = format!("potential p\ndimensions 3\nn = vector(1, 2, 3)\n{lines}\n");
+        match check_text(&text) {
+            Ok(_) => Vec::new(),
+            Err(found) => found.into_iter().map(|one| one.code).collect(),
+        }
+    }
+
+    #[test]
+    fn what_is_the_same_from_both_ends_is_taken() {
+        for even in [
+            "(n*Xi/L)^2",
+            "abs(n*Xi)",
+            "(n*Xi)*(Xi*vector(0, 0, 1))",
+            "Xi*Xi",
+            "norm(Xi)",
+            "cos(n*Xi/L)",
+            "if abs(Xi(1)) > L/2 then 1 else 2",
+            "Xi*dyad(n)*Xi",
+            "Xi(1)^2 - Xi(2)^2",
+        ] {
+            assert_eq!(found(&format!("psi(l) = (l - L)^2*({even})")), [""; 0], "{even}");
+        }
+    }
+
+    #[test]
+    fn what_is_another_from_the_other_end_is_refused() {
+        for other in ["n*Xi", "max(n*Xi, 0)", "(n*Xi)^3", "1 + n*Xi", "exp(n*Xi/L)", "(n*Xi/L)^0.5"] {
+            assert_eq!(found(&format!("psi(l) = (l - L)^2*({other})")), ["wrong-measure"], "{other}");
+        }
+        for line in ["break when n*Xi > L/2", "update k = max(k, n*Xi)", "m = integral(n*Xi)"] {
+            let lines = format!("state k = 0\n{line}\npsi(l) = k*(l - L)^2");
+            assert_eq!(found(&lines), ["wrong-measure"], "{line}");
+        }
+    }
+}

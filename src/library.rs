@@ -63,6 +63,7 @@ pub(crate) const LIBRARY: &[Entry] = entries![
     "exponential_softening" is Bond,
     "exponentiated_hencky" is Solid,
     "fatigue" is Bond,
+    "fibre_bonds" is Bond,
     "fibre_reinforced" is Tissue,
     "firooz2023" is Clique,
     "fung" is Tissue,

@@ -577,3 +577,59 @@ fn printed_c_of_bonds_that_remember_gives_the_same_numbers() {
     }
     assert!(printed.next().is_none());
 }
+
+/// The direction of a bond at rest: an array for each component, behind states.
+#[test]
+fn printed_c_of_bonds_by_direction_gives_the_same_numbers() {
+    if !machine::has_c_compiler() {
+        return;
+    }
+    let text = "potential directed\ndimensions 2\nstate k = 0\nc = (vector(3, 4)*Xi/L)^2\n\
+                update k = max(k, c*(l/L - 1))\npsi(l) = (2 + c)*L*(l/L - 1)^2/(1 + k)\n\
+                break when l/L - 1 > c/8";
+    let model = check(&parse(text).unwrap()).unwrap();
+    let values = model.values(2, &[], None).unwrap().with_states(&model);
+    let folder = Folder::new("piola_c_of_directions");
+    let mut source = print::c_source(&model, &model.specialise(&values).unwrap().energies, None);
+    source += &print::c_of_bonds(&model, &model.bond_functions(2, Some(&values)).unwrap());
+    std::fs::write(folder.0.join("directed.c"), &source).unwrap();
+    let measures = [0.5, 1.0, 1.0625, 1.5];
+    let changes = measures.map(|l| l - 1.0);
+    let (reference, ks) = ([1.0; 4], [0.0, 0.5, 0.25, 0.125]);
+    let (xs, ys) = ([0.6, -0.8, 1.0, 0.28], [0.8, 0.6, 0.0, -0.96]);
+    let list =
+        |values: &[f64]| values.iter().map(|x| format!("{x:e}")).collect::<Vec<_>>().join(", ");
+    let arrays =
+        [("l", measures), ("L", reference), ("e", changes), ("k", ks), ("x", xs), ("y", ys)];
+    let arrays = arrays.map(|(name, values)| format!("double {name}[] = {{{}}};\n", list(&values)));
+    let main = format!(
+        "#include <stdio.h>\n#include \"directed.c\"\nint main(void) {{\n{}double p[4], q[4], r[4];\n\
+         directed_l(4, l, L, e, k, x, y, p, q, r);\nfor (int i = 0; i < 4; i++) printf(\"%.17g\\n\", q[i]);\n\
+         directed_next_k(4, l, L, e, k, x, y, p);\nfor (int i = 0; i < 4; i++) printf(\"%.17g\\n\", p[i]);\n\
+         directed_margin_1(4, l, L, e, k, x, y, p);\nfor (int i = 0; i < 4; i++) printf(\"%.17g\\n\", p[i]);\n\
+         return 0;\n}}\n",
+        arrays.concat()
+    );
+    let printed = run(&folder, Vec::new(), &main);
+    let found: Vec<f64> = printed.lines().map(|line| line.parse().unwrap()).collect();
+    let fields = [ks, xs, ys].concat();
+    let batch = piola_compiler::Batch {
+        measure: &measures,
+        reference: &reference,
+        change: &changes,
+        fields: &fields,
+    };
+    let mode = Mode::Jit(Level::Strict);
+    let kernels = model.compile(&values, mode, Form::Accurate).unwrap().kernels;
+    let mut expected = kernels[0].derivatives(batch).dpsi;
+    for next in model.next_states(&values, mode, Form::Accurate).unwrap() {
+        expected.extend(next.next.derivatives(batch).psi);
+    }
+    for criterion in model.criteria(&values, mode, Form::Accurate).unwrap() {
+        expected.extend(criterion.margin.derivatives(batch).psi);
+    }
+    assert_eq!(found.len(), expected.len());
+    for (k, (found, expected)) in found.iter().zip(&expected).enumerate() {
+        assert!(same_bits(*found, *expected), "{k}: {found:e} and {expected:e}\n{source}");
+    }
+}

@@ -62,8 +62,7 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
     let Some(rows) = table::rows(&arguments.points, names, not_a_reference) else {
         return Exit::Input;
     };
-    let columns: (Vec<f64>, Vec<f64>) =
-        rows.iter().map(|row| (row[0], length(&row[1..]))).unzip();
+    let columns: (Vec<f64>, Vec<f64>) = rows.iter().map(|row| (row[0], length(&row[1..]))).unzip();
     for dropped in compiled.dropped.iter().filter(|d| d.argument == measure.symbol()) {
         console::note(&dropped.reason);
     }

@@ -179,7 +179,9 @@ impl Elaborator<'_> {
             },
             (Operator::Multiply, Some(a), None) => self.times(&a, (y, right), span)?,
             (Operator::Multiply, None, Some(b)) => self.times(&b, (x, left), span)?,
-            (Operator::Divide, Some(a), None) if self.is_length(y.node) && self.direction_in(&a).is_some() => {
+            (Operator::Divide, Some(a), None)
+                if self.is_length(y.node) && self.direction_in(&a).is_some() =>
+            {
                 self.direction(&a)?
             }
             (Operator::Divide, Some(a), None) => {

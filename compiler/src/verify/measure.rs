@@ -35,7 +35,8 @@ pub(super) fn verify(
         let points = sample::points(variant, measure, values, n);
         let written = model.written(values, measure);
         let kernels = [&ways.strict.kernels[k], &ways.fast.kernels[k], graph];
-        let mut of_measure = verify_kernels(Argument::Measure(measure), (kernels, &[]), &written, &points);
+        let mut of_measure =
+            verify_kernels(Argument::Measure(measure), (kernels, &[]), &written, &points);
         find_causes(&mut of_measure, model, &energies[k]);
         found.push(of_measure);
         let [Some(strict), Some(fast), Some(graph)] = kernels.map(Kernel::squared) else {
@@ -44,7 +45,8 @@ pub(super) fn verify(
         let points: Vec<Point> = points.into_iter().map(Point::squared).collect();
         let kernels = [strict, fast, graph];
         let written = written.of_square();
-        let mut of_square = verify_kernels(Argument::Square(measure), (kernels, &[]), &written, &points);
+        let mut of_square =
+            verify_kernels(Argument::Square(measure), (kernels, &[]), &written, &points);
         if let Some(energy) = model.squared(values, measure) {
             find_causes(&mut of_square, model, &energy);
         }

@@ -361,7 +361,8 @@ pub(crate) fn round_trip(model: &Model, energy: &ScalarEnergy, dimension: usize)
     let original = interpret(energy);
     for root in 0..3 {
         let text = potential_of(model, energy, dimension, root);
-        let again = check(&parse(&text).unwrap()).unwrap();
+        let again =
+            check(&parse(&text).unwrap()).unwrap_or_else(|found| panic!("{found:?}\n{text}"));
         let settings: Vec<(String, Setting)> = again
             .parameters()
             .iter()

@@ -71,10 +71,12 @@ pub trait Element: Send + Sync {
         0
     }
 
-    /// Whether it is nothing but a law whose force is affine in the measure, or in its square.
-    fn has_affine_law(&self) -> bool {
+    /// Whether it is nothing but a law whose force is affine in the measure, or in its square; `by_direction` says
+    /// that its fields are the direction of bonds at rest, and nothing else.
+    fn has_affine_law(&self, by_direction: bool) -> bool {
         let is_affine = |law: &dyn Law| {
-            law.is_affine() && (law.fields().is_empty() || law.is_multiple_of_field())
+            let is_known = law.fields().is_empty() || by_direction || law.is_multiple_of_field();
+            law.is_affine() && is_known
         };
         self.law().is_some_and(|(law, _)| is_affine(law) || law.squared().is_some_and(is_affine))
     }

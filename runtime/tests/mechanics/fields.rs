@@ -35,6 +35,14 @@ const PLANE: &str =
 const GATHERED: &str = "potential p\nparameter C\nparameter b = 0.3\nm = integral(L^2)\n\
      s = integral(L*(l - L)*C)/m\npsi(s) = (C + b)*s^2\npsi(l, s) = b*L*(l/L - 1)^2*(1 + s/7)";
 
+const DIRECTED: &str = "potential p\ndimensions 3\nparameter C\nparameter b = 0.3\n\
+     n = vector(0.6, 0.8, 0)\npsi(l) = C*(b + (n*Xi/L)^4)*L*(l/L - 1)^2";
+const DIRECTED_LOGARITHM: &str = "potential p\ndimensions 2\nparameter C\nparameter b = 0.3\n\
+     psi(l) = C*abs(Xi(1)/L)*L*ln(l/L)^2 + b*L*(l/L - 1)^2";
+const DIRECTED_INTEGRANDS: &str = "potential p\ndimensions 2\nparameter C\nparameter b = 0.3\n\
+     c = (Xi*vector(0.8, -0.6)/L)^2\nm = integral(c*L^2)\ns = integral((1 + c)*L*(l - L)*C)/m\n\
+     psi(s) = (C + b)*s^2\npsi(l, s) = b*(2 - c)*L*(l/L - 1)^2*(1 + s/7)";
+
 fn only(c: &str) -> String {
     format!("{{ C = {c} }}")
 }
@@ -57,7 +65,10 @@ const BONDS: &str = "[correspondence]\ndiscretisation = \"bond-quadrature\"\n";
 const SHEET: &str = "[correspondence]\nplane = \"stress\"\ndiscretisation = \"nodal\"\n";
 
 #[rustfmt::skip]
-const KINDS: [Kind; 14] = [
+const KINDS: [Kind; 17] = [
+    Kind { name: "directed rows", dimension: 3, potential: DIRECTED, parameters: only, further: "", is_mean: true, is_large: true },
+    Kind { name: "directed batches", dimension: 2, potential: DIRECTED_LOGARITHM, parameters: only, further: "", is_mean: true, is_large: false },
+    Kind { name: "directed integrands", dimension: 2, potential: DIRECTED_INTEGRANDS, parameters: only, further: "", is_mean: false, is_large: false },
     Kind { name: "space", dimension: 3, potential: AREAS, parameters: only, further: "", is_mean: true, is_large: true },
     Kind { name: "affine areas", dimension: 2, potential: AREAS, parameters: only, further: "", is_mean: true, is_large: true },
     Kind { name: "rows", dimension: 3, potential: BOND, parameters: only, further: "", is_mean: true, is_large: false },
@@ -122,7 +133,7 @@ impl Kind {
     }
 }
 
-fn read(folder: &Path, text: &str, potential: &str) -> Case {
+pub(crate) fn read(folder: &Path, text: &str, potential: &str) -> Case {
     std::fs::write(folder.join("law.piola"), potential).unwrap();
     let scene = folder.join("scene.toml");
     std::fs::write(&scene, text).unwrap();
@@ -138,7 +149,7 @@ fn read(folder: &Path, text: &str, potential: &str) -> Case {
 }
 
 /// A smooth displacement with a little noise.
-fn displacement(case: &Case, size: f64) -> Vec<f64> {
+pub(crate) fn displacement(case: &Case, size: f64) -> Vec<f64> {
     let d = case.body.dimension();
     let mut random = Random(7);
     (0..case.body.n_points())
@@ -267,6 +278,8 @@ fn multiples_of_a_field_go_along_rows() {
         assert_eq!(ways(name, "\"2 + t\""), ["batches"], "{name}");
     }
     assert_eq!(ways("batches", "\"2 + X\""), ["batches"]);
+    assert_eq!(ways("directed rows", "2.0"), ["rows"]);
+    assert_eq!(ways("directed rows", "\"2 + X\""), ["batches"]);
     for name in ["bulk modulus", "shear modulus"] {
         assert!(ways(name, "2.0").contains(&"rows"), "{name}");
         assert_eq!(ways(name, "2.0"), ways(name, "\"2 + X\""), "{name}");

@@ -6,6 +6,7 @@ mod common;
 mod consistency;
 mod coupled;
 mod differences;
+mod directions;
 mod extremes;
 mod extremes_solved;
 mod fields;

@@ -8,6 +8,7 @@ mod bonds;
 mod clique_states;
 mod cliques;
 mod damage;
+mod directions;
 mod dissipation;
 mod extremes;
 #[allow(dead_code)]

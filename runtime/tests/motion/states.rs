@@ -90,7 +90,11 @@ pub(crate) fn remembering_as(
         Some(Of::Measure(measure)) => Some(StateOf::Interactions(measure)),
         _ => None,
     });
-    let fields = Arc::new(fields.with_states(kinds.collect()).with_time_steps(time_steps));
+    let directions = model.directions(body.dimension());
+    let axis = |field: &u16| directions.contains(field).then(|| (field - directions.start) as u8);
+    let axes = values.fields.iter().map(axis).collect();
+    let fields = fields.with_states(kinds.collect()).with_time_steps(time_steps);
+    let fields = Arc::new(fields.with_directions(axes, body));
     let materials = Materials::new(vec![0; body.n_points()], Vec::new());
     let materials = Arc::new(materials.with_fields(Arc::clone(&fields)));
     for (field, value) in typical.iter().enumerate() {

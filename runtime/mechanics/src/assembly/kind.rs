@@ -170,8 +170,8 @@ impl Kind {
             });
         }
         // What bonds have from their own ends is known once.
-        let by_direction = (0..laws.len())
-            .all(|law| self.fields_of(law).is_none() || self.is_by_direction(law));
+        let by_direction =
+            (0..laws.len()).all(|law| self.fields_of(law).is_none() || self.is_by_direction(law));
         // Of several laws each would have a field of its own, and what changes in time or from bond to bond
         // is looked up.
         let steady = || self.fields_of(0).is_some_and(|(fields, _)| fields.is_steady());

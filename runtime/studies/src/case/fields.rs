@@ -3,7 +3,6 @@
 //! Before: texts of a scene. After: [`FieldsInTime`], values at all points that energies look up, worked
 //! out anew where they change with t.
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use piola_compiler::{Formula, Model, Values, is_quantity};
@@ -12,6 +11,7 @@ use piola_mechanics::materials::{Fields, Materials};
 use piola_output::read;
 use rayon::prelude::*;
 
+use super::directions::direction;
 use super::{Case, CaseError, Potential};
 use crate::scene::expression::{names, placed};
 use crate::scene::selection::coordinates;
@@ -485,16 +485,6 @@ impl Case {
         self.potentials.iter().map(of).collect()
     }
 
-    /// Of each potential where the direction of a bond stands among its fields.
-    pub(crate) fn places_of_directions(&self) -> Vec<Range<usize>> {
-        let of = |Potential { values, model, .. }: &Potential| {
-            let directions = model.directions(values.dimension);
-            let first = values.fields.partition_point(|field| *field < directions.start);
-            first..first + directions.len()
-        };
-        self.potentials.iter().map(of).collect()
-    }
-
     /// Whether a parameter changes with t.
     pub fn changes_in_time(&self) -> bool {
         self.potentials.iter().any(Potential::changes_in_time)
@@ -516,12 +506,6 @@ impl Case {
     pub fn wrong_field(&self, wrong: WrongField) -> CaseError {
         wrong.report(&self.scene)
     }
-}
-
-/// The unit vector from one place to another.
-pub(crate) fn direction(from: &[f64], to: &[f64]) -> Vec<f64> {
-    let square = from.iter().zip(to).fold(0.0, |sum, (p, q)| sum + (q - p) * (q - p));
-    from.iter().zip(to).map(|(p, q)| (q - p) / square.sqrt()).collect()
 }
 
 /// A typical value of a field in SI units before there are points.

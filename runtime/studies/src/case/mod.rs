@@ -8,6 +8,7 @@
 //!
 //! [`crate::moduli`] looks at the body at rest, [`crate::simulation`] plans and runs it.
 
+mod directions;
 mod dissipation;
 mod error;
 pub(crate) mod explain;

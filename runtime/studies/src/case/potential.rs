@@ -136,14 +136,6 @@ impl Potential {
         self.values.fields.iter().map(kind).collect()
     }
 
-    /// Of each field its axis, where it is a component of the direction of bonds.
-    pub(super) fn axes_of_directions(&self) -> Vec<Option<u8>> {
-        let directions = self.model.directions(self.values.dimension);
-        let axis =
-            |field: &u16| directions.contains(field).then(|| (field - directions.start) as u8);
-        self.values.fields.iter().map(axis).collect()
-    }
-
     /// Refuses plane stress for a potential with other energies than those of F: they would be those
     /// of a solid.
     fn check_plane(&self, scene: &Scene, material: &Material) -> Result<(), CaseError> {

@@ -160,8 +160,7 @@ impl Edges {
         let mut known = BTreeMap::new();
         let by_vector = parts.iter().any(Part::sees_directions);
         for vector in &vectors {
-            let direction: Vec<f64> =
-                vector.iter().map(|x| f64::from(*x) / norm(vector)).collect();
+            let direction: Vec<f64> = vector.iter().map(|x| f64::from(*x) / norm(vector)).collect();
             let bond = || broken(&directed(parts, &direction), spacing * norm(vector));
             known.entry(key(vector, by_vector)).or_insert_with(bond);
         }

@@ -93,8 +93,7 @@ impl Inside {
     fn of_directed_bonds(&self, law: &dyn Law, weighting: Weighting) -> Result<Affine, CaseError> {
         let whole = self.weight(Measure::Length, weighting.weights)?;
         let (horizon, spacing) = (self.horizon, self.spacing);
-        let weight =
-            |size: f64| whole * weighting.volumes.part(size * spacing, horizon, spacing);
+        let weight = |size: f64| whole * weighting.volumes.part(size * spacing, horizon, spacing);
         Ok(directed::of_bonds(law, self.dimension, (horizon / spacing, spacing), weight))
     }
 

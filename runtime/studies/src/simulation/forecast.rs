@@ -16,7 +16,7 @@ use piola_mechanics::matrix::BlockPattern;
 use piola_mechanics::neighborhood::Neighborhood;
 
 use super::{rehearsal, run};
-use crate::case::{Case, CaseError, Compiled, size};
+use crate::case::{Case, CaseError, Compiled, Potential, size};
 use crate::machine::Machine;
 use crate::plan::{
     Extent, Families, InteractionCount, KernelNote, Needed, Pace, Plan, PlanInput,
@@ -125,7 +125,9 @@ impl Case {
         let [all] = compiled else { return false };
         let alone =
             all.measures == [Measure::Length] && all.gradient.is_none() && !self.changes_in_time();
-        let is_affine = all.elements.bond.as_ref().is_some_and(|bond| bond.has_affine_law());
+        let by_direction = self.potentials.iter().all(Potential::varies_by_direction_alone);
+        let bond = all.elements.bond.as_ref();
+        let is_affine = bond.is_some_and(|bond| bond.has_affine_law(by_direction));
         let is_exact = self.scene.solver.products == Products::Exact;
         is_exact && alone && all.gathered.is_none() && is_affine
     }

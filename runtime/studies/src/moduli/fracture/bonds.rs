@@ -36,7 +36,10 @@ pub(super) struct Part<'a> {
 }
 
 impl<'a> Part<'a> {
-    pub(super) fn of(one: &'a Compiled, (fields, directions): (Vec<f64>, Range<usize>)) -> Part<'a> {
+    pub(super) fn of(
+        one: &'a Compiled,
+        (fields, directions): (Vec<f64>, Range<usize>),
+    ) -> Part<'a> {
         let element = one.elements.bond.as_ref();
         let law = element.and_then(|element| element.law()).map(|(law, _)| law);
         Part { criteria: &one.criteria, next: &one.next_states, law, fields, directions }

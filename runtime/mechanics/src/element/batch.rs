@@ -57,7 +57,36 @@ impl InteractionBatch {
         self.fields.clear();
         let (last, padded) = (self.len.saturating_sub(1), self.padded_len());
         let interaction = |lane: usize| interaction(lane.min(last));
-        fields.add_of(measure, of_law, padded, interaction, &mut self.fields);
+        let directions = match measure {
+            Measure::Length => fields.directions_in(of_law.clone()),
+            // Nothing of triangles and tetrahedra sees it.
+            _ => of_law.end..of_law.end,
+        };
+        let before = of_law.start..directions.start;
+        fields.add_of(measure, before, padded, &interaction, &mut self.fields);
+        self.take_directions(directions.len());
+        fields.add_of(measure, directions.end..of_law.end, padded, interaction, &mut self.fields);
+    }
+
+    /// Takes so many components of the direction of bonds at rest as fields.
+    #[inline(always)]
+    fn take_directions(&mut self, components: usize) {
+        if components == 0 {
+            return;
+        }
+        let padded = self.padded_len();
+        let mut over = [0.0; CAPACITY];
+        for channel in &self.reference[..components] {
+            over.iter_mut().zip(channel).for_each(|(square, x)| *square += x * x);
+        }
+        over.iter_mut().for_each(|square| *square = 1.0 / square.sqrt());
+        for channel in &self.reference[..components] {
+            let mut direction = [0.0; CAPACITY];
+            for ((to, x), over) in direction.iter_mut().zip(channel).zip(&over) {
+                *to = x * over;
+            }
+            self.fields.extend_from_slice(&direction[..padded]);
+        }
     }
 
     /// Takes a time step in s for a law of so many fields, if it takes one behind the others or where its

@@ -208,6 +208,15 @@ impl Fields {
             && fields.all(|field| self.axes[field].map(usize::from) == Some(field - first))
     }
 
+    /// Which of these are the components of the direction of bonds, one after the other; none at the end where
+    /// there are none.
+    #[inline(always)]
+    pub(crate) fn directions_in(&self, fields: Range<usize>) -> Range<usize> {
+        let Some(body) = &self.body else { return fields.end..fields.end };
+        let first = fields.clone().find(|field| self.axes[*field].is_some());
+        first.map_or(fields.end..fields.end, |first| first..first + body.dimension())
+    }
+
     /// The axis of a field that is a component of the direction of bonds, with the positions of points.
     #[inline(always)]
     fn along(&self, field: usize) -> Option<(usize, &Body)> {

@@ -7,6 +7,7 @@ mod support;
 mod assembly;
 mod beams;
 mod convergence;
+mod directions;
 mod examples;
 mod extension;
 mod floor;

@@ -13,6 +13,8 @@ pub enum Part {
     /// The angle at a corner of a triangle, in radian; energies are written with that at the first,
     /// `angle`.
     Angle(u8),
+    /// A component of `xi - Xi`: how far one end of a bond has moved against the other, in m.
+    Moved(u8),
 }
 
 /// The ends of the edges of a triangle, and of a tetrahedron: those at the first point come first.
@@ -36,6 +38,9 @@ impl Part {
             Part::Edge(k) => ["l1", "l2", "l3", "l4", "l5", "l6"][usize::from(k)],
             Part::Face(k) => ["a1", "a2", "a3", "a4"][usize::from(k)],
             Part::Angle(k) => ["angle", "angle2", "angle3"][usize::from(k)],
+            Part::Moved(k) => {
+                ["(xi(1) - Xi(1))", "(xi(2) - Xi(2))", "(xi(3) - Xi(3))"][usize::from(k)]
+            }
         }
     }
 
@@ -45,6 +50,7 @@ impl Part {
             Part::Edge(k) => ["L1", "L2", "L3", "L4", "L5", "L6"][usize::from(k)],
             Part::Face(k) => ["A1", "A2", "A3", "A4"][usize::from(k)],
             Part::Angle(k) => ["Angle", "Angle2", "Angle3"][usize::from(k)],
+            Part::Moved(_) => "0",
         }
     }
 
@@ -61,7 +67,7 @@ impl Part {
     /// The dimension is this power of a length: 1, 2, or 0 of an angle.
     pub(crate) fn length_exponent(self) -> i64 {
         match self {
-            Part::Edge(_) => 1,
+            Part::Edge(_) | Part::Moved(_) => 1,
             Part::Face(_) => 2,
             Part::Angle(_) => 0,
         }
@@ -70,7 +76,8 @@ impl Part {
     /// Whether triangles, or tetrahedra, have it.
     pub(crate) fn is_of(self, clique: Measure) -> bool {
         match self {
-            Part::Edge(k) => usize::from(k) < edges(clique).len(),
+            Part::Edge(k) => clique != Measure::Length && usize::from(k) < edges(clique).len(),
+            Part::Moved(_) => clique == Measure::Length,
             Part::Face(_) => clique == Measure::Volume,
             Part::Angle(_) => clique == Measure::Area,
         }
@@ -91,6 +98,7 @@ impl Part {
                 Part::Face(place(&FACES, &points))
             }
             Part::Angle(k) => Part::Angle(at(k)),
+            Part::Moved(k) => Part::Moved(k),
         }
     }
 
@@ -137,6 +145,10 @@ impl Variable {
                 points[..3].copy_from_slice(&FACES[usize::from(k)]);
                 Measure::Area
             }
+            Part::Moved(_) => {
+                points[1] = 1;
+                Measure::Length
+            }
             Part::Angle(_) => return None,
         };
         let inputs = [Input::Part(part), Input::PartAtRest(part), Input::PartChange(part)];
@@ -148,6 +160,14 @@ impl Variable {
         match self.inputs[0] {
             Input::Part(part) => part.symbol(),
             _ => self.measure.symbol(),
+        }
+    }
+
+    /// Which component of `xi - Xi` it is, from 0; nothing of a measure.
+    pub fn component(&self) -> Option<usize> {
+        match self.inputs[0] {
+            Input::Part(Part::Moved(k)) => Some(usize::from(k)),
+            _ => None,
         }
     }
 

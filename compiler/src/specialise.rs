@@ -250,7 +250,7 @@ impl Named<'_> {
 pub(crate) fn known(values: &Values) -> impl Fn(Input) -> Option<f64> {
     |input| match input {
         Input::Parameter(i) if values.fields.contains(&i) => None,
-        Input::Parameter(i) => Some(values.parameters[usize::from(i)]),
+        Input::Parameter(i) => values.parameter(i),
         Input::Horizon => Some(values.horizon),
         _ => None,
     }

@@ -43,6 +43,12 @@ impl Values {
         self.fields.iter().map(|number| (*number, self.parameters[usize::from(*number)]))
     }
 
+    /// The value of a parameter by its number, or of what stands behind all parameters; nothing of what no energy
+    /// depends on, such as a direction that only a definition without use holds.
+    pub fn parameter(&self, number: u16) -> Option<f64> {
+        self.parameters.get(usize::from(number)).copied()
+    }
+
     /// The same with the typical values that others have of its fields.
     pub fn with_fields_of(mut self, others: &Values) -> Values {
         for number in &self.fields {

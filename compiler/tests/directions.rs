@@ -161,3 +161,65 @@ fn components_count_among_what_varies() {
     assert_eq!(with(5).unwrap().fields.len(), 8);
     assert_eq!(with(6).unwrap_err()[0].code, "too-large");
 }
+
+/// Laws of the vector of a bond.
+const VECTORS: [&str; 4] = [
+    "1/2*C*((xi - Xi)*Xi/L)^2/L",
+    "C*norm(xi)*ln(norm(xi)/norm(Xi))^2 + Cf*(xi - Xi)*dyad(n)*(xi - Xi)/L",
+    "Cf*((xi - Xi)*n)^2*exp(l/L - 1)/L + C*L*(l/L - 1)^2",
+    "C*sqrt(L^2 + (xi - Xi)*(xi - Xi))*abs(n*Xi)/L",
+];
+
+fn of_vector(d: usize, law: &str) -> String {
+    let n = ["0.28, 0.96", "0.6, 0, -0.8"][d - 2];
+    format!(
+        "potential p\ndimensions {d}\nparameter C = 3\nparameter Cf = 7\nn = vector({n})\n\
+         psi(xi) = {law}\n"
+    )
+}
+
+#[test]
+fn energies_of_vectors_are_verified() {
+    for (d, law) in [2, 3].into_iter().flat_map(|d| VECTORS.map(|law| (d, law))) {
+        let (_, model) = check_text(&of_vector(d, law)).unwrap();
+        let found = verify(&model, &values(&model, d), 24).unwrap().0;
+        assert!(!found.is_empty());
+        for one in found {
+            assert_eq!(one.outcome(), Outcome::Passed, "{law} {:?} {:?}", one.subject, one.misses);
+        }
+    }
+}
+
+/// Of the vector nothing but its length counts in `xi*xi` and `norm(xi)`; all else is not objective.
+#[test]
+fn energies_of_vectors_are_told_not_to_be_objective() {
+    let codes = |law: &str| {
+        let (_, model) = check_text(&of_vector(3, law)).unwrap();
+        model.lint(false).into_iter().map(|lint| lint.code).collect::<Vec<_>>()
+    };
+    assert_eq!(codes("C*(xi*xi/(Xi*Xi) - 1)^2*norm(xi)"), [""; 0]);
+    assert_eq!(codes("C*((xi - Xi)*n)^2/L"), ["not-objective"]);
+}
+
+#[test]
+fn what_no_vector_of_a_bond_has_is_refused() {
+    let found = |text: &str| match check_text(text) {
+        Ok(_) => Vec::new(),
+        Err(found) => found.into_iter().map(|one| one.code).collect::<Vec<_>>(),
+    };
+    let of = |law: &str| found(&of_vector(3, law));
+    assert_eq!(of("(xi - Xi)*n"), ["wrong-measure"], "it is odd");
+    assert_eq!(of("a*(xi*n)^2"), ["wrong-measure"]);
+    assert_eq!(of("integral(L)*(xi*n)^2"), ["wrong-measure"]);
+    assert_eq!(of("xi"), ["wrong-shape"]);
+    assert_eq!(of("xi*xi + 1'"), ["wrong-shape"]);
+    let lines = |lines: &str| found(&format!("potential p\ndimensions 3\n{lines}\n"));
+    assert_eq!(lines("psi(xi, theta) = xi*xi"), ["wrong-measure"]);
+    assert_eq!(lines("psi(l) = xi*xi"), ["unknown-name"; 2]);
+    assert_eq!(lines("psi(l) = xi*xi\npsi(xi) = xi*xi")[0], "wrong-measure");
+    assert_eq!(lines("m = integral(xi*xi)\npsi(m) = m\npsi(xi) = xi*xi")[0], "wrong-measure");
+    assert_eq!(lines("psi(xi) = xi*xi\nbreak when xi*xi > L^2")[0], "wrong-measure");
+    assert_eq!(lines("parameter C in J/m^6\npsi(xi) = C*(xi*xi)"), ["dimension-mismatch"]);
+    assert_eq!(lines("parameter C in J/m^8\npsi(xi) = C*(xi*xi)"), [""; 0]);
+    assert_eq!(lines("parameter xi = 1\npsi(l) = xi*(l - L)^2"), [""; 0]);
+}

@@ -115,3 +115,38 @@ fn a_lamina_of_bonds_is_that_of_a_gradient() {
     assert!(bonds.0[2] < -1.2e-4, "{bonds:?}");
     assert!((ratio(|run| run.1[3]) - 1.0).abs() < 0.08, "{bonds:?} {gradient:?}");
 }
+
+/// Springs along bonds and across them: the strains that turn nothing cost what the sums say.
+#[test]
+fn springs_across_bonds_change_poissons_ratio() {
+    for d in [2, 3] {
+        let folder = SceneFolder::new(&format!(
+            "[body]\nbox = [{:?}, {:?}]\nspacing = {SPACING}\n[horizon]\nspacings = {RATIO}\n\
+             weights = \"volumes\"\n[material]\npotential = \"law.piola\"\n",
+            vec![0.0; d],
+            vec![3.0; d]
+        ));
+        folder.file(
+            "law.piola",
+            "potential p\nallow \"not-objective\" \"linear\"\nw = xi - Xi\ns = w*Xi/L\n\
+             psi(xi) = 1/2*(5*s^2 + 2*(w*w - s^2))/L\n",
+        );
+        let found = piola(&["moduli", &folder.scene(), "--format", "json"]).expect(0).json();
+        let sum = |of: fn(&[f64]) -> f64| -> f64 {
+            let part =
+                |(n, length, _): &(Vec<f64>, f64, f64)| SPACING.powi(d as i32) * length * of(n);
+            vectors(d).iter().map(part).sum()
+        };
+        let [fourth, mixed, second] =
+            [sum(|n| n[0].powi(4)), sum(|n| n[0] * n[0] * n[1] * n[1]), sum(|n| n[0] * n[0])];
+        for (name, expected) in [
+            ("C11", 3.0 * fourth + 2.0 * second),
+            ("C12", 3.0 * mixed),
+            ("C44", 3.0 * mixed + 0.5 * 2.0 * second),
+        ] {
+            let off = number(&found[name]) / expected - 1.0;
+            assert!(off.abs() < 1e-14, "{d} {name}: {off:e}");
+        }
+        assert!(number(&found["stress"][0][0]).abs() == 0.0);
+    }
+}

@@ -32,6 +32,7 @@ const FLOORS: [(&str, f64); 18] = [
     ("firooz2023_table6", 1.7e-15),
     ("first", 5.8e-15),
     ("inclusions", 5.2e-13),
+    ("lamina", 1e-15),
     ("nanostrip", 2.8e-15),
     ("square", 2.0e-15),
     ("square_incompressible", 2.4e-13),

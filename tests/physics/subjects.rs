@@ -87,6 +87,8 @@ fn of_the_library(name: &str) -> Vec<Material> {
         "lennard_jones" => bonds("lennard_jones", "D", C[0] / 72.0).into(),
         // Energies of deformation gradients: `gradients` tries them.
         _ if crate::gradients::MATERIALS.iter().any(|(known, _)| *known == name) => Vec::new(),
+        // Bonds by their direction: `runtime/tests/mechanics/directions` tries them.
+        "fibre_bonds" => Vec::new(),
         // Energies of several measures: `runtime/tests/mechanics/coupled` tries them.
         "harmonic_angles" => Vec::new(),
         // What points gather: `runtime/tests/states` tries it.

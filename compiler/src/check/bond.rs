@@ -1,21 +1,26 @@
-//! `Xi`, the vector of a bond at rest: its length `L` times its direction, a unit vector.
+//! `Xi`, the vector of a bond at rest: its length `L` times its direction, a unit vector. `xi`, the same now:
+//! `Xi` and how far the ends have moved against each other.
 //!
 //! The components of the direction are inputs behind all parameters, so that any `L` goes with any of them. A
 //! bond has no first end: what is written of it must be the same for `Xi` and `-Xi`.
 
-use piola_grammar::{Diagnostic, Span};
+use piola_grammar::ast::Energy as EnergyAst;
+use piola_grammar::{Diagnostic, Span, print_expression};
 use rustc_hash::FxHashMap;
 
+use super::dimension::Dimension;
 use super::elaborate::Elaborator;
 use super::statement::Builder;
-use super::symbols::{BOND, Symbol};
+use super::symbols::{BOND, BOND_NOW, Symbol};
 use super::tensor::Tensor;
-use super::value::{Kind, Value};
+use super::value::{Kind, PART, Quantity, Value};
+use crate::clique::Part;
 use crate::expression::interpret::Interpreter;
 use crate::expression::number::Number as _;
 use crate::expression::precise::Precise;
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::measure::Measure;
+use crate::model::CoupledEnergy;
 use crate::verify::sample::Random;
 
 /// At how many places two expressions are held against each other.
@@ -48,6 +53,58 @@ impl Elaborator<'_> {
         }
         let Kind::Number(quantity) = length.kind else { return None };
         Some(self.tensor(Tensor { components, quantity, uses: length.uses }))
+    }
+
+    /// `xi`; its length is `l`.
+    pub(super) fn bond_now(&mut self, first: usize, span: Span) -> Option<Value> {
+        let rest = self.bond(first, span)?;
+        let rest = self.known_tensor(rest)?;
+        let mut components = Vec::with_capacity(self.dimension);
+        for (axis, rest) in rest.components.iter().enumerate() {
+            let moved = Node::Input(Input::Part(Part::Moved(axis as u8)));
+            let moved = Some(self.operation(moved, span)?);
+            components.push(self.component(Operator::Add, *rest, moved, span)?);
+        }
+        Some(self.tensor(Tensor { components, uses: rest.uses | PART, ..rest }))
+    }
+
+    /// The components of `xi - Xi`, where a tensor is `xi` itself.
+    fn moved_in(&self, x: &Tensor) -> Option<Tensor> {
+        let (mut rest, mut moved) = (Vec::new(), Vec::new());
+        for (axis, component) in x.components.iter().enumerate() {
+            let Node::Binary(Operator::Add, p, q) = self.graph[(*component)?] else { return None };
+            if self.graph[q] != Node::Input(Input::Part(Part::Moved(axis as u8))) {
+                return None;
+            }
+            rest.push(Some(p));
+            moved.push(Some(q));
+        }
+        self.direction_in(&Tensor { components: rest, ..x.clone() })?;
+        Some(Tensor { components: moved, quantity: x.quantity, uses: PART })
+    }
+
+    /// `xi - Xi`, without the digits that the difference would lose.
+    pub(super) fn moved(&self, x: &Tensor, y: &Tensor) -> Option<Tensor> {
+        self.direction_in(y)?;
+        self.moved_in(x)
+    }
+
+    /// The length of a tensor that is `Xi` or `xi` itself.
+    pub(super) fn length_of_bond(&mut self, x: &Tensor, span: Span) -> Option<Value> {
+        let name = match (self.direction_in(x).is_some(), self.moved_in(x).is_some()) {
+            (true, _) => "L",
+            (_, true) => "l",
+            _ => return None,
+        };
+        self.name(name, span, &[])
+    }
+
+    /// The square of a number.
+    pub(super) fn square(&mut self, x: Value, span: Span) -> Option<Value> {
+        let Kind::Number(quantity) = x.kind else { return None };
+        let quantity = quantity.combine(quantity, |p, q| p.times(q));
+        let node = Node::Binary(Operator::Multiply, x.node, x.node);
+        self.make(node, Kind::Number(quantity), x.uses, span)
     }
 
     /// Whether a node is `L`.
@@ -191,6 +248,58 @@ fn power_of_odd(power: f64) -> Parity {
 }
 
 impl Builder<'_> {
+    /// `psi(xi) = ..`
+    pub(super) fn vector_energy(&mut self, energy: &EnergyAst) {
+        if let Some(name) = energy.gathered.first() {
+            let message = format!("psi({BOND_NOW}, {}) is no energy of bonds", name.name);
+            let error = Diagnostic::error("wrong-measure", name.span, message);
+            self.elaborator.report(error.label("`xi` stands alone in the head").help(format!(
+                "write `psi({BOND_NOW}) = ..`: it may hold `l`, too; and what is gathered in an energy of its \
+                 own, `psi(l, theta) = ..`"
+            )));
+            return;
+        }
+        let Some(value) = self.elaborator.expression(energy.body) else { return };
+        let Some(quantity) = self.elaborator.number(value, energy.body) else { return };
+        let span = self.ast.arena[energy.body].span;
+        let graph = &self.elaborator.graph;
+        let needed = graph.reachable(&[value.node]);
+        let is_own = |input: Input| match input {
+            Input::Current(measure) | Input::Reference(measure) => measure == Measure::Length,
+            Input::Part(Part::Moved(_)) | Input::Parameter(_) | Input::Horizon => true,
+            _ => false,
+        };
+        let is_foreign = |(id, node): (NodeId, Node)| {
+            needed[id.0 as usize] && matches!(node, Node::Input(input) if !is_own(input))
+        };
+        let holds_foreign = graph.nodes().any(is_foreign);
+        if holds_foreign {
+            let message =
+                format!("psi({BOND_NOW}) is the energy of a bond and holds something else");
+            let error = Diagnostic::error("wrong-measure", span, message)
+                .label("holds what no bond has, or an integral")
+                .help("it may hold `xi`, `Xi`, `l`, `L`, `delta`, parameters and definitions of these");
+            self.elaborator.report(error);
+            return;
+        }
+        let measure = Measure::Length;
+        let wanted = Dimension::energy_density(measure.points(), self.variant.dimension);
+        if self.has_units && Quantity::Known(wanted).unify(quantity).is_none() {
+            self.wrong_energy_unit(energy, measure, quantity, wanted);
+            return;
+        }
+        let (root, text) = (value.node, print_expression(&self.ast.arena, energy.body));
+        let (head, clique, orders) = (BOND_NOW.to_string(), measure, vec![root]);
+        self.variant.coupled_energies.push(CoupledEnergy {
+            head,
+            clique,
+            root,
+            orders,
+            span,
+            text,
+        });
+    }
+
     /// Finds out whether anything depends on the direction of a bond, and refuses what is another from its
     /// other end.
     pub(super) fn check_directions(&mut self) {
@@ -199,18 +308,28 @@ impl Builder<'_> {
         let numbers = first..first + self.variant.dimension;
         let is_direction = |input: Input| match input {
             Input::Parameter(number) => numbers.contains(&usize::from(number)),
+            Input::Part(part) => matches!(part, Part::Moved(_)),
             _ => false,
         };
         let seen = |root: NodeId| {
             let needed = graph.reachable(&[root]);
-            let mut inputs = graph.nodes().filter(|(id, _)| needed[id.0 as usize]);
-            inputs.any(|(_, node)| matches!(node, Node::Input(input) if is_direction(input)))
+            let inputs = graph.nodes().filter(|(id, _)| needed[id.0 as usize]);
+            let inputs = inputs.filter_map(|(_, node)| match node {
+                Node::Input(input) if is_direction(input) => Some(input),
+                _ => None,
+            });
+            inputs.collect::<Vec<Input>>()
         };
         let places = self.places();
         let parities = parities(graph, is_direction);
         let mut errors = Vec::new();
-        for place in places.iter().filter(|place| seen(place.root)) {
-            self.variant.sees_directions = true;
+        for place in &places {
+            let held = seen(place.root);
+            if held.is_empty() {
+                continue;
+            }
+            let is_at_rest = |input: &Input| matches!(input, Input::Parameter(_));
+            self.variant.sees_directions |= held.iter().any(is_at_rest);
             let parity = parities[place.root.0 as usize];
             let is_even = match parity {
                 Parity::Even => true,

@@ -246,6 +246,7 @@ impl<'a> Elaborator<'a> {
                 self.make(Node::Input(Input::Parameter(i as u16)), kind, 0, span)
             }
             Symbol::Bond(first) => self.bond(first, span),
+            Symbol::BondNow(first) => self.bond_now(first, span),
             Symbol::Kinematic(which) => self.kinematic(which, span),
             Symbol::Value(number) => self.values.get(&number).copied().flatten(),
             // `w` alone is `w(L)`.

@@ -33,6 +33,11 @@ const NUMBERS: &[(&str, &str)] = &[
 /// The same for a potential.
 const BONDS: &[(&str, &str)] = &[
     ("e", "the base of the natural logarithm is `exp(1)`; the strain of a bond is `l/L - 1`"),
+    (
+        "xi",
+        "the vector of a bond stands in energies that name it, which may hold `l`, too: `psi(xi) = ..`; at rest \
+         it is `Xi`",
+    ),
     ("r", "the current length of a bond is `l`, its reference length `L`"),
     ("s", "the stretch of a bond is `l/L - 1`"),
     ("l1", "the sides of a triangle stand in energies that name them: `psi(a, l1, l2, l3) = ..`"),

@@ -23,7 +23,7 @@ const FOREIGN: [(u8, &str); 6] = [
     (GRADIENT, "the deformation gradient"),
     (1 << (Measure::Area as u8), "a measure of triangles"),
     (1 << (Measure::Volume as u8), "a measure of tetrahedra"),
-    (PART, "a part of a triangle or a tetrahedron"),
+    (PART, "a part of a triangle or a tetrahedron, or the vector `xi` of a bond"),
     (RATE, "how fast bonds change"),
 ];
 

@@ -310,9 +310,9 @@ impl Checker<'_> {
         let arity = match self.scope.symbols.get(name) {
             Some(Symbol::Function(number)) => Some(self.arity(number)),
             // Of a tensor `F(1, 2)` is a component; of which values are tensors the check knows.
-            Some(Symbol::Kinematic(_) | Symbol::Value(_) | Symbol::Bond(_))
-                if self.scope.symbols.tensors && matches!(given, 1 | 2) =>
-            {
+            Some(
+                Symbol::Kinematic(_) | Symbol::Value(_) | Symbol::Bond(_) | Symbol::BondNow(_),
+            ) if self.scope.symbols.tensors && matches!(given, 1 | 2) => {
                 return;
             }
             Some(_) if name == dissipation::NAME => {

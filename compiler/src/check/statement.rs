@@ -12,7 +12,7 @@ use super::MAX_FINDINGS;
 use super::dimension::Dimension;
 use super::elaborate::Elaborator;
 use super::names::parts;
-use super::symbols::{Symbol, Symbols, is_coupled, is_kinematic};
+use super::symbols::{Symbol, Symbols, is_coupled, is_kinematic, is_of_vector};
 use super::unit::UnitValue;
 use super::value::{GRADIENT, IN_UNIT, PART, Quantity, Value};
 use crate::expression::{ExprGraph, NodeId};
@@ -355,6 +355,10 @@ impl<'a> Builder<'a> {
     }
 
     fn energy(&mut self, energy: &EnergyAst) {
+        if is_of_vector(self.ast, energy) {
+            self.vector_energy(energy);
+            return;
+        }
         if is_coupled(self.ast, energy) {
             self.coupled_energy(energy);
             return;
@@ -430,7 +434,7 @@ impl<'a> Builder<'a> {
         self.variant.gradient_energies.push(GradientEnergy { root: value.node, span, text });
     }
 
-    fn wrong_energy_unit(
+    pub(super) fn wrong_energy_unit(
         &mut self,
         energy: &EnergyAst,
         measure: Measure,
@@ -438,7 +442,7 @@ impl<'a> Builder<'a> {
         wanted: Dimension,
     ) {
         let d = self.variant.dimension;
-        let symbol = measure.symbol();
+        let symbol = energy.measure.name.as_str();
         let message = format!(
             "psi({symbol}) must be an energy density in {} (d = {d}), not {}",
             wanted.unit(),
@@ -506,7 +510,7 @@ impl Argument {
         bit: PART,
         names: &[
             "l1", "l2", "l3", "l4", "l5", "l6", "a1", "a2", "a3", "a4", "angle", "L1", "L2", "L3",
-            "L4", "L5", "L6", "A1", "A2", "A3", "A4", "Angle",
+            "L4", "L5", "L6", "A1", "A2", "A3", "A4", "Angle", "xi",
         ],
         of: "triangle or a tetrahedron, named in the head",
     };

@@ -14,6 +14,9 @@ use crate::model::number_of_time_step;
 /// The vector of a bond at rest.
 pub(crate) const BOND: &str = "Xi";
 
+/// The same now.
+pub(crate) const BOND_NOW: &str = "xi";
+
 /// What a name outside a function's formal parameters stands for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Symbol {
@@ -40,6 +43,8 @@ pub(crate) enum Symbol {
     /// `Xi`, the vector of a bond at rest, in a file that names it; the number of the first component of its
     /// direction, behind all parameters.
     Bond(usize),
+    /// `xi`, the same now, in a file with an energy of it.
+    BondNow(usize),
     /// A definition without parameters, by number of its statement.
     Value(usize),
     /// A user's function, by number of its statement.
@@ -76,7 +81,10 @@ impl<'a> Symbols<'a> {
         let tensors = ast.statements.iter().any(
             |s| matches!(s, Statement::Energy(e) if e.measure.name == "F" || is_kinematic(ast, e)),
         );
-        let sees_bond = is_named(ast, BOND);
+        let is_of_vector =
+            |s: &Statement| matches!(s, Statement::Energy(energy) if is_of_vector(ast, energy));
+        let moves_bond = ast.statements.iter().any(is_of_vector);
+        let sees_bond = moves_bond || is_named(ast, BOND);
         let mut symbols = Symbols { tensors: tensors || sees_bond, ..Symbols::default() };
         if tensors {
             for (name, which) in Kinematic::NAMED {
@@ -99,7 +107,11 @@ impl<'a> Symbols<'a> {
         }
         if sees_bond {
             let declared = ast.statements.iter().filter(|s| matches!(s, Statement::Parameter(_)));
-            symbols.names.insert(BOND, Symbol::Bond(declared.count()));
+            let first = declared.count();
+            symbols.names.insert(BOND, Symbol::Bond(first));
+            if moves_bond {
+                symbols.names.insert(BOND_NOW, Symbol::BondNow(first));
+            }
         }
         symbols.names.insert("delta", Symbol::Horizon);
         symbols.names.insert("d", Symbol::Dimension);
@@ -215,6 +227,11 @@ pub(crate) fn is_coupled(ast: &Ast, energy: &Energy) -> bool {
     let is_whole = |name: &str| matches!(name, "l" | "a" | "v");
     let first = energy.measure.name.as_str();
     is_part(first) || (is_whole(first) && names().skip(1).any(is_part))
+}
+
+/// Whether an energy is one of the vector of a bond: `psi(xi)`.
+pub(crate) fn is_of_vector(ast: &Ast, energy: &Energy) -> bool {
+    energy.measure.name == BOND_NOW && !is_defined(ast, BOND_NOW)
 }
 
 /// Whether an energy was meant to be one of the deformation gradient: `psi(C)`, `psi(J)`, `psi(U)`.

@@ -156,6 +156,9 @@ impl Elaborator<'_> {
             return self.stretch_binary(operator, (x, left), (y, right), exponent, span);
         }
         let tensor = match (operator, self.known_tensor(x), self.known_tensor(y)) {
+            (Operator::Subtract, Some(a), Some(b)) if self.moved(&a, &b).is_some() => {
+                self.moved(&a, &b)?
+            }
             (Operator::Add | Operator::Subtract, Some(a), Some(b))
                 if a.components.len() == b.components.len() =>
             {

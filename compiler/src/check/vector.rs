@@ -105,6 +105,11 @@ impl Elaborator<'_> {
         if let Some(product) = self.dot_with_bond(x, y, span) {
             return Some(product);
         }
+        if let Some(length) = self.length_of_bond(x, span)
+            && x.components == y.components
+        {
+            return self.square(length, span);
+        }
         let mut sum = None;
         for (&a, &b) in x.components.iter().zip(&y.components) {
             let term = self.component(Operator::Multiply, a, b, span)?;
@@ -126,8 +131,8 @@ impl Elaborator<'_> {
             );
             return None;
         };
-        if self.direction_in(&tensor).is_some() {
-            return self.name("L", span, &[]);
+        if let Some(length) = self.length_of_bond(&tensor, span) {
+            return Some(length);
         }
         let square = self.dot(&tensor, &tensor, span)?;
         let node = self.operation(Node::Unary(Function::Sqrt, square.node), span)?;

@@ -12,6 +12,7 @@
 //! | `update-creates-energy`, `update-not-settled` | grows, or changes again, when interactions remember |
 //! | `state-unused` | has a state that changes nothing |
 //! | `dissipation-creates-energy` | has a dissipation whose force drives what changes |
+//! | `not-objective` | changes when the body is turned |
 //! | `jump-in-stiffness` | has no jump of psi'' where branches meet, or at points of a table |
 //! | `no-collapse-resistance`, `no-inversion-resistance` | stays finite where an interaction collapses, or is turned inside out |
 //!
@@ -30,7 +31,7 @@ mod subject;
 use piola_grammar::{Diagnostic, Severity, Span};
 
 use crate::measure::Measure;
-use crate::model::{Model, Parameter};
+use crate::model::{CoupledEnergy, Model, Parameter, Variant};
 use crate::values::Values;
 use breaking::Breaking;
 use dissipation::Dissipating;
@@ -62,6 +63,8 @@ enum Look {
     Dissipation(fn(&Dissipating) -> Option<Finding>),
     /// One state.
     State(fn(&Model, &Parameter) -> Option<Finding>),
+    /// One energy of the vector of a bond.
+    Vector(fn(&Variant, &CoupledEnergy) -> Option<Finding>),
 }
 
 /// What a lint has to say.
@@ -73,7 +76,7 @@ struct Finding {
 }
 
 /// All lints.
-pub const LINTS: [Lint; 17] = [
+pub const LINTS: [Lint; 18] = [
     lint("not-stress-free", Look::Energy(rest::not_stress_free)),
     lint("not-stiff-at-rest", Look::Energy(rest::not_stiff)),
     lint("singular-in-domain", Look::Energy(domain::singular)),
@@ -88,6 +91,7 @@ pub const LINTS: [Lint; 17] = [
     lint("update-not-settled", Look::Update(remember::not_settled)),
     lint("dissipation-creates-energy", Look::Dissipation(dissipation::creates_energy)),
     lint("state-unused", Look::State(remember::unused)),
+    lint("not-objective", Look::Vector(rest::not_objective)),
     pedantic("jump-in-stiffness", Look::Energy(jump::in_stiffness)),
     pedantic("no-collapse-resistance", Look::Energy(domain::no_collapse_resistance)),
     pedantic("no-inversion-resistance", Look::Energy(domain::no_inversion_resistance)),
@@ -127,6 +131,13 @@ impl Lint {
         Some(self.warning(state.span, look(model, state)?))
     }
 
+    /// What it says of an energy of the vector of a bond.
+    fn look_at_vector(&self, variant: &Variant, energy: &CoupledEnergy) -> Option<Diagnostic> {
+        let Look::Vector(look) = self.look else { return None };
+        let finding = look(variant, energy).filter(|_| energy.clique == Measure::Length)?;
+        Some(self.warning(energy.span, finding))
+    }
+
     fn warning(&self, span: Span, Finding { message, help }: Finding) -> Diagnostic {
         let warning = Diagnostic::warning(self.code, span, message).help(help);
         warning.help(format!("if it is meant so: `allow \"{}\" \"why\"`", self.code))
@@ -155,6 +166,10 @@ impl Model {
                     found.push(warning);
                 }
             }
+        }
+        let first = &self.variants[0];
+        for energy in &first.coupled_energies {
+            found.extend(wanted.iter().filter_map(|lint| lint.look_at_vector(first, energy)));
         }
         let states = self.parameters.iter().filter(|parameter| parameter.is_state);
         for state in states {

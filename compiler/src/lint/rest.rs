@@ -2,6 +2,9 @@
 
 use super::Finding;
 use super::subject::{Subject, short};
+use crate::clique::Part;
+use crate::expression::Input;
+use crate::model::{CoupledEnergy, Variant};
 
 /// How much smaller than around it a value must be to count as 0.
 const NOTHING: f64 = 1e-9;
@@ -48,6 +51,20 @@ pub(super) fn not_stiff(subject: &Subject<'_>) -> Option<Finding> {
             "it stiffens no small deformation: add a term that is quadratic at rest, such as \
              `({symbol}/{rest} - 1)^2`"
         ),
+    })
+}
+
+/// An energy of `xi` that holds more of it than its length: `Xi` does not turn with the body.
+pub(super) fn not_objective(variant: &Variant, energy: &CoupledEnergy) -> Option<Finding> {
+    let axes = 0..variant.dimension as u8;
+    let moved = |axis| Input::Part(Part::Moved(axis));
+    let mut held = axes.filter(|axis| variant.graph.depends_on(&[energy.root], moved(*axis)));
+    held.next()?;
+    Some(Finding {
+        message: "psi(xi) is not objective: a body that is turned as a whole stores energy".into(),
+        help:
+            "it is meant for small rotations; `psi(l)` may hold `Xi`, and no rotation changes that"
+                .into(),
     })
 }
 

@@ -8,7 +8,7 @@ use super::text::Text;
 use super::{Names, lines};
 use crate::clique::Variable;
 use crate::coupled::{CoupledForm, argument};
-use crate::expression::{Input, NodeId};
+use crate::expression::{Input, Node, NodeId};
 use crate::measure::Measure;
 use crate::model::Model;
 
@@ -55,7 +55,11 @@ pub fn coupled_text(model: &Model, clique: Measure, form: &CoupledForm) -> Strin
 pub fn coupled_latex(model: &Model, clique: Measure, form: &CoupledForm) -> String {
     let notation = Latex { names: Names { model } };
     let by = |variable: &Variable| {
-        format!(r"\partial\psi/\partial {}", Latex::symbol(variable.symbol()))
+        let symbol = match variable.inputs[0] {
+            Input::Part(part) => Latex::part(part),
+            _ => Latex::symbol(variable.symbol()),
+        };
+        format!(r"\partial\psi/\partial {symbol}")
     };
     let head = head(model, clique);
     let roots = roots(form, r"\psi".to_string(), by);
@@ -83,18 +87,34 @@ pub fn coupled_listing(model: &Model, clique: Measure, form: &CoupledForm) -> St
 /// double *psi, double *gradient)` and
 /// `void NAME_triangle_product(size_t n, .., const double *direction, double *product)`, or `tetrahedron`.
 /// Arrays hold measure after measure of `n` interactions, in the order that a comment gives; `change` is
-/// the measure over that at rest, less 1.
+/// the measure over that at rest, less 1. Bonds, `NAME_bond`, have their length and what their ends have moved by,
+/// and the components of the unit vector between these at rest as arrays of their own.
 pub fn coupled_c(model: &Model, clique: Measure, form: &CoupledForm) -> String {
     let entry = |array: &str, k: usize| format!("{array}[{k} * n + i]");
+    let dimension = model.dimensions().next().unwrap_or(3);
+    let directions = model.directions(dimension);
     let input = |input| {
         let of = |variable: &Variable| variable.inputs.iter().position(|own| *own == input);
         let found = form.variables.iter().map(of).enumerate();
         match (input, found.filter_map(|(k, place)| Some((k, place?))).next()) {
             (Input::Direction(k), _) => entry("direction", usize::from(k)),
             (_, Some((k, place))) => entry(["measures", "reference", "change"][place], k),
+            (Input::Parameter(number), _) => match directions.clone().position(|own| own == number)
+            {
+                Some(axis) => format!("direction_{}[i]", axis + 1),
+                None => "NAN".into(),
+            },
             // Specialisation has put numbers in the place of all others.
             _ => "NAN".into(),
         }
+    };
+    let holds = |number: u16| {
+        let input = Node::Input(Input::Parameter(number));
+        form.density.graph.nodes().any(|(_, node)| node == input)
+    };
+    let given: String = match directions.clone().any(holds) {
+        true => (1..=directions.len()).map(|k| format!("const double *direction_{k}, ")).collect(),
+        false => String::new(),
     };
     let name = format!("{}_{}", model.name(), clique.interaction());
     let symbols: Vec<&str> = form.variables.iter().map(Variable::symbol).collect();
@@ -115,7 +135,7 @@ pub fn coupled_c(model: &Model, clique: Measure, form: &CoupledForm) -> String {
         let _ = write!(
             out,
             "\nvoid {name}(size_t n, const double *measures, const double *reference,\n\
-             \x20   const double *change, {arrays}) {{\n\
+             \x20   const double *change, {given}{arrays}) {{\n\
              \x20 for (size_t i = 0; i < n; i++) {{\n"
         );
         statements(&mut out, &graph, &input, targets.into_iter().zip(roots));

@@ -2,6 +2,7 @@
 
 use super::{Binding, Names, Notation, Piece, lines};
 use crate::breaking::{BondFunction, BondFunctionKind};
+use crate::clique::Part;
 use crate::expression::{Comparison, Function, Input, Operator};
 use crate::model::Model;
 use crate::specialise::ScalarEnergy;
@@ -87,6 +88,16 @@ impl Latex<'_> {
     }
 }
 
+impl Latex<'_> {
+    /// A measure of an interaction, or a component of `xi - Xi`.
+    pub(super) fn part(part: Part) -> String {
+        match part {
+            Part::Moved(k) => format!(r"(\xi_{{{0}}} - \Xi_{{{0}}})", k + 1),
+            part => Self::symbol(part.symbol()),
+        }
+    }
+}
+
 impl Notation for Latex<'_> {
     fn number(&self, value: f64) -> Piece {
         let text = match value.abs() {
@@ -117,6 +128,7 @@ impl Notation for Latex<'_> {
             Input::Parameter(number) if let Some(axis) = self.names.axis(number) => {
                 Piece::atom(format!(r"(\Xi_{{{axis}}}/L)"))
             }
+            Input::Part(part @ Part::Moved(_)) => Piece::atom(Self::part(part)),
             other => Piece::atom(Self::symbol(&self.names.input(other))),
         }
     }

@@ -10,7 +10,9 @@ pub(super) fn reasons(graph: &ExprGraph, parameters: &[Parameter], factors: &[No
     let mut found: Vec<String> = Vec::new();
     for &factor in factors {
         let reason = match graph[factor] {
-            Node::Input(Input::Parameter(i)) => format!("{} = 0", parameters[usize::from(i)].name),
+            Node::Input(Input::Parameter(i)) if let Some(own) = parameters.get(usize::from(i)) => {
+                format!("{} = 0", own.name)
+            }
             _ => "its coefficient is 0".to_string(),
         };
         if !found.contains(&reason) {

@@ -174,6 +174,7 @@ impl<'a> Reader<'a> {
             Symbol::Current(_)
             | Symbol::Reference(_)
             | Symbol::Bond(_)
+            | Symbol::BondNow(_)
             | Symbol::Part(_)
             | Symbol::PartAtRest(_)
             | Symbol::Function(_) => Err(NotInTensors::Foreign),

@@ -19,7 +19,7 @@ const BAR: f64 = 1e4;
 /// Most places that are tried: true values of all derivatives take milliseconds each.
 const MOST: usize = 200;
 
-/// Verifies the energies of triangles and of tetrahedra at `n` places each and at most 200.
+/// Verifies the energies of triangles, of tetrahedra and of vectors of bonds at `n` places each and at most 200.
 pub(super) fn verify(
     (model, variant): (&Model, &Variant),
     values: &Values,
@@ -68,6 +68,8 @@ struct Place {
     change: Vec<f64>,
     direction: Vec<f64>,
     values: Vec<f64>,
+    /// Which are no measures, but what the ends of a bond have moved by.
+    is_moved: Vec<bool>,
 }
 
 impl Place {
@@ -76,6 +78,9 @@ impl Place {
     fn truth(&self, written: &WrittenCoupledEnergy) -> Option<Vec<f64>> {
         let truth = by_lines(&self.direction, |slope| {
             let variable = |k: usize| {
+                if self.is_moved[k] {
+                    return Precise::line(self.variables[k], slope(k), 0.0);
+                }
                 let rest = self.reference[k];
                 let stretch = Precise::line(self.change[k], slope(k) / rest, 1.0);
                 Precise::binary(Operator::Multiply, Precise::constant(rest), stretch)
@@ -100,8 +105,14 @@ fn evaluate(kernel: &CoupledKernel, n: usize) -> Vec<Place> {
         let decade = if place.is_multiple_of(2) { place / 2 % 12 } else { 0 };
         *change *= libm::pow(10.0, -(decade as f64));
     }
-    let grown = |(rest, e): (&f64, &f64)| rest * (1.0 + e);
-    let variables: Vec<f64> = reference.iter().zip(&change).map(grown).collect();
+    let is_moved: Vec<bool> =
+        kernel.variables().iter().map(|variable| variable.component().is_some()).collect();
+    // What the ends of a bond have moved by goes in both ways, and as little as its length changes.
+    let grown = |(k, (rest, e)): (usize, (&f64, &f64))| match is_moved[k / n] {
+        true => *e,
+        false => rest * (1.0 + e),
+    };
+    let variables: Vec<f64> = reference.iter().zip(&change).enumerate().map(grown).collect();
     let at = CoupledBatch {
         n,
         variables: &variables,
@@ -121,6 +132,7 @@ fn evaluate(kernel: &CoupledKernel, n: usize) -> Vec<Place> {
             change: column(&change),
             direction: column(&direction),
             values: [column(&psi), column(&gradient), column(&product)].concat(),
+            is_moved: is_moved.clone(),
         }
     };
     (0..n).map(place).collect()

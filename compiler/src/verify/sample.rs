@@ -96,7 +96,7 @@ pub fn contains(variant: &Variant, measure: Measure, values: &Values, point: Poi
     interpreter.run(&variant.graph, |input| match input {
         Input::Current(m) if m == measure => point.measure,
         Input::Reference(m) if m == measure => point.reference,
-        Input::Parameter(i) => values.parameters[usize::from(i)],
+        Input::Parameter(i) => values.parameter(i).unwrap_or(f64::NAN),
         Input::Horizon => values.horizon,
         _ => f64::NAN,
     });

@@ -124,20 +124,22 @@ pub trait VariablesLaw: Send + Sync {
     }
 }
 
-/// A part of a triangle or a tetrahedron that an energy is a function of.
+/// A part of a triangle or a tetrahedron that an energy is a function of, or of a bond.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CliquePart {
     /// What is measured.
     pub measure: Measure,
     /// Whose measure it is: numbers of points in the interaction, that of the owner is 0.
     pub points: Vec<u8>,
+    /// Not the measure, but how far the second point has moved against the first along this axis, in m.
+    pub axis: Option<usize>,
 }
 
 /// An energy density of several measures of one interaction: of a triangle's area and its sides, of a
-/// tetrahedron's volume and its faces.
+/// tetrahedron's volume and its faces; of a bond's length and the components of its vector.
 ///
 /// Each of them is a variable, at most [`piola_compiler::MAX_VARIABLES`]; `change` has `(m - M)/M` of each,
-/// `given` the values at rest of each, then fields.
+/// `given` the values at rest of each, then fields. What a bond's end has moved by has 0 and 1 there.
 pub trait CoupledLaw: VariablesLaw {
     /// What its variables are.
     fn parts(&self) -> &[CliquePart];
@@ -163,6 +165,7 @@ impl Coupled {
         let part = |variable: &piola_compiler::Variable| CliquePart {
             measure: variable.measure,
             points: variable.points().to_vec(),
+            axis: variable.component(),
         };
         let parts = kernel.variables().iter().map(part).collect();
         Coupled { kernel, parts }

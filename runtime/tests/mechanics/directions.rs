@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use piola_runtime::case::Case;
-use piola_runtime::energy::Energy;
+use piola_runtime::energy::{Energy, Wanted};
+use piola_runtime::matrix::BlockMatrix;
 
 use crate::common::distance;
 use crate::fields::{displacement, read};
@@ -155,4 +156,167 @@ fn a_body_turned_with_its_fibre_has_the_same_energy() {
     let other = energy("0.8, -0.6", |x, y| [0.1 * x * y, 0.05 * y]);
     assert!((one / turned - 1.0).abs() < 1e-12, "{one} {turned}");
     assert!((one / other - 1.0).abs() > 0.1, "{one} {other}");
+}
+
+/// A cloud and a lattice with an energy of this text.
+fn bodies(name: &str, d: usize, energy: &str) -> [Case; 2] {
+    let text = format!("potential p\ndimensions {d}\n{energy}");
+    [Points::Lattice, Points::Cloud]
+        .map(|points| case(&format!("{name}_{d}_{points:?}"), points, d, &text))
+}
+
+fn forces(energy: &dyn Energy, u: &[f64]) -> (f64, Vec<f64>) {
+    let mut forces = vec![0.0; u.len()];
+    let total = energy.forces(u, &mut forces).unwrap().total();
+    (total, forces)
+}
+
+/// Of bonds of a direction at rest forces and moments balance, and a turned body stores what it stored.
+#[test]
+fn energies_of_directions_are_objective() {
+    for d in [2, 3] {
+        let text = potential(d, LOGARITHM.0);
+        let cases = [Points::Lattice, Points::Cloud]
+            .map(|points| case(&format!("objective_{d}_{points:?}"), points, d, &text));
+        for case in cases {
+            let energy = case.energy(case.compile().unwrap()).unwrap();
+            let u = displacement(&case, 0.05);
+            let (total, own) = forces(&energy, &u);
+            let scale = own.iter().fold(0.0, |sum, g| sum + g.abs());
+            let n = case.body.n_points();
+            let now = |u: &[f64], i: usize, c: usize| case.body.position(i)[c] + u[i * d + c];
+            for c in 0..d {
+                let sum = (0..n).fold(0.0, |sum, i| sum + own[i * d + c]);
+                assert!(sum.abs() < 1e-14 * scale, "{d} {sum}");
+            }
+            let moment = (0..n).fold(0.0, |sum, i| {
+                sum + now(&u, i, 0) * own[i * d + 1] - now(&u, i, 1) * own[i * d]
+            });
+            assert!(moment.abs() < 1e-13 * scale, "{d} {moment}");
+            let (cos, sin) = (libm::cos(0.7), libm::sin(0.7));
+            let turn = |x: [f64; 2]| [cos * x[0] - sin * x[1], sin * x[0] + cos * x[1]];
+            let mut turned = u.clone();
+            for i in 0..n {
+                let there = turn([now(&u, i, 0), now(&u, i, 1)]);
+                (0..2).for_each(|c| turned[i * d + c] = there[c] - case.body.position(i)[c]);
+            }
+            let (there, of_turned) = forces(&energy, &turned);
+            assert!((there / total - 1.0).abs() < 1e-12, "{d} {total} {there}");
+            let expected: Vec<f64> = (0..n)
+                .flat_map(|i| {
+                    let [x, y] = turn([own[i * d], own[i * d + 1]]);
+                    [x, y].into_iter().chain(own[i * d + 2..(i + 1) * d].iter().copied())
+                })
+                .collect();
+            assert!(distance(&of_turned, &expected) < 1e-12, "{d}");
+        }
+    }
+}
+
+/// What holds `xi` only by its length is the energy of that length.
+#[test]
+fn energies_of_vectors_by_their_length_are_those_of_lengths() {
+    for d in [2, 3] {
+        let of_length = bodies("by_length", d, "psi(l) = (1 + Xi(1)^2/L^2)*L*ln(l/L)^2");
+        let of_vector =
+            bodies("by_vector", d, "psi(xi) = (1 + Xi(1)^2/L^2)*norm(Xi)*ln(norm(xi)/norm(Xi))^2");
+        for (one, other) in of_length.iter().zip(&of_vector) {
+            let [one_energy, other_energy] =
+                [one, other].map(|case| case.energy(case.compile().unwrap()).unwrap());
+            for size in [1e-10, 0.05] {
+                let u = displacement(one, size);
+                let ((a, f), (b, g)) = (forces(&one_energy, &u), forces(&other_energy, &u));
+                assert!((a / b - 1.0).abs() < 1e-13, "{d} {size} {a} {b}");
+                assert!(distance(&f, &g) < 1e-13, "{d} {size}");
+                let products = [&one_energy, &other_energy].map(|energy| {
+                    let mut out = vec![0.0; u.len()];
+                    energy.hessian(&u).unwrap().multiply(&f, &mut out);
+                    out
+                });
+                assert!(distance(&products[0], &products[1]) < 1e-12, "{d} {size}");
+            }
+        }
+    }
+}
+
+/// Springs along bonds and across them, linear in displacements, against sums over all pairs; and digits at a
+/// strain of 1e-12.
+#[test]
+fn linear_springs_of_vectors_are_sums_over_all_bonds() {
+    let text = "w = xi - Xi\ns = w*Xi/L\npsi(xi) = (3*s^2 + 0.5*(w*w - s^2))/(2*L)";
+    for d in [2, 3] {
+        for case in bodies("springs", d, text) {
+            let energy = case.energy(case.compile().unwrap()).unwrap();
+            for size in [1e-12, 0.05] {
+                let u = displacement(&case, size);
+                let (total, found) = forces(&energy, &u);
+                let (body, mut expected) = (&case.body, vec![0.0; u.len()]);
+                for i in 0..body.n_points() {
+                    for j in 0..i {
+                        let (p, q) = (body.position(i), body.position(j));
+                        let xi: Vec<f64> = p.iter().zip(q).map(|(p, q)| p - q).collect();
+                        let rest = xi.iter().fold(0.0, |sum, x| sum + x * x).sqrt();
+                        if rest > RATIO * SPACING * (1.0 + 1e-9) {
+                            continue;
+                        }
+                        let w: Vec<f64> = (0..d).map(|c| u[i * d + c] - u[j * d + c]).collect();
+                        let s: f64 = w.iter().zip(&xi).map(|(w, x)| w * x).sum::<f64>() / rest;
+                        let weight = body.volumes()[i] * body.volumes()[j] / rest;
+                        for c in 0..d {
+                            let force = weight * (2.5 * s * xi[c] / rest + 0.5 * w[c]);
+                            expected[i * d + c] += force;
+                            expected[j * d + c] -= force;
+                        }
+                    }
+                }
+                let work: f64 = expected.iter().zip(&u).map(|(g, u)| 0.5 * g * u).sum();
+                let off = [total / work - 1.0, distance(&found, &expected)];
+                println!("{d} {size}: {off:?}");
+                assert!(off.iter().all(|x| x.abs() < 1e-12), "{d} {size} {off:?}");
+            }
+        }
+    }
+}
+
+/// A law that bends, of `xi` in many ways: forces are derivatives of the energy, products of forces, and the
+/// stored tangent is the same operator, symmetric.
+#[test]
+fn derivatives_of_energies_of_vectors() {
+    for d in [2, 3] {
+        let n = ["0.6, 0.8", "0.48, 0.6, 0.64"][d - 2];
+        let text = format!(
+            "n = vector({n})\nw = xi - Xi\npsi(l) = L*(l/L - 1)^2\n\
+             psi(xi) = (w*n)^2*exp(l/L - 1)/L + sqrt(w*w + L^2)*(l/L - 1)^2 + (xi*n)^2*(w*w)/L^3"
+        );
+        for case in bodies("bent", d, &text) {
+            let energy = case.energy(case.compile().unwrap()).unwrap();
+            let u = displacement(&case, 0.03);
+            let p: Vec<f64> = (0..u.len()).map(|k| libm::cos(1.3 * k as f64)).collect();
+            let step = 1e-6 * SPACING;
+            let at = |by: f64| -> (f64, Vec<f64>) {
+                let moved: Vec<f64> = u.iter().zip(&p).map(|(u, p)| u + by * p).collect();
+                forces(&energy, &moved)
+            };
+            let ((low, before), (high, after), (_, own)) = (at(-step), at(step), at(0.0));
+            let slope: f64 = own.iter().zip(&p).map(|(g, p)| g * p).sum();
+            let size: f64 = own.iter().map(|g| g.abs()).sum();
+            assert!(((high - low) / (2.0 * step) - slope).abs() < 1e-8 * size, "{d}");
+            let mut product = vec![0.0; u.len()];
+            energy.hessian(&u).unwrap().multiply(&p, &mut product);
+            let differences: Vec<f64> =
+                after.iter().zip(&before).map(|(x, y)| (x - y) / (2.0 * step)).collect();
+            assert!(distance(&differences, &product) < 1e-7, "{d}");
+            let mut stored = BlockMatrix::zeros(energy.pattern());
+            let (mut parts, mut out) = (vec![0.0; energy.parts().len()], vec![0.0; u.len()]);
+            energy.evaluate(&u, Wanted::Tangent(&mut out, &mut stored), &mut parts).unwrap();
+            assert!(distance(&stored.multiply(&p), &product) < 1e-12, "{d}");
+            let mut of_forces = vec![0.0; u.len()];
+            energy.hessian(&u).unwrap().multiply(&own, &mut of_forces);
+            let dot = |x: &[f64], y: &[f64]| x.iter().zip(y).map(|(x, y)| x * y).sum::<f64>();
+            let (one, other) = (dot(&own, &product), dot(&p, &of_forces));
+            assert!((one - other).abs() < 1e-12 * one.abs().max(size), "{d} {one} {other}");
+            let sum = |c: usize| own.iter().skip(c).step_by(d).sum::<f64>();
+            assert!((0..d).all(|c| sum(c).abs() < 1e-13 * size), "{d}");
+        }
+    }
 }

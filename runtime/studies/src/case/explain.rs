@@ -272,7 +272,7 @@ pub(crate) fn read(
         Input::Reference(_) => reference,
         Input::Change(_) => (measure - reference) / reference,
         Input::Horizon => values.horizon,
-        Input::Parameter(i) => values.parameters[usize::from(i)],
+        Input::Parameter(i) => values.parameter(i).unwrap_or(f64::NAN),
         // A measure knows nothing of the deformation gradient, nor of families.
         _ => f64::NAN,
     });

@@ -232,8 +232,9 @@ impl Potential {
         for kernel in coupled {
             let element = self.coupled_element(kernel, scene);
             let place = match element.measure() {
+                Measure::Length => &mut elements.bond,
+                Measure::Area => &mut elements.triangle,
                 Measure::Volume => &mut elements.tetrahedron,
-                _ => &mut elements.triangle,
             };
             *place = Some(match place.take() {
                 Some(first) => Box::new(SumElement::new(first, element)),

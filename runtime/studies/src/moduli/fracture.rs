@@ -49,6 +49,12 @@ pub enum NoFractureEnergy {
          lost some of its bonds is no sum over bonds"
     )]
     Families,
+    /// Energies of the vectors of bonds.
+    #[error(
+        "bonds with an energy of their vector resist being turned, too, and what they hold when they break is \
+         not that of their length"
+    )]
+    Vectors,
     /// Something across a plane holds together.
     #[error(
         "some {0} across a plane never break: neither at ten times their size nor where the halves are \
@@ -94,6 +100,10 @@ impl FractureEnergy {
         let compiled = Inside::compile(case)?;
         if compiled.iter().any(|one| one.gathered.is_some() || one.gradient.is_some()) {
             return Ok(Err(NoFractureEnergy::Families));
+        }
+        let bonds = compiled.iter().filter_map(|one| one.elements.bond.as_ref());
+        if bonds.into_iter().any(|bond| bond.law().is_none()) {
+            return Ok(Err(NoFractureEnergy::Vectors));
         }
         Ok(FractureEnergy::of_interactions(case, inside, &compiled))
     }

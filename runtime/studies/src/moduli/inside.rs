@@ -78,9 +78,10 @@ impl Inside {
         let mut sum = Cubic::new(self.dimension);
         let mut others = Affine::zero(self.dimension);
         for element in kinds.iter().flatten() {
+            let is_bond = element.measure() == Measure::Length;
             match element.law() {
-                Some((law, _)) if !law.fields().is_empty() => {
-                    others = others.plus(&self.of_directed_bonds(law, weighting)?);
+                law if is_bond && (element.n_fields() > 0 || law.is_none()) => {
+                    others = others.plus(&self.of_directed_bonds(&**element, weighting)?);
                 }
                 Some((law, _)) => self.add(&mut sum, (element.measure(), law), weighting)?,
                 None => others = others.plus(&self.of_cliques(&**element, weighting.weights)?),
@@ -89,12 +90,16 @@ impl Inside {
         Ok(others.plus(&sum.affine()))
     }
 
-    /// Of energies of bonds by their direction, the only fields that are left.
-    fn of_directed_bonds(&self, law: &dyn Law, weighting: Weighting) -> Result<Affine, CaseError> {
+    /// Of energies of bonds by their vectors; directions are the only fields that are left.
+    fn of_directed_bonds(
+        &self,
+        element: &dyn Element,
+        weighting: Weighting,
+    ) -> Result<Affine, CaseError> {
         let whole = self.weight(Measure::Length, weighting.weights)?;
         let (horizon, spacing) = (self.horizon, self.spacing);
         let weight = |size: f64| whole * weighting.volumes.part(size * spacing, horizon, spacing);
-        Ok(directed::of_bonds(law, self.dimension, (horizon / spacing, spacing), weight))
+        directed::of_bonds(element, (horizon / spacing, spacing), weight)
     }
 
     /// Of energies of gathered states.

@@ -70,7 +70,7 @@ pub use point::{
 };
 pub use specialise::{CompileError, Dropped, Form, ScalarEnergy, Specialised};
 pub use tensors::{NotInTensors, TensorForm};
-pub use values::{Setting, ValueError, Values, is_quantity, quantity};
+pub use values::{MAX_FIELDS, Setting, ValueError, Values, is_quantity, quantity};
 
 #[cfg(test)]
 mod test_support;

@@ -9,7 +9,7 @@ use crate::expression::interpret::Interpreter;
 use crate::model::{Conditions, Model, Variant, number_of_time_step};
 
 /// Most parameters of a potential that are fields: kernels take an array of each.
-pub(crate) const MAX_FIELDS: usize = 8;
+pub const MAX_FIELDS: usize = 8;
 
 /// A value a user gives to a parameter.
 #[derive(Clone, Debug, PartialEq)]

@@ -11,6 +11,7 @@ mod coordinate;
 mod coupled;
 mod measure;
 mod sum;
+mod vector;
 
 pub(crate) use batch::WIDEST;
 pub use batch::{CAPACITY, Channel, Contributions, InteractionBatch};
@@ -19,6 +20,7 @@ pub use coupled::CoupledElement;
 pub use measure::MeasureElement;
 pub(crate) use measure::THIN;
 pub use sum::SumElement;
+pub use vector::VectorElement;
 
 use pulp::Arch;
 

@@ -1,6 +1,5 @@
 //! The element of several measures: derivatives of psi by each of them from a law, the rest by the geometry
-//! of edges, faces and the whole. Of a bond the components of its vector are measures of a kind, too, with
-//! constant derivatives.
+//! of edges, faces and the whole.
 //!
 //! With `m_i` the measures, the compact gradient is `sum_i psi_i dm_i` and the compact Hessian
 //! `sum_ij psi_ij dm_i dm_j + sum_i psi_i d2m_i`. Edges and faces that do not hold the owner are vectors
@@ -123,13 +122,8 @@ impl CoupledElement {
             let shape = self.shape(batch, lane);
             for (k, part) in parts.iter().enumerate() {
                 let points = Points { shape: &shape, points: &part.points };
-                let place = k * n + lane;
-                if let Some(axis) = part.axis {
-                    room.current[place] = points.moved(axis);
-                    room.given[place] = 1.0;
-                    continue;
-                }
                 let Change { measure, reference, change, slope } = points.change(part.measure);
+                let place = k * n + lane;
                 (room.current[place], room.given[place]) = (measure, reference);
                 (room.change[place], room.slope[place]) = (change, slope);
             }
@@ -174,12 +168,9 @@ impl CoupledElement {
             let points = Points { shape: &shape, points: &part.points };
             let (measure, slope) = (room.current[place], room.slope[place]);
             let first = weight * room.gradient[place];
-            slopes[k] = match part.axis {
-                Some(axis) => points.slope_of_moved(axis),
-                None => points.slope(part.measure, (measure, slope)),
-            };
+            slopes[k] = points.slope(part.measure, (measure, slope));
             gradient.iter_mut().zip(&slopes[k]).for_each(|(sum, slope)| *sum += first * slope);
-            if order == Order::Tangent && part.axis.is_none() {
+            if order == Order::Tangent {
                 points.add_curvature(part.measure, (measure, slope), first, &mut hessian);
             }
         }
@@ -390,18 +381,6 @@ impl Points<'_> {
         let (rest, moved): ([f64; C], [f64; C]) =
             (self.vectors(&self.shape.rest), self.vectors(&self.shape.moved));
         each(|c| rest[c] + moved[c])
-    }
-
-    /// How far the second point has moved against the first along an axis.
-    fn moved(&self, axis: usize) -> f64 {
-        let [(to, _), (from, _)] = self.places(axis);
-        self.shape.moved[to] - self.shape.moved[from]
-    }
-
-    fn slope_of_moved(&self, axis: usize) -> [f64; COORDINATES] {
-        let mut all = [0.0; COORDINATES];
-        self.places(axis).into_iter().for_each(|(place, sign)| all[place] = sign);
-        all
     }
 
     /// The coordinates whose difference is component `c` of the vectors.

@@ -12,7 +12,7 @@ use piola_grammar::Diagnostic;
 use piola_mechanics::assembly::Elements;
 use piola_mechanics::deformation::Discretisation;
 use piola_mechanics::element::{
-    CoordinateElement, CoupledElement, Element, MeasureElement, SumElement,
+    CoordinateElement, CoupledElement, Element, MeasureElement, SumElement, VectorElement,
 };
 use piola_mechanics::kernel::{Coupled, Measure, VariablesLaw};
 use piola_mechanics::materials::StateOf;
@@ -288,6 +288,9 @@ impl Potential {
 
     fn coupled_element(&self, kernel: CoupledKernel, scene: &Scene) -> Box<dyn Element> {
         let (measure, law) = (kernel.clique(), Box::new(Coupled::new(kernel)));
+        if measure == Measure::Length {
+            return Box::new(VectorElement::new(scene.body.dimension, law));
+        }
         let mut element = CoupledElement::new(measure, scene.body.dimension, law);
         if self.declares_positive(measure) {
             element.forbid_inversion();

@@ -45,7 +45,7 @@ fn folder(d: usize) -> SceneFolder {
         vec![0.0; d],
         vec![3.0; d]
     ));
-    folder.file("law.piola", &law(d));
+    folder.file("law.piola", law(d));
     folder
 }
 
@@ -54,7 +54,7 @@ fn moduli_and_fracture_energies_are_sums_over_bonds() {
     for d in [2, 3] {
         let folder = folder(d);
         let found = piola(&["moduli", &folder.scene(), "--format", "json"]).expect(0).json();
-        let volume = SPACING.powi(d as i32);
+        let volume = libm::pow(SPACING, d as f64);
         let pairs =
             [&[[0, 0], [1, 1], [0, 1]][..], &[[0, 0], [1, 1], [2, 2], [1, 2], [0, 2], [0, 1]]];
         let pairs = pairs[d - 2];
@@ -97,7 +97,11 @@ fn a_lamina_of_bonds_is_that_of_a_gradient() {
     let expected = [[40e9, 5e9, 0.0], [5e9, 14e9, 0.0], [0.0, 0.0, 5e9]];
     for (row, expected) in expected.iter().enumerate() {
         let own = numbers(&found["voigt"][row]);
-        assert!(own.iter().zip(expected).all(|(x, y)| (x - y).abs() < 1.0), "{own:?} {expected:?}");
+        // The scene has ten digits of what was found for nine digits of E.
+        assert!(
+            own.iter().zip(expected).all(|(x, y)| (x - y).abs() < 200.0),
+            "{own:?} {expected:?}"
+        );
     }
     let bonds = examples::run("lamina", &[]);
     let folder = tempfile::tempdir().unwrap();
@@ -133,12 +137,16 @@ fn springs_across_bonds_change_poissons_ratio() {
         );
         let found = piola(&["moduli", &folder.scene(), "--format", "json"]).expect(0).json();
         let sum = |of: fn(&[f64]) -> f64| -> f64 {
-            let part =
-                |(n, length, _): &(Vec<f64>, f64, f64)| SPACING.powi(d as i32) * length * of(n);
+            let part = |(n, length, _): &(Vec<f64>, f64, f64)| {
+                libm::pow(SPACING, d as f64) * length * of(n)
+            };
             vectors(d).iter().map(part).sum()
         };
-        let [fourth, mixed, second] =
-            [sum(|n| n[0].powi(4)), sum(|n| n[0] * n[0] * n[1] * n[1]), sum(|n| n[0] * n[0])];
+        let [fourth, mixed, second] = [
+            sum(|n| libm::pow(n[0], 4.0)),
+            sum(|n| n[0] * n[0] * n[1] * n[1]),
+            sum(|n| n[0] * n[0]),
+        ];
         for (name, expected) in [
             ("C11", 3.0 * fourth + 2.0 * second),
             ("C12", 3.0 * mixed),

@@ -63,7 +63,7 @@ impl InteractionBatch {
             _ => of_law.end..of_law.end,
         };
         let before = of_law.start..directions.start;
-        fields.add_of(measure, before, padded, &interaction, &mut self.fields);
+        fields.add_of(measure, before, padded, interaction, &mut self.fields);
         self.take_directions(directions.len());
         fields.add_of(measure, directions.end..of_law.end, padded, interaction, &mut self.fields);
     }

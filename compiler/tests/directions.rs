@@ -216,9 +216,11 @@ fn what_no_vector_of_a_bond_has_is_refused() {
     let lines = |lines: &str| found(&format!("potential p\ndimensions 3\n{lines}\n"));
     assert_eq!(lines("psi(xi, theta) = xi*xi"), ["wrong-measure"]);
     assert_eq!(lines("psi(l) = xi*xi"), ["unknown-name"; 2]);
-    assert_eq!(lines("psi(l) = xi*xi\npsi(xi) = xi*xi")[0], "wrong-measure");
-    assert_eq!(lines("m = integral(xi*xi)\npsi(m) = m\npsi(xi) = xi*xi")[0], "wrong-measure");
-    assert_eq!(lines("psi(xi) = xi*xi\nbreak when xi*xi > L^2")[0], "wrong-measure");
+    assert_eq!(lines("psi(l) = xi(1)^2\npsi(xi) = xi*xi")[0], "wrong-measure");
+    assert_eq!(lines("m = integral(xi(1)^2)\npsi(m) = m\npsi(xi) = xi*xi")[0], "wrong-measure");
+    assert_eq!(lines("psi(xi) = xi*xi\nbreak when xi(1)^2 > L^2")[0], "wrong-measure");
+    // Of its length any energy of bonds may be.
+    assert_eq!(lines("psi(l) = xi*xi\npsi(xi) = xi*xi"), [""; 0]);
     assert_eq!(lines("parameter C in J/m^6\npsi(xi) = C*(xi*xi)"), ["dimension-mismatch"]);
     assert_eq!(lines("parameter C in J/m^8\npsi(xi) = C*(xi*xi)"), [""; 0]);
     assert_eq!(lines("parameter xi = 1\npsi(l) = xi*(l - L)^2"), [""; 0]);

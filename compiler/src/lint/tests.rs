@@ -18,7 +18,7 @@ fn message(statements: &str, code: &str) -> String {
 }
 
 /// Code, an energy that has it, an energy that has not.
-const PAIRS: [(&str, &str, &str); 49] = [
+const PAIRS: [(&str, &str, &str); 50] = [
     (
         "update-creates-energy",
         "state k = 0\nupdate k = max(k, a/A - 1)\npsi(l) = (l/L - 1)^2\npsi(a) = (1 + k)*(a/A - 1)^2",
@@ -29,6 +29,7 @@ const PAIRS: [(&str, &str, &str); 49] = [
         "state k = 0\nupdate k = 1/2*k + v/V - 1\npsi(v) = (v/V - 1)^2*(3 - sign(k))",
         "state k = 0\nupdate k = k + dt*(v/V - 1)\npsi(v) = (v/V - 1)^2*(3 - sign(k))",
     ),
+    ("not-objective", "psi(xi) = ((xi - Xi)*Xi/L)^2", "psi(xi) = (norm(xi)/norm(Xi) - 1)^2"),
     (
         "state-unused",
         "state k = 0\nupdate k = max(k, a/A - 1)\npsi(l) = (l/L - 1)^2\npsi(a) = (a/A - 1)^2",

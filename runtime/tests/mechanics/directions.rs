@@ -320,3 +320,24 @@ fn derivatives_of_energies_of_vectors() {
         }
     }
 }
+
+/// Bonds beside gathered values, along rows and point by point, against sums over all pairs.
+#[test]
+fn directed_bonds_beside_gathered_values_are_sums_over_all_bonds() {
+    for d in [2, 3] {
+        let n = ["0.6, 0.8", "0.6, 0.8, 0"][d - 2];
+        let text = format!(
+            "n = vector({n})\nm = integral(L^2)\ns = integral(L*(l - L))/m\npsi(s) = 0*s^2\n\
+             psi(l, m) = (0.3 + (n*Xi/L)^4)*(l - L)^2/L*(m/m)"
+        );
+        for case in bodies("beside", d, &text) {
+            let energy = case.energy(case.compile().unwrap()).unwrap();
+            let u = displacement(&case, 0.02);
+            let (total, found) = forces(&energy, &u);
+            let (expected, expected_forces) = by_hand(&case, &u, SQUARE.1);
+            let off = [total / expected - 1.0, distance(&found, &expected_forces)];
+            println!("{d}: {off:?} {:?}", energy.report().ways);
+            assert!(off.iter().all(|x| x.abs() < 1e-12), "{d} {off:?}");
+        }
+    }
+}

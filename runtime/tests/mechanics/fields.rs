@@ -43,6 +43,10 @@ const DIRECTED_INTEGRANDS: &str = "potential p\ndimensions 2\nparameter C\nparam
      c = (Xi*vector(0.8, -0.6)/L)^2\nm = integral(c*L^2)\ns = integral((1 + c)*L*(l - L)*C)/m\n\
      psi(s) = (C + b)*s^2\npsi(l, s) = b*(2 - c)*L*(l/L - 1)^2*(1 + s/7)";
 
+const DIRECTED_BESIDE: &str = "potential p\ndimensions 2\nparameter C\nparameter b = 0.3\n\
+     m = integral(L^2)\ns = integral(L*(l - L))/m\npsi(s) = b*s^2\n\
+     psi(l, m) = C*(b + (Xi*vector(0.8, -0.6)/L)^2)*(l - L)^2/m";
+
 fn only(c: &str) -> String {
     format!("{{ C = {c} }}")
 }
@@ -65,7 +69,8 @@ const BONDS: &str = "[correspondence]\ndiscretisation = \"bond-quadrature\"\n";
 const SHEET: &str = "[correspondence]\nplane = \"stress\"\ndiscretisation = \"nodal\"\n";
 
 #[rustfmt::skip]
-const KINDS: [Kind; 17] = [
+const KINDS: [Kind; 18] = [
+    Kind { name: "directed beside states", dimension: 2, potential: DIRECTED_BESIDE, parameters: only, further: "", is_mean: false, is_large: true },
     Kind { name: "directed rows", dimension: 3, potential: DIRECTED, parameters: only, further: "", is_mean: true, is_large: true },
     Kind { name: "directed batches", dimension: 2, potential: DIRECTED_LOGARITHM, parameters: only, further: "", is_mean: true, is_large: false },
     Kind { name: "directed integrands", dimension: 2, potential: DIRECTED_INTEGRANDS, parameters: only, further: "", is_mean: false, is_large: false },
@@ -278,6 +283,7 @@ fn multiples_of_a_field_go_along_rows() {
         assert_eq!(ways(name, "\"2 + t\""), ["batches"], "{name}");
     }
     assert_eq!(ways("batches", "\"2 + X\""), ["batches"]);
+    assert!(ways("directed beside states", "2.0").contains(&"rows"));
     assert_eq!(ways("directed rows", "2.0"), ["rows"]);
     assert_eq!(ways("directed rows", "\"2 + X\""), ["batches"]);
     for name in ["bulk modulus", "shear modulus"] {

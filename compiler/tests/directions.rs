@@ -225,3 +225,21 @@ fn what_no_vector_of_a_bond_has_is_refused() {
     assert_eq!(lines("parameter C in J/m^8\npsi(xi) = C*(xi*xi)"), [""; 0]);
     assert_eq!(lines("parameter xi = 1\npsi(l) = xi*(l - L)^2"), [""; 0]);
 }
+
+/// Energies that see no direction take none, beside others that do.
+#[test]
+fn kernels_without_directions_take_no_fields() {
+    let (_, model) = check_text(
+        "potential p\ndimensions 2\npsi(F) = tr(E)^2\ntheta = integral(l - L)\npsi(theta) = theta^2\n\
+         psi(l) = (Xi(1)/L)^2*(l - L)^2\npsi(a) = (a - A)^2",
+    )
+    .unwrap();
+    for mode in [Mode::Jit(Level::Fast), Mode::Interpreter, Mode::HyperDual] {
+        let compiled = model.compile(&values(&model, 2), mode, Form::Accurate).unwrap();
+        assert!(compiled.gradient.unwrap().fields().is_empty());
+        assert!(compiled.gathered.unwrap().points.unwrap().fields().is_empty());
+        let of_measures: Vec<usize> =
+            compiled.kernels.iter().map(|one| one.fields().len()).collect();
+        assert_eq!(of_measures, [2, 0]);
+    }
+}

@@ -195,8 +195,10 @@ impl Model {
                     .map(|near| form(&graph, near, dimension, (&functions, true), fields))
                     .transpose()?;
                 // Both take fields where one does.
+                let takes = |one: &DensityForm| one.n_fields() > 0;
+                let some_takes = takes(&far) || near.as_ref().is_some_and(takes);
                 for one in [Some(&mut far), near.as_mut()].into_iter().flatten() {
-                    if one.n_fields() == 0 {
+                    if some_takes && one.n_fields() == 0 {
                         *one = one.clone().with_fields(fields);
                     }
                 }

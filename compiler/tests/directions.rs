@@ -6,7 +6,9 @@ mod property;
 
 use piola_compiler::verify::sample::Random;
 use piola_compiler::verify::{Outcome, verify};
-use piola_compiler::{Batch, Form, Level, Mode, Model, Setting, Values, check_text, print};
+use piola_compiler::{
+    Batch, Form, Level, Measure, Mode, Model, Setting, Values, check_text, print,
+};
 
 const U: f64 = f64::EPSILON / 2.0;
 
@@ -163,7 +165,8 @@ fn components_count_among_what_varies() {
 }
 
 /// Laws of the vector of a bond.
-const VECTORS: [&str; 4] = [
+const VECTORS: [&str; 5] = [
+    "C*(xi(1) - Xi(1))^2/L + Cf*(sqrt(1 + ((xi(2) - Xi(2))/L)^2) - 1)*L",
     "1/2*C*((xi - Xi)*Xi/L)^2/L",
     "C*norm(xi)*ln(norm(xi)/norm(Xi))^2 + Cf*(xi - Xi)*dyad(n)*(xi - Xi)/L",
     "Cf*((xi - Xi)*n)^2*exp(l/L - 1)/L + C*L*(l/L - 1)^2",
@@ -208,12 +211,14 @@ fn what_no_vector_of_a_bond_has_is_refused() {
         Err(found) => found.into_iter().map(|one| one.code).collect::<Vec<_>>(),
     };
     let of = |law: &str| found(&of_vector(3, law));
+    let lines = |lines: &str| found(&format!("potential p\ndimensions 3\n{lines}\n"));
     assert_eq!(of("(xi - Xi)*n"), ["wrong-measure"], "it is odd");
     assert_eq!(of("a*(xi*n)^2"), ["wrong-measure"]);
     assert_eq!(of("integral(L)*(xi*n)^2"), ["wrong-measure"]);
+    assert_eq!(of("(xi(1) - Xi(1))^2/L*(if n*Xi > 0.99*L then 2 else 1)"), ["wrong-measure"]);
+    assert_eq!(lines("Xi = 2\npsi(xi) = xi*xi"), ["reserved-name"]);
     assert_eq!(of("xi"), ["wrong-shape"]);
     assert_eq!(of("xi*xi + 1'"), ["wrong-shape"]);
-    let lines = |lines: &str| found(&format!("potential p\ndimensions 3\n{lines}\n"));
     assert_eq!(lines("psi(xi, theta) = xi*xi"), ["wrong-measure"]);
     assert_eq!(lines("psi(l) = xi*xi"), ["unknown-name"; 2]);
     assert_eq!(lines("psi(l) = xi(1)^2\npsi(xi) = xi*xi")[0], "wrong-measure");
@@ -241,5 +246,18 @@ fn kernels_without_directions_take_no_fields() {
         let of_measures: Vec<usize> =
             compiled.kernels.iter().map(|one| one.fields().len()).collect();
         assert_eq!(of_measures, [2, 0]);
+    }
+}
+
+/// Of the plane and of space in one file: every component has its array.
+#[test]
+fn printed_c_of_vectors_has_all_directions() {
+    let text = "potential p\nw = xi - Xi\ns = w*Xi/L\npsi(xi) = (3*s^2 + w*w - s^2)/L";
+    let (_, model) = check_text(text).unwrap();
+    for d in [2, 3] {
+        let form = model.specialise_coupled(&values(&model, d), Measure::Length, Form::Accurate);
+        let source = print::coupled_c(&model, Measure::Length, &form.unwrap().0.unwrap());
+        assert!(!source.contains("NAN"), "{source}");
+        assert_eq!(source.contains("direction_3"), d == 3, "{source}");
     }
 }

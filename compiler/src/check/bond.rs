@@ -89,6 +89,13 @@ impl Elaborator<'_> {
         self.moved_in(x)
     }
 
+    /// The same of one component: `xi(1) - Xi(1)`.
+    pub(super) fn moved_component(&self, x: NodeId, y: NodeId) -> Option<NodeId> {
+        let Node::Binary(Operator::Add, rest, moved) = self.graph[x] else { return None };
+        let is_moved = matches!(self.graph[moved], Node::Input(Input::Part(Part::Moved(_))));
+        (is_moved && rest == y).then_some(moved)
+    }
+
     /// The length of a tensor that is `Xi` or `xi` itself.
     pub(super) fn length_of_bond(&mut self, x: &Tensor, span: Span) -> Option<Value> {
         let name = match (self.direction_in(x).is_some(), self.moved_in(x).is_some()) {
@@ -203,6 +210,20 @@ fn parities(graph: &ExprGraph, is_direction: impl Fn(Input) -> bool) -> Vec<Pari
     parities
 }
 
+/// Whether a root holds a choice that is another for both signs of the direction: places tell nothing of the
+/// branches that they do not take.
+fn has_odd_choice(graph: &ExprGraph, root: NodeId, parities: &[Parity]) -> bool {
+    let needed = graph.reachable(&[root]);
+    let is_choice = |node: Node| match node {
+        Node::Select(..) | Node::Compare(..) => true,
+        Node::Unary(function, _) => matches!(function, Function::Abs | Function::Sign),
+        Node::Binary(operator, ..) => matches!(operator, Operator::Min | Operator::Max),
+        _ => false,
+    };
+    let is_odd = |id: NodeId| parities[id.0 as usize] == Parity::Neither;
+    graph.nodes().any(|(id, node)| needed[id.0 as usize] && is_choice(node) && is_odd(id))
+}
+
 /// Whether a root has the same values for both signs of the direction, as far as some places tell: products such
 /// as `(1 - c)*(1 + c)` do not show it. Nothing where it is no number at any of them.
 fn looks_even(
@@ -257,6 +278,14 @@ impl Builder<'_> {
                 "write `psi({BOND_NOW}) = ..`: it may hold `l`, too; and what is gathered in an energy of its \
                  own, `psi(l, theta) = ..`"
             )));
+            return;
+        }
+        if !matches!(self.elaborator.symbols.get(BOND), Some(Symbol::Bond(_))) {
+            let message =
+                format!("`{BOND}` is the vector of a bond at rest in a file with psi({BOND_NOW})");
+            let error = Diagnostic::error("reserved-name", energy.measure.span, message);
+            let help = format!("give what this file calls `{BOND}` another name");
+            self.elaborator.report(error.label("this energy is one of the vector").help(help));
             return;
         }
         let Some(value) = self.elaborator.expression(energy.body) else { return };
@@ -334,7 +363,10 @@ impl Builder<'_> {
             let is_even = match parity {
                 Parity::Even => true,
                 Parity::Odd => false,
-                Parity::Neither => looks_even(graph, place.root, is_direction) == Some(true),
+                Parity::Neither => {
+                    !has_odd_choice(graph, place.root, &parities)
+                        && looks_even(graph, place.root, is_direction) == Some(true)
+                }
             };
             if is_even {
                 continue;
@@ -380,7 +412,7 @@ mod tests {
             "Xi*dyad(n)*Xi",
             "Xi(1)^2 - Xi(2)^2",
             "(1 - n*Xi/L)*(1 + n*Xi/L)",
-            "max(n*Xi, 0)^2 + min(Xi*n, 0)^2",
+            "if norm(Xi) > 1 then (n*Xi)^2 else abs(n*Xi)^3",
         ] {
             assert_eq!(found(&format!("psi(l) = (l - L)^2*({even})")), [""; 0], "{even}");
         }
@@ -388,6 +420,18 @@ mod tests {
 
     #[test]
     fn what_is_another_from_the_other_end_is_refused() {
+        // Branches that few directions take, or few values of parameters.
+        for other in [
+            "if n*Xi/L > 0.99 then 4 else 1",
+            "if norm(n) > 100 then 1 + Xi(1)/L else 1",
+            "1 + max(n*Xi/L - 3.7, 0)",
+        ] {
+            assert_eq!(
+                found(&format!("psi(l) = (l - L)^2*({other})")),
+                ["wrong-measure"],
+                "{other}"
+            );
+        }
         for other in ["n*Xi", "max(n*Xi, 0)", "(n*Xi)^3", "1 + n*Xi", "exp(n*Xi/L)", "(n*Xi/L)^0.5"]
         {
             assert_eq!(

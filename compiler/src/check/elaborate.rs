@@ -302,8 +302,13 @@ impl<'a> Elaborator<'a> {
                 let (p, q) = (self.number(x, left), self.number(y, right));
                 let quantity =
                     self.quantity_of(operator, (p?, left), (q?, right), exponent, span)?;
-                let node = Node::Binary(operator, x.node, y.node);
-                self.make(node, Kind::Number(quantity), uses, span)
+                let kind = Kind::Number(quantity);
+                if operator == Operator::Subtract
+                    && let Some(node) = self.moved_component(x.node, y.node)
+                {
+                    return Some(Value { node, kind, uses, constant: None });
+                }
+                self.make(Node::Binary(operator, x.node, y.node), kind, uses, span)
             }
         }
     }

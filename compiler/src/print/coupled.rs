@@ -91,8 +91,12 @@ pub fn coupled_listing(model: &Model, clique: Measure, form: &CoupledForm) -> St
 /// and the components of the unit vector between these at rest as arrays of their own.
 pub fn coupled_c(model: &Model, clique: Measure, form: &CoupledForm) -> String {
     let entry = |array: &str, k: usize| format!("{array}[{k} * n + i]");
-    let dimension = model.dimensions().next().unwrap_or(3);
-    let directions = model.directions(dimension);
+    let holds = |number: &u16| {
+        let input = Node::Input(Input::Parameter(*number));
+        form.density.graph.nodes().any(|(_, node)| node == input)
+    };
+    let all = model.directions(3);
+    let directions = all.start..all.clone().rev().find(holds).map_or(all.start, |last| last + 1);
     let input = |input| {
         let of = |variable: &Variable| variable.inputs.iter().position(|own| *own == input);
         let found = form.variables.iter().map(of).enumerate();
@@ -108,14 +112,8 @@ pub fn coupled_c(model: &Model, clique: Measure, form: &CoupledForm) -> String {
             _ => "NAN".into(),
         }
     };
-    let holds = |number: u16| {
-        let input = Node::Input(Input::Parameter(number));
-        form.density.graph.nodes().any(|(_, node)| node == input)
-    };
-    let given: String = match directions.clone().any(holds) {
-        true => (1..=directions.len()).map(|k| format!("const double *direction_{k}, ")).collect(),
-        false => String::new(),
-    };
+    let given: String =
+        (1..=directions.len()).map(|k| format!("const double *direction_{k}, ")).collect();
     let name = format!("{}_{}", model.name(), clique.interaction());
     let symbols: Vec<&str> = form.variables.iter().map(Variable::symbol).collect();
     let mut out = format!("/* measures of a {}: {} */\n", clique.interaction(), symbols.join(", "));

@@ -7,6 +7,7 @@ use piola_grammar::Diagnostic;
 use piola_mechanics::surface::Surface;
 
 use super::{Case, CaseError, Potential};
+use crate::scene::Scene;
 
 impl Potential {
     /// Whether all of its fields are components of the direction of bonds.
@@ -25,30 +26,6 @@ impl Potential {
 }
 
 impl Case {
-    /// Refuses surface corrections of bonds whose energy depends on their direction: what these lack at a face
-    /// is compared by their lengths.
-    ///
-    /// # Errors
-    /// At the key.
-    pub(super) fn check_directions(&self) -> Result<(), CaseError> {
-        let mut all = self.potentials.iter().zip(&self.scene.materials);
-        let horizon = &self.scene.horizon;
-        let Some((potential, material)) = all.find(|(one, _)| one.model.sees_directions()) else {
-            return Ok(());
-        };
-        if horizon.weighting().surface == Surface::None {
-            return Ok(());
-        }
-        let span = horizon.correction_span.unwrap_or(material.potential.span);
-        let message = format!(
-            "surface corrections compare bonds by their lengths, and {} depends on `Xi`",
-            potential.model.name()
-        );
-        let found = Diagnostic::error("conflicting-keys", span, message)
-            .help("leave `surface` out, or take a potential without `Xi`");
-        Err(CaseError::Scene(self.scene.report(vec![found])))
-    }
-
     /// Of each potential where the direction of a bond stands among its fields.
     pub(crate) fn places_of_directions(&self) -> Vec<Range<usize>> {
         let of = |Potential { values, model, .. }: &Potential| {
@@ -58,6 +35,28 @@ impl Case {
         };
         self.potentials.iter().map(of).collect()
     }
+}
+
+/// Refuses surface corrections of bonds whose energy depends on their direction: what these lack at a face is
+/// compared by their lengths.
+///
+/// # Errors
+/// At the key.
+pub(super) fn check_corrections(scene: &Scene, potentials: &[Potential]) -> Result<(), CaseError> {
+    let Some(potential) = potentials.iter().find(|one| one.model.sees_directions()) else {
+        return Ok(());
+    };
+    let Some(span) = scene.horizon.correction_span else { return Ok(()) };
+    if scene.horizon.weighting().surface == Surface::None {
+        return Ok(());
+    }
+    let message = format!(
+        "surface corrections compare bonds by their lengths, and {} depends on `Xi`",
+        potential.model.name()
+    );
+    let found = Diagnostic::error("conflicting-keys", span, message)
+        .help("leave `surface` out, or take a potential without `Xi`");
+    Err(CaseError::Scene(scene.report(vec![found])))
 }
 
 /// The unit vector from one place to another.

@@ -20,6 +20,9 @@ use crate::scene::{Interface, Material, ParameterSetting, ParameterText, Points,
 /// What an expression may always name.
 const VARIABLES: [&str; 4] = ["X", "Y", "Z", "t"];
 
+/// What the direction of bonds is called among fields, where no parameter can have its name.
+const DIRECTION: &str = "Xi/L";
+
 /// What stands between an expression and its unit.
 const IN: &str = " in ";
 
@@ -134,7 +137,7 @@ impl Field {
         for number in model.directions(values.dimension) {
             // Each bond has its own, by its ends; this is a typical one.
             let typical = values.parameters[usize::from(number)];
-            fields.extend(Field::even("Xi", typical, material.potential.span));
+            fields.extend(Field::even(DIRECTION, typical, material.potential.span));
         }
         if values.follow_states(model) {
             // Energies hold what is remembered, but where load steps say otherwise.
@@ -463,7 +466,7 @@ impl Case {
         for potential in &mut case.potentials {
             let Potential { model, values, fields, .. } = potential;
             *values = values.without_parameters_that_vary(model);
-            fields.retain(|field| field.name == "Xi");
+            fields.retain(|field| field.name == DIRECTION);
         }
         case
     }

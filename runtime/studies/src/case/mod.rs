@@ -115,6 +115,7 @@ impl Case {
             let families = model.arguments().into_iter().filter(is_of_family);
             check_corrections(&scene, model.name(), families, FAMILIES)?;
         }
+        directions::check_corrections(&scene, &potentials)?;
         let mut warnings = scene.warnings.clone();
         for potential in &potentials {
             let model = &potential.model;

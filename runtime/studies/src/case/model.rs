@@ -38,7 +38,6 @@ impl Case {
         &self,
         mut compiled: Vec<Compiled>,
     ) -> Result<(Total<'static>, FieldsInTime<'_>), CaseError> {
-        self.check_directions()?;
         let n_laws = self.scene.n_laws();
         let criteria = of_layers(&mut compiled, n_laws, |one| take(&mut one.criteria), criterion);
         let states = of_layers(&mut compiled, n_laws, |one| take(&mut one.next_states), next_state);

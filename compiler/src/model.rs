@@ -20,7 +20,7 @@ pub(crate) const TIME_STEP: &str = "dt";
 
 /// How many inputs stand for the direction of a bond at rest, behind all parameters: its components, of which
 /// the plane has no third.
-const DIRECTIONS: usize = 3;
+pub(crate) const DIRECTIONS: usize = 3;
 
 /// The components of that direction, as written.
 const DIRECTION: [&str; DIRECTIONS] = ["(Xi(1)/L)", "(Xi(2)/L)", "(Xi(3)/L)"];
@@ -277,7 +277,7 @@ impl<T> Update<T> {
 pub struct CoupledEnergy {
     /// What stands in its head, e.g. `a, l1, l2`.
     pub head: String,
-    /// The measure of the interaction: areas of triangles, volumes of tetrahedra.
+    /// The measure of the interaction: lengths of bonds, areas of triangles, volumes of tetrahedra.
     pub clique: Measure,
     /// The energy density in the variant's graph: the mean of `orders`.
     pub root: NodeId,

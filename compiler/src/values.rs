@@ -28,7 +28,8 @@ pub enum Setting {
 pub struct Values {
     /// 2 or 3.
     pub dimension: usize,
-    /// One per parameter, in SI units; of fields typical ones.
+    /// One per parameter, in SI units; of fields typical ones. Behind them the components of a typical direction of
+    /// bonds ([`Model::directions`]) and the time step in s, where something depends on them.
     pub parameters: Vec<f64>,
     /// The numbers of the parameters that are fields, ascending: kernels take their values place by place,
     /// in this order, where all others are folded in.

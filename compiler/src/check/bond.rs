@@ -39,19 +39,11 @@ impl Elaborator<'_> {
             let component = Node::Input(Input::Parameter((first + axis) as u16));
             components.push(Some(self.operation(component, span)?));
         }
-        let quantity = self.number_quantity();
-        self.bond_along(Tensor { components, quantity, uses: 0 }, span)
-    }
-
-    /// A direction times `L`.
-    fn bond_along(&mut self, direction: Tensor, span: Span) -> Option<Value> {
         let length = self.name("L", span, &[])?;
-        let mut components = Vec::with_capacity(direction.components.len());
-        for component in direction.components {
-            let product = self.component(Operator::Multiply, component, Some(length.node), span)?;
-            components.push(product);
-        }
         let Kind::Number(quantity) = length.kind else { return None };
+        for component in &mut components {
+            *component = self.component(Operator::Multiply, *component, Some(length.node), span)?;
+        }
         Some(self.tensor(Tensor { components, quantity, uses: length.uses }))
     }
 
@@ -225,12 +217,8 @@ fn has_odd_choice(graph: &ExprGraph, root: NodeId, parities: &[Parity]) -> bool 
 }
 
 /// Whether a root has the same values for both signs of the direction, as far as some places tell: products such
-/// as `(1 - c)*(1 + c)` do not show it. Nothing where it is no number at any of them.
-fn looks_even(
-    graph: &ExprGraph,
-    root: NodeId,
-    is_direction: impl Fn(Input) -> bool,
-) -> Option<bool> {
+/// as `(1 - c)*(1 + c)` do not show it. Not where it is no number at any of them.
+fn looks_even(graph: &ExprGraph, root: NodeId, is_direction: impl Fn(Input) -> bool) -> bool {
     let (graph, roots) = graph.extract(&[root]);
     let value = |seed: u64, sign: f64| {
         let mut random = Random::new(seed);
@@ -246,18 +234,21 @@ fn looks_even(
         interpreter.run(&graph, |input| Precise::constant(given[&input]));
         interpreter.number(roots[0])
     };
-    let mut verdict = None;
+    let mut is_number = false;
     for seed in 0..PLACES {
         let (one, other) = (value(seed, 1.0), value(seed, -1.0));
         if one.parts().is_none() && other.parts().is_none() {
             continue;
         }
+        is_number = true;
         let size = one.rounded()[0].abs();
         let off = Precise::binary(Operator::Subtract, one, other).rounded()[0].abs();
         let is_same = off <= SAME * size;
-        verdict = Some(verdict.unwrap_or(true) && is_same);
+        if !is_same {
+            return false;
+        }
     }
-    verdict
+    is_number
 }
 
 fn power_of_odd(power: f64) -> Parity {
@@ -365,7 +356,7 @@ impl Builder<'_> {
                 Parity::Odd => false,
                 Parity::Neither => {
                     !has_odd_choice(graph, place.root, &parities)
-                        && looks_even(graph, place.root, is_direction) == Some(true)
+                        && looks_even(graph, place.root, is_direction)
                 }
             };
             if is_even {

@@ -68,7 +68,7 @@ impl CoupledKernel {
         Ok(CoupledKernel { clique, variables, argument, fields, body })
     }
 
-    /// The measure of the interaction: areas for triangles, volumes for tetrahedra.
+    /// The measure of the interaction: lengths for bonds, areas for triangles, volumes for tetrahedra.
     pub fn clique(&self) -> Measure {
         self.clique
     }

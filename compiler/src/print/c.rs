@@ -11,7 +11,7 @@ use crate::expression::graph::components;
 use crate::expression::power::{PowerOps, PowerPlan};
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::measure::Measure;
-use crate::model::{Model, Of, OfFamily};
+use crate::model::{DIRECTIONS, Model, Of, OfFamily};
 use crate::point::{GradientEnergyForms, GradientFunction, GradientFunctionKind, NEAR, axes};
 use crate::specialise::ScalarEnergy;
 
@@ -77,9 +77,6 @@ fn function(out: &mut String, model: &Model, energy: &ScalarEnergy) {
     array_function(out, model, name, energy, &targets.map(|(name, k)| (name, energy.roots[k])));
 }
 
-/// As many components as a direction may have.
-const SPACE: usize = 3;
-
 /// A function over arrays of bonds, or of other interactions, with one array for each result. States are
 /// arrays, too, all of their kind that the values have if the function takes any, and the time step is a
 /// number.
@@ -129,7 +126,7 @@ fn array_function(
 
 /// What C calls a state, or a component of the direction of a bond.
 fn state(model: &Model, number: u16) -> String {
-    match model.directions(SPACE).position(|own| own == number) {
+    match model.directions(DIRECTIONS).position(|own| own == number) {
         Some(axis) => format!("direction_{}", axis + 1),
         None => format!("state_{}", model.input_name(usize::from(number))),
     }

@@ -10,7 +10,7 @@ use crate::clique::Variable;
 use crate::coupled::{CoupledForm, argument};
 use crate::expression::{Input, Node, NodeId};
 use crate::measure::Measure;
-use crate::model::Model;
+use crate::model::{DIRECTIONS, Model};
 
 /// psi and its derivatives by each measure, with their names.
 fn roots(
@@ -95,7 +95,7 @@ pub fn coupled_c(model: &Model, clique: Measure, form: &CoupledForm) -> String {
         let input = Node::Input(Input::Parameter(*number));
         form.density.graph.nodes().any(|(_, node)| node == input)
     };
-    let all = model.directions(3);
+    let all = model.directions(DIRECTIONS);
     let directions = all.start..all.clone().rev().find(holds).map_or(all.start, |last| last + 1);
     let input = |input| {
         let of = |variable: &Variable| variable.inputs.iter().position(|own| *own == input);

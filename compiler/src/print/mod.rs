@@ -26,7 +26,7 @@ pub use text::{expression, text};
 
 use crate::expression::{Comparison, ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::measure::Measure;
-use crate::model::Model;
+use crate::model::{DIRECTIONS, Model};
 
 /// Longest piece that is written in place where it is used more than once.
 const LONGEST_REPEATED: usize = 16;
@@ -216,7 +216,7 @@ impl Names<'_> {
 
     /// Which component of the direction of a bond an input is, from 1.
     fn axis(&self, number: u16) -> Option<usize> {
-        self.model.directions(3).position(|own| own == number).map(|axis| axis + 1)
+        self.model.directions(DIRECTIONS).position(|own| own == number).map(|axis| axis + 1)
     }
 
     /// The name of a part: `t1`, or `tt1` where a parameter is called `t1` or `t_1`, and so on.

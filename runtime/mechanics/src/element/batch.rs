@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::geometry::packed_len;
 use crate::interaction::n_neighbors;
-use crate::kernel::{Measure, Outputs};
+use crate::kernel::{Measure, Order, Outputs};
 use crate::materials::Fields;
 
 /// How many interactions fit into a batch: their numbers stay in the first-level cache. A multiple of
@@ -217,6 +217,14 @@ pub struct Contributions {
 }
 
 impl Contributions {
+    /// Whether what an order asks for of one interaction is finite, with so many coordinates of its other corners.
+    pub(super) fn is_finite(&self, lane: usize, order: Order, coordinates: usize) -> bool {
+        let all = |channels: &[Channel]| channels.iter().all(|channel| channel[lane].is_finite());
+        (!order.has_energy() || self.energy[lane].is_finite())
+            && (order == Order::Energy || all(&self.gradient[..coordinates]))
+            && (order != Order::Tangent || all(&self.hessian[..packed_len(coordinates)]))
+    }
+
     /// The energies of the first `len` interactions, then zeros to the end of their group.
     #[inline(always)]
     pub(crate) fn energies(&mut self, len: usize) -> &[f64] {

@@ -5,7 +5,7 @@
 //! `sum_ij psi_ij dm_i dm_j + sum_i psi_i d2m_i`. Edges and faces that do not hold the owner are vectors
 //! between its neighbours; what they add to the owner's rows follows from those of the others.
 
-use super::batch::{CAPACITY, Channel, Contributions, InteractionBatch};
+use super::batch::{CAPACITY, Contributions, InteractionBatch};
 use super::{Element, NonFiniteLane, Order, THIN};
 use crate::geometry::bond::Bond;
 use crate::geometry::double::Double;
@@ -201,15 +201,6 @@ impl CoupledElement {
             }
         }
     }
-
-    /// Whether what was asked for of an interaction is finite.
-    fn is_finite(&self, lane: usize, order: Order, out: &Contributions) -> bool {
-        let coordinates = n_neighbors(self.measure) * self.dimension;
-        let all = |channels: &[Channel]| channels.iter().all(|channel| channel[lane].is_finite());
-        (!order.has_energy() || out.energy[lane].is_finite())
-            && (order == Order::Energy || all(&out.gradient[..coordinates]))
-            && (order != Order::Tangent || all(&out.hessian[..packed_len(coordinates)]))
-    }
 }
 
 impl Element for CoupledElement {
@@ -257,7 +248,8 @@ impl Element for CoupledElement {
                 let Change { measure, reference, .. } = whole.change(self.measure);
                 (measure, reference)
             };
-            let is_finite = self.is_finite(lane, order, out);
+            let coordinates = n_neighbors(self.measure) * self.dimension;
+            let is_finite = out.is_finite(lane, order, coordinates);
             if !is_finite || self.forbids_inversion {
                 let (value, reference) = is_refused();
                 if !is_finite || value < self.least() {

@@ -218,16 +218,7 @@ impl Element for VectorElement {
         if order == Order::Tangent {
             self.add_hessians(weight, gradient, &room, &mut out.hessian);
         }
-        let entries = self.dimension * (self.dimension + 1) / 2;
-        let all = |channels: &[Channel], lane: usize| {
-            channels.iter().all(|channel| channel[lane].is_finite())
-        };
-        let is_finite = |lane: &usize| {
-            (!order.has_energy() || out.energy[*lane].is_finite())
-                && (order == Order::Energy || all(&out.gradient[..self.dimension], *lane))
-                && (order != Order::Tangent || all(&out.hessian[..entries], *lane))
-        };
-        match (0..n).find(|lane| !is_finite(lane)) {
+        match (0..n).find(|lane| !out.is_finite(*lane, order, self.dimension)) {
             None => Ok(()),
             Some(lane) => {
                 let rest = (0..self.dimension).map(|axis| batch.reference[axis][lane]);

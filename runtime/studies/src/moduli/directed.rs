@@ -11,8 +11,7 @@ use super::fracture::half_space;
 use crate::case::CaseError;
 
 /// The energy per volume of `u = G X` to second order: one end of a bond moves by `G xi` against the other.
-/// `weight` is that of a bond by its length in spacings; `lattice` the horizon over the spacing, and the
-/// spacing in m.
+/// `weight` is that of a bond by its length in spacings; `ratio` the horizon over the spacing, which is in m.
 ///
 /// # Errors
 /// An energy that is not finite at rest.

@@ -167,7 +167,7 @@ pub(crate) struct Check {
 /// Values for a potential.
 #[derive(Debug, Args)]
 pub(crate) struct Inputs {
-    /// Parameter values, in the declared unit or with one: `n=2`, `E="200 GPa"`
+    /// Parameter values, in the declared unit or with one: `n=2`, `E="200 GPa"`; of a vector `mu=1,2,3`
     #[arg(long = "set", value_name = "NAME=VALUE")]
     pub(crate) settings: Vec<String>,
     /// The horizon in m, for energies that depend on `delta`

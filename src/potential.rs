@@ -4,6 +4,7 @@ use std::io::Read as _;
 use std::path::Path;
 
 use piola_compiler::{Model, Setting, ValueError, Values, check_text_with};
+use piola_grammar::names::entry;
 use piola_grammar::{Ast, suggest};
 use piola_runtime::scene::files_below;
 
@@ -79,7 +80,7 @@ pub(crate) fn read_limited(path: &std::path::Path, limit: usize) -> Option<Strin
     None
 }
 
-/// `NAME=VALUE` pairs; prints what is not one.
+/// `NAME=VALUE` pairs, `NAME=VALUE,VALUE` for the entries of a vector; prints what is not one.
 pub(crate) fn settings(inputs: &Inputs) -> Option<Vec<(String, Setting)>> {
     if let Some(delta) = inputs.delta
         && !(delta.is_finite() && delta > 0.0)
@@ -87,22 +88,25 @@ pub(crate) fn settings(inputs: &Inputs) -> Option<Vec<(String, Setting)>> {
         render::error(&format!("--delta {delta}: the horizon must be a positive number"), None);
         return None;
     }
-    let parse = |setting: &String| match setting.split_once('=') {
-        Some((name, value)) => {
-            let (name, value) = (name.trim().to_string(), value.trim());
-            let value = match value.parse::<f64>() {
-                Ok(number) => Setting::Number(number),
-                Err(_) => Setting::Text(value.trim_matches('"').to_string()),
-            };
-            Some((name, value))
-        }
-        None => {
+    let mut settings = Vec::new();
+    for setting in &inputs.settings {
+        let Some((name, values)) = setting.split_once('=') else {
             let message = format!("--set {setting}: this is not NAME=VALUE");
             render::error(&message, Some("write for instance --set n=2"));
-            None
+            return None;
+        };
+        let name = name.trim();
+        let values: Vec<&str> = values.split(',').collect();
+        for (k, value) in values.iter().enumerate() {
+            let value = match value.trim().parse::<f64>() {
+                Ok(number) => Setting::Number(number),
+                Err(_) => Setting::Text(value.trim().trim_matches('"').to_string()),
+            };
+            let name = if values.len() == 1 { name.to_string() } else { entry(name, k as u32 + 1) };
+            settings.push((name, value));
         }
-    };
-    inputs.settings.iter().map(parse).collect()
+    }
+    Some(settings)
 }
 
 /// Values for a potential; prints what is wrong with them.

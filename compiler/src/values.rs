@@ -1,5 +1,6 @@
 //! Values for the parameters of a potential: defaults, settings with units, conditions.
 
+use piola_grammar::names::entry;
 use piola_grammar::suggest;
 
 use crate::check::dimension::Dimension;
@@ -223,7 +224,15 @@ impl Model {
 
     fn unknown_parameter(&self, name: &str) -> ValueError {
         let names: Vec<&str> = self.parameters.iter().map(|p| p.name.as_str()).collect();
+        let entries = (1..).map(|k| entry(name, k));
+        let entries: Vec<String> =
+            entries.take_while(|entry| names.contains(&entry.as_str())).collect();
         let help = match suggest(name, names.iter().copied()) {
+            _ if !entries.is_empty() => format!(
+                "it is a vector: its entries are {}; in a scene write `{name} = [{}]`",
+                entries.join(", "),
+                vec!["1.0"; entries.len()].join(", ")
+            ),
             Some(near) => format!("did you mean `{near}`?"),
             None if names.is_empty() => "it has no parameters".to_string(),
             None => format!("its parameters are {}", names.join(", ")),

@@ -231,8 +231,10 @@ pub struct Parameter {
     pub is_state: bool,
     /// Its name.
     pub name: Ident,
-    /// Default value, a constant expression.
-    pub default: Option<ExprId>,
+    /// How many entries a vector of them has, `parameter mu(3)`, with the place of the number.
+    pub size: Option<(u32, Span)>,
+    /// Default values, constant expressions: none, one for all entries, or one for each of a vector.
+    pub defaults: Vec<ExprId>,
     /// Unit, if one is stated.
     pub unit: Option<Unit>,
     /// Conditions on the value, e.g. `C1 > 0`.
@@ -293,6 +295,8 @@ pub struct Energy {
 pub struct Update {
     /// The state.
     pub state: Ident,
+    /// What counts the entries of a vector of states: `update q(k) = ..`.
+    pub index: Option<Ident>,
     /// Its next value.
     pub body: ExprId,
     /// The whole statement.

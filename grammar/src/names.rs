@@ -45,6 +45,12 @@ pub const UNARY_FUNCTIONS: [&str; 18] = [
 /// Functions of two numbers.
 pub const BINARY_FUNCTIONS: [&str; 3] = ["min", "max", "atan2"];
 
+/// The name of an entry of a vector of parameters: `mu2` of `mu`, `C1_2` of `C1`; entries count from 1.
+pub fn entry(vector: &str, number: u32) -> String {
+    let mark = if vector.ends_with(|c: char| c.is_ascii_digit()) { "_" } else { "" };
+    format!("{vector}{mark}{number}")
+}
+
 /// Whether a character may begin a name: a letter, `_` or a Greek letter.
 pub(crate) fn begins_name(c: char) -> bool {
     c.is_ascii_alphabetic() || c == '_' || greek(c).is_some()

@@ -87,8 +87,9 @@ impl<'a> Printer<'a> {
                 self.bound(&domain.upper);
                 self.push(if domain.upper.inclusive { "]" } else { ")" });
             }
-            Statement::Update(Update { state, body, .. }) => {
-                self.push(&format!("update {} = ", state.name));
+            Statement::Update(Update { state, index, body, .. }) => {
+                let index = index.as_ref().map(|index| format!("({})", index.name));
+                self.push(&format!("update {}{} = ", state.name, index.unwrap_or_default()));
                 self.expression(*body);
             }
             Statement::Break(Break { condition, reason, .. }) => {
@@ -113,9 +114,22 @@ impl<'a> Printer<'a> {
     fn parameter(&mut self, parameter: &Parameter) {
         self.push(if parameter.is_state { "state " } else { "parameter " });
         self.push(&parameter.name.name);
-        if let Some(default) = parameter.default {
-            self.push(" = ");
-            self.expression(default);
+        if let Some((size, _)) = parameter.size {
+            self.push(&format!("({size})"));
+        }
+        match parameter.defaults.as_slice() {
+            [] => {}
+            [default] => {
+                self.push(" = ");
+                self.expression(*default);
+            }
+            all => {
+                for (number, default) in all.iter().enumerate() {
+                    self.push(if number == 0 { " = (" } else { ", " });
+                    self.expression(*default);
+                }
+                self.push(")");
+            }
         }
         if let Some(unit) = &parameter.unit {
             self.push(" in ");

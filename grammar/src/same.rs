@@ -46,7 +46,9 @@ impl Pair<'_> {
             }
             (S::Domain(a), S::Domain(b)) => self.domains(a, b),
             (S::Update(a), S::Update(b)) => {
-                a.state.name == b.state.name && self.expressions(a.body, b.body)
+                a.state.name == b.state.name
+                    && a.index.as_ref().map(|k| &k.name) == b.index.as_ref().map(|k| &k.name)
+                    && self.expressions(a.body, b.body)
             }
             (S::Break(a), S::Break(b)) => {
                 self.expressions(a.condition, b.condition) && same_text(&a.reason, &b.reason)
@@ -58,10 +60,10 @@ impl Pair<'_> {
     fn parameters(&self, a: &Parameter, b: &Parameter) -> bool {
         a.name.name == b.name.name
             && a.is_state == b.is_state
-            && self.optional(a.default, b.default)
+            && a.size.map(|(size, _)| size) == b.size.map(|(size, _)| size)
+            && self.all(&a.defaults, &b.defaults)
             && self.optional_units(&a.unit, &b.unit)
-            && a.constraints.len() == b.constraints.len()
-            && a.constraints.iter().zip(&b.constraints).all(|(&a, &b)| self.expressions(a, b))
+            && self.all(&a.constraints, &b.constraints)
             && same_text(&a.description, &b.description)
     }
 
@@ -114,6 +116,11 @@ impl Pair<'_> {
             (Some(left), Some(right)) => self.expressions(left, right),
             _ => false,
         }
+    }
+
+    fn all(&self, left: &[ExprId], right: &[ExprId]) -> bool {
+        let mut pairs = left.iter().zip(right);
+        left.len() == right.len() && pairs.all(|(left, right)| self.expressions(*left, *right))
     }
 
     fn expressions(&self, left: ExprId, right: ExprId) -> bool {
@@ -191,6 +198,8 @@ mod tests {
             ("N/m", "N*m"),
             ("^2", "^3"),
             ("C > 0", "C >= 0"),
+            ("C = 1", "C(2) = 1"),
+            ("C = 1", "C = (1, 2)"),
             ("\"c\"", ""),
             ("S(x) = -x", "S(x) = x"),
             ("S(x) = -x", "S(y) = -x"),

@@ -115,7 +115,7 @@ fn the_file_of_the_papers_reads_as_it_stands() {
     assert_eq!(ast.name.name, "seth_hill");
     assert_eq!(ast.statements.len(), 9);
     let Statement::Parameter(c1) = &ast.statements[1] else { panic!() };
-    assert_eq!((c1.name.name.as_str(), c1.default), ("C1", None));
+    assert_eq!((c1.name.name.as_str(), c1.defaults.len()), ("C1", 0));
     let unit = c1.unit.as_ref().unwrap();
     assert_eq!(&SETH_HILL[unit.span.range()], "J/m^(2*d+1)");
     assert!(!unit.factors[0].divided && unit.factors[1].divided);

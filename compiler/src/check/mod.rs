@@ -2,6 +2,7 @@
 //!
 //! | pass | what |
 //! |---|---|
+//! | `entries` | vectors of parameters and sums over their entries are written out |
 //! | `names` | every name is known, used as what it is, and defined before its use |
 //! | `elaborate` | once per dimension: `d` folds, types and dimensions are checked, the graph is built |
 //! | `table` | the files of tables are read, each once |
@@ -17,6 +18,7 @@ pub mod dimension;
 mod dissipation;
 mod domain;
 mod elaborate;
+mod entries;
 mod foreign;
 mod gathered;
 mod in_unit;
@@ -33,6 +35,8 @@ mod texts;
 pub mod unit;
 mod value;
 mod vector;
+
+use std::borrow::Cow;
 
 use piola_grammar::{Ast, Diagnostic, Reading, Span, read, spell_out};
 
@@ -90,7 +94,7 @@ fn no_files(_: &str) -> Result<String, String> {
 pub fn check_text_with(text: &str, files: Files<'_>) -> Result<(Ast, Model), Vec<Diagnostic>> {
     let Reading { ast, mut findings, unread } = read(text);
     if findings.is_empty() {
-        return check_with(&ast, files).map(|model| (ast, model));
+        return check_with(&ast, files).map(|(ast, model)| (ast.into_owned(), model));
     }
     let lost: Vec<String> = unread.iter().map(|line| spell_out(&text[line.range()])).collect();
     // What is right in two dimensions may be wrong in three.
@@ -120,26 +124,33 @@ fn follows(finding: &Diagnostic, text: &str, lost: &[String]) -> bool {
 /// Checks a potential. Every error of the file is reported in one run, in the order of the text;
 /// what depends on a name that is wrong is not looked at further.
 pub fn check(ast: &Ast) -> Result<Model, Vec<Diagnostic>> {
-    check_with(ast, &no_files)
+    check_with(ast, &no_files).map(|(_, model)| model)
 }
 
-/// The same with the files that tables are read from.
-fn check_with(ast: &Ast, files: Files<'_>) -> Result<Model, Vec<Diagnostic>> {
-    let (mut symbols, mut errors) = names::resolve(ast);
-    symbols.tables = table::read_all(ast, files, &mut errors);
+/// The same with the files that tables are read from; and the tree that was checked, in which vectors and
+/// sums are written out.
+fn check_with<'a>(
+    ast: &'a Ast,
+    files: Files<'_>,
+) -> Result<(Cow<'a, Ast>, Model), Vec<Diagnostic>> {
+    let mut errors = Vec::new();
+    let ast = entries::written_out(ast, &mut errors);
+    let (mut symbols, wrong) = names::resolve(&ast);
+    errors.extend(wrong);
+    symbols.tables = table::read_all(&ast, files, &mut errors);
     let model = if errors.len() < MAX_FINDINGS {
-        statement::model(ast, &symbols, &mut errors)
+        statement::model(&ast, &symbols, &mut errors)
     } else {
         None
     };
-    match model {
-        Some(model) if errors.is_empty() => Ok(model),
-        _ => {
-            errors.sort_by_key(|error| error.span);
-            errors.truncate(MAX_FINDINGS);
-            Err(errors)
-        }
+    if let (Some(model), true) = (model, errors.is_empty()) {
+        return Ok((ast, model));
     }
+    errors.sort_by_key(|error| error.span);
+    // What is wrong in a sum is wrong in each of its terms.
+    errors.dedup_by(|next, first| next.span == first.span && next.code == first.code);
+    errors.truncate(MAX_FINDINGS);
+    Err(errors)
 }
 
 pub(crate) use gathered::MAX_INTEGRALS;

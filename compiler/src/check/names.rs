@@ -82,7 +82,7 @@ impl<'a> Resolver<'a> {
     fn statement(&mut self, number: usize, statement: &'a Statement) {
         match statement {
             Statement::Parameter(p) => {
-                if let Some(default) = p.default {
+                for &default in &p.defaults {
                     self.body(default, &[]);
                 }
                 if self.define(&p.name) {
@@ -208,7 +208,16 @@ pub(crate) fn check_formula(
     if errors.is_empty() { Ok(()) } else { Err(errors) }
 }
 
-fn may_be_named(name: &Ident, errors: &mut Vec<Diagnostic>) -> bool {
+/// Whether the language has a function of this name, in some files.
+pub(super) fn is_function(name: &str) -> bool {
+    Function::named(name).is_some()
+        || Operator::named(name).is_some()
+        || TensorFunction::named(name).is_some()
+        || matches!(name, INTEGRAL | dissipation::NAME)
+}
+
+/// Whether a name is free for what a file defines; reports it if not.
+pub(super) fn may_be_named(name: &Ident, errors: &mut Vec<Diagnostic>) -> bool {
     let builtin = Function::named(&name.name).is_some() || Operator::named(&name.name).is_some();
     let meaning = if builtin {
         Some("a built-in function")

@@ -332,7 +332,7 @@ impl<'a> Builder<'a> {
     fn parameter(&mut self, p: &ParameterAst) {
         let none = UnitValue { dimension: Dimension::NONE, scale: 1.0 };
         let unit = p.unit.as_ref().map_or(Some(none), |unit| self.elaborator.unit(unit));
-        let default = p.default.and_then(|default| self.default_value(p, default));
+        let default = p.defaults.first().and_then(|default| self.default_value(p, *default));
         self.variant.defaults.push(default);
         self.variant.units.push(unit.unwrap_or(none));
         let quantity = match unit {

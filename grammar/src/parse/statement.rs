@@ -14,6 +14,9 @@ use crate::{Diagnostic, Span};
 /// Measures and their values at rest: no gathered value has such a name.
 const MEASURES: [&str; 7] = ["l", "L", "a", "A", "v", "V", "F"];
 
+/// Most entries of a vector of parameters.
+const MAX_ENTRIES: u32 = 100;
+
 /// What a logical line holds.
 pub(super) enum Line {
     /// `potential NAME ["title"]`
@@ -93,7 +96,8 @@ impl Builder {
         let mut parameter = Parameter {
             is_state,
             name,
-            default: None,
+            size: None,
+            defaults: Vec::new(),
             unit: None,
             constraints: Vec::new(),
             description: None,
@@ -106,7 +110,13 @@ impl Builder {
                     if after_comma {
                         parameter.constraints.push(id);
                     } else {
-                        parameter.default = Some(id);
+                        parameter.defaults.push(id);
+                    }
+                }
+                Rule::size => parameter.size = Some(self.size(part)?),
+                Rule::entries => {
+                    for entry in part.into_inner().filter(|p| p.as_rule() == Rule::expression) {
+                        parameter.defaults.push(self.expression(entry)?.id);
                     }
                 }
                 Rule::unit => parameter.unit = Some(self.unit(part)?),
@@ -116,6 +126,18 @@ impl Builder {
             }
         }
         Some(parameter)
+    }
+
+    /// How many entries a vector has.
+    fn size(&mut self, pair: Pair<'_, Rule>) -> Option<(u32, Span)> {
+        let number = take(&mut pair.into_inner(), Rule::whole)?;
+        let span = self.span(&number);
+        let size = number.as_str().parse().unwrap_or(u32::MAX);
+        if !(1..=MAX_ENTRIES).contains(&size) {
+            let message = format!("a vector of parameters has 1 to {MAX_ENTRIES} entries");
+            self.findings.push(Diagnostic::error("syntax", span, message));
+        }
+        Some((size, span))
     }
 
     fn definition(&mut self, mut parts: Pairs<'_, Rule>) -> Option<Definition> {
@@ -232,8 +254,13 @@ impl Builder {
     fn update(&mut self, span: Span, mut parts: Pairs<'_, Rule>) -> Option<Update> {
         let state = take(&mut parts, Rule::name)?;
         let state = self.ident(&state);
-        let body = self.expression(take(&mut parts, Rule::expression)?)?.id;
-        Some(Update { state, body, span })
+        let mut parts = parts.peekable();
+        let index = parts.next_if(|part| part.as_rule() == Rule::index);
+        let index = index.and_then(|index| take(&mut index.into_inner(), Rule::name));
+        let index = index.map(|name| self.ident(&name));
+        let body = parts.find(|part| part.as_rule() == Rule::expression)?;
+        let body = self.expression(body)?.id;
+        Some(Update { state, index, body, span })
     }
 
     /// Builds a product of powers of units.

@@ -40,6 +40,26 @@ rule = "mean"
 "#;
 
 #[test]
+fn a_list_holds_the_entries_of_a_vector() {
+    let least = "[body]\nbox = [[0, 0], [1, 1]]\nspacing = 0.05\n[horizon]\nspacings = 3\n[material]\n\
+                 potential = \"javili2020\"\n";
+    let text = format!("{least}parameters = {{ mu = [1, \"2 kPa\"], C1 = [3.0] }}\n");
+    let scene = read(&text);
+    let given = scene.material().parameters.iter();
+    let given: Vec<(&str, &ParameterText)> =
+        given.map(|one| (one.name.value.as_str(), &one.value.value)).collect();
+    let expected = [
+        ("mu1", &ParameterText::Number(1.0)),
+        ("mu2", &ParameterText::Quantity("2 kPa".into())),
+        ("C1_1", &ParameterText::Number(3.0)),
+    ];
+    assert_eq!(given, expected);
+    let nested = format!("{least}parameters = {{ mu = [1, [2]] }}\n");
+    let report = Scene::read(&nested, "scene.toml", &[]).unwrap_err().to_string();
+    assert!(report.contains("expected a number or a string, found an array"), "{report}");
+}
+
+#[test]
 fn materials_and_interfaces_are_read_and_written() {
     let scene = read(SEVERAL);
     let laws: Vec<(usize, &str)> =

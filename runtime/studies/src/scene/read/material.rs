@@ -1,6 +1,6 @@
 //! `[material]`, `[[material]]` and `[[interface]]`: what a body is made of.
 
-use piola_grammar::{Diagnostic, Span, suggest};
+use piola_grammar::{Diagnostic, Span, names, suggest};
 
 use super::Context;
 use crate::scene::reader::{Field, Reader, Schema, Table};
@@ -295,26 +295,43 @@ impl Reader {
         let mut complete = true;
         let mut parameters = Vec::new();
         for entry in entries {
-            let item = Field { schema: field.schema, key: &entry.key, node: &entry.node };
-            let value = match &entry.node.kind {
-                Kind::Text(text) => Some(ParameterText::Quantity(text.value.clone())),
-                Kind::Number { .. } => self.number(item).map(ParameterText::Number),
-                _ => {
-                    let found = entry.node.kind_name();
-                    let message = format!("expected a number or a string, found {found}");
-                    let help = format!("write {0} = 1.0 or {0} = \"200 GPa\"", entry.key);
-                    let diagnostic = Diagnostic::error("wrong-type", entry.node.span, message);
-                    self.error(diagnostic.help(help));
-                    None
+            // A list holds the entries of a vector.
+            let values: Vec<(String, &Node)> = match &entry.node.kind {
+                Kind::Array(items) if !items.is_empty() => {
+                    let named = |k: usize| names::entry(&entry.key, k as u32 + 1);
+                    items.iter().enumerate().map(|(k, item)| (named(k), item)).collect()
                 }
+                _ => vec![(entry.key.clone(), &entry.node)],
             };
-            complete &= value.is_some();
-            parameters.extend(value.map(|value| ParameterSetting {
-                name: Located { value: entry.key.clone(), span: entry.key_span },
-                value: Located { value, span: content_span(&entry.node) },
-            }));
+            for (name, node) in values {
+                let item = Field { schema: field.schema, key: &entry.key, node };
+                let value = self.parameter(item);
+                complete &= value.is_some();
+                parameters.extend(value.map(|value| ParameterSetting {
+                    name: Located { value: name, span: entry.key_span },
+                    value: Located { value, span: content_span(node) },
+                }));
+            }
         }
         complete.then_some(parameters)
+    }
+
+    fn parameter(&mut self, field: Field<'_>) -> Option<ParameterText> {
+        match &field.node.kind {
+            Kind::Text(text) => Some(ParameterText::Quantity(text.value.clone())),
+            Kind::Number { .. } => self.number(field).map(ParameterText::Number),
+            _ => {
+                let found = field.node.kind_name();
+                let message = format!("expected a number or a string, found {found}");
+                let help = format!(
+                    "write {0} = 1.0 or {0} = \"200 GPa\"; a vector of parameters has a list of them",
+                    field.key
+                );
+                let diagnostic = Diagnostic::error("wrong-type", field.node.span, message);
+                self.error(diagnostic.help(help));
+                None
+            }
+        }
     }
 }
 

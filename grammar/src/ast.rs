@@ -85,6 +85,21 @@ pub enum ExprKind {
     },
 }
 
+impl ExprKind {
+    /// The expressions that it is made of.
+    pub fn operands_mut(&mut self) -> Vec<&mut ExprId> {
+        match self {
+            ExprKind::Number(_) | ExprKind::Name(_) => Vec::new(),
+            ExprKind::Call { arguments, .. } => arguments.iter_mut().collect(),
+            ExprKind::Unary { operand, .. } | ExprKind::Table { argument: operand, .. } => {
+                vec![operand]
+            }
+            ExprKind::Binary { left, right, .. } => vec![left, right],
+            ExprKind::If { condition, then, otherwise } => vec![condition, then, otherwise],
+        }
+    }
+}
+
 /// Operators with one operand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum UnaryOperator {
@@ -192,6 +207,8 @@ pub struct ExpressionAst {
 pub enum Statement {
     /// `source "Silling 2000, eq. (1)"`
     Source(Text),
+    /// `import "strains.piola"`, the names of another file, with the place of the whole statement.
+    Import(Text, Span),
     /// `allow "no-bond-energy" "bonds are another file"`
     Allow(Allow),
     /// `dimensions 2, 3`: where the energy is defined.

@@ -1,9 +1,10 @@
 //! Words the language knows by itself, and Greek letters spelled out.
 
 /// Words with a meaning in the grammar; they cannot name anything.
-pub const KEYWORDS: [&str; 18] = [
+pub const KEYWORDS: [&str; 19] = [
     "potential",
     "source",
+    "import",
     "allow",
     "parameter",
     "dimensions",
@@ -23,9 +24,10 @@ pub const KEYWORDS: [&str; 18] = [
 ];
 
 /// Keywords a statement begins with.
-pub const STATEMENT_KEYWORDS: [&str; 10] = [
+pub const STATEMENT_KEYWORDS: [&str; 11] = [
     "potential",
     "source",
+    "import",
     "allow",
     "parameter",
     "dimensions",

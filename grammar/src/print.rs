@@ -63,6 +63,10 @@ impl<'a> Printer<'a> {
                 self.push("source");
                 self.text(" ", text);
             }
+            Statement::Import(file, _) => {
+                self.push("import");
+                self.text(" ", file);
+            }
             Statement::Allow(Allow { code, reason }) => {
                 self.push("allow");
                 self.text(" ", code);

@@ -32,6 +32,7 @@ impl Pair<'_> {
         use Statement as S;
         match (left, right) {
             (S::Source(a), S::Source(b)) => a.text == b.text,
+            (S::Import(a, _), S::Import(b, _)) => a.text == b.text,
             (S::Allow(a), S::Allow(b)) => {
                 a.code.text == b.code.text && same_text(&a.reason, &b.reason)
             }

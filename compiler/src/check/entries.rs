@@ -147,6 +147,7 @@ impl<'a, 'e> Writer<'a, 'e> {
                 out.push(Statement::Break(breaking));
             }
             Statement::Source(_)
+            | Statement::Import(..)
             | Statement::Allow(_)
             | Statement::Dimensions(_)
             | Statement::Weights(_) => out.push(statement.clone()),
@@ -313,7 +314,6 @@ impl<'a, 'e> Writer<'a, 'e> {
                     }
                 }
             },
-            ExprKind::Number(_) => {}
             ExprKind::Call { .. } if self.is_own(&old.arena[id].kind, scope) => {
                 let ExprKind::Call { function, arguments } = &old.arena[id].kind else {
                     return self.arena.push(kind, span);
@@ -324,14 +324,7 @@ impl<'a, 'e> Writer<'a, 'e> {
                     return self.sum(arguments, scope, span);
                 }
             }
-            ExprKind::Call { arguments, .. } => arguments.iter_mut().for_each(of),
-            ExprKind::Table { argument: operand, .. } | ExprKind::Unary { operand, .. } => {
-                of(operand);
-            }
-            ExprKind::Binary { left, right, .. } => [left, right].into_iter().for_each(of),
-            ExprKind::If { condition, then, otherwise } => {
-                [condition, then, otherwise].into_iter().for_each(of);
-            }
+            others => others.operands_mut().into_iter().for_each(of),
         }
         self.arena.push(kind, span)
     }

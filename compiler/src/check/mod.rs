@@ -2,6 +2,7 @@
 //!
 //! | pass | what |
 //! |---|---|
+//! | `imports` | what is used of other files takes the place of the lines that import them |
 //! | `entries` | vectors of parameters and sums over their entries are written out |
 //! | `names` | every name is known, used as what it is, and defined before its use |
 //! | `elaborate` | once per dimension: `d` folds, types and dimensions are checked, the graph is built |
@@ -21,6 +22,7 @@ mod elaborate;
 mod entries;
 mod foreign;
 mod gathered;
+mod imports;
 mod in_unit;
 mod names;
 mod orders;
@@ -41,9 +43,10 @@ use std::borrow::Cow;
 use piola_grammar::{Ast, Diagnostic, Reading, Span, read, spell_out};
 
 use crate::model::Model;
+use imports::Imports;
 
 /// The codes of all findings of this crate, those about values and sizes included.
-pub const CODES: [&str; 27] = [
+pub const CODES: [&str; 28] = [
     "constraint-violated",
     "dimension-mismatch",
     "duplicate-name",
@@ -67,6 +70,7 @@ pub const CODES: [&str; 27] = [
     "unknown-parameter",
     "unknown-unit",
     "wrong-dimensions",
+    "wrong-import",
     "wrong-measure",
     "wrong-number-of-arguments",
     "wrong-shape",
@@ -94,12 +98,14 @@ fn no_files(_: &str) -> Result<String, String> {
 pub fn check_text_with(text: &str, files: Files<'_>) -> Result<(Ast, Model), Vec<Diagnostic>> {
     let Reading { ast, mut findings, unread } = read(text);
     if findings.is_empty() {
-        return check_with(&ast, files).map(|(ast, model)| (ast.into_owned(), model));
+        return check_with(&ast, text.len(), files).map(|(ast, model)| (ast.into_owned(), model));
     }
     let lost: Vec<String> = unread.iter().map(|line| spell_out(&text[line.range()])).collect();
     // What is right in two dimensions may be wrong in three.
     let checkable = !lost.iter().any(|line| line.starts_with("dimensions"));
-    if let Err(more) = if checkable { check_with(&ast, files).map(drop) } else { Ok(()) } {
+    if let Err(more) =
+        if checkable { check_with(&ast, text.len(), files).map(drop) } else { Ok(()) }
+    {
         findings.extend(more.into_iter().filter(|finding| !follows(finding, text, &lost)));
     }
     findings.sort_by_key(|finding| finding.span);
@@ -124,16 +130,35 @@ fn follows(finding: &Diagnostic, text: &str, lost: &[String]) -> bool {
 /// Checks a potential. Every error of the file is reported in one run, in the order of the text;
 /// what depends on a name that is wrong is not looked at further.
 pub fn check(ast: &Ast) -> Result<Model, Vec<Diagnostic>> {
-    check_with(ast, &no_files).map(|(_, model)| model)
+    check_with(ast, 0, &no_files).map(|(_, model)| model)
 }
 
-/// The same with the files that tables are read from; and the tree that was checked, in which vectors and
-/// sums are written out.
+/// The same of a text of this length with the files that it names; and the tree that was checked, in which
+/// imports, vectors and sums are written out.
 fn check_with<'a>(
     ast: &'a Ast,
+    length: usize,
     files: Files<'_>,
 ) -> Result<(Cow<'a, Ast>, Model), Vec<Diagnostic>> {
     let mut errors = Vec::new();
+    let imports = Imports::read(ast, length, files, &mut errors);
+    let merged = match imports.merged(ast, false) {
+        Cow::Borrowed(alone) => return check_whole(alone, files, errors),
+        Cow::Owned(merged) => merged,
+    };
+    // What is wrong is told where it stands; what is right stands where it is imported.
+    check_whole(&merged, files, errors).map_err(|errors| imports.at_home(errors))?;
+    let merged = imports.merged(ast, true).into_owned();
+    check_whole(&merged, files, Vec::new())
+        .map(|(ast, model)| (Cow::Owned(ast.into_owned()), model))
+}
+
+/// Checks a tree without imports.
+fn check_whole<'a>(
+    ast: &'a Ast,
+    files: Files<'_>,
+    mut errors: Vec<Diagnostic>,
+) -> Result<(Cow<'a, Ast>, Model), Vec<Diagnostic>> {
     let ast = entries::written_out(ast, &mut errors);
     let (mut symbols, wrong) = names::resolve(&ast);
     errors.extend(wrong);
@@ -148,7 +173,7 @@ fn check_with<'a>(
     }
     errors.sort_by_key(|error| error.span);
     // What is wrong in a sum is wrong in each of its terms.
-    errors.dedup_by(|next, first| next.span == first.span && next.code == first.code);
+    errors.dedup_by(|next, first| next.span == first.span && next.message == first.message);
     errors.truncate(MAX_FINDINGS);
     Err(errors)
 }
@@ -163,5 +188,7 @@ pub(crate) use elaborate::{Elaborator, Meaning, meaning};
 pub(crate) use names::{parts, resolve};
 pub(crate) use symbols::{Kinematic, Symbol, Symbols, TensorFunction};
 
+#[cfg(test)]
+mod imports_tests;
 #[cfg(test)]
 mod tests;

@@ -123,6 +123,7 @@ impl<'a> Resolver<'a> {
                 self.state(&update.state);
             }
             Statement::Source(_)
+            | Statement::Import(..)
             | Statement::Allow(_)
             | Statement::Dimensions(_)
             | Statement::Weights(_) => {}

@@ -317,6 +317,7 @@ impl<'a> Builder<'a> {
                 Statement::Update(update) => self.update(update),
                 Statement::Definition(_)
                 | Statement::Source(_)
+                | Statement::Import(..)
                 | Statement::Allow(_)
                 | Statement::Dimensions(_)
                 | Statement::Weights(_) => {}

@@ -39,6 +39,11 @@ impl Builder {
                 return Some(Line::Potential { name, title, span });
             }
             Rule::source => Statement::Source(self.text(&take(&mut parts, Rule::string)?)),
+            Rule::import => {
+                let file = self.text(&take(&mut parts, Rule::string)?);
+                let span = Span { start: span.start, end: file.span.end };
+                Statement::Import(file, span)
+            }
             Rule::allow => {
                 let code = self.text(&take(&mut parts, Rule::string)?);
                 Statement::Allow(Allow { code, reason: self.optional_text(&mut parts) })

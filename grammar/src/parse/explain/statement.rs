@@ -36,7 +36,10 @@ const FOREIGN_HEADS: &[(&[&str], &str)] = &[
         "what bonds dissipate has a potential: `dissipation(l) = 1/2*eta*rate(l)^2`",
     ),
     (&["range", "where", "for", "assume"], "write `domain l/L in (0, 10)`"),
-    (&["import", "include", "use"], "a file stands for itself: there are no imports"),
+    (
+        &["include", "use", "using", "from", "require", "load"],
+        "the names of another file come with `import \"strains.piola\"`",
+    ),
     (&["return", "print"], "the energies `psi(..)` are the results of a file"),
 ];
 
@@ -54,6 +57,7 @@ pub(super) fn explain(failure: &Failure<'_>) -> Option<Diagnostic> {
     let explained = match head.text {
         "potential" => potential(failure),
         "source" => source(failure),
+        "import" => import(failure),
         "allow" => allow(failure),
         "dimensions" => dimensions(failure),
         "weights" => weights(failure),
@@ -113,6 +117,18 @@ fn source(failure: &Failure<'_>) -> Option<Diagnostic> {
     super::spelling::explain(failure).or_else(|| {
         let finding = failure.error("the source stands in quotes").label("expected `\"`");
         Some(finding.help("write `source \"author year, eq. (1)\"`"))
+    })
+}
+
+fn import(failure: &Failure<'_>) -> Option<Diagnostic> {
+    let help = "write `import \"strains.piola\"`: all names of it that are used come with it";
+    if failure.index > 1 {
+        let finding = failure.error("an import is a file and nothing else");
+        return Some(finding.label("after the file").help(help));
+    }
+    super::spelling::explain(failure).or_else(|| {
+        let finding = failure.error("the file that is imported stands in quotes");
+        Some(finding.label("expected `\"`").help(help))
     })
 }
 
@@ -365,7 +381,7 @@ fn unknown_head(failure: &Failure<'_>, head: Token<'_>) -> Diagnostic {
     match foreign {
         Some((_, help)) if failure.found_kind() != Some(Kind::Mark) => finding.help(*help),
         _ => finding.help(format!("to define it, write `{} = ...`", head.text)).help(
-            "a statement begins with `potential`, `source`, `allow`, `parameter`, `dimensions`, \
+            "a statement begins with `potential`, `source`, `import`, `allow`, `parameter`, `dimensions`, \
              `weights`, `domain`, `break when`, `state`, `update`, `psi(..) =`, `dissipation(l) =` or `name =`",
         ),
     }

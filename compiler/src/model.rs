@@ -290,10 +290,10 @@ pub struct CoupledEnergy {
     pub text: String,
 }
 
-/// A declared interval of use of one measure, or of `J`.
+/// A declared interval of use: of a quantity of one measure, or of the deformation gradient.
 #[derive(Clone, Debug)]
 pub struct Interval {
-    /// What the quantity depends on: a measure, or the deformation gradient of which it is `J`.
+    /// What the quantity depends on: a measure, or the deformation gradient.
     pub argument: Argument,
     /// The quantity in the variant's graph.
     pub root: NodeId,
@@ -301,6 +301,10 @@ pub struct Interval {
     pub lower: (f64, bool),
     /// Upper end and whether it belongs to the interval.
     pub upper: (f64, bool),
+    /// Whether the quantity is `J`, the determinant of the deformation gradient.
+    pub of_volume_ratio: bool,
+    /// Place of the statement.
+    pub span: Span,
     /// The quantity as written.
     pub text: String,
 }

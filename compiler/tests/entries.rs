@@ -47,7 +47,15 @@ fn vectors_and_sums_are_what_they_stand_for() {
             "dimensions 3\nparameter n1 = 1\nparameter n2 = 0\nparameter n3 = 0\n\
              psi(l) = (vector(n1, n2, n3)*Xi/L)^2*(l/L - 1)^2",
         ),
+        (
+            "n = vector(1, 0)\ndimensions 2\nf(I2) = I2\n\
+             psi(F) = I1 + I2^2*I3 + I4(n) + I5(2*n) + f(J)\ndomain I1 in (1, 9)",
+            "n = vector(1, 0)\ndimensions 2\nf(I2) = I2\n\
+             psi(F) = tr(C) + ((tr(C)^2 - C : C)/2)^2*J^2 + n*C*n + 2*n*C*C*(2*n) + f(J)\n\
+             domain tr(C) in (1, 9)",
+        ),
         // What a file defines itself is what it says.
+        ("I1 = 2*tr(C)\npsi(F) = I1", "I1 = 2*tr(C)\npsi(F) = I1"),
         (
             "sum(x, y) = x + y\nparameter c(2) = 1\ng(c) = c\npsi(l) = sum(c(1), g(l))",
             "sum(x, y) = x + y\nparameter c1 = 1\nparameter c2 = 1\ng(c) = c\npsi(l) = sum(c1, g(l))",

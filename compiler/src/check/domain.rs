@@ -1,4 +1,4 @@
-//! Where an energy may be used: declared intervals of a measure, or of `J`.
+//! Where an energy may be used: declared intervals of quantities of a measure, or of the deformation gradient.
 
 use piola_grammar::ast::{Bound, Domain, ExprKind, UnaryOperator};
 use piola_grammar::{Diagnostic, print_expression};
@@ -19,23 +19,29 @@ impl Builder<'_> {
         let (Some(lower), Some(upper)) = bounds else { return };
         let measures: Vec<Measure> =
             Measure::ALL.into_iter().filter(|m| value.uses & (1 << (*m as u8)) != 0).collect();
-        let is_jacobian = matches!(
+        let of_volume_ratio = matches!(
             &self.ast.arena[domain.quantity].kind,
             ExprKind::Name(name)
                 if self.elaborator.symbols.get(name) == Some(Symbol::Kinematic(Kinematic::Jacobian))
         );
         let argument = match (measures.as_slice(), value.uses & (GRADIENT | INTEGRAL | RATE)) {
             (&[measure], 0) => Argument::Measure(measure),
-            ([], GRADIENT) if is_jacobian => Argument::Gradient,
+            ([], GRADIENT) => Argument::Gradient,
             (_, others) => {
                 let span = self.ast.arena[domain.quantity].span;
-                let message = match others {
-                    others if others & GRADIENT == 0 => "a domain bounds a quantity of one measure",
-                    _ => "a domain of `F` bounds `J`",
+                let (message, label) = match others {
+                    others if others & INTEGRAL != 0 => {
+                        ("a domain bounds no quantity that points gather", "gathered")
+                    }
+                    0 if measures.is_empty() => {
+                        ("a domain bounds a quantity of the deformation", "always the same")
+                    }
+                    _ => ("a domain bounds a quantity of one measure or of `F`", "of several"),
                 };
                 self.elaborator.report(
-                    Diagnostic::error("wrong-measure", span, message).help(
-                        "write for instance `domain l/L in (0, 10]` or `domain J in (0, inf)`",
+                    Diagnostic::error("wrong-measure", span, message).label(label).help(
+                        "write for instance `domain l/L in (0, 10]`, `domain J in (0, inf)` or \
+                         `domain tr(C) in [3, 33)`",
                     ),
                 );
                 return;
@@ -48,7 +54,15 @@ impl Builder<'_> {
             return;
         }
         let text = print_expression(&self.ast.arena, domain.quantity);
-        self.variant.domains.push(Interval { argument, root: value.node, lower, upper, text });
+        if self.elaborator.depends_on_states(&[value.node]) {
+            let message = "a domain bounds a quantity of the deformation alone, without states";
+            let error = Diagnostic::error("wrong-measure", domain.span, message);
+            self.elaborator.report(error);
+            return;
+        }
+        let (root, span) = (value.node, domain.span);
+        let interval = Interval { argument, root, lower, upper, of_volume_ratio, span, text };
+        self.variant.domains.push(interval);
     }
 
     fn bound(&mut self, bound: &Bound) -> Option<(f64, bool)> {

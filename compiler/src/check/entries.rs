@@ -1,7 +1,8 @@
-//! Vectors of parameters and sums over their entries, written out before anything else looks at a file.
+//! Vectors of parameters, sums over their entries and invariants by their names, written out before anything else
+//! looks at a file.
 //!
 //! `parameter mu(3)` declares `mu1`, `mu2` and `mu3`; `mu(2)` is `mu2`, and `sum(k, mu(k)*x^k)` is
-//! `mu1*x^1 + mu2*x^2 + mu3*x^3`. All that follows knows parameters and sums of terms only.
+//! `mu1*x^1 + mu2*x^2 + mu3*x^3`; `I1` is `tr(C)`. All that follows knows parameters, sums of terms and tensors only.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -16,8 +17,9 @@ use piola_grammar::names::entry;
 use piola_grammar::{Diagnostic, Span};
 
 use super::MAX_FINDINGS;
+use super::invariants;
 use super::names::{children, is_function, may_be_named, parts};
-use super::symbols::Symbols;
+use super::symbols::{Symbol, Symbols};
 
 /// What sums up over entries.
 pub(super) const SUM: &str = "sum";
@@ -25,16 +27,21 @@ pub(super) const SUM: &str = "sum";
 /// Most expressions that a file may have once its sums are written out.
 const MAX_EXPRESSIONS: usize = 200_000;
 
-/// The same file without vectors of parameters and sums over them.
+/// The same file without vectors of parameters, sums over them and names of invariants.
 pub(super) fn written_out<'a>(ast: &'a Ast, errors: &mut Vec<Diagnostic>) -> Cow<'a, Ast> {
     let has_entries = ast.statements.iter().any(|statement| match statement {
         Statement::Parameter(parameter) => parameter.size.is_some() || parameter.defaults.len() > 1,
         Statement::Update(update) => update.index.is_some(),
         _ => false,
     });
-    let is_sum =
-        |kind: &ExprKind| matches!(kind, ExprKind::Call { function, .. } if function.name == SUM);
-    if !has_entries && !ast.arena.iter().any(|(_, expression)| is_sum(&expression.kind)) {
+    let is_written_out = |kind: &ExprKind| match kind {
+        ExprKind::Name(name) => invariants::is_of_strain(name),
+        ExprKind::Call { function, .. } => {
+            function.name == SUM || invariants::is_of_fibre(&function.name)
+        }
+        _ => false,
+    };
+    if !has_entries && !ast.arena.iter().any(|(_, expression)| is_written_out(&expression.kind)) {
         return Cow::Borrowed(ast);
     }
     let mut writer = Writer::new(ast, errors);
@@ -83,6 +90,8 @@ struct Writer<'a, 'e> {
     errors: &'e mut Vec<Diagnostic>,
     /// Whether the file knows vectors of space.
     knows_vectors: bool,
+    /// Whether the file knows the tensors that invariants are of.
+    knows_invariants: bool,
     is_full: bool,
 }
 
@@ -102,8 +111,21 @@ impl<'a, 'e> Writer<'a, 'e> {
             }
         }
         let arena = Arena::default();
-        let knows_vectors = Symbols::of_potentials(old).tensors;
-        Writer { old, arena, vectors, defined, errors, knows_vectors, is_full: false }
+        let symbols = Symbols::of_potentials(old);
+        let is_defined = |word: &str| defined.contains_key(word) || vectors.contains_key(word);
+        let knows_invariants = matches!(symbols.get("C"), Some(Symbol::Kinematic(_)))
+            && !invariants::WORDS.iter().any(|word| is_defined(word));
+        let knows_vectors = symbols.tensors;
+        Writer {
+            old,
+            arena,
+            vectors,
+            defined,
+            errors,
+            knows_vectors,
+            knows_invariants,
+            is_full: false,
+        }
     }
 
     fn report(&mut self, error: Diagnostic) {
@@ -311,6 +333,8 @@ impl<'a, 'e> Writer<'a, 'e> {
                 None => {
                     if let Some(&size) = self.vectors.get(name.as_str()) {
                         kind = self.whole_vector(name, size, scope, span);
+                    } else if self.is_free(name, scope) {
+                        kind = invariants::of_strain(&mut self.arena, name, span).unwrap_or(kind);
                     }
                 }
             },
@@ -324,9 +348,22 @@ impl<'a, 'e> Writer<'a, 'e> {
                     return self.sum(arguments, scope, span);
                 }
             }
+            ExprKind::Call { function, arguments }
+                if invariants::is_of_fibre(&function.name)
+                    && arguments.len() == 1
+                    && self.is_free(&function.name, scope) =>
+            {
+                let n = copies[&arguments[0]];
+                kind = invariants::of_fibre(&mut self.arena, &function.name, n, span);
+            }
             others => others.operands_mut().into_iter().for_each(of),
         }
         self.arena.push(kind, span)
+    }
+
+    /// Whether a file may mean an invariant by a name.
+    fn is_free(&self, name: &str, scope: &Scope<'_>) -> bool {
+        self.knows_invariants && !self.defined.contains_key(name) && !scope.hides(name)
     }
 
     /// A vector's name without an entry: the entry of a condition, or all of them as a vector of space.

@@ -73,9 +73,20 @@ const TENSOR_FUNCTIONS: &[(&[&str], &str)] = &[
 
 /// Tensors and invariants by their usual names, and what is written in a file with `psi(F)`.
 const TENSORS: &[(&[&str], &str)] = &[
-    (&["I1", "I_1", "IC"], "the first invariant is `tr(C)`: define `I1 = tr(C)`, or write it out"),
-    (&["I2", "I_2", "IIC"], "the second invariant is `(tr(C)^2 - C : C)/2`"),
-    (&["I3", "I_3", "IIIC"], "the third invariant is `J^2`, with `J` the determinant of `F`"),
+    (
+        &["I1", "I_1", "IC"],
+        "the first invariant is `I1`, that is `tr(C)`, where `C`, `J` and `tr` are not defined anew",
+    ),
+    (&["I2", "I_2", "IIC"], "the second invariant is `I2`, that is `(tr(C)^2 - C : C)/2`"),
+    (
+        &["I3", "I_3", "IIIC"],
+        "the third invariant is `I3`, that is `J^2`, with `J` the determinant of `F`",
+    ),
+    (
+        &["I4", "I_4", "I4f"],
+        "the squared stretch of a fibre along a unit vector `n` is `I4(n)`, that is `n*C*n`",
+    ),
+    (&["I5", "I_5"], "the fifth invariant is `I5(n)`, that is `n*C*C*n`"),
     (&["I1bar", "I1_bar", "I_1_bar", "Ibar1"], "in three dimensions it is `J^(-2/3)*tr(C)`"),
     (&["B"], "the left Cauchy-Green tensor is `F*F'`; a parameter is declared: `parameter B`"),
     (&["grad", "gradu"], "the gradient of the displacement is `F - I`"),
@@ -157,7 +168,8 @@ mod tests {
             ("psi(F) = mu*inner(E, E)", "`E : E`"),
             ("psi(F) = mu*trace(C)", "`tr(C)`"),
             ("psi(F) = mu*outer(E, E)", "`dyad(n, m)`"),
-            ("psi(F) = mu*(I1 - 3)", "`tr(C)`"),
+            ("psi(F) = mu*(I_1 - 3)", "`tr(C)`"),
+            ("psi(F) = mu*(I4 - 1)", "`n*C*n`"),
             ("psi(F) = mu*tr(transpose(F)*F)", "`F'`"),
             ("psi(F) = mu*tr(F^T*F)", "`F'`"),
             ("psi(F) = mu*tr(F.T*F)", "`F'`"),

@@ -3,7 +3,7 @@
 //! | pass | what |
 //! |---|---|
 //! | `imports` | what is used of other files takes the place of the lines that import them |
-//! | `entries` | vectors of parameters and sums over their entries are written out |
+//! | `entries` | vectors of parameters, sums over their entries and `invariants` by name are written out |
 //! | `names` | every name is known, used as what it is, and defined before its use |
 //! | `elaborate` | once per dimension: `d` folds, types and dimensions are checked, the graph is built |
 //! | `table` | the files of tables are read, each once |
@@ -24,6 +24,7 @@ mod foreign;
 mod gathered;
 mod imports;
 mod in_unit;
+mod invariants;
 mod names;
 mod orders;
 mod quantity;

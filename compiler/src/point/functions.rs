@@ -93,7 +93,7 @@ impl Model {
         updates_of_gradients(variant).map(next).collect()
     }
 
-    fn gradient_function(
+    pub(super) fn gradient_function(
         &self,
         subject: Subject<'_>,
         values: &Values,

@@ -5,10 +5,10 @@ use std::ops::Range;
 
 use num_dual::HyperDual64;
 
-use super::GradientEnergyForms;
-use super::domain::VolumeDomain;
+use super::domain::Domain;
 use super::principal::axes::{self, Axes, LANES};
 use super::principal::witness::{Principal, Products};
+use super::{GradientEnergyForms, MOST};
 use crate::density::{Evaluator, listed};
 use crate::expression::{Input, NodeId, graph};
 use crate::jit::Listing;
@@ -23,9 +23,6 @@ pub const NEAR: f64 = 0.25;
 
 /// Places that are looked at together for the choice of the form.
 const BLOCK: usize = 32;
-
-/// Most components of a tensor.
-const MOST: usize = 9;
 
 /// Most numbers that principal stretches and axes are.
 const AXES: usize = 24;
@@ -57,7 +54,9 @@ pub struct GradientKernel {
     /// Typical values of fields.
     fields: Vec<f64>,
     body: Body,
-    domain: VolumeDomain,
+    domain: Domain,
+    /// Whether the energy itself depends on the fields, and not a bounded quantity alone.
+    body_has_fields: bool,
 }
 
 #[derive(Debug)]
@@ -95,8 +94,14 @@ impl GradientKernel {
         let far = Evaluator::new(forms.far, mode)?;
         let near = forms.near.map(|near| Evaluator::new(near, mode)).transpose()?;
         let body = Body::Forms(Box::new(far), near.map(Box::new));
-        let (fields, domain) = (vec![f64::NAN; n_fields], VolumeDomain::default());
-        Ok(GradientKernel { dimension, n_axes, fields, body, domain })
+        let fields = vec![f64::NAN; n_fields];
+        Ok(GradientKernel::made(dimension, n_axes, fields, body))
+    }
+
+    /// The kernel of an energy without a declared domain.
+    fn made(dimension: usize, n_axes: usize, fields: Vec<f64>, body: Body) -> GradientKernel {
+        let (domain, body_has_fields) = (Domain::default(), !fields.is_empty());
+        GradientKernel { dimension, n_axes, fields, body, domain, body_has_fields }
     }
 
     /// The kernel of a function of these values, which as written is a witness.
@@ -109,8 +114,7 @@ impl GradientKernel {
         let mut made = match mode {
             Mode::HyperDual => {
                 let fields = vec![f64::NAN; forms.far.n_fields()];
-                let (body, domain) = (Body::Dual(written()), VolumeDomain::default());
-                GradientKernel { dimension: values.dimension, n_axes: 0, fields, body, domain }
+                GradientKernel::made(values.dimension, 0, fields, Body::Dual(written()))
             }
             _ => GradientKernel::new(forms, mode)?,
         };
@@ -145,18 +149,24 @@ impl GradientKernel {
         assert!(fits(at.gradient) && fits(at.change) && psi.len() == at.n, "one entry per place");
         assert!(at.fields.len() == self.fields.len() * at.n, "fields at each place");
         assert!(stress.is_empty() || fits(stress), "one stress per place");
+        let of_body = self.of_body(at);
         match &self.body {
-            Body::Dual(energy) => energy.dual(at).evaluate(psi, stress),
+            Body::Dual(energy) => energy.dual(of_body).evaluate(psi, stress),
             Body::Forms(far, near) => {
                 let mut room: [&mut [f64]; 1 + MOST] = Default::default();
                 let outputs = once(&mut *psi).chain(stress.chunks_mut(at.n.max(1)));
                 let outputs = listed(&mut room, outputs);
-                self.in_blocks(at, near.is_some(), &[], outputs, |is_near, sources, out| {
+                self.in_blocks(of_body, near.is_some(), &[], outputs, |is_near, sources, out| {
                     pick(far, near, is_near).evaluate(sources, out);
                 });
             }
         }
-        self.domain.restrict(self.dimension, at.gradient, psi);
+        self.domain.restrict(self.dimension, at, psi);
+    }
+
+    /// What the energy itself takes of a batch.
+    fn of_body<'a>(&self, at: GradientBatch<'a>) -> GradientBatch<'a> {
+        GradientBatch { fields: if self.body_has_fields { at.fields } else { &[] }, ..at }
     }
 
     /// dP in Pa for directions dF.
@@ -169,6 +179,7 @@ impl GradientKernel {
         assert!(fits(at.gradient) && fits(at.change), "one gradient per place");
         assert!(at.fields.len() == self.fields.len() * at.n, "fields at each place");
         assert!(fits(direction) && fits(product), "one direction and one product per place");
+        let at = self.of_body(at);
         match &self.body {
             Body::Dual(energy) => energy.dual(at).product(direction, product),
             Body::Forms(far, near) => {
@@ -371,7 +382,12 @@ impl Model {
         let (forms, dropped) = self.specialise_gradient(values, form)?;
         let Some(forms) = forms else { return Ok(dropped) };
         let mut made = GradientKernel::of(forms, values, mode, || self.written_gradient(values))?;
-        made.domain = self.variant(values.dimension).map(VolumeDomain::of).unwrap_or_default();
+        if let Some(variant) = self.variant(values.dimension) {
+            made.domain = Domain::of(self, variant, values, (mode, form))?;
+            if made.fields.is_empty() {
+                made.fields = made.domain.fields().to_vec();
+            }
+        }
         *kernel = Some(made);
         Ok(dropped)
     }

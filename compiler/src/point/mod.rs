@@ -12,7 +12,7 @@
 //! | `principal` | functions of the right stretch tensor |
 //! | `kernel` | both forms over arrays, and the choice between them |
 //! | `functions` | conditions of `F` under which bonds break, and what is remembered next |
-//! | `domain` | declared bounds of `J` |
+//! | `domain` | declared bounds of `J`, and of other quantities of `F` |
 //! | `sample`, `truth` | gradients to try an energy at, and its values there to any precision |
 
 pub(crate) mod adjoint;
@@ -43,6 +43,9 @@ use crate::model::{Model, Variant};
 use crate::simplify::{Rule, Simplifier};
 use crate::specialise::{CompileError, Dropped, Form, Named, folded, known, or_zero, sum_in};
 use crate::values::Values;
+
+/// Most components of a tensor.
+const MOST: usize = 9;
 
 /// An energy of the deformation gradient with values folded in: psi, the stress P as its gradient, dP as
 /// its product, in the order of [`graph::components`].

@@ -145,6 +145,46 @@ fn outside_the_declared_domain_psi_is_no_number() {
     }
 }
 
+/// Bounds of any quantity, of which one depends on a field that the energy knows nothing of.
+#[test]
+fn outside_the_domain_of_any_quantity_psi_is_no_number() {
+    let text = "potential p\ndimensions 2\nparameter mu = 1\nparameter most = 3\npsi(F) = mu/2*(E : E)\n\
+                domain tr(C)/most in (0, 1]\ndomain tr(ln(U)) in (-1, inf)\n";
+    let model = model(text);
+    for mode in [Mode::Jit(Level::Fast), Mode::Interpreter, Mode::HyperDual] {
+        let mut values = values(&model, 2, &[]).with_field(1);
+        values.parameters[1] = 3.0;
+        let kernel = model.compile(&values, mode, Form::Accurate).unwrap().gradient.unwrap();
+        assert_eq!(kernel.fields().len(), 1);
+        let n = 150;
+        let stretch = |p: usize| 0.2 + 0.01 * p as f64;
+        let most = |p: usize| if p.is_multiple_of(2) { 3.0 } else { 2.5 };
+        let mut gradient = vec![0.0; 4 * n];
+        for p in 0..n {
+            (gradient[p], gradient[3 * n + p]) = (stretch(p), 1.0);
+        }
+        let mut change = gradient.clone();
+        for p in 0..n {
+            (change[p], change[3 * n + p]) = (stretch(p) - 1.0, 0.0);
+        }
+        let fields: Vec<f64> = (0..n).map(most).collect();
+        let at = GradientBatch { n, gradient: &gradient, change: &change, fields: &fields };
+        let mut psi = vec![0.0; n];
+        kernel.evaluate(at, &mut psi, &mut []);
+        for (p, psi) in psi.iter().enumerate() {
+            let s = stretch(p);
+            let inside = s * s + 1.0 <= most(p) && libm::log(s) > -1.0;
+            assert_eq!(psi.is_finite(), inside, "{mode:?} {s} {psi}");
+            assert_eq!(
+                kernel.admits(&[s, 0.0, 0.0, 1.0]),
+                s * s + 1.0 <= 3.0 && libm::log(s) > -1.0
+            );
+        }
+    }
+    let found = verified(&model, &values(&model, 2, &[]), 40);
+    assert!(found.passed() && found.n_places < 80, "{found:?}");
+}
+
 /// A batch with places near rest and far from it, more than one block of them, gives at each place
 /// what the place gives alone.
 #[test]

@@ -50,14 +50,15 @@ pub(crate) fn explain(case: &Case, found: &NonFinite) -> String {
             ) + &displaced(case, found);
         }
         return format!(
-            "psi(F) or a derivative is not finite for {place} {}: det F = {:e}{}",
+            "psi(F) or a derivative is not finite for {place} {}: det F = {:e}{}{}",
             points.join(", "),
             found.value,
             if is_sheet(&case.scene) {
                 " in the plane (plane stress: or no thickness leaves the faces free)"
             } else {
                 ""
-            }
+            },
+            other_domains(case)
         ) + &displaced(case, found);
     };
     let (symbol, twin) = (measure.symbol(), measure.reference_symbol());
@@ -109,7 +110,19 @@ fn left_domain(case: &Case, j: f64) -> Option<&Interval> {
     let of_gradient = piola_compiler::Argument::Gradient;
     let variants = case.potentials.iter().filter_map(|p| p.model.variant(case.body.dimension()));
     let mut domains = variants.flat_map(|variant| &variant.domains);
-    domains.find(|domain| domain.argument == of_gradient && !domain.contains(j))
+    domains.find(|domain| {
+        domain.argument == of_gradient && domain.of_volume_ratio && !domain.contains(j)
+    })
+}
+
+/// What else psi(F) is declared for, where it may have been left.
+fn other_domains(case: &Case) -> String {
+    let variants = case.potentials.iter().filter_map(|p| p.model.variant(case.body.dimension()));
+    let domains = variants.flat_map(|variant| &variant.domains);
+    let others = domains.filter(|domain| {
+        domain.argument == piola_compiler::Argument::Gradient && !domain.of_volume_ratio
+    });
+    others.map(|domain| format!("; psi(F) is declared for {domain} alone")).collect()
 }
 
 /// A line for each point: where it was and how far it moved.

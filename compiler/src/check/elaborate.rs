@@ -360,10 +360,17 @@ impl<'a> Elaborator<'a> {
             Kind::Tensor(..) | Kind::OfStretch(_) => {
                 let shape = self.shape(value);
                 let message = format!("a number is expected here, this is {shape}");
+                let help = match self.known_vector(value) {
+                    Some(_) => {
+                        "numbers made of vectors are products, `n*m` and `n*C*n`, lengths, `norm(n)`, and \
+                                components, `n(1)`"
+                    }
+                    None => "take an invariant: `tr(A)`, `det(A)` or `A : B`",
+                };
                 self.report(
                     Diagnostic::error("wrong-shape", self.arena[at].span, message)
                         .label(shape)
-                        .help("take an invariant: `tr(A)`, `det(A)` or `A : B`"),
+                        .help(help),
                 );
                 None
             }

@@ -63,6 +63,10 @@ const TENSOR_FUNCTIONS: &[(&[&str], &str)] = &[
         &["outer", "otimes", "tensor"],
         "the tensor n m of two vectors is `dyad(n, m)`, with `n = vector(x, y, z)`",
     ),
+    (
+        &["cross"],
+        "there is no cross product: its components are differences of products, `n(1)*m(2) - n(2)*m(1)`",
+    ),
     (&["cof", "cofactor"], "the cofactor of `F` is `J*inv(F)'`"),
     (&["logm"], "the logarithm of a tensor is known of stretches: `ln(U)`"),
     (&["expm"], "functions of tensors are known of stretches: `exp(U)`"),
@@ -139,8 +143,17 @@ pub(crate) fn instead(name: &str, place: Place) -> Option<String> {
     }
 }
 
+/// The component that `F11`, `C_12` or `E23` means.
+pub(crate) fn component(name: &str) -> Option<String> {
+    let mut letters = name.chars().filter(|letter| *letter != '_');
+    let (tensor, row, column) = (letters.next()?, letters.next()?, letters.next()?);
+    let counts = |index: char| ('1'..='3').contains(&index);
+    let is_component = matches!(tensor, 'F' | 'C' | 'E') && counts(row) && counts(column);
+    (is_component && letters.next().is_none()).then(|| format!("{tensor}({row}, {column})"))
+}
+
 /// Whether a file with `psi(F)` knows this name, and nothing else does.
-fn is_of_tensors(name: &str) -> bool {
+pub(crate) fn is_of_tensors(name: &str) -> bool {
     ["F", "C", "E", "U", "J", "I", "tr", "det", "dev", "sym", "inv", "dyad", "vector", "norm"]
         .contains(&name)
 }

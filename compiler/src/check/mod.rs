@@ -121,6 +121,12 @@ fn follows(finding: &Diagnostic, text: &str, lost: &[String]) -> bool {
     let word = |c: char| c.is_alphanumeric() || c == '_';
     match finding.code {
         "no-energy" => true,
+        // The line that is lost may be the one that brings tensors.
+        "unknown-name"
+            if foreign::is_of_tensors(&name) && lost.iter().any(|line| line.starts_with("psi")) =>
+        {
+            true
+        }
         "unknown-name" => {
             lost.iter().any(|line| line.split(|c| !word(c)).any(|written| written == name))
         }

@@ -322,7 +322,7 @@ impl Checker<'_> {
             // Of a tensor `F(1, 2)` is a component; of which values are tensors the check knows.
             Some(
                 Symbol::Kinematic(_) | Symbol::Value(_) | Symbol::Bond(_) | Symbol::BondNow(_),
-            ) if self.scope.symbols.tensors && matches!(given, 1 | 2) => {
+            ) if self.scope.symbols.tensors && matches!(given, 1..=3) => {
                 return;
             }
             Some(_) if name == dissipation::NAME => {
@@ -408,6 +408,11 @@ impl Checker<'_> {
         };
         if let Some(instead) = foreign::instead(name, place) {
             return error.help(instead);
+        }
+        if has_gradient && let Some(component) = foreign::component(name) {
+            return error.help(format!(
+                "a component is `{component}`; to have it as a name, define it: `{name} = {component}`"
+            ));
         }
         let reserved = RESERVED.iter().find(|(reserved, _)| *reserved == name);
         if let (Some((_, meaning)), true) = (reserved, self.ast.is_some()) {

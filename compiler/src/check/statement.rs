@@ -550,6 +550,13 @@ fn missing_factor(measure: Measure, d: usize, wanted: Dimension, found: Dimensio
 
 fn gathered_by_others(energy: &EnergyAst, name: &Ident) -> Diagnostic {
     let measure = &energy.measure.name;
+    if measure == "F" {
+        let message =
+            format!("an energy of `F` is one of `F` alone, not of `{}` beside it", name.name);
+        return Diagnostic::error("wrong-measure", name.span, message)
+            .label("one name too many")
+            .help(format!("write `psi(F) = ..`; its right side may hold `{}`", name.name));
+    }
     let message = format!("psi({measure}, {}) is no energy of bonds or points", name.name);
     Diagnostic::error("wrong-measure", energy.measure.span, message)
         .label("gathered values stand alone or behind `l`")

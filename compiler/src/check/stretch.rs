@@ -189,6 +189,7 @@ impl Elaborator<'_> {
         let message = match operator {
             Operator::Power => format!("cannot raise {p} to a power that is {q}"),
             Operator::Divide => format!("cannot divide {p} by {q}"),
+            Operator::Multiply => format!("cannot multiply {p} by {q}"),
             _ => format!("cannot combine {p} with {q} by `{}`", operator.name()),
         };
         self.report(Diagnostic::error("wrong-shape", span, message).help(

@@ -236,7 +236,13 @@ impl Elaborator<'_> {
 
     fn wrong_shapes(&mut self, operator: Operator, x: Value, y: Value, span: Span) {
         let (p, q) = (self.shape(x), self.shape(y));
+        let has_vector = [x, y].into_iter().any(|value| self.known_vector(value).is_some());
+        let of_vector = "sums of vectors are of vectors: `n + vector(..)`; `n*m` is a number, `dyad(n, m)` a tensor";
         let (what, help) = match operator {
+            Operator::Add if has_vector => (format!("cannot add {q} to {p}"), of_vector),
+            Operator::Subtract if has_vector => {
+                (format!("cannot subtract {q} from {p}"), of_vector)
+            }
             Operator::Add => {
                 (format!("cannot add {q} to {p}"), "a number times the unit tensor is `x*I`")
             }
@@ -472,7 +478,12 @@ impl Elaborator<'_> {
         self.report(
             Diagnostic::error("wrong-shape", self.arena[at].span, message)
                 .label(shape)
-                .help("tensors are `F`, `C`, `E`, `I` and what is made of them"),
+                .help(match self.known_vector(x) {
+                    Some(_) => {
+                        "the product of two vectors is `n*m`, their tensor `dyad(n, m)`; a vector has no transpose"
+                    }
+                    None => "tensors are `F`, `C`, `E`, `I` and what is made of them",
+                }),
         );
         None
     }

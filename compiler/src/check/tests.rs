@@ -199,7 +199,7 @@ fn what_is_no_vector_is_told_so() {
         ("parameter k = 1\npsi(F) = F(1, k)", "wrong-shape"),
         ("psi(F) = J(1)", "not-a-function"),
         ("k = 2\npsi(F) = k(1 + J)", "not-a-function"),
-        ("psi(F) = F(1, 2, 3)", "not-a-function"),
+        ("psi(F) = F(1, 2, 3)", "wrong-number-of-arguments"),
         ("n = vector(1, 2, 3)\npsi(F) = n(1, 2)*J", "wrong-number-of-arguments"),
         ("psi(l) = norm(l)", "unknown-name"),
     ] {

@@ -19,7 +19,7 @@ impl Elaborator<'_> {
     }
 
     /// The vector that a value is.
-    fn known_vector(&self, x: Value) -> Option<Tensor> {
+    pub(super) fn known_vector(&self, x: Value) -> Option<Tensor> {
         self.known_tensor(x).filter(|x| self.is_vector(x))
     }
 
@@ -48,7 +48,11 @@ impl Elaborator<'_> {
             self.report(
                 Diagnostic::error("wrong-number-of-arguments", span, message)
                     .label(format!("{} given in {d} dimensions", actual.len()))
-                    .help(format!("say for which dimensions the file is: `dimensions {}`", 5 - d)),
+                    .help(format!(
+                        "write `{name}({})`, or say for which dimensions the file is: `dimensions {}`",
+                        ["x", "y", "z"][..d].join(", "),
+                        5 - d
+                    )),
             );
             return None;
         }
@@ -63,6 +67,20 @@ impl Elaborator<'_> {
         Some(Tensor { components, quantity, uses })
     }
 
+    /// Whether one of these values is a tensor, and no vector; reports it if so.
+    fn refuse_tensors(&mut self, name: &str, actual: &[Value], given: &[ExprId]) -> Option<()> {
+        let is_other = |value: &&Value| value.is_tensor() && self.known_vector(**value).is_none();
+        let Some(wrong) = actual.iter().position(|value| is_other(&value)) else { return Some(()) };
+        let shape = self.shape(actual[wrong]);
+        let message = format!("`{name}` is made of vectors, this is {shape}");
+        self.report(
+            Diagnostic::error("wrong-shape", self.arena[given[wrong]].span, message)
+                .label(shape)
+                .help("write `dyad(n, m)` with `n = vector(..)`; the product of tensors is `A*B`"),
+        );
+        None
+    }
+
     /// `dyad(n, m)`, `dyad(n)`, or `dyad(x, y, z)` of the components of `n`.
     pub(super) fn dyad(&mut self, actual: &[Value], given: &[ExprId], span: Span) -> Option<Value> {
         let vectors: Option<Vec<Tensor>> =
@@ -71,6 +89,7 @@ impl Elaborator<'_> {
             Some([x]) => (x.clone(), x.clone()),
             Some([x, y]) => (x.clone(), y.clone()),
             _ => {
+                self.refuse_tensors("dyad", actual, given)?;
                 let x = self.of_components("dyad", actual, given, span)?;
                 (x.clone(), x)
             }
@@ -150,7 +169,12 @@ impl Elaborator<'_> {
     ) -> Option<Value> {
         let value = self.name(&name.name, name.span, &[])?;
         let Some(tensor) = self.known_tensor(value) else {
-            self.report(not_a_function(name));
+            let mut error = not_a_function(name);
+            if value.is_of_stretch() {
+                let help = "functions of `U` have no components; those of tensors are `C(1, 2)`, `F(1, 2)`";
+                error.helps = vec![help.into()];
+            }
+            self.report(error);
             return None;
         };
         let d = self.dimension;

@@ -133,8 +133,11 @@ fn absolute_value(failure: &Failure<'_>) -> Option<Diagnostic> {
     }
     let inside = &failure.rest()[1..];
     let help = match inside.find('|') {
-        Some(end @ 1..=40) => format!("write `abs({})`", inside[..end].trim()),
-        _ => "write `abs(x)`".into(),
+        Some(end @ 1..=40) => {
+            let inside = inside[..end].trim();
+            format!("write `abs({inside})`; of a vector or a tensor `norm({inside})`")
+        }
+        _ => "write `abs(x)`; the norm of a vector or a tensor is `norm(A)`".into(),
     };
     Some(failure.error("there are no bars for the absolute value").help(help))
 }

@@ -119,14 +119,12 @@ fn follows(finding: &Diagnostic, text: &str, lost: &[String]) -> bool {
     let Span { start, end } = finding.span;
     let name = spell_out(&text[start as usize..end as usize]);
     let word = |c: char| c.is_alphanumeric() || c == '_';
+    let is_of_gradient =
+        |line: &String| line.replace(' ', "").starts_with("psi(F") || line.contains("Xi");
     match finding.code {
         "no-energy" => true,
         // The line that is lost may be the one that brings tensors.
-        "unknown-name"
-            if foreign::is_of_tensors(&name) && lost.iter().any(|line| line.starts_with("psi")) =>
-        {
-            true
-        }
+        "unknown-name" if foreign::is_of_tensors(&name) && lost.iter().any(is_of_gradient) => true,
         "unknown-name" => {
             lost.iter().any(|line| line.split(|c| !word(c)).any(|written| written == name))
         }

@@ -228,8 +228,8 @@ impl Model {
         let entries: Vec<String> =
             entries.take_while(|entry| names.contains(&entry.as_str())).collect();
         let help = match suggest(name, names.iter().copied()) {
-            _ if !entries.is_empty() => format!(
-                "it is a vector: its entries are {}; in a scene write `{name} = [{}]`",
+            _ if entries.len() > 1 => format!(
+                "there are {}; in a scene `{name} = [{}]` gives them all",
                 entries.join(", "),
                 vec!["1.0"; entries.len()].join(", ")
             ),

@@ -85,8 +85,57 @@ pub enum ExprKind {
     },
 }
 
+impl Statement {
+    /// The outermost expressions that it holds, exponents of units among them.
+    pub fn expressions_mut(&mut self) -> Vec<&mut ExprId> {
+        match self {
+            Statement::Parameter(Parameter { defaults, constraints, unit, .. }) => {
+                defaults.iter_mut().chain(constraints).chain(exponents_mut(unit)).collect()
+            }
+            Statement::Definition(Definition { body, unit, .. }) => {
+                [body].into_iter().chain(exponents_mut(unit)).collect()
+            }
+            Statement::Update(Update { body, .. })
+            | Statement::Energy(Energy { body, .. })
+            | Statement::Dissipation(Energy { body, .. }) => vec![body],
+            Statement::Domain(Domain { quantity, lower, upper, .. }) => {
+                vec![quantity, &mut lower.value, &mut upper.value]
+            }
+            Statement::Break(Break { condition, .. }) => vec![condition],
+            Statement::Source(_)
+            | Statement::Import(..)
+            | Statement::Allow(_)
+            | Statement::Dimensions(_)
+            | Statement::Weights(_) => Vec::new(),
+        }
+    }
+
+    /// The same to read.
+    pub fn expressions(&self) -> Vec<ExprId> {
+        self.clone().expressions_mut().into_iter().map(|id| *id).collect()
+    }
+}
+
+fn exponents_mut(unit: &mut Option<Unit>) -> impl Iterator<Item = &mut ExprId> {
+    let factors = unit.iter_mut().flat_map(|unit| &mut unit.factors);
+    factors.filter_map(|factor| factor.exponent.as_mut())
+}
+
 impl ExprKind {
     /// The expressions that it is made of.
+    pub fn operands(&self) -> Vec<ExprId> {
+        match self {
+            ExprKind::Number(_) | ExprKind::Name(_) => Vec::new(),
+            ExprKind::Call { arguments, .. } => arguments.clone(),
+            ExprKind::Unary { operand, .. } | ExprKind::Table { argument: operand, .. } => {
+                vec![*operand]
+            }
+            ExprKind::Binary { left, right, .. } => vec![*left, *right],
+            ExprKind::If { condition, then, otherwise } => vec![*condition, *then, *otherwise],
+        }
+    }
+
+    /// The same to change.
     pub fn operands_mut(&mut self) -> Vec<&mut ExprId> {
         match self {
             ExprKind::Number(_) | ExprKind::Name(_) => Vec::new(),

@@ -132,6 +132,10 @@ fn e19_a_place_outside_the_declared_domain_of_j_is_named() {
         .expect(2)
         .says(&["declared for J"]);
     body("", "mu/2*(tr(C) - d - 2*ln(J))").expect(2).says(&["is not finite for the bond"]);
+    // A mirror has `tr(C) = d`: what else is declared is named where it may have been left.
+    body("domain tr(C) in (1, 3)\n", energy).expect(0);
+    let refused = body("domain tr(C) in (3, inf)\n", energy).expect(2);
+    refused.says(&["is not finite for the bond", "psi(F) is declared for tr(C) in (3, inf) alone"]);
 }
 
 #[test]

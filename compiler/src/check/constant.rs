@@ -4,7 +4,6 @@ use piola_grammar::ast::{ExprId, ExprKind, UnaryOperator};
 use rustc_hash::{FxHashMap, FxHashSet};
 
 use super::elaborate::{Arguments, Elaborator, Meaning, meaning, taken_branch};
-use super::names;
 use super::symbols::Symbol;
 use super::value::Constant;
 use crate::expression::number::Number;
@@ -86,7 +85,7 @@ impl Elaborator<'_> {
             }
             match taken_branch(&self.arena[id].kind, constants) {
                 Some(branch) => active.extend([branch]),
-                None => active.extend(names::children(&self.arena[id].kind)),
+                None => active.extend(self.arena[id].kind.operands()),
             }
         }
         active

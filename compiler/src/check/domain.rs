@@ -41,7 +41,7 @@ impl Builder<'_> {
                 self.elaborator.report(
                     Diagnostic::error("wrong-measure", span, message).label(label).help(
                         "write for instance `domain l/L in (0, 10]`, `domain J in (0, inf)` or \
-                         `domain tr(C) in [3, 33)`",
+                         `domain tr(C) in (0, 33)`",
                     ),
                 );
                 return;

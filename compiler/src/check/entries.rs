@@ -10,15 +10,15 @@ use std::collections::HashMap;
 use rustc_hash::FxHashMap;
 
 use piola_grammar::ast::{
-    Arena, Ast, BinaryOperator, Bound, Definition, Domain, ExprId, ExprKind, Ident, Parameter,
-    Statement, UnaryOperator, Unit, Update,
+    Arena, Ast, BinaryOperator, Definition, ExprId, ExprKind, Ident, Parameter, Statement,
+    UnaryOperator, Update,
 };
 use piola_grammar::names::entry;
 use piola_grammar::{Diagnostic, Span};
 
 use super::MAX_FINDINGS;
 use super::invariants;
-use super::names::{children, is_function, may_be_named, parts};
+use super::names::{is_function, may_be_named, parts};
 use super::symbols::{Symbol, Symbols};
 
 /// What sums up over entries.
@@ -136,48 +136,27 @@ impl<'a, 'e> Writer<'a, 'e> {
 
     /// Copies a statement; a vector's declaration and update become one for each entry.
     fn statement(&mut self, statement: &'a Statement, out: &mut Vec<Statement>) {
-        let scope = Scope::default();
         match statement {
             Statement::Parameter(parameter) => self.parameter(parameter, out),
             Statement::Update(update) => self.update(update, out),
-            Statement::Definition(definition) => {
-                let formals = definition.parameters.as_deref().unwrap_or(&[]);
-                let body = self.copy(definition.body, &Scope { formals, ..scope });
-                let unit = definition.unit.as_ref().map(|unit| self.unit(unit));
-                let definition = Definition { body, unit, ..definition.clone() };
-                out.push(Statement::Definition(definition));
+            Statement::Definition(Definition { parameters: Some(formals), .. }) => {
+                let scope = Scope { formals, ..Scope::default() };
+                out.push(self.with_expressions(statement.clone(), &scope));
             }
-            Statement::Energy(energy) => {
-                let body = self.copy(energy.body, &scope);
-                out.push(Statement::Energy(piola_grammar::ast::Energy { body, ..energy.clone() }));
-            }
-            Statement::Dissipation(potential) => {
-                let body = self.copy(potential.body, &scope);
-                let potential = piola_grammar::ast::Energy { body, ..potential.clone() };
-                out.push(Statement::Dissipation(potential));
-            }
-            Statement::Domain(domain) => {
-                let quantity = self.copy(domain.quantity, &scope);
-                let mut bound =
-                    |of: &Bound| Bound { value: self.copy(of.value, &scope), ..of.clone() };
-                let (lower, upper) = (bound(&domain.lower), bound(&domain.upper));
-                out.push(Statement::Domain(Domain { quantity, lower, upper, span: domain.span }));
-            }
-            Statement::Break(breaking) => {
-                let condition = self.copy(breaking.condition, &scope);
-                let breaking = piola_grammar::ast::Break { condition, ..breaking.clone() };
-                out.push(Statement::Break(breaking));
-            }
-            Statement::Source(_)
-            | Statement::Import(..)
-            | Statement::Allow(_)
-            | Statement::Dimensions(_)
-            | Statement::Weights(_) => out.push(statement.clone()),
+            other => out.push(self.with_expressions(other.clone(), &Scope::default())),
         }
     }
 
+    /// A statement whose expressions are copied.
+    fn with_expressions(&mut self, mut statement: Statement, scope: &Scope<'a>) -> Statement {
+        for expression in statement.expressions_mut() {
+            *expression = self.copy(*expression, scope);
+        }
+        statement
+    }
+
     fn parameter(&mut self, parameter: &'a Parameter, out: &mut Vec<Statement>) {
-        let Parameter { name, size, defaults, constraints, .. } = parameter;
+        let Parameter { name, size, defaults, .. } = parameter;
         let n = size.map_or(1, |(size, _)| size);
         if size.is_some() && may_be_named(name, self.errors) {
             self.refuse_second(name);
@@ -201,18 +180,15 @@ impl<'a, 'e> Writer<'a, 'e> {
         }
         for k in 1..=n {
             let own = size.map(|_| k);
-            let scope = Scope { own, ..Scope::default() };
             let default = defaults.get(k as usize - 1).or(defaults.first());
-            let default = default.map(|default| self.copy(*default, &Scope::default()));
             let mut entry_of = parameter.clone();
             entry_of.size = None;
-            entry_of.defaults = default.into_iter().collect();
-            entry_of.constraints = constraints.iter().map(|c| self.copy(*c, &scope)).collect();
-            entry_of.unit = parameter.unit.as_ref().map(|unit| self.unit(unit));
+            entry_of.defaults = default.copied().into_iter().collect();
             if let Some(k) = own {
                 entry_of.name.name = entry(&name.name, k);
             }
-            out.push(Statement::Parameter(entry_of));
+            let scope = Scope { own, ..Scope::default() };
+            out.push(self.with_expressions(Statement::Parameter(entry_of), &scope));
         }
     }
 
@@ -264,22 +240,13 @@ impl<'a, 'e> Writer<'a, 'e> {
         }
     }
 
-    fn unit(&mut self, unit: &Unit) -> Unit {
-        let mut unit = unit.clone();
-        for factor in &mut unit.factors {
-            let exponent = factor.exponent.map(|exponent| self.copy(exponent, &Scope::default()));
-            factor.exponent = exponent;
-        }
-        unit
-    }
-
     /// Copies an expression; entries become names, sums become terms.
     fn copy(&mut self, root: ExprId, scope: &Scope<'a>) -> ExprId {
         let (mut order, mut wanted) = (Vec::new(), vec![root]);
         while let Some(id) = wanted.pop() {
             order.push(id);
             if !self.is_own(&self.old.arena[id].kind, scope) {
-                wanted.extend(children(&self.old.arena[id].kind));
+                wanted.extend(self.old.arena[id].kind.operands());
             }
         }
         // A tree is written to the arena as it is parsed, operands first.

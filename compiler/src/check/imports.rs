@@ -79,6 +79,9 @@ impl Imports {
 
     /// Finds which statements of the files are used, from what the potential names.
     fn find_used(&mut self, ast: &Ast) {
+        if self.files.is_empty() {
+            return;
+        }
         let mut names = FxHashSet::default();
         for statement in &ast.statements {
             names.extend(free_names(&ast.arena, statement));
@@ -171,7 +174,7 @@ fn free_names(arena: &Arena, statement: &Statement) -> FxHashSet<String> {
         Statement::Update(Update { index: Some(index), .. }) => bound.push(name_of(index)),
         _ => {}
     }
-    for id in roots(statement).into_iter().flat_map(|root| parts(arena, root)) {
+    for id in statement.expressions().into_iter().flat_map(|root| parts(arena, root)) {
         match &arena[id].kind {
             ExprKind::Name(name) => drop(names.insert(name.clone())),
             ExprKind::Call { function, arguments } => {
@@ -247,12 +250,11 @@ impl Reader<'_, '_> {
             return None;
         }
         open.push(path.clone());
-        let folder = path.rsplit_once('/').map_or("", |(folder, _)| folder);
         let mut brings = Vec::new();
         for statement in &ast.statements {
             if let Statement::Import(file, own) = statement {
                 let own = own.shifted(base);
-                brings.push(self.import(&file.text, folder, own, at, open));
+                brings.push(self.import(&file.text, folder_of(&path), own, at, open));
             }
         }
         open.pop();
@@ -274,6 +276,11 @@ impl Reader<'_, '_> {
 /// The path of a file that one in a folder names.
 fn beside(folder: &str, name: &str) -> String {
     if folder.is_empty() { name.to_string() } else { format!("{folder}/{name}") }
+}
+
+/// The folder of a file.
+fn folder_of(path: &str) -> &str {
+    path.rsplit_once('/').map_or("", |(folder, _)| folder)
 }
 
 /// `strains.piola:3:5`
@@ -316,32 +323,6 @@ fn is_one_of(parameter: &Parameter, names: &FxHashSet<String>) -> bool {
     names.contains(name) || (1..=n_entries).any(|k| names.contains(&entry(name, k)))
 }
 
-/// The expressions of a statement.
-fn roots(statement: &Statement) -> Vec<ExprId> {
-    match statement {
-        Statement::Parameter(parameter) => {
-            let all = parameter.defaults.iter().chain(&parameter.constraints);
-            all.copied().chain(exponents(&parameter.unit)).collect()
-        }
-        Statement::Definition(definition) => {
-            [definition.body].into_iter().chain(exponents(&definition.unit)).collect()
-        }
-        Statement::Update(update) => vec![update.body],
-        Statement::Energy(energy) | Statement::Dissipation(energy) => vec![energy.body],
-        Statement::Domain(domain) => vec![domain.quantity, domain.lower.value, domain.upper.value],
-        Statement::Break(breaking) => vec![breaking.condition],
-        Statement::Source(_)
-        | Statement::Import(..)
-        | Statement::Allow(_)
-        | Statement::Dimensions(_)
-        | Statement::Weights(_) => Vec::new(),
-    }
-}
-
-fn exponents(unit: &Option<Unit>) -> impl Iterator<Item = ExprId> + '_ {
-    unit.iter().flat_map(|unit| &unit.factors).filter_map(|factor| factor.exponent)
-}
-
 /// A tree that grows by what is imported.
 struct Merged<'i> {
     imports: &'i Imports,
@@ -376,34 +357,32 @@ impl Merged<'_> {
     }
 
     fn statement(&mut self, import: &Import, mut statement: Statement) -> Statement {
-        let mut moved = FxHashMap::default();
-        for root in roots(&statement) {
-            self.expression(import, root, &mut moved);
+        for root in statement.expressions_mut() {
+            *root = self.expression(import, *root);
         }
-        let id = |id: &mut ExprId| *id = moved[id];
         let mut spans: Vec<&mut Span> = Vec::new();
-        match &mut statement {
-            Statement::Parameter(parameter) => {
-                let Parameter { name, size, defaults, unit, constraints, description, .. } =
-                    parameter;
-                defaults.iter_mut().chain(constraints).for_each(id);
+        let unit = match &mut statement {
+            Statement::Parameter(Parameter { name, size, unit, description, .. }) => {
                 spans.push(&mut name.span);
                 spans.extend(size.as_mut().map(|(_, span)| span));
                 spans.extend(description.as_mut().map(|text| &mut text.span));
-                unit.iter_mut().for_each(|unit| move_unit(unit, &moved, &mut spans));
+                unit.as_mut()
             }
-            Statement::Definition(Definition { name, parameters, body, unit }) => {
-                id(body);
+            Statement::Definition(Definition { name, parameters, unit, .. }) => {
                 spans.push(&mut name.span);
                 spans.extend(parameters.iter_mut().flatten().map(|formal| &mut formal.span));
-                unit.iter_mut().for_each(|unit| move_unit(unit, &moved, &mut spans));
+                unit.as_mut()
             }
-            Statement::Update(Update { state, index, body, span }) => {
-                id(body);
+            Statement::Update(Update { state, index, span, .. }) => {
                 spans.extend([&mut state.span, span]);
                 spans.extend(index.as_mut().map(|index| &mut index.span));
+                None
             }
-            _ => {}
+            _ => None,
+        };
+        if let Some(Unit { factors, span }) = unit {
+            spans.push(span);
+            spans.extend(factors.iter_mut().map(|factor| &mut factor.name.span));
         }
         for span in spans {
             *span = self.place(import, *span);
@@ -412,7 +391,8 @@ impl Merged<'_> {
     }
 
     /// Adds an expression with all its parts.
-    fn expression(&mut self, import: &Import, root: ExprId, moved: &mut FxHashMap<ExprId, ExprId>) {
+    fn expression(&mut self, import: &Import, root: ExprId) -> ExprId {
+        let mut moved = FxHashMap::default();
         for id in parts(&import.ast.arena, root) {
             let expression = &import.ast.arena[id];
             let mut kind = expression.kind.clone();
@@ -422,8 +402,7 @@ impl Merged<'_> {
                     function.span = self.place(import, function.span)
                 }
                 ExprKind::Table { file: Text { text, span }, .. } => {
-                    let folder = import.path.rsplit_once('/').map_or("", |(folder, _)| folder);
-                    *text = beside(folder, text);
+                    *text = beside(folder_of(&import.path), text);
                     *span = self.place(import, *span);
                 }
                 _ => {}
@@ -431,20 +410,6 @@ impl Merged<'_> {
             let span = self.place(import, expression.span);
             moved.insert(id, self.arena.push(kind, span));
         }
-    }
-}
-
-/// Moves the exponents of a unit, and gathers its places.
-fn move_unit<'u>(
-    unit: &'u mut Unit,
-    moved: &FxHashMap<ExprId, ExprId>,
-    spans: &mut Vec<&'u mut Span>,
-) {
-    spans.push(&mut unit.span);
-    for factor in &mut unit.factors {
-        spans.push(&mut factor.name.span);
-        if let Some(exponent) = &mut factor.exponent {
-            *exponent = moved[exponent];
-        }
+        moved[&root]
     }
 }

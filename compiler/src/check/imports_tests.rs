@@ -39,7 +39,7 @@ fn check(text: &str) -> Result<(String, Model), Vec<Told>> {
     let checked = check_text_with(&text, &read);
     checked.map(|(ast, model)| (piola_grammar::print(&ast), model)).map_err(|found| {
         let told = |f: piola_grammar::Diagnostic| {
-            f.notes.iter().for_each(|note| drop(text[note.span.range()].to_string()));
+            assert!(f.notes.iter().all(|note| text.get(note.span.range()).is_some()), "{f:?}");
             (f.code, f.message, text[f.span.range()].to_string())
         };
         found.into_iter().map(told).collect()
@@ -137,6 +137,7 @@ fn what_is_wrong_is_told_with_its_place() {
             "S",
         ),
         ("psi(l) = S(l)\nimport \"strains.piola\"", "unknown-name", "unknown function `S`", "S"),
+        ("import strains\npsi(l) = S(l)", "syntax", "stands in quotes", "strains"),
         ("import \"strains.piola\"\npsi(l) = T(l)", "unknown-name", "unknown function `T`", "T"),
     ] {
         let found = check(text).expect_err(text);

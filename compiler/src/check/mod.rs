@@ -40,6 +40,8 @@ mod value;
 mod vector;
 
 use std::borrow::Cow;
+use std::cell::RefCell;
+use std::collections::HashMap;
 
 use piola_grammar::{Ast, Diagnostic, Reading, Span, read, spell_out};
 
@@ -125,6 +127,8 @@ fn follows(finding: &Diagnostic, text: &str, lost: &[String]) -> bool {
         "no-energy" => true,
         // The line that is lost may be the one that brings tensors.
         "unknown-name" if foreign::is_of_tensors(&name) && lost.iter().any(is_of_gradient) => true,
+        // So may an import.
+        "unknown-name" if lost.iter().any(|line| line.starts_with("import")) => true,
         "unknown-name" => {
             lost.iter().any(|line| line.split(|c| !word(c)).any(|written| written == name))
         }
@@ -146,6 +150,16 @@ fn check_with<'a>(
     files: Files<'_>,
 ) -> Result<(Cow<'a, Ast>, Model), Vec<Diagnostic>> {
     let mut errors = Vec::new();
+    // What is imported is checked twice, and its tables are read once.
+    let known = RefCell::new(HashMap::new());
+    let files = &|name: &str| {
+        let found = known.borrow().get(name).cloned();
+        found.unwrap_or_else(|| {
+            let read = files(name);
+            known.borrow_mut().insert(name.to_string(), read.clone());
+            read
+        })
+    };
     let imports = Imports::read(ast, length, files, &mut errors);
     let merged = match imports.merged(ast, false) {
         Cow::Borrowed(alone) => return check_whole(alone, files, errors),

@@ -497,22 +497,9 @@ pub(crate) fn parts(arena: &Arena, root: ExprId) -> Vec<ExprId> {
     let mut wanted = vec![root];
     while let Some(id) = wanted.pop() {
         parts.push(id);
-        wanted.extend(children(&arena[id].kind));
+        wanted.extend(arena[id].kind.operands());
     }
     // A tree is written to the arena as it is parsed, operands first.
     parts.sort_unstable();
     parts
-}
-
-/// The operands of an expression.
-pub(crate) fn children(kind: &ExprKind) -> Vec<ExprId> {
-    match kind {
-        ExprKind::Number(_) | ExprKind::Name(_) => Vec::new(),
-        ExprKind::Call { arguments, .. } => arguments.clone(),
-        ExprKind::Unary { operand, .. } | ExprKind::Table { argument: operand, .. } => {
-            vec![*operand]
-        }
-        ExprKind::Binary { left, right, .. } => vec![*left, *right],
-        ExprKind::If { condition, then, otherwise } => vec![*condition, *then, *otherwise],
-    }
 }

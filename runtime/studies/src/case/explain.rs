@@ -107,21 +107,19 @@ pub(crate) fn explain(case: &Case, found: &NonFinite) -> String {
 
 /// The declared domain of psi(F) that does not hold this volume ratio.
 fn left_domain(case: &Case, j: f64) -> Option<&Interval> {
-    let of_gradient = piola_compiler::Argument::Gradient;
+    domains_of_gradients(case).find(|domain| domain.of_volume_ratio && !domain.contains(j))
+}
+
+/// The declared domains of psi(F).
+fn domains_of_gradients(case: &Case) -> impl Iterator<Item = &Interval> {
     let variants = case.potentials.iter().filter_map(|p| p.model.variant(case.body.dimension()));
-    let mut domains = variants.flat_map(|variant| &variant.domains);
-    domains.find(|domain| {
-        domain.argument == of_gradient && domain.of_volume_ratio && !domain.contains(j)
-    })
+    let domains = variants.flat_map(|variant| &variant.domains);
+    domains.filter(|domain| domain.argument == piola_compiler::Argument::Gradient)
 }
 
 /// What else psi(F) is declared for, where it may have been left.
 fn other_domains(case: &Case) -> String {
-    let variants = case.potentials.iter().filter_map(|p| p.model.variant(case.body.dimension()));
-    let domains = variants.flat_map(|variant| &variant.domains);
-    let others = domains.filter(|domain| {
-        domain.argument == piola_compiler::Argument::Gradient && !domain.of_volume_ratio
-    });
+    let others = domains_of_gradients(case).filter(|domain| !domain.of_volume_ratio);
     others.map(|domain| format!("; psi(F) is declared for {domain} alone")).collect()
 }
 

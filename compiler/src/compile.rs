@@ -4,7 +4,7 @@
 //! and a list of what is not modelled.
 
 use crate::coupled::CoupledKernel;
-use crate::gathered::GatheredKernels;
+use crate::gathered::{GatheredKernels, VectorKernels};
 use crate::kernel::{Kernel, Mode};
 use crate::model::Model;
 use crate::point::GradientKernel;
@@ -20,6 +20,8 @@ pub struct Compiled {
     pub gradient: Option<GradientKernel>,
     /// Of gathered values, with the integrals that gather them.
     pub gathered: Option<GatheredKernels>,
+    /// Of what points gather of vectors, with what gathers it: in the place of [`Compiled::gathered`].
+    pub vectors: Option<VectorKernels>,
     /// Of several measures of triangles or of tetrahedra: at most one each.
     pub coupled: Vec<CoupledKernel>,
     /// What is not modelled, and why.
@@ -75,6 +77,9 @@ impl Model {
             let dropped = match kind {
                 Kind::Measures => self.compile_measures(values, mode, form, &mut compiled.kernels),
                 Kind::Gradient => self.compile_gradient(values, mode, form, &mut compiled.gradient),
+                Kind::Gathered if self.gathers_vectors() => {
+                    self.compile_vectors(values, (mode, form), &mut compiled.vectors)
+                }
                 Kind::Gathered => self.compile_gathered(values, mode, form, &mut compiled.gathered),
                 Kind::Coupled => self.compile_coupled(values, mode, form, &mut compiled.coupled),
             };

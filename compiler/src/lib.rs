@@ -55,7 +55,8 @@ pub use coupled::{CoupledBatch, CoupledKernel, MAX_VARIABLES};
 pub use density::DensityForm;
 pub use formula::{CompiledFormula, Formula};
 pub use gathered::{
-    GatheredBatch, GatheredCriterion, GatheredKernel, GatheredKernels, GatheredNextState, Integrand,
+    FamilyBatch, FamilyKernel, GatheredBatch, GatheredCriterion, GatheredKernel, GatheredKernels,
+    GatheredNextState, Integrand, Slot, VectorKernels, WrittenFamily,
 };
 pub use kernel::{Batch, Derivatives, Kernel, Level, Mode, Order, Outputs, WrittenEnergy};
 pub use lint::{LINTS, Lint};

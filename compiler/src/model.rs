@@ -112,6 +112,9 @@ pub struct Variant {
     pub family_updates: Vec<Update<OfFamily>>,
     /// Whether anything depends on the direction that a bond has at rest.
     pub sees_directions: bool,
+    /// Whether points gather vectors and tensors: an integrand or an energy of what is gathered holds `xi`, is
+    /// another for `-Xi`, or holds what the other end of a bond gathers.
+    pub gathers_vectors: bool,
     /// Numbers and components of tensors that depend on the deformation, and what they are in the text,
     /// the innermost expressions first.
     pub(crate) stated: Vec<(NodeId, Stated)>,
@@ -144,11 +147,15 @@ pub struct GradientEnergy {
     pub text: String,
 }
 
-/// One integral over the family of a point, `sum_j V_j g(l_ij, L_ij)`.
+/// One number that points gather: an integral over the family, `sum_j V_j g(xi_ij, Xi_ij)`, or a function of
+/// such integrals.
 #[derive(Clone, Debug)]
 pub struct Integral {
-    /// The integrand `g` in the variant's graph, a function of `l` and `L`.
+    /// In the variant's graph: the integrand `g`, a function of `l`, `L`, `xi` and `Xi`; or the function of
+    /// numbers before this one.
     pub root: NodeId,
+    /// Whether it is a function of others: a component of a tensor that heads of energies name.
+    pub is_function: bool,
     /// Its place.
     pub span: Span,
     /// The integrand as written, in canonical spelling.
@@ -394,6 +401,11 @@ impl Model {
     /// Whether there is an energy of gathered values, such as `psi(theta)` or `psi(l, m)`.
     pub fn has_gathered_energy(&self) -> bool {
         !self.variants[0].gathered_energies.is_empty()
+    }
+
+    /// Whether points gather vectors and tensors, in some dimension.
+    pub fn gathers_vectors(&self) -> bool {
+        self.variants.iter().any(|variant| variant.gathers_vectors)
     }
 
     /// The conditions of measures under which bonds, triangles and tetrahedra break, as written.

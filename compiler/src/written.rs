@@ -40,10 +40,15 @@ impl Written {
 
     /// The energy over any number type, from its inputs.
     pub(crate) fn sum<N: Number>(&self, input: impl Fn(Input) -> N) -> N {
+        let terms = self.terms(input).into_iter();
+        terms.reduce(|sum, term| N::binary(Operator::Add, sum, term)).unwrap_or(N::constant(0.0))
+    }
+
+    /// The energies one by one.
+    pub(crate) fn terms<N: Number>(&self, input: impl Fn(Input) -> N) -> Vec<N> {
         let mut interpreter = Interpreter::new();
         interpreter.run(&self.graph, input);
-        let terms = self.roots.iter().map(|root| interpreter.number(*root));
-        terms.reduce(|sum, term| N::binary(Operator::Add, sum, term)).unwrap_or(N::constant(0.0))
+        self.roots.iter().map(|root| interpreter.number(*root)).collect()
     }
 
     /// Inputs that are no variables: the checker makes no others but parameters and the horizon. Fields

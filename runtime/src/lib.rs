@@ -17,7 +17,7 @@
 
 pub use piola_mechanics::{
     assembly, body, deformation, dissipation, energy, fracture, geometry, interaction, kernel,
-    lattice, materials, matrix, neighborhood, sheet, states, surface, weights, words,
+    lattice, materials, matrix, neighborhood, sheet, states, surface, vectors, weights, words,
 };
 pub use piola_output as output;
 pub use piola_solvers as solve;

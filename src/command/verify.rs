@@ -127,7 +127,10 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
         Subject::Argument(Argument::Gradient) => {
             ("gradients", "largest errors in u = 2^-53 of the norm", 0)
         }
-        Subject::Gathered(_) | Subject::Margin(..) | Subject::NextState(..) => {
+        Subject::Gathered(_)
+        | Subject::Gathering(_)
+        | Subject::Margin(..)
+        | Subject::NextState(..) => {
             ("points", "largest errors against hyper-dual numbers in u = 2^-53", 0)
         }
         Subject::Coupled(..) => ("points", "largest errors in u = 2^-53 of the largest part", 0),
@@ -142,6 +145,7 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
     let (verdict, bits) = (verdict(found), bits(found, places));
     let head = match &found.subject {
         Subject::Dissipation(_) => "dissipation(l)".to_string(),
+        Subject::Gathering(text) => text.clone(),
         subject => format!("psi({})", subject.symbol()),
     };
     let orders = found.subject.orders();

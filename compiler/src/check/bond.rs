@@ -20,7 +20,7 @@ use crate::expression::number::Number as _;
 use crate::expression::precise::Precise;
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator};
 use crate::measure::Measure;
-use crate::model::CoupledEnergy;
+use crate::model::{CoupledEnergy, OfFamily};
 use crate::verify::sample::Random;
 
 /// At how many places two expressions are held against each other.
@@ -262,15 +262,6 @@ fn power_of_odd(power: f64) -> Parity {
 impl Builder<'_> {
     /// `psi(xi) = ..`
     pub(super) fn vector_energy(&mut self, energy: &EnergyAst) {
-        if let Some(name) = energy.gathered.first() {
-            let message = format!("psi({BOND_NOW}, {}) is no energy of bonds", name.name);
-            let error = Diagnostic::error("wrong-measure", name.span, message);
-            self.elaborator.report(error.label("`xi` stands alone in the head").help(format!(
-                "write `psi({BOND_NOW}) = ..`: it may hold `l`, too; and what is gathered in an energy of its \
-                 own, `psi(l, theta) = ..`"
-            )));
-            return;
-        }
         if !matches!(self.elaborator.symbols.get(BOND), Some(Symbol::Bond(_))) {
             let message =
                 format!("`{BOND}` is the vector of a bond at rest in a file with psi({BOND_NOW})");
@@ -342,6 +333,7 @@ impl Builder<'_> {
         };
         let places = self.places();
         let parities = parities(graph, is_direction);
+        let by_ends = self.seen_from_ends();
         let mut errors = Vec::new();
         for place in &places {
             let held = seen(place.root);
@@ -350,6 +342,12 @@ impl Builder<'_> {
             }
             let is_at_rest = |input: &Input| matches!(input, Input::Parameter(_));
             self.variant.sees_directions |= held.iter().any(is_at_rest);
+            let moves = !held.iter().all(is_at_rest);
+            let is_by_ends = by_ends.contains(&(place.root, place.span));
+            if is_by_ends && moves {
+                self.variant.gathers_vectors = true;
+                continue;
+            }
             let parity = parities[place.root.0 as usize];
             let is_even = match parity {
                 Parity::Even => true,
@@ -360,6 +358,10 @@ impl Builder<'_> {
                 }
             };
             if is_even {
+                continue;
+            }
+            if is_by_ends {
+                self.variant.gathers_vectors = true;
                 continue;
             }
             let what = &place.what;
@@ -375,6 +377,46 @@ impl Builder<'_> {
             errors.push(error);
         }
         errors.into_iter().for_each(|error| self.elaborator.report(error));
+    }
+
+    /// What both ends of a bond see apart, by its root and its place: integrands, and energies of bonds with
+    /// what their point gathers.
+    fn seen_from_ends(&self) -> Vec<(NodeId, Span)> {
+        let integrals = self.variant.integrals.iter().filter(|one| !one.is_function);
+        let energies = self.variant.gathered_energies.iter().filter(|one| one.of_bonds);
+        let integrals = integrals.map(|one| (one.root, one.span));
+        integrals.chain(energies.map(|one| (one.root, one.span))).collect()
+    }
+
+    /// Finds out whether points gather vectors and tensors, and refuses what is not there for these.
+    pub(super) fn check_vectors(&mut self) {
+        let variant = &self.variant;
+        let energies: Vec<NodeId> = variant.gathered_energies.iter().map(|one| one.root).collect();
+        let is_neighbour = |input: Input| matches!(input, Input::Neighbour(_));
+        let holds_neighbour = self.elaborator.holds(&energies, is_neighbour);
+        let has_functions = variant.integrals.iter().any(|one| one.is_function);
+        self.variant.gathers_vectors |= holds_neighbour || has_functions;
+        if !self.variant.gathers_vectors {
+            return;
+        }
+        self.variant.sees_directions = true;
+        let of_points = |of: &OfFamily| *of != OfFamily::Gradient;
+        let breaks = self.variant.family_breaks.iter().filter(|one| of_points(&one.of));
+        let updates = self.variant.family_updates.iter().filter(|one| of_points(&one.of));
+        let spans: Vec<(Span, &str)> = breaks
+            .map(|one| (one.span, "a condition"))
+            .chain(updates.map(|one| (one.span, "an update")))
+            .collect();
+        for (span, what) in spans {
+            let message = format!("{what} cannot hold what points gather of vectors");
+            let error = Diagnostic::error("wrong-measure", span, message).label(
+                "an integral here is one of a file whose integrals or energies hold vectors",
+            );
+            self.elaborator.report(error.help(
+                "hold lengths of bonds instead, or move the energies of vectors and tensors to a potential of \
+                 their own",
+            ));
+        }
     }
 }
 
@@ -431,7 +473,7 @@ mod tests {
                 "{other}"
             );
         }
-        for line in ["break when n*Xi > L/2", "update k = max(k, n*Xi)", "m = integral(n*Xi)"] {
+        for line in ["break when n*Xi > L/2", "update k = max(k, n*Xi)"] {
             let lines = format!("state k = 0\n{line}\npsi(l) = k*(l - L)^2");
             assert_eq!(found(&lines), ["wrong-measure"], "{line}");
         }

@@ -5,6 +5,7 @@ use piola_grammar::ast::{Ast, ExprId, Ident, Statement};
 
 use super::dissipation;
 use super::elaborate::{Elaborator, MAX_CALL_DEPTH};
+use super::names::NEIGHBOUR;
 use super::symbols::{Symbol, TensorFunction};
 use super::value::{Kind, Value};
 use crate::expression::{Function, Node, Operator};
@@ -43,6 +44,9 @@ impl<'a> Elaborator<'a> {
         }
         if function.name == dissipation::NAME {
             return self.rate(actual[0], given[0], span);
+        }
+        if function.name == NEIGHBOUR {
+            return self.neighbour(actual[0], given[0], span);
         }
         let Some(operator) = Operator::named(&function.name) else {
             return self.integral(actual[0], given[0], span);

@@ -12,6 +12,7 @@ use piola_grammar::{Diagnostic, ExpressionAst, Span};
 
 use super::MAX_FINDINGS;
 use super::dimension::Dimension;
+use super::gathered::Gathered;
 use super::names::{self, parts};
 use super::symbols::{Symbol, Symbols};
 use super::texts::Texts;
@@ -42,8 +43,8 @@ pub(crate) struct Elaborator<'a> {
     pub(super) values: FxHashMap<usize, Option<Value>>,
     pub(super) calls: FxHashMap<(usize, Vec<Value>), Option<Value>>,
     pub(super) call_sites: Vec<(Span, String)>,
-    /// The integrals met so far: integrands, where they stand, and their roots in the graph.
-    pub(super) integrals: Vec<(ExprId, NodeId)>,
+    /// What points gather, as far as it was met.
+    pub(super) integrals: Vec<Gathered>,
     /// The functions of `U` of which traces were met so far.
     pub(super) traces: Vec<NodeId>,
     /// What stands where in the text.
@@ -264,6 +265,7 @@ impl<'a> Elaborator<'a> {
         if let Some(unit) = &definition.unit {
             value = value.and_then(|value| self.in_unit(value, definition.body, unit));
         }
+        value = value.and_then(|value| self.gathered_value(value, definition));
         self.values.insert(number, value);
     }
 

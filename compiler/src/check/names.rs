@@ -16,7 +16,10 @@ use crate::expression::{Function, Operator};
 const MAX_FORMALS: usize = 100;
 
 /// What gathers over the family of a point.
-const INTEGRAL: &str = "integral";
+pub(super) const INTEGRAL: &str = "integral";
+
+/// What the other end of a bond gathers.
+pub(super) const NEIGHBOUR: &str = "neighbour";
 
 /// Among more names than this none is looked for that may have been meant.
 const MAX_CANDIDATES: usize = 2000;
@@ -214,7 +217,7 @@ pub(super) fn is_function(name: &str) -> bool {
     Function::named(name).is_some()
         || Operator::named(name).is_some()
         || TensorFunction::named(name).is_some()
-        || matches!(name, INTEGRAL | dissipation::NAME)
+        || matches!(name, INTEGRAL | NEIGHBOUR | dissipation::NAME)
 }
 
 /// Whether a name is free for what a file defines; reports it if not.
@@ -375,7 +378,8 @@ impl Checker<'_> {
 
     fn is_builtin(&self, name: &str) -> bool {
         let tensors = self.scope.symbols.tensors && TensorFunction::named(name).is_some();
-        let of_bonds = matches!(name, INTEGRAL | dissipation::NAME) && self.ast.is_some();
+        let of_bonds =
+            matches!(name, INTEGRAL | NEIGHBOUR | dissipation::NAME) && self.ast.is_some();
         let function = Function::named(name).is_some() || Operator::named(name).is_some();
         tensors || of_bonds || function
     }
@@ -419,8 +423,9 @@ impl Checker<'_> {
             return error.help(format!("`{name}` is {meaning} and cannot be used here"));
         }
         let known = self.known_names();
-        let integral = (what == "function" && self.ast.is_some()).then_some(INTEGRAL);
-        if let Some(near) = suggest(name, known.iter().copied().chain(integral)) {
+        let of_families =
+            if what == "function" && self.ast.is_some() { &[INTEGRAL, NEIGHBOUR][..] } else { &[] };
+        if let Some(near) = suggest(name, known.iter().chain(of_families).copied()) {
             error.help(format!("did you mean `{near}`?"))
         } else if self.ast.is_some() && name == "J" {
             // Other names of gradients are those of parameters more often.

@@ -52,6 +52,7 @@ pub(crate) fn model(
         builder.variant.traces = builder.elaborator.traces.clone();
         builder.check_states();
         builder.check_directions();
+        builder.check_vectors();
         builder.check_gathered();
         builder.check_rates();
         builder.variant.stated = std::mem::take(&mut builder.elaborator.stated.all);
@@ -289,6 +290,7 @@ impl<'a> Builder<'a> {
                 updates: Vec::new(),
                 family_updates: Vec::new(),
                 sees_directions: false,
+                gathers_vectors: false,
                 stated: Vec::new(),
                 graph: ExprGraph::new(),
                 conditions: Conditions::default(),
@@ -356,7 +358,7 @@ impl<'a> Builder<'a> {
     }
 
     fn energy(&mut self, energy: &EnergyAst) {
-        if is_of_vector(self.ast, energy) {
+        if is_of_vector(self.ast, energy) && energy.gathered.is_empty() {
             self.vector_energy(energy);
             return;
         }
@@ -368,7 +370,7 @@ impl<'a> Builder<'a> {
             self.elaborator.symbols.get(&energy.measure.name),
             Some(Symbol::Value(_) | Symbol::Function(_) | Symbol::Parameter(_))
         );
-        let of_bonds = energy.measure.name == "l";
+        let of_bonds = energy.measure.name == "l" || is_of_vector(self.ast, energy);
         if is_defined || (of_bonds && !energy.gathered.is_empty()) {
             self.gathered_energy(energy);
             return;

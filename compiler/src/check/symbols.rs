@@ -6,6 +6,7 @@ use std::rc::Rc;
 
 use piola_grammar::ast::{Ast, Energy, ExprId, ExprKind, Statement};
 
+use super::names::INTEGRAL;
 use super::table::Table;
 use crate::clique::Part;
 use crate::measure::Measure;
@@ -83,13 +84,18 @@ impl<'a> Symbols<'a> {
         );
         let is_of_vector =
             |s: &Statement| matches!(s, Statement::Energy(energy) if is_of_vector(ast, energy));
-        let moves_bond = ast.statements.iter().any(is_of_vector);
+        let gathers = is_named(ast, INTEGRAL);
+        let moves_bond = ast.statements.iter().any(is_of_vector)
+            || gathers && is_named(ast, BOND_NOW) && !is_defined(ast, BOND_NOW);
         let sees_bond = moves_bond || is_named(ast, BOND);
         let mut symbols = Symbols { tensors: tensors || sees_bond, ..Symbols::default() };
         if tensors {
             for (name, which) in Kinematic::NAMED {
                 symbols.names.insert(name, Symbol::Kinematic(which));
             }
+        }
+        if gathers && sees_bond {
+            symbols.names.insert("I", Symbol::Kinematic(Kinematic::Identity));
         }
         for measure in Measure::ALL {
             symbols.names.insert(measure.symbol(), Symbol::Current(measure));

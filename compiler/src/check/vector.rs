@@ -96,7 +96,12 @@ impl Elaborator<'_> {
         };
         let d = self.dimension;
         let mut components = Vec::with_capacity(d * d);
+        let is_symmetric = x.components == y.components;
         for k in 0..d * d {
+            if is_symmetric && k % d < k / d {
+                components.push(components[k % d * d + k / d]);
+                continue;
+            }
             let factors = (x.components[k / d], y.components[k % d]);
             components.push(self.component(Operator::Multiply, factors.0, factors.1, span)?);
         }

@@ -57,7 +57,7 @@ fn inputs(variables: &[Variable]) -> Vec<Input> {
 }
 
 /// The roots in the form that keeps the digits of every measure.
-fn accurate(
+pub(crate) fn accurate(
     graph: Simplifier,
     roots: Vec<NodeId>,
     clique: Measure,
@@ -105,7 +105,7 @@ fn rewritten(
 }
 
 /// The same roots in a graph of their own, with something in the place of inputs.
-fn substituted(
+pub(crate) fn substituted(
     graph: &Simplifier,
     roots: &[NodeId],
     mut input: impl FnMut(&mut Simplifier, Input) -> Made,

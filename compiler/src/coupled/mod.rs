@@ -5,7 +5,7 @@
 //! in a direction; the geometry of each measure is the runtime's. Angles follow from sides and area, and
 //! are no variables of their own.
 
-mod form;
+pub(crate) mod form;
 mod kernel;
 mod sums;
 #[cfg(test)]

@@ -57,8 +57,13 @@ pub enum Input {
     LeftAxis(u8),
     /// The same before deformation: `F = sum_i stretch_i left_i right_i`.
     RightAxis(u8),
-    /// An integral over the family of a point, by its number.
+    /// What a point gathers, by its number: an integral over its family, or a function of such integrals.
     Integral(u8),
+    /// The same of the other end of a bond.
+    Neighbour(u8),
+    /// What a gathered value, by its number, is multiplied by where all of them are added up: derivatives by it
+    /// are the values, and it stands for the derivative of an energy by them.
+    Multiplier(u8),
     /// What a variable changes by in the direction of a product with second derivatives.
     Direction(u8),
 }

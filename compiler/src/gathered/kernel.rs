@@ -120,7 +120,7 @@ impl GatheredKernel {
         }
         match &self.body {
             Body::Form(evaluator) => {
-                let mut room: [&mut [f64]; 1 + VARIABLES] = Default::default();
+                let mut room: [&mut [f64]; 1 + VARIABLES] = std::array::from_fn(|_| &mut [][..]);
                 let gradient = gradient.chunks_mut(at.n);
                 evaluator.evaluate(sources, listed(&mut room, once(psi).chain(gradient)));
             }
@@ -142,7 +142,7 @@ impl GatheredKernel {
         }
         match &self.body {
             Body::Form(evaluator) => {
-                let mut room: [&mut [f64]; VARIABLES] = Default::default();
+                let mut room: [&mut [f64]; VARIABLES] = std::array::from_fn(|_| &mut [][..]);
                 evaluator.product(sources, listed(&mut room, product.chunks_mut(at.n)));
             }
             Body::Dual(energy) => energy.dual(at).product(direction, product),

@@ -5,17 +5,22 @@
 //! `phi` with their gradients by all their variables, and with what these change by in a direction;
 //! each as machine code over arrays.
 
+pub(crate) mod family;
 mod functions;
 mod kernel;
+pub(crate) mod vectors;
 
+pub use family::{FamilyBatch, FamilyKernel, Slot, WrittenFamily};
 pub use functions::{GatheredCriterion, GatheredNextState};
 pub use kernel::{GatheredBatch, GatheredKernel, WrittenGatheredEnergy};
+pub use vectors::VectorKernels;
 
+use crate::clique::Part;
 use crate::density::DensityForm;
-use crate::expression::{Input, Node, NodeId, TooManyNodes};
+use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::kernel::{Kernel, Mode, WrittenEnergy};
 use crate::measure::Measure;
-use crate::model::{GatheredEnergy, Model, Variant};
+use crate::model::{GatheredEnergy, Integral, Model, Variant};
 use crate::near::vanishes_at_rest;
 use crate::point::adjoint::{self, Varied};
 use crate::point::near::{near_of_integrals, with_fields};
@@ -103,6 +108,25 @@ fn form(
     Ok(DensityForm::new(graph, &roots, kernel::inputs(of_bonds, n_integrals), fields))
 }
 
+/// Whether each term of an integrand has a component of `xi - Xi` as its factor, or one of a function something
+/// that is 0 at rest itself.
+fn is_nothing(graph: &ExprGraph, integral: &Integral, vanishing: &[Input]) -> bool {
+    let mut nothing: Vec<bool> = Vec::with_capacity(graph.len());
+    for (_, node) in graph.nodes() {
+        let of = |x: NodeId| nothing[x.0 as usize];
+        nothing.push(match node {
+            Node::Input(Input::Part(Part::Moved(_))) => true,
+            Node::Input(input) => vanishing.contains(&input),
+            Node::Unary(Function::Negate, x) => of(x),
+            Node::Binary(Operator::Multiply, x, y) => of(x) || of(y),
+            Node::Binary(Operator::Divide, x, _) => of(x),
+            Node::Binary(Operator::Add | Operator::Subtract, x, y) => of(x) && of(y),
+            _ => false,
+        });
+    }
+    nothing[integral.root.0 as usize]
+}
+
 /// Functions of gathered values, and of lengths or not, that are added up.
 #[derive(Clone, Copy)]
 struct Subject<'a> {
@@ -188,6 +212,10 @@ impl Model {
     ) -> Result<Vec<Input>, TooManyNodes> {
         let mut found = Vec::new();
         for (k, integral) in variant.integrals.iter().enumerate() {
+            if is_nothing(&variant.graph, integral, &found) {
+                found.push(Input::Integral(k as u8));
+                continue;
+            }
             let (exact, subject) =
                 (Simplifier::exact(), ("l", std::slice::from_ref(&integral.root)));
             let parameters = &self.parameters;

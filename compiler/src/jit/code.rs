@@ -25,8 +25,11 @@ use crate::specialise::CompileError;
 /// allowed size takes some 300 kB.
 const ARENA: usize = 4 << 20;
 
-/// Most arrays that go in, or out, of one program.
-const MAX_ARRAYS: usize = 64;
+/// Most arrays that go in, or out, of one program: what both ends of a bond gather, with directions.
+const MAX_ARRAYS: usize = 256;
+
+/// As many as energies of several measures have, and of most that points gather.
+const SOME_ARRAYS: usize = 64;
 
 /// As many as the energy of one measure has.
 const FEW_ARRAYS: usize = 4;
@@ -112,12 +115,13 @@ impl Code {
         assert!(inputs.iter().all(|array| array.len() == n), "inputs have one length");
         assert!(outputs.iter().all(|array| array.len() >= n), "outputs have room");
         // Most programs have few arrays: clearing room for all takes a tenth of the time of a bond.
-        let is_small = inputs.len().max(n_outputs) <= FEW_ARRAYS;
-        match (n, is_small) {
-            (1, true) => call_one::<FEW_ARRAYS>(entry, inputs, outputs),
-            (1, false) => call_one::<MAX_ARRAYS>(entry, inputs, outputs),
-            (_, true) => call::<FEW_ARRAYS>(entry, inputs, outputs),
-            (_, false) => call::<MAX_ARRAYS>(entry, inputs, outputs),
+        match (n, inputs.len().max(n_outputs)) {
+            (1, ..=FEW_ARRAYS) => call_one::<FEW_ARRAYS>(entry, inputs, outputs),
+            (1, ..=SOME_ARRAYS) => call_one::<SOME_ARRAYS>(entry, inputs, outputs),
+            (1, _) => call_one::<MAX_ARRAYS>(entry, inputs, outputs),
+            (_, ..=FEW_ARRAYS) => call::<FEW_ARRAYS>(entry, inputs, outputs),
+            (_, ..=SOME_ARRAYS) => call::<SOME_ARRAYS>(entry, inputs, outputs),
+            _ => call::<MAX_ARRAYS>(entry, inputs, outputs),
         }
     }
 

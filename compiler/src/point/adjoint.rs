@@ -24,6 +24,8 @@ pub(crate) enum Varied<'a> {
     LengthAndIntegrals(usize),
     /// Measures of a triangle or a tetrahedron and of its parts.
     Clique(&'a [Variable]),
+    /// Inputs that do not depend on each other.
+    Inputs(&'a [Input]),
 }
 
 impl Varied<'_> {
@@ -34,6 +36,7 @@ impl Varied<'_> {
             Varied::Integrals(n) => n,
             Varied::LengthAndIntegrals(n) => n + 1,
             Varied::Clique(variables) => variables.len(),
+            Varied::Inputs(inputs) => inputs.len(),
         }
     }
 
@@ -60,6 +63,7 @@ impl Varied<'_> {
                 let [now, _, change] = variable.inputs;
                 input == now || input == change
             }),
+            (Varied::Inputs(inputs), input) => inputs.iter().position(|own| *own == input),
             _ => None,
         }
     }

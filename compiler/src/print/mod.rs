@@ -209,6 +209,8 @@ impl Names<'_> {
             Input::LeftAxis(k) => component("n", k),
             Input::RightAxis(k) => component("N", k),
             Input::Integral(k) => format!("I{}", k + 1),
+            Input::Neighbour(k) => format!("neighbour(I{})", k + 1),
+            Input::Multiplier(k) => format!("A{}", k + 1),
             Input::Direction(k) => component("dF", k),
             Input::Parameter(i) => self.model.input_name(usize::from(i)).to_string(),
         }

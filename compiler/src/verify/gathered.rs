@@ -84,7 +84,7 @@ fn find_causes(
 }
 
 /// The largest size; not a number if one of them is none.
-fn largest(numbers: &[f64]) -> f64 {
+pub(super) fn largest(numbers: &[f64]) -> f64 {
     let larger = |x: f64, y: &f64| if y.abs() > x || y.is_nan() { y.abs() } else { x };
     numbers.iter().fold(0.0, larger)
 }

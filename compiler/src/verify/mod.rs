@@ -10,6 +10,7 @@
 //! | `measure` | energies of measures, and of their squares |
 //! | `gradient` | energies of the deformation gradient |
 //! | `gathered` | energies of gathered values |
+//! | `vectors` | what points gather of vectors, and energies of it |
 //! | `margin`, `gradient_margin`, `gathered_margin` | conditions under which bonds break (`threshold`) |
 //! | `remember` | what interactions remember, and all of the above with it |
 //! | `dissipation` | what bonds dissipate |
@@ -34,8 +35,9 @@ pub mod sample;
 pub(crate) mod stated;
 mod threshold;
 pub mod truth;
+mod vectors;
 
-use crate::compile::Compiled;
+use crate::compile::{Compiled, Kind};
 use crate::kernel::{Batch, Derivatives, Kernel, Level, Mode};
 use crate::measure::{Argument, Measure};
 use crate::model::{Model, Of};
@@ -105,6 +107,9 @@ pub enum Subject {
     Argument(Argument),
     /// Gathered values, as written: `theta`; `l, m`.
     Gathered(String),
+    /// No energy, but what points gather, each number times a multiplier: `integral(..)`; functions of integrals,
+    /// as heads name them: `H`.
+    Gathering(String),
     /// No energy, but a condition under which bonds, triangles or tetrahedra break, as written, with what it is
     /// a condition of: their measure, deformation gradients; nothing of one of gathered values.
     Margin(Option<Argument>, String),
@@ -187,6 +192,7 @@ impl Subject {
         match self {
             Subject::Argument(argument) => argument.symbol(),
             Subject::Gathered(text)
+            | Subject::Gathering(text)
             | Subject::Margin(_, text)
             | Subject::NextState(_, text)
             | Subject::Dissipation(text)
@@ -200,6 +206,7 @@ impl Subject {
         match self {
             Subject::Argument(argument) => argument.orders(),
             Subject::Gathered(_) | Subject::Coupled(..) => ["psi", "gradient", "product"],
+            Subject::Gathering(_) => ["sum", "gradient", "product"],
             Subject::Margin(..) => ["margin", "margin'", "margin''"],
             Subject::NextState(..) => ["next", "next'", "next''"],
             Subject::Dissipation(_) => ["R", "R'", "R''"],
@@ -365,6 +372,9 @@ pub fn verify(
             all.1 = dropped;
         }
     }
+    if model.gathers_vectors() {
+        all.0.extend(vectors::verify(model, values, n)?);
+    }
     // Once more as bodies run it: the direction is an input.
     for one in measure::verify_directed(model, values, n)? {
         if let Some(known) = all.0.iter_mut().find(|known| known.subject == one.subject) {
@@ -399,7 +409,10 @@ fn verify_at(
 ) -> Result<(Vec<Verification>, Vec<Dropped>), CompileError> {
     let variant =
         model.variant(values.dimension).ok_or(CompileError::WrongDimension(values.dimension))?;
-    let compiled = |mode| model.compile(values, mode, Form::Accurate);
+    // What sees bonds from many sides at once is verified on its own.
+    let is_own = |kind: &Kind| *kind != Kind::Gathered || !model.gathers_vectors();
+    let kinds: Vec<Kind> = Kind::ALL.into_iter().filter(is_own).collect();
+    let compiled = |mode| model.compile_only(&kinds, values, mode, Form::Accurate);
     let ways = Ways {
         strict: compiled(Mode::Jit(Level::Strict))?,
         fast: compiled(Mode::Jit(Level::Fast))?,

@@ -91,4 +91,4 @@ pub mod vector;
 pub mod weights;
 pub mod words;
 
-pub use fields::{deformation, least_squares, states};
+pub use fields::{deformation, least_squares, states, vectors};

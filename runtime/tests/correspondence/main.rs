@@ -1,5 +1,6 @@
 //! Energies of deformation gradients against independent references and against mechanics.
 
+mod as_text;
 mod checkerboard;
 mod common;
 mod consistency;

@@ -3,13 +3,14 @@
 //! | module | gathers |
 //! |---|---|
 //! | [`deformation`] | deformation gradients, `H_i = sum_j (u_j - u_i) x G_ij`: correspondence peridynamics |
+//! | [`vectors`] | integrals of vectors and functions of them, whatever a potential writes: shape tensors, gradients |
 //! | [`states`] | integrals of the lengths of bonds, `I_i = sum_j V_j g(l_ij, L_ij)`: ordinary state-based peridynamics |
 //!
 //! [`least_squares`] has deformation gradients for bodies whose energies know none.
 //!
-//! Both go one way: displacements give the fields, laws at points and at bonds give energies with their
+//! All go one way: displacements give the fields, laws at points and at bonds give energies with their
 //! derivatives by the fields and by the displacements of bonds, and the transpose of the first map takes
-//! the former to forces. To first order the first map is `ds_i = sum_j G_ij (du_j - du_i)` for both, and
+//! the former to forces. To first order the first map is `ds_i = sum_j G_ij (du_j - du_i)` for all, and
 //! what follows from that is worked out once: `stored` makes the Hessian and its diagonal from the weights
 //! `G` and from second derivatives by the fields, `springs` fills the matrix that products are
 //! preconditioned by. `lost` knows which bonds families have lost.
@@ -20,3 +21,4 @@ mod lost;
 pub(crate) mod springs;
 pub mod states;
 pub(crate) mod stored;
+pub mod vectors;

@@ -48,9 +48,15 @@ pub(crate) trait Linearised<const D: usize>: Sync {
     /// By the field at a point twice (`m x m`), those of its bonds included.
     fn at_point(&self, point: usize) -> &[f64];
 
-    /// By the fields at the two ends of a bond (`m x m`, the same both ways), where energies couple them.
-    fn across(&self, _bond: usize) -> Option<&[f64]> {
+    /// By the fields at the two ends of a bond, where energies couple them: `m x m`, a row for each number at
+    /// the end that sees it.
+    fn across(&self, _seen: Seen) -> Option<&[f64]> {
         None
+    }
+
+    /// Whether energies couple the fields at the two ends of bonds.
+    fn is_across(&self) -> bool {
+        false
     }
 
     /// Whether energies of bonds depend on differences of displacements other than by the fields.
@@ -120,7 +126,7 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
             width,
             mirrored: neighborhood.mirrored(),
             own: (0..neighborhood.n_points()).flat_map(own).collect(),
-            is_across: neighborhood.n_bonds() > 0 && of.across(0).is_some(),
+            is_across: of.is_across(),
         }
     }
 
@@ -241,7 +247,7 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
                 continue;
             }
             let seen = self.seen(i, k);
-            if let (Some(across), Some(duals)) = (self.of.across(seen.bond), scratch.duals(j)) {
+            if let (Some(across), Some(duals)) = (self.of.across(seen), scratch.duals(j)) {
                 self.of.add_transposed(weight, across, m, duals);
             }
             if !is_mixed {

@@ -3,7 +3,7 @@
 use std::mem::take;
 use std::sync::Arc;
 
-use piola_compiler::{GatheredKernels, Integrand};
+use piola_compiler::{GatheredKernels, Integrand, VectorKernels};
 use piola_mechanics::assembly::{AssemblyError, DiscreteEnergy, Elements};
 use piola_mechanics::deformation::influence::{Constant, CubicSpline, Influence, InverseLength};
 use piola_mechanics::deformation::{DeformationEnergy, Discretisation, Formulation, Stabilisation};
@@ -14,6 +14,7 @@ use piola_mechanics::materials::{ByMaterial, Fields, MaterialLaw, Materials};
 use piola_mechanics::neighborhood::Neighborhood;
 use piola_mechanics::sheet::Thick;
 use piola_mechanics::states::{StateEnergy, StateLaws};
+use piola_mechanics::vectors::{VectorEnergy, VectorLaws};
 
 use super::family::{FamilyFunctions, OfLayer};
 use super::fracture::{criterion, next_state, of_layers};
@@ -125,7 +126,7 @@ impl Case {
         let found = || (Arc::clone(&self.body), Arc::clone(neighborhood));
         let mut terms: Vec<Box<dyn Energy>> = Vec::new();
         let has_interactions = layer.present().any(Compiled::has_interactions);
-        let Parts { elements, gathered, gradients, mut functions } = layer.parts();
+        let Parts { elements, gathered, vectors, gradients, mut functions } = layer.parts();
         if has_interactions {
             let ((body, neighborhood), weighting) = (found(), self.scene.horizon.weighting());
             let materials = materials.clone();
@@ -148,6 +149,13 @@ impl Case {
             let energy = StateEnergy::of_materials(body, neighborhood, materials, laws)?;
             terms.push(Box::new(energy.with_criteria(criteria).with_next_states(next)));
         }
+        for (kernels, arguments) in vectors.into_iter().flatten() {
+            self.check_one_law(&arguments)?;
+            let (body, neighborhood) = found();
+            let laws = VectorLaws { kernels, thickness: self.thickness(), arguments };
+            let energy = VectorEnergy::new(body, neighborhood, materials.clone(), laws)?;
+            terms.push(Box::new(energy));
+        }
         if gradients.iter().any(Option::is_some) {
             let energy = self.correspondence(gradients, found().1, materials.clone())?;
             let n_variables = self.body.dimension() * self.body.dimension();
@@ -160,6 +168,21 @@ impl Case {
             terms.push(Box::new(energy.with_criteria(criteria).with_next_states(next)));
         }
         Ok(terms)
+    }
+
+    /// Refuses several materials for what is gathered of vectors, which has one law.
+    fn check_one_law(&self, arguments: &[String; 2]) -> Result<(), CaseError> {
+        if self.scene.n_laws() == 1 {
+            return Ok(());
+        }
+        let of: Vec<&str> =
+            arguments.iter().filter(|text| !text.is_empty()).map(String::as_str).collect();
+        let message = format!(
+            "psi({}) gathers vectors, and a body of several materials has no energy of that: give it one \
+             [[material]] whose parameters vary in space, `C = \"1 + 3*X\"` or \"if X < 0 then 1 else 4\"",
+            of.join("), psi(")
+        );
+        Err(CaseError::Body { message })
     }
 
     fn correspondence(
@@ -195,6 +218,7 @@ struct Layer(Vec<Option<Compiled>>);
 struct Parts {
     elements: Vec<Elements>,
     gathered: Vec<Option<(GatheredKernels, [String; 2])>>,
+    vectors: Vec<Option<(VectorKernels, [String; 2])>>,
     gradients: Vec<Option<Box<dyn VariablesLaw>>>,
     functions: Vec<FamilyFunctions>,
 }
@@ -214,15 +238,17 @@ impl Layer {
     fn parts(self) -> Parts {
         let mut parts = Parts::default();
         for compiled in self.0 {
-            let (elements, gathered, gradient, functions) = match compiled {
+            let (elements, gathered, vectors, gradient, functions) = match compiled {
                 Some(one) => {
-                    let gathered = one.gathered.map(|gathered| (gathered, one.arguments));
-                    (one.elements, gathered, one.gradient, one.of_families)
+                    let gathered = one.gathered.map(|kernels| (kernels, one.arguments.clone()));
+                    let vectors = one.vectors.map(|kernels| (kernels, one.arguments));
+                    (one.elements, gathered, vectors, one.gradient, one.of_families)
                 }
                 None => Default::default(),
             };
             parts.elements.push(elements);
             parts.gathered.push(gathered);
+            parts.vectors.push(vectors);
             parts.gradients.push(gradient);
             parts.functions.push(functions);
         }

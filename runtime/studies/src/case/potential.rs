@@ -6,7 +6,7 @@ use std::path::Path;
 use num_dual::HyperDual64;
 use piola_compiler::{
     CoupledKernel, Criterion, Dropped, GatheredKernels, Interval, Kernel, Mode, Model, NextState,
-    Of, OfFamily, Setting, ValueError, Values, check_text, check_text_with,
+    Of, OfFamily, Setting, ValueError, Values, VectorKernels, check_text, check_text_with,
 };
 use piola_grammar::Diagnostic;
 use piola_mechanics::assembly::Elements;
@@ -57,6 +57,8 @@ pub struct Compiled {
     pub gradient: Option<Box<dyn VariablesLaw>>,
     /// Energies of what points gather over their families.
     pub gathered: Option<GatheredKernels>,
+    /// The same of vectors, and of what both ends of bonds gather, in the place of these.
+    pub vectors: Option<VectorKernels>,
     /// What these are functions of, for points and for bonds: `theta`, `l, m`.
     pub arguments: [String; 2],
     /// When its bonds break.
@@ -78,9 +80,14 @@ impl Compiled {
         [bond, triangle, tetrahedron].into_iter().flatten().map(|element| element.argument())
     }
 
+    /// Whether it has energies of what points gather.
+    pub(crate) fn gathers(&self) -> bool {
+        self.gathered.is_some() || self.vectors.is_some()
+    }
+
     /// Whether it has energies of interactions; what has no energy at all is refused there.
     pub(crate) fn has_interactions(&self) -> bool {
-        !self.measures.is_empty() || (self.gathered.is_none() && self.gradient.is_none())
+        !self.measures.is_empty() || (!self.gathers() && self.gradient.is_none())
     }
 }
 
@@ -179,10 +186,12 @@ impl Potential {
                     .to_string();
             return Err(CaseError::Body { message });
         }
-        let piola_compiler::Compiled { kernels, gradient, gathered, coupled, dropped } = self
+        let compiled = self
             .model
             .compile(&self.values, mode(solver), solver.form)
             .map_err(|error| CaseError::compile(&self.text, &error))?;
+        let piola_compiler::Compiled { kernels, gradient, gathered, vectors, coupled, dropped } =
+            compiled;
         let criteria = self
             .model
             .criteria(&self.values, mode(solver), solver.form)
@@ -198,7 +207,7 @@ impl Potential {
             .model
             .dissipation(&self.values, mode(solver))
             .map_err(|error| CaseError::compile(&self.text, &error))?;
-        let left = [gradient.is_some(), gathered.is_some()];
+        let left = [gradient.is_some(), gathered.is_some() || vectors.is_some()];
         if let Some(what) = of_families.without_energy(left) {
             let name = self.model.name();
             let message = format!(
@@ -256,6 +265,7 @@ impl Potential {
             measures,
             gradient,
             gathered,
+            vectors,
             arguments,
             criteria,
             of_families,

@@ -98,7 +98,7 @@ impl FractureEnergy {
         }
         let case = &case.with_states_alone();
         let compiled = Inside::compile(case)?;
-        if compiled.iter().any(|one| one.gathered.is_some() || one.gradient.is_some()) {
+        if compiled.iter().any(|one| one.gathers() || one.gradient.is_some()) {
             return Ok(Err(NoFractureEnergy::Families));
         }
         let bonds = compiled.iter().filter_map(|one| one.elements.bond.as_ref());

@@ -129,7 +129,7 @@ impl Case {
         let bond = all.elements.bond.as_ref();
         let is_affine = bond.is_some_and(|bond| bond.has_affine_law(by_direction));
         let is_exact = self.scene.solver.products == Products::Exact;
-        is_exact && alone && all.gathered.is_none() && is_affine
+        is_exact && alone && !all.gathers() && is_affine
     }
 
     fn outline_of_box(&self, shape: &LatticeShape, needed: Needed) -> Outline {

@@ -167,11 +167,17 @@ impl<const D: usize> Linearised<D> for FieldStiffness<'_, D> {
     }
 
     #[inline(always)]
-    fn across(&self, bond: usize) -> Option<&[f64]> {
+    fn across(&self, seen: Seen) -> Option<&[f64]> {
         match &self.bonds {
-            Bonds::Quadrature(bonds) => Some(bonds.bond(bond)[0]),
+            // The same both ways: of the mean of both ends.
+            Bonds::Quadrature(bonds) => Some(bonds.bond(seen.bond)[0]),
             _ => None,
         }
+    }
+
+    #[inline(always)]
+    fn is_across(&self) -> bool {
+        matches!(self.bonds, Bonds::Quadrature(_))
     }
 
     #[inline(always)]

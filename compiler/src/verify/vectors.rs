@@ -1,0 +1,271 @@
+//! What points gather of vectors, and energies of it, against hyper-dual numbers of what is written: at bonds of
+//! random families, deformed by a random gradient and a little beside it, so that shape tensors and the like are
+//! those of families. Where the tolerance is missed, numbers of any precision decide.
+
+use super::gathered::largest;
+use super::sample::Random;
+use super::{Subject, Verification, Witness, is_within};
+use crate::expression::number::Number;
+use crate::expression::precise::Precise;
+use crate::gathered::vectors::Which;
+use crate::gathered::{FamilyBatch, FamilyKernel, Slot, VectorKernels, WrittenFamily, argument};
+use crate::kernel::{Level, Mode};
+use crate::model::{Model, Variant};
+use crate::point::truth::by_lines;
+use crate::specialise::{CompileError, Form};
+use crate::values::Values;
+
+/// Largest error of values, gradients and products.
+const BAR: f64 = 1e4;
+
+/// Bonds of a family.
+const BONDS: usize = 24;
+
+/// Verifies all functions of a potential of vectors at `n` places each.
+pub(super) fn verify(
+    model: &Model,
+    values: &Values,
+    n: usize,
+) -> Result<Vec<Verification>, CompileError> {
+    let values = &values.without_parameters_that_vary(model);
+    let compiled = |mode| -> Result<Option<VectorKernels>, CompileError> {
+        let mut kernels = None;
+        model.compile_vectors(values, (mode, Form::Accurate), &mut kernels)?;
+        Ok(kernels)
+    };
+    let modes = [Mode::Jit(Level::Strict), Mode::Jit(Level::Fast), Mode::Interpreter];
+    let [Some(strict), Some(fast), Some(interpreted)] = modes.map(compiled).map(Result::transpose)
+    else {
+        return Ok(Vec::new());
+    };
+    let (strict, fast, interpreted) = (strict?, fast?, interpreted?);
+    let Some(dual) = compiled(Mode::HyperDual)? else { return Ok(Vec::new()) };
+    let Some(variant) = model.variant(values.dimension) else { return Ok(Vec::new()) };
+    let places = places(&strict, (model, values), n);
+    let mut found = Vec::new();
+    for which in [Which::Integrands, Which::Functions, Which::Points, Which::Bonds] {
+        let ways = [&strict, &fast, &interpreted, &dual].map(|kernels| of(kernels, which));
+        let [Some(strict), Some(fast), Some(interpreted), Some(dual)] = ways else { continue };
+        let written = model.written_vectors(values, which);
+        let witness = Seen { written: &written, kernel: strict, places: &places };
+        let [strict, fast, interpreted, dual] =
+            [strict, fast, interpreted, dual].map(|kernel| evaluate(kernel, &places));
+        let mut verification =
+            Verification::new(subject(variant, which), &[(Witness::HyperDual, BAR)]);
+        for (p, dual) in dual.iter().enumerate() {
+            let variables = witness.variables(p);
+            verification.count(&strict[p], &interpreted[p]);
+            let agrees = |found: &Vec<f64>| is_within(BAR, variables.len(), [found, dual], largest);
+            let truth = match [&strict[p], &fast[p]].into_iter().all(agrees) {
+                true => None,
+                false => witness.truth(p),
+            };
+            if let Some(truth) = &truth {
+                let decides = !is_within(BAR, variables.len(), [dual, truth], largest);
+                verification.undecided += usize::from(decides);
+            }
+            let expected = truth.as_ref().unwrap_or(dual);
+            for level in [&strict, &fast] {
+                verification.compare(0, &variables, [&level[p], expected, dual], largest);
+            }
+        }
+        found.push(verification);
+    }
+    Ok(found)
+}
+
+fn of(kernels: &VectorKernels, which: Which) -> Option<&FamilyKernel> {
+    match which {
+        Which::Integrands => Some(&kernels.integrands),
+        Which::Functions => kernels.functions.as_ref(),
+        Which::Points => kernels.points.as_ref(),
+        Which::Bonds => kernels.bonds.as_ref(),
+    }
+}
+
+fn subject(variant: &Variant, which: Which) -> Subject {
+    match which {
+        Which::Integrands => Subject::Gathering("integral(..)".into()),
+        Which::Functions => {
+            let functions = variant.integrals.iter().filter(|one| one.is_function);
+            let stems = functions.map(|one| one.text.split('(').next().unwrap_or_default());
+            let mut stems: Vec<&str> = stems.collect();
+            stems.dedup();
+            Subject::Gathering(stems.join(", "))
+        }
+        Which::Points => Subject::Gathered(argument(variant, false)),
+        Which::Bonds => Subject::Gathered(argument(variant, true)),
+    }
+}
+
+/// A bond as one of its ends sees it, with what both gather.
+struct Place {
+    /// The direction at rest, a unit vector.
+    unit: Vec<f64>,
+    length: f64,
+    moved: Vec<f64>,
+    /// Of this end and the other.
+    gathered: [Vec<f64>; 2],
+    /// Random numbers: multipliers, and a direction for products, as many as there may be.
+    random: [Vec<f64>; 2],
+}
+
+impl Place {
+    fn slot(&self, slot: Slot) -> f64 {
+        match slot {
+            Slot::Length => self.length,
+            Slot::Moved(axis) => self.moved[axis],
+            Slot::Own(k) => self.gathered[0][k],
+            Slot::Neighbour(k) => self.gathered[1][k],
+            Slot::Multiplier(k) => self.random[0][k],
+        }
+    }
+}
+
+/// Places to verify at.
+struct Places<'a> {
+    all: Vec<Place>,
+    values: &'a Values,
+    /// The numbers of the components of the direction.
+    directions: std::ops::Range<u16>,
+}
+
+/// Bonds of random families.
+fn places<'a>(
+    kernels: &VectorKernels,
+    (model, values): (&Model, &'a Values),
+    n: usize,
+) -> Places<'a> {
+    let mut random = Random::new(0x7665_6374_6f72);
+    let directions = model.directions(values.dimension);
+    let mut places = Places { all: Vec::new(), values, directions };
+    let m = kernels.n_gathered;
+    for _ in 0..n {
+        let gathered = [0; 2].map(|_| {
+            let family = family(&mut random, values.dimension, m);
+            let bonds = Places { all: family, values, directions: places.directions.clone() };
+            gathered(kernels, &bonds, &mut random)
+        });
+        let mut bond = family(&mut random, values.dimension, m).swap_remove(0);
+        bond.gathered = gathered;
+        places.all.push(bond);
+    }
+    places
+}
+
+/// The bonds of a point, deformed alike but for a little.
+fn family(random: &mut Random, d: usize, m: usize) -> Vec<Place> {
+    let mut numbers =
+        |n: usize, size: f64| (0..n).map(|_| random.uniform(-size, size)).collect::<Vec<f64>>();
+    let gradient = numbers(d * d, 0.25);
+    let mut bond = || loop {
+        let rest = numbers(d, 1.0);
+        let length = rest.iter().fold(0.0, |sum, x| sum + x * x).sqrt();
+        if !(0.3..1.0).contains(&length) {
+            continue;
+        }
+        let beside = numbers(d, 0.05);
+        let moved = |axis: usize| {
+            let row = gradient[axis * d..(axis + 1) * d].iter().zip(&rest);
+            row.fold(beside[axis], |sum, (h, x)| sum + h * x)
+        };
+        return Place {
+            unit: rest.iter().map(|x| x / length).collect(),
+            length,
+            moved: (0..d).map(moved).collect(),
+            gathered: [vec![0.0; m], vec![0.0; m]],
+            random: [numbers(m, 1.0), numbers(2 * m + d, 1.0)],
+        };
+    };
+    (0..BONDS).map(|_| bond()).collect()
+}
+
+/// What a point gathers from a family whose bonds have random volumes.
+fn gathered(kernels: &VectorKernels, bonds: &Places<'_>, random: &mut Random) -> Vec<f64> {
+    let mut gathered = vec![0.0; kernels.n_gathered];
+    let multiplied = |kernel: &FamilyKernel, places: &Places<'_>| -> Vec<Vec<(usize, f64)>> {
+        let of = |values: Vec<f64>| {
+            let slots = kernel.variables().iter().zip(&values[1..]);
+            let multiplied = slots.filter_map(|(slot, value)| match slot {
+                Slot::Multiplier(k) => Some((*k, *value)),
+                _ => None,
+            });
+            multiplied.collect()
+        };
+        evaluate(kernel, places).into_iter().map(of).collect()
+    };
+    for bond in multiplied(&kernels.integrands, bonds) {
+        let volume = random.uniform(0.05, 0.15);
+        bond.into_iter().for_each(|(k, value)| gathered[k] += volume * value);
+    }
+    if let Some(kernel) = &kernels.functions {
+        let Places { all, values, directions } = bonds;
+        let [unit, moved] = [&all[0].unit, &all[0].moved].map(Vec::clone);
+        let own = [gathered.clone(), gathered.clone()];
+        let (length, random) = (all[0].length, all[0].random.clone());
+        let point = vec![Place { unit, length, moved, gathered: own, random }];
+        let point = Places { all: point, values, directions: directions.clone() };
+        for values in multiplied(kernel, &point) {
+            values.into_iter().for_each(|(k, value)| gathered[k] = value);
+        }
+    }
+    gathered
+}
+
+/// Value, gradient and product of a kernel at all places.
+fn evaluate(kernel: &FamilyKernel, places: &Places<'_>) -> Vec<Vec<f64>> {
+    let (n, m) = (places.all.len(), kernel.variables().len());
+    let of = |slots: &[Slot]| -> Vec<f64> {
+        slots.iter().flat_map(|slot| places.all.iter().map(|place| place.slot(*slot))).collect()
+    };
+    let (variables, given) = (of(kernel.variables()), of(kernel.given()));
+    let direction: Vec<f64> =
+        (0..m).flat_map(|k| places.all.iter().map(move |place| place.random[1][k])).collect();
+    let typical = kernel.fields().iter().zip(&places.values.fields);
+    let fields: Vec<f64> = typical
+        .flat_map(|(value, number)| {
+            let axis = places.directions.clone().position(|own| own == *number);
+            places.all.iter().map(move |place| axis.map_or(*value, |axis| place.unit[axis]))
+        })
+        .collect();
+    let at = FamilyBatch { n, variables: &variables, given: &given, fields: &fields };
+    let (mut value, mut gradient, mut product) = (vec![0.0; n], vec![0.0; m * n], vec![0.0; m * n]);
+    kernel.evaluate(at, &mut value, &mut gradient);
+    kernel.product(at, &direction, &mut product);
+    let column =
+        |array: &[f64], p: usize| array.iter().skip(p).step_by(n).copied().collect::<Vec<f64>>();
+    (0..n).map(|p| [vec![value[p]], column(&gradient, p), column(&product, p)].concat()).collect()
+}
+
+/// A function as written, at the places of its kernel.
+struct Seen<'a> {
+    written: &'a WrittenFamily,
+    kernel: &'a FamilyKernel,
+    places: &'a Places<'a>,
+}
+
+impl Seen<'_> {
+    fn variables(&self, p: usize) -> Vec<f64> {
+        let place = &self.places.all[p];
+        self.kernel.variables().iter().map(|slot| place.slot(*slot)).collect()
+    }
+
+    /// What is true at a place; nothing where that is no finite number.
+    fn truth(&self, p: usize) -> Option<Vec<f64>> {
+        let (place, variables) = (&self.places.all[p], self.kernel.variables());
+        let truth = by_lines(&place.random[1][..variables.len()], |slope| {
+            let slot = |slot: Slot| match variables.iter().position(|own| *own == slot) {
+                Some(k) => Precise::line(place.slot(slot), slope(k), 0.0),
+                None => Precise::constant(place.slot(slot)),
+            };
+            let field = |k: usize| {
+                let number = self.places.values.fields[k];
+                let axis = self.places.directions.clone().position(|own| own == number);
+                let typical = self.places.values.parameters[usize::from(number)];
+                axis.map_or(typical, |axis| place.unit[axis])
+            };
+            self.written.value_with(slot, Some(&field))
+        })?;
+        truth.iter().all(|x| x.is_finite()).then_some(truth)
+    }
+}

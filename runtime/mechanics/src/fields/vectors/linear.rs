@@ -1,0 +1,385 @@
+//! Second derivatives of all bonds and points, of which the stored Hessian is made: for small bodies, and as the
+//! witness of the products.
+//!
+//! The fields are the gathered numbers that energies hold and that change with displacements, functions of
+//! integrals among them: what these have in common with displacement gradients keeps its digits, while the
+//! integrals they are made of may cancel. Where functions bend, their integrals are fields as well.
+
+use rayon::prelude::*;
+
+use piola_compiler::{FamilyKernel, Slot};
+
+use super::VectorEnergy;
+use super::passes::{At, Gathered, Room};
+use crate::energy::NonFinite;
+use crate::fields::stored::{Linearised, Seen, Tensor};
+use crate::neighborhood::Neighborhood;
+
+/// Owners of bonds per task; fixed, so that results do not depend on threads.
+const OWNERS: usize = 8;
+
+/// Second derivatives of one bond, seen from its owner.
+#[derive(Clone, Default)]
+struct OfBond {
+    /// By the fields of the owner and of the other end: `m x m`, and turned around.
+    across: [Vec<f64>; 2],
+    /// By the fields of either end and the vector from the owner: `m x d`.
+    mixed: [Vec<f64>; 2],
+    /// By the vector twice: `d x d`.
+    direct: Vec<f64>,
+    /// By the fields of either end twice: `m x m`.
+    own: [Vec<f64>; 2],
+    /// What a displacement of the other end changes the fields of either end by: `m x d`.
+    weights: [Vec<f64>; 2],
+}
+
+/// Second derivatives by the fields and by the vectors of bonds, at some displacements.
+pub(super) struct VectorStiffness<'a, const D: usize> {
+    energy: &'a VectorEnergy,
+    n_fields: usize,
+    /// `V_j g'` of all directed bonds, for each field.
+    weights: Vec<[f64; D]>,
+    /// By the fields of each point.
+    points: Vec<f64>,
+    bonds: Vec<OfBond>,
+    has_neighbours: bool,
+}
+
+/// What gathered numbers are fields, and what functions of integrals change by with these.
+struct FieldNumbers {
+    numbers: Vec<usize>,
+    /// The integrals that functions hold.
+    integrals: Vec<usize>,
+    /// `functions x integrals` of all points, functions as they are numbered among all.
+    slopes: Vec<f64>,
+    n_gathered: usize,
+}
+
+impl FieldNumbers {
+    fn place(&self, number: usize) -> Option<usize> {
+        self.numbers.binary_search(&number).ok()
+    }
+
+    /// What the fields of a point change by with an integral: their places, and by how much.
+    fn by_integral(&self, point: usize, number: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let own = self.place(number).map(|place| (place, 1.0));
+        let column = self.integrals.iter().position(|k| *k == number);
+        let (n, m) = (self.n_gathered, self.integrals.len());
+        let functions = self.numbers.iter().enumerate().filter_map(move |(place, field)| {
+            let slope = self.slopes[(point * n + field) * m + column?];
+            (slope != 0.0).then_some((place, slope))
+        });
+        own.into_iter().chain(functions)
+    }
+}
+
+/// What a variable of a kernel is, of a bond that the first of two points sees.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Role {
+    Vector(usize),
+    /// A field of the end that sees, or of the other, by its place.
+    Of(usize, usize),
+}
+
+fn roles(kernel: &FamilyKernel, fields: &FieldNumbers) -> Vec<Option<Role>> {
+    let role = |slot: &Slot| match slot {
+        Slot::Moved(axis) => Some(Role::Vector(*axis)),
+        Slot::Own(k) => Some(Role::Of(0, fields.place(*k)?)),
+        Slot::Neighbour(k) => Some(Role::Of(1, fields.place(*k)?)),
+        _ => None,
+    };
+    kernel.variables().iter().map(role).collect()
+}
+
+impl<'a, const D: usize> VectorStiffness<'a, D> {
+    /// Works out the second derivatives at `u`; refuses those that are not finite.
+    pub(super) fn new(energy: &'a VectorEnergy, u: &[f64]) -> Result<Self, NonFinite> {
+        let (mut base, mut forces) = (Gathered::default(), vec![0.0; u.len()]);
+        energy.energies::<D>(u, &mut base, Some(&mut forces))?;
+        let at = At { u, values: &base.values, adjoint: &base.adjoint };
+        let (fields, mut points) = energy.field_numbers(at);
+        let (m, n) = (fields.numbers.len(), energy.body.n_points());
+        energy.add_points(at, &fields, &mut points);
+        let bonds = energy.second_of_bonds::<D>(at, &fields);
+        let neighborhood = &energy.neighborhood;
+        let mirrored = neighborhood.mirrored();
+        let mut weights = vec![[0.0; D]; 2 * neighborhood.n_bonds() * m];
+        for i in 0..n {
+            let numbers = neighborhood.bonds(i);
+            let later = neighborhood.places(i).end - numbers.len();
+            for (k, (bond, &j)) in numbers.zip(neighborhood.upper(i)).enumerate() {
+                let place = later + k;
+                let places = [place, mirrored[place] as usize];
+                for ((place, of_end), end) in
+                    places.into_iter().zip(&bonds[bond].weights).zip([i, j as usize])
+                {
+                    let own = &mut weights[place * m..(place + 1) * m];
+                    own.copy_from_slice(of_end.as_chunks::<D>().0);
+                    let of_bond = &bonds[bond].own[usize::from(end != i)];
+                    let sums = points[end * m * m..(end + 1) * m * m].iter_mut();
+                    sums.zip(of_bond).for_each(|(sum, x)| *sum += x);
+                }
+            }
+        }
+        let is_finite = points.iter().chain(weights.as_flattened()).all(|x| x.is_finite())
+            && bonds.iter().all(|bond| bond.direct.iter().all(|x| x.is_finite()));
+        if !is_finite {
+            return Err(energy.named(0, base.values.first().copied(), u));
+        }
+        let has_neighbours = energy.has_neighbours();
+        Ok(VectorStiffness { energy, n_fields: m, weights, points, bonds, has_neighbours })
+    }
+}
+
+impl VectorEnergy {
+    /// The derivatives of a kernel at what is prepared, changed by one variable.
+    fn by_variable(kernel: &FamilyKernel, variable: usize, room: &mut Room) {
+        let n = room.ends.len();
+        room.set_direction(kernel.variables().len() * n, variable * n..(variable + 1) * n);
+        VectorEnergy::run(kernel, true, room);
+    }
+
+    /// The fields, and second derivatives by them through functions of integrals.
+    fn field_numbers(&self, at: At<'_>) -> (FieldNumbers, Vec<f64>) {
+        let kernels = &self.laws.kernels;
+        let held = |kernel: &FamilyKernel| -> Vec<usize> {
+            let own = kernel.variables().iter().filter_map(|slot| match slot {
+                Slot::Own(k) | Slot::Neighbour(k) => Some(*k),
+                _ => None,
+            });
+            own.collect()
+        };
+        let energies = kernels.points.iter().chain(&kernels.bonds);
+        let mut numbers: Vec<usize> = energies.flat_map(held).collect();
+        let (n, n_gathered) = (self.body.n_points(), self.n_gathered());
+        let integrals = kernels.functions.as_ref().map(held).unwrap_or_default();
+        let m = integrals.len();
+        let mut slopes = vec![0.0; n * n_gathered * m];
+        let mut bends = Vec::new();
+        if let Some(kernel) = &kernels.functions {
+            let there = (0..n).filter(|i| !self.neighborhood.row(*i).is_empty());
+            let mut room = Room::default();
+            room.ends = there.map(|i| [i; 2]).collect();
+            self.prepare(kernel, (at, None), &mut room);
+            for (variable, slot) in kernel.variables().iter().enumerate() {
+                let Slot::Own(number) = slot else { continue };
+                let Some(column) = integrals.iter().position(|k| k == number) else { continue };
+                VectorEnergy::by_variable(kernel, variable, &mut room);
+                for (slot, along) in super::passes::of_slots(kernel, &room) {
+                    let places = room.ends.iter().map(|[i, _]| *i).zip(along.iter().copied());
+                    match slot {
+                        Slot::Multiplier(k) => places.for_each(|(i, slope)| {
+                            slopes[(i * n_gathered + k) * m + column] = slope;
+                        }),
+                        Slot::Own(other) => {
+                            let bent = places.filter(|(_, bend)| *bend != 0.0);
+                            bends.extend(bent.map(|(i, bend)| (i, other, *number, bend)));
+                        }
+                        _ => {}
+                    }
+                }
+            }
+        }
+        if !bends.is_empty() {
+            numbers.extend(&integrals);
+        }
+        numbers.sort_unstable();
+        numbers.dedup();
+        let fields = FieldNumbers { numbers, integrals, slopes, n_gathered };
+        let m = fields.numbers.len();
+        let mut points = vec![0.0; n * m * m];
+        for (i, row, column, bend) in bends {
+            if let (Some(row), Some(column)) = (fields.place(row), fields.place(column)) {
+                points[(i * m + row) * m + column] += self.body.volumes()[i] * bend;
+            }
+        }
+        (fields, points)
+    }
+
+    /// Adds second derivatives of the energies of points.
+    fn add_points(&self, at: At<'_>, fields: &FieldNumbers, points: &mut [f64]) {
+        let Some(kernel) = &self.laws.kernels.points else { return };
+        let m = fields.numbers.len();
+        let there = (0..self.body.n_points()).filter(|i| !self.neighborhood.row(*i).is_empty());
+        let mut room = Room::default();
+        room.ends = there.map(|i| [i; 2]).collect();
+        self.prepare(kernel, (at, None), &mut room);
+        let roles = roles(kernel, fields);
+        for (variable, role) in roles.iter().enumerate() {
+            let Some(Role::Of(_, row)) = role else { continue };
+            VectorEnergy::by_variable(kernel, variable, &mut room);
+            for (other, (_, slopes)) in roles.iter().zip(super::passes::of_slots(kernel, &room)) {
+                let Some(Role::Of(_, column)) = other else { continue };
+                for ([i, _], slope) in room.ends.iter().zip(slopes) {
+                    let weight = self.laws.thickness * self.body.volumes()[*i];
+                    points[(i * m + row) * m + column] += weight * slope;
+                }
+            }
+        }
+    }
+
+    /// Second derivatives of all bonds, owner by owner.
+    fn second_of_bonds<const D: usize>(&self, at: At<'_>, fields: &FieldNumbers) -> Vec<OfBond> {
+        let n = self.body.n_points();
+        let chunk = |chunk: usize| {
+            let owners = chunk * OWNERS..n.min((chunk + 1) * OWNERS);
+            let mut room = Room::default();
+            self.both_ends(owners, &mut room.ends);
+            let m = fields.numbers.len();
+            let empty = || OfBond {
+                across: [vec![0.0; m * m], vec![0.0; m * m]],
+                mixed: [vec![0.0; m * D], vec![0.0; m * D]],
+                direct: vec![0.0; D * D],
+                own: [vec![0.0; m * m], vec![0.0; m * m]],
+                weights: [vec![0.0; m * D], vec![0.0; m * D]],
+            };
+            let mut bonds = vec![empty(); room.ends.len() / 2];
+            self.add_integrands::<D>(at, fields, &mut room, &mut bonds);
+            self.add_bonds::<D>(at, fields, &mut room, &mut bonds);
+            bonds
+        };
+        (0..n.div_ceil(OWNERS)).into_par_iter().map(chunk).collect::<Vec<_>>().concat()
+    }
+
+    /// What integrands change by with the vector, and what bonds pull with because of what their ends gather.
+    fn add_integrands<const D: usize>(
+        &self,
+        at: At<'_>,
+        fields: &FieldNumbers,
+        room: &mut Room,
+        bonds: &mut [OfBond],
+    ) {
+        let (kernel, volumes) = (&self.laws.kernels.integrands, self.body.volumes());
+        self.prepare(kernel, (at, None), room);
+        let n = bonds.len();
+        for variable in 0..kernel.variables().len() {
+            let Slot::Moved(axis) = kernel.variables()[variable] else { continue };
+            VectorEnergy::by_variable(kernel, variable, room);
+            for (slot, slopes) in super::passes::of_slots(kernel, room) {
+                for (place, ([i, j], slope)) in room.ends.iter().zip(slopes).enumerate() {
+                    let bond = &mut bonds[place % n];
+                    match slot {
+                        Slot::Moved(other) => {
+                            bond.direct[other * D + axis] += volumes[*i] * volumes[*j] * slope;
+                        }
+                        Slot::Multiplier(k) => {
+                            let weight = volumes[*j] * slope;
+                            for (row, factor) in fields.by_integral(*i, k) {
+                                bond.weights[place / n][row * D + axis] += factor * weight;
+                            }
+                        }
+                        _ => {}
+                    }
+                }
+            }
+        }
+    }
+
+    /// Second derivatives of the energies of bonds.
+    fn add_bonds<const D: usize>(
+        &self,
+        at: At<'_>,
+        fields: &FieldNumbers,
+        room: &mut Room,
+        bonds: &mut [OfBond],
+    ) {
+        let Some(kernel) = &self.laws.kernels.bonds else { return };
+        let (m, volumes) = (fields.numbers.len(), self.body.volumes());
+        self.prepare(kernel, (at, None), room);
+        let (n, roles) = (bonds.len(), roles(kernel, fields));
+        for (variable, role) in roles.iter().enumerate() {
+            let Some(role) = *role else { continue };
+            VectorEnergy::by_variable(kernel, variable, room);
+            for (other, (_, slopes)) in roles.iter().zip(super::passes::of_slots(kernel, room)) {
+                let Some(other) = *other else { continue };
+                for (place, (ends, slope)) in room.ends.iter().zip(slopes).enumerate() {
+                    let [i, j] = *ends;
+                    let weight = 0.5 * self.laws.thickness * volumes[i] * volumes[j] * slope;
+                    let bond = &mut bonds[place % n];
+                    // The owner of a bond sees it first; the other end sees the vector turned around.
+                    let seen = place / n;
+                    let sign = if seen == 0 { 1.0 } else { -1.0 };
+                    match (role, other) {
+                        (Role::Vector(axis), Role::Vector(row)) => {
+                            bond.direct[row * D + axis] += weight;
+                        }
+                        (Role::Vector(axis), Role::Of(end, row)) => {
+                            bond.mixed[end ^ seen][row * D + axis] += sign * weight;
+                        }
+                        (Role::Of(end, row), Role::Of(other_end, column)) => {
+                            let out = match end == other_end {
+                                true => &mut bond.own[end ^ seen],
+                                false => &mut bond.across[end ^ seen],
+                            };
+                            out[row * m + column] += weight;
+                        }
+                        (Role::Of(..), Role::Vector(_)) => {}
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl<const D: usize> Linearised<D> for VectorStiffness<'_, D> {
+    fn neighborhood(&self) -> &Neighborhood {
+        &self.energy.neighborhood
+    }
+
+    fn n_fields(&self) -> usize {
+        self.n_fields
+    }
+
+    fn weights(&self) -> &[[f64; D]] {
+        &self.weights
+    }
+
+    fn add_transposed(&self, weight: &[[f64; D]], x: &[f64], columns: usize, out: &mut [f64]) {
+        for (row, weight) in x.chunks_exact(columns.max(1)).zip(weight) {
+            for (out, weight) in out.chunks_exact_mut(columns).zip(weight) {
+                out.iter_mut().zip(row).for_each(|(out, x)| *out += weight * x);
+            }
+        }
+    }
+
+    fn times(&self, x: &[f64], weight: &[[f64; D]]) -> Tensor<D> {
+        let m = weight.len();
+        std::array::from_fn(|r| {
+            let row = x[r * m..(r + 1) * m].iter().zip(weight);
+            row.fold([0.0; D], |sum, (x, g)| std::array::from_fn(|s| sum[s] + x * g[s]))
+        })
+    }
+
+    fn at_point(&self, point: usize) -> &[f64] {
+        let size = self.n_fields * self.n_fields;
+        &self.points[point * size..(point + 1) * size]
+    }
+
+    fn across(&self, seen: Seen) -> Option<&[f64]> {
+        let turned = usize::from(seen.sign < 0.0);
+        self.has_neighbours.then(|| &self.bonds[seen.bond].across[turned][..])
+    }
+
+    fn is_across(&self) -> bool {
+        self.has_neighbours
+    }
+
+    fn is_direct(&self) -> bool {
+        true
+    }
+
+    fn is_mixed(&self) -> bool {
+        self.energy.laws.kernels.bonds.is_some()
+    }
+
+    fn mixed(&self, end: usize, seen: Seen, out: &mut [f64]) {
+        let owner = seen.ends[usize::from(seen.sign < 0.0)];
+        let mixed = &self.bonds[seen.bond].mixed[usize::from(end != owner)];
+        out.iter_mut().zip(mixed).for_each(|(out, x)| *out = seen.sign * x);
+    }
+
+    fn direct(&self, seen: Seen) -> Tensor<D> {
+        let direct = &self.bonds[seen.bond].direct;
+        std::array::from_fn(|r| std::array::from_fn(|c| direct[r * D + c]))
+    }
+}

@@ -1,0 +1,339 @@
+//! Energies of what points gather of the vectors of bonds: shape tensors, deformation gradients and whatever else a
+//! potential writes.
+//!
+//! A point gathers integrals over its family, `I_i = sum_j V_j g(xi_ij, Xi_ij)`, and works out functions of them,
+//! `s_i = s(I_i)`. The total energy is `W = sum_i V_i w_i` with
+//! `w_i = psi(s_i) + 1/2 sum_j V_j phi(xi_ij, s_i, s_j)`, where `s` stands for integrals and functions alike. A
+//! bond is seen from both of its ends, by either as its own vector.
+//!
+//! | module | does |
+//! |---|---|
+//! | `passes` | what points gather, energies, forces; and the same of directions: products with the Hessian |
+//! | `linear` | second derivatives by what points gather, of which the stored Hessian is made |
+//! | `broken` | families that lose bonds |
+//!
+//! The derivative goes the way back: `a_i = dw/ds_i`, then what these pull at the integrals, then what a bond pulls
+//! with, `t_ij = 1/2 dphi/dxi + a_i . dg/dxi`. Kernels give all of it ([`piola_compiler::VectorKernels`]), for
+//! values and for changes in a direction, so that forces and products are one way through the bonds.
+//!
+//! Partmann, Wieners, Weinberg 2026 for the models that are written so (CC, CS, CW, BAQP).
+
+mod broken;
+mod linear;
+mod passes;
+
+use std::sync::{Arc, OnceLock};
+
+use piola_compiler::VectorKernels;
+
+use crate::assembly::error::check_neighbors;
+use crate::body::Body;
+use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
+use crate::fields::states::StateError;
+use crate::fields::{springs, stored};
+use crate::interaction::{Report, Slabs};
+use crate::materials::{Fields, Materials};
+use crate::matrix::{BlockMatrix, BlockPattern};
+use crate::neighborhood::Neighborhood;
+use crate::pool::Pool;
+use crate::weights::check_families;
+use broken::Whole;
+use linear::VectorStiffness;
+use passes::{Gathered, Room};
+
+/// What a potential gathers of vectors, and its energies.
+pub struct VectorLaws {
+    /// The functions of the potential.
+    pub kernels: VectorKernels,
+    /// What energies per volume of the solid are multiplied by in two dimensions, in m.
+    pub thickness: f64,
+    /// What the energies of points and of bonds are functions of, for the names of the parts.
+    pub arguments: [String; 2],
+}
+
+/// The discrete total energy of what points gather of vectors.
+pub struct VectorEnergy {
+    body: Arc<Body>,
+    neighborhood: Arc<Neighborhood>,
+    slabs: Slabs,
+    laws: VectorLaws,
+    /// With the fields of the law, among them the direction of bonds.
+    materials: Arc<Materials>,
+    /// `psi(H)`, `psi(xi, H)`: as the potential writes them, those that are modelled.
+    names: Arc<[String]>,
+    pattern: OnceLock<Arc<BlockPattern>>,
+    bond_pattern: OnceLock<Arc<BlockPattern>>,
+    /// What springs like the bonds at rest have, over the volumes of their ends, times their length.
+    stiffness: OnceLock<f64>,
+    /// The families before bonds were lost.
+    whole: Option<Box<Whole>>,
+    /// Room for passes, and for their threads.
+    gathered: Pool<Gathered>,
+    room: Pool<Room>,
+}
+
+impl VectorEnergy {
+    /// Takes neighbours that energies of the body share, and the fields of its one law. Without materials the
+    /// law takes no fields but the direction of bonds.
+    ///
+    /// # Errors
+    /// Points without neighbours.
+    pub fn new(
+        body: Arc<Body>,
+        neighborhood: Arc<Neighborhood>,
+        materials: Option<Arc<Materials>>,
+        laws: VectorLaws,
+    ) -> Result<VectorEnergy, StateError> {
+        check_neighbors(&body, &neighborhood)?;
+        check_families(&body).map_err(crate::assembly::AssemblyError::from)?;
+        let has = [laws.kernels.points.is_some(), laws.kernels.bonds.is_some()];
+        let parts = laws.arguments.iter().zip(has).filter(|part| part.1);
+        let names = parts.map(|(argument, _)| format!("psi({argument})")).collect();
+        let materials = materials.unwrap_or_else(|| Arc::new(of_directions(&body)));
+        Ok(VectorEnergy {
+            slabs: Slabs::new(&neighborhood),
+            body,
+            neighborhood,
+            laws,
+            materials,
+            names,
+            pattern: OnceLock::new(),
+            bond_pattern: OnceLock::new(),
+            stiffness: OnceLock::new(),
+            whole: None,
+            gathered: Pool::new(),
+            room: Pool::new(),
+        })
+    }
+
+    /// The body.
+    pub fn body(&self) -> &Arc<Body> {
+        &self.body
+    }
+
+    /// What all points gather at displacements `u` (`n x d`, m), point by point: integrals and functions of
+    /// them in the order in which they are written.
+    pub fn gathered(&self, u: &[f64]) -> Vec<f64> {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        let mut gathered = self.gathered.take(Gathered::default);
+        match self.body.dimension() {
+            2 => self.gather::<2>(u, None, &mut gathered),
+            _ => self.gather::<3>(u, None, &mut gathered),
+        }
+        gathered.values.clone()
+    }
+
+    fn fields(&self) -> Option<&Fields> {
+        self.materials.fields()
+    }
+
+    /// How many numbers a point gathers.
+    fn n_gathered(&self) -> usize {
+        self.laws.kernels.n_gathered
+    }
+
+    /// Whether energies couple what both ends of a bond gather.
+    fn has_neighbours(&self) -> bool {
+        let is_neighbour =
+            |slot: &piola_compiler::Slot| matches!(slot, piola_compiler::Slot::Neighbour(_));
+        self.laws.kernels.bonds.as_ref().is_some_and(|law| law.variables().iter().any(is_neighbour))
+    }
+
+    fn assemble<const D: usize>(
+        &self,
+        u: &[f64],
+        mut out: Option<&mut [f64]>,
+        parts: &mut [f64],
+    ) -> Result<(), NonFinite> {
+        let mut gathered = self.gathered.take(Gathered::default);
+        let energies = self.energies::<D>(u, &mut gathered, out.as_deref_mut())?;
+        let has = [self.laws.kernels.points.is_some(), self.laws.kernels.bonds.is_some()];
+        let energies = energies.into_iter().zip(has).filter(|part| part.1);
+        parts.iter_mut().zip(energies).for_each(|(part, (energy, _))| *part = energy);
+        Ok(())
+    }
+
+    fn evaluate_in<const D: usize>(
+        &self,
+        u: &[f64],
+        wanted: Wanted<'_>,
+        parts: &mut [f64],
+    ) -> Result<(), NonFinite> {
+        let assemble = |forces: Option<&mut [f64]>| self.assemble::<D>(u, forces, parts);
+        stored::evaluate(wanted, assemble, || VectorStiffness::<D>::new(self, u))
+    }
+
+    fn named(&self, point: usize, gathered: Option<f64>, u: &[f64]) -> NonFinite {
+        let d = self.body.dimension();
+        NonFinite {
+            argument: Argument::Gathered,
+            points: vec![point],
+            displacements: u[point * d..(point + 1) * d].to_vec(),
+            value: gathered.unwrap_or(f64::NAN),
+            reference: 1.0,
+            inverted: false,
+        }
+    }
+
+    /// The stiffness of springs: that which keeps the energy of a uniform expansion, of all springs together.
+    fn like_uniform_expansion<const D: usize>(&self) -> f64 {
+        let positions = self.body.positions();
+        let n = self.body.n_points();
+        let mean: [f64; D] = std::array::from_fn(|c| {
+            positions.iter().skip(c).step_by(D).fold(0.0, |sum, x| sum + x) / n as f64
+        });
+        let p: Vec<f64> = positions.iter().enumerate().map(|(k, x)| x - mean[k % D]).collect();
+        let rest = vec![0.0; p.len()];
+        let energy = self.hessian(&rest).map(|hessian| {
+            let mut product = vec![0.0; p.len()];
+            hessian.multiply(&p, &mut product);
+            product.iter().zip(&p).fold(0.0, |sum, (x, p)| sum + x * p)
+        });
+        let volumes = self.body.volumes();
+        let mut springs = 0.0;
+        for i in 0..n {
+            for &j in self.neighborhood.upper(i) {
+                let j = j as usize;
+                springs += volumes[i] * volumes[j] * passes::distance(&self.body, [i, j]);
+            }
+        }
+        match energy.map(|energy| energy / springs) {
+            Ok(stiffness) if stiffness > 0.0 && stiffness.is_finite() => stiffness,
+            _ => 1.0 / springs,
+        }
+    }
+
+    fn like_bonds<const D: usize>(&self, u: &[f64], matrix: &mut BlockMatrix) {
+        let all = *self.stiffness.get_or_init(|| self.like_uniform_expansion::<D>());
+        let volumes = self.body.volumes();
+        let stiffness = |_: usize, [i, j]: [usize; 2], dx: &[f64; D]| {
+            let length = dx.iter().fold(0.0, |sum, x| sum + x * x).sqrt();
+            all * volumes[i] * volumes[j] / length
+        };
+        springs::fill(&self.body, (&self.neighborhood, &self.slabs), u, stiffness, matrix);
+    }
+}
+
+/// One material with the direction of bonds as its only fields.
+fn of_directions(body: &Arc<Body>) -> Materials {
+    let d = body.dimension();
+    let fields = Fields::new(body.n_points(), &[vec![0.0; d]], true);
+    let fields = fields.with_directions((0..d as u8).map(Some).collect(), body);
+    Materials::new(vec![0; body.n_points()], Vec::new()).with_fields(Arc::new(fields))
+}
+
+impl Energy for VectorEnergy {
+    fn dimension(&self) -> usize {
+        self.body.dimension()
+    }
+
+    fn positions(&self) -> &[f64] {
+        self.body.positions()
+    }
+
+    fn parts(&self) -> &Arc<[String]> {
+        &self.names
+    }
+
+    fn report(&self) -> Report {
+        Report::of_families(&self.neighborhood)
+    }
+
+    fn pattern(&self) -> &Arc<BlockPattern> {
+        let whole =
+            self.whole.as_ref().map_or(&self.neighborhood, |whole| &whole.lost.neighborhood);
+        let reach = if self.has_neighbours() { 3 } else { 2 };
+        let make = || Arc::new(BlockPattern::of_reach(whole, self.dimension(), reach));
+        self.pattern.get_or_init(make)
+    }
+
+    fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
+        let make = || Arc::new(BlockPattern::of_bonds(&self.neighborhood, self.dimension()));
+        Some(self.bond_pattern.get_or_init(make))
+    }
+
+    fn springs(&self, u: &[f64], springs: &mut BlockMatrix) {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        match self.dimension() {
+            2 => self.like_bonds::<2>(u, springs),
+            _ => self.like_bonds::<3>(u, springs),
+        }
+    }
+
+    fn evaluate(&self, u: &[f64], wanted: Wanted<'_>, parts: &mut [f64]) -> Result<(), NonFinite> {
+        check_sizes(self, u, &wanted, parts);
+        match self.dimension() {
+            2 => self.evaluate_in::<2>(u, wanted, parts),
+            _ => self.evaluate_in::<3>(u, wanted, parts),
+        }
+    }
+
+    fn shares(&self, u: &[f64], shares: &mut [f64]) -> Result<(), NonFinite> {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        let mut gathered = self.gathered.take(Gathered::default);
+        match self.dimension() {
+            2 => self.energies::<2>(u, &mut gathered, None)?,
+            _ => self.energies::<3>(u, &mut gathered, None)?,
+        };
+        let densities = gathered.points.iter().zip(&gathered.bonds).zip(self.body.volumes());
+        for (share, ((points, bonds), volume)) in shares.iter_mut().zip(densities) {
+            *share = (points + bonds) * volume;
+        }
+        Ok(())
+    }
+
+    fn virials(&self, u: &[f64], virials: &mut [f64]) -> Result<(), NonFinite> {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        match self.dimension() {
+            2 => self.changes_of_shares::<2>(u, virials),
+            _ => self.changes_of_shares::<3>(u, virials),
+        }
+    }
+
+    fn can_lose_bonds(&self) -> bool {
+        true
+    }
+
+    fn singular(&self) -> Vec<usize> {
+        self.whole.as_ref().map_or_else(Vec::new, |_| self.neighborhood.isolated())
+    }
+
+    fn lose(&mut self, bonds: &[usize]) {
+        self.lose_bonds(bonds);
+    }
+
+    fn regain(&mut self, bonds: &[usize]) {
+        self.regain_bonds(bonds);
+    }
+
+    fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
+        assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
+        let mut gathered = Gathered::default();
+        let mut forces = vec![0.0; u.len()];
+        match self.dimension() {
+            2 => self.energies::<2>(u, &mut gathered, Some(&mut forces))?,
+            _ => self.energies::<3>(u, &mut gathered, Some(&mut forces))?,
+        };
+        Ok(Box::new(VectorHessian { energy: self, u: u.to_vec(), gathered }))
+    }
+}
+
+/// The Hessian, by what points gather at the displacements that it was made for.
+struct VectorHessian<'a> {
+    energy: &'a VectorEnergy,
+    u: Vec<f64>,
+    gathered: Gathered,
+}
+
+impl Hessian for VectorHessian<'_> {
+    fn multiply(&self, p: &[f64], product: &mut [f64]) {
+        let n = self.energy.body.positions().len();
+        assert!(p.len() == n && product.len() == n, "vectors are n x d");
+        let mut change = self.energy.gathered.take(Gathered::default);
+        let base = Some((&self.u[..], &self.gathered));
+        match self.energy.dimension() {
+            2 => self.energy.pass::<2>(p, base, &mut change, Some(product)),
+            _ => self.energy.pass::<3>(p, base, &mut change, Some(product)),
+        }
+    }
+}

@@ -1,0 +1,439 @@
+//! One way through the bonds and back: what points gather, energies, forces. The same way with kernels' products
+//! in the place of their derivatives takes a direction instead of displacements, and gives what all of it
+//! changes by.
+//!
+//! Bonds go through kernels in chunks of whole owners, each bond as both of its ends see it, and add to both,
+//! slab by slab, so that the order of every sum is that of the body.
+
+use std::ops::Range;
+
+use piola_compiler::{FamilyBatch, FamilyKernel, Slot};
+use rayon::prelude::*;
+
+use super::VectorEnergy;
+use crate::assembly::sum::Sum;
+use crate::body::Body;
+use crate::energy::NonFinite;
+use crate::interaction::schedule::{Layout, Part, Touched, visit};
+use crate::pool::Taken;
+
+/// Bonds of a chunk, but for the last owner's.
+const CHUNK: usize = 64;
+
+/// Points per task; fixed, so that results do not depend on threads.
+const POINTS: usize = 64;
+
+/// What points gather, or what that changes by.
+#[derive(Default)]
+pub(super) struct Gathered {
+    /// Point by point, in the order in which a potential writes them.
+    pub(super) values: Vec<f64>,
+    /// Derivatives of the energy per volume by them: in the end by integrals all of it, by functions of them
+    /// what energies hold of these.
+    pub(super) adjoint: Vec<f64>,
+    /// Energies per volume of points and of the bonds of points, in J/m^d.
+    pub(super) points: Vec<f64>,
+    pub(super) bonds: Vec<f64>,
+}
+
+/// What kernels find slots in.
+#[derive(Clone, Copy)]
+pub(super) struct At<'a> {
+    /// Displacements, or a direction of them.
+    pub(super) u: &'a [f64],
+    /// What points gather; where it is empty, nothing has been gathered yet.
+    pub(super) values: &'a [f64],
+    /// Multipliers of that; all 0 where it is empty.
+    pub(super) adjoint: &'a [f64],
+}
+
+/// Displacements with what points gather there, where a pass takes a direction.
+pub(super) type Base<'a> = Option<(&'a [f64], &'a Gathered)>;
+
+/// What goes through a kernel.
+#[derive(Default)]
+pub(super) struct Room {
+    /// The end that sees a bond, and the other; of points twice the point.
+    pub(super) ends: Vec<[usize; 2]>,
+    variables: Vec<f64>,
+    given: Vec<f64>,
+    fields: Vec<f64>,
+    direction: Vec<f64>,
+    /// The kernel's value and its derivatives, or what these change by, variable by variable.
+    pub(super) value: Vec<f64>,
+    pub(super) slopes: Vec<f64>,
+}
+
+impl Room {
+    /// A direction of so many numbers that is 1 at some places of one variable and 0 elsewhere.
+    pub(super) fn set_direction(&mut self, n: usize, ones: Range<usize>) {
+        clear(&mut self.direction, n);
+        self.direction[ones].fill(1.0);
+    }
+}
+
+/// Between two points at rest, in m.
+pub(super) fn distance(body: &Body, [i, j]: [usize; 2]) -> f64 {
+    let ends = body.position(i).iter().zip(body.position(j));
+    ends.fold(0.0, |sum, (x, y)| sum + (y - x) * (y - x)).sqrt()
+}
+
+/// Makes an array so long, and zero.
+fn clear(array: &mut Vec<f64>, n: usize) {
+    array.clear();
+    array.resize(n, 0.0);
+}
+
+impl VectorEnergy {
+    /// Puts what slots hold at some places behind `out`.
+    fn add_slots(&self, slots: &[Slot], ends: &[[usize; 2]], at: At<'_>, out: &mut Vec<f64>) {
+        let (d, m) = (self.body.dimension(), self.n_gathered());
+        let of = |array: &[f64], point: usize, k: usize| {
+            if array.is_empty() { 0.0 } else { array[point * m + k] }
+        };
+        for slot in slots {
+            match *slot {
+                Slot::Length => out.extend(ends.iter().map(|ends| distance(&self.body, *ends))),
+                Slot::Moved(axis) => {
+                    out.extend(ends.iter().map(|[i, j]| at.u[j * d + axis] - at.u[i * d + axis]))
+                }
+                Slot::Own(k) => out.extend(ends.iter().map(|[i, _]| of(at.values, *i, k))),
+                Slot::Neighbour(k) => out.extend(ends.iter().map(|[_, j]| of(at.values, *j, k))),
+                Slot::Multiplier(k) => out.extend(ends.iter().map(|[i, _]| of(at.adjoint, *i, k))),
+            }
+        }
+    }
+
+    /// Prepares a batch of the places in the room; the direction is taken where there is one.
+    pub(super) fn prepare(
+        &self,
+        kernel: &FamilyKernel,
+        (at, direction): (At<'_>, Option<At<'_>>),
+        room: &mut Room,
+    ) {
+        let Room { ends, variables, given, fields, direction: along, .. } = room;
+        [&mut *variables, given, fields, along].into_iter().for_each(Vec::clear);
+        self.add_slots(kernel.variables(), ends, at, variables);
+        self.add_slots(kernel.given(), ends, at, given);
+        if let Some(direction) = direction {
+            self.add_slots(kernel.variables(), ends, direction, along);
+        }
+        if !kernel.fields().is_empty()
+            && let Some(all) = self.fields()
+        {
+            all.add(0..all.len(), ends.len(), |place| ends[place].into_iter(), fields);
+        }
+    }
+
+    /// The value and the derivatives of a kernel at what is prepared; what derivatives change by, along a
+    /// direction.
+    pub(super) fn run(kernel: &FamilyKernel, is_product: bool, room: &mut Room) {
+        let Room { ends, variables, given, fields, direction, value, slopes } = room;
+        let n = ends.len();
+        clear(value, n);
+        clear(slopes, variables.len());
+        let at = FamilyBatch { n, variables, given, fields };
+        match is_product {
+            true => kernel.product(at, direction, slopes),
+            false => kernel.evaluate(at, value, slopes),
+        }
+    }
+
+    /// Kernels at what is asked of a pass: `now` are values, or a direction from `base`.
+    fn through(&self, kernel: &FamilyKernel, now: At<'_>, base: Base<'_>, room: &mut Room) {
+        let at = base.map(|(u, base)| At { u, values: &base.values, adjoint: &base.adjoint });
+        let places = match at {
+            Some(at) => (at, Some(now)),
+            None => (now, None),
+        };
+        self.prepare(kernel, places, room);
+        VectorEnergy::run(kernel, base.is_some(), room);
+    }
+
+    /// Owners whose bonds go through kernels at once.
+    fn chunks(&self, owners: Range<usize>) -> impl Iterator<Item = Range<usize>> + '_ {
+        let (mut next, start) = (owners.start, self.neighborhood.bond_starts());
+        std::iter::from_fn(move || {
+            let first = next;
+            while next < owners.end && (next == first || start[next] - start[first] < CHUNK) {
+                next += 1;
+            }
+            (next > first).then_some(first..next)
+        })
+    }
+
+    /// The bonds of some owners as both of their ends see them: those of the owners first.
+    pub(super) fn both_ends(&self, owners: Range<usize>, ends: &mut Vec<[usize; 2]>) {
+        ends.clear();
+        for i in owners {
+            ends.extend(self.neighborhood.upper(i).iter().map(|&j| [i, j as usize]));
+        }
+        let n = ends.len();
+        ends.extend_from_within(..n);
+        ends[n..].iter_mut().for_each(|ends| ends.reverse());
+    }
+
+    /// The integrals and the functions of them.
+    pub(super) fn gather<const D: usize>(&self, u: &[f64], base: Base<'_>, out: &mut Gathered) {
+        self.room.provide(Room::default);
+        let (m, volumes) = (self.n_gathered(), self.body.volumes());
+        let kernel = &self.laws.kernels.integrands;
+        clear(&mut out.values, m * self.body.n_points());
+        let now = At { u, values: &[], adjoint: &[] };
+        let values = Part::new(Layout::Points(m), &mut out.values);
+        visit(&self.slabs, values, (), |slab, [here, next], ()| {
+            let (mut values, mut room) = (Touched::new(here, next), self.room.take(Room::default));
+            for owners in self.chunks(self.slabs.owners(slab)) {
+                self.both_ends(owners, &mut room.ends);
+                self.through(kernel, now, base, &mut room);
+                for (slot, slopes) in of_slots(kernel, &room) {
+                    let Slot::Multiplier(k) = slot else { continue };
+                    for ([i, j], value) in room.ends.iter().zip(slopes) {
+                        values[i * m + k] += volumes[*j] * value;
+                    }
+                }
+            }
+        });
+        let Some(kernel) = &self.laws.kernels.functions else { return };
+        let found = self.over_points(kernel, At { u, values: &out.values, adjoint: &[] }, base);
+        for room in found {
+            for (slot, slopes) in of_slots(kernel, &room) {
+                let Slot::Multiplier(k) = slot else { continue };
+                let places = room.ends.iter().zip(slopes);
+                places.for_each(|([i, _], value)| out.values[i * m + k] = *value);
+            }
+        }
+    }
+
+    /// A kernel at all points that have something to gather from, chunk by chunk.
+    pub(super) fn over_points(
+        &self,
+        kernel: &FamilyKernel,
+        now: At<'_>,
+        base: Base<'_>,
+    ) -> Vec<Taken<'_, Room>> {
+        let n = self.body.n_points();
+        let chunk = |chunk: usize| {
+            let mut room = self.room.take(Room::default);
+            room.ends.clear();
+            let own = (chunk * POINTS..n.min((chunk + 1) * POINTS)).map(|point| [point; 2]);
+            room.ends.extend(own.filter(|[i, _]| !self.neighborhood.row(*i).is_empty()));
+            self.through(kernel, now, base, &mut room);
+            room
+        };
+        (0..n.div_ceil(POINTS)).into_par_iter().map(chunk).collect()
+    }
+
+    /// What points gather, energies per volume and their derivatives by what is gathered; unless it is absent
+    /// `out` becomes the forces. The same of a direction: products.
+    pub(super) fn pass<const D: usize>(
+        &self,
+        u: &[f64],
+        base: Base<'_>,
+        gathered: &mut Gathered,
+        mut out: Option<&mut [f64]>,
+    ) {
+        self.gather::<D>(u, base, gathered);
+        let (m, n) = (self.n_gathered(), self.body.n_points());
+        let Gathered { values, adjoint, points, bonds } = gathered;
+        clear(adjoint, m * n);
+        clear(points, n);
+        clear(bonds, n);
+        if let Some(out) = out.as_deref_mut() {
+            out.fill(0.0);
+        }
+        let now = At { u, values, adjoint: &[] };
+        if let Some(kernel) = &self.laws.kernels.points {
+            let scale = self.laws.thickness;
+            for room in self.over_points(kernel, now, base) {
+                for ([i, _], value) in room.ends.iter().zip(&room.value) {
+                    points[*i] = scale * value;
+                }
+                for (slot, slopes) in of_slots(kernel, &room) {
+                    let Slot::Own(k) = slot else { continue };
+                    let places = room.ends.iter().zip(slopes);
+                    places.for_each(|([i, _], slope)| adjoint[i * m + k] = scale * slope);
+                }
+            }
+        }
+        if let Some(kernel) = &self.laws.kernels.bonds {
+            let forces = out.as_deref_mut().unwrap_or_default();
+            self.through_bonds::<D>(kernel, now, base, (adjoint, bonds, forces));
+        }
+        let Some(out) = out else { return };
+        if let Some(kernel) = &self.laws.kernels.functions {
+            let found = self.over_points(kernel, At { u, values, adjoint }, base);
+            for room in found {
+                for (slot, slopes) in of_slots(kernel, &room) {
+                    let Slot::Own(k) = slot else { continue };
+                    let places = room.ends.iter().zip(slopes);
+                    places.for_each(|([i, _], slope)| adjoint[i * m + k] += slope);
+                }
+            }
+        }
+        self.back::<D>(At { u, values: &[], adjoint }, base, out);
+    }
+
+    /// Energies of bonds, their derivatives by what both ends gather, and what bonds pull with by themselves.
+    fn through_bonds<const D: usize>(
+        &self,
+        kernel: &FamilyKernel,
+        now: At<'_>,
+        base: Base<'_>,
+        (adjoint, energies, forces): (&mut [f64], &mut [f64], &mut [f64]),
+    ) {
+        let (m, volumes) = (self.n_gathered(), self.body.volumes());
+        let half = 0.5 * self.laws.thickness;
+        let shared = (
+            Part::new(Layout::Points(m), adjoint),
+            Part::new(Layout::Points(1), energies),
+            Part::new(Layout::Points(1), forces.as_chunks_mut::<D>().0),
+        );
+        visit(&self.slabs, shared, (), |slab, [here, next], ()| {
+            let mut adjoint = Touched::new(&mut here.0, &mut next.0);
+            let mut energies = Touched::new(&mut here.1, &mut next.1);
+            let mut forces: Touched<'_, [f64; D]> = Touched::new(&mut here.2, &mut next.2);
+            let mut room = self.room.take(Room::default);
+            for owners in self.chunks(self.slabs.owners(slab)) {
+                self.both_ends(owners, &mut room.ends);
+                self.through(kernel, now, base, &mut room);
+                for ([i, j], value) in room.ends.iter().zip(&room.value) {
+                    energies[*i] += half * volumes[*j] * value;
+                }
+                for (slot, slopes) in of_slots(kernel, &room) {
+                    let places = room.ends.iter().zip(slopes);
+                    match slot {
+                        Slot::Own(k) => places.for_each(|([i, j], slope)| {
+                            adjoint[i * m + k] += half * volumes[*j] * slope;
+                        }),
+                        Slot::Neighbour(k) => places.for_each(|([i, j], slope)| {
+                            adjoint[j * m + k] += half * volumes[*i] * slope;
+                        }),
+                        Slot::Moved(axis) if !forces.is_empty() => {
+                            places.for_each(|([i, j], slope)| {
+                                let pull = half * volumes[*i] * volumes[*j] * slope;
+                                forces[*j][axis] += pull;
+                                forces[*i][axis] -= pull;
+                            });
+                        }
+                        _ => {}
+                    }
+                }
+            }
+        });
+    }
+
+    /// Adds what bonds pull with because of what their ends gather.
+    fn back<const D: usize>(&self, now: At<'_>, base: Base<'_>, out: &mut [f64]) {
+        let (kernel, volumes) = (&self.laws.kernels.integrands, self.body.volumes());
+        let forces = Part::new(Layout::Points(1), out.as_chunks_mut::<D>().0);
+        visit(&self.slabs, forces, (), |slab, [here, next], ()| {
+            let mut forces: Touched<'_, [f64; D]> = Touched::new(here, next);
+            let mut room = self.room.take(Room::default);
+            for owners in self.chunks(self.slabs.owners(slab)) {
+                self.both_ends(owners, &mut room.ends);
+                self.through(kernel, now, base, &mut room);
+                for (slot, slopes) in of_slots(kernel, &room) {
+                    let Slot::Moved(axis) = slot else { continue };
+                    for ([i, j], slope) in room.ends.iter().zip(slopes) {
+                        let pull = volumes[*i] * volumes[*j] * slope;
+                        forces[*j][axis] += pull;
+                        forces[*i][axis] -= pull;
+                    }
+                }
+            }
+        });
+    }
+
+    /// The energies of points and of bonds in J; unless it is absent `out` becomes the forces.
+    pub(super) fn energies<const D: usize>(
+        &self,
+        u: &[f64],
+        gathered: &mut Gathered,
+        mut out: Option<&mut [f64]>,
+    ) -> Result<[f64; 2], NonFinite> {
+        self.pass::<D>(u, None, gathered, out.as_deref_mut());
+        let m = self.n_gathered();
+        let is_bad = |i: &usize| {
+            let adjoint = out.as_ref().map(|_| &gathered.adjoint[i * m..(i + 1) * m]);
+            let forces = out.as_ref().map(|out| &out[i * D..(i + 1) * D]);
+            let mut all = adjoint.into_iter().chain(forces).flatten();
+            let energies = [gathered.points[*i], gathered.bonds[*i]];
+            !(energies.iter().all(|x| x.is_finite()) && all.all(|x| x.is_finite()))
+        };
+        if let Some(i) = (0..self.body.n_points()).find(is_bad) {
+            return Err(self.named(i, gathered.values.get(i * m).copied(), u));
+        }
+        let energies = [&gathered.points, &gathered.bonds];
+        Ok(energies.map(|densities| Sum::of_products(densities, self.body.volumes()).value()))
+    }
+
+    /// What the energies of points change by under uniform displacement gradients, `n x d x d`: see
+    /// [`crate::energy::Energy::virials`].
+    pub(super) fn changes_of_shares<const D: usize>(
+        &self,
+        u: &[f64],
+        virials: &mut [f64],
+    ) -> Result<(), NonFinite> {
+        let mut base = Gathered::default();
+        self.energies::<D>(u, &mut base, None)?;
+        let n = self.body.n_points();
+        let (positions, volumes) = (self.body.positions(), self.body.volumes());
+        let mut change = Gathered::default();
+        for component in 0..D * D {
+            let (row, column) = (component / D, component % D);
+            let of = |k: usize| if k % D == row { positions[k - row + column] } else { 0.0 };
+            let p: Vec<f64> = (0..n * D).map(of).collect();
+            self.gather::<D>(&p, Some((u, &base)), &mut change);
+            let shares = self.along::<D>((u, &base.values), (&p, &change.values));
+            for (i, share) in shares.into_iter().enumerate() {
+                virials[i * D * D + component] = volumes[i] * share;
+            }
+        }
+        Ok(())
+    }
+
+    /// What the energy per volume of each point changes by along a direction.
+    fn along<const D: usize>(
+        &self,
+        (u, values): (&[f64], &[f64]),
+        (p, changes): (&[f64], &[f64]),
+    ) -> Vec<f64> {
+        let (volumes, thickness) = (self.body.volumes(), self.laws.thickness);
+        let at = At { u, values, adjoint: &[] };
+        let direction = At { u: p, values: changes, adjoint: &[] };
+        let of_points = |i: usize| {
+            let mut room = self.room.take(Room::default);
+            let mut change = 0.0;
+            let row = self.neighborhood.row(i);
+            for kernel in [&self.laws.kernels.points, &self.laws.kernels.bonds] {
+                let Some(kernel) = kernel else { continue };
+                let is_of_bonds = kernel.given().contains(&Slot::Length);
+                room.ends.clear();
+                match is_of_bonds {
+                    true => room.ends.extend(row.iter().map(|&j| [i, j as usize])),
+                    false => room.ends.extend((!row.is_empty()).then_some([i; 2])),
+                }
+                self.prepare(kernel, (at, Some(direction)), &mut room);
+                VectorEnergy::run(kernel, false, &mut room);
+                let n = room.ends.len();
+                for (k, (slope, along)) in room.slopes.iter().zip(&room.direction).enumerate() {
+                    let [i, j] = room.ends[k % n];
+                    let weight = if i == j { 1.0 } else { 0.5 * volumes[j] };
+                    change += thickness * weight * slope * along;
+                }
+            }
+            change
+        };
+        (0..self.body.n_points()).into_par_iter().map(of_points).collect()
+    }
+}
+
+/// The variables of a kernel with its derivatives by them at all places of the room.
+pub(super) fn of_slots<'a>(
+    kernel: &'a FamilyKernel,
+    room: &'a Room,
+) -> impl Iterator<Item = (Slot, &'a [f64])> {
+    let slopes = room.slopes.chunks(room.ends.len().max(1));
+    kernel.variables().iter().copied().zip(slopes)
+}

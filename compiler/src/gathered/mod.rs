@@ -23,7 +23,7 @@ use crate::measure::Measure;
 use crate::model::{GatheredEnergy, Integral, Model, Variant};
 use crate::near::vanishes_at_rest;
 use crate::point::adjoint::{self, Varied};
-use crate::point::near::{near_of_integrals, with_fields};
+use crate::point::near::{near_of_integrals, near_of_vanishing, with_fields};
 use crate::rewrite::{expand, rewrite};
 use crate::simplify::Simplifier;
 use crate::specialise::{
@@ -108,15 +108,13 @@ fn form(
     Ok(DensityForm::new(graph, &roots, kernel::inputs(of_bonds, n_integrals), fields))
 }
 
-/// Whether each term of an integrand has a component of `xi - Xi` as its factor, or one of a function something
-/// that is 0 at rest itself.
-fn is_nothing(graph: &ExprGraph, integral: &Integral, vanishing: &[Input]) -> bool {
+/// Whether each term of an integrand has a component of `xi - Xi` as its factor.
+fn is_nothing(graph: &ExprGraph, integral: &Integral) -> bool {
     let mut nothing: Vec<bool> = Vec::with_capacity(graph.len());
     for (_, node) in graph.nodes() {
         let of = |x: NodeId| nothing[x.0 as usize];
         nothing.push(match node {
             Node::Input(Input::Part(Part::Moved(_))) => true,
-            Node::Input(input) => vanishing.contains(&input),
             Node::Unary(Function::Negate, x) => of(x),
             Node::Binary(Operator::Multiply, x, y) => of(x) || of(y),
             Node::Binary(Operator::Divide, x, _) => of(x),
@@ -212,7 +210,14 @@ impl Model {
     ) -> Result<Vec<Input>, TooManyNodes> {
         let mut found = Vec::new();
         for (k, integral) in variant.integrals.iter().enumerate() {
-            if is_nothing(&variant.graph, integral, &found) {
+            if integral.is_function {
+                let (graph, root) = (&variant.graph, integral.root);
+                let mut unused = Simplifier::new();
+                let (_, vanishes) = near_of_vanishing(&mut unused, graph, root, &found)?;
+                found.extend(vanishes.then_some(Input::Integral(k as u8)));
+                continue;
+            }
+            if is_nothing(&variant.graph, integral) {
                 found.push(Input::Integral(k as u8));
                 continue;
             }

@@ -14,7 +14,7 @@ use crate::kernel::Mode;
 use crate::measure::Measure;
 use crate::model::{Model, Variant};
 use crate::point::adjoint::{self, Varied};
-use crate::point::near::{near_of_integrals, with_fields};
+use crate::point::near::near_of_vanishing;
 use crate::simplify::Simplifier;
 use crate::specialise::{
     CompileError, Dropped, Form, Named, folded, known, substituted_into, sum_in,
@@ -35,6 +35,14 @@ pub struct VectorKernels {
     pub points: Option<FamilyKernel>,
     /// The energy of bonds in J/m^(d+3): of each as its two ends see it.
     pub bonds: Option<FamilyKernel>,
+}
+
+impl VectorKernels {
+    /// Whether energies couple what both ends of a bond gather, and so points over three horizons.
+    pub fn has_neighbours(&self) -> bool {
+        let is_neighbour = |slot: &Slot| matches!(slot, Slot::Neighbour(_));
+        self.bonds.as_ref().is_some_and(|law| law.variables().iter().any(is_neighbour))
+    }
 }
 
 /// Which of the functions of a potential of vectors.
@@ -166,25 +174,13 @@ impl Model {
         let (exact, fold) = (Simplifier::exact(), known(values));
         let sum = sum_in(exact, &variant.graph, &self.parameters, subject, &fold, dropped)?;
         let Some((exact, root)) = sum else { return Ok(None) };
-        let (mut graph, place) = folded(exact.graph(), &[root])?;
-        let mut psi = place[root.0 as usize];
-        match (which, form) {
-            (Which::Bonds, _) => {
-                let (digits, roots) = digits(graph, vec![psi], form)?;
-                (graph, psi) = (digits, roots[0]);
-            }
-            (_, Form::Accurate) => {
-                let vanishing = self.vanishing(variant, &fold)?;
-                let near = with_fields(&mut graph, &exact, root, |graph, source, root| {
-                    near_of_integrals(graph, source, root, &vanishing)
-                });
-                psi = near?.unwrap_or(psi);
-            }
-            (_, Form::Textbook) => {}
-        }
+        let (graph, place) = folded(exact.graph(), &[root])?;
+        let roots = vec![place[root.0 as usize]];
+        let vanishing = self.vanishing(variant, &fold)?;
+        let (graph, roots) = digits(graph, roots, &vanishing, values.dimension, form)?;
         let changes = changing(variant);
         let is_of_bonds = which == Which::Bonds;
-        let made = self.made((graph, psi), values, is_of_bonds, |slot| match slot {
+        let made = self.made((graph, roots[0]), values, is_of_bonds, |slot| match slot {
             Slot::Own(k) | Slot::Neighbour(k) => changes[k],
             _ => false,
         });
@@ -220,10 +216,8 @@ impl Model {
             };
             roots.push(root);
         }
-        let (mut graph, roots) = match which {
-            Which::Integrands => digits(graph, roots, form)?,
-            _ => (graph, roots),
-        };
+        let vanishing = self.vanishing(variant, &fold)?;
+        let (mut graph, roots) = digits(graph, roots, &vanishing, values.dimension, form)?;
         let mut sum: Option<NodeId> = None;
         for (k, root) in own.iter().zip(roots) {
             let multiplier = graph.input(Input::Multiplier(*k as u8))?;
@@ -310,16 +304,32 @@ impl Model {
     }
 }
 
-/// The roots in the form that keeps the digits of lengths, where that is wanted.
+/// The roots in the form that keeps digits, where that is wanted: first those of lengths, then of all that is 0 at
+/// rest, what has moved and what is gathered of that.
 fn digits(
     graph: Simplifier,
     roots: Vec<NodeId>,
+    vanishing: &[Input],
+    dimension: usize,
     form: Form,
 ) -> Result<(Simplifier, Vec<NodeId>), TooManyNodes> {
-    match form {
-        Form::Accurate => accurate(graph, roots, Measure::Length, &[]),
-        Form::Textbook => Ok((graph, roots)),
+    if form == Form::Textbook {
+        return Ok((graph, roots));
     }
+    let (graph, roots) = accurate(graph, roots, Measure::Length, &[])?;
+    let moved = (0..dimension as u8).map(|axis| Input::Part(Part::Moved(axis)));
+    let of_neighbours = vanishing.iter().map(|input| match input {
+        Input::Integral(k) => Input::Neighbour(*k),
+        other => *other,
+    });
+    let own = vanishing.iter().copied().chain(of_neighbours);
+    let all: Vec<Input> = moved.chain([Input::Change(Measure::Length)]).chain(own).collect();
+    let mut target = Simplifier::new();
+    let near = |root: NodeId| {
+        near_of_vanishing(&mut target, graph.graph(), root, &all).map(|(root, _)| root)
+    };
+    let roots = roots.into_iter().map(near).collect::<Result<Vec<NodeId>, TooManyNodes>>()?;
+    Ok((target, roots))
 }
 
 /// What a root holds of what ends gather and of multipliers, in their order.

@@ -6,6 +6,7 @@ mod common;
 mod consistency;
 mod differences;
 mod exactness;
+mod gathered_vectors;
 mod mechanics;
 mod pattern;
 mod reference;

@@ -18,6 +18,7 @@ use crate::expression::{
 };
 use crate::near::{Exact, Number};
 use crate::simplify::Simplifier;
+use crate::specialise::folded_into;
 pub(crate) use terms::with_fields;
 
 /// A node near rest: `value + slope . H + rest`.
@@ -142,12 +143,44 @@ pub(crate) fn near_of_integrals(
     Expander::new(graph, source, &variables, &[]).whole_of(root)
 }
 
+/// A function of inputs that are 0 at rest, near rest, in a graph that is given; and whether it is 0 there itself.
+/// Of all other inputs nothing is known. The function as it was where it is no number at rest.
+pub(crate) fn near_of_vanishing(
+    graph: &mut Simplifier,
+    source: &ExprGraph,
+    root: NodeId,
+    vanishing: &[Input],
+) -> Result<(NodeId, bool), TooManyNodes> {
+    let place = folded_into(graph, source, &[root])?;
+    let varying = |&variable: &Input| Varying { variable, change: variable, at_rest: 0.0 };
+    let variables: Vec<Varying> = vanishing.iter().map(varying).collect();
+    let of = Source { graph: source, place: &place };
+    let mut expander = Expander::new(graph, of, &variables, &[]);
+    let Some(near) = expander.run(root)? else { return Ok((place[root.0 as usize], false)) };
+    if let Some(Near::Unknown(node)) = expander.known[root.0 as usize] {
+        return Ok((node, false));
+    }
+    let vanishes = near.value.is_nothing();
+    Ok((expander.total(&near)?, vanishes))
+}
+
 /// A variable of an energy.
 #[derive(Clone, Copy)]
 struct Varying {
     variable: Input,
     change: Input,
     at_rest: f64,
+}
+
+/// What is a variable, or something of which nothing is known before a run.
+fn is_from_outside(input: Input) -> bool {
+    match input {
+        Input::Variable(_) | Input::Stretch(_) | Input::Parameter(_) => true,
+        Input::Integral(_) | Input::Neighbour(_) => true,
+        Input::Current(_) | Input::Reference(_) | Input::Change(_) => true,
+        Input::Part(_) | Input::PartAtRest(_) | Input::PartChange(_) => true,
+        _ => false,
+    }
 }
 
 struct Expander<'a> {
@@ -231,7 +264,7 @@ impl<'a> Expander<'a> {
         }
         Ok(Near::Number(match self.source.graph[id] {
             Node::Number(bits) => self.constant(Exact::from(f64::from_bits(bits))),
-            Node::Input(input @ (Input::Variable(_) | Input::Stretch(_) | Input::Integral(_))) => {
+            Node::Input(input) if is_from_outside(input) => {
                 let place = self.variables.iter().position(|known| known.variable == input);
                 let Some(place) = place else {
                     return Ok(Near::Unknown(self.source.place[id.0 as usize]));
@@ -278,10 +311,6 @@ impl<'a> Expander<'a> {
             }
             Node::Truth(holds) => {
                 return Ok(Near::Truth(self.graph.make(Node::Truth(holds))?, Some(holds)));
-            }
-            // Of a field nothing is known before a run.
-            Node::Input(Input::Parameter(_)) => {
-                return Ok(Near::Unknown(self.source.place[id.0 as usize]));
             }
             Node::Input(_) | Node::Strain(..) => self.nothing(),
         }))

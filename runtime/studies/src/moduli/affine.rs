@@ -62,13 +62,17 @@ impl Affine {
         potential: Compiled,
     ) -> Result<Affine, CaseError> {
         let (weighting, thickness) = (case.scene.horizon.weighting(), case.thickness());
-        let Compiled { elements, measures, gradient, gathered, arguments, .. } = potential;
+        let Compiled { elements, measures, gradient, gathered, vectors, arguments, .. } = potential;
         let d = self.dimension();
         if let Some(law) = &gradient {
             // Linear fields are differentiated exactly, so that every point has this energy.
             self = self.plus(&Affine::of_gradients(d, &**law));
         }
-        let has_families = gradient.is_some() || gathered.is_some();
+        let has_families = gradient.is_some() || gathered.is_some() || vectors.is_some();
+        if let Some(kernels) = vectors {
+            // Per volume of the solid, in the plane too.
+            self = self.plus(&inside.of_vectors(&kernels)?);
+        }
         if let Some(kernels) = gathered {
             // Of all that varies from bond to bond directions alone are left.
             let of_bonds = kernels.bonds.iter().map(|kernel| kernel.fields().len());
@@ -183,7 +187,7 @@ impl Affine {
 
     /// From products of the second derivatives with tensors: stiffnesses against changes of shape come
     /// from products with such changes alone.
-    fn of_products<E>(
+    pub(super) fn of_products<E>(
         d: usize,
         stress: Vec<f64>,
         mut product: impl FnMut(&DVector<f64>) -> Result<DVector<f64>, E>,

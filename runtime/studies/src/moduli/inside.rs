@@ -2,6 +2,7 @@
 
 use std::sync::OnceLock;
 
+use piola_compiler::VectorKernels;
 use piola_mechanics::assembly::{AssemblyError, Elements};
 use piola_mechanics::element::Element;
 use piola_mechanics::kernel::{Batch, Law, Measure, Order, Outputs};
@@ -16,6 +17,7 @@ use super::cliques::of_cliques;
 use super::cubic::Cubic;
 use super::directed;
 use super::states::of_states;
+use super::vectors;
 use crate::case::{Case, CaseError, Compiled};
 use crate::scene::{DerivativeSource, Points};
 
@@ -107,6 +109,13 @@ impl Inside {
         check_horizon(self.horizon).map_err(refused)?;
         let shells = self.shells(Measure::Length);
         Ok(of_states(laws, self.dimension, self.spacing, shells).affine())
+    }
+
+    /// Of energies of what points gather of vectors.
+    pub(super) fn of_vectors(&self, kernels: &VectorKernels) -> Result<Affine, CaseError> {
+        check_horizon(self.horizon).map_err(refused)?;
+        let ratio = self.horizon / self.spacing;
+        Ok(vectors::of_vectors(kernels, self.dimension, ratio, self.spacing))
     }
 
     fn add(

@@ -8,6 +8,7 @@
 //! | `cliques` | energies of several measures there, clique by clique |
 //! | `directed` | energies of bonds by their direction there, vector by vector |
 //! | `states` | energies of gathered states there |
+//! | `vectors` | energies of what points gather of vectors there |
 //! | [`stiffness`] | the elasticity tensor and the numbers that are read off it, with derivatives |
 //! | `rayleigh` | the speed of Rayleigh waves |
 //! | `fracture` | what breaking a plane through a lattice releases |
@@ -36,6 +37,7 @@ mod states;
 pub mod stiffness;
 mod text;
 pub mod time_step;
+mod vectors;
 
 use serde::Serialize;
 

@@ -45,6 +45,8 @@ pub enum Families {
     BondQuadrature,
     /// So many integrals.
     States(usize),
+    /// So many numbers of vectors; with what neighbours gather or without.
+    Vectors(usize, bool),
 }
 
 impl From<Discretisation> for Families {
@@ -65,7 +67,10 @@ pub(super) fn is_factorised(factor: FactorEstimate, blocks: f64) -> bool {
 impl Families {
     /// Over how many bonds the tangent couples points.
     pub(super) fn reach(self) -> usize {
-        if self == Families::BondQuadrature { 3 } else { 2 }
+        match self {
+            Families::BondQuadrature | Families::Vectors(_, true) => 3,
+            _ => 2,
+        }
     }
 
     fn seconds(self, dimension: usize) -> Seconds {
@@ -80,6 +85,15 @@ impl Families {
             Families::Nodal => of_gradients(22e-9, 22e-9, 3.4e-9),
             Families::Stabilised => of_gradients(45e-9, 45e-9, 12e-9),
             Families::BondQuadrature => of_gradients(85e-9, 14e-9 * tensor, 32e-9),
+            Families::Vectors(numbers, _) => {
+                let m = numbers as f64;
+                Seconds {
+                    forces: 50e-9 + 30e-9 * m,
+                    once: 50e-9 + 30e-9 * m,
+                    product: 50e-9 + 40e-9 * m,
+                    stored: 10e-9 + 10e-9 * m,
+                }
+            }
             Families::States(integrals) => {
                 let m = integrals as f64;
                 Seconds {
@@ -102,6 +116,10 @@ impl Families {
             Families::Nodal => vec![gradients],
             Families::Stabilised => vec![gradients, ("stabilisation", 8.0 * bonds + tensor)],
             Families::BondQuadrature => vec![gradients, ("bond quadrature", 8.0 * bonds)],
+            // Passes keep nothing of bonds.
+            Families::Vectors(numbers, _) => {
+                vec![("gathered vectors", 8.0 * (4 * n * (numbers + 1)) as f64)]
+            }
             Families::States(integrals) => {
                 // Numbers per bond at the peak, while second derivatives are worked out: of one to
                 // three integrals in two and three dimensions measured to 3 %.

@@ -178,8 +178,12 @@ impl Case {
             let own = compiled.iter().filter(move |one| one.layer == layer);
             let n_integrals = |one: &Compiled| one.gathered.as_ref().map(|g| g.integrals.len());
             let gathered = own.clone().filter_map(n_integrals).max().map(Families::States);
+            let vectors = own.clone().filter_map(|one| one.vectors.as_ref()).next();
+            let of_vectors = |one: &piola_compiler::VectorKernels| {
+                Families::Vectors(one.n_gathered, one.has_neighbours())
+            };
             let gradient = own.filter_map(|one| one.gradient.as_ref()).next();
-            [gathered, gradient.map(|_| settings.discretisation.into())]
+            [gathered, vectors.map(of_vectors), gradient.map(|_| settings.discretisation.into())]
         };
         let n_layers = compiled.iter().map(|one| one.layer + 1).max().unwrap_or(0);
         (0..n_layers).flat_map(of).flatten().collect()
@@ -245,7 +249,11 @@ fn kernel_notes(compiled: &Compiled, scene: &Scene) -> Vec<KernelNote> {
         modelled("F", reason)
     });
     let laws = compiled.gathered.as_ref();
-    let has = [laws.is_some_and(|g| g.points.is_some()), laws.is_some_and(|g| g.bonds.is_some())];
+    let vectors = compiled.vectors.as_ref();
+    let has = [
+        laws.is_some_and(|g| g.points.is_some()) || vectors.is_some_and(|g| g.points.is_some()),
+        laws.is_some_and(|g| g.bonds.is_some()) || vectors.is_some_and(|g| g.bonds.is_some()),
+    ];
     let gathered = compiled.arguments.iter().zip(has).filter(|(_, has)| *has);
     let gathered =
         gathered.map(|(argument, _)| modelled(argument, "gathered over families".into()));

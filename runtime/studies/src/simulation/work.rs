@@ -128,6 +128,7 @@ impl Terms {
 fn kept(families: Families) -> f64 {
     match families {
         Families::States(_) => 8.0,
+        Families::Vectors(..) => 0.0,
         _ => 16.0,
     }
 }
@@ -161,7 +162,7 @@ fn products(measure: Measure, dimension: usize, pass: Pass) -> f64 {
 /// goes back.
 fn gathered(families: Families, dimension: usize, pass: Pass) -> f64 {
     let once = match families {
-        Families::States(integrals) => dimension + 2 * integrals,
+        Families::States(integrals) | Families::Vectors(integrals, _) => dimension + 2 * integrals,
         _ => 2 * dimension * dimension,
     };
     (if pass == Pass::Energy { once } else { 2 * once }) as f64

@@ -126,7 +126,7 @@ impl<'a, const D: usize> VectorStiffness<'a, D> {
         if !is_finite {
             return Err(energy.named(0, base.values.first().copied(), u));
         }
-        let has_neighbours = energy.has_neighbours();
+        let has_neighbours = energy.laws.kernels.has_neighbours();
         Ok(VectorStiffness { energy, n_fields: m, weights, points, bonds, has_neighbours })
     }
 }

@@ -111,6 +111,11 @@ impl VectorEnergy {
         &self.body
     }
 
+    /// Who is within the horizon of whom, of what is left.
+    pub fn neighborhood(&self) -> &Neighborhood {
+        &self.neighborhood
+    }
+
     /// What all points gather at displacements `u` (`n x d`, m), point by point: integrals and functions of
     /// them in the order in which they are written.
     pub fn gathered(&self, u: &[f64]) -> Vec<f64> {
@@ -130,13 +135,6 @@ impl VectorEnergy {
     /// How many numbers a point gathers.
     fn n_gathered(&self) -> usize {
         self.laws.kernels.n_gathered
-    }
-
-    /// Whether energies couple what both ends of a bond gather.
-    fn has_neighbours(&self) -> bool {
-        let is_neighbour =
-            |slot: &piola_compiler::Slot| matches!(slot, piola_compiler::Slot::Neighbour(_));
-        self.laws.kernels.bonds.as_ref().is_some_and(|law| law.variables().iter().any(is_neighbour))
     }
 
     fn assemble<const D: usize>(
@@ -242,7 +240,7 @@ impl Energy for VectorEnergy {
     fn pattern(&self) -> &Arc<BlockPattern> {
         let whole =
             self.whole.as_ref().map_or(&self.neighborhood, |whole| &whole.lost.neighborhood);
-        let reach = if self.has_neighbours() { 3 } else { 2 };
+        let reach = if self.laws.kernels.has_neighbours() { 3 } else { 2 };
         let make = || Arc::new(BlockPattern::of_reach(whole, self.dimension(), reach));
         self.pattern.get_or_init(make)
     }

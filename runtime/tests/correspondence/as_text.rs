@@ -67,7 +67,7 @@ fn of_text(body: &Arc<Body>, horizon: f64, text: &str, stiffness: f64, mode: Mod
     let kernels = kernels(text, stiffness, mode, body.dimension(), horizon);
     let neighborhood = Arc::new(Neighborhood::new(body, horizon).unwrap());
     let arguments = ["H".to_string(), "xi, H".to_string()];
-    let laws = VectorLaws { kernels, thickness: 1.0, arguments };
+    let laws = VectorLaws { of_law: vec![Some(kernels)], thickness: 1.0, arguments };
     VectorEnergy::new(Arc::clone(body), neighborhood, None, laws).unwrap()
 }
 

@@ -50,7 +50,7 @@ fn energy(text: &str, body: &Arc<Body>, horizon: f64, mode: Mode) -> VectorEnerg
     let kernels = model.compile(&values, mode, Form::Accurate).unwrap().vectors.unwrap();
     let neighborhood = Arc::new(Neighborhood::new(body, horizon).unwrap());
     let arguments = ["points".to_string(), "bonds".to_string()];
-    let laws = VectorLaws { kernels, thickness: 1.0, arguments };
+    let laws = VectorLaws { of_law: vec![Some(kernels)], thickness: 1.0, arguments };
     VectorEnergy::new(Arc::clone(body), neighborhood, None, laws).unwrap()
 }
 

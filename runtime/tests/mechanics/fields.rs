@@ -43,6 +43,10 @@ const DIRECTED_INTEGRANDS: &str = "potential p\ndimensions 2\nparameter C\nparam
      c = (Xi*vector(0.8, -0.6)/L)^2\nm = integral(c*L^2)\ns = integral((1 + c)*L*(l - L)*C)/m\n\
      psi(s) = (C + b)*s^2\npsi(l, s) = b*(2 - c)*L*(l/L - 1)^2*(1 + s/7)";
 
+const VECTORS: &str = "potential p\ndimensions 2\nparameter C\nparameter b = 0.3\nK = integral(dyad(Xi, Xi))\n\
+     H = integral(C*dyad(xi - Xi, Xi))*inv(K)\npsi(H) = (C + b)*(H : H)\n\
+     psi(xi, H) = b*((xi - Xi - H*Xi)*(xi - Xi - neighbour(H)*Xi) + C*(l - L)^2)/L";
+
 const DIRECTED_BESIDE: &str = "potential p\ndimensions 2\nparameter C\nparameter b = 0.3\n\
      m = integral(L^2)\ns = integral(L*(l - L))/m\npsi(s) = b*s^2\n\
      psi(l, m) = C*(b + (Xi*vector(0.8, -0.6)/L)^2)*(l - L)^2/m";
@@ -69,7 +73,8 @@ const BONDS: &str = "[correspondence]\ndiscretisation = \"bond-quadrature\"\n";
 const SHEET: &str = "[correspondence]\nplane = \"stress\"\ndiscretisation = \"nodal\"\n";
 
 #[rustfmt::skip]
-const KINDS: [Kind; 18] = [
+const KINDS: [Kind; 19] = [
+    Kind { name: "vectors", dimension: 2, potential: VECTORS, parameters: only, further: "", is_mean: false, is_large: false },
     Kind { name: "directed beside states", dimension: 2, potential: DIRECTED_BESIDE, parameters: only, further: "", is_mean: false, is_large: true },
     Kind { name: "directed rows", dimension: 3, potential: DIRECTED, parameters: only, further: "", is_mean: true, is_large: true },
     Kind { name: "directed batches", dimension: 2, potential: DIRECTED_LOGARITHM, parameters: only, further: "", is_mean: true, is_large: false },

@@ -149,10 +149,10 @@ impl Case {
             let energy = StateEnergy::of_materials(body, neighborhood, materials, laws)?;
             terms.push(Box::new(energy.with_criteria(criteria).with_next_states(next)));
         }
-        for (kernels, arguments) in vectors.into_iter().flatten() {
-            self.check_one_law(&arguments)?;
+        if vectors.iter().any(Option::is_some) {
+            self.check_neighbours(number, &vectors)?;
             let (body, neighborhood) = found();
-            let laws = VectorLaws { kernels, thickness: self.thickness(), arguments };
+            let laws = vectors_of_materials(vectors, self.thickness());
             let energy = VectorEnergy::new(body, neighborhood, materials.clone(), laws)?;
             terms.push(Box::new(energy));
         }
@@ -170,18 +170,25 @@ impl Case {
         Ok(terms)
     }
 
-    /// Refuses several materials for what is gathered of vectors, which has one law.
-    fn check_one_law(&self, arguments: &[String; 2]) -> Result<(), CaseError> {
-        if self.scene.n_laws() == 1 {
+    /// Refuses materials of several potentials where one holds what neighbours gather: those would gather something
+    /// else.
+    fn check_neighbours(
+        &self,
+        layer: usize,
+        vectors: &[Option<(VectorKernels, [String; 2])>],
+    ) -> Result<(), CaseError> {
+        if !vectors.iter().flatten().any(|(kernels, _)| kernels.has_neighbours()) {
             return Ok(());
         }
-        let of: Vec<&str> =
-            arguments.iter().filter(|text| !text.is_empty()).map(String::as_str).collect();
-        let message = format!(
-            "psi({}) gathers vectors, and a body of several materials has no energy of that: give it one \
-             [[material]] whose parameters vary in space, `C = \"1 + 3*X\"` or \"if X < 0 then 1 else 4\"",
-            of.join("), psi(")
-        );
+        let own = self.potentials.iter().zip(self.places()).filter(|(_, place)| place.1 == layer);
+        let mut texts: Vec<&str> = own.map(|(potential, _)| &*potential.text.text).collect();
+        texts.dedup();
+        if texts.len() <= 1 {
+            return Ok(());
+        }
+        let message = "an energy of bonds holds what neighbours gather, and here neighbours of other materials \
+             gather by another potential: give all materials one potential, each with its parameters"
+            .to_string();
         Err(CaseError::Body { message })
     }
 
@@ -327,6 +334,23 @@ fn states_of_materials(
     laws.points = some(&points).then(|| by_material(n, points, fields));
     laws.bonds = some(&bonds).then(|| by_material(n + 1, bonds, fields));
     (laws, numbers_of)
+}
+
+/// The energies of what points of several materials gather of vectors.
+fn vectors_of_materials(
+    vectors: Vec<Option<(VectorKernels, [String; 2])>>,
+    thickness: f64,
+) -> VectorLaws {
+    let mut arguments: [String; 2] = Default::default();
+    for (_, own) in vectors.iter().flatten() {
+        for (all, own) in arguments.iter_mut().zip(own) {
+            if !own.is_empty() && all != own {
+                *all = if all.is_empty() { own.clone() } else { format!("{all}) | psi({own}") };
+            }
+        }
+    }
+    let of_law = vectors.into_iter().map(|law| law.map(|(kernels, _)| kernels)).collect();
+    VectorLaws { of_law, thickness, arguments }
 }
 
 /// A law per volume as one per volume of points: per area in two dimensions.

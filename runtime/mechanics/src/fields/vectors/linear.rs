@@ -126,7 +126,7 @@ impl<'a, const D: usize> VectorStiffness<'a, D> {
         if !is_finite {
             return Err(energy.named(0, base.values.first().copied(), u));
         }
-        let has_neighbours = energy.laws.kernels.has_neighbours();
+        let has_neighbours = energy.laws.has_neighbours();
         Ok(VectorStiffness { energy, n_fields: m, weights, points, bonds, has_neighbours })
     }
 }
@@ -141,7 +141,6 @@ impl VectorEnergy {
 
     /// The fields, and second derivatives by them through functions of integrals.
     fn field_numbers(&self, at: At<'_>) -> (FieldNumbers, Vec<f64>) {
-        let kernels = &self.laws.kernels;
         let held = |kernel: &FamilyKernel| -> Vec<usize> {
             let own = kernel.variables().iter().filter_map(|slot| match slot {
                 Slot::Own(k) | Slot::Neighbour(k) => Some(*k),
@@ -149,18 +148,20 @@ impl VectorEnergy {
             });
             own.collect()
         };
-        let energies = kernels.points.iter().chain(&kernels.bonds);
-        let mut numbers: Vec<usize> = energies.flat_map(held).collect();
+        let (mut numbers, mut integrals) = (Vec::new(), Vec::new());
+        for (_, kernels) in self.laws.present() {
+            numbers.extend(kernels.points.iter().chain(&kernels.bonds).flat_map(held));
+            integrals.extend(kernels.functions.iter().flat_map(held));
+        }
+        integrals.sort_unstable();
+        integrals.dedup();
         let (n, n_gathered) = (self.body.n_points(), self.n_gathered());
-        let integrals = kernels.functions.as_ref().map(held).unwrap_or_default();
         let m = integrals.len();
         let mut slopes = vec![0.0; n * n_gathered * m];
         let mut bends = Vec::new();
-        if let Some(kernel) = &kernels.functions {
-            let there = (0..n).filter(|i| !self.neighborhood.row(*i).is_empty());
-            let mut room = Room::default();
-            room.ends = there.map(|i| [i; 2]).collect();
-            self.prepare(kernel, (at, None), &mut room);
+        for (law, kernels) in self.laws.present() {
+            let Some(kernel) = &kernels.functions else { continue };
+            let mut room = self.prepared_points((law, kernel), at);
             for (variable, slot) in kernel.variables().iter().enumerate() {
                 let Slot::Own(number) = slot else { continue };
                 let Some(column) = integrals.iter().position(|k| k == number) else { continue };
@@ -198,24 +199,36 @@ impl VectorEnergy {
 
     /// Adds second derivatives of the energies of points.
     fn add_points(&self, at: At<'_>, fields: &FieldNumbers, points: &mut [f64]) {
-        let Some(kernel) = &self.laws.kernels.points else { return };
         let m = fields.numbers.len();
-        let there = (0..self.body.n_points()).filter(|i| !self.neighborhood.row(*i).is_empty());
-        let mut room = Room::default();
-        room.ends = there.map(|i| [i; 2]).collect();
-        self.prepare(kernel, (at, None), &mut room);
-        let roles = roles(kernel, fields);
-        for (variable, role) in roles.iter().enumerate() {
-            let Some(Role::Of(_, row)) = role else { continue };
-            VectorEnergy::by_variable(kernel, variable, &mut room);
-            for (other, (_, slopes)) in roles.iter().zip(super::passes::of_slots(kernel, &room)) {
-                let Some(Role::Of(_, column)) = other else { continue };
-                for ([i, _], slope) in room.ends.iter().zip(slopes) {
-                    let weight = self.laws.thickness * self.body.volumes()[*i];
-                    points[(i * m + row) * m + column] += weight * slope;
+        for (law, kernels) in self.laws.present() {
+            let Some(kernel) = &kernels.points else { continue };
+            let mut room = self.prepared_points((law, kernel), at);
+            let roles = roles(kernel, fields);
+            for (variable, role) in roles.iter().enumerate() {
+                let Some(Role::Of(_, row)) = role else { continue };
+                VectorEnergy::by_variable(kernel, variable, &mut room);
+                let others = roles.iter().zip(super::passes::of_slots(kernel, &room));
+                for (other, (_, slopes)) in others {
+                    let Some(Role::Of(_, column)) = other else { continue };
+                    for ([i, _], slope) in room.ends.iter().zip(slopes) {
+                        let weight = self.laws.thickness * self.body.volumes()[*i];
+                        points[(i * m + row) * m + column] += weight * slope;
+                    }
                 }
             }
         }
+    }
+
+    /// All points of a law that have something to gather from, ready for its kernel.
+    fn prepared_points(&self, of: (usize, &FamilyKernel), at: At<'_>) -> Room {
+        let mut room = Room::default();
+        let all = (0..self.body.n_points()).map(|i| [i; 2]);
+        let is_there = |ends: &[usize; 2]| {
+            self.is_of(of.0, ends) && !self.neighborhood.row(ends[0]).is_empty()
+        };
+        room.ends = all.filter(is_there).collect();
+        self.prepare(of, (at, None), &mut room);
+        room
     }
 
     /// Second derivatives of all bonds, owner by owner.
@@ -223,8 +236,8 @@ impl VectorEnergy {
         let n = self.body.n_points();
         let chunk = |chunk: usize| {
             let owners = chunk * OWNERS..n.min((chunk + 1) * OWNERS);
-            let mut room = Room::default();
-            self.both_ends(owners, &mut room.ends);
+            let (mut all, mut room) = (Vec::new(), Room::default());
+            self.both_ends(owners, &mut all);
             let m = fields.numbers.len();
             let empty = || OfBond {
                 across: [vec![0.0; m * m], vec![0.0; m * m]],
@@ -233,31 +246,43 @@ impl VectorEnergy {
                 own: [vec![0.0; m * m], vec![0.0; m * m]],
                 weights: [vec![0.0; m * D], vec![0.0; m * D]],
             };
-            let mut bonds = vec![empty(); room.ends.len() / 2];
-            self.add_integrands::<D>(at, fields, &mut room, &mut bonds);
-            self.add_bonds::<D>(at, fields, &mut room, &mut bonds);
+            let n = all.len() / 2;
+            let mut bonds = vec![empty(); n];
+            for (law, kernels) in self.laws.present() {
+                let places = (0..2 * n).filter(|place| self.is_of(law, &all[*place]));
+                let seen: Vec<[usize; 2]> = places.map(|place| [place % n, place / n]).collect();
+                room.ends = seen.iter().map(|[bond, end]| all[end * n + bond]).collect();
+                let to = (&*seen, &mut *bonds);
+                self.add_integrands::<D>((law, &kernels.integrands), (at, fields), &mut room, to);
+                if let Some(kernel) = &kernels.bonds {
+                    let to = (&*seen, &mut *bonds);
+                    self.add_bonds::<D>((law, kernel), (at, fields), &mut room, to);
+                }
+            }
             bonds
         };
         (0..n.div_ceil(OWNERS)).into_par_iter().map(chunk).collect::<Vec<_>>().concat()
     }
 
     /// What integrands change by with the vector, and what bonds pull with because of what their ends gather.
+    /// Of each place `seen` has the bond, and whether it is its owner that sees it.
     fn add_integrands<const D: usize>(
         &self,
-        at: At<'_>,
-        fields: &FieldNumbers,
+        (law, kernel): (usize, &FamilyKernel),
+        (at, fields): (At<'_>, &FieldNumbers),
         room: &mut Room,
-        bonds: &mut [OfBond],
+        (seen, bonds): (&[[usize; 2]], &mut [OfBond]),
     ) {
-        let (kernel, volumes) = (&self.laws.kernels.integrands, self.body.volumes());
-        self.prepare(kernel, (at, None), room);
-        let n = bonds.len();
+        let volumes = self.body.volumes();
+        self.prepare((law, kernel), (at, None), room);
         for variable in 0..kernel.variables().len() {
             let Slot::Moved(axis) = kernel.variables()[variable] else { continue };
             VectorEnergy::by_variable(kernel, variable, room);
             for (slot, slopes) in super::passes::of_slots(kernel, room) {
-                for (place, ([i, j], slope)) in room.ends.iter().zip(slopes).enumerate() {
-                    let bond = &mut bonds[place % n];
+                for ((number, end), ([i, j], slope)) in
+                    seen.iter().map(|[bond, end]| (*bond, *end)).zip(room.ends.iter().zip(slopes))
+                {
+                    let bond = &mut bonds[number];
                     match slot {
                         Slot::Moved(other) => {
                             bond.direct[other * D + axis] += volumes[*i] * volumes[*j] * slope;
@@ -265,7 +290,7 @@ impl VectorEnergy {
                         Slot::Multiplier(k) => {
                             let weight = volumes[*j] * slope;
                             for (row, factor) in fields.by_integral(*i, k) {
-                                bond.weights[place / n][row * D + axis] += factor * weight;
+                                bond.weights[end][row * D + axis] += factor * weight;
                             }
                         }
                         _ => {}
@@ -278,26 +303,25 @@ impl VectorEnergy {
     /// Second derivatives of the energies of bonds.
     fn add_bonds<const D: usize>(
         &self,
-        at: At<'_>,
-        fields: &FieldNumbers,
+        (law, kernel): (usize, &FamilyKernel),
+        (at, fields): (At<'_>, &FieldNumbers),
         room: &mut Room,
-        bonds: &mut [OfBond],
+        (seen, bonds): (&[[usize; 2]], &mut [OfBond]),
     ) {
-        let Some(kernel) = &self.laws.kernels.bonds else { return };
         let (m, volumes) = (fields.numbers.len(), self.body.volumes());
-        self.prepare(kernel, (at, None), room);
-        let (n, roles) = (bonds.len(), roles(kernel, fields));
+        self.prepare((law, kernel), (at, None), room);
+        let roles = roles(kernel, fields);
         for (variable, role) in roles.iter().enumerate() {
             let Some(role) = *role else { continue };
             VectorEnergy::by_variable(kernel, variable, room);
             for (other, (_, slopes)) in roles.iter().zip(super::passes::of_slots(kernel, room)) {
                 let Some(other) = *other else { continue };
-                for (place, (ends, slope)) in room.ends.iter().zip(slopes).enumerate() {
-                    let [i, j] = *ends;
-                    let weight = 0.5 * self.laws.thickness * volumes[i] * volumes[j] * slope;
-                    let bond = &mut bonds[place % n];
-                    // The owner of a bond sees it first; the other end sees the vector turned around.
-                    let seen = place / n;
+                for ([number, seen], ([i, j], slope)) in
+                    seen.iter().copied().zip(room.ends.iter().zip(slopes))
+                {
+                    let weight = 0.5 * self.laws.thickness * volumes[*i] * volumes[*j] * slope;
+                    let bond = &mut bonds[number];
+                    // The end that does not own a bond sees the vector turned around.
                     let sign = if seen == 0 { 1.0 } else { -1.0 };
                     match (role, other) {
                         (Role::Vector(axis), Role::Vector(row)) => {
@@ -369,7 +393,7 @@ impl<const D: usize> Linearised<D> for VectorStiffness<'_, D> {
     }
 
     fn is_mixed(&self) -> bool {
-        self.energy.laws.kernels.bonds.is_some()
+        self.energy.laws.has()[1]
     }
 
     fn mixed(&self, end: usize, seen: Seen, out: &mut [f64]) {

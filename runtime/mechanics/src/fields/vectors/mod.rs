@@ -41,10 +41,11 @@ use broken::Whole;
 use linear::VectorStiffness;
 use passes::{Gathered, Room};
 
-/// What a potential gathers of vectors, and its energies.
+/// What potentials gather of vectors, and their energies.
 pub struct VectorLaws {
-    /// The functions of the potential.
-    pub kernels: VectorKernels,
+    /// The functions of each law, by its number: a point gathers, and sees its bonds, by the law of its material.
+    /// Where one of them holds what neighbours gather, all laws gather the same numbers.
+    pub of_law: Vec<Option<VectorKernels>>,
     /// What energies per volume of the solid are multiplied by in two dimensions, in m.
     pub thickness: f64,
     /// What the energies of points and of bonds are functions of, for the names of the parts.
@@ -57,7 +58,7 @@ pub struct VectorEnergy {
     neighborhood: Arc<Neighborhood>,
     slabs: Slabs,
     laws: VectorLaws,
-    /// With the fields of the law, among them the direction of bonds.
+    /// With the fields of the laws, among them the direction of bonds.
     materials: Arc<Materials>,
     /// `psi(H)`, `psi(xi, H)`: as the potential writes them, those that are modelled.
     names: Arc<[String]>,
@@ -72,9 +73,25 @@ pub struct VectorEnergy {
     room: Pool<Room>,
 }
 
+impl VectorLaws {
+    fn present(&self) -> impl Iterator<Item = (usize, &VectorKernels)> {
+        self.of_law.iter().enumerate().filter_map(|(law, kernels)| Some((law, kernels.as_ref()?)))
+    }
+
+    /// Whether points have energies, and bonds.
+    fn has(&self) -> [bool; 2] {
+        let has = |part: fn(&VectorKernels) -> bool| self.present().any(|(_, own)| part(own));
+        [has(|own| own.points.is_some()), has(|own| own.bonds.is_some())]
+    }
+
+    fn has_neighbours(&self) -> bool {
+        self.present().any(|(_, kernels)| kernels.has_neighbours())
+    }
+}
+
 impl VectorEnergy {
-    /// Takes neighbours that energies of the body share, and the fields of its one law. Without materials the
-    /// law takes no fields but the direction of bonds.
+    /// Takes neighbours that energies of the body share, and the materials with their fields. Without them all
+    /// points are of one law, which takes no fields but the direction of bonds.
     ///
     /// # Errors
     /// Points without neighbours.
@@ -86,8 +103,7 @@ impl VectorEnergy {
     ) -> Result<VectorEnergy, StateError> {
         check_neighbors(&body, &neighborhood)?;
         check_families(&body).map_err(crate::assembly::AssemblyError::from)?;
-        let has = [laws.kernels.points.is_some(), laws.kernels.bonds.is_some()];
-        let parts = laws.arguments.iter().zip(has).filter(|part| part.1);
+        let parts = laws.arguments.iter().zip(laws.has()).filter(|part| part.1);
         let names = parts.map(|(argument, _)| format!("psi({argument})")).collect();
         let materials = materials.unwrap_or_else(|| Arc::new(of_directions(&body)));
         Ok(VectorEnergy {
@@ -132,9 +148,14 @@ impl VectorEnergy {
         self.materials.fields()
     }
 
+    /// The number of the law of a point.
+    fn law_of(&self, point: usize) -> usize {
+        usize::from(self.materials.of(point))
+    }
+
     /// How many numbers a point gathers.
     fn n_gathered(&self) -> usize {
-        self.laws.kernels.n_gathered
+        self.laws.present().map(|(_, kernels)| kernels.n_gathered).max().unwrap_or(0)
     }
 
     fn assemble<const D: usize>(
@@ -145,8 +166,7 @@ impl VectorEnergy {
     ) -> Result<(), NonFinite> {
         let mut gathered = self.gathered.take(Gathered::default);
         let energies = self.energies::<D>(u, &mut gathered, out.as_deref_mut())?;
-        let has = [self.laws.kernels.points.is_some(), self.laws.kernels.bonds.is_some()];
-        let energies = energies.into_iter().zip(has).filter(|part| part.1);
+        let energies = energies.into_iter().zip(self.laws.has()).filter(|part| part.1);
         parts.iter_mut().zip(energies).for_each(|(part, (energy, _))| *part = energy);
         Ok(())
     }
@@ -240,7 +260,7 @@ impl Energy for VectorEnergy {
     fn pattern(&self) -> &Arc<BlockPattern> {
         let whole =
             self.whole.as_ref().map_or(&self.neighborhood, |whole| &whole.lost.neighborhood);
-        let reach = if self.laws.kernels.has_neighbours() { 3 } else { 2 };
+        let reach = if self.laws.has_neighbours() { 3 } else { 2 };
         let make = || Arc::new(BlockPattern::of_reach(whole, self.dimension(), reach));
         self.pattern.get_or_init(make)
     }

@@ -7,7 +7,7 @@
 
 use std::ops::Range;
 
-use piola_compiler::{FamilyBatch, FamilyKernel, Slot};
+use piola_compiler::{FamilyBatch, FamilyKernel, Slot, VectorKernels};
 use rayon::prelude::*;
 
 use super::VectorEnergy;
@@ -104,10 +104,10 @@ impl VectorEnergy {
         }
     }
 
-    /// Prepares a batch of the places in the room; the direction is taken where there is one.
+    /// Prepares a batch of the places in the room, which are of this law; the direction is taken where there is one.
     pub(super) fn prepare(
         &self,
-        kernel: &FamilyKernel,
+        (law, kernel): (usize, &FamilyKernel),
         (at, direction): (At<'_>, Option<At<'_>>),
         room: &mut Room,
     ) {
@@ -121,7 +121,7 @@ impl VectorEnergy {
         if !kernel.fields().is_empty()
             && let Some(all) = self.fields()
         {
-            all.add(0..all.len(), ends.len(), |place| ends[place].into_iter(), fields);
+            all.add(all.of_law(law), ends.len(), |place| ends[place].into_iter(), fields);
         }
     }
 
@@ -140,13 +140,19 @@ impl VectorEnergy {
     }
 
     /// Kernels at what is asked of a pass: `now` are values, or a direction from `base`.
-    fn through(&self, kernel: &FamilyKernel, now: At<'_>, base: Base<'_>, room: &mut Room) {
+    fn through(
+        &self,
+        (law, kernel): (usize, &FamilyKernel),
+        now: At<'_>,
+        base: Base<'_>,
+        room: &mut Room,
+    ) {
         let at = base.map(|(u, base)| At { u, values: &base.values, adjoint: &base.adjoint });
         let places = match at {
             Some(at) => (at, Some(now)),
             None => (now, None),
         };
-        self.prepare(kernel, places, room);
+        self.prepare((law, kernel), places, room);
         VectorEnergy::run(kernel, base.is_some(), room);
     }
 
@@ -160,6 +166,19 @@ impl VectorEnergy {
             }
             (next > first).then_some(first..next)
         })
+    }
+
+    /// Whether an end sees its bonds by this law.
+    pub(super) fn is_of(&self, law: usize, [end, _]: &[usize; 2]) -> bool {
+        self.laws.of_law.len() == 1 || self.law_of(*end) == law
+    }
+
+    /// The bonds of some owners as those of their ends see them that are of this law.
+    fn bonds_of(&self, law: usize, owners: Range<usize>, ends: &mut Vec<[usize; 2]>) {
+        self.both_ends(owners, ends);
+        if self.laws.of_law.len() > 1 {
+            ends.retain(|ends| self.is_of(law, ends));
+        }
     }
 
     /// The bonds of some owners as both of their ends see them: those of the owners first.
@@ -177,38 +196,41 @@ impl VectorEnergy {
     pub(super) fn gather<const D: usize>(&self, u: &[f64], base: Base<'_>, out: &mut Gathered) {
         self.room.provide(Room::default);
         let (m, volumes) = (self.n_gathered(), self.body.volumes());
-        let kernel = &self.laws.kernels.integrands;
         clear(&mut out.values, m * self.body.n_points());
         let now = At { u, values: &[], adjoint: &[] };
         let values = Part::new(Layout::Points(m), &mut out.values);
         visit(&self.slabs, values, (), |slab, [here, next], ()| {
             let (mut values, mut room) = (Touched::new(here, next), self.room.take(Room::default));
             for owners in self.chunks(self.slabs.owners(slab)) {
-                self.both_ends(owners, &mut room.ends);
-                self.through(kernel, now, base, &mut room);
-                for (slot, slopes) in of_slots(kernel, &room) {
-                    let Slot::Multiplier(k) = slot else { continue };
-                    for ([i, j], value) in room.ends.iter().zip(slopes) {
-                        values[i * m + k] += volumes[*j] * value;
+                for (law, VectorKernels { integrands: kernel, .. }) in self.laws.present() {
+                    self.bonds_of(law, owners.clone(), &mut room.ends);
+                    self.through((law, kernel), now, base, &mut room);
+                    for (slot, slopes) in of_slots(kernel, &room) {
+                        let Slot::Multiplier(k) = slot else { continue };
+                        for ([i, j], value) in room.ends.iter().zip(slopes) {
+                            values[i * m + k] += volumes[*j] * value;
+                        }
                     }
                 }
             }
         });
-        let Some(kernel) = &self.laws.kernels.functions else { return };
-        let found = self.over_points(kernel, At { u, values: &out.values, adjoint: &[] }, base);
-        for room in found {
-            for (slot, slopes) in of_slots(kernel, &room) {
-                let Slot::Multiplier(k) = slot else { continue };
-                let places = room.ends.iter().zip(slopes);
-                places.for_each(|([i, _], value)| out.values[i * m + k] = *value);
+        for (law, kernels) in self.laws.present() {
+            let Some(kernel) = &kernels.functions else { continue };
+            let now = At { u, values: &out.values, adjoint: &[] };
+            for room in self.over_points((law, kernel), now, base) {
+                for (slot, slopes) in of_slots(kernel, &room) {
+                    let Slot::Multiplier(k) = slot else { continue };
+                    let places = room.ends.iter().zip(slopes);
+                    places.for_each(|([i, _], value)| out.values[i * m + k] = *value);
+                }
             }
         }
     }
 
-    /// A kernel at all points that have something to gather from, chunk by chunk.
+    /// A kernel at all points of its law that have something to gather from, chunk by chunk.
     pub(super) fn over_points(
         &self,
-        kernel: &FamilyKernel,
+        of: (usize, &FamilyKernel),
         now: At<'_>,
         base: Base<'_>,
     ) -> Vec<Taken<'_, Room>> {
@@ -217,8 +239,10 @@ impl VectorEnergy {
             let mut room = self.room.take(Room::default);
             room.ends.clear();
             let own = (chunk * POINTS..n.min((chunk + 1) * POINTS)).map(|point| [point; 2]);
-            room.ends.extend(own.filter(|[i, _]| !self.neighborhood.row(*i).is_empty()));
-            self.through(kernel, now, base, &mut room);
+            room.ends.extend(own.filter(|ends| {
+                self.is_of(of.0, ends) && !self.neighborhood.row(ends[0]).is_empty()
+            }));
+            self.through(of, now, base, &mut room);
             room
         };
         (0..n.div_ceil(POINTS)).into_par_iter().map(chunk).collect()
@@ -243,9 +267,10 @@ impl VectorEnergy {
             out.fill(0.0);
         }
         let now = At { u, values, adjoint: &[] };
-        if let Some(kernel) = &self.laws.kernels.points {
+        for (law, kernels) in self.laws.present() {
+            let Some(kernel) = &kernels.points else { continue };
             let scale = self.laws.thickness;
-            for room in self.over_points(kernel, now, base) {
+            for room in self.over_points((law, kernel), now, base) {
                 for ([i, _], value) in room.ends.iter().zip(&room.value) {
                     points[*i] = scale * value;
                 }
@@ -256,13 +281,14 @@ impl VectorEnergy {
                 }
             }
         }
-        if let Some(kernel) = &self.laws.kernels.bonds {
+        if self.laws.has()[1] {
             let forces = out.as_deref_mut().unwrap_or_default();
-            self.through_bonds::<D>(kernel, now, base, (adjoint, bonds, forces));
+            self.through_bonds::<D>(now, base, (adjoint, bonds, forces));
         }
         let Some(out) = out else { return };
-        if let Some(kernel) = &self.laws.kernels.functions {
-            let found = self.over_points(kernel, At { u, values, adjoint }, base);
+        for (law, kernels) in self.laws.present() {
+            let Some(kernel) = &kernels.functions else { continue };
+            let found = self.over_points((law, kernel), At { u, values, adjoint }, base);
             for room in found {
                 for (slot, slopes) in of_slots(kernel, &room) {
                     let Slot::Own(k) = slot else { continue };
@@ -277,7 +303,6 @@ impl VectorEnergy {
     /// Energies of bonds, their derivatives by what both ends gather, and what bonds pull with by themselves.
     fn through_bonds<const D: usize>(
         &self,
-        kernel: &FamilyKernel,
         now: At<'_>,
         base: Base<'_>,
         (adjoint, energies, forces): (&mut [f64], &mut [f64], &mut [f64]),
@@ -295,28 +320,28 @@ impl VectorEnergy {
             let mut forces: Touched<'_, [f64; D]> = Touched::new(&mut here.2, &mut next.2);
             let mut room = self.room.take(Room::default);
             for owners in self.chunks(self.slabs.owners(slab)) {
-                self.both_ends(owners, &mut room.ends);
-                self.through(kernel, now, base, &mut room);
-                for ([i, j], value) in room.ends.iter().zip(&room.value) {
-                    energies[*i] += half * volumes[*j] * value;
-                }
-                for (slot, slopes) in of_slots(kernel, &room) {
-                    let places = room.ends.iter().zip(slopes);
-                    match slot {
-                        Slot::Own(k) => places.for_each(|([i, j], slope)| {
-                            adjoint[i * m + k] += half * volumes[*j] * slope;
-                        }),
-                        Slot::Neighbour(k) => places.for_each(|([i, j], slope)| {
-                            adjoint[j * m + k] += half * volumes[*i] * slope;
-                        }),
-                        Slot::Moved(axis) if !forces.is_empty() => {
-                            places.for_each(|([i, j], slope)| {
-                                let pull = half * volumes[*i] * volumes[*j] * slope;
-                                forces[*j][axis] += pull;
-                                forces[*i][axis] -= pull;
-                            });
+                for (law, kernels) in self.laws.present() {
+                    let Some(kernel) = &kernels.bonds else { continue };
+                    self.bonds_of(law, owners.clone(), &mut room.ends);
+                    self.through((law, kernel), now, base, &mut room);
+                    for ([i, j], value) in room.ends.iter().zip(&room.value) {
+                        energies[*i] += half * volumes[*j] * value;
+                    }
+                    for (slot, slopes) in of_slots(kernel, &room) {
+                        let places = room.ends.iter().zip(slopes);
+                        match slot {
+                            Slot::Own(k) => places.for_each(|([i, j], slope)| {
+                                adjoint[i * m + k] += half * volumes[*j] * slope;
+                            }),
+                            Slot::Neighbour(k) => places.for_each(|([i, j], slope)| {
+                                adjoint[j * m + k] += half * volumes[*i] * slope;
+                            }),
+                            Slot::Moved(axis) if !forces.is_empty() => {
+                                let weighted = places.map(|(ends, slope)| (ends, half * slope));
+                                add_pulls(&mut forces, volumes, axis, weighted);
+                            }
+                            _ => {}
                         }
-                        _ => {}
                     }
                 }
             }
@@ -325,20 +350,19 @@ impl VectorEnergy {
 
     /// Adds what bonds pull with because of what their ends gather.
     fn back<const D: usize>(&self, now: At<'_>, base: Base<'_>, out: &mut [f64]) {
-        let (kernel, volumes) = (&self.laws.kernels.integrands, self.body.volumes());
+        let volumes = self.body.volumes();
         let forces = Part::new(Layout::Points(1), out.as_chunks_mut::<D>().0);
         visit(&self.slabs, forces, (), |slab, [here, next], ()| {
             let mut forces: Touched<'_, [f64; D]> = Touched::new(here, next);
             let mut room = self.room.take(Room::default);
             for owners in self.chunks(self.slabs.owners(slab)) {
-                self.both_ends(owners, &mut room.ends);
-                self.through(kernel, now, base, &mut room);
-                for (slot, slopes) in of_slots(kernel, &room) {
-                    let Slot::Moved(axis) = slot else { continue };
-                    for ([i, j], slope) in room.ends.iter().zip(slopes) {
-                        let pull = volumes[*i] * volumes[*j] * slope;
-                        forces[*j][axis] += pull;
-                        forces[*i][axis] -= pull;
+                for (law, VectorKernels { integrands: kernel, .. }) in self.laws.present() {
+                    self.bonds_of(law, owners.clone(), &mut room.ends);
+                    self.through((law, kernel), now, base, &mut room);
+                    for (slot, slopes) in of_slots(kernel, &room) {
+                        let Slot::Moved(axis) = slot else { continue };
+                        let places = room.ends.iter().zip(slopes.iter().copied());
+                        add_pulls(&mut forces, volumes, axis, places);
                     }
                 }
             }
@@ -405,8 +429,9 @@ impl VectorEnergy {
         let of_points = |i: usize| {
             let mut room = self.room.take(Room::default);
             let mut change = 0.0;
-            let row = self.neighborhood.row(i);
-            for kernel in [&self.laws.kernels.points, &self.laws.kernels.bonds] {
+            let (row, law) = (self.neighborhood.row(i), self.law_of(i));
+            let Some(kernels) = &self.laws.of_law[law] else { return 0.0 };
+            for kernel in [&kernels.points, &kernels.bonds] {
                 let Some(kernel) = kernel else { continue };
                 let is_of_bonds = kernel.given().contains(&Slot::Length);
                 room.ends.clear();
@@ -414,7 +439,7 @@ impl VectorEnergy {
                     true => room.ends.extend(row.iter().map(|&j| [i, j as usize])),
                     false => room.ends.extend((!row.is_empty()).then_some([i; 2])),
                 }
-                self.prepare(kernel, (at, Some(direction)), &mut room);
+                self.prepare((law, kernel), (at, Some(direction)), &mut room);
                 VectorEnergy::run(kernel, false, &mut room);
                 let n = room.ends.len();
                 for (k, (slope, along)) in room.slopes.iter().zip(&room.direction).enumerate() {
@@ -426,6 +451,20 @@ impl VectorEnergy {
             change
         };
         (0..self.body.n_points()).into_par_iter().map(of_points).collect()
+    }
+}
+
+/// Adds what bonds pull at both their ends with along an axis.
+fn add_pulls<'a, const D: usize>(
+    forces: &mut Touched<'_, [f64; D]>,
+    volumes: &[f64],
+    axis: usize,
+    places: impl Iterator<Item = (&'a [usize; 2], f64)>,
+) {
+    for ([i, j], slope) in places {
+        let pull = volumes[*i] * volumes[*j] * slope;
+        forces[*j][axis] += pull;
+        forces[*i][axis] -= pull;
     }
 }
 

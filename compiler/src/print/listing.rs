@@ -33,7 +33,11 @@ pub fn model_listing(model: &Model) -> String {
             let _ = writeln!(out, "  psi(F) in J/m^3 = {}", energy.text);
         }
         for (number, integral) in variant.integrals.iter().enumerate() {
-            let _ = writeln!(out, "  I{} = integral({})", number + 1, integral.text);
+            let (number, text) = (number + 1, &integral.text);
+            let _ = match integral.is_function {
+                true => writeln!(out, "  I{number} = {text}"),
+                false => writeln!(out, "  I{number} = integral({text})"),
+            };
         }
         for energy in &variant.gathered_energies {
             let unit = match energy.of_bonds {

@@ -232,11 +232,16 @@ fn families_without_bonds_are_smaller_families() {
         energy.regain(&lost);
         let again = [forces(&energy, &u), product(&energy, &u, &p)];
         assert!(again == whole, "{name}");
-        // A point without any bond has no energy, and is told.
+        // A point whose bonds do not span space is told; without any it has no force.
         let own: Vec<usize> = energy.neighborhood().bonds(0).collect();
-        energy.lose(&own);
+        energy.lose(&own[1..]);
+        assert_eq!(energy.singular(), [0], "{name}");
+        assert!(forces(&energy, &u).iter().all(|x| x.is_finite()), "{name}");
+        energy.lose(&own[..1]);
         assert_eq!(energy.singular(), [0], "{name}");
         assert!(forces(&energy, &u)[..counts.len()].iter().all(|x| *x == 0.0), "{name}");
+        energy.regain(&own);
+        assert!(energy.singular().is_empty() && forces(&energy, &u) == whole[0], "{name}");
     }
 }
 

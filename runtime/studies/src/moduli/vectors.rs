@@ -164,3 +164,84 @@ impl Family<'_> {
 fn norm(x: &[f64]) -> f64 {
     x.iter().fold(0.0, |sum, x| sum + x * x).sqrt()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use piola_compiler::{Form, Level, Mode, Setting, check_text};
+    use piola_mechanics::body::Body;
+    use piola_mechanics::energy::Energy as _;
+    use piola_mechanics::neighborhood::Neighborhood;
+    use piola_mechanics::vectors::{VectorEnergy, VectorLaws};
+
+    use super::*;
+
+    const HORIZON: f64 = 1.5;
+
+    /// Points and bonds pull at rest, by what both ends gather; functions of integrals bend.
+    const TENSE: &str = "potential tense
+n = if d == 3 then vector(0.48, 0.6, 0.64) else vector(0.6, 0.8)
+K = integral(dyad(Xi, Xi))
+H = integral(dyad(xi - Xi, Xi))*inv(K)
+m = integral(L^2)
+q = integral((n*xi)^2*xi*(1 + n*Xi))/m
+S = dyad(q)*(1 + tr(H)^2)
+psi(H, S) = 0.3*tr(H) + H : H + tr(S) + 0.2*(H : S)
+psi(xi, H, q) = (xi - Xi - H*Xi)*(xi - Xi - neighbour(H)*Xi) + 0.1*l^2*(1 + q*neighbour(q)) + 0.2*tr(H)*(n*xi)^2
+";
+
+    fn kernels(d: usize) -> VectorKernels {
+        let (_, model) = check_text(TENSE).unwrap();
+        let none: [(String, Setting); 0] = [];
+        let values = model.values(d, &none, Some(HORIZON)).unwrap();
+        let mode = Mode::Jit(Level::Strict);
+        model.compile(&values, mode, Form::Accurate).unwrap().vectors.unwrap()
+    }
+
+    /// First and second derivatives against central differences of the energy density of a point whose neighbours
+    /// have whole families, steps h: off by h^2, and by 1e-16/h or 1e-16/h^2 of the energy.
+    #[test]
+    fn derivatives_are_those_of_the_energy_density() {
+        for d in [2usize, 3] {
+            let side = 7usize;
+            let n = side.pow(d as u32);
+            let place = |p: usize, c: usize| (p / side.pow(c as u32) % side) as f64;
+            let positions: Vec<f64> =
+                (0..n).flat_map(|p| (0..d).map(move |c| place(p, c))).collect();
+            let body = Arc::new(Body::new(d, &positions, &vec![1.0; n], Some(1.0)));
+            let neighborhood = Arc::new(Neighborhood::new(&body, HORIZON).unwrap());
+            let arguments = Default::default();
+            let laws = VectorLaws { of_law: vec![Some(kernels(d))], thickness: 1.0, arguments };
+            let energy = VectorEnergy::new(Arc::clone(&body), neighborhood, None, laws).unwrap();
+            let middle = |p: &usize| body.position(*p).iter().all(|x| *x == 3.0);
+            let centre = (0..n).find(middle).unwrap();
+            let density = |steps: &[(usize, f64)]| {
+                let mut g = vec![0.0; d * d];
+                steps.iter().for_each(|&(k, h)| g[k] += h);
+                let row = |x: &[f64], r: usize| (0..d).map(|c| g[r * d + c] * x[c]).sum::<f64>();
+                let rows = body.positions().chunks_exact(d);
+                let u: Vec<f64> =
+                    rows.flat_map(|x| (0..d).map(|r| row(x, r)).collect::<Vec<f64>>()).collect();
+                energy.densities(&u, body.volumes()).unwrap()[centre]
+            };
+            let found = of_vectors(&kernels(d), d, HORIZON, 1.0);
+            let most = found.stress.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            let stiffest = found.tangent(0, 0).abs();
+            for i in 0..d * d {
+                let h = 1e-5;
+                let expected = (density(&[(i, h)]) - density(&[(i, -h)])) / (2.0 * h);
+                let error = (found.stress[i] - expected).abs();
+                assert!(error < 1e-7 * most, "{d}: {i} {} {expected}", found.stress[i]);
+                for j in 0..d * d {
+                    let h = 1e-4;
+                    let at = |a: f64, b: f64| density(&[(i, a * h), (j, b * h)]);
+                    let mixed = at(1.0, 1.0) - at(1.0, -1.0) - at(-1.0, 1.0) + at(-1.0, -1.0);
+                    let expected = mixed / (4.0 * h * h);
+                    let error = (found.tangent(i, j) - expected).abs();
+                    assert!(error < 1e-5 * stiffest, "{d}: {i} {j} {error:e} {stiffest:e}");
+                }
+            }
+        }
+    }
+}

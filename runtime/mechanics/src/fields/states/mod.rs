@@ -90,12 +90,33 @@ pub enum StateError {
         /// How many it should have.
         expected: usize,
     },
+    /// The neighbours of a point do not span space, and its law has functions of integrals, among which inverses
+    /// of shape tensors are.
+    #[error(
+        "the {neighbors} neighbours of point {point} at {} do not span space, and functions of what it gathers, \
+         inverses of shape tensors for one, have no value there: take a longer horizon, or leave the point out",
+        coordinates(.position)
+    )]
+    Flat {
+        /// Its number, as the user counts.
+        point: usize,
+        /// Its position at rest in m.
+        position: Vec<f64>,
+        /// How many neighbours it has.
+        neighbors: usize,
+    },
     /// More bonds than can be numbered.
     #[error("{bonds} bonds are too many: gathered states are limited to 2^31 bonds")]
     TooManyBonds {
         /// How many there are, each once.
         bonds: usize,
     },
+}
+
+/// `(0, 0.5)`
+fn coordinates(position: &[f64]) -> String {
+    let numbers: Vec<String> = position.iter().map(|x| x.to_string()).collect();
+    format!("({})", numbers.join(", "))
 }
 
 /// The discrete total energy of gathered states.

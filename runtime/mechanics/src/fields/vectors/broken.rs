@@ -1,12 +1,19 @@
 //! Families that lose bonds.
 //!
 //! A family without a bond is a smaller family: passes go over the lists of what is left, and everything that
-//! points gather is a sum over these. A point that has lost all of its bonds has no energy.
+//! points gather is a sum over these. A point is released that has lost all of its bonds, or whose bonds no longer
+//! span space where its law has functions of integrals, among which inverses are: it has no energy, and its
+//! functions are 0 for those who see it.
 
 use std::sync::{Arc, OnceLock};
 
+use nalgebra::DMatrix;
+
 use super::VectorEnergy;
-use crate::fields::lost::LostBonds;
+use crate::fields::lost::{LostBonds, points_of};
+
+/// Least eigenvalue over largest of the directions of a family that spans space.
+const FLAT: f64 = 1e-12;
 
 /// The families before any bond was lost.
 pub(super) struct Whole {
@@ -28,6 +35,7 @@ impl VectorEnergy {
         let Some(whole) = &mut self.whole else { return };
         let still = whole.lost.regain(bonds);
         self.neighborhood = Arc::clone(&whole.lost.neighborhood);
+        self.is_released.fill(false);
         self.take_out(&still);
     }
 
@@ -35,5 +43,35 @@ impl VectorEnergy {
     fn take_out(&mut self, bonds: &[[usize; 2]]) {
         Arc::make_mut(&mut self.neighborhood).take_out(bonds);
         (self.stiffness, self.bond_pattern) = (OnceLock::new(), OnceLock::new());
+        for point in points_of(bonds) {
+            self.is_released[point] = !self.has_family(point);
+        }
+    }
+
+    /// Whether a point has something to gather from that is enough for its law.
+    pub(super) fn has_family(&self, point: usize) -> bool {
+        let row = self.neighborhood.row(point);
+        let law = self.laws.of_law.get(self.law_of(point)).and_then(Option::as_ref);
+        match law {
+            _ if row.is_empty() => false,
+            Some(law) if law.functions.is_some() => self.spans_space(point),
+            _ => true,
+        }
+    }
+
+    fn spans_space(&self, point: usize) -> bool {
+        let (d, row) = (self.body.dimension(), self.neighborhood.row(point));
+        let mut directions = DMatrix::<f64>::zeros(d, d);
+        for &j in row {
+            let (here, there) = (self.body.position(point), self.body.position(j as usize));
+            let square = here.iter().zip(there).fold(0.0, |sum, (x, y)| sum + (y - x) * (y - x));
+            for r in 0..d {
+                for c in 0..d {
+                    directions[(r, c)] += (there[r] - here[r]) * (there[c] - here[c]) / square;
+                }
+            }
+        }
+        let eigenvalues = directions.symmetric_eigenvalues();
+        eigenvalues.min() > FLAT * eigenvalues.max()
     }
 }

@@ -219,14 +219,11 @@ impl VectorEnergy {
         }
     }
 
-    /// All points of a law that have something to gather from, ready for its kernel.
+    /// All points of a law, ready for its kernel.
     fn prepared_points(&self, of: (usize, &FamilyKernel), at: At<'_>) -> Room {
         let mut room = Room::default();
         let all = (0..self.body.n_points()).map(|i| [i; 2]);
-        let is_there = |ends: &[usize; 2]| {
-            self.is_of(of.0, ends) && !self.neighborhood.row(ends[0]).is_empty()
-        };
-        room.ends = all.filter(is_there).collect();
+        room.ends = all.filter(|ends| self.is_of(of.0, ends)).collect();
         self.prepare(of, (at, None), &mut room);
         room
     }
@@ -249,12 +246,16 @@ impl VectorEnergy {
             let n = all.len() / 2;
             let mut bonds = vec![empty(); n];
             for (law, kernels) in self.laws.present() {
-                let places = (0..2 * n).filter(|place| self.is_of(law, &all[*place]));
-                let seen: Vec<[usize; 2]> = places.map(|place| [place % n, place / n]).collect();
-                room.ends = seen.iter().map(|[bond, end]| all[end * n + bond]).collect();
+                let places = (0..2 * n).filter(|place| self.gathers_by(law, &all[*place]));
+                let mut seen: Vec<[usize; 2]> =
+                    places.map(|place| [place % n, place / n]).collect();
+                let ends = |[bond, end]: &[usize; 2]| all[end * n + bond];
+                room.ends = seen.iter().map(ends).collect();
                 let to = (&*seen, &mut *bonds);
                 self.add_integrands::<D>((law, &kernels.integrands), (at, fields), &mut room, to);
                 if let Some(kernel) = &kernels.bonds {
+                    seen.retain(|place| self.is_of(law, &ends(place)));
+                    room.ends = seen.iter().map(ends).collect();
                     let to = (&*seen, &mut *bonds);
                     self.add_bonds::<D>((law, kernel), (at, fields), &mut room, to);
                 }

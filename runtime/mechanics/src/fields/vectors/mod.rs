@@ -66,6 +66,8 @@ pub struct VectorEnergy {
     bond_pattern: OnceLock<Arc<BlockPattern>>,
     /// What springs like the bonds at rest have, over the volumes of their ends, times their length.
     stiffness: OnceLock<f64>,
+    /// Which points have no energy, because too little is left of their families.
+    is_released: Vec<bool>,
     /// The families before bonds were lost.
     whole: Option<Box<Whole>>,
     /// Room for passes, and for their threads.
@@ -94,7 +96,8 @@ impl VectorEnergy {
     /// points are of one law, which takes no fields but the direction of bonds.
     ///
     /// # Errors
-    /// Points without neighbours.
+    /// Points without neighbours; those whose neighbours do not span space, where the law has functions of
+    /// integrals.
     pub fn new(
         body: Arc<Body>,
         neighborhood: Arc<Neighborhood>,
@@ -106,7 +109,8 @@ impl VectorEnergy {
         let parts = laws.arguments.iter().zip(laws.has()).filter(|part| part.1);
         let names = parts.map(|(argument, _)| format!("psi({argument})")).collect();
         let materials = materials.unwrap_or_else(|| Arc::new(of_directions(&body)));
-        Ok(VectorEnergy {
+        let n = body.n_points();
+        let energy = VectorEnergy {
             slabs: Slabs::new(&neighborhood),
             body,
             neighborhood,
@@ -116,10 +120,19 @@ impl VectorEnergy {
             pattern: OnceLock::new(),
             bond_pattern: OnceLock::new(),
             stiffness: OnceLock::new(),
+            is_released: vec![false; n],
             whole: None,
             gathered: Pool::new(),
             room: Pool::new(),
-        })
+        };
+        match (0..n).find(|point| !energy.has_family(*point)) {
+            None => Ok(energy),
+            Some(point) => Err(StateError::Flat {
+                point: energy.body.user_index()[point] as usize,
+                position: energy.body.position(point).to_vec(),
+                neighbors: energy.neighborhood.row(point).len(),
+            }),
+        }
     }
 
     /// The body.
@@ -313,7 +326,7 @@ impl Energy for VectorEnergy {
     }
 
     fn singular(&self) -> Vec<usize> {
-        self.whole.as_ref().map_or_else(Vec::new, |_| self.neighborhood.isolated())
+        (0..self.body.n_points()).filter(|point| self.is_released[*point]).collect()
     }
 
     fn lose(&mut self, bonds: &[usize]) {

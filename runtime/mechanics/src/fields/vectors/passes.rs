@@ -168,16 +168,21 @@ impl VectorEnergy {
         })
     }
 
-    /// Whether an end sees its bonds by this law.
-    pub(super) fn is_of(&self, law: usize, [end, _]: &[usize; 2]) -> bool {
+    /// Whether an end gathers by this law.
+    pub(super) fn gathers_by(&self, law: usize, [end, _]: &[usize; 2]) -> bool {
         self.laws.of_law.len() == 1 || self.law_of(*end) == law
     }
 
-    /// The bonds of some owners as those of their ends see them that are of this law.
+    /// Whether an end has an energy by this law.
+    pub(super) fn is_of(&self, law: usize, ends: &[usize; 2]) -> bool {
+        !self.is_released[ends[0]] && self.gathers_by(law, ends)
+    }
+
+    /// The bonds of some owners as those of their ends see them that gather by this law.
     fn bonds_of(&self, law: usize, owners: Range<usize>, ends: &mut Vec<[usize; 2]>) {
         self.both_ends(owners, ends);
         if self.laws.of_law.len() > 1 {
-            ends.retain(|ends| self.is_of(law, ends));
+            ends.retain(|ends| self.gathers_by(law, ends));
         }
     }
 
@@ -227,7 +232,7 @@ impl VectorEnergy {
         }
     }
 
-    /// A kernel at all points of its law that have something to gather from, chunk by chunk.
+    /// A kernel at all points of its law, chunk by chunk.
     pub(super) fn over_points(
         &self,
         of: (usize, &FamilyKernel),
@@ -239,9 +244,7 @@ impl VectorEnergy {
             let mut room = self.room.take(Room::default);
             room.ends.clear();
             let own = (chunk * POINTS..n.min((chunk + 1) * POINTS)).map(|point| [point; 2]);
-            room.ends.extend(own.filter(|ends| {
-                self.is_of(of.0, ends) && !self.neighborhood.row(ends[0]).is_empty()
-            }));
+            room.ends.extend(own.filter(|ends| self.is_of(of.0, ends)));
             self.through(of, now, base, &mut room);
             room
         };
@@ -323,6 +326,9 @@ impl VectorEnergy {
                 for (law, kernels) in self.laws.present() {
                     let Some(kernel) = &kernels.bonds else { continue };
                     self.bonds_of(law, owners.clone(), &mut room.ends);
+                    if self.whole.is_some() {
+                        room.ends.retain(|ends| !self.is_released[ends[0]]);
+                    }
                     self.through((law, kernel), now, base, &mut room);
                     for ([i, j], value) in room.ends.iter().zip(&room.value) {
                         energies[*i] += half * volumes[*j] * value;
@@ -430,7 +436,8 @@ impl VectorEnergy {
             let mut room = self.room.take(Room::default);
             let mut change = 0.0;
             let (row, law) = (self.neighborhood.row(i), self.law_of(i));
-            let Some(kernels) = &self.laws.of_law[law] else { return 0.0 };
+            let kernels = self.laws.of_law.get(law).and_then(Option::as_ref);
+            let Some(kernels) = kernels.filter(|_| !self.is_released[i]) else { return 0.0 };
             for kernel in [&kernels.points, &kernels.bonds] {
                 let Some(kernel) = kernel else { continue };
                 let is_of_bonds = kernel.given().contains(&Slot::Length);

@@ -13,7 +13,7 @@ use super::elaborate::Elaborator;
 use super::statement::Builder;
 use super::symbols::{BOND, BOND_NOW, Symbol};
 use super::tensor::Tensor;
-use super::value::{Kind, PART, Quantity, Value};
+use super::value::{INTEGRAL, Kind, PART, Quantity, Value};
 use crate::clique::Part;
 use crate::expression::interpret::Interpreter;
 use crate::expression::number::Number as _;
@@ -287,9 +287,16 @@ impl Builder<'_> {
         if holds_foreign {
             let message =
                 format!("psi({BOND_NOW}) is the energy of a bond and holds something else");
+            let gathers = value.uses & INTEGRAL != 0;
+            let help = match gathers {
+                true => "name what is gathered in the head: `psi(xi, H) = ..`",
+                false => {
+                    "it may hold `xi`, `Xi`, `l`, `L`, `delta`, parameters and definitions of these"
+                }
+            };
             let error = Diagnostic::error("wrong-measure", span, message)
                 .label("holds what no bond has, or an integral")
-                .help("it may hold `xi`, `Xi`, `l`, `L`, `delta`, parameters and definitions of these");
+                .help(help);
             self.elaborator.report(error);
             return;
         }

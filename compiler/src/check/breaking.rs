@@ -10,7 +10,7 @@ use piola_grammar::{Diagnostic, print_expression};
 
 use super::names::parts;
 use super::statement::Builder;
-use super::value::{GRADIENT, INTEGRAL, RATE, Value};
+use super::value::{GRADIENT, INTEGRAL, PART, RATE, Value};
 use crate::expression::{Comparison, ExprGraph, Function, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
 use crate::model::{Break, Of, OfFamily, Variant};
@@ -162,6 +162,7 @@ impl Builder<'_> {
             }
             uses if uses & INTEGRAL != 0 => ("what points gather", &[]),
             uses if uses & RATE != 0 => ("how fast its length changes", &[]),
+            uses if uses == PART => ("the vector of the bond, and not its length", &["xi"]),
             _ => ("a measure of triangles or tetrahedra", &["a", "A", "v", "V"]),
         };
         let place = parts(arena, root).into_iter().find(

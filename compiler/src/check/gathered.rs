@@ -161,18 +161,21 @@ impl Elaborator<'_> {
         let is_shape = matches!(value.kind, Kind::Number(_) | Kind::Tensor(..));
         if value.uses != INTEGRAL || !is_shape {
             let message = format!("`{NEIGHBOUR}` is of what points gather");
-            let what = match value.uses & INTEGRAL {
-                0 => "nothing gathered",
-                _ => "differs from bond to bond",
-            };
-            self.report(
-                Diagnostic::error("wrong-measure", self.arena[at].span, message).label(what).help(
+            let (what, help) = match value.uses & INTEGRAL {
+                0 => (
+                    "nothing gathered",
                     format!(
-                        "name the integrals that it holds: `theta = integral(..)`, then `{NEIGHBOUR}(theta)` in \
-                         an energy of bonds, `psi(l, theta)`"
+                        "it stands around integrals and what is made of them: `theta = integral(..)`, then \
+                         `{NEIGHBOUR}(theta)` in an energy of bonds, `psi(l, theta)`"
                     ),
                 ),
-            );
+                _ => (
+                    "differs from bond to bond",
+                    format!("take it of the gathered value alone: `{NEIGHBOUR}(H)*xi`"),
+                ),
+            };
+            let error = Diagnostic::error("wrong-measure", self.arena[at].span, message);
+            self.report(error.label(what).help(help));
             return None;
         }
         // Seen from a bond: it is another from bond to bond.
@@ -301,6 +304,19 @@ impl Builder<'_> {
                 );
                 false
             }
+            None if matches!(
+                symbols.get(&name.name),
+                Some(Symbol::BondNow(_) | Symbol::Current(_))
+            ) =>
+            {
+                let message = format!("`{}` is not gathered over a family", name.name);
+                let error = Diagnostic::error("wrong-measure", name.span, message);
+                self.elaborator.report(error.label("what a bond is, and no point").help(format!(
+                    "it stands first in the head of an energy of bonds: `psi({}, ..) = ..`",
+                    name.name
+                )));
+                false
+            }
             _ => {
                 let message = format!("`{}` is not gathered over a family", name.name);
                 self.elaborator.report(
@@ -314,6 +330,11 @@ impl Builder<'_> {
                 false
             }
         }
+    }
+
+    /// Whether the file knows the vector of a bond as it is now.
+    fn variant_moves(&self) -> bool {
+        matches!(self.elaborator.symbols.get(BOND_NOW), Some(Symbol::BondNow(_)))
     }
 
     fn holds_what_is_gathered(
@@ -339,8 +360,13 @@ impl Builder<'_> {
             )
         } else if value.uses & LENGTH != 0 && !of_bonds && !holds_parts {
             (
-                "an energy of points cannot depend on the length of a bond".to_string(),
-                format!("write `psi(l, {}) = ..`: an energy of bonds", named.join(", ")),
+                "an energy of points cannot depend on the length or the vector of a bond"
+                    .to_string(),
+                format!(
+                    "write `psi({}, {}) = ..`: an energy of bonds",
+                    if self.variant_moves() { BOND_NOW } else { "l" },
+                    named.join(", ")
+                ),
             )
         } else {
             (

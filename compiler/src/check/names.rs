@@ -9,7 +9,7 @@ use piola_grammar::{Diagnostic, Span, suggest};
 use super::MAX_FINDINGS;
 use super::dissipation;
 use super::foreign::{self, Place};
-use super::symbols::{Symbol, Symbols, TensorFunction};
+use super::symbols::{BOND_NOW, Symbol, Symbols, TensorFunction};
 use crate::expression::{Function, Operator};
 
 /// Most parameters a function may have; every call names them all in its messages.
@@ -405,7 +405,15 @@ impl Checker<'_> {
                 .help("move the definition above the line that uses it");
         }
         let has_gradient = self.scope.symbols.get("F").is_some();
-        let place = match (self.ast.is_some(), has_gradient) {
+        let has_bond = self.scope.symbols.get(BOND_NOW).is_some();
+        if has_bond && !has_gradient && matches!(name, "F" | "J") {
+            return error.help(
+                "gradients are known in files with `psi(F)`; those that points gather are defined: \
+                 `H = integral(w*dyad(xi - Xi, Xi))*inv(K)`, `G = I + H`",
+            );
+        }
+        let knows_tensors = has_gradient || has_bond && what == "function";
+        let place = match (self.ast.is_some(), knows_tensors) {
             (true, true) => Place::EnergyOfGradient,
             (true, false) => Place::Energy,
             (false, _) => Place::Scene,

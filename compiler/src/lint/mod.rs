@@ -27,6 +27,7 @@ mod jump;
 mod remember;
 mod rest;
 mod subject;
+mod vectors;
 
 use piola_grammar::{Diagnostic, Severity, Span};
 
@@ -170,6 +171,10 @@ impl Model {
         let first = &self.variants[0];
         for energy in &first.coupled_energies {
             found.extend(wanted.iter().filter_map(|lint| lint.look_at_vector(first, energy)));
+        }
+        for lint in wanted.iter().filter(|lint| matches!(lint.look, Look::Vector(_))) {
+            let of_families = vectors::not_objective(self).into_iter();
+            found.extend(of_families.map(|(span, finding)| lint.warning(span, finding)));
         }
         let states = self.parameters.iter().filter(|parameter| parameter.is_state);
         for state in states {

@@ -35,7 +35,7 @@ pub mod sample;
 pub(crate) mod stated;
 mod threshold;
 pub mod truth;
-mod vectors;
+pub(crate) mod vectors;
 
 use crate::compile::{Compiled, Kind};
 use crate::kernel::{Batch, Derivatives, Kernel, Level, Mode};

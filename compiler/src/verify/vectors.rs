@@ -122,6 +122,21 @@ impl Place {
     }
 }
 
+impl Place {
+    /// Turns the vector of the bond by about 2 in the first plane, then by about 1 in the last.
+    fn turn(&mut self) {
+        let d = self.unit.len();
+        let rest = |axis: usize| self.unit[axis] * self.length;
+        let mut now: Vec<f64> = (0..d).map(|axis| rest(axis) + self.moved[axis]).collect();
+        for (axis, angle) in [(0, 2.0), (d - 2, 1.0)] {
+            let (sine, cosine) = (libm::sin(angle), libm::cos(angle));
+            let (x, y) = (now[axis], now[axis + 1]);
+            (now[axis], now[axis + 1]) = (cosine * x - sine * y, sine * x + cosine * y);
+        }
+        self.moved = (0..d).map(|axis| now[axis] - rest(axis)).collect();
+    }
+}
+
 /// Places to verify at.
 struct Places<'a> {
     all: Vec<Place>,
@@ -178,6 +193,33 @@ fn family(random: &mut Random, d: usize, m: usize) -> Vec<Place> {
         };
     };
     (0..BONDS).map(|_| bond()).collect()
+}
+
+/// The energies of a point and of a bond, where there are any, in random families; and the same where all of it is
+/// turned as a whole by a right angle and more.
+pub(crate) fn turned(kernels: &VectorKernels, (model, values): (&Model, &Values)) -> [[f64; 2]; 2] {
+    let (d, m) = (values.dimension, kernels.n_gathered);
+    let directions = model.directions(d);
+    let energies = |is_turned: bool| {
+        let mut random = Random::new(0x7475_726e);
+        let of = |mut all: Vec<Place>| {
+            if is_turned {
+                all.iter_mut().for_each(Place::turn);
+            }
+            Places { all, values, directions: directions.clone() }
+        };
+        let ends = [0; 2].map(|_| {
+            let bonds = of(family(&mut random, d, m));
+            gathered(kernels, &bonds, &mut random)
+        });
+        let mut bond = of(family(&mut random, d, m));
+        bond.all.truncate(1);
+        bond.all[0].gathered = ends;
+        [&kernels.points, &kernels.bonds]
+            .map(|kernel| kernel.as_ref().map_or(0.0, |kernel| evaluate(kernel, &bond)[0][0]))
+    };
+    let [at_rest, turned] = [false, true].map(energies);
+    [0, 1].map(|part| [at_rest[part], turned[part]])
 }
 
 /// What a point gathers from a family whose bonds have random volumes.

@@ -85,14 +85,13 @@ impl Families {
             Families::Nodal => of_gradients(22e-9, 22e-9, 3.4e-9),
             Families::Stabilised => of_gradients(45e-9, 45e-9, 12e-9),
             Families::BondQuadrature => of_gradients(85e-9, 14e-9 * tensor, 32e-9),
-            Families::Vectors(numbers, _) => {
+            Families::Vectors(numbers, has_neighbours) => {
+                // Of eleven numbers in the plane and 24 in space, with energies of points alone, of bonds too,
+                // and of what neighbours gather.
                 let m = numbers as f64;
-                Seconds {
-                    forces: 50e-9 + 30e-9 * m,
-                    once: 50e-9 + 30e-9 * m,
-                    product: 50e-9 + 40e-9 * m,
-                    stored: 10e-9 + 10e-9 * m,
-                }
+                let forces = (37e-9 + 4.3e-9 * m) * if has_neighbours { 2.2 } else { 1.6 };
+                let stored = if has_neighbours { 2.2e-9 * m * m } else { 11e-9 * m };
+                Seconds { forces, once: forces, product: 1.25 * forces, stored }
             }
             Families::States(integrals) => {
                 let m = integrals as f64;

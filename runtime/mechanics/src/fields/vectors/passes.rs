@@ -58,6 +58,8 @@ pub(super) struct Room {
     variables: Vec<f64>,
     given: Vec<f64>,
     fields: Vec<f64>,
+    /// Of bonds at rest, in m.
+    lengths: Vec<f64>,
     direction: Vec<f64>,
     /// The kernel's value and its derivatives, or what these change by, variable by variable.
     pub(super) value: Vec<f64>,
@@ -86,20 +88,27 @@ fn clear(array: &mut Vec<f64>, n: usize) {
 
 impl VectorEnergy {
     /// Puts what slots hold at some places behind `out`.
-    fn add_slots(&self, slots: &[Slot], ends: &[[usize; 2]], at: At<'_>, out: &mut Vec<f64>) {
+    fn add_slots(
+        &self,
+        slots: &[Slot],
+        (ends, lengths): (&[[usize; 2]], &[f64]),
+        at: At<'_>,
+        out: &mut Vec<f64>,
+    ) {
         let (d, m) = (self.body.dimension(), self.n_gathered());
-        let of = |array: &[f64], point: usize, k: usize| {
-            if array.is_empty() { 0.0 } else { array[point * m + k] }
+        let of = |array: &[f64], end: usize, k: usize, out: &mut Vec<f64>| match array {
+            [] => out.resize(out.len() + ends.len(), 0.0),
+            _ => out.extend(ends.iter().map(|ends| array[ends[end] * m + k])),
         };
         for slot in slots {
             match *slot {
-                Slot::Length => out.extend(ends.iter().map(|ends| distance(&self.body, *ends))),
+                Slot::Length => out.extend_from_slice(lengths),
                 Slot::Moved(axis) => {
                     out.extend(ends.iter().map(|[i, j]| at.u[j * d + axis] - at.u[i * d + axis]))
                 }
-                Slot::Own(k) => out.extend(ends.iter().map(|[i, _]| of(at.values, *i, k))),
-                Slot::Neighbour(k) => out.extend(ends.iter().map(|[_, j]| of(at.values, *j, k))),
-                Slot::Multiplier(k) => out.extend(ends.iter().map(|[i, _]| of(at.adjoint, *i, k))),
+                Slot::Own(k) => of(at.values, 0, k, out),
+                Slot::Neighbour(k) => of(at.values, 1, k, out),
+                Slot::Multiplier(k) => of(at.adjoint, 0, k, out),
             }
         }
     }
@@ -111,24 +120,47 @@ impl VectorEnergy {
         (at, direction): (At<'_>, Option<At<'_>>),
         room: &mut Room,
     ) {
-        let Room { ends, variables, given, fields, direction: along, .. } = room;
-        [&mut *variables, given, fields, along].into_iter().for_each(Vec::clear);
-        self.add_slots(kernel.variables(), ends, at, variables);
-        self.add_slots(kernel.given(), ends, at, given);
+        let Room { ends, variables, given, fields, lengths, direction: along, .. } = room;
+        [&mut *variables, given, fields, lengths, along].into_iter().for_each(Vec::clear);
+        if kernel.given().contains(&Slot::Length) {
+            lengths.extend(ends.iter().map(|ends| distance(&self.body, *ends)));
+        }
+        let places = (&ends[..], &lengths[..]);
+        self.add_slots(kernel.variables(), places, at, variables);
+        self.add_slots(kernel.given(), places, at, given);
         if let Some(direction) = direction {
-            self.add_slots(kernel.variables(), ends, direction, along);
+            self.add_slots(kernel.variables(), places, direction, along);
         }
-        if !kernel.fields().is_empty()
-            && let Some(all) = self.fields()
-        {
-            all.add(all.of_law(law), ends.len(), |place| ends[place].into_iter(), fields);
+        if !kernel.fields().is_empty() {
+            self.add_fields(law, places, fields);
         }
+    }
+
+    /// Puts the fields of a law at some places behind `out`. The direction of bonds follows from what is there.
+    fn add_fields(&self, law: usize, (ends, lengths): (&[[usize; 2]], &[f64]), out: &mut Vec<f64>) {
+        let Some(all) = self.fields() else { return };
+        let (own, n) = (all.of_law(law), ends.len());
+        let of_places = |place: usize| ends[place].into_iter();
+        if lengths.is_empty() {
+            all.add(own, n, of_places, out);
+            return;
+        }
+        let directions = all.directions_in(own.clone());
+        all.add(own.start..directions.start, n, of_places, out);
+        let (d, positions) = (self.body.dimension(), self.body.positions());
+        for axis in 0..directions.len() {
+            let places = ends.iter().zip(lengths);
+            out.extend(places.map(|([i, j], length)| {
+                (positions[j * d + axis] - positions[i * d + axis]) / length
+            }));
+        }
+        all.add(directions.end..own.end, n, of_places, out);
     }
 
     /// The value and the derivatives of a kernel at what is prepared; what derivatives change by, along a
     /// direction.
     pub(super) fn run(kernel: &FamilyKernel, is_product: bool, room: &mut Room) {
-        let Room { ends, variables, given, fields, direction, value, slopes } = room;
+        let Room { ends, variables, given, fields, direction, value, slopes, .. } = room;
         let n = ends.len();
         clear(value, n);
         clear(slopes, variables.len());
@@ -210,12 +242,11 @@ impl VectorEnergy {
                 for (law, VectorKernels { integrands: kernel, .. }) in self.laws.present() {
                     self.bonds_of(law, owners.clone(), &mut room.ends);
                     self.through((law, kernel), now, base, &mut room);
-                    for (slot, slopes) in of_slots(kernel, &room) {
-                        let Slot::Multiplier(k) = slot else { continue };
-                        for ([i, j], value) in room.ends.iter().zip(slopes) {
-                            values[i * m + k] += volumes[*j] * value;
-                        }
-                    }
+                    let numbers = numbers(kernel, |slot| match slot {
+                        Slot::Multiplier(k) => Some(k),
+                        _ => None,
+                    });
+                    add_rows(&mut values, m, &numbers, &room, |[i, j]| (i, volumes[j]));
                 }
             }
         });
@@ -333,21 +364,18 @@ impl VectorEnergy {
                     for ([i, j], value) in room.ends.iter().zip(&room.value) {
                         energies[*i] += half * volumes[*j] * value;
                     }
-                    for (slot, slopes) in of_slots(kernel, &room) {
-                        let places = room.ends.iter().zip(slopes);
-                        match slot {
-                            Slot::Own(k) => places.for_each(|([i, j], slope)| {
-                                adjoint[i * m + k] += half * volumes[*j] * slope;
-                            }),
-                            Slot::Neighbour(k) => places.for_each(|([i, j], slope)| {
-                                adjoint[j * m + k] += half * volumes[*i] * slope;
-                            }),
-                            Slot::Moved(axis) if !forces.is_empty() => {
-                                let weighted = places.map(|(ends, slope)| (ends, half * slope));
-                                add_pulls(&mut forces, volumes, axis, weighted);
-                            }
-                            _ => {}
-                        }
+                    let own = numbers(kernel, |slot| match slot {
+                        Slot::Own(k) => Some(k),
+                        _ => None,
+                    });
+                    add_rows(&mut adjoint, m, &own, &room, |[i, j]| (i, half * volumes[j]));
+                    let neighbours = numbers(kernel, |slot| match slot {
+                        Slot::Neighbour(k) => Some(k),
+                        _ => None,
+                    });
+                    add_rows(&mut adjoint, m, &neighbours, &room, |[i, j]| (j, half * volumes[i]));
+                    if !forces.is_empty() {
+                        add_pulls(&mut forces, volumes, (kernel, half), &room);
                     }
                 }
             }
@@ -365,11 +393,7 @@ impl VectorEnergy {
                 for (law, VectorKernels { integrands: kernel, .. }) in self.laws.present() {
                     self.bonds_of(law, owners.clone(), &mut room.ends);
                     self.through((law, kernel), now, base, &mut room);
-                    for (slot, slopes) in of_slots(kernel, &room) {
-                        let Slot::Moved(axis) = slot else { continue };
-                        let places = room.ends.iter().zip(slopes.iter().copied());
-                        add_pulls(&mut forces, volumes, axis, places);
-                    }
+                    add_pulls(&mut forces, volumes, (kernel, 1.0), &room);
                 }
             }
         });
@@ -461,17 +485,53 @@ impl VectorEnergy {
     }
 }
 
-/// Adds what bonds pull at both their ends with along an axis.
-fn add_pulls<'a, const D: usize>(
+/// The variables of a kernel that are gathered numbers of some kind: their places among all and the numbers.
+fn numbers(kernel: &FamilyKernel, number: impl Fn(Slot) -> Option<usize>) -> Vec<[usize; 2]> {
+    let all = kernel.variables().iter().enumerate();
+    all.filter_map(|(place, slot)| Some([place, number(*slot)?])).collect()
+}
+
+/// Adds derivatives by gathered numbers to the rows of points, place by place: `row` says of the ends of a place
+/// which point, and times what.
+fn add_rows(
+    out: &mut Touched<'_, f64>,
+    m: usize,
+    numbers: &[[usize; 2]],
+    room: &Room,
+    row: impl Fn([usize; 2]) -> (usize, f64),
+) {
+    if numbers.is_empty() {
+        return;
+    }
+    let n = room.ends.len();
+    for (place, ends) in room.ends.iter().enumerate() {
+        let (point, weight) = row(*ends);
+        let out = out.range(point * m..(point + 1) * m);
+        for [variable, k] in numbers {
+            out[*k] += weight * room.slopes[variable * n + place];
+        }
+    }
+}
+
+/// Adds what bonds pull at both their ends with, times a factor.
+fn add_pulls<const D: usize>(
     forces: &mut Touched<'_, [f64; D]>,
     volumes: &[f64],
-    axis: usize,
-    places: impl Iterator<Item = (&'a [usize; 2], f64)>,
+    (kernel, factor): (&FamilyKernel, f64),
+    room: &Room,
 ) {
-    for ([i, j], slope) in places {
-        let pull = volumes[*i] * volumes[*j] * slope;
-        forces[*j][axis] += pull;
-        forces[*i][axis] -= pull;
+    let moved = |axis: usize| kernel.variables().iter().position(|x| *x == Slot::Moved(axis));
+    let n = room.ends.len();
+    let Some(first) = moved(0) else { return };
+    // All components of the vector are variables, one after the other.
+    let slopes = &room.slopes[first * n..(first + D) * n];
+    for (place, [i, j]) in room.ends.iter().enumerate() {
+        let weight = factor * volumes[*i] * volumes[*j];
+        let pull: [f64; D] = std::array::from_fn(|axis| weight * slopes[axis * n + place]);
+        let there = &mut forces[*j];
+        (0..D).for_each(|axis| there[axis] += pull[axis]);
+        let here = &mut forces[*i];
+        (0..D).for_each(|axis| here[axis] -= pull[axis]);
     }
 }
 

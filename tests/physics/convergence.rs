@@ -37,7 +37,7 @@ struct Expected {
     floor: f64,
 }
 
-const EXPECTED: [Expected; 19] = [
+const EXPECTED: [Expected; 20] = [
     Expected { example: "bimetal", overrides: &[], c: 15.0, floor: FLOOR },
     Expected { example: "bonds_beside_F", overrides: &[], c: 6.0, floor: FLOOR },
     Expected { example: "cantilever", overrides: &[], c: 0.2, floor: FLOOR },
@@ -48,6 +48,7 @@ const EXPECTED: [Expected; 19] = [
         floor: FLOOR,
     },
     Expected { example: "cork", overrides: &[], c: 0.7, floor: FLOOR },
+    Expected { example: "correspondence_as_text", overrides: &[], c: 3.0, floor: FLOOR },
     Expected { example: "cube_C1", overrides: &[], c: 0.7, floor: FLOOR },
     Expected { example: "cube_C1_C2", overrides: &[], c: 1.1, floor: FLOOR },
     Expected { example: "cube_C1_C3", overrides: &[], c: 2.5, floor: FLOOR },

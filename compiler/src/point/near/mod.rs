@@ -18,8 +18,7 @@ use crate::expression::{
 };
 use crate::near::{Exact, Number};
 use crate::simplify::Simplifier;
-use crate::specialise::folded_into;
-pub(crate) use terms::with_fields;
+pub(crate) use terms::{near_of_vanishing, with_fields};
 
 /// A node near rest: `value + slope . H + rest`.
 #[derive(Clone, Debug)]
@@ -143,27 +142,6 @@ pub(crate) fn near_of_integrals(
     Expander::new(graph, source, &variables, &[]).whole_of(root)
 }
 
-/// A function of inputs that are 0 at rest, near rest, in a graph that is given; and whether it is 0 there itself.
-/// Of all other inputs nothing is known. The function as it was where it is no number at rest.
-pub(crate) fn near_of_vanishing(
-    graph: &mut Simplifier,
-    source: &ExprGraph,
-    root: NodeId,
-    vanishing: &[Input],
-) -> Result<(NodeId, bool), TooManyNodes> {
-    let place = folded_into(graph, source, &[root])?;
-    let varying = |&variable: &Input| Varying { variable, change: variable, at_rest: 0.0 };
-    let variables: Vec<Varying> = vanishing.iter().map(varying).collect();
-    let of = Source { graph: source, place: &place };
-    let mut expander = Expander::new(graph, of, &variables, &[]);
-    let Some(near) = expander.run(root)? else { return Ok((place[root.0 as usize], false)) };
-    if let Some(Near::Unknown(node)) = expander.known[root.0 as usize] {
-        return Ok((node, false));
-    }
-    let vanishes = near.value.is_nothing();
-    Ok((expander.total(&near)?, vanishes))
-}
-
 /// A variable of an energy.
 #[derive(Clone, Copy)]
 struct Varying {
@@ -174,13 +152,20 @@ struct Varying {
 
 /// What is a variable, or something of which nothing is known before a run.
 fn is_from_outside(input: Input) -> bool {
-    match input {
-        Input::Variable(_) | Input::Stretch(_) | Input::Parameter(_) => true,
-        Input::Integral(_) | Input::Neighbour(_) => true,
-        Input::Current(_) | Input::Reference(_) | Input::Change(_) => true,
-        Input::Part(_) | Input::PartAtRest(_) | Input::PartChange(_) => true,
-        _ => false,
-    }
+    matches!(
+        input,
+        Input::Variable(_)
+            | Input::Stretch(_)
+            | Input::Parameter(_)
+            | Input::Integral(_)
+            | Input::Neighbour(_)
+            | Input::Current(_)
+            | Input::Reference(_)
+            | Input::Change(_)
+            | Input::Part(_)
+            | Input::PartAtRest(_)
+            | Input::PartChange(_)
+    )
 }
 
 struct Expander<'a> {

@@ -3,7 +3,7 @@
 //! Near rest numbers cancel, and what is not known before a run, as the value of a field, cancels with
 //! nothing. `mu*(tr(C) - 3)/2 - mu*ln(J)` is `mu` times what cancels without it.
 
-use super::Source;
+use super::{Expander, Near, Source, Varying};
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::simplify::Simplifier;
 use crate::specialise::folded_into;
@@ -38,6 +38,27 @@ pub(crate) fn with_fields(
         });
     }
     Ok(sum)
+}
+
+/// A function of inputs that are 0 at rest, near rest, in a graph that is given; and whether it is 0 there itself.
+/// Of all other inputs nothing is known. The function as it was where it is no number at rest.
+pub(crate) fn near_of_vanishing(
+    graph: &mut Simplifier,
+    source: &ExprGraph,
+    root: NodeId,
+    vanishing: &[Input],
+) -> Result<(NodeId, bool), TooManyNodes> {
+    let place = folded_into(graph, source, &[root])?;
+    let varying = |&variable: &Input| Varying { variable, change: variable, at_rest: 0.0 };
+    let variables: Vec<Varying> = vanishing.iter().map(varying).collect();
+    let of = Source { graph: source, place: &place };
+    let mut expander = Expander::new(graph, of, &variables, &[]);
+    let Some(near) = expander.run(root)? else { return Ok((place[root.0 as usize], false)) };
+    if let Some(Near::Unknown(node)) = expander.known[root.0 as usize] {
+        return Ok((node, false));
+    }
+    let vanishes = near.value.is_nothing();
+    Ok((expander.total(&near)?, vanishes))
 }
 
 /// A factor that depends on fields alone, 1 where there is none, and a term without fields.

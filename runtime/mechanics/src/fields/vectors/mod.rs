@@ -174,11 +174,11 @@ impl VectorEnergy {
     fn assemble<const D: usize>(
         &self,
         u: &[f64],
-        mut out: Option<&mut [f64]>,
+        out: Option<&mut [f64]>,
         parts: &mut [f64],
     ) -> Result<(), NonFinite> {
         let mut gathered = self.gathered.take(Gathered::default);
-        let energies = self.energies::<D>(u, &mut gathered, out.as_deref_mut())?;
+        let energies = self.energies::<D>(u, &mut gathered, out)?;
         let energies = energies.into_iter().zip(self.laws.has()).filter(|part| part.1);
         parts.iter_mut().zip(energies).for_each(|(part, (energy, _))| *part = energy);
         Ok(())

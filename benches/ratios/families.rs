@@ -26,7 +26,7 @@ use laws::{ByHand, ByNumbers};
 
 const ROUNDS: usize = 101;
 const POINTS: usize = 14;
-const HORIZON: f64 = 3.015;
+pub(crate) const HORIZON: f64 = 3.015;
 /// The bulk modulus of the Lame parameters.
 pub(crate) const BULK: f64 = LAMBDA + 2.0 * MU / 3.0;
 

@@ -36,6 +36,7 @@ mod solve;
 mod squares;
 mod table;
 mod tensors;
+mod texts;
 mod threads;
 
 use std::path::Path;
@@ -48,7 +49,7 @@ const RENDER: &str = "render";
 /// A section: its name on the command line and what it measures.
 type Measurement = (&'static str, fn() -> Vec<Table>);
 
-const SECTIONS: [Measurement; 23] = [
+const SECTIONS: [Measurement; 24] = [
     ("kernels", kernels::against_hyper_dual),
     ("squares", squares::run),
     ("foreign", kernels::against_foreign),
@@ -61,6 +62,7 @@ const SECTIONS: [Measurement; 23] = [
     ("assembly", assembly::run),
     ("forces", forces::run),
     ("families", families::run),
+    ("texts", texts::run),
     ("materials", materials::run),
     ("motion", motion::run),
     ("breaking", breaking::run),

@@ -17,6 +17,7 @@ mod fields;
 mod fracture;
 mod fracture_energy;
 mod frame_fields;
+mod gathered_tensors;
 mod gradient_breaks;
 #[cfg(unix)]
 mod interrupted;

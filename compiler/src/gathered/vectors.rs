@@ -227,17 +227,10 @@ impl Model {
         let sum = sum.map_or_else(|| graph.number(0.0), Ok)?;
         let changes = changing(variant);
         let is_of_bonds = which == Which::Integrands;
-        let mut made = self.made((graph, sum), values, is_of_bonds, |slot| match slot {
+        self.made((graph, sum), values, is_of_bonds, |slot| match slot {
             Slot::Own(k) => changes[k],
             _ => true,
-        })?;
-        // Each has a multiplier, one that is 0 too.
-        debug_assert_eq!(
-            made.variables.iter().filter(|x| matches!(x, Slot::Multiplier(_))).count(),
-            own.len()
-        );
-        made.given.retain(|slot| !matches!(slot, Slot::Multiplier(_)));
-        Ok(made)
+        })
     }
 
     /// A root with its derivatives. Of bonds all components of the vector are variables.
@@ -259,7 +252,11 @@ impl Model {
         let moved = (0..values.dimension).filter(|_| is_of_bonds).map(Slot::Moved);
         let variables: Vec<Slot> = moved.chain(varying).collect();
         let length = is_of_bonds.then_some(Slot::Length);
-        let given: Vec<Slot> = length.into_iter().chain(steady).collect();
+        let mut given: Vec<Slot> = length.into_iter().chain(steady).collect();
+        if variables.is_empty() && given.is_empty() {
+            // A program has one array at least, which says how many places there are.
+            given.push(Slot::Own(0));
+        }
         let inputs: Vec<Input> = variables.iter().map(|slot| slot.input()).collect();
         let varied = Varied::Inputs(&inputs);
         let gradient = adjoint::gradient(&mut graph, roots[0], varied)?;

@@ -56,7 +56,7 @@ pub use density::DensityForm;
 pub use formula::{CompiledFormula, Formula};
 pub use gathered::{
     FamilyBatch, FamilyKernel, GatheredBatch, GatheredCriterion, GatheredKernel, GatheredKernels,
-    GatheredNextState, Integrand, Slot, VectorKernels, WrittenFamily,
+    GatheredNextState, Integrand, Slot, VectorKernels,
 };
 pub use kernel::{Batch, Derivatives, Kernel, Level, Mode, Order, Outputs, WrittenEnergy};
 pub use lint::{LINTS, Lint};

@@ -180,7 +180,7 @@ impl FamilyKernel {
 ///
 /// Independent of everything that happens after the check, and so the witness for it.
 #[derive(Clone, Debug)]
-pub struct WrittenFamily {
+pub(crate) struct WrittenFamily {
     /// What is added up.
     pub(super) terms: Written,
     /// The number of the multiplier of each term; of terms without one nothing.
@@ -192,13 +192,9 @@ pub struct WrittenFamily {
 }
 
 impl WrittenFamily {
-    /// Its value over any number type, from what slots hold.
-    pub fn value<N: Number>(&self, slot: impl Fn(Slot) -> N) -> N {
-        self.value_with(slot, None::<&fn(usize) -> f64>)
-    }
-
-    /// The same with the values of fields, by their places among them; else they have typical ones.
-    pub(crate) fn value_with<N: Number>(
+    /// Its value over any number type, from what slots hold and the values of fields, by their places among them; else
+    /// these have typical ones.
+    pub(crate) fn value<N: Number>(
         &self,
         slot: impl Fn(Slot) -> N,
         field: Option<&impl Fn(usize) -> f64>,
@@ -268,7 +264,7 @@ impl WrittenFamily {
                 }
             };
             let field = |k: usize| at.fields[k * at.n + p];
-            self.value_with(slot, (!at.fields.is_empty()).then_some(&field))
+            self.value(slot, (!at.fields.is_empty()).then_some(&field))
         };
         Dual { n: at.n, variables: at.variables, psi }
     }

@@ -17,8 +17,13 @@ use crate::written::{Dual, Written};
 /// Most variables: the length of a bond and all integrals.
 const VARIABLES: usize = 1 + MAX_INTEGRALS;
 
-/// Most arrays of a program: variables, directions, fields and what else is known of a bond.
-const SOURCES: usize = 2 * VARIABLES + 2 + MAX_FIELDS;
+/// As many as most energies have: clearing room for all takes a thirtieth of the time of a bond.
+const FEW_VARIABLES: usize = 9;
+
+/// Arrays of a program of so many variables: these, directions, fields and what else is known of a bond.
+const fn sources(variables: usize) -> usize {
+    2 * variables + 2 + MAX_FIELDS
+}
 
 /// Variables of `n` places, variable by variable: entry `k*n + p` is variable `k` at place `p`.
 #[derive(Clone, Copy, Debug)]
@@ -112,6 +117,24 @@ impl GatheredKernel {
     /// # Panics
     /// If an array has another length than the batch asks for.
     pub fn evaluate(&self, at: GatheredBatch<'_>, psi: &mut [f64], gradient: &mut [f64]) {
+        match self.n_variables() <= FEW_VARIABLES {
+            true => self.evaluate_in::<{ sources(FEW_VARIABLES) }, { 1 + FEW_VARIABLES }>(
+                at, psi, gradient,
+            ),
+            false => {
+                self.evaluate_in::<{ sources(VARIABLES) }, { 1 + VARIABLES }>(at, psi, gradient);
+            }
+        }
+    }
+
+    /// The same in room for so many arrays, and so many numbers that come out.
+    #[inline(always)]
+    fn evaluate_in<const SOURCES: usize, const OUTPUTS: usize>(
+        &self,
+        at: GatheredBatch<'_>,
+        psi: &mut [f64],
+        gradient: &mut [f64],
+    ) {
         let mut room = [&[][..]; SOURCES];
         let sources = listed(&mut room, self.sources(at, &[]));
         assert!(gradient.is_empty() || gradient.len() == at.variables.len(), "one per variable");
@@ -120,7 +143,7 @@ impl GatheredKernel {
         }
         match &self.body {
             Body::Form(evaluator) => {
-                let mut room: [&mut [f64]; 1 + VARIABLES] = std::array::from_fn(|_| &mut [][..]);
+                let mut room: [&mut [f64]; OUTPUTS] = std::array::from_fn(|_| &mut [][..]);
                 let gradient = gradient.chunks_mut(at.n);
                 evaluator.evaluate(sources, listed(&mut room, once(psi).chain(gradient)));
             }
@@ -133,6 +156,23 @@ impl GatheredKernel {
     /// # Panics
     /// If an array has another length than the batch asks for.
     pub fn product(&self, at: GatheredBatch<'_>, direction: &[f64], product: &mut [f64]) {
+        match self.n_variables() <= FEW_VARIABLES {
+            true => {
+                self.product_in::<{ sources(FEW_VARIABLES) }, FEW_VARIABLES>(at, direction, product)
+            }
+            false => {
+                self.product_in::<{ sources(VARIABLES) }, VARIABLES>(at, direction, product);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn product_in<const SOURCES: usize, const OUTPUTS: usize>(
+        &self,
+        at: GatheredBatch<'_>,
+        direction: &[f64],
+        product: &mut [f64],
+    ) {
         assert!(direction.len() == at.variables.len(), "one direction");
         let mut room = [&[][..]; SOURCES];
         let sources = listed(&mut room, self.sources(at, direction));
@@ -142,7 +182,7 @@ impl GatheredKernel {
         }
         match &self.body {
             Body::Form(evaluator) => {
-                let mut room: [&mut [f64]; VARIABLES] = std::array::from_fn(|_| &mut [][..]);
+                let mut room: [&mut [f64]; OUTPUTS] = std::array::from_fn(|_| &mut [][..]);
                 evaluator.product(sources, listed(&mut room, product.chunks_mut(at.n)));
             }
             Body::Dual(energy) => energy.dual(at).product(direction, product),

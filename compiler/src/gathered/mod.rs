@@ -10,7 +10,8 @@ mod functions;
 mod kernel;
 pub(crate) mod vectors;
 
-pub use family::{FamilyBatch, FamilyKernel, Slot, WrittenFamily};
+pub(crate) use family::WrittenFamily;
+pub use family::{FamilyBatch, FamilyKernel, Slot};
 pub use functions::{GatheredCriterion, GatheredNextState};
 pub use kernel::{GatheredBatch, GatheredKernel, WrittenGatheredEnergy};
 pub use vectors::VectorKernels;

@@ -176,8 +176,7 @@ impl Model {
         let Some((exact, root)) = sum else { return Ok(None) };
         let (graph, place) = folded(exact.graph(), &[root])?;
         let roots = vec![place[root.0 as usize]];
-        let vanishing = self.vanishing(variant, &fold)?;
-        let (graph, roots) = digits(graph, roots, &vanishing, values.dimension, form)?;
+        let (graph, roots) = self.digits((variant, &fold), graph, roots, form)?;
         let changes = changing(variant);
         let is_of_bonds = which == Which::Bonds;
         let made = self.made((graph, roots[0]), values, is_of_bonds, |slot| match slot {
@@ -216,8 +215,7 @@ impl Model {
             };
             roots.push(root);
         }
-        let vanishing = self.vanishing(variant, &fold)?;
-        let (mut graph, roots) = digits(graph, roots, &vanishing, values.dimension, form)?;
+        let (mut graph, roots) = self.digits((variant, &fold), graph, roots, form)?;
         let mut sum: Option<NodeId> = None;
         for (k, root) in own.iter().zip(roots) {
             let multiplier = graph.input(Input::Multiplier(*k as u8))?;
@@ -231,6 +229,35 @@ impl Model {
             Slot::Own(k) => changes[k],
             _ => true,
         })
+    }
+
+    /// The roots in the form that keeps digits, where that is wanted: first those of lengths, then of all that is 0 at
+    /// rest, what has moved and what is gathered of that.
+    fn digits(
+        &self,
+        (variant, fold): (&Variant, &impl Fn(Input) -> Option<f64>),
+        graph: Simplifier,
+        roots: Vec<NodeId>,
+        form: Form,
+    ) -> Result<(Simplifier, Vec<NodeId>), TooManyNodes> {
+        if form == Form::Textbook {
+            return Ok((graph, roots));
+        }
+        let (graph, roots) = accurate(graph, roots, Measure::Length, &[])?;
+        let vanishing = self.vanishing(variant, fold)?;
+        let moved = (0..variant.dimension as u8).map(|axis| Input::Part(Part::Moved(axis)));
+        let of_neighbours = vanishing.iter().map(|input| match input {
+            Input::Integral(k) => Input::Neighbour(*k),
+            other => *other,
+        });
+        let own = vanishing.iter().copied().chain(of_neighbours);
+        let all: Vec<Input> = moved.chain([Input::Change(Measure::Length)]).chain(own).collect();
+        let mut target = Simplifier::new();
+        let near = |root: NodeId| {
+            near_of_vanishing(&mut target, graph.graph(), root, &all).map(|(root, _)| root)
+        };
+        let roots = roots.into_iter().map(near).collect::<Result<Vec<NodeId>, TooManyNodes>>()?;
+        Ok((target, roots))
     }
 
     /// A root with its derivatives. Of bonds all components of the vector are variables.
@@ -299,34 +326,6 @@ impl Model {
             }
         }
     }
-}
-
-/// The roots in the form that keeps digits, where that is wanted: first those of lengths, then of all that is 0 at
-/// rest, what has moved and what is gathered of that.
-fn digits(
-    graph: Simplifier,
-    roots: Vec<NodeId>,
-    vanishing: &[Input],
-    dimension: usize,
-    form: Form,
-) -> Result<(Simplifier, Vec<NodeId>), TooManyNodes> {
-    if form == Form::Textbook {
-        return Ok((graph, roots));
-    }
-    let (graph, roots) = accurate(graph, roots, Measure::Length, &[])?;
-    let moved = (0..dimension as u8).map(|axis| Input::Part(Part::Moved(axis)));
-    let of_neighbours = vanishing.iter().map(|input| match input {
-        Input::Integral(k) => Input::Neighbour(*k),
-        other => *other,
-    });
-    let own = vanishing.iter().copied().chain(of_neighbours);
-    let all: Vec<Input> = moved.chain([Input::Change(Measure::Length)]).chain(own).collect();
-    let mut target = Simplifier::new();
-    let near = |root: NodeId| {
-        near_of_vanishing(&mut target, graph.graph(), root, &all).map(|(root, _)| root)
-    };
-    let roots = roots.into_iter().map(near).collect::<Result<Vec<NodeId>, TooManyNodes>>()?;
-    Ok((target, roots))
 }
 
 /// What a root holds of what ends gather and of multipliers, in their order.

@@ -35,26 +35,10 @@ pub(super) fn verify(
         let subject = Subject::Gathered(argument(variant, of_bonds));
         let mut verification = Verification::new(subject, &[(Witness::HyperDual, BAR)]);
         let written = model.written_gathered(values, of_bonds);
-        for (p, place) in dual.iter().enumerate() {
-            let (variables, dual) = (&place.variables, &place.values);
-            verification.count(&strict[p].values, &interpreted[p].values);
-            let agrees = |found: &Place| {
-                super::is_within(BAR, variables.len(), [&found.values, dual], largest)
-            };
-            let truth = match [&strict[p], &fast[p]].into_iter().all(agrees) {
-                true => None,
-                false => place.truth(&written),
-            };
-            if let Some(truth) = &truth {
-                let decides = !super::is_within(BAR, variables.len(), [dual, truth], largest);
-                verification.undecided += usize::from(decides);
-            }
-            let expected = truth.as_ref().unwrap_or(dual);
-            for level in [&strict, &fast] {
-                let found = [&*level[p].values, &**expected, &**dual];
-                verification.compare(0, variables, found, largest);
-            }
-        }
+        let found = [strict, fast, interpreted, dual.clone()]
+            .map(|places| places.into_iter().map(|place| place.values).collect::<Vec<_>>());
+        let places = (|p: usize| dual[p].variables.clone(), |p: usize| dual[p].truth(&written));
+        verification.judge(found.each_ref().map(Vec::as_slice), BAR, largest, places);
         find_causes(&mut verification, (model, values), of_bonds, &dual);
         Some(verification)
     };

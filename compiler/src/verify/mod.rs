@@ -318,6 +318,34 @@ impl Verification {
             });
         }
     }
+
+    /// Holds what was found at all places at both levels and by the interpreter against hyper-dual numbers; where a
+    /// level misses a bar against these, against the truth. Places are told by their variables.
+    fn judge(
+        &mut self,
+        [strict, fast, interpreted, dual]: [&[Vec<f64>]; 4],
+        bar: f64,
+        size: fn(&[f64]) -> f64,
+        (variables, truth): (impl Fn(usize) -> Vec<f64>, impl Fn(usize) -> Option<Vec<f64>>),
+    ) {
+        for (p, dual) in dual.iter().enumerate() {
+            let variables = variables(p);
+            self.count(&strict[p], &interpreted[p]);
+            let agrees = |found: &Vec<f64>| is_within(bar, variables.len(), [found, dual], size);
+            let truth = match [&strict[p], &fast[p]].into_iter().all(agrees) {
+                true => None,
+                false => truth(p),
+            };
+            if let Some(truth) = &truth {
+                let decides = !is_within(bar, variables.len(), [dual, truth], size);
+                self.undecided += usize::from(decides);
+            }
+            let expected = truth.as_ref().unwrap_or(dual);
+            for level in [strict, fast] {
+                self.compare(0, &variables, [&level[p], expected, dual], size);
+            }
+        }
+    }
 }
 
 /// Component by component.

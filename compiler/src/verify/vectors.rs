@@ -4,7 +4,7 @@
 
 use super::gathered::largest;
 use super::sample::Random;
-use super::{Subject, Verification, Witness, is_within};
+use super::{Subject, Verification, Witness};
 use crate::expression::number::Number;
 use crate::expression::precise::Precise;
 use crate::gathered::vectors::Which;
@@ -52,23 +52,9 @@ pub(super) fn verify(
             [strict, fast, interpreted, dual].map(|kernel| evaluate(kernel, &places));
         let mut verification =
             Verification::new(subject(variant, which), &[(Witness::HyperDual, BAR)]);
-        for (p, dual) in dual.iter().enumerate() {
-            let variables = witness.variables(p);
-            verification.count(&strict[p], &interpreted[p]);
-            let agrees = |found: &Vec<f64>| is_within(BAR, variables.len(), [found, dual], largest);
-            let truth = match [&strict[p], &fast[p]].into_iter().all(agrees) {
-                true => None,
-                false => witness.truth(p),
-            };
-            if let Some(truth) = &truth {
-                let decides = !is_within(BAR, variables.len(), [dual, truth], largest);
-                verification.undecided += usize::from(decides);
-            }
-            let expected = truth.as_ref().unwrap_or(dual);
-            for level in [&strict, &fast] {
-                verification.compare(0, &variables, [&level[p], expected, dual], largest);
-            }
-        }
+        let ways = [&*strict, &fast, &interpreted, &dual];
+        let places = (|p: usize| witness.variables(p), |p: usize| witness.truth(p));
+        verification.judge(ways, BAR, largest, places);
         found.push(verification);
     }
     Ok(found)
@@ -306,7 +292,7 @@ impl Seen<'_> {
                 let typical = self.places.values.parameters[usize::from(number)];
                 axis.map_or(typical, |axis| place.unit[axis])
             };
-            self.written.value_with(slot, Some(&field))
+            self.written.value(slot, Some(&field))
         })?;
         truth.iter().all(|x| x.is_finite()).then_some(truth)
     }

@@ -63,6 +63,12 @@ impl Body {
         &self.positions[point * self.dimension..(point + 1) * self.dimension]
     }
 
+    /// Between two points at rest, in m.
+    pub(crate) fn distance(&self, [i, j]: [usize; 2]) -> f64 {
+        let ends = self.position(i).iter().zip(self.position(j));
+        ends.fold(0.0, |sum, (x, y)| sum + (y - x) * (y - x)).sqrt()
+    }
+
     /// All reference positions, `n x d` row by row, in m.
     pub fn positions(&self) -> &[f64] {
         &self.positions

@@ -130,6 +130,18 @@ pub struct NonFinite {
 }
 
 impl NonFinite {
+    /// Of a point that gathers, whose first number this is, in `d` dimensions at displacements `u` (`n x d`, m).
+    pub(crate) fn of_gathered(d: usize, point: usize, first: Option<f64>, u: &[f64]) -> NonFinite {
+        NonFinite {
+            argument: Argument::Gathered,
+            points: vec![point],
+            displacements: u[point * d..(point + 1) * d].to_vec(),
+            value: first.unwrap_or(f64::NAN),
+            reference: 1.0,
+            inverted: false,
+        }
+    }
+
     fn message(&self) -> String {
         let what = if self.inverted { "turned inside out" } else { "not finite" };
         let (points, value) = (&self.points, self.value);

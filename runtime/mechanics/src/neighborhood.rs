@@ -228,6 +228,24 @@ impl Neighborhood {
         &self.bond_start
     }
 
+    /// Some owners in pieces of whole owners with their bonds: of so many bonds, but for those of the last owner
+    /// of a piece.
+    pub(crate) fn pieces(
+        &self,
+        owners: Range<usize>,
+        most: usize,
+    ) -> impl Iterator<Item = (Range<usize>, Range<usize>)> + '_ {
+        let (mut next, start) = (owners.start, self.bond_starts());
+        std::iter::from_fn(move || {
+            let first = next;
+            while next < owners.end && (next == first || start[next] - start[first] < most) {
+                next += 1;
+            }
+            let bonds = start[first]..start[next];
+            (next > first).then_some((first..next, bonds))
+        })
+    }
+
     /// The points of a bond, by its number: its owner, and the later one.
     pub fn ends(&self, bond: usize) -> [usize; 2] {
         let owner = self.bond_start.partition_point(|first| *first <= bond) - 1;

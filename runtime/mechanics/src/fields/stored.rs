@@ -39,11 +39,25 @@ pub(crate) trait Linearised<const D: usize>: Sync {
     /// `G_ij` of all directed bonds in the order of the neighbours, as many vectors for each.
     fn weights(&self) -> &[[f64; D]];
 
-    /// Adds `G^T x` to `out` (`d x c`) for `x` (`m x c`).
-    fn add_transposed(&self, weight: &[[f64; D]], x: &[f64], columns: usize, out: &mut [f64]);
+    /// Adds `G^T x` to `out` (`d x c`) for `x` (`m x c`); of weights with one vector for each field.
+    #[inline(always)]
+    fn add_transposed(&self, weight: &[[f64; D]], x: &[f64], columns: usize, out: &mut [f64]) {
+        for (row, weight) in x.chunks_exact(columns.max(1)).zip(weight) {
+            for (out, weight) in out.chunks_exact_mut(columns).zip(weight) {
+                out.iter_mut().zip(row).for_each(|(out, x)| *out += weight * x);
+            }
+        }
+    }
 
-    /// `x G` for `x` (`d x m`).
-    fn times(&self, x: &[f64], weight: &[[f64; D]]) -> Tensor<D>;
+    /// `x G` for `x` (`d x m`); of weights with one vector for each field.
+    #[inline(always)]
+    fn times(&self, x: &[f64], weight: &[[f64; D]]) -> Tensor<D> {
+        let m = weight.len();
+        std::array::from_fn(|r| {
+            let row = x[r * m..(r + 1) * m].iter().zip(weight);
+            row.fold([0.0; D], |sum, (x, g)| std::array::from_fn(|s| sum[s] + x * g[s]))
+        })
+    }
 
     /// By the field at a point twice (`m x m`), those of its bonds included.
     fn at_point(&self, point: usize) -> &[f64];

@@ -10,6 +10,7 @@ use piola_mechanics::deformation::DeformationError;
 use piola_mechanics::lattice::LatticeError;
 use piola_mechanics::neighborhood::NeighborhoodError;
 use piola_mechanics::states::StateError;
+use piola_mechanics::vectors::VectorError;
 use piola_output::read::TableError;
 use piola_solvers::constraint::ConstraintError;
 use piola_solvers::steps::StepError;
@@ -56,6 +57,9 @@ pub enum CaseError {
     /// Families whose states cannot be gathered.
     #[error(transparent)]
     States(#[from] StateError),
+    /// Families of which no vectors can be gathered.
+    #[error(transparent)]
+    Vectors(#[from] VectorError),
     /// Degrees of freedom that cannot be fixed.
     #[error(transparent)]
     Constraint(#[from] ConstraintError),

@@ -323,17 +323,22 @@ fn states_of_materials(
         points.push(kernels.points.map(|law| (thick(law), Some(numbers.clone()))));
         bonds.push(kernels.bonds.map(|law| (thick(law), Some(with_length()))));
         numbers_of.push(numbers);
-        for (all, own) in laws.arguments.iter_mut().zip(arguments) {
-            if !own.is_empty() && *all != own {
-                *all = if all.is_empty() { own } else { format!("{all}) | psi({own}") };
-            }
-        }
+        add_arguments(&mut laws.arguments, &arguments);
     }
     let n = laws.integrals.len();
     let some = |laws: &[Option<Numbered>]| laws.iter().any(Option::is_some);
     laws.points = some(&points).then(|| by_material(n, points, fields));
     laws.bonds = some(&bonds).then(|| by_material(n + 1, bonds, fields));
     (laws, numbers_of)
+}
+
+/// Adds what the energies of one more material are functions of, of points and of bonds.
+fn add_arguments(all: &mut [String; 2], own: &[String; 2]) {
+    for (all, own) in all.iter_mut().zip(own) {
+        if !own.is_empty() && all != own {
+            *all = if all.is_empty() { own.clone() } else { format!("{all}) | psi({own}") };
+        }
+    }
 }
 
 /// The energies of what points of several materials gather of vectors.
@@ -343,11 +348,7 @@ fn vectors_of_materials(
 ) -> VectorLaws {
     let mut arguments: [String; 2] = Default::default();
     for (_, own) in vectors.iter().flatten() {
-        for (all, own) in arguments.iter_mut().zip(own) {
-            if !own.is_empty() && all != own {
-                *all = if all.is_empty() { own.clone() } else { format!("{all}) | psi({own}") };
-            }
-        }
+        add_arguments(&mut arguments, own);
     }
     let of_law = vectors.into_iter().map(|law| law.map(|(kernels, _)| kernels)).collect();
     VectorLaws { of_law, thickness, arguments }

@@ -37,7 +37,7 @@ use crate::assembly::AssemblyError;
 use crate::assembly::error::check_neighbors;
 use crate::assembly::sum::Sum;
 use crate::body::Body;
-use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
+use crate::energy::{Energy, Hessian, NonFinite, Wanted, check_sizes};
 use crate::fields::stored;
 use crate::fracture::{Asked, FamilyCriterion, FamilyNextState, Judged, Release};
 use crate::interaction::{Report, Slabs};
@@ -90,33 +90,12 @@ pub enum StateError {
         /// How many it should have.
         expected: usize,
     },
-    /// The neighbours of a point do not span space, and its law has functions of integrals, among which inverses
-    /// of shape tensors are.
-    #[error(
-        "the {neighbors} neighbours of point {point} at {} do not span space, and functions of what it gathers, \
-         inverses of shape tensors for one, have no value there: take a longer horizon, or leave the point out",
-        coordinates(.position)
-    )]
-    Flat {
-        /// Its number, as the user counts.
-        point: usize,
-        /// Its position at rest in m.
-        position: Vec<f64>,
-        /// How many neighbours it has.
-        neighbors: usize,
-    },
     /// More bonds than can be numbered.
     #[error("{bonds} bonds are too many: gathered states are limited to 2^31 bonds")]
     TooManyBonds {
         /// How many there are, each once.
         bonds: usize,
     },
-}
-
-/// `(0, 0.5)`
-fn coordinates(position: &[f64]) -> String {
-    let numbers: Vec<String> = position.iter().map(|x| x.to_string()).collect();
-    format!("({})", numbers.join(", "))
 }
 
 /// The discrete total energy of gathered states.
@@ -253,7 +232,7 @@ impl StateEnergy {
     fn at_rest_around(&self, point: usize, integrals: &[usize]) -> Vec<f64> {
         let row = self.neighborhood.row(point);
         let lengths: Vec<f64> =
-            row.iter().map(|&j| distance(&self.body, point, j as usize)).collect();
+            row.iter().map(|&j| self.body.distance([point, j as usize])).collect();
         let (nothing, mut given) = (vec![0.0; row.len()], Vec::new());
         let mut out = [nothing.clone(), nothing.clone(), nothing.clone()];
         let value = |&k: &usize| {
@@ -386,29 +365,15 @@ impl StateEnergy {
     }
 
     fn named(&self, point: usize, integral: Option<f64>, u: &[f64]) -> NonFinite {
-        let d = self.body.dimension();
-        NonFinite {
-            argument: Argument::Gathered,
-            points: vec![point],
-            displacements: u[point * d..(point + 1) * d].to_vec(),
-            value: integral.unwrap_or(f64::NAN),
-            reference: 1.0,
-            inverted: false,
-        }
+        NonFinite::of_gathered(self.body.dimension(), point, integral, u)
     }
 }
 
 /// Lengths at rest of each bond once, in m.
 fn rest_lengths(body: &Body, neighborhood: &Neighborhood) -> Vec<f64> {
     let owners = 0..neighborhood.n_points();
-    let of_owner = |i| neighborhood.upper(i).iter().map(move |&j| distance(body, i, j as usize));
+    let of_owner = |i| neighborhood.upper(i).iter().map(move |&j| body.distance([i, j as usize]));
     owners.flat_map(of_owner).collect()
-}
-
-/// Between two points at rest, in m.
-fn distance(body: &Body, i: usize, j: usize) -> f64 {
-    let ends = body.position(i).iter().zip(body.position(j));
-    ends.fold(0.0, |sum, (x, y)| sum + (y - x) * (y - x)).sqrt()
 }
 
 /// From point by point to variable by variable.

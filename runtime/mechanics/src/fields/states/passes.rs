@@ -123,15 +123,7 @@ impl StateEnergy {
         &self,
         owners: Range<usize>,
     ) -> impl Iterator<Item = (Range<usize>, Range<usize>)> + '_ {
-        let (mut next, start) = (owners.start, self.neighborhood.bond_starts());
-        std::iter::from_fn(move || {
-            let first = next;
-            while next < owners.end && (next == first || start[next] - start[first] < CHUNK) {
-                next += 1;
-            }
-            let bonds = start[first]..start[next];
-            (next > first).then_some((first..next, bonds))
-        })
+        self.neighborhood.pieces(owners, CHUNK)
     }
 
     /// `ends` become those of the bonds of some owners: the owner, and the other one.

@@ -65,24 +65,6 @@ impl<const D: usize> Linearised<D> for StateStiffness<'_, D> {
     }
 
     #[inline(always)]
-    fn add_transposed(&self, weight: &[[f64; D]], x: &[f64], columns: usize, out: &mut [f64]) {
-        for (row, weight) in x.chunks_exact(columns.max(1)).zip(weight) {
-            for (out, weight) in out.chunks_exact_mut(columns).zip(weight) {
-                out.iter_mut().zip(row).for_each(|(out, x)| *out += weight * x);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn times(&self, x: &[f64], weight: &[[f64; D]]) -> Tensor<D> {
-        let m = weight.len();
-        std::array::from_fn(|r| {
-            let row = x[r * m..(r + 1) * m].iter().zip(weight);
-            row.fold([0.0; D], |sum, (x, g)| std::array::from_fn(|s| sum[s] + x * g[s]))
-        })
-    }
-
-    #[inline(always)]
     fn at_point(&self, point: usize) -> &[f64] {
         let size = self.linear.n_active() * self.linear.n_active();
         &self.points[point * size..(point + 1) * size]

@@ -15,26 +15,19 @@ use crate::fields::lost::{LostBonds, points_of};
 /// Least eigenvalue over largest of the directions of a family that spans space.
 const FLAT: f64 = 1e-12;
 
-/// The families before any bond was lost.
-pub(super) struct Whole {
-    pub(super) lost: LostBonds,
-}
-
 impl VectorEnergy {
     /// See [`crate::energy::Energy::lose`].
     pub(super) fn lose_bonds(&mut self, bonds: &[usize]) {
-        let whole = self.whole.get_or_insert_with(|| {
-            Box::new(Whole { lost: LostBonds::none_of(Arc::clone(&self.neighborhood)) })
-        });
-        let ends = whole.lost.lose(bonds);
+        let whole = || LostBonds::none_of(Arc::clone(&self.neighborhood));
+        let ends = self.lost.get_or_insert_with(whole).lose(bonds);
         self.take_out(&ends);
     }
 
     /// See [`crate::energy::Energy::regain`]: the whole families lose what is still lost.
     pub(super) fn regain_bonds(&mut self, bonds: &[usize]) {
-        let Some(whole) = &mut self.whole else { return };
-        let still = whole.lost.regain(bonds);
-        self.neighborhood = Arc::clone(&whole.lost.neighborhood);
+        let Some(lost) = &mut self.lost else { return };
+        let still = lost.regain(bonds);
+        self.neighborhood = Arc::clone(&lost.neighborhood);
         self.is_released.fill(false);
         self.take_out(&still);
     }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use piola_compiler::{FamilyKernel, Slot};
 
 use super::VectorEnergy;
-use super::passes::{At, Gathered, Room};
+use super::passes::{At, Gathered, Room, Sought, of_slots};
 use crate::energy::NonFinite;
 use crate::fields::stored::{Linearised, Seen, Tensor};
 use crate::neighborhood::Neighborhood;
@@ -19,7 +19,7 @@ use crate::neighborhood::Neighborhood;
 const OWNERS: usize = 8;
 
 /// Second derivatives of one bond, seen from its owner.
-#[derive(Clone, Default)]
+#[derive(Clone)]
 struct OfBond {
     /// By the fields of the owner and of the other end: `m x m`, and turned around.
     across: [Vec<f64>; 2],
@@ -94,8 +94,8 @@ fn roles(kernel: &FamilyKernel, fields: &FieldNumbers) -> Vec<Option<Role>> {
 impl<'a, const D: usize> VectorStiffness<'a, D> {
     /// Works out the second derivatives at `u`; refuses those that are not finite.
     pub(super) fn new(energy: &'a VectorEnergy, u: &[f64]) -> Result<Self, NonFinite> {
-        let (mut base, mut forces) = (Gathered::default(), vec![0.0; u.len()]);
-        energy.energies::<D>(u, &mut base, Some(&mut forces))?;
+        let mut base = Gathered::default();
+        energy.energies::<D>(u, &mut base, Sought::Adjoint)?;
         let at = At { u, values: &base.values, adjoint: &base.adjoint };
         let (fields, mut points) = energy.field_numbers(at);
         let (m, n) = (fields.numbers.len(), energy.body.n_points());
@@ -166,7 +166,7 @@ impl VectorEnergy {
                 let Slot::Own(number) = slot else { continue };
                 let Some(column) = integrals.iter().position(|k| k == number) else { continue };
                 VectorEnergy::by_variable(kernel, variable, &mut room);
-                for (slot, along) in super::passes::of_slots(kernel, &room) {
+                for (slot, along) in of_slots(kernel, &room) {
                     let places = room.ends.iter().map(|[i, _]| *i).zip(along.iter().copied());
                     match slot {
                         Slot::Multiplier(k) => places.for_each(|(i, slope)| {
@@ -207,7 +207,7 @@ impl VectorEnergy {
             for (variable, role) in roles.iter().enumerate() {
                 let Some(Role::Of(_, row)) = role else { continue };
                 VectorEnergy::by_variable(kernel, variable, &mut room);
-                let others = roles.iter().zip(super::passes::of_slots(kernel, &room));
+                let others = roles.iter().zip(of_slots(kernel, &room));
                 for (other, (_, slopes)) in others {
                     let Some(Role::Of(_, column)) = other else { continue };
                     for ([i, _], slope) in room.ends.iter().zip(slopes) {
@@ -279,7 +279,7 @@ impl VectorEnergy {
         for variable in 0..kernel.variables().len() {
             let Slot::Moved(axis) = kernel.variables()[variable] else { continue };
             VectorEnergy::by_variable(kernel, variable, room);
-            for (slot, slopes) in super::passes::of_slots(kernel, room) {
+            for (slot, slopes) in of_slots(kernel, room) {
                 for ((number, end), ([i, j], slope)) in
                     seen.iter().map(|[bond, end]| (*bond, *end)).zip(room.ends.iter().zip(slopes))
                 {
@@ -315,7 +315,7 @@ impl VectorEnergy {
         for (variable, role) in roles.iter().enumerate() {
             let Some(role) = *role else { continue };
             VectorEnergy::by_variable(kernel, variable, room);
-            for (other, (_, slopes)) in roles.iter().zip(super::passes::of_slots(kernel, room)) {
+            for (other, (_, slopes)) in roles.iter().zip(of_slots(kernel, room)) {
                 let Some(other) = *other else { continue };
                 for ([number, seen], ([i, j], slope)) in
                     seen.iter().copied().zip(room.ends.iter().zip(slopes))
@@ -357,22 +357,6 @@ impl<const D: usize> Linearised<D> for VectorStiffness<'_, D> {
 
     fn weights(&self) -> &[[f64; D]] {
         &self.weights
-    }
-
-    fn add_transposed(&self, weight: &[[f64; D]], x: &[f64], columns: usize, out: &mut [f64]) {
-        for (row, weight) in x.chunks_exact(columns.max(1)).zip(weight) {
-            for (out, weight) in out.chunks_exact_mut(columns).zip(weight) {
-                out.iter_mut().zip(row).for_each(|(out, x)| *out += weight * x);
-            }
-        }
-    }
-
-    fn times(&self, x: &[f64], weight: &[[f64; D]]) -> Tensor<D> {
-        let m = weight.len();
-        std::array::from_fn(|r| {
-            let row = x[r * m..(r + 1) * m].iter().zip(weight);
-            row.fold([0.0; D], |sum, (x, g)| std::array::from_fn(|s| sum[s] + x * g[s]))
-        })
     }
 
     fn at_point(&self, point: usize) -> &[f64] {

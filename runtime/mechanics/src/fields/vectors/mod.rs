@@ -19,6 +19,7 @@
 //! Partmann, Wieners, Weinberg 2026 for the models that are written so (CC, CS, CW, BAQP).
 
 mod broken;
+mod error;
 mod linear;
 mod passes;
 
@@ -26,10 +27,11 @@ use std::sync::{Arc, OnceLock};
 
 use piola_compiler::VectorKernels;
 
+use crate::assembly::AssemblyError;
 use crate::assembly::error::check_neighbors;
 use crate::body::Body;
-use crate::energy::{Argument, Energy, Hessian, NonFinite, Wanted, check_sizes};
-use crate::fields::states::StateError;
+use crate::energy::{Energy, Hessian, NonFinite, Wanted, check_sizes};
+use crate::fields::lost::LostBonds;
 use crate::fields::{springs, stored};
 use crate::interaction::{Report, Slabs};
 use crate::materials::{Fields, Materials};
@@ -37,9 +39,9 @@ use crate::matrix::{BlockMatrix, BlockPattern};
 use crate::neighborhood::Neighborhood;
 use crate::pool::Pool;
 use crate::weights::check_families;
-use broken::Whole;
+pub use error::VectorError;
 use linear::VectorStiffness;
-use passes::{Gathered, Room};
+use passes::{Gathered, Room, Sought};
 
 /// What potentials gather of vectors, and their energies.
 pub struct VectorLaws {
@@ -68,8 +70,8 @@ pub struct VectorEnergy {
     stiffness: OnceLock<f64>,
     /// Which points have no energy, because too little is left of their families.
     is_released: Vec<bool>,
-    /// The families before bonds were lost.
-    whole: Option<Box<Whole>>,
+    /// The families before bonds were lost, and which are.
+    lost: Option<LostBonds>,
     /// Room for passes, and for their threads.
     gathered: Pool<Gathered>,
     room: Pool<Room>,
@@ -97,15 +99,18 @@ impl VectorEnergy {
     ///
     /// # Errors
     /// Points without neighbours; those whose neighbours do not span space, where the law has functions of
-    /// integrals.
+    /// integrals; more bonds than can be numbered.
     pub fn new(
         body: Arc<Body>,
         neighborhood: Arc<Neighborhood>,
         materials: Option<Arc<Materials>>,
         laws: VectorLaws,
-    ) -> Result<VectorEnergy, StateError> {
+    ) -> Result<VectorEnergy, VectorError> {
         check_neighbors(&body, &neighborhood)?;
-        check_families(&body).map_err(crate::assembly::AssemblyError::from)?;
+        check_families(&body).map_err(AssemblyError::from)?;
+        if u32::try_from(2 * neighborhood.n_bonds()).is_err() {
+            return Err(VectorError::TooManyBonds { bonds: neighborhood.n_bonds() });
+        }
         let parts = laws.arguments.iter().zip(laws.has()).filter(|part| part.1);
         let names = parts.map(|(argument, _)| format!("psi({argument})")).collect();
         let materials = materials.unwrap_or_else(|| Arc::new(of_directions(&body)));
@@ -121,13 +126,13 @@ impl VectorEnergy {
             bond_pattern: OnceLock::new(),
             stiffness: OnceLock::new(),
             is_released: vec![false; n],
-            whole: None,
+            lost: None,
             gathered: Pool::new(),
             room: Pool::new(),
         };
         match (0..n).find(|point| !energy.has_family(*point)) {
             None => Ok(energy),
-            Some(point) => Err(StateError::Flat {
+            Some(point) => Err(VectorError::Flat {
                 point: energy.body.user_index()[point] as usize,
                 position: energy.body.position(point).to_vec(),
                 neighbors: energy.neighborhood.row(point).len(),
@@ -178,7 +183,8 @@ impl VectorEnergy {
         parts: &mut [f64],
     ) -> Result<(), NonFinite> {
         let mut gathered = self.gathered.take(Gathered::default);
-        let energies = self.energies::<D>(u, &mut gathered, out)?;
+        let sought = out.map_or(Sought::Energy, Sought::Forces);
+        let energies = self.energies::<D>(u, &mut gathered, sought)?;
         let energies = energies.into_iter().zip(self.laws.has()).filter(|part| part.1);
         parts.iter_mut().zip(energies).for_each(|(part, (energy, _))| *part = energy);
         Ok(())
@@ -195,15 +201,7 @@ impl VectorEnergy {
     }
 
     fn named(&self, point: usize, gathered: Option<f64>, u: &[f64]) -> NonFinite {
-        let d = self.body.dimension();
-        NonFinite {
-            argument: Argument::Gathered,
-            points: vec![point],
-            displacements: u[point * d..(point + 1) * d].to_vec(),
-            value: gathered.unwrap_or(f64::NAN),
-            reference: 1.0,
-            inverted: false,
-        }
+        NonFinite::of_gathered(self.body.dimension(), point, gathered, u)
     }
 
     /// The stiffness of springs: that which keeps the energy of a uniform expansion, of all springs together.
@@ -225,7 +223,7 @@ impl VectorEnergy {
         for i in 0..n {
             for &j in self.neighborhood.upper(i) {
                 let j = j as usize;
-                springs += volumes[i] * volumes[j] * passes::distance(&self.body, [i, j]);
+                springs += volumes[i] * volumes[j] * self.body.distance([i, j]);
             }
         }
         match energy.map(|energy| energy / springs) {
@@ -271,8 +269,7 @@ impl Energy for VectorEnergy {
     }
 
     fn pattern(&self) -> &Arc<BlockPattern> {
-        let whole =
-            self.whole.as_ref().map_or(&self.neighborhood, |whole| &whole.lost.neighborhood);
+        let whole = self.lost.as_ref().map_or(&self.neighborhood, |lost| &lost.neighborhood);
         let reach = if self.laws.has_neighbours() { 3 } else { 2 };
         let make = || Arc::new(BlockPattern::of_reach(whole, self.dimension(), reach));
         self.pattern.get_or_init(make)
@@ -303,8 +300,8 @@ impl Energy for VectorEnergy {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         let mut gathered = self.gathered.take(Gathered::default);
         match self.dimension() {
-            2 => self.energies::<2>(u, &mut gathered, None)?,
-            _ => self.energies::<3>(u, &mut gathered, None)?,
+            2 => self.energies::<2>(u, &mut gathered, Sought::Energy)?,
+            _ => self.energies::<3>(u, &mut gathered, Sought::Energy)?,
         };
         let densities = gathered.points.iter().zip(&gathered.bonds).zip(self.body.volumes());
         for (share, ((points, bonds), volume)) in shares.iter_mut().zip(densities) {
@@ -340,10 +337,9 @@ impl Energy for VectorEnergy {
     fn hessian(&self, u: &[f64]) -> Result<Box<dyn Hessian + '_>, NonFinite> {
         assert_eq!(u.len(), self.body.positions().len(), "displacements are n x d");
         let mut gathered = Gathered::default();
-        let mut forces = vec![0.0; u.len()];
         match self.dimension() {
-            2 => self.energies::<2>(u, &mut gathered, Some(&mut forces))?,
-            _ => self.energies::<3>(u, &mut gathered, Some(&mut forces))?,
+            2 => self.energies::<2>(u, &mut gathered, Sought::Adjoint)?,
+            _ => self.energies::<3>(u, &mut gathered, Sought::Adjoint)?,
         };
         Ok(Box::new(VectorHessian { energy: self, u: u.to_vec(), gathered }))
     }
@@ -363,8 +359,8 @@ impl Hessian for VectorHessian<'_> {
         let mut change = self.energy.gathered.take(Gathered::default);
         let base = Some((&self.u[..], &self.gathered));
         match self.energy.dimension() {
-            2 => self.energy.pass::<2>(p, base, &mut change, Some(product)),
-            _ => self.energy.pass::<3>(p, base, &mut change, Some(product)),
+            2 => self.energy.pass::<2>(p, base, &mut change, Sought::Forces(product)),
+            _ => self.energy.pass::<3>(p, base, &mut change, Sought::Forces(product)),
         }
     }
 }

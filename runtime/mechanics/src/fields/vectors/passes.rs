@@ -12,10 +12,8 @@ use rayon::prelude::*;
 
 use super::VectorEnergy;
 use crate::assembly::sum::Sum;
-use crate::body::Body;
 use crate::energy::NonFinite;
 use crate::interaction::schedule::{Layout, Part, Touched, visit};
-use crate::pool::Taken;
 
 /// Bonds of a chunk, but for the last owner's.
 const CHUNK: usize = 64;
@@ -47,6 +45,32 @@ pub(super) struct At<'a> {
     pub(super) adjoint: &'a [f64],
 }
 
+/// What a pass works out behind energies.
+pub(super) enum Sought<'a> {
+    /// Nothing.
+    Energy,
+    /// Derivatives by what is gathered, for second derivatives.
+    Adjoint,
+    /// These and forces, or of a direction products, `n x d`.
+    Forces(&'a mut [f64]),
+}
+
+impl Sought<'_> {
+    /// What forces go to; nothing where they are not sought.
+    fn forces(&mut self) -> &mut [f64] {
+        if let Sought::Forces(out) = self { out } else { &mut [] }
+    }
+
+    /// The same for a pass within.
+    fn again(&mut self) -> Sought<'_> {
+        match self {
+            Sought::Energy => Sought::Energy,
+            Sought::Adjoint => Sought::Adjoint,
+            Sought::Forces(out) => Sought::Forces(out),
+        }
+    }
+}
+
 /// Displacements with what points gather there, where a pass takes a direction.
 pub(super) type Base<'a> = Option<(&'a [f64], &'a Gathered)>;
 
@@ -72,12 +96,6 @@ impl Room {
         clear(&mut self.direction, n);
         self.direction[ones].fill(1.0);
     }
-}
-
-/// Between two points at rest, in m.
-pub(super) fn distance(body: &Body, [i, j]: [usize; 2]) -> f64 {
-    let ends = body.position(i).iter().zip(body.position(j));
-    ends.fold(0.0, |sum, (x, y)| sum + (y - x) * (y - x)).sqrt()
 }
 
 /// Makes an array so long, and zero.
@@ -123,7 +141,7 @@ impl VectorEnergy {
         let Room { ends, variables, given, fields, lengths, direction: along, .. } = room;
         [&mut *variables, given, fields, lengths, along].into_iter().for_each(Vec::clear);
         if kernel.given().contains(&Slot::Length) {
-            lengths.extend(ends.iter().map(|ends| distance(&self.body, *ends)));
+            lengths.extend(ends.iter().map(|ends| self.body.distance(*ends)));
         }
         let places = (&ends[..], &lengths[..]);
         self.add_slots(kernel.variables(), places, at, variables);
@@ -188,16 +206,10 @@ impl VectorEnergy {
         VectorEnergy::run(kernel, base.is_some(), room);
     }
 
-    /// Owners whose bonds go through kernels at once.
-    fn chunks(&self, owners: Range<usize>) -> impl Iterator<Item = Range<usize>> + '_ {
-        let (mut next, start) = (owners.start, self.neighborhood.bond_starts());
-        std::iter::from_fn(move || {
-            let first = next;
-            while next < owners.end && (next == first || start[next] - start[first] < CHUNK) {
-                next += 1;
-            }
-            (next > first).then_some(first..next)
-        })
+    /// Owners of a slab whose bonds go through kernels at once.
+    fn chunks(&self, slab: usize) -> impl Iterator<Item = Range<usize>> + '_ {
+        let pieces = self.neighborhood.pieces(self.slabs.owners(slab), CHUNK);
+        pieces.map(|(owners, _)| owners)
     }
 
     /// Whether an end gathers by this law.
@@ -235,61 +247,69 @@ impl VectorEnergy {
         let (m, volumes) = (self.n_gathered(), self.body.volumes());
         clear(&mut out.values, m * self.body.n_points());
         let now = At { u, values: &[], adjoint: &[] };
+        let laws = self.with_numbers(|kernels| Some(&kernels.integrands), multiplied);
         let values = Part::new(Layout::Points(m), &mut out.values);
         visit(&self.slabs, values, (), |slab, [here, next], ()| {
             let (mut values, mut room) = (Touched::new(here, next), self.room.take(Room::default));
-            for owners in self.chunks(self.slabs.owners(slab)) {
-                for (law, VectorKernels { integrands: kernel, .. }) in self.laws.present() {
-                    self.bonds_of(law, owners.clone(), &mut room.ends);
-                    self.through((law, kernel), now, base, &mut room);
-                    let numbers = numbers(kernel, |slot| match slot {
-                        Slot::Multiplier(k) => Some(k),
-                        _ => None,
-                    });
-                    add_rows(&mut values, m, &numbers, &room, |[i, j]| (i, volumes[j]));
+            for owners in self.chunks(slab) {
+                for (law, kernel, numbers) in &laws {
+                    self.bonds_of(*law, owners.clone(), &mut room.ends);
+                    self.through((*law, kernel), now, base, &mut room);
+                    add_rows(&mut values, m, numbers, &room, |[i, j]| (i, volumes[j]));
                 }
             }
         });
-        for (law, kernels) in self.laws.present() {
-            let Some(kernel) = &kernels.functions else { continue };
+        for law in self.with_numbers(|kernels| kernels.functions.as_ref(), multiplied) {
             let now = At { u, values: &out.values, adjoint: &[] };
-            for room in self.over_points((law, kernel), now, base) {
-                for (slot, slopes) in of_slots(kernel, &room) {
-                    let Slot::Multiplier(k) = slot else { continue };
-                    let places = room.ends.iter().zip(slopes);
-                    places.for_each(|([i, _], value)| out.values[i * m + k] = *value);
-                }
+            for of_points in self.over_points(&law, now, base) {
+                of_points.each(&law.2, |i, k, value| out.values[i * m + k] = value);
             }
         }
     }
 
-    /// A kernel at all points of its law, chunk by chunk.
-    pub(super) fn over_points(
+    /// Kernels of some kind by law, with those of their variables that are gathered numbers of a kind.
+    fn with_numbers<'a>(
+        &'a self,
+        kernel: impl Fn(&'a VectorKernels) -> Option<&'a FamilyKernel>,
+        number: fn(Slot) -> Option<usize>,
+    ) -> Vec<OfLaw<'a>> {
+        let present = self.laws.present();
+        let of_law = present.filter_map(|(law, kernels)| Some((law, kernel(kernels)?)));
+        of_law.map(|(law, kernel)| (law, kernel, numbers(kernel, number))).collect()
+    }
+
+    /// A kernel at all points of its law, chunk by chunk: values, and derivatives by the numbers that are named.
+    fn over_points(
         &self,
-        of: (usize, &FamilyKernel),
+        (law, kernel, numbers): &OfLaw<'_>,
         now: At<'_>,
         base: Base<'_>,
-    ) -> Vec<Taken<'_, Room>> {
+    ) -> Vec<OfPoints> {
         let n = self.body.n_points();
         let chunk = |chunk: usize| {
             let mut room = self.room.take(Room::default);
             room.ends.clear();
             let own = (chunk * POINTS..n.min((chunk + 1) * POINTS)).map(|point| [point; 2]);
-            room.ends.extend(own.filter(|ends| self.is_of(of.0, ends)));
-            self.through(of, now, base, &mut room);
-            room
+            room.ends.extend(own.filter(|ends| self.is_of(*law, ends)));
+            self.through((*law, kernel), now, base, &mut room);
+            let n = room.ends.len();
+            let slopes = numbers.iter().flat_map(|[variable, _]| &room.slopes[variable * n..][..n]);
+            OfPoints {
+                points: room.ends.iter().map(|ends| ends[0]).collect(),
+                value: room.value.clone(),
+                slopes: slopes.copied().collect(),
+            }
         };
         (0..n.div_ceil(POINTS)).into_par_iter().map(chunk).collect()
     }
 
-    /// What points gather, energies per volume and their derivatives by what is gathered; unless it is absent
-    /// `out` becomes the forces. The same of a direction: products.
+    /// What points gather, energies per volume, and what is sought behind them. The same of a direction: products.
     pub(super) fn pass<const D: usize>(
         &self,
         u: &[f64],
         base: Base<'_>,
         gathered: &mut Gathered,
-        mut out: Option<&mut [f64]>,
+        mut sought: Sought<'_>,
     ) {
         self.gather::<D>(u, base, gathered);
         let (m, n) = (self.n_gathered(), self.body.n_points());
@@ -297,41 +317,30 @@ impl VectorEnergy {
         clear(adjoint, m * n);
         clear(points, n);
         clear(bonds, n);
-        if let Some(out) = out.as_deref_mut() {
-            out.fill(0.0);
-        }
         let now = At { u, values, adjoint: &[] };
-        for (law, kernels) in self.laws.present() {
-            let Some(kernel) = &kernels.points else { continue };
-            let scale = self.laws.thickness;
-            for room in self.over_points((law, kernel), now, base) {
-                for ([i, _], value) in room.ends.iter().zip(&room.value) {
-                    points[*i] = scale * value;
-                }
-                for (slot, slopes) in of_slots(kernel, &room) {
-                    let Slot::Own(k) = slot else { continue };
-                    let places = room.ends.iter().zip(slopes);
-                    places.for_each(|([i, _], slope)| adjoint[i * m + k] = scale * slope);
-                }
+        let scale = self.laws.thickness;
+        for law in self.with_numbers(|kernels| kernels.points.as_ref(), own) {
+            for of_points in self.over_points(&law, now, base) {
+                of_points.each(&law.2, |i, k, slope| adjoint[i * m + k] = scale * slope);
+                let values = of_points.points.iter().zip(&of_points.value);
+                values.for_each(|(i, value)| points[*i] = scale * value);
             }
         }
+        sought.forces().fill(0.0);
         if self.laws.has()[1] {
-            let forces = out.as_deref_mut().unwrap_or_default();
-            self.through_bonds::<D>(now, base, (adjoint, bonds, forces));
+            self.through_bonds::<D>(now, base, (adjoint, bonds, sought.forces()));
         }
-        let Some(out) = out else { return };
-        for (law, kernels) in self.laws.present() {
-            let Some(kernel) = &kernels.functions else { continue };
-            let found = self.over_points((law, kernel), At { u, values, adjoint }, base);
-            for room in found {
-                for (slot, slopes) in of_slots(kernel, &room) {
-                    let Slot::Own(k) = slot else { continue };
-                    let places = room.ends.iter().zip(slopes);
-                    places.for_each(|([i, _], slope)| adjoint[i * m + k] += slope);
-                }
+        if matches!(sought, Sought::Energy) {
+            return;
+        }
+        for law in self.with_numbers(|kernels| kernels.functions.as_ref(), own) {
+            for of_points in self.over_points(&law, At { u, values, adjoint }, base) {
+                of_points.each(&law.2, |i, k, slope| adjoint[i * m + k] += slope);
             }
         }
-        self.back::<D>(At { u, values: &[], adjoint }, base, out);
+        if let Sought::Forces(out) = sought {
+            self.back::<D>(At { u, values: &[], adjoint }, base, out);
+        }
     }
 
     /// Energies of bonds, their derivatives by what both ends gather, and what bonds pull with by themselves.
@@ -343,6 +352,14 @@ impl VectorEnergy {
     ) {
         let (m, volumes) = (self.n_gathered(), self.body.volumes());
         let half = 0.5 * self.laws.thickness;
+        let laws = self.with_numbers(|kernels| kernels.bonds.as_ref(), own);
+        let laws: Vec<(OfLaw<'_>, Vec<[usize; 2]>)> = laws
+            .into_iter()
+            .map(|law| {
+                let neighbours = numbers(law.1, neighbour);
+                (law, neighbours)
+            })
+            .collect();
         let shared = (
             Part::new(Layout::Points(m), adjoint),
             Part::new(Layout::Points(1), energies),
@@ -353,27 +370,18 @@ impl VectorEnergy {
             let mut energies = Touched::new(&mut here.1, &mut next.1);
             let mut forces: Touched<'_, [f64; D]> = Touched::new(&mut here.2, &mut next.2);
             let mut room = self.room.take(Room::default);
-            for owners in self.chunks(self.slabs.owners(slab)) {
-                for (law, kernels) in self.laws.present() {
-                    let Some(kernel) = &kernels.bonds else { continue };
-                    self.bonds_of(law, owners.clone(), &mut room.ends);
-                    if self.whole.is_some() {
+            for owners in self.chunks(slab) {
+                for ((law, kernel, own), neighbours) in &laws {
+                    self.bonds_of(*law, owners.clone(), &mut room.ends);
+                    if self.lost.is_some() {
                         room.ends.retain(|ends| !self.is_released[ends[0]]);
                     }
-                    self.through((law, kernel), now, base, &mut room);
+                    self.through((*law, kernel), now, base, &mut room);
                     for ([i, j], value) in room.ends.iter().zip(&room.value) {
                         energies[*i] += half * volumes[*j] * value;
                     }
-                    let own = numbers(kernel, |slot| match slot {
-                        Slot::Own(k) => Some(k),
-                        _ => None,
-                    });
-                    add_rows(&mut adjoint, m, &own, &room, |[i, j]| (i, half * volumes[j]));
-                    let neighbours = numbers(kernel, |slot| match slot {
-                        Slot::Neighbour(k) => Some(k),
-                        _ => None,
-                    });
-                    add_rows(&mut adjoint, m, &neighbours, &room, |[i, j]| (j, half * volumes[i]));
+                    add_rows(&mut adjoint, m, own, &room, |[i, j]| (i, half * volumes[j]));
+                    add_rows(&mut adjoint, m, neighbours, &room, |[i, j]| (j, half * volumes[i]));
                     if !forces.is_empty() {
                         add_pulls(&mut forces, volumes, (kernel, half), &room);
                     }
@@ -389,7 +397,7 @@ impl VectorEnergy {
         visit(&self.slabs, forces, (), |slab, [here, next], ()| {
             let mut forces: Touched<'_, [f64; D]> = Touched::new(here, next);
             let mut room = self.room.take(Room::default);
-            for owners in self.chunks(self.slabs.owners(slab)) {
+            for owners in self.chunks(slab) {
                 for (law, VectorKernels { integrands: kernel, .. }) in self.laws.present() {
                     self.bonds_of(law, owners.clone(), &mut room.ends);
                     self.through((law, kernel), now, base, &mut room);
@@ -399,21 +407,22 @@ impl VectorEnergy {
         });
     }
 
-    /// The energies of points and of bonds in J; unless it is absent `out` becomes the forces.
+    /// The energies of points and of bonds in J, and what is sought behind them.
     pub(super) fn energies<const D: usize>(
         &self,
         u: &[f64],
         gathered: &mut Gathered,
-        mut out: Option<&mut [f64]>,
+        mut sought: Sought<'_>,
     ) -> Result<[f64; 2], NonFinite> {
-        self.pass::<D>(u, None, gathered, out.as_deref_mut());
+        self.pass::<D>(u, None, gathered, sought.again());
         let m = self.n_gathered();
+        let has_adjoint = !matches!(sought, Sought::Energy);
+        let forces = &*sought.forces();
         let is_bad = |i: &usize| {
-            let adjoint = out.as_ref().map(|_| &gathered.adjoint[i * m..(i + 1) * m]);
-            let forces = out.as_ref().map(|out| &out[i * D..(i + 1) * D]);
-            let mut all = adjoint.into_iter().chain(forces).flatten();
+            let adjoint = if has_adjoint { &gathered.adjoint[i * m..(i + 1) * m] } else { &[] };
+            let forces = forces.get(i * D..(i + 1) * D).unwrap_or_default();
             let energies = [gathered.points[*i], gathered.bonds[*i]];
-            !(energies.iter().all(|x| x.is_finite()) && all.all(|x| x.is_finite()))
+            !energies.iter().chain(adjoint).chain(forces).all(|x| x.is_finite())
         };
         if let Some(i) = (0..self.body.n_points()).find(is_bad) {
             return Err(self.named(i, gathered.values.get(i * m).copied(), u));
@@ -430,7 +439,7 @@ impl VectorEnergy {
         virials: &mut [f64],
     ) -> Result<(), NonFinite> {
         let mut base = Gathered::default();
-        self.energies::<D>(u, &mut base, None)?;
+        self.energies::<D>(u, &mut base, Sought::Energy)?;
         let n = self.body.n_points();
         let (positions, volumes) = (self.body.positions(), self.body.volumes());
         let mut change = Gathered::default();
@@ -483,6 +492,39 @@ impl VectorEnergy {
         };
         (0..self.body.n_points()).into_par_iter().map(of_points).collect()
     }
+}
+
+/// A law with its kernel, and those of the kernel's variables that are gathered numbers of a kind.
+type OfLaw<'a> = (usize, &'a FamilyKernel, Vec<[usize; 2]>);
+
+/// What a kernel gives at some points.
+struct OfPoints {
+    points: Vec<usize>,
+    value: Vec<f64>,
+    /// Derivatives by the gathered numbers that were named, number by number.
+    slopes: Vec<f64>,
+}
+
+impl OfPoints {
+    /// Hands over the derivatives, with their points and numbers.
+    fn each(&self, numbers: &[[usize; 2]], mut take: impl FnMut(usize, usize, f64)) {
+        let n = self.points.len();
+        for ([_, k], slopes) in numbers.iter().zip(self.slopes.chunks(n.max(1))) {
+            self.points.iter().zip(slopes).for_each(|(i, slope)| take(*i, *k, *slope));
+        }
+    }
+}
+
+fn multiplied(slot: Slot) -> Option<usize> {
+    if let Slot::Multiplier(k) = slot { Some(k) } else { None }
+}
+
+fn own(slot: Slot) -> Option<usize> {
+    if let Slot::Own(k) = slot { Some(k) } else { None }
+}
+
+fn neighbour(slot: Slot) -> Option<usize> {
+    if let Slot::Neighbour(k) = slot { Some(k) } else { None }
 }
 
 /// The variables of a kernel that are gathered numbers of some kind: their places among all and the numbers.

@@ -8,6 +8,7 @@
 pub(crate) mod family;
 mod functions;
 mod kernel;
+mod near;
 pub(crate) mod vectors;
 
 pub(crate) use family::WrittenFamily;
@@ -87,7 +88,8 @@ fn form(
     if accurate {
         psi = rewrite(&mut graph, psi, length, &mut applied)?;
     } else if let Some(vanishing) = vanishing {
-        let near = with_fields(&mut graph, exact, written, |graph, source, root| {
+        let is_field = |input| near::is_known_in_a_run(input, vanishing);
+        let near = with_fields(&mut graph, (exact, written), is_field, |graph, source, root| {
             near_of_integrals(graph, source, root, vanishing)
         });
         psi = near?.unwrap_or(psi);
@@ -104,6 +106,8 @@ fn form(
     roots.extend(product);
     if accurate {
         roots = expand(&mut graph, &roots, length, &mut applied)?;
+        let vanishing = vanishing.unwrap_or_default();
+        roots = near::kept(&mut graph, (exact, written), roots, n_integrals, vanishing)?;
     }
     let (graph, roots) = graph.graph().extract(&roots);
     Ok(DensityForm::new(graph, &roots, kernel::inputs(of_bonds, n_integrals), fields))

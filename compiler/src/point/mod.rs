@@ -187,7 +187,9 @@ impl Model {
                 let at_rest: Vec<_> = functions.iter().map(|f| f.at_rest.as_ref()).collect();
                 let near = match which {
                     Form::Accurate => {
-                        near::with_fields(&mut graph, &exact, written, |graph, source, root| {
+                        let is_field = |input| matches!(input, Input::Parameter(_));
+                        let subject = (&exact, written);
+                        near::with_fields(&mut graph, subject, is_field, |graph, source, root| {
                             near::near(graph, source, root, &variables, &at_rest)
                         })?
                     }

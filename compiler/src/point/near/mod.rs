@@ -18,7 +18,7 @@ use crate::expression::{
 };
 use crate::near::{Exact, Number};
 use crate::simplify::Simplifier;
-pub(crate) use terms::{near_of_vanishing, with_fields};
+pub(crate) use terms::{near_of_bonds, near_of_integrals, near_of_vanishing, with_fields};
 
 /// A node near rest: `value + slope . H + rest`.
 #[derive(Clone, Debug)]
@@ -127,19 +127,6 @@ pub(super) fn near(
         })
         .collect();
     Expander::new(graph, source, &variables, traces).whole_of(root)
-}
-
-/// An energy of points near rest, as a function of integrals, some of which are 0 at rest; `None` where
-/// it is no number there.
-pub(crate) fn near_of_integrals(
-    graph: &mut Simplifier,
-    source: Source<'_>,
-    root: NodeId,
-    vanishing: &[Input],
-) -> Result<Option<NodeId>, TooManyNodes> {
-    let varying = |&variable: &Input| Varying { variable, change: variable, at_rest: 0.0 };
-    let variables: Vec<Varying> = vanishing.iter().map(varying).collect();
-    Expander::new(graph, source, &variables, &[]).whole_of(root)
 }
 
 /// A variable of an energy.

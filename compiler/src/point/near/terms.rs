@@ -5,6 +5,7 @@
 
 use super::{Expander, Near, Source, Varying};
 use crate::expression::{ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes};
+use crate::measure::Measure;
 use crate::simplify::Simplifier;
 use crate::specialise::folded_into;
 
@@ -13,15 +14,17 @@ const MOST: usize = 16;
 
 /// An energy near rest that may hold fields: `near` gives that of a root without any. What is a sum of
 /// products of fields with terms that have none is expanded term by term.
+///
+/// A field is what is known in a run alone, as `is_field` says.
 pub(crate) fn with_fields(
     graph: &mut Simplifier,
-    exact: &Simplifier,
-    written: NodeId,
+    (exact, written): (&Simplifier, NodeId),
+    is_field: impl Fn(Input) -> bool,
     near: impl Fn(&mut Simplifier, Source<'_>, NodeId) -> Result<Option<NodeId>, TooManyNodes>,
 ) -> Result<Option<NodeId>, TooManyNodes> {
     let mut exact = exact.clone();
     let whole = || vec![Product { factor: None, term: written }];
-    let products = products(&mut exact, written)?.unwrap_or_else(whole);
+    let products = products(&mut exact, written, is_field)?.unwrap_or_else(whole);
     let needed =
         products.iter().flat_map(|product| product.factor.into_iter().chain([product.term]));
     let place = folded_into(graph, exact.graph(), &needed.collect::<Vec<NodeId>>())?;
@@ -40,6 +43,37 @@ pub(crate) fn with_fields(
     Ok(sum)
 }
 
+/// An energy of points near rest, as a function of integrals, some of which are 0 at rest; `None` where
+/// it is no number there.
+pub(crate) fn near_of_integrals(
+    graph: &mut Simplifier,
+    source: Source<'_>,
+    root: NodeId,
+    vanishing: &[Input],
+) -> Result<Option<NodeId>, TooManyNodes> {
+    Expander::new(graph, source, &at_nothing(vanishing), &[]).whole_of(root)
+}
+
+/// An energy of bonds near rest, as a function of the stretch `Stretch(0)` and of integrals, some of which are
+/// 0 at rest; `None` where it is no number there.
+pub(crate) fn near_of_bonds(
+    graph: &mut Simplifier,
+    source: Source<'_>,
+    root: NodeId,
+    vanishing: &[Input],
+) -> Result<Option<NodeId>, TooManyNodes> {
+    let change = Input::Change(Measure::Length);
+    let mut variables = vec![Varying { variable: Input::Stretch(0), change, at_rest: 1.0 }];
+    variables.extend(at_nothing(vanishing));
+    Expander::new(graph, source, &variables, &[]).whole_of(root)
+}
+
+/// Inputs that are 0 at rest, as variables.
+fn at_nothing(inputs: &[Input]) -> Vec<Varying> {
+    let varying = |&variable: &Input| Varying { variable, change: variable, at_rest: 0.0 };
+    inputs.iter().map(varying).collect()
+}
+
 /// A function of inputs that are 0 at rest, near rest, in a graph that is given; and whether it is 0 there itself.
 /// Of all other inputs nothing is known. The function as it was where it is no number at rest.
 pub(crate) fn near_of_vanishing(
@@ -49,8 +83,7 @@ pub(crate) fn near_of_vanishing(
     vanishing: &[Input],
 ) -> Result<(NodeId, bool), TooManyNodes> {
     let place = folded_into(graph, source, &[root])?;
-    let varying = |&variable: &Input| Varying { variable, change: variable, at_rest: 0.0 };
-    let variables: Vec<Varying> = vanishing.iter().map(varying).collect();
+    let variables = at_nothing(vanishing);
     let of = Source { graph: source, place: &place };
     let mut expander = Expander::new(graph, of, &variables, &[]);
     let Some(near) = expander.run(root)? else { return Ok((place[root.0 as usize], false)) };
@@ -72,9 +105,13 @@ struct Product {
 type Sum = Option<Vec<Product>>;
 
 /// The energy as such a sum, in the same graph; nothing where it is none, or holds no field.
-fn products(graph: &mut Simplifier, root: NodeId) -> Result<Sum, TooManyNodes> {
+fn products(
+    graph: &mut Simplifier,
+    root: NodeId,
+    is_field: impl Fn(Input) -> bool,
+) -> Result<Sum, TooManyNodes> {
     let source = graph.graph().clone();
-    let held = Held::new(&source);
+    let held = Held::new(&source, is_field);
     if !held.fields[root.0 as usize] {
         return Ok(None);
     }
@@ -93,11 +130,11 @@ struct Held {
 }
 
 impl Held {
-    fn new(graph: &ExprGraph) -> Held {
+    fn new(graph: &ExprGraph, is_one: impl Fn(Input) -> bool) -> Held {
         let mut held = Held { fields: Vec::new(), variables: Vec::new() };
         for (_, node) in graph.nodes() {
             let (is_field, is_input) = match node {
-                Node::Input(input) => (matches!(input, Input::Parameter(_)), true),
+                Node::Input(input) => (is_one(input), true),
                 _ => (false, false),
             };
             let of = |known: &[bool]| node.operands().any(|x| known[x.0 as usize]);
@@ -227,7 +264,8 @@ mod tests {
             let made = graph.make(node.map_operands(|x: NodeId| place[x.0 as usize])).unwrap();
             place.push(made);
         }
-        let found = products(&mut graph, place[source.root.0 as usize]).unwrap()?;
+        let is_field = |input| matches!(input, Input::Parameter(_));
+        let found = products(&mut graph, place[source.root.0 as usize], is_field).unwrap()?;
         let text = |id| crate::print::expression(&model, graph.graph(), id);
         let one = |product: &Product| (product.factor.map_or("1".into(), text), text(product.term));
         Some(found.iter().map(one).collect())

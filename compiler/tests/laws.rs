@@ -21,7 +21,7 @@ const SHARE_KEPT_NEAR_REST: f64 = 0.99;
 /// Stillinger and Weber's 84 u at the strain of 0.5 where the form near rest ends.
 const FAR: &str = "lost far from rest alone";
 
-/// A kink or a root of an invariant of a body that is turned by a large angle: `tr(C) - 3` keeps what
+/// dP of a kink or a root of an invariant of a body that is turned by a large angle: `tr(C) - 3` keeps what
 /// rounding leaves of F.
 const TURNED: &str = "lost where the body is turned alone";
 

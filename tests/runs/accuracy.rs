@@ -285,10 +285,9 @@ fn all_energies_of_the_deformation_gradient_are_verified() {
 /// do not excuse. A change of volume alone has no stress but that of the volume, the small one where it is
 /// squeezed to J = 1e-18: rounding F leaves deviations in P. Random gradients may be nearly singular. The
 /// rest is not excused: exponentials and powers that magnify the rounding of their arguments.
-const MISSED: [(&str, &str, [f64; 3], [f64; 3]); 31] = [
+const MISSED: [(&str, &str, [f64; 3], [f64; 3]); 30] = [
     ("arruda_boyce", "volumetric", [0.0, 9.6e15, 0.0], [0.0; 3]),
     ("blatz_ko", "random", [0.0, 192.0, 434.0], [0.0; 3]),
-    ("exponentiated_hencky", "turned", [94.0, 0.0, 0.0], [0.0; 3]),
     ("exponentiated_hencky", "guards", [562.0, 0.0, 0.0], [0.0; 3]),
     ("exponentiated_hencky", "uniaxial", [75.0, 79.0, 76.0], [75.0, 79.0, 76.0]),
     ("exponentiated_hencky", "equibiaxial", [148.0, 149.0, 152.0], [148.0, 149.0, 152.0]),
@@ -319,7 +318,8 @@ const MISSED: [(&str, &str, [f64; 3], [f64; 3]); 31] = [
     ("yeoh", "random", [80.0, 97.0, 167.0], [0.0; 3]),
 ];
 
-/// 64 u everywhere, but for [`MISSED`] and `turned` bodies, whose F knows a strain to u/strain.
+/// 64 u everywhere, but for [`MISSED`] and `turned` bodies, whose F knows a strain to u/strain, and psi and P no
+/// better.
 #[test]
 fn energies_of_the_deformation_gradient_keep_their_digits() {
     let mut seen: Vec<(&str, String, usize, [f64; 2])> = Vec::new();
@@ -338,14 +338,12 @@ fn energies_of_the_deformation_gradient_keep_their_digits() {
                 let is_turned = kind == "turned";
                 let missed = MISSED.iter().find(|(n, k, ..)| (*n, *k) == (name, kind.as_str()));
                 for order in 0..3 {
-                    // psi grows with the square of the strain, P with the strain.
-                    let lost = if is_turned { [size * size, *size, 1.0][order] } else { 1.0 };
+                    let lost = if is_turned && order < 2 { *size } else { 1.0 };
                     let raw = lost * raw[order];
                     let bar = missed.map_or(64.0, |missed| missed.2[order].max(64.0));
                     assert!(raw <= bar, "{name} {dimension}, {label}, order {order}: {raw:e}");
                     let left = left[order];
-                    let bar = if is_turned && order == 0 { 64.0 / size } else { 64.0 };
-                    let bar = missed.map_or(bar, |missed| missed.3[order].max(bar));
+                    let bar = missed.map_or(64.0, |missed| missed.3[order].max(64.0));
                     assert!(left <= bar, "{name} {dimension}, {label}, {order} left: {left:e}");
                     seen.push((name, kind.to_string(), order, [raw, left]));
                 }

@@ -8,6 +8,7 @@ use num_dual::HyperDual64;
 use super::domain::Domain;
 use super::principal::axes::{self, Axes, LANES};
 use super::principal::witness::{Principal, Products};
+use super::turned::{self, TurnedBack};
 use super::{GradientEnergyForms, MOST};
 use crate::density::{Evaluator, listed};
 use crate::expression::{Input, NodeId, graph};
@@ -22,7 +23,7 @@ use crate::written::{Dual, Written};
 pub const NEAR: f64 = 0.25;
 
 /// Places that are looked at together for the choice of the form.
-const BLOCK: usize = 32;
+pub(super) const BLOCK: usize = 32;
 
 /// Most numbers that principal stretches and axes are.
 const AXES: usize = 24;
@@ -55,6 +56,8 @@ pub struct GradientKernel {
     fields: Vec<f64>,
     body: Body,
     domain: Domain,
+    /// Whether bodies that are turned are turned back: the energy sees no rotation, and has a form near rest.
+    turns_back: bool,
     /// Whether the energy itself depends on the fields, and not a bounded quantity alone.
     body_has_fields: bool,
 }
@@ -101,7 +104,8 @@ impl GradientKernel {
     /// The kernel of an energy without a declared domain.
     fn made(dimension: usize, n_axes: usize, fields: Vec<f64>, body: Body) -> GradientKernel {
         let (domain, body_has_fields) = (Domain::default(), !fields.is_empty());
-        GradientKernel { dimension, n_axes, fields, body, domain, body_has_fields }
+        let turns_back = false;
+        GradientKernel { dimension, n_axes, fields, body, domain, turns_back, body_has_fields }
     }
 
     /// The kernel of a function of these values, which as written is a witness.
@@ -116,7 +120,12 @@ impl GradientKernel {
                 let fields = vec![f64::NAN; forms.far.n_fields()];
                 GradientKernel::made(values.dimension, 0, fields, Body::Dual(written()))
             }
-            _ => GradientKernel::new(forms, mode)?,
+            _ => {
+                let has_near = forms.near.is_some();
+                let mut made = GradientKernel::new(forms, mode)?;
+                made.turns_back = has_near && turned::is_blind(&written(), values.dimension);
+                made
+            }
         };
         made.fields.iter_mut().zip(values.typical()).for_each(|(own, (_, value))| *own = value);
         Ok(made)
@@ -192,9 +201,8 @@ impl GradientKernel {
         }
     }
 
-    /// Evaluates block by block: one form where all places of a block ask for it, both where they
-    /// differ. The result of a place never depends on the places beside it. The direction is empty
-    /// where none is given.
+    /// Evaluates block by block, psi and P of bodies that are turned back where they gain by it. The result of a place
+    /// never depends on the places beside it. The direction is empty where none is given.
     fn in_blocks(
         &self,
         at: GradientBatch<'_>,
@@ -204,38 +212,71 @@ impl GradientKernel {
         evaluate: impl Fn(bool, &[&[f64]], &mut [&mut [f64]]),
     ) {
         let n_components = self.dimension * self.dimension;
-        let mut room = [[0.0; BLOCK]; 1 + MOST];
-        let mut axes = [[0.0; BLOCK]; AXES];
+        let (mut axes, mut back) = ([[0.0; BLOCK]; AXES], None::<Box<TurnedBack>>);
         for start in (0..at.n).step_by(BLOCK) {
             let block = start..at.n.min(start + BLOCK);
-            let near = block.clone().map(|p| {
-                has_near && (0..n_components).all(|k| at.change[k * at.n + p].abs() < NEAR)
-            });
-            let mut places = [false; BLOCK];
-            let near = &*listed(&mut places, near);
-            if self.n_axes > 0 {
-                self.find_axes(at, start, near, &mut axes);
+            let mut near = [false; BLOCK];
+            let near = &mut near[..block.len()];
+            near.fill(has_near);
+            for component in in_block(at.change, at.n, &block) {
+                near.iter_mut().zip(component).for_each(|(near, h)| *near &= h.abs() < NEAR);
             }
-            let given = [at.gradient, at.change, direction].into_iter();
-            let given = given.flat_map(|array| in_block(array, at.n, &block));
-            let axes = axes[..self.n_axes].iter().map(|array| &array[..near.len()]);
-            let fields = in_block(at.fields, at.n, &block);
-            let mut arrays = [&[][..]; SOURCES];
-            let sources = listed(&mut arrays, given.chain(axes).chain(fields));
-            let some_near = near.contains(&true);
             let mut arrays: [&mut [f64]; 1 + MOST] = Default::default();
             let targets = outputs.iter_mut().map(|array| &mut array[block.clone()]);
             let targets = listed(&mut arrays, targets);
-            evaluate(some_near, sources, targets);
-            if some_near && near.contains(&false) {
-                let mut arrays: [&mut [f64]; 1 + MOST] = Default::default();
-                let others = room[..targets.len()].iter_mut().map(|row| &mut row[..near.len()]);
-                let others = listed(&mut arrays, others);
-                evaluate(false, sources, others);
-                for (target, other) in targets.iter_mut().zip(&*others) {
-                    for p in (0..near.len()).filter(|p| !near[*p]) {
-                        target[p] = other[p];
-                    }
+            let fields = in_block(at.fields, at.n, &block);
+            let mut marks = [false; BLOCK];
+            let marks = &mut marks[..block.len()];
+            let some_turned = self.turns_back
+                && direction.is_empty()
+                && turned::mark(self.dimension, at, start, marks);
+            if !some_turned {
+                let given = [at.gradient, at.change, direction].into_iter();
+                let given = given.flat_map(|array| in_block(array, at.n, &block));
+                let mut room = [&[][..]; 3 * MOST];
+                let given = listed(&mut room, given);
+                self.block(near, (given, fields), &mut axes, targets, &evaluate);
+                continue;
+            }
+            let back = back.get_or_insert_with(|| Box::new(TurnedBack::new(self.dimension)));
+            back.take(at, start, marks);
+            near.iter_mut().zip(&*marks).for_each(|(near, mark)| *near |= mark);
+            let mut room = [&[][..]; 3 * MOST];
+            let given = listed(&mut room, back.components());
+            self.block(near, (given, fields), &mut axes, targets, &evaluate);
+            if let Some(first) = targets.len().checked_sub(n_components) {
+                back.turn(&mut targets[first..]);
+            }
+        }
+    }
+
+    /// Evaluates a block: one form where all its places ask for it, both where they differ. Given are `F`, `F - I` and
+    /// the direction.
+    fn block<'a>(
+        &self,
+        near: &[bool],
+        (given, fields): (&[&'a [f64]], impl Iterator<Item = &'a [f64]>),
+        axes: &'a mut [[f64; BLOCK]; AXES],
+        targets: &mut [&mut [f64]],
+        evaluate: impl Fn(bool, &[&[f64]], &mut [&mut [f64]]),
+    ) {
+        if self.n_axes > 0 {
+            self.find_axes(given, near, axes);
+        }
+        let axes = axes[..self.n_axes].iter().map(|array| &array[..near.len()]);
+        let mut arrays = [&[][..]; SOURCES];
+        let sources = listed(&mut arrays, given.iter().copied().chain(axes).chain(fields));
+        let some_near = near.contains(&true);
+        evaluate(some_near, sources, targets);
+        if some_near && near.contains(&false) {
+            let mut room = [[0.0; BLOCK]; 1 + MOST];
+            let mut arrays: [&mut [f64]; 1 + MOST] = Default::default();
+            let others = room[..targets.len()].iter_mut().map(|row| &mut row[..near.len()]);
+            let others = listed(&mut arrays, others);
+            evaluate(false, sources, others);
+            for (target, other) in targets.iter_mut().zip(&*others) {
+                for p in (0..near.len()).filter(|p| !near[*p]) {
+                    target[p] = other[p];
                 }
             }
         }
@@ -244,29 +285,24 @@ impl GradientKernel {
 
 impl GradientKernel {
     /// Principal stretches and axes of the places of a block, each by the way of its form.
-    fn find_axes(
-        &self,
-        at: GradientBatch<'_>,
-        start: usize,
-        near: &[bool],
-        arrays: &mut [[f64; BLOCK]; AXES],
-    ) {
+    fn find_axes(&self, given: &[&[f64]], near: &[bool], arrays: &mut [[f64; BLOCK]; AXES]) {
         let d = self.dimension;
+        let (gradient, change) = given.split_at(d * d);
         for first in (0..near.len()).step_by(LANES) {
             let group = first..near.len().min(first + LANES);
-            let read = |source: &[f64]| {
+            let read = |source: &[&[f64]]| {
                 let mut tensor = [[0.0; LANES]; MOST];
                 for k in 0..d * d {
-                    let (component, from) = (graph::component(k / d, k % d), k * at.n + start);
+                    let component = graph::component(k / d, k % d);
                     tensor[usize::from(component)][..group.len()]
-                        .copy_from_slice(&source[from + group.start..from + group.end]);
+                        .copy_from_slice(&source[k][group.clone()]);
                 }
                 tensor
             };
             for way in [false, true].into_iter().filter(|way| near[group.clone()].contains(way)) {
                 let found = match way {
-                    true => Axes::near(d, &read(at.change)),
-                    false => Axes::far(d, &read(at.gradient)),
+                    true => Axes::near(d, &read(change)),
+                    false => Axes::far(d, &read(gradient)),
                 };
                 let chosen: [bool; LANES] =
                     std::array::from_fn(|k| near.get(first + k).is_some_and(|near| *near == way));

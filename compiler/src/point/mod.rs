@@ -11,6 +11,7 @@
 //! | `adjoint` | derivatives by several variables |
 //! | `principal` | functions of the right stretch tensor |
 //! | `kernel` | both forms over arrays, and the choice between them |
+//! | `turned` | bodies that are turned further than they are strained, turned back |
 //! | `functions` | conditions of `F` under which bonds break, and what is remembered next |
 //! | `domain` | declared bounds of `J`, and of other quantities of `F` |
 //! | `sample`, `truth` | gradients to try an energy at, and its values there to any precision |
@@ -25,6 +26,7 @@ pub(crate) mod near;
 mod principal;
 pub(crate) mod sample;
 pub(crate) mod truth;
+mod turned;
 
 pub use functions::{GradientCriterion, GradientFunction, GradientFunctionKind, GradientNextState};
 pub use invariants::INVARIANTS;

@@ -127,10 +127,8 @@ fn report(place: &str, found: &Verification, text: &str) -> String {
         Subject::Argument(Argument::Gradient) => {
             ("gradients", "largest errors in u = 2^-53 of the norm", 0)
         }
-        Subject::Gathered(_)
-        | Subject::Gathering(_)
-        | Subject::Margin(..)
-        | Subject::NextState(..) => {
+        Subject::Gathered(_) => ("points", "largest errors in u = 2^-53", 0),
+        Subject::Gathering(_) | Subject::Margin(..) | Subject::NextState(..) => {
             ("points", "largest errors against hyper-dual numbers in u = 2^-53", 0)
         }
         Subject::Coupled(..) => ("points", "largest errors in u = 2^-53 of the largest part", 0),

@@ -1,10 +1,10 @@
 //! Energies of gathered values against hyper-dual numbers of the energy as written, at random lengths
-//! and integrals, to a stated number of `u = 2^-53` of the largest derivative. Where that is missed,
-//! numbers of any precision decide.
+//! and integrals, to a stated number of `u = 2^-53` of the largest derivative, where that is missed against numbers
+//! of any precision, as near rest.
 
 use super::sample::Random;
 use super::stated::cause_of_gathered;
-use super::{Subject, Verification, Ways, Witness};
+use super::{Subject, Verification, Ways, Witness, gathered_near};
 use crate::expression::number::Number;
 use crate::expression::precise::Precise;
 use crate::gathered::{
@@ -16,30 +16,46 @@ use crate::specialise::Form;
 use crate::values::Values;
 
 /// Largest error of psi, its gradient and products.
-const BAR: f64 = 1e4;
+pub(super) const BAR: f64 = 1e4;
+
+/// The same near rest.
+const BAR_NEAR: f64 = 256.0;
 
 /// Verifies the energies of points and of bonds at `n` places each; nothing where there are none.
 pub(super) fn verify(
     (model, variant): (&Model, &Variant),
     values: &Values,
-    ways: &Ways,
+    all: &Ways,
     n: usize,
 ) -> Vec<Verification> {
-    let ways = [&ways.strict, &ways.fast, &ways.interpreted, &ways.dual];
+    let ways = [&all.strict, &all.fast, &all.interpreted, &all.dual];
     let of = |kernels: fn(&GatheredKernels) -> &Option<GatheredKernel>, of_bonds: bool| {
-        let found = ways.map(|way| {
-            let kernel = way.gathered.as_ref().and_then(|gathered| kernels(gathered).as_ref());
-            kernel.map(|kernel| evaluate(kernel, n))
-        });
-        let [Some(strict), Some(fast), Some(interpreted), Some(dual)] = found else { return None };
+        let compiled = ways
+            .each_ref()
+            .map(|way| way.gathered.as_ref().and_then(|gathered| kernels(gathered).as_ref()));
+        let [Some(strict), Some(fast), Some(interpreted), Some(dual)] = compiled else {
+            return None;
+        };
+        let near = [strict, fast, dual];
+        let [strict, fast, interpreted, dual] =
+            [strict, fast, interpreted, dual].map(|kernel| evaluate(kernel, n));
         let subject = Subject::Gathered(argument(variant, of_bonds));
-        let mut verification = Verification::new(subject, &[(Witness::HyperDual, BAR)]);
+        let witnesses = [(Witness::HyperDual, BAR), (Witness::TruthNear, BAR_NEAR)];
+        let mut verification = Verification::new(subject, &witnesses);
         let written = model.written_gathered(values, of_bonds);
         let found = [strict, fast, interpreted, dual.clone()]
             .map(|places| places.into_iter().map(|place| place.values).collect::<Vec<_>>());
         let places = (|p: usize| dual[p].variables.clone(), |p: usize| dual[p].truth(&written));
         verification.judge(found.each_ref().map(Vec::as_slice), BAR, largest, places);
-        find_causes(&mut verification, (model, values), of_bonds, &dual);
+        let near = gathered_near::judge(&mut verification, 1, (near, all), &written, n);
+        let far = dual.iter().map(|place| (&place.variables, &place.direction, place.reference));
+        let near = near.iter().map(|place| (&place.variables, &place.direction, place.reference));
+        find_causes(
+            &mut verification,
+            (model, values),
+            of_bonds,
+            &far.chain(near).collect::<Vec<_>>(),
+        );
         Some(verification)
     };
     let found = [of(|kernels| &kernels.points, false), of(|kernels| &kernels.bonds, true)];
@@ -51,7 +67,7 @@ fn find_causes(
     found: &mut Verification,
     (model, values): (&Model, &Values),
     of_bonds: bool,
-    places: &[Place],
+    places: &[(&Vec<f64>, &Vec<f64>, f64)],
 ) {
     if found.misses.is_empty() {
         return;
@@ -60,9 +76,9 @@ fn find_causes(
     let Ok((Some(form), _)) = forms else { return };
     for order in 0..3 {
         let Some(worst) = found.worst(order) else { continue };
-        let Some(place) = places.iter().find(|p| p.variables == worst.place) else { continue };
-        let reference = of_bonds.then_some(place.reference);
-        let at = (&*place.variables, &*place.direction, reference);
+        let Some(place) = places.iter().find(|place| *place.0 == worst.place) else { continue };
+        let (variables, direction, reference) = *place;
+        let at = (&**variables, &**direction, of_bonds.then_some(reference));
         found.causes.extend(cause_of_gathered((model, values), &form, order, at));
     }
 }

@@ -26,6 +26,7 @@ mod dissipation;
 pub(crate) mod families;
 mod gathered;
 mod gathered_margin;
+mod gathered_near;
 mod gradient;
 mod gradient_margin;
 mod margin;
@@ -320,7 +321,8 @@ impl Verification {
     }
 
     /// Holds what was found at all places at both levels and by the interpreter against hyper-dual numbers; where a
-    /// level misses a bar against these, against the truth. Places are told by their variables.
+    /// level misses a bar against these, against the truth. Places are told by their variables; where neither is finite
+    /// there is nothing to hold them against.
     fn judge(
         &mut self,
         [strict, fast, interpreted, dual]: [&[Vec<f64>]; 4],
@@ -336,6 +338,9 @@ impl Verification {
                 true => None,
                 false => truth(p),
             };
+            if truth.is_none() && !dual.iter().all(|x| x.is_finite()) {
+                continue;
+            }
             if let Some(truth) = &truth {
                 let decides = !is_within(bar, variables.len(), [dual, truth], size);
                 self.undecided += usize::from(decides);

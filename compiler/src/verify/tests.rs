@@ -365,3 +365,24 @@ fn what_triangles_and_tetrahedra_remember_is_verified() {
         }
     }
 }
+
+/// Far from rest both of these have their digits; near it the quotient, which is 0/0 at rest, has none, and hyper-dual
+/// numbers lose as many.
+#[test]
+fn gathered_values_are_looked_at_near_rest() {
+    let of = |psi: &str| {
+        let model = model(&format!("potential p\ns = integral(l/L - 1)\npsi({psi}"));
+        let (found, _) = verify(&model, &values(&model, 3, &[]), 40).unwrap();
+        (found[0].outcome(), found[0].errors[1])
+    };
+    for kept in ["s) = exp(s) - 1 - s", "l, s) = s*(l - L - L*ln(l/L))"] {
+        let (outcome, near) = of(kept);
+        assert_eq!(outcome, Outcome::Passed, "{kept}");
+        assert!(near.largest.iter().all(|error| *error > 0.0 && *error < 16.0), "{near:?}");
+    }
+    for lost in ["s) = (exp(s) - 1)/s - 1 - s/2", "l, s) = L*((exp(s) - 1)/s - 1 - s/2)"] {
+        let (outcome, near) = of(lost);
+        assert_eq!(outcome, Outcome::DigitsLost, "{lost}");
+        assert!(near.largest[0] > 1e6, "{near:?}");
+    }
+}

@@ -71,6 +71,38 @@ fn moduli_of_texts_are_those_of_the_gradient() {
     }
 }
 
+/// Scalars that points gather with the directions of bonds: squares of two that are perpendicular add up to what no
+/// direction has, and a fibre along the other axis has the moduli of that one.
+#[test]
+fn moduli_of_gathered_scalars_see_directions() {
+    let voigt = |integrand: &str, bonds: &str| -> Vec<f64> {
+        let folder = SceneFolder::new(
+            "[body]\nbox = [[0.0, 0.0], [20.0, 20.0]]\nspacing = 1.0\nthickness = 0.3\n\
+             [horizon]\nspacings = 3\n[material]\npotential = \"law.piola\"\n",
+        );
+        let law = format!(
+            "potential law\nparameter b = 0.3\n\
+             rest = integral(L^2)\ns = integral(({integrand})*L*(l - L))/rest\npsi(s) = 3*s^2 + s^3\n\
+             psi(l, s, rest) = b*({bonds})*L*(l/L - 1)^2*(1 + s)/rest\n"
+        );
+        folder.file("law.piola", law);
+        let found = piola(&["moduli", &folder.scene(), "--format", "json"]).expect(0).json();
+        numbers(&found["voigt"])
+    };
+    let isotropic = voigt("1", "1");
+    let one = "((0.6*Xi(1) + 0.8*Xi(2))/L)^2 + ((0.6*Xi(2) - 0.8*Xi(1))/L)^2";
+    let both = voigt(one, one);
+    for (found, expected) in both.iter().zip(&isotropic) {
+        assert!((found - expected).abs() < 1e-13 * isotropic[0], "{both:?} {isotropic:?}");
+    }
+    let along = voigt("(Xi(1)/L)^2", "Xi(1)^4/L^4");
+    let across = voigt("(Xi(2)/L)^2", "Xi(2)^4/L^4");
+    assert!(along[0] > 2.0 * along[4], "{along:?}");
+    for (i, j) in [(0, 4), (1, 1), (4, 0), (8, 8)] {
+        assert!((along[i] - across[j]).abs() < 1e-13 * along[0], "{along:?} {across:?}");
+    }
+}
+
 /// A strip of two materials of one text is solved, and its plan says what is modelled; neighbours of other potentials
 /// are refused with what to write.
 #[test]

@@ -120,6 +120,23 @@ impl Model {
         Ok(all_dropped)
     }
 
+    /// Energies of gathered values as those of the vectors of bonds, for whoever needs derivatives by these: where
+    /// integrands see `Xi`, a displacement changes them by more than the lengths that it changes. Nothing where
+    /// parameters leave none.
+    ///
+    /// # Errors
+    /// As for [`Model::compile`].
+    pub fn compile_as_vectors(
+        &self,
+        values: &Values,
+        mode: Mode,
+        form: Form,
+    ) -> Result<Option<VectorKernels>, CompileError> {
+        let mut kernels = None;
+        self.compile_vectors(values, (mode, form), &mut kernels)?;
+        Ok(kernels)
+    }
+
     /// One of the functions of a potential of vectors for these values, if something is left of it; and what is
     /// left out.
     pub(crate) fn specialise_vectors(

@@ -161,6 +161,19 @@ impl Potential {
         Err(CaseError::Scene(scene.report(vec![found])))
     }
 
+    /// Its energies of gathered values as those of the vectors of bonds.
+    ///
+    /// # Errors
+    /// Energies that are too large.
+    pub(crate) fn compile_as_vectors(
+        &self,
+        scene: &Scene,
+    ) -> Result<Option<VectorKernels>, CaseError> {
+        let made =
+            self.model.compile_as_vectors(&self.values, mode(&scene.solver), scene.solver.form);
+        made.map_err(|error| CaseError::compile(&self.text, &error))
+    }
+
     /// Compiles the energies with the derivatives that the solver asks for, for a body of this
     /// dimension.
     ///

@@ -1,6 +1,7 @@
 //! Energy per volume of homogeneous displacement gradients, to second order at rest.
 
 use nalgebra::{DMatrix, DVector};
+use piola_compiler::GatheredKernels;
 use piola_mechanics::energy::{Energy, NonFinite};
 use piola_mechanics::interaction::never_fails;
 use piola_mechanics::kernel::{Variables, VariablesLaw};
@@ -8,10 +9,6 @@ use piola_mechanics::kernel::{Variables, VariablesLaw};
 use super::inside::Inside;
 use crate::case::{Case, CaseError, Compiled, state_laws};
 use crate::scene::Points;
-
-/// Why there are no moduli of gathered values that see `Xi`.
-const DIRECTED: &str = "moduli of energies of gathered values that hold `Xi` are not read off a lattice: give the \
-                        points as a cloud, of which the whole body is taken";
 
 /// Derivatives at rest of the energy density W by the displacement gradient G in `u = G X`.
 ///
@@ -44,8 +41,12 @@ impl Affine {
             return Affine::of_cloud(case, compiled);
         }
         let mut affine = Affine::zero(case.scene.body.dimension);
-        for potential in compiled {
-            affine = affine.of_potential(case, inside, potential)?;
+        for (potential, mut compiled) in case.potentials.iter().zip(compiled) {
+            if compiled.gathered.as_ref().is_some_and(sees_directions) {
+                compiled.gathered = None;
+                compiled.vectors = potential.compile_as_vectors(&case.scene)?;
+            }
+            affine = affine.of_potential(case, inside, compiled)?;
         }
         if affine.is_finite() {
             return Ok(affine);
@@ -74,12 +75,6 @@ impl Affine {
             self = self.plus(&inside.of_vectors(&kernels)?);
         }
         if let Some(kernels) = gathered {
-            // Of all that varies from bond to bond directions alone are left.
-            let of_bonds = kernels.bonds.iter().map(|kernel| kernel.fields().len());
-            let fields = kernels.integrals.iter().map(|kernel| kernel.fields().len());
-            if fields.chain(of_bonds).any(|n| n > 0) {
-                return Err(CaseError::Body { message: DIRECTED.to_string() });
-            }
             let laws = state_laws(kernels, arguments, thickness);
             self = self.plus(&inside.of_states(&laws)?.over(thickness));
         }
@@ -231,4 +226,12 @@ fn changes_of_shape(d: usize) -> Vec<DVector<f64>> {
         shapes.extend((0..d).filter(|i| *i != a).map(|i| of(&[(a, i, 1.0)])));
     }
     shapes
+}
+
+/// Whether something that is gathered, or an energy of it, varies with the direction of bonds: of all that varies from
+/// bond to bond inside a lattice, directions alone are left.
+fn sees_directions(kernels: &GatheredKernels) -> bool {
+    let of_bonds = kernels.bonds.iter().map(|kernel| kernel.fields().len());
+    let fields = kernels.integrals.iter().map(|kernel| kernel.fields().len());
+    fields.chain(of_bonds).any(|n| n > 0)
 }

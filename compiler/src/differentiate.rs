@@ -296,7 +296,27 @@ pub(crate) fn power_constant(graph: &mut Simplifier, x: NodeId, dx: NodeId, c: f
     let lower = graph.power(x, c - 1.0)?;
     let exponent = graph.number(c)?;
     let product = graph.multiply(exponent, lower)?;
-    graph.multiply(product, dx).map(Some)
+    let slope = graph.multiply(product, dx)?;
+    match positive_part(graph, x).filter(|_| c > 0.0 && c.fract() != 0.0) {
+        // `max(y, 0)^1.5` is 0 with all its derivatives where y is below 0, and not `0^-0.5*0`.
+        Some(of) => {
+            let zero = graph.number(0.0)?;
+            let is_nothing = graph.make(Node::Compare(Comparison::LessEqual, of, zero))?;
+            graph.make(Node::Select(is_nothing, zero, slope)).map(Some)
+        }
+        None => Ok(Some(slope)),
+    }
+}
+
+/// The other operand of `max(y, 0)`.
+fn positive_part(graph: &Simplifier, x: NodeId) -> Option<NodeId> {
+    let graph = graph.graph();
+    let is_zero = |x: NodeId| matches!(graph[x], Node::Number(bits) if f64::from_bits(bits) == 0.0);
+    match graph[x] {
+        Node::Binary(Operator::Max, y, zero) if is_zero(zero) => Some(y),
+        Node::Binary(Operator::Max, zero, y) if is_zero(zero) => Some(y),
+        _ => None,
+    }
 }
 
 pub(crate) fn binary(
@@ -329,11 +349,7 @@ pub(crate) fn binary(
         }
         Operator::Power => power(graph, id, (x, dx), (y, dy)),
         Operator::Min | Operator::Max => {
-            let comparison = if operator == Operator::Min {
-                Comparison::LessEqual
-            } else {
-                Comparison::GreaterEqual
-            };
+            let comparison = at_tie(operator, dx.is_none());
             let first = graph.make(Node::Compare(comparison, x, y))?;
             let zero = graph.number(0.0)?;
             graph.make(Node::Select(first, dx.unwrap_or(zero), dy.unwrap_or(zero))).map(Some)
@@ -348,6 +364,18 @@ pub(crate) fn binary(
             let square = graph.add(p, q)?;
             graph.divide(numerator, square).map(Some)
         }
+    }
+}
+
+/// When the first operand is taken for the derivative of the smaller or larger of two. Where both are equal one of them
+/// has to be: the larger is the one that varies, the smaller the one that does not, so that `max(x, 0) + min(x, 0)`
+/// has the derivative of `x`, and their squares the stiffness of `x^2`, at 0, too.
+pub(crate) fn at_tie(operator: Operator, first_is_constant: bool) -> Comparison {
+    match (operator == Operator::Min, first_is_constant) {
+        (true, true) => Comparison::LessEqual,
+        (true, false) => Comparison::Less,
+        (false, true) => Comparison::Greater,
+        (false, false) => Comparison::GreaterEqual,
     }
 }
 

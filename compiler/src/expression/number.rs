@@ -204,6 +204,10 @@ macro_rules! dual_number {
                         power.re = libm::pow(x.re, y.re);
                         power
                     }
+                    // Of equal ones the larger is the one that varies.
+                    Operator::Min | Operator::Max if x.re.to_bits() == y.re.to_bits() => {
+                        if x.is_constant() == (operator == Operator::Min) { x } else { y }
+                    }
                     Operator::Min if min(x.re, y.re).to_bits() == x.re.to_bits() => x,
                     Operator::Max if max(x.re, y.re).to_bits() == x.re.to_bits() => x,
                     Operator::Min | Operator::Max if x.re.is_nan() => x,

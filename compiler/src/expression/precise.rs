@@ -257,7 +257,12 @@ impl<const BITS: usize> Number for Precise<BITS> {
             },
             Operator::Min | Operator::Max => {
                 let first = match (&x.parts, &y.parts) {
-                    (Some([x, ..]), Some([y, ..])) => (x <= y) == (operator == Operator::Min),
+                    // Of equal ones the larger is the one that varies.
+                    (Some([x, dx, ddx]), Some([y, ..])) if x == y => {
+                        let nothing = Real::from(0);
+                        (*dx == nothing && *ddx == nothing) == (operator == Operator::Min)
+                    }
+                    (Some([x, ..]), Some([y, ..])) => (x < y) == (operator == Operator::Min),
                     _ => return Self::nothing(),
                 };
                 if first { x } else { y }

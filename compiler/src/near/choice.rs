@@ -337,9 +337,12 @@ impl<'a> Samples<'a> {
             lost[i] = match known {
                 Some(known) if known.is_finite() => compared(&seen.values, &seen.slopes, known),
                 Some(_) => continue,
-                // No form has a value where the energy has none.
+                // No form has a value where the energy as written has none, and each has where it has one: what
+                // is too large for 256 bits on the way to it may be 0 in doubles.
                 None => {
-                    seen.values.iter().map(|x| x.is_finite() && self.strain(i) != 0.0).collect()
+                    let has_value = seen.values[1].is_finite();
+                    let is_lost = |x: &f64| x.is_finite() != has_value && self.strain(i) != 0.0;
+                    seen.values.iter().map(is_lost).collect()
                 }
             };
         }

@@ -158,7 +158,7 @@ pub(super) fn compare(
             truth = truth.or_else(|| truth::truth(written, point));
             if let Some(truth) = truth {
                 y = truth[order];
-                tolerance = PRECISE * y.abs() + magnified;
+                tolerance = PRECISE * y.abs() + magnified + f64::MIN_POSITIVE;
             } else if !dual.is_finite() {
                 // Nobody can say.
                 found.undecided += 1;

@@ -386,3 +386,45 @@ fn gathered_values_are_looked_at_near_rest() {
         assert!(near.largest[0] > 1e6, "{near:?}");
     }
 }
+
+/// `tanh` is flat far out, `max(x, 0)^1.5` is 0 on one side with all derivatives, `abs(x)^2.5` is 0 at 0.
+#[test]
+fn what_is_nothing_somewhere_has_derivatives_there() {
+    for psi in ["L*tanh(l/L - 1)^2", "L*max(l/L - 1, 0)^1.5", "L*abs(l/L - 1)^2.5"] {
+        let model = model(&format!("potential p\npsi(l) = {psi}"));
+        let values = values(&model, 3, &[]);
+        let (found, _) = verify(&model, &values, 1000).unwrap();
+        assert!(found.iter().all(super::Verification::passed), "{psi}: {:?}", found[0].errors);
+        let kernel = &model.compile(&values, Mode::Interpreter, Form::Accurate).unwrap().kernels[0];
+        let out = kernel.derivatives(Batch {
+            measure: &[0.4, 0.9, 1.0, 2000.0],
+            reference: &[1.0; 4],
+            change: &[-0.6, -0.1, 0.0, 1999.0],
+            fields: &[],
+        });
+        assert!(out.d2psi.iter().all(|x| x.is_finite()), "{psi}: {:?}", out.d2psi);
+    }
+}
+
+/// Halves of an energy that are split by a sign add up to the whole at rest, too, in whatever order they are written.
+#[test]
+fn parts_of_tension_and_compression_have_the_stiffness_of_the_whole_at_rest() {
+    let of = |psi: &str| {
+        let model = model(&format!("potential p\npsi(F) = {psi}"));
+        let values = values(&model, 3, &[]);
+        let gradient = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+        let (direction, mut product) = (gradient, [0.0; 9]);
+        for mode in [Mode::Interpreter, Mode::HyperDual] {
+            let kernel = model.compile(&values, mode, Form::Accurate).unwrap().gradient.unwrap();
+            let at =
+                crate::GradientBatch { n: 1, gradient: &gradient, change: &[0.0; 9], fields: &[] };
+            kernel.product(at, &direction, &mut product);
+            assert!((product[0] - 6.0).abs() < 1e-14, "{psi}: {product:?}");
+        }
+    };
+    for (larger, smaller) in
+        [("J - 1, 0", "J - 1, 0"), ("0, J - 1", "J - 1, 0"), ("J - 1, 0", "0, J - 1")]
+    {
+        of(&format!("max({larger})^2 + min({smaller})^2"));
+    }
+}

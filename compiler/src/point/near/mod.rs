@@ -12,6 +12,7 @@
 mod functions;
 mod terms;
 
+use crate::differentiate::at_tie;
 use crate::expression::graph::dimension;
 use crate::expression::{
     Comparison, ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes,
@@ -416,10 +417,7 @@ impl<'a> Expander<'a> {
                 self.product(&p, &reciprocal)
             }
             Operator::Min | Operator::Max => {
-                let comparison = match operator {
-                    Operator::Min => Comparison::LessEqual,
-                    _ => Comparison::GreaterEqual,
-                };
+                let comparison = at_tie(operator, p.is_constant());
                 let condition = self.compare(None, comparison, &p, &q)?;
                 self.choice(condition, &p, &q)
             }

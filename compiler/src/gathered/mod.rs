@@ -25,7 +25,7 @@ use crate::measure::Measure;
 use crate::model::{GatheredEnergy, Integral, Model, Variant};
 use crate::near::vanishes_at_rest;
 use crate::point::adjoint::{self, Varied};
-use crate::point::near::{near_of_integrals, near_of_vanishing, with_fields};
+use crate::point::near::near_of_vanishing;
 use crate::rewrite::{expand, rewrite};
 use crate::simplify::Simplifier;
 use crate::specialise::{
@@ -87,12 +87,6 @@ fn form(
     let mut applied = Vec::new();
     if accurate {
         psi = rewrite(&mut graph, psi, length, &mut applied)?;
-    } else if let Some(vanishing) = vanishing {
-        let is_field = |input| near::is_known_in_a_run(input, vanishing);
-        let near = with_fields(&mut graph, (exact, written), is_field, |graph, source, root| {
-            near_of_integrals(graph, source, root, vanishing)
-        });
-        psi = near?.unwrap_or(psi);
     }
     let mut gradient = adjoint::gradient(&mut graph, psi, varied)?;
     if accurate {
@@ -106,8 +100,10 @@ fn form(
     roots.extend(product);
     if accurate {
         roots = expand(&mut graph, &roots, length, &mut applied)?;
-        let vanishing = vanishing.unwrap_or_default();
-        roots = near::kept(&mut graph, (exact, written), roots, n_integrals, vanishing)?;
+    }
+    if let Some(vanishing) = vanishing {
+        let kind = (of_bonds, n_integrals);
+        roots = near::kept(&mut graph, (exact, written), roots, kind, vanishing)?;
     }
     let (graph, roots) = graph.graph().extract(&roots);
     Ok(DensityForm::new(graph, &roots, kernel::inputs(of_bonds, n_integrals), fields))

@@ -1,5 +1,5 @@
-//! Energies of bonds with gathered values near rest: functions of the stretch of a bond and of the integrals that
-//! are 0 at rest.
+//! Energies of gathered values near rest: of points functions of the integrals that are 0 at rest, of bonds of the
+//! stretch, too.
 //!
 //! What a bond was at rest is known before no run, as the other integrals are, and cancels with nothing. So the energy
 //! is first written as a power of `L` times a function of `l/L`, which every energy is whose units are right and
@@ -7,12 +7,14 @@
 
 mod samples;
 
+use std::cmp::Ordering;
+
 use crate::expression::{
     Comparison, ExprGraph, Function, Input, Node, NodeId, Operator, TooManyNodes,
 };
 use crate::measure::Measure;
 use crate::point::adjoint::{self, Varied};
-use crate::point::near::{near_of_bonds, with_fields};
+use crate::point::near::{near_of_bonds, near_of_integrals, with_fields};
 use crate::simplify::Simplifier;
 use crate::specialise::substituted_into;
 use samples::Samples;
@@ -24,24 +26,34 @@ const LARGEST: usize = 600;
 
 type Made = Result<NodeId, TooManyNodes>;
 
-/// psi and its derivatives in the forms that keep their digits: `ruled` are those by the rules, `written` is the
-/// energy in the graph with all digits of its numbers.
+/// psi and its derivatives in the forms that keep their digits: `ruled` are those by the rules, of points as written;
+/// `written` is the energy in the graph with all digits of its numbers. A form near rest serves bonds near rest, and
+/// points anywhere, of which nobody knows how far from rest they are; it is taken where the other loses more.
 pub(super) fn kept(
     graph: &mut Simplifier,
     (exact, written): (&Simplifier, NodeId),
     ruled: Vec<NodeId>,
-    n_integrals: usize,
+    (of_bonds, n_integrals): (bool, usize),
     vanishing: &[Input],
 ) -> Result<Vec<NodeId>, TooManyNodes> {
-    let varied = Varied::LengthAndIntegrals(n_integrals);
     if exact.graph().len() > LARGEST {
         return Ok(ruled);
     }
-    let Some(psi) = near(graph, exact, written, vanishing)? else { return Ok(ruled) };
+    let (psi, varied) = match of_bonds {
+        true => (near(graph, exact, written, vanishing)?, Varied::LengthAndIntegrals(n_integrals)),
+        false => {
+            let is_field = |input| is_known_in_a_run(input, vanishing);
+            let near = with_fields(graph, (exact, written), is_field, |graph, source, root| {
+                near_of_integrals(graph, source, root, vanishing)
+            });
+            (near?, Varied::Integrals(n_integrals))
+        }
+    };
+    let Some(psi) = psi else { return Ok(ruled) };
     let mut near = vec![psi];
     near.extend(adjoint::gradient(graph, psi, varied)?);
     near.extend(adjoint::product(graph, &near[1..], varied)?);
-    let samples = Samples::new((exact.graph(), written), n_integrals, vanishing);
+    let samples = Samples::new((exact.graph(), written), (of_bonds, n_integrals), vanishing);
     let lost = samples.lost(graph.graph(), [&ruled, &near]);
     let of_form = |k: usize| lost.iter().map(|lost| lost[k]).sum::<usize>();
     if of_form(1) >= of_form(0) {
@@ -53,16 +65,19 @@ pub(super) fn kept(
     let is_near = graph.make(Node::Compare(Comparison::Less, size, limit))?;
     let mut kept = Vec::new();
     for ((ruled, near), lost) in ruled.into_iter().zip(near).zip(lost) {
-        kept.push(match lost[1] <= lost[0] {
-            true => graph.make(Node::Select(is_near, near, ruled))?,
-            false => ruled,
+        kept.push(match (of_bonds, lost[1].cmp(&lost[0])) {
+            (true, Ordering::Less | Ordering::Equal) => {
+                graph.make(Node::Select(is_near, near, ruled))?
+            }
+            (false, Ordering::Less) => near,
+            _ => ruled,
         });
     }
     Ok(kept)
 }
 
 /// What has some value at rest that no form knows.
-pub(super) fn is_known_in_a_run(input: Input, vanishing: &[Input]) -> bool {
+fn is_known_in_a_run(input: Input, vanishing: &[Input]) -> bool {
     match input {
         Input::Parameter(_) | Input::Reference(_) => true,
         Input::Integral(_) => !vanishing.contains(&input),

@@ -3,7 +3,7 @@
 //! derivatives taken one by one would.
 
 use crate::clique::Variable;
-use crate::differentiate::{Derivative, binary, derivative_of, power_constant, unary};
+use crate::differentiate::{Derivative, at_tie, binary, derivative_of, power_constant, unary};
 use crate::expression::{Function, Input, Node, NodeId, Operator, TooManyNodes};
 use crate::measure::Measure;
 use crate::simplify::Simplifier;
@@ -116,8 +116,10 @@ pub(crate) fn gradient(
                 let part = slope(graph, input, outer)?;
                 gradient[place] = Some(added(graph, gradient[place], part)?);
             }
-            let parts =
-                if finite[index] { parts(graph, id, outer)? } else { guarded(graph, id, outer)? };
+            let parts = match finite[index] {
+                true => parts(graph, id, outer, &varies)?,
+                false => guarded(graph, id, outer, &varies)?,
+            };
             for (operand, part) in parts {
                 let operand = operand.0 as usize;
                 if varies[operand] {
@@ -206,6 +208,7 @@ fn guarded(
     graph: &mut Simplifier,
     id: NodeId,
     outer: NodeId,
+    varies: &[bool],
 ) -> Result<Vec<(NodeId, NodeId)>, TooManyNodes> {
     let mut guards = Vec::new();
     let mut inner = outer;
@@ -213,7 +216,7 @@ fn guarded(
         guards.push((c, side));
         inner = x;
     }
-    let mut parts = parts(graph, id, inner)?;
+    let mut parts = parts(graph, id, inner, varies)?;
     for (_, part) in &mut parts {
         for &(c, side) in guards.iter().rev() {
             *part = chosen(graph, c, side, *part)?;
@@ -285,6 +288,7 @@ fn parts(
     graph: &mut Simplifier,
     id: NodeId,
     outer: NodeId,
+    varies: &[bool],
 ) -> Result<Vec<(NodeId, NodeId)>, TooManyNodes> {
     let mut parts = Vec::new();
     let mut push = |operand: NodeId, part: Option<NodeId>| {
@@ -305,6 +309,14 @@ fn parts(
             let two = graph.number(2.0)?;
             let twice = graph.multiply(two, x)?;
             push(x, Some(graph.multiply(twice, outer)?));
+        }
+        // One of both, as for one variable: which is asked once for both.
+        Node::Binary(operator @ (Operator::Min | Operator::Max), x, y) => {
+            let comparison = at_tie(operator, !varies[x.0 as usize]);
+            let first = graph.make(Node::Compare(comparison, x, y))?;
+            let zero = graph.number(0.0)?;
+            push(x, Some(graph.make(Node::Select(first, outer, zero))?));
+            push(y, Some(graph.make(Node::Select(first, zero, outer))?));
         }
         Node::Binary(operator, x, y) => {
             push(x, binary(graph, operator, id, (x, Some(outer)), (y, None))?);

@@ -58,6 +58,8 @@ pub struct GradientKernel {
     domain: Domain,
     /// Whether bodies that are turned are turned back: the energy sees no rotation, and has a form near rest.
     turns_back: bool,
+    /// Whether they are for products as well, in which roots lose more than directions that are turned.
+    turns_products: bool,
     /// Whether the energy itself depends on the fields, and not a bounded quantity alone.
     body_has_fields: bool,
 }
@@ -104,8 +106,17 @@ impl GradientKernel {
     /// The kernel of an energy without a declared domain.
     fn made(dimension: usize, n_axes: usize, fields: Vec<f64>, body: Body) -> GradientKernel {
         let (domain, body_has_fields) = (Domain::default(), !fields.is_empty());
-        let turns_back = false;
-        GradientKernel { dimension, n_axes, fields, body, domain, turns_back, body_has_fields }
+        let (turns_back, turns_products) = (false, false);
+        GradientKernel {
+            dimension,
+            n_axes,
+            fields,
+            body,
+            domain,
+            turns_back,
+            turns_products,
+            body_has_fields,
+        }
     }
 
     /// The kernel of a function of these values, which as written is a witness.
@@ -121,9 +132,10 @@ impl GradientKernel {
                 GradientKernel::made(values.dimension, 0, fields, Body::Dual(written()))
             }
             _ => {
-                let has_near = forms.near.is_some();
+                let (has_near, has_roots) = (forms.near.is_some(), forms.has_roots);
                 let mut made = GradientKernel::new(forms, mode)?;
                 made.turns_back = has_near && turned::is_blind(&written(), values.dimension);
+                made.turns_products = made.turns_back && has_roots;
                 made
             }
         };
@@ -201,7 +213,7 @@ impl GradientKernel {
         }
     }
 
-    /// Evaluates block by block, psi and P of bodies that are turned back where they gain by it. The result of a place
+    /// Evaluates block by block, bodies turned back where they gain by it. The result of a place
     /// never depends on the places beside it. The direction is empty where none is given.
     fn in_blocks(
         &self,
@@ -227,9 +239,8 @@ impl GradientKernel {
             let fields = in_block(at.fields, at.n, &block);
             let mut marks = [false; BLOCK];
             let marks = &mut marks[..block.len()];
-            let some_turned = self.turns_back
-                && direction.is_empty()
-                && turned::mark(self.dimension, at, start, marks);
+            let turns = if direction.is_empty() { self.turns_back } else { self.turns_products };
+            let some_turned = turns && turned::mark(self.dimension, at, start, marks);
             if !some_turned {
                 let given = [at.gradient, at.change, direction].into_iter();
                 let given = given.flat_map(|array| in_block(array, at.n, &block));
@@ -239,10 +250,10 @@ impl GradientKernel {
                 continue;
             }
             let back = back.get_or_insert_with(|| Box::new(TurnedBack::new(self.dimension)));
-            back.take(at, start, marks);
+            back.take(at, start, marks, direction);
             near.iter_mut().zip(&*marks).for_each(|(near, mark)| *near |= mark);
             let mut room = [&[][..]; 3 * MOST];
-            let given = listed(&mut room, back.components());
+            let given = listed(&mut room, back.components(!direction.is_empty()));
             self.block(near, (given, fields), &mut axes, targets, &evaluate);
             if let Some(first) = targets.len().checked_sub(n_components) {
                 back.turn(&mut targets[first..]);

@@ -59,6 +59,8 @@ pub struct GradientEnergyForms {
     pub far: DensityForm,
     /// In `F - I`; none where textbook forms are asked for, or the energy is no number at rest.
     pub near: Option<DensityForm>,
+    /// Whether there are roots, or other powers, of what is 0 at rest in the form near it.
+    pub has_roots: bool,
     /// The invariants that were recognised.
     pub recognised: Vec<&'static Rule>,
 }
@@ -187,12 +189,15 @@ impl Model {
                 let psi = place[written.0 as usize];
                 let functions = self.stretch_functions(variant, (graph.graph(), psi), fold)?;
                 let at_rest: Vec<_> = functions.iter().map(|f| f.at_rest.as_ref()).collect();
+                let mut has_roots = false;
                 let near = match which {
                     Form::Accurate => {
                         let is_field = |input| matches!(input, Input::Parameter(_));
                         let subject = (&exact, written);
                         near::with_fields(&mut graph, subject, is_field, |graph, source, root| {
-                            near::near(graph, source, root, &variables, &at_rest)
+                            let near = near::near(graph, source, root, &variables, &at_rest)?;
+                            has_roots |= near.is_some_and(|(_, are_there)| are_there);
+                            Ok(near.map(|(near, _)| near))
                         })?
                     }
                     Form::Textbook => None,
@@ -209,7 +214,7 @@ impl Model {
                         *one = one.clone().with_fields(fields);
                     }
                 }
-                Ok(Some(GradientEnergyForms { dimension, far, near, recognised }))
+                Ok(Some(GradientEnergyForms { dimension, far, near, has_roots, recognised }))
             });
         let forms = named.made(forms)?;
         if let Some(forms) = &forms {

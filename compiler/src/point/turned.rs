@@ -3,8 +3,8 @@
 //! `F - I` of such a body has the size of the angle, and terms of that size cancel until an energy of the size of the
 //! strain squared is left: of psi at a strain of 1e-8 nothing is. An energy that sees no rotation is the same for
 //! `R'*F` with any rotation `R`. One near that of the body leaves `R'*F - I` as small as the strain, and
-//! `P(F) = R*P(R'*F)`. What F knows of the strain is kept, and no more. Products dP are as exact without this, and
-//! more so: a direction that is turned is rounded.
+//! `P(F) = R*P(R'*F)`. What F knows of the strain is kept, and no more. Products dP are as exact without
+//! this, and more so, because a direction that is turned is rounded, but for roots of what is 0 at rest.
 //!
 //! Before: places of a block, as they are given. After: the same, those turned back that gain by it.
 
@@ -43,6 +43,7 @@ pub(super) struct TurnedBack {
     rotations: Tensors,
     gradient: Tensors,
     change: Tensors,
+    direction: Tensors,
 }
 
 /// Marks the places of a block, from `start` on, that are turned further than they are strained; whether there is one.
@@ -62,14 +63,20 @@ pub(super) fn mark(
 impl TurnedBack {
     /// Room for blocks, which [`TurnedBack::take`] fills.
     pub(super) fn new(dimension: usize) -> TurnedBack {
-        let [given, rotations, gradient, change] = [[[0.0; BLOCK]; MOST]; 4];
-        let marked = [false; BLOCK];
-        TurnedBack { dimension, n: 0, marked, given, rotations, gradient, change }
+        let [given, rotations, gradient, change, direction] = [[[0.0; BLOCK]; MOST]; 5];
+        let (n, marked) = (0, [false; BLOCK]);
+        TurnedBack { dimension, n, marked, given, rotations, gradient, change, direction }
     }
 
-    /// Takes the places of a block, from `start` on, and turns those back that are marked.
+    /// Takes the places of a block, from `start` on, with a direction or without, and turns those back that are marked.
     #[inline(never)]
-    pub(super) fn take(&mut self, at: GradientBatch<'_>, start: usize, marked: &[bool]) {
+    pub(super) fn take(
+        &mut self,
+        at: GradientBatch<'_>,
+        start: usize,
+        marked: &[bool],
+        direction: &[f64],
+    ) {
         self.n = marked.len();
         self.marked[..self.n].copy_from_slice(marked);
         for k in 0..self.dimension * self.dimension {
@@ -79,6 +86,10 @@ impl TurnedBack {
             self.given[k][..self.n].copy_from_slice(change);
             self.change[k][..self.n].copy_from_slice(change);
             self.gradient[k][..self.n].copy_from_slice(gradient);
+            if !direction.is_empty() {
+                self.direction[k][..self.n]
+                    .copy_from_slice(&direction[first..first + marked.len()]);
+            }
         }
         Arch::new().dispatch(Back(self));
         if self.dimension == 3 {
@@ -90,18 +101,34 @@ impl TurnedBack {
                 }
             }
         }
+        if !direction.is_empty() {
+            self.turn_direction();
+        }
     }
 
-    /// `F`, then `F - I`.
-    pub(super) fn components(&self) -> impl Iterator<Item = &[f64]> {
+    /// `F`, then `F - I`, then the direction if there is one.
+    pub(super) fn components(&self, has_direction: bool) -> impl Iterator<Item = &[f64]> {
         let n_components = self.dimension * self.dimension;
-        let given = [&self.gradient, &self.change].into_iter();
+        let given = [&self.gradient, &self.change, &self.direction].into_iter();
+        let given = given.take(if has_direction { 3 } else { 2 });
         given.flat_map(move |tensor| tensor[..n_components].iter().map(|array| &array[..self.n]))
     }
 
-    /// A stress, turned as the body is.
+    /// A stress, or what it changes by, turned as the body is.
     pub(super) fn turn(&self, stress: &mut [&mut [f64]]) {
-        Arch::new().dispatch(Forth(self, stress));
+        let TurnedBack { dimension, marked, rotations, .. } = self;
+        Arch::new().dispatch(Turn { d: *dimension, is_back: false, marked, rotations, stress });
+    }
+
+    /// A direction, turned back.
+    fn turn_direction(&mut self) {
+        let TurnedBack { dimension: d, n, marked, rotations, direction, .. } = self;
+        let mut arrays: [&mut [f64]; MOST] = Default::default();
+        for (array, component) in arrays.iter_mut().zip(direction) {
+            *array = &mut component[..*n];
+        }
+        let stress = &mut arrays[..*d * *d];
+        Arch::new().dispatch(Turn { d: *d, is_back: true, marked, rotations, stress });
     }
 }
 
@@ -220,26 +247,33 @@ impl TurnedBack {
     }
 }
 
-/// Turns stresses as bodies are turned, where they are marked.
-struct Forth<'a, 'b>(&'a TurnedBack, &'a mut [&'b mut [f64]]);
+/// Multiplies tensors by rotations from the left, or by their transposes, where they are marked.
+struct Turn<'a, 'b> {
+    d: usize,
+    is_back: bool,
+    marked: &'a [bool],
+    rotations: &'a Tensors,
+    stress: &'a mut [&'b mut [f64]],
+}
 
-impl WithSimd for Forth<'_, '_> {
+impl WithSimd for Turn<'_, '_> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) {
-        let Forth(TurnedBack { dimension: d, n, marked, rotations, .. }, stress) = self;
-        for j in 0..*d {
+        let Turn { d, is_back, marked, rotations, stress } = self;
+        for j in 0..d {
             let mut columns = [[0.0; BLOCK]; 3];
-            for i in 0..*d {
-                for k in 0..*d {
-                    let terms = rotations[i * d + k].iter().zip(&*stress[k * d + j]);
-                    for (sum, (rotation, of)) in columns[i][..*n].iter_mut().zip(terms) {
+            for i in 0..d {
+                for k in 0..d {
+                    let rotation = &rotations[if is_back { k * d + i } else { i * d + k }];
+                    let terms = rotation.iter().zip(&*stress[k * d + j]);
+                    for (sum, (rotation, of)) in columns[i].iter_mut().zip(terms) {
                         *sum += rotation * of;
                     }
                 }
             }
-            for (i, column) in columns.iter().enumerate().take(*d) {
+            for (i, column) in columns.iter().enumerate().take(d) {
                 let turned = column.iter().zip(marked);
                 for (stress, (turned, mark)) in stress[i * d + j].iter_mut().zip(turned) {
                     *stress = if *mark { *turned } else { *stress };

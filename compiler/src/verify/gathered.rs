@@ -4,7 +4,7 @@
 
 use super::sample::Random;
 use super::stated::cause_of_gathered;
-use super::{Subject, Verification, Ways, Witness, gathered_near};
+use super::{Subject, Verification, Ways, Witness, gathered_near, parts};
 use crate::expression::number::Number;
 use crate::expression::precise::Precise;
 use crate::gathered::{
@@ -50,6 +50,12 @@ pub(super) fn verify(
         let near = gathered_near::judge(&mut verification, 1, (near, all), &written, n);
         let far = dual.iter().map(|place| (&place.variables, &place.direction, place.reference));
         let near = near.iter().map(|place| (&place.variables, &place.direction, place.reference));
+        let sizes = |order: usize| {
+            let of =
+                |place: &Place| largest(&place.values[parts(place.variables.len())[order].clone()]);
+            dual.iter().map(of).filter(|size| size.is_finite()).fold(0.0, f64::max)
+        };
+        verification.forgive([0, 1, 2].map(sizes));
         find_causes(
             &mut verification,
             (model, values),

@@ -1,4 +1,4 @@
-//! Bonds near rest at which two forms of an energy are compared, where they differ with numbers of 256 bits.
+//! Bonds and points near rest at which two forms of an energy are compared, where they differ with numbers of 256 bits.
 
 use crate::expression::interpret::Interpreter;
 use crate::expression::number::Number;
@@ -22,16 +22,17 @@ const STEP: f64 = 1e-3;
 /// A length at rest of few digits, but no power of two, which would hide what rounding does.
 const REFERENCE: f64 = 0.8125;
 
-/// An energy of bonds as written, with all digits of its numbers.
+/// An energy of bonds, or of points, as written, with all digits of its numbers.
 pub(super) struct Samples<'a> {
     exact: &'a ExprGraph,
     written: NodeId,
+    of_bonds: bool,
     n_integrals: usize,
     /// The integrals that the energy depends on, and which of them are 0 at rest.
     integrals: Vec<(u8, bool)>,
 }
 
-/// A bond: its strain and the integrals, in the order of [`Samples::integrals`].
+/// A bond, or a point: a strain and the integrals, in the order of [`Samples::integrals`].
 #[derive(Clone)]
 struct Bond {
     strain: f64,
@@ -47,13 +48,13 @@ struct Forms {
 impl<'a> Samples<'a> {
     pub(super) fn new(
         (exact, written): (&'a ExprGraph, NodeId),
-        n_integrals: usize,
+        (of_bonds, n_integrals): (bool, usize),
         vanishing: &[Input],
     ) -> Samples<'a> {
         let all = 0..n_integrals as u8;
         let held = all.filter(|k| exact.depends_on(&[written], Input::Integral(*k)));
         let integrals = held.map(|k| (k, vanishing.contains(&Input::Integral(k)))).collect();
-        Samples { exact, written, n_integrals, integrals }
+        Samples { exact, written, of_bonds, n_integrals, integrals }
     }
 
     /// How often psi, the entries of its gradient and of its product lose digits in each of two forms.
@@ -61,8 +62,9 @@ impl<'a> Samples<'a> {
         let (graph, roots) = graph.extract(&forms.concat());
         let forms = Forms { graph, roots };
         let mut lost = vec![[0, 0]; forms.roots.len() / 2];
-        let integrals = self.integrals.iter().map(|(k, _)| 1 + usize::from(*k));
-        let directions: Vec<usize> = std::iter::once(0).chain(integrals).collect();
+        let first = usize::from(self.of_bonds);
+        let integrals = self.integrals.iter().map(|(k, _)| first + usize::from(*k));
+        let directions: Vec<usize> = (0..first).chain(integrals).collect();
         for bond in self.bonds() {
             for direction in &directions {
                 self.compare(&forms, &bond, *direction, &mut lost);
@@ -142,7 +144,7 @@ impl<'a> Samples<'a> {
     fn sizes(&self, forms: &Forms, bond: &Bond, direction: usize) -> Vec<f64> {
         let of = |bond: &Bond| self.values(forms, bond, direction).split_off(forms.roots.len() / 2);
         let mut sizes: Vec<f64> = of(bond).iter().map(|x| x.abs()).collect();
-        for varied in 0..=bond.integrals.len() {
+        for varied in usize::from(!self.of_bonds)..=bond.integrals.len() {
             let [less, more] = [1.0 - STEP, 1.0 + STEP].map(|by| {
                 let mut moved = bond.clone();
                 match varied.checked_sub(1) {
@@ -160,7 +162,9 @@ impl<'a> Samples<'a> {
 
     /// psi, its gradient and its product as written; nothing where one of them is no number.
     fn truth(&self, bond: &Bond, direction: usize) -> Option<Vec<f64>> {
-        let direction: Vec<f64> = (0..=self.n_integrals).map(|k| unit(k, direction)).collect();
+        let first = usize::from(self.of_bonds);
+        let places = 0..first + self.n_integrals;
+        let direction: Vec<f64> = places.map(|k| unit(k, direction)).collect();
         by_lines(&direction, |slope| {
             let more = REFERENCE * bond.strain;
             let [rest, length, moved] =
@@ -173,7 +177,7 @@ impl<'a> Samples<'a> {
                 Input::Reference(_) => rest.clone(),
                 Input::Change(_) => change.clone(),
                 Input::Integral(k) => {
-                    Precise::line(self.known(bond, input), slope(1 + usize::from(k)), 0.0)
+                    Precise::line(self.known(bond, input), slope(first + usize::from(k)), 0.0)
                 }
                 other => Precise::line(self.known(bond, other), 0.0, 0.0),
             });

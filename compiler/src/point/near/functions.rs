@@ -244,6 +244,7 @@ impl Expander<'_> {
         let at_rest = self.graph.number(value.value.to_f64())?;
         let power = self.graph.power(whole, small)?;
         let change = self.graph.subtract(power, at_rest)?;
+        self.has_roots = true;
         Ok(self.kink(value, change))
     }
 

@@ -111,14 +111,14 @@ pub(super) fn function_at_rest(
 }
 
 /// The energy `root` near rest, where traces stand for what is beyond rest of their functions: see
-/// [`Expander::trace`]; `None` where it is no number there.
+/// [`Expander::trace`], and whether there are roots in it of what is 0 at rest; `None` where it is no number there.
 pub(super) fn near(
     graph: &mut Simplifier,
     source: Source<'_>,
     root: NodeId,
     components: &[u8],
     traces: Traces<'_>,
-) -> Result<Option<NodeId>, TooManyNodes> {
+) -> Result<Option<(NodeId, bool)>, TooManyNodes> {
     let variables: Vec<Varying> = components
         .iter()
         .map(|&k| Varying {
@@ -127,7 +127,9 @@ pub(super) fn near(
             at_rest: f64::from(u8::from(k.is_multiple_of(4))),
         })
         .collect();
-    Expander::new(graph, source, &variables, traces).whole_of(root)
+    let mut expander = Expander::new(graph, source, &variables, traces);
+    let near = expander.whole_of(root)?;
+    Ok(near.map(|near| (near, expander.has_roots)))
 }
 
 /// A variable of an energy.
@@ -167,6 +169,8 @@ struct Expander<'a> {
     /// What is of first order at rest without a slope there, as the root of a square: each counts as a
     /// variable of its own, so that it may cancel.
     kinks: Vec<NodeId>,
+    /// Whether there are roots, or other powers and functions, of what is 0 at rest.
+    has_roots: bool,
 }
 
 impl<'a> Expander<'a> {
@@ -182,7 +186,16 @@ impl<'a> Expander<'a> {
             has_traces.push(is_trace || node.operands().any(|x: NodeId| has_traces[x.0 as usize]));
         }
         let known = vec![None; source.graph.len()];
-        Expander { graph, source, variables, traces, known, has_traces, kinks: Vec::new() }
+        Expander {
+            graph,
+            source,
+            variables,
+            traces,
+            known,
+            has_traces,
+            kinks: Vec::new(),
+            has_roots: false,
+        }
     }
 
     fn run(&mut self, root: NodeId) -> Result<Option<Expansion>, TooManyNodes> {
@@ -198,7 +211,7 @@ impl<'a> Expander<'a> {
     }
 
     /// The root as one expression in the changes of its variables; `None` where it is no number at rest.
-    fn whole_of(mut self, root: NodeId) -> Result<Option<NodeId>, TooManyNodes> {
+    fn whole_of(&mut self, root: NodeId) -> Result<Option<NodeId>, TooManyNodes> {
         let Some(energy) = self.run(root)? else { return Ok(None) };
         match self.known[root.0 as usize] {
             Some(Near::Unknown(node)) => Ok(Some(node)),
@@ -578,6 +591,7 @@ impl<'a> Expander<'a> {
         let node = node.map_operands(|_| operands.next().expect("one per operand"));
         let id = self.graph.make(node)?;
         let change = self.graph.subtract(id, at_rest)?;
+        self.has_roots = true;
         Ok(self.kink(value, change))
     }
 }

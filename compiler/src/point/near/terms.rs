@@ -20,7 +20,7 @@ pub(crate) fn with_fields(
     graph: &mut Simplifier,
     (exact, written): (&Simplifier, NodeId),
     is_field: impl Fn(Input) -> bool,
-    near: impl Fn(&mut Simplifier, Source<'_>, NodeId) -> Result<Option<NodeId>, TooManyNodes>,
+    mut near: impl FnMut(&mut Simplifier, Source<'_>, NodeId) -> Result<Option<NodeId>, TooManyNodes>,
 ) -> Result<Option<NodeId>, TooManyNodes> {
     let mut exact = exact.clone();
     let whole = || vec![Product { factor: None, term: written }];

@@ -251,7 +251,7 @@ impl GradientKernel {
             }
             let back = back.get_or_insert_with(|| Box::new(TurnedBack::new(self.dimension)));
             back.take(at, start, marks, direction);
-            near.iter_mut().zip(&*marks).for_each(|(near, mark)| *near |= mark);
+            near.iter_mut().zip(back.marked()).for_each(|(near, mark)| *near |= mark);
             let mut room = [&[][..]; 3 * MOST];
             let given = listed(&mut room, back.components(!direction.is_empty()));
             self.block(near, (given, fields), &mut axes, targets, &evaluate);

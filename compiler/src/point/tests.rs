@@ -447,3 +447,35 @@ fn close_to(label: &str, found: &[f64], truth: &[f64], tolerance: f64) {
         assert!(error <= tolerance, "{label} {what}: {error} u");
     }
 }
+
+/// A mirror has no strain, and no rotation is near it; bodies beside it in a block are turned back.
+#[test]
+fn mirrors_are_evaluated_as_they_are() {
+    for d in [2, 3] {
+        for (psi, value) in [("E : E", Some(0.0)), ("tr(C) - d - 2*ln(J)", None)] {
+            let model = model(&format!("potential p\npsi(F) = {psi} + 0.25*(J + 1)^2"));
+            let compiled =
+                model.compile(&values(&model, d, &[]), Mode::Interpreter, Form::Accurate);
+            let kernel = compiled.unwrap().gradient.unwrap();
+            // A mirror, then a quarter of a turn: component by component.
+            let [mut gradient, mut change] = [vec![0.0; 2 * d * d], vec![0.0; 2 * d * d]];
+            for k in 0..d * d {
+                let (i, j) = (k / d, k % d);
+                let unit = f64::from(u8::from(i == j));
+                let turned = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]][i][j];
+                gradient[2 * k] = if k == 0 { -1.0 } else { unit };
+                gradient[2 * k + 1] = turned;
+                change[2 * k] = gradient[2 * k] - unit;
+                change[2 * k + 1] = turned - unit;
+            }
+            let at = GradientBatch { n: 2, gradient: &gradient, change: &change, fields: &[] };
+            let (mut psi, mut stress) = ([0.0; 2], vec![0.0; 2 * d * d]);
+            kernel.evaluate(at, &mut psi, &mut stress);
+            match value {
+                Some(value) => assert_eq!(psi[0], value, "{d}"),
+                None => assert!(psi[0].is_nan(), "{d}: {psi:?}"),
+            }
+            assert!((psi[1] - 1.0).abs() < 1e-15, "{d}: {psi:?}");
+        }
+    }
+}

@@ -101,9 +101,31 @@ impl TurnedBack {
                 }
             }
         }
+        self.leave_mirrors(at, start);
         if !direction.is_empty() {
             self.turn_direction();
         }
+    }
+
+    /// Leaves places as they were that no rotation brings near rest: a body that is turned inside out may have no
+    /// strain.
+    fn leave_mirrors(&mut self, at: GradientBatch<'_>, start: usize) {
+        let n_components = self.dimension * self.dimension;
+        for p in 0..self.n {
+            if !self.marked[p] || (0..n_components).all(|k| self.change[k][p].abs() < NEAR) {
+                continue;
+            }
+            self.marked[p] = false;
+            for k in 0..n_components {
+                self.change[k][p] = self.given[k][p];
+                self.gradient[k][p] = at.gradient[k * at.n + start + p];
+            }
+        }
+    }
+
+    /// Which places are turned back.
+    pub(super) fn marked(&self) -> &[bool] {
+        &self.marked[..self.n]
     }
 
     /// `F`, then `F - I`, then the direction if there is one.

@@ -14,7 +14,7 @@ use crate::expression::{
 };
 use crate::measure::Measure;
 use crate::point::adjoint::{self, Varied};
-use crate::point::near::{near_of_bonds, near_of_integrals, with_fields};
+use crate::point::near::{near_of_gathered, with_fields};
 use crate::simplify::Simplifier;
 use crate::specialise::substituted_into;
 use samples::Samples;
@@ -40,13 +40,12 @@ pub(super) fn kept(
         return Ok(ruled);
     }
     let (psi, varied) = match of_bonds {
-        true => (near(graph, exact, written, vanishing)?, Varied::LengthAndIntegrals(n_integrals)),
+        true => (
+            of_bonds_near_rest(graph, exact, written, vanishing)?,
+            Varied::LengthAndIntegrals(n_integrals),
+        ),
         false => {
-            let is_field = |input| is_known_in_a_run(input, vanishing);
-            let near = with_fields(graph, (exact, written), is_field, |graph, source, root| {
-                near_of_integrals(graph, source, root, vanishing)
-            });
-            (near?, Varied::Integrals(n_integrals))
+            (expanded(graph, (exact, written), (false, vanishing))?, Varied::Integrals(n_integrals))
         }
     };
     let Some(psi) = psi else { return Ok(ruled) };
@@ -76,28 +75,33 @@ pub(super) fn kept(
     Ok(kept)
 }
 
-/// What has some value at rest that no form knows.
-fn is_known_in_a_run(input: Input, vanishing: &[Input]) -> bool {
-    match input {
+/// An energy by remainders at rest, of what varies and is known there; nothing where it is no number there.
+fn expanded(
+    graph: &mut Simplifier,
+    subject: (&Simplifier, NodeId),
+    (of_bonds, vanishing): (bool, &[Input]),
+) -> Result<Option<NodeId>, TooManyNodes> {
+    // What has some value at rest that no form knows.
+    let is_field = |input| match input {
         Input::Parameter(_) | Input::Reference(_) => true,
         Input::Integral(_) => !vanishing.contains(&input),
         _ => false,
-    }
+    };
+    with_fields(graph, subject, is_field, |graph, source, root| {
+        near_of_gathered(graph, source, root, (of_bonds, vanishing))
+    })
 }
 
-/// The energy by remainders at rest; nothing where it is no number there.
-fn near(
+/// The same of an energy of bonds, with lengths for stretches.
+fn of_bonds_near_rest(
     graph: &mut Simplifier,
     exact: &Simplifier,
     written: NodeId,
     vanishing: &[Input],
 ) -> Result<Option<NodeId>, TooManyNodes> {
     let Some((stretched, factor)) = stretched(exact.graph(), written)? else { return Ok(None) };
-    let is_field = |input| is_known_in_a_run(input, vanishing);
-    let (mut apart, subject) = (Simplifier::new(), (&stretched, factor.node));
-    let found = with_fields(&mut apart, subject, is_field, |graph, source, root| {
-        near_of_bonds(graph, source, root, vanishing)
-    })?;
+    let mut apart = Simplifier::new();
+    let found = expanded(&mut apart, (&stretched, factor.node), (true, vanishing))?;
     let Some(found) = found else { return Ok(None) };
     let reference = graph.input(Input::Reference(Measure::Length))?;
     let length = graph.input(Input::Current(Measure::Length))?;

@@ -16,7 +16,7 @@ use crate::specialise::Form;
 use crate::values::Values;
 
 /// Largest error of psi, its gradient and products.
-pub(super) const BAR: f64 = 1e4;
+const BAR: f64 = 1e4;
 
 /// The same near rest.
 const BAR_NEAR: f64 = 256.0;

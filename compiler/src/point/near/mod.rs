@@ -19,7 +19,7 @@ use crate::expression::{
 };
 use crate::near::{Exact, Number};
 use crate::simplify::Simplifier;
-pub(crate) use terms::{near_of_bonds, near_of_integrals, near_of_vanishing, with_fields};
+pub(crate) use terms::{near_of_gathered, near_of_vanishing, with_fields};
 
 /// A node near rest: `value + slope . H + rest`.
 #[derive(Clone, Debug)]

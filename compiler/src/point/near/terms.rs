@@ -43,28 +43,19 @@ pub(crate) fn with_fields(
     Ok(sum)
 }
 
-/// An energy of points near rest, as a function of integrals, some of which are 0 at rest; `None` where
-/// it is no number there.
-pub(crate) fn near_of_integrals(
+/// An energy of gathered values near rest, as a function of integrals, some of which are 0 at rest, of bonds of the
+/// stretch `Stretch(0)`, too; `None` where it is no number there.
+pub(crate) fn near_of_gathered(
     graph: &mut Simplifier,
     source: Source<'_>,
     root: NodeId,
-    vanishing: &[Input],
+    (of_bonds, vanishing): (bool, &[Input]),
 ) -> Result<Option<NodeId>, TooManyNodes> {
-    Expander::new(graph, source, &at_nothing(vanishing), &[]).whole_of(root)
-}
-
-/// An energy of bonds near rest, as a function of the stretch `Stretch(0)` and of integrals, some of which are
-/// 0 at rest; `None` where it is no number there.
-pub(crate) fn near_of_bonds(
-    graph: &mut Simplifier,
-    source: Source<'_>,
-    root: NodeId,
-    vanishing: &[Input],
-) -> Result<Option<NodeId>, TooManyNodes> {
-    let change = Input::Change(Measure::Length);
-    let mut variables = vec![Varying { variable: Input::Stretch(0), change, at_rest: 1.0 }];
-    variables.extend(at_nothing(vanishing));
+    let mut variables = at_nothing(vanishing);
+    if of_bonds {
+        let change = Input::Change(Measure::Length);
+        variables.insert(0, Varying { variable: Input::Stretch(0), change, at_rest: 1.0 });
+    }
     Expander::new(graph, source, &variables, &[]).whole_of(root)
 }
 

@@ -37,7 +37,7 @@ struct Expected {
     floor: f64,
 }
 
-const EXPECTED: [Expected; 20] = [
+const EXPECTED: [Expected; 21] = [
     Expected { example: "bimetal", overrides: &[], c: 15.0, floor: FLOOR },
     Expected { example: "bonds_beside_F", overrides: &[], c: 6.0, floor: FLOOR },
     Expected { example: "cantilever", overrides: &[], c: 0.2, floor: FLOOR },
@@ -64,6 +64,7 @@ const EXPECTED: [Expected; 20] = [
     // One percent of strain.
     Expected { example: "lamina", overrides: &[], c: 1.0, floor: FLOOR },
     Expected { example: "nanostrip", overrides: &[], c: 2.5, floor: FLOOR },
+    Expected { example: "ring", overrides: &[], c: 0.2, floor: FLOOR },
     Expected { example: "square", overrides: &[], c: 1.5, floor: FLOOR },
     // From the last equilibrium its triangles are too far off.
     Expected {

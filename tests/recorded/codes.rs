@@ -8,6 +8,13 @@ const CLOUD: &str = "[body]\ndimension = 2\npoints = \"points.csv\"\n\n[horizon]
 
 const POINTS: &str = "x,y,volume\n0,0,1\n1,0,1\n0,1,1\n1,1,1\n";
 
+/// A mesh for the examples of meshes, in place of the body of the page's scene.
+const MESH: &str =
+    "[body]\ndimension = 2\nmesh = \"sheet.msh\"\nnodes = \"corners\"\n\n[horizon]\nradius = 1.5\n";
+
+const SHEET: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n\
+    $EndNodes\n$Elements\n2\n1 2 2 0 1 1 2 3\n2 2 2 0 1 1 3 4\n$EndElements\n";
+
 /// A fenced block: its language and its text.
 type Block<'p> = (&'p str, &'p str);
 
@@ -53,14 +60,15 @@ fn said((language, text): Block<'_>, scene: &str, code: &str) -> Option<String> 
             std::fs::write(&file, text).unwrap();
             piola(&["check", "--pedantic", file.to_str().unwrap()])
         }
-        "toml" | "csv" => {
-            let cloud = with_tables(scene, CLOUD);
-            let (scene, points) = match language {
-                "toml" => (with_tables(scene, text), POINTS),
-                _ => (cloud, text),
+        "toml" | "csv" | "msh" => {
+            let (tables, points, mesh) = match language {
+                "toml" => (text, POINTS, SHEET),
+                "csv" => (CLOUD, text, SHEET),
+                _ => (MESH, POINTS, text),
             };
-            let folder = SceneFolder::new(&scene);
+            let folder = SceneFolder::new(&with_tables(scene, tables));
             folder.file("points.csv", points);
+            folder.file("sheet.msh", mesh);
             match FOUND_BY_RUNS.contains(&code) {
                 true => folder.run(&["--set", "steps.increments=1"]),
                 false => piola(&["plan", &folder.scene()]),

@@ -26,6 +26,7 @@ mod load_steps;
 mod load_steps_of_cliques;
 mod machine;
 mod materials;
+mod meshes;
 mod moduli;
 mod motion;
 mod picture;

@@ -6,15 +6,23 @@ use crate::{between, files, read};
 const MOST_LINES: usize = 600;
 
 /// Every crate and the crates of the workspace that it may know.
-const ARROWS: [(&str, &[&str]); 8] = [
+const ARROWS: [(&str, &[&str]); 9] = [
     ("grammar/Cargo.toml", &[]),
     ("compiler/Cargo.toml", &["piola-grammar"]),
     ("runtime/mechanics/Cargo.toml", &["piola-compiler"]),
+    ("runtime/meshes/Cargo.toml", &["piola-grammar"]),
     ("runtime/solvers/Cargo.toml", &["piola-mechanics"]),
     ("runtime/output/Cargo.toml", &["piola-grammar", "piola-mechanics"]),
     (
         "runtime/studies/Cargo.toml",
-        &["piola-grammar", "piola-compiler", "piola-mechanics", "piola-solvers", "piola-output"],
+        &[
+            "piola-grammar",
+            "piola-compiler",
+            "piola-mechanics",
+            "piola-meshes",
+            "piola-solvers",
+            "piola-output",
+        ],
     ),
     (
         "runtime/Cargo.toml",

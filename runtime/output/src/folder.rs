@@ -14,6 +14,8 @@ pub enum OutputFile {
     Collection,
     /// `frames/frame_000000.vtu` and so on.
     Frame(usize),
+    /// `frames/cells_000000.vtu`: the mesh of a body whose points are its cells.
+    Cells(usize),
     /// `displacement.csv`.
     Displacement,
     /// `reactions.csv`.
@@ -76,6 +78,7 @@ impl OutputFile {
         match self {
             OutputFile::Collection => "run.pvd".to_owned(),
             OutputFile::Frame(index) => format!("frame_{index:06}.vtu"),
+            OutputFile::Cells(index) => format!("cells_{index:06}.vtu"),
             OutputFile::Displacement => "displacement.csv".to_owned(),
             OutputFile::Reactions => "reactions.csv".to_owned(),
             OutputFile::Energy => "energy.csv".to_owned(),
@@ -97,7 +100,7 @@ impl OutputFile {
     /// The path relative to the output folder, with `/` on every system as `run.pvd` needs it.
     pub fn relative(self) -> String {
         match self {
-            OutputFile::Frame(_) => format!("{FRAMES}/{}", self.name()),
+            OutputFile::Frame(_) | OutputFile::Cells(_) => format!("{FRAMES}/{}", self.name()),
             _ => self.name(),
         }
     }
@@ -307,11 +310,12 @@ fn remove_frames(folder: &Path, those: impl Fn(&str) -> bool) -> Result<(), Outp
     Ok(())
 }
 
-/// `frame_000012.vtu`, or its temporary name.
+/// `frame_000012.vtu` or `cells_000012.vtu`, or its temporary name.
 fn is_frame_name(name: &str) -> bool {
-    let digits = of_partial(name)
-        .unwrap_or(name)
+    let whole = of_partial(name).unwrap_or(name);
+    let digits = whole
         .strip_prefix("frame_")
+        .or(whole.strip_prefix("cells_"))
         .and_then(|rest| rest.strip_suffix(".vtu"))
         .unwrap_or("");
     digits.len() >= 6 && digits.bytes().all(|b| b.is_ascii_digit())

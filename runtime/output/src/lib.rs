@@ -2,7 +2,7 @@
 //!
 //! | file | written by | content |
 //! |---|---|---|
-//! | `run.pvd`, `frames/*.vtu` | [`pvd::FrameSeries`] | the body at chosen times, for ParaView |
+//! | `run.pvd`, `frames/*.vtu` | [`pvd::FrameSeries`] | the body at chosen times, for ParaView; of a mesh its cells, too |
 //! | `displacement.csv`, `reactions.csv`, `energy.csv`, `probes.csv` | [`table`] | numbers, one row per point or step |
 //! | `motion.csv` | [`motion`] | the account of energy of a body in motion, and its momenta |
 //! | `fracture.csv` | [`fracture`], by [`motion`] or [`table`] | what broke, and where the tips of cracks are |
@@ -29,6 +29,7 @@ pub mod fracture;
 #[path = "../../../tests/support/frames.rs"]
 mod frames;
 pub mod history;
+pub mod mesh;
 pub mod motion;
 pub mod picture;
 pub mod pvd;
@@ -36,6 +37,8 @@ pub mod read;
 pub mod summary;
 pub mod table;
 pub mod vtu;
+
+use std::sync::Arc;
 
 use piola_mechanics::body::Body;
 
@@ -56,6 +59,8 @@ pub struct Points {
     pub spacing: Option<f64>,
     /// The cells between neighbours in a lattice, see [`cells::of_lattice`]; else none.
     pub cells: Vec<u32>,
+    /// The mesh that the body was made of, if it was.
+    pub mesh: Option<Arc<mesh::Mesh>>,
 }
 
 impl Points {
@@ -68,7 +73,12 @@ impl Points {
             None => Vec::new(),
         };
         let volumes = body.to_user_order(body.volumes(), 1);
-        Points { dimension, positions, volumes, spacing: body.spacing(), cells }
+        Points { dimension, positions, volumes, spacing: body.spacing(), cells, mesh: None }
+    }
+
+    /// The same with the mesh that the body was made of.
+    pub fn with_mesh(self, mesh: Option<Arc<mesh::Mesh>>) -> Points {
+        Points { mesh, ..self }
     }
 
     /// How many points there are.

@@ -2,7 +2,8 @@
 
 use std::fmt::Write;
 
-use super::vtu::encode_vtu;
+use super::mesh::{Mesh, PointsAre};
+use super::vtu::{encode_cells, encode_vtu};
 use super::{Frame, OutputError, OutputFile, OutputFolder, Points, decimal};
 
 /// The frames of a run, written one by one.
@@ -41,6 +42,9 @@ impl<'a> FrameSeries<'a> {
                 break;
             }
             folder.remove(OutputFile::Frame(index))?;
+            if series.cells().is_some() {
+                folder.remove(OutputFile::Cells(index))?;
+            }
         }
         Ok(series)
     }
@@ -52,6 +56,10 @@ impl<'a> FrameSeries<'a> {
 
     /// Writes the next frame and the list that includes it.
     pub fn push(&mut self, frame: &Frame) -> Result<(), OutputError> {
+        if let Some(mesh) = self.cells() {
+            let file = OutputFile::Cells(self.times.len());
+            self.folder.write(file, &encode_cells(mesh, self.points, frame))?;
+        }
         let file = OutputFile::Frame(self.times.len());
         self.folder.write(file, &encode_vtu(self.points, frame))?;
         self.times.push(frame.t);
@@ -65,20 +73,32 @@ impl<'a> FrameSeries<'a> {
         self.times.len()
     }
 
+    /// The mesh whose cells are the points: of it frames have a second part.
+    fn cells(&self) -> Option<&'a Mesh> {
+        self.points.mesh.as_deref().filter(|mesh| mesh.points_are() == PointsAre::Cells)
+    }
+
     fn write_list(&self) -> Result<(), OutputError> {
-        self.folder.write(OutputFile::Collection, collection(&self.times).as_bytes())
+        let list = collection(&self.times, self.cells().is_some());
+        self.folder.write(OutputFile::Collection, list.as_bytes())
     }
 }
 
-fn collection(times: &[f64]) -> String {
+fn collection(times: &[f64], has_cells: bool) -> String {
     let mut out = String::from(
         "<?xml version=\"1.0\"?>\n\
          <VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n\
          <Collection>\n",
     );
     for (index, &t) in times.iter().enumerate() {
-        let (t, file) = (decimal(t), OutputFile::Frame(index).relative());
-        let _ = writeln!(out, "<DataSet timestep=\"{t}\" group=\"\" part=\"0\" file=\"{file}\"/>");
+        let parts = [Some(OutputFile::Frame(index)), has_cells.then_some(OutputFile::Cells(index))];
+        for (part, file) in parts.into_iter().flatten().enumerate() {
+            let (t, file) = (decimal(t), file.relative());
+            let _ = writeln!(
+                out,
+                "<DataSet timestep=\"{t}\" group=\"\" part=\"{part}\" file=\"{file}\"/>"
+            );
+        }
     }
     out.push_str("</Collection>\n</VTKFile>\n");
     out
@@ -98,6 +118,7 @@ mod tests {
             volumes: vec![1.0, 1.0],
             spacing: Some(1.0),
             cells: Vec::new(),
+            mesh: None,
         }
     }
 
@@ -173,7 +194,7 @@ mod tests {
 
     #[test]
     fn cut_lists_are_noticed() {
-        let whole = collection(&[0.0, 0.5]);
+        let whole = collection(&[0.0, 0.5], false);
         assert_eq!(read_pvd(&whole).unwrap().len(), 2);
         for length in 0..whole.len() {
             assert_eq!(read_pvd(&whole[..length]), None);

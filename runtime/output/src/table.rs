@@ -200,6 +200,7 @@ mod tests {
                 volumes: vec![1.0; n],
                 spacing: None,
                 cells: Vec::new(),
+                mesh: None,
             };
             let displacement = numbers(7.0);
             let text = displacement_table(&points, &displacement);

@@ -1,5 +1,6 @@
 //! Frames as `.vtu` files: VTK's unstructured grid with one vertex cell per point, and of lattices
-//! quadrilaterals or hexahedra between them.
+//! quadrilaterals or hexahedra between them, of meshes whose corners are the points their cells. Where
+//! points are the cells of a mesh, that is a grid of its own, with the points' numbers as cell data.
 //!
 //! The format is VTK XML with raw appended data, little endian, `UInt64` headers, zlib blocks
 //! (docs.vtk.org, "VTK XML file formats"). Points stand at their reference positions and carry
@@ -12,6 +13,7 @@ use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use rayon::prelude::*;
 
+use super::mesh::{Mesh, PointsAre};
 use super::{Frame, Points, decimal};
 
 /// Uncompressed bytes per zlib block: small enough to compress blocks on all threads.
@@ -26,40 +28,120 @@ const VTK_HEXAHEDRON: u8 = 12;
 ///
 /// Point arrays: `displacement` (m), `residual` (N), in motion `velocity` (m/s), `volume` (m^d) and the frame's own.
 pub fn encode_vtu(points: &Points, frame: &Frame) -> Vec<u8> {
-    let n = points.n_points();
-    let d = points.dimension;
-    let mut appended = Appended::default();
-    let mut point_data = String::new();
-    let mut add = |name: &str, values: &[f64], components: usize| {
-        let width = if components == 2 { 3 } else { components };
-        let bytes = float_bytes(&padded(values, components, width));
-        point_data.push_str(&appended.array("Float64", name, width, &bytes));
-    };
-    add("displacement", &frame.displacement, d);
-    add("residual", &frame.residual, d);
-    if !frame.velocity.is_empty() {
-        add("velocity", &frame.velocity, d);
+    let mut grid = Grid::new(points.dimension);
+    let mut point_data = grid.arrays(&[("displacement", &frame.displacement, points.dimension)]);
+    point_data += &grid.arrays(&of_points(points, frame));
+    let positions = grid.positions(&points.positions);
+    let mut cells = Cells::of_vertices(points.n_points());
+    match &points.mesh {
+        Some(mesh) if mesh.points_are() == PointsAre::Vertices => cells.add_mesh(mesh),
+        _ => cells.add_lattice(points),
     }
-    add("volume", &points.volumes, 1);
-    for field in &frame.fields {
-        add(&field.name, &field.values, field.components);
-    }
-    let positions = float_bytes(&padded(&points.positions, d, 3));
-    let positions = appended.array("Float64", "Points", 3, &positions);
-    let (corners, kind) = if d == 2 { (4, VTK_QUAD) } else { (8, VTK_HEXAHEDRON) };
-    let n_cells = points.cells.len() / corners;
-    let between = points.cells.iter().map(|point| i64::from(*point));
-    let connectivity = integer_bytes((0..n as i64).chain(between));
-    let connectivity = appended.array("Int64", "connectivity", 1, &connectivity);
-    let ends = (1..=n_cells).map(|cell| (n + cell * corners) as i64);
-    let offsets = integer_bytes((1..=n as i64).chain(ends));
-    let offsets = appended.array("Int64", "offsets", 1, &offsets);
-    let kinds = [vec![VTK_VERTEX; n], vec![kind; n_cells]].concat();
-    let types = appended.array("UInt8", "types", 1, &kinds);
-    let n_cells = n + n_cells;
-    let t = decimal(frame.t);
+    grid.file(frame.t, [&point_data, "", &positions], points.n_points(), &cells)
+}
 
-    let mut out = format!(
+/// The mesh of a body whose points are its cells, as the bytes of a `.vtu` file: `displacement` (m) at the
+/// vertices, everything that [`encode_vtu`] has of points at the cells.
+pub fn encode_cells(mesh: &Mesh, points: &Points, frame: &Frame) -> Vec<u8> {
+    let d = points.dimension;
+    let carried = mesh.carried(&points.positions, &frame.displacement);
+    let mut grid = Grid::new(d);
+    let point_data = grid.arrays(&[("displacement", &carried, d)]);
+    let cell_data = grid.arrays(&of_points(points, frame));
+    let positions = grid.positions(mesh.vertices());
+    let mut cells = Cells::default();
+    cells.add_mesh(mesh);
+    grid.file(frame.t, [&point_data, &cell_data, &positions], mesh.vertices().len() / d, &cells)
+}
+
+/// What is known of points beside their displacement: names, values, components.
+fn of_points<'a>(points: &'a Points, frame: &'a Frame) -> Vec<(&'a str, &'a [f64], usize)> {
+    let d = points.dimension;
+    let mut arrays = vec![("residual", &frame.residual[..], d)];
+    if !frame.velocity.is_empty() {
+        arrays.push(("velocity", &frame.velocity, d));
+    }
+    arrays.push(("volume", &points.volumes, 1));
+    arrays.extend(frame.fields.iter().map(|f| (&f.name[..], &f.values[..], f.components)));
+    arrays
+}
+
+/// Cells in VTK's arrays.
+#[derive(Default)]
+struct Cells {
+    connectivity: Vec<i64>,
+    ends: Vec<i64>,
+    types: Vec<u8>,
+}
+
+impl Cells {
+    fn of_vertices(n: usize) -> Cells {
+        let connectivity = (0..n as i64).collect();
+        Cells { connectivity, ends: (1..=n as i64).collect(), types: vec![VTK_VERTEX; n] }
+    }
+
+    fn add(&mut self, kind: u8, corners: &[u32]) {
+        self.connectivity.extend(corners.iter().map(|corner| i64::from(*corner)));
+        self.ends.push(self.connectivity.len() as i64);
+        self.types.push(kind);
+    }
+
+    fn add_lattice(&mut self, points: &Points) {
+        let (corners, kind) =
+            if points.dimension == 2 { (4, VTK_QUAD) } else { (8, VTK_HEXAHEDRON) };
+        points.cells.chunks_exact(corners).for_each(|cell| self.add(kind, cell));
+    }
+
+    fn add_mesh(&mut self, mesh: &Mesh) {
+        (0..mesh.n_cells()).for_each(|cell| self.add(mesh.shape(cell).vtk(), mesh.corners(cell)));
+    }
+}
+
+/// A file as it grows: the appended section, and what points into it.
+struct Grid {
+    dimension: usize,
+    appended: Appended,
+}
+
+impl Grid {
+    fn new(dimension: usize) -> Grid {
+        Grid { dimension, appended: Appended::default() }
+    }
+
+    fn arrays(&mut self, arrays: &[(&str, &[f64], usize)]) -> String {
+        let array = |&(name, values, components): &(&str, &[f64], usize)| {
+            let width = if components == 2 { 3 } else { components };
+            let bytes = float_bytes(&padded(values, components, width));
+            self.appended.array("Float64", name, width, &bytes)
+        };
+        arrays.iter().map(array).collect()
+    }
+
+    fn positions(&mut self, positions: &[f64]) -> String {
+        let bytes = float_bytes(&padded(positions, self.dimension, 3));
+        self.appended.array("Float64", "Points", 3, &bytes)
+    }
+
+    fn file(
+        mut self,
+        t: f64,
+        [point_data, cell_data, positions]: [&str; 3],
+        n: usize,
+        cells: &Cells,
+    ) -> Vec<u8> {
+        let appended = &mut self.appended;
+        let integers = |numbers: &[i64]| integer_bytes(numbers.iter().copied());
+        let connectivity = integers(&cells.connectivity);
+        let connectivity = appended.array("Int64", "connectivity", 1, &connectivity);
+        let offsets = appended.array("Int64", "offsets", 1, &integers(&cells.ends));
+        let types = appended.array("UInt8", "types", 1, &cells.types);
+        let (n_cells, t) = (cells.types.len(), decimal(t));
+        let cell_data = match cell_data {
+            "" => String::new(),
+            some => format!("<CellData>\n{some}</CellData>\n"),
+        };
+
+        let mut out = format!(
         r#"<?xml version="1.0"?>
 <VTKFile type="UnstructuredGrid" version="1.0" byte_order="LittleEndian" header_type="UInt64" compressor="vtkZLibDataCompressor">
 <UnstructuredGrid>
@@ -69,7 +151,7 @@ pub fn encode_vtu(points: &Points, frame: &Frame) -> Vec<u8> {
 <Piece NumberOfPoints="{n}" NumberOfCells="{n_cells}">
 <PointData Vectors="displacement">
 {point_data}</PointData>
-<Points>
+{cell_data}<Points>
 {positions}</Points>
 <Cells>
 {connectivity}{offsets}{types}</Cells>
@@ -79,9 +161,10 @@ pub fn encode_vtu(points: &Points, frame: &Frame) -> Vec<u8> {
 _"#
     )
     .into_bytes();
-    out.extend_from_slice(&appended.bytes);
-    out.extend_from_slice(b"\n</AppendedData>\n</VTKFile>\n");
-    out
+        out.extend_from_slice(&self.appended.bytes);
+        out.extend_from_slice(b"\n</AppendedData>\n</VTKFile>\n");
+        out
+    }
 }
 
 /// The appended section as it grows.
@@ -180,6 +263,7 @@ mod tests {
             volumes: many(n),
             spacing: None,
             cells: Vec::new(),
+            mesh: None,
         };
         let mut frame = Frame {
             t: 0.1 + 0.2,

@@ -1,10 +1,11 @@
 //! The deformed body: what is seen of it, from where, in which colours.
 
 use super::canvas::{Anchor, Canvas, DARK, GREY, LIGHT, Rgb, Text, shaded, shortened, viridis};
-use super::cells::{Cells, Facet};
+use super::cells::Facet;
 use super::chart::{Area, Axis, AxisKind, Chart, with_colour_bar};
 use super::discs::Discs;
 use super::motion::{Camera, Motion, bounds, dot};
+use super::solid::Solid;
 use super::{Colour, MOST_SHAPES, NamedPoints, ticks};
 use crate::{Frame, Points};
 
@@ -53,7 +54,7 @@ pub(super) struct BodyView<'a> {
 }
 
 enum Shapes {
-    Cells(Cells),
+    Solid(Solid),
     Discs(Discs),
 }
 
@@ -81,11 +82,12 @@ impl<'a> BodyView<'a> {
         let size = [0, 1, 2].map(|axis| high[axis] - low[axis]).into_iter().fold(0.0, f64::max);
         motion.magnification = magnification(largest, size);
         let camera = Camera::new(points.dimension);
-        let shapes = match points.spacing {
-            Some(spacing) if spacing > 0.0 => {
-                Shapes::Cells(Cells::new(&motion, spacing, MOST_SHAPES))
-            }
-            _ => Shapes::Discs(Discs::new(&motion, &camera, MOST_SHAPES)),
+        let of_mesh = || Solid::of_mesh(&motion, points.mesh.as_deref()?, MOST_SHAPES);
+        let of_lattice = |spacing| Solid::of_lattice(&motion, spacing, MOST_SHAPES);
+        let solid = points.spacing.filter(|spacing| *spacing > 0.0).map(of_lattice);
+        let shapes = match solid.or_else(of_mesh) {
+            Some(solid) => Shapes::Solid(solid),
+            None => Shapes::Discs(Discs::new(&motion, &camera, MOST_SHAPES)),
         };
         let names = sets.iter().take(MOST_SETS).map(|set| set.name.as_str()).collect();
         let (name, unit, shades) = match colour {
@@ -104,8 +106,8 @@ impl<'a> BodyView<'a> {
             factor => format!(", displacements magnified {} times", ticks::short(factor)),
         };
         match &self.shapes {
-            Shapes::Cells(cells) if cells.block > 1 => {
-                let times = vec![cells.block.to_string(); self.motion.points.dimension];
+            Shapes::Solid(solid) if solid.block > 1 => {
+                let times = vec![solid.block.to_string(); self.motion.points.dimension];
                 note += &format!(", {} points drawn as one", times.join(" × "));
             }
             Shapes::Discs(discs) if discs.every > 1 => {
@@ -127,11 +129,7 @@ impl<'a> BodyView<'a> {
 
     /// The body with its axes.
     pub(super) fn draw(&self, canvas: &mut Canvas, area: Area) {
-        let facets = match &self.shapes {
-            Shapes::Cells(cells) => cells.facets(),
-            Shapes::Discs(_) => Vec::new(),
-        };
-        let (low, high) = self.bounds(&facets);
+        let (low, high) = self.bounds();
         if low.iter().chain(&high).any(|x| !x.is_finite()) {
             area.frame(canvas, LIGHT);
             let [x, y] = area.centre();
@@ -145,23 +143,18 @@ impl<'a> BodyView<'a> {
         };
         let mut tags = Tags::new(&self.names);
         match &self.shapes {
-            Shapes::Cells(cells) => self.draw_cells(canvas, cells, facets, fit, &mut tags),
+            Shapes::Solid(solid) => self.draw_solid(canvas, solid, fit, &mut tags),
             Shapes::Discs(discs) => self.draw_discs(canvas, discs, fit, &mut tags),
         }
         tags.draw(canvas, area);
     }
 
     /// The box around everything that is drawn, in m; not finite if there is nothing.
-    fn bounds(&self, facets: &[Facet]) -> ([f64; 3], [f64; 3]) {
+    fn bounds(&self) -> ([f64; 3], [f64; 3]) {
         match &self.shapes {
-            Shapes::Cells(cells) => {
-                let corners = facets.iter().flat_map(|facet| facet.corners);
-                if self.motion.points.dimension == 2 {
-                    let outline = cells.edges().into_iter().flat_map(|edge| edge.reference);
-                    bounds(corners.chain(outline))
-                } else {
-                    bounds(corners)
-                }
+            Shapes::Solid(solid) => {
+                let corners = solid.facets.iter().flat_map(|facet| facet.corners);
+                bounds(corners.chain(solid.edges.iter().flat_map(|edge| edge.reference)))
             }
             Shapes::Discs(discs) => bounds(
                 discs
@@ -263,16 +256,9 @@ impl<'a> BodyView<'a> {
         }
     }
 
-    fn draw_cells(
-        &self,
-        canvas: &mut Canvas,
-        cells: &Cells,
-        facets: Vec<Facet>,
-        fit: Fit,
-        tags: &mut Tags,
-    ) {
+    fn draw_solid(&self, canvas: &mut Canvas, solid: &Solid, fit: Fit, tags: &mut Tags) {
         let place = |p: [f64; 3]| fit.place(self.camera.flat(p));
-        let edges = if self.motion.points.dimension == 2 { cells.edges() } else { Vec::new() };
+        let edges = &solid.edges;
         let outline: Vec<[[f64; 2]; 2]> =
             edges.iter().filter(|e| e.beyond.is_none()).map(|e| e.reference.map(place)).collect();
         canvas.segments(&outline, [190, 190, 190], 1.0);
@@ -282,25 +268,25 @@ impl<'a> BodyView<'a> {
         };
         let faces_viewer =
             |facet: &Facet| facet.outward.is_none_or(|n| dot(n, self.camera.towards) > 0.0);
-        let mut seen: Vec<Facet> = facets.into_iter().filter(faces_viewer).collect();
+        let mut seen: Vec<&Facet> = solid.facets.iter().filter(|f| faces_viewer(f)).collect();
         seen.sort_by(|p, q| nearness(p).total_cmp(&nearness(q)));
         // Small cells take their own colour as outline, which closes the seams between them.
-        let large = cells.size * fit.scale > 7.0;
+        let large = solid.size * fit.scale > 7.0;
         let (edge_shade, set_shade) = if large { (0.88, 0.65) } else { (1.0, 0.85) };
         for facet in &seen {
-            let cell = &cells.cells[facet.cell];
+            let (value, sets) = (solid.values[facet.cell], solid.sets[facet.cell]);
             let brightness = facet.outward.map_or(1.0, |normal| self.camera.brightness(normal));
-            let fill = shaded(self.colour(cell.value), brightness);
-            let in_marked_set = facet.outward.is_some() && cell.sets != 0;
+            let fill = shaded(self.colour(value), brightness);
+            let in_marked_set = facet.outward.is_some() && sets != 0;
             let stroke = shaded(fill, if in_marked_set { set_shade } else { edge_shade });
             let corners = facet.corners.map(place);
             canvas.polygon(&corners, fill, stroke, 0.7);
             for corner in corners {
-                tags.include(cell.sets, corner);
+                tags.include(sets, corner);
             }
         }
         for bit in 0..self.names.len() {
-            let is_in = |cell: usize| cells.cells[cell].sets >> bit & 1 == 1;
+            let is_in = |cell: usize| solid.sets[cell] >> bit & 1 == 1;
             let border: Vec<[[f64; 2]; 2]> = edges
                 .iter()
                 .filter(|edge| is_in(edge.cell) && !edge.beyond.is_some_and(is_in))

@@ -18,6 +18,7 @@ mod front;
 mod logarithmic;
 mod motion;
 mod slices;
+mod solid;
 mod ticks;
 
 pub use front::{Dot, DotKind, FrontPicture};

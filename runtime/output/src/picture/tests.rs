@@ -37,8 +37,14 @@ fn stretched(n: [usize; 3], dimension: usize, stretch: f64) -> (Points, Frame, V
     }
     let n_points = positions.len() / dimension;
     let volumes = vec![libm::pow(spacing, dimension as f64); n_points];
-    let points =
-        Points { dimension, positions, volumes, spacing: Some(spacing), cells: Vec::new() };
+    let points = Points {
+        dimension,
+        positions,
+        volumes,
+        spacing: Some(spacing),
+        cells: Vec::new(),
+        mesh: None,
+    };
     let residual = vec![0.0; displacement.len()];
     let frame = Frame { t: 1.0, displacement, residual, velocity: Vec::new(), fields: Vec::new() };
     let named = |name: &str, points| NamedPoints { name: name.to_owned(), points };
@@ -349,6 +355,7 @@ fn strange_runs_are_drawn_too() {
         volumes: vec![1e-6],
         spacing: None,
         cells: Vec::new(),
+        mesh: None,
     };
     let still = Frame {
         t: 0.0,

@@ -11,6 +11,7 @@ use piola_mechanics::lattice::LatticeError;
 use piola_mechanics::neighborhood::NeighborhoodError;
 use piola_mechanics::states::StateError;
 use piola_mechanics::vectors::VectorError;
+use piola_meshes::MeshError;
 use piola_output::read::TableError;
 use piola_solvers::constraint::ConstraintError;
 use piola_solvers::steps::StepError;
@@ -97,6 +98,20 @@ impl CaseError {
         }
     }
 
+    /// A mistake in a file of points or cells; shown at its place where that is text.
+    pub(crate) fn mesh(path: &Path, bytes: &[u8], error: MeshError) -> CaseError {
+        if !error.is_text {
+            return CaseError::Body { message: format!("{}, {error}", path.display()) };
+        }
+        // Byte by byte, so that places stay what they are.
+        let shown = bytes.iter().map(|byte| if byte.is_ascii() { *byte as char } else { '?' });
+        CaseError::Text {
+            name: path.display().to_string(),
+            text: shown.collect(),
+            diagnostics: vec![error.diagnostic],
+        }
+    }
+
     /// The mistakes in a table, each at its place.
     pub fn table(path: &Path, text: &str, errors: Vec<TableError>) -> CaseError {
         CaseError::Text {
@@ -107,16 +122,24 @@ impl CaseError {
     }
 }
 
+fn unreadable(path: &Path, reason: String) -> CaseError {
+    CaseError::Unreadable { path: path.display().to_string(), reason }
+}
+
 /// A whole text file of at most `limit` bytes.
 pub(crate) fn read_text(path: &Path, limit: u64) -> Result<String, CaseError> {
-    let unreadable =
-        |reason: String| CaseError::Unreadable { path: path.display().to_string(), reason };
+    let bytes = read_bytes(path, limit)?;
+    String::from_utf8(bytes).map_err(|_| unreadable(path, "it is not UTF-8 text".to_string()))
+}
+
+/// A whole file of at most `limit` bytes.
+pub(crate) fn read_bytes(path: &Path, limit: u64) -> Result<Vec<u8>, CaseError> {
     let mut bytes = Vec::new();
     let read =
         std::fs::File::open(path).and_then(|file| file.take(limit + 1).read_to_end(&mut bytes));
-    read.map_err(|error| unreadable(error.to_string()))?;
+    read.map_err(|error| unreadable(path, error.to_string()))?;
     if bytes.len() as u64 > limit {
-        return Err(unreadable(format!("it has more than {limit} bytes")));
+        return Err(unreadable(path, format!("it has more than {limit} bytes")));
     }
-    String::from_utf8(bytes).map_err(|_| unreadable("it is not UTF-8 text".to_string()))
+    Ok(bytes)
 }

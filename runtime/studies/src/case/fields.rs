@@ -81,7 +81,7 @@ fn expression_text(parameter: &ParameterSetting) -> Option<&str> {
 /// The text of a parameter that varies. Of a lattice nothing but X, Y, Z and t can; what a cloud has
 /// columns of is not known before it is read.
 pub(super) fn varying<'a>(scene: &Scene, parameter: &'a ParameterSetting) -> Option<&'a str> {
-    let is_cloud = matches!(scene.body.points, Points::Cloud { .. });
+    let is_cloud = !matches!(scene.body.points, Points::Lattice(_));
     let varies = |text: &&str| VARIABLES.iter().any(|name| names(text, name).next().is_some());
     expression_text(parameter).filter(|text| is_cloud || varies(text))
 }
@@ -515,6 +515,6 @@ impl Case {
 pub(super) fn typical(scene: &Scene, field: &Field) -> f64 {
     match &scene.body.points {
         Points::Lattice(shape) => field.in_the_middle(&shape.low, &shape.high),
-        Points::Cloud { .. } => field.factor,
+        Points::Cloud { .. } | Points::Mesh(_) => field.factor,
     }
 }

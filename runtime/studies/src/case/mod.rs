@@ -16,6 +16,7 @@ mod family;
 mod fields;
 mod fracture;
 mod model;
+mod points;
 mod potential;
 pub(crate) mod size;
 
@@ -23,6 +24,7 @@ pub use error::CaseError;
 use fields::Columns;
 pub use fields::{FieldsInTime, WrongField};
 pub(crate) use model::state_laws;
+use points::Filled;
 pub(crate) use potential::settings;
 pub use potential::{Compiled, Potential};
 
@@ -32,17 +34,13 @@ use std::sync::Arc;
 use piola_grammar::Diagnostic;
 
 use crate::scene::selection::{self, Selection};
-use crate::scene::{MAX_SCENE_BYTES, Material, Points, Scene};
+use crate::scene::{MAX_SCENE_BYTES, Material, Scene};
 use piola_mechanics::body::Body;
 use piola_mechanics::energy::NonFinite;
 use piola_mechanics::kernel::Measure;
 
-use piola_mechanics::lattice::Lattice;
 use piola_mechanics::materials::Materials;
-use piola_output::read::read_cloud;
-
-/// Largest point cloud that is read, in bytes.
-const MAX_CLOUD_BYTES: u64 = 1 << 30;
+use piola_output::mesh::Mesh;
 
 /// A library of potentials: text by name, and all names.
 pub struct Library<'a> {
@@ -65,6 +63,8 @@ pub struct Case {
     pub materials: Option<Arc<Materials>>,
     /// What parameters take from the table of the points.
     columns: Columns,
+    /// The cells that the points are of, where they are of a mesh.
+    pub mesh: Option<Arc<Mesh>>,
     /// Findings about the scene that do not stop the work; spans as in [`Scene::report`].
     pub warnings: Vec<Diagnostic>,
     /// Where the scene is: a cloud is named relative to it.
@@ -143,7 +143,16 @@ impl Case {
         let body = Arc::new(Body::new(scene.body.dimension, &[], &[], None));
         let folder = folder.to_path_buf();
         let columns = Columns::default();
-        let case = Case { scene, potentials, body, materials: None, columns, warnings, folder };
+        let case = Case {
+            scene,
+            potentials,
+            body,
+            materials: None,
+            columns,
+            mesh: None,
+            warnings,
+            folder,
+        };
         for potential in &case.potentials {
             case.check_families(potential)?;
         }
@@ -157,9 +166,9 @@ impl Case {
     /// # Errors
     /// A cloud that cannot be read, a box that is none, more points than the memory holds.
     pub fn with_points(mut self) -> Result<Case, CaseError> {
-        let Filled { body, columns, warnings } = body(&self.scene, &self.folder)?;
+        let Filled { body, columns, mesh, warnings } = points::fill(&mut self.scene, &self.folder)?;
         self.materials = selection::materials(&self.scene, &body)?.map(Arc::new);
-        (self.body, self.columns) = (Arc::new(body), columns);
+        (self.body, self.columns, self.mesh) = (Arc::new(body), columns, mesh);
         self.warnings.extend(warnings);
         self.warnings.extend(self.warnings_of_cracks());
         self.with_fields()
@@ -273,52 +282,4 @@ fn check_corrections<'a>(
     let message = format!("corrections are of bonds, and {name} has a psi({other})");
     let found = Diagnostic::error("conflicting-keys", span, message).label(label).help(help);
     Err(CaseError::Scene(scene.report(vec![found])))
-}
-
-/// The points of the scene without those that it removes.
-fn body(scene: &Scene, folder: &Path) -> Result<Filled, CaseError> {
-    let dimension = scene.body.dimension;
-    let mut table = None;
-    let (positions, volumes, spacing) = match &scene.body.points {
-        Points::Lattice(shape) => {
-            let lattice = Lattice {
-                lower: shape.low.clone(),
-                upper: shape.high.clone(),
-                spacing: shape.spacing,
-                nodes: shape.nodes,
-            };
-            size::check_lattice(shape)?;
-            let points = lattice.points()?;
-            (points.positions, points.volumes, Some(shape.spacing))
-        }
-        Points::Cloud { path } => {
-            let file = folder.join(&path.value);
-            let text = error::read_text(&file, MAX_CLOUD_BYTES)?;
-            let cloud = read_cloud(&text, dimension)
-                .map_err(|error| CaseError::table(&file, &text, error))?;
-            table = Some((file, text));
-            (cloud.positions, cloud.volumes, None)
-        }
-    };
-    let kept = selection::kept(scene, &positions, &volumes, spacing)?;
-    let rows = positions.chunks_exact(dimension).zip(&volumes).zip(&kept.keep);
-    let mut left = (Vec::new(), Vec::new());
-    for ((position, volume), _) in rows.filter(|(_, keep)| **keep) {
-        left.0.extend_from_slice(position);
-        left.1.push(*volume);
-    }
-    let columns = match table {
-        Some((file, text)) => Columns::read(&text, scene, &kept.keep)
-            .map_err(|errors| CaseError::table(&file, &text, errors))?,
-        None => Columns::default(),
-    };
-    let body = Body::new(dimension, &left.0, &left.1, spacing);
-    Ok(Filled { body, columns, warnings: kept.warnings })
-}
-
-/// The points of a scene.
-struct Filled {
-    body: Body,
-    columns: Columns,
-    warnings: Vec<Diagnostic>,
 }

@@ -8,7 +8,6 @@ use piola_mechanics::kernel::{Variables, VariablesLaw};
 
 use super::inside::Inside;
 use crate::case::{Case, CaseError, Compiled, state_laws};
-use crate::scene::Points;
 
 /// Derivatives at rest of the energy density W by the displacement gradient G in `u = G X`.
 ///
@@ -37,7 +36,7 @@ impl Affine {
     /// With the cliques of the lattice, which are the same for all parameters.
     pub(super) fn with(case: &Case, inside: &Inside) -> Result<Affine, CaseError> {
         let compiled = Inside::compile(case)?;
-        if matches!(case.scene.body.points, Points::Cloud { .. }) {
+        if case.scene.body.points.spacing().is_none() {
             return Affine::of_cloud(case, compiled);
         }
         let mut affine = Affine::zero(case.scene.body.dimension);

@@ -19,7 +19,7 @@ use super::directed;
 use super::states::of_states;
 use super::vectors;
 use crate::case::{Case, CaseError, Compiled};
-use crate::scene::{DerivativeSource, Points};
+use crate::scene::DerivativeSource;
 
 /// The cliques of an endless lattice, counted where they are needed, once.
 pub(super) struct Inside {
@@ -34,10 +34,7 @@ pub(super) struct Inside {
 impl Inside {
     /// The lattice of a case. That of a cloud is never asked for anything.
     pub(super) fn new(case: &Case) -> Inside {
-        let spacing = match &case.scene.body.points {
-            Points::Lattice(shape) => shape.spacing,
-            Points::Cloud { .. } => f64::INFINITY,
-        };
+        let spacing = case.scene.body.points.spacing().unwrap_or(f64::INFINITY);
         Inside {
             dimension: case.scene.body.dimension,
             spacing,

@@ -50,7 +50,6 @@ pub use stiffness::{Modulus, Stiffness};
 pub use time_step::TimeStep;
 
 use crate::case::{Case, CaseError};
-use crate::scene::Points;
 
 /// Whose moduli they are.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -109,10 +108,8 @@ fn moduli_with(case: &Case, density: Option<f64>, inside: &Inside) -> Result<Mod
     let case = &case.without_fields();
     let affine = Affine::with(case, inside)?;
     let d = case.scene.body.dimension;
-    let (basis, spacing) = match &case.scene.body.points {
-        Points::Lattice(shape) => (Basis::Lattice, Some(shape.spacing)),
-        Points::Cloud { .. } => (Basis::Cloud, None),
-    };
+    let spacing = case.scene.body.points.spacing();
+    let basis = if spacing.is_some() { Basis::Lattice } else { Basis::Cloud };
     let waves = density.map(|density| {
         let speed = |number: usize| {
             let square = affine.tangent(number, number) / density;

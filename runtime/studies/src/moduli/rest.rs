@@ -6,7 +6,6 @@ use piola_mechanics::kernel::Measure;
 use super::inside::Inside;
 use super::{Affine, Stiffness};
 use crate::case::{Case, CaseError, Potential};
-use crate::scene::Points;
 
 /// Stress at rest over the largest modulus that is rounding.
 const NO_STRESS: f64 = 1e-9;
@@ -47,7 +46,7 @@ impl Case {
     /// gathered values and of several measures inside a lattice: what they are for one interaction or
     /// point does not tell.
     fn unfit_lattice(&self) -> Option<CaseError> {
-        let is_lattice = matches!(self.scene.body.points, Points::Lattice(_));
+        let is_lattice = self.scene.body.points.spacing().is_some();
         // The message is about the first potential of families or of several measures, or the first of all.
         let is_of_many = |p: &&Potential| p.has_families() || !p.model.coupled().is_empty();
         let of_many = self.potentials.iter().find(is_of_many);

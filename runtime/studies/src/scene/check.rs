@@ -5,7 +5,7 @@ use piola_mechanics::surface::Volumes;
 use piola_mechanics::weights::Weights;
 use piola_mechanics::words::Words;
 
-use super::{AXES, Horizon, HorizonExtent, LatticeShape, Load, Prescription, SetDefinition};
+use super::{AXES, Horizon, LatticeShape, Load, Prescription, SetDefinition};
 
 /// Extents are whole multiples of the spacing to this many spacings.
 const LATTICE_TOLERANCE: f64 = 1e-6;
@@ -53,24 +53,10 @@ pub(super) fn lattice(
     None
 }
 
-/// Why a horizon does not fit the points; `spacing` is 0 for a cloud.
-pub(super) fn horizon(
-    extent: HorizonExtent,
-    radius: f64,
-    spacing: f64,
-    span: Span,
-) -> Option<Diagnostic> {
+/// Why a horizon does not fit the points; `spacing` is 0 where they are of no lattice.
+pub(super) fn horizon(radius: f64, spacing: f64, span: Span) -> Option<Diagnostic> {
     if spacing == 0.0 {
-        return match extent {
-            HorizonExtent::Radius(_) => None,
-            HorizonExtent::Spacings(_) => {
-                let message = "a cloud of points has no spacing to count the horizon in";
-                Some(
-                    Diagnostic::error("spacings-on-cloud", span, message)
-                        .help("write radius = 0.15, in m"),
-                )
-            }
-        };
+        return None;
     }
     if radius < spacing * (1.0 - LATTICE_TOLERANCE) {
         let message = format!("the horizon {radius} is smaller than the spacing {spacing}");

@@ -20,10 +20,12 @@ mod fracture;
 mod keys;
 mod motion;
 mod overrides;
+mod points;
 mod potential;
 mod read;
 mod reader;
 pub mod selection;
+mod sets;
 mod settings;
 mod source;
 mod tree;
@@ -52,8 +54,10 @@ pub use expression::Expression;
 pub use fracture::{CrackEntry, CrackShape, FractureSettings, Track, TrackAxis};
 pub use motion::{Given, Initial, Motion};
 pub use piola_mechanics::lattice::Nodes;
+pub use points::{BodyShape, LatticeShape, MeshFormat, MeshNodes, MeshShape, Points};
 pub use potential::{PotentialText, files_below};
 pub use read::MOST_LAWS;
+pub use sets::{Listing, Members, SetDefinition};
 pub(crate) use settings::STATE;
 pub use settings::{
     ColourBy, DerivativeSource, FrameField, OutputSettings, SolverSettings, Steps, StrainSource,
@@ -170,11 +174,10 @@ impl Scene {
 
     /// The horizon in m.
     pub fn horizon_radius(&self) -> f64 {
-        match (self.horizon.extent, &self.body.points) {
-            (HorizonExtent::Radius(radius), _) => radius,
-            (HorizonExtent::Spacings(count), Points::Lattice(lattice)) => count * lattice.spacing,
-            // The reader refuses this combination; no neighbours is the harmless reading.
-            (HorizonExtent::Spacings(_), Points::Cloud { .. }) => 0.0,
+        match self.horizon.extent {
+            HorizonExtent::Radius(radius) => radius,
+            // Of clouds and meshes the mean spacing is known with their points, and is a radius from then on.
+            HorizonExtent::Spacings(count) => count * self.body.points.spacing().unwrap_or(0.0),
         }
     }
 
@@ -196,57 +199,6 @@ pub struct Located<T> {
 impl<T: PartialEq> PartialEq for Located<T> {
     fn eq(&self, other: &Located<T>) -> bool {
         self.value == other.value
-    }
-}
-
-/// `[body]`: where the points are.
-#[derive(Clone, Debug, PartialEq)]
-pub struct BodyShape {
-    /// 2 or 3.
-    pub dimension: usize,
-    /// Where the points come from.
-    pub points: Points,
-    /// Points where one of these conditions holds are left out.
-    pub remove: Vec<Expression>,
-    /// 2D: of the body in m, where the scene says it.
-    pub thickness: Option<Located<f64>>,
-}
-
-/// Where the points of a body come from.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Points {
-    /// A box filled with a lattice.
-    Lattice(LatticeShape),
-    /// A file of points.
-    Cloud {
-        /// Its path, relative to the scene's folder.
-        path: Located<String>,
-    },
-}
-
-/// A box filled with a lattice of points.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LatticeShape {
-    /// The corner with the least coordinates, in m; one entry per dimension.
-    pub low: Vec<f64>,
-    /// The corner with the greatest coordinates, in m.
-    pub high: Vec<f64>,
-    /// Distance of neighbouring points in m; every extent is a whole multiple of it.
-    pub spacing: f64,
-    /// Where in the cells the points are, and what of a cell each has.
-    pub nodes: Nodes,
-}
-
-impl LatticeShape {
-    /// How many cells lie along each axis.
-    pub fn cells(&self) -> impl Iterator<Item = f64> {
-        let sides = self.low.iter().zip(&self.high);
-        sides.map(|(low, high)| ((high - low) / self.spacing).round())
-    }
-
-    /// How many points lie along each axis before any are removed.
-    pub fn counts(&self) -> Vec<usize> {
-        self.cells().map(|cells| self.nodes.along(cells) as usize).collect()
     }
 }
 
@@ -276,7 +228,7 @@ impl PartialEq for Horizon {
 /// How far the interactions reach.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum HorizonExtent {
-    /// In lattice spacings.
+    /// In spacings of a lattice; of other points in mean spacings, the root of their mean volume.
     Spacings(f64),
     /// In m.
     Radius(f64),
@@ -424,15 +376,6 @@ impl InfluenceChoice {
             InfluenceChoice::Expression(expression) => &expression.text,
         }
     }
-}
-
-/// One entry of `[sets]`: a named set of points.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SetDefinition {
-    /// Its name.
-    pub name: Located<String>,
-    /// What is true for its points, and only for them.
-    pub condition: Expression,
 }
 
 /// One `[[prescribe]]`: displacements, velocities or accelerations that are given.

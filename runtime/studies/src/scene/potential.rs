@@ -7,7 +7,7 @@ use piola_mechanics::surface::Weighting;
 use piola_mechanics::weights::Weights;
 use piola_mechanics::words::Words;
 
-use super::{Horizon, Interface, InterfaceRule, Material, Points, Scene, SceneReport};
+use super::{Horizon, Interface, InterfaceRule, Material, Scene, SceneReport};
 use piola_grammar::suggest;
 
 /// A potential file may have this many bytes.
@@ -93,14 +93,6 @@ impl Scene {
         Some(warning.label("energies and forces are those of another material").help(
             "write weights = \"volumes\", or leave the line out: the potential says what it needs",
         ))
-    }
-
-    /// The file of a cloud of points, relative to the scene's `folder`.
-    pub fn cloud_path(&self, folder: &Path) -> Option<PathBuf> {
-        match &self.body.points {
-            Points::Cloud { path } => Some(folder.join(&path.value)),
-            Points::Lattice(_) => None,
-        }
     }
 }
 

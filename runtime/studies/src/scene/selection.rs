@@ -8,7 +8,8 @@ use piola_mechanics::body::Body;
 use piola_mechanics::materials::{self, Materials};
 use rayon::prelude::*;
 
-use super::{AXES, Expression, Interface, InterfaceRule, Region, Scene, SceneReport};
+use super::sets::holds;
+use super::{AXES, Expression, Interface, InterfaceRule, Members, Region, Scene, SceneReport};
 
 /// A point this many spacings from the boundary of a condition is on one side of it by chance.
 const BOUNDARY_MARGIN: f64 = 1e-6;
@@ -89,7 +90,7 @@ pub fn kept(
     let mut keep = vec![true; volumes.len()];
     let mut warnings = Vec::new();
     for condition in &scene.body.remove {
-        let removed = membership(condition, positions, dimension);
+        let removed = holds(condition, positions, dimension);
         for (keep, removed) in keep.iter_mut().zip(&removed) {
             *keep &= !removed;
         }
@@ -122,19 +123,21 @@ pub fn select(scene: &Scene, body: &Body) -> Result<Selection, SceneReport> {
     let mut sets = Vec::new();
     for set in &scene.sets {
         let name = &set.name.value;
-        let inside = membership(&set.condition, positions, dimension);
+        let inside = set.members.of(body);
         let points: Vec<usize> = (0..body.n_points()).filter(|&point| inside[point]).collect();
         if points.is_empty() {
             let message = format!("the set `{name}` has no points");
             errors.push(
-                Diagnostic::error("empty-set", set.condition.span, message)
+                Diagnostic::error("empty-set", set.members.span(), message)
                     .label("this holds nowhere in the body")
                     .help(ranges(positions, dimension)),
             );
         }
-        let place = format!("of the set `{name}`");
-        let near = boundary_warning(&set.condition, &place, positions, dimension, spacing, &inside);
-        warnings.extend(near);
+        if let Members::Where(condition) = &set.members {
+            let place = format!("of the set `{name}`");
+            let near = boundary_warning(condition, &place, positions, dimension, spacing, &inside);
+            warnings.extend(near);
+        }
         let volume = points.iter().map(|&point| body.volumes()[point]).sum();
         sets.push(PointSet { name: name.clone(), points, volume });
     }
@@ -163,7 +166,7 @@ pub fn select(scene: &Scene, body: &Body) -> Result<Selection, SceneReport> {
 pub fn in_sets(scene: &Scene, body: &Body, sets: &[usize]) -> Vec<bool> {
     let mut all = vec![false; body.n_points()];
     for set in sets {
-        let inside = membership(&scene.sets[*set].condition, body.positions(), body.dimension());
+        let inside = scene.sets[*set].members.of(body);
         all.iter_mut().zip(inside).for_each(|(all, inside)| *all |= inside);
     }
     all
@@ -182,10 +185,7 @@ pub fn materials(scene: &Scene, body: &Body) -> Result<Option<Materials>, SceneR
     }
     let mut of_point: Vec<Option<u8>> = vec![None; body.n_points()];
     let mut errors = Vec::new();
-    let of_set = |region: &Region| {
-        let condition = &scene.sets[region.set?.value].condition;
-        Some(membership(condition, body.positions(), body.dimension()))
-    };
+    let of_set = |region: &Region| Some(scene.sets[region.set?.value].members.of(body));
     for (number, region) in scene.regions.iter().enumerate() {
         let Some(inside) = of_set(region) else { continue };
         let name = &region.name.value;
@@ -244,12 +244,6 @@ pub fn materials(scene: &Scene, body: &Body) -> Result<Option<Materials>, SceneR
     let interfaces = scene.interfaces.iter().filter_map(interface).collect();
     let of_point = of_point.into_iter().map(|of| of.unwrap_or_default()).collect();
     Ok(Some(Materials::new(of_point, interfaces).with_laws(scene.n_laws())))
-}
-
-/// Where a condition holds, one entry per point.
-fn membership(condition: &Expression, positions: &[f64], dimension: usize) -> Vec<bool> {
-    // Collecting keeps the order, so the result does not depend on the threads.
-    positions.par_chunks_exact(dimension).map(|position| condition.holds(position)).collect()
 }
 
 /// Warns if a step of [`BOUNDARY_MARGIN`] spacings changes where a point belongs.

@@ -195,8 +195,7 @@ const CLOUD: &str = "[body]\ndimension = 3\npoints = \"cloud.csv\"\n[horizon]\nr
 fn clouds_are_truncated_by_default() {
     let scene = read(CLOUD);
     assert_eq!(scene.horizon.weights, Weights::Truncated);
-    let path = scene.cloud_path(std::path::Path::new("folder")).unwrap();
-    assert_eq!(path, std::path::Path::new("folder/cloud.csv"));
+    assert_eq!(scene.body.points.spacing(), None);
 }
 
 #[test]
@@ -371,7 +370,6 @@ fn wrong_scenes_are_reported_at_their_place() {
 #[test]
 fn clouds_refuse_what_belongs_to_lattices() {
     let cases = [
-        ("radius = 0.2", "spacings = 3", "spacings-on-cloud at 3"),
         ("radius = 0.2", "radius = 0.2\nweights = \"uniform\"", "uniform-on-cloud at \"uniform\""),
         ("dimension = 3\n", "", "missing-key at [body]"),
         ("dimension = 3", "dimension = 3\nspacing = 0.1", "conflicting-keys at spacing"),

@@ -12,8 +12,8 @@ use super::keys::{number, string, texts};
 use super::read::{MOTION_KEYS, OUTPUT_KEYS, SOLVER_KEYS, STEPS_KEYS};
 use super::{
     BodyShape, CorrespondenceSettings, CrackEntry, CrackShape, FractureSettings, Horizon,
-    HorizonExtent, Initial, InterfaceRule, Load, Material, ParameterText, Plane, Points,
-    Prescription, Probe, Quantity, Region, Scene, SetDefinition, Track,
+    HorizonExtent, Initial, InterfaceRule, Listing, Load, Material, Members, ParameterText, Plane,
+    Points, Prescription, Probe, Quantity, Region, Scene, SetDefinition, Track,
 };
 
 impl Scene {
@@ -91,6 +91,14 @@ fn write_body(out: &mut String, body: &BodyShape) {
             pair(out, "nodes", word(lattice.nodes));
         }
         Points::Cloud { path } => pair(out, "points", string(&path.value)),
+        Points::Mesh(mesh) => {
+            pair(out, "mesh", string(&mesh.path.value));
+            pair(out, "unit", number(mesh.unit));
+            match mesh.spacing {
+                Some(spacing) => pair(out, "spacing", number(spacing)),
+                None => pair(out, "nodes", word(mesh.nodes)),
+            }
+        }
     }
     let conditions: Vec<String> = body.remove.iter().map(|c| string(&c.text)).collect();
     pair(out, "remove", format!("[{}]", conditions.join(", ")));
@@ -202,7 +210,16 @@ fn write_correspondence(out: &mut String, settings: &CorrespondenceSettings) {
 fn write_sets(out: &mut String, sets: &[SetDefinition]) {
     section(out, "[sets]");
     for set in sets {
-        pair(out, &key(&set.name.value), string(&set.condition.text));
+        let members = match &set.members {
+            Members::Where(condition) => string(&condition.text),
+            Members::Listed { by: Listing::Group(name), .. } => {
+                format!("{{ group = {} }}", string(&name.value))
+            }
+            Members::Listed { by: Listing::Numbers(path), .. } => {
+                format!("{{ numbers = {} }}", string(&path.value))
+            }
+        };
+        pair(out, &key(&set.name.value), members);
     }
 }
 

@@ -133,7 +133,7 @@ pub fn run(
     folder.write(OutputFile::ResolvedScene, resolved.as_bytes())?;
     enter(&mut clock, watch, "solve");
     let drive = SceneDrive::new(&boundary, &fields);
-    let points = Points::of(&case.body);
+    let points = Points::of(&case.body).with_mesh(case.mesh.clone());
     let fields = PointFields { case, energy: &energy, selection: &selection, masses: None };
     let mut recorder = Recorder::new(fields, folder, &points, clock)?;
     let result = run_steps(&energy, &drive, &settings(&case.scene), watch, &mut |record, state| {

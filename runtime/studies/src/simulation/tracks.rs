@@ -184,7 +184,7 @@ fn sides(case: &Case, track: &Track) -> [(usize, f64); 2] {
     let d = case.body.dimension();
     let extent = |axis: usize| match &case.scene.body.points {
         Points::Lattice(shape) => shape.high[axis] - shape.low[axis],
-        Points::Cloud { .. } => {
+        Points::Cloud { .. } | Points::Mesh(_) => {
             let along = || case.body.positions().iter().skip(axis).step_by(d).copied();
             let edge = typical_spacing(d, case.body.volumes(), None);
             edge + along().fold(f64::NEG_INFINITY, f64::max) - along().fold(f64::INFINITY, f64::min)

@@ -72,7 +72,7 @@ pub fn resolution(
 ) -> Resolution {
     let mut found = Resolution { errors: vec![None; quantities.len()], ..Resolution::default() };
     let Points::Lattice(shape) = &case.scene.body.points else {
-        found.notes.push("a cloud of points has no other spacing".to_string());
+        found.notes.push("the points of a file have no other spacing".to_string());
         return found;
     };
     let horizon = case.scene.horizon_radius();

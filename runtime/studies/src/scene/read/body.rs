@@ -10,7 +10,9 @@ use crate::scene::check;
 use crate::scene::expression::{Expression, Role};
 use crate::scene::reader::{Field, Reader, Schema, Table};
 use crate::scene::tree::Kind;
-use crate::scene::{BodyShape, Horizon, HorizonExtent, LatticeShape, Located, Points};
+use crate::scene::{
+    BodyShape, Horizon, HorizonExtent, LatticeShape, Located, MeshFormat, MeshShape, Points,
+};
 
 pub(super) static BODY: Schema = Schema {
     title: "[body]",
@@ -21,6 +23,8 @@ pub(super) static BODY: Schema = Schema {
         ("nodes", "\"cells\""),
         ("remove", "[\"(X-0.5)^2 + (Y-0.5)^2 < 0.2^2\"]"),
         ("points", "\"cloud.csv\""),
+        ("mesh", "\"bar.msh\""),
+        ("unit", "\"mm\""),
         ("thickness", "0.01"),
     ],
 };
@@ -38,7 +42,10 @@ pub(super) static HORIZON: Schema = Schema {
 impl Reader {
     /// The dimension is known even if something else in the body is wrong.
     pub(super) fn body(&mut self, table: &Table<'_>) -> Option<(Option<usize>, Option<BodyShape>)> {
-        let shape = self.either(table, "box", "points");
+        let shape = match table.get("mesh") {
+            Some(_) => self.one_of(table, &["box", "points", "mesh"], |key| key).copied(),
+            None => self.either(table, "box", "points"),
+        };
         let corners = table.field("box").and_then(|field| self.corners(field));
         let dimension = self.dimension(table, corners.as_ref());
         let remove = self.or(Some(table), "remove", Vec::new(), |reader, field| {
@@ -46,6 +53,7 @@ impl Reader {
         });
         let points = match shape {
             Some("box") => self.lattice(table, corners, dimension).map(Points::Lattice),
+            Some("mesh") => self.mesh(table),
             Some(_) => self.cloud(table),
             None => None,
         };
@@ -92,6 +100,9 @@ impl Reader {
 
     fn dimension(&mut self, table: &Table<'_>, corners: Option<&[Vec<f64>; 2]>) -> Option<usize> {
         let Some(field) = table.field("dimension") else {
+            if mesh_format(table) == Some(MeshFormat::Stl) {
+                return Some(3);
+            }
             if table.get("box").is_none() {
                 self.required(table, "dimension");
             }
@@ -155,7 +166,7 @@ impl Reader {
     }
 
     fn cloud(&mut self, table: &Table<'_>) -> Option<Points> {
-        for key in ["spacing", "nodes"] {
+        for key in ["spacing", "nodes", "unit"] {
             if let Some(entry) = table.get(key) {
                 let message = format!("`{key}` belongs to a box; a cloud brings its own points");
                 self.error(Diagnostic::error("conflicting-keys", entry.key_span, message));
@@ -163,6 +174,52 @@ impl Reader {
         }
         let field = self.required(table, "points")?;
         Some(Points::Cloud { path: self.name(field)? })
+    }
+
+    fn mesh(&mut self, table: &Table<'_>) -> Option<Points> {
+        let field = self.required(table, "mesh")?;
+        let path = self.name(field)?;
+        let Some(format) = MeshFormat::of(&path.value) else {
+            let message = format!("`{}` is none of the meshes that are read", path.value);
+            let found = Diagnostic::error("unknown-mesh", path.span, message);
+            self.error(found.help(
+                "they end in .msh (Gmsh), .inp (Abaqus) or .stl; clouds of points are `points`",
+            ));
+            return None;
+        };
+        let is_surface = format == MeshFormat::Stl;
+        let (idle, message) = match is_surface {
+            true => ("nodes", "`nodes` is of cells, and a surface is filled with points"),
+            false => ("spacing", "`spacing` fills a surface, and a mesh brings its own cells"),
+        };
+        if let Some(entry) = table.get(idle) {
+            let found = Diagnostic::error("conflicting-keys", entry.key_span, message);
+            self.error(found.help("leave it out"));
+        }
+        let spacing = match is_surface {
+            true => {
+                let field = self.required(table, "spacing");
+                Some(field.and_then(|field| self.positive(field))?)
+            }
+            false => None,
+        };
+        let unit = self.or(Some(table), "unit", 1.0, Reader::unit_of_length)?;
+        let nodes = if is_surface { None } else { Some(self.option(table, "nodes")?) };
+        let nodes = nodes.unwrap_or(crate::scene::MeshNodes::Cells);
+        Some(Points::Mesh(MeshShape { path, format, unit, nodes, spacing }))
+    }
+
+    /// A unit in m: its name, or how long it is.
+    fn unit_of_length(&mut self, field: Field<'_>) -> Option<f64> {
+        let Kind::Text(text) = &field.node.kind else { return self.positive(field) };
+        match piola_compiler::quantity("unit", &format!("1 {}", text.value), "m") {
+            Ok(length) => Some(length),
+            Err(error) => {
+                let found = Diagnostic::error(error.code, text.content, error.message);
+                self.error(found.help("write unit = \"mm\", or how long one is in m, unit = 1e-3"));
+                None
+            }
+        }
     }
 
     pub(super) fn horizon(&mut self, table: &Table<'_>, context: &Context) -> Option<Horizon> {
@@ -177,7 +234,7 @@ impl Reader {
             "spacings" => (HorizonExtent::Spacings(size), size * spacing),
             _ => (HorizonExtent::Radius(size), size),
         };
-        if let Some(diagnostic) = check::horizon(extent, radius, spacing, field.node.span) {
+        if let Some(diagnostic) = check::horizon(radius, spacing, field.node.span) {
             self.error(diagnostic);
             return None;
         }
@@ -246,5 +303,13 @@ impl Reader {
             return None;
         }
         Some(weights)
+    }
+}
+
+/// The kind of mesh that a body is made of, by the ending of its file.
+fn mesh_format(table: &Table<'_>) -> Option<MeshFormat> {
+    match &table.field("mesh")?.node.kind {
+        Kind::Text(text) => MeshFormat::of(&text.value),
+        _ => None,
     }
 }

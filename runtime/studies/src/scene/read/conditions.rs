@@ -6,10 +6,14 @@ use super::Context;
 use crate::scene::expression::Role;
 use crate::scene::reader::{Field, Reader, Schema, Table};
 use crate::scene::tree::{Kind, Node};
-use crate::scene::{Given, Load, LoadKind, Located, Prescription, Probe, Quantity, SetDefinition};
+use crate::scene::{
+    Given, Listing, Load, LoadKind, Located, Members, Prescription, Probe, Quantity, SetDefinition,
+};
 use piola_grammar::suggest;
 
 static SETS: Schema = Schema { title: "[sets]", keys: &[("*", "\"X < 0.1\"")] };
+static LISTED: Schema =
+    Schema { title: "a set", keys: &[("group", "\"left face\""), ("numbers", "\"left.txt\"")] };
 static PRESCRIBE: Schema = Schema {
     title: "[[prescribe]]",
     keys: &[
@@ -57,24 +61,72 @@ impl Reader {
             names.push(entry.key.clone());
             let field = Field { schema: &SETS, key: &entry.key, node: &entry.node };
             let name = Located { value: entry.key.clone(), span: entry.key_span };
-            let condition = self.expression(field, Role::Condition, dimension);
-            sets.extend(condition.map(|condition| SetDefinition { name, condition }));
+            let members = match &entry.node.kind {
+                Kind::Table(_) => self.listed(&entry.node),
+                _ => self.expression(field, Role::Condition, dimension).map(Members::Where),
+            };
+            sets.extend(members.map(|members| SetDefinition { name, members }));
         }
         (names, sets)
     }
 
+    /// A set as a file lists it.
+    fn listed(&mut self, node: &Node) -> Option<Members> {
+        let table = self.table(&LISTED, node)?;
+        let by = match self.either(&table, "group", "numbers")? {
+            "group" => {
+                let field = table.field("group")?;
+                match field.node.kind {
+                    Kind::Number { whole: Some(number), .. } => {
+                        Listing::Group(Located { value: number.to_string(), span: field.node.span })
+                    }
+                    _ => Listing::Group(self.name(field)?),
+                }
+            }
+            _ => Listing::Numbers(self.name(table.field("numbers")?)?),
+        };
+        Some(Members::listed(by))
+    }
+
+    /// Groups are of files of meshes and clouds.
+    pub(super) fn check_groups(&mut self, sets: &[SetDefinition], context: &Context) {
+        for set in sets {
+            if let Members::Listed { by: Listing::Group(name), .. } = &set.members
+                && context.groups == super::Groups::None
+                && context.spacing.is_some()
+            {
+                let message = "groups are of meshes and clouds, and this body has none";
+                let found = Diagnostic::error("conflicting-keys", name.span, message);
+                self.error(found.help("write a condition in a string: \"X < 0.1\""));
+            }
+        }
+    }
+
     /// Names become columns of tables, so they are plain words that mean nothing else there.
     pub(super) fn check_name(&mut self, what: &str, name: &str, span: Span) {
-        let plain = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-';
         let message = if RESERVED.contains(&name) {
             format!("a {what} cannot be called `{name}`: that name is taken")
-        } else if name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(plain) {
+        } else if is_plain(name) {
             return;
         } else {
             format!("a {what} cannot be called `{name}`")
         };
         let help = "a name starts with a letter and goes on with letters, digits, _ and -";
         self.error(Diagnostic::error("bad-name", span, message).help(help));
+    }
+
+    /// Groups of a file may have any names, sets that are named after them may not.
+    fn check_group_name(&mut self, name: &str, span: Span) {
+        if is_plain(name) && !RESERVED.contains(&name) {
+            return;
+        }
+        let message =
+            format!("a set cannot be called `{name}`, as a group of the body's file may be");
+        let found = Diagnostic::error("bad-name", span, message);
+        let group = name.replace('\\', "\\\\").replace('"', "\\\"");
+        self.error(found.help(format!(
+            "give it another name under [sets], clamp = {{ group = \"{group}\" }}, and write that here"
+        )));
     }
 
     pub(super) fn known_set(
@@ -93,9 +145,15 @@ impl Reader {
         context: &Context,
     ) -> Option<Located<usize>> {
         let text = self.text(field)?;
-        let index = context.sets.iter().position(|name| *name == text.value);
+        let known = context.sets.borrow().iter().position(|name| *name == text.value);
+        let index = known.or_else(|| {
+            let index = context.adopt(&text.value, field.node.span)?;
+            self.check_group_name(&text.value, field.node.span);
+            Some(index)
+        });
         if index.is_none() {
-            let names: Vec<&str> = context.sets.iter().map(String::as_str).collect();
+            let sets = context.sets.borrow();
+            let names: Vec<&str> = sets.iter().map(String::as_str).collect();
             let message = format!("there is no set `{}`", text.value);
             let diagnostic = Diagnostic::error("unknown-set", field.node.span, message);
             self.error(match suggest(&text.value, names.iter().copied().take(256)) {
@@ -179,7 +237,7 @@ impl Reader {
     }
 
     /// Which of several keys a table has; of two at once the reader complains.
-    fn one_of<'k, T: Copy>(
+    pub(super) fn one_of<'k, T: Copy>(
         &mut self,
         table: &Table<'_>,
         all: &'k [T],
@@ -236,4 +294,10 @@ fn some(names: &[&str]) -> String {
     const SHOWN: usize = 20;
     let more = if names.len() > SHOWN { ", .." } else { "" };
     format!("{}{more}", names[..names.len().min(SHOWN)].join(", "))
+}
+
+/// A letter, and then letters, digits, `_` and `-`.
+fn is_plain(name: &str) -> bool {
+    name.starts_with(|c: char| c.is_ascii_alphabetic())
+        && name.chars().all(|c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-')
 }

@@ -137,7 +137,9 @@ impl Reader {
                 name
             }
             None => match set {
-                Some(set) => Located { value: context.sets[set.value].clone(), span: set.span },
+                Some(set) => {
+                    Located { value: context.sets.borrow()[set.value].clone(), span: set.span }
+                }
                 None => Located { value: REST.to_string(), span: table.span },
             },
         };

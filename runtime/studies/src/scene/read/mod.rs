@@ -7,6 +7,8 @@ mod fracture;
 mod material;
 mod motion;
 
+use std::cell::RefCell;
+
 use piola_grammar::{Diagnostic, Span};
 use piola_mechanics::energy::Products;
 use piola_mechanics::words::Words;
@@ -25,7 +27,8 @@ pub use material::MOST_LAWS;
 pub(super) use motion::MOTION_KEYS;
 
 use super::{
-    Located, MAX_SCENE_BYTES, OutputSettings, Points, Scene, SceneReport, SolverSettings, Steps,
+    Listing, Located, MAX_SCENE_BYTES, Members, OutputSettings, Points, Scene, SceneReport,
+    SetDefinition, SolverSettings, Steps,
 };
 
 static SCENE: Schema = Schema {
@@ -121,9 +124,53 @@ impl Scene {
 /// What the tables need to know of each other.
 struct Context {
     dimension: Option<usize>,
-    /// The spacing of a lattice, 0 for a cloud, `None` if the body could not be read.
+    /// The spacing of a lattice, 0 for other points, `None` if the body could not be read.
     spacing: Option<f64>,
-    sets: Vec<String>,
+    /// Names of sets; those that are groups of the body's file are added where they are named.
+    sets: RefCell<Vec<String>>,
+    groups: Groups,
+    adopted: RefCell<Vec<SetDefinition>>,
+}
+
+/// Which names of sets may be groups of the body's file.
+#[derive(Clone, Copy, PartialEq)]
+enum Groups {
+    /// Any: those of a mesh.
+    Any,
+    /// `block_1` and so on: those of a cloud.
+    Blocks,
+    None,
+}
+
+impl Context {
+    fn new(dimension: Option<usize>, points: Option<&Points>, sets: Vec<String>) -> Context {
+        let groups = match points {
+            Some(Points::Mesh(mesh)) if mesh.spacing.is_none() => Groups::Any,
+            Some(Points::Cloud { .. }) => Groups::Blocks,
+            _ => Groups::None,
+        };
+        let spacing = points.map(|points| points.spacing().unwrap_or(0.0));
+        let sets = RefCell::new(sets);
+        Context { dimension, spacing, sets, groups, adopted: RefCell::default() }
+    }
+
+    /// Takes a name for a group of the body's file, if it may be one; its place among the sets.
+    fn adopt(&self, name: &str, span: Span) -> Option<usize> {
+        let fits = match self.groups {
+            Groups::Any => true,
+            Groups::Blocks => name.starts_with("block_"),
+            Groups::None => false,
+        };
+        if !fits {
+            return None;
+        }
+        let name = Located { value: name.to_string(), span };
+        let members = Members::listed(Listing::Group(name.clone()));
+        let mut sets = self.sets.borrow_mut();
+        sets.push(name.value.clone());
+        self.adopted.borrow_mut().push(SetDefinition { name, members });
+        Some(sets.len() - 1)
+    }
 }
 
 impl Reader {
@@ -141,12 +188,9 @@ impl Reader {
         let output_table = section(self, &OUTPUT, "output").flatten();
 
         let (dimension, body) = self.needed("body", body_table, Reader::body).unwrap_or_default();
-        let (names, sets) = self.sets(root.get("sets").map(|entry| &entry.node), dimension);
-        let spacing = body.as_ref().map(|body| match &body.points {
-            Points::Lattice(lattice) => lattice.spacing,
-            Points::Cloud { .. } => 0.0,
-        });
-        let context = Context { dimension, spacing, sets: names };
+        let (names, mut sets) = self.sets(root.get("sets").map(|entry| &entry.node), dimension);
+        let context = Context::new(dimension, body.as_ref().map(|body| &body.points), names);
+        self.check_groups(&sets, &context);
         let horizon =
             self.needed("horizon", horizon_table, |reader, table| reader.horizon(table, &context));
         let made_of = self.composition(root.get("material"), root.get("interface"), &context);
@@ -163,6 +207,7 @@ impl Reader {
         let steps = self.steps(steps_table.as_ref());
         let solver = self.solver(solver_table.as_ref());
         let output = self.settings(output_table.as_ref(), &OUTPUT_KEYS);
+        sets.extend(context.adopted.take());
         let warnings = check::warnings(&prescriptions, &loads, &sets);
         let motion = root.get("motion").map(|entry| self.motion(entry));
         let Composition { materials, regions, interfaces } = made_of?;

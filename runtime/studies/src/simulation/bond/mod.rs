@@ -385,10 +385,7 @@ fn row(t: f64, look: &Look) -> BondRow {
 /// The first set of unbreakable points that has one of the ends.
 fn unbreakable(case: &Case, ends: [usize; 2]) -> Option<String> {
     let scene = &case.scene;
-    let has = |set: usize| {
-        let condition = &scene.sets[set].condition;
-        ends.iter().any(|end| condition.holds(case.body.position(*end)))
-    };
+    let has = |set: usize| ends.iter().any(|end| scene.sets[set].members.has(&case.body, *end));
     let set = scene.fracture.unbreakable.iter().find(|set| has(set.value))?;
     Some(scene.sets[set.value].name.value.clone())
 }

@@ -70,7 +70,7 @@ fn follow(
     // From here on there is something to keep.
     folder.write(OutputFile::ResolvedScene, resolved.as_bytes())?;
     enter(&mut clock, watch, "move");
-    let points = Points::of(&case.body);
+    let points = Points::of(&case.body).with_mesh(case.mesh.clone());
     let fields = PointFields { case, energy, selection, masses: Some(masses) };
     let run = recorder::Run { fields, tracks, folder, points: &points };
     let known = recorder::header(options.origin, &hash);

@@ -1,0 +1,255 @@
+//! The cells of a mesh, so that a body that was made of one is seen as it.
+
+use nalgebra::Matrix3;
+
+/// Directions in which the neighbours of a cell spread less than this part of the widest say nothing of its
+/// gradient.
+const THIN: f64 = 1e-6;
+
+/// The form of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CellShape {
+    /// Three corners.
+    Triangle,
+    /// Four corners around a face.
+    Quadrilateral,
+    /// Four corners.
+    Tetrahedron,
+    /// Five corners, the last the apex.
+    Pyramid,
+    /// Six corners: two triangles.
+    Wedge,
+    /// Eight corners.
+    Hexahedron,
+}
+
+impl CellShape {
+    /// Its number among VTK's cell types. Corners are in Gmsh's order, in which VTK finds volumes positive.
+    pub(crate) fn vtk(self) -> u8 {
+        match self {
+            CellShape::Triangle => 5,
+            CellShape::Quadrilateral => 9,
+            CellShape::Tetrahedron => 10,
+            CellShape::Hexahedron => 12,
+            CellShape::Wedge => 13,
+            CellShape::Pyramid => 14,
+        }
+    }
+
+    /// How many corners it has.
+    pub fn n_corners(self) -> usize {
+        match self {
+            CellShape::Triangle => 3,
+            CellShape::Quadrilateral | CellShape::Tetrahedron => 4,
+            CellShape::Pyramid => 5,
+            CellShape::Wedge => 6,
+            CellShape::Hexahedron => 8,
+        }
+    }
+
+    /// Corners of each face, outward; of plane cells of each side.
+    pub(crate) fn faces(self) -> &'static [&'static [usize]] {
+        match self {
+            CellShape::Triangle => &[&[0, 1], &[1, 2], &[2, 0]],
+            CellShape::Quadrilateral => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0]],
+            CellShape::Tetrahedron => &[&[0, 2, 1], &[0, 1, 3], &[0, 3, 2], &[1, 2, 3]],
+            CellShape::Pyramid => &[&[0, 3, 2, 1], &[0, 1, 4], &[0, 4, 3], &[1, 2, 4], &[2, 3, 4]],
+            CellShape::Wedge => {
+                &[&[0, 2, 1], &[3, 4, 5], &[0, 1, 4, 3], &[0, 3, 5, 2], &[1, 2, 5, 4]]
+            }
+            CellShape::Hexahedron => &[
+                &[0, 3, 2, 1],
+                &[0, 1, 5, 4],
+                &[0, 4, 7, 3],
+                &[1, 2, 6, 5],
+                &[2, 3, 7, 6],
+                &[4, 5, 6, 7],
+            ],
+        }
+    }
+}
+
+/// Where the points of a body are in its mesh.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PointsAre {
+    /// The cells, in their order.
+    Cells,
+    /// The vertices, in their order.
+    Vertices,
+}
+
+/// Cells between vertices.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mesh {
+    dimension: usize,
+    /// Reference positions, row by row, in m.
+    vertices: Vec<f64>,
+    shapes: Vec<CellShape>,
+    /// Corners of all cells, and where each begins and ends.
+    corners: Vec<u32>,
+    starts: Vec<usize>,
+    points_are: PointsAre,
+    /// The cells around each vertex, and where each begins and ends.
+    around: Vec<u32>,
+    around_starts: Vec<usize>,
+}
+
+impl Mesh {
+    /// Cells with their corners, which are numbers of `vertices`, `n x d` in m.
+    pub fn new<'a>(
+        dimension: usize,
+        vertices: Vec<f64>,
+        cells: impl Iterator<Item = (CellShape, &'a [u32])>,
+        points_are: PointsAre,
+    ) -> Mesh {
+        let (mut shapes, mut corners, mut starts) = (Vec::new(), Vec::new(), vec![0]);
+        for (shape, own) in cells {
+            shapes.push(shape);
+            corners.extend_from_slice(own);
+            starts.push(corners.len());
+        }
+        let n_vertices = vertices.len() / dimension;
+        let mut around_starts = vec![0; n_vertices + 1];
+        corners.iter().for_each(|vertex| around_starts[*vertex as usize + 1] += 1);
+        (0..n_vertices).for_each(|vertex| around_starts[vertex + 1] += around_starts[vertex]);
+        let mut next = around_starts.clone();
+        let mut around = vec![0; corners.len()];
+        for cell in 0..shapes.len() {
+            for &vertex in &corners[starts[cell]..starts[cell + 1]] {
+                around[next[vertex as usize]] = cell as u32;
+                next[vertex as usize] += 1;
+            }
+        }
+        Mesh { dimension, vertices, shapes, corners, starts, points_are, around, around_starts }
+    }
+
+    /// How many cells there are.
+    pub fn n_cells(&self) -> usize {
+        self.shapes.len()
+    }
+
+    /// Where the points of the body are.
+    pub fn points_are(&self) -> PointsAre {
+        self.points_are
+    }
+
+    pub(crate) fn vertices(&self) -> &[f64] {
+        &self.vertices
+    }
+
+    pub(crate) fn shape(&self, cell: usize) -> CellShape {
+        self.shapes[cell]
+    }
+
+    pub(crate) fn corners(&self, cell: usize) -> &[u32] {
+        &self.corners[self.starts[cell]..self.starts[cell + 1]]
+    }
+
+    fn around(&self, vertex: usize) -> &[u32] {
+        &self.around[self.around_starts[vertex]..self.around_starts[vertex + 1]]
+    }
+
+    fn vertex(&self, vertex: usize) -> &[f64] {
+        &self.vertices[vertex * self.dimension..(vertex + 1) * self.dimension]
+    }
+
+    /// Displacements of the vertices, of those of the points; `positions` and `displacement` are `n x d` in
+    /// m, in the user's order.
+    ///
+    /// Where points are cells a vertex moves with the mean of what the cells around it say: their
+    /// displacement, and its gradient by least squares over the cells that share a vertex with them. Linear
+    /// fields are carried exactly.
+    pub fn carried(&self, positions: &[f64], displacement: &[f64]) -> Vec<f64> {
+        if self.points_are == PointsAre::Vertices {
+            return displacement.to_vec();
+        }
+        let d = self.dimension;
+        let gradients: Vec<Matrix3<f64>> =
+            (0..self.n_cells()).map(|cell| self.gradient(cell, positions, displacement)).collect();
+        let mut out = vec![0.0; self.vertices.len()];
+        for (vertex, sum) in out.chunks_exact_mut(d).enumerate() {
+            let around = self.around(vertex);
+            for &cell in around {
+                let cell = cell as usize;
+                for i in 0..d {
+                    sum[i] += displacement[cell * d + i];
+                    for j in 0..d {
+                        let offset = self.vertex(vertex)[j] - positions[cell * d + j];
+                        sum[i] += gradients[cell][(i, j)] * offset;
+                    }
+                }
+            }
+            sum.iter_mut().for_each(|x| *x /= around.len().max(1) as f64);
+        }
+        out
+    }
+
+    /// The gradient of the displacement at a cell.
+    fn gradient(&self, cell: usize, positions: &[f64], displacement: &[f64]) -> Matrix3<f64> {
+        let d = self.dimension;
+        let (mut shape, mut moved) = (Matrix3::<f64>::zeros(), Matrix3::<f64>::zeros());
+        for &vertex in self.corners(cell) {
+            for &other in self.around(vertex as usize) {
+                let other = other as usize;
+                for i in 0..d {
+                    let du = displacement[other * d + i] - displacement[cell * d + i];
+                    let dx = positions[other * d + i] - positions[cell * d + i];
+                    for j in 0..d {
+                        let offset = positions[other * d + j] - positions[cell * d + j];
+                        moved[(i, j)] += du * offset;
+                        shape[(i, j)] += dx * offset;
+                    }
+                }
+            }
+        }
+        if moved.iter().any(|x| !x.is_finite()) {
+            return Matrix3::zeros();
+        }
+        // Rows of cells and single ones say nothing across: there the gradient is 0.
+        let eigen = shape.symmetric_eigen();
+        let widest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
+        let inverse = |value: f64| if value > THIN * widest { 1.0 / value } else { 0.0 };
+        let scaled = Matrix3::from_diagonal(&eigen.eigenvalues.map(inverse));
+        moved * eigen.eigenvectors * scaled * eigen.eigenvectors.transpose()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two by one squares of edge 1, the right one cut into triangles.
+    fn three() -> Mesh {
+        let vertices = vec![0.0, 0.0, 1.0, 0.0, 2.0, 0.0, 0.0, 1.0, 1.0, 1.0, 2.0, 1.0];
+        let cells: [(CellShape, &[u32]); 3] = [
+            (CellShape::Quadrilateral, &[0, 1, 4, 3]),
+            (CellShape::Triangle, &[1, 2, 5]),
+            (CellShape::Triangle, &[1, 5, 4]),
+        ];
+        Mesh::new(2, vertices, cells.into_iter(), PointsAre::Cells)
+    }
+
+    #[test]
+    fn linear_fields_are_carried_to_the_vertices() {
+        let mesh = three();
+        let centres = [0.5, 0.5, 5.0 / 3.0, 1.0 / 3.0, 4.0 / 3.0, 2.0 / 3.0];
+        let field = |x: &[f64]| [0.1 + 0.2 * x[0] - 0.3 * x[1], 0.5 * x[0] + 0.7 * x[1]];
+        let at = |places: &[f64]| -> Vec<f64> { places.chunks(2).flat_map(field).collect() };
+        let carried = mesh.carried(&centres, &at(&centres));
+        for (x, y) in carried.iter().zip(at(&mesh.vertices)) {
+            assert!((x - y).abs() < 1e-14, "{x} {y}");
+        }
+        // What is not finite stays with the cells that have it.
+        let mut lost = at(&centres);
+        lost[4] = f64::NAN;
+        let carried = mesh.carried(&centres, &lost);
+        assert!(carried[0].is_finite() && carried[4].is_finite() && carried[2].is_nan());
+    }
+
+    #[test]
+    fn points_at_vertices_carry_themselves() {
+        let mesh = Mesh { points_are: PointsAre::Vertices, ..three() };
+        let u: Vec<f64> = (0..12).map(f64::from).collect();
+        assert_eq!(mesh.carried(&mesh.vertices, &u), u);
+    }
+}

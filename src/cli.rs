@@ -1,5 +1,7 @@
 //! What may be typed.
 
+mod studies;
+
 use std::path::PathBuf;
 
 use clap::{ArgAction, Args, Parser, Subcommand, ValueEnum};
@@ -7,6 +9,7 @@ use piola_runtime::simulation::Place;
 
 use crate::console::{Color, Verbosity};
 use crate::library::Kind;
+pub(crate) use studies::{Calibrate, Moduli, Sweep, Trade};
 
 /// What scripts need to know.
 const EXIT_CODES: &str = "Data go to stdout, all else to stderr.
@@ -27,6 +30,10 @@ const BENCH_EXAMPLE: &str = "Examples:
 const TRADE_EXAMPLE: &str = "Example:
   piola trade examples/square/scene.toml --out out/trade
   piola trade examples/square/scene.toml --axes tolerance,start --quantity energy,probe:edge";
+
+const SWEEP_EXAMPLE: &str = "Examples:
+  piola sweep examples/first/scene.toml --vary C2=0:5.4e12:10 --out out/sweep
+  piola sweep examples/square/scene.toml --vary horizon.spacings=2,3,4 --vary body.spacing=0.1,0.05";
 
 const MODULI_EXAMPLE: &str = "Example:
   piola moduli examples/cube_C1/scene.toml --density 7800";
@@ -98,6 +105,9 @@ pub(crate) enum Command {
     /// Time an energy in all its ways, or the phases of a scene
     #[command(after_help = BENCH_EXAMPLE)]
     Bench(Bench),
+    /// Solve a scene for many values of some of its keys, side by side; one table and picture
+    #[command(after_help = SWEEP_EXAMPLE)]
+    Sweep(Sweep),
     /// Measure error and time of a scene over its settings; pick the cheapest that is accurate enough
     #[command(after_help = TRADE_EXAMPLE)]
     Trade(Trade),
@@ -151,6 +161,31 @@ pub(crate) enum Format {
     Json,
 }
 
+/// How findings are written.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Findings {
+    /// For people.
+    #[default]
+    Human,
+    /// An object a line.
+    Json,
+    /// FILE:LINE:COLUMN: error[CODE]: MESSAGE, a line each.
+    Short,
+    /// Commands that GitHub shows at the lines of a change.
+    Github,
+    /// A log of SARIF 2.1.0.
+    Sarif,
+}
+
+impl From<Format> for Findings {
+    fn from(format: Format) -> Findings {
+        match format {
+            Format::Human => Findings::Human,
+            Format::Json => Findings::Json,
+        }
+    }
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct Check {
     /// Potential files (.piola), names of the library, or scenes (.toml)
@@ -159,9 +194,12 @@ pub(crate) struct Check {
     /// Also tell of what proven potentials do: energies that do not resist collapse or inversion
     #[arg(long)]
     pub(crate) pedantic: bool,
+    /// Override a value of scenes, e.g. `body.spacing=0.1`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) settings: Vec<String>,
     /// How findings are written
     #[arg(long, default_value = "human")]
-    pub(crate) format: Format,
+    pub(crate) format: Findings,
 }
 
 /// Values for a potential.
@@ -416,93 +454,6 @@ pub(crate) struct Bench {
     #[arg(long, value_parser = count::<MOST_THREADS>)]
     pub(crate) threads: Option<usize>,
     /// How the times are written
-    #[arg(long, default_value = "human")]
-    pub(crate) format: Format,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct Trade {
-    /// A scene file
-    #[arg(required_unless_present = "list")]
-    pub(crate) scene: Option<PathBuf>,
-    /// What is compared: energy, `reaction[:SET]`, `probe[:NAME]`, displacement, residual; energy, all
-    /// reactions and probes and the residual if not given
-    #[arg(long = "quantity", value_name = "NAME", value_delimiter = ',')]
-    pub(crate) quantities: Vec<String>,
-    /// Axes whose settings are combined with each other; the usual ones one at a time, and some
-    /// combinations, if not given
-    #[arg(long, value_name = "NAME", value_delimiter = ',')]
-    pub(crate) axes: Vec<String>,
-    /// A key of the scene and values to be tried, combined with each other and with the axes:
-    /// material.potential=silling2000,miranda_modified_stretch
-    #[arg(long = "vary", value_name = "KEY=VALUE,VALUE")]
-    pub(crate) varied: Vec<String>,
-    /// List the axes, or the settings of a scene, and do nothing
-    #[arg(long)]
-    pub(crate) list: bool,
-    /// Time for everything, in s
-    #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
-    pub(crate) budget: f64,
-    /// Runs of each setting, as far as the budget allows
-    #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u16).range(1..=1000))]
-    pub(crate) repeats: u16,
-    /// The relative error that is small enough; a tenth of the discretisation error if not given
-    #[arg(long, value_name = "ERROR")]
-    pub(crate) accuracy: Option<f64>,
-    /// Override a value of the scene, e.g. `body.spacing=0.1`
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub(crate) settings: Vec<String>,
-    /// How many threads work; all processors if not given
-    #[arg(long, value_parser = count::<MOST_THREADS>)]
-    pub(crate) threads: Option<usize>,
-    /// A new or empty folder for trade.csv, trade.json, trade.svg and trade.png
-    #[arg(short, long)]
-    pub(crate) out: Option<PathBuf>,
-    /// Replace the results of an earlier run in the folder
-    #[arg(long)]
-    pub(crate) force: bool,
-    /// How the table is written
-    #[arg(long, default_value = "human")]
-    pub(crate) format: AuditFormat,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct Moduli {
-    /// A scene file; only body, horizon and material are needed
-    pub(crate) scene: PathBuf,
-    /// Density of the solid in kg/m^3: adds wave speeds and the largest stable time step
-    #[arg(long, value_name = "KG/M^3")]
-    pub(crate) density: Option<f64>,
-    /// One of the materials of the scene, as if the body were of it alone; without it all of them
-    #[arg(long, value_name = "NAME")]
-    pub(crate) material: Option<String>,
-    /// Override a value of the scene, e.g. `horizon.spacings=4`
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub(crate) settings: Vec<String>,
-    /// How the result is written
-    #[arg(long, default_value = "human")]
-    pub(crate) format: Format,
-}
-
-#[derive(Debug, Args)]
-pub(crate) struct Calibrate {
-    /// A scene file; only body, horizon and material are needed
-    pub(crate) scene: PathBuf,
-    /// Moduli that the body shall have, in Pa or with a unit: `E=200e9,nu=0.3`; names are E, nu, K, mu,
-    /// C11, C12, C44, dilation (1 - 2 nu) and, in two dimensions, E_strain and nu_strain; of bodies that
-    /// break also a fracture energy in J/m^2, `Gc` or of another plane `Gc[110]`
-    #[arg(long = "target", value_name = "NAME=VALUE", value_delimiter = ',', required = true)]
-    pub(crate) targets: Vec<String>,
-    /// Parameters of the potential that may change
-    #[arg(long, value_name = "NAME", value_delimiter = ',', required = true)]
-    pub(crate) vary: Vec<String>,
-    /// The material whose parameters change, as if the body were of it alone
-    #[arg(long, value_name = "NAME")]
-    pub(crate) material: Option<String>,
-    /// Override a value of the scene, e.g. `horizon.spacings=4`
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    pub(crate) settings: Vec<String>,
-    /// How the result is written
     #[arg(long, default_value = "human")]
     pub(crate) format: Format,
 }

@@ -11,7 +11,7 @@ use piola_runtime::scene::files_below;
 use crate::cli::{Format, Inputs};
 use crate::console;
 use crate::library;
-use crate::render::{self, Source};
+use crate::render::{self, Printer, Source};
 
 /// A potential that passed the checks.
 #[derive(Debug)]
@@ -23,18 +23,18 @@ pub(crate) struct Loaded {
 }
 
 /// Reads and checks a potential; what is wrong is printed. `None` if it cannot be used.
-pub(crate) fn load(name: &str, format: Format) -> Option<Loaded> {
-    load_text(name, read(name)?, format)
+pub(crate) fn load(name: &str) -> Option<Loaded> {
+    load_text(name, read(name)?, &mut Printer::new(Format::Human))
 }
 
 /// Checks the text of a potential; what is wrong is printed. `None` if it cannot be used.
-pub(crate) fn load_text(name: &str, text: String, format: Format) -> Option<Loaded> {
+pub(crate) fn load_text(name: &str, text: String, printer: &mut Printer) -> Option<Loaded> {
     let source = Source { name, text: &text };
     let folder = Path::new(name).parent().unwrap_or(Path::new("."));
     match check_text_with(&text, &files_below(folder)) {
         Ok((ast, model)) => Some(Loaded { name: name.to_string(), text, ast, model }),
         Err(diagnostics) => {
-            render::print(source, &diagnostics, format);
+            printer.print(source, &diagnostics);
             None
         }
     }

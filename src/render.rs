@@ -1,10 +1,11 @@
 //! Findings for people and for programs.
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
-use piola_grammar::{Diagnostic, Severity, shortened};
+use piola_grammar::{Diagnostic, Severity, Span, shortened};
 use serde_json::{Value, json};
 
-use crate::cli::Format;
+use crate::cli::Findings;
+use crate::codes;
 use crate::console;
 
 /// A text and its name.
@@ -56,50 +57,179 @@ fn visible(text: &str, range: std::ops::Range<usize>) -> std::ops::Range<usize> 
     start..end
 }
 
-/// Findings as objects with file, line and column (both from 1, columns in characters).
-fn json(source: Source<'_>, diagnostics: &[Diagnostic]) -> Vec<Value> {
-    let place = |start: u32| {
+/// Where something stands: line and column, both from 1, columns in characters.
+#[derive(Clone, Copy)]
+struct Place {
+    line: usize,
+    column: usize,
+}
+
+impl Place {
+    fn of(source: Source<'_>, start: u32) -> Place {
         let start = visible(source.text, start as usize..start as usize).start;
         let before = &source.text[..start];
         let line_start = before.rfind('\n').map_or(0, |at| at + 1);
         let line = before.matches('\n').count() + 1;
-        (line, before[line_start..].chars().count() + 1)
-    };
-    let one = |d: &Diagnostic| {
-        let (line, column) = place(d.span.start);
-        let notes: Vec<Value> = d
-            .notes
-            .iter()
-            .map(|note| {
-                let (line, column) = place(note.span.start);
-                json!({ "line": line, "column": column, "label": note.label })
-            })
-            .collect();
-        json!({
-            "code": d.code,
-            "severity": match d.severity { Severity::Error => "error", Severity::Warning => "warning" },
-            "message": d.message,
-            "file": source.name,
-            "line": line,
-            "column": column,
-            "start": d.span.start,
-            "end": d.span.end,
-            "label": d.label,
-            "notes": notes,
-            "helps": d.helps,
+        Place { line, column: before[line_start..].chars().count() + 1 }
+    }
+}
+
+fn word(severity: Severity) -> &'static str {
+    match severity {
+        Severity::Error => "error",
+        Severity::Warning => "warning",
+    }
+}
+
+/// A finding as an object with file, line and column.
+fn json(source: Source<'_>, d: &Diagnostic) -> Value {
+    let Place { line, column } = Place::of(source, d.span.start);
+    let notes: Vec<Value> = d
+        .notes
+        .iter()
+        .map(|note| {
+            let Place { line, column } = Place::of(source, note.span.start);
+            json!({ "line": line, "column": column, "label": note.label })
         })
+        .collect();
+    json!({
+        "code": d.code,
+        "severity": word(d.severity),
+        "message": d.message,
+        "file": source.name,
+        "line": line,
+        "column": column,
+        "start": d.span.start,
+        "end": d.span.end,
+        "label": d.label,
+        "notes": notes,
+        "helps": d.helps,
+    })
+}
+
+/// The message with label and ways out, in one line.
+fn sentence(d: &Diagnostic) -> String {
+    let label = (!d.label.is_empty()).then(|| d.label.clone());
+    let parts: Vec<String> =
+        std::iter::once(d.message.clone()).chain(label).chain(d.helps.iter().cloned()).collect();
+    parts.join("; ")
+}
+
+/// `file:3:11: error[unknown-name]: ..`, as compilers write it.
+fn short(source: Source<'_>, d: &Diagnostic) -> String {
+    let Place { line, column } = Place::of(source, d.span.start);
+    let (severity, code) = (word(d.severity), d.code);
+    format!("{}:{line}:{column}: {severity}[{code}]: {}\n", source.name, sentence(d))
+}
+
+/// A workflow command of GitHub's runners.
+fn github(source: Source<'_>, d: &Diagnostic) -> String {
+    let [start, end] = [d.span.start, d.span.end].map(|at| Place::of(source, at));
+    let escaped = |text: &str, more: &[(char, &str)]| {
+        let mut text = text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A");
+        for (c, code) in more {
+            text = text.replace(*c, code);
+        }
+        text
     };
-    diagnostics.iter().map(one).collect()
+    let property = |text: &str| escaped(text, &[(':', "%3A"), (',', "%2C")]);
+    format!(
+        "::{} file={},line={},col={},endLine={},endColumn={},title={}::{}\n",
+        word(d.severity),
+        property(source.name),
+        start.line,
+        start.column,
+        end.line,
+        end.column,
+        property(d.code),
+        escaped(&sentence(d), &[])
+    )
+}
+
+/// A result of SARIF 2.1.0 (OASIS).
+fn sarif(source: Source<'_>, d: &Diagnostic) -> Value {
+    let [start, end] = [d.span.start, d.span.end].map(|at| Place::of(source, at));
+    json!({
+        "ruleId": d.code,
+        "level": word(d.severity),
+        "message": { "text": sentence(d) },
+        "locations": [{
+            "physicalLocation": {
+                "artifactLocation": { "uri": source.name.replace('\\', "/") },
+                "region": {
+                    "startLine": start.line,
+                    "startColumn": start.column,
+                    "endLine": end.line,
+                    "endColumn": end.column,
+                },
+            },
+        }],
+    })
+}
+
+/// A log of SARIF 2.1.0 with these results.
+fn sarif_log(results: &[Value]) -> Value {
+    let mut codes: Vec<&str> = results.iter().filter_map(|r| r["ruleId"].as_str()).collect();
+    codes.sort_unstable();
+    codes.dedup();
+    let sections = codes::sections();
+    let rule = |code: &&str| {
+        let section = sections.iter().find(|section| section.code == *code);
+        let summary = section.map_or("", |section| section.summary);
+        json!({ "id": code, "shortDescription": { "text": summary } })
+    };
+    json!({
+        "version": "2.1.0",
+        "$schema": "https://json.schemastore.org/sarif-2.1.0.json",
+        "runs": [{
+            "tool": { "driver": {
+                "name": "piola",
+                "version": env!("CARGO_PKG_VERSION"),
+                "rules": codes.iter().map(rule).collect::<Vec<Value>>(),
+            } },
+            "columnKind": "unicodeCodePoints",
+            "results": results,
+        }],
+    })
 }
 
 /// Prints findings: people read them on stderr, programs on stdout.
-pub(crate) fn print(source: Source<'_>, diagnostics: &[Diagnostic], format: Format) {
-    match format {
-        Format::Human => findings(source, diagnostics),
-        Format::Json => {
-            for line in json(source, diagnostics) {
-                console::out(&format!("{line}\n"));
+pub(crate) struct Printer {
+    format: Findings,
+    /// What is printed at the end, in one log.
+    results: Vec<Value>,
+}
+
+impl Printer {
+    pub(crate) fn new(format: impl Into<Findings>) -> Printer {
+        Printer { format: format.into(), results: Vec::new() }
+    }
+
+    pub(crate) fn print(&mut self, source: Source<'_>, diagnostics: &[Diagnostic]) {
+        for diagnostic in diagnostics {
+            match self.format {
+                Findings::Human => findings(source, std::slice::from_ref(diagnostic)),
+                Findings::Json => console::out(&format!("{}\n", json(source, diagnostic))),
+                Findings::Short => console::out(&short(source, diagnostic)),
+                Findings::Github => console::out(&github(source, diagnostic)),
+                Findings::Sarif => self.results.push(sarif(source, diagnostic)),
             }
+        }
+    }
+
+    /// Prints an error that has no place in a file.
+    pub(crate) fn error(&mut self, name: &str, message: &str) {
+        let one = Diagnostic::error("unusable", Span::new(0, 0), message);
+        match self.format {
+            Findings::Human | Findings::Json => error(message, None),
+            _ => self.print(Source { name, text: "" }, &[one]),
+        }
+    }
+
+    /// The end of what is printed.
+    pub(crate) fn finish(self) {
+        if self.format == Findings::Sarif {
+            console::out(&format!("{:#}\n", sarif_log(&self.results)));
         }
     }
 }

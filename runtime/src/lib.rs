@@ -10,6 +10,7 @@
 //! | [`piola_studies`] | what is asked for | [`scene`], [`plan`] |
 //! | | all of it together | [`case`], [`simulation`] |
 //! | | what accuracy costs | [`trade`] |
+//! | | what parameters change | [`sweep`] |
 //! | | which elastic moduli a body has | [`moduli`] |
 //!
 //! Per-point arrays are in the body's order inside, in the user's order at the edges
@@ -21,7 +22,7 @@ pub use piola_mechanics::{
 };
 pub use piola_output as output;
 pub use piola_solvers as solve;
-pub use piola_studies::{case, machine, moduli, plan, scene, simulation, trade};
+pub use piola_studies::{case, machine, moduli, plan, scene, simulation, sweep, trade};
 
 /// Elements, and what they cost.
 pub mod element {

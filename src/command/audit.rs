@@ -18,7 +18,7 @@ use crate::potential;
 use crate::render;
 
 pub(super) fn execute(arguments: &cli::Audit) -> Exit {
-    let Some(loaded) = potential::load(&arguments.file, cli::Format::Human) else {
+    let Some(loaded) = potential::load(&arguments.file) else {
         return Exit::Input;
     };
     let (model, inputs) = (&loaded.model, &arguments.inputs);

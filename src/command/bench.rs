@@ -43,7 +43,7 @@ pub(super) fn execute(arguments: &Bench) -> Exit {
 }
 
 fn of_potential(name: &str, arguments: &Bench) -> Exit {
-    let Some(loaded) = potential::load(name, Format::Human) else { return Exit::Input };
+    let Some(loaded) = potential::load(name) else { return Exit::Input };
     let model = &loaded.model;
     let values = potential::every_energy(model, arguments.dim, &arguments.inputs, "timed");
     let Some(values) = values else { return Exit::Input };

@@ -5,17 +5,24 @@ use std::path::Path;
 use piola_runtime::case::Case;
 
 use super::{Exit, scene};
-use crate::cli::{Check, Format};
+use crate::cli::{Check, Findings};
 use crate::console;
 use crate::potential::{self, Loaded};
-use crate::render::{self, Source};
+use crate::render::{Printer, Source};
 
 pub(super) fn execute(arguments: &Check) -> Exit {
+    let mut printer = Printer::new(arguments.format);
+    let exit = check(arguments, &mut printer);
+    printer.finish();
+    exit
+}
+
+fn check(arguments: &Check, printer: &mut Printer) -> Exit {
     let mut exit = Exit::Done;
     for file in &arguments.files {
         if file.ends_with(".toml") {
-            match scene::check(Path::new(file), arguments.format) {
-                Some(case) if arguments.format == Format::Human => {
+            match scene::check(Path::new(file), &arguments.settings, printer) {
+                Some(case) if arguments.format == Findings::Human => {
                     console::tell(&format!("{file}: {}", of_scene(&case)));
                 }
                 Some(_) => {}
@@ -24,14 +31,14 @@ pub(super) fn execute(arguments: &Check) -> Exit {
             continue;
         }
         let Some(text) = potential::read(file) else { return Exit::Input };
-        let Some(loaded) = potential::load_text(file, text, arguments.format) else {
+        let Some(loaded) = potential::load_text(file, text, printer) else {
             exit = Exit::Findings;
             continue;
         };
         let warnings = loaded.model.lint(arguments.pedantic);
         let source = Source { name: &loaded.name, text: &loaded.text };
-        render::print(source, &warnings, arguments.format);
-        if arguments.format == Format::Human {
+        printer.print(source, &warnings);
+        if arguments.format == Findings::Human {
             console::tell(&format!("{file}: {}", describe(&loaded)));
         }
     }

@@ -15,7 +15,7 @@ use piola_compiler::{
 use piola_runtime::output::decimal;
 
 use super::Exit;
-use crate::cli::{Derive, Emit, Format};
+use crate::cli::{Derive, Emit};
 use crate::console;
 use crate::potential::{self, Loaded};
 use crate::render;
@@ -27,7 +27,7 @@ const POINTS: usize = 6;
 const BAR: f64 = 64.0;
 
 pub(super) fn execute(arguments: &Derive) -> Exit {
-    let Some(loaded) = potential::load(&arguments.file, Format::Human) else { return Exit::Input };
+    let Some(loaded) = potential::load(&arguments.file) else { return Exit::Input };
     let defined: Vec<usize> = loaded.model.dimensions().collect();
     let dimension = arguments.dim.map_or(defined[defined.len() - 1], usize::from);
     match arguments.emit {
@@ -450,5 +450,5 @@ pub(super) fn print_compile_error(loaded: &Loaded, error: &CompileError) {
     };
     let diagnostic = piola_grammar::Diagnostic::error(code, span, error.to_string()).help(help);
     let source = render::Source { name: &loaded.name, text: &loaded.text };
-    render::print(source, &[diagnostic], Format::Human);
+    render::findings(source, &[diagnostic]);
 }

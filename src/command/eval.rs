@@ -5,7 +5,7 @@ use piola_runtime::output::decimal;
 
 use super::Exit;
 use super::derive::print_compile_error;
-use crate::cli::{self, Eval, Format};
+use crate::cli::{self, Eval};
 use crate::console;
 use crate::potential;
 use crate::render;
@@ -23,7 +23,7 @@ pub(super) fn execute(arguments: &Eval) -> Exit {
         cli::Mode::Interpreter => Mode::Interpreter,
         cli::Mode::Hyperdual => Mode::HyperDual,
     };
-    let Some(loaded) = potential::load(&arguments.file, Format::Human) else { return Exit::Input };
+    let Some(loaded) = potential::load(&arguments.file) else { return Exit::Input };
     let Some(settings) = potential::settings(&arguments.inputs) else { return Exit::Input };
     let dimension = usize::from(arguments.dim);
     let delta = arguments.inputs.delta;

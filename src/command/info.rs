@@ -4,7 +4,7 @@ use clap::ValueEnum;
 use piola_compiler::{Model, print};
 
 use super::{Exit, machine};
-use crate::cli::{Format, Info};
+use crate::cli::Info;
 use crate::console;
 use crate::library::{self, Kind, LIBRARY};
 use crate::potential;
@@ -24,7 +24,7 @@ fn list(only: Option<Kind>) -> Exit {
     for kind in Kind::value_variants().iter().filter(is_wanted) {
         text.push_str(&format!("\n{}: {}\n", kind.word(), kind.title()));
         for entry in LIBRARY.iter().filter(|entry| entry.kind == *kind) {
-            let Some(loaded) = potential::load(entry.name, Format::Human) else {
+            let Some(loaded) = potential::load(entry.name) else {
                 return Exit::Input;
             };
             let title = loaded.model.title().unwrap_or("");
@@ -37,7 +37,7 @@ fn list(only: Option<Kind>) -> Exit {
 }
 
 fn show(name: &str) -> Exit {
-    let Some(loaded) = potential::load(name, Format::Human) else { return Exit::Input };
+    let Some(loaded) = potential::load(name) else { return Exit::Input };
     console::out(&console::printable(&describe(&loaded.model)));
     if library::find(name).is_some() {
         console::out(&format!("\nfile\n{}", indent(&loaded.text)));

@@ -17,6 +17,7 @@ mod moduli;
 mod plan;
 mod run;
 mod scene;
+mod sweep;
 mod trade;
 mod verify;
 
@@ -60,6 +61,7 @@ pub(crate) fn execute(command: Command) -> Exit {
         Command::Plan(arguments) => plan::execute(&arguments),
         Command::Bench(arguments) => bench::execute(&arguments),
         Command::Trade(arguments) => trade::execute(&arguments),
+        Command::Sweep(arguments) => sweep::execute(&arguments),
         Command::Moduli(arguments) => moduli::execute(&arguments),
         Command::Calibrate(arguments) => calibrate::execute(&arguments),
         Command::Info(arguments) => info::execute(&arguments),

@@ -7,7 +7,7 @@ use piola_runtime::scene::boundary::BoundaryConditions;
 
 use crate::cli::Format;
 use crate::library;
-use crate::render::{self, Source};
+use crate::render::{self, Printer, Source};
 
 /// Reads a scene and prints what is wrong with it, or what its user should know.
 pub(super) fn read(path: &std::path::Path, overrides: &[String]) -> Option<Case> {
@@ -64,46 +64,52 @@ pub(super) fn warnings(case: &Case) -> Result<Vec<Diagnostic>, CaseError> {
 /// Checks a scene as far as that is possible without a run: the text and all it names, its points,
 /// sets and conditions, and motions that nothing holds. Prints what is found; nothing if it cannot be
 /// run.
-pub(super) fn check(path: &std::path::Path, format: Format) -> Option<Case> {
-    let checked = || -> Result<Case, CaseError> {
-        let mut case = outline(path, &[])?;
+pub(super) fn check(
+    path: &std::path::Path,
+    overrides: &[String],
+    printer: &mut Printer,
+) -> Option<Case> {
+    let mut checked = || -> Result<Case, CaseError> {
+        let mut case = outline(path, overrides)?;
         if case.large_box().is_none() {
             case = case.with_points()?;
         }
-        print_findings(&case.scene.report(warnings(&case)?), format);
+        print_findings(&case.scene.report(warnings(&case)?), printer);
         case.plan(1)?;
         Ok(case)
     };
-    checked().map_err(|error| print_case_error(&error, format)).ok()
+    let checked = checked();
+    checked.map_err(|error| print_case_error(&error, path, printer)).ok()
 }
 
 /// Prints an error at its place.
 pub(super) fn print_error(error: &CaseError) {
-    print_case_error(error, Format::Human);
+    print_case_error(error, std::path::Path::new(""), &mut Printer::new(Format::Human));
 }
 
-fn print_case_error(error: &CaseError, format: Format) {
+/// `path` is the scene's, for errors that have no place in a text.
+fn print_case_error(error: &CaseError, path: &std::path::Path, printer: &mut Printer) {
     match error {
-        CaseError::Scene(report) => print_findings(report, format),
+        CaseError::Scene(report) => print_findings(report, printer),
         CaseError::Text { name, text, diagnostics } => {
-            render::print(Source { name, text }, diagnostics, format);
+            printer.print(Source { name, text }, diagnostics);
         }
-        _ => render::error(&error.to_string(), None),
+        _ => printer.error(&path.display().to_string(), &error.to_string()),
     }
 }
 
 /// Prints warnings about a scene and gives them back as sentences.
 pub(super) fn print_warnings(case: &Case, warnings: Vec<Diagnostic>) -> Vec<String> {
     let report = case.scene.report(warnings);
-    print_findings(&report, Format::Human);
+    print_findings(&report, &mut Printer::new(Format::Human));
     report.findings.iter().map(|finding| finding.diagnostic.message.clone()).collect()
 }
 
-fn print_findings(report: &SceneReport, format: Format) {
+fn print_findings(report: &SceneReport, printer: &mut Printer) {
     for finding in &report.findings {
         let source = &report.sources[finding.source];
         let source = Source { name: &source.name, text: &source.text };
-        render::print(source, std::slice::from_ref(&finding.diagnostic), format);
+        printer.print(source, std::slice::from_ref(&finding.diagnostic));
     }
 }
 

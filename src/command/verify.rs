@@ -16,7 +16,7 @@ pub(super) fn execute(arguments: &Verify) -> Exit {
     let Some(settings) = potential::settings(&arguments.inputs) else { return Exit::Input };
     let mut exit = Exit::Done;
     for file in &arguments.files {
-        let Some(loaded) = potential::load(file, Format::Human) else { return Exit::Input };
+        let Some(loaded) = potential::load(file) else { return Exit::Input };
         let dimensions: Vec<usize> = match arguments.dim {
             Some(d) => vec![usize::from(d)],
             None => loaded.model.dimensions().collect(),

@@ -14,6 +14,7 @@ mod explain_bond;
 mod extremes;
 mod family_states;
 mod fields;
+mod findings;
 mod fracture;
 mod fracture_energy;
 mod frame_fields;
@@ -40,5 +41,6 @@ mod solvers;
 #[cfg(unix)]
 mod streams;
 mod surface;
+mod sweep;
 mod tracks;
 mod trade;

@@ -46,6 +46,14 @@ pub enum OutputFile {
     TradeSvg,
     /// `trade.png`.
     TradePng,
+    /// `sweep.csv`.
+    SweepTable,
+    /// `sweep.json`.
+    SweepSummary,
+    /// `sweep.svg`.
+    SweepSvg,
+    /// `sweep.png`.
+    SweepPng,
 }
 
 /// The folder of the frames inside the output folder.
@@ -54,7 +62,7 @@ const FRAMES: &str = "frames";
 impl OutputFile {
     /// All files but the frames; `run.pvd` first, so that a removal that is cut short leaves no
     /// list of frames that are gone.
-    const SINGLE: [OutputFile; 16] = [
+    const SINGLE: [OutputFile; 20] = [
         OutputFile::Collection,
         OutputFile::Checkpoint,
         OutputFile::Displacement,
@@ -71,6 +79,10 @@ impl OutputFile {
         OutputFile::TradeSummary,
         OutputFile::TradeSvg,
         OutputFile::TradePng,
+        OutputFile::SweepTable,
+        OutputFile::SweepSummary,
+        OutputFile::SweepSvg,
+        OutputFile::SweepPng,
     ];
 
     /// The file's name without its folder.
@@ -94,6 +106,10 @@ impl OutputFile {
             OutputFile::TradeSummary => "trade.json".to_owned(),
             OutputFile::TradeSvg => "trade.svg".to_owned(),
             OutputFile::TradePng => "trade.png".to_owned(),
+            OutputFile::SweepTable => "sweep.csv".to_owned(),
+            OutputFile::SweepSummary => "sweep.json".to_owned(),
+            OutputFile::SweepSvg => "sweep.svg".to_owned(),
+            OutputFile::SweepPng => "sweep.png".to_owned(),
         }
     }
 

@@ -75,11 +75,12 @@ impl Watch {
     }
 
     /// Who hears nothing, and may want an end.
-    pub(crate) fn in_silence(&self) -> Watch {
+    pub fn in_silence(&self) -> Watch {
         Watch(self.0.clone().map(|observer| Arc::new(Silent(observer)) as Arc<dyn Observer>))
     }
 
-    pub(crate) fn wants_end(&self) -> bool {
+    /// Whether the search shall end.
+    pub fn wants_end(&self) -> bool {
         self.0.as_ref().is_some_and(|observer| observer.wants_end())
     }
 }

@@ -21,4 +21,5 @@ pub mod moduli;
 pub mod plan;
 pub mod scene;
 pub mod simulation;
+pub mod sweep;
 pub mod trade;

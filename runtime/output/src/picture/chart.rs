@@ -64,9 +64,9 @@ pub(super) fn with_colour_bar(
 
 /// What an axis measures, between which values.
 #[derive(Clone, Debug)]
-pub(super) struct Axis {
-    pub(super) name: &'static str,
-    pub(super) unit: &'static str,
+pub(super) struct Axis<'a> {
+    pub(super) name: &'a str,
+    pub(super) unit: &'a str,
     pub(super) low: f64,
     pub(super) high: f64,
     pub(super) kind: AxisKind,
@@ -85,7 +85,7 @@ pub(super) enum AxisKind {
     Logarithmic,
 }
 
-impl Axis {
+impl Axis<'_> {
     /// Where `value` is: 0 at the low end, 1 at the high end.
     fn fraction(&self, value: f64) -> f64 {
         (value - self.low) / (self.high - self.low)
@@ -124,15 +124,15 @@ impl Axis {
 
 /// Two axes around an area.
 #[derive(Clone, Debug)]
-pub(super) struct Chart {
+pub(super) struct Chart<'a> {
     pub(super) area: Area,
-    pub(super) x: Axis,
-    pub(super) y: Axis,
+    pub(super) x: Axis<'a>,
+    pub(super) y: Axis<'a>,
     /// Whether lines lead from the ticks across the area.
     pub(super) grid: bool,
 }
 
-impl Chart {
+impl Chart<'_> {
     /// The place of a pair of values on the page.
     pub(super) fn place(&self, x: f64, y: f64) -> [f64; 2] {
         [

@@ -263,7 +263,7 @@ fn range(values: impl Iterator<Item = f64>) -> (f64, f64) {
     }
 }
 
-fn padded_range(values: impl Iterator<Item = f64>, padding: f64) -> (f64, f64) {
+pub(super) fn padded_range(values: impl Iterator<Item = f64>, padding: f64) -> (f64, f64) {
     let (low, high) = range(values);
     let margin = padding * (high - low);
     (low - margin, high + margin)

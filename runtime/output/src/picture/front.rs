@@ -102,7 +102,7 @@ impl FrontPicture {
         libm::log10(error.max(self.least))
     }
 
-    fn chart(&self) -> Chart {
+    fn chart(&self) -> Chart<'_> {
         // Whole steps of `step` around the exponents.
         let axis = |name, unit, step: f64, kind, values: &mut dyn Iterator<Item = f64>| {
             let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);

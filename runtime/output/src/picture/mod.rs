@@ -19,11 +19,13 @@ mod logarithmic;
 mod motion;
 mod slices;
 mod solid;
+mod sweep;
 mod ticks;
 
 pub use front::{Dot, DotKind, FrontPicture};
 pub use logarithmic::{LogarithmicPanel, LogarithmicPlot};
 pub use slices::{Slice, SlicePlot};
+pub use sweep::{SweepChart, SweepLine, SweepPicture};
 
 use super::{Frame, History, OutputError, OutputFile, OutputFolder, Points};
 use canvas::{Anchor, Canvas, DARK, GREY, Text};

@@ -115,9 +115,16 @@ pub enum Attempt {
 /// # Errors
 /// A case that cannot start, as for [`run`](super::run()).
 pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
-    let watch = Watch::by(Arc::new(Deadline { start: Instant::now(), limit }));
+    solve_watched(case, &Watch::by(Arc::new(Deadline { start: Instant::now(), limit })))
+}
+
+/// The same until `watch` wants an end.
+///
+/// # Errors
+/// As [`solve`].
+pub fn solve_watched(case: &Case, watch: &Watch) -> Result<Attempt, CaseError> {
     if let Some(scene) = &case.scene.motion {
-        return motion::solve(case, scene, &watch);
+        return motion::solve(case, scene, watch);
     }
     let (energy, fields) = case.solved_energy(case.compile()?)?;
     let selection = case.selection()?;
@@ -133,7 +140,7 @@ pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
         }
         ControlFlow::Continue(())
     };
-    match run_steps(&energy, &drive, &settings(&case.scene), &watch, &mut observer) {
+    match run_steps(&energy, &drive, &settings(&case.scene), watch, &mut observer) {
         Ok(outcome) if outcome.stopped => {
             Ok(Attempt::OutOfTime(outcome.records.last().map_or(0.0, |record| record.t)))
         }

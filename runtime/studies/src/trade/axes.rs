@@ -349,7 +349,7 @@ impl Choice {
 }
 
 /// The parts between commas that stand in no brackets and no quotes.
-fn separate(text: &str) -> Vec<&str> {
+pub(crate) fn separate(text: &str) -> Vec<&str> {
     let (mut depth, mut quoted, mut start) = (0, false, 0);
     let mut parts = Vec::new();
     for (place, byte) in text.bytes().enumerate() {

@@ -1,0 +1,119 @@
+//! What may be typed of studies: many runs of a scene, moduli of its material.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{AuditFormat, Format, MOST_THREADS, count};
+
+#[derive(Debug, Args)]
+pub(crate) struct Trade {
+    /// A scene file
+    #[arg(required_unless_present = "list")]
+    pub(crate) scene: Option<PathBuf>,
+    /// What is compared: energy, `reaction[:SET]`, `probe[:NAME]`, displacement, residual; energy, all
+    /// reactions and probes and the residual if not given
+    #[arg(long = "quantity", value_name = "NAME", value_delimiter = ',')]
+    pub(crate) quantities: Vec<String>,
+    /// Axes whose settings are combined with each other; the usual ones one at a time, and some
+    /// combinations, if not given
+    #[arg(long, value_name = "NAME", value_delimiter = ',')]
+    pub(crate) axes: Vec<String>,
+    /// A key of the scene and values to be tried, combined with each other and with the axes:
+    /// material.potential=silling2000,miranda_modified_stretch
+    #[arg(long = "vary", value_name = "KEY=VALUE,VALUE")]
+    pub(crate) varied: Vec<String>,
+    /// List the axes, or the settings of a scene, and do nothing
+    #[arg(long)]
+    pub(crate) list: bool,
+    /// Time for everything, in s
+    #[arg(long, default_value_t = 60.0, value_name = "SECONDS")]
+    pub(crate) budget: f64,
+    /// Runs of each setting, as far as the budget allows
+    #[arg(long, default_value_t = 7, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub(crate) repeats: u16,
+    /// The relative error that is small enough; a tenth of the discretisation error if not given
+    #[arg(long, value_name = "ERROR")]
+    pub(crate) accuracy: Option<f64>,
+    /// Override a value of the scene, e.g. `body.spacing=0.1`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) settings: Vec<String>,
+    /// How many threads work; all processors if not given
+    #[arg(long, value_parser = count::<MOST_THREADS>)]
+    pub(crate) threads: Option<usize>,
+    /// A new or empty folder for trade.csv, trade.json, trade.svg and trade.png
+    #[arg(short, long)]
+    pub(crate) out: Option<PathBuf>,
+    /// Replace the results of an earlier run in the folder
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// How the table is written
+    #[arg(long, default_value = "human")]
+    pub(crate) format: AuditFormat,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Sweep {
+    /// A scene file
+    pub(crate) scene: PathBuf,
+    /// A key of the scene, or a parameter of its [material], and its values: FIRST:LAST:COUNT at even
+    /// steps, FIRST:LAST:COUNT:log by even factors, or VALUE,VALUE; several keys are combined
+    #[arg(long = "vary", value_name = "KEY=VALUES", required = true)]
+    pub(crate) varied: Vec<String>,
+    /// Override a value of the scene, e.g. `body.spacing=0.1`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) settings: Vec<String>,
+    /// How many threads work, on as many runs at once; all processors if not given
+    #[arg(long, value_parser = count::<MOST_THREADS>)]
+    pub(crate) threads: Option<usize>,
+    /// A new or empty folder for sweep.csv, sweep.json, sweep.svg and sweep.png
+    #[arg(short, long)]
+    pub(crate) out: Option<PathBuf>,
+    /// Replace the results of an earlier study in the folder
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// How the table is written
+    #[arg(long, default_value = "human")]
+    pub(crate) format: AuditFormat,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Moduli {
+    /// A scene file; only body, horizon and material are needed
+    pub(crate) scene: PathBuf,
+    /// Density of the solid in kg/m^3: adds wave speeds and the largest stable time step
+    #[arg(long, value_name = "KG/M^3")]
+    pub(crate) density: Option<f64>,
+    /// One of the materials of the scene, as if the body were of it alone; without it all of them
+    #[arg(long, value_name = "NAME")]
+    pub(crate) material: Option<String>,
+    /// Override a value of the scene, e.g. `horizon.spacings=4`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) settings: Vec<String>,
+    /// How the result is written
+    #[arg(long, default_value = "human")]
+    pub(crate) format: Format,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Calibrate {
+    /// A scene file; only body, horizon and material are needed
+    pub(crate) scene: PathBuf,
+    /// Moduli that the body shall have, in Pa or with a unit: `E=200e9,nu=0.3`; names are E, nu, K, mu,
+    /// C11, C12, C44, dilation (1 - 2 nu) and, in two dimensions, E_strain and nu_strain; of bodies that
+    /// break also a fracture energy in J/m^2, `Gc` or of another plane `Gc[110]`
+    #[arg(long = "target", value_name = "NAME=VALUE", value_delimiter = ',', required = true)]
+    pub(crate) targets: Vec<String>,
+    /// Parameters of the potential that may change
+    #[arg(long, value_name = "NAME", value_delimiter = ',', required = true)]
+    pub(crate) vary: Vec<String>,
+    /// The material whose parameters change, as if the body were of it alone
+    #[arg(long, value_name = "NAME")]
+    pub(crate) material: Option<String>,
+    /// Override a value of the scene, e.g. `horizon.spacings=4`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) settings: Vec<String>,
+    /// How the result is written
+    #[arg(long, default_value = "human")]
+    pub(crate) format: Format,
+}

@@ -1,0 +1,64 @@
+//! Findings of `piola check` for editors, runners and other programs.
+
+use serde_json::Value;
+
+use crate::support::{SceneFolder, piola};
+
+fn check(format: &str) -> String {
+    let folder = SceneFolder::new(
+        "[body]\nbox = [[0, 0], [1, 1]]\nspacing = 0.1\n[horizon]\nspacings = 3\n[material]\n\
+         potential = \"law.piola\"\n[sets]\nleft = \"X < 0.1, Y\"\n",
+    );
+    let law = folder.file("law.piola", "potential law\nparameter C1\npsi(l) = C1*C2*(l/L - 1)^2\n");
+    let found = piola(&["check", &law, &folder.scene(), "--format", format]).expect(1);
+    assert!(found.stderr.is_empty(), "{}", found.stderr);
+    found.stdout.replace(&folder.path(""), "")
+}
+
+#[test]
+fn a_finding_is_a_line_for_editors_and_for_runners() {
+    let short = check("short");
+    let lines: Vec<&str> = short.lines().collect();
+    assert!(
+        lines[0].starts_with("law.piola:3:13: error[unknown-name]: unknown name `C2`"),
+        "{short}"
+    );
+    assert!(lines[1].starts_with("scene.toml:9:"), "{short}");
+    let github = check("github");
+    let start =
+        "::error file=law.piola,line=3,col=13,endLine=3,endColumn=15,title=unknown-name::unknown";
+    assert!(github.starts_with(start), "{github}");
+}
+
+#[test]
+fn a_log_of_sarif_has_rules_results_and_places() {
+    let log: Value = serde_json::from_str(&check("sarif")).unwrap();
+    assert_eq!(log["version"], "2.1.0");
+    let run = &log["runs"][0];
+    let rules = run["tool"]["driver"]["rules"].as_array().unwrap();
+    let results = run["results"].as_array().unwrap();
+    assert_eq!(results.len(), 2);
+    for result in results {
+        let id = &result["ruleId"];
+        let rule = rules.iter().find(|rule| rule["id"] == *id).unwrap();
+        assert!(!rule["shortDescription"]["text"].as_str().unwrap().is_empty());
+        let region = &result["locations"][0]["physicalLocation"]["region"];
+        for key in ["startLine", "startColumn", "endLine", "endColumn"] {
+            assert!(region[key].as_u64().unwrap() >= 1, "{result}");
+        }
+    }
+    // A file without findings is a log without results.
+    let empty = piola(&["check", "javili2020", "--format", "sarif"]).expect(0).json();
+    assert_eq!(empty["runs"][0]["results"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn scenes_are_checked_with_overrides() {
+    let folder = SceneFolder::new(
+        "[body]\nbox = [[0, 0], [1, 1]]\nspacing = 0.1\n[horizon]\nspacings = 3\n[material]\n\
+         potential = \"javili2020\"\nparameters = { C1 = 1 }\n",
+    );
+    let scene = folder.scene();
+    let found = piola(&["check", &scene, "--set", "body.spacing=0.3"]).expect(1);
+    found.says(&["extent-not-a-multiple"]);
+}

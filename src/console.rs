@@ -5,9 +5,12 @@
 //! that a full disk cut short are, and [`finish`] says so.
 
 use std::io::{self, IsTerminal as _, Write as _};
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use clap::ValueEnum;
+use serde_json::{Value, json};
+
+use crate::embedded::Host;
 
 /// When messages have colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
@@ -41,6 +44,48 @@ struct Style {
 
 static STYLE: OnceLock<Style> = OnceLock::new();
 
+/// Where everything goes in place of the streams, while another program has this one inside.
+static CAPTURED: Mutex<Option<Captured>> = Mutex::new(None);
+
+/// Whose turn it is to have it inside.
+static TURN: Mutex<()> = Mutex::new(());
+
+struct Captured {
+    host: Arc<Host>,
+    data: String,
+    messages: String,
+    findings: Vec<Value>,
+}
+
+/// What goes to the streams is kept until [`captured`]; others wait for the end of the guard.
+pub(crate) fn capture(host: &Arc<Host>) -> MutexGuard<'static, ()> {
+    let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+    let (data, messages) = (String::new(), String::new());
+    *kept() = Some(Captured { host: host.clone(), data, messages, findings: Vec::new() });
+    turn
+}
+
+/// Data, messages and findings since [`capture`]; from now on the streams get them again.
+pub(crate) fn captured() -> (String, String, Vec<Value>) {
+    kept().take().map_or_else(Default::default, |all| (all.data, all.messages, all.findings))
+}
+
+/// Who has this program inside.
+pub(crate) fn host() -> Option<Arc<Host>> {
+    kept().as_ref().map(|captured| captured.host.clone())
+}
+
+fn kept() -> MutexGuard<'static, Option<Captured>> {
+    CAPTURED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Keeps a finding for whoever has this program inside.
+pub(crate) fn find(finding: impl FnOnce() -> Value) {
+    if let Some(captured) = kept().as_mut() {
+        captured.findings.push(finding());
+    }
+}
+
 /// Why data could not be written, once that happened.
 static LOST: Mutex<Option<io::Error>> = Mutex::new(None);
 
@@ -55,6 +100,9 @@ pub(crate) fn set_up(color: Color, verbosity: Verbosity) {
 }
 
 fn style() -> Style {
+    if host().is_some() {
+        return Style { color: false, verbosity: Verbosity::Quiet };
+    }
     let plain = Style { color: false, verbosity: Verbosity::Normal };
     STYLE.get().copied().unwrap_or(plain)
 }
@@ -71,7 +119,9 @@ pub(crate) fn verbosity() -> Verbosity {
 
 /// Whether messages go to a terminal that can overwrite a line.
 pub(crate) fn moves_cursor() -> bool {
-    io::stderr().is_terminal() && std::env::var_os("TERM").is_none_or(|term| term != "dumb")
+    host().is_none()
+        && io::stderr().is_terminal()
+        && std::env::var_os("TERM").is_none_or(|term| term != "dumb")
 }
 
 /// A user's text without codes that a terminal would obey.
@@ -82,7 +132,21 @@ pub(crate) fn printable(text: &str) -> String {
 
 /// Writes to stderr, as it is.
 pub(crate) fn say(text: &str) {
+    if let Some(captured) = kept().as_mut() {
+        captured.messages.push_str(text);
+        return;
+    }
     let _ = io::stderr().lock().write_all(text.as_bytes());
+}
+
+/// Says what is wrong with a command line.
+pub(crate) fn usage(error: &clap::Error) {
+    if host().is_some() {
+        say(&error.render().to_string());
+        find(|| json!({ "severity": "error", "message": error.render().to_string(), "helps": [] }));
+        return;
+    }
+    let _ = error.print();
 }
 
 /// A line that is no warning; silent with `--quiet`.
@@ -99,6 +163,10 @@ pub(crate) fn note(message: &str) {
 
 /// Data for the standard output.
 pub(crate) fn out(text: &str) {
+    if let Some(captured) = kept().as_mut() {
+        captured.data.push_str(text);
+        return;
+    }
     keep(io::stdout().lock().write_all(text.as_bytes()));
 }
 

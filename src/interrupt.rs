@@ -3,9 +3,15 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU8, Ordering};
 
+use crate::embedded::Host;
+
 /// The signal that came, if one did.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Interrupt(Arc<AtomicU8>);
+pub(crate) struct Interrupt {
+    came: Arc<AtomicU8>,
+    /// Who has this program inside, and listens itself.
+    host: Option<Arc<Host>>,
+}
 
 /// Who wants an end.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,7 +25,10 @@ pub(crate) enum Signal {
 impl Interrupt {
     /// What came since [`Interrupt::listen`].
     pub(crate) fn signal(&self) -> Option<Signal> {
-        match self.0.load(Ordering::Relaxed) {
+        if self.host.as_ref().is_some_and(|host| host.wants_end()) {
+            return Some(Signal::Interrupt);
+        }
+        match self.came.load(Ordering::Relaxed) {
             0 => None,
             1 => Some(Signal::Interrupt),
             _ => Some(Signal::Terminate),
@@ -33,7 +42,10 @@ impl Interrupt {
         use signal_hook::consts::{SIGINT, SIGTERM};
         use signal_hook::iterator::Signals;
 
-        let interrupt = Interrupt::default();
+        let interrupt = Interrupt { host: crate::console::host(), ..Interrupt::default() };
+        if interrupt.host.is_some() {
+            return interrupt;
+        }
         let heard = interrupt.clone();
         let Ok(mut signals) = Signals::new([SIGINT, SIGTERM]) else { return interrupt };
         let listen = move || {
@@ -42,7 +54,7 @@ impl Interrupt {
                     piola_runtime::output::atomic::abandon();
                     std::process::exit(128 + signal);
                 }
-                heard.0.store(if signal == SIGINT { 1 } else { 2 }, Ordering::Relaxed);
+                heard.came.store(if signal == SIGINT { 1 } else { 2 }, Ordering::Relaxed);
                 crate::console::say(
                     "interrupted: what has converged is being written; interrupt again to end at once\n",
                 );
@@ -55,6 +67,6 @@ impl Interrupt {
 
     #[cfg(not(unix))]
     pub(crate) fn listen() -> Interrupt {
-        Interrupt::default()
+        Interrupt { host: crate::console::host(), ..Interrupt::default() }
     }
 }

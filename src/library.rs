@@ -97,12 +97,12 @@ pub(crate) const LIBRARY: &[Entry] = entries![
 ];
 
 /// The text of a potential of the library.
-pub(crate) fn find(name: &str) -> Option<&'static str> {
+pub fn find(name: &str) -> Option<&'static str> {
     LIBRARY.iter().find(|entry| entry.name == name).map(|entry| entry.text)
 }
 
 /// All names.
-pub(crate) fn names() -> Vec<&'static str> {
+pub fn names() -> Vec<&'static str> {
     LIBRARY.iter().map(|entry| entry.name).collect()
 }
 

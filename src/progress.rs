@@ -11,6 +11,7 @@ use piola_runtime::solve::steps::StepRecord;
 use piola_runtime::solve::{Event, Observer};
 
 use crate::console::{self, Verbosity};
+use crate::embedded::Host;
 use crate::interrupt::Interrupt;
 
 /// Silence in a pipe before a line says what is going on; twice as long after each such line.
@@ -25,6 +26,8 @@ pub(crate) struct Progress {
     /// The last `t` of the scene.
     end: f64,
     interrupt: Interrupt,
+    /// Who has this program inside.
+    host: Option<Arc<Host>>,
     bar: Option<ProgressBar>,
     now: Mutex<Now>,
     /// Products since the last iteration.
@@ -97,6 +100,7 @@ impl Progress {
         Progress {
             end,
             interrupt,
+            host: console::host(),
             bar,
             now: Mutex::new(now),
             products: AtomicUsize::new(0),
@@ -146,6 +150,12 @@ impl Progress {
             products => line += &format!(", {products} products"),
         }
         line
+    }
+
+    fn tell_host(&self, part: f64) {
+        if let Some(host) = &self.host {
+            host.moved(part.clamp(0.0, 1.0));
+        }
     }
 
     /// A line that stays.
@@ -238,8 +248,14 @@ impl Observer for Progress {
                 let line = format!("t = {t:.6}: {why}; half the increment is tried");
                 self.tell(now, &line);
             }
-            Event::Step(record) => self.step(now, record),
-            Event::Moved { t, step, n_steps } => self.moved(now, t, step, n_steps),
+            Event::Step(record) => {
+                self.tell_host(record.t / self.end);
+                self.step(now, record);
+            }
+            Event::Moved { t, step, n_steps } => {
+                self.tell_host(step as f64 / n_steps as f64);
+                self.moved(now, t, step, n_steps);
+            }
         }
     }
 

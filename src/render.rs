@@ -236,6 +236,7 @@ impl Printer {
 
 /// Prints findings for people.
 pub(crate) fn findings(source: Source<'_>, diagnostics: &[Diagnostic]) {
+    diagnostics.iter().for_each(|diagnostic| console::find(|| json(source, diagnostic)));
     console::say(&human(source, diagnostics, console::color()));
 }
 
@@ -246,6 +247,8 @@ fn plain(message: &str) -> String {
 
 /// Prints an error that has no place in a text, and the ways out.
 pub(crate) fn error<'a>(message: &str, helps: impl IntoIterator<Item = &'a str>) {
+    let helps: Vec<&str> = helps.into_iter().collect();
+    console::find(|| json!({ "severity": "error", "message": message, "helps": helps }));
     let mut text = format!("error: {}\n", plain(message));
     for help in helps {
         text.push_str(&format!("  help: {}\n", plain(help)));
@@ -255,5 +258,6 @@ pub(crate) fn error<'a>(message: &str, helps: impl IntoIterator<Item = &'a str>)
 
 /// Prints a warning that has no place in a text.
 pub(crate) fn warning(message: &str) {
+    console::find(|| json!({ "severity": "warning", "message": message, "helps": [] }));
     console::say(&format!("warning: {}\n", plain(message)));
 }

@@ -41,6 +41,9 @@ pub(super) fn execute(arguments: &cli::Sweep) -> Exit {
     let swept = sweep(&read, &variations, threads, &watch, &mut |sweep, row| {
         let ended = sweep.count(|outcome| *outcome != Outcome::Interrupted);
         let of = format!("{ended} of {}", sweep.rows.len());
+        if let Some(host) = console::host() {
+            host.moved(ended as f64 / sweep.rows.len() as f64);
+        }
         bar.say(&format!("{of}: {}, {}", sweep.title_of(row), row.outcome.word()));
         // What has ended is kept, whatever comes.
         let kept = |folder: &OutputFolder| {

@@ -6,7 +6,7 @@ use crate::{between, files, read};
 const MOST_LINES: usize = 600;
 
 /// Every crate and the crates of the workspace that it may know.
-const ARROWS: [(&str, &[&str]); 9] = [
+const ARROWS: [(&str, &[&str]); 10] = [
     ("grammar/Cargo.toml", &[]),
     ("compiler/Cargo.toml", &["piola-grammar"]),
     ("runtime/mechanics/Cargo.toml", &["piola-compiler"]),
@@ -29,6 +29,7 @@ const ARROWS: [(&str, &[&str]); 9] = [
         &["piola-compiler", "piola-mechanics", "piola-solvers", "piola-output", "piola-studies"],
     ),
     ("Cargo.toml", &["piola-grammar", "piola-compiler", "piola-runtime"]),
+    ("python/Cargo.toml", &["piola", "piola-grammar", "piola-compiler", "piola-runtime"]),
 ];
 
 /// The lines of one table of a manifest.

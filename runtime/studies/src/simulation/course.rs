@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use piola_mechanics::energy::{Energy as _, EnergyParts};
 use piola_solvers::march::State;
-use piola_solvers::steps::{StepError, StepRecord, run_steps};
+use piola_solvers::steps::{Drive, NotGiven, StepError, StepRecord, run_steps};
 use piola_solvers::{Event, Observer, Watch};
 
 use super::motion;
@@ -126,11 +126,26 @@ pub fn solve_watched(case: &Case, watch: &Watch) -> Result<Attempt, CaseError> {
     if let Some(scene) = &case.scene.motion {
         return motion::solve(case, scene, watch);
     }
+    follow(case, watch, &|_, _| {}, &mut |_, _| ControlFlow::Continue(()))
+}
+
+/// Follows the load steps of a case; `more` adds loads in N (`n x d`, in the body's order) to those of the
+/// scene at a load parameter, `observer` sees each converged step and may end the run.
+///
+/// # Errors
+/// As [`solve`].
+pub fn follow(
+    case: &Case,
+    watch: &Watch,
+    more: &(dyn Fn(f64, &mut [f64]) + Sync),
+    observer: &mut dyn FnMut(&StepRecord, &State<'_>) -> ControlFlow<()>,
+) -> Result<Attempt, CaseError> {
     let (energy, fields) = case.solved_energy(case.compile()?)?;
     let selection = case.selection()?;
     let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
     check_held(case, energy.bonds(), &boundary)?;
-    let drive = SceneDrive::new(&boundary, &fields);
+    let scene = SceneDrive::new(&boundary, &fields);
+    let drive = WithLoads { scene: &scene, more };
     let mut reached = Course::default();
     let mut observer = |record: &StepRecord, state: &State<'_>| {
         reached.note(record);
@@ -138,7 +153,7 @@ pub fn solve_watched(case: &Case, watch: &Watch) -> Result<Attempt, CaseError> {
             let energy = record.energy_parts.clone();
             reached.moments = vec![Moment::new(case, &selection, state, energy, 0.0)];
         }
-        ControlFlow::Continue(())
+        observer(record, state)
     };
     match run_steps(&energy, &drive, &settings(&case.scene), watch, &mut observer) {
         Ok(outcome) if outcome.stopped => {
@@ -151,7 +166,32 @@ pub fn solve_watched(case: &Case, watch: &Watch) -> Result<Attempt, CaseError> {
         Err(StepError::NotConverged(failure)) => {
             Ok(Attempt::NotConverged(failed(case, &failure).1))
         }
-        Err(error) => Err(drive.explain(case, error)),
+        Err(error) => Err(scene.explain(case, error)),
+    }
+}
+
+/// The conditions of a scene, and loads beside its own.
+struct WithLoads<'a> {
+    scene: &'a SceneDrive<'a>,
+    more: &'a (dyn Fn(f64, &mut [f64]) + Sync),
+}
+
+impl Drive for WithLoads<'_> {
+    fn fixed(&self) -> &[usize] {
+        self.scene.fixed()
+    }
+
+    fn begin(&self, t: f64) -> Result<bool, NotGiven> {
+        self.scene.begin(t)
+    }
+
+    fn prescribed(&self, t: f64, values: &mut [f64]) {
+        self.scene.prescribed(t, values);
+    }
+
+    fn loads(&self, t: f64, loads: &mut [f64]) {
+        self.scene.loads(t, loads);
+        (self.more)(t, loads);
     }
 }
 

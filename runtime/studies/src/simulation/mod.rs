@@ -27,6 +27,6 @@ pub use bond::{
     points_of,
 };
 pub use cost::{LinearCost, MotionCost, PassCost, SceneCost, cost};
-pub use course::{Attempt, Course, Failure, Moment, NamedVector, solve, solve_watched};
+pub use course::{Attempt, Course, Failure, Moment, NamedVector, follow, solve, solve_watched};
 pub use run::{Ending, Origin, RunError, RunOptions, run};
 pub use work::Pass;

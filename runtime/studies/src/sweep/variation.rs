@@ -20,7 +20,7 @@ const LOGARITHMIC: &str = "log";
 
 impl Variation {
     /// `KEY=FIRST:LAST:COUNT`, values from the first to the last at even steps, or with `:log` behind it by
-    /// even factors; or `KEY=VALUE,VALUE`. A name without a dot is a parameter of the [material].
+    /// even factors; or `KEY=VALUE,VALUE`. A name without a dot is a parameter of `[material]`.
     ///
     /// # Errors
     /// Anything else, with what to write.

@@ -1,0 +1,73 @@
+"""Frames of a run, `.vtu` files, as arrays."""
+
+from __future__ import annotations
+
+import os
+import re
+import zlib
+from dataclasses import dataclass, field
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+_START = b'<AppendedData encoding="raw">\n_'
+
+
+@dataclass
+class Frame:
+    """A body at one time: arrays with a row per point."""
+
+    t: float
+    """Load parameter, or time in s."""
+    path: str
+    """The file."""
+    positions: NDArray[np.float64]
+    """At rest, in m, with three components."""
+    fields: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    """`displacement` (m), `residual` (N), `volume` (m^d) and what else the scene asks for."""
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        return self.fields[name]
+
+
+def read_frames(folder: str) -> list[Frame]:
+    """The frames that `run.pvd` lists, without the meshes beside them."""
+    root = ElementTree.parse(os.path.join(folder, "run.pvd")).getroot()
+    sets = [one for one in root.iter("DataSet") if one.get("part") == "0"]
+    return [read_frame(os.path.join(folder, str(one.get("file")))) for one in sets]
+
+
+def read_frame(path: str) -> Frame:
+    """One frame."""
+    with open(path, "rb") as file:
+        raw = file.read()
+    start = raw.index(_START)
+    header = raw[:start].decode() + "</VTKFile>"
+    appended = raw[start + len(_START) :]
+    root = ElementTree.fromstring(header)
+    time = next(one for one in root.iter("DataArray") if one.get("Name") == "TimeValue")
+    t = float(re.sub("nan|inf", lambda word: word.group(), time.text or "nan"))
+    fields = {}
+    positions = np.zeros((0, 3))
+    for data in root.iter("PointData"):
+        for one in data.iter("DataArray"):
+            fields[str(one.get("Name"))] = _array(one, appended)
+    for data in root.iter("Points"):
+        for one in data.iter("DataArray"):
+            positions = _array(one, appended)
+    return Frame(t=t, path=path, positions=positions, fields=fields)
+
+
+def _array(element: ElementTree.Element, appended: bytes) -> NDArray[np.float64]:
+    at = int(str(element.get("offset")))
+    blocks = int.from_bytes(appended[at : at + 8], "little")
+    sizes = np.frombuffer(appended, "<u8", blocks, at + 24)
+    at += 24 + 8 * blocks
+    parts = []
+    for size in sizes:
+        parts.append(zlib.decompress(appended[at : at + int(size)]))
+        at += int(size)
+    values = np.frombuffer(b"".join(parts), "<f8")
+    width = int(element.get("NumberOfComponents") or 1)
+    return values if width == 1 else values.reshape(-1, width)

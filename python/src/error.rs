@@ -1,0 +1,73 @@
+//! What is wrong, as an exception with findings.
+
+use piola_grammar::{Diagnostic, Severity};
+use piola_runtime::case::CaseError;
+use pyo3::exceptions::PyException;
+use pyo3::prelude::*;
+use serde_json::{Value, json};
+
+pyo3::create_exception!(
+    piola,
+    Error,
+    PyException,
+    "What is wrong with a potential or a scene, or how a run failed; `findings` has it part by part."
+);
+
+/// An exception with a message and findings as JSON, which `piola.Error.findings` reads.
+pub(crate) fn raise(message: String, findings: Vec<Value>) -> PyErr {
+    Error::new_err((message, Value::Array(findings).to_string()))
+}
+
+/// A mistake without a place.
+pub(crate) fn plain(message: String) -> PyErr {
+    let finding = json!({ "severity": "error", "message": message, "helps": [] });
+    raise(message, vec![finding])
+}
+
+/// Mistakes in a text.
+pub(crate) fn in_text(name: &str, text: &str, diagnostics: &[Diagnostic]) -> PyErr {
+    let findings: Vec<Value> = diagnostics.iter().map(|d| finding(name, text, d)).collect();
+    let line = |f: &Value| {
+        let (line, column, code) = (&f["line"], &f["column"], f["code"].as_str().unwrap_or(""));
+        let helps = f["helps"].as_array().into_iter().flatten().filter_map(Value::as_str);
+        let label = f["label"].as_str().filter(|label| !label.is_empty());
+        let parts: Vec<&str> =
+            f["message"].as_str().into_iter().chain(label).chain(helps).collect();
+        format!("{name}:{line}:{column}: [{code}] {}", parts.join("; "))
+    };
+    let lines: Vec<String> = findings.iter().map(line).collect();
+    raise(lines.join("\n"), findings)
+}
+
+fn finding(name: &str, text: &str, d: &Diagnostic) -> Value {
+    let start = text.floor_char_boundary((d.span.start as usize).min(text.len()));
+    let before = &text[..start];
+    let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+    json!({
+        "code": d.code,
+        "severity": match d.severity { Severity::Error => "error", Severity::Warning => "warning" },
+        "message": d.message,
+        "file": name,
+        "line": before.matches('\n').count() + 1,
+        "column": before[line_start..].chars().count() + 1,
+        "start": d.span.start,
+        "end": d.span.end,
+        "label": d.label,
+        "helps": d.helps,
+    })
+}
+
+/// A scene that cannot be used.
+pub(crate) fn of_case(error: &CaseError) -> PyErr {
+    match error {
+        CaseError::Text { name, text, diagnostics } => in_text(name, text, diagnostics),
+        CaseError::Scene(report) => {
+            let findings = report.findings.iter().map(|found| {
+                let source = &report.sources[found.source];
+                finding(&source.name, &source.text, &found.diagnostic)
+            });
+            raise(report.to_string(), findings.collect())
+        }
+        other => plain(other.to_string()),
+    }
+}

@@ -1,0 +1,65 @@
+//! The command line of piola: `piola --help`, for its program and for programs that have it inside.
+//!
+//! stdout carries data, stderr everything else. Exit codes: 0 done, 1 findings or failed checks,
+//! 2 wrong usage or input, 3 the solver did not converge, 130 or 143 a signal ended the run.
+
+// These macros panic where the stream is closed or its disk full: `console` writes to the streams.
+#![deny(clippy::print_stdout, clippy::print_stderr)]
+
+mod cli;
+mod codes;
+mod command;
+mod console;
+pub mod embedded;
+mod interrupt;
+pub mod library;
+mod potential;
+mod progress;
+mod render;
+mod table;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::Parser;
+
+/// Executes the words of the program's command line, the first being its name.
+pub fn command_line() -> ExitCode {
+    let exit = execute(std::env::args_os());
+    match console::finish() {
+        Ok(()) => exit.code(),
+        Err(error) => {
+            let message = format!("the data on the standard output are not whole: {error}");
+            render::error(&message, None);
+            command::Exit::Input.code()
+        }
+    }
+}
+
+/// The same with these words, without the name of the program; the exit code.
+pub fn execute_words(words: Vec<String>) -> u8 {
+    let all = std::iter::once("piola".to_string()).chain(words);
+    let exit = execute(all.map(OsString::from));
+    match console::finish() {
+        Ok(()) => exit as u8,
+        Err(_) => command::Exit::Input as u8,
+    }
+}
+
+fn execute(words: impl Iterator<Item = OsString>) -> command::Exit {
+    match cli::Cli::try_parse_from(words) {
+        Ok(cli) => {
+            console::set_up(cli.voice.color, cli.voice.verbosity());
+            command::execute(cli.command)
+        }
+        Err(error) if error.use_stderr() => {
+            console::usage(&error);
+            command::Exit::Input
+        }
+        // `--help` and `--version` are no errors.
+        Err(error) => {
+            console::out(&error.render().to_string());
+            command::Exit::Done
+        }
+    }
+}

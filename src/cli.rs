@@ -23,6 +23,9 @@ const RUN_EXAMPLE: &str = "Example:
 const EVAL_EXAMPLE: &str = "Example:
   printf 'l,L\\n1.1,1\\n' | piola eval firooz2023 --measure l --set C1=1 --set n=2 --points -";
 
+const COMPILE_EXAMPLE: &str = "Example:
+  piola compile gent --set mu=0.5e6 --set Jm=30 --set K=1e8 --out out/gent";
+
 const BENCH_EXAMPLE: &str = "Examples:
   piola bench firooz2023 --set n=2.7
   piola bench examples/first/scene.toml --threads 1";
@@ -43,6 +46,10 @@ const CALIBRATE_EXAMPLE: &str = "Example:
 
 const EXPLAIN_BOND_EXAMPLE: &str = "Example:
   piola explain-bond examples/areas_that_fail/scene.toml --at 0.0705,0.0195 0.0705,0.0205";
+
+const SCHEMA_EXAMPLE: &str = "Example:
+  piola schema scene > scene.schema.json
+  a scene that begins with `#:schema scene.schema.json` is completed by editors that know TOML (taplo)";
 
 const COMPLETIONS_EXAMPLE: &str = "Example:
   piola completions bash > ~/.local/share/bash-completion/completions/piola";
@@ -88,6 +95,9 @@ pub(crate) enum Command {
     Check(Check),
     /// Print psi, psi', psi'' of a potential, or any stage of its compilation
     Derive(Derive),
+    /// Write a potential as C, or as an object file, with a header, for other programs
+    #[command(after_help = COMPILE_EXAMPLE)]
+    Compile(Compile),
     /// Compare generated derivatives with hyper-dual numbers and the interpreter
     Verify(Verify),
     /// Count the right digits of psi, psi', psi'' from tiny strains to huge stretches
@@ -124,6 +134,12 @@ pub(crate) enum Command {
     /// Run a scene and tell why a bond of it broke, or did not: the history of its margins, states, energy
     #[command(after_help = EXPLAIN_BOND_EXAMPLE)]
     ExplainBond(ExplainBond),
+    /// Print the JSON schema of scene files, of summary.json or of findings, for editors and programs
+    #[command(after_help = SCHEMA_EXAMPLE)]
+    Schema {
+        /// What it is of
+        subject: Subject,
+    },
     /// Print completions for a shell
     #[command(after_help = COMPLETIONS_EXAMPLE)]
     Completions {
@@ -203,7 +219,7 @@ pub(crate) struct Check {
 }
 
 /// Values for a potential.
-#[derive(Debug, Args)]
+#[derive(Clone, Debug, Args)]
 pub(crate) struct Inputs {
     /// Parameter values, in the declared unit or with one: `n=2`, `E="200 GPa"`; of a vector `mu=1,2,3`
     #[arg(long = "set", value_name = "NAME=VALUE")]
@@ -252,6 +268,47 @@ pub(crate) struct Derive {
     /// Say what was rewritten so that the energy keeps its digits, and what that gained
     #[arg(long)]
     pub(crate) explain: bool,
+}
+
+/// What there are schemas of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Subject {
+    /// Scene files
+    Scene,
+    /// summary.json of a run
+    Summary,
+    /// A line of `piola check --format json`
+    Finding,
+}
+
+/// What a potential is compiled to.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Product {
+    /// C99 and a header.
+    #[default]
+    C,
+    /// An object file, by the C compiler of the machine (CC, or cc), and a header.
+    Obj,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Compile {
+    /// A potential file (.piola), or a name of the library
+    pub(crate) file: String,
+    /// What is written
+    #[arg(long, default_value = "c")]
+    pub(crate) emit: Product,
+    /// Number of dimensions; the largest the potential is defined in if not given
+    #[arg(long, value_parser = clap::value_parser!(u8).range(2..=3))]
+    pub(crate) dim: Option<u8>,
+    #[command(flatten)]
+    pub(crate) inputs: Inputs,
+    /// The folder for NAME.c or NAME.o, and NAME.h
+    #[arg(short, long)]
+    pub(crate) out: PathBuf,
+    /// Replace files of these names
+    #[arg(long)]
+    pub(crate) force: bool,
 }
 
 /// How an audit is written.

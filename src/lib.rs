@@ -16,6 +16,7 @@ pub mod library;
 mod potential;
 mod progress;
 mod render;
+mod schema;
 mod table;
 
 use std::ffi::OsString;

@@ -50,52 +50,32 @@ pub(super) fn execute(arguments: &Derive) -> Exit {
     if arguments.explain {
         return explain(&loaded, dimension, arguments);
     }
-    let specialised = match specialise(&loaded, dimension, arguments) {
-        Some(Ok(specialised)) => specialised,
-        Some(Err(error)) => {
-            print_compile_error(&loaded, &error);
-            return Exit::Input;
-        }
-        None => return Exit::Input,
-    };
-    for dropped in &specialised.dropped {
-        console::note(&dropped.reason);
-    }
-    let gradient = match specialise_gradient(&loaded, dimension, arguments) {
-        Some(Ok(gradient)) => gradient,
-        Some(Err(error)) => {
-            print_compile_error(&loaded, &error);
-            return Exit::Input;
-        }
-        None => return Exit::Input,
-    };
-    let coupled = match coupled(&loaded, dimension, arguments) {
-        Some(Ok(coupled)) => coupled,
-        Some(Err(error)) => {
-            print_compile_error(&loaded, &error);
-            return Exit::Input;
-        }
-        None => return Exit::Input,
-    };
-    let of_bonds = match of_bonds(&loaded, dimension, arguments) {
-        Some(Ok(of_bonds)) => of_bonds,
-        Some(Err(error)) => {
-            print_compile_error(&loaded, &error);
-            return Exit::Input;
-        }
-        None => return Exit::Input,
-    };
-    let others = (gradient.as_ref(), &coupled[..], (&of_bonds.0[..], &of_bonds.1[..]));
-    match emit(&loaded, &specialised, others, arguments) {
+    match text(&loaded, dimension, arguments) {
         Ok(text) => {
             console::out(&text);
             Exit::Done
         }
-        Err(error) => {
-            print_compile_error(&loaded, &error);
-            Exit::Input
-        }
+        Err(exit) => exit,
     }
+}
+
+/// What a potential is printed as; what is wrong is printed.
+pub(super) fn text(loaded: &Loaded, dimension: usize, arguments: &Derive) -> Result<String, Exit> {
+    fn made<T>(loaded: &Loaded, found: Option<Result<T, CompileError>>) -> Result<T, Exit> {
+        found.ok_or(Exit::Input)?.map_err(|error| {
+            print_compile_error(loaded, &error);
+            Exit::Input
+        })
+    }
+    let specialised = made(loaded, specialise(loaded, dimension, arguments))?;
+    for dropped in &specialised.dropped {
+        console::note(&dropped.reason);
+    }
+    let gradient = made(loaded, specialise_gradient(loaded, dimension, arguments))?;
+    let coupled = made(loaded, coupled(loaded, dimension, arguments))?;
+    let of_bonds = made(loaded, of_bonds(loaded, dimension, arguments))?;
+    let others = (gradient.as_ref(), &coupled[..], (&of_bonds.0[..], &of_bonds.1[..]));
+    made(loaded, Some(emit(loaded, &specialised, others, arguments)))
 }
 
 /// With parameters as symbols where that can be printed and no value is given.

@@ -4,6 +4,7 @@ mod audit;
 mod bench;
 mod calibrate;
 mod check;
+mod compile;
 mod completions;
 mod derive;
 mod energy;
@@ -17,6 +18,7 @@ mod moduli;
 mod plan;
 mod run;
 mod scene;
+mod schema;
 mod sweep;
 mod trade;
 mod verify;
@@ -53,6 +55,7 @@ pub(crate) fn execute(command: Command) -> Exit {
     match command {
         Command::Check(arguments) => check::execute(&arguments),
         Command::Derive(arguments) => derive::execute(&arguments),
+        Command::Compile(arguments) => compile::execute(&arguments),
         Command::Audit(arguments) => audit::execute(&arguments),
         Command::Verify(arguments) => verify::execute(&arguments),
         Command::Eval(arguments) => eval::execute(&arguments),
@@ -67,6 +70,7 @@ pub(crate) fn execute(command: Command) -> Exit {
         Command::Info(arguments) => info::execute(&arguments),
         Command::Explain(arguments) => explain::execute(&arguments),
         Command::ExplainBond(arguments) => explain_bond::execute(&arguments),
+        Command::Schema { subject } => schema::execute(subject),
         Command::Completions { shell } => completions::execute(shell),
     }
 }

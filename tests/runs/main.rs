@@ -7,6 +7,7 @@ mod support;
 mod accuracy;
 mod bench;
 mod clique_states;
+mod compile;
 mod contract;
 mod coupled;
 mod dissipation;

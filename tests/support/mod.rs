@@ -3,6 +3,8 @@
 #![allow(dead_code)] // Every test binary uses its own part of this.
 
 pub(crate) mod frames;
+#[path = "../../compiler/tests/support/machine.rs"]
+pub(crate) mod machine;
 
 use std::ffi::OsStr;
 use std::fs;

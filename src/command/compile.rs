@@ -1,0 +1,157 @@
+//! `piola compile`: a potential as C, or as an object of the machine's C compiler, with a header.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use piola_compiler::Values;
+use piola_runtime::output::atomic::write_atomically;
+
+use super::{Exit, derive};
+use crate::cli::{Compile, Derive, Emit, Level, Product};
+use crate::console;
+use crate::potential::{self, Loaded};
+use crate::render;
+
+/// Without contraction of a*b + c results are those of the strict kernels.
+const FLAGS: [&str; 4] = ["-std=c99", "-O2", "-ffp-contract=off", "-c"];
+
+pub(super) fn execute(arguments: &Compile) -> Exit {
+    let Some(loaded) = potential::load(&arguments.file) else { return Exit::Input };
+    let largest = loaded.model.dimensions().max().unwrap_or(3);
+    let dimension = arguments.dim.map_or(largest, usize::from);
+    let Some(settings) = potential::settings(&arguments.inputs) else { return Exit::Input };
+    let delta = arguments.inputs.delta;
+    let Some(values) = potential::values(&loaded.model, dimension, &settings, delta) else {
+        return Exit::Input;
+    };
+    let printed = Derive {
+        file: arguments.file.clone(),
+        emit: Emit::C,
+        dim: arguments.dim,
+        inputs: arguments.inputs.clone(),
+        level: Level::Strict,
+        explain: false,
+    };
+    let source = match derive::text(&loaded, dimension, &printed) {
+        Ok(source) => source,
+        Err(exit) => return exit,
+    };
+    if !source.contains("\nvoid ") {
+        let help = "energies of gathered values need a body: `piola energy SCENE`, or the module of Python";
+        render::error("no energy of this potential is a function by itself", Some(help));
+        return Exit::Input;
+    }
+    match write(arguments, &loaded, &values, &source) {
+        Ok(files) => {
+            let names: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
+            console::tell(&names.join(", "));
+            Exit::Done
+        }
+        Err(message) => {
+            render::error(&message, None);
+            Exit::Input
+        }
+    }
+}
+
+/// Writes the files; which they are, or why not.
+fn write(
+    arguments: &Compile,
+    loaded: &Loaded,
+    values: &Values,
+    source: &str,
+) -> Result<Vec<PathBuf>, String> {
+    let name = loaded.model.name();
+    let folder = &arguments.out;
+    std::fs::create_dir_all(folder)
+        .map_err(|error| format!("cannot create `{}`: {error}", folder.display()))?;
+    let file = |ending: &str| folder.join(format!("{name}.{ending}"));
+    let (header, code, object) = (file("h"), file("c"), file("o"));
+    let made = match arguments.emit {
+        Product::C => vec![code.clone(), header.clone()],
+        Product::Obj => vec![object.clone(), header.clone()],
+    };
+    if let Some(there) = made.iter().find(|path| path.exists() && !arguments.force) {
+        return Err(format!(
+            "`{}` exists: name another folder, or replace it with --force",
+            there.display()
+        ));
+    }
+    let put = |path: &Path, text: &[u8]| {
+        write_atomically(path, |file| file.write_all(text)).map_err(|error| error.to_string())
+    };
+    let source = format!("#include \"{name}.h\"\n{source}");
+    match arguments.emit {
+        Product::C => put(&code, source.as_bytes())?,
+        Product::Obj => {
+            put(&object, &compiled(name, &source, &c_header(loaded, values, &source))?)?
+        }
+    }
+    put(&header, c_header(loaded, values, &source).as_bytes())?;
+    Ok(made)
+}
+
+/// An object file, by the compiler that `CC` names, or `cc`.
+fn compiled(name: &str, source: &str, header: &str) -> Result<Vec<u8>, String> {
+    let compiler = std::env::var("CC").unwrap_or_else(|_| "cc".to_string());
+    let folder = std::env::temp_dir().join(format!("piola-compile-{}", std::process::id()));
+    let failed =
+        |error: std::io::Error| format!("cannot compile in `{}`: {error}", folder.display());
+    // One that is there already is someone else's.
+    std::fs::create_dir(&folder).map_err(failed)?;
+    let (code, object) = (folder.join(format!("{name}.c")), folder.join(format!("{name}.o")));
+    let work = || -> Result<Vec<u8>, String> {
+        std::fs::write(&code, source).map_err(failed)?;
+        std::fs::write(folder.join(format!("{name}.h")), header).map_err(failed)?;
+        let made = Command::new(&compiler).args(FLAGS).arg(&code).arg("-o").arg(&object).output();
+        let made = made.map_err(|error| {
+            format!("cannot start the C compiler `{compiler}`: {error}; install one, name it in CC, or take --emit c")
+        })?;
+        if !made.status.success() {
+            let said = String::from_utf8_lossy(&made.stderr).into_owned();
+            return Err(format!("`{compiler}` refused the C of `{name}`: {said}"));
+        }
+        std::fs::read(&object).map_err(failed)
+    };
+    let bytes = work();
+    let _ = std::fs::remove_dir_all(&folder);
+    bytes
+}
+
+/// Declarations of the functions of a C source, with the values that they hold.
+fn c_header(loaded: &Loaded, values: &Values, source: &str) -> String {
+    let model = &loaded.model;
+    let guard = format!("PIOLA_{}_H", model.name().to_uppercase());
+    let mut out = format!(
+        "/* {}: energies and their derivatives over arrays, made by piola {} for {} dimensions.\n",
+        model.name(),
+        env!("CARGO_PKG_VERSION"),
+        values.dimension
+    );
+    out += " *\n * measure: lengths in m, twice areas of triangles in m^2, six times volumes of tetrahedra in m^3;\n\
+            \x20* reference: what they are at rest; change: (measure - reference)/reference, from displacements where\n\
+            \x20* digits near rest count; gradient, change: deformation gradients F and F - I, component after component\n\
+            \x20* of n places, row by row. Arrays have n elements each and do not overlap. Parameters have the values below,\n\
+            \x20* in SI units.\n */\n";
+    let _ = writeln!(out, "#ifndef {guard}\n#define {guard}\n\n#include <stddef.h>\n");
+    let name = model.name().to_uppercase();
+    let _ = writeln!(out, "#define {name}_DIMENSION {}", values.dimension);
+    for (parameter, value) in model.parameters().iter().zip(&values.parameters) {
+        if parameter.is_state
+            || !parameter.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+        {
+            continue;
+        }
+        let unit = parameter.unit.as_deref().unwrap_or("");
+        let _ = writeln!(out, "#define {name}_{} {value:?} /* {unit} */", parameter.name);
+    }
+    out += "\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n";
+    for function in source.split("\nvoid ").skip(1) {
+        if let Some((prototype, _)) = function.split_once(" {\n") {
+            let _ = write!(out, "\nvoid {prototype};\n");
+        }
+    }
+    out += "\n#ifdef __cplusplus\n}\n#endif\n\n#endif\n";
+    out
+}

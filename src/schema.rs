@@ -1,0 +1,232 @@
+//! JSON schemas of what is read and written, made from the pages that document it: an editor that knows them
+//! completes keys of scenes and shows what they mean.
+
+use serde_json::{Map, Value, json};
+
+const SCENES: &str = include_str!("../docs/scenes.md");
+const OUTPUT: &str = include_str!("../docs/output.md");
+
+/// The dialect.
+const DRAFT: &str = "https://json-schema.org/draft/2020-12/schema";
+
+/// Tables of a scene that may stand several times.
+const SEVERAL: [&str; 7] = ["interface", "initial", "prescribe", "load", "probe", "crack", "track"];
+
+/// The schema of scene files, as TOML reads them.
+pub(crate) fn scene() -> Value {
+    let mut tables: Map<String, Value> = Map::new();
+    for section in sections(SCENES) {
+        let Some(name) = section.table() else { continue };
+        let keys = section.rows("key");
+        let found = tables.entry(name).or_insert_with(|| table(&section.summary()));
+        for row in keys {
+            found["properties"][row.name] = row.property();
+        }
+    }
+    let several = |table: &Value| json!({ "type": "array", "items": table });
+    for (name, table) in &mut tables {
+        let plain = table.clone();
+        match name.as_str() {
+            name if SEVERAL.contains(&name) => *table = several(&plain),
+            "material" => {
+                let mut whole = plain.clone();
+                whole["properties"]["plus"] = several(&plain);
+                *table = json!({ "anyOf": [whole, several(&whole)] });
+            }
+            "sets" => *table = sets(&plain["description"]),
+            _ => {}
+        }
+    }
+    json!({
+        "$schema": DRAFT,
+        "title": "A scene of piola",
+        "type": "object",
+        "properties": tables,
+        "required": ["body", "horizon", "material"],
+        "additionalProperties": false,
+    })
+}
+
+fn table(description: &str) -> Value {
+    json!({
+        "type": "object",
+        "description": description,
+        "properties": {},
+        "additionalProperties": false,
+    })
+}
+
+fn sets(description: &Value) -> Value {
+    let listed = |key: &str, types: &[&str]| {
+        json!({
+            "type": "object",
+            "properties": { key: { "type": types } },
+            "required": [key],
+            "additionalProperties": false,
+        })
+    };
+    json!({
+        "type": "object",
+        "description": description,
+        "additionalProperties": { "anyOf": [
+            { "type": "string" },
+            listed("group", &["string", "integer"]),
+            listed("numbers", &["string"]),
+        ] },
+    })
+}
+
+/// The schema of `summary.json`.
+pub(crate) fn summary() -> Value {
+    let fields = |head: &str| -> Map<String, Value> {
+        let rows = sections(OUTPUT).into_iter().flat_map(|section| section.rows(head));
+        rows.map(|row| (row.name.to_string(), json!({ "description": row.meaning }))).collect()
+    };
+    let mut properties = fields("field");
+    let steps = json!({ "type": "object", "properties": fields("field of a step") });
+    properties.insert("steps".to_string(), json!({ "type": "array", "items": steps }));
+    let required = ["versions", "scene_hash", "exit_reason", "dimension", "points", "phases"];
+    json!({
+        "$schema": DRAFT,
+        "title": "The summary of a run of piola",
+        "type": "object",
+        "properties": properties,
+        "required": required,
+    })
+}
+
+/// The schema of a line of `piola check --format json`.
+pub(crate) fn finding() -> Value {
+    let whole =
+        |description: &str| json!({ "type": "integer", "minimum": 0, "description": description });
+    let text = |description: &str| json!({ "type": "string", "description": description });
+    json!({
+        "$schema": DRAFT,
+        "title": "A finding of piola",
+        "type": "object",
+        "properties": {
+            "code": text("a stable name; `piola explain CODE` says more"),
+            "severity": { "enum": ["error", "warning"] },
+            "message": text("what is wrong, in a sentence"),
+            "file": text("the file, or the override"),
+            "line": whole("from 1"),
+            "column": whole("in characters, from 1"),
+            "start": whole("byte where the place begins, from 0"),
+            "end": whole("byte behind it"),
+            "label": text("what stands under the place; may be empty"),
+            "notes": { "type": "array", "items": {
+                "type": "object",
+                "properties": {
+                    "line": whole("from 1"),
+                    "column": whole("in characters, from 1"),
+                    "label": text("what stands there"),
+                },
+            } },
+            "helps": { "type": "array", "items": text("a way out") },
+        },
+        "required": ["code", "severity", "message", "file", "line", "column", "start", "end", "helps"],
+        "additionalProperties": false,
+    })
+}
+
+/// A part of a page under one heading.
+struct Section<'p> {
+    heading: &'p str,
+    text: &'p str,
+}
+
+/// A row of a table of keys or fields.
+struct Row<'p> {
+    name: &'p str,
+    default: &'p str,
+    meaning: &'p str,
+}
+
+fn sections(page: &str) -> Vec<Section<'_>> {
+    let mut all = Vec::new();
+    for part in page.split("\n## ").skip(1) {
+        for part in part.split("\n### ") {
+            let (heading, text) = part.split_once('\n').unwrap_or((part, ""));
+            all.push(Section { heading, text });
+        }
+    }
+    all
+}
+
+impl<'p> Section<'p> {
+    /// The table of a scene that it is about.
+    fn table(&self) -> Option<String> {
+        let code = self.heading.strip_prefix('`')?.split('`').next()?;
+        let name = code.trim_matches(['[', ']']);
+        (code.starts_with('[') && !name.is_empty()).then(|| name.to_string())
+    }
+
+    /// What the heading says of it.
+    fn summary(&self) -> String {
+        self.heading.split_once(": ").map_or(String::new(), |(_, summary)| summary.to_string())
+    }
+
+    /// Rows of its tables whose first column has this head; a row may have several names.
+    fn rows(&self, head: &str) -> Vec<Row<'p>> {
+        let mut rows = Vec::new();
+        let mut inside = false;
+        for line in self.text.lines() {
+            let cells: Vec<&str> = line.trim_matches('|').split(" | ").map(str::trim).collect();
+            if !line.starts_with('|') {
+                inside = false;
+            } else if cells.first() == Some(&head) {
+                inside = true;
+            } else if inside && !line.starts_with("|---") {
+                let names = cells[0].split('`').skip(1).step_by(2);
+                let default = if cells.len() > 2 { cells[1] } else { "" };
+                let meaning = cells.last().copied().unwrap_or("");
+                rows.extend(names.map(|name| Row { name, default, meaning }));
+            }
+        }
+        rows
+    }
+}
+
+impl Row<'_> {
+    fn property(&self) -> Value {
+        let mut property = json!({ "description": self.meaning });
+        let code = self.default.strip_prefix('`').and_then(|text| text.strip_suffix('`'));
+        if let Some(default) = code.and_then(|code| serde_json::from_str::<Value>(code).ok()) {
+            if default.is_boolean() {
+                property["type"] = json!("boolean");
+            }
+            property["default"] = default;
+        }
+        property
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_have_their_tables_and_keys() {
+        let schema = scene();
+        let of = |table: &str| schema["properties"][table].clone();
+        for table in ["body", "horizon", "correspondence", "fracture", "steps", "motion", "solver"]
+        {
+            assert!(!of(table)["properties"].as_object().unwrap().is_empty(), "{table}");
+        }
+        assert_eq!(of("body")["properties"]["nodes"]["default"], "cells");
+        assert!(of("probe")["items"]["properties"]["at"]["description"].is_string());
+        let material = &of("material")["anyOf"][0]["properties"];
+        for key in ["potential", "parameters", "set", "plus"] {
+            assert!(material[key].is_object(), "{key}");
+        }
+    }
+
+    #[test]
+    fn summaries_have_their_fields() {
+        let schema = summary();
+        for field in ["points", "warnings", "exit_reason", "wall_seconds"] {
+            assert!(schema["properties"][field]["description"].is_string(), "{field}");
+        }
+        assert!(schema["properties"]["steps"]["items"]["properties"]["iterations"].is_object());
+    }
+}

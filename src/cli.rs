@@ -77,6 +77,9 @@ pub(crate) struct Voice {
     /// Colours in messages; `auto` heeds NO_COLOR and TERM=dumb
     #[arg(long, global = true, value_name = "WHEN", default_value = "auto")]
     pub(crate) color: Color,
+    /// Also add messages to this file, those that --quiet leaves out among them
+    #[arg(long, global = true, value_name = "FILE")]
+    pub(crate) log: Option<PathBuf>,
 }
 
 impl Voice {

@@ -4,7 +4,9 @@
 //! away. Data are different: a reader that has seen enough and closed the pipe is no error, but data
 //! that a full disk cut short are, and [`finish`] says so.
 
+use std::fs::File;
 use std::io::{self, IsTerminal as _, Write as _};
+use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 
 use clap::ValueEnum;
@@ -46,6 +48,9 @@ static STYLE: OnceLock<Style> = OnceLock::new();
 
 /// Where everything goes in place of the streams, while another program has this one inside.
 static CAPTURED: Mutex<Option<Captured>> = Mutex::new(None);
+
+/// A file that gets messages, too.
+static LOG: Mutex<Option<File>> = Mutex::new(None);
 
 /// Whose turn it is to have it inside.
 static TURN: Mutex<()> = Mutex::new(());
@@ -99,6 +104,32 @@ pub(crate) fn set_up(color: Color, verbosity: Verbosity) {
     let _ = STYLE.set(Style { color, verbosity });
 }
 
+/// From now on messages are added to a file, too; why not, in words.
+pub(crate) fn log_to(path: &Path) -> Result<(), String> {
+    let file = File::options().append(true).create(true).open(path);
+    let file = file.map_err(|error| format!("cannot write `{}`: {error}", path.display()))?;
+    *LOG.lock().unwrap_or_else(PoisonError::into_inner) = Some(file);
+    Ok(())
+}
+
+/// Adds to the log, if there is one; a message that cannot be written is lost and nothing else.
+fn log(text: &str) {
+    if let Some(file) = LOG.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
+        let _ = file.write_all(plain(text).as_bytes());
+    }
+}
+
+/// A text without the codes of colours.
+fn plain(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    let mut parts = text.split("\u{1b}[");
+    out.extend(parts.next());
+    for part in parts {
+        out.push_str(part.split_once('m').map_or("", |(_, rest)| rest));
+    }
+    out
+}
+
 fn style() -> Style {
     if host().is_some() {
         return Style { color: false, verbosity: Verbosity::Quiet };
@@ -136,6 +167,7 @@ pub(crate) fn say(text: &str) {
         captured.messages.push_str(text);
         return;
     }
+    log(text);
     let _ = io::stderr().lock().write_all(text.as_bytes());
 }
 
@@ -151,8 +183,11 @@ pub(crate) fn usage(error: &clap::Error) {
 
 /// A line that is no warning; silent with `--quiet`.
 pub(crate) fn tell(line: &str) {
+    let line = format!("{line}\n");
     if verbosity() > Verbosity::Quiet {
-        say(&format!("{line}\n"));
+        say(&line);
+    } else {
+        log(&line);
     }
 }
 
@@ -183,4 +218,15 @@ fn keep(written: io::Result<()>) {
 pub(crate) fn finish() -> Result<(), io::Error> {
     keep(io::stdout().lock().flush());
     LOST.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), Err)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_do_not_reach_the_log() {
+        assert_eq!(plain("a \u{1b}[1m\u{1b}[31mb\u{1b}[0m c\n"), "a b c\n");
+        assert_eq!(plain("plain"), "plain");
+    }
 }

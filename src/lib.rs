@@ -51,6 +51,10 @@ fn execute(words: impl Iterator<Item = OsString>) -> command::Exit {
     match cli::Cli::try_parse_from(words) {
         Ok(cli) => {
             console::set_up(cli.voice.color, cli.voice.verbosity());
+            if let Some(Err(message)) = cli.voice.log.as_deref().map(console::log_to) {
+                render::error(&message, None);
+                return command::Exit::Input;
+            }
             command::execute(cli.command)
         }
         Err(error) if error.use_stderr() => {

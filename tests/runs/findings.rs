@@ -53,6 +53,26 @@ fn a_log_of_sarif_has_rules_results_and_places() {
 }
 
 #[test]
+fn a_log_has_what_was_said_and_what_quiet_leaves_out() {
+    let folder = SceneFolder::new(
+        "[body]\nbox = [[0, 0], [1, 1]]\nspacing = 0.1\n[horizon]\nspacings = 3\n[material]\n\
+         potential = \"javili2020\"\nparameters = { C1 = 1 }\n[sets]\nleft = \"X < 0.1\"\n\
+         right = \"X > 0.9\"\n[[prescribe]]\nset = \"left\"\nu = [0, 0]\n[[prescribe]]\n\
+         set = \"right\"\nu = [\"0.1*t\", 0]\n[steps]\nincrements = 2\n",
+    );
+    let log = folder.path("run.log");
+    let quiet = folder.run(&["-q", "--log", &log]).expect(0);
+    assert!(quiet.stderr.is_empty(), "{}", quiet.stderr);
+    let colours = ["--force", "--log", &log, "--color", "always", "--set", "body.spacing=0.3"];
+    let wrong = folder.run(&colours).expect(2);
+    assert!(wrong.stderr.contains('\u{1b}'));
+    let text = std::fs::read_to_string(&log).unwrap();
+    assert!(text.contains("2 steps converged") && text.contains("extent-not-a-multiple"), "{text}");
+    assert!(!text.contains('\u{1b}'));
+    folder.run(&["--log", &folder.path("no/such.log")]).expect(2).says(&["cannot write"]);
+}
+
+#[test]
 fn scenes_are_checked_with_overrides() {
     let folder = SceneFolder::new(
         "[body]\nbox = [[0, 0], [1, 1]]\nspacing = 0.1\n[horizon]\nspacings = 3\n[material]\n\

@@ -21,10 +21,12 @@ Error.findings = property(_findings)  # type: ignore[assignment]
 Error.__str__ = lambda self: str(self.args[0]) if self.args else ""  # type: ignore[method-assign]
 
 
+# What a run left before it failed, where it did.
+Error.result = None
+
+
 class NotConverged(Error):
     """The solver did not reach the end of a scene; `result` has what converged, where there is any."""
-
-    result: Any = None
 
 
 class PiolaWarning(UserWarning):

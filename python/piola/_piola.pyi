@@ -11,6 +11,7 @@ Whole = NDArray[np.int64]
 
 class Error(Exception):
     findings: list[dict[str, Any]]
+    result: Any
 
 def command(
     words: Sequence[str], progress: Callable[[float], object] | None = None

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _piola, _toml
-from ._errors import Error, NotConverged, command
+from ._errors import Error, command
 from ._frames import Frame, read_frames
 from ._law import Law
 
@@ -70,7 +70,9 @@ class Scene:
         """Solves it. Without `out` the results live as long as the `Result`.
 
         `progress` is told how far the run is, from 0 to 1; `True` shows a bar of tqdm, and without a word
-        there is one where tqdm is and a person looks on. KeyboardInterrupt ends the run after its step.
+        there is one where tqdm is and a person looks on. KeyboardInterrupt ends the run after its step. An
+        `Error` of a run that left files, because it did not converge or its end is not stable, has them as
+        `result`.
         """
         kept = None
         if out is None:
@@ -82,7 +84,7 @@ class Scene:
         with _bar(progress) as tell:
             try:
                 command(words, tell)
-            except NotConverged as failed:
+            except Error as failed:
                 if os.path.exists(os.path.join(out, "summary.json")):
                     failed.result = Result(os.fspath(out), kept)
                 raise

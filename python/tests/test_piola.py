@@ -227,7 +227,14 @@ def test_runs_that_do_not_converge_keep_what_did():
     scene = piola.Scene(plate(), {"solver.tolerance": 1e-19, "solver.max_iterations": 3})
     with pytest.raises(piola.NotConverged) as raised:
         scene.run()
-    assert raised.value.result is None or raised.value.result.summary["exit_reason"] != "completed"
+    assert raised.value.result.summary["exit_reason"] == "not_converged"
+    # An equilibrium that is not stable is an error with a result.
+    thin = plate(body={"box": [[0, 0], [1, 0.2]], "spacing": 0.1})
+    del thin["probe"]
+    thin["prescribe"] = [{"set": "left", "u": [0, 0]}, {"set": "right", "u": ["-0.5*t", 0]}]
+    with pytest.raises(piola.Error, match="not stable") as raised, pytest.warns(piola.PiolaWarning):
+        piola.Scene(thin, {"steps.increments": 10}).run()
+    assert raised.value.result.summary["exit_reason"] == "completed"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of Unix")

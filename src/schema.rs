@@ -171,7 +171,10 @@ impl<'p> Section<'p> {
         let mut rows = Vec::new();
         let mut inside = false;
         for line in self.text.lines() {
-            let cells: Vec<&str> = line.trim_matches('|').split(" | ").map(str::trim).collect();
+            // A meaning may have bars of its own.
+            let n = if head == "key" { 3 } else { 2 };
+            let inner = line.strip_prefix('|').and_then(|line| line.trim_end().strip_suffix('|'));
+            let cells: Vec<&str> = inner.unwrap_or("").splitn(n, '|').map(str::trim).collect();
             if !line.starts_with('|') {
                 inside = false;
             } else if cells.first() == Some(&head) {
@@ -214,6 +217,8 @@ mod tests {
             assert!(!of(table)["properties"].as_object().unwrap().is_empty(), "{table}");
         }
         assert_eq!(of("body")["properties"]["nodes"]["default"], "cells");
+        let spacings = of("horizon")["properties"]["spacings"]["description"].clone();
+        assert!(spacings.as_str().unwrap().starts_with("horizon in spacings"), "{spacings}");
         assert!(of("probe")["items"]["properties"]["at"]["description"].is_string());
         let material = &of("material")["anyOf"][0]["properties"];
         for key in ["potential", "parameters", "set", "plus"] {

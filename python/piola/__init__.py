@@ -6,11 +6,15 @@
 array([0., 1.])
 """
 
+from importlib.metadata import version as _version
+
 from ._errors import Error, NotConverged, PiolaWarning
 from ._frames import Frame
 from ._law import Law, library
 from ._scene import Body, Energy, Result, Scene, Step
 from ._sweep import Sweep, sweep
+
+__version__ = _version("piola")
 
 __all__ = [
     "Body",

@@ -27,6 +27,9 @@ class Frame:
     fields: dict[str, NDArray[np.float64]] = field(default_factory=dict)
     """`displacement` (m), `residual` (N), `volume` (m^d) and what else the scene asks for."""
 
+    def __repr__(self) -> str:
+        return f"<Frame t={self.t:g}: {', '.join(self.fields)} at {len(self.positions)} points>"
+
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         return self.fields[name]
 

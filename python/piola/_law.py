@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +14,7 @@ from . import _piola
 from ._errors import Error, command
 
 Array = NDArray[np.float64]
-Value = float | str | Sequence[float]
+Value = float | str | Sequence[float | str]
 
 _LIBRARY = dict(_piola.library())
 
@@ -21,6 +22,21 @@ _LIBRARY = dict(_piola.library())
 def library() -> list[str]:
     """Names of the potentials that come with piola."""
     return sorted(_LIBRARY)
+
+
+def setting(name: str, value: Any) -> float | str | list[float | str]:
+    """A number, a text with a unit, or a list of them."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    if isinstance(value, str):
+        return value
+    if isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool):
+        return float(value)
+    if isinstance(value, (Sequence, np.ndarray)):
+        entries = [setting(name, one) for one in value]
+        if entries and not any(isinstance(one, list) for one in entries):
+            return [one for one in entries if not isinstance(one, list)]
+    raise Error(f"`{name}` is a number, a text with a unit, or a sequence of them, not {value!r}")
 
 
 class Law:
@@ -57,12 +73,12 @@ class Law:
                 f"`{source}` is neither a name of the library ({known}), nor a path that ends in .piola, "
                 "nor the text of a potential, which has several lines",
             )
-        settings: list[tuple[str, float | str]] = []
-        for key, value in {**(values or {}), **parameters}.items():
-            if isinstance(value, (int, float, str, np.floating, np.integer)):
-                settings.append((key, value if isinstance(value, str) else float(value)))
-            else:
-                settings += [(f"{key}({k})", float(entry)) for k, entry in enumerate(value, 1)]
+        twice = set(values or {}) & set(parameters)
+        if twice:
+            raise Error(f"`{twice.pop()}` is given twice")
+        self.given: dict[str, Any] = {**(values or {}), **parameters}
+        """Parameters as they were given."""
+        settings = [(key, setting(key, value)) for key, value in self.given.items()]
         self.text = text
         self._name, self._folder = name, folder
         self._dimension, self._delta = dimension, delta
@@ -100,6 +116,8 @@ class Law:
         known = [one for one in self.arguments if one in ("l", "a", "v")]
         if len(known) == 1:
             return known[0]
+        if not known:
+            raise Error(f"`{self.name}` has no energy of a measure, but of {', '.join(self.arguments)}")
         raise Error(
             f"`{self.name}` has energies of {', '.join(self.arguments)}: say which is meant, measure=\"l\""
         )
@@ -154,11 +172,9 @@ class Law:
         with _file(self) as path:
             words = ["derive", path, "--emit", emit, "--dim", str(self.dimension)]
             words += ["--delta", repr(self._delta)] if self._delta is not None else []
-            vectors: dict[str, list[str]] = {}
             for key, value in self._settings:
-                vectors.setdefault(key.split("(")[0], []).append(str(value))
-            for key, values in vectors.items():
-                words += ["--set", f"{key}={','.join(values)}"]
+                values = value if isinstance(value, list) else [value]
+                words += ["--set", f"{key}={','.join(str(one) for one in values)}"]
             return command(words)[1]
 
     @property

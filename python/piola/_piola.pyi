@@ -25,7 +25,7 @@ class Law:
         name: str,
         text: str,
         folder: str,
-        settings: Sequence[tuple[str, float | str]],
+        settings: Sequence[tuple[str, float | str | list[float | str]]],
         dimension: int | None = None,
         delta: float | None = None,
     ) -> None: ...

@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import json
 import os
+import shutil
 import tempfile
+import weakref
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -20,6 +22,14 @@ from ._law import Law
 
 Array = NDArray[np.float64]
 Overrides = Mapping[str, Any]
+
+
+class _Folder:
+    """A folder that is gone with whoever has it."""
+
+    def __init__(self) -> None:
+        self.path = tempfile.mkdtemp(prefix="piola-")
+        self._gone = weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
 
 
 class Scene:
@@ -38,13 +48,19 @@ class Scene:
         folder: str | os.PathLike[str] = ".",
         **parameters: Any,
     ) -> None:
-        self._written: tempfile.TemporaryDirectory[str] | None = None
+        self._written: _Folder | None = None
         if isinstance(source, Mapping):
-            self._written = tempfile.TemporaryDirectory(prefix="piola-")
-            self.path = _toml.write_scene(source, self._written.name, os.fspath(folder))
+            self._written = _Folder()
+            self.path = _toml.write_scene(source, self._written.path, os.fspath(folder))
         else:
-            self.path = os.fspath(source)
+            self.path = os.path.abspath(source)
         self._overrides = _toml.overrides(overrides, parameters)
+
+    def __deepcopy__(self, _: dict[int, Any]) -> Scene:
+        # Scenes do not change: a copy shares the file.
+        copied = object.__new__(Scene)
+        copied.__dict__.update(self.__dict__)
+        return copied
 
     def _words(self, overrides: Overrides | None, parameters: Mapping[str, Any]) -> list[str]:
         return self._overrides + _toml.overrides(overrides, parameters)
@@ -76,8 +92,8 @@ class Scene:
         """
         kept = None
         if out is None:
-            kept = tempfile.TemporaryDirectory(prefix="piola-")
-            out = os.path.join(kept.name, "out")
+            kept = _Folder()
+            out = os.path.join(kept.path, "out")
         words = ["run", self.path, "--out", os.fspath(out), *self._set(overrides, parameters)]
         words += ["--threads", str(threads)] if threads else []
         words += ["--force"] if force else []
@@ -102,7 +118,12 @@ class Scene:
                     t, iterations, energy, u, residual = steps.next()
                 except StopIteration:
                     return
-                yield Step(t, iterations, energy, u.reshape(shape), residual.reshape(shape), loads)
+                step = Step(t, iterations, energy, u.reshape(shape), residual.reshape(shape), loads)
+                yield step
+                given = np.asarray(step.loads, dtype=np.float64)
+                if given.shape != shape:
+                    raise Error(f"loads have the shape {shape}, not {given.shape}")
+                loads = given.copy()
                 steps.set_loads(loads.reshape(-1))
         finally:
             steps.close()
@@ -186,8 +207,8 @@ class Step:
     residual: Array
     """`(n, d)` in N: dE/du minus the loads; the reaction where a component is prescribed."""
     loads: Array
-    """`(n, d)` in N, of all steps the same array: what is written into it acts beside the scene's loads in
-    the steps to come."""
+    """`(n, d)` in N, at first 0: what a loop writes into it, or puts in its place, acts beside the scene's
+    loads in the steps to come, which begin with it."""
 
 
 class Body:
@@ -220,6 +241,8 @@ class Body:
         """The energy at a displacement `(n, d)` in m; without one at rest."""
         shape = (len(self.volumes), self.dimension)
         u = np.zeros(shape) if displacement is None else np.asarray(displacement, dtype=np.float64)
+        if u.shape not in (shape, (shape[0] * shape[1],)):
+            raise Error(f"displacements have the shape {shape}, not {u.shape}")
         return Energy(self._body, np.ascontiguousarray(u).reshape(-1), shape)
 
 
@@ -283,7 +306,7 @@ class Result:
     """What a run left in its folder."""
 
     def __init__(
-        self, folder: str, kept: tempfile.TemporaryDirectory[str] | None = None
+        self, folder: str, kept: _Folder | None = None
     ) -> None:
         self.folder = folder
         """Where the files are; gone with the result, unless `run` was given one."""

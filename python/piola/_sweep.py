@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _toml
-from ._errors import command
+from ._errors import Error, command
 from ._scene import Scene
 
 
@@ -36,12 +36,21 @@ class Sweep:
                 return np.array([float(text) for text in texts])
             except ValueError:
                 return np.array(texts)
+        if name not in self.units:
+            raise KeyError(f"{name!r}: there are {', '.join(self.keys())}")
         column = [row.get("found", {}).get(name) for row in self.rows]
         return np.array([np.nan if one is None else one for one in column])
 
+    def keys(self) -> list[str]:
+        """Names of the columns."""
+        return [*self.varied, *self.units]
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        return iter(self.rows)
+
     def to_dict(self) -> dict[str, NDArray[Any]]:
         """All columns, as `pandas.DataFrame` takes them."""
-        return {name: self[name] for name in [*self.varied, *self.units]}
+        return {name: self[name] for name in self.keys()}
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -66,11 +75,17 @@ def sweep(
     their names, `C2=np.linspace(0, 200, 10)`. Runs that do not reach their end are rows that say so.
     """
     scene = scene if isinstance(scene, Scene) else Scene(scene)
+    if not vary and not parameters:
+        raise Error("nothing is varied: give keys with their values, or parameters")
     named = {f"material.parameters.{name}": values for name, values in parameters.items()}
     words = ["sweep", scene.path, "--format", "json", *scene._set(overrides, {})]
     for key, values in {**(vary or {}), **named}.items():
-        texts = [one if isinstance(one, str) else _toml.value(one) for one in values]
-        words += ["--vary", f"{key}={','.join(texts)}"]
+        if isinstance(values, str):
+            # As the command line has it: FIRST:LAST:COUNT, or values with commas.
+            texts = values
+        else:
+            texts = ",".join(one if isinstance(one, str) else _toml.value(one) for one in values)
+        words += ["--vary", f"{key}={texts}"]
     words += ["--threads", str(threads)] if threads else []
     words += ["--out", os.fspath(out)] if out is not None else []
     words += ["--force"] if force else []

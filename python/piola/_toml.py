@@ -16,6 +16,8 @@ _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 
 def value(given: Any) -> str:
     """A value as TOML has it."""
+    if isinstance(given, np.ndarray) and given.ndim == 0:
+        given = given.item()
     if isinstance(given, (bool, np.bool_)):
         return "true" if given else "false"
     if isinstance(given, (int, np.integer)):
@@ -42,8 +44,6 @@ def write_scene(scene: Mapping[str, Any], folder: str, base: str) -> str:
     laws: list[str] = []
 
     def place(given: Any, key: str | None) -> Any:
-        if isinstance(given, Law):
-            given = given.text
         if key in ("potential", "mesh", "points", "numbers", "rule") and isinstance(given, str):
             if key == "potential" and "\n" in given:
                 laws.append(given)
@@ -54,6 +54,11 @@ def write_scene(scene: Mapping[str, Any], folder: str, base: str) -> str:
             is_file = key in ("mesh", "points", "numbers") or given.endswith(".piola")
             return os.path.abspath(os.path.join(base, given)) if is_file else given
         if isinstance(given, Mapping):
+            law = given.get("potential")
+            if isinstance(law, Law):
+                # A law brings its values; what the scene says beside it holds over them.
+                own = {**law.given, **given.get("parameters", {})}
+                given = {**given, "potential": law.text, "parameters": own}
             return {name: place(one, str(name)) for name, one in given.items()}
         if isinstance(given, (list, tuple)):
             return [place(one, key) for one in given]

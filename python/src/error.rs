@@ -24,6 +24,15 @@ pub(crate) fn plain(message: String) -> PyErr {
     raise(message, vec![finding])
 }
 
+/// An equilibrium that was not found: `piola.NotConverged`.
+pub(crate) fn not_converged(py: Python<'_>, message: String) -> PyErr {
+    let made = py
+        .import("piola")
+        .and_then(|module| module.getattr("NotConverged"))
+        .and_then(|kind| kind.call1((message.clone(), "[]")));
+    made.map_or_else(|_| plain(message), PyErr::from_value)
+}
+
 /// Mistakes in a text.
 pub(crate) fn in_text(name: &str, text: &str, diagnostics: &[Diagnostic]) -> PyErr {
     let findings: Vec<Value> = diagnostics.iter().map(|d| finding(name, text, d)).collect();

@@ -7,6 +7,7 @@ use piola_compiler::{
     Batch, Derivatives, Form, GradientBatch, Kernel, Kind, Level, Measure, Mode, Model, Order,
     Outputs, Setting, Values, check_text_with,
 };
+use piola_grammar::names::entry;
 use piola_runtime::scene::files_below;
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -53,7 +54,7 @@ impl Law {
         let (_, model) = check_text_with(text, &files_below(&folder))
             .map_err(|found| error::in_text(name, text, &found))?;
         let settings: Vec<(String, Setting)> =
-            settings.into_iter().map(|(name, value)| (name, value.setting())).collect();
+            settings.into_iter().flat_map(|(name, value)| value.settings(&name)).collect();
         let largest = model.dimensions().max().unwrap_or(3);
         let values = model.values(dimension.unwrap_or(largest), &settings, delta);
         let values = values.map_err(|found| {
@@ -205,18 +206,24 @@ fn evaluate(kernel: &Kernel, now: &[f64], rest: &[f64]) -> Derivatives {
     out
 }
 
-/// A number, or a text with a unit.
+/// A number, a text with a unit, or those of a vector.
 #[derive(FromPyObject)]
 pub(crate) enum Either {
     Number(f64),
     Text(String),
+    Several(Vec<Either>),
 }
 
 impl Either {
-    fn setting(self) -> Setting {
+    /// What a parameter is set to; of a vector each entry.
+    fn settings(self, name: &str) -> Vec<(String, Setting)> {
         match self {
-            Either::Number(number) => Setting::Number(number),
-            Either::Text(text) => Setting::Text(text),
+            Either::Number(number) => vec![(name.to_string(), Setting::Number(number))],
+            Either::Text(text) => vec![(name.to_string(), Setting::Text(text))],
+            Either::Several(all) => {
+                let each = all.into_iter().zip(1..);
+                each.flat_map(|(one, k)| one.settings(&entry(name, k))).collect()
+            }
         }
     }
 }

@@ -28,6 +28,8 @@ enum Message {
     Step(Step),
     /// The end: nothing, or why there is no further step.
     End(Option<String>),
+    /// No equilibrium was found, and why.
+    NotConverged(String),
 }
 
 /// Loads beside those of the scene, in N, in the body's order; none where nothing was given.
@@ -90,11 +92,11 @@ impl Steps {
                     }
                 })
             });
-            let _ = send.send(Message::End(match followed {
-                Ok(Attempt::NotConverged(reason)) => Some(reason),
-                Ok(_) => None,
-                Err(found) => Some(found.to_string()),
-            }));
+            let _ = send.send(match followed {
+                Ok(Attempt::NotConverged(reason)) => Message::NotConverged(reason),
+                Ok(_) => Message::End(None),
+                Err(found) => Message::End(Some(found.to_string())),
+            });
         });
         let go = Some(Mutex::new(go));
         Ok(Steps { from: Mutex::new(from), go, loads, order, dimension, is_over: false })
@@ -127,6 +129,10 @@ impl Steps {
                 step.displacement.into_pyarray(py),
                 step.residual.into_pyarray(py),
             )),
+            Message::NotConverged(reason) => {
+                self.is_over = true;
+                Err(error::not_converged(py, reason))
+            }
             Message::End(reason) => {
                 self.is_over = true;
                 Err(match reason {

@@ -1,5 +1,6 @@
 """The module from outside, as its users have it."""
 
+import copy
 import json
 import os
 import signal
@@ -60,6 +61,10 @@ def test_the_library_and_gradients():
     assert np.allclose(slope, (P * G).sum((-2, -1)), rtol=1e-7)
     clique = piola.Law("javili2020", C1=1.0, C2=2.0, C3=0.0)
     assert np.all(clique.psi([1.0, 1.1], 1.0, measure="v") == 0.0)
+    sums = "potential terms\ndimensions 3\nparameter mu(2) in Pa\nparameter alpha(2)\n"
+    sums += "psi(F) = sum(k, mu(k)/alpha(k)*(tr(C) - 3 - 2*ln(J)))\n"
+    of_vector = piola.Law(sums, mu=[1.0, "2 Pa"], alpha=np.array([1.0, 4.0]))
+    assert of_vector.psi(np.diag([2.0, 1.0, 1.0])) == pytest.approx(1.5 * (3 - 2 * np.log(2)))
     vector = piola.Law("ogden", _needed("ogden"))
     assert vector.psi(np.eye(3)) == pytest.approx(0.0, abs=1e-9)
 
@@ -92,6 +97,11 @@ def test_mistakes_are_exceptions_with_places():
         lambda: piola.Law("neo_hooke", {"lambda": 1e9}, mu=1e9, dimension=3).P(np.eye(2)),
         lambda: piola.Scene("nowhere.toml").run(),
         lambda: piola.Scene(plate()).energy(np.zeros(3)),
+        lambda: piola.Scene(plate()).energy(np.zeros((2, 50))),
+        lambda: piola.Law(SPRING, c=None),
+        lambda: piola.Law(SPRING, c=True),
+        lambda: piola.Law(SPRING, {"c": 1.0}, c=1.0),
+        lambda: piola.sweep(plate()),
         lambda: piola.Scene(plate(), {"body.nothing": {1, 2}}),
     ):
         with pytest.raises(piola.Error):
@@ -122,8 +132,12 @@ def test_scenes_run_and_leave_arrays():
     one = piola.Scene(own, {"steps.increments": 1})
     twice = one.run(C1=2.0).reactions["right_x"] / one.run().reactions["right_x"]
     assert twice == pytest.approx(2.0)
-    as_law = piola.Scene(plate(material={"potential": piola.Law(law, C1=1.0), "parameters": {"C1": 1.0}}))
-    assert as_law.run(overrides={"steps.increments": 1}).reactions["t"].size == 1
+    as_law = piola.Scene(plate(material={"potential": piola.Law(law, C1=2.0)}), {"steps.increments": 1})
+    assert np.array_equal(as_law.run().reactions["right_x"], one.run(C1=2.0).reactions["right_x"])
+    # A copy lives on without what it was made from.
+    copied = copy.deepcopy(as_law)
+    del as_law
+    assert copied.run().reactions["t"].size == 1
 
 
 def test_results_stay_where_they_are_wanted(tmp_path):
@@ -190,7 +204,12 @@ def test_sweeps_are_tables():
     energies = study["energy"]
     assert energies[1] > energies[0] and np.isnan(energies[2])
     assert study.rows[2]["state"] == "refused"
-    assert set(study.units) <= set(study.to_dict())
+    assert set(study.units) <= set(study.to_dict()) and len(list(study)) == 3
+    with pytest.raises(KeyError):
+        study["nothing"]
+    first = piola.sweep(plate(), C1=[-1.0, 1.0])
+    assert [row["state"] for row in first.rows] == ["refused", "reached"]
+    assert len(piola.sweep(plate(), C1="1:2:3")) == 3
     study = piola.sweep(plate(), {"body.spacing": [0.1, 0.05]}, C1=np.linspace(1, 2, 2))
     assert len(study) == 4
     with pytest.raises(piola.Error):
@@ -210,6 +229,16 @@ def test_steps_are_followed_and_loaded():
         loaded.append(step.displacement)
     assert np.array_equal(loaded[0], plain[0])
     assert loaded[1][20:30, 1].mean() > plain[1][20:30, 1].mean() + 1e-4
+    replaced = []
+    for step in scene.steps():
+        step.loads = step.loads + (step.t < 0.5) * 1e-4 * (np.arange(50) // 10 == 2)[:, None] * [0, 1]
+        replaced.append(step.displacement)
+    assert np.array_equal(replaced[1], loaded[1])
+    with pytest.raises(piola.Error):
+        for step in scene.steps():
+            step.loads = np.zeros(3)
+    with pytest.raises(piola.NotConverged):
+        list(scene.steps({"solver.tolerance": 1e-19, "solver.max_iterations": 3}))
     # A loop that ends early leaves nothing behind.
     for step in scene.steps():
         break

@@ -104,7 +104,9 @@ fn compiled(name: &str, source: &str, header: &str) -> Result<Vec<u8>, String> {
     let work = || -> Result<Vec<u8>, String> {
         std::fs::write(&code, source).map_err(failed)?;
         std::fs::write(folder.join(format!("{name}.h")), header).map_err(failed)?;
-        let made = Command::new(&compiler).args(FLAGS).arg(&code).arg("-o").arg(&object).output();
+        let mut words = compiler.split_whitespace();
+        let mut command = Command::new(words.next().unwrap_or("cc"));
+        let made = command.args(words).args(FLAGS).arg(&code).arg("-o").arg(&object).output();
         let made = made.map_err(|error| {
             format!("cannot start the C compiler `{compiler}`: {error}; install one, name it in CC, or take --emit c")
         })?;
@@ -139,6 +141,7 @@ fn c_header(loaded: &Loaded, values: &Values, source: &str) -> String {
     let _ = writeln!(out, "#define {name}_DIMENSION {}", values.dimension);
     for (parameter, value) in model.parameters().iter().zip(&values.parameters) {
         if parameter.is_state
+            || parameter.name == "DIMENSION"
             || !parameter.name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
         {
             continue;

@@ -183,7 +183,7 @@ fn a_cloud_has_no_other_lattice_and_says_so() {
     );
     scene.file("p.csv", "x,y,volume\n0,0,1\n0,1,1\n1,0,1\n1,1,1\n2,0,1\n2,1,1\n");
     let table = trade(&scene, &["--axes", "tolerance"]).expect(0).stdout;
-    assert!(table.contains("a cloud of points has no other spacing"), "{table}");
+    assert!(table.contains("the points of a file have no other spacing"), "{table}");
     assert!(table.contains("ten times the least"), "{table}");
 }
 

@@ -3,9 +3,9 @@
 //!
 //! | keyword | what becomes of it |
 //! |---|---|
-//! | `*Node`, `*Element` | nodes and elements; types that have no place in a mesh (springs, masses, beams) are left out |
+//! | `*Node`, `*Element` | nodes and elements; types that are no part of a body (springs, masses, beams) are left out, others that are not read are refused |
 //! | `*Nset`, `*Elset`, also `generate`, and the sets that `*Node` and `*Element` name | groups |
-//! | `*Surface` | a group of the elements, or nodes, that it lists |
+//! | `*Surface` | a group of the faces, elements or nodes that it lists |
 //! | `*Part`, `*Instance` | the part's mesh, shifted and turned as the instance says |
 //! | what makes nodes or elements elsewhere (`*Include`, `*Ngen`, ..) | refused |
 //! | any other | passed over |
@@ -189,6 +189,7 @@ impl File {
             return Err(MeshError::unusable((end, end), message)
                 .help("write solids as C3D4, C3D5, C3D6, C3D8, C3D10, C3D15 or C3D20, sheets as CPS3, CPS4, CPS6 or CPS8"));
         }
+        mesh.ignores_case = true;
         mesh.merge_duplicates();
         Ok(mesh)
     }

@@ -1,6 +1,6 @@
 //! Gmsh's `.msh` files, versions 2.2 and 4.1, as text or binary ("MSH file format" of its reference manual).
 //!
-//! Physical groups become groups by their names, by their numbers where they have none. Elements of no
+//! Physical groups become groups by their names, `curve 3` where they have none. Elements of no
 //! group belong to the mesh as well.
 
 mod elements;
@@ -11,7 +11,7 @@ use rustc_hash::FxHashMap;
 
 use crate::error::MeshError;
 use crate::kind::Kind;
-use crate::mesh::Mesh;
+use crate::mesh::{ENTITIES, Mesh};
 use crate::scan::{Line, Scan, shown};
 
 /// Reads a mesh.
@@ -76,7 +76,7 @@ impl File {
     fn name(&self, dimension: usize, tag: i64) -> String {
         let tag = tag.abs();
         let name = self.names.get(&(dimension as i64, tag));
-        name.cloned().unwrap_or_else(|| tag.to_string())
+        name.cloned().unwrap_or_else(|| format!("{} {tag}", ENTITIES[dimension.min(3)]))
     }
 
     fn physical_names(&mut self, scan: &mut Scan<'_>) -> Result<(), MeshError> {

@@ -11,6 +11,9 @@ const NONE: u32 = u32::MAX;
 /// Coordinates of a plane mesh differ by less than this part of its size across the plane.
 const FLAT: f64 = 1e-9;
 
+/// Kinds of entities, which groups without a name are called after, by their dimensions.
+pub(crate) const ENTITIES: [&str; 4] = ["point", "curve", "surface", "volume"];
+
 /// Elements, their nodes, and groups of both.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
@@ -19,6 +22,8 @@ pub struct Mesh {
     /// Indices of nodes, element after element.
     connectivity: Vec<u32>,
     groups: Vec<Group>,
+    /// Whether names are in lower case, whatever they are asked for in.
+    pub(crate) ignores_case: bool,
     /// Places of groups by their names.
     names: FxHashMap<String, usize>,
 }
@@ -89,6 +94,12 @@ impl Mesh {
             let nodes = other.nodes_of(element).iter().map(|node| node + first);
             self.push(kind, nodes, (tag, place, is_text));
         }
+    }
+
+    /// The form of an element and its corners.
+    pub(crate) fn shape_at(&self, element: u32) -> (Shape, Vec<u32>) {
+        let element = &self.elements[element as usize];
+        (element.kind.shape, self.corners_of(element).to_vec())
     }
 
     /// The nodes of an element.
@@ -259,15 +270,25 @@ impl Mesh {
             .help("mesh the solid, or turn the sheet into the plane of x and y"))
     }
 
-    /// Which of its points are in the group of this name, else of the same in lower case; nothing where
-    /// there is none.
+    /// The group of this name; of a number that of its kind of entity, `curve 3`, if there is one alone.
+    fn named(&self, name: &str) -> Option<usize> {
+        let lower = self.ignores_case.then(|| name.to_lowercase());
+        let known = self.names.get(lower.as_deref().unwrap_or(name)).copied();
+        let numbered = || {
+            let mut found =
+                ENTITIES.iter().filter_map(|kind| self.names.get(&format!("{kind} {name}")));
+            found.next().copied().filter(|_| found.next().is_none())
+        };
+        known.or_else(numbered)
+    }
+
+    /// Which of its points are in the group of this name; nothing where there is none.
     ///
     /// Cells are in a group that names them or their faces, edges or corners. Of a group of nodes those
     /// cells are with a face all of whose corners are; where there is none, all that have one of the nodes.
     /// Points at corners are in a group that names them or elements they are corners of.
     pub fn members(&self, name: &str, points: &MeshPoints) -> Option<Vec<bool>> {
-        let known = self.names.get(name).or_else(|| self.names.get(&name.to_lowercase()));
-        let group = &self.groups[*known?];
+        let group = &self.groups[self.named(name)?];
         let mut inside = vec![false; points.volumes.len()];
         match points.place {
             Place::Corners => {

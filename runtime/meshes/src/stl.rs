@@ -26,7 +26,9 @@ pub fn read(bytes: &[u8]) -> Result<Surface, MeshError> {
         .get(80..HEADER)
         .map_or(0, |count| u64::from(u32::from_le_bytes([count[0], count[1], count[2], count[3]])));
     let head = &bytes[..bytes.len().min(512)];
-    let is_text = head.trim_ascii_start().starts_with(b"solid") && !head.contains(&0);
+    let is_text =
+        head.trim_ascii_start().get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid"))
+            && !head.contains(&0);
     let fits = (HEADER as u64) + announced * (TRIANGLE as u64) == bytes.len() as u64;
     // Binary files may begin with `solid`, too: the length decides.
     let triangles = if fits && bytes.len() >= HEADER {

@@ -9,6 +9,12 @@ use crate::kind::{Kind, Shape};
 use crate::mesh::Mesh;
 use crate::scan::{Line, shown};
 
+/// Types that are no part of a body by their beginnings: beams, springs, masses, connections, rigid parts.
+const LEFT_OUT: [&str; 17] = [
+    "B2", "B3", "CONN", "DASHPOT", "DCOUP", "DISTRIB", "FRAME", "GAP", "HEATCAP", "ITS", "JOINT",
+    "MASS", "PIPE", "R2D", "RB", "ROTARY", "SPRING",
+];
+
 /// A mesh as it is read.
 #[derive(Default)]
 pub(super) struct Part {
@@ -65,6 +71,13 @@ impl Part {
     ) -> Result<(), MeshError> {
         let name = keyword.required("type")?.to_uppercase();
         let kind = kind(&name);
+        if kind.is_none() && !LEFT_OUT.iter().any(|prefix| name.starts_with(prefix)) {
+            let message = format!("elements of the type {} are not read", shown(&name));
+            return Err(MeshError::unusable(keyword.line.range(), message).help(
+                "write solids as C3D4, C3D5, C3D6, C3D8, C3D10, C3D15 or C3D20, sheets as CPS3, CPS4, CPS6 \
+                 or CPS8, or leave them out",
+            ));
+        }
         if kind.is_none() && !self.skipped_types.contains(&name) {
             self.skipped_types.push(name);
         }
@@ -227,14 +240,23 @@ impl Part {
                 return Err(MeshError::broken(line.range(), message));
             }
         };
-        let all = if is_nodes { self.node.len() } else { self.element.len() + self.skipped.len() };
-        if last < first || (last - first) / step >= all as u64 {
-            let message = format!("a set from {first} to {last} by {step}, and {all} are there");
+        // Those that are there: numbers may have gaps.
+        let all = if is_nodes { &self.node } else { &self.element };
+        let is_meant =
+            |tag: &u64| (first..=last).contains(tag) && (tag - first).is_multiple_of(step);
+        let mut found: Vec<(u64, u32)> = all
+            .iter()
+            .filter(|(tag, _)| is_meant(tag))
+            .map(|(tag, index)| (*tag, *index))
+            .collect();
+        let is_left_out = !is_nodes && self.skipped.iter().any(is_meant);
+        if found.is_empty() && !is_left_out {
+            let thing = if is_nodes { "node" } else { "element" };
+            let message = format!("there is no {thing} from {first} to {last} by {step}");
             return Err(MeshError::broken(line.range(), message));
         }
-        for tag in (first..=last).step_by(usize::try_from(step).unwrap_or(usize::MAX)) {
-            members.extend(self.member(tag, is_nodes, line.range())?);
-        }
+        found.sort_unstable();
+        members.extend(found.into_iter().map(|(_, index)| index));
         Ok(())
     }
 
@@ -248,10 +270,19 @@ impl Part {
         let mut members = Vec::new();
         while let Some(line) = cards.next_data() {
             text(&line)?;
-            let Some((field, place)) = fields(&line).next() else { continue };
-            match field.parse::<u64>() {
-                Ok(tag) => members.extend(self.member(tag, is_nodes, place)?),
-                Err(_) => members.extend(self.named(field, is_nodes, place)?),
+            let mut fields = fields(&line);
+            let Some((field, place)) = fields.next() else { continue };
+            let listed = match field.parse::<u64>() {
+                Ok(tag) => self.member(tag, is_nodes, place)?.into_iter().collect(),
+                Err(_) => self.named(field, is_nodes, place)?,
+            };
+            match fields.next().filter(|(label, _)| !is_nodes && !SIDES.contains(label)) {
+                Some((label, place)) => {
+                    for element in listed {
+                        members.push(self.face(element, label, place)?);
+                    }
+                }
+                None => members.extend(listed),
             }
         }
         let group = self.mesh.group(&keyword.required("name")?.to_lowercase());
@@ -261,6 +292,26 @@ impl Part {
             group.elements.extend(members)
         }
         Ok(())
+    }
+
+    /// The face of an element that a label names, as an element of its own.
+    fn face(&mut self, element: u32, label: &str, place: (usize, usize)) -> Result<u32, MeshError> {
+        let (shape, corners) = self.mesh.shape_at(element);
+        let number = label.strip_prefix(['S', 's']).and_then(|digits| digits.parse::<usize>().ok());
+        let faces = faces(shape);
+        let face = number.and_then(|number| faces.get(number.checked_sub(1)?));
+        let Some(face) = face else {
+            let n = faces.len();
+            let message = format!("`{}` is no face of this element: S1 to S{n} are", shown(label));
+            return Err(MeshError::broken(place, message));
+        };
+        let nodes: Vec<u32> = face.iter().map(|k| corners[*k]).collect();
+        let kind = match nodes.len() {
+            2 => Kind::new(Shape::Line, 2),
+            3 => Kind::new(Shape::Triangle, 3),
+            _ => Kind::new(Shape::Quadrilateral, 4),
+        };
+        Ok(self.mesh.push(kind, nodes.into_iter(), (0, place, true)))
     }
 
     pub(super) fn into_mesh(self) -> Mesh {
@@ -385,6 +436,29 @@ fn float(field: &str, place: (usize, usize), what: &str) -> Result<f64, MeshErro
         let message = format!("{what} should stand here, not `{}`", shown(field));
         MeshError::broken(place, message)
     })
+}
+
+/// Sides of shells, whose surface is the element.
+const SIDES: [&str; 4] = ["SPOS", "SNEG", "spos", "sneg"];
+
+/// Corners of the faces S1, S2, .. of an element, as Abaqus counts them; of plane elements of the edges.
+fn faces(shape: Shape) -> &'static [&'static [usize]] {
+    match shape {
+        Shape::Point | Shape::Line => &[],
+        Shape::Triangle => &[&[0, 1], &[1, 2], &[2, 0]],
+        Shape::Quadrilateral => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0]],
+        Shape::Tetrahedron => &[&[0, 1, 2], &[0, 3, 1], &[1, 3, 2], &[2, 3, 0]],
+        Shape::Pyramid => &[&[0, 1, 2, 3], &[0, 4, 1], &[1, 4, 2], &[2, 4, 3], &[3, 4, 0]],
+        Shape::Wedge => &[&[0, 1, 2], &[3, 5, 4], &[0, 3, 4, 1], &[1, 4, 5, 2], &[2, 5, 3, 0]],
+        Shape::Hexahedron => &[
+            &[0, 1, 2, 3],
+            &[4, 7, 6, 5],
+            &[0, 4, 5, 1],
+            &[1, 5, 6, 2],
+            &[2, 6, 7, 3],
+            &[3, 7, 4, 0],
+        ],
+    }
 }
 
 /// The kind of a type of elements, and which of its nodes is which of the kind's.

@@ -162,11 +162,25 @@ fn mistakes_in_input_files_are_named_at_their_line() {
         7,
         "types B21 are not read; write solids as",
     );
+    check_input(
+        &with("*Element, type=C3D27\n1, 1, 2\n"),
+        5,
+        "type C3D27 are not read; write solids",
+    );
     let whole = with("*Element, type=CPS3, elset=all\n1, 1, 2, 3\n");
     let with = |rest: &str| format!("{whole}{rest}");
     check_input(&with("*Nset, nset=a\n1, 9\n"), 8, "no node 9");
     check_input(&with("*Nset, nset=a\nb\n"), 8, "`b` is no number, and no set before");
-    check_input(&with("*Elset, elset=a, generate\n1, 900000000, 1\n"), 8, "1 are there");
+    check_input(
+        &with("*Elset, elset=a, generate\n5, 900000000, 5\n"),
+        8,
+        "no element from 5 to 900000000",
+    );
+    check_input(
+        &with("*Surface, name=a\nall, S4\n"),
+        8,
+        "`S4` is no face of this element: S1 to S3",
+    );
     check_input(&with("*Elset, elset=a, generate\n1, 1, 0\n"), 8, "a positive step");
     check_input(&with("*Elset\n1\n"), 7, "`*elset` has no `elset=`");
     check_input(&with("*Instance, name=i, part=p\n"), 7, "no part `p`");

@@ -116,6 +116,12 @@ const PARTS: &str = "\
  5, 6, 7, 8
 *Nset, nset=Bottom, generate
 1, 4, 1
+*Nset, nset=Gaps, generate
+4, 900, 4
+*Surface, name=Top
+Body, S2
+*Surface, name=Side
+11, S6
 *Element, type=SPRINGA, elset=Springs
 12, 1, 2
 *End Part
@@ -154,6 +160,16 @@ fn parts_stand_where_their_instances_put_them() {
     assert_eq!(members("Tip"), Some(vec![false, true]));
     assert_eq!(members("whole"), Some(vec![true, false]));
     let corners = mesh.points(Place::Corners).unwrap();
+    let counted = |name: &str| {
+        let inside = mesh.members(name, &corners).unwrap();
+        let xs = corners.positions.chunks(3).zip(inside).filter(|(_, inside)| *inside);
+        xs.map(|(x, _)| x.to_vec()).collect::<Vec<_>>()
+    };
+    let top = counted("one.top");
+    assert!(top.len() == 4 && top.iter().all(|x| x[2] == 1.0), "{top:?}");
+    let side = counted("one.side");
+    assert!(side.len() == 4 && side.iter().all(|x| x[0] == 0.0), "{side:?}");
+    assert_eq!(counted("one.gaps").len(), 2);
     assert_eq!(corners.volumes, [0.25; 16]);
     let tip = mesh.members("Tip", &corners).unwrap();
     let place = tip.iter().position(|inside| *inside).unwrap();

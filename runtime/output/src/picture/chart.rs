@@ -100,8 +100,9 @@ impl Axis<'_> {
             }
             AxisKind::Whole => {
                 let step = ticks::round_step((self.high - self.low) / 8.0).max(1.0) as usize;
+                let low = self.low.max(0.0).ceil() as usize;
                 let values: Vec<usize> =
-                    (0..=self.high.max(0.0) as usize).step_by(step.max(1)).collect();
+                    (low..=self.high.max(0.0) as usize).step_by(step.max(1)).collect();
                 let labels = values.iter().map(usize::to_string).collect();
                 let values = values.into_iter().map(|v| v as f64).collect();
                 (values, labels, with_unit(self.name, self.unit, 0))

@@ -14,7 +14,7 @@ const WIDTH: f64 = 620.0;
 const MOST_CHARTS: usize = 4;
 
 /// Values from the least to the greatest grow by this much before powers of ten are shown.
-const WIDE: f64 = 100.0;
+const WIDE: f64 = 30.0;
 
 /// Values that differ by a smaller part of the largest do so by rounding.
 const ROUNDING: f64 = 1e-9;

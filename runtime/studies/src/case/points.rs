@@ -1,6 +1,6 @@
 //! The points of a scene: a box filled with a lattice, a cloud, a mesh, the inside of a surface.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use piola_grammar::{Diagnostic, suggest};
@@ -46,10 +46,10 @@ struct Listed {
 enum Groups {
     None,
     Mesh(Box<Mesh>, MeshPoints),
-    /// A table between commas, as text; its file and its text as it was written.
+    /// A cloud: its file, its text as it was written, and as a table between commas where that is another.
     Table {
-        file: std::path::PathBuf,
-        text: String,
+        file: PathBuf,
+        made: Option<String>,
         written: String,
     },
 }
@@ -75,8 +75,10 @@ pub(super) fn fill(scene: &mut Scene, folder: &Path) -> Result<Filled, CaseError
         left.1.push(*volume);
     }
     let columns = match &groups {
-        Groups::Table { file, text, written } => Columns::read(text, scene, &kept.keep)
-            .map_err(|errors| CaseError::table(file, written, errors))?,
+        Groups::Table { file, made, written } => {
+            Columns::read(made.as_ref().unwrap_or(written), scene, &kept.keep)
+                .map_err(|errors| CaseError::table(file, written, errors))?
+        }
         _ => Columns::default(),
     };
     if let (HorizonExtent::Spacings(count), None) = (scene.horizon.extent, spacing) {
@@ -108,14 +110,17 @@ fn of_lattice(shape: &LatticeShape) -> Result<Listed, CaseError> {
 
 fn of_cloud(file: &Path, dimension: usize) -> Result<Listed, CaseError> {
     let written = error::read_text(file, MAX_BYTES)?;
-    let text = match cloud::is_comma_separated(&written) {
-        true => written.clone(),
-        false => cloud::as_table(&written)
-            .map_err(|error| CaseError::mesh(file, written.as_bytes(), error))?,
+    let made = match cloud::is_comma_separated(&written) {
+        true => None,
+        false => Some(
+            cloud::as_table(&written)
+                .map_err(|error| CaseError::mesh(file, written.as_bytes(), error))?,
+        ),
     };
+    let table = made.as_ref().unwrap_or(&written);
     let read =
-        read_cloud(&text, dimension).map_err(|errors| CaseError::table(file, &written, errors))?;
-    let groups = Groups::Table { file: file.to_path_buf(), text, written };
+        read_cloud(table, dimension).map_err(|errors| CaseError::table(file, &written, errors))?;
+    let groups = Groups::Table { file: file.to_path_buf(), made, written };
     Ok(Listed { positions: read.positions, volumes: read.volumes, spacing: None, groups })
 }
 
@@ -250,11 +255,11 @@ fn list_sets(
                 Groups::Mesh(mesh, points) => mesh
                     .members(&name.value, points)
                     .ok_or_else(|| mesh.groups().iter().map(|group| group.name.clone()).collect()),
-                Groups::Table { file, text, written } => {
+                Groups::Table { file, made, written } => {
                     let blocks = match &blocks {
                         Some(blocks) => blocks,
                         None => blocks.insert(
-                            read_blocks(text)
+                            read_blocks(made.as_ref().unwrap_or(written))
                                 .map_err(|errors| CaseError::table(file, written, errors))?,
                         ),
                     };

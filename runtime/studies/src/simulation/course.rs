@@ -115,16 +115,21 @@ pub enum Attempt {
 /// # Errors
 /// A case that cannot start, as for [`run`](super::run()).
 pub fn solve(case: &Case, limit: Duration) -> Result<Attempt, CaseError> {
-    solve_watched(case, &Watch::by(Arc::new(Deadline { start: Instant::now(), limit })))
+    let watch = Watch::by(Arc::new(Deadline { start: Instant::now(), limit }));
+    match &case.scene.motion {
+        // Moments at even times, which are compared.
+        Some(scene) => motion::solve(case, scene, &watch, true),
+        None => solve_watched(case, &watch),
+    }
 }
 
-/// The same until `watch` wants an end.
+/// The same until `watch` wants an end, with the steps that [`run`](super::run()) takes.
 ///
 /// # Errors
 /// As [`solve`].
 pub fn solve_watched(case: &Case, watch: &Watch) -> Result<Attempt, CaseError> {
     if let Some(scene) = &case.scene.motion {
-        return motion::solve(case, scene, watch);
+        return motion::solve(case, scene, watch, false);
     }
     follow(case, watch, &|_, _| {}, &mut |_, _| ControlFlow::Continue(()))
 }

@@ -25,7 +25,7 @@ pub use variation::{MOST_RUNS, Variation};
 /// Why a study could not be made.
 #[derive(Debug, thiserror::Error)]
 pub enum SweepError {
-    /// The scene, as it is with the first values.
+    /// The scene, as it is with the first of values that all cannot be read.
     #[error(transparent)]
     Case(#[from] CaseError),
     /// A text that names no values.
@@ -111,8 +111,8 @@ pub type ReadCase<'a> = dyn Fn(&[String]) -> Result<Case, CaseError> + Sync + 'a
 /// [`Interrupted`](Outcome::Interrupted). `watch` may want an end of all.
 ///
 /// # Errors
-/// Values that cannot be varied, and a scene that cannot be read with the first of them. Others that cannot
-/// be read are rows.
+/// Values that cannot be varied, and a scene that cannot be read with any of them. Those that cannot be read
+/// beside others that can are rows.
 pub fn sweep(
     read: &ReadCase<'_>,
     variations: &[Variation],
@@ -125,7 +125,20 @@ pub fn sweep(
     let overrides = |values: &[String]| -> Vec<String> {
         variations.iter().zip(values).map(|(v, value)| format!("{}={value}", v.key)).collect()
     };
-    read(&overrides(&all[0]))?;
+    // Where no values can be read it is not about them.
+    let mut first = None;
+    for values in &all {
+        match read(&overrides(values)) {
+            Ok(_) => {
+                first = None;
+                break;
+            }
+            Err(error) => first = first.or(Some(error)),
+        }
+    }
+    if let Some(error) = first {
+        return Err(error.into());
+    }
     let workers = threads.clamp(1, all.len());
     let pools: Vec<rayon::ThreadPool> = (0..workers)
         .map(|worker| {

@@ -47,7 +47,12 @@ impl Variation {
 
     /// The last part of the key: what its column and its axis are called.
     pub fn name(&self) -> &str {
-        self.key.rsplit('.').next().unwrap_or(&self.key)
+        let mut from = self.key.rfind('.').map_or(0, |dot| dot + 1);
+        // Entries of lists by the name of the list, too: `u.1`.
+        while from > 1 && self.key[from..].starts_with(|c: char| c.is_ascii_digit()) {
+            from = self.key[..from - 1].rfind('.').map_or(0, |dot| dot + 1);
+        }
+        &self.key[from..]
     }
 
     /// The values as numbers, if all are.
@@ -59,14 +64,21 @@ impl Variation {
 
 /// The values of a range; `None` if the text is none.
 fn range(text: &str) -> Option<Result<Vec<String>, String>> {
+    if !text.contains(':') || text.contains(['"', '[', '{', ',']) {
+        return None;
+    }
+    let wrong = || {
+        let form = "a range is FIRST:LAST:COUNT or FIRST:LAST:COUNT:log, of numbers without units";
+        Some(Err(form.to_string()))
+    };
     let parts: Vec<&str> = text.split(':').map(str::trim).collect();
     let (numbers, logarithmic) = match parts[..] {
         [first, last, count] => ([first, last, count], false),
         [first, last, count, LOGARITHMIC] => ([first, last, count], true),
-        _ => return None,
+        _ => return wrong(),
     };
     let [first, last] = [numbers[0], numbers[1]].map(|text| text.parse::<f64>().ok());
-    let (first, last) = (first?, last?);
+    let (Some(first), Some(last)) = (first, last) else { return wrong() };
     let Some(count) = numbers[2].parse::<usize>().ok().filter(|n| (2..=MOST_RUNS).contains(n))
     else {
         return Some(Err(format!("`{}` is no count from 2 to {MOST_RUNS}", numbers[2])));
@@ -155,6 +167,7 @@ mod tests {
         assert_eq!(values("E=1 GPa,2 GPa"), ["1 GPa", "2 GPa"]);
         assert_eq!(Variation::parse("C2=1,2").unwrap().key, "material.parameters.C2");
         assert_eq!(Variation::parse("body.spacing=0.1,0.05").unwrap().name(), "spacing");
+        assert_eq!(Variation::parse("prescribe.1.u.0=0,1").unwrap().name(), "u.0");
     }
 
     #[test]
@@ -169,6 +182,9 @@ mod tests {
             ("C2=0:1:99999", "no count from 2"),
             ("C2=0:inf:3", "no finite"),
             ("C2=0:1:3:log", "greater than 0"),
+            ("C2=0:1", "FIRST:LAST:COUNT"),
+            ("C2=1 MPa:2 MPa:3", "without units"),
+            ("C2=0:1:3:lin", "FIRST:LAST:COUNT:log"),
         ] {
             let error = Variation::parse(text).unwrap_err();
             assert!(error.to_string().contains(reason), "{text}: {error}");

@@ -24,8 +24,9 @@ pub(in crate::simulation) fn solve(
     case: &Case,
     scene: &Motion,
     watch: &Watch,
+    even: bool,
 ) -> Result<Attempt, CaseError> {
-    with_ready(case, case.compile()?, |ready| follow(case, scene, ready, watch))?
+    with_ready(case, case.compile()?, |ready| follow(case, scene, ready, watch, even))?
 }
 
 fn follow(
@@ -33,9 +34,11 @@ fn follow(
     scene: &Motion,
     ready: Ready<'_>,
     watch: &Watch,
+    even: bool,
 ) -> Result<Attempt, CaseError> {
     let Ready { energy, selection, masses, drive, start } = ready;
-    let settings = MotionSettings { rows: MOMENTS, even: true, ..settings(case, scene) };
+    let own = settings(case, scene);
+    let settings = if even { MotionSettings { rows: MOMENTS, even, ..own } } else { own };
     let made = motion::Motion::new(energy, masses, start, drive, &settings, watch);
     let mut motion = made.map_err(|error| refused(case, drive, error))?;
     let fracture = energy.fracture();

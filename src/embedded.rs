@@ -4,8 +4,10 @@ use std::ffi::OsString;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
+use piola_grammar::Diagnostic;
 use serde_json::Value;
 
+use crate::render::{self, Source};
 use crate::{console, execute};
 
 /// What the program around a command hears of it, and tells it.
@@ -58,6 +60,11 @@ pub fn run(words: &[String], host: &Arc<Host>) -> Outcome {
     let exit = execute(all.map(OsString::from)) as u8;
     let (data, messages, findings) = console::captured();
     Outcome { exit, data, messages, findings }
+}
+
+/// A finding in a text of this name as an object, as `piola check --format json` writes it.
+pub fn finding(name: &str, text: &str, diagnostic: &Diagnostic) -> Value {
+    render::json(Source { name, text }, diagnostic)
 }
 
 #[cfg(test)]

@@ -20,30 +20,20 @@ mod schema;
 mod table;
 
 use std::ffi::OsString;
-use std::process::ExitCode;
 
 use clap::Parser;
 
-/// Executes the words of the program's command line, the first being its name.
-pub fn command_line() -> ExitCode {
-    let exit = execute(std::env::args_os());
+/// Executes a command line on the streams of the process; `words` begin with the name of the program. The
+/// exit code, 2 also where the data that were printed are not whole.
+pub fn command_line(words: impl Iterator<Item = OsString>) -> u8 {
+    let exit = execute(words);
     match console::finish() {
-        Ok(()) => exit.code(),
+        Ok(()) => exit as u8,
         Err(error) => {
             let message = format!("the data on the standard output are not whole: {error}");
             render::error(&message, None);
-            command::Exit::Input.code()
+            command::Exit::Input as u8
         }
-    }
-}
-
-/// The same with these words, without the name of the program; the exit code.
-pub fn execute_words(words: Vec<String>) -> u8 {
-    let all = std::iter::once("piola".to_string()).chain(words);
-    let exit = execute(all.map(OsString::from));
-    match console::finish() {
-        Ok(()) => exit as u8,
-        Err(_) => command::Exit::Input as u8,
     }
 }
 

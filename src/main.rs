@@ -3,5 +3,5 @@
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    piola::command_line()
+    ExitCode::from(piola::command_line(std::env::args_os()))
 }

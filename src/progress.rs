@@ -1,4 +1,4 @@
-//! What a run is doing: a bar on a terminal, lines in a pipe.
+//! What a run or a study is doing: a bar or a line on a terminal, lines in a pipe.
 
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -291,6 +291,33 @@ impl Drop for Shown {
             speaker.thread().unpark();
             let _ = speaker.join();
         }
+    }
+}
+
+/// What a study does: on a terminal in one line, in a pipe a line each.
+pub(crate) struct Line {
+    bar: ProgressBar,
+    plain: bool,
+}
+
+impl Line {
+    pub(crate) fn new() -> Line {
+        let plain = !console::moves_cursor();
+        let bar = if plain { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
+        Line { bar, plain }
+    }
+
+    pub(crate) fn say(&self, what: &str) {
+        if self.plain {
+            console::tell(what);
+        } else {
+            self.bar.set_message(what.to_string());
+            self.bar.tick();
+        }
+    }
+
+    pub(crate) fn finish(&self) {
+        self.bar.finish_and_clear();
     }
 }
 

@@ -82,7 +82,7 @@ fn word(severity: Severity) -> &'static str {
 }
 
 /// A finding as an object with file, line and column.
-fn json(source: Source<'_>, d: &Diagnostic) -> Value {
+pub(crate) fn json(source: Source<'_>, d: &Diagnostic) -> Value {
     let Place { line, column } = Place::of(source, d.span.start);
     let notes: Vec<Value> = d
         .notes

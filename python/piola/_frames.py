@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import zlib
 from dataclasses import dataclass, field
 from xml.etree import ElementTree
@@ -50,7 +49,7 @@ def read_frame(path: str) -> Frame:
     appended = raw[start + len(_START) :]
     root = ElementTree.fromstring(header)
     time = next(one for one in root.iter("DataArray") if one.get("Name") == "TimeValue")
-    t = float(re.sub("nan|inf", lambda word: word.group(), time.text or "nan"))
+    t = float(time.text or "nan")
     fields = {}
     positions = np.zeros((0, 3))
     for data in root.iter("PointData"):

@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 from . import _piola, _toml
 from ._errors import Error, command
 from ._frames import Frame, read_frames
-from ._law import Law
 
 Array = NDArray[np.float64]
 Overrides = Mapping[str, Any]
@@ -108,9 +107,8 @@ class Scene:
 
     def steps(self, overrides: Overrides | None = None, **parameters: Any) -> Iterator[Step]:
         """Its load steps one by one: the loop looks at each, and may give loads for those to come."""
-        body = self.body(overrides, **parameters)
         steps = _piola.Steps(self.path, self._words(overrides, parameters))
-        shape = body.positions.shape
+        shape = steps.shape
         loads = np.zeros(shape)
         try:
             while True:
@@ -405,5 +403,3 @@ class _bar:
         if self._bar is not None:
             self._bar.close()
 
-
-__all__ = ["Body", "Energy", "Law", "Result", "Scene", "Step"]

@@ -1,14 +1,15 @@
 //! The command line as a function.
 
-use std::sync::Arc;
-use std::time::Duration;
+use std::ffi::OsString;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Arc, Mutex};
 
 use piola::embedded::{Host, run};
 use pyo3::prelude::*;
 use serde_json::Value;
 
-/// How often signals are looked for and progress is told.
-const PATIENCE: Duration = Duration::from_millis(50);
+use crate::error;
+use crate::wait::wait;
 
 /// Executes a command: exit code, data, messages, findings as JSON. KeyboardInterrupt ends a run after its
 /// step. `progress` is told how far it is, from 0 to 1.
@@ -21,15 +22,16 @@ pub(crate) fn command(
 ) -> PyResult<(u8, String, String, String)> {
     let host = Arc::new(Host::default());
     let inside = host.clone();
-    let work = std::thread::spawn(move || run(&words, &inside));
+    let (send, from) = channel();
+    let from = Mutex::new(from);
+    std::thread::spawn(move || send.send(run(&words, &inside)));
     let mut told = 0.0;
     let mut interrupted = None;
-    while !work.is_finished() {
-        py.detach(|| std::thread::sleep(PATIENCE.min(Duration::from_millis(5))));
-        let mut waited = Duration::ZERO;
-        while !work.is_finished() && waited < PATIENCE {
-            py.detach(|| std::thread::sleep(Duration::from_millis(5)));
-            waited += Duration::from_millis(5);
+    let outcome = loop {
+        match wait(py, &from) {
+            Ok(outcome) => break outcome,
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(_) => return Err(error::plain("the command ended in a defect".into())),
         }
         if let Err(signal) = py.check_signals() {
             host.interrupt();
@@ -42,9 +44,7 @@ pub(crate) fn command(
                 interrupted.get_or_insert(error);
             }
         }
-    }
-    let outcome =
-        work.join().map_err(|_| super::error::plain("the command ended in a defect".into()))?;
+    };
     if let Some(signal) = interrupted {
         return Err(signal);
     }
@@ -55,5 +55,6 @@ pub(crate) fn command(
 /// The command line on the streams of the process, as the program has it; its exit code.
 #[pyfunction]
 pub(crate) fn main(py: Python<'_>, words: Vec<String>) -> u8 {
-    py.detach(|| piola::execute_words(words))
+    let all = std::iter::once("piola".to_string()).chain(words);
+    py.detach(|| piola::command_line(all.map(OsString::from)))
 }

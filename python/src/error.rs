@@ -1,6 +1,7 @@
 //! What is wrong, as an exception with findings.
 
-use piola_grammar::{Diagnostic, Severity};
+use piola::embedded::finding;
+use piola_grammar::Diagnostic;
 use piola_runtime::case::CaseError;
 use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
@@ -46,24 +47,6 @@ pub(crate) fn in_text(name: &str, text: &str, diagnostics: &[Diagnostic]) -> PyE
     };
     let lines: Vec<String> = findings.iter().map(line).collect();
     raise(lines.join("\n"), findings)
-}
-
-fn finding(name: &str, text: &str, d: &Diagnostic) -> Value {
-    let start = text.floor_char_boundary((d.span.start as usize).min(text.len()));
-    let before = &text[..start];
-    let line_start = before.rfind('\n').map_or(0, |at| at + 1);
-    json!({
-        "code": d.code,
-        "severity": match d.severity { Severity::Error => "error", Severity::Warning => "warning" },
-        "message": d.message,
-        "file": name,
-        "line": before.matches('\n').count() + 1,
-        "column": before[line_start..].chars().count() + 1,
-        "start": d.span.start,
-        "end": d.span.end,
-        "label": d.label,
-        "helps": d.helps,
-    })
 }
 
 /// A scene that cannot be used.

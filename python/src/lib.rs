@@ -14,6 +14,7 @@ mod command;
 mod error;
 mod law;
 mod steps;
+mod wait;
 
 use pyo3::prelude::*;
 

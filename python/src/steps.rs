@@ -1,7 +1,7 @@
 //! Load steps one by one: the solver waits on its thread while Python looks at a step and gives loads.
 
 use std::ops::ControlFlow;
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1};
@@ -12,6 +12,7 @@ use pyo3::prelude::*;
 
 use crate::body::read;
 use crate::error;
+use crate::wait::wait;
 
 /// What a step is told of.
 struct Step {
@@ -102,6 +103,12 @@ impl Steps {
         Ok(Steps { from: Mutex::new(from), go, loads, order, dimension, is_over: false })
     }
 
+    /// How many points there are, and 2 or 3.
+    #[getter]
+    fn shape(&self) -> (usize, usize) {
+        (self.order.len(), self.dimension)
+    }
+
     /// The next converged step.
     fn next<'py>(&mut self, py: Python<'py>) -> PyResult<Told<'py>> {
         let Some(go) = self.go.as_ref().filter(|_| !self.is_over) else {
@@ -110,14 +117,9 @@ impl Steps {
         let lost = || error::plain("the solver ended in a defect".into());
         go.lock().unwrap_or_else(PoisonError::into_inner).send(()).map_err(|_| lost())?;
         let message = loop {
-            let from = &self.from;
-            let got = py.detach(|| {
-                let from = from.lock().unwrap_or_else(PoisonError::into_inner);
-                from.recv_timeout(std::time::Duration::from_millis(50))
-            });
-            match got {
+            match wait(py, &self.from) {
                 Ok(message) => break message,
-                Err(std::sync::mpsc::RecvTimeoutError::Timeout) => py.check_signals()?,
+                Err(RecvTimeoutError::Timeout) => py.check_signals()?,
                 Err(_) => return Err(lost()),
             }
         };

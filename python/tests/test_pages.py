@@ -3,7 +3,8 @@
 import os
 import re
 
-import pytest
+import nbformat
+from nbclient import NotebookClient
 
 ROOT = os.path.join(os.path.dirname(__file__), "..", "..")
 
@@ -21,9 +22,6 @@ def test_the_page_is_right(tmp_path, monkeypatch):
 
 
 def test_the_notebook_runs():
-    nbformat = pytest.importorskip("nbformat") if "PIOLA_TESTS_MUST_RUN" not in os.environ else __import__("nbformat")
-    from nbclient import NotebookClient
-
     notebook = nbformat.read(os.path.join(ROOT, "python", "examples", "first.ipynb"), as_version=4)
     NotebookClient(notebook, timeout=300).execute()
     outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]

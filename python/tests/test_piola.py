@@ -313,9 +313,12 @@ def test_bodies_of_meshes():
     assert result.probes["outside_u"][-1] == pytest.approx(6.67e-6, rel=0.02)
 
 
-def test_calls_cost_little_beside_the_kernel():
-    """Numbers in docs/python.md; here only that nothing is copied twice over."""
-    law = piola.Law(SPRING, c=3.0)
-    l = np.linspace(0.9, 1.1, 100_000)
-    psi, d1, d2 = law.derivatives(l, 1.0)
-    assert psi.shape == d1.shape == d2.shape == l.shape
+def test_large_arrays_are_evaluated_piece_by_piece_as_small_ones():
+    law = piola.Law("javili2020", C1=1.0, C2=0.0, C3=0.0)
+    l = np.linspace(0.5, 1.5, 100_001)
+    rest = np.linspace(1.0, 2.0, 100_001)
+    whole = law.derivatives(l, rest, "l")
+    pieces = [law.derivatives(l[k : k + 7], rest[k : k + 7], "l") for k in (0, 4090, 8192, 99_994)]
+    for start, piece in zip((0, 4090, 8192, 99_994), pieces, strict=True):
+        for column, part in zip(whole, piece, strict=True):
+            assert np.array_equal(column[start : start + 7], part)

@@ -82,13 +82,12 @@ fn write(
         write_atomically(path, |file| file.write_all(text)).map_err(|error| error.to_string())
     };
     let source = format!("#include \"{name}.h\"\n{source}");
+    let declarations = c_header(loaded, values, &source);
     match arguments.emit {
         Product::C => put(&code, source.as_bytes())?,
-        Product::Obj => {
-            put(&object, &compiled(name, &source, &c_header(loaded, values, &source))?)?
-        }
+        Product::Obj => put(&object, &compiled(name, &source, &declarations)?)?,
     }
-    put(&header, c_header(loaded, values, &source).as_bytes())?;
+    put(&header, declarations.as_bytes())?;
     Ok(made)
 }
 

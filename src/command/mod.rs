@@ -23,8 +23,6 @@ mod sweep;
 mod trade;
 mod verify;
 
-use std::process::ExitCode;
-
 use crate::cli::Command;
 
 /// How a command ended.
@@ -42,12 +40,6 @@ pub(crate) enum Exit {
     Interrupted = 130,
     /// SIGTERM did.
     Terminated = 143,
-}
-
-impl Exit {
-    pub(crate) fn code(self) -> ExitCode {
-        ExitCode::from(self as u8)
-    }
 }
 
 /// Executes a command.

@@ -3,7 +3,6 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use indicatif::ProgressBar;
 use piola_runtime::output::{OutputFile, OutputFolder};
 use piola_runtime::solve::{Event, Observer, Watch};
 use piola_runtime::sweep::{Outcome, Sweep, SweepError, Variation, sweep};
@@ -12,6 +11,7 @@ use super::{Exit, run, scene};
 use crate::cli::{self, AuditFormat};
 use crate::console;
 use crate::interrupt::{Interrupt, Signal};
+use crate::progress::Line;
 use crate::render;
 
 pub(super) fn execute(arguments: &cli::Sweep) -> Exit {
@@ -35,7 +35,7 @@ pub(super) fn execute(arguments: &cli::Sweep) -> Exit {
     let path = &arguments.scene;
     let read = |more: &[String]| scene::try_read(path, &[&arguments.settings[..], more].concat());
     let threads = arguments.threads.unwrap_or_else(rayon::current_num_threads);
-    let bar = Bar::new();
+    let line = Line::new();
     let title = run::title(path);
     let mut failed = None;
     let swept = sweep(&read, &variations, threads, &watch, &mut |sweep, row| {
@@ -44,14 +44,14 @@ pub(super) fn execute(arguments: &cli::Sweep) -> Exit {
         if let Some(host) = console::host() {
             host.moved(ended as f64 / sweep.rows.len() as f64);
         }
-        bar.say(&format!("{of}: {}, {}", sweep.title_of(row), row.outcome.word()));
+        line.say(&format!("{of}: {}, {}", sweep.title_of(row), row.outcome.word()));
         // What has ended is kept, whatever comes.
         let kept = |folder: &OutputFolder| {
             folder.write(OutputFile::SweepTable, sweep.to_csv().as_bytes()).err()
         };
         failed = failed.take().or(folder.as_ref().and_then(kept));
     });
-    bar.bar.finish_and_clear();
+    line.finish();
     let swept = match swept {
         Ok(swept) => swept,
         Err(error) => {
@@ -108,28 +108,5 @@ impl Observer for Ears {
 
     fn wants_end(&self) -> bool {
         self.0.signal().is_some()
-    }
-}
-
-/// Which run ended last: on a terminal in one line, in a pipe a line each.
-struct Bar {
-    bar: ProgressBar,
-    plain: bool,
-}
-
-impl Bar {
-    fn new() -> Bar {
-        let plain = !console::moves_cursor();
-        let bar = if plain { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
-        Bar { bar, plain }
-    }
-
-    fn say(&self, what: &str) {
-        if self.plain {
-            console::tell(what);
-        } else {
-            self.bar.set_message(what.to_string());
-            self.bar.tick();
-        }
     }
 }

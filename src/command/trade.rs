@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::time::Duration;
 
-use indicatif::ProgressBar;
 use piola_runtime::case::{Case, CaseError};
 use piola_runtime::output::OutputFolder;
 use piola_runtime::trade::{AXES, Options, Study, TradeError, axes, study};
@@ -12,6 +11,7 @@ use piola_runtime::trade::{AXES, Options, Study, TradeError, axes, study};
 use super::{Exit, run, scene};
 use crate::cli::{AuditFormat, Trade};
 use crate::console;
+use crate::progress::Line;
 use crate::render;
 
 pub(super) fn execute(arguments: &Trade) -> Exit {
@@ -113,7 +113,7 @@ fn measure(path: &Path, case: &Case, arguments: &Trade) -> Exit {
         budget: Duration::from_secs_f64(arguments.budget),
         accuracy: arguments.accuracy,
     };
-    let progress = Progress::new();
+    let progress = Line::new();
     console::tell(&format!(
         "up to {} runs of every setting in about {} s on {} threads; `--list` shows the settings",
         arguments.repeats,
@@ -122,7 +122,7 @@ fn measure(path: &Path, case: &Case, arguments: &Trade) -> Exit {
     ));
     let read = |more: &[String]| read(path, arguments, more);
     let studied = study(&read, &options, &mut |what| progress.say(what));
-    progress.bar.finish_and_clear();
+    progress.finish();
     let study = match studied {
         Ok(study) => study,
         Err(error) => {
@@ -156,27 +156,4 @@ fn print(study: &Study, title: &str, format: AuditFormat) {
         AuditFormat::Csv => study.to_csv(),
         AuditFormat::Json => study.to_json(title),
     });
-}
-
-/// What is being run: on a terminal in one line, in a pipe a line each.
-struct Progress {
-    bar: ProgressBar,
-    plain: bool,
-}
-
-impl Progress {
-    fn new() -> Progress {
-        let plain = !console::moves_cursor();
-        let bar = if plain { ProgressBar::hidden() } else { ProgressBar::new_spinner() };
-        Progress { bar, plain }
-    }
-
-    fn say(&self, what: &str) {
-        if self.plain {
-            console::tell(what);
-        } else {
-            self.bar.set_message(what.to_string());
-            self.bar.tick();
-        }
-    }
 }

@@ -12,7 +12,7 @@ const ARROWS: [(&str, &[&str]); 10] = [
     ("runtime/mechanics/Cargo.toml", &["piola-compiler"]),
     ("runtime/meshes/Cargo.toml", &["piola-grammar"]),
     ("runtime/solvers/Cargo.toml", &["piola-mechanics"]),
-    ("runtime/output/Cargo.toml", &["piola-grammar", "piola-mechanics"]),
+    ("runtime/output/Cargo.toml", &["piola-grammar", "piola-mechanics", "piola-meshes"]),
     (
         "runtime/studies/Cargo.toml",
         &[

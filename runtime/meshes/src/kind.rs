@@ -230,7 +230,6 @@ impl Kind {
 /// points of a quadrature that is exact for volumes and centres.
 pub(crate) struct Rule {
     dimension: usize,
-    n_corners: usize,
     /// Of each quadrature point its weight, and of each node value and derivatives.
     points: Vec<(f64, Vec<[f64; 4]>)>,
 }
@@ -268,7 +267,7 @@ impl Rule {
         };
         let points = quadrature(kind.shape, n).into_iter();
         let points = points.map(|(weight, at)| (weight, of_nodes(at))).collect();
-        Rule { dimension: kind.shape.dimension(), n_corners: kind.shape.n_corners(), points }
+        Rule { dimension: kind.shape.dimension(), points }
     }
 
     /// Volume (area in two dimensions) and centre of gravity of the element with these nodes.
@@ -305,10 +304,6 @@ impl Rule {
         }
         let centre = [0, 1, 2].map(|axis| origin[axis] + moment[axis] / volume);
         Ok((volume.abs(), centre))
-    }
-
-    pub(crate) fn n_corners(&self) -> usize {
-        self.n_corners
     }
 }
 

@@ -230,7 +230,7 @@ impl Mesh {
                     points.volumes.push(volume);
                 }
                 Place::Corners => {
-                    let share = volume / rule.n_corners() as f64;
+                    let share = volume / element.kind.shape.n_corners() as f64;
                     for &corner in self.corners_of(element) {
                         shares[corner as usize] += share;
                     }

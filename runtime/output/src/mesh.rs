@@ -1,73 +1,11 @@
 //! The cells of a mesh, so that a body that was made of one is seen as it.
 
 use nalgebra::Matrix3;
+use piola_meshes::Shape;
 
 /// Directions in which the neighbours of a cell spread less than this part of the widest say nothing of its
 /// gradient.
 const THIN: f64 = 1e-6;
-
-/// The form of a cell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CellShape {
-    /// Three corners.
-    Triangle,
-    /// Four corners around a face.
-    Quadrilateral,
-    /// Four corners.
-    Tetrahedron,
-    /// Five corners, the last the apex.
-    Pyramid,
-    /// Six corners: two triangles.
-    Wedge,
-    /// Eight corners.
-    Hexahedron,
-}
-
-impl CellShape {
-    /// Its number among VTK's cell types. Corners are in Gmsh's order, in which VTK finds volumes positive.
-    pub(crate) fn vtk(self) -> u8 {
-        match self {
-            CellShape::Triangle => 5,
-            CellShape::Quadrilateral => 9,
-            CellShape::Tetrahedron => 10,
-            CellShape::Hexahedron => 12,
-            CellShape::Wedge => 13,
-            CellShape::Pyramid => 14,
-        }
-    }
-
-    /// How many corners it has.
-    pub fn n_corners(self) -> usize {
-        match self {
-            CellShape::Triangle => 3,
-            CellShape::Quadrilateral | CellShape::Tetrahedron => 4,
-            CellShape::Pyramid => 5,
-            CellShape::Wedge => 6,
-            CellShape::Hexahedron => 8,
-        }
-    }
-
-    /// Corners of each face, outward; of plane cells of each side.
-    pub(crate) fn faces(self) -> &'static [&'static [usize]] {
-        match self {
-            CellShape::Triangle => &[&[0, 1], &[1, 2], &[2, 0]],
-            CellShape::Quadrilateral => &[&[0, 1], &[1, 2], &[2, 3], &[3, 0]],
-            CellShape::Tetrahedron => &[&[0, 2, 1], &[0, 1, 3], &[0, 3, 2], &[1, 2, 3]],
-            CellShape::Pyramid => &[&[0, 3, 2, 1], &[0, 1, 4], &[0, 4, 3], &[1, 2, 4], &[2, 3, 4]],
-            CellShape::Wedge => {
-                &[&[0, 2, 1], &[3, 4, 5], &[0, 1, 4, 3], &[0, 3, 5, 2], &[1, 2, 5, 4]]
-            }
-            CellShape::Hexahedron => &[
-                &[0, 3, 2, 1],
-                &[0, 1, 5, 4],
-                &[0, 4, 7, 3],
-                &[1, 2, 6, 5],
-                &[2, 3, 7, 6],
-                &[4, 5, 6, 7],
-            ],
-        }
-    }
-}
 
 /// Where the points of a body are in its mesh.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -84,7 +22,7 @@ pub struct Mesh {
     dimension: usize,
     /// Reference positions, row by row, in m.
     vertices: Vec<f64>,
-    shapes: Vec<CellShape>,
+    shapes: Vec<Shape>,
     /// Corners of all cells, and where each begins and ends.
     corners: Vec<u32>,
     starts: Vec<usize>,
@@ -95,11 +33,11 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Cells with their corners, which are numbers of `vertices`, `n x d` in m.
+    /// Cells with their corners, which are numbers of `vertices`, `n x d` in m, in Gmsh's order.
     pub fn new<'a>(
         dimension: usize,
         vertices: Vec<f64>,
-        cells: impl Iterator<Item = (CellShape, &'a [u32])>,
+        cells: impl Iterator<Item = (Shape, &'a [u32])>,
         points_are: PointsAre,
     ) -> Mesh {
         let (mut shapes, mut corners, mut starts) = (Vec::new(), Vec::new(), vec![0]);
@@ -137,7 +75,7 @@ impl Mesh {
         &self.vertices
     }
 
-    pub(crate) fn shape(&self, cell: usize) -> CellShape {
+    pub(crate) fn shape(&self, cell: usize) -> Shape {
         self.shapes[cell]
     }
 
@@ -221,10 +159,10 @@ mod tests {
     /// Two by one squares of edge 1, the right one cut into triangles.
     fn three() -> Mesh {
         let vertices = vec![0.0, 0.0, 1.0, 0.0, 2.0, 0.0, 0.0, 1.0, 1.0, 1.0, 2.0, 1.0];
-        let cells: [(CellShape, &[u32]); 3] = [
-            (CellShape::Quadrilateral, &[0, 1, 4, 3]),
-            (CellShape::Triangle, &[1, 2, 5]),
-            (CellShape::Triangle, &[1, 5, 4]),
+        let cells: [(Shape, &[u32]); 3] = [
+            (Shape::Quadrilateral, &[0, 1, 4, 3]),
+            (Shape::Triangle, &[1, 2, 5]),
+            (Shape::Triangle, &[1, 5, 4]),
         ];
         Mesh::new(2, vertices, cells.into_iter(), PointsAre::Cells)
     }

@@ -13,16 +13,28 @@ use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use rayon::prelude::*;
 
+use piola_meshes::Shape;
+
 use super::mesh::{Mesh, PointsAre};
 use super::{Frame, Points, decimal};
 
 /// Uncompressed bytes per zlib block: small enough to compress blocks on all threads.
 const BLOCK: usize = 1 << 18;
 
-/// Codes among VTK's cell types: a vertex, a quadrilateral, a hexahedron.
-const VTK_VERTEX: u8 = 1;
-const VTK_QUAD: u8 = 9;
-const VTK_HEXAHEDRON: u8 = 12;
+/// The number of a form among VTK's cell types. Corners are in Gmsh's order, in which VTK finds volumes
+/// positive.
+fn vtk(shape: Shape) -> u8 {
+    match shape {
+        Shape::Point => 1,
+        Shape::Line => 3,
+        Shape::Triangle => 5,
+        Shape::Quadrilateral => 9,
+        Shape::Tetrahedron => 10,
+        Shape::Hexahedron => 12,
+        Shape::Wedge => 13,
+        Shape::Pyramid => 14,
+    }
+}
 
 /// A frame as the bytes of a `.vtu` file.
 ///
@@ -77,23 +89,23 @@ struct Cells {
 impl Cells {
     fn of_vertices(n: usize) -> Cells {
         let connectivity = (0..n as i64).collect();
-        Cells { connectivity, ends: (1..=n as i64).collect(), types: vec![VTK_VERTEX; n] }
+        Cells { connectivity, ends: (1..=n as i64).collect(), types: vec![vtk(Shape::Point); n] }
     }
 
-    fn add(&mut self, kind: u8, corners: &[u32]) {
+    fn add(&mut self, shape: Shape, corners: &[u32]) {
         self.connectivity.extend(corners.iter().map(|corner| i64::from(*corner)));
         self.ends.push(self.connectivity.len() as i64);
-        self.types.push(kind);
+        self.types.push(vtk(shape));
     }
 
     fn add_lattice(&mut self, points: &Points) {
-        let (corners, kind) =
-            if points.dimension == 2 { (4, VTK_QUAD) } else { (8, VTK_HEXAHEDRON) };
-        points.cells.chunks_exact(corners).for_each(|cell| self.add(kind, cell));
+        let flat = points.dimension == 2;
+        let shape = if flat { Shape::Quadrilateral } else { Shape::Hexahedron };
+        points.cells.chunks_exact(shape.n_corners()).for_each(|cell| self.add(shape, cell));
     }
 
     fn add_mesh(&mut self, mesh: &Mesh) {
-        (0..mesh.n_cells()).for_each(|cell| self.add(mesh.shape(cell).vtk(), mesh.corners(cell)));
+        (0..mesh.n_cells()).for_each(|cell| self.add(mesh.shape(cell), mesh.corners(cell)));
     }
 }
 

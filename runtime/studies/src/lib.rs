@@ -23,3 +23,4 @@ pub mod scene;
 pub mod simulation;
 pub mod sweep;
 pub mod trade;
+mod written;

@@ -86,12 +86,15 @@ fn check(from: &str, to: &str, line: usize, reason: &str) {
     assert!(gmsh::read(WHOLE.as_bytes()).unwrap().points(Place::Cells).is_ok());
     let text = WHOLE.replacen(from, to, 1);
     assert_ne!(text, WHOLE);
-    let read = gmsh::read(text.as_bytes()).and_then(|mesh| mesh.points(Place::Cells));
-    let error = read.expect_err(to);
+    check_line("sheet.msh", &text, line, reason);
+}
+
+/// A mistake in a text is named at its line.
+fn check_line(name: &str, text: &str, line: usize, reason: &str) {
+    let error = read(name, text.as_bytes()).expect_err(text);
     let place = error.diagnostic.span.range().start;
-    let found = text[..place].matches('\n').count() + 1;
     assert!(error.to_string().contains(reason), "{error}");
-    assert_eq!(found, line, "{error}");
+    assert_eq!(text[..place].matches('\n').count() + 1, line, "{error}");
 }
 
 #[test]
@@ -132,11 +135,7 @@ fn mistakes_in_meshes_are_named_at_their_line() {
 }
 
 fn check_input(text: &str, line: usize, reason: &str) {
-    let read = abaqus::read(text.as_bytes()).and_then(|mesh| mesh.points(Place::Cells));
-    let error = read.expect_err(text);
-    let place = error.diagnostic.span.range().start;
-    assert!(error.to_string().contains(reason), "{error}");
-    assert_eq!(text[..place].matches('\n').count() + 1, line, "{error}");
+    check_line("part.inp", text, line, reason);
 }
 
 #[test]

@@ -191,9 +191,8 @@ fn cells_left(mesh: &Mesh, points: &MeshPoints, shape: &MeshShape, keep: &[bool]
             }
         }
     }
-    let mut cells: Vec<(output::CellShape, Vec<u32>)> = Vec::new();
+    let mut cells: Vec<(Shape, Vec<u32>)> = Vec::new();
     for (cell, (form, corners)) in mesh.cells(points).enumerate() {
-        let Some(form) = drawn(form) else { continue };
         let is_left = match at_corners {
             true => corners.iter().all(|node| numbers[*node as usize] != u32::MAX),
             false => keep[cell],
@@ -214,19 +213,6 @@ fn cells_left(mesh: &Mesh, points: &MeshPoints, shape: &MeshShape, keep: &[bool]
         if at_corners { output::PointsAre::Vertices } else { output::PointsAre::Cells };
     let cells = cells.iter().map(|(form, corners)| (*form, &corners[..]));
     output::Mesh::new(points.dimension, vertices, cells, points_are)
-}
-
-/// The form of a cell in pictures and frames.
-fn drawn(shape: Shape) -> Option<output::CellShape> {
-    Some(match shape {
-        Shape::Triangle => output::CellShape::Triangle,
-        Shape::Quadrilateral => output::CellShape::Quadrilateral,
-        Shape::Tetrahedron => output::CellShape::Tetrahedron,
-        Shape::Pyramid => output::CellShape::Pyramid,
-        Shape::Wedge => output::CellShape::Wedge,
-        Shape::Hexahedron => output::CellShape::Hexahedron,
-        Shape::Point | Shape::Line => return None,
-    })
 }
 
 /// Gives sets that files list their points; `keep` says which of all points are left.

@@ -8,6 +8,7 @@ use serde_json::{Map, Value, json};
 
 use super::{Outcome, Row, Sweep, Variation};
 use crate::simulation::{Course, NamedVector};
+use crate::written::{field, number};
 
 /// A number that runs lead to.
 struct Column {
@@ -366,15 +367,4 @@ fn aligned(lines: &[Vec<String>]) -> String {
         out.push('\n');
     }
     out
-}
-
-/// JSON has no infinities and no NaN.
-fn number(x: f64) -> Value {
-    if x.is_finite() { json!(x) } else { Value::Null }
-}
-
-/// A field of a CSV file, in quotes where it must be.
-fn field(text: &str) -> String {
-    let line = text.replace(['\n', '\r'], " ");
-    if line.contains([',', '"']) { format!("\"{}\"", line.replace('"', "\"\"")) } else { line }
 }

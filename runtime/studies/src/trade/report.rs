@@ -12,6 +12,7 @@ use super::outcome::{Measured, Outcome};
 use super::study::Study;
 use super::verdict::Demand;
 use super::{Quantity, ROUNDOFF};
+use crate::written::{field, number};
 
 /// Characters of a reason in a table; the files have all of it.
 const MOST_OF_A_REASON: usize = 100;
@@ -454,11 +455,6 @@ impl Study {
     }
 }
 
-/// JSON has no infinities and no NaN.
-fn number(x: f64) -> Value {
-    if x.is_finite() { json!(x) } else { Value::Null }
-}
-
 fn millis(seconds: f64) -> String {
     let millis = 1e3 * seconds;
     if millis < 100.0 { format!("{millis:.1}") } else { format!("{millis:.0}") }
@@ -466,10 +462,4 @@ fn millis(seconds: f64) -> String {
 
 fn short(x: f64) -> String {
     if x == 0.0 { "0".to_string() } else { format!("{x:.1e}") }
-}
-
-/// A field of a CSV file, in quotes where it must be.
-fn field(text: &str) -> String {
-    let line = text.replace(['\n', '\r'], " ");
-    if line.contains([',', '"']) { format!("\"{}\"", line.replace('"', "\"\"")) } else { line }
 }

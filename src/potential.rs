@@ -5,7 +5,8 @@ use std::path::Path;
 
 use piola_compiler::{Model, Setting, ValueError, Values, check_text_with};
 use piola_grammar::names::entry;
-use piola_grammar::{Ast, suggest};
+use piola_grammar::{Ast, Diagnostic, Span, suggest};
+use piola_runtime::case::UNREADABLE;
 use piola_runtime::scene::files_below;
 
 use crate::cli::{Format, Inputs};
@@ -40,31 +41,37 @@ pub(crate) fn load_text(name: &str, text: String, printer: &mut Printer) -> Opti
     }
 }
 
-/// The text of a file, or of a potential of the library if the name has no ending.
+/// The text of a file, or of a potential of the library if the name has no ending; prints why not.
 pub(crate) fn read(name: &str) -> Option<String> {
+    printed(try_read(name))
+}
+
+/// The same, or a finding that says why not.
+pub(crate) fn try_read(name: &str) -> Result<String, Box<Diagnostic>> {
     if !name.contains(['.', '/', '\\']) {
-        if let Some(text) = library::find(name) {
-            return Some(text.to_string());
-        }
-        let help = match suggest(name, library::names()) {
-            Some(near) => format!("did you mean `{near}`?"),
-            None => format!("the library has {}", library::names().join(", ")),
-        };
-        render::error(&format!("the library has no potential `{name}`"), Some(help.as_str()));
-        return None;
+        let found = library::find(name).map(str::to_owned);
+        return found.ok_or_else(|| {
+            let near =
+                suggest(name, library::names()).map(|near| format!("did you mean `{near}`?"));
+            let all = || format!("the library has {}", library::names().join(", "));
+            let found = unreadable(format!("the library has no potential `{name}`"));
+            Box::new(found.help(near.unwrap_or_else(all)))
+        });
     }
     if name.ends_with(".toml") {
-        render::error(
-            &format!("`{name}` is a scene, and a potential is needed"),
-            ["name the potential: the one of the scene stands in its [material]"],
-        );
-        return None;
+        let message = format!("`{name}` is a scene, and a potential is needed");
+        let help = "name the potential: the one of the scene stands in its [material]";
+        return Err(Box::new(unreadable(message).help(help)));
     }
-    read_limited(std::path::Path::new(name), piola_grammar::MAX_BYTES)
+    try_read_limited(Path::new(name), piola_grammar::MAX_BYTES)
 }
 
 /// A whole text file of at most `limit` bytes; prints why not.
-pub(crate) fn read_limited(path: &std::path::Path, limit: usize) -> Option<String> {
+pub(crate) fn read_limited(path: &Path, limit: usize) -> Option<String> {
+    printed(try_read_limited(path, limit))
+}
+
+fn try_read_limited(path: &Path, limit: usize) -> Result<String, Box<Diagnostic>> {
     let mut bytes = Vec::new();
     let read = std::fs::File::open(path)
         .and_then(|file| file.take(limit as u64 + 1).read_to_end(&mut bytes));
@@ -72,12 +79,19 @@ pub(crate) fn read_limited(path: &std::path::Path, limit: usize) -> Option<Strin
         Err(error) => error.to_string(),
         Ok(_) if bytes.len() > limit => format!("it has more than {limit} bytes"),
         Ok(_) => match String::from_utf8(bytes) {
-            Ok(text) => return Some(text),
+            Ok(text) => return Ok(text),
             Err(_) => "it is not UTF-8 text".to_string(),
         },
     };
-    render::error(&format!("cannot read {}: {problem}", path.display()), None);
-    None
+    Err(Box::new(unreadable(format!("cannot read {}: {problem}", path.display()))))
+}
+
+fn unreadable(message: String) -> Diagnostic {
+    Diagnostic::error(UNREADABLE, Span::new(0, 0), message)
+}
+
+fn printed(read: Result<String, Box<Diagnostic>>) -> Option<String> {
+    read.map_err(|found| Printer::new(Format::Human).unplaced("", &found)).ok()
 }
 
 /// `NAME=VALUE` pairs, `NAME=VALUE,VALUE` for the entries of a vector; prints what is not one.

@@ -1,7 +1,7 @@
 //! Findings for people and for programs.
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
-use piola_grammar::{Diagnostic, Severity, Span, shortened};
+use piola_grammar::{Diagnostic, Severity, shortened};
 use serde_json::{Value, json};
 
 use crate::cli::Findings;
@@ -155,7 +155,7 @@ fn sarif(source: Source<'_>, d: &Diagnostic) -> Value {
         "message": { "text": sentence(d) },
         "locations": [{
             "physicalLocation": {
-                "artifactLocation": { "uri": source.name.replace('\\', "/") },
+                "artifactLocation": { "uri": uri(source.name) },
                 "region": {
                     "startLine": start.line,
                     "startColumn": start.column,
@@ -165,6 +165,20 @@ fn sarif(source: Source<'_>, d: &Diagnostic) -> Value {
             },
         }],
     })
+}
+
+/// A file's name as a relative reference of RFC 3986.
+fn uri(name: &str) -> String {
+    let mut uri = String::new();
+    for byte in name.replace('\\', "/").bytes() {
+        match byte {
+            b'A'..=b'Z' | b'a'..=b'z' | b'0'..=b'9' | b'-' | b'.' | b'_' | b'~' | b'/' => {
+                uri.push(byte as char);
+            }
+            _ => uri.push_str(&format!("%{byte:02X}")),
+        }
+    }
+    uri
 }
 
 /// A log of SARIF 2.1.0 with these results.
@@ -217,12 +231,11 @@ impl Printer {
         }
     }
 
-    /// Prints an error that has no place in a file.
-    pub(crate) fn error(&mut self, name: &str, message: &str) {
-        let one = Diagnostic::error("unusable", Span::new(0, 0), message);
+    /// Prints an error that has no place in the text of the file: programs are told its beginning.
+    pub(crate) fn unplaced(&mut self, name: &str, found: &Diagnostic) {
         match self.format {
-            Findings::Human | Findings::Json => error(message, None),
-            _ => self.print(Source { name, text: "" }, &[one]),
+            Findings::Human => unplaced(Some(found.code), &found.message, &found.helps),
+            _ => self.print(Source { name, text: "" }, std::slice::from_ref(found)),
         }
     }
 
@@ -247,9 +260,20 @@ fn plain(message: &str) -> String {
 
 /// Prints an error that has no place in a text, and the ways out.
 pub(crate) fn error<'a>(message: &str, helps: impl IntoIterator<Item = &'a str>) {
-    let helps: Vec<&str> = helps.into_iter().collect();
-    console::find(|| json!({ "severity": "error", "message": message, "helps": helps }));
-    let mut text = format!("error: {}\n", plain(message));
+    let helps: Vec<String> = helps.into_iter().map(str::to_owned).collect();
+    unplaced(None, message, &helps);
+}
+
+fn unplaced(code: Option<&str>, message: &str, helps: &[String]) {
+    console::find(|| {
+        let mut found = json!({ "severity": "error", "message": message, "helps": helps });
+        if let Some(code) = code {
+            found["code"] = json!(code);
+        }
+        found
+    });
+    let code = code.map_or(String::new(), |code| format!("[{code}]"));
+    let mut text = format!("error{code}: {}\n", plain(message));
     for help in helps {
         text.push_str(&format!("  help: {}\n", plain(help)));
     }

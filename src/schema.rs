@@ -1,6 +1,7 @@
-//! JSON schemas of what is read and written, made from the pages that document it: an editor that knows them
-//! completes keys of scenes and shows what they mean.
+//! JSON schemas of what is read and written, made from what the reader takes and the pages that document it:
+//! an editor that knows them completes keys of scenes and shows what they mean.
 
+use piola_runtime::scene::{ValueWords, vocabulary};
 use serde_json::{Map, Value, json};
 
 const SCENES: &str = include_str!("../docs/scenes.md");
@@ -9,34 +10,31 @@ const OUTPUT: &str = include_str!("../docs/output.md");
 /// The dialect.
 const DRAFT: &str = "https://json-schema.org/draft/2020-12/schema";
 
-/// Tables of a scene that may stand several times.
-const SEVERAL: [&str; 7] = ["interface", "initial", "prescribe", "load", "probe", "crack", "track"];
-
 /// The schema of scene files, as TOML reads them.
 pub(crate) fn scene() -> Value {
     let mut tables: Map<String, Value> = Map::new();
-    for section in sections(SCENES) {
-        let Some(name) = section.table() else { continue };
-        let keys = section.rows("key");
-        let found = tables.entry(name).or_insert_with(|| table(&section.summary()));
-        for row in keys {
-            found["properties"][row.name] = row.property();
+    let sections = sections(SCENES);
+    for words in vocabulary().iter().filter(|words| words.name != "sets") {
+        let of_page: Vec<&Section<'_>> = sections
+            .iter()
+            .filter(|section| section.table().as_deref() == Some(words.name))
+            .collect();
+        let rows: Vec<Row<'_>> = of_page.iter().flat_map(|section| section.rows("key")).collect();
+        let mut table = table(&of_page.first().map_or(String::new(), |section| section.summary()));
+        for key in &words.keys {
+            let row = rows.iter().find(|row| row.name == key.name);
+            table["properties"][key.name] = property(row, &key.value);
         }
+        tables.insert(words.name.to_string(), if words.repeats { several(&table) } else { table });
     }
-    let several = |table: &Value| json!({ "type": "array", "items": table });
-    for (name, table) in &mut tables {
-        let plain = table.clone();
-        match name.as_str() {
-            name if SEVERAL.contains(&name) => *table = several(&plain),
-            "material" => {
-                let mut whole = plain.clone();
-                whole["properties"]["plus"] = several(&plain);
-                *table = json!({ "anyOf": [whole, several(&whole)] });
-            }
-            "sets" => *table = sets(&plain["description"]),
-            _ => {}
-        }
+    // The parts of a material stand in it, and there may be several of both.
+    if let Some(plus) = tables.remove("material.plus") {
+        let material = &mut tables["material"];
+        material["properties"]["plus"] = plus;
+        *material = json!({ "anyOf": [material.clone(), several(material)] });
     }
+    let about_sets = sections.iter().find(|section| section.table().as_deref() == Some("sets"));
+    tables.insert("sets".to_string(), sets(&about_sets.map_or(String::new(), |s| s.summary())));
     json!({
         "$schema": DRAFT,
         "title": "A scene of piola",
@@ -56,7 +54,43 @@ fn table(description: &str) -> Value {
     })
 }
 
-fn sets(description: &Value) -> Value {
+fn several(table: &Value) -> Value {
+    json!({ "type": "array", "items": table })
+}
+
+/// A key, by what the page says of it and what the reader takes.
+fn property(row: Option<&Row<'_>>, value: &ValueWords) -> Value {
+    let mut property = match value {
+        ValueWords::Word(words) => json!({ "enum": words }),
+        ValueWords::WordOrText(words) => {
+            json!({ "anyOf": [{ "enum": words }, { "type": "string" }] })
+        }
+        ValueWords::Words(words) => {
+            json!({ "type": "array", "items": { "enum": words }, "uniqueItems": true })
+        }
+        ValueWords::Positive => json!({ "type": "number", "exclusiveMinimum": 0 }),
+        ValueWords::Fraction => {
+            json!({ "type": "number", "exclusiveMinimum": 0, "exclusiveMaximum": 1 })
+        }
+        ValueWords::NotNegative => json!({ "type": "number", "minimum": 0 }),
+        ValueWords::Switch => json!({ "type": "boolean" }),
+        ValueWords::Seconds(_) => {
+            json!({ "anyOf": [{ "type": "number", "exclusiveMinimum": 0 }, { "type": "string" }] })
+        }
+        ValueWords::Count(least) => json!({ "type": "integer", "minimum": least }),
+        ValueWords::Text => json!({ "type": "string" }),
+        ValueWords::Other => json!({}),
+    };
+    if let Some(row) = row {
+        property["description"] = json!(row.meaning);
+        if let Some(default) = row.default() {
+            property["default"] = default;
+        }
+    }
+    property
+}
+
+fn sets(description: &str) -> Value {
     let listed = |key: &str, types: &[&str]| {
         json!({
             "type": "object",
@@ -191,16 +225,10 @@ impl<'p> Section<'p> {
 }
 
 impl Row<'_> {
-    fn property(&self) -> Value {
-        let mut property = json!({ "description": self.meaning });
-        let code = self.default.strip_prefix('`').and_then(|text| text.strip_suffix('`'));
-        if let Some(default) = code.and_then(|code| serde_json::from_str::<Value>(code).ok()) {
-            if default.is_boolean() {
-                property["type"] = json!("boolean");
-            }
-            property["default"] = default;
-        }
-        property
+    /// The default where it is a value.
+    fn default(&self) -> Option<Value> {
+        let code = self.default.strip_prefix('`')?.strip_suffix('`')?;
+        serde_json::from_str(code).ok()
     }
 }
 
@@ -217,6 +245,8 @@ mod tests {
             assert!(!of(table)["properties"].as_object().unwrap().is_empty(), "{table}");
         }
         assert_eq!(of("body")["properties"]["nodes"]["default"], "cells");
+        assert_eq!(of("body")["properties"]["nodes"]["enum"][1], "corners");
+        assert_eq!(of("solver")["properties"]["tolerance"]["exclusiveMaximum"], 1);
         let spacings = of("horizon")["properties"]["spacings"]["description"].clone();
         assert!(spacings.as_str().unwrap().starts_with("horizon in spacings"), "{spacings}");
         assert!(of("probe")["items"]["properties"]["at"]["description"].is_string());

@@ -44,8 +44,8 @@ class Law:
 
     `source` is a name of the library, a path that ends in `.piola`, or the text of a potential. Parameters are
     numbers in the declared unit, texts with a unit (`mu="2 MPa"`), or sequences for vectors; those whose names
-    Python keeps for itself stand in `values`, `{"lambda": 1e9}`. Without a `dimension` it is the largest that the potential is defined in; `delta` is the horizon in m, for energies
-    that depend on it.
+    Python keeps for itself stand in `values`, `{"lambda": 1e9}`. Without a `dimension` it is the largest that
+    the potential is defined in; `delta` is the horizon in m, for energies that depend on it.
     """
 
     def __init__(
@@ -80,10 +80,22 @@ class Law:
         """Parameters as they were given."""
         settings = [(key, setting(key, value)) for key, value in self.given.items()]
         self.text = text
-        self._name, self._folder = name, folder
+        self._name, self._folder = name, os.path.abspath(folder)
         self._dimension, self._delta = dimension, delta
         self._settings = settings
-        self._law = _piola.Law(name, text, folder, settings, dimension, delta)
+        self._law = self._compiled()
+
+    def _compiled(self) -> _piola.Law:
+        given = (self._settings, self._dimension, self._delta)
+        return _piola.Law(self._name, self.text, self._folder, *given)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Machine code is of this process: where the law is read it is compiled anew.
+        return {key: value for key, value in self.__dict__.items() if key != "_law"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._law = self._compiled()
 
     @property
     def name(self) -> str:

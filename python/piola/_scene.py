@@ -24,11 +24,28 @@ Overrides = Mapping[str, Any]
 
 
 class _Folder:
-    """A folder that is gone with whoever has it."""
+    """A folder that is gone with whoever has it. Pickled it is its files, and another folder where it is read."""
 
     def __init__(self) -> None:
         self.path = tempfile.mkdtemp(prefix="piola-")
         self._gone = weakref.finalize(self, shutil.rmtree, self.path, ignore_errors=True)
+
+    def __getstate__(self) -> dict[str, bytes]:
+        files = {}
+        for below, _, names in os.walk(self.path):
+            for name in names:
+                path = os.path.join(below, name)
+                with open(path, "rb") as file:
+                    files[os.path.relpath(path, self.path)] = file.read()
+        return files
+
+    def __setstate__(self, files: dict[str, bytes]) -> None:
+        self.__init__()  # type: ignore[misc]
+        for name, content in files.items():
+            path = os.path.join(self.path, name)
+            os.makedirs(os.path.dirname(path), exist_ok=True)
+            with open(path, "wb") as file:
+                file.write(content)
 
 
 class Scene:
@@ -60,6 +77,11 @@ class Scene:
         copied = object.__new__(Scene)
         copied.__dict__.update(self.__dict__)
         return copied
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if self._written is not None:
+            self.path = os.path.join(self._written.path, os.path.basename(self.path))
 
     def _words(self, overrides: Overrides | None, parameters: Mapping[str, Any]) -> list[str]:
         return self._overrides + _toml.overrides(overrides, parameters)
@@ -303,13 +325,20 @@ class Energy:
 class Result:
     """What a run left in its folder."""
 
-    def __init__(
-        self, folder: str, kept: _Folder | None = None
-    ) -> None:
+    def __init__(self, folder: str, kept: _Folder | None = None) -> None:
         self.folder = folder
         """Where the files are; gone with the result, unless `run` was given one."""
         self._kept = kept
         self._frames: list[Frame] | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Frames are read again where they are wanted.
+        return {**self.__dict__, "_frames": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        if self._kept is not None:
+            self.folder = os.path.join(self._kept.path, os.path.basename(self.folder))
 
     def _path(self, name: str) -> str:
         return os.path.join(self.folder, name)

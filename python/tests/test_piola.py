@@ -1,8 +1,12 @@
 """The module from outside, as its users have it."""
 
+import concurrent.futures
 import copy
+import functools
 import json
+import multiprocessing
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -138,6 +142,25 @@ def test_scenes_run_and_leave_arrays():
     copied = copy.deepcopy(as_law)
     del as_law
     assert copied.run().reactions["t"].size == 1
+
+
+def test_laws_scenes_and_results_go_to_other_processes_and_back():
+    law = piola.Law("potential own\nparameter C1\npsi(l) = C1*(l/L - 1)^2\n", C1=2.0)
+    again = pickle.loads(pickle.dumps(law))
+    assert again.given == law.given and again.d1(1.5, 1.0) == law.d1(1.5, 1.0)
+    scene = piola.Scene(plate(material={"potential": law}), {"steps.increments": 1})
+    here = [scene.run(C1=value) for value in (1.0, 2.0)]
+    spawned = multiprocessing.get_context("spawn")
+    with concurrent.futures.ProcessPoolExecutor(1, mp_context=spawned) as pool:
+        there = list(pool.map(functools.partial(run_with, scene), (1.0, 2.0)))
+    for one, other in zip(here, there):
+        assert one.folder != other.folder
+        assert np.array_equal(one.displacement, other.displacement)
+        assert np.array_equal(one.frames[-1]["residual"], other.frames[-1]["residual"])
+
+
+def run_with(scene, value):
+    return scene.run(C1=value)
 
 
 def test_results_stay_where_they_are_wanted(tmp_path):

@@ -32,6 +32,17 @@ def test_every_scene_is_one_of_the_schema():
         (one[0] if isinstance(one, list) else one)[key] = 1
         assert list(validator.iter_errors(wrong)), (table, key)
     assert list(validator.iter_errors({**scene, "horizn": {}}))
+    values = [
+        ("body", "spacing", 0),
+        ("solver", "linear", "chol"),
+        ("solver", "tolerance", 2),
+        ("steps", "increments", 1.5),
+        ("output", "fields", ["strain", "strain"]),
+        ("horizon", "weights", "even"),
+    ]
+    for table, key, value in values:
+        wrong = {**scene, table: {**scene.get(table, {}), key: value}}
+        assert list(validator.iter_errors(wrong)), (table, key)
 
 
 def test_a_summary_and_a_finding_are_those_of_their_schemas(tmp_path):

@@ -19,18 +19,27 @@ pub(super) fn execute(arguments: &Check) -> Exit {
 
 fn check(arguments: &Check, printer: &mut Printer) -> Exit {
     let mut exit = Exit::Done;
+    let mut unread = false;
     for file in &arguments.files {
         if file.ends_with(".toml") {
             match scene::check(Path::new(file), &arguments.settings, printer) {
-                Some(case) if arguments.format == Findings::Human => {
+                Ok(case) if arguments.format == Findings::Human => {
                     console::tell(&format!("{file}: {}", of_scene(&case)));
                 }
-                Some(_) => {}
-                None => exit = Exit::Findings,
+                Ok(_) => {}
+                Err(Exit::Input) => unread = true,
+                Err(_) => exit = Exit::Findings,
             }
             continue;
         }
-        let Some(text) = potential::read(file) else { return Exit::Input };
+        let text = match potential::try_read(file) {
+            Ok(text) => text,
+            Err(found) => {
+                printer.unplaced(file, &found);
+                unread = true;
+                continue;
+            }
+        };
         let Some(loaded) = potential::load_text(file, text, printer) else {
             exit = Exit::Findings;
             continue;
@@ -42,7 +51,7 @@ fn check(arguments: &Check, printer: &mut Printer) -> Exit {
             console::tell(&format!("{file}: {}", describe(&loaded)));
         }
     }
-    exit
+    if unread { Exit::Input } else { exit }
 }
 
 /// What was checked of a scene, in one line.

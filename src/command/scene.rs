@@ -5,6 +5,7 @@ use piola_runtime::case::{Case, CaseError, Library};
 use piola_runtime::scene::SceneReport;
 use piola_runtime::scene::boundary::BoundaryConditions;
 
+use super::Exit;
 use crate::cli::Format;
 use crate::library;
 use crate::render::{self, Printer, Source};
@@ -62,13 +63,12 @@ pub(super) fn warnings(case: &Case) -> Result<Vec<Diagnostic>, CaseError> {
 }
 
 /// Checks a scene as far as that is possible without a run: the text and all it names, its points,
-/// sets and conditions, and motions that nothing holds. Prints what is found; nothing if it cannot be
-/// run.
+/// sets and conditions, and motions that nothing holds. Prints what is found.
 pub(super) fn check(
     path: &std::path::Path,
     overrides: &[String],
     printer: &mut Printer,
-) -> Option<Case> {
+) -> Result<Case, Exit> {
     let mut checked = || -> Result<Case, CaseError> {
         let mut case = outline(path, overrides)?;
         if case.large_box().is_none() {
@@ -78,8 +78,13 @@ pub(super) fn check(
         case.plan(1)?;
         Ok(case)
     };
-    let checked = checked();
-    checked.map_err(|error| print_case_error(&error, path, printer)).ok()
+    checked().map_err(|error| {
+        print_case_error(&error, path, printer);
+        match error {
+            CaseError::Unreadable { .. } => Exit::Input,
+            _ => Exit::Findings,
+        }
+    })
 }
 
 /// Prints an error at its place.
@@ -94,7 +99,7 @@ fn print_case_error(error: &CaseError, path: &std::path::Path, printer: &mut Pri
         CaseError::Text { name, text, diagnostics } => {
             printer.print(Source { name, text }, diagnostics);
         }
-        _ => printer.error(&path.display().to_string(), &error.to_string()),
+        _ => printer.unplaced(&path.display().to_string(), &error.unplaced()),
     }
 }
 

@@ -49,7 +49,7 @@ fn with_tables(scene: &str, fragment: &str) -> String {
 }
 
 /// What only a run finds out, not a plan.
-const FOUND_BY_RUNS: [&str; 2] = ["free-motion", "on-threshold"];
+const FOUND_BY_RUNS: [&str; 3] = ["free-motion", "on-threshold", "unusable-scene"];
 
 /// Everything piola says to an example of a code; `None` where nothing can be run.
 fn said((language, text): Block<'_>, scene: &str, code: &str) -> Option<String> {

@@ -31,6 +31,25 @@ fn a_finding_is_a_line_for_editors_and_for_runners() {
 }
 
 #[test]
+fn what_cannot_be_read_is_a_finding_of_its_file_and_the_others_are_still_checked() {
+    let files = ["no such.piola", "no such.toml", "javili2020"];
+    let with = |format| piola(&[&["check"], &files[..], &["--format", format]].concat()).expect(2);
+    let short = with("short").stdout;
+    let place = |file: &str| format!("{file}:1:1: error[unreadable-file]: cannot read {file}: ");
+    assert!(short.lines().zip(files).all(|(line, file)| line.starts_with(&place(file))), "{short}");
+    assert_eq!(short.lines().count(), 2);
+    for line in with("json").stdout.lines() {
+        assert_eq!(serde_json::from_str::<Value>(line).unwrap()["code"], "unreadable-file");
+    }
+    let log: Value = with("sarif").json();
+    let run = &log["runs"][0];
+    let uri = &run["results"][0]["locations"][0]["physicalLocation"]["artifactLocation"]["uri"];
+    assert_eq!(uri, "no%20such.piola");
+    let rule = &run["tool"]["driver"]["rules"][0]["shortDescription"]["text"];
+    assert!(rule.as_str().unwrap().starts_with("A file that the scene"), "{rule}");
+}
+
+#[test]
 fn a_log_of_sarif_has_rules_results_and_places() {
     let log: Value = serde_json::from_str(&check("sarif")).unwrap();
     assert_eq!(log["version"], "2.1.0");

@@ -141,6 +141,26 @@ fn a_run_that_is_interrupted_goes_on_with_the_same_bits() {
     }
 }
 
+#[test]
+fn files_of_points_and_of_sets_are_part_of_what_is_run() {
+    let folder = SceneFolder::new(
+        "[body]\ndimension = 2\npoints = \"points.csv\"\n[horizon]\nradius = 1.5\n[material]\n\
+         potential = \"javili2020\"\nparameters = { C1 = 1 }\n[sets]\nheld = { numbers = \"held.txt\" }\n\
+         [[prescribe]]\nset = \"held\"\nu = [0, 0]\n[steps]\nincrements = 1\n",
+    );
+    let mut hashes = std::collections::BTreeSet::new();
+    let points = ["0,0,1\n1,0,1\n0,1,1\n", "0,0,1\n1,0,1\n0,1,1.5\n"];
+    for (rows, held) in
+        [(points[0], "1 2"), (points[1], "1 2"), (points[0], "1 3"), (points[0], "1 2")]
+    {
+        folder.file("points.csv", format!("x,y,volume\n{rows}"));
+        folder.file("held.txt", held);
+        folder.run(&["--force"]).expect(0);
+        hashes.insert(folder.summary()["scene_hash"].to_string());
+    }
+    assert_eq!(hashes.len(), 3, "{hashes:?}");
+}
+
 /// A run that was ended at its first checkpoint.
 fn interrupted() -> SceneFolder {
     let folder = scene();

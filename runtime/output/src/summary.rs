@@ -262,7 +262,8 @@ pub fn versions() -> Vec<(String, String)> {
 }
 
 /// Names what was run: FNV-1a (64 bits) of the resolved scene's UTF-8 text, a zero byte, and the
-/// texts of the potentials, a zero byte between two, as `fnv1a64:` and 16 hexadecimal digits.
+/// texts of the potentials, a zero byte between two, as `fnv1a64:` and 16 hexadecimal digits. What was read of
+/// other files is another text, their [`fnv1a64`] for instance.
 ///
 /// It tells runs apart and is no protection against someone who wants two runs to look alike.
 /// FNV-1a: Fowler, Noll, Vo; offset basis 0xcbf29ce484222325, prime 0x100000001b3.
@@ -278,10 +279,10 @@ pub fn scene_hash<'a>(
 }
 
 /// FNV-1a of no bytes.
-pub(super) const FNV1A64_OF_NOTHING: u64 = 0xcbf2_9ce4_8422_2325;
+pub const FNV1A64_OF_NOTHING: u64 = 0xcbf2_9ce4_8422_2325;
 
 /// FNV-1a of the bytes behind those that it is known of.
-pub(super) fn fnv1a64(before: u64, bytes: &[u8]) -> u64 {
+pub fn fnv1a64(before: u64, bytes: &[u8]) -> u64 {
     bytes
         .iter()
         .fold(before, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3))

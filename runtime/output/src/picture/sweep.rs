@@ -19,12 +19,15 @@ const WIDE: f64 = 30.0;
 /// Values that differ by a smaller part of the largest do so by rounding.
 const ROUNDING: f64 = 1e-9;
 
+/// A part of a line without gaps.
+type Piece = Vec<(f64, f64)>;
+
 /// A line of a chart.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepLine {
     /// Its name.
     pub name: String,
-    /// Values that were varied and what was found; what is not finite is left out.
+    /// Values that were varied and what was found; a line has a gap at what is not finite.
     pub points: Vec<(f64, f64)>,
 }
 
@@ -93,17 +96,19 @@ impl SweepPicture {
             (false, true) => AxisKind::Whole,
             (false, false) => AxisKind::Linear(5),
         };
-        let finite = |line: &SweepLine| -> Vec<(f64, f64)> {
-            line.points.iter().copied().filter(|(_, y)| y.is_finite()).collect()
+        // A line goes on beyond what was not found, and not across it.
+        let pieces = |line: &SweepLine| -> Vec<Piece> {
+            let pieces = line.points.split(|(_, y)| !y.is_finite());
+            pieces.filter(|piece| !piece.is_empty()).map(<[_]>::to_vec).collect()
         };
-        let mut lines: Vec<(usize, Vec<(f64, f64)>)> =
-            chart.lines.iter().map(finite).enumerate().filter(|(_, p)| !p.is_empty()).collect();
+        let mut lines: Vec<(usize, Vec<Piece>)> =
+            chart.lines.iter().map(pieces).enumerate().filter(|(_, p)| !p.is_empty()).collect();
         let largest =
-            |points: &[(f64, f64)]| points.iter().fold(0.0_f64, |most, p| most.max(p.1.abs()));
+            |pieces: &[Piece]| pieces.iter().flatten().fold(0.0_f64, |most, p| most.max(p.1.abs()));
         lines.sort_by(|p, q| largest(&q.1).total_cmp(&largest(&p.1)));
         lines.truncate(LINES.len());
         lines.sort_by_key(|(place, _)| *place);
-        let heights = lines.iter().flat_map(|(_, points)| points.iter().map(|point| point.1));
+        let heights = lines.iter().flat_map(|(_, pieces)| pieces.iter().flatten().map(|p| p.1));
         let (floor, roof) = heights_shown(heights);
         let drawn = Chart {
             area,
@@ -122,14 +127,16 @@ impl SweepPicture {
             return drawn.say(canvas, "no run reached its end");
         }
         let mut labels = Vec::new();
-        for ((place, points), colour) in lines.iter().zip(LINES) {
-            let places: Vec<[f64; 2]> =
-                points.iter().map(|(x, y)| drawn.place(along(*x), *y)).collect();
-            draw_line(canvas, &places, colour, 2.0, 100);
-            if let Some(last) = places.last() {
-                let text = shortened(&chart.lines[*place].name, 18);
-                labels.push(EndLabel { y: last[1], text, colour });
+        for ((place, pieces), colour) in lines.iter().zip(LINES) {
+            let mut end = 0.0;
+            for piece in pieces {
+                let places: Vec<[f64; 2]> =
+                    piece.iter().map(|(x, y)| drawn.place(along(*x), *y)).collect();
+                draw_line(canvas, &places, colour, 2.0, 100);
+                end = places.last().map_or(end, |last| last[1]);
             }
+            let text = shortened(&chart.lines[*place].name, 18);
+            labels.push(EndLabel { y: end, text, colour });
         }
         drawn.label_ends(canvas, labels);
     }

@@ -4,7 +4,7 @@ use std::io::Read as _;
 use std::path::Path;
 
 use piola_compiler::CompileError;
-use piola_grammar::Diagnostic;
+use piola_grammar::{Diagnostic, Span};
 use piola_mechanics::assembly::AssemblyError;
 use piola_mechanics::deformation::DeformationError;
 use piola_mechanics::lattice::LatticeError;
@@ -18,6 +18,9 @@ use piola_solvers::steps::StepError;
 
 use crate::scene::boundary::NonFiniteCondition;
 use crate::scene::{PotentialText, SceneReport};
+
+/// The code of a file that cannot be read.
+pub const UNREADABLE: &str = "unreadable-file";
 
 /// Why a scene cannot be run.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -42,6 +45,14 @@ pub enum CaseError {
         text: String,
         /// What is wrong.
         diagnostics: Vec<Diagnostic>,
+    },
+    /// A mistake in a file that is no text.
+    #[error("{name}, {error}")]
+    Binary {
+        /// The file.
+        name: String,
+        /// What is wrong at which of its bytes.
+        error: Box<MeshError>,
     },
     /// Points that a lattice cannot have.
     #[error(transparent)]
@@ -82,6 +93,16 @@ pub enum CaseError {
 }
 
 impl CaseError {
+    /// The error as a finding of no place, for those that have none in a text.
+    pub fn unplaced(&self) -> Diagnostic {
+        let code = match self {
+            CaseError::Unreadable { .. } => UNREADABLE,
+            CaseError::Binary { error, .. } => error.diagnostic.code,
+            _ => "unusable-scene",
+        };
+        Diagnostic::error(code, Span::new(0, 0), self.to_string())
+    }
+
     /// An energy that cannot be compiled, at its place in the potential.
     pub(crate) fn compile(potential: &PotentialText, error: &CompileError) -> CaseError {
         let (code, span) = match error {
@@ -101,7 +122,8 @@ impl CaseError {
     /// A mistake in a file of points or cells; shown at its place where that is text.
     pub(crate) fn mesh(path: &Path, bytes: &[u8], error: MeshError) -> CaseError {
         if !error.is_text {
-            return CaseError::Body { message: format!("{}, {error}", path.display()) };
+            let name = path.display().to_string();
+            return CaseError::Binary { name, error: Box::new(error) };
         }
         // Byte by byte, so that places stay what they are.
         let shown = bytes.iter().map(|byte| if byte.is_ascii() { *byte as char } else { '?' });
@@ -128,7 +150,11 @@ fn unreadable(path: &Path, reason: String) -> CaseError {
 
 /// A whole text file of at most `limit` bytes.
 pub(crate) fn read_text(path: &Path, limit: u64) -> Result<String, CaseError> {
-    let bytes = read_bytes(path, limit)?;
+    as_text(path, read_bytes(path, limit)?)
+}
+
+/// What was read of a file, as text.
+pub(super) fn as_text(path: &Path, bytes: Vec<u8>) -> Result<String, CaseError> {
     String::from_utf8(bytes).map_err(|_| unreadable(path, "it is not UTF-8 text".to_string()))
 }
 

@@ -20,7 +20,7 @@ mod points;
 mod potential;
 pub(crate) mod size;
 
-pub use error::CaseError;
+pub use error::{CaseError, UNREADABLE};
 use fields::Columns;
 pub use fields::{FieldsInTime, WrongField};
 pub(crate) use model::state_laws;
@@ -65,6 +65,8 @@ pub struct Case {
     columns: Columns,
     /// The cells that the points are of, where they are of a mesh.
     pub mesh: Option<Arc<Mesh>>,
+    /// FNV-1a of the files that the points and their sets are of; `None` of a lattice.
+    pub(crate) content: Option<u64>,
     /// Findings about the scene that do not stop the work; spans as in [`Scene::report`].
     pub warnings: Vec<Diagnostic>,
     /// Where the scene is: a cloud is named relative to it.
@@ -150,6 +152,7 @@ impl Case {
             materials: None,
             columns,
             mesh: None,
+            content: None,
             warnings,
             folder,
         };
@@ -166,9 +169,11 @@ impl Case {
     /// # Errors
     /// A cloud that cannot be read, a box that is none, more points than the memory holds.
     pub fn with_points(mut self) -> Result<Case, CaseError> {
-        let Filled { body, columns, mesh, warnings } = points::fill(&mut self.scene, &self.folder)?;
+        let filled = points::fill(&mut self.scene, &self.folder)?;
+        let Filled { body, columns, mesh, content, warnings } = filled;
         self.materials = selection::materials(&self.scene, &body)?.map(Arc::new);
         (self.body, self.columns, self.mesh) = (Arc::new(body), columns, mesh);
+        self.content = content;
         self.warnings.extend(warnings);
         self.warnings.extend(self.warnings_of_cracks());
         self.with_fields()

@@ -9,6 +9,7 @@ use piola_mechanics::lattice::{Lattice, Nodes};
 use piola_meshes::{Mesh, MeshPoints, Place, Shape, abaqus, cloud, gmsh, stl};
 use piola_output::mesh as output;
 use piola_output::read::{self, read_cloud};
+use piola_output::summary::{FNV1A64_OF_NOTHING, fnv1a64};
 
 use super::fields::Columns;
 use super::{CaseError, error, size};
@@ -30,7 +31,28 @@ pub(super) struct Filled {
     pub(super) columns: Columns,
     /// The cells that are left of a mesh.
     pub(super) mesh: Option<Arc<output::Mesh>>,
+    /// Of the content of all files that they are of; `None` where there are none.
+    pub(super) content: Option<u64>,
     pub(super) warnings: Vec<Diagnostic>,
+}
+
+/// Files of points, cells and sets, and a hash of all that was read of them.
+struct Files<'a> {
+    /// They are named relative to it.
+    folder: &'a Path,
+    content: Option<u64>,
+}
+
+impl Files<'_> {
+    fn bytes(&mut self, file: &Path) -> Result<Vec<u8>, CaseError> {
+        let bytes = error::read_bytes(file, MAX_BYTES)?;
+        self.content = Some(fnv1a64(self.content.unwrap_or(FNV1A64_OF_NOTHING), &bytes));
+        Ok(bytes)
+    }
+
+    fn text(&mut self, file: &Path) -> Result<String, CaseError> {
+        error::as_text(file, self.bytes(file)?)
+    }
 }
 
 /// Points as their file lists them.
@@ -58,16 +80,17 @@ enum Groups {
 /// points, and a horizon in mean spacings its radius.
 pub(super) fn fill(scene: &mut Scene, folder: &Path) -> Result<Filled, CaseError> {
     let dimension = scene.body.dimension;
+    let mut files = Files { folder, content: None };
     let Listed { positions, volumes, spacing, groups } = match &scene.body.points {
         Points::Lattice(shape) => of_lattice(shape)?,
-        Points::Cloud { path } => of_cloud(&folder.join(&path.value), dimension)?,
+        Points::Cloud { path } => of_cloud(&folder.join(&path.value), dimension, &mut files)?,
         Points::Mesh(shape) => match shape.spacing {
-            Some(spacing) => of_surface(shape, spacing, folder)?,
-            None => of_mesh(scene, shape, folder)?,
+            Some(spacing) => of_surface(shape, spacing, &mut files)?,
+            None => of_mesh(scene, shape, &mut files)?,
         },
     };
     let kept = selection::kept(scene, &positions, &volumes, spacing)?;
-    list_sets(scene, folder, &groups, volumes.len(), &kept.keep)?;
+    list_sets(scene, &mut files, &groups, volumes.len(), &kept.keep)?;
     let rows = positions.chunks_exact(dimension).zip(&volumes).zip(&kept.keep);
     let mut left = (Vec::new(), Vec::new());
     for ((position, volume), _) in rows.filter(|(_, keep)| **keep) {
@@ -92,7 +115,8 @@ pub(super) fn fill(scene: &mut Scene, folder: &Path) -> Result<Filled, CaseError
         _ => None,
     };
     let body = Body::new(dimension, &left.0, &left.1, spacing);
-    Ok(Filled { body, columns, mesh, warnings: kept.warnings })
+    let content = files.content;
+    Ok(Filled { body, columns, mesh, content, warnings: kept.warnings })
 }
 
 fn of_lattice(shape: &LatticeShape) -> Result<Listed, CaseError> {
@@ -108,8 +132,8 @@ fn of_lattice(shape: &LatticeShape) -> Result<Listed, CaseError> {
     Ok(Listed { positions, volumes, spacing: Some(shape.spacing), groups: Groups::None })
 }
 
-fn of_cloud(file: &Path, dimension: usize) -> Result<Listed, CaseError> {
-    let written = error::read_text(file, MAX_BYTES)?;
+fn of_cloud(file: &Path, dimension: usize, files: &mut Files<'_>) -> Result<Listed, CaseError> {
+    let written = files.text(file)?;
     let made = match cloud::is_comma_separated(&written) {
         true => None,
         false => Some(
@@ -124,9 +148,9 @@ fn of_cloud(file: &Path, dimension: usize) -> Result<Listed, CaseError> {
     Ok(Listed { positions: read.positions, volumes: read.volumes, spacing: None, groups })
 }
 
-fn of_mesh(scene: &Scene, shape: &MeshShape, folder: &Path) -> Result<Listed, CaseError> {
-    let file = folder.join(&shape.path.value);
-    let bytes = error::read_bytes(&file, MAX_BYTES)?;
+fn of_mesh(scene: &Scene, shape: &MeshShape, files: &mut Files<'_>) -> Result<Listed, CaseError> {
+    let file = files.folder.join(&shape.path.value);
+    let bytes = files.bytes(&file)?;
     let read = match shape.format {
         MeshFormat::Abaqus => abaqus::read,
         _ => gmsh::read,
@@ -157,9 +181,9 @@ fn of_mesh(scene: &Scene, shape: &MeshShape, folder: &Path) -> Result<Listed, Ca
     Ok(Listed { positions, volumes, spacing: None, groups: Groups::Mesh(Box::new(mesh), points) })
 }
 
-fn of_surface(shape: &MeshShape, spacing: f64, folder: &Path) -> Result<Listed, CaseError> {
-    let file = folder.join(&shape.path.value);
-    let bytes = error::read_bytes(&file, MAX_BYTES)?;
+fn of_surface(shape: &MeshShape, spacing: f64, files: &mut Files<'_>) -> Result<Listed, CaseError> {
+    let file = files.folder.join(&shape.path.value);
+    let bytes = files.bytes(&file)?;
     let told = |error| CaseError::mesh(&file, &bytes, error);
     let mut surface = stl::read(&bytes).map_err(told)?;
     surface.triangles.iter_mut().flatten().flatten().for_each(|x| *x *= shape.unit);
@@ -218,7 +242,7 @@ fn cells_left(mesh: &Mesh, points: &MeshPoints, shape: &MeshShape, keep: &[bool]
 /// Gives sets that files list their points; `keep` says which of all points are left.
 fn list_sets(
     scene: &mut Scene,
-    folder: &Path,
+    files: &mut Files<'_>,
     groups: &Groups,
     n_points: usize,
     keep: &[bool],
@@ -229,8 +253,8 @@ fn list_sets(
         let Members::Listed { by, inside } = &mut set.members else { continue };
         let found = match by {
             Listing::Numbers(path) => {
-                let file = folder.join(&path.value);
-                let text = error::read_text(&file, MAX_BYTES)?;
+                let file = files.folder.join(&path.value);
+                let text = files.text(&file)?;
                 let numbers = cloud::read_numbers(&text, n_points)
                     .map_err(|error| CaseError::mesh(&file, text.as_bytes(), error))?;
                 let mut found = vec![false; n_points];

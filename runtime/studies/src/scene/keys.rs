@@ -54,6 +54,9 @@ pub(super) trait Choice {
 
     /// The word of its value.
     fn word(&self) -> &'static str;
+
+    /// All its words.
+    fn words(&self) -> Vec<&'static str>;
 }
 
 fn take<T>(field: &mut T, value: Option<T>) {
@@ -69,6 +72,10 @@ impl<T: Words> Choice for T {
 
     fn word(&self) -> &'static str {
         Words::word(*self)
+    }
+
+    fn words(&self) -> Vec<&'static str> {
+        T::words()
     }
 }
 

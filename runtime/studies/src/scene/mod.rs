@@ -29,6 +29,7 @@ mod sets;
 mod settings;
 mod source;
 mod tree;
+mod vocabulary;
 mod write;
 
 #[cfg(test)]
@@ -64,6 +65,7 @@ pub use settings::{
     Unstable,
 };
 pub use source::{Finding, SceneReport, SourceText, Sources};
+pub use vocabulary::{KeyWords, TableWords, ValueWords, vocabulary};
 
 /// The coordinates as expressions and messages name them.
 pub const AXES: [&str; 3] = ["X", "Y", "Z"];

@@ -532,7 +532,9 @@ impl<'a> Recorder<'a> {
 
 /// The name of what is run.
 pub(super) fn hash(case: &Case, resolved: &str) -> String {
-    scene_hash(resolved, case.potentials.iter().map(|p| p.text.text.as_str()))
+    let content = case.content.map(|content| format!("{content:016x}"));
+    let potentials = case.potentials.iter().map(|potential| potential.text.text.as_str());
+    scene_hash(resolved, potentials.chain(content.as_deref()))
 }
 
 /// What the summaries of all runs have.

@@ -12,7 +12,7 @@ mod report;
 mod variation;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::mpsc;
+use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Instant;
 
 use piola_solvers::Watch;
@@ -125,20 +125,8 @@ pub fn sweep(
     let overrides = |values: &[String]| -> Vec<String> {
         variations.iter().zip(values).map(|(v, value)| format!("{}={value}", v.key)).collect()
     };
-    // Where no values can be read it is not about them.
-    let mut first = None;
-    for values in &all {
-        match read(&overrides(values)) {
-            Ok(_) => {
-                first = None;
-                break;
-            }
-            Err(error) => first = first.or(Some(error)),
-        }
-    }
-    if let Some(error) = first {
-        return Err(error.into());
-    }
+    let first = first_readable(read, all.iter().map(|values| overrides(values)))?;
+    let first = Mutex::new(Some(first));
     let workers = threads.clamp(1, all.len());
     let pools: Vec<rayon::ThreadPool> = (0..workers)
         .map(|worker| {
@@ -160,13 +148,16 @@ pub fn sweep(
     std::thread::scope(|scope| {
         for pool in &pools {
             let (send, next, all, overrides) = (send.clone(), &next, &all, &overrides);
+            let first = &first;
             scope.spawn(move || {
                 loop {
                     let number = next.fetch_add(1, Ordering::Relaxed);
                     let Some(values) = all.get(number).filter(|_| !watch.wants_end()) else {
                         break;
                     };
-                    let row = pool.install(|| run(read, values, &overrides(values), watch));
+                    let known = taken(first, number);
+                    let case = || known.map_or_else(|| read(&overrides(values)), Ok);
+                    let row = pool.install(|| run(case, values, watch));
                     if send.send((number, row)).is_err() {
                         break;
                     }
@@ -185,10 +176,35 @@ pub fn sweep(
     Ok(sweep)
 }
 
-fn run(read: &ReadCase<'_>, values: &[String], overrides: &[String], watch: &Watch) -> Row {
+/// The first run whose scene can be read, by its number. Where none can, it is not about the values.
+fn first_readable(
+    read: &ReadCase<'_>,
+    overrides: impl Iterator<Item = Vec<String>>,
+) -> Result<(usize, Case), SweepError> {
+    let mut refused = None;
+    for (number, overrides) in overrides.enumerate() {
+        match read(&overrides) {
+            Ok(case) => return Ok((number, case)),
+            Err(error) => refused = refused.or(Some(error)),
+        }
+    }
+    Err(refused.map_or(SweepError::Nothing, SweepError::Case))
+}
+
+/// What was read before, where it is of the run of this number.
+fn taken(first: &Mutex<Option<(usize, Case)>>, number: usize) -> Option<Case> {
+    let mut first = first.lock().unwrap_or_else(PoisonError::into_inner);
+    first.take_if(|(of, _)| *of == number).map(|(_, case)| case)
+}
+
+fn run(
+    case: impl FnOnce() -> Result<Case, CaseError> + Send,
+    values: &[String],
+    watch: &Watch,
+) -> Row {
     let start = Instant::now();
     let solved = || -> Result<Attempt, CaseError> {
-        let case = read(overrides)?;
+        let case = case()?;
         case.check_rest()?;
         solve_watched(&case, &watch.in_silence())
     };

@@ -275,14 +275,15 @@ impl Sweep {
                     .position(|value| *value == row.values[0])
                     .map_or(f64::NAN, |k| along[k])
             };
-            let of = |row: &&Row| Some((place(row), (column.value)(row.outcome.course()?)));
-            let mut points: Vec<(f64, f64)> = rows.iter().filter_map(of).collect();
+            let found = |row: &Row| row.outcome.course().map_or(f64::NAN, &column.value);
+            let mut points: Vec<(f64, f64)> =
+                rows.iter().map(|row| (place(row), found(row))).collect();
             points.sort_by(|p, q| p.0.total_cmp(&q.0));
             points
         };
         let all: Vec<&Row> = self.rows.iter().collect();
         let heights = |column: &Column| -> Vec<f64> {
-            points(column, &all).into_iter().map(|point| point.1).collect()
+            points(column, &all).into_iter().map(|p| p.1).filter(|y| y.is_finite()).collect()
         };
         let size =
             |column: &Column| heights(column).iter().fold(0.0_f64, |most, x| most.max(x.abs()));

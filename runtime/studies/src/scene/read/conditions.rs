@@ -34,6 +34,7 @@ static LOAD: Schema = Schema {
 };
 static PROBE: Schema =
     Schema { title: "[[probe]]", keys: &[("name", "\"tip\""), ("at", "[1.0, 0.5]")] };
+pub(super) static TABLES: [&Schema; 4] = [&SETS, &PRESCRIBE, &LOAD, &PROBE];
 
 /// Words that stand for something else where names of sets and probes appear.
 const RESERVED: [&str; 8] = ["X", "Y", "Z", "t", "u", "v", "w", "free"];

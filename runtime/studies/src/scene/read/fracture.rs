@@ -34,6 +34,7 @@ static TRACK: Schema = Schema {
         ("thickness", "0.004"),
     ],
 };
+pub(super) static TABLES: [&Schema; 3] = [&CRACK, &FRACTURE, &TRACK];
 
 /// The damage at which a point is of a crack.
 const THRESHOLD: f64 = 0.35;

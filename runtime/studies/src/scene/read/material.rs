@@ -37,6 +37,7 @@ static INTERFACE: Schema = Schema {
         ("parameters", "{ C1 = 1.0, E = \"200 GPa\" }"),
     ],
 };
+pub(super) static TABLES: [&Schema; 3] = [&MATERIAL, &PLUS, &INTERFACE];
 
 /// The name of the material of all points that no other has, unless the scene gives it one.
 const REST: &str = "rest";

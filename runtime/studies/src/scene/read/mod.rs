@@ -57,6 +57,25 @@ static STEPS: Schema = Schema { title: "[steps]", keys: &named(&STEPS_KEYS) };
 static SOLVER: Schema = Schema { title: "[solver]", keys: &named(&SOLVER_KEYS) };
 static OUTPUT: Schema = Schema { title: "[output]", keys: &named(&OUTPUT_KEYS) };
 
+/// Title and keys of a table.
+pub(super) type Titled = (&'static str, &'static [(&'static str, &'static str)]);
+
+/// Every table of a scene, those that stand once first.
+pub(super) fn schemas() -> Vec<Titled> {
+    let alone: [&Schema; 7] = [
+        &body::BODY,
+        &body::HORIZON,
+        &correspondence::CORRESPONDENCE,
+        &STEPS,
+        &motion::MOTION,
+        &SOLVER,
+        &OUTPUT,
+    ];
+    let parts: [&[&Schema]; 5] =
+        [&alone, &material::TABLES, &conditions::TABLES, &[&motion::INITIAL], &fracture::TABLES];
+    parts.concat().into_iter().map(|schema| (schema.title, schema.keys)).collect()
+}
+
 pub(super) const STEPS_KEYS: [Row<Steps>; 8] = [
     ("end", "1.0", |steps| Slot::Positive(&mut steps.end)),
     ("increments", "25", |steps| Slot::Count(&mut steps.increments, 1)),

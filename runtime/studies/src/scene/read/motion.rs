@@ -12,8 +12,8 @@ use crate::scene::{
     OutputSettings, Prescription, Quantity, Region,
 };
 
-static MOTION: Schema = Schema { title: "[motion]", keys: &named(&MOTION_KEYS) };
-static INITIAL: Schema = Schema {
+pub(super) static MOTION: Schema = Schema { title: "[motion]", keys: &named(&MOTION_KEYS) };
+pub(super) static INITIAL: Schema = Schema {
     title: "[[initial]]",
     keys: &[("set", "\"left\""), ("u", "[\"0.01*X\", 0]"), ("v", "[0, \"-32*X\"]")],
 };

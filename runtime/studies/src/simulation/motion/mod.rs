@@ -158,8 +158,8 @@ fn earlier(folder: &OutputFolder, hash: &str) -> Result<Checkpoint<'static>, Run
     let earlier = Checkpoint::read(folder)?.ok_or_else(none)?;
     if earlier.header.scene_hash != hash {
         let message = format!(
-            "the scene or its potential has changed since `{}` was run: a run goes on as it began, \
-             or begins anew with `--force`",
+            "the scene has changed since `{}` was run, or its potential, or a file of its points: a run goes \
+             on as it began, or begins anew with `--force`",
             folder.path().display()
         );
         return Err(CaseError::Body { message }.into());

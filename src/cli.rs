@@ -1,5 +1,6 @@
 //! What may be typed.
 
+mod editors;
 mod studies;
 
 use std::path::PathBuf;
@@ -9,6 +10,7 @@ use piola_runtime::simulation::Place;
 
 use crate::console::{Color, Verbosity};
 use crate::library::Kind;
+pub(crate) use editors::Fmt;
 pub(crate) use studies::{Calibrate, Moduli, Sweep, Trade};
 
 /// What scripts need to know.
@@ -137,6 +139,11 @@ pub(crate) enum Command {
     /// Run a scene and tell why a bond of it broke, or did not: the history of its margins, states, energy
     #[command(after_help = EXPLAIN_BOND_EXAMPLE)]
     ExplainBond(ExplainBond),
+    /// Write potentials in the layout of the library: blanks, columns, empty lines
+    #[command(after_help = editors::FMT_EXAMPLE)]
+    Fmt(Fmt),
+    /// Answer an editor over stdin and stdout by the language server protocol
+    Lsp,
     /// Print the JSON schema of scene files, of summary.json or of findings, for editors and programs
     #[command(after_help = SCHEMA_EXAMPLE)]
     Schema {

@@ -23,6 +23,11 @@ pub(crate) fn sections() -> Vec<Section> {
     parts.flat_map(|part| part.split("\n### `").skip(1).filter_map(|s| section(part, s))).collect()
 }
 
+/// What the page says of a code in a sentence; empty for one that it does not know.
+pub(crate) fn summary(code: &str) -> &'static str {
+    sections().into_iter().find(|section| section.code == code).map_or("", |one| one.summary)
+}
+
 fn section(part: &'static str, section: &'static str) -> Option<Section> {
     let (code, rest) = section.split_once("`\n\n")?;
     let (summary, text) = rest.split_once("\n\n")?;

@@ -13,6 +13,8 @@ mod console;
 pub mod embedded;
 mod interrupt;
 pub mod library;
+mod lsp;
+mod pages;
 mod potential;
 mod progress;
 mod render;

@@ -168,7 +168,7 @@ fn sarif(source: Source<'_>, d: &Diagnostic) -> Value {
 }
 
 /// A file's name as a relative reference of RFC 3986.
-fn uri(name: &str) -> String {
+pub(crate) fn uri(name: &str) -> String {
     let mut uri = String::new();
     for byte in name.replace('\\', "/").bytes() {
         match byte {
@@ -186,12 +186,8 @@ fn sarif_log(results: &[Value]) -> Value {
     let mut codes: Vec<&str> = results.iter().filter_map(|r| r["ruleId"].as_str()).collect();
     codes.sort_unstable();
     codes.dedup();
-    let sections = codes::sections();
-    let rule = |code: &&str| {
-        let section = sections.iter().find(|section| section.code == *code);
-        let summary = section.map_or("", |section| section.summary);
-        json!({ "id": code, "shortDescription": { "text": summary } })
-    };
+    let rule =
+        |code: &&str| json!({ "id": code, "shortDescription": { "text": codes::summary(code) } });
     json!({
         "version": "2.1.0",
         "$schema": "https://json.schemastore.org/sarif-2.1.0.json",

@@ -4,8 +4,7 @@
 use piola_runtime::scene::{ValueWords, vocabulary};
 use serde_json::{Map, Value, json};
 
-const SCENES: &str = include_str!("../docs/scenes.md");
-const OUTPUT: &str = include_str!("../docs/output.md");
+use crate::pages::{OUTPUT, Row, SCENES, Section, sections};
 
 /// The dialect.
 const DRAFT: &str = "https://json-schema.org/draft/2020-12/schema";
@@ -15,12 +14,10 @@ pub(crate) fn scene() -> Value {
     let mut tables: Map<String, Value> = Map::new();
     let sections = sections(SCENES);
     for words in vocabulary().iter().filter(|words| words.name != "sets") {
-        let of_page: Vec<&Section<'_>> = sections
-            .iter()
-            .filter(|section| section.table().as_deref() == Some(words.name))
-            .collect();
-        let rows: Vec<Row<'_>> = of_page.iter().flat_map(|section| section.rows("key")).collect();
-        let mut table = table(&of_page.first().map_or(String::new(), |section| section.summary()));
+        let of_page: Vec<&Section> =
+            sections.iter().filter(|section| section.table() == Some(words.name)).collect();
+        let rows: Vec<Row> = of_page.iter().flat_map(|section| section.rows("key")).collect();
+        let mut table = table(of_page.first().map_or("", |section| section.summary()));
         for key in &words.keys {
             let row = rows.iter().find(|row| row.name == key.name);
             table["properties"][key.name] = property(row, &key.value);
@@ -33,8 +30,8 @@ pub(crate) fn scene() -> Value {
         material["properties"]["plus"] = plus;
         *material = json!({ "anyOf": [material.clone(), several(material)] });
     }
-    let about_sets = sections.iter().find(|section| section.table().as_deref() == Some("sets"));
-    tables.insert("sets".to_string(), sets(&about_sets.map_or(String::new(), |s| s.summary())));
+    let about_sets = sections.iter().find(|section| section.table() == Some("sets"));
+    tables.insert("sets".to_string(), sets(about_sets.map_or("", |section| section.summary())));
     json!({
         "$schema": DRAFT,
         "title": "A scene of piola",
@@ -59,7 +56,7 @@ fn several(table: &Value) -> Value {
 }
 
 /// A key, by what the page says of it and what the reader takes.
-fn property(row: Option<&Row<'_>>, value: &ValueWords) -> Value {
+fn property(row: Option<&Row>, value: &ValueWords) -> Value {
     let mut property = match value {
         ValueWords::Word(words) => json!({ "enum": words }),
         ValueWords::WordOrText(words) => {
@@ -161,75 +158,6 @@ pub(crate) fn finding() -> Value {
         "required": ["code", "severity", "message", "file", "line", "column", "start", "end", "helps"],
         "additionalProperties": false,
     })
-}
-
-/// A part of a page under one heading.
-struct Section<'p> {
-    heading: &'p str,
-    text: &'p str,
-}
-
-/// A row of a table of keys or fields.
-struct Row<'p> {
-    name: &'p str,
-    default: &'p str,
-    meaning: &'p str,
-}
-
-fn sections(page: &str) -> Vec<Section<'_>> {
-    let mut all = Vec::new();
-    for part in page.split("\n## ").skip(1) {
-        for part in part.split("\n### ") {
-            let (heading, text) = part.split_once('\n').unwrap_or((part, ""));
-            all.push(Section { heading, text });
-        }
-    }
-    all
-}
-
-impl<'p> Section<'p> {
-    /// The table of a scene that it is about.
-    fn table(&self) -> Option<String> {
-        let code = self.heading.strip_prefix('`')?.split('`').next()?;
-        let name = code.trim_matches(['[', ']']);
-        (code.starts_with('[') && !name.is_empty()).then(|| name.to_string())
-    }
-
-    /// What the heading says of it.
-    fn summary(&self) -> String {
-        self.heading.split_once(": ").map_or(String::new(), |(_, summary)| summary.to_string())
-    }
-
-    /// Rows of its tables whose first column has this head; a row may have several names.
-    fn rows(&self, head: &str) -> Vec<Row<'p>> {
-        let mut rows = Vec::new();
-        let mut inside = false;
-        for line in self.text.lines() {
-            // A meaning may have bars of its own.
-            let n = if head == "key" { 3 } else { 2 };
-            let inner = line.strip_prefix('|').and_then(|line| line.trim_end().strip_suffix('|'));
-            let cells: Vec<&str> = inner.unwrap_or("").splitn(n, '|').map(str::trim).collect();
-            if !line.starts_with('|') {
-                inside = false;
-            } else if cells.first() == Some(&head) {
-                inside = true;
-            } else if inside && !line.starts_with("|---") {
-                let names = cells[0].split('`').skip(1).step_by(2);
-                let default = if cells.len() > 2 { cells[1] } else { "" };
-                let meaning = cells.last().copied().unwrap_or("");
-                rows.extend(names.map(|name| Row { name, default, meaning }));
-            }
-        }
-        rows
-    }
-}
-
-impl Row<'_> {
-    /// The default where it is a value.
-    fn default(&self) -> Option<Value> {
-        let code = self.default.strip_prefix('`')?.strip_suffix('`')?;
-        serde_json::from_str(code).ok()
-    }
 }
 
 #[cfg(test)]

@@ -48,6 +48,8 @@ pub mod verify;
 mod written;
 
 pub use breaking::{BondFunction, BondFunctionKind, Criterion, FamilyCriterion, NextState};
+pub use check::names::reserved_names;
+pub use check::unit::unit_names;
 pub use check::{CODES, Files, check, check_text, check_text_with};
 pub use clique::{Part as CliquePart, Variable};
 pub use compile::{Compiled, Kind};

@@ -6,6 +6,8 @@
 //! | [`parse_expression`] | an expression of a scene file | [`ExpressionAst`], or every [`Diagnostic`] |
 //! | [`parse_unit`] | the unit after a number | [`ast::Unit`], or every [`Diagnostic`] |
 //! | [`print()`] | [`Ast`] | canonical text, which parses to the same tree |
+//! | [`format()`] | text of a potential file | the same text, its blanks in the layout of the library |
+//! | [`tokens`] | any text | its words, numbers and marks with their places |
 //!
 //! `LANGUAGE.md` beside this crate is the reference of the language, `src/piola.pest` its grammar.
 //! No text makes this crate panic, overflow the stack or run long: see [`MAX_BYTES`] and
@@ -25,6 +27,7 @@
 
 pub mod ast;
 pub mod diagnostic;
+mod format;
 #[cfg(any(test, feature = "generate"))]
 pub mod generate;
 pub mod names;
@@ -34,9 +37,11 @@ mod print;
 mod same;
 mod span;
 mod suggest;
+mod tokens;
 
 pub use ast::{Ast, ExpressionAst};
 pub use diagnostic::{Diagnostic, Severity, shortened};
+pub use format::format;
 pub use names::spell_out;
 pub use operator::Binding;
 pub use parse::{
@@ -46,3 +51,4 @@ pub use print::{print, print_expression, print_unit};
 pub use same::{same_expression, same_tree};
 pub use span::Span;
 pub use suggest::suggest;
+pub use tokens::{Token, TokenKind, statements, tokens};

@@ -12,6 +12,7 @@ mod eval;
 mod eval_gradient;
 mod explain;
 mod explain_bond;
+mod fmt;
 mod info;
 mod machine;
 mod moduli;
@@ -47,6 +48,8 @@ pub(crate) fn execute(command: Command) -> Exit {
     match command {
         Command::Check(arguments) => check::execute(&arguments),
         Command::Derive(arguments) => derive::execute(&arguments),
+        Command::Fmt(arguments) => fmt::execute(&arguments),
+        Command::Lsp => crate::lsp::execute(),
         Command::Compile(arguments) => compile::execute(&arguments),
         Command::Audit(arguments) => audit::execute(&arguments),
         Command::Verify(arguments) => verify::execute(&arguments),

@@ -64,6 +64,21 @@ fn the_library_is_documented_as_it_is() {
 }
 
 #[test]
+fn potentials_are_formatted() {
+    let all = files(".piola");
+    let own =
+        all.iter().filter(|path| path.starts_with("potentials") || path.starts_with("examples"));
+    let mut n = 0;
+    for path in own {
+        let text = read(path);
+        let formatted = piola_grammar::format(&text).unwrap();
+        assert_eq!(text, formatted, "`piola fmt {}`", path.display());
+        n += 1;
+    }
+    assert!(n > 50, "{n}");
+}
+
+#[test]
 fn every_example_is_listed_and_timed() {
     let page = read("examples/README.md");
     for entry in std::fs::read_dir(root().join("examples")).unwrap() {

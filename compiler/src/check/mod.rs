@@ -25,7 +25,7 @@ mod gathered;
 mod imports;
 mod in_unit;
 mod invariants;
-mod names;
+pub(crate) mod names;
 mod orders;
 mod quantity;
 mod statement;

@@ -45,6 +45,11 @@ const RESERVED: &[(&str, &str)] = &[
     ("inf", "infinity, the end of a domain"),
 ];
 
+/// Names that mean the same in every file, with what they are.
+pub fn reserved_names() -> &'static [(&'static str, &'static str)] {
+    RESERVED
+}
+
 /// What a name may refer to at some place.
 pub(crate) struct Scope<'a> {
     /// Names and what they are; formal parameters of a function hide them.

@@ -97,8 +97,20 @@ impl Case {
         overrides: &[String],
         library: &Library<'_>,
     ) -> Result<Case, CaseError> {
-        let text = error::read_text(path, MAX_SCENE_BYTES as u64)?;
-        let mut scene = Scene::read(&text, &path.display().to_string(), overrides)?;
+        Case::outline_of(&error::read_text(path, MAX_SCENE_BYTES as u64)?, path, overrides, library)
+    }
+
+    /// The same of a text that is the scene's, whatever its file holds.
+    ///
+    /// # Errors
+    /// As [`Case::outline`].
+    pub fn outline_of(
+        text: &str,
+        path: &Path,
+        overrides: &[String],
+        library: &Library<'_>,
+    ) -> Result<Case, CaseError> {
+        let mut scene = Scene::read(text, &path.display().to_string(), overrides)?;
         let folder = path.parent().unwrap_or(Path::new("."));
         let materials = scene.materials.iter();
         let potentials: Vec<Potential> = materials

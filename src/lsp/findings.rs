@@ -27,6 +27,16 @@ pub(super) fn of(document: &Document) -> Vec<Found> {
     found.into_iter().map(|finding| placed(document, finding)).collect()
 }
 
+/// The errors of a text alone; lints take longer.
+pub(super) fn errors_of(document: &Document) -> Vec<Found> {
+    let found = match document.kind() {
+        Kind::Potential => check_text_with(&document.text, &files_below(document.folder())).err(),
+        _ => Some(look(document, &document.text)),
+    };
+    let found = found.unwrap_or_default();
+    found.into_iter().map(|finding| placed(document, finding)).collect()
+}
+
 /// The findings about a text that might stand in a document.
 fn look(document: &Document, text: &str) -> Vec<Diagnostic> {
     match document.kind() {
@@ -111,7 +121,7 @@ pub(super) fn repairs(document: &Document, range: Range) -> Vec<CodeActionOrComm
         let places = [Some(found.finding.span), statement(document, found.finding.span)];
         let mut tried = replacements
             .flat_map(|new| places.into_iter().flatten().map(move |at| (at, new.clone())));
-        let better = tried.find(|(place, new)| is_better(document, *place, new, all.len()));
+        let better = tried.find(|(place, new)| is_better(document, *place, new, &all));
         if let Some((place, new)) = better {
             let edit = TextEdit::new(document.range(place), new.clone());
             actions.push(action(document, found, &format!("write `{new}`"), edit, true));
@@ -154,8 +164,8 @@ fn statement(document: &Document, span: Span) -> Option<Span> {
     Some(Span::new(from, to))
 }
 
-/// Whether less is wrong with this in that place.
-fn is_better(document: &Document, place: Span, new: &str, n_before: usize) -> bool {
+/// Whether with this in that place nothing is wrong that was not before, and less.
+fn is_better(document: &Document, place: Span, new: &str, before: &[Found]) -> bool {
     let mut text = document.text.clone();
     let range = place.range();
     if text.get(range.clone()).is_none_or(|old| old == new) {
@@ -163,9 +173,33 @@ fn is_better(document: &Document, place: Span, new: &str, n_before: usize) -> bo
     }
     text.replace_range(range, new);
     let after = look(document, &text);
-    let errors =
-        |found: &[Diagnostic]| found.iter().filter(|f| f.severity == Severity::Error).count();
-    after.len() < n_before && errors(&after) <= n_before
+    let was = |found: &Diagnostic| {
+        before
+            .iter()
+            .any(|old| old.finding.code == found.code && old.finding.message == found.message)
+    };
+    after.len() < before.len() && after.iter().all(was)
+}
+
+/// Whether the text with another word in these places has no error that it did not have.
+pub(super) fn check_renamed(document: &Document, places: &[Span], new: &str) -> Result<(), String> {
+    let mut text = document.text.clone();
+    let mut places = places.to_vec();
+    places.sort_unstable();
+    places.iter().rev().for_each(|place| text.replace_range(place.range(), new));
+    let errors = |text: &str| -> Vec<Diagnostic> {
+        let found = look(document, text).into_iter();
+        found.filter(|found| found.severity == Severity::Error).collect()
+    };
+    let (before, after) = (errors(&document.text), errors(&text));
+    let is_new = |found: &&Diagnostic| {
+        before.iter().filter(|old| old.code == found.code).count()
+            < after.iter().filter(|other| other.code == found.code).count()
+    };
+    match after.iter().find(is_new) {
+        Some(found) => Err(format!("with `{new}` the file would be wrong: {}", found.message)),
+        None => Ok(()),
+    }
 }
 
 fn action(

@@ -17,6 +17,7 @@ mod text;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
+use std::time::{Duration, Instant};
 
 use lsp_server::{Connection, ErrorCode, Message, Notification, Request, RequestId, Response};
 use lsp_types::notification::{
@@ -65,9 +66,14 @@ fn serve(connection: &Connection) -> Result<(), Box<dyn Error + Send + Sync>> {
         }),
     };
     connection.initialize_finish(id, serde_json::to_value(result)?)?;
-    let mut server = Server { encoding, documents: BTreeMap::new(), changed: BTreeSet::new() };
+    let mut server = Server {
+        encoding,
+        documents: BTreeMap::new(),
+        changed: BTreeSet::new(),
+        unlinted: BTreeSet::new(),
+    };
     loop {
-        let message = match server.changed.is_empty() {
+        let message = match server.changed.is_empty() && server.unlinted.is_empty() {
             true => connection.receiver.recv().ok(),
             false => match connection.receiver.try_recv() {
                 Ok(message) => Some(message),
@@ -128,7 +134,12 @@ struct Server {
     documents: BTreeMap<String, Document>,
     /// Those whose findings are not told yet.
     changed: BTreeSet<String>,
+    /// Those whose lints are not told yet, because they take long.
+    unlinted: BTreeSet<String>,
 }
+
+/// Errors are told before lints where looking for these takes longer.
+const LONG: Duration = Duration::from_millis(25);
 
 impl Server {
     fn document(&self, uri: &Uri) -> Option<&Document> {
@@ -137,11 +148,21 @@ impl Server {
 
     /// Tells the findings of one text that has changed.
     fn look(&mut self, connection: &Connection) -> Result<(), Box<dyn Error + Send + Sync>> {
-        let Some(document) = self.changed.pop_first().and_then(|uri| self.documents.get(&uri))
-        else {
-            return Ok(());
+        let (uri, with_lints) = match self.changed.pop_first() {
+            Some(uri) => (uri, false),
+            None => (self.unlinted.pop_first().unwrap_or_default(), true),
         };
-        let found = findings::of(document).into_iter().map(|found| found.diagnostic).collect();
+        self.unlinted.remove(&uri);
+        let Some(document) = self.documents.get_mut(&uri) else { return Ok(()) };
+        let start = Instant::now();
+        let waits = document.lints_slowly && !with_lints;
+        let found = if waits { findings::errors_of(document) } else { findings::of(document) };
+        if waits && found.is_empty() {
+            self.unlinted.insert(uri);
+        } else if !waits {
+            document.lints_slowly = start.elapsed() > LONG;
+        }
+        let found = found.into_iter().map(|found| found.diagnostic).collect();
         tell(connection, document.uri.clone(), found, Some(document.version))
     }
 
@@ -271,15 +292,16 @@ impl Server {
             Kind::Potential => potential::check_name(document, new),
             _ => scene::check_name(document, new),
         };
+        let checked = match spans.is_empty() {
+            true => Err("there is no name of yours here".to_string()),
+            false => checked.and_then(|()| findings::check_renamed(document, &spans, new)),
+        };
         match checked {
             Err(message) => refused(id, message),
-            Ok(()) if spans.is_empty() => refused(id, "there is no name of yours here".to_string()),
             Ok(()) => {
                 let edit = |span| TextEdit::new(document.range(span), new.clone());
-                Response::new_ok(
-                    id,
-                    findings::edit(document, spans.into_iter().map(edit).collect()),
-                )
+                let edits = spans.into_iter().map(edit).collect();
+                Response::new_ok(id, findings::edit(document, edits))
             }
         }
     }

@@ -236,9 +236,6 @@ pub(super) fn check_name(document: &Document, name: &str) -> Result<(), String> 
         ));
     }
     let spelled = spell_out(name);
-    if builtin(&spelled).is_some() {
-        return Err(format!("`{name}` is a name of the language"));
-    }
     let taken = |one: &Declared| one.name == spelled || one.formals.contains(&spelled);
     match declared(&read(&document.text).ast).iter().any(taken) {
         true => Err(format!("`{name}` is there already")),

@@ -53,6 +53,8 @@ pub(super) struct Document {
     pub(super) path: PathBuf,
     pub(super) text: String,
     pub(super) version: i32,
+    /// Whether looking for lints took long.
+    pub(super) lints_slowly: bool,
     encoding: Encoding,
     /// The bytes at which its lines begin.
     lines: Vec<usize>,
@@ -61,7 +63,7 @@ pub(super) struct Document {
 impl Document {
     pub(super) fn new(uri: Uri, text: String, version: i32, encoding: Encoding) -> Document {
         let lines = line_starts(&text);
-        Document { path: path_of(&uri), uri, text, version, encoding, lines }
+        Document { path: path_of(&uri), uri, text, version, lints_slowly: false, encoding, lines }
     }
 
     /// The name that messages call it.

@@ -11,6 +11,7 @@ mod compile;
 mod contract;
 mod coupled;
 mod dissipation;
+mod editor;
 mod explain_bond;
 mod extremes;
 mod family_states;

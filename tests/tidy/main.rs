@@ -21,7 +21,7 @@ fn read(path: impl AsRef<Path>) -> String {
 }
 
 /// Folders that hold nothing of ours.
-const FOREIGN: [&str; 5] = ["target", "out", ".git", "corpus", "artifacts"];
+const FOREIGN: [&str; 6] = ["target", "out", ".git", "corpus", "artifacts", "node_modules"];
 
 /// Paths from the root of all files of the repository whose names end so, in order.
 fn files(ending: &str) -> Vec<PathBuf> {

@@ -10,7 +10,7 @@ use piola_runtime::simulation::Place;
 
 use crate::console::{Color, Verbosity};
 use crate::library::Kind;
-pub(crate) use editors::Fmt;
+pub(crate) use editors::{Fmt, New, Template};
 pub(crate) use studies::{Calibrate, Moduli, Sweep, Trade};
 
 /// What scripts need to know.
@@ -96,6 +96,9 @@ impl Voice {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    /// Write a commented scene and law to begin with
+    #[command(after_help = editors::NEW_EXAMPLE)]
+    New(New),
     /// Check potentials and scenes: syntax, names, dimensions, probable mistakes; all in one run
     Check(Check),
     /// Print psi, psi', psi'' of a potential, or any stage of its compilation

@@ -16,6 +16,7 @@ mod fmt;
 mod info;
 mod machine;
 mod moduli;
+mod new;
 mod plan;
 mod run;
 mod scene;
@@ -48,6 +49,7 @@ pub(crate) fn execute(command: Command) -> Exit {
     match command {
         Command::Check(arguments) => check::execute(&arguments),
         Command::Derive(arguments) => derive::execute(&arguments),
+        Command::New(arguments) => new::execute(&arguments),
         Command::Fmt(arguments) => fmt::execute(&arguments),
         Command::Lsp => crate::lsp::execute(),
         Command::Compile(arguments) => compile::execute(&arguments),

@@ -66,8 +66,9 @@ fn the_library_is_documented_as_it_is() {
 #[test]
 fn potentials_are_formatted() {
     let all = files(".piola");
-    let own =
-        all.iter().filter(|path| path.starts_with("potentials") || path.starts_with("examples"));
+    let own = all.iter().filter(|path| {
+        ["potentials", "examples", "src/templates"].iter().any(|folder| path.starts_with(folder))
+    });
     let mut n = 0;
     for path in own {
         let text = read(path);

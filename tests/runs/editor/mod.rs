@@ -344,3 +344,39 @@ fn fmt_writes_files_or_says_which_it_would_write() {
     piola(&["fmt", "--check", &good, &loose]).expect(0);
     piola(&["fmt", &folder.path("nothing.piola")]).expect(2).says(&["cannot read"]);
 }
+
+#[test]
+fn new_folders_run() {
+    let folder = SceneFolder::new("");
+    for template in ["plate", "bar", "crack", "fibre"] {
+        let own = folder.path(&format!("my {template}"));
+        piola(&["new", &own, "--template", template]).expect(0).says(&["scene.toml", "piola run"]);
+        let [law, scene, out] =
+            ["law.piola", "scene.toml", "out"].map(|file| format!("{own}/{file}"));
+        let checked = piola(&["check", &law, &scene]).expect(0);
+        assert!(!checked.stderr.contains("warning"), "{}", checked.stderr);
+        assert!(
+            std::fs::read_to_string(&law)
+                .unwrap()
+                .starts_with(&format!("potential my_{template} "))
+        );
+        piola(&["fmt", "--check", &law]).expect(0);
+        let ran = piola(&["run", &scene, "--out", &out]).expect(0);
+        assert!(!ran.stderr.contains("warning"), "{}", ran.stderr);
+        assert!(std::path::Path::new(&out).join("picture.png").exists());
+        if template == "crack" {
+            let table = std::fs::read_to_string(format!("{out}/fracture.csv")).unwrap();
+            let tip: f64 =
+                table.lines().last().unwrap().split(',').nth(4).unwrap().parse().unwrap();
+            assert!(tip > 0.09, "the tip is at {tip} m");
+        }
+        piola(&["new", &own, "--template", template]).expect(2).says(&["is there already"]);
+    }
+    let law = folder.path("2 laws");
+    piola(&["new", &law, "--template", "law"]).expect(0);
+    let law = format!("{law}/law.piola");
+    assert!(std::fs::read_to_string(&law).unwrap().starts_with("potential law_2_laws "));
+    let checked = piola(&["check", &law]).expect(0);
+    assert!(!checked.stderr.contains("warning"), "{}", checked.stderr);
+    piola(&["verify", &law, "--set", "C=1"]).expect(0);
+}

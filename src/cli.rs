@@ -11,7 +11,7 @@ use piola_runtime::simulation::Place;
 use crate::console::{Color, Verbosity};
 use crate::library::Kind;
 pub(crate) use editors::{Fmt, New, Template};
-pub(crate) use studies::{Calibrate, Moduli, Sweep, Trade};
+pub(crate) use studies::{Calibrate, Moduli, Report, Sweep, Trade};
 
 /// What scripts need to know.
 const EXIT_CODES: &str = "Data go to stdout, all else to stderr.
@@ -21,6 +21,9 @@ end state of a run is not stable;
 
 const RUN_EXAMPLE: &str = "Example:
   piola run examples/square/scene.toml --out out/square --set body.spacing=0.1";
+
+const REPORT_EXAMPLE: &str = "Example:
+  piola report out/square";
 
 const EVAL_EXAMPLE: &str = "Example:
   printf 'l,L\\n1.1,1\\n' | piola eval firooz2023 --measure l --set C1=1 --set n=2 --points -";
@@ -118,6 +121,9 @@ pub(crate) enum Command {
     /// Solve a scene and write frames, tables, a picture and a summary
     #[command(after_help = RUN_EXAMPLE)]
     Run(Run),
+    /// Put what a run left on one page of HTML: the body to be turned, charts, numbers, settings
+    #[command(after_help = REPORT_EXAMPLE)]
+    Report(Report),
     /// Say what a scene will model, what it drops and why, and what it costs
     Plan(Plan),
     /// Time an energy in all its ways, or the phases of a scene

@@ -1,4 +1,4 @@
-//! What may be typed of studies: many runs of a scene, moduli of its material.
+//! What may be typed of studies: many runs of a scene, moduli of its material, what a run left.
 
 use std::path::PathBuf;
 
@@ -116,4 +116,13 @@ pub(crate) struct Calibrate {
     /// How the result is written
     #[arg(long, default_value = "human")]
     pub(crate) format: Format,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct Report {
+    /// The folder of a run
+    pub(crate) folder: PathBuf,
+    /// The page; report.html in the folder if not given
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
 }

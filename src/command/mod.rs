@@ -18,6 +18,7 @@ mod machine;
 mod moduli;
 mod new;
 mod plan;
+mod report;
 mod run;
 mod scene;
 mod schema;
@@ -49,6 +50,7 @@ pub(crate) fn execute(command: Command) -> Exit {
     match command {
         Command::Check(arguments) => check::execute(&arguments),
         Command::Derive(arguments) => derive::execute(&arguments),
+        Command::Report(arguments) => report::execute(&arguments),
         Command::New(arguments) => new::execute(&arguments),
         Command::Fmt(arguments) => fmt::execute(&arguments),
         Command::Lsp => crate::lsp::execute(),

@@ -36,6 +36,7 @@ mod picture;
 mod plans;
 mod refusals;
 #[cfg(unix)]
+mod report;
 mod resumed;
 mod scenes;
 mod singular;

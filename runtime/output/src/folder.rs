@@ -38,6 +38,8 @@ pub enum OutputFile {
     PicturePng,
     /// `summary.json`.
     Summary,
+    /// `report.html`.
+    Report,
     /// `trade.csv`.
     TradeTable,
     /// `trade.json`.
@@ -62,7 +64,7 @@ const FRAMES: &str = "frames";
 impl OutputFile {
     /// All files but the frames; `run.pvd` first, so that a removal that is cut short leaves no
     /// list of frames that are gone.
-    const SINGLE: [OutputFile; 20] = [
+    const SINGLE: [OutputFile; 21] = [
         OutputFile::Collection,
         OutputFile::Checkpoint,
         OutputFile::Displacement,
@@ -75,6 +77,7 @@ impl OutputFile {
         OutputFile::PictureSvg,
         OutputFile::PicturePng,
         OutputFile::Summary,
+        OutputFile::Report,
         OutputFile::TradeTable,
         OutputFile::TradeSummary,
         OutputFile::TradeSvg,
@@ -102,6 +105,7 @@ impl OutputFile {
             OutputFile::PictureSvg => "picture.svg".to_owned(),
             OutputFile::PicturePng => "picture.png".to_owned(),
             OutputFile::Summary => "summary.json".to_owned(),
+            OutputFile::Report => "report.html".to_owned(),
             OutputFile::TradeTable => "trade.csv".to_owned(),
             OutputFile::TradeSummary => "trade.json".to_owned(),
             OutputFile::TradeSvg => "trade.svg".to_owned(),

@@ -34,6 +34,7 @@ pub mod motion;
 pub mod picture;
 pub mod pvd;
 pub mod read;
+pub mod report;
 pub mod summary;
 pub mod table;
 pub mod vtu;

@@ -1,0 +1,254 @@
+//! What a run left, on one page of HTML that needs nothing else: pictures, numbers, settings, and the body
+//! to be turned around.
+//!
+//! | part of the page | from |
+//! |---|---|
+//! | picture | `picture.svg` or `picture.png`, the smaller |
+//! | numbers of the run | `summary.json` |
+//! | charts | the tables, at most [`MOST_ROWS`] rows of each |
+//! | body | frames, as many points and frames as [`MOST_BYTES`] hold, numbers in 65,535 steps |
+//! | settings | `scene.resolved.toml` |
+
+mod frame;
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use base64::Engine as _;
+use base64::prelude::BASE64_STANDARD;
+use serde_json::{Value, json};
+
+use crate::{OutputError, OutputFile, atomic};
+use frame::Array;
+
+/// Rows of a table that the page has at most; of more every so many-th.
+pub const MOST_ROWS: usize = 2000;
+
+/// Points that the page shows at most; of more every so many-th.
+pub const MOST_POINTS: usize = 20_000;
+
+/// Bytes of the body at all times, before they are written as text.
+pub const MOST_BYTES: usize = 2_000_000;
+
+/// The largest number of a quantity in steps; the next stands for what is no number.
+const STEPS: f64 = 65_534.0;
+
+/// Why there is no page.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// A folder without a run.
+    #[error("{path} holds no run: there is no summary.json in it")]
+    NoRun {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A file that cannot be read.
+    #[error("cannot read {path}: {reason}")]
+    Unreadable {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+    /// A file that is not as piola writes it.
+    #[error("{path} is not as piola writes it: it was cut or changed")]
+    Broken {
+        /// The file.
+        path: PathBuf,
+    },
+    /// A page that cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+}
+
+impl ReportError {
+    fn unreadable(path: &Path, error: &io::Error) -> ReportError {
+        ReportError::Unreadable { path: path.to_owned(), reason: error.to_string() }
+    }
+}
+
+/// Writes the page of the run in a folder to a file, `report.html` in it if none is named. Gives the file.
+///
+/// # Errors
+/// A folder without a run, files that cannot be read, a page that cannot be written.
+pub fn write(folder: &Path, file: Option<&Path>, title: &str) -> Result<PathBuf, ReportError> {
+    let page = page(folder, title)?;
+    let file = file.map_or_else(|| folder.join(OutputFile::Report.name()), Path::to_owned);
+    atomic::write_atomically(&file, |out| out.write_all(page.as_bytes()))?;
+    Ok(file)
+}
+
+/// The page as text.
+///
+/// # Errors
+/// A folder without a run, files that cannot be read.
+pub fn page(folder: &Path, title: &str) -> Result<String, ReportError> {
+    let path = folder.join(OutputFile::Summary.name());
+    let Some(text) = text(&path)? else {
+        return Err(ReportError::NoRun { path: folder.to_owned() });
+    };
+    let summary: Value = serde_json::from_str(&text).map_err(|_| ReportError::Broken { path })?;
+    let mut tables = Vec::new();
+    for file in [
+        OutputFile::Reactions,
+        OutputFile::Energy,
+        OutputFile::Probes,
+        OutputFile::Motion,
+        OutputFile::Fracture,
+    ] {
+        // Without probes a table of them has times alone.
+        let table = self::text(&folder.join(file.name()))?;
+        if let Some(table) =
+            table.filter(|text| text.lines().next().is_some_and(|head| head.contains(',')))
+        {
+            tables.push(
+                json!({ "name": file.name().trim_end_matches(".csv"), "text": thinned(&table) }),
+            );
+        }
+    }
+    let kinds = [(OutputFile::PictureSvg, "svg+xml"), (OutputFile::PicturePng, "png")];
+    let pictures = kinds.into_iter().filter_map(|(file, kind)| {
+        let bytes = fs::read(folder.join(file.name())).ok()?;
+        Some((bytes.len(), format!("data:image/{kind};base64,{}", BASE64_STANDARD.encode(bytes))))
+    });
+    let picture = pictures.min_by_key(|(length, _)| *length).map(|(_, address)| address);
+    let data = json!({
+        "title": title,
+        "summary": summary,
+        "tables": tables,
+        "picture": picture,
+        "scene": self::text(&folder.join(OutputFile::ResolvedScene.name()))?,
+        "body": body(folder, summary["dimension"].as_u64().unwrap_or(3))?,
+    });
+    // Nothing in it may end the element that it stands in.
+    let data = data.to_string().replace('<', "\\u003c");
+    let escaped = title.replace('&', "&amp;").replace('<', "&lt;");
+    Ok(include_str!("page.html")
+        .replacen("TITLE", &escaped, 1)
+        .replacen("/* STYLE */", include_str!("page.css"), 1)
+        .replacen(
+            "/* SCRIPT */",
+            concat!(include_str!("charts.js"), include_str!("body.js"), include_str!("page.js")),
+            1,
+        )
+        .replacen("DATA", &data, 1))
+}
+
+/// A file of the folder, if it is there.
+fn text(path: &Path) -> Result<Option<String>, ReportError> {
+    match fs::read_to_string(path) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(ReportError::unreadable(path, &error)),
+    }
+}
+
+/// A table with its first and last rows and some between.
+fn thinned(table: &str) -> String {
+    let lines: Vec<&str> = table.lines().collect();
+    let rows = lines.len().saturating_sub(1);
+    if rows <= MOST_ROWS {
+        return table.to_owned();
+    }
+    let kept = (0..MOST_ROWS).map(|k| lines[1 + k * (rows - 1) / (MOST_ROWS - 1)]);
+    std::iter::once(lines[0]).chain(kept).collect::<Vec<&str>>().join("\n")
+}
+
+/// Points at all times; nothing where there are no frames.
+fn body(folder: &Path, dimension: u64) -> Result<Value, ReportError> {
+    let Some(list) = text(&folder.join(OutputFile::Collection.name()))? else {
+        return Ok(Value::Null);
+    };
+    let frames: Vec<(f64, &str)> = list.split("<DataSet ").skip(1).filter_map(listed).collect();
+    let Some((_, last)) = frames.last() else { return Ok(Value::Null) };
+    let end = frame::read(&folder.join(last))?;
+    let n = end.positions.len() / 3;
+    let stride = n.div_ceil(MOST_POINTS).max(1);
+    let shown: Vec<usize> = (0..n).step_by(stride).collect();
+    let quantities = |arrays: &[Array]| arrays.len() - 1;
+    let bytes = 2 * shown.len() * (3 + quantities(&end.arrays));
+    let n_frames = (MOST_BYTES / bytes.max(1)).clamp(2, frames.len().max(2)).min(frames.len());
+    let mut times = Vec::new();
+    let (mut moved, mut fields) = (Vec::new(), Vec::new());
+    for k in 0..n_frames {
+        // The first and the last, and some between.
+        let (t, file) = frames[k * (frames.len() - 1) / (n_frames - 1).max(1)];
+        let read = frame::read(&folder.join(file))?;
+        if read.positions.len() != end.positions.len() {
+            return Err(ReportError::Broken { path: folder.join(file) });
+        }
+        times.push(t);
+        moved.push(read.arrays[0].values.clone());
+        fields.push(read.arrays);
+    }
+    let of_shown = |values: &[f64], components: usize| -> Vec<f64> {
+        shown.iter().flat_map(|p| values[p * components..][..components].iter().copied()).collect()
+    };
+    let moved: Vec<Vec<f64>> = moved.iter().map(|values| of_shown(values, 3)).collect();
+    let mut all = vec![json!({
+        "name": "displacement", "values": stepped(&moved.iter().map(|frame| lengths(frame, 3)).collect::<Vec<_>>()),
+    })];
+    // A field that the first frame has not is none of all of them.
+    for array in end.arrays.iter().skip(1) {
+        let own = |arrays: &Vec<Array>| -> Option<Vec<f64>> {
+            let found = arrays.iter().find(|other| other.name == array.name)?;
+            Some(lengths(&of_shown(&found.values, found.components), found.components))
+        };
+        if let Some(frames) = fields.iter().map(own).collect::<Option<Vec<Vec<f64>>>>() {
+            all.push(json!({ "name": array.name, "values": stepped(&frames) }));
+        }
+    }
+    let positions: Vec<u8> =
+        of_shown(&end.positions, 3).iter().flat_map(|x| (*x as f32).to_le_bytes()).collect();
+    // Faces between points that are not shown are none.
+    let faces = if stride == 1 { end.faces } else { Vec::new() };
+    let faces: Vec<u8> = faces.iter().flatten().flat_map(|point| point.to_le_bytes()).collect();
+    Ok(json!({
+        "dimension": dimension,
+        "faces": BASE64_STANDARD.encode(faces),
+        "points": n,
+        "shown": shown.len(),
+        "frames": frames.len(),
+        "times": times,
+        "positions": BASE64_STANDARD.encode(positions),
+        "moved": stepped(&moved),
+        "fields": all,
+    }))
+}
+
+/// The time and the file of an entry of `run.pvd`, but of the meshes beside points.
+fn listed(entry: &str) -> Option<(f64, &str)> {
+    let attribute = |name: &str| {
+        let (_, rest) = entry.split_once(&format!("{name}=\""))?;
+        Some(rest.split_once('"')?.0)
+    };
+    let is_of_points = attribute("part")? == "0";
+    Some((attribute("timestep")?.parse().ok()?, attribute("file")?)).filter(|_| is_of_points)
+}
+
+/// Of a vector or tensor of every point its size; a number stays.
+fn lengths(values: &[f64], components: usize) -> Vec<f64> {
+    match components {
+        0 | 1 => values.to_vec(),
+        _ => values
+            .chunks_exact(components)
+            .map(|row| libm::sqrt(row.iter().map(|x| x * x).sum::<f64>()))
+            .collect(),
+    }
+}
+
+/// Numbers in steps between the least and the greatest, 16 bits each.
+fn stepped(frames: &[Vec<f64>]) -> Value {
+    let finite = || frames.iter().flatten().copied().filter(|x| x.is_finite());
+    let low = finite().fold(f64::INFINITY, f64::min);
+    let high = finite().fold(f64::NEG_INFINITY, f64::max);
+    let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
+    let scale = if high > low { STEPS / (high - low) } else { 0.0 };
+    let step = |x: &f64| if x.is_finite() { ((x - low) * scale).round() as u16 } else { u16::MAX };
+    let frame = |values: &Vec<f64>| {
+        let bytes: Vec<u8> = values.iter().map(step).flat_map(u16::to_le_bytes).collect();
+        BASE64_STANDARD.encode(bytes)
+    };
+    json!({ "low": low, "high": high, "frames": frames.iter().map(frame).collect::<Vec<String>>() })
+}

@@ -1,6 +1,7 @@
 //! The examples of `docs/codes.md`: what is called wrong is answered with the code of its section,
 //! what is called right without it.
 
+use crate::support::pages::{Block, blocks, with_tables};
 use crate::support::{SceneFolder, piola, repository};
 
 /// A cloud for the examples of tables, in place of the body of the page's scene.
@@ -14,39 +15,6 @@ const MESH: &str =
 
 const SHEET: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n\
     $EndNodes\n$Elements\n2\n1 2 2 0 1 1 2 3\n2 2 2 0 1 1 3 4\n$EndElements\n";
-
-/// A fenced block: its language and its text.
-type Block<'p> = (&'p str, &'p str);
-
-fn blocks(text: &str) -> Vec<Block<'_>> {
-    let fenced = text.split("\n```").skip(1).step_by(2);
-    fenced.filter_map(|block| block.split_once('\n')).collect()
-}
-
-/// The tables of a scene or of a part of one, each with its header.
-fn tables(scene: &str) -> Vec<String> {
-    let mut tables: Vec<String> = Vec::new();
-    for line in scene.lines() {
-        if line.starts_with('[') || tables.is_empty() {
-            tables.push(String::new());
-        }
-        let table = tables.last_mut().unwrap();
-        table.push_str(line);
-        table.push('\n');
-    }
-    tables
-}
-
-/// A scene with those of its tables replaced that a fragment names.
-fn with_tables(scene: &str, fragment: &str) -> String {
-    // One [material] and several [[material]] exclude each other.
-    let name = |head: &str| head.trim_matches(['[', ']']).to_string();
-    let head = |table: &String| table.lines().next().map(name);
-    let fragment = tables(fragment);
-    let mut kept = tables(scene);
-    kept.retain(|table| !fragment.iter().any(|other| head(other) == head(table)));
-    kept.into_iter().chain(fragment).collect()
-}
 
 /// What only a run finds out, not a plan.
 const FOUND_BY_RUNS: [&str; 3] = ["free-motion", "on-threshold", "unusable-scene"];

@@ -34,8 +34,9 @@ mod moduli;
 mod motion;
 mod picture;
 mod plans;
-mod refusals;
 #[cfg(unix)]
+mod recipes;
+mod refusals;
 mod report;
 mod resumed;
 mod scenes;

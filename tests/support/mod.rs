@@ -5,6 +5,7 @@
 pub(crate) mod frames;
 #[path = "../../compiler/tests/support/machine.rs"]
 pub(crate) mod machine;
+pub(crate) mod pages;
 
 use std::ffi::OsStr;
 use std::fs;

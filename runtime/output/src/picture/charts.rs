@@ -64,7 +64,34 @@ pub(super) fn reactions(canvas: &mut Canvas, area: Area, history: &History) {
             labels.push(EndLabel { y: last[1], text, colour });
         }
     }
+    mark_unstable(canvas, &chart, history, &lines);
     chart.label_ends(canvas, labels);
+}
+
+/// What marks states that are not stable.
+const ALARM: Rgb = [179, 0, 0];
+
+/// Crosses on the lines where an equilibrium is not stable, and what they mean.
+fn mark_unstable(
+    canvas: &mut Canvas,
+    chart: &Chart<'_>,
+    history: &History,
+    lines: &[ReactionLine],
+) {
+    let steps = history.steps.iter().filter(|s| s.definiteness.positive_definite == Some(false));
+    let unstable: Vec<f64> = steps.map(|step| step.t).collect();
+    if unstable.is_empty() {
+        return;
+    }
+    for line in lines {
+        for &(t, reaction) in line.points.iter().filter(|(t, _)| unstable.contains(t)) {
+            let [x, y] = chart.place(t, reaction);
+            canvas.line([x - 5.0, y - 5.0], [x + 5.0, y + 5.0], ALARM, 1.6);
+            canvas.line([x - 5.0, y + 5.0], [x + 5.0, y - 5.0], ALARM, 1.6);
+        }
+    }
+    let text = Text::new(12, Anchor::Start, ALARM);
+    canvas.text(chart.area.left + 8.0, chart.area.top + 16.0, "crosses: not stable", text);
 }
 
 /// Lines against time; at most as many as there are colours, those that go furthest.

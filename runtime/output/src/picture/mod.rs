@@ -130,7 +130,7 @@ impl Picture<'_> {
         let title = if self.title.is_empty() {
             format!("t = {t}")
         } else {
-            format!("{}, t = {t}", canvas::shortened(self.title, 60))
+            format!("{}, t = {t}", canvas::shortened(self.title, 110))
         };
         canvas.text(BODY.left, 38.0, &title, Text::new(20, Anchor::Start, DARK));
         let view = body::BodyView::new(self.points, self.frame, self.sets, self.colour);
@@ -141,6 +141,11 @@ impl Picture<'_> {
             Charts::Steps(history, tolerance, entry) => {
                 charts::reactions(&mut canvas, UPPER, history);
                 charts::residuals(&mut canvas, LOWER, history, (tolerance, entry));
+            }
+            // Without probes there is more room for energies.
+            Charts::Times { energies, probes: [] } => {
+                let all = Area { bottom: LOWER.bottom, ..UPPER };
+                charts::times(&mut canvas, all, ("energy", "J"), energies);
             }
             Charts::Times { energies, probes } => {
                 charts::times(&mut canvas, UPPER, ("energy", "J"), energies);

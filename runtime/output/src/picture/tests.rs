@@ -202,7 +202,12 @@ fn a_stretched_square_is_drawn() {
         charts: Charts::Steps(&history, 1e-10, "Newton iteration"),
     };
     let (svg, _) = check_picture(&picture, 0.2);
-    assert!(svg.contains("square at 100 %, t = 1<"));
+    assert!(svg.contains("square at 100 %, t = 1<") && !svg.contains("not stable"));
+    let mut unstable = history.clone();
+    unstable.steps[12].definiteness.positive_definite = Some(false);
+    let picture =
+        Picture { charts: Charts::Steps(&unstable, 1e-10, "Newton iteration"), ..picture };
+    assert!(picture.to_svg().contains("crosses: not stable"));
     assert!(svg.contains("441 points, deformation at true scale"));
     assert!(svg.contains(">left<") && svg.contains(">right<"), "sets are named on the body");
     assert!(svg.matches("<path").count() >= 441);
@@ -244,14 +249,18 @@ fn a_body_in_motion_is_drawn_with_a_field_and_its_energies() {
     };
     let (svg, pixels) = (picture.to_svg(), Pixels::decode(&picture.to_png().unwrap()));
     check_xml(&svg);
-    for area in [BODY, BAR, UPPER] {
+    // Without probes energies take both places.
+    for area in [BODY, BAR, UPPER, LOWER] {
         assert!(pixels.look(area).0 > 0.01, "{area:?} is blank");
     }
-    for part in
-        ["von_mises (Pa)", "energy (J)", ">kinetic<", ">stored<", "time t", ">none<", "wave, t = 1"]
-    {
+    for part in ["von_mises (Pa)", "energy (J)", ">kinetic<", ">stored<", "time t", "wave, t = 1"] {
         assert!(svg.contains(part), "{part}");
     }
+    assert_eq!(svg.matches("time t").count(), 1);
+    let probes = [series("tip_u", 0.1)];
+    let both =
+        Picture { charts: Charts::Times { energies: &energies, probes: &probes }, ..picture };
+    assert_eq!(both.to_svg().matches("time t").count(), 2);
 }
 
 #[test]

@@ -191,6 +191,21 @@ impl Case {
         self.with_fields()
     }
 
+    /// The title of a run with the energies of its body, `plate: psi(l) + psi(a) of rubber`.
+    pub(crate) fn headline(&self, title: &str) -> String {
+        let mut parts: Vec<String> = Vec::new();
+        for Potential { model, .. } in &self.potentials {
+            let energies: Vec<String> =
+                model.arguments().iter().map(|argument| format!("psi({argument})")).collect();
+            let part = format!("{} of {}", energies.join(" + "), model.name());
+            if !parts.contains(&part) {
+                parts.push(part);
+            }
+        }
+        let parts = parts.join(", ");
+        if title.is_empty() { parts } else { format!("{title}: {parts}") }
+    }
+
     /// Compiles the energies of all potentials with the derivatives that the scene asks for.
     ///
     /// # Errors

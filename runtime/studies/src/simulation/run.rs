@@ -518,6 +518,7 @@ impl<'a> Recorder<'a> {
             Find::Relaxation => "hundreds of steps",
         };
         let (sets, colour) = (self.fields.named_sets(), self.fields.colour(&self.last));
+        let title = &self.fields.case.headline(title);
         let picture = Picture {
             title,
             points: self.points,

@@ -11,7 +11,7 @@ use piola_runtime::simulation::Place;
 use crate::console::{Color, Verbosity};
 use crate::library::Kind;
 pub(crate) use editors::{Fmt, New, Template};
-pub(crate) use studies::{Calibrate, Moduli, Report, Sweep, Trade};
+pub(crate) use studies::{Calibrate, Moduli, Report, Sweep, Trade, Watch};
 
 /// What scripts need to know.
 const EXIT_CODES: &str = "Data go to stdout, all else to stderr.
@@ -21,6 +21,9 @@ end state of a run is not stable;
 
 const RUN_EXAMPLE: &str = "Example:
   piola run examples/square/scene.toml --out out/square --set body.spacing=0.1";
+
+const WATCH_EXAMPLE: &str = "Example:
+  piola watch rubber/scene.toml --out rubber/out";
 
 const REPORT_EXAMPLE: &str = "Example:
   piola report out/square";
@@ -121,6 +124,9 @@ pub(crate) enum Command {
     /// Solve a scene and write frames, tables, a picture and a summary
     #[command(after_help = RUN_EXAMPLE)]
     Run(Run),
+    /// Run a scene, and again whenever it or a file beside it changes
+    #[command(after_help = WATCH_EXAMPLE)]
+    Watch(Watch),
     /// Put what a run left on one page of HTML: the body to be turned, charts, numbers, settings
     #[command(after_help = REPORT_EXAMPLE)]
     Report(Report),

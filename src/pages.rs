@@ -122,7 +122,7 @@ mod tests {
     #[test]
     fn words_of_the_language_have_their_meaning() {
         for (word, part) in [
-            ("log1p", "ln(1 + x)"),
+            ("log1p", "of 1 + x without loss"),
             ("parameter", "a value that a scene chooses"),
             ("l1", "of a triangle the sides"),
             ("dev", "tr(A)/d"),

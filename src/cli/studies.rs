@@ -126,3 +126,18 @@ pub(crate) struct Report {
     #[arg(short, long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
 }
+
+#[derive(Debug, Args)]
+pub(crate) struct Watch {
+    /// A scene file
+    pub(crate) scene: PathBuf,
+    /// Where the results go; those of an earlier run in the folder are replaced
+    #[arg(short, long)]
+    pub(crate) out: PathBuf,
+    /// Override a value of the scene, e.g. `body.spacing=0.1`
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    pub(crate) settings: Vec<String>,
+    /// How many threads work; all processors if not given
+    #[arg(long, value_parser = count::<MOST_THREADS>)]
+    pub(crate) threads: Option<usize>,
+}

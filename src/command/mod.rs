@@ -25,6 +25,7 @@ mod schema;
 mod sweep;
 mod trade;
 mod verify;
+mod watch;
 
 use crate::cli::Command;
 
@@ -51,6 +52,7 @@ pub(crate) fn execute(command: Command) -> Exit {
         Command::Check(arguments) => check::execute(&arguments),
         Command::Derive(arguments) => derive::execute(&arguments),
         Command::Report(arguments) => report::execute(&arguments),
+        Command::Watch(arguments) => watch::execute(&arguments),
         Command::New(arguments) => new::execute(&arguments),
         Command::Fmt(arguments) => fmt::execute(&arguments),
         Command::Lsp => crate::lsp::execute(),

@@ -5,7 +5,7 @@ use std::process::Command;
 use serde_json::Value;
 
 use crate::support::frames::read_vtu;
-use crate::support::{SceneFolder, piola};
+use crate::support::{SceneFolder, command, piola};
 
 /// A cube that is sheared, with a name of a set that HTML would misread.
 const CUBE: &str = "[body]\nbox = [[0, 0, 0], [1, 1, 1]]\nspacing = 0.25\n[horizon]\nspacings = 2\n[material]\n\
@@ -173,4 +173,52 @@ fn a_browser_shows_the_field() {
     let is_bright = |[r, g, b]: &[u8; 3]| *r > 240 && *g > 220 && *b < 60;
     assert!(colours.iter().any(is_bright), "no cell that moved");
     assert!(colours.len() > 15, "{} colours", colours.len());
+}
+
+/// A process that does not outlive a test that fails.
+#[cfg(unix)]
+struct Ended(std::process::Child);
+
+#[cfg(unix)]
+impl Drop for Ended {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn a_scene_that_is_watched_is_run_anew() {
+    use std::time::{Duration, Instant};
+    let folder = SceneFolder::new(CUBE.replace("\"javili2020\"", "\"law.piola\"").as_str());
+    let law =
+        |factor: u32| format!("potential law\nparameter C1\npsi(l) = {factor}*C1*L*(l/L - 1)^2\n");
+    folder.file("law.piola", law(1));
+    let (scene, out) = (folder.scene(), folder.path("out"));
+    let mut watch = command(&["watch", &scene, "--out", &out, "--threads", "1"]);
+    watch.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null());
+    let mut child = Ended(watch.spawn().unwrap());
+    let hash = || {
+        let text = std::fs::read_to_string(format!("{out}/summary.json")).ok()?;
+        let summary: Value = serde_json::from_str(&text).ok()?;
+        let has_page = std::path::Path::new(&format!("{out}/report.html")).exists();
+        has_page.then(|| summary["scene_hash"].to_string())
+    };
+    let wait_for = |is_there: &dyn Fn() -> bool, what: &str| {
+        let start = Instant::now();
+        while !is_there() {
+            assert!(start.elapsed() < Duration::from_secs(60), "{what}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    };
+    wait_for(&|| hash().is_some(), "no first run");
+    let first = hash().unwrap();
+    // A law that is wrong for a moment ends nothing.
+    folder.file("law.piola", "potential law\npsi(l) = C9\n");
+    std::thread::sleep(Duration::from_millis(600));
+    folder.file("law.piola", law(2));
+    wait_for(&|| hash().is_some_and(|hash| hash != first), "no second run");
+    let killed = Command::new("kill").args(["-INT", &child.0.id().to_string()]).status().unwrap();
+    assert!(killed.success());
+    assert_eq!(child.0.wait().unwrap().code(), Some(130));
 }

@@ -8,8 +8,9 @@
 //! | parameters and states on consecutive lines | units and descriptions in columns |
 //! | comments behind statements on consecutive lines | in a column |
 //! | empty lines | one at most |
+//! | ends of lines | line feeds, and no byte-order mark before them |
 //!
-//! Names, numbers, line breaks and comments stay as they are written, so that the file means what it meant.
+//! Names, numbers, comments and where lines end stay as they are written, so that the file means what it meant.
 
 use crate::tokens::{Token, TokenKind, statements, tokens};
 use crate::{Diagnostic, parse};

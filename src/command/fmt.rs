@@ -37,10 +37,8 @@ pub(super) fn execute(arguments: &Fmt) -> Exit {
             same += 1;
         } else if arguments.check {
             changed.push(file.as_str());
-        } else if let Err(error) =
-            write_atomically(Path::new(file), |out| out.write_all(formatted.as_bytes()))
-        {
-            render::error(&error.to_string(), error.help());
+        } else if let Err(message) = replace(Path::new(file), &formatted) {
+            render::error(&message, None);
             exit = Exit::Input;
         } else {
             changed.push(file.as_str());
@@ -58,6 +56,19 @@ pub(super) fn execute(arguments: &Fmt) -> Exit {
         false => console::tell(&format!("{n} formatted, {same} as they should be")),
     }
     if arguments.check && n > 0 && exit == Exit::Done { Exit::Findings } else { exit }
+}
+
+/// Puts another text into a file: into that behind a link, with the permissions that it has.
+fn replace(file: &Path, text: &str) -> Result<(), String> {
+    let failed = |error: std::io::Error| format!("cannot write {}: {error}", file.display());
+    let target = std::fs::canonicalize(file).map_err(failed)?;
+    let permissions = std::fs::metadata(&target).map_err(failed)?.permissions();
+    if !target.is_file() || permissions.readonly() {
+        return Err(format!("cannot write {}: it may only be read", file.display()));
+    }
+    write_atomically(&target, |out| out.write_all(text.as_bytes()))
+        .map_err(|error| error.to_string())?;
+    std::fs::set_permissions(&target, permissions).map_err(failed)
 }
 
 fn read(file: &str) -> Option<String> {

@@ -62,14 +62,20 @@ fn write(folder: &Path, template: Template) -> Result<(), (String, Option<&'stat
     }
     let names: Vec<&str> = template.files().iter().map(|(file, _)| *file).collect();
     let next = match template {
-        Template::Law => format!("piola check {}", folder.join("law.piola").display()),
+        Template::Law => format!("piola check {}", typed(&folder.join("law.piola"))),
         _ => {
-            let [scene, out] = ["scene.toml", "out"].map(|name| folder.join(name));
-            format!("piola run {} --out {}", scene.display(), out.display())
+            let [scene, out] = ["scene.toml", "out"].map(|name| typed(&folder.join(name)));
+            format!("piola run {scene} --out {out}")
         }
     };
     console::tell(&format!("{} in {shown}; next: {next}", names.join(" and ")));
     Ok(())
+}
+
+/// A path as it is typed.
+fn typed(path: &Path) -> String {
+    let shown = path.display().to_string();
+    if shown.contains(char::is_whitespace) { format!("\"{shown}\"") } else { shown }
 }
 
 /// A potential may be called as its folder, where that is a name.

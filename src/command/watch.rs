@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
 use piola_runtime::output::report;
 
@@ -16,6 +16,9 @@ use crate::render;
 /// How often files are looked at.
 const PAUSE: Duration = Duration::from_millis(200);
 
+/// How long a run may take to end by itself.
+const PATIENCE: Duration = Duration::from_secs(5);
+
 /// Endings of files that a scene may name.
 const ENDINGS: [&str; 7] = ["toml", "piola", "csv", "txt", "msh", "inp", "stl"];
 
@@ -23,6 +26,17 @@ const ENDINGS: [&str; 7] = ["toml", "piola", "csv", "txt", "msh", "inp", "stl"];
 type State = BTreeMap<PathBuf, (Option<SystemTime>, u64)>;
 
 pub(super) fn execute(arguments: &Watch) -> Exit {
+    let [out, folder] =
+        [arguments.out.as_path(), folder_of(&arguments.scene)].map(std::path::absolute);
+    if let (Ok(out), Ok(folder)) = (out, folder)
+        && out.components().eq(folder.components())
+    {
+        render::error(
+            "results beside the scene would count as changes of it",
+            ["name another folder, such as `--out out`"],
+        );
+        return Exit::Input;
+    }
     let interrupt = Interrupt::listen();
     let mut seen = state(&arguments.scene);
     let mut running = match start(arguments) {
@@ -31,10 +45,9 @@ pub(super) fn execute(arguments: &Watch) -> Exit {
     };
     loop {
         match interrupt.signal() {
-            // Who waits for a run has it end in good order: the signal went to it, too.
             Some(signal) => {
-                if let Some(mut child) = running {
-                    let _ = child.wait();
+                if let Some(child) = running {
+                    end(child);
                 }
                 return if signal == Signal::Interrupt {
                     Exit::Interrupted
@@ -45,10 +58,10 @@ pub(super) fn execute(arguments: &Watch) -> Exit {
             None => std::thread::sleep(PAUSE),
         }
         if let Some(child) = &mut running
-            && let Ok(Some(status)) = child.try_wait()
+            && let Ok(Some(_)) = child.try_wait()
         {
             running = None;
-            finished(arguments, status.success());
+            finished(arguments);
         }
         let now = state(&arguments.scene);
         if now == seen {
@@ -67,11 +80,24 @@ pub(super) fn execute(arguments: &Watch) -> Exit {
     }
 }
 
+/// Ends a run. One that a terminal has told, too, ends by itself; what is written is whole either way.
+fn end(mut child: Child) {
+    let start = Instant::now();
+    while start.elapsed() < PATIENCE && matches!(child.try_wait(), Ok(None)) {
+        std::thread::sleep(PAUSE);
+    }
+    let _ = child.kill();
+    let _ = child.wait();
+}
+
+fn folder_of(scene: &Path) -> &Path {
+    let folder = scene.parent().filter(|folder| !folder.as_os_str().is_empty());
+    folder.unwrap_or(Path::new("."))
+}
+
 /// The files beside a scene that it may name.
 fn state(scene: &Path) -> State {
-    let folder = scene.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let entries =
-        std::fs::read_dir(folder.unwrap_or(Path::new("."))).into_iter().flatten().flatten();
+    let entries = std::fs::read_dir(folder_of(scene)).into_iter().flatten().flatten();
     let has_ending = |path: &PathBuf| {
         path.extension().and_then(|end| end.to_str()).is_some_and(|end| ENDINGS.contains(&end))
     };
@@ -99,12 +125,13 @@ fn start(arguments: &Watch) -> Result<Child, Exit> {
     command.stdin(Stdio::null()).spawn().map_err(failed)
 }
 
-fn finished(arguments: &Watch, is_good: bool) {
-    if is_good {
-        match report::write(&arguments.out, None, &arguments.scene.display().to_string()) {
-            Ok(file) => console::tell(&format!("{}: load it anew", file.display())),
-            Err(error) => render::error(&error.to_string(), None),
-        }
+/// A page of what the run has left, also where it did not reach its end.
+fn finished(arguments: &Watch) {
+    match report::write(&arguments.out, None, &arguments.scene.display().to_string()) {
+        Ok(file) => console::tell(&format!("{}: load it anew", file.display())),
+        // The run has said what was wrong.
+        Err(report::ReportError::NoRun { .. }) => {}
+        Err(error) => render::error(&error.to_string(), None),
     }
     console::tell("waiting for a change of the scene or a file beside it; Ctrl-C ends");
 }

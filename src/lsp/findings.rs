@@ -178,7 +178,12 @@ fn is_better(document: &Document, place: Span, new: &str, before: &[Found]) -> b
             .iter()
             .any(|old| old.finding.code == found.code && old.finding.message == found.message)
     };
-    after.len() < before.len() && after.iter().all(was)
+    // Lints are looked for where there are no errors.
+    let errors = |found: &&Diagnostic| found.severity == Severity::Error;
+    let had_errors = before.iter().any(|old| errors(&&old.finding));
+    let counted: Vec<&Diagnostic> =
+        after.iter().filter(|found| !had_errors || errors(found)).collect();
+    counted.len() < before.len() && counted.into_iter().all(was)
 }
 
 /// Whether the text with another word in these places has no error that it did not have.

@@ -174,8 +174,9 @@ impl Server {
         let params = notification.params;
         match notification.method.as_str() {
             DidOpenTextDocument::METHOD => {
-                let opened =
-                    serde_json::from_value::<lsp_types::DidOpenTextDocumentParams>(params)?;
+                let Some(opened) = read::<DidOpenTextDocument>(params) else {
+                    return Ok(());
+                };
                 let item = opened.text_document;
                 let key = item.uri.as_str().to_string();
                 let document = Document::new(item.uri, item.text, item.version, self.encoding);
@@ -183,8 +184,9 @@ impl Server {
                 self.changed.insert(key);
             }
             DidChangeTextDocument::METHOD => {
-                let changed =
-                    serde_json::from_value::<lsp_types::DidChangeTextDocumentParams>(params)?;
+                let Some(changed) = read::<DidChangeTextDocument>(params) else {
+                    return Ok(());
+                };
                 let key = changed.text_document.uri.as_str().to_string();
                 if let Some(document) = self.documents.get_mut(&key) {
                     changed.content_changes.into_iter().for_each(|change| document.change(change));
@@ -195,8 +197,9 @@ impl Server {
             // What others name has changed.
             DidSaveTextDocument::METHOD => self.changed.extend(self.documents.keys().cloned()),
             DidCloseTextDocument::METHOD => {
-                let closed =
-                    serde_json::from_value::<lsp_types::DidCloseTextDocumentParams>(params)?;
+                let Some(closed) = read::<DidCloseTextDocument>(params) else {
+                    return Ok(());
+                };
                 let key = closed.text_document.uri.as_str();
                 self.documents.remove(key);
                 self.changed.remove(key);
@@ -289,7 +292,10 @@ impl Server {
         let spans = names(document, kind, at).unwrap_or_default();
         let new = &params.new_name;
         let checked = match kind {
-            Kind::Potential => potential::check_name(document, new),
+            Kind::Potential => {
+                let old = spans.first().map_or("", |span| &document.text[span.range()]);
+                potential::check_name(document, old, new)
+            }
             _ => scene::check_name(document, new),
         };
         let checked = match spans.is_empty() {
@@ -305,6 +311,12 @@ impl Server {
             }
         }
     }
+}
+
+/// What a message says; one that says nothing is told of and passed over.
+fn read<N: lsp_types::notification::Notification>(params: serde_json::Value) -> Option<N::Params> {
+    let told = |error| render::warning(&format!("a message of the editor cannot be read: {error}"));
+    serde_json::from_value(params).map_err(told).ok()
 }
 
 /// Every place of the name at a place, if it is one of the user's.

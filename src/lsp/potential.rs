@@ -53,12 +53,21 @@ fn token_at(all: &[Token], at: usize) -> Option<Token> {
     Some(*found.next().filter(|_| first.kind != TokenKind::Name).unwrap_or(first))
 }
 
-/// The statement that holds a place.
-fn statement_at(text: &str, all: &[Token], at: usize) -> Span {
-    let lines = piola_grammar::statements(text, all);
-    let span = |line: &&[Token]| Some(Span { end: line.last()?.span.end, ..line.first()?.span });
-    let spans = lines.iter().filter_map(span);
-    spans.into_iter().find(|span| at as u32 <= span.end).unwrap_or(Span::new(at, at))
+/// The places of the statements of a text, in its order.
+struct Statements(Vec<Span>);
+
+impl Statements {
+    fn of(text: &str, all: &[Token]) -> Statements {
+        let lines = piola_grammar::statements(text, all);
+        let span = |line: &[Token]| Some(Span { end: line.last()?.span.end, ..line.first()?.span });
+        Statements(lines.into_iter().filter_map(span).collect())
+    }
+
+    /// The one that holds a place, or begins behind it.
+    fn at(&self, at: usize) -> Span {
+        let number = self.0.partition_point(|span| span.end < at as u32);
+        self.0.get(number).copied().unwrap_or(Span::new(at, at))
+    }
 }
 
 pub(super) fn hover(document: &Document, at: usize) -> Option<Hover> {
@@ -66,7 +75,8 @@ pub(super) fn hover(document: &Document, at: usize) -> Option<Hover> {
     let all = tokens(text);
     let token = token_at(&all, at)?;
     let name = spell_out(token.text(text));
-    let line = statement_at(text, &all, token.span.start as usize);
+    let statements = Statements::of(text, &all);
+    let line = statements.at(token.span.start as usize);
     let Reading { ast, .. } = read(text);
     let declared = declared(&ast);
     let of_line =
@@ -78,7 +88,7 @@ pub(super) fn hover(document: &Document, at: usize) -> Option<Hover> {
             } else if name == "psi" && token.span.start == line.start {
                 derivatives(document).or_else(|| builtin(&name))?
             } else if let Some(one) = declared.iter().find(|one| one.name == name) {
-                let of = statement_at(text, &all, one.span.start as usize);
+                let of = statements.at(one.span.start as usize);
                 format!("```piola\n{}\n```", &text[of.range()])
             } else {
                 builtin(&name)?
@@ -153,6 +163,12 @@ pub(super) fn completion(document: &Document, at: usize) -> Vec<CompletionItem> 
             .map(|word| item(word, CompletionItemKind::KEYWORD, &said(word)))
             .collect();
     }
+    let all = tokens(&document.text);
+    let inside = |token: &&Token| (token.span.start..=token.span.end).contains(&(at as u32));
+    if all.iter().filter(inside).any(|token| token.kind == TokenKind::Comment) {
+        return Vec::new();
+    }
+    let statements = Statements::of(&document.text, &all);
     let mut items = Vec::new();
     for one in declared(&read(&document.text).ast) {
         let kind = match one.kind {
@@ -161,8 +177,7 @@ pub(super) fn completion(document: &Document, at: usize) -> Vec<CompletionItem> 
             SymbolKind::VARIABLE => CompletionItemKind::VARIABLE,
             _ => CompletionItemKind::FIELD,
         };
-        let all = tokens(&document.text);
-        let of = statement_at(&document.text, &all, one.span.start as usize);
+        let of = statements.at(one.span.start as usize);
         items.push(item(&one.name, kind, &document.text[of.range()]));
     }
     let functions = words::UNARY_FUNCTIONS.iter().chain(&words::BINARY_FUNCTIONS);
@@ -212,7 +227,8 @@ pub(super) fn places(document: &Document, at: usize) -> Option<Vec<Span>> {
     let token = token_at(&all, at).filter(|token| token.kind == TokenKind::Name)?;
     let name = spell_out(token.text(text));
     let declared = declared(&read(text).ast);
-    let lines = |one: &Declared| statement_at(text, &all, one.span.start as usize);
+    let statements = Statements::of(text, &all);
+    let lines = |one: &Declared| statements.at(one.span.start as usize);
     let hiding: Vec<Span> =
         declared.iter().filter(|one| one.formals.contains(&name)).map(lines).collect();
     let inside = |line: &&Span, span: Span| line.start <= span.start && span.end <= line.end;
@@ -227,8 +243,8 @@ pub(super) fn places(document: &Document, at: usize) -> Option<Vec<Span>> {
     Some(all.iter().filter(is_it).map(|token| token.span).collect())
 }
 
-/// Whether a name may be given to something.
-pub(super) fn check_name(document: &Document, name: &str) -> Result<(), String> {
+/// Whether a name may be given to what is called another.
+pub(super) fn check_name(document: &Document, old: &str, name: &str) -> Result<(), String> {
     let is_name = matches!(tokens(name)[..], [token] if token.kind == TokenKind::Name && token.text(name) == name);
     if !is_name {
         return Err(format!(
@@ -236,7 +252,9 @@ pub(super) fn check_name(document: &Document, name: &str) -> Result<(), String> 
         ));
     }
     let spelled = spell_out(name);
-    let taken = |one: &Declared| one.name == spelled || one.formals.contains(&spelled);
+    // `mu` for `μ` is the same name, spelled otherwise.
+    let is_new = spell_out(old) != spelled;
+    let taken = |one: &Declared| is_new && (one.name == spelled || one.formals.contains(&spelled));
     match declared(&read(&document.text).ast).iter().any(taken) {
         true => Err(format!("`{name}` is there already")),
         false => Ok(()),
@@ -247,10 +265,10 @@ pub(super) fn check_name(document: &Document, name: &str) -> Result<(), String> 
 #[allow(deprecated)] // A field that the type still has.
 pub(super) fn symbols(document: &Document) -> Vec<DocumentSymbol> {
     let text = &document.text;
-    let all = tokens(text);
+    let statements = Statements::of(text, &tokens(text));
     let Reading { ast, .. } = read(text);
     let symbol = |name: String, kind, span: Span| {
-        let line = statement_at(text, &all, span.start as usize);
+        let line = statements.at(span.start as usize);
         DocumentSymbol {
             name,
             detail: None,

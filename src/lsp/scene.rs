@@ -47,11 +47,31 @@ impl<'d> Place<'d> {
     }
 }
 
-/// The table that a line begins.
-fn head_of(line: &str) -> Option<&str> {
-    let line = line.trim();
-    (line.starts_with('[') && line.ends_with(']') && !line.contains('='))
-        .then(|| line.trim_matches(['[', ']']))
+/// The table that a line begins, without blanks and comments.
+pub(super) fn head_of(line: &str) -> Option<&str> {
+    let line = line.split('#').next()?.trim();
+    let inner = line.strip_prefix('[')?.strip_suffix(']')?;
+    let name =
+        inner.strip_prefix('[').and_then(|inner| inner.strip_suffix(']')).unwrap_or(inner).trim();
+    let is_part = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-' | '.');
+    let is_name = name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(is_part);
+    is_name.then_some(name)
+}
+
+/// The bytes of the table that a place is in, its head among them.
+fn table_around(text: &str, at: usize) -> std::ops::Range<usize> {
+    let (mut start, mut found) = (0, 0..text.len());
+    for line in text.split_inclusive('\n') {
+        if head_of(line).is_some() {
+            if start > at {
+                found.end = start;
+                break;
+            }
+            found.start = start;
+        }
+        start += line.len();
+    }
+    found
 }
 
 fn key_of(part: &str) -> &str {
@@ -125,10 +145,8 @@ fn of_potential(document: &Document, name: &str) -> Option<String> {
 
 /// The potential of the table that a place is in.
 fn potential_around(document: &Document, at: usize) -> Option<String> {
-    let before = document.text[..at].rfind("\n[").map_or(0, |found| found + 1);
-    let rest = &document.text[before..];
-    let end = rest[1..].find("\n[").map_or(rest.len(), |found| found + 1);
-    let line = rest[..end].lines().find(|line| key_of(line) == "potential")?;
+    let table = &document.text[table_around(&document.text, at)];
+    let line = table.lines().find(|line| key_of(line) == "potential")?;
     text_of_potential(document, line.split('"').nth(1)?)
 }
 
@@ -184,9 +202,8 @@ pub(super) fn completion(document: &Document, at: usize) -> Vec<CompletionItem> 
 /// Keys that the table has not yet.
 fn keys(document: &Document, place: &Place<'_>, at: usize) -> Vec<CompletionItem> {
     let Some(table) = table_words(place.table) else { return Vec::new() };
-    let start = document.text[..at].rfind("\n[").map_or(0, |found| found + 1);
-    let end = document.text[at..].find("\n[").map_or(document.text.len(), |found| at + found);
-    let given: Vec<&str> = document.text[start..end].lines().map(key_of).collect();
+    let around = &document.text[table_around(&document.text, at)];
+    let given: Vec<&str> = around.lines().map(key_of).collect();
     let free = table.keys.iter().filter(|key| key.name != "*" && !given.contains(&key.name));
     free.map(|key| {
         let said = meaning(table.name, key.name).unwrap_or_default();

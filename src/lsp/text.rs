@@ -79,8 +79,8 @@ impl Document {
     /// A scene is told by its tables: other TOML files are no business of ours.
     pub(super) fn kind(&self) -> Kind {
         let is_table = |line: &str| {
-            let head = line.trim_start().trim_start_matches('[');
-            ["body]", "horizon]", "material]"].iter().any(|table| head.starts_with(table))
+            super::scene::head_of(line)
+                .is_some_and(|name| ["body", "horizon", "material"].contains(&name))
         };
         match self.path.extension().and_then(|end| end.to_str()) {
             Some("toml") if self.text.lines().any(is_table) => Kind::Scene,

@@ -345,6 +345,50 @@ fn fmt_writes_files_or_says_which_it_would_write() {
     piola(&["fmt", &folder.path("nothing.piola")]).expect(2).says(&["cannot read"]);
 }
 
+#[cfg(unix)]
+#[test]
+fn fmt_writes_the_file_behind_a_link_and_keeps_its_permissions() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let folder = SceneFolder::new("");
+    let real = folder.file("real.piola", "potential real\npsi( l ) = (l - L)^2\n");
+    let link = folder.path("link.piola");
+    std::os::unix::fs::symlink(&real, &link).unwrap();
+    let mode =
+        |mode| std::fs::set_permissions(&real, std::fs::Permissions::from_mode(mode)).unwrap();
+    mode(0o640);
+    piola(&["fmt", &link]).expect(0);
+    assert!(std::fs::symlink_metadata(&link).unwrap().is_symlink());
+    let text = std::fs::read_to_string(&real).unwrap();
+    assert_eq!(text, "potential real\npsi(l) = (l - L)^2\n");
+    assert_eq!(std::fs::metadata(&real).unwrap().permissions().mode() & 0o777, 0o640);
+    std::fs::write(&real, "potential real\npsi( l ) = (l - L)^2\n").unwrap();
+    mode(0o440);
+    piola(&["fmt", &real]).expect(2).says(&["it may only be read"]);
+}
+
+#[test]
+fn messages_that_cannot_be_read_and_odd_scenes_end_nothing() {
+    let mut editor = Editor::start();
+    for uri in ["file:///a b.piola", "file:///x%zz.piola"] {
+        editor.open(uri, "potential p\n");
+    }
+    let uri = "file:///odd.toml";
+    let text = "\u{feff}[material] # what it is of\npotential = \"javili2020\"\nparameters = { \n[[ prescribe ]]\n\n\
+                [body]\nbox = [\n    [0, 0],\n    [1, 1]\n]\n\n[horizon]  # who interacts\n\n";
+    editor.open(uri, text);
+    editor.diagnostics(uri, 1);
+    let mut completes = |line: u32, character: u32, word: &str| {
+        let place = json!({ "line": line, "character": character });
+        let items = editor.ask_at("completion", uri, place, json!({}));
+        assert!(labels(&items).contains(&word), "{line}: {items}");
+    };
+    completes(2, 15, "C1");
+    completes(4, 0, "set");
+    completes(10, 0, "spacing");
+    completes(12, 0, "radius");
+    editor.end();
+}
+
 #[test]
 fn new_folders_run() {
     let folder = SceneFolder::new("");

@@ -3,6 +3,7 @@
 const LINES = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#262626"];
 
 function shortest(x) {
+  if (typeof x !== "number" || !Number.isFinite(x)) return String(x ?? "unknown");
   if (x === 0) return "0";
   const size = Math.abs(x);
   return size >= 1e4 || size < 1e-3 ? x.toExponential(2).replace(/\.?0+e/, "e") : String(Number(x.toPrecision(4)));

@@ -49,7 +49,10 @@ fn decode(bytes: &[u8]) -> Option<Read> {
     };
     let positions = arrays(between("<Points>", "</Points>")?)?.pop()?.values;
     let arrays = arrays(between("<PointData", "</PointData>")?)?;
-    let fits = |array: &Array| array.values.len() * 3 == positions.len() * array.components;
+    let fits = |array: &Array| {
+        array.components > 0 && array.values.len() * 3 == positions.len() * array.components
+    };
+    arrays.first().filter(|first| first.name == "displacement" && first.components == 3)?;
     let faces = faces(between("<Cells>", "</Cells>")?, appended, positions.len() / 3)?;
     arrays.iter().all(fits).then_some(Read { positions, faces, arrays })
 }

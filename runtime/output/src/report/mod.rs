@@ -6,11 +6,12 @@
 //! | picture | `picture.svg` or `picture.png`, the smaller |
 //! | numbers of the run | `summary.json` |
 //! | charts | the tables, at most [`MOST_ROWS`] rows of each |
-//! | body | frames, as many points and frames as [`MOST_BYTES`] hold, numbers in 65,535 steps |
+//! | body | frames, as many points, evenly, and frames as [`MOST_BYTES`] hold, numbers in 65,535 steps |
 //! | settings | `scene.resolved.toml` |
 
 mod frame;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -25,7 +26,7 @@ use frame::Array;
 /// Rows of a table that the page has at most; of more every so many-th.
 pub const MOST_ROWS: usize = 2000;
 
-/// Points that the page shows at most; of more every so many-th.
+/// Points that the page shows at most; of more one of each cell of a grid.
 pub const MOST_POINTS: usize = 20_000;
 
 /// Bytes of the body at all times, before they are written as text.
@@ -57,6 +58,14 @@ pub enum ReportError {
         /// The file.
         path: PathBuf,
     },
+    /// A place where no page can stand.
+    #[error("cannot write {path}: {reason}")]
+    Unwritable {
+        /// The place.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
     /// A page that cannot be written.
     #[error(transparent)]
     Output(#[from] OutputError),
@@ -75,6 +84,11 @@ impl ReportError {
 pub fn write(folder: &Path, file: Option<&Path>, title: &str) -> Result<PathBuf, ReportError> {
     let page = page(folder, title)?;
     let file = file.map_or_else(|| folder.join(OutputFile::Report.name()), Path::to_owned);
+    // A page takes the place of a file, and not of a device or a folder.
+    if fs::symlink_metadata(&file).is_ok_and(|data| !data.is_file()) {
+        let reason = "it is there, and no file".to_owned();
+        return Err(ReportError::Unwritable { path: file, reason });
+    }
     atomic::write_atomically(&file, |out| out.write_all(page.as_bytes()))?;
     Ok(file)
 }
@@ -124,15 +138,14 @@ pub fn page(folder: &Path, title: &str) -> Result<String, ReportError> {
     // Nothing in it may end the element that it stands in.
     let data = data.to_string().replace('<', "\\u003c");
     let escaped = title.replace('&', "&amp;").replace('<', "&lt;");
+    // What was put in is not looked through again: the title is the first mark of the page, and comes last.
+    let scripts =
+        concat!(include_str!("charts.js"), include_str!("body.js"), include_str!("page.js"));
     Ok(include_str!("page.html")
-        .replacen("TITLE", &escaped, 1)
+        .replacen("DATA", &data, 1)
+        .replacen("/* SCRIPT */", scripts, 1)
         .replacen("/* STYLE */", include_str!("page.css"), 1)
-        .replacen(
-            "/* SCRIPT */",
-            concat!(include_str!("charts.js"), include_str!("body.js"), include_str!("page.js")),
-            1,
-        )
-        .replacen("DATA", &data, 1))
+        .replacen("TITLE", &escaped, 1))
 }
 
 /// A file of the folder, if it is there.
@@ -164,10 +177,8 @@ fn body(folder: &Path, dimension: u64) -> Result<Value, ReportError> {
     let Some((_, last)) = frames.last() else { return Ok(Value::Null) };
     let end = frame::read(&folder.join(last))?;
     let n = end.positions.len() / 3;
-    let stride = n.div_ceil(MOST_POINTS).max(1);
-    let shown: Vec<usize> = (0..n).step_by(stride).collect();
-    let quantities = |arrays: &[Array]| arrays.len() - 1;
-    let bytes = 2 * shown.len() * (3 + quantities(&end.arrays));
+    let shown = thinned_points(&end.positions);
+    let bytes = 2 * shown.len() * (2 + end.arrays.len());
     let n_frames = (MOST_BYTES / bytes.max(1)).clamp(2, frames.len().max(2)).min(frames.len());
     let mut times = Vec::new();
     let (mut moved, mut fields) = (Vec::new(), Vec::new());
@@ -202,7 +213,7 @@ fn body(folder: &Path, dimension: u64) -> Result<Value, ReportError> {
     let positions: Vec<u8> =
         of_shown(&end.positions, 3).iter().flat_map(|x| (*x as f32).to_le_bytes()).collect();
     // Faces between points that are not shown are none.
-    let faces = if stride == 1 { end.faces } else { Vec::new() };
+    let faces = if shown.len() == n { end.faces } else { Vec::new() };
     let faces: Vec<u8> = faces.iter().flatten().flat_map(|point| point.to_le_bytes()).collect();
     Ok(json!({
         "dimension": dimension,
@@ -215,6 +226,32 @@ fn body(folder: &Path, dimension: u64) -> Result<Value, ReportError> {
         "moved": stepped(&moved),
         "fields": all,
     }))
+}
+
+/// At most [`MOST_POINTS`] points, evenly over the body: one of each cell of a grid, that of its size.
+fn thinned_points(positions: &[f64]) -> Vec<usize> {
+    let rows: Vec<&[f64]> = positions.chunks_exact(3).collect();
+    if rows.len() <= MOST_POINTS {
+        return (0..rows.len()).collect();
+    }
+    let bound = |axis: usize, pick: fn(f64, f64) -> f64, from: f64| {
+        rows.iter().map(|row| row[axis]).fold(from, pick)
+    };
+    let low = [0, 1, 2].map(|axis| bound(axis, f64::min, f64::INFINITY));
+    let high = [0, 1, 2].map(|axis| bound(axis, f64::max, f64::NEG_INFINITY));
+    let extents: Vec<f64> =
+        low.iter().zip(high).map(|(low, high)| high - low).filter(|extent| *extent > 0.0).collect();
+    let volume: f64 = extents.iter().product();
+    let mut side = libm::pow(volume / MOST_POINTS as f64, 1.0 / extents.len().max(1) as f64);
+    loop {
+        let cell = |row: &[f64]| [0, 1, 2].map(|axis| ((row[axis] - low[axis]) / side) as u32);
+        let mut cells = BTreeSet::new();
+        let kept: Vec<usize> = (0..rows.len()).filter(|p| cells.insert(cell(rows[*p]))).collect();
+        if kept.len() <= MOST_POINTS {
+            return kept;
+        }
+        side *= 1.05;
+    }
 }
 
 /// The time and the file of an entry of `run.pvd`, but of the meshes beside points.

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArrayMethods, PyReadonlyArray1, PyUntypedArrayMethods};
 use piola_compiler::{
-    Batch, Derivatives, Form, GradientBatch, Kernel, Kind, Level, Measure, Mode, Model, Order,
-    Outputs, Setting, Values, check_text_with,
+    Batch, Form, GradientBatch, Kernel, Kind, Level, Measure, Mode, Model, Order, Outputs, Setting,
+    Values, check_text_with,
 };
 use piola_grammar::names::entry;
 use piola_runtime::scene::files_below;
@@ -133,8 +133,19 @@ impl Law {
             );
             return Err(error::plain(message));
         };
-        let out = py.detach(|| evaluate(kernel, now, rest));
-        Ok((out.psi.into_pyarray(py), out.dpsi.into_pyarray(py), out.d2psi.into_pyarray(py)))
+        // Arrays of NumPy's own memory, which asks the system for large pages.
+        let all = [(); 3].map(|()| PyArray1::<f64>::zeros(py, n, false));
+        {
+            let [mut psi, mut dpsi, mut d2psi] = all.each_ref().map(|array| array.readwrite());
+            let out = Outputs {
+                psi: psi.as_slice_mut()?,
+                dpsi: dpsi.as_slice_mut()?,
+                d2psi: d2psi.as_slice_mut()?,
+            };
+            py.detach(|| evaluate(kernel, now, rest, out));
+        }
+        let [psi, dpsi, d2psi] = all;
+        Ok((psi, dpsi, d2psi))
     }
 
     /// psi and P of deformation gradients, `n x d x d` row by row.
@@ -181,29 +192,26 @@ impl Law {
 }
 
 /// So many elements are evaluated at once: what is made for them stays near the processor.
-const CHUNK: usize = 4096;
+const CHUNK: usize = 512;
 
 /// psi, psi' and psi'' on all threads; `rest` has as many elements as `now`, or one.
-fn evaluate(kernel: &Kernel, now: &[f64], rest: &[f64]) -> Derivatives {
-    let mut out = Derivatives::zeros(now.len());
-    let Derivatives { psi, dpsi, d2psi } = &mut out;
+fn evaluate(kernel: &Kernel, now: &[f64], rest: &[f64], out: Outputs<'_>) {
+    let Outputs { psi, dpsi, d2psi } = out;
     let columns =
         (psi.par_chunks_mut(CHUNK), dpsi.par_chunks_mut(CHUNK), d2psi.par_chunks_mut(CHUNK));
     let chunks = now.par_chunks(CHUNK).zip(columns.0).zip(columns.1).zip(columns.2).enumerate();
-    chunks.for_each(|(place, (((measure, psi), dpsi), d2psi))| {
-        let mut room = [[0.0; CHUNK]; 2];
-        let [reference, change] = &mut room;
+    let alone = if let [alone] = rest { Some(*alone) } else { None };
+    let room = || ([alone.unwrap_or(1.0); CHUNK], [0.0; CHUNK]);
+    chunks.for_each_init(room, |(reference, change), (place, (((measure, psi), dpsi), d2psi))| {
         let (reference, change) = (&mut reference[..measure.len()], &mut change[..measure.len()]);
-        match rest {
-            [alone] => reference.fill(*alone),
-            all => reference.copy_from_slice(&all[place * CHUNK..][..measure.len()]),
+        if alone.is_none() {
+            reference.copy_from_slice(&rest[place * CHUNK..][..measure.len()]);
         }
         let each = measure.iter().zip(&*reference).zip(&mut *change);
         each.for_each(|((l, rest), change)| *change = (l - rest) / rest);
         let batch = Batch { measure, reference, change, fields: &[] };
         kernel.evaluate(batch, Order::Tangent, Outputs { psi, dpsi, d2psi });
     });
-    out
 }
 
 /// A number, a text with a unit, or those of a vector.

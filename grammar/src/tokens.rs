@@ -2,6 +2,7 @@
 
 use crate::Span;
 use crate::names::{KEYWORDS, name_length};
+use crate::parse::number_length;
 
 /// What a part of a text is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -99,25 +100,6 @@ fn text_length(rest: &str) -> usize {
         Some(end) => end + 1,
         None => rest.len(),
     }
-}
-
-/// The length of the number that a text begins with, by the rule `number` of the grammar.
-fn number_length(rest: &str) -> usize {
-    let digits = |from: usize| -> usize {
-        rest[from..].find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len() - from)
-    };
-    let mut end = digits(0);
-    if rest[end..].starts_with('.') {
-        end += 1 + digits(end + 1);
-    }
-    if rest[end..].starts_with(['e', 'E']) {
-        let sign = usize::from(rest[end + 1..].starts_with(['+', '-']));
-        let exponent = digits(end + 1 + sign);
-        if exponent > 0 {
-            end += 1 + sign + exponent;
-        }
-    }
-    end
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@
 mod explain;
 mod expression;
 mod scan;
+pub(crate) use scan::number_length;
 mod statement;
 
 use pest::Parser as _;

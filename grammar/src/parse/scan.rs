@@ -285,7 +285,7 @@ impl Scanner<'_> {
 }
 
 /// The length of the number at the start of `text`, at least 1.
-pub(super) fn number_length(text: &str) -> usize {
+pub(crate) fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
     let digit = |i: usize| bytes.get(i).is_some_and(u8::is_ascii_digit);
     let mut length = 0;

@@ -24,8 +24,6 @@ pub(super) struct Array {
 /// A frame.
 pub(super) struct Read {
     pub(super) positions: Vec<f64>,
-    /// Corners of what is seen of the cells, four points each; of a triangle the last twice.
-    pub(super) faces: Vec<[u32; 4]>,
     /// Displacement first.
     pub(super) arrays: Vec<Array>,
 }
@@ -36,25 +34,35 @@ pub(super) fn read(path: &Path) -> Result<Read, ReportError> {
     decode(&bytes).ok_or_else(|| ReportError::Broken { path: path.to_owned() })
 }
 
-fn decode(bytes: &[u8]) -> Option<Read> {
+/// Corners of what is seen of the cells of a frame of so many points, four each; of a triangle the last twice.
+pub(super) fn faces(path: &Path, n: usize) -> Result<Vec<[u32; 4]>, ReportError> {
+    let bytes = std::fs::read(path).map_err(|error| ReportError::unreadable(path, &error))?;
+    decode_faces(&bytes, n).ok_or_else(|| ReportError::Broken { path: path.to_owned() })
+}
+
+/// The header of a file, and its arrays.
+fn halves(bytes: &[u8]) -> Option<(&str, &[u8])> {
     let start = bytes.windows(START.len()).position(|window| window == START)?;
-    let header = std::str::from_utf8(&bytes[..start]).ok()?;
-    let appended = &bytes[start + START.len()..];
-    let between = |open: &str, close: &str| {
-        let (_, rest) = header.split_once(open)?;
-        Some(rest.split_once(close)?.0)
-    };
+    Some((std::str::from_utf8(&bytes[..start]).ok()?, &bytes[start + START.len()..]))
+}
+
+/// What a header has between two tags.
+fn between<'h>(header: &'h str, open: &str, close: &str) -> Option<&'h str> {
+    Some(header.split_once(open)?.1.split_once(close)?.0)
+}
+
+fn decode(bytes: &[u8]) -> Option<Read> {
+    let (header, appended) = halves(bytes)?;
     let arrays = |part: &str| -> Option<Vec<Array>> {
         part.split("<DataArray ").skip(1).map(|tag| array(tag, appended)).collect()
     };
-    let positions = arrays(between("<Points>", "</Points>")?)?.pop()?.values;
-    let arrays = arrays(between("<PointData", "</PointData>")?)?;
+    let positions = arrays(between(header, "<Points>", "</Points>")?)?.pop()?.values;
+    let arrays = arrays(between(header, "<PointData", "</PointData>")?)?;
     let fits = |array: &Array| {
         array.components > 0 && array.values.len() * 3 == positions.len() * array.components
     };
     arrays.first().filter(|first| first.name == "displacement" && first.components == 3)?;
-    let faces = faces(between("<Cells>", "</Cells>")?, appended, positions.len() / 3)?;
-    arrays.iter().all(fits).then_some(Read { positions, faces, arrays })
+    arrays.iter().all(fits).then_some(Read { positions, arrays })
 }
 
 /// Faces of a cell by its corners, as VTK numbers them.
@@ -71,7 +79,9 @@ fn faces_of(kind: u8) -> &'static [[usize; 4]] {
 }
 
 /// The faces of all cells but those between two of them.
-fn faces(part: &str, appended: &[u8], n: usize) -> Option<Vec<[u32; 4]>> {
+fn decode_faces(bytes: &[u8], n: usize) -> Option<Vec<[u32; 4]>> {
+    let (header, appended) = halves(bytes)?;
+    let part = between(header, "<Cells>", "</Cells>")?;
     let raw = |name: &str| {
         let (_, tag) = part.split_once(&format!("Name=\"{name}\""))?;
         let (_, rest) = tag.split_once("offset=\"")?;
@@ -170,14 +180,14 @@ mod tests {
                 velocity: Vec::new(),
                 fields: Vec::new(),
             };
-            decode(&encode_vtu(&points, &frame)).unwrap()
+            (decode_faces(&encode_vtu(&points, &frame), n).unwrap(), points.positions)
         };
-        assert_eq!(lattice([2, 2, 2]).faces.len(), 6);
+        assert_eq!(lattice([2, 2, 2]).0.len(), 6);
         // Two by three by four cells: 2 (2*3 + 3*4 + 2*4) faces.
-        let read = lattice([3, 4, 5]);
-        assert_eq!(read.faces.len(), 52);
-        for face in read.faces {
-            let corner = |k: usize| &read.positions[3 * face[k] as usize..][..3];
+        let (faces, positions) = lattice([3, 4, 5]);
+        assert_eq!(faces.len(), 52);
+        for face in faces {
+            let corner = |k: usize| &positions[3 * face[k] as usize..][..3];
             let side = |p: usize, q: usize| -> f64 {
                 corner(p).iter().zip(corner(q)).map(|(x, y)| (x - y).abs()).sum()
             };
@@ -208,7 +218,7 @@ mod tests {
         let bytes = encode_vtu(&points, &frame);
         let read = decode(&bytes).unwrap();
         assert_eq!(read.positions, [0.0, 1.0, 0.0, 2.0, 3.0, 0.0]);
-        assert!(read.faces.is_empty());
+        assert!(decode_faces(&bytes, 2).unwrap().is_empty());
         assert_eq!(read.arrays[0].name, "displacement");
         assert_eq!(read.arrays[0].values, [0.1, 0.2, 0.0, 0.3, 0.4, 0.0]);
         let last = read.arrays.last().unwrap();

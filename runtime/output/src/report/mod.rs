@@ -180,41 +180,28 @@ fn body(folder: &Path, dimension: u64) -> Result<Value, ReportError> {
     let shown = thinned_points(&end.positions);
     let bytes = 2 * shown.len() * (2 + end.arrays.len());
     let n_frames = (MOST_BYTES / bytes.max(1)).clamp(2, frames.len().max(2)).min(frames.len());
-    let mut times = Vec::new();
-    let (mut moved, mut fields) = (Vec::new(), Vec::new());
-    for k in 0..n_frames {
-        // The first and the last, and some between.
-        let (t, file) = frames[k * (frames.len() - 1) / (n_frames - 1).max(1)];
-        let read = frame::read(&folder.join(file))?;
-        if read.positions.len() != end.positions.len() {
-            return Err(ReportError::Broken { path: folder.join(file) });
+    // The first and the last, and some between.
+    let chosen = (0..n_frames).map(|k| frames[k * (frames.len() - 1) / (n_frames - 1).max(1)]);
+    let (times, files): (Vec<f64>, Vec<&str>) = chosen.unzip();
+    let mut read = Vec::new();
+    for file in files {
+        let path = folder.join(file);
+        let found = frame::read(&path)?;
+        if found.positions.len() != end.positions.len() {
+            return Err(ReportError::Broken { path });
         }
-        times.push(t);
-        moved.push(read.arrays[0].values.clone());
-        fields.push(read.arrays);
-    }
-    let of_shown = |values: &[f64], components: usize| -> Vec<f64> {
-        shown.iter().flat_map(|p| values[p * components..][..components].iter().copied()).collect()
-    };
-    let moved: Vec<Vec<f64>> = moved.iter().map(|values| of_shown(values, 3)).collect();
-    let mut all = vec![json!({
-        "name": "displacement", "values": stepped(&moved.iter().map(|frame| lengths(frame, 3)).collect::<Vec<_>>()),
-    })];
-    // A field that the first frame has not is none of all of them.
-    for array in end.arrays.iter().skip(1) {
-        let own = |arrays: &Vec<Array>| -> Option<Vec<f64>> {
-            let found = arrays.iter().find(|other| other.name == array.name)?;
-            Some(lengths(&of_shown(&found.values, found.components), found.components))
+        let of_shown = |array: Array| Array {
+            values: rows_of(&shown, &array.values, array.components),
+            ..array
         };
-        if let Some(frames) = fields.iter().map(own).collect::<Option<Vec<Vec<f64>>>>() {
-            all.push(json!({ "name": array.name, "values": stepped(&frames) }));
-        }
+        read.push(found.arrays.into_iter().map(of_shown).collect::<Vec<Array>>());
     }
-    let positions: Vec<u8> =
-        of_shown(&end.positions, 3).iter().flat_map(|x| (*x as f32).to_le_bytes()).collect();
+    let positions = rows_of(&shown, &end.positions, 3);
+    let positions: Vec<u8> = positions.iter().flat_map(|x| (*x as f32).to_le_bytes()).collect();
     // Faces between points that are not shown are none.
-    let faces = if shown.len() == n { end.faces } else { Vec::new() };
+    let faces = if shown.len() == n { frame::faces(&folder.join(last), n)? } else { Vec::new() };
     let faces: Vec<u8> = faces.iter().flatten().flat_map(|point| point.to_le_bytes()).collect();
+    let moved = read.iter().map(|arrays| arrays[0].values.as_slice());
     Ok(json!({
         "dimension": dimension,
         "faces": BASE64_STANDARD.encode(faces),
@@ -223,9 +210,30 @@ fn body(folder: &Path, dimension: u64) -> Result<Value, ReportError> {
         "frames": frames.len(),
         "times": times,
         "positions": BASE64_STANDARD.encode(positions),
-        "moved": stepped(&moved),
-        "fields": all,
+        "moved": stepped(&moved.collect::<Vec<&[f64]>>()),
+        "fields": fields(&read),
     }))
+}
+
+/// Of these points the numbers of an array, row by row.
+fn rows_of(points: &[usize], values: &[f64], components: usize) -> Vec<f64> {
+    points.iter().flat_map(|p| &values[p * components..][..components]).copied().collect()
+}
+
+/// What is known of points in all frames, by its sizes; displacements first.
+fn fields(frames: &[Vec<Array>]) -> Vec<Value> {
+    let names = frames.last().into_iter().flatten().map(|array| &array.name);
+    let of = |name: &String| {
+        // A field that a frame has not is none of all of them.
+        let own = |arrays: &Vec<Array>| {
+            let found = arrays.iter().find(|array| array.name == *name)?;
+            Some(lengths(&found.values, found.components))
+        };
+        let sizes: Vec<Vec<f64>> = frames.iter().map(own).collect::<Option<_>>()?;
+        let sizes: Vec<&[f64]> = sizes.iter().map(Vec::as_slice).collect();
+        Some(json!({ "name": name, "values": stepped(&sizes) }))
+    };
+    names.filter_map(of).collect()
 }
 
 /// At most [`MOST_POINTS`] points, evenly over the body: one of each cell of a grid, that of its size.
@@ -276,14 +284,14 @@ fn lengths(values: &[f64], components: usize) -> Vec<f64> {
 }
 
 /// Numbers in steps between the least and the greatest, 16 bits each.
-fn stepped(frames: &[Vec<f64>]) -> Value {
-    let finite = || frames.iter().flatten().copied().filter(|x| x.is_finite());
+fn stepped(frames: &[&[f64]]) -> Value {
+    let finite = || frames.iter().copied().flatten().copied().filter(|x| x.is_finite());
     let low = finite().fold(f64::INFINITY, f64::min);
     let high = finite().fold(f64::NEG_INFINITY, f64::max);
     let (low, high) = if low <= high { (low, high) } else { (0.0, 0.0) };
     let scale = if high > low { STEPS / (high - low) } else { 0.0 };
     let step = |x: &f64| if x.is_finite() { ((x - low) * scale).round() as u16 } else { u16::MAX };
-    let frame = |values: &Vec<f64>| {
+    let frame = |values: &&[f64]| {
         let bytes: Vec<u8> = values.iter().map(step).flat_map(u16::to_le_bytes).collect();
         BASE64_STANDARD.encode(bytes)
     };

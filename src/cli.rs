@@ -11,7 +11,7 @@ use piola_runtime::simulation::Place;
 use crate::console::{Color, Verbosity};
 use crate::library::Kind;
 pub(crate) use editors::{Fmt, New, Template};
-pub(crate) use studies::{Calibrate, Moduli, Report, Sweep, Trade, Watch};
+pub(crate) use studies::{Calibrate, Moduli, Picture, Report, Sweep, Trade, Watch};
 
 /// What scripts need to know.
 const EXIT_CODES: &str = "Data go to stdout, all else to stderr.
@@ -130,6 +130,9 @@ pub(crate) enum Command {
     /// Put what a run left on one page of HTML: the body to be turned, charts, numbers, settings
     #[command(after_help = REPORT_EXAMPLE)]
     Report(Report),
+    /// Draw the body of a run at one time or at all, coloured by a field; or force against displacement
+    #[command(after_help = studies::PICTURE_EXAMPLE)]
+    Picture(Picture),
     /// Say what a scene will model, what it drops and why, and what it costs
     Plan(Plan),
     /// Time an energy in all its ways, or the phases of a scene

@@ -127,6 +127,47 @@ pub(crate) struct Report {
     pub(crate) out: Option<PathBuf>,
 }
 
+pub(crate) const PICTURE_EXAMPLE: &str = "Examples:
+  piola picture out/bar --field stress_xx --at 0.5
+  piola picture out/bar --film --seconds 6
+  piola picture out/bar --force right";
+
+#[derive(Debug, Args)]
+pub(crate) struct Picture {
+    /// The folder of a run
+    pub(crate) folder: PathBuf,
+    /// What colours show: a field of the frames, of a vector or tensor its size or, with `_x` or `_xy` behind
+    /// its name, a component; the displacement if not given
+    #[arg(long, value_name = "NAME", conflicts_with = "force")]
+    pub(crate) field: Option<String>,
+    /// The time or load parameter whose nearest frame is drawn; the last if not given
+    #[arg(long, value_name = "T", allow_negative_numbers = true, conflicts_with_all = ["film", "force"])]
+    pub(crate) at: Option<f64>,
+    /// Draw all frames, as an animated PNG
+    #[arg(long, conflicts_with = "force")]
+    pub(crate) film: bool,
+    /// How long the film is, in s
+    #[arg(long, default_value_t = 5.0, value_parser = seconds, requires = "film")]
+    pub(crate) seconds: f64,
+    /// Draw the force on this set against its displacement, from the body at rest on
+    #[arg(long, value_name = "SET")]
+    pub(crate) force: Option<String>,
+    /// Against the displacement of another set, or of a probe
+    #[arg(long, value_name = "SET|PROBE", requires = "force")]
+    pub(crate) against: Option<String>,
+    /// The picture, .png or .svg; body.png, film.png or force.png in the folder if not given
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+/// A length of a film.
+fn seconds(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(seconds) if (0.1..=600.0).contains(&seconds) => Ok(seconds),
+        _ => Err("a number of seconds from 0.1 to 600".to_string()),
+    }
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct Watch {
     /// A scene file

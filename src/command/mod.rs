@@ -17,6 +17,7 @@ mod info;
 mod machine;
 mod moduli;
 mod new;
+mod picture;
 mod plan;
 mod report;
 mod run;
@@ -52,6 +53,7 @@ pub(crate) fn execute(command: Command) -> Exit {
         Command::Check(arguments) => check::execute(&arguments),
         Command::Derive(arguments) => derive::execute(&arguments),
         Command::Report(arguments) => report::execute(&arguments),
+        Command::Picture(arguments) => picture::execute(&arguments),
         Command::Watch(arguments) => watch::execute(&arguments),
         Command::New(arguments) => new::execute(&arguments),
         Command::Fmt(arguments) => fmt::execute(&arguments),

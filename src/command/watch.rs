@@ -6,6 +6,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant, SystemTime};
 
 use piola_runtime::output::report;
+use piola_runtime::output::results::ResultsError;
 
 use super::Exit;
 use crate::cli::Watch;
@@ -130,7 +131,7 @@ fn finished(arguments: &Watch) {
     match report::write(&arguments.out, None, &arguments.scene.display().to_string()) {
         Ok(file) => console::tell(&format!("{}: load it anew", file.display())),
         // The run has said what was wrong.
-        Err(report::ReportError::NoRun { .. }) => {}
+        Err(ResultsError::NoRun { .. }) => {}
         Err(error) => render::error(&error.to_string(), None),
     }
     console::tell("waiting for a change of the scene or a file beside it; Ctrl-C ends");

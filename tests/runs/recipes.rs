@@ -50,6 +50,35 @@ fn every_scene_and_every_command_of_the_recipes_runs() {
     assert!(n_scenes > 8 && n_commands > 12, "{n_scenes} scenes, {n_commands} commands");
 }
 
+/// The files that such a page shows stand together in a folder, and its commands run there.
+#[test]
+fn pages_for_those_who_come_from_other_programs_run() {
+    let (mut n_pages, mut n_commands) = (0, 0);
+    for page in std::fs::read_dir(repository("docs/from")).unwrap() {
+        let path = page.unwrap().path();
+        let page = std::fs::read_to_string(&path).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        n_pages += 1;
+        for (head, text) in blocks(&page) {
+            if let Some((_, file)) = head.split_once(" file=") {
+                std::fs::write(folder.path().join(file), format!("{text}\n")).unwrap();
+            }
+        }
+        for (_, text) in blocks(&page).into_iter().filter(|(language, _)| *language == "sh") {
+            for line in text.lines() {
+                let words = words(line);
+                assert_eq!(words[0], "piola", "{}", path.display());
+                let mut piola = command(&words[1..]);
+                piola.current_dir(folder.path());
+                let ran = run_to_end(piola, b"");
+                assert_eq!(ran.code, 0, "{}: {line}\n{}", path.display(), ran.stderr);
+                n_commands += 1;
+            }
+        }
+    }
+    assert!(n_pages > 5 && n_commands > 8, "{n_pages} pages, {n_commands} commands");
+}
+
 /// What strangers ask first: the first page leads to the answers.
 const QUESTIONS: [&str; 12] = [
     "What is this, and what is it for?",

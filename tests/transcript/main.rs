@@ -4,19 +4,24 @@
 
 use std::path::{Path, PathBuf};
 
-const PAGE: &str = "docs/new-potential.md";
+/// The pages, and how many files each shows at least.
+const PAGES: [(&str, usize); 3] =
+    [("docs/tutorial.md", 3), ("docs/new-potential.md", 6), ("docs/materials.md", 6)];
 
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
 }
 
 #[test]
-fn commands_print_what_the_page_says() {
-    trycmd::TestCases::new()
+fn commands_print_what_the_pages_say() {
+    let cases = trycmd::TestCases::new();
+    cases
         .env("XDG_CACHE_HOME", env!("CARGO_TARGET_TMPDIR"))
         .register_bin("piola", Path::new(env!("CARGO_BIN_EXE_piola")))
-        .register_bin("tail", program("tail").as_path())
-        .case(PAGE);
+        .register_bin("tail", program("tail").as_path());
+    for (page, _) in PAGES {
+        cases.case(page);
+    }
 }
 
 /// Where a program of the system is.
@@ -27,13 +32,16 @@ fn program(name: &str) -> PathBuf {
 }
 
 #[test]
-fn the_files_of_the_page_are_those_it_shows() {
-    let page = std::fs::read_to_string(root().join(PAGE)).unwrap();
-    let shown = blocks_with_files(&page);
-    assert!(shown.len() >= 6, "{} files are shown", shown.len());
-    for (file, text) in shown {
-        let path = root().join("docs/new-potential.in").join(file);
-        assert_eq!(std::fs::read_to_string(&path).unwrap(), text, "{}", path.display());
+fn the_files_of_the_pages_are_those_they_show() {
+    for (page, least) in PAGES {
+        let text = std::fs::read_to_string(root().join(page)).unwrap();
+        let shown = blocks_with_files(&text);
+        assert!(shown.len() >= least, "{page}: {} files are shown", shown.len());
+        let folder = root().join(page).with_extension("in");
+        for (file, text) in shown {
+            let path = folder.join(file);
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), text, "{}", path.display());
+        }
     }
 }
 

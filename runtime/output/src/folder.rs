@@ -20,6 +20,8 @@ pub enum OutputFile {
     Displacement,
     /// `reactions.csv`.
     Reactions,
+    /// `force_displacement.csv`.
+    Forces,
     /// `energy.csv`.
     Energy,
     /// `probes.csv`.
@@ -36,6 +38,12 @@ pub enum OutputFile {
     PictureSvg,
     /// `picture.png`.
     PicturePng,
+    /// `body.png`: the body at one of its times.
+    BodyPicture,
+    /// `film.png`: the body at all of them.
+    Film,
+    /// `force.png`: force against displacement.
+    ForcePicture,
     /// `summary.json`.
     Summary,
     /// `report.html`.
@@ -64,11 +72,12 @@ const FRAMES: &str = "frames";
 impl OutputFile {
     /// All files but the frames; `run.pvd` first, so that a removal that is cut short leaves no
     /// list of frames that are gone.
-    const SINGLE: [OutputFile; 21] = [
+    const SINGLE: [OutputFile; 25] = [
         OutputFile::Collection,
         OutputFile::Checkpoint,
         OutputFile::Displacement,
         OutputFile::Reactions,
+        OutputFile::Forces,
         OutputFile::Energy,
         OutputFile::Probes,
         OutputFile::Motion,
@@ -76,6 +85,9 @@ impl OutputFile {
         OutputFile::ResolvedScene,
         OutputFile::PictureSvg,
         OutputFile::PicturePng,
+        OutputFile::BodyPicture,
+        OutputFile::Film,
+        OutputFile::ForcePicture,
         OutputFile::Summary,
         OutputFile::Report,
         OutputFile::TradeTable,
@@ -96,6 +108,7 @@ impl OutputFile {
             OutputFile::Cells(index) => format!("cells_{index:06}.vtu"),
             OutputFile::Displacement => "displacement.csv".to_owned(),
             OutputFile::Reactions => "reactions.csv".to_owned(),
+            OutputFile::Forces => "force_displacement.csv".to_owned(),
             OutputFile::Energy => "energy.csv".to_owned(),
             OutputFile::Probes => "probes.csv".to_owned(),
             OutputFile::Motion => "motion.csv".to_owned(),
@@ -104,6 +117,9 @@ impl OutputFile {
             OutputFile::ResolvedScene => "scene.resolved.toml".to_owned(),
             OutputFile::PictureSvg => "picture.svg".to_owned(),
             OutputFile::PicturePng => "picture.png".to_owned(),
+            OutputFile::BodyPicture => "body.png".to_owned(),
+            OutputFile::Film => "film.png".to_owned(),
+            OutputFile::ForcePicture => "force.png".to_owned(),
             OutputFile::Summary => "summary.json".to_owned(),
             OutputFile::Report => "report.html".to_owned(),
             OutputFile::TradeTable => "trade.csv".to_owned(),

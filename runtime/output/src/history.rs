@@ -16,6 +16,8 @@ pub struct History {
     pub sets: Vec<String>,
     /// Names of the probes, in the scene's order.
     pub probes: Vec<String>,
+    /// Reactions of the body at rest, as [`StepRecord::reactions`], where they are known.
+    pub at_rest: Option<Vec<Vec<f64>>>,
     /// One record per converged step.
     pub steps: Vec<StepRecord>,
     /// Of a body that can break.
@@ -37,6 +39,10 @@ pub struct StepRecord {
     pub energy_parts: EnergyParts,
     /// Sum of `dE/du` minus the applied loads over each set, `d` numbers in N, as `History::sets`.
     pub reactions: Vec<Vec<f64>>,
+    /// Sum of `dE/du` over each set, its reactions and the loads on it, `d` numbers in N.
+    pub forces: Vec<Vec<f64>>,
+    /// Mean displacement of each set, by the volumes of its points, `d` numbers in m.
+    pub moved: Vec<Vec<f64>>,
     /// Displacement at each probe, `d` numbers in m, as `History::probes`.
     pub probes: Vec<Vec<f64>>,
     /// Whether the equilibrium is stable.
@@ -94,18 +100,21 @@ impl History {
         sets: Vec<String>,
         probes: Vec<String>,
     ) -> History {
-        History { dimension, parts, sets, probes, steps: Vec::new(), fracture: None }
+        History { dimension, parts, sets, probes, at_rest: None, steps: Vec::new(), fracture: None }
     }
 
     /// Appends a step.
     ///
-    /// The record must have one reaction per set and one displacement per probe, `d` numbers each;
+    /// The record must have one reaction, force and displacement per set and one displacement per probe, `d`
+    /// numbers each;
     /// anything else is a mistake of the caller, not of a user.
     pub fn push(&mut self, step: StepRecord) {
         let fits = |rows: &[Vec<f64>], names: &[String]| {
             rows.len() == names.len() && rows.iter().all(|row| row.len() == self.dimension)
         };
         assert!(fits(&step.reactions, &self.sets), "a reaction of d numbers per set");
+        assert!(fits(&step.forces, &self.sets), "a force of d numbers per set");
+        assert!(fits(&step.moved, &self.sets), "a displacement of d numbers per set");
         assert!(fits(&step.probes, &self.probes), "a displacement of d numbers per probe");
         self.steps.push(step);
     }

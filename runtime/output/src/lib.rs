@@ -35,6 +35,7 @@ pub mod picture;
 pub mod pvd;
 pub mod read;
 pub mod report;
+pub mod results;
 pub mod summary;
 pub mod table;
 pub mod vtu;
@@ -62,6 +63,8 @@ pub struct Points {
     pub cells: Vec<u32>,
     /// The mesh that the body was made of, if it was.
     pub mesh: Option<Arc<mesh::Mesh>>,
+    /// Whether all of a point's displacement is prescribed; empty where nobody said so.
+    pub held: Vec<bool>,
 }
 
 impl Points {
@@ -74,12 +77,23 @@ impl Points {
             None => Vec::new(),
         };
         let volumes = body.to_user_order(body.volumes(), 1);
-        Points { dimension, positions, volumes, spacing: body.spacing(), cells, mesh: None }
+        let (spacing, held) = (body.spacing(), Vec::new());
+        Points { dimension, positions, volumes, spacing, cells, mesh: None, held }
     }
 
     /// The same with the mesh that the body was made of.
     pub fn with_mesh(self, mesh: Option<Arc<mesh::Mesh>>) -> Points {
         Points { mesh, ..self }
+    }
+
+    /// The same with the displacements that are prescribed: `dofs` are numbers of components, `d` of each point,
+    /// in the order of `body`.
+    pub fn with_held(self, body: &Body, dofs: &[usize]) -> Points {
+        let mut n_prescribed = vec![0.0; body.n_points()];
+        dofs.iter().for_each(|dof| n_prescribed[dof / self.dimension] += 1.0);
+        let all = self.dimension as f64;
+        let held = body.to_user_order(&n_prescribed, 1).iter().map(|n| *n == all).collect();
+        Points { held, ..self }
     }
 
     /// How many points there are.

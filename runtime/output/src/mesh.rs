@@ -96,18 +96,26 @@ impl Mesh {
     ///
     /// Where points are cells a vertex moves with the mean of what the cells around it say: their
     /// displacement, and its gradient by least squares over the cells that share a vertex with them. Linear
-    /// fields are carried exactly.
-    pub fn carried(&self, positions: &[f64], displacement: &[f64]) -> Vec<f64> {
+    /// fields are carried exactly. Of cells that are `held`, as [`crate::Points::held`] says, only those count
+    /// where there are some.
+    pub fn carried(&self, positions: &[f64], displacement: &[f64], held: &[bool]) -> Vec<f64> {
         if self.points_are == PointsAre::Vertices {
             return displacement.to_vec();
         }
         let d = self.dimension;
-        let gradients: Vec<Matrix3<f64>> =
-            (0..self.n_cells()).map(|cell| self.gradient(cell, positions, displacement)).collect();
+        let is_held = |cell: u32| held.get(cell as usize).is_some_and(|held| *held);
+        let gradients: Vec<Matrix3<f64>> = (0..self.n_cells())
+            .map(|cell| {
+                let counts = |other: u32| !is_held(cell as u32) || is_held(other);
+                self.gradient(cell, positions, displacement, counts)
+            })
+            .collect();
         let mut out = vec![0.0; self.vertices.len()];
         for (vertex, sum) in out.chunks_exact_mut(d).enumerate() {
-            let around = self.around(vertex);
-            for &cell in around {
+            let all = self.around(vertex);
+            let any_held = all.iter().any(|cell| is_held(*cell));
+            let around = || all.iter().filter(|cell| !any_held || is_held(**cell));
+            for &cell in around() {
                 let cell = cell as usize;
                 for i in 0..d {
                     sum[i] += displacement[cell * d + i];
@@ -117,17 +125,23 @@ impl Mesh {
                     }
                 }
             }
-            sum.iter_mut().for_each(|x| *x /= around.len().max(1) as f64);
+            sum.iter_mut().for_each(|x| *x /= around().count().max(1) as f64);
         }
         out
     }
 
-    /// The gradient of the displacement at a cell.
-    fn gradient(&self, cell: usize, positions: &[f64], displacement: &[f64]) -> Matrix3<f64> {
+    /// The gradient of the displacement at a cell, by those around it that count.
+    fn gradient(
+        &self,
+        cell: usize,
+        positions: &[f64],
+        displacement: &[f64],
+        counts: impl Fn(u32) -> bool,
+    ) -> Matrix3<f64> {
         let d = self.dimension;
         let (mut shape, mut moved) = (Matrix3::<f64>::zeros(), Matrix3::<f64>::zeros());
         for &vertex in self.corners(cell) {
-            for &other in self.around(vertex as usize) {
+            for &other in self.around(vertex as usize).iter().filter(|other| counts(**other)) {
                 let other = other as usize;
                 for i in 0..d {
                     let du = displacement[other * d + i] - displacement[cell * d + i];
@@ -173,14 +187,22 @@ mod tests {
         let centres = [0.5, 0.5, 5.0 / 3.0, 1.0 / 3.0, 4.0 / 3.0, 2.0 / 3.0];
         let field = |x: &[f64]| [0.1 + 0.2 * x[0] - 0.3 * x[1], 0.5 * x[0] + 0.7 * x[1]];
         let at = |places: &[f64]| -> Vec<f64> { places.chunks(2).flat_map(field).collect() };
-        let carried = mesh.carried(&centres, &at(&centres));
+        let carried = mesh.carried(&centres, &at(&centres), &[]);
         for (x, y) in carried.iter().zip(at(&mesh.vertices)) {
             assert!((x - y).abs() < 1e-14, "{x} {y}");
         }
+        // A cell that is held says nothing of what is beside it, and its corners move as it does.
+        let mut pulled = vec![0.0; 6];
+        pulled[2..].fill(1.0);
+        let carried = mesh.carried(&centres, &pulled, &[true, false, false]);
+        for held in [0, 1, 3, 4] {
+            assert_eq!(carried[2 * held..2 * held + 2], [0.0, 0.0], "{carried:?}");
+        }
+        assert!(carried[4] > 0.9, "{carried:?}");
         // What is not finite stays with the cells that have it.
         let mut lost = at(&centres);
         lost[4] = f64::NAN;
-        let carried = mesh.carried(&centres, &lost);
+        let carried = mesh.carried(&centres, &lost, &[]);
         assert!(carried[0].is_finite() && carried[4].is_finite() && carried[2].is_nan());
     }
 
@@ -188,6 +210,6 @@ mod tests {
     fn points_at_vertices_carry_themselves() {
         let mesh = Mesh { points_are: PointsAre::Vertices, ..three() };
         let u: Vec<f64> = (0..12).map(f64::from).collect();
-        assert_eq!(mesh.carried(&mesh.vertices, &u), u);
+        assert_eq!(mesh.carried(&mesh.vertices, &u, &[]), u);
     }
 }

@@ -119,6 +119,7 @@ mod tests {
             spacing: Some(1.0),
             cells: Vec::new(),
             mesh: None,
+            held: Vec::new(),
         }
     }
 

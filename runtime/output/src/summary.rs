@@ -19,6 +19,8 @@ pub struct Summary {
     /// Program and format versions: [`versions`] and what the caller adds.
     #[serde(serialize_with = "as_map")]
     pub versions: Vec<(String, String)>,
+    /// The scene's name and the energies of its body, as the headline of its picture has them.
+    pub title: String,
     /// [`scene_hash`] of what was run.
     pub scene_hash: String,
     /// Why the run ended.
@@ -29,6 +31,8 @@ pub struct Summary {
     pub dimension: usize,
     /// How many points the body has.
     pub points: usize,
+    /// The spacing in m where they are a lattice, else `null`.
+    pub spacing: Option<Number>,
     /// Interactions that the energy sums over.
     pub interactions: InteractionCounts,
     /// Degenerate interactions that were left out: collinear triangles, coplanar tetrahedra.
@@ -406,6 +410,8 @@ mod tests {
             residual_over_reaction: vec![f64::INFINITY, 1e-12, 0.0],
             energy_parts: EnergyParts::new(&names, vec![1.0, 0.5, 0.25]),
             reactions: vec![vec![1.0, -2.0], vec![f64::NEG_INFINITY, 1e300]],
+            forces: vec![vec![0.0; 2]; 2],
+            moved: vec![vec![0.0; 2]; 2],
             probes: Vec::new(),
             definiteness: Definiteness {
                 positive_definite: Some(true),
@@ -417,11 +423,13 @@ mod tests {
         });
         Summary {
             versions: versions(),
+            title: "bar: psi(l) of rubber".to_owned(),
             scene_hash: scene_hash("a", ["b"]),
             exit_reason: ExitReason::NotConverged,
             exit_message: "step 2 did not converge".to_owned(),
             dimension: 2,
             points: 441,
+            spacing: Some(Number(0.05)),
             interactions: InteractionCounts { bonds: 3, triangles: 2, tetrahedra: 0 },
             dropped: InteractionCounts::default(),
             warnings: vec!["a set boundary is close to points".to_owned()],

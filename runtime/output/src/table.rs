@@ -34,6 +34,20 @@ pub fn reactions_table(history: &History) -> String {
     table.text
 }
 
+/// `force_displacement.csv`: `t`, then for every set its mean displacement in m and the force on it in N, which
+/// is its reaction and the loads on it: `left_u,left_v,left_x,left_y`.
+pub fn force_table(history: &History) -> String {
+    let d = history.dimension;
+    let suffixes: Vec<&str> = COMPONENTS[..d].iter().chain(&AXES[..d]).copied().collect();
+    let mut table = Table::new(time_and(&history.sets, &suffixes));
+    for step in &history.steps {
+        let sets = step.moved.iter().zip(&step.forces);
+        let values = sets.flat_map(|(moved, force)| moved.iter().chain(force));
+        table.row([&step.t].into_iter().chain(values));
+    }
+    table.text
+}
+
 /// Columns of what broke, behind those of the energies.
 const BROKEN: [&str; 7] =
     ["released", "dissipated", "relaxed", "external", "prescribed", "quadrature", "broken_bonds"];
@@ -83,10 +97,11 @@ pub fn fracture_table(fracture: &FractureTable) -> String {
     table.text
 }
 
-/// Writes `reactions.csv`, `energy.csv` and `probes.csv`, and `fracture.csv` of a body that can break; they
-/// are small enough to be replaced after every step.
+/// Writes `reactions.csv`, `force_displacement.csv`, `energy.csv` and `probes.csv`, and `fracture.csv` of a body
+/// that can break; they are small enough to be replaced after every step.
 pub fn write_history(folder: &OutputFolder, history: &History) -> Result<(), OutputError> {
     folder.write(OutputFile::Reactions, reactions_table(history).as_bytes())?;
+    folder.write(OutputFile::Forces, force_table(history).as_bytes())?;
     folder.write(OutputFile::Energy, energy_table(history).as_bytes())?;
     if let Some(fracture) = &history.fracture {
         folder.write(OutputFile::Fracture, fracture_table(fracture).as_bytes())?;
@@ -163,6 +178,8 @@ mod tests {
             residual_over_reaction: vec![0.5, 5e-4, 5e-10],
             energy_parts: EnergyParts::new(&names, vec![0.5, 0.25]),
             reactions: vec![vec![-1.5, 0.1 + 0.2], vec![f64::NAN, f64::NEG_INFINITY]],
+            forces: vec![vec![-1.5, 2.0], vec![3.0, 4.0]],
+            moved: vec![vec![0.0, 0.5], vec![0.25, -1.0]],
             probes: vec![vec![1e-7, -0.0]],
             definiteness: Definiteness { positive_definite: None, method: "none".to_owned() },
             condition: None,
@@ -201,6 +218,7 @@ mod tests {
                 spacing: None,
                 cells: Vec::new(),
                 mesh: None,
+                held: Vec::new(),
             };
             let displacement = numbers(7.0);
             let text = displacement_table(&points, &displacement);

@@ -36,13 +36,29 @@ fn vtk(shape: Shape) -> u8 {
     }
 }
 
+/// The form that has this number.
+pub(crate) fn shape_of(vtk_type: u8) -> Option<Shape> {
+    let all = [
+        Shape::Point,
+        Shape::Line,
+        Shape::Triangle,
+        Shape::Quadrilateral,
+        Shape::Tetrahedron,
+        Shape::Hexahedron,
+        Shape::Wedge,
+        Shape::Pyramid,
+    ];
+    all.into_iter().find(|shape| vtk(*shape) == vtk_type)
+}
+
 /// A frame as the bytes of a `.vtu` file.
 ///
-/// Point arrays: `displacement` (m), `residual` (N), in motion `velocity` (m/s), `volume` (m^d) and the frame's own.
+/// Point arrays: `displacement` (m), `residual` (N), in motion `velocity` (m/s), `volume` (m^d), `held` (0 or 1)
+/// and the frame's own.
 pub fn encode_vtu(points: &Points, frame: &Frame) -> Vec<u8> {
     let mut grid = Grid::new(points.dimension);
     let mut point_data = grid.arrays(&[("displacement", &frame.displacement, points.dimension)]);
-    point_data += &grid.arrays(&of_points(points, frame));
+    point_data += &grid.arrays(&of_points(points, frame, &held(points)));
     let positions = grid.positions(&points.positions);
     let mut cells = Cells::of_vertices(points.n_points());
     match &points.mesh {
@@ -56,24 +72,36 @@ pub fn encode_vtu(points: &Points, frame: &Frame) -> Vec<u8> {
 /// vertices, everything that [`encode_vtu`] has of points at the cells.
 pub fn encode_cells(mesh: &Mesh, points: &Points, frame: &Frame) -> Vec<u8> {
     let d = points.dimension;
-    let carried = mesh.carried(&points.positions, &frame.displacement);
+    let carried = mesh.carried(&points.positions, &frame.displacement, &points.held);
     let mut grid = Grid::new(d);
     let point_data = grid.arrays(&[("displacement", &carried, d)]);
-    let cell_data = grid.arrays(&of_points(points, frame));
+    let cell_data = grid.arrays(&of_points(points, frame, &held(points)));
     let positions = grid.positions(mesh.vertices());
     let mut cells = Cells::default();
     cells.add_mesh(mesh);
     grid.file(frame.t, [&point_data, &cell_data, &positions], mesh.vertices().len() / d, &cells)
 }
 
-/// What is known of points beside their displacement: names, values, components.
-fn of_points<'a>(points: &'a Points, frame: &'a Frame) -> Vec<(&'a str, &'a [f64], usize)> {
+/// 1 of points whose displacement is prescribed, 0 of others.
+fn held(points: &Points) -> Vec<f64> {
+    points.held.iter().map(|held| f64::from(*held)).collect()
+}
+
+/// What is known of points beside their displacement: names, values, components; `held` as numbers.
+fn of_points<'a>(
+    points: &'a Points,
+    frame: &'a Frame,
+    held: &'a [f64],
+) -> Vec<(&'a str, &'a [f64], usize)> {
     let d = points.dimension;
     let mut arrays = vec![("residual", &frame.residual[..], d)];
     if !frame.velocity.is_empty() {
         arrays.push(("velocity", &frame.velocity, d));
     }
     arrays.push(("volume", &points.volumes, 1));
+    if !held.is_empty() {
+        arrays.push(("held", held, 1));
+    }
     arrays.extend(frame.fields.iter().map(|f| (&f.name[..], &f.values[..], f.components)));
     arrays
 }
@@ -276,6 +304,7 @@ mod tests {
             spacing: None,
             cells: Vec::new(),
             mesh: None,
+            held: Vec::new(),
         };
         let mut frame = Frame {
             t: 0.1 + 0.2,

@@ -41,6 +41,17 @@ impl Fit {
     }
 }
 
+/// What the pictures of a film share, so that nothing but the body moves.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shared {
+    /// The largest displacement in m, by which all are magnified.
+    pub(super) largest: f64,
+    /// What the ends of the colours stand for.
+    pub(super) shades: [f64; 2],
+    /// The box around everything that is drawn, in m; nothing where it is not known yet.
+    pub(super) bounds: Option<([f64; 3], [f64; 3])>,
+}
+
 /// The body as it will be drawn.
 pub(super) struct BodyView<'a> {
     motion: Motion<'a>,
@@ -51,6 +62,8 @@ pub(super) struct BodyView<'a> {
     name: &'a str,
     unit: &'a str,
     shades: [f64; 2],
+    /// The box that the axes hold, where it is not that of what is drawn.
+    bounds: Option<([f64; 3], [f64; 3])>,
 }
 
 enum Shapes {
@@ -64,6 +77,7 @@ impl<'a> BodyView<'a> {
         frame: &'a Frame,
         sets: &'a [NamedPoints],
         colour: Option<&'a Colour>,
+        shared: Option<Shared>,
     ) -> BodyView<'a> {
         let mut member_of = vec![0u32; points.n_points()];
         for (bit, set) in sets.iter().take(MOST_SETS).enumerate() {
@@ -77,7 +91,7 @@ impl<'a> BodyView<'a> {
         let colours = colour.map(|colour| &colour.values[..]);
         let mut motion =
             Motion { points, displacement, magnification: 1.0, colours, sets: member_of };
-        let largest = motion.finite_points().map(|p| motion.magnitude(p)).fold(0.0, f64::max);
+        let largest = shared.map_or_else(|| motion.largest(), |shared| shared.largest);
         let (low, high) = bounds(motion.finite_points().map(|point| motion.reference(point)));
         let size = [0, 1, 2].map(|axis| high[axis] - low[axis]).into_iter().fold(0.0, f64::max);
         motion.magnification = magnification(largest, size);
@@ -94,7 +108,19 @@ impl<'a> BodyView<'a> {
             None => ("displacement |u|", "m", [0.0, largest]),
             Some(colour) => (&colour.name[..], colour.unit, motion.range()),
         };
-        BodyView { motion, names, camera, shapes, name, unit, shades }
+        let shades = shared.map_or(shades, |shared| shared.shades);
+        let bounds = shared.and_then(|shared| shared.bounds);
+        BodyView { motion, names, camera, shapes, name, unit, shades, bounds }
+    }
+
+    /// The largest displacement, in m.
+    pub(super) fn largest(&self) -> f64 {
+        self.motion.largest()
+    }
+
+    /// What the ends of the colours stand for.
+    pub(super) fn shades(&self) -> [f64; 2] {
+        self.shades
     }
 
     /// What the reader should know about how the body is drawn.
@@ -129,7 +155,7 @@ impl<'a> BodyView<'a> {
 
     /// The body with its axes.
     pub(super) fn draw(&self, canvas: &mut Canvas, area: Area) {
-        let (low, high) = self.bounds();
+        let (low, high) = self.bounds.unwrap_or_else(|| self.own_bounds());
         if low.iter().chain(&high).any(|x| !x.is_finite()) {
             area.frame(canvas, LIGHT);
             let [x, y] = area.centre();
@@ -150,7 +176,7 @@ impl<'a> BodyView<'a> {
     }
 
     /// The box around everything that is drawn, in m; not finite if there is nothing.
-    fn bounds(&self) -> ([f64; 3], [f64; 3]) {
+    pub(super) fn own_bounds(&self) -> ([f64; 3], [f64; 3]) {
         match &self.shapes {
             Shapes::Solid(solid) => {
                 let corners = solid.facets.iter().flat_map(|facet| facet.corners);

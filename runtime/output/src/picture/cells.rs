@@ -35,6 +35,8 @@ pub(super) struct Cell {
     pub(super) value: f64,
     /// Bit `s` tells whether a point of set `s` is in the block.
     pub(super) sets: u32,
+    /// Whether all points of the block are held.
+    held: bool,
 }
 
 /// A face of a cell with nothing before it, or a whole cell in two dimensions.
@@ -107,6 +109,7 @@ impl Cells {
             }
             cell.value += motion.value(point);
             cell.sets |= motion.sets_of(point);
+            cell.held &= motion.is_held(point);
         }
         for (cell, count) in cells.iter_mut().zip(counts) {
             cell.reference = cell.reference.map(|x| x / count);
@@ -117,12 +120,18 @@ impl Cells {
         Cells { dimension, block, size, origin, cells, index }
     }
 
-    /// Deformation gradients from differences between neighbouring cells.
+    /// Deformation gradients from differences between neighbouring cells; what is held moves as it is held, and
+    /// says nothing of what is beside it.
     fn find_gradients(&mut self) {
         for place in 0..self.cells.len() {
             for axis in 0..self.dimension {
-                let before = self.neighbor(place, axis, -1).unwrap_or(place);
-                let after = self.neighbor(place, axis, 1).unwrap_or(place);
+                let held = self.cells[place].held;
+                let beside = |step| {
+                    let other = self.neighbor(place, axis, step)?;
+                    (!held || self.cells[other].held).then_some(other)
+                };
+                let before = beside(-1).unwrap_or(place);
+                let after = beside(1).unwrap_or(place);
                 let (p, q) = (&self.cells[before], &self.cells[after]);
                 let distance = q.reference[axis] - p.reference[axis];
                 if before != after && distance > 0.0 {
@@ -201,11 +210,11 @@ impl Cells {
         corner
     }
 
-    /// Current position of a corner: the mean of what the cells around it say.
+    /// Current position of a corner: the mean of what the cells around it say, where some of them are held of
+    /// what these say.
     fn corner(&self, cell: usize, at: [i64; 3]) -> [f64; 3] {
         let reference = self.reference_corner(cell, at);
-        let mut sum = [0.0; 3];
-        let mut count = 0.0;
+        let mut around = Vec::with_capacity(8);
         let depth = if self.dimension == 3 { 2 } else { 1 };
         for (i, j, k) in (0..2)
             .flat_map(|i| (0..2).map(move |j| (i, j)))
@@ -215,22 +224,22 @@ impl Cells {
             for (axis, back) in [i, j, k].into_iter().enumerate().take(self.dimension) {
                 key[axis] += at[axis] - back;
             }
-            if let Some(&around) = self.index.get(&key) {
-                let moved = self.cells[around].carried(reference);
-                for axis in 0..3 {
-                    sum[axis] += moved[axis];
-                }
-                count += 1.0;
-            }
+            around.extend(self.index.get(&key).map(|&place| &self.cells[place]));
         }
-        sum.map(|x| x / count)
+        if around.iter().any(|cell| cell.held) {
+            around.retain(|cell| cell.held);
+        }
+        let moved = around.iter().map(|cell| cell.carried(reference));
+        let sum = moved.fold([0.0; 3], |sum, at| [0, 1, 2].map(|axis| sum[axis] + at[axis]));
+        sum.map(|x| x / around.len() as f64)
     }
 }
 
 impl Cell {
     fn empty(key: Key) -> Cell {
         let gradient = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        Cell { key, reference: [0.0; 3], current: [0.0; 3], gradient, value: 0.0, sets: 0 }
+        let (reference, current) = ([0.0; 3], [0.0; 3]);
+        Cell { key, reference, current, gradient, value: 0.0, sets: 0, held: true }
     }
 
     /// Where this cell's motion carries a reference position nearby.

@@ -71,7 +71,21 @@ pub(super) fn reactions(canvas: &mut Canvas, area: Area, history: &History) {
 /// What marks states that are not stable.
 const ALARM: Rgb = [179, 0, 0];
 
-/// Crosses on the lines where an equilibrium is not stable, and what they mean.
+/// Crosses at these places of a chart, and what they mean.
+pub(super) fn mark(canvas: &mut Canvas, chart: &Chart<'_>, places: impl Iterator<Item = [f64; 2]>) {
+    let mut none = true;
+    for [x, y] in places {
+        canvas.line([x - 5.0, y - 5.0], [x + 5.0, y + 5.0], ALARM, 1.6);
+        canvas.line([x - 5.0, y + 5.0], [x + 5.0, y - 5.0], ALARM, 1.6);
+        none = false;
+    }
+    if !none {
+        let text = Text::new(12, Anchor::Start, ALARM);
+        canvas.text(chart.area.left + 8.0, chart.area.top + 16.0, "crosses: not stable", text);
+    }
+}
+
+/// Crosses on the lines where an equilibrium is not stable.
 fn mark_unstable(
     canvas: &mut Canvas,
     chart: &Chart<'_>,
@@ -80,18 +94,9 @@ fn mark_unstable(
 ) {
     let steps = history.steps.iter().filter(|s| s.definiteness.positive_definite == Some(false));
     let unstable: Vec<f64> = steps.map(|step| step.t).collect();
-    if unstable.is_empty() {
-        return;
-    }
-    for line in lines {
-        for &(t, reaction) in line.points.iter().filter(|(t, _)| unstable.contains(t)) {
-            let [x, y] = chart.place(t, reaction);
-            canvas.line([x - 5.0, y - 5.0], [x + 5.0, y + 5.0], ALARM, 1.6);
-            canvas.line([x - 5.0, y + 5.0], [x + 5.0, y - 5.0], ALARM, 1.6);
-        }
-    }
-    let text = Text::new(12, Anchor::Start, ALARM);
-    canvas.text(chart.area.left + 8.0, chart.area.top + 16.0, "crosses: not stable", text);
+    let points = lines.iter().flat_map(|line| &line.points);
+    let marked = points.filter(|(t, _)| unstable.contains(t));
+    mark(canvas, chart, marked.map(|&(t, reaction)| chart.place(t, reaction)));
 }
 
 /// Lines against time; at most as many as there are colours, those that go furthest.
@@ -161,8 +166,9 @@ struct ReactionLine {
 fn reaction_lines(history: &History) -> Vec<ReactionLine> {
     let line = |set: usize| {
         let component = |axis: usize| {
+            let at_rest = history.at_rest.iter().map(move |sets| (0.0, sets[set][axis]));
             let all = history.steps.iter().map(move |step| (step.t, step.reactions[set][axis]));
-            all.filter(|(t, reaction)| t.is_finite() && reaction.is_finite())
+            at_rest.chain(all).filter(|(t, reaction)| t.is_finite() && reaction.is_finite())
         };
         let largest = |axis: &usize| component(*axis).map(|(_, r)| r.abs()).fold(0.0, f64::max);
         let mut axes: Vec<usize> = (0..history.dimension).collect();
@@ -174,6 +180,9 @@ fn reaction_lines(history: &History) -> Vec<ReactionLine> {
             points: component(axes[0]).collect(),
         }
     };
+    if history.steps.is_empty() {
+        return Vec::new();
+    }
     (0..history.sets.len()).map(line).filter(|line| !line.points.is_empty()).collect()
 }
 

@@ -14,6 +14,8 @@ mod cells;
 mod chart;
 mod charts;
 mod discs;
+mod film;
+mod force;
 mod front;
 mod logarithmic;
 mod motion;
@@ -22,6 +24,8 @@ mod solid;
 mod sweep;
 mod ticks;
 
+pub use film::{BodyFilm, MOST_PICTURES, unit_of};
+pub use force::ForcePicture;
 pub use front::{Dot, DotKind, FrontPicture};
 pub use logarithmic::{LogarithmicPanel, LogarithmicPlot};
 pub use slices::{Slice, SlicePlot};
@@ -133,7 +137,7 @@ impl Picture<'_> {
             format!("{}, t = {t}", canvas::shortened(self.title, 110))
         };
         canvas.text(BODY.left, 38.0, &title, Text::new(20, Anchor::Start, DARK));
-        let view = body::BodyView::new(self.points, self.frame, self.sets, self.colour);
+        let view = body::BodyView::new(self.points, self.frame, self.sets, self.colour, None);
         view.draw(&mut canvas, BODY);
         view.draw_colour_bar(&mut canvas, BAR);
         canvas.text(BODY.left, 778.0, &view.note(), Text::new(13, Anchor::Start, GREY));

@@ -35,9 +35,19 @@ impl Motion<'_> {
         dot(u, u).sqrt()
     }
 
+    /// The largest magnitude, in m.
+    pub(super) fn largest(&self) -> f64 {
+        self.finite_points().map(|point| self.magnitude(point)).fold(0.0, f64::max)
+    }
+
     /// What its colour shows.
     pub(super) fn value(&self, point: usize) -> f64 {
         self.colours.map_or_else(|| self.magnitude(point), |values| values[point])
+    }
+
+    /// Whether all of its displacement is prescribed.
+    pub(super) fn is_held(&self, point: usize) -> bool {
+        self.points.held.get(point).is_some_and(|held| *held)
     }
 
     pub(super) fn sets_of(&self, point: usize) -> u32 {

@@ -45,7 +45,8 @@ impl Solid {
         if n_facets > 2 * most {
             return None;
         }
-        let carried = mesh.carried(&motion.points.positions, motion.displacement);
+        let carried =
+            mesh.carried(&motion.points.positions, motion.displacement, &motion.points.held);
         let reference = |vertex: u32| {
             let start = vertex as usize * d;
             let mut at = [0.0; 3];

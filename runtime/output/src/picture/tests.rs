@@ -44,11 +44,40 @@ fn stretched(n: [usize; 3], dimension: usize, stretch: f64) -> (Points, Frame, V
         spacing: Some(spacing),
         cells: Vec::new(),
         mesh: None,
+        held: Vec::new(),
     };
     let residual = vec![0.0; displacement.len()];
     let frame = Frame { t: 1.0, displacement, residual, velocity: Vec::new(), fields: Vec::new() };
     let named = |name: &str, points| NamedPoints { name: name.to_owned(), points };
     (points, frame, vec![named("left", left), named("right", right)])
+}
+
+#[test]
+fn cells_that_are_held_are_not_drawn_as_bent() {
+    let (mut points, mut frame, sets) = stretched([9, 5, 1], 2, 0.5);
+    // The left end stands still, and what is beside it is thinner already.
+    for &point in &sets[0].points {
+        frame.displacement[2 * point..2 * point + 2].fill(0.0);
+    }
+    let corners = |points: &Points| {
+        let displacement = &frame.displacement;
+        let sets = vec![0; points.n_points()];
+        let motion =
+            motion::Motion { points, displacement, magnification: 1.0, colours: None, sets };
+        let cells = cells::Cells::new(&motion, 0.05, MOST_SHAPES);
+        let edges = cells.edges();
+        let moved = |edge: &cells::Edge| {
+            let pairs = edge.reference.iter().zip(&edge.current);
+            pairs
+                .flat_map(|(x, y)| [0, 1].map(|axis| (x[axis] - y[axis]).abs()))
+                .fold(0.0, f64::max)
+        };
+        let of_left = |edge: &&cells::Edge| edge.reference.iter().all(|end| end[0] < 0.126);
+        edges.iter().filter(of_left).map(moved).fold(0.0, f64::max)
+    };
+    assert!(corners(&points) > 1e-3);
+    points.held = (0..points.n_points()).map(|point| sets[0].points.contains(&point)).collect();
+    assert!(corners(&points) < 1e-15);
 }
 
 /// A run with quadratic convergence and a bending reaction curve.
@@ -60,7 +89,7 @@ fn history(dimension: usize, n_steps: usize) -> History {
         let force = 3.2e4 * t / (0.6 + t);
         let mut right = vec![0.0; dimension];
         right[0] = force;
-        let left = right.iter().map(|r| -r).collect();
+        let left: Vec<f64> = right.iter().map(|r| -r).collect();
         let mut residual = vec![0.4 * (1.5 - t)];
         while residual.last().is_some_and(|&r| r > 1e-11) {
             let last: f64 = residual[residual.len() - 1];
@@ -72,6 +101,8 @@ fn history(dimension: usize, n_steps: usize) -> History {
             residual: residual.iter().map(|r| r * force).collect(),
             residual_over_reaction: residual,
             energy_parts: EnergyParts::default(),
+            forces: vec![left.clone(), right.clone()],
+            moved: vec![vec![0.0; dimension]; 2],
             reactions: vec![left, right],
             probes: Vec::new(),
             definiteness: Definiteness { positive_definite: None, method: "none".to_owned() },
@@ -365,6 +396,7 @@ fn strange_runs_are_drawn_too() {
         spacing: None,
         cells: Vec::new(),
         mesh: None,
+        held: Vec::new(),
     };
     let still = Frame {
         t: 0.0,

@@ -9,19 +9,17 @@
 //! | body | frames, as many points, evenly, and frames as [`MOST_BYTES`] hold, numbers in 65,535 steps |
 //! | settings | `scene.resolved.toml` |
 
-mod frame;
-
 use std::collections::BTreeSet;
 use std::fs;
-use std::io;
 use std::path::{Path, PathBuf};
 
 use base64::Engine as _;
 use base64::prelude::BASE64_STANDARD;
 use serde_json::{Value, json};
 
-use crate::{OutputError, OutputFile, atomic};
-use frame::Array;
+use crate::OutputFile;
+use crate::results::frame::{Array, decode_faces};
+use crate::results::{Results, ResultsError, decoded};
 
 /// Rows of a table that the page has at most; of more every so many-th.
 pub const MOST_ROWS: usize = 2000;
@@ -35,74 +33,23 @@ pub const MOST_BYTES: usize = 2_000_000;
 /// The largest number of a quantity in steps; the next stands for what is no number.
 const STEPS: f64 = 65_534.0;
 
-/// Why there is no page.
-#[derive(Debug, thiserror::Error)]
-pub enum ReportError {
-    /// A folder without a run.
-    #[error("{path} holds no run: there is no summary.json in it")]
-    NoRun {
-        /// The folder.
-        path: PathBuf,
-    },
-    /// A file that cannot be read.
-    #[error("cannot read {path}: {reason}")]
-    Unreadable {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        reason: String,
-    },
-    /// A file that is not as piola writes it.
-    #[error("{path} is not as piola writes it: it was cut or changed")]
-    Broken {
-        /// The file.
-        path: PathBuf,
-    },
-    /// A place where no page can stand.
-    #[error("cannot write {path}: {reason}")]
-    Unwritable {
-        /// The place.
-        path: PathBuf,
-        /// Why.
-        reason: String,
-    },
-    /// A page that cannot be written.
-    #[error(transparent)]
-    Output(#[from] OutputError),
-}
-
-impl ReportError {
-    fn unreadable(path: &Path, error: &io::Error) -> ReportError {
-        ReportError::Unreadable { path: path.to_owned(), reason: error.to_string() }
-    }
-}
-
 /// Writes the page of the run in a folder to a file, `report.html` in it if none is named. Gives the file.
 ///
 /// # Errors
 /// A folder without a run, files that cannot be read, a page that cannot be written.
-pub fn write(folder: &Path, file: Option<&Path>, title: &str) -> Result<PathBuf, ReportError> {
-    let page = page(folder, title)?;
+pub fn write(folder: &Path, file: Option<&Path>, title: &str) -> Result<PathBuf, ResultsError> {
+    let results = Results::open(folder)?;
+    let page = page(&results, title)?;
     let file = file.map_or_else(|| folder.join(OutputFile::Report.name()), Path::to_owned);
-    // A page takes the place of a file, and not of a device or a folder.
-    if fs::symlink_metadata(&file).is_ok_and(|data| !data.is_file()) {
-        let reason = "it is there, and no file".to_owned();
-        return Err(ReportError::Unwritable { path: file, reason });
-    }
-    atomic::write_atomically(&file, |out| out.write_all(page.as_bytes()))?;
+    results.write(&file, page.as_bytes())?;
     Ok(file)
 }
 
 /// The page as text.
 ///
 /// # Errors
-/// A folder without a run, files that cannot be read.
-pub fn page(folder: &Path, title: &str) -> Result<String, ReportError> {
-    let path = folder.join(OutputFile::Summary.name());
-    let Some(text) = text(&path)? else {
-        return Err(ReportError::NoRun { path: folder.to_owned() });
-    };
-    let summary: Value = serde_json::from_str(&text).map_err(|_| ReportError::Broken { path })?;
+/// Files that cannot be read.
+pub fn page(results: &Results, title: &str) -> Result<String, ResultsError> {
     let mut tables = Vec::new();
     for file in [
         OutputFile::Reactions,
@@ -112,7 +59,7 @@ pub fn page(folder: &Path, title: &str) -> Result<String, ReportError> {
         OutputFile::Fracture,
     ] {
         // Without probes a table of them has times alone.
-        let table = self::text(&folder.join(file.name()))?;
+        let table = results.text(file)?;
         if let Some(table) =
             table.filter(|text| text.lines().next().is_some_and(|head| head.contains(',')))
         {
@@ -123,17 +70,17 @@ pub fn page(folder: &Path, title: &str) -> Result<String, ReportError> {
     }
     let kinds = [(OutputFile::PictureSvg, "svg+xml"), (OutputFile::PicturePng, "png")];
     let pictures = kinds.into_iter().filter_map(|(file, kind)| {
-        let bytes = fs::read(folder.join(file.name())).ok()?;
+        let bytes = fs::read(results.folder().join(file.name())).ok()?;
         Some((bytes.len(), format!("data:image/{kind};base64,{}", BASE64_STANDARD.encode(bytes))))
     });
     let picture = pictures.min_by_key(|(length, _)| *length).map(|(_, address)| address);
     let data = json!({
         "title": title,
-        "summary": summary,
+        "summary": results.summary(),
         "tables": tables,
         "picture": picture,
-        "scene": self::text(&folder.join(OutputFile::ResolvedScene.name()))?,
-        "body": body(folder, summary["dimension"].as_u64().unwrap_or(3))?,
+        "scene": results.text(OutputFile::ResolvedScene)?,
+        "body": body(results)?,
     });
     // Nothing in it may end the element that it stands in.
     let data = data.to_string().replace('<', "\\u003c");
@@ -148,15 +95,6 @@ pub fn page(folder: &Path, title: &str) -> Result<String, ReportError> {
         .replacen("TITLE", &escaped, 1))
 }
 
-/// A file of the folder, if it is there.
-fn text(path: &Path) -> Result<Option<String>, ReportError> {
-    match fs::read_to_string(path) {
-        Ok(text) => Ok(Some(text)),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(ReportError::unreadable(path, &error)),
-    }
-}
-
 /// A table with its first and last rows and some between.
 fn thinned(table: &str) -> String {
     let lines: Vec<&str> = table.lines().collect();
@@ -169,27 +107,24 @@ fn thinned(table: &str) -> String {
 }
 
 /// Points at all times; nothing where there are no frames.
-fn body(folder: &Path, dimension: u64) -> Result<Value, ReportError> {
-    let Some(list) = text(&folder.join(OutputFile::Collection.name()))? else {
-        return Ok(Value::Null);
-    };
-    let frames: Vec<(f64, &str)> = list.split("<DataSet ").skip(1).filter_map(listed).collect();
-    let Some((_, last)) = frames.last() else { return Ok(Value::Null) };
-    let end = frame::read(&folder.join(last))?;
+fn body(results: &Results) -> Result<Value, ResultsError> {
+    let frames = results.frames();
+    let Some(last) = frames.last() else { return Ok(Value::Null) };
+    let end = last.read()?;
     let n = end.positions.len() / 3;
     let shown = thinned_points(&end.positions);
     let bytes = 2 * shown.len() * (2 + end.arrays.len());
     let n_frames = (MOST_BYTES / bytes.max(1)).clamp(2, frames.len().max(2)).min(frames.len());
     // The first and the last, and some between.
-    let chosen = (0..n_frames).map(|k| frames[k * (frames.len() - 1) / (n_frames - 1).max(1)]);
-    let (times, files): (Vec<f64>, Vec<&str>) = chosen.unzip();
+    let chosen = (0..n_frames).map(|k| &frames[k * (frames.len() - 1) / (n_frames - 1).max(1)]);
+    let mut times = Vec::new();
     let mut read = Vec::new();
-    for file in files {
-        let path = folder.join(file);
-        let found = frame::read(&path)?;
+    for frame in chosen {
+        let found = frame.read()?;
         if found.positions.len() != end.positions.len() {
-            return Err(ReportError::Broken { path });
+            return Err(ResultsError::Broken { path: frame.file.clone() });
         }
+        times.push(frame.t);
         let of_shown = |array: Array| Array {
             values: rows_of(&shown, &array.values, array.components),
             ..array
@@ -199,11 +134,11 @@ fn body(folder: &Path, dimension: u64) -> Result<Value, ReportError> {
     let positions = rows_of(&shown, &end.positions, 3);
     let positions: Vec<u8> = positions.iter().flat_map(|x| (*x as f32).to_le_bytes()).collect();
     // Faces between points that are not shown are none.
-    let faces = if shown.len() == n { frame::faces(&folder.join(last), n)? } else { Vec::new() };
+    let faces = if shown.len() == n { decoded(&last.file, decode_faces)? } else { Vec::new() };
     let faces: Vec<u8> = faces.iter().flatten().flat_map(|point| point.to_le_bytes()).collect();
     let moved = read.iter().map(|arrays| arrays[0].values.as_slice());
     Ok(json!({
-        "dimension": dimension,
+        "dimension": results.dimension(),
         "faces": BASE64_STANDARD.encode(faces),
         "points": n,
         "shown": shown.len(),
@@ -260,16 +195,6 @@ fn thinned_points(positions: &[f64]) -> Vec<usize> {
         }
         side *= 1.05;
     }
-}
-
-/// The time and the file of an entry of `run.pvd`, but of the meshes beside points.
-fn listed(entry: &str) -> Option<(f64, &str)> {
-    let attribute = |name: &str| {
-        let (_, rest) = entry.split_once(&format!("{name}=\""))?;
-        Some(rest.split_once('"')?.0)
-    };
-    let is_of_points = attribute("part")? == "0";
-    Some((attribute("timestep")?.parse().ok()?, attribute("file")?)).filter(|_| is_of_points)
 }
 
 /// Of a vector or tensor of every point its size; a number stays.

@@ -2,7 +2,7 @@
 
 use piola_mechanics::energy::NonFinite;
 
-use super::{MotionDrive, MotionSettings};
+use super::MotionSettings;
 use crate::constraint::ConstraintError;
 use crate::newton::NewtonFailure;
 use crate::singular::SmallFamilies;
@@ -186,11 +186,4 @@ pub(super) fn check(settings: &MotionSettings, masses: &[f64]) -> Result<(), Mot
         Some(point) => Err(MotionError::Mass { point, mass: masses[point] }),
         None => Ok(()),
     }
-}
-
-/// All degrees of freedom that are prescribed, ascending; those that are so twice stand twice.
-pub(super) fn fixed(drive: &dyn MotionDrive) -> Vec<usize> {
-    let mut fixed = [drive.displaced(), drive.driven(), drive.accelerated()].concat();
-    fixed.sort_unstable();
-    fixed
 }

@@ -155,7 +155,7 @@ impl<'a> Motion<'a> {
         }
         let (n, d) = (energy.positions().len(), energy.dimension());
         assert!(masses.len() * d == n && initial.displacements.len() == n, "a mass per point");
-        let fixed = error::fixed(drive);
+        let fixed = drive.fixed();
         let constraints = Constraints::new(n, &fixed)?;
         Ok(Motion {
             energy,

@@ -62,6 +62,13 @@ pub trait MotionDrive: Sync {
     /// Fills in their accelerations at `t`, in m/s^2.
     fn accelerations(&self, _t: f64, _values: &mut [f64]) {}
 
+    /// All degrees of freedom that are prescribed, ascending; those that are so twice stand twice.
+    fn fixed(&self) -> Vec<usize> {
+        let mut fixed = [self.displaced(), self.driven(), self.accelerated()].concat();
+        fixed.sort_unstable();
+        fixed
+    }
+
     /// Fills in the loads (`n x d`) at `t`, in N.
     fn loads(&self, t: f64, loads: &mut [f64]);
 

@@ -191,12 +191,24 @@ impl Case {
         self.with_fields()
     }
 
-    /// The title of a run with the energies of its body, `plate: psi(l) + psi(a) of rubber`.
-    pub(crate) fn headline(&self, title: &str) -> String {
+    /// The title of a run with the energies of its body that are modelled, `plate: psi(l) + psi(a) of rubber`;
+    /// `modelled` are the names of the parts of the energy.
+    pub(crate) fn headline(&self, title: &str, modelled: &[String]) -> String {
         let mut parts: Vec<String> = Vec::new();
         for Potential { model, .. } in &self.potentials {
-            let energies: Vec<String> =
-                model.arguments().iter().map(|argument| format!("psi({argument})")).collect();
+            let is_modelled = |energy: &String| {
+                // With several potentials the name of its own stands before that of a part.
+                modelled.iter().any(|part| part.rsplit(": ").next() == Some(energy))
+            };
+            let energies: Vec<String> = model
+                .arguments()
+                .iter()
+                .map(|argument| format!("psi({argument})"))
+                .filter(is_modelled)
+                .collect();
+            if energies.is_empty() {
+                continue;
+            }
             let part = format!("{} of {}", energies.join(" + "), model.name());
             if !parts.contains(&part) {
                 parts.push(part);

@@ -61,6 +61,14 @@ impl Selection {
         self.sets.iter().map(|set| set.sum(residual, d)).collect()
     }
 
+    /// Of each set the mean displacement by the points' volumes, of displacements `n x d` in m.
+    pub fn means(&self, u: &[f64], volumes: &[f64], d: usize) -> Vec<Vec<f64>> {
+        let along = |set: &PointSet, axis: usize| {
+            set.points.iter().fold(0.0, |sum, p| sum + volumes[*p] * u[d * p + axis]) / set.volume
+        };
+        self.sets.iter().map(|set| (0..d).map(|axis| along(set, axis)).collect()).collect()
+    }
+
     /// Of each probe the displacement of its point, of displacements `n x d` in m.
     pub fn displacements(&self, u: &[f64], d: usize) -> Vec<Vec<f64>> {
         let own = |probe: &ProbePoint| u[d * probe.point..d * (probe.point + 1)].to_vec();

@@ -1,20 +1,18 @@
 //! A whole run: load steps, and everything they leave in the output folder.
 
 mod frames;
+mod told;
 
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 
 use piola_mechanics::energy::{Energy, Total};
-use piola_mechanics::interaction::{Inverted, Report};
+use piola_mechanics::interaction::Inverted;
 use piola_mechanics::matrix::BlockPattern;
 use piola_output::fracture::FractureTable;
 use piola_output::picture::{Charts, Picture};
 use piola_output::pvd::FrameSeries;
-use piola_output::summary::{
-    ExitReason, InteractionCounts, MEMORY_SOURCE, Number, PhaseClock, SolverSummary, Summary,
-    memory, scene_hash, step_summaries, versions,
-};
+use piola_output::summary::{ExitReason, PhaseClock, step_summaries};
 use piola_output::{
     Definiteness, Frame, History, OutputError, OutputFile, OutputFolder, Points, table,
 };
@@ -37,6 +35,8 @@ use crate::scene::{Scene, Unstable};
 use super::point_fields::PointFields;
 use super::tracks::Tracks;
 use super::{breaking, motion};
+use told::solver_summary;
+pub(super) use told::{hash, summary};
 
 /// What a run is told beside the scene.
 #[derive(Clone, Debug, Default)]
@@ -133,9 +133,12 @@ pub fn run(
     folder.write(OutputFile::ResolvedScene, resolved.as_bytes())?;
     enter(&mut clock, watch, "solve");
     let drive = SceneDrive::new(&boundary, &fields);
-    let points = Points::of(&case.body).with_mesh(case.mesh.clone());
+    let points = Points::of(&case.body)
+        .with_mesh(case.mesh.clone())
+        .with_held(&case.body, boundary.fixed_dofs());
     let fields = PointFields { case, energy: &energy, selection: &selection, masses: None };
-    let mut recorder = Recorder::new(fields, folder, &points, clock)?;
+    let at_rest = residual_at_rest(&energy, &drive, points.positions.len());
+    let mut recorder = Recorder::new(fields, folder, &points, clock, at_rest)?;
     let result = run_steps(&energy, &drive, &settings(&case.scene), watch, &mut |record, state| {
         recorder.record(record, state)
     });
@@ -155,6 +158,16 @@ pub fn run(
 pub(super) fn enter(clock: &mut PhaseClock, watch: &Watch, phase: &'static str) {
     clock.enter(phase);
     watch.notice(Event::Phase(phase));
+}
+
+/// `dE/du` minus the loads of the body at rest, in N, where they are finite.
+fn residual_at_rest(energy: &Total<'_>, drive: &SceneDrive<'_>, n: usize) -> Option<Vec<f64>> {
+    let (mut forces, mut loads) = (vec![0.0; n], vec![0.0; n]);
+    drive.begin(0.0).ok()?;
+    drive.loads(0.0, &mut loads);
+    energy.forces(&vec![0.0; n], &mut forces).ok()?;
+    let residual: Vec<f64> = forces.iter().zip(&loads).map(|(force, load)| force - load).collect();
+    residual.iter().all(|x| x.is_finite()).then_some(residual)
 }
 
 /// Refuses a body that can move without force.
@@ -292,32 +305,6 @@ fn idle_choices(scene: &Scene, outcome: &steps::Outcome) -> Vec<String> {
     found
 }
 
-fn solver_summary(outcome: &steps::Outcome, find: Find) -> SolverSummary {
-    let (linear, counters) = (&outcome.linear, outcome.counters);
-    if find == Find::Relaxation {
-        return SolverSummary {
-            linear: "none".to_string(),
-            linear_reason: "equilibria are found by relaxation".to_string(),
-            preconditioner: None,
-            linear_iterations: 0,
-            linear_solves: 0,
-            factorizations: 0,
-            tangents: counters.tangents,
-            gradients: counters.gradients,
-        };
-    }
-    SolverSummary {
-        linear: linear.method.name().to_string(),
-        linear_reason: linear.reason.clone(),
-        preconditioner: linear.preconditioner.clone(),
-        linear_iterations: linear.iterations,
-        linear_solves: counters.linear_solves,
-        factorizations: counters.factorizations,
-        tangents: counters.tangents,
-        gradients: counters.gradients,
-    }
-}
-
 /// How the steps ended, and what they left.
 fn ending(
     case: &Case,
@@ -400,17 +387,19 @@ impl<'a> Recorder<'a> {
         folder: &'a OutputFolder,
         points: &'a Points,
         clock: PhaseClock,
+        at_rest: Option<Vec<f64>>,
     ) -> Result<Recorder<'a>, OutputError> {
         let PointFields { case, energy, selection, .. } = fields;
         let mut frames = FrameSeries::new(folder, points)?;
         let zero = vec![0.0; points.positions.len()];
-        let mut last = frame(case, 0.0, &zero, &zero);
+        let mut last = frame(case, 0.0, &zero, at_rest.as_ref().unwrap_or(&zero));
         fields.fill(&mut last);
         frames.push(&last)?;
         let sets = selection.sets.iter().map(|set| set.name.clone()).collect();
         let probes = selection.probes.iter().map(|probe| probe.name.clone()).collect();
         let parts = energy.parts().to_vec();
         let mut history = History::new(case.body.dimension(), parts, sets, probes);
+        history.at_rest = at_rest.map(|at| selection.reactions(&at, case.body.dimension()));
         let tracks = Tracks::new(case, energy, selection, false);
         let table = |tracks: &Tracks<'_>| FractureTable {
             columns: tracks.columns(),
@@ -447,6 +436,8 @@ impl<'a> Recorder<'a> {
             residual_over_reaction: record.residual_over_reaction.clone(),
             energy_parts: record.energy_parts.clone(),
             reactions: selection.reactions(&residual, d),
+            forces: selection.reactions(state.internal_forces, d),
+            moved: selection.means(state.displacements, case.body.volumes(), d),
             probes: selection.displacements(state.displacements, d),
             definiteness: Definiteness {
                 positive_definite: record.definiteness.positive_definite,
@@ -502,8 +493,7 @@ impl<'a> Recorder<'a> {
         }
         let displacement = body.to_user_order(&outcome.displacements, body.dimension());
         table::write_displacement(self.folder, self.points, &displacement)?;
-        let mut summary =
-            summary(case, energy, ending, options.warnings, resolved, &mut self.clock);
+        let mut summary = summary(case, energy, (ending, options), resolved, &mut self.clock);
         summary.solver = Some(solver_summary(outcome, case.scene.steps.find));
         summary.steps = step_summaries(&self.history);
         // Before the picture: that takes longer, and is the smaller loss.
@@ -518,7 +508,7 @@ impl<'a> Recorder<'a> {
             Find::Relaxation => "hundreds of steps",
         };
         let (sets, colour) = (self.fields.named_sets(), self.fields.colour(&self.last));
-        let title = &self.fields.case.headline(title);
+        let title = &self.fields.case.headline(title, self.fields.energy.parts());
         let picture = Picture {
             title,
             points: self.points,
@@ -528,58 +518,6 @@ impl<'a> Recorder<'a> {
             charts: Charts::Steps(&self.history, scene.solver.tolerance, entry),
         };
         picture.write(self.folder)
-    }
-}
-
-/// The name of what is run.
-pub(super) fn hash(case: &Case, resolved: &str) -> String {
-    let content = case.content.map(|content| format!("{content:016x}"));
-    let potentials = case.potentials.iter().map(|potential| potential.text.text.as_str());
-    scene_hash(resolved, potentials.chain(content.as_deref()))
-}
-
-/// What the summaries of all runs have.
-pub(super) fn summary(
-    case: &Case,
-    energy: &Total<'_>,
-    ending: &Ending,
-    mut warnings: Vec<String>,
-    resolved: &str,
-    clock: &mut PhaseClock,
-) -> Summary {
-    clock.leave();
-    let (report, body) = (energy.report(), &case.body);
-    warnings.extend(ending.warnings.iter().cloned());
-    Summary {
-        versions: versions(),
-        scene_hash: hash(case, resolved),
-        exit_reason: ending.reason,
-        exit_message: ending.message.clone(),
-        dimension: body.dimension(),
-        points: body.n_points(),
-        interactions: interactions(&report),
-        dropped: InteractionCounts {
-            bonds: 0,
-            triangles: report.dropped_triangles as usize,
-            tetrahedra: report.dropped_tetrahedra as usize,
-        },
-        warnings,
-        solver: None,
-        motion: None,
-        threads: rayon::current_num_threads(),
-        wall_seconds: Number(clock.wall_seconds()),
-        phases: clock.phases().to_vec(),
-        peak_memory_bytes: memory().map(|memory| memory.peak),
-        memory_source: MEMORY_SOURCE,
-        steps: Vec::new(),
-    }
-}
-
-fn interactions(report: &Report) -> InteractionCounts {
-    InteractionCounts {
-        bonds: report.bonds as usize,
-        triangles: report.triangles as usize,
-        tetrahedra: report.tetrahedra as usize,
     }
 }
 

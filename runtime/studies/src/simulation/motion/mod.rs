@@ -14,7 +14,7 @@ use piola_output::summary::{ExitReason, PhaseClock};
 use piola_output::{OutputError, OutputFile, OutputFolder, Points};
 use piola_solvers::Watch;
 use piola_solvers::march::{Advance, March as _};
-use piola_solvers::motion::{self, Method, MotionError, Snapshot};
+use piola_solvers::motion::{self, Method, MotionDrive as _, MotionError, Snapshot};
 
 use super::run::{Ending, RunError, RunOptions, enter, hash, summary};
 use crate::case::{Case, CaseError};
@@ -70,7 +70,8 @@ fn follow(
     // From here on there is something to keep.
     folder.write(OutputFile::ResolvedScene, resolved.as_bytes())?;
     enter(&mut clock, watch, "move");
-    let points = Points::of(&case.body).with_mesh(case.mesh.clone());
+    let points =
+        Points::of(&case.body).with_mesh(case.mesh.clone()).with_held(&case.body, &drive.fixed());
     let fields = PointFields { case, energy, selection, masses: Some(masses) };
     let run = recorder::Run { fields, tracks, folder, points: &points };
     let known = recorder::header(options.origin, &hash);
@@ -118,10 +119,11 @@ fn follow(
         warnings,
     };
     let told = recorder.summary(&motion, masses, scene);
-    let summary = summary(case, energy, &ending, options.warnings, &resolved, &mut clock);
+    let title = options.title;
+    let summary = summary(case, energy, (&ending, options), &resolved, &mut clock);
     piola_output::summary::Summary { motion: told, ..summary }.write(folder)?;
     // The picture comes last: it takes longest, and is the smallest loss.
-    recorder.finish(options.title)?;
+    recorder.finish(title)?;
     if reason == ExitReason::Completed {
         folder.remove(OutputFile::Checkpoint)?;
     }

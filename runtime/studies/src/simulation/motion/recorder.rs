@@ -319,7 +319,7 @@ impl<'a> Recorder<'a> {
         let columns = self.fields.columns(self.tracks.as_ref());
         let [energies, probes] = MotionTables::series(self.folder, &columns)?;
         let (sets, colour) = (self.fields.named_sets(), self.fields.colour(&last));
-        let title = &self.fields.case.headline(title);
+        let title = &self.fields.case.headline(title, self.fields.energy.parts());
         let picture = Picture {
             title,
             points: self.points,

@@ -36,13 +36,11 @@ impl Recorder<'_> {
         self.frames.push(&self.last)
     }
 
-    /// A body that breaks, or is followed on its way, may end anywhere, cut through or where nothing more is
-    /// found: its last state is a frame in any case, where frames are wanted.
+    /// A run may end anywhere, cut through or where nothing more is found: its last state is a frame in any
+    /// case, where frames are wanted.
     pub(super) fn write_last_frame(&mut self) -> Result<(), OutputError> {
-        let breaks = self.history.steps.last().is_some_and(|step| step.broken.is_some())
-            || self.fields.case.scene.steps.control != Control::Load;
         let is_written = self.framed == self.history.steps.len();
-        match breaks && !is_written && self.fields.case.scene.output.frames > 0 {
+        match !is_written && self.fields.case.scene.output.frames > 0 {
             true => self.push_frame(),
             false => Ok(()),
         }

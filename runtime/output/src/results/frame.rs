@@ -1,12 +1,12 @@
-//! Frames read back from `.vtu` files of piola: points, displacements and what is known of points.
+//! Frames read back from `.vtu` files of piola: points, displacements, what is known of points, cells.
 
 use std::collections::BTreeMap;
 use std::io::Read as _;
-use std::path::Path;
 
 use flate2::read::ZlibDecoder;
+use piola_meshes::Shape;
 
-use super::ReportError;
+use crate::vtu::shape_of;
 
 /// What begins the arrays of a file, behind its header.
 const START: &[u8] = b"<AppendedData encoding=\"raw\">\n_";
@@ -15,30 +15,22 @@ const START: &[u8] = b"<AppendedData encoding=\"raw\">\n_";
 const MOST_BYTES: u64 = 1 << 32;
 
 /// An array over points.
-pub(super) struct Array {
-    pub(super) name: String,
-    pub(super) components: usize,
-    pub(super) values: Vec<f64>,
+pub(crate) struct Array {
+    pub(crate) name: String,
+    pub(crate) components: usize,
+    pub(crate) values: Vec<f64>,
 }
 
 /// A frame.
-pub(super) struct Read {
-    pub(super) positions: Vec<f64>,
+pub(crate) struct ReadFrame {
+    /// At rest, three numbers in m each.
+    pub(crate) positions: Vec<f64>,
     /// Displacement first.
-    pub(super) arrays: Vec<Array>,
+    pub(crate) arrays: Vec<Array>,
 }
 
-/// The points of a frame and their arrays.
-pub(super) fn read(path: &Path) -> Result<Read, ReportError> {
-    let bytes = std::fs::read(path).map_err(|error| ReportError::unreadable(path, &error))?;
-    decode(&bytes).ok_or_else(|| ReportError::Broken { path: path.to_owned() })
-}
-
-/// Corners of what is seen of the cells of a frame of so many points, four each; of a triangle the last twice.
-pub(super) fn faces(path: &Path, n: usize) -> Result<Vec<[u32; 4]>, ReportError> {
-    let bytes = std::fs::read(path).map_err(|error| ReportError::unreadable(path, &error))?;
-    decode_faces(&bytes, n).ok_or_else(|| ReportError::Broken { path: path.to_owned() })
-}
+/// Cells: what each is, and its corners one after the other.
+pub(crate) type ReadCells = Vec<(Shape, Vec<u32>)>;
 
 /// The header of a file, and its arrays.
 fn halves(bytes: &[u8]) -> Option<(&str, &[u8])> {
@@ -51,7 +43,8 @@ fn between<'h>(header: &'h str, open: &str, close: &str) -> Option<&'h str> {
     Some(header.split_once(open)?.1.split_once(close)?.0)
 }
 
-fn decode(bytes: &[u8]) -> Option<Read> {
+/// The points of a file and their arrays.
+pub(crate) fn decode(bytes: &[u8]) -> Option<ReadFrame> {
     let (header, appended) = halves(bytes)?;
     let arrays = |part: &str| -> Option<Vec<Array>> {
         part.split("<DataArray ").skip(1).map(|tag| array(tag, appended)).collect()
@@ -62,25 +55,15 @@ fn decode(bytes: &[u8]) -> Option<Read> {
         array.components > 0 && array.values.len() * 3 == positions.len() * array.components
     };
     arrays.first().filter(|first| first.name == "displacement" && first.components == 3)?;
-    arrays.iter().all(fits).then_some(Read { positions, arrays })
+    arrays.iter().all(fits).then_some(ReadFrame { positions, arrays })
 }
 
-/// Faces of a cell by its corners, as VTK numbers them.
-fn faces_of(kind: u8) -> &'static [[usize; 4]] {
-    match kind {
-        5 => &[[0, 1, 2, 2]],
-        9 => &[[0, 1, 2, 3]],
-        10 => &[[0, 2, 1, 1], [0, 1, 3, 3], [1, 2, 3, 3], [0, 3, 2, 2]],
-        12 => &[[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]],
-        13 => &[[0, 1, 2, 2], [3, 5, 4, 4], [0, 3, 4, 1], [1, 4, 5, 2], [2, 5, 3, 0]],
-        14 => &[[0, 3, 2, 1], [0, 1, 4, 4], [1, 2, 4, 4], [2, 3, 4, 4], [3, 0, 4, 4]],
-        _ => &[],
-    }
-}
-
-/// The faces of all cells but those between two of them.
-fn decode_faces(bytes: &[u8], n: usize) -> Option<Vec<[u32; 4]>> {
+/// The positions of a file and its cells but single points.
+pub(crate) fn decode_cells(bytes: &[u8]) -> Option<(Vec<f64>, ReadCells)> {
     let (header, appended) = halves(bytes)?;
+    let points = between(header, "<Points>", "</Points>")?;
+    let positions = array(points.split("<DataArray ").nth(1)?, appended)?.values;
+    let n = positions.len() / 3;
     let part = between(header, "<Cells>", "</Cells>")?;
     let raw = |name: &str| {
         let (_, tag) = part.split_once(&format!("Name=\"{name}\""))?;
@@ -92,16 +75,44 @@ fn decode_faces(bytes: &[u8], n: usize) -> Option<Vec<[u32; 4]>> {
         raw(name)?.chunks_exact(8).map(eight).collect()
     };
     let (corners, ends, kinds) = (numbers("connectivity")?, numbers("offsets")?, raw("types")?);
-    let mut seen: BTreeMap<[u32; 4], Option<[u32; 4]>> = BTreeMap::new();
+    let mut cells = Vec::new();
     let mut start = 0;
     for (end, kind) in ends.into_iter().zip(kinds) {
-        let cell = corners.get(start..end)?;
+        let own = corners.get(start..end)?;
         start = end;
-        for face in faces_of(kind) {
-            let mut own = [0; 4];
-            for (corner, k) in own.iter_mut().zip(face) {
-                *corner = cell.get(*k).filter(|point| **point < n).map(|point| *point as u32)?;
-            }
+        let shape = shape_of(kind)?;
+        if shape == Shape::Point {
+            continue;
+        }
+        let is_whole = own.len() == shape.n_corners() && own.iter().all(|corner| *corner < n);
+        let own = own.iter().map(|corner| *corner as u32).collect();
+        cells.push(is_whole.then_some((shape, own))?);
+    }
+    Some((positions, cells))
+}
+
+/// Faces of a cell by its corners, as VTK numbers them.
+fn faces_of(shape: Shape) -> &'static [[usize; 4]] {
+    match shape {
+        Shape::Point | Shape::Line => &[],
+        Shape::Triangle => &[[0, 1, 2, 2]],
+        Shape::Quadrilateral => &[[0, 1, 2, 3]],
+        Shape::Tetrahedron => &[[0, 2, 1, 1], [0, 1, 3, 3], [1, 2, 3, 3], [0, 3, 2, 2]],
+        Shape::Hexahedron => {
+            &[[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
+        }
+        Shape::Wedge => &[[0, 1, 2, 2], [3, 5, 4, 4], [0, 3, 4, 1], [1, 4, 5, 2], [2, 5, 3, 0]],
+        Shape::Pyramid => &[[0, 3, 2, 1], [0, 1, 4, 4], [1, 2, 4, 4], [2, 3, 4, 4], [3, 0, 4, 4]],
+    }
+}
+
+/// The faces of all cells but those between two of them, four corners each; of a triangle the last twice.
+pub(crate) fn decode_faces(bytes: &[u8]) -> Option<Vec<[u32; 4]>> {
+    let (_, cells) = decode_cells(bytes)?;
+    let mut seen: BTreeMap<[u32; 4], Option<[u32; 4]>> = BTreeMap::new();
+    for (shape, corners) in cells {
+        for face in faces_of(shape) {
+            let own = face.map(|k| corners[k]);
             let mut key = own;
             key.sort_unstable();
             seen.entry(key).and_modify(|face| *face = None).or_insert(Some(own));
@@ -172,6 +183,7 @@ mod tests {
                 spacing: Some(1.0),
                 cells,
                 mesh: None,
+                held: Vec::new(),
             };
             let frame = Frame {
                 t: 0.0,
@@ -180,7 +192,7 @@ mod tests {
                 velocity: Vec::new(),
                 fields: Vec::new(),
             };
-            (decode_faces(&encode_vtu(&points, &frame), n).unwrap(), points.positions)
+            (decode_faces(&encode_vtu(&points, &frame)).unwrap(), points.positions)
         };
         assert_eq!(lattice([2, 2, 2]).0.len(), 6);
         // Two by three by four cells: 2 (2*3 + 3*4 + 2*4) faces.
@@ -207,6 +219,7 @@ mod tests {
             spacing: None,
             cells: Vec::new(),
             mesh: None,
+            held: Vec::new(),
         };
         let frame = Frame {
             t: 0.5,
@@ -218,7 +231,7 @@ mod tests {
         let bytes = encode_vtu(&points, &frame);
         let read = decode(&bytes).unwrap();
         assert_eq!(read.positions, [0.0, 1.0, 0.0, 2.0, 3.0, 0.0]);
-        assert!(decode_faces(&bytes, 2).unwrap().is_empty());
+        assert!(decode_faces(&bytes).unwrap().is_empty());
         assert_eq!(read.arrays[0].name, "displacement");
         assert_eq!(read.arrays[0].values, [0.1, 0.2, 0.0, 0.3, 0.4, 0.0]);
         let last = read.arrays.last().unwrap();

@@ -1,0 +1,93 @@
+//! What `summary.json` tells of a run.
+
+use piola_mechanics::energy::{Energy as _, Total};
+use piola_mechanics::interaction::Report;
+use piola_output::summary::{
+    InteractionCounts, MEMORY_SOURCE, Number, PhaseClock, SolverSummary, Summary, memory,
+    scene_hash, versions,
+};
+use piola_solvers::steps::{self, Find};
+
+use super::{Ending, RunOptions};
+use crate::case::Case;
+
+/// The name of what is run.
+pub(in crate::simulation) fn hash(case: &Case, resolved: &str) -> String {
+    let content = case.content.map(|content| format!("{content:016x}"));
+    let potentials = case.potentials.iter().map(|potential| potential.text.text.as_str());
+    scene_hash(resolved, potentials.chain(content.as_deref()))
+}
+
+/// What the summaries of all runs have.
+pub(in crate::simulation) fn summary(
+    case: &Case,
+    energy: &Total<'_>,
+    (ending, options): (&Ending, RunOptions<'_>),
+    resolved: &str,
+    clock: &mut PhaseClock,
+) -> Summary {
+    clock.leave();
+    let (report, body) = (energy.report(), &case.body);
+    let mut warnings = options.warnings;
+    warnings.extend(ending.warnings.iter().cloned());
+    Summary {
+        versions: versions(),
+        title: case.headline(options.title, energy.parts()),
+        scene_hash: hash(case, resolved),
+        exit_reason: ending.reason,
+        exit_message: ending.message.clone(),
+        dimension: body.dimension(),
+        points: body.n_points(),
+        spacing: body.spacing().map(Number),
+        interactions: interactions(&report),
+        dropped: InteractionCounts {
+            bonds: 0,
+            triangles: report.dropped_triangles as usize,
+            tetrahedra: report.dropped_tetrahedra as usize,
+        },
+        warnings,
+        solver: None,
+        motion: None,
+        threads: rayon::current_num_threads(),
+        wall_seconds: Number(clock.wall_seconds()),
+        phases: clock.phases().to_vec(),
+        peak_memory_bytes: memory().map(|memory| memory.peak),
+        memory_source: MEMORY_SOURCE,
+        steps: Vec::new(),
+    }
+}
+
+fn interactions(report: &Report) -> InteractionCounts {
+    InteractionCounts {
+        bonds: report.bonds as usize,
+        triangles: report.triangles as usize,
+        tetrahedra: report.tetrahedra as usize,
+    }
+}
+
+/// How the equations of load steps were solved.
+pub(super) fn solver_summary(outcome: &steps::Outcome, find: Find) -> SolverSummary {
+    let (linear, counters) = (&outcome.linear, outcome.counters);
+    if find == Find::Relaxation {
+        return SolverSummary {
+            linear: "none".to_string(),
+            linear_reason: "equilibria are found by relaxation".to_string(),
+            preconditioner: None,
+            linear_iterations: 0,
+            linear_solves: 0,
+            factorizations: 0,
+            tangents: counters.tangents,
+            gradients: counters.gradients,
+        };
+    }
+    SolverSummary {
+        linear: linear.method.name().to_string(),
+        linear_reason: linear.reason.clone(),
+        preconditioner: linear.preconditioner.clone(),
+        linear_iterations: linear.iterations,
+        linear_solves: counters.linear_solves,
+        factorizations: counters.factorizations,
+        tangents: counters.tangents,
+        gradients: counters.gradients,
+    }
+}

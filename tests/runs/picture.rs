@@ -87,7 +87,7 @@ fn the_body_is_drawn_at_any_time_by_any_field() {
         (&["--field", "stress_xx"], ["t = 1", "stress_xx", "Pa)"]),
         (&["--field", "stress"], ["t = 1", "|stress|", "Pa)"]),
         (&["--field", "von_mises", "--at", "-1"], ["t = 0", "von_mises", "Pa)"]),
-        (&["--field", "residual_y"], ["residual_y", "N)", "200 points"]),
+        (&["--field", "residual_y"], ["residual_y", "N)", "120 points"]),
     ] {
         let svg = drawn(arguments);
         for label in labels {

@@ -90,7 +90,7 @@ fn a_page_has_the_body_at_all_times_and_needs_nothing_else() {
         .iter()
         .map(|field| field["name"].as_str().unwrap())
         .collect();
-    assert_eq!(names, ["displacement", "residual", "volume"]);
+    assert_eq!(names, ["displacement", "residual", "volume", "held"]);
 }
 
 #[test]

@@ -6,6 +6,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
+use piola_grammar::counted;
 use piola_runtime::solve::newton::{NewtonError, NewtonFailure};
 use piola_runtime::solve::steps::StepRecord;
 use piola_runtime::solve::{Event, Observer};
@@ -205,8 +206,9 @@ impl Progress {
             _ => "",
         };
         let line = format!(
-            "t = {:.6}: {} iterations, residual/reaction {ratio:.1e}{stable}",
-            record.t, record.iterations
+            "t = {:.6}: {}, residual/reaction {ratio:.1e}{stable}",
+            record.t,
+            counted(record.iterations, "iteration")
         );
         match &self.bar {
             Some(bar) => {

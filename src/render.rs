@@ -31,7 +31,9 @@ fn report<'a>(source: Source<'a>, diagnostic: &'a Diagnostic) -> Vec<Group<'a>> 
         Severity::Error => Level::ERROR,
         Severity::Warning => Level::WARNING,
     };
-    let mut snippet = Snippet::source(source.text).path(source.name);
+    // What `--set` was given is the text that is shown: it is no name of a file.
+    let name = if source.name.starts_with("--set ") { "--set" } else { source.name };
+    let mut snippet = Snippet::source(source.text).path(name);
     let primary = AnnotationKind::Primary.span(visible(source.text, diagnostic.span.range()));
     snippet = snippet.annotation(if diagnostic.label.is_empty() {
         primary

@@ -4,6 +4,7 @@ use piola_grammar::names::entry;
 use piola_grammar::suggest;
 
 use crate::check::dimension::Dimension;
+use crate::check::in_unit::unit_help;
 use crate::check::unit::named_unit;
 use crate::expression::Input;
 use crate::expression::interpret::Interpreter;
@@ -240,7 +241,7 @@ impl Model {
         ValueError {
             code: "unknown-parameter",
             parameter: name.to_string(),
-            message: format!("`{}` has no parameter `{name}`", self.name),
+            message: format!("the potential `{}` has no parameter `{name}`", self.name),
             help,
         }
     }
@@ -278,8 +279,7 @@ impl Model {
                                         \"200*(1 + X) in GPa\"";
                             return error("not-a-number", message, help.to_string());
                         }
-                        let help = "units are products of powers such as J/m^4".to_string();
-                        error("unknown-unit", format!("unknown unit `{unit}`"), help)
+                        error("unknown-unit", format!("unknown unit `{unit}`"), unit_help(unit))
                     })?;
                     if dimension != own.dimension {
                         let message = format!(
@@ -287,10 +287,9 @@ impl Model {
                             dimension.describe(),
                             own.dimension.describe()
                         );
-                        let help = format!(
-                            "write \"{value} {}\", or another unit of that kind",
-                            own.dimension.unit()
-                        );
+                        let like = parameter.unit.clone().unwrap_or(own.dimension.unit());
+                        let help =
+                            format!("write the value in `{like}`, or in another unit of that kind");
                         return Err(error("dimension-mismatch", message, help));
                     }
                     value * (scale / own.scale)
@@ -414,7 +413,7 @@ pub fn quantity(name: &str, text: &str, like: &str) -> Result<f64, ValueError> {
         return Ok(value);
     }
     let (dimension, scale) = unit_product(unit)
-        .ok_or_else(|| error("unknown-unit", format!("unknown unit `{unit}`"), example()))?;
+        .ok_or_else(|| error("unknown-unit", format!("unknown unit `{unit}`"), unit_help(unit)))?;
     match unit_product(like) {
         Some((wanted, _)) if wanted != dimension => {
             let (found, wanted) = (dimension.describe(), wanted.describe());

@@ -50,5 +50,5 @@ pub use parse::{
 pub use print::{print, print_expression, print_unit};
 pub use same::{same_expression, same_tree};
 pub use span::Span;
-pub use suggest::suggest;
+pub use suggest::{counted, suggest};
 pub use tokens::{Token, TokenKind, statements, tokens};

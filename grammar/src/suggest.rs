@@ -47,6 +47,11 @@ fn distance(from: &[char], to: &[char]) -> usize {
     last[to.len()]
 }
 
+/// So many of something, in words: `1 step`, `3 steps`.
+pub fn counted(n: usize, what: &str) -> String {
+    if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -178,13 +178,11 @@ fn report(case: &Case, ending: &Ending, folder: &OutputFolder, signal: Option<Si
     }
     let path = folder.path().display();
     let is_motion = case.scene.motion.is_some();
+    let helps = ending.helps.iter().map(String::as_str);
     match ending.reason {
         ExitReason::Completed if ending.fails => render::error(
             "the end state is not stable: its tangent is not positive definite, so no body stays in it",
-            [
-                "follow the load in smaller steps, or look at psi'' and the coefficients: `piola moduli`",
-                "if such states are what the scene is about: unstable = \"accept\" in [solver]",
-            ],
+            helps,
         ),
         ExitReason::Completed => {
             console::tell(&format!(
@@ -195,12 +193,14 @@ fn report(case: &Case, ending: &Ending, folder: &OutputFolder, signal: Option<Si
             return Exit::Done;
         }
         ExitReason::Interrupted => render::warning(&ending.message),
-        _ => render::error(&ending.message, None),
+        _ => render::error(&ending.message, helps),
     }
-    match is_motion {
-        true => console::tell(&format!("{} are in {path}", ending.done)),
-        false => console::tell(&format!("the {} steps that converged are in {path}", ending.steps)),
-    }
+    console::tell(&match (is_motion, ending.steps) {
+        (true, _) => format!("{} are in {path}", ending.done),
+        (false, 0) => format!("no step converged; what was tried is in {path}"),
+        (false, 1) => format!("the step that converged is in {path}"),
+        (false, n) => format!("the {n} steps that converged are in {path}"),
+    });
     match (ending.reason, signal) {
         (ExitReason::Completed, _) => Exit::Findings,
         (ExitReason::Interrupted, Some(Signal::Terminate)) => Exit::Terminated,

@@ -8,6 +8,7 @@ use piola_runtime::scene::boundary::BoundaryConditions;
 use super::Exit;
 use crate::cli::Format;
 use crate::library;
+use crate::potential::with_meant;
 use crate::render::{self, Printer, Source};
 
 /// Reads a scene and prints what is wrong with it, or what its user should know.
@@ -98,6 +99,10 @@ fn print_case_error(error: &CaseError, path: &std::path::Path, printer: &mut Pri
         CaseError::Scene(report) => print_findings(report, printer),
         CaseError::Text { name, text, diagnostics } => {
             printer.print(Source { name, text }, diagnostics);
+        }
+        CaseError::Unreadable { path: file, .. } => {
+            let found = with_meant(error.unplaced(), std::path::Path::new(file));
+            printer.unplaced(&path.display().to_string(), &found);
         }
         _ => printer.unplaced(&path.display().to_string(), &error.unplaced()),
     }

@@ -82,16 +82,27 @@ impl Elaborator<'_> {
 pub(crate) fn unknown_unit(name: &str, span: Span) -> Diagnostic {
     let error = Diagnostic::error("unknown-unit", span, format!("unknown unit `{name}`"))
         .label("not a unit");
+    error.help(help_of(name))
+}
+
+/// What may be meant by a unit that is not understood, of the first of its names that is none.
+pub(crate) fn unit_help(unit: &str) -> String {
+    let mut names =
+        unit.split(|c: char| !c.is_alphabetic() && c != '\'').filter(|name| !name.is_empty());
+    help_of(names.find(|name| named_unit(name).is_none()).unwrap_or(unit))
+}
+
+fn help_of(name: &str) -> String {
     if let Some((first, second)) = product_of_units(name) {
-        return error.help(format!("a product is written with `*`: `{first}*{second}`"));
+        return format!("a product is written with `*`: `{first}*{second}`");
     }
     match suggest(name, unit_names()) {
-        Some(near) => error.help(format!("did you mean `{near}`?")),
-        None => error.help(format!(
+        Some(near) => format!("did you mean `{near}`?"),
+        None => format!(
             "units are products of powers of {}, each with a prefix out of {}",
             base_units().join(", "),
             prefixes().join(" ")
-        )),
+        ),
     }
 }
 

@@ -23,7 +23,7 @@ mod entries;
 mod foreign;
 mod gathered;
 mod imports;
-mod in_unit;
+pub(crate) mod in_unit;
 mod invariants;
 pub(crate) mod names;
 mod orders;

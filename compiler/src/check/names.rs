@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use piola_grammar::ast::{Arena, Ast, ExprId, ExprKind, Ident, Statement, Unit};
 use piola_grammar::names::{BINARY_FUNCTIONS, UNARY_FUNCTIONS};
-use piola_grammar::{Diagnostic, Span, suggest};
+use piola_grammar::{Diagnostic, Span, counted, suggest};
 
 use super::MAX_FINDINGS;
 use super::dissipation;
@@ -482,10 +482,6 @@ impl Checker<'_> {
 
 fn builtin_arity(name: &str) -> usize {
     if Operator::named(name).is_some() { 2 } else { 1 }
-}
-
-fn counted(n: usize, what: &str) -> String {
-    if n == 1 { format!("1 {what}") } else { format!("{n} {what}s") }
 }
 
 fn not_called(name: &str, arity: usize, span: Span) -> Diagnostic {

@@ -359,7 +359,13 @@ impl<'a> Newton<'a> {
         // Within rounding, but it may fall further.
         match previous {
             Some(previous) if residual >= 0.5 * previous => {
-                Err(NewtonFailure::RoundingFloor { residual, floor })
+                let tolerance = self.settings.tolerance;
+                Err(NewtonFailure::RoundingFloor {
+                    residual,
+                    floor,
+                    tolerance,
+                    within: floor / force,
+                })
             }
             _ => Ok(false),
         }

@@ -58,14 +58,18 @@ pub enum NewtonFailure {
     },
     /// The residual has reached what rounding permits, above the tolerance.
     #[error(
-        "the residual {residual:.2e} N has reached its rounding floor ({floor:.1e} N), above the tolerance: \
-         the tolerance is smaller than double precision allows here"
+        "the tolerance {tolerance:.1e} is below what rounding leaves of the forces here, {within:.0e}: the residual \
+         {residual:.2e} N is at its rounding floor of {floor:.1e} N"
     )]
     RoundingFloor {
         /// 2-norm of the free residual in N.
         residual: f64,
         /// Estimated rounding error of the residual in N.
         floor: f64,
+        /// What was asked for, over the forces.
+        tolerance: f64,
+        /// The rounding error over the forces.
+        within: f64,
     },
     /// No part of the Newton step decreases the potential or the residual.
     #[error("no part of the Newton step lowers the potential or the residual{}", indefinite(*.negative_pivots))]
@@ -115,7 +119,8 @@ impl From<LinearError> for NewtonFailure {
 fn indefinite(negative_pivots: Option<usize>) -> String {
     match negative_pivots {
         Some(n) if n > 0 => {
-            format!("; the tangent has {n} negative eigenvalues: the state is unstable")
+            let s = if n == 1 { "" } else { "s" };
+            format!("; the tangent has {n} negative eigenvalue{s}: the state is unstable")
         }
         _ => String::new(),
     }

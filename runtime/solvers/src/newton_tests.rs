@@ -153,7 +153,9 @@ fn a_tolerance_below_rounding_is_a_typed_error() {
     let (network, fixed, mut u) = pulled(&[8, 7], 0.1);
     let loads = vec![0.0; u.len()];
     let error = newton(&network, &fixed, 1e-18).solve(&mut u, &loads).unwrap_err();
-    let NewtonFailure::RoundingFloor { residual, floor } = error.failure else { panic!("{error}") };
+    let NewtonFailure::RoundingFloor { residual, floor, .. } = error.failure else {
+        panic!("{error}")
+    };
     assert!(residual <= floor);
     let ratios = &error.history.residual_over_reaction;
     assert!(*ratios.last().unwrap() < 1e-14, "{ratios:?}");

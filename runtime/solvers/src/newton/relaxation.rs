@@ -134,7 +134,8 @@ impl Newton<'_> {
             }
             if is_stuck {
                 let floor = super::ROUNDING_MULTIPLE * self.rounding();
-                return Err(NewtonFailure::RoundingFloor { residual, floor });
+                let (tolerance, within) = (self.settings.tolerance, floor / force);
+                return Err(NewtonFailure::RoundingFloor { residual, floor, tolerance, within });
             }
             if done == most {
                 return Err(NewtonFailure::Iterations { limit: most });

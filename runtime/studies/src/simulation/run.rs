@@ -1,11 +1,13 @@
 //! A whole run: load steps, and everything they leave in the output folder.
 
+mod advice;
 mod frames;
 mod told;
 
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 
+use piola_grammar::counted;
 use piola_mechanics::energy::{Energy, Total};
 use piola_mechanics::interaction::Inverted;
 use piola_mechanics::matrix::BlockPattern;
@@ -67,6 +69,8 @@ pub struct Ending {
     pub reason: ExitReason,
     /// The reason in words; empty if all went well.
     pub message: String,
+    /// What may be done about it.
+    pub helps: Vec<String>,
     /// What was done, in words: how many steps of which kind.
     pub done: String,
     /// Converged steps, or steps in time.
@@ -319,22 +323,26 @@ fn ending(
         && history.steps.last().is_some_and(|s| s.definiteness.positive_definite == Some(false));
     let steps = history.steps.len();
     let inverted = history.steps.last().map_or(Inverted::default(), |step| step.inverted);
-    let done = format!("{steps} steps converged");
-    let end = |reason, message| {
-        let warnings = warnings.to_vec();
-        Ending { reason, message, done: done.clone(), steps, indefinite, fails, inverted, warnings }
+    let done = format!("{} converged", counted(steps, "step"));
+    let end = |reason, message, helps| {
+        let (warnings, done) = (warnings.to_vec(), done.clone());
+        Ending { reason, message, helps, done, steps, indefinite, fails, inverted, warnings }
     };
     match result {
         // Only who looks on stops a run whose output could be written.
         Ok(outcome) if outcome.stopped => {
             let t = outcome.records.last().map_or(0.0, |record| record.t);
             let message = format!("interrupted; the last equilibrium is at t = {t}");
-            Ok((end(ExitReason::Interrupted, message), outcome))
+            Ok((end(ExitReason::Interrupted, message, Vec::new()), outcome))
         }
-        Ok(outcome) => Ok((end(ExitReason::Completed, String::new()), outcome)),
+        Ok(outcome) => {
+            let helps = if fails { advice::unstable(history) } else { Vec::new() };
+            Ok((end(ExitReason::Completed, String::new(), helps), outcome))
+        }
         Err(StepError::NotConverged(failure)) => {
             let (reason, message) = failed(case, &failure);
-            Ok((end(reason, message), failure.outcome))
+            let helps = advice::not_found(&case.scene, &failure.cause.failure);
+            Ok((end(reason, message, helps), failure.outcome))
         }
         Err(error) => Err(drive.explain(case, error).into()),
     }

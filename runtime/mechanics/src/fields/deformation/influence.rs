@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::DeformationError;
 use crate::body::Body;
-use crate::neighborhood::Neighborhood;
+use crate::neighborhood::{HORIZON_TOLERANCE, Neighborhood};
 
 /// An influence function `w(L)` of the length of a bond at rest.
 ///
@@ -58,7 +58,9 @@ impl Influence for CubicSpline {
             2 => 40.0 / (7.0 * std::f64::consts::PI * delta * delta),
             _ => 8.0 / (std::f64::consts::PI * delta * delta * delta),
         };
-        let rest = (1.0 - q).max(0.0);
+        // Bonds as long as the horizon to within rounding count nothing, and are not evaluated: the energy of
+        // one may be infinite where those of all that count are not.
+        let rest = if q < 1.0 - HORIZON_TOLERANCE { 1.0 - q } else { 0.0 };
         factor * if q <= 0.5 { 1.0 - 6.0 * q * q * rest } else { 2.0 * rest * rest * rest }
     }
 }
@@ -140,7 +142,10 @@ mod tests {
                 })
                 .sum();
             assert!((integral - 1.0).abs() < 1e-6, "{integral}");
-            assert_eq!(spline.value(0.7 * (1.0 + 1e-7)), 0.0);
+            for rounded in [1.0 + 1e-7, 1.0, 1.0 - 1e-15, 1.0 - 1e-7] {
+                assert_eq!(spline.value(0.7 * rounded), 0.0);
+            }
+            assert!(spline.value(0.7 * (1.0 - 1e-5)) > 0.0);
         }
     }
 }

@@ -9,6 +9,7 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
+use piola_grammar::counted;
 use piola_output::checkpoint::Checkpoint;
 use piola_output::summary::{ExitReason, PhaseClock};
 use piola_output::{OutputError, OutputFile, OutputFolder, Points};
@@ -111,7 +112,8 @@ fn follow(
     let ending = Ending {
         reason,
         message,
-        done: format!("{} steps of {:.6e} s", recorder.steps(), motion.step()),
+        helps: Vec::new(),
+        done: format!("{} of {:.6e} s", counted(recorder.steps(), "step"), motion.step()),
         steps: recorder.steps(),
         indefinite: 0,
         fails: false,

@@ -3,13 +3,16 @@
 //! | module | what |
 //! |---|---|
 //! | [`text`] | open texts and places in them |
+//! | [`beside`] | what takes long, in a thread of its own |
 //! | [`findings`] | diagnostics while typing, and the repairs that their helps name |
 //! | [`potential`] | hover, completion, definitions, names of potentials |
 //! | [`scene`] | the same of scenes |
 //!
 //! One thread answers in the order of the messages. Findings are looked for where no message waits, so that a
-//! keystroke is never behind the one before it, and what is told is always about the text as it is.
+//! keystroke is never behind the one before it, and what is told is always about the text as it is. Lints of
+//! large energies take longer than that: they are looked for beside.
 
+mod beside;
 mod findings;
 mod potential;
 mod scene;
@@ -37,6 +40,7 @@ use lsp_types::{
 
 use crate::command::Exit;
 use crate::render;
+use beside::Beside;
 use text::{Document, Encoding, Kind};
 
 pub(crate) fn execute() -> Exit {
@@ -70,10 +74,10 @@ fn serve(connection: &Connection) -> Result<(), Box<dyn Error + Send + Sync>> {
         encoding,
         documents: BTreeMap::new(),
         changed: BTreeSet::new(),
-        unlinted: BTreeSet::new(),
+        beside: Beside::start(connection),
     };
     loop {
-        let message = match server.changed.is_empty() && server.unlinted.is_empty() {
+        let message = match server.changed.is_empty() {
             true => connection.receiver.recv().ok(),
             false => match connection.receiver.try_recv() {
                 Ok(message) => Some(message),
@@ -134,8 +138,7 @@ struct Server {
     documents: BTreeMap<String, Document>,
     /// Those whose findings are not told yet.
     changed: BTreeSet<String>,
-    /// Those whose lints are not told yet, because they take long.
-    unlinted: BTreeSet<String>,
+    beside: Beside,
 }
 
 /// Errors are told before lints where looking for these takes longer.
@@ -148,22 +151,19 @@ impl Server {
 
     /// Tells the findings of one text that has changed.
     fn look(&mut self, connection: &Connection) -> Result<(), Box<dyn Error + Send + Sync>> {
-        let (uri, with_lints) = match self.changed.pop_first() {
-            Some(uri) => (uri, false),
-            None => (self.unlinted.pop_first().unwrap_or_default(), true),
-        };
-        self.unlinted.remove(&uri);
+        let uri = self.changed.pop_first().unwrap_or_default();
         let Some(document) = self.documents.get_mut(&uri) else { return Ok(()) };
         let start = Instant::now();
-        let waits = document.lints_slowly && !with_lints;
-        let found = if waits { findings::errors_of(document) } else { findings::of(document) };
-        if waits && found.is_empty() {
-            self.unlinted.insert(uri);
-        } else if !waits {
+        let found = match document.lints_slowly {
+            true => findings::errors_of(document),
+            false => findings::of(document),
+        };
+        if document.lints_slowly && found.is_empty() {
+            self.beside.lint(document);
+        } else if !document.lints_slowly {
             document.lints_slowly = start.elapsed() > LONG;
         }
-        let found = found.into_iter().map(|found| found.diagnostic).collect();
-        tell(connection, document.uri.clone(), found, Some(document.version))
+        Ok(connection.sender.send(told(document, found).into())?)
     }
 
     fn heed(
@@ -180,6 +180,7 @@ impl Server {
                 let item = opened.text_document;
                 let key = item.uri.as_str().to_string();
                 let document = Document::new(item.uri, item.text, item.version, self.encoding);
+                self.beside.changed(&key, Some(document.version));
                 self.documents.insert(key.clone(), document);
                 self.changed.insert(key);
             }
@@ -191,6 +192,7 @@ impl Server {
                 if let Some(document) = self.documents.get_mut(&key) {
                     changed.content_changes.into_iter().for_each(|change| document.change(change));
                     document.version = changed.text_document.version;
+                    self.beside.changed(&key, Some(document.version));
                     self.changed.insert(key);
                 }
             }
@@ -203,7 +205,9 @@ impl Server {
                 let key = closed.text_document.uri.as_str();
                 self.documents.remove(key);
                 self.changed.remove(key);
-                tell(connection, closed.text_document.uri, Vec::new(), None)?;
+                self.beside.changed(key, None);
+                let nothing = published(closed.text_document.uri, Vec::new(), None);
+                connection.sender.send(nothing.into())?;
             }
             _ => {}
         }
@@ -218,7 +222,9 @@ impl Server {
         match request.method.as_str() {
             HoverRequest::METHOD => reply::<HoverRequest>(request, |params| {
                 match of(&params.text_document_position_params)? {
-                    (document, Kind::Potential, at) => potential::hover(document, at),
+                    (document, Kind::Potential, at) => {
+                        potential::hover(document, at, &|| self.beside.measured(document))
+                    }
                     (document, Kind::Scene, at) => scene::hover(document, at),
                     _ => None,
                 }
@@ -342,13 +348,17 @@ fn refused(id: RequestId, message: String) -> Response {
     Response::new_err(id, ErrorCode::InvalidParams as i32, message)
 }
 
-fn tell(
-    connection: &Connection,
+/// The findings about a text as it is, for the editor.
+fn told(document: &Document, found: Vec<findings::Found>) -> Notification {
+    let found = found.into_iter().map(|found| found.diagnostic).collect();
+    published(document.uri.clone(), found, Some(document.version))
+}
+
+fn published(
     uri: Uri,
     diagnostics: Vec<lsp_types::Diagnostic>,
     version: Option<i32>,
-) -> Result<(), Box<dyn Error + Send + Sync>> {
+) -> Notification {
     let params = PublishDiagnosticsParams::new(uri, diagnostics, version);
-    let method = PublishDiagnostics::METHOD.to_string();
-    Ok(connection.sender.send(Notification::new(method, params).into())?)
+    Notification::new(PublishDiagnostics::METHOD.to_string(), params)
 }

@@ -70,7 +70,12 @@ impl Statements {
     }
 }
 
-pub(super) fn hover(document: &Document, at: usize) -> Option<Hover> {
+/// What a name is; of an energy its derivatives, too, and what it costs and keeps, if that is `measured`.
+pub(super) fn hover(
+    document: &Document,
+    at: usize,
+    measured: &dyn Fn() -> Option<String>,
+) -> Option<Hover> {
     let text = &document.text;
     let all = tokens(text);
     let token = token_at(&all, at)?;
@@ -86,7 +91,13 @@ pub(super) fn hover(document: &Document, at: usize) -> Option<Hover> {
             if let Some(function) = of_line.filter(|one| one.formals.contains(&name)) {
                 format!("an argument of `{}`", function.name)
             } else if name == "psi" && token.span.start == line.start {
-                derivatives(document).or_else(|| builtin(&name))?
+                let measured = || match measured() {
+                    Some(measured) => measured,
+                    None => "time and digits are being measured: look again".to_string(),
+                };
+                let derivatives = derivatives(document);
+                let both = derivatives.map(|text| format!("{text}\n\n{}", measured()));
+                both.or_else(|| builtin(&name))?
             } else if let Some(one) = declared.iter().find(|one| one.name == name) {
                 let of = statements.at(one.span.start as usize);
                 format!("```piola\n{}\n```", &text[of.range()])

@@ -116,6 +116,14 @@ pub fn cost(model: &Model, values: &Values) -> Result<Vec<WayCost>, CostError> {
     WAYS.into_iter().map(|way| cost_of(way, model, values)).collect()
 }
 
+/// Times the fastest way alone.
+///
+/// # Errors
+/// As for [`cost`].
+pub fn fastest(model: &Model, values: &Values) -> Result<WayCost, CostError> {
+    cost_of(WAYS[0], model, values)
+}
+
 fn cost_of(way: Way, model: &Model, values: &Values) -> Result<WayCost, CostError> {
     // Energies of gathered values are not timed.
     let kinds = [Kind::Measures, Kind::Gradient];

@@ -113,6 +113,12 @@ fn names_of_a_potential_are_known() {
     says("dimensions", 0, "where it is defined");
     says("psi(l)", 0, "psi''(l) =");
     says("psi(l)", 0, "psi(l) in J/m^6");
+    // What it costs and keeps comes when it is known.
+    let place = place_of(LAW, "psi(l)", 0, 0);
+    let shown = (0..50).map(|_| hover(&mut editor, place.clone()));
+    let measured = shown.into_iter().find(|said| !said.contains("being measured")).unwrap();
+    assert!(measured.contains(" ns, ") && measured.contains(" of psi''"), "{measured}");
+    assert!(measured.contains("with C1 = 1"), "{measured}");
     // The parameter n is not the argument n.
     let spans = editor.ask_at(
         "references",

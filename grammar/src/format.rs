@@ -18,7 +18,7 @@ use crate::{Diagnostic, parse};
 /// What a line is indented by that goes on with a statement, at least.
 const INDENT: usize = 4;
 
-/// The text of a potential file in the layout of the library.
+/// The text of a potential file in the layout of the library; its lines end as they did.
 ///
 /// # Errors
 /// What is wrong with a text that cannot be read: where its statements end is not known.
@@ -48,7 +48,9 @@ pub fn format(text: &str) -> Result<String, Vec<Diagnostic>> {
     flush(&mut block, &mut out);
     out.truncate(out.trim_end().len());
     out.push('\n');
-    Ok(out)
+    // Lines end as the first of them does.
+    let first = text.split_inclusive('\n').next().unwrap_or_default();
+    Ok(if first.ends_with("\r\n") { out.replace('\n', "\r\n") } else { out })
 }
 
 /// The lines of a statement that are not empty.

@@ -82,3 +82,12 @@ proptest! {
         check(&other);
     }
 }
+
+#[test]
+fn lines_end_as_they_did() {
+    let text = "potential p\r\nparameter   C1\r\npsi(l)=C1*(l - L)^2";
+    let formatted = format(text).unwrap();
+    assert!(formatted.ends_with("\r\n") && !formatted.replace("\r\n", "").contains('\n'));
+    assert_eq!(formatted.replace("\r\n", "\n"), format(&text.replace("\r\n", "\n")).unwrap());
+    assert_eq!(format(&formatted).unwrap(), formatted);
+}

@@ -10,7 +10,7 @@ use piola_runtime::output::results::ResultsError;
 
 use super::Exit;
 use crate::cli::Watch;
-use crate::console;
+use crate::console::{self, Verbosity};
 use crate::interrupt::{Interrupt, Signal};
 use crate::render;
 
@@ -117,6 +117,13 @@ fn start(arguments: &Watch) -> Result<Child, Exit> {
     };
     let mut command = Command::new(std::env::current_exe().map_err(failed)?);
     command.arg("run").arg(&arguments.scene).arg("--out").arg(&arguments.out).arg("--force");
+    // The run speaks as the watch does.
+    command.args(["--color", if console::color() { "always" } else { "never" }]);
+    match console::verbosity() {
+        Verbosity::Quiet => command.arg("--quiet"),
+        Verbosity::Normal => &mut command,
+        Verbosity::Verbose => command.arg("--verbose"),
+    };
     for setting in &arguments.settings {
         command.arg("--set").arg(setting);
     }

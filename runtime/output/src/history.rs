@@ -16,6 +16,9 @@ pub struct History {
     pub sets: Vec<String>,
     /// Names of the probes, in the scene's order.
     pub probes: Vec<String>,
+    /// Which of the sets have a component that is prescribed; elsewhere reactions are rounding, or those of
+    /// another set.
+    pub prescribed: Vec<bool>,
     /// Reactions of the body at rest, as [`StepRecord::reactions`], where they are known.
     pub at_rest: Option<Vec<Vec<f64>>>,
     /// One record per converged step.
@@ -100,7 +103,9 @@ impl History {
         sets: Vec<String>,
         probes: Vec<String>,
     ) -> History {
-        History { dimension, parts, sets, probes, at_rest: None, steps: Vec::new(), fracture: None }
+        let prescribed = vec![true; sets.len()];
+        let (at_rest, fracture, steps) = (None, None, Vec::new());
+        History { dimension, parts, sets, probes, prescribed, at_rest, steps, fracture }
     }
 
     /// Appends a step.

@@ -35,7 +35,11 @@ impl Area {
     }
 }
 
-/// Draws a bar of the colours from `low` to `high` with its ticks; its name with unit and power of ten.
+/// Nearer than this, in pixels, two numbers beside a bar of colours hide each other.
+const APART: f64 = 15.0;
+
+/// Draws a bar of the colours from `low` to `high` with its ticks and the numbers at its ends; its name with
+/// unit and power of ten.
 pub(super) fn with_colour_bar(
     canvas: &mut Canvas,
     bar: Area,
@@ -54,10 +58,20 @@ pub(super) fn with_colour_bar(
     }
     bar.frame(canvas, GREY);
     let ticks = ticks::linear(low, high, wanted);
-    for (value, label) in ticks.values.iter().zip(&ticks.labels) {
-        let y = bar.bottom - (value - low) / (high - low) * bar.height();
+    let at = |value: f64| bar.bottom - (value - low) / (high - low) * bar.height();
+    let mut mark = |value: f64, label: &str, colour: Rgb| {
+        let y = at(value);
         canvas.line([bar.right, y], [bar.right + 5.0, y], GREY, 1.0);
-        canvas.text(bar.right + 9.0, y + 4.5, label, Text::new(13, Anchor::Start, DARK));
+        canvas.text(bar.right + 9.0, y + 4.5, label, Text::new(13, Anchor::Start, colour));
+    };
+    for (value, label) in ticks.values.iter().zip(&ticks.labels) {
+        mark(*value, label, DARK);
+    }
+    for end in [low, high] {
+        if ticks.values.iter().all(|value| (at(*value) - at(end)).abs() > APART) {
+            let label = ticks::short(end / libm::pow(10.0, f64::from(ticks.exponent)));
+            mark(end, &label.replace('-', "\u{2212}"), GREY);
+        }
     }
     with_unit(name, unit, ticks.exponent)
 }

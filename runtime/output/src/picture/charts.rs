@@ -2,10 +2,10 @@
 //! what changes with time.
 
 use super::Series;
-use super::canvas::{Anchor, Canvas, DARK, GREY, Rgb, Text, shortened, viridis};
+use super::canvas::{Anchor, Canvas, DARK, GREY, Rgb, Text, shortened, text_width, viridis};
 use super::chart::{Area, Axis, AxisKind, Chart, EndLabel};
 use super::ticks;
-use crate::History;
+use crate::{History, StepRecord};
 
 /// Colours that differ for all kinds of colour vision (Okabe and Ito 2008), dark ones first.
 pub(super) const LINES: [Rgb; 7] = [
@@ -24,10 +24,16 @@ const MOST_STEPS: usize = 30;
 /// Residuals below this are drawn here.
 const SMALLEST_EXPONENT: f64 = -17.0;
 
-/// Reaction against `t`: for every set the component that grows largest.
+/// Reaction against `t`: for every set that is prescribed the component that grows largest.
 pub(super) fn reactions(canvas: &mut Canvas, area: Area, history: &History) {
     let mut lines = reaction_lines(history);
     let largest = |line: &ReactionLine| line.largest;
+    // Supports that hold what nothing pulls at.
+    let are_rounding = !lines.is_empty()
+        && lines.iter().map(largest).fold(0.0, f64::max) < ROUNDING * forces(history);
+    if are_rounding {
+        lines.clear();
+    }
     lines.sort_by(|p, q| largest(q).total_cmp(&largest(p)));
     lines.truncate(LINES.len());
     lines.sort_by_key(|line| line.set);
@@ -49,8 +55,11 @@ pub(super) fn reactions(canvas: &mut Canvas, area: Area, history: &History) {
     };
     chart.draw_axes(canvas);
     if lines.is_empty() {
-        let reason =
-            if history.steps.is_empty() { "no converged step" } else { "no prescribed set" };
+        let reason = match (history.steps.is_empty(), are_rounding) {
+            (true, _) => "no converged step",
+            (_, true) => "the reactions of every set sum up to 0, but for rounding",
+            _ => "no prescribed set",
+        };
         return chart.say(canvas, reason);
     }
     let zero = chart.place(0.0, 0.0)[1];
@@ -68,6 +77,21 @@ pub(super) fn reactions(canvas: &mut Canvas, area: Area, history: &History) {
     chart.label_ends(canvas, labels);
 }
 
+/// Sums of reactions below this part of the reactions themselves are nothing but rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// The largest 2-norm of reactions and loads, in N: what residuals were compared with.
+fn forces(history: &History) -> f64 {
+    let pairs = |step: &StepRecord| {
+        let pairs = step.residual.iter().zip(&step.residual_over_reaction);
+        pairs
+            .map(|(residual, ratio)| residual / ratio)
+            .filter(|force| force.is_finite())
+            .fold(0.0, f64::max)
+    };
+    history.steps.iter().map(pairs).fold(0.0, f64::max)
+}
+
 /// What marks states that are not stable.
 const ALARM: Rgb = [179, 0, 0];
 
@@ -80,8 +104,8 @@ pub(super) fn mark(canvas: &mut Canvas, chart: &Chart<'_>, places: impl Iterator
         none = false;
     }
     if !none {
-        let text = Text::new(12, Anchor::Start, ALARM);
-        canvas.text(chart.area.left + 8.0, chart.area.top + 16.0, "crosses: not stable", text);
+        let text = Text::new(12, Anchor::End, ALARM);
+        canvas.text(chart.area.right, chart.area.top - 12.0, "crosses: not stable", text);
     }
 }
 
@@ -183,7 +207,11 @@ fn reaction_lines(history: &History) -> Vec<ReactionLine> {
     if history.steps.is_empty() {
         return Vec::new();
     }
-    (0..history.sets.len()).map(line).filter(|line| !line.points.is_empty()).collect()
+    (0..history.sets.len())
+        .filter(|set| history.prescribed[*set])
+        .map(line)
+        .filter(|line| !line.points.is_empty())
+        .collect()
 }
 
 /// Residual over reaction against the iteration, one line per step, few of them named.
@@ -236,10 +264,15 @@ pub(super) fn residuals(
     if let Some(height) = tolerance_exponent {
         let y = chart.place(0.0, height)[1];
         canvas.dashed([area.left, y], [area.right, y], DARK, 1.0);
-        let text = format!("tolerance {}", ticks::short(tolerance));
-        canvas.text(area.left + 8.0, y - 6.0, &text, Text::new(12, Anchor::Start, DARK));
     }
+    let tolerance_named = |canvas: &mut Canvas| {
+        let Some(height) = tolerance_exponent else { return };
+        let text = format!("tolerance {}", ticks::short(tolerance));
+        let middle = area.left + 8.0 + text_width(&text, 12) / 2.0;
+        canvas.tag([middle, chart.place(0.0, height)[1] - 10.0], &text, 12);
+    };
     if lines.is_empty() {
+        tolerance_named(canvas);
         return chart.say(canvas, "no converged step");
     }
     let last_step = history.steps.len().saturating_sub(1).max(1) as f64;
@@ -255,6 +288,7 @@ pub(super) fn residuals(
             labels.push(EndLabel { y: end[1], text, colour });
         }
     }
+    tolerance_named(canvas);
     chart.label_ends(canvas, labels);
 }
 

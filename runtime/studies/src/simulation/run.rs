@@ -407,6 +407,10 @@ impl<'a> Recorder<'a> {
         let probes = selection.probes.iter().map(|probe| probe.name.clone()).collect();
         let parts = energy.parts().to_vec();
         let mut history = History::new(case.body.dimension(), parts, sets, probes);
+        let prescribed = &case.scene.prescriptions;
+        history.prescribed = (0..selection.sets.len())
+            .map(|set| prescribed.iter().any(|given| given.set.value == set))
+            .collect();
         history.at_rest = at_rest.map(|at| selection.reactions(&at, case.body.dimension()));
         let tracks = Tracks::new(case, energy, selection, false);
         let table = |tracks: &Tracks<'_>| FractureTable {

@@ -1,5 +1,7 @@
 //! Findings for people and for programs.
 
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use piola_grammar::{Diagnostic, Severity, shortened};
 use serde_json::{Value, json};
@@ -210,15 +212,25 @@ pub(crate) struct Printer {
     format: Findings,
     /// What is printed at the end, in one log.
     results: Vec<Value>,
+    /// Texts and their findings so far: a potential may be checked alone and with the scene that names it.
+    told: Vec<(u64, Diagnostic)>,
 }
 
 impl Printer {
     pub(crate) fn new(format: impl Into<Findings>) -> Printer {
-        Printer { format: format.into(), results: Vec::new() }
+        Printer { format: format.into(), results: Vec::new(), told: Vec::new() }
     }
 
     pub(crate) fn print(&mut self, source: Source<'_>, diagnostics: &[Diagnostic]) {
+        let mut hasher = DefaultHasher::new();
+        source.text.hash(&mut hasher);
+        let text = hasher.finish();
         for diagnostic in diagnostics {
+            let found = (text, diagnostic.clone());
+            if self.told.contains(&found) {
+                continue;
+            }
+            self.told.push(found);
             match self.format {
                 Findings::Human => findings(source, std::slice::from_ref(diagnostic)),
                 Findings::Json => console::out(&format!("{}\n", json(source, diagnostic))),

@@ -101,3 +101,23 @@ fn scenes_are_checked_with_overrides() {
     let found = piola(&["check", &scene, "--set", "body.spacing=0.3"]).expect(1);
     found.says(&["extent-not-a-multiple"]);
 }
+
+#[test]
+fn a_scene_and_its_potentials_are_told_at_once() {
+    let scene = "[body]\nbox = [[0, 0], [1, 1]]\nspacing = 0.1\n[horizon]\nspacings = 3\n[material]\n\
+        potential = \"law.piola\"\nparameters = { C = 1 }\n[steps]\nincrement = 4\n";
+    let folder = SceneFolder::new(scene);
+    let law = "potential law\nparameter C1\npsi(l) = C1*(l - L)^2\n";
+    for (law, expected) in [
+        (law.to_string(), &["missing-parameter", "unknown-key", "unknown-parameter"][..]),
+        (law.replace("psi(l) = C1", "psi(l) = C2"), &["unknown-key", "unknown-name"]),
+    ] {
+        folder.file("law.piola", law);
+        let lines = piola(&["check", &folder.scene(), "--format", "json"]).expect(1).stdout;
+        let found: Vec<Value> =
+            lines.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+        let mut codes: Vec<&str> = found.iter().map(|one| one["code"].as_str().unwrap()).collect();
+        codes.sort_unstable();
+        assert_eq!(codes, expected, "{lines}");
+    }
+}

@@ -34,7 +34,7 @@ use std::sync::Arc;
 use piola_grammar::Diagnostic;
 
 use crate::scene::selection::{self, Selection};
-use crate::scene::{MAX_SCENE_BYTES, Material, Scene};
+use crate::scene::{Finding, MAX_SCENE_BYTES, Material, Scene, SceneReport};
 use piola_mechanics::body::Body;
 use piola_mechanics::energy::NonFinite;
 use piola_mechanics::kernel::Measure;
@@ -71,6 +71,25 @@ pub struct Case {
     pub warnings: Vec<Diagnostic>,
     /// Where the scene is: a cloud is named relative to it.
     folder: PathBuf,
+}
+
+/// Adds to what is wrong with a scene what is wrong with its potentials and their parameters.
+fn add_potentials(report: &mut SceneReport, scene: &Scene, folder: &Path, library: &Library<'_>) {
+    for material in &scene.materials {
+        let found = match Potential::read(scene, material, folder, library) {
+            Err(CaseError::Scene(more)) => more.findings,
+            Err(CaseError::Text { name, text, diagnostics }) => {
+                let source = report.source(name, text);
+                let of_text = |diagnostic| Finding { source, diagnostic };
+                diagnostics.into_iter().map(of_text).collect()
+            }
+            _ => Vec::new(),
+        };
+        report.findings.extend(found);
+    }
+    report.findings.sort_by_key(|finding| (finding.source, finding.diagnostic.span.start));
+    // Materials of one potential have its mistakes in common.
+    report.findings.dedup();
 }
 
 impl Case {
@@ -110,8 +129,14 @@ impl Case {
         overrides: &[String],
         library: &Library<'_>,
     ) -> Result<Case, CaseError> {
-        let mut scene = Scene::read(text, &path.display().to_string(), overrides)?;
         let folder = path.parent().unwrap_or(Path::new("."));
+        let read = Scene::read_partly(text, &path.display().to_string(), overrides);
+        let mut scene = read.map_err(|(mut report, part)| {
+            if let Some(scene) = part {
+                add_potentials(&mut report, &scene, folder, library);
+            }
+            CaseError::from(*report)
+        })?;
         let materials = scene.materials.iter();
         let potentials: Vec<Potential> = materials
             .map(|material| Potential::read(&scene, material, folder, library))

@@ -108,6 +108,15 @@ pub struct SceneReport {
 }
 
 impl SceneReport {
+    /// The place of a text among the sources: of one that the scene names, which findings may be about.
+    pub(crate) fn source(&mut self, name: String, text: String) -> usize {
+        let known = self.sources.iter().position(|source| source.name == name);
+        known.unwrap_or_else(|| {
+            self.sources.push(SourceText { name, text, base: 0 });
+            self.sources.len() - 1
+        })
+    }
+
     /// Whether the scene cannot be used.
     pub fn has_errors(&self) -> bool {
         self.findings.iter().any(|finding| finding.diagnostic.severity == Severity::Error)

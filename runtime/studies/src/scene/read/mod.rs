@@ -118,14 +118,26 @@ impl Scene {
     /// `name` is how messages call the file. All mistakes of the file and the overrides are
     /// reported at once. No file is opened.
     pub fn read(text: &str, name: &str, overrides: &[String]) -> Result<Scene, SceneReport> {
+        Scene::read_partly(text, name, overrides).map_err(|(report, _)| *report)
+    }
+
+    /// The same; of a scene with mistakes what could be read of it, too, where that is enough to look at its
+    /// potentials.
+    pub(crate) fn read_partly(
+        text: &str,
+        name: &str,
+        overrides: &[String],
+    ) -> Result<Scene, (Box<SceneReport>, Option<Box<Scene>>)> {
         let mut sources = Sources::new(name, text);
         let size = text.len() + overrides.iter().map(String::len).sum::<usize>();
         if size > MAX_SCENE_BYTES {
             let message = format!("the scene has {size} bytes; at most {MAX_SCENE_BYTES} are read");
             let span = Span::new(0, text.len().min(1));
-            return Err(sources.report(vec![Diagnostic::error("scene-too-large", span, message)]));
+            let error = Diagnostic::error("scene-too-large", span, message);
+            return Err((Box::new(sources.report(vec![error])), None));
         }
-        let mut entries = tree::parse_document(text).map_err(|found| sources.report(found))?;
+        let mut entries =
+            tree::parse_document(text).map_err(|found| (Box::new(sources.report(found)), None))?;
         let mut reader = Reader::default();
         for text in overrides {
             if let Err(diagnostic) = overrides::apply(text, &mut entries, &mut sources) {
@@ -135,7 +147,7 @@ impl Scene {
         let root = Node { span: Span::new(0, 0), kind: Kind::Table(entries) };
         match reader.scene(&root, &sources) {
             Some(scene) if reader.found.is_empty() => Ok(scene),
-            _ => Err(sources.report(reader.found)),
+            part => Err((Box::new(sources.report(reader.found)), part.map(Box::new))),
         }
     }
 }

@@ -89,29 +89,10 @@ fn try_read_limited(path: &Path, limit: usize) -> Result<String, Box<Diagnostic>
 
 /// What says that there is no file at a path, with what may be meant.
 pub(crate) fn with_meant(found: Diagnostic, path: &Path) -> Diagnostic {
-    match meant(path) {
+    match piola_runtime::scene::meant(path) {
         Some(help) => found.help(help),
         None => found,
     }
-}
-
-/// What may be meant by a path at which there is no file.
-fn meant(path: &Path) -> Option<String> {
-    let scene = path.join("scene.toml");
-    if path.is_dir() {
-        return scene.is_file().then(|| format!("name the scene in it: {}", scene.display()));
-    }
-    if path.exists() {
-        return None;
-    }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let entries = std::fs::read_dir(folder.unwrap_or(Path::new("."))).ok()?;
-    let mut names: Vec<String> =
-        entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
-    // A folder lists its files in any order.
-    names.sort_unstable();
-    let near = suggest(path.file_name()?.to_str()?, names.iter().map(String::as_str))?;
-    Some(format!("did you mean {}?", path.with_file_name(near).display()))
 }
 
 fn unreadable(message: String) -> Diagnostic {

@@ -1,6 +1,7 @@
 //! Findings for people and for programs.
 
-use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::collections::HashSet;
+use std::path::PathBuf;
 
 use annotate_snippets::{AnnotationKind, Group, Level, Renderer, Snippet};
 use piola_grammar::{Diagnostic, Severity, shortened};
@@ -212,32 +213,32 @@ pub(crate) struct Printer {
     format: Findings,
     /// What is printed at the end, in one log.
     results: Vec<Value>,
-    /// Texts and their findings so far: a potential may be checked alone and with the scene that names it.
-    told: Vec<(u64, Diagnostic)>,
+    /// Findings so far, by their files: a potential may be checked alone and with the scene that names it.
+    told: HashSet<(PathBuf, u32, String)>,
 }
 
 impl Printer {
     pub(crate) fn new(format: impl Into<Findings>) -> Printer {
-        Printer { format: format.into(), results: Vec::new(), told: Vec::new() }
+        Printer { format: format.into(), results: Vec::new(), told: HashSet::new() }
     }
 
     pub(crate) fn print(&mut self, source: Source<'_>, diagnostics: &[Diagnostic]) {
-        let mut hasher = DefaultHasher::new();
-        source.text.hash(&mut hasher);
-        let text = hasher.finish();
+        let file = std::fs::canonicalize(source.name).unwrap_or_else(|_| source.name.into());
         for diagnostic in diagnostics {
-            let found = (text, diagnostic.clone());
-            if self.told.contains(&found) {
-                continue;
+            let found = (file.clone(), diagnostic.span.start, diagnostic.message.clone());
+            if self.told.insert(found) {
+                self.tell(source, diagnostic);
             }
-            self.told.push(found);
-            match self.format {
-                Findings::Human => findings(source, std::slice::from_ref(diagnostic)),
-                Findings::Json => console::out(&format!("{}\n", json(source, diagnostic))),
-                Findings::Short => console::out(&short(source, diagnostic)),
-                Findings::Github => console::out(&github(source, diagnostic)),
-                Findings::Sarif => self.results.push(sarif(source, diagnostic)),
-            }
+        }
+    }
+
+    fn tell(&mut self, source: Source<'_>, diagnostic: &Diagnostic) {
+        match self.format {
+            Findings::Human => findings(source, std::slice::from_ref(diagnostic)),
+            Findings::Json => console::out(&format!("{}\n", json(source, diagnostic))),
+            Findings::Short => console::out(&short(source, diagnostic)),
+            Findings::Github => console::out(&github(source, diagnostic)),
+            Findings::Sarif => self.results.push(sarif(source, diagnostic)),
         }
     }
 
@@ -245,7 +246,7 @@ impl Printer {
     pub(crate) fn unplaced(&mut self, name: &str, found: &Diagnostic) {
         match self.format {
             Findings::Human => unplaced(Some(found.code), &found.message, &found.helps),
-            _ => self.print(Source { name, text: "" }, std::slice::from_ref(found)),
+            _ => self.tell(Source { name, text: "" }, found),
         }
     }
 

@@ -287,9 +287,14 @@ impl Model {
                             dimension.describe(),
                             own.dimension.describe()
                         );
-                        let like = parameter.unit.clone().unwrap_or(own.dimension.unit());
-                        let help =
-                            format!("write the value in `{like}`, or in another unit of that kind");
+                        let help = match &parameter.unit {
+                            None => "write a number without a unit".to_string(),
+                            Some(like) => {
+                                format!(
+                                    "write the value in `{like}`, or in another unit of that kind"
+                                )
+                            }
+                        };
                         return Err(error("dimension-mismatch", message, help));
                     }
                     value * (scale / own.scale)

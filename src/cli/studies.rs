@@ -146,8 +146,8 @@ pub(crate) struct Picture {
     /// Draw all frames, as an animated PNG
     #[arg(long, conflicts_with = "force")]
     pub(crate) film: bool,
-    /// How long the film is, in s
-    #[arg(long, default_value_t = 5.0, value_parser = seconds, requires = "film")]
+    /// How long the film is, in s; its last picture stands a second longer
+    #[arg(long, default_value_t = 5.0, value_parser = seconds, requires = "film", conflicts_with = "force")]
     pub(crate) seconds: f64,
     /// Draw the force on this set against its displacement, from the body at rest on
     #[arg(long, value_name = "SET")]

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use piola_runtime::output::OutputFile;
 use piola_runtime::output::picture::{BodyFilm, ForcePicture};
-use piola_runtime::output::results::{Results, ResultsError};
+use piola_runtime::output::results::{self, Results, ResultsError};
 
 use super::Exit;
 use crate::cli::Picture;
@@ -65,6 +65,6 @@ fn draw(arguments: &Picture, file: PathBuf, as_svg: bool) -> Result<PathBuf, Res
             }
         }
     };
-    results.write(&file, &bytes)?;
+    results::write(&file, &bytes)?;
     Ok(file)
 }

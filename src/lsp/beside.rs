@@ -1,11 +1,10 @@
 //! What takes long, beside the thread that answers: lints of large energies, and what energies cost and keep.
 //!
 //! One more thread looks at the newest of every text. What it finds it tells the editor itself, and only while
-//! that text is the one that the editor has: the versions are locked while a message is sent.
+//! that text is the one that the editor has: the numbers of texts are locked while a message is sent.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
-use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use lsp_server::{Connection, Message};
@@ -21,28 +20,29 @@ use super::{findings, told};
 /// How long an answer waits for what energies cost and keep; who asks again has it.
 const PATIENCE: Duration = Duration::from_millis(400);
 
-/// What is wanted of a text.
+/// What is wanted of a text, and the number of the text.
 enum Task {
-    Lints(Document),
-    Measures(Document),
+    Lints(Document, u64),
+    Measures(Document, u64),
 }
 
-/// What both threads know.
+/// What both threads know; texts by their places.
 #[derive(Default)]
 struct State {
-    /// The texts that the editor has, by their versions.
-    current: BTreeMap<String, i32>,
-    /// By the texts, lints first.
+    /// Of the texts that the editor has their numbers. They never come again: editors begin to count anew where
+    /// they open a text anew.
+    current: BTreeMap<String, u64>,
+    last: u64,
     lints: BTreeMap<String, Document>,
     measures: BTreeMap<String, Document>,
-    /// What energies cost and keep, and of which version of a text.
-    measured: BTreeMap<String, (i32, String)>,
+    /// What energies of the texts as they are cost and keep.
+    measured: BTreeMap<String, String>,
     ends: bool,
 }
 
 impl State {
-    fn is_current(&self, document: &Document) -> bool {
-        self.current.get(document.uri.as_str()) == Some(&document.version)
+    fn number(&self, document: &Document) -> u64 {
+        self.current.get(document.uri.as_str()).copied().unwrap_or_default()
     }
 }
 
@@ -61,29 +61,40 @@ impl Shared {
 /// The other thread.
 pub(super) struct Beside {
     shared: Arc<Shared>,
-    thread: Option<JoinHandle<()>>,
+    /// The other thread has it only as long as this one does: who ends does not wait for what is looked for.
+    _sender: Arc<dyn Fn(Message) + Send + Sync>,
 }
 
 impl Beside {
     pub(super) fn start(connection: &Connection) -> Beside {
         let shared = Arc::<Shared>::default();
-        let (own, sender) = (Arc::clone(&shared), connection.sender.clone());
-        let tell = move |message: Message| {
+        let sender = connection.sender.clone();
+        let send: Arc<dyn Fn(Message) + Send + Sync> = Arc::new(move |message| {
             // An editor that is gone hears nothing.
             let _ = sender.send(message);
+        });
+        let (own, weak) = (Arc::clone(&shared), Arc::downgrade(&send));
+        let tell = move |message| {
+            if let Some(send) = weak.upgrade() {
+                send(message);
+            }
         };
-        let thread = std::thread::spawn(move || work(&own, &tell));
-        Beside { shared, thread: Some(thread) }
+        std::thread::spawn(move || work(&own, &tell));
+        Beside { shared, _sender: send }
     }
 
-    /// The editor has another version of a text, or, without one, closed it.
-    pub(super) fn changed(&self, uri: &str, version: Option<i32>) {
+    /// The editor has another text at a place, or, where it `is_open` no more, none.
+    pub(super) fn changed(&self, uri: &str, is_open: bool) {
         let mut state = self.shared.lock();
         state.lints.remove(uri);
         state.measures.remove(uri);
-        match version {
-            Some(version) => state.current.insert(uri.to_string(), version),
-            None => state.current.remove(uri),
+        // Others may import this one.
+        state.measured.clear();
+        state.last += 1;
+        let number = state.last;
+        match is_open {
+            true => state.current.insert(uri.to_string(), number),
+            false => state.current.remove(uri),
         };
     }
 
@@ -96,10 +107,7 @@ impl Beside {
     /// What the energies of a potential cost and keep, if that is known in time.
     pub(super) fn measured(&self, document: &Document) -> Option<String> {
         let uri = document.uri.as_str();
-        let of_this = |state: &State| {
-            let (version, text) = state.measured.get(uri)?;
-            (*version == document.version).then(|| text.clone())
-        };
+        let of_this = |state: &State| state.measured.get(uri).cloned();
         let start = Instant::now();
         let mut state = self.shared.lock();
         if of_this(&state).is_none() {
@@ -124,34 +132,37 @@ impl Drop for Beside {
     fn drop(&mut self) {
         self.shared.lock().ends = true;
         self.shared.wakes.notify_all();
-        if let Some(thread) = self.thread.take() {
-            // One that panicked has said so.
-            let _ = thread.join();
-        }
     }
 }
 
 fn work(shared: &Shared, tell: &dyn Fn(Message)) {
     while let Some(task) = next(shared) {
         match task {
-            Task::Lints(document) => {
-                let message = told(&document, findings::of(&document));
+            Task::Lints(document, number) => {
+                let Ok(message) = caught(|| told(&document, findings::of(&document))) else {
+                    continue;
+                };
                 let state = shared.lock();
-                if state.is_current(&document) {
+                if state.number(&document) == number {
                     tell(message.into());
                 }
             }
-            Task::Measures(document) => {
-                let text = measure(&document).unwrap_or_default();
+            Task::Measures(document, number) => {
+                let text = caught(|| measure(&document)).ok().flatten().unwrap_or_default();
                 let mut state = shared.lock();
-                if state.is_current(&document) {
-                    state.measured.insert(document.uri.to_string(), (document.version, text));
+                if state.number(&document) == number {
+                    state.measured.insert(document.uri.to_string(), text);
                 }
                 drop(state);
                 shared.wakes.notify_all();
             }
         }
     }
+}
+
+/// A defect in what is looked for ends that, and not the thread.
+fn caught<T>(look: impl FnOnce() -> T) -> std::thread::Result<T> {
+    std::panic::catch_unwind(std::panic::AssertUnwindSafe(look))
 }
 
 /// The next that is wanted; nothing at the end.
@@ -162,10 +173,12 @@ fn next(shared: &Shared) -> Option<Task> {
             return None;
         }
         if let Some((_, document)) = state.lints.pop_first() {
-            return Some(Task::Lints(document));
+            let number = state.number(&document);
+            return Some(Task::Lints(document, number));
         }
         if let Some((_, document)) = state.measures.pop_first() {
-            return Some(Task::Measures(document));
+            let number = state.number(&document);
+            return Some(Task::Measures(document, number));
         }
         state = shared.wakes.wait(state).unwrap_or_else(PoisonError::into_inner);
     }
@@ -214,6 +227,9 @@ fn measure(document: &Document) -> Option<String> {
 
 /// Digits that an error of so many roundings leaves.
 fn digits(error: f64) -> usize {
+    if error.is_nan() {
+        return 0;
+    }
     let mut powers = std::iter::successors(Some(0.1), |power| Some(power / 10.0));
     powers.position(|power| error.max(1.0) * UNIT_ROUNDOFF > power).unwrap_or(0)
 }

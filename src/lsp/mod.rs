@@ -9,8 +9,8 @@
 //! | [`scene`] | the same of scenes |
 //!
 //! One thread answers in the order of the messages. Findings are looked for where no message waits, so that a
-//! keystroke is never behind the one before it, and what is told is always about the text as it is. Lints of
-//! large energies take longer than that: they are looked for beside.
+//! keystroke is never behind the one before it, and what is told is always about the text as it is. Where
+//! the first look at a text takes long its lints are looked for beside from then on.
 
 mod beside;
 mod findings;
@@ -180,7 +180,7 @@ impl Server {
                 let item = opened.text_document;
                 let key = item.uri.as_str().to_string();
                 let document = Document::new(item.uri, item.text, item.version, self.encoding);
-                self.beside.changed(&key, Some(document.version));
+                self.beside.changed(&key, true);
                 self.documents.insert(key.clone(), document);
                 self.changed.insert(key);
             }
@@ -192,7 +192,7 @@ impl Server {
                 if let Some(document) = self.documents.get_mut(&key) {
                     changed.content_changes.into_iter().for_each(|change| document.change(change));
                     document.version = changed.text_document.version;
-                    self.beside.changed(&key, Some(document.version));
+                    self.beside.changed(&key, true);
                     self.changed.insert(key);
                 }
             }
@@ -205,7 +205,7 @@ impl Server {
                 let key = closed.text_document.uri.as_str();
                 self.documents.remove(key);
                 self.changed.remove(key);
-                self.beside.changed(key, None);
+                self.beside.changed(key, false);
                 let nothing = published(closed.text_document.uri, Vec::new(), None);
                 connection.sender.send(nothing.into())?;
             }

@@ -109,7 +109,7 @@ fn a_scene_and_its_potentials_are_told_at_once() {
     let folder = SceneFolder::new(scene);
     let law = "potential law\nparameter C1\npsi(l) = C1*(l - L)^2\n";
     for (law, expected) in [
-        (law.to_string(), &["missing-parameter", "unknown-key", "unknown-parameter"][..]),
+        (law.to_string(), &["unknown-key", "unknown-parameter"][..]),
         (law.replace("psi(l) = C1", "psi(l) = C2"), &["unknown-key", "unknown-name"]),
     ] {
         folder.file("law.piola", law);

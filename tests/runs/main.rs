@@ -32,6 +32,7 @@ mod materials;
 mod meshes;
 mod moduli;
 mod motion;
+mod pages;
 mod picture;
 mod plans;
 #[cfg(unix)]

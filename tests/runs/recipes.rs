@@ -4,7 +4,7 @@ use crate::support::pages::{blocks, with_tables};
 use crate::support::{SceneFolder, command, repository, run_to_end};
 
 /// The words of a command; those in quotes are one.
-fn words(line: &str) -> Vec<String> {
+pub(crate) fn words(line: &str) -> Vec<String> {
     let parts = line.split('"').enumerate();
     let of = |(k, part): (usize, &str)| -> Vec<String> {
         match k % 2 {

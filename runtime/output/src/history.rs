@@ -19,12 +19,21 @@ pub struct History {
     /// Which of the sets have a component that is prescribed; elsewhere reactions are rounding, or those of
     /// another set.
     pub prescribed: Vec<bool>,
-    /// Reactions of the body at rest, as [`StepRecord::reactions`], where they are known.
-    pub at_rest: Option<Vec<Vec<f64>>>,
+    /// The body at rest, where that is known.
+    pub at_rest: Option<SetsAtRest>,
     /// One record per converged step.
     pub steps: Vec<StepRecord>,
     /// Of a body that can break.
     pub fracture: Option<FractureTable>,
+}
+
+/// What holds the sets of a body at rest, before the first step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SetsAtRest {
+    /// As [`StepRecord::reactions`].
+    pub reactions: Vec<Vec<f64>>,
+    /// As [`StepRecord::forces`].
+    pub forces: Vec<Vec<f64>>,
 }
 
 /// One converged load step.

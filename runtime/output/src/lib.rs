@@ -46,7 +46,7 @@ use piola_mechanics::body::Body;
 
 pub use atomic::OutputError;
 pub use folder::{OutputFile, OutputFolder};
-pub use history::{Broken, Definiteness, History, StepRecord};
+pub use history::{Broken, Definiteness, History, SetsAtRest, StepRecord};
 
 /// The points of a body in the user's order; they do not change during a run.
 #[derive(Clone, Debug, PartialEq)]

@@ -1,6 +1,6 @@
 //! The cells of a mesh, so that a body that was made of one is seen as it.
 
-use nalgebra::Matrix3;
+use nalgebra::{Matrix3, Vector3};
 use piola_meshes::Shape;
 
 /// Directions in which the neighbours of a cell spread less than this part of the widest say nothing of its
@@ -104,12 +104,11 @@ impl Mesh {
         }
         let d = self.dimension;
         let is_held = |cell: u32| held.get(cell as usize).is_some_and(|held| *held);
-        let gradients: Vec<Matrix3<f64>> = (0..self.n_cells())
-            .map(|cell| {
-                let counts = |other: u32| !is_held(cell as u32) || is_held(other);
-                self.gradient(cell, positions, displacement, counts)
-            })
-            .collect();
+        let gradient = |cell: usize| match is_held(cell as u32) {
+            false => self.gradient(cell, positions, displacement, |_| true).0,
+            true => turned(self.gradient(cell, positions, displacement, is_held), d),
+        };
+        let gradients: Vec<Matrix3<f64>> = (0..self.n_cells()).map(gradient).collect();
         let mut out = vec![0.0; self.vertices.len()];
         for (vertex, sum) in out.chunks_exact_mut(d).enumerate() {
             let all = self.around(vertex);
@@ -130,14 +129,15 @@ impl Mesh {
         out
     }
 
-    /// The gradient of the displacement at a cell, by those around it that count.
+    /// The gradient of the displacement at a cell, by those around it that count, and the directions in which
+    /// these do not spread, along which it is 0.
     fn gradient(
         &self,
         cell: usize,
         positions: &[f64],
         displacement: &[f64],
         counts: impl Fn(u32) -> bool,
-    ) -> Matrix3<f64> {
+    ) -> (Matrix3<f64>, Vec<Vector3<f64>>) {
         let d = self.dimension;
         let (mut shape, mut moved) = (Matrix3::<f64>::zeros(), Matrix3::<f64>::zeros());
         for &vertex in self.corners(cell) {
@@ -155,15 +155,40 @@ impl Mesh {
             }
         }
         if moved.iter().any(|x| !x.is_finite()) {
-            return Matrix3::zeros();
+            return (Matrix3::zeros(), Vec::new());
         }
         // Rows of cells and single ones say nothing across: there the gradient is 0.
         let eigen = shape.symmetric_eigen();
         let widest = eigen.eigenvalues.iter().copied().fold(0.0, f64::max);
         let inverse = |value: f64| if value > THIN * widest { 1.0 / value } else { 0.0 };
         let scaled = Matrix3::from_diagonal(&eigen.eigenvalues.map(inverse));
-        moved * eigen.eigenvectors * scaled * eigen.eigenvectors.transpose()
+        let gradient = moved * eigen.eigenvectors * scaled * eigen.eigenvectors.transpose();
+        let directions = eigen.eigenvectors.column_iter().zip(eigen.eigenvalues.iter());
+        let thin = directions.filter(|(_, value)| **value <= THIN * widest);
+        (gradient, thin.map(|(direction, _)| direction.into_owned()).collect())
     }
+}
+
+/// The gradient of a layer of cells, one thick, whose normal turns with it; as it is where more is not known.
+fn turned((gradient, unknown): (Matrix3<f64>, Vec<Vector3<f64>>), d: usize) -> Matrix3<f64> {
+    // In two dimensions nothing is known across the plane, and nothing happens there.
+    let is_across = |n: &Vector3<f64>| d == 2 && n.z.abs() > 0.5;
+    let missing: Vec<Vector3<f64>> = unknown.into_iter().filter(|n| !is_across(n)).collect();
+    let [normal] = missing[..] else { return gradient };
+    let one = if d == 2 { Vector3::z() } else { any_across(&normal) };
+    let other = normal.cross(&one);
+    let image = |direction: Vector3<f64>| direction + gradient * direction;
+    match image(one).cross(&image(other)).try_normalize(0.0) {
+        // One, other and normal turn right-handed: so do their images.
+        Some(image) => gradient + (image - normal) * normal.transpose(),
+        None => gradient,
+    }
+}
+
+/// A unit vector across another.
+fn any_across(normal: &Vector3<f64>) -> Vector3<f64> {
+    let axis = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
+    normal.cross(&axis).normalize()
 }
 
 #[cfg(test)]
@@ -211,5 +236,33 @@ mod tests {
         let mesh = Mesh { points_are: PointsAre::Vertices, ..three() };
         let u: Vec<f64> = (0..12).map(f64::from).collect();
         assert_eq!(mesh.carried(&mesh.vertices, &u, &[]), u);
+    }
+
+    #[test]
+    fn a_held_layer_turns_as_a_whole() {
+        // A row of three squares that turns by a quarter, beside one that stays.
+        let mut vertices = Vec::new();
+        (0..3).for_each(|y| (0..4).for_each(|x| vertices.extend([f64::from(x), f64::from(y)])));
+        let cells: Vec<[u32; 4]> =
+            (0..2).flat_map(|y| (0..3).map(move |x| [0, 1, 5, 4].map(|k| k + x + 4 * y))).collect();
+        let all = cells.iter().map(|cell| (Shape::Quadrilateral, &cell[..]));
+        let mesh = Mesh::new(2, vertices, all, PointsAre::Cells);
+        let centres: Vec<f64> = (0..2)
+            .flat_map(|y| (0..3).flat_map(move |x| [f64::from(x) + 0.5, f64::from(y) + 0.5]))
+            .collect();
+        let turned = |x: &[f64]| [-x[1] - x[0], x[0] - x[1]];
+        let mut displacement = vec![0.0; 12];
+        for cell in 3..6 {
+            displacement[2 * cell..2 * cell + 2]
+                .copy_from_slice(&turned(&centres[2 * cell..2 * cell + 2]));
+        }
+        let held: Vec<bool> = (0..6).map(|cell| cell >= 3).collect();
+        let carried = mesh.carried(&centres, &displacement, &held);
+        for vertex in 4..12 {
+            let expected = turned(&mesh.vertices[2 * vertex..2 * vertex + 2]);
+            for (x, y) in carried[2 * vertex..2 * vertex + 2].iter().zip(expected) {
+                assert!((x - y).abs() < 1e-14, "{vertex}: {carried:?}");
+            }
+        }
     }
 }

@@ -35,15 +35,21 @@ pub fn reactions_table(history: &History) -> String {
 }
 
 /// `force_displacement.csv`: `t`, then for every set its mean displacement in m and the force on it in N, which
-/// is its reaction and the loads on it: `left_u,left_v,left_x,left_y`.
+/// is its reaction and the loads on it: `left_u,left_v,left_x,left_y`. The body at rest comes first.
 pub fn force_table(history: &History) -> String {
     let d = history.dimension;
     let suffixes: Vec<&str> = COMPONENTS[..d].iter().chain(&AXES[..d]).copied().collect();
     let mut table = Table::new(time_and(&history.sets, &suffixes));
+    let mut row = |t: &f64, moved: &[Vec<f64>], forces: &[Vec<f64>]| {
+        let sets = moved.iter().zip(forces);
+        let values: Vec<f64> = sets.flat_map(|(u, force)| u.iter().chain(force)).copied().collect();
+        table.row([t].into_iter().chain(&values));
+    };
+    if let Some(at_rest) = &history.at_rest {
+        row(&0.0, &vec![vec![0.0; d]; history.sets.len()], &at_rest.forces);
+    }
     for step in &history.steps {
-        let sets = step.moved.iter().zip(&step.forces);
-        let values = sets.flat_map(|(moved, force)| moved.iter().chain(force));
-        table.row([&step.t].into_iter().chain(values));
+        row(&step.t, &step.moved, &step.forces);
     }
     table.text
 }

@@ -119,6 +119,16 @@ fn names_of_a_potential_are_known() {
     let measured = shown.into_iter().find(|said| !said.contains("being measured")).unwrap();
     assert!(measured.contains(" ns, ") && measured.contains(" of psi''"), "{measured}");
     assert!(measured.contains("with C1 = 1"), "{measured}");
+    // Another text at the same place, with the same version, is measured anew.
+    editor.say("textDocument/didClose", &json!({ "textDocument": { "uri": uri } }));
+    let other = LAW.replace("psi(l) = 1/2*C1*S(l/L, n)^2", "psi(a) = 1/2*C1*S(a/A, n)^2");
+    editor.open(&uri, &other.replace("2*d", "3*d"));
+    let place = place_of(&other, "psi(a)", 0, 0);
+    let shown = (0..50).map(|_| hover(&mut editor, place.clone()));
+    let measured = shown.into_iter().find(|said| !said.contains("being measured")).unwrap();
+    assert!(measured.contains("psi(a): "), "{measured}");
+    editor.say("textDocument/didClose", &json!({ "textDocument": { "uri": uri } }));
+    editor.open(&uri, LAW);
     // The parameter n is not the argument n.
     let spans = editor.ask_at(
         "references",

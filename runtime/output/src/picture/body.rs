@@ -1,5 +1,7 @@
 //! The deformed body: what is seen of it, from where, in which colours.
 
+use piola_grammar::counted;
+
 use super::canvas::{Anchor, Canvas, DARK, GREY, LIGHT, Rgb, Text, shaded, shortened, viridis};
 use super::cells::Facet;
 use super::chart::{Area, Axis, AxisKind, Chart, with_colour_bar};
@@ -92,7 +94,7 @@ impl<'a> BodyView<'a> {
         let mut motion =
             Motion { points, displacement, magnification: 1.0, colours, sets: member_of };
         let largest = shared.map_or_else(|| motion.largest(), |shared| shared.largest);
-        let (low, high) = bounds(motion.finite_points().map(|point| motion.reference(point)));
+        let (low, high) = motion.reference_bounds();
         let size = [0, 1, 2].map(|axis| high[axis] - low[axis]).into_iter().fold(0.0, f64::max);
         motion.magnification = magnification(largest, size);
         let camera = Camera::new(points.dimension);
@@ -113,20 +115,10 @@ impl<'a> BodyView<'a> {
         BodyView { motion, names, camera, shapes, name, unit, shades, bounds }
     }
 
-    /// The largest displacement, in m.
-    pub(super) fn largest(&self) -> f64 {
-        self.motion.largest()
-    }
-
-    /// What the ends of the colours stand for.
-    pub(super) fn shades(&self) -> [f64; 2] {
-        self.shades
-    }
-
     /// What the reader should know about how the body is drawn.
     pub(super) fn note(&self) -> String {
         let n = self.motion.points.n_points();
-        let mut note = format!("{n} point{}", if n == 1 { "" } else { "s" });
+        let mut note = counted(n, "point");
         note += &match self.motion.magnification {
             1.0 => ", deformation at true scale".to_owned(),
             factor => format!(", displacements magnified {} times", ticks::short(factor)),

@@ -86,7 +86,7 @@ impl Cells {
     fn of_blocks(motion: &Motion, spacing: f64, block: usize) -> Cells {
         let size = spacing * block as f64;
         // Cells begin half a spacing before the first point.
-        let origin = motion.lowest_reference().map(|x| x - 0.5 * spacing);
+        let origin = motion.reference_bounds().0.map(|x| x - 0.5 * spacing);
         let mut cells: Vec<Cell> = Vec::new();
         let mut counts: Vec<f64> = Vec::new();
         let mut index: HashMap<Key, usize> = HashMap::new();
@@ -124,21 +124,49 @@ impl Cells {
     /// says nothing of what is beside it.
     fn find_gradients(&mut self) {
         for place in 0..self.cells.len() {
-            for axis in 0..self.dimension {
-                let held = self.cells[place].held;
-                let beside = |step| {
-                    let other = self.neighbor(place, axis, step)?;
-                    (!held || self.cells[other].held).then_some(other)
-                };
-                let before = beside(-1).unwrap_or(place);
-                let after = beside(1).unwrap_or(place);
-                let (p, q) = (&self.cells[before], &self.cells[after]);
-                let distance = q.reference[axis] - p.reference[axis];
-                if before != after && distance > 0.0 {
-                    let column = difference(q.current, p.current).map(|x| x / distance);
+            let held = self.cells[place].held;
+            let mut columns = [0, 1, 2].map(|axis| self.column(place, axis, held));
+            if held {
+                self.complete(place, &mut columns);
+            }
+            for (axis, column) in columns.into_iter().enumerate() {
+                if let Some(column) = column {
                     self.cells[place].gradient[axis] = column;
                 }
             }
+        }
+    }
+
+    /// A column of the deformation gradient at a cell, by its neighbours along an axis, or those that are held.
+    fn column(&self, place: usize, axis: usize, of_held: bool) -> Option<[f64; 3]> {
+        let beside = |step| {
+            let other = self.neighbor(place, axis, step)?;
+            (!of_held || self.cells[other].held).then_some(other)
+        };
+        let (before, after) = (beside(-1).unwrap_or(place), beside(1).unwrap_or(place));
+        let (p, q) = (&self.cells[before], &self.cells[after]);
+        let distance = q.reference[axis] - p.reference[axis];
+        let is_known = before != after && distance > 0.0;
+        is_known.then(|| difference(q.current, p.current).map(|x| x / distance))
+    }
+
+    /// Across a layer that is held and one cell thick nothing says how it turned: its normal turns with it.
+    fn complete(&self, place: usize, columns: &mut [Option<[f64; 3]>; 3]) {
+        let missing: Vec<usize> =
+            (0..self.dimension).filter(|axis| columns[*axis].is_none()).collect();
+        let [axis] = missing[..] else {
+            missing.into_iter().for_each(|axis| columns[axis] = self.column(place, axis, false));
+            return;
+        };
+        let [one, other] = [(axis + 1) % 3, (axis + 2) % 3].map(|axis| {
+            let mut at_rest = [0.0; 3];
+            at_rest[axis] = 1.0;
+            columns[axis].unwrap_or(at_rest)
+        });
+        let normal = cross(one, other);
+        let length = normal.iter().fold(0.0, |sum, x| sum + x * x).sqrt();
+        if length > 0.0 {
+            columns[axis] = Some(normal.map(|x| x / length));
         }
     }
 

@@ -36,7 +36,7 @@ impl Area {
 }
 
 /// Nearer than this, in pixels, two numbers beside a bar of colours hide each other.
-const APART: f64 = 15.0;
+const APART: f64 = 18.0;
 
 /// Draws a bar of the colours from `low` to `high` with its ticks and the numbers at its ends; its name with
 /// unit and power of ten.
@@ -69,8 +69,7 @@ pub(super) fn with_colour_bar(
     }
     for end in [low, high] {
         if ticks.values.iter().all(|value| (at(*value) - at(end)).abs() > APART) {
-            let label = ticks::short(end / libm::pow(10.0, f64::from(ticks.exponent)));
-            mark(end, &label.replace('-', "\u{2212}"), GREY);
+            mark(end, &ticks.between(end), GREY);
         }
     }
     with_unit(name, unit, ticks.exponent)

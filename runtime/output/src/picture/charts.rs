@@ -190,7 +190,7 @@ struct ReactionLine {
 fn reaction_lines(history: &History) -> Vec<ReactionLine> {
     let line = |set: usize| {
         let component = |axis: usize| {
-            let at_rest = history.at_rest.iter().map(move |sets| (0.0, sets[set][axis]));
+            let at_rest = history.at_rest.iter().map(move |at| (0.0, at.reactions[set][axis]));
             let all = history.steps.iter().map(move |step| (step.t, step.reactions[set][axis]));
             at_rest.chain(all).filter(|(t, reaction)| t.is_finite() && reaction.is_finite())
         };

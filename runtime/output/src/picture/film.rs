@@ -2,15 +2,18 @@
 //!
 //! A film is an animated PNG: colours are not reduced, browsers play it, and who knows no animation shows
 //! the first picture. Axes, colours and magnification are those of the whole run, so that nothing but the
-//! body moves, and a picture has only the rectangle that differs from the one before.
+//! body moves.
 
 use std::sync::Arc;
 
+use piola_meshes::Shape;
 use rayon::prelude::*;
 
+use super::apng::animated;
 use super::body::{BodyView, Shared};
 use super::canvas::{Anchor, Canvas, DARK, GREY, Text, shortened};
 use super::chart::Area;
+use super::charts::spread;
 use super::{Colour, NamedPoints, encode_png, ticks};
 use crate::mesh::{Mesh, PointsAre};
 use crate::results::frame::{Array, ReadFrame, decode_cells};
@@ -20,8 +23,8 @@ use crate::{Frame, Points};
 /// Pictures of a film at most; of more frames so many, evenly.
 pub const MOST_PICTURES: usize = 250;
 
-/// How much longer the last picture stands, in ms.
-const REST: f64 = 1000.0;
+/// Pictures a second at most: browsers play faster ones slowly.
+const MOST_A_SECOND: f64 = 50.0;
 
 /// Width and height of the page in pixels.
 const PAGE: (f64, f64) = (1060.0, 800.0);
@@ -49,7 +52,7 @@ impl<'a> BodyFilm<'a> {
             return Err(ResultsError::Missing {
                 path: results.folder().to_owned(),
                 wanted: "frame".to_owned(),
-                found: "none: `[output] frames = 0`, or the run broke off".to_owned(),
+                found: "none: the run broke off before the first".to_owned(),
             });
         };
         let read = last.read()?;
@@ -71,8 +74,8 @@ impl<'a> BodyFilm<'a> {
             Some(at) => frames.iter().min_by(|p, q| distance(p, at).total_cmp(&distance(q, at))),
             None => frames.last(),
         };
-        let Some(listed) = found else { return Ok(Vec::new()) };
-        let canvas = self.page(listed, None)?;
+        // There is a last one, or there was no body to be drawn.
+        let canvas = self.page(found.unwrap_or(&frames[frames.len() - 1]), None)?;
         Ok(if as_svg { canvas.to_svg().into_bytes() } else { encode_png(&canvas)? })
     }
 
@@ -82,14 +85,14 @@ impl<'a> BodyFilm<'a> {
     /// Frames that cannot be read.
     pub fn film(&self, seconds: f64) -> Result<Vec<u8>, ResultsError> {
         let frames = self.results.frames();
-        let n = frames.len().min(MOST_PICTURES);
+        let most = ((seconds * MOST_A_SECOND) as usize).clamp(2, MOST_PICTURES);
         let chosen: Vec<&Listed> =
-            (0..n).map(|k| &frames[k * (frames.len() - 1) / (n - 1).max(1)]).collect();
+            spread(frames.len(), most).into_iter().map(|k| &frames[k]).collect();
         let shared = self.shared(&chosen)?;
         let draw = |frame: &&Listed| Ok(encode_png(&self.page(frame, Some(shared))?)?);
         let pictures =
             chosen.par_iter().map(draw).collect::<Result<Vec<Vec<u8>>, ResultsError>>()?;
-        let delay = (1000.0 * seconds / n.max(1) as f64).clamp(1.0, f64::from(u16::MAX));
+        let delay = 1000.0 * seconds / pictures.len().max(1) as f64;
         animated(&pictures, delay).map_err(|error| {
             let reason = error.to_string();
             crate::OutputError::Picture { file: "film.png", reason }.into()
@@ -100,14 +103,25 @@ impl<'a> BodyFilm<'a> {
     fn shared(&self, frames: &[&Listed]) -> Result<Shared, ResultsError> {
         let range = |listed: &&Listed| {
             let (frame, colour) = self.load(listed)?;
-            let view = BodyView::new(&self.points, &frame, &[], colour.as_ref(), None);
-            Ok((view.largest(), view.shades()))
+            let d = self.points.dimension;
+            let lengths = frame.displacement.chunks_exact(d);
+            let length = |u: &[f64]| libm::sqrt(u.iter().map(|x| x * x).sum());
+            let lengths: Vec<f64> = lengths.map(length).filter(|u: &f64| u.is_finite()).collect();
+            let largest = lengths.iter().copied().fold(0.0, f64::max);
+            let values = colour.map_or(lengths, |colour| colour.values);
+            let finite = || values.iter().copied().filter(|x| x.is_finite());
+            let low = finite().fold(f64::INFINITY, f64::min);
+            Ok((largest, [low, finite().fold(f64::NEG_INFINITY, f64::max)]))
         };
         let found = frames.par_iter().map(range).collect::<Result<Vec<_>, ResultsError>>()?;
         let largest = found.iter().map(|(largest, _)| *largest).fold(0.0, f64::max);
         let low = found.iter().map(|(_, [low, _])| *low).fold(f64::INFINITY, f64::min);
         let high = found.iter().map(|(_, [_, high])| *high).fold(f64::NEG_INFINITY, f64::max);
-        let shared = Shared { largest, shades: [low, high], bounds: None };
+        let shared = Shared {
+            largest,
+            shades: if self.field.is_some() { [low, high] } else { [0.0, high] },
+            bounds: None,
+        };
         let bounds = |listed: &&Listed| {
             let (frame, colour) = self.load(listed)?;
             let view = BodyView::new(&self.points, &frame, &[], colour.as_ref(), Some(shared));
@@ -176,6 +190,14 @@ fn points_of(results: &Results, last: &Listed, read: &ReadFrame) -> Result<Point
     let mesh = match mesh {
         Some((file, points_are)) => {
             let (vertices, cells) = decoded(file, decode_cells)?;
+            let n = match points_are {
+                PointsAre::Cells => cells.len(),
+                PointsAre::Vertices => vertices.len() / 3,
+            };
+            let fits = |shape: &Shape| shape.dimension() <= dimension;
+            if n != volumes.values.len() || !cells.iter().all(|(shape, _)| fits(shape)) {
+                return Err(ResultsError::Broken { path: file.clone() });
+            }
             let cells = cells.iter().map(|(shape, corners)| (*shape, &corners[..]));
             Some(Mesh::new(dimension, flat(&vertices, dimension), cells, points_are))
         }
@@ -244,7 +266,8 @@ fn colour_of(
     Ok(Some(Colour { name: label, unit: unit_of(name), values }))
 }
 
-/// The unit of a field of frames; empty of pure numbers and of what has none that is known here.
+/// The unit of a field of frames; empty of pure numbers, of states, and of volumes, which are areas in the
+/// plane.
 pub fn unit_of(field: &str) -> &'static str {
     match field {
         "displacement" => "m",
@@ -254,84 +277,5 @@ pub fn unit_of(field: &str) -> &'static str {
         "energy_density" => "J/m^3",
         "stress" | "piola_stress" | "von_mises" | "principal_stresses" => "Pa",
         _ => "",
-    }
-}
-
-/// Pictures of one size after each other, each for so many ms.
-fn animated(pictures: &[Vec<u8>], delay: f64) -> Result<Vec<u8>, png::EncodingError> {
-    let mut out = Vec::new();
-    let Some(first) = pictures.first() else { return Ok(out) };
-    let mut before = Pixels::read(first)?;
-    let mut encoder = png::Encoder::new(&mut out, before.width as u32, before.height as u32);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_animated(pictures.len() as u32, 0)?;
-    encoder.set_frame_delay(delay as u16, 1000)?;
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(&before.rgb)?;
-    for (place, picture) in pictures.iter().enumerate().skip(1) {
-        let now = Pixels::read(picture)?;
-        let [left, top, width, height] = now.difference(&before);
-        if place + 1 == pictures.len() {
-            writer.set_frame_delay((delay + REST).min(f64::from(u16::MAX)) as u16, 1000)?;
-        }
-        writer.reset_frame_position()?;
-        writer.set_frame_dimension(width as u32, height as u32)?;
-        writer.set_frame_position(left as u32, top as u32)?;
-        writer.write_image_data(&now.cut(left, top, width, height))?;
-        before = now;
-    }
-    writer.finish()?;
-    Ok(out)
-}
-
-/// A picture as its pixels.
-struct Pixels {
-    width: usize,
-    height: usize,
-    /// Row by row.
-    rgb: Vec<u8>,
-}
-
-impl Pixels {
-    fn read(encoded: &[u8]) -> Result<Pixels, png::EncodingError> {
-        let wrong = |error: png::DecodingError| std::io::Error::other(error.to_string());
-        let mut decoder = png::Decoder::new(std::io::Cursor::new(encoded));
-        decoder.set_transformations(png::Transformations::normalize_to_color8());
-        let mut reader = decoder.read_info().map_err(wrong)?;
-        let mut pixels = vec![0; reader.output_buffer_size().unwrap_or(0)];
-        let info = reader.next_frame(&mut pixels).map_err(wrong)?;
-        let samples = info.color_type.samples();
-        // The page is white and hides what is behind it: nothing is transparent.
-        let rgb = match samples {
-            3 => pixels,
-            n => pixels.chunks_exact(n).flat_map(|pixel| [0, 1, 2].map(|k| pixel[k % n])).collect(),
-        };
-        Ok(Pixels { width: info.width as usize, height: info.height as usize, rgb })
-    }
-
-    fn row(&self, y: usize) -> &[u8] {
-        &self.rgb[3 * self.width * y..3 * self.width * (y + 1)]
-    }
-
-    /// The rectangle outside of which both are the same: left, top, width, height, each of the last two at
-    /// least 1.
-    fn difference(&self, other: &Pixels) -> [usize; 4] {
-        let differs = |y: &usize| self.row(*y) != other.row(*y);
-        let rows: Vec<usize> = (0..self.height).filter(differs).collect();
-        let (Some(&top), Some(&bottom)) = (rows.first(), rows.last()) else { return [0, 0, 1, 1] };
-        let (mut left, mut right) = (self.width, 0);
-        for y in rows {
-            let pixels = self.row(y).chunks_exact(3).zip(other.row(y).chunks_exact(3));
-            for (x, _) in pixels.enumerate().filter(|(_, (p, q))| p != q) {
-                (left, right) = (left.min(x), right.max(x));
-            }
-        }
-        [left, top, right + 1 - left, bottom + 1 - top]
-    }
-
-    fn cut(&self, left: usize, top: usize, width: usize, height: usize) -> Vec<u8> {
-        let part = |y| &self.row(y)[3 * left..3 * (left + width)];
-        (top..top + height).flat_map(part).copied().collect()
     }
 }

@@ -26,19 +26,30 @@ pub struct ForcePicture {
 
 impl ForcePicture {
     /// The force on `set` along the axis in which it is largest, its reaction and the loads on it, against the
-    /// displacement of `against`, a set or a probe, along the same axis; against its own if nothing is named.
+    /// displacement of `against`, a set or a probe, along the same axis; against its own if nothing is named. Of a
+    /// body in motion it is the reaction alone, against a probe: tables have no displacements of sets there.
     ///
     /// # Errors
-    /// A run without tables, a set or a probe that it has not; of a body in motion, whose tables have no
-    /// displacements of sets, what is no probe.
+    /// A run without tables, a set or a probe that it has not.
     pub fn new(
         results: &Results,
         set: &str,
         against: Option<&str>,
     ) -> Result<ForcePicture, ResultsError> {
         let d = results.dimension();
-        let moves = results.text(OutputFile::Forces)?.is_none();
-        let forces = if moves { OutputFile::Reactions } else { OutputFile::Forces };
+        let moves = !results.summary()["motion"].is_null();
+        let (forces, what) = match moves {
+            true => (OutputFile::Reactions, "reaction"),
+            false => (OutputFile::Forces, "force"),
+        };
+        if moves && against.is_none() {
+            return Err(ResultsError::Missing {
+                path: results.folder().to_owned(),
+                wanted: format!("displacement of `{set}`"),
+                found: "those of probes, as of every body in motion: name one, `--against PROBE`"
+                    .to_owned(),
+            });
+        }
         let suffixed = |name: &str, suffixes: &[&str]| -> Vec<String> {
             suffixes[..d].iter().map(|suffix| format!("{name}_{suffix}")).collect()
         };
@@ -48,23 +59,24 @@ impl ForcePicture {
         let other = against.unwrap_or(set);
         let wanted = suffixed(other, &COMPONENTS);
         let probes = || columns(results, OutputFile::Probes, &wanted, other);
-        let moved = match moves {
-            true => probes()?,
-            false => columns(results, forces, &wanted, other).or_else(|_| probes())?,
-        };
+        // Probes have no row of the body at rest, where displacements are 0.
+        let of_sets = if moves { None } else { columns(results, forces, &wanted, other).ok() };
+        let mut moved = of_sets.map_or_else(probes, Ok)?;
+        if moved.len() < all.len() {
+            moved.insert(0, vec![0.0; d + 1]);
+        }
         let pairs = all.iter().zip(&moved).map(|(f, u)| [f[0], u[axis + 1], f[axis + 1]]);
         let finite = pairs.filter(|point| point.iter().all(|x| x.is_finite()));
-        // Load steps begin behind the body at rest, whose displacements are 0; motions have it as their first row.
-        let at_rest = [[0.0; 3]].into_iter().filter(|_| !moves);
         let steps = results.summary()["steps"].as_array().into_iter().flatten();
         let unstable = steps.filter(|step| step["positive_definite"] == false);
+        let along = AXES[axis];
         Ok(ForcePicture {
             title: results.summary()["title"].as_str().unwrap_or_default().to_owned(),
             names: [
-                format!("displacement of {other} along {}", AXES[axis]),
-                format!("force on {set} along {}", AXES[axis]),
+                format!("displacement of {other} along {along}"),
+                format!("{what} on {set} along {along}"),
             ],
-            points: at_rest.chain(finite).collect(),
+            points: finite.collect(),
             unstable: unstable.filter_map(|step| step["t"].as_f64()).collect(),
         })
     }
@@ -113,9 +125,13 @@ fn columns(
     let path = results.folder().join(file.relative());
     let text = results.text(file)?.unwrap_or_default();
     let all: Vec<&str> = ["t"].into_iter().chain(names.iter().map(String::as_str)).collect();
-    read_numbers(&text, &all, |_| None).map_err(|_| ResultsError::Missing {
-        path,
-        wanted: format!("columns of `{wanted}`"),
-        found: text.lines().next().unwrap_or("no table").to_owned(),
+    let header = text.lines().next().unwrap_or("no table").to_owned();
+    // Names with commas stand in quotes there.
+    let are_there = names.iter().all(|name| header.contains(name.replace('"', "\"\"").as_str()));
+    read_numbers(&text, &all, |_| None).map_err(|errors| match errors.first() {
+        Some(error) if are_there => ResultsError::Unreadable { path, reason: error.to_string() },
+        _ => {
+            ResultsError::Missing { path, wanted: format!("columns of `{wanted}`"), found: header }
+        }
     })
 }

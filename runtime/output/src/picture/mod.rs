@@ -8,6 +8,7 @@
 //! However large the body, at most [`MOST_SHAPES`] cells or points are drawn; a note under the
 //! body says so.
 
+mod apng;
 mod body;
 mod canvas;
 mod cells;

@@ -69,9 +69,9 @@ impl Motion<'_> {
         })
     }
 
-    /// The least reference coordinate along every axis.
-    pub(super) fn lowest_reference(&self) -> [f64; 3] {
-        bounds(self.finite_points().map(|point| self.reference(point))).0
+    /// The box around all points at rest; that of those which can be drawn might change within a film.
+    pub(super) fn reference_bounds(&self) -> ([f64; 3], [f64; 3]) {
+        bounds((0..self.points.n_points()).map(|point| self.reference(point)))
     }
 }
 

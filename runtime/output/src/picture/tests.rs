@@ -80,6 +80,55 @@ fn cells_that_are_held_are_not_drawn_as_bent() {
     assert!(corners(&points) < 1e-15);
 }
 
+#[test]
+fn a_held_layer_of_one_cell_turns_as_a_whole() {
+    for dimension in [2, 3] {
+        let (mut points, mut frame, _) = stretched([5, 4, 4], dimension, 0.0);
+        // The last layer turns by a quarter about z.
+        let positions = points.positions.clone();
+        let is_last = |x: &[f64]| x[0] > 0.19;
+        points.held = positions.chunks(dimension).map(is_last).collect();
+        let turned = |x: &[f64]| [0.2 - x[1], x[0] - 0.2];
+        for (x, u) in positions.chunks(dimension).zip(frame.displacement.chunks_mut(dimension)) {
+            if is_last(x) {
+                let at = turned(x);
+                (0..2).for_each(|axis| u[axis] = at[axis] - x[axis]);
+            }
+        }
+        let displacement = &frame.displacement;
+        let sets = vec![0; points.n_points()];
+        let motion = motion::Motion {
+            points: &points,
+            displacement,
+            magnification: 1.0,
+            colours: None,
+            sets,
+        };
+        let cells = cells::Cells::new(&motion, 0.05, MOST_SHAPES);
+        let facets = cells.facets();
+        let (mut n, spacing) = (0, 0.05);
+        for facet in &facets {
+            // Of the outermost: all sides of a square.
+            let all_last =
+                facet.corners.iter().all(|corner| corner[1] > -0.026 && corner[0] < 0.251);
+            let sides = (0..4).map(|k| {
+                let pair = [facet.corners[k], facet.corners[(k + 1) % 4]];
+                let squares = [0, 1, 2]
+                    .map(|axis| (pair[0][axis] - pair[1][axis]) * (pair[0][axis] - pair[1][axis]));
+                squares.iter().sum::<f64>().sqrt()
+            });
+            let held = points.held[facet.cell];
+            if held && all_last && facet.outward.is_none_or(|normal| normal[1].abs() > 1e-9) {
+                n += 1;
+                for side in sides {
+                    assert!((side - spacing).abs() < 1e-12, "{dimension}: {:?}", facet.corners);
+                }
+            }
+        }
+        assert!(n >= 4, "{n}");
+    }
+}
+
 /// A run with quadratic convergence and a bending reaction curve.
 fn history(dimension: usize, n_steps: usize) -> History {
     let sets = vec!["left".to_owned(), "right".to_owned()];

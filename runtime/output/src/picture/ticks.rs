@@ -9,6 +9,24 @@ pub(super) struct Ticks {
     pub(super) labels: Vec<String>,
     /// The common power of ten; it belongs to the axis label.
     pub(super) exponent: i32,
+    /// Digits behind the points of the labels.
+    decimals: usize,
+}
+
+impl Ticks {
+    /// Another number as it would stand among the labels, with a digit more.
+    pub(super) fn between(&self, value: f64) -> String {
+        written(value / libm::pow(10.0, f64::from(self.exponent)), self.decimals + 1)
+    }
+}
+
+fn written(value: f64, decimals: usize) -> String {
+    let text = format!("{value:.decimals$}");
+    if text.trim_start_matches('-').bytes().all(|b| b == b'0' || b == b'.') {
+        "0".to_owned()
+    } else {
+        text.replace('-', "\u{2212}")
+    }
 }
 
 /// About `wanted` round numbers between `low` and `high`.
@@ -23,15 +41,8 @@ pub(super) fn linear(low: f64, high: f64, wanted: usize) -> Ticks {
     let exponent = if (-3..4).contains(&magnitude) { 0 } else { 3 * magnitude.div_euclid(3) };
     let unit = libm::pow(10.0, f64::from(exponent));
     let decimals = (exponent - floor_log10(step)).max(0) as usize;
-    let label = |value: &f64| {
-        let text = format!("{:.decimals$}", value / unit);
-        if text.trim_start_matches('-').bytes().all(|b| b == b'0' || b == b'.') {
-            "0".to_owned()
-        } else {
-            text.replace('-', "\u{2212}")
-        }
-    };
-    Ticks { labels: values.iter().map(label).collect(), values, exponent }
+    let label = |value: &f64| written(value / unit, decimals);
+    Ticks { labels: values.iter().map(label).collect(), values, exponent, decimals }
 }
 
 /// Decades between the powers of ten `low` and `high`, at most about `most` of them.

@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 
 use crate::OutputFile;
 use crate::results::frame::{Array, decode_faces};
-use crate::results::{Results, ResultsError, decoded};
+use crate::results::{self, Results, ResultsError, decoded};
 
 /// Rows of a table that the page has at most; of more every so many-th.
 pub const MOST_ROWS: usize = 2000;
@@ -41,7 +41,7 @@ pub fn write(folder: &Path, file: Option<&Path>, title: &str) -> Result<PathBuf,
     let results = Results::open(folder)?;
     let page = page(&results, title)?;
     let file = file.map_or_else(|| folder.join(OutputFile::Report.name()), Path::to_owned);
-    results.write(&file, page.as_bytes())?;
+    results::write(&file, page.as_bytes())?;
     Ok(file)
 }
 

@@ -111,15 +111,6 @@ impl Results {
         &self.frames
     }
 
-    /// Writes a file that is made of the results; it may stand anywhere.
-    ///
-    /// # Errors
-    /// A place that is no file, or cannot be written.
-    pub fn write(&self, file: &Path, bytes: &[u8]) -> Result<(), ResultsError> {
-        check_place(file)?;
-        Ok(atomic::write_atomically(file, |out| out.write_all(bytes))?)
-    }
-
     /// A file of the folder as text, if it is there.
     ///
     /// # Errors
@@ -144,15 +135,17 @@ pub(crate) fn decoded<T>(
     decode(&bytes).ok_or_else(|| ResultsError::Broken { path: path.to_owned() })
 }
 
-/// A file takes the place of another, and not of a device or a folder.
-fn check_place(file: &Path) -> Result<(), ResultsError> {
-    match fs::symlink_metadata(file) {
-        Ok(data) if !data.is_file() => {
-            let reason = "it is there, and no file".to_owned();
-            Err(ResultsError::Unwritable { path: file.to_owned(), reason })
-        }
-        _ => Ok(()),
+/// Writes a file that is made of results, anywhere: it takes the place of another, and not of a device or a
+/// folder.
+///
+/// # Errors
+/// A place that is no file, or cannot be written.
+pub fn write(file: &Path, bytes: &[u8]) -> Result<(), ResultsError> {
+    if fs::symlink_metadata(file).is_ok_and(|data| !data.is_file()) {
+        let reason = "it is there, and no file".to_owned();
+        return Err(ResultsError::Unwritable { path: file.to_owned(), reason });
     }
+    Ok(atomic::write_atomically(file, |out| out.write_all(bytes))?)
 }
 
 fn unreadable(path: &Path, error: &io::Error) -> ResultsError {

@@ -113,7 +113,7 @@ impl CaseError {
             }
         };
         CaseError::Text {
-            name: potential.name.clone(),
+            name: potential.place(),
             text: potential.text.clone(),
             diagnostics: vec![Diagnostic::error(code, span, error.to_string())],
         }

@@ -73,11 +73,28 @@ pub struct Case {
     folder: PathBuf,
 }
 
+/// Whether an energy of a potential is in the part of this name: with several potentials that of its own, and of
+/// its material, stands before it, and energies that are worked out together are one part.
+fn is_part_of(part: &str, potential: &str, energy: &str) -> bool {
+    let (whose, energies) =
+        part.split_once(": ").map_or((None, part), |(whose, energies)| (Some(whose), energies));
+    let is_own = whose.is_none_or(|whose| {
+        whose
+            .strip_prefix(potential)
+            .is_some_and(|rest| rest.is_empty() || rest.starts_with(" of "))
+    });
+    is_own && energies.split(" + ").flat_map(|one| one.split(" | ")).any(|one| one == energy)
+}
+
 /// Adds to what is wrong with a scene what is wrong with its potentials and their parameters.
 fn add_potentials(report: &mut SceneReport, scene: &Scene, folder: &Path, library: &Library<'_>) {
     for material in &scene.materials {
         let found = match Potential::read(scene, material, folder, library) {
-            Err(CaseError::Scene(more)) => more.findings,
+            // What is missing may stand in what could not be read.
+            Err(CaseError::Scene(more)) => {
+                let is_sure = |one: &Finding| one.diagnostic.code != "missing-parameter";
+                more.findings.into_iter().filter(is_sure).collect()
+            }
             Err(CaseError::Text { name, text, diagnostics }) => {
                 let source = report.source(name, text);
                 let of_text = |diagnostic| Finding { source, diagnostic };
@@ -221,18 +238,15 @@ impl Case {
     pub(crate) fn headline(&self, title: &str, modelled: &[String]) -> String {
         let mut parts: Vec<String> = Vec::new();
         for Potential { model, .. } in &self.potentials {
-            let is_modelled = |energy: &String| {
-                // With several potentials the name of its own stands before that of a part.
-                modelled.iter().any(|part| part.rsplit(": ").next() == Some(energy))
+            let is_modelled = |energy: &&String| {
+                modelled.iter().any(|part| is_part_of(part, model.name(), energy))
             };
-            let energies: Vec<String> = model
-                .arguments()
-                .iter()
-                .map(|argument| format!("psi({argument})"))
-                .filter(is_modelled)
-                .collect();
+            let all: Vec<String> =
+                model.arguments().iter().map(|argument| format!("psi({argument})")).collect();
+            let mut energies: Vec<&str> =
+                all.iter().filter(is_modelled).map(String::as_str).collect();
             if energies.is_empty() {
-                continue;
+                energies = all.iter().map(String::as_str).collect();
             }
             let part = format!("{} of {}", energies.join(" + "), model.name());
             if !parts.contains(&part) {

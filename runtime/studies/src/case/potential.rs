@@ -361,8 +361,7 @@ impl Potential {
 }
 
 fn wrong(potential: &PotentialText, diagnostics: Vec<Diagnostic>) -> CaseError {
-    let (name, text) = (potential.name.clone(), potential.text.clone());
-    CaseError::Text { name, text, diagnostics }
+    CaseError::Text { name: potential.place(), text: potential.text.clone(), diagnostics }
 }
 
 /// How derivatives are evaluated.

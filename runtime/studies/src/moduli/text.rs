@@ -101,7 +101,8 @@ fn of_fracture(f: &mut fmt::Formatter<'_>, fracture: &FractureEnergy) -> fmt::Re
         true => "stretch less 1 at which bonds break".to_string(),
         false => format!("stretch less 1 at which the first bonds break, {most:.6e} the last"),
     };
-    line(f, "s0", &format!("{least:.8e}"), "", &meaning)
+    // The laws of the library call their own threshold s0, and it need not be this one.
+    line(f, "s_c", &format!("{least:.8e}"), "", &meaning)
 }
 
 fn line(

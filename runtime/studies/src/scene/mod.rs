@@ -56,7 +56,7 @@ pub use fracture::{CrackEntry, CrackShape, FractureSettings, Track, TrackAxis};
 pub use motion::{Given, Initial, Motion};
 pub use piola_mechanics::lattice::Nodes;
 pub use points::{BodyShape, LatticeShape, MeshFormat, MeshNodes, MeshShape, Points};
-pub use potential::{PotentialText, files_below};
+pub use potential::{PotentialText, files_below, meant};
 pub use read::MOST_LAWS;
 pub use sets::{Listing, Members, SetDefinition};
 pub(crate) use settings::STATE;

@@ -24,6 +24,32 @@ pub struct PotentialText {
     pub text: String,
 }
 
+impl PotentialText {
+    /// Where it is, for who is shown a place in it: its path, or the name in the library.
+    pub fn place(&self) -> String {
+        self.path.as_ref().map_or_else(|| self.name.clone(), |path| path.display().to_string())
+    }
+}
+
+/// What may be meant by a path at which there is no file, as a help.
+pub fn meant(path: &Path) -> Option<String> {
+    let scene = path.join("scene.toml");
+    if path.is_dir() {
+        return scene.is_file().then(|| format!("name the scene in it: {}", scene.display()));
+    }
+    if path.exists() {
+        return None;
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let entries = std::fs::read_dir(folder.unwrap_or(Path::new("."))).ok()?;
+    let mut names: Vec<String> =
+        entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok()).collect();
+    // A folder lists its files in any order.
+    names.sort_unstable();
+    let near = suggest(path.file_name()?.to_str()?, names.iter().map(String::as_str))?;
+    Some(format!("did you mean {}?", path.with_file_name(near).display()))
+}
+
 impl Scene {
     /// How many laws there are: one of each material, then those of interfaces.
     pub fn n_laws(&self) -> usize {
@@ -60,6 +86,9 @@ impl Scene {
                 Err(reason) => {
                     let message = format!("cannot read the potential {}: {reason}", path.display());
                     let diagnostic = Diagnostic::error("unreadable-file", potential.span, message);
+                    let near = meant(&path);
+                    let diagnostic =
+                        near.into_iter().fold(diagnostic, |found, help| found.help(help));
                     Err(self.report(vec![diagnostic]))
                 }
             };

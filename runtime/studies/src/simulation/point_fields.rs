@@ -10,7 +10,7 @@ use piola_mechanics::fracture::left_of;
 use piola_mechanics::kernel::Measure;
 use piola_mechanics::least_squares;
 use piola_mechanics::words::Words as _;
-use piola_output::picture::{Colour, NamedPoints};
+use piola_output::picture::{Colour, NamedPoints, unit_of};
 use piola_output::{Frame, PointField};
 
 use crate::case::Case;
@@ -82,19 +82,20 @@ impl PointFields<'_> {
             let (components, values) = self.values(field, &state, &mut Tensors::default());
             body.to_user_order(&values, components)
         };
-        let (unit, values) = match by {
+        let values = match by {
             ColourBy::Displacement => return None,
-            ColourBy::Velocity => ("m/s", magnitudes(&frame.velocity)),
-            ColourBy::Acceleration => ("m/s^2", magnitudes(&worked_out(FrameField::Acceleration))),
-            ColourBy::EnergyDensity => ("J/m^3", worked_out(FrameField::EnergyDensity)),
-            ColourBy::Damage => ("", worked_out(FrameField::Damage)),
-            ColourBy::DamageOfAreas => ("", worked_out(FrameField::DamageOfAreas)),
-            ColourBy::DamageOfVolumes => ("", worked_out(FrameField::DamageOfVolumes)),
-            ColourBy::State(name) => ("", body.to_user_order(&self.mean_of_state(name), 1)),
-            ColourBy::Jacobian => ("", worked_out(FrameField::Jacobian)),
-            ColourBy::VonMises => ("Pa", worked_out(FrameField::VonMises)),
+            ColourBy::Velocity => magnitudes(&frame.velocity),
+            ColourBy::Acceleration => magnitudes(&worked_out(FrameField::Acceleration)),
+            ColourBy::EnergyDensity => worked_out(FrameField::EnergyDensity),
+            ColourBy::Damage => worked_out(FrameField::Damage),
+            ColourBy::DamageOfAreas => worked_out(FrameField::DamageOfAreas),
+            ColourBy::DamageOfVolumes => worked_out(FrameField::DamageOfVolumes),
+            ColourBy::State(name) => body.to_user_order(&self.mean_of_state(name), 1),
+            ColourBy::Jacobian => worked_out(FrameField::Jacobian),
+            ColourBy::VonMises => worked_out(FrameField::VonMises),
         };
-        Some(Colour { name: by.word(), unit, values })
+        let name = by.word();
+        Some(Colour { unit: unit_of(&name), name, values })
     }
 
     /// The sets, for a picture.

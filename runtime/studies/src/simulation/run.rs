@@ -16,7 +16,7 @@ use piola_output::picture::{Charts, Picture};
 use piola_output::pvd::FrameSeries;
 use piola_output::summary::{ExitReason, PhaseClock, step_summaries};
 use piola_output::{
-    Definiteness, Frame, History, OutputError, OutputFile, OutputFolder, Points, table,
+    Definiteness, Frame, History, OutputError, OutputFile, OutputFolder, Points, SetsAtRest, table,
 };
 use piola_solvers::constraint::Constraints;
 use piola_solvers::linear::{self, BLOCK_JACOBI, LinearOptions, PreconditionerChoice};
@@ -141,7 +141,7 @@ pub fn run(
         .with_mesh(case.mesh.clone())
         .with_held(&case.body, boundary.fixed_dofs());
     let fields = PointFields { case, energy: &energy, selection: &selection, masses: None };
-    let at_rest = residual_at_rest(&energy, &drive, points.positions.len());
+    let at_rest = AtRest::of(&energy, &drive, points.positions.len());
     let mut recorder = Recorder::new(fields, folder, &points, clock, at_rest)?;
     let result = run_steps(&energy, &drive, &settings(&case.scene), watch, &mut |record, state| {
         recorder.record(record, state)
@@ -164,14 +164,28 @@ pub(super) fn enter(clock: &mut PhaseClock, watch: &Watch, phase: &'static str) 
     watch.notice(Event::Phase(phase));
 }
 
-/// `dE/du` minus the loads of the body at rest, in N, where they are finite.
-fn residual_at_rest(energy: &Total<'_>, drive: &SceneDrive<'_>, n: usize) -> Option<Vec<f64>> {
-    let (mut forces, mut loads) = (vec![0.0; n], vec![0.0; n]);
-    drive.begin(0.0).ok()?;
-    drive.loads(0.0, &mut loads);
-    energy.forces(&vec![0.0; n], &mut forces).ok()?;
-    let residual: Vec<f64> = forces.iter().zip(&loads).map(|(force, load)| force - load).collect();
-    residual.iter().all(|x| x.is_finite()).then_some(residual)
+/// The body at rest, before the first step, in N.
+struct AtRest {
+    /// `dE/du`.
+    forces: Vec<f64>,
+    /// The same minus the loads.
+    residual: Vec<f64>,
+}
+
+impl AtRest {
+    /// Nothing where loads or forces are not finite there: the steps go without.
+    fn of(energy: &Total<'_>, drive: &SceneDrive<'_>, n: usize) -> Option<AtRest> {
+        let (mut forces, mut loads) = (vec![0.0; n], vec![0.0; n]);
+        let begun = drive.begin(0.0);
+        drive.loads(0.0, &mut loads);
+        // What is not given at rest is no reason for what happens later.
+        drive.forget();
+        begun.ok()?;
+        energy.forces(&vec![0.0; n], &mut forces).ok()?;
+        let residual: Vec<f64> =
+            forces.iter().zip(&loads).map(|(force, load)| force - load).collect();
+        residual.iter().all(|x| x.is_finite()).then_some(AtRest { forces, residual })
+    }
 }
 
 /// Refuses a body that can move without force.
@@ -248,6 +262,11 @@ impl<'a> SceneDrive<'a> {
             Some(Problem::Field(problem)) => case.wrong_field(problem),
             None => error.into(),
         }
+    }
+
+    /// Takes nothing for the reason of what happens later that was not given so far.
+    fn forget(&self) {
+        *self.problem.lock().unwrap_or_else(|e| e.into_inner()) = None;
     }
 
     fn note(&self, problem: Problem) {
@@ -395,12 +414,12 @@ impl<'a> Recorder<'a> {
         folder: &'a OutputFolder,
         points: &'a Points,
         clock: PhaseClock,
-        at_rest: Option<Vec<f64>>,
+        at_rest: Option<AtRest>,
     ) -> Result<Recorder<'a>, OutputError> {
         let PointFields { case, energy, selection, .. } = fields;
         let mut frames = FrameSeries::new(folder, points)?;
         let zero = vec![0.0; points.positions.len()];
-        let mut last = frame(case, 0.0, &zero, at_rest.as_ref().unwrap_or(&zero));
+        let mut last = frame(case, 0.0, &zero, at_rest.as_ref().map_or(&zero, |at| &at.residual));
         fields.fill(&mut last);
         frames.push(&last)?;
         let sets = selection.sets.iter().map(|set| set.name.clone()).collect();
@@ -411,7 +430,11 @@ impl<'a> Recorder<'a> {
         history.prescribed = (0..selection.sets.len())
             .map(|set| prescribed.iter().any(|given| given.set.value == set))
             .collect();
-        history.at_rest = at_rest.map(|at| selection.reactions(&at, case.body.dimension()));
+        let d = case.body.dimension();
+        history.at_rest = at_rest.map(|at| SetsAtRest {
+            reactions: selection.reactions(&at.residual, d),
+            forces: selection.reactions(&at.forces, d),
+        });
         let tracks = Tracks::new(case, energy, selection, false);
         let table = |tracks: &Tracks<'_>| FractureTable {
             columns: tracks.columns(),

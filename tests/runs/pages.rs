@@ -72,7 +72,7 @@ fn laws_and_parts_of_scenes_of_pages_are_right() {
                         std::fs::write(folder.scene(), with_tables(base, text)).unwrap();
                         run_to_end(command(&["check", &folder.scene()]), b"").code == 0
                     };
-                    if !BASES.iter().any(|base| fits(base)) {
+                    if !BASES.iter().any(fits) {
                         std::fs::write(folder.scene(), with_tables(BASES[0], text)).unwrap();
                         passes(&["check", &folder.scene()], Path::new("."), &said);
                     }

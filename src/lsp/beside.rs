@@ -176,7 +176,11 @@ fn next(shared: &Shared) -> Option<Task> {
             let number = state.number(&document);
             return Some(Task::Lints(document, number));
         }
-        if let Some((_, document)) = state.measures.pop_first() {
+        if let Some((uri, document)) = state.measures.pop_first() {
+            // Whoever asked again while it was measured has it.
+            if state.measured.contains_key(&uri) {
+                continue;
+            }
             let number = state.number(&document);
             return Some(Task::Measures(document, number));
         }

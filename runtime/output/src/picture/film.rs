@@ -35,6 +35,8 @@ const BAR: Area = Area { left: 815.0, top: 140.0, right: 837.0, bottom: 650.0 };
 #[derive(Debug)]
 pub struct BodyFilm<'a> {
     results: &'a Results,
+    last: &'a Listed,
+    /// What colours show beside the displacement.
     field: Option<&'a str>,
     points: Points,
     sets: Vec<NamedPoints>,
@@ -55,11 +57,12 @@ impl<'a> BodyFilm<'a> {
                 found: "none: the run broke off before the first".to_owned(),
             });
         };
+        let field = field.filter(|field| *field != "displacement");
         let read = last.read()?;
         colour_of(&read, field, last)?;
         let title = results.summary()["title"].as_str().unwrap_or_default().to_owned();
         let points = points_of(results, last, &read)?;
-        Ok(BodyFilm { results, field, points, sets: sets_of(&read), title })
+        Ok(BodyFilm { results, last, field, points, sets: sets_of(&read), title })
     }
 
     /// The picture of the frame that is nearest to this time or load parameter, the last if there is none, as
@@ -68,14 +71,12 @@ impl<'a> BodyFilm<'a> {
     /// # Errors
     /// Frames that cannot be read.
     pub fn still(&self, at: Option<f64>, as_svg: bool) -> Result<Vec<u8>, ResultsError> {
-        let frames = self.results.frames();
         let distance = |frame: &Listed, at: f64| (frame.t - at).abs();
-        let found = match at {
-            Some(at) => frames.iter().min_by(|p, q| distance(p, at).total_cmp(&distance(q, at))),
-            None => frames.last(),
-        };
-        // There is a last one, or there was no body to be drawn.
-        let canvas = self.page(found.unwrap_or(&frames[frames.len() - 1]), None)?;
+        let nearest = at.and_then(|at| {
+            let frames = self.results.frames().iter();
+            frames.min_by(|p, q| distance(p, at).total_cmp(&distance(q, at)))
+        });
+        let canvas = self.page(nearest.unwrap_or(self.last), None)?;
         Ok(if as_svg { canvas.to_svg().into_bytes() } else { encode_png(&canvas)? })
     }
 
@@ -230,7 +231,7 @@ fn colour_of(
     field: Option<&str>,
     listed: &Listed,
 ) -> Result<Option<Colour>, ResultsError> {
-    let Some(field) = field.filter(|field| *field != "displacement") else { return Ok(None) };
+    let Some(field) = field else { return Ok(None) };
     let of = |name: &str| read.arrays.iter().find(|array| array.name == name);
     let component = || {
         let (name, axes) = field.rsplit_once('_')?;

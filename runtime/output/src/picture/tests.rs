@@ -129,6 +129,17 @@ fn a_held_layer_of_one_cell_turns_as_a_whole() {
     }
 }
 
+#[test]
+fn a_field_without_a_finite_number_is_drawn_as_none() {
+    let (points, frame, _) = stretched([3, 3, 1], 2, 0.1);
+    let colour = Colour { name: "state".to_owned(), unit: "", values: vec![f64::NAN; 9] };
+    let charts = Charts::Times { energies: &[], probes: &[] };
+    let colour = Some(&colour);
+    let picture = Picture { title: "", points: &points, frame: &frame, sets: &[], colour, charts };
+    let svg = picture.to_svg();
+    assert!(svg.contains("not finite and left out: 9"), "{svg}");
+}
+
 /// A run with quadratic convergence and a bending reaction curve.
 fn history(dimension: usize, n_steps: usize) -> History {
     let sets = vec!["left".to_owned(), "right".to_owned()];

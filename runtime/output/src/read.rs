@@ -77,11 +77,16 @@ pub fn read_displacement(
 
 /// Points and volumes from a table with columns `x,y[,z],volume`; other columns are ignored.
 ///
-/// Refuses an empty cloud, volumes that are not positive, and two points at one place.
+/// Refuses an empty cloud, volumes that are not positive, two points at one place, and in two dimensions
+/// points of different z.
 pub fn read_cloud(text: &str, dimension: usize) -> Result<Cloud, Vec<TableError>> {
-    let names: Vec<&str> = COORDINATES[..dimension].iter().copied().chain(["volume"]).collect();
+    let mut names: Vec<&str> = COORDINATES[..dimension].iter().copied().chain(["volume"]).collect();
+    if dimension == 2 && column_names(text).iter().any(|name| name == "z") {
+        names.push("z");
+    }
     let table = Table::open(text, &names, true)?;
     let mut cloud = Cloud { positions: Vec::new(), volumes: Vec::new() };
+    let (mut plane, mut told) = (None, false);
     let mut seen: HashMap<Vec<u64>, usize> = HashMap::new();
     let (n_rows, mut errors) = table.rows(|row, values| {
         let (position, volume) = (&values[..dimension], values[dimension]);
@@ -99,6 +104,17 @@ pub fn read_cloud(text: &str, dimension: usize) -> Result<Cloud, Vec<TableError>
             let message = format!("this point stands where the point of line {earlier} stands");
             let error = Diagnostic::error("points-coincide", row.field(0), message);
             wrong.push(error.help("remove one of them; a bond between them would have no length"));
+        }
+        if let Some(&z) = values.get(dimension + 1) {
+            let (first, line) = *plane.get_or_insert((z, row.line));
+            // It is told once: where one point has another z, most have.
+            if z != first && !std::mem::replace(&mut told, true) {
+                let message = format!(
+                    "z is {z} here and {first} on line {line}, but the body has two dimensions"
+                );
+                let error = Diagnostic::error("not-in-a-plane", row.field(dimension + 1), message);
+                wrong.push(error.help("write `dimension = 3` in [body], or the same z everywhere"));
+            }
         }
         cloud.positions.extend_from_slice(position);
         cloud.volumes.push(volume);
@@ -424,6 +440,8 @@ mod tests {
         check_cloud("x,y,volume\n0,1,0\n", 2, 5, "volume-not-positive", "0", "positive");
         check_cloud("x,y,volume\n0,1,-2\n", 2, 5, "volume-not-positive", "-2", "m^d");
         check_cloud("x,y,volume\n0,1,1\n2,2,1\n-0,1,1\n", 4, 1, "points-coincide", "-0", "line 2");
+        let deep = "x,y,z,volume\n0,0,1,1\n1,0,2,1\n0,1,3,1\n";
+        check_cloud(deep, 3, 5, "not-in-a-plane", "2", "1 on line 2");
         check_cloud("x,y,volume\n0,\"1,1\n", 2, 3, "unclosed-quote", "\"1,1", "same line");
         check_cloud("é,x,y,volume\né,a,1,1\n", 2, 3, "not-a-number", "a", "`x` is not a number");
     }

@@ -33,6 +33,8 @@ pub struct Summary {
     pub points: usize,
     /// The spacing in m where they are a lattice, else `null`.
     pub spacing: Option<Number>,
+    /// Where the probes are.
+    pub probes: Vec<ProbeSummary>,
     /// Interactions that the energy sums over.
     pub interactions: InteractionCounts,
     /// Degenerate interactions that were left out: collinear triangles, coplanar tetrahedra.
@@ -72,6 +74,17 @@ impl Summary {
     pub fn write(&self, folder: &OutputFolder) -> Result<(), OutputError> {
         folder.write(OutputFile::Summary, self.to_json().as_bytes())
     }
+}
+
+/// A probe: the point next to a place.
+#[derive(Clone, Debug, Serialize)]
+pub struct ProbeSummary {
+    /// Its name.
+    pub name: String,
+    /// The place that the scene names, in m.
+    pub at: Vec<Number>,
+    /// The point at rest, in m.
+    pub point: Vec<Number>,
 }
 
 /// How the equations of a run were solved.
@@ -430,6 +443,7 @@ mod tests {
             dimension: 2,
             points: 441,
             spacing: Some(Number(0.05)),
+            probes: Vec::new(),
             interactions: InteractionCounts { bonds: 3, triangles: 2, tetrahedra: 0 },
             dropped: InteractionCounts::default(),
             warnings: vec!["a set boundary is close to points".to_owned()],

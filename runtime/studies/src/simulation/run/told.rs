@@ -3,13 +3,14 @@
 use piola_mechanics::energy::{Energy as _, Total};
 use piola_mechanics::interaction::Report;
 use piola_output::summary::{
-    InteractionCounts, MEMORY_SOURCE, Number, PhaseClock, SolverSummary, Summary, memory,
-    scene_hash, versions,
+    InteractionCounts, MEMORY_SOURCE, Number, PhaseClock, ProbeSummary, SolverSummary, Summary,
+    memory, scene_hash, versions,
 };
 use piola_solvers::steps::{self, Find};
 
 use super::{Ending, RunOptions};
 use crate::case::Case;
+use crate::scene::selection::nearest;
 
 /// The name of what is run.
 pub(in crate::simulation) fn hash(case: &Case, resolved: &str) -> String {
@@ -39,6 +40,7 @@ pub(in crate::simulation) fn summary(
         dimension: body.dimension(),
         points: body.n_points(),
         spacing: body.spacing().map(Number),
+        probes: probes(case),
         interactions: interactions(&report),
         dropped: InteractionCounts {
             bonds: 0,
@@ -55,6 +57,17 @@ pub(in crate::simulation) fn summary(
         memory_source: MEMORY_SOURCE,
         steps: Vec::new(),
     }
+}
+
+/// Where the points of the probes are: seldom where the scene wants them.
+fn probes(case: &Case) -> Vec<ProbeSummary> {
+    let numbers = |place: &[f64]| place.iter().copied().map(Number).collect();
+    let told = case.scene.probes.iter().map(|probe| ProbeSummary {
+        name: probe.name.value.clone(),
+        at: numbers(&probe.at.value),
+        point: numbers(case.body.position(nearest(&case.body, &probe.at.value).0)),
+    });
+    told.collect()
 }
 
 fn interactions(report: &Report) -> InteractionCounts {

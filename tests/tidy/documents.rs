@@ -88,9 +88,10 @@ fn every_example_is_listed_and_timed() {
             continue;
         }
         let name = folder.file_name().unwrap().to_string_lossy().into_owned();
-        // A scene, or a program.
-        let file = ["scene.toml", "main.rs"].into_iter().find(|file| folder.join(file).exists());
-        let file = file.unwrap_or_else(|| panic!("{name} has neither scene.toml nor main.rs"));
+        // A scene, a program, or a program with a page of its own.
+        let files = ["scene.toml", "main.rs", "README.md"];
+        let file = files.into_iter().find(|file| folder.join(file).exists());
+        let file = file.unwrap_or_else(|| panic!("{name} has none of {files:?}"));
         assert!(page.contains(&format!("]({name}/{file})")), "{name} is not listed");
         assert!(page.contains(&format!("\n| {name} | ")), "{name} has no times");
     }

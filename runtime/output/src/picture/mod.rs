@@ -20,7 +20,6 @@ mod force;
 mod front;
 mod logarithmic;
 mod motion;
-mod slices;
 mod solid;
 mod sweep;
 mod ticks;
@@ -29,7 +28,6 @@ pub use film::{BodyFilm, MOST_PICTURES, unit_of};
 pub use force::ForcePicture;
 pub use front::{Dot, DotKind, FrontPicture};
 pub use logarithmic::{LogarithmicPanel, LogarithmicPlot};
-pub use slices::{Slice, SlicePlot};
 pub use sweep::{SweepChart, SweepLine, SweepPicture};
 
 use super::{Frame, History, OutputError, OutputFile, OutputFolder, Points};

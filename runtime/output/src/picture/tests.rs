@@ -479,35 +479,6 @@ fn strange_runs_are_drawn_too() {
 }
 
 #[test]
-fn slices_have_a_square_per_point() {
-    let slice = |values: Vec<f64>| Slice {
-        title: "a < b".to_owned(),
-        note: String::new(),
-        quantity: ("energy", "J"),
-        range: [-1.0, 1.0],
-        columns: 3,
-        values,
-    };
-    let of = |values: Vec<f64>| SlicePlot { title: String::new(), panels: vec![slice(values)] };
-    let picture = of(vec![-1.0, 0.0, 1.0, f64::NAN, 2.0, -2.0]);
-    let svg = picture.to_svg();
-    check_xml(&svg);
-    assert_eq!(svg.matches("<rect").count(), of(Vec::new()).to_svg().matches("<rect").count() + 6);
-    let pixels = Pixels::decode(&picture.to_png().unwrap());
-    // Inside the squares: what is not a number is grey, what lies beyond has the colour of the end.
-    let colour = |column: usize, row: usize| {
-        let (left, bottom) = (46.0 + 113.0 * column as f64, 440.0 - 113.0 * row as f64);
-        let area = Area { left, top: bottom - 90.0, right: left + 90.0, bottom };
-        let (_, colours) = pixels.look(area);
-        assert_eq!(colours.len(), 1, "{column} {row}");
-        colours.into_iter().next().unwrap()
-    };
-    assert_eq!(colour(0, 1), canvas::NOT_A_NUMBER);
-    assert_eq!([colour(1, 1), colour(2, 1)], [canvas::viridis(1.0), canvas::viridis(0.0)]);
-    assert_eq!(colour(1, 0), canvas::viridis(0.5));
-}
-
-#[test]
 fn both_files_are_written() {
     let dir = tempfile::tempdir().unwrap();
     let folder = OutputFolder::create(dir.path(), false).unwrap();

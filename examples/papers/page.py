@@ -1,0 +1,108 @@
+"""docs/measured/papers.md, from what is recorded."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from study import PAPERS, Study, counted
+
+HEAD = """# Figures and tables of the five papers
+
+Every figure and table of the [five papers](../../potentials/REFERENCES.md) that piola was made from, computed again
+or refuted, by the program [examples/papers](../../examples/papers/README.md), which writes this page from what it
+found. A row *agrees* if the numbers differ by no more than 1 %, or than what the paper's digits or its figure leave
+open; *after a correction* if something that the paper says had to be changed first; it is *refuted* if ours is that
+of an independent program or a closed form, within 1 %; else it *differs*. Rows without a number in the paper are
+*not comparable*. Times are of two virtual cores of a server.
+"""
+
+
+def number(value: float | None, unit: str = "") -> str:
+    """Five digits."""
+    if value is None:
+        return "-"
+    return f"{value:.5g} {unit}".strip()
+
+
+def rows(given: Any) -> list[str]:
+    """Rows of a study as text, for the terminal."""
+    lines = []
+    for row in given:
+        if row["kind"] == "number":
+            unit = row.get("unit", "")
+            published, ours = number(row.get("published"), unit), number(row["ours"], unit)
+        else:
+            published, ours = row["published"], row["ours"]
+        lines.append(f"{row['verdict']:<26} {row['what']}: paper {published}, here {ours}")
+    return lines
+
+
+def render(studies: list[Study], recorded: Path) -> str:
+    """The page. Studies without a record are said to be missing."""
+    told = {study.key: _record(study, recorded) for study in studies}
+    parts = [HEAD, _summary(studies, told)]
+    for paper in PAPERS:
+        parts.append(f"## {paper}\n")
+        for study in (one for one in studies if one.paper == paper):
+            parts.append(_study(study, told[study.key]))
+    return "\n".join(parts)
+
+
+def _record(study: Study, recorded: Path) -> dict[str, Any] | None:
+    path = recorded / study.paper / f"{study.name}.json"
+    if not path.exists():
+        return None
+    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return found
+
+
+def _summary(studies: list[Study], told: dict[str, dict[str, Any] | None]) -> str:
+    lines = ["| paper | " + " | ".join(counted([])) + " | time, min |", "|---" * 7 + "|"]
+    for paper in PAPERS:
+        done = [record for study in studies if study.paper == paper and (record := told[study.key])]
+        verdicts = counted(row["verdict"] for record in done for row in record["rows"])
+        minutes = sum(record["seconds"] for record in done) / 60.0
+        cells = [f"[{paper}](#{paper})", *map(str, verdicts.values()), f"{minutes:.0f}"]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _study(study: Study, record: dict[str, Any] | None) -> str:
+    if study.body is None:
+        return f"**{study.label}** draws {study.draws}: nothing is computed.\n"
+    lines = [f"### {study.paper}, {study.label}: {study.title}\n"]
+    if record is None:
+        return "\n".join([*lines, "Not recorded.\n"])
+    if record["pictured"]:
+        lines.append(f"![{study.paper}, {study.label}: {study.title}](papers/{study.paper}/{study.name}.png)\n")
+    lines += ["| quantity | paper | here | difference | verdict |", "|---|---|---|---|---|"]
+    lines += [_row(row) for row in record["rows"]]
+    lines.append("")
+    if record["notes"]:
+        lines.append(record["notes"] + "\n")
+    scope = "" if record["full"] else ", the short version"
+    lines.append(f"`python examples/papers --full {study.key}`: {record['seconds']:.3g} s, {record['megabytes']} MB{scope}.\n")
+    return "\n".join(lines)
+
+
+def _row(row: dict[str, Any]) -> str:
+    difference = ""
+    if row["kind"] == "number":
+        unit = row.get("unit", "")
+        published, ours = number(row.get("published"), unit), number(row["ours"], unit)
+        if row.get("published"):
+            difference = f"{100.0 * (row['ours'] / row['published'] - 1.0):+.2g} %"
+        if row.get("reading"):
+            published += f" +- {row['reading']:.2g}"
+    else:
+        published, ours = row["published"], row["ours"]
+    verdict = f"**{row['verdict']}**" if row["verdict"] == "differs" else row["verdict"]
+    because = [row.get("correction", ""), row.get("why", "")]
+    if row.get("independent") is not None or row.get("refuted"):
+        value = number(row["independent"], row.get("unit", "")) + " by " if row.get("independent") is not None else ""
+        because.append(value + row.get("source", ""))
+    told = "; ".join(one for one in because if one)
+    cells = [row["what"], published, ours, difference, verdict + (f": {told}" if told else "")]
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

@@ -64,16 +64,17 @@ class Run:
         summary says how it ended.
         """
         words = [name, sorted((overrides or {}).items()), sorted(parameters.items())]
-        key = self._key([*words, self.path(name).read_bytes()])
+        scene = self.path(name)
+        laws = [law.read_bytes() for law in sorted(scene.parent.glob("*.piola"))]
+        key = self._key([*words, scene.read_bytes(), *laws])
         folder = self._kept / f"{Path(name).stem}-{key}"
         told = folder.with_suffix(".json")
         if not told.exists():
             shutil.rmtree(folder, ignore_errors=True)
             folder.parent.mkdir(parents=True, exist_ok=True)
             since = time.perf_counter()
-            scene = self.scene(name, overrides, **parameters)
             try:
-                scene.run(folder, threads=threads, progress=False)
+                self.scene(name, overrides, **parameters).run(folder, threads=threads, progress=False)
             except piola.Error as error:
                 if not (may_fail and getattr(error, "result", None) is not None):
                     raise

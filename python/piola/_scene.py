@@ -396,6 +396,28 @@ class Result:
         grid = pyvista.read(cells if os.path.exists(cells) else path)
         return grid.warp_by_vector("displacement")
 
+    def picture(
+        self,
+        field: str | None = None,
+        at: float | None = None,
+        *,
+        film: bool = False,
+        force: str | None = None,
+        against: str | None = None,
+    ) -> bytes:
+        """A PNG of the body at the frame next to `at`, at the end without it, coloured by a field of the frames or
+        a component of one (`"stress_xy"`); with `film` of all frames, one after the other. With `force` a chart of
+        the force on that set against its displacement, or that of `against`, another set or a probe."""
+        words = ["picture", self.folder]
+        for name, value in (("field", field), ("at", at), ("force", force), ("against", against)):
+            words += [f"--{name}", str(value)] if value is not None else []
+        words += ["--film"] if film else []
+        with tempfile.TemporaryDirectory(prefix="piola-") as folder:
+            path = os.path.join(folder, "picture.png")
+            command([*words, "--out", path])
+            with open(path, "rb") as file:
+                return file.read()
+
     def _repr_png_(self) -> bytes:
         with open(self._path("picture.png"), "rb") as file:
             return file.read()

@@ -129,6 +129,11 @@ def test_scenes_run_and_leave_arrays():
     assert last.t == 1.0 and last["displacement"].shape == (50, 3)
     assert np.array_equal(last["displacement"][:, :2], result.displacement)
     assert result._repr_png_().startswith(b"\x89PNG")
+    pictures = [result.picture(), result.picture("displacement_x", at=0.0), result.picture(force="right")]
+    assert all(picture.startswith(b"\x89PNG") for picture in pictures)
+    assert len(set(pictures)) == 3
+    with pytest.raises(piola.Error, match="no field"):
+        result.picture("colour")
     assert told == sorted(told) and all(0 <= part <= 1 for part in told)
     # Overrides of the scene and of the call; a law of one's own.
     law = "potential own\nparameter C1\npsi(l) = C1*(l/L - 1)^2\n"

@@ -115,4 +115,4 @@ def fig11(run: Run) -> Found:
     notes = """The paper says no more than that a cut-out of a brain is sheared a little, and that its parameters are
         beyond its scope: neither geometry nor coefficients can be reproduced. A cuboid of bonds stands for it
         here."""
-    return Found(rows, [Picture("displacement", result._repr_png_())], notes)
+    return Found(rows, [Picture("displacement", result.picture())], notes)

@@ -107,7 +107,7 @@ def fig06(run: Run) -> Found:
             result = run.solve(CUBE, given)
             found[name] = contraction(result)
             ends.append(result.displacement)
-            pictures.append(Picture(name, result._repr_png_()))
+            pictures.append(Picture(name, result.picture("displacement_y")))
         told = ", ".join(f"{name} {value:.4f}" for name, value in found.items())
         thin = list(found.values())
         apart = float(np.abs(ends[1] - ends[2]).max() / np.abs(ends[2]).max())
@@ -188,7 +188,7 @@ def fig07(run: Run) -> Found:
                         )
                     )
             else:
-                shown.append(Picture(f"space, a = {a:g}", result._repr_png_()))
+                shown.append(Picture(f"space, a = {a:g}", result.picture()))
         away = [one[2] for one in measured.values()]
         ends = min(one[3] for one in measured.values())
         name = "plane" if d == 2 else "space"
@@ -295,7 +295,7 @@ def twisted(run: Run, slenderness: int) -> Found:
     return Found(
         rows,
         [
-            Picture("180 degrees", result._repr_png_()),
+            Picture("180 degrees", result.picture()),
             Panel("convergence", "iteration", "residual / first residual", lines, log="y"),
         ],
         notes,

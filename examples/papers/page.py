@@ -71,15 +71,18 @@ def _summary(studies: list[Study], told: dict[str, dict[str, Any] | None]) -> st
 
 def _study(study: Study, record: dict[str, Any] | None) -> str:
     if study.body is None:
-        return f"**{study.label}** draws {study.draws}: nothing is computed.\n"
+        verb = "lists" if study.label.startswith("Table") else "draws"
+        return f"**{study.label}** {verb} {study.draws}: nothing is computed.\n"
     lines = [f"### {study.paper}, {study.label}: {study.title}\n"]
     if record is None:
         return "\n".join([*lines, "Not recorded.\n"])
     if record["pictured"]:
         lines.append(f"![{study.paper}, {study.label}: {study.title}](papers/{study.paper}/{study.name}.png)\n")
+    repeated = _repeated(record["rows"])
     lines += ["| quantity | paper | here | difference | verdict |", "|---|---|---|---|---|"]
-    lines += [_row(row) for row in record["rows"]]
+    lines += [_row(row, repeated) for row in record["rows"]]
     lines.append("")
+    lines += [f"({k}) {reason}.\n" for k, reason in enumerate(repeated, 1)]
     if record["notes"]:
         lines.append(record["notes"] + "\n")
     scope = "" if record["full"] else ", the short version"
@@ -87,7 +90,22 @@ def _study(study: Study, record: dict[str, Any] | None) -> str:
     return "\n".join(lines)
 
 
-def _row(row: dict[str, Any]) -> str:
+def _reasons(row: dict[str, Any]) -> list[str]:
+    """What was corrected, why numbers differ, and who else has them."""
+    found = [row.get("correction", ""), row.get("why", "")]
+    if row.get("independent") is not None or row.get("refuted"):
+        value = number(row["independent"], row.get("unit", "")) + " by " if row.get("independent") is not None else ""
+        found.append(value + row.get("source", ""))
+    return [one for one in found if one]
+
+
+def _repeated(given: list[dict[str, Any]]) -> list[str]:
+    """Long reasons of several rows, which stand below the table once."""
+    every = [reason for row in given for reason in _reasons(row) if len(reason) > 60]
+    return [reason for reason in dict.fromkeys(every) if every.count(reason) > 1]
+
+
+def _row(row: dict[str, Any], repeated: list[str]) -> str:
     difference = ""
     if row["kind"] == "number":
         unit = row.get("unit", "")
@@ -99,10 +117,6 @@ def _row(row: dict[str, Any]) -> str:
     else:
         published, ours = row["published"], row["ours"]
     verdict = f"**{row['verdict']}**" if row["verdict"] == "differs" else row["verdict"]
-    because = [row.get("correction", ""), row.get("why", "")]
-    if row.get("independent") is not None or row.get("refuted"):
-        value = number(row["independent"], row.get("unit", "")) + " by " if row.get("independent") is not None else ""
-        because.append(value + row.get("source", ""))
-    told = "; ".join(one for one in because if one)
-    cells = [row["what"], published, ours, difference, verdict + (f": {told}" if told else "")]
+    reasons = [f"({repeated.index(one) + 1})" if one in repeated else one for one in _reasons(row)]
+    cells = [row["what"], published, ours, difference, verdict + (f": {'; '.join(reasons)}" if reasons else "")]
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"

@@ -15,7 +15,8 @@ or refuted, by the program [examples/papers](../../examples/papers/README.md), w
 found. A row *agrees* if the numbers differ by no more than 1 %, or than what the paper's digits or its figure leave
 open; *after a correction* if something that the paper says had to be changed first; it is *refuted* if ours is that
 of an independent program or a closed form, within 1 %; else it *differs*. Rows without a number in the paper are
-*not comparable*. Times are of two virtual cores of a server.
+*not comparable*. Times are of two virtual cores of a server, some of
+them beside other work.
 """
 
 
@@ -26,15 +27,19 @@ def number(value: float | None, unit: str = "") -> str:
     return f"{value:.5g} {unit}".strip()
 
 
+def both(row: dict[str, Any]) -> tuple[str, str]:
+    """What the paper has, and what we have."""
+    if row["kind"] == "claim":
+        return row["published"], row["ours"]
+    unit = row.get("unit", "")
+    return number(row.get("published"), unit), number(row["ours"], unit)
+
+
 def rows(given: Any) -> list[str]:
     """Rows of a study as text, for the terminal."""
     lines = []
     for row in given:
-        if row["kind"] == "number":
-            unit = row.get("unit", "")
-            published, ours = number(row.get("published"), unit), number(row["ours"], unit)
-        else:
-            published, ours = row["published"], row["ours"]
+        published, ours = both(row)
         lines.append(f"{row['verdict']:<26} {row['what']}: paper {published}, here {ours}")
     return lines
 
@@ -86,7 +91,8 @@ def _study(study: Study, record: dict[str, Any] | None) -> str:
     if record["notes"]:
         lines.append(record["notes"] + "\n")
     scope = "" if record["full"] else ", the short version"
-    lines.append(f"`python examples/papers --full {study.key}`: {record['seconds']:.3g} s, {record['megabytes']} MB{scope}.\n")
+    cost = f"{record['seconds']:.3g} s, {record['megabytes']} MB{scope}"
+    lines.append(f"`python examples/papers --full {study.key}`: {cost}.\n")
     return "\n".join(lines)
 
 
@@ -106,16 +112,12 @@ def _repeated(given: list[dict[str, Any]]) -> list[str]:
 
 
 def _row(row: dict[str, Any], repeated: list[str]) -> str:
+    published, ours = both(row)
     difference = ""
-    if row["kind"] == "number":
-        unit = row.get("unit", "")
-        published, ours = number(row.get("published"), unit), number(row["ours"], unit)
-        if row.get("published"):
-            difference = f"{100.0 * (row['ours'] / row['published'] - 1.0):+.2g} %"
-        if row.get("reading"):
-            published += f" +- {row['reading']:.2g}"
-    else:
-        published, ours = row["published"], row["ours"]
+    if row["kind"] == "number" and row.get("published"):
+        difference = f"{100.0 * (row['ours'] / row['published'] - 1.0):+.2g} %"
+    if row.get("reading"):
+        published += f" +- {row['reading']:.2g}"
     verdict = f"**{row['verdict']}**" if row["verdict"] == "differs" else row["verdict"]
     reasons = [f"({repeated.index(one) + 1})" if one in repeated else one for one in _reasons(row)]
     cells = [row["what"], published, ours, difference, verdict + (f": {'; '.join(reasons)}" if reasons else "")]

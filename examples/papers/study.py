@@ -17,19 +17,10 @@ PAPERS = ("javili2020", "firooz2023", "miranda", "ganzenmueller2015", "partmann2
 AGREES = 0.01
 
 
-@dataclass
-class Number:
-    """A number of the paper beside ours."""
+@dataclass(kw_only=True)
+class Judged:
+    """What a row says beside what it compares."""
 
-    what: str
-    ours: float
-    published: float | None = None
-    """None where the paper prints no number: then `why` says so."""
-    reading: float = 0.0
-    """Half of the last digit that is printed, or what could be read off a figure; in the unit of the number."""
-    unit: str = ""
-    independent: float | None = None
-    """The same quantity by another program or in closed form."""
     source: str = ""
     """Who has the independent number."""
     correction: str = ""
@@ -41,19 +32,39 @@ class Number:
     cheap: bool = True
     """Whether the short version of the study has this row, too."""
 
+    def judged(self, holds: bool, refuted: bool) -> str:
+        """The verdict on a row that can be compared."""
+        if holds:
+            return "agrees after a correction" if self.correction else "agrees"
+        return "refuted" if refuted else "differs"
+
+
+@dataclass
+class Number(Judged):
+    """A number of the paper beside ours."""
+
+    what: str
+    ours: float
+    published: float | None = None
+    """None where the paper prints no number: then `why` says so."""
+    reading: float = 0.0
+    """Half of the last digit that is printed, or what could be read off a figure; in the unit of the number."""
+    unit: str = ""
+    independent: float | None = None
+    """The same quantity by another program or in closed form."""
+
     @property
     def verdict(self) -> str:
         if self.published is None:
             return "not comparable"
-        if abs(self.ours - self.published) <= max(self.reading, AGREES * abs(self.published)):
-            return "agrees after a correction" if self.correction else "agrees"
-        if self.independent is not None and abs(self.ours - self.independent) <= AGREES * abs(self.independent):
-            return "refuted"
-        return "differs"
+        within = max(self.reading, AGREES * abs(self.published))
+        other = self.independent
+        refuted = other is not None and abs(self.ours - other) <= AGREES * abs(other)
+        return self.judged(abs(self.ours - self.published) <= within, refuted)
 
 
 @dataclass
-class Claim:
+class Claim(Judged):
     """A statement of the paper, and whether it holds here."""
 
     what: str
@@ -62,17 +73,10 @@ class Claim:
     holds: bool
     refuted: bool = False
     """Whether an independent number, which `source` names, says as we do."""
-    source: str = ""
-    correction: str = ""
-    why: str = ""
-    timed: bool = False
-    cheap: bool = True
 
     @property
     def verdict(self) -> str:
-        if self.holds:
-            return "agrees after a correction" if self.correction else "agrees"
-        return "refuted" if self.refuted else "differs"
+        return self.judged(self.holds, self.refuted)
 
 
 Row = Number | Claim
@@ -171,11 +175,11 @@ class Study:
 STUDIES: list[Study] = []
 
 
-def figure(paper: str, label: str, title: str, name: str = "") -> Callable[[Body], Body]:
+def figure(paper: str, label: str, title: str) -> Callable[[Body], Body]:
     """Enters a study under the label of its figure or table."""
 
     def enter(body: Body) -> Body:
-        STUDIES.append(Study(paper, name or _name(label), label, title, body))
+        STUDIES.append(Study(paper, _name(label), label, title, body))
         return body
 
     return enter
@@ -187,11 +191,10 @@ def drawing(paper: str, label: str, draws: str) -> None:
 
 
 def _name(label: str) -> str:
-    match = re.fullmatch(r"(Fig\.|Figs\.|Table|Tables|Eq\.|Section|Algorithm) (A?\d+)(.*)", label)
+    match = re.fullmatch(r"(Fig\.|Table|Eq\.|Section|Algorithm) (\d+)(.*)", label)
     assert match, f"{label}: write `Fig. 8` or `Table 3`"
-    kind = match[1].lower().rstrip(".s")
-    number = match[2] if match[2].startswith("A") else f"{int(match[2]):02d}"
-    return kind + number + re.sub(r"[^a-z0-9]+", "-", match[3].lower()).rstrip("-")
+    rest = re.sub(r"[^a-z0-9]+", "-", match[3].lower()).rstrip("-")
+    return f"{match[1].lower().rstrip('.')}{int(match[2]):02d}{rest}"
 
 
 def plain_value(value: Any) -> Any:

@@ -103,7 +103,3 @@ def errors(name: str, steps: Array) -> tuple[list[float], list[float]]:
                 error = np.abs(value / truth[k] - 1.0)
                 found[k].append(float(np.median(np.where(np.isfinite(error), error, 1.0 if k == 0 else np.nan))))
     return found
-
-
-# Table 3: a hyper-dual number (a0, a1, a2, a12) through functions, as the algebra has it and as the table prints it.
-Parts = tuple[float, float, float, float]

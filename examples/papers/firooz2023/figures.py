@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import firooz2023.derivatives
-import firooz2023.nonlocal_
-import firooz2023.shapes
-import firooz2023.tension  # noqa: F401
+# Studies enter themselves.
+from firooz2023 import derivatives, horizons, shapes, tension  # noqa: F401
 from study import drawing
 
 PAPER = "firooz2023"

@@ -195,11 +195,11 @@ class Body:
         w = s.c1 * s.factors[0] * self.V[0][:, None] * P
         R += (w[..., None] * m).sum(axis=1)
         G += w[..., None, None] * M
-        self._areas(R, G, Xi, xi)
-        self._volumes(R, G, Xi, xi)
+        self._areas(R, G, xi)
+        self._volumes(R, G, xi)
         return R[:, :d], G[..., :d, :d]
 
-    def _areas(self, R: Array, G: Array, Xi: Array, xi: Array) -> None:
+    def _areas(self, R: Array, G: Array, xi: Array) -> None:
         s = self.s
         for i, j in self.pairs:
             at = np.flatnonzero(self.present[:, i] & self.present[:, j])
@@ -213,7 +213,7 @@ class Body:
             G[at, i] += w[:, None, None] * (spin - turn @ cross(q))
             G[at, j] += w[:, None, None] * (turn @ cross(p) - spin)
 
-    def _volumes(self, R: Array, G: Array, Xi: Array, xi: Array) -> None:
+    def _volumes(self, R: Array, G: Array, xi: Array) -> None:
         s = self.s
         for i, j, k in self.triplets:
             at = np.flatnonzero(self.present[:, i] & self.present[:, j] & self.present[:, k])

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
-from pathlib import Path
 
+import sources
 from study import Claim, Line, Panel
 
 COLUMNS = (20, 40, 60, 80, 100)
@@ -14,10 +13,9 @@ COLUMNS = (20, 40, 60, 80, 100)
 def printed(table: str, half: str = "analytical") -> dict[int, list[float]]:
     """Residual over the first one of iterations 1 to 6, by the elongation in percent."""
     found: dict[int, list[float]] = {column: [] for column in COLUMNS}
-    with (Path(__file__).parent / "published.csv").open(newline="", encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            if row["figure"] == table and row["line"].startswith(half):
-                found[int(row["line"].split()[1])].append(float(row["y"]))
+    for one in sources.printed("firooz2023", table):
+        if one.line.startswith(half):
+            found[int(one.line.split()[1])].append(one.y)
     return found
 
 

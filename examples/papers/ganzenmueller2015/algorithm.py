@@ -11,17 +11,16 @@ import numpy as np
 
 from ganzenmueller2015 import sph
 from ganzenmueller2015.families import (
-    HERE,
     PAPER,
     Array,
     Families,
     cloud,
     families,
     own_radii,
-    reference,
 )
 from ganzenmueller2015.trajectory import LAMBDA, MU, STEP, minima
 from running import Run
+from sources import reference
 from study import Claim, Found, Line, Number, Panel, Row, figure
 
 RADIUS = 0.105
@@ -100,15 +99,15 @@ def move(run: Run, name: str, f: Families, forces: Forces, X: Array, watched: Fa
 def mutual(f: Families, radii: Array) -> Families:
     """Pairs within the mean of the two radii, so that each has its reverse."""
     X = np.zeros((f.n, 2))
-    X[:] = cloud(HERE / "cloud.csv")[0]
+    X[:] = cloud()[0]
     length = np.sqrt(((X[None] - X[:, None]) ** 2).sum(2))
     i, j = np.nonzero((length <= (radii[None] + radii[:, None]) / 2.0) & ~np.eye(f.n, dtype=bool))
     return Families(f.n, i, j, X[j] - X[i], np.ones(len(i)), f.V)
 
 
-@figure(PAPER, "Algorithm 1", "forces of corrected SPH, line by line", name="algorithm01")
+@figure(PAPER, "Algorithm 1", "forces of corrected SPH, line by line")
 def algorithm01(run: Run) -> Found:
-    X, V = cloud(HERE / "cloud.csv")
+    X, V = cloud()
     f = families(X, V, RADIUS)
     told = reference("fracture_bars")["patch_of_444"]
     state = told["after_20_steps"]["models"]["CC_one"]

@@ -13,8 +13,6 @@ import piola
 from ganzenmueller2015.families import Array
 from running import Run
 
-FAR = 8e-3
-"""The displacement at the end, m."""
 SPEED = 40.0
 """In m/s; waves have 7060 m/s."""
 STRETCH = 57.6923076923077 + 2.0 * 38.4615384615385

@@ -8,17 +8,16 @@ import numpy as np
 
 from ganzenmueller2015 import sph
 from ganzenmueller2015.families import (
-    HERE,
     PAPER,
     Array,
     Families,
     cloud,
     families,
     own_radii,
-    reference,
 )
 from ganzenmueller2015.trajectory import LAMBDA, MU
 from running import Run
+from sources import reference
 from study import Claim, Found, Number, figure
 
 RADIUS = 0.105
@@ -34,7 +33,7 @@ def patch(sign: float = -1.0) -> tuple[Array, Families, sph.Sph]:
     With the sign -1 the kernel gradient is that by the point in the middle, which approximates gradients; with 1 it
     is as eq. 9 has it, that by the neighbour.
     """
-    X, V = cloud(HERE / "cloud.csv")
+    X, V = cloud()
     f = families(X, V, RADIUS)
     return X, f, sph.Sph(f, sign * sph.spline_slope(np.sqrt((f.X**2).sum(1)), RADIUS, 2))
 

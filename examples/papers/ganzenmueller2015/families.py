@@ -3,38 +3,30 @@
 from __future__ import annotations
 
 import csv
-import json
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
 
+from sources import printed
+
 PAPER = "ganzenmueller2015"
-HERE = Path(__file__).parent
-REFERENCE = Path(__file__).resolve().parents[3] / "tests" / "reference"
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
 
-def reference(name: str) -> Any:
-    """Numbers of independent programs."""
-    return json.loads((REFERENCE / f"{name}.json").read_text(encoding="utf-8"))
-
-
 def published(figure: str) -> list[float]:
     """The numbers that the paper prints for a figure, in the order of `published.csv`."""
-    with (HERE / "published.csv").open(encoding="utf-8") as file:
-        return [float(row["y"]) for row in csv.DictReader(file) if row["figure"] == figure]
+    return [one.y for one in printed(PAPER, figure)]
 
 
-def cloud(path: Path) -> tuple[Array, Array]:
-    """Positions in m and areas in m^2 of a table with the columns x, y, volume."""
-    with path.open(encoding="utf-8") as file:
+def cloud() -> tuple[Array, Array]:
+    """Positions in m and areas in m^2 of the patch of the independent program, `cloud.csv`."""
+    with Path(__file__).with_name("cloud.csv").open(encoding="utf-8") as file:
         rows = [[float(row[name]) for name in ("x", "y", "volume")] for row in csv.DictReader(file)]
     table = np.array(rows)
     return table[:, :2], table[:, 2]

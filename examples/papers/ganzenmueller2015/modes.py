@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from ganzenmueller2015.families import PAPER, Array, reference
+from ganzenmueller2015.families import PAPER, Array
 from ganzenmueller2015.trajectory import LAMBDA, MU
 from running import Run
+from sources import reference
 from study import Claim, Found, Line, Number, Panel, Row, figure
 
 NONE = "the paper prints no number"
 
 
-@figure(PAPER, "Section 6", "zero-energy modes at rest", name="section06")
+@figure(PAPER, "Section 6", "zero-energy modes at rest")
 def section06(run: Run) -> Found:
     told = {name: _modes(run, name) for name in SCENES}
     plain, rest = told["psi(F) at points"], {name: one for name, one in told.items() if name != "psi(F) at points"}

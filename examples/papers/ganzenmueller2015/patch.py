@@ -9,17 +9,16 @@ import numpy as np
 
 from ganzenmueller2015 import quads, sketches
 from ganzenmueller2015.families import (
-    HERE,
     PAPER,
     Whole,
     cloud,
     families,
     own_radii,
     published,
-    reference,
 )
 from ganzenmueller2015.trajectory import STEP, Trajectory, follow
 from running import Run
+from sources import reference
 from study import Claim, Found, Line, Number, Panel, Picture, Row, figure
 
 RADIUS = 0.105
@@ -82,7 +81,7 @@ def fig02(run: Run) -> Found:
     own = families(X, V, radii)
     one_sided = len(own.i) - _mutual(own.i, own.j, len(X))
     counts = np.bincount(own.i, minlength=len(X))
-    other, areas = cloud(HERE / "cloud.csv")
+    other, areas = cloud()
     best = min(quads.quality(nodes[one]) for one in corners)
     return Found(
         [
@@ -127,7 +126,7 @@ def _mutual(i: Whole, j: Whole, n: int) -> int:
 
 def trajectories(run: Run) -> dict[str, Trajectory]:
     """Of all models, with the times of the pictures."""
-    X, V = cloud(HERE / "cloud.csv")
+    X, V = cloud()
     f = families(X, V, RADIUS)
     return {model.name: follow(run, model.scene, model.over, f, X) for model in MODELS if model.cheap or run.full}
 
@@ -143,7 +142,7 @@ def fig03(run: Run) -> Found:
     for model in (one for one in MODELS if one.reference and one.name in found):
         rows += _compared(model, found[model.name], R[model.name], told[model.reference])
     rows += _states(run)
-    X, _ = cloud(HERE / "cloud.csv")
+    X, _ = cloud()
     edges = sketches.neighbours(X)
     pictures: list[Any] = [
         Picture(
@@ -299,7 +298,7 @@ def _compared(model: Model, one: Trajectory, R: list[float], told: Any) -> list[
 def _states(run: Run) -> list[Row]:
     """After 20 steps, where two programs still have the same digits."""
     told = reference("fracture_bars")["patch_of_444"]["after_20_steps"]["models"]
-    _, V = cloud(HERE / "cloud.csv")
+    _, V = cloud()
     rows: list[Row] = []
     # Twenty steps are cheap, whatever the model.
     for model in (one for one in MODELS if one.reference in told):
@@ -340,7 +339,7 @@ def _states(run: Run) -> list[Row]:
 
 def _long(run: Run) -> list[Row]:
     """Hundreds of oscillations of the stabilised patch."""
-    X, V = cloud(HERE / "cloud.csv")
+    X, V = cloud()
     f = families(X, V, RADIUS)
     values, count = {}, 0
     for model in (STIFFENED, WAN, QUADRATURE):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from running import Run
+from sources import printed
 from study import Claim, Found, Line, Number, Panel, Row, figure
 
 PAPER = "javili2020"
@@ -53,14 +53,12 @@ SMALL = Cube(10, 2.0, 1, 0, False)
 NEAREST = Cube(25, 2.5, 1, 1, True)
 
 
-def published(run: Run) -> dict[tuple[str, int, int], tuple[float, float]]:
+def published() -> dict[tuple[str, int, int], tuple[float, float]]:
     """Numbers of the table and half of their last digit, by kind, iteration and increment."""
     found = {}
-    with run.path("published.csv").open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(file):
-            if row["figure"] == "Table 3":
-                kind, iteration = row["line"].split(" iteration ")
-                found[kind, int(iteration), int(row["x"])] = float(row["y"]), float(row["reading"])
+    for one in printed(PAPER, "Table 3"):
+        kind, iteration = one.line.split(" iteration ")
+        found[kind, int(iteration), int(one.x)] = one.y, one.reading
     return found
 
 
@@ -163,7 +161,7 @@ def quadratic(kind: str, one: Falls) -> Claim:
 
 def areas_over_bonds(run: Run, bonds: Falls, areas: Falls) -> list[Row]:
     """The second residual with areas over that without, which knows little of the cube and its clamps."""
-    pub = published(run)
+    pub = published()
     rows: list[Row] = []
     for increment in INCREMENTS:
         with_areas, reading = pub["bonds and areas", 2, increment]
@@ -181,7 +179,7 @@ def areas_over_bonds(run: Run, bonds: Falls, areas: Falls) -> list[Row]:
 
 def volumes_in_the_figure(run: Run, bonds: Falls, volumes: Falls) -> list[Row]:
     """Whether the coefficient of the table can be that of the figure, as section 4.4 says."""
-    pub = published(run)
+    pub = published()
     printed = pub["bonds and volumes", 4, 25][0] / pub["bonds", 4, 25][0]
     ours = volumes.ratios[25][2] / bonds.ratios[25][2]
     gain = volumes.contraction / bonds.contraction - 1.0
@@ -221,7 +219,7 @@ def table03(run: Run) -> Found:
 
 def against_print(run: Run, ours: dict[int, list[float]]) -> list[Row]:
     """Bonds alone, number by number, of the cube that comes nearest."""
-    pub = published(run)
+    pub = published()
     return [
         Number(
             f"bonds alone, increment {increment}, residual {iteration} over the first", ours[increment][iteration - 2],
@@ -234,7 +232,7 @@ def against_print(run: Run, ours: dict[int, list[float]]) -> list[Row]:
 
 def printed_panel(run: Run, ours: dict[str, dict[int, list[float]]]) -> Panel:
     """Ours over the printed residuals of bonds alone."""
-    pub = published(run)
+    pub = published()
     return Panel("bonds alone, nearest cube", "increment", "here over printed", [
         Line(
             f"residual {iteration}, {'own V1' if name == 'own V1' else 'one V1'}", list(INCREMENTS),
@@ -247,7 +245,7 @@ def printed_panel(run: Run, ours: dict[str, dict[int, list[float]]]) -> Panel:
 
 def panels(run: Run, small: tuple[Falls, ...]) -> list[Panel]:
     """Residuals by iteration, a panel per kind, with the printed ones of increments 1 and 25."""
-    pub = published(run)
+    pub = published()
     made = []
     for kind, one in zip(KINDS, small, strict=True):
         lines = [

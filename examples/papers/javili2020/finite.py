@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from running import HERE, Run
+import sources
+from running import Run
 from study import Claim, Cloud, Found, Number, Row, figure
 
 PAPER = "javili2020"
-REFERENCE = HERE.parents[1] / "tests" / "reference" / "cpd_extension.json"
 BY = "another program (cpd_extension.json)"
 UNSAID = "the paper prints no number"
 # Points on the faces of the hole stay.
@@ -62,7 +61,7 @@ def extended(run: Run, d: int, C: tuple[float, float, float], hole: bool) -> Ext
 
 def reference(d: int, C: tuple[float, float, float], hole: bool) -> dict[str, Any] | None:
     """The state of the other program at 100 %."""
-    for case in json.loads(REFERENCE.read_text(encoding="utf-8"))["cases"]:
+    for case in sources.reference("cpd_extension")["cases"]:
         if case["D"] == d and tuple(case["C"]) == C and case["hole"] == hole:
             return dict(case["states"][-1])
     return None

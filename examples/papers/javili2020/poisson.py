@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
 
 from javili2020.local import ratio_at_centre
-from running import HERE, Run
+from running import Run
+from sources import reference
 from study import Claim, Found, Line, Number, Panel, Row, figure
 
 PAPER = "javili2020"
-REFERENCE = HERE.parents[1] / "tests" / "reference" / "lattice_constants.json"
 # A coefficient without dimension is C2 delta^3/C1 in the plane and C3 delta^8/C1 in space.
 POWER = {2: ("C2", 3), 3: ("C3", 8)}
 LIMIT = {2: 1.0, 3: 0.5}
@@ -57,7 +56,7 @@ def auxetic_limit(run: Run, d: int, spacings: float) -> float:
 
 def recorded(d: int, spacings: float) -> float:
     """Poisson's ratio of bonds alone by the independent sums."""
-    entries = json.loads(REFERENCE.read_text(encoding="utf-8"))["poisson_bulk"]
+    entries = reference("lattice_constants")["poisson_bulk"]
     return float(next(one["nu"] for one in entries if one["D"] == d and abs(one["ratio"] - spacings) < 1e-9))
 
 

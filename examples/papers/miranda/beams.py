@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from miranda import solid
 from running import Run
+from sources import reference
 from study import Claim, Cloud, Found, Line, Number, Panel, Row
 
 Vector = NDArray[np.float64]
@@ -69,11 +69,6 @@ def bend(run: Run, clamped: bool, surface: str, K: float = CONTINUUM, radius: fl
     return Bent(s[free], w[free], picture, result.summary["points"], result.summary["interactions"]["bonds"])
 
 
-def reference(run: Run) -> Any:
-    """Of another program: deflections of these beams."""
-    return json.loads(run.path("../../../tests/reference/beams.json").read_text(encoding="utf-8"))
-
-
 def finite_elements(run: Run, clamped: bool, section: solid.Section) -> tuple[Vector, Vector]:
     """Deflection along the axis of the solid beam."""
 
@@ -90,7 +85,7 @@ def finite_elements(run: Run, clamped: bool, section: solid.Section) -> tuple[Ve
 
 def contour(run: Run, clamped: bool) -> Found:
     """Figs. 7 and 9: where the beam goes, and what an independent program says."""
-    told = reference(run)
+    told = reference("beams")
     plain = bend(run, clamped, "none", whole_end=False)
     modified = bend(run, clamped, "none", potential="miranda_modified_stretch", whole_end=False)
     best = bend(run, clamped, "directional", whole_end=False)
@@ -264,7 +259,7 @@ def relaxed(run: Run, spacings: int) -> tuple[float, float]:
         "motion.end": 1e-3,
         "motion.step": 1e-4,
     })
-    told = reference(run)["relaxation"][0]["dt_limit_eq31"]
+    told = reference("beams")["relaxation"][0]["dt_limit_eq31"]
     return float(result.summary["motion"]["critical_step_seconds"]), float(told) * spacings / 4.0
 
 
@@ -279,7 +274,7 @@ def steps_in_time(run: Run) -> list[Row]:
     ]
     if run.full:
         result = run.solve("relaxation.toml")
-        told = reference(run)["relaxation"][0]
+        told = reference("beams")["relaxation"][0]
         why = "the paper's text prints no deflection"
         rows += [
             Number("deflection at 10 s of the relaxation", -float(result.probes["end_w"][10]), unit="m",

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+import sources
 from miranda import lattices
-from miranda.lattices import LATTICES, bonds, printed, published
+from miranda.lattices import LATTICES, bonds, printed
 from running import Run
 from study import Claim, Cloud, Found, Line, Number, Panel, Row
 
@@ -120,20 +121,20 @@ def fig21(run: Run) -> Found:
 def table01(run: Run) -> Found:
     """Eq. (37), with what lattices have inside."""
     del run
-    given = published()["table01"]["N/M"]
-    formula = [(m, 4.0 / 6.0 * np.pi * m**3 - 0.5) for m, _, _ in given]
-    lattice = [inside(int(m * m)) / 2 for m, _, _ in given]
+    given = sources.printed("miranda", "table01")
+    at = [one.x for one in given]
+    formula = [(m, 4.0 / 6.0 * np.pi * m**3 - 0.5) for m in at]
+    lattice = [inside(int(m * m)) / 2 for m in at]
     rows: list[Row] = [
-        Number(f"N/M of delta/lambda = {m:g}, by eq. (37)", float(value), said, reading)
-        for (m, value), (_, said, reading) in zip(formula, given, strict=True)
+        Number(f"N/M of delta/lambda = {m:g}, by eq. (37)", float(value), one.y, one.reading)
+        for (m, value), one in zip(formula, given, strict=True)
     ]
-    worst = max(abs(exact / said - 1.0) for exact, (_, said, _) in zip(lattice[1:], given[1:], strict=True))
+    worst = max(abs(exact / one.y - 1.0) for exact, one in zip(lattice[1:], given[1:], strict=True))
     rows.append(Claim("eq. (37) counts the bonds of a lattice", "approximately",
                       f"within {100 * worst:.0f} % from delta = 2 lambda on; 3 in place of 1.6 at delta = lambda",
                       worst < 0.1))
-    at = [m for m, _, _ in given]
     lines = [Line("eq. (37)", at, [value for _, value in formula]), Line("a lattice inside", at, lattice, style="s--"),
-             Line("Table 1", at, [said for _, said, _ in given], published=True)]
+             Line("Table 1", at, [one.y for one in given], published=True)]
     return Found(rows, [Panel("bonds per point", "delta/lambda", "N/M", lines, log="y")], columns=1)
 
 

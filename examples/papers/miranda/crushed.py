@@ -9,7 +9,6 @@ import numpy as np
 import piola
 from numpy.typing import NDArray
 
-from miranda.lattices import printed
 from running import Run
 from study import Claim, Cloud, Found, Line, Number, Panel, Row
 

@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import sources
+
 Vector = NDArray[Any]
-
-
-def published() -> dict[str, dict[str, list[tuple[float, float, float]]]]:
-    """What the paper prints: of every figure and line its (x, y, reading)."""
-    told: dict[str, dict[str, list[tuple[float, float, float]]]] = {}
-    with (Path(__file__).parent / "published.csv").open(encoding="utf-8") as file:
-        for row in csv.DictReader(file):
-            values = float(row["x"]), float(row["y"]), float(row["reading"])
-            told.setdefault(row["figure"], {}).setdefault(row["line"], []).append(values)
-    return told
 
 
 def printed(figure: str, line: str) -> float:
     """A single number of the paper."""
-    return published()[figure][line][0][1]
+    return next(one.y for one in sources.printed("miranda", figure) if one.line == line)
 
 
 def bonds(points: tuple[int, int, int], squared: int) -> int:

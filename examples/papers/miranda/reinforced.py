@@ -18,8 +18,6 @@ Vector = NDArray[np.float64]
 SCENE = "../../reinforced_beam/scene.toml"
 H = 0.02
 """Spacing in m of 100 x 15 x 9 points, 13,500: 2 x 0.3 x 0.18 m."""
-DMAX = 0.02
-"""Displacement in m that the paper's fractions are of."""
 SPEED = 0.3
 """Of the load, m/s."""
 RAMP = 1.0 / 150.0

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from study import drawing
-
+# Studies enter themselves.
 from partmann2026 import bar, checkerboard, equations, fracture, large  # noqa: F401
 from partmann2026.published import PAPER
+from study import drawing
 
 drawing(PAPER, "Fig. 1", "a body at rest and deformed")
 drawing(PAPER, "Fig. 2", "how the neighbourhood of a point deforms")

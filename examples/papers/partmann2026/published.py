@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
-import csv
-from pathlib import Path
-
+from sources import printed
 from study import Line, Number
 
 PAPER = "partmann2026"
 ANOTHER = "another program"
 
 
-def read(figure: str) -> list[dict[str, str]]:
-    """The rows of a figure in published.csv."""
-    path = Path(__file__).with_name("published.csv")
-    with path.open(encoding="utf-8", newline="") as file:
-        return [row for row in csv.DictReader(file) if row["figure"] == figure]
-
-
 def line(figure: str, name: str) -> Line:
     """What is printed of a line, to be drawn."""
-    rows = [row for row in read(figure) if row["line"] == name]
+    rows = [one for one in printed(PAPER, figure) if one.line == name]
     return Line(
-        f"{name} (paper)", [float(row["x"]) for row in rows], [float(row["y"]) for row in rows],
-        published=True, reading=max(float(row["reading"]) for row in rows),
+        f"{name} (paper)", [one.x for one in rows], [one.y for one in rows],
+        published=True, reading=max(one.reading for one in rows),
     )
 
 
@@ -32,9 +23,9 @@ def number(
     independent: float | None = None, why: str = "",
 ) -> Number:
     """A row that is compared with what is printed, in per cent."""
-    found = next(row for row in read(figure) if row["line"] == name and float(row["x"]) == x)
+    found = next(one for one in printed(PAPER, figure) if one.line == name and one.x == x)
     source = "" if independent is None else ANOTHER
     return Number(
-        what, ours, float(found["y"]), float(found["reading"]), "%", independent=independent, source=source,
+        what, ours, found.y, found.reading, "%", independent=independent, source=source,
         correction=correction, why=why, cheap=cheap,
     )

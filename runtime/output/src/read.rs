@@ -113,7 +113,7 @@ pub fn read_cloud(text: &str, dimension: usize) -> Result<Cloud, Vec<TableError>
                     "z is {z} here and {first} on line {line}, but the body has two dimensions"
                 );
                 let error = Diagnostic::error("not-in-a-plane", row.field(dimension + 1), message);
-                wrong.push(error.help("write `dimension = 3` in [body], or the same z everywhere"));
+                wrong.push(error.help("write `dimension = 3` in [body], or give a column that is no place another name"));
             }
         }
         cloud.positions.extend_from_slice(position);

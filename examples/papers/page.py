@@ -13,10 +13,10 @@ HEAD = """# Figures and tables of the five papers
 Every figure and table of the [five papers](../../potentials/REFERENCES.md) that piola was made from, computed again
 or refuted, by the program [examples/papers](../../examples/papers/README.md), which writes this page from what it
 found. A row *agrees* if the numbers differ by no more than 1 %, or than what the paper's digits or its figure leave
-open; *after a correction* if something that the paper says had to be changed first; it is *refuted* if ours is that
-of an independent program or a closed form, within 1 %; else it *differs*. Rows without a number in the paper are
-*not comparable*. Times are of two virtual cores of a server, some of
-them beside other work.
+open; *after a correction* if something that the paper says had to be changed first. If they differ by more, the row is
+*refuted* where an independent program or a closed form has our number within 1 % with the same settings: those of the
+paper, and where it leaves settings open, those that the notes name. Else it *differs*. Rows without a number in the
+paper are *not comparable*. Times are of two virtual cores of a server, some of them beside other work.
 """
 
 

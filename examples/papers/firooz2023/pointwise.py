@@ -55,6 +55,8 @@ class Settings:
     """On the three kinds."""
     hyper_dual: bool = False
     """Whether derivatives of the energies are taken by hyper-dual numbers."""
+    halved: bool = False
+    """Whether points on the surface have the part of a cell that lies in the body (else all have the same)."""
     rounding: str = ""
     """Empty where whole numbers decide who is a neighbour; else how coordinates are made that are then rounded."""
 
@@ -119,6 +121,7 @@ class Body:
             self.images = np.prod(np.where(self.place == 0, 1.0, 2.0), axis=1)
         self.pairs = list(self._groups(2)) if s.c2 else []
         self.triplets = list(self._groups(3)) if s.c3 else []
+        self.part = 0.5 ** (np.abs(self.place) == self.extent).sum(axis=1) if s.halved else np.ones(len(self.X))
         self.V = [self._volume(k, groups) for k, groups in ((1, None), (2, self.pairs), (3, self.triplets))]
 
     def _rounded(self, half: int) -> NDArray[np.bool_]:
@@ -192,7 +195,7 @@ class Body:
         L = np.linalg.norm(Xi, axis=-1)
         xi[~P] = Xi[~P]
         m, M = self.radial(xi, L, s.n)
-        w = s.c1 * s.factors[0] * self.V[0][:, None] * P
+        w = s.c1 * s.factors[0] * self.V[0][:, None] * P * self.part[self.neighbour]
         R += (w[..., None] * m).sum(axis=1)
         G += w[..., None, None] * M
         self._areas(R, G, xi)

@@ -41,10 +41,12 @@ def column_row(
     correction: str = "",
     why: str = "",
     cheap: bool | None = None,
+    other: list[float] | None = None,
 ) -> Claim:
-    """A column of a table: iterations 2 to 4."""
+    """A column of a table: iterations 2 to 4; `other` is what the independent program has of it."""
     theirs = printed(table, half)[column]
     holds = agree(ours, theirs)
+    refuted = not holds and other is not None and agree(ours, other)
     return Claim(
         what or f"residuals of iterations 2, 3, 4 at {column} %",
         told(theirs[1:4]),
@@ -52,6 +54,8 @@ def column_row(
         holds,
         correction=correction,
         why="" if holds else why,
+        refuted=refuted,
+        source=f"the independent program has {told((other or [])[1:4])}" if refuted else "",
         cheap=column == 20 if cheap is None else cheap,
     )
 

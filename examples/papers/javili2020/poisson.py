@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from firooz2023.pointwise import Settings, extension
 from javili2020.local import ratio_at_centre
 from running import Run
 from sources import reference
@@ -165,6 +166,19 @@ def centre(run: Run, d: int, k: float) -> float:
     return -(at(1, 1) - at(1, -1)) / (at(0, 1) - at(0, -1))
 
 
+def alone(d: int) -> float:
+    """The same of bonds alone by the program beside piola, which needs no coefficients for it."""
+    cells, m, layers = (20, 3.0, 3) if d == 2 else (10, 2.0, 2)
+    specimen = Settings(d, cells, m, inside=layers, outside=0, rigid=True, increment=1e-5)
+    _, body, x = extension(specimen, 1e-5, ())
+
+    def moved(axis: int) -> float:
+        beside = np.flatnonzero((body.place == np.eye(d, dtype=int)[axis]).all(axis=1))
+        return float((x - body.X)[beside[0], axis])
+
+    return -moved(1) / moved(0)
+
+
 def specimens(run: Run, d: int) -> list[Row]:
     """The ratio as the paper measures it, of a body with held ends."""
     body, m = ("square", 3.0) if d == 2 else ("cube", 2.0)
@@ -172,10 +186,26 @@ def specimens(run: Run, d: int) -> list[Row]:
     return [
         Number(
             f"nu at the centre of a clamped {body}, {POWER[d][0]} = 0, horizon of {m:g} spacings",
-            bonds, BONDS_ALONE[d],
+            bonds, BONDS_ALONE[d], independent=run.once("alone", lambda: alone(d), d), source="a program beside piola",
             why=f"an endless lattice of this horizon has {poisson(run, d, m, 0.0):.4f}, and clamps hinder contraction",
         ),
     ]
+
+
+def small_families(run: Run) -> float:
+    """The local ratio at the centre of the clamped square without finite elements: psi(F) with small families."""
+    frame = run.solve("nearly_local.toml", {}).frames[-1]
+    X, u = frame.positions, frame["displacement"]
+
+    def apart(axis: int) -> float:
+        ends = []
+        for sign in (-1, 1):
+            place = np.array([0.5, 0.5, 0.0])
+            place[axis] += 0.05 * sign
+            ends.append(float(u[np.argmin(np.abs(X - place).sum(axis=1)), axis]))
+        return ends[1] - ends[0]
+
+    return -apart(1) / apart(0)
 
 
 def local_specimens(run: Run) -> list[Row]:
@@ -183,7 +213,10 @@ def local_specimens(run: Run) -> list[Row]:
     held, sliding = (run.once("centre", lambda: ratio_at_centre(40, held), held) for held in (True, False))
     why = f"clamps hinder contraction also of a local body: with ends that slide it has {sliding:.4f}"
     return [
-        Number("nu at the centre of a clamped square, local, lambda = mu", held, 1.0 / 3.0, why=why, cheap=False),
+        Number(
+            "nu at the centre of a clamped square, local, lambda = mu", held, 1.0 / 3.0, why=why, cheap=False,
+            independent=small_families(run), source="psi(F) with a horizon of 1/40",
+        ),
         Number("nu at the centre of a square whose ends slide, local, lambda = mu", sliding, 1.0 / 3.0, cheap=False),
     ]
 

@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from firooz2023.pointwise import Settings
+from firooz2023.pointwise import extension as pointwise
 from javili2020.local import square
 from running import Run
-from study import Claim, Cloud, Found, Line, Number, Panel, Row, figure
+from study import AGREES, Claim, Cloud, Found, Line, Number, Panel, Row, figure
 
 PAPER = "javili2020"
 STRAIN = 1e-3
@@ -54,6 +56,26 @@ def extended(run: Run, cells: int, m: float, hole: bool, layers: str = "outside"
     X = frame.positions[:, :2]
     body = (X[:, 0] > -1e-9) & (X[:, 0] < 1.0 + 1e-9)
     return Field(X[body], frame["displacement"][body, :2])
+
+
+def beside(run: Run, cells: int, m: float) -> Field:
+    """The full square with layers outside by the program beside piola, which keeps a quadrant."""
+
+    def compute() -> list[list[list[float]]]:
+        layers = int(np.floor(m + 1e-9))
+        settings = Settings(2, cells, m, inside=1, outside=layers, halved=True, increment=STRAIN)
+        _, body, x = pointwise(settings, STRAIN, (STRAIN,))
+        right = np.abs(body.place[:, 0]) <= cells // 2
+        X, u = body.X[right], (x - body.X)[right]
+        left = X[:, 0] > 0.0
+        mirror = np.array([-1.0, 1.0])
+        # The left end of the square rests at X = 0.
+        X, u = np.vstack([X, X[left] * mirror]) + 0.5, np.vstack([u, u[left] * mirror])
+        u[:, 0] += 0.5 * STRAIN
+        return [X.tolist(), u.tolist()]
+
+    X, u = run.once("pointwise", compute, cells, m)
+    return Field(np.array(X), np.array(u))
 
 
 def local(run: Run, hole: bool, cells: int = 160) -> Field:
@@ -151,8 +173,13 @@ def panels(names: list[str], fields: dict[str, dict[str, Field]], shown: str) ->
     return made
 
 
-def series(named: list[str], fields: dict[str, dict[str, Field]], last: str, published: str) -> list[Row]:
-    """Deviations from the last, which are to fall from each curve to the next; a row per body and component."""
+def series(
+    named: list[str], fields: dict[str, dict[str, Field]], last: str, published: str, others: list[Field] | None = None,
+) -> list[Row]:
+    """Deviations from the last, which are to fall from each curve to the next; a row per body and component.
+
+    `others` are the full squares of the program beside piola.
+    """
     rows: list[Row] = []
     for body in BODIES:
         for axis, component in enumerate(("horizontal", "vertical")):
@@ -162,9 +189,14 @@ def series(named: list[str], fields: dict[str, dict[str, Field]], last: str, pub
             }
             told = "; ".join(f"{line} " + ", ".join(f"{100 * one:.2f} %" for one in found[line]) for line in HEIGHTS)
             falls = all(bool(np.all(np.diff(found[line]) < 0.0)) for line in HEIGHTS)
+            same = bool(others) and body == "full" and all(
+                np.allclose(found[line], [deviation(one, fields[last][body], line, axis) for one in others or []], rtol=AGREES)
+                for line in HEIGHTS
+            )
             rows.append(Claim(
                 f"{body}, {component}: deviation from {last}", published, f"by {', '.join(named)}: {told}", falls,
                 why="" if falls else where(named, fields, last, body, axis), cheap=False,
+                refuted=same and not falls, source="all eight numbers by a program beside piola" if same else "",
             ))
     return rows
 
@@ -226,7 +258,8 @@ def fig06(run: Run) -> Found:
             ))
     if run.full:
         fields["local"] = {body: local(run, hole) for body, hole in BODIES.items()}
-        rows += series(names, fields, "local", "falls with the horizon")
+        others = [beside(run, cells, 8.5) for cells in all_cells]
+        rows += series(names, fields, "local", "falls with the horizon", others)
         rows.append(coarser(run, fields["local"]))
         names = [*names, "local"]
     return Found(rows, list(panels(names, fields, "horizon 0.17")), NOTES6, columns=3)

@@ -84,7 +84,7 @@ impl ByHand {
         let positions = body.positions().as_chunks::<3>().0.to_vec();
         let mut all = ByHand { positions, start: vec![0], others: Vec::new(), lengths: Vec::new() };
         for i in 0..body.n_points() {
-            for &j in lists.upper(i) {
+            for j in lists.upper(i) {
                 let (x, y) = (all.positions[i], all.positions[j as usize]);
                 let square: f64 =
                     (0..3).map(|axis| (y[axis] - x[axis]) * (y[axis] - x[axis])).sum();

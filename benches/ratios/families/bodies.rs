@@ -35,7 +35,7 @@ impl Bonds {
         let (mut start, mut bonds) = (vec![0], Vec::new());
         let positions = body.positions().as_chunks::<3>().0;
         for i in 0..body.n_points() {
-            for &other in lists.upper(i) {
+            for other in lists.upper(i) {
                 let dx = minus(&positions[other as usize], &positions[i]);
                 bonds.push(Bond { other, dx });
             }
@@ -93,12 +93,12 @@ impl Gradients {
         for i in 0..body.n_points() {
             let offset = |j: u32| minus(&positions[j as usize], &positions[i]);
             let mut shape = ZERO;
-            for &j in lists.row(i) {
+            for j in lists.row(i) {
                 let dx = offset(j);
                 add_product(&mut shape, &dx.map(|x| body.volumes()[j as usize] * x), &dx);
             }
             let inverse = inverse(&shape);
-            for &j in lists.row(i) {
+            for j in lists.row(i) {
                 neighbors.push(j);
                 let weight = apply(&inverse, &offset(j));
                 weights.push(weight.map(|x| body.volumes()[j as usize] * x));
@@ -228,7 +228,7 @@ impl<L> AtBonds<L> {
         let bonds = Bonds::new(body, lists);
         let n = body.n_points();
         let volumes = body.volumes();
-        let around = |i: usize| lists.row(i).iter().map(|&j| volumes[j as usize]).sum::<f64>();
+        let around = |i: usize| lists.row(i).iter().map(|j| volumes[j as usize]).sum::<f64>();
         let sums: Vec<f64> = (0..n).map(around).collect();
         let mut weights = Vec::new();
         for i in 0..n {

@@ -47,7 +47,7 @@ impl Ordered {
         let mut near = vec![false; n * n];
         let mut neighbors = Vec::new();
         for point in 0..n {
-            let row: Vec<usize> = neighborhood.row(point).iter().map(|&q| q as usize).collect();
+            let row: Vec<usize> = neighborhood.row(point).iter().map(|q| q as usize).collect();
             for &other in &row {
                 near[point * n + other] = true;
             }

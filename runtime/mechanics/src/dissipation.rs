@@ -242,7 +242,7 @@ impl Dashpots {
         let begun = self.weights.begin(self.weights.share(owner), &[]);
         room.clear();
         let own = self.neighborhood.bonds(owner).zip(self.neighborhood.upper(owner));
-        for (bond, &other) in own {
+        for (bond, other) in own {
             let other = other as usize;
             let factor = self.factors.as_ref().map_or(1.0, |factors| factors[bond]);
             let Some(part) = part(bond, other).filter(|_| factor != 0.0) else { continue };
@@ -383,7 +383,7 @@ impl Viscosity<'_> {
             let mut rows = Touched::new(here, next);
             for owner in slabs.owners(slab) {
                 let own = neighborhood.bonds(owner).zip(neighborhood.upper(owner));
-                for (bond, &other) in own {
+                for (bond, other) in own {
                     let ([x, y, z, c], other) = (self.bonds[bond], other as usize);
                     let along = [x, y, z];
                     let rate = (0..D).fold(0.0, |sum, axis| {

@@ -31,7 +31,7 @@ impl BlockPattern {
         row_start.push(0);
         for point in 0..n {
             columns.push(point as u32);
-            columns.extend_from_slice(neighborhood.upper(point));
+            columns.extend(neighborhood.upper(point));
             row_start.push(columns.len());
         }
         BlockPattern { dimension, row_start, columns }
@@ -50,7 +50,7 @@ impl BlockPattern {
             let mut ring = 0..1;
             for _ in 0..reach {
                 for k in ring.clone() {
-                    for &j in neighborhood.row(found[k] as usize) {
+                    for j in neighborhood.row(found[k] as usize) {
                         if seen[j as usize] != point as u32 {
                             seen[j as usize] = point as u32;
                             found.push(j);

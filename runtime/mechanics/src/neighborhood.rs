@@ -5,6 +5,8 @@
 //! origin has the same neighbours as at the origin, up to the rounding of its coordinates.
 
 mod gaps;
+mod row;
+mod search;
 
 use std::ops::Range;
 
@@ -12,6 +14,9 @@ use rayon::prelude::*;
 
 use crate::body::Body;
 pub(crate) use gaps::Gaps;
+use row::Span;
+pub use row::{Others, Row};
+use search::{CellList, Rows};
 
 /// A neighbour is within `horizon*(1 + HORIZON_TOLERANCE)`.
 ///
@@ -28,16 +33,21 @@ pub const COINCIDENCE: f64 = 1e-9;
 /// or are infinite, and energies with them.
 pub const HORIZONS: [f64; 2] = [1e-28, 1e28];
 
-/// Neighbours as compressed rows: symmetric, ascending, without the point itself.
-#[derive(Clone, Debug, PartialEq)]
+/// The neighbours of all points: symmetric, ascending, without the point itself.
+///
+/// A row is the steps in numbering to a point's neighbours, and points with the same steps share them: a lattice
+/// needs some thirty bytes a point whatever its horizon, a cloud four for each neighbour.
+#[derive(Clone, Debug)]
 pub struct Neighborhood {
     horizon: f64,
+    steps: Vec<u32>,
+    spans: Vec<Span>,
+    /// The span of every point.
+    of: Vec<u32>,
+    /// How many neighbours all points before a point have.
     row_start: Vec<usize>,
-    /// Where the neighbours `j > i` start within row `i`.
-    upper_start: Vec<usize>,
     /// The number of the first bond with a later point, for each point.
     bond_start: Vec<usize>,
-    neighbors: Vec<u32>,
     shell_bonds: usize,
     most_later: usize,
 }
@@ -134,7 +144,7 @@ impl Neighborhood {
             return Ok(own);
         }
         for &owner in owners {
-            own.upper(owner).iter().for_each(|&point| wanted[point as usize] = true);
+            own.upper(owner).iter().for_each(|point| wanted[point as usize] = true);
         }
         Neighborhood::search(body, horizon, &cells, |point| wanted[point])
     }
@@ -147,39 +157,64 @@ impl Neighborhood {
         wanted: impl Fn(usize) -> bool + Sync,
     ) -> Result<Neighborhood, NeighborhoodError> {
         let n = body.n_points();
-        let rows: Vec<Rows> = (0..n.div_ceil(CHUNK))
+        let found: Vec<_> = (0..n.div_ceil(CHUNK))
             .into_par_iter()
             .map(|chunk| {
                 let points = chunk * CHUNK..n.min((chunk + 1) * CHUNK);
                 cells.search(body, horizon, points, &wanted)
             })
             .collect();
-        if let Some((i, j)) = rows.iter().find_map(|rows| rows.coincident) {
+        if let Some((i, j)) = found.iter().find_map(|found| found.coincident) {
             return Err(coincident(body, horizon, i, j));
         }
+        let shell_bonds = found.iter().map(|found| found.shell_bonds).sum();
+        let mut all = Rows::with_capacity(n);
+        for chunk in found {
+            let numbers: Vec<u32> = (chunk.rows.spans.iter())
+                .map(|span| all.number(&chunk.rows.steps[span.all()], span.later()))
+                .collect();
+            all.of.extend(chunk.rows.of.iter().map(|number| numbers[*number as usize]));
+        }
+        Ok(Neighborhood::of_rows(horizon, all, shell_bonds))
+    }
+
+    /// With the numbers of neighbours and bonds.
+    fn of_rows(horizon: f64, rows: Rows, shell_bonds: usize) -> Neighborhood {
+        let Rows { steps, spans, of, .. } = rows;
+        let (row_start, bond_start) = (Vec::new(), Vec::new());
         let mut all = Neighborhood {
             horizon,
-            row_start: Vec::with_capacity(n + 1),
-            upper_start: Vec::with_capacity(n),
-            bond_start: Vec::with_capacity(n + 1),
-            neighbors: Vec::with_capacity(rows.iter().map(|rows| rows.neighbors.len()).sum()),
-            shell_bonds: rows.iter().map(|rows| rows.shell_bonds).sum(),
+            steps,
+            spans,
+            of,
+            row_start,
+            bond_start,
+            shell_bonds,
             most_later: 0,
         };
-        all.row_start.push(0);
-        for rows in &rows {
-            let offset = all.neighbors.len();
-            all.upper_start.extend(rows.upper_start.iter().map(|start| offset + start));
-            all.row_start.extend(rows.row_end.iter().map(|end| offset + end));
-            all.neighbors.extend_from_slice(&rows.neighbors);
-        }
-        all.bond_start.push(0);
+        all.count();
+        all
+    }
+
+    /// Counts neighbours and bonds.
+    fn count(&mut self) {
+        let n = self.n_points();
+        self.row_start.clear();
+        self.bond_start.clear();
+        self.row_start.reserve_exact(n + 1);
+        self.bond_start.reserve_exact(n + 1);
+        let (mut row, mut bond) = (0, 0);
+        self.most_later = 0;
         for point in 0..n {
-            let later = all.upper(point).len();
-            all.bond_start.push(all.bond_start[point] + later);
-            all.most_later = all.most_later.max(later);
+            self.row_start.push(row);
+            self.bond_start.push(bond);
+            let span = &self.spans[self.of[point] as usize];
+            row += span.all().len();
+            bond += span.later();
+            self.most_later = self.most_later.max(span.later());
         }
-        Ok(all)
+        self.row_start.push(row);
+        self.bond_start.push(bond);
     }
 
     /// The horizon in m, without its tolerance.
@@ -189,12 +224,12 @@ impl Neighborhood {
 
     /// How many points there are.
     pub fn n_points(&self) -> usize {
-        self.upper_start.len()
+        self.of.len()
     }
 
     /// How many bonds there are, each once.
     pub fn n_bonds(&self) -> usize {
-        self.neighbors.len() / 2
+        self.row_start[self.n_points()] / 2
     }
 
     /// How many bonds are as long as the horizon to within 1e-6 of it: these depend on rounding in
@@ -204,8 +239,9 @@ impl Neighborhood {
     }
 
     /// All neighbours of a point, ascending.
-    pub fn row(&self, point: usize) -> &[u32] {
-        &self.neighbors[self.row_start[point]..self.row_start[point + 1]]
+    #[inline]
+    pub fn row(&self, point: usize) -> Row<'_> {
+        Row::new(point, &self.steps[self.spans[self.of[point] as usize].all()])
     }
 
     /// Where a point's neighbours stand among those of all points, one row after the other.
@@ -214,8 +250,9 @@ impl Neighborhood {
     }
 
     /// The neighbours `j > point`, ascending.
-    pub fn upper(&self, point: usize) -> &[u32] {
-        &self.neighbors[self.upper_start[point]..self.row_start[point + 1]]
+    #[inline]
+    pub fn upper(&self, point: usize) -> Row<'_> {
+        Row::new(point, &self.steps[self.spans[self.of[point] as usize].upper()])
     }
 
     /// The numbers of a point's bonds with later points: every bond has one, owner by owner.
@@ -249,13 +286,13 @@ impl Neighborhood {
     /// The points of a bond, by its number: its owner, and the later one.
     pub fn ends(&self, bond: usize) -> [usize; 2] {
         let owner = self.bond_start.partition_point(|first| *first <= bond) - 1;
-        [owner, self.upper(owner)[bond - self.bond_start[owner]] as usize]
+        [owner, self.upper(owner).at(bond - self.bond_start[owner]) as usize]
     }
 
     /// The number of the bond between two points; nothing where there is none.
     pub fn bond_between(&self, ends: [usize; 2]) -> Option<usize> {
         let [low, high] = [ends[0].min(ends[1]), ends[0].max(ends[1])];
-        let place = self.upper(low).binary_search(&(high as u32)).ok()?;
+        let place = self.upper(low).place(high as u32)?;
         Some(self.bonds(low).start + place)
     }
 
@@ -264,8 +301,8 @@ impl Neighborhood {
         // Rows are symmetric and ascending: going through the points in order, each finds its place
         // in a neighbour's row right after the point before.
         let mut next: Vec<usize> = self.row_start[..self.n_points()].to_vec();
-        let mut mirrored = Vec::with_capacity(self.neighbors.len());
-        for &j in &self.neighbors {
+        let mut mirrored = Vec::with_capacity(self.row_start[self.n_points()]);
+        for j in (0..self.n_points()).flat_map(|point| self.row(point)) {
             mirrored.push(next[j as usize] as u32);
             next[j as usize] += 1;
         }
@@ -300,137 +337,6 @@ fn coincident(body: &Body, horizon: f64, i: usize, j: usize) -> NeighborhoodErro
 
 fn distance_squared(p: &[f64], q: &[f64]) -> f64 {
     p.iter().zip(q).map(|(p, q)| (q - p) * (q - p)).sum()
-}
-
-/// The rows of one chunk of points; starts and ends count from the chunk's first neighbour.
-#[derive(Default)]
-struct Rows {
-    neighbors: Vec<u32>,
-    upper_start: Vec<usize>,
-    row_end: Vec<usize>,
-    shell_bonds: usize,
-    /// The lowest pair of coincident points.
-    coincident: Option<(usize, usize)>,
-}
-
-/// Points sorted into cubes of at least the horizon's size.
-struct CellList {
-    lower: Vec<f64>,
-    size: f64,
-    counts: [usize; 3],
-    start: Vec<u32>,
-    points: Vec<u32>,
-}
-
-impl CellList {
-    fn new(body: &Body, reach: f64) -> CellList {
-        let d = body.dimension();
-        let column = |axis: usize| body.positions().iter().skip(axis).step_by(d).copied();
-        let lower: Vec<f64> = (0..d).map(|a| column(a).fold(f64::INFINITY, f64::min)).collect();
-        let upper: Vec<f64> = (0..d).map(|a| column(a).fold(f64::NEG_INFINITY, f64::max)).collect();
-        // Cells larger than the horizon are allowed: a sparse cloud must not fill the memory.
-        let mut size = reach;
-        let most = 8.0 * body.n_points() as f64 + 64.0;
-        let along = |axis: usize, size: f64| ((upper[axis] - lower[axis]) / size).floor() + 1.0;
-        while (0..d).map(|axis| along(axis, size)).product::<f64>() > most {
-            size *= 2.0;
-        }
-        let mut counts = [1; 3];
-        for axis in 0..d {
-            counts[axis] = along(axis, size).max(1.0) as usize;
-        }
-        let mut cells =
-            CellList { lower, size, counts, start: Vec::new(), points: vec![0; body.n_points()] };
-        cells.sort(body);
-        cells
-    }
-
-    /// Counting sort: within a cell, points keep their order.
-    fn sort(&mut self, body: &Body) {
-        let mut start = vec![0u32; self.counts.iter().product::<usize>() + 1];
-        for point in 0..body.n_points() {
-            start[self.index(self.cell(body.position(point))) + 1] += 1;
-        }
-        for cell in 1..start.len() {
-            start[cell] += start[cell - 1];
-        }
-        let mut next = start.clone();
-        for point in 0..body.n_points() {
-            let slot = &mut next[self.index(self.cell(body.position(point)))];
-            self.points[*slot as usize] = point as u32;
-            *slot += 1;
-        }
-        self.start = start;
-    }
-
-    fn cell(&self, position: &[f64]) -> [usize; 3] {
-        let mut cell = [0; 3];
-        for axis in 0..position.len() {
-            let place = ((position[axis] - self.lower[axis]) / self.size) as usize;
-            cell[axis] = place.min(self.counts[axis] - 1);
-        }
-        cell
-    }
-
-    fn index(&self, cell: [usize; 3]) -> usize {
-        (cell[0] * self.counts[1] + cell[1]) * self.counts[2] + cell[2]
-    }
-
-    fn search(
-        &self,
-        body: &Body,
-        horizon: f64,
-        points: Range<usize>,
-        wanted: &impl Fn(usize) -> bool,
-    ) -> Rows {
-        let mut rows = Rows::default();
-        let reach = horizon * (1.0 + HORIZON_TOLERANCE);
-        let shell = horizon * (1.0 - HORIZON_TOLERANCE);
-        let coincident = horizon * COINCIDENCE;
-        for i in points {
-            let begin = rows.neighbors.len();
-            let here = body.position(i);
-            let mut take = |j: u32| {
-                let squared = distance_squared(here, body.position(j as usize));
-                if squared <= reach * reach && j as usize != i {
-                    rows.neighbors.push(j);
-                    let is_upper = j as usize > i;
-                    rows.shell_bonds += usize::from(is_upper && squared >= shell * shell);
-                    if squared < coincident * coincident && is_upper {
-                        let pair = (i, j as usize);
-                        rows.coincident = Some(rows.coincident.map_or(pair, |old| old.min(pair)));
-                    }
-                }
-            };
-            if wanted(i) {
-                self.for_each_candidate(here, &mut take);
-            }
-            let row = &mut rows.neighbors[begin..];
-            row.sort_unstable();
-            rows.upper_start.push(begin + row.partition_point(|&j| (j as usize) < i));
-            rows.row_end.push(rows.neighbors.len());
-        }
-        rows
-    }
-
-    /// Visits the points of the cells around a position.
-    fn for_each_candidate(&self, position: &[f64], mut visit: impl FnMut(u32)) {
-        let cell = self.cell(position);
-        let around =
-            |axis: usize| cell[axis].saturating_sub(1)..(cell[axis] + 2).min(self.counts[axis]);
-        for x in around(0) {
-            for y in around(1) {
-                // The cells of one column are neighbours in memory.
-                let column = around(2);
-                let first = self.index([x, y, column.start]);
-                let last = self.index([x, y, column.end - 1]);
-                let range = self.start[first] as usize..self.start[last + 1] as usize;
-                for &point in &self.points[range] {
-                    visit(point);
-                }
-            }
-        }
-    }
 }
 
 #[cfg(test)]
@@ -469,8 +375,8 @@ mod tests {
                 let found = Neighborhood::new(&body, horizon).unwrap();
                 let expected = brute_force(&body, horizon);
                 for i in 0..body.n_points() {
-                    assert_eq!(found.row(i), expected[i], "point {i}");
-                    assert!(found.upper(i).iter().all(|&j| j as usize > i));
+                    assert_eq!(found.row(i).to_vec(), expected[i], "point {i}");
+                    assert!(found.upper(i).iter().all(|j| j as usize > i));
                 }
                 let directed: usize = expected.iter().map(Vec::len).sum();
                 assert_eq!(found.n_bonds() * 2, directed);

@@ -199,7 +199,7 @@ impl Weighting {
             _ => lattice.gains(elements, materials)?,
         };
         let of_owner = |owner: usize| {
-            let others = neighborhood.upper(owner).iter().map(|other| *other as usize);
+            let others = neighborhood.upper(owner).iter().map(|other| other as usize);
             let factor =
                 |other: usize| lattice.factor([owner, other], [&gains[owner], &gains[other]]);
             others.map(factor).collect::<Vec<f64>>()
@@ -345,7 +345,7 @@ impl Corrected<'_> {
         let begun = self.weights.begin(self.weights.share(point), &[]);
         let mut sum = [0.0; 3];
         for other in self.neighborhood.row(point) {
-            let other = *other as usize;
+            let other = other as usize;
             let (steps, square) = self.steps([point, other]);
             let weight = self.weights.join_last(begun, self.weights.share(other));
             let bond = weight * stiffness.get(square).copied().unwrap_or(0.0);

@@ -160,7 +160,7 @@ fn broken_bonds_may_be_anywhere() {
             let own = |bond: &usize| neighborhood.ends(*bond).contains(&point);
             let lost: Vec<usize> = (0..neighborhood.n_bonds()).filter(own).collect();
             energy.lose(&lost);
-            let other = neighborhood.row(point)[0] as usize;
+            let other = neighborhood.row(point).at(0) as usize;
             for onto in [true, false] {
                 let mut u = displacements(&body, 0.01, 4);
                 for axis in 0..d {

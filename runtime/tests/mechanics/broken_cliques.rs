@@ -48,8 +48,8 @@ fn cliques(neighborhood: &Neighborhood, body: &Body, points: usize) -> Vec<Vec<u
     for _ in 1..points {
         let longer = |clique: &Vec<usize>| {
             let last = clique[clique.len() - 1];
-            let near = |p: usize, q: usize| neighborhood.row(p).contains(&(q as u32));
-            let nexts = neighborhood.row(clique[0]).iter().map(|k| *k as usize);
+            let near = |p: usize, q: usize| neighborhood.row(p).contains(q as u32);
+            let nexts = neighborhood.row(clique[0]).iter().map(|k| k as usize);
             let nexts = nexts.filter(|next| *next > last && clique.iter().all(|p| near(*p, *next)));
             nexts.map(|next| [&clique[..], &[next]].concat()).collect::<Vec<_>>()
         };

@@ -168,7 +168,7 @@ fn at_a_quarter_with_inverse_lengths_only_bonds_are_left() {
     let neighborhood = energy.neighborhood();
     let mut expected = 0.0;
     for i in 0..body.n_points() {
-        for &j in neighborhood.upper(i) {
+        for j in neighborhood.upper(i) {
             let j = j as usize;
             let length = |move_by: f64| {
                 let place = |p: usize, c: usize| body.position(p)[c] + move_by * u[3 * p + c];

@@ -32,7 +32,7 @@ pub(super) struct BondRoom {
     /// What points got from their lower neighbours, point by point.
     waiting: Vec<f64>,
     /// The others of an owner, material by material.
-    grouped: Vec<u32>,
+    others: Vec<u32>,
 }
 
 impl BondRoom {
@@ -44,7 +44,7 @@ impl BondRoom {
             batch: InteractionBatch::new(measure, d),
             out: Contributions::new(measure, d),
             waiting: Vec::with_capacity(points.unwrap_or(0) * (d + packed_len(d))),
-            grouped: Vec::with_capacity(energy.neighborhood.most_later()),
+            others: Vec::with_capacity(energy.neighborhood.most_later()),
         }
     }
 }
@@ -65,7 +65,7 @@ pub(super) struct BondSums<'a, const D: usize, const N: usize> {
     first: usize,
     /// What the points from `first` on got from their lower neighbours.
     waiting: &'a mut [[f64; N]],
-    grouped: &'a mut Vec<u32>,
+    others: &'a mut Vec<u32>,
 }
 
 impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
@@ -91,7 +91,7 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
             sum: Sum::default(),
             first: touched.start,
             waiting: room.waiting.as_chunks_mut::<N>().0,
-            grouped: &mut room.grouped,
+            others: &mut room.others,
         }
     }
 
@@ -102,40 +102,47 @@ impl<'a, const D: usize, const N: usize> BondSums<'a, D, N> {
         let owners = energy.slabs.owners(slab);
         for owner in owners.clone() {
             let mut own = [0.0; N];
-            let others = energy.neighborhood.upper(owner);
-            let Some(materials) = self.kind.materials.as_deref() else {
-                self.add_all((owner, others, 0), (0, 1.0), &mut own, rows)?;
-                self.write(owner, &own, rows);
-                continue;
-            };
-            let (of, here) = (|point: &u32| materials.of(*point as usize), materials.of(owner));
-            if others.iter().all(|other| of(other) == here) {
-                self.add_all((owner, others, 0), (usize::from(here), 1.0), &mut own, rows)?;
-                self.write(owner, &own, rows);
-                continue;
-            }
-            let mut grouped = std::mem::take(self.grouped);
-            grouped.clear();
-            grouped.extend_from_slice(others);
-            // Couplings, factors and states have places in the order of the others; sums have none.
-            let has_places = self.visit.order == Order::Tangent && rows.has_couplings();
-            if !has_places && self.kind.factors.is_none() && !self.kind.has_states() {
-                grouped.sort_by_key(of);
-            }
-            let mut place = 0;
-            for same in grouped.chunk_by(|i, j| of(i) == of(j)) {
-                for part in materials.parts(&[here, of(&same[0])]).iter() {
-                    self.add_all((owner, same, place), part, &mut own, rows)?;
-                }
-                place += same.len();
-            }
-            *self.grouped = grouped;
+            let mut others = std::mem::take(self.others);
+            others.clear();
+            others.extend(energy.neighborhood.upper(owner));
+            self.add_of(owner, &mut others, &mut own, rows)?;
+            *self.others = others;
             self.write(owner, &own, rows);
         }
         for other in owners.end..touched.end {
             self.write(other, &[0.0; N], rows);
         }
         Ok(self.sum)
+    }
+
+    /// Adds an owner's bonds to its later neighbours, law by law.
+    fn add_of(
+        &mut self,
+        owner: usize,
+        others: &mut [u32],
+        own: &mut [f64; N],
+        rows: &mut Rows<'_>,
+    ) -> Result<(), NonFinite> {
+        let Some(materials) = self.kind.materials.as_deref() else {
+            return self.add_all((owner, others, 0), (0, 1.0), own, rows);
+        };
+        let (of, here) = (|point: &u32| materials.of(*point as usize), materials.of(owner));
+        if others.iter().all(|other| of(other) == here) {
+            return self.add_all((owner, others, 0), (usize::from(here), 1.0), own, rows);
+        }
+        // Couplings, factors and states have places in the order of the others; sums have none.
+        let has_places = self.visit.order == Order::Tangent && rows.has_couplings();
+        if !has_places && self.kind.factors.is_none() && !self.kind.has_states() {
+            others.sort_by_key(of);
+        }
+        let mut place = 0;
+        for same in others.chunk_by(|i, j| of(i) == of(j)) {
+            for part in materials.parts(&[here, of(&same[0])]).iter() {
+                self.add_all((owner, same, place), part, own, rows)?;
+            }
+            place += same.len();
+        }
+        Ok(())
     }
 
     /// Adds an owner's bonds to some of its later neighbours, from a place among them on, by one law

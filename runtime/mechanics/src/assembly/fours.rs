@@ -202,10 +202,13 @@ impl Prepared {
         let weights = &kind.weights;
         let field = kind.parts_of_field(2);
         let mut all = Prepared::default();
+        let mut own: Vec<u32> = Vec::new();
         for owner in owners.clone() {
             let begun = weights.begin(weights.share(owner), &[]);
             let first = energy.neighborhood.bonds(owner).start;
-            let fours = energy.neighborhood.upper(owner).chunks(4);
+            own.clear();
+            own.extend(energy.neighborhood.upper(owner));
+            let fours = own.chunks(4);
             all.counts.push(fours.len());
             for (bonds, four) in (first..).step_by(4).zip(fours) {
                 let last = four.len() - 1;

@@ -88,8 +88,7 @@ impl BondRuns {
     pub(super) fn watch<const D: usize>(&mut self, neighborhood: &Neighborhood, limits: &[f32]) {
         self.limits = vec![f64::INFINITY; self.runs.n_vectors::<D>()];
         for ([owner, other], vector) in self.runs.bonds() {
-            let later =
-                neighborhood.upper(owner).partition_point(|point| (*point as usize) < other);
+            let later = neighborhood.upper(owner).before(other as u32);
             let own = f64::from(limits[neighborhood.bonds(owner).start + later]);
             self.limits[vector] = self.limits[vector].min(own);
         }

@@ -31,7 +31,7 @@ pub(crate) fn fill<const D: usize>(
     visit(slabs, blocks, (), |slab, [here, next], ()| {
         let mut blocks: Touched<'_, Tensor<D>> = Touched::new(here, next);
         for i in slabs.owners(slab) {
-            for (k, (bond, &j)) in neighborhood.bonds(i).zip(neighborhood.upper(i)).enumerate() {
+            for (k, (bond, j)) in neighborhood.bonds(i).zip(neighborhood.upper(i)).enumerate() {
                 let j = j as usize;
                 let dx: [f64; D] = std::array::from_fn(|c| positions[j][c] - positions[i][c]);
                 let now: [f64; D] = std::array::from_fn(|c| dx[c] + (u[j][c] - u[i][c]));

@@ -183,7 +183,7 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
     #[inline(always)]
     fn seen(&self, point: usize, k: usize) -> Seen {
         let neighborhood = self.of.neighborhood();
-        let other = neighborhood.row(point)[k] as usize;
+        let other = neighborhood.row(point).at(k) as usize;
         let number = |owner: usize, place: usize| {
             let bonds = neighborhood.bonds(owner);
             bonds.end - (neighborhood.places(owner).end - place)
@@ -203,7 +203,7 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
         let neighborhood = self.of.neighborhood();
         let places = &self.mirrored[neighborhood.places(point)];
         let row = neighborhood.row(point).iter().zip(places);
-        row.map(|(&i, &place)| (i as usize, self.weight(place as usize)))
+        row.map(|(i, &place)| (i as usize, self.weight(place as usize)))
     }
 
     /// The blocks of a row at some columns, ascending. `beyond` tells whether displacements of the
@@ -220,10 +220,10 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
         scratch.start(point, columns);
         let neighborhood = self.of.neighborhood();
         scratch.see(point);
-        neighborhood.row(point).iter().for_each(|&j| scratch.see(j as usize));
+        neighborhood.row(point).iter().for_each(|j| scratch.see(j as usize));
         if beyond {
-            for &i in neighborhood.row(point) {
-                neighborhood.row(i as usize).iter().for_each(|&j| scratch.see(j as usize));
+            for i in neighborhood.row(point) {
+                neighborhood.row(i as usize).iter().for_each(|j| scratch.see(j as usize));
             }
         }
         self.through_fields(scratch, point, self.own(point), out);
@@ -253,7 +253,7 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
         }
         let mut at_i = [[0.0; D]; D];
         let mut mixed = std::mem::take(&mut scratch.mixed);
-        for (k, &j) in self.of.neighborhood().row(i).iter().enumerate() {
+        for (k, j) in self.of.neighborhood().row(i).iter().enumerate() {
             let j = j as usize;
             let place = scratch.place(j);
             let is_mixed = self.of.is_mixed() && (place.is_some() || scratch.place(i).is_some());
@@ -314,8 +314,8 @@ impl<'a, const D: usize, L: Linearised<D>> Rows<'a, D, L> {
         for (slot, &j) in scratch.seen.iter().enumerate() {
             let j = j as usize;
             let (row, start) = (neighborhood.row(j), neighborhood.places(j).start);
-            let later = row.partition_point(|&b| b < lowest);
-            for (k, &b) in row.iter().enumerate().skip(later) {
+            let later = row.before(lowest);
+            for (k, b) in row.iter().enumerate().skip(later) {
                 let block = self.of.times(duals(slot), self.weight(start + k));
                 add(out, scratch.place(b as usize), &block, 1.0);
             }

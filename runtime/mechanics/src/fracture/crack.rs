@@ -108,7 +108,7 @@ impl Crack {
 fn cut(neighborhood: &Neighborhood, meets: impl Fn(usize, usize) -> Meeting) -> Cut {
     let mut cut = Cut::default();
     for owner in 0..neighborhood.n_points() {
-        for (bond, &other) in neighborhood.bonds(owner).zip(neighborhood.upper(owner)) {
+        for (bond, other) in neighborhood.bonds(owner).zip(neighborhood.upper(owner)) {
             match meets(owner, other as usize) {
                 Meeting::Apart => {}
                 Meeting::Crossing => cut.bonds.push(bond),
@@ -125,7 +125,7 @@ fn cut(neighborhood: &Neighborhood, meets: impl Fn(usize, usize) -> Meeting) -> 
 pub fn between(neighborhood: &Neighborhood, sets: [&[bool]; 2]) -> Vec<usize> {
     let mut bonds = Vec::new();
     for owner in 0..neighborhood.n_points() {
-        for (bond, &other) in neighborhood.bonds(owner).zip(neighborhood.upper(owner)) {
+        for (bond, other) in neighborhood.bonds(owner).zip(neighborhood.upper(owner)) {
             let meets = |one: usize, two: usize| sets[0][one] && sets[1][two];
             if meets(owner, other as usize) || meets(other as usize, owner) {
                 bonds.push(bond);

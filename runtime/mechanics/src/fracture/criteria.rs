@@ -127,7 +127,7 @@ impl Criteria {
         let positions = body.positions().as_chunks::<D>().0;
         let mut limits = Vec::new();
         for &owner in owners {
-            for &other in neighborhood.upper(owner) {
+            for other in neighborhood.upper(owner) {
                 let xi = minus(&positions[other as usize], &positions[owner]);
                 let length = dot(&xi, &xi).sqrt();
                 let direction = xi.map(|component| component / length);
@@ -213,7 +213,7 @@ impl Criteria {
             let bonds = neighborhood.bonds(owner);
             let limits = &self.limits[bonds.clone()];
             nearly.clear();
-            for ((bond, &other), limit) in bonds.zip(neighborhood.upper(owner)).zip(limits) {
+            for ((bond, other), limit) in bonds.zip(neighborhood.upper(owner)).zip(limits) {
                 let other = other as usize;
                 let xi = minus(&positions[other], &rest);
                 let eta = minus(&displacements[other], &moved);

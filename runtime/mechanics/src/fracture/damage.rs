@@ -59,13 +59,13 @@ impl Damage {
 
 /// Visits the bonds of a point with its neighbours, in the order of these.
 fn each_bond(neighborhood: &Neighborhood, point: usize, mut visit: impl FnMut(usize, usize)) {
-    let row = neighborhood.row(point).iter().map(|other| *other as usize);
+    let row = neighborhood.row(point).iter().map(|other| other as usize);
     for earlier in row.take_while(|other| *other < point) {
-        let place = neighborhood.upper(earlier).binary_search(&(point as u32));
+        let place = neighborhood.upper(earlier).place(point as u32);
         let first = neighborhood.bonds(earlier).start;
         place.iter().for_each(|place| visit(first + place, earlier));
     }
-    let later = neighborhood.upper(point).iter().map(|other| *other as usize);
+    let later = neighborhood.upper(point).iter().map(|other| other as usize);
     neighborhood.bonds(point).zip(later).for_each(|(bond, other)| visit(bond, other));
 }
 

@@ -138,7 +138,7 @@ impl Breaking {
         match i == j {
             true => {
                 let all = self.neighborhood.row(i).iter();
-                all.filter_map(|other| bond([i, *other as usize])).collect()
+                all.filter_map(|other| bond([i, other as usize])).collect()
             }
             false => bond([i, j]).into_iter().collect(),
         }

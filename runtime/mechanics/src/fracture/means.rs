@@ -100,7 +100,7 @@ impl States<'_> {
         let mut all = Sums::of(0..body.n_points());
         for owner in 0..body.n_points() {
             let bonds = neighborhood.bonds(owner).zip(neighborhood.upper(owner));
-            for (bond, &other) in bonds.filter(|(bond, _)| !is_broken[*bond]) {
+            for (bond, other) in bonds.filter(|(bond, _)| !is_broken[*bond]) {
                 let ends = [owner, other as usize];
                 self.of(StateOf::Interactions(Measure::Length), (bond, &ends), |part, value| {
                     for (point, neighbor) in [(ends[0], ends[1]), (ends[1], ends[0])] {

@@ -118,7 +118,7 @@ impl Memory {
         for Rules { fields, .. } in &self.layers {
             let owners = 0..neighborhood.n_points();
             let ends = owners.flat_map(|owner| {
-                neighborhood.upper(owner).iter().map(move |other| [owner, *other as usize])
+                neighborhood.upper(owner).iter().map(move |other| [owner, other as usize])
             });
             fields.begin_states(Measure::Length, None, |field| {
                 ends.clone().map(|ends| fields.mean(field, ends.into_iter())).collect()
@@ -235,7 +235,7 @@ impl Memory {
         let (mut bonds, mut changes) = (Vec::new(), Vec::new());
         for owner in owners {
             let numbers = neighborhood.bonds(owner).zip(neighborhood.upper(owner));
-            let own = numbers.filter(|(bond, _)| intact(*bond)).map(|(bond, &other)| {
+            let own = numbers.filter(|(bond, _)| intact(*bond)).map(|(bond, other)| {
                 Candidate::new(bond, [owner, other as usize], positions, displacements)
             });
             bonds.extend(own);

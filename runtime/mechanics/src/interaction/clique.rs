@@ -42,7 +42,7 @@ pub struct OwnerCliques<'a, const D: usize> {
     neighborhood: &'a Neighborhood,
     degeneracy: Degeneracy,
     owner: usize,
-    members: &'a [u32],
+    members: Vec<u32>,
     /// Reference vectors from the owner to its members, in m.
     reference: Vec<[f64; D]>,
     /// Their squares.
@@ -70,6 +70,7 @@ pub struct OwnerCliques<'a, const D: usize> {
 /// The arrays of [`OwnerCliques`], kept for the next owners.
 #[derive(Debug, Default)]
 pub(crate) struct CliqueRoom<const D: usize> {
+    members: Vec<u32>,
     reference: Vec<[f64; D]>,
     squares: Vec<f64>,
     bits: Vec<u64>,
@@ -84,6 +85,7 @@ impl<const D: usize> CliqueRoom<D> {
         let n = neighborhood.most_later();
         let points = (0..slabs.len()).map(|slab| slabs.touched(slab).len()).max();
         CliqueRoom {
+            members: Vec::with_capacity(n),
             reference: Vec::with_capacity(n),
             squares: Vec::with_capacity(n),
             bits: Vec::with_capacity(2 * n * n.div_ceil(64)),
@@ -116,7 +118,7 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         points: std::ops::Range<usize>,
         room: CliqueRoom<D>,
     ) -> Self {
-        let CliqueRoom { reference, squares, bits, all, mut member_of } = room;
+        let CliqueRoom { members, reference, squares, bits, all, mut member_of } = room;
         member_of.resize(points.len().max(member_of.len()), NO_MEMBER);
         debug_assert_eq!(body.dimension(), D, "the dimension of the body");
         OwnerCliques {
@@ -124,7 +126,7 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
             neighborhood,
             degeneracy,
             owner: points.start,
-            members: &[],
+            members,
             reference,
             squares,
             bits,
@@ -141,8 +143,8 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
 
     /// The arrays, for others.
     pub(crate) fn into_room(self) -> CliqueRoom<D> {
-        let OwnerCliques { reference, squares, bits, all, member_of, .. } = self;
-        CliqueRoom { reference, squares, bits, all, member_of }
+        let OwnerCliques { members, reference, squares, bits, all, member_of, .. } = self;
+        CliqueRoom { members, reference, squares, bits, all, member_of }
     }
 
     /// Takes pairs from a table: no triangle has to be tested again, and members that are collinear
@@ -162,11 +164,12 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         self.owner = owner;
         self.broken = None;
         self.all.clear();
-        self.members = self.neighborhood.upper(owner);
+        self.members.clear();
+        self.members.extend(self.neighborhood.upper(owner));
         let here: [f64; D] = self.position(owner);
         self.reference.clear();
-        for &member in self.members {
-            let there = self.position(member as usize);
+        for place in 0..self.members.len() {
+            let there = self.position(self.members[place] as usize);
             self.reference.push(std::array::from_fn(|axis| there[axis] - here[axis]));
         }
         self.squares.clear();
@@ -194,12 +197,11 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
         }
         let last = self.members.last().copied().unwrap_or(0);
         for (j, &point) in self.members.iter().enumerate() {
-            let row = self.neighborhood.upper(point as usize);
-            let row = &row[..row.partition_point(|&k| k <= last)];
+            let row = self.neighborhood.upper(point as usize).up_to(last);
             let bits = &mut self.bits[j * stride..(j + 1) * stride];
             if let [members, places] = bits {
                 // One word each, as on lattices of up to three spacings: no branch.
-                for (index, &k) in row.iter().enumerate() {
+                for (index, k) in row.iter().enumerate() {
                     let member = self.member_of[k as usize - self.first];
                     let is_member = u64::from(member != NO_MEMBER);
                     *members |= is_member << (member % 64);
@@ -208,7 +210,7 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
                 continue;
             }
             let (members, places) = bits.split_at_mut(self.words);
-            for (index, &k) in row.iter().enumerate() {
+            for (index, k) in row.iter().enumerate() {
                 let member = self.member_of[k as usize - self.first];
                 if member != NO_MEMBER {
                     members[member as usize / 64] |= 1 << (member % 64);
@@ -216,7 +218,7 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
                 }
             }
         }
-        for &point in self.members {
+        for &point in &self.members {
             self.member_of[point as usize - self.first] = NO_MEMBER;
         }
     }
@@ -243,8 +245,8 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
     }
 
     /// Its later neighbours, ascending.
-    pub fn members(&self) -> &'a [u32] {
-        self.members
+    pub fn members(&self) -> &[u32] {
+        &self.members
     }
 
     /// Reference vectors from the owner to the members, in m.
@@ -529,7 +531,7 @@ mod tests {
             let mut longer = Vec::new();
             for clique in &all {
                 for next in clique[clique.len() - 1] + 1..neighborhood.n_points() {
-                    let near = |&p: &usize| neighborhood.row(p).contains(&(next as u32));
+                    let near = |&p: &usize| neighborhood.row(p).contains(next as u32);
                     if clique.iter().all(near) {
                         longer.push([clique.as_slice(), &[next]].concat());
                     }
@@ -564,7 +566,7 @@ mod tests {
                 let point = |member: usize| cliques.members()[member] as usize;
                 never_fails(cliques.triangles(|j, k, place| {
                     triangles.push(vec![owner, point(j), point(k)]);
-                    assert_eq!(neighborhood.upper(point(j))[place] as usize, point(k));
+                    assert_eq!(neighborhood.upper(point(j)).at(place) as usize, point(k));
                     Ok(())
                 }));
                 if n < 100 {

@@ -54,7 +54,7 @@ impl Runs {
         for slab in 0..slabs.len() {
             found.first = found.runs.len();
             for owner in slabs.owners(slab) {
-                for &other in neighborhood.upper(owner) {
+                for other in neighborhood.upper(owner) {
                     found.add(body, [owner, other as usize])?;
                 }
             }
@@ -129,7 +129,7 @@ impl Runs {
             start.push(numbers.len());
             for k in 0..run.len {
                 let (owner, other) = ((run.owner + k) as usize, run.other + k);
-                let later = neighborhood.upper(owner).partition_point(|point| *point < other);
+                let later = neighborhood.upper(owner).before(other);
                 let bond = neighborhood.bonds(owner).start + later;
                 places[bond] = numbers.len();
                 numbers.push(of_bonds[bond]);
@@ -147,7 +147,7 @@ impl Runs {
             start.push(n_bytes);
             for k in 0..run.len {
                 let (owner, other) = ((run.owner + k) as usize, run.other + k);
-                let later = neighborhood.upper(owner).partition_point(|point| *point < other);
+                let later = neighborhood.upper(owner).before(other);
                 places[neighborhood.bonds(owner).start + later] = n_bytes * WIDEST + k as usize;
             }
             n_bytes += (run.len as usize).div_ceil(WIDEST);
@@ -476,7 +476,7 @@ mod tests {
                 }
             }
             let expected = (0..body.n_points())
-                .flat_map(|i| neighborhood.upper(i).iter().map(move |&j| (i, j as usize)));
+                .flat_map(|i| neighborhood.upper(i).iter().map(move |j| (i, j as usize)));
             assert!(bonds.into_iter().eq(expected));
         }
     }

@@ -21,7 +21,7 @@ impl Slabs {
     /// horizon further.
     pub fn new(neighborhood: &Neighborhood) -> Slabs {
         Slabs::reaching(neighborhood.n_points(), |point| {
-            neighborhood.upper(point).last().map_or(point, |&last| last as usize)
+            neighborhood.upper(point).last().map_or(point, |last| last as usize)
         })
     }
 

@@ -5,6 +5,8 @@
 //! has them.
 
 use super::Neighborhood;
+#[cfg(test)]
+use super::search::Rows;
 
 /// Where entries were taken out of lists, ascending, as the lists were before.
 #[derive(Debug, Default)]
@@ -31,23 +33,43 @@ impl Neighborhood {
     /// Takes out bonds by their ends, the lower one first; those that are left are numbered anew.
     pub(crate) fn take_out(&mut self, bonds: &[[usize; 2]]) -> Gaps {
         let mut gaps = Gaps::default();
+        let mut lost: Vec<[usize; 2]> = Vec::with_capacity(2 * bonds.len());
         for &[owner, other] in bonds {
             for (from, to) in [(owner, other), (other, owner)] {
-                let place = self.row(from).binary_search(&(to as u32));
-                gaps.places.extend(place.map(|place| self.row_start[from] + place));
+                if let Some(place) = self.row(from).place(to as u32) {
+                    gaps.places.push(self.row_start[from] + place);
+                    lost.push([from, to]);
+                }
             }
-            let place = self.upper(owner).binary_search(&(other as u32));
+            let place = self.upper(owner).place(other as u32);
             gaps.bonds.extend(place.map(|place| self.bond_start[owner] + place));
         }
         gaps.places.sort_unstable();
         gaps.bonds.sort_unstable();
-        gaps.close_places(&mut self.neighbors);
-        move_up(&mut self.row_start, &gaps.places);
-        move_up(&mut self.upper_start, &gaps.places);
-        move_up(&mut self.bond_start, &gaps.bonds);
-        let later = |point: usize| self.upper(point).len();
-        self.most_later = (0..self.n_points()).map(later).max().unwrap_or(0);
+        lost.sort_unstable();
+        for of_point in lost.chunk_by(|one, next| one[0] == next[0]) {
+            self.keep_others(of_point[0][0], of_point);
+        }
+        self.count();
         gaps
+    }
+
+    /// A row of its own for a point, without some of its neighbours.
+    fn keep_others(&mut self, point: usize, lost: &[[usize; 2]]) {
+        let is_left = |other: &u32| lost.binary_search(&[point, *other as usize]).is_err();
+        let left: Vec<u32> = self.row(point).iter().filter(is_left).collect();
+        let later = left.iter().filter(|other| **other as usize > point).count();
+        let before = self.spans[self.of[point] as usize];
+        let span = before.left(self.steps.len(), left.len(), later);
+        let steps = left.iter().map(|other| other.wrapping_sub(point as u32));
+        if span.all().start == self.steps.len() {
+            self.steps.extend(steps);
+            self.of[point] = self.spans.len() as u32;
+            self.spans.push(span);
+        } else {
+            self.steps[span.all()].iter_mut().zip(steps).for_each(|(to, step)| *to = step);
+            self.spans[self.of[point] as usize] = span;
+        }
     }
 }
 
@@ -63,14 +85,19 @@ fn close<T: Copy>(values: &mut Vec<T>, gaps: &[usize]) {
     values.truncate(end);
 }
 
-/// Moves ascending starts of rows up by the gaps before them.
-fn move_up(starts: &mut [usize], gaps: &[usize]) {
-    let mut before = 0;
-    for start in starts {
-        while gaps.get(before).is_some_and(|gap| gap < start) {
-            before += 1;
-        }
-        *start -= before;
+#[cfg(test)]
+impl PartialEq for Neighborhood {
+    /// Whether the rows are the same, however they are kept.
+    fn eq(&self, other: &Neighborhood) -> bool {
+        let same = |point: usize| {
+            let rows = [self.row(point), other.row(point)];
+            rows[0].iter().eq(rows[1].iter()) && self.upper(point).len() == other.upper(point).len()
+        };
+        self.row_start == other.row_start
+            && self.bond_start == other.bond_start
+            && [self.shell_bonds, self.most_later] == [other.shell_bonds, other.most_later]
+            && self.horizon == other.horizon
+            && (0..self.n_points()).all(same)
     }
 }
 
@@ -78,44 +105,19 @@ fn move_up(starts: &mut [usize], gaps: &[usize]) {
 impl Neighborhood {
     /// The same without some bonds, by their numbers; those that are left are numbered anew.
     pub(crate) fn without(&self, is_lost: &[bool]) -> Neighborhood {
-        let n = self.n_points();
-        let kept = |point: usize| {
-            let bonds = self.bonds(point).zip(self.upper(point));
-            bonds.filter(|(bond, _)| !is_lost[*bond]).map(|(_, other)| *other)
-        };
-        let (mut lower, mut later) = (vec![0; n], vec![0; n]);
-        for point in 0..n {
-            for other in kept(point) {
-                later[point] += 1;
-                lower[other as usize] += 1;
-            }
+        let mut rows = Rows::with_capacity(self.n_points());
+        for point in 0..self.n_points() {
+            let is_left = |other: &u32| {
+                !is_lost[self.bond_between([point, *other as usize]).unwrap_or_default()]
+            };
+            let left: Vec<u32> = self.row(point).iter().filter(is_left).collect();
+            let later = left.iter().filter(|other| **other as usize > point).count();
+            let steps: Vec<u32> =
+                left.iter().map(|other| other.wrapping_sub(point as u32)).collect();
+            let number = rows.number(&steps, later);
+            rows.of.push(number);
         }
-        let mut all = Neighborhood {
-            horizon: self.horizon,
-            row_start: vec![0],
-            upper_start: Vec::with_capacity(n),
-            bond_start: vec![0],
-            neighbors: Vec::new(),
-            shell_bonds: self.shell_bonds,
-            most_later: later.iter().copied().max().unwrap_or(0),
-        };
-        for point in 0..n {
-            let start = all.row_start[point];
-            all.upper_start.push(start + lower[point]);
-            all.row_start.push(start + lower[point] + later[point]);
-            all.bond_start.push(all.bond_start[point] + later[point]);
-        }
-        all.neighbors = vec![0; all.row_start[n]];
-        // Owners come in order, so that rows are ascending.
-        let mut next = all.row_start[..n].to_vec();
-        for point in 0..n {
-            for (k, other) in kept(point).enumerate() {
-                all.neighbors[all.upper_start[point] + k] = other;
-                all.neighbors[next[other as usize]] = point as u32;
-                next[other as usize] += 1;
-            }
-        }
-        all
+        Neighborhood::of_rows(self.horizon, rows, self.shell_bonds)
     }
 }
 

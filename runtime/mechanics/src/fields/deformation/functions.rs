@@ -193,7 +193,7 @@ impl DeformationEnergy {
                 match &self.places {
                     Places::Bonds(quadrature) => {
                         let bonds = neighborhood.bonds(i).zip(neighborhood.upper(i));
-                        let place = |(bond, &j): (usize, &u32)| {
+                        let place = |(bond, j): (usize, u32)| {
                             let (ends, number) = ([i, j as usize], quadrature.number(bond));
                             let weight = part(ends)? * quadrature.weight[bond];
                             Some((Place { ends, bond: number }, weight))

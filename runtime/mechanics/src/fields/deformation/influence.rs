@@ -91,7 +91,7 @@ pub(super) fn influences(
     };
     let row = |i: usize| {
         let row = neighborhood.row(i).iter();
-        row.map(move |&j| influence.value(length(i, j as usize)))
+        row.map(move |j| influence.value(length(i, j as usize)))
     };
     let values: Vec<f64> =
         (0..neighborhood.n_points()).into_par_iter().flat_map_iter(row).collect();
@@ -102,7 +102,7 @@ pub(super) fn influences(
             let point =
                 rows.into_iter().find(|&i| neighborhood.places(i).contains(&place)).unwrap_or(0);
             let k = place - neighborhood.places(point).start;
-            let length = length(point, neighborhood.row(point)[k] as usize);
+            let length = length(point, neighborhood.row(point).at(k) as usize);
             Err(DeformationError::Influence { length, value: values[place] })
         }
     }

@@ -75,7 +75,7 @@ impl<'a, const D: usize> FieldStiffness<'a, D> {
         visit(slabs, Part::new(Layout::Points(size), points), (), |slab, [here, next], ()| {
             let mut points = Touched::new(here, next);
             for i in slabs.owners(slab) {
-                for (bond, &j) in self.neighborhood.bonds(i).zip(self.neighborhood.upper(i)) {
+                for (bond, j) in self.neighborhood.bonds(i).zip(self.neighborhood.upper(i)) {
                     let ends = [i, j as usize];
                     for end in ends {
                         let out = points.range(end * size..(end + 1) * size);

@@ -198,9 +198,9 @@ impl GradientOperator {
     pub(super) fn family(&self, point: usize) -> (Vec<f64>, Vec<f64>) {
         let row = self.neighborhood.row(point);
         let influence = &self.influence[self.neighborhood.places(point)];
-        let strengths = row.iter().zip(influence).map(|(&j, w)| self.volumes[j as usize] * w);
+        let strengths = row.iter().zip(influence).map(|(j, w)| self.volumes[j as usize] * w);
         let here = self.body.position(point);
-        let offset = |&j: &u32| {
+        let offset = |j: u32| {
             let there = self.body.position(j as usize);
             here.iter().zip(there).map(|(x, y)| (y - x) * self.per_length)
         };
@@ -259,7 +259,7 @@ impl GradientOperator {
         let of_point = |point: usize| {
             let row = self.neighborhood.row(point).iter();
             let influence = &self.influence[self.neighborhood.places(point)];
-            row.zip(influence).map(move |(&j, influence)| {
+            row.zip(influence).map(move |(j, influence)| {
                 by_order!(self.weight_in([point, j as usize], *influence))
             })
         };
@@ -364,7 +364,7 @@ impl GradientOperator {
         let coefficients = self.coefficients_of::<D, W, M>(point);
         let (here, place) = (u[point], positions[point]);
         let mut sum = [[0.0; W]; D];
-        for (&j, influence) in row.iter().zip(influence) {
+        for (j, influence) in row.iter().zip(influence) {
             let j = j as usize;
             let q = self.functions::<D, M>(&place, &positions[j]);
             let g: [f64; W] = weight(&coefficients, &q, self.volumes[j] * influence);
@@ -389,7 +389,7 @@ impl GradientOperator {
         let influence = &self.influence[self.neighborhood.places(point)];
         let (here, place) = (u[point], window::<W>(&self.positions, point * D));
         let mut sum = [[0.0; W]; D];
-        for (&j, influence) in row.iter().zip(influence) {
+        for (j, influence) in row.iter().zip(influence) {
             let j = j as usize;
             let there = window::<W>(&self.positions, j * D);
             let mut offset = [0.0; W];
@@ -473,7 +473,7 @@ impl GradientOperator {
         let influence = &self.influence[self.neighborhood.places(point)];
         let place = positions[point];
         let mut sum = [0.0; W];
-        for (&i, influence) in row.iter().zip(influence) {
+        for (i, influence) in row.iter().zip(influence) {
             let i = i as usize;
             let q = self.functions::<D, M>(&positions[i], &place);
             for k in 0..M {

@@ -182,7 +182,7 @@ impl BondQuadrature {
         let mut quadrature = BondQuadrature { weight, sums, numbers };
         for i in points {
             let later = neighborhood.upper(i).iter().zip(operator.later_influence(i));
-            let weights = later.map(|(&j, w)| quadrature.of_bond(operator, [i, j as usize], *w));
+            let weights = later.map(|(j, w)| quadrature.of_bond(operator, [i, j as usize], *w));
             let weights: Vec<f64> = weights.collect();
             quadrature.weight.extend(weights);
         }
@@ -199,12 +199,12 @@ impl BondQuadrature {
         for &point in points {
             let bonds = neighborhood.bonds(point);
             let later = neighborhood.upper(point).iter().zip(operator.later_influence(point));
-            for (bond, (&j, w)) in bonds.zip(later) {
+            for (bond, (j, w)) in bonds.zip(later) {
                 self.weight[bond] = self.of_bond(operator, [point, j as usize], *w);
             }
-            let earlier = neighborhood.row(point).iter().map(|j| *j as usize);
+            let earlier = neighborhood.row(point).iter().map(|j| j as usize);
             for i in earlier.take_while(|j| *j < point) {
-                if let Ok(place) = neighborhood.upper(i).binary_search(&(point as u32)) {
+                if let Some(place) = neighborhood.upper(i).place(point as u32) {
                     let w = operator.later_influence(i)[place];
                     let bond = neighborhood.bonds(i).start + place;
                     self.weight[bond] = self.of_bond(operator, [i, point], w);
@@ -240,7 +240,7 @@ impl BondQuadrature {
         let positions = body.positions().as_chunks::<D>().0;
         let bonds = |i: usize| {
             let bonds = neighborhood.bonds(i).zip(neighborhood.upper(i));
-            bonds.map(move |(bond, &j)| Bond::new(positions, [i, j as usize], self.number(bond)))
+            bonds.map(move |(bond, j)| Bond::new(positions, [i, j as usize], self.number(bond)))
         };
         let entries = BondStiffness::entries(D);
         let mut values = vec![0.0; self.weight.len() * entries];
@@ -325,7 +325,7 @@ impl BondQuadrature {
         for i in owners {
             let all = neighborhood.bonds(i);
             let weights = all.clone().zip(&self.weight[all]);
-            for (&j, (bond, &weight)) in neighborhood.upper(i).iter().zip(weights) {
+            for (j, (bond, &weight)) in neighborhood.upper(i).iter().zip(weights) {
                 let ends = [i, j as usize];
                 // Bonds as long as the horizon have no weight where the influence ends there.
                 if weight != 0.0

@@ -188,7 +188,7 @@ fn influence_of_vectors(
 ) -> Option<Vec<f64>> {
     let mut found: Vec<Option<f64>> = vec![None; n_vectors];
     for ([i, j], vector) in runs.bonds() {
-        let place = neighborhood.row(i).binary_search(&(j as u32)).ok()?;
+        let place = neighborhood.row(i).place(j as u32)?;
         let influence = fitted.influence[neighborhood.places(i).start + place];
         let known = *found[vector].get_or_insert(influence);
         if (influence - known).abs() > ALIKE * known.abs() {

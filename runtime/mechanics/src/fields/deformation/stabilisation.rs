@@ -67,7 +67,7 @@ fn sum_around(
 ) -> f64 {
     let influence = &influence[neighborhood.places(point)];
     let row = neighborhood.row(point).iter().zip(influence);
-    row.fold(0.0, |sum, (&j, w)| sum + volumes[j as usize] * w)
+    row.fold(0.0, |sum, (j, w)| sum + volumes[j as usize] * w)
 }
 
 /// Refuses influences whose sums are not positive.
@@ -103,7 +103,7 @@ impl Deviations {
         let mut strength = Vec::with_capacity(neighborhood.n_bonds());
         for i in 0..neighborhood.n_points() {
             let later = neighborhood.upper(i).iter().zip(operator.later_influence(i));
-            strength.extend(later.map(|(&j, w)| volumes[i] * volumes[j as usize] * w));
+            strength.extend(later.map(|(j, w)| volumes[i] * volumes[j as usize] * w));
         }
         let of_points = OfPoints::new(operator, law, kind);
         let mut stiffness = Vec::with_capacity(body.n_points() * body.dimension().pow(2));
@@ -174,7 +174,7 @@ impl Deviations {
         for i in slabs.owners(slab) {
             let a_i = self.stiffness::<D>(i);
             let strengths = &self.strength[neighborhood.bonds(i)];
-            for (&j, strength) in neighborhood.upper(i).iter().zip(strengths) {
+            for (j, strength) in neighborhood.upper(i).iter().zip(strengths) {
                 let j = j as usize;
                 let dx: [f64; D] = std::array::from_fn(|c| positions[j][c] - positions[i][c]);
                 let du: [f64; D] = std::array::from_fn(|r| u[j][r] - u[i][r]);
@@ -282,7 +282,7 @@ impl<'a> OfPoints<'a> {
         let d = body.dimension();
         let influence = &self.operator.influence()[neighborhood.places(point)];
         let mut shape = DMatrix::<f64>::zeros(d, d);
-        for (&j, w) in neighborhood.row(point).iter().zip(influence) {
+        for (j, w) in neighborhood.row(point).iter().zip(influence) {
             let strength = body.volumes()[j as usize] * w;
             let (here, there) = (body.position(point), body.position(j as usize));
             for r in 0..d {

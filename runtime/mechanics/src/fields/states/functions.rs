@@ -134,7 +134,7 @@ impl StateEnergy {
             let n = self.body.n_points();
             let chunk = |number: usize| {
                 let points = number * CHUNK..n.min((number + 1) * CHUNK);
-                let row = |i: usize| self.neighborhood.row(i).iter().map(move |j| [i, *j as usize]);
+                let row = |i: usize| self.neighborhood.row(i).iter().map(move |j| [i, j as usize]);
                 judge(match self.holds_length(&*criterion.margin) {
                     true => points.flat_map(row).collect(),
                     false => points.map(|i| [i; 2]).collect(),

@@ -355,7 +355,7 @@ impl StateEnergy {
                 // What the owner gets stays in registers.
                 let mut own = [out[integral], out[adjoint]];
                 let bonds = at.bonds[start * width..end * width].chunks_exact(width);
-                for (bond, &j) in bonds.zip(self.neighborhood.upper(i)) {
+                for (bond, j) in bonds.zip(self.neighborhood.upper(i)) {
                     let j = j as usize;
                     let along = (0..D).fold(0.0, |sum, c| sum + bond[c] * (p[j][c] - p[i][c]));
                     let part = bond[D + 2 + k] * along;
@@ -388,7 +388,7 @@ impl StateEnergy {
             let bonds = at.bonds[start * width..end * width].chunks_exact(width);
             let here = &changes[i * 2 * a..(i + 1) * 2 * a];
             let mut sum = [0.0; D];
-            for (bond, &j) in bonds.zip(self.neighborhood.upper(i)) {
+            for (bond, j) in bonds.zip(self.neighborhood.upper(i)) {
                 let j = j as usize;
                 let there = &changes[j * 2 * a..(j + 1) * 2 * a];
                 let moved: [f64; D] = std::array::from_fn(|c| p[j][c] - p[i][c]);

@@ -232,13 +232,13 @@ impl StateEnergy {
     fn at_rest_around(&self, point: usize, integrals: &[usize]) -> Vec<f64> {
         let row = self.neighborhood.row(point);
         let lengths: Vec<f64> =
-            row.iter().map(|&j| self.body.distance([point, j as usize])).collect();
+            row.iter().map(|j| self.body.distance([point, j as usize])).collect();
         let (nothing, mut given) = (vec![0.0; row.len()], Vec::new());
         let mut out = [nothing.clone(), nothing.clone(), nothing.clone()];
         let value = |&k: &usize| {
             given.clear();
             if let Some((fields, own)) = self.fields_of(k) {
-                let ends = |b: usize| [point, row[b] as usize].into_iter();
+                let ends = |b: usize| [point, row.at(b) as usize].into_iter();
                 fields.add(own, row.len(), ends, &mut given);
             }
             let (measure, reference) = (&lengths[..], &lengths[..]);
@@ -246,7 +246,7 @@ impl StateEnergy {
             let [psi, dpsi, d2psi] = &mut out;
             self.laws.integrals[k].evaluate(batch, Order::Energy, Outputs { psi, dpsi, d2psi });
             let terms = row.iter().zip(&*psi);
-            terms.fold(0.0, |sum, (&j, psi)| sum + self.body.volumes()[j as usize] * psi)
+            terms.fold(0.0, |sum, (j, psi)| sum + self.body.volumes()[j as usize] * psi)
         };
         integrals.iter().map(value).collect()
     }
@@ -372,7 +372,7 @@ impl StateEnergy {
 /// Lengths at rest of each bond once, in m.
 fn rest_lengths(body: &Body, neighborhood: &Neighborhood) -> Vec<f64> {
     let owners = 0..neighborhood.n_points();
-    let of_owner = |i| neighborhood.upper(i).iter().map(move |&j| body.distance([i, j as usize]));
+    let of_owner = |i| neighborhood.upper(i).iter().map(move |j| body.distance([i, j as usize]));
     owners.flat_map(of_owner).collect()
 }
 

@@ -130,7 +130,7 @@ impl StateEnergy {
     pub(super) fn ends(&self, owners: Range<usize>, ends: &mut Vec<[u32; 2]>) {
         ends.clear();
         for i in owners {
-            ends.extend(self.neighborhood.upper(i).iter().map(|&j| [i as u32, j]));
+            ends.extend(self.neighborhood.upper(i).iter().map(|j| [i as u32, j]));
         }
     }
 
@@ -399,7 +399,7 @@ impl StateEnergy {
             let slopes = self.slopes(slab, &states);
             for i in self.slabs.owners(slab) {
                 let bonds = self.neighborhood.bonds(i);
-                for (b, &j) in bonds.zip(self.neighborhood.upper(i)) {
+                for (b, j) in bonds.zip(self.neighborhood.upper(i)) {
                     let j = j as usize;
                     let (tension, uneven) = (states.tension[b], states.uneven[b]);
                     for (point, direct) in [(i, tension + uneven), (j, tension - uneven)] {
@@ -434,7 +434,7 @@ impl StateEnergy {
         for i in self.slabs.owners(slab) {
             let mut sum = [0.0; D];
             let start = self.neighborhood.bonds(i).start;
-            for (k, &j) in self.neighborhood.upper(i).iter().enumerate() {
+            for (k, j) in self.neighborhood.upper(i).iter().enumerate() {
                 let (b, j) = (start + k, j as usize);
                 let mut tension = states.tension[b];
                 for (place, k) in changing.iter().enumerate() {

@@ -31,7 +31,7 @@ impl<'a, const D: usize> StateStiffness<'a, D> {
         for i in 0..neighborhood.n_points() {
             let bonds = neighborhood.bonds(i);
             let later = neighborhood.places(i).end - bonds.len();
-            for (k, (bond, &j)) in bonds.zip(neighborhood.upper(i)).enumerate() {
+            for (k, (bond, j)) in bonds.zip(neighborhood.upper(i)).enumerate() {
                 let of = linear.bond::<D>(bond);
                 let place = later + k;
                 for (a, slope) in of.slopes.iter().enumerate() {
@@ -130,7 +130,7 @@ impl StateEnergy {
         let (m, volumes) = (linear.n_active(), self.body.volumes());
         let bonds = || {
             (0..self.body.n_points()).flat_map(|i| {
-                let later = self.neighborhood.upper(i).iter().map(|&j| j as usize);
+                let later = self.neighborhood.upper(i).iter().map(|j| j as usize);
                 self.neighborhood.bonds(i).zip(later).map(move |(bond, j)| (bond, [i, j]))
             })
         };

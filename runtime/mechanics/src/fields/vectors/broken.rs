@@ -55,7 +55,7 @@ impl VectorEnergy {
     fn spans_space(&self, point: usize) -> bool {
         let (d, row) = (self.body.dimension(), self.neighborhood.row(point));
         let mut directions = DMatrix::<f64>::zeros(d, d);
-        for &j in row {
+        for j in row {
             let (here, there) = (self.body.position(point), self.body.position(j as usize));
             let square = here.iter().zip(there).fold(0.0, |sum, (x, y)| sum + (y - x) * (y - x));
             for r in 0..d {

@@ -107,7 +107,7 @@ impl<'a, const D: usize> VectorStiffness<'a, D> {
         for i in 0..n {
             let numbers = neighborhood.bonds(i);
             let later = neighborhood.places(i).end - numbers.len();
-            for (k, (bond, &j)) in numbers.zip(neighborhood.upper(i)).enumerate() {
+            for (k, (bond, j)) in numbers.zip(neighborhood.upper(i)).enumerate() {
                 let place = later + k;
                 let places = [place, mirrored[place] as usize];
                 for ((place, of_end), end) in

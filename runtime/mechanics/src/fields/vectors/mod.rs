@@ -221,7 +221,7 @@ impl VectorEnergy {
         let volumes = self.body.volumes();
         let mut springs = 0.0;
         for i in 0..n {
-            for &j in self.neighborhood.upper(i) {
+            for j in self.neighborhood.upper(i) {
                 let j = j as usize;
                 springs += volumes[i] * volumes[j] * self.body.distance([i, j]);
             }

@@ -234,7 +234,7 @@ impl VectorEnergy {
     pub(super) fn both_ends(&self, owners: Range<usize>, ends: &mut Vec<[usize; 2]>) {
         ends.clear();
         for i in owners {
-            ends.extend(self.neighborhood.upper(i).iter().map(|&j| [i, j as usize]));
+            ends.extend(self.neighborhood.upper(i).iter().map(|j| [i, j as usize]));
         }
         let n = ends.len();
         ends.extend_from_within(..n);
@@ -476,7 +476,7 @@ impl VectorEnergy {
                 let is_of_bonds = kernel.given().contains(&Slot::Length);
                 room.ends.clear();
                 match is_of_bonds {
-                    true => room.ends.extend(row.iter().map(|&j| [i, j as usize])),
+                    true => room.ends.extend(row.iter().map(|j| [i, j as usize])),
                     false => room.ends.extend((!row.is_empty()).then_some([i; 2])),
                 }
                 self.prepare((law, kernel), (at, Some(direction)), &mut room);

@@ -179,7 +179,7 @@ impl Criteria {
         let (mut found, mut own) = (Vec::new(), Vec::new());
         for owner in owners {
             own.clear();
-            for (bond, &other) in neighborhood.bonds(owner).zip(neighborhood.upper(owner)) {
+            for (bond, other) in neighborhood.bonds(owner).zip(neighborhood.upper(owner)) {
                 let ends = [owner, other as usize];
                 if intact(bond) && !ends.iter().any(|end| self.is_unbreakable[*end]) {
                     own.push(Candidate::new(bond, ends, positions, displacements));

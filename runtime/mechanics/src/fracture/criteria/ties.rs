@@ -72,7 +72,7 @@ impl Criteria {
             let takes = |ends: &[usize; 2]| layer.parts(ends).iter().any(|part| part.0 == law);
             let bonds = (0..neighborhood.n_points()).flat_map(|owner| {
                 let ends =
-                    neighborhood.upper(owner).iter().map(move |other| [owner, *other as usize]);
+                    neighborhood.upper(owner).iter().map(move |other| [owner, other as usize]);
                 neighborhood.bonds(owner).zip(ends)
             });
             let bonds = bonds.filter(|(_, ends)| takes(ends)).take(CAPACITY);

@@ -155,8 +155,8 @@ impl Lost {
         for &bond in bonds {
             let [low, high] = neighborhood.ends(bond);
             owners.insert(low);
-            let earlier = neighborhood.row(low).iter().map(|i| *i as usize);
-            let both = |i: &usize| neighborhood.upper(*i).binary_search(&(high as u32)).is_ok();
+            let earlier = neighborhood.row(low).iter().map(|i| i as usize);
+            let both = |i: &usize| neighborhood.upper(*i).contains(high as u32);
             earlier.take_while(|i| *i < low).filter(both).for_each(|i| {
                 owners.insert(i);
             });

@@ -33,8 +33,8 @@ pub use error::AssemblyError;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 
@@ -118,7 +118,8 @@ pub struct DiscreteEnergy {
     degeneracy: Degeneracy,
     slabs: Slabs,
     contributing: Option<ContributingPairs>,
-    pattern: Arc<BlockPattern>,
+    /// Made when it is first asked for: bodies without a stored tangent need none.
+    pattern: OnceLock<Arc<BlockPattern>>,
     bonds: Option<Kind>,
     on_lattice: OnLattice,
     fours: Option<BondFours>,
@@ -216,8 +217,8 @@ impl DiscreteEnergy {
         let present = kinds.iter().flatten();
         let names = present.map(|kind| format!("psi({})", kind.argument())).collect();
         let [bonds, triangles, tetrahedra] = kinds;
-        let pattern = Arc::new(BlockPattern::of_bonds(&neighborhood, body.dimension()));
-        let matrix_bytes = 8 * pattern.n_blocks() * body.dimension() * body.dimension();
+        let n_blocks = body.n_points() + neighborhood.n_bonds();
+        let matrix_bytes = 8 * n_blocks * body.dimension() * body.dimension();
         let fits = ContributingPairs::bytes(&neighborhood) <= matrix_bytes / 2;
         let contributing = (triangles.is_some() && fits).then(|| match body.dimension() {
             2 => ContributingPairs::new::<2>(&body, &neighborhood, degeneracy, &slabs),
@@ -231,7 +232,7 @@ impl DiscreteEnergy {
             dropped_triangles: census.dropped_triangles,
             dropped_tetrahedra: census.dropped_tetrahedra,
             shell_bonds: neighborhood.shell_bonds(),
-            pattern_blocks: pattern.n_blocks(),
+            pattern_blocks: n_blocks,
             ways: Vec::new(),
         };
         let rooms = match body.dimension() {
@@ -244,7 +245,7 @@ impl DiscreteEnergy {
             degeneracy,
             slabs,
             contributing,
-            pattern,
+            pattern: OnceLock::new(),
             bonds,
             on_lattice: OnLattice::default(),
             fours: None,
@@ -318,7 +319,7 @@ impl DiscreteEnergy {
         parts: &mut [f64],
     ) -> Result<(), NonFinite> {
         gradient.fill(0.0);
-        let d = self.pattern.dimension;
+        let d = self.body.dimension();
         let layout = match row_start {
             Some(row_start) => Layout::Rows(row_start, d * d),
             None => Layout::Points(d * d),
@@ -422,8 +423,13 @@ impl Energy for DiscreteEnergy {
         self.report.clone()
     }
 
+    fn keeps_pattern(&self) -> bool {
+        true
+    }
+
     fn pattern(&self) -> &Arc<BlockPattern> {
-        &self.pattern
+        let make = || Arc::new(BlockPattern::of_bonds(&self.neighborhood, self.body.dimension()));
+        self.pattern.get_or_init(make)
     }
 
     /// Products of bonds along rows, or in fours: 3 to 6 ns a bond in place of 13. Of triangles there are too
@@ -443,7 +449,7 @@ impl Energy for DiscreteEnergy {
                 self.assemble(order, u, forces, nothing, parts)
             }
             Wanted::Tangent(forces, tangent) => {
-                let blocks = (Some(&self.pattern.row_start[..]), &mut tangent.values[..]);
+                let blocks = (Some(&self.pattern().row_start[..]), &mut tangent.values[..]);
                 self.assemble(Order::Tangent, u, forces, blocks, parts)
             }
             Wanted::Diagonal(forces, diagonal) => {

@@ -309,6 +309,11 @@ pub trait Energy: Send + Sync {
         Inverted::default()
     }
 
+    /// Whether the pattern is the same after bonds are lost, which keep their blocks then.
+    fn keeps_pattern(&self) -> bool {
+        false
+    }
+
     /// Whether bonds break by conditions of deformation gradients, or of gathered values.
     fn has_field_conditions(&self) -> bool {
         false

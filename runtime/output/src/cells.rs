@@ -18,7 +18,8 @@ pub fn of_lattice(d: usize, positions: &[f64], spacing: f64) -> Vec<u32> {
         [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]];
     let corners = &CORNERS[..if d == 2 { 4 } else { 8 }];
     let mut cells = Vec::new();
-    for place in &grid.places {
+    for x in positions.chunks_exact(d) {
+        let Some(place) = grid.place(x) else { return Vec::new() };
         let start = cells.len();
         for corner in corners {
             match grid.point([0, 1, 2].map(|axis| place[axis] + corner[axis])) {
@@ -35,11 +36,11 @@ pub fn of_lattice(d: usize, positions: &[f64], spacing: f64) -> Vec<u32> {
 
 /// The points of a lattice by their places.
 struct Grid {
+    low: Vec<f64>,
+    spacing: f64,
     counts: [usize; 3],
     /// Of every place, the last axis fastest.
     points: Vec<u32>,
-    /// Of every point.
-    places: Vec<[usize; 3]>,
 }
 
 impl Grid {
@@ -48,32 +49,38 @@ impl Grid {
             positions.iter().skip(axis).step_by(d).copied().fold(f64::INFINITY, f64::min)
         };
         let low: Vec<f64> = (0..d).map(low).collect();
-        let mut counts = [1; 3];
-        let mut places = Vec::with_capacity(positions.len() / d);
+        let mut grid = Grid { low, spacing, counts: [1; 3], points: Vec::new() };
         for x in positions.chunks_exact(d) {
-            let mut place = [0; 3];
-            for axis in 0..d {
-                let along = (x[axis] - low[axis]) / spacing;
-                let is_near = (along - along.round()).abs() < NEAR;
-                if !is_near {
-                    return None;
-                }
-                place[axis] = along.round() as usize;
-                counts[axis] = counts[axis].max(place[axis].saturating_add(1));
+            let place = grid.place(x)?;
+            for (count, place) in grid.counts.iter_mut().zip(place) {
+                *count = (*count).max(place.saturating_add(1));
             }
-            places.push(place);
         }
-        let [a, b, c] = counts;
+        let ([a, b, c], n) = (grid.counts, positions.len() / d);
         let all = a.checked_mul(b)?.checked_mul(c)?;
-        if all / SPARSE > places.len() || places.len() >= NONE as usize {
+        if all / SPARSE > n || n >= NONE as usize {
             return None;
         }
-        let mut grid = Grid { counts, points: vec![NONE; all], places: Vec::new() };
-        for (point, place) in places.iter().enumerate() {
-            let index = grid.index(*place);
+        grid.points = vec![NONE; all];
+        for (point, x) in positions.chunks_exact(d).enumerate() {
+            let index = grid.index(grid.place(x)?);
             grid.points[index] = point as u32;
         }
-        Some(Grid { places, ..grid })
+        Some(grid)
+    }
+
+    /// Where in the lattice a position is; nothing where it is not one of it.
+    fn place(&self, x: &[f64]) -> Option<[usize; 3]> {
+        let mut place = [0; 3];
+        for (place, (x, low)) in place.iter_mut().zip(x.iter().zip(&self.low)) {
+            let along = (x - low) / self.spacing;
+            let is_near = (along - along.round()).abs() < NEAR;
+            if !is_near {
+                return None;
+            }
+            *place = along.round() as usize;
+        }
+        Some(place)
     }
 
     fn index(&self, [x, y, z]: [usize; 3]) -> usize {

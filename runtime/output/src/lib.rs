@@ -59,8 +59,6 @@ pub struct Points {
     pub volumes: Vec<f64>,
     /// Lattice spacing in m, if the points are a lattice.
     pub spacing: Option<f64>,
-    /// The cells between neighbours in a lattice, see [`cells::of_lattice`]; else none.
-    pub cells: Vec<u32>,
     /// The mesh that the body was made of, if it was.
     pub mesh: Option<Arc<mesh::Mesh>>,
     /// Whether all of a point's displacement is prescribed; empty where nobody said so.
@@ -72,13 +70,9 @@ impl Points {
     pub fn of(body: &Body) -> Points {
         let dimension = body.dimension();
         let positions = body.to_user_order(body.positions(), dimension);
-        let cells = match body.spacing() {
-            Some(spacing) => cells::of_lattice(dimension, &positions, spacing),
-            None => Vec::new(),
-        };
         let volumes = body.to_user_order(body.volumes(), 1);
         let (spacing, held) = (body.spacing(), Vec::new());
-        Points { dimension, positions, volumes, spacing, cells, mesh: None, held }
+        Points { dimension, positions, volumes, spacing, mesh: None, held }
     }
 
     /// The same with the mesh that the body was made of.

@@ -58,10 +58,12 @@ impl<'a> FrameSeries<'a> {
     pub fn push(&mut self, frame: &Frame) -> Result<(), OutputError> {
         if let Some(mesh) = self.cells() {
             let file = OutputFile::Cells(self.times.len());
-            self.folder.write(file, &encode_cells(mesh, self.points, frame))?;
+            let encoded = encode_cells(mesh, self.points, frame);
+            self.folder.write_with(file, |out| encoded.write_to(out))?;
         }
         let file = OutputFile::Frame(self.times.len());
-        self.folder.write(file, &encode_vtu(self.points, frame))?;
+        let encoded = encode_vtu(self.points, frame);
+        self.folder.write_with(file, |out| encoded.write_to(out))?;
         self.times.push(frame.t);
         self.write_list().inspect_err(|_| {
             self.times.pop();
@@ -117,7 +119,6 @@ mod tests {
             positions: vec![0.0, 0.0, 1.0, 0.0],
             volumes: vec![1.0, 1.0],
             spacing: Some(1.0),
-            cells: Vec::new(),
             mesh: None,
             held: Vec::new(),
         }

@@ -3,12 +3,21 @@
 //! Degree of freedom `d * point + component` is component `component` of the displacement of
 //! `point`. A fixed one has a prescribed value; the equations are solved for the free ones.
 
+use std::sync::OnceLock;
+
 /// The fixed degrees of freedom of a body.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Constraints {
     fixed: Vec<usize>,
-    free: Vec<usize>,
+    /// Made when it is first asked for.
+    free: OnceLock<Vec<usize>>,
     is_fixed: Vec<bool>,
+}
+
+impl PartialEq for Constraints {
+    fn eq(&self, other: &Constraints) -> bool {
+        self.is_fixed == other.is_fixed
+    }
 }
 
 /// A list of fixed degrees of freedom that cannot be used.
@@ -45,14 +54,12 @@ impl Constraints {
             }
             is_fixed[dof] = true;
         }
-        let free = (0..n_dofs).filter(|&dof| !is_fixed[dof]).collect();
-        Ok(Constraints { fixed: fixed.to_vec(), free, is_fixed })
+        Ok(Constraints { fixed: fixed.to_vec(), free: OnceLock::new(), is_fixed })
     }
 
     /// Nothing is fixed.
     pub fn none(n_dofs: usize) -> Constraints {
-        let (fixed, free) = (Vec::new(), (0..n_dofs).collect());
-        Constraints { fixed, free, is_fixed: vec![false; n_dofs] }
+        Constraints { fixed: Vec::new(), free: OnceLock::new(), is_fixed: vec![false; n_dofs] }
     }
 
     /// All degrees of freedom, fixed and free.
@@ -62,7 +69,7 @@ impl Constraints {
 
     /// How many are free.
     pub fn n_free(&self) -> usize {
-        self.free.len()
+        self.n_dofs() - self.fixed.len()
     }
 
     /// The fixed degrees of freedom, ascending.
@@ -72,7 +79,8 @@ impl Constraints {
 
     /// The free degrees of freedom, ascending.
     pub fn free(&self) -> &[usize] {
-        &self.free
+        let all = || (0..self.n_dofs()).filter(|&dof| !self.is_fixed[dof]).collect();
+        self.free.get_or_init(all)
     }
 
     /// Whether a degree of freedom is fixed.
@@ -82,12 +90,12 @@ impl Constraints {
 
     /// The free entries of a full vector.
     pub fn free_part(&self, full: &[f64]) -> Vec<f64> {
-        self.free.iter().map(|&dof| full[dof]).collect()
+        self.free().iter().map(|&dof| full[dof]).collect()
     }
 
     /// Writes `values`, one per free degree of freedom, into a full vector.
     pub fn scatter_free(&self, values: &[f64], full: &mut [f64]) {
-        for (&dof, &value) in self.free.iter().zip(values) {
+        for (&dof, &value) in self.free().iter().zip(values) {
             full[dof] = value;
         }
     }

@@ -35,7 +35,7 @@ mod states;
 mod walk;
 
 use std::ops::Range;
-use std::sync::{Arc, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::sync::{Arc, OnceLock, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard};
 
 use crate::body::Body;
 use crate::dissipation::Dashpots;
@@ -176,8 +176,9 @@ pub struct Breaking {
     body: Arc<Body>,
     neighborhood: Arc<Neighborhood>,
     names: Arc<[String]>,
-    pattern: Arc<BlockPattern>,
-    bond_pattern: Option<Arc<BlockPattern>>,
+    /// Of the body before anything breaks.
+    pattern: OnceLock<Arc<BlockPattern>>,
+    bond_pattern: OnceLock<Option<Arc<BlockPattern>>>,
     criteria: Criteria,
     memory: Memory,
     /// What bonds that are there dissipate.
@@ -229,18 +230,22 @@ impl Breaking {
         let has_cliques = has_cliques || memory.has_cliques();
         let can_lose = loses_none || terms.iter().all(|term| term.can_lose_bonds());
         assert!(can_lose, "energies that can lose bonds");
+        let keeps_pattern = terms.iter().all(|term| term.keeps_pattern());
         let terms = terms.into_iter().map(Term::Owned).collect();
         let mut energy = Total::named(terms, Arc::clone(&names));
         if !criteria.are_empty() && memory.is_empty() {
             energy.watch(criteria.limits());
         }
-        let (pattern, bonds) = (Arc::clone(energy.pattern()), energy.bond_pattern().cloned());
+        let (pattern, bond_pattern) = (OnceLock::new(), OnceLock::new());
+        if !keeps_pattern {
+            let _ = pattern.set(Arc::clone(energy.pattern()));
+            let _ = bond_pattern.set(energy.bond_pattern().cloned());
+        }
         let is_broken = vec![false; neighborhood.n_bonds()];
         let lost = has_cliques.then(|| Lost::nothing_of(&neighborhood));
         let damage = Damage::default();
         let status = Status { energy, is_broken, n_broken: 0, lost, damage };
         let status = Arc::new(RwLock::new(status));
-        let bond_pattern = bonds;
         let breaking = Breaking {
             body,
             neighborhood,
@@ -461,11 +466,11 @@ impl Energy for Breaking {
     }
 
     fn pattern(&self) -> &Arc<BlockPattern> {
-        &self.pattern
+        self.pattern.get_or_init(|| Arc::clone(self.now().energy.pattern()))
     }
 
     fn bond_pattern(&self) -> Option<&Arc<BlockPattern>> {
-        self.bond_pattern.as_ref()
+        self.bond_pattern.get_or_init(|| self.now().energy.bond_pattern().cloned()).as_ref()
     }
 
     fn springs(&self, u: &[f64], springs: &mut BlockMatrix) {

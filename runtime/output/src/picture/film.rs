@@ -209,7 +209,6 @@ fn points_of(results: &Results, last: &Listed, read: &ReadFrame) -> Result<Point
         positions: flat(&read.positions, dimension),
         volumes: volumes.values.clone(),
         spacing,
-        cells: Vec::new(),
         mesh: mesh.filter(|mesh| mesh.n_cells() > 0).map(Arc::new),
         held: held.map_or_else(Vec::new, |held| held.values.iter().map(|x| *x > 0.5).collect()),
     })

@@ -42,7 +42,6 @@ fn stretched(n: [usize; 3], dimension: usize, stretch: f64) -> (Points, Frame, V
         positions,
         volumes,
         spacing: Some(spacing),
-        cells: Vec::new(),
         mesh: None,
         held: Vec::new(),
     };
@@ -454,7 +453,6 @@ fn strange_runs_are_drawn_too() {
         positions: vec![1e9, -1e9],
         volumes: vec![1e-6],
         spacing: None,
-        cells: Vec::new(),
         mesh: None,
         held: Vec::new(),
     };

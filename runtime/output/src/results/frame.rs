@@ -175,13 +175,11 @@ mod tests {
                 }
             }
             let n = positions.len() / 3;
-            let cells = crate::cells::of_lattice(3, &positions, 1.0);
             let points = Points {
                 dimension: 3,
                 volumes: vec![1.0; n],
                 positions,
                 spacing: Some(1.0),
-                cells,
                 mesh: None,
                 held: Vec::new(),
             };
@@ -192,7 +190,7 @@ mod tests {
                 velocity: Vec::new(),
                 fields: Vec::new(),
             };
-            (decode_faces(&encode_vtu(&points, &frame)).unwrap(), points.positions)
+            (decode_faces(&encode_vtu(&points, &frame).to_vec()).unwrap(), points.positions)
         };
         assert_eq!(lattice([2, 2, 2]).0.len(), 6);
         // Two by three by four cells: 2 (2*3 + 3*4 + 2*4) faces.
@@ -217,7 +215,6 @@ mod tests {
             positions: vec![0.0, 1.0, 2.0, 3.0],
             volumes: vec![1.0, 2.0],
             spacing: None,
-            cells: Vec::new(),
             mesh: None,
             held: Vec::new(),
         };
@@ -228,7 +225,7 @@ mod tests {
             velocity: Vec::new(),
             fields: vec![PointField { name: "a<b".into(), components: 1, values: vec![5.0, 6.0] }],
         };
-        let bytes = encode_vtu(&points, &frame);
+        let bytes = encode_vtu(&points, &frame).to_vec();
         let read = decode(&bytes).unwrap();
         assert_eq!(read.positions, [0.0, 1.0, 0.0, 2.0, 3.0, 0.0]);
         assert!(decode_faces(&bytes).unwrap().is_empty());

@@ -240,7 +240,7 @@ impl Motion<'_> {
 
     fn row(&mut self) -> Row {
         let kinetic =
-            self.mean.iter().zip(&self.masses).fold(0.0, |sum, (v, m)| sum + 0.5 * m * v * v);
+            self.mean.iter().enumerate().fold(0.0, |sum, (dof, v)| sum + 0.5 * self.mass(dof) * v * v);
         let parts = EnergyParts::new(self.energy.parts(), self.parts.clone());
         let mut row = self.balance.row(self.done, self.time(self.done), parts, kinetic);
         (row.momentum, row.angular_momentum) = self.momenta();
@@ -263,7 +263,7 @@ impl Motion<'_> {
         let d = self.energy.dimension();
         let (mut linear, mut angular) = (vec![0.0; d], vec![0.0; if d == 2 { 1 } else { 3 }]);
         let rest = self.energy.positions();
-        for (point, mass) in self.point_masses.iter().enumerate() {
+        for (point, mass) in self.masses.iter().enumerate() {
             let range = point * d..(point + 1) * d;
             let v = &self.mean[range.clone()];
             let x: Vec<f64> = range.map(|dof| rest[dof] + self.u.value[dof]).collect();

@@ -61,7 +61,7 @@ impl Motion<'_> {
         let (dt, c, d) = (self.dt, self.settings.damping, self.energy.dimension());
         let spring = |dof: usize| match self.is_fixed[dof] {
             true => 0.0,
-            false => self.masses[dof] * (4.0 / (dt * dt) + 2.0 * c / dt),
+            false => self.mass(dof) * (4.0 / (dt * dt) + 2.0 * c / dt),
         };
         let stiffness: Vec<f64> = (0..flown.len()).map(spring).collect();
         // Of damping, springs hold to where the body is.
@@ -179,11 +179,11 @@ impl Motion<'_> {
     fn arrive(&mut self) -> Works {
         let (dt, c) = (self.dt, self.settings.damping);
         let mut works = Works::default();
-        for dof in 0..self.masses.len() {
+        for dof in 0..self.forces.len() {
             if self.is_fixed[dof] {
                 continue;
             }
-            let (mass, force, load) = (self.masses[dof], self.forces[dof], self.loads[dof]);
+            let (mass, force, load) = (self.mass(dof), self.forces[dof], self.loads[dof]);
             let v = self.v.value[dof];
             let w = (v + 0.5 * dt * (load - force) / mass) / (1.0 + 0.5 * c * dt);
             let way = dt * w;

@@ -77,8 +77,7 @@ pub struct Motion<'a> {
     dt: f64,
     n_steps: usize,
     done: usize,
-    /// One per point and one per degree of freedom, in kg.
-    point_masses: Vec<f64>,
+    /// One per point, in kg.
     masses: Vec<f64>,
     is_fixed: Vec<bool>,
     /// At the present time.
@@ -167,8 +166,7 @@ impl<'a> Motion<'a> {
             dt: 0.0,
             n_steps: 0,
             done: 0,
-            masses: (0..n).map(|dof| masses[dof / d]).collect(),
-            point_masses: masses.to_vec(),
+            masses: masses.to_vec(),
             is_fixed: (0..n).map(|dof| constraints.is_fixed(dof)).collect(),
             constraints,
             families: Watched::new(energy, settings.singular),
@@ -226,6 +224,11 @@ impl<'a> Motion<'a> {
     /// What the reader should know, sentences without full stops.
     pub fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    /// Of the point that a degree of freedom is of, in kg.
+    fn mass(&self, dof: usize) -> f64 {
+        self.masses[dof / self.energy.dimension()]
     }
 
     fn time(&self, step: usize) -> f64 {
@@ -308,7 +311,7 @@ impl<'a> Motion<'a> {
     }
 
     fn look(&self, precision: Precision) -> Result<Option<CriticalStep>, NonFinite> {
-        let (now, masses) = ((&self.u.value[..], &self.v.value[..]), &self.point_masses);
+        let (now, masses) = ((&self.u.value[..], &self.v.value[..]), &self.masses);
         CriticalStep::find_moving(self.energy, now, masses, &self.constraints, precision)
     }
 
@@ -325,7 +328,7 @@ impl<'a> Motion<'a> {
         if self.is_implicit() {
             let free = self.constraints.free().iter();
             let of =
-                |dof: &usize| 0.5 * self.masses[*dof] * self.v.value[*dof] * self.v.value[*dof];
+                |dof: &usize| 0.5 * self.mass(*dof) * self.v.value[*dof] * self.v.value[*dof];
             self.balance.begin(free.map(of).fold(0.0, |sum, part| sum + part));
             return Ok(());
         }
@@ -333,10 +336,10 @@ impl<'a> Motion<'a> {
         let (c, dt) = (self.settings.damping, self.dt);
         if self.settings.method != Method::Kinematic {
             let over = 1.0 + c * dt * (self.settings.method.damped_part() - 0.5);
-            for dof in 0..self.masses.len() {
+            for dof in 0..self.forces.len() {
                 if !self.is_fixed[dof] {
                     let force = self.loads[dof] - self.forces[dof] - self.lost_force(dof);
-                    let push = force / self.masses[dof];
+                    let push = force / self.mass(dof);
                     let a = (push - c * self.v.value[dof]) / over;
                     let before = self.v.value[dof] - 0.5 * dt * a;
                     self.v.set(dof, before);
@@ -404,7 +407,7 @@ impl<'a> Motion<'a> {
             internal: &self.forces,
             viscous: self.viscous.as_ref().map(|viscous| &viscous.forces[..]),
             loads: &self.loads,
-            masses: &self.masses,
+            masses: (&self.masses, self.energy.dimension()),
             is_fixed: &self.is_fixed,
             step: self.dt,
             damping: self.settings.damping,
@@ -485,10 +488,10 @@ impl<'a> Motion<'a> {
     /// The velocity of the centre of mass in m/s.
     fn drift_velocity(&self) -> Vec<f64> {
         let d = self.energy.dimension();
-        let mass = self.point_masses.iter().fold(0.0, |sum, mass| sum + mass);
+        let mass = self.masses.iter().fold(0.0, |sum, mass| sum + mass);
         let mut drift = vec![0.0; d];
-        for (dof, (mass, v)) in self.masses.iter().zip(&self.v.value).enumerate() {
-            drift[dof % d] += mass * v;
+        for (dof, v) in self.v.value.iter().enumerate() {
+            drift[dof % d] += self.mass(dof) * v;
         }
         drift.iter().map(|momentum| momentum / mass).collect()
     }
@@ -515,7 +518,7 @@ impl<'a> Motion<'a> {
         let far = |dof: &usize| if way(*dof).is_nan() { f64::INFINITY } else { way(*dof).abs() };
         let farther = |one: &usize, other: &usize| far(one).total_cmp(&far(other));
         // Of those that are equally far, the first.
-        let dof = (0..self.masses.len()).rev().max_by(farther).unwrap_or(0);
+        let dof = (0..self.forces.len()).rev().max_by(farther).unwrap_or(0);
         MotionError::FlownOff(Box::new(FlownOff {
             t,
             step: self.done,

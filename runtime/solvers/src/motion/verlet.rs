@@ -104,8 +104,8 @@ pub(super) struct Kick<'a> {
     pub(super) viscous: Option<&'a [f64]>,
     /// Loads in N.
     pub(super) loads: &'a [f64],
-    /// In kg.
-    pub(super) masses: &'a [f64],
+    /// Of the points, in kg, and how many degrees of freedom each has.
+    pub(super) masses: (&'a [f64], usize),
     pub(super) is_fixed: &'a [bool],
     /// In s.
     pub(super) step: f64,
@@ -145,15 +145,21 @@ impl Kick<'_> {
         let range = start..start + v.len();
         let viscous = self.viscous.map(|all| &all[range.clone()]);
         let (internal, loads) = (&self.internal[range.clone()], &self.loads[range.clone()]);
-        let (masses, is_fixed) = (&self.masses[range.clone()], &self.is_fixed[range]);
+        let (is_fixed, (masses, d)) = (&self.is_fixed[range], self.masses);
+        let (mut point, mut axis) = (start / d, start % d);
         let rate = self.damping * self.step;
         let divisor = 1.0 + self.part * rate;
         let mut sums = Sums::default();
         for k in 0..v.len() {
+            let mass = masses[point];
+            axis += 1;
+            if axis == d {
+                (point, axis) = (point + 1, 0);
+            }
             if is_fixed[k] {
                 continue;
             }
-            let (force, load, mass, before) = (internal[k], loads[k], masses[k], v[k]);
+            let (force, load, before) = (internal[k], loads[k], v[k]);
             let lost = viscous.map_or(0.0, |viscous| viscous[k]);
             let push = self.step * ((load - force - lost) / mass) - rate * before;
             add(&mut v[k], &mut low[k], push / divisor);

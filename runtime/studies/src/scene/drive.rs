@@ -33,7 +33,7 @@ struct Prescribed<'a> {
 
 /// A vector as a function of `t`.
 struct Terms<'a> {
-    /// What does not depend on `t`.
+    /// What does not depend on `t`; nothing where that is 0.
     constant: Vec<f64>,
     varying: Vec<Term<'a>>,
 }
@@ -201,10 +201,11 @@ impl<'a> Terms<'a> {
         n: usize,
         terms: Vec<Term<'a>>,
     ) -> Result<Terms<'a>, NonFiniteCondition> {
-        let mut constant = vec![0.0; n];
+        let is_constant = |term: &Term<'_>| !term.quantity.names("t");
+        let mut constant = vec![0.0; if terms.iter().any(is_constant) { n } else { 0 }];
         let mut varying = Vec::new();
         for mut term in terms {
-            if term.quantity.names("t") {
+            if !is_constant(&term) {
                 term.compile(boundary.body());
                 varying.push(term);
             } else {
@@ -220,7 +221,10 @@ impl<'a> Terms<'a> {
         t: f64,
         values: &mut [f64],
     ) -> Result<(), NonFiniteCondition> {
-        values.copy_from_slice(&self.constant);
+        match &self.constant[..] {
+            [] => values.fill(0.0),
+            constant => values.copy_from_slice(constant),
+        }
         self.varying.iter().try_for_each(|term| term.add(boundary, t, values))
     }
 }

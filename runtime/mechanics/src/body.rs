@@ -37,10 +37,13 @@ impl Body {
         let mut user_index: Vec<u32> = (0..n as u32).collect();
         let key = |p: &u32| positions[*p as usize * dimension + sorted_axis];
         user_index.sort_by(|p, q| key(p).total_cmp(&key(q)));
-        let gather = |p: &u32| &positions[*p as usize * dimension..(*p as usize + 1) * dimension];
+        let mut sorted = Vec::with_capacity(positions.len());
+        for p in &user_index {
+            sorted.extend_from_slice(&positions[*p as usize * dimension..][..dimension]);
+        }
         Body {
             dimension,
-            positions: user_index.iter().flat_map(gather).copied().collect(),
+            positions: sorted,
             volumes: user_index.iter().map(|p| volumes[*p as usize]).collect(),
             spacing,
             user_index,
@@ -105,7 +108,10 @@ impl Body {
 
     /// Rearranges per-point rows of `width` numbers from the user's order into the body's.
     pub fn from_user_order(&self, rows: &[f64], width: usize) -> Vec<f64> {
-        let row = |&user: &u32| &rows[user as usize * width..(user as usize + 1) * width];
-        self.user_index.iter().flat_map(row).copied().collect()
+        let mut out = Vec::with_capacity(rows.len());
+        for &user in &self.user_index {
+            out.extend_from_slice(&rows[user as usize * width..(user as usize + 1) * width]);
+        }
+        out
     }
 }

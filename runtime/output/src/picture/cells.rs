@@ -5,7 +5,7 @@
 //! gradient from differences along the axes), so that neighbouring cells share their corners and
 //! the body looks like the solid it is. Large bodies are drawn in blocks of `k^d` points.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 use super::motion::Motion;
 
@@ -65,14 +65,11 @@ impl Cells {
         let d = motion.points.dimension as f64;
         let mut block = 1;
         loop {
-            let mut cells = Cells::of_blocks(motion, spacing, block);
-            let facets = if motion.points.dimension == 2 {
-                cells.cells.len()
-            } else {
-                // About half of the faces point away from the viewer.
-                cells.exposed().count() / 2
-            };
+            let there = Occupied::new(motion, spacing, block);
+            // About half of the faces point away from the viewer.
+            let facets = if d == 2.0 { there.n_places } else { there.n_exposed() / 2 };
             if facets <= most {
+                let mut cells = Cells::of_blocks(motion, spacing, block);
                 cells.find_gradients();
                 return cells;
             }
@@ -84,18 +81,13 @@ impl Cells {
     }
 
     fn of_blocks(motion: &Motion, spacing: f64, block: usize) -> Cells {
-        let size = spacing * block as f64;
-        // Cells begin half a spacing before the first point.
-        let origin = motion.reference_bounds().0.map(|x| x - 0.5 * spacing);
+        let frame = Frame::new(motion, spacing, block);
         let mut cells: Vec<Cell> = Vec::new();
         let mut counts: Vec<f64> = Vec::new();
         let mut index: HashMap<Key, usize> = HashMap::new();
         for point in motion.finite_points() {
             let (reference, current) = (motion.reference(point), motion.current(point));
-            let mut key = [0; 3];
-            for axis in 0..motion.points.dimension {
-                key[axis] = ((reference[axis] - origin[axis]) / size).floor() as i64;
-            }
+            let key = frame.key(reference);
             let place = *index.entry(key).or_insert_with(|| {
                 cells.push(Cell::empty(key));
                 counts.push(0.0);
@@ -116,7 +108,7 @@ impl Cells {
             cell.current = cell.current.map(|x| x / count);
             cell.value /= count;
         }
-        let dimension = motion.points.dimension;
+        let Frame { dimension, size, origin } = frame;
         Cells { dimension, block, size, origin, cells, index }
     }
 
@@ -260,6 +252,110 @@ impl Cells {
         let moved = around.iter().map(|cell| cell.carried(reference));
         let sum = moved.fold([0.0; 3], |sum, at| [0, 1, 2].map(|axis| sum[axis] + at[axis]));
         sum.map(|x| x / around.len() as f64)
+    }
+}
+
+/// Where blocks are.
+struct Frame {
+    dimension: usize,
+    /// Edge of a block, in m.
+    size: f64,
+    origin: [f64; 3],
+}
+
+impl Frame {
+    fn new(motion: &Motion, spacing: f64, block: usize) -> Frame {
+        let (dimension, size) = (motion.points.dimension, spacing * block as f64);
+        // Cells begin half a spacing before the first point.
+        let origin = motion.reference_bounds().0.map(|x| x - 0.5 * spacing);
+        Frame { dimension, size, origin }
+    }
+
+    fn key(&self, reference: [f64; 3]) -> Key {
+        let mut key = [0; 3];
+        for axis in 0..self.dimension {
+            key[axis] = ((reference[axis] - self.origin[axis]) / self.size).floor() as i64;
+        }
+        key
+    }
+}
+
+/// Which blocks of a lattice have points: a bit each, so that a size can be tried on a large body.
+struct Occupied {
+    places: HashSet<Key>,
+    /// In place of these, of boxes that are not nearly empty; the last axis fastest.
+    bits: Vec<u64>,
+    counts: [i64; 3],
+    n_places: usize,
+}
+
+/// Most bits for each point.
+const SPARSE: usize = 64;
+
+impl Occupied {
+    fn new(motion: &Motion, spacing: f64, block: usize) -> Occupied {
+        let frame = Frame::new(motion, spacing, block);
+        let counts = frame.key(motion.reference_bounds().1).map(|last| last.saturating_add(1));
+        let all = counts.iter().try_fold(1i64, |all, count| all.checked_mul(*count));
+        let most = SPARSE * motion.points.n_points().max(1);
+        let n_bits = all.and_then(|all| usize::try_from(all).ok()).filter(|all| *all <= most);
+        let bits = vec![0; n_bits.map_or(0, |n| n.div_ceil(64))];
+        let mut there = Occupied { places: HashSet::new(), bits, counts, n_places: 0 };
+        for point in motion.finite_points() {
+            there.put(frame.key(motion.reference(point)));
+        }
+        there
+    }
+
+    fn put(&mut self, key: Key) {
+        let is_new = match self.bit(key) {
+            Some((word, bit)) => {
+                let is_new = self.bits[word] & bit == 0;
+                self.bits[word] |= bit;
+                is_new
+            }
+            None => self.places.insert(key),
+        };
+        self.n_places += usize::from(is_new);
+    }
+
+    fn has(&self, key: Key) -> bool {
+        match self.bit(key) {
+            Some((word, bit)) => self.bits[word] & bit != 0,
+            None => self.places.contains(&key),
+        }
+    }
+
+    fn bit(&self, [x, y, z]: Key) -> Option<(usize, u64)> {
+        let [a, b, c] = self.counts;
+        let is_inside = !self.bits.is_empty()
+            && (0..a).contains(&x)
+            && (0..b).contains(&y)
+            && (0..c).contains(&z);
+        let place = || ((x * b + y) * c + z) as usize;
+        is_inside.then(place).map(|place| (place / 64, 1 << (place % 64)))
+    }
+
+    /// How many faces of blocks have nothing before them.
+    fn n_exposed(&self) -> usize {
+        let of = |key: Key| {
+            let sides = (0..3).flat_map(|axis| [(axis, -1), (axis, 1)]);
+            let is_free = |(axis, step): &(usize, i64)| {
+                let mut beside = key;
+                beside[*axis] += step;
+                !self.has(beside)
+            };
+            sides.filter(is_free).count()
+        };
+        let [_, b, c] = self.counts;
+        let place = |word: usize, bit: u32| {
+            let place = (64 * word) as i64 + i64::from(bit);
+            [place / (b * c), place / c % b, place % c]
+        };
+        let of_bits = self.bits.iter().enumerate().flat_map(|(word, bits)| {
+            (0..64).filter(move |bit| bits >> bit & 1 == 1).map(move |bit| of(place(word, bit)))
+        });
+        of_bits.chain(self.places.iter().map(|key| of(*key))).sum()
     }
 }
 

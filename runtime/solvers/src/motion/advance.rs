@@ -239,8 +239,11 @@ impl Motion<'_> {
     }
 
     fn row(&mut self) -> Row {
-        let kinetic =
-            self.mean.iter().enumerate().fold(0.0, |sum, (dof, v)| sum + 0.5 * self.mass(dof) * v * v);
+        let kinetic = self
+            .mean
+            .iter()
+            .enumerate()
+            .fold(0.0, |sum, (dof, v)| sum + 0.5 * self.mass(dof) * v * v);
         let parts = EnergyParts::new(self.energy.parts(), self.parts.clone());
         let mut row = self.balance.row(self.done, self.time(self.done), parts, kinetic);
         (row.momentum, row.angular_momentum) = self.momenta();

@@ -327,8 +327,7 @@ impl<'a> Motion<'a> {
         self.ask_forces(true)?;
         if self.is_implicit() {
             let free = self.constraints.free().iter();
-            let of =
-                |dof: &usize| 0.5 * self.mass(*dof) * self.v.value[*dof] * self.v.value[*dof];
+            let of = |dof: &usize| 0.5 * self.mass(*dof) * self.v.value[*dof] * self.v.value[*dof];
             self.balance.begin(free.map(of).fold(0.0, |sum, part| sum + part));
             return Ok(());
         }

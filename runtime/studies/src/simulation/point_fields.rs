@@ -46,6 +46,10 @@ impl PointFields<'_> {
     /// Adds to a frame what the scene asks for.
     pub(super) fn fill(&self, frame: &mut Frame) {
         let (body, d) = (&self.case.body, self.case.body.dimension());
+        let breaks = self.energy.fracture().is_some();
+        if self.case.scene.output.fields.is_empty() && !breaks {
+            return;
+        }
         let state = State {
             u: &body.from_user_order(&frame.displacement, d),
             residual: &body.from_user_order(&frame.residual, d),
@@ -53,8 +57,7 @@ impl PointFields<'_> {
         let mut tensors = Tensors::default();
         let asked = &self.case.scene.output.fields;
         // Whoever breaks a body wants to see where.
-        let damage = (self.energy.fracture().is_some() && !asked.contains(&FrameField::Damage))
-            .then_some(FrameField::Damage);
+        let damage = (breaks && !asked.contains(&FrameField::Damage)).then_some(FrameField::Damage);
         for field in damage.iter().chain(asked) {
             match field {
                 FrameField::Sets => self.sets(frame),

@@ -242,7 +242,10 @@ impl<'a> Recorder<'a> {
         };
         self.worst.note(row);
         let is_due = self.is_due(row.t);
+        // Of large bodies one frame is enough in memory.
+        self.last = None;
         let mut now = frame(case, row.t, state.displacements, &residual);
+        drop(residual);
         now.velocity = body.to_user_order(state.velocities, d);
         if is_due {
             self.fields.fill(&mut now);

@@ -239,9 +239,9 @@ impl Triangles {
         let positions = body.positions().as_chunks::<3>().0.to_vec();
         let mut all = Triangles { positions, corners: Vec::new(), areas: Vec::new() };
         for i in 0..body.n_points() {
-            for (place, &j) in lists.upper(i).iter().enumerate() {
-                for &k in &lists.upper(i)[place + 1..] {
-                    if lists.row(j as usize).binary_search(&k).is_ok() {
+            for (place, j) in lists.upper(i).iter().enumerate() {
+                for k in lists.upper(i).iter().skip(place + 1) {
+                    if lists.row(j as usize).contains(k) {
                         let [x, y, z] = [i, j as usize, k as usize].map(|p| all.positions[p]);
                         let normal = cross(&minus(&y, &x), &minus(&z, &x));
                         // On a lattice of unit spacing.

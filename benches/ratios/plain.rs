@@ -78,7 +78,7 @@ impl Plain {
         for point in 0..n {
             assert!(neighborhood.upper(point).len() <= 64, "one word per row");
             columns.push(point as u32);
-            columns.extend_from_slice(neighborhood.upper(point));
+            columns.extend(neighborhood.upper(point));
             row_start.push(columns.len());
         }
         let (gradient, tangent) = (vec![[0.0; 3]; n], vec![[0.0; 9]; columns.len()]);

@@ -435,7 +435,7 @@ mod tests {
                 for owner in 0..body.n_points() {
                     let bonds = neighborhood.bonds(owner).zip(neighborhood.upper(owner));
                     for (bond, other) in bonds {
-                        let (ends, factor) = ([owner, *other as usize], factors[bond]);
+                        let (ends, factor) = ([owner, other as usize], factors[bond]);
                         if ends.iter().all(|end| depth(*end) >= 2) {
                             assert!((factor - 1.0).abs() < 1e-14, "{surface:?} {factor}");
                             inside += 1;

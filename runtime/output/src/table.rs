@@ -222,7 +222,6 @@ mod tests {
                 positions: numbers(2.0),
                 volumes: vec![1.0; n],
                 spacing: None,
-                cells: Vec::new(),
                 mesh: None,
                 held: Vec::new(),
             };

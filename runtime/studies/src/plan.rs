@@ -75,6 +75,8 @@ pub struct Extent {
     pub sides: Vec<f64>,
     /// The lattice spacing, or the edge of a point's mean volume, in m.
     pub spacing: f64,
+    /// Whether the points are a lattice, so that most have the same neighbours in numbering.
+    pub is_lattice: bool,
 }
 
 impl Extent {
@@ -89,7 +91,8 @@ impl Extent {
             ((most - least) / spacing + 1.0).max(1.0)
         };
         let sides = (0..dimension).map(side).collect();
-        Extent { dimension, points: body.n_points(), sides, spacing }
+        let is_lattice = body.spacing().is_some();
+        Extent { dimension, points: body.n_points(), sides, spacing, is_lattice }
     }
 
     /// Of a whole box.
@@ -97,7 +100,7 @@ impl Extent {
         let counts = shape.counts();
         let points = counts.iter().fold(1, |points: usize, n| points.saturating_mul(*n));
         let sides = counts.iter().map(|n| *n as f64).collect();
-        Extent { dimension: counts.len(), points, sides, spacing: shape.spacing }
+        Extent { dimension: counts.len(), points, sides, spacing: shape.spacing, is_lattice: true }
     }
 }
 
@@ -526,9 +529,11 @@ fn memory(
     let (n, d) = (extent.points, extent.dimension);
     let bonds = interactions.bonds as f64;
     let (values, columns) = matrix_bytes(d, blocks);
+    // Rows that lattices share; of clouds those that were found, and those that are kept.
+    let neighbourhood = 44.0 * n as f64 + if extent.is_lattice { 0.0 } else { 16.0 * bonds };
     let mut items = vec![
         ("points and displacements", (n * (8 * d + 12 + STATE_VECTORS * 8 * d)) as f64),
-        ("neighbourhood", 16.0 * bonds + 24.0 * n as f64),
+        ("neighbourhood", neighbourhood),
     ];
     for families in families {
         items.extend(families.memory(n, d, bonds));

@@ -241,7 +241,7 @@ impl Reference {
 
     fn left(&self) -> Vec<&Vec<usize>> {
         let is_broken = |p: usize, q: usize| {
-            let own = self.neighborhood.upper(p).iter().position(|k| *k as usize == q).unwrap();
+            let own = self.neighborhood.upper(p).iter().position(|k| k as usize == q).unwrap();
             self.is_broken[self.neighborhood.bonds(p).start + own]
         };
         let is_whole = |clique: &&Vec<usize>| {

@@ -170,7 +170,7 @@ fn energies_that_are_not_finite_name_their_point() {
     let found = energy.forces(&u, &mut vec![0.0; u.len()]).unwrap_err();
     let near = energy.neighborhood().row(point);
     let named = found.points[0];
-    assert!(named == point || near.contains(&(named as u32)), "{found:?}");
+    assert!(named == point || near.contains(named as u32), "{found:?}");
     // The energy alone, without its slopes, names the same one.
     assert_eq!(energy.energy(&u).unwrap_err().points, found.points);
     assert!(energy.hessian(&u).is_err());
@@ -185,7 +185,7 @@ fn products_that_are_not_finite_name_their_point() {
     let energy = energy(text, &[], &body, 1.8);
     let mut u = displacements(&body, &h_of(3), 0.05, 5);
     let one = body.n_points() / 2;
-    let other = *energy.neighborhood().upper(one).last().unwrap() as usize;
+    let other = energy.neighborhood().upper(one).last().unwrap() as usize;
     [one, other].into_iter().for_each(|point| u[3 * point..3 * point + 3].fill(0.0));
     energy.forces(&u, &mut vec![0.0; u.len()]).unwrap();
     let Err(found) = energy.hessian(&u) else { panic!("psi'' of a bond is infinite") };

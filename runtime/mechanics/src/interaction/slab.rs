@@ -84,7 +84,7 @@ mod tests {
             next = slabs.owners(slab).end;
             for owner in slabs.owners(slab) {
                 let touched = slabs.touched(slab);
-                assert!(neighborhood.upper(owner).iter().all(|&j| touched.contains(&(j as usize))));
+                assert!(neighborhood.upper(owner).iter().all(|j| touched.contains(&(j as usize))));
             }
         }
         assert_eq!(next, body.n_points());

@@ -16,6 +16,7 @@ use nalgebra::{DMatrix, SymmetricEigen};
 use piola_mechanics::energy::{Energy, Hessian, NonFinite};
 use piola_mechanics::matrix::BlockMatrix;
 use piola_mechanics::vector::dot;
+use rayon::prelude::*;
 
 use crate::constraint::Constraints;
 
@@ -119,20 +120,21 @@ impl Largest {
         let n = scale.len();
         let mut vector = start(scale);
         let [mut before, mut product, mut scaled] = [(); 3].map(|()| vec![0.0; n]);
+        put(&mut scaled, |dof| vector[dof] * scale[dof]);
         let (mut diagonal, mut beside): (Vec<f64>, Vec<f64>) = (Vec::new(), Vec::new());
         let (mut found, most) = ((0.0, f64::INFINITY), precision.products);
         while diagonal.len() < most {
-            for dof in 0..n {
-                scaled[dof] = vector[dof] * scale[dof];
-            }
             matrix.multiply(&scaled, &mut product);
-            product.iter_mut().zip(scale).for_each(|(x, s)| *x *= s);
-            let along = dot(&product, &vector);
+            let along = change(&mut product, |dof, x| {
+                let x = x * scale[dof];
+                (x, x * vector[dof])
+            });
             let last = beside.last().copied().unwrap_or(0.0);
-            for dof in 0..n {
-                product[dof] -= along * vector[dof] + last * before[dof];
-            }
-            let norm = dot(&product, &product).sqrt();
+            let square = change(&mut product, |dof, x| {
+                let x = x - (along * vector[dof] + last * before[dof]);
+                (x, x * x)
+            });
+            let norm = square.sqrt();
             diagonal.push(along);
             let (k, ends) = (diagonal.len(), norm <= 1e-12 * along.abs());
             if k.is_multiple_of(10) || k == most || ends {
@@ -143,9 +145,8 @@ impl Largest {
             }
             beside.push(norm);
             std::mem::swap(&mut before, &mut vector);
-            for dof in 0..n {
-                vector[dof] = product[dof] / norm;
-            }
+            put(&mut vector, |dof| product[dof] / norm);
+            put(&mut scaled, |dof| vector[dof] * scale[dof]);
         }
         Largest { value: found.0, residual: found.1, products: diagonal.len() }
     }
@@ -215,6 +216,33 @@ fn largest(diagonal: &[f64], beside: &[f64], norm: f64) -> (f64, f64) {
     let eigen = SymmetricEigen::new(matrix);
     let (value, place) = (eigen.eigenvalues.max(), eigen.eigenvalues.imax());
     (value, norm * eigen.eigenvectors[(n - 1, place)].abs())
+}
+
+/// Entries that one task works on; fixed, so that sums do not depend on threads.
+const PIECE: usize = 8192;
+
+/// Gives every entry a value.
+fn put(to: &mut [f64], value: impl Fn(usize) -> f64 + Sync) {
+    to.par_chunks_mut(PIECE).enumerate().for_each(|(piece, to)| {
+        let first = piece * PIECE;
+        to.iter_mut().enumerate().for_each(|(k, x)| *x = value(first + k));
+    });
+}
+
+/// Gives every entry a value by what it was, and adds up what comes with the values.
+fn change(of: &mut [f64], value: impl Fn(usize, f64) -> (f64, f64) + Sync) -> f64 {
+    let sums: Vec<f64> = (of.par_chunks_mut(PIECE).enumerate())
+        .map(|(piece, of)| {
+            let mut sum = 0.0;
+            for (k, x) in of.iter_mut().enumerate() {
+                let (new, part) = value(piece * PIECE + k, *x);
+                *x = new;
+                sum += part;
+            }
+            sum
+        })
+        .collect();
+    sums.iter().fold(0.0, |sum, part| sum + part)
 }
 
 /// Reproducible numbers (Knuth's MMIX generator), zero where the scale is, of unit length.

@@ -217,7 +217,7 @@ impl Reader {
         }
         let others = ["as", "potential"].map(|key| table.get(key).is_some());
         match (word.map(|(_, word)| word), others) {
-            (Some("as"), [true, false]) => {
+            (None | Some("as"), [true, false]) => {
                 let field = self.required(table, "as")?;
                 let material = self.known_material(field, &made_of.regions)?;
                 if !between.contains(&material) {
@@ -233,7 +233,7 @@ impl Reader {
                 made_of.materials.push(self.material(table, law)?);
                 Some(InterfaceRule::Potential(law))
             }
-            (Some("mean"), [false, false]) => Some(InterfaceRule::Mean),
+            (None | Some("mean"), [false, false]) => Some(InterfaceRule::Mean),
             (Some("as"), [false, _]) => {
                 self.required(table, "as");
                 None

@@ -13,6 +13,7 @@ mod extension;
 mod floor;
 mod fracture;
 mod gradients;
+mod impact;
 mod moduli;
 mod nodes;
 mod same_bits;

@@ -183,15 +183,14 @@ impl<'a, const D: usize> OwnerCliques<'a, D> {
 
     /// Fills `bits`.
     fn connect(&mut self) {
-        let n = self.members.len();
-        self.words = n.div_ceil(64);
+        self.words = self.members.len().div_ceil(64);
         let stride = self.stride();
         self.bits.clear();
         if let Some(contributing) = self.contributing {
             self.bits.extend_from_slice(contributing.rows(self.owner));
             return;
         }
-        self.bits.resize(n * stride, 0);
+        self.bits.resize(self.members.len() * stride, 0);
         for (member, &point) in self.members.iter().enumerate() {
             self.member_of[point as usize - self.first] = member as u32;
         }

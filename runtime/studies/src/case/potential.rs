@@ -1,6 +1,7 @@
 //! A potential of a scene: its text, the checked model, the values of its parameters, and its energies
 //! compiled.
 
+use std::cell::RefCell;
 use std::path::Path;
 
 use num_dual::HyperDual64;
@@ -31,6 +32,8 @@ use crate::scene::{
 pub struct Potential {
     /// Its text.
     pub text: PotentialText,
+    /// The texts of the files that it imports and of its tables, in the order in which they were read.
+    pub(crate) beside: Vec<String>,
     /// The checked potential.
     pub model: Model,
     /// Parameter values and horizon in SI units.
@@ -109,10 +112,14 @@ impl Potential {
     ) -> Result<Potential, CaseError> {
         let text = scene.potential(material, folder, library.find, library.names)?;
         let folder = text.path.as_deref().and_then(Path::parent);
+        let beside = RefCell::new(Vec::new());
         let checked = match folder {
-            Some(folder) => check_text_with(&text.text, &files_below(folder)),
+            Some(folder) => check_text_with(&text.text, &|name: &str| {
+                files_below(folder)(name).inspect(|found| beside.borrow_mut().push(found.clone()))
+            }),
             None => check_text(&text.text),
         };
+        let beside = beside.into_inner();
         let (_, model) = checked.map_err(|found| wrong(&text, found))?;
         let mut values = values(scene, material, &model)?.with_states(&model);
         if scene.motion.is_none() || model.families_remember_time() {
@@ -126,7 +133,7 @@ impl Potential {
                 values.parameters[usize::from(*number)] = fields::typical(scene, field);
             }
         }
-        let potential = Potential { text, model, values, fields };
+        let potential = Potential { text, beside, model, values, fields };
         potential.check_plane(scene, material)?;
         Ok(potential)
     }

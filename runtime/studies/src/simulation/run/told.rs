@@ -16,7 +16,8 @@ use crate::scene::selection::nearest;
 pub(in crate::simulation) fn hash(case: &Case, resolved: &str) -> String {
     let content = case.content.map(|content| format!("{content:016x}"));
     let potentials = case.potentials.iter().map(|potential| potential.text.text.as_str());
-    scene_hash(resolved, potentials.chain(content.as_deref()))
+    let beside = case.potentials.iter().flat_map(|potential| &potential.beside).map(String::as_str);
+    scene_hash(resolved, potentials.chain(content.as_deref()).chain(beside))
 }
 
 /// What the summaries of all runs have.
@@ -102,5 +103,48 @@ pub(super) fn solver_summary(outcome: &steps::Outcome, find: Find) -> SolverSumm
         factorizations: counters.factorizations,
         tangents: counters.tangents,
         gradients: counters.gradients,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::hash;
+    use crate::case::{Case, Library};
+
+    /// A table that changes makes another scene, as a potential that changes does.
+    #[test]
+    fn the_hash_covers_tables_and_imports() {
+        let folder = tempfile::tempdir().unwrap();
+        let write =
+            |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
+        write(
+            "scene.toml",
+            "[body]\nbox = [[0, 0], [1, 1]]\nspacing = 0.1\n[horizon]\nspacings = 3\n[material]\npotential = \"law.piola\"\n[steps]\nincrements = 1\n",
+        );
+        write(
+            "law.piola",
+            "potential p\nimport \"strain.piola\"\npsi(l) = L*table(\"curve.csv\", stretched)\n",
+        );
+        let curve = |last: f64| write("curve.csv", &format!("x,y\n-1,1\n0,0\n1,{last}\n"));
+        let strain = |factor: f64| {
+            write("strain.piola", &format!("potential strain\nstretched = {factor}*(l/L - 1)\n"));
+        };
+        let now = || {
+            let path = folder.path().join("scene.toml");
+            let case = Case::read(&path, &[], &Library { find: &|_| None, names: &[] }).unwrap();
+            hash(&case, &case.scene.resolved_toml())
+        };
+        curve(1.0);
+        strain(1.0);
+        let first = now();
+        assert_eq!(first, now());
+        curve(2.0);
+        let other = now();
+        assert_ne!(first, other);
+        strain(2.0);
+        assert_ne!(other, now());
+        curve(1.0);
+        strain(1.0);
+        assert_eq!(first, now());
     }
 }

@@ -162,7 +162,7 @@ fn earlier(folder: &OutputFolder, hash: &str) -> Result<Checkpoint<'static>, Run
     let earlier = Checkpoint::read(folder)?.ok_or_else(none)?;
     if earlier.header.scene_hash != hash {
         let message = format!(
-            "the scene has changed since `{}` was run, or its potential, or a file of its points: a run goes \
+            "the scene has changed since `{}` was run, or its potential, or a file that one of them reads: a run goes \
              on as it began, or begins anew with `--force`",
             folder.path().display()
         );

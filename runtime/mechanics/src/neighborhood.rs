@@ -384,6 +384,28 @@ mod tests {
         }
     }
 
+    /// Whatever the lattice's size, rows differ by how far their points are from its faces.
+    #[test]
+    fn points_of_a_lattice_share_their_rows() {
+        let cube = |n: usize| {
+            let place = |k: usize| [k / (n * n), k / n % n, k % n].map(|x| x as f64);
+            let positions: Vec<f64> = (0..n.pow(3)).flat_map(place).collect();
+            Body::new(3, &positions, &vec![1.0; n.pow(3)], Some(1.0))
+        };
+        for n in [9, 14] {
+            let body = cube(n);
+            let found = Neighborhood::new(&body, 2.0).unwrap();
+            assert_eq!((found.spans.len(), found.most_later()), (125, 16));
+            for (i, row) in brute_force(&body, 2.0).iter().enumerate() {
+                assert_eq!(&found.row(i).to_vec(), row, "point {i}");
+                for (place, j) in row.iter().enumerate() {
+                    assert_eq!((found.row(i).at(place), found.row(i).place(*j)), (*j, Some(place)));
+                }
+                assert_eq!(found.row(i).place(i as u32), None);
+            }
+        }
+    }
+
     #[test]
     fn a_sparse_cloud_needs_little_memory() {
         let positions = [0.0, 0.0, 0.0, 1e12, 1e12, -1e12, 1e12, 0.0, -1e12 + 1.0];

@@ -281,9 +281,7 @@ impl<'a> Motion<'a> {
     /// The step and how many there are.
     fn choose_step(&mut self) -> Result<(), MotionError> {
         self.watch.notice(Event::Phase("critical step"));
-        let found = self.look(Precision::default()).map_err(|cause| self.not_finite(cause))?;
-        self.critical = found;
-        let critical = found.map_or(f64::INFINITY, |found| found.seconds);
+        let critical = self.find_critical()?;
         self.least_critical = critical;
         let wanted = match self.settings.step {
             Some(step) => step,
@@ -308,6 +306,23 @@ impl<'a> Motion<'a> {
             return Err(MotionError::TooLong { step: self.dt, critical });
         }
         Ok(())
+    }
+
+    /// The critical step in s, infinite without stiffness. Where a step is wanted that is below what a few products
+    /// say, which errs on the safe side, that is enough.
+    fn find_critical(&mut self) -> Result<f64, MotionError> {
+        let is_below =
+            |found: &CriticalStep| self.settings.step.is_some_and(|wanted| wanted <= found.seconds);
+        let known = match self.settings.step {
+            Some(_) => self.look(LOOK).map_err(|cause| self.not_finite(cause))?,
+            None => None,
+        };
+        let found = match known.filter(is_below) {
+            Some(found) => Some(found),
+            None => self.look(Precision::default()).map_err(|cause| self.not_finite(cause))?,
+        };
+        self.critical = found;
+        Ok(found.map_or(f64::INFINITY, |found| found.seconds))
     }
 
     fn look(&self, precision: Precision) -> Result<Option<CriticalStep>, NonFinite> {

@@ -284,8 +284,11 @@ fn a_wave_runs_along_a_row_as_it_should() {
     let masses = vec![1.0; n];
     let watch = Watch::default();
     let mut motion = Motion::new(&energy, &masses, initial, &free, &settings, &watch).unwrap();
-    let critical = motion.critical().unwrap().seconds / number(&wave["dt_critical"]);
-    assert!((critical - 1.0).abs() < 1e-4, "{critical}");
+    // A named step that is well below needs no more than to know that: on the safe side, as far as it says.
+    let critical = motion.critical().unwrap();
+    let short = 1.0 - critical.seconds / number(&wave["dt_critical"]);
+    assert!((-1e-12..critical.uncertainty).contains(&short), "{critical:?} {short}");
+    assert!(critical.uncertainty < 1e-2 && critical.products <= 30, "{critical:?}");
     for state in states {
         go(&mut motion, (number(&state["t"]) / dt).round() as usize);
         let u = motion.state().displacements;

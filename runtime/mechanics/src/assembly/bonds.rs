@@ -31,7 +31,7 @@ pub(super) struct BondRoom {
     out: Contributions,
     /// What points got from their lower neighbours, point by point.
     waiting: Vec<f64>,
-    /// The others of an owner, material by material.
+    /// The others of an owner, material by material where there are several.
     others: Vec<u32>,
 }
 

@@ -81,13 +81,13 @@ impl Cells {
     }
 
     fn of_blocks(motion: &Motion, spacing: f64, block: usize) -> Cells {
-        let frame = Frame::new(motion, spacing, block);
+        let blocks = Blocks::new(motion, spacing, block);
         let mut cells: Vec<Cell> = Vec::new();
         let mut counts: Vec<f64> = Vec::new();
         let mut index: HashMap<Key, usize> = HashMap::new();
         for point in motion.finite_points() {
             let (reference, current) = (motion.reference(point), motion.current(point));
-            let key = frame.key(reference);
+            let key = blocks.key(reference);
             let place = *index.entry(key).or_insert_with(|| {
                 cells.push(Cell::empty(key));
                 counts.push(0.0);
@@ -108,7 +108,7 @@ impl Cells {
             cell.current = cell.current.map(|x| x / count);
             cell.value /= count;
         }
-        let Frame { dimension, size, origin } = frame;
+        let Blocks { dimension, size, origin } = blocks;
         Cells { dimension, block, size, origin, cells, index }
     }
 
@@ -256,19 +256,19 @@ impl Cells {
 }
 
 /// Where blocks are.
-struct Frame {
+struct Blocks {
     dimension: usize,
     /// Edge of a block, in m.
     size: f64,
     origin: [f64; 3],
 }
 
-impl Frame {
-    fn new(motion: &Motion, spacing: f64, block: usize) -> Frame {
+impl Blocks {
+    fn new(motion: &Motion, spacing: f64, block: usize) -> Blocks {
         let (dimension, size) = (motion.points.dimension, spacing * block as f64);
         // Cells begin half a spacing before the first point.
         let origin = motion.reference_bounds().0.map(|x| x - 0.5 * spacing);
-        Frame { dimension, size, origin }
+        Blocks { dimension, size, origin }
     }
 
     fn key(&self, reference: [f64; 3]) -> Key {
@@ -294,15 +294,15 @@ const SPARSE: usize = 64;
 
 impl Occupied {
     fn new(motion: &Motion, spacing: f64, block: usize) -> Occupied {
-        let frame = Frame::new(motion, spacing, block);
-        let counts = frame.key(motion.reference_bounds().1).map(|last| last.saturating_add(1));
+        let blocks = Blocks::new(motion, spacing, block);
+        let counts = blocks.key(motion.reference_bounds().1).map(|last| last.saturating_add(1));
         let all = counts.iter().try_fold(1i64, |all, count| all.checked_mul(*count));
         let most = SPARSE * motion.points.n_points().max(1);
         let n_bits = all.and_then(|all| usize::try_from(all).ok()).filter(|all| *all <= most);
         let bits = vec![0; n_bits.map_or(0, |n| n.div_ceil(64))];
         let mut there = Occupied { places: HashSet::new(), bits, counts, n_places: 0 };
         for point in motion.finite_points() {
-            there.put(frame.key(motion.reference(point)));
+            there.put(blocks.key(motion.reference(point)));
         }
         there
     }

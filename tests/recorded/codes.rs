@@ -2,7 +2,7 @@
 //! what is called right without it.
 
 use crate::support::pages::{Block, blocks, with_tables};
-use crate::support::{SceneFolder, piola, repository};
+use crate::support::{SceneFolder, piola, repository, stl_cube};
 
 /// A cloud for the examples of tables, in place of the body of the page's scene.
 const CLOUD: &str = "[body]\ndimension = 2\npoints = \"points.csv\"\n\n[horizon]\nradius = 1.5\n";
@@ -37,6 +37,7 @@ fn said((language, text): Block<'_>, scene: &str, code: &str) -> Option<String> 
             let folder = SceneFolder::new(&with_tables(scene, tables));
             folder.file("points.csv", points);
             folder.file("sheet.msh", mesh);
+            folder.file("cube.stl", stl_cube(0.0, 1.0));
             match FOUND_BY_RUNS.contains(&code) {
                 true => folder.run(&["--set", "steps.increments=1"]),
                 false => piola(&["plan", &folder.scene()]),

@@ -3,7 +3,7 @@
 use std::fs;
 
 use crate::support::frames::{read_pvd, read_vtu};
-use crate::support::{SceneFolder, piola, repository, table};
+use crate::support::{SceneFolder, piola, repository, stl_cube, table};
 
 /// The scene of the ring with its mesh.
 fn ring(more: &str) -> SceneFolder {
@@ -61,18 +61,7 @@ fn frames_show_the_cells_of_a_mesh() {
 
 /// The unit cube as a text STL.
 fn cube() -> String {
-    let corner = |k: usize| format!("vertex {} {} {}\n", k & 1, k >> 1 & 1, k >> 2 & 1);
-    let faces =
-        [[0, 2, 3, 1], [0, 1, 5, 4], [1, 3, 7, 5], [3, 2, 6, 7], [2, 0, 4, 6], [4, 5, 7, 6]];
-    let mut text = "solid cube\n".to_string();
-    for [a, b, c, d] in faces {
-        for triangle in [[a, b, c], [a, c, d]] {
-            text += "facet normal 0 0 0\nouter loop\n";
-            triangle.into_iter().for_each(|k| text += &corner(k));
-            text += "endloop\nendfacet\n";
-        }
-    }
-    text + "endsolid cube\n"
+    stl_cube(0.0, 1.0)
 }
 
 const CUBE: &str = "[horizon]\nspacings = 2\n[material]\npotential = \"javili2020\"\n\
@@ -101,6 +90,18 @@ fn a_filled_surface_is_the_lattice_of_its_box() {
     // Moduli are those of the lattice.
     let moduli = |folder: &SceneFolder| piola(&["moduli", &folder.scene()]).expect(0).stdout;
     assert_eq!(moduli(&surface), moduli(&lattice));
+    // Cells that do not fit have another volume; a cube inside the cube is a hollow, and may not be meant.
+    let plan = |folder: &SceneFolder, more: &[&str]| {
+        piola(&[&["plan", &folder.scene()][..], more].concat()).expect(0).stderr
+    };
+    assert!(!plan(&surface, &[]).contains("surface-volume"));
+    let coarse = plan(&surface, &["--set", "body.spacing=4e-4"]);
+    let words =
+        ["[surface-volume]", "1.7280e-9 m^3", "encloses 1.0000e-9 m^3", "smaller `spacing`"];
+    assert!(words.iter().all(|word| coarse.contains(word)), "{coarse}");
+    surface.file("cube.stl", cube() + &stl_cube(0.25, 0.75));
+    let nested = plan(&surface, &[]);
+    assert!(nested.contains("[surface-volume]") && nested.contains("goes in twice"), "{nested}");
     let open =
         cube().replacen("facet normal 0 0 0\nouter loop\nvertex 0 0 1", "endsolid\nsolid", 1);
     surface.file("cube.stl", open);

@@ -18,6 +18,23 @@ use serde_json::Value;
 /// Unit round-off.
 pub(crate) const U: f64 = f64::EPSILON / 2.0;
 
+/// The cube between these coordinates as a text STL.
+pub(crate) fn stl_cube(low: f64, high: f64) -> String {
+    let corner =
+        |k: usize| [k & 1, k >> 1 & 1, k >> 2 & 1].map(|k| if k == 0 { low } else { high });
+    let faces =
+        [[0, 2, 3, 1], [0, 1, 5, 4], [1, 3, 7, 5], [3, 2, 6, 7], [2, 0, 4, 6], [4, 5, 7, 6]];
+    let mut text = "solid cube\n".to_string();
+    for triangle in faces.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]) {
+        text += "facet normal 0 0 0\nouter loop\n";
+        for [x, y, z] in triangle.map(corner) {
+            text += &format!("vertex {x} {y} {z}\n");
+        }
+        text += "endloop\nendfacet\n";
+    }
+    text + "endsolid cube\n"
+}
+
 /// What a command left behind.
 #[derive(Debug)]
 pub(crate) struct Outcome {

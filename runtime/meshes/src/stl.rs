@@ -17,6 +17,16 @@ pub struct Surface {
     pub triangles: Vec<[[f64; 3]; 3]>,
 }
 
+/// What lies inside a surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Filling {
+    /// The middles of its cells, `n x 3` row by row, the last axis fastest.
+    pub positions: Vec<f64>,
+    /// x and y of a line along z that goes in, by the order of corners, where it is inside already: surfaces
+    /// overlap there, or one is inside another and its triangles are not turned.
+    pub nested: Option<[f64; 2]>,
+}
+
 /// Reads the triangles; normals are passed over.
 ///
 /// # Errors
@@ -165,16 +175,30 @@ impl Surface {
         (lower, cells)
     }
 
-    /// The middles of the cells that lie inside, `n x 3` row by row, the last axis fastest. At most
+    /// The volume that it encloses in the file's unit cubed, by the order of corners: where surfaces overlap,
+    /// and where the surface of a hollow is turned outwards like the others, twice.
+    pub fn volume(&self) -> f64 {
+        // About a corner, so that a place far from the origin costs no digits.
+        let origin = self.triangles.first().map_or([0.0; 3], |triangle| triangle[0]);
+        let six_times = self.triangles.iter().map(|triangle| {
+            let [a, b, c] = triangle.map(|x| [0, 1, 2].map(|axis| x[axis] - origin[axis]));
+            a[0] * (b[1] * c[2] - b[2] * c[1])
+                + a[1] * (b[2] * c[0] - b[0] * c[2])
+                + a[2] * (b[0] * c[1] - b[1] * c[0])
+        });
+        six_times.sum::<f64>().abs() / 6.0
+    }
+
+    /// The middles of the cells that lie inside: what is inside two surfaces is outside. At most
     /// [`lattice`](Surface::lattice)'s cells are looked at: see that they are not too many first.
     ///
     /// # Errors
     /// A surface that is not closed, or has no middle of a cell inside.
-    pub fn fill(&self, spacing: f64) -> Result<Vec<f64>, MeshError> {
+    pub fn fill(&self, spacing: f64) -> Result<Filling, MeshError> {
         let (lower, cells) = self.lattice(spacing);
         let counts = cells.map(|cells| cells as usize);
         let middle = |axis: usize, k: usize| lower[axis] + (k as f64 + 0.5) * spacing;
-        let mut crossings: Vec<(u64, f64)> = Vec::new();
+        let mut crossings: Vec<(u64, Crossing)> = Vec::new();
         for triangle in &self.triangles {
             let range = |axis: usize| {
                 let x = triangle.map(|corner| corner[axis]);
@@ -187,12 +211,12 @@ impl Surface {
                 for j in range(1) {
                     let column = (i * counts[1] + j) as u64;
                     let at = [middle(0, i), middle(1, j)];
-                    crossings.extend(crossing(triangle, at).map(|z| (column, z)));
+                    crossings.extend(crossing(triangle, at).map(|found| (column, found)));
                 }
             }
         }
-        crossings.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-        let mut positions = Vec::new();
+        crossings.sort_unstable_by(|(a, p), (b, q)| a.cmp(b).then(p.z.total_cmp(&q.z)));
+        let (mut positions, mut nested) = (Vec::new(), None);
         for column in crossings.chunk_by(|a, b| a.0 == b.0) {
             let (i, j) = (column[0].0 as usize / counts[1], column[0].0 as usize % counts[1]);
             let (x, y) = (middle(0, i), middle(1, j));
@@ -206,11 +230,14 @@ impl Surface {
                     .in_binary()
                     .help("repair it: every edge belongs to two triangles"));
             }
+            if nested.is_none() && is_nested(column.iter().map(|(_, found)| found), spacing) {
+                nested = Some([x, y]);
+            }
             for pair in column.chunks_exact(2) {
-                let first = ((pair[0].1 - lower[2]) / spacing - 0.5).ceil().max(0.0) as usize;
+                let first = ((pair[0].1.z - lower[2]) / spacing - 0.5).ceil().max(0.0) as usize;
                 for k in first..counts[2] {
                     let z = middle(2, k);
-                    if z >= pair[1].1 {
+                    if z >= pair[1].1.z {
                         break;
                     }
                     positions.extend_from_slice(&[x, y, z]);
@@ -224,15 +251,33 @@ impl Surface {
                 .in_binary()
                 .help("take a smaller spacing, and look at the file's unit of length"));
         }
-        Ok(positions)
+        Ok(Filling { positions, nested })
     }
+}
+
+/// Where a line along z meets a triangle.
+#[derive(Clone, Copy)]
+struct Crossing {
+    z: f64,
+    /// Whether the triangle, by the order of its corners, looks towards larger z.
+    is_upward: bool,
+}
+
+/// Whether what a line meets, one behind the other, is somewhere inside two surfaces, by the order of corners: further
+/// than surfaces that touch, each with its rounding.
+fn is_nested<'a>(met: impl Iterator<Item = &'a Crossing> + Clone, spacing: f64) -> bool {
+    let mut depth = 0_i32;
+    met.clone().zip(met.skip(1)).any(|(here, next)| {
+        depth += if here.is_upward { 1 } else { -1 };
+        depth.abs() > 1 && next.z - here.z > WHOLE * spacing
+    })
 }
 
 /// Where the line through `at` along z meets a triangle.
 ///
 /// Which side of an edge the line is on is worked out from the lesser end to the greater, so that the two
 /// triangles of an edge agree to the last bit, and the line that passes it meets one of them.
-fn crossing(triangle: &[[f64; 3]; 3], [x, y]: [f64; 2]) -> Option<f64> {
+fn crossing(triangle: &[[f64; 3]; 3], [x, y]: [f64; 2]) -> Option<Crossing> {
     let mut inside = false;
     for k in 0..3 {
         let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
@@ -253,5 +298,6 @@ fn crossing(triangle: &[[f64; 3]; 3], [x, y]: [f64; 2]) -> Option<f64> {
     let z = a[2] + s * (b[2] - a[2]) + t * (c[2] - a[2]);
     let (low, high) = (a[2].min(b[2]).min(c[2]), a[2].max(b[2]).max(c[2]));
     // Triangles on edge make no more than their extent of rounding.
-    Some(if z.is_nan() { low } else { z.clamp(low, high) })
+    let z = if z.is_nan() { low } else { z.clamp(low, high) };
+    Some(Crossing { z, is_upward: area > 0.0 })
 }

@@ -46,7 +46,7 @@ fn a_cube_is_filled_with_the_middles_of_its_cells() {
     let read = [stl::read(text_cube().as_bytes()).unwrap(), stl::read(&binary_cube()).unwrap()];
     assert_eq!(read[0], read[1]);
     for n in [1, 3, 10] {
-        let filled = read[0].fill(1.0 / n as f64).unwrap();
+        let filled = read[0].fill(1.0 / n as f64).unwrap().positions;
         assert_eq!(filled.len(), 3 * n * n * n);
         let expected = (0..n * n * n).flat_map(|k| [k / (n * n), k / n % n, k % n]);
         for (x, k) in filled.iter().zip(expected) {
@@ -54,7 +54,7 @@ fn a_cube_is_filled_with_the_middles_of_its_cells() {
         }
     }
     // Of cells that do not fit, those whose middle is inside, the box in the middle of them.
-    let filled = read[0].fill(0.4).unwrap();
+    let filled = read[0].fill(0.4).unwrap().positions;
     assert_eq!(filled.len(), 3 * 27);
     assert!((filled[0] - 0.1).abs() < 1e-15);
 }
@@ -82,7 +82,7 @@ fn sphere(n: usize) -> Surface {
 fn a_sphere_has_its_volume_and_its_hollow() {
     let spacing = 0.05;
     let volume = |surface: &Surface| {
-        let points = surface.fill(spacing).unwrap();
+        let points = surface.fill(spacing).unwrap().positions;
         points.len() as f64 / 3.0 * spacing * spacing * spacing
     };
     let whole = sphere(40);
@@ -96,6 +96,39 @@ fn a_sphere_has_its_volume_and_its_hollow() {
     let mut turned = hollow.clone();
     turned.triangles.reverse();
     assert_eq!(hollow.fill(spacing).unwrap(), turned.fill(spacing).unwrap());
+}
+
+#[test]
+fn a_surface_says_what_it_encloses_and_where_it_is_inside_another() {
+    let cube = Surface { triangles: cube() };
+    assert_eq!(cube.volume(), 1.0);
+    let moved = |scale: f64, by: f64| {
+        let moved = cube.triangles.iter().map(|t| t.map(|corner| corner.map(|x| scale * x + by)));
+        moved.collect::<Vec<_>>()
+    };
+    // Far away no digit is lost.
+    assert_eq!(Surface { triangles: moved(1.0, 4096.0) }.volume(), 1.0);
+    let with =
+        |more: Vec<[[f64; 3]; 3]>| Surface { triangles: [cube.triangles.clone(), more].concat() };
+    let nested = |surface: &Surface| surface.fill(0.1).unwrap().nested;
+    assert_eq!(nested(&cube), None);
+    let turned = |triangles: Vec<[[f64; 3]; 3]>| {
+        triangles.into_iter().map(|[a, b, c]| [a, c, b]).collect::<Vec<_>>()
+    };
+    // A hollow whose triangles look into it; one that looks outwards; two cubes that overlap.
+    assert_eq!(nested(&with(turned(moved(0.5, 0.25)))), None);
+    assert!((with(turned(moved(0.5, 0.25))).volume() - 0.875).abs() < 1e-15);
+    for overlapping in [moved(0.5, 0.25), moved(1.0, 0.5)] {
+        let surface = with(overlapping);
+        assert!(surface.volume() > 1.0);
+        let [x, y] = nested(&surface).unwrap();
+        assert!([x, y].iter().all(|x| (0.25..1.0).contains(x)), "{x} {y}");
+    }
+    // Beside each other they touch, whichever way the triangles of both are read.
+    let beside = moved(1.0, 0.0).into_iter().map(|t| t.map(|[x, y, z]| [x, y, z + 1.0])).collect();
+    let touching = with(beside);
+    assert_eq!(nested(&touching), None);
+    assert_eq!(nested(&Surface { triangles: turned(touching.triangles) }), None);
 }
 
 const PARTS: &str = "\

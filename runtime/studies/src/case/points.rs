@@ -6,6 +6,7 @@ use std::sync::Arc;
 use piola_grammar::{Diagnostic, suggest};
 use piola_mechanics::body::Body;
 use piola_mechanics::lattice::{Lattice, Nodes};
+use piola_meshes::stl::Filling;
 use piola_meshes::{Mesh, MeshPoints, Place, Shape, abaqus, cloud, gmsh, stl};
 use piola_output::mesh as output;
 use piola_output::read::{self, read_cloud};
@@ -24,6 +25,9 @@ const MAX_BYTES: u64 = 1 << 30;
 /// The column of a cloud that says of which block a point is, and what its groups are called.
 const BLOCK_COLUMN: &str = "block_id";
 const BLOCK: &str = "block_";
+
+/// The part of its volume by which the points of a surface may miss it without a word.
+const NEAR_VOLUME: f64 = 0.05;
 
 /// The points of a scene.
 pub(super) struct Filled {
@@ -62,6 +66,7 @@ struct Listed {
     /// Of a lattice, in m.
     spacing: Option<f64>,
     groups: Groups,
+    warnings: Vec<Diagnostic>,
 }
 
 /// What groups of points are made of.
@@ -81,7 +86,7 @@ enum Groups {
 pub(super) fn fill(scene: &mut Scene, folder: &Path) -> Result<Filled, CaseError> {
     let dimension = scene.body.dimension;
     let mut files = Files { folder, content: None };
-    let Listed { positions, volumes, spacing, groups } = match &scene.body.points {
+    let Listed { positions, volumes, spacing, groups, mut warnings } = match &scene.body.points {
         Points::Lattice(shape) => of_lattice(shape)?,
         Points::Cloud { path } => of_cloud(&folder.join(&path.value), dimension, &mut files)?,
         Points::Mesh(shape) => match shape.spacing {
@@ -116,7 +121,8 @@ pub(super) fn fill(scene: &mut Scene, folder: &Path) -> Result<Filled, CaseError
     };
     let body = Body::new(dimension, &left.0, &left.1, spacing);
     let content = files.content;
-    Ok(Filled { body, columns, mesh, content, warnings: kept.warnings })
+    warnings.extend(kept.warnings);
+    Ok(Filled { body, columns, mesh, content, warnings })
 }
 
 fn of_lattice(shape: &LatticeShape) -> Result<Listed, CaseError> {
@@ -129,7 +135,8 @@ fn of_lattice(shape: &LatticeShape) -> Result<Listed, CaseError> {
     };
     let points = lattice.points()?;
     let (positions, volumes) = (points.positions, points.volumes);
-    Ok(Listed { positions, volumes, spacing: Some(shape.spacing), groups: Groups::None })
+    let spacing = Some(shape.spacing);
+    Ok(Listed { positions, volumes, spacing, groups: Groups::None, warnings: Vec::new() })
 }
 
 fn of_cloud(file: &Path, dimension: usize, files: &mut Files<'_>) -> Result<Listed, CaseError> {
@@ -145,7 +152,8 @@ fn of_cloud(file: &Path, dimension: usize, files: &mut Files<'_>) -> Result<List
     let read =
         read_cloud(table, dimension).map_err(|errors| CaseError::table(file, &written, errors))?;
     let groups = Groups::Table { file: file.to_path_buf(), made, written };
-    Ok(Listed { positions: read.positions, volumes: read.volumes, spacing: None, groups })
+    let (positions, volumes) = (read.positions, read.volumes);
+    Ok(Listed { positions, volumes, spacing: None, groups, warnings: Vec::new() })
 }
 
 fn of_mesh(scene: &Scene, shape: &MeshShape, files: &mut Files<'_>) -> Result<Listed, CaseError> {
@@ -178,7 +186,8 @@ fn of_mesh(scene: &Scene, shape: &MeshShape, files: &mut Files<'_>) -> Result<Li
         let found = found.help("look at `unit`: it is the length of one unit of the file in m");
         return Err(CaseError::Scene(scene.report(vec![found])));
     }
-    Ok(Listed { positions, volumes, spacing: None, groups: Groups::Mesh(Box::new(mesh), points) })
+    let groups = Groups::Mesh(Box::new(mesh), points);
+    Ok(Listed { positions, volumes, spacing: None, groups, warnings: Vec::new() })
 }
 
 fn of_surface(shape: &MeshShape, spacing: f64, files: &mut Files<'_>) -> Result<Listed, CaseError> {
@@ -191,9 +200,36 @@ fn of_surface(shape: &MeshShape, spacing: f64, files: &mut Files<'_>) -> Result<
     let high = [0, 1, 2].map(|axis| low[axis] + cells[axis] * spacing);
     let (low, high) = (low.to_vec(), high.to_vec());
     size::check_lattice(&LatticeShape { low, high, spacing, nodes: Nodes::Cells })?;
-    let positions = surface.fill(spacing).map_err(told)?;
+    let Filling { positions, nested } = surface.fill(spacing).map_err(told)?;
     let volumes = vec![spacing * spacing * spacing; positions.len() / 3];
-    Ok(Listed { positions, volumes, spacing: Some(spacing), groups: Groups::None })
+    let filled = volumes.len() as f64 * (spacing * spacing * spacing);
+    let warnings = warning_of_volume(shape, filled, surface.volume(), nested).into_iter().collect();
+    Ok(Listed { positions, volumes, spacing: Some(spacing), groups: Groups::None, warnings })
+}
+
+/// What to know of a surface whose points have another volume in m^3 than it encloses; `nested` is where it is
+/// inside itself.
+fn warning_of_volume(
+    shape: &MeshShape,
+    filled: f64,
+    enclosed: f64,
+    nested: Option<[f64; 2]>,
+) -> Option<Diagnostic> {
+    if nested.is_none() && (filled / enclosed - 1.0).abs() <= NEAR_VOLUME {
+        return None;
+    }
+    let message =
+        format!("the points have {filled:.4e} m^3, and the surface encloses {enclosed:.4e} m^3");
+    let found = Diagnostic::warning("surface-volume", shape.path.span, message);
+    Some(match nested {
+        None => found.help("a smaller `spacing` follows the surface more closely"),
+        Some([x, y]) => found
+            .label(format!("the line through x = {x:.4e} m, y = {y:.4e} m goes in twice before it goes out"))
+            .help(
+                "what is inside two surfaces is left empty: join bodies that overlap in the program that drew them; \
+                 where a hollow is meant, turn its triangles, and this is not said",
+            ),
+    })
 }
 
 /// The cells of a mesh that are left with their points, for pictures and frames.

@@ -1,7 +1,7 @@
 //! Parameters that vary in space and time, from outside: a body that warms up, a graded bar, columns of a
 //! cloud, and what is refused.
 
-use crate::support::{SceneFolder, piola};
+use crate::support::{SceneFolder, piola, table};
 
 /// Bonds with a thermal strain: a body that nothing holds back grows by `alpha*dT` everywhere.
 const WARM: &str = "potential warm\nparameter C = 1, C > 0\nparameter alpha = 1e-3\nparameter dT = 0\n\
@@ -137,11 +137,67 @@ fn wrong_fields_are_refused_with_their_place() {
     folder.file("warm.piola", WARM);
     let late = folder.run(&[]).expect(2).stderr;
     assert!(late.contains("t = 1") && late.contains("C > 0"), "{late}");
-    // A body in motion has an account of energy, in which such work has no column.
-    let motion = warm("dT = \"20*t\"", "[motion]\nend = 1e-3\n")
-        .replace("potential = \"warm.piola\"", "potential = \"warm.piola\"\ndensity = 1.0");
-    let folder = SceneFolder::new(&motion);
+    // Of a motion, too; rows up to there are kept.
+    let motion = moving("C = \"1 - 1500*t\"", "");
+    let late = motion.run(&[]).expect(3).stderr;
+    assert!(late.contains("C > 0") && late.contains("the last row"), "{late}");
+    let never = moving("C = \"t - 1\"", "").run(&[]).expect(2).stderr;
+    assert!(never.contains("field-out-of-range"), "{never}");
+}
+
+/// The body in motion for a millisecond.
+fn moving(parameters: &str, motion: &str) -> SceneFolder {
+    let scene = warm(parameters, &format!("[motion]\nend = 1e-3\n{motion}[output]\nrows = 20\n"));
+    let density = "potential = \"warm.piola\"\ndensity = 1e-6";
+    let folder = SceneFolder::new(&scene.replace("potential = \"warm.piola\"", density));
     folder.file("warm.piola", WARM);
-    let refused = folder.run(&[]).expect(2).stderr;
-    assert!(refused.contains("changes with t") && refused.contains("[steps]"), "{refused}");
+    folder
+}
+
+/// The last row of a motion's account, by name, behind a check that it closes at every row.
+fn account(folder: &SceneFolder) -> impl Fn(&str) -> f64 + use<> {
+    folder.run(&[]).expect(0);
+    let (header, rows) = table(&folder.out().join("motion.csv"));
+    let place = |name: &str| header.iter().position(|known| known == name).unwrap();
+    let energies = ["kinetic", "stored", "parameters"].map(place);
+    let most = rows.iter().flat_map(|row| energies.map(|k| row[k].abs())).fold(0.0, f64::max);
+    for row in &rows {
+        let of = |name: &str| row[place(name)];
+        let gained = of("kinetic_leapfrog") + of("stored") - of("quadrature") - of("parameters");
+        assert!((gained - of("external") - of("prescribed")).abs() <= 1e-12 * most, "{row:?}");
+        assert!(of("rounding").abs() <= 1e-12 * most, "{row:?}");
+    }
+    let last = rows.last().unwrap().clone();
+    move |name| last[header.iter().position(|known| known == name).unwrap()]
+}
+
+/// A body that warms up while it moves: the work of changing its parameters is a column of its account.
+#[test]
+fn parameters_of_a_motion_change_with_time() {
+    // Nothing can move: all that is stored came from the warmth.
+    let held = moving("dT = \"2e4*t\"", "step = 1e-4\n");
+    let text = std::fs::read_to_string(held.scene()).unwrap();
+    held.file(
+        "scene.toml",
+        text.replace("X < 0.1 and Y < 0.1", "X < 9").replace("X < 0.1\"", "X < 9\""),
+    );
+    let of = account(&held);
+    assert!(of("stored") > 0.0 && of("kinetic") == 0.0);
+    assert!((of("parameters") - of("stored")).abs() <= 1e-12 * of("stored"));
+    // It may: of second order in the step, by either rule, to the same end.
+    let end = |method: &str, step: f64| {
+        let motion = format!("method = \"{method}\"\nstep = {step}\n");
+        let of = account(&moving("C = \"1 + 500*t\", dT = \"2e4*t\"", &motion));
+        ["stored", "kinetic", "parameters", "momentum_x"].map(of)
+    };
+    let steps = [4e-5, 2e-5, 1e-5];
+    let explicit = steps.map(|step| end("verlet", step));
+    let implicit = steps.map(|step| end("midpoint", step));
+    for k in 0..4 {
+        let [coarse, medium, fine] = explicit.map(|values| values[k]);
+        let order = libm::log2(((coarse - medium) / (medium - fine)).abs());
+        assert!((order - 2.0).abs() < 0.05, "{k}: order {order}");
+        let ends = [explicit, implicit].map(|[_, one, other]| other[k] + (other[k] - one[k]) / 3.0);
+        assert!((ends[0] - ends[1]).abs() <= 1e-5 * ends[0].abs(), "{k}: {ends:?}");
+    }
 }

@@ -217,23 +217,34 @@ fn there_must_be_something_to_go_on_from() {
     piola(&["run"]).expect(2).says(&["SCENE"]);
 }
 
-/// Steps of the implicit rule are long: one that is under way is given up.
-#[test]
-fn an_implicit_run_that_is_interrupted_goes_on_with_the_same_bits() {
-    let scene = || {
-        let text = THROWN.replace("[motion]", "[motion]\nmethod = \"midpoint\"");
-        let text = text.replace("end = 0.5", "end = 4.0").replace("rows = 50", "rows = 7");
-        SceneFolder::new(&text.replace("frames = 5", "frames = 3\ncheckpoint = 2e-3"))
-    };
-    let whole = scene();
+/// Interrupts a run of this scene at its first checkpoint and takes it up.
+fn interrupt_once(text: &str) {
+    let whole = SceneFolder::new(text);
     whole.run(&[]).expect(0);
-    let folder = scene();
+    let folder = SceneFolder::new(text);
     let mut child = start(&["run", &folder.scene(), "--out", &folder.path("out")]);
     wait_for_checkpoint(&mut child, &folder.out());
     signal(&child, "-INT");
     assert_eq!(child.wait().unwrap().code(), Some(130));
     resume(&folder.out(), &[]).expect(0);
     are_the_same(&whole.out(), &folder.out());
+}
+
+/// Steps of the implicit rule are long: one that is under way is given up. Parameters may change with time.
+#[test]
+fn an_implicit_run_that_is_interrupted_goes_on_with_the_same_bits() {
+    let text = THROWN.replace("[motion]", "[motion]\nmethod = \"midpoint\"");
+    let text = text.replace("end = 0.5", "end = 4.0").replace("rows = 50", "rows = 7");
+    let text = text.replace("frames = 5", "frames = 3\ncheckpoint = 2e-3");
+    interrupt_once(&text);
+    interrupt_once(&text.replace("C1 = 1e9", "C1 = \"1e9*(1 + t)\""));
+}
+
+#[test]
+fn a_run_whose_parameters_change_goes_on_with_the_same_bits() {
+    let text =
+        THROWN.replace("end = 0.5", "end = 4.0").replace("C1 = 1e9", "C1 = \"1e9*(2 - t/8)\"");
+    interrupt_once(&text.replace("rows = 50", "rows = 300\ncheckpoint = 2e-3"));
 }
 
 /// In the middle of a crack: which bonds are broken is part of where a motion stands.

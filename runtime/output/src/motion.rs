@@ -25,6 +25,8 @@ pub struct MotionColumns {
     pub sets: Vec<String>,
     /// The probes, in the scene's order.
     pub probes: Vec<String>,
+    /// Whether parameters of the energy change with time.
+    pub parameters_change: bool,
     /// Whether bonds can break.
     pub breaks: bool,
     /// Whether triangles, and tetrahedra, can break by criteria of their own.
@@ -58,6 +60,8 @@ pub struct MotionRow {
     pub quadrature: f64,
     /// What does not close.
     pub rounding: f64,
+    /// The work of changing parameters of the energy, where they change.
+    pub parameters: Option<f64>,
     /// Of a body whose bonds can break.
     pub broken: Option<BrokenRow>,
     /// In kg m/s, one number per dimension.
@@ -112,6 +116,7 @@ impl MotionTables {
         names.extend(columns.parts.iter().cloned());
         let work = ["damping", "external", "prescribed", "quadrature", "rounding"];
         names.extend(work.map(str::to_owned));
+        names.extend(columns.parameters_change.then(|| "parameters".to_owned()));
         if columns.breaks {
             names.push("released".to_owned());
             names.extend(columns.remembers.then(|| "dissipated".to_owned()));
@@ -193,7 +198,10 @@ impl MotionTables {
             ("prescribed", work + 2),
         ];
         if columns.breaks {
-            named.push(("released", work + 5));
+            named.push(("released", work + 5 + usize::from(columns.parameters_change)));
+        }
+        if columns.parameters_change {
+            named.push(("parameters", work + 5));
         }
         let named = named.into_iter().map(|(name, place)| (name.to_owned(), place));
         let is_there = |one: &Series| one.points.iter().any(|point| point.1 != 0.0);
@@ -235,7 +243,8 @@ impl MotionTables {
             let cliques = cliques.iter().flatten();
             std::iter::once(released).chain(dissipated).chain(others).chain(cliques)
         });
-        let all = first.iter().chain(&row.parts).chain(&work).chain(broken);
+        let work = work.iter().chain(&row.parameters);
+        let all = first.iter().chain(&row.parts).chain(work).chain(broken);
         self.motion.push(all.chain(&row.momentum).chain(&row.angular_momentum))?;
         let t = || [&row.t].into_iter();
         self.reactions.push(t().chain(row.reactions.iter().flatten()))?;
@@ -355,6 +364,9 @@ pub struct MotionEnergies {
     pub prescribed: Number,
     /// The error of the integration.
     pub quadrature: Number,
+    /// The work of changing parameters of the energy; nothing where they do not change.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parameters: Option<Number>,
     /// What broken bonds held; nothing where none can break.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub released: Option<Number>,
@@ -387,6 +399,7 @@ mod tests {
             parts: vec!["psi(l)".to_owned(), "psi(l, m)".to_owned()],
             sets: vec!["left".to_owned()],
             probes: vec!["tip".to_owned()],
+            parameters_change: true,
             breaks: true,
             breaks_cliques: [true, false],
             remembers: false,
@@ -404,6 +417,7 @@ mod tests {
             prescribed: f64::NAN,
             quadrature: -1e-9,
             rounding: 1e-17,
+            parameters: Some(-2.5),
             broken: Some(BrokenRow {
                 bonds: 7,
                 cliques: [Some(11), None],
@@ -429,9 +443,9 @@ mod tests {
         assert_eq!(
             first,
             "step,t,kinetic,kinetic_leapfrog,stored,psi(l),\"psi(l, m)\",damping,external,\
-             prescribed,quadrature,rounding,released,timing,broken_bonds,broken_areas,momentum_x,\
+             prescribed,quadrature,rounding,parameters,released,timing,broken_bonds,broken_areas,momentum_x,\
              momentum_y,angular_momentum_z\n\
-             12,1e-6,0.5,0.25,3,1,2,0,4,nan,-1e-9,1e-17,0.25,-0.5,7,11,7,8,9\n"
+             12,1e-6,0.5,0.25,3,1,2,0,4,nan,-1e-9,1e-17,-2.5,0.25,-0.5,7,11,7,8,9\n"
         );
         tables.push(&row).unwrap();
         let lines: Vec<String> = first.lines().map(str::to_owned).collect();
@@ -440,7 +454,9 @@ mod tests {
         assert_eq!(read(OutputFile::Probes), "t,tip_u,tip_v\n1e-6,0.1,0.2\n1e-6,0.1,0.2\n");
         let [energies, probes] = MotionTables::series(&folder, &columns).unwrap();
         let names = |all: &[Series]| all.iter().map(|one| one.name.clone()).collect::<Vec<_>>();
-        assert_eq!(names(&energies), ["kinetic", "stored", "external", "prescribed", "released"]);
+        let there = ["kinetic", "stored", "external", "prescribed", "released", "parameters"];
+        assert_eq!(names(&energies), there);
+        assert_eq!([4, 5].map(|k| energies[k].points[1].1), [0.25, -2.5]);
         assert_eq!(energies[1].points, [(1e-6, 3.0); 2]);
         assert_eq!(names(&probes), ["tip_u", "tip_v"]);
         assert_eq!(probes[1].points, [(1e-6, 0.2); 2]);

@@ -54,11 +54,13 @@ impl Motion<'_> {
                 false => self.go_implicitly(wants_row),
             };
         }
+        self.done += 1;
+        let before = self.begin_way(self.time(self.done) - 0.5 * self.dt)?;
         drift(self.dt, &self.v.value, &mut self.u);
         for (&dof, &value) in self.drive.displaced().iter().zip(&self.displacements) {
             self.u.set(dof, value);
         }
-        self.done += 1;
+        self.end_way(before)?;
         self.ask_loads(false)?;
         let remembers = self.energy.fracture().is_some_and(|fracture| fracture.n_states() > 0);
         if remembers {
@@ -205,7 +207,11 @@ impl Motion<'_> {
 
     /// Leaves behind a step what snapshots hold: implicit steps leave forces in their middle.
     fn rest(&mut self) -> Result<(), MotionError> {
-        if self.is_implicit() { self.ask_forces(false) } else { Ok(()) }
+        if !self.is_implicit() {
+            return Ok(());
+        }
+        self.set_parameters_now()?;
+        self.ask_forces(false)
     }
 
     /// At the end of a step.
@@ -245,7 +251,8 @@ impl Motion<'_> {
             .enumerate()
             .fold(0.0, |sum, (dof, v)| sum + 0.5 * self.mass(dof) * v * v);
         let parts = EnergyParts::new(self.energy.parts(), self.parts.clone());
-        let mut row = self.balance.row(self.done, self.time(self.done), parts, kinetic);
+        let changes = self.drive.parameters_change();
+        let mut row = self.balance.row(self.done, self.time(self.done), (parts, changes), kinetic);
         (row.momentum, row.angular_momentum) = self.momenta();
         row.broken = self.energy.fracture().map(|fracture| fracture.counts()[1]);
         row.broken_cliques = [Measure::Area, Measure::Volume]

@@ -17,6 +17,10 @@
 //! that one is `timing`; what they held at `u_(n+1)` is `released`. With both the energy is accounted for:
 //! `E - E(0) = work of dE/du + timing - released - dissipated + quadrature`, where `dissipated` is what bonds
 //! lost by what they remember.
+//!
+//! Parameters that change with time change the energy too. What it changes by over a step while they stand
+//! still, in the middle of the step, is summed up; the rest is `parameters`, the work that it takes to change them,
+//! a further term on the right.
 
 use piola_mechanics::energy::EnergyParts;
 use piola_mechanics::fracture::Release;
@@ -66,6 +70,8 @@ pub struct Row {
     pub damping: f64,
     /// The work of the loads on free degrees of freedom.
     pub external: f64,
+    /// The work of changing parameters of the energy; nothing where they do not change.
+    pub parameters: Option<f64>,
     /// The work against `dE/du`, and against what bonds dissipate, where displacements or velocities are
     /// prescribed.
     pub prescribed: f64,
@@ -106,6 +112,8 @@ pub(super) struct Balance {
     released: Sum,
     dissipated: Sum,
     timing: Sum,
+    /// What the stored energy changed by while the body moved, where parameters change.
+    moved: Sum,
     /// The other half of the trapezoid, as powers: of the step to come.
     after: [f64; 5],
     /// At the start.
@@ -123,7 +131,7 @@ struct First {
 
 impl Balance {
     /// How many numbers it is.
-    pub(super) const N_NUMBERS: usize = 10 + 5 + 4 + 6;
+    pub(super) const N_NUMBERS: usize = 10 + 5 + 4 + 8;
 
     /// All that it knows.
     pub(super) fn numbers(&self) -> Vec<f64> {
@@ -131,7 +139,7 @@ impl Balance {
         let first = self.first.unwrap_or(First { kinetic: f64::NAN, energy: f64::NAN });
         let sums = sums.into_iter().flat_map(|sum| [sum.value, sum.low]);
         let rest = [first.kinetic, first.energy, self.kinetic, self.largest];
-        let broken = [self.released, self.timing, self.dissipated];
+        let broken = [self.released, self.timing, self.dissipated, self.moved];
         let broken = broken.into_iter().flat_map(|sum| [sum.value, sum.low]);
         sums.chain(self.after).chain(rest).chain(broken).collect()
     }
@@ -149,6 +157,7 @@ impl Balance {
             released: sum(19),
             timing: sum(21),
             dissipated: sum(23),
+            moved: sum(25),
             after: [10, 11, 12, 13, 14].map(|place| numbers[place]),
             first: (!energy.is_nan()).then_some(First { kinetic, energy }),
             kinetic: numbers[17],
@@ -188,13 +197,25 @@ impl Balance {
         self.timing.add(release.timing);
     }
 
+    /// Takes in what the stored energy changed by, in J, while the body went a step and parameters stood still.
+    pub(super) fn go(&mut self, change: f64) {
+        self.moved.add(change);
+    }
+
     /// Before the first step, with the kinetic energy in J of the free degrees of freedom.
     pub(super) fn begin(&mut self, kinetic: f64) {
         self.kinetic = kinetic;
     }
 
-    /// The row at the present time, in which the caller fills in what is no energy.
-    pub(super) fn row(&mut self, step: usize, t: f64, energy: EnergyParts, kinetic: f64) -> Row {
+    /// The row at the present time, in which the caller fills in what is no energy: of the stored energy, and
+    /// whether its parameters change.
+    pub(super) fn row(
+        &mut self,
+        step: usize,
+        t: f64,
+        (energy, changes): (EnergyParts, bool),
+        kinetic: f64,
+    ) -> Row {
         let stored = energy.total();
         let first = *self.first.get_or_insert(First { kinetic: self.kinetic, energy: stored });
         let [internal, external, damping, prescribed] =
@@ -203,8 +224,11 @@ impl Balance {
             [self.released, self.dissipated, self.timing].map(Sum::total);
         let held = self.held.total();
         let works = [external, damping + held, prescribed + held, released, dissipated, timing];
-        let lost = released + dissipated;
-        let columns = [self.kinetic, kinetic, energy.magnitude()].into_iter().chain(works);
+        let gained = (stored - first.energy) + (released + dissipated);
+        let moved = if changes { self.moved.total() } else { gained };
+        let parameters = gained - moved;
+        let columns = [self.kinetic, kinetic, energy.magnitude(), parameters];
+        let columns = columns.into_iter().chain(works);
         self.largest = columns.fold(self.largest, |most, x| most.max(x.abs()));
         Row {
             step,
@@ -214,8 +238,9 @@ impl Balance {
             energy,
             damping: damping + held,
             external,
+            parameters: changes.then_some(parameters),
             prescribed: prescribed + held,
-            quadrature: (stored - first.energy) + (lost - timing) - (internal + prescribed),
+            quadrature: moved - timing - (internal + prescribed),
             rounding: (self.kinetic - first.kinetic) + internal - external + damping,
             released,
             dissipated,

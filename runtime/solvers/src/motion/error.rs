@@ -48,6 +48,12 @@ pub enum MotionError {
         /// The time in s.
         t: f64,
     },
+    /// A parameter of the energy cannot be what it is given; whoever gave it knows why.
+    #[error("a parameter of the energy cannot have the value that it is given at t = {t} s")]
+    Parameters {
+        /// The time in s.
+        t: f64,
+    },
     /// No step was given, and none is critical.
     #[error("the body has no stiffness at the start, so no step is critical: give one in s")]
     NoStiffness,

@@ -143,7 +143,11 @@ impl Motion<'_> {
         wants_row: bool,
     ) -> Result<ControlFlow<()>, MotionError> {
         let flown = self.flight()?;
-        let Some(middle) = self.middle(flown)? else { return Ok(ControlFlow::Break(())) };
+        let before = self.begin_way(self.time(self.done) + 0.5 * self.dt)?;
+        let Some(middle) = self.middle(flown)? else {
+            self.set_parameters_now()?;
+            return Ok(ControlFlow::Break(()));
+        };
         let evaluated = self.energy.evaluate(&middle, Wanted::Forces(&mut self.forces), &mut []);
         evaluated.map_err(|cause| self.not_finite(cause))?;
         let works = self.arrive();
@@ -153,6 +157,7 @@ impl Motion<'_> {
         if !(works.kinetic.is_finite() && is_near) {
             return Err(self.flown_off());
         }
+        self.end_way(before)?;
         // Forces in the middle of the step were those of the bonds that were there.
         self.change_status(0.0)?;
         if wants_row {
@@ -164,6 +169,7 @@ impl Motion<'_> {
     /// Loads, forces, energy and velocities where the last step has led, for a row there.
     pub(super) fn stand(&mut self) -> Result<(), MotionError> {
         let t = self.time(self.done);
+        self.set_parameters_now()?;
         self.drive.loads(t, &mut self.loads);
         self.check_loads(t)?;
         self.ask_forces(true)?;

@@ -8,6 +8,7 @@
 //! | `settings` | the rule of integration and its choices, what drives a body, where it starts |
 //! | `dissipation` | what bonds dissipate on the way |
 //! | `midpoint` | a step of the implicit midpoint rule |
+//! | `parameters` | of energies that change with time |
 //! | `advance` | goes from row to row |
 //! | `snapshot` | where a motion stands, to go on from there with the same bits |
 //! | `error` | why a motion cannot start or go on |
@@ -23,6 +24,7 @@ pub mod critical;
 mod dissipation;
 mod error;
 mod midpoint;
+mod parameters;
 mod settings;
 mod snapshot;
 mod verlet;
@@ -134,6 +136,7 @@ impl<'a> Motion<'a> {
     ) -> Result<Motion<'a>, MotionError> {
         let mut motion = Motion::of(energy, masses, initial, drive, settings, watch)?;
         motion.place(0.0)?;
+        motion.set_parameters(0.0)?;
         motion.choose_step()?;
         motion.start()?;
         Ok(motion)

@@ -39,8 +39,8 @@ impl Method {
     }
 }
 
-/// What drives a body: prescribed displacements, velocities and accelerations, and loads, as functions of
-/// `t` in s. No degree of freedom is prescribed twice.
+/// What drives a body: prescribed displacements, velocities and accelerations, loads, and parameters of its
+/// energy, as functions of `t` in s. No degree of freedom is prescribed twice.
 pub trait MotionDrive: Sync {
     /// The degrees of freedom with prescribed displacements, ascending; the same for all `t`.
     fn displaced(&self) -> &[usize];
@@ -74,6 +74,17 @@ pub trait MotionDrive: Sync {
 
     /// Whether the loads depend on `t`; if not they are asked for once.
     fn loads_change(&self) -> bool {
+        true
+    }
+
+    /// Whether parameters of the energy depend on `t`.
+    fn parameters_change(&self) -> bool {
+        false
+    }
+
+    /// Gives those that do their values at `t` in s: the energy is another from then on. Whether they can be
+    /// so.
+    fn set_parameters(&self, _t: f64) -> bool {
         true
     }
 }

@@ -178,6 +178,7 @@ impl<'a> Motion<'a> {
             None if broken.is_empty() => {}
             None => return Err(other("bonds of it are broken")),
         }
+        motion.set_parameters_now()?;
         motion.ask_forces(false)?;
         let bits = |(one, other): (&f64, &f64)| one.to_bits() == other.to_bits();
         if !motion.forces.iter().zip(&forces).all(bits) {

@@ -283,23 +283,6 @@ impl<'a> FieldsInTime<'a> {
         self.layers.iter().flatten().all(|fields| fields.is_steady())
     }
 
-    /// Refuses parameters that change with t, for what keeps an account of energy: changing them is work that
-    /// no column has.
-    ///
-    /// # Errors
-    /// The first of them, at its place in the scene.
-    pub(crate) fn must_be_steady(&self) -> Result<(), CaseError> {
-        let all = self.case.potentials.iter().flat_map(|potential| &potential.fields);
-        let Some(field) = all.into_iter().find(|field| !field.is_steady) else { return Ok(()) };
-        let message = format!(
-            "parameter `{}` changes with t, and a body in motion keeps its own",
-            field.name
-        );
-        let help = "leave t out of it, or take [steps] in place of [motion]";
-        let found = Diagnostic::error("conflicting-keys", field.span, message).help(help);
-        Err(CaseError::Scene(self.case.scene.report(vec![found])))
-    }
-
     /// Gives those that change with t their values at `t`; energies are others from then on. Whether any
     /// does.
     ///
@@ -332,6 +315,11 @@ impl<'a> FieldsInTime<'a> {
 }
 
 impl Case {
+    /// Whether parameters of its energies change with t.
+    pub(crate) fn parameters_change(&self) -> bool {
+        self.potentials.iter().flat_map(|one| &one.fields).any(|field| !field.is_steady)
+    }
+
     /// Of each potential its law, and how many of the same law come before it.
     pub(super) fn places(&self) -> Vec<(usize, usize)> {
         let mut seen = vec![0; self.scene.n_laws()];

@@ -2,6 +2,7 @@
 
 mod cost;
 mod course;
+mod driven;
 mod ready;
 mod recorder;
 

@@ -7,6 +7,8 @@ use crate::case::{Case, CaseError, Compiled};
 use crate::scene::Motion;
 use crate::scene::boundary::BoundaryConditions;
 use crate::scene::drive::{MotionConditions, initial};
+
+use super::driven::Driven;
 use crate::scene::selection::Selection;
 use piola_output::summary::ExitReason;
 
@@ -16,7 +18,7 @@ pub(in crate::simulation) struct Ready<'a> {
     pub(in crate::simulation) selection: &'a Selection,
     /// One per point in kg, in the body's order.
     pub(in crate::simulation) masses: &'a [f64],
-    pub(in crate::simulation) drive: &'a MotionConditions<'a>,
+    pub(in crate::simulation) drive: &'a Driven<'a>,
     pub(in crate::simulation) start: Initial,
 }
 
@@ -30,11 +32,10 @@ pub(in crate::simulation) fn with_ready<T>(
     then: impl FnOnce(Ready<'_>) -> T,
 ) -> Result<T, CaseError> {
     let (energy, fields) = case.solved_energy(compiled)?;
-    fields.must_be_steady()?;
     let selection = case.selection()?;
     let boundary = BoundaryConditions::new(&case.scene, &case.body, &selection)?;
     let masses = case.masses().ok_or_else(|| no_density(case))?;
-    let drive = MotionConditions::new(&boundary, &masses)?;
+    let drive = Driven::new(MotionConditions::new(&boundary, &masses)?, &fields);
     let start = initial(&boundary)?;
     let (energy, selection) = (&energy, &selection);
     Ok(then(Ready { energy, selection, masses: &masses, drive: &drive, start }))
@@ -91,12 +92,16 @@ fn no_density(case: &Case) -> CaseError {
 /// Why a motion cannot start, in the scene's words.
 pub(in crate::simulation) fn refused(
     case: &Case,
-    drive: &MotionConditions<'_>,
+    drive: &Driven<'_>,
     error: MotionError,
 ) -> CaseError {
     let message = match error {
         MotionError::Drive { .. } => match drive.problem() {
             Some(problem) => return problem.into(),
+            None => error.to_string(),
+        },
+        MotionError::Parameters { .. } => match drive.wrong_parameter() {
+            Some(wrong) => return case.wrong_field(wrong),
             None => error.to_string(),
         },
         MotionError::TooLong { .. } => format!(
@@ -112,12 +117,17 @@ pub(in crate::simulation) fn refused(
 /// Why a motion does not go on, in the scene's words.
 pub(in crate::simulation) fn stopped(
     case: &Case,
-    drive: &MotionConditions<'_>,
+    drive: &Driven<'_>,
     error: MotionError,
 ) -> (ExitReason, String) {
     match &error {
         MotionError::Drive { .. } => {
             let message = drive.problem().map_or_else(|| error.to_string(), |p| p.to_string());
+            (ExitReason::NonFinite, message)
+        }
+        MotionError::Parameters { .. } => {
+            let wrong = drive.wrong_parameter();
+            let message = wrong.map_or_else(|| error.to_string(), |wrong| wrong.to_string());
             (ExitReason::NonFinite, message)
         }
         MotionError::NonFinite { t, step, cause, unstable } => {

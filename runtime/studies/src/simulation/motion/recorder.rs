@@ -52,6 +52,7 @@ impl PointFields<'_> {
             parts: self.energy.parts().to_vec(),
             sets: self.selection.sets.iter().map(|set| set.name.clone()).collect(),
             probes: self.selection.probes.iter().map(|probe| probe.name.clone()).collect(),
+            parameters_change: self.case.parameters_change(),
             breaks: self.energy.fracture().is_some(),
             breaks_cliques: [Measure::Area, Measure::Volume].map(|measure| {
                 self.energy.fracture().is_some_and(|fracture| fracture.counts_of(measure).is_some())
@@ -227,6 +228,7 @@ impl<'a> Recorder<'a> {
             prescribed: row.prescribed,
             quadrature: row.quadrature,
             rounding: row.rounding,
+            parameters: row.parameters,
             broken: row.broken.map(|bonds| BrokenRow {
                 bonds,
                 cliques: row.broken_cliques,
@@ -293,6 +295,7 @@ impl<'a> Recorder<'a> {
                 external: Number(row.external),
                 prescribed: Number(row.prescribed),
                 quadrature: Number(row.quadrature),
+                parameters: row.parameters.map(Number),
                 released: row.broken.map(|_| Number(row.released)),
                 dissipated: self.fields.remembers().then_some(Number(row.dissipated)),
                 broken_bonds: row.broken,
